@@ -1,0 +1,39 @@
+# Warnings, sanitizers and the shape that every target of ours shares.
+add_library(stillmap_flags INTERFACE)
+target_compile_options(stillmap_flags INTERFACE -Wall -Wextra -Wconversion -Wshadow -Wpedantic -Werror
+  # GCC 12 sees overlapping copies in std::string's operator+ at -O3 (GCC bug 105651).
+  $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
+  # Equal bits for equal input: no fused multiply-add that depends on the compiler's mood.
+  -ffp-contract=off)
+if(STILLMAP_SANITIZE)
+  target_compile_options(stillmap_flags INTERFACE -fsanitize=${STILLMAP_SANITIZE} -fno-sanitize-recover=all
+    -fno-omit-frame-pointer)
+  target_link_options(stillmap_flags INTERFACE -fsanitize=${STILLMAP_SANITIZE})
+endif()
+
+# stillmap_library(NAME): sources in src/, public headers in include/ and nothing else reachable from outside.
+function(stillmap_library name)
+  cmake_parse_arguments(ARG "" "" "SOURCES" ${ARGN})
+  add_library(${name} STATIC ${ARG_SOURCES})
+  target_include_directories(${name} PUBLIC ${CMAKE_CURRENT_SOURCE_DIR}/include
+    PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/src)
+  target_link_libraries(${name} PRIVATE $<BUILD_INTERFACE:stillmap_flags>)
+endfunction()
+
+# stillmap_test(NAME SOURCES ... LIBRARIES ... LABEL ... [PRIVATE_OF folder]): one GoogleTest program.
+# PRIVATE_OF lets unit tests reach the private headers of the folder they test.
+function(stillmap_test name)
+  cmake_parse_arguments(ARG "" "LABEL;PRIVATE_OF;TIMEOUT" "SOURCES;LIBRARIES" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
+  if(ARG_PRIVATE_OF)
+    target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/${ARG_PRIVATE_OF}/src)
+  endif()
+  target_link_libraries(${name} PRIVATE stillmap_flags ${ARG_LIBRARIES} GTest::gmock GTest::gtest_main)
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 120)
+  endif()
+  include(GoogleTest)
+  gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60
+    PROPERTIES LABELS "fast;${ARG_LABEL}" TIMEOUT ${ARG_TIMEOUT} SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]")
+endfunction()
