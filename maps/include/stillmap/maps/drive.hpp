@@ -1,0 +1,103 @@
+#pragma once
+
+#include <stillmap/maps/box.hpp>
+#include <stillmap/maps/scan.hpp>
+#include <stillmap/maps/trajectory.hpp>
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace stillmap::maps {
+
+/// Native layouts that are told apart by content.
+enum class DriveLayout { kKittiRaw, kKittiOdometry, kKeyframes, kScanFolder };
+[[nodiscard]] std::string_view name_of(DriveLayout layout);
+
+/// Geodetic place of the map frame's origin (WGS 84).
+struct GeodeticOrigin {
+  double latitude_deg = 0.0;
+  double longitude_deg = 0.0;
+  /// Above the ellipsoid [m].
+  double altitude_m = 0.0;
+};
+
+/// A drive on disk: scans in order, with poses where the layout or the caller gives them.
+///
+/// Opening reads only names, stamps and poses; each scan is read when asked for, so memory does not grow
+/// with the number of scans. `read` may be called from several threads at once.
+class Drive {
+ public:
+  /// What one layout gives; filled by the layout's own opener in `maps/src/drives/`.
+  struct Contents {
+    DriveLayout layout = DriveLayout::kScanFolder;
+    std::filesystem::path root;
+    std::vector<std::filesystem::path> scan_files;
+    /// One stamp a scan, increasing.
+    std::vector<std::int64_t> stamps_ns;
+    bool relative_clock = true;
+    /// One pose a scan (already in the lidar frame), or empty.
+    std::vector<Eigen::Isometry3d> T_map_lidar;
+    std::optional<GeodeticOrigin> origin;
+    /// When a spinning sensor's sweep starts and ends: {start_s < 0, end_s > 0} [s] relative to the
+    /// stamp, one pair a scan; {0, 0} when the scan's points count as taken at once. The sensor
+    /// turns clockwise seen from above and faces backward at both ends, so a point at azimuth a =
+    /// atan2(y, x) was taken at start_s * a / pi for a > 0 (left side, first half of the sweep) and
+    /// at -end_s * a / pi for a <= 0: 0 straight ahead, at the stamp. Empty when the points are
+    /// already at one instant or the layout does not tell.
+    std::vector<std::array<double, 2>> spin_start_end_s;
+    /// SemanticKITTI label file of each scan, or empty.
+    std::vector<std::filesystem::path> label_files;
+    /// Scans named by the layout but absent on disk, duplicates and the like: said, not silently skipped.
+    std::vector<std::string> notes;
+  };
+
+  /// Opens a drive of any layout, told apart by content.
+  /// @param poses_file  poses instead of the layout's own: KITTI (12 numbers, one line a scan) or TUM
+  ///                    (8 numbers, interpolated to the scans' stamps); `T_map_lidar`.
+  /// @throws InputError if the layout is unknown or contradictory, or poses are fewer than scans.
+  [[nodiscard]] static Drive open(const std::filesystem::path& root,
+                                  const std::optional<std::filesystem::path>& poses_file = std::nullopt);
+
+  explicit Drive(Contents contents);
+
+  [[nodiscard]] std::size_t size() const { return contents_.scan_files.size(); }
+  [[nodiscard]] const Contents& contents() const { return contents_; }
+  [[nodiscard]] bool has_poses() const { return !contents_.T_map_lidar.empty(); }
+  [[nodiscard]] bool relative_clock() const { return contents_.relative_clock; }
+  [[nodiscard]] std::int64_t stamp_ns(std::size_t index) const { return contents_.stamps_ns.at(index); }
+  /// @throws std::out_of_range without poses.
+  [[nodiscard]] const Eigen::Isometry3d& T_map_lidar(std::size_t index) const {
+    return contents_.T_map_lidar.at(index);
+  }
+
+  /// Reads one scan; NaN, infinite and zero-range points are dropped and counted.
+  /// @throws InputError for a broken file (truncated, unknown fields, ...), StorageError for the disk.
+  [[nodiscard]] Scan read(std::size_t index) const;
+
+  /// SemanticKITTI labels, one a point of the *file* (dropped points included); empty without a file.
+  /// @throws InputError if the count differs from the scan's.
+  [[nodiscard]] std::vector<std::uint32_t> read_labels(std::size_t index) const;
+
+ private:
+  Contents contents_;
+};
+
+/// `a:b:step` as in Python (b exclusive, any part may be left out, non-negative, step >= 1), e.g. `::2`.
+struct Selection {
+  std::size_t begin = 0;
+  std::optional<std::size_t> end;
+  std::size_t step = 1;
+
+  /// @throws std::invalid_argument naming the text.
+  [[nodiscard]] static Selection parse(std::string_view text);
+  /// Indices below `size`.
+  [[nodiscard]] std::vector<std::size_t> indices(std::size_t size) const;
+};
+
+}  // namespace stillmap::maps

@@ -1,0 +1,158 @@
+#pragma once
+
+#include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/partial_folder.hpp>
+#include <stillmap/maps/trajectory.hpp>
+
+#include <Eigen/Core>
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace stillmap::maps {
+
+/// Where a map point comes from.
+enum class PointKind : std::uint8_t {
+  kMeasured = 0,
+  kGround = 1,     ///< measured, and found to be ground
+  kProjected = 2,  ///< moved down from an object
+  kFilled = 3,     ///< synthetic ground
+};
+/// Whether a kind was measured where it lies (ground or not).
+[[nodiscard]] constexpr bool is_measured(PointKind kind) {
+  return kind == PointKind::kMeasured || kind == PointKind::kGround;
+}
+
+/// One point of a tile as it lies in the file (little endian, 20 bytes) and in memory.
+struct MapPoint {
+  /// Relative to the manifest's `origin` [m].
+  float x, y, z;
+  float intensity;
+  /// Observations merged into this point, saturating.
+  std::uint16_t observations;
+  PointKind kind;
+  /// Object that a projected point came from: index into objects.json plus 1, modulo 255; 0 = none.
+  std::uint8_t object;
+};
+static_assert(sizeof(MapPoint) == 20);
+
+/// One cell of the tile grid: x, y = floor((p - origin) / 20 m / 2^level).
+struct TileId {
+  std::uint32_t level = 0;
+  std::int32_t x = 0;
+  std::int32_t y = 0;
+  auto operator<=>(const TileId&) const = default;
+};
+
+inline constexpr double kTileSizeM = 20.0;
+inline constexpr int kPackageSchema = 1;
+
+struct TileEntry {
+  TileId id;
+  std::uint64_t points = 0;
+  std::array<float, 3> min{}, max{};
+};
+
+/// An object that was removed, in the map frame.
+struct MapObject {
+  std::size_t scan = 0;
+  Eigen::Vector3d centre_map = Eigen::Vector3d::Zero();
+  Eigen::Vector3d size_m = Eigen::Vector3d::Ones();
+  double yaw_rad = 0.0;
+  ObjectClass object_class = ObjectClass::kUnknown;
+  double score = 1.0;
+  int track = -1;
+  std::uint64_t points_removed = 0;
+};
+
+/// What the digest covers: everything in manifest.json, thus through SHA-256 every file it lists.
+struct MapManifest {
+  int schema = kPackageSchema;
+  std::string frame_id;
+  /// Added to a tile's coordinates to get map coordinates [m].
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();
+  std::optional<GeodeticOrigin> geodetic_origin;
+  double voxel_size_m = 0.0;
+  bool relative_clock = true;
+  std::string software_version;
+  /// Every option of the build, as text.
+  std::map<std::string, std::string> options;
+  /// Every counter of the build (points in, dropped by reason, ground, projected, deleted, objects, ...).
+  std::map<std::string, std::uint64_t> counts;
+  /// Inputs with their SHA-256 (scans as one hash over all names and bytes).
+  std::map<std::string, std::string> sources;
+  std::vector<TileEntry> tiles;
+  struct File {
+    std::uint64_t bytes = 0;
+    std::string sha256;
+  };
+  /// By path relative to the package.
+  std::map<std::string, File> files;
+};
+
+/// Writes a package beside its final place and publishes it with one rename.
+///
+/// Nothing is visible at `target` before `publish`; the destructor removes what was not published.
+class MapPackageWriter {
+ public:
+  /// @throws InputError if `target` exists, StorageError if its folder cannot be written.
+  explicit MapPackageWriter(std::filesystem::path target);
+
+  /// Folder to put further files in (trajectory.tum, objects.json, preview.png, ...); all are hashed.
+  [[nodiscard]] const std::filesystem::path& folder() const { return folder_.path(); }
+  /// @param points  relative to the manifest's origin, at least one, all finite.
+  /// @throws std::invalid_argument if not, or when the tile was added before.
+  void add_tile(TileId id, std::span<const MapPoint> points);
+  void write_trajectory(const Trajectory& trajectory);
+  void write_objects(const std::vector<MapObject>& objects);
+  /// Hashes all files, writes manifest.json and `build_json` (outside the digest: times, host, timings) as
+  /// build.json, syncs, renames. The manifest's `tiles` and `files` are filled here. Once only.
+  /// @return the content digest (SHA-256 of manifest.json, hex).
+  std::string publish(MapManifest manifest, const std::string& build_json);
+
+ private:
+  PartialFolder folder_;
+  std::vector<TileEntry> tiles_;
+};
+
+/// An immutable map version, memory-mapped and used as it is. Safe from several threads.
+class MapPackage {
+ public:
+  /// Checks schema, presence and sizes of all files. @throws InputError naming the file.
+  [[nodiscard]] static std::shared_ptr<const MapPackage> open(const std::filesystem::path& folder);
+  ~MapPackage();
+  MapPackage(const MapPackage&) = delete;
+  MapPackage& operator=(const MapPackage&) = delete;
+
+  [[nodiscard]] const MapManifest& manifest() const { return manifest_; }
+  [[nodiscard]] const std::string& digest() const { return digest_; }
+  [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
+  /// Points of a tile; empty when there is none. Valid as long as the package.
+  [[nodiscard]] std::span<const MapPoint> tile(TileId id) const;
+  /// Empty when the package lists no trajectory.tum. @throws InputError.
+  [[nodiscard]] Trajectory trajectory() const;
+  /// Empty when the package lists no objects.json. @throws InputError.
+  [[nodiscard]] std::vector<MapObject> objects() const;
+  /// Recomputes every SHA-256. @return the paths that do not match or cannot be read; empty when whole.
+  [[nodiscard]] std::vector<std::string> verify() const;
+
+ private:
+  MapPackage() = default;
+  struct Mapping;
+  std::filesystem::path folder_;
+  MapManifest manifest_;
+  std::string digest_;
+  std::map<TileId, std::unique_ptr<Mapping>> tiles_;
+};
+
+/// SHA-256 of a file as lower-case hex. @throws StorageError.
+[[nodiscard]] std::string sha256_of_file(const std::filesystem::path& file);
+
+}  // namespace stillmap::maps

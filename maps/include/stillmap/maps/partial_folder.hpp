@@ -1,0 +1,36 @@
+#pragma once
+
+#include <filesystem>
+
+namespace stillmap::maps {
+
+/// A folder that is filled beside its final place, as `<parent>/.<name>.partial`, and appears there
+/// whole or not at all. What a killed process left is cleared by the next one; two live ones are
+/// told apart by a lock.
+class PartialFolder {
+ public:
+  /// @throws InputError if `target` exists or another process fills it right now, StorageError if
+  /// its
+  ///         parent cannot be written.
+  explicit PartialFolder(std::filesystem::path target);
+  /// Removes what was not published.
+  ~PartialFolder();
+  PartialFolder(const PartialFolder&) = delete;
+  PartialFolder& operator=(const PartialFolder&) = delete;
+
+  /// Where to put files until `publish`.
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+  [[nodiscard]] const std::filesystem::path& target() const { return target_; }
+
+  /// Flushes every file and folder to the disk, then renames to the target.
+  /// @throws StorageError; InputError if the target has appeared meanwhile.
+  void publish();
+
+ private:
+  std::filesystem::path target_;
+  std::filesystem::path path_;
+  int lock_ = -1;
+  bool published_ = false;
+};
+
+}  // namespace stillmap::maps

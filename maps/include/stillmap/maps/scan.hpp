@@ -1,0 +1,50 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace stillmap::maps {
+
+/// Points of one frame, with the attributes that came with them.
+struct PointCloud {
+  /// N points [m], all finite once they have passed a reader.
+  std::vector<Eigen::Vector3f> positions;
+  /// N values in the sensor's own scale, or empty.
+  std::vector<float> intensities;
+  /// N times [s] relative to the scan's stamp, or empty when the layout does not tell.
+  std::vector<float> time_offsets_s;
+
+  [[nodiscard]] std::size_t size() const { return positions.size(); }
+  [[nodiscard]] bool empty() const { return positions.empty(); }
+};
+
+/// What a reader left out, and why.
+struct DropCounts {
+  std::size_t non_finite = 0;
+  /// Closer than the sensor can see, i.e. exactly zero range: the mark of "no return".
+  std::size_t zero_range = 0;
+
+  DropCounts& operator+=(const DropCounts& other) {
+    non_finite += other.non_finite;
+    zero_range += other.zero_range;
+    return *this;
+  }
+};
+
+/// One sweep of the sensor in its lidar frame.
+struct Scan {
+  /// Position in its drive, from 0.
+  std::size_t index = 0;
+  std::int64_t stamp_ns = 0;
+  /// File it came from, for messages.
+  std::string source;
+  PointCloud cloud;
+  DropCounts dropped;
+  /// Points in the file, kept or dropped.
+  std::size_t points_in_file = 0;
+};
+
+}  // namespace stillmap::maps

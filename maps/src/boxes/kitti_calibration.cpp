@@ -1,0 +1,97 @@
+#include "boxes/kitti_calibration.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <cmath>
+#include <initializer_list>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "formats/text.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+/// `NAME: numbers` of a calibration file; KITTI's tracking files leave the colon out in places.
+std::vector<double> read_row(const std::filesystem::path& file,
+                             std::initializer_list<std::string_view> names, std::size_t count) {
+  const std::string text = read_text(file);
+  for (NumberLine& line : number_lines(text)) {
+    std::string_view name = line.fields.front();
+    if (name.ends_with(':')) name.remove_suffix(1);
+    for (const std::string_view wanted : names) {
+      if (name != wanted) continue;
+      line.fields.erase(line.fields.begin());
+      if (line.fields.size() != count) {
+        throw InputError(place(file, line.line), std::to_string(line.fields.size()) + " numbers",
+                         std::to_string(count) + " for " + std::string(wanted));
+      }
+      std::vector<double> values(count);
+      parse_finite(file, line, values);
+      return values;
+    }
+  }
+  throw InputError(file.string(), "no " + std::string(*names.begin()), "a line with it");
+}
+
+Eigen::Matrix3d rotation(const std::vector<double>& v) {
+  return (Eigen::Matrix3d() << v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8]).finished();
+}
+
+Eigen::Affine3d affine(const Eigen::Matrix3d& linear, const Eigen::Vector3d& translation) {
+  Eigen::Affine3d T = Eigen::Affine3d::Identity();
+  T.linear() = linear;
+  T.translation() = translation;
+  return T;
+}
+
+Eigen::Affine3d checked(const std::filesystem::path& file, const Eigen::Affine3d& T) {
+  // Published matrices have 7 digits; anything further from volume 1 is no rotation.
+  const double volume = T.linear().determinant();
+  if (!(std::abs(volume - 1.0) < 1e-2)) {
+    throw InputError(file.string(),
+                     "a lidar to camera matrix of determinant " + std::to_string(volume),
+                     "a rotation");
+  }
+  return T;
+}
+
+Eigen::Affine3d read_tracking_calibration(const std::filesystem::path& file) {
+  const std::vector<double> R = read_row(file, {"R0_rect", "R_rect"}, 9);
+  const std::vector<double> T = read_row(file, {"Tr_velo_to_cam", "Tr_velo_cam"}, 12);
+  const Eigen::Matrix3d turn = rotation({T[0], T[1], T[2], T[4], T[5], T[6], T[8], T[9], T[10]});
+  return checked(file,
+                 affine(rotation(R), Eigen::Vector3d::Zero()) * affine(turn, {T[3], T[7], T[11]}));
+}
+
+Eigen::Affine3d read_raw_calibration(const std::filesystem::path& folder) {
+  const std::filesystem::path velo = folder / "calib_velo_to_cam.txt";
+  const std::vector<double> rect = read_row(folder / "calib_cam_to_cam.txt", {"R_rect_00"}, 9);
+  const std::vector<double> R = read_row(velo, {"R"}, 9);
+  const std::vector<double> T = read_row(velo, {"T"}, 3);
+  return checked(velo, affine(rotation(rect), Eigen::Vector3d::Zero()) *
+                           affine(rotation(R), {T[0], T[1], T[2]}));
+}
+
+}  // namespace
+
+Eigen::Affine3d read_T_rect_lidar(const std::filesystem::path& label_file) {
+  const std::filesystem::path folder = std::filesystem::absolute(label_file).parent_path();
+  if (std::filesystem::exists(folder / "calib.txt")) {
+    return read_tracking_calibration(folder / "calib.txt");
+  }
+  // <date>/<drive>/<label folder>/<file>: three levels reach the date folder.
+  std::filesystem::path above = folder;
+  for (int level = 0; level < 3; ++level, above = above.parent_path()) {
+    if (std::filesystem::exists(above / "calib_velo_to_cam.txt") &&
+        std::filesystem::exists(above / "calib_cam_to_cam.txt")) {
+      return read_raw_calibration(above);
+    }
+  }
+  throw InputError(
+      label_file.string(), "no calibration",
+      "calib.txt beside it, or calib_velo_to_cam.txt and calib_cam_to_cam.txt above it");
+}
+
+}  // namespace stillmap::maps

@@ -1,0 +1,57 @@
+#include "drives/keyframes.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include "drives/layout.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::optional<fs::path> own_poses(const fs::path& root) {
+  for (const char* name : {"optimized_poses.txt", "odom_poses.txt"}) {
+    if (fs::exists(root / name)) return root / name;
+  }
+  return std::nullopt;
+}
+
+std::vector<fs::path> list_scans(const fs::path& root) {
+  const std::vector<fs::path> upper = list_files(root / "Scans", ".pcd");
+  const std::vector<fs::path> lower = list_files(root / "scans", ".pcd");
+  // One folder under two names where the file system ignores case.
+  std::error_code ignored;
+  if (!upper.empty() && !lower.empty() &&
+      !fs::equivalent(root / "Scans", root / "scans", ignored)) {
+    throw InputError(root.string(), "both Scans/ and scans/ with *.pcd", "one of them");
+  }
+  return upper.empty() ? lower : upper;
+}
+
+}  // namespace
+
+bool is_keyframes(const fs::path& root) {
+  return own_poses(root) && (!list_files(root / "Scans", ".pcd").empty() ||
+                             !list_files(root / "scans", ".pcd").empty());
+}
+
+Drive::Contents open_keyframes(const fs::path& root, const std::optional<fs::path>& poses_file) {
+  Drive::Contents contents;
+  contents.layout = DriveLayout::kKeyframes;
+  contents.root = root;
+  contents.scan_files = list_scans(root);
+  if (fs::exists(root / "times.txt")) {
+    set_times(contents, root / "times.txt");
+  } else {
+    assume_times(contents);
+  }
+  const fs::path poses = poses_file ? *poses_file : own_poses(root).value();
+  if (!poses_file && poses.filename() != "optimized_poses.txt") {
+    contents.notes.emplace_back("no optimized_poses.txt: poses are those of odometry");
+  }
+  set_poses(contents, poses);
+  leave_out_unordered(contents);
+  return contents;
+}
+
+}  // namespace stillmap::maps

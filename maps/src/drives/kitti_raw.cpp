@@ -1,0 +1,120 @@
+#include "drives/kitti_raw.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <fmt/format.h>
+
+#include "drives/calibration.hpp"
+#include "drives/layout.hpp"
+#include "drives/oxts.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Half a turn takes 50 ms at 10 Hz and 100 ms at the sensor's slowest.
+constexpr double kMaxHalfTurnS = 0.15;
+
+double seconds(std::int64_t from_ns, std::int64_t to_ns) {
+  return 1e-9 * static_cast<double>(to_ns - from_ns);
+}
+
+/// Stamps of the scans by the number in their names, which are the lines of the stamps (from 0).
+std::vector<std::int64_t> stamps_of(const std::vector<fs::path>& scan_files,
+                                    const fs::path& stamps_file) {
+  const std::vector<std::int64_t> lines = read_kitti_stamps(stamps_file);
+  std::vector<std::int64_t> stamps;
+  for (const fs::path& file : scan_files) {
+    const std::optional<std::size_t> number = number_of(file);
+    if (!number || *number >= lines.size()) {
+      throw InputError(file.string(), fmt::format("no stamp for it among {} lines", lines.size()),
+                       "its number as a line (from 0) of " + stamps_file.string());
+    }
+    stamps.push_back(lines[*number]);
+  }
+  return stamps;
+}
+
+void note_missing_scans(Drive::Contents& contents) {
+  std::size_t expected = 0;
+  for (const fs::path& file : contents.scan_files) {
+    const std::size_t number = number_of(file).value_or(expected);
+    if (number > expected) {
+      contents.notes.push_back(fmt::format("{} scans missing on disk: {} to {}", number - expected,
+                                           expected, number - 1));
+    }
+    expected = number + 1;
+  }
+}
+
+void set_spin(Drive::Contents& contents, const fs::path& velodyne) {
+  const fs::path start_file = velodyne / "timestamps_start.txt";
+  const fs::path end_file = velodyne / "timestamps_end.txt";
+  if (!fs::exists(start_file) || !fs::exists(end_file)) {
+    contents.notes.emplace_back(
+        "no timestamps_start.txt and timestamps_end.txt: points have no times of their own");
+    return;
+  }
+  const std::vector<std::int64_t> starts = stamps_of(contents.scan_files, start_file);
+  const std::vector<std::int64_t> ends = stamps_of(contents.scan_files, end_file);
+  std::size_t implausible = 0;
+  for (std::size_t i = 0; i < starts.size(); ++i) {
+    const std::int64_t stamp = contents.stamps_ns[i];
+    std::array<double, 2> spin{seconds(stamp, starts[i]), seconds(stamp, ends[i])};
+    if (!(spin[0] >= -kMaxHalfTurnS && spin[0] < 0.0 && spin[1] > 0.0 &&
+          spin[1] <= kMaxHalfTurnS)) {
+      spin = {0.0, 0.0};
+      ++implausible;
+    }
+    contents.spin_start_end_s.push_back(spin);
+  }
+  if (implausible > 0) {
+    contents.notes.push_back(fmt::format(
+        "{} sweeps start or end over {} s from their stamp: their points count as taken at once",
+        implausible, kMaxHalfTurnS));
+  }
+}
+
+void set_oxts_poses(Drive::Contents& contents) {
+  const fs::path oxts = contents.root / "oxts";
+  if (!fs::exists(oxts)) {
+    contents.notes.emplace_back("no oxts folder: a drive without poses");
+    return;
+  }
+  const fs::path calibration = fs::canonical(contents.root).parent_path() / "calib_imu_to_velo.txt";
+  const Eigen::Isometry3d T_imu_lidar = read_T_velo_imu(calibration).inverse();
+  OxtsPath path = read_oxts(oxts);
+  for (StampedPose& pose : path.T_map_imu) pose.T_map_lidar = pose.T_map_lidar * T_imu_lidar;
+  contents.notes.insert(contents.notes.end(), path.notes.begin(), path.notes.end());
+  contents.origin = path.origin;
+  contents.T_map_lidar = poses_at_stamps(Trajectory(std::move(path.T_map_imu)), oxts, contents);
+}
+
+}  // namespace
+
+bool is_kitti_raw(const fs::path& root) { return fs::is_directory(root / "velodyne_points"); }
+
+Drive::Contents open_kitti_raw(const fs::path& root, const std::optional<fs::path>& poses_file) {
+  const fs::path velodyne = root / "velodyne_points";
+  Drive::Contents contents;
+  contents.layout = DriveLayout::kKittiRaw;
+  contents.root = root;
+  contents.scan_files = list_files(velodyne / "data", ".bin");
+  if (contents.scan_files.empty()) {
+    throw InputError((velodyne / "data").string(), "no *.bin files", "the scans of a synced drive");
+  }
+  contents.stamps_ns = stamps_of(contents.scan_files, velodyne / "timestamps.txt");
+  contents.relative_clock = false;
+  note_missing_scans(contents);
+  set_spin(contents, velodyne);
+  if (poses_file) {
+    set_poses(contents, *poses_file);
+  } else {
+    set_oxts_poses(contents);
+  }
+  leave_out_unordered(contents);
+  return contents;
+}
+
+}  // namespace stillmap::maps

@@ -1,0 +1,231 @@
+#include "drives/layout.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <system_error>
+
+#include "formats/text.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::int64_t kFirstEpochStampNs = 100'000'000'000'000'000;  // 1e8 s: March 1973
+constexpr double kMaxExtrapolationS = 0.2;
+constexpr std::uint64_t kMaxQuietGapNs = 1'000'000'000;
+
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+/// Cuts a run of digits off the front, without its leading zeros.
+std::string_view take_digits(std::string_view& text) {
+  std::size_t end = 0;
+  while (end < text.size() && is_digit(text[end])) ++end;
+  std::string_view digits = text.substr(0, end);
+  text.remove_prefix(end);
+  digits.remove_prefix(std::min(digits.find_first_not_of('0'), digits.size()));
+  return digits;
+}
+
+/// "scan2" before "scan10".
+bool naturally_before(std::string_view a, std::string_view b) {
+  const std::string_view whole_a = a;
+  const std::string_view whole_b = b;
+  while (!a.empty() && !b.empty()) {
+    if (is_digit(a[0]) && is_digit(b[0])) {
+      const std::string_view number_a = take_digits(a);
+      const std::string_view number_b = take_digits(b);
+      if (number_a.size() != number_b.size()) return number_a.size() < number_b.size();
+      if (number_a != number_b) return number_a < number_b;
+    } else if (a[0] != b[0]) {
+      return a[0] < b[0];
+    } else {
+      a.remove_prefix(1);
+      b.remove_prefix(1);
+    }
+  }
+  if (a.empty() != b.empty()) return a.empty();
+  return whole_a < whole_b;  // "01" and "1"
+}
+
+std::string seconds_text(std::int64_t stamp_ns) {
+  return fmt::format("{:.3f} s", 1e-9 * static_cast<double>(stamp_ns));
+}
+
+}  // namespace
+
+std::vector<fs::path> list_files(const fs::path& folder, std::string_view extension) {
+  std::vector<fs::path> files;
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) return files;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    if (entry->path().extension() == extension && !entry->is_directory()) {
+      files.push_back(entry->path());
+    }
+  }
+  if (error) throw StorageError(folder.string(), error.message());
+  std::sort(files.begin(), files.end(), [](const fs::path& a, const fs::path& b) {
+    return naturally_before(a.filename().native(), b.filename().native());
+  });
+  return files;
+}
+
+std::optional<std::size_t> number_of(const fs::path& file) {
+  return parse_count(file.stem().native());
+}
+
+std::vector<std::size_t> lines_of_scans(const std::vector<fs::path>& scan_files, std::size_t lines,
+                                        const fs::path& lines_file, std::string_view what) {
+  if (lines < scan_files.size()) {
+    throw InputError(lines_file.string(), fmt::format("{} {}", lines, what),
+                     fmt::format("{}, one for each scan", scan_files.size()));
+  }
+  std::vector<std::size_t> result;
+  for (std::size_t i = 0; i < scan_files.size(); ++i) {
+    if (lines == scan_files.size()) {
+      result.push_back(i);
+      continue;
+    }
+    const std::optional<std::size_t> number = number_of(scan_files[i]);
+    if (!number || *number >= lines) {
+      throw InputError(lines_file.string(), fmt::format("{} {}", lines, what),
+                       fmt::format("{}, one for each scan, or scan files named by their line "
+                                   "(from 0), which {} is not",
+                                   scan_files.size(), scan_files[i].filename().string()));
+    }
+    result.push_back(*number);
+  }
+  return result;
+}
+
+std::vector<std::int64_t> read_times(const fs::path& file) {
+  const std::string text = read_text(file);
+  std::vector<std::int64_t> stamps;
+  for (const NumberLine& line : number_lines(text)) {
+    const std::optional<std::int64_t> stamp =
+        line.fields.size() == 1 ? parse_stamp_ns(line.fields[0]) : std::nullopt;
+    if (!stamp) {
+      throw InputError(place(file, line.line), "'" + std::string(line.fields[0]) + "'",
+                       "one time in seconds");
+    }
+    stamps.push_back(*stamp);
+  }
+  return stamps;
+}
+
+void set_times(Drive::Contents& contents, const fs::path& times_file) {
+  const std::vector<std::int64_t> times = read_times(times_file);
+  contents.stamps_ns.clear();
+  for (const std::size_t line :
+       lines_of_scans(contents.scan_files, times.size(), times_file, "times")) {
+    contents.stamps_ns.push_back(times[line]);
+  }
+  contents.relative_clock =
+      contents.stamps_ns.empty() || contents.stamps_ns.front() < kFirstEpochStampNs;
+}
+
+void assume_times(Drive::Contents& contents) {
+  contents.stamps_ns.clear();
+  for (std::size_t i = 0; i < contents.scan_files.size(); ++i) {
+    contents.stamps_ns.push_back(static_cast<std::int64_t>(i) * kAssumedPeriodNs);
+  }
+  contents.relative_clock = true;
+  contents.notes.emplace_back("no file tells the scans' times: taken as 0.1 s apart");
+}
+
+PosesFormat poses_format(const fs::path& file) {
+  const std::string text = read_text(file);
+  const std::vector<NumberLine> lines = number_lines(text);
+  if (lines.empty()) throw InputError(file.string(), "no poses", "KITTI or TUM poses");
+  const std::size_t numbers = lines.front().fields.size();
+  if (numbers == 12) return PosesFormat::kKitti;
+  if (numbers == 8) return PosesFormat::kTum;
+  throw InputError(place(file, lines.front().line), std::to_string(numbers) + " fields",
+                   "12 numbers (KITTI) or 8 (TUM)");
+}
+
+std::vector<Eigen::Isometry3d> poses_at_stamps(const Trajectory& trajectory, const fs::path& source,
+                                               Drive::Contents& contents) {
+  const std::vector<StampedPose>& path = trajectory.poses();
+  if (path.empty()) throw InputError(source.string(), "no poses", "some");
+  std::vector<Eigen::Isometry3d> poses;
+  std::size_t in_gaps = 0;
+  for (std::size_t i = 0; i < contents.stamps_ns.size(); ++i) {
+    const std::int64_t stamp = contents.stamps_ns[i];
+    const std::optional<Eigen::Isometry3d> pose = trajectory.at(stamp, kMaxExtrapolationS);
+    if (!pose) {
+      throw InputError(
+          source.string(),
+          "poses from " + seconds_text(path.front().stamp_ns) + " to " +
+              seconds_text(path.back().stamp_ns),
+          fmt::format("one within {} s of scan {} at {}", kMaxExtrapolationS,
+                      contents.scan_files[i].filename().string(), seconds_text(stamp)));
+    }
+    poses.push_back(*pose);
+    const auto after = std::lower_bound(
+        path.begin(), path.end(), stamp,
+        [](const StampedPose& p, std::int64_t value) { return p.stamp_ns < value; });
+    if (after != path.begin() && after != path.end() && after->stamp_ns != stamp &&
+        static_cast<std::uint64_t>(after->stamp_ns) -
+                static_cast<std::uint64_t>((after - 1)->stamp_ns) >
+            kMaxQuietGapNs) {
+      ++in_gaps;
+    }
+  }
+  if (in_gaps > 0) {
+    contents.notes.push_back(fmt::format("{} scans lie in gaps of over 1 s between poses of {}",
+                                         in_gaps, source.filename().string()));
+  }
+  return poses;
+}
+
+void set_poses(Drive::Contents& contents, const fs::path& poses_file) {
+  if (poses_format(poses_file) == PosesFormat::kTum) {
+    contents.T_map_lidar = poses_at_stamps(read_tum_trajectory(poses_file), poses_file, contents);
+    return;
+  }
+  const std::vector<Eigen::Isometry3d> poses = read_kitti_poses(poses_file);
+  contents.T_map_lidar.clear();
+  for (const std::size_t line :
+       lines_of_scans(contents.scan_files, poses.size(), poses_file, "poses")) {
+    contents.T_map_lidar.push_back(poses[line]);
+  }
+}
+
+void leave_out_unordered(Drive::Contents& contents) {
+  std::vector<std::size_t> kept;
+  std::string left_out;
+  for (std::size_t i = 0; i < contents.stamps_ns.size(); ++i) {
+    if (kept.empty() || contents.stamps_ns[i] > contents.stamps_ns[kept.back()]) {
+      kept.push_back(i);
+    } else if (left_out.size() < 200) {
+      left_out += ' ' + contents.scan_files[i].filename().string();
+    }
+  }
+  const std::size_t count = contents.stamps_ns.size() - kept.size();
+  if (count == 0) return;
+  if (count * 10 > contents.stamps_ns.size()) {
+    throw InputError(contents.root.string(),
+                     fmt::format("{} of {} scans not after the one before in time", count,
+                                 contents.stamps_ns.size()),
+                     "increasing stamps");
+  }
+  const auto keep = [&](auto& values) {
+    if (values.empty()) return;
+    for (std::size_t i = 0; i < kept.size(); ++i) values[i] = values[kept[i]];
+    values.resize(kept.size());
+  };
+  keep(contents.scan_files);
+  keep(contents.stamps_ns);
+  keep(contents.T_map_lidar);
+  keep(contents.spin_start_end_s);
+  keep(contents.label_files);
+  contents.notes.push_back(fmt::format(
+      "{} scans left out, whose stamps are not after the one before:{}", count, left_out));
+}
+
+}  // namespace stillmap::maps

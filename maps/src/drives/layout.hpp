@@ -1,0 +1,66 @@
+#pragma once
+
+#include <stillmap/maps/drive.hpp>
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+/// What the openers of the layouts share.
+namespace stillmap::maps {
+
+/// Time between scans when no file tells it [ns]: 0.1 s, the turn of most sensors.
+inline constexpr std::int64_t kAssumedPeriodNs = 100'000'000;
+
+/// Files of a folder with this extension (with its dot), sorted by name with digits compared as
+/// numbers; empty when there is no such folder. @throws StorageError if it cannot be listed.
+[[nodiscard]] std::vector<std::filesystem::path> list_files(const std::filesystem::path& folder,
+                                                            std::string_view extension);
+
+/// "000012" -> 12 of "000012.bin"; nothing when the name is not all digits.
+[[nodiscard]] std::optional<std::size_t> number_of(const std::filesystem::path& file);
+
+/// Which line of a file with one line a scan belongs to each scan: the scan's place when there are
+/// as many lines as scans, else the number in the scan's name (lines from 0), as in a drive of
+/// which only some scans were kept.
+/// @param lines_file  for messages. @param what  "poses", "times", ...
+/// @throws InputError when there are fewer lines than scans, or more and the names do not say
+/// which.
+[[nodiscard]] std::vector<std::size_t> lines_of_scans(
+    const std::vector<std::filesystem::path>& scan_files, std::size_t lines,
+    const std::filesystem::path& lines_file, std::string_view what);
+
+/// One stamp in seconds a line. @throws InputError naming file, line and value.
+[[nodiscard]] std::vector<std::int64_t> read_times(const std::filesystem::path& file);
+
+/// Stamps of the scans from a file of seconds; the clock is relative when they lie before 1e8 s
+/// (March 1973).
+void set_times(Drive::Contents& contents, const std::filesystem::path& times_file);
+
+/// 0, 0.1 s, 0.2 s ... on a relative clock, said in the notes.
+void assume_times(Drive::Contents& contents);
+
+/// Whether a poses file has 12 (KITTI) or 8 (TUM) numbers a line. @throws InputError for anything
+/// else.
+enum class PosesFormat { kKitti, kTum };
+[[nodiscard]] PosesFormat poses_format(const std::filesystem::path& file);
+
+/// Poses of the trajectory at the scans' stamps, up to 0.2 s beyond its ends; gaps over a second
+/// are noted.
+/// @throws InputError naming the scan that lies farther out.
+[[nodiscard]] std::vector<Eigen::Isometry3d> poses_at_stamps(const Trajectory& trajectory,
+                                                             const std::filesystem::path& source,
+                                                             Drive::Contents& contents);
+
+/// Gives the scans `T_map_lidar` from a KITTI or TUM file, instead of the layout's own.
+void set_poses(Drive::Contents& contents, const std::filesystem::path& poses_file);
+
+/// Leaves out scans whose stamp is not after the one before, and says so. Call it last.
+/// @throws InputError if that is more than a tenth of the scans: the stamps then mean something
+/// else.
+void leave_out_unordered(Drive::Contents& contents);
+
+}  // namespace stillmap::maps

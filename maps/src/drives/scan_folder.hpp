@@ -1,0 +1,23 @@
+#pragma once
+
+#include <stillmap/maps/drive.hpp>
+
+#include <filesystem>
+#include <optional>
+
+namespace stillmap::maps {
+
+/// Scans in the folder itself, or in folders of it.
+[[nodiscard]] bool is_scan_folder(const std::filesystem::path& root);
+
+/// `*.pcd`, `*.ply` or `*.bin`, one kind, in the folder itself or in one folder of it, in natural
+/// order of names. Poses (`T_map_lidar`) from `poses.txt` or a `*.tum` in the folder, KITTI or TUM
+/// by their numbers a line.
+///
+/// Stamps: from the names if all are of 19 digits (ns since the epoch), 16 (us) or 10 with decimals
+/// (s); else from a TUM file with as many lines as there are scans, in order; else 0.1 s apart.
+/// @param poses_file  instead of the folder's own.
+[[nodiscard]] Drive::Contents open_scan_folder(
+    const std::filesystem::path& root, const std::optional<std::filesystem::path>& poses_file);
+
+}  // namespace stillmap::maps

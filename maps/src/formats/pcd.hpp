@@ -1,0 +1,14 @@
+#pragma once
+
+#include <stillmap/maps/scan_file.hpp>
+
+namespace stillmap::maps {
+
+/// PCD 0.5 to 0.7. Fields other than x y z, intensity and time are skipped. The viewpoint is not
+/// applied: by PCL's convention the points lie in the sensor's frame. Bytes behind the last point
+/// are ignored, as PCL does.
+/// @throws InputError naming `name`, the value found and what was expected.
+[[nodiscard]] DecodedScan decode_pcd(std::span<const std::byte> bytes, const std::string& name,
+                                     std::size_t max_points);
+
+}  // namespace stillmap::maps

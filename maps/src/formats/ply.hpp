@@ -1,0 +1,13 @@
+#pragma once
+
+#include <stillmap/maps/scan_file.hpp>
+
+namespace stillmap::maps {
+
+/// PLY 1.0. Elements other than `vertex`, and properties of it other than x y z, intensity and
+/// time, are skipped, lists among them.
+/// @throws InputError naming `name`, the value found and what was expected.
+[[nodiscard]] DecodedScan decode_ply(std::span<const std::byte> bytes, const std::string& name,
+                                     std::size_t max_points);
+
+}  // namespace stillmap::maps

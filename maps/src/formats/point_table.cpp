@@ -1,0 +1,199 @@
+#include "formats/point_table.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <string_view>
+
+namespace stillmap::maps {
+namespace {
+
+constexpr std::array<std::string_view, 5> kIntensityNames{"intensity", "i", "reflectivity",
+                                                          "reflectance", "scalar_intensity"};
+constexpr std::array<std::string_view, 5> kTimeNames{"t", "time", "timestamp", "offset_time",
+                                                     "time_stamp"};
+// A sweep takes 0.05 to 0.2 s; a second is beyond any.
+constexpr float kMaxTimeOffsetS = 1.0F;
+
+template <typename Number>
+double read_as(const std::byte* bytes, bool big_endian) {
+  std::array<std::byte, sizeof(Number)> raw;
+  std::memcpy(raw.data(), bytes, raw.size());
+  if (big_endian) std::reverse(raw.begin(), raw.end());
+  Number number;
+  std::memcpy(&number, raw.data(), raw.size());
+  return static_cast<double>(number);
+}
+
+std::string lower(std::string text) {
+  for (char& c : text) {
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  }
+  return text;
+}
+
+std::vector<std::size_t> fields_named(std::span<const PointField> fields, std::string_view name) {
+  std::vector<std::size_t> found;
+  for (std::size_t i = 0; i < fields.size(); ++i) {
+    if (lower(fields[i].name) == name) found.push_back(i);
+  }
+  return found;
+}
+
+std::string names_of(std::span<const PointField> fields) {
+  std::string text = "fields";
+  // Hostile headers have thousands; a message has not.
+  for (const PointField& field : fields.first(std::min<std::size_t>(fields.size(), 16))) {
+    text += ' ' + field.name.substr(0, 32);
+  }
+  return fields.empty() ? "no fields" : text;
+}
+
+}  // namespace
+
+std::size_t size_of(NumberType type) {
+  constexpr std::array<std::size_t, 10> kSizes{1, 1, 2, 2, 4, 4, 8, 8, 4, 8};
+  return kSizes.at(static_cast<std::size_t>(type));
+}
+
+bool is_whole(NumberType type) { return type != NumberType::kF32 && type != NumberType::kF64; }
+
+double read_number(const std::byte* bytes, NumberType type, bool big_endian) {
+  switch (type) {
+    case NumberType::kI8:
+      return read_as<std::int8_t>(bytes, big_endian);
+    case NumberType::kU8:
+      return read_as<std::uint8_t>(bytes, big_endian);
+    case NumberType::kI16:
+      return read_as<std::int16_t>(bytes, big_endian);
+    case NumberType::kU16:
+      return read_as<std::uint16_t>(bytes, big_endian);
+    case NumberType::kI32:
+      return read_as<std::int32_t>(bytes, big_endian);
+    case NumberType::kU32:
+      return read_as<std::uint32_t>(bytes, big_endian);
+    case NumberType::kI64:
+      return read_as<std::int64_t>(bytes, big_endian);
+    case NumberType::kU64:
+      return read_as<std::uint64_t>(bytes, big_endian);
+    case NumberType::kF32:
+      return read_as<float>(bytes, big_endian);
+    case NumberType::kF64:
+      return read_as<double>(bytes, big_endian);
+  }
+  return 0.0;
+}
+
+std::vector<Role> roles_of(std::span<const PointField> fields, const std::string& name) {
+  std::vector<Role> roles(fields.size(), Role::kNone);
+  constexpr std::array<std::string_view, 3> kAxes{"x", "y", "z"};
+  constexpr std::array<Role, 3> kAxisRoles{Role::kX, Role::kY, Role::kZ};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::vector<std::size_t> found = fields_named(fields, kAxes[axis]);
+    if (found.size() != 1 || fields[found[0]].count != 1) {
+      throw InputError(name, names_of(fields),
+                       "one field '" + std::string(kAxes[axis]) + "' with one number a point");
+    }
+    roles[found[0]] = kAxisRoles[axis];
+  }
+  for (const std::string_view candidate : kIntensityNames) {
+    const std::vector<std::size_t> found = fields_named(fields, candidate);
+    if (found.size() != 1 || fields[found[0]].count != 1) continue;
+    roles[found[0]] = Role::kIntensity;
+    break;
+  }
+  std::vector<std::size_t> times;
+  for (const std::string_view candidate : kTimeNames) {
+    const std::vector<std::size_t> found = fields_named(fields, candidate);
+    times.insert(times.end(), found.begin(), found.end());
+  }
+  if (times.size() == 1 && fields[times[0]].count == 1) roles[times[0]] = Role::kTime;
+  return roles;
+}
+
+PointTable::PointTable(std::span<const PointField> fields, std::span<const Role> roles,
+                       std::size_t points) {
+  cloud_.positions.resize(points);
+  for (std::size_t i = 0; i < roles.size(); ++i) {
+    if (roles[i] == Role::kIntensity) cloud_.intensities.resize(points);
+    if (roles[i] != Role::kTime) continue;
+    cloud_.time_offsets_s.resize(points);
+    time_unit_s_ = is_whole(fields[i].type) ? 1e-9 : 1.0;
+  }
+}
+
+void PointTable::set(Role role, std::size_t point, double value) {
+  switch (role) {
+    case Role::kNone:
+      return;
+    case Role::kX:
+      cloud_.positions[point].x() = static_cast<float>(value);
+      return;
+    case Role::kY:
+      cloud_.positions[point].y() = static_cast<float>(value);
+      return;
+    case Role::kZ:
+      cloud_.positions[point].z() = static_cast<float>(value);
+      return;
+    case Role::kIntensity:
+      cloud_.intensities[point] = static_cast<float>(value);
+      return;
+    case Role::kTime:
+      cloud_.time_offsets_s[point] = static_cast<float>(value * time_unit_s_);
+      return;
+  }
+}
+
+DecodedScan PointTable::finish() && {
+  DecodedScan scan;
+  scan.points_in_file = cloud_.size();
+  scan.dropped = drop_invalid(cloud_);
+  const auto plausible = [](float t) { return std::abs(t) <= kMaxTimeOffsetS; };
+  if (!std::all_of(cloud_.time_offsets_s.begin(), cloud_.time_offsets_s.end(), plausible)) {
+    cloud_.time_offsets_s.clear();
+  }
+  scan.cloud = std::move(cloud_);
+  return scan;
+}
+
+DropCounts drop_invalid(PointCloud& cloud) {
+  DropCounts dropped;
+  const bool with_intensity = !cloud.intensities.empty();
+  const bool with_time = !cloud.time_offsets_s.empty();
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const Eigen::Vector3f p = cloud.positions[i];
+    if (!p.allFinite()) {
+      ++dropped.non_finite;
+      continue;
+    }
+    if (p.x() == 0.0F && p.y() == 0.0F && p.z() == 0.0F) {
+      ++dropped.zero_range;
+      continue;
+    }
+    cloud.positions[kept] = p;
+    if (with_intensity) {
+      const float intensity = cloud.intensities[i];
+      cloud.intensities[kept] = std::isfinite(intensity) ? intensity : 0.0F;
+    }
+    if (with_time) cloud.time_offsets_s[kept] = cloud.time_offsets_s[i];
+    ++kept;
+  }
+  cloud.positions.resize(kept);
+  if (with_intensity) cloud.intensities.resize(kept);
+  if (with_time) cloud.time_offsets_s.resize(kept);
+  return dropped;
+}
+
+void check_point_count(std::uint64_t points, std::size_t max_points, const std::string& name) {
+  if (points > max_points) {
+    throw InputError(name, std::to_string(points) + " points",
+                     "at most " + std::to_string(max_points));
+  }
+}
+
+}  // namespace stillmap::maps

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace stillmap::maps {
+
+/// Whole file as text. @throws StorageError.
+[[nodiscard]] std::string read_text(const std::filesystem::path& file);
+
+/// Fields of a line, parted by blanks, tabs and carriage returns; stops after `limit` of them, so
+/// that a line of millions costs no memory.
+[[nodiscard]] std::vector<std::string_view> split_fields(std::string_view line,
+                                                         std::size_t limit = SIZE_MAX);
+
+/// Cuts the first line off `rest` and returns it without its newline; an empty `rest` gives
+/// nothing.
+[[nodiscard]] std::optional<std::string_view> take_line(std::string_view& rest);
+
+/// The whole text as a number, `nan` and `inf` included; nothing when it is none or has a tail.
+[[nodiscard]] std::optional<double> parse_number(std::string_view text);
+
+/// As `parse_number`, for whole numbers >= 0.
+[[nodiscard]] std::optional<std::uint64_t> parse_count(std::string_view text);
+
+/// Decimal seconds, exponent allowed, to nanoseconds: exact to the ninth decimal and rounded there.
+/// A double would not do: at an epoch of today its step is 238 ns. @return nothing when not a
+/// number or out of int64's range.
+[[nodiscard]] std::optional<std::int64_t> parse_stamp_ns(std::string_view text);
+
+/// Numbers of one line of a file, for messages that say where.
+struct NumberLine {
+  /// From 1.
+  std::size_t line = 0;
+  std::vector<std::string_view> fields;
+};
+
+/// Lines of a table, `#` comments and blank lines left out.
+[[nodiscard]] std::vector<NumberLine> number_lines(std::string_view text);
+
+/// "FILE line N" as the messages say it.
+[[nodiscard]] std::string place(const std::filesystem::path& file, std::size_t line);
+
+/// The fields as finite doubles. @throws InputError naming file, line and value.
+void parse_finite(const std::filesystem::path& file, const NumberLine& line,
+                  std::span<double> values);
+
+}  // namespace stillmap::maps

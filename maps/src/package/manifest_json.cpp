@@ -1,0 +1,213 @@
+#include "package/manifest_json.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <algorithm>
+#include <cctype>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "json_fields.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+using nlohmann::json;
+
+constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 50U;
+constexpr double kMaxFloat = std::numeric_limits<float>::max();
+
+json to_json(const TileEntry& tile) {
+  return {{"level", tile.id.level}, {"x", tile.id.x},  {"y", tile.id.y},
+          {"points", tile.points},  {"min", tile.min}, {"max", tile.max}};
+}
+
+json to_json(const GeodeticOrigin& origin) {
+  return {{"latitude_deg", origin.latitude_deg},
+          {"longitude_deg", origin.longitude_deg},
+          {"altitude_m", origin.altitude_m}};
+}
+
+std::array<float, 3> corner_from(const JsonField& field) {
+  std::array<float, 3> corner{};
+  std::size_t i = 0;
+  field.each([&](const JsonField& value) {
+    if (i == corner.size()) field.refuse("three numbers");
+    corner[i++] = static_cast<float>(value.number(-kMaxFloat, kMaxFloat));
+  });
+  if (i != corner.size()) field.refuse("three numbers");
+  return corner;
+}
+
+TileEntry tile_from(const JsonField& field) {
+  constexpr std::int64_t kMaxLevel = 30;
+  constexpr std::int64_t kLow = std::numeric_limits<std::int32_t>::min();
+  constexpr std::int64_t kHigh = std::numeric_limits<std::int32_t>::max();
+  TileEntry tile;
+  tile.id.level = static_cast<std::uint32_t>(field.at("level").integer(0, kMaxLevel));
+  tile.id.x = static_cast<std::int32_t>(field.at("x").integer(kLow, kHigh));
+  tile.id.y = static_cast<std::int32_t>(field.at("y").integer(kLow, kHigh));
+  tile.points = field.at("points").count();
+  if (tile.points == 0 || tile.points > kMaxBytes / sizeof(MapPoint)) {
+    field.at("points").refuse("a count of points > 0");
+  }
+  tile.min = corner_from(field.at("min"));
+  tile.max = corner_from(field.at("max"));
+  return tile;
+}
+
+GeodeticOrigin geodetic_from(const JsonField& field) {
+  return {field.at("latitude_deg").number(-90.0, 90.0),
+          field.at("longitude_deg").number(-180.0, 180.0), field.at("altitude_m").number()};
+}
+
+/// Relative, inside the package, and not one of the two files that the list cannot hold.
+bool is_listable(const std::string& path) {
+  const std::filesystem::path parts(path);
+  if (path.empty() || parts.is_absolute() || path == kManifestName || path == kBuildName) {
+    return false;
+  }
+  return std::none_of(parts.begin(), parts.end(),
+                      [](const auto& part) { return part.empty() || part == "." || part == ".."; });
+}
+
+MapManifest::File file_from(const std::string& path, const JsonField& field) {
+  if (!is_listable(path)) field.refuse("a path inside the package");
+  MapManifest::File file;
+  file.bytes = field.at("bytes").count();
+  file.sha256 = field.at("sha256").text();
+  const bool hex = std::all_of(file.sha256.begin(), file.sha256.end(), [](char c) {
+    return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f');
+  });
+  if (file.sha256.size() != 64 || !hex) field.at("sha256").refuse("64 lower-case hex digits");
+  return file;
+}
+
+void check_tiles_are_listed(const MapManifest& manifest, const std::string& file) {
+  std::vector<TileId> ids;
+  for (const TileEntry& tile : manifest.tiles) {
+    ids.push_back(tile.id);
+    const std::string path = tile_path(tile.id);
+    const auto listed = manifest.files.find(path);
+    if (listed == manifest.files.end()) throw InputError(file, "no " + path, "every tile in files");
+    if (listed->second.bytes != tile.points * sizeof(MapPoint)) {
+      throw InputError(file, std::to_string(listed->second.bytes) + " bytes for " + path,
+                       std::to_string(tile.points * sizeof(MapPoint)));
+    }
+  }
+  std::sort(ids.begin(), ids.end());
+  const auto twice = std::adjacent_find(ids.begin(), ids.end());
+  if (twice != ids.end()) throw InputError(file, tile_path(*twice) + " twice", "each tile once");
+}
+
+std::map<std::string, std::string> texts_from(const JsonField& field) {
+  std::map<std::string, std::string> texts;
+  field.each_member(
+      [&](const std::string& key, const JsonField& value) { texts[key] = value.text(); });
+  return texts;
+}
+
+void check_schema(const JsonField& root) {
+  const std::int64_t schema =
+      root.at("schema").integer(1, std::numeric_limits<std::int32_t>::max());
+  if (schema > kPackageSchema) {
+    root.at("schema").refuse("schema " + std::to_string(kPackageSchema) +
+                             " or older: this package needs a newer stillmap");
+  }
+}
+
+}  // namespace
+
+std::string tile_path(TileId id) {
+  return "tiles/" + std::to_string(id.level) + "_" + std::to_string(id.x) + "_" +
+         std::to_string(id.y) + ".bin";
+}
+
+std::string manifest_text(const MapManifest& manifest) {
+  json root{{"schema", manifest.schema},
+            {"frame_id", manifest.frame_id},
+            {"origin", {manifest.origin.x(), manifest.origin.y(), manifest.origin.z()}},
+            {"voxel_size_m", manifest.voxel_size_m},
+            {"relative_clock", manifest.relative_clock},
+            {"software_version", manifest.software_version},
+            {"options", manifest.options},
+            {"counts", manifest.counts},
+            {"sources", manifest.sources},
+            {"tiles", json::array()},
+            {"files", json::object()}};
+  if (manifest.geodetic_origin) root["geodetic_origin"] = to_json(*manifest.geodetic_origin);
+  for (const TileEntry& tile : manifest.tiles) root["tiles"].push_back(to_json(tile));
+  for (const auto& [path, file] : manifest.files) {
+    root["files"][path] = {{"bytes", file.bytes}, {"sha256", file.sha256}};
+  }
+  // A drive's name need not be UTF-8; the manifest must be.
+  return root.dump(1, ' ', false, json::error_handler_t::replace) + "\n";
+}
+
+MapManifest parse_manifest(std::string_view text, const std::string& file) {
+  const json document = parse_json(text, file);
+  const JsonField root(document, file);
+  check_schema(root);
+  MapManifest manifest;
+  manifest.schema = static_cast<int>(root.at("schema").integer(1, kPackageSchema));
+  manifest.frame_id = root.at("frame_id").text();
+  manifest.origin = root.at("origin").vector3();
+  if (root.has("geodetic_origin")) {
+    manifest.geodetic_origin = geodetic_from(root.at("geodetic_origin"));
+  }
+  manifest.voxel_size_m = root.at("voxel_size_m").number(0.0, 1e6);
+  manifest.relative_clock = root.at("relative_clock").boolean();
+  manifest.software_version = root.at("software_version").text();
+  manifest.options = texts_from(root.at("options"));
+  manifest.sources = texts_from(root.at("sources"));
+  root.at("counts").each_member([&](const std::string& key, const JsonField& value) {
+    manifest.counts[key] = value.count();
+  });
+  root.at("tiles").each(
+      [&](const JsonField& field) { manifest.tiles.push_back(tile_from(field)); });
+  root.at("files").each_member([&](const std::string& path, const JsonField& field) {
+    manifest.files[path] = file_from(path, field);
+  });
+  check_tiles_are_listed(manifest, file);
+  return manifest;
+}
+
+std::string objects_text(const std::vector<MapObject>& objects) {
+  json list = json::array();
+  for (const MapObject& object : objects) {
+    list.push_back(
+        {{"scan", object.scan},
+         {"centre", {object.centre_map.x(), object.centre_map.y(), object.centre_map.z()}},
+         {"size", {object.size_m.x(), object.size_m.y(), object.size_m.z()}},
+         {"yaw", object.yaw_rad},
+         {"class", name_of(object.object_class)},
+         {"score", object.score},
+         {"track", object.track},
+         {"points_removed", object.points_removed}});
+  }
+  return json{{"objects", std::move(list)}}.dump() + "\n";
+}
+
+std::vector<MapObject> parse_objects(std::string_view text, const std::string& file) {
+  const json document = parse_json(text, file);
+  std::vector<MapObject> objects;
+  JsonField(document, file).at("objects").each([&](const JsonField& field) {
+    MapObject object;
+    object.scan = field.at("scan").count();
+    object.centre_map = field.at("centre").vector3();
+    object.size_m = field.at("size").vector3();
+    object.yaw_rad = field.at("yaw").number();
+    const auto object_class = object_class_from(field.at("class").text());
+    if (!object_class) field.at("class").refuse("a class of object");
+    object.object_class = *object_class;
+    object.score = field.at("score").number(0.0, 1.0);
+    object.track =
+        static_cast<int>(field.at("track").integer(-1, std::numeric_limits<std::int32_t>::max()));
+    object.points_removed = field.at("points_removed").count();
+    objects.push_back(object);
+  });
+  return objects;
+}
+
+}  // namespace stillmap::maps

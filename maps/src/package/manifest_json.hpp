@@ -1,0 +1,32 @@
+#pragma once
+
+#include <stillmap/maps/map_package.hpp>
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace stillmap::maps {
+
+inline constexpr const char* kManifestName = "manifest.json";
+inline constexpr const char* kBuildName = "build.json";
+inline constexpr const char* kTrajectoryName = "trajectory.tum";
+inline constexpr const char* kObjectsName = "objects.json";
+
+/// `tiles/<level>_<x>_<y>.bin`
+[[nodiscard]] std::string tile_path(TileId id);
+
+/// Canonical text: keys sorted, shortest digits that read back the same number, nothing of time or
+/// host. Equal manifests give equal bytes.
+[[nodiscard]] std::string manifest_text(const MapManifest& manifest);
+
+/// Reads it back, every type, range and path checked. @param file  for messages.
+/// @throws InputError naming file, key, value and what was expected; for a newer schema, the
+/// schema.
+[[nodiscard]] MapManifest parse_manifest(std::string_view text, const std::string& file);
+
+/// Content of objects.json.
+[[nodiscard]] std::string objects_text(const std::vector<MapObject>& objects);
+[[nodiscard]] std::vector<MapObject> parse_objects(std::string_view text, const std::string& file);
+
+}  // namespace stillmap::maps

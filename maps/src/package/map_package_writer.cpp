@@ -1,0 +1,89 @@
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_package.hpp>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <stdexcept>
+
+#include "package/manifest_json.hpp"
+#include "package/sha256.hpp"
+#include "storage/write_file.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "tiles are little endian as they lie");
+
+TileEntry entry_of(TileId id, std::span<const MapPoint> points) {
+  if (points.empty())
+    throw std::invalid_argument(tile_path(id) + ": no points, at least one needed");
+  TileEntry entry{.id = id, .points = points.size()};
+  entry.min = {points[0].x, points[0].y, points[0].z};
+  entry.max = entry.min;
+  for (const MapPoint& p : points) {
+    const std::array<float, 3> xyz{p.x, p.y, p.z};
+    for (std::size_t axis = 0; axis < xyz.size(); ++axis) {
+      if (!std::isfinite(xyz[axis])) {
+        throw std::invalid_argument(tile_path(id) + ": a point that is not finite");
+      }
+      entry.min[axis] = std::min(entry.min[axis], xyz[axis]);
+      entry.max[axis] = std::max(entry.max[axis], xyz[axis]);
+    }
+  }
+  return entry;
+}
+
+std::map<std::string, MapManifest::File> hashed_files(const std::filesystem::path& folder) {
+  std::map<std::string, MapManifest::File> files;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    if (entry.is_directory()) continue;
+    if (!entry.is_regular_file() || entry.is_symlink()) {
+      throw StorageError(entry.path().string(), "a package holds regular files only");
+    }
+    files[entry.path().lexically_relative(folder).generic_string()] = {
+        entry.file_size(), sha256_of_file(entry.path())};
+  }
+  return files;
+}
+
+}  // namespace
+
+MapPackageWriter::MapPackageWriter(std::filesystem::path target) : folder_(std::move(target)) {
+  std::filesystem::create_directory(folder_.path() / "tiles");
+}
+
+void MapPackageWriter::add_tile(TileId id, std::span<const MapPoint> points) {
+  if (std::any_of(tiles_.begin(), tiles_.end(), [&](const TileEntry& t) { return t.id == id; })) {
+    throw std::invalid_argument(tile_path(id) + ": added twice");
+  }
+  const TileEntry entry = entry_of(id, points);
+  write_file(folder_.path() / tile_path(id),
+             {reinterpret_cast<const char*>(points.data()), points.size_bytes()});
+  tiles_.push_back(entry);
+}
+
+void MapPackageWriter::write_trajectory(const Trajectory& trajectory) {
+  write_tum_trajectory(folder_.path() / kTrajectoryName, trajectory);
+}
+
+void MapPackageWriter::write_objects(const std::vector<MapObject>& objects) {
+  write_file(folder_.path() / kObjectsName, objects_text(objects));
+}
+
+std::string MapPackageWriter::publish(MapManifest manifest, const std::string& build_json) {
+  manifest.tiles = tiles_;
+  // Tiles may be added in any order; the digest must not tell.
+  std::sort(manifest.tiles.begin(), manifest.tiles.end(),
+            [](const TileEntry& a, const TileEntry& b) { return a.id < b.id; });
+  manifest.files = hashed_files(folder_.path());
+  const std::string text = manifest_text(manifest);
+  // What we could not open ourselves must not become visible.
+  (void)parse_manifest(text, (folder_.target() / kManifestName).string());
+  write_file(folder_.path() / kManifestName, text);
+  write_file(folder_.path() / kBuildName, build_json);
+  folder_.publish();
+  return sha256_of(text);
+}
+
+}  // namespace stillmap::maps

@@ -1,0 +1,118 @@
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/partial_folder.hpp>
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <string>
+#include <system_error>
+
+namespace stillmap::maps {
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path without_trailing_slash(const fs::path& path) {
+  const fs::path whole = fs::absolute(path).lexically_normal();
+  return whole.has_filename() ? whole : whole.parent_path();
+}
+
+/// Whether the open folder is still the one of that name: another process may have published or
+/// removed it between our open and our lock.
+bool is_same(int descriptor, const fs::path& path) {
+  struct stat opened {};
+  struct stat named {};
+  return ::fstat(descriptor, &opened) == 0 && ::stat(path.c_str(), &named) == 0 &&
+         opened.st_dev == named.st_dev && opened.st_ino == named.st_ino;
+}
+
+/// Makes the folder if needed and locks it. The lock is on the folder itself, so it ends with the
+/// process.
+int open_locked(const fs::path& path) {
+  for (int attempt = 0; attempt < 10; ++attempt) {
+    if (::mkdir(path.c_str(), 0777) != 0 && errno != EEXIST) {
+      throw StorageError(path.parent_path().string() + " cannot be written", std::strerror(errno));
+    }
+    const int descriptor = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (descriptor < 0) {
+      if (errno == ENOENT) continue;
+      throw StorageError(path.string(), std::strerror(errno));
+    }
+    if (::flock(descriptor, LOCK_EX | LOCK_NB) == 0) {
+      if (is_same(descriptor, path)) return descriptor;
+    } else if (errno == EWOULDBLOCK) {
+      ::close(descriptor);
+      throw InputError(path.string(), "a folder that another process is filling", "none");
+    } else {
+      const int reason = errno;
+      ::close(descriptor);
+      throw StorageError(path.string(), std::strerror(reason));
+    }
+    ::close(descriptor);
+  }
+  throw StorageError(path.string(), "cannot be locked");
+}
+
+void sync(const fs::path& path) {
+  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (descriptor < 0) throw StorageError(path.string(), std::strerror(errno));
+  const int result = ::fsync(descriptor);
+  const int reason = errno;
+  ::close(descriptor);
+  if (result != 0) throw StorageError(path.string(), std::strerror(reason));
+}
+
+void refuse_existing(const fs::path& target) {
+  std::error_code error;
+  const fs::file_type type = fs::symlink_status(target, error).type();
+  if (type == fs::file_type::not_found) return;
+  if (type == fs::file_type::none) throw StorageError(target.string(), error.message());
+  throw InputError(target.string(), "an existing path", "a new one");
+}
+
+}  // namespace
+
+PartialFolder::PartialFolder(fs::path target) : target_(without_trailing_slash(target)) {
+  refuse_existing(target_);
+  path_ = target_.parent_path() / ("." + target_.filename().string() + ".partial");
+  lock_ = open_locked(path_);
+  try {
+    // The one who held the lock before us may have published in between.
+    refuse_existing(target_);
+    for (const auto& left : fs::directory_iterator(path_)) fs::remove_all(left.path());
+  } catch (const fs::filesystem_error& error) {
+    ::close(lock_);
+    throw StorageError(path_.string(), error.code().message());
+  } catch (...) {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+    ::close(lock_);
+    throw;
+  }
+}
+
+PartialFolder::~PartialFolder() {
+  if (!published_) {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+  }
+  ::close(lock_);
+}
+
+void PartialFolder::publish() {
+  for (const auto& entry : fs::recursive_directory_iterator(path_)) sync(entry.path());
+  sync(path_);
+  refuse_existing(target_);
+  if (std::rename(path_.c_str(), target_.c_str()) != 0) {
+    throw StorageError(target_.string(), std::strerror(errno));
+  }
+  published_ = true;
+  sync(target_.parent_path());
+}
+
+}  // namespace stillmap::maps

@@ -1,0 +1,114 @@
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/frames.hpp>
+#include <stillmap/maps/trajectory.hpp>
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <system_error>
+
+#include "formats/text.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+// What 3 decimals of a rotation matrix or quaternion can be off; beyond it, the numbers mean
+// something else.
+constexpr double kMaxOffRotation = 1e-3;
+
+Eigen::Isometry3d parse_kitti_pose(const std::filesystem::path& file, const NumberLine& line) {
+  std::array<double, 12> n{};
+  parse_finite(file, line, n);
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() << n[0], n[1], n[2], n[4], n[5], n[6], n[8], n[9], n[10];
+  T.translation() << n[3], n[7], n[11];
+  const Eigen::Matrix3d R = T.linear();
+  const double off = (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (!(off <= kMaxOffRotation) || R.determinant() < 0.0) {
+    throw InputError(place(file, line.line), fmt::format("a 3x3 part {:.3g} off a rotation", off),
+                     "3x4 row-major [R t] with a rotation R");
+  }
+  return renormalized(T);
+}
+
+StampedPose parse_tum_pose(const std::filesystem::path& file, const NumberLine& line) {
+  std::array<double, 8> n{};
+  parse_finite(file, line, n);
+  const std::optional<std::int64_t> stamp_ns = parse_stamp_ns(line.fields[0]);
+  if (!stamp_ns) {
+    throw InputError(place(file, line.line), "stamp '" + std::string(line.fields[0]) + "'",
+                     "seconds that fit 64 bits of nanoseconds");
+  }
+  const Eigen::Quaterniond q(n[7], n[4], n[5], n[6]);
+  if (!(std::abs(q.norm() - 1.0) <= kMaxOffRotation)) {
+    throw InputError(place(file, line.line), fmt::format("a quaternion of norm {:.6g}", q.norm()),
+                     "norm 1 (stamp tx ty tz qx qy qz qw)");
+  }
+  StampedPose pose;
+  pose.stamp_ns = *stamp_ns;
+  pose.T_map_lidar.linear() = q.normalized().toRotationMatrix();
+  pose.T_map_lidar.translation() << n[1], n[2], n[3];
+  return pose;
+}
+
+/// Seconds with 9 decimals, by integers: a double has no room for them.
+std::string stamp_text(std::int64_t stamp_ns) {
+  constexpr std::uint64_t kSecond = 1'000'000'000;
+  const std::uint64_t size = stamp_ns < 0 ? 0 - static_cast<std::uint64_t>(stamp_ns)
+                                          : static_cast<std::uint64_t>(stamp_ns);
+  return fmt::format("{}{}.{:09}", stamp_ns < 0 ? "-" : "", size / kSecond, size % kSecond);
+}
+
+}  // namespace
+
+std::vector<Eigen::Isometry3d> read_kitti_poses(const std::filesystem::path& file) {
+  const std::string text = read_text(file);
+  std::vector<Eigen::Isometry3d> poses;
+  std::size_t last_line = 0;
+  for (const NumberLine& line : number_lines(text)) {
+    // The line is all that ties a pose to its scan, so a hole would shift all that follow.
+    if (line.line != last_line + 1) {
+      throw InputError(place(file, last_line + 1), "a blank line or comment", "12 numbers");
+    }
+    last_line = line.line;
+    poses.push_back(parse_kitti_pose(file, line));
+  }
+  return poses;
+}
+
+Trajectory read_tum_trajectory(const std::filesystem::path& file) {
+  const std::string text = read_text(file);
+  std::vector<StampedPose> poses;
+  for (const NumberLine& line : number_lines(text)) {
+    poses.push_back(parse_tum_pose(file, line));
+    if (poses.size() > 1 && poses.back().stamp_ns <= poses[poses.size() - 2].stamp_ns) {
+      throw InputError(place(file, line.line), "stamp " + std::string(line.fields[0]),
+                       "one after that of the line before");
+    }
+  }
+  return Trajectory(std::move(poses));
+}
+
+void write_tum_trajectory(const std::filesystem::path& file, const Trajectory& trajectory) {
+  fmt::memory_buffer text;
+  for (const StampedPose& pose : trajectory.poses()) {
+    const Eigen::Vector3d& t = pose.T_map_lidar.translation();
+    const Eigen::Quaterniond q(pose.T_map_lidar.linear());
+    fmt::format_to(std::back_inserter(text),
+                   "{} {:.17g} {:.17g} {:.17g} {:.17g} {:.17g} {:.17g} {:.17g}\n",
+                   stamp_text(pose.stamp_ns), t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w());
+  }
+  errno = 0;
+  std::FILE* stream = std::fopen(file.c_str(), "wb");
+  bool good = stream != nullptr;
+  good = good && std::fwrite(text.data(), 1, text.size(), stream) == text.size();
+  // Closed in any case; a full disk may show up only there.
+  if (stream != nullptr) good = (std::fclose(stream) == 0) && good;
+  if (!good) throw StorageError(file.string(), std::generic_category().message(errno));
+}
+
+}  // namespace stillmap::maps

@@ -1,0 +1,148 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/error.hpp>
+
+#include "drives/layout.hpp"
+#include "scan_bytes.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+using test::TemporaryFolder;
+using test::xyzi;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
+
+const char* const kPcd =
+    "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 1\nHEIGHT 1\nPOINTS 1\n"
+    "DATA ascii\n1 2 3\n";
+const char* const kTwoKitti = "1 0 0 5 0 1 0 0 0 0 1 0\n1 0 0 6 0 1 0 0 0 0 1 0\n";
+
+class ScanFolderDrive : public ::testing::Test {
+ protected:
+  [[nodiscard]] Drive open() const { return Drive::open(folder_.path()); }
+  void expect_error(const std::string& where, const std::string& what) {
+    EXPECT_THAT([&] { (void)open(); },
+                ThrowsMessage<InputError>(AllOf(HasSubstr(where), HasSubstr(what))));
+  }
+  TemporaryFolder folder_;
+};
+
+TEST_F(ScanFolderDrive, SortsNamesByTheirNumbers) {
+  for (const char* name : {"scan10.pcd", "scan9.pcd", "scan2.pcd", "scan010.pcd"}) {
+    folder_.write(name, kPcd);
+  }
+  const Drive drive = open();
+  std::vector<std::string> names;
+  for (const auto& file : drive.contents().scan_files) names.push_back(file.filename().string());
+  EXPECT_THAT(names, ElementsAre("scan2.pcd", "scan9.pcd", "scan010.pcd", "scan10.pcd"));
+}
+
+TEST_F(ScanFolderDrive, HasNoPosesAndATenthOfASecondWithoutFilesOfThem) {
+  folder_.write("a.bin", xyzi(1, 2, 3, 4));
+  folder_.write("b.bin", xyzi(1, 2, 3, 4));
+  const Drive drive = open();
+  EXPECT_EQ(drive.contents().layout, DriveLayout::kScanFolder);
+  EXPECT_FALSE(drive.has_poses());
+  EXPECT_TRUE(drive.relative_clock());
+  EXPECT_THAT(drive.contents().stamps_ns, ElementsAre(0, kAssumedPeriodNs));
+  EXPECT_EQ(drive.contents().notes.size(), 1U);
+}
+
+TEST_F(ScanFolderDrive, TakesScansFromOneFolderBelow) {
+  folder_.write("clouds/a.pcd", kPcd);
+  folder_.write("clouds/b.pcd", kPcd);
+  folder_.write("images/a.png", "");
+  folder_.write("poses.txt", kTwoKitti);
+  EXPECT_EQ(open().T_map_lidar(1).translation().x(), 6.0);
+}
+
+TEST_F(ScanFolderDrive, MatchesATrajectoryLineByLineWhenNamesAreNoStamps) {
+  folder_.write("a.pcd", kPcd);
+  folder_.write("b.pcd", kPcd);
+  folder_.write("trajectory.tum", "1624254615.786958 1 0 0 0 0 0 1\n1624254616.5 2 0 0 0 0 0 1\n");
+  const Drive drive = open();
+  EXPECT_THAT(drive.contents().stamps_ns, ElementsAre(1624254615786958000, 1624254616500000000));
+  EXPECT_FALSE(drive.relative_clock());
+  EXPECT_EQ(drive.T_map_lidar(1).translation().x(), 2.0);
+  folder_.write("c.pcd", kPcd);
+  expect_error("trajectory.tum", "found 2 poses, expected 3");
+}
+
+TEST_F(ScanFolderDrive, InterpolatesATrajectoryToStampsInNames) {
+  folder_.write("1624254615500000000.pcd", kPcd);
+  folder_.write("1624254615750000000.pcd", kPcd);
+  folder_.write("any.tum", "1624254615 0 0 0 0 0 0 1\n1624254616 1 0 0 0 0 0 1\n");
+  const Drive drive = open();
+  EXPECT_EQ(drive.stamp_ns(0), 1624254615500000000);
+  EXPECT_FALSE(drive.relative_clock());
+  EXPECT_NEAR(drive.T_map_lidar(1).translation().x(), 0.75, 1e-9);
+}
+
+TEST_F(ScanFolderDrive, ReadsStampsInNamesOfSecondsAndMicroseconds) {
+  folder_.write("1624254615.5.pcd", kPcd);
+  EXPECT_EQ(open().stamp_ns(0), 1624254615500000000);
+  std::filesystem::remove(folder_.path() / "1624254615.5.pcd");
+  folder_.write("1624254615500001.pcd", kPcd);
+  EXPECT_EQ(open().stamp_ns(0), 1624254615500001000);
+}
+
+TEST_F(ScanFolderDrive, TakesAGivenFileOverItsOwn) {
+  folder_.write("a.pcd", kPcd);
+  folder_.write("b.pcd", kPcd);
+  folder_.write("poses.txt", kTwoKitti);
+  const auto given = folder_.write("x.tum", "1 9 0 0 0 0 0 1\n2 8 0 0 0 0 0 1\n");
+  EXPECT_EQ(Drive::open(folder_.path(), given).T_map_lidar(1).translation().x(), 8.0);
+  expect_error(folder_.path().string(), "x.tum and poses.txt");
+}
+
+TEST_F(ScanFolderDrive, RefusesMixedKinds) {
+  folder_.write("a.pcd", kPcd);
+  folder_.write("b.bin", xyzi(1, 2, 3, 4));
+  expect_error(folder_.path().string(), "*.pcd and *.bin");
+}
+
+TEST_F(ScanFolderDrive, RefusesScansInSeveralFolders) {
+  folder_.write("one/a.pcd", kPcd);
+  folder_.write("two/a.pcd", kPcd);
+  expect_error(folder_.path().string(), "scans in one/ two/");
+}
+
+TEST_F(ScanFolderDrive, RefusesFewerPosesThanScans) {
+  for (const char* name : {"a.pcd", "b.pcd", "c.pcd"}) folder_.write(name, kPcd);
+  folder_.write("poses.txt", kTwoKitti);
+  expect_error("poses.txt", "found 2 poses, expected 3");
+}
+
+TEST_F(ScanFolderDrive, RefusesMorePosesWhenNamesDoNotSayWhich) {
+  folder_.write("a.pcd", kPcd);
+  folder_.write("poses.txt", kTwoKitti);
+  expect_error("poses.txt", "a.pcd is not");
+}
+
+TEST_F(ScanFolderDrive, NamesWhatItExpectedInAnUnknownFolder) {
+  folder_.write("readme.txt", "nothing here");
+  expect_error(folder_.path().string(), "no layout that is known");
+  EXPECT_THAT([] { (void)Drive::open("/nowhere/drive"); },
+              ThrowsMessage<InputError>(HasSubstr("/nowhere/drive: found nothing")));
+  EXPECT_THAT([&] { (void)Drive::open(folder_.path() / "readme.txt"); },
+              ThrowsMessage<InputError>(HasSubstr("found a file")));
+}
+
+TEST(Drive, RefusesContentsThatDoNotBelongTogether) {
+  Drive::Contents contents;
+  contents.scan_files = {"a.bin", "b.bin"};
+  contents.stamps_ns = {0};
+  EXPECT_THROW(Drive{contents}, std::invalid_argument);
+  contents.stamps_ns = {0, 1};
+  EXPECT_NO_THROW(Drive{contents});
+  contents.T_map_lidar = {Eigen::Isometry3d::Identity()};
+  EXPECT_THROW(Drive{contents}, std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace stillmap::maps

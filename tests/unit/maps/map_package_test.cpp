@@ -1,0 +1,243 @@
+#include <stillmap/maps/map_package.hpp>
+
+#include <stillmap/maps/error.hpp>
+
+#include <array>
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <regex>
+
+#include "support/matchers.hpp"
+#include "support/temporary_folder.hpp"
+#include "support/throws.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+namespace fs = std::filesystem;
+using ::stillmap::test::IsNearPose;
+using ::stillmap::test::TemporaryFolder;
+using ::stillmap::test::ThrowsSaying;
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+
+constexpr TileId kNear{.level = 0, .x = 0, .y = -1};
+constexpr TileId kFar{.level = 2, .x = 7, .y = 3};
+
+MapPoint point(float x, float y, float z) { return {x, y, z, 0.5F, 3, PointKind::kProjected, 2}; }
+
+std::string text_of(const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+void put_text(const fs::path& file, const std::string& text) {
+  std::ofstream(file, std::ios::binary) << text;
+}
+
+MapManifest sample_manifest() {
+  MapManifest manifest;
+  manifest.frame_id = "map";
+  manifest.origin = {448000.125, 5427000.0, 1.0 / 3.0};
+  manifest.geodetic_origin = GeodeticOrigin{49.0, 8.4, 116.5};
+  manifest.voxel_size_m = 0.1;
+  manifest.software_version = "0.1.0";
+  manifest.options = {{"detector", "geometric"}};
+  manifest.counts = {{"points_in", 12345678901234U}};
+  manifest.sources = {{"drive", std::string(64, 'a')}};
+  return manifest;
+}
+
+Trajectory sample_trajectory() {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.translation() = Eigen::Vector3d(1.0, 2.0, 3.0);
+  return Trajectory(
+      {{.stamp_ns = 1, .T_map_lidar = T}, {.stamp_ns = 100'000'001, .T_map_lidar = T}});
+}
+
+std::string write_sample(const fs::path& target, bool far_first, const std::string& build) {
+  const std::array<MapPoint, 2> near_points{point(1, -2, 3), point(4, -5, -6)};
+  const std::array<MapPoint, 1> far_points{point(600, 300, 0)};
+  MapPackageWriter writer(target);
+  if (far_first) writer.add_tile(kFar, far_points);
+  writer.add_tile(kNear, near_points);
+  if (!far_first) writer.add_tile(kFar, far_points);
+  writer.write_trajectory(sample_trajectory());
+  MapObject object;
+  object.scan = 4;
+  object.centre_map = {1.0, 2.0, 3.5};
+  object.yaw_rad = 0.25;
+  object.object_class = ObjectClass::kTruck;
+  object.score = 0.5;
+  object.track = 9;
+  object.points_removed = 77;
+  writer.write_objects({object});
+  return writer.publish(sample_manifest(), build);
+}
+
+TEST(MapPackage, ReadsBackWhatWasWritten) {
+  const TemporaryFolder folder;
+  const std::string digest = write_sample(folder.path() / "map", false, "{}");
+  const auto package = MapPackage::open(folder.path() / "map");
+  EXPECT_EQ(package->digest(), digest);
+  const MapManifest& manifest = package->manifest();
+  EXPECT_EQ(manifest.frame_id, "map");
+  EXPECT_EQ(manifest.origin, sample_manifest().origin);
+  EXPECT_EQ(manifest.geodetic_origin->altitude_m, 116.5);
+  EXPECT_EQ(manifest.voxel_size_m, 0.1);
+  EXPECT_EQ(manifest.options, sample_manifest().options);
+  EXPECT_EQ(manifest.counts, sample_manifest().counts);
+  EXPECT_EQ(manifest.sources, sample_manifest().sources);
+  ASSERT_EQ(manifest.tiles.size(), 2U);
+  EXPECT_EQ(manifest.tiles[0].id, kNear);
+  EXPECT_THAT(manifest.tiles[0].min, ElementsAre(1.0F, -5.0F, -6.0F));
+  EXPECT_THAT(manifest.tiles[0].max, ElementsAre(4.0F, -2.0F, 3.0F));
+  const std::span<const MapPoint> tile = package->tile(kNear);
+  ASSERT_EQ(tile.size(), 2U);
+  EXPECT_EQ(tile[1].y, -5.0F);
+  EXPECT_EQ(tile[1].observations, 3);
+  EXPECT_EQ(tile[1].kind, PointKind::kProjected);
+  EXPECT_EQ(tile[1].object, 2);
+  EXPECT_THAT(package->tile({.level = 0, .x = 5, .y = 5}), IsEmpty());
+}
+
+TEST(MapPackage, ReadsBackPathAndObjects) {
+  const TemporaryFolder folder;
+  write_sample(folder.path() / "map", false, "{}");
+  const auto package = MapPackage::open(folder.path() / "map");
+  const Trajectory trajectory = package->trajectory();
+  ASSERT_EQ(trajectory.size(), 2U);
+  EXPECT_EQ(trajectory.poses()[1].stamp_ns, 100'000'001);
+  EXPECT_THAT(trajectory.poses()[1].T_map_lidar,
+              IsNearPose(sample_trajectory().poses()[1].T_map_lidar, 1e-12, 1e-12));
+  const std::vector<MapObject> objects = package->objects();
+  ASSERT_EQ(objects.size(), 1U);
+  EXPECT_EQ(objects[0].scan, 4U);
+  EXPECT_EQ(objects[0].centre_map, Eigen::Vector3d(1.0, 2.0, 3.5));
+  EXPECT_EQ(objects[0].object_class, ObjectClass::kTruck);
+  EXPECT_EQ(objects[0].track, 9);
+  EXPECT_EQ(objects[0].points_removed, 77U);
+}
+
+TEST(MapPackage, DigestFollowsTheContentAlone) {
+  const TemporaryFolder folder;
+  const std::string digest = write_sample(folder.path() / "a", false, R"({"host": "a"})");
+  EXPECT_EQ(write_sample(folder.path() / "b", true, R"({"host": "b"})"), digest);
+  EXPECT_EQ(text_of(folder.path() / "a/manifest.json"), text_of(folder.path() / "b/manifest.json"));
+  EXPECT_EQ(digest.size(), 64U);
+
+  MapPackageWriter writer(folder.path() / "c");
+  const std::array<MapPoint, 1> other{point(1, -2, 3.001F)};
+  writer.add_tile(kNear, other);
+  EXPECT_NE(writer.publish(sample_manifest(), "{}"), digest);
+}
+
+TEST(MapPackage, HashIsSha256) {
+  const TemporaryFolder folder;
+  // FIPS 180-2, appendix B.1.
+  EXPECT_EQ(sha256_of_file(folder.write("abc", "abc")),
+            "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+}
+
+TEST(MapPackage, VerifyNamesEachCorruptFile) {
+  const TemporaryFolder folder;
+  const fs::path map = folder.path() / "map";
+  write_sample(map, false, "{}");
+  const auto package = MapPackage::open(map);
+  EXPECT_THAT(package->verify(), IsEmpty());
+  std::string bytes = text_of(map / "tiles/0_0_-1.bin");
+  bytes[5] = static_cast<char>(bytes[5] ^ 1);
+  put_text(map / "tiles/0_0_-1.bin", bytes);
+  EXPECT_THAT(package->verify(), ElementsAre("tiles/0_0_-1.bin"));
+  fs::remove(map / "objects.json");
+  put_text(map / "manifest.json", text_of(map / "manifest.json") + " ");
+  EXPECT_THAT(package->verify(), ElementsAre("objects.json", "tiles/0_0_-1.bin", "manifest.json"));
+}
+
+TEST(MapPackage, OpenNamesMissingAndShortFiles) {
+  const TemporaryFolder folder;
+  const fs::path map = folder.path() / "map";
+  EXPECT_THAT([&] { (void)MapPackage::open(map); },
+              ThrowsSaying<InputError>({map.string(), "manifest.json"}));
+  write_sample(map, false, "{}");
+  fs::resize_file(map / "tiles/2_7_3.bin", 19);
+  EXPECT_THAT([&] { (void)MapPackage::open(map); },
+              ThrowsSaying<InputError>({"tiles/2_7_3.bin", "19 bytes", "20"}));
+  fs::remove(map / "tiles/2_7_3.bin");
+  EXPECT_THAT([&] { (void)MapPackage::open(map); },
+              ThrowsSaying<InputError>({"tiles/2_7_3.bin", "nothing"}));
+}
+
+TEST(MapPackage, RefusesANewerSchema) {
+  const TemporaryFolder folder;
+  const fs::path map = folder.path() / "map";
+  write_sample(map, false, "{}");
+  const std::string text = text_of(map / "manifest.json");
+  put_text(map / "manifest.json",
+           std::regex_replace(text, std::regex(R"("schema": 1)"), R"("schema": 2)"));
+  EXPECT_THAT([&] { (void)MapPackage::open(map); },
+              ThrowsSaying<InputError>({"schema", "2", "newer stillmap"}));
+}
+
+TEST(MapPackage, RefusesAHostileManifest) {
+  const TemporaryFolder folder;
+  const fs::path map = folder.path() / "map";
+  write_sample(map, false, "{}");
+  const std::string text = text_of(map / "manifest.json");
+  const auto refuses = [&](const std::string& from, const std::string& to,
+                           const std::string& said) {
+    const std::string changed = std::regex_replace(text, std::regex(from), to);
+    ASSERT_NE(changed, text) << from;
+    put_text(map / "manifest.json", changed);
+    EXPECT_THAT([&] { (void)MapPackage::open(map); }, ThrowsSaying<InputError>({said})) << to;
+  };
+  refuses("\"objects.json\"", "\"../objects.json\"", "../objects.json");
+  refuses("\"objects.json\"", "\"/etc/passwd\"", "/etc/passwd");
+  refuses("\"objects.json\"", "\"build.json\"", "build.json");
+  refuses("\"points\": 2", "\"points\": 3", "60");
+  refuses("\"points\": 2", "\"points\": 18446744073709551615", ".points");
+  refuses("\"points\": 2", "\"points\": -2", ".points");
+  refuses("\"level\": 2", "\"level\": 3", "tiles/3_7_3.bin");
+  refuses("\"voxel_size_m\": 0.1", "\"voxel_size_m\": \"0.1\"", ".voxel_size_m");
+  refuses("\"voxel_size_m\": 0.1", "\"voxel_size_m\": 1e999", "JSON");
+  refuses("\"latitude_deg\": 49.0", "\"latitude_deg\": 149.0", ".latitude_deg");
+  refuses("\"frame_id\"", "\"frame\"", ".frame_id");
+  refuses("^\\{", "[", "JSON");
+}
+
+TEST(MapPackage, ToleratesUnknownKeysOfItsSchema) {
+  const TemporaryFolder folder;
+  const fs::path map = folder.path() / "map";
+  write_sample(map, false, "{}");
+  const std::string text = text_of(map / "manifest.json");
+  put_text(map / "manifest.json", "{\"note\": [1, 2]," + text.substr(1));
+  EXPECT_EQ(MapPackage::open(map)->manifest().frame_id, "map");
+}
+
+TEST(MapPackageWriter, LeavesNoHalfPackageBehind) {
+  const TemporaryFolder folder;
+  {
+    MapPackageWriter writer(folder.path() / "map");
+    const std::array<MapPoint, 1> points{point(1, 2, 3)};
+    writer.add_tile(kNear, points);
+    EXPECT_FALSE(fs::exists(folder.path() / "map"));
+  }
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+}
+
+TEST(MapPackageWriter, RefusesWhatNoReaderCouldUse) {
+  const TemporaryFolder folder;
+  MapPackageWriter writer(folder.path() / "map");
+  const std::array<MapPoint, 1> good{point(1, 2, 3)};
+  const std::array<MapPoint, 1> bad{point(1, std::numeric_limits<float>::quiet_NaN(), 3)};
+  EXPECT_THAT([&] { writer.add_tile(kNear, {}); }, ThrowsSaying<std::invalid_argument>({"0_0_-1"}));
+  EXPECT_THAT([&] { writer.add_tile(kNear, bad); },
+              ThrowsSaying<std::invalid_argument>({"not finite"}));
+  writer.add_tile(kNear, good);
+  EXPECT_THAT([&] { writer.add_tile(kNear, good); },
+              ThrowsSaying<std::invalid_argument>({"twice"}));
+}
+
+}  // namespace
+}  // namespace stillmap::maps
