@@ -1,0 +1,75 @@
+#pragma once
+
+#include <stillmap/localization/map_index.hpp>
+#include <stillmap/maps/scan.hpp>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace stillmap::localization {
+
+enum class PoseStatus {
+  kOk,        ///< the pose is as good as its covariance says
+  kDegraded,  ///< a pose, but weakly constrained or poorly supported
+  kLost,      ///< no pose: do not use `T_map_lidar`
+};
+[[nodiscard]] std::string_view name_of(PoseStatus status);
+
+/// Answer to "where was this scan taken?".
+struct AlignmentResult {
+  PoseStatus status = PoseStatus::kLost;
+  /// Why not ok, as stable words ("too_few_points", "low_inlier_ratio", "unobservable_direction",
+  /// ...).
+  std::vector<std::string> reasons;
+  Eigen::Isometry3d T_map_lidar = Eigen::Isometry3d::Identity();
+  /// Rows tx ty tz [m], rx ry rz [rad]; perturbation on the right, in the lidar frame.
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  /// Share of the thinned scan's points that are explained by the map, in [0, 1].
+  double inlier_ratio = 0.0;
+  /// Root mean square distance of inliers to the map's surfaces [m].
+  double rmse_m = 0.0;
+  /// Unit directions (same order as the covariance) that the scan does not constrain.
+  std::vector<Eigen::Matrix<double, 6, 1>> degenerate_directions;
+  int iterations = 0;
+};
+
+/// Where a scan is believed to be before it is matched.
+struct Prior {
+  Eigen::Isometry3d T_map_lidar = Eigen::Isometry3d::Identity();
+  /// Same order and frame as the result's; when given, a pose that contradicts it is not `kOk`.
+  std::optional<Eigen::Matrix<double, 6, 6>> covariance;
+};
+
+/// Aligns scans with one map, from a prior.
+class Aligner {
+ public:
+  virtual ~Aligner() = default;
+  Aligner() = default;
+  Aligner(const Aligner&) = delete;
+  Aligner& operator=(const Aligner&) = delete;
+
+  /// @param scan_lidar         N points [m] in the lidar frame, deskewed to one instant; finite.
+  /// @param prior              where the search starts.
+  /// @return  `kLost` with a reason when the scan cannot be matched (also for an empty or tiny
+  /// scan).
+  /// @throws std::invalid_argument if a coordinate or the prior is not finite.
+  /// @note   Safe from several threads. Same input, same bits.
+  [[nodiscard]] virtual AlignmentResult align(const maps::PointCloud& scan_lidar,
+                                              const Prior& prior) const = 0;
+};
+
+/// Names for `make_aligner`, the default first.
+[[nodiscard]] std::vector<std::string> aligner_names();
+
+/// @param method  one of `aligner_names()`. @throws std::invalid_argument naming the method and the
+/// choices.
+[[nodiscard]] std::unique_ptr<Aligner> make_aligner(std::string_view method,
+                                                    std::shared_ptr<const MapIndex> index);
+
+}  // namespace stillmap::localization

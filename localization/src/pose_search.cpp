@@ -1,0 +1,157 @@
+#include "pose_search.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace stillmap::localization {
+namespace {
+
+constexpr double kYawStepRad = 0.035;
+constexpr std::size_t kMaxSearchPoints = 600;
+constexpr double kMaxSearchRangeM = 60.0;
+constexpr int kCellsOfHeight = 64;
+/// Share of all points by which the far edge of the window is worse than the prior: breaks ties
+/// only.
+constexpr double kTieShare = 0.03;
+
+/// Occupied cells around a place: one 64-bit word a column, a bit a cell of height.
+class Columns {
+ public:
+  Columns(const MapIndex::Level& level, const Eigen::Vector3f& centre, float radius_m)
+      : edge_m_(level.edge_m), side_(2 * static_cast<int>(radius_m / level.edge_m) + 3) {
+    first_ = (centre / edge_m_).array().floor().cast<int>();
+    first_ -= Eigen::Array3i(side_ / 2, side_ / 2, kCellsOfHeight / 2);
+    words_.assign(static_cast<std::size_t>(side_) * static_cast<std::size_t>(side_), 0);
+    const float x_from = static_cast<float>(first_.x()) * edge_m_;
+    // Voxels are sorted by cell with x first, so one strip of the map is looked at, not all of it.
+    auto voxel =
+        std::partition_point(level.voxels.begin(), level.voxels.end(),
+                             [&](const Voxel& v) { return cell(v.mean.x()) < first_.x(); });
+    for (; voxel != level.voxels.end() && cell(voxel->mean.x()) < first_.x() + side_; ++voxel) {
+      mark(voxel->mean);
+    }
+    static_cast<void>(x_from);
+    // One cell of slack up and down takes up a prior that is off in height, roll and pitch.
+    for (std::uint64_t& word : words_) word |= (word << 1) | (word >> 1);
+  }
+
+  [[nodiscard]] Eigen::Array3i cell_of(const Eigen::Vector3f& p) const {
+    return (p / edge_m_).array().floor().cast<int>() - first_;
+  }
+  [[nodiscard]] int side() const { return side_; }
+  [[nodiscard]] const std::uint64_t* row(int x) const {
+    return words_.data() + static_cast<std::size_t>(x) * static_cast<std::size_t>(side_);
+  }
+
+ private:
+  [[nodiscard]] int cell(float coordinate_m) const {
+    return static_cast<int>(std::floor(coordinate_m / edge_m_));
+  }
+  void mark(const Eigen::Vector3f& p) {
+    const Eigen::Array3i c = cell_of(p);
+    if (c.y() < 0 || c.y() >= side_ || c.z() < 0 || c.z() >= kCellsOfHeight) return;
+    words_[static_cast<std::size_t>(c.x()) * static_cast<std::size_t>(side_) +
+           static_cast<std::size_t>(c.y())] |= std::uint64_t{1} << c.z();
+  }
+
+  float edge_m_;
+  int side_;
+  Eigen::Array3i first_;
+  std::vector<std::uint64_t> words_;
+};
+
+struct Hypothesis {
+  int yaw = 0, x = 0, y = 0;
+  double score = 0.0;
+  int hits = 0;
+};
+
+std::vector<Eigen::Vector3f> points_to_try(const Query& query, const Eigen::Matrix3d& R) {
+  std::vector<Eigen::Vector3f> near;
+  for (const std::size_t i : query.standing) {
+    if (query.points[i].norm() < kMaxSearchRangeM)
+      near.push_back(R.cast<float>() * query.points[i]);
+  }
+  if (near.size() <= kMaxSearchPoints) return near;
+  std::vector<Eigen::Vector3f> some;
+  for (std::size_t i = 0; i < kMaxSearchPoints; ++i)
+    some.push_back(near[i * near.size() / kMaxSearchPoints]);
+  return some;
+}
+
+/// Adds each point's hits to the window of translations; `hits` is (2 n + 1)^2, x first.
+void count_hits(const Columns& columns, const std::vector<Eigen::Vector3f>& points, int n,
+                std::vector<int>& hits) {
+  const int width = 2 * n + 1;
+  for (const Eigen::Vector3f& p : points) {
+    const Eigen::Array3i c = columns.cell_of(p);
+    if (c.z() < 0 || c.z() >= kCellsOfHeight) continue;
+    if (c.x() - n < 0 || c.x() + n >= columns.side() || c.y() - n < 0 ||
+        c.y() + n >= columns.side())
+      continue;
+    for (int x = 0; x < width; ++x) {
+      const std::uint64_t* row = columns.row(c.x() + x - n) + (c.y() - n);
+      int* out = hits.data() + static_cast<std::ptrdiff_t>(x) * width;
+      for (int y = 0; y < width; ++y) out[y] += static_cast<int>((row[y] >> c.z()) & 1U);
+    }
+  }
+}
+
+bool same_place(const Hypothesis& a, const Hypothesis& b) {
+  return std::abs(a.yaw - b.yaw) <= 2 && std::abs(a.x - b.x) <= 1 && std::abs(a.y - b.y) <= 1;
+}
+
+std::vector<Hypothesis> best_places(std::vector<Hypothesis>& all, std::size_t count) {
+  std::vector<Hypothesis> best;
+  while (best.size() < count && !all.empty()) {
+    const Hypothesis top = *std::max_element(
+        all.begin(), all.end(), [](const auto& a, const auto& b) { return a.score < b.score; });
+    best.push_back(top);
+    std::erase_if(all, [&](const Hypothesis& h) { return same_place(h, top); });
+  }
+  return best;
+}
+
+}  // namespace
+
+std::vector<Candidate> search_poses(const MapIndex::Level& level, const Eigen::Vector3d& origin,
+                                    const Query& query, const Eigen::Isometry3d& T_map_lidar_prior,
+                                    const SearchWindow& window, std::size_t max_candidates) {
+  const std::vector<Eigen::Vector3f> points = points_to_try(query, T_map_lidar_prior.linear());
+  if (points.empty()) return {{T_map_lidar_prior, 0.0}};
+  const Eigen::Vector3f centre = (T_map_lidar_prior.translation() - origin).cast<float>();
+  const double edge_m = static_cast<double>(level.edge_m);
+  const int n = static_cast<int>(std::ceil(window.radius_m / edge_m));
+  const int yaws = static_cast<int>(std::ceil(window.yaw_rad / kYawStepRad));
+  const Columns columns(level, centre, static_cast<float>(kMaxSearchRangeM + edge_m * (n + 1)));
+  const double farthest = std::max(1, n * n + n * n + yaws * yaws);
+  std::vector<Hypothesis> all;
+  std::vector<Eigen::Vector3f> turned(points.size());
+  for (int yaw = -yaws; yaw <= yaws; ++yaw) {
+    const Eigen::AngleAxisf R(static_cast<float>(yaw * kYawStepRad), Eigen::Vector3f::UnitZ());
+    const Eigen::Matrix3f R_yaw = R.toRotationMatrix();
+    for (std::size_t i = 0; i < points.size(); ++i) turned[i] = R_yaw * points[i] + centre;
+    const int width = 2 * n + 1;
+    std::vector<int> hits(static_cast<std::size_t>(width) * static_cast<std::size_t>(width), 0);
+    count_hits(columns, turned, n, hits);
+    for (int k = 0; k < width * width; ++k) {
+      Hypothesis h{yaw, k / width - n, k % width - n, 0.0, hits[static_cast<std::size_t>(k)]};
+      const double away = (h.x * h.x + h.y * h.y + h.yaw * h.yaw) / farthest;
+      h.score = h.hits - kTieShare * static_cast<double>(points.size()) * away;
+      all.push_back(h);
+    }
+  }
+  std::vector<Candidate> candidates;
+  for (const Hypothesis& h : best_places(all, max_candidates)) {
+    Eigen::Isometry3d T = T_map_lidar_prior;
+    T.linear() =
+        Eigen::AngleAxisd(h.yaw * kYawStepRad, Eigen::Vector3d::UnitZ()).toRotationMatrix() *
+        T_map_lidar_prior.linear();
+    T.translation() += edge_m * Eigen::Vector3d(h.x, h.y, 0.0);
+    candidates.push_back({T, h.hits / static_cast<double>(points.size())});
+  }
+  return candidates;
+}
+
+}  // namespace stillmap::localization

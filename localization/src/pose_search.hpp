@@ -1,0 +1,42 @@
+#pragma once
+
+#include "map_level.hpp"
+#include "query.hpp"
+
+#include <Eigen/Geometry>
+
+#include <vector>
+
+namespace stillmap::localization {
+
+/// How far around the prior poses are tried.
+struct SearchWindow {
+  /// Horizontal, to each side along the map's axes [m], >= 0.
+  double radius_m = 4.0;
+  /// Yaw to each side [rad], >= 0.
+  double yaw_rad = 0.28;
+};
+
+/// A place where many standing points of the scan fall into occupied cells of the map.
+struct Candidate {
+  Eigen::Isometry3d T_map_lidar;
+  /// Share of the standing points that fall into occupied cells, in [0, 1].
+  double hit_ratio = 0.0;
+};
+
+/// Counts hits of standing points in the map's occupied cells for every pose on a grid of the
+/// level's edge and 2 deg around the prior, and returns the best places, best first, the same place
+/// only once.
+///
+/// Correlative matching as in Olson, "Real-Time Correlative Scan Matching", ICRA 2009, on 3D cells.
+/// Needs no derivative, so it sees past the local optima that trap every gradient method from 2 m /
+/// 10 deg. Ties go to the pose nearest to the prior.
+/// @param level   about 1 m.  @param origin  the index's.
+/// @return between 1 and `max_candidates`; the prior alone when nothing stands in the scan.
+[[nodiscard]] std::vector<Candidate> search_poses(const MapIndex::Level& level,
+                                                  const Eigen::Vector3d& origin, const Query& query,
+                                                  const Eigen::Isometry3d& T_map_lidar_prior,
+                                                  const SearchWindow& window,
+                                                  std::size_t max_candidates);
+
+}  // namespace stillmap::localization

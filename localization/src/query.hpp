@@ -1,0 +1,31 @@
+#pragma once
+
+#include <stillmap/maps/scan.hpp>
+
+#include <Eigen/Core>
+
+#include <cstddef>
+#include <vector>
+
+namespace stillmap::localization {
+
+/// A scan thinned for matching.
+struct Query {
+  /// At most `kMaxQueryPoints` points [m] in the lidar frame, spread evenly over the surfaces.
+  std::vector<Eigen::Vector3f> points;
+  /// One flag a point: stands above what is below it, so that it tells about x, y and yaw. The rest
+  /// is ground, which is flat nearly everywhere and fits nearly everywhere.
+  std::vector<char> stands;
+  /// Indices of the standing points, ascending.
+  std::vector<std::size_t> standing;
+};
+
+inline constexpr std::size_t kMaxQueryPoints = 4000;
+
+/// One point a cell of 0.5 m (the first in the scan's order), then every k-th so that the limit
+/// holds. Points beyond 500 m are left out: no lidar of ours sees them, and they would overflow the
+/// grid.
+/// @param R_map_lidar  rotation of the prior: tells where up is.
+[[nodiscard]] Query thin(const maps::PointCloud& scan_lidar, const Eigen::Matrix3d& R_map_lidar);
+
+}  // namespace stillmap::localization

@@ -1,0 +1,218 @@
+#include "verdict.hpp"
+
+#include "voxel_table.hpp"
+
+#include <stillmap/maps/frames.hpp>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+namespace stillmap::localization {
+namespace {
+
+/// Deviation of a point that lies on a surface of the map: noise of the sensor and of the map's
+/// poses [m].
+constexpr float kSurfaceSigmaM = 0.07F;
+constexpr float kMaxSurface2 = 9.0F;
+
+/// How far a pose is moved to see whether the scan notices [m]: beyond the noise, within a fine
+/// voxel.
+constexpr double kProbeM = 1.0;
+constexpr float kProbeKernelM = 0.6F;
+/// Deviations by which moving must worsen the fit. In a synthetic corridor the score along it stays within 2.
+constexpr double kMinProbeScore = 4.0;
+constexpr std::size_t kProbeStride = 2;
+
+constexpr double kBlockM = 4.0;
+constexpr double kUnknownM = 10.0;
+/// How many independent surfaces a scan is worth when the map itself is bent: their thickness is the map's own
+/// disagreement, which no number of points averages out.
+static const double kIndependentSurfaces = getenv("IS")?atof(getenv("IS")):20.0;
+/// Shared by all points of a scan: map registration, intrinsic calibration, deskewing.
+constexpr double kFloorM = 0.01;
+constexpr double kFloorRad = 5e-4;
+
+constexpr std::size_t kMinStanding = 60;
+constexpr double kMinKnownRatio = 0.3;
+constexpr double kLostStandingRatio = 0.3;
+constexpr double kOkStandingRatio = 0.5;
+constexpr double kMaxOkDeviationM = 0.15;
+constexpr double kMaxOkDeviationRad = 0.01;
+
+bool is_known(const MapIndex& index, const Eigen::Vector3f& p) {
+  return index.levels().front().nearest(p, 1.0F).voxel != nullptr;
+}
+
+float cost_at(const MapIndex::Level& level, const Eigen::Vector3f& p) {
+  constexpr float kKernel2 = kProbeKernelM * kProbeKernelM;
+  const PointTerm term = match_point(level, p, kProbeKernelM);
+  return term.voxel == nullptr ? 1.0F : term.distance2_m2 / (kKernel2 + term.distance2_m2);
+}
+
+/// Mean rise of the cost when the pose is moved, in deviations of that mean.
+double probe_score(const MapIndex::Level& level, const Query& query,
+                   const Eigen::Isometry3d& T_index_lidar, const Vector6d& move) {
+  const Eigen::Isometry3f here = T_index_lidar.cast<float>();
+  const Eigen::Isometry3f moved = (T_index_lidar * maps::exp_se3(move)).cast<float>();
+  double sum = 0.0;
+  double squares = 0.0;
+  for (std::size_t i = 0; i < query.points.size(); i += kProbeStride) {
+    const double rise = static_cast<double>(cost_at(level, moved * query.points[i]) -
+                                            cost_at(level, here * query.points[i]));
+    sum += rise;
+    squares += rise * rise;
+  }
+  return squares > 0.0 ? sum / std::sqrt(squares) : 0.0;
+}
+
+Matrix6d unknown_covariance() {
+  Vector6d variances;
+  variances << Eigen::Vector3d::Constant(kUnknownM * kUnknownM),
+      Eigen::Vector3d::Constant(kUnknownM * kUnknownM / (kLeverM * kLeverM));
+  return variances.asDiagonal();
+}
+
+/// Inverse of a symmetric matrix with its smallest eigenvalues raised, so that a direction which nothing
+/// constrains does not divide by zero.
+Matrix6d bounded_inverse(const Matrix6d& matrix) {
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(matrix);
+  const Vector6d values = solver.eigenvalues().cwiseMax(1e-6 * solver.eigenvalues()[5]);
+  return solver.eigenvectors() * values.cwiseInverse().asDiagonal() * solver.eigenvectors().transpose();
+}
+
+}  // namespace
+
+Support support_of(const MapIndex& index, const Query& query,
+                   const Eigen::Isometry3d& T_index_lidar, std::size_t stride) {
+  const Eigen::Isometry3f T = T_index_lidar.cast<float>();
+  const MapIndex::Level& fine = index.levels().back();
+  std::size_t seen = 0, inliers = 0, standing = 0, known = 0, standing_inliers = 0;
+  double squares = 0.0;
+  for (std::size_t i = 0; i < query.points.size(); i += stride) {
+    const Eigen::Vector3f p = T * query.points[i];
+    ++seen;
+    const MapIndex::Level::Nearest nearest = fine.nearest(p, kSurfaceSigmaM * kSurfaceSigmaM);
+    const bool inlier = nearest.voxel != nullptr && nearest.distance2 < kMaxSurface2;
+    if (inlier) {
+      ++inliers;
+      const double across = static_cast<double>(nearest.voxel->axis0.dot(p - nearest.voxel->mean));
+      squares += across * across;
+    }
+    if (query.stands[i] == 0) continue;
+    ++standing;
+    if (inlier) ++standing_inliers;
+    if (inlier || is_known(index, p)) ++known;
+  }
+  const auto share = [](std::size_t part, std::size_t whole) {
+    return whole == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(whole);
+  };
+  Support support;
+  support.inlier_ratio = share(inliers, seen);
+  support.rmse_m = inliers == 0 ? 0.0 : std::sqrt(squares / static_cast<double>(inliers));
+  support.known_standing = known * stride;
+  support.known_ratio = share(known, standing);
+  support.standing_ratio = share(standing_inliers, known);
+  return support;
+}
+
+Observability observability_of(const MapIndex::Level& level, const Query& query,
+                               const Eigen::Isometry3d& T_index_lidar, const Matrix6d& H) {
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(in_metres(H));
+  Observability out;
+  for (Eigen::Index k = 0; k < 6; ++k) {
+    const Vector6d direction = solver.eigenvectors().col(k);
+    Vector6d move = kProbeM * direction;
+    move.tail<3>() /= kLeverM;
+    const double score = std::min(probe_score(level, query, T_index_lidar, move),
+                                  probe_score(level, query, T_index_lidar, -move));
+    if (!(score > kMinProbeScore)) out.degenerate.push_back(direction);
+    // Eigenvalues ascend: once three directions in a row hold, the stronger ones do.
+    if (k >= 2 && out.degenerate.empty()) break;
+  }
+  return out;
+}
+
+Matrix6d covariance_of(const MapIndex::Level& level, const Query& query,
+                       const Eigen::Isometry3d& T_index_lidar, float kernel_m,
+                       const std::vector<Vector6d>& degenerate) {
+  const Eigen::Isometry3f T = T_index_lidar.cast<float>();
+  VoxelTable blocks;
+  std::vector<Vector6d> sums;
+  Matrix6d H = Matrix6d::Zero();
+  Matrix6d geometry = Matrix6d::Zero();
+  double robust_sum = 0.0;
+  double thickness_sum = 0.0;
+  for (const Eigen::Vector3f& p_lidar : query.points) {
+    const Eigen::Vector3f p = T * p_lidar;
+    const PointTerm term = match_point(level, p, kernel_m);
+    if (term.voxel == nullptr) continue;
+    const Eigen::Array3i cell = (p / static_cast<float>(kBlockM)).array().floor().cast<int>() + 1024;
+    const auto [block, inserted] = blocks.insert(cell_key(cell.x(), cell.y(), cell.z()));
+    if (inserted) sums.emplace_back(Vector6d::Zero());
+    for (int k = 0; k < term.voxel->sharp_axes; ++k) {
+      const float variance = k == 0 ? term.voxel->variance0 : term.voxel->variance1;
+      const Eigen::Vector3f& axis = k == 0 ? term.voxel->axis0 : term.voxel->axis1;
+      const AxisResidual residual = axis_residual(axis.cast<double>(), term.voxel->mean.cast<double>(),
+                                                  T_index_lidar, p_lidar.cast<double>());
+      const auto robust = static_cast<double>(term.robust_weight);
+      const double weight =
+          robust / static_cast<double>(residual_variance_m2(variance, kernel_m, p_lidar.squaredNorm()));
+      sums[block] += weight * residual.residual_m * residual.jacobian;
+      const Matrix6d outer = residual.jacobian * residual.jacobian.transpose();
+      H += weight * outer;
+      geometry += robust * outer;
+      robust_sum += robust;
+      thickness_sum += robust * static_cast<double>(variance);
+    }
+  }
+  if (!(robust_sum > 0.0)) return unknown_covariance();
+  Matrix6d spread = Matrix6d::Zero();
+  for (const Vector6d& sum : sums) spread += sum * sum.transpose();
+  const Matrix6d inverse = bounded_inverse(in_metres(H));
+  Matrix6d covariance = inverse * in_metres(spread) * inverse;
+  covariance += thickness_sum / robust_sum / kIndependentSurfaces *
+                bounded_inverse(in_metres(geometry / robust_sum));
+  for (const Vector6d& direction : degenerate) {
+    covariance += kUnknownM * kUnknownM * direction * direction.transpose();
+  }
+  Vector6d scale;
+  scale << 1.0, 1.0, 1.0, 1.0 / kLeverM, 1.0 / kLeverM, 1.0 / kLeverM;
+  covariance = scale.asDiagonal() * covariance * scale.asDiagonal();
+  covariance.diagonal().head<3>().array() += kFloorM * kFloorM;
+  covariance.diagonal().tail<3>().array() += kFloorRad * kFloorRad;
+  return 0.5 * (covariance + covariance.transpose());
+}
+
+void judge(const Evidence& evidence, const Matrix6d& covariance, AlignmentResult& result) {
+  const Support& support = evidence.support;
+  result.inlier_ratio = support.inlier_ratio;
+  result.rmse_m = support.rmse_m;
+  result.degenerate_directions = evidence.observability.degenerate;
+  result.covariance = covariance;
+  const bool little_structure = support.known_standing < kMinStanding;
+  if (!little_structure && support.standing_ratio < kLostStandingRatio) {
+    result.status = PoseStatus::kLost;
+    result.reasons = {"low_inlier_ratio"};
+    return;
+  }
+  if (little_structure) result.reasons.emplace_back("too_little_structure");
+  if (!little_structure && support.standing_ratio < kOkStandingRatio) {
+    result.reasons.emplace_back("low_inlier_ratio");
+  }
+  if (support.known_ratio < kMinKnownRatio) result.reasons.emplace_back("little_overlap");
+  if (!result.degenerate_directions.empty()) result.reasons.emplace_back("unobservable_direction");
+  if (evidence.ambiguous) result.reasons.emplace_back("ambiguous");
+  if (evidence.contradicts_prior) result.reasons.emplace_back("contradicts_prior");
+  const double worst_m = std::sqrt(covariance.diagonal().head<3>().maxCoeff());
+  const double worst_rad = std::sqrt(covariance.diagonal().tail<3>().maxCoeff());
+  if (!(worst_m < kMaxOkDeviationM && worst_rad < kMaxOkDeviationRad)) {
+    result.reasons.emplace_back("large_covariance");
+  }
+  result.status = result.reasons.empty() ? PoseStatus::kOk : PoseStatus::kDegraded;
+}
+
+}  // namespace stillmap::localization

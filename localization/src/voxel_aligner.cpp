@@ -1,0 +1,168 @@
+#include "voxel_aligner.hpp"
+
+#include "query.hpp"
+#include "registration.hpp"
+#include "verdict.hpp"
+
+#include <stillmap/maps/frames.hpp>
+
+#include <Eigen/Cholesky>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace stillmap::localization {
+namespace {
+
+constexpr std::size_t kMinQueryPoints = 50;
+/// A prior farther than this outside the map's bounds is no place that the map knows [m].
+constexpr double kMarginM = 100.0;
+constexpr std::size_t kMaxCandidates = 3;
+constexpr double kSearchCellM = 1.0;
+/// Share of the best place's support from which a second place makes the answer ambiguous.
+constexpr double kAmbiguousShare = 0.9;
+constexpr double kDistinctM = 0.5;
+constexpr double kDistinctRad = 0.035;
+/// 99.9 % point of chi-squared with 6 degrees of freedom.
+constexpr double kMaxChiSquared = 22.46;
+/// Last width of the robust kernel as a share of the finest voxel.
+constexpr double kFinalKernelShare = 0.3;
+
+struct Place {
+  Eigen::Isometry3d T_index_lidar;
+  double support = 0.0;
+  int iterations = 0;
+};
+
+void require_finite(const maps::PointCloud& scan_lidar, const Prior& prior) {
+  if (!prior.T_map_lidar.matrix().allFinite()) throw std::invalid_argument("prior: not finite");
+  const Eigen::Matrix3d& R = prior.T_map_lidar.linear();
+  if (!((R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < 1e-3 &&
+        R.determinant() > 0.0)) {
+    throw std::invalid_argument("prior: its rotation matrix is not a rotation");
+  }
+  if (prior.covariance) {
+    const Eigen::LLT<Matrix6d> factor(*prior.covariance);
+    if (!prior.covariance->allFinite() || factor.info() != Eigen::Success) {
+      throw std::invalid_argument("prior: its covariance is not finite and positive definite");
+    }
+  }
+  bool finite = true;
+  for (const Eigen::Vector3f& p : scan_lidar.positions) finite = finite && p.allFinite();
+  if (!finite) throw std::invalid_argument("scan: a coordinate is not finite");
+}
+
+const MapIndex::Level& level_near(const MapIndex& index, double edge_m) {
+  return *std::min_element(index.levels().begin(), index.levels().end(),
+                           [&](const auto& a, const auto& b) {
+                             return std::abs(std::log(static_cast<double>(a.edge_m) / edge_m)) <
+                                    std::abs(std::log(static_cast<double>(b.edge_m) / edge_m));
+                           });
+}
+
+SearchWindow window_of(const Prior& prior) {
+  SearchWindow window;
+  if (!prior.covariance) return window;
+  // A caller who knows where the vehicle is does not want its neighbour street.
+  const Matrix6d& covariance = *prior.covariance;
+  window.radius_m =
+      std::min(window.radius_m, 3.0 * std::sqrt(covariance.diagonal().head<3>().maxCoeff()));
+  window.yaw_rad =
+      std::min(window.yaw_rad, 3.0 * std::sqrt(covariance.diagonal().tail<3>().maxCoeff()));
+  return window;
+}
+
+/// Coarse to fine above the finest level, with few points: enough to tell good places from bad.
+Place settle(const MapIndex& index, const Query& query, const Eigen::Isometry3d& T_index_lidar) {
+  Place place{T_index_lidar};
+  const std::size_t stride = std::max<std::size_t>(1, query.points.size() / 1000);
+  for (const MapIndex::Level& level : index.levels()) {
+    if (&level == &index.levels().back() && index.levels().size() > 1) break;
+    for (const float share : {0.6F, 0.3F}) {
+      place.iterations +=
+          refine(level, query.points, {share * level.edge_m, stride}, 5, place.T_index_lidar);
+    }
+  }
+  const Support support = support_of(index, query, place.T_index_lidar, stride);
+  place.support = support.standing_ratio * support.known_ratio + 0.1 * support.inlier_ratio;
+  return place;
+}
+
+void finish(const MapIndex& index, const Query& query, Place& place) {
+  const MapIndex::Level& level = index.levels().back();
+  place.iterations += refine(level, query.points, {0.6F * level.edge_m, 2}, 6, place.T_index_lidar);
+  place.iterations +=
+      refine(level, query.points, {static_cast<float>(kFinalKernelShare) * level.edge_m, 1}, 10,
+             place.T_index_lidar);
+}
+
+bool distinct(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+  const Eigen::Isometry3d difference = a.inverse() * b;
+  return difference.translation().norm() > kDistinctM ||
+         maps::rotation_angle_rad(difference.linear()) > kDistinctRad;
+}
+
+bool contradicts(const Prior& prior, const AlignmentResult& result) {
+  if (!prior.covariance) return false;
+  const Vector6d difference = maps::log_se3(prior.T_map_lidar.inverse() * result.T_map_lidar);
+  const Matrix6d covariance = *prior.covariance + result.covariance;
+  return !(difference.dot(covariance.ldlt().solve(difference)) < kMaxChiSquared);
+}
+
+AlignmentResult lost(std::string reason, const Prior& prior) {
+  AlignmentResult result;
+  result.reasons.push_back(std::move(reason));
+  result.T_map_lidar = prior.T_map_lidar;
+  return result;
+}
+
+}  // namespace
+
+VoxelAligner::VoxelAligner(std::shared_ptr<const MapIndex> index) : index_(std::move(index)) {
+  if (!index_) throw std::invalid_argument("aligner: no map index");
+}
+
+AlignmentResult VoxelAligner::align(const maps::PointCloud& scan_lidar, const Prior& prior) const {
+  require_finite(scan_lidar, prior);
+  const Query query = thin(scan_lidar, prior.T_map_lidar.linear());
+  if (query.points.size() < kMinQueryPoints) return lost("too_few_points", prior);
+  const Eigen::Array3d at = (prior.T_map_lidar.translation() - index_->origin()).array();
+  if (!((at > -kMarginM).all() && (at < index_->extent().array() + kMarginM).all())) {
+    return lost("outside_map", prior);
+  }
+  std::vector<Place> places;
+  for (const Candidate& candidate :
+       search_poses(level_near(*index_, kSearchCellM), index_->origin(), query, prior.T_map_lidar,
+                    window_of(prior), kMaxCandidates)) {
+    Eigen::Isometry3d T_index_lidar = candidate.T_map_lidar;
+    T_index_lidar.translation() -= index_->origin();
+    places.push_back(settle(*index_, query, T_index_lidar));
+  }
+  std::stable_sort(places.begin(), places.end(),
+                   [](const Place& a, const Place& b) { return a.support > b.support; });
+  Place& best = places.front();
+  finish(*index_, query, best);
+
+  const MapIndex::Level& level = index_->levels().back();
+  const float kernel_m = static_cast<float>(kFinalKernelShare) * level.edge_m;
+  Evidence evidence;
+  evidence.support = support_of(*index_, query, best.T_index_lidar);
+  const NormalEquations system = linearize(level, query.points, best.T_index_lidar, {kernel_m, 1});
+  evidence.observability = observability_of(level_near(*index_, kSearchCellM), query, best.T_index_lidar, system.H);
+  evidence.ambiguous = std::any_of(places.begin() + 1, places.end(), [&](const Place& other) {
+    return other.support > kAmbiguousShare * best.support &&
+           distinct(other.T_index_lidar, best.T_index_lidar);
+  });
+  AlignmentResult result;
+  result.T_map_lidar = best.T_index_lidar;
+  result.T_map_lidar.translation() += index_->origin();
+  for (const Place& place : places) result.iterations += place.iterations;
+  result.covariance =
+      covariance_of(level, query, best.T_index_lidar, kernel_m, evidence.observability.degenerate);
+  evidence.contradicts_prior = contradicts(prior, result);
+  judge(evidence, result.covariance, result);
+  return result;
+}
+
+}  // namespace stillmap::localization
