@@ -1,0 +1,28 @@
+#pragma once
+
+#include <stillmap/mapping/ground.hpp>
+#include <stillmap/maps/box.hpp>
+#include <stillmap/maps/scan.hpp>
+
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace stillmap::mapping {
+
+/// Stage "detect": objects that could move, moving or parked.
+class Detector {
+ public:
+  virtual ~Detector() = default;
+  /// @return boxes in the scan's lidar frame. Safe from several threads. Same input, same bits.
+  [[nodiscard]] virtual std::vector<maps::Box> detect(const maps::Scan& scan,
+                                                      const GroundResult& ground) const = 0;
+};
+
+/// @param spec        `geometric` or `boxes:FILE`.
+/// @param scan_count  of the drive, see `maps::read_boxes`.
+/// @throws std::invalid_argument for an unknown name, maps::InputError for a broken file.
+[[nodiscard]] std::unique_ptr<Detector> make_detector(const std::string& spec, std::size_t scan_count);
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,119 @@
+#pragma once
+
+#include <stillmap/localization/aligner.hpp>
+#include <stillmap/mapping/progress.hpp>
+#include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/map_package.hpp>
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace stillmap::mapping {
+
+/// How far a prior is off: exactly `metres` in a uniformly random horizontal direction of the map
+/// and a tenth of it up or down; exactly `degrees` of yaw with random sign, and a tenth of it of
+/// roll and of pitch, each with random sign (rotations on the right, in the lidar frame).
+struct PriorError {
+  /// >= 0
+  double metres = 1.0;
+  /// In [0, 180].
+  double degrees = 5.0;
+};
+
+/// Makes the method under test for one map; called once an evaluation. What it returns is shared by
+/// all threads.
+using AlignerFactory =
+    std::function<std::unique_ptr<localization::Aligner>(const maps::MapPackage& map)>;
+
+struct LocalizationEvaluationOptions {
+  /// Scans of the drive that are asked for.
+  maps::Selection selection;
+  /// One level of the result each; not empty.
+  std::vector<PriorError> prior_errors{{}};
+  /// Priors drawn for each scan, >= 1.
+  int trials = 1;
+  /// Same seed, same draws: for every method, machine and number of threads.
+  std::uint64_t seed = 1;
+  /// Threads, 0 = all cores. More make `cpu_ms` and `wall_ms` larger on a machine that shares
+  /// memory bandwidth.
+  int threads = 1;
+
+  /// Every broken bound as "name: value, bound"; empty when usable.
+  [[nodiscard]] std::vector<std::string> violations() const;
+};
+
+/// What came out for one prior error. Errors are those of answers that were not `lost`, after the
+/// constant bias between reference and map was taken out (see `evaluate_localization`); NaN when
+/// there is none.
+struct LocalizationLevel {
+  PriorError prior_error;
+  std::size_t queries = 0;
+  /// Share of all queries that were not `lost` and are within 0.2 m and 1 deg.
+  double success_rate = 0.0;
+  /// 95 % interval of it: percentiles of 2,000 resamplings of the scans (trials of a scan stay
+  /// together).
+  std::array<double, 2> success_interval{};
+  std::size_t ok = 0, degraded = 0, lost = 0;
+  /// Share of all queries that were `ok` and off by more than 0.5 m or 2 deg.
+  double false_ok_rate = 0.0;
+  struct Error {
+    double median = 0.0;
+    double p95 = 0.0;
+    /// Root mean square of the horizontal part (x and y in the lidar frame), or of the yaw.
+    double rmse_part = 0.0;
+  };
+  Error translation_m;
+  Error rotation_deg;
+  struct Time {
+    double p50 = 0.0;
+    double p95 = 0.0;
+  };
+  /// Of `Aligner::align`, down-sampling included, reading and deskewing not: CPU clock of the
+  /// thread, wall clock.
+  Time cpu_ms;
+  Time wall_ms;
+  /// Squared error in units of the answer's covariance (6 degrees of freedom, so 6 is honest), and
+  /// the share below the 95 % point 12.59. NaN for a method that gives no covariance.
+  double nees_mean = 0.0;
+  double nees_inside_95 = 0.0;
+  /// How often each reason was given.
+  std::map<std::string, std::size_t> reasons;
+};
+
+struct LocalizationEvaluation {
+  std::vector<LocalizationLevel> levels;
+  std::size_t scans = 0;
+  double seconds = 0.0;
+  LocalizationEvaluationOptions options;
+};
+
+/// Asks for the pose of each selected scan from priors with known errors, and compares with the
+/// drive's poses.
+///
+/// A query is deskewed with the vehicle's own velocity (`twist_at`, from the drive's poses before
+/// and after), because a vehicle knows it from its wheels; without neighbouring poses it is matched
+/// as it is. The constant bias (map and reference disagree about where the sensor sits) is one
+/// SE(3) in the lidar frame, the medians of the six components of log(T_reference^-1 T_answer):
+/// fitted on every other scan and applied to the rest, and the other way round, so that no answer
+/// is judged with a bias that it helped to fit. With fewer than two scans no bias is taken out.
+/// Integrity (protection levels) is not evaluated: no aligner gives protection levels yet.
+/// @throws std::invalid_argument (options, a drive without poses, an empty selection),
+/// maps::InputError,
+///         maps::StorageError, Cancelled, and what the factory throws.
+/// @note   Everything but the times is the same for any number of threads.
+[[nodiscard]] LocalizationEvaluation evaluate_localization(
+    const maps::MapPackage& map, const maps::Drive& drive,
+    const LocalizationEvaluationOptions& options, const AlignerFactory& make_aligner,
+    const ProgressCallback& progress, const CancelFlag& cancel);
+
+/// The object of `--json`, without the keys that only the program knows (`version`, paths, method):
+/// `levels[]`, `scans`, `seconds`, `options`. NaN becomes null.
+[[nodiscard]] std::string to_json(const LocalizationEvaluation& evaluation);
+
+}  // namespace stillmap::mapping

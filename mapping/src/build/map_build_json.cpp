@@ -1,0 +1,19 @@
+#include <nlohmann/json.hpp>
+#include <stillmap/mapping/map_build.hpp>
+
+namespace stillmap::mapping {
+
+std::string to_json(const MapBuildReport& report) {
+  return nlohmann::json{{"scans", report.scans},
+                        {"seconds", report.seconds},
+                        {"scans_per_second", report.scans_per_second},
+                        {"peak_rss_mib", report.peak_rss_mib},
+                        {"points", report.points},
+                        {"objects", report.objects},
+                        {"stage_seconds", report.stage_seconds},
+                        {"digest", report.digest},
+                        {"version", STILLMAP_VERSION}}
+      .dump(2);
+}
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,61 @@
+#include <stillmap/mapping/localization_evaluation.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include <cmath>
+
+namespace stillmap::mapping {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Json level_json(const LocalizationLevel& level) {
+  Json json;
+  json["prior_error_m"] = level.prior_error.metres;
+  json["prior_error_deg"] = level.prior_error.degrees;
+  json["queries"] = level.queries;
+  json["success_rate"] = number(level.success_rate);
+  json["success_interval_95"] = {number(level.success_interval[0]),
+                                 number(level.success_interval[1])};
+  json["status"] = {{"ok", level.ok}, {"degraded", level.degraded}, {"lost", level.lost}};
+  json["reasons"] = Json::object();
+  for (const auto& [reason, count] : level.reasons) json["reasons"][reason] = count;
+  json["false_ok_rate"] = number(level.false_ok_rate);
+  json["translation_error_m"] = {{"median", number(level.translation_m.median)},
+                                 {"p95", number(level.translation_m.p95)},
+                                 {"rmse_xy", number(level.translation_m.rmse_part)}};
+  json["rotation_error_deg"] = {{"median", number(level.rotation_deg.median)},
+                                {"p95", number(level.rotation_deg.p95)},
+                                {"rmse_yaw", number(level.rotation_deg.rmse_part)}};
+  json["cpu_ms"] = {{"p50", number(level.cpu_ms.p50)}, {"p95", number(level.cpu_ms.p95)}};
+  json["wall_ms"] = {{"p50", number(level.wall_ms.p50)}, {"p95", number(level.wall_ms.p95)}};
+  json["nees"] = {{"mean", number(level.nees_mean)}, {"inside_95", number(level.nees_inside_95)}};
+  return json;
+}
+
+std::string text_of(const maps::Selection& selection) {
+  return std::to_string(selection.begin) + ":" +
+         (selection.end ? std::to_string(*selection.end) : "") + ":" +
+         std::to_string(selection.step);
+}
+
+}  // namespace
+
+std::string to_json(const LocalizationEvaluation& evaluation) {
+  Json json;
+  json["levels"] = Json::array();
+  for (const LocalizationLevel& level : evaluation.levels)
+    json["levels"].push_back(level_json(level));
+  json["scans"] = evaluation.scans;
+  json["seconds"] = evaluation.seconds;
+  // As text: a seed may exceed the 2^53 that readers of JSON keep exact.
+  json["options"] = {{"select", text_of(evaluation.options.selection)},
+                     {"trials", evaluation.options.trials},
+                     {"seed", std::to_string(evaluation.options.seed)},
+                     {"threads", evaluation.options.threads}};
+  return json.dump(2);
+}
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <stillmap/localization/aligner.hpp>
+#include <stillmap/mapping/localization_evaluation.hpp>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace stillmap::mapping {
+
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+
+/// One query and its answer.
+struct LocalizationRecord {
+  /// Position of the scan in the selection, from 0.
+  std::size_t scan = 0;
+  localization::PoseStatus status = localization::PoseStatus::kLost;
+  std::vector<std::string> reasons;
+  Eigen::Isometry3d T_reference_answer = Eigen::Isometry3d::Identity();
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  double cpu_ms = 0.0;
+  double wall_ms = 0.0;
+};
+
+/// Medians of the six components of log(T_reference_answer) over answers that are not lost, of the
+/// scans with an even (0) or odd (1) position; zero when there is none.
+[[nodiscard]] Vector6d bias_of_half(const std::vector<LocalizationRecord>& records,
+                                    std::size_t half);
+
+/// Value below which the share `q` in [0, 1] lies, linear between neighbours (as NumPy's default);
+/// NaN when empty.
+[[nodiscard]] double percentile(std::vector<double> values, double q);
+
+/// All figures of one level. @param seed  of the resampling.
+[[nodiscard]] LocalizationLevel level_of(const std::vector<LocalizationRecord>& records,
+                                         const PriorError& prior_error, std::uint64_t seed);
+
+}  // namespace stillmap::mapping

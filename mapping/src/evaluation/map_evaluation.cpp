@@ -1,0 +1,249 @@
+#include "build/scan_stages.hpp"
+#include "evaluation/measured_points.hpp"
+#include "top_view.hpp"
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+#include <stillmap/mapping/map_evaluation.hpp>
+#include <stillmap/maps/error.hpp>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+namespace stillmap::mapping {
+namespace {
+
+constexpr double kMinHeightM = 0.3;
+constexpr double kNearM = 0.1;
+constexpr double kLabelMarginM = 0.1;
+constexpr double kHalfFieldOfViewRad = 40.0 * std::numbers::pi / 180.0;
+constexpr int kPictureSide = 1600;
+constexpr Colour kLabelColour{255, 80, 80};
+
+const std::string& option_of(const maps::MapPackage& map, const std::string& name) {
+  const auto found = map.manifest().options.find(name);
+  if (found == map.manifest().options.end()) {
+    throw maps::InputError((map.folder() / "manifest.json").string(), "no option '" + name + "'",
+                           "a map made by `stillmap build`");
+  }
+  return found->second;
+}
+
+double number_of(const maps::MapPackage& map, const std::string& name) {
+  const std::string& text = option_of(map, name);
+  double number = 0.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error != std::errc() || end != text.data() + text.size()) {
+    throw maps::InputError((map.folder() / "manifest.json").string(),
+                           "option " + name + " '" + text + "'", "a number");
+  }
+  return number;
+}
+
+/// Scans of the drive that the map was made of.
+std::vector<std::size_t> mapped_scans(const maps::MapPackage& map, const maps::Drive& drive) {
+  std::vector<std::size_t> indices =
+      maps::Selection::parse(option_of(map, "select")).indices(drive.size());
+  const std::vector<maps::StampedPose> poses = map.trajectory().poses();
+  if (poses.size() != indices.size()) {
+    throw maps::InputError(drive.contents().root.string(),
+                           fmt::format("{} scans for the map's selection", indices.size()),
+                           fmt::format("the map's {}", poses.size()));
+  }
+  for (std::size_t i = 0; i < indices.size(); ++i) {
+    if (drive.stamp_ns(indices[i]) == poses[i].stamp_ns) continue;
+    throw maps::InputError(
+        drive.contents().root.string(),
+        fmt::format("scan {} at {} ns", indices[i], drive.stamp_ns(indices[i])),
+        fmt::format("the map's {} ns: the drive that it was made of", poses[i].stamp_ns));
+  }
+  return indices;
+}
+
+std::vector<std::size_t> labelled_scans(std::vector<std::size_t> indices,
+                                        const maps::BoxSequence& labels,
+                                        const std::filesystem::path& file) {
+  std::erase_if(indices, [&](std::size_t i) { return !labels.by_scan.contains(i); });
+  if (indices.empty())
+    throw maps::InputError(file.string(), "no label of a scan in the map", "at least one");
+  return indices;
+}
+
+/// Removed objects as boxes of their scan's lidar frame.
+std::map<std::size_t, std::vector<maps::Box>> removed_boxes(const maps::MapPackage& map,
+                                                            const maps::Drive& drive) {
+  std::map<std::size_t, std::vector<maps::Box>> boxes;
+  for (const maps::MapObject& object : map.objects()) {
+    const Eigen::Isometry3d T_lidar_map = drive.T_map_lidar(object.scan).inverse();
+    const Eigen::Vector3d heading =
+        T_lidar_map.linear() *
+        Eigen::Vector3d(std::cos(object.yaw_rad), std::sin(object.yaw_rad), 0.0);
+    boxes[object.scan].push_back({.centre = T_lidar_map * object.centre_map,
+                                  .size_m = object.size_m,
+                                  .yaw_rad = std::atan2(heading.y(), heading.x())});
+  }
+  return boxes;
+}
+
+bool any_holds(const std::vector<maps::Box>& boxes, const Eigen::Vector3d& p, double margin_m) {
+  return std::any_of(boxes.begin(), boxes.end(),
+                     [&](const maps::Box& box) { return box.contains(p, margin_m); });
+}
+
+/// One drive against one map.
+class Judge {
+ public:
+  Judge(const maps::MapPackage& map, const maps::Drive& drive, maps::BoxSequence labels)
+      : map_(map),
+        drive_(drive),
+        labels_(std::move(labels)),
+        removed_(removed_boxes(map, drive)),
+        margin_m_(number_of(map, "margin_m")),
+        points_(map),
+        ground_(make_ground_segmenter()),
+        range_m_{number_of(map, "min_range_m"), number_of(map, "max_range_m")} {}
+
+  void scan(std::size_t index, MapEvaluation& result) const {
+    const maps::Scan scan = read(index);
+    const GroundResult ground = ground_->segment(scan.cloud);
+    for (std::size_t i = 0; i < scan.cloud.size(); ++i)
+      point(index, scan.cloud.positions[i].cast<double>(), ground, i, result);
+    ++result.scans;
+  }
+
+  /// @param mapped    scans that the map was made of.
+  /// @param labelled  those of them with labels.
+  void draw(const std::filesystem::path& folder, const std::vector<std::size_t>& mapped,
+            const std::vector<std::size_t>& labelled) const {
+    TopView before = empty_picture();
+    TopView after = before;
+    const Eigen::Vector3d& origin = map_.manifest().origin;
+    for (const std::size_t index : mapped) {
+      for (const Eigen::Vector3f& p : read(index).cloud.positions)
+        before.add_point(drive_.T_map_lidar(index) * p.cast<double>() - origin);
+    }
+    for (const maps::TileEntry& tile : map_.manifest().tiles) {
+      for (const maps::MapPoint& p : map_.tile(tile.id))
+        after.add_point(Eigen::Vector3f(p.x, p.y, p.z).cast<double>());
+    }
+    for (const std::size_t index : labelled) {
+      Eigen::Isometry3d T_picture_lidar = drive_.T_map_lidar(index);
+      T_picture_lidar.translation() -= origin;
+      for (const maps::Box& box : labels_.by_scan.at(index)) {
+        before.add_box(box, T_picture_lidar, kLabelColour);
+        after.add_box(box, T_picture_lidar, kLabelColour);
+      }
+    }
+    std::filesystem::create_directories(folder);
+    before.write_png(folder / "before.png");
+    after.write_png(folder / "after.png");
+  }
+
+ private:
+  [[nodiscard]] TopView empty_picture() const {
+    Eigen::Vector2d min = Eigen::Vector2d::Constant(std::numeric_limits<double>::max());
+    Eigen::Vector2d max = -min;
+    for (const maps::TileEntry& tile : map_.manifest().tiles) {
+      min = min.cwiseMin(Eigen::Vector2d(tile.min[0], tile.min[1]));
+      max = max.cwiseMax(Eigen::Vector2d(tile.max[0], tile.max[1]));
+    }
+    // As the preview: a map of one point has no extent of its own.
+    return {min - Eigen::Vector2d::Ones(), max + Eigen::Vector2d::Ones(), kPictureSide};
+  }
+
+  [[nodiscard]] maps::Scan read(std::size_t index) const {
+    std::map<std::string, std::uint64_t> counts;
+    return read_deskewed(drive_, index, range_m_, counts);
+  }
+
+  void point(std::size_t scan, const Eigen::Vector3d& p, const GroundResult& ground,
+             std::size_t number, MapEvaluation& result) const {
+    const std::vector<maps::Box>& labels = labels_.by_scan.at(scan);
+    const Eigen::Vector3d p_map = drive_.T_map_lidar(scan) * p;
+    if (!any_holds(labels, p, kLabelMarginM)) {
+      const bool changed = !points_.in_voxel_of(p_map);
+      const bool in_view = std::abs(std::atan2(p.y(), p.x())) < kHalfFieldOfViewRad;
+      ++result.outside_points;
+      result.outside_changed += changed ? 1 : 0;
+      result.fov_points += in_view ? 1 : 0;
+      result.fov_changed += in_view && changed ? 1 : 0;
+      return;
+    }
+    if (!any_holds(labels, p, 0.0)) return;
+    const auto below = ground.surface->at(p.x(), p.y());
+    if (!below || p.z() - below->z <= kMinHeightM) return;
+    const auto removed = removed_.find(scan);
+    const bool stays = ground.is_ground[number] != 0 || removed == removed_.end() ||
+                       !any_holds(removed->second, p, margin_m_);
+    ++result.box_points_before;
+    result.box_points_after += stays ? 1 : 0;
+    result.box_points_in_map += points_.within(p_map, kNearM) ? 1 : 0;
+  }
+
+  const maps::MapPackage& map_;
+  const maps::Drive& drive_;
+  maps::BoxSequence labels_;
+  std::map<std::size_t, std::vector<maps::Box>> removed_;
+  double margin_m_;
+  MeasuredPoints points_;
+  std::unique_ptr<GroundSegmenter> ground_;
+  std::array<double, 2> range_m_;
+};
+
+double share(std::size_t part, std::size_t whole) {
+  return whole == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(whole);
+}
+
+}  // namespace
+
+MapEvaluation evaluate_map(const maps::MapPackage& map, const maps::Drive& drive,
+                           const MapEvaluationOptions& options, const ProgressCallback& progress,
+                           const CancelFlag& cancel) {
+  const auto began = std::chrono::steady_clock::now();
+  if (!drive.has_poses())
+    throw maps::InputError(drive.contents().root.string(), "a drive without poses", "poses");
+  maps::BoxSequence labels = maps::read_boxes(options.boxes_file, drive.size());
+  const std::vector<std::size_t> mapped = mapped_scans(map, drive);
+  const std::vector<std::size_t> labelled = labelled_scans(mapped, labels, options.boxes_file);
+  const Judge judge(map, drive, std::move(labels));
+  MapEvaluation result;
+  for (const std::size_t index : labelled) {
+    if (cancel) throw Cancelled();
+    judge.scan(index, result);
+    if (progress) progress("scans", result.scans, labelled.size());
+  }
+  if (options.pictures_folder) judge.draw(*options.pictures_folder, mapped, labelled);
+  result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+  return result;
+}
+
+std::string to_json(const MapEvaluation& evaluation) {
+  const MapEvaluation& e = evaluation;
+  return nlohmann::json{
+      {"scans", e.scans},
+      {"seconds", e.seconds},
+      {"box_points",
+       {{"before", e.box_points_before},
+        {"after", e.box_points_after},
+        {"removed_share", 1.0 - share(e.box_points_after, e.box_points_before)},
+        {"in_map", e.box_points_in_map},
+        {"in_map_removed_share", 1.0 - share(e.box_points_in_map, e.box_points_before)}}},
+      {"outside",
+       {{"points", e.outside_points},
+        {"changed", e.outside_changed},
+        {"changed_share", share(e.outside_changed, e.outside_points)},
+        {"fov_points", e.fov_points},
+        {"fov_changed", e.fov_changed},
+        {"fov_changed_share", share(e.fov_changed, e.fov_points)}}}}
+      .dump(2);
+}
+
+}  // namespace stillmap::mapping

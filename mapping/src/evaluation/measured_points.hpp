@@ -1,0 +1,31 @@
+#pragma once
+
+#include <stillmap/maps/map_package.hpp>
+
+#include <Eigen/Core>
+
+#include <cstdint>
+#include <unordered_map>
+#include <unordered_set>
+#include <vector>
+
+namespace stillmap::mapping {
+
+/// The measured points of a map, to look raw points up in.
+class MeasuredPoints {
+ public:
+  explicit MeasuredPoints(const maps::MapPackage& map);
+
+  /// Whether the voxel of the map that a point [m, map frame] lies in holds a measured point.
+  [[nodiscard]] bool in_voxel_of(const Eigen::Vector3d& p_map) const;
+  /// Whether a measured point lies within `radius_m` <= 0.1 m.
+  [[nodiscard]] bool within(const Eigen::Vector3d& p_map, double radius_m) const;
+
+ private:
+  Eigen::Vector3d origin_;
+  double voxel_m_;
+  std::unordered_set<std::uint64_t> voxels_;
+  std::unordered_multimap<std::uint64_t, Eigen::Vector3f> points_;
+};
+
+}  // namespace stillmap::mapping

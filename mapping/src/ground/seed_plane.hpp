@@ -1,0 +1,26 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include <optional>
+#include <vector>
+
+namespace stillmap::mapping {
+
+/// z = height + slope . (x, y) in the lidar frame.
+struct SeedPlane {
+  double height = 0.0;
+  Eigen::Vector2d slope = Eigen::Vector2d::Zero();
+
+  [[nodiscard]] double z_at(double x, double y) const {
+    return height + slope.x() * x + slope.y() * y;
+  }
+};
+
+/// The plane under the sensor from the lowest points of the cells around it [m, lidar frame]: the
+/// one that most of them lie on and few lie below, among planes that pass below the sensor with a
+/// slope of at most 0.3 (a street of 10 % and a sensor tilted by some degrees).
+/// @return nothing when no plane holds at least 6 of them. Same input, same bits.
+[[nodiscard]] std::optional<SeedPlane> find_seed_plane(const std::vector<Eigen::Vector3d>& lows);
+
+}  // namespace stillmap::mapping
