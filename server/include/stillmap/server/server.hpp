@@ -1,0 +1,40 @@
+#pragma once
+
+#include <stillmap/server/server_options.hpp>
+
+#include <filesystem>
+#include <memory>
+
+namespace stillmap::server {
+
+/// The HTTP server over one folder of maps. The routes stand in `server/README.md`.
+///
+/// Answers `/livez` as soon as it runs; maps are indexed in the background and `/readyz` tells when
+/// they are.
+class Server {
+ public:
+  /// @param store  folder of map packages, see `maps::MapStore`.
+  /// @param web    folder of the built web page; when it does not exist, `/` says that it was not
+  /// built.
+  /// @throws std::invalid_argument on broken options, maps::StorageError if a folder cannot be
+  /// read.
+  Server(const ServerOptions& options, const std::filesystem::path& store,
+         const std::filesystem::path& web);
+  ~Server();
+  Server(const Server&) = delete;
+  Server& operator=(const Server&) = delete;
+
+  /// Takes the port. @return its number. @throws std::runtime_error when it is taken or not
+  /// allowed.
+  int bind();
+  /// Serves until `stop`. Call once, after `bind`.
+  void run();
+  /// Takes no more requests and lets those in hand finish. Safe from any thread, also before `run`.
+  void stop();
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace stillmap::server

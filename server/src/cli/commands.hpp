@@ -1,0 +1,27 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include <filesystem>
+#include <string>
+
+namespace stillmap::cli {
+
+/// Each adds one subcommand, with its options, help and callback.
+void add_localize(CLI::App& app);
+void add_serve(CLI::App& app);
+void add_inspect(CLI::App& app);
+/// Names what `stillmap-mapper` does, so that the help lists it.
+void add_mapper_commands(CLI::App& app);
+
+/// Whether a subcommand is the mapper's.
+[[nodiscard]] bool is_mapper_command(const std::string& name);
+/// Becomes `stillmap-mapper` with the same arguments. Returns only by throwing std::runtime_error.
+[[noreturn]] void exec_mapper(char** argv);
+
+/// `name` beside this program, or at `installed` relative to the folder above it; empty when there
+/// is neither.
+[[nodiscard]] std::filesystem::path find_beside(const std::filesystem::path& name,
+                                                const std::filesystem::path& installed);
+
+}  // namespace stillmap::cli

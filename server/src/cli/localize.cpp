@@ -1,0 +1,151 @@
+#include <fmt/core.h>
+#include <fmt/ranges.h>
+
+#include <array>
+#include <charconv>
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <numbers>
+#include <stdexcept>
+#include <stillmap/localization/aligner.hpp>
+#include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/scan_file.hpp>
+#include <string>
+#include <vector>
+
+#include "command_line/run_program.hpp"
+#include "command_line/table.hpp"
+#include "commands.hpp"
+#include "json/answers_json.hpp"
+#include "pose_checks.hpp"
+
+namespace stillmap::cli {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+
+struct LocalizeArguments {
+  std::filesystem::path map;
+  std::filesystem::path scan;
+  std::string prior;
+  std::string method = localization::aligner_names().front();
+  bool json = false;
+};
+
+std::vector<double> read_numbers(const std::string& text) {
+  std::vector<double> numbers;
+  const char* at = text.data();
+  const char* const end = at + text.size();
+  for (;;) {
+    double number = 0.0;
+    const auto [next, error] = std::from_chars(at, end, number);
+    if (error != std::errc{}) return {};
+    numbers.push_back(number);
+    if (next == end) return numbers;
+    if (*next != ',') return {};
+    at = next + 1;
+  }
+}
+
+Eigen::Isometry3d read_prior(const std::string& text) {
+  const std::vector<double> n = read_numbers(text);
+  std::array<double, 4> quaternion{0.0, 0.0, 0.0, 1.0};
+  if (n.size() == 4) {
+    quaternion[2] = std::sin(0.5 * n[3] * kDegree);
+    quaternion[3] = std::cos(0.5 * n[3] * kDegree);
+  } else if (n.size() == 7) {
+    quaternion = {n[3], n[4], n[5], n[6]};
+  } else {
+    throw std::invalid_argument("--prior: found '" + text +
+                                "', expected X,Y,Z,YAW_DEG or X,Y,Z,QX,QY,QZ,QW");
+  }
+  try {
+    return server::checked_pose({n[0], n[1], n[2]}, quaternion,
+                                {server::ErrorCode::kInvalidPrior, "--prior", "--prior"});
+  } catch (const server::ApiError& error) {
+    throw std::invalid_argument(error.what());
+  }
+}
+
+void print_for_people(const server::PoseAnswer& answer) {
+  const localization::AlignmentResult& result = answer.result;
+  command_line::Table table;
+  table.add("status", std::string(localization::name_of(result.status)));
+  if (!result.reasons.empty())
+    table.add("reasons", fmt::format("{}", fmt::join(result.reasons, ", ")));
+  if (result.status != localization::PoseStatus::kLost) {
+    const Eigen::Vector3d t = result.T_map_lidar.translation();
+    const Eigen::Matrix3d R = result.T_map_lidar.linear();
+    const Eigen::Matrix<double, 6, 1> sigma = result.covariance.diagonal().cwiseSqrt();
+    table.add("position", fmt::format("{:.3f}, {:.3f}, {:.3f} m", t.x(), t.y(), t.z()));
+    table.add("yaw", fmt::format("{:.3f} deg", std::atan2(R(1, 0), R(0, 0)) / kDegree));
+    table.add("sigma", fmt::format("{:.3f}, {:.3f}, {:.3f} m; yaw {:.3f} deg", sigma(0), sigma(1),
+                                   sigma(2), sigma(5) / kDegree));
+    const Eigen::Isometry3d moved =
+        answer.parameters.prior.T_map_lidar.inverse() * result.T_map_lidar;
+    table.add("from the prior", fmt::format("{:.3f} m, {:.3f} deg", moved.translation().norm(),
+                                            Eigen::AngleAxisd(moved.linear()).angle() / kDegree));
+  }
+  table.add("inlier ratio", fmt::format("{:.3f}", result.inlier_ratio));
+  table.add("rmse", fmt::format("{:.3f} m", result.rmse_m));
+  table.add("iterations", std::to_string(result.iterations));
+  table.add("time", fmt::format("{:.1f} ms", answer.timing.align_ms));
+  table.print();
+}
+
+double milliseconds_since(std::chrono::steady_clock::time_point begin) {
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin)
+      .count();
+}
+
+void localize(const LocalizeArguments& arguments) {
+  server::PoseAnswer answer{
+      .map_name = arguments.map.filename().string(), .map_digest = {}, .request_id = {}};
+  answer.parameters.prior.T_map_lidar = read_prior(arguments.prior);
+  const auto map = maps::MapPackage::open(arguments.map);
+  answer.map_digest = map->digest();
+  const auto begin = std::chrono::steady_clock::now();
+  const maps::PointCloud scan = maps::read_scan_file(arguments.scan).cloud;
+  answer.timing.decode_ms = milliseconds_since(begin);
+  const auto aligner =
+      localization::make_aligner(arguments.method, localization::MapIndex::build(*map));
+  const auto align_begin = std::chrono::steady_clock::now();
+  answer.result = aligner->align(scan, answer.parameters.prior);
+  answer.timing.align_ms = milliseconds_since(align_begin);
+  answer.timing.total_ms = answer.timing.decode_ms + answer.timing.align_ms;
+  if (arguments.json) {
+    fmt::print("{}\n", server::pose_answer_json(answer));
+  } else {
+    print_for_people(answer);
+  }
+  if (answer.result.status == localization::PoseStatus::kLost) {
+    throw command_line::ExitCode{command_line::kFailed};
+  }
+}
+
+}  // namespace
+
+void add_localize(CLI::App& app) {
+  auto arguments = std::make_shared<LocalizeArguments>();
+  CLI::App* command = app.add_subcommand(
+      "localize", "Find where one scan was taken; exit code 1 when the scan is lost");
+  command->add_option("MAP", arguments->map, "Map package")
+      ->required()
+      ->check(command_line::existing_folder());
+  command->add_option("SCAN", arguments->scan, "Scan: .bin (float32 x y z intensity), .pcd or .ply")
+      ->required()
+      ->check(command_line::existing_file());
+  command
+      ->add_option(
+          "--prior", arguments->prior,
+          "Where the search starts: X,Y,Z,YAW_DEG or X,Y,Z,QX,QY,QZ,QW in the map frame [m]")
+      ->required();
+  command->add_option("--method", arguments->method, "Alignment method")
+      ->capture_default_str()
+      ->check(CLI::IsMember(localization::aligner_names()));
+  command->add_flag("--json", arguments->json, "Print the answer as the server would send it");
+  command->callback([arguments] { localize(*arguments); });
+}
+
+}  // namespace stillmap::cli

@@ -1,0 +1,28 @@
+#include <fmt/core.h>
+
+#include <exception>
+
+#include "cli/commands.hpp"
+#include "command_line/run_program.hpp"
+
+int main(int argc, char** argv) {
+  namespace cli = stillmap::cli;
+  if (argc > 1 && cli::is_mapper_command(argv[1])) {
+    try {
+      cli::exec_mapper(argv);
+    } catch (const std::exception& error) {
+      fmt::print(stderr, "stillmap: {}\n", error.what());
+      return stillmap::command_line::kFailed;
+    }
+  }
+  CLI::App app(
+      "Turns LiDAR drives into maps that hold only what stays, and answers where a scan was taken.",
+      "stillmap");
+  app.set_version_flag("--version", STILLMAP_VERSION);
+  app.require_subcommand(1);
+  cli::add_mapper_commands(app);
+  cli::add_localize(app);
+  cli::add_serve(app);
+  cli::add_inspect(app);
+  return stillmap::command_line::run_program(app, argc, argv);
+}

@@ -1,0 +1,98 @@
+#include "run_program.hpp"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstdio>
+#include <exception>
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+
+namespace stillmap::command_line {
+namespace {
+
+std::atomic<bool> cancelled = false;
+static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may set it");
+
+extern "C" void set_cancelled(int) { cancelled = true; }
+
+int report(std::string message, int exit_code) {
+  std::replace(message.begin(), message.end(), '\n', ' ');
+  fmt::print(stderr, "stillmap: {}\n", message);
+  return exit_code;
+}
+
+/// CLI11 would only say that one is required.
+void require_known_subcommand(const CLI::App& app, int argc, char** argv) {
+  if (argc < 2 || argv[1][0] == '-') return;
+  std::string names;
+  for (const CLI::App* each : app.get_subcommands([](const CLI::App*) { return true; })) {
+    if (each->get_name() == argv[1]) return;
+    names += (names.empty() ? "" : ", ") + each->get_name();
+  }
+  throw std::invalid_argument(fmt::format("found '{}', expected one of {}", argv[1], names));
+}
+
+CLI::Validator existing(const char* kind, bool (*holds)(const std::filesystem::path&)) {
+  return CLI::Validator(
+      [kind, holds](const std::string& path) {
+        if (holds(path)) return std::string();
+        const bool exists = std::filesystem::exists(path);
+        return fmt::format("{}: found {}, expected a {}", path,
+                           exists ? "something else" : "nothing", kind);
+      },
+      kind);
+}
+
+}  // namespace
+
+CLI::Validator existing_folder() {
+  return existing("folder", [](const std::filesystem::path& path) {
+    return std::filesystem::is_directory(path);
+  });
+}
+
+CLI::Validator existing_file() {
+  return existing("file", [](const std::filesystem::path& path) {
+    return std::filesystem::is_regular_file(path);
+  });
+}
+
+CLI::Validator in_existing_folder() {
+  return existing("file in an existing folder", [](const std::filesystem::path& path) {
+    return std::filesystem::is_directory(std::filesystem::absolute(path).parent_path()) &&
+           !std::filesystem::is_directory(path);
+  });
+}
+
+int run_program(CLI::App& app, int argc, char** argv) {
+  try {
+    require_known_subcommand(app, argc, argv);
+    app.parse(argc, argv);
+    return kSucceeded;
+  } catch (const CLI::Success& help) {
+    return app.exit(help);
+  } catch (const CLI::ParseError& error) {
+    return report(error.what(), kUsage);
+  } catch (const ExitCode& code) {
+    return code.value;
+  } catch (const std::invalid_argument& error) {
+    return report(error.what(), kUsage);
+  } catch (const std::exception& error) {
+    return cancelled ? report("cancelled", kCancelled) : report(error.what(), kFailed);
+  }
+}
+
+std::atomic<bool>& cancel_flag() { return cancelled; }
+
+void cancel_on_signals() {
+  struct sigaction action {};
+  action.sa_handler = set_cancelled;
+  action.sa_flags = static_cast<int>(SA_RESTART | SA_RESETHAND);
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+}  // namespace stillmap::command_line

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include <atomic>
+
+namespace stillmap::command_line {
+
+inline constexpr int kSucceeded = 0;
+inline constexpr int kFailed = 1;
+inline constexpr int kUsage = 2;
+inline constexpr int kCancelled = 130;
+
+/// Parses and runs the chosen subcommand's callback. What goes wrong is one line on stderr,
+/// `stillmap: ...`.
+/// @return the exit code.
+[[nodiscard]] int run_program(CLI::App& app, int argc, char** argv);
+
+/// For arguments that must be there; say what was found in the words of every other error.
+[[nodiscard]] CLI::Validator existing_folder();
+[[nodiscard]] CLI::Validator existing_file();
+/// For files that are written at the end of long work: their folder must be there at its beginning.
+[[nodiscard]] CLI::Validator in_existing_folder();
+
+/// Set by SIGINT and SIGTERM once `cancel_on_signals` was called; a second signal ends the program
+/// at once.
+[[nodiscard]] std::atomic<bool>& cancel_flag();
+void cancel_on_signals();
+
+/// Ends the program with a code of its own after its output is written; thrown by a subcommand.
+struct ExitCode {
+  int value;
+};
+
+}  // namespace stillmap::command_line

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace stillmap::command_line {
+
+/// A summary for people: names and values, in two columns.
+class Table {
+ public:
+  void add(std::string name, std::string value) {
+    rows_.emplace_back(std::move(name), std::move(value));
+  }
+  /// Writes to stdout.
+  void print() const;
+
+ private:
+  std::vector<std::pair<std::string, std::string>> rows_;
+};
+
+/// 1234567 -> "1 234 567".
+[[nodiscard]] std::string grouped(unsigned long long number);
+
+}  // namespace stillmap::command_line

@@ -1,0 +1,55 @@
+#include "error_codes.hpp"
+
+#include <array>
+
+namespace stillmap::server {
+namespace {
+
+constexpr std::array kErrors = {
+    ErrorInfo{ErrorCode::kInvalidRequest, "InvalidRequest", "The request cannot be read", 400},
+    ErrorInfo{ErrorCode::kUnknownParameter, "UnknownParameter", "No such parameter here", 400},
+    ErrorInfo{ErrorCode::kUnknownMethod, "UnknownMethod", "No such alignment method", 400},
+    ErrorInfo{ErrorCode::kInvalidScan, "InvalidScan", "The scan cannot be decoded", 400},
+    ErrorInfo{ErrorCode::kUnknownRoute, "UnknownRoute", "Nothing is served at this path", 404},
+    ErrorInfo{ErrorCode::kUnknownMap, "UnknownMap", "No map of this name", 404},
+    ErrorInfo{ErrorCode::kUnknownVersion, "UnknownVersion", "The map has no such version", 404},
+    ErrorInfo{ErrorCode::kUnknownTile, "UnknownTile", "The map has no such tile", 404},
+    ErrorInfo{ErrorCode::kMethodNotAllowed, "MethodNotAllowed", "Wrong method for this path", 405},
+    ErrorInfo{ErrorCode::kLengthRequired, "LengthRequired", "The body's length is not said", 411},
+    ErrorInfo{ErrorCode::kPayloadTooLarge, "PayloadTooLarge", "The request is too large", 413},
+    ErrorInfo{ErrorCode::kUnsupportedMediaType, "UnsupportedMediaType", "Unknown content type",
+              415},
+    ErrorInfo{ErrorCode::kRangeNotSatisfiable, "RangeNotSatisfiable", "Not one range of the body",
+              416},
+    ErrorInfo{ErrorCode::kPriorRequired, "PriorRequired", "A prior pose is needed", 422},
+    ErrorInfo{ErrorCode::kInvalidPrior, "InvalidPrior", "The prior is not a usable pose", 422},
+    ErrorInfo{ErrorCode::kInvalidTransform, "InvalidTransform", "T_base_lidar is not a usable pose",
+              422},
+    ErrorInfo{ErrorCode::kInvalidPoints, "InvalidPoints", "The scan holds unusable points", 422},
+    ErrorInfo{ErrorCode::kTooFewPoints, "TooFewPoints", "The scan has too few points", 422},
+    ErrorInfo{ErrorCode::kHeaderTooLarge, "HeaderTooLarge", "The request's header is too large",
+              431},
+    ErrorInfo{ErrorCode::kInternalError, "InternalError", "The server failed", 500},
+    ErrorInfo{ErrorCode::kStorageError, "StorageError", "The server could not read its store", 500},
+    ErrorInfo{ErrorCode::kBusy, "Busy", "Too many requests at once", 503},
+    ErrorInfo{ErrorCode::kMapLoading, "MapLoading", "The map is still being loaded", 503},
+    ErrorInfo{ErrorCode::kMapUnusable, "MapUnusable", "The map could not be loaded", 503},
+    ErrorInfo{ErrorCode::kDeadlineExceeded, "DeadlineExceeded", "No answer within the deadline",
+              504},
+};
+
+constexpr bool in_order() {
+  for (std::size_t i = 0; i < kErrors.size(); ++i) {
+    if (static_cast<std::size_t>(kErrors[i].code) != i) return false;
+  }
+  return true;
+}
+static_assert(in_order(), "the table follows the enumeration");
+
+}  // namespace
+
+const ErrorInfo& info_of(ErrorCode code) { return kErrors.at(static_cast<std::size_t>(code)); }
+
+std::span<const ErrorInfo> all_errors() { return kErrors; }
+
+}  // namespace stillmap::server

@@ -1,0 +1,17 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace stillmap::server {
+
+[[nodiscard]] std::string lower(std::string_view text);
+/// Without spaces and tabs at either end.
+[[nodiscard]] std::string_view trimmed(std::string_view text);
+/// `Text/HTML; charset=utf-8` -> `text/html`.
+[[nodiscard]] std::string media_type(std::string_view header);
+/// `form-data; name="scan"`, `name` -> `scan`; empty when absent. Knows plain and quoted values, no
+/// escapes.
+[[nodiscard]] std::string parameter_of(std::string_view header, std::string_view name);
+
+}  // namespace stillmap::server

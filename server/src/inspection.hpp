@@ -1,0 +1,55 @@
+#pragma once
+
+#include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/map_package.hpp>
+
+#include <Eigen/Geometry>
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace stillmap::server {
+
+/// What a map package holds.
+struct MapSummary {
+  std::string digest;
+  maps::MapManifest manifest;
+  std::uint64_t points = 0;
+  /// In the map frame [m].
+  Eigen::AlignedBox3d bounds_map;
+  std::size_t objects = 0;
+  std::size_t poses = 0;
+  double path_length_m = 0.0;
+};
+
+/// What a drive holds.
+struct DriveSummary {
+  maps::DriveLayout layout = maps::DriveLayout::kScanFolder;
+  std::size_t scans = 0;
+  double duration_s = 0.0;
+  /// Scans a second over the duration; 0 with one scan.
+  double rate_hz = 0.0;
+  bool relative_clock = true;
+  bool has_poses = false;
+  bool has_point_times = false;
+  bool has_labels = false;
+  double path_length_m = 0.0;
+  std::optional<maps::GeodeticOrigin> origin;
+  /// Of the first scan, in its lidar frame [m].
+  std::size_t first_scan_points = 0;
+  maps::DropCounts first_scan_dropped;
+  Eigen::AlignedBox3d first_scan_bounds;
+  std::vector<std::string> notes;
+};
+
+/// Whether a folder is a map package rather than a drive.
+[[nodiscard]] bool is_map_package(const std::filesystem::path& folder);
+
+[[nodiscard]] MapSummary summarize(const maps::MapPackage& package);
+/// Reads the first scan. @throws as `maps::Drive::read`.
+[[nodiscard]] DriveSummary summarize(const maps::Drive& drive);
+
+}  // namespace stillmap::server

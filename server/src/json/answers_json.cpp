@@ -1,0 +1,184 @@
+#include "answers_json.hpp"
+
+#include "json_values.hpp"
+
+#include <stillmap/maps/box.hpp>
+#include <stillmap/maps/frames.hpp>
+
+namespace stillmap::server {
+namespace {
+
+std::uint64_t point_count(const maps::MapManifest& manifest) {
+  std::uint64_t points = 0;
+  // Coarser levels hold the same points again, thinned.
+  for (const maps::TileEntry& tile : manifest.tiles) points += tile.id.level == 0 ? tile.points : 0;
+  return points;
+}
+
+Json reference(const std::string& name, const std::string& digest) {
+  return {{"name", name}, {"version", digest.substr(0, 12)}, {"digest", digest}};
+}
+
+Json directions(const std::vector<Eigen::Matrix<double, 6, 1>>& each) {
+  Json array = Json::array();
+  for (const Eigen::Matrix<double, 6, 1>& direction : each)
+    array.push_back(to_json_array(direction));
+  return array;
+}
+
+Json offset(const Eigen::Isometry3d& T_map_prior, const Eigen::Isometry3d& T_map_lidar) {
+  const Eigen::Isometry3d T_prior_lidar = T_map_prior.inverse() * T_map_lidar;
+  return {{"m", T_prior_lidar.translation().norm()},
+          {"rad", maps::rotation_angle_rad(T_prior_lidar.linear())}};
+}
+
+/// The keys that a pose carries; null when there is none, so that nobody drives on by mistake.
+void add_pose(Json& json, const PoseAnswer& answer) {
+  const localization::AlignmentResult& result = answer.result;
+  const bool has_pose = result.status != localization::PoseStatus::kLost;
+  json["pose"] = has_pose ? to_json_pose(result.T_map_lidar) : Json();
+  if (const auto& T_base_lidar = answer.parameters.T_base_lidar) {
+    json["T_map_base"] =
+        has_pose ? to_json_pose(result.T_map_lidar * T_base_lidar->inverse()) : Json();
+  }
+  json["covariance"] = has_pose ? to_json_array(result.covariance) : Json();
+  json["covariance_order"] = {"tx", "ty", "tz", "rx", "ry", "rz"};
+  json["inlier_ratio"] = result.inlier_ratio;
+  json["rmse_m"] = result.rmse_m;
+  json["degenerate_directions"] = directions(result.degenerate_directions);
+  json["prior_to_pose"] =
+      has_pose ? offset(answer.parameters.prior.T_map_lidar, result.T_map_lidar) : Json();
+}
+
+}  // namespace
+
+std::string pose_answer_json(const PoseAnswer& answer) {
+  Json json;
+  json["status"] = localization::name_of(answer.result.status);
+  json["reasons"] = answer.result.reasons;
+  add_pose(json, answer);
+  json["iterations"] = answer.result.iterations;
+  json["map"] = reference(answer.map_name, answer.map_digest);
+  const auto& stamp_ns = answer.parameters.stamp_ns;
+  // As text: beyond 2^53 a JSON number is no longer exact.
+  json["stamp_ns"] = stamp_ns ? Json(std::to_string(*stamp_ns)) : Json();
+  json["timing_ms"] = {{"decode", answer.timing.decode_ms},
+                       {"align", answer.timing.align_ms},
+                       {"total", answer.timing.total_ms}};
+  json["request_id"] = answer.request_id;
+  return to_text(json);
+}
+
+std::string map_list_json(const std::vector<ServedMap>& maps,
+                          const std::vector<maps::MapStore::Refusal>& refused) {
+  Json json;
+  json["maps"] = Json::array();
+  json["refused"] = Json::array();
+  for (const maps::MapStore::Refusal& each : refused) {
+    json["refused"].push_back({{"name", each.name}, {"reason", each.reason}});
+  }
+  for (const ServedMap& map : maps) {
+    Json entry = reference(map.name, map.package->digest());
+    entry["points"] = point_count(map.package->manifest());
+    entry["tiles"] = map.package->manifest().tiles.size();
+    json["maps"].push_back(std::move(entry));
+    if (map.state == MapState::kFailed) {
+      json["refused"].push_back({{"name", map.name}, {"reason", map.failure}});
+    }
+  }
+  return to_text(json);
+}
+
+std::string map_json(const std::string& name, const maps::MapPackage& package) {
+  const maps::MapManifest& manifest = package.manifest();
+  Json json = reference(name, package.digest());
+  json["schema"] = manifest.schema;
+  json["frame_id"] = manifest.frame_id;
+  json["origin"] = to_json_array(manifest.origin);
+  if (const auto& origin = manifest.geodetic_origin) {
+    json["geodetic_origin"] = {{"latitude_deg", origin->latitude_deg},
+                               {"longitude_deg", origin->longitude_deg},
+                               {"altitude_m", origin->altitude_m}};
+  }
+  json["voxel_size_m"] = manifest.voxel_size_m;
+  json["relative_clock"] = manifest.relative_clock;
+  json["counts"] = manifest.counts;
+  json["tile_size_m"] = maps::kTileSizeM;
+  json["tiles"] = Json::array();
+  for (const maps::TileEntry& tile : manifest.tiles) {
+    json["tiles"].push_back({{"level", tile.id.level},
+                             {"x", tile.id.x},
+                             {"y", tile.id.y},
+                             {"points", tile.points},
+                             {"min", tile.min},
+                             {"max", tile.max}});
+  }
+  json["objects"] = package.objects().size();
+  json["poses"] = package.trajectory().size();
+  return to_text(json);
+}
+
+std::string trajectory_json(const maps::Trajectory& trajectory) {
+  Json json;
+  json["poses"] = Json::array();
+  for (const maps::StampedPose& each : trajectory.poses()) {
+    Json pose;
+    pose["stamp_ns"] = std::to_string(each.stamp_ns);
+    pose.update(to_json_pose(each.T_map_lidar));
+    json["poses"].push_back(std::move(pose));
+  }
+  return to_text(json);
+}
+
+std::string objects_json(const std::vector<maps::MapObject>& objects) {
+  Json json;
+  json["objects"] = Json::array();
+  for (const maps::MapObject& object : objects) {
+    json["objects"].push_back({{"scan", object.scan},
+                               {"centre", to_json_array(object.centre_map)},
+                               {"size", to_json_array(object.size_m)},
+                               {"yaw", object.yaw_rad},
+                               {"class", maps::name_of(object.object_class)},
+                               {"score", object.score},
+                               {"track", object.track},
+                               {"points_removed", object.points_removed}});
+  }
+  return to_text(json);
+}
+
+std::string problem_json(const ApiError& error, const std::string& request_id) {
+  const ErrorInfo& info = info_of(error.code());
+  Json json;
+  json["type"] = "urn:stillmap:error:" + std::string(info.text);
+  json["title"] = info.title;
+  json["status"] = info.http_status;
+  json["detail"] = error.what();
+  json["code"] = info.text;
+  json["request_id"] = request_id;
+  json["errors"] = Json::array();
+  for (const FieldError& each : error.errors()) {
+    json["errors"].push_back(
+        {{"path", each.path}, {"found", each.found}, {"expected", each.expected}});
+  }
+  return to_text(json);
+}
+
+std::string status_json(const std::string& status, const std::vector<std::string>& reasons) {
+  return to_text(Json{{"status", status}, {"reasons", reasons}});
+}
+
+std::string server_status_json(const ServerStatus& status, const ServerOptions& options) {
+  Json json;
+  json["version"] = status.version;
+  json["maps"] = status.maps;
+  json["uptime_s"] = status.uptime_s;
+  json["limits"] = {{"max_payload_bytes", options.max_payload_bytes},
+                    {"max_json_bytes", options.max_json_bytes},
+                    {"min_scan_points", options.min_scan_points},
+                    {"max_scan_points", options.max_scan_points},
+                    {"workers", status.workers},
+                    {"queue", options.queue}};
+  return to_text(json);
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,37 @@
+#pragma once
+
+#include "api_error.hpp"
+#include "map_catalog.hpp"
+#include "pose_answer.hpp"
+
+#include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/trajectory.hpp>
+#include <stillmap/server/server_options.hpp>
+
+#include <string>
+#include <vector>
+
+/// Answers as JSON text, keys in a fixed order. `server/README.md` says what each key means.
+namespace stillmap::server {
+
+[[nodiscard]] std::string pose_answer_json(const PoseAnswer& answer);
+[[nodiscard]] std::string map_list_json(const std::vector<ServedMap>& maps,
+                                        const std::vector<maps::MapStore::Refusal>& refused);
+[[nodiscard]] std::string map_json(const std::string& name, const maps::MapPackage& package);
+[[nodiscard]] std::string trajectory_json(const maps::Trajectory& trajectory);
+[[nodiscard]] std::string objects_json(const std::vector<maps::MapObject>& objects);
+[[nodiscard]] std::string problem_json(const ApiError& error, const std::string& request_id);
+/// {"status": STATUS, "reasons": [...]}
+[[nodiscard]] std::string status_json(const std::string& status,
+                                      const std::vector<std::string>& reasons);
+
+struct ServerStatus {
+  std::string version;
+  std::size_t maps = 0;
+  double uptime_s = 0.0;
+  int workers = 0;
+};
+[[nodiscard]] std::string server_status_json(const ServerStatus& status,
+                                             const ServerOptions& options);
+
+}  // namespace stillmap::server

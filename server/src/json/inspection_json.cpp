@@ -1,0 +1,68 @@
+#include "inspection_json.hpp"
+
+#include "json_values.hpp"
+
+namespace stillmap::server {
+namespace {
+
+Json bounds(const Eigen::AlignedBox3d& box) {
+  if (box.isEmpty()) return {};
+  return {{"min", to_json_array(box.min())}, {"max", to_json_array(box.max())}};
+}
+
+Json geodetic(const std::optional<maps::GeodeticOrigin>& origin) {
+  if (!origin) return {};
+  return {{"latitude_deg", origin->latitude_deg},
+          {"longitude_deg", origin->longitude_deg},
+          {"altitude_m", origin->altitude_m}};
+}
+
+}  // namespace
+
+std::string inspection_json(const MapSummary& summary) {
+  const maps::MapManifest& manifest = summary.manifest;
+  Json json;
+  json["kind"] = "map";
+  json["digest"] = summary.digest;
+  json["version"] = summary.digest.substr(0, 12);
+  json["schema"] = manifest.schema;
+  json["software_version"] = manifest.software_version;
+  json["frame_id"] = manifest.frame_id;
+  json["origin"] = to_json_array(manifest.origin);
+  json["geodetic_origin"] = geodetic(manifest.geodetic_origin);
+  json["voxel_size_m"] = manifest.voxel_size_m;
+  json["relative_clock"] = manifest.relative_clock;
+  json["points"] = summary.points;
+  json["tiles"] = manifest.tiles.size();
+  json["bounds_map"] = bounds(summary.bounds_map);
+  json["objects"] = summary.objects;
+  json["poses"] = summary.poses;
+  json["path_length_m"] = summary.path_length_m;
+  json["counts"] = manifest.counts;
+  json["options"] = manifest.options;
+  json["sources"] = manifest.sources;
+  return to_text(json, 2);
+}
+
+std::string inspection_json(const DriveSummary& summary) {
+  Json json;
+  json["kind"] = "drive";
+  json["layout"] = maps::name_of(summary.layout);
+  json["scans"] = summary.scans;
+  json["duration_s"] = summary.duration_s;
+  json["rate_hz"] = summary.rate_hz;
+  json["relative_clock"] = summary.relative_clock;
+  json["has_poses"] = summary.has_poses;
+  json["has_point_times"] = summary.has_point_times;
+  json["has_labels"] = summary.has_labels;
+  json["path_length_m"] = summary.path_length_m;
+  json["geodetic_origin"] = geodetic(summary.origin);
+  json["first_scan"] = {{"points", summary.first_scan_points},
+                        {"non_finite", summary.first_scan_dropped.non_finite},
+                        {"zero_range", summary.first_scan_dropped.zero_range},
+                        {"bounds_lidar", bounds(summary.first_scan_bounds)}};
+  json["notes"] = summary.notes;
+  return to_text(json, 2);
+}
+
+}  // namespace stillmap::server

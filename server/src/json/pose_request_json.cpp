@@ -1,0 +1,175 @@
+#include "pose_request_json.hpp"
+
+#include "api_error.hpp"
+#include "pose_checks.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cmath>
+#include <initializer_list>
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace stillmap::server {
+namespace {
+
+using nlohmann::json;
+
+/// Deepest nesting of any request is 3.
+constexpr int kMaxDepth = 8;
+
+json parse(std::string_view text, const ServerOptions& options) {
+  if (text.size() > options.max_json_bytes) {
+    throw field_error(ErrorCode::kPayloadTooLarge, "JSON", fmt::format("{} bytes", text.size()),
+                      fmt::format("at most {}", options.max_json_bytes));
+  }
+  const auto shallow = [](int depth, json::parse_event_t, const json&) {
+    if (depth > kMaxDepth)
+      throw field_error(ErrorCode::kInvalidRequest, "JSON", "deep nesting", "at most 8");
+    return true;
+  };
+  try {
+    return json::parse(text, shallow);
+  } catch (const json::exception& error) {
+    // Its message is "[json.exception...] parse error at line 1, column 8: ...".
+    throw ApiError(ErrorCode::kInvalidRequest, std::string("JSON: ") + error.what());
+  }
+}
+
+[[noreturn]] void refuse(const std::string& path, const json& found, const std::string& expected) {
+  std::string text = found.dump(-1, ' ', true, json::error_handler_t::replace);
+  if (text.size() > 80) text = text.substr(0, 80) + "...";
+  throw field_error(ErrorCode::kInvalidRequest, path, text, expected);
+}
+
+void require_keys(const json& object, const std::string& path,
+                  std::initializer_list<std::string_view> known) {
+  if (!object.is_object()) refuse(path.empty() ? "JSON" : path, object, "an object");
+  std::string names;
+  for (const std::string_view name : known)
+    names += (names.empty() ? "" : ", ") + std::string(name);
+  for (const auto& item : object.items()) {
+    bool is_known = false;
+    for (const std::string_view name : known) is_known = is_known || item.key() == name;
+    if (is_known) continue;
+    throw field_error(ErrorCode::kUnknownParameter,
+                      path.empty() ? item.key() : path + "." + item.key(), "an unknown key", names);
+  }
+}
+
+template <std::size_t kCount>
+std::array<double, kCount> read_numbers(const json& object, const char* key,
+                                        const std::string& path) {
+  const std::string here = path + "." + key;
+  const std::string expected = fmt::format("{} numbers", kCount);
+  const auto found = object.find(key);
+  if (found == object.end())
+    throw field_error(ErrorCode::kInvalidRequest, here, "nothing", expected);
+  if (!found->is_array() || found->size() != kCount) refuse(here, *found, expected);
+  std::array<double, kCount> numbers{};
+  for (std::size_t i = 0; i < kCount; ++i) {
+    const json& number = (*found)[i];
+    if (!number.is_number()) refuse(here, *found, expected);
+    numbers[i] = number.get<double>();
+  }
+  return numbers;
+}
+
+Eigen::Isometry3d read_pose(const json& object, ErrorCode code, const std::string& path) {
+  return checked_pose(read_numbers<3>(object, "position", path),
+                      read_numbers<4>(object, "quaternion", path),
+                      {code, path + ".position", path + ".quaternion"});
+}
+
+localization::Prior read_prior(const json& request) {
+  const auto found = request.find("prior");
+  if (found == request.end()) {
+    throw ApiError(ErrorCode::kPriorRequired,
+                   "prior is missing; a search of the whole map is not offered yet");
+  }
+  require_keys(*found, "prior", {"position", "quaternion", "covariance"});
+  localization::Prior prior;
+  prior.T_map_lidar = read_pose(*found, ErrorCode::kInvalidPrior, "prior");
+  if (found->contains("covariance")) {
+    prior.covariance =
+        checked_covariance(read_numbers<36>(*found, "covariance", "prior"), "prior.covariance");
+  }
+  return prior;
+}
+
+/// An integer, or the decimal string that JSON needs beyond 2^53.
+std::int64_t read_integer_key(const json& value, const char* key) {
+  if (value.is_string()) return read_integer(key, value.get_ref<const std::string&>());
+  const bool fits = value.is_number_integer() &&
+                    !(value.is_number_unsigned() && value.get<std::uint64_t>() > INT64_MAX);
+  if (!fits) refuse(key, value, "a decimal 64-bit integer");
+  return value.get<std::int64_t>();
+}
+
+std::string read_text(const json& value, const char* key) {
+  if (!value.is_string()) refuse(key, value, "a string");
+  return value.get<std::string>();
+}
+
+PoseParameters read_parameters(const json& request) {
+  PoseParameters parameters;
+  parameters.prior = read_prior(request);
+  if (const auto found = request.find("T_base_lidar"); found != request.end()) {
+    require_keys(*found, "T_base_lidar", {"position", "quaternion"});
+    parameters.T_base_lidar = read_pose(*found, ErrorCode::kInvalidTransform, "T_base_lidar");
+  }
+  if (const auto found = request.find("stamp_ns"); found != request.end()) {
+    parameters.stamp_ns = read_integer_key(*found, "stamp_ns");
+  }
+  if (const auto found = request.find("deadline_ms"); found != request.end()) {
+    parameters.deadline = checked_deadline(read_integer_key(*found, "deadline_ms"));
+  }
+  if (const auto found = request.find("method"); found != request.end()) {
+    parameters.method = read_text(*found, "method");
+  }
+  if (const auto found = request.find("layout"); found != request.end()) {
+    parameters.has_intensity = layout_has_intensity(read_text(*found, "layout"));
+  }
+  return parameters;
+}
+
+maps::PointCloud read_points(const json& request, const ServerOptions& options) {
+  const auto points = request.find("points");
+  if (points == request.end())
+    throw field_error(ErrorCode::kInvalidRequest, "points", "nothing", "an array");
+  if (!points->is_array()) refuse("points", *points, "an array");
+  if (points->size() > options.max_scan_points) {
+    throw field_error(ErrorCode::kPayloadTooLarge, "points",
+                      fmt::format("{} points", points->size()),
+                      fmt::format("at most {}", options.max_scan_points));
+  }
+  maps::PointCloud cloud;
+  cloud.positions.reserve(points->size());
+  for (const json& point : *points) {
+    bool usable = point.is_array() && point.size() == 3;
+    for (std::size_t i = 0; usable && i < 3; ++i) usable = point[i].is_number();
+    if (!usable) refuse(fmt::format("points[{}]", cloud.size()), point, "[x, y, z]");
+    cloud.positions.emplace_back(point[0].get<float>(), point[1].get<float>(),
+                                 point[2].get<float>());
+  }
+  return cloud;
+}
+
+}  // namespace
+
+JsonPoseRequest read_pose_request_json(std::string_view text, JsonScan scan,
+                                       const ServerOptions& options) {
+  const json request = parse(text, options);
+  // The places of the scan differ in one key alone.
+  const std::string_view extra = scan == JsonScan::kInside      ? "points"
+                                 : scan == JsonScan::kRawBeside ? "layout"
+                                                                : "method";
+  require_keys(request, "", {"prior", "T_base_lidar", "stamp_ns", "method", "deadline_ms", extra});
+  JsonPoseRequest result;
+  result.parameters = read_parameters(request);
+  if (scan == JsonScan::kInside) result.scan_lidar = read_points(request, options);
+  return result;
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,13 @@
+#include "mapper/commands.hpp"
+
+namespace stillmap::mapper {
+
+void add_evaluate(CLI::App& app) {
+  CLI::App* evaluate =
+      app.add_subcommand("evaluate", "Measure localization or a map against a drive's truth");
+  evaluate->require_subcommand(1);
+  add_evaluate_localization(*evaluate);
+  add_evaluate_map(*evaluate);
+}
+
+}  // namespace stillmap::mapper

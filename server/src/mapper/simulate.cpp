@@ -1,0 +1,70 @@
+#include <stillmap/simulation/simulate.hpp>
+
+#include <fmt/core.h>
+
+#include <memory>
+#include <string>
+
+#include "command_line/progress_bar.hpp"
+#include "command_line/run_program.hpp"
+#include "command_line/table.hpp"
+#include "mapper/commands.hpp"
+
+namespace stillmap::mapper {
+namespace {
+
+using command_line::grouped;
+
+struct SimulateArguments {
+  std::filesystem::path drive;
+  simulation::SimulationOptions options;
+};
+
+void simulate(const SimulateArguments& arguments) {
+  simulation::SimulationReport report;
+  {
+    command_line::ProgressBar bar;
+    report = simulation::simulate_drive(
+        arguments.drive, arguments.options,
+        [&bar](std::string_view stage, std::size_t done, std::size_t total) {
+          bar.update(stage, done, total);
+        },
+        command_line::cancel_flag());
+  }
+  command_line::Table table;
+  table.add("drive", arguments.drive.string());
+  table.add("scans", fmt::format("{} over {:.1f} m, in {:.1f} s", report.scans, report.distance_m,
+                                 report.seconds));
+  table.add("points", fmt::format("{} of {} rays", grouped(report.points), grouped(report.rays)));
+  table.add("objects", fmt::format("{} parked, {} moving", report.parked, report.moving));
+  table.print();
+}
+
+}  // namespace
+
+void add_simulate(CLI::App& app) {
+  auto arguments = std::make_shared<SimulateArguments>();
+  simulation::SimulationOptions& options = arguments->options;
+  CLI::App* command =
+      app.add_subcommand("simulate", "Make a drive in a simulated world, with the truth beside it");
+  command->add_option("SCENARIO", options.scenario, "World to drive through: town")
+      ->capture_default_str();
+  command
+      ->add_option("-o,--output", arguments->drive,
+                   "Folder to write, in KITTI odometry layout; must not exist")
+      ->required();
+  command->add_option("--seed", options.seed, "Another seed is another world")
+      ->capture_default_str();
+  command->add_option("--day", options.day, "Same world, other parked cars and other traffic")
+      ->capture_default_str();
+  command->add_option("--sensor", options.sensor, "hdl64, os1-64 or vlp16")->capture_default_str();
+  command->add_option("--scans", options.scans, "Scans to take, ten a second")
+      ->capture_default_str();
+  command
+      ->add_option("--threads", options.threads,
+                   "Threads; 0 = all cores. The drive does not depend on it")
+      ->capture_default_str();
+  command->callback([arguments] { simulate(*arguments); });
+}
+
+}  // namespace stillmap::mapper

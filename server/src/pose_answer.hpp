@@ -1,0 +1,26 @@
+#pragma once
+
+#include "pose_request.hpp"
+
+#include <stillmap/localization/aligner.hpp>
+
+#include <string>
+
+namespace stillmap::server {
+
+/// What a pose request is answered with.
+struct PoseAnswer {
+  localization::AlignmentResult result{};
+  PoseParameters parameters{};
+  std::string map_name;
+  std::string map_digest;
+  std::string request_id;
+  struct Timing {
+    double decode_ms = 0.0;
+    double align_ms = 0.0;
+    /// From the complete request to the complete answer, waiting included.
+    double total_ms = 0.0;
+  } timing{};
+};
+
+}  // namespace stillmap::server

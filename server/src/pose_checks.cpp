@@ -1,0 +1,100 @@
+#include "pose_checks.hpp"
+
+#include "api_error.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <Eigen/Cholesky>
+#include <charconv>
+#include <cmath>
+
+namespace stillmap::server {
+
+Eigen::Isometry3d checked_pose(const std::array<double, 3>& position,
+                               const std::array<double, 4>& quaternion, const PoseField& field) {
+  const Eigen::Vector3d t(position[0], position[1], position[2]);
+  if (!(t.cwiseAbs().maxCoeff() <= kMaxPositionM) || t.hasNaN()) {
+    throw field_error(field.code, field.position_path, fmt::format("{}", fmt::join(position, ", ")),
+                      fmt::format("three finite numbers within {} m", kMaxPositionM));
+  }
+  const Eigen::Quaterniond q(quaternion[3], quaternion[0], quaternion[1], quaternion[2]);
+  if (!(std::abs(q.norm() - 1.0) <= kQuaternionTolerance)) {
+    throw field_error(field.code, field.quaternion_path,
+                      fmt::format("{} with norm {}", fmt::join(quaternion, ", "), q.norm()),
+                      fmt::format("x, y, z, w with norm 1 within {}", kQuaternionTolerance));
+  }
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.translation() = t;
+  T.linear() = q.normalized().toRotationMatrix();
+  return T;
+}
+
+Eigen::Matrix<double, 6, 6> checked_covariance(std::span<const double, 36> values,
+                                               const std::string& path) {
+  using Matrix6 = Eigen::Matrix<double, 6, 6>;
+  const Matrix6 covariance =
+      Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(values.data());
+  if (!covariance.allFinite()) {
+    throw field_error(ErrorCode::kInvalidPrior, path, "a number that is not finite",
+                      "36 finite numbers");
+  }
+  const double scale = covariance.cwiseAbs().maxCoeff();
+  const bool symmetric =
+      (covariance - covariance.transpose()).cwiseAbs().maxCoeff() <= 1e-9 * scale;
+  const Eigen::LLT<Matrix6> llt(covariance);
+  if (!symmetric || llt.info() != Eigen::Success) {
+    throw field_error(
+        ErrorCode::kInvalidPrior, path,
+        symmetric ? "a matrix that is not positive definite" : "a matrix that is not symmetric",
+        "a symmetric positive definite 6 x 6 matrix, row by row");
+  }
+  return covariance;
+}
+
+std::chrono::milliseconds checked_deadline(std::int64_t deadline_ms) {
+  if (deadline_ms < 1 || deadline_ms > kMaxDeadlineMs) {
+    throw field_error(ErrorCode::kInvalidRequest, "deadline_ms", std::to_string(deadline_ms),
+                      fmt::format("1 to {}", kMaxDeadlineMs));
+  }
+  return std::chrono::milliseconds(deadline_ms);
+}
+
+std::int64_t read_integer(const std::string& path, std::string_view text) {
+  std::int64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size()) {
+    throw field_error(ErrorCode::kInvalidRequest, path, "'" + std::string(text) + "'",
+                      "a decimal 64-bit integer");
+  }
+  return value;
+}
+
+bool layout_has_intensity(const std::string& layout) {
+  if (layout != "xyz" && layout != "xyzi") {
+    throw field_error(ErrorCode::kInvalidRequest, "layout", "'" + layout + "'", "xyz or xyzi");
+  }
+  return layout == "xyzi";
+}
+
+void check_scan(const maps::PointCloud& scan, const ServerOptions& options) {
+  if (scan.size() > options.max_scan_points) {
+    throw field_error(ErrorCode::kPayloadTooLarge, "scan", fmt::format("{} points", scan.size()),
+                      fmt::format("at most {}", options.max_scan_points));
+  }
+  if (scan.size() < options.min_scan_points) {
+    throw field_error(ErrorCode::kTooFewPoints, "scan",
+                      fmt::format("{} usable points", scan.size()),
+                      fmt::format("at least {}", options.min_scan_points));
+  }
+  for (std::size_t i = 0; i < scan.size(); ++i) {
+    if (scan.positions[i].cwiseAbs().maxCoeff() <= kMaxPointM && !scan.positions[i].hasNaN())
+      continue;
+    throw field_error(ErrorCode::kInvalidPoints, fmt::format("scan point {}", i),
+                      fmt::format("{}, {}, {}", scan.positions[i].x(), scan.positions[i].y(),
+                                  scan.positions[i].z()),
+                      fmt::format("coordinates within {} m", kMaxPointM));
+  }
+}
+
+}  // namespace stillmap::server

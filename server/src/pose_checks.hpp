@@ -1,0 +1,59 @@
+#pragma once
+
+#include "error_codes.hpp"
+
+#include <stillmap/maps/scan.hpp>
+#include <stillmap/server/server_options.hpp>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace stillmap::server {
+
+/// Farthest a map position may be from the origin [m]; beyond it voxel numbers no longer fit.
+inline constexpr double kMaxPositionM = 1e8;
+/// Farthest a scan's point may be from the sensor [m].
+inline constexpr float kMaxPointM = 1e5F;
+/// How far a quaternion's norm may be from 1.
+inline constexpr double kQuaternionTolerance = 1e-3;
+/// Longest deadline of a request [ms].
+inline constexpr std::int64_t kMaxDeadlineMs = 600'000;
+
+/// What a pose belongs to, for messages.
+struct PoseField {
+  ErrorCode code;
+  std::string position_path;
+  std::string quaternion_path;
+};
+
+/// @param quaternion  x y z w. @throws ApiError with the field's code when not finite, too far or
+/// not of unit norm.
+[[nodiscard]] Eigen::Isometry3d checked_pose(const std::array<double, 3>& position,
+                                             const std::array<double, 4>& quaternion,
+                                             const PoseField& field);
+
+/// @param values  36, row by row. @throws ApiError kInvalidPrior unless symmetric and positive
+/// definite.
+[[nodiscard]] Eigen::Matrix<double, 6, 6> checked_covariance(std::span<const double, 36> values,
+                                                             const std::string& path);
+
+/// @throws ApiError kInvalidRequest outside [1, kMaxDeadlineMs].
+[[nodiscard]] std::chrono::milliseconds checked_deadline(std::int64_t deadline_ms);
+
+/// Decimal int64. @throws ApiError kInvalidRequest.
+[[nodiscard]] std::int64_t read_integer(const std::string& path, std::string_view text);
+
+/// `xyz` or `xyzi` -> whether there is an intensity. @throws ApiError kInvalidRequest.
+[[nodiscard]] bool layout_has_intensity(const std::string& layout);
+
+/// @throws ApiError kPayloadTooLarge, kTooFewPoints, or kInvalidPoints for a point that is too far.
+void check_scan(const maps::PointCloud& scan, const ServerOptions& options);
+
+}  // namespace stillmap::server

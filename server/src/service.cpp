@@ -1,0 +1,123 @@
+#include "service.hpp"
+
+#include "api_error.hpp"
+#include "json/answers_json.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <spdlog/spdlog.h>
+
+#include <stillmap/maps/error.hpp>
+
+#include <algorithm>
+#include <exception>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+
+namespace stillmap::server {
+namespace {
+
+ServerOptions checked(const ServerOptions& options) {
+  const std::vector<std::string> broken = options.violations();
+  if (!broken.empty()) throw std::invalid_argument(fmt::format("{}", fmt::join(broken, "; ")));
+  return options;
+}
+
+int worker_count(const ServerOptions& options) {
+  if (options.workers > 0) return options.workers;
+  return static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+}
+
+/// The page speaks to this server alone, and no file is run as something else than it says.
+void add_page_headers(HttpResponse& response) {
+  response.headers.emplace_back("Content-Security-Policy", "default-src 'self'");
+  response.headers.emplace_back("Referrer-Policy", "no-referrer");
+}
+
+HttpResponse asset_response(const WebAsset& asset) {
+  HttpResponse response{.content_type = asset.content_type, .body = asset.body, .headers = {}};
+  response.headers.emplace_back("Cache-Control",
+                                asset.hashed ? "public, max-age=31536000, immutable" : "no-cache");
+  add_page_headers(response);
+  return response;
+}
+
+HttpResponse no_page(const HttpRequest&, const PathParameters&) {
+  HttpResponse response{
+      .content_type = "text/html; charset=utf-8",
+      .body =
+          "<!doctype html><title>stillmap</title><p>The server runs, but the web page was "
+          "not built. The maps are listed at <a href=\"/v1/maps\">/v1/maps</a>.\n",
+      .headers = {}};
+  add_page_headers(response);
+  return response;
+}
+
+std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset>& web) {
+  std::vector<Route> routes;
+  add_health_routes(routes, context);
+  add_map_routes(routes, context);
+  add_tile_routes(routes, context);
+  add_localize_routes(routes, context);
+  for (const WebAsset& asset : web) {
+    // In a pattern a brace would stand for any name.
+    if (asset.path.find('{') != std::string::npos) continue;
+    routes.push_back({"GET", asset.path, [asset](const HttpRequest&, const PathParameters&) {
+                        return asset_response(asset);
+                      }});
+  }
+  const auto is_page = [](const WebAsset& asset) { return asset.path == "/"; };
+  if (std::none_of(web.begin(), web.end(), is_page)) routes.push_back({"GET", "/", no_page});
+  return routes;
+}
+
+}  // namespace
+
+HttpResponse problem_response(const ApiError& error, const std::string& request_id) {
+  return {.status = info_of(error.code()).http_status,
+          .content_type = "application/problem+json",
+          .body = problem_json(error, request_id),
+          .headers = error.headers()};
+}
+
+Service::Service(const ServerOptions& options, const maps::MapStore& store, AlignerBuilder builder,
+                 const std::vector<WebAsset>& web)
+    : options_(checked(options)),
+      catalog_(store, std::move(builder)),
+      workers_(worker_count(options_)),
+      gate_(workers_, options_.queue),
+      context_{options_, workers_, catalog_, gate_, std::chrono::steady_clock::now()},
+      router_(all_routes(context_, web)) {}
+
+void Service::check_route(std::string_view method, std::string_view path) const {
+  static_cast<void>(router_.match(method, path));
+}
+
+HttpResponse Service::dispatch(const HttpRequest& request) const {
+  const Router::Match match = router_.match(request.method, request.path);
+  return match.route->handler(request, match.parameters);
+}
+
+HttpResponse Service::handle(const HttpRequest& request) const {
+  try {
+    return dispatch(request);
+  } catch (const ApiError& error) {
+    return problem_response(error, request.request_id);
+  } catch (const maps::StorageError& error) {
+    // Paths of this machine stay in the log.
+    spdlog::error("{} {} {}: {}", request.request_id, request.method, request.path, error.what());
+    return problem_response(ApiError(ErrorCode::kStorageError, "the log says more"),
+                            request.request_id);
+  } catch (const maps::InputError& error) {
+    spdlog::error("{} {} {}: {}", request.request_id, request.method, request.path, error.what());
+    return problem_response(ApiError(ErrorCode::kStorageError, "the log says more"),
+                            request.request_id);
+  } catch (const std::exception& error) {
+    spdlog::error("{} {} {}: {}", request.request_id, request.method, request.path, error.what());
+    return problem_response(ApiError(ErrorCode::kInternalError, "the log says more"),
+                            request.request_id);
+  }
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,131 @@
+#!/usr/bin/env python3
+"""The programs as a shell meets them: exit codes, errors of one line, output for machines, a clean Ctrl-C.
+
+usage: command_line_test.py STILLMAP MAP DRIVE
+"""
+
+import json
+import pathlib
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+PROGRAM, MAP, DRIVE = sys.argv[1:4]
+SCAN = pathlib.Path(DRIVE) / "velodyne/000001.bin"
+
+
+def run(*arguments):
+    return subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True, timeout=60)
+
+
+class CommandLine(unittest.TestCase):
+    def setUp(self):
+        self.temporary = tempfile.TemporaryDirectory()
+        self.folder = pathlib.Path(self.temporary.name)
+        self.addCleanup(self.temporary.cleanup)
+
+    def fails(self, code, text, *arguments):
+        done = run(*arguments)
+        self.assertEqual(done.returncode, code, done.stderr)
+        self.assertRegex(done.stderr, r"\Astillmap: [^\n]*\n\Z")
+        self.assertIn(text, done.stderr)
+        self.assertEqual(done.stdout, "")
+
+    def test_help_lists_every_command(self):
+        text = run("--help").stdout
+        for command in ("build", "simulate", "evaluate", "localize", "serve", "inspect"):
+            self.assertRegex(text, rf"(?m)^  {command}\b")
+            self.assertEqual(run(command, "--help").returncode, 0, command)
+        for what in ("localization", "map"):
+            self.assertIn("--json", run("evaluate", what, "--help").stdout)
+
+    def test_usage_errors_are_2_and_name_the_value(self):
+        new = self.folder / "map"
+        self.fails(2, "frobnicate", "frobnicate")
+        self.fails(2, "DRIVE", "build")
+        self.fails(2, "nowhere", "build", "nowhere", "-o", new)
+        self.fails(2, "a:b", "build", DRIVE, "-o", new, "--select", "a:b")
+        self.fails(2, "eat", "build", DRIVE, "-o", new, "--movable", "eat")
+        self.fails(2, "magic", "build", DRIVE, "-o", new, "--detector", "magic")
+        self.fails(2, "voxel_size_m", "build", DRIVE, "-o", new, "--voxel", "nan")
+        self.fails(2, "no_folder", "build", DRIVE, "-o", new, "--json", self.folder / "no_folder/a.json")
+        self.fails(2, "'1,2'", "localize", MAP, SCAN, "--prior", "1,2")
+        self.fails(2, "'1'", "evaluate", "localization", MAP, DRIVE, "--prior-error", "1")
+        self.fails(2, "0.0.0.0", "serve", "--store", self.folder, "--host", "0.0.0.0")
+        self.assertEqual(list(self.folder.iterdir()), [])
+
+    def test_broken_input_is_1_and_names_file_found_and_expected(self):
+        broken = self.folder / "broken.bin"
+        broken.write_bytes(b"x" * 1001)
+        self.fails(1, "broken.bin: found 1001 bytes, expected", "localize", MAP, broken, "--prior", "0,0,0,0")
+        self.fails(1, "expected", "inspect", self.folder)
+        self.fails(1, "town", "build", DRIVE, "-o", MAP)
+
+    def test_build_leaves_nothing_when_a_scan_is_broken(self):
+        drive = self.folder / "drive"
+        drive.mkdir()
+        for i in range(3):
+            (drive / f"{i}.bin").write_bytes(SCAN.read_bytes() if i < 2 else b"123")
+        (self.folder / "poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * 3)
+        self.fails(1, "2.bin: found 3 bytes", "build", drive, "-o", self.folder / "map", "--poses",
+                   self.folder / "poses.txt")
+        self.assertEqual(sorted(each.name for each in self.folder.iterdir()), ["drive", "poses.txt"])
+
+    def test_localize_answers_like_the_server(self):
+        answer = json.loads(run("localize", MAP, SCAN, "--prior", "0,0,0,5", "--json").stdout)
+        self.assertEqual(answer["status"], "ok")
+        self.assertEqual(len(answer["covariance"]), 36)
+        by_quaternion = json.loads(run("localize", MAP, SCAN, "--prior",
+                                       "0,0,0,0,0,0.04361938736533600,0.99904822158185780", "--json").stdout)
+        for a, b in zip(answer["pose"]["position"], by_quaternion["pose"]["position"]):
+            self.assertAlmostEqual(a, b, places=6)
+
+    def test_lost_is_1_and_has_no_pose(self):
+        done = run("localize", MAP, SCAN, "--prior", "900,0,0,0", "--json")
+        self.assertEqual(done.returncode, 1)
+        self.assertEqual(json.loads(done.stdout)["pose"], None)
+
+    def test_inspect_tells_maps_from_drives(self):
+        self.assertEqual(json.loads(run("inspect", MAP, "--json").stdout)["kind"], "map")
+        drive = json.loads(run("inspect", DRIVE, "--json").stdout)
+        self.assertEqual((drive["kind"], drive["layout"], drive["has_poses"]), ("drive", "kitti_odometry", True))
+
+    def test_evaluate_writes_its_keys(self):
+        file = self.folder / "result.json"
+        done = run("evaluate", "localization", MAP, DRIVE, "--select", "1::8", "--prior-error", "0.5,2", "--prior-error",
+                   "1,5", "--json", file)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        result = json.loads(file.read_text())
+        self.assertEqual([level["prior_error_m"] for level in result["levels"]], [0.5, 1])
+        self.assertEqual(result["levels"][0]["queries"], 3)
+        for key in ("scans", "seconds", "options", "version"):
+            self.assertIn(key, result)
+
+    def test_interrupt_leaves_nothing(self):
+        program = subprocess.Popen([PROGRAM, "simulate", "town", "-o", self.folder / "drive", "--scans", "10000"],
+                                   stderr=subprocess.PIPE, text=True)
+        deadline = time.monotonic() + 20
+        while not list(self.folder.iterdir()) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        program.send_signal(signal.SIGINT)
+        _, errors = program.communicate(timeout=30)
+        self.assertEqual(program.returncode, 130, errors)
+        self.assertIn("stillmap: cancelled", errors)
+        self.assertEqual(list(self.folder.iterdir()), [])
+
+    def test_serve_says_its_address_and_ends_on_sigterm(self):
+        program = subprocess.Popen([PROGRAM, "serve", "--store", pathlib.Path(MAP).parent, "--port", "0"],
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        line = program.stdout.readline()
+        self.assertTrue(re.fullmatch(r"listening on http://127\.0\.0\.1:\d+/\n", line), line)
+        program.send_signal(signal.SIGTERM)
+        rest, _ = program.communicate(timeout=30)
+        self.assertEqual((program.returncode, rest), (0, ""))
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])

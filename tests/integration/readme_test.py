@@ -1,0 +1,66 @@
+#!/usr/bin/env python3
+"""Runs the README's first request word for word against a server of the sample map, and looks at the answer.
+
+usage: readme_test.py STILLMAP README STORE DRIVE
+
+The README speaks of 127.0.0.1:8080 and build/demo/drive; the server here sits on a port of its own, so curl is told by
+its own configuration file (CURL_HOME) to connect there, and the drive is linked to where the README has it.
+"""
+
+import json
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+
+MARK = "<!-- run by tests/integration/readme_test.py -->"
+
+
+def marked_blocks(readme):
+    pattern = re.escape(MARK) + r"\s*```sh\n(.*?)```"
+    return re.findall(pattern, readme.read_text(), re.S)
+
+
+def start(program, store):
+    server = subprocess.Popen([program, "serve", "--store", store, "--port", "0"], stdout=subprocess.PIPE,
+                              stderr=subprocess.DEVNULL, text=True)
+    line = server.stdout.readline()
+    match = re.search(r"127\.0\.0\.1:(\d+)", line)
+    if not match:
+        server.kill()
+        sys.exit(f"serve printed {line!r}, expected its address")
+    return server, int(match.group(1))
+
+
+def main():
+    program, readme, store, drive = (pathlib.Path(x).resolve() for x in sys.argv[1:])
+    blocks = marked_blocks(readme)
+    if not blocks:
+        sys.exit(f"{readme}: found no block after '{MARK}', expected one")
+    server, port = start(program, store)
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            home = pathlib.Path(folder)
+            (home / "build/demo").mkdir(parents=True)
+            (home / "build/demo/drive").symlink_to(drive)
+            (home / ".curlrc").write_text(
+                f'connect-to = "127.0.0.1:8080:127.0.0.1:{port}"\nretry = 20\nretry-delay = 1\nmax-time = 30\n')
+            for block in blocks:
+                run = subprocess.run(["bash", "-euo", "pipefail", "-c", block], cwd=home, capture_output=True,
+                                     text=True, env={**os.environ, "CURL_HOME": folder})
+                if run.returncode != 0:
+                    sys.exit(f"{block}\nexit {run.returncode}: {run.stderr}")
+                answer = json.loads(run.stdout)
+                if "localize" in block and answer.get("status") != "ok":
+                    sys.exit(f"{block}\nanswered {answer}")
+                print(block.strip(), "->", run.stdout[:200])
+    finally:
+        server.terminate()
+        server.wait(timeout=20)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,7 @@
+#!/usr/bin/env bash
+# sample_map.sh STILLMAP FOLDER: simulates a short drive and maps its even scans, as `./dev demo` does with a longer one.
+set -euo pipefail
+rm -rf "$2"
+mkdir -p "$2/store"
+"$1" simulate town -o "$2/drive" --seed 1 --scans 24
+"$1" build "$2/drive" -o "$2/store/town" --select ::2

@@ -1,0 +1,402 @@
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <latch>
+#include <limits>
+#include <stdexcept>
+#include <thread>
+
+#include "service_fixture.hpp"
+#include "support/matchers.hpp"
+
+namespace stillmap::server {
+namespace {
+
+using nlohmann::json;
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::Pair;
+
+class Localize : public ServiceTest {
+ protected:
+  void SetUp() override { start(); }
+
+  json ask(const HttpRequest& request, int status = 200) const {
+    const HttpResponse response = service_->handle(request);
+    EXPECT_EQ(response.status, status) << response.body;
+    return body(response);
+  }
+  static HttpRequest with(HttpRequest request, const std::string& name, const std::string& value) {
+    std::erase_if(request.query, [&](const auto& each) { return each.first == name; });
+    request.query.emplace_back(name, value);
+    return request;
+  }
+  static HttpRequest json_request(const json& content) {
+    HttpRequest result = request("POST", "/v1/maps/town/localize");
+    result.headers["content-type"] = "application/json; charset=utf-8";
+    result.body = content.dump();
+    return result;
+  }
+  static json good_json() {
+    json points = json::array();
+    for (int i = 0; i < 60; ++i) points.push_back({0.1 * i, 2.0, 3.0});
+    return {{"points", points},
+            {"prior", {{"position", {1.0, 2.0, 3.0}}, {"quaternion", {0.0, 0.0, 0.0, 1.0}}}}};
+  }
+  static HttpRequest multipart_request(const std::string& parameters, const std::string& scan,
+                                       const std::string& scan_type) {
+    HttpRequest result = request("POST", "/v1/maps/town/localize");
+    result.headers["content-type"] = "multipart/form-data; boundary=\"frontier\"";
+    result.body =
+        "--frontier\r\nContent-Disposition: form-data; name=\"request\"\r\nContent-Type: "
+        "application/json\r\n\r\n" +
+        parameters +
+        "\r\n--frontier\r\nContent-Disposition: form-data; name=\"scan\"; filename=\"a.bin\"\r\n"
+        "Content-Type: " +
+        scan_type + "\r\n\r\n" + scan + "\r\n--frontier--\r\n";
+    return result;
+  }
+};
+
+TEST_F(Localize, AnswersWithEveryKeyOfTheInterface) {
+  HttpRequest request = with(good_request(), "stamp_ns", "9223372036854775807");
+  json answer = ask(request);
+  EXPECT_EQ(answer["status"], "ok");
+  EXPECT_EQ(answer["pose"]["position"], json::parse("[1.0, 2.0, 3.0]"));
+  EXPECT_EQ(answer["pose"]["quaternion"], json::parse("[0.0, 0.0, 0.0, 1.0]"));
+  EXPECT_FALSE(answer.contains("T_map_base"));
+  EXPECT_EQ(answer["covariance"].size(), 36U);
+  EXPECT_EQ(answer["covariance_order"], json::parse(R"(["tx", "ty", "tz", "rx", "ry", "rz"])"));
+  EXPECT_EQ(answer["inlier_ratio"], 0.9);
+  EXPECT_EQ(answer["prior_to_pose"]["m"], 0.0);
+  EXPECT_EQ(answer["map"]["name"], "town");
+  EXPECT_EQ(answer["map"]["version"], store_.version());
+  EXPECT_EQ(answer["map"]["digest"], store_.digest());
+  // A JSON number could not hold it.
+  EXPECT_EQ(answer["stamp_ns"], "9223372036854775807");
+  EXPECT_EQ(answer["request_id"], "test-1");
+  for (const char* key : {"reasons", "rmse_m", "degenerate_directions", "iterations"}) {
+    EXPECT_TRUE(answer.contains(key)) << key;
+  }
+  for (const char* key : {"decode", "align", "total"})
+    EXPECT_GE(answer["timing_ms"][key], 0.0) << key;
+}
+
+TEST_F(Localize, SendsScanAndPriorOnAsTheyCame) {
+  ask(with(with(good_request(), "prior_q", "0,0,0.6,0.8"), "prior_sigma", "0.5,0.1"));
+  ASSERT_EQ(aligner_->last_scan.size(), 60U);
+  EXPECT_EQ(aligner_->last_scan.positions[0], Eigen::Vector3f(1.0F, 2.0F, 3.0F));
+  EXPECT_EQ(aligner_->last_prior.T_map_lidar.translation(), Eigen::Vector3d(1.0, 2.0, 3.0));
+  // (0, 0, 0.6, 0.8) turns x by 2 atan(0.6 / 0.8) towards y.
+  EXPECT_THAT(Eigen::Vector3d(aligner_->last_prior.T_map_lidar.linear().col(0)),
+              test::IsNearVector(Eigen::Vector3d(0.28, 0.96, 0.0), 1e-12));
+  ASSERT_TRUE(aligner_->last_prior.covariance);
+  EXPECT_DOUBLE_EQ((*aligner_->last_prior.covariance)(0, 0), 0.25);
+  EXPECT_NEAR((*aligner_->last_prior.covariance)(5, 5), 0.01, 1e-15);
+}
+
+TEST_F(Localize, AllFourContentTypesSayTheSame) {
+  json parameters = good_json();
+  parameters.erase("points");
+  parameters["layout"] = "xyz";
+  const std::string xyz = raw_scan(45);  // 45 points of 16 bytes are 60 of 12
+  EXPECT_EQ(ask(multipart_request(parameters.dump(), xyz, "application/octet-stream"))["status"],
+            "ok");
+  EXPECT_EQ(aligner_->last_scan.size(), 60U);
+
+  EXPECT_EQ(ask(json_request(good_json()))["status"], "ok");
+  EXPECT_EQ(aligner_->last_scan.size(), 60U);
+  EXPECT_FLOAT_EQ(aligner_->last_scan.positions[59].x(), 5.9F);
+
+  std::string pcd =
+      "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 60\nHEIGHT 1\n"
+      "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 60\nDATA ascii\n";
+  for (int i = 0; i < 60; ++i) pcd += "1 2 3\n";
+  HttpRequest request = good_request();
+  request.headers["content-type"] = "application/vnd.pcd";
+  request.body = pcd;
+  EXPECT_EQ(ask(request)["status"], "ok");
+  EXPECT_EQ(aligner_->last_scan.size(), 60U);
+  parameters.erase("layout");
+  EXPECT_EQ(ask(multipart_request(parameters.dump(), pcd, "application/vnd.pcd"))["status"], "ok");
+}
+
+TEST_F(Localize, BasePoseIsGivenWhenTheMountIsKnown) {
+  json content = good_json();
+  content["T_base_lidar"] = {{"position", {0.0, 0.0, 1.5}}, {"quaternion", {0.0, 0.0, 1.0, 0.0}}};
+  json answer = ask(json_request(content));
+  EXPECT_EQ(answer["T_map_base"]["position"], json::parse("[1.0, 2.0, 1.5]"));
+}
+
+TEST_F(Localize, LostIsAnAnswerWithoutAPose) {
+  aligner_->answer = [](const auto&) {
+    localization::AlignmentResult result;
+    result.reasons = {"low_inlier_ratio"};
+    return result;
+  };
+  json answer = ask(good_request());
+  EXPECT_EQ(answer["status"], "lost");
+  EXPECT_EQ(answer["reasons"][0], "low_inlier_ratio");
+  EXPECT_TRUE(answer["pose"].is_null());
+  EXPECT_TRUE(answer["covariance"].is_null());
+  EXPECT_TRUE(answer["prior_to_pose"].is_null());
+}
+
+TEST_F(Localize, PriorToPoseIsTheDistanceBetweenThem) {
+  aligner_->answer = [](const auto&) {
+    localization::AlignmentResult result;
+    result.status = localization::PoseStatus::kDegraded;
+    result.T_map_lidar.translation() = Eigen::Vector3d(4.0, 6.0, 3.0);
+    result.T_map_lidar.linear() =
+        Eigen::AngleAxisd(0.2, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+    return result;
+  };
+  json answer = ask(good_request());
+  EXPECT_EQ(answer["status"], "degraded");
+  EXPECT_NEAR(answer["prior_to_pose"]["m"].get<double>(), 5.0, 1e-12);
+  EXPECT_NEAR(answer["prior_to_pose"]["rad"].get<double>(), 0.2, 1e-12);
+}
+
+TEST_F(Localize, VersionInThePathMustBeTheOneServed) {
+  HttpRequest request = good_request();
+  request.path = "/v1/maps/town/versions/" + store_.version() + "/localize";
+  ask(request);
+  request.path = "/v1/maps/town/versions/0123456789ab/localize";
+  EXPECT_EQ(ask(request, 404)["code"], "UnknownVersion");
+  request.path = "/v1/maps/village/localize";
+  EXPECT_EQ(ask(request, 404)["code"], "UnknownMap");
+}
+
+TEST_F(Localize, BadParametersAreNamed) {
+  struct Case {
+    std::string name, value;
+    int status;
+    std::string code;
+  };
+  const std::vector<Case> cases = {
+      {"prior", "1,2,3", 400, "UnknownParameter"},
+      {"prior_t", "1,2", 400, "InvalidRequest"},
+      {"prior_t", "1,2,3,4", 400, "InvalidRequest"},
+      {"prior_t", "1,2,x", 400, "InvalidRequest"},
+      {"prior_t", "", 400, "InvalidRequest"},
+      {"prior_t", "nan,2,3", 422, "InvalidPrior"},
+      {"prior_t", "inf,2,3", 422, "InvalidPrior"},
+      {"prior_t", "1e9,2,3", 422, "InvalidPrior"},
+      {"prior_q", "0,0,0,0", 422, "InvalidPrior"},
+      {"prior_q", "0,0,0,1.01", 422, "InvalidPrior"},
+      {"prior_q", "nan,0,0,1", 422, "InvalidPrior"},
+      {"prior_sigma", "0,1", 422, "InvalidPrior"},
+      {"prior_sigma", "1", 400, "InvalidRequest"},
+      {"stamp_ns", "12.5", 400, "InvalidRequest"},
+      {"stamp_ns", "9223372036854775808", 400, "InvalidRequest"},
+      {"deadline_ms", "0", 400, "InvalidRequest"},
+      {"deadline_ms", "600001", 400, "InvalidRequest"},
+      {"layout", "xyzr", 400, "InvalidRequest"},
+      {"method", "magic", 400, "UnknownMethod"},
+  };
+  for (const Case& each : cases) {
+    json answer = ask(with(good_request(), each.name, each.value), each.status);
+    EXPECT_EQ(answer["code"], each.code) << each.name << "=" << each.value;
+    EXPECT_THAT(answer["detail"].get<std::string>(), HasSubstr(each.name)) << each.value;
+    EXPECT_FALSE(answer["errors"].empty()) << each.name;
+  }
+  HttpRequest twice = good_request();
+  twice.query.emplace_back("prior_t", "1,2,3");
+  EXPECT_EQ(ask(twice, 400)["code"], "InvalidRequest");
+}
+
+TEST_F(Localize, QuaternionIsTakenWithinItsTolerance) {
+  ask(with(good_request(), "prior_q", "0,0,0,1.0009"));
+  EXPECT_NEAR(aligner_->last_prior.T_map_lidar.linear().determinant(), 1.0, 1e-12);
+}
+
+TEST_F(Localize, PriorIsRequiredWithACodeOfItsOwn) {
+  HttpRequest request = good_request();
+  request.query.clear();
+  EXPECT_EQ(ask(request, 422)["code"], "PriorRequired");
+  request.query = {{"prior_t", "1,2,3"}};
+  EXPECT_EQ(ask(request, 400)["code"], "InvalidRequest");
+  json content = good_json();
+  content.erase("prior");
+  EXPECT_EQ(ask(json_request(content), 422)["code"], "PriorRequired");
+}
+
+TEST_F(Localize, BadJsonIsNamedByItsPath) {
+  const auto changed = [](const std::function<void(json&)>& change) {
+    json content = good_json();
+    change(content);
+    return content;
+  };
+  struct Case {
+    json content;
+    int status;
+    std::string code, path;
+  };
+  const std::vector<Case> cases = {
+      {changed([](json& j) { j["colour"] = 1; }), 400, "UnknownParameter", "colour"},
+      {changed([](json& j) { j["layout"] = "xyz"; }), 400, "UnknownParameter", "layout"},
+      {changed([](json& j) { j["prior"]["yaw"] = 1; }), 400, "UnknownParameter", "prior.yaw"},
+      {changed([](json& j) { j["prior"].erase("position"); }), 400, "InvalidRequest",
+       "prior.position"},
+      {changed([](json& j) { j["prior"]["position"] = "1,2,3"; }), 400, "InvalidRequest",
+       "prior.position"},
+      {changed([](json& j) {
+         j["prior"]["quaternion"] = {0, 0, 0, 2};
+       }),
+       422, "InvalidPrior", "prior.quaternion"},
+      {changed([](json& j) { j["prior"]["covariance"] = json::array({1.0}); }), 400,
+       "InvalidRequest", "prior.covariance"},
+      {changed([](json& j) { j["prior"]["covariance"] = json(std::vector<double>(36, 1.0)); }), 422,
+       "InvalidPrior", "prior.covariance"},
+      {changed([](json& j) {
+         j["T_base_lidar"] = {{"position", {0, 0, 0}}, {"quaternion", {1, 1, 1, 1}}};
+       }),
+       422, "InvalidTransform", "T_base_lidar.quaternion"},
+      {changed([](json& j) { j["stamp_ns"] = 1.5; }), 400, "InvalidRequest", "stamp_ns"},
+      {changed([](json& j) { j["stamp_ns"] = 9223372036854775808U; }), 400, "InvalidRequest",
+       "stamp_ns"},
+      {changed([](json& j) {
+         j["points"][4] = {1, 2};
+       }),
+       400, "InvalidRequest", "points[4]"},
+      {changed([](json& j) { j["points"][4][1] = nullptr; }), 400, "InvalidRequest", "points[4]"},
+      {changed([](json& j) { j["points"][4][1] = 1e30; }), 422, "InvalidPoints", "point 4"},
+      {changed([](json& j) { j.erase("points"); }), 400, "InvalidRequest", "points"},
+      {json::array(), 400, "InvalidRequest", "JSON"},
+  };
+  for (const Case& each : cases) {
+    json answer = ask(json_request(each.content), each.status);
+    EXPECT_EQ(answer["code"], each.code) << each.path;
+    EXPECT_THAT(answer["detail"].get<std::string>(), HasSubstr(each.path));
+  }
+}
+
+TEST_F(Localize, HostileJsonIsRefused) {
+  HttpRequest request = json_request(good_json());
+  for (const std::string& text :
+       {std::string(), std::string("{"), std::string("\xff\xfe"), std::string(100'000, '['),
+        std::string("{\"points\": [[1, 2, NaN]]}")}) {
+    request.body = text;
+    EXPECT_EQ(ask(request, 400)["code"], "InvalidRequest") << text.substr(0, 40);
+  }
+  request.body = std::string(options_.max_json_bytes + 1, ' ');
+  EXPECT_EQ(ask(request, 413)["code"], "PayloadTooLarge");
+}
+
+TEST_F(Localize, BadScansAreRefused) {
+  HttpRequest request = good_request();
+  request.body.resize(request.body.size() - 3);
+  EXPECT_EQ(ask(request, 400)["code"], "InvalidScan");
+  request.body = raw_scan(options_.min_scan_points - 1);
+  EXPECT_EQ(ask(request, 422)["code"], "TooFewPoints");
+  request.body.clear();
+  EXPECT_EQ(ask(request, 422)["code"], "TooFewPoints");
+  request.body = raw_scan(60);
+  for (const float bad :
+       {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), 1e9F}) {
+    std::memcpy(request.body.data() + 16, &bad, sizeof(bad));
+    EXPECT_EQ(ask(request, 422)["code"], "InvalidPoints") << bad;
+  }
+  request.headers["content-type"] = "application/vnd.pcd";
+  EXPECT_EQ(ask(request, 400)["code"], "InvalidScan");
+}
+
+TEST_F(Localize, TooManyPointsAreRefusedBeforeTheyAreDecoded) {
+  options_.max_scan_points = 100;
+  start();
+  HttpRequest request = good_request();
+  request.body = raw_scan(101);
+  EXPECT_EQ(ask(request, 413)["code"], "PayloadTooLarge");
+  request.body = raw_scan(100);
+  ask(request);
+}
+
+TEST_F(Localize, UnknownContentTypesAreRefused) {
+  HttpRequest request = good_request();
+  request.headers["content-type"] = "text/plain";
+  EXPECT_EQ(ask(request, 415)["code"], "UnsupportedMediaType");
+  request.headers.erase("content-type");
+  EXPECT_EQ(ask(request, 415)["code"], "UnsupportedMediaType");
+  EXPECT_EQ(ask(multipart_request("{}", "x", "image/png"), 415)["code"], "UnsupportedMediaType");
+}
+
+TEST_F(Localize, QueryBesideJsonIsRefusedInsteadOfIgnored) {
+  HttpRequest request = json_request(good_json());
+  request.query = {{"prior_t", "9,9,9"}};
+  json answer = ask(request, 400);
+  EXPECT_EQ(answer["code"], "UnknownParameter");
+  EXPECT_THAT(answer["detail"].get<std::string>(), HasSubstr("prior_t"));
+}
+
+TEST_F(Localize, BrokenMultipartIsRefused) {
+  const HttpRequest good = multipart_request(good_json().dump(), "x", "application/octet-stream");
+  for (const std::string& text :
+       {std::string("--frontier"), std::string("--frontier\r\n\r\n"), std::string("--other--"),
+        good.body.substr(0, good.body.size() - 10)}) {
+    HttpRequest request = good;
+    request.body = text;
+    EXPECT_EQ(ask(request, 400)["code"], "InvalidRequest") << text.substr(0, 40);
+  }
+  HttpRequest request = good;
+  request.headers["content-type"] = "multipart/form-data";
+  EXPECT_EQ(ask(request, 400)["code"], "InvalidRequest");
+}
+
+TEST_F(Localize, FullQueueAnswersBusyAtOnce) {
+  std::latch running(1);
+  std::latch release(1);
+  aligner_->answer = [&](const auto&) {
+    running.count_down();
+    release.wait();
+    return localization::AlignmentResult{};
+  };
+  std::thread first([this] { ask(good_request()); });
+  running.wait();
+  const HttpResponse second = service_->handle(good_request());
+  EXPECT_EQ(second.status, 503);
+  EXPECT_EQ(body(second)["code"], "Busy");
+  EXPECT_THAT(second.headers, Contains(Pair("Retry-After", "1")));
+  release.count_down();
+  first.join();
+}
+
+TEST_F(Localize, WaitingEndsAtTheDeadline) {
+  options_.queue = 1;
+  start();
+  std::latch running(1);
+  std::latch release(1);
+  aligner_->answer = [&](const auto&) {
+    running.count_down();
+    release.wait();
+    return localization::AlignmentResult{};
+  };
+  std::thread first([this] { ask(good_request()); });
+  running.wait();
+  EXPECT_EQ(ask(with(good_request(), "deadline_ms", "20"), 504)["code"], "DeadlineExceeded");
+  release.count_down();
+  first.join();
+}
+
+TEST_F(Localize, AnswerThatComesAfterItsDeadlineIsNotSent) {
+  aligner_->answer = [](const auto&) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(30));
+    return localization::AlignmentResult{};
+  };
+  EXPECT_EQ(ask(with(good_request(), "deadline_ms", "10"), 504)["code"], "DeadlineExceeded");
+}
+
+TEST_F(Localize, UnforeseenFailureIsSaidWithoutItsDetails) {
+  aligner_->answer = [](const auto&) -> localization::AlignmentResult {
+    throw std::runtime_error("secret");
+  };
+  const HttpResponse response = service_->handle(good_request());
+  EXPECT_EQ(response.status, 500);
+  EXPECT_EQ(body(response)["code"], "InternalError");
+  EXPECT_THAT(response.body, ::testing::Not(HasSubstr("secret")));
+  // The worker is free again.
+  aligner_->answer = StubAligner().answer;
+  ask(good_request());
+}
+
+}  // namespace
+}  // namespace stillmap::server

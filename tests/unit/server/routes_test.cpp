@@ -1,0 +1,204 @@
+#include <gmock/gmock.h>
+
+#include <latch>
+#include <stdexcept>
+
+#include "service_fixture.hpp"
+
+namespace stillmap::server {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::Pair;
+
+class Routes : public ServiceTest {};
+
+TEST_F(Routes, AliveIsSaidBeforeAnyMapIsLoaded) {
+  std::latch release(1);
+  start([&](const maps::MapPackage&) {
+    release.wait();
+    return Aligners{{"default", aligner_}};
+  });
+  for (const char* path : {"/livez", "/healthz"}) {
+    EXPECT_EQ(get(path).status, 200);
+    EXPECT_EQ(body(get(path))["status"], "alive");
+  }
+  EXPECT_EQ(get("/readyz").status, 503);
+  EXPECT_THAT(body(get("/readyz"))["reasons"][0].get<std::string>(), HasSubstr("town"));
+  EXPECT_EQ(get("/v1/maps/town/ready").status, 503);
+  const HttpResponse early = service_->handle(good_request());
+  EXPECT_EQ(early.status, 503);
+  EXPECT_EQ(body(early)["code"], "MapLoading");
+  EXPECT_THAT(early.headers, Contains(Pair("Retry-After", "1")));
+  release.count_down();
+  wait_until_loaded();
+  EXPECT_EQ(get("/v1/maps/town/ready").status, 200);
+  EXPECT_EQ(service_->handle(good_request()).status, 200);
+}
+
+TEST_F(Routes, MapThatCannotBeIndexedIsNamedAndLeavesTheServerReady) {
+  start([](const maps::MapPackage&) -> Aligners { throw std::runtime_error("too few voxels"); });
+  wait_until_loaded();
+  EXPECT_THAT(body(get("/readyz"))["reasons"][0].get<std::string>(), HasSubstr("too few voxels"));
+  EXPECT_EQ(get("/v1/maps/town/ready").status, 503);
+  EXPECT_EQ(body(get("/v1/maps"))["refused"][0]["name"], "town");
+  const HttpResponse response = service_->handle(good_request());
+  EXPECT_EQ(response.status, 503);
+  EXPECT_EQ(body(response)["code"], "MapUnusable");
+}
+
+TEST_F(Routes, StatusTellsTheLimits) {
+  start();
+  nlohmann::json status = body(get("/v1/status"));
+  EXPECT_EQ(status["maps"], 1);
+  EXPECT_EQ(status["limits"]["workers"], 1);
+  EXPECT_EQ(status["limits"]["max_payload_bytes"], options_.max_payload_bytes);
+  EXPECT_GE(status["uptime_s"], 0.0);
+}
+
+TEST_F(Routes, MapsAreListedWithTheirVersionAndCounts) {
+  start();
+  nlohmann::json list = body(get("/v1/maps"));
+  ASSERT_EQ(list["maps"].size(), 1U);
+  EXPECT_EQ(list["maps"][0]["name"], "town");
+  EXPECT_EQ(list["maps"][0]["version"], store_.version());
+  EXPECT_EQ(list["maps"][0]["digest"], store_.digest());
+  EXPECT_EQ(list["maps"][0]["points"], 3);
+  EXPECT_EQ(list["maps"][0]["tiles"], 2);
+}
+
+TEST_F(Routes, MapTellsItsFrameTilesAndCounts) {
+  start();
+  nlohmann::json map = body(get("/v1/maps/town"));
+  EXPECT_EQ(map["origin"], nlohmann::json::parse("[100.0, 200.0, 0.0]"));
+  EXPECT_FALSE(map.contains("geodetic_origin"));
+  EXPECT_EQ(map["tile_size_m"], 20.0);
+  EXPECT_EQ(map["objects"], 1);
+  EXPECT_EQ(map["poses"], 2);
+  ASSERT_EQ(map["tiles"].size(), 2U);
+  EXPECT_EQ(map["tiles"][1]["x"], 0);
+  EXPECT_EQ(map["tiles"][1]["points"], 2);
+  EXPECT_EQ(map["tiles"][1]["max"], nlohmann::json::parse("[4.0, 5.0, 6.0]"));
+}
+
+TEST_F(Routes, TrajectoryHasExactStampsAsText) {
+  start();
+  const nlohmann::json answer =
+      body(get("/v1/maps/town/versions/" + store_.version() + "/trajectory"));
+  ASSERT_EQ(answer["poses"].size(), 2U);
+  EXPECT_EQ(answer["poses"][1]["stamp_ns"], "1100000000");
+  EXPECT_EQ(answer["poses"][1]["position"], nlohmann::json::parse("[0.5, 0.0, 0.0]"));
+  EXPECT_EQ(answer["poses"][1]["quaternion"], nlohmann::json::parse("[0.0, 0.0, 0.0, 1.0]"));
+}
+
+TEST_F(Routes, ObjectsAreListed) {
+  start();
+  const nlohmann::json answer =
+      body(get("/v1/maps/town/versions/" + store_.version() + "/objects"));
+  ASSERT_EQ(answer["objects"].size(), 1U);
+  EXPECT_EQ(answer["objects"][0]["class"], "car");
+  EXPECT_EQ(answer["objects"][0]["scan"], 7);
+  EXPECT_EQ(answer["objects"][0]["points_removed"], 12);
+}
+
+TEST_F(Routes, TileIsTheBytesOfItsPointsAndMayBeKeptForEver) {
+  start();
+  const std::string path = "/v1/maps/town/versions/" + store_.version() + "/tiles/0/0/0";
+  const HttpResponse response = get(path);
+  ASSERT_EQ(response.status, 200);
+  ASSERT_EQ(response.body.size(), 2 * sizeof(maps::MapPoint));
+  maps::MapPoint second;
+  std::memcpy(&second, response.body.data() + sizeof(second), sizeof(second));
+  EXPECT_EQ(second.y, 5.0F);
+  EXPECT_THAT(response.headers, Contains(Pair("Cache-Control", HasSubstr("immutable"))));
+
+  HttpRequest again = request("GET", path);
+  for (const auto& [name, value] : response.headers) {
+    if (name == "ETag") again.headers["if-none-match"] = value;
+  }
+  ASSERT_TRUE(again.headers.contains("if-none-match"));
+  EXPECT_EQ(service_->handle(again).status, 304);
+  EXPECT_EQ(service_->handle(again).body, "");
+}
+
+TEST_F(Routes, WhatIsNotThereIsNamedByItsOwnCode) {
+  start();
+  const std::string base = "/v1/maps/town/versions/";
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {"/v1/nothing", "UnknownRoute"},
+      {"/v1/maps/", "UnknownRoute"},
+      {"/../../etc/passwd", "UnknownRoute"},
+      {"/v1/maps/village", "UnknownMap"},
+      {"/v1/maps/village/ready", "UnknownMap"},
+      {"/v1/maps/..", "UnknownMap"},
+      {base + "0123456789ab/objects", "UnknownVersion"},
+      {base + "0123456789ab/tiles/0/0/0", "UnknownVersion"},
+      {base + store_.version() + "/tiles/0/7/0", "UnknownTile"},
+      {base + store_.version() + "/tiles/0/00/0", "UnknownTile"},
+      {base + store_.version() + "/tiles/0/x/0", "UnknownTile"},
+      {base + store_.version() + "/tiles/0/99999999999/0", "UnknownTile"},
+  };
+  for (const auto& [path, code] : cases) {
+    const HttpResponse response = get(path);
+    EXPECT_EQ(response.status, 404) << path;
+    EXPECT_EQ(response.content_type, "application/problem+json") << path;
+    EXPECT_EQ(body(response)["code"], code) << path;
+    EXPECT_EQ(body(response)["status"], 404) << path;
+    EXPECT_EQ(body(response)["request_id"], "test-1") << path;
+  }
+}
+
+TEST_F(Routes, WrongMethodSaysWhichIsRight) {
+  start();
+  const HttpResponse get_on_post = get("/v1/maps/town/localize");
+  EXPECT_EQ(get_on_post.status, 405);
+  EXPECT_EQ(body(get_on_post)["code"], "MethodNotAllowed");
+  EXPECT_THAT(get_on_post.headers, Contains(Pair("Allow", "POST")));
+  const HttpResponse delete_on_get = service_->handle(request("DELETE", "/v1/maps/town"));
+  EXPECT_THAT(delete_on_get.headers, Contains(Pair("Allow", "GET, HEAD")));
+}
+
+TEST_F(Routes, MissingFileInThePackageIsAStorageErrorWithoutItsPath) {
+  start();
+  for (const auto& entry : std::filesystem::directory_iterator(store_.folder().path() / "town")) {
+    if (entry.is_regular_file()) std::filesystem::remove(entry.path());
+  }
+  const HttpResponse response = get("/v1/maps/town/versions/" + store_.version() + "/trajectory");
+  EXPECT_EQ(response.status, 500);
+  EXPECT_EQ(body(response)["code"], "StorageError");
+  EXPECT_THAT(response.body, ::testing::Not(HasSubstr(store_.folder().path().string())));
+}
+
+TEST_F(Routes, PageIsServedFromTheListOnly) {
+  const test::TemporaryFolder web;
+  web.write("index.html", "<p>page");
+  web.write("assets/index-1a2b.js", "code");
+  web.write("assets/deep/hidden.js", "no");
+  web.write("notes.cmake", "no");
+  std::filesystem::create_symlink("/etc/passwd", web.path() / "assets/link.js");
+  start(
+      [this](const maps::MapPackage&) {
+        return Aligners{{"default", aligner_}};
+      },
+      read_web_assets(web.path()));
+  EXPECT_EQ(get("/").body, "<p>page");
+  EXPECT_EQ(get("/").content_type, "text/html; charset=utf-8");
+  EXPECT_THAT(get("/").headers, Contains(Pair("Content-Security-Policy", "default-src 'self'")));
+  EXPECT_EQ(get("/assets/index-1a2b.js").content_type, "text/javascript; charset=utf-8");
+  EXPECT_THAT(get("/assets/index-1a2b.js").headers,
+              Contains(Pair("Cache-Control", HasSubstr("immutable"))));
+  for (const char* path : {"/index.html/..", "/assets/deep/hidden.js", "/notes.cmake",
+                           "/assets/link.js", "/assets/../index.html", "//etc/passwd"}) {
+    EXPECT_EQ(get(path).status, 404) << path;
+  }
+}
+
+TEST_F(Routes, WithoutAPageTheRootSaysSo) {
+  start();
+  EXPECT_EQ(get("/").status, 200);
+  EXPECT_THAT(get("/").body, HasSubstr("not built"));
+}
+
+}  // namespace
+}  // namespace stillmap::server

@@ -1,0 +1,63 @@
+#include <gmock/gmock.h>
+
+#include <stillmap/server/server_options.hpp>
+
+#include <stdexcept>
+
+#include "error_codes.hpp"
+#include "service_fixture.hpp"
+
+namespace stillmap::server {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+TEST(ServerOptions, DefaultsAreUsable) { EXPECT_THAT(ServerOptions{}.violations(), IsEmpty()); }
+
+TEST(ServerOptions, EveryBrokenBoundIsNamedAtOnce) {
+  ServerOptions options;
+  options.port = 65536;
+  options.http_threads = 0;
+  options.min_scan_points = options.max_scan_points + 1;
+  EXPECT_THAT(options.violations(),
+              ElementsAre(HasSubstr("port: 65536"), HasSubstr("max_scan_points"),
+                          HasSubstr("http_threads: 0")));
+}
+
+TEST(ServerOptions, AddressesThatOthersReachNeedLeave) {
+  ServerOptions options;
+  for (const char* host : {"0.0.0.0", "192.168.1.2", "::", "127.example.org", ""}) {
+    options.host = host;
+    EXPECT_THAT(options.violations(), ElementsAre(HasSubstr("host"))) << host;
+  }
+  for (const char* host : {"127.0.0.1", "127.3.2.1", "localhost", "::1"}) {
+    options.host = host;
+    EXPECT_THAT(options.violations(), IsEmpty()) << host;
+  }
+  options.host = "0.0.0.0";
+  options.allow_remote = true;
+  EXPECT_THAT(options.violations(), IsEmpty());
+}
+
+TEST(ServerOptions, ServiceRefusesBrokenOnes) {
+  const TownStore store;
+  const ServerOptions options{.queue = -1};
+  const auto build = [](const maps::MapPackage&) { return Aligners{}; };
+  EXPECT_THROW(Service(options, store.open(), build, {}), std::invalid_argument);
+}
+
+TEST(ErrorCodes, TextsAreUniqueAndStatusesAreErrors) {
+  std::set<std::string_view> texts;
+  for (const ErrorInfo& error : all_errors()) {
+    EXPECT_TRUE(texts.insert(error.text).second) << error.text;
+    EXPECT_GE(error.http_status, 400) << error.text;
+    EXPECT_LT(error.http_status, 600) << error.text;
+    EXPECT_FALSE(error.title.empty());
+    EXPECT_EQ(&info_of(error.code), &error);
+  }
+}
+
+}  // namespace
+}  // namespace stillmap::server

@@ -1,0 +1,147 @@
+#pragma once
+
+#include "service.hpp"
+#include "support/temporary_folder.hpp"
+
+#include <gtest/gtest.h>
+
+#include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/map_store.hpp>
+
+#include <cstring>
+#include <functional>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace stillmap::server {
+
+/// Answers with what the test says and remembers what it was asked.
+class StubAligner final : public localization::Aligner {
+ public:
+  localization::AlignmentResult align(const maps::PointCloud& scan,
+                                      const localization::Prior& prior) const override {
+    last_scan = scan;
+    last_prior = prior;
+    return answer(prior);
+  }
+
+  /// Stands where the prior says, by default.
+  std::function<localization::AlignmentResult(const localization::Prior&)> answer =
+      [](const auto& prior) {
+        localization::AlignmentResult result;
+        result.status = localization::PoseStatus::kOk;
+        result.T_map_lidar = prior.T_map_lidar;
+        result.covariance.setIdentity();
+        result.inlier_ratio = 0.9;
+        return result;
+      };
+  mutable maps::PointCloud last_scan;
+  mutable localization::Prior last_prior;
+};
+
+/// A store with one map, `town`: two tiles, two poses, one object.
+class TownStore {
+ public:
+  TownStore() {
+    maps::MapPackageWriter writer(folder_.path() / "town");
+    const std::vector<maps::MapPoint> near = {point(1.0F, 2.0F, 3.0F), point(4.0F, 5.0F, 6.0F)};
+    writer.add_tile({.level = 0, .x = 0, .y = 0}, near);
+    writer.add_tile({.level = 0, .x = -1, .y = 0}, std::vector{point(-1.0F, 2.0F, 3.0F)});
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.translation() = Eigen::Vector3d(0.5, 0.0, 0.0);
+    writer.write_trajectory(maps::Trajectory(std::vector<maps::StampedPose>{
+        {.stamp_ns = 1'000'000'000}, {.stamp_ns = 1'100'000'000, .T_map_lidar = T}}));
+    maps::MapObject car;
+    car.scan = 7;
+    car.size_m = Eigen::Vector3d(4.0, 1.8, 1.5);
+    car.object_class = maps::ObjectClass::kCar;
+    car.points_removed = 12;
+    writer.write_objects({car});
+    maps::MapManifest manifest;
+    manifest.frame_id = "map";
+    manifest.origin = Eigen::Vector3d(100.0, 200.0, 0.0);
+    manifest.voxel_size_m = 0.1;
+    manifest.software_version = "0";
+    manifest.counts["in"] = 3;
+    digest_ = writer.publish(manifest, "{}");
+  }
+
+  [[nodiscard]] maps::MapStore open() const { return maps::MapStore(folder_.path()); }
+  [[nodiscard]] const test::TemporaryFolder& folder() const { return folder_; }
+  [[nodiscard]] const std::string& digest() const { return digest_; }
+  [[nodiscard]] std::string version() const { return digest_.substr(0, 12); }
+
+ private:
+  static maps::MapPoint point(float x, float y, float z) {
+    return {.x = x,
+            .y = y,
+            .z = z,
+            .intensity = 0.5F,
+            .observations = 3,
+            .kind = maps::PointKind::kMeasured,
+            .object = 0};
+  }
+
+  test::TemporaryFolder folder_;
+  std::string digest_;
+};
+
+/// A service over `town` with a stub for the aligner, ready when the test begins.
+class ServiceTest : public ::testing::Test {
+ protected:
+  /// Starts the service, by default with one worker and no queue.
+  void start(AlignerBuilder builder, const std::vector<WebAsset>& web = {}) {
+    service_ = std::make_unique<Service>(options_, store_.open(), std::move(builder), web);
+  }
+  void start() {
+    start([this](const maps::MapPackage&) { return Aligners{{"default", aligner_}}; });
+    wait_until_loaded();
+  }
+  void wait_until_loaded() {
+    while (get("/readyz").status != 200) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+
+  HttpResponse get(const std::string& path) const { return service_->handle(request("GET", path)); }
+
+  static HttpRequest request(const std::string& method, const std::string& path) {
+    HttpRequest result;
+    result.method = method;
+    result.path = path;
+    result.request_id = "test-1";
+    return result;
+  }
+
+  /// A raw scan of `count` points (x y z i) in front of the sensor.
+  static std::string raw_scan(std::size_t count) {
+    std::vector<float> floats;
+    for (std::size_t i = 0; i < count; ++i) {
+      floats.insert(floats.end(), {1.0F + 0.01F * static_cast<float>(i), 2.0F, 3.0F, 0.5F});
+    }
+    std::string bytes(floats.size() * sizeof(float), '\0');
+    std::memcpy(bytes.data(), floats.data(), bytes.size());
+    return bytes;
+  }
+
+  /// A pose request that is right in every way.
+  static HttpRequest good_request() {
+    HttpRequest result = request("POST", "/v1/maps/town/localize");
+    result.headers["content-type"] = "application/octet-stream";
+    result.query = {{"prior_t", "1,2,3"}, {"prior_q", "0,0,0,1"}};
+    result.body = raw_scan(60);
+    return result;
+  }
+
+  static nlohmann::json body(const HttpResponse& response) {
+    return nlohmann::json::parse(response.body);
+  }
+
+  TownStore store_;
+  ServerOptions options_{.workers = 1, .queue = 0};
+  std::shared_ptr<StubAligner> aligner_ = std::make_shared<StubAligner>();
+  std::unique_ptr<Service> service_;
+};
+
+}  // namespace stillmap::server
