@@ -1,0 +1,51 @@
+#!/usr/bin/env bash
+# What takes long: every test under the sanitizers, then the localizer on many streets. Each step leaves a mark in
+# build/soak, so that a run that was cut off goes on where it was; `rm -r build/soak` starts afresh.
+set -euo pipefail
+marks=build/soak
+mkdir -p "$marks"
+
+step() { # step NAME COMMAND...
+  local name=$1
+  shift
+  if [ -e "$marks/$name.done" ]; then echo "done before: $name"; return; fi
+  echo "==> $name"
+  "$@"
+  touch "$marks/$name.done"
+}
+
+sanitized() { # sanitized PRESET
+  cmake --preset "$1" -DSTILLMAP_TESTS=ON >"$marks/$1.configure.log"
+  cmake --build "build/$1" -j "$(nproc)"
+  ctest --preset "$1" -L unit
+}
+
+street() { # street SEED: map from day 1, queries from day 2
+  local folder=$marks/street_$1 program=build/release/stillmap
+  rm -rf "$folder" && mkdir "$folder"
+  "$program" simulate town -o "$folder/day1" --seed "$1" --scans 80
+  "$program" simulate town -o "$folder/day2" --seed "$1" --day 2 --scans 80
+  "$program" build "$folder/day1" -o "$folder/map"
+  "$program" evaluate localization "$folder/map" "$folder/day2" --prior-error 1,5 --prior-error 2,10 --trials 5 \
+    --seed "$1" --json "$marks/street_$1.json"
+  rm -rf "$folder"
+}
+
+step asan sanitized asan
+step tsan sanitized tsan
+./dev build release
+for seed in $(seq 100 119); do
+  step "street_$seed" street "$seed"
+done
+python3 - "$marks" <<'PY'
+import json, pathlib, sys
+levels = [level for file in sorted(pathlib.Path(sys.argv[1]).glob("street_*.json"))
+          for level in json.loads(file.read_text())["levels"]]
+for prior in sorted({level["prior_error_m"] for level in levels}):
+    chosen = [level for level in levels if level["prior_error_m"] == prior]
+    queries = sum(level["queries"] for level in chosen)
+    success = sum(level["success_rate"] * level["queries"] for level in chosen) / queries
+    false_ok = sum(level["false_ok_rate"] * level["queries"] for level in chosen)
+    print(f"{prior} m: {queries} queries on {len(chosen)} streets, another day: success {100 * success:.2f} %, "
+          f"{false_ok:.0f} false ok")
+PY
