@@ -8,6 +8,7 @@
 #include <Eigen/Eigenvalues>
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
 namespace stillmap::localization {
@@ -27,16 +28,19 @@ constexpr double kUprightCosine = 0.9;
 struct Moments {
   std::uint64_t key = 0;
   std::uint32_t count = 0;
+  double weight = 0.0;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   Eigen::Matrix3d outer = Eigen::Matrix3d::Zero();
 
-  void add(const Eigen::Vector3d& p) {
+  void add(const Eigen::Vector3d& p, double point_weight) {
     ++count;
-    sum += p;
-    outer += p * p.transpose();
+    weight += point_weight;
+    sum += point_weight * p;
+    outer += point_weight * p * p.transpose();
   }
   void add(const Moments& other) {
     count += other.count;
+    weight += other.weight;
     sum += other.sum;
     outer += other.outer;
   }
@@ -56,6 +60,13 @@ struct MomentGrid {
   }
 };
 
+/// What a place was seen from near by, and often, outweighs what far scans put beside it: where the
+/// map's poses slide, near scans agree with the query's own. The root, because repeated
+/// observations of a place share their error.
+double weight_of(const maps::MapPoint& point) {
+  return std::sqrt(static_cast<double>(std::max<std::uint16_t>(1, point.observations)));
+}
+
 std::int32_t sharp_axes_of(const Eigen::Vector3d& variances, const Eigen::Matrix3d& axes,
                            double edge_m) {
   const double full_m2 = edge_m * edge_m / 12.0;
@@ -68,8 +79,9 @@ std::int32_t sharp_axes_of(const Eigen::Vector3d& variances, const Eigen::Matrix
 
 Voxel voxel_of(const Moments& moments, double edge_m) {
   const double n = moments.count;
-  const Eigen::Vector3d mean = moments.sum / n;
-  const Eigen::Matrix3d covariance = (moments.outer - n * mean * mean.transpose()) / (n - 1.0);
+  const Eigen::Vector3d mean = moments.sum / moments.weight;
+  const Eigen::Matrix3d covariance =
+      (moments.outer / moments.weight - mean * mean.transpose()) * (n / (n - 1.0));
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
   const Eigen::Vector3d variances = solver.eigenvalues().cwiseMax(0.0);
   const Eigen::Matrix3d& axes = solver.eigenvectors();
@@ -148,7 +160,7 @@ std::shared_ptr<const MapIndex> MapIndex::build_from(const ForEachPoint& for_eac
   require_usable(options);
   Eigen::Vector3d min = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
   Eigen::Vector3d max = -min;
-  for_each_point([&](const Eigen::Vector3d& p_map) {
+  for_each_point([&](const Eigen::Vector3d& p_map, double /*weight*/) {
     if (!p_map.allFinite()) throw std::invalid_argument(source + ": a point is not finite");
     min = min.cwiseMin(p_map);
     max = max.cwiseMax(p_map);
@@ -162,10 +174,10 @@ std::shared_ptr<const MapIndex> MapIndex::build_from(const ForEachPoint& for_eac
                            fmt::format("less than {} m", limit_m));
   }
   MomentGrid grid;
-  for_each_point([&](const Eigen::Vector3d& p_map) {
+  for_each_point([&](const Eigen::Vector3d& p_map, double weight) {
     const Eigen::Vector3d p = p_map - min;
     const Eigen::Vector3i cell = (p / options.finest_voxel_m).array().floor().cast<int>();
-    grid.at(cell_key(cell.x(), cell.y(), cell.z())).add(p);
+    grid.at(cell_key(cell.x(), cell.y(), cell.z())).add(p, weight);
   });
   std::shared_ptr<MapIndex> index(new MapIndex());
   index->origin_ = min;
@@ -190,7 +202,8 @@ std::shared_ptr<const MapIndex> MapIndex::build(const maps::MapPackage& map,
       if (entry.id.level != 0) continue;
       for (const maps::MapPoint& point : map.tile(entry.id)) {
         if (!maps::is_measured(point.kind)) continue;
-        visit(manifest.origin + Eigen::Vector3f(point.x, point.y, point.z).cast<double>());
+        visit(manifest.origin + Eigen::Vector3f(point.x, point.y, point.z).cast<double>(),
+              weight_of(point));
       }
     }
   };
@@ -200,7 +213,7 @@ std::shared_ptr<const MapIndex> MapIndex::build(const maps::MapPackage& map,
 std::shared_ptr<const MapIndex> MapIndex::build(const std::vector<Eigen::Vector3d>& points_map,
                                                 const MapIndexOptions& options) {
   const auto for_each_point = [&](const auto& visit) {
-    for (const Eigen::Vector3d& p_map : points_map) visit(p_map);
+    for (const Eigen::Vector3d& p_map : points_map) visit(p_map, 1.0);
   };
   return build_from(for_each_point, "map points", options);
 }

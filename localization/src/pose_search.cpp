@@ -1,7 +1,6 @@
 #include "pose_search.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 namespace stillmap::localization {
@@ -23,7 +22,6 @@ class Columns {
     first_ = (centre / edge_m_).array().floor().cast<int>();
     first_ -= Eigen::Array3i(side_ / 2, side_ / 2, kCellsOfHeight / 2);
     words_.assign(static_cast<std::size_t>(side_) * static_cast<std::size_t>(side_), 0);
-    const float x_from = static_cast<float>(first_.x()) * edge_m_;
     // Voxels are sorted by cell with x first, so one strip of the map is looked at, not all of it.
     auto voxel =
         std::partition_point(level.voxels.begin(), level.voxels.end(),
@@ -31,7 +29,6 @@ class Columns {
     for (; voxel != level.voxels.end() && cell(voxel->mean.x()) < first_.x() + side_; ++voxel) {
       mark(voxel->mean);
     }
-    static_cast<void>(x_from);
     // One cell of slack up and down takes up a prior that is off in height, roll and pitch.
     for (std::uint64_t& word : words_) word |= (word << 1) | (word >> 1);
   }

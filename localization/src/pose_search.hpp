@@ -12,7 +12,7 @@ namespace stillmap::localization {
 /// How far around the prior poses are tried.
 struct SearchWindow {
   /// Horizontal, to each side along the map's axes [m], >= 0.
-  double radius_m = 4.0;
+  double radius_m = 5.0;
   /// Yaw to each side [rad], >= 0.
   double yaw_rad = 0.28;
 };

@@ -99,10 +99,12 @@ NormalEquations linearize(const MapIndex::Level& level,
     const Voxel& voxel = *term.voxel;
     const Eigen::Vector3f offset = p - voxel.mean;
     const auto weight = [&](float variance) {
-      return term.robust_weight / residual_variance_m2(variance, focus.kernel_m, p_lidar.squaredNorm());
+      return term.robust_weight /
+             residual_variance_m2(variance, focus.kernel_m, p_lidar.squaredNorm());
     };
     add_axis(voxel.axis0, offset, R, p_lidar, weight(voxel.variance0), sums);
-    if (voxel.sharp_axes == 2) add_axis(voxel.axis1, offset, R, p_lidar, weight(voxel.variance1), sums);
+    if (voxel.sharp_axes == 2)
+      add_axis(voxel.axis1, offset, R, p_lidar, weight(voxel.variance1), sums);
   }
   sums.store(out);
   return out;

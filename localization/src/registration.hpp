@@ -51,10 +51,10 @@ struct PointTerm {
   float robust_weight = 0.0F;
 };
 
-/// Variance of a residual along a sharp axis [m^2]: the surface's thickness, the kernel's width and what grows
-/// with the range. A surface at range r was mapped from places up to r away from here, and between those the
-/// map's poses drift: GNSS-aided poses of a city drive slid sideways by 3 to 5 % of the way. So what is near
-/// decides, and what is far helps as long as the map is straight.
+/// Variance of a residual along a sharp axis [m^2]: the surface's thickness, the kernel's width and
+/// what grows with the range. A surface at range r was mapped from places up to r away from here,
+/// and between those the map's poses drift: GNSS-aided poses of a city drive slid sideways by 3 to
+/// 5 % of the way. So what is near decides, and what is far helps as long as the map is straight.
 [[nodiscard]] inline float residual_variance_m2(float surface_variance_m2, float kernel_m,
                                                 float range2_m2) {
   constexpr float kDriftShare = 0.05F;

@@ -149,7 +149,8 @@ AlignmentResult VoxelAligner::align(const maps::PointCloud& scan_lidar, const Pr
   Evidence evidence;
   evidence.support = support_of(*index_, query, best.T_index_lidar);
   const NormalEquations system = linearize(level, query.points, best.T_index_lidar, {kernel_m, 1});
-  evidence.observability = observability_of(level_near(*index_, kSearchCellM), query, best.T_index_lidar, system.H);
+  evidence.observability =
+      observability_of(level_near(*index_, kSearchCellM), query, best.T_index_lidar, system.H);
   evidence.ambiguous = std::any_of(places.begin() + 1, places.end(), [&](const Place& other) {
     return other.support > kAmbiguousShare * best.support &&
            distinct(other.T_index_lidar, best.T_index_lidar);

@@ -79,6 +79,9 @@ std::vector<std::string> MapBuildOptions::violations() const {
   check("min_range_m", min_range_m, 0.0, 20.0);
   check("max_range_m", max_range_m, 5.0, 300.0);
   check("threads", threads, 0, 256);
+  if (!(max_range_m > min_range_m))
+    broken.push_back(
+        fmt::format("max_range_m: {}, expected > min_range_m ({})", max_range_m, min_range_m));
   return broken;
 }
 

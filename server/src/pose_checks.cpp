@@ -33,7 +33,7 @@ Eigen::Isometry3d checked_pose(const std::array<double, 3>& position,
 Eigen::Matrix<double, 6, 6> checked_covariance(std::span<const double, 36> values,
                                                const std::string& path) {
   using Matrix6 = Eigen::Matrix<double, 6, 6>;
-  const Matrix6 covariance =
+  Matrix6 covariance =
       Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(values.data());
   if (!covariance.allFinite()) {
     throw field_error(ErrorCode::kInvalidPrior, path, "a number that is not finite",

@@ -23,22 +23,32 @@ std::uint64_t key_of(const Eigen::Array3d& cell) {
 }  // namespace
 
 MeasuredPoints::MeasuredPoints(const maps::MapPackage& map)
-    : origin_(map.manifest().origin), voxel_m_(map.manifest().voxel_size_m) {
+    : origin_(map.manifest().origin), inverse_voxel_(1.0 / map.manifest().voxel_size_m) {
   for (const maps::TileEntry& tile : map.manifest().tiles) {
     for (const maps::MapPoint& point : map.tile(tile.id)) {
       if (!maps::is_measured(point.kind)) continue;
       const Eigen::Vector3f p(point.x, point.y, point.z);
       const Eigen::Array3d exact = p.cast<double>().array();
       points_.emplace(key_of((exact / kSearchCellM).floor()), p);
-      voxels_.insert(key_of(((exact - kRoundingM) / voxel_m_).floor()));
-      voxels_.insert(key_of(((exact + kRoundingM) / voxel_m_).floor()));
-      voxels_.insert(key_of((exact / voxel_m_).floor()));
+      add_voxels(exact);
     }
   }
 }
 
+void MeasuredPoints::add_voxels(const Eigen::Array3d& exact) {
+  const Eigen::Array3d low = ((exact - kRoundingM) * inverse_voxel_).floor();
+  const Eigen::Array3d high = ((exact + kRoundingM) * inverse_voxel_).floor();
+  // Each axis may have been rounded its own way. Most points are far from every side: one voxel.
+  const int corners = (low == high).all() ? 1 : 8;
+  for (int corner = 0; corner < corners; ++corner) {
+    voxels_.insert(key_of({corner & 1 ? high.x() : low.x(), corner & 2 ? high.y() : low.y(),
+                           corner & 4 ? high.z() : low.z()}));
+  }
+}
+
 bool MeasuredPoints::in_voxel_of(const Eigen::Vector3d& p_map) const {
-  return voxels_.contains(key_of(((p_map - origin_) / voxel_m_).array().floor()));
+  // The same operations as in StaticMap::add, so that points on a side fall to the same voxel.
+  return voxels_.contains(key_of(((p_map - origin_) * inverse_voxel_).array().floor()));
 }
 
 bool MeasuredPoints::within(const Eigen::Vector3d& p_map, double radius_m) const {

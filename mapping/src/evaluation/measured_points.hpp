@@ -22,8 +22,11 @@ class MeasuredPoints {
   [[nodiscard]] bool within(const Eigen::Vector3d& p_map, double radius_m) const;
 
  private:
+  /// The voxel of a map point [m, from the origin], and those it may have been rounded out of.
+  void add_voxels(const Eigen::Array3d& exact);
+
   Eigen::Vector3d origin_;
-  double voxel_m_;
+  double inverse_voxel_;
   std::unordered_set<std::uint64_t> voxels_;
   std::unordered_multimap<std::uint64_t, Eigen::Vector3f> points_;
 };

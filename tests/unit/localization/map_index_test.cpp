@@ -1,0 +1,158 @@
+#include "map_level.hpp"
+
+#include <stillmap/localization/map_index.hpp>
+#include <stillmap/maps/error.hpp>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <support/synthetic_world.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+namespace stillmap::localization {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+/// Points 5 cm apart on the rectangle z = 0.3, 0 <= x, y < 4, and a mark at the origin of the grid.
+std::vector<Eigen::Vector3d> plate() {
+  std::vector<Eigen::Vector3d> points;
+  for (int i = 0; i < 80; ++i) {
+    for (int j = 0; j < 80; ++j) points.emplace_back(0.05 * i, 0.05 * j, 0.3);
+  }
+  points.emplace_back(0.0, 0.0, 0.0);
+  return points;
+}
+
+TEST(MapIndexOptions, NamesEveryBrokenBoundAtOnce) {
+  MapIndexOptions options;
+  EXPECT_THAT(options.violations(), IsEmpty());
+  options.finest_voxel_m = std::numeric_limits<double>::quiet_NaN();
+  options.levels = 0;
+  options.min_points = 2;
+  EXPECT_THAT(options.violations(), SizeIs(3));
+  EXPECT_THROW((void)MapIndex::build(plate(), options), std::invalid_argument);
+}
+
+TEST(MapIndex, LevelsGoFromCoarseToFineAndDouble) {
+  const auto index = MapIndex::build(plate());
+  ASSERT_THAT(index->levels(), SizeIs(3));
+  EXPECT_FLOAT_EQ(index->levels()[0].edge_m, 2.0F);
+  EXPECT_FLOAT_EQ(index->levels()[1].edge_m, 1.0F);
+  EXPECT_FLOAT_EQ(index->levels()[2].edge_m, 0.5F);
+  EXPECT_EQ(index->levels()[0].voxels.size(), 4U);
+  EXPECT_EQ(index->levels()[1].voxels.size(), 16U);
+  EXPECT_EQ(index->levels()[2].voxels.size(), 64U);
+  EXPECT_EQ(index->voxel_count(), 84U);
+}
+
+TEST(MapIndex, VoxelOfAPlateHasItsNormalMeanAndVariances) {
+  const auto index = MapIndex::build(plate());
+  const Voxel* voxel =
+      index->levels().back().nearest(Eigen::Vector3f(1.75F, 1.75F, 0.3F), 0.01F).voxel;
+  ASSERT_NE(voxel, nullptr);
+  EXPECT_EQ(voxel->points, 100U);
+  EXPECT_EQ(voxel->sharp_axes, 1);
+  EXPECT_NEAR(std::abs(voxel->axis0.z()), 1.0, 1e-5);
+  EXPECT_NEAR(voxel->mean.x(), 1.725, 1e-5);
+  EXPECT_NEAR(voxel->mean.z(), 0.3, 1e-5);
+  EXPECT_NEAR(voxel->variance0, 0.0, 1e-7);
+  // Ten points 5 cm apart: 0.0025 (10^2 - 1) / 12, and 100 / 99 for the estimate from a sample.
+  EXPECT_NEAR(voxel->variance2, 0.0025 * 99.0 / 12.0 * 100.0 / 99.0, 1e-5);
+}
+
+TEST(MapIndex, OnlyAnUprightLineOfPointsIsAPole) {
+  const auto sharp_axes_along = [](const Eigen::Vector3d& direction) {
+    std::vector<Eigen::Vector3d> points{Eigen::Vector3d::Zero()};
+    for (int k = 0; k < 40; ++k)
+      points.emplace_back(Eigen::Vector3d::Constant(2.05) + 0.01 * k * direction);
+    return MapIndex::build(points)->levels().back().voxels.front().sharp_axes;
+  };
+  EXPECT_EQ(sharp_axes_along(Eigen::Vector3d::UnitZ()), 2);
+  EXPECT_EQ(sharp_axes_along(Eigen::Vector3d::UnitX()), 0);
+}
+
+TEST(MapIndex, FoliageIsSharpNowhere) {
+  test::Random random(3);
+  std::vector<Eigen::Vector3d> points;
+  for (int k = 0; k < 4000; ++k)
+    points.emplace_back(random.uniform(), random.uniform(), random.uniform());
+  const auto index = MapIndex::build(points);
+  for (const Voxel& voxel : index->levels().back().voxels) EXPECT_EQ(voxel.sharp_axes, 0);
+}
+
+TEST(MapIndex, LeavesOutVoxelsWithTooFewPoints) {
+  std::vector<Eigen::Vector3d> points = plate();
+  for (int k = 0; k < 4; ++k) points.emplace_back(10.0 + 0.01 * k, 10.0, 10.0);
+  EXPECT_EQ(MapIndex::build(points)->voxel_count(), 84U);
+  MapIndexOptions options;
+  options.min_points = 4;
+  EXPECT_EQ(MapIndex::build(points, options)->voxel_count(), 87U);
+}
+
+TEST(MapIndex, OriginIsTheLowestCornerSoThatFloatsKeepTheirMillimetresFarAway) {
+  const Eigen::Vector3d far(500'000.0, 5'400'000.0, 300.0);
+  std::vector<Eigen::Vector3d> points = plate();
+  for (Eigen::Vector3d& p : points) p += far;
+  const auto near_index = MapIndex::build(plate());
+  const auto far_index = MapIndex::build(points);
+  EXPECT_NEAR((far_index->origin() - far).norm(), 0.0, 1e-9);
+  EXPECT_NEAR((far_index->extent() - Eigen::Vector3d(3.95, 3.95, 0.3)).norm(), 0.0, 1e-6);
+  ASSERT_EQ(near_index->voxel_count(), far_index->voxel_count());
+  for (std::size_t k = 0; k < near_index->levels().back().voxels.size(); ++k) {
+    const Eigen::Vector3f difference =
+        near_index->levels().back().voxels[k].mean - far_index->levels().back().voxels[k].mean;
+    EXPECT_LT(difference.norm(), 1e-4F);
+  }
+}
+
+TEST(MapIndex, OrderOfThePointsDoesNotMatterForWhichVoxelsThereAre) {
+  std::vector<Eigen::Vector3d> points = plate();
+  const auto forward = MapIndex::build(points);
+  std::reverse(points.begin(), points.end());
+  const auto backward = MapIndex::build(points);
+  ASSERT_EQ(forward->voxel_count(), backward->voxel_count());
+  for (std::size_t k = 0; k < forward->levels()[0].voxels.size(); ++k) {
+    EXPECT_EQ(forward->levels()[0].voxels[k].points, backward->levels()[0].voxels[k].points);
+  }
+}
+
+TEST(MapIndex, RefusesPointsThatAreNotFiniteNoneTooFewOrTooFarApart) {
+  EXPECT_THROW((void)MapIndex::build(std::vector<Eigen::Vector3d>{}), maps::InputError);
+  EXPECT_THROW((void)MapIndex::build({Eigen::Vector3d::Zero(), Eigen::Vector3d::Ones()}),
+               maps::InputError);
+  std::vector<Eigen::Vector3d> points = plate();
+  points.emplace_back(0.0, std::numeric_limits<double>::quiet_NaN(), 0.0);
+  EXPECT_THROW((void)MapIndex::build(points), std::invalid_argument);
+  points.back() = Eigen::Vector3d(1e9, 0.0, 0.0);
+  EXPECT_THROW((void)MapIndex::build(points), maps::InputError);
+}
+
+TEST(MapIndex, LooksUpNothingFarOutsideOrAtNaN) {
+  const auto index = MapIndex::build(plate());
+  const MapIndex::Level& level = index->levels().back();
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  for (const float x : {1e30F, -1e30F, nan, 1e6F, -3.0F}) {
+    EXPECT_EQ(level.nearest(Eigen::Vector3f(x, 0.0F, 0.0F), 0.01F).voxel, nullptr) << x;
+  }
+}
+
+TEST(VoxelTable, FindsWhatWasInsertedAndNothingElse) {
+  VoxelTable table;
+  for (std::int32_t k = 0; k < 1000; ++k) EXPECT_TRUE(table.insert(cell_key(k, 7 * k, 3)).second);
+  EXPECT_FALSE(table.insert(cell_key(5, 35, 3)).second);
+  EXPECT_EQ(table.size(), 1000U);
+  for (std::int32_t k = 0; k < 1000; ++k) {
+    EXPECT_EQ(table.find(cell_key(k, 7 * k, 3)), static_cast<std::uint32_t>(k));
+    EXPECT_EQ(table.find(cell_key(k, 7 * k, 4)), VoxelTable::kNone);
+  }
+}
+
+}  // namespace
+}  // namespace stillmap::localization

@@ -1,0 +1,223 @@
+#include "verdict.hpp"
+
+#include <stillmap/localization/aligner.hpp>
+#include <stillmap/maps/frames.hpp>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <support/synthetic_world.hpp>
+
+namespace stillmap::localization {
+namespace {
+
+using test::pose_at;
+using ::testing::Contains;
+using ::testing::Each;
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+test::ScanPattern pattern(std::uint64_t seed) {
+  test::ScanPattern out;
+  out.noise_m = 0.02;
+  out.seed = seed;
+  return out;
+}
+
+std::vector<Eigen::Isometry3d> along_x(double from, double to) {
+  std::vector<Eigen::Isometry3d> poses;
+  for (double x = from; x <= to; x += 3.0) poses.push_back(pose_at(x, 0.0));
+  return poses;
+}
+
+std::unique_ptr<Aligner> aligner_in(const test::SyntheticWorld& world, double from, double to) {
+  return make_aligner("default",
+                      MapIndex::build(world.mapped_from(along_x(from, to), pattern(50))));
+}
+
+struct Street {
+  test::SyntheticWorld world = test::street(31);
+  std::unique_ptr<Aligner> aligner = aligner_in(world, 15.0, 105.0);
+};
+const Street& street() {
+  static const Street built;
+  return built;
+}
+
+maps::PointCloud noise_scan(std::uint64_t seed) {
+  test::Random random(seed);
+  maps::PointCloud scan;
+  for (int k = 0; k < 20'000; ++k) {
+    scan.positions.push_back(
+        Eigen::Vector3d(random.uniform(-40, 40), random.uniform(-40, 40), random.uniform(-2, 6))
+            .cast<float>());
+  }
+  return scan;
+}
+
+TEST(Verdict, OkComesWithoutReasonsAndWithASmallCovariance) {
+  const Eigen::Isometry3d T_map_lidar = pose_at(60.0, 0.5);
+  const AlignmentResult result = street().aligner->align(
+      street().world.scan(T_map_lidar, pattern(1)), {T_map_lidar, std::nullopt});
+  EXPECT_EQ(result.status, PoseStatus::kOk);
+  EXPECT_THAT(result.reasons, IsEmpty());
+  EXPECT_THAT(result.degenerate_directions, IsEmpty());
+  EXPECT_TRUE(result.covariance == result.covariance.transpose().eval());
+  EXPECT_GT(result.covariance.diagonal().minCoeff(), 0.0);
+  EXPECT_LT(result.covariance.diagonal().head<3>().maxCoeff(), 0.1 * 0.1);
+}
+
+TEST(Verdict, ErrorsStayWithinTheCovariance) {
+  std::size_t beyond = 0;
+  constexpr std::size_t kScans = 20;
+  for (std::size_t k = 0; k < kScans; ++k) {
+    const Eigen::Isometry3d T_map_lidar = pose_at(40.0 + 2.0 * static_cast<double>(k), 0.4, 0.1);
+    const AlignmentResult result = street().aligner->align(
+        street().world.scan(T_map_lidar, pattern(200 + k)), {T_map_lidar, std::nullopt});
+    const Vector6d error = maps::log_se3(T_map_lidar.inverse() * result.T_map_lidar);
+    if (error.dot(result.covariance.ldlt().solve(error)) > 12.59) ++beyond;  // 95 % point
+  }
+  EXPECT_LE(beyond, 2U);
+}
+
+TEST(Verdict, AWrongPlaceIsNeverOk) {
+  for (const double away_m : {-40.0, -25.0, -12.0, 12.0, 20.0, 40.0}) {
+    for (const double x : {50.0, 58.0, 66.0}) {
+      const Eigen::Isometry3d T_map_lidar = pose_at(x, 0.5);
+      Prior prior{T_map_lidar, std::nullopt};
+      prior.T_map_lidar.translation().x() += away_m;
+      const AlignmentResult result =
+          street().aligner->align(street().world.scan(T_map_lidar, pattern(2)), prior);
+      EXPECT_NE(result.status, PoseStatus::kOk) << away_m << " m from x = " << x;
+      EXPECT_THAT(result.reasons, Not(IsEmpty()));
+    }
+  }
+}
+
+TEST(Verdict, AnotherStreetsMapIsLost) {
+  const test::SyntheticWorld other = test::street(32);
+  for (const double x : {45.0, 60.0, 75.0}) {
+    const AlignmentResult result = street().aligner->align(other.scan(pose_at(x, 0.0), pattern(3)),
+                                                           {pose_at(x, 0.0), std::nullopt});
+    EXPECT_NE(result.status, PoseStatus::kOk);
+    EXPECT_THAT(result.reasons, Contains("low_inlier_ratio"));
+  }
+}
+
+TEST(Verdict, NoiseIsLost) {
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    const AlignmentResult result =
+        street().aligner->align(noise_scan(seed), {pose_at(60.0, 0.0), std::nullopt});
+    EXPECT_EQ(result.status, PoseStatus::kLost);
+    EXPECT_THAT(result.reasons, ElementsAre("low_inlier_ratio"));
+  }
+}
+
+TEST(Verdict, EmptyTinyAndDuplicatedScansAreLostWithTheirPrior) {
+  const Prior prior{pose_at(60.0, 0.0), std::nullopt};
+  maps::PointCloud scan;
+  for (const std::size_t count : {0U, 1U, 49U}) {
+    scan.positions.assign(count, Eigen::Vector3f(5.0F, 1.0F, 0.0F));
+    const AlignmentResult result = street().aligner->align(scan, prior);
+    EXPECT_EQ(result.status, PoseStatus::kLost);
+    EXPECT_THAT(result.reasons, ElementsAre("too_few_points"));
+    EXPECT_TRUE(result.T_map_lidar.matrix() == prior.T_map_lidar.matrix());
+  }
+  scan.positions.assign(100'000, Eigen::Vector3f(5.0F, 1.0F, 0.0F));
+  EXPECT_THAT(street().aligner->align(scan, prior).reasons, ElementsAre("too_few_points"));
+  scan.positions.assign(100'000, Eigen::Vector3f(3e38F, 3e38F, -3e38F));
+  EXPECT_THAT(street().aligner->align(scan, prior).reasons, ElementsAre("too_few_points"));
+}
+
+TEST(Verdict, APriorFarOutsideTheMapIsLost) {
+  const maps::PointCloud scan = street().world.scan(pose_at(60.0, 0.0), pattern(4));
+  for (const double x : {1e9, -1e9, 1e300, 400.0}) {
+    const AlignmentResult result = street().aligner->align(scan, {pose_at(x, 0.0), std::nullopt});
+    EXPECT_EQ(result.status, PoseStatus::kLost);
+    EXPECT_THAT(result.reasons, ElementsAre("outside_map"));
+  }
+}
+
+TEST(Verdict, ACorridorDoesNotTellWhereAlongItOneIs) {
+  const test::SyntheticWorld world = test::corridor();
+  const auto aligner = aligner_in(world, -90.0, 90.0);
+  const Eigen::Isometry3d T_map_lidar = pose_at(0.0, 0.5, 0.1);
+  Prior prior{T_map_lidar, std::nullopt};
+  prior.T_map_lidar.translation().x() += 1.0;
+  const AlignmentResult result = aligner->align(world.scan(T_map_lidar, pattern(5)), prior);
+  EXPECT_EQ(result.status, PoseStatus::kDegraded);
+  EXPECT_THAT(result.reasons, Contains("unobservable_direction"));
+  ASSERT_FALSE(result.degenerate_directions.empty());
+  Vector6d along = Vector6d::Zero();
+  along.head<3>() = T_map_lidar.linear().transpose() * Eigen::Vector3d::UnitX();
+  double agreement = 0.0;
+  for (const Vector6d& direction : result.degenerate_directions) {
+    EXPECT_NEAR(direction.norm(), 1.0, 1e-9);
+    agreement += std::pow(direction.dot(along), 2);
+  }
+  EXPECT_GT(agreement, 0.95);
+  EXPECT_GT(along.dot(result.covariance * along), 1.0);
+  // Across the corridor and in heading it is as good as ever.
+  const Eigen::Isometry3d difference = T_map_lidar.inverse() * result.T_map_lidar;
+  EXPECT_LT(std::abs((T_map_lidar.linear() * difference.translation()).y()), 0.03);
+  EXPECT_LT(maps::rotation_angle_rad(difference.linear()), 0.002);
+}
+
+TEST(Verdict, AnEmptyFieldIsNotOk) {
+  const test::SyntheticWorld world = test::field();
+  const auto aligner = aligner_in(world, -40.0, 40.0);
+  const AlignmentResult result =
+      aligner->align(world.scan(pose_at(0.0, 0.0), pattern(6)), {pose_at(1.0, 0.0), std::nullopt});
+  EXPECT_EQ(result.status, PoseStatus::kDegraded);
+  EXPECT_THAT(result.reasons, Contains("too_little_structure"));
+  EXPECT_THAT(result.reasons, Contains("unobservable_direction"));
+}
+
+TEST(Verdict, APosThatContradictsThePriorsCovarianceIsNotOk) {
+  const Eigen::Isometry3d T_map_lidar = pose_at(60.0, 0.5);
+  const maps::PointCloud scan = street().world.scan(T_map_lidar, pattern(7));
+  Prior prior{T_map_lidar, Eigen::Matrix<double, 6, 6>(1e-2 * Matrix6d::Identity())};
+  prior.T_map_lidar.translation().y() += 0.2;
+  EXPECT_EQ(street().aligner->align(scan, prior).status, PoseStatus::kOk);
+  prior.T_map_lidar.translation().y() += 1.3;
+  const AlignmentResult result = street().aligner->align(scan, prior);
+  EXPECT_EQ(result.status, PoseStatus::kDegraded);
+  EXPECT_THAT(result.reasons, Contains("contradicts_prior"));
+}
+
+TEST(Verdict, TwoMillionPointsAreAnsweredLikeAnyScan) {
+  const Eigen::Isometry3d T_map_lidar = pose_at(60.0, 0.5);
+  const maps::PointCloud scan = street().world.scan(T_map_lidar, pattern(8));
+  maps::PointCloud many;
+  while (many.size() < 2'000'000) {
+    many.positions.insert(many.positions.end(), scan.positions.begin(), scan.positions.end());
+  }
+  const AlignmentResult result = street().aligner->align(many, {T_map_lidar, std::nullopt});
+  EXPECT_EQ(result.status, PoseStatus::kOk);
+}
+
+TEST(Verdict, JudgeNamesEveryWeakness) {
+  Evidence evidence;
+  evidence.support = {0.9, 0.03, 500, 0.9, 0.9};
+  const Matrix6d covariance = 1e-6 * Matrix6d::Identity();
+  AlignmentResult result;
+  judge(evidence, covariance, result);
+  EXPECT_EQ(result.status, PoseStatus::kOk);
+  evidence.support.standing_ratio = 0.5;
+  evidence.support.known_ratio = 0.1;
+  evidence.ambiguous = true;
+  evidence.contradicts_prior = true;
+  result = {};
+  judge(evidence, Matrix6d::Identity(), result);
+  EXPECT_EQ(result.status, PoseStatus::kDegraded);
+  EXPECT_THAT(result.reasons, ElementsAre("low_inlier_ratio", "little_overlap", "ambiguous",
+                                          "contradicts_prior", "large_covariance"));
+  evidence.support.standing_ratio = 0.2;
+  result = {};
+  judge(evidence, covariance, result);
+  EXPECT_EQ(result.status, PoseStatus::kLost);
+}
+
+}  // namespace
+}  // namespace stillmap::localization

@@ -1,0 +1,239 @@
+#include <stillmap/mapping/localization_evaluation.hpp>
+
+#include "evaluation/localization_metrics.hpp"
+#include "evaluation/prior_draws.hpp"
+
+#include <stillmap/maps/frames.hpp>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <set>
+
+namespace stillmap::mapping {
+namespace {
+
+using localization::PoseStatus;
+using ::testing::SizeIs;
+
+constexpr double kDeg = std::numbers::pi / 180.0;
+
+Eigen::Isometry3d some_pose() {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.translation() = Eigen::Vector3d(100.0, -30.0, 2.0);
+  T.linear() = (Eigen::AngleAxisd(1.0, Eigen::Vector3d::UnitZ()) *
+                Eigen::AngleAxisd(0.05, Eigen::Vector3d::UnitX()))
+                   .toRotationMatrix();
+  return T;
+}
+
+LocalizationRecord record(std::size_t scan, const Eigen::Vector3d& off_m, double yaw_deg = 0.0,
+                          PoseStatus status = PoseStatus::kOk) {
+  LocalizationRecord out;
+  out.scan = scan;
+  out.status = status;
+  out.T_reference_answer.translation() = off_m;
+  out.T_reference_answer.linear() =
+      Eigen::AngleAxisd(yaw_deg * kDeg, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  out.covariance.setIdentity();
+  return out;
+}
+
+TEST(PriorDraws, AreOffByExactlyDAndA) {
+  const Eigen::Isometry3d T = some_pose();
+  for (std::uint64_t trial = 0; trial < 200; ++trial) {
+    const Eigen::Isometry3d prior = with_prior_error(T, {2.0, 10.0}, CounterRandom(1, 5, trial));
+    const Eigen::Vector3d off = prior.translation() - T.translation();
+    EXPECT_NEAR(off.head<2>().norm(), 2.0, 1e-9);
+    EXPECT_NEAR(std::abs(off.z()), 0.2, 1e-9);
+    const Eigen::Vector3d yaw_pitch_roll =
+        Eigen::Matrix3d(T.linear().transpose() * prior.linear()).eulerAngles(2, 1, 0);
+    const auto folded = [](double angle) {
+      return std::min(std::abs(angle), std::abs(std::numbers::pi - std::abs(angle)));
+    };
+    EXPECT_NEAR(folded(yaw_pitch_roll[0]), 10.0 * kDeg, 1e-9);
+    EXPECT_NEAR(folded(yaw_pitch_roll[1]), 1.0 * kDeg, 1e-9);
+    EXPECT_NEAR(folded(yaw_pitch_roll[2]), 1.0 * kDeg, 1e-9);
+  }
+}
+
+TEST(PriorDraws, DirectionsAreUniformAndSignsFair) {
+  double east = 0.0, north = 0.0, up = 0.0;
+  constexpr int kDraws = 4000;
+  for (std::uint64_t k = 0; k < kDraws; ++k) {
+    const Eigen::Vector3d off =
+        with_prior_error(Eigen::Isometry3d::Identity(), {1.0, 0.0}, CounterRandom(3, k, 0))
+            .translation();
+    east += off.x();
+    north += off.y();
+    up += off.z() / 0.1;
+  }
+  // Means of 4000 draws with deviation 0.71 (cosines) and 1 (signs): five deviations of the mean.
+  EXPECT_LT(std::abs(east) / kDraws, 0.056);
+  EXPECT_LT(std::abs(north) / kDraws, 0.056);
+  EXPECT_LT(std::abs(up) / kDraws, 0.08);
+}
+
+TEST(PriorDraws, AreFixedForEverAndDifferBySeedScanAndTrial) {
+  // The numbers are part of the definition: results of different versions are compared draw by
+  // draw.
+  EXPECT_DOUBLE_EQ(CounterRandom(1, 2, 3).uniform(0), CounterRandom(1, 2, 3).uniform(0));
+  std::set<double> seen;
+  for (std::uint64_t seed = 0; seed < 4; ++seed) {
+    for (std::uint64_t scan = 0; scan < 4; ++scan) {
+      for (std::uint64_t trial = 0; trial < 4; ++trial)
+        seen.insert(CounterRandom(seed, scan, trial).uniform(0));
+    }
+  }
+  EXPECT_THAT(seen, SizeIs(64));
+}
+
+TEST(Percentile, InterpolatesBetweenNeighbours) {
+  EXPECT_DOUBLE_EQ(percentile({4.0, 1.0, 3.0, 2.0}, 0.5), 2.5);
+  EXPECT_DOUBLE_EQ(percentile({1.0, 2.0, 3.0}, 0.95), 2.9);
+  EXPECT_DOUBLE_EQ(percentile({7.0}, 0.95), 7.0);
+  EXPECT_TRUE(std::isnan(percentile({}, 0.5)));
+}
+
+TEST(LocalizationMetrics, AConstantBiasIsTakenOut) {
+  std::vector<LocalizationRecord> records;
+  for (std::size_t scan = 0; scan < 10; ++scan)
+    records.push_back(record(scan, {0.5, -0.3, 0.1}, 1.5));
+  const LocalizationLevel level = level_of(records, {}, 1);
+  EXPECT_DOUBLE_EQ(level.success_rate, 1.0);
+  EXPECT_NEAR(level.translation_m.median, 0.0, 1e-9);
+  EXPECT_NEAR(level.rotation_deg.p95, 0.0, 1e-9);
+  EXPECT_NEAR(level.nees_mean, 0.0, 1e-9);
+}
+
+TEST(LocalizationMetrics, EachHalfIsJudgedWithTheBiasOfTheOther) {
+  // Even scans are off by 0.3 m, odd ones by nothing: judged with their own bias all would be
+  // perfect.
+  std::vector<LocalizationRecord> records;
+  for (std::size_t scan = 0; scan < 10; ++scan) {
+    records.push_back(record(scan, {scan % 2 == 0 ? 0.3 : 0.0, 0.0, 0.0}));
+  }
+  EXPECT_NEAR(bias_of_half(records, 0)[0], 0.3, 1e-12);
+  EXPECT_NEAR(bias_of_half(records, 1)[0], 0.0, 1e-12);
+  const LocalizationLevel level = level_of(records, {}, 1);
+  EXPECT_DOUBLE_EQ(level.success_rate, 0.0);
+  EXPECT_NEAR(level.translation_m.median, 0.3, 1e-9);
+}
+
+TEST(LocalizationMetrics, CountsSuccessStatusAndFalseOkByHand) {
+  std::vector<LocalizationRecord> records;
+  for (std::size_t scan = 0; scan < 20; ++scan)
+    records.push_back(record(scan, Eigen::Vector3d::Zero()));
+  records[0] = record(0, {0.19, 0.0, 0.0});                                 // success
+  records[2] = record(2, {0.21, 0.0, 0.0});                                 // fails, no false ok
+  records[4] = record(4, {0.0, 0.6, 0.0});                                  // false ok
+  records[6] = record(6, {0.0, 0.6, 0.0}, 0.0, PoseStatus::kDegraded);      // fails, honestly
+  records[8] = record(8, Eigen::Vector3d::Zero(), 0.0, PoseStatus::kLost);  // fails although right
+  records[10] = record(10, Eigen::Vector3d::Zero(), 2.5);                   // false ok by angle
+  records[12] = record(12, Eigen::Vector3d::Zero(), 0.9, PoseStatus::kDegraded);  // success
+  records[8].reasons = {"too_few_points"};
+  const LocalizationLevel level = level_of(records, {1.0, 5.0}, 1);
+  EXPECT_EQ(level.queries, 20U);
+  EXPECT_EQ(level.ok, 17U);
+  EXPECT_EQ(level.degraded, 2U);
+  EXPECT_EQ(level.lost, 1U);
+  EXPECT_DOUBLE_EQ(level.success_rate, 15.0 / 20.0);
+  EXPECT_DOUBLE_EQ(level.false_ok_rate, 2.0 / 20.0);
+  EXPECT_EQ(level.reasons.at("too_few_points"), 1U);
+  EXPECT_NEAR(level.translation_m.rmse_part,
+              std::sqrt((0.19 * 0.19 + 0.21 * 0.21 + 2 * 0.36) / 19.0), 1e-9);
+  EXPECT_NEAR(level.rotation_deg.rmse_part, std::sqrt((2.5 * 2.5 + 0.9 * 0.9) / 19.0), 1e-6);
+}
+
+TEST(LocalizationMetrics, NeesIsTheErrorInUnitsOfTheCovariance) {
+  std::vector<LocalizationRecord> records;
+  for (std::size_t scan = 0; scan < 10; ++scan)
+    records.push_back(record(scan, Eigen::Vector3d::Zero()));
+  records[0] = record(0, {0.4, 0.0, 0.0});
+  for (LocalizationRecord& r : records) r.covariance *= 0.01;
+  const LocalizationLevel level = level_of(records, {}, 1);
+  EXPECT_NEAR(level.nees_mean, 16.0 / 10.0, 1e-9);
+  EXPECT_DOUBLE_EQ(level.nees_inside_95, 0.9);
+}
+
+TEST(LocalizationMetrics, IntervalResamplesScansNotTrials) {
+  // Half of the scans always succeed, half never: many trials must not make the interval narrow.
+  std::vector<LocalizationRecord> few, many;
+  for (std::size_t scan = 0; scan < 20; ++scan) {
+    const double off = scan < 10 ? 0.0 : (scan % 4 < 2 ? 0.4 : -0.4);
+    few.push_back(record(scan, {0.0, off, 0.0}));
+    for (int trial = 0; trial < 50; ++trial) many.push_back(record(scan, {0.0, off, 0.0}));
+  }
+  const LocalizationLevel a = level_of(few, {}, 1);
+  const LocalizationLevel b = level_of(many, {}, 1);
+  EXPECT_DOUBLE_EQ(a.success_rate, 0.5);
+  EXPECT_EQ(a.success_interval, b.success_interval);
+  EXPECT_NEAR(a.success_interval[0], 0.5 - 1.96 * std::sqrt(0.25 / 20.0), 0.06);
+  EXPECT_NEAR(a.success_interval[1], 0.5 + 1.96 * std::sqrt(0.25 / 20.0), 0.06);
+}
+
+TEST(LocalizationMetrics, AllLostHasNoErrorsAndIsNullInJson) {
+  std::vector<LocalizationRecord> records;
+  for (std::size_t scan = 0; scan < 3; ++scan) {
+    records.push_back(record(scan, Eigen::Vector3d::Zero(), 0.0, PoseStatus::kLost));
+  }
+  LocalizationEvaluation evaluation;
+  evaluation.levels.push_back(level_of(records, {}, 1));
+  EXPECT_DOUBLE_EQ(evaluation.levels[0].success_rate, 0.0);
+  EXPECT_TRUE(std::isnan(evaluation.levels[0].translation_m.median));
+  const nlohmann::json json = nlohmann::json::parse(to_json(evaluation));
+  EXPECT_TRUE(json["levels"][0]["translation_error_m"]["median"].is_null());
+}
+
+TEST(LocalizationJson, HasEveryKeyOfTheContract) {
+  LocalizationEvaluation evaluation;
+  evaluation.options.seed = std::numeric_limits<std::uint64_t>::max();
+  evaluation.levels.push_back(level_of({record(0, Eigen::Vector3d::Zero())}, {}, 1));
+  const nlohmann::json json = nlohmann::json::parse(to_json(evaluation));
+  for (const char* key : {"levels", "scans", "seconds", "options"})
+    EXPECT_TRUE(json.contains(key)) << key;
+  for (const char* pointer : {"/prior_error_m",
+                              "/prior_error_deg",
+                              "/queries",
+                              "/success_rate",
+                              "/success_interval_95/1",
+                              "/status/ok",
+                              "/status/degraded",
+                              "/status/lost",
+                              "/false_ok_rate",
+                              "/translation_error_m/median",
+                              "/translation_error_m/p95",
+                              "/translation_error_m/rmse_xy",
+                              "/rotation_error_deg/median",
+                              "/rotation_error_deg/p95",
+                              "/rotation_error_deg/rmse_yaw",
+                              "/cpu_ms/p50",
+                              "/cpu_ms/p95",
+                              "/wall_ms/p50",
+                              "/wall_ms/p95",
+                              "/nees/mean",
+                              "/nees/inside_95",
+                              "/reasons"}) {
+    EXPECT_TRUE(json["levels"][0].contains(nlohmann::json::json_pointer(pointer))) << pointer;
+  }
+  EXPECT_FALSE(json["levels"][0].contains("integrity"));
+  EXPECT_EQ(json["options"]["seed"], "18446744073709551615");
+}
+
+TEST(LocalizationEvaluationOptions, NamesEveryBrokenBound) {
+  LocalizationEvaluationOptions options;
+  EXPECT_THAT(options.violations(), SizeIs(0));
+  options.prior_errors = {{-1.0, std::numeric_limits<double>::quiet_NaN()}};
+  options.trials = 0;
+  options.threads = -1;
+  EXPECT_THAT(options.violations(), SizeIs(4));
+  options.prior_errors.clear();
+  EXPECT_THAT(options.violations(), SizeIs(3));
+}
+
+}  // namespace
+}  // namespace stillmap::mapping

@@ -24,9 +24,10 @@ struct MapBuildOptions {
   /// Edge of the voxels that merge points of the map [m], in [0.02, 2].
   double voxel_size_m = 0.1;
   /// Points nearer are the vehicle itself, farther ones too sparse [m]; both are dropped and counted.
+  /// In [0, 20] and [5, 300], the second larger.
   double min_range_m = 2.0;
   double max_range_m = 80.0;
-  /// Threads, 0 = all cores.
+  /// In [0, 256], 0 = all cores.
   int threads = 0;
 
   [[nodiscard]] std::vector<std::string> violations() const;
@@ -39,7 +40,7 @@ struct MapBuildReport {
   double scans_per_second = 0.0;
   double peak_rss_mib = 0.0;
   std::map<std::string, std::uint64_t> points;   ///< in, ground, projected, deleted, static, ...
-  std::map<std::string, std::uint64_t> objects;  ///< parked, moving, boxes
+  std::map<std::string, std::uint64_t> objects;  ///< parked, moving, brief, boxes
   std::map<std::string, double> stage_seconds;   ///< summed over threads
   std::string digest;
 };

@@ -1,0 +1,273 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <stillmap/mapping/map_build.hpp>
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_package.hpp>
+
+#include <fstream>
+#include <limits>
+#include <set>
+
+#include "small_drive.hpp"
+#include "support/throws.hpp"
+
+namespace stillmap::mapping {
+namespace {
+
+using maps::InputError;
+using test::ThrowsSaying;
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+
+class MapBuild : public ::testing::Test {
+ protected:
+  MapBuild() : drive_(small_.write(folder_)) { options_.threads = 1; }
+
+  MapBuildReport build(const std::string& name = "map") {
+    return build_map(drive_, folder_.path() / "maps" / name, options_, progress_, cancel_);
+  }
+  [[nodiscard]] std::shared_ptr<const maps::MapPackage> open(
+      const std::string& name = "map") const {
+    return maps::MapPackage::open(folder_.path() / "maps" / name);
+  }
+  /// Everything beside the maps, hidden files too.
+  [[nodiscard]] std::set<std::string> names_in_maps() const {
+    std::set<std::string> names;
+    for (const auto& entry : std::filesystem::directory_iterator(folder_.path() / "maps"))
+      names.insert(entry.path().filename().string());
+    return names;
+  }
+  void use_boxes() { options_.detector = "boxes:" + small_.write_car(folder_).string(); }
+  void SetUp() override { std::filesystem::create_directories(folder_.path() / "maps"); }
+
+  test::TemporaryFolder folder_;
+  test::SmallDrive small_;
+  std::filesystem::path drive_;
+  MapBuildOptions options_;
+  ProgressCallback progress_;
+  CancelFlag cancel_{false};
+};
+
+std::map<maps::PointKind, std::uint64_t> observations_by_kind(const maps::MapPackage& map) {
+  std::map<maps::PointKind, std::uint64_t> observations;
+  for (const maps::TileEntry& tile : map.manifest().tiles) {
+    for (const maps::MapPoint& point : map.tile(tile.id))
+      observations[point.kind] += point.observations;
+  }
+  return observations;
+}
+
+TEST_F(MapBuild, CountsEveryPointOnceInTheManifest) {
+  maps::PointCloud cloud = small_.scan(0);
+  const std::size_t good = cloud.size();
+  cloud.positions.emplace_back(1.0F, 0.0F, 0.0F);
+  cloud.positions.emplace_back(90.0F, 0.0F, 0.0F);
+  cloud.positions.emplace_back(85.0F, 9.0F, 0.0F);
+  cloud.positions.emplace_back(std::nanf(""), 0.0F, 0.0F);
+  cloud.positions.emplace_back(0.0F, 0.0F, 0.0F);
+  folder_.write("drive/000000.bin", test::bin_of(cloud));
+  use_boxes();
+  const MapBuildReport report = build();
+  const auto map = open();
+  const auto& counts = map->manifest().counts;
+  std::uint64_t in = 5 + good;
+  for (std::size_t i = 1; i < test::SmallDrive::kScans; ++i) in += small_.scan(i).size();
+  EXPECT_EQ(counts.at("in"), in);
+  EXPECT_EQ(counts.at("dropped_too_near"), 1U);
+  EXPECT_EQ(counts.at("dropped_too_far"), 2U);
+  EXPECT_EQ(counts.at("dropped_non_finite"), 1U);
+  EXPECT_EQ(counts.at("dropped_zero_range"), 1U);
+  EXPECT_EQ(counts.at("scans"), 4U);
+  EXPECT_EQ(counts.at("scans_empty"), 0U);
+  EXPECT_EQ(counts.at("objects_boxes"), 4U);
+  EXPECT_EQ(counts.at("objects_parked"), 1U);
+  EXPECT_EQ(counts.at("objects_moving"), 0U);
+  EXPECT_EQ(counts.at("deleted"), 0U);
+  const auto observations = observations_by_kind(*map);
+  EXPECT_EQ(observations.at(maps::PointKind::kProjected), counts.at("projected"));
+  EXPECT_GT(counts.at("projected"), 100U);
+  EXPECT_EQ(observations.at(maps::PointKind::kMeasured) +
+                observations.at(maps::PointKind::kGround) + counts.at("projected"),
+            in - 5);
+  std::uint64_t points = 0;
+  for (const maps::TileEntry& tile : map->manifest().tiles) points += tile.points;
+  EXPECT_EQ(counts.at("static"), points);
+  for (const auto& [name, count] : report.points) EXPECT_EQ(counts.at(name), count) << name;
+  EXPECT_EQ(report.digest, map->digest());
+}
+
+TEST_F(MapBuild, WritesAWholePackageWithPosesObjectsAndSources) {
+  use_boxes();
+  options_.selection = maps::Selection::parse("::2");
+  (void)build();
+  const auto map = open();
+  EXPECT_THAT(map->verify(), IsEmpty());
+  const auto& options = map->manifest().options;
+  EXPECT_EQ(options.at("select"), "0::2");
+  EXPECT_EQ(options.at("detector"), "boxes:boxes.json");
+  EXPECT_EQ(options.at("movable"), "project");
+  EXPECT_EQ(map->manifest().sources.at("drive"), "drive");
+  EXPECT_EQ(map->manifest().sources.at("boxes_sha256"),
+            maps::sha256_of_file(folder_.path() / "boxes.json"));
+  EXPECT_TRUE(map->manifest().files.contains("preview.png"));
+  const maps::Trajectory trajectory = map->trajectory();
+  ASSERT_EQ(trajectory.size(), 2U);
+  EXPECT_NEAR(trajectory.poses()[1].T_map_lidar.translation().x(), 2.0, 1e-12);
+  const std::vector<maps::MapObject> objects = map->objects();
+  ASSERT_EQ(objects.size(), 2U);
+  EXPECT_EQ(objects[1].scan, 2U);
+  EXPECT_NEAR(objects[1].centre_map.x(), 10.15, 1e-6);
+  EXPECT_NEAR(objects[1].centre_map.y(), 3.9, 1e-6);
+  EXPECT_NEAR(objects[1].yaw_rad, 0.0, 1e-6);
+  EXPECT_EQ(objects[0].points_removed + objects[1].points_removed,
+            map->manifest().counts.at("projected"));
+  std::ifstream sources(map->folder() / "sources.sha256");
+  std::string first;
+  std::getline(sources, first);
+  EXPECT_EQ(first, maps::sha256_of_file(drive_ / "000000.bin") + "  000000.bin");
+}
+
+TEST_F(MapBuild, GivesTheSameBytesForAnyNumberOfThreads) {
+  const std::string serial = build("one").digest;
+  options_.threads = 2;
+  EXPECT_EQ(build("two").digest, serial);
+  options_.threads = 5;
+  EXPECT_EQ(build("five").digest, serial);
+  options_.threads = 0;
+  EXPECT_EQ(build("all").digest, serial);
+}
+
+TEST_F(MapBuild, PutsNoPointAboveTheGroundWhereTheCarStood) {
+  use_boxes();
+  (void)build();
+  const auto map = open();
+  for (const maps::TileEntry& tile : map->manifest().tiles) {
+    for (const maps::MapPoint& p : map->tile(tile.id)) {
+      const Eigen::Vector3d q =
+          Eigen::Vector3f(p.x, p.y, p.z).cast<double>() + map->manifest().origin;
+      const bool in_car = q.x() > 8.0 && q.x() < 12.3 && q.y() > 3.0 && q.y() < 4.8;
+      if (in_car) {
+        ASSERT_LT(q.z(), 0.2);
+      }
+      if (p.kind == maps::PointKind::kProjected) {
+        ASSERT_NEAR(q.z(), 0.0, 0.05);
+      }
+    }
+  }
+}
+
+TEST_F(MapBuild, DeletesOrKeepsAsAsked) {
+  use_boxes();
+  options_.projection.policy = MovablePolicy::kDelete;
+  const auto deleted = build("deleted").points;
+  EXPECT_GT(deleted.at("deleted"), 100U);
+  EXPECT_EQ(deleted.at("projected"), 0U);
+  options_.projection.policy = MovablePolicy::kKeep;
+  const MapBuildReport kept = build("kept");
+  EXPECT_EQ(kept.points.at("deleted"), 0U);
+  EXPECT_EQ(kept.points.at("projected"), 0U);
+  EXPECT_EQ(kept.objects.at("boxes"), 0U);
+}
+
+TEST_F(MapBuild, TellsProgressScanByScan) {
+  std::vector<std::size_t> done;
+  progress_ = [&](std::string_view stage, std::size_t units, std::size_t total) {
+    if (stage == "scans") {
+      done.push_back(units);
+      EXPECT_EQ(total, 4U);
+    }
+  };
+  (void)build();
+  EXPECT_THAT(done, ElementsAre(1, 2, 3, 4));
+}
+
+TEST_F(MapBuild, CountsAnEmptyScanAndGoesOn) {
+  folder_.write("drive/000002.bin", "");
+  EXPECT_EQ(build().points.at("scans_empty"), 1U);
+}
+
+TEST_F(MapBuild, LeavesNothingBehindWhenAScanIsTruncated) {
+  std::string bytes = test::bin_of(small_.scan(2));
+  bytes.resize(bytes.size() - 3);
+  folder_.write("drive/000002.bin", bytes);
+  for (const int threads : {1, 2}) {
+    options_.threads = threads;
+    EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<InputError>({"000002.bin", "multiple of 16"}));
+    EXPECT_THAT(names_in_maps(), IsEmpty());
+  }
+}
+
+TEST_F(MapBuild, LeavesNothingBehindWhenCancelled) {
+  for (const int threads : {1, 2}) {
+    cancel_ = false;
+    options_.threads = threads;
+    progress_ = [&](std::string_view, std::size_t done, std::size_t) {
+      if (done == 1) cancel_ = true;
+    };
+    EXPECT_THROW((void)build(), Cancelled);
+    EXPECT_THAT(names_in_maps(), IsEmpty());
+  }
+}
+
+TEST_F(MapBuild, RefusesADriveWithoutPoses) {
+  std::filesystem::remove(drive_ / "poses.txt");
+  EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<InputError>({drive_.string(), "poses"}));
+  EXPECT_THAT(names_in_maps(), IsEmpty());
+}
+
+TEST_F(MapBuild, TakesGivenPosesForADriveWithoutItsOwn) {
+  std::filesystem::rename(drive_ / "poses.txt", folder_.path() / "given.txt");
+  options_.poses_file = folder_.path() / "given.txt";
+  (void)build();
+  EXPECT_EQ(open()->manifest().options.at("poses"), "given.txt");
+  EXPECT_EQ(open()->manifest().sources.at("poses_sha256"),
+            maps::sha256_of_file(folder_.path() / "given.txt"));
+}
+
+TEST_F(MapBuild, RefusesADriveWhoseScansAreAllEmpty) {
+  for (std::size_t i = 0; i < test::SmallDrive::kScans; ++i)
+    folder_.write(fmt::format("drive/{:06}.bin", i), "");
+  EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<InputError>({drive_.string(), "point"}));
+  EXPECT_THAT(names_in_maps(), IsEmpty());
+}
+
+TEST_F(MapBuild, RefusesASelectionOfNothing) {
+  options_.selection = maps::Selection::parse("10::");
+  EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<InputError>({"4 scans", "none selected"}));
+}
+
+TEST_F(MapBuild, RefusesATargetThatExistsAndLeavesItAlone) {
+  folder_.write("maps/map/mine.txt", "mine");
+  EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<InputError>({"map"}));
+  EXPECT_THAT(names_in_maps(), ElementsAre("map"));
+  EXPECT_TRUE(std::filesystem::exists(folder_.path() / "maps/map/mine.txt"));
+}
+
+TEST_F(MapBuild, RefusesBrokenOptionsByName) {
+  const auto expect_refused = [&](const std::string& name) {
+    EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<std::invalid_argument>({name}));
+    EXPECT_THAT(names_in_maps(), IsEmpty());
+    options_ = MapBuildOptions{};
+  };
+  options_.voxel_size_m = std::numeric_limits<double>::quiet_NaN();
+  expect_refused("voxel_size_m");
+  options_.max_range_m = 301.0;
+  expect_refused("max_range_m");
+  options_.min_range_m = -1.0;
+  expect_refused("min_range_m");
+  options_.threads = -1;
+  expect_refused("threads");
+  options_.projection.margin_m = 2.0;
+  expect_refused("margin_m");
+  options_.detector = "oracle";
+  expect_refused("oracle");
+}
+
+TEST_F(MapBuild, RefusesEmptyRangesOfPoints) {
+  options_.min_range_m = 20.0;
+  options_.max_range_m = 10.0;
+  EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<std::invalid_argument>({"max_range_m"}));
+}
+
+}  // namespace
+}  // namespace stillmap::mapping
