@@ -1,5 +1,5 @@
-// GCC 12 warns of Eigen's umeyama(), inlined here through PCL's headers: a false positive that the "system" mark
-// of the headers does not cover, since the warning comes from the optimiser.
+// GCC 12 warns of Eigen's umeyama(), inlined here through PCL's headers: a false positive that the
+// "system" mark of the headers does not cover, since the warning comes from the optimiser.
 #pragma GCC diagnostic ignored "-Warray-bounds"
 
 #include "reference/pcl_icp.hpp"

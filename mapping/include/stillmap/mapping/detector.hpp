@@ -23,6 +23,7 @@ class Detector {
 /// @param spec        `geometric` or `boxes:FILE`.
 /// @param scan_count  of the drive, see `maps::read_boxes`.
 /// @throws std::invalid_argument for an unknown name, maps::InputError for a broken file.
-[[nodiscard]] std::unique_ptr<Detector> make_detector(const std::string& spec, std::size_t scan_count);
+[[nodiscard]] std::unique_ptr<Detector> make_detector(const std::string& spec,
+                                                      std::size_t scan_count);
 
 }  // namespace stillmap::mapping

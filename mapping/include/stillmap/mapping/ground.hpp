@@ -37,7 +37,8 @@ struct GroundResult {
 class GroundSegmenter {
  public:
   virtual ~GroundSegmenter() = default;
-  /// @param cloud  lidar frame, z roughly up; may be empty. Safe from several threads. Same input, same bits.
+  /// @param cloud  lidar frame, z roughly up; may be empty. Safe from several threads. Same input,
+  /// same bits.
   [[nodiscard]] virtual GroundResult segment(const maps::PointCloud& cloud) const = 0;
 };
 

@@ -23,8 +23,8 @@ struct MapBuildOptions {
   ProjectionOptions projection;
   /// Edge of the voxels that merge points of the map [m], in [0.02, 2].
   double voxel_size_m = 0.1;
-  /// Points nearer are the vehicle itself, farther ones too sparse [m]; both are dropped and counted.
-  /// In [0, 20] and [5, 300], the second larger.
+  /// Points nearer are the vehicle itself, farther ones too sparse [m]; both are dropped and
+  /// counted. In [0, 20] and [5, 300], the second larger.
   double min_range_m = 2.0;
   double max_range_m = 80.0;
   /// In [0, 256], 0 = all cores.
@@ -47,9 +47,9 @@ struct MapBuildReport {
 
 /// Drive -> projected static map package at `target`, in bounded memory for the scans.
 ///
-/// read -> drop -> deskew -> ground -> detect -> project (in parallel, a scan each), then stack in the order of
-/// the scans, so that the bytes do not depend on the number of threads.
-/// A build that fails or is cancelled leaves nothing at `target`.
+/// read -> drop -> deskew -> ground -> detect -> project (in parallel, a scan each), then stack in
+/// the order of the scans, so that the bytes do not depend on the number of threads. A build that
+/// fails or is cancelled leaves nothing at `target`.
 /// @throws std::invalid_argument (options), maps::InputError, maps::StorageError, Cancelled.
 MapBuildReport build_map(const std::filesystem::path& drive, const std::filesystem::path& target,
                          const MapBuildOptions& options, const ProgressCallback& progress,

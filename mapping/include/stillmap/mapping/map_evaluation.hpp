@@ -32,8 +32,8 @@ struct MapEvaluation {
   /// stands in the map where a labelled object once stood. An object that passes the same place in
   /// a scan without labels counts here.
   std::size_t box_points_in_map = 0;
-  /// Raw points of these scans outside every label grown by 0.1 m, and those of them whose own voxel of
-  /// the map holds no measured point, so that thinning alone changes nothing.
+  /// Raw points of these scans outside every label grown by 0.1 m, and those of them whose own
+  /// voxel of the map holds no measured point, so that thinning alone changes nothing.
   std::size_t outside_points = 0;
   std::size_t outside_changed = 0;
   /// The same within 40 degrees of straight ahead, where a front camera's labels are complete.
@@ -41,14 +41,16 @@ struct MapEvaluation {
   std::size_t fov_changed = 0;
 };
 
-/// Judges a map with the raw scans that went into it: every raw point is taken to the map as the build
-/// did (same selection, ranges, deskewing, poses) and looked up there. In a map that was built with
+/// Judges a map with the raw scans that went into it: every raw point is taken to the map as the
+/// build did (same selection, ranges, deskewing, poses) and looked up there. In a map that was
+/// built with
 /// `--movable keep` nothing is removed and nothing changed, but for rounding.
 /// @throws maps::InputError when the map's scans are not in the drive or no scan is labelled;
 ///         maps::StorageError, Cancelled.
 [[nodiscard]] MapEvaluation evaluate_map(const maps::MapPackage& map, const maps::Drive& drive,
                                          const MapEvaluationOptions& options,
-                                         const ProgressCallback& progress, const CancelFlag& cancel);
+                                         const ProgressCallback& progress,
+                                         const CancelFlag& cancel);
 
 /// The object of `--json`: `scans`, `seconds`, `box_points {before, after, removed_share, in_map,
 /// in_map_removed_share}`,

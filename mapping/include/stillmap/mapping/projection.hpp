@@ -19,7 +19,8 @@ enum class MovablePolicy { kProject, kDelete, kKeep };
 
 struct ProjectionOptions {
   MovablePolicy policy = MovablePolicy::kProject;
-  /// Boxes are grown by this on every side [m], in [0, 1]. More takes mirrors and antennas, and neighbours.
+  /// Boxes are grown by this on every side [m], in [0, 1]. More takes mirrors and antennas, and
+  /// neighbours.
   double margin_m = 0.1;
 
   [[nodiscard]] std::vector<std::string> violations() const;
@@ -40,15 +41,17 @@ struct ProjectionResult {
   std::size_t without_ground = 0;
 };
 
-/// Stage "project": points inside a *rotated* box (with margin) that are not ground go straight down to the
-/// local ground surface (`kProject`), are dropped (`kDelete`) or stay (`kKeep`).
+/// Stage "project": points inside a *rotated* box (with margin) that are not ground go straight
+/// down to the local ground surface (`kProject`), are dropped (`kDelete`) or stay (`kKeep`).
 ///
-/// After Woo, Jung, Kim, "No More Potentially Dynamic Objects", eq. (8) to (12). Departs from it: the local
-/// surface instead of the scan's mean height (eq. 10), only points in boxes are moved (eq. 11 as printed
-/// flattens every non-ground point), boxes turn about their own centre with length along the heading (eq. 5
-/// and 7 as printed turn the vertices about the sensor with width along x).
+/// After Woo, Jung, Kim, "No More Potentially Dynamic Objects", eq. (8) to (12). Departs from it:
+/// the local surface instead of the scan's mean height (eq. 10), only points in boxes are moved
+/// (eq. 11 as printed flattens every non-ground point), boxes turn about their own centre with
+/// length along the heading (eq. 5 and 7 as printed turn the vertices about the sensor with width
+/// along x).
 /// @throws std::invalid_argument on broken options, sizes that differ, or a box that is not finite.
-[[nodiscard]] ProjectionResult project_objects(const maps::PointCloud& cloud, const GroundResult& ground,
+[[nodiscard]] ProjectionResult project_objects(const maps::PointCloud& cloud,
+                                               const GroundResult& ground,
                                                const std::vector<maps::Box>& boxes,
                                                const ProjectionOptions& options);
 

@@ -54,10 +54,12 @@ struct BoxSequence {
 };
 
 /// Reads boxes from either of two formats, told apart by content:
-///  - KITTI tracking labels (`frame track type ...`, rectified camera frame), turned to the lidar frame with
-///    `calib.txt` in the same folder (`R0_rect`/`R_rect`, `Tr_velo_to_cam`/`Tr_velo_cam`), or else the
-///    `calib_velo_to_cam.txt` and `calib_cam_to_cam.txt` of a KITTI raw date folder above it;
-///  - JSON `{"format": "stillmap-boxes", "version": 1, "scans": [{"scan": 0, "boxes": [{"centre": [x, y, z],
+///  - KITTI tracking labels (`frame track type ...`, rectified camera frame), turned to the lidar
+///  frame with
+///    `calib.txt` in the same folder (`R0_rect`/`R_rect`, `Tr_velo_to_cam`/`Tr_velo_cam`), or else
+///    the `calib_velo_to_cam.txt` and `calib_cam_to_cam.txt` of a KITTI raw date folder above it;
+///  - JSON `{"format": "stillmap-boxes", "version": 1, "scans": [{"scan": 0, "boxes": [{"centre":
+///  [x, y, z],
 ///    "size": [l, w, h], "yaw": rad, "class": "car", "score": 1, "track": 3}]}]}`, lidar frame.
 /// @param scan_count  labels of frames at or beyond it are dropped and counted.
 /// @throws InputError naming file, line and value; also when no calibration is found.

@@ -29,8 +29,8 @@ struct GeodeticOrigin {
 
 /// A drive on disk: scans in order, with poses where the layout or the caller gives them.
 ///
-/// Opening reads only names, stamps and poses; each scan is read when asked for, so memory does not grow
-/// with the number of scans. `read` may be called from several threads at once.
+/// Opening reads only names, stamps and poses; each scan is read when asked for, so memory does not
+/// grow with the number of scans. `read` may be called from several threads at once.
 class Drive {
  public:
   /// What one layout gives; filled by the layout's own opener in `maps/src/drives/`.
@@ -53,16 +53,19 @@ class Drive {
     std::vector<std::array<double, 2>> spin_start_end_s;
     /// SemanticKITTI label file of each scan, or empty.
     std::vector<std::filesystem::path> label_files;
-    /// Scans named by the layout but absent on disk, duplicates and the like: said, not silently skipped.
+    /// Scans named by the layout but absent on disk, duplicates and the like: said, not silently
+    /// skipped.
     std::vector<std::string> notes;
   };
 
   /// Opens a drive of any layout, told apart by content.
-  /// @param poses_file  poses instead of the layout's own: KITTI (12 numbers, one line a scan) or TUM
+  /// @param poses_file  poses instead of the layout's own: KITTI (12 numbers, one line a scan) or
+  /// TUM
   ///                    (8 numbers, interpolated to the scans' stamps); `T_map_lidar`.
   /// @throws InputError if the layout is unknown or contradictory, or poses are fewer than scans.
-  [[nodiscard]] static Drive open(const std::filesystem::path& root,
-                                  const std::optional<std::filesystem::path>& poses_file = std::nullopt);
+  [[nodiscard]] static Drive open(
+      const std::filesystem::path& root,
+      const std::optional<std::filesystem::path>& poses_file = std::nullopt);
 
   explicit Drive(Contents contents);
 
@@ -70,17 +73,21 @@ class Drive {
   [[nodiscard]] const Contents& contents() const { return contents_; }
   [[nodiscard]] bool has_poses() const { return !contents_.T_map_lidar.empty(); }
   [[nodiscard]] bool relative_clock() const { return contents_.relative_clock; }
-  [[nodiscard]] std::int64_t stamp_ns(std::size_t index) const { return contents_.stamps_ns.at(index); }
+  [[nodiscard]] std::int64_t stamp_ns(std::size_t index) const {
+    return contents_.stamps_ns.at(index);
+  }
   /// @throws std::out_of_range without poses.
   [[nodiscard]] const Eigen::Isometry3d& T_map_lidar(std::size_t index) const {
     return contents_.T_map_lidar.at(index);
   }
 
   /// Reads one scan; NaN, infinite and zero-range points are dropped and counted.
-  /// @throws InputError for a broken file (truncated, unknown fields, ...), StorageError for the disk.
+  /// @throws InputError for a broken file (truncated, unknown fields, ...), StorageError for the
+  /// disk.
   [[nodiscard]] Scan read(std::size_t index) const;
 
-  /// SemanticKITTI labels, one a point of the *file* (dropped points included); empty without a file.
+  /// SemanticKITTI labels, one a point of the *file* (dropped points included); empty without a
+  /// file.
   /// @throws InputError if the count differs from the scan's.
   [[nodiscard]] std::vector<std::uint32_t> read_labels(std::size_t index) const;
 
@@ -88,7 +95,8 @@ class Drive {
   Contents contents_;
 };
 
-/// `a:b:step` as in Python (b exclusive, any part may be left out, non-negative, step >= 1), e.g. `::2`.
+/// `a:b:step` as in Python (b exclusive, any part may be left out, non-negative, step >= 1), e.g.
+/// `::2`.
 struct Selection {
   std::size_t begin = 0;
   std::optional<std::size_t> end;

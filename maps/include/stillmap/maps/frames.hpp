@@ -2,18 +2,20 @@
 
 /// Frames, units and time of every stillmap interface.
 ///
-///   map    local metric frame of one map, east-north-up when the origin is known; else the first base
+///   map    local metric frame of one map, east-north-up when the origin is known; else the first
+///   base
 ///          pose with z up, or the frame of the poses that were given (kept as they are).
 ///   odom   like map, but allowed to drift.
 ///   base   the vehicle: x forward, y left, z up.
 ///   lidar  the sensor of one scan.
 ///
 /// `T_a_b` takes points from frame b to frame a: `p_a = T_a_b * p_b`, so inner names meet:
-/// `T_map_lidar = T_map_base * T_base_lidar`. Units are SI: metres, radians, seconds. Map coordinates
-/// are double, or float relative to an origin kept beside them.
+/// `T_map_lidar = T_map_base * T_base_lidar`. Units are SI: metres, radians, seconds. Map
+/// coordinates are double, or float relative to an origin kept beside them.
 ///
-/// Time is nanoseconds in an int64 `stamp_ns`: since the Unix epoch, or since the start of the drive
-/// when the drive has a relative clock (`Drive::relative_clock()`); never one turned into the other.
+/// Time is nanoseconds in an int64 `stamp_ns`: since the Unix epoch, or since the start of the
+/// drive when the drive has a relative clock (`Drive::relative_clock()`); never one turned into the
+/// other.
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>

@@ -84,7 +84,8 @@ struct MapManifest {
   std::string software_version;
   /// Every option of the build, as text.
   std::map<std::string, std::string> options;
-  /// Every counter of the build (points in, dropped by reason, ground, projected, deleted, objects, ...).
+  /// Every counter of the build (points in, dropped by reason, ground, projected, deleted, objects,
+  /// ...).
   std::map<std::string, std::uint64_t> counts;
   /// Inputs with their SHA-256 (scans as one hash over all names and bytes).
   std::map<std::string, std::string> sources;
@@ -105,15 +106,17 @@ class MapPackageWriter {
   /// @throws InputError if `target` exists, StorageError if its folder cannot be written.
   explicit MapPackageWriter(std::filesystem::path target);
 
-  /// Folder to put further files in (trajectory.tum, objects.json, preview.png, ...); all are hashed.
+  /// Folder to put further files in (trajectory.tum, objects.json, preview.png, ...); all are
+  /// hashed.
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_.path(); }
   /// @param points  relative to the manifest's origin, at least one, all finite.
   /// @throws std::invalid_argument if not, or when the tile was added before.
   void add_tile(TileId id, std::span<const MapPoint> points);
   void write_trajectory(const Trajectory& trajectory);
   void write_objects(const std::vector<MapObject>& objects);
-  /// Hashes all files, writes manifest.json and `build_json` (outside the digest: times, host, timings) as
-  /// build.json, syncs, renames. The manifest's `tiles` and `files` are filled here. Once only.
+  /// Hashes all files, writes manifest.json and `build_json` (outside the digest: times, host,
+  /// timings) as build.json, syncs, renames. The manifest's `tiles` and `files` are filled here.
+  /// Once only.
   /// @return the content digest (SHA-256 of manifest.json, hex).
   std::string publish(MapManifest manifest, const std::string& build_json);
 
@@ -140,7 +143,8 @@ class MapPackage {
   [[nodiscard]] Trajectory trajectory() const;
   /// Empty when the package lists no objects.json. @throws InputError.
   [[nodiscard]] std::vector<MapObject> objects() const;
-  /// Recomputes every SHA-256. @return the paths that do not match or cannot be read; empty when whole.
+  /// Recomputes every SHA-256. @return the paths that do not match or cannot be read; empty when
+  /// whole.
   [[nodiscard]] std::vector<std::string> verify() const;
 
  private:

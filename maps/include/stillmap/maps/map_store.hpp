@@ -11,8 +11,9 @@
 
 namespace stillmap::maps {
 
-/// Maps of one folder: every sub-folder with a valid name and a manifest.json is a map of that name.
-/// Names come from the folder's listing; what a client sends is only looked up. Safe from several threads.
+/// Maps of one folder: every sub-folder with a valid name and a manifest.json is a map of that
+/// name. Names come from the folder's listing; what a client sends is only looked up. Safe from
+/// several threads.
 class MapStore {
  public:
   /// Why a sub-folder is not served; hidden ones (builds in progress) are not listed.

@@ -26,9 +26,10 @@ class Trajectory {
   [[nodiscard]] std::size_t size() const { return poses_.size(); }
   [[nodiscard]] bool empty() const { return poses_.empty(); }
 
-  /// Pose at a time: linear in translation, spherical linear in rotation, between the two neighbours.
-  /// Up to `max_extrapolation_s` [s, >= 0] beyond either end the last two poses are continued at
-  /// constant velocity. @return nothing when farther out, or with fewer than two poses and no exact hit.
+  /// Pose at a time: linear in translation, spherical linear in rotation, between the two
+  /// neighbours. Up to `max_extrapolation_s` [s, >= 0] beyond either end the last two poses are
+  /// continued at constant velocity. @return nothing when farther out, or with fewer than two poses
+  /// and no exact hit.
   [[nodiscard]] std::optional<Eigen::Isometry3d> at(std::int64_t stamp_ns,
                                                     double max_extrapolation_s = 0.2) const;
 
@@ -37,10 +38,12 @@ class Trajectory {
 };
 
 /// Poses of a file without stamps: 12 numbers a line, 3x4 row-major (KITTI).
-/// Rotations are renormalized when within 1e-3 of SO(3). @throws InputError naming file, line and value.
+/// Rotations are renormalized when within 1e-3 of SO(3). @throws InputError naming file, line and
+/// value.
 [[nodiscard]] std::vector<Eigen::Isometry3d> read_kitti_poses(const std::filesystem::path& file);
 
-/// TUM: `stamp tx ty tz qx qy qz qw` a line, stamp in seconds (parsed without loss to ns), `#` comments.
+/// TUM: `stamp tx ty tz qx qy qz qw` a line, stamp in seconds (parsed without loss to ns), `#`
+/// comments.
 /// @throws InputError naming file, line and value.
 [[nodiscard]] Trajectory read_tum_trajectory(const std::filesystem::path& file);
 
