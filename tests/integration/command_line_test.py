@@ -101,7 +101,7 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         result = json.loads(file.read_text())
         self.assertEqual([level["prior_error_m"] for level in result["levels"]], [0.5, 1])
-        self.assertEqual(result["levels"][0]["queries"], 3)
+        self.assertEqual(result["levels"][0]["queries"], 5)
         for key in ("scans", "seconds", "options", "version"):
             self.assertIn(key, result)
 
