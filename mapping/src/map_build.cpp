@@ -40,7 +40,8 @@ std::vector<std::size_t> selected_scans(const std::filesystem::path& folder,
 
 /// Whole metres, so that the same place gets the same origin from slightly different poses.
 Eigen::Vector3d origin_of(const maps::Drive& drive, std::size_t first) {
-  return drive.T_map_lidar(first).translation().array().round().matrix();
+  return drive.T_map_lidar(first).translation().array().round().matrix() +
+         Eigen::Vector3d::Zero();  // turns -0 into 0
 }
 
 double peak_rss_mib() {
@@ -49,7 +50,7 @@ double peak_rss_mib() {
   return static_cast<double>(usage.ru_maxrss) / 1024.0;
 }
 
-MapBuildReport report_of(const ScanStack& stack, std::uint64_t map_points,
+MapBuildReport report_of(const ScanStack& stack, const Detector& detector, std::uint64_t map_points,
                          Clock::time_point began) {
   MapBuildReport report;
   report.scans = stack.poses().size();
@@ -60,6 +61,8 @@ MapBuildReport report_of(const ScanStack& stack, std::uint64_t map_points,
                     {"moving", census.moving},
                     {"brief", census.brief},
                     {"boxes", stack.objects().size()}};
+  for (const auto& [reason, count] : detector.dropped())
+    report.objects["dropped: " + reason] = count;
   report.stage_seconds = stack.stage_seconds();
   report.seconds = std::chrono::duration<double>(Clock::now() - began).count();
   report.scans_per_second = static_cast<double>(report.scans) / std::max(report.seconds, 1e-9);
@@ -110,7 +113,7 @@ MapBuildReport build_map(const std::filesystem::path& folder, const std::filesys
   if (cancel) throw Cancelled();
   if (progress) progress("package", 0, 1);
   const std::uint64_t map_points = write_contents(writer, stack);
-  MapBuildReport report = report_of(stack, map_points, began);
+  MapBuildReport report = report_of(stack, stages.detector(), map_points, began);
   report.digest =
       writer.publish(manifest_of({folder, drive, options}, origin, report), to_json(report));
   if (progress) progress("package", 1, 1);

@@ -18,8 +18,8 @@ bench() { # bench NAME DRIVE TRIALS
 }
 
 "$program" simulate town -o "$folder/drive" --seed 7 --scans 80
-bench town "$folder/drive" 2
+bench town "$folder/drive" 1
 if [ -n "${STILLMAP_REAL_DATA:-}" ]; then
-  bench kitti_0013 "$STILLMAP_REAL_DATA/kitti_raw/2011_09_26/2011_09_26_drive_0013_sync" 2
-  bench mulran_seosan01 "$STILLMAP_REAL_DATA/mulran_seosan01" 2
+  bench kitti_0013 "$STILLMAP_REAL_DATA/kitti_raw/2011_09_26/2011_09_26_drive_0013_sync" 1
+  bench mulran_seosan01 "$STILLMAP_REAL_DATA/mulran_seosan01" 1
 fi

@@ -39,6 +39,7 @@ class ScanStages {
   ScanStages(const maps::Drive& drive, const MapBuildOptions& options);
 
   [[nodiscard]] ProcessedScan process(std::size_t index) const;
+  [[nodiscard]] const Detector& detector() const { return *detector_; }
 
  private:
   const maps::Drive& drive_;

@@ -11,6 +11,9 @@ class BoxesDetector final : public Detector {
   explicit BoxesDetector(maps::BoxSequence boxes) : boxes_(std::move(boxes)) {}
   [[nodiscard]] std::vector<maps::Box> detect(const maps::Scan& scan,
                                               const GroundResult& ground) const override;
+  [[nodiscard]] std::map<std::string, std::size_t> dropped() const override {
+    return boxes_.dropped;
+  }
 
  private:
   maps::BoxSequence boxes_;

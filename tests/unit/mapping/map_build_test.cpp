@@ -169,6 +169,17 @@ TEST_F(MapBuild, DeletesOrKeepsAsAsked) {
   EXPECT_EQ(kept.objects.at("boxes"), 0U);
 }
 
+TEST_F(MapBuild, CountsLabelsThatPointOutsideOfTheDrive) {
+  maps::BoxSequence boxes;
+  boxes.by_scan[0] = {small_.car_in(0)};
+  boxes.by_scan[test::SmallDrive::kScans + 3] = {small_.car_in(0), small_.car_in(1)};
+  maps::write_boxes(folder_.path() / "outside.json", boxes);
+  options_.detector = "boxes:" + (folder_.path() / "outside.json").string();
+  const MapBuildReport report = build();
+  EXPECT_EQ(report.objects.at("boxes"), 1U);
+  EXPECT_EQ(report.objects.at("dropped: frame beyond the drive"), 2U);
+}
+
 TEST_F(MapBuild, TellsProgressScanByScan) {
   std::vector<std::size_t> done;
   progress_ = [&](std::string_view stage, std::size_t units, std::size_t total) {

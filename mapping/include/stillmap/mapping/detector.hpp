@@ -4,6 +4,8 @@
 #include <stillmap/maps/box.hpp>
 #include <stillmap/maps/scan.hpp>
 
+#include <cstddef>
+#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -18,6 +20,8 @@ class Detector {
   /// @return boxes in the scan's lidar frame. Safe from several threads. Same input, same bits.
   [[nodiscard]] virtual std::vector<maps::Box> detect(const maps::Scan& scan,
                                                       const GroundResult& ground) const = 0;
+  /// Boxes that were given but belong to no scan or are no object, by reason.
+  [[nodiscard]] virtual std::map<std::string, std::size_t> dropped() const { return {}; }
 };
 
 /// @param spec        `geometric` or `boxes:FILE`.

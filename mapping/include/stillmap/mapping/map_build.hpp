@@ -39,9 +39,10 @@ struct MapBuildReport {
   double seconds = 0.0;
   double scans_per_second = 0.0;
   double peak_rss_mib = 0.0;
-  std::map<std::string, std::uint64_t> points;   ///< in, ground, projected, deleted, static, ...
-  std::map<std::string, std::uint64_t> objects;  ///< parked, moving, brief, boxes
-  std::map<std::string, double> stage_seconds;   ///< summed over threads
+  std::map<std::string, std::uint64_t> points;  ///< in, ground, projected, deleted, static, ...
+  std::map<std::string, std::uint64_t>
+      objects;                                  ///< parked, moving, brief, boxes, "dropped: REASON"
+  std::map<std::string, double> stage_seconds;  ///< summed over threads
   std::string digest;
 };
 
