@@ -14,6 +14,9 @@ import re
 import subprocess
 import sys
 import tempfile
+import time
+import urllib.error
+import urllib.request
 
 MARK = "<!-- run by tests/integration/readme_test.py -->"
 
@@ -34,6 +37,17 @@ def start(program, store):
     return server, int(match.group(1))
 
 
+def wait_ready(port):
+    """The README's reader has a server that is ready; here it may still be loading the map."""
+    for _ in range(200):
+        try:
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/readyz", timeout=5):
+                return
+        except urllib.error.HTTPError:
+            time.sleep(0.1)
+    sys.exit("the server was not ready within 20 s")
+
+
 def main():
     program, readme, store, drive = (pathlib.Path(x).resolve() for x in sys.argv[1:])
     blocks = marked_blocks(readme)
@@ -41,12 +55,13 @@ def main():
         sys.exit(f"{readme}: found no block after '{MARK}', expected one")
     server, port = start(program, store)
     try:
+        wait_ready(port)
         with tempfile.TemporaryDirectory() as folder:
             home = pathlib.Path(folder)
             (home / "build/demo").mkdir(parents=True)
             (home / "build/demo/drive").symlink_to(drive)
             (home / ".curlrc").write_text(
-                f'connect-to = "127.0.0.1:8080:127.0.0.1:{port}"\nretry = 20\nretry-delay = 1\nmax-time = 30\n')
+                f'connect-to = "127.0.0.1:8080:127.0.0.1:{port}"\nmax-time = 30\n')
             for block in blocks:
                 run = subprocess.run(["bash", "-euo", "pipefail", "-c", block], cwd=home, capture_output=True,
                                      text=True, env={**os.environ, "CURL_HOME": folder})
