@@ -89,7 +89,9 @@ bool has_tall_neighbour(const Scene& scene, int column) {
   const int x = column % ColumnGrid::kSide, y = column / ColumnGrid::kSide;
   for (int ny = std::max(0, y - 1); ny <= std::min(ColumnGrid::kSide - 1, y + 1); ++ny) {
     for (int nx = std::max(0, x - 1); nx <= std::min(ColumnGrid::kSide - 1, x + 1); ++nx) {
-      if (scene.tall[static_cast<std::size_t>(ny * ColumnGrid::kSide + nx)] != 0) return true;
+      if (scene.tall[static_cast<std::size_t>(ny) * ColumnGrid::kSide +
+                     static_cast<std::size_t>(nx)] != 0)
+        return true;
     }
   }
   return false;
@@ -144,9 +146,11 @@ bool obeys(const Shape& shape, const ShapeRule& rule) {
 
 bool tall_inside(const Scene& scene, const Rectangle& r) {
   const double step_m = 0.5 * static_cast<double>(ColumnGrid::kCellM);
-  for (double a = r.min.x(); a <= r.max.x(); a += step_m) {
-    for (double b = r.min.y(); b <= r.max.y(); b += step_m) {
-      const Eigen::Vector2f p = r.to_frame({a, b}).cast<float>();
+  const Eigen::Array2i steps = (r.size() / step_m).array().floor().cast<int>();
+  for (int a = 0; a <= steps.x(); ++a) {
+    for (int b = 0; b <= steps.y(); ++b) {
+      const Eigen::Vector2d along = r.min + step_m * Eigen::Vector2d(a, b);
+      const Eigen::Vector2f p = r.to_frame(along).cast<float>();
       const int column = ColumnGrid::column_of(p.x(), p.y());
       if (column >= 0 && scene.tall[static_cast<std::size_t>(column)] != 0) return true;
     }
