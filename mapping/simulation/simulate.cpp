@@ -1,41 +1,38 @@
 #include <stillmap/simulation/simulate.hpp>
 
 #include <fmt/format.h>
+#include <sys/resource.h>
 #include <tbb/task_arena.h>
+#include <tbb/task_group.h>
 
 #include <chrono>
+#include <optional>
 #include <set>
 #include <stdexcept>
+#include <utility>
 
-#include "drive_writer.hpp"
-#include "ego_motion.hpp"
-#include "random.hpp"
-#include "scanner.hpp"
-#include "sensor.hpp"
-#include "world.hpp"
+#include "geometry/random.hpp"
+#include "output/drive_writer.hpp"
+#include "scenarios/world.hpp"
+#include "sensing/ego_motion.hpp"
+#include "sensing/scanner.hpp"
+#include "sensing/sensor.hpp"
 
 namespace stillmap::simulation {
 namespace {
 
-constexpr double kScanPeriod = 0.1;
 constexpr std::size_t kMaxScans = 10'000;
 constexpr int kMaxThreads = 1024;
 
-void require_usable(const SimulationOptions& options) {
-  const std::vector<std::string> violations = options.violations();
-  if (violations.empty()) return;
-  throw std::invalid_argument(fmt::format("{}", fmt::join(violations, "; ")));
-}
-
-World make_world(const SimulationOptions& options) {
-  WorldSpec spec{.seed = options.seed, .day = options.day};
-  spec.duration_s = kScanPeriod * static_cast<double>(options.scans);
-  spec.length_m = EgoMotion::driven_m(spec.duration_s);
-  return make_town(spec);
+std::optional<OutputLayout> layout_named(const std::string& name) {
+  if (name == "kitti-odometry") return OutputLayout::kKittiOdometry;
+  if (name == "kitti-raw") return OutputLayout::kKittiRaw;
+  if (name == "pcd") return OutputLayout::kPcd;
+  return std::nullopt;
 }
 
 /// Tracks that the drive has a point on.
-struct Seen {
+struct Tracks {
   std::set<int> parked;
   std::set<int> moving;
 
@@ -47,20 +44,47 @@ struct Seen {
   }
 };
 
+/// Waits for a task group whatever happens.
+struct Joined {
+  tbb::task_group& group;
+  explicit Joined(tbb::task_group& g) : group(g) {}
+  Joined(const Joined&) = delete;
+  Joined& operator=(const Joined&) = delete;
+  ~Joined() {
+    try {
+      group.wait();
+    } catch (...) {
+      // Another exception is on its way already.
+    }
+  }
+};
+
 double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+double peak_rss_mib() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024.0;
+}
+
+std::uint64_t key_for(const SimulationOptions& options, Stream stream) {
+  return key_of(
+      {options.seed, static_cast<std::uint64_t>(options.day), static_cast<std::uint64_t>(stream)});
 }
 
 }  // namespace
 
 std::vector<std::string> SimulationOptions::violations() const {
   std::vector<std::string> found;
-  if (scenario != "town") {
-    found.push_back(fmt::format("scenario: found \"{}\", expected town", scenario));
-  }
-  if (!sensor_named(sensor)) {
+  if (!is_scenario(scenario)) {
     found.push_back(
-        fmt::format("sensor: found \"{}\", expected one of {}", sensor, sensor_names()));
+        fmt::format("scenario: found \"{}\", expected one of {}", scenario, scenario_names()));
+  }
+  if (!layout_named(layout)) {
+    found.push_back(
+        fmt::format("layout: found \"{}\", expected kitti-odometry, kitti-raw or pcd", layout));
   }
   if (day < 0) found.push_back(fmt::format("day: found {}, expected >= 0", day));
   if (scans < 1 || scans > kMaxScans) {
@@ -76,38 +100,63 @@ SimulationReport simulate_drive(const std::filesystem::path& target,
                                 const SimulationOptions& options,
                                 const mapping::ProgressCallback& progress,
                                 const mapping::CancelFlag& cancel) {
-  require_usable(options);
-  const auto start = std::chrono::steady_clock::now();
-  DriveWriter writer(target);
-  const Sensor sensor = *sensor_named(options.sensor);
-  const World world = make_world(options);
-  RayScene scene(world);
-  const EgoMotion ego(sensor.height_m);
-  tbb::task_arena arena(options.threads == 0 ? tbb::task_arena::automatic : options.threads);
-  SimulationReport report;
-  Seen seen;
-  for (std::size_t i = 0; i < options.scans; ++i) {
-    if (cancel.load()) throw mapping::Cancelled();
-    const double time_s = kScanPeriod * static_cast<double>(i);
-    const Eigen::Isometry3d T_world_lidar = ego.T_world_lidar(world.road, time_s);
-    const std::uint64_t key = key_of({options.seed, static_cast<std::uint64_t>(options.day),
-                                      static_cast<std::uint64_t>(Stream::kRays), i});
-    scene.set_time(time_s);
-    const SimulatedScan scan =
-        arena.execute([&] { return take_scan(world, scene, sensor, T_world_lidar, key); });
-    std::vector<maps::Box> boxes = boxes_of_scan(world, scan, T_world_lidar, time_s);
-    seen.add(world, boxes);
-    report.points += scan.points.size();
-    writer.add(scan, std::move(boxes), T_world_lidar, time_s);
-    if (progress) progress("simulate", i + 1, options.scans);
+  if (const std::vector<std::string> violations = options.violations(); !violations.empty()) {
+    throw std::invalid_argument(fmt::format("{}", fmt::join(violations, "; ")));
   }
-  writer.publish();
+  const auto start = std::chrono::steady_clock::now();
+  const std::unique_ptr<Sensor> sensor = make_sensor(options.sensor);
+  const SensorProperties& properties = sensor->properties();
+  if (progress) progress("world", 0, 1);
+  const double duration_s = properties.period_s * static_cast<double>(options.scans);
+  const World world = make_world({.scenario = options.scenario,
+                                  .seed = options.seed,
+                                  .day = options.day,
+                                  .change = options.change,
+                                  .duration_s = duration_s,
+                                  .reach_m = properties.max_range_m,
+                                  .cancel = &cancel});
+  const EgoMotion ego(world, properties.height_m);
+  DriveWriter writer(target,
+                     {.layout = *layout_named(options.layout),
+                      .truth = options.truth,
+                      .period_s = properties.period_s,
+                      .key = key_for(options, Stream::kGnss),
+                      .lidar_height_m = properties.height_m},
+                     [&ego](double time_s) { return ego.T_world_lidar(time_s); });
+  Scanner scanner(world, ego, *sensor,
+                  {.key = key_for(options, Stream::kRays), .behind = options.truth});
+  SimulationReport report;
+  report.world_seconds = seconds_since(start);
+  if (progress) progress("world", 1, 1);
+  Tracks tracks;
+  tbb::task_arena arena(options.threads == 0 ? tbb::task_arena::automatic : options.threads);
+  arena.execute([&] {
+    // One scan is written while the next is taken.
+    tbb::task_group writing;
+    SimulatedScan written;
+    const Joined joined(writing);
+    for (std::size_t i = 0; i < options.scans; ++i) {
+      if (cancel.load()) break;
+      SimulatedScan scan = scanner.take(i);
+      writing.wait();
+      written = std::move(scan);
+      writing.run([&] { writer.add(written); });
+      tracks.add(world, written.boxes);
+      report.points += written.points.size();
+      if (progress) progress("simulate", i + 1, options.scans);
+    }
+    writing.wait();
+  });
+  if (cancel.load()) throw mapping::Cancelled();
+  writer.publish(world.ground);
   report.scans = options.scans;
-  report.rays = options.scans * sensor.columns * sensor.elevations_rad.size();
-  report.parked = seen.parked.size();
-  report.moving = seen.moving.size();
-  report.distance_m = EgoMotion::driven_m(kScanPeriod * static_cast<double>(options.scans - 1));
+  report.rays = scanner.rays();
+  report.parked = tracks.parked.size();
+  report.moving = tracks.moving.size();
+  report.distance_m =
+      world.own_motion.station(duration_s - properties.period_s) - world.own_motion.station(0.0);
   report.seconds = seconds_since(start);
+  report.peak_rss_mib = peak_rss_mib();
   return report;
 }
 

@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <memory>
 #include <string>
 
@@ -33,10 +34,13 @@ void simulate(const SimulateArguments& arguments) {
   }
   command_line::Table table;
   table.add("drive", arguments.drive.string());
-  table.add("scans", fmt::format("{} over {:.1f} m, in {:.1f} s", report.scans, report.distance_m,
-                                 report.seconds));
+  table.add("scans", fmt::format("{} over {:.1f} m", report.scans, report.distance_m));
   table.add("points", fmt::format("{} of {} rays", grouped(report.points), grouped(report.rays)));
   table.add("objects", fmt::format("{} parked, {} moving", report.parked, report.moving));
+  const double casting_seconds = std::max(report.seconds - report.world_seconds, 1e-9);
+  table.add("time", fmt::format("{:.1f} s for the world, then {:.1f} scans/s", report.world_seconds,
+                                static_cast<double>(report.scans) / casting_seconds));
+  table.add("peak memory", fmt::format("{:.0f} MiB", report.peak_rss_mib));
   table.print();
 }
 
@@ -47,19 +51,27 @@ void add_simulate(CLI::App& app) {
   simulation::SimulationOptions& options = arguments->options;
   CLI::App* command =
       app.add_subcommand("simulate", "Make a drive in a simulated world, with the truth beside it");
-  command->add_option("SCENARIO", options.scenario, "World to drive through: town")
-      ->capture_default_str();
   command
-      ->add_option("-o,--output", arguments->drive,
-                   "Folder to write, in KITTI odometry layout; must not exist")
+      ->add_option("SCENARIO", options.scenario, "World to drive through: town, highway or depot")
+      ->capture_default_str();
+  command->add_option("-o,--output", arguments->drive, "Folder to write; must not exist")
       ->required();
   command->add_option("--seed", options.seed, "Another seed is another world")
       ->capture_default_str();
   command->add_option("--day", options.day, "Same world, other parked cars and other traffic")
       ->capture_default_str();
-  command->add_option("--sensor", options.sensor, "hdl64, os1-64 or vlp16")->capture_default_str();
-  command->add_option("--scans", options.scans, "Scans to take, ten a second")
+  command->add_flag("--change", options.change,
+                    "Building sites where there were none, some fences gone");
+  command
+      ->add_option("--sensor", options.sensor,
+                   "hdl64, os1-64, os1-128, vlp16, avia, or a file that describes one")
       ->capture_default_str();
+  command->add_option("--scans", options.scans, "Scans to take, about ten a second")
+      ->capture_default_str();
+  command->add_option("--layout", options.layout, "kitti-odometry, kitti-raw or pcd")
+      ->capture_default_str();
+  command->add_flag("--truth", options.truth,
+                    "Also what only a simulator knows: time of each point, ground, what is hidden");
   command
       ->add_option("--threads", options.threads,
                    "Threads; 0 = all cores. The drive does not depend on it")

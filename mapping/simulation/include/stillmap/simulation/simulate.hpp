@@ -10,18 +10,25 @@
 
 namespace stillmap::simulation {
 
-/// What is driven through, and with which sensor.
+/// What is driven through, with which sensor, and how it is written.
 struct SimulationOptions {
-  /// World to drive through: `town`, a street with a bend, between buildings.
+  /// World to drive through: `town`, streets on a bent grid, each driven twice and in both
+  /// directions on a long drive; `highway`; `depot`, a yard with halls, containers and trucks.
   std::string scenario = "town";
   /// Another seed is another world of the same kind.
   std::uint64_t seed = 1;
-  /// Same world, other parked cars and other traffic; >= 0.
+  /// Same world, other parked cars, other traffic, some leaves more or less; >= 0.
   int day = 1;
-  /// `hdl64`, `os1-64` or `vlp16`.
+  /// Building sites stand where there were none, and some fences are gone.
+  bool change = false;
+  /// Name of a sensor, or a file that describes one (see mapping/simulation/README.md).
   std::string sensor = "hdl64";
-  /// Scans taken, ten a second at some 8 m/s; 1 to 10000.
+  /// Scans taken; 1 to 10000.
   std::size_t scans = 100;
+  /// `kitti-odometry`, `kitti-raw` or `pcd`.
+  std::string layout = "kitti-odometry";
+  /// Also writes what only a simulator knows: `truth/`.
+  bool truth = false;
   /// Threads that cast rays, 0 to 1024; 0 takes all there are. The bytes are the same for any
   /// number.
   int threads = 0;
@@ -40,32 +47,30 @@ struct SimulationReport {
   std::size_t moving = 0;
   /// Length of the path [m].
   double distance_m = 0.0;
-  /// Wall clock time [s].
+  /// Wall clock time, in all and for making the world [s].
   double seconds = 0.0;
+  double world_seconds = 0.0;
+  /// Of the process so far [MiB].
+  double peak_rss_mib = 0.0;
 };
 
-/// Simulates a drive and writes it to the folder `target`, in the layout of KITTI odometry:
+/// Simulates a drive and writes it to the folder `target`.
 ///
-///  - `velodyne/NNNNNN.bin` x y z intensity, lidar frame (x forward, y left, z up, 1.73 m above the
-///  road);
-///    rings from the top one down, in each ring counter-clockwise from forward; no-returns are left
-///    out;
-///  - `calib.txt` (`Tr`: camera from lidar, as a KITTI car has it), `poses.txt` (camera frame,
-///  first scan =
-///    identity), `times.txt` [s, relative];
-///  - `labels/NNNNNN.label` in SemanticKITTI's classes, instance in the upper 16 bits;
-///  - `boxes.json`: the true box of every object that the scan has a point on, all around (format
-///  of
-///    `maps/box.hpp`; `track` = instance). A box encloses its object, wheels and all, upright in
-///    the lidar frame.
+/// Every ray is cast at its own time, from where the sensor is then, into a world where traffic has
+/// moved on by then. Layouts:
+///  - `kitti-odometry`: velodyne/, labels/ (SemanticKITTI), calib.txt, poses.txt, times.txt; points
+///    are moved to the scan's stamp with the true motion, as that data set's are;
+///  - `kitti-raw`: a synced drive with velodyne_points/ as measured and oxts/ with the errors of a
+///    GNSS and inertial system, labels/ beside them;
+///  - `pcd`: scans/*.pcd as measured, with the fields x y z intensity t ring, and trajectory.txt.
+/// With each: boxes.json, the true box of every object that a scan has points on, all around
+/// (`track` = instance in the labels; a box encloses its object, wheels and all, upright in the
+/// lidar frame), and KITTI tracking labels of what a front camera would see.
 ///
-/// Each scan is taken at one instant: there is no motion within it to take out.
-/// Range noise is Gaussian, 2 cm, along the ray.
-///
-/// @param progress  called with stage "simulate" after every scan; may be empty.
-/// @throws std::invalid_argument listing every broken option; maps::InputError if `target` exists;
-///         maps::StorageError if it cannot be written; mapping::Cancelled when `cancel` is set. In
-///         every such case nothing is left behind.
+/// @param progress  called with the stages "world" and "simulate"; may be empty.
+/// @throws std::invalid_argument listing every broken option; maps::InputError if `target` exists
+///         or the sensor's file is broken; maps::StorageError if it cannot be written;
+///         mapping::Cancelled when `cancel` is set. In every such case nothing is left behind.
 /// @note   Same options give the same bytes on one instruction set, for any number of threads.
 SimulationReport simulate_drive(const std::filesystem::path& target,
                                 const SimulationOptions& options,

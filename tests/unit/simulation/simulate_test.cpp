@@ -1,0 +1,175 @@
+#include <stillmap/maps/box.hpp>
+#include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/error.hpp>
+#include <stillmap/simulation/simulate.hpp>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <stdexcept>
+#include <string>
+
+#include "support/temporary_folder.hpp"
+
+namespace stillmap::simulation {
+namespace {
+
+constexpr std::size_t kScans = 3;
+
+SimulationOptions small_drive(const std::string& sensor = "vlp16") {
+  SimulationOptions options;
+  options.sensor = sensor;
+  options.scans = kScans;
+  return options;
+}
+
+std::filesystem::path simulate(const test::TemporaryFolder& folder, const std::string& name,
+                               const SimulationOptions& options) {
+  const mapping::CancelFlag cancel{false};
+  simulate_drive(folder.path() / name, options, {}, cancel);
+  return folder.path() / name;
+}
+
+/// Every file of a drive by its relative name.
+std::map<std::string, std::string> bytes_of(const std::filesystem::path& drive) {
+  std::map<std::string, std::string> files;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(drive)) {
+    if (!entry.is_regular_file()) continue;
+    std::ifstream stream(entry.path(), std::ios::binary);
+    files[entry.path().lexically_relative(drive).string()] =
+        std::string(std::istreambuf_iterator<char>(stream), {});
+  }
+  return files;
+}
+
+TEST(Simulation, GivesTheSameBytesForAnyNumberOfThreads) {
+  const test::TemporaryFolder folder;
+  SimulationOptions one = small_drive();
+  one.threads = 1;
+  SimulationOptions two = small_drive();
+  two.threads = 2;
+  const auto first = bytes_of(simulate(folder, "one", one));
+  EXPECT_EQ(first, bytes_of(simulate(folder, "two", two)));
+  EXPECT_GT(first.size(), 3 + 2 * kScans);
+}
+
+TEST(Simulation, AnotherSeedIsAnotherWorldAndAnotherDayOnlyOtherTraffic) {
+  const test::TemporaryFolder folder;
+  SimulationOptions seed = small_drive();
+  seed.seed = 2;
+  SimulationOptions day = small_drive();
+  day.day = 2;
+  const auto here = bytes_of(simulate(folder, "here", small_drive()));
+  const auto elsewhere = bytes_of(simulate(folder, "elsewhere", seed));
+  const auto tomorrow = bytes_of(simulate(folder, "tomorrow", day));
+  EXPECT_NE(here.at("velodyne/000000.bin"), elsewhere.at("velodyne/000000.bin"));
+  EXPECT_NE(here.at("boxes.json"), tomorrow.at("boxes.json"));
+}
+
+TEST(Simulation, NearlyEveryPointOfWhatStandsLiesInItsTrueBox) {
+  const test::TemporaryFolder folder;
+  const auto path = simulate(folder, "drive", small_drive("os1-64"));
+  const maps::Drive drive = maps::Drive::open(path);
+  const maps::BoxSequence boxes = maps::read_boxes(path / "boxes.json", drive.size());
+  std::size_t parked = 0;
+  std::size_t inside = 0;
+  for (std::size_t scan = 0; scan < drive.size(); ++scan) {
+    const maps::PointCloud cloud = drive.read(scan).cloud;
+    const std::vector<std::uint32_t> labels = drive.read_labels(scan);
+    ASSERT_EQ(labels.size(), cloud.size());
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+      if ((labels[i] & 0xFFFFU) != 10) continue;
+      const auto track = static_cast<int>(labels[i] >> 16U);
+      const auto& in_scan = boxes.by_scan.at(scan);
+      const auto box = std::find_if(in_scan.begin(), in_scan.end(),
+                                    [&](const maps::Box& b) { return b.track == track; });
+      ASSERT_NE(box, in_scan.end()) << "no box for instance " << track;
+      ++parked;
+      // Four deviations of the range noise. Beams on an edge lie between two things.
+      if (box->contains(cloud.positions[i].cast<double>(), 0.08)) ++inside;
+    }
+  }
+  EXPECT_GT(parked, 1000U);
+  EXPECT_GT(static_cast<double>(inside), 0.97 * static_cast<double>(parked));
+}
+
+/// Mean height of road points in a square of the map, from one scan.
+double road_height(const maps::Drive& drive, std::size_t scan, const Eigen::Vector2d& centre_map) {
+  const maps::PointCloud cloud = drive.read(scan).cloud;
+  const std::vector<std::uint32_t> labels = drive.read_labels(scan);
+  double sum = 0.0;
+  int count = 0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const Eigen::Vector3d p = drive.T_map_lidar(scan) * cloud.positions[i].cast<double>();
+    if ((labels[i] & 0xFFFFU) != 40 || (p.head<2>() - centre_map).cwiseAbs().maxCoeff() > 1.0)
+      continue;
+    sum += p.z();
+    ++count;
+  }
+  EXPECT_GT(count, 20);
+  return sum / count;
+}
+
+TEST(Simulation, ThePosesLayTheRoadOfAllScansOntoEachOther) {
+  const test::TemporaryFolder folder;
+  SimulationOptions options = small_drive("os1-128");
+  options.scans = 6;
+  const maps::Drive drive = maps::Drive::open(simulate(folder, "drive", options));
+  const Eigen::Vector2d ahead = (drive.T_map_lidar(0) * Eigen::Vector3d(14.0, 0.0, 0.0)).head<2>();
+  EXPECT_NEAR(road_height(drive, 0, ahead), road_height(drive, 5, ahead), 0.01);
+}
+
+TEST(Simulation, TheSensorStandsAtItsHeightOverTheRoad) {
+  const test::TemporaryFolder folder;
+  const maps::Drive drive = maps::Drive::open(simulate(folder, "drive", small_drive("hdl64")));
+  const maps::PointCloud cloud = drive.read(0).cloud;
+  const std::vector<std::uint32_t> labels = drive.read_labels(0);
+  double nearest = 1e9, height = 0.0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const double range = static_cast<double>(cloud.positions[i].head<2>().norm());
+    if ((labels[i] & 0xFFFFU) != 40 || range > nearest) continue;
+    nearest = range;
+    height = -static_cast<double>(cloud.positions[i].z());
+  }
+  // Crown, slope and noise stay within 15 cm so near to the vehicle.
+  EXPECT_NEAR(height, 1.73, 0.15);
+}
+
+TEST(Simulation, NamesEveryBrokenOption) {
+  const test::TemporaryFolder folder;
+  const auto message = [&](auto change) {
+    SimulationOptions options = small_drive();
+    change(options);
+    try {
+      simulate(folder, "bad", options);
+    } catch (const std::invalid_argument& error) {
+      return std::string(error.what());
+    }
+    return std::string("accepted");
+  };
+  EXPECT_THAT(message([](auto& o) { o.scans = 0; }), testing::HasSubstr("scans"));
+  EXPECT_THAT(message([](auto& o) { o.sensor = "hdl128"; }), testing::HasSubstr("hdl128"));
+  EXPECT_THAT(message([](auto& o) { o.scenario = "moon"; }), testing::HasSubstr("town"));
+  EXPECT_THAT(message([](auto& o) { o.layout = "las"; }), testing::HasSubstr("kitti-raw"));
+  EXPECT_FALSE(std::filesystem::exists(folder.path() / "bad"));
+}
+
+TEST(Simulation, LeavesNothingWhenCancelledOrRefused) {
+  const test::TemporaryFolder folder;
+  const mapping::CancelFlag cancel{true};
+  EXPECT_THROW(simulate_drive(folder.path() / "drive", small_drive(), {}, cancel),
+               mapping::Cancelled);
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+  std::filesystem::create_directory(folder.path() / "there");
+  EXPECT_THROW(simulate(folder, "there", small_drive()), maps::InputError);
+  EXPECT_THROW(simulate(folder, "no/such/parent", small_drive()), maps::StorageError);
+}
+
+}  // namespace
+}  // namespace stillmap::simulation
