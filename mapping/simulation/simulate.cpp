@@ -106,6 +106,15 @@ SimulationReport simulate_drive(const std::filesystem::path& target,
   const auto start = std::chrono::steady_clock::now();
   const std::unique_ptr<Sensor> sensor = make_sensor(options.sensor);
   const SensorProperties& properties = sensor->properties();
+  // Refused before the work begins if there is no place for it.
+  std::optional<EgoMotion> ego;
+  DriveWriter writer(target,
+                     {.layout = *layout_named(options.layout),
+                      .truth = options.truth,
+                      .period_s = properties.period_s,
+                      .key = key_for(options, Stream::kGnss),
+                      .lidar_height_m = properties.height_m},
+                     [&ego](double time_s) { return ego->T_world_lidar(time_s); });
   if (progress) progress("world", 0, 1);
   const double duration_s = properties.period_s * static_cast<double>(options.scans);
   const World world = make_world({.scenario = options.scenario,
@@ -115,15 +124,8 @@ SimulationReport simulate_drive(const std::filesystem::path& target,
                                   .duration_s = duration_s,
                                   .reach_m = properties.max_range_m,
                                   .cancel = &cancel});
-  const EgoMotion ego(world, properties.height_m);
-  DriveWriter writer(target,
-                     {.layout = *layout_named(options.layout),
-                      .truth = options.truth,
-                      .period_s = properties.period_s,
-                      .key = key_for(options, Stream::kGnss),
-                      .lidar_height_m = properties.height_m},
-                     [&ego](double time_s) { return ego.T_world_lidar(time_s); });
-  Scanner scanner(world, ego, *sensor,
+  ego.emplace(world, properties.height_m);
+  Scanner scanner(world, *ego, *sensor,
                   {.key = key_for(options, Stream::kRays), .behind = options.truth});
   SimulationReport report;
   report.world_seconds = seconds_since(start);

@@ -122,30 +122,7 @@ void RoadNetwork::finish() {
         static_cast<std::int64_t>((bounds.sizes()[axis] + 2.0 * kReach) / kCell) + 1;
   }
   stretches_.assign(static_cast<std::size_t>(cells_[0] * cells_[1]), {});
-  for (std::int64_t y = 0; y < cells_[1]; ++y) {
-    for (std::int64_t x = 0; x < cells_[0]; ++x) {
-      const Eigen::Vector2d middle = low_ + kCell * Eigen::Vector2d(static_cast<double>(x) + 0.5,
-                                                                    static_cast<double>(y) + 0.5);
-      for (std::uint32_t e = 0; e < edges_.size(); ++e) {
-        // Of each edge the points near its nearest one: within a cell the foot moves that far.
-        const auto& points = edges_[e].points;
-        std::uint32_t nearest = 0;
-        double best = std::numeric_limits<double>::max();
-        for (std::uint32_t i = 0; i < points.size(); ++i) {
-          const double d = (points[i] - middle).squaredNorm();
-          if (d < best) {
-            best = d;
-            nearest = i;
-          }
-        }
-        if (std::sqrt(best) > kReach + kCell) continue;
-        constexpr std::uint32_t kAround = 14;
-        stretches_[static_cast<std::size_t>(y * cells_[0] + x)].push_back(
-            {e, nearest - std::min(nearest, kAround),
-             std::min(nearest + kAround, static_cast<std::uint32_t>(points.size() - 1))});
-      }
-    }
-  }
+  for (std::uint32_t e = 0; e < edges_.size(); ++e) add_stretches(e);
   for (Node& node : nodes_) {
     const auto angle = [&](std::size_t e) {
       const RoadEdge& edge = edges_[e];
@@ -156,6 +133,36 @@ void RoadNetwork::finish() {
     };
     std::sort(node.edges.begin(), node.edges.end(),
               [&](std::size_t a, std::size_t b) { return angle(a) < angle(b); });
+  }
+}
+
+void RoadNetwork::add_stretches(std::uint32_t e) {
+  // Of the edge the points near the one that is nearest to a cell: within the cell the foot moves
+  // no farther than that.
+  constexpr std::uint32_t kAround = 14;
+  const auto& points = edges_[e].points;
+  Eigen::AlignedBox2d bounds;
+  for (const Eigen::Vector2d& p : points) bounds.extend(p);
+  const auto cell = [&](double value, int axis) {
+    const auto c = static_cast<std::int64_t>(std::floor((value - low_[axis]) / kCell));
+    return std::clamp<std::int64_t>(c, 0, cells_.at(static_cast<std::size_t>(axis)) - 1);
+  };
+  for (std::int64_t y = cell(bounds.min().y() - kReach, 1); y <= cell(bounds.max().y() + kReach, 1);
+       ++y) {
+    for (std::int64_t x = cell(bounds.min().x() - kReach, 0);
+         x <= cell(bounds.max().x() + kReach, 0); ++x) {
+      const Eigen::Vector2d middle = low_ + kCell * Eigen::Vector2d(static_cast<double>(x) + 0.5,
+                                                                    static_cast<double>(y) + 0.5);
+      const auto nearest =
+          std::min_element(points.begin(), points.end(), [&](const auto& a, const auto& b) {
+            return (a - middle).squaredNorm() < (b - middle).squaredNorm();
+          });
+      if ((*nearest - middle).norm() > kReach + kCell) continue;
+      const auto at = static_cast<std::uint32_t>(nearest - points.begin());
+      stretches_[static_cast<std::size_t>(y * cells_[0] + x)].push_back(
+          {e, at - std::min(at, kAround),
+           std::min(at + kAround, static_cast<std::uint32_t>(points.size() - 1))});
+    }
   }
 }
 

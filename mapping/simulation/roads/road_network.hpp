@@ -91,6 +91,7 @@ class RoadNetwork {
   static constexpr double kReach = 90.0;
 
  private:
+  void add_stretches(std::uint32_t edge);
   [[nodiscard]] std::int64_t cell_of(const Eigen::Vector2d& p) const;
 
   std::vector<Node> nodes_;

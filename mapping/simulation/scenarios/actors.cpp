@@ -130,6 +130,20 @@ class Parker {
     }
   }
 
+  /// Bicycles stand by the houses, along the street or across the pavement.
+  void park_bicycles(std::size_t e, int side) {
+    const RoadEdge& edge = world_.network->edges()[e];
+    Random random(day_key(spec_, Stream::kParked, 1000 + 2 * e + static_cast<std::uint64_t>(side)));
+    const double out = edge.section.pavement_width - 0.4;
+    for (double s = random.uniform(5.0, 60.0); s < edge.length_m() - 5.0;
+         s += random.uniform(1.0, 60.0)) {
+      Random own(random.bits());
+      Actor actor = stock_.draw(BodyKind::kBicycle, own);
+      const double turn = own.chance(0.6) ? 0.0 : own.uniform(0.8, 1.6);
+      stand(actor, edge, side, s, out, turn + own.uniform(-0.15, 0.15));
+    }
+  }
+
   /// In a yard: in rows beside the lanes.
   void park_in_yard(std::size_t e, int side) {
     const RoadEdge& edge = world_.network->edges()[e];
@@ -215,7 +229,12 @@ void park_vehicles(World& world, const Plan& plan, const WorldSpec& spec) {
   const bool yard = plan.plots.empty();
   for (std::size_t e = 0; e < world.network->edges().size(); ++e) {
     for (const int side : {0, 1}) {
-      yard ? parker.park_in_yard(e, side) : parker.park_along(e, side);
+      if (yard) {
+        parker.park_in_yard(e, side);
+      } else {
+        parker.park_along(e, side);
+        parker.park_bicycles(e, side);
+      }
     }
   }
   parker.park_in_drives();
