@@ -108,13 +108,20 @@ SimulationReport simulate_drive(const std::filesystem::path& target,
   const SensorProperties& properties = sensor->properties();
   // Refused before the work begins if there is no place for it.
   std::optional<EgoMotion> ego;
-  DriveWriter writer(target,
-                     {.layout = *layout_named(options.layout),
-                      .truth = options.truth,
-                      .period_s = properties.period_s,
-                      .key = key_for(options, Stream::kGnss),
-                      .lidar_height_m = properties.height_m},
-                     [&ego](double time_s) { return ego->T_world_lidar(time_s); });
+  Eigen::Isometry3d T_world_start = Eigen::Isometry3d::Identity();
+  DriveWriter writer(
+      target,
+      {.layout = *layout_named(options.layout),
+       .truth = options.truth,
+       .period_s = properties.period_s,
+       .key = key_for(options, Stream::kGnss),
+       .lidar_height_m = properties.height_m,
+       .T_world_map =
+           [&] {
+             return Eigen::Isometry3d(T_world_start *
+                                      Eigen::Translation3d(0.0, 0.0, properties.height_m));
+           }},
+      [&ego](double time_s) { return ego->T_world_lidar(time_s); });
   if (progress) progress("world", 0, 1);
   const double duration_s = properties.period_s * static_cast<double>(options.scans);
   const World world = make_world({.scenario = options.scenario,
@@ -124,6 +131,7 @@ SimulationReport simulate_drive(const std::filesystem::path& target,
                                   .duration_s = duration_s,
                                   .reach_m = properties.max_range_m,
                                   .cancel = &cancel});
+  T_world_start = world.T_world_start;
   ego.emplace(world, properties.height_m);
   Scanner scanner(world, *ego, *sensor,
                   {.key = key_for(options, Stream::kRays), .behind = options.truth});

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 
 #include "geometry/mesh.hpp"
@@ -24,6 +25,9 @@ struct DriveWriterOptions {
   std::uint64_t key = 0;
   /// Sensor over ground, where it stands on a vehicle [m].
   double lidar_height_m = 1.73;
+  /// Frame of KITTI odometry's poses, asked for at the first scan; empty = the lidar's at its
+  /// stamp.
+  std::function<Eigen::Isometry3d()> T_world_map;
 };
 
 /// Writes a drive; nothing shows at the target before `publish`.

@@ -15,7 +15,8 @@ class KittiOdometryWriter final : public LayoutWriter {
                       TruePath T_world_lidar)
       : folder_(std::move(folder)),
         camera_(options.lidar_height_m),
-        T_world_lidar_(std::move(T_world_lidar)) {
+        T_world_lidar_(std::move(T_world_lidar)),
+        T_world_map_(options.T_world_map) {
     make_folder(folder_ / "velodyne");
   }
 
@@ -28,10 +29,12 @@ class KittiOdometryWriter final : public LayoutWriter {
   void add(std::size_t index, const SimulatedScan& scan,
            const std::vector<Eigen::Vector3f>& positions) override {
     write_bin(folder_ / "velodyne" / (stem_of(index) + ".bin"), positions, scan.points.intensities);
-    if (index == 0) T_first_world_ = T_world_lidar_(scan.stamp_s).inverse();
-    const Eigen::Isometry3d T_first_lidar = T_first_world_ * T_world_lidar_(scan.stamp_s);
+    if (index == 0) {
+      T_map_world_ = (T_world_map_ ? T_world_map_() : T_world_lidar_(scan.stamp_s)).inverse();
+    }
+    const Eigen::Isometry3d T_map_lidar = T_map_world_ * T_world_lidar_(scan.stamp_s);
     poses_ +=
-        kitti_row_of(camera_.T_cam_lidar * T_first_lidar * camera_.T_cam_lidar.inverse()) + "\n";
+        kitti_row_of(camera_.T_cam_lidar * T_map_lidar * camera_.T_cam_lidar.inverse()) + "\n";
     times_ += fmt::format("{:.9f}\n", scan.stamp_s);
   }
 
@@ -41,13 +44,14 @@ class KittiOdometryWriter final : public LayoutWriter {
     write_file(folder_ / "times.txt", times_);
   }
 
-  [[nodiscard]] Eigen::Isometry3d T_map_world() const override { return T_first_world_; }
+  [[nodiscard]] Eigen::Isometry3d T_map_world() const override { return T_map_world_; }
 
  private:
   std::filesystem::path folder_;
   KittiCamera camera_;
   TruePath T_world_lidar_;
-  Eigen::Isometry3d T_first_world_ = Eigen::Isometry3d::Identity();
+  std::function<Eigen::Isometry3d()> T_world_map_;
+  Eigen::Isometry3d T_map_world_ = Eigen::Isometry3d::Identity();
   std::string poses_;
   std::string times_;
 };

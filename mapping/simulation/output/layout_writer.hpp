@@ -37,7 +37,7 @@ class LayoutWriter {
 };
 
 /// KITTI odometry and SemanticKITTI: `velodyne/`, `calib.txt`, `poses.txt`, `times.txt`. The map
-/// frame is the lidar's at the first stamp.
+/// frame is `options.T_world_map`.
 [[nodiscard]] std::unique_ptr<LayoutWriter> make_kitti_odometry_writer(
     const std::filesystem::path& folder, const DriveWriterOptions& options,
     const TruePath& T_world_lidar);

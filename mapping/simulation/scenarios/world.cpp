@@ -78,6 +78,9 @@ World make_world(const WorldSpec& spec) {
                                             way_points(world.own_motion), spec.reach_m + 5.0);
   world.ground = make_ground(*world.terrain, *plan.network, plan.cover, spec.seed);
   world.network = plan.network;
+  const Route& route = plan.own_route;
+  world.T_world_start = world.terrain->T_world_upright(route.path->point(route.start_m),
+                                                       route.path->heading_rad(route.start_m));
   furnish(world, plan, spec);
   world.own_body = make_own_body();
   park_vehicles(world, plan, spec);

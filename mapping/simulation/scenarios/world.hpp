@@ -63,6 +63,8 @@ struct World {
   /// Our own vehicle.
   Body own_body;
   Motion own_motion;
+  /// Where our route starts, upright and along it: the same on every day.
+  Eigen::Isometry3d T_world_start = Eigen::Isometry3d::Identity();
 };
 
 /// Which world, which day, and how long one drives through it.
