@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 namespace stillmap::localization {
 namespace {
@@ -98,20 +99,28 @@ Voxel voxel_of(const Moments& moments, double edge_m) {
 }
 
 MapIndex::Level level_of(const MomentGrid& grid, double edge_m, int min_points) {
-  std::vector<const Moments*> kept;
+  constexpr std::uint64_t kAxis = kCellsPerAxis - 1;
+  std::vector<std::pair<CellBlocks::Place, const Moments*>> kept;
   for (const Moments& cell : grid.cells) {
-    if (cell.count >= static_cast<std::uint32_t>(min_points)) kept.push_back(&cell);
+    if (cell.count < static_cast<std::uint32_t>(min_points)) continue;
+    kept.emplace_back(CellBlocks::place_of(static_cast<std::int32_t>((cell.key >> 42) & kAxis),
+                                           static_cast<std::int32_t>((cell.key >> 21) & kAxis),
+                                           static_cast<std::int32_t>(cell.key & kAxis)),
+                      &cell);
   }
   // Neighbours in space become neighbours in memory, and the order of the points no longer matters.
-  std::sort(kept.begin(), kept.end(), [](const auto* a, const auto* b) { return a->key < b->key; });
+  std::sort(kept.begin(), kept.end(),
+            [](const auto& a, const auto& b) { return a.first < b.first; });
   MapIndex::Level level;
   level.edge_m = static_cast<float>(edge_m);
-  level.table = VoxelTable(kept.size());
+  std::vector<CellBlocks::Place> places;
+  places.reserve(kept.size());
   level.voxels.reserve(kept.size());
-  for (const Moments* cell : kept) {
-    level.table.insert(cell->key);
+  for (const auto& [place, cell] : kept) {
+    places.push_back(place);
     level.voxels.push_back(voxel_of(*cell, edge_m));
   }
+  level.cells = CellBlocks(places);
   return level;
 }
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "voxel_table.hpp"
+#include "cell_blocks.hpp"
 
 #include <stillmap/localization/map_index.hpp>
 
@@ -25,7 +25,8 @@ static_assert(sizeof(Voxel) == 64);
 
 struct MapIndex::Level {
   float edge_m = 0.0F;
-  VoxelTable table;
+  /// Numbers are places in `voxels`.
+  CellBlocks cells;
   std::vector<Voxel> voxels;
 
   /// Voxel that a point [m, relative to origin] most likely belongs to among the eight nearest
@@ -71,26 +72,20 @@ inline MapIndex::Level::Nearest MapIndex::Level::nearest(const Eigen::Vector3f& 
   const auto y0 = static_cast<std::int32_t>(std::floor(fy));
   const auto z0 = static_cast<std::int32_t>(std::floor(fz));
   best.distance2 = std::numeric_limits<float>::infinity();
-  for (std::int32_t corner = 0; corner < 8; ++corner) {
-    const std::int32_t x = x0 + (corner >> 2);
-    const std::int32_t y = y0 + ((corner >> 1) & 1);
-    const std::int32_t z = z0 + (corner & 1);
-    if (!is_cell(x, y, z)) continue;
-    const std::uint32_t found = table.find(cell_key(x, y, z));
-    if (found == VoxelTable::kNone) continue;
+  cells.for_eight(x0, y0, z0, [&](std::uint32_t found) {
     const float distance2 = mahalanobis2(voxels[found], p, floor_m2);
     if (distance2 < best.distance2) best = {&voxels[found], distance2};
-  }
+  });
   return best;
 }
 
 inline bool MapIndex::Level::occupied(const Eigen::Vector3f& p) const {
-  const Eigen::Vector3f cells = p / edge_m;
-  if (!in_grid(cells.x()) || !in_grid(cells.y()) || !in_grid(cells.z())) return false;
-  const auto x = static_cast<std::int32_t>(std::floor(cells.x()));
-  const auto y = static_cast<std::int32_t>(std::floor(cells.y()));
-  const auto z = static_cast<std::int32_t>(std::floor(cells.z()));
-  return is_cell(x, y, z) && table.find(cell_key(x, y, z)) != VoxelTable::kNone;
+  const Eigen::Vector3f cell = p / edge_m;
+  if (!in_grid(cell.x()) || !in_grid(cell.y()) || !in_grid(cell.z())) return false;
+  const auto x = static_cast<std::int32_t>(std::floor(cell.x()));
+  const auto y = static_cast<std::int32_t>(std::floor(cell.y()));
+  const auto z = static_cast<std::int32_t>(std::floor(cell.z()));
+  return is_cell(x, y, z) && cells.find(x, y, z) != CellBlocks::kNone;
 }
 
 }  // namespace stillmap::localization

@@ -22,13 +22,13 @@ class Columns {
     first_ = (centre / edge_m_).array().floor().cast<int>();
     first_ -= Eigen::Array3i(side_ / 2, side_ / 2, kCellsOfHeight / 2);
     words_.assign(static_cast<std::size_t>(side_) * static_cast<std::size_t>(side_), 0);
-    // Voxels are sorted by cell with x first, so one strip of the map is looked at, not all of it.
-    auto voxel =
-        std::partition_point(level.voxels.begin(), level.voxels.end(),
-                             [&](const Voxel& v) { return cell(v.mean.x()) < first_.x(); });
-    for (; voxel != level.voxels.end() && cell(voxel->mean.x()) < first_.x() + side_; ++voxel) {
-      mark(voxel->mean);
-    }
+    // Voxels are sorted by blocks of four cells with x first, so one strip of the map is looked at,
+    // not all of it.
+    const auto strip = [&](const Voxel& v) { return cell(v.mean.x()) >> 2; };
+    auto voxel = std::partition_point(level.voxels.begin(), level.voxels.end(),
+                                      [&](const Voxel& v) { return strip(v) < first_.x() >> 2; });
+    const int last = (first_.x() + side_ - 1) >> 2;
+    for (; voxel != level.voxels.end() && strip(*voxel) <= last; ++voxel) mark(voxel->mean);
     // One cell of slack up and down takes up a prior that is off in height, roll and pitch.
     for (std::uint64_t& word : words_) word |= (word << 1) | (word >> 1);
   }
@@ -47,7 +47,9 @@ class Columns {
   }
   void mark(const Eigen::Vector3f& p) {
     const Eigen::Array3i c = cell_of(p);
-    if (c.y() < 0 || c.y() >= side_ || c.z() < 0 || c.z() >= kCellsOfHeight) return;
+    if (c.x() < 0 || c.x() >= side_ || c.y() < 0 || c.y() >= side_ || c.z() < 0 ||
+        c.z() >= kCellsOfHeight)
+      return;
     words_[static_cast<std::size_t>(c.x()) * static_cast<std::size_t>(side_) +
            static_cast<std::size_t>(c.y())] |= std::uint64_t{1} << c.z();
   }

@@ -12,9 +12,9 @@ namespace stillmap::localization {
 /// How far around the prior poses are tried.
 struct SearchWindow {
   /// Horizontal, to each side along the map's axes [m], >= 0.
-  double radius_m = 5.0;
+  double radius_m = 6.0;
   /// Yaw to each side [rad], >= 0.
-  double yaw_rad = 0.28;
+  double yaw_rad = 0.40;
 };
 
 /// A place where many standing points of the scan fall into occupied cells of the map.

@@ -1,5 +1,7 @@
 #include "voxel_aligner.hpp"
 
+#include "place_search.hpp"
+#include "pose_search.hpp"
 #include "query.hpp"
 #include "registration.hpp"
 #include "verdict.hpp"
@@ -15,10 +17,12 @@
 namespace stillmap::localization {
 namespace {
 
-constexpr std::size_t kMinQueryPoints = 50;
 /// A prior farther than this outside the map's bounds is no place that the map knows [m].
 constexpr double kMarginM = 100.0;
+constexpr std::size_t kMinQueryPoints = 50;
 constexpr std::size_t kMaxCandidates = 3;
+/// Of the whole map more places are looked at closely.
+constexpr std::size_t kMaxPlaces = 5;
 constexpr double kSearchCellM = 1.0;
 /// Share of the best place's support from which a second place makes the answer ambiguous.
 constexpr double kAmbiguousShare = 0.9;
@@ -35,7 +39,13 @@ struct Place {
   int iterations = 0;
 };
 
-void require_finite(const maps::PointCloud& scan_lidar, const Prior& prior) {
+void require_finite(const maps::PointCloud& scan_lidar) {
+  bool finite = true;
+  for (const Eigen::Vector3f& p : scan_lidar.positions) finite = finite && p.allFinite();
+  if (!finite) throw std::invalid_argument("scan: a coordinate is not finite");
+}
+
+void require_usable(const Prior& prior) {
   if (!prior.T_map_lidar.matrix().allFinite()) throw std::invalid_argument("prior: not finite");
   const Eigen::Matrix3d& R = prior.T_map_lidar.linear();
   if (!((R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < 1e-3 &&
@@ -48,9 +58,6 @@ void require_finite(const maps::PointCloud& scan_lidar, const Prior& prior) {
       throw std::invalid_argument("prior: its covariance is not finite and positive definite");
     }
   }
-  bool finite = true;
-  for (const Eigen::Vector3f& p : scan_lidar.positions) finite = finite && p.allFinite();
-  if (!finite) throw std::invalid_argument("scan: a coordinate is not finite");
 }
 
 const MapIndex::Level& level_near(const MapIndex& index, double edge_m) {
@@ -110,60 +117,96 @@ bool contradicts(const Prior& prior, const AlignmentResult& result) {
   return !(difference.dot(covariance.ldlt().solve(difference)) < kMaxChiSquared);
 }
 
-AlignmentResult lost(std::string reason, const Prior& prior) {
+AlignmentResult lost(std::string reason,
+                     const Eigen::Isometry3d& T_map_lidar = Eigen::Isometry3d::Identity()) {
   AlignmentResult result;
   result.reasons.push_back(std::move(reason));
-  result.T_map_lidar = prior.T_map_lidar;
+  result.T_map_lidar = T_map_lidar;
   return result;
 }
 
-}  // namespace
-
-VoxelAligner::VoxelAligner(std::shared_ptr<const MapIndex> index) : index_(std::move(index)) {
-  if (!index_) throw std::invalid_argument("aligner: no map index");
-}
-
-AlignmentResult VoxelAligner::align(const maps::PointCloud& scan_lidar, const Prior& prior) const {
-  require_finite(scan_lidar, prior);
-  const Query query = thin(scan_lidar, prior.T_map_lidar.linear());
-  if (query.points.size() < kMinQueryPoints) return lost("too_few_points", prior);
-  const Eigen::Array3d at = (prior.T_map_lidar.translation() - index_->origin()).array();
-  if (!((at > -kMarginM).all() && (at < index_->extent().array() + kMarginM).all())) {
-    return lost("outside_map", prior);
-  }
+/// Refines each start coarse to fine, finishes the best of them and judges it.
+/// @param starts  `T_map_lidar`, at least one. @param prior  may be null.
+AlignmentResult align_among(const MapIndex& index, const Query& query,
+                            const std::vector<Eigen::Isometry3d>& starts, const Prior* prior) {
   std::vector<Place> places;
-  for (const Candidate& candidate :
-       search_poses(level_near(*index_, kSearchCellM), index_->origin(), query, prior.T_map_lidar,
-                    window_of(prior), kMaxCandidates)) {
-    Eigen::Isometry3d T_index_lidar = candidate.T_map_lidar;
-    T_index_lidar.translation() -= index_->origin();
-    places.push_back(settle(*index_, query, T_index_lidar));
+  for (const Eigen::Isometry3d& T_map_lidar : starts) {
+    Eigen::Isometry3d T_index_lidar = T_map_lidar;
+    T_index_lidar.translation() -= index.origin();
+    places.push_back(settle(index, query, T_index_lidar));
   }
   std::stable_sort(places.begin(), places.end(),
                    [](const Place& a, const Place& b) { return a.support > b.support; });
   Place& best = places.front();
-  finish(*index_, query, best);
+  finish(index, query, best);
 
-  const MapIndex::Level& level = index_->levels().back();
+  const MapIndex::Level& level = index.levels().back();
   const float kernel_m = static_cast<float>(kFinalKernelShare) * level.edge_m;
   Evidence evidence;
-  evidence.support = support_of(*index_, query, best.T_index_lidar);
+  evidence.support = support_of(index, query, best.T_index_lidar);
   const NormalEquations system = linearize(level, query.points, best.T_index_lidar, {kernel_m, 1});
   evidence.observability =
-      observability_of(level_near(*index_, kSearchCellM), query, best.T_index_lidar, system.H);
+      observability_of(level_near(index, kSearchCellM), query, best.T_index_lidar, system.H);
   evidence.ambiguous = std::any_of(places.begin() + 1, places.end(), [&](const Place& other) {
     return other.support > kAmbiguousShare * best.support &&
            distinct(other.T_index_lidar, best.T_index_lidar);
   });
   AlignmentResult result;
   result.T_map_lidar = best.T_index_lidar;
-  result.T_map_lidar.translation() += index_->origin();
+  result.T_map_lidar.translation() += index.origin();
   for (const Place& place : places) result.iterations += place.iterations;
   result.covariance =
       covariance_of(level, query, best.T_index_lidar, kernel_m, evidence.observability.degenerate);
-  evidence.contradicts_prior = contradicts(prior, result);
+  evidence.contradicts_prior = prior != nullptr && contradicts(*prior, result);
   judge(evidence, result.covariance, result);
   return result;
+}
+
+}  // namespace
+
+VoxelAligner::VoxelAligner(std::shared_ptr<const MapIndex> index,
+                           const std::vector<Eigen::Isometry3d>& seen_from)
+    : index_(std::move(index)) {
+  if (!index_) throw std::invalid_argument("aligner: no map index");
+  for (const Eigen::Isometry3d& T : seen_from) {
+    if (!T.matrix().allFinite()) throw std::invalid_argument("seen_from: a pose is not finite");
+  }
+  if (!seen_from.empty()) places_ = std::make_unique<const PlaceSearch>(*index_, seen_from);
+}
+
+VoxelAligner::~VoxelAligner() = default;
+
+AlignmentResult VoxelAligner::align(const maps::PointCloud& scan_lidar,
+                                    const std::optional<Prior>& prior) const {
+  require_finite(scan_lidar);
+  return prior ? align_near(scan_lidar, *prior) : align_anywhere(scan_lidar);
+}
+
+AlignmentResult VoxelAligner::align_near(const maps::PointCloud& scan_lidar,
+                                         const Prior& prior) const {
+  require_usable(prior);
+  const Query query = thin(scan_lidar, prior.T_map_lidar.linear());
+  if (query.points.size() < kMinQueryPoints) return lost("too_few_points", prior.T_map_lidar);
+  const Eigen::Array3d at = (prior.T_map_lidar.translation() - index_->origin()).array();
+  if (!((at > -kMarginM).all() && (at < index_->extent().array() + kMarginM).all())) {
+    return lost("outside_map", prior.T_map_lidar);
+  }
+  std::vector<Eigen::Isometry3d> starts;
+  for (const Candidate& candidate :
+       search_poses(level_near(*index_, kSearchCellM), index_->origin(), query, prior.T_map_lidar,
+                    window_of(prior), kMaxCandidates)) {
+    starts.push_back(candidate.T_map_lidar);
+  }
+  return align_among(*index_, query, starts, &prior);
+}
+
+AlignmentResult VoxelAligner::align_anywhere(const maps::PointCloud& scan_lidar) const {
+  if (!places_) return lost("needs_prior");
+  const Query query = thin(scan_lidar, Eigen::Matrix3d::Identity());
+  if (query.points.size() < kMinQueryPoints) return lost("too_few_points");
+  const std::vector<Eigen::Isometry3d> starts = places_->best_places(query, kMaxPlaces);
+  if (starts.empty()) return lost("too_little_structure");
+  return align_among(*index_, query, starts, nullptr);
 }
 
 }  // namespace stillmap::localization

@@ -21,7 +21,6 @@ constexpr std::array kErrors = {
               415},
     ErrorInfo{ErrorCode::kRangeNotSatisfiable, "RangeNotSatisfiable", "Not one range of the body",
               416},
-    ErrorInfo{ErrorCode::kPriorRequired, "PriorRequired", "A prior pose is needed", 422},
     ErrorInfo{ErrorCode::kInvalidPrior, "InvalidPrior", "The prior is not a usable pose", 422},
     ErrorInfo{ErrorCode::kInvalidTransform, "InvalidTransform", "T_base_lidar is not a usable pose",
               422},

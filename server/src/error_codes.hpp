@@ -21,7 +21,6 @@ enum class ErrorCode {
   kPayloadTooLarge,
   kUnsupportedMediaType,
   kRangeNotSatisfiable,
-  kPriorRequired,
   kInvalidPrior,
   kInvalidTransform,
   kInvalidPoints,

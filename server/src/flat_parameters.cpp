@@ -66,13 +66,12 @@ Eigen::Matrix<double, 6, 6> read_sigma(const std::string& text) {
   return variances.asDiagonal();
 }
 
-localization::Prior read_prior(const Values& values) {
+std::optional<localization::Prior> read_prior(const Values& values) {
   const auto position = values.find("prior_t");
   const auto quaternion = values.find("prior_q");
   const auto sigma = values.find("prior_sigma");
   if (position == values.end() && quaternion == values.end() && sigma == values.end()) {
-    throw ApiError(ErrorCode::kPriorRequired,
-                   "prior_t and prior_q are missing; a search of the whole map is not offered yet");
+    return std::nullopt;
   }
   if (position == values.end() || quaternion == values.end()) {
     const bool lacks_position = position == values.end();

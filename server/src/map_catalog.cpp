@@ -13,9 +13,10 @@ namespace stillmap::server {
 
 Aligners build_aligners(const maps::MapPackage& map) {
   const std::shared_ptr<const localization::MapIndex> index = localization::MapIndex::build(map);
+  const std::vector<Eigen::Isometry3d> seen_from = localization::seen_from(map);
   Aligners aligners;
   for (const std::string& method : localization::aligner_names()) {
-    aligners.emplace_back(method, localization::make_aligner(method, index));
+    aligners.emplace_back(method, localization::make_aligner(method, index, seen_from));
   }
   return aligners;
 }

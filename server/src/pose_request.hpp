@@ -17,7 +17,8 @@ namespace stillmap::server {
 
 /// Everything a pose request says besides the scan.
 struct PoseParameters {
-  localization::Prior prior;
+  /// None: the whole map is searched.
+  std::optional<localization::Prior> prior;
   std::optional<Eigen::Isometry3d> T_base_lidar;
   std::optional<std::int64_t> stamp_ns;
   /// Empty = the map's default.

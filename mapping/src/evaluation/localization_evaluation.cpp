@@ -44,7 +44,7 @@ LocalizationRecord ask(const localization::Aligner& aligner, const maps::PointCl
   const double cpu_start = thread_cpu_ms();
   const double wall_start = wall_ms();
   localization::AlignmentResult answer =
-      aligner.align(scan_lidar, {T_map_lidar_prior, std::nullopt});
+      aligner.align(scan_lidar, localization::Prior{T_map_lidar_prior, std::nullopt});
   LocalizationRecord record;
   record.cpu_ms = thread_cpu_ms() - cpu_start;
   record.wall_ms = wall_ms() - wall_start;

@@ -88,8 +88,14 @@ PclIcpAligner::PclIcpAligner(const std::vector<Eigen::Vector3d>& points_map,
 
 PclIcpAligner::~PclIcpAligner() = default;
 
-localization::AlignmentResult PclIcpAligner::align(const maps::PointCloud& scan_lidar,
-                                                   const localization::Prior& prior) const {
+localization::AlignmentResult PclIcpAligner::align(
+    const maps::PointCloud& scan_lidar, const std::optional<localization::Prior>& given) const {
+  if (!given) {
+    localization::AlignmentResult none;
+    none.reasons = {"needs_prior"};
+    return none;
+  }
+  const localization::Prior& prior = *given;
   if (!prior.T_map_lidar.matrix().allFinite()) throw std::invalid_argument("prior: not finite");
   const PclCloud::ConstPtr scan = scan_cloud(scan_lidar);
   localization::AlignmentResult result;
@@ -143,7 +149,8 @@ std::unique_ptr<localization::Aligner> make_map_aligner(std::string_view method,
                                                         const maps::MapPackage& map) {
   const std::vector<std::string> ours = localization::aligner_names();
   if (std::find(ours.begin(), ours.end(), method) != ours.end()) {
-    return localization::make_aligner(method, localization::MapIndex::build(map));
+    return localization::make_aligner(method, localization::MapIndex::build(map),
+                                      localization::seen_from(map));
   }
   if (method != "pcl-icp") {
     throw std::invalid_argument(fmt::format("method: found '{}', expected one of: {}", method,

@@ -37,7 +37,8 @@ class PclIcpAligner : public localization::Aligner {
   PclIcpAligner(const std::vector<Eigen::Vector3d>& points_map, const PclIcpOptions& options);
   ~PclIcpAligner() override;
   [[nodiscard]] localization::AlignmentResult align(
-      const maps::PointCloud& scan_lidar, const localization::Prior& prior) const override;
+      const maps::PointCloud& scan_lidar,
+      const std::optional<localization::Prior>& given) const override;
 
  private:
   struct Target;

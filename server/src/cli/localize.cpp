@@ -82,10 +82,12 @@ void print_for_people(const server::PoseAnswer& answer) {
     table.add("yaw", fmt::format("{:.3f} deg", std::atan2(R(1, 0), R(0, 0)) / kDegree));
     table.add("sigma", fmt::format("{:.3f}, {:.3f}, {:.3f} m; yaw {:.3f} deg", sigma(0), sigma(1),
                                    sigma(2), sigma(5) / kDegree));
-    const Eigen::Isometry3d moved =
-        answer.parameters.prior.T_map_lidar.inverse() * result.T_map_lidar;
-    table.add("from the prior", fmt::format("{:.3f} m, {:.3f} deg", moved.translation().norm(),
-                                            Eigen::AngleAxisd(moved.linear()).angle() / kDegree));
+    if (answer.parameters.prior) {
+      const Eigen::Isometry3d moved =
+          answer.parameters.prior->T_map_lidar.inverse() * result.T_map_lidar;
+      table.add("from the prior", fmt::format("{:.3f} m, {:.3f} deg", moved.translation().norm(),
+                                              Eigen::AngleAxisd(moved.linear()).angle() / kDegree));
+    }
   }
   table.add("inlier ratio", fmt::format("{:.3f}", result.inlier_ratio));
   table.add("rmse", fmt::format("{:.3f} m", result.rmse_m));
@@ -102,14 +104,16 @@ double milliseconds_since(std::chrono::steady_clock::time_point begin) {
 void localize(const LocalizeArguments& arguments) {
   server::PoseAnswer answer{
       .map_name = arguments.map.filename().string(), .map_digest = {}, .request_id = {}};
-  answer.parameters.prior.T_map_lidar = read_prior(arguments.prior);
+  if (!arguments.prior.empty()) {
+    answer.parameters.prior = localization::Prior{read_prior(arguments.prior), std::nullopt};
+  }
   const auto map = maps::MapPackage::open(arguments.map);
   answer.map_digest = map->digest();
   const auto begin = std::chrono::steady_clock::now();
   const maps::PointCloud scan = maps::read_scan_file(arguments.scan).cloud;
   answer.timing.decode_ms = milliseconds_since(begin);
-  const auto aligner =
-      localization::make_aligner(arguments.method, localization::MapIndex::build(*map));
+  const auto aligner = localization::make_aligner(
+      arguments.method, localization::MapIndex::build(*map), localization::seen_from(*map));
   const auto align_begin = std::chrono::steady_clock::now();
   answer.result = aligner->align(scan, answer.parameters.prior);
   answer.timing.align_ms = milliseconds_since(align_begin);
@@ -136,11 +140,10 @@ void add_localize(CLI::App& app) {
   command->add_option("SCAN", arguments->scan, "Scan: .bin (float32 x y z intensity), .pcd or .ply")
       ->required()
       ->check(command_line::existing_file());
-  command
-      ->add_option(
-          "--prior", arguments->prior,
-          "Where the search starts: X,Y,Z,YAW_DEG or X,Y,Z,QX,QY,QZ,QW in the map frame [m]")
-      ->required();
+  command->add_option(
+      "--prior", arguments->prior,
+      "Where the search starts: X,Y,Z,YAW_DEG or X,Y,Z,QX,QY,QZ,QW in the map frame "
+      "[m]; without it the whole map is searched");
   command->add_option("--method", arguments->method, "Alignment method")
       ->capture_default_str()
       ->check(CLI::IsMember(localization::aligner_names()));

@@ -82,12 +82,9 @@ Eigen::Isometry3d read_pose(const json& object, ErrorCode code, const std::strin
                       {code, path + ".position", path + ".quaternion"});
 }
 
-localization::Prior read_prior(const json& request) {
+std::optional<localization::Prior> read_prior(const json& request) {
   const auto found = request.find("prior");
-  if (found == request.end()) {
-    throw ApiError(ErrorCode::kPriorRequired,
-                   "prior is missing; a search of the whole map is not offered yet");
-  }
+  if (found == request.end()) return std::nullopt;
   require_keys(*found, "prior", {"position", "quaternion", "covariance"});
   localization::Prior prior;
   prior.T_map_lidar = read_pose(*found, ErrorCode::kInvalidPrior, "prior");

@@ -27,6 +27,7 @@ struct EvaluateArguments {
   std::string select = "::";
   std::vector<std::string> prior_errors;
   std::string method = mapping::map_aligner_names().front();
+  std::string prior = "drawn";
   std::optional<std::filesystem::path> json;
   mapping::LocalizationEvaluationOptions options;
 };
@@ -43,6 +44,29 @@ mapping::PriorError read_prior_error(const std::string& text) {
   throw std::invalid_argument("--prior-error: found '" + text + "', expected METRES,DEGREES");
 }
 
+/// Leaves the prior that is drawn for each scan aside.
+class WithoutPrior : public localization::Aligner {
+ public:
+  explicit WithoutPrior(std::unique_ptr<localization::Aligner> aligner)
+      : aligner_(std::move(aligner)) {}
+
+  [[nodiscard]] localization::AlignmentResult align(
+      const maps::PointCloud& scan_lidar,
+      const std::optional<localization::Prior>& /*prior*/) const override {
+    return aligner_->align(scan_lidar, std::nullopt);
+  }
+
+ private:
+  std::unique_ptr<localization::Aligner> aligner_;
+};
+
+std::unique_ptr<localization::Aligner> make_aligner(const EvaluateArguments& arguments,
+                                                    const maps::MapPackage& map) {
+  std::unique_ptr<localization::Aligner> aligner = mapping::make_map_aligner(arguments.method, map);
+  if (arguments.prior == "none") return std::make_unique<WithoutPrior>(std::move(aligner));
+  return aligner;
+}
+
 std::string to_json_text(const mapping::LocalizationEvaluation& evaluation,
                          const EvaluateArguments& arguments) {
   auto json = nlohmann::ordered_json::parse(mapping::to_json(evaluation));
@@ -51,6 +75,7 @@ std::string to_json_text(const mapping::LocalizationEvaluation& evaluation,
   json["options"]["drive"] = arguments.drive.string();
   json["options"]["select"] = arguments.select;
   json["options"]["method"] = arguments.method;
+  json["options"]["prior"] = arguments.prior;
   return json.dump(2) + "\n";
 }
 
@@ -80,6 +105,11 @@ void evaluate(EvaluateArguments& arguments) {
   if (!arguments.prior_errors.empty()) options.prior_errors.clear();
   for (const std::string& text : arguments.prior_errors)
     options.prior_errors.push_back(read_prior_error(text));
+  // Without priors there is nothing to draw.
+  if (arguments.prior == "none") {
+    options.prior_errors = {{.metres = 0.0, .degrees = 0.0}};
+    options.trials = 1;
+  }
   const auto map = maps::MapPackage::open(arguments.map);
   const maps::Drive drive = maps::Drive::open(arguments.drive, arguments.poses);
   mapping::LocalizationEvaluation evaluation;
@@ -87,9 +117,7 @@ void evaluate(EvaluateArguments& arguments) {
     command_line::ProgressBar bar;
     evaluation = mapping::evaluate_localization(
         *map, drive, options,
-        [&](const maps::MapPackage& package) {
-          return mapping::make_map_aligner(arguments.method, package);
-        },
+        [&](const maps::MapPackage& package) { return make_aligner(arguments, package); },
         [&bar](std::string_view stage, std::size_t done, std::size_t total) {
           bar.update(stage, done, total);
         },
@@ -138,6 +166,11 @@ void add_evaluate_localization(CLI::App& evaluate_command) {
   command->add_option("--method", arguments->method, "Alignment method")
       ->capture_default_str()
       ->check(CLI::IsMember(mapping::map_aligner_names()));
+  command
+      ->add_option("--prior", arguments->prior,
+                   "drawn: as --prior-error says; none: the whole map is searched")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"drawn", "none"}));
   command->add_option("--json", arguments->json, "Write the result there")
       ->check(command_line::in_existing_folder());
   command->callback([arguments] { evaluate(*arguments); });

@@ -65,7 +65,7 @@ TEST(Aligner, FindsTheScanFromPriorsOfUpTo2mAnd10Degrees) {
       const Eigen::Isometry3d T_map_lidar = pose_at(x, 0.8, 0.15);
       const AlignmentResult result =
           street().aligner->align(street().world.scan(T_map_lidar, pattern(7)),
-                                  {prior_off(T_map_lidar, metres, degrees), std::nullopt});
+                                  Prior{prior_off(T_map_lidar, metres, degrees), std::nullopt});
       EXPECT_EQ(result.status, PoseStatus::kOk) << metres << " m at x = " << x;
       EXPECT_LT(distance_m(T_map_lidar, result.T_map_lidar), 0.03) << metres << " m at x = " << x;
       EXPECT_LT(angle_rad(T_map_lidar, result.T_map_lidar), 0.001) << metres << " m at x = " << x;
@@ -86,8 +86,9 @@ TEST(Aligner, AnswerFollowsAMapThatIsMovedAndTurned) {
   for (Eigen::Vector3d& p : points_new) p = T_new_map * p;
   const Prior prior{prior_off(T_map_lidar, 1.0, 5.0), std::nullopt};
   const Eigen::Isometry3d before = street().aligner->align(scan, prior).T_map_lidar;
-  const AlignmentResult after = make_aligner("default", MapIndex::build(points_new))
-                                    ->align(scan, {T_new_map * prior.T_map_lidar, std::nullopt});
+  const AlignmentResult after =
+      make_aligner("default", MapIndex::build(points_new))
+          ->align(scan, Prior{T_new_map * prior.T_map_lidar, std::nullopt});
   EXPECT_EQ(after.status, PoseStatus::kOk);
   // The voxels lie elsewhere on the surfaces, so the answers agree within the noise, not to the
   // bit.
@@ -102,7 +103,7 @@ TEST(Aligner, AnswerFollowsAScanThatIsTurnedInItsOwnFrame) {
   for (Eigen::Vector3f& p : scan.positions)
     p = (T_lidar_other.inverse() * p.cast<double>()).cast<float>();
   const AlignmentResult result = street().aligner->align(
-      scan, {prior_off(T_map_lidar * T_lidar_other, 1.0, 5.0), std::nullopt});
+      scan, Prior{prior_off(T_map_lidar * T_lidar_other, 1.0, 5.0), std::nullopt});
   EXPECT_EQ(result.status, PoseStatus::kOk);
   EXPECT_LT(distance_m(T_map_lidar * T_lidar_other, result.T_map_lidar), 0.03);
 }
@@ -122,7 +123,7 @@ TEST(Aligner, AnswerIsARotation) {
   const Eigen::Isometry3d T_map_lidar = pose_at(55.0, 0.0);
   const AlignmentResult result =
       street().aligner->align(street().world.scan(T_map_lidar, pattern(11)),
-                              {prior_off(T_map_lidar, 2.0, 10.0), std::nullopt});
+                              Prior{prior_off(T_map_lidar, 2.0, 10.0), std::nullopt});
   const Eigen::Matrix3d R = result.T_map_lidar.linear();
   EXPECT_LT((R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-12);
 }

@@ -59,7 +59,7 @@ maps::PointCloud noise_scan(std::uint64_t seed) {
 TEST(Verdict, OkComesWithoutReasonsAndWithASmallCovariance) {
   const Eigen::Isometry3d T_map_lidar = pose_at(60.0, 0.5);
   const AlignmentResult result = street().aligner->align(
-      street().world.scan(T_map_lidar, pattern(1)), {T_map_lidar, std::nullopt});
+      street().world.scan(T_map_lidar, pattern(1)), Prior{T_map_lidar, std::nullopt});
   EXPECT_EQ(result.status, PoseStatus::kOk);
   EXPECT_THAT(result.reasons, IsEmpty());
   EXPECT_THAT(result.degenerate_directions, IsEmpty());
@@ -74,7 +74,7 @@ TEST(Verdict, ErrorsStayWithinTheCovariance) {
   for (std::size_t k = 0; k < kScans; ++k) {
     const Eigen::Isometry3d T_map_lidar = pose_at(40.0 + 2.0 * static_cast<double>(k), 0.4, 0.1);
     const AlignmentResult result = street().aligner->align(
-        street().world.scan(T_map_lidar, pattern(200 + k)), {T_map_lidar, std::nullopt});
+        street().world.scan(T_map_lidar, pattern(200 + k)), Prior{T_map_lidar, std::nullopt});
     const Vector6d error = maps::log_se3(T_map_lidar.inverse() * result.T_map_lidar);
     if (error.dot(result.covariance.ldlt().solve(error)) > 12.59) ++beyond;  // 95 % point
   }
@@ -99,7 +99,7 @@ TEST(Verdict, AnotherStreetsMapIsLost) {
   const test::SyntheticWorld other = test::street(32);
   for (const double x : {45.0, 60.0, 75.0}) {
     const AlignmentResult result = street().aligner->align(other.scan(pose_at(x, 0.0), pattern(3)),
-                                                           {pose_at(x, 0.0), std::nullopt});
+                                                           Prior{pose_at(x, 0.0), std::nullopt});
     EXPECT_NE(result.status, PoseStatus::kOk);
     EXPECT_THAT(result.reasons, Contains("low_inlier_ratio"));
   }
@@ -108,7 +108,7 @@ TEST(Verdict, AnotherStreetsMapIsLost) {
 TEST(Verdict, NoiseIsLost) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     const AlignmentResult result =
-        street().aligner->align(noise_scan(seed), {pose_at(60.0, 0.0), std::nullopt});
+        street().aligner->align(noise_scan(seed), Prior{pose_at(60.0, 0.0), std::nullopt});
     EXPECT_EQ(result.status, PoseStatus::kLost);
     EXPECT_THAT(result.reasons, ElementsAre("low_inlier_ratio"));
   }
@@ -133,7 +133,8 @@ TEST(Verdict, EmptyTinyAndDuplicatedScansAreLostWithTheirPrior) {
 TEST(Verdict, APriorFarOutsideTheMapIsLost) {
   const maps::PointCloud scan = street().world.scan(pose_at(60.0, 0.0), pattern(4));
   for (const double x : {1e9, -1e9, 1e300, 400.0}) {
-    const AlignmentResult result = street().aligner->align(scan, {pose_at(x, 0.0), std::nullopt});
+    const AlignmentResult result =
+        street().aligner->align(scan, Prior{pose_at(x, 0.0), std::nullopt});
     EXPECT_EQ(result.status, PoseStatus::kLost);
     EXPECT_THAT(result.reasons, ElementsAre("outside_map"));
   }
@@ -167,8 +168,8 @@ TEST(Verdict, ACorridorDoesNotTellWhereAlongItOneIs) {
 TEST(Verdict, AnEmptyFieldIsNotOk) {
   const test::SyntheticWorld world = test::field();
   const auto aligner = aligner_in(world, -40.0, 40.0);
-  const AlignmentResult result =
-      aligner->align(world.scan(pose_at(0.0, 0.0), pattern(6)), {pose_at(1.0, 0.0), std::nullopt});
+  const AlignmentResult result = aligner->align(world.scan(pose_at(0.0, 0.0), pattern(6)),
+                                                Prior{pose_at(1.0, 0.0), std::nullopt});
   EXPECT_EQ(result.status, PoseStatus::kDegraded);
   EXPECT_THAT(result.reasons, Contains("too_little_structure"));
   EXPECT_THAT(result.reasons, Contains("unobservable_direction"));
@@ -193,7 +194,7 @@ TEST(Verdict, TwoMillionPointsAreAnsweredLikeAnyScan) {
   while (many.size() < 2'000'000) {
     many.positions.insert(many.positions.end(), scan.positions.begin(), scan.positions.end());
   }
-  const AlignmentResult result = street().aligner->align(many, {T_map_lidar, std::nullopt});
+  const AlignmentResult result = street().aligner->align(many, Prior{T_map_lidar, std::nullopt});
   EXPECT_EQ(result.status, PoseStatus::kOk);
 }
 

@@ -26,8 +26,9 @@ const Room& room() {
 
 TEST(PclIcp, FindsANearbyPoseInARoom) {
   const Eigen::Isometry3d T_map_lidar = pose_at(1.0, 0.5, 0.2);
-  const localization::AlignmentResult result = room().aligner.align(
-      room().world.scan(T_map_lidar, {}), {pose_at(1.2, 0.4, 0.23), std::nullopt});
+  const localization::AlignmentResult result =
+      room().aligner.align(room().world.scan(T_map_lidar, {}),
+                           localization::Prior{pose_at(1.2, 0.4, 0.23), std::nullopt});
   EXPECT_EQ(result.status, localization::PoseStatus::kOk);
   const Eigen::Isometry3d difference = T_map_lidar.inverse() * result.T_map_lidar;
   EXPECT_LT(difference.translation().norm(), 0.1);
@@ -38,10 +39,10 @@ TEST(PclIcp, FindsANearbyPoseInARoom) {
 
 TEST(PclIcp, TinyScanIsLostAndBrokenInputIsRefused) {
   maps::PointCloud scan;
-  EXPECT_EQ(room().aligner.align(scan, {pose_at(0, 0), std::nullopt}).status,
+  EXPECT_EQ(room().aligner.align(scan, localization::Prior{pose_at(0, 0), std::nullopt}).status,
             localization::PoseStatus::kLost);
   scan.positions.assign(100, Eigen::Vector3f(1.0F, std::numeric_limits<float>::quiet_NaN(), 0.0F));
-  EXPECT_THROW((void)room().aligner.align(scan, {pose_at(0, 0), std::nullopt}),
+  EXPECT_THROW((void)room().aligner.align(scan, localization::Prior{pose_at(0, 0), std::nullopt}),
                std::invalid_argument);
   EXPECT_THROW(PclIcpAligner({}, {}), std::invalid_argument);
   PclIcpOptions options;

@@ -210,15 +210,19 @@ TEST_F(Localize, QuaternionIsTakenWithinItsTolerance) {
   EXPECT_NEAR(aligner_->last_prior.T_map_lidar.linear().determinant(), 1.0, 1e-12);
 }
 
-TEST_F(Localize, PriorIsRequiredWithACodeOfItsOwn) {
+TEST_F(Localize, WithoutAPriorTheWholeMapIsSearched) {
   HttpRequest request = good_request();
+  EXPECT_FALSE(ask(request, 200)["prior_to_pose"].is_null());
+  EXPECT_TRUE(aligner_->had_prior);
   request.query.clear();
-  EXPECT_EQ(ask(request, 422)["code"], "PriorRequired");
+  EXPECT_TRUE(ask(request, 200)["prior_to_pose"].is_null());
+  EXPECT_FALSE(aligner_->had_prior);
   request.query = {{"prior_t", "1,2,3"}};
   EXPECT_EQ(ask(request, 400)["code"], "InvalidRequest");
   json content = good_json();
   content.erase("prior");
-  EXPECT_EQ(ask(json_request(content), 422)["code"], "PriorRequired");
+  (void)ask(json_request(content), 200);
+  EXPECT_FALSE(aligner_->had_prior);
 }
 
 TEST_F(Localize, BadJsonIsNamedByItsPath) {

@@ -21,11 +21,13 @@ namespace stillmap::server {
 /// Answers with what the test says and remembers what it was asked.
 class StubAligner final : public localization::Aligner {
  public:
-  localization::AlignmentResult align(const maps::PointCloud& scan,
-                                      const localization::Prior& prior) const override {
+  localization::AlignmentResult align(
+      const maps::PointCloud& scan,
+      const std::optional<localization::Prior>& prior) const override {
     last_scan = scan;
-    last_prior = prior;
-    return answer(prior);
+    had_prior = prior.has_value();
+    last_prior = prior.value_or(localization::Prior{});
+    return answer(last_prior);
   }
 
   /// Stands where the prior says, by default.
@@ -40,6 +42,7 @@ class StubAligner final : public localization::Aligner {
       };
   mutable maps::PointCloud last_scan;
   mutable localization::Prior last_prior;
+  mutable bool had_prior = false;
 };
 
 /// A store with one map, `town`: two tiles, two poses, one object.

@@ -46,7 +46,7 @@ struct Prior {
   std::optional<Eigen::Matrix<double, 6, 6>> covariance;
 };
 
-/// Aligns scans with one map, from a prior.
+/// Aligns scans with one map, from a prior or, where the method can, without one.
 class Aligner {
  public:
   virtual ~Aligner() = default;
@@ -55,21 +55,30 @@ class Aligner {
   Aligner& operator=(const Aligner&) = delete;
 
   /// @param scan_lidar         N points [m] in the lidar frame, deskewed to one instant; finite.
-  /// @param prior              where the search starts.
+  /// @param prior              where the search starts; none = anywhere in the map. Then the scan's
+  ///                           z axis must be within some degrees of the vehicle's upward axis.
   /// @return  `kLost` with a reason when the scan cannot be matched (also for an empty or tiny
-  /// scan).
+  /// scan); `needs_prior` from a method, or for a map, that cannot be searched without one.
   /// @throws std::invalid_argument if a coordinate or the prior is not finite.
   /// @note   Safe from several threads. Same input, same bits.
   [[nodiscard]] virtual AlignmentResult align(const maps::PointCloud& scan_lidar,
-                                              const Prior& prior) const = 0;
+                                              const std::optional<Prior>& prior) const = 0;
 };
 
 /// Names for `make_aligner`, the default first.
 [[nodiscard]] std::vector<std::string> aligner_names();
 
-/// @param method  one of `aligner_names()`. @throws std::invalid_argument naming the method and the
-/// choices.
-[[nodiscard]] std::unique_ptr<Aligner> make_aligner(std::string_view method,
-                                                    std::shared_ptr<const MapIndex> index);
+/// Where a map was seen from: the poses of its trajectory.
+[[nodiscard]] std::vector<Eigen::Isometry3d> seen_from(const maps::MapPackage& map);
+
+/// @param method     one of `aligner_names()`.
+/// @param T_map_lidar_seen_from  poses that the map was made from, finite. Without a prior a scan
+/// is
+///                   looked for within some 6 m of them, upright as they are, in every heading;
+///                   none = it cannot be.
+/// @throws std::invalid_argument naming the method and the choices, or a pose that is not finite.
+[[nodiscard]] std::unique_ptr<Aligner> make_aligner(
+    std::string_view method, std::shared_ptr<const MapIndex> index,
+    const std::vector<Eigen::Isometry3d>& T_map_lidar_seen_from = {});
 
 }  // namespace stillmap::localization

@@ -1,0 +1,182 @@
+#include "place_search.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace stillmap::localization {
+namespace {
+
+using std::numbers::pi_v;
+
+// Places are looked at this far apart [m].
+constexpr double kSpacingM = 3.0;
+constexpr float kWideEdgeM = 2.0F;
+constexpr int kWideSpread = 1;
+constexpr int kHeadings = 60;
+// Share of all places and headings that the second round looks at, and the least number of them.
+// Less and the right one is lost among the many that fit as well on coarse cells.
+constexpr std::size_t kWidePart = 6;
+constexpr std::size_t kLeastAfterWide = 900;
+constexpr std::size_t kAfterMiddle = 30;
+constexpr std::size_t kPoints = 160;
+constexpr float kReachM = 35.0F;
+
+const MapIndex::Level& level_of(const MapIndex& index, float edge_m) {
+  return *std::min_element(
+      index.levels().begin(), index.levels().end(), [&](const auto& a, const auto& b) {
+        return std::abs(std::log(a.edge_m / edge_m)) < std::abs(std::log(b.edge_m / edge_m));
+      });
+}
+
+/// Upright frame at a place: z is the pose's own, x as near to the map's x as that allows.
+Eigen::Isometry3f without_heading(const Eigen::Isometry3d& T) {
+  const Eigen::Vector3d up = T.linear().col(2);
+  const Eigen::Vector3d y = up.cross(Eigen::Vector3d::UnitX()).normalized();
+  Eigen::Isometry3d level = Eigen::Isometry3d::Identity();
+  level.linear() << y.cross(up), y, up;
+  level.translation() = T.translation();
+  return level.cast<float>();
+}
+
+std::vector<Eigen::Vector3f> points_to_try(const Query& query) {
+  std::vector<Eigen::Vector3f> near;
+  for (const std::size_t i : query.standing) {
+    if (query.points[i].norm() < kReachM) near.push_back(query.points[i]);
+  }
+  if (near.size() <= kPoints) return near;
+  std::vector<Eigen::Vector3f> some;
+  for (std::size_t i = 0; i < kPoints; ++i) some.push_back(near[i * near.size() / kPoints]);
+  return some;
+}
+
+template <typename Hypotheses>
+void keep_best(Hypotheses& all, std::size_t count) {
+  // Ties by order, so that the result does not depend on the sort.
+  std::stable_sort(all.begin(), all.end(),
+                   [](const auto& a, const auto& b) { return a.score > b.score; });
+  if (all.size() > count) all.resize(count);
+}
+
+Eigen::Isometry3f turned(const Eigen::Isometry3f& T_index_place, float yaw_rad) {
+  return T_index_place * Eigen::AngleAxisf(yaw_rad, Eigen::Vector3f::UnitZ());
+}
+
+float hits(const CellBits& cells, const std::vector<Eigen::Vector3f>& points,
+           const Eigen::Vector3f& shift) {
+  unsigned count = 0;
+  for (const Eigen::Vector3f& p : points) count += cells.hit(p + shift);
+  return static_cast<float>(count);
+}
+
+}  // namespace
+
+PlaceSearch::PlaceSearch(const MapIndex& index, const std::vector<Eigen::Isometry3d>& seen_from)
+    : origin_(index.origin()),
+      wide_(level_of(index, 1.0F), index.extent(), kWideEdgeM, kWideSpread),
+      middle_(level_of(index, 1.0F), index.extent(), kWideEdgeM, 0),
+      fine_(level_of(index, 1.0F), index.extent(), 1.0F, 0) {
+  std::vector<Eigen::Vector3d> taken;
+  for (const Eigen::Isometry3d& T_map_lidar : seen_from) {
+    const Eigen::Vector3d p = T_map_lidar.translation();
+    const bool near = std::any_of(taken.begin(), taken.end(), [&](const Eigen::Vector3d& q) {
+      return (p - q).squaredNorm() < kSpacingM * kSpacingM;
+    });
+    if (near) continue;
+    taken.push_back(p);
+    Eigen::Isometry3d T_index_lidar = T_map_lidar;
+    T_index_lidar.translation() -= origin_;
+    places_.push_back(without_heading(T_index_lidar));
+  }
+}
+
+std::vector<PlaceSearch::Hypothesis> PlaceSearch::everywhere(
+    const std::vector<Eigen::Vector3f>& points) const {
+  std::vector<Hypothesis> all;
+  all.reserve(places_.size() * kHeadings);
+  std::vector<Eigen::Vector3f> placed(points.size());
+  for (std::size_t place = 0; place < places_.size(); ++place) {
+    for (int heading = 0; heading < kHeadings; ++heading) {
+      Hypothesis h{.place = place,
+                   .yaw_rad = 2.0F * pi_v<float> * static_cast<float>(heading) / kHeadings};
+      const Eigen::Isometry3f T = T_index_lidar(h);
+      for (std::size_t i = 0; i < points.size(); ++i) placed[i] = T * points[i];
+      h.score = hits(wide_, placed, Eigen::Vector3f::Zero());
+      all.push_back(h);
+    }
+  }
+  return all;
+}
+
+void PlaceSearch::improve(std::vector<Hypothesis>& hypotheses,
+                          const std::vector<Eigen::Vector3f>& points, const CellBits& cells,
+                          const Steps& steps) const {
+  std::vector<Eigen::Vector3f> placed(points.size());
+  for (Hypothesis& h : hypotheses) {
+    Hypothesis best = h;
+    best.score = -1.0F;
+    for (int turn = -steps.turns; turn <= steps.turns; ++turn) {
+      Hypothesis tried = h;
+      tried.yaw_rad += static_cast<float>(turn) * steps.turn_rad;
+      const Eigen::Isometry3f T = T_index_lidar(tried);
+      for (std::size_t i = 0; i < points.size(); ++i) placed[i] = T * points[i];
+      for (int x = -steps.shifts; x <= steps.shifts; ++x) {
+        for (int y = -steps.shifts; y <= steps.shifts; ++y) {
+          const Eigen::Vector3f along(static_cast<float>(x) * steps.shift_m,
+                                      static_cast<float>(y) * steps.shift_m, 0.0F);
+          const float score = hits(cells, placed, places_[h.place].linear() * along);
+          if (score <= best.score) continue;
+          best = tried;
+          best.x_m = h.x_m + along.x();
+          best.y_m = h.y_m + along.y();
+          best.score = score;
+        }
+      }
+    }
+    h = best;
+  }
+}
+
+Eigen::Isometry3f PlaceSearch::T_index_lidar(const Hypothesis& h) const {
+  return turned(places_[h.place] * Eigen::Translation3f(h.x_m, h.y_m, 0.0F), h.yaw_rad);
+}
+
+bool PlaceSearch::same_place(const Hypothesis& a, const Hypothesis& b) const {
+  const Eigen::Isometry3f difference = T_index_lidar(a).inverse() * T_index_lidar(b);
+  return difference.translation().norm() < 2.5F &&
+         std::abs(std::remainder(a.yaw_rad - b.yaw_rad, 2.0F * pi_v<float>)) < 0.15F;
+}
+
+std::vector<Eigen::Isometry3d> PlaceSearch::best_places(const Query& query,
+                                                        std::size_t count) const {
+  const std::vector<Eigen::Vector3f> points = points_to_try(query);
+  if (points.empty()) return {};
+  std::vector<Hypothesis> all = everywhere(points);
+  keep_best(all, std::max(kLeastAfterWide, all.size() / kWidePart));
+  improve(all, points, middle_, {.shifts = 2, .shift_m = 2.0F, .turns = 1, .turn_rad = 0.05F});
+  keep_best(all, all.size());
+  std::vector<Hypothesis> apart;
+  for (const Hypothesis& h : all) {
+    if (apart.size() == kAfterMiddle) break;
+    const bool known = std::any_of(apart.begin(), apart.end(),
+                                   [&](const Hypothesis& other) { return same_place(h, other); });
+    if (!known) apart.push_back(h);
+  }
+  improve(apart, points, fine_, {.shifts = 2, .shift_m = 0.7F, .turns = 3, .turn_rad = 0.02F});
+  keep_best(apart, apart.size());
+  std::vector<Eigen::Isometry3d> places;
+  std::vector<Hypothesis> kept;
+  for (const Hypothesis& h : apart) {
+    if (places.size() == count) break;
+    const bool known = std::any_of(kept.begin(), kept.end(),
+                                   [&](const Hypothesis& other) { return same_place(h, other); });
+    if (known) continue;
+    kept.push_back(h);
+    Eigen::Isometry3d T = T_index_lidar(h).cast<double>();
+    T.translation() += origin_;
+    places.push_back(T);
+  }
+  return places;
+}
+
+}  // namespace stillmap::localization

@@ -1,0 +1,119 @@
+#include <stillmap/localization/aligner.hpp>
+
+#include <stillmap/maps/frames.hpp>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <support/synthetic_world.hpp>
+
+#include <limits>
+#include <numbers>
+#include <optional>
+#include <stdexcept>
+
+namespace stillmap::localization {
+namespace {
+
+using test::pose_at;
+
+test::ScanPattern pattern(std::uint64_t seed) {
+  test::ScanPattern out;
+  out.noise_m = 0.02;
+  out.seed = seed;
+  return out;
+}
+
+std::vector<Eigen::Isometry3d> drive_through() {
+  std::vector<Eigen::Isometry3d> poses;
+  for (double x = 20.0; x <= 110.0; x += 3.0) poses.push_back(pose_at(x, 0.5 * std::sin(x), 0.02));
+  return poses;
+}
+
+struct Street {
+  test::SyntheticWorld world = test::street(21);
+  std::vector<Eigen::Vector3d> points_map = world.mapped_from(drive_through(), pattern(100));
+  std::shared_ptr<const MapIndex> index = MapIndex::build(points_map);
+  std::unique_ptr<Aligner> aligner = make_aligner("default", index, drive_through());
+};
+const Street& street() {
+  static const Street built;
+  return built;
+}
+
+TEST(WithoutPrior, FindsTheScanInEveryHeading) {
+  for (const double x : {25.0, 61.5, 104.0}) {
+    for (double yaw = -3.0; yaw < 3.1; yaw += 1.1) {
+      const Eigen::Isometry3d T = pose_at(x, -0.7, yaw);
+      const AlignmentResult result =
+          street().aligner->align(street().world.scan(T, pattern(7)), std::nullopt);
+      EXPECT_NE(result.status, PoseStatus::kLost);
+      const Eigen::Isometry3d difference = T.inverse() * result.T_map_lidar;
+      EXPECT_LT(difference.translation().norm(), 0.1) << x << " " << yaw;
+      EXPECT_LT(maps::rotation_angle_rad(difference.linear()), 0.01) << x << " " << yaw;
+    }
+  }
+}
+
+TEST(WithoutPrior, FollowsTheSlopeOfThePlace) {
+  // The same street on a hillside of 10 %: map, poses and scans turned together.
+  Eigen::Isometry3d T_hill = Eigen::Isometry3d::Identity();
+  T_hill.linear() = Eigen::AngleAxisd(-0.1, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  std::vector<Eigen::Vector3d> points;
+  for (const Eigen::Vector3d& p : street().points_map) points.emplace_back(T_hill * p);
+  std::vector<Eigen::Isometry3d> poses;
+  for (const Eigen::Isometry3d& T : drive_through()) poses.emplace_back(T_hill * T);
+  const auto aligner = make_aligner("default", MapIndex::build(points), poses);
+  const Eigen::Isometry3d T = pose_at(70.0, 0.4, std::numbers::pi);
+  const AlignmentResult result = aligner->align(street().world.scan(T, pattern(9)), std::nullopt);
+  EXPECT_LT(((T_hill * T).inverse() * result.T_map_lidar).translation().norm(), 0.1);
+}
+
+TEST(WithoutPrior, IsNotOkInAnotherStreet) {
+  const test::SyntheticWorld elsewhere = test::street(99);
+  int ok = 0;
+  for (const double x : {30.0, 45.0, 60.0, 75.0, 90.0}) {
+    const auto scan = elsewhere.scan(pose_at(x, 0.0, 0.4), pattern(3));
+    if (street().aligner->align(scan, std::nullopt).status == PoseStatus::kOk) ++ok;
+  }
+  EXPECT_EQ(ok, 0);
+}
+
+TEST(WithoutPrior, GivesTheSameAnswerTwice) {
+  const auto scan = street().world.scan(pose_at(50.0, 0.0, 1.0), pattern(5));
+  const AlignmentResult one = street().aligner->align(scan, std::nullopt);
+  const AlignmentResult two = street().aligner->align(scan, std::nullopt);
+  EXPECT_EQ(one.T_map_lidar.matrix(), two.T_map_lidar.matrix());
+  EXPECT_EQ(one.covariance, two.covariance);
+}
+
+TEST(WithoutPrior, IsLostWithNothingToGoBy) {
+  EXPECT_EQ(street().aligner->align({}, std::nullopt).status, PoseStatus::kLost);
+  maps::PointCloud flat;
+  for (int x = -40; x < 40; ++x) {
+    for (int y = -40; y < 40; ++y) {
+      flat.positions.emplace_back(static_cast<float>(x), static_cast<float>(y), -1.7F);
+    }
+  }
+  const AlignmentResult result = street().aligner->align(flat, std::nullopt);
+  EXPECT_EQ(result.status, PoseStatus::kLost);
+  EXPECT_THAT(result.reasons, testing::ElementsAre("too_little_structure"));
+}
+
+TEST(WithoutPrior, RefusesWhatIsNotFinite) {
+  maps::PointCloud scan = street().world.scan(pose_at(50.0, 0.0, 0.0), pattern(5));
+  scan.positions[10].x() = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_THROW((void)street().aligner->align(scan, std::nullopt), std::invalid_argument);
+  std::vector<Eigen::Isometry3d> broken = drive_through();
+  broken[1].translation().y() = std::numeric_limits<double>::infinity();
+  EXPECT_THROW((void)make_aligner("default", street().index, broken), std::invalid_argument);
+}
+
+TEST(WithoutPrior, SaysThatAMapWithoutPosesNeedsOne) {
+  const auto aligner = make_aligner("default", street().index);
+  const auto scan = street().world.scan(pose_at(50.0, 0.0, 0.0), pattern(5));
+  EXPECT_THAT(aligner->align(scan, std::nullopt).reasons, testing::ElementsAre("needs_prior"));
+}
+
+}  // namespace
+}  // namespace stillmap::localization
