@@ -79,8 +79,10 @@ World make_world(const WorldSpec& spec) {
   world.ground = make_ground(*world.terrain, *plan.network, plan.cover, spec.seed);
   world.network = plan.network;
   const Route& route = plan.own_route;
-  world.T_world_start = world.terrain->T_world_upright(route.path->point(route.start_m),
-                                                       route.path->heading_rad(route.start_m));
+  // Where we are at time 0 on any day, but for decimetres: motions begin a second earlier.
+  const double start_m = route.start_m + plan.traffic.own_speed_mps;
+  world.T_world_start =
+      world.terrain->T_world_upright(route.path->point(start_m), route.path->heading_rad(start_m));
   furnish(world, plan, spec);
   world.own_body = make_own_body();
   park_vehicles(world, plan, spec);

@@ -63,7 +63,7 @@ struct World {
   /// Our own vehicle.
   Body own_body;
   Motion own_motion;
-  /// Where our route starts, upright and along it: the same on every day.
+  /// Near where we are at time 0, upright and along our route: the same on every day.
   Eigen::Isometry3d T_world_start = Eigen::Isometry3d::Identity();
 };
 

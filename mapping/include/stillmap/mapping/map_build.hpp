@@ -23,9 +23,10 @@ struct MapBuildOptions {
   ProjectionOptions projection;
   /// Edge of the voxels that merge points of the map [m], in [0.02, 2].
   double voxel_size_m = 0.1;
-  /// Points nearer are the vehicle itself, farther ones too sparse [m]; both are dropped and
-  /// counted. In [0, 20] and [5, 300], the second larger.
-  double min_range_m = 2.0;
+  /// Points nearer are the vehicle itself (bonnet and tail of a car reach 2.5 m from a sensor on
+  /// its roof), farther ones too sparse [m]; both are dropped and counted. In [0, 20] and [5, 300],
+  /// the second larger.
+  double min_range_m = 2.7;
   double max_range_m = 80.0;
   /// In [0, 256], 0 = all cores.
   int threads = 0;

@@ -58,8 +58,8 @@ struct SimulationReport {
 ///
 /// Every ray is cast at its own time, from where the sensor is then, into a world where traffic has
 /// moved on by then. Layouts:
-///  - `kitti-odometry`: velodyne/, labels/ (SemanticKITTI), calib.txt, poses.txt (from where the
-///    route starts, upright: all days of a world share this frame), times.txt; points
+///  - `kitti-odometry`: velodyne/, labels/ (SemanticKITTI), calib.txt, poses.txt (from near the
+///    first scan, upright: all days of a world share this frame), times.txt; points
 ///    are moved to the scan's stamp with the true motion, as that data set's are;
 ///  - `kitti-raw`: a synced drive with velodyne_points/ as measured and oxts/ with the errors of a
 ///    GNSS and inertial system, labels/ beside them;
