@@ -45,6 +45,9 @@ constexpr double kMinKnownRatio = 0.3;
 /// map), but nothing proves it.
 constexpr double kLostStandingRatio = 0.35;
 constexpr double kOkStandingRatio = 0.72;
+/// Deviations from zero that an error may reach once in a thousand; 3.3 if errors were normal, but
+/// their tails are heavier.
+constexpr double kLevelDeviations = 4.5;
 constexpr double kMaxOkDeviationM = 0.15;
 constexpr double kMaxOkDeviationRad = 0.01;
 
@@ -221,6 +224,16 @@ void judge(const Evidence& evidence, const Matrix6d& covariance, AlignmentResult
     result.reasons.emplace_back("large_covariance");
   }
   result.status = result.reasons.empty() ? PoseStatus::kOk : PoseStatus::kDegraded;
+  if (result.status == PoseStatus::kOk) result.protection = protection_levels(covariance);
+}
+
+ProtectionLevels protection_levels(const Matrix6d& covariance) {
+  const auto level = [&](Eigen::Index axis) {
+    const double variance = covariance(axis, axis);
+    return variance > 0.0 && std::isfinite(variance) ? kLevelDeviations * std::sqrt(variance)
+                                                     : std::numeric_limits<double>::infinity();
+  };
+  return {level(0), level(1), level(2), level(5)};
 }
 
 }  // namespace stillmap::localization

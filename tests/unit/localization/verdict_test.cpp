@@ -198,6 +198,23 @@ TEST(Verdict, TwoMillionPointsAreAnsweredLikeAnyScan) {
   EXPECT_EQ(result.status, PoseStatus::kOk);
 }
 
+TEST(ProtectionLevels, GrowWithEachAxisOwnDeviation) {
+  Matrix6d covariance = Matrix6d::Identity() * 1e-4;
+  covariance(1, 1) = 4e-4;
+  covariance(5, 5) = 1e-6;
+  const ProtectionLevels levels = protection_levels(covariance);
+  EXPECT_NEAR(levels.lateral_m, 2.0 * levels.longitudinal_m, 1e-12);
+  EXPECT_NEAR(levels.vertical_m, levels.longitudinal_m, 1e-12);
+  EXPECT_NEAR(levels.yaw_rad, 0.1 * levels.longitudinal_m, 1e-12);
+  EXPECT_GT(levels.longitudinal_m, 3.3 * 0.01);
+}
+
+TEST(ProtectionLevels, AreInfiniteWithoutACovariance) {
+  const ProtectionLevels levels = protection_levels(Matrix6d::Zero());
+  EXPECT_TRUE(std::isinf(levels.lateral_m) && std::isinf(levels.longitudinal_m) &&
+              std::isinf(levels.vertical_m) && std::isinf(levels.yaw_rad));
+}
+
 TEST(Verdict, JudgeNamesEveryWeakness) {
   Evidence evidence;
   evidence.support = {0.9, 0.03, 500, 0.9, 0.9};

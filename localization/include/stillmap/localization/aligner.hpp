@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -21,6 +22,21 @@ enum class PoseStatus {
 };
 [[nodiscard]] std::string_view name_of(PoseStatus status);
 
+/// Bounds that the errors of an `ok` pose stay within: P(|error| > level) <= 1e-3 on each axis, as
+/// calibrated on simulated drives of other days (localization/README.md). Infinite: no bound.
+struct ProtectionLevels {
+  /// Along x, y and z of the frame that the covariance is given in (forward, left, up for a base)
+  /// [m].
+  double longitudinal_m = std::numeric_limits<double>::infinity();
+  double lateral_m = std::numeric_limits<double>::infinity();
+  double vertical_m = std::numeric_limits<double>::infinity();
+  /// About z [rad].
+  double yaw_rad = std::numeric_limits<double>::infinity();
+};
+/// @param covariance  of a pose answered by the method `default`, order as in `AlignmentResult`; a
+///                    zero or non-finite variance has no bound.
+[[nodiscard]] ProtectionLevels protection_levels(const Eigen::Matrix<double, 6, 6>& covariance);
+
 /// Answer to "where was this scan taken?".
 struct AlignmentResult {
   PoseStatus status = PoseStatus::kLost;
@@ -30,6 +46,8 @@ struct AlignmentResult {
   Eigen::Isometry3d T_map_lidar = Eigen::Isometry3d::Identity();
   /// Rows tx ty tz [m], rx ry rz [rad]; perturbation on the right, in the lidar frame.
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  /// In the lidar frame; infinite unless `kOk`.
+  ProtectionLevels protection;
   /// Share of the thinned scan's points that are explained by the map, in [0, 1].
   double inlier_ratio = 0.0;
   /// Root mean square distance of inliers to the map's surfaces [m].
