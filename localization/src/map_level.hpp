@@ -55,6 +55,14 @@ struct MapIndex::Level {
          rest2 / (voxel.variance2 + floor_m2);
 }
 
+/// Squared distance of a point to its voxel along the sharp axes [m^2].
+[[nodiscard]] inline float across2_m2(const Voxel& voxel, const Eigen::Vector3f& p) {
+  const Eigen::Vector3f offset = p - voxel.mean;
+  const float a = voxel.axis0.dot(offset);
+  const float b = voxel.sharp_axes == 2 ? voxel.axis1.dot(offset) : 0.0F;
+  return a * a + b * b;
+}
+
 /// Whether a coordinate in cells can be cast to int32 and stay near the grid; false for NaN.
 [[nodiscard]] inline bool in_grid(float cells) {
   return cells > -8.0F && cells < static_cast<float>(kCellsPerAxis);

@@ -86,10 +86,12 @@ Place settle(const MapIndex& index, const Query& query, const Eigen::Isometry3d&
   const std::size_t stride = std::max<std::size_t>(1, query.points.size() / 1000);
   for (const MapIndex::Level& level : index.levels()) {
     if (&level == &index.levels().back() && index.levels().size() > 1) break;
-    for (const float share : {0.6F, 0.3F}) {
-      place.iterations +=
-          refine(level, query.points, {share * level.edge_m, stride}, 5, place.T_index_lidar);
-    }
+    place.iterations += refine(level, query.points,
+                               {.first_kernel_m = 0.6F * level.edge_m,
+                                .last_kernel_m = 0.3F * level.edge_m,
+                                .stride = stride,
+                                .max_rounds = 4},
+                               place.T_index_lidar);
   }
   const Support support = support_of(index, query, place.T_index_lidar, stride);
   place.support = support.standing_ratio * support.known_ratio + 0.1 * support.inlier_ratio;
@@ -98,10 +100,13 @@ Place settle(const MapIndex& index, const Query& query, const Eigen::Isometry3d&
 
 void finish(const MapIndex& index, const Query& query, Place& place) {
   const MapIndex::Level& level = index.levels().back();
-  place.iterations += refine(level, query.points, {0.6F * level.edge_m, 2}, 6, place.T_index_lidar);
-  place.iterations +=
-      refine(level, query.points, {static_cast<float>(kFinalKernelShare) * level.edge_m, 1}, 10,
-             place.T_index_lidar);
+  const auto last_kernel_m = static_cast<float>(kFinalKernelShare) * level.edge_m;
+  place.iterations += refine(level, query.points,
+                             {.first_kernel_m = 0.6F * level.edge_m,
+                              .last_kernel_m = last_kernel_m,
+                              .stride = 1,
+                              .max_rounds = 12},
+                             place.T_index_lidar);
 }
 
 bool distinct(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
@@ -144,7 +149,9 @@ AlignmentResult align_among(const MapIndex& index, const Query& query,
   const float kernel_m = static_cast<float>(kFinalKernelShare) * level.edge_m;
   Evidence evidence;
   evidence.support = support_of(index, query, best.T_index_lidar);
-  const NormalEquations system = linearize(level, query.points, best.T_index_lidar, {kernel_m, 1});
+  Matches matches(level, query.points);
+  const ResidualRows& rows = matches.at(best.T_index_lidar, kernel_m);
+  const NormalEquations system = linearize(rows, best.T_index_lidar, kernel_m);
   evidence.observability =
       observability_of(level_near(index, kSearchCellM), query, best.T_index_lidar, system.H);
   evidence.ambiguous = std::any_of(places.begin() + 1, places.end(), [&](const Place& other) {
@@ -156,7 +163,7 @@ AlignmentResult align_among(const MapIndex& index, const Query& query,
   result.T_map_lidar.translation() += index.origin();
   for (const Place& place : places) result.iterations += place.iterations;
   result.covariance =
-      covariance_of(level, query, best.T_index_lidar, kernel_m, evidence.observability.degenerate);
+      covariance_of(rows, best.T_index_lidar, kernel_m, evidence.observability.degenerate);
   evidence.contradicts_prior = prior != nullptr && contradicts(*prior, result);
   judge(evidence, result.covariance, result);
   return result;
