@@ -1,140 +1,20 @@
 #include <stillmap/localization/map_index.hpp>
 
+#include "index/index_bytes.hpp"
+#include "index/index_file.hpp"
+#include "index/voxel_build.hpp"
 #include "map_level.hpp"
 
 #include <stillmap/maps/error.hpp>
 
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
 
-#include <algorithm>
-#include <cmath>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
 namespace stillmap::localization {
 namespace {
-
-/// An axis is sharp when its variance is below this share of the next axis' and of a full cell's
-/// (edge^2 / 12): a plane's thickness, a pole's width. A map whose poses wander has walls of 10 cm,
-/// and these must still count (their own variance weighs them); foliage and the in-plane axes of a
-/// surface must not.
-constexpr double kSharpShare = 0.35;
-/// A line of points is a pole only when it stands: cos 25 deg. A lying line is usually one ring of
-/// the sensor, whose second sharp axis comes from the sampling and would pull towards the map's own
-/// rings.
-constexpr double kUprightCosine = 0.9;
-
-/// Sums of the points of one cell, relative to the index's origin.
-struct Moments {
-  std::uint64_t key = 0;
-  std::uint32_t count = 0;
-  double weight = 0.0;
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d outer = Eigen::Matrix3d::Zero();
-
-  void add(const Eigen::Vector3d& p, double point_weight) {
-    ++count;
-    weight += point_weight;
-    sum += point_weight * p;
-    outer += point_weight * p * p.transpose();
-  }
-  void add(const Moments& other) {
-    count += other.count;
-    weight += other.weight;
-    sum += other.sum;
-    outer += other.outer;
-  }
-};
-
-struct MomentGrid {
-  VoxelTable table;
-  std::vector<Moments> cells;
-
-  Moments& at(std::uint64_t key) {
-    const auto [index, inserted] = table.insert(key);
-    if (inserted) {
-      cells.emplace_back();
-      cells.back().key = key;
-    }
-    return cells[index];
-  }
-};
-
-/// What a place was seen from near by, and often, outweighs what far scans put beside it: where the
-/// map's poses slide, near scans agree with the query's own. The root, because repeated
-/// observations of a place share their error.
-double weight_of(const maps::MapPoint& point) {
-  return std::sqrt(static_cast<double>(std::max<std::uint16_t>(1, point.observations)));
-}
-
-std::int32_t sharp_axes_of(const Eigen::Vector3d& variances, const Eigen::Matrix3d& axes,
-                           double edge_m) {
-  const double full_m2 = edge_m * edge_m / 12.0;
-  const auto sharp = [&](int axis) {
-    return variances[axis] < kSharpShare * std::min(variances[axis + 1], full_m2);
-  };
-  if (sharp(1)) return std::abs(axes(2, 2)) > kUprightCosine ? 2 : 0;
-  return sharp(0) ? 1 : 0;
-}
-
-Voxel voxel_of(const Moments& moments, double edge_m) {
-  const double n = moments.count;
-  const Eigen::Vector3d mean = moments.sum / moments.weight;
-  const Eigen::Matrix3d covariance =
-      (moments.outer / moments.weight - mean * mean.transpose()) * (n / (n - 1.0));
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
-  const Eigen::Vector3d variances = solver.eigenvalues().cwiseMax(0.0);
-  const Eigen::Matrix3d& axes = solver.eigenvectors();
-  Voxel voxel{};
-  voxel.mean = mean.cast<float>();
-  voxel.axis0 = axes.col(0).cast<float>();
-  voxel.axis1 = axes.col(1).cast<float>();
-  voxel.variance0 = static_cast<float>(variances[0]);
-  voxel.variance1 = static_cast<float>(variances[1]);
-  voxel.variance2 = static_cast<float>(variances[2]);
-  voxel.sharp_axes = sharp_axes_of(variances, axes, edge_m);
-  voxel.points = moments.count;
-  return voxel;
-}
-
-MapIndex::Level level_of(const MomentGrid& grid, double edge_m, int min_points) {
-  constexpr std::uint64_t kAxis = kCellsPerAxis - 1;
-  std::vector<std::pair<CellBlocks::Place, const Moments*>> kept;
-  for (const Moments& cell : grid.cells) {
-    if (cell.count < static_cast<std::uint32_t>(min_points)) continue;
-    kept.emplace_back(CellBlocks::place_of(static_cast<std::int32_t>((cell.key >> 42) & kAxis),
-                                           static_cast<std::int32_t>((cell.key >> 21) & kAxis),
-                                           static_cast<std::int32_t>(cell.key & kAxis)),
-                      &cell);
-  }
-  // Neighbours in space become neighbours in memory, and the order of the points no longer matters.
-  std::sort(kept.begin(), kept.end(),
-            [](const auto& a, const auto& b) { return a.first < b.first; });
-  MapIndex::Level level;
-  level.edge_m = static_cast<float>(edge_m);
-  std::vector<CellBlocks::Place> places;
-  places.reserve(kept.size());
-  level.voxels.reserve(kept.size());
-  for (const auto& [place, cell] : kept) {
-    places.push_back(place);
-    level.voxels.push_back(voxel_of(*cell, edge_m));
-  }
-  level.cells = CellBlocks(places);
-  return level;
-}
-
-MomentGrid coarser(const MomentGrid& fine) {
-  constexpr std::uint64_t kAxis = kCellsPerAxis - 1;
-  MomentGrid coarse;
-  for (const Moments& cell : fine.cells) {
-    const auto x = static_cast<std::int32_t>((cell.key >> 42) & kAxis);
-    const auto y = static_cast<std::int32_t>((cell.key >> 21) & kAxis);
-    const auto z = static_cast<std::int32_t>(cell.key & kAxis);
-    coarse.at(cell_key(x >> 1, y >> 1, z >> 1)).add(cell);
-  }
-  return coarse;
-}
 
 void require_usable(const MapIndexOptions& options) {
   const std::vector<std::string> broken = options.violations();
@@ -153,7 +33,28 @@ std::vector<std::string> MapIndexOptions::violations() const {
   return broken;
 }
 
-MapIndex::MapIndex() = default;
+/// The bytes that an index looks into: a mapped file, or memory of its own.
+struct MapIndex::Storage {
+  explicit Storage(const std::filesystem::path& file) : mapped(std::in_place, file) {}
+  explicit Storage(std::vector<CacheLine> lines) : owned(std::move(lines)) {}
+
+  [[nodiscard]] std::span<const std::byte> bytes() const {
+    return mapped ? mapped->bytes() : std::as_bytes(std::span(owned));
+  }
+
+  std::optional<MappedFile> mapped;
+  std::vector<CacheLine> owned;
+};
+
+MapIndex::MapIndex(std::unique_ptr<const Storage> storage, const IndexKey& key,
+                   const std::string& name)
+    : storage_(std::move(storage)) {
+  IndexView view = view_of(storage_->bytes(), key, name);
+  origin_ = view.origin;
+  extent_ = view.extent;
+  levels_ = std::move(view.levels);
+}
+
 MapIndex::~MapIndex() = default;
 
 std::size_t MapIndex::voxel_count() const {
@@ -162,69 +63,65 @@ std::size_t MapIndex::voxel_count() const {
   return count;
 }
 
-template <typename ForEachPoint>
-std::shared_ptr<const MapIndex> MapIndex::build_from(const ForEachPoint& for_each_point,
-                                                     const std::string& source,
-                                                     const MapIndexOptions& options) {
+void MapIndex::verify() const { verify_sections(storage_->bytes(), name()); }
+
+std::string MapIndex::name() const { return file_.empty() ? "map index" : file_.string(); }
+
+std::shared_ptr<MapIndex> MapIndex::map_file(const std::filesystem::path& file,
+                                             const IndexKey& key) {
+  std::shared_ptr<MapIndex> index(
+      new MapIndex(std::make_unique<const Storage>(file), key, file.string()));
+  index->file_ = file;
+  return index;
+}
+
+std::shared_ptr<const MapIndex> MapIndex::open(const maps::MapPackage& map,
+                                               const MapIndexOptions& options) {
   require_usable(options);
-  Eigen::Vector3d min = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
-  Eigen::Vector3d max = -min;
-  for_each_point([&](const Eigen::Vector3d& p_map, double /*weight*/) {
-    if (!p_map.allFinite()) throw std::invalid_argument(source + ": a point is not finite");
-    min = min.cwiseMin(p_map);
-    max = max.cwiseMax(p_map);
-  });
-  const std::string wanted = fmt::format("a voxel of {} m with {} measured points or more",
-                                         options.finest_voxel_m, options.min_points);
-  if (!min.allFinite()) throw maps::InputError(source, "no measured point", wanted);
-  const double limit_m = options.finest_voxel_m * (kCellsPerAxis - 1);
-  if (!((max - min).maxCoeff() < limit_m)) {
-    throw maps::InputError(source, fmt::format("an extent of {} m", (max - min).maxCoeff()),
-                           fmt::format("less than {} m", limit_m));
+  const IndexKey key{map.digest(), options};
+  const std::filesystem::path file = index_file_of(map.folder(), options);
+  std::string rebuilt_because;
+  try {
+    return map_file(file, key);
+  } catch (const maps::InputError& error) {
+    rebuilt_because = error.what();
+  } catch (const maps::StorageError& error) {
+    rebuilt_because = error.what();
   }
-  MomentGrid grid;
-  for_each_point([&](const Eigen::Vector3d& p_map, double weight) {
-    const Eigen::Vector3d p = p_map - min;
-    const Eigen::Vector3i cell = (p / options.finest_voxel_m).array().floor().cast<int>();
-    grid.at(cell_key(cell.x(), cell.y(), cell.z())).add(p, weight);
-  });
-  std::shared_ptr<MapIndex> index(new MapIndex());
-  index->origin_ = min;
-  index->extent_ = max - min;
-  double edge_m = options.finest_voxel_m;
-  for (int level = 0; level < options.levels; ++level, edge_m *= 2.0) {
-    if (level > 0) grid = coarser(grid);
-    index->levels_.push_back(level_of(grid, edge_m, options.min_points));
+  std::vector<CacheLine> lines = to_bytes(key, build_voxels(map, options));
+  std::shared_ptr<MapIndex> index;
+  std::string kept_in_memory_because;
+  try {
+    publish_file(file, std::as_bytes(std::span(lines)));
+    // From here on the system may drop pages that nobody uses.
+    index = map_file(file, key);
+  } catch (const maps::StorageError& error) {
+    kept_in_memory_because = error.what();
   }
-  std::reverse(index->levels_.begin(), index->levels_.end());
-  if (index->levels_.back().voxels.empty()) {
-    throw maps::InputError(source, "none", wanted);
+  if (!index) {
+    index.reset(new MapIndex(std::make_unique<const Storage>(std::move(lines)), key, "map index"));
   }
+  index->rebuilt_because_ = std::move(rebuilt_because);
+  index->kept_in_memory_because_ = std::move(kept_in_memory_because);
   return index;
 }
 
 std::shared_ptr<const MapIndex> MapIndex::build(const maps::MapPackage& map,
                                                 const MapIndexOptions& options) {
-  const maps::MapManifest& manifest = map.manifest();
-  const auto for_each_point = [&](const auto& visit) {
-    for (const maps::TileEntry& entry : manifest.tiles) {
-      if (entry.id.level != 0) continue;
-      for (const maps::MapPoint& point : map.tile(entry.id)) {
-        if (!maps::is_measured(point.kind)) continue;
-        visit(manifest.origin + Eigen::Vector3f(point.x, point.y, point.z).cast<double>(),
-              weight_of(point));
-      }
-    }
-  };
-  return build_from(for_each_point, map.folder().string(), options);
+  require_usable(options);
+  const IndexKey key{map.digest(), options};
+  return std::shared_ptr<const MapIndex>(
+      new MapIndex(std::make_unique<const Storage>(to_bytes(key, build_voxels(map, options))), key,
+                   "map index"));
 }
 
 std::shared_ptr<const MapIndex> MapIndex::build(const std::vector<Eigen::Vector3d>& points_map,
                                                 const MapIndexOptions& options) {
-  const auto for_each_point = [&](const auto& visit) {
-    for (const Eigen::Vector3d& p_map : points_map) visit(p_map, 1.0);
-  };
-  return build_from(for_each_point, "map points", options);
+  require_usable(options);
+  const IndexKey key{"", options};
+  return std::shared_ptr<const MapIndex>(new MapIndex(
+      std::make_unique<const Storage>(to_bytes(key, build_voxels(points_map, options))), key,
+      "map index"));
 }
 
 }  // namespace stillmap::localization

@@ -4,7 +4,11 @@
 
 #include <stillmap/localization/map_index.hpp>
 
+#include <array>
 #include <cmath>
+#include <cstdint>
+#include <limits>
+#include <span>
 
 namespace stillmap::localization {
 
@@ -20,6 +24,8 @@ struct alignas(64) Voxel {
   /// all else (foliage, a lone ring of the sensor), which supports a match but pulls nowhere.
   std::int32_t sharp_axes;
   std::uint32_t points;
+  /// Zeros: the struct lies in files as it is.
+  std::array<std::uint32_t, 2> unused;
 };
 static_assert(sizeof(Voxel) == 64);
 
@@ -27,7 +33,8 @@ struct MapIndex::Level {
   float edge_m = 0.0F;
   /// Numbers are places in `voxels`.
   CellBlocks cells;
-  std::vector<Voxel> voxels;
+  /// Sorted as `cells` numbers them.
+  std::span<const Voxel> voxels;
 
   /// Voxel that a point [m, relative to origin] most likely belongs to among the eight nearest
   /// cells.

@@ -12,7 +12,7 @@
 namespace stillmap::server {
 
 Aligners build_aligners(const maps::MapPackage& map) {
-  const std::shared_ptr<const localization::MapIndex> index = localization::MapIndex::build(map);
+  const std::shared_ptr<const localization::MapIndex> index = localization::MapIndex::open(map);
   const std::vector<Eigen::Isometry3d> seen_from = localization::seen_from(map);
   Aligners aligners;
   for (const std::string& method : localization::aligner_names()) {

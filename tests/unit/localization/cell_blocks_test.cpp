@@ -36,7 +36,8 @@ std::vector<CellBlocks::Place> places_of(const std::set<Cell>& cells) {
 TEST(CellBlocks, NumbersCellsInTheOrderOfTheirPlaces) {
   const std::set<Cell> cells = some_cells();
   const std::vector<CellBlocks::Place> places = places_of(cells);
-  const CellBlocks blocks(places);
+  const CellBlockTable table(places);
+  const CellBlocks blocks = table.view();
   for (std::int32_t x = 0; x < 26; ++x) {
     for (std::int32_t y = 0; y < 26; ++y) {
       for (std::int32_t z = 0; z < 26; ++z) {
@@ -53,7 +54,8 @@ TEST(CellBlocks, NumbersCellsInTheOrderOfTheirPlaces) {
 
 TEST(CellBlocks, VisitsTheEightCellsAroundAPointWhereverBlocksMeet) {
   const std::set<Cell> cells = some_cells();
-  const CellBlocks blocks(places_of(cells));
+  const CellBlockTable table(places_of(cells));
+  const CellBlocks blocks = table.view();
   // From beside the grid's first cell, where half of the eight are none.
   for (std::int32_t x = -1; x < 25; ++x) {
     for (std::int32_t y = -1; y < 25; ++y) {
