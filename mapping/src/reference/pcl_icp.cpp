@@ -149,8 +149,7 @@ std::unique_ptr<localization::Aligner> make_map_aligner(std::string_view method,
                                                         const maps::MapPackage& map) {
   const std::vector<std::string> ours = localization::aligner_names();
   if (std::find(ours.begin(), ours.end(), method) != ours.end()) {
-    return localization::make_aligner(method, localization::MapIndex::build(map),
-                                      localization::seen_from(map));
+    return localization::make_aligner(method, map);
   }
   if (method != "pcl-icp") {
     throw std::invalid_argument(fmt::format("method: found '{}', expected one of: {}", method,

@@ -112,8 +112,7 @@ void localize(const LocalizeArguments& arguments) {
   const auto begin = std::chrono::steady_clock::now();
   const maps::PointCloud scan = maps::read_scan_file(arguments.scan).cloud;
   answer.timing.decode_ms = milliseconds_since(begin);
-  const auto aligner = localization::make_aligner(
-      arguments.method, localization::MapIndex::open(*map), localization::seen_from(*map));
+  const auto aligner = localization::make_aligner(arguments.method, *map);
   const auto align_begin = std::chrono::steady_clock::now();
   answer.result = aligner->align(scan, answer.parameters.prior);
   answer.timing.align_ms = milliseconds_since(align_begin);
