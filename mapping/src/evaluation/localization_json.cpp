@@ -13,8 +13,8 @@ Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nul
 
 Json level_json(const LocalizationLevel& level) {
   Json json;
-  json["prior_error_m"] = level.prior_error.metres;
-  json["prior_error_deg"] = level.prior_error.degrees;
+  json["prior_error_m"] = number(level.prior_error.metres);
+  json["prior_error_deg"] = number(level.prior_error.degrees);
   json["queries"] = level.queries;
   json["success_rate"] = number(level.success_rate);
   json["success_interval_95"] = {number(level.success_interval[0]),
@@ -52,6 +52,8 @@ std::string to_json(const LocalizationEvaluation& evaluation) {
   json["seconds"] = evaluation.seconds;
   // As text: a seed may exceed the 2^53 that readers of JSON keep exact.
   json["options"] = {{"select", text_of(evaluation.options.selection)},
+                     {"prior", name_of(evaluation.options.prior)},
+                     {"bias", name_of(evaluation.options.bias)},
                      {"trials", evaluation.options.trials},
                      {"seed", std::to_string(evaluation.options.seed)},
                      {"threads", evaluation.options.threads}};
