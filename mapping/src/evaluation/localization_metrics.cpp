@@ -1,6 +1,7 @@
 #include "evaluation/localization_metrics.hpp"
 
-#include "evaluation/prior_draws.hpp"
+#include "evaluation/integrity.hpp"
+#include "evaluation/resampling.hpp"
 
 #include <stillmap/maps/frames.hpp>
 
@@ -9,7 +10,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <numbers>
 
 namespace stillmap::mapping {
@@ -23,7 +23,6 @@ constexpr double kFalseM = 0.5;
 constexpr double kFalseDeg = 2.0;
 /// 95 % point of chi-squared with 6 degrees of freedom.
 constexpr double kChiSquared95 = 12.592;
-constexpr std::size_t kResamplings = 2000;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 double degrees(double rad) { return rad * 180.0 / std::numbers::pi; }
@@ -34,6 +33,10 @@ double off_m(const LocalizationQuery& query) { return query.error.head<3>().norm
 double off_deg(const LocalizationQuery& query) { return degrees(query.error.tail<3>().norm()); }
 bool is_within(const LocalizationQuery& query, double metres, double degrees) {
   return off_m(query) <= metres && off_deg(query) <= degrees;
+}
+
+bool is_success(const LocalizationQuery& query) {
+  return !is_lost(query) && is_within(query, kSuccessM, kSuccessDeg);
 }
 
 double nees_of(const Vector6d& error, const Eigen::Matrix<double, 6, 6>& covariance) {
@@ -49,34 +52,6 @@ double root_mean_square(const std::vector<double>& values) {
 
 double share(std::size_t part, std::size_t whole) {
   return whole == 0 ? kNaN : static_cast<double>(part) / static_cast<double>(whole);
-}
-
-/// Percentile interval of the success rate when whole scans are drawn with replacement.
-std::array<double, 2> clustered_interval(const std::vector<LocalizationQuery>& queries,
-                                         const std::vector<char>& success, std::uint64_t seed) {
-  std::map<std::size_t, std::array<double, 2>> sums_of_scan;
-  for (std::size_t i = 0; i < queries.size(); ++i) {
-    std::array<double, 2>& sums = sums_of_scan[queries[i].scan];
-    sums[0] += success[i];
-    sums[1] += 1.0;
-  }
-  if (sums_of_scan.empty()) return {kNaN, kNaN};
-  std::vector<std::array<double, 2>> scans;
-  for (const auto& [scan, sums] : sums_of_scan) scans.push_back(sums);
-  std::vector<double> rates;
-  rates.reserve(kResamplings);
-  for (std::size_t k = 0; k < kResamplings; ++k) {
-    const CounterRandom random(seed, k, scans.size());
-    std::array<double, 2> sums{};
-    for (std::size_t j = 0; j < scans.size(); ++j) {
-      const auto drawn =
-          static_cast<std::size_t>(random.uniform(j) * static_cast<double>(scans.size()));
-      sums[0] += scans[drawn][0];
-      sums[1] += scans[drawn][1];
-    }
-    rates.push_back(sums[1] > 0.0 ? sums[0] / sums[1] : 0.0);
-  }
-  return {percentile(rates, 0.025), percentile(rates, 0.975)};
 }
 
 void count_status(const LocalizationQuery& query, LocalizationLevel& level) {
@@ -163,23 +138,22 @@ LocalizationLevel level_of(const std::vector<LocalizationQuery>& queries,
   LocalizationLevel level;
   level.prior_error = prior_error;
   level.queries = queries.size();
-  std::vector<char> success(queries.size(), 0);
   std::vector<double> cpu_ms, wall_ms;
   std::size_t false_ok = 0;
-  for (std::size_t i = 0; i < queries.size(); ++i) {
-    const LocalizationQuery& query = queries[i];
+  for (const LocalizationQuery& query : queries) {
     count_status(query, level);
     cpu_ms.push_back(query.cpu_ms);
     wall_ms.push_back(query.wall_ms);
-    if (is_lost(query)) continue;
-    success[i] = is_within(query, kSuccessM, kSuccessDeg) ? 1 : 0;
     if (query.status == PoseStatus::kOk && !is_within(query, kFalseM, kFalseDeg)) ++false_ok;
   }
-  const auto succeeded = static_cast<std::size_t>(std::count(success.begin(), success.end(), 1));
-  level.success_rate = share(succeeded, queries.size());
-  level.success_interval = clustered_interval(queries, success, seed);
+  const std::vector<ScanCount> success =
+      counts_by_scan(queries, is_success, [](const LocalizationQuery&) { return true; });
+  const std::vector<double> rates = resampled_rates(success, seed);
+  level.success_rate = bounded_rate(success, seed).rate;
+  level.success_interval = {percentile(rates, 0.025), percentile(rates, 0.975)};
   level.false_ok_rate = share(false_ok, queries.size());
   set_errors(queries, level);
+  level.integrity = integrity_of(queries, seed);
   level.cpu_ms = {percentile(cpu_ms, 0.5), percentile(cpu_ms, 0.95)};
   level.wall_ms = {percentile(wall_ms, 0.5), percentile(wall_ms, 0.95)};
   return level;

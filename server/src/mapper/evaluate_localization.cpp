@@ -76,13 +76,25 @@ std::string text_of(const mapping::PriorError& error) {
   return fmt::format("{:.3g} m {:.3g} deg", error.metres, error.degrees);
 }
 
-/// What the paper reports.
-void print_rmse(const mapping::LocalizationEvaluation& evaluation) {
-  fmt::print("\n{:>14} {:>10} {:>10}\n", "prior off by", "rmse x-y", "rmse yaw");
+std::string text_of(const mapping::BoundedRate& rate) {
+  if (rate.of == 0) return "none to count";
+  return fmt::format("{} of {} (< {:.2g} %)", rate.count, rate.of, 100 * rate.upper_95);
+}
+
+/// The root mean squares that the paper reports, and whether protection levels hold.
+void print_integrity(const mapping::LocalizationEvaluation& evaluation) {
+  constexpr const char* kRow = "{:>14} {:>10} {:>10} {:>24} {:>24} {:>12} {:>12}\n";
+  fmt::print("\n");
+  fmt::print(fmt::runtime(kRow), "prior off by", "rmse x-y", "rmse yaw", "misleading (95 %)",
+             "hazardous (95 %)", "available", "level/error");
   for (const mapping::LocalizationLevel& level : evaluation.levels) {
-    fmt::print("{:>14} {:>10} {:>10}\n", text_of(level.prior_error),
+    const mapping::Integrity& integrity = level.integrity;
+    fmt::print(fmt::runtime(kRow), text_of(level.prior_error),
                fmt::format("{:.1f} cm", 100 * level.translation_m.rmse_part),
-               fmt::format("{:.2f} deg", level.rotation_deg.rmse_part));
+               fmt::format("{:.2f} deg", level.rotation_deg.rmse_part),
+               text_of(integrity.misleading), text_of(integrity.hazardous),
+               fmt::format("{:.1f} %", 100 * integrity.availability.rate),
+               fmt::format("{:.1f}", integrity.level_over_error));
   }
 }
 
@@ -102,7 +114,7 @@ void print_for_people(const mapping::LocalizationEvaluation& evaluation) {
                fmt::format("{:.2f}, {:.2f} deg", level.rotation_deg.median, level.rotation_deg.p95),
                fmt::format("{:.1f}", level.wall_ms.p50));
   }
-  print_rmse(evaluation);
+  print_integrity(evaluation);
   fmt::print("{} scans in {:.1f} s\n", evaluation.scans, evaluation.seconds);
 }
 

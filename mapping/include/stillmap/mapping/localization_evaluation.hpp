@@ -14,6 +14,7 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <numbers>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -91,6 +92,35 @@ struct LocalizationQuery {
   double wall_ms = 0.0;
 };
 
+/// How far a vehicle on a street may be off along and across its lane [m], and in yaw [rad].
+/// @see Reid et al., "Localization requirements for autonomous vehicles", SAE J. CAV 2 (2019).
+inline constexpr double kAlertLimitM = 0.29;
+inline constexpr double kAlertLimitRad = 0.5 * std::numbers::pi / 180.0;
+
+/// A rate with what it was counted from; NaN where there was nothing to count.
+struct BoundedRate {
+  std::size_t count = 0;
+  std::size_t of = 0;
+  double rate = std::numeric_limits<double>::quiet_NaN();
+  /// The rate is below this with 95 % confidence. Queries of one scan count as one piece of
+  /// evidence.
+  double upper_95 = std::numeric_limits<double>::quiet_NaN();
+};
+
+/// Whether protection levels hold, and whether they are of use.
+struct Integrity {
+  /// Share of the `ok` answers with an error beyond its level on any of the four axes.
+  BoundedRate misleading;
+  /// Share of the `ok` answers with an error beyond the alert limit on an axis whose level is
+  /// inside.
+  BoundedRate hazardous;
+  /// Share of all queries that are `ok` with every level inside its alert limit.
+  BoundedRate availability;
+  double availability_lower_95 = std::numeric_limits<double>::quiet_NaN();
+  /// Median over `ok` answers of horizontal level over horizontal error; NaN without levels.
+  double level_over_error = std::numeric_limits<double>::quiet_NaN();
+};
+
 /// What came out for one prior error. Errors are those of answers that were not `lost`, after the
 /// constant bias between reference and map was taken out (see `evaluate_localization`); NaN when
 /// there is none.
@@ -126,6 +156,7 @@ struct LocalizationLevel {
   /// the share below the 95 % point 12.59. NaN for a method that gives no covariance.
   double nees_mean = 0.0;
   double nees_inside_95 = 0.0;
+  Integrity integrity;
   /// How often each reason was given.
   std::map<std::string, std::size_t> reasons;
 };
