@@ -34,13 +34,19 @@ Eigen::Isometry3d some_pose() {
 LocalizationRecord record(std::size_t scan, const Eigen::Vector3d& off_m, double yaw_deg = 0.0,
                           PoseStatus status = PoseStatus::kOk) {
   LocalizationRecord out;
-  out.scan = scan;
-  out.status = status;
+  out.position = scan;
+  out.query.scan = scan;
+  out.query.status = status;
   out.T_reference_answer.translation() = off_m;
   out.T_reference_answer.linear() =
       Eigen::AngleAxisd(yaw_deg * kDeg, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   out.covariance.setIdentity();
   return out;
+}
+
+LocalizationLevel level_of(const std::vector<LocalizationRecord>& records,
+                           BiasCorrection correction = BiasCorrection::kFit) {
+  return level_of(judged(records, correction), {}, 1);
 }
 
 TEST(PriorDraws, AreOffByExactlyDAndA) {
@@ -103,11 +109,20 @@ TEST(LocalizationMetrics, AConstantBiasIsTakenOut) {
   std::vector<LocalizationRecord> records;
   for (std::size_t scan = 0; scan < 10; ++scan)
     records.push_back(record(scan, {0.5, -0.3, 0.1}, 1.5));
-  const LocalizationLevel level = level_of(records, {}, 1);
+  const LocalizationLevel level = level_of(records);
   EXPECT_DOUBLE_EQ(level.success_rate, 1.0);
   EXPECT_NEAR(level.translation_m.median, 0.0, 1e-9);
   EXPECT_NEAR(level.rotation_deg.p95, 0.0, 1e-9);
   EXPECT_NEAR(level.nees_mean, 0.0, 1e-9);
+}
+
+TEST(LocalizationMetrics, AConstantBiasIsLeftInOnWish) {
+  std::vector<LocalizationRecord> records;
+  for (std::size_t scan = 0; scan < 10; ++scan)
+    records.push_back(record(scan, {0.5, -0.3, 0.1}, 1.5));
+  const LocalizationLevel level = level_of(records, BiasCorrection::kNone);
+  EXPECT_DOUBLE_EQ(level.success_rate, 0.0);
+  EXPECT_NEAR(level.rotation_deg.median, 1.5, 1e-9);
 }
 
 TEST(LocalizationMetrics, EachHalfIsJudgedWithTheBiasOfTheOther) {
@@ -119,7 +134,7 @@ TEST(LocalizationMetrics, EachHalfIsJudgedWithTheBiasOfTheOther) {
   }
   EXPECT_NEAR(bias_of_half(records, 0)[0], 0.3, 1e-12);
   EXPECT_NEAR(bias_of_half(records, 1)[0], 0.0, 1e-12);
-  const LocalizationLevel level = level_of(records, {}, 1);
+  const LocalizationLevel level = level_of(records);
   EXPECT_DOUBLE_EQ(level.success_rate, 0.0);
   EXPECT_NEAR(level.translation_m.median, 0.3, 1e-9);
 }
@@ -135,8 +150,8 @@ TEST(LocalizationMetrics, CountsSuccessStatusAndFalseOkByHand) {
   records[8] = record(8, Eigen::Vector3d::Zero(), 0.0, PoseStatus::kLost);  // fails although right
   records[10] = record(10, Eigen::Vector3d::Zero(), 2.5);                   // false ok by angle
   records[12] = record(12, Eigen::Vector3d::Zero(), 0.9, PoseStatus::kDegraded);  // success
-  records[8].reasons = {"too_few_points"};
-  const LocalizationLevel level = level_of(records, {1.0, 5.0}, 1);
+  records[8].query.reasons = {"too_few_points"};
+  const LocalizationLevel level = level_of(records);
   EXPECT_EQ(level.queries, 20U);
   EXPECT_EQ(level.ok, 17U);
   EXPECT_EQ(level.degraded, 2U);
@@ -155,7 +170,7 @@ TEST(LocalizationMetrics, NeesIsTheErrorInUnitsOfTheCovariance) {
     records.push_back(record(scan, Eigen::Vector3d::Zero()));
   records[0] = record(0, {0.4, 0.0, 0.0});
   for (LocalizationRecord& r : records) r.covariance *= 0.01;
-  const LocalizationLevel level = level_of(records, {}, 1);
+  const LocalizationLevel level = level_of(records);
   EXPECT_NEAR(level.nees_mean, 16.0 / 10.0, 1e-9);
   EXPECT_DOUBLE_EQ(level.nees_inside_95, 0.9);
 }
@@ -168,8 +183,8 @@ TEST(LocalizationMetrics, IntervalResamplesScansNotTrials) {
     few.push_back(record(scan, {0.0, off, 0.0}));
     for (int trial = 0; trial < 50; ++trial) many.push_back(record(scan, {0.0, off, 0.0}));
   }
-  const LocalizationLevel a = level_of(few, {}, 1);
-  const LocalizationLevel b = level_of(many, {}, 1);
+  const LocalizationLevel a = level_of(few);
+  const LocalizationLevel b = level_of(many);
   EXPECT_DOUBLE_EQ(a.success_rate, 0.5);
   EXPECT_EQ(a.success_interval, b.success_interval);
   EXPECT_NEAR(a.success_interval[0], 0.5 - 1.96 * std::sqrt(0.25 / 20.0), 0.06);
@@ -182,7 +197,7 @@ TEST(LocalizationMetrics, AllLostHasNoErrorsAndIsNullInJson) {
     records.push_back(record(scan, Eigen::Vector3d::Zero(), 0.0, PoseStatus::kLost));
   }
   LocalizationEvaluation evaluation;
-  evaluation.levels.push_back(level_of(records, {}, 1));
+  evaluation.levels.push_back(level_of(records));
   EXPECT_DOUBLE_EQ(evaluation.levels[0].success_rate, 0.0);
   EXPECT_TRUE(std::isnan(evaluation.levels[0].translation_m.median));
   const nlohmann::json json = nlohmann::json::parse(to_json(evaluation));
@@ -192,7 +207,7 @@ TEST(LocalizationMetrics, AllLostHasNoErrorsAndIsNullInJson) {
 TEST(LocalizationJson, HasEveryKeyOfTheContract) {
   LocalizationEvaluation evaluation;
   evaluation.options.seed = std::numeric_limits<std::uint64_t>::max();
-  evaluation.levels.push_back(level_of({record(0, Eigen::Vector3d::Zero())}, {}, 1));
+  evaluation.levels.push_back(level_of({record(0, Eigen::Vector3d::Zero())}));
   const nlohmann::json json = nlohmann::json::parse(to_json(evaluation));
   for (const char* key : {"levels", "scans", "seconds", "options"})
     EXPECT_TRUE(json.contains(key)) << key;
@@ -217,10 +232,18 @@ TEST(LocalizationJson, HasEveryKeyOfTheContract) {
                               "/wall_ms/p95",
                               "/nees/mean",
                               "/nees/inside_95",
+                              "/integrity/misleading",
+                              "/integrity/misleading_count",
+                              "/integrity/misleading_upper_95",
+                              "/integrity/hazardous",
+                              "/integrity/hazardous_count",
+                              "/integrity/hazardous_upper_95",
+                              "/integrity/availability",
+                              "/integrity/availability_lower_95",
+                              "/integrity/level_over_error",
                               "/reasons"}) {
     EXPECT_TRUE(json["levels"][0].contains(nlohmann::json::json_pointer(pointer))) << pointer;
   }
-  EXPECT_FALSE(json["levels"][0].contains("integrity"));
   EXPECT_EQ(json["options"]["seed"], "18446744073709551615");
 }
 
@@ -233,6 +256,11 @@ TEST(LocalizationEvaluationOptions, NamesEveryBrokenBound) {
   EXPECT_THAT(options.violations(), SizeIs(4));
   options.prior_errors.clear();
   EXPECT_THAT(options.violations(), SizeIs(3));
+  options = {};
+  options.trials = 2;
+  EXPECT_THAT(options.violations(), SizeIs(0));
+  options.prior = PriorSource::kPrevious;
+  EXPECT_THAT(options.violations(), SizeIs(1));
 }
 
 }  // namespace
