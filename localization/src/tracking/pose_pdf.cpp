@@ -69,17 +69,20 @@ PosePdf composed(const PosePdf& T_a_b, const PosePdf& T_b_c) {
 }
 
 PosePdf fused(const PosePdf& a, const PosePdf& b) {
-  mrpt::poses::CPose3DPDFGaussian gaussian;
-  gaussian.bayesianFusion(to_mrpt(PosePdf{Eigen::Isometry3d::Identity(), a.covariance}),
-                          to_mrpt(PosePdf{a.T.inverse() * b.T, b.covariance}));
-  const PosePdf relative = from_mrpt(gaussian);
-  return {maps::renormalized(a.T * relative.T), relative.covariance};
+  // MRPT's bayesianFusion throws "TO DO" for 3D poses.
+  const Vector6d apart = maps::log_se3(a.T.inverse() * b.T);
+  const Eigen::LDLT<Matrix6d> sum(Matrix6d(a.covariance + b.covariance));
+  const Matrix6d gain = sum.solve(a.covariance).transpose();
+  const Matrix6d covariance = a.covariance - gain * a.covariance;
+  return {maps::renormalized(a.T * maps::exp_se3(gain * apart)),
+          0.5 * (covariance + covariance.transpose())};
 }
 
 double chi_squared(const PosePdf& a, const PosePdf& b) {
   const Vector6d difference = maps::log_se3(a.T.inverse() * b.T);
   const Eigen::LDLT<Matrix6d> factor(Matrix6d(a.covariance + b.covariance));
-  return factor.isPositive() ? difference.dot(factor.solve(difference)) : std::nan("");
+  const double squares = difference.dot(factor.solve(difference));
+  return squares >= 0.0 ? squares : std::nan("");
 }
 
 }  // namespace stillmap::localization

@@ -20,7 +20,8 @@ constexpr double kRotationTolerance = 1e-3;
 
 void require_rigid(const char* name, const Eigen::Isometry3d& T, double max_m) {
   const Eigen::Matrix3d& R = T.linear();
-  const bool rigid = (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <
+  const bool rigid = T.matrix().allFinite() &&
+                     (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <
                          kRotationTolerance &&
                      R.determinant() > 0.0;
   if (!rigid || !(T.translation().cwiseAbs().maxCoeff() <= max_m)) {
@@ -30,7 +31,7 @@ void require_rigid(const char* name, const Eigen::Isometry3d& T, double max_m) {
 }
 
 void require_covariance(const char* name, const Matrix6d& covariance) {
-  const bool bounded = covariance.cwiseAbs().maxCoeff() <= kMaxVariance;
+  const bool bounded = covariance.allFinite() && covariance.cwiseAbs().maxCoeff() <= kMaxVariance;
   const bool symmetric = bounded && covariance.isApprox(covariance.transpose(), 1e-6);
   if (!symmetric || Eigen::LLT<Matrix6d>(covariance).info() != Eigen::Success) {
     throw std::invalid_argument(
