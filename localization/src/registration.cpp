@@ -53,9 +53,9 @@ int descend(const ResidualRows& rows, float kernel_m, Eigen::Isometry3d& T_index
 
 }  // namespace
 
-const Voxel* match_point(const MapIndex::Level& level, const Eigen::Vector3f& p, float kernel_m) {
+const Voxel* sharp_match(const MapIndex::Level::Nearest& nearest, const Eigen::Vector3f& p,
+                         float kernel_m) {
   const float floor_m2 = kernel_variance_m2(kernel_m);
-  const MapIndex::Level::Nearest nearest = level.nearest(p, floor_m2);
   if (nearest.voxel == nullptr || nearest.voxel->sharp_axes == 0) return nullptr;
   const Voxel& voxel = *nearest.voxel;
   const Eigen::Vector3f offset = p - voxel.mean;
@@ -76,13 +76,23 @@ const ResidualRows& Matches::at(const Eigen::Isometry3d& T_index_lidar, float ke
   const Eigen::Matrix3f R = T_index_lidar.linear().cast<float>();
   const Eigen::Vector3f t = T_index_lidar.translation().cast<float>();
   const float slack_m = kSlackShare * kernel_m;
+  const auto place = [&](std::size_t i) -> Eigen::Vector3f {
+    return R * points_lidar_[i * stride_] + t;
+  };
+  moved_.clear();
+  for (std::size_t i = 0; i < matches_.size(); ++i) {
+    if (!((place(i) - matches_[i].at).squaredNorm() < slack_m * slack_m)) moved_.push_back(i);
+  }
+  level_.for_each_nearest(
+      moved_.size(), kernel_variance_m2(kernel_m), [&](std::size_t k) { return place(moved_[k]); },
+      [&](std::size_t k, const MapIndex::Level::Nearest& nearest) {
+        const Eigen::Vector3f p = place(moved_[k]);
+        matches_[moved_[k]] = {sharp_match(nearest, p, kernel_m), p};
+      });
   rows_.clear(t.cast<double>());
   for (std::size_t i = 0; i < matches_.size(); ++i) {
     const Eigen::Vector3f& p_lidar = points_lidar_[i * stride_];
-    const Eigen::Vector3f p = R * p_lidar + t;
-    Match& match = matches_[i];
-    if (!((p - match.at).squaredNorm() < slack_m * slack_m))
-      match = {match_point(level_, p, kernel_m), p};
+    const Match& match = matches_[i];
     if (match.voxel == nullptr) continue;
     const Voxel& voxel = *match.voxel;
     const Eigen::Vector3f mean = voxel.mean - t;

@@ -22,11 +22,11 @@ namespace stillmap::localization {
   return surface_variance_m2 + kDriftShare * kDriftShare * range2_m2;
 }
 
-/// Finds the voxel of one point: null when none of those near has a sharp axis, or the point lies
-/// past its surface's end.
-/// @param p  relative to the index's origin [m].
-[[nodiscard]] const Voxel* match_point(const MapIndex::Level& level, const Eigen::Vector3f& p,
-                                       float kernel_m);
+/// The voxel that tells where a point is: null when that of the point has no sharp axis, or the
+/// point lies past its surface's end.
+/// @param nearest  of `p` [m, relative to the index's origin] with `kernel_variance_m2(kernel_m)`.
+[[nodiscard]] const Voxel* sharp_match(const MapIndex::Level::Nearest& nearest,
+                                       const Eigen::Vector3f& p, float kernel_m);
 
 /// Which voxel each point lies on, kept from round to round: a point is looked up again only when
 /// the pose has moved it by a tenth of the kernel's width since.
@@ -50,6 +50,7 @@ class Matches {
   std::span<const Eigen::Vector3f> points_lidar_;
   std::size_t stride_;
   std::vector<Match> matches_;
+  std::vector<std::size_t> moved_;
   ResidualRows rows_;
 };
 

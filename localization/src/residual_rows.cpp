@@ -108,21 +108,21 @@ void ResidualRows::pad() {
   variance_m2.resize(padded, 1.0F);
 }
 
-double residual_m(const ResidualRows& rows, std::size_t row,
-                  const Eigen::Isometry3d& T_index_lidar) {
-  const Eigen::Vector3d point(rows.point_x[row], rows.point_y[row], rows.point_z[row]);
-  const Eigen::Vector3d normal(rows.normal_x[row], rows.normal_y[row], rows.normal_z[row]);
-  return normal.dot(T_index_lidar * point - rows.centre) - static_cast<double>(rows.offset[row]);
+AxisResidual axis_residual(const Eigen::Vector3d& axis, const Eigen::Vector3d& mean,
+                           const Eigen::Isometry3d& T, const Eigen::Vector3d& p_lidar) {
+  AxisResidual out;
+  out.residual_m = axis.dot(T * p_lidar - mean);
+  const Eigen::Vector3d g = T.linear().transpose() * axis;
+  out.jacobian << g, p_lidar.cross(g);
+  return out;
 }
 
-Vector6d jacobian(const ResidualRows& rows, std::size_t row,
-                  const Eigen::Isometry3d& T_index_lidar) {
+AxisResidual axis_residual(const ResidualRows& rows, std::size_t row,
+                           const Eigen::Isometry3d& T_index_lidar) {
   const Eigen::Vector3d point(rows.point_x[row], rows.point_y[row], rows.point_z[row]);
   const Eigen::Vector3d normal(rows.normal_x[row], rows.normal_y[row], rows.normal_z[row]);
-  const Eigen::Vector3d g = T_index_lidar.linear().transpose() * normal;
-  Vector6d out;
-  out << g, point.cross(g);
-  return out;
+  const Eigen::Vector3d mean = rows.centre + static_cast<double>(rows.offset[row]) * normal;
+  return axis_residual(normal, mean, T_index_lidar, point);
 }
 
 NormalEquations linearize(const ResidualRows& rows, const Eigen::Isometry3d& T_index_lidar,

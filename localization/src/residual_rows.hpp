@@ -45,14 +45,20 @@ struct ResidualRows {
   void pad();
 };
 
-/// Residual of a row at a pose [m].
-[[nodiscard]] double residual_m(const ResidualRows& rows, std::size_t row,
-                                const Eigen::Isometry3d& T_index_lidar);
-
-/// Derivative of a row's residual for T exp(xi), xi = (tx ty tz rx ry rz) in the lidar frame:
-/// [R^T normal, point x R^T normal].
-[[nodiscard]] Vector6d jacobian(const ResidualRows& rows, std::size_t row,
-                                const Eigen::Isometry3d& T_index_lidar);
+/// Distance of one point to a surface along an axis of it, and its derivative.
+struct AxisResidual {
+  /// axis . (T p - mean) [m]
+  double residual_m = 0.0;
+  /// Derivative for T exp(xi), xi = (tx ty tz rx ry rz) in the lidar frame: [R^T axis, p x R^T
+  /// axis].
+  Vector6d jacobian = Vector6d::Zero();
+};
+[[nodiscard]] AxisResidual axis_residual(const Eigen::Vector3d& axis, const Eigen::Vector3d& mean,
+                                         const Eigen::Isometry3d& T,
+                                         const Eigen::Vector3d& p_lidar);
+/// The same of a row.
+[[nodiscard]] AxisResidual axis_residual(const ResidualRows& rows, std::size_t row,
+                                         const Eigen::Isometry3d& T_index_lidar);
 
 /// Weight of a residual (Geman-McClure): derivative of half of k^2 r^2 / (k^2 + r^2) by r^2 / 2, in
 /// (0, 1].

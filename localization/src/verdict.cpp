@@ -55,21 +55,23 @@ bool is_known(const MapIndex& index, const Eigen::Vector3f& p) {
   return index.levels().front().nearest(p, 1.0F).voxel != nullptr;
 }
 
-float cost_at(const MapIndex::Level& level, const Eigen::Vector3f& p) {
-  constexpr float kKernel2 = kProbeKernelM * kProbeKernelM;
-  const Voxel* voxel = match_point(level, p, kProbeKernelM);
-  if (voxel == nullptr) return 1.0F;
-  const float distance2_m2 = across2_m2(*voxel, p);
-  return distance2_m2 / (kKernel2 + distance2_m2);
-}
-
 /// Costs of some of the points at a pose.
 std::vector<float> costs_at(const MapIndex::Level& level, const Query& query,
                             const Eigen::Isometry3d& T_index_lidar) {
+  constexpr float kKernel2 = kProbeKernelM * kProbeKernelM;
   const Eigen::Isometry3f T = T_index_lidar.cast<float>();
-  std::vector<float> costs;
-  for (std::size_t i = 0; i < query.points.size(); i += kProbeStride)
-    costs.push_back(cost_at(level, T * query.points[i]));
+  std::vector<float> costs((query.points.size() + kProbeStride - 1) / kProbeStride, 1.0F);
+  const auto place = [&](std::size_t i) -> Eigen::Vector3f {
+    return T * query.points[i * kProbeStride];
+  };
+  level.for_each_nearest(costs.size(), kernel_variance_m2(kProbeKernelM), place,
+                         [&](std::size_t i, const MapIndex::Level::Nearest& nearest) {
+                           const Eigen::Vector3f p = place(i);
+                           const Voxel* voxel = sharp_match(nearest, p, kProbeKernelM);
+                           if (voxel == nullptr) return;
+                           const float distance2_m2 = across2_m2(*voxel, p);
+                           costs[i] = distance2_m2 / (kKernel2 + distance2_m2);
+                         });
   return costs;
 }
 
@@ -107,23 +109,24 @@ Support support_of(const MapIndex& index, const Query& query,
                    const Eigen::Isometry3d& T_index_lidar, std::size_t stride) {
   const Eigen::Isometry3f T = T_index_lidar.cast<float>();
   const MapIndex::Level& fine = index.levels().back();
-  std::size_t seen = 0, inliers = 0, standing = 0, known = 0, standing_inliers = 0;
+  std::size_t inliers = 0, standing = 0, known = 0, standing_inliers = 0;
   double squares = 0.0;
-  for (std::size_t i = 0; i < query.points.size(); i += stride) {
-    const Eigen::Vector3f p = T * query.points[i];
-    ++seen;
-    const MapIndex::Level::Nearest nearest = fine.nearest(p, kSurfaceSigmaM * kSurfaceSigmaM);
+  const auto place = [&](std::size_t i) -> Eigen::Vector3f { return T * query.points[i * stride]; };
+  const auto count = [&](std::size_t i, const MapIndex::Level::Nearest& nearest) {
+    const Eigen::Vector3f p = place(i);
     const bool inlier = nearest.voxel != nullptr && nearest.distance2 < kMaxSurface2;
     if (inlier) {
       ++inliers;
       const double across = static_cast<double>(nearest.voxel->axis0.dot(p - nearest.voxel->mean));
       squares += across * across;
     }
-    if (query.stands[i] == 0) continue;
+    if (query.stands[i * stride] == 0) return;
     ++standing;
     if (inlier) ++standing_inliers;
     if (inlier || is_known(index, p)) ++known;
-  }
+  };
+  const std::size_t seen = (query.points.size() + stride - 1) / stride;
+  fine.for_each_nearest(seen, kSurfaceSigmaM * kSurfaceSigmaM, place, count);
   const auto share = [](std::size_t part, std::size_t whole) {
     return whole == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(whole);
   };
@@ -171,8 +174,7 @@ Matrix6d covariance_of(const ResidualRows& rows, const Eigen::Isometry3d& T_inde
         (T_index_lidar * point / kBlockM).array().floor().cast<int>() + 1024;
     const auto [block, inserted] = blocks.insert(cell_key(cell.x(), cell.y(), cell.z()));
     if (inserted) sums.emplace_back(Vector6d::Zero());
-    const double residual = residual_m(rows, i, T_index_lidar);
-    const Vector6d J = jacobian(rows, i, T_index_lidar);
+    const auto [residual, J] = axis_residual(rows, i, T_index_lidar);
     const double robust = robust_weight(residual * residual, kernel);
     const auto variance = static_cast<double>(rows.variance_m2[i]);
     const double weight = robust / (variance + kernel_variance_m2(kernel));

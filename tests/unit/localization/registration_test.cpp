@@ -48,11 +48,11 @@ TEST(ResidualRows, JacobianIsTheNumericDerivativeForAPerturbationOnTheRight) {
   const ResidualRows rows = random_rows(20, T);
   constexpr double kStep = 1e-6;
   for (std::size_t row = 0; row < rows.count; ++row) {
-    const Vector6d J = jacobian(rows, row, T);
+    const Vector6d J = axis_residual(rows, row, T).jacobian;
     for (Eigen::Index k = 0; k < 6; ++k) {
       const Vector6d step = kStep * Vector6d::Unit(k);
-      const double ahead = residual_m(rows, row, T * maps::exp_se3(step));
-      const double behind = residual_m(rows, row, T * maps::exp_se3(-step));
+      const double ahead = axis_residual(rows, row, T * maps::exp_se3(step)).residual_m;
+      const double behind = axis_residual(rows, row, T * maps::exp_se3(-step)).residual_m;
       EXPECT_NEAR(J[k], (ahead - behind) / (2.0 * kStep), 1e-6) << "row " << row << ", " << k;
     }
   }
@@ -65,8 +65,7 @@ TEST(ResidualRows, VectorSumsAreTheSumsOfTheRows) {
     const ResidualRows rows = random_rows(count, T);
     NormalEquations expected;
     for (std::size_t i = 0; i < count; ++i) {
-      const double r = residual_m(rows, i, T);
-      const Vector6d J = jacobian(rows, i, T);
+      const auto [r, J] = axis_residual(rows, i, T);
       const double kernel = static_cast<double>(kKernelM);
       const double weight = robust_weight(r * r, kernel) /
                             (static_cast<double>(rows.variance_m2[i]) + kernel_variance_m2(kernel));
