@@ -176,10 +176,15 @@ TEST(BestRigid, TurnsAnLByNinetyDegreesAndMovesIt) {
   EXPECT_LT((T.matrix() - expected).cwiseAbs().maxCoeff(), 1e-12);
 }
 
-TEST(BestRigid, NeverMirrors) {
-  const std::vector<Eigen::Vector3d> from = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, 0}};
-  const std::vector<Eigen::Vector3d> to = {{1, 0, 0}, {0, 1, 0}, {0, 0, -1}, {0, 0, 0}};
-  EXPECT_NEAR(best_rigid(from, to).linear().determinant(), 1.0, 1e-12);
+TEST(BestRigid, LeavesFlatPointsThatAreMirroredWhereTheyAre) {
+  // Cross-covariance diag(18, 8, -0.04): mirroring fits exactly, and of all rotations the
+  // identity fits best.
+  const std::vector<Eigen::Vector3d> from = {
+      {3, 0, 0.1}, {-3, 0, 0.1}, {0, 2, -0.1}, {0, -2, -0.1}};
+  std::vector<Eigen::Vector3d> to = from;
+  for (Eigen::Vector3d& p : to) p.z() = -p.z();
+  const Eigen::Isometry3d T = best_rigid(from, to);
+  EXPECT_LT((T.matrix() - Eigen::Matrix4d::Identity()).cwiseAbs().maxCoeff(), 1e-9);
 }
 
 TEST(BestRigid, WantsAsManyPointsOfBoth) {
