@@ -176,15 +176,16 @@ TEST(BestRigid, TurnsAnLByNinetyDegreesAndMovesIt) {
   EXPECT_LT((T.matrix() - expected).cwiseAbs().maxCoeff(), 1e-12);
 }
 
-TEST(BestRigid, LeavesFlatPointsThatAreMirroredWhereTheyAre) {
-  // Cross-covariance diag(18, 8, -0.04): mirroring fits exactly, and of all rotations the
-  // identity fits best.
+TEST(BestRigid, TurnsFlatPointsThatAreMirroredAsIfTheyWereNot) {
+  // Cross-covariance R diag(18, 8, -0.04): R and a mirror fit exactly, of all rotations R does
+  // best.
+  const Eigen::Matrix3d R =
+      Eigen::AngleAxisd(1.0, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
   const std::vector<Eigen::Vector3d> from = {
       {3, 0, 0.1}, {-3, 0, 0.1}, {0, 2, -0.1}, {0, -2, -0.1}};
-  std::vector<Eigen::Vector3d> to = from;
-  for (Eigen::Vector3d& p : to) p.z() = -p.z();
-  const Eigen::Isometry3d T = best_rigid(from, to);
-  EXPECT_LT((T.matrix() - Eigen::Matrix4d::Identity()).cwiseAbs().maxCoeff(), 1e-9);
+  std::vector<Eigen::Vector3d> to;
+  for (const Eigen::Vector3d& p : from) to.emplace_back(R * Eigen::Vector3d(p.x(), p.y(), -p.z()));
+  EXPECT_LT((best_rigid(from, to).linear() - R).cwiseAbs().maxCoeff(), 1e-9);
 }
 
 TEST(BestRigid, WantsAsManyPointsOfBoth) {
