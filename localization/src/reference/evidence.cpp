@@ -6,11 +6,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace stillmap::localization {
 namespace {
 
+/// Half the thickness of a surface as a drive's wandering poses draw it [m].
 constexpr double kSurfaceM = 0.2;
+/// Where there is no surface (foliage), centroids of neighbouring cells are about twice this apart
+/// [m].
+constexpr double kScatterM = 0.3;
 constexpr double kBlockM = 4.0;
 constexpr double kUnknownM = 10.0;
 /// Mean squared cosine between normals and a direction, below which noise of the normals alone may
@@ -22,15 +27,17 @@ constexpr double kIndependentSurfaces = 5.0;
 constexpr double kFloorM = 0.01;
 constexpr double kFloorRad = 5e-4;
 
-/// Distance across the surface at a map point, or to the point where it has none [m].
+/// Distance across the surface at a map point, or to the point where it has none [m]; infinite
+/// beyond what counts as on the map.
 double distance_m(const MapPoints::Point& point, const Eigen::Vector3d& offset) {
-  if (point.sharp_axes == 0) return offset.norm();
+  constexpr double kFar = std::numeric_limits<double>::infinity();
+  if (point.sharp_axes == 0) return offset.norm() < kScatterM ? offset.norm() : kFar;
   double squares = 0.0;
   for (int k = 0; k < point.sharp_axes; ++k) {
     const double across = point.axes[static_cast<std::size_t>(k)].cast<double>().dot(offset);
     squares += across * across;
   }
-  return std::sqrt(squares);
+  return squares < kSurfaceM * kSurfaceM ? std::sqrt(squares) : kFar;
 }
 
 std::uint64_t block_of(const Eigen::Vector3d& p_lidar) {
@@ -43,7 +50,8 @@ std::uint64_t block_of(const Eigen::Vector3d& p_lidar) {
 struct Sums {
   Matrix6d H = Matrix6d::Zero();
   double weight = 0.0;
-  /// Weighted squares of the distances across surfaces [m^2].
+  /// Weights, and weighted squares of the distances [m^2], of what lies on its surface.
+  double surface_weight = 0.0;
   double squares = 0.0;
   /// Gradients by block.
   std::vector<Vector6d> gradients;
@@ -66,6 +74,8 @@ Sums sums_of(const std::vector<Term>& terms, const Eigen::Isometry3d& T) {
       axis.jacobian.tail<3>() /= kLeverM;
       sums.H += term.weight * axis.jacobian * axis.jacobian.transpose();
       sums.weight += term.weight;
+      if (!(std::abs(axis.residual_m) < kSurfaceM)) continue;
+      sums.surface_weight += term.weight;
       sums.squares += term.weight * axis.residual_m * axis.residual_m;
     }
   }
@@ -91,7 +101,7 @@ Support support_at(const MapPoints& map, const std::vector<Eigen::Vector3f>& poi
     if (point == nullptr) continue;
     if (stands[i] != 0) ++known;
     const double distance = distance_m(*point, p - point->position.cast<double>());
-    if (!(distance < kSurfaceM)) continue;
+    if (!std::isfinite(distance)) continue;
     ++inliers;
     if (stands[i] != 0) ++standing_inliers;
     squares += distance * distance;
@@ -119,8 +129,9 @@ Uncertainty uncertainty_of(const std::vector<Term>& terms, const Eigen::Isometry
   const Vector6d inverses = solver.eigenvalues().unaryExpr(
       [](double value) { return value > kMinInformation ? 1.0 / value : 0.0; });
   const Matrix6d inverse = directions * inverses.asDiagonal() * directions.transpose();
-  Matrix6d covariance = inverse * spread * inverse / (weight * weight) +
-                        sums.squares / weight / kIndependentSurfaces * inverse;
+  Matrix6d covariance =
+      inverse * spread * inverse / (weight * weight) +
+      sums.squares / std::max(sums.surface_weight, 1.0) / kIndependentSurfaces * inverse;
   Uncertainty out;
   for (Eigen::Index k = 0; k < 6; ++k) {
     if (inverses[k] > 0.0) continue;

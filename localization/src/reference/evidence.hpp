@@ -8,8 +8,8 @@
 namespace stillmap::localization {
 
 /// How well a pose explains a scan: a point lies on the map when it is within 0.2 m of the surface
-/// at its nearest map point, or of that point itself where there is no surface; the map knows a
-/// place within `kMaxPairDistanceM` of a point.
+/// at its nearest map point, or of 0.3 m of that point itself where there is no surface; the map
+/// knows a place within `kMaxPairDistanceM` of a point.
 /// @param stands  one flag a point, see `standing_flags`.
 [[nodiscard]] Support support_at(const MapPoints& map,
                                  const std::vector<Eigen::Vector3f>& points_lidar,

@@ -1,7 +1,5 @@
 #include "reference/icp.hpp"
 
-#include <stillmap/maps/frames.hpp>
-
 #include <fmt/format.h>
 #include <Eigen/LU>
 #include <Eigen/SVD>
@@ -72,7 +70,7 @@ Eigen::Isometry3d best_rigid(std::span<const Eigen::Vector3d> from,
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.linear() = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
   T.translation() = to_mean - T.linear() * from_mean;
-  return maps::renormalized(T);
+  return T;
 }
 
 const ReferenceMethod& icp() {
