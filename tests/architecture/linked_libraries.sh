@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # linked_libraries.sh PROGRAM: what a server carries must stay small, below 60 shared libraries and without the
-# mapper's PCL and MRPT's graphs; of MRPT pose PDFs only. (Every one of them is start-up time, memory and a thing to patch.)
+# mapper's PCL and MRPT's graphs (of MRPT the poses alone). (Every one of them is start-up time, memory and a thing to
+# patch.)
 set -euo pipefail
 libraries=$(ldd "$1")
 count=$(grep -c '=>' <<<"$libraries")
