@@ -98,7 +98,7 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(sorted(each.name for each in self.folder.iterdir()), ["counts.json", "poses.tum"])
         first = run("localize", MAP, DRIVE, "--select", ":2", "--prior", "0,0,0,0").stdout.splitlines()
         self.assertEqual([line.split()[2] for line in first], ["ok", "ok"])
-        self.assertEqual(json.loads(run("localize", "--json", MAP, DRIVE, "--select", ":2").stdout)["scans"], 2)
+        self.assertEqual(json.loads(run("localize", MAP, DRIVE, "--select", ":2", "--json").stdout)["scans"], 2)
 
     def test_localize_writes_nothing_when_nothing_is_found_or_it_is_cancelled(self):
         poses = self.folder / "poses.tum"

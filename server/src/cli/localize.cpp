@@ -174,9 +174,12 @@ void add_localize(CLI::App& app) {
       command
           ->add_option("--json", arguments->json_file,
                        "Print the answer as the server would send it; of a drive the counts, to "
-                       "FILE when one is given")
+                       "FILE when one is given; without one it goes last")
           ->type_name("[FILE]")
-          ->expected(0, 1);
+          ->expected(0, 1)
+          ->check([](const std::string& file) {
+            return file.empty() ? std::string() : command_line::in_existing_folder()(file);
+          });
   command->callback([arguments, json] {
     arguments->json = json->count() > 0;
     localize(*arguments);
