@@ -4,6 +4,8 @@
 
 #include <Eigen/Cholesky>
 
+#include <cmath>
+
 namespace stillmap::localization {
 namespace {
 
@@ -11,6 +13,10 @@ Matrix6d diagonal(double translation, double rotation) {
   Vector6d values;
   values << Eigen::Vector3d::Constant(translation), Eigen::Vector3d::Constant(rotation);
   return values.asDiagonal();
+}
+
+double largest_deviation_m(const Matrix6d& covariance) {
+  return std::sqrt(covariance.diagonal().head<3>().maxCoeff());
 }
 
 Matrix6d symmetric(const Matrix6d& matrix) { return 0.5 * (matrix + matrix.transpose()); }
@@ -43,6 +49,7 @@ MotionState MotionModel::predicted(const MotionState& state, std::int64_t stamp_
                        2.0 * t * t * state.twist_covariance + t * t * t / 3.0 * density_};
   next.pose = composed(start, motion);
   next.twist_covariance += t * density_;
+  next.drift_m = std::hypot(state.drift_m, largest_deviation_m(motion.covariance));
   return next;
 }
 
@@ -55,6 +62,7 @@ MotionState MotionModel::predicted(const MotionState& state, std::int64_t stamp_
   next.twist = maps::log_se3(odometry.T_since_lidar) / t;
   // The mean velocity of an interval differs from the one at its end.
   next.twist_covariance = odometry.covariance / (t * t) + t / 3.0 * density_;
+  next.drift_m = std::hypot(state.drift_m, largest_deviation_m(odometry.covariance));
   return next;
 }
 
@@ -84,12 +92,15 @@ MotionState MotionModel::interpolated(const MotionState& before, const MotionSta
   between.twist_covariance = before.twist_covariance + span / 3.0 * density_;
   between.pose.T =
       maps::renormalized(before.pose.T * maps::exp_se3(between.twist * (share * span)));
-  // Weighted sum: true for errors that are fully shared, more than enough for others. Between two
-  // known places with free velocities the path's variance is density T^3 (s (1 - s))^2 / 3 (the
-  // process whose mean are cubic splines: Wahba 1978).
+  // Between two known places with free velocities the path's variance is
+  // density T^3 (s (1 - s))^2 / 3 (the process whose mean are cubic splines: Wahba 1978).
   const double bridge = share * (1.0 - share) * span;
-  between.pose.covariance = (1.0 - share) * before.pose.covariance + share * after.pose.covariance +
-                            bridge * bridge * span / 3.0 * density_;
+  const Matrix6d way = bridge * bridge * span / 3.0 * density_;
+  // Weighted sum: true for errors that are fully shared, more than enough for others.
+  between.pose.covariance =
+      (1.0 - share) * before.pose.covariance + share * after.pose.covariance + way;
+  between.drift_m =
+      std::hypot((1.0 - share) * before.drift_m + share * after.drift_m, largest_deviation_m(way));
   return between;
 }
 

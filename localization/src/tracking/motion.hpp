@@ -16,6 +16,8 @@ struct MotionState {
   /// (tx ty tz rx ry rz) [m/s, rad/s] in the lidar frame.
   Vector6d twist = Vector6d::Zero();
   Matrix6d twist_covariance = Matrix6d::Identity();
+  /// Deviation of the way since a scan was matched [m]: what the motion adds to the pose's error.
+  double drift_m = 0.0;
 };
 
 /// Time from `from_ns` to `to_ns` [s], negative backwards; no overflow however far apart.

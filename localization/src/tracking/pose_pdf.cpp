@@ -80,8 +80,10 @@ PosePdf fused(const PosePdf& a, const PosePdf& b) {
 
 double chi_squared(const PosePdf& a, const PosePdf& b) {
   const Vector6d difference = maps::log_se3(a.T.inverse() * b.T);
-  const Eigen::LDLT<Matrix6d> factor(Matrix6d(a.covariance + b.covariance));
-  const double squares = difference.dot(factor.solve(difference));
+  const Matrix6d sum = a.covariance + b.covariance;
+  // Eigen's factorization takes NaN for a pivot of zero and answers 0.
+  if (!sum.allFinite() || !difference.allFinite()) return std::nan("");
+  const double squares = difference.dot(sum.ldlt().solve(difference));
   return squares >= 0.0 ? squares : std::nan("");
 }
 

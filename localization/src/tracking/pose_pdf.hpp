@@ -1,6 +1,6 @@
 #pragma once
 
-#include "../registration.hpp"
+#include "registration.hpp"
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>

@@ -14,8 +14,10 @@ constexpr double kMaxChiSquared = 22.46;
 /// Deviations of a wide search; three of them are as far as the aligner looks around a prior.
 constexpr double kWideM = 2.0;
 constexpr double kWideRad = 0.13;
-/// A wide search covers a prediction up to so many times `max_deviation_m`.
-constexpr double kWideShare = 2.0;
+/// A wide search covers a prediction up to so many times `max_drift_m`, and one beyond so many
+/// agrees with too much to confirm anything.
+constexpr double kWideShare = 1.5;
+constexpr double kVagueShare = 5.0;
 
 void add_reason(AlignmentResult& result, const char* reason) {
   if (std::find(result.reasons.begin(), result.reasons.end(), reason) == result.reasons.end()) {
@@ -38,10 +40,6 @@ AlignmentResult in_place_of(const AlignmentResult& match, const MotionState& pre
   result.T_map_lidar = predicted.pose.T;
   result.covariance = predicted.pose.covariance;
   return result;
-}
-
-double deviation_m(const MotionState& state) {
-  return std::sqrt(state.pose.covariance.diagonal().head<3>().maxCoeff());
 }
 
 bool is_ambiguous(const AlignmentResult& match) {
@@ -124,16 +122,21 @@ void TrackingSession::choose_mode(Belief& belief, const Step& step) const {
     belief.mode = Mode::kEverywhere;
     return;
   }
-  if (belief.mode == Mode::kTracking && step.from != SearchedFrom::kGiven &&
-      (belief.contradictions >= options_.max_contradictions ||
-       seconds_between(belief.matched_ns, step.stamp_ns) > options_.max_coast_s ||
-       !(deviation_m(*step.predicted) <= options_.max_deviation_m))) {
-    belief.mode = Mode::kWide;
-    belief.agreed = 0;
-    belief.misses = 0;
+  if (belief.mode == Mode::kTracking && step.from != SearchedFrom::kGiven) {
+    const bool astray = !(step.predicted->drift_m <= options_.max_drift_m);
+    if (belief.contradictions >= options_.max_contradictions ||
+        seconds_between(belief.matched_ns, step.stamp_ns) > options_.max_coast_s ||
+        (astray && belief.misses > 0)) {
+      belief.mode = Mode::kWide;
+      belief.agreed = 0;
+      belief.misses = 0;
+    } else if (astray) {
+      // The last scan was found and only too long ago: a place that agrees with it is believed.
+      belief.mode = Mode::kEverywhere;
+    }
   }
   if (belief.mode == Mode::kTracking) return;
-  const bool far = !(deviation_m(*step.predicted) <= kWideShare * options_.max_deviation_m);
+  const bool far = !(step.predicted->drift_m <= kWideShare * options_.max_drift_m);
   const bool in_vain = belief.misses >= std::max(1, options_.wide_searches);
   if (belief.mode == Mode::kWide && (far || in_vain || options_.wide_searches == 0)) {
     belief.mode = Mode::kEverywhere;
@@ -167,24 +170,30 @@ void TrackingSession::match(Step& step, const maps::PointCloud& scan_lidar,
   step.found = step.match.status != PoseStatus::kLost;
   const bool against = std::erase(step.match.reasons, "contradicts_prior") > 0;
   step.agrees = step.found && !against && step.predicted &&
+                step.predicted->drift_m <= kVagueShare * options_.max_drift_m &&
                 chi_squared(step.predicted->pose, {step.match.T_map_lidar, step.match.covariance}) <
                     kMaxChiSquared;
 }
 
+PosePdf TrackingSession::believed(const Step& step) {
+  const PosePdf matched{step.match.T_map_lidar, step.match.covariance};
+  // A weak match is no reason to forget what the motion tells about the directions it leaves open.
+  return step.match.status == PoseStatus::kOk ? matched : fused(step.predicted->pose, matched);
+}
+
 AlignmentResult TrackingSession::follow(Belief& belief, const Step& step) const {
   if (!step.agrees) return coast(belief, step);
-  PosePdf pose{step.match.T_map_lidar, step.match.covariance};
-  // A weak match is no reason to forget what the motion tells about the directions it leaves open.
-  if (step.match.status != PoseStatus::kOk) pose = fused(step.predicted->pose, pose);
-  belief.anchor = model_.moved_to(*belief.anchor, step.stamp_ns, pose);
+  belief.anchor = model_.moved_to(*belief.anchor, step.stamp_ns, believed(step));
   belief.matched_ns = step.stamp_ns;
   belief.matched = true;
+  belief.misses = 0;
   belief.contradictions = 0;
   return step.match;
 }
 
 AlignmentResult TrackingSession::coast(Belief& belief, const Step& step) const {
   if (step.from == SearchedFrom::kOdometry) belief.anchor = step.predicted;
+  ++belief.misses;
   AlignmentResult result = step.match;
   if (step.found) {
     ++belief.contradictions;
@@ -203,13 +212,13 @@ AlignmentResult TrackingSession::search(Belief& belief, const Step& step) const 
     demote(result, step.match.status, step.found ? "unconfirmed" : "not_tracked");
     return result;
   }
-  const PosePdf pose{step.match.T_map_lidar, step.match.covariance};
   const bool again = belief.agreed > 0;
   if (again && step.agrees) {
-    belief.anchor = model_.moved_to(*belief.anchor, step.stamp_ns, pose);
+    belief.anchor = model_.moved_to(*belief.anchor, step.stamp_ns, believed(step));
     ++belief.agreed;
   } else {
-    belief.anchor = model_.at_unknown_velocity(step.stamp_ns, pose);
+    belief.anchor =
+        model_.at_unknown_velocity(step.stamp_ns, {step.match.T_map_lidar, step.match.covariance});
     belief.agreed = 1;
     if (again) add_reason(result, "contradicts_motion");
   }
@@ -238,7 +247,7 @@ TrackedPose TrackingSession::answer_late(std::int64_t stamp_ns,
   const auto& [before, after] = *around;
   step.predicted = after != nullptr ? model_.interpolated(before->state, after->state, stamp_ns)
                                     : model_.predicted(before->state, stamp_ns);
-  if (!(deviation_m(*step.predicted) <= options_.max_deviation_m)) {
+  if (!(step.predicted->drift_m <= options_.max_drift_m)) {
     demote(step.match, PoseStatus::kLost, "not_tracked");
     return {stamp_ns, step.match, step.from};
   }

@@ -62,6 +62,8 @@ class TrackingSession {
   void match(Step& step, const maps::PointCloud& scan_lidar,
              const std::optional<Prior>& prior) const;
 
+  /// The pose to go on from after a match that agrees with the prediction.
+  [[nodiscard]] static PosePdf believed(const Step& step);
   [[nodiscard]] AlignmentResult follow(Belief& belief, const Step& step) const;
   [[nodiscard]] AlignmentResult coast(Belief& belief, const Step& step) const;
   [[nodiscard]] AlignmentResult search(Belief& belief, const Step& step) const;

@@ -72,7 +72,7 @@ std::vector<std::string> TrackerOptions::violations() const {
   check("unknown_speed_m_s", unknown_speed_m_s, 0.01, 1000.0);
   check("unknown_turn_rad_s", unknown_turn_rad_s, 0.001, 100.0);
   check("max_coast_s", max_coast_s, 0.0, 60.0);
-  check("max_deviation_m", max_deviation_m, 0.1, 100.0);
+  check("max_drift_m", max_drift_m, 0.1, 100.0);
   check("max_contradictions", max_contradictions, 1, 1000);
   check("wide_searches", wide_searches, 0, 1000);
   check("agreeing_answers", agreeing_answers, 1, 100);

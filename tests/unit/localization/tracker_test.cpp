@@ -252,6 +252,20 @@ TEST_F(TrackerTest, FoundWithoutAPriorIsOkOnlyWhenTheNextScanAgrees) {
   EXPECT_EQ(follow(0.2).searched_from, SearchedFrom::kVelocity);
 }
 
+TEST_F(TrackerTest, ScansFarApartAreSearchedForButStayConfirmed) {
+  // After a second nothing is known of where a vehicle of unknown speed is; the map knows.
+  EXPECT_EQ(follow(0.0).result.status, PoseStatus::kDegraded);
+  EXPECT_EQ(follow(1.0).result.status, PoseStatus::kOk);
+  for (const double seconds : {4.0, 7.0, 9.5}) {
+    const TrackedPose answer = follow(seconds);
+    EXPECT_EQ(answer.result.status, PoseStatus::kOk) << seconds;
+    EXPECT_EQ(answer.searched_from, SearchedFrom::kEverywhere) << seconds;
+  }
+  // What was seen a minute ago agrees with every place, so it confirms none.
+  EXPECT_EQ(follow(70.0).result.status, PoseStatus::kDegraded);
+  EXPECT_EQ(follow(70.1).result.status, PoseStatus::kOk);
+}
+
 TEST_F(TrackerTest, AWrongRelocationIsNotBelieved) {
   // Two wrong places far apart, then the right one: only the fourth answer has been agreed with.
   EXPECT_EQ(track(0.0, found_at(pose_at(200.0, 0.0))).result.status, PoseStatus::kDegraded);
@@ -399,8 +413,8 @@ TEST_F(TrackerTest, RefusesWhatIsNoMotion) {
 TEST_F(TrackerTest, StampsAtBothEndsOfTimeAreAnswered) {
   aligner->answer = [](const auto&) { return found_at(pose_at(0, 0)); };
   (void)tracker.track(std::numeric_limits<std::int64_t>::min(), {});
-  EXPECT_EQ(tracker.track(std::numeric_limits<std::int64_t>::max(), {}).result.status,
-            PoseStatus::kOk);
+  const TrackedPose last = tracker.track(std::numeric_limits<std::int64_t>::max(), {});
+  EXPECT_THAT(last.result.reasons, ElementsAre("contradicts_motion", "unconfirmed"));
   EXPECT_THAT(tracker.track(0, {}).result.reasons, ElementsAre("too_old"));
 }
 
@@ -472,7 +486,9 @@ TEST(TrackerOnAStreet, FollowsThroughBlockedAndGarbageScansAndIsNeverConfidently
 }
 
 TEST(TrackerOnAStreet, FindsAVehicleThatWasCarriedAway) {
-  Tracker tracker(street().aligner);
+  TrackerOptions options;
+  options.max_coast_s = 1.0;
+  Tracker tracker(street().aligner, options);
   tracker.initialize(street_truth(0.0), 0.25 * Matrix6d::Identity());
   test::ScanPattern pattern;
   pattern.columns = 360;

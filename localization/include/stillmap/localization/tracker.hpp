@@ -29,8 +29,10 @@ struct TrackerOptions {
   double unknown_turn_rad_s = 0.5;
   /// Poses are predicted without a match for so long [s], in [0, 60].
   double max_coast_s = 3.0;
-  /// A prediction whose deviation along any axis is larger than this [m] is none, in [0.1, 100].
-  double max_deviation_m = 3.0;
+  /// A scan is not looked for around a prediction that the motion since the last match may have led
+  /// astray by a deviation of more than this [m], in [0.1, 100]; as far as the aligner looks around
+  /// a prior.
+  double max_drift_m = 6.0;
   /// Matches in a row that contradict the motion, until the motion is doubted, in [1, 1000].
   int max_contradictions = 5;
   /// Scans that are looked for widely around the prediction before the whole map is, in [0, 1000].
