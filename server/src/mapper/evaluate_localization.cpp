@@ -1,4 +1,5 @@
 #include <stillmap/mapping/localization_evaluation.hpp>
+#include <stillmap/mapping/localization_report.hpp>
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/map_package.hpp>
 
@@ -32,6 +33,7 @@ struct EvaluateArguments {
   std::string method = mapping::map_aligner_names().front();
   std::optional<std::filesystem::path> json;
   std::optional<std::filesystem::path> csv;
+  std::optional<std::filesystem::path> report;
   mapping::LocalizationEvaluationOptions options;
 };
 
@@ -118,7 +120,30 @@ void print_for_people(const mapping::LocalizationEvaluation& evaluation) {
   fmt::print("{} scans in {:.1f} s\n", evaluation.scans, evaluation.seconds);
 }
 
-void evaluate(EvaluateArguments& arguments) {
+/// As a shell reads it.
+std::string quoted(const std::string& word) {
+  constexpr std::string_view kPlain =
+      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+=./:,@%";
+  if (!word.empty() && word.find_first_not_of(kPlain) == std::string::npos) return word;
+  std::string out = "'";
+  for (const char letter : word)
+    out += letter == '\'' ? std::string("'\\''") : std::string(1, letter);
+  return out + "'";
+}
+
+/// The call that was given, options in the order of the help.
+std::string command_of(const CLI::App& command) {
+  std::string text = "stillmap evaluate " + command.get_name();
+  for (const CLI::Option* option : command.get_options()) {
+    for (const std::string& value : option->results()) {
+      if (!option->get_positional()) text += " " + option->get_name();
+      text += " " + quoted(value);
+    }
+  }
+  return text;
+}
+
+void evaluate(EvaluateArguments& arguments, const CLI::App& command) {
   mapping::LocalizationEvaluationOptions& options = arguments.options;
   options.selection = maps::Selection::parse(arguments.select);
   if (!arguments.prior_errors.empty()) options.prior_errors.clear();
@@ -145,6 +170,13 @@ void evaluate(EvaluateArguments& arguments) {
   }
   print_for_people(evaluation);
   if (arguments.csv) write_text_file(*arguments.csv, mapping::to_csv(evaluation));
+  if (arguments.report) {
+    write_text_file(*arguments.report,
+                    mapping::to_html(evaluation, {.map = arguments.map.string(),
+                                                  .drive = arguments.drive.string(),
+                                                  .method = arguments.method,
+                                                  .command = command_of(command)}));
+  }
   if (arguments.json) write_text_file(*arguments.json, to_json_text(evaluation, arguments));
 }
 
@@ -200,7 +232,9 @@ void add_evaluate_localization(CLI::App& evaluate_command) {
       ->check(command_line::in_existing_folder());
   command->add_option("--csv", arguments->csv, "Write a line for each query there")
       ->check(command_line::in_existing_folder());
-  command->callback([arguments] { evaluate(*arguments); });
+  command->add_option("--report", arguments->report, "Write a page with diagrams (HTML) there")
+      ->check(command_line::in_existing_folder());
+  command->callback([arguments, command] { evaluate(*arguments, *command); });
 }
 
 }  // namespace stillmap::mapper
