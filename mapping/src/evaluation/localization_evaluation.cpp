@@ -58,13 +58,34 @@ LocalizationRecord ask(const localization::Aligner& aligner, const maps::PointCl
 void require_usable(const maps::Drive& drive, const LocalizationEvaluationOptions& options) {
   const std::vector<std::string> broken = options.violations();
   if (!broken.empty()) throw std::invalid_argument(fmt::format("{}", fmt::join(broken, "; ")));
-  if (!drive.has_poses()) {
+  const std::size_t references = options.reference.size();
+  if (references != 0 && references != drive.size()) {
+    throw std::invalid_argument(
+        fmt::format("reference: {} entries, one for each of {} scans", references, drive.size()));
+  }
+  if (references == 0 && !drive.has_poses()) {
     throw std::invalid_argument(drive.contents().root.string() +
                                 ": found no poses, expected one a scan");
   }
-  if (options.selection.indices(drive.size()).empty()) {
-    throw std::invalid_argument(fmt::format("selection: no scan of {}", drive.size()));
+}
+
+/// The pose that answers for a scan are compared with; the scan is one of `scans_to_ask`.
+const Eigen::Isometry3d& T_map_lidar_of(const maps::Drive& drive,
+                                        const LocalizationEvaluationOptions& options,
+                                        std::size_t index) {
+  return options.reference.empty() ? drive.T_map_lidar(index) : options.reference[index].value();
+}
+
+std::vector<std::size_t> scans_to_ask(const maps::Drive& drive,
+                                      const LocalizationEvaluationOptions& options) {
+  std::vector<std::size_t> scans = options.selection.indices(drive.size());
+  if (!options.reference.empty())
+    std::erase_if(scans, [&](std::size_t index) { return !options.reference[index]; });
+  if (scans.empty()) {
+    throw std::invalid_argument(fmt::format("selection: no scan of {}{}", drive.size(),
+                                            options.reference.empty() ? "" : " has a pose"));
   }
+  return scans;
 }
 
 }  // namespace
@@ -92,7 +113,7 @@ LocalizationEvaluation evaluate_localization(const maps::MapPackage& map, const 
                                              const CancelFlag& cancel) {
   require_usable(drive, options);
   const double start_ms = wall_ms();
-  const std::vector<std::size_t> scans = options.selection.indices(drive.size());
+  const std::vector<std::size_t> scans = scans_to_ask(drive, options);
   const std::unique_ptr<localization::Aligner> aligner = make_aligner(map);
   const auto trials = static_cast<std::size_t>(options.trials);
   std::vector<std::vector<LocalizationRecord>> records(
@@ -102,14 +123,14 @@ LocalizationEvaluation evaluate_localization(const maps::MapPackage& map, const 
   const auto ask_for_scan = [&](std::size_t position) {
     const std::size_t index = scans[position];
     const maps::PointCloud scan_lidar = deskewed_scan(drive, index);
+    const Eigen::Isometry3d& T_map_lidar = T_map_lidar_of(drive, options, index);
     for (std::size_t level = 0; level < records.size(); ++level) {
       for (std::size_t trial = 0; trial < trials; ++trial) {
         if (cancel) throw Cancelled();
-        const Eigen::Isometry3d prior =
-            with_prior_error(drive.T_map_lidar(index), options.prior_errors[level],
-                             CounterRandom(options.seed, index, trial));
+        const Eigen::Isometry3d prior = with_prior_error(T_map_lidar, options.prior_errors[level],
+                                                         CounterRandom(options.seed, index, trial));
         LocalizationRecord& record = records[level][position * trials + trial];
-        record = ask(*aligner, scan_lidar, drive.T_map_lidar(index), prior);
+        record = ask(*aligner, scan_lidar, T_map_lidar, prior);
         record.scan = position;
       }
     }
