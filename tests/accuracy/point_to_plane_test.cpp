@@ -16,12 +16,16 @@ struct Room {
       world.mapped_from({pose_at(-5, 0), pose_at(0, 0), pose_at(5, 0)}, {}, 0.05)};
 };
 
+const Room& the_room() {
+  static const Room built;
+  return built;
+}
+
 TEST(PointToPlaneReference, FindsATruePoseToMillimetresFromEitherSide) {
-  const Room built;
   const Eigen::Isometry3d T_map_lidar = pose_at(1.0, 0.5, 0.2);
-  const std::vector<Eigen::Vector3f> scan = built.world.scan(T_map_lidar, {}).positions;
+  const std::vector<Eigen::Vector3f> scan = the_room().world.scan(T_map_lidar, {}).positions;
   for (const double side : {-1.0, 1.0}) {
-    const auto found = built.reference.align(
+    const auto found = the_room().reference.align(
         scan, pose_at(1.0 + 0.2 * side, 0.5 - 0.2 * side, 0.2 + 0.01 * side, 1.8 + 0.05 * side));
     ASSERT_TRUE(found);
     const Eigen::Isometry3d off = T_map_lidar.inverse() * *found;
@@ -31,9 +35,8 @@ TEST(PointToPlaneReference, FindsATruePoseToMillimetresFromEitherSide) {
 }
 
 TEST(PointToPlaneReference, AScanBesideTheMapHasNoAnswer) {
-  const Room built;
-  const std::vector<Eigen::Vector3f> scan = built.world.scan(pose_at(0, 0), {}).positions;
-  EXPECT_FALSE(built.reference.align(scan, pose_at(500.0, 0.0)));
+  const std::vector<Eigen::Vector3f> scan = the_room().world.scan(pose_at(0, 0), {}).positions;
+  EXPECT_FALSE(the_room().reference.align(scan, pose_at(500.0, 0.0)));
 }
 
 TEST(PointToPlaneReference, AMapOfAFewPointsIsRefused) {

@@ -15,7 +15,7 @@
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
 #include "mapper/commands.hpp"
-#include "reference/pcl_icp.hpp"
+#include "reference/map_aligners.hpp"
 
 namespace stillmap::mapper {
 namespace {

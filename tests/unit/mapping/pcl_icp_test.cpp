@@ -51,9 +51,5 @@ TEST(PclIcp, TinyScanIsLostAndBrokenInputIsRefused) {
   EXPECT_THAT(options.violations(), ::testing::SizeIs(2));
 }
 
-TEST(MapAligner, NamesTheDefaultFirstAndTheReference) {
-  EXPECT_THAT(map_aligner_names(), ::testing::ElementsAre("default", "pcl-icp"));
-}
-
 }  // namespace
 }  // namespace stillmap::mapping
