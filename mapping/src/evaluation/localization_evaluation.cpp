@@ -64,25 +64,44 @@ LocalizationRecord ask(const localization::Aligner& aligner, const maps::PointCl
   return record;
 }
 
+bool has_pose(const LocalizationEvaluationOptions& options, std::size_t index) {
+  return options.reference.empty() || options.reference[index].has_value();
+}
+
+/// The pose that an answer is compared with, or a prior taken from; the scan must have one.
+const Eigen::Isometry3d& T_map_lidar_of(const maps::Drive& drive,
+                                        const LocalizationEvaluationOptions& options,
+                                        std::size_t index) {
+  return options.reference.empty() ? drive.T_map_lidar(index) : options.reference[index].value();
+}
+
 /// The scans that can be asked for.
 std::vector<std::size_t> scans_of(const maps::Drive& drive,
                                   const LocalizationEvaluationOptions& options) {
   std::vector<std::size_t> scans = options.selection.indices(drive.size());
-  if (options.prior == PriorSource::kPrevious && !scans.empty() && scans.front() == 0)
-    scans.erase(scans.begin());
+  std::erase_if(scans, [&](std::size_t index) {
+    if (!has_pose(options, index)) return true;
+    return options.prior == PriorSource::kPrevious && (index == 0 || !has_pose(options, index - 1));
+  });
   return scans;
 }
 
 void require_usable(const maps::Drive& drive, const LocalizationEvaluationOptions& options) {
   const std::vector<std::string> broken = options.violations();
   if (!broken.empty()) throw std::invalid_argument(fmt::format("{}", fmt::join(broken, "; ")));
-  if (!drive.has_poses()) {
+  const std::size_t references = options.reference.size();
+  if (references != 0 && references != drive.size()) {
+    throw std::invalid_argument(
+        fmt::format("reference: {} entries, one for each of {} scans", references, drive.size()));
+  }
+  if (references == 0 && !drive.has_poses()) {
     throw std::invalid_argument(drive.contents().root.string() +
                                 ": found no poses, expected one a scan");
   }
   if (scans_of(drive, options).empty()) {
     throw std::invalid_argument(
-        fmt::format("selection: no scan of {}{}", drive.size(),
+        fmt::format("selection: no scan of {}{}{}", drive.size(),
+                    options.reference.empty() ? "" : " has a pose",
                     options.prior == PriorSource::kPrevious ? " that has one before it" : ""));
   }
 }
@@ -116,7 +135,7 @@ class Questions {
         if (cancel) throw Cancelled();
         const std::optional<Eigen::Isometry3d> prior = prior_of(index, level, trial);
         LocalizationRecord& record = records_[level][position * trials_ + trial];
-        record = ask(aligner_, scan_lidar, drive_.T_map_lidar(index), prior);
+        record = ask(aligner_, scan_lidar, T_map_lidar(index), prior);
         record.position = position;
         record.query.scan = index;
         record.query.trial = static_cast<int>(trial);
@@ -131,14 +150,17 @@ class Questions {
   }
 
  private:
+  [[nodiscard]] const Eigen::Isometry3d& T_map_lidar(std::size_t index) const {
+    return T_map_lidar_of(drive_, options_, index);
+  }
   [[nodiscard]] std::optional<Eigen::Isometry3d> prior_of(std::size_t index, std::size_t level,
                                                           std::size_t trial) const {
     switch (options_.prior) {
       case PriorSource::kDrawn:
-        return with_prior_error(drive_.T_map_lidar(index), options_.prior_errors[level],
+        return with_prior_error(T_map_lidar(index), options_.prior_errors[level],
                                 CounterRandom(options_.seed, index, trial));
       case PriorSource::kPrevious:
-        return drive_.T_map_lidar(index - 1);
+        return T_map_lidar(index - 1);
       case PriorSource::kNone:
         break;
     }
@@ -149,7 +171,7 @@ class Questions {
                                           const std::optional<Eigen::Isometry3d>& prior) const {
     if (!prior) return kNoPrior;
     return options_.prior == PriorSource::kDrawn ? options_.prior_errors[level]
-                                                 : error_between(drive_.T_map_lidar(index), *prior);
+                                                 : error_between(T_map_lidar(index), *prior);
   }
 
   const maps::Drive& drive_;

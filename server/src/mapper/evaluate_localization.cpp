@@ -19,7 +19,7 @@
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
 #include "mapper/commands.hpp"
-#include "reference/pcl_icp.hpp"
+#include "reference/map_aligners.hpp"
 
 namespace stillmap::mapper {
 namespace {
@@ -69,6 +69,8 @@ std::string to_json_text(const mapping::LocalizationEvaluation& evaluation,
   json["options"]["map"] = arguments.map.string();
   json["options"]["drive"] = arguments.drive.string();
   json["options"]["select"] = arguments.select;
+  json["options"]["poses"] = arguments.poses ? nlohmann::ordered_json(arguments.poses->string())
+                                             : nlohmann::ordered_json(nullptr);
   json["options"]["method"] = arguments.method;
   return json.dump(2) + "\n";
 }
@@ -143,6 +145,16 @@ std::string command_of(const CLI::App& command) {
   return text;
 }
 
+/// The drive, with poses to compare with.
+maps::Drive open_drive(EvaluateArguments& arguments) {
+  if (!arguments.poses) return maps::Drive::open(arguments.drive);
+  maps::Drive own = maps::Drive::open(arguments.drive);
+  auto reference = maps::poses_of_some_scans(own, *arguments.poses);
+  if (!reference) return maps::Drive::open(arguments.drive, arguments.poses);
+  arguments.options.reference = std::move(*reference);
+  return own;
+}
+
 void evaluate(EvaluateArguments& arguments, const CLI::App& command) {
   mapping::LocalizationEvaluationOptions& options = arguments.options;
   options.selection = maps::Selection::parse(arguments.select);
@@ -154,7 +166,7 @@ void evaluate(EvaluateArguments& arguments, const CLI::App& command) {
   for (const std::string& text : arguments.prior_errors)
     options.prior_errors.push_back(read_prior_error(text));
   const auto map = maps::MapPackage::open(arguments.map);
-  const maps::Drive drive = maps::Drive::open(arguments.drive, arguments.poses);
+  const maps::Drive drive = open_drive(arguments);
   mapping::LocalizationEvaluation evaluation;
   {
     command_line::ProgressBar bar;
@@ -196,7 +208,8 @@ void add_evaluate_localization(CLI::App& evaluate_command) {
       ->check(command_line::existing_folder());
   command
       ->add_option("--poses", arguments->poses,
-                   "Poses instead of the drive's own: KITTI or TUM, T_map_lidar")
+                   "Poses instead of the drive's own: KITTI or TUM, T_map_lidar. Of a TUM file "
+                   "made of some of the scans, only these are asked for")
       ->check(command_line::existing_file());
   command
       ->add_option("--select", arguments->select, "Scans to ask for, begin:end:step as in Python")

@@ -3,6 +3,7 @@
 #include "evaluation/localization_metrics.hpp"
 #include "evaluation/prior_draws.hpp"
 
+#include <stillmap/mapping/map_build.hpp>
 #include <stillmap/maps/frames.hpp>
 
 #include <gmock/gmock.h>
@@ -11,8 +12,13 @@
 
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <numbers>
 #include <set>
+#include <stdexcept>
+#include <vector>
+
+#include "small_drive.hpp"
 
 namespace stillmap::mapping {
 namespace {
@@ -261,6 +267,52 @@ TEST(LocalizationEvaluationOptions, NamesEveryBrokenBound) {
   EXPECT_THAT(options.violations(), SizeIs(0));
   options.prior = PriorSource::kPrevious;
   EXPECT_THAT(options.violations(), SizeIs(1));
+}
+
+/// Answers with the prior, and remembers it.
+class PriorIsRight : public localization::Aligner {
+ public:
+  explicit PriorIsRight(std::vector<Eigen::Isometry3d>& priors) : priors_(priors) {}
+  [[nodiscard]] localization::AlignmentResult align(
+      const maps::PointCloud& /*scan*/,
+      const std::optional<localization::Prior>& prior) const override {
+    priors_.push_back(prior.value().T_map_lidar);
+    localization::AlignmentResult answer;
+    answer.status = PoseStatus::kOk;
+    answer.T_map_lidar = priors_.back();
+    return answer;
+  }
+
+ private:
+  std::vector<Eigen::Isometry3d>& priors_;
+};
+
+TEST(LocalizationEvaluation, AsksOnlyForSelectedScansThatTheReferenceHasPosesOf) {
+  const test::TemporaryFolder folder;
+  const maps::Drive drive = maps::Drive::open(test::SmallDrive().write(folder));
+  MapBuildOptions build;
+  (void)build_map(drive.contents().root, folder.path() / "map", build, {}, CancelFlag(false));
+  const auto map = maps::MapPackage::open(folder.path() / "map");
+  LocalizationEvaluationOptions options;
+  options.selection = maps::Selection::parse("1:");
+  options.prior_errors = {{0.0, 0.0}};
+  options.reference.resize(drive.size());
+  options.reference[0] = some_pose();
+  options.reference[2] = some_pose() * Eigen::Translation3d(1.0, 0.0, 0.0);
+  std::vector<Eigen::Isometry3d> priors;
+  const auto evaluate = [&] {
+    return evaluate_localization(
+        *map, drive, options,
+        [&](const maps::MapPackage&) { return std::make_unique<PriorIsRight>(priors); }, {},
+        CancelFlag(false));
+  };
+  EXPECT_EQ(evaluate().scans, 1U);
+  ASSERT_THAT(priors, SizeIs(1));
+  EXPECT_TRUE(priors[0].isApprox(*options.reference[2]));
+  options.reference[2].reset();
+  EXPECT_THROW((void)evaluate(), std::invalid_argument);
+  options.reference.resize(2);
+  EXPECT_THROW((void)evaluate(), std::invalid_argument);
 }
 
 }  // namespace

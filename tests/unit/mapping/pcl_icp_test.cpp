@@ -1,4 +1,5 @@
 #include "reference/pcl_icp.hpp"
+#include "reference/map_aligners.hpp"
 
 #include <stillmap/maps/frames.hpp>
 
@@ -53,11 +54,6 @@ TEST(PclIcp, TinyScanIsLostAndBrokenInputIsRefused) {
   options.leaf_m = std::numeric_limits<double>::quiet_NaN();
   options.max_iterations = 0;
   EXPECT_THAT(options.violations(), ::testing::SizeIs(2));
-}
-
-TEST(MapAligner, NamesTheDefaultFirstAndTheReferences) {
-  EXPECT_THAT(map_aligner_names(),
-              ::testing::ElementsAre("default", "icp", "point_to_plane", "pcl-icp"));
 }
 
 /// A package of one tile that holds a room.

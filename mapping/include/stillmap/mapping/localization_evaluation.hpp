@@ -15,6 +15,7 @@
 #include <map>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -65,6 +66,9 @@ struct LocalizationEvaluationOptions {
   /// Threads, 0 = all cores. More make `cpu_ms` and `wall_ms` larger on a machine that shares
   /// memory bandwidth.
   int threads = 1;
+  /// Poses to compare with instead of the drive's, `T_map_lidar`, one entry a scan: selected scans
+  /// without one are not asked for. Empty: the drive's own.
+  std::vector<std::optional<Eigen::Isometry3d>> reference;
 
   /// Every broken bound as "name: value, bound"; empty when usable.
   [[nodiscard]] std::vector<std::string> violations() const;
@@ -172,7 +176,7 @@ struct LocalizationEvaluation {
 };
 
 /// Asks for the pose of each selected scan from priors with known errors, and compares with the
-/// drive's poses.
+/// drive's poses, or with `options.reference`.
 ///
 /// A query is deskewed with the vehicle's own velocity (`twist_at`, from the drive's poses before
 /// and after), because a vehicle knows it from its wheels; without neighbouring poses it is matched
@@ -181,7 +185,7 @@ struct LocalizationEvaluation {
 /// fitted on every other scan and applied to the rest, and the other way round, so that no answer
 /// is judged with a bias that it helped to fit. With fewer than two scans, or `BiasCorrection::
 /// kNone`, no bias is taken out.
-/// @throws std::invalid_argument (options, a drive without poses, no scan to ask for),
+/// @throws std::invalid_argument (options, no poses to compare with, no scan to ask for),
 /// maps::InputError,
 ///         maps::StorageError, Cancelled, and what the factory throws.
 /// @note   Everything but the times is the same for any number of threads.
