@@ -53,6 +53,7 @@ MapIndex::MapIndex(std::unique_ptr<const Storage> storage, const IndexKey& key,
   origin_ = view.origin;
   extent_ = view.extent;
   levels_ = std::move(view.levels);
+  place_grids_ = std::move(view.place_grids);
 }
 
 MapIndex::~MapIndex() = default;

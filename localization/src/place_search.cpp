@@ -11,8 +11,6 @@ using std::numbers::pi_v;
 
 // Places are looked at this far apart [m].
 constexpr double kSpacingM = 3.0;
-constexpr float kWideEdgeM = 2.0F;
-constexpr int kWideSpread = 1;
 constexpr int kHeadings = 60;
 // Share of all places and headings that the second round looks at, and the least number of them.
 // Less and the right one is lost among the many that fit as well on coarse cells.
@@ -21,13 +19,6 @@ constexpr std::size_t kLeastAfterWide = 900;
 constexpr std::size_t kAfterMiddle = 30;
 constexpr std::size_t kPoints = 160;
 constexpr float kReachM = 35.0F;
-
-const MapIndex::Level& level_of(const MapIndex& index, float edge_m) {
-  return *std::min_element(
-      index.levels().begin(), index.levels().end(), [&](const auto& a, const auto& b) {
-        return std::abs(std::log(a.edge_m / edge_m)) < std::abs(std::log(b.edge_m / edge_m));
-      });
-}
 
 /// Upright frame at a place: z is the pose's own, x as near to the map's x as that allows.
 Eigen::Isometry3f without_heading(const Eigen::Isometry3d& T) {
@@ -73,9 +64,9 @@ float hits(const CellBits& cells, const std::vector<Eigen::Vector3f>& points,
 
 PlaceSearch::PlaceSearch(const MapIndex& index, const std::vector<Eigen::Isometry3d>& seen_from)
     : origin_(index.origin()),
-      wide_(level_of(index, 1.0F), index.extent(), kWideEdgeM, kWideSpread),
-      middle_(level_of(index, 1.0F), index.extent(), kWideEdgeM, 0),
-      fine_(level_of(index, 1.0F), index.extent(), 1.0F, 0) {
+      wide_(index.place_grids()[0]),
+      middle_(index.place_grids()[1]),
+      fine_(index.place_grids()[2]) {
   std::vector<Eigen::Vector3d> taken;
   for (const Eigen::Isometry3d& T_map_lidar : seen_from) {
     const Eigen::Vector3d p = T_map_lidar.translation();

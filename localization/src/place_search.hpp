@@ -19,7 +19,7 @@ namespace stillmap::localization {
 /// the scan cannot see there.
 class PlaceSearch {
  public:
-  /// @param seen_from  T_map_lidar, at least one.
+  /// @param index      outlives this. @param seen_from  T_map_lidar, at least one.
   PlaceSearch(const MapIndex& index, const std::vector<Eigen::Isometry3d>& seen_from);
 
   /// Best places first, the same place only once; empty when nothing stands in the scan.

@@ -44,10 +44,19 @@ class LazyAligner : public localization::Aligner {
 }  // namespace
 
 Aligners build_aligners(const maps::MapPackage& map) {
+  const std::shared_ptr<const localization::MapIndex> index = localization::MapIndex::open(map);
+  if (!index->rebuilt_because().empty()) {
+    spdlog::info("index of {} was built: {}", map.folder().string(), index->rebuilt_because());
+  }
+  if (!index->kept_in_memory_because().empty()) {
+    spdlog::warn("index of {} is kept in memory and will be built again: {}", map.folder().string(),
+                 index->kept_in_memory_because());
+  }
+  const std::vector<Eigen::Isometry3d> seen_from = localization::seen_from(map);
   Aligners aligners;
   for (const std::string& method : localization::aligner_names()) {
     if (aligners.empty()) {
-      aligners.emplace_back(method, localization::make_aligner(method, map));
+      aligners.emplace_back(method, localization::make_aligner(method, index, seen_from));
     } else {
       aligners.emplace_back(method, std::make_shared<const LazyAligner>(method, map));
     }

@@ -33,6 +33,10 @@ const char* name_of(Kind kind) {
       return "slots";
     case Kind::kVoxels:
       return "voxels";
+    case Kind::kGridTiles:
+      return "grid tiles";
+    case Kind::kGridWords:
+      return "grid words";
   }
   return "unknown";
 }
@@ -74,6 +78,12 @@ std::vector<Part> parts_of(const IndexContent& content) {
   std::vector<Part> parts;
   for (std::size_t k = 0; k < content.levels.size(); ++k) {
     parts.push_back(part_of(Kind::kTiles, k, content.levels[k].cells.tiles()));
+  }
+  for (std::size_t k = 0; k < content.place_grids.size(); ++k) {
+    parts.push_back(part_of(Kind::kGridTiles, k, content.place_grids[k].tiles()));
+  }
+  for (std::size_t k = 0; k < content.place_grids.size(); ++k) {
+    parts.push_back(part_of(Kind::kGridWords, k, content.place_grids[k].words()));
   }
   for (std::size_t k = 0; k < content.levels.size(); ++k) {
     const VoxelLevel& level = content.levels[k];
@@ -202,6 +212,19 @@ MapIndex::Level level_of(const Parser& parser, std::uint32_t level) {
   return view;
 }
 
+CellBits place_grid_of(const Parser& parser, std::uint32_t grid, const Eigen::Vector3d& extent) {
+  const Section& section = parser.section(Kind::kGridTiles, grid);
+  const auto tiles = parser.items<CellBits::Tile>(section);
+  const auto words = parser.items<std::uint64_t>(parser.section(Kind::kGridWords, grid));
+  parser.verify(section);
+  const bool good = tiles.size() >= 2 && std::has_single_bit(tiles.size()) &&
+                    std::all_of(tiles.begin(), tiles.end(), [&](const CellBits::Tile& tile) {
+                      return tile.place <= words.size() / CellBits::kWordsOfTile;
+                    });
+  if (!good) parser.refuse("grid tiles that lie outside their section", "such that lie inside");
+  return {kPlaceGrids[grid].edge_m, extent, tiles, words};
+}
+
 }  // namespace
 
 std::vector<CacheLine> to_bytes(const IndexKey& key, const IndexContent& content) {
@@ -241,6 +264,9 @@ IndexView view_of(std::span<const std::byte> bytes, const IndexKey& key, const s
   }
   for (std::uint32_t level = 0; level < parser.header().levels; ++level) {
     view.levels.push_back(level_of(parser, level));
+  }
+  for (std::uint32_t grid = 0; grid < kPlaceGrids.size(); ++grid) {
+    view.place_grids.push_back(place_grid_of(parser, grid, view.extent));
   }
   if (view.levels.back().voxels.empty()) parser.refuse("no voxel", "at least one");
   return view;

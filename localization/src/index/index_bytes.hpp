@@ -1,5 +1,6 @@
 #pragma once
 
+#include "cell_bits.hpp"
 #include "map_level.hpp"
 
 #include <stillmap/localization/map_index.hpp>
@@ -30,6 +31,8 @@ struct IndexContent {
   Eigen::Vector3d extent = Eigen::Vector3d::Zero();
   /// Coarse to fine, as many as the options say.
   std::vector<VoxelLevel> levels;
+  /// As many as `kPlaceGrids`.
+  std::vector<CellBitsTable> place_grids;
 };
 
 /// Memory that is aligned as the sections of an index are.
@@ -45,6 +48,7 @@ struct IndexView {
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();
   Eigen::Vector3d extent = Eigen::Vector3d::Zero();
   std::vector<MapIndex::Level> levels;
+  std::vector<CellBits> place_grids;
 };
 
 /// Checks header, section table and tile directories, and touches nothing else: whatever the other

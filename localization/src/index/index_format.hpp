@@ -41,11 +41,14 @@ enum class Kind : std::uint32_t {
   kTiles = 1,   ///< CellBlocks::Tile
   kSlots = 2,   ///< CellBlocks::Slot
   kVoxels = 3,  ///< Voxel
+  /// CellBits::Tile and 64-bit words; the level counts `kPlaceGrids`.
+  kGridTiles = 4,
+  kGridWords = 5,
 };
 
 struct Section {
   Kind kind{};
-  /// 0 is the coarsest.
+  /// 0 is the coarsest level.
   std::uint32_t level = 0;
   std::uint64_t offset = 0;
   std::uint64_t bytes = 0;

@@ -132,6 +132,14 @@ MomentGrid coarser(const MomentGrid& fine) {
   return coarse;
 }
 
+/// Level whose cells are nearest to those that grids are made of.
+std::size_t level_for_places(const MapIndexOptions& options) {
+  // The coarsest is level 0.
+  const double doublings = std::log2(kPlaceCellM / options.finest_voxel_m);
+  const int up = std::clamp(static_cast<int>(std::lround(doublings)), 0, options.levels - 1);
+  return static_cast<std::size_t>(options.levels - 1 - up);
+}
+
 template <typename ForEachPoint>
 IndexContent build_from(const ForEachPoint& for_each_point, const std::string& source,
                         const MapIndexOptions& options) {
@@ -156,7 +164,7 @@ IndexContent build_from(const ForEachPoint& for_each_point, const std::string& s
     const Eigen::Vector3i cell = (p / options.finest_voxel_m).array().floor().cast<int>();
     grid.at(cell_key(cell.x(), cell.y(), cell.z())).add(p, weight);
   });
-  IndexContent content{.origin = min, .extent = max - min, .levels = {}};
+  IndexContent content{.origin = min, .extent = max - min, .levels = {}, .place_grids = {}};
   double edge_m = options.finest_voxel_m;
   for (int level = 0; level < options.levels; ++level, edge_m *= 2.0) {
     if (level > 0) grid = coarser(grid);
@@ -165,6 +173,11 @@ IndexContent build_from(const ForEachPoint& for_each_point, const std::string& s
   std::reverse(content.levels.begin(), content.levels.end());
   if (content.levels.back().voxels.empty()) {
     throw maps::InputError(source, "none", wanted);
+  }
+  const VoxelLevel& level = content.levels[level_for_places(options)];
+  for (const PlaceGrid& place_grid : kPlaceGrids) {
+    content.place_grids.emplace_back(level.voxels, content.extent, place_grid.edge_m,
+                                     place_grid.spread);
   }
   return content;
 }

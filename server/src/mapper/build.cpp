@@ -5,6 +5,9 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <stillmap/localization/map_index.hpp>
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_package.hpp>
 #include <string>
 
 #include "command_line/progress_bar.hpp"
@@ -43,10 +46,24 @@ std::string to_json_text(const mapping::MapBuildReport& report, const BuildArgum
   return json.dump(2) + "\n";
 }
 
-void print_for_people(const mapping::MapBuildReport& report, const BuildArguments& arguments) {
+/// Writes the index beside the tiles, so that the first query need not. A map that is too sparse to
+/// be searched is still a map.
+/// @return where it is, or why there is none.
+std::string write_index(const std::filesystem::path& map) {
+  try {
+    const auto index = localization::MapIndex::open(*maps::MapPackage::open(map));
+    return index->file().empty() ? index->kept_in_memory_because() : index->file().string();
+  } catch (const maps::InputError& error) {
+    return std::string("none: ") + error.what();
+  }
+}
+
+void print_for_people(const mapping::MapBuildReport& report, const BuildArguments& arguments,
+                      const std::string& index) {
   command_line::Table table;
   table.add("map", arguments.map.string());
   table.add("digest", report.digest);
+  table.add("index", index);
   table.add("scans", fmt::format("{} in {:.1f} s, {:.1f} a second", report.scans, report.seconds,
                                  report.scans_per_second));
   table.add("peak memory", fmt::format("{:.0f} MiB", report.peak_rss_mib));
@@ -59,6 +76,7 @@ void build(BuildArguments& arguments) {
   arguments.options.selection = maps::Selection::parse(arguments.select);
   arguments.options.projection.policy = mapping::movable_policy_from(arguments.movable);
   mapping::MapBuildReport report;
+  std::string index;
   {
     command_line::ProgressBar bar;
     report = mapping::build_map(
@@ -67,8 +85,11 @@ void build(BuildArguments& arguments) {
           bar.update(stage, done, total);
         },
         command_line::cancel_flag());
+    bar.update("index", 0, 1);
+    index = write_index(arguments.map);
+    bar.update("index", 1, 1);
   }
-  print_for_people(report, arguments);
+  print_for_people(report, arguments, index);
   if (arguments.json) write_text_file(*arguments.json, to_json_text(report, arguments));
 }
 

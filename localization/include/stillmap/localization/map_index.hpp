@@ -24,6 +24,7 @@ struct MapIndexOptions {
   [[nodiscard]] std::vector<std::string> violations() const;
 };
 
+class CellBits;
 struct IndexKey;
 
 /// Voxels with mean, covariance and normal at several resolutions; what every aligner of ours
@@ -58,6 +59,8 @@ class MapIndex {
   [[nodiscard]] const Eigen::Vector3d& extent() const { return extent_; }
   /// Coarse to fine.
   [[nodiscard]] const std::vector<Level>& levels() const { return levels_; }
+  /// Occupied columns for the search without a prior, from wide to fine.
+  [[nodiscard]] const std::vector<CellBits>& place_grids() const { return place_grids_; }
   [[nodiscard]] std::size_t voxel_count() const;
 
   /// The mapped file; empty when the index is kept in memory.
@@ -85,6 +88,7 @@ class MapIndex {
   Eigen::Vector3d origin_;
   Eigen::Vector3d extent_;
   std::vector<Level> levels_;
+  std::vector<CellBits> place_grids_;
   std::filesystem::path file_;
   std::string rebuilt_because_;
   std::string kept_in_memory_because_;
