@@ -72,6 +72,8 @@ TEST(CellBlocks, VisitsTheEightCellsAroundAPointWhereverBlocksMeet) {
         const CellBlocks::Numbers numbers = blocks.eight(x, y, z);
         visited.assign(numbers.of.begin(),
                        numbers.of.begin() + static_cast<std::ptrdiff_t>(numbers.count));
+        std::sort(visited.begin(), visited.end());
+        std::sort(expected.begin(), expected.end());
         ASSERT_EQ(visited, expected) << x << " " << y << " " << z;
       }
     }
