@@ -1,0 +1,77 @@
+#include "cell_bits.hpp"
+
+#include <gtest/gtest.h>
+
+#include <support/synthetic_world.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace stillmap::localization {
+namespace {
+
+const Eigen::Vector3d kExtent(200.0, 100.0, 30.0);
+
+/// Not near the border of two metres, where the float of the bit's number rounds.
+double some_height(test::Random& random) { return std::floor(random.uniform(0.0, 30.0)) + 0.5; }
+
+std::vector<Voxel> some_voxels() {
+  test::Random random(9);
+  std::vector<Voxel> voxels(1500);
+  for (Voxel& voxel : voxels) {
+    // Two far corners, so that most tiles hold nothing.
+    const double x = random.uniform(0.0, 50.0) + (random.uniform() < 0.5 ? 0.0 : 150.0);
+    voxel.mean = Eigen::Vector3d(x, random.uniform(0.0, 100.0), some_height(random)).cast<float>();
+  }
+  return voxels;
+}
+
+/// By the definition: a voxel at most `spread` columns away whose metre of height is next to p's.
+unsigned expected_hit(const std::vector<Voxel>& voxels, const Eigen::Vector3f& p, float edge_m,
+                      int spread) {
+  if (p.x() < 0.0F || p.y() < 0.0F) return 0;
+  const auto cell = [](float c, float edge) { return static_cast<int>(std::floor(c / edge)); };
+  return std::any_of(voxels.begin(), voxels.end(), [&](const Voxel& v) {
+    return std::abs(cell(v.mean.x(), edge_m) - cell(p.x(), edge_m)) <= spread &&
+           std::abs(cell(v.mean.y(), edge_m) - cell(p.y(), edge_m)) <= spread &&
+           std::abs(cell(v.mean.z(), 1.0F) - cell(p.z(), 1.0F)) <= 1;
+  });
+}
+
+TEST(CellBits, HitWhereAVoxelIsNear) {
+  const std::vector<Voxel> voxels = some_voxels();
+  for (const PlaceGrid& grid : kPlaceGrids) {
+    const CellBitsTable table(voxels, kExtent, grid.edge_m, grid.spread);
+    const CellBits bits(grid.edge_m, kExtent, table.tiles(), table.words());
+    test::Random random(2);
+    unsigned hits = 0;
+    for (int k = 0; k < 4000; ++k) {
+      const Eigen::Vector3f p(static_cast<float>(random.uniform(-5.0, 200.0)),
+                              static_cast<float>(random.uniform(-5.0, 100.0)),
+                              static_cast<float>(some_height(random)));
+      ASSERT_EQ(bits.hit(p), expected_hit(voxels, p, grid.edge_m, grid.spread)) << p.transpose();
+      hits += bits.hit(p);
+    }
+    EXPECT_GT(hits, 100U);
+    EXPECT_LT(hits, 3000U);
+  }
+}
+
+TEST(CellBits, OnlyTilesThatHoldSomethingTakeMemory) {
+  const CellBitsTable table(some_voxels(), kExtent, 1.0F, 0);
+  // Of 7 x 4 tiles the two columns in the middle are empty.
+  EXPECT_EQ(table.words().size(), 20 * CellBits::kWordsOfTile);
+}
+
+TEST(CellBits, NothingIsHitOutsideNorInAnEmptyOne) {
+  const CellBitsTable table(some_voxels(), kExtent, 2.0F, 1);
+  const CellBits bits(2.0F, kExtent, table.tiles(), table.words());
+  EXPECT_EQ(bits.hit({-0.5F, 50.0F, 5.0F}), 0U);
+  EXPECT_EQ(bits.hit({203.0F, 50.0F, 5.0F}), 0U);
+  EXPECT_EQ(bits.hit({50.0F, 103.0F, 5.0F}), 0U);
+  EXPECT_EQ(CellBits().hit({0.0F, 0.0F, 0.0F}), 0U);
+}
+
+}  // namespace
+}  // namespace stillmap::localization
