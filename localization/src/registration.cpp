@@ -72,7 +72,8 @@ Matches::Matches(const MapIndex::Level& level, std::span<const Eigen::Vector3f> 
       stride_(stride),
       matches_((points_lidar.size() + stride - 1) / stride) {}
 
-const ResidualRows& Matches::at(const Eigen::Isometry3d& T_index_lidar, float kernel_m) {
+const ResidualRows& Matches::at(const Eigen::Isometry3d& T_index_lidar, float kernel_m,
+                                float bend_share) {
   const Eigen::Matrix3f R = T_index_lidar.linear().cast<float>();
   const Eigen::Vector3f t = T_index_lidar.translation().cast<float>();
   const float slack_m = kSlackShare * kernel_m;
@@ -98,10 +99,10 @@ const ResidualRows& Matches::at(const Eigen::Isometry3d& T_index_lidar, float ke
     const Eigen::Vector3f mean = voxel.mean - t;
     const float range2 = p_lidar.squaredNorm();
     rows_.add(p_lidar, voxel.axis0, voxel.axis0.dot(mean),
-              row_variance_m2(voxel.variance0, range2));
+              row_variance_m2(voxel.variance0, range2, bend_share));
     if (voxel.sharp_axes == 2) {
       rows_.add(p_lidar, voxel.axis1, voxel.axis1.dot(mean),
-                row_variance_m2(voxel.variance1, range2));
+                row_variance_m2(voxel.variance1, range2, bend_share));
     }
   }
   rows_.pad();
@@ -115,7 +116,7 @@ int refine(const MapIndex::Level& level, std::span<const Eigen::Vector3f> points
   int steps = 0;
   for (int round = 0; round < schedule.max_rounds; ++round) {
     kernel_m = std::max(kernel_m, schedule.last_kernel_m);
-    const ResidualRows& rows = matches.at(T_index_lidar, kernel_m);
+    const ResidualRows& rows = matches.at(T_index_lidar, kernel_m, schedule.bend_share);
     if (rows.count < 6) break;
     const Eigen::Isometry3d before = T_index_lidar;
     steps += descend(rows, kernel_m, T_index_lidar);

@@ -13,13 +13,11 @@
 
 namespace stillmap::localization {
 
-/// Variance of a residual along a sharp axis [m^2]: the surface's thickness and what grows with the
-/// range. A surface at range r was mapped from places up to r away from here,
-/// and between those the map's poses drift: GNSS-aided poses of a city drive slid sideways by 3 to
-/// 5 % of the way. So what is near decides, and what is far helps as long as the map is straight.
-[[nodiscard]] inline float row_variance_m2(float surface_variance_m2, float range2_m2) {
-  constexpr float kDriftShare = 0.05F;
-  return surface_variance_m2 + kDriftShare * kDriftShare * range2_m2;
+/// Variance of a residual along a sharp axis [m^2]: the surface's thickness, and a share of the
+/// range for what bends between here and there (0 where the map is straight).
+[[nodiscard]] inline float row_variance_m2(float surface_variance_m2, float range2_m2,
+                                           float bend_share) {
+  return surface_variance_m2 + bend_share * bend_share * range2_m2;
 }
 
 /// The voxel that tells where a point is: null when that of the point has no sharp axis, or the
@@ -38,7 +36,8 @@ class Matches {
 
   /// Rows at a pose, one for each sharp axis of a point's voxel.
   /// @param T_index_lidar  relative to the index's origin.
-  [[nodiscard]] const ResidualRows& at(const Eigen::Isometry3d& T_index_lidar, float kernel_m);
+  [[nodiscard]] const ResidualRows& at(const Eigen::Isometry3d& T_index_lidar, float kernel_m,
+                                       float bend_share = 0.0F);
 
  private:
   struct Match {
@@ -64,6 +63,8 @@ struct Schedule {
   std::size_t stride = 1;
   /// >= 1
   int max_rounds = 6;
+  /// See `row_variance_m2`, >= 0.
+  float bend_share = 0.0F;
 };
 
 /// Graduated non-convexity (Yang et al., "Graduated non-convexity for robust spatial perception",

@@ -44,11 +44,14 @@ struct Observability {
 
 /// Covariance of a pose from residuals summed in blocks of space, so that errors which neighbours
 /// share (a voxel's mean, a bent wall, a car that moved) count once: H^-1 (sum_b g_b g_b^T) H^-1
-/// (Huber's sandwich, clustered), and a floor for what all points share. Degenerate directions get
-/// `kUnknownM`.
+/// (Huber's sandwich, clustered); more where the map's surfaces are thicker than a map's with
+/// exact poses, and where near points and all alike place the scan differently; and a floor for
+/// what all points share. Degenerate directions get `kUnknownM`. Its factors are calibrated on
+/// simulated drives (localization/README.md).
+/// @param bend  from the pose to the one by near points, (tx ty tz rx ry rz) in the lidar frame.
 [[nodiscard]] Matrix6d covariance_of(const ResidualRows& rows,
                                      const Eigen::Isometry3d& T_index_lidar, float kernel_m,
-                                     const std::vector<Vector6d>& degenerate);
+                                     const Vector6d& bend, const std::vector<Vector6d>& degenerate);
 
 /// Inputs of the verdict, apart from the pose.
 struct Evidence {
