@@ -13,18 +13,14 @@ std::int32_t cells_along(double extent_m, float edge_m) {
 }  // namespace
 
 TiledColumns::TiledColumns(const Eigen::Vector3d& extent, float edge_m)
-    : columns(cells_along(extent.x(), edge_m)), rows(cells_along(extent.y(), edge_m)) {
-  constexpr std::size_t kMostTiles = std::size_t{1} << 22;
-  const auto tiles_along = [&](std::int32_t cells) { return ((cells - 1) >> shift) + 1; };
-  do {
-    tiles_x = tiles_along(columns);
-    tiles_y = tiles_along(rows);
-  } while (tiles() > kMostTiles && ++shift < 16);
-}
+    : columns(cells_along(extent.x(), edge_m)),
+      rows(cells_along(extent.y(), edge_m)),
+      tiles_x(((columns - 1) >> kShift) + 1),
+      tiles_y(((rows - 1) >> kShift) + 1) {}
 
 CellBitsTable::CellBitsTable(std::span<const Voxel> voxels, const Eigen::Vector3d& extent,
                              float edge_m, int spread)
-    : grid_(extent, edge_m), tiles_(grid_.tiles()), words_(grid_.columns_of_tile()) {
+    : grid_(extent, edge_m), tiles_(grid_.tiles()), words_(TiledColumns::kColumnsOfTile) {
   const float inverse_edge = 1.0F / edge_m;
   for (const Voxel& voxel : voxels) {
     const auto x = static_cast<std::int32_t>(voxel.mean.x() * inverse_edge);
@@ -44,10 +40,10 @@ CellBitsTable::CellBitsTable(std::span<const Voxel> voxels, const Eigen::Vector3
 std::uint64_t& CellBitsTable::word_at(std::int32_t x, std::int32_t y) {
   std::uint32_t& tile = tiles_[grid_.tile(x, y)];
   if (tile == 0) {
-    tile = static_cast<std::uint32_t>(words_.size() / grid_.columns_of_tile());
-    words_.resize(words_.size() + grid_.columns_of_tile());
+    tile = static_cast<std::uint32_t>(words_.size() / TiledColumns::kColumnsOfTile);
+    words_.resize(words_.size() + TiledColumns::kColumnsOfTile);
   }
-  return words_[tile * grid_.columns_of_tile() + grid_.place_in_tile(x, y)];
+  return words_[tile * TiledColumns::kColumnsOfTile + TiledColumns::place_in_tile(x, y)];
 }
 
 }  // namespace stillmap::localization

@@ -218,7 +218,7 @@ CellBits place_grid_of(const Parser& parser, std::uint32_t grid, const Eigen::Ve
   const auto words = parser.items<std::uint64_t>(parser.section(Kind::kGridWords, grid));
   parser.verify(section);
   const TiledColumns columns(extent, kPlaceGrids[grid].edge_m);
-  const std::size_t places = words.size() / columns.columns_of_tile();
+  const std::size_t places = words.size() / TiledColumns::kColumnsOfTile;
   const bool good =
       tiles.size() == columns.tiles() &&
       std::all_of(tiles.begin(), tiles.end(), [&](std::uint32_t tile) { return tile < places; });
