@@ -1,7 +1,10 @@
 #include "cell_bits.hpp"
 
 #include <algorithm>
+#include <array>
 #include <bit>
+#include <cstddef>
+#include <cstdint>
 
 namespace stillmap::localization {
 namespace {
@@ -15,8 +18,45 @@ std::int32_t cells_along(double extent_m, float edge_m) {
 TiledColumns::TiledColumns(const Eigen::Vector3d& extent, float edge_m)
     : columns(cells_along(extent.x(), edge_m)),
       rows(cells_along(extent.y(), edge_m)),
-      tiles_x(((columns - 1) >> kShift) + 1),
-      tiles_y(((rows - 1) >> kShift) + 1) {}
+      tiles_x(static_cast<std::uint32_t>((columns - 1) >> kShift) + 1),
+      tiles_y(static_cast<std::uint32_t>((rows - 1) >> kShift) + 1) {}
+
+unsigned CellBits::hits(const PointColumns& points, const Eigen::Vector3f& shift) const {
+  // First all arithmetic, several points at once, then the look-ups.
+  constexpr std::size_t kAtOnce = 64;
+  std::array<std::uint32_t, kAtOnce> tile, place, bit, inside;
+  const auto columns = static_cast<std::uint32_t>(grid_.columns);
+  const auto rows = static_cast<std::uint32_t>(grid_.rows);
+  const float sx = shift.x();
+  const float sy = shift.y();
+  const float sz = shift.z();
+  unsigned count = 0;
+  for (std::size_t first = 0; first < points.x.size(); first += kAtOnce) {
+    const std::size_t n = std::min(kAtOnce, points.x.size() - first);
+    const float* x = points.x.data() + first;
+    const float* y = points.y.data() + first;
+    const float* z = points.z.data() + first;
+    for (std::size_t i = 0; i < n; ++i) {
+      const float px = x[i] + sx;
+      const float py = y[i] + sy;
+      const auto column = static_cast<std::uint32_t>(static_cast<std::int32_t>(px * inverse_edge_));
+      const auto row = static_cast<std::uint32_t>(static_cast<std::int32_t>(py * inverse_edge_));
+      // By sign bits, for comparisons would keep the compiler from taking several points at once.
+      // Negative coordinates round towards zero, onto the first column; there is nothing beside it.
+      const std::uint32_t outside = std::bit_cast<std::uint32_t>(px) |
+                                    std::bit_cast<std::uint32_t>(py) | column | row |
+                                    ~(column - columns) | ~(row - rows);
+      inside[i] = ~outside >> 31;
+      tile[i] = grid_.tile(column, row) & (0U - inside[i]);
+      place[i] = TiledColumns::place_in_tile(column, row);
+      bit[i] = height_bit(z[i] + sz) % 64U;
+    }
+    for (std::size_t i = 0; i < n; ++i) {
+      count += static_cast<unsigned>(words_[tiles_[tile[i]] + place[i]] >> bit[i]) & inside[i];
+    }
+  }
+  return count;
+}
 
 CellBitsTable::CellBitsTable(std::span<const Voxel> voxels, const Eigen::Vector3d& extent,
                              float edge_m, int spread)
@@ -31,19 +71,19 @@ CellBitsTable::CellBitsTable(std::span<const Voxel> voxels, const Eigen::Vector3
          ++row) {
       for (std::int32_t column = std::max(0, x - spread);
            column <= std::min(grid_.columns - 1, x + spread); ++column) {
-        word_at(column, row) |= bits;
+        word_at(static_cast<std::uint32_t>(column), static_cast<std::uint32_t>(row)) |= bits;
       }
     }
   }
 }
 
-std::uint64_t& CellBitsTable::word_at(std::int32_t x, std::int32_t y) {
-  std::uint32_t& tile = tiles_[grid_.tile(x, y)];
-  if (tile == 0) {
-    tile = static_cast<std::uint32_t>(words_.size() / TiledColumns::kColumnsOfTile);
+std::uint64_t& CellBitsTable::word_at(std::uint32_t x, std::uint32_t y) {
+  std::uint32_t& first = tiles_[grid_.tile(x, y)];
+  if (first == 0) {
+    first = static_cast<std::uint32_t>(words_.size());
     words_.resize(words_.size() + TiledColumns::kColumnsOfTile);
   }
-  return words_[tile * TiledColumns::kColumnsOfTile + TiledColumns::place_in_tile(x, y)];
+  return words_[first + TiledColumns::place_in_tile(x, y)];
 }
 
 }  // namespace stillmap::localization

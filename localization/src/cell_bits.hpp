@@ -12,21 +12,19 @@ namespace stillmap::localization {
 
 /// Columns of a grid over a map, in square tiles; those of one tile lie together.
 struct TiledColumns {
-  /// Binary logarithm of a tile's side; a number of the program, for a variable one costs a third
-  /// of the search's time.
+  /// Binary logarithm of a tile's side.
   static constexpr int kShift = 5;
   static constexpr std::size_t kColumnsOfTile = std::size_t{1} << (2 * kShift);
 
   /// @param extent  of the index [m]. @param edge_m  of a column.
   TiledColumns(const Eigen::Vector3d& extent, float edge_m);
 
-  [[nodiscard]] std::size_t tile(std::int32_t x, std::int32_t y) const {
-    return static_cast<std::size_t>(y >> kShift) * static_cast<std::size_t>(tiles_x) +
-           static_cast<std::size_t>(x >> kShift);
+  [[nodiscard]] std::uint32_t tile(std::uint32_t x, std::uint32_t y) const {
+    return (y >> kShift) * tiles_x + (x >> kShift);
   }
-  [[nodiscard]] static std::size_t place_in_tile(std::int32_t x, std::int32_t y) {
-    constexpr std::int32_t kLast = (1 << kShift) - 1;
-    return static_cast<std::size_t>(((y & kLast) << kShift) | (x & kLast));
+  [[nodiscard]] static std::uint32_t place_in_tile(std::uint32_t x, std::uint32_t y) {
+    constexpr std::uint32_t kLast = (1U << kShift) - 1U;
+    return ((y & kLast) << kShift) | (x & kLast);
   }
   [[nodiscard]] std::size_t tiles() const {
     return static_cast<std::size_t>(tiles_x) * static_cast<std::size_t>(tiles_y);
@@ -34,8 +32,19 @@ struct TiledColumns {
 
   std::int32_t columns = 0;
   std::int32_t rows = 0;
-  std::int32_t tiles_x = 0;
-  std::int32_t tiles_y = 0;
+  std::uint32_t tiles_x = 0;
+  std::uint32_t tiles_y = 0;
+};
+
+/// Points by coordinate, so that the compiler can take several at once.
+struct PointColumns {
+  explicit PointColumns(std::size_t count) : x(count), y(count), z(count) {}
+  void set(std::size_t i, const Eigen::Vector3f& p) {
+    x[i] = p.x();
+    y[i] = p.y();
+    z[i] = p.z();
+  }
+  std::vector<float> x, y, z;
 };
 
 /// Which cells of a map hold anything: a 64-bit word a column, a bit a metre of height. Heights
@@ -44,8 +53,8 @@ struct TiledColumns {
 class CellBits {
  public:
   /// @param edge_m  of a column. @param extent  of the index [m].
-  /// @param tiles   for each tile of `TiledColumns` where its words begin, in tiles.
-  /// @param words   of all tiles; no tile begins beyond them.
+  /// @param tiles   for each tile of `TiledColumns` where its words begin.
+  /// @param words   of all tiles; each tile's lie inside.
   CellBits(float edge_m, const Eigen::Vector3d& extent, std::span<const std::uint32_t> tiles,
            std::span<const std::uint64_t> words)
       : edge_m_(edge_m),
@@ -55,17 +64,10 @@ class CellBits {
         words_(words.data()) {}
 
   [[nodiscard]] float edge_m() const { return edge_m_; }
-  /// 1 where something lies within a metre of this height [m, relative to the index's origin].
-  [[nodiscard]] unsigned hit(const Eigen::Vector3f& p) const {
-    const auto x = static_cast<std::int32_t>(p.x() * inverse_edge_);
-    const auto y = static_cast<std::int32_t>(p.y() * inverse_edge_);
-    // Negative coordinates round towards zero, onto the first column; there is nothing beside it.
-    if (p.x() < 0.0F || p.y() < 0.0F || x >= grid_.columns || y >= grid_.rows) return 0;
-    const std::size_t first = tiles_[grid_.tile(x, y)] * TiledColumns::kColumnsOfTile;
-    return static_cast<unsigned>(words_[first + TiledColumns::place_in_tile(x, y)] >>
-                                 (height_bit(p.z()) % 64U)) &
-           1U;
-  }
+  /// How many of the points, shifted, have something within a metre of their height [m, relative to
+  /// the index's origin].
+  [[nodiscard]] unsigned hits(const PointColumns& points, const Eigen::Vector3f& shift) const;
+
   [[nodiscard]] static std::uint32_t height_bit(float z) {
     // A multiple of 64 that keeps heights positive.
     constexpr float kBelow = 64.0F * 1024.0F;
@@ -93,7 +95,7 @@ class CellBitsTable {
   [[nodiscard]] std::span<const std::uint64_t> words() const { return words_; }
 
  private:
-  [[nodiscard]] std::uint64_t& word_at(std::int32_t x, std::int32_t y);
+  [[nodiscard]] std::uint64_t& word_at(std::uint32_t x, std::uint32_t y);
 
   TiledColumns grid_;
   std::vector<std::uint32_t> tiles_;

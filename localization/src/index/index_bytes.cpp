@@ -218,10 +218,10 @@ CellBits place_grid_of(const Parser& parser, std::uint32_t grid, const Eigen::Ve
   const auto words = parser.items<std::uint64_t>(parser.section(Kind::kGridWords, grid));
   parser.verify(section);
   const TiledColumns columns(extent, kPlaceGrids[grid].edge_m);
-  const std::size_t places = words.size() / TiledColumns::kColumnsOfTile;
-  const bool good =
-      tiles.size() == columns.tiles() &&
-      std::all_of(tiles.begin(), tiles.end(), [&](std::uint32_t tile) { return tile < places; });
+  const bool good = tiles.size() == columns.tiles() &&
+                    std::all_of(tiles.begin(), tiles.end(), [&](std::uint32_t first) {
+                      return first + TiledColumns::kColumnsOfTile <= words.size();
+                    });
   if (!good) parser.refuse("grid tiles that lie outside their section", "such that lie inside");
   return {kPlaceGrids[grid].edge_m, extent, tiles, words};
 }

@@ -40,6 +40,13 @@ unsigned expected_hit(const std::vector<Voxel>& voxels, const Eigen::Vector3f& p
   });
 }
 
+/// Whether one point is hit.
+unsigned hit(const CellBits& bits, const Eigen::Vector3f& p) {
+  PointColumns one(1);
+  one.set(0, p);
+  return bits.hits(one, Eigen::Vector3f::Zero());
+}
+
 TEST(CellBits, HitWhereAVoxelIsNear) {
   const std::vector<Voxel> voxels = some_voxels();
   for (const PlaceGrid& grid : kPlaceGrids) {
@@ -51,8 +58,8 @@ TEST(CellBits, HitWhereAVoxelIsNear) {
       const Eigen::Vector3f p(static_cast<float>(random.uniform(-5.0, 200.0)),
                               static_cast<float>(random.uniform(-5.0, 100.0)),
                               static_cast<float>(some_height(random)));
-      ASSERT_EQ(bits.hit(p), expected_hit(voxels, p, grid.edge_m, grid.spread)) << p.transpose();
-      hits += bits.hit(p);
+      ASSERT_EQ(hit(bits, p), expected_hit(voxels, p, grid.edge_m, grid.spread)) << p.transpose();
+      hits += hit(bits, p);
     }
     EXPECT_GT(hits, 40U);
     EXPECT_LT(hits, 3000U);
@@ -68,9 +75,9 @@ TEST(CellBits, OnlyTilesThatHoldSomethingTakeMemory) {
 TEST(CellBits, NothingIsHitOutside) {
   const CellBitsTable table(some_voxels(), kExtent, 2.0F, 1);
   const CellBits bits(2.0F, kExtent, table.tiles(), table.words());
-  EXPECT_EQ(bits.hit({-0.5F, 50.0F, 5.0F}), 0U);
-  EXPECT_EQ(bits.hit({203.0F, 50.0F, 5.0F}), 0U);
-  EXPECT_EQ(bits.hit({50.0F, 103.0F, 5.0F}), 0U);
+  EXPECT_EQ(hit(bits, Eigen::Vector3f(-0.5F, 50.0F, 5.0F)), 0U);
+  EXPECT_EQ(hit(bits, Eigen::Vector3f(203.0F, 50.0F, 5.0F)), 0U);
+  EXPECT_EQ(hit(bits, Eigen::Vector3f(50.0F, 103.0F, 5.0F)), 0U);
 }
 
 TEST(CellBits, AMapOfAHundredKilometresTakesNoMemoryForWhatLiesBetween) {
@@ -82,9 +89,9 @@ TEST(CellBits, AMapOfAHundredKilometresTakesNoMemoryForWhatLiesBetween) {
   EXPECT_LE(table.tiles().size(), kMostGridTiles);
   EXPECT_EQ(table.words().size(), 3U * 32 * 32);
   const CellBits bits(1.0F, extent, table.tiles(), table.words());
-  EXPECT_EQ(bits.hit(voxels[0].mean), 1U);
-  EXPECT_EQ(bits.hit(voxels[1].mean), 1U);
-  EXPECT_EQ(bits.hit({50'000.0F, 50'000.0F, 3.5F}), 0U);
+  EXPECT_EQ(hit(bits, voxels[0].mean), 1U);
+  EXPECT_EQ(hit(bits, voxels[1].mean), 1U);
+  EXPECT_EQ(hit(bits, Eigen::Vector3f(50'000.0F, 50'000.0F, 3.5F)), 0U);
 }
 
 }  // namespace
