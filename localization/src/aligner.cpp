@@ -1,12 +1,32 @@
 #include <stillmap/localization/aligner.hpp>
 
+#include "reference/icp.hpp"
+#include "reference/point_to_plane.hpp"
+#include "reference/reference_aligner.hpp"
 #include "voxel_aligner.hpp"
 
 #include <fmt/format.h>
 
+#include <array>
 #include <stdexcept>
 
 namespace stillmap::localization {
+namespace {
+
+/// What follows the default in `aligner_names()`.
+struct NamedReference {
+  std::string_view name;
+  const ReferenceMethod& (*method)();
+};
+constexpr std::array<NamedReference, 2> kReferences = {
+    {{"icp", icp}, {"point_to_plane", point_to_plane}}};
+
+[[noreturn]] void refuse(std::string_view method) {
+  throw std::invalid_argument(fmt::format("method: found '{}', expected one of: {}", method,
+                                          fmt::join(aligner_names(), ", ")));
+}
+
+}  // namespace
 
 std::string_view name_of(PoseStatus status) {
   switch (status) {
@@ -20,7 +40,11 @@ std::string_view name_of(PoseStatus status) {
   throw std::invalid_argument(fmt::format("PoseStatus: {}, unknown", static_cast<int>(status)));
 }
 
-std::vector<std::string> aligner_names() { return {"default"}; }
+std::vector<std::string> aligner_names() {
+  std::vector<std::string> names = {"default"};
+  for (const NamedReference& reference : kReferences) names.emplace_back(reference.name);
+  return names;
+}
 
 std::vector<Eigen::Isometry3d> seen_from(const maps::MapPackage& map) {
   const maps::Trajectory trajectory = map.trajectory();
@@ -29,14 +53,26 @@ std::vector<Eigen::Isometry3d> seen_from(const maps::MapPackage& map) {
   return poses;
 }
 
+std::unique_ptr<Aligner> make_aligner(std::string_view method, const maps::MapPackage& map) {
+  if (method == "default") return make_aligner(method, MapIndex::open(map), seen_from(map));
+  for (const NamedReference& reference : kReferences) {
+    if (reference.name != method) continue;
+    return std::make_unique<ReferenceAligner>(MapPoints::build(map, reference.method().map_leaf_m),
+                                              reference.method());
+  }
+  refuse(method);
+}
+
 std::unique_ptr<Aligner> make_aligner(std::string_view method,
                                       std::shared_ptr<const MapIndex> index,
                                       const std::vector<Eigen::Isometry3d>& T_map_lidar_seen_from) {
-  if (method == "default") {
-    return std::make_unique<VoxelAligner>(std::move(index), T_map_lidar_seen_from);
+  for (const NamedReference& reference : kReferences) {
+    if (reference.name != method) continue;
+    throw std::invalid_argument(
+        fmt::format("method: found '{}', which needs a map's points, not its index alone", method));
   }
-  throw std::invalid_argument(fmt::format("method: found '{}', expected one of: {}", method,
-                                          fmt::join(aligner_names(), ", ")));
+  if (method != "default") refuse(method);
+  return std::make_unique<VoxelAligner>(std::move(index), T_map_lidar_seen_from);
 }
 
 }  // namespace stillmap::localization

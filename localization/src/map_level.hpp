@@ -4,6 +4,7 @@
 
 #include <stillmap/localization/map_index.hpp>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -44,9 +45,22 @@ struct MapIndex::Level {
     float distance2 = 0.0F;
   };
   [[nodiscard]] Nearest nearest(const Eigen::Vector3f& p, float floor_m2) const;
+  /// Calls `take(i, nearest)` for the points 0 to count - 1 in that order, with `place(i)` the
+  /// i-th. Many at a time: each stage's memory is asked for before any of it is used, as
+  /// waiting for it is most of the cost.
+  template <typename Place, typename Take>
+  void for_each_nearest(std::size_t count, float floor_m2, const Place& place,
+                        const Take& take) const;
 
   /// Whether the cell that holds a point has a voxel.
   [[nodiscard]] bool occupied(const Eigen::Vector3f& p) const;
+
+ private:
+  /// The first of the eight cells around a point; (-2, -2, -2), whose eight are none, for a point
+  /// outside the grid and for NaN.
+  [[nodiscard]] Eigen::Array3i first_of_eight(const Eigen::Vector3f& p) const;
+  [[nodiscard]] Nearest nearest_of(const CellBlocks::Numbers& numbers, const Eigen::Vector3f& p,
+                                   float floor_m2) const;
 };
 
 /// Squared Mahalanobis distance of a point to a voxel, `floor_m2` added to each variance.
@@ -62,28 +76,70 @@ struct MapIndex::Level {
          rest2 / (voxel.variance2 + floor_m2);
 }
 
+/// Squared distance of a point to its voxel along the sharp axes [m^2].
+[[nodiscard]] inline float across2_m2(const Voxel& voxel, const Eigen::Vector3f& p) {
+  const Eigen::Vector3f offset = p - voxel.mean;
+  const float a = voxel.axis0.dot(offset);
+  const float b = voxel.sharp_axes == 2 ? voxel.axis1.dot(offset) : 0.0F;
+  return a * a + b * b;
+}
+
 /// Whether a coordinate in cells can be cast to int32 and stay near the grid; false for NaN.
 [[nodiscard]] inline bool in_grid(float cells) {
   return cells > -8.0F && cells < static_cast<float>(kCellsPerAxis);
 }
 
+inline Eigen::Array3i MapIndex::Level::first_of_eight(const Eigen::Vector3f& p) const {
+  const float inverse = 1.0F / edge_m;
+  const float x = p.x() * inverse - 0.5F;
+  const float y = p.y() * inverse - 0.5F;
+  const float z = p.z() * inverse - 0.5F;
+  if (!in_grid(x) || !in_grid(y) || !in_grid(z)) return {-2, -2, -2};
+  // What is above -8 is rounded down by a cast once 8 is added; std::floor would be a call.
+  return {static_cast<std::int32_t>(x + 8.0F) - 8, static_cast<std::int32_t>(y + 8.0F) - 8,
+          static_cast<std::int32_t>(z + 8.0F) - 8};
+}
+
+inline MapIndex::Level::Nearest MapIndex::Level::nearest_of(const CellBlocks::Numbers& numbers,
+                                                            const Eigen::Vector3f& p,
+                                                            float floor_m2) const {
+  Nearest best{nullptr, std::numeric_limits<float>::infinity()};
+  for (std::size_t k = 0; k < numbers.count; ++k) {
+    const Voxel& voxel = voxels[numbers.of[k]];
+    const float distance2 = mahalanobis2(voxel, p, floor_m2);
+    if (distance2 < best.distance2) best = {&voxel, distance2};
+  }
+  return best;
+}
+
 inline MapIndex::Level::Nearest MapIndex::Level::nearest(const Eigen::Vector3f& p,
                                                          float floor_m2) const {
-  const float inverse = 1.0F / edge_m;
-  const float fx = p.x() * inverse - 0.5F;
-  const float fy = p.y() * inverse - 0.5F;
-  const float fz = p.z() * inverse - 0.5F;
-  Nearest best;
-  if (!in_grid(fx) || !in_grid(fy) || !in_grid(fz)) return best;
-  const auto x0 = static_cast<std::int32_t>(std::floor(fx));
-  const auto y0 = static_cast<std::int32_t>(std::floor(fy));
-  const auto z0 = static_cast<std::int32_t>(std::floor(fz));
-  best.distance2 = std::numeric_limits<float>::infinity();
-  cells.for_eight(x0, y0, z0, [&](std::uint32_t found) {
-    const float distance2 = mahalanobis2(voxels[found], p, floor_m2);
-    if (distance2 < best.distance2) best = {&voxels[found], distance2};
-  });
-  return best;
+  const Eigen::Array3i cell = first_of_eight(p);
+  return nearest_of(cells.eight(cell.x(), cell.y(), cell.z()), p, floor_m2);
+}
+
+template <typename Place, typename Take>
+void MapIndex::Level::for_each_nearest(std::size_t count, float floor_m2, const Place& place,
+                                       const Take& take) const {
+  constexpr std::size_t kBatch = 32;
+  std::array<Eigen::Vector3f, kBatch> points;
+  std::array<Eigen::Array3i, kBatch> first;
+  std::array<CellBlocks::Numbers, kBatch> numbers;
+  for (std::size_t begin = 0; begin < count; begin += kBatch) {
+    const std::size_t size = std::min(kBatch, count - begin);
+    for (std::size_t i = 0; i < size; ++i) {
+      points[i] = place(begin + i);
+      first[i] = first_of_eight(points[i]);
+      cells.prefetch_eight(first[i].x(), first[i].y(), first[i].z());
+    }
+    for (std::size_t i = 0; i < size; ++i) {
+      numbers[i] = cells.eight(first[i].x(), first[i].y(), first[i].z());
+      for (std::size_t k = 0; k < numbers[i].count; ++k)
+        __builtin_prefetch(&voxels[numbers[i].of[k]]);
+    }
+    for (std::size_t i = 0; i < size; ++i)
+      take(begin + i, nearest_of(numbers[i], points[i], floor_m2));
+  }
 }
 
 inline bool MapIndex::Level::occupied(const Eigen::Vector3f& p) const {

@@ -51,6 +51,8 @@ std::vector<Eigen::Vector3f> one_point_a_cell(const std::vector<Eigen::Vector3f>
   return kept;
 }
 
+}  // namespace
+
 std::vector<char> standing_flags(const std::vector<Eigen::Vector3f>& points,
                                  const Eigen::Matrix3f& R) {
   std::vector<float> heights(points.size());
@@ -72,8 +74,6 @@ std::vector<char> standing_flags(const std::vector<Eigen::Vector3f>& points,
   }
   return flags;
 }
-
-}  // namespace
 
 Query thin(const maps::PointCloud& scan_lidar, const Eigen::Matrix3d& R_map_lidar) {
   const std::vector<Eigen::Vector3f> cells = one_point_a_cell(scan_lidar.positions);

@@ -22,6 +22,11 @@ struct Query {
 
 inline constexpr std::size_t kMaxQueryPoints = 4000;
 
+/// One flag a point: stands above the lowest point of its column of 2 m. @param points  in the
+/// lidar frame, within 500 m. @param R  turns them upright.
+[[nodiscard]] std::vector<char> standing_flags(const std::vector<Eigen::Vector3f>& points,
+                                               const Eigen::Matrix3f& R);
+
 /// One point a cell of 0.5 m (the first in the scan's order), then every k-th so that the limit
 /// holds. Points beyond 500 m are left out: no lidar of ours sees them, and they would overflow the
 /// grid.

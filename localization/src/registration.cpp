@@ -4,7 +4,7 @@
 
 #include <Eigen/Eigenvalues>
 
-#include <array>
+#include <algorithm>
 
 namespace stillmap::localization {
 namespace {
@@ -16,125 +16,120 @@ constexpr double kMinEigenvalueShare = 5e-4;
 constexpr double kStepM = 1e-3;
 constexpr double kStepRad = 5e-5;
 
-constexpr float floor_of(float kernel_m) { return kernel_m * kernel_m / 9.0F; }
+constexpr int kMaxSteps = 4;
+/// Share of the kernel by which a point may move before it is looked up again.
+constexpr float kSlackShare = 0.1F;
+/// Factor by which the kernel narrows from round to round.
+constexpr float kNarrowing = 0.6F;
 
-/// Lower triangle of H and gradient in the order that the loop fills them.
-struct Sums {
-  std::array<double, 21> H{};
-  std::array<double, 6> gradient{};
+bool is_small(const Vector6d& step) {
+  return step.head<3>().norm() < kStepM && step.tail<3>().norm() < kStepRad;
+}
 
-  void add(const std::array<float, 6>& J, float residual, float weight) {
-    std::size_t k = 0;
-    for (std::size_t row = 0; row < 6; ++row) {
-      const float weighted = weight * J[row];
-      gradient[row] += static_cast<double>(weighted * residual);
-      for (std::size_t column = 0; column <= row; ++column)
-        H[k++] += static_cast<double>(weighted * J[column]);
-    }
+/// Gauss-Newton step that leaves alone what the rows do not constrain.
+Vector6d step_of(const NormalEquations& system) {
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(in_metres(system.H));
+  const Vector6d& values = solver.eigenvalues();
+  Vector6d gradient = system.gradient;
+  gradient.tail<3>() /= kLeverM;
+  Vector6d along = solver.eigenvectors().transpose() * gradient;
+  for (Eigen::Index k = 0; k < 6; ++k) {
+    along[k] = values[k] > kMinEigenvalueShare * values[5] ? -along[k] / values[k] : 0.0;
   }
+  Vector6d step = solver.eigenvectors() * along;
+  step.tail<3>() /= kLeverM;
+  return step;
+}
 
-  void store(NormalEquations& out) const {
-    Eigen::Index k = 0;
-    for (Eigen::Index row = 0; row < 6; ++row) {
-      out.gradient[row] = gradient[static_cast<std::size_t>(row)];
-      for (Eigen::Index column = 0; column <= row; ++column, ++k) {
-        out.H(row, column) = out.H(column, row) = H[static_cast<std::size_t>(k)];
-      }
-    }
+/// @return steps taken; moves the pose until the held matches agree.
+int descend(const ResidualRows& rows, float kernel_m, Eigen::Isometry3d& T_index_lidar) {
+  for (int step_count = 1; step_count <= kMaxSteps; ++step_count) {
+    const Vector6d step = step_of(linearize(rows, T_index_lidar, kernel_m));
+    T_index_lidar = maps::renormalized(T_index_lidar * maps::exp_se3(step));
+    if (is_small(step)) return step_count;
   }
-};
-
-void add_axis(const Eigen::Vector3f& axis, const Eigen::Vector3f& offset, const Eigen::Matrix3f& R,
-              const Eigen::Vector3f& p_lidar, float weight, Sums& sums) {
-  const Eigen::Vector3f g = R.transpose() * axis;
-  const Eigen::Vector3f turn = p_lidar.cross(g);
-  sums.add({g.x(), g.y(), g.z(), turn.x(), turn.y(), turn.z()}, axis.dot(offset), weight);
+  return kMaxSteps;
 }
 
 }  // namespace
 
-AxisResidual axis_residual(const Eigen::Vector3d& axis, const Eigen::Vector3d& mean,
-                           const Eigen::Isometry3d& T, const Eigen::Vector3d& p_lidar) {
-  AxisResidual out;
-  out.residual_m = axis.dot(T * p_lidar - mean);
-  const Eigen::Vector3d g = T.linear().transpose() * axis;
-  out.jacobian << g, p_lidar.cross(g);
-  return out;
-}
-
-PointTerm match_point(const MapIndex::Level& level, const Eigen::Vector3f& p, float kernel_m) {
-  const float floor_m2 = floor_of(kernel_m);
-  const MapIndex::Level::Nearest nearest = level.nearest(p, floor_m2);
-  if (nearest.voxel == nullptr || nearest.voxel->sharp_axes == 0) return {};
+const Voxel* sharp_match(const MapIndex::Level::Nearest& nearest, const Eigen::Vector3f& p,
+                         float kernel_m) {
+  const float floor_m2 = kernel_variance_m2(kernel_m);
+  if (nearest.voxel == nullptr || nearest.voxel->sharp_axes == 0) return nullptr;
   const Voxel& voxel = *nearest.voxel;
   const Eigen::Vector3f offset = p - voxel.mean;
   const float a = voxel.axis0.dot(offset);
   const float b = voxel.sharp_axes == 2 ? voxel.axis1.dot(offset) : 0.0F;
   const float across2 = a * a / (voxel.variance0 + floor_m2) + b * b / (voxel.variance1 + floor_m2);
-  if (!(nearest.distance2 - across2 < kMaxAlong2)) return {};
-  const float kernel2 = kernel_m * kernel_m;
-  const float distance2 = a * a + b * b;
-  const float share = kernel2 / (kernel2 + distance2);
-  return {&voxel, distance2, share * share};
+  return nearest.distance2 - across2 < kMaxAlong2 ? &voxel : nullptr;
 }
 
-NormalEquations linearize(const MapIndex::Level& level,
-                          std::span<const Eigen::Vector3f> points_lidar,
-                          const Eigen::Isometry3d& T_index_lidar, const Focus& focus) {
+Matches::Matches(const MapIndex::Level& level, std::span<const Eigen::Vector3f> points_lidar,
+                 std::size_t stride)
+    : level_(level),
+      points_lidar_(points_lidar),
+      stride_(stride),
+      matches_((points_lidar.size() + stride - 1) / stride) {}
+
+const ResidualRows& Matches::at(const Eigen::Isometry3d& T_index_lidar, float kernel_m) {
   const Eigen::Matrix3f R = T_index_lidar.linear().cast<float>();
   const Eigen::Vector3f t = T_index_lidar.translation().cast<float>();
-  const float kernel2 = focus.kernel_m * focus.kernel_m;
-  NormalEquations out;
-  Sums sums;
-  for (std::size_t i = 0; i < points_lidar.size(); i += focus.stride) {
-    const Eigen::Vector3f& p_lidar = points_lidar[i];
-    const Eigen::Vector3f p = R * p_lidar + t;
-    const PointTerm term = match_point(level, p, focus.kernel_m);
-    if (term.voxel == nullptr) {
-      out.cost += static_cast<double>(kernel2);
-      continue;
-    }
-    ++out.matched;
-    out.cost += static_cast<double>(kernel2 * term.distance2_m2 / (kernel2 + term.distance2_m2));
-    const Voxel& voxel = *term.voxel;
-    const Eigen::Vector3f offset = p - voxel.mean;
-    const auto weight = [&](float variance) {
-      return term.robust_weight /
-             residual_variance_m2(variance, focus.kernel_m, p_lidar.squaredNorm());
-    };
-    add_axis(voxel.axis0, offset, R, p_lidar, weight(voxel.variance0), sums);
-    if (voxel.sharp_axes == 2)
-      add_axis(voxel.axis1, offset, R, p_lidar, weight(voxel.variance1), sums);
+  const float slack_m = kSlackShare * kernel_m;
+  const auto place = [&](std::size_t i) -> Eigen::Vector3f {
+    return R * points_lidar_[i * stride_] + t;
+  };
+  moved_.clear();
+  for (std::size_t i = 0; i < matches_.size(); ++i) {
+    if (!((place(i) - matches_[i].at).squaredNorm() < slack_m * slack_m)) moved_.push_back(i);
   }
-  sums.store(out);
-  return out;
+  level_.for_each_nearest(
+      moved_.size(), kernel_variance_m2(kernel_m), [&](std::size_t k) { return place(moved_[k]); },
+      [&](std::size_t k, const MapIndex::Level::Nearest& nearest) {
+        const Eigen::Vector3f p = place(moved_[k]);
+        matches_[moved_[k]] = {sharp_match(nearest, p, kernel_m), p};
+      });
+  rows_.clear(t.cast<double>());
+  for (std::size_t i = 0; i < matches_.size(); ++i) {
+    const Eigen::Vector3f& p_lidar = points_lidar_[i * stride_];
+    const Match& match = matches_[i];
+    if (match.voxel == nullptr) continue;
+    const Voxel& voxel = *match.voxel;
+    const Eigen::Vector3f mean = voxel.mean - t;
+    const float range2 = p_lidar.squaredNorm();
+    rows_.add(p_lidar, voxel.axis0, voxel.axis0.dot(mean),
+              row_variance_m2(voxel.variance0, range2));
+    if (voxel.sharp_axes == 2) {
+      rows_.add(p_lidar, voxel.axis1, voxel.axis1.dot(mean),
+                row_variance_m2(voxel.variance1, range2));
+    }
+  }
+  rows_.pad();
+  return rows_;
+}
+
+int refine(const MapIndex::Level& level, std::span<const Eigen::Vector3f> points_lidar,
+           const Schedule& schedule, Eigen::Isometry3d& T_index_lidar) {
+  Matches matches(level, points_lidar, schedule.stride);
+  float kernel_m = schedule.first_kernel_m;
+  int steps = 0;
+  for (int round = 0; round < schedule.max_rounds; ++round) {
+    kernel_m = std::max(kernel_m, schedule.last_kernel_m);
+    const ResidualRows& rows = matches.at(T_index_lidar, kernel_m);
+    if (rows.count < 6) break;
+    const Eigen::Isometry3d before = T_index_lidar;
+    steps += descend(rows, kernel_m, T_index_lidar);
+    const bool at_last = kernel_m <= schedule.last_kernel_m;
+    if (at_last && is_small(maps::log_se3(before.inverse() * T_index_lidar))) break;
+    kernel_m *= kNarrowing;
+  }
+  return steps;
 }
 
 Matrix6d in_metres(const Matrix6d& H) {
   Vector6d scale;
   scale << 1.0, 1.0, 1.0, 1.0 / kLeverM, 1.0 / kLeverM, 1.0 / kLeverM;
   return scale.asDiagonal() * H * scale.asDiagonal();
-}
-
-int refine(const MapIndex::Level& level, std::span<const Eigen::Vector3f> points_lidar,
-           const Focus& focus, int max_iterations, Eigen::Isometry3d& T_index_lidar) {
-  for (int iteration = 1; iteration <= max_iterations; ++iteration) {
-    const NormalEquations system = linearize(level, points_lidar, T_index_lidar, focus);
-    if (system.matched < 6) return iteration;
-    const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(in_metres(system.H));
-    const Vector6d& values = solver.eigenvalues();
-    Vector6d gradient = system.gradient;
-    gradient.tail<3>() /= kLeverM;
-    Vector6d along = solver.eigenvectors().transpose() * gradient;
-    for (Eigen::Index k = 0; k < 6; ++k) {
-      along[k] = values[k] > kMinEigenvalueShare * values[5] ? -along[k] / values[k] : 0.0;
-    }
-    Vector6d step = solver.eigenvectors() * along;
-    step.tail<3>() /= kLeverM;
-    T_index_lidar = maps::renormalized(T_index_lidar * maps::exp_se3(step));
-    if (step.head<3>().norm() < kStepM && step.tail<3>().norm() < kStepRad) return iteration;
-  }
-  return max_iterations;
 }
 
 }  // namespace stillmap::localization

@@ -55,22 +55,32 @@ bool is_known(const MapIndex& index, const Eigen::Vector3f& p) {
   return index.levels().front().nearest(p, 1.0F).voxel != nullptr;
 }
 
-float cost_at(const MapIndex::Level& level, const Eigen::Vector3f& p) {
+/// Costs of some of the points at a pose.
+std::vector<float> costs_at(const MapIndex::Level& level, const Query& query,
+                            const Eigen::Isometry3d& T_index_lidar) {
   constexpr float kKernel2 = kProbeKernelM * kProbeKernelM;
-  const PointTerm term = match_point(level, p, kProbeKernelM);
-  return term.voxel == nullptr ? 1.0F : term.distance2_m2 / (kKernel2 + term.distance2_m2);
+  const Eigen::Isometry3f T = T_index_lidar.cast<float>();
+  std::vector<float> costs((query.points.size() + kProbeStride - 1) / kProbeStride, 1.0F);
+  const auto place = [&](std::size_t i) -> Eigen::Vector3f {
+    return T * query.points[i * kProbeStride];
+  };
+  level.for_each_nearest(costs.size(), kernel_variance_m2(kProbeKernelM), place,
+                         [&](std::size_t i, const MapIndex::Level::Nearest& nearest) {
+                           const Eigen::Vector3f p = place(i);
+                           const Voxel* voxel = sharp_match(nearest, p, kProbeKernelM);
+                           if (voxel == nullptr) return;
+                           const float distance2_m2 = across2_m2(*voxel, p);
+                           costs[i] = distance2_m2 / (kKernel2 + distance2_m2);
+                         });
+  return costs;
 }
 
-/// Mean rise of the cost when the pose is moved, in deviations of that mean.
-double probe_score(const MapIndex::Level& level, const Query& query,
-                   const Eigen::Isometry3d& T_index_lidar, const Vector6d& move) {
-  const Eigen::Isometry3f here = T_index_lidar.cast<float>();
-  const Eigen::Isometry3f moved = (T_index_lidar * maps::exp_se3(move)).cast<float>();
+/// Mean rise from some costs to others, in deviations of that mean.
+double rise_score(const std::vector<float>& from, const std::vector<float>& to) {
   double sum = 0.0;
   double squares = 0.0;
-  for (std::size_t i = 0; i < query.points.size(); i += kProbeStride) {
-    const double rise = static_cast<double>(cost_at(level, moved * query.points[i]) -
-                                            cost_at(level, here * query.points[i]));
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    const auto rise = static_cast<double>(to[i] - from[i]);
     sum += rise;
     squares += rise * rise;
   }
@@ -99,23 +109,24 @@ Support support_of(const MapIndex& index, const Query& query,
                    const Eigen::Isometry3d& T_index_lidar, std::size_t stride) {
   const Eigen::Isometry3f T = T_index_lidar.cast<float>();
   const MapIndex::Level& fine = index.levels().back();
-  std::size_t seen = 0, inliers = 0, standing = 0, known = 0, standing_inliers = 0;
+  std::size_t inliers = 0, standing = 0, known = 0, standing_inliers = 0;
   double squares = 0.0;
-  for (std::size_t i = 0; i < query.points.size(); i += stride) {
-    const Eigen::Vector3f p = T * query.points[i];
-    ++seen;
-    const MapIndex::Level::Nearest nearest = fine.nearest(p, kSurfaceSigmaM * kSurfaceSigmaM);
+  const auto place = [&](std::size_t i) -> Eigen::Vector3f { return T * query.points[i * stride]; };
+  const auto count = [&](std::size_t i, const MapIndex::Level::Nearest& nearest) {
+    const Eigen::Vector3f p = place(i);
     const bool inlier = nearest.voxel != nullptr && nearest.distance2 < kMaxSurface2;
     if (inlier) {
       ++inliers;
       const double across = static_cast<double>(nearest.voxel->axis0.dot(p - nearest.voxel->mean));
       squares += across * across;
     }
-    if (query.stands[i] == 0) continue;
+    if (query.stands[i * stride] == 0) return;
     ++standing;
     if (inlier) ++standing_inliers;
     if (inlier || is_known(index, p)) ++known;
-  }
+  };
+  const std::size_t seen = (query.points.size() + stride - 1) / stride;
+  fine.for_each_nearest(seen, kSurfaceSigmaM * kSurfaceSigmaM, place, count);
   const auto share = [](std::size_t part, std::size_t whole) {
     return whole == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(whole);
   };
@@ -131,13 +142,16 @@ Support support_of(const MapIndex& index, const Query& query,
 Observability observability_of(const MapIndex::Level& level, const Query& query,
                                const Eigen::Isometry3d& T_index_lidar, const Matrix6d& H) {
   const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(in_metres(H));
+  const std::vector<float> here = costs_at(level, query, T_index_lidar);
+  const auto score_of = [&](const Vector6d& move) {
+    return rise_score(here, costs_at(level, query, T_index_lidar * maps::exp_se3(move)));
+  };
   Observability out;
   for (Eigen::Index k = 0; k < 6; ++k) {
     const Vector6d direction = solver.eigenvectors().col(k);
     Vector6d move = kProbeM * direction;
     move.tail<3>() /= kLeverM;
-    const double score = std::min(probe_score(level, query, T_index_lidar, move),
-                                  probe_score(level, query, T_index_lidar, -move));
+    const double score = std::min(score_of(move), score_of(-move));
     if (!(score > kMinProbeScore)) out.degenerate.push_back(direction);
     // Eigenvalues ascend: once three directions in a row hold, the stronger ones do.
     if (k >= 2 && out.degenerate.empty()) break;
@@ -145,40 +159,32 @@ Observability observability_of(const MapIndex::Level& level, const Query& query,
   return out;
 }
 
-Matrix6d covariance_of(const MapIndex::Level& level, const Query& query,
-                       const Eigen::Isometry3d& T_index_lidar, float kernel_m,
-                       const std::vector<Vector6d>& degenerate) {
-  const Eigen::Isometry3f T = T_index_lidar.cast<float>();
+Matrix6d covariance_of(const ResidualRows& rows, const Eigen::Isometry3d& T_index_lidar,
+                       float kernel_m, const std::vector<Vector6d>& degenerate) {
   VoxelTable blocks;
   std::vector<Vector6d> sums;
   Matrix6d H = Matrix6d::Zero();
   Matrix6d geometry = Matrix6d::Zero();
   double robust_sum = 0.0;
   double thickness_sum = 0.0;
-  for (const Eigen::Vector3f& p_lidar : query.points) {
-    const Eigen::Vector3f p = T * p_lidar;
-    const PointTerm term = match_point(level, p, kernel_m);
-    if (term.voxel == nullptr) continue;
+  const double kernel = static_cast<double>(kernel_m);
+  for (std::size_t i = 0; i < rows.count; ++i) {
+    const Eigen::Vector3d point(rows.point_x[i], rows.point_y[i], rows.point_z[i]);
     const Eigen::Array3i cell =
-        (p / static_cast<float>(kBlockM)).array().floor().cast<int>() + 1024;
+        (T_index_lidar * point / kBlockM).array().floor().cast<int>() + 1024;
     const auto [block, inserted] = blocks.insert(cell_key(cell.x(), cell.y(), cell.z()));
     if (inserted) sums.emplace_back(Vector6d::Zero());
-    for (int k = 0; k < term.voxel->sharp_axes; ++k) {
-      const float variance = k == 0 ? term.voxel->variance0 : term.voxel->variance1;
-      const Eigen::Vector3f& axis = k == 0 ? term.voxel->axis0 : term.voxel->axis1;
-      const AxisResidual residual =
-          axis_residual(axis.cast<double>(), term.voxel->mean.cast<double>(), T_index_lidar,
-                        p_lidar.cast<double>());
-      const auto robust = static_cast<double>(term.robust_weight);
-      const double weight = robust / static_cast<double>(residual_variance_m2(
-                                         variance, kernel_m, p_lidar.squaredNorm()));
-      sums[block] += weight * residual.residual_m * residual.jacobian;
-      const Matrix6d outer = residual.jacobian * residual.jacobian.transpose();
-      H += weight * outer;
-      geometry += robust * outer;
-      robust_sum += robust;
-      thickness_sum += robust * static_cast<double>(variance);
-    }
+    const auto [residual, J] = axis_residual(rows, i, T_index_lidar);
+    const double robust = robust_weight(residual * residual, kernel);
+    const auto variance = static_cast<double>(rows.variance_m2[i]);
+    const double weight = robust / (variance + kernel_variance_m2(kernel));
+    sums[block] += weight * residual * J;
+    const Matrix6d outer = J * J.transpose();
+    H += weight * outer;
+    geometry += robust * outer;
+    robust_sum += robust;
+    thickness_sum += robust * (variance - static_cast<double>(row_variance_m2(
+                                              0.0F, static_cast<float>(point.squaredNorm()))));
   }
   if (!(robust_sum > 0.0)) return unknown_covariance();
   Matrix6d spread = Matrix6d::Zero();

@@ -46,7 +46,7 @@ struct Observability {
 /// share (a voxel's mean, a bent wall, a car that moved) count once: H^-1 (sum_b g_b g_b^T) H^-1
 /// (Huber's sandwich, clustered), and a floor for what all points share. Degenerate directions get
 /// `kUnknownM`.
-[[nodiscard]] Matrix6d covariance_of(const MapIndex::Level& level, const Query& query,
+[[nodiscard]] Matrix6d covariance_of(const ResidualRows& rows,
                                      const Eigen::Isometry3d& T_index_lidar, float kernel_m,
                                      const std::vector<Vector6d>& degenerate);
 

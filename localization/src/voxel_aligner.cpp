@@ -1,5 +1,6 @@
 #include "voxel_aligner.hpp"
 
+#include "input_checks.hpp"
 #include "place_search.hpp"
 #include "pose_search.hpp"
 #include "query.hpp"
@@ -7,8 +8,6 @@
 #include "verdict.hpp"
 
 #include <stillmap/maps/frames.hpp>
-
-#include <Eigen/Cholesky>
 
 #include <algorithm>
 #include <cmath>
@@ -28,8 +27,6 @@ constexpr double kSearchCellM = 1.0;
 constexpr double kAmbiguousShare = 0.9;
 constexpr double kDistinctM = 0.5;
 constexpr double kDistinctRad = 0.035;
-/// 99.9 % point of chi-squared with 6 degrees of freedom.
-constexpr double kMaxChiSquared = 22.46;
 /// Last width of the robust kernel as a share of the finest voxel.
 constexpr double kFinalKernelShare = 0.3;
 
@@ -38,27 +35,6 @@ struct Place {
   double support = 0.0;
   int iterations = 0;
 };
-
-void require_finite(const maps::PointCloud& scan_lidar) {
-  bool finite = true;
-  for (const Eigen::Vector3f& p : scan_lidar.positions) finite = finite && p.allFinite();
-  if (!finite) throw std::invalid_argument("scan: a coordinate is not finite");
-}
-
-void require_usable(const Prior& prior) {
-  if (!prior.T_map_lidar.matrix().allFinite()) throw std::invalid_argument("prior: not finite");
-  const Eigen::Matrix3d& R = prior.T_map_lidar.linear();
-  if (!((R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < 1e-3 &&
-        R.determinant() > 0.0)) {
-    throw std::invalid_argument("prior: its rotation matrix is not a rotation");
-  }
-  if (prior.covariance) {
-    const Eigen::LLT<Matrix6d> factor(*prior.covariance);
-    if (!prior.covariance->allFinite() || factor.info() != Eigen::Success) {
-      throw std::invalid_argument("prior: its covariance is not finite and positive definite");
-    }
-  }
-}
 
 const MapIndex::Level& level_near(const MapIndex& index, double edge_m) {
   return *std::min_element(index.levels().begin(), index.levels().end(),
@@ -86,10 +62,12 @@ Place settle(const MapIndex& index, const Query& query, const Eigen::Isometry3d&
   const std::size_t stride = std::max<std::size_t>(1, query.points.size() / 1000);
   for (const MapIndex::Level& level : index.levels()) {
     if (&level == &index.levels().back() && index.levels().size() > 1) break;
-    for (const float share : {0.6F, 0.3F}) {
-      place.iterations +=
-          refine(level, query.points, {share * level.edge_m, stride}, 5, place.T_index_lidar);
-    }
+    place.iterations += refine(level, query.points,
+                               {.first_kernel_m = 0.6F * level.edge_m,
+                                .last_kernel_m = 0.3F * level.edge_m,
+                                .stride = stride,
+                                .max_rounds = 4},
+                               place.T_index_lidar);
   }
   const Support support = support_of(index, query, place.T_index_lidar, stride);
   place.support = support.standing_ratio * support.known_ratio + 0.1 * support.inlier_ratio;
@@ -98,31 +76,19 @@ Place settle(const MapIndex& index, const Query& query, const Eigen::Isometry3d&
 
 void finish(const MapIndex& index, const Query& query, Place& place) {
   const MapIndex::Level& level = index.levels().back();
-  place.iterations += refine(level, query.points, {0.6F * level.edge_m, 2}, 6, place.T_index_lidar);
-  place.iterations +=
-      refine(level, query.points, {static_cast<float>(kFinalKernelShare) * level.edge_m, 1}, 10,
-             place.T_index_lidar);
+  const auto last_kernel_m = static_cast<float>(kFinalKernelShare) * level.edge_m;
+  place.iterations += refine(level, query.points,
+                             {.first_kernel_m = 0.6F * level.edge_m,
+                              .last_kernel_m = last_kernel_m,
+                              .stride = 1,
+                              .max_rounds = 12},
+                             place.T_index_lidar);
 }
 
 bool distinct(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
   const Eigen::Isometry3d difference = a.inverse() * b;
   return difference.translation().norm() > kDistinctM ||
          maps::rotation_angle_rad(difference.linear()) > kDistinctRad;
-}
-
-bool contradicts(const Prior& prior, const AlignmentResult& result) {
-  if (!prior.covariance) return false;
-  const Vector6d difference = maps::log_se3(prior.T_map_lidar.inverse() * result.T_map_lidar);
-  const Matrix6d covariance = *prior.covariance + result.covariance;
-  return !(difference.dot(covariance.ldlt().solve(difference)) < kMaxChiSquared);
-}
-
-AlignmentResult lost(std::string reason,
-                     const Eigen::Isometry3d& T_map_lidar = Eigen::Isometry3d::Identity()) {
-  AlignmentResult result;
-  result.reasons.push_back(std::move(reason));
-  result.T_map_lidar = T_map_lidar;
-  return result;
 }
 
 /// Refines each start coarse to fine, finishes the best of them and judges it.
@@ -144,7 +110,9 @@ AlignmentResult align_among(const MapIndex& index, const Query& query,
   const float kernel_m = static_cast<float>(kFinalKernelShare) * level.edge_m;
   Evidence evidence;
   evidence.support = support_of(index, query, best.T_index_lidar);
-  const NormalEquations system = linearize(level, query.points, best.T_index_lidar, {kernel_m, 1});
+  Matches matches(level, query.points);
+  const ResidualRows& rows = matches.at(best.T_index_lidar, kernel_m);
+  const NormalEquations system = linearize(rows, best.T_index_lidar, kernel_m);
   evidence.observability =
       observability_of(level_near(index, kSearchCellM), query, best.T_index_lidar, system.H);
   evidence.ambiguous = std::any_of(places.begin() + 1, places.end(), [&](const Place& other) {
@@ -156,7 +124,7 @@ AlignmentResult align_among(const MapIndex& index, const Query& query,
   result.T_map_lidar.translation() += index.origin();
   for (const Place& place : places) result.iterations += place.iterations;
   result.covariance =
-      covariance_of(level, query, best.T_index_lidar, kernel_m, evidence.observability.degenerate);
+      covariance_of(rows, best.T_index_lidar, kernel_m, evidence.observability.degenerate);
   evidence.contradicts_prior = prior != nullptr && contradicts(*prior, result);
   judge(evidence, result.covariance, result);
   return result;

@@ -2,6 +2,7 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/scan_file.hpp>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -11,6 +12,7 @@
 #include "drives/keyframes.hpp"
 #include "drives/kitti_odometry.hpp"
 #include "drives/kitti_raw.hpp"
+#include "drives/layout.hpp"
 #include "drives/scan_folder.hpp"
 #include "formats/file_bytes.hpp"
 
@@ -134,6 +136,21 @@ std::vector<std::uint32_t> Drive::read_labels(std::size_t index) const {
   std::vector<std::uint32_t> labels(points);
   if (points > 0) std::memcpy(labels.data(), bytes.span().data(), bytes.span().size());
   return labels;
+}
+
+std::optional<std::vector<std::optional<Eigen::Isometry3d>>> poses_of_some_scans(
+    const Drive& drive, const std::filesystem::path& poses_file) {
+  if (poses_format(poses_file) != PosesFormat::kTum) return std::nullopt;
+  const Trajectory trajectory = read_tum_trajectory(poses_file);
+  if (trajectory.size() >= drive.size()) return std::nullopt;
+  const std::vector<std::int64_t>& stamps = drive.contents().stamps_ns;
+  std::vector<std::optional<Eigen::Isometry3d>> poses(drive.size());
+  for (const StampedPose& pose : trajectory.poses()) {
+    const auto scan = std::lower_bound(stamps.begin(), stamps.end(), pose.stamp_ns);
+    if (scan == stamps.end() || *scan != pose.stamp_ns) return std::nullopt;
+    poses[static_cast<std::size_t>(scan - stamps.begin())] = pose.T_map_lidar;
+  }
+  return poses;
 }
 
 }  // namespace stillmap::maps

@@ -16,10 +16,11 @@ namespace stillmap::server {
 
 /// Aligners of one map by method, the default first.
 using Aligners = std::vector<std::pair<std::string, std::shared_ptr<const localization::Aligner>>>;
-/// Makes a map ready for queries; may take seconds.
+/// Makes a map ready for queries; may take seconds. The package outlives the aligners.
 using AlignerBuilder = std::function<Aligners(const maps::MapPackage&)>;
 
-/// Index and every method of `localization::aligner_names`.
+/// Every method of `localization::aligner_names`: the default at once, each other at its first
+/// query.
 [[nodiscard]] Aligners build_aligners(const maps::MapPackage& map);
 
 enum class MapState { kLoading, kReady, kFailed };

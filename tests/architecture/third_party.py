@@ -14,7 +14,7 @@ import subprocess
 import sys
 
 HEADER_ONLY = {"libeigen3-dev": "both", "nlohmann-json3-dev": "both", "libcli11-dev": "both",
-               "libboost-dev": "stillmap-mapper", "libflann-dev": "stillmap-mapper"}
+               "libboost-dev": "stillmap-mapper", "libflann-dev": "stillmap-mapper", "libnanoflann-dev": "both"}
 # The C and C++ run-time that every program of the system shares.
 SYSTEM = {"libc6", "libstdc++6", "libgcc-s1"}
 

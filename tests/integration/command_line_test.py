@@ -84,6 +84,36 @@ class CommandLine(unittest.TestCase):
         for a, b in zip(answer["pose"]["position"], by_quaternion["pose"]["position"]):
             self.assertAlmostEqual(a, b, places=6)
 
+    def test_localize_follows_a_drive(self):
+        poses, counts = self.folder / "poses.tum", self.folder / "counts.json"
+        done = run("localize", MAP, DRIVE, "--select", "1::4", "-o", poses, "--json", counts)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        result = json.loads(counts.read_text())
+        self.assertEqual(sum(result["status"].values()), result["scans"])
+        self.assertEqual(result["status"]["lost"], 0)
+        self.assertGreater(result["status"]["ok"], result["scans"] // 2)
+        for key in ("reasons", "seconds", "options", "version", "ms", "map"):
+            self.assertIn(key, result)
+        self.assertEqual([len(line.split()) for line in poses.read_text().splitlines()], [8] * result["scans"])
+        self.assertEqual(sorted(each.name for each in self.folder.iterdir()), ["counts.json", "poses.tum"])
+        first = run("localize", MAP, DRIVE, "--select", ":2", "--prior", "0,0,0,0").stdout.splitlines()
+        self.assertEqual([line.split()[2] for line in first], ["ok", "ok"])
+        self.assertEqual(json.loads(run("localize", MAP, DRIVE, "--select", ":2", "--json").stdout)["scans"], 2)
+
+    def test_localize_writes_nothing_when_nothing_is_found_or_it_is_cancelled(self):
+        poses = self.folder / "poses.tum"
+        done = run("localize", MAP, DRIVE, "--select", ":1", "--prior", "900,0,0,0", "-o", poses)
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.fails(2, "takes none", "localize", MAP, DRIVE, "--select", "5:5", "-o", poses)
+        self.fails(2, "expected a drive", "localize", MAP, SCAN, "-o", poses)
+        program = subprocess.Popen([PROGRAM, "localize", MAP, DRIVE], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                                   text=True)
+        program.stdout.readline()
+        program.send_signal(signal.SIGINT)
+        _, errors = program.communicate(timeout=30)
+        self.assertEqual((program.returncode, errors), (130, "stillmap: cancelled\n"))
+        self.assertEqual(list(self.folder.iterdir()), [])
+
     def test_lost_is_1_and_has_no_pose(self):
         done = run("localize", MAP, SCAN, "--prior", "900,0,0,0", "--json")
         self.assertEqual(done.returncode, 1)

@@ -13,11 +13,17 @@
 #include <chrono>
 #include <cmath>
 #include <ctime>
+#include <limits>
 #include <mutex>
+#include <numbers>
+#include <optional>
 #include <stdexcept>
 
 namespace stillmap::mapping {
 namespace {
+
+constexpr PriorError kNoPrior{.metres = std::numeric_limits<double>::quiet_NaN(),
+                              .degrees = std::numeric_limits<double>::quiet_NaN()};
 
 double thread_cpu_ms() {
   timespec now{};
@@ -40,34 +46,174 @@ maps::PointCloud deskewed_scan(const maps::Drive& drive, std::size_t index) {
 
 LocalizationRecord ask(const localization::Aligner& aligner, const maps::PointCloud& scan_lidar,
                        const Eigen::Isometry3d& T_map_lidar,
-                       const Eigen::Isometry3d& T_map_lidar_prior) {
+                       const std::optional<Eigen::Isometry3d>& T_map_lidar_prior) {
+  std::optional<localization::Prior> prior;
+  if (T_map_lidar_prior) prior = localization::Prior{*T_map_lidar_prior, std::nullopt};
   const double cpu_start = thread_cpu_ms();
   const double wall_start = wall_ms();
-  localization::AlignmentResult answer =
-      aligner.align(scan_lidar, localization::Prior{T_map_lidar_prior, std::nullopt});
+  localization::AlignmentResult answer = aligner.align(scan_lidar, prior);
   LocalizationRecord record;
-  record.cpu_ms = thread_cpu_ms() - cpu_start;
-  record.wall_ms = wall_ms() - wall_start;
-  record.status = answer.status;
-  record.reasons = std::move(answer.reasons);
+  record.query.cpu_ms = thread_cpu_ms() - cpu_start;
+  record.query.wall_ms = wall_ms() - wall_start;
+  record.query.status = answer.status;
+  record.query.reasons = std::move(answer.reasons);
+  record.query.protection = answer.protection;
+  record.query.inlier_ratio = answer.inlier_ratio;
   record.T_reference_answer = T_map_lidar.inverse() * answer.T_map_lidar;
   record.covariance = answer.covariance;
   return record;
 }
 
+bool has_pose(const LocalizationEvaluationOptions& options, std::size_t index) {
+  return options.reference.empty() || options.reference[index].has_value();
+}
+
+/// The pose that an answer is compared with, or a prior taken from; the scan must have one.
+const Eigen::Isometry3d& T_map_lidar_of(const maps::Drive& drive,
+                                        const LocalizationEvaluationOptions& options,
+                                        std::size_t index) {
+  return options.reference.empty() ? drive.T_map_lidar(index) : options.reference[index].value();
+}
+
+/// The scans that can be asked for.
+std::vector<std::size_t> scans_of(const maps::Drive& drive,
+                                  const LocalizationEvaluationOptions& options) {
+  std::vector<std::size_t> scans = options.selection.indices(drive.size());
+  std::erase_if(scans, [&](std::size_t index) {
+    if (!has_pose(options, index)) return true;
+    return options.prior == PriorSource::kPrevious && (index == 0 || !has_pose(options, index - 1));
+  });
+  return scans;
+}
+
 void require_usable(const maps::Drive& drive, const LocalizationEvaluationOptions& options) {
   const std::vector<std::string> broken = options.violations();
   if (!broken.empty()) throw std::invalid_argument(fmt::format("{}", fmt::join(broken, "; ")));
-  if (!drive.has_poses()) {
+  const std::size_t references = options.reference.size();
+  if (references != 0 && references != drive.size()) {
+    throw std::invalid_argument(
+        fmt::format("reference: {} entries, one for each of {} scans", references, drive.size()));
+  }
+  if (references == 0 && !drive.has_poses()) {
     throw std::invalid_argument(drive.contents().root.string() +
                                 ": found no poses, expected one a scan");
   }
-  if (options.selection.indices(drive.size()).empty()) {
-    throw std::invalid_argument(fmt::format("selection: no scan of {}", drive.size()));
+  if (scans_of(drive, options).empty()) {
+    throw std::invalid_argument(
+        fmt::format("selection: no scan of {}{}{}", drive.size(),
+                    options.reference.empty() ? "" : " has a pose",
+                    options.prior == PriorSource::kPrevious ? " that has one before it" : ""));
   }
 }
 
+/// As in the definition of a drawn error: horizontal distance and yaw.
+PriorError error_between(const Eigen::Isometry3d& T_map_lidar,
+                         const Eigen::Isometry3d& T_map_lidar_prior) {
+  const Eigen::Matrix3d turn = T_map_lidar.linear().transpose() * T_map_lidar_prior.linear();
+  return {.metres = (T_map_lidar_prior.translation() - T_map_lidar.translation()).head<2>().norm(),
+          .degrees = std::abs(std::atan2(turn(1, 0), turn(0, 0))) * 180.0 / std::numbers::pi};
+}
+
+/// All queries of one evaluation, in an order that does not depend on the threads.
+class Questions {
+ public:
+  Questions(const maps::Drive& drive, const LocalizationEvaluationOptions& options,
+            const localization::Aligner& aligner)
+      : drive_(drive),
+        options_(options),
+        aligner_(aligner),
+        scans_(scans_of(drive, options)),
+        trials_(static_cast<std::size_t>(options.trials)),
+        records_(options.prior == PriorSource::kDrawn ? options.prior_errors.size() : 1,
+                 std::vector<LocalizationRecord>(scans_.size() * trials_)) {}
+
+  void ask_for_scan(std::size_t position, const CancelFlag& cancel) {
+    const std::size_t index = scans_[position];
+    const maps::PointCloud scan_lidar = deskewed_scan(drive_, index);
+    for (std::size_t level = 0; level < records_.size(); ++level) {
+      for (std::size_t trial = 0; trial < trials_; ++trial) {
+        if (cancel) throw Cancelled();
+        const std::optional<Eigen::Isometry3d> prior = prior_of(index, level, trial);
+        LocalizationRecord& record = records_[level][position * trials_ + trial];
+        record = ask(aligner_, scan_lidar, T_map_lidar(index), prior);
+        record.position = position;
+        record.query.scan = index;
+        record.query.trial = static_cast<int>(trial);
+        record.query.prior_error = prior_error_of(index, level, prior);
+      }
+    }
+  }
+
+  [[nodiscard]] std::size_t scans() const { return scans_.size(); }
+  [[nodiscard]] const std::vector<std::vector<LocalizationRecord>>& records() const {
+    return records_;
+  }
+
+ private:
+  [[nodiscard]] const Eigen::Isometry3d& T_map_lidar(std::size_t index) const {
+    return T_map_lidar_of(drive_, options_, index);
+  }
+  [[nodiscard]] std::optional<Eigen::Isometry3d> prior_of(std::size_t index, std::size_t level,
+                                                          std::size_t trial) const {
+    switch (options_.prior) {
+      case PriorSource::kDrawn:
+        return with_prior_error(T_map_lidar(index), options_.prior_errors[level],
+                                CounterRandom(options_.seed, index, trial));
+      case PriorSource::kPrevious:
+        return T_map_lidar(index - 1);
+      case PriorSource::kNone:
+        break;
+    }
+    return std::nullopt;
+  }
+
+  [[nodiscard]] PriorError prior_error_of(std::size_t index, std::size_t level,
+                                          const std::optional<Eigen::Isometry3d>& prior) const {
+    if (!prior) return kNoPrior;
+    return options_.prior == PriorSource::kDrawn ? options_.prior_errors[level]
+                                                 : error_between(T_map_lidar(index), *prior);
+  }
+
+  const maps::Drive& drive_;
+  const LocalizationEvaluationOptions& options_;
+  const localization::Aligner& aligner_;
+  std::vector<std::size_t> scans_;
+  std::size_t trials_;
+  std::vector<std::vector<LocalizationRecord>> records_;
+};
+
+PriorError median_prior_error(const std::vector<LocalizationQuery>& queries) {
+  std::vector<double> metres, degrees;
+  for (const LocalizationQuery& query : queries) {
+    metres.push_back(query.prior_error.metres);
+    degrees.push_back(query.prior_error.degrees);
+  }
+  return {.metres = percentile(metres, 0.5), .degrees = percentile(degrees, 0.5)};
+}
+
 }  // namespace
+
+std::string_view name_of(PriorSource source) {
+  switch (source) {
+    case PriorSource::kDrawn:
+      return "drawn";
+    case PriorSource::kPrevious:
+      return "previous";
+    case PriorSource::kNone:
+      return "none";
+  }
+  throw std::invalid_argument("PriorSource out of range");
+}
+
+std::string_view name_of(BiasCorrection correction) {
+  switch (correction) {
+    case BiasCorrection::kFit:
+      return "fit";
+    case BiasCorrection::kNone:
+      return "none";
+  }
+  throw std::invalid_argument("BiasCorrection out of range");
+}
 
 std::vector<std::string> LocalizationEvaluationOptions::violations() const {
   std::vector<std::string> broken;
@@ -81,6 +227,9 @@ std::vector<std::string> LocalizationEvaluationOptions::violations() const {
     }
   }
   if (trials < 1) broken.push_back(fmt::format("trials: {}, >= 1", trials));
+  if (trials > 1 && prior != PriorSource::kDrawn) {
+    broken.push_back(fmt::format("trials: {}, 1 where no prior is drawn", trials));
+  }
   if (threads < 0) broken.push_back(fmt::format("threads: {}, >= 0", threads));
   return broken;
 }
@@ -92,38 +241,28 @@ LocalizationEvaluation evaluate_localization(const maps::MapPackage& map, const 
                                              const CancelFlag& cancel) {
   require_usable(drive, options);
   const double start_ms = wall_ms();
-  const std::vector<std::size_t> scans = options.selection.indices(drive.size());
   const std::unique_ptr<localization::Aligner> aligner = make_aligner(map);
-  const auto trials = static_cast<std::size_t>(options.trials);
-  std::vector<std::vector<LocalizationRecord>> records(
-      options.prior_errors.size(), std::vector<LocalizationRecord>(scans.size() * trials));
+  Questions questions(drive, options, *aligner);
   std::mutex progress_mutex;
   std::size_t done = 0;
-  const auto ask_for_scan = [&](std::size_t position) {
-    const std::size_t index = scans[position];
-    const maps::PointCloud scan_lidar = deskewed_scan(drive, index);
-    for (std::size_t level = 0; level < records.size(); ++level) {
-      for (std::size_t trial = 0; trial < trials; ++trial) {
-        if (cancel) throw Cancelled();
-        const Eigen::Isometry3d prior =
-            with_prior_error(drive.T_map_lidar(index), options.prior_errors[level],
-                             CounterRandom(options.seed, index, trial));
-        LocalizationRecord& record = records[level][position * trials + trial];
-        record = ask(*aligner, scan_lidar, drive.T_map_lidar(index), prior);
-        record.scan = position;
-      }
-    }
-    const std::lock_guard lock(progress_mutex);
-    if (progress) progress("localize", ++done, scans.size());
-  };
   tbb::task_arena arena(options.threads == 0 ? tbb::task_arena::automatic : options.threads);
-  arena.execute([&] { tbb::parallel_for(std::size_t{0}, scans.size(), ask_for_scan); });
+  arena.execute([&] {
+    tbb::parallel_for(std::size_t{0}, questions.scans(), [&](std::size_t position) {
+      questions.ask_for_scan(position, cancel);
+      const std::lock_guard lock(progress_mutex);
+      if (progress) progress("localize", ++done, questions.scans());
+    });
+  });
   LocalizationEvaluation evaluation;
-  evaluation.scans = scans.size();
+  evaluation.scans = questions.scans();
   evaluation.options = options;
-  for (std::size_t level = 0; level < records.size(); ++level) {
-    evaluation.levels.push_back(
-        level_of(records[level], options.prior_errors[level], options.seed));
+  for (std::size_t level = 0; level < questions.records().size(); ++level) {
+    const std::vector<LocalizationQuery>& queries =
+        evaluation.queries.emplace_back(judged(questions.records()[level], options.bias));
+    const PriorError& prior_error = options.prior == PriorSource::kDrawn
+                                        ? options.prior_errors[level]
+                                        : median_prior_error(queries);
+    evaluation.levels.push_back(level_of(queries, prior_error, options.seed));
   }
   evaluation.seconds = (wall_ms() - start_ms) * 1e-3;
   return evaluation;

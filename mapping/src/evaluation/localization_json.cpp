@@ -11,10 +11,27 @@ using Json = nlohmann::ordered_json;
 
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
+void add_rate(Json& json, const std::string& name, const BoundedRate& rate) {
+  json[name] = number(rate.rate);
+  json[name + "_count"] = rate.count;
+  json[name + "_of"] = rate.of;
+  json[name + "_upper_95"] = number(rate.upper_95);
+}
+
+Json integrity_json(const Integrity& integrity) {
+  Json json;
+  add_rate(json, "misleading", integrity.misleading);
+  add_rate(json, "hazardous", integrity.hazardous);
+  add_rate(json, "availability", integrity.availability);
+  json["availability_lower_95"] = number(integrity.availability_lower_95);
+  json["level_over_error"] = number(integrity.level_over_error);
+  return json;
+}
+
 Json level_json(const LocalizationLevel& level) {
   Json json;
-  json["prior_error_m"] = level.prior_error.metres;
-  json["prior_error_deg"] = level.prior_error.degrees;
+  json["prior_error_m"] = number(level.prior_error.metres);
+  json["prior_error_deg"] = number(level.prior_error.degrees);
   json["queries"] = level.queries;
   json["success_rate"] = number(level.success_rate);
   json["success_interval_95"] = {number(level.success_interval[0]),
@@ -32,6 +49,7 @@ Json level_json(const LocalizationLevel& level) {
   json["cpu_ms"] = {{"p50", number(level.cpu_ms.p50)}, {"p95", number(level.cpu_ms.p95)}};
   json["wall_ms"] = {{"p50", number(level.wall_ms.p50)}, {"p95", number(level.wall_ms.p95)}};
   json["nees"] = {{"mean", number(level.nees_mean)}, {"inside_95", number(level.nees_inside_95)}};
+  json["integrity"] = integrity_json(level.integrity);
   return json;
 }
 
@@ -52,6 +70,8 @@ std::string to_json(const LocalizationEvaluation& evaluation) {
   json["seconds"] = evaluation.seconds;
   // As text: a seed may exceed the 2^53 that readers of JSON keep exact.
   json["options"] = {{"select", text_of(evaluation.options.selection)},
+                     {"prior", name_of(evaluation.options.prior)},
+                     {"bias", name_of(evaluation.options.bias)},
                      {"trials", evaluation.options.trials},
                      {"seed", std::to_string(evaluation.options.seed)},
                      {"threads", evaluation.options.threads}};

@@ -1,6 +1,7 @@
 #include "evaluation/localization_metrics.hpp"
 
-#include "evaluation/prior_draws.hpp"
+#include "evaluation/integrity.hpp"
+#include "evaluation/resampling.hpp"
 
 #include <stillmap/maps/frames.hpp>
 
@@ -22,30 +23,25 @@ constexpr double kFalseM = 0.5;
 constexpr double kFalseDeg = 2.0;
 /// 95 % point of chi-squared with 6 degrees of freedom.
 constexpr double kChiSquared95 = 12.592;
-constexpr std::size_t kResamplings = 2000;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 double degrees(double rad) { return rad * 180.0 / std::numbers::pi; }
 
-/// An answer's error after the bias was taken out.
-struct Error {
-  double m = 0.0;
-  double horizontal_m = 0.0;
-  double deg = 0.0;
-  double yaw_deg = 0.0;
-  double nees = kNaN;
-};
+bool is_lost(const LocalizationQuery& query) { return query.status == PoseStatus::kLost; }
 
-Error error_of(const LocalizationRecord& record, const Vector6d& bias) {
-  const Vector6d e = maps::log_se3(record.T_reference_answer * maps::exp_se3(bias).inverse());
-  Error error;
-  error.m = e.head<3>().norm();
-  error.horizontal_m = e.head<2>().norm();
-  error.deg = degrees(e.tail<3>().norm());
-  error.yaw_deg = degrees(std::abs(e[5]));
-  const Eigen::LLT<Eigen::Matrix<double, 6, 6>> factor(record.covariance);
-  if (factor.info() == Eigen::Success) error.nees = e.dot(factor.solve(e));
-  return error;
+double off_m(const LocalizationQuery& query) { return query.error.head<3>().norm(); }
+double off_deg(const LocalizationQuery& query) { return degrees(query.error.tail<3>().norm()); }
+bool is_within(const LocalizationQuery& query, double metres, double degrees) {
+  return off_m(query) <= metres && off_deg(query) <= degrees;
+}
+
+bool is_success(const LocalizationQuery& query) {
+  return !is_lost(query) && is_within(query, kSuccessM, kSuccessDeg);
+}
+
+double nees_of(const Vector6d& error, const Eigen::Matrix<double, 6, 6>& covariance) {
+  const Eigen::LLT<Eigen::Matrix<double, 6, 6>> factor(covariance);
+  return factor.info() == Eigen::Success ? error.dot(factor.solve(error)) : kNaN;
 }
 
 double root_mean_square(const std::vector<double>& values) {
@@ -58,34 +54,8 @@ double share(std::size_t part, std::size_t whole) {
   return whole == 0 ? kNaN : static_cast<double>(part) / static_cast<double>(whole);
 }
 
-/// Percentile interval of the success rate when whole scans are drawn with replacement.
-std::array<double, 2> clustered_interval(const std::vector<LocalizationRecord>& records,
-                                         const std::vector<char>& success, std::uint64_t seed) {
-  std::vector<std::array<double, 2>> scans;
-  for (std::size_t i = 0; i < records.size(); ++i) {
-    if (records[i].scan >= scans.size()) scans.resize(records[i].scan + 1);
-    scans[records[i].scan][0] += success[i];
-    scans[records[i].scan][1] += 1.0;
-  }
-  if (scans.empty()) return {kNaN, kNaN};
-  std::vector<double> rates;
-  rates.reserve(kResamplings);
-  for (std::size_t k = 0; k < kResamplings; ++k) {
-    const CounterRandom random(seed, k, scans.size());
-    std::array<double, 2> sums{};
-    for (std::size_t j = 0; j < scans.size(); ++j) {
-      const auto drawn =
-          static_cast<std::size_t>(random.uniform(j) * static_cast<double>(scans.size()));
-      sums[0] += scans[drawn][0];
-      sums[1] += scans[drawn][1];
-    }
-    rates.push_back(sums[1] > 0.0 ? sums[0] / sums[1] : 0.0);
-  }
-  return {percentile(rates, 0.025), percentile(rates, 0.975)};
-}
-
-void count_status(const LocalizationRecord& record, LocalizationLevel& level) {
-  switch (record.status) {
+void count_status(const LocalizationQuery& query, LocalizationLevel& level) {
+  switch (query.status) {
     case PoseStatus::kOk:
       ++level.ok;
       break;
@@ -96,17 +66,18 @@ void count_status(const LocalizationRecord& record, LocalizationLevel& level) {
       ++level.lost;
       break;
   }
-  for (const std::string& reason : record.reasons) ++level.reasons[reason];
+  for (const std::string& reason : query.reasons) ++level.reasons[reason];
 }
 
-void set_errors(const std::vector<Error>& errors, LocalizationLevel& level) {
+void set_errors(const std::vector<LocalizationQuery>& queries, LocalizationLevel& level) {
   std::vector<double> m, horizontal, deg, yaw, nees;
-  for (const Error& error : errors) {
-    m.push_back(error.m);
-    horizontal.push_back(error.horizontal_m);
-    deg.push_back(error.deg);
-    yaw.push_back(error.yaw_deg);
-    if (!std::isnan(error.nees)) nees.push_back(error.nees);
+  for (const LocalizationQuery& query : queries) {
+    if (is_lost(query)) continue;
+    m.push_back(off_m(query));
+    horizontal.push_back(query.error.head<2>().norm());
+    deg.push_back(off_deg(query));
+    yaw.push_back(degrees(query.error[5]));
+    if (!std::isnan(query.nees)) nees.push_back(query.nees);
   }
   level.translation_m = {percentile(m, 0.5), percentile(m, 0.95), root_mean_square(horizontal)};
   level.rotation_deg = {percentile(deg, 0.5), percentile(deg, 0.95), root_mean_square(yaw)};
@@ -134,7 +105,7 @@ double percentile(std::vector<double> values, double q) {
 Vector6d bias_of_half(const std::vector<LocalizationRecord>& records, std::size_t half) {
   std::array<std::vector<double>, 6> components;
   for (const LocalizationRecord& record : records) {
-    if (record.status == PoseStatus::kLost || record.scan % 2 != half) continue;
+    if (is_lost(record.query) || record.position % 2 != half) continue;
     const Vector6d e = maps::log_se3(record.T_reference_answer);
     for (std::size_t k = 0; k < 6; ++k) components[k].push_back(e[static_cast<Eigen::Index>(k)]);
   }
@@ -145,33 +116,44 @@ Vector6d bias_of_half(const std::vector<LocalizationRecord>& records, std::size_
   return bias;
 }
 
-LocalizationLevel level_of(const std::vector<LocalizationRecord>& records,
+std::vector<LocalizationQuery> judged(const std::vector<LocalizationRecord>& records,
+                                      BiasCorrection correction) {
+  std::array<Vector6d, 2> bias_from{Vector6d::Zero(), Vector6d::Zero()};
+  if (correction == BiasCorrection::kFit)
+    bias_from = {bias_of_half(records, 0), bias_of_half(records, 1)};
+  std::vector<LocalizationQuery> queries;
+  queries.reserve(records.size());
+  for (const LocalizationRecord& record : records) {
+    LocalizationQuery& query = queries.emplace_back(record.query);
+    if (is_lost(query)) continue;
+    const Vector6d& bias = bias_from[1 - record.position % 2];
+    query.error = maps::log_se3(record.T_reference_answer * maps::exp_se3(bias).inverse());
+    query.nees = nees_of(query.error, record.covariance);
+  }
+  return queries;
+}
+
+LocalizationLevel level_of(const std::vector<LocalizationQuery>& queries,
                            const PriorError& prior_error, std::uint64_t seed) {
-  const std::array<Vector6d, 2> bias_from{bias_of_half(records, 0), bias_of_half(records, 1)};
   LocalizationLevel level;
   level.prior_error = prior_error;
-  level.queries = records.size();
-  std::vector<Error> errors;
-  std::vector<char> success(records.size(), 0);
+  level.queries = queries.size();
   std::vector<double> cpu_ms, wall_ms;
   std::size_t false_ok = 0;
-  for (std::size_t i = 0; i < records.size(); ++i) {
-    const LocalizationRecord& record = records[i];
-    count_status(record, level);
-    cpu_ms.push_back(record.cpu_ms);
-    wall_ms.push_back(record.wall_ms);
-    if (record.status == PoseStatus::kLost) continue;
-    const Error error = error_of(record, bias_from[1 - record.scan % 2]);
-    errors.push_back(error);
-    success[i] = error.m <= kSuccessM && error.deg <= kSuccessDeg ? 1 : 0;
-    if (record.status == PoseStatus::kOk && !(error.m <= kFalseM && error.deg <= kFalseDeg))
-      ++false_ok;
+  for (const LocalizationQuery& query : queries) {
+    count_status(query, level);
+    cpu_ms.push_back(query.cpu_ms);
+    wall_ms.push_back(query.wall_ms);
+    if (query.status == PoseStatus::kOk && !is_within(query, kFalseM, kFalseDeg)) ++false_ok;
   }
-  const auto succeeded = static_cast<std::size_t>(std::count(success.begin(), success.end(), 1));
-  level.success_rate = share(succeeded, records.size());
-  level.success_interval = clustered_interval(records, success, seed);
-  level.false_ok_rate = share(false_ok, records.size());
-  set_errors(errors, level);
+  const std::vector<ScanCount> success =
+      counts_by_scan(queries, is_success, [](const LocalizationQuery&) { return true; });
+  const std::vector<double> rates = resampled_rates(success, seed);
+  level.success_rate = bounded_rate(success, seed).rate;
+  level.success_interval = {percentile(rates, 0.025), percentile(rates, 0.975)};
+  level.false_ok_rate = share(false_ok, queries.size());
+  set_errors(queries, level);
+  level.integrity = integrity_of(queries, seed);
   level.cpu_ms = {percentile(cpu_ms, 0.5), percentile(cpu_ms, 0.95)};
   level.wall_ms = {percentile(wall_ms, 0.5), percentile(wall_ms, 0.95)};
   return level;

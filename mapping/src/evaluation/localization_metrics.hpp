@@ -14,16 +14,13 @@ namespace stillmap::mapping {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-/// One query and its answer.
+/// One query and its answer before it is judged: `query` lacks `error` and `nees`.
 struct LocalizationRecord {
-  /// Position of the scan in the selection, from 0.
-  std::size_t scan = 0;
-  localization::PoseStatus status = localization::PoseStatus::kLost;
-  std::vector<std::string> reasons;
+  LocalizationQuery query;
+  /// Position of the scan among those asked for, from 0.
+  std::size_t position = 0;
   Eigen::Isometry3d T_reference_answer = Eigen::Isometry3d::Identity();
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
-  double cpu_ms = 0.0;
-  double wall_ms = 0.0;
 };
 
 /// Medians of the six components of log(T_reference_answer) over answers that are not lost, of the
@@ -31,12 +28,16 @@ struct LocalizationRecord {
 [[nodiscard]] Vector6d bias_of_half(const std::vector<LocalizationRecord>& records,
                                     std::size_t half);
 
+/// The queries with their errors, each half of the scans corrected by the bias of the other.
+[[nodiscard]] std::vector<LocalizationQuery> judged(const std::vector<LocalizationRecord>& records,
+                                                    BiasCorrection correction);
+
 /// Value below which the share `q` in [0, 1] lies, linear between neighbours (as NumPy's default);
 /// NaN when empty.
 [[nodiscard]] double percentile(std::vector<double> values, double q);
 
 /// All figures of one level. @param seed  of the resampling.
-[[nodiscard]] LocalizationLevel level_of(const std::vector<LocalizationRecord>& records,
+[[nodiscard]] LocalizationLevel level_of(const std::vector<LocalizationQuery>& queries,
                                          const PriorError& prior_error, std::uint64_t seed);
 
 }  // namespace stillmap::mapping

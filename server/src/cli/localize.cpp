@@ -7,6 +7,7 @@
 #include <cmath>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <stdexcept>
 #include <stillmap/localization/aligner.hpp>
 #include <stillmap/maps/map_package.hpp>
@@ -18,20 +19,13 @@
 #include "command_line/table.hpp"
 #include "commands.hpp"
 #include "json/answers_json.hpp"
+#include "localize.hpp"
 #include "pose_checks.hpp"
 
 namespace stillmap::cli {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180.0;
-
-struct LocalizeArguments {
-  std::filesystem::path map;
-  std::filesystem::path scan;
-  std::string prior;
-  std::string method = localization::aligner_names().front();
-  bool json = false;
-};
 
 std::vector<double> read_numbers(const std::string& text) {
   std::vector<double> numbers;
@@ -101,21 +95,23 @@ double milliseconds_since(std::chrono::steady_clock::time_point begin) {
       .count();
 }
 
-void localize(const LocalizeArguments& arguments) {
-  server::PoseAnswer answer{
-      .map_name = arguments.map.filename().string(), .map_digest = {}, .request_id = {}};
-  if (!arguments.prior.empty()) {
-    answer.parameters.prior = localization::Prior{read_prior(arguments.prior), std::nullopt};
+void localize_scan(const LocalizeArguments& arguments,
+                   const std::optional<Eigen::Isometry3d>& T_map_prior) {
+  if (arguments.output || !arguments.select.empty() || !arguments.json_file.empty()) {
+    throw std::invalid_argument(
+        fmt::format("{}: found one scan, expected a drive for -o, --select and --json FILE",
+                    arguments.what.string()));
   }
-  const auto map = maps::MapPackage::open(arguments.map);
-  answer.map_digest = map->digest();
+  server::PoseAnswer answer{.map_name = {}, .map_digest = {}, .request_id = {}};
+  if (T_map_prior) answer.parameters.prior = localization::Prior{*T_map_prior, std::nullopt};
   const auto begin = std::chrono::steady_clock::now();
-  const maps::PointCloud scan = maps::read_scan_file(arguments.scan).cloud;
+  const maps::PointCloud scan = maps::read_scan_file(arguments.what).cloud;
   answer.timing.decode_ms = milliseconds_since(begin);
-  const auto aligner = localization::make_aligner(
-      arguments.method, localization::MapIndex::open(*map), localization::seen_from(*map));
+  const OpenMap map = open_map(arguments);
+  answer.map_name = map.name;
+  answer.map_digest = map.digest;
   const auto align_begin = std::chrono::steady_clock::now();
-  answer.result = aligner->align(scan, answer.parameters.prior);
+  answer.result = map.aligner->align(scan, answer.parameters.prior);
   answer.timing.align_ms = milliseconds_since(align_begin);
   answer.timing.total_ms = answer.timing.decode_ms + answer.timing.align_ms;
   if (arguments.json) {
@@ -128,27 +124,65 @@ void localize(const LocalizeArguments& arguments) {
   }
 }
 
+void localize(const LocalizeArguments& arguments) {
+  std::optional<Eigen::Isometry3d> T_map_prior;
+  if (!arguments.prior.empty()) T_map_prior = read_prior(arguments.prior);
+  if (std::filesystem::is_directory(arguments.what)) {
+    localize_drive(arguments, T_map_prior);
+  } else {
+    localize_scan(arguments, T_map_prior);
+  }
+}
+
 }  // namespace
+
+OpenMap open_map(const LocalizeArguments& arguments) {
+  const auto map = maps::MapPackage::open(arguments.map);
+  return {arguments.map.filename().string(), map->digest(),
+          localization::make_aligner(arguments.method, *map)};
+}
 
 void add_localize(CLI::App& app) {
   auto arguments = std::make_shared<LocalizeArguments>();
   CLI::App* command = app.add_subcommand(
-      "localize", "Find where one scan was taken; exit code 1 when the scan is lost");
+      "localize",
+      "Find where one scan was taken, or follow a drive; exit code 1 when nothing is found");
   command->add_option("MAP", arguments->map, "Map package")
       ->required()
       ->check(command_line::existing_folder());
-  command->add_option("SCAN", arguments->scan, "Scan: .bin (float32 x y z intensity), .pcd or .ply")
+  command
+      ->add_option("SCAN", arguments->what,
+                   "Scan: .bin (float32 x y z intensity), .pcd or .ply; or the folder of a drive")
       ->required()
-      ->check(command_line::existing_file());
+      ->check(CLI::ExistingPath);
   command->add_option(
       "--prior", arguments->prior,
-      "Where the search starts: X,Y,Z,YAW_DEG or X,Y,Z,QX,QY,QZ,QW in the map frame "
-      "[m]; without it the whole map is searched");
+      "Where the search for the (first) scan starts: X,Y,Z,YAW_DEG or X,Y,Z,QX,QY,QZ,QW in the "
+      "map frame [m]; without it the whole map is searched");
   command->add_option("--method", arguments->method, "Alignment method")
       ->capture_default_str()
       ->check(CLI::IsMember(localization::aligner_names()));
-  command->add_flag("--json", arguments->json, "Print the answer as the server would send it");
-  command->callback([arguments] { localize(*arguments); });
+  command->add_option("--select", arguments->select,
+                      "Scans of a drive to follow, begin:end:step as in Python");
+  command
+      ->add_option("-o,--output", arguments->output,
+                   "Write a drive's poses there (TUM, T_map_lidar; what is lost is left out); "
+                   "without it each scan is a line")
+      ->check(command_line::in_existing_folder());
+  CLI::Option* json =
+      command
+          ->add_option("--json", arguments->json_file,
+                       "Print the answer as the server would send it; of a drive the counts, to "
+                       "FILE when one is given; without one it goes last")
+          ->type_name("[FILE]")
+          ->expected(0, 1)
+          ->check([](const std::string& file) {
+            return file.empty() ? std::string() : command_line::in_existing_folder()(file);
+          });
+  command->callback([arguments, json] {
+    arguments->json = json->count() > 0;
+    localize(*arguments);
+  });
 }
 
 }  // namespace stillmap::cli

@@ -4,8 +4,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include <filesystem>
-#include <string>
+#include "command_line/text_file.hpp"
 
 namespace stillmap::mapper {
 
@@ -17,7 +16,6 @@ void add_evaluate(CLI::App& app);
 void add_evaluate_localization(CLI::App& evaluate);
 void add_evaluate_map(CLI::App& evaluate);
 
-/// Replaces a file in one step, so that nobody reads half of it. @throws maps::StorageError.
-void write_text_file(const std::filesystem::path& file, const std::string& text);
+using command_line::write_text_file;
 
 }  // namespace stillmap::mapper

@@ -1,10 +1,14 @@
 #include <stillmap/mapping/localization_evaluation.hpp>
+#include <stillmap/mapping/localization_report.hpp>
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/map_package.hpp>
 
 #include <fmt/core.h>
 
 #include <charconv>
+#include <cmath>
+#include <initializer_list>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -15,7 +19,7 @@
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
 #include "mapper/commands.hpp"
-#include "reference/pcl_icp.hpp"
+#include "reference/map_aligners.hpp"
 
 namespace stillmap::mapper {
 namespace {
@@ -27,8 +31,9 @@ struct EvaluateArguments {
   std::string select = "::";
   std::vector<std::string> prior_errors;
   std::string method = mapping::map_aligner_names().front();
-  std::string prior = "drawn";
   std::optional<std::filesystem::path> json;
+  std::optional<std::filesystem::path> csv;
+  std::optional<std::filesystem::path> report;
   mapping::LocalizationEvaluationOptions options;
 };
 
@@ -44,27 +49,17 @@ mapping::PriorError read_prior_error(const std::string& text) {
   throw std::invalid_argument("--prior-error: found '" + text + "', expected METRES,DEGREES");
 }
 
-/// Leaves the prior that is drawn for each scan aside.
-class WithoutPrior : public localization::Aligner {
- public:
-  explicit WithoutPrior(std::unique_ptr<localization::Aligner> aligner)
-      : aligner_(std::move(aligner)) {}
-
-  [[nodiscard]] localization::AlignmentResult align(
-      const maps::PointCloud& scan_lidar,
-      const std::optional<localization::Prior>& /*prior*/) const override {
-    return aligner_->align(scan_lidar, std::nullopt);
-  }
-
- private:
-  std::unique_ptr<localization::Aligner> aligner_;
-};
-
-std::unique_ptr<localization::Aligner> make_aligner(const EvaluateArguments& arguments,
-                                                    const maps::MapPackage& map) {
-  std::unique_ptr<localization::Aligner> aligner = mapping::make_map_aligner(arguments.method, map);
-  if (arguments.prior == "none") return std::make_unique<WithoutPrior>(std::move(aligner));
-  return aligner;
+/// An option whose words are the names of an enumeration's values.
+template <typename Value>
+void add_choice(CLI::App& command, const std::string& name, Value& chosen,
+                std::initializer_list<Value> values, const std::string& help) {
+  std::map<std::string, Value> by_name;
+  for (const Value value : values) by_name.emplace(name_of(value), value);
+  command
+      .add_option_function<std::string>(
+          name, [&chosen, by_name](const std::string& word) { chosen = by_name.at(word); }, help)
+      ->default_str(std::string(name_of(chosen)))
+      ->check(CLI::IsMember(by_name));
 }
 
 std::string to_json_text(const mapping::LocalizationEvaluation& evaluation,
@@ -74,9 +69,37 @@ std::string to_json_text(const mapping::LocalizationEvaluation& evaluation,
   json["options"]["map"] = arguments.map.string();
   json["options"]["drive"] = arguments.drive.string();
   json["options"]["select"] = arguments.select;
+  json["options"]["poses"] = arguments.poses ? nlohmann::ordered_json(arguments.poses->string())
+                                             : nlohmann::ordered_json(nullptr);
   json["options"]["method"] = arguments.method;
-  json["options"]["prior"] = arguments.prior;
   return json.dump(2) + "\n";
+}
+
+std::string text_of(const mapping::PriorError& error) {
+  if (std::isnan(error.metres)) return "no prior";
+  return fmt::format("{:.3g} m {:.3g} deg", error.metres, error.degrees);
+}
+
+std::string text_of(const mapping::BoundedRate& rate) {
+  if (rate.of == 0) return "none to count";
+  return fmt::format("{} of {} (< {:.2g} %)", rate.count, rate.of, 100 * rate.upper_95);
+}
+
+/// The root mean squares that the paper reports, and whether protection levels hold.
+void print_integrity(const mapping::LocalizationEvaluation& evaluation) {
+  constexpr const char* kRow = "{:>14} {:>10} {:>10} {:>24} {:>24} {:>12} {:>12}\n";
+  fmt::print("\n");
+  fmt::print(fmt::runtime(kRow), "prior off by", "rmse x-y", "rmse yaw", "misleading (95 %)",
+             "hazardous (95 %)", "available", "level/error");
+  for (const mapping::LocalizationLevel& level : evaluation.levels) {
+    const mapping::Integrity& integrity = level.integrity;
+    fmt::print(fmt::runtime(kRow), text_of(level.prior_error),
+               fmt::format("{:.1f} cm", 100 * level.translation_m.rmse_part),
+               fmt::format("{:.2f} deg", level.rotation_deg.rmse_part),
+               text_of(integrity.misleading), text_of(integrity.hazardous),
+               fmt::format("{:.1f} %", 100 * integrity.availability.rate),
+               fmt::format("{:.1f}", integrity.level_over_error));
+  }
 }
 
 void print_for_people(const mapping::LocalizationEvaluation& evaluation) {
@@ -85,8 +108,7 @@ void print_for_people(const mapping::LocalizationEvaluation& evaluation) {
              "turn median, 95 %", "ms median");
   for (const mapping::LocalizationLevel& level : evaluation.levels) {
     fmt::print("{:>14} {:>8} {:>22} {:>18} {:>9} {:>20} {:>20} {:>10}\n",
-               fmt::format("{:g} m {:g} deg", level.prior_error.metres, level.prior_error.degrees),
-               level.queries,
+               text_of(level.prior_error), level.queries,
                fmt::format("{:.2f} % ({:.1f}-{:.1f})", 100 * level.success_rate,
                            100 * level.success_interval[0], 100 * level.success_interval[1]),
                fmt::format("{}/{}/{}", level.ok, level.degraded, level.lost),
@@ -96,34 +118,77 @@ void print_for_people(const mapping::LocalizationEvaluation& evaluation) {
                fmt::format("{:.2f}, {:.2f} deg", level.rotation_deg.median, level.rotation_deg.p95),
                fmt::format("{:.1f}", level.wall_ms.p50));
   }
+  print_integrity(evaluation);
   fmt::print("{} scans in {:.1f} s\n", evaluation.scans, evaluation.seconds);
 }
 
-void evaluate(EvaluateArguments& arguments) {
+/// As a shell reads it.
+std::string quoted(const std::string& word) {
+  constexpr std::string_view kPlain =
+      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+=./:,@%";
+  if (!word.empty() && word.find_first_not_of(kPlain) == std::string::npos) return word;
+  std::string out = "'";
+  for (const char letter : word)
+    out += letter == '\'' ? std::string("'\\''") : std::string(1, letter);
+  return out + "'";
+}
+
+/// The call that was given, options in the order of the help.
+std::string command_of(const CLI::App& command) {
+  std::string text = "stillmap evaluate " + command.get_name();
+  for (const CLI::Option* option : command.get_options()) {
+    for (const std::string& value : option->results()) {
+      if (!option->get_positional()) text += " " + option->get_name();
+      text += " " + quoted(value);
+    }
+  }
+  return text;
+}
+
+/// The drive, with poses to compare with.
+maps::Drive open_drive(EvaluateArguments& arguments) {
+  if (!arguments.poses) return maps::Drive::open(arguments.drive);
+  maps::Drive own = maps::Drive::open(arguments.drive);
+  auto reference = maps::poses_of_some_scans(own, *arguments.poses);
+  if (!reference) return maps::Drive::open(arguments.drive, arguments.poses);
+  arguments.options.reference = std::move(*reference);
+  return own;
+}
+
+void evaluate(EvaluateArguments& arguments, const CLI::App& command) {
   mapping::LocalizationEvaluationOptions& options = arguments.options;
   options.selection = maps::Selection::parse(arguments.select);
   if (!arguments.prior_errors.empty()) options.prior_errors.clear();
+  if (!arguments.prior_errors.empty() && options.prior != mapping::PriorSource::kDrawn) {
+    throw std::invalid_argument(fmt::format("--prior-error: found with --prior {}, expected drawn",
+                                            name_of(options.prior)));
+  }
   for (const std::string& text : arguments.prior_errors)
     options.prior_errors.push_back(read_prior_error(text));
-  // Without priors there is nothing to draw.
-  if (arguments.prior == "none") {
-    options.prior_errors = {{.metres = 0.0, .degrees = 0.0}};
-    options.trials = 1;
-  }
   const auto map = maps::MapPackage::open(arguments.map);
-  const maps::Drive drive = maps::Drive::open(arguments.drive, arguments.poses);
+  const maps::Drive drive = open_drive(arguments);
   mapping::LocalizationEvaluation evaluation;
   {
     command_line::ProgressBar bar;
     evaluation = mapping::evaluate_localization(
         *map, drive, options,
-        [&](const maps::MapPackage& package) { return make_aligner(arguments, package); },
+        [&](const maps::MapPackage& package) {
+          return mapping::make_map_aligner(arguments.method, package);
+        },
         [&bar](std::string_view stage, std::size_t done, std::size_t total) {
           bar.update(stage, done, total);
         },
         command_line::cancel_flag());
   }
   print_for_people(evaluation);
+  if (arguments.csv) write_text_file(*arguments.csv, mapping::to_csv(evaluation));
+  if (arguments.report) {
+    write_text_file(*arguments.report,
+                    mapping::to_html(evaluation, {.map = arguments.map.string(),
+                                                  .drive = arguments.drive.string(),
+                                                  .method = arguments.method,
+                                                  .command = command_of(command)}));
+  }
   if (arguments.json) write_text_file(*arguments.json, to_json_text(evaluation, arguments));
 }
 
@@ -143,7 +208,8 @@ void add_evaluate_localization(CLI::App& evaluate_command) {
       ->check(command_line::existing_folder());
   command
       ->add_option("--poses", arguments->poses,
-                   "Poses instead of the drive's own: KITTI or TUM, T_map_lidar")
+                   "Poses instead of the drive's own: KITTI or TUM, T_map_lidar. Of a TUM file "
+                   "made of some of the scans, only these are asked for")
       ->check(command_line::existing_file());
   command
       ->add_option("--select", arguments->select, "Scans to ask for, begin:end:step as in Python")
@@ -166,14 +232,22 @@ void add_evaluate_localization(CLI::App& evaluate_command) {
   command->add_option("--method", arguments->method, "Alignment method")
       ->capture_default_str()
       ->check(CLI::IsMember(mapping::map_aligner_names()));
-  command
-      ->add_option("--prior", arguments->prior,
-                   "drawn: as --prior-error says; none: the whole map is searched")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"drawn", "none"}));
+  add_choice(
+      *command, "--prior", options.prior,
+      {mapping::PriorSource::kDrawn, mapping::PriorSource::kPrevious, mapping::PriorSource::kNone},
+      "drawn: as --prior-error says; previous: the true pose of the scan before; none: the "
+      "whole map is searched");
+  add_choice(*command, "--bias", options.bias,
+             {mapping::BiasCorrection::kFit, mapping::BiasCorrection::kNone},
+             "fit: a constant difference between the drive's poses and the map is taken out; none: "
+             "it is left in, for poses that are the truth");
   command->add_option("--json", arguments->json, "Write the result there")
       ->check(command_line::in_existing_folder());
-  command->callback([arguments] { evaluate(*arguments); });
+  command->add_option("--csv", arguments->csv, "Write a line for each query there")
+      ->check(command_line::in_existing_folder());
+  command->add_option("--report", arguments->report, "Write a page with diagrams (HTML) there")
+      ->check(command_line::in_existing_folder());
+  command->callback([arguments, command] { evaluate(*arguments, *command); });
 }
 
 }  // namespace stillmap::mapper

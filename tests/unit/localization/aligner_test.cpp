@@ -153,38 +153,5 @@ TEST(Aligner, UnknownMethodAndMissingIndexAreNamed) {
   EXPECT_EQ(aligner_names().front(), "default");
 }
 
-TEST(Registration, JacobianIsTheNumericDerivativeForAPerturbationOnTheRight) {
-  Eigen::Isometry3d T = pose_at(3.0, -2.0, 0.7, 1.1);
-  T.linear() = T.linear() *
-               Eigen::AngleAxisd(0.3, Eigen::Vector3d(1, 2, -1).normalized()).toRotationMatrix();
-  const Eigen::Vector3d axis = Eigen::Vector3d(0.3, -0.8, 0.5).normalized();
-  const Eigen::Vector3d mean(5.0, 1.0, 0.5);
-  const Eigen::Vector3d p_lidar(4.0, 7.0, -1.5);
-  const AxisResidual here = axis_residual(axis, mean, T, p_lidar);
-  constexpr double kStep = 1e-6;
-  for (Eigen::Index k = 0; k < 6; ++k) {
-    const Vector6d step = kStep * Vector6d::Unit(k);
-    const double ahead = axis_residual(axis, mean, T * maps::exp_se3(step), p_lidar).residual_m;
-    const double behind = axis_residual(axis, mean, T * maps::exp_se3(-step), p_lidar).residual_m;
-    EXPECT_NEAR(here.jacobian[k], (ahead - behind) / (2.0 * kStep), 1e-7) << "component " << k;
-  }
-}
-
-TEST(Registration, GradientPointsUphillAndHIsSymmetricPositive) {
-  const auto index = MapIndex::build(street().points_map);
-  const MapIndex::Level& level = index->levels().back();
-  const Eigen::Isometry3d T_map_lidar = pose_at(60.0, 0.0);
-  const maps::PointCloud scan = street().world.scan(T_map_lidar, pattern(13));
-  Eigen::Isometry3d T = T_map_lidar;
-  T.translation() += Eigen::Vector3d(0.0, 0.05, 0.02) - index->origin();
-  const NormalEquations system = linearize(level, scan.positions, T, {0.3F, 5});
-  EXPECT_GT(system.matched, 1000U);
-  EXPECT_TRUE(system.H == system.H.transpose().eval());
-  EXPECT_GT(system.H.diagonal().minCoeff(), 0.0);
-  const Vector6d uphill = 1e-3 * system.gradient.normalized();
-  EXPECT_GT(linearize(level, scan.positions, T * maps::exp_se3(uphill), {0.3F, 5}).cost,
-            linearize(level, scan.positions, T * maps::exp_se3(-uphill), {0.3F, 5}).cost);
-}
-
 }  // namespace
 }  // namespace stillmap::localization

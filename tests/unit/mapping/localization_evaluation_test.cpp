@@ -3,6 +3,7 @@
 #include "evaluation/localization_metrics.hpp"
 #include "evaluation/prior_draws.hpp"
 
+#include <stillmap/mapping/map_build.hpp>
 #include <stillmap/maps/frames.hpp>
 
 #include <gmock/gmock.h>
@@ -11,8 +12,13 @@
 
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <numbers>
 #include <set>
+#include <stdexcept>
+#include <vector>
+
+#include "small_drive.hpp"
 
 namespace stillmap::mapping {
 namespace {
@@ -34,13 +40,19 @@ Eigen::Isometry3d some_pose() {
 LocalizationRecord record(std::size_t scan, const Eigen::Vector3d& off_m, double yaw_deg = 0.0,
                           PoseStatus status = PoseStatus::kOk) {
   LocalizationRecord out;
-  out.scan = scan;
-  out.status = status;
+  out.position = scan;
+  out.query.scan = scan;
+  out.query.status = status;
   out.T_reference_answer.translation() = off_m;
   out.T_reference_answer.linear() =
       Eigen::AngleAxisd(yaw_deg * kDeg, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   out.covariance.setIdentity();
   return out;
+}
+
+LocalizationLevel level_of(const std::vector<LocalizationRecord>& records,
+                           BiasCorrection correction = BiasCorrection::kFit) {
+  return level_of(judged(records, correction), {}, 1);
 }
 
 TEST(PriorDraws, AreOffByExactlyDAndA) {
@@ -103,11 +115,20 @@ TEST(LocalizationMetrics, AConstantBiasIsTakenOut) {
   std::vector<LocalizationRecord> records;
   for (std::size_t scan = 0; scan < 10; ++scan)
     records.push_back(record(scan, {0.5, -0.3, 0.1}, 1.5));
-  const LocalizationLevel level = level_of(records, {}, 1);
+  const LocalizationLevel level = level_of(records);
   EXPECT_DOUBLE_EQ(level.success_rate, 1.0);
   EXPECT_NEAR(level.translation_m.median, 0.0, 1e-9);
   EXPECT_NEAR(level.rotation_deg.p95, 0.0, 1e-9);
   EXPECT_NEAR(level.nees_mean, 0.0, 1e-9);
+}
+
+TEST(LocalizationMetrics, AConstantBiasIsLeftInOnWish) {
+  std::vector<LocalizationRecord> records;
+  for (std::size_t scan = 0; scan < 10; ++scan)
+    records.push_back(record(scan, {0.5, -0.3, 0.1}, 1.5));
+  const LocalizationLevel level = level_of(records, BiasCorrection::kNone);
+  EXPECT_DOUBLE_EQ(level.success_rate, 0.0);
+  EXPECT_NEAR(level.rotation_deg.median, 1.5, 1e-9);
 }
 
 TEST(LocalizationMetrics, EachHalfIsJudgedWithTheBiasOfTheOther) {
@@ -119,7 +140,7 @@ TEST(LocalizationMetrics, EachHalfIsJudgedWithTheBiasOfTheOther) {
   }
   EXPECT_NEAR(bias_of_half(records, 0)[0], 0.3, 1e-12);
   EXPECT_NEAR(bias_of_half(records, 1)[0], 0.0, 1e-12);
-  const LocalizationLevel level = level_of(records, {}, 1);
+  const LocalizationLevel level = level_of(records);
   EXPECT_DOUBLE_EQ(level.success_rate, 0.0);
   EXPECT_NEAR(level.translation_m.median, 0.3, 1e-9);
 }
@@ -135,8 +156,8 @@ TEST(LocalizationMetrics, CountsSuccessStatusAndFalseOkByHand) {
   records[8] = record(8, Eigen::Vector3d::Zero(), 0.0, PoseStatus::kLost);  // fails although right
   records[10] = record(10, Eigen::Vector3d::Zero(), 2.5);                   // false ok by angle
   records[12] = record(12, Eigen::Vector3d::Zero(), 0.9, PoseStatus::kDegraded);  // success
-  records[8].reasons = {"too_few_points"};
-  const LocalizationLevel level = level_of(records, {1.0, 5.0}, 1);
+  records[8].query.reasons = {"too_few_points"};
+  const LocalizationLevel level = level_of(records);
   EXPECT_EQ(level.queries, 20U);
   EXPECT_EQ(level.ok, 17U);
   EXPECT_EQ(level.degraded, 2U);
@@ -155,7 +176,7 @@ TEST(LocalizationMetrics, NeesIsTheErrorInUnitsOfTheCovariance) {
     records.push_back(record(scan, Eigen::Vector3d::Zero()));
   records[0] = record(0, {0.4, 0.0, 0.0});
   for (LocalizationRecord& r : records) r.covariance *= 0.01;
-  const LocalizationLevel level = level_of(records, {}, 1);
+  const LocalizationLevel level = level_of(records);
   EXPECT_NEAR(level.nees_mean, 16.0 / 10.0, 1e-9);
   EXPECT_DOUBLE_EQ(level.nees_inside_95, 0.9);
 }
@@ -168,8 +189,8 @@ TEST(LocalizationMetrics, IntervalResamplesScansNotTrials) {
     few.push_back(record(scan, {0.0, off, 0.0}));
     for (int trial = 0; trial < 50; ++trial) many.push_back(record(scan, {0.0, off, 0.0}));
   }
-  const LocalizationLevel a = level_of(few, {}, 1);
-  const LocalizationLevel b = level_of(many, {}, 1);
+  const LocalizationLevel a = level_of(few);
+  const LocalizationLevel b = level_of(many);
   EXPECT_DOUBLE_EQ(a.success_rate, 0.5);
   EXPECT_EQ(a.success_interval, b.success_interval);
   EXPECT_NEAR(a.success_interval[0], 0.5 - 1.96 * std::sqrt(0.25 / 20.0), 0.06);
@@ -182,7 +203,7 @@ TEST(LocalizationMetrics, AllLostHasNoErrorsAndIsNullInJson) {
     records.push_back(record(scan, Eigen::Vector3d::Zero(), 0.0, PoseStatus::kLost));
   }
   LocalizationEvaluation evaluation;
-  evaluation.levels.push_back(level_of(records, {}, 1));
+  evaluation.levels.push_back(level_of(records));
   EXPECT_DOUBLE_EQ(evaluation.levels[0].success_rate, 0.0);
   EXPECT_TRUE(std::isnan(evaluation.levels[0].translation_m.median));
   const nlohmann::json json = nlohmann::json::parse(to_json(evaluation));
@@ -192,7 +213,7 @@ TEST(LocalizationMetrics, AllLostHasNoErrorsAndIsNullInJson) {
 TEST(LocalizationJson, HasEveryKeyOfTheContract) {
   LocalizationEvaluation evaluation;
   evaluation.options.seed = std::numeric_limits<std::uint64_t>::max();
-  evaluation.levels.push_back(level_of({record(0, Eigen::Vector3d::Zero())}, {}, 1));
+  evaluation.levels.push_back(level_of({record(0, Eigen::Vector3d::Zero())}));
   const nlohmann::json json = nlohmann::json::parse(to_json(evaluation));
   for (const char* key : {"levels", "scans", "seconds", "options"})
     EXPECT_TRUE(json.contains(key)) << key;
@@ -217,10 +238,18 @@ TEST(LocalizationJson, HasEveryKeyOfTheContract) {
                               "/wall_ms/p95",
                               "/nees/mean",
                               "/nees/inside_95",
+                              "/integrity/misleading",
+                              "/integrity/misleading_count",
+                              "/integrity/misleading_upper_95",
+                              "/integrity/hazardous",
+                              "/integrity/hazardous_count",
+                              "/integrity/hazardous_upper_95",
+                              "/integrity/availability",
+                              "/integrity/availability_lower_95",
+                              "/integrity/level_over_error",
                               "/reasons"}) {
     EXPECT_TRUE(json["levels"][0].contains(nlohmann::json::json_pointer(pointer))) << pointer;
   }
-  EXPECT_FALSE(json["levels"][0].contains("integrity"));
   EXPECT_EQ(json["options"]["seed"], "18446744073709551615");
 }
 
@@ -233,6 +262,57 @@ TEST(LocalizationEvaluationOptions, NamesEveryBrokenBound) {
   EXPECT_THAT(options.violations(), SizeIs(4));
   options.prior_errors.clear();
   EXPECT_THAT(options.violations(), SizeIs(3));
+  options = {};
+  options.trials = 2;
+  EXPECT_THAT(options.violations(), SizeIs(0));
+  options.prior = PriorSource::kPrevious;
+  EXPECT_THAT(options.violations(), SizeIs(1));
+}
+
+/// Answers with the prior, and remembers it.
+class PriorIsRight : public localization::Aligner {
+ public:
+  explicit PriorIsRight(std::vector<Eigen::Isometry3d>& priors) : priors_(priors) {}
+  [[nodiscard]] localization::AlignmentResult align(
+      const maps::PointCloud& /*scan*/,
+      const std::optional<localization::Prior>& prior) const override {
+    priors_.push_back(prior.value().T_map_lidar);
+    localization::AlignmentResult answer;
+    answer.status = PoseStatus::kOk;
+    answer.T_map_lidar = priors_.back();
+    return answer;
+  }
+
+ private:
+  std::vector<Eigen::Isometry3d>& priors_;
+};
+
+TEST(LocalizationEvaluation, AsksOnlyForSelectedScansThatTheReferenceHasPosesOf) {
+  const test::TemporaryFolder folder;
+  const maps::Drive drive = maps::Drive::open(test::SmallDrive().write(folder));
+  MapBuildOptions build;
+  (void)build_map(drive.contents().root, folder.path() / "map", build, {}, CancelFlag(false));
+  const auto map = maps::MapPackage::open(folder.path() / "map");
+  LocalizationEvaluationOptions options;
+  options.selection = maps::Selection::parse("1:");
+  options.prior_errors = {{0.0, 0.0}};
+  options.reference.resize(drive.size());
+  options.reference[0] = some_pose();
+  options.reference[2] = some_pose() * Eigen::Translation3d(1.0, 0.0, 0.0);
+  std::vector<Eigen::Isometry3d> priors;
+  const auto evaluate = [&] {
+    return evaluate_localization(
+        *map, drive, options,
+        [&](const maps::MapPackage&) { return std::make_unique<PriorIsRight>(priors); }, {},
+        CancelFlag(false));
+  };
+  EXPECT_EQ(evaluate().scans, 1U);
+  ASSERT_THAT(priors, SizeIs(1));
+  EXPECT_TRUE(priors[0].isApprox(*options.reference[2]));
+  options.reference[2].reset();
+  EXPECT_THROW((void)evaluate(), std::invalid_argument);
+  options.reference.resize(2);
+  EXPECT_THROW((void)evaluate(), std::invalid_argument);
 }
 
 }  // namespace

@@ -144,5 +144,29 @@ TEST(Drive, RefusesContentsThatDoNotBelongTogether) {
   EXPECT_THROW(Drive{contents}, std::invalid_argument);
 }
 
+TEST_F(ScanFolderDrive, ATrajectoryOfSomeScansGivesPosesToTheseAlone) {
+  folder_.write("drive/1624254615500000000.pcd", kPcd);
+  folder_.write("drive/1624254615600000000.pcd", kPcd);
+  folder_.write("drive/1624254615700000001.pcd", kPcd);
+  const Drive drive = Drive::open(folder_.path() / "drive");
+  const auto poses_in = [&](const std::string& text) {
+    return poses_of_some_scans(drive, folder_.write("some.txt", text));
+  };
+  const auto some =
+      poses_in("1624254615.600000000 1 0 0 0 0 0 1\n1624254615.700000001 2 0 0 0 0 0 1\n");
+  ASSERT_TRUE(some);
+  ASSERT_EQ(some->size(), 3U);
+  EXPECT_FALSE(some->at(0));
+  EXPECT_EQ(some->at(1).value().translation().x(), 1.0);
+  EXPECT_EQ(some->at(2).value().translation().x(), 2.0);
+  // One stamp that is no scan's, a nanosecond off, makes it a path to interpolate; so does a pose
+  // for every scan, and KITTI's lines have no stamps.
+  EXPECT_FALSE(poses_in("1624254615.6 1 0 0 0 0 0 1\n1624254615.700000002 2 0 0 0 0 0 1\n"));
+  EXPECT_FALSE(
+      poses_in("1624254615.5 0 0 0 0 0 0 1\n1624254615.6 1 0 0 0 0 0 1\n"
+               "1624254615.700000001 2 0 0 0 0 0 1\n"));
+  EXPECT_FALSE(poses_in(kTwoKitti));
+}
+
 }  // namespace
 }  // namespace stillmap::maps

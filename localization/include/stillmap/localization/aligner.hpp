@@ -89,7 +89,16 @@ class Aligner {
 /// Where a map was seen from: the poses of its trajectory.
 [[nodiscard]] std::vector<Eigen::Isometry3d> seen_from(const maps::MapPackage& map);
 
+/// Any method for a map: `default` over its index and trajectory, `icp` and `point_to_plane` over
+/// its measured points. Those two need a prior.
 /// @param method     one of `aligner_names()`.
+/// @throws std::invalid_argument naming the method and the choices, maps::InputError if the map
+/// holds nothing to align with.
+[[nodiscard]] std::unique_ptr<Aligner> make_aligner(std::string_view method,
+                                                    const maps::MapPackage& map);
+
+/// The method `default` over an index alone.
+/// @param method     "default".
 /// @param T_map_lidar_seen_from  poses that the map was made from, finite. Without a prior a scan
 /// is
 ///                   looked for within some 6 m of them, upright as they are, in every heading;

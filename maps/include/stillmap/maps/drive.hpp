@@ -95,6 +95,14 @@ class Drive {
   Contents contents_;
 };
 
+/// The poses of a TUM file that was made of some of the drive's scans: each of its stamps is that
+/// of a scan, and there are fewer of them than scans. Nothing needs to be interpolated then, and
+/// scans without a line have no pose.
+/// @return one entry a scan; nothing for any other file of poses, which `Drive::open` takes.
+/// @throws InputError naming file, line and value.
+[[nodiscard]] std::optional<std::vector<std::optional<Eigen::Isometry3d>>> poses_of_some_scans(
+    const Drive& drive, const std::filesystem::path& poses_file);
+
 /// `a:b:step` as in Python (b exclusive, any part may be left out, non-negative, step >= 1), e.g.
 /// `::2`.
 struct Selection {

@@ -4,9 +4,9 @@
 #include <fstream>
 #include <system_error>
 
-#include "mapper/commands.hpp"
+#include "command_line/text_file.hpp"
 
-namespace stillmap::mapper {
+namespace stillmap::command_line {
 
 void write_text_file(const std::filesystem::path& file, const std::string& text) {
   std::filesystem::path partial = file;
@@ -23,4 +23,4 @@ void write_text_file(const std::filesystem::path& file, const std::string& text)
   throw maps::StorageError(file.string(), error.message());
 }
 
-}  // namespace stillmap::mapper
+}  // namespace stillmap::command_line

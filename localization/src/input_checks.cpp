@@ -1,0 +1,53 @@
+#include "input_checks.hpp"
+
+#include <stillmap/maps/frames.hpp>
+
+#include <Eigen/Cholesky>
+
+#include <stdexcept>
+#include <utility>
+
+namespace stillmap::localization {
+namespace {
+
+/// 99.9 % point of chi-squared with 6 degrees of freedom.
+constexpr double kMaxChiSquared = 22.46;
+
+}  // namespace
+
+void require_finite(const maps::PointCloud& scan_lidar) {
+  bool finite = true;
+  for (const Eigen::Vector3f& p : scan_lidar.positions) finite = finite && p.allFinite();
+  if (!finite) throw std::invalid_argument("scan: a coordinate is not finite");
+}
+
+void require_usable(const Prior& prior) {
+  if (!prior.T_map_lidar.matrix().allFinite()) throw std::invalid_argument("prior: not finite");
+  const Eigen::Matrix3d& R = prior.T_map_lidar.linear();
+  if (!((R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < 1e-3 &&
+        R.determinant() > 0.0)) {
+    throw std::invalid_argument("prior: its rotation matrix is not a rotation");
+  }
+  if (prior.covariance) {
+    const Eigen::LLT<Matrix6d> factor(*prior.covariance);
+    if (!prior.covariance->allFinite() || factor.info() != Eigen::Success) {
+      throw std::invalid_argument("prior: its covariance is not finite and positive definite");
+    }
+  }
+}
+
+bool contradicts(const Prior& prior, const AlignmentResult& result) {
+  if (!prior.covariance) return false;
+  const Vector6d difference = maps::log_se3(prior.T_map_lidar.inverse() * result.T_map_lidar);
+  const Matrix6d covariance = *prior.covariance + result.covariance;
+  return !(difference.dot(covariance.ldlt().solve(difference)) < kMaxChiSquared);
+}
+
+AlignmentResult lost(std::string reason, const Eigen::Isometry3d& T_map_lidar) {
+  AlignmentResult result;
+  result.reasons.push_back(std::move(reason));
+  result.T_map_lidar = T_map_lidar;
+  return result;
+}
+
+}  // namespace stillmap::localization

@@ -1,0 +1,23 @@
+#pragma once
+
+#include "registration.hpp"
+
+#include <stillmap/localization/aligner.hpp>
+
+#include <string>
+
+namespace stillmap::localization {
+
+/// @throws std::invalid_argument if a coordinate is not finite.
+void require_finite(const maps::PointCloud& scan_lidar);
+/// @throws std::invalid_argument if the prior is not finite, its rotation none, or its covariance
+/// not positive definite.
+void require_usable(const Prior& prior);
+/// Whether the prior's covariance and the result's together leave the result less than one chance
+/// in a thousand; never without a covariance of the prior.
+[[nodiscard]] bool contradicts(const Prior& prior, const AlignmentResult& result);
+/// A result that is `kLost` for one reason.
+[[nodiscard]] AlignmentResult lost(
+    std::string reason, const Eigen::Isometry3d& T_map_lidar = Eigen::Isometry3d::Identity());
+
+}  // namespace stillmap::localization

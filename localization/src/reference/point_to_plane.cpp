@@ -1,0 +1,107 @@
+#include "reference/point_to_plane.hpp"
+
+#include "registration.hpp"
+
+#include <stillmap/maps/frames.hpp>
+
+#include <Eigen/Eigenvalues>
+
+#include <array>
+
+namespace stillmap::localization {
+namespace {
+
+/// Widths of the robust kernel [m], and rounds with each.
+constexpr std::array<double, 3> kKernelsM = {1.0, 0.5, 0.2};
+constexpr int kMaxIterations = 20;
+constexpr double kStepM = 1e-3;
+/// The last kernel goes on until the answer stands still.
+constexpr double kLastStepM = 1e-4;
+/// Directions with less than this share of the largest eigenvalue are not moved along.
+constexpr double kMinEigenvalueShare = 1e-4;
+
+struct System {
+  Matrix6d H = Matrix6d::Zero();
+  Vector6d gradient = Vector6d::Zero();
+};
+
+/// Pairs with a surface, weighted by a Geman-McClure kernel.
+std::vector<Term> weighted_pairs(const MapPoints& map,
+                                 std::span<const Eigen::Vector3f> points_lidar,
+                                 const Eigen::Isometry3d& T, double kernel_m) {
+  const double kernel2 = kernel_m * kernel_m;
+  std::vector<Term> terms;
+  terms.reserve(points_lidar.size());
+  for (Term& term : pair_up(map, points_lidar, T, kMaxPairDistanceM)) {
+    if (term.point->sharp_axes == 0) continue;
+    term.residual.setZero();
+    for (int k = 0; k < term.point->sharp_axes; ++k) {
+      const Eigen::Vector3d axis = term.point->axes[static_cast<std::size_t>(k)].cast<double>();
+      term.residual += axis.dot(term.offset) * axis;
+    }
+    const double ratio = kernel2 / (kernel2 + term.residual.squaredNorm());
+    term.weight = ratio * ratio;
+    terms.push_back(term);
+  }
+  return terms;
+}
+
+System system_of(const std::vector<Term>& terms, const Eigen::Isometry3d& T) {
+  System system;
+  for (const Term& term : terms) {
+    for (int k = 0; k < term.point->sharp_axes; ++k) {
+      const AxisResidual r =
+          axis_residual(term.point->axes[static_cast<std::size_t>(k)].cast<double>(),
+                        term.point->position.cast<double>(), T, term.p_lidar);
+      system.H += term.weight * r.jacobian * r.jacobian.transpose();
+      system.gradient += term.weight * r.residual_m * r.jacobian;
+    }
+  }
+  return system;
+}
+
+Eigen::Isometry3d step(const System& system) {
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(in_metres(system.H));
+  const Vector6d& values = solver.eigenvalues();
+  Vector6d gradient = system.gradient;
+  gradient.tail<3>() /= kLeverM;
+  Vector6d along = solver.eigenvectors().transpose() * gradient;
+  for (Eigen::Index k = 0; k < 6; ++k) {
+    along[k] = values[k] > kMinEigenvalueShare * values[5] ? -along[k] / values[k] : 0.0;
+  }
+  Vector6d twist = solver.eigenvectors() * along;
+  twist.tail<3>() /= kLeverM;
+  return maps::exp_se3(twist);
+}
+
+Registration align_surfaces(const MapPoints& map, std::span<const Eigen::Vector3f> points_lidar,
+                            const Eigen::Isometry3d& T_local_lidar) {
+  Registration out{.T_local_lidar = T_local_lidar, .terms = {}};
+  for (const double kernel_m : kKernelsM) {
+    const double enough_m = kernel_m == kKernelsM.back() ? kLastStepM : kStepM;
+    for (int round = 0; round < kMaxIterations; ++round) {
+      out.terms = weighted_pairs(map, points_lidar, out.T_local_lidar, kernel_m);
+      if (out.terms.size() < kMinPairs) {
+        out.terms.clear();
+        return out;
+      }
+      const Eigen::Isometry3d move = step(system_of(out.terms, out.T_local_lidar));
+      out.last_step_m = size_m(move);
+      out.T_local_lidar = maps::renormalized(out.T_local_lidar * move);
+      ++out.iterations;
+      if (out.last_step_m < enough_m) break;
+    }
+  }
+  out.terms = weighted_pairs(map, points_lidar, out.T_local_lidar, kKernelsM.back());
+  return out;
+}
+
+}  // namespace
+
+const ReferenceMethod& point_to_plane() {
+  static constexpr ReferenceMethod kMethod{
+      .map_leaf_m = 0.25, .scan_leaf_m = 0.5, .align = align_surfaces};
+  return kMethod;
+}
+
+}  // namespace stillmap::localization

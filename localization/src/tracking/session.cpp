@@ -1,0 +1,265 @@
+#include "session.hpp"
+
+#include <stillmap/maps/deskew.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace stillmap::localization {
+namespace {
+
+/// 99.9 % point of chi-squared with 6 degrees of freedom.
+constexpr double kMaxChiSquared = 22.46;
+/// Deviations of a wide search; three of them are as far as the aligner looks around a prior.
+constexpr double kWideM = 2.0;
+constexpr double kWideRad = 0.13;
+/// A wide search covers a prediction up to so many times `max_drift_m`, and one beyond so many
+/// agrees with too much to confirm anything.
+constexpr double kWideShare = 1.5;
+constexpr double kVagueShare = 5.0;
+
+void add_reason(AlignmentResult& result, const char* reason) {
+  if (std::find(result.reasons.begin(), result.reasons.end(), reason) == result.reasons.end()) {
+    result.reasons.emplace_back(reason);
+  }
+}
+
+/// Takes `ok` and its protection back.
+void demote(AlignmentResult& result, PoseStatus status, const char* reason) {
+  result.status = status;
+  result.protection = {};
+  add_reason(result, reason);
+}
+
+/// The prediction in place of a match; the other fields still tell how the match went.
+AlignmentResult in_place_of(const AlignmentResult& match, const MotionState& predicted,
+                            const char* reason) {
+  AlignmentResult result = match;
+  demote(result, PoseStatus::kDegraded, reason);
+  result.T_map_lidar = predicted.pose.T;
+  result.covariance = predicted.pose.covariance;
+  return result;
+}
+
+bool is_ambiguous(const AlignmentResult& match) {
+  return std::find(match.reasons.begin(), match.reasons.end(), "ambiguous") != match.reasons.end();
+}
+
+}  // namespace
+
+TrackingSession::TrackingSession(std::shared_ptr<const Aligner> aligner,
+                                 const TrackerOptions& options)
+    : aligner_(std::move(aligner)),
+      options_(options),
+      model_(options),
+      history_(options.history_s) {}
+
+void TrackingSession::initialize(const PosePdf& T_map_lidar) {
+  given_ = T_map_lidar;
+  belief_ = {};
+  history_ = TrackingHistory(options_.history_s);
+}
+
+TrackedPose TrackingSession::track(std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
+                                   const std::optional<OdometryStep>& odometry) {
+  if (const TrackedPose* known = history_.answer_at(stamp_ns)) return *known;
+  const auto newest_ns = history_.newest_ns();
+  const TrackedPose answer = newest_ns && stamp_ns <= *newest_ns
+                                 ? answer_late(stamp_ns, scan_lidar)
+                                 : answer_next(stamp_ns, scan_lidar, odometry);
+  history_.add(answer);
+  return answer;
+}
+
+TrackedPose TrackingSession::answer_next(std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
+                                         const std::optional<OdometryStep>& odometry) {
+  // Changed on a copy: the aligner may throw.
+  Belief belief = belief_;
+  Step step;
+  step.stamp_ns = stamp_ns;
+  predict(belief, step, odometry);
+  choose_mode(belief, step);
+  if (!belief.anchor) step.predicted.reset();
+  const std::optional<Prior> prior = prior_of(belief, step);
+  if (!prior) step.from = SearchedFrom::kEverywhere;
+  match(step, scan_lidar, prior);
+
+  const bool tracking = belief.mode == Mode::kTracking;
+  const AlignmentResult result = tracking ? follow(belief, step) : search(belief, step);
+  // Between the poses before a search and those after it there is no way to interpolate along.
+  if (!tracking && belief.agreed <= 1) history_.forget_states();
+  if (tracking && belief.anchor->stamp_ns < stamp_ns) {
+    history_.add({*step.predicted, belief.matched});
+  } else if (belief.anchor && belief.anchor->stamp_ns == stamp_ns) {
+    history_.add({*belief.anchor, belief.matched && is_confirmed(belief)});
+  }
+  belief_ = belief;
+  given_.reset();
+  return {stamp_ns, result, step.from};
+}
+
+void TrackingSession::predict(Belief& belief, Step& step,
+                              const std::optional<OdometryStep>& odometry) const {
+  if (given_) {
+    belief.anchor = model_.at_unknown_velocity(step.stamp_ns, *given_);
+    belief.mode = Mode::kTracking;
+    belief.matched_ns = step.stamp_ns;
+    belief.agreed = options_.agreeing_answers;
+    step.predicted = belief.anchor;
+    step.from = SearchedFrom::kGiven;
+    return;
+  }
+  if (!belief.anchor) return;
+  const TrackingHistory::Known* since = odometry ? history_.state_at(odometry->since_ns) : nullptr;
+  step.from = since != nullptr ? SearchedFrom::kOdometry : SearchedFrom::kVelocity;
+  step.predicted = since != nullptr ? model_.predicted(since->state, step.stamp_ns, *odometry)
+                                    : model_.predicted(*belief.anchor, step.stamp_ns);
+}
+
+void TrackingSession::choose_mode(Belief& belief, const Step& step) const {
+  if (!belief.anchor) {
+    belief.mode = Mode::kEverywhere;
+    return;
+  }
+  if (belief.mode == Mode::kTracking && step.from != SearchedFrom::kGiven) {
+    const bool astray = !(step.predicted->drift_m <= options_.max_drift_m);
+    if (belief.contradictions >= options_.max_contradictions ||
+        seconds_between(belief.matched_ns, step.stamp_ns) > options_.max_coast_s ||
+        (astray && belief.misses > 0)) {
+      belief.mode = Mode::kWide;
+      belief.agreed = 0;
+      belief.misses = 0;
+    } else if (astray) {
+      // The last scan was found and only too long ago: a place that agrees with it is believed.
+      belief.mode = Mode::kEverywhere;
+    }
+  }
+  if (belief.mode == Mode::kTracking) return;
+  const bool far = !(step.predicted->drift_m <= kWideShare * options_.max_drift_m);
+  const bool in_vain = belief.misses >= std::max(1, options_.wide_searches);
+  if (belief.mode == Mode::kWide && (far || in_vain || options_.wide_searches == 0)) {
+    belief.mode = Mode::kEverywhere;
+  }
+  // What was found before and not confirmed stays to be agreed with; what was lost does not.
+  if (belief.mode == Mode::kEverywhere && (belief.agreed == 0 || in_vain)) {
+    belief.anchor.reset();
+    belief.agreed = 0;
+  }
+}
+
+std::optional<Prior> TrackingSession::prior_of(const Belief& belief, const Step& step) const {
+  if (belief.mode == Mode::kEverywhere) return std::nullopt;
+  Prior prior{step.predicted->pose.T, step.predicted->pose.covariance};
+  if (belief.mode == Mode::kWide) {
+    prior.covariance->diagonal().head<3>().array() += kWideM * kWideM;
+    prior.covariance->diagonal().tail<3>().array() += kWideRad * kWideRad;
+  }
+  return prior;
+}
+
+void TrackingSession::match(Step& step, const maps::PointCloud& scan_lidar,
+                            const std::optional<Prior>& prior) const {
+  if (step.predicted && !scan_lidar.time_offsets_s.empty()) {
+    maps::PointCloud at_stamp = scan_lidar;
+    maps::deskew(at_stamp, step.predicted->twist);
+    step.match = aligner_->align(at_stamp, prior);
+  } else {
+    step.match = aligner_->align(scan_lidar, prior);
+  }
+  step.found = step.match.status != PoseStatus::kLost;
+  const bool against = std::erase(step.match.reasons, "contradicts_prior") > 0;
+  step.agrees = step.found && !against && step.predicted &&
+                step.predicted->drift_m <= kVagueShare * options_.max_drift_m &&
+                chi_squared(step.predicted->pose, {step.match.T_map_lidar, step.match.covariance}) <
+                    kMaxChiSquared;
+}
+
+PosePdf TrackingSession::believed(const Step& step) {
+  const PosePdf matched{step.match.T_map_lidar, step.match.covariance};
+  // A weak match is no reason to forget what the motion tells about the directions it leaves open.
+  return step.match.status == PoseStatus::kOk ? matched : fused(step.predicted->pose, matched);
+}
+
+AlignmentResult TrackingSession::follow(Belief& belief, const Step& step) const {
+  if (!step.agrees) return coast(belief, step);
+  belief.anchor = model_.moved_to(*belief.anchor, step.stamp_ns, believed(step));
+  belief.matched_ns = step.stamp_ns;
+  belief.matched = true;
+  belief.misses = 0;
+  belief.contradictions = 0;
+  return step.match;
+}
+
+AlignmentResult TrackingSession::coast(Belief& belief, const Step& step) const {
+  if (step.from == SearchedFrom::kOdometry) belief.anchor = step.predicted;
+  ++belief.misses;
+  AlignmentResult result = step.match;
+  if (step.found) {
+    ++belief.contradictions;
+    add_reason(result, "contradicts_motion");
+  }
+  if (belief.matched) return in_place_of(result, *step.predicted, "coasting");
+  // A pose that was given and that no scan has agreed with is the caller's own, no answer.
+  demote(result, PoseStatus::kLost, "not_tracked");
+  return result;
+}
+
+AlignmentResult TrackingSession::search(Belief& belief, const Step& step) const {
+  AlignmentResult result = step.match;
+  if (!step.found || is_ambiguous(step.match)) {
+    ++belief.misses;
+    demote(result, step.match.status, step.found ? "unconfirmed" : "not_tracked");
+    return result;
+  }
+  const bool again = belief.agreed > 0;
+  if (again && step.agrees) {
+    belief.anchor = model_.moved_to(*belief.anchor, step.stamp_ns, believed(step));
+    ++belief.agreed;
+  } else {
+    belief.anchor =
+        model_.at_unknown_velocity(step.stamp_ns, {step.match.T_map_lidar, step.match.covariance});
+    belief.agreed = 1;
+    if (again) add_reason(result, "contradicts_motion");
+  }
+  belief.matched_ns = step.stamp_ns;
+  belief.matched = true;
+  belief.misses = 0;
+  belief.contradictions = 0;
+  if (!is_confirmed(belief)) {
+    demote(result, PoseStatus::kDegraded, "unconfirmed");
+  } else {
+    belief.mode = Mode::kTracking;
+  }
+  return result;
+}
+
+TrackedPose TrackingSession::answer_late(std::int64_t stamp_ns,
+                                         const maps::PointCloud& scan_lidar) const {
+  Step step;
+  step.stamp_ns = stamp_ns;
+  step.from = SearchedFrom::kNowhere;
+  const auto around = history_.keeps(stamp_ns) ? history_.around(stamp_ns) : std::nullopt;
+  if (!around) {
+    demote(step.match, PoseStatus::kLost, "too_old");
+    return {stamp_ns, step.match, step.from};
+  }
+  const auto& [before, after] = *around;
+  step.predicted = after != nullptr ? model_.interpolated(before->state, after->state, stamp_ns)
+                                    : model_.predicted(before->state, stamp_ns);
+  if (!(step.predicted->drift_m <= options_.max_drift_m)) {
+    demote(step.match, PoseStatus::kLost, "not_tracked");
+    return {stamp_ns, step.match, step.from};
+  }
+  step.from = SearchedFrom::kInterpolation;
+  match(step, scan_lidar, Prior{step.predicted->pose.T, step.predicted->pose.covariance});
+  AlignmentResult result = step.match;
+  if (step.found && !step.agrees) add_reason(result, "contradicts_motion");
+  if (!step.agrees) result = in_place_of(result, *step.predicted, "interpolated");
+  if (!before->confirmed || (after != nullptr && !after->confirmed)) {
+    demote(result, step.agrees ? PoseStatus::kDegraded : PoseStatus::kLost, "unconfirmed");
+  }
+  return {stamp_ns, result, step.from};
+}
+
+}  // namespace stillmap::localization

@@ -1,0 +1,83 @@
+#pragma once
+
+#include "history.hpp"
+#include "motion.hpp"
+
+#include <stillmap/localization/tracker.hpp>
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+namespace stillmap::localization {
+
+/// The state machine behind `Tracker`. What is given to it has been checked.
+class TrackingSession {
+ public:
+  TrackingSession(std::shared_ptr<const Aligner> aligner, const TrackerOptions& options);
+  void initialize(const PosePdf& T_map_lidar);
+  [[nodiscard]] TrackedPose track(std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
+                                  const std::optional<OdometryStep>& odometry);
+
+ private:
+  /// How the next scan is looked for.
+  enum class Mode {
+    kTracking,    ///< around the prediction
+    kWide,        ///< widely around it
+    kEverywhere,  ///< without a prior
+  };
+  struct Belief {
+    Mode mode = Mode::kEverywhere;
+    /// The last pose that a match or odometry told; none before the vehicle was found.
+    std::optional<MotionState> anchor;
+    std::int64_t matched_ns = 0;
+    /// Any scan was found at all.
+    bool matched = false;
+    /// Answers that agree on where the vehicle is; at `agreeing_answers` it is tracked.
+    int agreed = 0;
+    /// In a row: matches against the motion, scans that were looked for in vain.
+    int contradictions = 0;
+    int misses = 0;
+  };
+  /// One scan on its way to an answer.
+  struct Step {
+    std::int64_t stamp_ns = 0;
+    std::optional<MotionState> predicted;
+    SearchedFrom from = SearchedFrom::kEverywhere;
+    AlignmentResult match;
+    bool found = false;
+    /// Found where the prediction admits it.
+    bool agrees = false;
+  };
+
+  [[nodiscard]] TrackedPose answer_next(std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
+                                        const std::optional<OdometryStep>& odometry);
+  [[nodiscard]] TrackedPose answer_late(std::int64_t stamp_ns,
+                                        const maps::PointCloud& scan_lidar) const;
+
+  void predict(Belief& belief, Step& step, const std::optional<OdometryStep>& odometry) const;
+  void choose_mode(Belief& belief, const Step& step) const;
+  [[nodiscard]] std::optional<Prior> prior_of(const Belief& belief, const Step& step) const;
+  void match(Step& step, const maps::PointCloud& scan_lidar,
+             const std::optional<Prior>& prior) const;
+
+  /// The pose to go on from after a match that agrees with the prediction.
+  [[nodiscard]] static PosePdf believed(const Step& step);
+  [[nodiscard]] AlignmentResult follow(Belief& belief, const Step& step) const;
+  [[nodiscard]] AlignmentResult coast(Belief& belief, const Step& step) const;
+  [[nodiscard]] AlignmentResult search(Belief& belief, const Step& step) const;
+
+  [[nodiscard]] bool is_confirmed(const Belief& belief) const {
+    return belief.agreed >= options_.agreeing_answers;
+  }
+
+  std::shared_ptr<const Aligner> aligner_;
+  TrackerOptions options_;
+  MotionModel model_;
+  std::optional<PosePdf> given_;
+  Belief belief_;
+  TrackingHistory history_;
+};
+
+}  // namespace stillmap::localization

@@ -1,0 +1,115 @@
+#include <stillmap/localization/tracker.hpp>
+
+#include "session.hpp"
+
+#include <Eigen/Cholesky>
+
+#include <fmt/format.h>
+
+#include <stdexcept>
+#include <utility>
+
+namespace stillmap::localization {
+namespace {
+
+/// Beyond these sums of squares would no longer be finite everywhere [m].
+constexpr double kMaxCoordinateM = 1e9;
+constexpr double kMaxMotionM = 1e5;
+constexpr double kMaxVariance = 1e12;
+constexpr double kRotationTolerance = 1e-3;
+
+void require_rigid(const char* name, const Eigen::Isometry3d& T, double max_m) {
+  const Eigen::Matrix3d& R = T.linear();
+  const bool rigid = T.matrix().allFinite() &&
+                     (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <
+                         kRotationTolerance &&
+                     R.determinant() > 0.0;
+  if (!rigid || !(T.translation().cwiseAbs().maxCoeff() <= max_m)) {
+    throw std::invalid_argument(
+        fmt::format("{}: found no rigid motion within {:g} m, expected one", name, max_m));
+  }
+}
+
+void require_covariance(const char* name, const Matrix6d& covariance) {
+  const bool bounded = covariance.allFinite() && covariance.cwiseAbs().maxCoeff() <= kMaxVariance;
+  const bool symmetric = bounded && covariance.isApprox(covariance.transpose(), 1e-6);
+  if (!symmetric || Eigen::LLT<Matrix6d>(covariance).info() != Eigen::Success) {
+    throw std::invalid_argument(
+        fmt::format("{}: its covariance is not symmetric, positive definite and up to {:g}", name,
+                    kMaxVariance));
+  }
+}
+
+}  // namespace
+
+std::string_view name_of(SearchedFrom from) {
+  switch (from) {
+    case SearchedFrom::kEverywhere:
+      return "everywhere";
+    case SearchedFrom::kGiven:
+      return "given";
+    case SearchedFrom::kVelocity:
+      return "velocity";
+    case SearchedFrom::kOdometry:
+      return "odometry";
+    case SearchedFrom::kInterpolation:
+      return "interpolation";
+    case SearchedFrom::kNowhere:
+      return "nowhere";
+  }
+  throw std::invalid_argument(fmt::format("SearchedFrom: {}, unknown", static_cast<int>(from)));
+}
+
+std::vector<std::string> TrackerOptions::violations() const {
+  std::vector<std::string> out;
+  const auto check = [&out](const char* name, double value, double low, double high) {
+    if (!(value >= low && value <= high)) {
+      out.push_back(fmt::format("{}: found {:g}, expected {:g} to {:g}", name, value, low, high));
+    }
+  };
+  check("acceleration_density", acceleration_density, 1e-4, 1e4);
+  check("turn_acceleration_density", turn_acceleration_density, 1e-6, 1e2);
+  check("unknown_speed_m_s", unknown_speed_m_s, 0.01, 1000.0);
+  check("unknown_turn_rad_s", unknown_turn_rad_s, 0.001, 100.0);
+  check("max_coast_s", max_coast_s, 0.0, 60.0);
+  check("max_drift_m", max_drift_m, 0.1, 100.0);
+  check("max_contradictions", max_contradictions, 1, 1000);
+  check("wide_searches", wide_searches, 0, 1000);
+  check("agreeing_answers", agreeing_answers, 1, 100);
+  check("history_s", history_s, 0.0, 600.0);
+  return out;
+}
+
+Tracker::Tracker(std::shared_ptr<const Aligner> aligner, const TrackerOptions& options) {
+  if (!aligner) throw std::invalid_argument("tracker: no aligner");
+  if (const auto violations = options.violations(); !violations.empty()) {
+    throw std::invalid_argument(fmt::format("tracker: {}", fmt::join(violations, "; ")));
+  }
+  session_ = std::make_unique<TrackingSession>(std::move(aligner), options);
+}
+
+Tracker::~Tracker() = default;
+Tracker::Tracker(Tracker&&) noexcept = default;
+Tracker& Tracker::operator=(Tracker&&) noexcept = default;
+
+void Tracker::initialize(const Eigen::Isometry3d& T_map_lidar,
+                         const Eigen::Matrix<double, 6, 6>& covariance) {
+  require_rigid("initial pose", T_map_lidar, kMaxCoordinateM);
+  require_covariance("initial pose", covariance);
+  session_->initialize({T_map_lidar, covariance});
+}
+
+TrackedPose Tracker::track(std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
+                           const std::optional<OdometryStep>& odometry) {
+  if (odometry) {
+    require_rigid("odometry", odometry->T_since_lidar, kMaxMotionM);
+    require_covariance("odometry", odometry->covariance);
+    if (odometry->since_ns >= stamp_ns) {
+      throw std::invalid_argument(fmt::format(
+          "odometry: since {} ns, expected before the scan's {}", odometry->since_ns, stamp_ns));
+    }
+  }
+  return session_->track(stamp_ns, scan_lidar, odometry);
+}
+
+}  // namespace stillmap::localization

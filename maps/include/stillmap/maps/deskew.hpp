@@ -1,0 +1,14 @@
+#pragma once
+
+#include <stillmap/maps/scan.hpp>
+
+#include <Eigen/Core>
+
+namespace stillmap::maps {
+
+/// Moves every point to the scan's stamp: p <- exp(twist * time_offset) p. Does nothing without
+/// per-point times.
+/// @param twist_lidar  (tx ty tz rx ry rz) [m/s, rad/s] of the sensor, in its own frame.
+void deskew(PointCloud& cloud, const Eigen::Matrix<double, 6, 1>& twist_lidar);
+
+}  // namespace stillmap::maps

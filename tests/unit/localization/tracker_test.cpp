@@ -1,0 +1,511 @@
+#include <stillmap/localization/tracker.hpp>
+
+#include <stillmap/maps/frames.hpp>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <support/synthetic_world.hpp>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <stdexcept>
+
+namespace stillmap::localization {
+namespace {
+
+using test::pose_at;
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+
+constexpr double kSpeedM = 10.0;
+const Matrix6d kMatchCovariance = 4e-4 * Matrix6d::Identity();
+
+std::int64_t at_s(double seconds) {
+  return std::llround(seconds * 1e9) + 1'300'000'000'000'000'000;
+}
+/// Where the vehicle of these tests is: along x at 10 m/s.
+Eigen::Isometry3d truth_at(double seconds) { return pose_at(kSpeedM * seconds, 0.0); }
+
+AlignmentResult found_at(const Eigen::Isometry3d& T_map_lidar, PoseStatus status = PoseStatus::kOk,
+                         std::vector<std::string> reasons = {}) {
+  AlignmentResult result;
+  result.status = status;
+  result.reasons = std::move(reasons);
+  result.T_map_lidar = T_map_lidar;
+  result.covariance = kMatchCovariance;
+  result.inlier_ratio = 0.9;
+  if (status == PoseStatus::kOk) result.protection = protection_levels(kMatchCovariance);
+  return result;
+}
+AlignmentResult lost(const std::string& reason = "low_inlier_ratio") {
+  AlignmentResult result;
+  result.reasons = {reason};
+  return result;
+}
+
+/// Answers what the test tells it to, and remembers what it was asked.
+class ScriptedAligner : public Aligner {
+ public:
+  [[nodiscard]] AlignmentResult align(const maps::PointCloud& scan_lidar,
+                                      const std::optional<Prior>& prior) const override {
+    ++calls;
+    last_prior = prior;
+    last_scan = scan_lidar;
+    return answer(prior);
+  }
+  std::function<AlignmentResult(const std::optional<Prior>&)> answer;
+  mutable int calls = 0;
+  mutable std::optional<Prior> last_prior;
+  mutable maps::PointCloud last_scan;
+};
+
+class TrackerTest : public ::testing::Test {
+ protected:
+  std::shared_ptr<ScriptedAligner> aligner = std::make_shared<ScriptedAligner>();
+  Tracker tracker{aligner};
+
+  TrackedPose track(double seconds, const AlignmentResult& answer,
+                    const std::optional<OdometryStep>& odometry = std::nullopt) {
+    aligner->answer = [answer](const auto&) { return answer; };
+    return tracker.track(at_s(seconds), {}, odometry);
+  }
+  TrackedPose follow(double seconds) { return track(seconds, found_at(truth_at(seconds))); }
+  /// Drives to `seconds` with every scan matched.
+  void drive_to(double seconds) {
+    tracker.initialize(truth_at(0.0), 0.01 * Matrix6d::Identity());
+    for (int k = 0; 0.1 * k < seconds + 1e-6; ++k) {
+      ASSERT_EQ(follow(0.1 * k).result.status, PoseStatus::kOk) << k;
+    }
+  }
+  [[nodiscard]] double prior_deviation_m() const {
+    return std::sqrt(aligner->last_prior->covariance->diagonal().head<3>().maxCoeff());
+  }
+};
+
+TEST_F(TrackerTest, FirstScanIsLookedForAroundTheGivenPose) {
+  tracker.initialize(pose_at(3.0, 1.0), 0.04 * Matrix6d::Identity());
+  const TrackedPose answer = track(0.0, found_at(pose_at(3.1, 1.0)));
+  EXPECT_EQ(answer.searched_from, SearchedFrom::kGiven);
+  EXPECT_EQ(answer.result.status, PoseStatus::kOk);
+  EXPECT_TRUE(aligner->last_prior->T_map_lidar.isApprox(pose_at(3.0, 1.0)));
+  EXPECT_TRUE(aligner->last_prior->covariance->isApprox(0.04 * Matrix6d::Identity()));
+}
+
+TEST_F(TrackerTest, AGivenPoseThatNothingConfirmsIsNoAnswer) {
+  tracker.initialize(pose_at(3.0, 1.0), 0.04 * Matrix6d::Identity());
+  EXPECT_EQ(track(0.0, lost()).result.status, PoseStatus::kLost);
+  const TrackedPose against = track(0.1, found_at(pose_at(50.0, 1.0)));
+  EXPECT_EQ(against.result.status, PoseStatus::kLost);
+  EXPECT_THAT(against.result.reasons, Contains("contradicts_motion"));
+}
+
+TEST_F(TrackerTest, PredictsByConstantVelocity) {
+  drive_to(1.0);
+  const TrackedPose answer = follow(1.1);
+  EXPECT_EQ(answer.searched_from, SearchedFrom::kVelocity);
+  EXPECT_LT((aligner->last_prior->T_map_lidar.translation() - truth_at(1.1).translation()).norm(),
+            0.01);
+  EXPECT_LT(prior_deviation_m(), 0.1);
+}
+
+TEST_F(TrackerTest, AnswerKeepsTheMatchsOwnPoseAndCovariance) {
+  drive_to(1.0);
+  const Eigen::Isometry3d T = pose_at(11.05, 0.03);
+  const TrackedPose answer = track(1.1, found_at(T));
+  EXPECT_TRUE(answer.result.T_map_lidar.matrix() == T.matrix());
+  EXPECT_TRUE(answer.result.covariance == kMatchCovariance);
+  EXPECT_TRUE(std::isfinite(answer.result.protection.lateral_m));
+}
+
+TEST_F(TrackerTest, PredictsByOdometryWhenItIsSent) {
+  drive_to(1.0);
+  // The vehicle braked and turned between two scans; its wheels know.
+  const OdometryStep odometry{at_s(1.0), pose_at(0.2, 0.0, 0.1, 0.0), 1e-4 * Matrix6d::Identity()};
+  const Eigen::Isometry3d T = truth_at(1.0) * odometry.T_since_lidar;
+  const TrackedPose answer = track(1.5, found_at(T), odometry);
+  EXPECT_EQ(answer.searched_from, SearchedFrom::kOdometry);
+  EXPECT_EQ(answer.result.status, PoseStatus::kOk);
+  EXPECT_LT((aligner->last_prior->T_map_lidar.translation() - T.translation()).norm(), 0.01);
+  EXPECT_LT(prior_deviation_m(), 0.05);
+}
+
+TEST_F(TrackerTest, OdometrySinceAnUnknownStampIsNotUsedAndTheAnswerSaysSo) {
+  drive_to(1.0);
+  const OdometryStep odometry{at_s(0.95), pose_at(7.0, 0.0, 0.0, 0.0), Matrix6d::Identity()};
+  EXPECT_EQ(track(1.1, found_at(truth_at(1.1)), odometry).searched_from, SearchedFrom::kVelocity);
+}
+
+TEST_F(TrackerTest, AMatchThatContradictsTheMotionIsNotBelieved) {
+  drive_to(1.0);
+  const TrackedPose answer = track(1.1, found_at(pose_at(11.0, 1.5)));
+  EXPECT_EQ(answer.result.status, PoseStatus::kDegraded);
+  EXPECT_THAT(answer.result.reasons, ElementsAre("contradicts_motion", "coasting"));
+  EXPECT_LT((answer.result.T_map_lidar.translation() - truth_at(1.1).translation()).norm(), 0.01);
+  EXPECT_TRUE(std::isinf(answer.result.protection.lateral_m));
+  EXPECT_EQ(follow(1.2).result.status, PoseStatus::kOk);
+}
+
+TEST_F(TrackerTest, WhatTheAlignerHoldsAgainstThePriorIsSaidOnce) {
+  drive_to(1.0);
+  const TrackedPose answer =
+      track(1.1, found_at(pose_at(11.0, 1.5), PoseStatus::kDegraded, {"contradicts_prior"}));
+  EXPECT_THAT(answer.result.reasons, ElementsAre("contradicts_motion", "coasting"));
+}
+
+TEST_F(TrackerTest, BrakingAtOnceIsNoContradiction) {
+  drive_to(1.0);
+  double x = 10.0;
+  double speed = kSpeedM;
+  for (int k = 1; k <= 12; ++k) {
+    speed = std::max(0.0, speed - 0.9);  // 9 m/s^2
+    x += 0.1 * speed;
+    EXPECT_EQ(track(1.0 + 0.1 * k, found_at(pose_at(x, 0.0))).result.status, PoseStatus::kOk) << k;
+  }
+}
+
+TEST_F(TrackerTest, CoastsWithGrowingCovarianceAndTakesTheNextMatch) {
+  drive_to(1.0);
+  double last = kMatchCovariance(0, 0);
+  for (int k = 1; k <= 8; ++k) {
+    const double t = 1.0 + 0.1 * k;
+    const TrackedPose answer = track(t, lost());
+    EXPECT_EQ(answer.result.status, PoseStatus::kDegraded);
+    EXPECT_THAT(answer.result.reasons, ElementsAre("low_inlier_ratio", "coasting"));
+    EXPECT_LT((answer.result.T_map_lidar.translation() - truth_at(t).translation()).norm(), 0.05);
+    EXPECT_GT(answer.result.covariance(0, 0), last);
+    last = answer.result.covariance(0, 0);
+  }
+  EXPECT_EQ(follow(1.9).result.status, PoseStatus::kOk);
+  EXPECT_LT(track(2.0, lost()).result.covariance(0, 0), 0.05);
+}
+
+TEST_F(TrackerTest, CoastingEndsInAWideSearchThenInOneOfTheWholeMap) {
+  drive_to(1.0);
+  double t = 1.0;
+  while (track(t += 0.1, lost()).result.status == PoseStatus::kDegraded) {
+    ASSERT_TRUE(aligner->last_prior);
+    ASSERT_LT(t, 4.2);
+  }
+  EXPECT_GT(t, 2.0);
+  EXPECT_TRUE(aligner->last_prior);
+  EXPECT_GT(prior_deviation_m(), 2.0);
+  int wide = 1;
+  for (; wide < 10; ++wide) {
+    const TrackedPose answer = track(t += 0.1, lost());
+    EXPECT_EQ(answer.result.status, PoseStatus::kLost);
+    EXPECT_THAT(answer.result.reasons, ElementsAre("low_inlier_ratio", "not_tracked"));
+    if (!aligner->last_prior) {
+      EXPECT_EQ(answer.searched_from, SearchedFrom::kEverywhere);
+      break;
+    }
+  }
+  EXPECT_EQ(wide, 3);
+}
+
+TEST_F(TrackerTest, GoodOdometryCoastsForTheWholeTimeAllowed) {
+  drive_to(1.0);
+  double last = 0.0;
+  for (int k = 1; k <= 29; ++k) {
+    const double t = 1.0 + 0.1 * k;
+    const OdometryStep odometry{at_s(t - 0.1), pose_at(1.0, 0.0, 0.0, 0.0),
+                                1e-4 * Matrix6d::Identity()};
+    const TrackedPose answer = track(t, lost(), odometry);
+    ASSERT_EQ(answer.result.status, PoseStatus::kDegraded) << k;
+    EXPECT_GT(answer.result.covariance(0, 0), last);
+    last = answer.result.covariance(0, 0);
+  }
+  EXPECT_LT(last, 1.0);
+  EXPECT_EQ(track(4.2, lost()).result.status, PoseStatus::kLost);
+}
+
+TEST_F(TrackerTest, MatchesThatGoOnContradictingMakeTheMotionDoubtful) {
+  drive_to(1.0);
+  int believed = 0;
+  for (int k = 1; k <= 8; ++k) {
+    const double t = 1.0 + 0.1 * k;
+    const TrackedPose answer = track(t, found_at(pose_at(10.0 * t, 5.0)));
+    if (answer.result.status == PoseStatus::kOk) {
+      believed = k;
+      break;
+    }
+    EXPECT_THAT(answer.result.reasons,
+                k <= 5 ? Contains("contradicts_motion") : Contains("unconfirmed"));
+  }
+  EXPECT_EQ(believed, 7);
+}
+
+TEST_F(TrackerTest, FoundWithoutAPriorIsOkOnlyWhenTheNextScanAgrees) {
+  const TrackedPose first = follow(0.0);
+  EXPECT_EQ(first.searched_from, SearchedFrom::kEverywhere);
+  EXPECT_EQ(first.result.status, PoseStatus::kDegraded);
+  EXPECT_THAT(first.result.reasons, ElementsAre("unconfirmed"));
+  EXPECT_TRUE(std::isinf(first.result.protection.lateral_m));
+  EXPECT_TRUE(first.result.T_map_lidar.isApprox(truth_at(0.0)));
+  const TrackedPose second = follow(0.1);
+  EXPECT_EQ(second.searched_from, SearchedFrom::kEverywhere);
+  EXPECT_EQ(second.result.status, PoseStatus::kOk);
+  EXPECT_THAT(second.result.reasons, IsEmpty());
+  EXPECT_EQ(follow(0.2).searched_from, SearchedFrom::kVelocity);
+}
+
+TEST_F(TrackerTest, ScansFarApartAreSearchedForButStayConfirmed) {
+  // After a second nothing is known of where a vehicle of unknown speed is; the map knows.
+  EXPECT_EQ(follow(0.0).result.status, PoseStatus::kDegraded);
+  EXPECT_EQ(follow(1.0).result.status, PoseStatus::kOk);
+  for (const double seconds : {4.0, 7.0, 9.5}) {
+    const TrackedPose answer = follow(seconds);
+    EXPECT_EQ(answer.result.status, PoseStatus::kOk) << seconds;
+    EXPECT_EQ(answer.searched_from, SearchedFrom::kEverywhere) << seconds;
+  }
+  // What was seen a minute ago agrees with every place, so it confirms none.
+  EXPECT_EQ(follow(70.0).result.status, PoseStatus::kDegraded);
+  EXPECT_EQ(follow(70.1).result.status, PoseStatus::kOk);
+}
+
+TEST_F(TrackerTest, AWrongRelocationIsNotBelieved) {
+  // Two wrong places far apart, then the right one: only the fourth answer has been agreed with.
+  EXPECT_EQ(track(0.0, found_at(pose_at(200.0, 0.0))).result.status, PoseStatus::kDegraded);
+  const TrackedPose second = track(0.1, found_at(pose_at(-90.0, 40.0)));
+  EXPECT_EQ(second.result.status, PoseStatus::kDegraded);
+  EXPECT_THAT(second.result.reasons, ElementsAre("contradicts_motion", "unconfirmed"));
+  EXPECT_EQ(follow(0.2).result.status, PoseStatus::kDegraded);
+  EXPECT_EQ(follow(0.3).result.status, PoseStatus::kOk);
+}
+
+TEST_F(TrackerTest, AnAmbiguousPlaceConfirmsNothing) {
+  follow(0.0);
+  const TrackedPose answer =
+      track(0.1, found_at(truth_at(0.1), PoseStatus::kDegraded, {"ambiguous"}));
+  EXPECT_THAT(answer.result.reasons, ElementsAre("ambiguous", "unconfirmed"));
+  EXPECT_EQ(follow(0.2).result.status, PoseStatus::kOk);
+}
+
+TEST_F(TrackerTest, AnUnconfirmedPlaceIsForgottenWhenNothingAgreesForLong) {
+  follow(0.0);
+  for (int k = 1; k <= 3; ++k) EXPECT_EQ(track(0.1 * k, lost()).result.status, PoseStatus::kLost);
+  EXPECT_EQ(follow(0.4).result.status, PoseStatus::kDegraded);
+}
+
+TEST_F(TrackerTest, RecoversAfterBeingLostAndDoesNotInterpolateAcrossTheJump) {
+  drive_to(1.0);
+  for (double t = 1.1; t < 6.0; t += 0.1) (void)track(t, lost());
+  const Eigen::Isometry3d T = pose_at(400.0, 100.0);
+  EXPECT_EQ(track(6.1, found_at(T)).result.status, PoseStatus::kDegraded);
+  EXPECT_EQ(track(6.2, found_at(T)).result.status, PoseStatus::kOk);
+  EXPECT_THAT(track(5.55, found_at(T)).result.reasons, ElementsAre("too_old"));
+  EXPECT_EQ(track(6.15, found_at(T)).result.status, PoseStatus::kDegraded);  // unconfirmed then
+  EXPECT_EQ(track(6.3, found_at(T)).result.status, PoseStatus::kOk);
+  EXPECT_EQ(track(6.25, found_at(T)).result.status, PoseStatus::kOk);
+}
+
+TEST_F(TrackerTest, AWeakMatchDoesNotWidenWhatTheMotionTells) {
+  drive_to(1.0);
+  AlignmentResult weak =
+      found_at(pose_at(11.4, 0.0), PoseStatus::kDegraded, {"unobservable_direction"});
+  weak.covariance(0, 0) = 100.0;
+  const TrackedPose answer = track(1.1, weak);
+  EXPECT_EQ(answer.result.status, PoseStatus::kDegraded);
+  EXPECT_THAT(answer.result.reasons, ElementsAre("unobservable_direction"));
+  EXPECT_DOUBLE_EQ(answer.result.covariance(0, 0), 100.0);
+  follow(1.2);
+  EXPECT_LT(prior_deviation_m(), 0.5);
+  EXPECT_LT((aligner->last_prior->T_map_lidar.translation() - truth_at(1.2).translation()).norm(),
+            0.1);
+}
+
+TEST_F(TrackerTest, ALateScanIsAnsweredFromItsTimeAndMovesNothing) {
+  drive_to(2.0);
+  const TrackedPose late = track(1.23, found_at(truth_at(1.23)));
+  EXPECT_EQ(late.result.status, PoseStatus::kOk);
+  EXPECT_EQ(late.searched_from, SearchedFrom::kInterpolation);
+  EXPECT_LT((aligner->last_prior->T_map_lidar.translation() - truth_at(1.23).translation()).norm(),
+            0.01);
+  EXPECT_LT(prior_deviation_m(), 0.1);
+  follow(2.1);
+  EXPECT_LT((aligner->last_prior->T_map_lidar.translation() - truth_at(2.1).translation()).norm(),
+            0.01);
+}
+
+TEST_F(TrackerTest, ALateScanThatDoesNotMatchIsInterpolated) {
+  drive_to(2.0);
+  for (const AlignmentResult& match : {lost(), found_at(pose_at(12.0, 2.0))}) {
+    const double t = match.status == PoseStatus::kLost ? 1.23 : 1.24;
+    const TrackedPose late = track(t, match);
+    EXPECT_EQ(late.result.status, PoseStatus::kDegraded);
+    EXPECT_THAT(late.result.reasons, Contains("interpolated"));
+    EXPECT_LT((late.result.T_map_lidar.translation() - truth_at(t).translation()).norm(), 0.01);
+  }
+}
+
+TEST_F(TrackerTest, OlderThanTheHistoryIsTooOldAndCostsNoSearch) {
+  drive_to(7.0);
+  const int calls = aligner->calls;
+  const TrackedPose old = track(1.05, found_at(truth_at(1.05)));
+  EXPECT_EQ(old.result.status, PoseStatus::kLost);
+  EXPECT_THAT(old.result.reasons, ElementsAre("too_old"));
+  EXPECT_EQ(old.searched_from, SearchedFrom::kNowhere);
+  EXPECT_EQ(aligner->calls, calls);
+  EXPECT_THAT(track(-1e6, found_at(truth_at(0))).result.reasons, ElementsAre("too_old"));
+}
+
+TEST_F(TrackerTest, TheSameStampIsAnsweredTheSameAgain) {
+  drive_to(1.0);
+  const int calls = aligner->calls;
+  const TrackedPose again = track(0.5, lost());
+  EXPECT_EQ(again.result.status, PoseStatus::kOk);
+  EXPECT_TRUE(again.result.T_map_lidar.isApprox(truth_at(0.5)));
+  const TrackedPose newest = track(1.0, lost());
+  EXPECT_TRUE(newest.result.T_map_lidar.isApprox(truth_at(1.0)));
+  EXPECT_EQ(aligner->calls, calls);
+  EXPECT_EQ(follow(1.1).result.status, PoseStatus::kOk);
+}
+
+TEST_F(TrackerTest, AScansTimesAreTakenOutWithThePredictedVelocity) {
+  drive_to(1.0);
+  maps::PointCloud scan;
+  scan.positions = {{5.0F, 0.0F, 0.0F}, {5.0F, 1.0F, 0.0F}};
+  scan.time_offsets_s = {-0.05F, 0.05F};
+  aligner->answer = [](const auto&) { return found_at(truth_at(1.1)); };
+  (void)tracker.track(at_s(1.1), scan);
+  EXPECT_NEAR(aligner->last_scan.positions[0].x(), 4.5, 0.02);
+  EXPECT_NEAR(aligner->last_scan.positions[1].x(), 5.5, 0.02);
+}
+
+TEST_F(TrackerTest, AFailedCallChangesNothing) {
+  drive_to(1.0);
+  aligner->answer = [](const auto&) -> AlignmentResult { throw std::invalid_argument("scan"); };
+  EXPECT_THROW((void)tracker.track(at_s(1.1), {}), std::invalid_argument);
+  EXPECT_EQ(follow(1.1).result.status, PoseStatus::kOk);
+  tracker.initialize(truth_at(0.0), 0.01 * Matrix6d::Identity());
+  aligner->answer = [](const auto&) -> AlignmentResult { throw std::invalid_argument("scan"); };
+  EXPECT_THROW((void)tracker.track(at_s(0.0), {}), std::invalid_argument);
+  EXPECT_EQ(follow(0.0).searched_from, SearchedFrom::kGiven);
+}
+
+TEST_F(TrackerTest, RefusesWhatIsNoMotion) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  Eigen::Isometry3d broken = pose_at(0, 0);
+  broken.translation().x() = nan;
+  EXPECT_THROW(tracker.initialize(broken, Matrix6d::Identity()), std::invalid_argument);
+  broken = pose_at(0, 0);
+  broken.linear() *= nan;
+  EXPECT_THROW(tracker.initialize(broken, Matrix6d::Identity()), std::invalid_argument);
+  EXPECT_THROW(tracker.initialize(pose_at(0, 0), -Matrix6d::Identity()), std::invalid_argument);
+  EXPECT_THROW(tracker.initialize(pose_at(0, 0), nan * Matrix6d::Identity()),
+               std::invalid_argument);
+  drive_to(1.0);
+  OdometryStep odometry{at_s(1.0), pose_at(1e6, 0.0), Matrix6d::Identity()};
+  EXPECT_THROW((void)track(1.1, lost(), odometry), std::invalid_argument);
+  odometry = {at_s(1.1), pose_at(1.0, 0.0), Matrix6d::Identity()};
+  EXPECT_THROW((void)track(1.1, lost(), odometry), std::invalid_argument);
+  odometry = {at_s(1.0), pose_at(1.0, 0.0), Matrix6d::Zero()};
+  EXPECT_THROW((void)track(1.1, lost(), odometry), std::invalid_argument);
+  TrackerOptions options;
+  options.max_coast_s = nan;
+  EXPECT_THROW(Tracker(aligner, options), std::invalid_argument);
+  EXPECT_THROW(Tracker(nullptr), std::invalid_argument);
+}
+
+TEST_F(TrackerTest, StampsAtBothEndsOfTimeAreAnswered) {
+  aligner->answer = [](const auto&) { return found_at(pose_at(0, 0)); };
+  (void)tracker.track(std::numeric_limits<std::int64_t>::min(), {});
+  const TrackedPose last = tracker.track(std::numeric_limits<std::int64_t>::max(), {});
+  EXPECT_THAT(last.result.reasons, ElementsAre("contradicts_motion", "unconfirmed"));
+  EXPECT_THAT(tracker.track(0, {}).result.reasons, ElementsAre("too_old"));
+}
+
+// --- with the real aligner -----------------------------------------------------------------------
+
+struct Street {
+  test::SyntheticWorld world = test::street(21);
+  std::shared_ptr<const Aligner> aligner;
+  Street() {
+    test::ScanPattern pattern;
+    pattern.noise_m = 0.02;
+    pattern.seed = 100;
+    std::vector<Eigen::Isometry3d> poses;
+    for (double x = 20.0; x <= 110.0; x += 3.0) poses.push_back(pose_at(x, 0.0));
+    aligner = make_aligner("default", MapIndex::build(world.mapped_from(poses, pattern)), poses);
+  }
+};
+
+const Street& street() {
+  static const Street built;
+  return built;
+}
+
+/// Along the street at 10 m/s, swaying.
+Eigen::Isometry3d street_truth(double seconds) {
+  return pose_at(25.0 + 10.0 * seconds, 0.8 * std::sin(seconds), 0.08 * std::cos(seconds));
+}
+
+maps::PointCloud rubbish(std::uint64_t seed) {
+  test::Random random(seed);
+  maps::PointCloud scan;
+  for (int i = 0; i < 5000; ++i) {
+    scan.positions.emplace_back(static_cast<float>(random.uniform(-30, 30)),
+                                static_cast<float>(random.uniform(-30, 30)),
+                                static_cast<float>(random.uniform(-2, 5)));
+  }
+  return scan;
+}
+
+TEST(TrackerOnAStreet, FollowsThroughBlockedAndGarbageScansAndIsNeverConfidentlyWrong) {
+  Tracker tracker(street().aligner);
+  test::ScanPattern pattern;
+  pattern.columns = 360;
+  pattern.noise_m = 0.02;
+  int ok = 0;
+  int degraded = 0;
+  for (int k = 0; k < 40; ++k) {
+    const double seconds = 0.1 * k;
+    const Eigen::Isometry3d T = street_truth(seconds);
+    pattern.seed = 1000 + static_cast<std::uint64_t>(k);
+    maps::PointCloud scan = street().world.scan(T, pattern);
+    const bool garbage = k >= 20 && k < 24;
+    const bool blocked = k >= 30 && k < 33;
+    if (garbage) scan = rubbish(pattern.seed);
+    if (blocked) scan.positions.resize(20);
+    const TrackedPose answer = tracker.track(at_s(seconds), scan);
+    const double error_m = (answer.result.T_map_lidar.translation() - T.translation()).norm();
+    if (answer.result.status == PoseStatus::kOk) {
+      ++ok;
+      EXPECT_LT(error_m, 0.1) << k;
+    } else if (answer.result.status == PoseStatus::kDegraded && (garbage || blocked)) {
+      ++degraded;
+      EXPECT_THAT(answer.result.reasons, Contains("coasting")) << k;
+      EXPECT_LT(error_m, 3.0 * std::sqrt(answer.result.covariance.diagonal().head<3>().sum()));
+    }
+  }
+  EXPECT_EQ(ok, 40 - 7 - 1);  // the first is unconfirmed
+  EXPECT_EQ(degraded, 7);
+}
+
+TEST(TrackerOnAStreet, FindsAVehicleThatWasCarriedAway) {
+  TrackerOptions options;
+  options.max_coast_s = 1.0;
+  Tracker tracker(street().aligner, options);
+  tracker.initialize(street_truth(0.0), 0.25 * Matrix6d::Identity());
+  test::ScanPattern pattern;
+  pattern.columns = 360;
+  pattern.noise_m = 0.02;
+  int recovered = -1;
+  for (int k = 0; k < 30; ++k) {
+    const double seconds = 0.1 * k;
+    const Eigen::Isometry3d T = street_truth(k < 5 ? seconds : seconds + 5.0);
+    pattern.seed = 2000 + static_cast<std::uint64_t>(k);
+    const TrackedPose answer = tracker.track(at_s(seconds), street().world.scan(T, pattern));
+    if (answer.result.status != PoseStatus::kOk) continue;
+    EXPECT_LT((answer.result.T_map_lidar.translation() - T.translation()).norm(), 0.1) << k;
+    if (k >= 5 && recovered < 0) recovered = k;
+  }
+  EXPECT_GE(recovered, 7);
+  EXPECT_LE(recovered, 29);
+}
+
+}  // namespace
+}  // namespace stillmap::localization
