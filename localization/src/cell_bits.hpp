@@ -3,7 +3,6 @@
 #include "map_level.hpp"
 
 #include <array>
-#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -11,84 +10,76 @@
 
 namespace stillmap::localization {
 
+/// Columns of a grid over a map, in square tiles; those of one tile lie together.
+struct TiledColumns {
+  /// Binary logarithm of a tile's side.
+  static constexpr int kShift = 5;
+  static constexpr std::size_t kColumnsOfTile = std::size_t{1} << (2 * kShift);
+
+  /// @param extent  of the index [m]. @param edge_m  of a column.
+  TiledColumns(const Eigen::Vector3d& extent, float edge_m);
+
+  [[nodiscard]] std::uint32_t tile(std::uint32_t x, std::uint32_t y) const {
+    return (y >> kShift) * tiles_x + (x >> kShift);
+  }
+  [[nodiscard]] static std::uint32_t place_in_tile(std::uint32_t x, std::uint32_t y) {
+    constexpr std::uint32_t kLast = (1U << kShift) - 1U;
+    return ((y & kLast) << kShift) | (x & kLast);
+  }
+  [[nodiscard]] std::size_t tiles() const {
+    return static_cast<std::size_t>(tiles_x) * static_cast<std::size_t>(tiles_y);
+  }
+
+  std::int32_t columns = 0;
+  std::int32_t rows = 0;
+  std::uint32_t tiles_x = 0;
+  std::uint32_t tiles_y = 0;
+};
+
+/// Points by coordinate, so that the compiler can take several at once.
+struct PointColumns {
+  explicit PointColumns(std::size_t count) : x(count), y(count), z(count) {}
+  void set(std::size_t i, const Eigen::Vector3f& p) {
+    x[i] = p.x();
+    y[i] = p.y();
+    z[i] = p.z();
+  }
+  std::vector<float> x, y, z;
+};
+
 /// Which cells of a map hold anything: a 64-bit word a column, a bit a metre of height. Heights
 /// count modulo 64 m, so that hills need no more; what lies 64 m higher in one column counts as the
-/// same. A view into `CellBitsTable` or a mapped file; whatever the bytes say, a look-up ends and
-/// stays inside the spans.
+/// same. A view into `CellBitsTable` or a mapped file.
 class CellBits {
  public:
-  /// Columns to a side of a tile; those of one lie together, and a tile without anything nowhere.
-  static constexpr std::int32_t kSide = 32;
-  static constexpr std::size_t kWordsOfTile = std::size_t{kSide} * kSide;
-  /// Where the words of a tile are.
-  struct Tile {
-    /// Row in the upper half, column in the lower.
-    std::uint64_t number = 0;
-    /// In tiles; 0 marks an empty entry.
-    std::uint32_t place = 0;
-    std::uint32_t unused = 0;
-  };
-  static_assert(sizeof(Tile) == 16);
-
-  CellBits() = default;
   /// @param edge_m  of a column. @param extent  of the index [m].
-  /// @param tiles   hash table, a power of two above 1 of them, linear probing.
-  /// @param words   of all tiles; no tile's place is beyond them.
-  CellBits(float edge_m, const Eigen::Vector3d& extent, std::span<const Tile> tiles,
-           std::span<const std::uint64_t> words);
+  /// @param tiles   for each tile of `TiledColumns` where its words begin.
+  /// @param words   of all tiles; each tile's lie inside.
+  CellBits(float edge_m, const Eigen::Vector3d& extent, std::span<const std::uint32_t> tiles,
+           std::span<const std::uint64_t> words)
+      : edge_m_(edge_m),
+        inverse_edge_(1.0F / edge_m),
+        grid_(extent, edge_m),
+        tiles_(tiles.data()),
+        words_(words.data()) {}
 
   [[nodiscard]] float edge_m() const { return edge_m_; }
-  /// 1 where something lies within a metre of this height [m, relative to the index's origin].
-  [[nodiscard]] unsigned hit(const Eigen::Vector3f& p) const {
-    const auto x = static_cast<std::int32_t>(p.x() * inverse_edge_);
-    const auto y = static_cast<std::int32_t>(p.y() * inverse_edge_);
-    // Negative coordinates round towards zero, onto the first column; there is nothing beside it.
-    if (p.x() < 0.0F || p.y() < 0.0F || x >= columns_ || y >= rows_) return 0;
-    return static_cast<unsigned>(word(x, y) >> (height_bit(p.z()) % 64U)) & 1U;
-  }
+  /// How many of the points, shifted, have something within a metre of their height [m, relative to
+  /// the index's origin].
+  [[nodiscard]] unsigned hits(const PointColumns& points, const Eigen::Vector3f& shift) const;
 
   [[nodiscard]] static std::uint32_t height_bit(float z) {
+    // A multiple of 64 that keeps heights positive.
+    constexpr float kBelow = 64.0F * 1024.0F;
     return static_cast<std::uint32_t>(static_cast<std::int32_t>(z + kBelow));
-  }
-  [[nodiscard]] static std::uint64_t tile_number(std::int32_t x, std::int32_t y) {
-    return (static_cast<std::uint64_t>(y / kSide) << 32) | static_cast<std::uint64_t>(x / kSide);
-  }
-  [[nodiscard]] static std::size_t place_in_tile(std::int32_t x, std::int32_t y) {
-    return static_cast<std::size_t>(y % kSide * kSide + x % kSide);
-  }
-  /// Fibonacci hashing: the top bits of the product mix all bits of the number.
-  [[nodiscard]] static std::size_t slot_of(std::uint64_t number, std::uint32_t shift) {
-    return static_cast<std::size_t>((number * 0x9E3779B97F4A7C15ULL) >> shift);
-  }
-  /// What leaves of a mixed number a place in a table of so many.
-  [[nodiscard]] static std::uint32_t shift_of(std::size_t size) {
-    return static_cast<std::uint32_t>(64 - std::countr_zero(size));
   }
 
  private:
-  /// A multiple of 64 that keeps heights positive.
-  static constexpr float kBelow = 64.0F * 1024.0F;
-
-  [[nodiscard]] std::uint64_t word(std::int32_t x, std::int32_t y) const {
-    const std::uint64_t number = tile_number(x, y);
-    std::size_t at = slot_of(number, shift_);
-    for (std::size_t tried = 0; tried < tiles_.size();
-         ++tried, at = (at + 1) & (tiles_.size() - 1)) {
-      const Tile& tile = tiles_[at];
-      if (tile.place == 0) return 0;
-      if (tile.number != number) continue;
-      return words_[(tile.place - 1) * kWordsOfTile + place_in_tile(x, y)];
-    }
-    return 0;
-  }
-
-  float edge_m_ = 1.0F;
-  float inverse_edge_ = 1.0F;
-  std::int32_t columns_ = 0;
-  std::int32_t rows_ = 0;
-  std::uint32_t shift_ = 0;
-  std::span<const Tile> tiles_;
-  std::span<const std::uint64_t> words_;
+  float edge_m_;
+  float inverse_edge_;
+  TiledColumns grid_;
+  const std::uint32_t* tiles_;
+  const std::uint64_t* words_;
 };
 
 /// What `CellBits` looks into, made from voxels.
@@ -99,14 +90,15 @@ class CellBitsTable {
   CellBitsTable(std::span<const Voxel> voxels, const Eigen::Vector3d& extent, float edge_m,
                 int spread);
 
-  [[nodiscard]] std::span<const CellBits::Tile> tiles() const { return tiles_; }
+  [[nodiscard]] std::span<const std::uint32_t> tiles() const { return tiles_; }
+  /// The first tile is empty, and stands for all that are.
   [[nodiscard]] std::span<const std::uint64_t> words() const { return words_; }
 
  private:
-  [[nodiscard]] std::uint64_t& word_at(std::int32_t x, std::int32_t y);
-  void rehash(std::size_t size);
+  [[nodiscard]] std::uint64_t& word_at(std::uint32_t x, std::uint32_t y);
 
-  std::vector<CellBits::Tile> tiles_;
+  TiledColumns grid_;
+  std::vector<std::uint32_t> tiles_;
   std::vector<std::uint64_t> words_;
 };
 
@@ -118,5 +110,7 @@ struct PlaceGrid {
 inline constexpr std::array<PlaceGrid, 3> kPlaceGrids = {{{2.0F, 1}, {2.0F, 0}, {1.0F, 0}}};
 /// Cells of the level that they are made of [m].
 inline constexpr double kPlaceCellM = 1.0;
+/// Tiles that the finest grid may have: a rectangle of 17,000 km^2 around all points of a map.
+inline constexpr std::size_t kMostGridTiles = std::size_t{1} << 24;
 
 }  // namespace stillmap::localization

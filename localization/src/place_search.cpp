@@ -53,13 +53,6 @@ Eigen::Isometry3f turned(const Eigen::Isometry3f& T_index_place, float yaw_rad) 
   return T_index_place * Eigen::AngleAxisf(yaw_rad, Eigen::Vector3f::UnitZ());
 }
 
-float hits(const CellBits& cells, const std::vector<Eigen::Vector3f>& points,
-           const Eigen::Vector3f& shift) {
-  unsigned count = 0;
-  for (const Eigen::Vector3f& p : points) count += cells.hit(p + shift);
-  return static_cast<float>(count);
-}
-
 }  // namespace
 
 PlaceSearch::PlaceSearch(const MapIndex& index, const std::vector<Eigen::Isometry3d>& seen_from)
@@ -85,14 +78,14 @@ std::vector<PlaceSearch::Hypothesis> PlaceSearch::everywhere(
     const std::vector<Eigen::Vector3f>& points) const {
   std::vector<Hypothesis> all;
   all.reserve(places_.size() * kHeadings);
-  std::vector<Eigen::Vector3f> placed(points.size());
+  PointColumns placed(points.size());
   for (std::size_t place = 0; place < places_.size(); ++place) {
     for (int heading = 0; heading < kHeadings; ++heading) {
       Hypothesis h{.place = place,
                    .yaw_rad = 2.0F * pi_v<float> * static_cast<float>(heading) / kHeadings};
       const Eigen::Isometry3f T = T_index_lidar(h);
-      for (std::size_t i = 0; i < points.size(); ++i) placed[i] = T * points[i];
-      h.score = hits(wide_, placed, Eigen::Vector3f::Zero());
+      for (std::size_t i = 0; i < points.size(); ++i) placed.set(i, T * points[i]);
+      h.score = static_cast<float>(wide_.hits(placed, Eigen::Vector3f::Zero()));
       all.push_back(h);
     }
   }
@@ -102,7 +95,7 @@ std::vector<PlaceSearch::Hypothesis> PlaceSearch::everywhere(
 void PlaceSearch::improve(std::vector<Hypothesis>& hypotheses,
                           const std::vector<Eigen::Vector3f>& points, const CellBits& cells,
                           const Steps& steps) const {
-  std::vector<Eigen::Vector3f> placed(points.size());
+  PointColumns placed(points.size());
   for (Hypothesis& h : hypotheses) {
     Hypothesis best = h;
     best.score = -1.0F;
@@ -110,12 +103,13 @@ void PlaceSearch::improve(std::vector<Hypothesis>& hypotheses,
       Hypothesis tried = h;
       tried.yaw_rad += static_cast<float>(turn) * steps.turn_rad;
       const Eigen::Isometry3f T = T_index_lidar(tried);
-      for (std::size_t i = 0; i < points.size(); ++i) placed[i] = T * points[i];
+      for (std::size_t i = 0; i < points.size(); ++i) placed.set(i, T * points[i]);
       for (int x = -steps.shifts; x <= steps.shifts; ++x) {
         for (int y = -steps.shifts; y <= steps.shifts; ++y) {
           const Eigen::Vector3f along(static_cast<float>(x) * steps.shift_m,
                                       static_cast<float>(y) * steps.shift_m, 0.0F);
-          const float score = hits(cells, placed, places_[h.place].linear() * along);
+          const auto score =
+              static_cast<float>(cells.hits(placed, places_[h.place].linear() * along));
           if (score <= best.score) continue;
           best = tried;
           best.x_m = h.x_m + along.x();

@@ -214,12 +214,13 @@ MapIndex::Level level_of(const Parser& parser, std::uint32_t level) {
 
 CellBits place_grid_of(const Parser& parser, std::uint32_t grid, const Eigen::Vector3d& extent) {
   const Section& section = parser.section(Kind::kGridTiles, grid);
-  const auto tiles = parser.items<CellBits::Tile>(section);
+  const auto tiles = parser.items<std::uint32_t>(section);
   const auto words = parser.items<std::uint64_t>(parser.section(Kind::kGridWords, grid));
   parser.verify(section);
-  const bool good = tiles.size() >= 2 && std::has_single_bit(tiles.size()) &&
-                    std::all_of(tiles.begin(), tiles.end(), [&](const CellBits::Tile& tile) {
-                      return tile.place <= words.size() / CellBits::kWordsOfTile;
+  const TiledColumns columns(extent, kPlaceGrids[grid].edge_m);
+  const bool good = tiles.size() == columns.tiles() &&
+                    std::all_of(tiles.begin(), tiles.end(), [&](std::uint32_t first) {
+                      return first + TiledColumns::kColumnsOfTile <= words.size();
                     });
   if (!good) parser.refuse("grid tiles that lie outside their section", "such that lie inside");
   return {kPlaceGrids[grid].edge_m, extent, tiles, words};
@@ -259,8 +260,10 @@ IndexView view_of(std::span<const std::byte> bytes, const IndexKey& key, const s
   IndexView view;
   view.origin = Eigen::Vector3d::Map(parser.header().origin_m.data());
   view.extent = Eigen::Vector3d::Map(parser.header().extent_m.data());
-  if (!(view.origin.allFinite() && view.extent.allFinite() && view.extent.minCoeff() >= 0.0)) {
-    parser.refuse("bounds that are not finite", "finite ones");
+  const double limit_m = key.options.finest_voxel_m * kCellsPerAxis;
+  if (!(view.origin.allFinite() && view.extent.minCoeff() >= 0.0 &&
+        view.extent.maxCoeff() < limit_m)) {
+    parser.refuse("bounds that no map has", fmt::format("an extent below {} m", limit_m));
   }
   for (std::uint32_t level = 0; level < parser.header().levels; ++level) {
     view.levels.push_back(level_of(parser, level));

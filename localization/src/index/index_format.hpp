@@ -41,7 +41,7 @@ enum class Kind : std::uint32_t {
   kTiles = 1,   ///< CellBlocks::Tile
   kSlots = 2,   ///< CellBlocks::Slot
   kVoxels = 3,  ///< Voxel
-  /// CellBits::Tile and 64-bit words; the level counts `kPlaceGrids`.
+  /// 32-bit and 64-bit words of `CellBitsTable`; the level counts `kPlaceGrids`.
   kGridTiles = 4,
   kGridWords = 5,
 };

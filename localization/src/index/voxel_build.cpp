@@ -158,6 +158,11 @@ IndexContent build_from(const ForEachPoint& for_each_point, const std::string& s
     throw maps::InputError(source, fmt::format("an extent of {} m", (max - min).maxCoeff()),
                            fmt::format("less than {} m", limit_m));
   }
+  if (TiledColumns(max - min, kPlaceGrids.back().edge_m).tiles() > kMostGridTiles) {
+    throw maps::InputError(source,
+                           fmt::format("an extent of {} by {} m", (max - min).x(), (max - min).y()),
+                           "one below 17,000 km^2");
+  }
   MomentGrid grid;
   for_each_point([&](const Eigen::Vector3d& p_map, double weight) {
     const Eigen::Vector3d p = p_map - min;

@@ -132,6 +132,8 @@ TEST(MapIndex, RefusesPointsThatAreNotFiniteNoneTooFewOrTooFarApart) {
   EXPECT_THROW((void)MapIndex::build(points), std::invalid_argument);
   points.back() = Eigen::Vector3d(1e9, 0.0, 0.0);
   EXPECT_THROW((void)MapIndex::build(points), maps::InputError);
+  points.back() = Eigen::Vector3d(2e5, 2e5, 0.0);
+  EXPECT_THROW((void)MapIndex::build(points), maps::InputError);
 }
 
 TEST(MapIndex, LooksUpNothingFarOutsideOrAtNaN) {
