@@ -6,12 +6,13 @@
 // Each selected scan is aligned by PCL's point-to-plane ICP, started from the drive's pose, to a
 // map of the scans that are not selected (deskewed as a build does, stacked by the drive's poses).
 //
-// How far to trust it: two more alignments of each scan that share nothing that was measured. The
-// first takes every other scan of the map, every other point of the query and a start that is off
-// to one side; the second takes the other halves and the opposite start. What they differ by holds
-// the noise of points, of where beams fell, of the map's poses and of starts, and is larger than
-// the reference's own error, which rests on all of the points. Scans where the two differ by more
-// than 3 cm, or where one of the three did not come to rest, are dropped and counted.
+// How far to trust it: two more alignments of each scan that share no measured point. The first
+// takes every other scan of the map, every other point of the query and a start that is off to one
+// side; the second takes the other halves and the opposite start. What they differ by holds the
+// noise of points, of where beams fell, of single poses of the map and of starts. It does not hold
+// what both maps share: where the drive's poses slide over many scans, both slide. Scans where the
+// two differ by more than 3 cm, or where one of the three did not come to rest, are dropped and
+// counted; they are the harder ones, so what is measured on the rest flatters every method.
 
 #include "accuracy/point_to_plane.hpp"
 #include "build/scan_stages.hpp"
