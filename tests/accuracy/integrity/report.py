@@ -1,0 +1,75 @@
+"""Runs a set and says what came out: a table, JSON and a diagram."""
+
+import answers
+import batches
+import diagram
+import figures
+import nominal
+
+MODULES = {"nominal": nominal}
+
+
+def run_set(name, program, options):
+    module = MODULES[name]
+    tables = batches.run_all(name, module.batches(program, options), options.folder / name, program.digest(),
+                             options.jobs)
+    values, limits = getattr(figures, name)(list(tables.values()))
+    everything = answers.joined(list(tables.values()))
+    text = "\n".join([*heading(name, tables, everything), *lines_of(values), *limit_lines(limits)])
+    print(text, flush=True)
+    (options.folder / f"{name}.txt").write_text(text + "\n")
+    diagram.stanford(everything, options.folder / f"{name}.png",
+                     f"{name}: {len(everything['status'])} queries, {len(tables)} drives")
+    return {"figures": values, "limits": limits, "drives": figures.by_drive(tables)}
+
+
+def heading(name, tables, everything):
+    return [f"== {name}: {len(everything['status'])} queries on {len(tables)} drives"]
+
+
+def lines_of(values, indent="  "):
+    """A dict of figures as lines, rates with their counts and bounds."""
+    lines = []
+    for key, value in values.items():
+        if isinstance(value, dict) and "upper_95" in value:
+            lines.append(f"{indent}{key:24} {shown_rate(value)}")
+        elif isinstance(value, dict):
+            inner = lines_of(value, indent + "  ")
+            simple = all(not isinstance(v, dict) for v in value.values())
+            lines += [f"{indent}{key:24} " + ", ".join(f"{k} {shown(v)}" for k, v in value.items())] if simple \
+                else [f"{indent}{key}", *inner]
+        else:
+            lines.append(f"{indent}{key:24} {shown(value)}")
+    return lines
+
+
+def shown(value):
+    if isinstance(value, list):
+        return " to ".join(shown(v) for v in value)
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def shown_rate(value):
+    if value["of"] == 0:
+        return "none asked"
+    return (f"{value['count']} of {value['of']} = {100.0 * value['rate']:.3f} %, "
+            f"at most {100.0 * value['upper_95']:.3f} % (95 %, by drive)")
+
+
+def limit_lines(limits):
+    lines = []
+    for limit in limits:
+        bounds = [f"{word} {shown(limit[key])}" for word, key in (("at least", "at_least"), ("at most", "at_most"))
+                  if limit[key] is not None]
+        lines.append(f"  {'holds ' if limit['holds'] else 'BROKEN'} {limit['what']}: {shown(limit['value'])}, "
+                     f"{' and '.join(bounds)}")
+    return lines
+
+
+def broken(result, quick):
+    """What must not be. Few queries say nothing about rates, so a quick run looks only for what must never happen."""
+    lines = []
+    for name, part in result["sets"].items():
+        if not quick:
+            lines += [f"{name}: {line['what']}" for line in part["limits"] if not line["holds"]]
+    return lines
