@@ -74,15 +74,22 @@ PlaceSearch::PlaceSearch(const MapIndex& index, const std::vector<Eigen::Isometr
   }
 }
 
-std::vector<PlaceSearch::Hypothesis> PlaceSearch::everywhere(
-    const std::vector<Eigen::Vector3f>& points) const {
+std::vector<PlaceSearch::Hypothesis> PlaceSearch::all_in(
+    const Region& region, const std::vector<Eigen::Vector3f>& points) const {
+  // Half a step more, so that a window between two headings is not empty.
+  constexpr double kHalfHeadingRad = pi_v<double> / kHeadings;
+  const Eigen::Vector2f centre = (region.centre_m - origin_.head<2>()).cast<float>();
+  const auto radius_m = static_cast<float>(region.radius_m);
   std::vector<Hypothesis> all;
   all.reserve(places_.size() * kHeadings);
   PointColumns placed(points.size());
   for (std::size_t place = 0; place < places_.size(); ++place) {
+    if ((places_[place].translation().head<2>() - centre).norm() > radius_m) continue;
     for (int heading = 0; heading < kHeadings; ++heading) {
-      Hypothesis h{.place = place,
-                   .yaw_rad = 2.0F * pi_v<float> * static_cast<float>(heading) / kHeadings};
+      const double yaw_rad = 2.0 * pi_v<double> * heading / kHeadings;
+      const double away_rad = std::remainder(yaw_rad - region.yaw_rad, 2.0 * pi_v<double>);
+      if (std::abs(away_rad) > region.yaw_window_rad + kHalfHeadingRad) continue;
+      Hypothesis h{.place = place, .yaw_rad = static_cast<float>(yaw_rad)};
       const Eigen::Isometry3f T = T_index_lidar(h);
       for (std::size_t i = 0; i < points.size(); ++i) placed.set(i, T * points[i]);
       h.score = static_cast<float>(wide_.hits(placed, Eigen::Vector3f::Zero()));
@@ -132,11 +139,11 @@ bool PlaceSearch::same_place(const Hypothesis& a, const Hypothesis& b) const {
          std::abs(std::remainder(a.yaw_rad - b.yaw_rad, 2.0F * pi_v<float>)) < 0.15F;
 }
 
-std::vector<Eigen::Isometry3d> PlaceSearch::best_places(const Query& query,
-                                                        std::size_t count) const {
+std::vector<Eigen::Isometry3d> PlaceSearch::best_places(const Query& query, std::size_t count,
+                                                        const Region& region) const {
   const std::vector<Eigen::Vector3f> points = points_to_try(query);
   if (points.empty()) return {};
-  std::vector<Hypothesis> all = everywhere(points);
+  std::vector<Hypothesis> all = all_in(region, points);
   keep_best(all, std::max(kLeastAfterWide, all.size() / kWidePart));
   improve(all, points, middle_, {.shifts = 2, .shift_m = 2.0F, .turns = 1, .turn_rad = 0.05F});
   keep_best(all, all.size());

@@ -5,6 +5,8 @@
 
 #include <Eigen/Geometry>
 
+#include <limits>
+#include <numbers>
 #include <vector>
 
 namespace stillmap::localization {
@@ -22,9 +24,20 @@ class PlaceSearch {
   /// @param index      outlives this. @param seen_from  T_map_lidar, at least one.
   PlaceSearch(const MapIndex& index, const std::vector<Eigen::Isometry3d>& seen_from);
 
-  /// Best places first, the same place only once; empty when nothing stands in the scan.
-  [[nodiscard]] std::vector<Eigen::Isometry3d> best_places(const Query& query,
-                                                           std::size_t count) const;
+  /// Where to look: everywhere unless said otherwise.
+  struct Region {
+    /// In the map frame [m]; places farther from it on the ground than the radius are left out.
+    Eigen::Vector2d centre_m = Eigen::Vector2d::Zero();
+    double radius_m = std::numeric_limits<double>::infinity();
+    /// Heading of the lidar's x axis in the map, and how far from it is looked [rad].
+    double yaw_rad = 0.0;
+    double yaw_window_rad = std::numbers::pi;
+  };
+
+  /// Best places first, the same place only once; empty when nothing stands in the scan, or nobody
+  /// has been in the region.
+  [[nodiscard]] std::vector<Eigen::Isometry3d> best_places(const Query& query, std::size_t count,
+                                                           const Region& region) const;
 
  private:
   /// A pose by its place, its heading about the place's upward axis, and its offset on that plane.
@@ -42,8 +55,8 @@ class PlaceSearch {
     int turns = 0;
     float turn_rad = 0.0F;
   };
-  [[nodiscard]] std::vector<Hypothesis> everywhere(
-      const std::vector<Eigen::Vector3f>& points) const;
+  [[nodiscard]] std::vector<Hypothesis> all_in(const Region& region,
+                                               const std::vector<Eigen::Vector3f>& points) const;
   /// The best of the steps around each hypothesis.
   void improve(std::vector<Hypothesis>& hypotheses, const std::vector<Eigen::Vector3f>& points,
                const CellBits& cells, const Steps& steps) const;

@@ -22,6 +22,8 @@ constexpr std::size_t kMinQueryPoints = 50;
 constexpr std::size_t kMaxCandidates = 3;
 /// Of the whole map more places are looked at closely.
 constexpr std::size_t kMaxPlaces = 5;
+/// A scan is found this far from where the map was seen [m].
+constexpr double kMaxFromPlaceM = 6.0;
 constexpr double kSearchCellM = 1.0;
 /// Share of the best place's support from which a second place makes the answer ambiguous.
 constexpr double kAmbiguousShare = 0.9;
@@ -46,16 +48,41 @@ const MapIndex::Level& level_near(const MapIndex& index, double edge_m) {
                            });
 }
 
-SearchWindow window_of(const Prior& prior) {
-  SearchWindow window;
-  if (!prior.covariance) return window;
-  // A caller who knows where the vehicle is does not want its neighbour street.
+/// How far from the prior the scan may be, as its covariance says (three deviations).
+struct PriorReach {
+  double radius_m = 0.0;
+  double yaw_rad = 0.0;
+};
+std::optional<PriorReach> reach_of(const Prior& prior) {
+  if (!prior.covariance) return std::nullopt;
   const Matrix6d& covariance = *prior.covariance;
-  window.radius_m =
-      std::min(window.radius_m, 3.0 * std::sqrt(covariance.diagonal().head<3>().maxCoeff()));
-  window.yaw_rad =
-      std::min(window.yaw_rad, 3.0 * std::sqrt(covariance.diagonal().tail<3>().maxCoeff()));
+  return PriorReach{3.0 * std::sqrt(covariance.diagonal().head<3>().maxCoeff()),
+                    3.0 * std::sqrt(covariance.diagonal().tail<3>().maxCoeff())};
+}
+
+SearchWindow window_of(const std::optional<PriorReach>& reach) {
+  SearchWindow window;
+  if (!reach) return window;
+  // A caller who knows where the vehicle is does not want its neighbour street.
+  window.radius_m = std::min(window.radius_m, reach->radius_m);
+  window.yaw_rad = std::min(window.yaw_rad, reach->yaw_rad);
   return window;
+}
+
+/// Whether the scan may be where the window around the prior does not reach.
+bool is_wide(const std::optional<PriorReach>& reach) {
+  const SearchWindow window;
+  return reach && (reach->radius_m > window.radius_m || reach->yaw_rad > window.yaw_rad);
+}
+
+PlaceSearch::Region region_of(const Prior& prior, const PriorReach& reach) {
+  const Eigen::Vector3d forward = prior.T_map_lidar.linear().col(0);
+  PlaceSearch::Region region;
+  region.centre_m = prior.T_map_lidar.translation().head<2>();
+  region.radius_m = reach.radius_m + kMaxFromPlaceM;
+  region.yaw_rad = std::atan2(forward.y(), forward.x());
+  region.yaw_window_rad = reach.yaw_rad;
+  return region;
 }
 
 /// Coarse to fine above the finest level, with few points: enough to tell good places from bad.
@@ -171,10 +198,13 @@ AlignmentResult VoxelAligner::align_near(const maps::PointCloud& scan_lidar,
   if (!((at > -kMarginM).all() && (at < index_->extent().array() + kMarginM).all())) {
     return lost("outside_map", prior.T_map_lidar);
   }
+  const std::optional<PriorReach> reach = reach_of(prior);
   std::vector<Eigen::Isometry3d> starts;
+  if (places_ && is_wide(reach))
+    starts = places_->best_places(query, kMaxPlaces, region_of(prior, *reach));
   for (const Candidate& candidate :
        search_poses(level_near(*index_, kSearchCellM), index_->origin(), query, prior.T_map_lidar,
-                    window_of(prior), kMaxCandidates)) {
+                    window_of(reach), kMaxCandidates)) {
     starts.push_back(candidate.T_map_lidar);
   }
   return align_among(*index_, query, starts, &prior);
@@ -184,7 +214,7 @@ AlignmentResult VoxelAligner::align_anywhere(const maps::PointCloud& scan_lidar)
   if (!places_) return lost("needs_prior");
   const Query query = thin(scan_lidar, Eigen::Matrix3d::Identity());
   if (query.points.size() < kMinQueryPoints) return lost("too_few_points");
-  const std::vector<Eigen::Isometry3d> starts = places_->best_places(query, kMaxPlaces);
+  const std::vector<Eigen::Isometry3d> starts = places_->best_places(query, kMaxPlaces, {});
   if (starts.empty()) return lost("too_little_structure");
   return align_among(*index_, query, starts, nullptr);
 }

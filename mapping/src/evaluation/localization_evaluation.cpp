@@ -46,9 +46,7 @@ maps::PointCloud deskewed_scan(const maps::Drive& drive, std::size_t index) {
 
 LocalizationRecord ask(const localization::Aligner& aligner, const maps::PointCloud& scan_lidar,
                        const Eigen::Isometry3d& T_map_lidar,
-                       const std::optional<Eigen::Isometry3d>& T_map_lidar_prior) {
-  std::optional<localization::Prior> prior;
-  if (T_map_lidar_prior) prior = localization::Prior{*T_map_lidar_prior, std::nullopt};
+                       const std::optional<localization::Prior>& prior) {
   const double cpu_start = thread_cpu_ms();
   const double wall_start = wall_ms();
   localization::AlignmentResult answer = aligner.align(scan_lidar, prior);
@@ -114,6 +112,14 @@ PriorError error_between(const Eigen::Isometry3d& T_map_lidar,
           .degrees = std::abs(std::atan2(turn(1, 0), turn(0, 0))) * 180.0 / std::numbers::pi};
 }
 
+std::optional<Eigen::Matrix<double, 6, 6>> covariance_of(const std::optional<PriorError>& sigma) {
+  if (!sigma) return std::nullopt;
+  Vector6d deviations;
+  deviations << Eigen::Vector3d::Constant(sigma->metres),
+      Eigen::Vector3d::Constant(sigma->degrees * std::numbers::pi / 180.0);
+  return deviations.cwiseAbs2().asDiagonal().toDenseMatrix();
+}
+
 /// All queries of one evaluation, in an order that does not depend on the threads.
 class Questions {
  public:
@@ -135,7 +141,9 @@ class Questions {
         if (cancel) throw Cancelled();
         const std::optional<Eigen::Isometry3d> prior = prior_of(index, level, trial);
         LocalizationRecord& record = records_[level][position * trials_ + trial];
-        record = ask(aligner_, scan_lidar, T_map_lidar(index), prior);
+        std::optional<localization::Prior> sent;
+        if (prior) sent = localization::Prior{*prior, covariance_of(options_.prior_sigma)};
+        record = ask(aligner_, scan_lidar, T_map_lidar(index), sent);
         record.position = position;
         record.query.scan = index;
         record.query.trial = static_cast<int>(trial);
@@ -225,6 +233,11 @@ std::vector<std::string> LocalizationEvaluationOptions::violations() const {
     if (!(error.degrees >= 0.0 && error.degrees <= 180.0)) {
       broken.push_back(fmt::format("prior_errors: {} deg, in [0, 180]", error.degrees));
     }
+  }
+  if (prior_sigma && !(prior_sigma->metres > 0.0 && std::isfinite(prior_sigma->metres) &&
+                       prior_sigma->degrees > 0.0 && std::isfinite(prior_sigma->degrees))) {
+    broken.push_back(
+        fmt::format("prior_sigma: {} m, {} deg, > 0", prior_sigma->metres, prior_sigma->degrees));
   }
   if (trials < 1) broken.push_back(fmt::format("trials: {}, >= 1", trials));
   if (trials > 1 && prior != PriorSource::kDrawn) {

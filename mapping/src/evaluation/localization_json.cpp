@@ -75,6 +75,8 @@ std::string to_json(const LocalizationEvaluation& evaluation) {
                      {"trials", evaluation.options.trials},
                      {"seed", std::to_string(evaluation.options.seed)},
                      {"threads", evaluation.options.threads}};
+  if (const auto& sigma = evaluation.options.prior_sigma)
+    json["options"]["prior_sigma"] = {{"metres", sigma->metres}, {"degrees", sigma->degrees}};
   return json.dump(2);
 }
 

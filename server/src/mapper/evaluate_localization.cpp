@@ -30,6 +30,7 @@ struct EvaluateArguments {
   std::optional<std::filesystem::path> poses;
   std::string select = "::";
   std::vector<std::string> prior_errors;
+  std::optional<std::string> prior_sigma;
   std::string method = mapping::map_aligner_names().front();
   std::optional<std::filesystem::path> json;
   std::optional<std::filesystem::path> csv;
@@ -37,7 +38,7 @@ struct EvaluateArguments {
   mapping::LocalizationEvaluationOptions options;
 };
 
-mapping::PriorError read_prior_error(const std::string& text) {
+mapping::PriorError read_prior_error(const std::string& option, const std::string& text) {
   mapping::PriorError error;
   const char* const end = text.data() + text.size();
   const auto [comma, metres_error] = std::from_chars(text.data(), end, error.metres);
@@ -46,7 +47,7 @@ mapping::PriorError read_prior_error(const std::string& text) {
     const auto [last, degrees_error] = std::from_chars(comma + 1, end, error.degrees);
     if (degrees_error == std::errc{} && last == end) return error;
   }
-  throw std::invalid_argument("--prior-error: found '" + text + "', expected METRES,DEGREES");
+  throw std::invalid_argument(option + ": found '" + text + "', expected METRES,DEGREES");
 }
 
 /// An option whose words are the names of an enumeration's values.
@@ -163,8 +164,10 @@ void evaluate(EvaluateArguments& arguments, const CLI::App& command) {
     throw std::invalid_argument(fmt::format("--prior-error: found with --prior {}, expected drawn",
                                             name_of(options.prior)));
   }
+  if (arguments.prior_sigma)
+    options.prior_sigma = read_prior_error("--prior-sigma", *arguments.prior_sigma);
   for (const std::string& text : arguments.prior_errors)
-    options.prior_errors.push_back(read_prior_error(text));
+    options.prior_errors.push_back(read_prior_error("--prior-error", text));
   const auto map = maps::MapPackage::open(arguments.map);
   const maps::Drive drive = open_drive(arguments);
   mapping::LocalizationEvaluation evaluation;
@@ -221,6 +224,10 @@ void add_evaluate_localization(CLI::App& evaluate_command) {
                       "(default {:g},{:g})",
                       options.prior_errors.front().metres, options.prior_errors.front().degrees))
       ->allow_extra_args(false);
+  command->add_option(
+      "--prior-sigma", arguments->prior_sigma,
+      "METRES,DEGREES that are sent as each prior's deviations, e.g. 20,180 as GNSS "
+      "knows them (default: none are sent)");
   command->add_option("--trials", options.trials, "Priors drawn for each scan")
       ->capture_default_str();
   command->add_option("--seed", options.seed, "Same seed, same priors, whatever the method")

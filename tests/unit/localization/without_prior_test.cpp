@@ -87,6 +87,31 @@ TEST(WithoutPrior, GivesTheSameAnswerTwice) {
   EXPECT_EQ(one.covariance, two.covariance);
 }
 
+Prior gnss_prior(const Eigen::Isometry3d& T_map_lidar, double sigma_m, double sigma_rad) {
+  Eigen::Matrix<double, 6, 1> sigma;
+  sigma << Eigen::Vector3d::Constant(sigma_m), Eigen::Vector3d::Constant(sigma_rad);
+  return {T_map_lidar, sigma.cwiseAbs2().asDiagonal().toDenseMatrix()};
+}
+
+TEST(WidePrior, FindsTheScanWithinItsDeviationsInEveryHeading) {
+  const Eigen::Isometry3d T = pose_at(61.5, -0.7, 2.0);
+  const auto scan = street().world.scan(T, pattern(7));
+  for (const double x : {42.0, 80.0}) {
+    const AlignmentResult result =
+        street().aligner->align(scan, gnss_prior(pose_at(x, 1.0, -1.0), 10.0, 1.5));
+    EXPECT_EQ(result.status, PoseStatus::kOk) << x;
+    EXPECT_LT((T.inverse() * result.T_map_lidar).translation().norm(), 0.1) << x;
+  }
+}
+
+TEST(WidePrior, DoesNotLookBeyondItsDeviations) {
+  const auto scan = street().world.scan(pose_at(100.0, -0.7, 0.0), pattern(7));
+  const AlignmentResult result =
+      street().aligner->align(scan, gnss_prior(pose_at(30.0, 0.0, 0.0), 8.0, 0.1));
+  EXPECT_NE(result.status, PoseStatus::kOk);
+  EXPECT_LT(result.T_map_lidar.translation().x(), 70.0);
+}
+
 TEST(WithoutPrior, IsLostWithNothingToGoBy) {
   EXPECT_EQ(street().aligner->align({}, std::nullopt).status, PoseStatus::kLost);
   maps::PointCloud flat;

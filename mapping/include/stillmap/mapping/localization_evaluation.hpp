@@ -58,6 +58,9 @@ struct LocalizationEvaluationOptions {
   PriorSource prior = PriorSource::kDrawn;
   /// One level of the result each; not empty. Only for priors that are drawn.
   std::vector<PriorError> prior_errors{{}};
+  /// Deviations that are sent with each prior (metres along each axis, degrees about each), > 0;
+  /// none = priors are sent without a covariance.
+  std::optional<PriorError> prior_sigma;
   /// Priors drawn for each scan, >= 1; 1 where none is drawn.
   int trials = 1;
   BiasCorrection bias = BiasCorrection::kFit;
