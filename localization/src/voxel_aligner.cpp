@@ -152,8 +152,7 @@ AlignmentResult align_among(const MapIndex& index, const Query& query,
   Matches matches(level, query.points);
   const ResidualRows& rows = matches.at(best.T_index_lidar, kernel_m);
   const NormalEquations system = linearize(rows, best.T_index_lidar, kernel_m);
-  evidence.observability =
-      observability_of(level_near(index, kSearchCellM), query, best.T_index_lidar, system.H);
+  evidence.observability = observability_of(level, query, best.T_index_lidar, system.H);
   evidence.ambiguous = std::any_of(places.begin() + 1, places.end(), [&](const Place& other) {
     return other.support > kAmbiguousShare * best.support &&
            distinct(other.T_index_lidar, best.T_index_lidar);
