@@ -33,7 +33,15 @@ constexpr double kDistinctRad = 0.035;
 constexpr float kFinalKernelShare = 0.15F;
 /// Where the map is bent, what is near decides: a surface at range r was mapped from places up to r
 /// away, and GNSS-aided poses of a city drive slid sideways by 0.44 m in 11 m.
-constexpr float kBendShare = 0.03F;
+constexpr float kBendShare = 0.015F;
+/// It decides when the pose by near points is farther than this from the one by all alike [m] ...
+constexpr double kLeastBendM = 0.03;
+/// ... and by more deviations of the first than this ...
+constexpr double kLeastBendDeviations = 2.5;
+/// ... and leaves all points at least this share of their weights: parked cars that moved by 0.1 m
+/// draw near points as well, but leave 0.74 to 0.93 of them, bent maps 0.95 and more.
+constexpr double kLeastWeightShare = 0.94;
+
 struct Place {
   Eigen::Isometry3d T_index_lidar;
   double support = 0.0;
@@ -104,24 +112,55 @@ Place settle(const MapIndex& index, const Query& query, const Eigen::Isometry3d&
   return place;
 }
 
-/// On the finest level, first by what is near, then by all alike. @return from the second pose to
-/// the first one.
+/// Rows of all points at a pose, and their sums.
+struct FinalRows {
+  FinalRows(const MapIndex::Level& level, const Query& query,
+            const Eigen::Isometry3d& T_index_lidar, float bend_share = 0.0F)
+      : kernel_m(kFinalKernelShare * level.edge_m),
+        matches(level, query.points),
+        rows(matches.at(T_index_lidar, kernel_m, bend_share)),
+        sums(linearize(rows, T_index_lidar, kernel_m)) {}
+  /// Sum of the shares of the kernel that the rows keep.
+  [[nodiscard]] double weight() const {
+    return static_cast<double>(rows.count) - sums.cost / static_cast<double>(kernel_m * kernel_m);
+  }
+
+  float kernel_m;
+  Matches matches;
+  const ResidualRows& rows;
+  NormalEquations sums;
+};
+
+/// Share of the way back to the pose by near points that the map's bend asks for.
+double share_of_bend(const MapIndex::Level& level, const Query& query, const Place& place,
+                     const Vector6d& bend) {
+  const double size_m = bend.head<3>().norm();
+  if (!(size_m > kLeastBendM)) return 0.0;
+  const Eigen::Isometry3d T_by_near = place.T_index_lidar * maps::exp_se3(bend);
+  const Matrix6d H = FinalRows(level, query, T_by_near, kBendShare).sums.H;
+  if (!(bend.dot(H * bend) > kLeastBendDeviations * kLeastBendDeviations)) return 0.0;
+  const double kept = FinalRows(level, query, T_by_near).weight();
+  const double all = FinalRows(level, query, place.T_index_lidar).weight();
+  return kept > kLeastWeightShare * all ? std::min(1.0, size_m / kLeastBendM - 1.0) : 0.0;
+}
+
+/// On the finest level, by what is near and by all alike. @return from the pose by all points to
+/// the one by near points.
 Vector6d finish(const MapIndex& index, const Query& query, Place& place) {
   const MapIndex::Level& level = index.levels().back();
-  const float middle_kernel_m = 0.3F * level.edge_m;
-  place.iterations += refine(level, query.points,
-                             {.first_kernel_m = 0.6F * level.edge_m,
-                              .last_kernel_m = middle_kernel_m,
-                              .max_rounds = 8,
-                              .bend_share = kBendShare},
-                             place.T_index_lidar);
+  Schedule schedule{.first_kernel_m = 0.6F * level.edge_m,
+                    .last_kernel_m = kFinalKernelShare * level.edge_m,
+                    .max_rounds = 12,
+                    .bend_share = kBendShare};
+  place.iterations += refine(level, query.points, schedule, place.T_index_lidar);
   const Eigen::Isometry3d T_by_near = place.T_index_lidar;
-  place.iterations += refine(level, query.points,
-                             {.first_kernel_m = middle_kernel_m,
-                              .last_kernel_m = kFinalKernelShare * level.edge_m,
-                              .max_rounds = 12},
-                             place.T_index_lidar);
-  return maps::log_se3(place.T_index_lidar.inverse() * T_by_near);
+  schedule.first_kernel_m = 0.3F * level.edge_m;
+  schedule.bend_share = 0.0F;
+  place.iterations += refine(level, query.points, schedule, place.T_index_lidar);
+  const Vector6d bend = maps::log_se3(place.T_index_lidar.inverse() * T_by_near);
+  const double share = share_of_bend(level, query, place, bend);
+  place.T_index_lidar = maps::renormalized(place.T_index_lidar * maps::exp_se3(share * bend));
+  return bend;
 }
 
 bool distinct(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
@@ -146,13 +185,10 @@ AlignmentResult align_among(const MapIndex& index, const Query& query,
   const Vector6d bend = finish(index, query, best);
 
   const MapIndex::Level& level = index.levels().back();
-  const float kernel_m = kFinalKernelShare * level.edge_m;
+  const FinalRows final(level, query, best.T_index_lidar);
   Evidence evidence;
   evidence.support = support_of(index, query, best.T_index_lidar);
-  Matches matches(level, query.points);
-  const ResidualRows& rows = matches.at(best.T_index_lidar, kernel_m);
-  const NormalEquations system = linearize(rows, best.T_index_lidar, kernel_m);
-  evidence.observability = observability_of(level, query, best.T_index_lidar, system.H);
+  evidence.observability = observability_of(level, query, best.T_index_lidar, final.sums.H);
   evidence.ambiguous = std::any_of(places.begin() + 1, places.end(), [&](const Place& other) {
     return other.support > kAmbiguousShare * best.support &&
            distinct(other.T_index_lidar, best.T_index_lidar);
@@ -161,8 +197,8 @@ AlignmentResult align_among(const MapIndex& index, const Query& query,
   result.T_map_lidar = best.T_index_lidar;
   result.T_map_lidar.translation() += index.origin();
   for (const Place& place : places) result.iterations += place.iterations;
-  result.covariance =
-      covariance_of(rows, best.T_index_lidar, kernel_m, bend, evidence.observability.degenerate);
+  result.covariance = covariance_of(final.rows, best.T_index_lidar, final.kernel_m, bend,
+                                    evidence.observability.degenerate);
   evidence.contradicts_prior = prior != nullptr && contradicts(*prior, result);
   judge(evidence, result.covariance, result);
   return result;
