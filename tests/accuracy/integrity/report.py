@@ -4,9 +4,13 @@ import answers
 import batches
 import diagram
 import figures
+import hard
 import nominal
+import unsolvable
 
-MODULES = {"nominal": nominal}
+MODULES = {"unsolvable": unsolvable, "hard": hard, "nominal": nominal}
+# Answers that must not be, each of which is listed.
+LISTED = {"unsolvable": figures.is_ok, "hard": figures.false_ok, "nominal": figures.false_ok}
 
 
 def run_set(name, program, options):
@@ -15,12 +19,23 @@ def run_set(name, program, options):
                              options.jobs)
     values, limits = getattr(figures, name)(list(tables.values()))
     everything = answers.joined(list(tables.values()))
-    text = "\n".join([*heading(name, tables, everything), *lines_of(values), *limit_lines(limits)])
+    listed = figures.listed(tables, LISTED[name])
+    text = "\n".join([*heading(name, tables, everything), *lines_of(values), *limit_lines(limits),
+                      *listed_lines(listed)])
     print(text, flush=True)
     (options.folder / f"{name}.txt").write_text(text + "\n")
-    diagram.stanford(everything, options.folder / f"{name}.png",
-                     f"{name}: {len(everything['status'])} queries, {len(tables)} drives")
-    return {"figures": values, "limits": limits, "drives": figures.by_drive(tables)}
+    draw(name, everything, options.folder / f"{name}.png",
+         f"{name}: {len(everything['status'])} queries, {len(tables)} drives")
+    return {"figures": values, "limits": limits, "listed": listed, "drives": figures.by_drive(tables)}
+
+
+def draw(name, everything, file, title):
+    if name != "unsolvable":
+        diagram.stanford(everything, file, title)
+        return
+    kinds = sorted(set(everything["kind"]))
+    diagram.statuses({str(kind): figures.statuses([answers.where(everything, everything["kind"] == kind)])
+                      for kind in kinds}, file, title)
 
 
 def heading(name, tables, everything):
@@ -64,6 +79,12 @@ def limit_lines(limits):
         lines.append(f"  {'holds ' if limit['holds'] else 'BROKEN'} {limit['what']}: {shown(limit['value'])}, "
                      f"{' and '.join(bounds)}")
     return lines
+
+
+def listed_lines(listed):
+    return [f"  {line['drive']} {line['kind']} scan {line['scan']} trial {line['trial']}: off by "
+            f"{line['error_m']:.2f} m {line['error_deg']:.2f} deg, inliers {line['inlier_ratio']:.2f}"
+            for line in listed]
 
 
 def broken(result, quick):

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How often is the localizer wrong without saying so? Sets of queries on simulated drives with exact truth.
 
-usage: run.py STILLMAP FOLDER [--set nominal] [--seeds 24] [--queries 10000] [--quick]
+usage: run.py STILLMAP FOLDER [--set unsolvable|hard|nominal] [--seeds 24] [--queries 10000] [--quick]
 
 What is done stays in FOLDER, so that a run that was killed goes on; README.md beside this file says what is asked.
 Exit code 1 when a limit is broken. Needs NumPy and matplotlib (77, skipped, without them).
@@ -14,7 +14,7 @@ import subprocess
 import sys
 
 SKIPPED = 77
-SETS = ("nominal",)
+SETS = ("unsolvable", "hard", "nominal")
 
 
 def arguments():
