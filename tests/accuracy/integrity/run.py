@@ -55,7 +55,8 @@ def main():
     program = Program(options.program)
     if options.quick:
         # Scripts change more often than programs, and CI asks for answers of today's.
-        shutil.rmtree(options.folder, ignore_errors=True)
+        for name in options.sets or SETS:
+            shutil.rmtree(options.folder / name, ignore_errors=True)
     result = {"date": datetime.date.today().isoformat(), "commit": commit(), "seeds": options.seeds,
               "queries": options.queries, "sets": {}}
     for name in options.sets or SETS:
