@@ -145,6 +145,65 @@ def nominal(tables):
     return figures, limits.lines
 
 
+def by_kind(tables, event, among=None):
+    """Rates of each kind; drives without it do not count."""
+    rate = {}
+    for kind in sorted(set(np.concatenate([t["kind"] for t in tables]))):
+        some = [t for t in (answers.where(t, t["kind"] == kind) for t in tables) if len(t["status"])]
+        rate[str(kind)] = rates.rate_of([event(t) for t in some],
+                                        [among(t) if among else np.ones(len(t["status"]), bool) for t in some])
+    return rate
+
+
+def listed(batches, mask):
+    """One line for each answer that `mask` (of a table) picks out, `batches` by name."""
+    lines = []
+    for name, table in batches.items():
+        m, deg = answers.errors_of(table)
+        for i in np.flatnonzero(mask(table)):
+            lines.append({"drive": name, "kind": str(table["kind"][i]), "scan": int(table["scan"][i]),
+                          "trial": int(table["trial"][i]), "error_m": float(m[i]), "error_deg": float(deg[i]),
+                          "inlier_ratio": float(table["inlier_ratio"][i])})
+    return lines
+
+
+def unsolvable(tables):
+    """Figures and limits of the set `unsolvable`."""
+    everything = [np.ones(len(t["status"]), bool) for t in tables]
+    figures = {"drives": len(tables), "status": statuses(tables),
+               "ok": rates.rate_of([is_ok(t) for t in tables], everything),
+               "ok_by_kind": by_kind(tables, is_ok),
+               "not_lost": rates.rate_of([has_pose(t) for t in tables], everything)}
+    limits = Limits()
+    limits("ok, share of queries", figures["ok"]["rate"], high=1e-3)
+    return figures, limits.lines
+
+
+# One block off no localizer can find the street again without searching everywhere; it can say that it is not sure.
+MAY_BE_UNSURE = ["parallel_street"]
+
+
+def handled(table):
+    """Right, or, where that is all that can be asked for, not sure."""
+    return right(table, FALSE_M, FALSE_DEG) | (np.isin(table["kind"], MAY_BE_UNSURE) & ~is_ok(table))
+
+
+def hard(tables):
+    """Figures and limits of the set `hard`."""
+    everything = [np.ones(len(t["status"]), bool) for t in tables]
+    figures = {"drives": len(tables), "status": statuses(tables), **error_figures(tables),
+               "wrong": rates.rate_of([~handled(t) for t in tables], everything),
+               "wrong_by_kind": by_kind(tables, lambda t: ~handled(t)),
+               "false_ok": rates.rate_of([false_ok(t) for t in tables], [has_pose(t) for t in tables]),
+               "false_ok_by_kind": by_kind(tables, false_ok, has_pose),
+               "not_ok_by_kind": by_kind(tables, lambda t: ~is_ok(t)),
+               "misleading": rates.rate_of([any_of(beyond_level(t)) for t in tables], [is_ok(t) for t in tables])}
+    limits = Limits()
+    limits("right, share of queries", 1.0 - figures["wrong"]["rate"], low=0.9)
+    limits("false ok, share of answers with a pose", figures["false_ok"]["rate"], high=1e-3)
+    return figures, limits.lines
+
+
 def by_drive(batches):
     """Per-drive lines for the report: where the misses are."""
     lines = {}
