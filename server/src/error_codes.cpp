@@ -25,6 +25,8 @@ constexpr std::array kErrors = {
     ErrorInfo{ErrorCode::kInvalidTransform, "InvalidTransform", "T_base_lidar is not a usable pose",
               422},
     ErrorInfo{ErrorCode::kInvalidPoints, "InvalidPoints", "The scan holds unusable points", 422},
+    ErrorInfo{ErrorCode::kInvalidBoxes, "InvalidBoxes", "The boxes of movable objects are unusable",
+              422},
     ErrorInfo{ErrorCode::kTooFewPoints, "TooFewPoints", "The scan has too few points", 422},
     ErrorInfo{ErrorCode::kHeaderTooLarge, "HeaderTooLarge", "The request's header is too large",
               431},

@@ -24,6 +24,7 @@ enum class ErrorCode {
   kInvalidPrior,
   kInvalidTransform,
   kInvalidPoints,
+  kInvalidBoxes,
   kTooFewPoints,
   kHeaderTooLarge,
   kInternalError,

@@ -4,6 +4,7 @@
 
 #include <stillmap/localization/aligner.hpp>
 
+#include <cstddef>
 #include <string>
 
 namespace stillmap::server {
@@ -12,6 +13,8 @@ namespace stillmap::server {
 struct PoseAnswer {
   localization::AlignmentResult result{};
   PoseParameters parameters{};
+  /// Points of the scan that were left out because they lie in boxes of movable objects.
+  std::size_t movable_points = 0;
   std::string map_name;
   std::string map_digest;
   std::string request_id;

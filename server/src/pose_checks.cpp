@@ -2,6 +2,8 @@
 
 #include "api_error.hpp"
 
+#include <stillmap/localization/movable.hpp>
+
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -50,6 +52,29 @@ Eigen::Matrix<double, 6, 6> checked_covariance(std::span<const double, 36> value
         "a symmetric positive definite 6 x 6 matrix, row by row");
   }
   return covariance;
+}
+
+maps::Box checked_box(const std::array<double, 3>& centre, const std::array<double, 3>& size,
+                      double yaw_rad, const std::string& path) {
+  const auto refuse = [&](const char* key, const std::string& found, const std::string& expected) {
+    throw field_error(ErrorCode::kInvalidBoxes, path + key, found, expected);
+  };
+  maps::Box box;
+  box.centre = Eigen::Vector3d(centre[0], centre[1], centre[2]);
+  box.size_m = Eigen::Vector3d(size[0], size[1], size[2]);
+  box.yaw_rad = yaw_rad;
+  // Written so that a NaN anywhere is refused.
+  if (!(box.centre.array().abs() <= localization::kMaxBoxCentreM).all()) {
+    refuse(".centre", fmt::format("{}", fmt::join(centre, ", ")),
+           fmt::format("three numbers within {} m", localization::kMaxBoxCentreM));
+  }
+  if (!(box.size_m.array() > 0.0 && box.size_m.array() <= localization::kMaxBoxEdgeM).all()) {
+    refuse(
+        ".size", fmt::format("{}", fmt::join(size, ", ")),
+        fmt::format("length, width and height above 0 and up to {} m", localization::kMaxBoxEdgeM));
+  }
+  if (!std::isfinite(yaw_rad)) refuse(".yaw", fmt::format("{}", yaw_rad), "a finite number");
+  return box;
 }
 
 std::chrono::milliseconds checked_deadline(std::int64_t deadline_ms) {

@@ -2,6 +2,7 @@
 
 #include "error_codes.hpp"
 
+#include <stillmap/maps/box.hpp>
 #include <stillmap/maps/scan.hpp>
 #include <stillmap/server/server_options.hpp>
 
@@ -10,6 +11,7 @@
 
 #include <array>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <string>
@@ -23,6 +25,8 @@ inline constexpr double kMaxPositionM = 1e8;
 inline constexpr float kMaxPointM = 1e5F;
 /// How far a quaternion's norm may be from 1.
 inline constexpr double kQuaternionTolerance = 1e-3;
+/// Most boxes of movable objects that a request may send.
+inline constexpr std::size_t kMaxMovableBoxes = 500;
 /// Longest deadline of a request [ms].
 inline constexpr std::int64_t kMaxDeadlineMs = 600'000;
 
@@ -43,6 +47,12 @@ struct PoseField {
 /// definite.
 [[nodiscard]] Eigen::Matrix<double, 6, 6> checked_covariance(std::span<const double, 36> values,
                                                              const std::string& path);
+
+/// A box in the lidar frame. @param path  of the box, for messages. @throws ApiError kInvalidBoxes
+/// for a value that is not finite or beyond what `localization::without_points_in` takes.
+[[nodiscard]] maps::Box checked_box(const std::array<double, 3>& centre,
+                                    const std::array<double, 3>& size, double yaw_rad,
+                                    const std::string& path);
 
 /// @throws ApiError kInvalidRequest outside [1, kMaxDeadlineMs].
 [[nodiscard]] std::chrono::milliseconds checked_deadline(std::int64_t deadline_ms);

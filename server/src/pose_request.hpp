@@ -1,6 +1,7 @@
 #pragma once
 
 #include <stillmap/localization/aligner.hpp>
+#include <stillmap/maps/box.hpp>
 #include <stillmap/maps/scan.hpp>
 #include <stillmap/server/server_options.hpp>
 
@@ -12,6 +13,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace stillmap::server {
 
@@ -20,6 +22,8 @@ struct PoseParameters {
   /// None: the whole map is searched.
   std::optional<localization::Prior> prior;
   std::optional<Eigen::Isometry3d> T_base_lidar;
+  /// Objects that may move, found by the caller: points inside are left out of the match.
+  std::vector<maps::Box> movable;
   std::optional<std::int64_t> stamp_ns;
   /// Empty = the map's default.
   std::string method;

@@ -10,6 +10,9 @@
 #include <optional>
 #include <stdexcept>
 #include <stillmap/localization/aligner.hpp>
+#include <stillmap/localization/movable.hpp>
+#include <stillmap/maps/box.hpp>
+#include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/scan_file.hpp>
 #include <string>
@@ -85,6 +88,9 @@ void print_for_people(const server::PoseAnswer& answer) {
   }
   table.add("inlier ratio", fmt::format("{:.3f}", result.inlier_ratio));
   table.add("rmse", fmt::format("{:.3f} m", result.rmse_m));
+  if (answer.movable_points > 0) {
+    table.add("points in boxes", command_line::grouped(answer.movable_points));
+  }
   table.add("iterations", std::to_string(result.iterations));
   table.add("time", fmt::format("{:.1f} ms", answer.timing.align_ms));
   table.print();
@@ -93,6 +99,15 @@ void print_for_people(const server::PoseAnswer& answer) {
 double milliseconds_since(std::chrono::steady_clock::time_point begin) {
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin)
       .count();
+}
+
+/// Boxes of a scan that stands alone: those of scan 0.
+std::vector<maps::Box> read_boxes_of_scan(const std::filesystem::path& file) {
+  maps::BoxSequence boxes = maps::read_boxes(file, 1);
+  if (boxes.by_scan.empty()) {
+    throw maps::InputError(file.string(), "no boxes of scan 0", "those of the one scan given");
+  }
+  return std::move(boxes.by_scan.at(0));
 }
 
 void localize_scan(const LocalizeArguments& arguments,
@@ -105,7 +120,12 @@ void localize_scan(const LocalizeArguments& arguments,
   server::PoseAnswer answer{.map_name = {}, .map_digest = {}, .request_id = {}};
   if (T_map_prior) answer.parameters.prior = localization::Prior{*T_map_prior, std::nullopt};
   const auto begin = std::chrono::steady_clock::now();
-  const maps::PointCloud scan = maps::read_scan_file(arguments.what).cloud;
+  maps::PointCloud scan = maps::read_scan_file(arguments.what).cloud;
+  if (arguments.boxes) {
+    const std::size_t points = scan.size();
+    scan = localization::without_points_in(scan, read_boxes_of_scan(*arguments.boxes));
+    answer.movable_points = points - scan.size();
+  }
   answer.timing.decode_ms = milliseconds_since(begin);
   const OpenMap map = open_map(arguments);
   answer.map_name = map.name;
@@ -162,6 +182,11 @@ void add_localize(CLI::App& app) {
   command->add_option("--method", arguments->method, "Alignment method")
       ->capture_default_str()
       ->check(CLI::IsMember(localization::aligner_names()));
+  command
+      ->add_option("--boxes", arguments->boxes,
+                   "Objects that may move, found by a detector: points inside are left out of the "
+                   "match. JSON (format stillmap-boxes) or KITTI tracking labels; SCAN is scan 0")
+      ->check(CLI::ExistingFile);
   command->add_option("--select", arguments->select,
                       "Scans of a drive to follow, begin:end:step as in Python");
   command

@@ -18,6 +18,8 @@ struct LocalizeArguments {
   std::string prior;
   std::string method = localization::aligner_names().front();
   std::string select;
+  /// Boxes of movable objects, by scan.
+  std::optional<std::filesystem::path> boxes;
   std::optional<std::filesystem::path> output;
   /// Asked for; where to, or empty for the standard output.
   bool json = false;

@@ -9,7 +9,9 @@
 #include <map>
 #include <numbers>
 #include <stdexcept>
+#include <stillmap/localization/movable.hpp>
 #include <stillmap/localization/tracker.hpp>
+#include <stillmap/maps/box.hpp>
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/trajectory.hpp>
@@ -50,6 +52,7 @@ class Tally {
     longest_without_ok_ = std::max(longest_without_ok_, without_ok_);
     milliseconds_.push_back(milliseconds);
   }
+  void add_movable_points(std::size_t points) { movable_points_ += points; }
 
   [[nodiscard]] bool found_any() const { return status_.at("lost") < milliseconds_.size(); }
 
@@ -62,6 +65,7 @@ class Tally {
     json["reasons"] = reasons_;
     json["searched_from"] = searched_from_;
     json["longest_without_ok"] = longest_without_ok_;
+    json["movable_points"] = movable_points_;
     json["ms"] = {{"p50", percentile(0.5)}, {"p95", percentile(0.95)}};
     return json;
   }
@@ -75,6 +79,7 @@ class Tally {
       table.add("  " + reason, command_line::grouped(count));
     }
     table.add("longest without ok", fmt::format("{} scans", longest_without_ok_));
+    if (movable_points_ > 0) table.add("points in boxes", command_line::grouped(movable_points_));
     table.add("time a scan",
               fmt::format("{:.1f} ms, 95 % below {:.1f} ms", percentile(0.5), percentile(0.95)));
     table.add("time", fmt::format("{:.1f} s", seconds));
@@ -94,6 +99,7 @@ class Tally {
   std::map<std::string, std::size_t> reasons_;
   std::size_t without_ok_ = 0;
   std::size_t longest_without_ok_ = 0;
+  std::size_t movable_points_ = 0;
   std::vector<double> milliseconds_;
 };
 
@@ -124,7 +130,24 @@ server::Json options_json(const LocalizeArguments& arguments) {
   return {{"drive", arguments.what.string()},
           {"method", arguments.method},
           {"prior", arguments.prior.empty() ? server::Json() : server::Json(arguments.prior)},
-          {"select", arguments.select.empty() ? "::" : arguments.select}};
+          {"select", arguments.select.empty() ? "::" : arguments.select},
+          {"boxes", arguments.boxes ? server::Json(arguments.boxes->string()) : server::Json()}};
+}
+
+void start_at(const Eigen::Isometry3d& T_map_prior, localization::Tracker& tracker) {
+  Eigen::Matrix<double, 6, 1> variances;
+  variances << Eigen::Vector3d::Constant(kPriorM * kPriorM),
+      Eigen::Vector3d::Constant(kPriorRad * kPriorRad);
+  tracker.initialize(T_map_prior, variances.asDiagonal());
+}
+
+/// @return points that were left out because they lie in boxes of this scan.
+std::size_t leave_out(const maps::BoxSequence& boxes, maps::Scan& scan) {
+  const auto found = boxes.by_scan.find(scan.index);
+  if (found == boxes.by_scan.end()) return 0;
+  const std::size_t points = scan.cloud.size();
+  scan.cloud = localization::without_points_in(scan.cloud, found->second);
+  return points - scan.cloud.size();
 }
 
 }  // namespace
@@ -140,14 +163,11 @@ void localize_drive(const LocalizeArguments& arguments,
     throw std::invalid_argument(
         fmt::format("--select: '{}' takes none of {} scans", arguments.select, drive.size()));
   }
+  maps::BoxSequence boxes;
+  if (arguments.boxes) boxes = maps::read_boxes(*arguments.boxes, drive.size());
   const OpenMap map = open_map(arguments);
   localization::Tracker tracker(map.aligner);
-  if (T_map_prior) {
-    Eigen::Matrix<double, 6, 1> variances;
-    variances << Eigen::Vector3d::Constant(kPriorM * kPriorM),
-        Eigen::Vector3d::Constant(kPriorRad * kPriorRad);
-    tracker.initialize(*T_map_prior, variances.asDiagonal());
-  }
+  if (T_map_prior) start_at(*T_map_prior, tracker);
   Tally tally;
   std::vector<maps::StampedPose> poses;
   const bool lines = !arguments.output && !(arguments.json && arguments.json_file.empty());
@@ -155,8 +175,9 @@ void localize_drive(const LocalizeArguments& arguments,
     command_line::ProgressBar bar;
     for (std::size_t done = 0; done < indices.size(); ++done) {
       if (command_line::cancel_flag()) throw std::runtime_error("cancelled");
-      const maps::Scan scan = drive.read(indices[done]);
+      maps::Scan scan = drive.read(indices[done]);
       const Clock::time_point scan_begin = Clock::now();
+      tally.add_movable_points(leave_out(boxes, scan));
       const localization::TrackedPose pose = tracker.track(scan.stamp_ns, scan.cloud);
       tally.add(pose, 1e3 * seconds_since(scan_begin));
       if (pose.result.status != PoseStatus::kLost) {
@@ -172,6 +193,7 @@ void localize_drive(const LocalizeArguments& arguments,
   if (arguments.output && tally.found_any()) write_trajectory(*arguments.output, std::move(poses));
   if (arguments.json) {
     server::Json json = tally.json();
+    json["boxes_dropped"] = boxes.dropped;
     json["seconds"] = seconds_since(begin);
     json["map"] = {{"name", map.name}, {"digest", map.digest}};
     json["options"] = options_json(arguments);

@@ -3,6 +3,9 @@
 #include "json/answers_json.hpp"
 #include "pose_request.hpp"
 
+#include <stillmap/localization/movable.hpp>
+
+#include <cstddef>
 #include <optional>
 #include <string>
 
@@ -59,6 +62,12 @@ HttpResponse answer_localize(const Context& context, const HttpRequest& request,
     const AlignmentGate::Ticket ticket = context.gate.enter(deadline);
     check_deadline(deadline);
     const Clock::time_point begin = Clock::now();
+    const std::size_t points = pose_request.scan_lidar.size();
+    if (!answer.parameters.movable.empty()) {
+      pose_request.scan_lidar =
+          localization::without_points_in(pose_request.scan_lidar, answer.parameters.movable);
+    }
+    answer.movable_points = points - pose_request.scan_lidar.size();
     answer.result = aligner.align(pose_request.scan_lidar, answer.parameters.prior);
     answer.timing.align_ms = milliseconds_since(begin);
   }

@@ -5,6 +5,8 @@
 #include <stillmap/maps/box.hpp>
 #include <stillmap/maps/frames.hpp>
 
+#include <cmath>
+
 namespace stillmap::server {
 namespace {
 
@@ -32,6 +34,20 @@ Json offset(const Eigen::Isometry3d& T_map_prior, const Eigen::Isometry3d& T_map
           {"rad", maps::rotation_angle_rad(T_prior_lidar.linear())}};
 }
 
+Json bound(double value) { return std::isfinite(value) ? Json(value) : Json(); }
+
+/// In the base frame when the mount is known; null where there is no bound.
+Json protection(const PoseAnswer& answer) {
+  const auto& T_base_lidar = answer.parameters.T_base_lidar;
+  const localization::ProtectionLevels levels =
+      T_base_lidar ? localization::protection_levels_in_base(answer.result, *T_base_lidar)
+                   : answer.result.protection;
+  return {{"longitudinal_m", bound(levels.longitudinal_m)},
+          {"lateral_m", bound(levels.lateral_m)},
+          {"vertical_m", bound(levels.vertical_m)},
+          {"yaw_rad", bound(levels.yaw_rad)}};
+}
+
 /// The keys that a pose carries; null when there is none, so that nobody drives on by mistake.
 void add_pose(Json& json, const PoseAnswer& answer) {
   const localization::AlignmentResult& result = answer.result;
@@ -43,8 +59,10 @@ void add_pose(Json& json, const PoseAnswer& answer) {
   }
   json["covariance"] = has_pose ? to_json_array(result.covariance) : Json();
   json["covariance_order"] = {"tx", "ty", "tz", "rx", "ry", "rz"};
+  json["protection"] = protection(answer);
   json["inlier_ratio"] = result.inlier_ratio;
   json["rmse_m"] = result.rmse_m;
+  json["movable_points"] = answer.movable_points;
   json["degenerate_directions"] = directions(result.degenerate_directions);
   json["prior_to_pose"] = has_pose && answer.parameters.prior
                               ? offset(answer.parameters.prior->T_map_lidar, result.T_map_lidar)

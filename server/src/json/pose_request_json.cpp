@@ -10,6 +10,7 @@
 #include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 namespace stillmap::server {
 namespace {
@@ -95,6 +96,27 @@ std::optional<localization::Prior> read_prior(const json& request) {
   return prior;
 }
 
+std::vector<maps::Box> read_movable(const json& list) {
+  if (!list.is_array()) refuse("movable", list, "an array");
+  if (list.size() > kMaxMovableBoxes) {
+    throw field_error(ErrorCode::kInvalidBoxes, "movable", fmt::format("{} boxes", list.size()),
+                      fmt::format("at most {}", kMaxMovableBoxes));
+  }
+  std::vector<maps::Box> boxes;
+  for (const json& each : list) {
+    const std::string path = fmt::format("movable[{}]", boxes.size());
+    require_keys(each, path, {"centre", "size", "yaw"});
+    const auto yaw = each.find("yaw");
+    if (yaw == each.end()) {
+      throw field_error(ErrorCode::kInvalidRequest, path + ".yaw", "nothing", "a number");
+    }
+    if (!yaw->is_number()) refuse(path + ".yaw", *yaw, "a number");
+    boxes.push_back(checked_box(read_numbers<3>(each, "centre", path),
+                                read_numbers<3>(each, "size", path), yaw->get<double>(), path));
+  }
+  return boxes;
+}
+
 /// An integer, or the decimal string that JSON needs beyond 2^53.
 std::int64_t read_integer_key(const json& value, const char* key) {
   if (value.is_string()) return read_integer(key, value.get_ref<const std::string&>());
@@ -115,6 +137,9 @@ PoseParameters read_parameters(const json& request) {
   if (const auto found = request.find("T_base_lidar"); found != request.end()) {
     require_keys(*found, "T_base_lidar", {"position", "quaternion"});
     parameters.T_base_lidar = read_pose(*found, ErrorCode::kInvalidTransform, "T_base_lidar");
+  }
+  if (const auto found = request.find("movable"); found != request.end()) {
+    parameters.movable = read_movable(*found);
   }
   if (const auto found = request.find("stamp_ns"); found != request.end()) {
     parameters.stamp_ns = read_integer_key(*found, "stamp_ns");
@@ -162,7 +187,8 @@ JsonPoseRequest read_pose_request_json(std::string_view text, JsonScan scan,
   const std::string_view extra = scan == JsonScan::kInside      ? "points"
                                  : scan == JsonScan::kRawBeside ? "layout"
                                                                 : "method";
-  require_keys(request, "", {"prior", "T_base_lidar", "stamp_ns", "method", "deadline_ms", extra});
+  require_keys(request, "",
+               {"prior", "T_base_lidar", "movable", "stamp_ns", "method", "deadline_ms", extra});
   JsonPoseRequest result;
   result.parameters = read_parameters(request);
   if (scan == JsonScan::kInside) result.scan_lidar = read_points(request, options);

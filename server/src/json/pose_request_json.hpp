@@ -20,7 +20,7 @@ struct JsonPoseRequest {
 };
 
 /// Reads `prior {position, quaternion, covariance}`, `T_base_lidar {position, quaternion}`,
-/// `stamp_ns`, `method`, `deadline_ms` and `points` or `layout`.
+/// `movable [{centre, size, yaw}]`, `stamp_ns`, `method`, `deadline_ms` and `points` or `layout`.
 /// @throws ApiError with the path of what is wrong; unknown keys are refused.
 [[nodiscard]] JsonPoseRequest read_pose_request_json(std::string_view text, JsonScan scan,
                                                      const ServerOptions& options);

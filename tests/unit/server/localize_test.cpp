@@ -3,9 +3,12 @@
 #include <cmath>
 #include <latch>
 #include <limits>
+#include <numbers>
 #include <stdexcept>
 #include <thread>
 
+#include "api_error.hpp"
+#include "pose_checks.hpp"
 #include "service_fixture.hpp"
 #include "support/matchers.hpp"
 
@@ -126,6 +129,137 @@ TEST_F(Localize, BasePoseIsGivenWhenTheMountIsKnown) {
   content["T_base_lidar"] = {{"position", {0.0, 0.0, 1.5}}, {"quaternion", {0.0, 0.0, 1.0, 0.0}}};
   json answer = ask(json_request(content));
   EXPECT_EQ(answer["T_map_base"]["position"], json::parse("[1.0, 2.0, 1.5]"));
+}
+
+TEST_F(Localize, PointsInMovableBoxesAreLeftOutOfTheMatch) {
+  json content = good_json();
+  // The points lie along x at 0.1 m steps; this box, its margin of 0.1 m with it, holds 20 to 40.
+  content["movable"] = {
+      {{"centre", {3.0, 2.0, 3.0}}, {"size", {0.5, 1.82, 0.5}}, {"yaw", 0.5 * std::numbers::pi}}};
+  json answer = ask(json_request(content));
+  EXPECT_EQ(answer["status"], "ok");
+  EXPECT_EQ(answer["movable_points"], 21);
+  ASSERT_EQ(aligner_->last_scan.size(), 39U);
+  EXPECT_FLOAT_EQ(aligner_->last_scan.positions[19].x(), 1.9F);
+  EXPECT_FLOAT_EQ(aligner_->last_scan.positions[20].x(), 4.1F);
+  content.erase("points");
+  answer = ask(multipart_request(content.dump(), raw_scan(60), "application/octet-stream"));
+  EXPECT_EQ(answer["movable_points"], 0);
+  EXPECT_EQ(aligner_->last_scan.size(), 60U);
+  content["movable"] = json::array();
+  ask(multipart_request(content.dump(), raw_scan(60), "application/octet-stream"));
+  EXPECT_EQ(aligner_->last_scan.size(), 60U);
+}
+
+TEST_F(Localize, BadMovableBoxesAreNamed) {
+  const json good = {{"centre", {1, 2, 3}}, {"size", {4, 2, 1.5}}, {"yaw", 0.1}};
+  const auto changed = [&](const char* key, const json& value) {
+    json box = good;
+    box[key] = value;
+    return json::array({good, box});
+  };
+  const auto without = [&](const char* key) {
+    json box = good;
+    box.erase(key);
+    return json::array({good, box});
+  };
+  struct Case {
+    json movable;
+    int status;
+    std::string code, path;
+  };
+  const std::vector<Case> cases = {
+      {json(501, good), 422, "InvalidBoxes", "501 boxes, expected at most 500"},
+      {changed("size", {4, -2, 1.5}), 422, "InvalidBoxes", "movable[1].size: found 4, -2, 1.5"},
+      {changed("size", {4, 0, 1.5}), 422, "InvalidBoxes", "movable[1].size"},
+      {changed("size", {4, 101, 1.5}), 422, "InvalidBoxes", "movable[1].size"},
+      {changed("centre", {1e6, 0, 0}), 422, "InvalidBoxes", "movable[1].centre"},
+      // JSON has no NaN; what libraries write in its place is no number.
+      {changed("centre", {1, nullptr, 0}), 400, "InvalidRequest", "movable[1].centre"},
+      {changed("yaw", nullptr), 400, "InvalidRequest", "movable[1].yaw"},
+      {changed("yaw", "0.1"), 400, "InvalidRequest", "movable[1].yaw"},
+      {changed("size", {4, 2}), 400, "InvalidRequest", "movable[1].size"},
+      {changed("class", "car"), 400, "UnknownParameter", "movable[1].class"},
+      {without("centre"), 400, "InvalidRequest", "movable[1].centre"},
+      {without("size"), 400, "InvalidRequest", "movable[1].size"},
+      {without("yaw"), 400, "InvalidRequest", "movable[1].yaw"},
+      {good, 400, "InvalidRequest", "movable"},
+      {json::array({1}), 400, "InvalidRequest", "movable[0]"},
+  };
+  for (const Case& each : cases) {
+    json content = good_json();
+    content["movable"] = each.movable;
+    json answer = ask(json_request(content), each.status);
+    EXPECT_EQ(answer["code"], each.code) << each.path;
+    EXPECT_THAT(answer["detail"].get<std::string>(), HasSubstr(each.path));
+  }
+  json content = good_json();
+  content["movable"] = json(500, good);
+  ask(json_request(content));
+  EXPECT_EQ(ask(with(good_request(), "movable", "[]"), 400)["code"], "UnknownParameter");
+}
+
+TEST(CheckedBox, RefusesWhatIsNotFinite) {
+  for (const double bad :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    EXPECT_THROW((void)checked_box({1.0, bad, 3.0}, {4.0, 2.0, 1.5}, 0.0, "box"), ApiError);
+    EXPECT_THROW((void)checked_box({1.0, 2.0, 3.0}, {4.0, 2.0, bad}, 0.0, "box"), ApiError);
+    EXPECT_THROW((void)checked_box({1.0, 2.0, 3.0}, {4.0, 2.0, 1.5}, bad, "box"), ApiError);
+  }
+  EXPECT_EQ(checked_box({1.0, 2.0, 3.0}, {4.0, 2.0, 1.5}, 0.5, "box").yaw_rad, 0.5);
+}
+
+TEST_F(Localize, ProtectionIsGivenInTheLidarFrameWithoutAMount) {
+  aligner_->answer = [](const auto&) {
+    localization::AlignmentResult result;
+    result.status = localization::PoseStatus::kOk;
+    result.covariance.setIdentity();
+    result.protection = {0.25, 0.5, std::numeric_limits<double>::infinity(), 0.125};
+    return result;
+  };
+  EXPECT_EQ(ask(good_request())["protection"],
+            json::parse(R"({"longitudinal_m": 0.25, "lateral_m": 0.5, "vertical_m": null,
+                            "yaw_rad": 0.125})"));
+}
+
+TEST_F(Localize, ProtectionIsGivenInBaseWhenTheMountIsKnown) {
+  Eigen::Matrix<double, 6, 1> deviations;
+  deviations << 0.01, 0.02, 0.03, 0.001, 0.002, 0.003;
+  const Eigen::Matrix<double, 6, 6> covariance = deviations.cwiseAbs2().asDiagonal();
+  aligner_->answer = [&](const auto&) {
+    localization::AlignmentResult result;
+    result.status = localization::PoseStatus::kOk;
+    result.covariance = covariance;
+    result.protection = localization::protection_levels(covariance);
+    return result;
+  };
+  json content = good_json();
+  // Turned to the left on a bar 4 m in front of base: lidar x is base y, and base, seen from there,
+  // swings sideways as the lidar yaws.
+  content["T_base_lidar"] = {
+      {"position", {4.0, 0.0, 0.0}},
+      {"quaternion", {0.0, 0.0, std::numbers::sqrt2 / 2.0, std::numbers::sqrt2 / 2.0}}};
+  const json answer = ask(json_request(content));
+  const double deviation_to_level = localization::protection_levels(covariance).yaw_rad / 0.003;
+  const auto level = [&](const char* key) {
+    return answer["protection"][key].get<double>() / deviation_to_level;
+  };
+  EXPECT_NEAR(level("longitudinal_m"), 0.02, 1e-9);
+  EXPECT_NEAR(level("lateral_m"), std::hypot(0.01, 4.0 * 0.003), 1e-9);
+  // Base pitches about lidar x.
+  EXPECT_NEAR(level("vertical_m"), std::hypot(0.03, 4.0 * 0.001), 1e-9);
+  EXPECT_NEAR(level("yaw_rad"), 0.003, 1e-9);
+  // The covariance stays that of T_map_lidar.
+  EXPECT_EQ(answer["covariance"][0], 0.01 * 0.01);
+}
+
+TEST_F(Localize, NoBoundInTheLidarFrameIsNoneInBase) {
+  json content = good_json();
+  content["T_base_lidar"] = {{"position", {0.0, 0.0, 1.5}}, {"quaternion", {0.0, 0.0, 0.0, 1.0}}};
+  const json none = json::parse(R"({"longitudinal_m": null, "lateral_m": null, "vertical_m": null,
+                                    "yaw_rad": null})");
+  EXPECT_EQ(ask(json_request(content))["protection"], none);
+  EXPECT_EQ(ask(good_request())["protection"], none);
 }
 
 TEST_F(Localize, LostIsAnAnswerWithoutAPose) {

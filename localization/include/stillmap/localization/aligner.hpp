@@ -57,6 +57,14 @@ struct AlignmentResult {
   int iterations = 0;
 };
 
+/// Protection levels in the base frame: the covariance is carried over by the mount's adjoint
+/// (`T_map_lidar exp(x) T_lidar_base = T_map_lidar T_lidar_base exp(Ad(T_base_lidar) x)`), then as
+/// above. Infinite where any of the result's own is: what is not bounded in the lidar frame is not
+/// in base.
+/// @param T_base_lidar  mount of the sensor: rigid, finite.
+[[nodiscard]] ProtectionLevels protection_levels_in_base(const AlignmentResult& result,
+                                                         const Eigen::Isometry3d& T_base_lidar);
+
 /// Where a scan is believed to be before it is matched.
 struct Prior {
   Eigen::Isometry3d T_map_lidar = Eigen::Isometry3d::Identity();
