@@ -2,6 +2,8 @@
 
 #include <array>
 #include <bit>
+#include <compare>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <span>

@@ -8,7 +8,7 @@
 
 #include <Eigen/Geometry>
 
-#include <string>
+#include <cstddef>
 #include <vector>
 
 namespace stillmap::localization {

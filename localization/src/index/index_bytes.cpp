@@ -11,7 +11,6 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
-#include <limits>
 
 namespace stillmap::localization {
 namespace {
@@ -112,8 +111,8 @@ class Parser {
       refuse(fmt::format("{} sections", header_.sections), "a section table inside the file");
     }
     sections_.resize(header_.sections);
-    std::memcpy(sections_.data(), bytes.data() + sizeof(Header),
-                header_.sections * sizeof(Section));
+    const auto table = bytes.subspan(sizeof(Header), header_.sections * sizeof(Section));
+    std::copy(table.begin(), table.end(), std::as_writable_bytes(std::span(sections_)).begin());
     if (crc_of(header_, sections_) != header_.crc) {
       refuse("a header that does not fit its checksum", "an undamaged one");
     }
@@ -261,7 +260,8 @@ IndexView view_of(std::span<const std::byte> bytes, const IndexKey& key, const s
   view.origin = Eigen::Vector3d::Map(parser.header().origin_m.data());
   view.extent = Eigen::Vector3d::Map(parser.header().extent_m.data());
   const double limit_m = key.options.finest_voxel_m * kCellsPerAxis;
-  if (!(view.origin.allFinite() && view.extent.minCoeff() >= 0.0 &&
+  // NaN on its own: minCoeff() and maxCoeff() may pass it over.
+  if (!(view.origin.allFinite() && view.extent.allFinite() && view.extent.minCoeff() >= 0.0 &&
         view.extent.maxCoeff() < limit_m)) {
     parser.refuse("bounds that no map has", fmt::format("an extent below {} m", limit_m));
   }

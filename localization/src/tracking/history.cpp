@@ -1,5 +1,7 @@
 #include "history.hpp"
 
+#include <iterator>
+
 namespace stillmap::localization {
 namespace {
 

@@ -24,6 +24,7 @@
 #include <fstream>
 #include <functional>
 #include <iterator>
+#include <limits>
 #include <map>
 #include <string>
 #include <thread>
@@ -283,28 +284,78 @@ TEST_F(IndexFile, DamageBehindTheHeaderIsFoundByVerifyAndReachesNothingOutside) 
   }
 }
 
-TEST_F(IndexFile, TilesThatPointOutsideAreRefusedEvenWithTheRightChecksum) {
-  std::string bytes = bytes_of(open()->file());
+/// The parts of an index file that somebody changes on purpose.
+struct Forged {
+  explicit Forged(const std::string& good) : bytes(good) {
+    std::memcpy(&header, bytes.data(), sizeof(header));
+    sections.resize(header.sections);
+    std::memcpy(sections.data(), bytes.data() + sizeof(header),
+                sections.size() * sizeof(sections[0]));
+  }
+  /// With a checksum that fits.
+  [[nodiscard]] std::string sealed() {
+    header.crc = 0;
+    header.crc = crc32c(std::as_bytes(std::span(sections).first(header.sections)),
+                        crc32c(std::as_bytes(std::span(&header, 1))));
+    std::memcpy(bytes.data(), &header, sizeof(header));
+    std::memcpy(bytes.data() + sizeof(header), sections.data(),
+                sections.size() * sizeof(sections[0]));
+    return bytes;
+  }
+
+  std::string bytes;
   index_format::Header header;
-  std::memcpy(&header, bytes.data(), sizeof(header));
-  std::vector<index_format::Section> sections(header.sections);
-  std::memcpy(sections.data(), bytes.data() + sizeof(header),
-              sections.size() * sizeof(sections[0]));
-  std::vector<CellBlocks::Tile> tiles(sections[0].bytes / sizeof(CellBlocks::Tile));
-  std::memcpy(tiles.data(), bytes.data() + sections[0].offset, sections[0].bytes);
+  std::vector<index_format::Section> sections;
+};
+
+TEST_F(IndexFile, TilesThatPointOutsideAreRefusedEvenWithTheRightChecksum) {
+  Forged forged(bytes_of(open()->file()));
+  index_format::Section& section = forged.sections[0];
+  std::vector<CellBlocks::Tile> tiles(section.bytes / sizeof(CellBlocks::Tile));
+  std::memcpy(tiles.data(), forged.bytes.data() + section.offset, section.bytes);
   for (CellBlocks::Tile& tile : tiles) {
     if (tile.slots != 0) tile.first_slot += 1;
   }
-  sections[0].crc = crc32c(std::as_bytes(std::span(tiles)));
-  header.crc = 0;
-  header.crc =
-      crc32c(std::as_bytes(std::span(sections)), crc32c(std::as_bytes(std::span(&header, 1))));
-  std::memcpy(bytes.data(), &header, sizeof(header));
-  std::memcpy(bytes.data() + sizeof(header), sections.data(),
-              sections.size() * sizeof(sections[0]));
-  std::memcpy(bytes.data() + sections[0].offset, tiles.data(), sections[0].bytes);
-  put(file(), bytes);
+  section.crc = crc32c(std::as_bytes(std::span(tiles)));
+  std::memcpy(forged.bytes.data() + section.offset, tiles.data(), section.bytes);
+  put(file(), forged.sealed());
   EXPECT_THAT(open()->rebuilt_because(), HasSubstr("tiles that lie outside"));
+}
+
+TEST_F(IndexFile, BoundsThatNoMapHasAreRefusedEvenWithTheRightChecksum) {
+  const std::string good = bytes_of(open()->file());
+  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    for (const double extent_m : {kNaN, -1.0, 1e7}) {
+      Forged forged(good);
+      forged.header.extent_m[axis] = extent_m;
+      put(file(), forged.sealed());
+      EXPECT_THAT(open()->rebuilt_because(), HasSubstr("bounds that no map has")) << extent_m;
+    }
+    Forged forged(good);
+    forged.header.origin_m[axis] = kNaN;
+    put(file(), forged.sealed());
+    EXPECT_THAT(open()->rebuilt_because(), HasSubstr("bounds that no map has"));
+  }
+}
+
+TEST_F(IndexFile, SectionsThatAreMissingOrLieOutsideAreRefusedEvenWithTheRightChecksum) {
+  const std::string good = bytes_of(open()->file());
+  const auto reason = [&](const std::function<void(Forged&)>& change) {
+    Forged forged(good);
+    change(forged);
+    put(file(), forged.sealed());
+    return open()->rebuilt_because();
+  };
+  EXPECT_THAT(reason([](Forged& f) { f.header.sections = 0; }), HasSubstr("no slots of level 0"));
+  EXPECT_THAT(reason([](Forged& f) { f.sections.back().level = 9; }), HasSubstr("of level 2"));
+  EXPECT_THAT(reason([](Forged& f) { f.sections.back().offset += 8; }), HasSubstr("aligned"));
+  EXPECT_THAT(reason([](Forged& f) { f.sections.back().offset = ~std::uint64_t{63}; }),
+              HasSubstr("inside the file"));
+  EXPECT_THAT(reason([](Forged& f) { f.sections.back().bytes += 64; }),
+              HasSubstr("inside the file"));
+  EXPECT_THAT(reason([](Forged& f) { f.sections.back().item_bytes = 32; }),
+              HasSubstr("voxels of 32 bytes"));
 }
 
 TEST_F(IndexFile, ManyOpenersAtOnceGetTheSameIndex) {
