@@ -37,9 +37,10 @@ def worlds(options):
     found = []
     for i in range(options.seeds):
         scenario = {1: "highway", 4: "depot"}.get(i % 6, "town")
-        # Every third town is large enough to have a street beside the one that is asked for.
-        long = scenario == "town" and SENSORS[i % 2] == "vlp16"
-        found.append(World(FIRST_SEED + i, scenario, SENSORS[i % 2], 2 + i % 3,
+        # Half of the towns are driven far enough to have a street beside the one that is asked for.
+        sensor = SENSORS[(i + i // 6) % 2]
+        long = scenario == "town" and sensor == "vlp16"
+        found.append(World(FIRST_SEED + i, scenario, sensor, 2 + i % 3,
                            round(options.scans * (ROUND if long else 1.0)), options.scans,
                            max(1, round(options.queries / options.seeds))))
     return found

@@ -34,14 +34,15 @@ class World:
 
 def worlds(options):
     """Every fourth is a depot, whose halls and rows look alike everywhere."""
-    return [World(FIRST_SEED + i, "depot" if i % 4 == 3 else "town", SENSORS[i // 2 % 2], options.scans,
+    return [World(FIRST_SEED + i, "depot" if i % 4 == 3 else "town", SENSORS[(i // 2 + i // 4) % 2], options.scans,
                   max(1, round(options.queries / options.seeds)))
             for i in range(options.seeds)]
 
 
 def ask_foreign(asker, world, map_, random, kind, scenario, shares):
     """Scans of another world, from priors on this map's roads and without."""
-    drive = asker.program.simulate(asker.scratch / kind, scenario, world.seed + OTHER_SEED, FOREIGN_SCANS, world.sensor)
+    drive = asker.program.simulate(asker.scratch / kind, scenario, world.seed + OTHER_SEED,
+                                   min(FOREIGN_SCANS, world.scans), world.sensor)
     for prior, share in shares.items():
         trials = 1 if prior == NONE else 2
         scans = drive.spaced(range(len(drive)), asker.count(share, trials))
