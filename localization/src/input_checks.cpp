@@ -12,6 +12,8 @@ namespace {
 
 /// 99.9 % point of chi-squared with 6 degrees of freedom.
 constexpr double kMaxChiSquared = 22.46;
+/// As for sessions: what products of matrices leave of a symmetry.
+constexpr double kSymmetryTolerance = 1e-6;
 
 }  // namespace
 
@@ -29,9 +31,13 @@ void require_usable(const Prior& prior) {
     throw std::invalid_argument("prior: its rotation matrix is not a rotation");
   }
   if (prior.covariance) {
-    const Eigen::LLT<Matrix6d> factor(*prior.covariance);
-    if (!prior.covariance->allFinite() || factor.info() != Eigen::Success) {
-      throw std::invalid_argument("prior: its covariance is not finite and positive definite");
+    const Matrix6d& covariance = *prior.covariance;
+    const bool symmetric =
+        covariance.allFinite() && covariance.isApprox(covariance.transpose(), kSymmetryTolerance);
+    // The decomposition looks at one triangle alone.
+    if (!symmetric || Eigen::LLT<Matrix6d>(covariance).info() != Eigen::Success) {
+      throw std::invalid_argument(
+          "prior: its covariance is not finite, symmetric and positive definite");
     }
   }
 }

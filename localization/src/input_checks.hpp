@@ -11,7 +11,7 @@ namespace stillmap::localization {
 /// @throws std::invalid_argument if a coordinate is not finite.
 void require_finite(const maps::PointCloud& scan_lidar);
 /// @throws std::invalid_argument if the prior is not finite, its rotation none, or its covariance
-/// not positive definite.
+/// not symmetric and positive definite.
 void require_usable(const Prior& prior);
 /// Whether the prior's covariance and the result's together leave the result less than one chance
 /// in a thousand; never without a covariance of the prior.

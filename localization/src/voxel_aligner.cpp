@@ -175,7 +175,9 @@ AlignmentResult align_among(const MapIndex& index, const Query& query,
                             const std::vector<Eigen::Isometry3d>& starts, const Prior* prior) {
   std::vector<Place> places;
   for (const Eigen::Isometry3d& T_map_lidar : starts) {
-    Eigen::Isometry3d T_index_lidar = T_map_lidar;
+    // A prior is a rotation but for its last digits, a place found with floats but for a few more;
+    // where nothing moves the pose it would be answered as it came.
+    Eigen::Isometry3d T_index_lidar = maps::renormalized(T_map_lidar);
     T_index_lidar.translation() -= index.origin();
     places.push_back(settle(index, query, T_index_lidar));
   }

@@ -8,6 +8,7 @@
 #include <Eigen/Eigenvalues>
 #include <nanoflann.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -16,6 +17,7 @@ namespace stillmap::localization {
 namespace {
 
 constexpr float kMaxRangeM = 500.0F;
+constexpr std::size_t kMaxRead = 400'000;
 /// Neighbours that a surface is fitted to, the point itself among them.
 constexpr std::uint32_t kNeighbours = 16;
 constexpr std::size_t kLeafPoints = 10;
@@ -65,11 +67,15 @@ void require_edge(double leaf_m) {
 std::vector<Eigen::Vector3f> thinned(std::span<const Eigen::Vector3f> points_lidar, double leaf_m) {
   require_edge(leaf_m);
   CentroidGrid grid(leaf_m);
-  for (const Eigen::Vector3f& p : points_lidar) {
+  const std::size_t step = points_lidar.size() / kMaxRead + 1;
+  for (std::size_t i = 0; i < points_lidar.size(); i += step) {
+    const Eigen::Vector3f& p = points_lidar[i];
     if (p.squaredNorm() < kMaxRangeM * kMaxRangeM) grid.add(p.cast<double>());
   }
-  std::vector<Eigen::Vector3f> centroids(grid.size());
-  for (std::size_t i = 0; i < grid.size(); ++i) centroids[i] = grid.centroid(i);
+  std::vector<Eigen::Vector3f> centroids(std::min(grid.size(), kMaxThinnedPoints));
+  for (std::size_t i = 0; i < centroids.size(); ++i) {
+    centroids[i] = grid.centroid(i * grid.size() / centroids.size());
+  }
   return centroids;
 }
 

@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 
 #include <array>
+#include <cstddef>
 #include <memory>
 #include <span>
 #include <string>
@@ -12,9 +13,14 @@
 
 namespace stillmap::localization {
 
+/// Most points that `thinned` leaves: some three times as many as a scan of 64 rings, so that only
+/// what is no scan of the world (noise that fills space) meets it and a query's time is bounded.
+inline constexpr std::size_t kMaxThinnedPoints = 40'000;
+
 /// One centroid for each cell of `leaf_m` [m] that holds a point, in the order in which the cells
 /// are met; cells begin at the frame's origin, as in PCL's VoxelGrid. Points beyond 500 m are left
-/// out: no lidar of ours sees them, and they would overflow the grid.
+/// out: no lidar of ours sees them, and they would overflow the grid. Of more than 400,000 points
+/// every k-th is read, and of more than `kMaxThinnedPoints` centroids every k-th is kept.
 [[nodiscard]] std::vector<Eigen::Vector3f> thinned(std::span<const Eigen::Vector3f> points_lidar,
                                                    double leaf_m);
 

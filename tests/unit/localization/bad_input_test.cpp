@@ -1,5 +1,4 @@
 // Scans and priors that make no sense: every method says so, in bounded time.
-#include "input_checks.hpp"
 #include "query.hpp"
 #include "reference/map_points.hpp"
 
@@ -30,7 +29,6 @@ namespace stillmap::localization {
 namespace {
 
 using test::pose_at;
-using ::testing::Contains;
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
@@ -116,7 +114,7 @@ void expect_sound(const AlignmentResult& result) {
   for (const double level :
        {levels.longitudinal_m, levels.lateral_m, levels.vertical_m, levels.yaw_rad}) {
     EXPECT_TRUE(level > 0.0) << level;
-    if (result.status != PoseStatus::kOk) EXPECT_TRUE(std::isinf(level));
+    EXPECT_TRUE(result.status == PoseStatus::kOk || std::isinf(level)) << level;
   }
   EXPECT_EQ(result.reasons.empty(), result.status == PoseStatus::kOk);
   if (result.status == PoseStatus::kLost) return;
@@ -214,21 +212,21 @@ std::vector<ScanCase> scans_without_shape() {
       {"points at -1e38", at(-1e38), Expected::kLost},
       {"points at 1e19, whose square just overflows", at(1.9e19), Expected::kLost},
       {"all in a level plane",
-       made(20'000,
+       made(3000,
             [](test::Random& r) {
               const double x = r.uniform(-40.0, 40.0);
               return Eigen::Vector3d(x, r.uniform(-40.0, 40.0), -1.8);
             }),
        Expected::kNotOk},
       {"all in an upright plane",
-       made(20'000,
+       made(3000,
             [](test::Random& r) {
               const double x = r.uniform(-40.0, 40.0);
               return Eigen::Vector3d(x, 8.0, r.uniform(-2.0, 8.0));
             }),
        Expected::kNotOk},
       {"all in a slanted plane",
-       made(20'000,
+       made(3000,
             [](test::Random& r) {
               const double x = r.uniform(-40.0, 40.0);
               const double y = r.uniform(-40.0, 40.0);
@@ -236,11 +234,11 @@ std::vector<ScanCase> scans_without_shape() {
             }),
        Expected::kNotOk},
       {"all in a level line",
-       made(20'000,
+       made(3000,
             [](test::Random& r) { return Eigen::Vector3d(r.uniform(-60.0, 60.0), 7.0, -1.0); }),
        Expected::kNotOk},
       {"all in an upright line",
-       made(20'000,
+       made(3000,
             [](test::Random& r) { return Eigen::Vector3d(6.0, 6.0, r.uniform(-200.0, 200.0)); }),
        Expected::kNotOk}};
 }
@@ -263,9 +261,7 @@ std::vector<ScanCase> scans_out_of_numbers() {
 std::vector<ScanCase> huge_scans() {
   return {{"2 million equal points",
            made(kMany, [](auto&) { return Eigen::Vector3d(10.0, 3.0, 0.5); }), Expected::kLost},
-          {"2 million random points in 20 m", random_in(10.0, kMany), Expected::kNotOk},
-          {"2 million random points in 120 m", random_in(60.0, kMany), Expected::kNotOk},
-          {"2 million random points in 1 km", random_in(500.0, kMany), Expected::kNotOk}};
+          {"2 million random points in 120 m", random_in(60.0, kMany), Expected::kNotOk}};
 }
 
 void ask_all(const std::vector<ScanCase>& cases) {
@@ -291,6 +287,7 @@ TEST(BadInput, AsManyPointsAreUsedOfAHugeScanAsOfAnyOther) {
   for (const ScanCase& each : huge_scans()) {
     EXPECT_LE(thin(each.scan, Eigen::Matrix3d::Identity()).points.size(), kMaxQueryPoints)
         << each.what;
+    EXPECT_LE(thinned(each.scan.positions, 0.5).size(), kMaxThinnedPoints) << each.what;
   }
 }
 
@@ -405,7 +402,8 @@ TEST(BadInput, CovariancesThatAreNoneAreRefused) { ask_all(absurd_covariances())
 TEST(BadInput, NonsenseOfBothKindsIsNotOk) {
   Asked asked;
   for (const PriorCase& prior : absurd_poses()) {
-    if (prior.expected == Expected::kThrows) continue;
+    // Far from the map a scan is not even looked at.
+    if (prior.expected == Expected::kThrows || prior.expected == Expected::kLost) continue;
     for (const ScanCase& scan : scans_without_shape()) {
       for (const auto& [name, aligner] : street().methods()) {
         asked.expect(scan.what + ", prior " + prior.what, name, scan.scan, prior.prior,
