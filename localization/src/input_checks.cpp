@@ -33,7 +33,8 @@ void require_usable(const Prior& prior) {
   if (prior.covariance) {
     const Matrix6d& covariance = *prior.covariance;
     const bool symmetric =
-        covariance.allFinite() && covariance.isApprox(covariance.transpose(), kSymmetryTolerance);
+        covariance.allFinite() && (covariance - covariance.transpose()).cwiseAbs().maxCoeff() <=
+                                      kSymmetryTolerance * covariance.cwiseAbs().maxCoeff();
     // The decomposition looks at one triangle alone.
     if (!symmetric || Eigen::LLT<Matrix6d>(covariance).info() != Eigen::Success) {
       throw std::invalid_argument(

@@ -87,8 +87,7 @@ class Aligner {
   ///                           z axis must be within some degrees of the vehicle's upward axis.
   /// @return  `kLost` with a reason when the scan cannot be matched (also for an empty or tiny
   /// scan); `needs_prior` from a method, or for a map, that cannot be searched without one.
-  /// @throws std::invalid_argument if a coordinate or the prior is not finite, its rotation is none
-  ///         (within 1e-3), or its covariance not symmetric and positive definite.
+  /// @throws std::invalid_argument if a number is not finite, a rotation or a covariance is none.
   /// @note   Safe from several threads. Same input, same bits.
   [[nodiscard]] virtual AlignmentResult align(const maps::PointCloud& scan_lidar,
                                               const std::optional<Prior>& prior) const = 0;
