@@ -61,6 +61,10 @@ struct PriorReach {
   double radius_m = 0.0;
   double yaw_rad = 0.0;
 };
+/// Where nothing is found around a prior that does not say how good it is: two seconds of driving
+/// late, or half a crossing.
+constexpr PriorReach kReachWhenLost{.radius_m = 30.0, .yaw_rad = 1.0};
+
 std::optional<PriorReach> reach_of(const Prior& prior) {
   if (!prior.covariance) return std::nullopt;
   const Matrix6d& covariance = *prior.covariance;
@@ -244,7 +248,11 @@ AlignmentResult VoxelAligner::align_near(const maps::PointCloud& scan_lidar,
                     window_of(reach), kMaxCandidates)) {
     starts.push_back(candidate.T_map_lidar);
   }
-  return align_among(*index_, query, starts, &prior);
+  AlignmentResult result = align_among(*index_, query, starts, &prior);
+  if (result.status != PoseStatus::kLost || reach || !places_) return result;
+  const std::vector<Eigen::Isometry3d> farther =
+      places_->best_places(query, kMaxPlaces, region_of(prior, kReachWhenLost));
+  return farther.empty() ? result : align_among(*index_, query, farther, &prior);
 }
 
 AlignmentResult VoxelAligner::align_anywhere(const maps::PointCloud& scan_lidar) const {

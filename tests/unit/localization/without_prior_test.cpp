@@ -104,6 +104,15 @@ TEST(WidePrior, FindsTheScanWithinItsDeviationsInEveryHeading) {
   }
 }
 
+TEST(LatePrior, FindsTheScanAFewSecondsOfDrivingAhead) {
+  const Eigen::Isometry3d T = pose_at(75.0, -0.7, 0.1);
+  const auto scan = street().world.scan(T, pattern(7));
+  const AlignmentResult result =
+      street().aligner->align(scan, Prior{pose_at(53.0, 0.3, -0.2), std::nullopt});
+  EXPECT_EQ(result.status, PoseStatus::kOk);
+  EXPECT_LT((T.inverse() * result.T_map_lidar).translation().norm(), 0.1);
+}
+
 TEST(WidePrior, DoesNotLookBeyondItsDeviations) {
   const auto scan = street().world.scan(pose_at(100.0, -0.7, 0.0), pattern(7));
   const AlignmentResult result =

@@ -70,7 +70,8 @@ struct Prior {
   Eigen::Isometry3d T_map_lidar = Eigen::Isometry3d::Identity();
   /// Same order and frame as the result's; when given, a pose that contradicts it is not `kOk`,
   /// and the search reaches as far as three deviations: where these are more than 6 m or 0.4 rad
-  /// (GNSS), to all places in reach that the map was made from. Without it, 6 m and 0.4 rad.
+  /// (GNSS), to all places in reach that the map was made from. Without it, 6 m and 0.4 rad,
+  /// and when nothing is found there, such places within 30 m and 1 rad.
   std::optional<Eigen::Matrix<double, 6, 6>> covariance;
 };
 
