@@ -13,6 +13,7 @@ import changes
 import figures
 import poses
 import rates
+import report
 from program import Map
 
 
@@ -111,6 +112,17 @@ class Figures(unittest.TestCase):
         spread, together = rates.rate([2] * 10, [100] * 10), rates.rate([20] + [0] * 9, [100] * 10)
         self.assertEqual(spread["rate"], together["rate"])
         self.assertGreater(together["upper_95"], 1.3 * spread["upper_95"])
+
+    def test_a_quick_run_bears_one_bad_answer_and_fewer_right_ones_but_not_two_or_none(self):
+        def broken(right, bad):
+            limits = figures.Limits()
+            limits("right, share of queries", right, low=0.9)
+            return report.broken({"sets": {"hard": {"limits": limits.lines, "listed": [{}] * bad}}}, quick=True)
+
+        self.assertEqual(broken(0.85, 1), [])
+        self.assertEqual(len(broken(0.85, 2)), 1)
+        self.assertEqual(len(broken(0.0, 0)), 1)
+        self.assertEqual(len(broken(np.nan, 0)), 1)
 
     def test_twists_come_back(self):
         twist = np.array([0.3, -2.0, 0.1, 0.02, -0.4, 1.1])
