@@ -18,6 +18,7 @@ namespace {
 
 /// A prior farther than this outside the map's bounds is no place that the map knows [m].
 constexpr double kMarginM = 100.0;
+/// Fewer points, in the scan or on the surfaces of the map, are no match.
 constexpr std::size_t kMinQueryPoints = 50;
 constexpr std::size_t kMaxCandidates = 3;
 /// Of the whole map more places are looked at closely.
@@ -32,6 +33,7 @@ constexpr float kFinalKernelShare = 0.15F;
 /// Where the map is bent, what is near decides: a surface at range r was mapped from places up to r
 /// away, and GNSS-aided poses of a city drive slid sideways by 0.44 m in 11 m.
 constexpr float kBendShare = 0.03F;
+
 struct Place {
   Eigen::Isometry3d T_index_lidar;
   double support = 0.0;
@@ -124,6 +126,10 @@ AlignmentResult align_among(const MapIndex& index, const Query& query,
   evidence.support = support_of(index, query, best.T_index_lidar);
   Matches matches(level, query.points);
   const ResidualRows& rows = matches.at(best.T_index_lidar, kernel_m);
+  if (rows.count < kMinQueryPoints) {
+    return lost("little_overlap",
+                prior != nullptr ? prior->T_map_lidar : Eigen::Isometry3d::Identity());
+  }
   const NormalEquations system = linearize(rows, best.T_index_lidar, kernel_m);
   evidence.observability =
       observability_of(level_near(index, kSearchCellM), query, best.T_index_lidar, system.H);
