@@ -13,14 +13,12 @@ struct TiledBlock {
 
 /// Blocks with their cells, in the order of their tiles.
 std::vector<TiledBlock> blocks_by_tile(std::span<const CellBlocks::Place> places) {
-  constexpr std::uint64_t kAxis = kCellsPerAxis - 1;
   std::vector<TiledBlock> blocks;
   for (std::uint32_t i = 0; i < places.size(); ++i) {
     if (i == 0 || places[i].block != places[i - 1].block) {
-      const auto x = static_cast<std::int32_t>((places[i].block >> 42) & kAxis) << 2;
-      const auto y = static_cast<std::int32_t>((places[i].block >> 21) & kAxis) << 2;
-      const auto z = static_cast<std::int32_t>(places[i].block & kAxis) << 2;
-      blocks.push_back({CellBlocks::tile_number(x, y), {CellBlocks::key_in_tile(x, y, z), i, 0}});
+      const auto [x, y, z] = cell_of_key(places[i].block);
+      blocks.push_back({CellBlocks::tile_number(x << 2, y << 2),
+                        {CellBlocks::key_in_tile(x << 2, y << 2, z << 2), i, 0}});
     }
     blocks.back().slot.mask |= std::uint64_t{1} << places[i].bit;
   }

@@ -1,6 +1,6 @@
 #include "input_checks.hpp"
 
-#include <stillmap/maps/frames.hpp>
+#include "tracking/pose_pdf.hpp"
 
 #include <Eigen/Cholesky>
 
@@ -10,8 +10,6 @@
 namespace stillmap::localization {
 namespace {
 
-/// 99.9 % point of chi-squared with 6 degrees of freedom.
-constexpr double kMaxChiSquared = 22.46;
 /// As for sessions: what products of matrices leave of a symmetry.
 constexpr double kSymmetryTolerance = 1e-6;
 
@@ -45,9 +43,9 @@ void require_usable(const Prior& prior) {
 
 bool contradicts(const Prior& prior, const AlignmentResult& result) {
   if (!prior.covariance) return false;
-  const Vector6d difference = maps::log_se3(prior.T_map_lidar.inverse() * result.T_map_lidar);
-  const Matrix6d covariance = *prior.covariance + result.covariance;
-  return !(difference.dot(covariance.ldlt().solve(difference)) < kMaxChiSquared);
+  const double squares =
+      chi_squared({prior.T_map_lidar, *prior.covariance}, {result.T_map_lidar, result.covariance});
+  return !(squares < kMaxChiSquared);
 }
 
 AlignmentResult lost(std::string reason, const Eigen::Isometry3d& T_map_lidar) {

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "registration.hpp"
-
 #include <stillmap/localization/aligner.hpp>
+
+#include <Eigen/Geometry>
 
 #include <string>
 

@@ -23,7 +23,10 @@ constexpr float kReachM = 35.0F;
 /// Upright frame at a place: z is the pose's own, x as near to the map's x as that allows.
 Eigen::Isometry3f without_heading(const Eigen::Isometry3d& T) {
   const Eigen::Vector3d up = T.linear().col(2);
-  const Eigen::Vector3d y = up.cross(Eigen::Vector3d::UnitX()).normalized();
+  // Along the map's x there is none nearer than another.
+  const bool along_x = std::abs(up.x()) > 0.999;
+  const Eigen::Vector3d y =
+      up.cross(along_x ? Eigen::Vector3d::UnitY() : Eigen::Vector3d::UnitX()).normalized();
   Eigen::Isometry3d level = Eigen::Isometry3d::Identity();
   level.linear() << y.cross(up), y, up;
   level.translation() = T.translation();

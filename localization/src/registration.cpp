@@ -26,25 +26,18 @@ bool is_small(const Vector6d& step) {
   return step.head<3>().norm() < kStepM && step.tail<3>().norm() < kStepRad;
 }
 
-/// Gauss-Newton step that leaves alone what the rows do not constrain.
-Vector6d step_of(const NormalEquations& system) {
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(in_metres(system.H));
-  const Vector6d& values = solver.eigenvalues();
-  Vector6d gradient = system.gradient;
-  gradient.tail<3>() /= kLeverM;
-  Vector6d along = solver.eigenvectors().transpose() * gradient;
-  for (Eigen::Index k = 0; k < 6; ++k) {
-    along[k] = values[k] > kMinEigenvalueShare * values[5] ? -along[k] / values[k] : 0.0;
-  }
-  Vector6d step = solver.eigenvectors() * along;
-  step.tail<3>() /= kLeverM;
-  return step;
+/// Rows and columns of the rotations divided by the lever.
+Matrix6d rotations_by_lever(const Matrix6d& matrix) {
+  Vector6d scale;
+  scale << 1.0, 1.0, 1.0, 1.0 / kLeverM, 1.0 / kLeverM, 1.0 / kLeverM;
+  return scale.asDiagonal() * matrix * scale.asDiagonal();
 }
 
 /// @return steps taken; moves the pose until the held matches agree.
 int descend(const ResidualRows& rows, float kernel_m, Eigen::Isometry3d& T_index_lidar) {
   for (int step_count = 1; step_count <= kMaxSteps; ++step_count) {
-    const Vector6d step = step_of(linearize(rows, T_index_lidar, kernel_m));
+    const Vector6d step =
+        bounded_step(linearize(rows, T_index_lidar, kernel_m), kMinEigenvalueShare);
     T_index_lidar = maps::renormalized(T_index_lidar * maps::exp_se3(step));
     if (is_small(step)) return step_count;
   }
@@ -127,10 +120,22 @@ int refine(const MapIndex::Level& level, std::span<const Eigen::Vector3f> points
   return steps;
 }
 
-Matrix6d in_metres(const Matrix6d& H) {
-  Vector6d scale;
-  scale << 1.0, 1.0, 1.0, 1.0 / kLeverM, 1.0 / kLeverM, 1.0 / kLeverM;
-  return scale.asDiagonal() * H * scale.asDiagonal();
+Matrix6d in_metres(const Matrix6d& H) { return rotations_by_lever(H); }
+
+Matrix6d out_of_metres(const Matrix6d& covariance) { return rotations_by_lever(covariance); }
+
+Vector6d bounded_step(const NormalEquations& system, double min_eigenvalue_share) {
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(in_metres(system.H));
+  const Vector6d& values = solver.eigenvalues();
+  Vector6d gradient = system.gradient;
+  gradient.tail<3>() /= kLeverM;
+  Vector6d along = solver.eigenvectors().transpose() * gradient;
+  for (Eigen::Index k = 0; k < 6; ++k) {
+    along[k] = values[k] > min_eigenvalue_share * values[5] ? -along[k] / values[k] : 0.0;
+  }
+  Vector6d step = solver.eigenvectors() * along;
+  step.tail<3>() /= kLeverM;
+  return step;
 }
 
 }  // namespace stillmap::localization

@@ -81,5 +81,10 @@ int refine(const MapIndex::Level& level, std::span<const Eigen::Vector3f> points
 inline constexpr double kLeverM = 15.0;
 /// H with rotations scaled to metres at the lever, so that its eigenvalues compare.
 [[nodiscard]] Matrix6d in_metres(const Matrix6d& H);
+/// A covariance in those units with its rotations back in radians.
+[[nodiscard]] Matrix6d out_of_metres(const Matrix6d& covariance);
+/// Gauss-Newton step, zero along the eigenvectors of `in_metres(H)` whose eigenvalue is at most
+/// this share of the largest.
+[[nodiscard]] Vector6d bounded_step(const NormalEquations& system, double min_eigenvalue_share);
 
 }  // namespace stillmap::localization

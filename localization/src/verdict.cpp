@@ -204,9 +204,7 @@ Matrix6d covariance_of(const ResidualRows& rows, const Eigen::Isometry3d& T_inde
   for (const Vector6d& direction : degenerate) {
     covariance += kUnknownM * kUnknownM * direction * direction.transpose();
   }
-  Vector6d scale;
-  scale << 1.0, 1.0, 1.0, 1.0 / kLeverM, 1.0 / kLeverM, 1.0 / kLeverM;
-  covariance = scale.asDiagonal() * covariance * scale.asDiagonal();
+  covariance = out_of_metres(covariance);
   const Vector6d share = kBendShareOfError * bend;
   covariance += share * share.transpose();
   covariance.diagonal() += kFloor.cwiseAbs2();

@@ -18,6 +18,7 @@ namespace {
 
 /// A prior farther than this outside the map's bounds is no place that the map knows [m].
 constexpr double kMarginM = 100.0;
+/// Fewer points, in the scan or on the surfaces of the map, are no match.
 constexpr std::size_t kMinQueryPoints = 50;
 constexpr std::size_t kMaxCandidates = 3;
 /// Of the whole map more places are looked at closely.
@@ -194,6 +195,10 @@ AlignmentResult align_among(const MapIndex& index, const Query& query,
   const FinalRows final(level, query, best.T_index_lidar);
   Evidence evidence;
   evidence.support = support_of(index, query, best.T_index_lidar);
+  if (final.rows.count < kMinQueryPoints) {
+    return lost("little_overlap",
+                prior != nullptr ? prior->T_map_lidar : Eigen::Isometry3d::Identity());
+  }
   evidence.observability = observability_of(level, query, best.T_index_lidar, final.sums.H);
   evidence.ambiguous = std::any_of(places.begin() + 1, places.end(), [&](const Place& other) {
     return other.support > kAmbiguousShare * best.support &&

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
@@ -22,6 +23,13 @@ inline constexpr std::int32_t kCellsPerAxis = 1 << 21;
 [[nodiscard]] constexpr std::uint64_t cell_key(std::int32_t x, std::int32_t y, std::int32_t z) {
   return (static_cast<std::uint64_t>(x) << 42) | (static_cast<std::uint64_t>(y) << 21) |
          static_cast<std::uint64_t>(z);
+}
+
+/// Inverse of `cell_key`: x, y, z.
+[[nodiscard]] constexpr std::array<std::int32_t, 3> cell_of_key(std::uint64_t key) {
+  constexpr std::uint64_t kAxis = kCellsPerAxis - 1;
+  return {static_cast<std::int32_t>(key >> 42 & kAxis),
+          static_cast<std::int32_t>(key >> 21 & kAxis), static_cast<std::int32_t>(key & kAxis)};
 }
 
 /// Open-addressing table from cell keys to indices; linear probing at a load of at most one half,

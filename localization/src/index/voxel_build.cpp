@@ -1,5 +1,7 @@
 #include "index/voxel_build.hpp"
 
+#include "measured_points.hpp"
+
 #include <stillmap/maps/error.hpp>
 
 #include <fmt/format.h>
@@ -98,16 +100,13 @@ Voxel voxel_of(const Moments& moments, double edge_m) {
 }
 
 VoxelLevel level_of(const MomentGrid& grid, double edge_m, int min_points) {
-  constexpr std::uint64_t kAxis = kCellsPerAxis - 1;
   std::vector<std::pair<CellBlocks::Place, const Moments*>> kept;
   for (const Moments& cell : grid.cells) {
     if (cell.count < static_cast<std::uint32_t>(min_points)) continue;
-    kept.emplace_back(CellBlocks::place_of(static_cast<std::int32_t>((cell.key >> 42) & kAxis),
-                                           static_cast<std::int32_t>((cell.key >> 21) & kAxis),
-                                           static_cast<std::int32_t>(cell.key & kAxis)),
-                      &cell);
+    const auto [x, y, z] = cell_of_key(cell.key);
+    kept.emplace_back(CellBlocks::place_of(x, y, z), &cell);
   }
-  // Neighbours in space become neighbours in memory, and the order of the points no longer matters.
+  // Neighbours in space become neighbours in memory.
   std::sort(kept.begin(), kept.end(),
             [](const auto& a, const auto& b) { return a.first < b.first; });
   std::vector<CellBlocks::Place> places;
@@ -122,12 +121,9 @@ VoxelLevel level_of(const MomentGrid& grid, double edge_m, int min_points) {
 }
 
 MomentGrid coarser(const MomentGrid& fine) {
-  constexpr std::uint64_t kAxis = kCellsPerAxis - 1;
   MomentGrid coarse;
   for (const Moments& cell : fine.cells) {
-    const auto x = static_cast<std::int32_t>((cell.key >> 42) & kAxis);
-    const auto y = static_cast<std::int32_t>((cell.key >> 21) & kAxis);
-    const auto z = static_cast<std::int32_t>(cell.key & kAxis);
+    const auto [x, y, z] = cell_of_key(cell.key);
     coarse.at(cell_key(x >> 1, y >> 1, z >> 1)).add(cell);
   }
   return coarse;
@@ -191,16 +187,10 @@ IndexContent build_from(const ForEachPoint& for_each_point, const std::string& s
 }  // namespace
 
 IndexContent build_voxels(const maps::MapPackage& map, const MapIndexOptions& options) {
-  const maps::MapManifest& manifest = map.manifest();
   const auto for_each_point = [&](const auto& visit) {
-    for (const maps::TileEntry& entry : manifest.tiles) {
-      if (entry.id.level != 0) continue;
-      for (const maps::MapPoint& point : map.tile(entry.id)) {
-        if (!maps::is_measured(point.kind)) continue;
-        visit(manifest.origin + Eigen::Vector3f(point.x, point.y, point.z).cast<double>(),
-              weight_of(point));
-      }
-    }
+    for_each_measured_point(map, [&](const Eigen::Vector3d& p_map, const maps::MapPoint& point) {
+      visit(p_map, weight_of(point));
+    });
   };
   return build_from(for_each_point, map.folder().string(), options);
 }

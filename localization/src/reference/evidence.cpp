@@ -82,12 +82,6 @@ Sums sums_of(const std::vector<Term>& terms, const Eigen::Isometry3d& T) {
   return sums;
 }
 
-Matrix6d out_of_metres(const Matrix6d& covariance) {
-  Vector6d scale;
-  scale << 1.0, 1.0, 1.0, 1.0 / kLeverM, 1.0 / kLeverM, 1.0 / kLeverM;
-  return scale.asDiagonal() * covariance * scale.asDiagonal();
-}
-
 }  // namespace
 
 Support support_at(const MapPoints& map, const std::vector<Eigen::Vector3f>& points_lidar,

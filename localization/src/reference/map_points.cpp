@@ -1,5 +1,6 @@
 #include "reference/map_points.hpp"
 
+#include "measured_points.hpp"
 #include "voxel_table.hpp"
 
 #include <stillmap/maps/error.hpp>
@@ -9,6 +10,7 @@
 #include <nanoflann.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -164,6 +166,7 @@ std::shared_ptr<const MapPoints> MapPoints::build_from(const ForEachPoint& for_e
   Eigen::Vector3d max = -min;
   std::size_t count = 0;
   for_each_point([&](const Eigen::Vector3d& p_map) {
+    if (!p_map.allFinite()) throw std::invalid_argument(source + ": a point is not finite");
     sum += p_map;
     min = min.cwiseMin(p_map);
     max = max.cwiseMax(p_map);
@@ -189,15 +192,9 @@ std::shared_ptr<const MapPoints> MapPoints::build_from(const ForEachPoint& for_e
 }
 
 std::shared_ptr<const MapPoints> MapPoints::build(const maps::MapPackage& map, double leaf_m) {
-  const maps::MapManifest& manifest = map.manifest();
   const auto for_each_point = [&](const auto& visit) {
-    for (const maps::TileEntry& entry : manifest.tiles) {
-      if (entry.id.level != 0) continue;
-      for (const maps::MapPoint& point : map.tile(entry.id)) {
-        if (!maps::is_measured(point.kind)) continue;
-        visit(manifest.origin + Eigen::Vector3f(point.x, point.y, point.z).cast<double>());
-      }
-    }
+    for_each_measured_point(
+        map, [&](const Eigen::Vector3d& p_map, const maps::MapPoint& /*point*/) { visit(p_map); });
   };
   return build_from(for_each_point, map.folder().string(), leaf_m);
 }

@@ -40,11 +40,11 @@ class MapPoints {
   };
 
   /// @param leaf_m  edge of the cells [m], > 0.
-  /// @throws std::invalid_argument on a broken edge, maps::InputError if there is no measured point
-  /// or the map is larger than the grid.
+  /// @throws std::invalid_argument on a broken edge, maps::InputError if there is no measured
+  /// point, one is not finite, or the map is larger than the grid.
   [[nodiscard]] static std::shared_ptr<const MapPoints> build(const maps::MapPackage& map,
                                                               double leaf_m);
-  /// Same from points [m] in the map frame.
+  /// Same from points [m] in the map frame. @throws std::invalid_argument if one is not finite.
   [[nodiscard]] static std::shared_ptr<const MapPoints> build(
       const std::vector<Eigen::Vector3d>& points_map, double leaf_m);
   ~MapPoints();

@@ -4,8 +4,6 @@
 
 #include <stillmap/maps/frames.hpp>
 
-#include <Eigen/Eigenvalues>
-
 #include <array>
 
 namespace stillmap::localization {
@@ -19,11 +17,6 @@ constexpr double kStepM = 1e-3;
 constexpr double kLastStepM = 1e-4;
 /// Directions with less than this share of the largest eigenvalue are not moved along.
 constexpr double kMinEigenvalueShare = 1e-4;
-
-struct System {
-  Matrix6d H = Matrix6d::Zero();
-  Vector6d gradient = Vector6d::Zero();
-};
 
 /// Pairs with a surface, weighted by a Geman-McClure kernel.
 std::vector<Term> weighted_pairs(const MapPoints& map,
@@ -46,8 +39,8 @@ std::vector<Term> weighted_pairs(const MapPoints& map,
   return terms;
 }
 
-System system_of(const std::vector<Term>& terms, const Eigen::Isometry3d& T) {
-  System system;
+NormalEquations system_of(const std::vector<Term>& terms, const Eigen::Isometry3d& T) {
+  NormalEquations system;
   for (const Term& term : terms) {
     for (int k = 0; k < term.point->sharp_axes; ++k) {
       const AxisResidual r =
@@ -58,20 +51,6 @@ System system_of(const std::vector<Term>& terms, const Eigen::Isometry3d& T) {
     }
   }
   return system;
-}
-
-Eigen::Isometry3d step(const System& system) {
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(in_metres(system.H));
-  const Vector6d& values = solver.eigenvalues();
-  Vector6d gradient = system.gradient;
-  gradient.tail<3>() /= kLeverM;
-  Vector6d along = solver.eigenvectors().transpose() * gradient;
-  for (Eigen::Index k = 0; k < 6; ++k) {
-    along[k] = values[k] > kMinEigenvalueShare * values[5] ? -along[k] / values[k] : 0.0;
-  }
-  Vector6d twist = solver.eigenvectors() * along;
-  twist.tail<3>() /= kLeverM;
-  return maps::exp_se3(twist);
 }
 
 Registration align_surfaces(const MapPoints& map, std::span<const Eigen::Vector3f> points_lidar,
@@ -85,7 +64,8 @@ Registration align_surfaces(const MapPoints& map, std::span<const Eigen::Vector3
         out.terms.clear();
         return out;
       }
-      const Eigen::Isometry3d move = step(system_of(out.terms, out.T_local_lidar));
+      const NormalEquations system = system_of(out.terms, out.T_local_lidar);
+      const Eigen::Isometry3d move = maps::exp_se3(bounded_step(system, kMinEigenvalueShare));
       out.last_step_m = size_m(move);
       out.T_local_lidar = maps::renormalized(out.T_local_lidar * move);
       ++out.iterations;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "registration.hpp"
+#include "residual_rows.hpp"
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -24,5 +24,7 @@ struct PosePdf {
 /// Squared distance of two independent estimates of one pose in deviations; chi-squared with 6
 /// degrees of freedom when both are true. NaN when a covariance cannot be inverted.
 [[nodiscard]] double chi_squared(const PosePdf& a, const PosePdf& b);
+/// Its 99.9 % point: two estimates beyond it contradict each other.
+inline constexpr double kMaxChiSquared = 22.46;
 
 }  // namespace stillmap::localization

@@ -9,8 +9,6 @@
 namespace stillmap::localization {
 namespace {
 
-/// 99.9 % point of chi-squared with 6 degrees of freedom.
-constexpr double kMaxChiSquared = 22.46;
 /// Deviations of a wide search; three of them are as far as the aligner looks around a prior.
 constexpr double kWideM = 2.0;
 constexpr double kWideRad = 0.13;
@@ -220,7 +218,7 @@ AlignmentResult TrackingSession::search(Belief& belief, const Step& step) const 
     belief.anchor =
         model_.at_unknown_velocity(step.stamp_ns, {step.match.T_map_lidar, step.match.covariance});
     belief.agreed = 1;
-    if (again) add_reason(result, "contradicts_motion");
+    if (step.predicted && !step.agrees) add_reason(result, "contradicts_motion");
   }
   belief.matched_ns = step.stamp_ns;
   belief.matched = true;

@@ -1,3 +1,4 @@
+#include "input_checks.hpp"
 #include "registration.hpp"
 
 #include <stillmap/localization/aligner.hpp>
@@ -151,6 +152,22 @@ TEST(Aligner, UnknownMethodAndMissingIndexAreNamed) {
                   HasSubstr("'fancy', expected one of: default")));
   EXPECT_THROW((void)make_aligner("default", nullptr), std::invalid_argument);
   EXPECT_EQ(aligner_names().front(), "default");
+}
+
+TEST(Contradicts, APoseBeyondBothCovariancesAndACovarianceThatIsNoNumber) {
+  Prior prior{pose_at(0.0, 0.0), std::nullopt};
+  AlignmentResult result;
+  result.T_map_lidar = pose_at(1.0, 0.0);
+  result.covariance = 0.01 * Matrix6d::Identity();
+  EXPECT_FALSE(contradicts(prior, result));
+  // One metre is 22.4 or 22.5 in squares of their deviation.
+  prior.covariance = Matrix6d((1.0 / 22.4 - 0.01) * Matrix6d::Identity());
+  EXPECT_FALSE(contradicts(prior, result));
+  prior.covariance = Matrix6d((1.0 / 22.5 - 0.01) * Matrix6d::Identity());
+  EXPECT_TRUE(contradicts(prior, result));
+  prior.covariance = Matrix6d(Matrix6d::Identity());
+  result.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
+  EXPECT_TRUE(contradicts(prior, result));
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 #include "index/crc32c.hpp"
 #include "index/index_format.hpp"
 #include "map_level.hpp"
+#include "reference/map_points.hpp"
 
 #include <stillmap/localization/map_index.hpp>
 #include <stillmap/maps/error.hpp>
@@ -19,6 +20,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -367,6 +369,21 @@ TEST_F(IndexFile, ManyOpenersAtOnceGetTheSameIndex) {
   for (const auto& index : opened) expect_same(*opened.front(), *index);
   EXPECT_THAT(open()->rebuilt_because(), IsEmpty());
   EXPECT_EQ(std::distance(fs::directory_iterator(file().parent_path()), {}), 1);
+}
+
+TEST_F(IndexFile, IsNotMadeFromPointsThatAreNotFinite) {
+  const fs::path tiles = map_->folder() / "tiles";
+  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(tiles)) {
+    if (!entry.is_regular_file()) continue;
+    std::string bytes = bytes_of(entry.path());
+    const float infinite = std::numeric_limits<float>::infinity();
+    std::memcpy(bytes.data() + offsetof(maps::MapPoint, y), &infinite, sizeof(infinite));
+    put(entry.path(), bytes);
+  }
+  const auto broken = maps::MapPackage::open(map_->folder());
+  EXPECT_THROW((void)MapIndex::open(*broken), maps::InputError);
+  EXPECT_THROW((void)MapPoints::build(*broken, 0.5), maps::InputError);
+  EXPECT_FALSE(fs::exists(file()));
 }
 
 TEST_F(IndexFile, StaysUsableWhenItIsReplacedMeanwhile) {

@@ -229,6 +229,9 @@ TEST(MapPoints, WantAPointAndAnEdge) {
   EXPECT_THROW((void)MapPoints::build({Eigen::Vector3d::Zero()}, 0.0), std::invalid_argument);
   EXPECT_THROW((void)MapPoints::build({Eigen::Vector3d::Zero(), {1e7, 0, 0}}, 0.5),
                maps::InputError);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW((void)MapPoints::build({Eigen::Vector3d::Zero(), {0, nan, 0}}, 0.5),
+               std::invalid_argument);
   EXPECT_EQ(MapPoints::build({Eigen::Vector3d::Zero()}, 0.5)->points().size(), 1U);
 }
 

@@ -386,6 +386,30 @@ TEST_F(TrackerTest, AFailedCallChangesNothing) {
   EXPECT_EQ(follow(0.0).searched_from, SearchedFrom::kGiven);
 }
 
+TEST_F(TrackerTest, RefusesTimesThatDoNotGoWithThePoints) {
+  drive_to(1.0);
+  maps::PointCloud scan;
+  scan.positions = {{5.0F, 0.0F, 0.0F}, {5.0F, 1.0F, 0.0F}};
+  scan.time_offsets_s = {0.0F};
+  EXPECT_THROW((void)tracker.track(at_s(1.1), scan), std::invalid_argument);
+  EXPECT_EQ(follow(1.1).result.status, PoseStatus::kOk);
+}
+
+TEST_F(TrackerTest, WhatAWideSearchFindsAgainstTheMotionSaysSo) {
+  TrackerOptions options;
+  options.agreeing_answers = 1;
+  tracker = Tracker(aligner, options);
+  drive_to(1.0);
+  double t = 1.0;
+  while (track(t += 0.1, lost()).result.status == PoseStatus::kDegraded) ASSERT_LT(t, 4.2);
+  ASSERT_TRUE(aligner->last_prior);
+  const Eigen::Isometry3d T = pose_at(truth_at(t).translation().x(), 60.0);
+  const TrackedPose answer =
+      track(t + 0.1, found_at(T, PoseStatus::kDegraded, {"contradicts_prior"}));
+  EXPECT_EQ(answer.result.status, PoseStatus::kDegraded);
+  EXPECT_THAT(answer.result.reasons, ElementsAre("contradicts_motion"));
+}
+
 TEST_F(TrackerTest, RefusesWhatIsNoMotion) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   Eigen::Isometry3d broken = pose_at(0, 0);

@@ -140,6 +140,16 @@ TEST(Verdict, APriorFarOutsideTheMapIsLost) {
   }
 }
 
+TEST(Verdict, WhereTheMapHoldsNothingAScanIsLost) {
+  // Within the margin around the map's bounds, yet far from all of its surfaces.
+  const Prior prior{pose_at(60.0, 0.0, 0.0, 80.0), std::nullopt};
+  const AlignmentResult result =
+      street().aligner->align(street().world.scan(pose_at(60.0, 0.0), pattern(4)), prior);
+  EXPECT_EQ(result.status, PoseStatus::kLost);
+  EXPECT_THAT(result.reasons, ElementsAre("little_overlap"));
+  EXPECT_TRUE(result.T_map_lidar.matrix() == prior.T_map_lidar.matrix());
+}
+
 TEST(Verdict, ACorridorDoesNotTellWhereAlongItOneIs) {
   const test::SyntheticWorld world = test::corridor();
   const auto aligner = aligner_in(world, -90.0, 90.0);
@@ -175,7 +185,7 @@ TEST(Verdict, AnEmptyFieldIsNotOk) {
   EXPECT_THAT(result.reasons, Contains("unobservable_direction"));
 }
 
-TEST(Verdict, APosThatContradictsThePriorsCovarianceIsNotOk) {
+TEST(Verdict, APoseThatContradictsThePriorsCovarianceIsNotOk) {
   const Eigen::Isometry3d T_map_lidar = pose_at(60.0, 0.5);
   const maps::PointCloud scan = street().world.scan(T_map_lidar, pattern(7));
   Prior prior{T_map_lidar, Eigen::Matrix<double, 6, 6>(1e-2 * Matrix6d::Identity())};

@@ -1,3 +1,5 @@
+#include "place_search.hpp"
+
 #include <stillmap/localization/aligner.hpp>
 
 #include <stillmap/maps/frames.hpp>
@@ -53,6 +55,21 @@ TEST(WithoutPrior, FindsTheScanInEveryHeading) {
       EXPECT_LT(maps::rotation_angle_rad(difference.linear()), 0.01) << x << " " << yaw;
     }
   }
+}
+
+TEST(PlaceSearch, AnswersWithARotationAlsoWhereTheSensorLooksAlongTheMapsX) {
+  Eigen::Isometry3d T_map_lidar = pose_at(60.0, 0.0);
+  T_map_lidar.linear() << 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0;
+  const PlaceSearch places(*street().index, {T_map_lidar});
+  Query query;
+  query.points = {{5.0F, 0.0F, 1.0F}, {0.0F, 5.0F, 1.0F}};
+  query.stands = {1, 1};
+  query.standing = {0, 1};
+  const std::vector<Eigen::Isometry3d> found = places.best_places(query, 1, {});
+  ASSERT_FALSE(found.empty());
+  const Eigen::Matrix3d R = found.front().linear();
+  EXPECT_LT((R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-5);
+  EXPECT_LT((R.col(2) - Eigen::Vector3d::UnitX()).norm(), 1e-5);
 }
 
 TEST(WithoutPrior, FollowsTheSlopeOfThePlace) {
