@@ -36,7 +36,7 @@ constexpr float kFinalKernelShare = 0.15F;
 /// away, and GNSS-aided poses of a city drive slid sideways by 0.44 m in 11 m.
 constexpr float kBendShare = 0.015F;
 /// It decides when the pose by near points is farther than this from the one by all alike [m] ...
-constexpr double kLeastBendM = 0.03;
+constexpr double kLeastBendM = 0.02;
 /// ... and by more deviations of the first than this ...
 constexpr double kLeastBendDeviations = 2.5;
 /// ... and leaves all points at least this share of their weights: parked cars that moved by 0.1 m
