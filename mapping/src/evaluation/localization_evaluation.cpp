@@ -9,7 +9,6 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
-#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <ctime>

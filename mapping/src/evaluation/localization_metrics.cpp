@@ -8,6 +8,7 @@
 #include <Eigen/Cholesky>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -99,7 +100,10 @@ double percentile(std::vector<double> values, double q) {
   const double at = q * static_cast<double>(values.size() - 1);
   const auto below = static_cast<std::size_t>(at);
   const std::size_t above = std::min(below + 1, values.size() - 1);
-  return values[below] + (at - static_cast<double>(below)) * (values[above] - values[below]);
+  const double fraction = at - static_cast<double>(below);
+  // Infinite values differ by NaN.
+  if (fraction == 0.0 || values[below] == values[above]) return values[below];
+  return values[below] + fraction * (values[above] - values[below]);
 }
 
 Vector6d bias_of_half(const std::vector<LocalizationRecord>& records, std::size_t half) {
@@ -127,7 +131,8 @@ std::vector<LocalizationQuery> judged(const std::vector<LocalizationRecord>& rec
     LocalizationQuery& query = queries.emplace_back(record.query);
     if (is_lost(query)) continue;
     const Vector6d& bias = bias_from[1 - record.position % 2];
-    query.error = maps::log_se3(record.T_reference_answer * maps::exp_se3(bias).inverse());
+    // The bias stands between reference and truth, the error on the right of both.
+    query.error = maps::log_se3(maps::exp_se3(bias).inverse() * record.T_reference_answer);
     query.nees = nees_of(query.error, record.covariance);
   }
   return queries;
@@ -139,17 +144,19 @@ LocalizationLevel level_of(const std::vector<LocalizationQuery>& queries,
   level.prior_error = prior_error;
   level.queries = queries.size();
   std::vector<double> cpu_ms, wall_ms;
+  std::size_t successes = 0;
   std::size_t false_ok = 0;
   for (const LocalizationQuery& query : queries) {
     count_status(query, level);
     cpu_ms.push_back(query.cpu_ms);
     wall_ms.push_back(query.wall_ms);
+    if (is_success(query)) ++successes;
     if (query.status == PoseStatus::kOk && !is_within(query, kFalseM, kFalseDeg)) ++false_ok;
   }
   const std::vector<ScanCount> success =
       counts_by_scan(queries, is_success, [](const LocalizationQuery&) { return true; });
   const std::vector<double> rates = resampled_rates(success, seed);
-  level.success_rate = bounded_rate(success, seed).rate;
+  level.success_rate = share(successes, queries.size());
   level.success_interval = {percentile(rates, 0.025), percentile(rates, 0.975)};
   level.false_ok_rate = share(false_ok, queries.size());
   set_errors(queries, level);

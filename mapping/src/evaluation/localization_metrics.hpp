@@ -33,7 +33,7 @@ struct LocalizationRecord {
                                                     BiasCorrection correction);
 
 /// Value below which the share `q` in [0, 1] lies, linear between neighbours (as NumPy's default);
-/// NaN when empty.
+/// NaN when empty. @param values  may be infinite.
 [[nodiscard]] double percentile(std::vector<double> values, double q);
 
 /// All figures of one level. @param seed  of the resampling.

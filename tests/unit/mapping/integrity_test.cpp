@@ -101,13 +101,13 @@ TEST(Integrity, CountsByHand) {
   EXPECT_NEAR(integrity.level_over_error, 0.2 * std::sqrt(2.0) / 0.01, 1e-9);
 }
 
-TEST(Integrity, AMethodWithoutLevelsIsNeverAvailableAndHasNoRatio) {
+TEST(Integrity, AMethodWithoutLevelsIsNeverAvailableAndItsRatioIsInfinite) {
   std::vector<LocalizationQuery> queries{answer(0), answer(1)};
   for (LocalizationQuery& query : queries) query.protection = {};
   const Integrity integrity = integrity_of(queries, 1);
   EXPECT_EQ(integrity.misleading.count, 0U);
   EXPECT_EQ(integrity.availability.count, 0U);
-  EXPECT_TRUE(std::isnan(integrity.level_over_error));
+  EXPECT_EQ(integrity.level_over_error, kInfinity);
 }
 
 TEST(BoundedRate, OfNothingThatHappenedIsSomeThreeByTheNumberOfScans) {

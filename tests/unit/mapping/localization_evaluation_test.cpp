@@ -111,6 +111,13 @@ TEST(Percentile, InterpolatesBetweenNeighbours) {
   EXPECT_TRUE(std::isnan(percentile({}, 0.5)));
 }
 
+TEST(Percentile, TakesInfiniteValues) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  EXPECT_DOUBLE_EQ(percentile({1.0, 2.0, kInfinity}, 0.5), 2.0);
+  EXPECT_EQ(percentile({1.0, kInfinity}, 0.5), kInfinity);
+  EXPECT_EQ(percentile({kInfinity, kInfinity}, 0.5), kInfinity);
+}
+
 TEST(LocalizationMetrics, AConstantBiasIsTakenOut) {
   std::vector<LocalizationRecord> records;
   for (std::size_t scan = 0; scan < 10; ++scan)
@@ -120,6 +127,21 @@ TEST(LocalizationMetrics, AConstantBiasIsTakenOut) {
   EXPECT_NEAR(level.translation_m.median, 0.0, 1e-9);
   EXPECT_NEAR(level.rotation_deg.p95, 0.0, 1e-9);
   EXPECT_NEAR(level.nees_mean, 0.0, 1e-9);
+}
+
+TEST(LocalizationMetrics, ErrorsLieAlongTheAxesOfTheAnswerWhateverTheBias) {
+  // The map's lidar is turned by 90 degrees, and four answers in five are right.
+  const Eigen::Isometry3d bias(Eigen::AngleAxisd(90.0 * kDeg, Eigen::Vector3d::UnitZ()));
+  std::vector<LocalizationRecord> records;
+  for (std::size_t scan = 0; scan < 20; ++scan) {
+    records.push_back(record(scan, Eigen::Vector3d::Zero()));
+    const bool is_off = scan % 5 == 0;
+    records.back().T_reference_answer = bias * Eigen::Translation3d(is_off ? 0.3 : 0.0, 0.0, 0.0);
+  }
+  const std::vector<LocalizationQuery> queries = judged(records, BiasCorrection::kFit);
+  EXPECT_NEAR(queries[0].error[0], 0.3, 1e-9);
+  EXPECT_NEAR(queries[0].error[1], 0.0, 1e-9);
+  EXPECT_NEAR(queries[1].error.norm(), 0.0, 1e-9);
 }
 
 TEST(LocalizationMetrics, AConstantBiasIsLeftInOnWish) {

@@ -52,7 +52,8 @@ struct AlignmentResult {
   double inlier_ratio = 0.0;
   /// Root mean square distance of inliers to the map's surfaces [m].
   double rmse_m = 0.0;
-  /// Unit directions (same order as the covariance) that the scan does not constrain.
+  /// Unit directions that the scan does not constrain, in the covariance's order, rotations
+  /// counted in metres at 15 m: divide the last three by 15 m for a motion in metres and radians.
   std::vector<Eigen::Matrix<double, 6, 1>> degenerate_directions;
   int iterations = 0;
 };
@@ -100,8 +101,8 @@ class Aligner {
 /// Where a map was seen from: the poses of its trajectory.
 [[nodiscard]] std::vector<Eigen::Isometry3d> seen_from(const maps::MapPackage& map);
 
-/// Any method for a map: `default` over its index and trajectory, `icp` and `point_to_plane` over
-/// its measured points. Those two need a prior.
+/// Any method for a map: `default` over its index (`MapIndex::open`, which may write the file) and
+/// trajectory, `icp` and `point_to_plane` over its measured points. Those two need a prior.
 /// @param method     one of `aligner_names()`.
 /// @throws std::invalid_argument naming the method and the choices, maps::InputError if the map
 /// holds nothing to align with.

@@ -43,10 +43,10 @@ class MapIndex {
                                                             const MapIndexOptions& options = {});
   /// Builds in memory, without a file.
   /// @throws std::invalid_argument on broken options, maps::InputError if no voxel has enough
-  /// points.
+  /// points, one is not finite, or they lie too far apart.
   [[nodiscard]] static std::shared_ptr<const MapIndex> build(const maps::MapPackage& map,
                                                              const MapIndexOptions& options = {});
-  /// Same from points [m] in the map frame.
+  /// Same from points [m] in the map frame. @throws std::invalid_argument if one is not finite.
   [[nodiscard]] static std::shared_ptr<const MapIndex> build(
       const std::vector<Eigen::Vector3d>& points_map, const MapIndexOptions& options = {});
   struct Level;

@@ -121,9 +121,9 @@ class Tracker {
   ///                    the velocity that is predicted; at one instant they come without.
   /// @param odometry    where `since_ns` is not a kept pose's stamp, the velocity is used instead;
   ///                    `searched_from` says so.
-  /// @throws std::invalid_argument if a number is not finite, the odometry's motion is not rigid
-  ///         or beyond 1e5 m, its covariance not positive definite, or `since_ns` not before
-  ///         `stamp_ns`; then nothing has changed.
+  /// @throws std::invalid_argument if a number is not finite, there are times but not one a point,
+  ///         the odometry's motion is not rigid or beyond 1e5 m, its covariance not positive
+  ///         definite, or `since_ns` not before `stamp_ns`; then nothing has changed.
   [[nodiscard]] TrackedPose track(std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
                                   const std::optional<OdometryStep>& odometry = std::nullopt);
 

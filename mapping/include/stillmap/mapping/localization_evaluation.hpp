@@ -124,7 +124,8 @@ struct Integrity {
   /// Share of all queries that are `ok` with every level inside its alert limit.
   BoundedRate availability;
   double availability_lower_95 = std::numeric_limits<double>::quiet_NaN();
-  /// Median over `ok` answers of horizontal level over horizontal error; NaN without levels.
+  /// Median over `ok` answers of horizontal level over horizontal error; infinite where half of
+  /// them have no level, NaN where there is none.
   double level_over_error = std::numeric_limits<double>::quiet_NaN();
 };
 
