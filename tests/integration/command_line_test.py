@@ -84,6 +84,25 @@ class CommandLine(unittest.TestCase):
         for a, b in zip(answer["pose"]["position"], by_quaternion["pose"]["position"]):
             self.assertAlmostEqual(a, b, places=6)
 
+    def test_localize_leaves_out_what_boxes_hold(self):
+        boxes = self.folder / "boxes.json"
+
+        def write(scan, size):
+            box = {"centre": [0, 0, 0], "size": size, "yaw": 0.5, "class": "car"}
+            scans = [{"scan": scan, "boxes": [box]}]
+            boxes.write_text(json.dumps({"format": "stillmap-boxes", "version": 1, "scans": scans}))
+
+        write(0, [20, 4, 6])
+        answer = json.loads(run("localize", MAP, SCAN, "--prior", "0,0,0,5", "--boxes", boxes, "--json").stdout)
+        self.assertGreater(answer["movable_points"], 0)
+        self.assertNotEqual(answer["status"], "lost")
+        counts = json.loads(run("localize", MAP, DRIVE, "--select", ":1", "--boxes", boxes, "--json").stdout)
+        self.assertGreater(counts["movable_points"], 0)
+        write(1, [20, 4, 6])
+        self.fails(1, "boxes.json: found no boxes of scan 0", "localize", MAP, SCAN, "--boxes", boxes)
+        write(0, [200, 4, 6])
+        self.fails(2, "box 0: found size 200", "localize", MAP, SCAN, "--boxes", boxes)
+
     def test_localize_follows_a_drive(self):
         poses, counts = self.folder / "poses.tum", self.folder / "counts.json"
         done = run("localize", MAP, DRIVE, "--select", "1::4", "-o", poses, "--json", counts)
