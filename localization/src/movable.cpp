@@ -107,6 +107,7 @@ maps::PointCloud without_points_in(const maps::PointCloud& scan_lidar,
   }
   const BoxesByColumn boxes(boxes_lidar, margin_m);
   maps::PointCloud kept;
+  kept.positions.reserve(scan_lidar.size());
   for (std::size_t i = 0; i < scan_lidar.size(); ++i) {
     if (boxes.contain(scan_lidar.positions[i].cast<double>())) continue;
     kept.positions.push_back(scan_lidar.positions[i]);
