@@ -105,6 +105,13 @@ std::vector<PlaceSearch::Hypothesis> PlaceSearch::all_in(
 void PlaceSearch::improve(std::vector<Hypothesis>& hypotheses,
                           const std::vector<Eigen::Vector3f>& points, const CellBits& cells,
                           const Steps& steps) const {
+  std::vector<Eigen::Vector3f> shifts;
+  for (int x = -steps.shifts; x <= steps.shifts; ++x) {
+    for (int y = -steps.shifts; y <= steps.shifts; ++y) {
+      shifts.emplace_back(static_cast<float>(x) * steps.shift_m,
+                          static_cast<float>(y) * steps.shift_m, 0.0F);
+    }
+  }
   PointColumns placed(points.size());
   for (Hypothesis& h : hypotheses) {
     Hypothesis best = h;
@@ -114,18 +121,12 @@ void PlaceSearch::improve(std::vector<Hypothesis>& hypotheses,
       tried.yaw_rad += static_cast<float>(turn) * steps.turn_rad;
       const Eigen::Isometry3f T = T_index_lidar(tried);
       for (std::size_t i = 0; i < points.size(); ++i) placed.set(i, T * points[i]);
-      for (int x = -steps.shifts; x <= steps.shifts; ++x) {
-        for (int y = -steps.shifts; y <= steps.shifts; ++y) {
-          const Eigen::Vector3f along(static_cast<float>(x) * steps.shift_m,
-                                      static_cast<float>(y) * steps.shift_m, 0.0F);
-          const auto score =
-              static_cast<float>(cells.hits(placed, places_[h.place].linear() * along));
-          if (score <= best.score) continue;
-          best = tried;
-          best.x_m = h.x_m + along.x();
-          best.y_m = h.y_m + along.y();
-          best.score = score;
-        }
+      for (const Eigen::Vector3f& along : shifts) {
+        tried.score = static_cast<float>(cells.hits(placed, places_[h.place].linear() * along));
+        if (tried.score <= best.score) continue;
+        best = tried;
+        best.x_m += along.x();
+        best.y_m += along.y();
       }
     }
     h = best;

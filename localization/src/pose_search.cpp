@@ -101,6 +101,9 @@ bool same_place(const Hypothesis& a, const Hypothesis& b) {
   return std::abs(a.yaw - b.yaw) <= 2 && std::abs(a.x - b.x) <= 1 && std::abs(a.y - b.y) <= 1;
 }
 
+/// Squared distance from the prior, in steps.
+double away2(const Hypothesis& h) { return h.x * h.x + h.y * h.y + h.yaw * h.yaw; }
+
 std::vector<Hypothesis> best_places(std::vector<Hypothesis>& all, std::size_t count) {
   std::vector<Hypothesis> best;
   while (best.size() < count && !all.empty()) {
@@ -124,20 +127,20 @@ std::vector<Candidate> search_poses(const MapIndex::Level& level, const Eigen::V
   const int n = static_cast<int>(std::ceil(window.radius_m / edge_m));
   const int yaws = static_cast<int>(std::ceil(window.yaw_rad / kYawStepRad));
   const Columns columns(level, centre, static_cast<float>(kMaxSearchRangeM + edge_m * (n + 1)));
-  const double farthest = std::max(1, n * n + n * n + yaws * yaws);
+  const double farthest = std::max(1.0, away2({yaws, n, n}));
+  const auto side = static_cast<std::size_t>(2 * n + 1);
   std::vector<Hypothesis> all;
   std::vector<Eigen::Vector3f> turned(points.size());
   for (int yaw = -yaws; yaw <= yaws; ++yaw) {
     const Eigen::AngleAxisf R(static_cast<float>(yaw * kYawStepRad), Eigen::Vector3f::UnitZ());
     const Eigen::Matrix3f R_yaw = R.toRotationMatrix();
     for (std::size_t i = 0; i < points.size(); ++i) turned[i] = R_yaw * points[i] + centre;
-    const int width = 2 * n + 1;
-    std::vector<int> hits(static_cast<std::size_t>(width) * static_cast<std::size_t>(width), 0);
+    std::vector<int> hits(side * side, 0);
     count_hits(columns, turned, n, hits);
-    for (int k = 0; k < width * width; ++k) {
-      Hypothesis h{yaw, k / width - n, k % width - n, 0.0, hits[static_cast<std::size_t>(k)]};
-      const double away = (h.x * h.x + h.y * h.y + h.yaw * h.yaw) / farthest;
-      h.score = h.hits - kTieShare * static_cast<double>(points.size()) * away;
+    for (std::size_t k = 0; k < hits.size(); ++k) {
+      Hypothesis h{yaw, static_cast<int>(k / side) - n, static_cast<int>(k % side) - n, 0.0,
+                   hits[k]};
+      h.score = h.hits - kTieShare * static_cast<double>(points.size()) * away2(h) / farthest;
       all.push_back(h);
     }
   }

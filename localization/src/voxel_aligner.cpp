@@ -83,9 +83,9 @@ SearchWindow window_of(const std::optional<PriorReach>& reach) {
 }
 
 /// Whether the scan may be where the window around the prior does not reach.
-bool is_wide(const std::optional<PriorReach>& reach) {
+bool is_wide(const PriorReach& reach) {
   const SearchWindow window;
-  return reach && (reach->radius_m > window.radius_m || reach->yaw_rad > window.yaw_rad);
+  return reach.radius_m > window.radius_m || reach.yaw_rad > window.yaw_rad;
 }
 
 PlaceSearch::Region region_of(const Prior& prior, const PriorReach& reach) {
@@ -162,7 +162,7 @@ Vector6d finish(const MapIndex& index, const Query& query, Place& place) {
   schedule.first_kernel_m = 0.3F * level.edge_m;
   schedule.bend_share = 0.0F;
   place.iterations += refine(level, query.points, schedule, place.T_index_lidar);
-  const Vector6d bend = maps::log_se3(place.T_index_lidar.inverse() * T_by_near);
+  Vector6d bend = maps::log_se3(place.T_index_lidar.inverse() * T_by_near);
   const double share = share_of_bend(level, query, place, bend);
   place.T_index_lidar = maps::renormalized(place.T_index_lidar * maps::exp_se3(share * bend));
   return bend;
@@ -246,7 +246,7 @@ AlignmentResult VoxelAligner::align_near(const maps::PointCloud& scan_lidar,
   }
   const std::optional<PriorReach> reach = reach_of(prior);
   std::vector<Eigen::Isometry3d> starts;
-  if (places_ && is_wide(reach))
+  if (places_ && reach && is_wide(*reach))
     starts = places_->best_places(query, kMaxPlaces, region_of(prior, *reach));
   for (const Candidate& candidate :
        search_poses(level_near(*index_, kSearchCellM), index_->origin(), query, prior.T_map_lidar,
