@@ -96,6 +96,8 @@ std::shared_ptr<const MapIndex> MapIndex::open(const maps::MapPackage& map,
     publish_file(file, std::as_bytes(std::span(lines)));
     // From here on the system may drop pages that nobody uses.
     index = map_file(file, key);
+  } catch (const maps::InputError& error) {
+    kept_in_memory_because = error.what();
   } catch (const maps::StorageError& error) {
     kept_in_memory_because = error.what();
   }

@@ -1,7 +1,9 @@
 #include "place_search.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 #include <numbers>
 
 namespace stillmap::localization {
@@ -11,6 +13,8 @@ using std::numbers::pi_v;
 
 // Places are looked at this far apart [m].
 constexpr double kSpacingM = 3.0;
+// Poses farther than this outside the map's bounds saw nothing of it [m].
+constexpr double kMarginM = 100.0;
 constexpr int kHeadings = 60;
 // Share of all places and headings that the second round looks at, and the least number of them.
 // Less and the right one is lost among the many that fit as well on coarse cells.
@@ -32,6 +36,30 @@ Eigen::Isometry3f without_heading(const Eigen::Isometry3d& T) {
   level.translation() = T.translation();
   return level.cast<float>();
 }
+
+/// Takes places that are `kSpacingM` or more from all those taken, by cells of that size.
+class PlacesApart {
+ public:
+  bool take(const Eigen::Vector3d& p) {
+    const Eigen::Array3i cell = (p / kSpacingM).array().floor().cast<int>();
+    for (int around = 0; around < 27; ++around) {
+      const Eigen::Array3i step(around / 9 - 1, around / 3 % 3 - 1, around % 3 - 1);
+      const auto found = taken_.find(key(cell + step));
+      if (found == taken_.end()) continue;
+      for (const Eigen::Vector3d& q : found->second) {
+        if ((p - q).squaredNorm() < kSpacingM * kSpacingM) return false;
+      }
+    }
+    taken_[key(cell)].push_back(p);
+    return true;
+  }
+
+ private:
+  static std::array<int, 3> key(const Eigen::Array3i& cell) {
+    return {cell.x(), cell.y(), cell.z()};
+  }
+  std::map<std::array<int, 3>, std::vector<Eigen::Vector3d>> taken_;
+};
 
 std::vector<Eigen::Vector3f> points_to_try(const Query& query) {
   std::vector<Eigen::Vector3f> near;
@@ -63,17 +91,14 @@ PlaceSearch::PlaceSearch(const MapIndex& index, const std::vector<Eigen::Isometr
       wide_(index.place_grids()[0]),
       middle_(index.place_grids()[1]),
       fine_(index.place_grids()[2]) {
-  std::vector<Eigen::Vector3d> taken;
+  PlacesApart apart;
   for (const Eigen::Isometry3d& T_map_lidar : seen_from) {
-    const Eigen::Vector3d p = T_map_lidar.translation();
-    const bool near = std::any_of(taken.begin(), taken.end(), [&](const Eigen::Vector3d& q) {
-      return (p - q).squaredNorm() < kSpacingM * kSpacingM;
-    });
-    if (near) continue;
-    taken.push_back(p);
     Eigen::Isometry3d T_index_lidar = T_map_lidar;
     T_index_lidar.translation() -= origin_;
-    places_.push_back(without_heading(T_index_lidar));
+    const Eigen::Array3d at = T_index_lidar.translation().array();
+    const bool beside = (at > -kMarginM).all() && (at < index.extent().array() + kMarginM).all();
+    if (beside && apart.take(T_index_lidar.translation()))
+      places_.push_back(without_heading(T_index_lidar));
   }
 }
 

@@ -128,7 +128,7 @@ std::vector<Candidate> search_poses(const MapIndex::Level& level, const Eigen::V
   const int yaws = static_cast<int>(std::ceil(window.yaw_rad / kYawStepRad));
   const Columns columns(level, centre, static_cast<float>(kMaxSearchRangeM + edge_m * (n + 1)));
   const double farthest = std::max(1.0, away2({yaws, n, n}));
-  const auto side = static_cast<std::size_t>(2 * n + 1);
+  const std::size_t side = 2 * static_cast<std::size_t>(n) + 1;
   std::vector<Hypothesis> all;
   std::vector<Eigen::Vector3f> turned(points.size());
   for (int yaw = -yaws; yaw <= yaws; ++yaw) {

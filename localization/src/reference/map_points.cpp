@@ -173,7 +173,8 @@ std::shared_ptr<const MapPoints> MapPoints::build_from(const ForEachPoint& for_e
     ++count;
   });
   if (count == 0) throw maps::InputError(source, "no measured point", "one or more");
-  const double limit_m = leaf_m * (kCellsPerAxis / 2 - 1);
+  constexpr std::int32_t kMostCells = kCellsPerAxis / 2 - 1;
+  const double limit_m = leaf_m * kMostCells;
   if (!((max - min).maxCoeff() < limit_m)) {
     throw maps::InputError(source, fmt::format("an extent of {} m", (max - min).maxCoeff()),
                            fmt::format("less than {} m", limit_m));

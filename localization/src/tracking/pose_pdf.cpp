@@ -56,10 +56,10 @@ PosePdf from_mrpt(const mrpt::poses::CPose3DPDFGaussian& gaussian) {
 
 PosePdf composed(const PosePdf& T_a_b, const PosePdf& T_b_c) {
   const Vector6d twist = maps::log_se3(T_b_c.T);
-  const double steps = std::max(1.0, std::ceil(twist.tail<3>().norm() / kMaxTurnRad));
+  const int steps = std::max(1, static_cast<int>(std::ceil(twist.tail<3>().norm() / kMaxTurnRad)));
   PosePdf step{maps::exp_se3(twist / steps), Matrix6d::Zero()};
   PosePdf here{Eigen::Isometry3d::Identity(), T_a_b.covariance};
-  for (double done = 1.0; done <= steps; ++done) {
+  for (int done = 1; done <= steps; ++done) {
     if (done == steps) step.covariance = T_b_c.covariance;
     mrpt::poses::CPose3DPDFGaussian gaussian = to_mrpt(here);
     gaussian += to_mrpt(step);

@@ -63,9 +63,9 @@ TrackedPose TrackingSession::track(std::int64_t stamp_ns, const maps::PointCloud
                                    const std::optional<OdometryStep>& odometry) {
   if (const TrackedPose* known = history_.answer_at(stamp_ns)) return *known;
   const auto newest_ns = history_.newest_ns();
-  const TrackedPose answer = newest_ns && stamp_ns <= *newest_ns
-                                 ? answer_late(stamp_ns, scan_lidar)
-                                 : answer_next(stamp_ns, scan_lidar, odometry);
+  TrackedPose answer = newest_ns && stamp_ns <= *newest_ns
+                           ? answer_late(stamp_ns, scan_lidar)
+                           : answer_next(stamp_ns, scan_lidar, odometry);
   history_.add(answer);
   return answer;
 }
