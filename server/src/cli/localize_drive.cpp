@@ -120,10 +120,18 @@ void print_line(std::size_t index, const localization::TrackedPose& pose) {
 void write_trajectory(const std::filesystem::path& file, std::vector<maps::StampedPose> poses) {
   std::filesystem::path partial = file;
   partial += ".partial";
-  maps::write_tum_trajectory(partial, maps::Trajectory(std::move(poses)));
-  std::error_code error;
-  std::filesystem::rename(partial, file, error);
-  if (error) throw maps::StorageError(file.string(), error.message());
+  try {
+    maps::write_tum_trajectory(partial, maps::Trajectory(std::move(poses)));
+    std::filesystem::rename(partial, file);
+  } catch (const std::filesystem::filesystem_error& error) {
+    std::error_code ignored;
+    std::filesystem::remove(partial, ignored);
+    throw maps::StorageError(file.string(), error.code().message());
+  } catch (...) {
+    std::error_code ignored;
+    std::filesystem::remove(partial, ignored);
+    throw;
+  }
 }
 
 server::Json options_json(const LocalizeArguments& arguments) {
