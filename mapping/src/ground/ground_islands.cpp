@@ -137,7 +137,7 @@ class Islands {
 
   void settle(GroundSheets::Place place, float around) {
     GroundNode& node = ground_.sheets.node(place);
-    GroundCellSum& cell = ground_.piles[place.sheet].cells[static_cast<std::size_t>(place.node)];
+    GroundCellSum& cell = ground_.piles[place.sheet]->cells[static_cast<std::size_t>(place.node)];
     if (cell.other_weight > 0.0F && std::abs(cell.other_z - around) <= kStandsOutM) {
       cell.z = node.z = cell.other_z;
       cell.weight = cell.other_weight;

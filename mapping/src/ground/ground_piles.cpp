@@ -40,29 +40,28 @@ int overlap_of(const GroundPile& a, const GroundPile& b) {
   return count;
 }
 
+using PilePointer = std::unique_ptr<GroundPile>;
+
 /// Joins the piles of one block into sheets; see `GroundPiles::take_sheets`.
-void join(std::vector<GroundPile>& block, std::vector<GroundPile>& sheets) {
+void join(std::vector<PilePointer> block, std::vector<PilePointer>& sheets) {
   std::stable_sort(block.begin(), block.end(),
-                   [](const auto& a, const auto& b) { return weight_of(a) > weight_of(b); });
+                   [](const auto& a, const auto& b) { return weight_of(*a) > weight_of(*b); });
   const std::size_t first = sheets.size();
-  for (const GroundPile& pile : block) {
-    const int count = count_of(pile);
-    bool over_another = false;
+  for (PilePointer& pile : block) {
+    const int count = count_of(*pile);
     bool joined = false;
     for (std::size_t s = first; s < sheets.size() && !joined; ++s) {
-      if (4 * overlap_of(sheets[s], pile) > count) {
-        over_another = true;
-        continue;
-      }
-      for (std::size_t k = 0; k < pile.cells.size(); ++k) {
-        GroundCellSum& cell = sheets[s].cells[k];
-        if (pile.cells[k].weight > cell.weight) cell = pile.cells[k];
+      if (4 * overlap_of(*sheets[s], *pile) > count) continue;
+      for (std::size_t k = 0; k < pile->cells.size(); ++k) {
+        GroundCellSum& cell = sheets[s]->cells[k];
+        if (pile->cells[k].weight > cell.weight) cell = pile->cells[k];
       }
       joined = true;
     }
     if (joined) continue;
-    const bool light = over_another && weight_of(pile) < kLevelWeight * weight_of(sheets[first]);
-    if (!(light && count < kLevelCells)) sheets.push_back(pile);
+    const bool light = sheets.size() > first && count < kLevelCells &&
+                       weight_of(*pile) < kLevelWeight * weight_of(*sheets[first]);
+    if (!light) sheets.push_back(std::move(pile));
   }
 }
 
@@ -104,12 +103,12 @@ GroundPile& GroundPiles::pile_for(std::int32_t block_x, std::int32_t block_y, fl
   const auto [first, fresh] = first_.try_emplace(key_of(block_x, block_y), number);
   if (!fresh) {
     for (std::uint32_t p = first->second; p != GroundSheets::kNone; p = next_[p]) {
-      if (std::abs(piles_[p].anchor_z - z) <= kPileM) return piles_[p];
+      if (std::abs(piles_[p]->anchor_z - z) <= kPileM) return *piles_[p];
     }
   } else {
     blocks_.push_back(number);
   }
-  GroundPile& pile = piles_.emplace_back();
+  GroundPile& pile = *piles_.emplace_back(std::make_unique<GroundPile>());
   pile.block_x = block_x;
   pile.block_y = block_y;
   pile.anchor_z = z;
@@ -135,14 +134,14 @@ void GroundPiles::add(const GroundCells& ground) {
   }
 }
 
-std::vector<GroundPile> GroundPiles::take_sheets() && {
-  std::vector<GroundPile> sheets;
+std::vector<std::unique_ptr<GroundPile>> GroundPiles::take_sheets() && {
+  std::vector<PilePointer> sheets;
   sheets.reserve(blocks_.size());
   for (const std::uint32_t block : blocks_) {
-    std::vector<GroundPile> piles;
+    std::vector<PilePointer> piles;
     for (std::uint32_t p = block; p != GroundSheets::kNone; p = next_[p])
-      piles.push_back(piles_[p]);
-    join(piles, sheets);
+      piles.push_back(std::move(piles_[p]));
+    join(std::move(piles), sheets);
   }
   piles_.clear();
   next_.clear();

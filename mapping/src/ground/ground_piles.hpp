@@ -5,7 +5,7 @@
 
 #include <array>
 #include <cstdint>
-#include <deque>
+#include <memory>
 #include <unordered_map>
 #include <vector>
 
@@ -46,12 +46,13 @@ class GroundPiles {
   /// One pile a sheet: piles of a block that fill each other's gaps are joined (a wall between
   /// two yards), those that lie over each other stay apart (a bridge). A small one over or under
   /// a heavier one is dropped (a mirror image).
-  [[nodiscard]] std::vector<GroundPile> take_sheets() &&;
+  [[nodiscard]] std::vector<std::unique_ptr<GroundPile>> take_sheets() &&;
 
  private:
   GroundPile& pile_for(std::int32_t block_x, std::int32_t block_y, float z);
 
-  std::deque<GroundPile> piles_;
+  /// Each on its own: they are large, and pass from here to the finished ground.
+  std::vector<std::unique_ptr<GroundPile>> piles_;
   std::vector<std::uint32_t> next_;
   std::unordered_map<std::uint64_t, std::uint32_t> first_;
   /// Of blocks, in the order that they came in.

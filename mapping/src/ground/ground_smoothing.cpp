@@ -17,7 +17,7 @@ constexpr float kMaxSlope = 1.0F;
 
 const GroundCellSum* sum_at(const MeasuredSheets& ground, GroundSheets::Place place) {
   if (place.sheet >= ground.piles.size()) return nullptr;
-  return &ground.piles[place.sheet].cells[static_cast<std::size_t>(place.node)];
+  return &ground.piles[place.sheet]->cells[static_cast<std::size_t>(place.node)];
 }
 
 /// Median rise over 1 m along one axis: where a kerb crosses, most pairs do not cross it.
@@ -84,7 +84,7 @@ struct PlaneSums {
 };
 
 void smooth(MeasuredSheets& ground, std::uint32_t sheet, int x, int y) {
-  const GroundCellSum& cell = ground.piles[sheet].cells[static_cast<std::size_t>(y * kSide + x)];
+  const GroundCellSum& cell = ground.piles[sheet]->cells[static_cast<std::size_t>(y * kSide + x)];
   const Eigen::Vector2f slope = ground.slopes[sheet];
   const Eigen::Vector2f at(cell.offset_x, cell.offset_y);
   PlaneSums sums;
@@ -127,14 +127,14 @@ std::uint8_t ground_confidence_255(float weight) {
   return static_cast<std::uint8_t>(255.0F * weight / (weight + kHalf));
 }
 
-MeasuredSheets sheets_of(std::vector<GroundPile> piles) {
+MeasuredSheets sheets_of(std::vector<std::unique_ptr<GroundPile>> piles) {
   MeasuredSheets ground;
   ground.piles = std::move(piles);
-  for (const GroundPile& pile : ground.piles) {
-    GroundSheets::Sheet& sheet = ground.sheets[ground.sheets.add(pile.block_x, pile.block_y)];
+  for (const auto& pile : ground.piles) {
+    GroundSheets::Sheet& sheet = ground.sheets[ground.sheets.add(pile->block_x, pile->block_y)];
     double sum = 0.0, z = 0.0;
-    for (std::size_t k = 0; k < pile.cells.size(); ++k) {
-      const GroundCellSum& cell = pile.cells[k];
+    for (std::size_t k = 0; k < pile->cells.size(); ++k) {
+      const GroundCellSum& cell = pile->cells[k];
       if (cell.weight <= 0.0F) continue;
       GroundNode& node = sheet.nodes[k];
       node.z = cell.z;

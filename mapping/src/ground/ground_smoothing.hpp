@@ -13,7 +13,7 @@ namespace stillmap::mapping {
 /// the empty sheets around them.
 struct MeasuredSheets {
   GroundSheets sheets;
-  std::vector<GroundPile> piles;
+  std::vector<std::unique_ptr<GroundPile>> piles;
   /// One a sheet: how the street rises there, whatever steps cross it.
   std::vector<Eigen::Vector2f> slopes;
 };
@@ -22,7 +22,7 @@ struct MeasuredSheets {
 [[nodiscard]] std::uint8_t ground_confidence_255(float weight);
 
 /// Sheets of the piles, joined to their neighbours, with a slope each.
-[[nodiscard]] MeasuredSheets sheets_of(std::vector<GroundPile> piles);
+[[nodiscard]] MeasuredSheets sheets_of(std::vector<std::unique_ptr<GroundPile>> piles);
 
 /// Takes away islands: less than 3 m^2 of cells joined without a step, which stand more than 0.2 m
 /// above or below larger ground within 1 m. A bonnet or a mirror image that was labelled ground;

@@ -131,7 +131,7 @@ std::size_t accept_suspects(MeasuredSheets& ground) {
   std::size_t accepted = 0;
   for (std::uint32_t s = 0; s < ground.piles.size(); ++s) {
     for (int k = 0; k < GroundSheets::kNodes; ++k) {
-      const GroundCellSum& cell = ground.piles[s].cells[static_cast<std::size_t>(k)];
+      const GroundCellSum& cell = ground.piles[s]->cells[static_cast<std::size_t>(k)];
       GroundNode& node = ground.sheets[s].nodes[static_cast<std::size_t>(k)];
       if (node.state != GroundState::kFilled || cell.weight <= 0.0F) continue;
       const float spread_z = node.z + node.slope_x * cell.offset_x + node.slope_y * cell.offset_y;

@@ -118,7 +118,7 @@ class Window {
   void accept(Cell& cell, GroundNode& node, double plane_z) const {
     if (cell.place.sheet >= ground_.piles.size()) return;
     const GroundCellSum& sum =
-        ground_.piles[cell.place.sheet].cells[static_cast<std::size_t>(cell.place.node)];
+        ground_.piles[cell.place.sheet]->cells[static_cast<std::size_t>(cell.place.node)];
     if (sum.weight <= 0.0F || std::abs(static_cast<double>(sum.z) - plane_z) > kSuspectM) return;
     node.z = sum.z;
     node.state = GroundState::kKnown;
