@@ -96,9 +96,11 @@ std::optional<GroundBelow::Foot> BelowFused::below(const Eigen::Vector3f& p) con
   // A measured cell is right within a few centimetres, one that was filled in less so.
   constexpr double kMeasuredM = 0.06;
   constexpr double kFilledM = 0.1;
+  constexpr double kLevelM = 2.0;
   const Eigen::Vector3d p_local = T_local_lidar_ * p.cast<double>();
   const auto sample = ground_.at(p_local.x(), p_local.y(), p_local.z());
-  if (!sample) return std::nullopt;
+  // Of a level far above nothing stands on the ground: that below was never seen.
+  if (!sample || sample->z > p_local.z() + kLevelM) return std::nullopt;
   const Eigen::Vector3d foot(p_local.x(), p_local.y(), sample->z);
   return Foot{(T_lidar_local_ * foot).cast<float>(), p_local.z() - sample->z,
               sample->confidence > 0.5 ? kMeasuredM : kFilledM, sample->confidence};

@@ -48,7 +48,7 @@ struct GroundCells {
 ///
 /// A point weighs s0^2 / (s0^2 + (s1 r)^2) with s0 = 2 cm and s1 = 0.002: at range r an error of
 /// the pose's or a laser's pitch of 0.1 degrees lifts a point by some 0.002 r.
-/// @param positions  N points, lidar frame [m].
+/// @param positions  N points, lidar frame [m], all finite.
 /// @param is_ground  N flags, 1 = ground.
 /// @param boxes      objects found in that scan, lidar frame; may be empty.
 /// @throws std::invalid_argument when the sizes differ.

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <unordered_map>
 #include <vector>
@@ -91,7 +92,8 @@ class GroundSheets {
   [[nodiscard]] std::uint32_t nearest_in(std::int32_t block_x, std::int32_t block_y, float z) const;
   void join(std::uint32_t sheet);
 
-  std::vector<Sheet> sheets_;
+  /// A deque, since sheets are large and many.
+  std::deque<Sheet> sheets_;
   /// First sheet of each block; the others follow in `next_`.
   std::unordered_map<std::uint64_t, std::uint32_t> first_;
   std::vector<std::uint32_t> next_;

@@ -10,7 +10,7 @@ namespace {
 constexpr int kSide = GroundSheets::kSide;
 constexpr auto kCell = static_cast<float>(kGroundCellM);
 constexpr std::uint8_t kReachCells = 12;
-constexpr int kIronings = 12;
+constexpr int kIronings = 6;
 
 [[nodiscard]] bool is_source(const GroundNode& node) {
   return node.state == GroundState::kKnown || node.state == GroundState::kFilled;

@@ -320,5 +320,14 @@ TEST(BelowFused, IsStraightBelowAlongTheMapsZHoweverTheSensorIsTilted) {
   EXPECT_FALSE(below.below({200.0F, 0.0F, 0.0F}));
 }
 
+TEST(BelowFused, TakesNoBridgeAboveForTheGroundOfWhatIsBelow) {
+  const FusedGround deck = fused([](double, double) { return 5.0; });
+  const BelowFused below(deck, Eigen::Isometry3d::Identity());
+  EXPECT_FALSE(below.below({0.0F, 0.0F, 1.0F}));
+  const auto foot = below.below({0.0F, 0.0F, 4.8F});
+  ASSERT_TRUE(foot);
+  EXPECT_NEAR(foot->height_m, -0.2, 0.001);
+}
+
 }  // namespace
 }  // namespace stillmap::mapping
