@@ -22,8 +22,8 @@ std::vector<DetectedScan> detected_scans(const DriveSet& drives, const Survey& s
   std::vector<DetectedScan> scans;
   scans.reserve(drives.size());
   for (std::size_t i = 0; i < drives.size(); ++i)
-    scans.push_back({drives.place(i).drive, drives.stamp_ns(i), drives.T_map_lidar(i),
-                     survey.scans[i].boxes});
+    scans.push_back(
+        {drives.place(i).drive, drives.stamp_ns(i), drives.T_map_lidar(i), survey.scans[i].boxes});
   return scans;
 }
 
@@ -61,12 +61,11 @@ BuildObjects objects_of(const DriveSet& drives, const Survey& survey,
                         const MapBuildOptions& options) {
   const std::vector<DetectedScan> scans = detected_scans(drives, survey);
   BuildObjects out;
-  out.objects = options.fusion
-                    ? fuse_objects(scans,
-                                   [&](std::size_t scan, const maps::Box& box) {
-                                     return survey.views.read(scan)->count(box);
-                                   })
-                    : unfused(scans);
+  out.objects = options.fusion ? fuse_objects(scans,
+                                              [&](std::size_t scan, const maps::Box& box) {
+                                                return survey.views.read(scan)->count(box);
+                                              })
+                               : unfused(scans);
   out.by_scan.resize(drives.size());
   for (std::size_t i = 0; i < out.objects.size(); ++i) {
     const FusedObject& object = out.objects[i];

@@ -11,13 +11,14 @@
 
 namespace stillmap::mapping {
 
-/// Calls `process(i)` for i in [0, count), several at once, and hands the results to `take` one at a
-/// time in order.
+/// Calls `process(i)` for i in [0, count), several at once, and hands the results to `take` one at
+/// a time in order.
 ///
 /// At most two results a thread are in flight, enough that the serial end never waits, so memory
 /// does not grow with `count`.
 /// @param threads  0 = all cores; 1 = on the caller's thread, without a pool.
-/// @throws Cancelled before the next one once `cancel` is set, and whatever the two callables throw.
+/// @throws Cancelled before the next one once `cancel` is set, and whatever the two callables
+/// throw.
 template <typename Process, typename Take>
 void process_in_order(std::size_t count, int threads, const Process& process, const Take& take,
                       const CancelFlag& cancel) {

@@ -12,8 +12,7 @@ constexpr std::size_t kMostVoxels = 5'000'000;
 
 }  // namespace
 
-Placed::Placed(const std::filesystem::path& scratch)
-    : stack(scratch / "tiles", kMostVoxels) {}
+Placed::Placed(const std::filesystem::path& scratch) : stack(scratch / "tiles", kMostVoxels) {}
 
 std::unique_ptr<Placed> place_scans(const DriveSet& drives, const ScanStages& stages,
                                     const Survey& survey, const BuildObjects& objects,

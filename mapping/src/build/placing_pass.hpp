@@ -31,10 +31,12 @@ struct Placed {
 
 /// Pass 2 over all scans: several at once, stacked in their order. Fates go to the package.
 /// @param ground  none = each scan's own.
-[[nodiscard]] std::unique_ptr<Placed> place_scans(
-    const DriveSet& drives, const ScanStages& stages, const Survey& survey,
-    const BuildObjects& objects, const FusedGround* ground, maps::MapPackageWriter& writer,
-    const std::filesystem::path& scratch, int threads, const ProgressCallback& progress,
-    const CancelFlag& cancel);
+[[nodiscard]] std::unique_ptr<Placed> place_scans(const DriveSet& drives, const ScanStages& stages,
+                                                  const Survey& survey, const BuildObjects& objects,
+                                                  const FusedGround* ground,
+                                                  maps::MapPackageWriter& writer,
+                                                  const std::filesystem::path& scratch, int threads,
+                                                  const ProgressCallback& progress,
+                                                  const CancelFlag& cancel);
 
 }  // namespace stillmap::mapping

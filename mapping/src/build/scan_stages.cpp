@@ -1,6 +1,9 @@
 #include "build/scan_stages.hpp"
 
+#include "build/boxes_files.hpp"
 #include "ground/map_ground_below.hpp"
+
+#include <fmt/format.h>
 
 #include <stillmap/maps/map_package.hpp>
 
@@ -27,23 +30,15 @@ maps::PointKind kind_of(PointFate fate) {
   return maps::PointKind::kMeasured;
 }
 
-/// FILE of `boxes:FILE[,FILE...]` for one drive, everything else as it is.
+/// With several drives each has a file of boxes of its own.
 std::string detector_of_drive(const std::string& spec, std::size_t drive, std::size_t drives) {
-  constexpr std::string_view kBoxes = "boxes:";
-  if (!spec.starts_with(kBoxes) || drives == 1) return spec;
-  std::vector<std::string> files{""};
-  for (const char letter : spec.substr(kBoxes.size())) {
-    if (letter == ',') {
-      files.emplace_back();
-    } else {
-      files.back() += letter;
-    }
-  }
+  const std::vector<std::filesystem::path> files = boxes_files(spec);
+  if (files.empty() || drives == 1) return spec;
   if (files.size() != drives)
-    throw std::invalid_argument("detector: found " + std::to_string(files.size()) +
-                                " files of boxes, expected one for each of " +
-                                std::to_string(drives) + " drives");
-  return std::string(kBoxes) + files[drive];
+    throw std::invalid_argument(
+        fmt::format("detector: found {} files of boxes, expected one for each of {} drives",
+                    files.size(), drives));
+  return "boxes:" + files[drive].string();
 }
 
 /// What becomes of the points of one scan, in the order of its file and in the map.
@@ -86,11 +81,13 @@ class Placing {
 
 ScanStages::ScanStages(const DriveSet& drives, const MapBuildOptions& options,
                        const VoxelGrid& grid)
-    : drives_(drives), options_(options), grid_(grid), ground_(make_ground_segmenter(options.ground)) {
+    : drives_(drives),
+      options_(options),
+      grid_(grid),
+      ground_(make_ground_segmenter(options.ground)) {
   for (std::size_t i = 0; i < drives.drives().size(); ++i)
-    detectors_.push_back(
-        make_detector(detector_of_drive(options.detector, i, drives.drives().size()),
-                      drives.drives()[i].size()));
+    detectors_.push_back(make_detector(
+        detector_of_drive(options.detector, i, drives.drives().size()), drives.drives()[i].size()));
 }
 
 std::map<std::string, std::size_t> ScanStages::dropped_boxes() const {
@@ -138,8 +135,7 @@ SurveyedScan ScanStages::survey(std::size_t number) const {
   }
   {
     const StageTimer timer(out.stage_seconds, "fuse ground");
-    out.ground_cells =
-        reduce_ground(scan.cloud.positions, ground.is_ground, T_local_lidar(number));
+    out.ground_cells = reduce_ground(scan.cloud.positions, ground.is_ground, T_local_lidar(number));
   }
   const StageTimer timer(out.stage_seconds, "view");
   out.view.emplace(scan.cloud.positions, ground.is_ground);

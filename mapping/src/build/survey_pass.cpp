@@ -21,8 +21,8 @@ std::unique_ptr<Survey> survey_scans(const DriveSet& drives, const ScanStages& s
           survey->ground.add(scan.ground_cells);
         }
         survey->views.append(*scan.view);
-        survey->sources += fmt::format("{}  {}\n", scan.sha256,
-                                       drives.file(scan.scan).filename().string());
+        survey->sources +=
+            fmt::format("{}  {}\n", scan.sha256, drives.file(scan.scan).filename().string());
         add_to(survey->counts, scan.counts);
         add_to(survey->stage_seconds, scan.stage_seconds);
         survey->scans.push_back({std::move(scan.is_ground), std::move(scan.boxes)});

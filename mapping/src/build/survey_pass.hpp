@@ -36,8 +36,8 @@ struct Survey {
 
 /// Pass 1 over all scans: several at once, taken in their order.
 /// @param scratch  folder for what does not stay in memory.
-[[nodiscard]] std::unique_ptr<Survey> survey_scans(const DriveSet& drives,
-                                                   const ScanStages& stages, const VoxelGrid& grid,
+[[nodiscard]] std::unique_ptr<Survey> survey_scans(const DriveSet& drives, const ScanStages& stages,
+                                                   const VoxelGrid& grid,
                                                    const std::filesystem::path& scratch,
                                                    int threads, const ProgressCallback& progress,
                                                    const CancelFlag& cancel);

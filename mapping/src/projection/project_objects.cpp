@@ -156,6 +156,8 @@ class Projector {
         case PointFate::kDeleted:
           ++result_.deleted;
           break;
+        case PointFate::kDropped:
+          break;
       }
     }
     return std::move(result_);

@@ -46,9 +46,9 @@ void set_normals(const std::vector<Eigen::Vector3f>& measured,
 }  // namespace
 
 Eigen::Vector3f mean_of(const VoxelGrid& grid, maps::TileId tile, const VoxelSum& sum) {
-  const Eigen::Vector3d offset = Eigen::Vector3f(sum.offset[0], sum.offset[1], sum.offset[2])
-                                     .cast<double>() /
-                                 sum.observations;
+  const Eigen::Vector3d offset =
+      Eigen::Vector3f(sum.offset[0], sum.offset[1], sum.offset[2]).cast<double>() /
+      sum.observations;
   return grid.position(tile, sum.voxel(), offset);
 }
 
@@ -88,8 +88,8 @@ TilePoints to_points(const VoxelGrid& grid, maps::TileId tile, const std::vector
   }
   for (const FilledPoint& each : filled) {
     const Eigen::Vector3f& p = each.position;
-    out.points.push_back({p.x(), p.y(), p.z(), 0.0F, 0, maps::PointKind::kFilled,
-                          short_number(each.object)});
+    out.points.push_back(
+        {p.x(), p.y(), p.z(), 0.0F, 0, maps::PointKind::kFilled, short_number(each.object)});
     out.history.push_back({0, 0, each.object, {0, 0, 0}, 0});
   }
   set_normals(measured, seen_from, numbers, out);

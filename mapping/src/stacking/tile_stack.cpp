@@ -71,8 +71,8 @@ void TileStack::spill() {
 void TileStack::write(Tile& tile) {
   if (!scratch_) scratch_.reset(std::fopen(scratch_file_.c_str(), "w+b"));
   const std::vector<VoxelSum>& sums = tile.voxels.sums();
-  if (!scratch_ || std::fwrite(sums.data(), sizeof(VoxelSum), sums.size(), scratch_.get()) !=
-                       sums.size())
+  if (!scratch_ ||
+      std::fwrite(sums.data(), sizeof(VoxelSum), sums.size(), scratch_.get()) != sums.size())
     throw maps::StorageError(scratch_file_.string(), std::strerror(errno));
   tile.parts.push_back({written_, sums.size()});
   written_ += sums.size() * sizeof(VoxelSum);

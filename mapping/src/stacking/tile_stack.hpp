@@ -49,8 +49,8 @@ class ScanVoxels {
 };
 
 /// Collects scans into tiles in bounded memory: tiles that were not met for longest go to a scratch
-/// file when there are too many voxels, and are put together again at the end. Which ones depends on
-/// the scans alone, so that the sums are the same bits on every machine.
+/// file when there are too many voxels, and are put together again at the end. Which ones depends
+/// on the scans alone, so that the sums are the same bits on every machine.
 class TileStack {
  public:
   /// @param scratch_file  made when needed, removed at the end.
@@ -63,9 +63,11 @@ class TileStack {
   /// @param scan  of a later ordinal than the one before. @throws maps::StorageError.
   void add(const ScanVoxels& scan);
 
+  [[nodiscard]] std::size_t voxels_in_memory() const { return voxels_; }
   /// All tiles that hold something, in order.
   [[nodiscard]] std::vector<maps::TileId> tiles() const;
-  /// A tile's voxels by key; the tile is gone afterwards. From several threads, for different tiles.
+  /// A tile's voxels by key; the tile is gone afterwards. From several threads, for different
+  /// tiles.
   /// @throws maps::StorageError.
   [[nodiscard]] std::vector<VoxelSum> take(maps::TileId id);
 

@@ -36,8 +36,8 @@ std::optional<VoxelGrid::Place> VoxelGrid::find(const Eigen::Vector3d& p_map) co
                 static_cast<std::uint64_t>(side.y()) << kLevelBits |
                 static_cast<std::uint64_t>(static_cast<std::int64_t>(level) + kLevelHalf);
   place.offset =
-      Eigen::Vector3d(in_tile.x() - side.x() * voxel_size_m_, in_tile.y() - side.y() * voxel_size_m_,
-                      p.z() - level * voxel_size_m_)
+      Eigen::Vector3d(in_tile.x() - side.x() * voxel_size_m_,
+                      in_tile.y() - side.y() * voxel_size_m_, p.z() - level * voxel_size_m_)
           .cast<float>();
   return place;
 }
@@ -56,8 +56,8 @@ Eigen::Vector3f VoxelGrid::position(maps::TileId tile, std::uint64_t voxel,
     // Rounding to float must not carry a point over its tile's border.
     const auto end = static_cast<float>(corner[axis] + maps::kTileSizeM);
     const auto begin = static_cast<float>(corner[axis]);
-    p[axis] = std::clamp(p[axis], begin,
-                         std::nextafter(end, -std::numeric_limits<float>::infinity()));
+    p[axis] =
+        std::clamp(p[axis], begin, std::nextafter(end, -std::numeric_limits<float>::infinity()));
   }
   return p;
 }

@@ -48,8 +48,8 @@ struct MapBuildOptions {
   [[nodiscard]] std::vector<std::string> violations() const;
 };
 
-/// Turns options into the paper's method: no fusion, boxes as they were detected, everything in them
-/// to the scan's mean ground height, nothing filled, nothing cleaned. The detector stays.
+/// Turns options into the paper's method: no fusion, boxes as they were detected, everything in
+/// them to the scan's mean ground height, nothing filled, nothing cleaned. The detector stays.
 void apply_paper_preset(MapBuildOptions& options);
 
 /// What a build did; the same numbers stand in the manifest (`counts`) and in build.json.
