@@ -1,5 +1,7 @@
 #include "reference/cleaners.hpp"
 
+#include "reference/dufomap.hpp"
+
 #include <array>
 
 namespace stillmap::mapping {
@@ -26,6 +28,7 @@ struct Reference {
 
 constexpr std::array kReferences{
     Reference{"none", make<NoCleaner>},
+    Reference{"dufomap", make<DufomapCleaner>},
 };
 
 }  // namespace
