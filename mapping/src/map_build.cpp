@@ -116,7 +116,7 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
   std::vector<maps::MapObject> map_objects;
   {
     const auto survey =
-        survey_scans(drives, stages, grid, scratch, options.threads, progress, cancel);
+        survey_scans(drives, stages, scratch, options.threads, progress, cancel);
     report.stage_seconds = survey->stage_seconds;
     BuildObjects objects;
     {

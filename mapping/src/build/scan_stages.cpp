@@ -1,7 +1,6 @@
 #include "build/scan_stages.hpp"
 
 #include "build/boxes_files.hpp"
-#include "ground/map_ground_below.hpp"
 
 #include <fmt/format.h>
 
@@ -135,7 +134,7 @@ SurveyedScan ScanStages::survey(std::size_t number) const {
   }
   {
     const StageTimer timer(out.stage_seconds, "fuse ground");
-    out.ground_cells = reduce_ground(scan.cloud.positions, ground.is_ground, T_local_lidar(number));
+    out.ground_cells = reduce_ground(scan.cloud.positions, ground.is_ground, out.boxes, T_local_lidar(number));
   }
   const StageTimer timer(out.stage_seconds, "view");
   out.view.emplace(scan.cloud.positions, ground.is_ground);

@@ -9,10 +9,9 @@
 namespace stillmap::mapping {
 
 std::unique_ptr<Survey> survey_scans(const DriveSet& drives, const ScanStages& stages,
-                                     const VoxelGrid& grid, const std::filesystem::path& scratch,
-                                     int threads, const ProgressCallback& progress,
-                                     const CancelFlag& cancel) {
-  auto survey = std::make_unique<Survey>(grid, scratch);
+                                     const std::filesystem::path& scratch, int threads,
+                                     const ProgressCallback& progress, const CancelFlag& cancel) {
+  auto survey = std::make_unique<Survey>(scratch);
   process_in_order(
       drives.size(), threads, [&](std::size_t scan) { return stages.survey(scan); },
       [&](SurveyedScan scan) {

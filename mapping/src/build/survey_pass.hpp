@@ -21,8 +21,7 @@ struct Survey {
     std::vector<maps::Box> boxes;
   };
   /// `scratch` is a folder.
-  Survey(const VoxelGrid& grid, const std::filesystem::path& scratch)
-      : ground(grid.origin()), views(scratch) {}
+  explicit Survey(const std::filesystem::path& scratch) : views(scratch) {}
 
   /// By ordinal.
   std::vector<Scan> scans;
@@ -37,7 +36,6 @@ struct Survey {
 /// Pass 1 over all scans: several at once, taken in their order.
 /// @param scratch  folder for what does not stay in memory.
 [[nodiscard]] std::unique_ptr<Survey> survey_scans(const DriveSet& drives, const ScanStages& stages,
-                                                   const VoxelGrid& grid,
                                                    const std::filesystem::path& scratch,
                                                    int threads, const ProgressCallback& progress,
                                                    const CancelFlag& cancel);

@@ -71,7 +71,7 @@ CleaningPoints cleaning_points(const VoxelGrid& grid, maps::TileId tile,
 TilePoints to_points(const VoxelGrid& grid, maps::TileId tile, const std::vector<VoxelSum>& sums,
                      const std::vector<FilledPoint>& filled,
                      const std::function<Eigen::Vector3f(std::uint32_t scan)>& lidar_of_scan) {
-  TilePoints out{.id = tile};
+  TilePoints out{tile, {}, {}};
   out.points.reserve(sums.size() + filled.size());
   out.history.reserve(sums.size() + filled.size());
   std::vector<Eigen::Vector3f> measured, seen_from;
