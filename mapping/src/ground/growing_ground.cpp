@@ -279,7 +279,7 @@ GroundResult GrowingGround::segment(const maps::PointCloud& cloud) const {
   return result;
 }
 
-std::unique_ptr<GroundSegmenter> make_ground_segmenter() {
+std::unique_ptr<GroundSegmenter> make_ground_segmenter(const GroundOptions& /*options*/) {
   return std::make_unique<GrowingGround>();
 }
 
