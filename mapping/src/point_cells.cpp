@@ -1,4 +1,4 @@
-#include "evaluation/point_cells.hpp"
+#include "point_cells.hpp"
 
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
