@@ -150,7 +150,7 @@ Eigen::Isometry3d ScanStages::T_local_lidar(std::size_t scan) const {
 PlacedScan ScanStages::place(std::size_t number, const std::vector<bool>& is_ground,
                              const std::vector<ScanObject>& objects,
                              const FusedGround* fused) const {
-  PlacedScan out{.voxels = ScanVoxels(grid_, static_cast<std::uint32_t>(number))};
+  PlacedScan out(grid_, static_cast<std::uint32_t>(number));
   Counts counted_before;
   const maps::Scan scan = read(number, counted_before, out.stage_seconds);
   out.fates.resize(scan.points_in_file);

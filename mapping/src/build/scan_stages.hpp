@@ -49,6 +49,8 @@ struct ScanObject {
 
 /// Pass 2: what one scan gives to the map.
 struct PlacedScan {
+  PlacedScan(const VoxelGrid& grid, std::uint32_t scan) : voxels(grid, scan) {}
+
   ScanVoxels voxels;
   maps::ScanFates fates;
   /// One a point of the scan as `DriveSet::read` gives it: whether it was projected or deleted.

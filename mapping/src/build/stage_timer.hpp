@@ -25,8 +25,8 @@ class StageTimer {
 };
 
 /// Adds counters or seconds of the same names.
-template <typename Number>
-void add_to(std::map<std::string, Number>& sums, const std::map<std::string, Number>& more) {
+template <typename Key, typename Number>
+void add_to(std::map<Key, Number>& sums, const std::map<Key, Number>& more) {
   for (const auto& [name, number] : more) sums[name] += number;
 }
 

@@ -1,6 +1,8 @@
 #include "reference/cleaners.hpp"
 
 #include "reference/dufomap.hpp"
+#include "reference/erasor.hpp"
+#include "reference/removert.hpp"
 
 #include <array>
 
@@ -28,6 +30,8 @@ struct Reference {
 
 constexpr std::array kReferences{
     Reference{"none", make<NoCleaner>},
+    Reference{"removert", make<Removert>},
+    Reference{"erasor", make<Erasor>},
     Reference{"dufomap", make<DufomapCleaner>},
 };
 

@@ -17,7 +17,10 @@ constexpr double kMostTiles = 1 << 20;
 }  // namespace
 
 VoxelGrid::VoxelGrid(const Eigen::Vector3d& origin, double voxel_size_m)
-    : origin_(origin), voxel_size_m_(voxel_size_m), inverse_voxel_(1.0 / voxel_size_m) {
+    : origin_(origin),
+      voxel_size_m_(voxel_size_m),
+      inverse_voxel_(1.0 / voxel_size_m),
+      last_side_(std::ceil(maps::kTileSizeM / voxel_size_m - 1e-9) - 1.0) {
   if (!(voxel_size_m >= 0.02)) throw std::invalid_argument("voxel size: expected >= 0.02");
 }
 
@@ -29,7 +32,8 @@ std::optional<VoxelGrid::Place> VoxelGrid::find(const Eigen::Vector3d& p_map) co
   if (!((tile.abs() < kMostTiles).all() && std::abs(level) < static_cast<double>(kLevelHalf)))
     return std::nullopt;
   const Eigen::Array2d in_tile = p.head<2>().array() - tile * maps::kTileSizeM;
-  const Eigen::Array2d side = (in_tile * inverse_voxel_).floor();
+  // A point just below a tile's border may round onto it: it stays in the last voxel.
+  const Eigen::Array2d side = (in_tile * inverse_voxel_).floor().min(last_side_);
   Place place;
   place.tile = {0, static_cast<std::int32_t>(tile.x()), static_cast<std::int32_t>(tile.y())};
   place.voxel = static_cast<std::uint64_t>(side.x()) << (kSideBits + kLevelBits) |

@@ -39,6 +39,8 @@ class VoxelGrid {
   Eigen::Vector3d origin_;
   double voxel_size_m_;
   double inverse_voxel_;
+  /// Number of the last voxel of a tile's row.
+  double last_side_;
 };
 
 }  // namespace stillmap::mapping

@@ -110,17 +110,19 @@ TEST_F(MapBuild, WritesAWholePackageWithPosesObjectsAndSources) {
   EXPECT_EQ(map->manifest().sources.at("boxes_sha256"),
             maps::sha256_of_file(folder_.path() / "boxes.json"));
   EXPECT_TRUE(map->manifest().files.contains("preview.png"));
-  const maps::Trajectory trajectory = map->trajectory();
+  ASSERT_EQ(map->trajectories().size(), 1U);
+  const maps::Trajectory trajectory = map->trajectories()[0];
   ASSERT_EQ(trajectory.size(), 2U);
   EXPECT_NEAR(trajectory.poses()[1].T_map_lidar.translation().x(), 2.0, 1e-12);
   const std::vector<maps::MapObject> objects = map->objects();
-  ASSERT_EQ(objects.size(), 2U);
-  EXPECT_EQ(objects[1].scan, 2U);
-  EXPECT_NEAR(objects[1].centre_map.x(), 10.15, 1e-6);
-  EXPECT_NEAR(objects[1].centre_map.y(), 3.9, 1e-6);
-  EXPECT_NEAR(objects[1].yaw_rad, 0.0, 1e-6);
-  EXPECT_EQ(objects[0].points_removed + objects[1].points_removed,
-            map->manifest().counts.at("projected"));
+  ASSERT_EQ(objects.size(), 1U);
+  EXPECT_EQ(objects[0].motion, maps::ObjectMotion::kParked);
+  EXPECT_EQ(objects[0].last_scan, 1U);
+  EXPECT_EQ(objects[0].detections, 2U);
+  EXPECT_NEAR(objects[0].placements[0].centre_map.x(), 10.15, 1e-6);
+  EXPECT_NEAR(objects[0].placements[0].centre_map.y(), 3.9, 1e-6);
+  EXPECT_NEAR(objects[0].placements[0].yaw_rad, 0.0, 1e-6);
+  EXPECT_EQ(objects[0].points_removed, map->manifest().counts.at("projected"));
   std::ifstream sources(map->folder() / "sources.sha256");
   std::string first;
   std::getline(sources, first);
@@ -183,7 +185,7 @@ TEST_F(MapBuild, CountsLabelsThatPointOutsideOfTheDrive) {
 TEST_F(MapBuild, TellsProgressScanByScan) {
   std::vector<std::size_t> done;
   progress_ = [&](std::string_view stage, std::size_t units, std::size_t total) {
-    if (stage == "scans") {
+    if (stage == "place") {
       done.push_back(units);
       EXPECT_EQ(total, 4U);
     }
@@ -258,7 +260,8 @@ TEST_F(MapBuild, RefusesBrokenOptionsByName) {
   const auto expect_refused = [&](const std::string& name) {
     EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<std::invalid_argument>({name}));
     EXPECT_THAT(names_in_maps(), IsEmpty());
-    options_ = MapBuildOptions{};
+    const MapBuildOptions fresh;
+    options_ = fresh;
   };
   options_.voxel_size_m = std::numeric_limits<double>::quiet_NaN();
   expect_refused("voxel_size_m");

@@ -140,6 +140,15 @@ TEST(TileStack, PutsEveryPointIntoItsTileWhateverTheVoxel) {
   }
 }
 
+TEST(VoxelGrid, PutsAPointAHairBelowATilesBorderIntoItsLastVoxel) {
+  const VoxelGrid grid(Eigen::Vector3d::Zero(), 0.1);
+  const auto hair = grid.find({-1e-17, 5.0, 0.0});
+  const auto below = grid.find({-0.05, 5.0, 0.0});
+  ASSERT_TRUE(hair && below);
+  EXPECT_EQ(hair->tile, below->tile);
+  EXPECT_EQ(hair->voxel, below->voxel);
+}
+
 TEST(TileStack, LeavesOutWhatIsNotFiniteOrTooFar) {
   const VoxelGrid grid(Eigen::Vector3d::Zero(), 0.1);
   ScanVoxels voxels(grid, 0);
