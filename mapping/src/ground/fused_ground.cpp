@@ -2,6 +2,7 @@
 
 #include "ground/ground_smoothing.hpp"
 #include "ground/ground_spread.hpp"
+#include "ground/ground_under.hpp"
 
 #include <algorithm>
 #include <array>
@@ -43,7 +44,7 @@ struct Corner {
 
 }  // namespace
 
-void FusedGround::finish() {
+void FusedGround::finish(std::span<const GroundFootprint> footprints) {
   if (finished_) throw std::logic_error("fused ground: finished twice");
   finished_ = true;
   MeasuredSheets ground = sheets_of(std::move(piles_).take_sheets());
@@ -54,6 +55,7 @@ void FusedGround::finish() {
     smooth_measured(ground);
     spread_ground(ground);
   }
+  lay_ground_under(ground, footprints);
   sheets_ = std::move(ground.sheets);
 }
 

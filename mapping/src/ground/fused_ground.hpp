@@ -1,6 +1,7 @@
 #pragma once
 
 #include "ground/ground_cells.hpp"
+#include "ground/ground_footprint.hpp"
 #include "ground/ground_piles.hpp"
 #include "ground/ground_sheets.hpp"
 
@@ -11,6 +12,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 
 namespace stillmap::mapping {
 
@@ -22,8 +24,10 @@ class FusedGround {
   void add(const GroundCells& ground) { piles_.add(ground); }
 
   /// Ends the adding. Once only.
+  /// @param footprints  of objects that stood still; under them kerbs go on, and what was measured
+  ///                    in boxes is looked at again.
   /// @throws std::logic_error the second time.
-  void finish();
+  void finish(std::span<const GroundFootprint> footprints);
 
   /// The ground at a place.
   /// @param x, y  local frame [m].
