@@ -121,8 +121,8 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
     BuildObjects objects;
     {
       const StageTimer timer(report.stage_seconds, "fuse");
-      survey->ground.finish();
       objects = objects_of(drives, *survey, options);
+      survey->ground.finish(footprints_of(objects.objects, grid.origin()));
     }
     const FusedGround* ground = options.fusion ? &survey->ground : nullptr;
     const auto placed = place_scans(drives, stages, *survey, objects, ground, writer, scratch,

@@ -80,6 +80,20 @@ BuildObjects objects_of(const DriveSet& drives, const Survey& survey,
   return out;
 }
 
+std::vector<GroundFootprint> footprints_of(const std::vector<FusedObject>& objects,
+                                           const Eigen::Vector3d& origin) {
+  std::vector<GroundFootprint> footprints;
+  for (const FusedObject& object : objects) {
+    // What moved left its ground to be seen.
+    if (object.moving) continue;
+    const maps::Box& box = object.placements.front().box;
+    footprints.push_back({box.centre - origin,
+                          0.5 * object.size_m.head<2>(),
+                          {std::cos(box.yaw_rad), std::sin(box.yaw_rad)}});
+  }
+  return footprints;
+}
+
 std::vector<maps::MapObject> to_map_objects(
     const DriveSet& drives, const std::vector<FusedObject>& objects,
     const std::map<std::uint32_t, std::uint64_t>& points_removed, bool fused) {

@@ -4,6 +4,7 @@
 #include "build/scan_stages.hpp"
 #include "build/survey_pass.hpp"
 #include "fusion/object_fusion.hpp"
+#include "ground/ground_footprint.hpp"
 
 #include <stillmap/maps/map_object.hpp>
 
@@ -19,6 +20,10 @@ struct BuildObjects {
   /// By ordinal of the scan.
   std::vector<std::vector<ScanObject>> by_scan;
 };
+
+/// Where objects stood still, in the local frame.
+[[nodiscard]] std::vector<GroundFootprint> footprints_of(const std::vector<FusedObject>& objects,
+                                                         const Eigen::Vector3d& origin);
 
 /// Joins the boxes of all scans (`options.fusion`), or makes an object of each.
 [[nodiscard]] BuildObjects objects_of(const DriveSet& drives, const Survey& survey,

@@ -80,7 +80,10 @@ TEST_F(EvaluateMap, CountsAPointThatABoxBeyondTheLabelsTook) {
   maps::Box wall = small_.car_in(0);
   wall.centre = {5.0, 8.0, -0.8};
   wall.size_m = {4.0, 1.0, 1.0};
-  more.by_scan[0] = {small_.car_in(0), wall};
+  wall.track = 2;
+  maps::Box car = small_.car_in(0);
+  car.track = 1;
+  more.by_scan[0] = {car, wall};
   const std::filesystem::path labels = boxes_;
   boxes_ = folder_.path() / "more.json";
   maps::write_boxes(boxes_, more);
