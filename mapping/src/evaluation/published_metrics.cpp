@@ -70,7 +70,8 @@ std::vector<Eigen::Vector3f> erasor_voxel_means(std::vector<Eigen::Vector3f> poi
 ErasorTruth::Tile ErasorTruth::tile_of(const Eigen::Vector3f& p) {
   const auto axis = [](float x) {
     // By the voxel, as PointCells finds it, so that rounding cannot part a voxel.
-    const auto voxel = static_cast<std::int64_t>(std::floor(static_cast<double>(x) * (1.0 / kVoxelM)));
+    const auto voxel =
+        static_cast<std::int64_t>(std::floor(static_cast<double>(x) * (1.0 / kVoxelM)));
     const std::int64_t tile = voxel / kTileVoxels;
     return voxel % kTileVoxels < 0 ? tile - 1 : tile;
   };
