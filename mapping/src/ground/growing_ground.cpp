@@ -279,8 +279,4 @@ GroundResult GrowingGround::segment(const maps::PointCloud& cloud) const {
   return result;
 }
 
-std::unique_ptr<GroundSegmenter> make_ground_segmenter() {
-  return std::make_unique<GrowingGround>();
-}
-
 }  // namespace stillmap::mapping

@@ -16,6 +16,7 @@ namespace stillmap::mapping {
 class GrowingGround final : public GroundSegmenter {
  public:
   [[nodiscard]] GroundResult segment(const maps::PointCloud& cloud) const override;
+  void learn(const maps::PointCloud& /*cloud*/) override {}
 };
 
 }  // namespace stillmap::mapping

@@ -112,4 +112,13 @@ void HeightGrid::fill(int reach) {
   for (int pass = 0; pass < 4; ++pass) iron_filled();
 }
 
+void HeightGrid::tilt(const SeedPlane& plane) {
+  for (int index = 0; index < kCellsPerSide * kCellsPerSide; ++index) {
+    Node& n = node(index);
+    n.z += static_cast<float>(plane.z_at(centre_x(index), centre_y(index)));
+    n.slope_x += static_cast<float>(plane.slope.x());
+    n.slope_y += static_cast<float>(plane.slope.y());
+  }
+}
+
 }  // namespace stillmap::mapping

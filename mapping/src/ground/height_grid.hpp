@@ -1,5 +1,7 @@
 #pragma once
 
+#include "ground/seed_plane.hpp"
+
 #include <stillmap/mapping/ground.hpp>
 
 #include <array>
@@ -47,6 +49,8 @@ class HeightGrid final : public GroundSurface {
 
   /// Fills unknown nodes up to `reach` cells from known ones, then irons the filled ones.
   void fill(int reach);
+  /// Adds a plane to all heights and slopes.
+  void tilt(const SeedPlane& plane);
 
  private:
   void dilate(float confidence);

@@ -24,7 +24,7 @@ class MapBuild : public ::testing::Test {
   MapBuild() : drive_(small_.write(folder_)) { options_.threads = 1; }
 
   MapBuildReport build(const std::string& name = "map") {
-    return build_map(drive_, folder_.path() / "maps" / name, options_, progress_, cancel_);
+    return build_map({drive_}, folder_.path() / "maps" / name, options_, progress_, cancel_);
   }
   [[nodiscard]] std::shared_ptr<const maps::MapPackage> open(
       const std::string& name = "map") const {

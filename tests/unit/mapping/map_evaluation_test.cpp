@@ -25,7 +25,7 @@ class EvaluateMap : public ::testing::Test {
     options.detector = "boxes:" + boxes_.string();
     options.projection.policy = policy;
     options.selection = selection_;
-    (void)build_map(drive_, folder_.path() / "map", options, {}, cancel_);
+    (void)build_map({drive_}, folder_.path() / "map", options, {}, cancel_);
   }
   [[nodiscard]] MapEvaluation evaluate() const {
     return evaluate_map(*maps::MapPackage::open(folder_.path() / "map"), maps::Drive::open(drive_),

@@ -1,4 +1,4 @@
-#include "evaluation/point_cells.hpp"
+#include "point_cells.hpp"
 
 #include "support/synthetic_world.hpp"
 

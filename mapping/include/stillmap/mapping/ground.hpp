@@ -40,8 +40,16 @@ class GroundSegmenter {
   /// @param cloud  lidar frame, z roughly up; may be empty. Safe from several threads. Same input,
   /// same bits.
   [[nodiscard]] virtual GroundResult segment(const maps::PointCloud& cloud) const = 0;
+  /// Adapts to the drive from one of its scans. Optional; to be called serially, before `segment`.
+  virtual void learn(const maps::PointCloud& cloud) = 0;
 };
 
-[[nodiscard]] std::unique_ptr<GroundSegmenter> make_ground_segmenter();
+struct GroundOptions {
+  /// Height of the sensor over the ground [m], > 0; none = found in the scans.
+  std::optional<double> sensor_height_m;
+};
+
+[[nodiscard]] std::unique_ptr<GroundSegmenter> make_ground_segmenter(
+    const GroundOptions& options = {});
 
 }  // namespace stillmap::mapping

@@ -1,0 +1,105 @@
+#include "views/range_view.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace stillmap::mapping {
+namespace {
+
+/// A second surface in a bin is kept when it is this much farther [m]; less is the same surface, or
+/// noise.
+constexpr float kApartM = 0.3F;
+
+/// Half-width of what a ray may miss by: pose and deskewing, in translation [m] and rotation [rad],
+/// with the beam's own half-width (0.1 degree) in the latter.
+constexpr float kGuardM = 0.03F;
+constexpr float kGuardRad = 0.0035F;
+
+/// A surface counts as beyond a cell from here on [m]; grows with range, since surfaces seen at a
+/// grazing angle cover a longer way within a bin.
+constexpr float kBeyondM = 0.3F;
+constexpr float kBeyondPerM = 0.01F;
+
+std::uint16_t quantized(float range_m, float quantum_m) {
+  return static_cast<std::uint16_t>(std::clamp(range_m / quantum_m, 1.0F, 65534.0F));
+}
+
+/// Columns and rows that a cone around a direction touches; rows may lie outside of a view.
+struct Window {
+  int row_begin, row_end, column_begin, column_end;
+};
+
+Window window_around(float azimuth, float elevation, float radius_rad) {
+  // Columns are narrower towards the poles; near one, half a turn covers all that matters.
+  const float columns_rad =
+      std::min(radius_rad / std::max(0.05F, std::cos(elevation)), 0.5F * std::numbers::pi_v<float>);
+  return {ViewGrid::row_of(elevation - radius_rad), ViewGrid::row_of(elevation + radius_rad) + 1,
+          ViewGrid::column_of(azimuth - columns_rad),
+          ViewGrid::column_of(azimuth + columns_rad) + 1};
+}
+
+}  // namespace
+
+RangeView::RangeView(std::span<const Eigen::Vector3f> positions,
+                     std::span<const std::uint8_t> is_ground) {
+  if (!is_ground.empty() && is_ground.size() != positions.size())
+    throw std::invalid_argument("is_ground: expected one flag a point or none");
+  std::vector<std::uint16_t> rows(positions.size());
+  int lowest = ViewGrid::kRows, highest = -1;
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    const int row = ViewGrid::row_of(ViewGrid::elevation(positions[i]));
+    rows[i] = static_cast<std::uint16_t>(row);
+    lowest = std::min(lowest, row);
+    highest = std::max(highest, row);
+  }
+  if (highest < lowest) return;
+  first_row_ = lowest;
+  bins_.resize(static_cast<std::size_t>(highest - lowest + 1) * ViewGrid::kColumns);
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    const int column = ViewGrid::wrapped(ViewGrid::column_of(ViewGrid::azimuth(positions[i])));
+    Bin& bin = bins_[static_cast<std::size_t>((rows[i] - lowest) * ViewGrid::kColumns + column)];
+    const std::uint16_t range = quantized(positions[i].norm(), kQuantumM);
+    bin.farthest = std::max(bin.farthest, range);
+    if (is_ground.empty() || is_ground[i] == 0) bin.nearest = std::min(bin.nearest, range);
+  }
+  const std::uint16_t apart = quantized(kApartM, kQuantumM);
+  for (Bin& bin : bins_) {
+    if (bin.nearest != kNone && bin.farthest < bin.nearest + apart) bin.farthest = bin.nearest;
+  }
+}
+
+Sight RangeView::sight(const Eigen::Vector3f& p, float radius_m) const {
+  const float range_m = p.norm();
+  if (!(range_m > radius_m)) return Sight::kUnknown;
+  const float beyond_m = kBeyondM + kBeyondPerM * range_m;
+  const auto after = static_cast<int>((range_m + beyond_m) / kQuantumM);
+  const auto before = static_cast<int>((range_m - beyond_m) / kQuantumM);
+  const float azimuth = ViewGrid::azimuth(p), elevation = ViewGrid::elevation(p);
+
+  bool any = false, passed = false;
+  const Window inner = window_around(azimuth, elevation, radius_m / range_m);
+  const int inner_end = std::min(inner.row_end, end_row());
+  for (int row = std::max(inner.row_begin, first_row_); row < inner_end; ++row) {
+    for (int column = inner.column_begin; column < inner.column_end; ++column) {
+      const Bin& b = bin(row, column);
+      if (b.farthest == 0) continue;
+      any = true;
+      if (b.nearest >= before && b.nearest <= after) return Sight::kHit;
+      if (b.farthest > after) passed = true;
+    }
+  }
+  if (!any) return Sight::kUnknown;
+  if (!passed) return Sight::kHidden;
+  const Window outer =
+      window_around(azimuth, elevation, (radius_m + kGuardM) / range_m + kGuardRad);
+  const int outer_end = std::min(outer.row_end, end_row());
+  for (int row = std::max(outer.row_begin, first_row_); row < outer_end; ++row) {
+    for (int column = outer.column_begin; column < outer.column_end; ++column) {
+      if (bin(row, column).nearest <= after) return Sight::kMixed;
+    }
+  }
+  return Sight::kFree;
+}
+
+}  // namespace stillmap::mapping
