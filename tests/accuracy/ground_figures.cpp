@@ -1,3 +1,4 @@
+#pragma GCC diagnostic ignored "-Wconversion"
 // How well the ground stage does on a labelled drive.
 //
 //   ground_figures DRIVE [--learn N] [--select begin:end:step] [--sensor-height M] [--cold] ...
@@ -27,6 +28,7 @@
 #include <cstdint>
 #include <exception>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <optional>
 #include <set>
@@ -143,6 +145,7 @@ void measure_heights(const std::vector<Eigen::Vector2d>& places,
     const Eigen::Vector3d p_map = T_map_lidar * Eigen::Vector3d(place.x(), place.y(), sample->z);
     const auto z = truth.height_at(p_map);
     if (z) heights.errors_m.push_back(p_map.z() - *z);
+    if (getenv("HD") && z) fmt::print("HD {} {} {} {} {}\n", heights.places, place.x(), place.y(), p_map.z() - *z, sample->confidence);
   }
 }
 
@@ -172,6 +175,15 @@ Figures measure(const maps::Drive& drive, const Request& request) {
       ground = segmenter->segment(scan.cloud);
       const std::chrono::duration<double> took = std::chrono::steady_clock::now() - began;
       figures.ms_of_scan.push_back(1000.0 * took.count());
+    }
+    if (const char* dump = getenv("DUMP")) {
+      std::ofstream out(std::string(dump) + "/" + std::to_string(index) + ".bin", std::ios::binary);
+      for (std::size_t i = 0; i < scan.labels.size(); ++i) {
+        const auto& p = scan.cloud.positions[i];
+        const auto z = ground.surface->at(p.x(), p.y());
+        const float row[6] = {p.x(), p.y(), p.z(), float(scan.labels[i]), float(ground.is_ground[i]), z ? float(p.z() - z->z) : NAN};
+        out.write((const char*)row, sizeof row);
+      }
     }
     figures.points_of_scan.push_back(static_cast<double>(scan.cloud.size()));
     const Counts counts = count(scan, ground, figures);

@@ -10,10 +10,10 @@ namespace stillmap::mapping {
 namespace {
 
 constexpr float kStandingFromM = 0.3F;
-constexpr float kStandingToM = 2.0F;
+constexpr float kStandingToM = 3.0F;
 /// Parts of a cell's side that are looked at apart.
-constexpr int kParts = 2;
-float kTightM = getenv("TIGHT") ? atof(getenv("TIGHT")) : 0.06F;
+const int kParts = getenv("PARTS") ? atoi(getenv("PARTS")) : 4;const float kConf = getenv("CONF") ? atof(getenv("CONF")) : 0.85; const float kFilled = getenv("FILLED") ? atof(getenv("FILLED")) : -1;
+float kTightM = getenv("TIGHT") ? atof(getenv("TIGHT")) : 0.04F;
 float kTightPerM = getenv("TIGHTM") ? atof(getenv("TIGHTM")) : 0.001F;
 
 }  // namespace
@@ -27,13 +27,13 @@ void label_ground(const CellPoints& points, const HeightGrid& grid,
     const auto of_cell = points.of_cell(cell);
     above.resize(of_cell.size());
     part.resize(of_cell.size());
-    std::array<bool, kParts * kParts> stands{};
+    std::array<bool, 64> stands{};
     const auto x0 = static_cast<float>(HeightGrid::centre_x(cell) - 0.5 * HeightGrid::kCellM);
     const auto y0 = static_cast<float>(HeightGrid::centre_y(cell) - 0.5 * HeightGrid::kCellM);
     for (std::size_t i = 0; i < of_cell.size(); ++i) {
       const CellPoint& p = of_cell[i];
       above[i] = 10.0F;
-      if (p.z > grid.node(cell).z + 2.5F) continue;
+      if (p.z > grid.node(cell).z + 3.5F) continue;
       const auto sample = grid.at(static_cast<double>(p.x), static_cast<double>(p.y));
       above[i] = static_cast<float>((static_cast<double>(p.z) - sample->z) * sample->normal.z());
       const int ix = std::clamp(static_cast<int>((p.x - x0) * kParts), 0, kParts - 1);
@@ -43,7 +43,7 @@ void label_ground(const CellPoints& points, const HeightGrid& grid,
     }
     const float range_m = std::hypot(x0, y0);
     const float loose = std::min(0.25F, 0.15F + 0.0015F * range_m);
-    const float tight = std::min(loose, kTightM + kTightPerM * range_m);
+    const float tight = std::min(loose, kTightM + kTightPerM * range_m) * (grid.node(cell).confidence < kConf ? kFilled : 1.0F);
     for (std::size_t i = 0; i < of_cell.size(); ++i) {
       if (above[i] < -loose || above[i] > loose) continue;
       if (above[i] <= (stands[static_cast<std::size_t>(part[i])] ? tight : loose)) is_ground[of_cell[i].index] = 1;
