@@ -1,6 +1,6 @@
 #pragma once
 
-#include "evaluation/point_cells.hpp"
+#include "point_cells.hpp"
 
 #include <stillmap/maps/map_package.hpp>
 
