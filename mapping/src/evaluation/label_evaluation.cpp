@@ -184,13 +184,14 @@ class LabelJudge {
     });
     for (std::size_t i = 0; i < scan.size(); ++i) {
       const std::uint16_t tag = tag_of(scan, i);
+      const bool ignored = semantic_classes()[scan.classes[i]].kind == ClassKind::kIgnored;
       add(thinned_tally_, tag, met[i]);
       if (scan.in_map[i] == InMap::kMeasured) {
         add(unthinned_tally_, tag, RemovedPoints::kAll);
-      } else if (scans_.drive_in_map()) {
+      } else if (scans_.drive_in_map() && !ignored) {
         removed_.add(scan.positions[i], tag);
       }
-      result_.ignored += semantic_classes()[scan.classes[i]].kind == ClassKind::kIgnored ? 1 : 0;
+      result_.ignored += ignored ? 1 : 0;
       count_ground(scan, i);
     }
     result_.points += scan.size();

@@ -85,7 +85,8 @@ LabelledScans::LabelledScans(const maps::MapPackage& map, const maps::Drive& dri
       truth_(truth),
       voxels_(map),
       range_m_{number_option(map, "min_range_m"), number_option(map, "max_range_m")} {
-  if (drive.contents().label_files.empty()) {
+  const auto& files = drive.contents().label_files;
+  if (std::all_of(files.begin(), files.end(), [](const auto& file) { return file.empty(); })) {
     throw maps::InputError(drive.contents().root.string(), "a drive without labels",
                            "SemanticKITTI labels of its points, or --boxes FILE");
   }
@@ -137,6 +138,8 @@ Eigen::Isometry3d LabelledScans::T_truth_map(std::size_t scan) const {
 
 std::vector<std::uint32_t> LabelledScans::labels_of(std::size_t index, std::size_t points) const {
   std::vector<std::uint32_t> labels = drive_.read_labels(index);
+  // A scan without labels is part of the map all the same.
+  if (drive_.contents().label_files.at(index).empty()) labels.assign(points, 0);
   if (labels.size() != points) {
     throw maps::InputError(drive_.contents().label_files.at(index).string(),
                            fmt::format("{} labels", labels.size()),
