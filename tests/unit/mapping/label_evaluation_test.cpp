@@ -26,7 +26,7 @@ constexpr std::uint32_t kRoad = 40, kCar = 10, kMovingCar = 252, kBuilding = 50;
 LabelEvaluation judge(const HandMadeMap& hand, const maps::MapPackage& map,
                       const std::string& drive = "drive") {
   CancelFlag cancel{false};
-  return evaluate_with_labels(map, maps::Drive::open(hand.write_drive(drive)), {}, cancel);
+  return evaluate_with_labels(map, maps::Drive::open(hand.write_drive(drive)), false, {}, cancel);
 }
 
 bool is_movable(std::uint32_t label) { return label == kCar || label == kMovingCar; }
@@ -371,7 +371,8 @@ TEST(LabelEvaluation, ADriveThatIsNotInTheMapJudgesThePackageAlone) {
   // Another clock: no scan of the map is in it.
   std::ofstream(other / "times.txt") << "7.0\n7.1\n";
   CancelFlag cancel{false};
-  const LabelEvaluation result = evaluate_with_labels(*map, maps::Drive::open(other), {}, cancel);
+  const LabelEvaluation result =
+      evaluate_with_labels(*map, maps::Drive::open(other), false, {}, cancel);
   EXPECT_FALSE(result.drive_in_map);
   EXPECT_FALSE(result.unthinned);
   EXPECT_FALSE(result.ground);
@@ -410,16 +411,18 @@ TEST(LabelEvaluation, RefusesWhatCannotBeJudged) {
   const std::filesystem::path drive = hand.write_drive();
   std::filesystem::remove_all(drive / "labels");
   CancelFlag cancel{false};
-  EXPECT_THAT([&] { (void)evaluate_with_labels(*map, maps::Drive::open(drive), {}, cancel); },
-              test::ThrowsSaying<maps::InputError>({"drive", "without labels"}));
+  EXPECT_THAT(
+      [&] { (void)evaluate_with_labels(*map, maps::Drive::open(drive), false, {}, cancel); },
+      test::ThrowsSaying<maps::InputError>({"drive", "without labels"}));
 }
 
 TEST(LabelEvaluation, EndsWhenCancelled) {
   const HandMadeMap hand(street());
   const auto map = hand.build(keep);
   CancelFlag cancel{true};
-  EXPECT_THROW((void)evaluate_with_labels(*map, maps::Drive::open(hand.write_drive()), {}, cancel),
-               Cancelled);
+  EXPECT_THROW(
+      (void)evaluate_with_labels(*map, maps::Drive::open(hand.write_drive()), false, {}, cancel),
+      Cancelled);
 }
 
 }  // namespace

@@ -193,18 +193,18 @@ Share GroundCells::filled() const {
 }
 
 HeightErrors height_errors(std::vector<double> heights_m) {
-  HeightErrors errors{heights_m.size(), std::numeric_limits<double>::quiet_NaN(),
-                      std::numeric_limits<double>::quiet_NaN()};
+  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+  HeightErrors errors{heights_m.size(), kNaN, kNaN, {}};
   if (heights_m.empty()) return errors;
   for (double& height : heights_m) height = std::abs(height);
   std::sort(heights_m.begin(), heights_m.end());
-  // The smallest value that at least this share of all does not exceed.
-  const auto percentile = [&](double share) {
-    const double rank = std::ceil(share * static_cast<double>(heights_m.size()));
-    return heights_m[static_cast<std::size_t>(std::max(rank, 1.0)) - 1];
-  };
-  errors.median_m = percentile(0.5);
-  errors.p95_m = percentile(0.95);
+  for (std::size_t percent = 0; percent <= 100; ++percent) {
+    // The smallest value that at least this share of all does not exceed.
+    const std::size_t rank = (percent * heights_m.size() + 99) / 100;
+    errors.percentiles_m.push_back(heights_m[std::max<std::size_t>(rank, 1) - 1]);
+  }
+  errors.median_m = errors.percentiles_m[50];
+  errors.p95_m = errors.percentiles_m[95];
   return errors;
 }
 
