@@ -26,6 +26,9 @@ constexpr double kBesideLineM = 1.0;
 /// that was not out of the rectangle. Objects stand beside kerbs, and rather below.
 constexpr double kHalvedCost = 0.02;
 constexpr double kUpperCost = 0.002;
+/// And to have a step at 45 degrees to the rectangle's sides [m^2]: one parks along a kerb or
+/// square to it.
+constexpr double kTurnedCost = 0.12;
 constexpr int kSeenSamples = 3;
 
 /// Sums of the normal equations; sums of disjoint sets add and subtract.
@@ -152,7 +155,9 @@ class StepSearch {
   [[nodiscard]] static double standing_cost(const SteppedPlane& candidate, double below) {
     const Eigen::Vector2d foot = candidate.offset * candidate.normal;
     const double upper = candidate.z_at(foot, 1) > candidate.z_at(foot, 0) ? 1.0 - below : below;
-    return kHalvedCost * 2.0 * std::min(below, 1.0 - below) + kUpperCost * upper;
+    const double turned = 2.0 * candidate.normal.x() * candidate.normal.y();  // sin(2 a)
+    return kHalvedCost * 2.0 * std::min(below, 1.0 - below) + kUpperCost * upper +
+           kTurnedCost * turned * turned;
   }
 
   /// Whether the step has the height of a kerb along the rectangle, and is seen at one end.
