@@ -110,6 +110,28 @@ std::vector<double> heights_of(const Track& track, const Span& span) {
   return z;
 }
 
+/// A place that it moved on from is a new view each time, but boxes of scans in a row have the same
+/// faults.
+constexpr double kScanWeight = 0.15;
+
+void add_evidence(const Track& track, const Span& span, std::size_t i, const Look& look,
+                  Evidence& evidence) {
+  if (span.hits[i]) {
+    ++evidence.hits;
+    evidence.log_odds += kScanWeight * log_odds_of(track.hits[*span.hits[i]].box.score);
+    return;
+  }
+  const bool between =
+      span.scans[i] > track.hits.front().scan && span.scans[i] < track.hits.back().scan;
+  if (!between) return;
+  if (look.sight == Sight::kFree) {
+    evidence.log_odds += kFreeLogOdds;
+  } else if (look.points >= kMinPointsToMiss) {
+    ++evidence.missed;
+    evidence.log_odds += kScanWeight * kMissLogOdds;
+  }
+}
+
 }  // namespace
 
 MovingObject moving_object(const Track& track, const std::vector<DetectedScan>& scans,
@@ -133,17 +155,8 @@ MovingObject moving_object(const Track& track, const std::vector<DetectedScan>& 
       placement.box.yaw_rad = yaws[i];
     }
     const Look look = sight.look(placement.scan, placement.box);
-    if (!placement.detected && look.sight == Sight::kFree) {
-      if (placement.scan > track.hits.front().scan && placement.scan < track.hits.back().scan)
-        ++object.evidence.seen_free;
-      continue;
-    }
-    object.placements.push_back(placement);
-  }
-  for (std::size_t i = 0; i < span.scans.size(); ++i) {
-    if (!span.hits[i]) continue;
-    ++object.evidence.hits;
-    object.evidence.score_log_odds += log_odds_of(track.hits[*span.hits[i]].box.score);
+    add_evidence(track, span, i, look, object.evidence);
+    if (placement.detected || look.sight != Sight::kFree) object.placements.push_back(placement);
   }
   return object;
 }

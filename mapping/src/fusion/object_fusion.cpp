@@ -82,7 +82,7 @@ std::vector<FusedObject> fuse_objects(const std::vector<DetectedScan>& scans,
       objects.push_back(std::move(object));
   };
   for (Track& track : tracks_of(scans)) {
-    if (has_moved(track)) {
+    if (has_moved(track, sight)) {
       keep(fused_moving(track, scans, drive_scans[track.drive], sight), track.given);
     } else if (track.given) {
       keep(fused_standing(track, sight), true);
