@@ -18,10 +18,10 @@ struct Patches {
 /// the paper's.
 ///
 /// A patch is up to 10 m long and one plane; the lowest points of a patch without ground (a car's
-/// underside, a flat roof, a hedge) make a plane too. So patches only propose: they start cells near
-/// the sensor, and carry the ground over gaps where they agree with it. From there cells are visited
-/// from near to far, each predicted from the ground already found around it, and are ground when
-/// points lie near that. Cells that disagree with all their neighbours are taken back.
+/// underside, a flat roof, a hedge) make a plane too. So patches only propose: they start cells
+/// near the sensor, and carry the ground over gaps where they agree with it. From there cells are
+/// visited from near to far, each predicted from the ground already found around it, and are ground
+/// when points lie near that. Cells that disagree with all their neighbours are taken back.
 /// @param points  levelled.
 void grow_ground(const CellPoints& points, const Patches& patches, HeightGrid& grid);
 

@@ -15,8 +15,8 @@ namespace stillmap::mapping {
 /// by which the points are labelled. What each part takes from the papers, and where it departs, is
 /// said in its own header.
 ///
-/// Why not the patches alone: at their borders and over kerbs, banks and bends one plane for 10 m of
-/// ground is off by more than a kerb, and a beam or two of a sparse sensor make no plane at all
+/// Why not the patches alone: at their borders and over kerbs, banks and bends one plane for 10 m
+/// of ground is off by more than a kerb, and a beam or two of a sparse sensor make no plane at all
 /// (mapping/README.md has figures for both). A surface is needed in any case.
 class PatchworkGround final : public GroundSegmenter {
  public:

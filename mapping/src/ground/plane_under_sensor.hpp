@@ -7,8 +7,8 @@
 
 namespace stillmap::mapping {
 
-/// The ground's plane under the sensor, and with it the sensor's height and tilt, from low points of
-/// the cells around it. The low point of a cell is on its lowest layer, not its lowest point, so
+/// The ground's plane under the sensor, and with it the sensor's height and tilt, from low points
+/// of the cells around it. The low point of a cell is on its lowest layer, not its lowest point, so
 /// that scattered reflections below the road do not count.
 ///
 /// Takes the place of Patchwork's all-terrain automatic height estimator, a consensus of heights,

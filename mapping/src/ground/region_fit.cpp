@@ -70,9 +70,8 @@ int set_verticals_aside(std::vector<CellPoint>& points) {
     const auto plane = seed_plane(points, *low_m, kVerticalSeedM);
     if (!plane || plane->uprightness() >= kUpright) break;
     const Distance distance(*plane);
-    std::erase_if(points, [&](const CellPoint& p) {
-      return std::abs(distance(p)) < kVerticalPlaneM;
-    });
+    std::erase_if(points,
+                  [&](const CellPoint& p) { return std::abs(distance(p)) < kVerticalPlaneM; });
   }
   return static_cast<int>(before - points.size());
 }

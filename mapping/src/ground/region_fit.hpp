@@ -22,9 +22,9 @@ struct RegionFit {
 /// is steep, the points on it are set aside (a wall that reaches below the ground's level, as at a
 /// terrace). The rest gives a plane from seeds again, refined by the points within 12.5 cm.
 ///
-/// Departures from the paper: points farther below the plane than they may be above it are no ground
-/// either, so reflections do not tilt it; heights are over the plane under the sensor, so that a
-/// street's slope leaves the lowest points spread over the patch.
+/// Departures from the paper: points farther below the plane than they may be above it are no
+/// ground either, so reflections do not tilt it; heights are over the plane under the sensor, so
+/// that a street's slope leaves the lowest points spread over the patch.
 /// @param points   of one patch, levelled.
 /// @param scratch  working memory, kept between calls to save its allocation.
 /// @return nothing for fewer than 10 points or when fewer than 3 are left on a plane.
