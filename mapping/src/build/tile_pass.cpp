@@ -190,7 +190,7 @@ TileCounts finish_tiles(const DriveSet& drives, const Survey& survey, const Buil
                         Placed& placed, const VoxelGrid& grid, const MapBuildOptions& options,
                         const Cleaner* cleaner, maps::MapPackageWriter& writer,
                         const ProgressCallback& progress, const CancelFlag& cancel) {
-  TileCounts out;
+  TileCounts out{{{"cleaned", 0}, {"filled", 0}}, {}};
   const std::vector<maps::TileId> ids = placed.stack.tiles();
   if (ids.empty())
     throw maps::InputError(drives.drives().front().contents().root.string(),

@@ -313,7 +313,7 @@ TEST_F(MapBuild, JoinsSeveralDrivesOfOneFrame) {
   ASSERT_EQ(map->trajectories().size(), 2U);
   EXPECT_EQ(map->trajectories()[1].size(), test::SmallDrive::kScans);
   EXPECT_EQ(map->manifest().sources.at("drive_2"), "second");
-  EXPECT_EQ(map->fates(7), map->fates(3));
+  EXPECT_EQ(map->fates(7).fates, map->fates(3).fates);
 }
 
 TEST_F(MapBuild, RefusesBoxesOfOneDriveForTwo) {
