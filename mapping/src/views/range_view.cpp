@@ -69,9 +69,9 @@ RangeView::RangeView(std::span<const Eigen::Vector3f> positions,
   }
 }
 
-Sight RangeView::sight(const Eigen::Vector3f& p, float radius_m) const {
+Look RangeView::look(const Eigen::Vector3f& p, float radius_m) const {
   const float range_m = p.norm();
-  if (!(range_m > radius_m)) return Sight::kUnknown;
+  if (!(range_m > radius_m)) return {};
   const float beyond_m = kBeyondM + kBeyondPerM * range_m;
   const auto after = static_cast<int>((range_m + beyond_m) / kQuantumM);
   const auto before = static_cast<int>((range_m - beyond_m) / kQuantumM);
@@ -85,21 +85,25 @@ Sight RangeView::sight(const Eigen::Vector3f& p, float radius_m) const {
       const Bin& b = bin(row, column);
       if (b.farthest == 0) continue;
       any = true;
-      if (b.nearest >= before && b.nearest <= after) return Sight::kHit;
+      if (b.nearest >= before && b.nearest <= after) return {Sight::kHit};
+      if (b.nearest == kNone && b.farthest >= before && b.farthest <= after) return {Sight::kHit};
       if (b.farthest > after) passed = true;
     }
   }
-  if (!any) return Sight::kUnknown;
-  if (!passed) return Sight::kHidden;
+  if (!any) return {};
+  if (!passed) return {Sight::kHidden};
   const Window outer =
       window_around(azimuth, elevation, (radius_m + kGuardM) / range_m + kGuardRad);
+  int rays = 0;
   const int outer_end = std::min(outer.row_end, end_row());
   for (int row = std::max(outer.row_begin, first_row_); row < outer_end; ++row) {
     for (int column = outer.column_begin; column < outer.column_end; ++column) {
-      if (bin(row, column).nearest <= after) return Sight::kMixed;
+      const Bin& b = bin(row, column);
+      if (b.nearest <= after) return {Sight::kMixed};
+      if (b.farthest != 0) ++rays;
     }
   }
-  return Sight::kFree;
+  return {Sight::kFree, rays};
 }
 
 }  // namespace stillmap::mapping
