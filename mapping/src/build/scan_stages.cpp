@@ -134,7 +134,8 @@ SurveyedScan ScanStages::survey(std::size_t number) const {
   }
   {
     const StageTimer timer(out.stage_seconds, "fuse ground");
-    out.ground_cells = reduce_ground(scan.cloud.positions, ground.is_ground, out.boxes, T_local_lidar(number));
+    out.ground_cells =
+        reduce_ground(scan.cloud.positions, ground.is_ground, out.boxes, T_local_lidar(number));
   }
   const StageTimer timer(out.stage_seconds, "view");
   out.view.emplace(scan.cloud.positions, ground.is_ground);
