@@ -119,7 +119,6 @@ void smooth(MeasuredSheets& ground, std::uint32_t sheet, int x, int y) {
   node.slope_y = plane.z();
 }
 
-
 }  // namespace
 
 std::uint8_t ground_confidence_255(float weight) {
