@@ -1,6 +1,7 @@
 #include "reference/cleaners.hpp"
 
 #include "reference/dufomap.hpp"
+#include "reference/octomap_cleaner.hpp"
 
 #include <array>
 
@@ -28,6 +29,7 @@ struct Reference {
 
 constexpr std::array kReferences{
     Reference{"none", make<NoCleaner>},
+    Reference{"octomap", make<OctomapCleaner>},
     Reference{"dufomap", make<DufomapCleaner>},
 };
 
