@@ -91,6 +91,11 @@ class ScanCursor {
   int place_ = 0;
 };
 
+/// The middle of a voxel.
+[[nodiscard]] inline Eigen::Vector3d middle_of(const Eigen::Vector3i& voxel) {
+  return voxel.cast<double>() + Eigen::Vector3d::Constant(0.5);
+}
+
 /// A scan in voxel edges.
 struct ScanRays {
   Eigen::Vector3d sensor = Eigen::Vector3d::Zero();
@@ -113,6 +118,12 @@ void take_rays(const PosedScan& scan, double voxel_m, ScanSpace& space, const Ke
 /// @throws std::invalid_argument when a position is not finite or beyond 2^26 voxels, less the
 /// range of a ray, from zero.
 [[nodiscard]] Eigen::Vector3d in_voxels(const Eigen::Vector3d& p, double voxel_m, const char* what);
+
+/// Marks the voxels on the last `hit_voxels` (voxel edges, >= 0) of each ray as hit.
+void mark_hits(const ScanRays& rays, double hit_voxels, ScanSpace& space);
+
+/// Marks the voxels from the sensor to each ray's end as free, the end not included.
+void mark_passed(const ScanRays& rays, ScanSpace& space);
 
 template <typename Keep>
 void take_rays(const PosedScan& scan, double voxel_m, ScanSpace& space, const Keep& keep,
