@@ -72,9 +72,11 @@ class ScanStages {
   void learn(const CancelFlag& cancel);
 
   [[nodiscard]] SurveyedScan survey(std::size_t scan) const;
+  /// @param kept    regions in which every point stays; lidar frame.
   /// @param ground  the fused surface; none = that of the scan alone.
   [[nodiscard]] PlacedScan place(std::size_t scan, const std::vector<bool>& is_ground,
                                  const std::vector<ScanObject>& objects,
+                                 const std::vector<maps::Box>& kept,
                                  const FusedGround* ground) const;
 
   /// Boxes that were given but belong to no scan or are no object, by reason.

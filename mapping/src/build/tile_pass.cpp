@@ -99,7 +99,7 @@ struct FinishedTile {
 class TileStages {
  public:
   TileStages(const DriveSet& drives, const Survey& survey, const BuildObjects& objects,
-             const VoxelGrid& grid, const MapBuildOptions& options)
+             const VoxelGrid& grid, const MapBuildOptions& options, const Edits& edits)
       : grid_(grid), options_(options), ground_(survey.ground) {
     for (std::size_t scan = 0; scan < drives.size(); ++scan) {
       Eigen::Isometry3d T = drives.T_map_lidar(scan);
@@ -108,6 +108,11 @@ class TileStages {
     }
     views_.read = [&survey](std::size_t scan) { return survey.views.read(scan); };
     if (options.clean == "free-space") keyframes_ = select_keyframes(views_.T_local_lidar);
+    for (const Edit& edit : edits) {
+      if (edit.action != EditAction::kKeep || !edit.box) continue;
+      kept_.push_back(*edit.box);
+      kept_.back().centre -= grid.origin();
+    }
     if (!options.fusion || !options.fill || options.projection.policy != MovablePolicy::kProject)
       return;
     footprints_ = footprints_of(objects.objects, grid.origin());
@@ -122,13 +127,13 @@ class TileStages {
     FinishedTile out;
     OpenTile& open = window.tile(id);
     if (moved != nullptr) {
-      out.counts["cleaned"] = drop(open.sums, open.numbers, moved->data());
+      clean(open, *moved, out);
     } else if (options_.clean == "free-space") {
       const StageTimer timer(out.stage_seconds, "clean");
-      const std::vector<std::uint8_t> free =
-          moved_by_free_space(window.with_rim(id, free_space_rim_m(grid_.voxel_size_m())),
-                              area_of(id), views_, keyframes_);
-      out.counts["cleaned"] = drop(open.sums, open.numbers, free.data());
+      clean(open,
+            moved_by_free_space(window.with_rim(id, free_space_rim_m(grid_.voxel_size_m())),
+                                area_of(id), views_, keyframes_),
+            out);
     }
     {
       const StageTimer timer(out.stage_seconds, "finish");
@@ -142,6 +147,17 @@ class TileStages {
   }
 
  private:
+  /// @param moved  a flag for each of the tile's points, more are passed over.
+  void clean(OpenTile& open, std::vector<std::uint8_t> moved, FinishedTile& out) const {
+    for (std::size_t i = 0; !kept_.empty() && i < open.numbers.size(); ++i) {
+      const Eigen::Vector3d p = open.points.positions[i].cast<double>();
+      if (std::any_of(kept_.begin(), kept_.end(),
+                      [&](const maps::Box& box) { return box.contains(p); }))
+        moved[i] = 0;
+    }
+    out.counts["cleaned"] = drop(open.sums, open.numbers, moved.data());
+  }
+
   void fill(FinishedTile& out) const {
     const StageTimer timer(out.stage_seconds, "fill");
     const std::vector<Eigen::Vector3f> filled =
@@ -161,6 +177,8 @@ class TileStages {
   const VoxelGrid& grid_;
   const MapBuildOptions& options_;
   const FusedGround& ground_;
+  /// Regions in which nothing is cleaned; local frame.
+  std::vector<maps::Box> kept_;
   PosedViews views_;
   std::vector<Keyframe> keyframes_;
   std::vector<GroundFootprint> footprints_;
@@ -184,7 +202,7 @@ TopView empty_picture(const std::vector<maps::TileId>& tiles) {
 
 TileCounts finish_tiles(const DriveSet& drives, const Survey& survey, const BuildObjects& objects,
                         Placed& placed, const VoxelGrid& grid, const MapBuildOptions& options,
-                        const Cleaner* cleaner, maps::MapPackageWriter& writer,
+                        const Edits& edits, const Cleaner* cleaner, maps::MapPackageWriter& writer,
                         const ProgressCallback& progress, const CancelFlag& cancel) {
   TileCounts out{{{"cleaned", 0}, {"filled", 0}}, {}};
   const std::vector<maps::TileId> ids = placed.stack.tiles();
@@ -198,7 +216,7 @@ TileCounts finish_tiles(const DriveSet& drives, const Survey& survey, const Buil
     const DriveScans scans(drives, survey, placed, grid.origin());
     whole = moved_in_whole(grid, *cleaner, scans, placed.stack, progress, cancel);
   }
-  const TileStages stages(drives, survey, objects, grid, options);
+  const TileStages stages(drives, survey, objects, grid, options, edits);
   TileWindow window(placed.stack, grid);
   TopView preview = empty_picture(ids);
   std::size_t done = 0;
