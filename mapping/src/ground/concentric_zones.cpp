@@ -1,6 +1,7 @@
 #include "ground/concentric_zones.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 
 namespace stillmap::mapping {

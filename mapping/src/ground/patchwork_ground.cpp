@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -25,6 +26,10 @@ constexpr double kGivenToleranceM = 0.3;
 constexpr double kFoundToleranceM = 0.5;
 /// Fewer scans than this say nothing for those that follow.
 constexpr std::size_t kFewestHeights = 3;
+
+/// In the innermost zone, points this share of the sensor's height below the plane seed nothing;
+/// from the authors' program.
+constexpr double kSeedDepth = 0.2;
 
 /// One scan in levelled coordinates, and the planes of its patches.
 struct FittedScan {
@@ -45,9 +50,13 @@ struct FittedScan {
   FittedScan scan{std::move(points), *plane, {}, {}};
   std::vector<CellPoint> scratch;
   for (int patch = 0; patch < ConcentricZones::kPatchCount; ++patch) {
-    const auto region = fit_region(scan.points.of_patch(patch), scratch);
+    const int ring = ConcentricZones::ring_of(patch);
+    const double deepest_seed_m = ring < ConcentricZones::kRings.front()
+                                      ? kSeedDepth * -plane->height
+                                      : std::numeric_limits<double>::infinity();
+    const auto region = fit_region(scan.points.of_patch(patch), deepest_seed_m, scratch);
     if (!region) continue;
-    scan.fits.push_back({region->plane, ConcentricZones::ring_of(patch)});
+    scan.fits.push_back({region->plane, ring});
     scan.patch_of_fit.push_back(patch);
   }
   return scan;
