@@ -9,7 +9,7 @@ namespace stillmap::mapping {
 namespace {
 
 /// Over the ground [m]: kerbs and grass below, crowns, signs and bridges above.
-constexpr float kLowestM = 0.2F;
+constexpr float kLowestM = 0.1F;
 constexpr float kHighestM = 4.5F;
 
 /// What lies together within this belongs together [m], at least two voxels.
