@@ -42,20 +42,35 @@ std::vector<std::size_t> meant(const std::vector<FusedObject>& objects, const Ed
   return standing.empty() ? moving : standing;
 }
 
-bool keep_object(FusedObjects& fused, const Edit& edit, const std::vector<EditScan>& scans) {
+/// Takes the placements for which `goes` holds out of an object.
+template <typename Goes>
+void take_out(FusedObject& object, const Goes& goes, std::vector<FusedObject>& kept) {
+  FusedObject taken = object;
+  std::erase_if(taken.placements, [&](const ObjectPlacement& p) { return !goes(p); });
+  if (taken.placements.empty()) return;
+  std::erase_if(object.placements, goes);
+  kept.push_back(std::move(taken));
+}
+
+bool keep_object(FusedObjects& fused, const Edit& edit, const std::vector<EditScan>& scans,
+                 std::vector<FusedObject>& kept) {
   const std::vector<std::size_t> indices = meant(fused.objects, edit, scans);
-  for (const std::size_t i : indices)
-    std::erase_if(fused.objects[i].placements, [&](const ObjectPlacement& placement) {
-      return in_scope(placement, edit, scans);
-    });
+  for (const std::size_t i : indices) {
+    take_out(
+        fused.objects[i], [&](const ObjectPlacement& p) { return in_scope(p, edit, scans); }, kept);
+  }
   return !indices.empty();
 }
 
-bool keep_region(FusedObjects& fused, const Edit& edit, const std::vector<EditScan>& scans) {
+bool keep_region(FusedObjects& fused, const Edit& edit, const std::vector<EditScan>& scans,
+                 std::vector<FusedObject>& kept) {
   for (FusedObject& object : fused.objects) {
-    std::erase_if(object.placements, [&](const ObjectPlacement& placement) {
-      return edit.box->contains(placement.box.centre) && in_scope(placement, edit, scans);
-    });
+    take_out(
+        object,
+        [&](const ObjectPlacement& p) {
+          return edit.box->contains(p.box.centre) && in_scope(p, edit, scans);
+        },
+        kept);
   }
   // It holds for points too, so it meets something wherever a scan was near.
   const double reach_m = kReachM + 0.5 * edit.box->size_m.norm();
@@ -94,9 +109,10 @@ bool remove_region(FusedObjects& fused, const Edit& edit, const std::vector<Edit
   return true;
 }
 
-bool apply(FusedObjects& fused, const Edit& edit, const std::vector<EditScan>& scans) {
+bool apply(FusedObjects& fused, const Edit& edit, const std::vector<EditScan>& scans,
+           std::vector<FusedObject>& kept) {
   if (edit.action == EditAction::kKeep)
-    return edit.box ? keep_region(fused, edit, scans) : keep_object(fused, edit, scans);
+    return edit.box ? keep_region(fused, edit, scans, kept) : keep_object(fused, edit, scans, kept);
   return edit.box ? remove_region(fused, edit, scans) : remove_object(fused, edit, scans);
 }
 
@@ -118,7 +134,7 @@ EditReport apply_edits(FusedObjects& fused, const Edits& edits,
   check(fused.doubtful, scans.size());
   EditReport report;
   for (std::size_t i = 0; i < edits.size(); ++i) {
-    if (apply(fused, edits[i], scans)) {
+    if (apply(fused, edits[i], scans, report.kept)) {
       ++report.applied;
     } else {
       report.unmatched.push_back(fmt::format("edits[{}]: {}", i, edits[i].description()));

@@ -24,6 +24,8 @@ struct EditScan {
 
 struct EditReport {
   std::size_t applied = 0;
+  /// Objects that stay, with the placements they had: no later stage may take their points.
+  std::vector<FusedObject> kept;
   /// Descriptions of edits that met nothing: no such object, or no scan that saw the region. To be
   /// shown as warnings.
   std::vector<std::string> unmatched;

@@ -15,6 +15,9 @@ namespace {
 constexpr double kReachM = 80.0;
 /// Misses beyond this range are not counted: detectors see as far as they like [m].
 constexpr double kMissReachM = 30.0;
+/// Other drives are asked from as near as this, and so many of their scans [m].
+constexpr double kOtherDayReachM = 25.0;
+constexpr std::size_t kOtherDayScans = 12;
 /// Scans in a row that must see a place free before it is so: single ones see through gaps.
 constexpr int kFreeInARow = 2;
 
@@ -270,6 +273,25 @@ std::map<std::size_t, double> opinions_of(const Track& track, const maps::Box& b
   return opinions;
 }
 
+/// Whether another drive saw the place free and never taken: an evenly spread dozen of its near
+/// scans are asked.
+bool free_on_another_day(const Track& track, const maps::Box& box, const SightLines& sight) {
+  for (std::size_t drive = 0; drive < sight.drives(); ++drive) {
+    if (drive == track.drive) continue;
+    const std::vector<std::size_t> near =
+        sight.scans_near(drive, box.centre.head<2>(), kOtherDayReachM);
+    const std::size_t asked = std::min(near.size(), kOtherDayScans);
+    int free = 0, occupied = 0;
+    for (std::size_t i = 0; i < asked; ++i) {
+      const Sight seen = sight.look(near[i * near.size() / asked], box).sight;
+      free += seen == Sight::kFree ? 1 : 0;
+      occupied += seen == Sight::kOccupied ? 1 : 0;
+    }
+    if (free >= kFreeInARow && occupied == 0) return true;
+  }
+  return false;
+}
+
 Evidence evidence_of(const Track& track, const std::vector<View>& views, const maps::Box& box,
                      const SightLines& sight) {
   Evidence evidence;
@@ -292,6 +314,7 @@ Evidence evidence_of(const Track& track, const std::vector<View>& views, const m
     }
     evidence.free_elsewhen = evidence.free_elsewhen || (view.gone && !between);
   }
+  evidence.free_elsewhen = evidence.free_elsewhen || free_on_another_day(track, box, sight);
   return evidence;
 }
 
