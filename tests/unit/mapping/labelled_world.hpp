@@ -147,7 +147,7 @@ class HandMadeMap {
   }
   [[nodiscard]] std::string times() const {
     std::string text;
-    for (std::size_t i = 0; i < scans; ++i) text += fmt::format("{:.1f}\n", 0.1 * i);
+    for (std::size_t i = 0; i < scans; ++i) text += fmt::format("{:.1f}\n", 0.1 * static_cast<double>(i));
     return text;
   }
   /// Camera and lidar are one, so that poses are the lidar's own.
