@@ -23,7 +23,7 @@ LabelEvaluation evaluation() {
     scores.AA = std::numeric_limits<double>::quiet_NaN();
   }
   figures.parked_removed = {1234567, 2000000};
-  figures.ground_filled = {95, 100};
+  figures.ground_under.filled = {95, 100};
   figures.losses = {{50, "building", {5, 1000}, {}, 0.005}};
   result.unthinned = figures;
   result.thinned = figures;
@@ -35,7 +35,7 @@ LabelEvaluation evaluation() {
 
 TEST(LabelReport, ShowsRatesWithTheirCounts) {
   const std::string page = to_html(evaluation(), {.map = "M", .drive = "D"});
-  EXPECT_THAT(page, HasSubstr("99.00 % <small>990 of 1\u2009000</small>"));
+  EXPECT_THAT(page, HasSubstr("99.00 %<br><small>990 of 1\u2009000</small>"));
   EXPECT_THAT(page, HasSubstr("61.73 %"));
   EXPECT_THAT(page, HasSubstr("<td>building</td>"));
   EXPECT_THAT(page, HasSubstr("90.00 %"));
