@@ -378,8 +378,8 @@ MapFigures LabelJudge::figures_of(const ClassTally& tally, const ClassTally& unc
                     scores_of(tally, uncleaned, erasor[1], TruthClasses::kMovable)};
   figures.parked_removed = tally.parked;
   if (cells) {
-    figures.ground_projected = cells->projected();
-    figures.ground_filled = cells->filled();
+    figures.ground_under = cells->all();
+    figures.ground_bands = cells->bands();
   }
   for (std::size_t i = 0; i < semantic_classes().size(); ++i) {
     const SemanticClass& semantic = semantic_classes()[i];

@@ -155,8 +155,16 @@ void print_ground(const LabelEvaluation& result) {
                 : fmt::format("{}, thinned {}", percent_of(figures.parked_removed),
                               percent(result.thinned.parked_removed.rate())));
   if (result.heights) {
-    table.add("ground under objects, projected", percent_of(figures.ground_projected) + " cells");
-    table.add("  and filled", percent_of(figures.ground_filled) + " cells");
+    const mapping::GroundUnder& under = figures.ground_under;
+    table.add("ground under objects, projected", percent_of(under.projected) + " cells");
+    table.add("  and filled", fmt::format("{} cells, {} at a wrong height",
+                                          percent_of(under.filled), grouped(under.wrong)));
+    for (const mapping::GroundUnderBand& band : figures.ground_bands) {
+      table.add(std::isfinite(band.to_m) ? fmt::format("  up to {:g} m from the path", band.to_m)
+                                         : std::string("  beyond"),
+                fmt::format("{}, projected {}", percent_of(band.ground.filled),
+                            percent(band.ground.projected.rate())));
+    }
     table.add("height error of it, median", text_of(result.heights->all));
     table.add("  projected", text_of(result.heights->projected));
     table.add("  filled", text_of(result.heights->filled));

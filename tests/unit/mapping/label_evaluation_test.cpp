@@ -90,7 +90,7 @@ TEST(LabelEvaluation, AMapThatKeepsAllHasSaOneAndDaZeroAndLosesNothing) {
               kRoadPoints + kWallPoints + kCarPoints);
     EXPECT_EQ(figures->of(TruthClasses::kMoving).dynamic_removed.of, kCarPoints);
     EXPECT_EQ(figures->parked_removed.rate(), 0.0);
-    EXPECT_TRUE(std::isnan(figures->ground_filled.rate()));
+    EXPECT_TRUE(std::isnan(figures->ground_under.filled.rate()));
   }
   EXPECT_EQ(result.ground->precision(), 1.0);
   EXPECT_EQ(result.ground->recall(), 1.0);
@@ -116,8 +116,8 @@ TEST(LabelEvaluation, AMapWithoutTheMovableHasAllOnes) {
     EXPECT_EQ(moving.DA, 1.0);
     EXPECT_EQ(moving.static_kept.of - moving.static_kept.count, kCarPoints);
     EXPECT_EQ(moving.static_lost.count, kCarPoints);
-    EXPECT_EQ(figures->ground_filled.of, 8U * 4U);
-    EXPECT_EQ(figures->ground_filled.count, 0U);
+    EXPECT_EQ(figures->ground_under.filled.of, 8U * 4U);
+    EXPECT_EQ(figures->ground_under.filled.count, 0U);
   }
   EXPECT_EQ(result.parked_objects, 1U);
 }
@@ -222,8 +222,8 @@ TEST(LabelEvaluation, GroundFilledAtItsHeightIsCompleteAndExact) {
   const LabelEvaluation result =
       judge(hand, *hand.build(delete_movable, fill(0.0, world), {parked_car()}));
   for (const MapFigures* figures : {&*result.unthinned, &result.thinned}) {
-    EXPECT_EQ(figures->ground_filled.rate(), 1.0);
-    EXPECT_EQ(figures->ground_projected.rate(), 0.0);
+    EXPECT_EQ(figures->ground_under.filled.rate(), 1.0);
+    EXPECT_EQ(figures->ground_under.projected.rate(), 0.0);
   }
   EXPECT_EQ(result.heights->filled.points, 200U);
   EXPECT_LT(result.heights->filled.p95_m, 1e-5);
@@ -235,7 +235,7 @@ TEST(LabelEvaluation, GroundFilledSevenCentimetresTooHighIsNoGroundAndSaysSo) {
   const HandMadeMap hand(world);
   const LabelEvaluation result =
       judge(hand, *hand.build(delete_movable, fill(0.07, world), {parked_car()}));
-  EXPECT_EQ(result.unthinned->ground_filled.rate(), 0.0);
+  EXPECT_EQ(result.unthinned->ground_under.filled.rate(), 0.0);
   EXPECT_NEAR(result.heights->all.median_m, 0.07, 1e-5);
   EXPECT_NEAR(result.heights->filled.p95_m, 0.07, 1e-5);
 }
@@ -255,8 +255,8 @@ TEST(LabelEvaluation, ProjectedGroundCountsWithAndWithoutTheFilledOne) {
       filled, {parked_car()});
   const LabelEvaluation result = judge(hand, *map);
   for (const MapFigures* figures : {&*result.unthinned, &result.thinned}) {
-    EXPECT_EQ(figures->ground_projected.rate(), 0.5);
-    EXPECT_EQ(figures->ground_filled.rate(), 1.0);
+    EXPECT_EQ(figures->ground_under.projected.rate(), 0.5);
+    EXPECT_EQ(figures->ground_under.filled.rate(), 1.0);
   }
   EXPECT_NEAR(result.heights->filled.median_m, 0.04, 1e-5);
   EXPECT_NEAR(result.heights->projected.p95_m, 0.0, 1e-5);
@@ -285,7 +285,7 @@ TEST(LabelEvaluation, FootprintsOfMovingObjectsDoNotCount) {
   moving.motion = maps::ObjectMotion::kMoving;
   const LabelEvaluation result = judge(hand, *hand.build(delete_movable, {}, {moving}));
   EXPECT_EQ(result.moving_objects, 1U);
-  EXPECT_EQ(result.unthinned->ground_filled.of, 0U);
+  EXPECT_EQ(result.unthinned->ground_under.filled.of, 0U);
 }
 
 TEST(LabelEvaluation, GroundCountsByThePatchworkProtocol) {
@@ -342,10 +342,13 @@ TEST(LabelEvaluation, FollowsAMapThatIsTurnedAndShifted) {
   car.placements[0].centre_map = hand.T_map_truth * car.placements[0].centre_map;
   car.placements[0].yaw_rad = 0.5 * std::numbers::pi;
   const LabelEvaluation result = judge(hand, *hand.build(delete_movable, fill(0.02, world), {car}));
-  EXPECT_EQ(result.unthinned->parked_removed.of, kCarPoints);
+  std::size_t high = 0;
+  for (const WorldPoint& point : world.points)
+    high += point.label == kCar && point.p.z() - 0.05 * point.p.x() > 0.3 ? 1 : 0;
+  EXPECT_EQ(result.unthinned->parked_removed.of, high);
   EXPECT_EQ(result.unthinned->parked_removed.rate(), 1.0);
   EXPECT_EQ(result.unthinned->of(TruthClasses::kMovable).static_loss, 0.0);
-  EXPECT_EQ(result.unthinned->ground_filled.rate(), 1.0);
+  EXPECT_EQ(result.unthinned->ground_under.filled.rate(), 1.0);
   EXPECT_NEAR(result.heights->filled.median_m, 0.02, 1e-4);
 }
 
@@ -385,6 +388,21 @@ TEST(LabelEvaluation, ADriveThatIsNotInTheMapJudgesThePackageAlone) {
   EXPECT_TRUE(json["ground"]["f1"].is_null());
 }
 
+TEST(LabelEvaluation, FindsTheDriveAmongSeveralAndCountsWhatTheOthersGave) {
+  // Another day, with the same stamps, has a point 1 cm beside one of the moving car's.
+  HandMadeMap hand(street());
+  hand.scans = 3;
+  hand.other_drive = {{4.06, -1.95, 0.35}};
+  const LabelEvaluation result = judge(hand, *hand.build(delete_movable));
+  EXPECT_TRUE(result.drive_in_map);
+  EXPECT_EQ(result.drives, 2U);
+  for (const MapFigures* figures : {&*result.unthinned, &result.thinned}) {
+    const MapScores& movable = figures->of(TruthClasses::kMovable);
+    EXPECT_EQ(movable.SA, 1.0);
+    EXPECT_EQ(movable.dynamic_removed.of - movable.dynamic_removed.count, 3U);
+  }
+}
+
 TEST(LabelEvaluation, WritesTheChosenClassesAtTheTop) {
   const HandMadeMap hand(street());
   const LabelEvaluation result = judge(hand, *hand.build(delete_movable, {}, {parked_car()}));
@@ -409,11 +427,13 @@ TEST(LabelEvaluation, RefusesWhatCannotBeJudged) {
   EXPECT_THAT([&] { (void)judge(hand, *map); },
               test::ThrowsSaying<maps::InputError>({"000000.label", "class 3"}));
   const std::filesystem::path drive = hand.write_drive();
+  CancelFlag never{false};
+  std::ofstream(drive / "labels" / "000000.label") << "1234";
+  EXPECT_THAT([&] { (void)evaluate_with_labels(*map, maps::Drive::open(drive), false, {}, never); },
+              test::ThrowsSaying<maps::InputError>({"000000.label", "4 bytes"}));
   std::filesystem::remove_all(drive / "labels");
-  CancelFlag cancel{false};
-  EXPECT_THAT(
-      [&] { (void)evaluate_with_labels(*map, maps::Drive::open(drive), false, {}, cancel); },
-      test::ThrowsSaying<maps::InputError>({"drive", "without labels"}));
+  EXPECT_THAT([&] { (void)evaluate_with_labels(*map, maps::Drive::open(drive), false, {}, never); },
+              test::ThrowsSaying<maps::InputError>({"drive", "without labels"}));
 }
 
 TEST(LabelEvaluation, EndsWhenCancelled) {

@@ -7,6 +7,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <cstring>
+#include <fstream>
 #include <functional>
 #include <map>
 #include <optional>
@@ -74,6 +75,8 @@ class HandMadeMap {
   Eigen::Vector3d sensor{0.0, 0.0, 2.0};
   std::size_t scans = 1;
   bool with_surface = true;
+  /// Measured points that another drive gave, which comes first in the map; none = no other drive.
+  std::vector<Eigen::Vector3d> other_drive;
   /// Poses of the map are off by this from the drive's.
   Eigen::Isometry3d T_map_truth = Eigen::Isometry3d::Identity();
 
@@ -118,16 +121,32 @@ class HandMadeMap {
       place(*handled.placed, kind);
     }
     for (const Eigen::Vector3d& p : filled) place(p, maps::PointKind::kFilled);
+    for (const Eigen::Vector3d& p : other_drive) place(p, maps::PointKind::kMeasured);
     for (const auto& [id, points] : tiles_) writer.add_tile(id, points);
     tiles_.clear();
+    std::string sources;
     std::vector<maps::StampedPose> poses;
     Eigen::Isometry3d T_truth_lidar = Eigen::Isometry3d::Identity();
     T_truth_lidar.translation() = sensor;
+    for (std::size_t i = 0; i < scans; ++i)
+      poses.push_back({static_cast<std::int64_t>(i) * 100'000'000, T_map_truth * T_truth_lidar});
+    std::size_t drives = 0;
+    if (!other_drive.empty()) {
+      // A day with the same stamps and names, and other scans.
+      writer.write_trajectory(maps::Trajectory(poses), drives++);
+      for (std::size_t i = 0; i < scans; ++i) {
+        writer.add_fates({});
+        sources += fmt::format("{:064}  {:06}.bin\n", 7, i);
+      }
+    }
+    writer.write_trajectory(maps::Trajectory(poses), drives);
+    const std::filesystem::path velodyne = write_drive() / "velodyne";
     for (std::size_t i = 0; i < scans; ++i) {
       writer.add_fates(fates);
-      poses.push_back({static_cast<std::int64_t>(i) * 100'000'000, T_map_truth * T_truth_lidar});
+      const std::string name = fmt::format("{:06}.bin", i);
+      sources += maps::sha256_of_file(velodyne / name) + "  " + name + "\n";
     }
-    writer.write_trajectory(maps::Trajectory(poses));
+    std::ofstream(writer.folder() / "sources.sha256") << sources;
     writer.write_objects(objects);
     maps::MapManifest manifest;
     manifest.frame_id = "local";

@@ -55,6 +55,21 @@ struct ClassLoss {
   double loss = 0.0;
 };
 
+/// Cells of 0.25 m of the footprints of parked objects that were removed.
+struct GroundUnder {
+  /// Those with ground within 0.05 m of the true height: measured or projected, and filled too.
+  Share projected, filled;
+  /// Those with ground, but farther from the true height.
+  std::size_t wrong = 0;
+};
+
+/// The same for footprints by their distance from the path.
+struct GroundUnderBand {
+  /// Up to this far, and beyond the band before [m].
+  double to_m = 0.0;
+  GroundUnder ground;
+};
+
 /// All that is said of one kind of map.
 struct MapFigures {
   /// Of `kMoving` and of `kMovable`.
@@ -65,9 +80,9 @@ struct MapFigures {
   /// Truth points of parked objects more than 0.3 m over true ground, and those of them without a
   /// map point of any kind within 0.1 m.
   Share parked_removed;
-  /// Cells of 0.25 m of the footprints of parked objects that were removed, and those of them with
-  /// ground within 0.05 m of the true height: measured or projected, and filled too.
-  Share ground_projected, ground_filled;
+  /// Nothing but zeros without a true surface.
+  GroundUnder ground_under;
+  std::vector<GroundUnderBand> ground_bands;
   /// Static classes, as `kMovable` has them, that occur.
   std::vector<ClassLoss> losses;
 };

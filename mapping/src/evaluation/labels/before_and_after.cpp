@@ -20,18 +20,28 @@ TopView empty_view(const maps::MapPackage& map) {
   return {min - Eigen::Vector2d::Ones(), max + Eigen::Vector2d::Ones(), kPictureSide};
 }
 
+/// Lines are drawn this often beside each other, so that they can be seen in a picture made
+/// smaller.
+constexpr int kLines = 3;
+constexpr double kBetweenLinesM = 0.12;
+
 /// A box where the object was first, and the way that it went.
 void draw(TopView& view, const maps::MapObject& object, const Eigen::Vector3d& origin) {
   if (object.points_removed == 0 || object.placements.empty()) return;
   const bool moving = object.motion == maps::ObjectMotion::kMoving;
   const Colour colour = moving ? kMovingColour : kParkedColour;
   const maps::MapObject::Placement& first = object.placements.front();
-  const maps::Box box{
-      .centre = first.centre_map - origin, .size_m = object.size_m, .yaw_rad = first.yaw_rad};
-  view.add_box(box, Eigen::Isometry3d::Identity(), colour);
-  for (std::size_t i = 1; moving && i < object.placements.size(); ++i) {
-    view.add_line((object.placements[i - 1].centre_map - origin).head<2>(),
-                  (object.placements[i].centre_map - origin).head<2>(), colour);
+  for (int line = 0; line < kLines; ++line) {
+    const double beside = kBetweenLinesM * line;
+    const maps::Box box{.centre = first.centre_map - origin,
+                        .size_m = object.size_m + Eigen::Vector3d::Constant(2.0 * beside),
+                        .yaw_rad = first.yaw_rad};
+    view.add_box(box, Eigen::Isometry3d::Identity(), colour);
+    for (std::size_t i = 1; moving && i < object.placements.size(); ++i) {
+      const Eigen::Vector2d from = (object.placements[i - 1].centre_map - origin).head<2>();
+      const Eigen::Vector2d to = (object.placements[i].centre_map - origin).head<2>();
+      view.add_line(from.array() + beside, to.array() + beside, colour);
+    }
   }
 }
 

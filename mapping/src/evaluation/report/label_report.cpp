@@ -40,7 +40,7 @@ std::string grouped(std::size_t number) {
 
 std::string counted(const Share& share, int digits = 2) {
   if (share.of == 0) return "–";
-  return fmt::format("{} <small>{} of {}</small>", percent(share.rate(), digits),
+  return fmt::format("{}<br><small>{} of {}</small>", percent(share.rate(), digits),
                      grouped(share.count), grouped(share.of));
 }
 
@@ -121,7 +121,7 @@ class Report {
         tile(percent(figures.parked_removed.rate()), "of parked objects removed") +
         tile(percent(scores.static_loss, 3), "of what stays lost") +
         tile(percent(scores.DA), "DA, projected points not matched") +
-        tile(percent(figures.ground_filled.rate(), 1), "ground complete under objects") +
+        tile(percent(figures.ground_under.filled.rate(), 1), "ground complete under objects") +
         tile(evaluation_.ground ? percent(evaluation_.ground->f1()) : "–", "F1 of ground points") +
         "</div>\n";
   }
@@ -204,6 +204,11 @@ class Report {
         {name, grouped(errors.points), centimetres(errors.median_m), centimetres(errors.p95_m)});
   }
 
+  static std::string ground_row(const std::string& name, const GroundUnder& ground) {
+    return row({name, grouped(ground.filled.of), percent(ground.projected.rate(), 1),
+                percent(ground.filled.rate(), 1), grouped(ground.wrong)});
+  }
+
   [[nodiscard]] std::string heights_figure(const GroundHeights& heights) const {
     SvgPlot plot({.label = "height error [cm]", .max = 20.0},
                  {.label = "share of points [%]", .max = 100.0});
@@ -227,9 +232,19 @@ class Report {
     }
     const GroundHeights& heights = *evaluation_.heights;
     const MapFigures& figures = evaluation_.figures();
-    html_ += "<div class=\"pair\"><div><table>" + row({"cells of 0.25 m", "complete"}, "th") +
-             row({"measured and projected", counted(figures.ground_projected)}) +
-             row({"with filled points", counted(figures.ground_filled)}) + "</table>\n<table>" +
+    html_ += "<div class=\"pair\"><div><table>" +
+             row({"footprints from the path", "cells of 0.25 m", "measured and projected",
+                  "with filled points", "at a wrong height"},
+                 "th");
+    double from_m = 0.0;
+    for (const GroundUnderBand& band : figures.ground_bands) {
+      html_ +=
+          ground_row(std::isfinite(band.to_m) ? fmt::format("{:g} to {:g} m", from_m, band.to_m)
+                                              : fmt::format("beyond {:g} m", from_m),
+                     band.ground);
+      from_m = band.to_m;
+    }
+    html_ += ground_row("<b>all</b>", figures.ground_under) + "</table>\n<table>" +
              row({"height error", "points", "median", "95 %"}, "th") +
              heights_row("projected and filled", heights.all) +
              heights_row("projected", heights.projected) + heights_row("filled", heights.filled) +
