@@ -118,6 +118,7 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
   std::vector<maps::MapObject> map_objects;
   {
     const auto survey = survey_scans(drives, stages, scratch, options.threads, progress, cancel);
+    survey->origin = grid.origin();
     report.stage_seconds = survey->stage_seconds;
     BuildObjects objects;
     {

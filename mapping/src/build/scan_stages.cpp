@@ -158,6 +158,12 @@ SurveyedScan ScanStages::survey(std::size_t number) const {
     out.ground_cells =
         reduce_ground(scan.cloud.positions, ground.is_ground, out.boxes, T_local_lidar(number));
   }
+  {
+    const StageTimer timer(out.stage_seconds, "obstacles");
+    if (ground.surface)
+      out.obstacles = reduce_obstacles(scan.cloud.positions, ground.is_ground, *ground.surface,
+                                       T_local_lidar(number));
+  }
   const StageTimer timer(out.stage_seconds, "view");
   out.view.emplace(scan.cloud.positions, ground.is_ground);
   return out;

@@ -2,6 +2,7 @@
 
 #include "build/drive_set.hpp"
 #include "build/stage_timer.hpp"
+#include "fusion/obstacle_map.hpp"
 #include "ground/fused_ground.hpp"
 #include "stacking/tile_stack.hpp"
 #include "stacking/voxel_grid.hpp"
@@ -35,6 +36,7 @@ struct SurveyedScan {
   std::vector<bool> is_ground;
   std::vector<maps::Box> boxes;
   GroundCells ground_cells;
+  ScanObstacles obstacles;
   std::optional<RangeView> view;
   Counts counts;
   StageSeconds stage_seconds;

@@ -21,11 +21,13 @@ struct Survey {
     std::vector<maps::Box> boxes;
   };
   /// `scratch` is a folder.
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();
   explicit Survey(const std::filesystem::path& scratch) : views(scratch) {}
 
   /// By ordinal.
   std::vector<Scan> scans;
   FusedGround ground;
+  ObstacleMap obstacles;
   RangeViewStore views;
   /// SHA-256 and name of every scan's file, a line each as `sha256sum` prints it.
   std::string sources;
