@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 
 namespace stillmap::mapping {
 namespace {
@@ -21,12 +22,18 @@ constexpr float kDoubt = 2.0F;
 /// What a thin thing lets through of the rays that head for its cell.
 constexpr double kLetsThrough = 0.85;
 
+/// Most cells are walls and the like: hit by every view, seen free by none. So every fourth view is
+/// asked first, and cells that are hit by this many of them, and free to none, are left alone.
+constexpr std::size_t kFirstStep = 4;
+constexpr float kSurelyHit = 3.0F;
+
 /// All that the views before the current one said about a cell.
 struct Record {
   float spoken = 0.0F;  ///< free, hit and mixed
   float run = 0.0F;     ///< free since the last hit
   float best_run = 0.0F;
   float hits = 0.0F;
+  bool ever_free = false;
   std::uint32_t first_place = 0;  ///< of the run
   bool several_places = false;    ///< in the run
 };
@@ -47,6 +54,7 @@ void add_free(Record& record, const Keyframe& keyframe, float weight) {
     record.several_places = false;
   }
   record.run += weight;
+  record.ever_free = true;
   record.spoken += weight;
   if (keyframe.place != record.first_place) record.several_places = true;
   if (record.several_places) record.best_run = std::max(record.best_run, record.run);
@@ -72,6 +80,36 @@ void add(Record& record, const Look& look, const Keyframe& keyframe, const Weigh
     }
   }
 }
+
+/// Asks views about cells.
+struct Asker {
+  std::span<const Eigen::Vector3f> positions;
+  float radius_m;
+  const PosedViews& views;
+
+  /// @param cells  numbers in `positions`. @return a record a cell.
+  [[nodiscard]] std::vector<Record> ask(std::span<const std::uint32_t> cells,
+                                        std::span<const Keyframe> keyframes) const {
+    static const Weights weights = free_weights();
+    std::vector<Record> records(cells.size());
+    Eigen::AlignedBox3f bounds;
+    for (const std::uint32_t i : cells) bounds.extend(positions[i]);
+    for (const Keyframe& keyframe : keyframes) {
+      const Eigen::Isometry3d& T = views.T_local_lidar[keyframe.scan];
+      const Eigen::Vector3f sensor = T.translation().cast<float>();
+      if (!(bounds.squaredExteriorDistance(sensor) < kViewReachM * kViewReachM)) continue;
+      const std::shared_ptr<const RangeView> view = views.read(keyframe.scan);
+      const Eigen::Isometry3f T_lidar_local = T.inverse().cast<float>();
+      for (std::size_t k = 0; k < cells.size(); ++k) {
+        const Eigen::Vector3f p = T_lidar_local * positions[cells[k]];
+        const float range2 = p.squaredNorm();
+        if (range2 > kViewReachM * kViewReachM || range2 < kNearestM * kNearestM) continue;
+        add(records[k], view->look(p, radius_m), keyframe, weights);
+      }
+    }
+    return records;
+  }
+};
 
 }  // namespace
 
@@ -101,28 +139,22 @@ std::vector<Keyframe> select_keyframes(std::span<const Eigen::Isometry3d> T_loca
 std::vector<FreeEvidence> find_free_evidence(std::span<const Eigen::Vector3f> positions,
                                              float radius_m, const PosedViews& views,
                                              std::span<const Keyframe> keyframes) {
-  static const Weights weights = free_weights();
   std::vector<FreeEvidence> evidence(positions.size());
-  if (positions.empty()) return evidence;
-  Eigen::AlignedBox3f bounds;
-  for (const Eigen::Vector3f& p : positions) bounds.extend(p);
-  std::vector<Record> records(positions.size());
-  for (const Keyframe& keyframe : keyframes) {
-    const Eigen::Isometry3d& T = views.T_local_lidar[keyframe.scan];
-    if (bounds.squaredExteriorDistance(Eigen::Vector3f(T.translation().cast<float>())) >
-        kViewReachM * kViewReachM)
-      continue;
-    const std::shared_ptr<const RangeView> view = views.read(keyframe.scan);
-    const Eigen::Isometry3f T_lidar_local = T.inverse().cast<float>();
-    for (std::size_t i = 0; i < positions.size(); ++i) {
-      const Eigen::Vector3f p = T_lidar_local * positions[i];
-      const float range2 = p.squaredNorm();
-      if (range2 > kViewReachM * kViewReachM || range2 < kNearestM * kNearestM) continue;
-      add(records[i], view->look(p, radius_m), keyframe, weights);
-    }
+  std::vector<std::uint32_t> open(positions.size());
+  std::iota(open.begin(), open.end(), 0U);
+  const Asker asker{positions, radius_m, views};
+  std::vector<Keyframe> few;
+  for (std::size_t k = 0; k < keyframes.size(); k += kFirstStep) few.push_back(keyframes[k]);
+  std::vector<Record> records = asker.ask(open, few);
+  std::vector<std::uint32_t> doubtful;
+  for (std::size_t i = 0; i < open.size(); ++i) {
+    const bool stays = records[i].hits >= kSurelyHit && !records[i].ever_free;
+    if (stays) evidence[i].hits = kFirstStep * records[i].hits;
+    if (!stays) doubtful.push_back(open[i]);
   }
-  for (std::size_t i = 0; i < evidence.size(); ++i)
-    evidence[i] = {records[i].best_run / (kDoubt + records[i].spoken), records[i].hits};
+  records = asker.ask(doubtful, keyframes);
+  for (std::size_t k = 0; k < doubtful.size(); ++k)
+    evidence[doubtful[k]] = {records[k].best_run / (kDoubt + records[k].spoken), records[k].hits};
   return evidence;
 }
 

@@ -2,9 +2,11 @@
 // stayed.
 //
 //     measure_cleaning DRIVE... [--detector geometric] [--voxel 0.1] [--threads N] [--dump FILE]
+//                      [--off METRES]
 //
 // Labels are SemanticKITTI's (252 to 259 move). Poses are the drives' own; several drives are days
-// of one place. Without a detector every object stays in the map; with one its points leave it.
+// of one place; --off shifts all but the first, as if they were registered badly. Without a
+// detector every object stays in the map; with one its points leave it.
 //
 // DA: share of the points of what moved, within 50 m of the sensor, with no point of the cleaned,
 // unthinned map within 0.05 m. Static loss: share of points of what stays with no point of the
@@ -72,8 +74,9 @@ Cell key(const Eigen::Vector3i& c) {
 /// Scans of several drives, labelled, stacked into voxels.
 class Drives final : public mapping::ScanSource {
  public:
-  Drives(const std::vector<std::string>& folders, const std::string& detector, double voxel_m)
-      : voxel_m_(voxel_m), ground_(mapping::make_ground_segmenter()) {
+  Drives(const std::vector<std::string>& folders, const std::string& detector, double voxel_m,
+         double off_m)
+      : voxel_m_(voxel_m), off_m_(off_m), ground_(mapping::make_ground_segmenter()) {
     for (const std::string& folder : folders) {
       drives_.push_back(maps::Drive::open(folder));
       const maps::Drive& drive = drives_.back();
@@ -90,6 +93,7 @@ class Drives final : public mapping::ScanSource {
     const auto [drive, index] = places_.at(scan);
     Eigen::Isometry3d T = drives_[drive].T_map_lidar(index);
     T.translation() -= origin_;
+    if (drive > 0) T.translation() += Eigen::Vector3d(0.7, -0.7, 0.14) * off_m_;
     return T;
   }
   [[nodiscard]] mapping::PosedScan read(std::size_t scan) const override {
@@ -175,6 +179,7 @@ class Drives final : public mapping::ScanSource {
   }
 
   double voxel_m_;
+  double off_m_;
   Eigen::Vector3d origin_;
   std::unique_ptr<mapping::GroundSegmenter> ground_;
   std::vector<maps::Drive> drives_;
@@ -299,15 +304,16 @@ int main(int argc, char** argv) try {
   CLI::App app{"what free-space cleaning takes from labelled drives"};
   std::vector<std::string> folders;
   std::string detector, dump_file;
-  double voxel_m = 0.1;
+  double voxel_m = 0.1, off_m = 0.0;
   int threads = 1;
   app.add_option("drives", folders)->required();
   app.add_option("--detector", detector);
   app.add_option("--voxel", voxel_m);
   app.add_option("--threads", threads);
+  app.add_option("--off", off_m);
   app.add_option("--dump", dump_file);
   CLI11_PARSE(app, argc, argv);
-  const Drives drives(folders, detector, voxel_m);
+  const Drives drives(folders, detector, voxel_m, off_m);
   const CleaningPoints map = drives.map();
   const mapping::FreeSpaceCleaner cleaner(std::filesystem::temp_directory_path(), threads);
   std::map<std::string, std::clock_t> began, ended;
