@@ -20,7 +20,7 @@ constexpr double kHighestStepM = 0.35;
 /// How much better two planes must be than one.
 constexpr double kGain = 0.5;
 constexpr double kMinSideWeight = 4.0;
-constexpr double kBesideLineM = 2.0;
+constexpr double kBesideLineM = 3.0;
 /// What it costs to have the whole rectangle halved by a step, and to have all of it on the upper
 /// side [m^2]: less than one cell on the wrong side of a kerb that was seen, but enough to move one
 /// that was not out of the rectangle. Objects stand beside kerbs, and rather below.
