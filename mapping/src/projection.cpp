@@ -84,6 +84,8 @@ void count_fates(ProjectionResult& result) {
       case PointFate::kDeleted:
         ++result.deleted;
         break;
+      case PointFate::kDropped:
+        break;
     }
   }
 }
