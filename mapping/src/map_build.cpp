@@ -118,12 +118,11 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
   std::vector<maps::MapObject> map_objects;
   {
     const auto survey = survey_scans(drives, stages, scratch, options.threads, progress, cancel);
-    survey->origin = grid.origin();
     report.stage_seconds = survey->stage_seconds;
     BuildObjects objects;
     {
       const StageTimer timer(report.stage_seconds, "fuse");
-      objects = objects_of(drives, *survey, options.fusion, edits);
+      objects = objects_of(drives, *survey, options, grid.origin(), edits);
       survey->ground.finish(footprints_of(objects.objects, grid.origin()));
     }
     const FusedGround* ground = options.fusion ? &survey->ground : nullptr;

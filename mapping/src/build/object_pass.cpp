@@ -1,7 +1,6 @@
 #include "build/object_pass.hpp"
-#include "fusion/standing_shape.hpp"
-#include <cstdio>
-#include <cstdlib>
+#include "build/boxes_files.hpp"
+#include "fusion/standing_verdict.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -86,29 +85,20 @@ std::vector<std::vector<ScanObject>> scan_objects(const DriveSet& drives,
 
 }  // namespace
 
-BuildObjects objects_of(const DriveSet& drives, const Survey& survey, bool fusion,
+BuildObjects objects_of(const DriveSet& drives, const Survey& survey,
+                        const MapBuildOptions& options, const Eigen::Vector3d& origin,
                         const Edits& edits) {
   const std::vector<DetectedScan> scans = detected_scans(drives, survey);
   const std::vector<EditScan> edit_scans = edit_scans_of(drives);
   FusedObjects fused;
-  if (fusion) {
+  if (options.fusion) {
     fused = fuse_boxes(scans, [&](std::size_t scan, const maps::Box& box) {
       return survey.views.read(scan)->count(box);
     });
+    // What a user gives is not doubted.
+    if (boxes_files(options.detector).empty()) judge_standing(fused, survey.obstacles, origin);
   } else {
     fused.objects = unfused(scans);
-  }
-  if (getenv("DUMP")) {
-    FILE* o = fopen(getenv("DUMP"), "w");
-    if (getenv("ALL")) { fused.objects.insert(fused.objects.end(), fused.doubtful.begin(), fused.doubtful.end()); number_objects(fused.objects); }
-    for (std::size_t i = 0; i < fused.objects.size(); ++i) {
-      const FusedObject& b = fused.objects[i];
-      maps::Box box = b.placements.front().box; box.centre -= survey.origin;
-      const StandingShape h = shape_of(survey.obstacles, box);
-      std::size_t det = 0; for (auto& p : b.placements) det += p.detected;
-      fprintf(o, "%zu,%s,%d,%.3f,%.3f,%.3f,%.4f,%zu,%zu,%zu,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%.3f\n", i, std::string(maps::name_of(b.object_class)).c_str(), int(b.moving), b.size_m.x(), b.size_m.y(), b.size_m.z(), b.existence, det, b.placements.size(), h.voxels, h.top_m, h.tall_share, h.planarity, h.inside_share, h.ring_ratio, h.skirt_share, h.covered_share, h.outline_share, h.scans);
-    }
-    fclose(o);
   }
   BuildObjects out;
   out.edits = apply_edits(fused, edits, edit_scans);

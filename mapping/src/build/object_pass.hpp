@@ -30,6 +30,17 @@ struct BuildObjects {
 [[nodiscard]] std::vector<GroundFootprint> footprints_of(const std::vector<FusedObject>& objects,
                                                          const Eigen::Vector3d& origin);
 
+/// Joins the boxes of all scans (`options.fusion`), or makes an object of each; then a user's
+/// corrections.
+/// @param origin  of the map.
+[[nodiscard]] BuildObjects objects_of(const DriveSet& drives, const Survey& survey,
+                                      const MapBuildOptions& options, const Eigen::Vector3d& origin,
+                                      const Edits& edits);
+
+/// Where objects stood still, in the local frame.
+[[nodiscard]] std::vector<GroundFootprint> footprints_of(const std::vector<FusedObject>& objects,
+                                                         const Eigen::Vector3d& origin);
+
 /// Joins the boxes of all scans (`fusion`), or makes an object of each; then a user's corrections.
 [[nodiscard]] BuildObjects objects_of(const DriveSet& drives, const Survey& survey, bool fusion,
                                       const Edits& edits);

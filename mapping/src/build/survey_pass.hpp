@@ -21,7 +21,6 @@ struct Survey {
     std::vector<maps::Box> boxes;
   };
   /// `scratch` is a folder.
-  Eigen::Vector3d origin = Eigen::Vector3d::Zero();
   explicit Survey(const std::filesystem::path& scratch) : views(scratch) {}
 
   /// By ordinal.
