@@ -18,8 +18,8 @@ constexpr float kGuardM = 0.03F;
 constexpr float kGuardRad = 0.0035F;
 
 /// How far apart one thing may lie in scans that are seconds apart: poses of GNSS and odometry
-/// wander by this much within a street [m]. What a scan sees so near to a cell may be the very thing
-/// that others saw in it.
+/// wander by this much within a street [m]. What a scan sees so near to a cell may be the very
+/// thing that others saw in it.
 constexpr float kWanderM = 0.3F;
 
 /// A surface counts as beyond a cell from here on [m]; grows with range, since surfaces seen at a
@@ -91,9 +91,11 @@ RangeView::RangeView(std::span<const Eigen::Vector3f> positions,
   }
 }
 
-bool RangeView::any_near(const Aim& aim, float range_m, float beyond_m, float radius_m) const {
+bool RangeView::any_near(const Eigen::Vector3f& p, float radius_m) const {
+  const float range_m = p.norm();
+  const float beyond_m = kBeyondM + kBeyondPerM * range_m;
   const Window around =
-      aim.cone((radius_m + kWanderM) / range_m + kGuardRad, first_row_, end_row());
+      Aim(p, range_m).cone((radius_m + kWanderM) / range_m + kGuardRad, first_row_, end_row());
   const auto before = static_cast<int>((range_m - beyond_m - kWanderM) / kQuantumM);
   const auto after = static_cast<int>((range_m + beyond_m + kWanderM) / kQuantumM);
   for (int row = around.row_begin; row < around.row_end; ++row) {
@@ -136,7 +138,7 @@ Look RangeView::look(const Eigen::Vector3f& p, float radius_m) const {
       if (b.farthest != 0) ++rays;
     }
   }
-  if (any_near(aim, range_m, beyond_m, radius_m)) return {Sight::kMixed};
+  if (any_near(p, radius_m)) return {Sight::kMixed};
   return {Sight::kFree, rays};
 }
 
