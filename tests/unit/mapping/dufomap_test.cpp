@@ -4,6 +4,7 @@
 #include "unit/mapping/scans_in_memory.hpp"
 
 #include <gtest/gtest.h>
+#include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -158,6 +159,8 @@ TEST(Dufomap, GivesTheSameForAnyThreadsAndAnyOrderOfScans) {
   ScansInMemory scans = drive();
   const CleaningPoints points = scans.points();
   std::vector<std::uint8_t> first, second;
+  // Four threads, however many cores there are.
+  const tbb::global_control allow(tbb::global_control::max_allowed_parallelism, 4);
   tbb::task_arena(1).execute([&] { first = clean(points, scans); });
   std::reverse(scans.scans.begin(), scans.scans.end());
   tbb::task_arena(4).execute([&] { second = clean(points, scans); });

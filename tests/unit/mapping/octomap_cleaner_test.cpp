@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 #include <octomap/OcTree.h>
+#include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -175,6 +176,8 @@ TEST(Octomap, GivesTheSameForAnyThreadsAndAnywhere) {
   ScansInMemory scans = drive();
   CleaningPoints points = scans.points();
   std::vector<std::uint8_t> first, second;
+  // Four threads, however many cores there are.
+  const tbb::global_control allow(tbb::global_control::max_allowed_parallelism, 4);
   tbb::task_arena(1).execute([&] { first = clean(points, scans); });
   tbb::task_arena(4).execute([&] { second = clean(points, scans); });
   EXPECT_EQ(first, second);
