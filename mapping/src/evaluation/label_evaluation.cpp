@@ -23,6 +23,7 @@ namespace stillmap::mapping {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+using Depth = LabelledScans::Depth;
 
 constexpr double kPathReachM = 25.0;
 constexpr double kBesideFootprintM = 0.3;
@@ -86,11 +87,11 @@ class LabelJudge {
 
  private:
   template <typename Visit>
-  void for_each_scan(std::string_view stage, const Visit& visit) {
+  void for_each_scan(std::string_view stage, Depth depth, const Visit& visit) {
     const Clock::time_point began = Clock::now();
     for (std::size_t i = 0; i < scans_.size(); ++i) {
       if (cancel_) throw Cancelled();
-      visit(scans_.read(i));
+      visit(scans_.read(i, depth));
       if (progress_) progress_(stage, i + 1, scans_.size());
     }
     end_stage(stage, began);
@@ -163,7 +164,7 @@ class LabelJudge {
       unthinned.add(p);
       add_ground_cell(unthinned_cells_, p, kind);
     };
-    for_each_scan("points", [&](const LabelledScan& scan) {
+    for_each_scan("points", Depth::kAll, [&](const LabelledScan& scan) {
       count_points(scan);
       add_to(erasor, scan);
       if (pictures_) pictures_->add_scan(scan.positions);
@@ -272,7 +273,8 @@ class LabelJudge {
     const auto meet = [this](const Eigen::Vector3f& p, maps::PointKind kind) {
       removed_.meet(p, maps::is_measured(kind));
     };
-    for_each_scan("removed", [&](const LabelledScan& scan) { for_each_unthinned(scan, meet); });
+    for_each_scan("removed", Depth::kPlaces,
+                  [&](const LabelledScan& scan) { for_each_unthinned(scan, meet); });
     for_each_unthinned_of_package(meet);
     for (const RemovedPoints::Point& point : removed_.points())
       add(unthinned_tally_, point.tag, point.met);
@@ -283,7 +285,7 @@ class LabelJudge {
   /// What the map of the same voxels that holds everything would have lost.
   void judge_uncleaned() {
     VoxelMeans voxels(map_.manifest().voxel_size_m);
-    for_each_scan("uncleaned", [&](const LabelledScan& scan) {
+    for_each_scan("uncleaned", Depth::kPositions, [&](const LabelledScan& scan) {
       for (const Eigen::Vector3f& p : scan.positions) voxels.add(p);
     });
     if (several_drives_) {
@@ -293,7 +295,7 @@ class LabelJudge {
     }
     constexpr double kNearM = RemovedPoints::kNearM;
     const PointCells means(voxels.take(), kNearM);
-    for_each_scan("compared", [&](const LabelledScan& scan) {
+    for_each_scan("compared", Depth::kPositions, [&](const LabelledScan& scan) {
       std::vector<std::uint8_t> lost(scan.size());
       tbb::parallel_for(std::size_t{0}, scan.size(), [&](std::size_t i) {
         // What moves is static in neither set of classes.

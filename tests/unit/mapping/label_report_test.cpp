@@ -33,8 +33,12 @@ LabelEvaluation evaluation() {
   return result;
 }
 
+LabelReportHeading heading(const std::string& map, const std::string& command = "") {
+  return {map, "D", TruthClasses::kMovable, command};
+}
+
 TEST(LabelReport, ShowsRatesWithTheirCounts) {
-  const std::string page = to_html(evaluation(), {.map = "M", .drive = "D"});
+  const std::string page = to_html(evaluation(), heading("M"));
   EXPECT_THAT(page, HasSubstr("99.00 %<br><small>990 of 1\u2009000</small>"));
   EXPECT_THAT(page, HasSubstr("61.73 %"));
   EXPECT_THAT(page, HasSubstr("<td>building</td>"));
@@ -53,7 +57,7 @@ TEST(LabelReport, NeedsNoOtherFileAndNoScript) {
 }
 
 TEST(LabelReport, EscapesNames) {
-  const std::string page = to_html(evaluation(), {.map = "<b>&\"", .drive = "D", .command = "a<b"});
+  const std::string page = to_html(evaluation(), heading("<b>&\"", "a<b"));
   EXPECT_THAT(page, HasSubstr("&lt;b&gt;&amp;&quot;"));
   EXPECT_THAT(page, HasSubstr("a&lt;b"));
 }

@@ -156,19 +156,32 @@ std::vector<std::uint32_t> LabelledScans::labels_of(const maps::Scan& scan) cons
   return labels;
 }
 
-LabelledScan LabelledScans::read(std::size_t scan) const {
+std::vector<maps::PointFate> LabelledScans::fates_of(const Entry& entry,
+                                                     const maps::Scan& scan) const {
+  if (!in_map_) return std::vector<maps::PointFate>(scan.points_in_file, maps::PointFate::kDeleted);
+  std::vector<maps::PointFate> fates = map_.fates(entry.ordinal).fates;
+  if (fates.size() != scan.points_in_file) {
+    throw maps::InputError(
+        map_.folder().string(),
+        fmt::format("fates of {} points of scan {}", fates.size(), entry.ordinal),
+        fmt::format("the {} points of {}", scan.points_in_file, scan.source));
+  }
+  return fates;
+}
+
+float LabelledScans::parked_height_m(ClassIndex index, const Eigen::Vector3d& p_truth) const {
+  if (semantic_classes()[index].kind != ClassKind::kParked) return 0.0F;
+  const auto ground = truth_.ground_height(p_truth.x(), p_truth.y());
+  return ground ? static_cast<float>(p_truth.z() - *ground)
+                : std::numeric_limits<float>::quiet_NaN();
+}
+
+LabelledScan LabelledScans::read(std::size_t scan, Depth depth) const {
   const Entry& entry = scans_.at(scan);
   std::map<std::string, std::uint64_t> counts;
   const maps::Scan raw = read_deskewed(drive_, entry.index, range_m_, counts);
   const std::vector<std::uint32_t> labels = labels_of(raw);
-  std::vector<maps::PointFate> fates(raw.points_in_file, maps::PointFate::kDeleted);
-  if (in_map_) fates = map_.fates(entry.ordinal).fates;
-  if (fates.size() != raw.points_in_file) {
-    throw maps::InputError(
-        map_.folder().string(),
-        fmt::format("fates of {} points of scan {}", fates.size(), entry.ordinal),
-        fmt::format("the {} points of {}", raw.points_in_file, raw.source));
-  }
+  const std::vector<maps::PointFate> fates = fates_of(entry, raw);
   const Eigen::Vector3d& origin = map_.manifest().origin;
   const Eigen::Isometry3d T_truth_lidar =
       truth_.T_truth_lidar(entry.index).value_or(entry.T_map_lidar);
@@ -188,16 +201,11 @@ LabelledScan LabelledScans::read(std::size_t scan) const {
     out.positions.emplace_back((p_map - origin).cast<float>());
     out.classes.push_back(index);
     out.is_near.push_back(p.norm() < static_cast<float>(kTruthRangeM) ? 1 : 0);
+    if (depth == Depth::kPositions) continue;
     out.in_map.push_back(in_map_ ? state_of(fates[at], voxels_.hold(p_map)) : InMap::kGone);
     out.is_ground.push_back(fates[at] == maps::PointFate::kGround ? 1 : 0);
-    float height = 0.0F;
-    if (semantic_classes()[index].kind == ClassKind::kParked) {
-      const Eigen::Vector3d p_truth = T_truth_lidar * p.cast<double>();
-      const auto ground = truth_.ground_height(p_truth.x(), p_truth.y());
-      height = ground ? static_cast<float>(p_truth.z() - *ground)
-                      : std::numeric_limits<float>::quiet_NaN();
-    }
-    out.heights_m.push_back(height);
+    if (depth == Depth::kPlaces) continue;
+    out.heights_m.push_back(parked_height_m(index, T_truth_lidar * p.cast<double>()));
   }
   out.dropped = raw.points_in_file - out.size();
   return out;

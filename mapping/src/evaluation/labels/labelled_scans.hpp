@@ -62,8 +62,14 @@ class LabelledScans {
   /// T that takes map points to the frame of the true ground, at a scan.
   [[nodiscard]] Eigen::Isometry3d T_truth_map(std::size_t scan) const;
 
+  /// What is worth its time to find out of a scan.
+  enum class Depth {
+    kPositions,  ///< without `in_map`, `is_ground` and `heights_m`, which are empty
+    kPlaces,     ///< without `heights_m`
+    kAll,
+  };
   /// @throws maps::InputError for labels that are no classes, counts that differ and the like.
-  [[nodiscard]] LabelledScan read(std::size_t scan) const;
+  [[nodiscard]] LabelledScan read(std::size_t scan, Depth depth) const;
 
  private:
   struct Entry {
@@ -74,6 +80,9 @@ class LabelledScans {
   };
   [[nodiscard]] std::vector<Entry> find_in_map() const;
   [[nodiscard]] std::vector<Entry> all_scans() const;
+  [[nodiscard]] std::vector<maps::PointFate> fates_of(const Entry& entry,
+                                                      const maps::Scan& scan) const;
+  [[nodiscard]] float parked_height_m(ClassIndex index, const Eigen::Vector3d& p_truth) const;
   [[nodiscard]] std::vector<std::uint32_t> labels_of(const maps::Scan& scan) const;
   void collect_labelled_ground();
 
