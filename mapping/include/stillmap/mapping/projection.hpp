@@ -3,6 +3,7 @@
 #include <stillmap/mapping/ground.hpp>
 #include <stillmap/mapping/ground_below.hpp>
 #include <stillmap/maps/box.hpp>
+#include <stillmap/maps/point_fates.hpp>
 #include <stillmap/maps/scan.hpp>
 
 #include <cstdint>
@@ -51,8 +52,7 @@ struct ProjectionOptions {
   [[nodiscard]] std::vector<std::string> violations() const;
 };
 
-/// What became of each point.
-enum class PointFate : std::uint8_t { kKept = 0, kGround = 1, kProjected = 2, kDeleted = 3 };
+using maps::PointFate;
 
 struct ProjectionResult {
   /// N new positions; equal to the old ones but for `kProjected`.
