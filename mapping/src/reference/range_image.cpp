@@ -96,14 +96,12 @@ void RangeImage::bound_tiles() {
 }
 
 float RangeImage::farthest_behind(const Eigen::Vector3f& centre, float radius_m) const {
-  const float distance_m = centre.norm();
-  if (distance_m - radius_m > max_m_) return 0.0F;
   const float flat_m = centre.head<2>().norm();
   // asin(q) <= 1.05 q up to q = 0.5; nearer spheres are not worth a window.
   if (flat_m < 2.0F * radius_m) return max_m_;
   const Spherical direction = spherical_of(centre);
   const float half_azimuth = 1.05F * radius_m / flat_m;
-  const float half_elevation = 1.05F * radius_m / distance_m;
+  const float half_elevation = 1.05F * radius_m / direction.range_m;
   // A pixel wider than it need be is cheaper than being exact about rounding.
   const int row_begin = row_of(direction.elevation_rad - half_elevation) - first_row_ - 1;
   const int row_end = row_of(direction.elevation_rad + half_elevation) - first_row_ + 1;

@@ -35,6 +35,8 @@ class RangeImage {
   [[nodiscard]] int pixel_of(const Spherical& direction) const;
   /// The nearest range [m] of each pixel, eq. (2); 0 where the scan has no point.
   [[nodiscard]] const std::vector<float>& nearest_m() const { return nearest_m_; }
+  /// The largest value of nearest_m().
+  [[nodiscard]] float farthest_m() const { return max_m_; }
   /// An upper bound of nearest_m() over what a sphere around `centre` [m, lidar frame] covers.
   [[nodiscard]] float farthest_behind(const Eigen::Vector3f& centre, float radius_m) const;
 

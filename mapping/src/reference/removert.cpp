@@ -7,6 +7,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
 #include <limits>
 #include <mutex>
 #include <utility>
@@ -14,11 +15,9 @@
 namespace stillmap::mapping {
 namespace {
 
-/// Pixel edges in ring spacings.
-constexpr double kRemovePixel = 1.0;
-constexpr double kRevertPixel = 1.0 / 0.95;
-/// Reading the scans, removing, reverting, removing.
-constexpr std::size_t kRounds = 4;
+/// Pixel edges of the passes in ring spacings; the last one reverts.
+constexpr std::array kPixels = {1.0, 2.5 / 2.2, 1.25, 1.375};
+constexpr std::size_t kRevert = kPixels.size() - 1;
 /// Smallest discrepancy that counts, over the scan's range.
 constexpr float kDiscrepancy = 0.05F;
 /// Smaller blocks are culled better, larger ones are fewer [m].
@@ -28,10 +27,12 @@ constexpr double kLargestSpacingRad = 0.1;
 
 struct ScanImages {
   Eigen::Isometry3f T_lidar_local = Eigen::Isometry3f::Identity();
-  RangeImage fine;
-  RangeImage coarse;
+  /// One a pass.
+  std::array<RangeImage, kPixels.size()> images;
 };
-using ImageOfScan = RangeImage ScanImages::*;
+
+/// What scans say about a point of the map.
+enum Verdict : std::uint8_t { kNotCompared = 0, kObjected = 1, kAgreed = 2 };
 
 /// What is nearest in each pixel of the map.
 struct MapImage {
@@ -47,15 +48,13 @@ std::vector<Spherical> directions_of(const PosedScan& scan) {
   return directions;
 }
 
-std::vector<std::uint8_t> inverse_of(std::vector<std::uint8_t> flags) {
-  for (std::uint8_t& flag : flags) flag = flag == 0 ? 1 : 0;
-  return flags;
-}
-
 class Run {
  public:
   Run(const ScanSource& scans, const ProgressCallback& progress, const CancelFlag& cancel)
-      : scans_(scans), progress_(progress), cancel_(cancel), total_(scans.size() * kRounds) {}
+      : scans_(scans),
+        progress_(progress),
+        cancel_(cancel),
+        total_(scans.size() * (1 + kPixels.size())) {}
 
   void read_scans() {
     const double spacing_rad = std::min(find_spacing(), kLargestSpacingRad);
@@ -65,28 +64,29 @@ class Run {
       const PosedScan scan = scans_.read(i);
       const std::vector<Spherical> directions = directions_of(scan);
       views_[i].T_lidar_local = scan.T_local_lidar.inverse().cast<float>();
-      views_[i].fine = RangeImage(directions, kRemovePixel * spacing_rad);
-      views_[i].coarse = RangeImage(directions, kRevertPixel * spacing_rad);
+      for (std::size_t pass = 0; pass < kPixels.size(); ++pass) {
+        views_[i].images[pass] = RangeImage(directions, kPixels[pass] * spacing_rad);
+      }
       report();
     });
   }
 
-  /// Points that stand in front of what some scan saw, sets their flags.
-  void object(const MapBlocks& map, ImageOfScan image_of_scan, std::vector<std::uint8_t>& dynamic) {
-    tbb::enumerable_thread_specific<std::vector<std::uint8_t>> flags(
-        [&] { return std::vector<std::uint8_t>(map.positions.size(), 0); });
+  /// All scans against a map. @return the verdicts, joined bit by bit, in the order of the map.
+  std::vector<std::uint8_t> compare(const MapBlocks& map, std::size_t pass) {
+    tbb::enumerable_thread_specific<std::vector<std::uint8_t>> of_threads(
+        [&] { return std::vector<std::uint8_t>(map.positions.size(), kNotCompared); });
     tbb::enumerable_thread_specific<MapImage> images;
     tbb::parallel_for(std::size_t{0}, views_.size(), [&](std::size_t i) {
       if (cancel_) throw Cancelled();
-      object_of_scan(map, views_[i].T_lidar_local, views_[i].*image_of_scan, images.local(),
-                     flags.local());
+      compare_scan(map, views_[i].T_lidar_local, views_[i].images[pass], pass == kRevert,
+                   images.local(), of_threads.local());
       report();
     });
-    for (const std::vector<std::uint8_t>& some : flags) {
-      for (std::size_t i = 0; i < some.size(); ++i) {
-        if (some[i] != 0) dynamic[map.given_index[i]] = 1;
-      }
+    std::vector<std::uint8_t> verdicts(map.positions.size(), kNotCompared);
+    for (const std::vector<std::uint8_t>& some : of_threads) {
+      for (std::size_t i = 0; i < some.size(); ++i) verdicts[i] |= some[i];
     }
+    return verdicts;
   }
 
  private:
@@ -99,34 +99,48 @@ class Run {
     return ring_spacing_rad({});
   }
 
-  static void object_of_scan(const MapBlocks& map, const Eigen::Isometry3f& T_lidar_local,
-                             const RangeImage& scan, MapImage& image,
-                             std::vector<std::uint8_t>& flags) {
-    // A pixel starts at the range from which on a map point agrees with the scan, so that only
-    // nearer ones get in.
+  /// @param with_agreement  whether agreement matters, or objections only.
+  static void compare_scan(const MapBlocks& map, const Eigen::Isometry3f& T_lidar_local,
+                           const RangeImage& scan, bool with_agreement, MapImage& image,
+                           std::vector<std::uint8_t>& verdicts) {
+    // A pixel starts at the range from which on a map point does not matter, so that only nearer
+    // ones get in.
+    const float reach = 1.0F + (with_agreement ? kDiscrepancy : -kDiscrepancy);
     image.range_m.resize(scan.nearest_m().size());
     image.point.assign(scan.nearest_m().size(), kNone);
     std::transform(scan.nearest_m().begin(), scan.nearest_m().end(), image.range_m.begin(),
-                   [](float range_m) { return range_m - kDiscrepancy * range_m; });
+                   [reach](float range_m) { return reach * range_m; });
+    const float margin = 1.0001F * reach;
     for (const MapBlocks::Block& block : map.blocks) {
       const Eigen::Vector3f centre = T_lidar_local * block.centre;
-      const float limit_m =
-          (1.0F - kDiscrepancy) * 1.0001F * scan.farthest_behind(centre, block.radius_m);
-      if (centre.norm() - block.radius_m > limit_m) continue;
-      for (std::uint32_t i = block.begin; i < block.end; ++i) {
-        const Eigen::Vector3f p = T_lidar_local * map.positions[i];
-        if (p.squaredNorm() > limit_m * limit_m) continue;
-        const Spherical direction = spherical_of(p);
-        const int pixel = scan.pixel_of(direction);
-        if (pixel < 0) continue;
-        const auto at = static_cast<std::size_t>(pixel);
-        if (!(direction.range_m < image.range_m[at])) continue;
-        image.range_m[at] = direction.range_m;
-        image.point[at] = i;
-      }
+      const float nearest_m = centre.norm() - block.radius_m;
+      if (nearest_m > margin * scan.farthest_m()) continue;
+      const float limit_m = margin * scan.farthest_behind(centre, block.radius_m);
+      if (nearest_m > limit_m) continue;
+      project(map, block, T_lidar_local, limit_m, scan, image);
     }
-    for (const std::uint32_t point : image.point) {
-      if (point != kNone) flags[point] = 1;
+    for (std::size_t pixel = 0; pixel < image.point.size(); ++pixel) {
+      if (image.point[pixel] == kNone) continue;
+      const float scan_m = scan.nearest_m()[pixel];
+      const bool objects = scan_m - image.range_m[pixel] > kDiscrepancy * scan_m;
+      verdicts[image.point[pixel]] |= objects ? kObjected : kAgreed;
+    }
+  }
+
+  /// Puts the points of a block that are nearer than `limit_m` into the image.
+  static void project(const MapBlocks& map, const MapBlocks::Block& block,
+                      const Eigen::Isometry3f& T_lidar_local, float limit_m, const RangeImage& scan,
+                      MapImage& image) {
+    for (std::uint32_t i = block.begin; i < block.end; ++i) {
+      const Eigen::Vector3f p = T_lidar_local * map.positions[i];
+      if (p.squaredNorm() > limit_m * limit_m) continue;
+      const Spherical direction = spherical_of(p);
+      const int pixel = scan.pixel_of(direction);
+      if (pixel < 0) continue;
+      const auto at = static_cast<std::size_t>(pixel);
+      if (!(direction.range_m < image.range_m[at])) continue;
+      image.range_m[at] = direction.range_m;
+      image.point[at] = i;
     }
   }
 
@@ -154,11 +168,21 @@ std::vector<std::uint8_t> Removert::moved(const CleaningPoints& points, const Sc
   const MapBlocks all = MapBlocks::of(points.positions, kBlockM);
   Run run(scans, progress, cancel);
   run.read_scans();
-  run.object(all, &ScanImages::fine, dynamic);
-  const MapBlocks removed = all.subset(dynamic);
-  std::fill(dynamic.begin(), dynamic.end(), std::uint8_t{0});
-  run.object(removed, &ScanImages::coarse, dynamic);
-  run.object(all.subset(inverse_of(dynamic)), &ScanImages::fine, dynamic);
+  MapBlocks map = all;
+  for (std::size_t pass = 0; pass < kRevert; ++pass) {
+    const std::vector<std::uint8_t> verdicts = run.compare(map, pass);
+    std::vector<std::uint8_t> stays(dynamic.size(), 0);
+    for (std::size_t i = 0; i < verdicts.size(); ++i) {
+      const bool objected = (verdicts[i] & kObjected) != 0;
+      (objected ? dynamic : stays)[map.given_index[i]] = 1;
+    }
+    map = map.subset(stays);
+  }
+  map = all.subset(dynamic);
+  const std::vector<std::uint8_t> verdicts = run.compare(map, kRevert);
+  for (std::size_t i = 0; i < verdicts.size(); ++i) {
+    if (verdicts[i] == kAgreed) dynamic[map.given_index[i]] = 0;
+  }
   return dynamic;
 }
 
