@@ -1,5 +1,9 @@
 #include "build/scan_stages.hpp"
-#include "evaluation/measured_points.hpp"
+#include "evaluation/labels/before_and_after.hpp"
+#include "evaluation/labels/labelled_scans.hpp"
+#include "evaluation/labels/map_voxels.hpp"
+#include "evaluation/labels/thinned_map.hpp"
+#include "point_cells.hpp"
 #include "top_view.hpp"
 
 #include <fmt/format.h>
@@ -9,12 +13,9 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <chrono>
 #include <cmath>
-#include <limits>
 #include <numbers>
-#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -25,7 +26,6 @@ constexpr double kMinHeightM = 0.3;
 constexpr double kNearM = 0.1;
 constexpr double kLabelMarginM = 0.1;
 constexpr double kHalfFieldOfViewRad = 40.0 * std::numbers::pi / 180.0;
-constexpr int kPictureSide = 1600;
 constexpr Colour kLabelColour{255, 80, 80};
 
 const std::string& option_of(const maps::MapPackage& map, const std::string& name) {
@@ -37,15 +37,13 @@ const std::string& option_of(const maps::MapPackage& map, const std::string& nam
   return found->second;
 }
 
-double number_of(const maps::MapPackage& map, const std::string& name) {
-  const std::string& text = option_of(map, name);
-  double number = 0.0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (error != std::errc() || end != text.data() + text.size()) {
-    throw maps::InputError((map.folder() / "manifest.json").string(),
-                           "option " + name + " '" + text + "'", "a number");
-  }
-  return number;
+/// Measured points, from the map's origin [m].
+std::vector<Eigen::Vector3f> measured_of(const maps::MapPackage& map) {
+  std::vector<Eigen::Vector3f> points;
+  for_each_point(map, [&](const Eigen::Vector3f& p, maps::PointKind kind) {
+    if (maps::is_measured(kind)) points.push_back(p);
+  });
+  return points;
 }
 
 /// Scans of the drive that the map was made of.
@@ -93,9 +91,10 @@ class Judge {
       : map_(map),
         drive_(drive),
         labels_(std::move(labels)),
-        points_(map),
+        voxels_(map),
+        points_(measured_of(map), kNearM),
         ground_(make_ground_segmenter()),
-        range_m_{number_of(map, "min_range_m"), number_of(map, "max_range_m")} {}
+        range_m_{number_option(map, "min_range_m"), number_option(map, "max_range_m")} {}
 
   /// @param ordinal  of the scan in the map.
   void scan(std::size_t index, std::size_t ordinal, MapEvaluation& result) const {
@@ -118,17 +117,16 @@ class Judge {
   /// @param labelled  those of them with labels.
   void draw(const std::filesystem::path& folder, const std::vector<std::size_t>& mapped,
             const std::vector<std::size_t>& labelled) const {
-    TopView before = empty_picture();
+    TopView before = empty_view(map_);
     TopView after = before;
     const Eigen::Vector3d& origin = map_.manifest().origin;
     for (const std::size_t index : mapped) {
       for (const Eigen::Vector3f& p : read(index).cloud.positions)
         before.add_point(drive_.T_map_lidar(index) * p.cast<double>() - origin);
     }
-    for (const maps::TileEntry& tile : map_.manifest().tiles) {
-      for (const maps::MapPoint& p : map_.tile(tile.id))
-        after.add_point(Eigen::Vector3f(p.x, p.y, p.z).cast<double>());
-    }
+    for_each_point(map_, [&](const Eigen::Vector3f& p, maps::PointKind) {
+      after.add_point(p.cast<double>());
+    });
     for (const std::size_t index : labelled) {
       Eigen::Isometry3d T_picture_lidar = drive_.T_map_lidar(index);
       T_picture_lidar.translation() -= origin;
@@ -143,17 +141,6 @@ class Judge {
   }
 
  private:
-  [[nodiscard]] TopView empty_picture() const {
-    Eigen::Vector2d min = Eigen::Vector2d::Constant(std::numeric_limits<double>::max());
-    Eigen::Vector2d max = -min;
-    for (const maps::TileEntry& tile : map_.manifest().tiles) {
-      min = min.cwiseMin(Eigen::Vector2d(tile.min[0], tile.min[1]));
-      max = max.cwiseMax(Eigen::Vector2d(tile.max[0], tile.max[1]));
-    }
-    // As the preview: a map of one point has no extent of its own.
-    return {min - Eigen::Vector2d::Ones(), max + Eigen::Vector2d::Ones(), kPictureSide};
-  }
-
   [[nodiscard]] maps::Scan read(std::size_t index) const {
     std::map<std::string, std::uint64_t> counts;
     return read_deskewed(drive_, index, range_m_, counts);
@@ -164,7 +151,7 @@ class Judge {
     const std::vector<maps::Box>& labels = labels_.by_scan.at(scan);
     const Eigen::Vector3d p_map = drive_.T_map_lidar(scan) * p;
     if (!any_holds(labels, p, kLabelMarginM)) {
-      const bool changed = !points_.in_voxel_of(p_map);
+      const bool changed = !voxels_.hold(p_map);
       const bool in_view = std::abs(std::atan2(p.y(), p.x())) < kHalfFieldOfViewRad;
       ++result.outside_points;
       result.outside_changed += changed ? 1 : 0;
@@ -177,13 +164,15 @@ class Judge {
     if (!below || p.z() - below->z <= kMinHeightM) return;
     ++result.box_points_before;
     result.box_points_after += stays ? 1 : 0;
-    result.box_points_in_map += points_.within(p_map, kNearM) ? 1 : 0;
+    result.box_points_in_map +=
+        points_.any_within((p_map - map_.manifest().origin).cast<float>(), kNearM) ? 1 : 0;
   }
 
   const maps::MapPackage& map_;
   const maps::Drive& drive_;
   maps::BoxSequence labels_;
-  MeasuredPoints points_;
+  MapVoxels voxels_;
+  PointCells points_;
   std::unique_ptr<GroundSegmenter> ground_;
   std::array<double, 2> range_m_;
 };

@@ -9,17 +9,6 @@ namespace {
 
 constexpr int kPictureSide = 1600;
 
-TopView empty_view(const maps::MapPackage& map) {
-  Eigen::Vector2d min = Eigen::Vector2d::Constant(std::numeric_limits<double>::max());
-  Eigen::Vector2d max = -min;
-  for (const maps::TileEntry& tile : map.manifest().tiles) {
-    min = min.cwiseMin(Eigen::Vector2d(tile.min[0], tile.min[1]));
-    max = max.cwiseMax(Eigen::Vector2d(tile.max[0], tile.max[1]));
-  }
-  // As the preview: a map of one point has no extent of its own.
-  return {min - Eigen::Vector2d::Ones(), max + Eigen::Vector2d::Ones(), kPictureSide};
-}
-
 /// Lines are drawn this often beside each other, so that they can be seen in a picture made
 /// smaller.
 constexpr int kLines = 3;
@@ -46,6 +35,17 @@ void draw(TopView& view, const maps::MapObject& object, const Eigen::Vector3d& o
 }
 
 }  // namespace
+
+TopView empty_view(const maps::MapPackage& map) {
+  Eigen::Vector2d min = Eigen::Vector2d::Constant(std::numeric_limits<double>::max());
+  Eigen::Vector2d max = -min;
+  for (const maps::TileEntry& tile : map.manifest().tiles) {
+    min = min.cwiseMin(Eigen::Vector2d(tile.min[0], tile.min[1]));
+    max = max.cwiseMax(Eigen::Vector2d(tile.max[0], tile.max[1]));
+  }
+  // As the preview: a map of one point has no extent of its own.
+  return {min - Eigen::Vector2d::Ones(), max + Eigen::Vector2d::Ones(), kPictureSide};
+}
 
 BeforeAndAfter::BeforeAndAfter(const maps::MapPackage& map) : map_(map), before_(empty_view(map)) {}
 

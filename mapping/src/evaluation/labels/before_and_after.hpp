@@ -14,6 +14,9 @@ namespace stillmap::mapping {
 inline constexpr Colour kParkedColour{255, 150, 40};
 inline constexpr Colour kMovingColour{90, 200, 255};
 
+/// A picture of a map's extent with nothing in it yet, from the map's origin [m].
+[[nodiscard]] TopView empty_view(const maps::MapPackage& map);
+
 /// Draws what was measured beside what the map holds, both in the map's extent.
 class BeforeAndAfter {
  public:
