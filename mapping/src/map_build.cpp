@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 #include <sys/resource.h>
+#include <stillmap/mapping/edits.hpp>
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
@@ -105,6 +106,7 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
   const Clock::time_point began = Clock::now();
   const std::unique_ptr<Cleaner> cleaner = cleaner_of(options.clean, make_cleaner);
   const DriveSet drives(folders, options);
+  const Edits edits = options.edits_file ? read_edits(*options.edits_file) : Edits{};
   maps::MapPackageWriter writer(target);
   const std::filesystem::path scratch = writer.folder() / "scratch";
   std::filesystem::create_directory(scratch);
@@ -115,26 +117,29 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
   MapBuildReport report;
   std::vector<maps::MapObject> map_objects;
   {
-    const auto survey =
-        survey_scans(drives, stages, scratch, options.threads, progress, cancel);
+    const auto survey = survey_scans(drives, stages, scratch, options.threads, progress, cancel);
     report.stage_seconds = survey->stage_seconds;
     BuildObjects objects;
     {
       const StageTimer timer(report.stage_seconds, "fuse");
-      objects = objects_of(drives, *survey, options);
+      objects = objects_of(drives, *survey, options, grid.origin(), edits);
       survey->ground.finish(footprints_of(objects.objects, grid.origin()));
     }
     const FusedGround* ground = options.fusion ? &survey->ground : nullptr;
     const auto placed = place_scans(drives, stages, *survey, objects, ground, writer, scratch,
                                     options.threads, progress, cancel);
     map_objects = to_map_objects(drives, objects.objects, placed->points_removed, options.fusion);
-    const TileCounts tiles = finish_tiles(drives, *survey, objects, *placed, grid, options,
+    const TileCounts tiles = finish_tiles(drives, *survey, objects, *placed, grid, options, edits,
                                           cleaner.get(), writer, progress, cancel);
     for (const Counts& counts : {survey->counts, placed->counts, tiles.counts})
       add_to(report.points, counts);
     add_to(report.stage_seconds, placed->stage_seconds);
     add_to(report.stage_seconds, tiles.stage_seconds);
     report.objects = object_counts(map_objects, *survey, stages);
+    report.objects["edits_applied"] = objects.edits.applied;
+    report.objects["edits_unmatched"] = objects.edits.unmatched.size();
+    for (const std::string& edit : objects.edits.unmatched)
+      report.warnings.push_back("edit met nothing: " + edit);
     write_sources(writer, drives, *survey, map_objects);
   }
   std::filesystem::remove_all(scratch);

@@ -40,8 +40,7 @@ Header read_header(std::ifstream& in, const std::string& file) {
     if (line.starts_with("element face ")) header.faces = std::stoul(line.substr(13));
     if (line.starts_with("property ")) properties += line.substr(9) + ";";
   }
-  const std::string expected =
-      "float x;float y;float z;list uchar int vertex_indices;int label;";
+  const std::string expected = "float x;float y;float z;list uchar int vertex_indices;int label;";
   if (properties != expected) throw maps::InputError(file, properties, expected);
   return header;
 }

@@ -1,4 +1,6 @@
 #include "build/object_pass.hpp"
+#include "build/boxes_files.hpp"
+#include "fusion/standing_verdict.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -55,27 +57,58 @@ double speed_mps(const DriveSet& drives, const FusedObject& object, std::size_t 
   return seconds > 0.0 ? (b.box.centre - a.box.centre).norm() / seconds : 0.0;
 }
 
+std::vector<EditScan> edit_scans_of(const DriveSet& drives) {
+  std::vector<EditScan> scans;
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    const DriveSet::Place at = drives.place(i);
+    const std::filesystem::path& root = drives.drives()[at.drive].contents().root;
+    scans.push_back({std::filesystem::weakly_canonical(root).filename().string(), at.index,
+                     drives.T_map_lidar(i).translation()});
+  }
+  return scans;
+}
+
+std::vector<std::vector<ScanObject>> scan_objects(const DriveSet& drives,
+                                                  const std::vector<FusedObject>& objects) {
+  std::vector<std::vector<ScanObject>> by_scan(drives.size());
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    for (std::size_t k = 0; k < objects[i].placements.size(); ++k) {
+      const ObjectPlacement& place = objects[i].placements[k];
+      const Eigen::Isometry3d T_lidar_map = drives.T_map_lidar(place.scan).inverse();
+      by_scan[place.scan].push_back(
+          {{moved_by(T_lidar_map, place.box), speed_mps(drives, objects[i], k)},
+           static_cast<std::uint32_t>(i)});
+    }
+  }
+  return by_scan;
+}
+
 }  // namespace
 
 BuildObjects objects_of(const DriveSet& drives, const Survey& survey,
-                        const MapBuildOptions& options) {
+                        const MapBuildOptions& options, const Eigen::Vector3d& origin,
+                        const Edits& edits) {
   const std::vector<DetectedScan> scans = detected_scans(drives, survey);
+  const std::vector<EditScan> edit_scans = edit_scans_of(drives);
+  FusedObjects fused;
+  if (options.fusion) {
+    fused = fuse_boxes(scans, [&](std::size_t scan, const maps::Box& box) {
+      return survey.views.read(scan)->count(box);
+    });
+    // What a user gives is not doubted.
+    if (boxes_files(options.detector).empty()) judge_standing(fused, survey.obstacles, origin);
+  } else {
+    fused.objects = unfused(scans);
+  }
   BuildObjects out;
-  out.objects = options.fusion ? fuse_objects(scans,
-                                              [&](std::size_t scan, const maps::Box& box) {
-                                                return survey.views.read(scan)->count(box);
-                                              })
-                               : unfused(scans);
-  out.by_scan.resize(drives.size());
-  for (std::size_t i = 0; i < out.objects.size(); ++i) {
-    const FusedObject& object = out.objects[i];
-    for (std::size_t k = 0; k < object.placements.size(); ++k) {
-      const ObjectPlacement& place = object.placements[k];
-      const Eigen::Isometry3d T_lidar_map = drives.T_map_lidar(place.scan).inverse();
-      out.by_scan[place.scan].push_back(
-          {{moved_by(T_lidar_map, place.box), speed_mps(drives, object, k)},
-           static_cast<std::uint32_t>(i)});
-    }
+  out.edits = apply_edits(fused, edits, edit_scans);
+  out.objects = std::move(fused.objects);
+  out.by_scan = scan_objects(drives, out.objects);
+  out.kept_by_scan.resize(drives.size());
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    const Eigen::Isometry3d T_lidar_map = drives.T_map_lidar(i).inverse();
+    for (const maps::Box& box : kept_regions(edits, edit_scans[i]))
+      out.kept_by_scan[i].push_back(moved_by(T_lidar_map, box));
   }
   return out;
 }

@@ -23,7 +23,8 @@ std::unique_ptr<Placed> place_scans(const DriveSet& drives, const ScanStages& st
   process_in_order(
       drives.size(), threads,
       [&](std::size_t scan) {
-        return stages.place(scan, survey.scans[scan].is_ground, objects.by_scan[scan], ground);
+        return stages.place(scan, survey.scans[scan].is_ground, objects.by_scan[scan],
+                            objects.kept_by_scan[scan], ground);
       },
       [&](PlacedScan scan) {
         {

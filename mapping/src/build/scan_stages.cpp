@@ -40,6 +40,27 @@ std::string detector_of_drive(const std::string& spec, std::size_t drive, std::s
   return "boxes:" + files[drive].string();
 }
 
+/// What a user wants to stay is where it was measured. @return points that were moved or deleted.
+std::size_t put_back(const maps::PointCloud& cloud, const std::vector<bool>& is_ground,
+                     const std::vector<maps::Box>& kept, ProjectionResult& projection) {
+  std::size_t count = 0;
+  if (kept.empty()) return count;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    PointFate& fate = projection.fates[i];
+    const bool projected = fate == PointFate::kProjected;
+    if (!projected && fate != PointFate::kDeleted) continue;
+    const bool stays = std::any_of(kept.begin(), kept.end(), [&](const maps::Box& box) {
+      return box.contains(cloud.positions[i].cast<double>());
+    });
+    if (!stays) continue;
+    --(projected ? projection.projected : projection.deleted);
+    projection.positions[i] = cloud.positions[i];
+    fate = is_ground[i] ? PointFate::kGround : PointFate::kKept;
+    ++count;
+  }
+  return count;
+}
+
 /// What becomes of the points of one scan, in the order of its file and in the map.
 class Placing {
  public:
@@ -134,7 +155,14 @@ SurveyedScan ScanStages::survey(std::size_t number) const {
   }
   {
     const StageTimer timer(out.stage_seconds, "fuse ground");
-    out.ground_cells = reduce_ground(scan.cloud.positions, ground.is_ground, out.boxes, T_local_lidar(number));
+    out.ground_cells =
+        reduce_ground(scan.cloud.positions, ground.is_ground, out.boxes, T_local_lidar(number));
+  }
+  {
+    const StageTimer timer(out.stage_seconds, "obstacles");
+    if (ground.surface)
+      out.obstacles = reduce_obstacles(scan.cloud.positions, ground.is_ground, *ground.surface,
+                                       T_local_lidar(number));
   }
   const StageTimer timer(out.stage_seconds, "view");
   out.view.emplace(scan.cloud.positions, ground.is_ground);
@@ -149,7 +177,7 @@ Eigen::Isometry3d ScanStages::T_local_lidar(std::size_t scan) const {
 
 PlacedScan ScanStages::place(std::size_t number, const std::vector<bool>& is_ground,
                              const std::vector<ScanObject>& objects,
-                             const FusedGround* fused) const {
+                             const std::vector<maps::Box>& kept, const FusedGround* fused) const {
   PlacedScan out(grid_, static_cast<std::uint32_t>(number));
   Counts counted_before;
   const maps::Scan scan = read(number, counted_before, out.stage_seconds);
@@ -171,6 +199,7 @@ PlacedScan ScanStages::place(std::size_t number, const std::vector<bool>& is_gro
                      : project_objects(scan.cloud, flags, BelowLocal(*local.surface), boxes,
                                        options_.projection);
   }
+  out.counts["kept_by_edits"] = put_back(scan.cloud, is_ground, kept, projection);
   out.counts["ground"] = projection.ground;
   out.counts["projected"] = projection.projected;
   out.counts["deleted"] = projection.deleted;

@@ -2,6 +2,7 @@
 
 #include "build/drive_set.hpp"
 #include "build/stage_timer.hpp"
+#include "fusion/obstacle_map.hpp"
 #include "ground/fused_ground.hpp"
 #include "stacking/tile_stack.hpp"
 #include "stacking/voxel_grid.hpp"
@@ -35,6 +36,7 @@ struct SurveyedScan {
   std::vector<bool> is_ground;
   std::vector<maps::Box> boxes;
   GroundCells ground_cells;
+  ScanObstacles obstacles;
   std::optional<RangeView> view;
   Counts counts;
   StageSeconds stage_seconds;
@@ -72,9 +74,11 @@ class ScanStages {
   void learn(const CancelFlag& cancel);
 
   [[nodiscard]] SurveyedScan survey(std::size_t scan) const;
+  /// @param kept    regions in which every point stays; lidar frame.
   /// @param ground  the fused surface; none = that of the scan alone.
   [[nodiscard]] PlacedScan place(std::size_t scan, const std::vector<bool>& is_ground,
                                  const std::vector<ScanObject>& objects,
+                                 const std::vector<maps::Box>& kept,
                                  const FusedGround* ground) const;
 
   /// Boxes that were given but belong to no scan or are no object, by reason.

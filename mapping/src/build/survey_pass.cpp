@@ -19,6 +19,10 @@ std::unique_ptr<Survey> survey_scans(const DriveSet& drives, const ScanStages& s
           const StageTimer timer(scan.stage_seconds, "fuse ground");
           survey->ground.add(scan.ground_cells);
         }
+        {
+          const StageTimer timer(scan.stage_seconds, "obstacles");
+          survey->obstacles.add(scan.obstacles);
+        }
         survey->views.append(*scan.view);
         survey->sources +=
             fmt::format("{}  {}\n", scan.sha256, drives.file(scan.scan).filename().string());
@@ -28,6 +32,7 @@ std::unique_ptr<Survey> survey_scans(const DriveSet& drives, const ScanStages& s
         if (progress) progress("survey", survey->scans.size(), drives.size());
       },
       cancel);
+  survey->obstacles.finish();
   return survey;
 }
 

@@ -26,6 +26,7 @@ struct Survey {
   /// By ordinal.
   std::vector<Scan> scans;
   FusedGround ground;
+  ObstacleMap obstacles;
   RangeViewStore views;
   /// SHA-256 and name of every scan's file, a line each as `sha256sum` prints it.
   std::string sources;

@@ -1,18 +1,9 @@
 #include "build/tile_pass.hpp"
 
 #include "build/ordered_pipeline.hpp"
-#if __has_include("cleaning/free_space_cleaner.hpp")
+#include "build/tile_window.hpp"
 #include "cleaning/free_space_cleaner.hpp"
-#else
-#include "cleaning/free_evidence.hpp"
-namespace stillmap::mapping { struct FreeSpaceCleaner { explicit FreeSpaceCleaner(PosedViews){} std::vector<std::uint8_t> moved(const CleaningPoints& p) const { return std::vector<std::uint8_t>(p.positions.size()); } }; }
-#endif
-#if __has_include("ground/ground_fill.hpp")
 #include "ground/ground_fill.hpp"
-#else
-namespace stillmap::mapping { struct Footprint { maps::Box box; std::uint32_t object; };
-inline std::vector<FilledPoint> fill_ground(maps::TileId, const std::vector<Footprint>&, const std::vector<Eigen::Vector3f>&, const FusedGround&, double) { return {}; } }
-#endif
 #include "top_view.hpp"
 
 #include <stillmap/maps/error.hpp>
@@ -72,28 +63,30 @@ std::size_t drop(std::vector<VoxelSum>& sums, const std::vector<std::size_t>& nu
   return dropped;
 }
 
-/// All tiles at once through a method that cannot take them one by one.
-std::map<maps::TileId, std::vector<VoxelSum>> clean_whole(
-    const VoxelGrid& grid, const Cleaner& cleaner, const ScanSource& scans, TileStack& stack,
-    Counts& counts, const ProgressCallback& progress, const CancelFlag& cancel) {
-  std::map<maps::TileId, std::vector<VoxelSum>> tiles;
-  std::map<maps::TileId, std::vector<std::size_t>> numbers;
+/// What a method that needs the whole map at once says, tile by tile.
+std::map<maps::TileId, std::vector<std::uint8_t>> moved_in_whole(
+    const VoxelGrid& grid, const Cleaner& cleaner, const ScanSource& scans, const TileStack& stack,
+    const ProgressCallback& progress, const CancelFlag& cancel) {
   CleaningPoints all;
   all.voxel_size_m = grid.voxel_size_m();
+  std::map<maps::TileId, std::size_t> sizes;
   for (const maps::TileId id : stack.tiles()) {
-    const std::vector<VoxelSum>& sums = tiles[id] = stack.take(id);
-    const CleaningPoints points = cleaning_points(grid, id, sums, numbers[id]);
+    std::vector<std::size_t> unused;
+    const CleaningPoints points = cleaning_points(grid, id, stack.read(id), unused);
     all.positions.insert(all.positions.end(), points.positions.begin(), points.positions.end());
     all.is_ground.insert(all.is_ground.end(), points.is_ground.begin(), points.is_ground.end());
     all.scans.insert(all.scans.end(), points.scans.begin(), points.scans.end());
+    sizes[id] = points.positions.size();
   }
   const std::vector<std::uint8_t> moved = cleaner.moved(all, scans, progress, cancel);
-  std::size_t at = 0;
-  for (auto& [id, sums] : tiles) {
-    counts["cleaned"] += drop(sums, numbers[id], moved.data() + at);
-    at += numbers[id].size();
+  std::map<maps::TileId, std::vector<std::uint8_t>> by_tile;
+  auto at = moved.begin();
+  for (const auto& [id, size] : sizes) {
+    const auto end = at + static_cast<std::ptrdiff_t>(size);
+    by_tile[id].assign(at, end);
+    at = end;
   }
-  return tiles;
+  return by_tile;
 }
 
 struct FinishedTile {
@@ -106,70 +99,91 @@ struct FinishedTile {
 class TileStages {
  public:
   TileStages(const DriveSet& drives, const Survey& survey, const BuildObjects& objects,
-             const VoxelGrid& grid, const MapBuildOptions& options)
+             const VoxelGrid& grid, const MapBuildOptions& options, const Edits& edits)
       : grid_(grid), options_(options), ground_(survey.ground) {
     for (std::size_t scan = 0; scan < drives.size(); ++scan) {
       Eigen::Isometry3d T = drives.T_map_lidar(scan);
       T.translation() -= grid.origin();
-      T_local_lidar_.push_back(T);
+      views_.T_local_lidar.push_back(T);
     }
-    if (options.clean == "free-space")
-      free_space_.emplace(PosedViews{
-          T_local_lidar_, [&survey](std::size_t scan) { return survey.views.read(scan); }});
-    if (options.fusion && options.fill && options.projection.policy != MovablePolicy::kKeep)
-      add_footprints(objects.objects);
+    views_.read = [&survey](std::size_t scan) { return survey.views.read(scan); };
+    if (options.clean == "free-space") keyframes_ = select_keyframes(views_.T_local_lidar);
+    for (const Edit& edit : edits) {
+      if (edit.action != EditAction::kKeep || !edit.box) continue;
+      kept_.push_back(*edit.box);
+      kept_.back().centre -= grid.origin();
+    }
+    if (!options.fusion || !options.fill || options.projection.policy != MovablePolicy::kProject)
+      return;
+    footprints_ = footprints_of(objects.objects, grid.origin());
+    for (std::size_t i = 0; i < objects.objects.size(); ++i) {
+      if (!objects.objects[i].moving) numbers_.push_back(static_cast<std::uint32_t>(i + 1));
+    }
   }
 
-  [[nodiscard]] FinishedTile finish(maps::TileId id, std::vector<VoxelSum> sums) const {
+  /// @param moved  what a method for the whole map said; nullptr = ours or none.
+  [[nodiscard]] FinishedTile finish(maps::TileId id, TileWindow& window,
+                                    const std::vector<std::uint8_t>* moved) const {
     FinishedTile out;
-    if (free_space_) clean(id, sums, out);
-    const std::vector<FilledPoint> filled = fill(id, sums, out);
-    const StageTimer timer(out.stage_seconds, "finish");
-    out.tile = to_points(grid_, id, sums, filled, [this](std::uint32_t scan) {
-      return Eigen::Vector3f(T_local_lidar_[scan].translation().cast<float>());
-    });
+    OpenTile& open = window.tile(id);
+    if (moved != nullptr) {
+      clean(open, *moved, out);
+    } else if (options_.clean == "free-space") {
+      const StageTimer timer(out.stage_seconds, "clean");
+      clean(open,
+            moved_by_free_space(window.with_rim(id, free_space_rim_m(grid_.voxel_size_m())),
+                                area_of(id), views_, keyframes_),
+            out);
+    }
+    {
+      const StageTimer timer(out.stage_seconds, "finish");
+      out.tile = to_points(grid_, id, open.sums, [this](std::uint32_t scan) {
+        return Eigen::Vector3f(views_.T_local_lidar[scan].translation().cast<float>());
+      });
+    }
+    if (!footprints_.empty()) fill(out);
+    open.sums = {};
     return out;
   }
 
  private:
-  void add_footprints(const std::vector<FusedObject>& objects) {
-    for (std::size_t i = 0; i < objects.size(); ++i) {
-      // What moved left its ground to be seen.
-      if (objects[i].moving) continue;
-      maps::Box box = objects[i].placements.front().box;
-      box.centre -= grid_.origin();
-      footprints_.push_back({box, static_cast<std::uint32_t>(i + 1)});
+  /// @param moved  a flag for each of the tile's points, more are passed over.
+  void clean(OpenTile& open, std::vector<std::uint8_t> moved, FinishedTile& out) const {
+    for (std::size_t i = 0; !kept_.empty() && i < open.numbers.size(); ++i) {
+      const Eigen::Vector3d p = open.points.positions[i].cast<double>();
+      if (std::any_of(kept_.begin(), kept_.end(),
+                      [&](const maps::Box& box) { return box.contains(p); }))
+        moved[i] = 0;
     }
+    out.counts["cleaned"] = drop(open.sums, open.numbers, moved.data());
   }
 
-  void clean(maps::TileId id, std::vector<VoxelSum>& sums, FinishedTile& out) const {
-    const StageTimer timer(out.stage_seconds, "clean");
-    std::vector<std::size_t> numbers;
-    const CleaningPoints points = cleaning_points(grid_, id, sums, numbers);
-    const std::vector<std::uint8_t> moved = free_space_->moved(points);
-    out.counts["cleaned"] = drop(sums, numbers, moved.data());
-  }
-
-  [[nodiscard]] std::vector<FilledPoint> fill(maps::TileId id, const std::vector<VoxelSum>& sums,
-                                              FinishedTile& out) const {
-    if (footprints_.empty()) return {};
+  void fill(FinishedTile& out) const {
     const StageTimer timer(out.stage_seconds, "fill");
-    std::vector<Eigen::Vector3f> ground;
-    for (const VoxelSum& sum : sums) {
-      if (sum.moved() || is_ground(sum)) ground.push_back(mean_of(grid_, id, sum));
+    const std::vector<Eigen::Vector3f> filled =
+        fill_ground(out.tile.id, out.tile.points, footprints_, ground_, grid_.voxel_size_m());
+    for (const Eigen::Vector3f& p : filled) {
+      const auto under = std::find_if(footprints_.begin(), footprints_.end(),
+                                      [&](const GroundFootprint& footprint) {
+                                        return footprint.covers(p.head<2>().cast<double>());
+                                      });
+      const bool known = under != footprints_.end();
+      add_filled(p, known ? numbers_[static_cast<std::size_t>(under - footprints_.begin())] : 0,
+                 out.tile);
     }
-    std::vector<FilledPoint> filled =
-        fill_ground(id, footprints_, ground, ground_, grid_.voxel_size_m());
     out.counts["filled"] = filled.size();
-    return filled;
   }
 
   const VoxelGrid& grid_;
   const MapBuildOptions& options_;
   const FusedGround& ground_;
-  std::vector<Eigen::Isometry3d> T_local_lidar_;
-  std::optional<FreeSpaceCleaner> free_space_;
-  std::vector<Footprint> footprints_;
+  /// Regions in which nothing is cleaned; local frame.
+  std::vector<maps::Box> kept_;
+  PosedViews views_;
+  std::vector<Keyframe> keyframes_;
+  std::vector<GroundFootprint> footprints_;
+  /// Number of each footprint's object plus 1.
+  std::vector<std::uint32_t> numbers_;
 };
 
 /// Of whole tiles, since what is in them is not known before.
@@ -188,40 +202,47 @@ TopView empty_picture(const std::vector<maps::TileId>& tiles) {
 
 TileCounts finish_tiles(const DriveSet& drives, const Survey& survey, const BuildObjects& objects,
                         Placed& placed, const VoxelGrid& grid, const MapBuildOptions& options,
-                        const Cleaner* cleaner, maps::MapPackageWriter& writer,
+                        const Edits& edits, const Cleaner* cleaner, maps::MapPackageWriter& writer,
                         const ProgressCallback& progress, const CancelFlag& cancel) {
-  TileCounts out;
+  TileCounts out{{{"cleaned", 0}, {"filled", 0}}, {}};
   const std::vector<maps::TileId> ids = placed.stack.tiles();
   if (ids.empty())
     throw maps::InputError(drives.drives().front().contents().root.string(),
                            "no usable point in any selected scan",
                            "at least one scan with points in range");
-  std::map<maps::TileId, std::vector<VoxelSum>> whole;
+  std::map<maps::TileId, std::vector<std::uint8_t>> whole;
   if (cleaner != nullptr) {
     const StageTimer timer(out.stage_seconds, "clean");
     const DriveScans scans(drives, survey, placed, grid.origin());
-    whole = clean_whole(grid, *cleaner, scans, placed.stack, out.counts, progress, cancel);
+    whole = moved_in_whole(grid, *cleaner, scans, placed.stack, progress, cancel);
   }
-  const TileStages stages(drives, survey, objects, grid, options);
+  const TileStages stages(drives, survey, objects, grid, options, edits);
+  TileWindow window(placed.stack, grid);
   TopView preview = empty_picture(ids);
   std::size_t done = 0;
-  process_in_order(
-      ids.size(), options.threads,
-      [&](std::size_t i) {
-        return stages.finish(
-            ids[i], cleaner != nullptr ? std::move(whole.at(ids[i])) : placed.stack.take(ids[i]));
-      },
-      [&](FinishedTile finished) {
-        add_to(out.counts, finished.counts);
-        add_to(out.stage_seconds, finished.stage_seconds);
-        const TilePoints& tile = finished.tile;
-        out.counts["static"] += tile.points.size();
-        for (const maps::MapPoint& p : tile.points)
-          preview.add_point(Eigen::Vector3f(p.x, p.y, p.z).cast<double>());
-        if (!tile.points.empty()) writer.add_tile(tile.id, tile.points, tile.history);
-        if (progress) progress("tiles", ++done, ids.size());
-      },
-      cancel);
+  const auto take = [&](FinishedTile finished) {
+    add_to(out.counts, finished.counts);
+    add_to(out.stage_seconds, finished.stage_seconds);
+    const TilePoints& tile = finished.tile;
+    out.counts["static"] += tile.points.size();
+    for (const maps::MapPoint& p : tile.points)
+      preview.add_point(Eigen::Vector3f(p.x, p.y, p.z).cast<double>());
+    if (!tile.points.empty()) writer.add_tile(tile.id, tile.points, tile.history);
+    if (progress) progress("tiles", ++done, ids.size());
+  };
+  for (auto begin = ids.begin(); begin != ids.end();) {
+    const std::int32_t x = begin->x;
+    const auto end = std::find_if(begin, ids.end(), [x](const auto& id) { return id.x != x; });
+    window.move_to(x, options.threads);
+    process_in_order(
+        static_cast<std::size_t>(end - begin), options.threads,
+        [&](std::size_t i) {
+          const maps::TileId id = begin[static_cast<std::ptrdiff_t>(i)];
+          return stages.finish(id, window, cleaner != nullptr ? &whole.at(id) : nullptr);
+        },
+        take, cancel);
+    begin = end;
+  }
   preview.write_png(writer.folder() / "preview.png");
   return out;
 }

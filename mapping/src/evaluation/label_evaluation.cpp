@@ -1,5 +1,6 @@
 #include <stillmap/mapping/label_evaluation.hpp>
 
+#include "evaluation/labels/before_and_after.hpp"
 #include "evaluation/labels/class_tally.hpp"
 #include "evaluation/labels/footprints.hpp"
 #include "evaluation/labels/labelled_scans.hpp"
@@ -52,14 +53,16 @@ std::array<std::uint8_t, 256> dynamic_kinds(TruthClasses classes) {
 /// Runs through the parts of an evaluation; each of them reads the scans once.
 class LabelJudge {
  public:
-  LabelJudge(const maps::MapPackage& map, const maps::Drive& drive,
+  LabelJudge(const maps::MapPackage& map, const maps::Drive& drive, bool draw,
              const ProgressCallback& progress, const CancelFlag& cancel)
       : map_(map),
         progress_(progress),
         cancel_(cancel),
         truth_(drive),
         scans_(map, drive, truth_),
-        several_drives_(map.trajectories().size() > 1) {}
+        several_drives_(map.trajectories().size() > 1) {
+    if (draw) pictures_.emplace(map);
+  }
 
   LabelEvaluation judge() {
     const Clock::time_point began = Clock::now();
@@ -163,6 +166,7 @@ class LabelJudge {
     for_each_scan("points", [&](const LabelledScan& scan) {
       count_points(scan);
       add_to(erasor, scan);
+      if (pictures_) pictures_->add_scan(scan.positions);
       if (scans_.drive_in_map()) for_each_unthinned(scan, into_unthinned);
     });
     const Clock::time_point began = Clock::now();
@@ -184,13 +188,14 @@ class LabelJudge {
     });
     for (std::size_t i = 0; i < scan.size(); ++i) {
       const std::uint16_t tag = tag_of(scan, i);
+      const bool ignored = semantic_classes()[scan.classes[i]].kind == ClassKind::kIgnored;
       add(thinned_tally_, tag, met[i]);
       if (scan.in_map[i] == InMap::kMeasured) {
         add(unthinned_tally_, tag, RemovedPoints::kAll);
-      } else if (scans_.drive_in_map()) {
+      } else if (scans_.drive_in_map() && !ignored) {
         removed_.add(scan.positions[i], tag);
       }
-      result_.ignored += semantic_classes()[scan.classes[i]].kind == ClassKind::kIgnored ? 1 : 0;
+      result_.ignored += ignored ? 1 : 0;
       count_ground(scan, i);
     }
     result_.points += scan.size();
@@ -305,6 +310,7 @@ class LabelJudge {
   }
 
   void collect() {
+    if (pictures_) result_.pictures = pictures_->finish();
     result_.thinned = figures_of(thinned_tally_, uncleaned_tally_, erasor_thinned_, thinned_cells_);
     if (!scans_.drive_in_map()) return;
     // The unthinned map that holds everything loses nothing.
@@ -325,6 +331,7 @@ class LabelJudge {
   LabelledScans scans_;
   bool several_drives_;
   LabelEvaluation result_;
+  std::optional<BeforeAndAfter> pictures_;
   std::vector<Footprint> footprints_;
   std::optional<TrueHeights> heights_;
   std::optional<GroundCells> thinned_cells_, unthinned_cells_;
@@ -371,8 +378,8 @@ MapFigures LabelJudge::figures_of(const ClassTally& tally, const ClassTally& unc
                     scores_of(tally, uncleaned, erasor[1], TruthClasses::kMovable)};
   figures.parked_removed = tally.parked;
   if (cells) {
-    figures.ground_projected = cells->projected();
-    figures.ground_filled = cells->filled();
+    figures.ground_under = cells->all();
+    figures.ground_bands = cells->bands();
   }
   for (std::size_t i = 0; i < semantic_classes().size(); ++i) {
     const SemanticClass& semantic = semantic_classes()[i];
@@ -424,8 +431,9 @@ double GroundScores::f1() const {
 }
 
 LabelEvaluation evaluate_with_labels(const maps::MapPackage& map, const maps::Drive& drive,
-                                     const ProgressCallback& progress, const CancelFlag& cancel) {
-  return LabelJudge(map, drive, progress, cancel).judge();
+                                     bool draw, const ProgressCallback& progress,
+                                     const CancelFlag& cancel) {
+  return LabelJudge(map, drive, draw, progress, cancel).judge();
 }
 
 }  // namespace stillmap::mapping

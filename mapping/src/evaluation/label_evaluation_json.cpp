@@ -2,13 +2,15 @@
 
 #include <nlohmann/json.hpp>
 
+#include <cmath>
+
 namespace stillmap::mapping {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
 /// Numbers that are not there (NaN) become null.
-Json number(double value) { return value == value ? Json(value) : Json(nullptr); }
+Json number(double value) { return std::isnan(value) ? Json(nullptr) : Json(value); }
 
 Json share(const Share& share) { return {{"count", share.count}, {"of", share.of}}; }
 
@@ -38,8 +40,21 @@ Json block(const MapScores& scores) {
 }
 
 void put_ground(Json& out, const MapFigures& figures) {
-  out["ground_completeness"] = number(figures.ground_filled.rate());
-  out["ground_completeness_projected"] = number(figures.ground_projected.rate());
+  out["ground_completeness"] = number(figures.ground_under.filled.rate());
+  out["ground_completeness_projected"] = number(figures.ground_under.projected.rate());
+}
+
+/// By distance from the path.
+Json bands(const MapFigures& figures) {
+  Json out = Json::array();
+  for (const GroundUnderBand& band : figures.ground_bands) {
+    out.push_back({{"to_m", std::isfinite(band.to_m) ? Json(band.to_m) : Json(nullptr)},
+                   {"cells", band.ground.filled.of},
+                   {"projected", number(band.ground.projected.rate())},
+                   {"filled", number(band.ground.filled.rate())},
+                   {"wrong", band.ground.wrong}});
+  }
+  return out;
 }
 
 Json losses(const MapFigures& figures) {
@@ -100,6 +115,7 @@ std::string to_json(const LabelEvaluation& evaluation, TruthClasses classes) {
   out["parked_removal"] = number(best.parked_removed.rate());
   out["static_loss"] = number(best.of(classes).static_loss);
   put_ground(out, best);
+  out["ground_completeness_by_distance"] = bands(best);
   out["filled_height_error_m"] = heights(e.heights);
   out["ground"] = ground(e.ground);
   out["truth_classes"] = name_of(classes);
@@ -115,8 +131,9 @@ std::string to_json(const LabelEvaluation& evaluation, TruthClasses classes) {
                    {"ignored", e.ignored},
                    {"dropped", e.dropped},
                    {"parked_removed", share(best.parked_removed)},
-                   {"ground_cells_projected", share(best.ground_projected)},
-                   {"ground_cells_filled", share(best.ground_filled)},
+                   {"ground_cells_projected", share(best.ground_under.projected)},
+                   {"ground_cells_filled", share(best.ground_under.filled)},
+                   {"ground_cells_wrong", best.ground_under.wrong},
                    {"parked_objects", e.parked_objects},
                    {"moving_objects", e.moving_objects}};
   out["scans"] = e.scans;

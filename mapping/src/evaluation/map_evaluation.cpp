@@ -159,8 +159,8 @@ class Judge {
     return read_deskewed(drive_, index, range_m_, counts);
   }
 
-  void point(std::size_t scan, const Eigen::Vector3d& p, const GroundResult& ground,
-             bool stays, MapEvaluation& result) const {
+  void point(std::size_t scan, const Eigen::Vector3d& p, const GroundResult& ground, bool stays,
+             MapEvaluation& result) const {
     const std::vector<maps::Box>& labels = labels_.by_scan.at(scan);
     const Eigen::Vector3d p_map = drive_.T_map_lidar(scan) * p;
     if (!any_holds(labels, p, kLabelMarginM)) {

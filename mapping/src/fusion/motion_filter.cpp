@@ -8,6 +8,8 @@
 namespace stillmap::mapping {
 namespace {
 
+constexpr double kAnySpeedMps = 100.0;
+
 Eigen::Matrix2d transition(double dt_s) {
   Eigen::Matrix2d F;
   F << 1.0, dt_s, 0.0, 1.0;
@@ -55,7 +57,8 @@ std::vector<MotionState> smoothed_path(const std::vector<PathStep>& steps,
   if (begin == steps.end()) throw std::invalid_argument("path: no measured position, expected one");
   const auto first = static_cast<std::size_t>(begin - steps.begin());
   std::vector<MotionState> before(steps.size()), path(steps.size());
-  path[first] = started_at(*begin->position, begin->sigma_m, noise);
+  // What follows tells the speed; a prior would only slow it down.
+  path[first] = started_at(*begin->position, begin->sigma_m, {0.0, kAnySpeedMps});
   for (std::size_t i = first + 1; i < steps.size(); ++i) {
     before[i] = predicted(path[i - 1], steps[i].time_s - steps[i - 1].time_s, noise);
     path[i] =

@@ -15,6 +15,16 @@ namespace {
 constexpr std::size_t kExtraScans = 3;
 /// Above it an object heads where it goes [m/s].
 constexpr double kHeadingSpeedMps = 1.5;
+/// Centres aligned by the sides that were seen scatter less than the boxes' own.
+constexpr double kAlignedSigma = 0.6;
+/// Boxes this much off the way they go are of a corner, not of the whole [rad].
+constexpr double kMaxOffRad = 0.3;
+/// Scans to each side that a heading is averaged over.
+constexpr std::size_t kYawReach = 2;
+/// So many hits for so long within so much are of something that stands [s, m].
+constexpr std::size_t kMinStandingHits = 4;
+constexpr double kMinStandingS = 0.5;
+constexpr double kStandingM = 0.8;
 /// A given track may be silent for so long and still be interpolated [s].
 constexpr double kMaxInterpolatedS = 2.0;
 
@@ -55,37 +65,50 @@ std::vector<MotionState> path_of(const Track& track, const Span& span,
     PathStep step;
     step.time_s = static_cast<double>(scans[span.scans[i]].stamp_ns - began_ns) * 1e-9;
     if (i > 0) step.time_s = std::max(step.time_s, steps.back().time_s);
-    step.sigma_m = centre_sigma_m(whole.object_class);
+    step.sigma_m = kAlignedSigma * centre_sigma_m(whole.object_class);
     if (span.hits[i]) step.position = aligned_centre(track.hits[*span.hits[i]], whole.size_m);
     steps.push_back(step);
   }
   return smoothed_path(steps, motion_noise_of(whole.object_class));
 }
 
-/// Heading of each step: where it goes while it goes fast, else as the hits say, undirected ones
-/// turned to the heading before.
+/// Where it goes while it goes fast; before and between, as it went last.
+std::vector<double> courses_of(const Track& track, const std::vector<MotionState>& path) {
+  const auto is_fast = [](const MotionState& state) {
+    return state.velocity_mps.norm() > kHeadingSpeedMps;
+  };
+  const auto course = [](const MotionState& state) {
+    return std::atan2(state.velocity_mps.y(), state.velocity_mps.x());
+  };
+  const auto fast = std::find_if(path.begin(), path.end(), is_fast);
+  double last_rad = fast == path.end() ? track.hits.front().box.yaw_rad : course(*fast);
+  std::vector<double> courses;
+  for (const MotionState& state : path) {
+    if (is_fast(state)) last_rad = course(state);
+    courses.push_back(last_rad);
+  }
+  return courses;
+}
+
+/// Heading of each step: its course, turned by what the boxes around it say, of which length and
+/// width may be mixed up.
 std::vector<double> yaws_of(const Track& track, const Span& span,
                             const std::vector<MotionState>& path) {
-  const std::size_t n = path.size();
-  std::vector<std::optional<double>> known(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    const Eigen::Vector2d& v = path[i].velocity_mps;
-    if (v.norm() > kHeadingSpeedMps) known[i] = std::atan2(v.y(), v.x());
-  }
-  std::optional<double> heading;
-  for (std::size_t i = 0; i < n && !heading; ++i) heading = known[i];
-  if (!heading) heading = track.hits.front().box.yaw_rad;
-  std::vector<double> yaws(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    if (known[i]) {
-      heading = known[i];
-    } else if (span.hits[i]) {
-      const double off_rad =
-          std::remainder(track.hits[*span.hits[i]].box.yaw_rad - *heading, std::numbers::pi);
-      // Length and width mixed up say nothing; small steps follow a turn.
-      if (std::abs(off_rad) < 0.25 * std::numbers::pi) *heading += 0.3 * off_rad;
+  const std::vector<double> courses = courses_of(track, path);
+  std::vector<double> yaws = courses;
+  for (std::size_t i = 0; i < yaws.size(); ++i) {
+    double sum_rad = 0.0;
+    int boxes = 0;
+    const std::size_t end = std::min(yaws.size(), i + kYawReach + 1);
+    for (std::size_t k = i - std::min(i, kYawReach); k < end; ++k) {
+      if (!span.hits[k]) continue;
+      const double off_rad = std::remainder(track.hits[*span.hits[k]].box.yaw_rad - courses[k],
+                                            0.5 * std::numbers::pi);
+      if (std::abs(off_rad) > kMaxOffRad) continue;
+      sum_rad += off_rad;
+      ++boxes;
     }
-    yaws[i] = *heading;
+    if (boxes > 0) yaws[i] += sum_rad / boxes;
   }
   return yaws;
 }
@@ -110,6 +133,79 @@ std::vector<double> heights_of(const Track& track, const Span& span) {
   return z;
 }
 
+/// A place that it moved on from is a new view each time, but boxes of scans in a row have the same
+/// faults.
+constexpr double kScanWeight = 0.15;
+
+void add_evidence(const Track& track, const Span& span, std::size_t i, const Look& look,
+                  Evidence& evidence) {
+  if (span.hits[i]) {
+    ++evidence.hits;
+    evidence.log_odds += kScanWeight * log_odds_of(track.hits[*span.hits[i]].box.score);
+    return;
+  }
+  const bool between =
+      span.scans[i] > track.hits.front().scan && span.scans[i] < track.hits.back().scan;
+  if (!between) return;
+  if (look.sight == Sight::kFree) {
+    evidence.log_odds += kFreeLogOdds;
+  } else if (look.points >= kMinPointsToMiss) {
+    ++evidence.missed;
+    evidence.log_odds += kScanWeight * kMissLogOdds;
+  }
+}
+
+/// Whether a silent step lies too deep in a long silence to say where it was.
+bool is_lost(const Track& track, const Span& span, const std::vector<DetectedScan>& scans,
+             std::size_t step) {
+  std::size_t before = step, after = step;
+  while (before > 0 && !span.hits[before]) --before;
+  while (after + 1 < span.hits.size() && !span.hits[after]) ++after;
+  if (!span.hits[before] || !span.hits[after]) return false;
+  const double silent_s =
+      static_cast<double>(scans[span.scans[after]].stamp_ns - scans[span.scans[before]].stamp_ns) *
+      1e-9;
+  const double way_m =
+      (track.hits[*span.hits[after]].box.centre - track.hits[*span.hits[before]].box.centre).norm();
+  return silent_s > kMaxInterpolatedS && way_m > kStandingM &&
+         std::min(step - before, after - step) > kExtraScans;
+}
+
+/// The hits at one end of a track while it stood there; none when it came or left in motion.
+Track standing_end(const Track& track, const std::vector<DetectedScan>& scans,
+                   const Eigen::Vector3d& size_m, bool at_begin) {
+  Track end{track.drive, track.given, {}};
+  const std::size_t n = track.hits.size();
+  const auto hit = [&](std::size_t i) { return track.hits[at_begin ? i : n - 1 - i]; };
+  const Eigen::Vector2d place = aligned_centre(hit(0), size_m);
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!((aligned_centre(hit(i), size_m) - place).norm() < kStandingM)) break;
+    end.hits.push_back(hit(i));
+  }
+  if (!at_begin) std::reverse(end.hits.begin(), end.hits.end());
+  const double stood_s = static_cast<double>(scans[end.hits.back().scan].stamp_ns -
+                                             scans[end.hits.front().scan].stamp_ns) *
+                         1e-9;
+  if (end.hits.size() < kMinStandingHits || stood_s < kMinStandingS) end.hits.clear();
+  return end;
+}
+
+/// Placements of the time before it set off or after it stopped, when no box shows it any more.
+void add_standing_end(const Track& end, bool at_begin, const SightLines& sight,
+                      std::vector<ObjectPlacement>& placements) {
+  if (end.hits.empty()) return;
+  const std::size_t first = end.hits.front().scan, last = end.hits.back().scan;
+  std::erase_if(placements, [&](const ObjectPlacement& placement) {
+    return at_begin ? placement.scan < first : placement.scan > last;
+  });
+  const StandingObject stood = standing_object(end, sight);
+  for (const auto& [scan, detected] : stood.scans) {
+    if (at_begin ? scan < first : scan > last) placements.push_back({scan, stood.box, false});
+  }
+  std::sort(placements.begin(), placements.end(),
+            [](const ObjectPlacement& a, const ObjectPlacement& b) { return a.scan < b.scan; });
+}
+
 }  // namespace
 
 MovingObject moving_object(const Track& track, const std::vector<DetectedScan>& scans,
@@ -122,28 +218,21 @@ MovingObject moving_object(const Track& track, const std::vector<DetectedScan>& 
   const std::vector<double> yaws = yaws_of(track, span, path);
   const std::vector<double> heights = heights_of(track, span);
   for (std::size_t i = 0; i < span.scans.size(); ++i) {
-    ObjectPlacement placement;
-    placement.scan = span.scans[i];
-    placement.detected = span.hits[i].has_value();
+    ObjectPlacement placement{span.scans[i], object.box, span.hits[i].has_value()};
+    if (!placement.detected && is_lost(track, span, scans, i)) continue;
     if (track.given && placement.detected) {
       placement.box = track.hits[*span.hits[i]].box;
     } else {
-      placement.box = object.box;
       placement.box.centre << path[i].position, heights[i];
       placement.box.yaw_rad = yaws[i];
     }
     const Look look = sight.look(placement.scan, placement.box);
-    if (!placement.detected && look.sight == Sight::kFree) {
-      if (placement.scan > track.hits.front().scan && placement.scan < track.hits.back().scan)
-        ++object.evidence.seen_free;
-      continue;
-    }
-    object.placements.push_back(placement);
+    add_evidence(track, span, i, look, object.evidence);
+    if (placement.detected || look.sight != Sight::kFree) object.placements.push_back(placement);
   }
-  for (std::size_t i = 0; i < span.scans.size(); ++i) {
-    if (!span.hits[i]) continue;
-    ++object.evidence.hits;
-    object.evidence.score_log_odds += log_odds_of(track.hits[*span.hits[i]].box.score);
+  for (const bool at_begin : {true, false}) {
+    add_standing_end(standing_end(track, scans, object.box.size_m, at_begin), at_begin, sight,
+                     object.placements);
   }
   return object;
 }

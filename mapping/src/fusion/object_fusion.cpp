@@ -69,20 +69,20 @@ FusedObject fused_moving(const Track& track, const std::vector<DetectedScan>& sc
 
 }  // namespace
 
-std::vector<FusedObject> fuse_objects(const std::vector<DetectedScan>& scans,
-                                      const BoxRayCounter& count_rays) {
+FusedObjects fuse_boxes(const std::vector<DetectedScan>& scans, const BoxRayCounter& count_rays) {
   check(scans);
   const SightLines sight(scans, count_rays);
   std::vector<std::vector<std::size_t>> drive_scans(sight.drives());
   for (std::size_t i = 0; i < scans.size(); ++i) drive_scans[scans[i].drive].push_back(i);
   std::vector<std::vector<Track>> standing(sight.drives());
-  std::vector<FusedObject> objects;
+  FusedObjects fused;
   const auto keep = [&](FusedObject object, bool given) {
-    if ((given || object.existence >= kMinExistence) && !object.placements.empty())
-      objects.push_back(std::move(object));
+    if (object.placements.empty()) return;
+    const bool certain = given || object.existence >= kMinExistence;
+    (certain ? fused.objects : fused.doubtful).push_back(std::move(object));
   };
   for (Track& track : tracks_of(scans)) {
-    if (has_moved(track)) {
+    if (has_moved(track, sight)) {
       keep(fused_moving(track, scans, drive_scans[track.drive], sight), track.given);
     } else if (track.given) {
       keep(fused_standing(track, sight), true);
@@ -94,9 +94,22 @@ std::vector<FusedObject> fuse_objects(const std::vector<DetectedScan>& scans,
     for (const Track& track : joined_by_place(std::move(tracks)))
       keep(fused_standing(track, sight), false);
   }
-  std::stable_sort(objects.begin(), objects.end(), [](const FusedObject& a, const FusedObject& b) {
-    return a.placements.front().scan < b.placements.front().scan;
-  });
+  for (std::vector<FusedObject>* objects : {&fused.objects, &fused.doubtful}) {
+    std::stable_sort(objects->begin(), objects->end(),
+                     [](const FusedObject& a, const FusedObject& b) {
+                       return a.placements.front().scan < b.placements.front().scan;
+                     });
+    number_objects(*objects);
+  }
+  return fused;
+}
+
+std::vector<FusedObject> fuse_objects(const std::vector<DetectedScan>& scans,
+                                      const BoxRayCounter& count_rays) {
+  return fuse_boxes(scans, count_rays).objects;
+}
+
+void number_objects(std::vector<FusedObject>& objects) {
   for (std::size_t i = 0; i < objects.size(); ++i) {
     for (ObjectPlacement& placement : objects[i].placements) {
       placement.box.track = static_cast<int>(i);
@@ -104,7 +117,6 @@ std::vector<FusedObject> fuse_objects(const std::vector<DetectedScan>& scans,
       placement.box.score = objects[i].existence;
     }
   }
-  return objects;
 }
 
 }  // namespace stillmap::mapping

@@ -73,6 +73,11 @@ double SightLines::distance_m(std::size_t scan, const Eigen::Vector2d& place) co
   return (scans_[scan].T_map_lidar.translation().head<2>() - place).norm();
 }
 
+double SightLines::travel_m(std::size_t scan_a, std::size_t scan_b) const {
+  return (scans_[scan_a].T_map_lidar.translation() - scans_[scan_b].T_map_lidar.translation())
+      .norm();
+}
+
 std::vector<std::size_t> SightLines::scans_near(std::size_t drive, const Eigen::Vector2d& place,
                                                 double reach_m) const {
   std::vector<std::size_t> near;

@@ -45,6 +45,8 @@ class SightLines {
                                                     double reach_m) const;
   /// From the sensor to a place, from above [m].
   [[nodiscard]] double distance_m(std::size_t scan, const Eigen::Vector2d& place) const;
+  /// Between the sensor's places of two scans [m].
+  [[nodiscard]] double travel_m(std::size_t scan_a, std::size_t scan_b) const;
   [[nodiscard]] std::size_t drives() const { return cells_.size(); }
 
  private:

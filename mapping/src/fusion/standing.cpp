@@ -13,24 +13,35 @@ namespace {
 
 /// Farther away a scan has few points on an object [m].
 constexpr double kReachM = 80.0;
-/// Points that a detector can make a box of; a scan that saw fewer says nothing by finding none.
-constexpr std::size_t kMinPointsToMiss = 40;
 /// Misses beyond this range are not counted: detectors see as far as they like [m].
 constexpr double kMissReachM = 30.0;
+/// Other drives are asked from as near as this, and so many of their scans [m].
+constexpr double kOtherDayReachM = 25.0;
+constexpr std::size_t kOtherDayScans = 12;
 /// Scans in a row that must see a place free before it is so: single ones see through gaps.
 constexpr int kFreeInARow = 2;
 
 constexpr std::size_t kMaxWindows = 16;
 
+/// A parked car's box jumps by up to 2 m between the corners that are seen.
+constexpr double kMovedSigmas = 4.5;
+constexpr std::size_t kMinHitsUnseen = 4;
+
 constexpr double kJoinOfJoint = 0.2;
 constexpr double kJoinOfSmaller = 0.5;
 
-constexpr double kPriorLogOdds = -1.5;
-constexpr double kHitWeight = 0.5;
-constexpr double kMissLogOdds = -0.4;
-constexpr double kFreeLogOdds = -1.0;
+/// Most of what a detector without a network brings once is nothing.
+constexpr double kPriorLogOdds = -1.0;
+/// What was not there at another time is no part of the street.
 constexpr double kFreeElsewhenLogOdds = 2.0;
-
+/// Two scans are two opinions when the sensor went so far between them [m]; nearer ones repeat each
+/// other.
+constexpr double kNewViewM = 5.0;
+constexpr double kSameView = 0.02;
+/// Boxes that share less of their joint area with the whole say nothing for it, those that share
+/// more say all they can.
+constexpr double kNoAgreement = 0.35;
+constexpr double kFullAgreement = 0.7;
 }  // namespace
 
 double log_odds_of(double score) {
@@ -40,39 +51,67 @@ double log_odds_of(double score) {
 
 namespace {
 
-/// Medians of the centres over windows of hits.
-std::vector<Eigen::Vector2d> window_medians(const Track& track, const Eigen::Vector3d& size_m) {
+/// Hits that follow each other, with the median of their centres.
+struct Window {
+  std::vector<Hit> hits;
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();
+};
+
+std::vector<Window> windows_of(const Track& track) {
+  const Eigen::Vector3d size_m = size_of(track.hits);
   const std::size_t n = track.hits.size();
   const std::size_t width =
       std::max<std::size_t>({1, std::min<std::size_t>(5, n / 3), n / kMaxWindows});
-  std::vector<Eigen::Vector2d> medians;
+  std::vector<Window> windows;
   for (std::size_t begin = 0; begin + width <= n; begin += width) {
+    Window window;
     std::vector<std::pair<double, double>> x, y;
     for (std::size_t i = begin; i < begin + width; ++i) {
+      window.hits.push_back(track.hits[i]);
       const Eigen::Vector2d centre = aligned_centre(track.hits[i], size_m);
       x.emplace_back(centre.x(), 1.0);
       y.emplace_back(centre.y(), 1.0);
     }
-    medians.emplace_back(weighted_quantile(x, 0.5), weighted_quantile(y, 0.5));
+    window.centre = {weighted_quantile(x, 0.5), weighted_quantile(y, 0.5)};
+    windows.push_back(std::move(window));
   }
-  return medians;
+  return windows;
+}
+
+/// How often the place of some hits was free, less how often it was not, in the scans of others.
+int times_free(const Window& place, const Window& times, const SightLines& sight) {
+  const maps::Box box = standing_box(place.hits);
+  int sum = 0;
+  for (const Hit& hit : times.hits) {
+    const Sight seen = sight.look(hit.scan, box).sight;
+    if (seen == Sight::kFree) ++sum;
+    if (seen == Sight::kOccupied) --sum;
+  }
+  return sum;
 }
 
 }  // namespace
 
-bool has_moved(const Track& track) {
-  if (track.hits.size() < 2) return false;
-  const maps::ObjectClass object_class = class_of(track.hits);
-  const Eigen::Vector3d size_m = size_of(track.hits);
-  const std::vector<Eigen::Vector2d> medians = window_medians(track, size_m);
+bool has_moved(const Track& track, const SightLines& sight) {
+  const std::vector<Window> windows = windows_of(track);
   double farthest_m = 0.0;
-  for (std::size_t i = 0; i < medians.size(); ++i) {
-    for (std::size_t j = i + 1; j < medians.size(); ++j)
-      farthest_m = std::max(farthest_m, (medians[i] - medians[j]).norm());
+  std::pair<std::size_t, std::size_t> ends;
+  for (std::size_t i = 0; i < windows.size(); ++i) {
+    for (std::size_t j = i + 1; j < windows.size(); ++j) {
+      const double distance_m = (windows[i].centre - windows[j].centre).norm();
+      if (distance_m > farthest_m) ends = {i, j};
+      farthest_m = std::max(farthest_m, distance_m);
+    }
   }
-  // Medians of three and more hits scatter less than single ones.
-  const double sigma_m = centre_sigma_m(object_class) * (track.hits.size() >= 9 ? 1.0 : 1.6);
-  return farthest_m > 3.0 * sigma_m;
+  const maps::ObjectClass object_class = class_of(track.hits);
+  const double sigma_m = centre_sigma_m(object_class);
+  if (!(farthest_m > kMovedSigmas * sigma_m)) return false;
+  if (track.given) return true;
+  const Window& early = windows[ends.first];
+  const Window& late = windows[ends.second];
+  const int free = times_free(early, late, sight) + times_free(late, early, sight);
+  if (free != 0) return free > 0;
+  return track.hits.size() >= kMinHitsUnseen && farthest_m > size_of(track.hits).x();
 }
 
 namespace {
@@ -220,38 +259,72 @@ void mark_gone(std::vector<View>& views) {
   close_run();
 }
 
+/// What the boxes of each scan say, by their scores and by how far they agree with the whole.
+std::map<std::size_t, double> opinions_of(const Track& track, const maps::Box& box) {
+  std::map<std::size_t, double> opinions;
+  for (const Hit& hit : track.hits) {
+    const double agreement = std::clamp(
+        (overlap_of(hit.box, box).of_joint - kNoAgreement) / (kFullAgreement - kNoAgreement), 0.0,
+        1.0);
+    const double log_odds = agreement * log_odds_of(hit.box.score);
+    const auto [at, is_new] = opinions.try_emplace(hit.scan, log_odds);
+    if (!is_new) at->second = std::max(at->second, log_odds);
+  }
+  return opinions;
+}
+
+/// Whether another drive saw the place free and never taken: an evenly spread dozen of its near
+/// scans are asked.
+bool free_on_another_day(const Track& track, const maps::Box& box, const SightLines& sight) {
+  for (std::size_t drive = 0; drive < sight.drives(); ++drive) {
+    if (drive == track.drive) continue;
+    const std::vector<std::size_t> near =
+        sight.scans_near(drive, box.centre.head<2>(), kOtherDayReachM);
+    const std::size_t asked = std::min(near.size(), kOtherDayScans);
+    int free = 0, occupied = 0;
+    for (std::size_t i = 0; i < asked; ++i) {
+      const Sight seen = sight.look(near[i * near.size() / asked], box).sight;
+      free += seen == Sight::kFree ? 1 : 0;
+      occupied += seen == Sight::kOccupied ? 1 : 0;
+    }
+    if (free >= kFreeInARow && occupied == 0) return true;
+  }
+  return false;
+}
+
 Evidence evidence_of(const Track& track, const std::vector<View>& views, const maps::Box& box,
                      const SightLines& sight) {
   Evidence evidence;
-  std::map<std::size_t, double> scores;
-  for (const Hit& hit : track.hits) {
-    double& score = scores[hit.scan];
-    score = std::max(score, hit.box.score);
-  }
-  evidence.hits = scores.size();
-  for (const auto& [scan, score] : scores) evidence.score_log_odds += log_odds_of(score);
+  const std::map<std::size_t, double> opinions = opinions_of(track, box);
   const std::size_t first = track.hits.front().scan, last = track.hits.back().scan;
-  for (const View& view : views) {
-    if (view.hit) continue;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const View& view = views[i];
+    const double weight =
+        i == 0 ? kSameView : view_weight(sight.travel_m(views[i - 1].scan, view.scan));
     const bool between = view.scan > first && view.scan < last;
-    if (view.look.sight == Sight::kFree) {
-      if (between) ++evidence.seen_free;
+    if (view.hit) {
+      ++evidence.hits;
+      evidence.log_odds += weight * opinions.at(view.scan);
+    } else if (view.look.sight == Sight::kFree) {
+      if (between) evidence.log_odds += kFreeLogOdds;
     } else if (!view.gone && view.look.points >= kMinPointsToMiss &&
                sight.distance_m(view.scan, box.centre.head<2>()) < kMissReachM) {
       ++evidence.missed;
+      evidence.log_odds += weight * kMissLogOdds;
     }
     evidence.free_elsewhen = evidence.free_elsewhen || (view.gone && !between);
   }
+  evidence.free_elsewhen = evidence.free_elsewhen || free_on_another_day(track, box, sight);
   return evidence;
 }
 
 }  // namespace
 
+double view_weight(double travel_m) { return std::clamp(travel_m / kNewViewM, kSameView, 1.0); }
+
 double existence_of(const Evidence& evidence) {
-  const double log_odds = kPriorLogOdds + kHitWeight * evidence.score_log_odds +
-                          kMissLogOdds * static_cast<double>(evidence.missed) +
-                          kFreeLogOdds * static_cast<double>(evidence.seen_free) +
-                          (evidence.free_elsewhen ? kFreeElsewhenLogOdds : 0.0);
+  const double log_odds =
+      kPriorLogOdds + evidence.log_odds + (evidence.free_elsewhen ? kFreeElsewhenLogOdds : 0.0);
   return 1.0 / (1.0 + std::exp(-log_odds));
 }
 

@@ -3,87 +3,112 @@
 #include <Eigen/Dense>
 
 #include <algorithm>
-#include <array>
-#include <cstdlib>
-#pragma GCC diagnostic ignored "-Wconversion"
-#pragma GCC diagnostic ignored "-Wfloat-conversion"
+#include <cmath>
 
 namespace stillmap::mapping {
 namespace {
 
-/// A thing that stands is seen between these heights [m]; crowns and signs begin above.
-constexpr float kStandingFromM = 0.35F;
-constexpr float kStandingToM = 3.0F;
-/// Thickness of the layer; a kerb's upper side is left out.
+/// Thickness of the layer on its lowest point [m]; a kerb's upper side is left out.
 constexpr float kLayerM = 0.1F;
-/// Without ground in a neighbouring cell one thing that stands spoils the whole cell: slanted
-/// sides of cars and sparse beams leave columns that look free.
+/// Points this far off the layer's plane [m] are part of it.
+constexpr double kBandM = 0.08;
+/// The layer's slope may differ by as much from the predicted one.
+constexpr double kMaxTurn = 0.3;
+/// Points beyond the tolerance that a turned plane may still reach, half a diagonal away [m].
+constexpr float kTurnReachM = 0.3F;
+/// Pull of the predicted slope, as strong as one point at 1 m: a lone ring leaves the slope across
+/// it to the prediction.
+constexpr double kSlopePull = 1.0;
+constexpr int kFits = 2;
+/// Beyond this, no neighbouring cell has ground [m].
 constexpr double kAdjacentM = 1.5;
 
+/// A plane above the predicted one: a + b x + c y.
+struct Plane {
+  double a = 0.0, b = 0.0, c = 0.0;
+};
+
+/// One step of a fit to the points near the plane.
+template <typename Points>
+[[nodiscard]] Plane refit(const Points& points, const Plane& plane) {
+  double n = 0.0, x = 0.0, y = 0.0, xx = kSlopePull, xy = 0.0, yy = kSlopePull;
+  double r = 0.0, xr = 0.0, yr = 0.0;
+  for (const auto& p : points) {
+    const auto px = static_cast<double>(p.x), py = static_cast<double>(p.y);
+    const auto pr = static_cast<double>(p.above);
+    if (std::abs(pr - plane.a - plane.b * px - plane.c * py) > kBandM) continue;
+    n += 1.0;
+    x += px;
+    y += py;
+    xx += px * px;
+    xy += px * py;
+    yy += py * py;
+    r += pr;
+    xr += px * pr;
+    yr += py * pr;
+  }
+  if (n < 1.0) return plane;
+  Eigen::Matrix3d A;
+  A << n, x, y, x, xx, xy, y, xy, yy;
+  const Eigen::Vector3d s = A.inverse() * Eigen::Vector3d(r, xr, yr);
+  return {s[0], std::clamp(s[1], -kMaxTurn, kMaxTurn), std::clamp(s[2], -kMaxTurn, kMaxTurn)};
+}
+
 }  // namespace
+
+void CellLayerFinder::collect(std::span<const CellPoint> points, int cell,
+                              const CellPrediction& prediction, float tolerance_m) {
+  const auto x0 = static_cast<float>(HeightGrid::centre_x(cell));
+  const auto y0 = static_cast<float>(HeightGrid::centre_y(cell));
+  const auto z = static_cast<float>(prediction.z);
+  const Eigen::Vector2f slope = prediction.slope.cast<float>();
+  const float reach = tolerance_m + kTurnReachM;
+  near_.clear();
+  stands_ = {};
+  for (const CellPoint& p : points) {
+    const float x = p.x - x0, y = p.y - y0;
+    const float above = p.z - z - slope.x() * x - slope.y() * y;
+    const auto quarter = static_cast<std::uint8_t>((x < 0.0F ? 0 : 1) + (y < 0.0F ? 0 : 2));
+    if (above > kStandingFromM && above < kStandingToM) stands_[quarter] = true;
+    if (above > -reach && above < reach) near_.push_back({x, y, above, quarter});
+  }
+}
+
+void CellLayerFinder::drop_standing_quarters() {
+  std::erase_if(near_, [&](const NearPoint& p) { return stands_[p.quarter]; });
+}
+
+std::optional<float> CellLayerFinder::lowest(float tolerance_m) const {
+  float lowest_m = tolerance_m;
+  for (const NearPoint& p : near_) {
+    if (p.above >= -tolerance_m) lowest_m = std::min(lowest_m, p.above);
+  }
+  if (lowest_m >= tolerance_m) return std::nullopt;
+  return lowest_m;
+}
 
 std::optional<HeightGrid::Node> CellLayerFinder::find(std::span<const CellPoint> points, int cell,
                                                       const CellPrediction& prediction,
                                                       double tolerance_m) {
-  const auto x0 = static_cast<float>(HeightGrid::centre_x(cell));
-  const auto y0 = static_cast<float>(HeightGrid::centre_y(cell));
-  const Eigen::Vector2f slope = prediction.slope.cast<float>();
-  const auto z = static_cast<float>(prediction.z);
   const auto tolerance = static_cast<float>(tolerance_m);
-  above_.resize(points.size());
-  column_.resize(points.size());
-  std::array<bool, 4> stands{};
-  float lowest_anywhere = tolerance;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const CellPoint& p = points[i];
-    above_[i] = p.z - z - slope.x() * (p.x - x0) - slope.y() * (p.y - y0);
-    column_[i] = static_cast<std::uint8_t>((p.x < x0 ? 0 : 1) + (p.y < y0 ? 0 : 2));
-    if (above_[i] > kStandingFromM && above_[i] < kStandingToM) stands[column_[i]] = true;
-    if (above_[i] >= -tolerance) lowest_anywhere = std::min(lowest_anywhere, above_[i]);
-  }
-  if (lowest_anywhere >= tolerance) return std::nullopt;
-  const bool any = std::any_of(stands.begin(), stands.end(), [](bool s) { return s; });
+  collect(points, cell, prediction, tolerance);
+  const bool any = std::any_of(stands_.begin(), stands_.end(), [](bool s) { return s; });
   if (any && prediction.gap_m > kAdjacentM) return std::nullopt;
-  float lowest = tolerance;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    if (stands[column_[i]] || above_[i] < -tolerance) continue;
-    lowest = std::min(lowest, above_[i]);
+  if (any) drop_standing_quarters();
+  const auto lowest_m = lowest(tolerance);
+  if (!lowest_m) return std::nullopt;
+  Plane plane;
+  double count = 0.0;
+  for (const NearPoint& p : near_) {
+    if (p.above < *lowest_m || p.above > *lowest_m + kLayerM) continue;
+    plane.a += static_cast<double>(p.above);
+    count += 1.0;
   }
-  if (lowest >= tolerance) return std::nullopt;
-  double sum = 0.0;
-  int count = 0;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    if (stands[column_[i]] || above_[i] < lowest || above_[i] > lowest + kLayerM) continue;
-    sum += static_cast<double>(above_[i]);
-    ++count;
-  }
-  float r0 = static_cast<float>(sum / count), sx = 0, sy = 0;
-  static const double ridge = getenv("RIDGE") ? atof(getenv("RIDGE")) : 0;
-  static const double band = getenv("BAND") ? atof(getenv("BAND")) : 0.08;
-  static const double dslope = getenv("DSLOPE") ? atof(getenv("DSLOPE")) : 0.3;
-  if (ridge > 0) {
-    for (int it = 0; it < 2; ++it) {
-      Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
-      Eigen::Vector3d b = Eigen::Vector3d::Zero();
-      for (std::size_t i = 0; i < points.size(); ++i) {
-        if (stands[column_[i]]) continue;
-        const float dx = points[i].x - x0, dy = points[i].y - y0;
-        if (std::abs(above_[i] - r0 - sx * dx - sy * dy) > band) continue;
-        const Eigen::Vector3d row(1, dx, dy);
-        A += row * row.transpose();
-        b += row * above_[i];
-      }
-      if (A(0, 0) < 1) break;
-      const double k = ridge * 1.0;
-      A(1, 1) += k;
-      A(2, 2) += k;
-      const Eigen::Vector3d s = A.inverse() * b;
-      sx = std::clamp(s[1], -dslope, dslope);
-      sy = std::clamp(s[2], -dslope, dslope);
-      r0 = s[0];
-    }
-  }
-  return HeightGrid::Node{z + r0, slope.x() + sx, slope.y() + sy, 1.0F};
+  plane.a /= count;
+  for (int k = 0; k < kFits; ++k) plane = refit(near_, plane);
+  return HeightGrid::Node{static_cast<float>(prediction.z + plane.a),
+                          static_cast<float>(prediction.slope.x() + plane.b),
+                          static_cast<float>(prediction.slope.y() + plane.c), 1.0F};
 }
 
 }  // namespace stillmap::mapping

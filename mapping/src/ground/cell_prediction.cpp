@@ -25,8 +25,8 @@ class WeightedPlane {
     const Eigen::Vector3d row(1.0, dx, dy);
     A_ += w * row * row.transpose();
     b_ += (w * static_cast<double>(node.z)) * row;
-    slope_ += w * Eigen::Vector2d(static_cast<double>(node.slope_x),
-                                  static_cast<double>(node.slope_y));
+    slope_ +=
+        w * Eigen::Vector2d(static_cast<double>(node.slope_x), static_cast<double>(node.slope_y));
     nearest_squared_ = count_ == 0 ? squared : std::min(nearest_squared_, squared);
     ++count_;
   }

@@ -1,6 +1,7 @@
 #include "ground/concentric_zones.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 
 namespace stillmap::mapping {
@@ -40,8 +41,8 @@ int ConcentricZones::patch_of(double x, double y) {
   ring += std::min(static_cast<int>(share * kRings[zone]), kRings[zone] - 1);
   const double turn = std::atan2(y, x) / (2.0 * std::numbers::pi);
   const int sectors = kSectors[zone];
-  const int sector = std::min(static_cast<int>((turn < 0.0 ? turn + 1.0 : turn) * sectors),
-                              sectors - 1);
+  const int sector =
+      std::min(static_cast<int>((turn < 0.0 ? turn + 1.0 : turn) * sectors), sectors - 1);
   return kAllRings[static_cast<std::size_t>(ring)].first_patch + sector;
 }
 

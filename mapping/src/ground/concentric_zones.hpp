@@ -1,14 +1,12 @@
 #pragma once
 
 #include <array>
-#include <cmath>
-#include <numeric>
 
 namespace stillmap::mapping {
 
 /// The concentric zone model: rings of sectors around the sensor, in four zones whose patches grow
 /// with the range, so that each holds enough points.
-/// @see Lim, Oh, Myung, "Patchwork", RA-L 2021, eqs. (2) to (4), with its bounds and numbers.
+/// @see Lim, Oh, Myung, "Patchwork", RA-L 2021, concentric zone model; its bounds and numbers.
 class ConcentricZones {
  public:
   static constexpr int kZones = 4;

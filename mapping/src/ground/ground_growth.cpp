@@ -6,21 +6,22 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
-#include <utility>
-#pragma GCC diagnostic ignored "-Wconversion"
-#pragma GCC diagnostic ignored "-Wfloat-conversion"
 
 namespace stillmap::mapping {
 namespace {
 
+/// Patches and the plane under the sensor start cells up to here [m], where the plane is close.
+constexpr double kStartRangeM = 12.0;
+constexpr double kStartElevationM = 0.3;
+/// How far points may be off a patch's plane [m], as in the fit.
+constexpr double kPlaneM = 0.125;
 /// A kerb and the noise on it [m]; what sticks out more within a cell or two is an object.
 constexpr double kStepM = 0.2;
-/// Range [m] up to which a cell may start the growth.
-constexpr double kStartRangeM = 12.0;
-/// How far points may be off a plane that starts it [m].
-constexpr double kPlaneM = 0.12;
-const double kPA = getenv("PA") ? atof(getenv("PA")) : -1;
-const double kPB = getenv("PB") ? atof(getenv("PB")) : 0.0;
+/// More over a gap, by the change of slope that streets have, and never more than kMaxStepM.
+constexpr double kStepPerM = 0.015;
+constexpr double kMaxStepM = 0.4;
+/// A patch may carry the ground over a gap with a change of slope up to this.
+constexpr double kPatchTurn = 0.05;
 
 class Growth {
  public:
@@ -55,7 +56,7 @@ class Growth {
     for (const int cell : points_.near_to_far()) {
       if (range_of(cell) > kStartRangeM) break;
       const auto patch = from_patch(cell);
-      if (patch && std::abs(patch->z) < 0.3 && accept(cell, *patch, kPlaneM)) continue;
+      if (patch && std::abs(patch->z) < kStartElevationM && accept(cell, *patch, kPlaneM)) continue;
       accept(cell, CellPrediction{0.0, Eigen::Vector2d::Zero(), 1, 0.0}, kPlaneM);
     }
   }
@@ -66,13 +67,15 @@ class Growth {
       CellPrediction prediction = predict_from_neighbours(grid_, cell, range_of(cell));
       if (prediction.supports == 0) prediction = predict_along_ray(grid_, cell, range_of(cell));
       if (prediction.supports == 0) continue;
-      if (accept(cell, prediction, std::min(0.4, kStepM + 0.015 * prediction.gap_m))) continue;
+      const double step_m = std::min(kMaxStepM, kStepM + kStepPerM * prediction.gap_m);
+      if (accept(cell, prediction, step_m)) continue;
       const auto patch = from_patch(cell);
-      if (patch && std::abs(patch->z - prediction.z) < kPA + kPB * prediction.gap_m)
+      if (patch && std::abs(patch->z - prediction.z) < kPatchTurn * prediction.gap_m)
         accept(cell, *patch, kPlaneM);
     }
   }
 
+  /// Makes a cell ground if some of its points lie near the prediction.
   bool accept(int cell, const CellPrediction& prediction, double tolerance_m) {
     const auto node = finder_.find(points_.of_cell(cell), cell, prediction, tolerance_m);
     if (node) grid_.node(cell) = *node;
@@ -80,24 +83,18 @@ class Growth {
   }
 
   void take_back_outliers() {
-    std::vector<std::pair<int, HeightGrid::Node>> checked;
-    static const bool keep = getenv("KEEPSLOPE");
+    std::vector<int> outliers;
     for (const int cell : points_.near_to_far()) {
-      const HeightGrid::Node& n = grid_.node(cell);
-      if (n.confidence <= 0.0F) continue;
+      const HeightGrid::Node& node = grid_.node(cell);
+      if (node.confidence <= 0.0F) continue;
       const CellPrediction prediction = predict_from_neighbours(grid_, cell, range_of(cell));
-      HeightGrid::Node after = n;
-      if (!keep) {
-      after.slope_x = static_cast<float>(prediction.slope.x());
-      after.slope_y = static_cast<float>(prediction.slope.y());
-      }
-      const double tolerance_m =
-          kStepM + 0.01 * range_of(cell) * (prediction.supports < 4 ? 1.0 : 0.2);
-      const bool lonely = prediction.supports == 0;
-      if (!lonely && std::abs(static_cast<double>(n.z) - prediction.z) > tolerance_m) after = HeightGrid::Node{};
-      if (!lonely) checked.emplace_back(cell, after);
+      // Few neighbours predict less well, the more so the farther their rings are apart.
+      const double per_m = prediction.supports < 4 ? 0.01 : 0.002;
+      const double off_m = std::abs(static_cast<double>(node.z) - prediction.z);
+      if (prediction.supports > 0 && off_m > kStepM + per_m * range_of(cell))
+        outliers.push_back(cell);
     }
-    for (const auto& [cell, after] : checked) grid_.node(cell) = after;
+    for (const int cell : outliers) grid_.node(cell) = HeightGrid::Node{};
   }
 
   const PatchLayout& layout_;

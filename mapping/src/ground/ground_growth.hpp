@@ -8,18 +8,20 @@
 
 namespace stillmap::mapping {
 
-/// The patches of one scan: plane and verdict of each patch of the zone model.
+/// Plane and verdict of each patch of the zone model, in levelled coordinates.
 struct Patches {
   std::vector<PlaneFit> planes;
   std::vector<PatchVerdict> verdicts;
 };
 
-/// Ground heights of 1 m cells from patches, each checked against the ground around it.
+/// Ground heights of 1 m cells from patches, each checked against the ground around it; ours, not
+/// the paper's.
 ///
-/// Cells are visited from near to far. The plane of a patch that is ground, and the ground already
-/// found around a cell (local plane with a prior on its slope), predict its height; it is ground
-/// when points lie near that. Where something stands in the cell, they may be only little above the
-/// prediction. Cells that disagree with all their neighbours are taken back.
+/// A patch is up to 10 m long and one plane; the lowest points of a patch without ground (a car's
+/// underside, a flat roof, a hedge) make a plane too. So patches only propose: they start cells
+/// near the sensor, and carry the ground over gaps where they agree with it. From there cells are
+/// visited from near to far, each predicted from the ground already found around it, and are ground
+/// when points lie near that. Cells that disagree with all their neighbours are taken back.
 /// @param points  levelled.
 void grow_ground(const CellPoints& points, const Patches& patches, HeightGrid& grid);
 

@@ -10,12 +10,12 @@ namespace {
 constexpr double kUpright = 0.707;
 /// Patchwork's fixed thresholds [m] and [m^2].
 constexpr std::array<double, GroundLikelihood::kRingsOfInterest> kFirstElevation = {0.523, 0.746,
-                                                                                   0.879, 1.125};
-constexpr std::array<double, GroundLikelihood::kRingsOfInterest> kFirstFlatness = {
-    0.0005, 0.000725, 0.001, 0.001};
+                                                                                    0.879, 1.125};
+constexpr std::array<double, GroundLikelihood::kRingsOfInterest> kFirstFlatness = {0.0005, 0.000725,
+                                                                                   0.001, 0.001};
 /// a_m and b_m of the paper, as in the authors' program.
 constexpr std::array<double, GroundLikelihood::kRingsOfInterest> kElevationSpread = {3.0, 2.0, 2.0,
-                                                                                    2.0};
+                                                                                     2.0};
 constexpr double kFlatnessSpread = 1.0;
 constexpr double kRevertSpread = 1.5;
 /// Longer than wide by sqrt(8): rather a line than a patch of ground.

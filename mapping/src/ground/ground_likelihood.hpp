@@ -32,11 +32,12 @@ struct LikelihoodInput {
 /// that are neither are taken back as ground when they are nearly as flat as the ground of their
 /// own ring in the same scan and no mere line (revert).
 ///
-/// Departures from the paper: what is learned stays as it is while scans are judged, so that scans
-/// can be judged in any order, and in parallel, with equal results; until ring m has learned from
-/// 20 patches the fixed thresholds of Patchwork stand in (the authors' program starts from zero,
-/// that is, from the sensor's own height); heights are over the plane under the sensor.
-/// @see Patchwork++, IROS 2022, sections III-D and III-E; Patchwork, RA-L 2021, eqs. (9) to (13).
+/// Departures: what is learned stays as it is while scans are judged, so that scans can be judged
+/// in any order, and in parallel, with equal results; until ring m has learned from 20 patches the
+/// fixed thresholds of Patchwork stand in (the authors' program starts from zero, that is, from the
+/// sensor's own height); heights are over the plane under the sensor.
+/// @see Patchwork++, IROS 2022, adaptive ground likelihood estimation and temporal ground revert;
+/// Patchwork, RA-L 2021, ground likelihood estimation.
 class GroundLikelihood {
  public:
   static constexpr int kRingsOfInterest = 4;

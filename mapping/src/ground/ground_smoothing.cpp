@@ -119,11 +119,13 @@ void smooth(MeasuredSheets& ground, std::uint32_t sheet, int x, int y) {
   node.slope_y = plane.z();
 }
 
-std::uint8_t confidence_of(float weight) {
-  return static_cast<std::uint8_t>(255.0F * weight / (weight + 0.3F));
-}
-
 }  // namespace
+
+std::uint8_t ground_confidence_255(float weight) {
+  // One point at 25 m weighs 0.07, one within a box of an object 0.01.
+  constexpr float kHalf = 0.02F;
+  return static_cast<std::uint8_t>(255.0F * weight / (weight + kHalf));
+}
 
 MeasuredSheets sheets_of(std::vector<GroundPile> piles) {
   MeasuredSheets ground;
@@ -137,7 +139,7 @@ MeasuredSheets sheets_of(std::vector<GroundPile> piles) {
       GroundNode& node = sheet.nodes[k];
       node.z = cell.z;
       node.state = cell.trusted > 0.0F ? GroundState::kKnown : GroundState::kSuspect;
-      node.confidence_255 = confidence_of(cell.weight);
+      node.confidence_255 = ground_confidence_255(cell.weight);
       sum += static_cast<double>(cell.weight);
       z += static_cast<double>(cell.weight) * static_cast<double>(cell.z);
     }

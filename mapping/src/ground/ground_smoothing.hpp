@@ -18,6 +18,9 @@ struct MeasuredSheets {
   std::vector<Eigen::Vector2f> slopes;
 };
 
+/// How sure a height of that weight is, see `GroundNode`.
+[[nodiscard]] std::uint8_t ground_confidence_255(float weight);
+
 /// Sheets of the piles, joined to their neighbours, with a slope each.
 [[nodiscard]] MeasuredSheets sheets_of(std::vector<GroundPile> piles);
 

@@ -138,7 +138,7 @@ std::size_t accept_suspects(MeasuredSheets& ground) {
       if (std::abs(cell.z - spread_z) > 0.03F + 0.01F * static_cast<float>(node.reach)) continue;
       node.state = GroundState::kKnown;
       node.reach = 0;
-      node.confidence_255 = static_cast<std::uint8_t>(255.0F * cell.weight / (cell.weight + 0.3F));
+      node.confidence_255 = ground_confidence_255(cell.weight);
       ++accepted;
     }
   }

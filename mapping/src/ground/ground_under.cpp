@@ -146,13 +146,22 @@ class Window {
     cell.rest = sum / weight;
   }
 
+  /// A cell that the step crosses gets a height between: half of it would be wrong by all of the
+  /// step otherwise.
+  [[nodiscard]] static double mixed_z(const SteppedPlane& planes, const Eigen::Vector2d& p) {
+    if (!planes.has_step) return planes.z_at(p);
+    const double beyond = planes.normal.dot(p) - planes.offset;
+    const double share = std::clamp(0.5 + beyond / kGroundCellM, 0.0, 1.0);
+    return share * planes.z_at(p, 1) + (1.0 - share) * planes.z_at(p, 0);
+  }
+
   void write(const SteppedPlane& planes) {
     const Eigen::Vector2d h = footprint_.heading;
     for (const Cell& cell : cells_) {
       if (!cell.open) continue;
       GroundNode& node = ground_.sheets.node(cell.place);
       const Eigen::Vector3d& plane = planes.planes[static_cast<std::size_t>(cell.side)];
-      node.z = static_cast<float>(planes.z_at(cell.p, cell.side) + cell.rest);
+      node.z = static_cast<float>(mixed_z(planes, cell.p) + cell.rest);
       node.slope_x = static_cast<float>(h.x() * plane[1] - h.y() * plane[2]);
       node.slope_y = static_cast<float>(h.y() * plane[1] + h.x() * plane[2]);
     }

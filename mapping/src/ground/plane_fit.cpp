@@ -5,9 +5,9 @@
 namespace stillmap::mapping {
 namespace {
 
-/// Spread of points across their line [m^2] below which the tilt across it is open: 10 cm, some
+/// Spread of points across their line [m^2] below which the tilt across it is open: 5 cm, some
 /// times what sensors and rough ground spread the points of a ring by.
-constexpr double kLineVariance = 0.01;
+constexpr double kLineVariance = 0.0025;
 
 }  // namespace
 

@@ -7,7 +7,7 @@
 namespace stillmap::mapping {
 
 /// A plane through points by principal components.
-/// @see Patchwork, RA-L 2021, section III-C.
+/// @see Patchwork, RA-L 2021, region-wise ground plane fitting.
 struct PlaneFit {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   /// Unit normal, upward.

@@ -16,8 +16,10 @@ constexpr std::size_t kStride = 16;
 
 [[nodiscard]] float median_intensity(const maps::PointCloud& cloud) {
   std::vector<float> sample;
-  for (std::size_t i = 0; i < cloud.intensities.size(); i += kStride)
-    sample.push_back(cloud.intensities[i]);
+  for (std::size_t i = 0; i < cloud.intensities.size(); i += kStride) {
+    if (std::isfinite(cloud.intensities[i])) sample.push_back(cloud.intensities[i]);
+  }
+  if (sample.empty()) return std::numeric_limits<float>::infinity();
   const auto middle = sample.begin() + static_cast<std::ptrdiff_t>(sample.size() / 2);
   std::nth_element(sample.begin(), middle, sample.end());
   return *middle;

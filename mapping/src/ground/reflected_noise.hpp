@@ -12,11 +12,12 @@ namespace stillmap::mapping {
 /// Reflected noise removal: points of steep downward rays that lie far below the ground and are
 /// weak, as wet roads and glass give them.
 ///
-/// Departures from the paper: below the plane under the sensor instead of below a level, which on a
-/// descent would take the street itself; weak is below the scan's median intensity instead of 0.2,
-/// since sensors differ in scale; without intensities, by geometry alone.
+/// Departures: rays steeper than 15 degrees, as in the authors' program, stand for the lowest
+/// beams, which a cloud without rings does not tell; below the plane under the sensor instead of
+/// below a level, which on a descent would take the street itself; weak is below the scan's median
+/// intensity, since sensors differ in scale; without intensities, by geometry alone.
 /// @return N flags, 1 = noise, or empty when there is none.
-/// @see Patchwork++, IROS 2022, section III-B.
+/// @see Patchwork++, IROS 2022, reflected noise removal.
 [[nodiscard]] std::vector<std::uint8_t> find_reflected_noise(const maps::PointCloud& cloud,
                                                              const SeedPlane& plane);
 

@@ -17,13 +17,10 @@ constexpr float kVerticalPlaneM = 0.1F;
 /// cos 45 degrees.
 constexpr double kUpright = 0.707;
 
-/// What lies deeper under the plane below the sensor than any dip of a street [m] seeds nothing.
-constexpr float kDeepestSeedM = 3.0F;
-
 /// Mean height of the lowest points. Moves points about.
-[[nodiscard]] std::optional<float> low_height(std::vector<CellPoint>& points) {
+[[nodiscard]] std::optional<float> low_height(std::vector<CellPoint>& points, float deepest_m) {
   const auto end_deep = std::partition(points.begin(), points.end(),
-                                       [](const CellPoint& p) { return p.z < -kDeepestSeedM; });
+                                       [&](const CellPoint& p) { return p.z < -deepest_m; });
   const auto left = static_cast<std::size_t>(points.end() - end_deep);
   if (left == 0) return std::nullopt;
   const auto count = static_cast<std::ptrdiff_t>(std::min(kLowest, left));
@@ -62,30 +59,30 @@ class Distance {
 };
 
 /// R-VPF.
-int set_verticals_aside(std::vector<CellPoint>& points) {
+int set_verticals_aside(std::vector<CellPoint>& points, float deepest_m) {
   const std::size_t before = points.size();
   for (int k = 0; k < kIterations; ++k) {
-    const auto low_m = low_height(points);
+    const auto low_m = low_height(points, deepest_m);
     if (!low_m) break;
     const auto plane = seed_plane(points, *low_m, kVerticalSeedM);
     if (!plane || plane->uprightness() >= kUpright) break;
     const Distance distance(*plane);
-    std::erase_if(points, [&](const CellPoint& p) {
-      return std::abs(distance(p)) < kVerticalPlaneM;
-    });
+    std::erase_if(points,
+                  [&](const CellPoint& p) { return std::abs(distance(p)) < kVerticalPlaneM; });
   }
   return static_cast<int>(before - points.size());
 }
 
 }  // namespace
 
-std::optional<RegionFit> fit_region(std::span<const CellPoint> points,
+std::optional<RegionFit> fit_region(std::span<const CellPoint> points, double deepest_seed_m,
                                     std::vector<CellPoint>& scratch) {
   if (points.size() < kMinPoints) return std::nullopt;
+  const auto deepest_m = static_cast<float>(deepest_seed_m);
   scratch.assign(points.begin(), points.end());
   RegionFit region;
-  region.vertical_points = set_verticals_aside(scratch);
-  const auto low_m = low_height(scratch);
+  region.vertical_points = set_verticals_aside(scratch, deepest_m);
+  const auto low_m = low_height(scratch, deepest_m);
   if (!low_m) return std::nullopt;
   auto plane = seed_plane(scratch, *low_m, kSeedM);
   for (int k = 0; k < kIterations && plane; ++k) {

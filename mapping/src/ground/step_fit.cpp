@@ -20,7 +20,15 @@ constexpr double kHighestStepM = 0.35;
 /// How much better two planes must be than one.
 constexpr double kGain = 0.5;
 constexpr double kMinSideWeight = 4.0;
-constexpr double kBesideLineM = 1.0;
+constexpr double kBesideLineM = 3.0;
+/// What it costs to have the whole rectangle halved by a step, and to have all of it on the upper
+/// side [m^2]: less than one cell on the wrong side of a kerb that was seen, but enough to move one
+/// that was not out of the rectangle. Objects stand beside kerbs, and rather below.
+constexpr double kHalvedCost = 0.02;
+constexpr double kUpperCost = 0.002;
+/// And to have a step at 45 degrees to the rectangle's sides [m^2]: one parks along a kerb or
+/// square to it.
+constexpr double kTurnedCost = 0.12;
 constexpr int kSeenSamples = 3;
 
 /// Sums of the normal equations; sums of disjoint sets add and subtract.
@@ -105,12 +113,15 @@ class StepSearch {
     const double reach = normal.cwiseAbs().dot(bounds_.half_m);
     const int splits = 2 * static_cast<int>(reach / kBinM) + 1;
     const double first = -kBinM * (splits / 2);
+    const auto bin_of = [&](const Eigen::Vector2d& p) {
+      return std::max(0, static_cast<int>(std::ceil((normal.dot(p) - first) / kBinM)));
+    };
     bins_.assign(static_cast<std::size_t>(splits), Sums{});
     for (std::size_t k = 0; k < samples_.size(); ++k) {
-      const double bin = std::ceil((normal.dot(samples_[k].p) - first) / kBinM);
-      if (bin >= splits) continue;
-      bins_[static_cast<std::size_t>(std::max(0.0, bin))].add(samples_[k], weights_[k]);
+      const int bin = bin_of(samples_[k].p);
+      if (bin < splits) bins_[static_cast<std::size_t>(bin)].add(samples_[k], weights_[k]);
     }
+    const std::vector<double> covered = cover(splits, bin_of);
     Sums below;
     for (int split = 0; split < splits; ++split) {
       below += bins_[static_cast<std::size_t>(split)];
@@ -118,12 +129,35 @@ class StepSearch {
       if (below.weight() < kMinSideWeight || above.weight() < kMinSideWeight) continue;
       const Solved low = solve(below, bounds_.slope);
       const Solved high = solve(above, bounds_.slope);
-      if (!(low.cost + high.cost < least)) continue;
       const SteppedPlane candidate{{low.plane, high.plane}, true, normal, first + kBinM * split};
-      if (!is_kerb(candidate)) continue;
-      least = low.cost + high.cost;
+      const double cost =
+          low.cost + high.cost + standing_cost(candidate, covered[static_cast<std::size_t>(split)]);
+      if (!(cost < least) || !is_kerb(candidate)) continue;
+      least = cost;
       best = candidate;
     }
+  }
+
+  /// Share of the rectangle below each split.
+  template <typename BinOf>
+  [[nodiscard]] std::vector<double> cover(int splits, const BinOf& bin_of) const {
+    std::vector<double> covered(static_cast<std::size_t>(splits), 0.0);
+    constexpr int kAlong = 10, kAcross = 6;
+    for (int i = 0; i < kAlong * kAcross; ++i) {
+      const Eigen::Vector2d share((i % kAlong + 0.5) / kAlong, (i / kAlong + 0.5) / kAcross);
+      const int bin = bin_of((2.0 * share.array() - 1.0) * bounds_.half_m.array());
+      for (int split = bin; split < splits; ++split)
+        covered[static_cast<std::size_t>(split)] += 1.0 / (kAlong * kAcross);
+    }
+    return covered;
+  }
+
+  [[nodiscard]] static double standing_cost(const SteppedPlane& candidate, double below) {
+    const Eigen::Vector2d foot = candidate.offset * candidate.normal;
+    const double upper = candidate.z_at(foot, 1) > candidate.z_at(foot, 0) ? 1.0 - below : below;
+    const double turned = 2.0 * candidate.normal.x() * candidate.normal.y();  // sin(2 a)
+    return kHalvedCost * 2.0 * std::min(below, 1.0 - below) + kUpperCost * upper +
+           kTurnedCost * turned * turned;
   }
 
   /// Whether the step has the height of a kerb along the rectangle, and is seen at one end.

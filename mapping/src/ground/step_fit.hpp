@@ -51,7 +51,7 @@ struct StepBounds {
 /// least squares plane of its own, its sums read off running sums over the offset. Samples off by
 /// more than some centimetres lose their say in a second round. A step is kept when it
 ///  - halves the squared error at least, and rises by 4 to 35 cm on average within the rectangle,
-///  - is seen from both sides within 1 m of the line beyond at least one end of the rectangle.
+///  - is seen on both sides within 3 m of the line beyond at least one end of the rectangle.
 /// @return nothing with less than 12 samples. Same input, same bits.
 [[nodiscard]] std::optional<SteppedPlane> fit_stepped_plane(std::span<const HeightSample> samples,
                                                             const StepBounds& bounds);

@@ -2,6 +2,7 @@
 
 #include "reference/dufomap.hpp"
 #include "reference/erasor.hpp"
+#include "reference/octomap_cleaner.hpp"
 #include "reference/removert.hpp"
 
 #include <array>
@@ -32,6 +33,7 @@ constexpr std::array kReferences{
     Reference{"none", make<NoCleaner>},
     Reference{"removert", make<Removert>},
     Reference{"erasor", make<Erasor>},
+    Reference{"octomap", make<OctomapCleaner>},
     Reference{"dufomap", make<DufomapCleaner>},
 };
 

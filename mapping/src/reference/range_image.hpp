@@ -22,6 +22,8 @@ struct Spherical {
 /// What a scan leaves free: an image over azimuth and elevation of the nearest range in each pixel.
 class RangeImage {
  public:
+  /// Without rows.
+  RangeImage() = default;
   /// @param pixel_rad  edge of a pixel, in (0, pi/4]; made to fit a whole number into 360 deg.
   /// @throws std::invalid_argument when not.
   RangeImage(const std::vector<Spherical>& scan, double pixel_rad);

@@ -7,8 +7,6 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <array>
-#include <cstdlib>
 #include <limits>
 #include <mutex>
 #include <utility>
@@ -17,21 +15,23 @@ namespace stillmap::mapping {
 namespace {
 
 /// Pixel edges in ring spacings.
-constexpr std::array kRemovePixels = {1.0, 1.25, 5.0 / 3.0};
-constexpr std::array kRevertPixels = {2.5};
-constexpr std::size_t kPasses = kRemovePixels.size() + kRevertPixels.size();
+constexpr double kRemovePixel = 1.0;
+constexpr double kRevertPixel = 1.0 / 0.95;
+/// Reading the scans, removing, reverting, removing.
+constexpr std::size_t kRounds = 4;
 /// Smallest discrepancy that counts, over the scan's range.
 constexpr float kDiscrepancy = 0.05F;
 /// Smaller blocks are culled better, larger ones are fewer [m].
 constexpr double kBlockM = 1.0;
-/// No sensor of ours is finer or coarser [rad].
-constexpr double kLargestPixelRad = 0.2;
+/// No sensor has rings further apart [rad].
+constexpr double kLargestSpacingRad = 0.1;
 
 struct ScanImages {
   Eigen::Isometry3f T_lidar_local = Eigen::Isometry3f::Identity();
-  /// One a pass.
-  std::vector<RangeImage> images;
+  RangeImage fine;
+  RangeImage coarse;
 };
+using ImageOfScan = RangeImage ScanImages::*;
 
 /// What is nearest in each pixel of the map.
 struct MapImage {
@@ -47,36 +47,38 @@ std::vector<Spherical> directions_of(const PosedScan& scan) {
   return directions;
 }
 
+std::vector<std::uint8_t> inverse_of(std::vector<std::uint8_t> flags) {
+  for (std::uint8_t& flag : flags) flag = flag == 0 ? 1 : 0;
+  return flags;
+}
+
 class Run {
  public:
   Run(const ScanSource& scans, const ProgressCallback& progress, const CancelFlag& cancel)
-      : scans_(scans), progress_(progress), cancel_(cancel), total_(scans.size() * (kPasses + 1)) {}
+      : scans_(scans), progress_(progress), cancel_(cancel), total_(scans.size() * kRounds) {}
 
   void read_scans() {
-    const double spacing_rad = find_spacing();
+    const double spacing_rad = std::min(find_spacing(), kLargestSpacingRad);
     views_.resize(scans_.size());
     tbb::parallel_for(std::size_t{0}, scans_.size(), [&](std::size_t i) {
       if (cancel_) throw Cancelled();
       const PosedScan scan = scans_.read(i);
-      views_[i].T_lidar_local = scan.T_local_lidar.inverse().cast<float>();
       const std::vector<Spherical> directions = directions_of(scan);
-      const auto add = [&](double pixels) {
-        views_[i].images.emplace_back(directions, std::min(pixels * spacing_rad, kLargestPixelRad));
-      };
-      std::for_each(kRemovePixels.begin(), kRemovePixels.end(), add);
-      std::for_each(kRevertPixels.begin(), kRevertPixels.end(), add);
+      views_[i].T_lidar_local = scan.T_local_lidar.inverse().cast<float>();
+      views_[i].fine = RangeImage(directions, kRemovePixel * spacing_rad);
+      views_[i].coarse = RangeImage(directions, kRevertPixel * spacing_rad);
       report();
     });
   }
 
   /// Points that stand in front of what some scan saw, sets their flags.
-  void object(const MapBlocks& map, std::size_t pass, std::vector<std::uint8_t>& dynamic) {
+  void object(const MapBlocks& map, ImageOfScan image_of_scan, std::vector<std::uint8_t>& dynamic) {
     tbb::enumerable_thread_specific<std::vector<std::uint8_t>> flags(
         [&] { return std::vector<std::uint8_t>(map.positions.size(), 0); });
     tbb::enumerable_thread_specific<MapImage> images;
     tbb::parallel_for(std::size_t{0}, views_.size(), [&](std::size_t i) {
       if (cancel_) throw Cancelled();
-      object_of_scan(map, views_[i].T_lidar_local, views_[i].images[pass], images.local(),
+      object_of_scan(map, views_[i].T_lidar_local, views_[i].*image_of_scan, images.local(),
                      flags.local());
       report();
     });
@@ -152,20 +154,11 @@ std::vector<std::uint8_t> Removert::moved(const CleaningPoints& points, const Sc
   const MapBlocks all = MapBlocks::of(points.positions, kBlockM);
   Run run(scans, progress, cancel);
   run.read_scans();
-  std::size_t pass = 0;
-  MapBlocks map = all;
-  for (; pass < kRemovePixels.size(); ++pass) {
-    run.object(map, pass, dynamic);
-    std::vector<std::uint8_t> left(dynamic.size());
-    std::transform(dynamic.begin(), dynamic.end(), left.begin(),
-                   [](std::uint8_t flag) { return flag == 0 ? 1 : 0; });
-    map = map.subset(left);
-  }
-  for (; pass < kPasses; ++pass) {
-    const MapBlocks removed = all.subset(dynamic);
-    std::fill(dynamic.begin(), dynamic.end(), std::uint8_t{0});
-    run.object(removed, pass, dynamic);
-  }
+  run.object(all, &ScanImages::fine, dynamic);
+  const MapBlocks removed = all.subset(dynamic);
+  std::fill(dynamic.begin(), dynamic.end(), std::uint8_t{0});
+  run.object(removed, &ScanImages::coarse, dynamic);
+  run.object(all.subset(inverse_of(dynamic)), &ScanImages::fine, dynamic);
   return dynamic;
 }
 

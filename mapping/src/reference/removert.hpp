@@ -4,30 +4,33 @@
 
 namespace stillmap::mapping {
 
-/// Removert: points that stand in front of what a scan saw go, in several passes from fine to
-/// coarse pixels, and those of them that coarser pixels do not object to come back.
+/// Removert: map points that stand in front of what a scan saw go; those of them that coarser
+/// pixels do not object to come back; then what still stands in front goes again.
 ///
-/// Reproduced, with the equations of the paper's section III:
-/// - Range images of scan and map with the nearest range in each pixel, eq. (2); a map point that
-///   is nearest in its pixel is dynamic when the scan's range there exceeds its own by more than
-///   tau = 0.05 of the scan's range, eq. (3), (4) (`adaptive_coeff` of the authors' program).
-/// - *Remove*: pixels of 1, 1.25 and 5/3 ring spacings, which is the `remove_resolution_list` 2.5,
-///   2.0, 1.5 pixels a degree at an HDL-64E's 0.4 deg. In each pass every scan is compared with the
-///   map that the passes before have left; one scan's objection is enough.
-/// - *Revert*: the same comparison of what was removed alone, at coarser pixels (1 pixel a degree,
-///   the first of `revert_resolution_list`, 2.5 ring spacings); what no scan objects to comes back
-///   (`revertOnce` of the authors' later LT-mapper; the program of Removert leaves it empty).
+/// Reproduced:
+/// - Range images of scan and map with the nearest range in each pixel, section III of the paper. A
+///   map point that is nearest in its pixel is dynamic when the scan's range there exceeds its own
+///   by more than 0.05 of the scan's range (`adaptive_coeff` of the program). One scan's objection
+///   is enough.
+/// - *Remove*: all scans against the map with pixels of 0.4 deg for an HDL-64E, which is one ring
+///   spacing (`remove_resolution_list` 2.5 pixels a degree).
+/// - *Revert*: all scans against what was removed alone, with larger pixels (0.95 of that
+///   resolution); what no scan objects to comes back.
+/// - *Remove* once more. Order, resolutions and the use of every keyframe are those of
+///   `selfRemovert` and `params_ltmapper.yaml` in the authors' LT-mapper: the program of Removert
+///   itself leaves `revertOnce` empty, and removes at 2.5, 2.0 and 1.5 pixels a degree instead.
 ///
 /// Departures:
-/// - Discrepancies are signed, as in the paper; the program takes absolute values, which the
-///   authors call wrong in LT-mapper.
-/// - Pixels grow with the ring spacing, found from the first scan with points: the authors advise
-///   to set it by hand for each sensor.
+/// - Discrepancies are signed, as in the paper; the program of Removert takes absolute values,
+/// which
+///   its authors call wrong in LT-mapper.
+/// - Pixels follow the ring spacing, found from the first scan with points: the authors advise to
+///   set that by hand for each sensor.
 /// - Directions above and below all points of a scan are left out. The program piles them up in the
 ///   first and last row, where they are compared with other directions.
-/// - Map points are voxel means of the map as it is (the authors advise voxels of 0.05 m). Every
-///   scan of the map is used: the program builds its map from every fifth scan and uses those.
-/// - No static scans are made by neighbours: our maps are cleaned by points.
+/// - Map points are voxel means of the map as it is (the authors advise voxels of 0.05 m).
+/// - Scans are not cleaned by their neighbours in the clean map (`removeDynamicPointsOfScanByKnn`):
+///   our maps are cleaned by points.
 ///
 /// Speed: blocks of map points that lie behind all a scan saw are not projected, which leaves the
 /// result as it is. Memory: about 0.5 MiB for each scan of an HDL-64E.

@@ -46,18 +46,19 @@ class ScanSpace {
 /// A voxel of a ScanSpace that moves from neighbour to neighbour.
 class ScanCursor {
  public:
-  ScanCursor(ScanSpace& space, const Eigen::Vector3i& voxel) : space_(&space), voxel_(voxel) {
-    enter();
-  }
+  ScanCursor(ScanSpace& space, const Eigen::Vector3i& voxel) : space_(&space) { move_to(voxel); }
 
+  /// To any voxel.
+  void move_to(const Eigen::Vector3i& voxel) {
+    corner_ = block_of(voxel);
+    place_ =
+        kInside + (voxel.x() & 7) + ((voxel.y() & 7) << kBits) + ((voxel.z() & 7) << (2 * kBits));
+    block_ = &space_->at(corner_, hint_);
+  }
   /// To the neighbour on one axis. @param sign  -1 or 1.
   void step(int axis, int sign) {
-    voxel_[axis] += sign;
-    if ((voxel_[axis] & 7) == (sign > 0 ? 0 : 7)) {
-      enter();
-    } else {
-      place_ += sign * (1 << (3 * axis));
-    }
+    place_ += sign * (1 << (kBits * axis));
+    if ((place_ & kInside) != kInside) enter_next();
   }
 
   [[nodiscard]] bool is_hit() const { return (block_->hit[word()] & bit()) != 0; }
@@ -69,27 +70,40 @@ class ScanCursor {
     block_->end[word()] |= bit();
     return is_new;
   }
-  /// To any voxel.
-  void move_to(const Eigen::Vector3i& voxel) {
-    voxel_ = voxel;
-    enter();
-  }
 
  private:
-  void enter() {
-    block_ = &space_->at(block_of(voxel_), hint_);
-    place_ = (voxel_.z() & 7) * 64 + (voxel_.y() & 7) * 8 + (voxel_.x() & 7);
+  /// Five bits an axis, 8 to 15 within the block, so that one look at the bits of value 8 tells
+  /// when a step has left it.
+  static constexpr int kBits = 5;
+  static constexpr int kInside = 8 + (8 << kBits) + (8 << (2 * kBits));
+
+  void enter_next() {
+    for (int axis = 0; axis < 3; ++axis) {
+      const int at = (place_ >> (kBits * axis)) & 31;
+      const int by = (at >> 3) - 1;
+      corner_[axis] += by;
+      place_ -= (8 * by) << (kBits * axis);
+    }
+    block_ = &space_->at(corner_, hint_);
   }
-  [[nodiscard]] std::size_t word() const { return static_cast<std::size_t>(place_ >> 6); }
-  [[nodiscard]] std::uint64_t bit() const { return std::uint64_t{1} << (place_ & 63); }
+  [[nodiscard]] std::size_t word() const {
+    return static_cast<std::size_t>((place_ >> (2 * kBits)) & 7);
+  }
+  [[nodiscard]] std::uint64_t bit() const {
+    return std::uint64_t{1} << ((place_ & 7) | ((place_ >> (kBits - 3)) & 56));
+  }
 
   ScanSpace* space_;
-  Eigen::Vector3i voxel_;
+  Eigen::Vector3i corner_;
   BlockIndex::Hint hint_;
   ScanSpace::Block* block_ = nullptr;
-  /// Within the block: z * 64 + y * 8 + x.
   int place_ = 0;
 };
+
+/// The middle of a voxel.
+[[nodiscard]] inline Eigen::Vector3d middle_of(const Eigen::Vector3i& voxel) {
+  return voxel.cast<double>() + Eigen::Vector3d::Constant(0.5);
+}
 
 /// A scan in voxel edges.
 struct ScanRays {
@@ -113,6 +127,12 @@ void take_rays(const PosedScan& scan, double voxel_m, ScanSpace& space, const Ke
 /// @throws std::invalid_argument when a position is not finite or beyond 2^26 voxels, less the
 /// range of a ray, from zero.
 [[nodiscard]] Eigen::Vector3d in_voxels(const Eigen::Vector3d& p, double voxel_m, const char* what);
+
+/// Marks the voxels on the last `hit_voxels` (voxel edges, >= 0) of each ray as hit.
+void mark_hits(const ScanRays& rays, double hit_voxels, ScanSpace& space);
+
+/// Marks the voxels from the sensor to each ray's end as free, the end not included.
+void mark_passed(const ScanRays& rays, ScanSpace& space);
 
 template <typename Keep>
 void take_rays(const PosedScan& scan, double voxel_m, ScanSpace& space, const Keep& keep,

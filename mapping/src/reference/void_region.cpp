@@ -10,11 +10,6 @@
 namespace stillmap::mapping::reference {
 namespace {
 
-/// The middle of a voxel.
-Eigen::Vector3d middle(const Eigen::Vector3i& voxel) {
-  return voxel.cast<double>() + Eigen::Vector3d::Constant(0.5);
-}
-
 /// Voxels with a known state in the layer z of a block, bit y * 8 + x; `z` may lie up to 7 outside.
 struct Layers {
   /// Blocks around one, by (dz + 1) * 9 + (dy + 1) * 3 + dx + 1; null where no ray went.
@@ -76,27 +71,9 @@ std::uint64_t eroded_layer(const Layers& layers, int z, int reach) {
 
 }  // namespace
 
-void mark_hits(const ScanRays& rays, double hit_voxels, ScanSpace& space) {
-  for (const Eigen::Vector3i& end : rays.ends) {
-    const Eigen::Vector3d goal = middle(end);
-    const double range = (goal - rays.sensor).norm();
-    const Eigen::Vector3d from =
-        range > hit_voxels ? Eigen::Vector3d(goal + (rays.sensor - goal) * (hit_voxels / range))
-                           : rays.sensor;
-    VoxelRay ray(from, goal);
-    ScanCursor cursor(space, voxel_of(from));
-    cursor.set_hit();
-    for (int left = ray.steps(); left > 0; --left) {
-      const int axis = ray.advance();
-      cursor.step(axis, ray.sign(axis));
-      cursor.set_hit();
-    }
-  }
-}
-
 void mark_free(const ScanRays& rays, int beyond, ScanSpace& space) {
   for (const Eigen::Vector3i& end : rays.ends) {
-    VoxelRay ray(rays.sensor, middle(end));
+    VoxelRay ray(rays.sensor, middle_of(end));
     ScanCursor cursor(space, voxel_of(rays.sensor));
     cursor.set_free();
     for (int left = ray.steps(); left > 0 && !cursor.is_hit(); --left) {

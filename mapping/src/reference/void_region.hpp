@@ -8,9 +8,6 @@
 /// The steps of DUFOMap within one scan; see dufomap.hpp.
 namespace stillmap::mapping::reference {
 
-/// Marks the voxels on the last `hit_voxels` (voxel edges, >= 0) of each ray as hit.
-void mark_hits(const ScanRays& rays, double hit_voxels, ScanSpace& space);
-
 /// Marks voxels as free from the sensor to each ray's end or the first hit voxel, whichever comes
 /// first, that one included, and beyond it until some axis has gone `beyond` voxels.
 /// After `mark_hits` of the same rays.

@@ -4,7 +4,8 @@
 
 #include <array>
 #include <cmath>
-#include <limits>
+#include <cstddef>
+#include <cstdint>
 
 namespace stillmap::mapping::reference {
 
@@ -28,13 +29,9 @@ class VoxelRay {
       steps_ += static_cast<int>(std::abs(std::floor(to[axis]) - first));
       const auto k = static_cast<std::size_t>(axis);
       sign_[k] = way < 0.0 ? -1 : 1;
-      if (way == 0.0) {
-        next_[k] = delta_[k] = std::numeric_limits<double>::infinity();
-        continue;
-      }
       const double border = way < 0.0 ? first : first + 1.0;
-      next_[k] = (border - from[axis]) / way;
-      delta_[k] = std::abs(1.0 / way);
+      next_[k] = share((border - from[axis]) / way);
+      delta_[k] = share(std::abs(1.0 / way));
     }
   }
 
@@ -45,16 +42,26 @@ class VoxelRay {
 
   /// Crosses the next border. @return its axis.
   int advance() {
-    const int xy = next_[1] < next_[0] ? 1 : 0;
-    const int axis = next_[2] < next_[static_cast<std::size_t>(xy)] ? 2 : xy;
-    next_[static_cast<std::size_t>(axis)] += delta_[static_cast<std::size_t>(axis)];
-    return axis;
+    if (next_[1] < next_[0]) return next_[2] < next_[1] ? crossed(2) : crossed(1);
+    return next_[2] < next_[0] ? crossed(2) : crossed(0);
   }
 
  private:
-  /// Share of the segment at which each axis' next border is crossed.
-  std::array<double, 3> next_{};
-  std::array<double, 3> delta_{};
+  /// Integers, since comparing and adding them is what all the time goes into. 2^-52 of a segment
+  /// is as fine as a double; a walk goes no farther than 100 times its length.
+  static std::int64_t share(double t) {
+    constexpr double kUnit = 0x1p52, kNever = 0x1p59;
+    return t * kUnit < kNever ? static_cast<std::int64_t>(t * kUnit)
+                              : static_cast<std::int64_t>(kNever);
+  }
+  int crossed(std::size_t axis) {
+    next_[axis] += delta_[axis];
+    return static_cast<int>(axis);
+  }
+
+  /// Share of the segment at which each axis' next border is crossed, in 2^-52.
+  std::array<std::int64_t, 3> next_{};
+  std::array<std::int64_t, 3> delta_{};
   std::array<int, 3> sign_{};
   int steps_ = 0;
 };

@@ -69,11 +69,10 @@ CleaningPoints cleaning_points(const VoxelGrid& grid, maps::TileId tile,
 }
 
 TilePoints to_points(const VoxelGrid& grid, maps::TileId tile, const std::vector<VoxelSum>& sums,
-                     const std::vector<FilledPoint>& filled,
                      const std::function<Eigen::Vector3f(std::uint32_t scan)>& lidar_of_scan) {
   TilePoints out{tile, {}, {}};
-  out.points.reserve(sums.size() + filled.size());
-  out.history.reserve(sums.size() + filled.size());
+  out.points.reserve(sums.size());
+  out.history.reserve(sums.size());
   std::vector<Eigen::Vector3f> measured, seen_from;
   std::vector<std::size_t> numbers;
   for (const VoxelSum& sum : sums) {
@@ -86,14 +85,14 @@ TilePoints to_points(const VoxelGrid& grid, maps::TileId tile, const std::vector
     out.points.push_back(point_of(p, sum));
     out.history.push_back({sum.first_scan, sum.last_scan, sum.object, {0, 0, 0}, 0});
   }
-  for (const FilledPoint& each : filled) {
-    const Eigen::Vector3f& p = each.position;
-    out.points.push_back(
-        {p.x(), p.y(), p.z(), 0.0F, 0, maps::PointKind::kFilled, short_number(each.object)});
-    out.history.push_back({0, 0, each.object, {0, 0, 0}, 0});
-  }
   set_normals(measured, seen_from, numbers, out);
   return out;
+}
+
+void add_filled(const Eigen::Vector3f& p, std::uint32_t object, TilePoints& tile) {
+  tile.points.push_back(
+      {p.x(), p.y(), p.z(), 0.0F, 0, maps::PointKind::kFilled, short_number(object)});
+  tile.history.push_back({0, 0, object, {0, 0, 0}, 0});
 }
 
 }  // namespace stillmap::mapping

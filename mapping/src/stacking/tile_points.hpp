@@ -14,13 +14,6 @@
 
 namespace stillmap::mapping {
 
-/// A point to fill the ground with, from the map's origin [m].
-struct FilledPoint {
-  Eigen::Vector3f position = Eigen::Vector3f::Zero();
-  /// Number of the object that stood there plus 1.
-  std::uint32_t object = 0;
-};
-
 /// A finished tile, as the package holds it.
 struct TilePoints {
   maps::TileId id;
@@ -46,7 +39,9 @@ struct TilePoints {
 /// @param lidar_of_scan  where the sensor was at a scan, from the map's origin [m].
 [[nodiscard]] TilePoints to_points(
     const VoxelGrid& grid, maps::TileId tile, const std::vector<VoxelSum>& sums,
-    const std::vector<FilledPoint>& filled,
     const std::function<Eigen::Vector3f(std::uint32_t scan)>& lidar_of_scan);
+
+/// Adds a point of synthetic ground. @param object  number of the object that stood there plus 1.
+void add_filled(const Eigen::Vector3f& p, std::uint32_t object, TilePoints& tile);
 
 }  // namespace stillmap::mapping

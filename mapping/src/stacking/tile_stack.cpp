@@ -86,11 +86,10 @@ std::vector<maps::TileId> TileStack::tiles() const {
   return ids;
 }
 
-std::vector<VoxelSum> TileStack::take(maps::TileId id) {
-  Tile& tile = tiles_.at(id);
-  if (tile.parts.empty()) return tile.voxels.take_sorted();
+std::vector<VoxelSum> TileStack::read(maps::TileId id) const {
+  const Tile& tile = tiles_.at(id);
   VoxelSums whole;
-  if (std::fflush(scratch_.get()) != 0)
+  if (!tile.parts.empty() && std::fflush(scratch_.get()) != 0)
     throw maps::StorageError(scratch_file_.string(), std::strerror(errno));
   for (const Part& part : tile.parts) {
     std::vector<VoxelSum> sums(part.voxels);
@@ -101,8 +100,13 @@ std::vector<VoxelSum> TileStack::take(maps::TileId id) {
     for (const VoxelSum& sum : sums) whole.add(sum, false);
   }
   for (const VoxelSum& sum : tile.voxels.sums()) whole.add(sum, false);
-  tile.voxels = {};
   return whole.take_sorted();
+}
+
+std::vector<VoxelSum> TileStack::take(maps::TileId id) {
+  std::vector<VoxelSum> sums = read(id);
+  tiles_.at(id).voxels = {};
+  return sums;
 }
 
 }  // namespace stillmap::mapping

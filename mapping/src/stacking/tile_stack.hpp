@@ -66,9 +66,10 @@ class TileStack {
   [[nodiscard]] std::size_t voxels_in_memory() const { return voxels_; }
   /// All tiles that hold something, in order.
   [[nodiscard]] std::vector<maps::TileId> tiles() const;
-  /// A tile's voxels by key; the tile is gone afterwards. From several threads, for different
+  /// A tile's voxels by key. From several threads. @throws maps::StorageError.
+  [[nodiscard]] std::vector<VoxelSum> read(maps::TileId id) const;
+  /// The same, and what memory holds of the tile is given back. From several threads, for different
   /// tiles.
-  /// @throws maps::StorageError.
   [[nodiscard]] std::vector<VoxelSum> take(maps::TileId id);
 
  private:

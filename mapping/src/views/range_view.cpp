@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <stdexcept>
 
 namespace stillmap::mapping {
@@ -25,19 +26,35 @@ std::uint16_t quantized(float range_m, float quantum_m) {
   return static_cast<std::uint16_t>(std::clamp(range_m / quantum_m, 1.0F, 65534.0F));
 }
 
-/// Columns and rows that a cone around a direction touches; rows may lie outside of a view.
+/// Columns and rows that a cone touches; columns still unwrapped, rows within the view.
 struct Window {
   int row_begin, row_end, column_begin, column_end;
 };
 
-Window window_around(float azimuth, float elevation, float radius_rad) {
-  // Columns are narrower towards the poles; near one, half a turn covers all that matters.
-  const float columns_rad =
-      std::min(radius_rad / std::max(0.05F, std::cos(elevation)), 0.5F * std::numbers::pi_v<float>);
-  return {ViewGrid::row_of(elevation - radius_rad), ViewGrid::row_of(elevation + radius_rad) + 1,
-          ViewGrid::column_of(azimuth - columns_rad),
-          ViewGrid::column_of(azimuth + columns_rad) + 1};
-}
+/// A direction in units of bins.
+struct Aim {
+  float row, column;
+  /// How many columns a row's height is wide: more towards the poles. Near one, a wide piece of
+  /// the circle does as well as all of it, since what matters is at street level.
+  float columns_per_row;
+
+  Aim(const Eigen::Vector3f& p, float range_m) {
+    constexpr float kHalfTurn = std::numbers::pi_v<float>;
+    const float flat_m = std::sqrt(p.x() * p.x() + p.y() * p.y());
+    row = (ViewGrid::angle(p.z(), flat_m) + 0.5F * kHalfTurn) * (1.0F / ViewGrid::kRowRad);
+    // A turn more keeps it above zero, so that truncation rounds down.
+    column = (ViewGrid::azimuth(p) + 3.0F * kHalfTurn) * (1.0F / ViewGrid::kColumnRad);
+    columns_per_row = std::min(range_m, 20.0F * flat_m) / std::max(flat_m, 0.05F * range_m);
+  }
+
+  [[nodiscard]] Window cone(float radius_rad, int first_row, int end_row) const {
+    const float rows = radius_rad * (1.0F / ViewGrid::kRowRad);
+    const float columns = radius_rad * (1.0F / ViewGrid::kColumnRad) * columns_per_row;
+    return {std::max(static_cast<int>(row - rows), first_row),
+            std::min(static_cast<int>(row + rows) + 1, end_row), static_cast<int>(column - columns),
+            static_cast<int>(column + columns) + 1};
+  }
+};
 
 }  // namespace
 
@@ -69,37 +86,38 @@ RangeView::RangeView(std::span<const Eigen::Vector3f> positions,
   }
 }
 
-Sight RangeView::sight(const Eigen::Vector3f& p, float radius_m) const {
+Look RangeView::look(const Eigen::Vector3f& p, float radius_m) const {
   const float range_m = p.norm();
-  if (!(range_m > radius_m)) return Sight::kUnknown;
+  if (!(range_m > radius_m)) return {};
   const float beyond_m = kBeyondM + kBeyondPerM * range_m;
   const auto after = static_cast<int>((range_m + beyond_m) / kQuantumM);
   const auto before = static_cast<int>((range_m - beyond_m) / kQuantumM);
-  const float azimuth = ViewGrid::azimuth(p), elevation = ViewGrid::elevation(p);
-
+  const Aim aim(p, range_m);
   bool any = false, passed = false;
-  const Window inner = window_around(azimuth, elevation, radius_m / range_m);
-  const int inner_end = std::min(inner.row_end, end_row());
-  for (int row = std::max(inner.row_begin, first_row_); row < inner_end; ++row) {
+  const Window inner = aim.cone(radius_m / range_m, first_row_, end_row());
+  for (int row = inner.row_begin; row < inner.row_end; ++row) {
     for (int column = inner.column_begin; column < inner.column_end; ++column) {
       const Bin& b = bin(row, column);
       if (b.farthest == 0) continue;
       any = true;
-      if (b.nearest >= before && b.nearest <= after) return Sight::kHit;
+      // Of ground the farthest return is known; before the cell it says nothing.
+      const std::uint16_t met = b.nearest != kNone ? b.nearest : b.farthest;
+      if (met >= before && met <= after) return {Sight::kHit};
       if (b.farthest > after) passed = true;
     }
   }
-  if (!any) return Sight::kUnknown;
-  if (!passed) return Sight::kHidden;
-  const Window outer =
-      window_around(azimuth, elevation, (radius_m + kGuardM) / range_m + kGuardRad);
-  const int outer_end = std::min(outer.row_end, end_row());
-  for (int row = std::max(outer.row_begin, first_row_); row < outer_end; ++row) {
+  if (!any) return {};
+  if (!passed) return {Sight::kHidden};
+  const Window outer = aim.cone((radius_m + kGuardM) / range_m + kGuardRad, first_row_, end_row());
+  int rays = 0;
+  for (int row = outer.row_begin; row < outer.row_end; ++row) {
     for (int column = outer.column_begin; column < outer.column_end; ++column) {
-      if (bin(row, column).nearest <= after) return Sight::kMixed;
+      const Bin& b = bin(row, column);
+      if (b.nearest <= after) return {Sight::kMixed};
+      if (b.farthest != 0) ++rays;
     }
   }
-  return Sight::kFree;
+  return {Sight::kFree, rays};
 }
 
 }  // namespace stillmap::mapping

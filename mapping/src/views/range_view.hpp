@@ -30,6 +30,12 @@ enum class Sight : std::uint8_t {
   kFree,
 };
 
+struct Look {
+  Sight sight = Sight::kUnknown;
+  /// Directions with a return around the cell, guard included; only for `kFree`.
+  int rays = 0;
+};
+
 /// Where one scan looked and how far: for each direction (`ViewGrid`) the nearest and the farthest
 /// return.
 ///
@@ -48,7 +54,7 @@ class RangeView {
   /// @return see `Sight`. `kFree` needs a ray through the cell that ends well beyond it, and no
   /// return from anything but the ground before that in all directions within the cell's radius
   /// and a guard around it (pose, beam, bins).
-  [[nodiscard]] Sight sight(const Eigen::Vector3f& p, float radius_m) const;
+  [[nodiscard]] Look look(const Eigen::Vector3f& p, float radius_m) const;
 
   /// What the rays towards a box met, counted in directions that have a return. Rays that pass
   /// lower than a vehicle's floor are left out; a return from the ground inside of the box, of a

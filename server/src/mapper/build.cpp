@@ -84,6 +84,7 @@ void print_for_people(const mapping::MapBuildReport& report, const BuildArgument
   for (const auto& [name, count] : report.points) table.add("points " + name, grouped(count));
   for (const auto& [name, count] : report.objects) table.add("objects " + name, grouped(count));
   table.print();
+  for (const std::string& warning : report.warnings) fmt::print("warning: {}\n", warning);
 }
 
 /// What the words of the command line mean. The preset speaks first, so that a word given beside it

@@ -6,8 +6,8 @@
 
 namespace stillmap::mapper {
 
-/// The call of a subcommand of `evaluate` as it was given, options in the order of the help, as a
-/// shell reads it.
+/// The call of a subcommand of `evaluate` that was given, quoted for a shell, options in the order
+/// of the help.
 [[nodiscard]] std::string command_of(const CLI::App& command);
 
 }  // namespace stillmap::mapper

@@ -39,7 +39,7 @@ std::vector<TilePoints> stacked(const VoxelGrid& grid,
   }
   std::vector<TilePoints> tiles;
   for (const maps::TileId id : stack.tiles())
-    tiles.push_back(to_points(grid, id, stack.take(id), {},
+    tiles.push_back(to_points(grid, id, stack.take(id),
                               [](std::uint32_t) { return Eigen::Vector3f(0.0F, 0.0F, 2.0F); }));
   return tiles;
 }
@@ -237,8 +237,8 @@ TEST(TilePoints, LookAlongTheNormalToWhereTheyWereSeenFrom) {
 
 TEST(TilePoints, OfFilledGroundAreMarkedAndHaveNoObservation) {
   const VoxelGrid grid(Eigen::Vector3d::Zero(), 0.1);
-  const std::vector<FilledPoint> filled{{{1.0F, 2.0F, 0.5F}, 4}};
-  const TilePoints tile = to_points(grid, {0, 0, 0}, {}, filled, nullptr);
+  TilePoints tile = to_points(grid, {0, 0, 0}, {}, nullptr);
+  add_filled({1.0F, 2.0F, 0.5F}, 4, tile);
   ASSERT_EQ(tile.points.size(), 1U);
   EXPECT_EQ(tile.points[0].kind, PointKind::kFilled);
   EXPECT_EQ(tile.points[0].observations, 0U);

@@ -10,6 +10,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -54,6 +55,21 @@ struct ClassLoss {
   double loss = 0.0;
 };
 
+/// Cells of 0.25 m of the footprints of parked objects that were removed.
+struct GroundUnder {
+  /// Those with ground within 0.05 m of the true height: measured or projected, and filled too.
+  Share projected, filled;
+  /// Those with ground, but farther from the true height.
+  std::size_t wrong = 0;
+};
+
+/// The same for footprints by their distance from the path.
+struct GroundUnderBand {
+  /// Up to this far, and beyond the band before [m].
+  double to_m = 0.0;
+  GroundUnder ground;
+};
+
 /// All that is said of one kind of map.
 struct MapFigures {
   /// Of `kMoving` and of `kMovable`.
@@ -64,9 +80,9 @@ struct MapFigures {
   /// Truth points of parked objects more than 0.3 m over true ground, and those of them without a
   /// map point of any kind within 0.1 m.
   Share parked_removed;
-  /// Cells of 0.25 m of the footprints of parked objects that were removed, and those of them with
-  /// ground within 0.05 m of the true height: measured or projected, and filled too.
-  Share ground_projected, ground_filled;
+  /// Nothing but zeros without a true surface.
+  GroundUnder ground_under;
+  std::vector<GroundUnderBand> ground_bands;
   /// Static classes, as `kMovable` has them, that occur.
   std::vector<ClassLoss> losses;
 };
@@ -77,6 +93,8 @@ struct HeightErrors {
   /// NaN without a point.
   double median_m = 0.0;
   double p95_m = 0.0;
+  /// Percentiles 0 to 100 [m]; empty without a point.
+  std::vector<double> percentiles_m;
 };
 
 /// Projected and filled points of a map within 25 m of the path.
@@ -104,6 +122,12 @@ enum class TrueGround {
 };
 [[nodiscard]] std::string_view name_of(TrueGround ground);
 
+/// Seen from above, as PNG files: the scans as they were measured, and the map. Removed objects are
+/// outlined, parked ones in orange, moving ones in blue with their path.
+struct MapPictures {
+  std::string before_png, after_png;
+};
+
 /// How a map stands to a drive whose every point is labelled.
 struct LabelEvaluation {
   std::size_t scans = 0;
@@ -128,6 +152,8 @@ struct LabelEvaluation {
   /// Only with a true surface.
   std::optional<GroundHeights> heights;
   std::optional<GroundScores> ground;
+  /// When asked for.
+  std::optional<MapPictures> pictures;
 
   /// The unthinned map's figures, or the thinned one's where there is nothing else.
   [[nodiscard]] const MapFigures& figures() const { return unthinned ? *unthinned : thinned; }
@@ -144,17 +170,34 @@ struct LabelEvaluation {
 ///
 /// True ground comes from DRIVE/truth/ground.ply, as `stillmap simulate --truth` writes it. Memory:
 /// below 2 GiB for 1,000 scans of 120,000 points; scans are read four times instead of being kept.
+///
+/// @param draw  whether `pictures` are wanted.
 /// @throws maps::InputError for a drive without labels, labels that are no classes, a map without
 ///         the options of a build; maps::StorageError, Cancelled.
 /// @see Zhang et al., "A Dynamic Points Removal Benchmark in Point Cloud
 ///      Maps", ITSC 2023; Lim et al., "ERASOR", RA-L 2021; Lee et al., "Patchwork++", IROS 2022.
 [[nodiscard]] LabelEvaluation evaluate_with_labels(const maps::MapPackage& map,
-                                                   const maps::Drive& drive,
+                                                   const maps::Drive& drive, bool draw,
                                                    const ProgressCallback& progress,
                                                    const CancelFlag& cancel);
 
 /// The object of `--json`: the figures of `classes` at the top, then `moving`, `movable`, `thinned`
 /// and the rest. What could not be known is null.
 [[nodiscard]] std::string to_json(const LabelEvaluation& evaluation, TruthClasses classes);
+
+/// What a report says of itself; plain text, escaped when it is written.
+struct LabelReportHeading {
+  std::string map;
+  std::string drive;
+  TruthClasses classes = TruthClasses::kMovable;
+  /// How to make it again.
+  std::string command;
+};
+
+/// A page of `--report`: one HTML file that needs no other, without scripts. Scores, before and
+/// after from above, static loss by class, heights of the ground under objects, times.
+/// @note  The same evaluation gives the same bytes; only times and memory differ from run to run.
+[[nodiscard]] std::string to_html(const LabelEvaluation& evaluation,
+                                  const LabelReportHeading& heading);
 
 }  // namespace stillmap::mapping

@@ -63,6 +63,8 @@ struct MapBuildReport {
   /// parked, moving, unknown, boxes, "dropped: REASON", ...
   std::map<std::string, std::uint64_t> objects;
   std::map<std::string, double> stage_seconds;  ///< summed over threads
+  /// What a person should look at: edits that met nothing.
+  std::vector<std::string> warnings;
   std::string digest;
 };
 

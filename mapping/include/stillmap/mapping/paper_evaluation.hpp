@@ -27,6 +27,8 @@ struct PaperEvaluationOptions {
   std::size_t scans = 100;
   /// Of a simulated street, as `SimulationOptions::sensor`.
   std::string sensor = "hdl64";
+  /// Of a simulated street, as `SimulationOptions::parked_share`.
+  std::optional<double> parked_share;
   /// Instead of simulated streets: the drive that the maps are made of, and the one that is asked
   /// for in them, with poses in one frame that are taken for the truth.
   std::vector<std::array<std::filesystem::path, 2>> drives;

@@ -18,6 +18,12 @@ constexpr double kSampleM = 0.1;
 /// Edge of the cells that footprints are found in [m], and the most that they may be grown.
 constexpr double kIndexCellM = 4.0;
 constexpr double kMostMarginM = 0.5;
+/// Ends of the bands of distance from the path [m].
+constexpr std::array<double, 4> kBandsM{10.0, 25.0, 50.0, std::numeric_limits<double>::infinity()};
+/// What a cell met.
+constexpr std::uint8_t kProjectedBit = 1;
+constexpr std::uint8_t kFilledBit = 2;
+constexpr std::uint8_t kWrongBit = 4;
 /// No object is longer [m]; what claims to be is a broken file.
 constexpr double kMostSizeM = 200.0;
 
@@ -164,47 +170,64 @@ GroundCells::GroundCells(const std::vector<Footprint>& footprints, const TrueHei
     for_each_cell(footprint, 0.0, kCellM, [&](std::int64_t x, std::int64_t y) {
       const Eigen::Vector2d middle((static_cast<double>(x) + 0.5) * kCellM,
                                    (static_cast<double>(y) + 0.5) * kCellM);
-      if (!footprint.contains(middle)) return;
-      if (!heights.over_surface({middle.x(), middle.y(), footprint.bottom})) return;
-      cells_.emplace(key_of(x, y), std::uint8_t{0});
+      const Eigen::Vector3d p(middle.x(), middle.y(), footprint.bottom);
+      if (!footprint.contains(middle) || !heights.over_surface(p)) return;
+      const auto band = std::lower_bound(kBandsM.begin(), kBandsM.end(), heights.path_distance(p));
+      cells_.emplace(key_of(x, y), Cell{static_cast<std::uint8_t>(band - kBandsM.begin()), 0});
     });
   }
 }
 
 void GroundCells::add(const Eigen::Vector3d& p, bool filled, const TrueHeights& heights) {
   const auto found = cells_.find(key_of(cell_along(p.x(), kCellM), cell_along(p.y(), kCellM)));
-  const std::uint8_t bit = filled ? 2 : 1;
-  if (found == cells_.end() || (found->second & bit) != 0) return;
+  const std::uint8_t bit = filled ? kFilledBit : kProjectedBit;
+  if (found == cells_.end() || (found->second.met & bit) != 0) return;
   const auto over = heights.over_surface(p);
-  if (over && std::abs(*over) <= kSameHeightM)
-    found->second = static_cast<std::uint8_t>(found->second | bit);
+  if (!over) return;
+  const bool right = std::abs(*over) <= kSameHeightM;
+  found->second.met = static_cast<std::uint8_t>(found->second.met | (right ? bit : kWrongBit));
 }
 
-Share GroundCells::projected() const {
-  Share share{0, cells_.size()};
-  for (const auto& [key, met] : cells_) share.count += (met & 1U) != 0 ? 1 : 0;
-  return share;
+std::vector<GroundUnderBand> GroundCells::bands() const {
+  std::vector<GroundUnderBand> bands;
+  for (const double to_m : kBandsM) bands.push_back({to_m, {}});
+  for (const auto& [key, cell] : cells_) {
+    GroundUnder& ground = bands[cell.band].ground;
+    ++ground.projected.of;
+    ++ground.filled.of;
+    ground.projected.count += (cell.met & kProjectedBit) != 0 ? 1 : 0;
+    ground.filled.count += (cell.met & (kProjectedBit | kFilledBit)) != 0 ? 1 : 0;
+    ground.wrong += cell.met == kWrongBit ? 1 : 0;
+  }
+  return bands;
 }
 
-Share GroundCells::filled() const {
-  Share share{0, cells_.size()};
-  for (const auto& [key, met] : cells_) share.count += met != 0 ? 1 : 0;
-  return share;
+GroundUnder GroundCells::all() const {
+  GroundUnder sum;
+  for (const GroundUnderBand& band : bands()) {
+    const GroundUnder& ground = band.ground;
+    sum.projected.count += ground.projected.count;
+    sum.filled.count += ground.filled.count;
+    sum.projected.of += ground.projected.of;
+    sum.filled.of += ground.filled.of;
+    sum.wrong += ground.wrong;
+  }
+  return sum;
 }
 
 HeightErrors height_errors(std::vector<double> heights_m) {
-  HeightErrors errors{heights_m.size(), std::numeric_limits<double>::quiet_NaN(),
-                      std::numeric_limits<double>::quiet_NaN()};
+  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+  HeightErrors errors{heights_m.size(), kNaN, kNaN, {}};
   if (heights_m.empty()) return errors;
   for (double& height : heights_m) height = std::abs(height);
   std::sort(heights_m.begin(), heights_m.end());
-  // The smallest value that at least this share of all does not exceed.
-  const auto percentile = [&](double share) {
-    const double rank = std::ceil(share * static_cast<double>(heights_m.size()));
-    return heights_m[static_cast<std::size_t>(std::max(rank, 1.0)) - 1];
-  };
-  errors.median_m = percentile(0.5);
-  errors.p95_m = percentile(0.95);
+  for (std::size_t percent = 0; percent <= 100; ++percent) {
+    // The smallest value that at least this share of all does not exceed.
+    const std::size_t rank = (percent * heights_m.size() + 99) / 100;
+    errors.percentiles_m.push_back(heights_m[std::max<std::size_t>(rank, 1) - 1]);
+  }
+  errors.median_m = errors.percentiles_m[50];
+  errors.p95_m = errors.percentiles_m[95];
   return errors;
 }
 

@@ -87,12 +87,18 @@ class GroundCells {
 
   /// @param p  a ground point of the map, from its origin [m].
   void add(const Eigen::Vector3d& p, bool filled, const TrueHeights& heights);
-  [[nodiscard]] Share projected() const;
-  [[nodiscard]] Share filled() const;
+  [[nodiscard]] GroundUnder all() const;
+  /// By distance from the path: 10, 25, 50 m, and all beyond.
+  [[nodiscard]] std::vector<GroundUnderBand> bands() const;
 
  private:
-  /// By place: bit 0 = measured or projected ground was met, bit 1 = filled.
-  std::unordered_map<std::uint64_t, std::uint8_t> cells_;
+  struct Cell {
+    /// Number of its band.
+    std::uint8_t band = 0;
+    /// What was met, as bits.
+    std::uint8_t met = 0;
+  };
+  std::unordered_map<std::uint64_t, Cell> cells_;
 };
 
 /// Median and 95th percentile of heights' sizes [m].

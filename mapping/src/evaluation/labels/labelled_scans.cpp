@@ -85,7 +85,8 @@ LabelledScans::LabelledScans(const maps::MapPackage& map, const maps::Drive& dri
       truth_(truth),
       voxels_(map),
       range_m_{number_option(map, "min_range_m"), number_option(map, "max_range_m")} {
-  if (drive.contents().label_files.empty()) {
+  const auto& files = drive.contents().label_files;
+  if (std::all_of(files.begin(), files.end(), [](const auto& file) { return file.empty(); })) {
     throw maps::InputError(drive.contents().root.string(), "a drive without labels",
                            "SemanticKITTI labels of its points, or --boxes FILE");
   }
@@ -135,13 +136,23 @@ Eigen::Isometry3d LabelledScans::T_truth_map(std::size_t scan) const {
                        : Eigen::Isometry3d::Identity();
 }
 
-std::vector<std::uint32_t> LabelledScans::labels_of(std::size_t index, std::size_t points) const {
-  std::vector<std::uint32_t> labels = drive_.read_labels(index);
-  if (labels.size() != points) {
-    throw maps::InputError(drive_.contents().label_files.at(index).string(),
-                           fmt::format("{} labels", labels.size()),
-                           fmt::format("the scan's {} points", points));
+std::vector<std::uint32_t> LabelledScans::labels_of(const maps::Scan& scan) const {
+  const std::filesystem::path& file = drive_.contents().label_files.at(scan.index);
+  std::vector<std::uint32_t> labels(scan.points_in_file, 0);
+  // A scan without labels is part of the map all the same.
+  if (file.empty()) return labels;
+  // Not Drive::read_labels, which reads the scan once more to count its points.
+  std::ifstream in(file, std::ios::binary | std::ios::ate);
+  if (!in) throw maps::StorageError(file.string(), "cannot be opened");
+  const auto bytes = static_cast<std::size_t>(in.tellg());
+  if (bytes != labels.size() * sizeof(std::uint32_t)) {
+    throw maps::InputError(
+        file.string(), fmt::format("{} bytes", bytes),
+        fmt::format("4 for each of the {} points of {}", labels.size(), scan.source));
   }
+  in.seekg(0);
+  if (!in.read(reinterpret_cast<char*>(labels.data()), static_cast<std::streamsize>(bytes)))
+    throw maps::StorageError(file.string(), "cannot be read");
   return labels;
 }
 
@@ -149,7 +160,7 @@ LabelledScan LabelledScans::read(std::size_t scan) const {
   const Entry& entry = scans_.at(scan);
   std::map<std::string, std::uint64_t> counts;
   const maps::Scan raw = read_deskewed(drive_, entry.index, range_m_, counts);
-  const std::vector<std::uint32_t> labels = labels_of(entry.index, raw.points_in_file);
+  const std::vector<std::uint32_t> labels = labels_of(raw);
   std::vector<maps::PointFate> fates(raw.points_in_file, maps::PointFate::kDeleted);
   if (in_map_) fates = map_.fates(entry.ordinal).fates;
   if (fates.size() != raw.points_in_file) {
@@ -196,7 +207,7 @@ void LabelledScans::collect_labelled_ground() {
   for (const Entry& entry : scans_) {
     std::map<std::string, std::uint64_t> counts;
     const maps::Scan raw = read_deskewed(drive_, entry.index, range_m_, counts);
-    const std::vector<std::uint32_t> labels = labels_of(entry.index, raw.points_in_file);
+    const std::vector<std::uint32_t> labels = labels_of(raw);
     const Eigen::Isometry3d T_truth_lidar =
         truth_.T_truth_lidar(entry.index).value_or(entry.T_map_lidar);
     for (std::size_t i = 0; i < raw.cloud.size(); ++i) {

@@ -74,7 +74,7 @@ class LabelledScans {
   };
   [[nodiscard]] std::vector<Entry> find_in_map() const;
   [[nodiscard]] std::vector<Entry> all_scans() const;
-  [[nodiscard]] std::vector<std::uint32_t> labels_of(std::size_t index, std::size_t points) const;
+  [[nodiscard]] std::vector<std::uint32_t> labels_of(const maps::Scan& scan) const;
   void collect_labelled_ground();
 
   const maps::MapPackage& map_;

@@ -1,7 +1,6 @@
-#include "ground/low_points.hpp"
+#include "ground/plane_under_sensor.hpp"
 
 #include <algorithm>
-#include <array>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -10,8 +9,10 @@ namespace {
 /// Points of a cell that are looked at, spread over it.
 constexpr std::size_t kSampled = 40;
 constexpr std::size_t kLowest = 8;
-/// Three points within this height [m] are a surface; reflections are scattered in depth.
+/// Three points within this height [m] are a layer; reflections are scattered in depth.
 constexpr float kLayerM = 0.1F;
+/// Fewer cells than this are no ground to stand on while there are farther ones.
+constexpr std::size_t kFewCells = 40;
 
 [[nodiscard]] Eigen::Vector3d low_point(std::span<const CellPoint> points,
                                         std::vector<CellPoint>& scratch) {
@@ -38,13 +39,14 @@ std::optional<SeedPlane> find_plane_under_sensor(const CellPoints& points,
   const PatchLayout& layout = PatchLayout::instance();
   std::vector<CellPoint> scratch;
   // Near cells first: farther out the street may bend away from any one plane.
-  for (const float max_range_m : {12.0F, 25.0F, 60.0F}) {
+  constexpr float kFarthestM = 60.0F;
+  for (const float max_range_m : {12.0F, 25.0F, kFarthestM}) {
     std::vector<Eigen::Vector3d> lows;
     for (const int cell : points.near_to_far()) {
       if (layout.range_m[static_cast<std::size_t>(cell)] > max_range_m) break;
       lows.push_back(low_point(points.of_cell(cell), scratch));
     }
-    if (lows.size() < 40 && max_range_m < 60.0F) continue;
+    if (lows.size() < kFewCells && max_range_m < kFarthestM) continue;
     if (const auto plane = find_seed_plane(lows, prior)) return plane;
   }
   return std::nullopt;
