@@ -78,6 +78,7 @@ void simulate(const mapping::PaperEvaluationOptions& options, std::uint64_t seed
   simulated.day = day;
   simulated.sensor = options.sensor;
   simulated.scans = options.scans;
+  simulated.parked_share = options.parked_share;
   simulated.threads = options.threads;
   (void)simulation::simulate_drive(target, simulated, progress, cancel);
 }
@@ -153,7 +154,7 @@ void read_drives(PaperArguments& arguments, const CLI::App& command) {
   if (drives.size() % 2 != 0)
     throw std::invalid_argument(fmt::format(
         "--drives: found {} drives, expected pairs of a map's and a query's", drives.size()));
-  for (const char* simulated : {"--seeds", "--scans", "--sensor"}) {
+  for (const char* simulated : {"--seeds", "--scans", "--sensor", "--parked"}) {
     if (command.count(simulated) > 0)
       throw std::invalid_argument(
           fmt::format("{}: found with --drives, expected one of them", simulated));
@@ -199,6 +200,9 @@ void add_streets(CLI::App& command, PaperArguments& arguments) {
       .add_option("--sensor", options.sensor,
                   "hdl64, os1-64, os1-128, vlp16, avia, or a file that describes one")
       ->capture_default_str();
+  command.add_option("--parked", options.parked_share,
+                     "Share of the parking places along simulated streets that are taken, 0 to 1 "
+                     "(default: the town's own)");
   command
       .add_option("--drives", arguments.drives,
                   "Instead of simulated streets: MAP_DRIVE QUERY_DRIVE, or several such pairs, "

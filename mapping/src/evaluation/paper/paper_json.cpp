@@ -78,6 +78,7 @@ Json options_json(const PaperEvaluationOptions& options) {
     for (const std::uint64_t seed : options.seeds) json["seeds"].push_back(std::to_string(seed));
     json["scans"] = options.scans;
     json["sensor"] = options.sensor;
+    json["parked"] = options.parked_share ? Json(*options.parked_share) : Json(nullptr);
   }
   json["drives"] = Json::array();
   for (const auto& [map, query] : options.drives)

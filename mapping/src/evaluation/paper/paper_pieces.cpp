@@ -78,9 +78,9 @@ std::vector<PaperStreet> PaperPieces::streets() const {
     street.name = fmt::format("seed {}", seed);
     street.seed = seed;
     for (std::size_t day = 0; day < 2; ++day) {
-      street.keys[day] =
-          key_of(fmt::format("{} seed {} day {} scans {} sensor {}", options_.program, seed,
-                             day + 1, options_.scans, options_.sensor));
+      street.keys[day] = key_of(fmt::format("{} seed {} day {} scans {} sensor {} parked {}",
+                                            options_.program, seed, day + 1, options_.scans,
+                                            options_.sensor, options_.parked_share.value_or(-1.0)));
       street.drives[day] =
           work_ / "drives" /
           fmt::format("{}-day-{}-{}", joined(street.name), day + 1, street.keys[day]);
