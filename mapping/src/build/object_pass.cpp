@@ -92,11 +92,13 @@ BuildObjects objects_of(const DriveSet& drives, const Survey& survey,
   const std::vector<EditScan> edit_scans = edit_scans_of(drives);
   FusedObjects fused;
   if (options.fusion) {
-    fused = fuse_boxes(scans, [&](std::size_t scan, const maps::Box& box) {
+    const BoxRayCounter count_rays = [&](std::size_t scan, const maps::Box& box) {
       return survey.views.read(scan)->count(box);
-    });
+    };
+    fused = fuse_boxes(scans, count_rays);
     // What a user gives is not doubted.
-    if (boxes_files(options.detector).empty()) judge_standing(fused, survey.obstacles, origin);
+    if (boxes_files(options.detector).empty())
+      judge_standing(fused, survey.obstacles, scans, count_rays, origin);
   } else {
     fused.objects = unfused(scans);
   }

@@ -25,6 +25,9 @@ constexpr std::size_t kYawReach = 2;
 constexpr std::size_t kMinStandingHits = 4;
 constexpr double kMinStandingS = 0.5;
 constexpr double kStandingM = 0.8;
+/// A place that it moved on from is a new view each time, but boxes of scans in a row have the same
+/// faults.
+constexpr double kScanWeight = 0.15;
 /// A given track may be silent for so long and still be interpolated [s].
 constexpr double kMaxInterpolatedS = 2.0;
 
@@ -133,28 +136,6 @@ std::vector<double> heights_of(const Track& track, const Span& span) {
   return z;
 }
 
-/// A place that it moved on from is a new view each time, but boxes of scans in a row have the same
-/// faults.
-constexpr double kScanWeight = 0.15;
-
-void add_evidence(const Track& track, const Span& span, std::size_t i, const Look& look,
-                  Evidence& evidence) {
-  if (span.hits[i]) {
-    ++evidence.hits;
-    evidence.log_odds += kScanWeight * log_odds_of(track.hits[*span.hits[i]].box.score);
-    return;
-  }
-  const bool between =
-      span.scans[i] > track.hits.front().scan && span.scans[i] < track.hits.back().scan;
-  if (!between) return;
-  if (look.sight == Sight::kFree) {
-    evidence.log_odds += kFreeLogOdds;
-  } else if (look.points >= kMinPointsToMiss) {
-    ++evidence.missed;
-    evidence.log_odds += kScanWeight * kMissLogOdds;
-  }
-}
-
 /// Whether a silent step lies too deep in a long silence to say where it was.
 bool is_lost(const Track& track, const Span& span, const std::vector<DetectedScan>& scans,
              std::size_t step) {
@@ -190,51 +171,70 @@ Track standing_end(const Track& track, const std::vector<DetectedScan>& scans,
   return end;
 }
 
-/// Placements of the time before it set off or after it stopped, when no box shows it any more.
-void add_standing_end(const Track& end, bool at_begin, const SightLines& sight,
-                      std::vector<ObjectPlacement>& placements) {
-  if (end.hits.empty()) return;
-  const std::size_t first = end.hits.front().scan, last = end.hits.back().scan;
-  std::erase_if(placements, [&](const ObjectPlacement& placement) {
-    return at_begin ? placement.scan < first : placement.scan > last;
-  });
-  const StandingObject stood = standing_object(end, sight);
-  for (const auto& [scan, detected] : stood.scans) {
-    if (at_begin ? scan < first : scan > last) placements.push_back({scan, stood.box, false});
-  }
-  std::sort(placements.begin(), placements.end(),
-            [](const ObjectPlacement& a, const ObjectPlacement& b) { return a.scan < b.scan; });
-}
-
 }  // namespace
 
-MovingObject moving_object(const Track& track, const std::vector<DetectedScan>& scans,
-                           const std::vector<std::size_t>& drive_scans, const SightLines& sight) {
-  MovingObject object;
-  object.box.object_class = class_of(track.hits);
-  object.box.size_m = size_of(track.hits);
-  const Span span = span_of(track, drive_scans);
-  const std::vector<MotionState> path = path_of(track, span, scans, object.box);
-  const std::vector<double> yaws = yaws_of(track, span, path);
-  const std::vector<double> heights = heights_of(track, span);
+MovingCase::MovingCase(Track track, const std::vector<DetectedScan>& scans,
+                       const std::vector<std::size_t>& drive_scans)
+    : track_(std::move(track)) {
+  whole_.object_class = class_of(track_.hits);
+  whole_.size_m = size_of(track_.hits);
+  const Span span = span_of(track_, drive_scans);
+  const std::vector<MotionState> path = path_of(track_, span, scans, whole_);
+  const std::vector<double> yaws = yaws_of(track_, span, path);
+  const std::vector<double> heights = heights_of(track_, span);
   for (std::size_t i = 0; i < span.scans.size(); ++i) {
-    ObjectPlacement placement{span.scans[i], object.box, span.hits[i].has_value()};
-    if (!placement.detected && is_lost(track, span, scans, i)) continue;
-    if (track.given && placement.detected) {
-      placement.box = track.hits[*span.hits[i]].box;
+    ObjectPlacement placement{span.scans[i], whole_, span.hits[i].has_value()};
+    if (!placement.detected && is_lost(track_, span, scans, i)) continue;
+    double opinion = 0.0;
+    if (placement.detected) opinion = log_odds_of(track_.hits[*span.hits[i]].box.score);
+    if (track_.given && placement.detected) {
+      placement.box = track_.hits[*span.hits[i]].box;
     } else {
       placement.box.centre << path[i].position, heights[i];
       placement.box.yaw_rad = yaws[i];
     }
-    const Look look = sight.look(placement.scan, placement.box);
-    add_evidence(track, span, i, look, object.evidence);
-    if (placement.detected || look.sight != Sight::kFree) object.placements.push_back(placement);
+    placements_.push_back(placement);
+    opinions_.push_back(opinion);
   }
-  for (const bool at_begin : {true, false}) {
-    add_standing_end(standing_end(track, scans, object.box.size_m, at_begin), at_begin, sight,
-                     object.placements);
+  came_from_ = standing_end(track_, scans, whole_.size_m, true);
+  stopped_at_ = standing_end(track_, scans, whole_.size_m, false);
+}
+
+std::vector<PlaceQuestion> MovingCase::questions() const {
+  std::vector<PlaceQuestion> questions;
+  for (const ObjectPlacement& placement : placements_)
+    questions.push_back({placement.scan, &placement.box});
+  return questions;
+}
+
+MovingObject MovingCase::concluded(std::span<const PlaceLook> answers) const {
+  MovingObject object{whole_, {}, {}};
+  const std::size_t first = track_.hits.front().scan, last = track_.hits.back().scan;
+  for (std::size_t i = 0; i < placements_.size(); ++i) {
+    const ObjectPlacement& placement = placements_[i];
+    if (placement.detected) {
+      object.evidence.add_hit(kScanWeight, opinions_[i]);
+    } else if (placement.scan > first && placement.scan < last) {
+      object.evidence.add_silence(kScanWeight, answers[i]);
+    }
+    const bool was_there = placement.detected || answers[i].state != PlaceState::kFree;
+    // Where it stood before it went and after it stopped is told by its standing ends.
+    const bool told = (placement.scan < first && !came_from_.hits.empty()) ||
+                      (placement.scan > last && !stopped_at_.hits.empty());
+    if (was_there && !told) object.placements.push_back(placement);
   }
   return object;
+}
+
+void MovingCase::add_standing_end(const StandingObject& stood, bool at_begin,
+                                  MovingObject& object) const {
+  const std::size_t first = track_.hits.front().scan, last = track_.hits.back().scan;
+  for (const auto& [scan, detected] : stood.scans) {
+    if (at_begin ? scan < first : scan > last)
+      object.placements.push_back({scan, stood.box, false});
+  }
+  std::sort(object.placements.begin(), object.placements.end(),
+            [](const ObjectPlacement& a, const ObjectPlacement& b) { return a.scan < b.scan; });
 }
 
 }  // namespace stillmap::mapping

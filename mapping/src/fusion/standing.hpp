@@ -1,44 +1,17 @@
 #pragma once
 
-#include "fusion/sight.hpp"
+#include "fusion/evidence.hpp"
+#include "fusion/place_look.hpp"
 #include "fusion/track.hpp"
 
+#include <stillmap/maps/box.hpp>
+
+#include <cstddef>
+#include <span>
+#include <utility>
 #include <vector>
 
 namespace stillmap::mapping {
-
-/// Whether a track went somewhere: farther than the box of a parked car jumps between its corners,
-/// and the places it left, or had not reached yet, were seen free. Given tracks are believed.
-[[nodiscard]] bool has_moved(const Track& track, const SightLines& sight);
-
-/// Tracks of one drive that stood at the same place, joined: what was lost and found again.
-/// @param tracks  none of them moved. @return in the order of their first box.
-[[nodiscard]] std::vector<Track> joined_by_place(std::vector<Track> tracks);
-
-/// Points that a detector can make a box of; a scan that saw fewer says nothing by finding none.
-inline constexpr std::size_t kMinPointsToMiss = 40;
-/// A good view without a box: detectors find nine of ten cars that are near and in plain sight.
-inline constexpr double kMissLogOdds = -2.0;
-/// Rays went right through it.
-inline constexpr double kFreeLogOdds = -1.0;
-
-/// What speaks for an object and against it.
-struct Evidence {
-  /// Scans with a box.
-  std::size_t hits = 0;
-  /// Scans that saw enough points there and had no box.
-  std::size_t missed = 0;
-  /// Sum of what each scan says; scans taken from one place count as one.
-  double log_odds = 0.0;
-  /// Free at another time: what can go away is no part of the street.
-  bool free_elsewhen = false;
-};
-/// Share of a scan's opinion that is new, after the sensor went so far [m]; in (0, 1].
-[[nodiscard]] double view_weight(double travel_m);
-/// A score as evidence; certainty is not believed either way.
-[[nodiscard]] double log_odds_of(double score);
-/// In [0, 1].
-[[nodiscard]] double existence_of(const Evidence& evidence);
 
 /// An object that stood still during a drive.
 struct StandingObject {
@@ -47,6 +20,39 @@ struct StandingObject {
   /// Scans in which it was there and may have points, in order, with whether it was detected.
   std::vector<std::pair<std::size_t, bool>> scans;
 };
-[[nodiscard]] StandingObject standing_object(const Track& track, const SightLines& sight);
+
+/// A candidate for an object that stood still, before the scans around it were asked.
+class StandingCase {
+ public:
+  StandingCase(Track track, const PlaceLooks& looks);
+
+  [[nodiscard]] const Track& track() const { return track_; }
+  /// All scans near enough to have seen it, then some of other drives.
+  [[nodiscard]] std::vector<PlaceQuestion> questions() const;
+  [[nodiscard]] StandingObject concluded(std::span<const PlaceLook> answers) const;
+
+ private:
+  /// A scan near the place.
+  struct View {
+    std::size_t scan = 0;
+    double weight = 0.0;
+    /// What its box says; with `hit` only.
+    double opinion = 0.0;
+    bool hit = false;
+    /// Near enough that finding nothing means something.
+    bool near = false;
+  };
+  void find_views(const PlaceLooks& looks);
+  void find_other_days(const PlaceLooks& looks);
+  [[nodiscard]] std::vector<bool> times_gone(std::span<const PlaceLook> answers) const;
+  [[nodiscard]] bool free_on_another_day(std::span<const PlaceLook> answers) const;
+
+  Track track_;
+  /// One, in a vector so that it stays where it is.
+  std::vector<maps::Box> box_;
+  std::vector<View> views_;
+  /// Scans of each other drive that are asked, one after the other.
+  std::vector<std::vector<std::size_t>> other_days_;
+};
 
 }  // namespace stillmap::mapping

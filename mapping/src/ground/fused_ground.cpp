@@ -49,6 +49,7 @@ void FusedGround::finish(std::span<const GroundFootprint> footprints) {
   finished_ = true;
   MeasuredSheets ground = sheets_of(std::move(piles_).take_sheets());
   drop_islands(ground);
+  suspect_ground_under(ground, footprints);
   smooth_measured(ground);
   spread_ground(ground);
   if (accept_suspects(ground) > 0) {

@@ -14,6 +14,8 @@ namespace {
 constexpr double kAroundM = 3.0;
 /// Cells this far outside are laid too [m]: boxes are not exact.
 constexpr double kMarginM = 0.5;
+/// Ground this far outside is suspect too [m].
+constexpr double kSuspectMarginM = 0.1;
 /// A suspect this near to the planes is ground [m].
 constexpr double kSuspectM = 0.04;
 /// A measured cell farther from the planes than this does not pull the membrane [m]: it belongs to
@@ -174,6 +176,24 @@ class Window {
 };
 
 }  // namespace
+
+void suspect_ground_under(MeasuredSheets& ground, std::span<const GroundFootprint> footprints) {
+  for (const GroundFootprint& footprint : footprints) {
+    const Eigen::Vector2d reach = footprint.reach(kSuspectMarginM);
+    const Eigen::Vector2d low = footprint.centre.head<2>() - reach;
+    const Eigen::Vector2d high = footprint.centre.head<2>() + reach;
+    for (int y = ground_cell_of(low.y()); y <= ground_cell_of(high.y()); ++y) {
+      for (int x = ground_cell_of(low.x()); x <= ground_cell_of(high.x()); ++x) {
+        if (!footprint.covers({ground_cell_centre(x), ground_cell_centre(y)}, kSuspectMarginM))
+          continue;
+        const auto place = ground.sheets.find(x, y, footprint.centre.z());
+        if (!place) continue;
+        GroundNode& node = ground.sheets.node(*place);
+        if (node.state == GroundState::kKnown) node.state = GroundState::kSuspect;
+      }
+    }
+  }
+}
 
 void lay_ground_under(MeasuredSheets& ground, std::span<const GroundFootprint> footprints) {
   for (const GroundFootprint& footprint : footprints) Window(ground, footprint).lay();

@@ -7,6 +7,10 @@
 
 namespace stillmap::mapping {
 
+/// Makes all ground measured under objects suspect, as what lay in boxes is already: where a
+/// detector missed the object in some scans, its tyres and sills were taken for ground.
+void suspect_ground_under(MeasuredSheets& ground, std::span<const GroundFootprint> footprints);
+
 /// Lays the ground under objects that stood still: where no ray reached, it follows the plane
 /// around, or the two planes on either side of a kerb that goes on below the object.
 ///

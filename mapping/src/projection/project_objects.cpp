@@ -142,24 +142,13 @@ class Projector {
   }
 
   ProjectionResult counted() {
-    for (const PointFate fate : result_.fates) {
-      switch (fate) {
-        case PointFate::kKept:
-          ++result_.kept;
-          break;
-        case PointFate::kGround:
-          ++result_.ground;
-          break;
-        case PointFate::kProjected:
-          ++result_.projected;
-          break;
-        case PointFate::kDeleted:
-          ++result_.deleted;
-          break;
-        case PointFate::kDropped:
-          break;
-      }
-    }
+    const auto count = [&](PointFate fate) {
+      return static_cast<std::size_t>(std::count(result_.fates.begin(), result_.fates.end(), fate));
+    };
+    result_.kept = count(PointFate::kKept);
+    result_.ground = count(PointFate::kGround);
+    result_.projected = count(PointFate::kProjected);
+    result_.deleted = count(PointFate::kDeleted);
     return std::move(result_);
   }
 
