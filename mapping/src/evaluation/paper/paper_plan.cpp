@@ -21,8 +21,35 @@ constexpr std::size_t kBuildEffort = 25;
 constexpr std::size_t kPlainEffort = 1;
 constexpr std::size_t kAskEffort = 12;
 
+/// World and scans; two passes, cleaning and tiles.
+constexpr std::size_t kSimulateStages = 2;
+constexpr std::size_t kBuildStages = 4;
+
+/// How much of one step is done, from the stages that it tells of; never goes back.
+class StepProgress {
+ public:
+  explicit StepProgress(const PaperStep& step) : step_(step) {}
+
+  std::size_t update(std::string_view stage, std::size_t done, std::size_t total) {
+    if (stage != stage_) {
+      if (!stage_.empty()) passed_ = std::min(passed_ + 1, step_.stages - 1);
+      stage_ = stage;
+    }
+    if (total == 0) return part_;
+    const std::size_t of_stage = step_.effort * std::min(done, total) / total;
+    part_ = std::max(part_, (passed_ * step_.effort + of_stage) / step_.stages);
+    return part_;
+  }
+
+ private:
+  const PaperStep& step_;
+  std::string stage_;
+  std::size_t passed_ = 0;
+  std::size_t part_ = 0;
+};
+
 PaperStep forget(const std::string& title, std::vector<std::filesystem::path> folders) {
-  return {title, 0, [folders = std::move(folders)](const ProgressCallback&) {
+  return {title, 0, 1, [folders = std::move(folders)](const ProgressCallback&) {
             for (const std::filesystem::path& folder : folders) std::filesystem::remove_all(folder);
           }};
 }
@@ -79,6 +106,7 @@ void PaperPlan::add_drives(const PaperStreet& street, std::vector<PaperStep>& st
     const std::filesystem::path target = street.drives.at(static_cast<std::size_t>(day - 1));
     if (is_whole_drive(target, options_.scans)) continue;
     steps.push_back({fmt::format("{} day {}", street.name, day), options_.scans * kSimulateEffort,
+                     kSimulateStages,
                      [this, seed = *street.seed, day, target](const ProgressCallback& progress) {
                        parts_.simulate(options_, seed, day, target, progress, cancel_);
                      }});
@@ -91,13 +119,14 @@ void PaperPlan::add_map(const PaperStreet& street, const PaperMap& map, bool is_
   const std::filesystem::path asked = pieces_.asked(street, map);
   if (map.plain && whole_map(asked)) return;
   if (!is_built && !whole_map(built)) {
-    steps.push_back(
-        {fmt::format("{} map {}", street.name, map.name), options_.scans * kBuildEffort,
-         [this, street, map](const ProgressCallback& progress) { build(street, map, progress); }});
+    steps.push_back({fmt::format("{} map {}", street.name, map.name), options_.scans * kBuildEffort,
+                     kBuildStages, [this, street, map](const ProgressCallback& progress) {
+                       build(street, map, progress);
+                     }});
   }
   if (!map.plain) return;
   steps.push_back({fmt::format("{} map {}, all points", street.name, map.name),
-                   options_.scans * kPlainEffort, [built, asked](const ProgressCallback&) {
+                   options_.scans * kPlainEffort, 1, [built, asked](const ProgressCallback&) {
                      write_plain_map(*maps::MapPackage::open(built), asked);
                    }});
 }
@@ -133,7 +162,7 @@ PaperStep PaperPlan::ask(const PaperStreet& street, const PaperMap& map,
   };
   return {fmt::format("{} {} in map {}, {} scans", street.name, question.method, map.name,
                       question.query()),
-          options_.scans * kAskEffort, run};
+          options_.scans * kAskEffort, 1, run};
 }
 
 void run_steps(const std::vector<PaperStep>& steps, const ProgressCallback& progress,
@@ -143,13 +172,11 @@ void run_steps(const std::vector<PaperStep>& steps, const ProgressCallback& prog
   std::size_t done = 0;
   for (const PaperStep& step : steps) {
     if (cancel) throw Cancelled();
-    std::size_t part = 0;
+    StepProgress part(step);
     const auto tell = [&](std::string_view stage, std::size_t of_stage, std::size_t stage_total) {
-      if (!progress) return;
-      // A step may have several stages: none of them goes back.
-      if (stage_total > 0)
-        part = std::max(part, step.effort * std::min(of_stage, stage_total) / stage_total);
-      progress(fmt::format("{}: {}", step.title, stage), done + part, total);
+      if (progress)
+        progress(fmt::format("{}: {}", step.title, stage),
+                 done + part.update(stage, of_stage, stage_total), total);
     };
     if (progress) progress(step.title, done, total);
     step.run(tell);

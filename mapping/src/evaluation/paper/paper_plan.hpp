@@ -16,6 +16,8 @@ struct PaperStep {
   std::string title;
   /// Time that it takes beside the others.
   std::size_t effort = 1;
+  /// How many stages it tells of.
+  std::size_t stages = 1;
   std::function<void(const ProgressCallback& progress)> run;
 };
 
