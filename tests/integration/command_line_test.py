@@ -40,7 +40,7 @@ class CommandLine(unittest.TestCase):
         for command in ("build", "simulate", "evaluate", "localize", "serve", "inspect"):
             self.assertRegex(text, rf"(?m)^  {command}\b")
             self.assertEqual(run(command, "--help").returncode, 0, command)
-        for what in ("localization", "map"):
+        for what in ("localization", "map", "paper"):
             self.assertIn("--json", run("evaluate", what, "--help").stdout)
 
     def test_usage_errors_are_2_and_name_the_value(self):
@@ -55,6 +55,15 @@ class CommandLine(unittest.TestCase):
         self.fails(2, "no_folder", "build", DRIVE, "-o", new, "--json", self.folder / "no_folder/a.json")
         self.fails(2, "'1,2'", "localize", MAP, SCAN, "--prior", "1,2")
         self.fails(2, "'1'", "evaluate", "localization", MAP, DRIVE, "--prior-error", "1")
+        self.fails(2, "--query-detector", "evaluate", "localization", MAP, DRIVE, "--query-detector", "geometric")
+        self.fails(2, "magic", "evaluate", "localization", MAP, DRIVE, "--query-movable", "delete", "--query-detector",
+                   "magic")
+        work = self.folder / "work"
+        self.fails(2, "3 drives", "evaluate", "paper", "--drives", DRIVE, DRIVE, DRIVE, "--work", work)
+        self.fails(2, "--scans: found with --drives", "evaluate", "paper", "--drives", DRIVE, DRIVE, "--scans", "9")
+        self.fails(2, "scans: 2", "evaluate", "paper", "--scans", "2", "--work", work)
+        self.fails(2, "magic", "evaluate", "paper", "--maps", "none,magic")
+        self.fails(2, "magic", "evaluate", "paper", "--methods", "magic")
         self.fails(2, "0.0.0.0", "serve", "--store", self.folder, "--host", "0.0.0.0")
         self.assertEqual(list(self.folder.iterdir()), [])
 
@@ -153,6 +162,37 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(result["levels"][0]["queries"], 5)
         for key in ("scans", "seconds", "options", "version"):
             self.assertIn(key, result)
+
+    def test_evaluate_localization_without_movable_objects(self):
+        file = self.folder / "result.json"
+        done = run("evaluate", "localization", MAP, DRIVE, "--select", "1::16", "--query-movable", "delete", "--json", file)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        result = json.loads(file.read_text())
+        self.assertGreater(result["points"]["deleted"], 0)
+        self.assertEqual(result["options"]["query_movable"], "delete")
+
+    def test_the_papers_table_is_made_once_and_read_again(self):
+        files = [self.folder / name for name in ("first.json", "second.json")]
+        page = self.folder / "page.html"
+        work = self.folder / "work"
+        kept = []
+        for file in files:
+            done = run("evaluate", "paper", "--seeds", "1", "--scans", "4", "--sensor", "vlp16", "--maps", "none,deletion",
+                       "--methods", "icp", "--work", work, "--json", file, "--report", page)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertIn("deletion - none", done.stdout)
+            kept.append({each: each.stat().st_mtime_ns for each in work.rglob("*")})
+        self.assertEqual(kept[0], kept[1])
+        first, second = (json.loads(file.read_text()) for file in files)
+        del first["seconds"], second["seconds"]
+        self.assertEqual(first, second)
+        self.assertEqual([(row["query"], row["map"]) for row in first["table"]],
+                         [("raw", "none"), ("raw", "deletion"), ("removed", "none"), ("removed", "deletion")])
+        self.assertEqual([row["queries"] for row in first["table"]], [3] * 4)
+        self.assertEqual(len(first["differences"]), 2)
+        self.assertNotIn("<script", page.read_text())
+        for key in ("scans", "options", "version"):
+            self.assertIn(key, first)
 
     def test_interrupt_leaves_nothing(self):
         program = subprocess.Popen([PROGRAM, "simulate", "town", "-o", self.folder / "drive", "--scans", "10000"],

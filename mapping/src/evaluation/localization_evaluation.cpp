@@ -2,8 +2,7 @@
 
 #include "evaluation/localization_metrics.hpp"
 #include "evaluation/prior_draws.hpp"
-
-#include <stillmap/mapping/deskew.hpp>
+#include "evaluation/query_scans.hpp"
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
@@ -34,13 +33,6 @@ double wall_ms() {
   return std::chrono::duration<double, std::milli>(
              std::chrono::steady_clock::now().time_since_epoch())
       .count();
-}
-
-maps::PointCloud deskewed_scan(const maps::Drive& drive, std::size_t index) {
-  maps::PointCloud cloud = drive.read(index).cloud;
-  const std::optional<Vector6d> twist = twist_at(drive, index);
-  if (twist) deskew(cloud, *twist);
-  return cloud;
 }
 
 LocalizationRecord ask(const localization::Aligner& aligner, const maps::PointCloud& scan_lidar,
@@ -123,18 +115,21 @@ std::optional<Eigen::Matrix<double, 6, 6>> covariance_of(const std::optional<Pri
 class Questions {
  public:
   Questions(const maps::Drive& drive, const LocalizationEvaluationOptions& options,
-            const localization::Aligner& aligner)
+            const localization::Aligner& aligner, const CancelFlag& cancel)
       : drive_(drive),
         options_(options),
         aligner_(aligner),
         scans_(scans_of(drive, options)),
+        queries_(drive, options, scans_, cancel),
         trials_(static_cast<std::size_t>(options.trials)),
         records_(options.prior == PriorSource::kDrawn ? options.prior_errors.size() : 1,
                  std::vector<LocalizationRecord>(scans_.size() * trials_)) {}
 
-  void ask_for_scan(std::size_t position, const CancelFlag& cancel) {
+  /// @return what was done to the scan's points.
+  QueryPoints ask_for_scan(std::size_t position, const CancelFlag& cancel) {
     const std::size_t index = scans_[position];
-    const maps::PointCloud scan_lidar = deskewed_scan(drive_, index);
+    QueryPoints points;
+    const maps::PointCloud scan_lidar = queries_.read(index, points);
     for (std::size_t level = 0; level < records_.size(); ++level) {
       for (std::size_t trial = 0; trial < trials_; ++trial) {
         if (cancel) throw Cancelled();
@@ -149,6 +144,7 @@ class Questions {
         record.query.prior_error = prior_error_of(index, level, prior);
       }
     }
+    return points;
   }
 
   [[nodiscard]] std::size_t scans() const { return scans_.size(); }
@@ -185,6 +181,7 @@ class Questions {
   const LocalizationEvaluationOptions& options_;
   const localization::Aligner& aligner_;
   std::vector<std::size_t> scans_;
+  QueryScans queries_;
   std::size_t trials_;
   std::vector<std::vector<LocalizationRecord>> records_;
 };
@@ -254,18 +251,19 @@ LocalizationEvaluation evaluate_localization(const maps::MapPackage& map, const 
   require_usable(drive, options);
   const double start_ms = wall_ms();
   const std::unique_ptr<localization::Aligner> aligner = make_aligner(map);
-  Questions questions(drive, options, *aligner);
+  Questions questions(drive, options, *aligner, cancel);
+  LocalizationEvaluation evaluation;
   std::mutex progress_mutex;
   std::size_t done = 0;
   tbb::task_arena arena(options.threads == 0 ? tbb::task_arena::automatic : options.threads);
   arena.execute([&] {
     tbb::parallel_for(std::size_t{0}, questions.scans(), [&](std::size_t position) {
-      questions.ask_for_scan(position, cancel);
+      const QueryPoints points = questions.ask_for_scan(position, cancel);
       const std::lock_guard lock(progress_mutex);
+      evaluation.points += points;
       if (progress) progress("localize", ++done, questions.scans());
     });
   });
-  LocalizationEvaluation evaluation;
   evaluation.scans = questions.scans();
   evaluation.options = options;
   for (std::size_t level = 0; level < questions.records().size(); ++level) {

@@ -67,11 +67,17 @@ std::string to_json(const LocalizationEvaluation& evaluation) {
   for (const LocalizationLevel& level : evaluation.levels)
     json["levels"].push_back(level_json(level));
   json["scans"] = evaluation.scans;
+  json["points"] = {{"in", evaluation.points.in},
+                    {"projected", evaluation.points.projected},
+                    {"deleted", evaluation.points.deleted},
+                    {"without_ground", evaluation.points.without_ground}};
   json["seconds"] = evaluation.seconds;
   // As text: a seed may exceed the 2^53 that readers of JSON keep exact.
   json["options"] = {{"select", text_of(evaluation.options.selection)},
                      {"prior", name_of(evaluation.options.prior)},
                      {"bias", name_of(evaluation.options.bias)},
+                     {"query_movable", name_of(evaluation.options.query_movable)},
+                     {"query_detector", evaluation.options.query_detector},
                      {"trials", evaluation.options.trials},
                      {"seed", std::to_string(evaluation.options.seed)},
                      {"threads", evaluation.options.threads}};

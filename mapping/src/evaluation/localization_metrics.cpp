@@ -36,10 +36,6 @@ bool is_within(const LocalizationQuery& query, double metres, double degrees) {
   return off_m(query) <= metres && off_deg(query) <= degrees;
 }
 
-bool is_success(const LocalizationQuery& query) {
-  return !is_lost(query) && is_within(query, kSuccessM, kSuccessDeg);
-}
-
 double nees_of(const Vector6d& error, const Eigen::Matrix<double, 6, 6>& covariance) {
   const Eigen::LLT<Eigen::Matrix<double, 6, 6>> factor(covariance);
   return factor.info() == Eigen::Success ? error.dot(factor.solve(error)) : kNaN;
@@ -93,6 +89,10 @@ void set_errors(const std::vector<LocalizationQuery>& queries, LocalizationLevel
 }
 
 }  // namespace
+
+bool is_success(const LocalizationQuery& query) {
+  return !is_lost(query) && is_within(query, kSuccessM, kSuccessDeg);
+}
 
 double percentile(std::vector<double> values, double q) {
   if (values.empty()) return kNaN;

@@ -32,6 +32,9 @@ struct LocalizationRecord {
 [[nodiscard]] std::vector<LocalizationQuery> judged(const std::vector<LocalizationRecord>& records,
                                                     BiasCorrection correction);
 
+/// Not lost, and within 0.2 m and 1 deg. @param query  judged.
+[[nodiscard]] bool is_success(const LocalizationQuery& query);
+
 /// Value below which the share `q` in [0, 1] lies, linear between neighbours (as NumPy's default);
 /// NaN when empty. @param values  may be infinite.
 [[nodiscard]] double percentile(std::vector<double> values, double q);

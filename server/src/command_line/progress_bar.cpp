@@ -36,7 +36,8 @@ ProgressBar::~ProgressBar() {
   if (drawn_) fmt::print(stderr, "\r\x1b[K");
 }
 
-void ProgressBar::update(std::string_view stage, std::size_t done, std::size_t total) {
+void ProgressBar::update(std::string_view stage, std::size_t done, std::size_t total,
+                         std::string_view detail) {
   const Clock::time_point now = Clock::now();
   if (stage != stage_) {
     stage_ = stage;
@@ -48,7 +49,8 @@ void ProgressBar::update(std::string_view stage, std::size_t done, std::size_t t
   if (!terminal_ && since < kNewLine) return;
   shown_ = now;
   const double elapsed_s = std::chrono::duration<double>(now - stage_began_).count();
-  const std::string text = progress_text(done, total, elapsed_s);
+  std::string text = progress_text(done, total, elapsed_s);
+  if (!detail.empty()) text += fmt::format("  {}", detail);
   if (terminal_) {
     fmt::print(stderr, "\r\x1b[K{} {}", stage_, text);
     drawn_ = true;

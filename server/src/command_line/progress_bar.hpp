@@ -18,7 +18,9 @@ class ProgressBar {
   ~ProgressBar();
 
   /// @param stage  what is done now.  @param done,total  units of it.
-  void update(std::string_view stage, std::size_t done, std::size_t total);
+  /// @param detail  shown behind; the estimate of the time left goes on when it changes.
+  void update(std::string_view stage, std::size_t done, std::size_t total,
+              std::string_view detail = {});
 
  private:
   using Clock = std::chrono::steady_clock;

@@ -8,6 +8,7 @@ void add_evaluate(CLI::App& app) {
   evaluate->require_subcommand(1);
   add_evaluate_localization(*evaluate);
   add_evaluate_map(*evaluate);
+  add_evaluate_paper(*evaluate);
 }
 
 }  // namespace stillmap::mapper

@@ -87,6 +87,10 @@ std::string text_of(const mapping::BoundedRate& rate) {
   return fmt::format("{} of {} (< {:.2g} %)", rate.count, rate.of, 100 * rate.upper_95);
 }
 
+double percent_of(std::uint64_t part, std::uint64_t whole) {
+  return whole == 0 ? 0.0 : 100.0 * static_cast<double>(part) / static_cast<double>(whole);
+}
+
 /// The root mean squares that the paper reports, and whether protection levels hold.
 void print_integrity(const mapping::LocalizationEvaluation& evaluation) {
   constexpr const char* kRow = "{:>14} {:>10} {:>10} {:>24} {:>24} {:>12} {:>12}\n";
@@ -121,6 +125,11 @@ void print_for_people(const mapping::LocalizationEvaluation& evaluation) {
                fmt::format("{:.1f}", level.wall_ms.p50));
   }
   print_integrity(evaluation);
+  if (const mapping::QueryPoints& points = evaluation.points;
+      evaluation.options.query_movable != mapping::MovablePolicy::kKeep) {
+    fmt::print("{:.1f} % of the points asked with were projected, {:.1f} % deleted\n",
+               percent_of(points.projected, points.in), percent_of(points.deleted, points.in));
+  }
   fmt::print("{} scans in {:.1f} s\n", evaluation.scans, evaluation.seconds);
 }
 
@@ -146,6 +155,11 @@ void evaluate(EvaluateArguments& arguments, const CLI::App& command) {
     options.prior_sigma = read_prior_error("--prior-sigma", *arguments.prior_sigma);
   for (const std::string& text : arguments.prior_errors)
     options.prior_errors.push_back(read_prior_error("--prior-error", text));
+  if (command.count("--query-detector") > 0 &&
+      options.query_movable == mapping::MovablePolicy::kKeep) {
+    throw std::invalid_argument(
+        "--query-detector: found with --query-movable keep, expected delete or project");
+  }
   const auto map = maps::MapPackage::open(arguments.map);
   const maps::Drive drive = open_drive(arguments);
   mapping::LocalizationEvaluation evaluation;
@@ -226,6 +240,15 @@ void add_evaluate_localization(CLI::App& evaluate_command) {
              {mapping::BiasCorrection::kFit, mapping::BiasCorrection::kNone},
              "fit: a constant difference between the drive's poses and the map is taken out; none: "
              "it is left in, for poses that are the truth");
+  add_choice(*command, "--query-movable", options.query_movable,
+             {mapping::MovablePolicy::kKeep, mapping::MovablePolicy::kDelete,
+              mapping::MovablePolicy::kProject},
+             "What happens to points of movable objects in the scans that are asked for: keep, "
+             "delete, or project (onto the ground of that scan)");
+  command
+      ->add_option("--query-detector", options.query_detector,
+                   "What finds them: geometric, or boxes:FILE")
+      ->capture_default_str();
   command->add_option("--json", arguments->json, "Write the result there")
       ->check(command_line::in_existing_folder());
   command->add_option("--csv", arguments->csv, "Write a line for each query there")

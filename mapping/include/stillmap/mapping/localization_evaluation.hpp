@@ -2,6 +2,7 @@
 
 #include <stillmap/localization/aligner.hpp>
 #include <stillmap/mapping/progress.hpp>
+#include <stillmap/mapping/projection.hpp>
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/map_package.hpp>
 
@@ -64,6 +65,12 @@ struct LocalizationEvaluationOptions {
   /// Priors drawn for each scan, >= 1; 1 where none is drawn.
   int trials = 1;
   BiasCorrection bias = BiasCorrection::kFit;
+  /// What is done to points of movable objects in each scan before it is asked for: nothing, or
+  /// they are deleted (as the paper did), or put onto the ground of that scan alone. Their time is
+  /// not counted.
+  MovablePolicy query_movable = MovablePolicy::kKeep;
+  /// What finds them, as `make_detector`; not used with `kKeep`.
+  std::string query_detector = "geometric";
   /// Same seed, same draws: for every method, machine and number of threads.
   std::uint64_t seed = 1;
   /// Threads, 0 = all cores. More make `cpu_ms` and `wall_ms` larger on a machine that shares
@@ -75,6 +82,23 @@ struct LocalizationEvaluationOptions {
 
   /// Every broken bound as "name: value, bound"; empty when usable.
   [[nodiscard]] std::vector<std::string> violations() const;
+};
+
+/// Points of the scans that were asked for, and what was done to them by `query_movable`.
+struct QueryPoints {
+  std::uint64_t in = 0;
+  std::uint64_t projected = 0;
+  std::uint64_t deleted = 0;
+  /// Of the deleted ones those that had no ground below them to go to.
+  std::uint64_t without_ground = 0;
+
+  QueryPoints& operator+=(const QueryPoints& other) {
+    in += other.in;
+    projected += other.projected;
+    deleted += other.deleted;
+    without_ground += other.without_ground;
+    return *this;
+  }
 };
 
 /// One query and what came of it.
@@ -175,6 +199,7 @@ struct LocalizationEvaluation {
   std::vector<std::vector<LocalizationQuery>> queries;
   /// That were asked for.
   std::size_t scans = 0;
+  QueryPoints points;
   double seconds = 0.0;
   LocalizationEvaluationOptions options;
 };
@@ -189,8 +214,8 @@ struct LocalizationEvaluation {
 /// fitted on every other scan and applied to the rest, and the other way round, so that no answer
 /// is judged with a bias that it helped to fit. With fewer than two scans, or `BiasCorrection::
 /// kNone`, no bias is taken out.
-/// @throws std::invalid_argument (options, no poses to compare with, no scan to ask for),
-/// maps::InputError,
+/// @throws std::invalid_argument (options, no poses to compare with, no scan to ask for, an unknown
+/// detector), maps::InputError,
 ///         maps::StorageError, Cancelled, and what the factory throws.
 /// @note   Everything but the times is the same for any number of threads.
 [[nodiscard]] LocalizationEvaluation evaluate_localization(
@@ -199,7 +224,8 @@ struct LocalizationEvaluation {
     const ProgressCallback& progress, const CancelFlag& cancel);
 
 /// The object of `--json`, without the keys that only the program knows (`version`, paths, method):
-/// `levels[]`, `scans`, `seconds`, `options`. NaN becomes null.
+/// `levels[]`, `scans`, `points` {in, projected, deleted, without_ground},
+/// `seconds`, `options`. NaN becomes null.
 [[nodiscard]] std::string to_json(const LocalizationEvaluation& evaluation);
 
 /// The table of `--csv`: a line of column names, then one a query. Reasons are joined by `|`;

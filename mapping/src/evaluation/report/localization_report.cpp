@@ -219,6 +219,9 @@ class Report {
                                              selection.step)});
     html_ += table_row({"prior", std::string(name_of(options.prior))});
     html_ += table_row({"bias", std::string(name_of(options.bias))});
+    html_ += table_row({"movable objects in queries", std::string(name_of(options.query_movable))});
+    if (options.query_movable != MovablePolicy::kKeep)
+      html_ += table_row({"found by", escaped(options.query_detector)});
     html_ += table_row({"trials", std::to_string(options.trials)});
     html_ += table_row({"seed", std::to_string(options.seed)});
     html_ += table_row({"threads", std::to_string(options.threads)});

@@ -1,0 +1,251 @@
+#include <stillmap/mapping/paper_evaluation.hpp>
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_package.hpp>
+#include <stillmap/simulation/simulate.hpp>
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+#include <vector>
+
+#include "command_line/progress_bar.hpp"
+#include "command_line/run_program.hpp"
+#include "mapper/command_text.hpp"
+#include "mapper/commands.hpp"
+#include "reference/cleaners.hpp"
+#include "reference/map_aligners.hpp"
+
+namespace stillmap::mapper {
+namespace {
+
+struct PaperArguments {
+  std::vector<std::filesystem::path> drives;
+  std::optional<std::filesystem::path> work;
+  std::optional<std::filesystem::path> json;
+  std::optional<std::filesystem::path> report;
+  mapping::PaperEvaluationOptions options;
+};
+
+/// Where pieces are kept: the folder that was given, or one of their own that goes at the end.
+class WorkFolder {
+ public:
+  explicit WorkFolder(const std::optional<std::filesystem::path>& given) {
+    if (given) {
+      path_ = *given;
+      return;
+    }
+    std::string name = (std::filesystem::temp_directory_path() / "stillmap-paper-XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr) throw maps::StorageError(name, "cannot be made");
+    path_ = name;
+    temporary_ = true;
+  }
+  ~WorkFolder() {
+    std::error_code ignored;
+    if (temporary_) std::filesystem::remove_all(path_, ignored);
+  }
+  WorkFolder(const WorkFolder&) = delete;
+  WorkFolder& operator=(const WorkFolder&) = delete;
+
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+  [[nodiscard]] bool keep() const { return !temporary_; }
+
+ private:
+  std::filesystem::path path_;
+  bool temporary_ = false;
+};
+
+std::vector<std::string> cleaners() {
+  std::vector<std::string> names = mapping::reference_cleaner_names();
+  std::erase(names, "none");
+  return names;
+}
+
+void simulate(const mapping::PaperEvaluationOptions& options, std::uint64_t seed, int day,
+              const std::filesystem::path& target, const mapping::ProgressCallback& progress,
+              const mapping::CancelFlag& cancel) {
+  simulation::SimulationOptions simulated;
+  simulated.scenario = "town";
+  simulated.seed = seed;
+  simulated.day = day;
+  simulated.sensor = options.sensor;
+  simulated.scans = options.scans;
+  simulated.parked_share = options.parked_share;
+  simulated.threads = options.threads;
+  (void)simulation::simulate_drive(target, simulated, progress, cancel);
+}
+
+mapping::PaperParts parts() {
+  return {.simulate = simulate,
+          .make_aligner = mapping::make_map_aligner,
+          .make_cleaner = mapping::make_reference_cleaner,
+          .cleaners = cleaners()};
+}
+
+std::string text_of(const mapping::Interval& interval, double scale, const char* form) {
+  const std::string number = fmt::format("{{:{0}}} ({{:{0}}} to {{:{0}}})", form);
+  return fmt::format(fmt::runtime(number), scale * interval.value, scale * interval.low,
+                     scale * interval.high);
+}
+
+constexpr double kCentimetres = 100.0;
+constexpr double kDegrees = 180.0 / std::numbers::pi;
+
+std::string title_of(const std::string& method, const std::string& query) {
+  return fmt::format("{}, scans {}", method,
+                     query == "raw" ? "as they are" : "without movable objects");
+}
+
+void print_rows(const mapping::PaperEvaluation& evaluation) {
+  constexpr const char* kRow = "{:<12} {:>22} {:>26} {:>8} {:>22} {:>9} {:>6} {:>6}\n";
+  std::string title;
+  for (const mapping::PaperRow& row : evaluation.rows) {
+    if (title != title_of(row.method, row.query)) {
+      title = title_of(row.method, row.query);
+      fmt::print("{}{}\n", &row == &evaluation.rows.front() ? "" : "\n", title);
+      fmt::print(fmt::runtime(kRow), "map", "rmse x-y [cm]", "rmse yaw [rad]", "[deg]",
+                 "success [%]", "degraded", "lost", "of");
+    }
+    fmt::print(fmt::runtime(kRow), row.map, text_of(row.rmse_xy_m, kCentimetres, ".2f"),
+               text_of(row.rmse_yaw_rad, 1.0, ".5f"),
+               fmt::format("{:.3f}", row.rmse_yaw_rad.value * kDegrees),
+               text_of(row.success_rate, 100.0, ".1f"), row.degraded, row.lost, row.queries);
+  }
+}
+
+void print_differences(const mapping::PaperEvaluation& evaluation) {
+  constexpr const char* kRow = "{:<42} {:>20} {:>26} {:>8} {:>32} {:>8}\n";
+  if (evaluation.differences.empty()) return;
+  fmt::print("\nLess than zero: the first map is better\n");
+  fmt::print(fmt::runtime(kRow), "method and scans", "maps", "rmse x-y [cm]", "streets",
+             "rmse yaw [rad]", "streets");
+  for (const mapping::PaperDifference& each : evaluation.differences)
+    fmt::print(fmt::runtime(kRow), title_of(each.method, each.query),
+               fmt::format("{} - {}", each.map, each.against),
+               text_of(each.rmse_xy_m, kCentimetres, "+.2f"),
+               fmt::format("{}/{}", each.better_xy, each.streets),
+               text_of(each.rmse_yaw_rad, 1.0, "+.5f"),
+               fmt::format("{}/{}", each.better_yaw, each.streets));
+}
+
+void print_for_people(const mapping::PaperEvaluation& evaluation) {
+  print_rows(evaluation);
+  print_differences(evaluation);
+  fmt::print(
+      "\nRMSE over all scans, lost ones with the error of their prior; 95 % intervals by drawing "
+      "streets and blocks of scans.\n{} scans of {} streets in {:.1f} s\n",
+      evaluation.scans, evaluation.streets.size(), evaluation.seconds);
+}
+
+/// Two builds of one version may differ in what they make.
+std::string this_program() { return STILLMAP_VERSION " " + maps::sha256_of_file("/proc/self/exe"); }
+
+void read_drives(PaperArguments& arguments, const CLI::App& command) {
+  const std::vector<std::filesystem::path>& drives = arguments.drives;
+  if (drives.empty()) return;
+  if (drives.size() % 2 != 0)
+    throw std::invalid_argument(fmt::format(
+        "--drives: found {} drives, expected pairs of a map's and a query's", drives.size()));
+  for (const char* simulated : {"--seeds", "--scans", "--sensor", "--parked"}) {
+    if (command.count(simulated) > 0)
+      throw std::invalid_argument(
+          fmt::format("{}: found with --drives, expected one of them", simulated));
+  }
+  arguments.options.seeds.clear();
+  for (std::size_t i = 0; i < drives.size(); i += 2)
+    arguments.options.drives.push_back({drives[i], drives[i + 1]});
+}
+
+void evaluate(PaperArguments& arguments, const CLI::App& command) {
+  read_drives(arguments, command);
+  arguments.options.program = this_program();
+  mapping::PaperEvaluation evaluation;
+  {
+    const WorkFolder work(arguments.work);
+    command_line::ProgressBar bar;
+    evaluation = mapping::evaluate_paper(
+        arguments.options, parts(), work.path(), work.keep(),
+        [&bar](std::string_view stage, std::size_t done, std::size_t total) {
+          bar.update("paper", done, total, stage);
+        },
+        command_line::cancel_flag());
+  }
+  print_for_people(evaluation);
+  if (arguments.report)
+    write_text_file(*arguments.report, mapping::to_html(evaluation, command_of(command)));
+  if (!arguments.json) return;
+  auto json = nlohmann::ordered_json::parse(mapping::to_json(evaluation));
+  json["version"] = STILLMAP_VERSION;
+  write_text_file(*arguments.json, json.dump(2) + "\n");
+}
+
+void add_streets(CLI::App& command, PaperArguments& arguments) {
+  mapping::PaperEvaluationOptions& options = arguments.options;
+  command
+      .add_option("--seeds", options.seeds,
+                  "Town streets to simulate, a seed each; fewer than three say little of others")
+      ->delimiter(',')
+      ->capture_default_str();
+  command.add_option("--scans", options.scans, "Scans of each day of a simulated street")
+      ->capture_default_str();
+  command
+      .add_option("--sensor", options.sensor,
+                  "hdl64, os1-64, os1-128, vlp16, avia, or a file that describes one")
+      ->capture_default_str();
+  command.add_option("--parked", options.parked_share,
+                     "Share of the parking places along simulated streets that are taken, 0 to 1 "
+                     "(default: the town's own)");
+  command
+      .add_option("--drives", arguments.drives,
+                  "Instead of simulated streets: MAP_DRIVE QUERY_DRIVE, or several such pairs, "
+                  "with true poses in one frame")
+      ->check(command_line::existing_folder());
+}
+
+}  // namespace
+
+void add_evaluate_paper(CLI::App& evaluate_command) {
+  auto arguments = std::make_shared<PaperArguments>();
+  mapping::PaperEvaluationOptions& options = arguments->options;
+  CLI::App* command = evaluate_command.add_subcommand(
+      "paper",
+      "The paper's Table II: maps of one day made in several ways, and the poses of another day's "
+      "scans in them");
+  add_streets(*command, *arguments);
+  command
+      ->add_option("--detector", options.detector,
+                   "What finds movable objects in both days: geometric, or boxes (the drives' own "
+                   "boxes.json)")
+      ->capture_default_str();
+  command
+      ->add_option("--maps", options.maps,
+                   fmt::format("Maps to compare, default all: {}",
+                               fmt::join(mapping::paper_map_names(cleaners()), ", ")))
+      ->delimiter(',')
+      ->check(CLI::IsMember(mapping::paper_map_names(cleaners())));
+  command->add_option("--methods", options.methods, "Alignment methods")
+      ->delimiter(',')
+      ->capture_default_str()
+      ->check(CLI::IsMember(mapping::map_aligner_names()));
+  command
+      ->add_option("--threads", options.threads,
+                   "Threads; 0 = all cores. The figures do not depend on it")
+      ->capture_default_str();
+  command->add_option("--work", arguments->work,
+                      "Keep drives, maps and answers there, and go on with what is there already");
+  command->add_option("--json", arguments->json, "Write the result there")
+      ->check(command_line::in_existing_folder());
+  command->add_option("--report", arguments->report, "Write a page with diagrams (HTML) there")
+      ->check(command_line::in_existing_folder());
+  command->callback([arguments, command] { evaluate(*arguments, *command); });
+}
+
+}  // namespace stillmap::mapper
