@@ -138,7 +138,8 @@ Look RangeView::look(const Eigen::Vector3f& p, float radius_m) const {
       if (b.farthest != 0) ++rays;
     }
   }
-  if (any_near(p, radius_m)) return {Sight::kMixed};
+  // Says nothing either way: against the cell it would shield all that moves along a wall.
+  if (any_near(p, radius_m)) return {};
   return {Sight::kFree, rays};
 }
 
