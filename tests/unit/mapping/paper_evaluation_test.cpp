@@ -292,7 +292,8 @@ TEST(PaperAnswersFile, ALostAnswerHasItsPriorsError) {
   evaluation.levels.resize(1);
   const test::TemporaryFolder folder;
   const test::SmallDrive drive;
-  (void)build_map({drive.write(folder)}, folder.path() / "map", {}, {}, CancelFlag(false));
+  const MapBuildOptions defaults;
+  (void)build_map({drive.write(folder)}, folder.path() / "map", defaults, {}, CancelFlag(false));
   const PaperAnswers answers =
       paper_answers(evaluation, *maps::MapPackage::open(folder.path() / "map"));
   ASSERT_THAT(answers.scans, SizeIs(2));
