@@ -17,6 +17,11 @@ constexpr float kApartM = 0.3F;
 constexpr float kGuardM = 0.03F;
 constexpr float kGuardRad = 0.0035F;
 
+/// How far apart one thing may lie in scans that are seconds apart: poses of GNSS and odometry
+/// wander by this much within a street [m]. What a scan sees so near to a cell may be the very
+/// thing that others saw in it.
+constexpr float kWanderM = 0.3F;
+
 /// A surface counts as beyond a cell from here on [m]; grows with range, since surfaces seen at a
 /// grazing angle cover a longer way within a bin.
 constexpr float kBeyondM = 0.3F;
@@ -86,6 +91,22 @@ RangeView::RangeView(std::span<const Eigen::Vector3f> positions,
   }
 }
 
+bool RangeView::any_near(const Eigen::Vector3f& p, float radius_m) const {
+  const float range_m = p.norm();
+  const float beyond_m = kBeyondM + kBeyondPerM * range_m;
+  const Window around =
+      Aim(p, range_m).cone((radius_m + kWanderM) / range_m + kGuardRad, first_row_, end_row());
+  const auto before = static_cast<int>((range_m - beyond_m - kWanderM) / kQuantumM);
+  const auto after = static_cast<int>((range_m + beyond_m + kWanderM) / kQuantumM);
+  for (int row = around.row_begin; row < around.row_end; ++row) {
+    for (int column = around.column_begin; column < around.column_end; ++column) {
+      const Bin& b = bin(row, column);
+      if (b.nearest != kNone && b.nearest >= before && b.nearest <= after) return true;
+    }
+  }
+  return false;
+}
+
 Look RangeView::look(const Eigen::Vector3f& p, float radius_m) const {
   const float range_m = p.norm();
   if (!(range_m > radius_m)) return {};
@@ -117,6 +138,7 @@ Look RangeView::look(const Eigen::Vector3f& p, float radius_m) const {
       if (b.farthest != 0) ++rays;
     }
   }
+  if (any_near(p, radius_m)) return {Sight::kMixed};
   return {Sight::kFree, rays};
 }
 

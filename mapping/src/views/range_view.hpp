@@ -85,6 +85,8 @@ class RangeView {
   static constexpr float kQuantumM = 0.01F;
 
   RangeView() = default;
+  /// Whether a return from anything but the ground lies within some decimetres of a cell.
+  [[nodiscard]] bool any_near(const Eigen::Vector3f& p, float radius_m) const;
   [[nodiscard]] const Bin& bin(int row, int column) const {
     return bins_[static_cast<std::size_t>((row - first_row_) * ViewGrid::kColumns +
                                           ViewGrid::wrapped(column))];
