@@ -14,6 +14,12 @@ constexpr double kFloorM = 0.35;
 /// A return this far outside of the box still belongs to it [m]: range noise and the box's fit.
 constexpr double kSkinM = 0.1;
 
+/// Only rays through this middle part of the length and width, and below this part of the height,
+/// tell whether the box is empty: a car leaves the corners of its box and what is above its bonnet
+/// free.
+constexpr double kCoreAcross = 0.6;
+constexpr double kCoreUp = 0.8;
+
 /// Unit directions of columns and rows.
 struct Directions {
   std::array<Eigen::Vector2d, ViewGrid::kColumns> columns;
@@ -35,6 +41,12 @@ const Directions& directions() {
   return all;
 }
 
+/// Ranges at which a ray enters and leaves [m]; it misses when enter > leave.
+struct Crossing {
+  double enter, leave;
+  [[nodiscard]] bool hits() const { return enter <= leave; }
+};
+
 /// A box with the sensor at a place of its own frame (x along the heading).
 struct BoxFrame {
   Eigen::Vector3d half, sensor;
@@ -47,20 +59,58 @@ struct BoxFrame {
   [[nodiscard]] Eigen::Vector3d turned(const Eigen::Vector3d& v) const {
     return {cos_yaw * v.x() + sin_yaw * v.y(), cos_yaw * v.y() - sin_yaw * v.x(), v.z()};
   }
+  /// Over the box's bottom.
+  [[nodiscard]] double height_at(const Eigen::Vector3d& direction, double range_m) const {
+    return half.z() + sensor.z() + range_m * direction.z();
+  }
 
-  /// Ranges [m] at which a ray from the sensor enters and leaves; enter > leave when it misses.
-  [[nodiscard]] std::array<double, 2> crossing(const Eigen::Vector3d& direction) const {
-    double enter = 0.0, leave = std::numeric_limits<double>::infinity();
+  [[nodiscard]] Crossing whole(const Eigen::Vector3d& direction) const {
+    return between(-half, half, direction);
+  }
+  [[nodiscard]] Crossing core(const Eigen::Vector3d& direction) const {
+    const Eigen::Vector3d low(-kCoreAcross * half.x(), -kCoreAcross * half.y(), -half.z());
+    const Eigen::Vector3d high(-low.x(), -low.y(), (2.0 * kCoreUp - 1.0) * half.z());
+    return between(low, high, direction);
+  }
+
+ private:
+  [[nodiscard]] Crossing between(const Eigen::Vector3d& low, const Eigen::Vector3d& high,
+                                 const Eigen::Vector3d& direction) const {
+    Crossing crossing{0.0, std::numeric_limits<double>::infinity()};
     for (Eigen::Index axis = 0; axis < 3; ++axis) {
       const double inverse = 1.0 / direction[axis];
-      const double a = (-half[axis] - sensor[axis]) * inverse;
-      const double b = (half[axis] - sensor[axis]) * inverse;
-      enter = std::max(enter, std::min(a, b));
-      leave = std::min(leave, std::max(a, b));
+      const double a = (low[axis] - sensor[axis]) * inverse;
+      const double b = (high[axis] - sensor[axis]) * inverse;
+      crossing.enter = std::max(crossing.enter, std::min(a, b));
+      crossing.leave = std::min(crossing.leave, std::max(a, b));
     }
-    return {enter, leave};
+    return crossing;
   }
 };
+
+/// Ranges of a direction's returns [m]: of the nearest that is not ground, infinite without one,
+/// and of the farthest.
+struct Returns {
+  double nearest, farthest;
+};
+
+void add(BoxRays& rays, const BoxFrame& box, const Eigen::Vector3d& direction,
+         const Returns& returns) {
+  const Crossing whole = box.whole(direction);
+  if (!whole.hits()) return;
+  const double height_in = box.height_at(direction, whole.enter);
+  if (std::max(height_in, box.height_at(direction, whole.leave)) < kFloorM) return;
+  if (returns.nearest >= whole.enter - kSkinM && returns.nearest <= whole.leave + kSkinM) {
+    ++rays.inside;
+  } else if (!box.core(direction).hits()) {
+    return;
+  } else if (returns.nearest < whole.enter || returns.farthest < whole.enter) {
+    ++rays.before;
+  } else if (returns.farthest > whole.leave || height_in >= kFloorM) {
+    // The latter ended on the ground inside of the box.
+    ++rays.through;
+  }
+}
 
 /// Columns and rows that hold the box, seen from the origin.
 struct Extent {
@@ -117,24 +167,11 @@ BoxRays RangeView::count(const maps::Box& box) const {
       if (b.farthest == 0) continue;
       const Eigen::Vector2d& heading =
           all.columns[static_cast<std::size_t>(ViewGrid::wrapped(column))];
-      const Eigen::Vector3d direction =
-          frame.turned({slope.x() * heading.x(), slope.x() * heading.y(), slope.y()});
-      const auto [enter, leave] = frame.crossing(direction);
-      if (!(enter <= leave)) continue;
-      const double floor = -frame.half.z() + kFloorM;
-      const double height_in = frame.sensor.z() + enter * direction.z();
-      if (std::max(height_in, frame.sensor.z() + leave * direction.z()) < floor) continue;
-      const double near = b.nearest == kNone ? std::numeric_limits<double>::infinity()
-                                             : b.nearest * static_cast<double>(kQuantumM);
-      const double far = b.farthest * static_cast<double>(kQuantumM);
-      const bool ground = b.nearest == kNone;
-      if (near >= enter - kSkinM && near <= leave + kSkinM) {
-        ++rays.inside;
-      } else if (near < enter || far < enter) {
-        ++rays.before;
-      } else if (far > leave || (ground && height_in >= floor)) {
-        ++rays.through;
-      }
+      const Eigen::Vector3d direction(slope.x() * heading.x(), slope.x() * heading.y(), slope.y());
+      add(rays, frame, frame.turned(direction),
+          {b.nearest == kNone ? std::numeric_limits<double>::infinity()
+                              : b.nearest * static_cast<double>(kQuantumM),
+           b.farthest * static_cast<double>(kQuantumM)});
     }
   }
   return rays;
