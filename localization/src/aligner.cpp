@@ -47,9 +47,10 @@ std::vector<std::string> aligner_names() {
 }
 
 std::vector<Eigen::Isometry3d> seen_from(const maps::MapPackage& map) {
-  const maps::Trajectory trajectory = map.trajectory();
   std::vector<Eigen::Isometry3d> poses;
-  for (const maps::StampedPose& pose : trajectory.poses()) poses.push_back(pose.T_map_lidar);
+  for (const maps::Trajectory& drive : map.trajectories()) {
+    for (const maps::StampedPose& pose : drive.poses()) poses.push_back(pose.T_map_lidar);
+  }
   return poses;
 }
 

@@ -87,6 +87,9 @@ std::vector<std::string> SimulationOptions::violations() const {
         fmt::format("layout: found \"{}\", expected kitti-odometry, kitti-raw or pcd", layout));
   }
   if (day < 0) found.push_back(fmt::format("day: found {}, expected >= 0", day));
+  if (parked_share && !(*parked_share >= 0.0 && *parked_share <= 1.0)) {
+    found.push_back(fmt::format("parked_share: found {}, expected in [0, 1]", *parked_share));
+  }
   if (scans < 1 || scans > kMaxScans) {
     found.push_back(fmt::format("scans: found {}, expected 1 to {}", scans, kMaxScans));
   }
@@ -128,6 +131,7 @@ SimulationReport simulate_drive(const std::filesystem::path& target,
                                   .seed = options.seed,
                                   .day = options.day,
                                   .change = options.change,
+                                  .parked_share = options.parked_share,
                                   .duration_s = duration_s,
                                   .reach_m = properties.max_range_m,
                                   .cancel = &cancel});

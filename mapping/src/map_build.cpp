@@ -1,17 +1,21 @@
-#include "build/object_census.hpp"
-#include "build/package.hpp"
-#include "build/scan_pipeline.hpp"
-#include "build/scan_stack.hpp"
+#include "build/drive_set.hpp"
+#include "build/manifest.hpp"
+#include "build/object_pass.hpp"
+#include "build/placing_pass.hpp"
 #include "build/scan_stages.hpp"
+#include "build/survey_pass.hpp"
+#include "build/tile_pass.hpp"
 
 #include <fmt/format.h>
 #include <sys/resource.h>
+#include <stillmap/mapping/edits.hpp>
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 
 #include <algorithm>
 #include <chrono>
+#include <fstream>
 #include <stdexcept>
 
 namespace stillmap::mapping {
@@ -19,28 +23,9 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-maps::Drive open_with_poses(const std::filesystem::path& folder, const MapBuildOptions& options) {
-  maps::Drive drive = maps::Drive::open(folder, options.poses_file);
-  if (!drive.has_poses()) {
-    throw maps::InputError(folder.string(), "a drive without poses",
-                           "poses in its layout or a file given with --poses");
-  }
-  return drive;
-}
-
-std::vector<std::size_t> selected_scans(const std::filesystem::path& folder,
-                                        const maps::Drive& drive,
-                                        const maps::Selection& selection) {
-  std::vector<std::size_t> indices = selection.indices(drive.size());
-  if (indices.empty())
-    throw maps::InputError(folder.string(), fmt::format("{} scans, none selected", drive.size()),
-                           "at least one selected scan");
-  return indices;
-}
-
 /// Whole metres, so that the same place gets the same origin from slightly different poses.
-Eigen::Vector3d origin_of(const maps::Drive& drive, std::size_t first) {
-  return drive.T_map_lidar(first).translation().array().round().matrix() +
+Eigen::Vector3d origin_of(const DriveSet& drives) {
+  return drives.T_map_lidar(0).translation().array().round().matrix() +
          Eigen::Vector3d::Zero();  // turns -0 into 0
 }
 
@@ -50,24 +35,37 @@ double peak_rss_mib() {
   return static_cast<double>(usage.ru_maxrss) / 1024.0;
 }
 
-MapBuildReport report_of(const ScanStack& stack, const Detector& detector, std::uint64_t map_points,
-                         Clock::time_point began) {
-  MapBuildReport report;
-  report.scans = stack.poses().size();
-  report.points = stack.counts();
-  report.points["static"] = map_points;
-  const ObjectCensus census = census_of(stack.objects());
-  report.objects = {{"parked", census.parked},
-                    {"moving", census.moving},
-                    {"brief", census.brief},
-                    {"boxes", stack.objects().size()}};
-  for (const auto& [reason, count] : detector.dropped())
-    report.objects["dropped: " + reason] = count;
-  report.stage_seconds = stack.stage_seconds();
-  report.seconds = std::chrono::duration<double>(Clock::now() - began).count();
-  report.scans_per_second = static_cast<double>(report.scans) / std::max(report.seconds, 1e-9);
-  report.peak_rss_mib = peak_rss_mib();
-  return report;
+std::unique_ptr<Cleaner> cleaner_of(const std::string& name, const CleanerFactory& make_cleaner) {
+  if (name == "free-space" || name == "none") return nullptr;
+  auto cleaner = make_cleaner ? make_cleaner(name) : nullptr;
+  if (!cleaner)
+    throw std::invalid_argument(
+        fmt::format("clean: found '{}', expected free-space, none or a known method", name));
+  return cleaner;
+}
+
+std::map<std::string, std::uint64_t> object_counts(const std::vector<maps::MapObject>& objects,
+                                                   const Survey& survey, const ScanStages& stages) {
+  std::map<std::string, std::uint64_t> counts{{"parked", 0}, {"moving", 0}};
+  for (const maps::MapObject& object : objects) ++counts[std::string(name_of(object.motion))];
+  counts["boxes"] = 0;
+  for (const Survey::Scan& scan : survey.scans) counts["boxes"] += scan.boxes.size();
+  for (const auto& [reason, count] : stages.dropped_boxes()) counts["dropped: " + reason] = count;
+  return counts;
+}
+
+void write_text(const std::filesystem::path& file, const std::string& text) {
+  std::ofstream out(file, std::ios::binary);
+  out << text << std::flush;
+  if (!out) throw maps::StorageError(file.string(), "cannot be written");
+}
+
+void write_sources(maps::MapPackageWriter& writer, const DriveSet& drives, const Survey& survey,
+                   const std::vector<maps::MapObject>& objects) {
+  const std::vector<maps::Trajectory> trajectories = drives.trajectories();
+  for (std::size_t i = 0; i < trajectories.size(); ++i) writer.write_trajectory(trajectories[i], i);
+  writer.write_objects(objects);
+  write_text(writer.folder() / "sources.sha256", survey.sources);
 }
 
 }  // namespace
@@ -82,41 +80,76 @@ std::vector<std::string> MapBuildOptions::violations() const {
   check("min_range_m", min_range_m, 0.0, 20.0);
   check("max_range_m", max_range_m, 5.0, 300.0);
   check("threads", threads, 0, 256);
+  if (ground.sensor_height_m) check("sensor_height_m", *ground.sensor_height_m, 0.1, 10.0);
   if (!(max_range_m > min_range_m))
     broken.push_back(
         fmt::format("max_range_m: {}, expected > min_range_m ({})", max_range_m, min_range_m));
+  if (edits_file && !fusion)
+    broken.emplace_back("edits_file: found without fusion, expected fusion on");
   return broken;
 }
 
-MapBuildReport build_map(const std::filesystem::path& folder, const std::filesystem::path& target,
-                         const MapBuildOptions& options, const ProgressCallback& progress,
-                         const CancelFlag& cancel) {
+void apply_paper_preset(MapBuildOptions& options) {
+  options.fusion = false;
+  options.edits_file.reset();
+  options.fill = false;
+  options.clean = "none";
+  options.projection.ground_height = GroundHeight::kMean;
+}
+
+MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
+                         const std::filesystem::path& target, const MapBuildOptions& options,
+                         const ProgressCallback& progress, const CancelFlag& cancel,
+                         const CleanerFactory& make_cleaner) {
   if (const auto broken = options.violations(); !broken.empty())
     throw std::invalid_argument("build options: " + broken.front());
   const Clock::time_point began = Clock::now();
-  const maps::Drive drive = open_with_poses(folder, options);
-  const std::vector<std::size_t> indices = selected_scans(folder, drive, options.selection);
+  const std::unique_ptr<Cleaner> cleaner = cleaner_of(options.clean, make_cleaner);
+  const DriveSet drives(folders, options);
+  const Edits edits = options.edits_file ? read_edits(*options.edits_file) : Edits{};
   maps::MapPackageWriter writer(target);
-  const ScanStages stages(drive, options);
-  const Eigen::Vector3d origin = origin_of(drive, indices.front());
-  ScanStack stack(drive, origin, options.voxel_size_m);
-  process_in_order(
-      indices, options.threads, [&](std::size_t index) { return stages.process(index); },
-      [&](const ProcessedScan& scan) {
-        stack.add(scan);
-        if (progress) progress("scans", stack.poses().size(), indices.size());
-      },
-      cancel);
-  if (stack.map().size() == 0)
-    throw maps::InputError(folder.string(), "no usable point in any selected scan",
-                           "at least one scan with points in range");
+  const std::filesystem::path scratch = writer.folder() / "scratch";
+  std::filesystem::create_directory(scratch);
+  const VoxelGrid grid(origin_of(drives), options.voxel_size_m);
+  ScanStages stages(drives, options, grid);
+  stages.learn(cancel);
+
+  MapBuildReport report;
+  std::vector<maps::MapObject> map_objects;
+  {
+    const auto survey = survey_scans(drives, stages, scratch, options.threads, progress, cancel);
+    report.stage_seconds = survey->stage_seconds;
+    BuildObjects objects;
+    {
+      const StageTimer timer(report.stage_seconds, "fuse");
+      objects = objects_of(drives, *survey, options, grid.origin(), edits);
+      survey->ground.finish(footprints_of(objects.objects, grid.origin()));
+    }
+    const FusedGround* ground = options.fusion ? &survey->ground : nullptr;
+    const auto placed = place_scans(drives, stages, *survey, objects, ground, writer, scratch,
+                                    options.threads, progress, cancel);
+    map_objects = to_map_objects(drives, objects.objects, placed->points_removed, options.fusion);
+    const TileCounts tiles = finish_tiles(drives, *survey, objects, *placed, grid, options, edits,
+                                          cleaner.get(), writer, progress, cancel);
+    for (const Counts& counts : {survey->counts, placed->counts, tiles.counts})
+      add_to(report.points, counts);
+    add_to(report.stage_seconds, placed->stage_seconds);
+    add_to(report.stage_seconds, tiles.stage_seconds);
+    report.objects = object_counts(map_objects, *survey, stages);
+    report.objects["edits_applied"] = objects.edits.applied;
+    report.objects["edits_unmatched"] = objects.edits.unmatched.size();
+    for (const std::string& edit : objects.edits.unmatched)
+      report.warnings.push_back("edit met nothing: " + edit);
+    write_sources(writer, drives, *survey, map_objects);
+  }
+  std::filesystem::remove_all(scratch);
   if (cancel) throw Cancelled();
-  if (progress) progress("package", 0, 1);
-  const std::uint64_t map_points = write_contents(writer, stack);
-  MapBuildReport report = report_of(stack, stages.detector(), map_points, began);
+  report.scans = drives.size();
+  report.seconds = std::chrono::duration<double>(Clock::now() - began).count();
+  report.scans_per_second = static_cast<double>(report.scans) / std::max(report.seconds, 1e-9);
+  report.peak_rss_mib = peak_rss_mib();
   report.digest =
-      writer.publish(manifest_of({folder, drive, options}, origin, report), to_json(report));
-  if (progress) progress("package", 1, 1);
+      writer.publish(manifest_of(drives, options, grid.origin(), report), to_json(report));
   return report;
 }
 

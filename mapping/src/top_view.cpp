@@ -128,21 +128,30 @@ std::vector<Colour> TopView::render() const {
   return image;
 }
 
-void TopView::write_png(const std::filesystem::path& file) const {
+std::string TopView::png() const {
   const std::vector<Colour> image = render();
   static_assert(sizeof(Colour) == 3);
-  const std::unique_ptr<std::FILE, FileCloser> out(std::fopen(file.c_str(), "wb"));
-  if (!out) throw maps::StorageError(file.string(), std::strerror(errno));
   // The simplified interface of libpng has no longjmp, which would skip destructors.
   png_image png{};
   png.version = PNG_IMAGE_VERSION;
   png.width = static_cast<png_uint_32>(width_);
   png.height = static_cast<png_uint_32>(height_);
   png.format = PNG_FORMAT_RGB;
-  if (png_image_write_to_stdio(&png, out.get(), 0, image.data(), 0, nullptr) == 0) {
-    throw maps::StorageError(file.string(), png.message);
-  }
-  if (std::fflush(out.get()) != 0) throw maps::StorageError(file.string(), std::strerror(errno));
+  png_alloc_size_t size = PNG_IMAGE_PNG_SIZE_MAX(png);
+  std::string bytes(size, '\0');
+  if (png_image_write_to_memory(&png, bytes.data(), &size, 0, image.data(), 0, nullptr) == 0)
+    throw maps::StorageError("picture", png.message);
+  bytes.resize(size);
+  return bytes;
+}
+
+void TopView::write_png(const std::filesystem::path& file) const {
+  const std::string bytes = png();
+  const std::unique_ptr<std::FILE, FileCloser> out(std::fopen(file.c_str(), "wb"));
+  if (!out) throw maps::StorageError(file.string(), std::strerror(errno));
+  if (std::fwrite(bytes.data(), 1, bytes.size(), out.get()) != bytes.size() ||
+      std::fflush(out.get()) != 0)
+    throw maps::StorageError(file.string(), std::strerror(errno));
 }
 
 }  // namespace stillmap::mapping

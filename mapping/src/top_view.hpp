@@ -8,6 +8,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -38,6 +39,8 @@ class TopView {
 
   /// Rows from the top, heights mapped between their 2nd and 98th percentile.
   [[nodiscard]] std::vector<Colour> render() const;
+  /// The bytes of a PNG file.
+  [[nodiscard]] std::string png() const;
   /// @throws maps::StorageError naming the file.
   void write_png(const std::filesystem::path& file) const;
 

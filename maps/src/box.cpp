@@ -1,4 +1,5 @@
 #include <stillmap/maps/box.hpp>
+#include <stillmap/maps/map_object.hpp>
 
 #include <array>
 #include <cmath>
@@ -20,6 +21,12 @@ constexpr std::array<std::pair<ObjectClass, std::string_view>, 10> kNames{{
     {ObjectClass::kUnknown, "unknown"},
 }};
 
+constexpr std::array<std::pair<ObjectMotion, std::string_view>, 3> kMotions{{
+    {ObjectMotion::kUnknown, "unknown"},
+    {ObjectMotion::kParked, "parked"},
+    {ObjectMotion::kMoving, "moving"},
+}};
+
 }  // namespace
 
 std::string_view name_of(ObjectClass object_class) {
@@ -31,6 +38,20 @@ std::string_view name_of(ObjectClass object_class) {
 
 std::optional<ObjectClass> object_class_from(std::string_view name) {
   for (const auto& [value, known] : kNames) {
+    if (known == name) return value;
+  }
+  return std::nullopt;
+}
+
+std::string_view name_of(ObjectMotion motion) {
+  for (const auto& [value, name] : kMotions) {
+    if (value == motion) return name;
+  }
+  return "unknown";
+}
+
+std::optional<ObjectMotion> object_motion_from(std::string_view name) {
+  for (const auto& [value, known] : kMotions) {
     if (known == name) return value;
   }
   return std::nullopt;

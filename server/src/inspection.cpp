@@ -34,11 +34,12 @@ MapSummary summarize(const maps::MapPackage& package) {
     summary.bounds_map.extend(to_map(tile.max, summary.manifest.origin));
   }
   summary.objects = package.objects().size();
-  std::vector<Eigen::Isometry3d> path;
-  const maps::Trajectory trajectory = package.trajectory();
-  for (const maps::StampedPose& pose : trajectory.poses()) path.push_back(pose.T_map_lidar);
-  summary.poses = path.size();
-  summary.path_length_m = path_length_m(path);
+  for (const maps::Trajectory& drive : package.trajectories()) {
+    std::vector<Eigen::Isometry3d> path;
+    for (const maps::StampedPose& pose : drive.poses()) path.push_back(pose.T_map_lidar);
+    summary.poses += path.size();
+    summary.path_length_m += path_length_m(path);
+  }
   return summary;
 }
 

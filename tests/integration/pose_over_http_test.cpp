@@ -43,7 +43,7 @@ class PoseOverHttp : public ::testing::Test {
     std::filesystem::create_directory(folder_->path() / "store");
     mapping::MapBuildOptions build;
     build.selection = maps::Selection::parse("::2");
-    mapping::build_map(folder_->path() / "drive", folder_->path() / "store" / "town", build, {},
+    mapping::build_map({folder_->path() / "drive"}, folder_->path() / "store" / "town", build, {},
                        cancel);
   }
   static void TearDownTestSuite() { delete folder_; }

@@ -67,6 +67,7 @@ bool is_scenario(const std::string& name) {
 
 World make_world(const WorldSpec& spec) {
   Plan plan = plan_of(spec);
+  if (spec.parked_share) plan.parked_share = *spec.parked_share;
   std::vector<Driven> driven = drive_traffic(*plan.network, plan.own_route, plan.traffic,
                                              {.duration_s = spec.duration_s,
                                               .key = day_key(spec, Stream::kTraffic),

@@ -75,6 +75,8 @@ struct WorldSpec {
   int day = 1;
   /// Building sites stand where there were none, and some fences are gone.
   bool change = false;
+  /// Share of the parking places along the roads that are taken; none = the scenario's own.
+  std::optional<double> parked_share = std::nullopt;
   double duration_s = 10.0;
   /// How far a sensor sees [m]; nothing farther from our way is made.
   double reach_m = 120.0;

@@ -11,6 +11,7 @@ std::string to_json(const MapBuildReport& report) {
                         {"points", report.points},
                         {"objects", report.objects},
                         {"stage_seconds", report.stage_seconds},
+                        {"warnings", report.warnings},
                         {"digest", report.digest},
                         {"version", STILLMAP_VERSION}}
       .dump(2);

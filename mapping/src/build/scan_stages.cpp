@@ -1,58 +1,19 @@
 #include "build/scan_stages.hpp"
 
-#include <stillmap/mapping/deskew.hpp>
+#include "build/boxes_files.hpp"
 
-#include <chrono>
-#include <cmath>
+#include <fmt/format.h>
+
+#include <stillmap/maps/map_package.hpp>
+
+#include <algorithm>
 #include <utility>
 
 namespace stillmap::mapping {
 namespace {
 
-/// Adds the time of a scope to a stage.
-class StageTimer {
- public:
-  StageTimer(std::map<std::string, double>& seconds, const char* stage)
-      : seconds_(seconds[stage]), began_(std::chrono::steady_clock::now()) {}
-  ~StageTimer() {
-    seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count();
-  }
-  StageTimer(const StageTimer&) = delete;
-  StageTimer& operator=(const StageTimer&) = delete;
-
- private:
-  double& seconds_;
-  std::chrono::steady_clock::time_point began_;
-};
-
-/// Keeps the points within the range in place. Order is kept.
-void keep_range(maps::PointCloud& cloud, const std::array<double, 2>& range_m,
-                std::map<std::string, std::uint64_t>& counts) {
-  const auto near2 = static_cast<float>(range_m[0] * range_m[0]);
-  const auto far2 = static_cast<float>(range_m[1] * range_m[1]);
-  std::uint64_t too_near = 0, too_far = 0;
-  std::size_t kept = 0;
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const float range2 = cloud.positions[i].squaredNorm();
-    if (range2 < near2) {
-      ++too_near;
-      continue;
-    }
-    if (range2 > far2) {
-      ++too_far;
-      continue;
-    }
-    cloud.positions[kept] = cloud.positions[i];
-    if (!cloud.intensities.empty()) cloud.intensities[kept] = cloud.intensities[i];
-    if (!cloud.time_offsets_s.empty()) cloud.time_offsets_s[kept] = cloud.time_offsets_s[i];
-    ++kept;
-  }
-  cloud.positions.resize(kept);
-  if (!cloud.intensities.empty()) cloud.intensities.resize(kept);
-  if (!cloud.time_offsets_s.empty()) cloud.time_offsets_s.resize(kept);
-  counts["dropped_too_near"] += too_near;
-  counts["dropped_too_far"] += too_far;
-}
+/// Scans that the ground stage learns from: its published adaptation settles within some ten.
+constexpr std::size_t kLearnedScans = 10;
 
 maps::PointKind kind_of(PointFate fate) {
   switch (fate) {
@@ -62,101 +23,189 @@ maps::PointKind kind_of(PointFate fate) {
       return maps::PointKind::kProjected;
     case PointFate::kKept:
     case PointFate::kDeleted:
+    case PointFate::kDropped:
       break;
   }
   return maps::PointKind::kMeasured;
 }
 
-double yaw_in_map(const Eigen::Isometry3d& T_map_lidar, double yaw_rad) {
-  const Eigen::Vector3d heading =
-      T_map_lidar.linear() * Eigen::Vector3d(std::cos(yaw_rad), std::sin(yaw_rad), 0.0);
-  return std::atan2(heading.y(), heading.x());
+/// With several drives each has a file of boxes of its own.
+std::string detector_of_drive(const std::string& spec, std::size_t drive, std::size_t drives) {
+  const std::vector<std::filesystem::path> files = boxes_files(spec);
+  if (files.empty() || drives == 1) return spec;
+  if (files.size() != drives)
+    throw std::invalid_argument(
+        fmt::format("detector: found {} files of boxes, expected one for each of {} drives",
+                    files.size(), drives));
+  return "boxes:" + files[drive].string();
 }
 
-std::vector<maps::MapObject> to_map(const std::vector<maps::Box>& boxes, std::size_t scan,
-                                    const Eigen::Isometry3d& T_map_lidar) {
-  std::vector<maps::MapObject> objects;
-  objects.reserve(boxes.size());
-  for (const maps::Box& box : boxes) {
-    objects.push_back({.scan = scan,
-                       .centre_map = T_map_lidar * box.centre,
-                       .size_m = box.size_m,
-                       .yaw_rad = yaw_in_map(T_map_lidar, box.yaw_rad),
-                       .object_class = box.object_class,
-                       .score = box.score,
-                       .track = box.track});
-  }
-  return objects;
-}
-
-void collect(const maps::PointCloud& cloud, const ProjectionResult& projection,
-             const Eigen::Isometry3d& T_map_lidar, ProcessedScan& out) {
-  out.points.reserve(cloud.size());
-  out.object_of_point.reserve(cloud.size());
+/// What a user wants to stay is where it was measured. @return points that were moved or deleted.
+std::size_t put_back(const maps::PointCloud& cloud, const std::vector<bool>& is_ground,
+                     const std::vector<maps::Box>& kept, ProjectionResult& projection) {
+  std::size_t count = 0;
+  if (kept.empty()) return count;
   for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const std::uint32_t object = projection.object_of_point[i];
-    const PointFate fate = projection.fates[i];
-    if (object != 0 && (fate == PointFate::kProjected || fate == PointFate::kDeleted))
-      ++out.objects[object - 1].points_removed;
-    if (fate == PointFate::kDeleted) continue;
-    out.points.push_back({T_map_lidar * projection.positions[i].cast<double>(),
-                          cloud.intensities.empty() ? 0.0F : cloud.intensities[i], kind_of(fate),
-                          0});
-    out.object_of_point.push_back(fate == PointFate::kProjected ? object : 0);
+    PointFate& fate = projection.fates[i];
+    const bool projected = fate == PointFate::kProjected;
+    if (!projected && fate != PointFate::kDeleted) continue;
+    const bool stays = std::any_of(kept.begin(), kept.end(), [&](const maps::Box& box) {
+      return box.contains(cloud.positions[i].cast<double>());
+    });
+    if (!stays) continue;
+    --(projected ? projection.projected : projection.deleted);
+    projection.positions[i] = cloud.positions[i];
+    fate = is_ground[i] ? PointFate::kGround : PointFate::kKept;
+    ++count;
   }
+  return count;
 }
+
+/// What becomes of the points of one scan, in the order of its file and in the map.
+class Placing {
+ public:
+  Placing(PlacedScan& out, const std::vector<ScanObject>& objects,
+          const Eigen::Isometry3d& T_map_lidar)
+      : out_(out), objects_(objects), T_map_lidar_(T_map_lidar) {}
+
+  void run(const maps::PointCloud& cloud, const ProjectionResult& projection) {
+    out_.in_object.resize(cloud.size());
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+      const PointFate fate = projection.fates[i];
+      const bool moved = fate == PointFate::kProjected || fate == PointFate::kDeleted;
+      const std::uint32_t object =
+          moved ? objects_[projection.object_of_point[i] - 1].object + 1 : 0;
+      const std::size_t at = cloud.file_index(i);
+      out_.fates.fates[at] = fate;
+      out_.fates.objects[at] = object;
+      out_.in_object[i] = moved;
+      if (moved) ++out_.points_removed[object];
+      if (fate == PointFate::kDeleted) continue;
+      const bool inside = out_.voxels.add({T_map_lidar_ * projection.positions[i].cast<double>(),
+                                           cloud.intensities.empty() ? 0.0F : cloud.intensities[i],
+                                           kind_of(fate), object});
+      if (inside) continue;
+      ++out_.counts["dropped_beyond_grid"];
+      out_.fates.fates[at] = PointFate::kDropped;
+      out_.fates.objects[at] = 0;
+    }
+  }
+
+ private:
+  PlacedScan& out_;
+  const std::vector<ScanObject>& objects_;
+  const Eigen::Isometry3d& T_map_lidar_;
+};
 
 }  // namespace
 
-maps::Scan read_deskewed(const maps::Drive& drive, std::size_t index,
-                         const std::array<double, 2>& range_m,
-                         std::map<std::string, std::uint64_t>& counts) {
-  maps::Scan scan = drive.read(index);
-  keep_range(scan.cloud, range_m, counts);
-  if (const auto twist = twist_at(drive, index)) deskew(scan.cloud, *twist);
-  return scan;
+ScanStages::ScanStages(const DriveSet& drives, const MapBuildOptions& options,
+                       const VoxelGrid& grid)
+    : drives_(drives),
+      options_(options),
+      grid_(grid),
+      ground_(make_ground_segmenter(options.ground)) {
+  for (std::size_t i = 0; i < drives.drives().size(); ++i)
+    detectors_.push_back(make_detector(
+        detector_of_drive(options.detector, i, drives.drives().size()), drives.drives()[i].size()));
 }
 
-ScanStages::ScanStages(const maps::Drive& drive, const MapBuildOptions& options)
-    : drive_(drive),
-      options_(options),
-      ground_(make_ground_segmenter()),
-      detector_(make_detector(options.detector, drive.size())) {}
+std::map<std::string, std::size_t> ScanStages::dropped_boxes() const {
+  std::map<std::string, std::size_t> dropped;
+  for (const auto& detector : detectors_) add_to(dropped, detector->dropped());
+  return dropped;
+}
 
-ProcessedScan ScanStages::process(std::size_t index) const {
-  ProcessedScan out;
-  out.index = index;
-  maps::Scan scan;
+void ScanStages::learn(const CancelFlag& cancel) {
+  const std::size_t scans = std::min(kLearnedScans, drives_.size());
+  for (std::size_t i = 0; i < scans; ++i) {
+    if (cancel) throw Cancelled();
+    Counts unused;
+    const maps::Scan scan = drives_.read(i * drives_.size() / scans, unused);
+    if (!scan.cloud.empty()) ground_->learn(scan.cloud);
+  }
+}
+
+maps::Scan ScanStages::read(std::size_t scan, Counts& counts, StageSeconds& seconds) const {
+  const StageTimer timer(seconds, "read");
+  return drives_.read(scan, counts);
+}
+
+SurveyedScan ScanStages::survey(std::size_t number) const {
+  SurveyedScan out;
+  out.scan = number;
+  const maps::Scan scan = read(number, out.counts, out.stage_seconds);
   {
-    const StageTimer timer(out.stage_seconds, "read");
-    out.sha256 = maps::sha256_of_file(drive_.contents().scan_files.at(index));
-    scan = read_deskewed(drive_, index, {options_.min_range_m, options_.max_range_m}, out.counts);
+    const StageTimer timer(out.stage_seconds, "checksum");
+    out.sha256 = maps::sha256_of_file(drives_.file(number));
   }
   out.counts["in"] = scan.points_in_file;
   out.counts["dropped_non_finite"] = scan.dropped.non_finite;
   out.counts["dropped_zero_range"] = scan.dropped.zero_range;
   out.counts["scans_empty"] = scan.cloud.empty() ? 1 : 0;
-  if (scan.cloud.empty()) return out;
   GroundResult ground;
   {
     const StageTimer timer(out.stage_seconds, "ground");
     ground = ground_->segment(scan.cloud);
+    out.is_ground.assign(ground.is_ground.begin(), ground.is_ground.end());
   }
-  std::vector<maps::Box> boxes;
-  if (options_.projection.policy != MovablePolicy::kKeep) {
+  if (!scan.cloud.empty() && options_.projection.policy != MovablePolicy::kKeep) {
     const StageTimer timer(out.stage_seconds, "detect");
-    boxes = detector_->detect(scan, ground);
+    out.boxes = detectors_[drives_.place(number).drive]->detect(scan, ground);
   }
-  const StageTimer timer(out.stage_seconds, "project");
-  const ProjectionResult projection =
-      project_objects(scan.cloud, ground, boxes, options_.projection);
+  {
+    const StageTimer timer(out.stage_seconds, "fuse ground");
+    out.ground_cells =
+        reduce_ground(scan.cloud.positions, ground.is_ground, out.boxes, T_local_lidar(number));
+  }
+  {
+    const StageTimer timer(out.stage_seconds, "obstacles");
+    if (ground.surface)
+      out.obstacles = reduce_obstacles(scan.cloud.positions, ground.is_ground, *ground.surface,
+                                       T_local_lidar(number));
+  }
+  const StageTimer timer(out.stage_seconds, "view");
+  out.view.emplace(scan.cloud.positions, ground.is_ground);
+  return out;
+}
+
+Eigen::Isometry3d ScanStages::T_local_lidar(std::size_t scan) const {
+  Eigen::Isometry3d T = drives_.T_map_lidar(scan);
+  T.translation() -= grid_.origin();
+  return T;
+}
+
+PlacedScan ScanStages::place(std::size_t number, const std::vector<bool>& is_ground,
+                             const std::vector<ScanObject>& objects,
+                             const std::vector<maps::Box>& kept, const FusedGround* fused) const {
+  PlacedScan out(grid_, static_cast<std::uint32_t>(number));
+  Counts counted_before;
+  const maps::Scan scan = read(number, counted_before, out.stage_seconds);
+  out.fates.resize(scan.points_in_file);
+  GroundResult local;
+  if (fused == nullptr) {
+    const StageTimer timer(out.stage_seconds, "ground");
+    local = ground_->segment(scan.cloud);
+  }
+  ProjectionResult projection;
+  {
+    const StageTimer timer(out.stage_seconds, "project");
+    std::vector<MovableBox> boxes;
+    for (const ScanObject& each : objects) boxes.push_back(each.movable);
+    const std::vector<std::uint8_t> flags(is_ground.begin(), is_ground.end());
+    projection = fused != nullptr
+                     ? project_objects(scan.cloud, flags, BelowFused(*fused, T_local_lidar(number)),
+                                       boxes, options_.projection)
+                     : project_objects(scan.cloud, flags, BelowLocal(*local.surface), boxes,
+                                       options_.projection);
+  }
+  out.counts["kept_by_edits"] = put_back(scan.cloud, is_ground, kept, projection);
   out.counts["ground"] = projection.ground;
   out.counts["projected"] = projection.projected;
   out.counts["deleted"] = projection.deleted;
   out.counts["without_ground"] = projection.without_ground;
-  const Eigen::Isometry3d& T_map_lidar = drive_.T_map_lidar(index);
-  out.objects = to_map(boxes, index, T_map_lidar);
-  collect(scan.cloud, projection, T_map_lidar, out);
+  const StageTimer timer(out.stage_seconds, "reduce");
+  Placing(out, objects, drives_.T_map_lidar(number)).run(scan.cloud, projection);
   return out;
 }
 

@@ -1,58 +1,100 @@
 #pragma once
 
-#include "stacking/static_map.hpp"
+#include "build/drive_set.hpp"
+#include "build/stage_timer.hpp"
+#include "fusion/obstacle_map.hpp"
+#include "ground/fused_ground.hpp"
+#include "stacking/tile_stack.hpp"
+#include "stacking/voxel_grid.hpp"
+#include "views/range_view.hpp"
 
 #include <stillmap/mapping/detector.hpp>
 #include <stillmap/mapping/ground.hpp>
+#include <stillmap/mapping/ground_below.hpp>
 #include <stillmap/mapping/map_build.hpp>
-#include <stillmap/maps/drive.hpp>
-#include <stillmap/maps/map_package.hpp>
+#include <stillmap/mapping/projection.hpp>
+#include <stillmap/maps/box.hpp>
+#include <stillmap/maps/point_fates.hpp>
 
-#include <Eigen/Core>
-
-#include <array>
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 namespace stillmap::mapping {
 
-/// What one scan gives to the map.
-struct ProcessedScan {
-  std::size_t index = 0;
-  std::vector<StackedPoint> points;
-  /// Number in `objects` plus 1 of each point's object, or 0.
-  std::vector<std::uint32_t> object_of_point;
-  std::vector<maps::MapObject> objects;
-  std::map<std::string, std::uint64_t> counts;
-  std::map<std::string, double> stage_seconds;
+using Counts = std::map<std::string, std::uint64_t>;
+
+/// Pass 1: what is found in one scan.
+struct SurveyedScan {
+  std::size_t scan = 0;
   /// Of the scan's file, lower-case hex.
   std::string sha256;
+  /// One a point of the scan as `DriveSet::read` gives it.
+  std::vector<bool> is_ground;
+  std::vector<maps::Box> boxes;
+  GroundCells ground_cells;
+  ScanObstacles obstacles;
+  std::optional<RangeView> view;
+  Counts counts;
+  StageSeconds stage_seconds;
 };
 
-/// Everything that is done to one scan, a pure function of the drive and the options.
-/// Safe from several threads.
+/// An object as it lies in one scan.
+struct ScanObject {
+  MovableBox movable;
+  /// Index into the build's objects.
+  std::uint32_t object = 0;
+};
+
+/// Pass 2: what one scan gives to the map.
+struct PlacedScan {
+  PlacedScan(const VoxelGrid& grid, std::uint32_t scan) : voxels(grid, scan) {}
+
+  ScanVoxels voxels;
+  maps::ScanFates fates;
+  /// One a point of the scan as `DriveSet::read` gives it: whether it was projected or deleted.
+  std::vector<bool> in_object;
+  /// By number of the object plus 1: such points.
+  std::map<std::uint32_t, std::uint64_t> points_removed;
+  Counts counts;
+  StageSeconds stage_seconds;
+};
+
+/// Everything that is done to one scan, pure functions of drives and options. Safe from several
+/// threads.
 class ScanStages {
  public:
-  ScanStages(const maps::Drive& drive, const MapBuildOptions& options);
+  /// @param drives, options  must outlive this.
+  ScanStages(const DriveSet& drives, const MapBuildOptions& options, const VoxelGrid& grid);
 
-  [[nodiscard]] ProcessedScan process(std::size_t index) const;
-  [[nodiscard]] const Detector& detector() const { return *detector_; }
+  /// Adapts the ground stage to some scans of all drives.
+  void learn(const CancelFlag& cancel);
+
+  [[nodiscard]] SurveyedScan survey(std::size_t scan) const;
+  /// @param kept    regions in which every point stays; lidar frame.
+  /// @param ground  the fused surface; none = that of the scan alone.
+  [[nodiscard]] PlacedScan place(std::size_t scan, const std::vector<bool>& is_ground,
+                                 const std::vector<ScanObject>& objects,
+                                 const std::vector<maps::Box>& kept,
+                                 const FusedGround* ground) const;
+
+  /// Boxes that were given but belong to no scan or are no object, by reason.
+  [[nodiscard]] std::map<std::string, std::size_t> dropped_boxes() const;
 
  private:
-  const maps::Drive& drive_;
-  const MapBuildOptions& options_;
-  std::unique_ptr<GroundSegmenter> ground_;
-  std::unique_ptr<Detector> detector_;
-};
+  [[nodiscard]] maps::Scan read(std::size_t scan, Counts& counts, StageSeconds& seconds) const;
+  /// "Local" as in `PosedScan`.
+  [[nodiscard]] Eigen::Isometry3d T_local_lidar(std::size_t scan) const;
 
-/// A scan as the stages after reading see it: only points between the two ranges, deskewed where
-/// the drive tells how.
-/// @param counts  `dropped_too_near` and `dropped_too_far` are added to.
-[[nodiscard]] maps::Scan read_deskewed(const maps::Drive& drive, std::size_t index,
-                                       const std::array<double, 2>& range_m,
-                                       std::map<std::string, std::uint64_t>& counts);
+  const DriveSet& drives_;
+  const MapBuildOptions& options_;
+  const VoxelGrid& grid_;
+  std::unique_ptr<GroundSegmenter> ground_;
+  /// One a drive.
+  std::vector<std::unique_ptr<Detector>> detectors_;
+};
 
 }  // namespace stillmap::mapping

@@ -52,7 +52,11 @@ double number_of(const maps::MapPackage& map, const std::string& name) {
 std::vector<std::size_t> mapped_scans(const maps::MapPackage& map, const maps::Drive& drive) {
   std::vector<std::size_t> indices =
       maps::Selection::parse(option_of(map, "select")).indices(drive.size());
-  const std::vector<maps::StampedPose> poses = map.trajectory().poses();
+  const std::vector<maps::Trajectory> drives = map.trajectories();
+  if (drives.size() != 1)
+    throw maps::InputError(map.folder().string(), fmt::format("a map of {} drives", drives.size()),
+                           "a map of one, with labels as boxes");
+  const std::vector<maps::StampedPose> poses = drives.front().poses();
   if (poses.size() != indices.size()) {
     throw maps::InputError(drive.contents().root.string(),
                            fmt::format("{} scans for the map's selection", indices.size()),
@@ -77,22 +81,6 @@ std::vector<std::size_t> labelled_scans(std::vector<std::size_t> indices,
   return indices;
 }
 
-/// Removed objects as boxes of their scan's lidar frame.
-std::map<std::size_t, std::vector<maps::Box>> removed_boxes(const maps::MapPackage& map,
-                                                            const maps::Drive& drive) {
-  std::map<std::size_t, std::vector<maps::Box>> boxes;
-  for (const maps::MapObject& object : map.objects()) {
-    const Eigen::Isometry3d T_lidar_map = drive.T_map_lidar(object.scan).inverse();
-    const Eigen::Vector3d heading =
-        T_lidar_map.linear() *
-        Eigen::Vector3d(std::cos(object.yaw_rad), std::sin(object.yaw_rad), 0.0);
-    boxes[object.scan].push_back({.centre = T_lidar_map * object.centre_map,
-                                  .size_m = object.size_m,
-                                  .yaw_rad = std::atan2(heading.y(), heading.x())});
-  }
-  return boxes;
-}
-
 bool any_holds(const std::vector<maps::Box>& boxes, const Eigen::Vector3d& p, double margin_m) {
   return std::any_of(boxes.begin(), boxes.end(),
                      [&](const maps::Box& box) { return box.contains(p, margin_m); });
@@ -105,17 +93,24 @@ class Judge {
       : map_(map),
         drive_(drive),
         labels_(std::move(labels)),
-        removed_(removed_boxes(map, drive)),
-        margin_m_(number_of(map, "margin_m")),
         points_(map),
         ground_(make_ground_segmenter()),
         range_m_{number_of(map, "min_range_m"), number_of(map, "max_range_m")} {}
 
-  void scan(std::size_t index, MapEvaluation& result) const {
+  /// @param ordinal  of the scan in the map.
+  void scan(std::size_t index, std::size_t ordinal, MapEvaluation& result) const {
     const maps::Scan scan = read(index);
+    const maps::ScanFates fates = map_.fates(ordinal);
+    if (fates.size() != scan.points_in_file)
+      throw maps::InputError(map_.folder().string(),
+                             fmt::format("fates of {} points of scan {}", fates.size(), index),
+                             fmt::format("{}", scan.points_in_file));
     const GroundResult ground = ground_->segment(scan.cloud);
-    for (std::size_t i = 0; i < scan.cloud.size(); ++i)
-      point(index, scan.cloud.positions[i].cast<double>(), ground, i, result);
+    for (std::size_t i = 0; i < scan.cloud.size(); ++i) {
+      const maps::PointFate fate = fates.fates[scan.cloud.file_index(i)];
+      const bool stays = fate == maps::PointFate::kKept || fate == maps::PointFate::kGround;
+      point(index, scan.cloud.positions[i].cast<double>(), ground, stays, result);
+    }
     ++result.scans;
   }
 
@@ -164,8 +159,8 @@ class Judge {
     return read_deskewed(drive_, index, range_m_, counts);
   }
 
-  void point(std::size_t scan, const Eigen::Vector3d& p, const GroundResult& ground,
-             std::size_t number, MapEvaluation& result) const {
+  void point(std::size_t scan, const Eigen::Vector3d& p, const GroundResult& ground, bool stays,
+             MapEvaluation& result) const {
     const std::vector<maps::Box>& labels = labels_.by_scan.at(scan);
     const Eigen::Vector3d p_map = drive_.T_map_lidar(scan) * p;
     if (!any_holds(labels, p, kLabelMarginM)) {
@@ -180,9 +175,6 @@ class Judge {
     if (!any_holds(labels, p, 0.0)) return;
     const auto below = ground.surface->at(p.x(), p.y());
     if (!below || p.z() - below->z <= kMinHeightM) return;
-    const auto removed = removed_.find(scan);
-    const bool stays = ground.is_ground[number] != 0 || removed == removed_.end() ||
-                       !any_holds(removed->second, p, margin_m_);
     ++result.box_points_before;
     result.box_points_after += stays ? 1 : 0;
     result.box_points_in_map += points_.within(p_map, kNearM) ? 1 : 0;
@@ -191,8 +183,6 @@ class Judge {
   const maps::MapPackage& map_;
   const maps::Drive& drive_;
   maps::BoxSequence labels_;
-  std::map<std::size_t, std::vector<maps::Box>> removed_;
-  double margin_m_;
   MeasuredPoints points_;
   std::unique_ptr<GroundSegmenter> ground_;
   std::array<double, 2> range_m_;
@@ -217,7 +207,8 @@ MapEvaluation evaluate_map(const maps::MapPackage& map, const maps::Drive& drive
   MapEvaluation result;
   for (const std::size_t index : labelled) {
     if (cancel) throw Cancelled();
-    judge.scan(index, result);
+    const auto ordinal = std::lower_bound(mapped.begin(), mapped.end(), index) - mapped.begin();
+    judge.scan(index, static_cast<std::size_t>(ordinal), result);
     if (progress) progress("scans", result.scans, labelled.size());
   }
   if (options.pictures_folder) judge.draw(*options.pictures_folder, mapped, labelled);

@@ -23,36 +23,36 @@ std::uint64_t key_of(const Eigen::Array3d& cell) {
 }  // namespace
 
 MeasuredPoints::MeasuredPoints(const maps::MapPackage& map)
-    : origin_(map.manifest().origin), inverse_voxel_(1.0 / map.manifest().voxel_size_m) {
+    : grid_(map.manifest().origin, map.manifest().voxel_size_m) {
   for (const maps::TileEntry& tile : map.manifest().tiles) {
     for (const maps::MapPoint& point : map.tile(tile.id)) {
       if (!maps::is_measured(point.kind)) continue;
       const Eigen::Vector3f p(point.x, point.y, point.z);
-      const Eigen::Array3d exact = p.cast<double>().array();
-      points_.emplace(key_of((exact / kSearchCellM).floor()), p);
-      add_voxels(exact);
+      points_.emplace(key_of((p.cast<double>() / kSearchCellM).array().floor()), p);
+      add_voxels(p.cast<double>());
     }
   }
 }
 
-void MeasuredPoints::add_voxels(const Eigen::Array3d& exact) {
-  const Eigen::Array3d low = ((exact - kRoundingM) * inverse_voxel_).floor();
-  const Eigen::Array3d high = ((exact + kRoundingM) * inverse_voxel_).floor();
+void MeasuredPoints::add_voxels(const Eigen::Vector3d& p_local) {
   // Each axis may have been rounded its own way. Most points are far from every side: one voxel.
-  const int corners = (low == high).all() ? 1 : 8;
-  for (int corner = 0; corner < corners; ++corner) {
-    voxels_.insert(key_of({corner & 1 ? high.x() : low.x(), corner & 2 ? high.y() : low.y(),
-                           corner & 4 ? high.z() : low.z()}));
+  for (int corner = 0; corner < 8; ++corner) {
+    const Eigen::Vector3d side((corner & 1) != 0 ? 1 : -1, (corner & 2) != 0 ? 1 : -1,
+                               (corner & 4) != 0 ? 1 : -1);
+    const auto place = grid_.find(grid_.origin() + p_local + kRoundingM * side);
+    if (place) voxels_[place->tile].insert(place->voxel);
   }
 }
 
 bool MeasuredPoints::in_voxel_of(const Eigen::Vector3d& p_map) const {
-  // The same operations as in StaticMap::add, so that points on a side fall to the same voxel.
-  return voxels_.contains(key_of(((p_map - origin_) * inverse_voxel_).array().floor()));
+  const auto place = grid_.find(p_map);
+  if (!place) return false;
+  const auto tile = voxels_.find(place->tile);
+  return tile != voxels_.end() && tile->second.contains(place->voxel);
 }
 
 bool MeasuredPoints::within(const Eigen::Vector3d& p_map, double radius_m) const {
-  const Eigen::Vector3d p = p_map - origin_;
+  const Eigen::Vector3d p = p_map - grid_.origin();
   const Eigen::Array3d centre = (p / kSearchCellM).array().floor();
   for (int step = 0; step < 27; ++step) {
     const Eigen::Array3d offset(step % 3 - 1, step / 3 % 3 - 1, step / 9 - 1);

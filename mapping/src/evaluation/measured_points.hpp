@@ -1,10 +1,13 @@
 #pragma once
 
+#include "stacking/voxel_grid.hpp"
+
 #include <stillmap/maps/map_package.hpp>
 
 #include <Eigen/Core>
 
 #include <cstdint>
+#include <map>
 #include <unordered_map>
 #include <unordered_set>
 #include <vector>
@@ -23,11 +26,10 @@ class MeasuredPoints {
 
  private:
   /// The voxel of a map point [m, from the origin], and those it may have been rounded out of.
-  void add_voxels(const Eigen::Array3d& exact);
+  void add_voxels(const Eigen::Vector3d& p_local);
 
-  Eigen::Vector3d origin_;
-  double inverse_voxel_;
-  std::unordered_set<std::uint64_t> voxels_;
+  VoxelGrid grid_;
+  std::map<maps::TileId, std::unordered_set<std::uint64_t>> voxels_;
   std::unordered_multimap<std::uint64_t, Eigen::Vector3f> points_;
 };
 

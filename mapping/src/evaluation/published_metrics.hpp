@@ -4,8 +4,10 @@
 
 #include <Eigen/Core>
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <span>
 #include <vector>
 
@@ -21,14 +23,25 @@ struct TruthScan {
   std::span<const std::uint8_t> is_dynamic;
 };
 
-/// Scores of DynamicMap_Benchmark, 0 to 1; NaN where there is no truth of a kind.
-struct BenchmarkScores {
+/// Farthest map point that still holds a truth point, for SA and DA [m].
+inline constexpr double kSamePointM = 0.05;
+/// Farthest truth from its sensor that counts for SA and DA [m].
+inline constexpr double kTruthRangeM = 50.0;
+/// Edge of the voxels of PR and RR [m].
+inline constexpr double kErasorVoxelM = 0.2;
+
+/// What SA, DA, AA and HA are made of.
+struct BenchmarkCounts {
   std::size_t truth_static = 0;
   std::size_t truth_dynamic = 0;
   /// Static truth points with a map point within 0.05 m.
   std::size_t static_kept = 0;
   /// Dynamic truth points without.
   std::size_t dynamic_removed = 0;
+};
+
+/// Scores of DynamicMap_Benchmark, 0 to 1; NaN where there is no truth of a kind.
+struct BenchmarkScores : BenchmarkCounts {
   /// static_kept / truth_static and dynamic_removed / truth_dynamic.
   double SA = 0.0;
   double DA = 0.0;
@@ -36,6 +49,8 @@ struct BenchmarkScores {
   double AA = 0.0;
   double HA = 0.0;
 };
+
+[[nodiscard]] BenchmarkScores benchmark_scores(const BenchmarkCounts& counts);
 
 /// Scores of ERASOR, 0 to 1; NaN where there is no truth of a kind. Counts are voxels of 0.2 m.
 struct ErasorScores {
@@ -49,6 +64,45 @@ struct ErasorScores {
   double RR = 0.0;
   /// 2 PR RR / (PR + RR), 0 when both are 0.
   double F1 = 0.0;
+};
+
+/// Means of the 0.2 m voxels of points [m], by place.
+[[nodiscard]] std::vector<Eigen::Vector3f> erasor_voxel_means(std::vector<Eigen::Vector3f> points);
+
+/// The truth side of PR, RR and F1, see `PublishedMetrics`: collected once, then any number of maps
+/// are judged with it. Points carry a kind below 256, and which kinds are dynamic is said when a
+/// map is judged.
+///
+/// Memory: 13 bytes for each voxel of each scan, and what 20 m x 20 m of them take while a map is
+/// judged.
+class ErasorTruth {
+ public:
+  /// @param sensor, positions as in `TruthScan`. @param kinds  one a point.
+  /// @throws std::invalid_argument when a point is not finite or kinds are not as many.
+  void add_scan(const Eigen::Vector3f& sensor, std::span<const Eigen::Vector3f> positions,
+                std::span<const std::uint8_t> kinds);
+
+  /// @param map_means   of the map's 0.2 m voxels. @param is_dynamic  a flag for each kind.
+  [[nodiscard]] ErasorScores scores(const std::vector<Eigen::Vector3f>& map_means,
+                                    const std::array<std::uint8_t, 256>& is_dynamic) const;
+
+ private:
+  struct Points {
+    std::vector<Eigen::Vector3f> positions;
+    std::vector<std::uint8_t> kinds;
+  };
+  /// 100 x 100 voxels each, so that no voxel lies in two.
+  using Tile = std::array<std::int64_t, 2>;
+  using MeansByTile = std::map<Tile, std::vector<Eigen::Vector3f>>;
+
+  static Tile tile_of(const Eigen::Vector3f& p);
+  static Points voxel_means(const PointCells& cells, std::span<const std::uint8_t> kinds);
+  void score_tile(const Tile& tile, const MeansByTile& map,
+                  const std::array<std::uint8_t, 256>& is_dynamic, ErasorScores& scores) const;
+  [[nodiscard]] Points around(const Tile& tile) const;
+
+  /// Means of the scans' voxels.
+  std::map<Tile, Points> means_;
 };
 
 /// The two published judgements of a cleaned map, from labelled scans that come one at a time.
@@ -70,8 +124,8 @@ struct ErasorScores {
 /// Departures: distances are computed in double; map points beyond 50 m of every sensor are
 /// there, while the benchmark cuts what methods are given.
 ///
-/// Memory: some 28 bytes a map point, 13 bytes for each voxel of each scan, several times that in
-/// erasor(). Same input, same bits, for any number of threads. Not safe from several threads.
+/// Memory: some 28 bytes a map point, and that of `ErasorTruth`. Same input, same bits, for any
+/// number of threads. Not safe from several threads.
 /// @see Zhang, Duberg, Geng, Jia, Wang, Jensfelt, "A Dynamic Points Removal Benchmark in Point
 ///      Cloud Maps", ITSC 2023, eq. (1) to (3); Lim, Hwang, Myung, "ERASOR", RA-L 2021, section IV.
 class PublishedMetrics {
@@ -88,28 +142,13 @@ class PublishedMetrics {
   [[nodiscard]] ErasorScores erasor() const;
 
  private:
-  struct Counts {
-    std::size_t truth_static = 0;
-    std::size_t truth_dynamic = 0;
-    std::size_t static_kept = 0;
-    std::size_t dynamic_removed = 0;
-  };
-  struct LabelledPoints {
-    std::vector<Eigen::Vector3f> positions;
-    std::vector<std::uint8_t> is_dynamic;
-  };
-
-  static LabelledPoints voxel_means(const PointCells& cells, std::span<const std::uint8_t> labels);
   void count(const TruthScan& scan);
-  void keep_voxels(const TruthScan& scan);
-  [[nodiscard]] std::vector<std::uint8_t> labels_of_map(const PointCells& truth) const;
 
   PointCells map_;
   /// Means of the map's 0.2 m voxels.
   std::vector<Eigen::Vector3f> map_means_;
-  Counts counts_;
-  /// Of all scans, one after the other.
-  LabelledPoints scan_means_;
+  BenchmarkCounts counts_;
+  ErasorTruth truth_;
 };
 
 }  // namespace stillmap::mapping

@@ -46,10 +46,37 @@ struct FusedObject {
   std::vector<ObjectPlacement> placements;
 };
 
+/// What fusion made of the boxes.
+struct FusedObjects {
+  /// By the scan of their first placement.
+  std::vector<FusedObject> objects;
+  /// Candidates against which more speaks than for them; no objects, unless a user says so.
+  std::vector<FusedObject> doubtful;
+};
+
 /// Joins the boxes of all scans into objects.
+///
+/// Boxes of scans that follow each other become tracks (constant velocity, best pairs first); a
+/// track that went somewhere, past places that were seen free, is a moving object, smoothed forward
+/// and backward; all others are joined by place and stand still, in a box that takes each side from
+/// the scans that saw it. Each candidate then has to stand against every scan that saw its place:
+/// good views without a box, and rays right through it, speak against it. Objects are of one drive;
+/// whether the same car stood there on another day is not asked, but a place seen free then says
+/// that this was no part of the street.
 /// @param scans  of all drives, in order; a scan's ordinal is its position.
-/// @return in the order of their first scan. Same input, same bits.
+/// @return Same input, same bits.
+/// @throws std::invalid_argument for a pose or a box that is not finite, or a box without size,
+/// naming scan and box.
+/// @see    Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and Navigation",
+/// 2001; Thrun, Burgard, Fox, "Probabilistic Robotics", 2005, eq. (4.20) for adding up log odds.
+[[nodiscard]] FusedObjects fuse_boxes(const std::vector<DetectedScan>& scans,
+                                      const BoxRayCounter& count_rays);
+
+/// As `fuse_boxes`, without what is doubtful.
 [[nodiscard]] std::vector<FusedObject> fuse_objects(const std::vector<DetectedScan>& scans,
                                                     const BoxRayCounter& count_rays);
+
+/// Writes each object's index, class and existence into the boxes of its placements.
+void number_objects(std::vector<FusedObject>& objects);
 
 }  // namespace stillmap::mapping

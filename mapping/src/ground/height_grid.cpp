@@ -58,58 +58,103 @@ std::optional<GroundSurface::Sample> HeightGrid::at(double x, double y) const {
   return sample;
 }
 
-void HeightGrid::dilate(float confidence) {
-  std::vector<std::pair<int, Node>> fresh;
-  for (int iy = 1; iy + 1 < kCellsPerSide; ++iy) {
-    for (int ix = 1; ix + 1 < kCellsPerSide; ++ix) {
-      const int index = iy * kCellsPerSide + ix;
-      if (node(index).confidence > 0.0F) continue;
-      Node sum;
-      float known = 0.0F;
-      for (const auto& [dx, dy] : kNeighbours) {
-        const Node& n = node(index + dy * kCellsPerSide + dx);
-        if (n.confidence <= 0.0F) continue;
-        known += 1.0F;
-        sum.z += n.z - n.slope_x * static_cast<float>(dx) - n.slope_y * static_cast<float>(dy);
-        sum.slope_x += n.slope_x;
-        sum.slope_y += n.slope_y;
-      }
-      if (known == 0.0F) continue;
-      fresh.emplace_back(index,
-                         Node{sum.z / known, sum.slope_x / known, sum.slope_y / known, confidence});
+std::vector<int> HeightGrid::unknown_beside(const std::vector<int>& cells) const {
+  std::vector<int> found;
+  std::vector<bool> seen(nodes_.size(), false);
+  for (const int cell : cells) {
+    for (const auto& [dx, dy] : kNeighbours) {
+      const int x = cell % kCellsPerSide + dx;
+      const int y = cell / kCellsPerSide + dy;
+      // The outermost cells stay as they are: they lack neighbours to be filled from.
+      if (x < 1 || y < 1 || x > kCellsPerSide - 2 || y > kCellsPerSide - 2) continue;
+      const int other = y * kCellsPerSide + x;
+      if (node(other).confidence > 0.0F || seen[static_cast<std::size_t>(other)]) continue;
+      seen[static_cast<std::size_t>(other)] = true;
+      found.push_back(other);
     }
   }
-  for (const auto& [index, n] : fresh) node(index) = n;
+  return found;
 }
 
-void HeightGrid::iron_filled() {
-  std::vector<Node> ironed = nodes_;
-  for (int iy = 1; iy + 1 < kCellsPerSide; ++iy) {
-    for (int ix = 1; ix + 1 < kCellsPerSide; ++ix) {
-      const int index = iy * kCellsPerSide + ix;
-      const float confidence = node(index).confidence;
-      if (confidence <= 0.0F || confidence >= 1.0F) continue;
-      Node sum{0.0F, 0.0F, 0.0F, confidence};
-      bool enclosed = true;
-      for (const auto& [dx, dy] : kNeighbours) {
-        const Node& n = node(index + dy * kCellsPerSide + dx);
-        enclosed = enclosed && n.confidence > 0.0F;
-        sum.z += 0.125F * n.z;
-        sum.slope_x += 0.125F * n.slope_x;
-        sum.slope_y += 0.125F * n.slope_y;
-      }
-      if (enclosed) ironed[static_cast<std::size_t>(index)] = sum;
-    }
+HeightGrid::Node HeightGrid::from_neighbours(int cell, float confidence) const {
+  Node sum;
+  float known = 0.0F;
+  for (const auto& [dx, dy] : kNeighbours) {
+    const Node& n = node(cell + dy * kCellsPerSide + dx);
+    if (n.confidence <= 0.0F) continue;
+    known += 1.0F;
+    sum.z += n.z - n.slope_x * static_cast<float>(dx) - n.slope_y * static_cast<float>(dy);
+    sum.slope_x += n.slope_x;
+    sum.slope_y += n.slope_y;
   }
-  nodes_ = std::move(ironed);
+  return {sum.z / known, sum.slope_x / known, sum.slope_y / known, confidence};
+}
+
+void HeightGrid::iron(const std::vector<int>& cells) {
+  std::vector<Node> ironed;
+  ironed.reserve(cells.size());
+  for (const int cell : cells) {
+    Node sum{0.0F, 0.0F, 0.0F, node(cell).confidence};
+    bool enclosed = true;
+    for (const auto& [dx, dy] : kNeighbours) {
+      const Node& n = node(cell + dy * kCellsPerSide + dx);
+      enclosed = enclosed && n.confidence > 0.0F;
+      sum.z += 0.125F * n.z;
+      sum.slope_x += 0.125F * n.slope_x;
+      sum.slope_y += 0.125F * n.slope_y;
+    }
+    ironed.push_back(enclosed ? sum : node(cell));
+  }
+  for (std::size_t i = 0; i < cells.size(); ++i) node(cells[i]) = ironed[i];
 }
 
 void HeightGrid::fill(int reach) {
+  std::vector<int> front;
+  for (int cell = 0; cell < kCellsPerSide * kCellsPerSide; ++cell) {
+    if (node(cell).confidence > 0.0F) front.push_back(cell);
+  }
+  std::vector<int> filled;
   for (int step = 1; step <= reach; ++step) {
-    dilate(1.0F - static_cast<float>(step) / static_cast<float>(reach + 1));
+    const float confidence = 1.0F - static_cast<float>(step) / static_cast<float>(reach + 1);
+    front = unknown_beside(front);
+    std::vector<Node> fresh;
+    fresh.reserve(front.size());
+    for (const int cell : front) fresh.push_back(from_neighbours(cell, confidence));
+    for (std::size_t i = 0; i < front.size(); ++i) node(front[i]) = fresh[i];
+    filled.insert(filled.end(), front.begin(), front.end());
   }
   // Fronts of different sides meet in a step; ironing spreads it over the gap.
-  for (int pass = 0; pass < 4; ++pass) iron_filled();
+  for (int pass = 0; pass < 4; ++pass) iron(filled);
+}
+
+float HeightGrid::height_at(float x, float y) const {
+  const float u = x + static_cast<float>(kHalfSideM) - 0.5F;
+  const float v = y + static_cast<float>(kHalfSideM) - 0.5F;
+  const int ix = static_cast<int>(std::floor(u));
+  const int iy = static_cast<int>(std::floor(v));
+  const float fx = u - static_cast<float>(ix), fy = v - static_cast<float>(iy);
+  float weight = 0.0F, z = 0.0F;
+  for (int corner = 0; corner < 4; ++corner) {
+    const int cx = ix + (corner & 1), cy = iy + (corner >> 1);
+    if (cx < 0 || cy < 0 || cx >= kCellsPerSide || cy >= kCellsPerSide) continue;
+    const Node& n = node(cy * kCellsPerSide + cx);
+    if (n.confidence <= 0.0F) continue;
+    const float dx = fx - static_cast<float>(corner & 1), dy = fy - static_cast<float>(corner >> 1);
+    const float w = (1.0F - std::abs(dx)) * (1.0F - std::abs(dy)) + 1e-6F;
+    weight += w;
+    z += w * (n.z + n.slope_x * dx + n.slope_y * dy);
+  }
+  return z / weight;
+}
+
+void HeightGrid::tilt(const SeedPlane& plane) {
+  for (int index = 0; index < kCellsPerSide * kCellsPerSide; ++index) {
+    Node& n = node(index);
+    if (n.confidence <= 0.0F) continue;
+    n.z += static_cast<float>(plane.z_at(centre_x(index), centre_y(index)));
+    n.slope_x += static_cast<float>(plane.slope.x());
+    n.slope_y += static_cast<float>(plane.slope.y());
+  }
 }
 
 }  // namespace stillmap::mapping

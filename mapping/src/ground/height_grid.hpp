@@ -1,5 +1,7 @@
 #pragma once
 
+#include "ground/seed_plane.hpp"
+
 #include <stillmap/mapping/ground.hpp>
 
 #include <array>
@@ -44,13 +46,18 @@ class HeightGrid final : public GroundSurface {
   }
 
   [[nodiscard]] std::optional<Sample> at(double x, double y) const override;
+  /// The height of `at` in single precision, for a place in a known cell.
+  [[nodiscard]] float height_at(float x, float y) const;
 
   /// Fills unknown nodes up to `reach` cells from known ones, then irons the filled ones.
   void fill(int reach);
+  /// Adds a plane to the known heights and slopes.
+  void tilt(const SeedPlane& plane);
 
  private:
-  void dilate(float confidence);
-  void iron_filled();
+  [[nodiscard]] std::vector<int> unknown_beside(const std::vector<int>& cells) const;
+  [[nodiscard]] Node from_neighbours(int cell, float confidence) const;
+  void iron(const std::vector<int>& cells);
 
   std::vector<Node> nodes_;
 };

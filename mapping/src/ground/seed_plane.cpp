@@ -27,7 +27,8 @@ class Picker {
   std::size_t size_;
 };
 
-[[nodiscard]] bool is_plausible(const SeedPlane& plane) {
+[[nodiscard]] bool is_plausible(const SeedPlane& plane, const std::optional<HeightPrior>& prior) {
+  if (prior && std::abs(plane.height + prior->height_m) > prior->tolerance_m) return false;
   return plane.height < 0.0 && plane.slope.norm() <= kMaxSlope;
 }
 
@@ -69,7 +70,8 @@ class Picker {
 
 }  // namespace
 
-std::optional<SeedPlane> find_seed_plane(const std::vector<Eigen::Vector3d>& lows) {
+std::optional<SeedPlane> find_seed_plane(const std::vector<Eigen::Vector3d>& lows,
+                                         const std::optional<HeightPrior>& prior) {
   if (lows.size() < kMinInliers) return std::nullopt;
   Picker picker(lows.size());
   std::optional<SeedPlane> best;
@@ -78,7 +80,7 @@ std::optional<SeedPlane> find_seed_plane(const std::vector<Eigen::Vector3d>& low
     const Eigen::Vector3d& a = lows[picker.next()];
     const Eigen::Vector3d& b = lows[picker.next()];
     const auto plane = through(a, b, lows[picker.next()]);
-    if (!plane || !is_plausible(*plane)) continue;
+    if (!plane || !is_plausible(*plane, prior)) continue;
     const int s = score(*plane, lows);
     if (s <= best_score) continue;
     best_score = s;
@@ -86,7 +88,7 @@ std::optional<SeedPlane> find_seed_plane(const std::vector<Eigen::Vector3d>& low
   }
   if (!best) return std::nullopt;
   const SeedPlane better = refined(refined(*best, lows), lows);
-  return is_plausible(better) ? better : *best;
+  return is_plausible(better, prior) ? better : *best;
 }
 
 }  // namespace stillmap::mapping

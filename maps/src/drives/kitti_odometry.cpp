@@ -33,21 +33,6 @@ void set_camera_poses(Drive::Contents& contents, const fs::path& poses_file) {
   }
 }
 
-void set_labels(Drive::Contents& contents) {
-  const fs::path labels = contents.root / "labels";
-  if (!fs::is_directory(labels)) return;
-  std::size_t missing = 0;
-  for (const fs::path& scan : contents.scan_files) {
-    fs::path file = labels / (scan.stem().string() + ".label");
-    if (!fs::exists(file)) {
-      ++missing;
-      file.clear();
-    }
-    contents.label_files.push_back(std::move(file));
-  }
-  if (missing > 0) contents.notes.push_back(fmt::format("{} scans without labels", missing));
-}
-
 }  // namespace
 
 bool is_kitti_odometry(const fs::path& root) {

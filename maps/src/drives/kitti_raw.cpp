@@ -108,6 +108,7 @@ Drive::Contents open_kitti_raw(const fs::path& root, const std::optional<fs::pat
   contents.relative_clock = false;
   note_missing_scans(contents);
   set_spin(contents, velodyne);
+  set_labels(contents);
   if (poses_file) {
     set_poses(contents, *poses_file);
   } else {

@@ -196,6 +196,21 @@ void set_poses(Drive::Contents& contents, const fs::path& poses_file) {
   }
 }
 
+void set_labels(Drive::Contents& contents) {
+  const std::filesystem::path labels = contents.root / "labels";
+  if (!std::filesystem::is_directory(labels)) return;
+  std::size_t missing = 0;
+  for (const std::filesystem::path& scan : contents.scan_files) {
+    std::filesystem::path file = labels / (scan.stem().string() + ".label");
+    if (!std::filesystem::exists(file)) {
+      ++missing;
+      file.clear();
+    }
+    contents.label_files.push_back(std::move(file));
+  }
+  if (missing > 0) contents.notes.push_back(fmt::format("{} scans without labels", missing));
+}
+
 void leave_out_unordered(Drive::Contents& contents) {
   std::vector<std::size_t> kept;
   std::string left_out;

@@ -58,6 +58,9 @@ enum class PosesFormat { kKitti, kTum };
 /// Gives the scans `T_map_lidar` from a KITTI or TUM file, instead of the layout's own.
 void set_poses(Drive::Contents& contents, const std::filesystem::path& poses_file);
 
+/// SemanticKITTI labels of the scans, `labels/NAME.label` each; scans without one are noted.
+void set_labels(Drive::Contents& contents);
+
 /// Leaves out scans whose stamp is not after the one before, and says so. Call it last.
 /// @throws InputError if that is more than a tenth of the scans: the stamps then mean something
 /// else.

@@ -129,6 +129,7 @@ Drive::Contents open_scan_folder(const fs::path& root, const std::optional<fs::p
   contents.layout = DriveLayout::kScanFolder;
   contents.root = root;
   contents.scan_files = list_scans(folders.front());
+  set_labels(contents);
   const bool with_stamps = set_stamps_from_names(contents);
   const std::optional<fs::path> poses = poses_file ? poses_file : own_poses(root);
   if (!with_stamps && poses && poses_format(*poses) == PosesFormat::kTum) {

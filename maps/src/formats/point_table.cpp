@@ -162,30 +162,21 @@ DecodedScan PointTable::finish() && {
 
 DropCounts drop_invalid(PointCloud& cloud) {
   DropCounts dropped;
-  const bool with_intensity = !cloud.intensities.empty();
-  const bool with_time = !cloud.time_offsets_s.empty();
-  std::size_t kept = 0;
+  std::vector<std::uint8_t> keep(cloud.size(), 1);
   for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const Eigen::Vector3f p = cloud.positions[i];
+    const Eigen::Vector3f& p = cloud.positions[i];
     if (!p.allFinite()) {
       ++dropped.non_finite;
-      continue;
-    }
-    if (p.x() == 0.0F && p.y() == 0.0F && p.z() == 0.0F) {
+      keep[i] = 0;
+    } else if (p.x() == 0.0F && p.y() == 0.0F && p.z() == 0.0F) {
       ++dropped.zero_range;
-      continue;
+      keep[i] = 0;
     }
-    cloud.positions[kept] = p;
-    if (with_intensity) {
-      const float intensity = cloud.intensities[i];
-      cloud.intensities[kept] = std::isfinite(intensity) ? intensity : 0.0F;
-    }
-    if (with_time) cloud.time_offsets_s[kept] = cloud.time_offsets_s[i];
-    ++kept;
   }
-  cloud.positions.resize(kept);
-  if (with_intensity) cloud.intensities.resize(kept);
-  if (with_time) cloud.time_offsets_s.resize(kept);
+  cloud.keep_only(keep);
+  for (float& intensity : cloud.intensities) {
+    if (!std::isfinite(intensity)) intensity = 0.0F;
+  }
   return dropped;
 }
 

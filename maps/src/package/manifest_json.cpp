@@ -124,6 +124,14 @@ std::string tile_path(TileId id) {
          std::to_string(id.y) + ".bin";
 }
 
+std::string history_path(TileId id) {
+  return std::filesystem::path(tile_path(id)).replace_extension(".history").string();
+}
+
+std::string trajectory_path(std::size_t drive) {
+  return drive == 0 ? "trajectory.tum" : "trajectory_" + std::to_string(drive + 1) + ".tum";
+}
+
 std::string manifest_text(const MapManifest& manifest) {
   json root{{"schema", manifest.schema},
             {"frame_id", manifest.frame_id},
@@ -171,43 +179,6 @@ MapManifest parse_manifest(std::string_view text, const std::string& file) {
   });
   check_tiles_are_listed(manifest, file);
   return manifest;
-}
-
-std::string objects_text(const std::vector<MapObject>& objects) {
-  json list = json::array();
-  for (const MapObject& object : objects) {
-    list.push_back(
-        {{"scan", object.scan},
-         {"centre", {object.centre_map.x(), object.centre_map.y(), object.centre_map.z()}},
-         {"size", {object.size_m.x(), object.size_m.y(), object.size_m.z()}},
-         {"yaw", object.yaw_rad},
-         {"class", name_of(object.object_class)},
-         {"score", object.score},
-         {"track", object.track},
-         {"points_removed", object.points_removed}});
-  }
-  return json{{"objects", std::move(list)}}.dump() + "\n";
-}
-
-std::vector<MapObject> parse_objects(std::string_view text, const std::string& file) {
-  const json document = parse_json(text, file);
-  std::vector<MapObject> objects;
-  JsonField(document, file).at("objects").each([&](const JsonField& field) {
-    MapObject object;
-    object.scan = field.at("scan").count();
-    object.centre_map = field.at("centre").vector3();
-    object.size_m = field.at("size").vector3();
-    object.yaw_rad = field.at("yaw").number();
-    const auto object_class = object_class_from(field.at("class").text());
-    if (!object_class) field.at("class").refuse("a class of object");
-    object.object_class = *object_class;
-    object.score = field.at("score").number(0.0, 1.0);
-    object.track =
-        static_cast<int>(field.at("track").integer(-1, std::numeric_limits<std::int32_t>::max()));
-    object.points_removed = field.at("points_removed").count();
-    objects.push_back(object);
-  });
-  return objects;
 }
 
 }  // namespace stillmap::maps

@@ -10,11 +10,15 @@ namespace stillmap::maps {
 
 inline constexpr const char* kManifestName = "manifest.json";
 inline constexpr const char* kBuildName = "build.json";
-inline constexpr const char* kTrajectoryName = "trajectory.tum";
 inline constexpr const char* kObjectsName = "objects.json";
+inline constexpr const char* kFatesName = "fates.bin";
 
 /// `tiles/<level>_<x>_<y>.bin`
 [[nodiscard]] std::string tile_path(TileId id);
+/// `tiles/<level>_<x>_<y>.history`
+[[nodiscard]] std::string history_path(TileId id);
+/// `trajectory.tum`, `trajectory_2.tum`, ... @param drive  from 0.
+[[nodiscard]] std::string trajectory_path(std::size_t drive);
 
 /// Canonical text: keys sorted, shortest digits that read back the same number, nothing of time or
 /// host. Equal manifests give equal bytes.
@@ -24,9 +28,5 @@ inline constexpr const char* kObjectsName = "objects.json";
 /// @throws InputError naming file, key, value and what was expected; for a newer schema, the
 /// schema.
 [[nodiscard]] MapManifest parse_manifest(std::string_view text, const std::string& file);
-
-/// Content of objects.json.
-[[nodiscard]] std::string objects_text(const std::vector<MapObject>& objects);
-[[nodiscard]] std::vector<MapObject> parse_objects(std::string_view text, const std::string& file);
 
 }  // namespace stillmap::maps

@@ -11,6 +11,7 @@
 
 #include "formats/text.hpp"
 #include "package/manifest_json.hpp"
+#include "package/objects_json.hpp"
 #include "package/sha256.hpp"
 
 namespace stillmap::maps {
@@ -36,11 +37,19 @@ void check_file(const fs::path& file, const MapManifest::File& expected) {
   }
 }
 
+void check_history(const fs::path& file, std::uint64_t bytes, std::uint64_t points) {
+  if (bytes == points * sizeof(PointHistory)) return;
+  throw InputError(file.string(), std::to_string(bytes) + " bytes",
+                   std::to_string(sizeof(PointHistory)) + " for each of the tile's " +
+                       std::to_string(points) + " points");
+}
+
 }  // namespace
 
-/// Read-only view of one tile file for as long as it lives.
+/// Read-only view of the records of one file for as long as it lives.
+template <typename Record>
 struct MapPackage::Mapping {
-  Mapping(const fs::path& file, std::size_t points) : bytes(points * sizeof(MapPoint)) {
+  Mapping(const fs::path& file, std::size_t records) : bytes(records * sizeof(Record)) {
     const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
     if (descriptor < 0) throw StorageError(file.string(), std::strerror(errno));
     address = ::mmap(nullptr, bytes, PROT_READ, MAP_SHARED, descriptor, 0);
@@ -52,8 +61,8 @@ struct MapPackage::Mapping {
   Mapping(const Mapping&) = delete;
   Mapping& operator=(const Mapping&) = delete;
 
-  [[nodiscard]] std::span<const MapPoint> points() const {
-    return {static_cast<const MapPoint*>(address), bytes / sizeof(MapPoint)};
+  [[nodiscard]] std::span<const Record> records() const {
+    return {static_cast<const Record*>(address), bytes / sizeof(Record)};
   }
 
   std::size_t bytes;
@@ -75,20 +84,37 @@ std::shared_ptr<const MapPackage> MapPackage::open(const fs::path& folder) {
   package->digest_ = sha256_of(text);
   for (const auto& [path, file] : package->manifest_.files) check_file(folder / path, file);
   for (const TileEntry& tile : package->manifest_.tiles) {
-    package->tiles_.emplace(tile.id,
-                            std::make_unique<Mapping>(folder / tile_path(tile.id), tile.points));
+    package->tiles_.emplace(
+        tile.id, std::make_unique<Mapping<MapPoint>>(folder / tile_path(tile.id), tile.points));
+    const auto history = package->manifest_.files.find(history_path(tile.id));
+    if (history == package->manifest_.files.end()) continue;
+    check_history(folder / history->first, history->second.bytes, tile.points);
+    package->histories_.emplace(
+        tile.id, std::make_unique<Mapping<PointHistory>>(folder / history->first, tile.points));
   }
   return package;
 }
 
 std::span<const MapPoint> MapPackage::tile(TileId id) const {
   const auto found = tiles_.find(id);
-  return found == tiles_.end() ? std::span<const MapPoint>{} : found->second->points();
+  return found == tiles_.end() ? std::span<const MapPoint>{} : found->second->records();
 }
 
-Trajectory MapPackage::trajectory() const {
-  if (!manifest_.files.contains(kTrajectoryName)) return {};
-  return read_tum_trajectory(folder_ / kTrajectoryName);
+std::span<const PointHistory> MapPackage::history(TileId id) const {
+  const auto found = histories_.find(id);
+  return found == histories_.end() ? std::span<const PointHistory>{} : found->second->records();
+}
+
+std::vector<Trajectory> MapPackage::trajectories() const {
+  std::vector<Trajectory> all;
+  while (manifest_.files.contains(trajectory_path(all.size())))
+    all.push_back(read_tum_trajectory(folder_ / trajectory_path(all.size())));
+  return all;
+}
+
+ScanFates MapPackage::fates(std::size_t scan) const {
+  if (!manifest_.files.contains(kFatesName)) return {};
+  return read_fates(folder_ / kFatesName, scan);
 }
 
 std::vector<MapObject> MapPackage::objects() const {

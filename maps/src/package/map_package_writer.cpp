@@ -5,8 +5,10 @@
 #include <bit>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "package/manifest_json.hpp"
+#include "package/objects_json.hpp"
 #include "package/sha256.hpp"
 #include "storage/write_file.hpp"
 
@@ -53,18 +55,31 @@ MapPackageWriter::MapPackageWriter(std::filesystem::path target) : folder_(std::
   std::filesystem::create_directory(folder_.path() / "tiles");
 }
 
-void MapPackageWriter::add_tile(TileId id, std::span<const MapPoint> points) {
+MapPackageWriter::~MapPackageWriter() = default;
+
+void MapPackageWriter::add_tile(TileId id, std::span<const MapPoint> points,
+                                std::span<const PointHistory> history) {
   if (std::any_of(tiles_.begin(), tiles_.end(), [&](const TileEntry& t) { return t.id == id; })) {
     throw std::invalid_argument(tile_path(id) + ": added twice");
   }
   const TileEntry entry = entry_of(id, points);
+  if (!history.empty() && history.size() != points.size())
+    throw std::invalid_argument(history_path(id) + ": not one entry a point");
   write_file(folder_.path() / tile_path(id),
              {reinterpret_cast<const char*>(points.data()), points.size_bytes()});
+  if (!history.empty())
+    write_file(folder_.path() / history_path(id),
+               {reinterpret_cast<const char*>(history.data()), history.size_bytes()});
   tiles_.push_back(entry);
 }
 
-void MapPackageWriter::write_trajectory(const Trajectory& trajectory) {
-  write_tum_trajectory(folder_.path() / kTrajectoryName, trajectory);
+void MapPackageWriter::add_fates(const ScanFates& fates) {
+  if (!fates_) fates_ = std::make_unique<FatesWriter>(folder_.path() / kFatesName);
+  fates_->add(fates);
+}
+
+void MapPackageWriter::write_trajectory(const Trajectory& trajectory, std::size_t drive) {
+  write_tum_trajectory(folder_.path() / trajectory_path(drive), trajectory);
 }
 
 void MapPackageWriter::write_objects(const std::vector<MapObject>& objects) {
@@ -72,6 +87,7 @@ void MapPackageWriter::write_objects(const std::vector<MapObject>& objects) {
 }
 
 std::string MapPackageWriter::publish(MapManifest manifest, const std::string& build_json) {
+  if (fates_) std::exchange(fates_, nullptr)->finish();
   manifest.tiles = tiles_;
   // Tiles may be added in any order; the digest must not tell.
   std::sort(manifest.tiles.begin(), manifest.tiles.end(),

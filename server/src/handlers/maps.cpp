@@ -38,7 +38,7 @@ void add_map_routes(std::vector<Route>& routes, const Context& context) {
   routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/trajectory",
                     [&catalog](const HttpRequest&, const PathParameters& path) {
                       const ServedMap map = find_version(catalog, path);
-                      return immutable_json(trajectory_json(map.package->trajectory()));
+                      return immutable_json(trajectories_json(map.package->trajectories()));
                     }});
   routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/objects",
                     [&catalog](const HttpRequest&, const PathParameters& path) {

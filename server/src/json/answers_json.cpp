@@ -133,18 +133,23 @@ std::string map_json(const std::string& name, const maps::MapPackage& package) {
                              {"max", tile.max}});
   }
   json["objects"] = package.objects().size();
-  json["poses"] = package.trajectory().size();
+  std::size_t poses = 0;
+  for (const maps::Trajectory& drive : package.trajectories()) poses += drive.size();
+  json["poses"] = poses;
   return to_text(json);
 }
 
-std::string trajectory_json(const maps::Trajectory& trajectory) {
+std::string trajectories_json(const std::vector<maps::Trajectory>& drives) {
   Json json;
   json["poses"] = Json::array();
-  for (const maps::StampedPose& each : trajectory.poses()) {
-    Json pose;
-    pose["stamp_ns"] = std::to_string(each.stamp_ns);
-    pose.update(to_json_pose(each.T_map_lidar));
-    json["poses"].push_back(std::move(pose));
+  for (std::size_t drive = 0; drive < drives.size(); ++drive) {
+    for (const maps::StampedPose& each : drives[drive].poses()) {
+      Json pose;
+      pose["drive"] = drive;
+      pose["stamp_ns"] = std::to_string(each.stamp_ns);
+      pose.update(to_json_pose(each.T_map_lidar));
+      json["poses"].push_back(std::move(pose));
+    }
   }
   return to_text(json);
 }
@@ -152,15 +157,21 @@ std::string trajectory_json(const maps::Trajectory& trajectory) {
 std::string objects_json(const std::vector<maps::MapObject>& objects) {
   Json json;
   json["objects"] = Json::array();
-  for (const maps::MapObject& object : objects) {
-    json["objects"].push_back({{"scan", object.scan},
-                               {"centre", to_json_array(object.centre_map)},
-                               {"size", to_json_array(object.size_m)},
-                               {"yaw", object.yaw_rad},
-                               {"class", maps::name_of(object.object_class)},
-                               {"score", object.score},
-                               {"track", object.track},
-                               {"points_removed", object.points_removed}});
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    const maps::MapObject& object = objects[i];
+    for (const maps::MapObject::Placement& place : object.placements) {
+      json["objects"].push_back({{"object", i},
+                                 {"scan", place.scan},
+                                 {"centre", to_json_array(place.centre_map)},
+                                 {"size", to_json_array(object.size_m)},
+                                 {"yaw", place.yaw_rad},
+                                 {"class", maps::name_of(object.object_class)},
+                                 {"motion", maps::name_of(object.motion)},
+                                 {"score", object.score},
+                                 {"first_scan", object.first_scan},
+                                 {"last_scan", object.last_scan},
+                                 {"points_removed", object.points_removed}});
+    }
   }
   return to_text(json);
 }

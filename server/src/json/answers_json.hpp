@@ -18,7 +18,7 @@ namespace stillmap::server {
 [[nodiscard]] std::string map_list_json(const std::vector<ServedMap>& maps,
                                         const std::vector<maps::MapStore::Refusal>& refused);
 [[nodiscard]] std::string map_json(const std::string& name, const maps::MapPackage& package);
-[[nodiscard]] std::string trajectory_json(const maps::Trajectory& trajectory);
+[[nodiscard]] std::string trajectories_json(const std::vector<maps::Trajectory>& drives);
 [[nodiscard]] std::string objects_json(const std::vector<maps::MapObject>& objects);
 [[nodiscard]] std::string problem_json(const ApiError& error, const std::string& request_id);
 /// {"status": STATUS, "reasons": [...]}

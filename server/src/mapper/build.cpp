@@ -9,11 +9,13 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include <string>
+#include <vector>
 
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
 #include "mapper/commands.hpp"
+#include "reference/cleaners.hpp"
 
 namespace stillmap::mapper {
 namespace {
@@ -21,10 +23,14 @@ namespace {
 using command_line::grouped;
 
 struct BuildArguments {
-  std::filesystem::path drive;
+  std::vector<std::filesystem::path> drives;
   std::filesystem::path map;
   std::string select = "::";
   std::string movable;
+  std::string ground_height;
+  std::string preset = "default";
+  std::string fusion = "on";
+  std::string fill = "on";
   std::optional<std::filesystem::path> json;
   mapping::MapBuildOptions options;
 };
@@ -33,11 +39,19 @@ std::string to_json_text(const mapping::MapBuildReport& report, const BuildArgum
   const mapping::MapBuildOptions& options = arguments.options;
   auto json = nlohmann::ordered_json::parse(mapping::to_json(report));
   json["version"] = STILLMAP_VERSION;
-  json["options"] = {{"drive", arguments.drive.string()},
+  std::vector<std::string> drives;
+  for (const std::filesystem::path& drive : arguments.drives) drives.push_back(drive.string());
+  json["options"] = {{"drives", drives},
+                     {"preset", arguments.preset},
                      {"select", arguments.select},
                      {"poses", options.poses_file ? options.poses_file->string() : ""},
                      {"detector", options.detector},
                      {"movable", arguments.movable},
+                     {"ground_height", name_of(options.projection.ground_height)},
+                     {"fusion", options.fusion},
+                     {"edits", options.edits_file ? options.edits_file->string() : ""},
+                     {"fill", options.fill},
+                     {"clean", options.clean},
                      {"margin_m", options.projection.margin_m},
                      {"voxel_m", options.voxel_size_m},
                      {"min_range_m", options.min_range_m},
@@ -70,21 +84,37 @@ void print_for_people(const mapping::MapBuildReport& report, const BuildArgument
   for (const auto& [name, count] : report.points) table.add("points " + name, grouped(count));
   for (const auto& [name, count] : report.objects) table.add("objects " + name, grouped(count));
   table.print();
+  for (const std::string& warning : report.warnings) fmt::print("warning: {}\n", warning);
 }
 
-void build(BuildArguments& arguments) {
-  arguments.options.selection = maps::Selection::parse(arguments.select);
-  arguments.options.projection.policy = mapping::movable_policy_from(arguments.movable);
+/// What the words of the command line mean. The preset speaks first, so that a word given beside it
+/// is heard.
+void read_words(BuildArguments& arguments, const CLI::App& command) {
+  mapping::MapBuildOptions& options = arguments.options;
+  options.selection = maps::Selection::parse(arguments.select);
+  options.projection.policy = mapping::movable_policy_from(arguments.movable);
+  const std::string clean = options.clean;
+  if (arguments.preset == "paper") mapping::apply_paper_preset(options);
+  const auto given = [&](const char* name) { return command.count(name) > 0; };
+  if (given("--fusion")) options.fusion = arguments.fusion == "on";
+  if (given("--fill")) options.fill = arguments.fill == "on";
+  if (given("--clean")) options.clean = clean;
+  if (given("--ground-height"))
+    options.projection.ground_height = mapping::ground_height_from(arguments.ground_height);
+}
+
+void build(BuildArguments& arguments, const CLI::App& command) {
+  read_words(arguments, command);
   mapping::MapBuildReport report;
   std::string index;
   {
     command_line::ProgressBar bar;
     report = mapping::build_map(
-        arguments.drive, arguments.map, arguments.options,
+        arguments.drives, arguments.map, arguments.options,
         [&bar](std::string_view stage, std::size_t done, std::size_t total) {
           bar.update(stage, done, total);
         },
-        command_line::cancel_flag());
+        command_line::cancel_flag(), mapping::make_reference_cleaner);
     bar.update("index", 0, 1);
     index = write_index(arguments.map);
     bar.update("index", 1, 1);
@@ -93,17 +123,61 @@ void build(BuildArguments& arguments) {
   if (arguments.json) write_text_file(*arguments.json, to_json_text(report, arguments));
 }
 
+void add_method_options(CLI::App& command, BuildArguments& arguments) {
+  mapping::MapBuildOptions& options = arguments.options;
+  const auto on_off = CLI::IsMember({"on", "off"});
+  command
+      .add_option(
+          "--preset", arguments.preset,
+          "default, or paper: each scan on its own, boxes to the scan's mean ground height, "
+          "nothing filled or cleaned; other options given beside it win")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"default", "paper"}));
+  command
+      .add_option("--fusion", arguments.fusion,
+                  "Join what was found in all scans, and project onto the ground of all scans")
+      ->capture_default_str()
+      ->check(on_off);
+  command
+      .add_option("--edits", options.edits_file,
+                  "Corrections to replay: objects or regions to keep or to remove (JSON)")
+      ->check(command_line::existing_file());
+  command
+      .add_option("--ground-height", arguments.ground_height,
+                  "Where objects are projected to: local (the ground below them) or mean (of the "
+                  "scan's ground, as in the paper)")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"local", "mean"}));
+  command
+      .add_option("--fill", arguments.fill,
+                  "Fill the ground under objects where nothing was projected to")
+      ->capture_default_str()
+      ->check(on_off);
+  std::vector<std::string> methods = mapping::reference_cleaner_names();
+  methods.insert(methods.begin(), options.clean);
+  command
+      .add_option("--clean", options.clean,
+                  "What removes movers that no detector found: free-space, none, or a published "
+                  "method to compare with")
+      ->capture_default_str()
+      ->check(CLI::IsMember(methods));
+  command.add_option("--sensor-height", options.ground.sensor_height_m,
+                     "Height of the sensor over the ground [m] (default: estimated)");
+}
+
 }  // namespace
 
 void add_build(CLI::App& app) {
   auto arguments = std::make_shared<BuildArguments>();
   mapping::MapBuildOptions& options = arguments->options;
   arguments->movable = mapping::name_of(options.projection.policy);
-  CLI::App* command = app.add_subcommand("build", "Make a map package from a drive");
+  arguments->ground_height = mapping::name_of(options.projection.ground_height);
+  CLI::App* command = app.add_subcommand("build", "Make a map package from drives");
   command
       ->add_option(
-          "DRIVE", arguments->drive,
-          "KITTI raw or odometry, key frame folder, or a folder of .pcd, .ply or .bin scans")
+          "DRIVE", arguments->drives,
+          "KITTI raw or odometry, key frame folder, or a folder of .pcd, .ply or .bin scans; "
+          "several go into one map when their poses are in one frame")
       ->required()
       ->check(command_line::existing_folder());
   command->add_option("-o,--output", arguments->map, "Map package to write; must not exist")
@@ -117,13 +191,14 @@ void add_build(CLI::App& app) {
   command
       ->add_option("--detector", options.detector,
                    "What finds movable objects: geometric, or boxes:FILE with KITTI tracking "
-                   "labels or our JSON")
+                   "labels or our JSON (with several drives boxes:FILE,FILE...)")
       ->capture_default_str();
   command
       ->add_option(
           "--movable", arguments->movable,
           "What happens to points of movable objects: project (onto the ground), delete or keep")
       ->capture_default_str();
+  add_method_options(*command, *arguments);
   command
       ->add_option("--voxel", options.voxel_size_m,
                    "Edge of the voxels that merge the map's points [m]")
@@ -134,7 +209,7 @@ void add_build(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--json", arguments->json, "Write the report there")
       ->check(command_line::in_existing_folder());
-  command->callback([arguments] { build(*arguments); });
+  command->callback([arguments, command] { build(*arguments, *command); });
 }
 
 }  // namespace stillmap::mapper

@@ -18,6 +18,7 @@
 
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
+#include "mapper/command_text.hpp"
 #include "mapper/commands.hpp"
 #include "reference/map_aligners.hpp"
 
@@ -121,29 +122,6 @@ void print_for_people(const mapping::LocalizationEvaluation& evaluation) {
   }
   print_integrity(evaluation);
   fmt::print("{} scans in {:.1f} s\n", evaluation.scans, evaluation.seconds);
-}
-
-/// As a shell reads it.
-std::string quoted(const std::string& word) {
-  constexpr std::string_view kPlain =
-      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+=./:,@%";
-  if (!word.empty() && word.find_first_not_of(kPlain) == std::string::npos) return word;
-  std::string out = "'";
-  for (const char letter : word)
-    out += letter == '\'' ? std::string("'\\''") : std::string(1, letter);
-  return out + "'";
-}
-
-/// The call that was given, options in the order of the help.
-std::string command_of(const CLI::App& command) {
-  std::string text = "stillmap evaluate " + command.get_name();
-  for (const CLI::Option* option : command.get_options()) {
-    for (const std::string& value : option->results()) {
-      if (!option->get_positional()) text += " " + option->get_name();
-      text += " " + quoted(value);
-    }
-  }
-  return text;
 }
 
 /// The drive, with poses to compare with.

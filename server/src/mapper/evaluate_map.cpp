@@ -1,30 +1,45 @@
+#include <stillmap/mapping/label_evaluation.hpp>
 #include <stillmap/mapping/map_evaluation.hpp>
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/map_package.hpp>
 
 #include <fmt/core.h>
 
+#include <cmath>
+#include <functional>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
+#include "mapper/command_text.hpp"
 #include "mapper/commands.hpp"
 
 namespace stillmap::mapper {
 namespace {
 
 using command_line::grouped;
+using mapping::LabelEvaluation;
+using mapping::MapFigures;
+using mapping::MapScores;
+using mapping::Share;
+using mapping::TruthClasses;
 
 struct EvaluateArguments {
   std::filesystem::path map;
   std::filesystem::path drive;
   std::optional<std::filesystem::path> poses;
+  std::optional<std::filesystem::path> boxes;
+  std::optional<std::filesystem::path> pictures;
   std::optional<std::filesystem::path> json;
-  mapping::MapEvaluationOptions options;
+  std::optional<std::filesystem::path> report;
+  TruthClasses classes = TruthClasses::kMovable;
 };
 
 std::string share(std::size_t part, std::size_t whole) {
@@ -47,57 +62,239 @@ void print_for_people(const mapping::MapEvaluation& result) {
   table.print();
 }
 
-std::string to_json_text(const mapping::MapEvaluation& result, const EvaluateArguments& arguments) {
-  auto json = nlohmann::ordered_json::parse(mapping::to_json(result));
+std::string percent(double rate, int digits = 2) {
+  return std::isnan(rate) ? "-" : fmt::format("{:.{}f} %", 100.0 * rate, digits);
+}
+
+/// With the number of what was counted.
+std::string percent_of(const Share& share) {
+  if (share.of == 0) return "none to count";
+  return fmt::format("{} of {}", percent(share.rate()), grouped(share.of));
+}
+
+void print_summary(const LabelEvaluation& result) {
+  command_line::Table table;
+  table.add("scans", fmt::format("{} in {:.1f} s", result.scans, result.seconds));
+  table.add("labelled points",
+            fmt::format("{}, {} of no known class, {} dropped by the build", grouped(result.points),
+                        grouped(result.ignored), grouped(result.dropped)));
+  if (!result.drive_in_map) {
+    table.add("drive",
+              "not in the map: its package is judged as it is, with all scans of the "
+              "drive; what was out of the map's sight counts as lost");
+  } else if (result.drives > 1) {
+    table.add("drive", fmt::format("one of {} in the map; the others' points are those of the "
+                                   "package",
+                                   result.drives));
+  }
+  table.print();
+}
+
+/// A line of the table of scores: for both sets of classes on both kinds of map.
+void print_scores_line(const LabelEvaluation& result, const std::string& name,
+                       const std::function<std::string(const MapScores&)>& value) {
+  fmt::print("{:<32}", name);
+  for (const TruthClasses classes : {TruthClasses::kMovable, TruthClasses::kMoving}) {
+    fmt::print("{:>12}", result.unthinned ? value(result.unthinned->of(classes)) : "-");
+    fmt::print("{:>12}", value(result.thinned.of(classes)));
+  }
+  fmt::print("\n");
+}
+
+void print_scores(const LabelEvaluation& result) {
+  fmt::print("\n{:<32}{:>12}{:>12}{:>12}{:>12}\n", "", "movable", "thinned", "moving", "thinned");
+  const auto line = [&](const std::string& name, const auto& value) {
+    print_scores_line(result, name, value);
+  };
+  line("SA", [](const MapScores& s) { return percent(s.SA); });
+  line("DA, projected not matched", [](const MapScores& s) { return percent(s.DA); });
+  line("DA, plain", [](const MapScores& s) { return percent(s.plain_removed.rate()); });
+  line("AA", [](const MapScores& s) { return percent(s.AA); });
+  line("HA", [](const MapScores& s) { return percent(s.HA); });
+  line("  static points", [](const MapScores& s) { return grouped(s.static_kept.of); });
+  line("  dynamic points", [](const MapScores& s) { return grouped(s.dynamic_removed.of); });
+  line("PR", [](const MapScores& s) { return percent(s.PR); });
+  line("RR", [](const MapScores& s) { return percent(s.RR); });
+  line("F1", [](const MapScores& s) { return percent(s.F1); });
+  line("  static voxels", [](const MapScores& s) { return grouped(s.static_voxels_kept.of); });
+  line("  dynamic voxels", [](const MapScores& s) { return grouped(s.dynamic_voxels_kept.of); });
+  line("static points lost", [](const MapScores& s) { return percent(s.static_lost.rate(), 3); });
+  line("  with nothing removed", [](const MapScores& s) {
+    return s.static_lost_uncleaned.of == 0 ? std::string("0")
+                                           : percent(s.static_lost_uncleaned.rate(), 3);
+  });
+  line("static loss", [](const MapScores& s) { return percent(s.static_loss, 3); });
+  line("  of points", [](const MapScores& s) { return grouped(s.static_lost.of); });
+}
+
+void print_losses(const LabelEvaluation& result) {
+  fmt::print("\n{:<32}{:>12}{:>12}{:>14}{:>14}\n", "static loss by class", "loss", "thinned",
+             "points lost", "points");
+  const std::vector<mapping::ClassLoss>& losses = result.figures().losses;
+  for (std::size_t i = 0; i < losses.size(); ++i) {
+    fmt::print("  {:<30}{:>12}{:>12}{:>14}{:>14}\n", losses[i].name,
+               result.unthinned ? percent(losses[i].loss, 3) : "-",
+               percent(result.thinned.losses.at(i).loss, 3), grouped(losses[i].lost.count),
+               grouped(losses[i].lost.of));
+  }
+}
+
+std::string text_of(const mapping::HeightErrors& errors) {
+  if (errors.points == 0) return "none to count";
+  return fmt::format("{:.1f} cm, 95 % {:.1f} cm, of {}", 100.0 * errors.median_m,
+                     100.0 * errors.p95_m, grouped(errors.points));
+}
+
+void print_ground(const LabelEvaluation& result) {
+  fmt::print("\n");
+  command_line::Table table;
+  const MapFigures& figures = result.figures();
+  table.add("parked objects removed",
+            result.true_ground == mapping::TrueGround::kNone
+                ? "no true ground"
+                : fmt::format("{}, thinned {}", percent_of(figures.parked_removed),
+                              percent(result.thinned.parked_removed.rate())));
+  if (result.heights) {
+    const mapping::GroundUnder& under = figures.ground_under;
+    table.add("ground under objects, projected", percent_of(under.projected) + " cells");
+    table.add("  and filled", fmt::format("{} cells, {} at a wrong height",
+                                          percent_of(under.filled), grouped(under.wrong)));
+    for (const mapping::GroundUnderBand& band : figures.ground_bands) {
+      table.add(std::isfinite(band.to_m) ? fmt::format("  up to {:g} m from the path", band.to_m)
+                                         : std::string("  beyond"),
+                fmt::format("{}, projected {}", percent_of(band.ground.filled),
+                            percent(band.ground.projected.rate())));
+    }
+    table.add("height error of it, median", text_of(result.heights->all));
+    table.add("  projected", text_of(result.heights->projected));
+    table.add("  filled", text_of(result.heights->filled));
+    table.add("  on one surface", text_of(result.heights->one_surface));
+    table.add("  across a kerb", text_of(result.heights->across_kerb));
+  } else {
+    table.add("ground under objects", "no true ground");
+  }
+  if (result.ground) {
+    table.add("ground points",
+              fmt::format("precision {}, recall {}, F1 {}", percent(result.ground->precision()),
+                          percent(result.ground->recall()), percent(result.ground->f1())));
+  }
+  table.print();
+}
+
+void print_for_people(const LabelEvaluation& result) {
+  print_summary(result);
+  print_scores(result);
+  print_losses(result);
+  print_ground(result);
+}
+
+std::string to_json_text(const std::string& text, const EvaluateArguments& arguments) {
+  auto json = nlohmann::ordered_json::parse(text);
   json["version"] = STILLMAP_VERSION;
-  json["options"] = {{"map", arguments.map.string()},
-                     {"truth", arguments.drive.string()},
-                     {"boxes", arguments.options.boxes_file.string()}};
+  json["options"] = {{"map", arguments.map.string()}, {"truth", arguments.drive.string()}};
+  if (arguments.boxes) {
+    json["options"]["boxes"] = arguments.boxes->string();
+  } else {
+    json["options"]["truth_classes"] = name_of(arguments.classes);
+  }
+  if (arguments.poses) json["options"]["poses"] = arguments.poses->string();
   return json.dump(2) + "\n";
 }
 
-void evaluate(const EvaluateArguments& arguments) {
+/// Against labelled boxes.
+void evaluate_boxes(const EvaluateArguments& arguments, const maps::MapPackage& map,
+                    const maps::Drive& drive, const mapping::ProgressCallback& progress,
+                    const std::function<void()>& done) {
+  if (arguments.report)
+    throw std::invalid_argument(
+        "--report: found with --boxes, expected a drive of labelled points");
+  const mapping::MapEvaluation result = mapping::evaluate_map(
+      map, drive, {*arguments.boxes, arguments.pictures}, progress, command_line::cancel_flag());
+  done();
+  print_for_people(result);
+  if (arguments.json)
+    write_text_file(*arguments.json, to_json_text(mapping::to_json(result), arguments));
+}
+
+/// Against labelled points.
+void evaluate_points(const EvaluateArguments& arguments, const CLI::App& command,
+                     const maps::MapPackage& map, const maps::Drive& drive,
+                     const mapping::ProgressCallback& progress, const std::function<void()>& done) {
+  const bool draw = arguments.report || arguments.pictures;
+  const LabelEvaluation result =
+      mapping::evaluate_with_labels(map, drive, draw, progress, command_line::cancel_flag());
+  done();
+  print_for_people(result);
+  if (arguments.pictures) {
+    std::filesystem::create_directories(*arguments.pictures);
+    write_text_file(*arguments.pictures / "before.png", result.pictures->before_png);
+    write_text_file(*arguments.pictures / "after.png", result.pictures->after_png);
+  }
+  if (arguments.report) {
+    write_text_file(*arguments.report, mapping::to_html(result, {.map = arguments.map.string(),
+                                                                 .drive = arguments.drive.string(),
+                                                                 .classes = arguments.classes,
+                                                                 .command = command_of(command)}));
+  }
+  if (arguments.json)
+    write_text_file(*arguments.json,
+                    to_json_text(mapping::to_json(result, arguments.classes), arguments));
+}
+
+void evaluate(const EvaluateArguments& arguments, const CLI::App& command) {
   const auto map = maps::MapPackage::open(arguments.map);
   const maps::Drive drive = maps::Drive::open(arguments.drive, arguments.poses);
-  mapping::MapEvaluation result;
-  {
-    command_line::ProgressBar bar;
-    result = mapping::evaluate_map(
-        *map, drive, arguments.options,
-        [&bar](std::string_view stage, std::size_t done, std::size_t total) {
-          bar.update(stage, done, total);
-        },
-        command_line::cancel_flag());
+  auto bar = std::make_unique<command_line::ProgressBar>();
+  const auto progress = [&bar](std::string_view stage, std::size_t done, std::size_t total) {
+    bar->update(stage, done, total);
+  };
+  // The bar goes before anything else is printed.
+  const auto done = [&bar] { bar.reset(); };
+  if (arguments.boxes) {
+    evaluate_boxes(arguments, *map, drive, progress, done);
+  } else {
+    evaluate_points(arguments, command, *map, drive, progress, done);
   }
-  print_for_people(result);
-  if (arguments.json) write_text_file(*arguments.json, to_json_text(result, arguments));
 }
 
 }  // namespace
 
 void add_evaluate_map(CLI::App& evaluate_command) {
   auto arguments = std::make_shared<EvaluateArguments>();
-  mapping::MapEvaluationOptions& options = arguments->options;
   CLI::App* command = evaluate_command.add_subcommand(
-      "map", "Count what a map kept of labelled objects, and what it changed beside them");
+      "map", "Count what a map kept of what can move, what it lost beside, and how it put ground");
   command->add_option("MAP", arguments->map, "Map package")
       ->required()
       ->check(command_line::existing_folder());
-  command->add_option("--truth", arguments->drive, "The drive that the map was made from")
+  command
+      ->add_option("--truth", arguments->drive,
+                   "A drive that the map was made from, its points labelled (SemanticKITTI)")
       ->required()
       ->check(command_line::existing_folder());
+  const std::map<std::string, TruthClasses> classes{{"moving", TruthClasses::kMoving},
+                                                    {"movable", TruthClasses::kMovable}};
+  command
+      ->add_option_function<std::string>(
+          "--truth-classes",
+          [arguments, classes](const std::string& name) { arguments->classes = classes.at(name); },
+          "What should not be in the map: moving, or movable (parked too)")
+      ->default_str(std::string(name_of(arguments->classes)))
+      ->check(CLI::IsMember(classes));
   command
       ->add_option("--poses", arguments->poses,
                    "The poses that the map was made with, when not the drive's own")
       ->check(command_line::existing_file());
-  command->add_option("--boxes", options.boxes_file, "Labels: KITTI tracking or our JSON")
-      ->required()
+  command
+      ->add_option("--boxes", arguments->boxes,
+                   "For a drive without labelled points: boxes, KITTI tracking or our JSON")
       ->check(command_line::existing_file());
-  command->add_option("--pictures", options.pictures_folder,
+  command->add_option("--pictures", arguments->pictures,
                       "Draw before.png and after.png, seen from above, there");
   command->add_option("--json", arguments->json, "Write the result there")
       ->check(command_line::in_existing_folder());
-  command->callback([arguments] { evaluate(*arguments); });
+  command->add_option("--report", arguments->report, "Write a page with pictures (HTML) there")
+      ->check(command_line::in_existing_folder());
+  command->callback([arguments, command] { evaluate(*arguments, *command); });
 }
 
 }  // namespace stillmap::mapper

@@ -60,6 +60,9 @@ void add_simulate(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--day", options.day, "Same world, other parked cars and other traffic")
       ->capture_default_str();
+  command->add_option("--parked", options.parked_share,
+                      "Share of the parking places along the roads that are taken, 0 to 1 "
+                      "(default: the scenario's own)");
   command->add_flag("--change", options.change,
                     "Building sites where there were none, some fences gone");
   command

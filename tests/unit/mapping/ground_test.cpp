@@ -2,8 +2,13 @@
 #include <gtest/gtest.h>
 #include <stillmap/mapping/ground.hpp>
 
+#include <cmath>
 #include <functional>
+#include <limits>
+#include <numbers>
 #include <numeric>
+#include <stdexcept>
+#include <vector>
 
 #include "support/synthetic_world.hpp"
 
@@ -191,6 +196,244 @@ TEST(Ground, LeavesOutWhatIsBeyondItsGridOrNotANumber) {
   const GroundResult ground = segment(cloud);
   EXPECT_EQ(ground.is_ground.size(), cloud.size());
   EXPECT_EQ(count(ground), known);
+}
+
+/// Share of true ground points (known by the world's flat ground at z = 0) that are found, and
+/// share of the others that are taken for ground.
+struct Shares {
+  double found = 0.0, taken = 0.0;
+};
+
+Shares shares(const maps::PointCloud& cloud, const GroundResult& ground,
+              const Eigen::Isometry3d& T_world_lidar, double noise_m = 0.0) {
+  double truly = 0, found = 0, others = 0, taken = 0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const double z = (T_world_lidar * cloud.positions[i].cast<double>()).z();
+    const bool truth = z < 0.02 + 3.0 * noise_m;
+    (truth ? truly : others) += 1;
+    (truth ? found : taken) += ground.is_ground[i];
+  }
+  return {found / std::max(1.0, truly), taken / std::max(1.0, others)};
+}
+
+void expect_finite(const GroundSurface& surface) {
+  for (double x = -100.5; x < 101.0; x += 1.7) {
+    for (double y = -100.5; y < 101.0; y += 1.7) {
+      const auto sample = surface.at(x, y);
+      if (!sample) continue;
+      ASSERT_TRUE(std::isfinite(sample->z) && sample->normal.allFinite());
+      ASSERT_NEAR(sample->normal.norm(), 1.0, 1e-9);
+      ASSERT_TRUE(sample->confidence > 0.0 && sample->confidence <= 1.0);
+    }
+  }
+}
+
+TEST(Ground, IsFoundBySparseAndDenseSensors) {
+  const Eigen::Isometry3d T_world_lidar = test::pose_at(40.0, 0.0);
+  for (const int rings : {16, 64, 128}) {
+    test::ScanPattern pattern;
+    pattern.rings = rings;
+    pattern.columns = 600;
+    pattern.lowest_rad = rings == 16 ? -0.26 : -0.43;
+    pattern.noise_m = 0.01;
+    const maps::PointCloud cloud = test::street(7).scan(T_world_lidar, pattern);
+    const GroundResult ground = segment(cloud);
+    const Shares share = shares(cloud, ground, T_world_lidar, pattern.noise_m);
+    EXPECT_GT(share.found, 0.98) << rings;
+    EXPECT_LT(share.taken, 0.03) << rings;
+    expect_finite(*ground.surface);
+  }
+}
+
+TEST(Ground, IsFoundFromAnyHeightOfTheSensor) {
+  for (const double height_m : {0.6, 1.2, 2.0, 3.0}) {
+    const Eigen::Isometry3d T_world_lidar = test::pose_at(40.0, 0.0, 0.0, height_m);
+    test::ScanPattern pattern;
+    pattern.noise_m = 0.01;
+    const maps::PointCloud cloud = test::street(7).scan(T_world_lidar, pattern);
+    const GroundResult ground = segment(cloud);
+    EXPECT_GT(shares(cloud, ground, T_world_lidar, 0.01).found, 0.98) << height_m;
+    EXPECT_NEAR(height_at(ground, 5.0, 0.0), -height_m, 0.03) << height_m;
+  }
+}
+
+TEST(Ground, IsNotFoundAtAHeightThatIsNotTheGivenOne) {
+  const maps::PointCloud cloud = street_scan();
+  EXPECT_GT(count(make_ground_segmenter({1.9})->segment(cloud)), cloud.size() / 5);
+  EXPECT_EQ(count(make_ground_segmenter({3.5})->segment(cloud)), 0U);
+}
+
+TEST(Ground, RefusesAHeightThatIsNone) {
+  for (const double height_m : {0.0, -1.8, std::nan(""), std::numeric_limits<double>::infinity()})
+    EXPECT_THROW((void)make_ground_segmenter({height_m}), std::invalid_argument) << height_m;
+}
+
+TEST(Ground, RemembersTheHeightThatItLearned) {
+  // A roof terrace below, seen through a gap: 4 m down and all that this scan shows.
+  const maps::PointCloud lower = rings_on([](double, double) { return -4.0; });
+  const auto segmenter = make_ground_segmenter();
+  EXPECT_EQ(count(segmenter->segment(lower)), lower.size());
+  for (int k = 0; k < 3; ++k) segmenter->learn(street_scan());
+  EXPECT_EQ(count(segmenter->segment(lower)), 0U);
+  EXPECT_GT(count(segmenter->segment(street_scan())), street_scan().size() / 5);
+}
+
+TEST(Ground, LearnsNothingFromAScanWithoutGround) {
+  const auto segmenter = make_ground_segmenter();
+  for (int k = 0; k < 10; ++k) segmenter->learn({});
+  EXPECT_EQ(segmenter->segment(street_scan()).is_ground, segment(street_scan()).is_ground);
+}
+
+TEST(Ground, IsTheSameInAnyOrderOnceLearned) {
+  std::vector<maps::PointCloud> scans;
+  for (const double x : {20.0, 40.0, 60.0}) {
+    test::ScanPattern pattern;
+    pattern.noise_m = 0.02;
+    scans.push_back(test::street(7).scan(test::pose_at(x, 0.0), pattern));
+  }
+  const auto a = make_ground_segmenter(), b = make_ground_segmenter();
+  for (const maps::PointCloud& scan : scans) {
+    a->learn(scan);
+    b->learn(scan);
+  }
+  const auto first = a->segment(scans[0]).is_ground;
+  (void)b->segment(scans[2]);
+  EXPECT_EQ(b->segment(scans[0]).is_ground, first);
+}
+
+TEST(Ground, IsTheSameWithoutIntensities) {
+  maps::PointCloud cloud = street_scan();
+  const auto without = segment(cloud).is_ground;
+  cloud.intensities.assign(cloud.size(), 0.3F);
+  EXPECT_EQ(segment(cloud).is_ground, without);
+}
+
+TEST(Ground, PassesOverManyReflectionsBelowIt) {
+  // Five in a hundred, down to 3 m: two and more in most cells near the sensor.
+  maps::PointCloud cloud = rings_on([](double, double) { return -kSensorM; });
+  test::Random random(3);
+  std::size_t below = 0;
+  for (Eigen::Vector3f& p : cloud.positions) {
+    if (random.uniform() >= 0.05) continue;
+    p.z() -= static_cast<float>(random.uniform(0.5, 3.0));
+    ++below;
+  }
+  const GroundResult ground = segment(cloud);
+  EXPECT_EQ(count(ground), cloud.size() - below);
+  EXPECT_NEAR(height_at(ground, 12.0, 3.0), -kSensorM, 0.02);
+}
+
+TEST(Ground, OfATunnelIsItsFloorAlone) {
+  test::SyntheticWorld tunnel = test::corridor();
+  tunnel.boxes.push_back({{-300.0, -5.0, 4.0}, {300.0, 5.0, 5.0}});
+  const Eigen::Isometry3d T_world_lidar = test::pose_at(0.0, 0.0);
+  test::ScanPattern pattern;
+  pattern.highest_rad = 0.5;
+  pattern.rings = 64;
+  const maps::PointCloud cloud = tunnel.scan(T_world_lidar, pattern);
+  const Shares share = shares(cloud, segment(cloud), T_world_lidar);
+  EXPECT_GT(share.found, 0.98);
+  EXPECT_LT(share.taken, 0.02);
+}
+
+TEST(Ground, OfALowGarageIsItsFloorAlone) {
+  test::SyntheticWorld garage = test::room();
+  garage.boxes.push_back({{-16.0, -11.0, 2.3}, {16.0, 11.0, 2.8}});
+  const Eigen::Isometry3d T_world_lidar = test::pose_at(0.0, 0.0);
+  test::ScanPattern pattern;
+  pattern.highest_rad = 0.3;
+  const maps::PointCloud cloud = garage.scan(T_world_lidar, pattern);
+  const Shares share = shares(cloud, segment(cloud), T_world_lidar);
+  EXPECT_GT(share.found, 0.98);
+  EXPECT_LT(share.taken, 0.02);
+}
+
+TEST(Ground, GoesOnUnderABridge) {
+  test::SyntheticWorld world;
+  world.boxes = {{{10.0, -30.0, 4.5}, {22.0, 30.0, 5.5}},
+                 {{10.0, -9.0, 0.0}, {22.0, -8.0, 4.5}},
+                 {{10.0, 8.0, 0.0}, {22.0, 9.0, 4.5}}};
+  const Eigen::Isometry3d T_world_lidar = test::pose_at(0.0, 0.0);
+  test::ScanPattern pattern;
+  pattern.highest_rad = 0.4;
+  pattern.rings = 64;
+  const maps::PointCloud cloud = world.scan(T_world_lidar, pattern);
+  const GroundResult ground = segment(cloud);
+  const Shares share = shares(cloud, ground, T_world_lidar);
+  EXPECT_GT(share.found, 0.99);
+  EXPECT_LT(share.taken, 0.02);
+  EXPECT_NEAR(height_at(ground, 16.0, 0.0), -kSensorM, 0.02);
+}
+
+TEST(Ground, IsNoneWhereOnlyWallsAreSeen) {
+  test::SyntheticWorld walls = test::room();
+  walls.has_ground = false;
+  const maps::PointCloud cloud = walls.scan(test::pose_at(0.0, 0.0), {});
+  ASSERT_GT(cloud.size(), 1000U);
+  EXPECT_LT(count(segment(cloud)), cloud.size() / 100);
+}
+
+TEST(Ground, IsNoneAboveTheSensor) {
+  EXPECT_EQ(count(segment(rings_on([](double, double) { return 1.5; }))), 0U);
+}
+
+TEST(Ground, HoldsBothSidesOfAKerb) {
+  const maps::PointCloud cloud =
+      rings_on([](double, double y) { return y > 4.3 ? -kSensorM + 0.15 : -kSensorM; });
+  const GroundResult ground = segment(cloud);
+  EXPECT_GT(count(ground), cloud.size() * 995 / 1000);
+}
+
+TEST(Ground, LeavesTheFeetOfWallsOut) {
+  const maps::PointCloud cloud = [] {
+    maps::PointCloud out = rings_on([](double, double) { return -kSensorM; });
+    std::erase_if(out.positions, [](const Eigen::Vector3f& p) { return p.y() > 8.0F; });
+    return out;
+  }();
+  maps::PointCloud walled = cloud;
+  for (float x = -15.0F; x < 15.0F; x += 0.05F) {
+    for (float z = 0.0F; z < 3.0F; z += 0.1F) walled.positions.emplace_back(x, 8.02F, -1.8F + z);
+  }
+  const GroundResult ground = segment(walled);
+  for (std::size_t i = cloud.size(); i < walled.size(); ++i) {
+    const float above = walled.positions[i].z() + 1.8F;
+    if (above > 0.07F) {
+      ASSERT_EQ(ground.is_ground[i], 0) << walled.positions[i].transpose();
+    }
+  }
+}
+
+TEST(Ground, FollowsTheBankBesideARoad) {
+  const auto bank = [](double, double y) {
+    return -kSensorM - (y > 6.0 ? 0.3 * std::min(y - 6.0, 4.0) : 0.0);
+  };
+  const maps::PointCloud cloud = rings_on(bank);
+  const GroundResult ground = segment(cloud);
+  EXPECT_GT(count(ground), cloud.size() * 97 / 100);
+  EXPECT_NEAR(height_at(ground, 3.0, 8.5), bank(3.0, 8.5), 0.05);
+  // One ring a cell: the slope across it comes round within some metres.
+  EXPECT_NEAR(height_at(ground, 3.0, 14.0), bank(3.0, 14.0), 0.06);
+}
+
+TEST(Ground, IsFoundInTheNarrowViewOfASolidStateSensor) {
+  // Some 5,000 points in 70 by 77 degrees without rings.
+  test::Random random(11);
+  const Eigen::Isometry3d T_world_lidar = test::pose_at(40.0, 0.0, 0.2, 1.3);
+  const test::SyntheticWorld world = test::street(7);
+  maps::PointCloud cloud;
+  for (int i = 0; i < 9000; ++i) {
+    const double azimuth = random.uniform(-0.61, 0.61), elevation = random.uniform(-0.67, 0.67);
+    const Eigen::Vector3d direction(std::cos(elevation) * std::cos(azimuth),
+                                    std::cos(elevation) * std::sin(azimuth), std::sin(elevation));
+    const double range_m =
+        world.cast(T_world_lidar.translation(), T_world_lidar.linear() * direction);
+    if (range_m < 80.0) cloud.positions.push_back((range_m * direction).cast<float>());
+  }
+  const GroundResult ground = segment(cloud);
+  const Shares share = shares(cloud, ground, T_world_lidar);
+  EXPECT_GT(share.found, 0.98);
+  EXPECT_LT(share.taken, 0.03);
+  expect_finite(*ground.surface);
 }
 
 }  // namespace

@@ -313,7 +313,7 @@ TEST(LocalizationEvaluation, AsksOnlyForSelectedScansThatTheReferenceHasPosesOf)
   const test::TemporaryFolder folder;
   const maps::Drive drive = maps::Drive::open(test::SmallDrive().write(folder));
   MapBuildOptions build;
-  (void)build_map(drive.contents().root, folder.path() / "map", build, {}, CancelFlag(false));
+  (void)build_map({drive.contents().root}, folder.path() / "map", build, {}, CancelFlag(false));
   const auto map = maps::MapPackage::open(folder.path() / "map");
   LocalizationEvaluationOptions options;
   options.selection = maps::Selection::parse("1:");

@@ -24,7 +24,7 @@ class MapBuild : public ::testing::Test {
   MapBuild() : drive_(small_.write(folder_)) { options_.threads = 1; }
 
   MapBuildReport build(const std::string& name = "map") {
-    return build_map(drive_, folder_.path() / "maps" / name, options_, progress_, cancel_);
+    return build_map({drive_}, folder_.path() / "maps" / name, options_, progress_, cancel_);
   }
   [[nodiscard]] std::shared_ptr<const maps::MapPackage> open(
       const std::string& name = "map") const {
@@ -110,17 +110,19 @@ TEST_F(MapBuild, WritesAWholePackageWithPosesObjectsAndSources) {
   EXPECT_EQ(map->manifest().sources.at("boxes_sha256"),
             maps::sha256_of_file(folder_.path() / "boxes.json"));
   EXPECT_TRUE(map->manifest().files.contains("preview.png"));
-  const maps::Trajectory trajectory = map->trajectory();
+  ASSERT_EQ(map->trajectories().size(), 1U);
+  const maps::Trajectory trajectory = map->trajectories()[0];
   ASSERT_EQ(trajectory.size(), 2U);
   EXPECT_NEAR(trajectory.poses()[1].T_map_lidar.translation().x(), 2.0, 1e-12);
   const std::vector<maps::MapObject> objects = map->objects();
-  ASSERT_EQ(objects.size(), 2U);
-  EXPECT_EQ(objects[1].scan, 2U);
-  EXPECT_NEAR(objects[1].centre_map.x(), 10.15, 1e-6);
-  EXPECT_NEAR(objects[1].centre_map.y(), 3.9, 1e-6);
-  EXPECT_NEAR(objects[1].yaw_rad, 0.0, 1e-6);
-  EXPECT_EQ(objects[0].points_removed + objects[1].points_removed,
-            map->manifest().counts.at("projected"));
+  ASSERT_EQ(objects.size(), 1U);
+  EXPECT_EQ(objects[0].motion, maps::ObjectMotion::kParked);
+  EXPECT_EQ(objects[0].last_scan, 1U);
+  EXPECT_EQ(objects[0].detections, 2U);
+  EXPECT_NEAR(objects[0].placements[0].centre_map.x(), 10.15, 1e-6);
+  EXPECT_NEAR(objects[0].placements[0].centre_map.y(), 3.9, 1e-6);
+  EXPECT_NEAR(objects[0].placements[0].yaw_rad, 0.0, 1e-6);
+  EXPECT_EQ(objects[0].points_removed, map->manifest().counts.at("projected"));
   std::ifstream sources(map->folder() / "sources.sha256");
   std::string first;
   std::getline(sources, first);
@@ -183,7 +185,7 @@ TEST_F(MapBuild, CountsLabelsThatPointOutsideOfTheDrive) {
 TEST_F(MapBuild, TellsProgressScanByScan) {
   std::vector<std::size_t> done;
   progress_ = [&](std::string_view stage, std::size_t units, std::size_t total) {
-    if (stage == "scans") {
+    if (stage == "place") {
       done.push_back(units);
       EXPECT_EQ(total, 4U);
     }
@@ -258,7 +260,8 @@ TEST_F(MapBuild, RefusesBrokenOptionsByName) {
   const auto expect_refused = [&](const std::string& name) {
     EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<std::invalid_argument>({name}));
     EXPECT_THAT(names_in_maps(), IsEmpty());
-    options_ = MapBuildOptions{};
+    const MapBuildOptions fresh;
+    options_ = fresh;
   };
   options_.voxel_size_m = std::numeric_limits<double>::quiet_NaN();
   expect_refused("voxel_size_m");
@@ -272,6 +275,100 @@ TEST_F(MapBuild, RefusesBrokenOptionsByName) {
   expect_refused("margin_m");
   options_.detector = "oracle";
   expect_refused("oracle");
+}
+
+TEST_F(MapBuild, SaysWhatBecameOfEveryPointOfTheFile) {
+  maps::PointCloud cloud = small_.scan(1);
+  cloud.positions.insert(cloud.positions.begin(), {std::nanf(""), 0.0F, 0.0F});
+  cloud.positions.emplace_back(1.0F, 0.0F, 0.0F);
+  folder_.write("drive/000001.bin", test::bin_of(cloud));
+  use_boxes();
+  (void)build();
+  const maps::ScanFates fates = open()->fates(1);
+  ASSERT_EQ(fates.size(), cloud.size());
+  EXPECT_EQ(fates.fates.front(), maps::PointFate::kDropped);
+  EXPECT_EQ(fates.fates.back(), maps::PointFate::kDropped);
+  maps::Box inside = small_.car_in(1);
+  inside.size_m.z() -= 0.1;
+  inside.centre.z() += 0.05;
+  std::size_t of_car = 0;
+  for (std::size_t i = 1; i + 1 < cloud.size(); ++i) {
+    if (!inside.contains(cloud.positions[i].cast<double>(), 0.01)) continue;
+    ++of_car;
+    ASSERT_EQ(fates.fates[i], maps::PointFate::kProjected);
+    ASSERT_EQ(fates.objects[i], 1U);
+  }
+  EXPECT_GT(of_car, 50U);
+}
+
+TEST_F(MapBuild, JoinsSeveralDrivesOfOneFrame) {
+  const auto alone = build("one").points;
+  const std::filesystem::path second = folder_.path() / "second";
+  std::filesystem::copy(drive_, second, std::filesystem::copy_options::recursive);
+  const MapBuildReport both =
+      build_map({drive_, second}, folder_.path() / "maps/both", options_, progress_, cancel_);
+  EXPECT_EQ(both.scans, 2 * test::SmallDrive::kScans);
+  EXPECT_EQ(both.points.at("in"), 2 * alone.at("in"));
+  const auto map = open("both");
+  ASSERT_EQ(map->trajectories().size(), 2U);
+  EXPECT_EQ(map->trajectories()[1].size(), test::SmallDrive::kScans);
+  EXPECT_EQ(map->manifest().sources.at("drive_2"), "second");
+  EXPECT_EQ(map->fates(7).fates, map->fates(3).fates);
+}
+
+TEST_F(MapBuild, RefusesBoxesOfOneDriveForTwo) {
+  use_boxes();
+  EXPECT_THAT(
+      [&] {
+        (void)build_map({drive_, drive_}, folder_.path() / "maps/map", options_, progress_,
+                        cancel_);
+      },
+      ThrowsSaying<std::invalid_argument>({"1 files of boxes", "2 drives"}));
+  EXPECT_THAT(names_in_maps(), IsEmpty());
+}
+
+TEST_F(MapBuild, AsThePaperPutsBoxesOnTheScansMeanGround) {
+  use_boxes();
+  apply_paper_preset(options_);
+  const MapBuildReport report = build();
+  EXPECT_EQ(report.objects.at("unknown"), 4U);
+  EXPECT_EQ(report.points.at("filled"), 0U);
+  EXPECT_EQ(open()->manifest().options.at("ground_height"), "mean");
+  for (const maps::TileEntry& tile : open()->manifest().tiles) {
+    const auto map = open();
+    for (const maps::MapPoint& p : map->tile(tile.id)) {
+      if (p.kind != maps::PointKind::kProjected) continue;
+      EXPECT_NEAR(static_cast<double>(p.z) + map->manifest().origin.z(), 0.0, 0.02);
+    }
+  }
+}
+
+TEST_F(MapBuild, WithoutFusionLeavesACarWhereItWasMissed) {
+  maps::BoxSequence boxes;
+  boxes.by_scan[0] = {small_.car_in(0)};
+  boxes.by_scan[2] = {small_.car_in(2)};
+  boxes.by_scan[0][0].track = boxes.by_scan[2][0].track = 3;
+  maps::write_boxes(folder_.path() / "some.json", boxes);
+  options_.detector = "boxes:" + (folder_.path() / "some.json").string();
+  const std::uint64_t fused = build("fused").points.at("projected");
+  options_.fusion = false;
+  const std::uint64_t apart = build("apart").points.at("projected");
+  EXPECT_GT(fused, apart + apart / 3);
+  const auto in_scan_1 = [&](const char* name) {
+    const maps::ScanFates fates = open(name)->fates(1);
+    return std::count(fates.fates.begin(), fates.fates.end(), maps::PointFate::kProjected);
+  };
+  EXPECT_GT(in_scan_1("fused"), 50);
+  EXPECT_EQ(in_scan_1("apart"), 0);
+}
+
+TEST_F(MapBuild, RefusesEditsWithoutFusionAndUnknownCleaning) {
+  options_.fusion = false;
+  options_.edits_file = folder_.path() / "edits.json";
+  EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<std::invalid_argument>({"edits_file"}));
+  options_.edits_file.reset();
+  options_.clean = "soap";
+  EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<std::invalid_argument>({"soap"}));
 }
 
 TEST_F(MapBuild, RefusesEmptyRangesOfPoints) {

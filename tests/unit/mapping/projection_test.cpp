@@ -124,8 +124,8 @@ TEST(Projection, GrowsBoxesByTheMarginOnEverySide) {
   const maps::PointCloud cloud = cloud_of(
       {{12.05F, 0.0F, 0.0F}, {10.0F, -1.05F, 0.0F}, {10.0F, 0.0F, 1.05F}, {12.15F, 0.0F, 0.0F}});
   const std::vector<maps::Box> boxes = {box_at({10.0, 0.0, 0.0}, {4.0, 2.0, 2.0}, 0.0)};
-  EXPECT_EQ(project(cloud, boxes, {.margin_m = 0.1}).projected, 3U);
-  EXPECT_EQ(project(cloud, boxes, {.margin_m = 0.0}).projected, 0U);
+  EXPECT_EQ(project(cloud, boxes, {.margin_m = 0.1, .margin_up_m = 0.1}).projected, 3U);
+  EXPECT_EQ(project(cloud, boxes, {.margin_m = 0.0, .margin_up_m = 0.0}).projected, 0U);
 }
 
 TEST(Projection, OfNothingIsEmpty) {

@@ -181,5 +181,53 @@ TEST(PublishedMetrics, IsTheSameForAnyNumberOfThreads) {
   EXPECT_EQ(judged_with(1), judged_with(2));
 }
 
+TEST(ErasorTruth, ScoresDoNotDependOnWhereItsTilesLie) {
+  // Points on exact fractions, so that a shift of 10 m moves voxels as they are; tiles are 20 m.
+  const auto scores_at = [](float shift) {
+    test::Random random(8);
+    const auto point = [&]() -> Eigen::Vector3f {
+      const auto grid = [&](double low, double high) {
+        return static_cast<float>(std::floor(random.uniform(low, high) * 1024.0) / 1024.0);
+      };
+      return {grid(14.0, 26.0) + shift, grid(14.0, 26.0) + shift, grid(0.0, 0.6)};
+    };
+    std::vector<Eigen::Vector3f> positions(20000), map(9000);
+    std::vector<std::uint8_t> kinds(positions.size());
+    for (std::size_t i = 0; i < positions.size(); ++i) {
+      positions[i] = point();
+      kinds[i] = static_cast<std::uint8_t>(random.uniform(0.0, 3.0));
+    }
+    for (Eigen::Vector3f& p : map) p = point();
+    ErasorTruth truth;
+    truth.add_scan({100.0F, 100.0F, 0.0F}, positions, kinds);
+    std::array<std::uint8_t, 256> dynamic{};
+    dynamic[2] = 1;
+    return truth.scores(erasor_voxel_means(map), dynamic);
+  };
+  const ErasorScores across = scores_at(0.0F);
+  const ErasorScores inside = scores_at(10.0F);
+  EXPECT_GT(across.truth_static, 4000U);
+  EXPECT_GT(across.truth_dynamic, 1500U);
+  EXPECT_EQ(across.truth_static, inside.truth_static);
+  EXPECT_EQ(across.truth_dynamic, inside.truth_dynamic);
+  EXPECT_EQ(across.static_kept, inside.static_kept);
+  EXPECT_EQ(across.dynamic_kept, inside.dynamic_kept);
+}
+
+TEST(ErasorTruth, SaysForEachMapWhichKindsAreDynamic) {
+  ErasorTruth truth;
+  const std::vector<Eigen::Vector3f> positions{
+      {0.1F, 0.1F, 0.1F}, {5.1F, 0.1F, 0.1F}, {9.1F, 0.1F, 0.1F}};
+  truth.add_scan({100.0F, 0.0F, 0.0F}, positions, std::vector<std::uint8_t>{1, 2, 3});
+  std::array<std::uint8_t, 256> moving{}, movable{};
+  moving[3] = movable[2] = movable[3] = 1;
+  const std::vector<Eigen::Vector3f> map{{0.1F, 0.1F, 0.1F}, {5.1F, 0.1F, 0.1F}};
+  EXPECT_EQ(truth.scores(map, moving).PR, 1.0);
+  EXPECT_EQ(truth.scores(map, moving).RR, 1.0);
+  EXPECT_EQ(truth.scores(map, movable).PR, 1.0);
+  EXPECT_EQ(truth.scores(map, movable).RR, 0.5);
+  EXPECT_EQ(truth.scores({}, movable).PR, 0.0);
+}
+
 }  // namespace
 }  // namespace stillmap::mapping

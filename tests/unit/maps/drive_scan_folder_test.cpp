@@ -53,6 +53,15 @@ TEST_F(ScanFolderDrive, HasNoPosesAndATenthOfASecondWithoutFilesOfThem) {
   EXPECT_EQ(drive.contents().notes.size(), 1U);
 }
 
+TEST_F(ScanFolderDrive, FindsLabelsByTheScansNames) {
+  folder_.write("a.bin", xyzi(1, 2, 3, 4));
+  folder_.write("b.bin", xyzi(1, 2, 3, 4));
+  folder_.write("labels/b.label", std::string("\x28\0\0\0", 4));
+  const Drive drive = open();
+  EXPECT_TRUE(drive.read_labels(0).empty());
+  EXPECT_THAT(drive.read_labels(1), ElementsAre(40U));
+}
+
 TEST_F(ScanFolderDrive, TakesScansFromOneFolderBelow) {
   folder_.write("clouds/a.pcd", kPcd);
   folder_.write("clouds/b.pcd", kPcd);

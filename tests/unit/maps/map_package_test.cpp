@@ -65,12 +65,16 @@ std::string write_sample(const fs::path& target, bool far_first, const std::stri
   if (!far_first) writer.add_tile(kFar, far_points);
   writer.write_trajectory(sample_trajectory());
   MapObject object;
-  object.scan = 4;
-  object.centre_map = {1.0, 2.0, 3.5};
-  object.yaw_rad = 0.25;
+  object.placements = {{4, {1.0, 2.0, 3.5}, 0.25}, {5, {2.0, 2.0, 3.5}, 0.5}};
+  object.motion = ObjectMotion::kMoving;
+  object.drive = 1;
+  object.first_scan = 4;
+  object.last_scan = 5;
+  object.first_stamp_ns = 1'700'000'000'123'456'789;
+  object.last_stamp_ns = -5;
+  object.detections = 2;
   object.object_class = ObjectClass::kTruck;
   object.score = 0.5;
-  object.track = 9;
   object.points_removed = 77;
   writer.write_objects({object});
   return writer.publish(sample_manifest(), build);
@@ -106,17 +110,25 @@ TEST(MapPackage, ReadsBackPathAndObjects) {
   const TemporaryFolder folder;
   write_sample(folder.path() / "map", false, "{}");
   const auto package = MapPackage::open(folder.path() / "map");
-  const Trajectory trajectory = package->trajectory();
+  ASSERT_EQ(package->trajectories().size(), 1U);
+  const Trajectory trajectory = package->trajectories()[0];
   ASSERT_EQ(trajectory.size(), 2U);
   EXPECT_EQ(trajectory.poses()[1].stamp_ns, 100'000'001);
   EXPECT_THAT(trajectory.poses()[1].T_map_lidar,
               IsNearPose(sample_trajectory().poses()[1].T_map_lidar, 1e-12, 1e-12));
   const std::vector<MapObject> objects = package->objects();
   ASSERT_EQ(objects.size(), 1U);
-  EXPECT_EQ(objects[0].scan, 4U);
-  EXPECT_EQ(objects[0].centre_map, Eigen::Vector3d(1.0, 2.0, 3.5));
+  ASSERT_EQ(objects[0].placements.size(), 2U);
+  EXPECT_EQ(objects[0].placements[0].scan, 4U);
+  EXPECT_EQ(objects[0].placements[0].centre_map, Eigen::Vector3d(1.0, 2.0, 3.5));
+  EXPECT_EQ(objects[0].placements[1].yaw_rad, 0.5);
+  EXPECT_EQ(objects[0].motion, ObjectMotion::kMoving);
+  EXPECT_EQ(objects[0].drive, 1U);
+  EXPECT_EQ(objects[0].last_scan, 5U);
+  EXPECT_EQ(objects[0].first_stamp_ns, 1'700'000'000'123'456'789);
+  EXPECT_EQ(objects[0].last_stamp_ns, -5);
+  EXPECT_EQ(objects[0].detections, 2U);
   EXPECT_EQ(objects[0].object_class, ObjectClass::kTruck);
-  EXPECT_EQ(objects[0].track, 9);
   EXPECT_EQ(objects[0].points_removed, 77U);
 }
 

@@ -58,7 +58,7 @@ class TownStore {
     writer.write_trajectory(maps::Trajectory(std::vector<maps::StampedPose>{
         {.stamp_ns = 1'000'000'000}, {.stamp_ns = 1'100'000'000, .T_map_lidar = T}}));
     maps::MapObject car;
-    car.scan = 7;
+    car.placements = {{.scan = 7}};
     car.size_m = Eigen::Vector3d(4.0, 1.8, 1.5);
     car.object_class = maps::ObjectClass::kCar;
     car.points_removed = 12;

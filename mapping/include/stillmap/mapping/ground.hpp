@@ -34,14 +34,37 @@ struct GroundResult {
 };
 
 /// Stage "ground": which points are ground, and where the ground is under the others.
+///
+/// Patchwork++ (Lee, Lim, Myung, IROS 2022) proposes patches of ground; heights of 1 m cells grow
+/// from them, each predicted from the ground around it; points near these heights are ground. The
+/// paper's form is online: each scan changes the thresholds for the next one. A drive's scans are
+/// segmented in parallel here and must give the same whatever the order, so what is learned over
+/// scans (the sensor's height, and the elevation and flatness of ground in the nearest rings) is
+/// learned beforehand, from a few of them, and then stays as it is.
 class GroundSegmenter {
  public:
   virtual ~GroundSegmenter() = default;
-  /// @param cloud  lidar frame, z roughly up; may be empty. Safe from several threads. Same input,
-  /// same bits.
+  /// Works without having learned anything too.
+  /// @param cloud  lidar frame, z up to within some 15 degrees; may be empty. Intensities are used
+  /// where there are some.
+  /// @note Safe from several threads, but not beside `learn`. Same input and same scans learned
+  /// from, same bits.
   [[nodiscard]] virtual GroundResult segment(const maps::PointCloud& cloud) const = 0;
+  /// Adapts to a drive by one of its scans. Some ten that are spread over it are enough; a scan
+  /// without ground under the sensor changes nothing.
+  /// @note Their order matters, and no `segment` may run beside it.
+  virtual void learn(const maps::PointCloud& cloud) = 0;
 };
 
-[[nodiscard]] std::unique_ptr<GroundSegmenter> make_ground_segmenter();
+struct GroundOptions {
+  /// Height of the sensor over the ground [m], > 0; right to within 0.3 m, or no ground is found.
+  /// None: found in each scan, and once three scans were learned from, within 0.5 m of their
+  /// median.
+  std::optional<double> sensor_height_m;
+};
+
+/// @throws std::invalid_argument for a height that is not > 0 and finite.
+[[nodiscard]] std::unique_ptr<GroundSegmenter> make_ground_segmenter(
+    const GroundOptions& options = {});
 
 }  // namespace stillmap::mapping

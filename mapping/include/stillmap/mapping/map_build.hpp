@@ -1,5 +1,7 @@
 #pragma once
 
+#include <stillmap/mapping/cleaning.hpp>
+#include <stillmap/mapping/ground.hpp>
 #include <stillmap/mapping/progress.hpp>
 #include <stillmap/mapping/projection.hpp>
 #include <stillmap/maps/drive.hpp>
@@ -15,12 +17,24 @@
 namespace stillmap::mapping {
 
 struct MapBuildOptions {
+  /// Of each drive.
   maps::Selection selection;
-  /// Poses instead of the drive's own.
+  /// Poses instead of the drive's own; with one drive only.
   std::optional<std::filesystem::path> poses_file;
-  /// `geometric` or `boxes:FILE`.
+  GroundOptions ground;
+  /// `geometric`, or `boxes:FILE` (with several drives `boxes:FILE,FILE...`, one a drive).
   std::string detector = "geometric";
   ProjectionOptions projection;
+  /// Join what was detected in all scans into objects, so that a car that was missed in some scans
+  /// goes from all of them, and project onto the ground of all scans. Without it every scan is on
+  /// its own, as in the paper.
+  bool fusion = true;
+  /// A user's corrections, see `edits.hpp`; only with `fusion`.
+  std::optional<std::filesystem::path> edits_file;
+  /// Fill the ground where objects stood and nothing was projected to; only with `fusion`.
+  bool fill = true;
+  /// Cleaning method: `free-space`, `none`, or one that the factory given to `build_map` knows.
+  std::string clean = "free-space";
   /// Edge of the voxels that merge points of the map [m], in [0.02, 2].
   double voxel_size_m = 0.1;
   /// Points nearer are the vehicle itself (bonnet and tail of a car reach 2.5 m from a sensor on
@@ -34,28 +48,41 @@ struct MapBuildOptions {
   [[nodiscard]] std::vector<std::string> violations() const;
 };
 
+/// Turns options into the paper's method: no fusion, boxes as they were detected, everything in
+/// them to the scan's mean ground height, nothing filled, nothing cleaned. The detector stays.
+void apply_paper_preset(MapBuildOptions& options);
+
 /// What a build did; the same numbers stand in the manifest (`counts`) and in build.json.
 struct MapBuildReport {
   std::size_t scans = 0;
   double seconds = 0.0;
   double scans_per_second = 0.0;
   double peak_rss_mib = 0.0;
-  std::map<std::string, std::uint64_t> points;  ///< in, ground, projected, deleted, static, ...
-  std::map<std::string, std::uint64_t>
-      objects;                                  ///< parked, moving, brief, boxes, "dropped: REASON"
+  /// in, ground, projected, deleted, cleaned, filled, static, ...
+  std::map<std::string, std::uint64_t> points;
+  /// parked, moving, unknown, boxes, "dropped: REASON", ...
+  std::map<std::string, std::uint64_t> objects;
   std::map<std::string, double> stage_seconds;  ///< summed over threads
+  /// What a person should look at: edits that met nothing.
+  std::vector<std::string> warnings;
   std::string digest;
 };
 
-/// Drive -> projected static map package at `target`, in bounded memory for the scans.
+/// Drives -> one projected static map package at `target`, in memory that grows with the map's area
+/// and, by some 30 KiB a scan, with their number.
 ///
-/// read -> drop -> deskew -> ground -> detect -> project (in parallel, a scan each), then stack in
-/// the order of the scans, so that the bytes do not depend on the number of threads. A build that
-/// fails or is cancelled leaves nothing at `target`.
+/// Pass 1, each scan: read -> drop -> deskew -> ground -> detect. Then objects and ground are fused
+/// over all scans. Pass 2, each scan from its original points: project -> stack. Last, each tile:
+/// clean -> fill -> normals. Scans and tiles are processed in parallel and taken in order, so that
+/// the bytes do not depend on the number of threads. A build that fails or is cancelled leaves
+/// nothing at `target`.
+/// @param drives        at least one, with poses in one frame.
+/// @param make_cleaner  for other names than `free-space` and `none`; may be empty.
 /// @throws std::invalid_argument (options), maps::InputError, maps::StorageError, Cancelled.
-MapBuildReport build_map(const std::filesystem::path& drive, const std::filesystem::path& target,
-                         const MapBuildOptions& options, const ProgressCallback& progress,
-                         const CancelFlag& cancel);
+MapBuildReport build_map(const std::vector<std::filesystem::path>& drives,
+                         const std::filesystem::path& target, const MapBuildOptions& options,
+                         const ProgressCallback& progress, const CancelFlag& cancel,
+                         const CleanerFactory& make_cleaner = {});
 
 /// The object of `--json` and of a package's build.json.
 [[nodiscard]] std::string to_json(const MapBuildReport& report);

@@ -37,7 +37,7 @@ std::vector<double> ticks_of(const PlotAxis& axis) {
   const double ratio = rough / power;
   const double step = power * (ratio < 1.5 ? 1.0 : ratio < 3.5 ? 2.0 : ratio < 7.5 ? 5.0 : 10.0);
   for (double k = std::ceil(axis.min / step - 1e-9); k * step <= axis.max + 1e-9 * step; ++k)
-    ticks.push_back(k * step);
+    ticks.push_back(k * step + 0.0);  // turns -0 into 0
   return ticks;
 }
 

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/map_object.hpp>
 #include <stillmap/maps/partial_folder.hpp>
+#include <stillmap/maps/point_fates.hpp>
 #include <stillmap/maps/trajectory.hpp>
 
 #include <Eigen/Core>
@@ -38,10 +40,27 @@ struct MapPoint {
   /// Observations merged into this point, saturating.
   std::uint16_t observations;
   PointKind kind;
-  /// Object that a projected point came from: index into objects.json plus 1, modulo 255; 0 = none.
+  /// Object that a projected or filled point stands for: `PointHistory::object`, 1 + (n - 1) % 255;
+  /// 0 = none.
   std::uint8_t object;
 };
 static_assert(sizeof(MapPoint) == 20);
+
+/// What is known of a map point beyond what every query needs, in a file beside the tile (little
+/// endian, 16 bytes).
+struct PointHistory {
+  /// Ordinals of the first and the last scan that saw it, over all drives of the map.
+  std::uint32_t first_scan, last_scan;
+  /// Index into objects.json plus 1 of the object that a projected or filled point stands for; 0 =
+  /// none.
+  std::uint32_t object;
+  /// Unit normal of the surface around it times 127, towards where it was seen from; 0 0 0 where
+  /// there is none (projected, filled, or too few points around).
+  std::int8_t normal[3];
+  /// 255 = a perfect plane, 0 = no surface at all.
+  std::uint8_t planarity;
+};
+static_assert(sizeof(PointHistory) == 16);
 
 /// One cell of the tile grid: x, y = floor((p - origin) / 20 m / 2^level).
 struct TileId {
@@ -58,18 +77,6 @@ struct TileEntry {
   TileId id;
   std::uint64_t points = 0;
   std::array<float, 3> min{}, max{};
-};
-
-/// An object that was removed, in the map frame.
-struct MapObject {
-  std::size_t scan = 0;
-  Eigen::Vector3d centre_map = Eigen::Vector3d::Zero();
-  Eigen::Vector3d size_m = Eigen::Vector3d::Ones();
-  double yaw_rad = 0.0;
-  ObjectClass object_class = ObjectClass::kUnknown;
-  double score = 1.0;
-  int track = -1;
-  std::uint64_t points_removed = 0;
 };
 
 /// What the digest covers: everything in manifest.json, thus through SHA-256 every file it lists.
@@ -105,14 +112,20 @@ class MapPackageWriter {
  public:
   /// @throws InputError if `target` exists, StorageError if its folder cannot be written.
   explicit MapPackageWriter(std::filesystem::path target);
+  ~MapPackageWriter();
 
   /// Folder to put further files in (trajectory.tum, objects.json, preview.png, ...); all are
   /// hashed.
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_.path(); }
-  /// @param points  relative to the manifest's origin, at least one, all finite.
+  /// @param points   relative to the manifest's origin, at least one, all finite.
+  /// @param history  one a point, or empty when there is none.
   /// @throws std::invalid_argument if not, or when the tile was added before.
-  void add_tile(TileId id, std::span<const MapPoint> points);
-  void write_trajectory(const Trajectory& trajectory);
+  void add_tile(TileId id, std::span<const MapPoint> points,
+                std::span<const PointHistory> history = {});
+  /// What became of the points of the next scan, in the order of the scans.
+  void add_fates(const ScanFates& fates);
+  /// @param drive  0 for the first or only one.
+  void write_trajectory(const Trajectory& trajectory, std::size_t drive = 0);
   void write_objects(const std::vector<MapObject>& objects);
   /// Hashes all files, writes manifest.json and `build_json` (outside the digest: times, host,
   /// timings) as build.json, syncs, renames. The manifest's `tiles` and `files` are filled here.
@@ -123,6 +136,7 @@ class MapPackageWriter {
  private:
   PartialFolder folder_;
   std::vector<TileEntry> tiles_;
+  std::unique_ptr<FatesWriter> fates_;
 };
 
 /// An immutable map version, memory-mapped and used as it is. Safe from several threads.
@@ -139,8 +153,14 @@ class MapPackage {
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   /// Points of a tile; empty when there is none. Valid as long as the package.
   [[nodiscard]] std::span<const MapPoint> tile(TileId id) const;
-  /// Empty when the package lists no trajectory.tum. @throws InputError.
-  [[nodiscard]] Trajectory trajectory() const;
+  /// What is known of a tile's points, in their order; empty when the package lists nothing.
+  [[nodiscard]] std::span<const PointHistory> history(TileId id) const;
+  /// Poses of the scans of each drive, in the order in which scans are numbered. Empty when the
+  /// package lists none. @throws InputError.
+  [[nodiscard]] std::vector<Trajectory> trajectories() const;
+  /// What became of the points of the scan with this ordinal; empty when the package does not say.
+  /// @throws InputError for a broken file or an ordinal beyond it.
+  [[nodiscard]] ScanFates fates(std::size_t scan) const;
   /// Empty when the package lists no objects.json. @throws InputError.
   [[nodiscard]] std::vector<MapObject> objects() const;
   /// Recomputes every SHA-256. @return the paths that do not match or cannot be read; empty when
@@ -149,11 +169,13 @@ class MapPackage {
 
  private:
   MapPackage() = default;
+  template <typename Record>
   struct Mapping;
   std::filesystem::path folder_;
   MapManifest manifest_;
   std::string digest_;
-  std::map<TileId, std::unique_ptr<Mapping>> tiles_;
+  std::map<TileId, std::unique_ptr<Mapping<MapPoint>>> tiles_;
+  std::map<TileId, std::unique_ptr<Mapping<PointHistory>>> histories_;
 };
 
 /// SHA-256 of a file as lower-case hex. @throws StorageError.

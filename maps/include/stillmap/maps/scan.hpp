@@ -16,9 +16,17 @@ struct PointCloud {
   std::vector<float> intensities;
   /// N times [s] relative to the scan's stamp, or empty when the layout does not tell.
   std::vector<float> time_offsets_s;
+  /// N positions in the file, ascending; empty when nothing of the file was left out.
+  std::vector<std::uint32_t> file_indices;
 
   [[nodiscard]] std::size_t size() const { return positions.size(); }
   [[nodiscard]] bool empty() const { return positions.empty(); }
+  /// Position of a point in the file.
+  [[nodiscard]] std::size_t file_index(std::size_t point) const {
+    return file_indices.empty() ? point : file_indices[point];
+  }
+  /// Keeps the points with a flag, in their order. @param keep  N flags.
+  void keep_only(const std::vector<std::uint8_t>& keep);
 };
 
 /// What a reader left out, and why.

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,9 @@ struct SimulationOptions {
   int day = 1;
   /// Building sites stand where there were none, and some fences are gone.
   bool change = false;
+  /// Mean share of the parking places along the roads that are taken, in [0, 1]; none = the
+  /// scenario's own (town 0.4).
+  std::optional<double> parked_share;
   /// Name of a sensor, or a file that describes one (see mapping/simulation/README.md).
   std::string sensor = "hdl64";
   /// Scans taken; 1 to 10000.

@@ -1,0 +1,120 @@
+#include "build/drive_set.hpp"
+
+#include <stillmap/mapping/deskew.hpp>
+
+#include <fmt/format.h>
+#include <stillmap/maps/error.hpp>
+
+#include <optional>
+#include <stdexcept>
+#include <utility>
+
+namespace stillmap::mapping {
+namespace {
+
+/// Two origins this near are one [degrees, m]: a tenth of a millimetre.
+constexpr double kSameDegrees = 1e-9;
+constexpr double kSameAltitudeM = 1e-4;
+
+void keep_range(maps::PointCloud& cloud, const std::array<double, 2>& range_m,
+                std::map<std::string, std::uint64_t>& counts) {
+  const auto near2 = static_cast<float>(range_m[0] * range_m[0]);
+  const auto far2 = static_cast<float>(range_m[1] * range_m[1]);
+  std::uint64_t too_near = 0, too_far = 0;
+  std::vector<std::uint8_t> keep(cloud.size());
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const float range2 = cloud.positions[i].squaredNorm();
+    too_near += range2 < near2 ? 1 : 0;
+    too_far += range2 > far2 ? 1 : 0;
+    keep[i] = range2 >= near2 && range2 <= far2 ? 1 : 0;
+  }
+  cloud.keep_only(keep);
+  counts["dropped_too_near"] += too_near;
+  counts["dropped_too_far"] += too_far;
+}
+
+bool same_frame(const std::optional<maps::GeodeticOrigin>& a,
+                const std::optional<maps::GeodeticOrigin>& b) {
+  if (!a || !b) return a.has_value() == b.has_value();
+  return std::abs(a->latitude_deg - b->latitude_deg) <= kSameDegrees &&
+         std::abs(a->longitude_deg - b->longitude_deg) <= kSameDegrees &&
+         std::abs(a->altitude_m - b->altitude_m) <= kSameAltitudeM;
+}
+
+std::string text_of(const std::optional<maps::GeodeticOrigin>& origin) {
+  if (!origin) return "poses without a geodetic origin";
+  return fmt::format("poses from {:.9f}, {:.9f}, {:.3f} m on", origin->latitude_deg,
+                     origin->longitude_deg, origin->altitude_m);
+}
+
+maps::Drive open_with_poses(const std::filesystem::path& folder, const MapBuildOptions& options) {
+  maps::Drive drive = maps::Drive::open(folder, options.poses_file);
+  if (!drive.has_poses()) {
+    throw maps::InputError(folder.string(), "a drive without poses",
+                           "poses in its layout or a file given with --poses");
+  }
+  return drive;
+}
+
+}  // namespace
+
+maps::Scan read_deskewed(const maps::Drive& drive, std::size_t index,
+                         const std::array<double, 2>& range_m,
+                         std::map<std::string, std::uint64_t>& counts) {
+  maps::Scan scan = drive.read(index);
+  keep_range(scan.cloud, range_m, counts);
+  if (const auto twist = twist_at(drive, index)) deskew(scan.cloud, *twist);
+  return scan;
+}
+
+DriveSet::DriveSet(const std::vector<std::filesystem::path>& folders,
+                   const MapBuildOptions& options)
+    : range_m_{options.min_range_m, options.max_range_m} {
+  if (folders.empty()) throw std::invalid_argument("drives: none, expected at least one");
+  if (options.poses_file && folders.size() > 1)
+    throw std::invalid_argument("poses file: found with several drives, expected one drive");
+  for (const std::filesystem::path& folder : folders) {
+    const maps::Drive& drive = drives_.emplace_back(open_with_poses(folder, options));
+    const auto& origin = drives_.front().contents().origin;
+    if (!same_frame(drive.contents().origin, origin))
+      throw maps::InputError(folder.string(), text_of(drive.contents().origin),
+                             text_of(origin) + " as the first drive's");
+    const std::vector<std::size_t> indices = options.selection.indices(drive.size());
+    if (indices.empty())
+      throw maps::InputError(folder.string(), fmt::format("{} scans, none selected", drive.size()),
+                             "at least one selected scan");
+    for (const std::size_t index : indices) places_.push_back({drives_.size() - 1, index});
+  }
+}
+
+const Eigen::Isometry3d& DriveSet::T_map_lidar(std::size_t scan) const {
+  const Place at = place(scan);
+  return drives_[at.drive].T_map_lidar(at.index);
+}
+
+std::int64_t DriveSet::stamp_ns(std::size_t scan) const {
+  const Place at = place(scan);
+  return drives_[at.drive].stamp_ns(at.index);
+}
+
+const std::filesystem::path& DriveSet::file(std::size_t scan) const {
+  const Place at = place(scan);
+  return drives_[at.drive].contents().scan_files.at(at.index);
+}
+
+maps::Scan DriveSet::read(std::size_t scan, std::map<std::string, std::uint64_t>& counts) const {
+  const Place at = place(scan);
+  return read_deskewed(drives_[at.drive], at.index, range_m_, counts);
+}
+
+std::vector<maps::Trajectory> DriveSet::trajectories() const {
+  std::vector<std::vector<maps::StampedPose>> poses(drives_.size());
+  for (const Place& at : places_)
+    poses[at.drive].push_back(
+        {drives_[at.drive].stamp_ns(at.index), drives_[at.drive].T_map_lidar(at.index)});
+  std::vector<maps::Trajectory> trajectories;
+  for (std::vector<maps::StampedPose>& each : poses) trajectories.emplace_back(std::move(each));
+  return trajectories;
+}
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,91 @@
+#include "build/manifest.hpp"
+
+#include "build/boxes_files.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <map>
+#include <string>
+
+namespace stillmap::mapping {
+namespace {
+
+std::string text_of(const maps::Selection& selection) {
+  return fmt::format("{}:{}:{}", selection.begin,
+                     selection.end ? std::to_string(*selection.end) : "", selection.step);
+}
+
+std::string switch_of(bool on) { return on ? "on" : "off"; }
+
+/// Files by their name alone: where they lay says nothing about the map.
+std::string detector_text(const MapBuildOptions& options) {
+  const std::vector<std::filesystem::path> files = boxes_files(options.detector);
+  if (files.empty()) return options.detector;
+  std::string text = "boxes:";
+  for (const std::filesystem::path& file : files)
+    text += (text.back() == ':' ? "" : ",") + file.filename().string();
+  return text;
+}
+
+std::map<std::string, std::string> texts_of(const MapBuildOptions& options) {
+  const ProjectionOptions& projection = options.projection;
+  return {
+      {"select", text_of(options.selection)},
+      {"poses", options.poses_file ? options.poses_file->filename().string() : "of the drive"},
+      {"detector", detector_text(options)},
+      {"sensor_height_m", options.ground.sensor_height_m
+                              ? fmt::format("{}", *options.ground.sensor_height_m)
+                              : "estimated"},
+      {"movable", std::string(name_of(projection.policy))},
+      {"ground_height", std::string(name_of(projection.ground_height))},
+      {"margin_m", fmt::format("{}", projection.margin_m)},
+      {"margin_up_m", fmt::format("{}", projection.margin_up_m)},
+      {"fusion", switch_of(options.fusion)},
+      {"edits", options.edits_file ? options.edits_file->filename().string() : "none"},
+      {"fill", switch_of(options.fusion && options.fill)},
+      {"clean", options.clean},
+      {"voxel_size_m", fmt::format("{}", options.voxel_size_m)},
+      {"min_range_m", fmt::format("{}", options.min_range_m)},
+      {"max_range_m", fmt::format("{}", options.max_range_m)},
+  };
+}
+
+std::map<std::string, std::string> sources_of(const DriveSet& drives,
+                                              const MapBuildOptions& options) {
+  std::map<std::string, std::string> sources;
+  const auto numbered = [](const std::string& name, std::size_t i) {
+    return i == 0 ? name : fmt::format("{}_{}", name, i + 1);
+  };
+  for (std::size_t i = 0; i < drives.drives().size(); ++i)
+    sources[numbered("drive", i)] =
+        std::filesystem::weakly_canonical(drives.drives()[i].contents().root).filename().string();
+  const std::vector<std::filesystem::path> boxes = boxes_files(options.detector);
+  for (std::size_t i = 0; i < boxes.size(); ++i)
+    sources[numbered("boxes_sha256", i)] = maps::sha256_of_file(boxes[i]);
+  if (options.poses_file) sources["poses_sha256"] = maps::sha256_of_file(*options.poses_file);
+  if (options.edits_file) sources["edits_sha256"] = maps::sha256_of_file(*options.edits_file);
+  return sources;
+}
+
+}  // namespace
+
+maps::MapManifest manifest_of(const DriveSet& drives, const MapBuildOptions& options,
+                              const Eigen::Vector3d& origin, const MapBuildReport& report) {
+  const maps::Drive& first = drives.drives().front();
+  maps::MapManifest manifest;
+  manifest.frame_id = first.contents().origin ? "enu" : "local";
+  manifest.origin = origin;
+  manifest.geodetic_origin = first.contents().origin;
+  manifest.voxel_size_m = options.voxel_size_m;
+  manifest.relative_clock = first.relative_clock();
+  manifest.software_version = STILLMAP_VERSION;
+  manifest.options = texts_of(options);
+  manifest.counts = report.points;
+  for (const auto& [name, count] : report.objects) manifest.counts["objects_" + name] = count;
+  manifest.counts["scans"] = report.scans;
+  manifest.sources = sources_of(drives, options);
+  return manifest;
+}
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,44 @@
+#pragma once
+
+#include "build/scan_stages.hpp"
+#include "ground/fused_ground.hpp"
+#include "views/range_view_store.hpp"
+
+#include <stillmap/mapping/progress.hpp>
+
+#include <cstddef>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace stillmap::mapping {
+
+/// What pass 1 leaves behind for all that follows.
+struct Survey {
+  struct Scan {
+    std::vector<bool> is_ground;
+    std::vector<maps::Box> boxes;
+  };
+  /// `scratch` is a folder.
+  explicit Survey(const std::filesystem::path& scratch) : views(scratch) {}
+
+  /// By ordinal.
+  std::vector<Scan> scans;
+  FusedGround ground;
+  ObstacleMap obstacles;
+  RangeViewStore views;
+  /// SHA-256 and name of every scan's file, a line each as `sha256sum` prints it.
+  std::string sources;
+  Counts counts;
+  StageSeconds stage_seconds;
+};
+
+/// Pass 1 over all scans: several at once, taken in their order.
+/// @param scratch  folder for what does not stay in memory.
+[[nodiscard]] std::unique_ptr<Survey> survey_scans(const DriveSet& drives, const ScanStages& stages,
+                                                   const std::filesystem::path& scratch,
+                                                   int threads, const ProgressCallback& progress,
+                                                   const CancelFlag& cancel);
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,161 @@
+#include "cleaning/free_evidence.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+namespace stillmap::mapping {
+namespace {
+
+constexpr double kKeyframeStepM = 0.7;
+constexpr double kKeyframeTurnRad = 0.17;
+constexpr std::size_t kKeyframeScans = 20;
+/// Half a step: rays of the same place meet the same side of everything.
+constexpr double kSamePlaceM = 0.35;
+constexpr float kSamePlaceWeight = 0.25F;
+
+/// Nearer than this a view meets its own vehicle [m].
+constexpr float kNearestM = 2.0F;
+/// Views that a cell is given for granted not to have moved.
+constexpr float kDoubt = 2.0F;
+/// What a thin thing lets through of the rays that head for its cell.
+constexpr double kLetsThrough = 0.85;
+
+/// Most cells are walls and the like: hit by every view, seen free by none. So every fourth view is
+/// asked first, and cells that are hit by this many of them, and free to none, are left alone.
+constexpr std::size_t kFirstStep = 4;
+constexpr float kSurelyHit = 3.0F;
+
+/// All that the views before the current one said about a cell.
+struct Record {
+  float spoken = 0.0F;  ///< free, hit and mixed
+  float run = 0.0F;     ///< free since the last hit
+  float best_run = 0.0F;
+  float hits = 0.0F;
+  bool ever_free = false;
+  std::uint32_t first_place = 0;  ///< of the run
+  bool several_places = false;    ///< in the run
+};
+
+using Weights = std::array<float, 64>;
+
+/// By the number of rays.
+Weights free_weights() {
+  Weights weights;
+  for (std::size_t rays = 0; rays < weights.size(); ++rays)
+    weights[rays] = static_cast<float>(1.0 - std::pow(kLetsThrough, static_cast<double>(rays)));
+  return weights;
+}
+
+void add_free(Record& record, const Keyframe& keyframe, float weight) {
+  if (record.run <= 0.0F) {
+    record.first_place = keyframe.place;
+    record.several_places = false;
+  }
+  record.run += weight;
+  record.ever_free = true;
+  record.spoken += weight;
+  if (keyframe.place != record.first_place) record.several_places = true;
+  if (record.several_places) record.best_run = std::max(record.best_run, record.run);
+}
+
+void add(Record& record, const Look& look, const Keyframe& keyframe, const Weights& weights) {
+  switch (look.sight) {
+    case Sight::kUnknown:
+    case Sight::kHidden:
+      return;
+    case Sight::kHit:
+      record.run = 0.0F;
+      record.hits += keyframe.weight;
+      record.spoken += keyframe.weight;
+      return;
+    case Sight::kMixed:
+      record.spoken += keyframe.weight;
+      return;
+    case Sight::kFree: {
+      const auto rays = std::min(static_cast<std::size_t>(look.rays), weights.size() - 1);
+      add_free(record, keyframe, keyframe.weight * weights[rays]);
+      return;
+    }
+  }
+}
+
+/// Asks views about cells.
+struct Asker {
+  std::span<const Eigen::Vector3f> positions;
+  float radius_m;
+  const PosedViews& views;
+
+  /// @param cells  numbers in `positions`. @return a record a cell.
+  [[nodiscard]] std::vector<Record> ask(std::span<const std::uint32_t> cells,
+                                        std::span<const Keyframe> keyframes) const {
+    static const Weights weights = free_weights();
+    std::vector<Record> records(cells.size());
+    Eigen::AlignedBox3f bounds;
+    for (const std::uint32_t i : cells) bounds.extend(positions[i]);
+    for (const Keyframe& keyframe : keyframes) {
+      const Eigen::Isometry3d& T = views.T_local_lidar[keyframe.scan];
+      const Eigen::Vector3f sensor = T.translation().cast<float>();
+      if (!(bounds.squaredExteriorDistance(sensor) < kViewReachM * kViewReachM)) continue;
+      const std::shared_ptr<const RangeView> view = views.read(keyframe.scan);
+      const Eigen::Isometry3f T_lidar_local = T.inverse().cast<float>();
+      for (std::size_t k = 0; k < cells.size(); ++k) {
+        const Eigen::Vector3f p = T_lidar_local * positions[cells[k]];
+        const float range2 = p.squaredNorm();
+        if (range2 > kViewReachM * kViewReachM || range2 < kNearestM * kNearestM) continue;
+        add(records[k], view->look(p, radius_m), keyframe, weights);
+      }
+    }
+    return records;
+  }
+};
+
+}  // namespace
+
+std::vector<Keyframe> select_keyframes(std::span<const Eigen::Isometry3d> T_local_lidar) {
+  std::vector<Keyframe> keyframes;
+  Eigen::Vector3d place = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i < T_local_lidar.size(); ++i) {
+    const Eigen::Isometry3d& T = T_local_lidar[i];
+    if (keyframes.empty()) {
+      keyframes.push_back({i, 0, 1.0F});
+      place = T.translation();
+      continue;
+    }
+    const Keyframe& last = keyframes.back();
+    const Eigen::Isometry3d T_last_this = T_local_lidar[last.scan].inverse() * T;
+    const double turn = Eigen::AngleAxisd(T_last_this.linear()).angle();
+    if (T_last_this.translation().norm() < kKeyframeStepM && turn < kKeyframeTurnRad &&
+        i - last.scan < kKeyframeScans)
+      continue;
+    const bool same = (T.translation() - place).norm() < kSamePlaceM;
+    if (!same) place = T.translation();
+    keyframes.push_back({i, same ? last.place : last.place + 1, same ? kSamePlaceWeight : 1.0F});
+  }
+  return keyframes;
+}
+
+std::vector<FreeEvidence> find_free_evidence(std::span<const Eigen::Vector3f> positions,
+                                             float radius_m, const PosedViews& views,
+                                             std::span<const Keyframe> keyframes) {
+  std::vector<FreeEvidence> evidence(positions.size());
+  std::vector<std::uint32_t> open(positions.size());
+  std::iota(open.begin(), open.end(), 0U);
+  const Asker asker{positions, radius_m, views};
+  std::vector<Keyframe> few;
+  for (std::size_t k = 0; k < keyframes.size(); k += kFirstStep) few.push_back(keyframes[k]);
+  std::vector<Record> records = asker.ask(open, few);
+  std::vector<std::uint32_t> doubtful;
+  for (std::size_t i = 0; i < open.size(); ++i) {
+    const bool stays = records[i].hits >= kSurelyHit && !records[i].ever_free;
+    if (stays) evidence[i].hits = kFirstStep * records[i].hits;
+    if (!stays) doubtful.push_back(open[i]);
+  }
+  records = asker.ask(doubtful, keyframes);
+  for (std::size_t k = 0; k < doubtful.size(); ++k)
+    evidence[doubtful[k]] = {records[k].best_run / (kDoubt + records[k].spoken), records[k].hits};
+  return evidence;
+}
+
+}  // namespace stillmap::mapping

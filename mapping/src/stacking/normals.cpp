@@ -1,0 +1,102 @@
+#include "stacking/normals.hpp"
+
+#include <Eigen/Eigenvalues>
+
+#include <algorithm>
+#include <cmath>
+#include <unordered_map>
+
+namespace stillmap::mapping {
+namespace {
+
+constexpr float kCellM = 0.2F;
+constexpr std::uint32_t kLeastPoints = 6;
+
+struct Moments {
+  std::uint32_t count = 0;
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
+
+  void operator+=(const Moments& other) {
+    count += other.count;
+    sum += other.sum;
+    squares += other.squares;
+  }
+};
+
+using Cell = Eigen::Array3i;
+
+std::uint64_t key_of(const Cell& cell) {
+  constexpr int kHalf = 1 << 20;
+  std::uint64_t key = 0;
+  for (Eigen::Index axis = 0; axis < 3; ++axis)
+    key = key << 21U | (static_cast<std::uint64_t>(cell[axis] + kHalf) & 0x1FFFFFU);
+  return key;
+}
+
+class Cells {
+ public:
+  /// Points are counted from the first one, so that squares keep their digits.
+  explicit Cells(const std::vector<Eigen::Vector3f>& positions) {
+    cells_.reserve(positions.size() / 2);
+    for (const Eigen::Vector3f& p : positions) {
+      Moments& cell = cells_[key_of(cell_of(p))];
+      const Eigen::Vector3d q = (p - positions.front()).cast<double>();
+      ++cell.count;
+      cell.sum += q;
+      cell.squares += q * q.transpose();
+    }
+  }
+
+  [[nodiscard]] static Cell cell_of(const Eigen::Vector3f& p) {
+    return (p / kCellM).array().floor().cast<int>();
+  }
+
+  [[nodiscard]] Moments around(const Cell& cell) const {
+    Moments all;
+    for (int step = 0; step < 27; ++step) {
+      const Cell offset(step % 3 - 1, step / 3 % 3 - 1, step / 9 - 1);
+      if (const auto found = cells_.find(key_of(cell + offset)); found != cells_.end())
+        all += found->second;
+    }
+    return all;
+  }
+
+ private:
+  std::unordered_map<std::uint64_t, Moments> cells_;
+};
+
+SurfaceNormal normal_of(const Moments& m) {
+  if (m.count < kLeastPoints) return {};
+  const Eigen::Vector3d mean = m.sum / m.count;
+  const Eigen::Matrix3d covariance = m.squares / m.count - mean * mean.transpose();
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
+  solver.computeDirect(covariance);
+  const Eigen::Vector3d values = solver.eigenvalues().cwiseMax(0.0);
+  // A line has no normal: its middle extent is that of the noise [m^2].
+  if (!(values[1] > 1e-4)) return {};
+  const double planarity = (values[1] - values[0]) / values[1];
+  return {solver.eigenvectors().col(0).cast<float>(),
+          static_cast<std::uint8_t>(std::lround(255.0 * planarity))};
+}
+
+}  // namespace
+
+std::vector<SurfaceNormal> estimate_normals(const std::vector<Eigen::Vector3f>& positions,
+                                            const std::vector<Eigen::Vector3f>& seen_from) {
+  std::vector<SurfaceNormal> normals(positions.size());
+  if (positions.empty()) return normals;
+  const Cells cells(positions);
+  std::unordered_map<std::uint64_t, SurfaceNormal> of_cell;
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    const Cell cell = Cells::cell_of(positions[i]);
+    const auto [at, is_new] = of_cell.try_emplace(key_of(cell));
+    if (is_new) at->second = normal_of(cells.around(cell));
+    normals[i] = at->second;
+    if (normals[i].normal.dot(seen_from[i] - positions[i]) < 0.0F)
+      normals[i].normal = -normals[i].normal;
+  }
+  return normals;
+}
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,98 @@
+#include "stacking/tile_points.hpp"
+
+#include "stacking/normals.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace stillmap::mapping {
+namespace {
+
+std::uint8_t short_number(std::uint32_t object) {
+  return object == 0 ? std::uint8_t{0} : static_cast<std::uint8_t>(1 + (object - 1) % 255);
+}
+
+maps::PointKind kind_of(const VoxelSum& sum) {
+  if (sum.moved()) return maps::PointKind::kProjected;
+  return is_ground(sum) ? maps::PointKind::kGround : maps::PointKind::kMeasured;
+}
+
+maps::MapPoint point_of(const Eigen::Vector3f& p, const VoxelSum& sum) {
+  constexpr std::uint32_t kMost = std::numeric_limits<std::uint16_t>::max();
+  return {p.x(),
+          p.y(),
+          p.z(),
+          sum.intensity / static_cast<float>(sum.observations),
+          static_cast<std::uint16_t>(std::min(sum.observations, kMost)),
+          kind_of(sum),
+          short_number(sum.object)};
+}
+
+/// Normals of the measured points go into their history.
+void set_normals(const std::vector<Eigen::Vector3f>& measured,
+                 const std::vector<Eigen::Vector3f>& seen_from,
+                 const std::vector<std::size_t>& numbers, TilePoints& tile) {
+  const std::vector<SurfaceNormal> normals = estimate_normals(measured, seen_from);
+  for (std::size_t i = 0; i < normals.size(); ++i) {
+    maps::PointHistory& history = tile.history[numbers[i]];
+    for (Eigen::Index axis = 0; axis < 3; ++axis)
+      history.normal[axis] =
+          static_cast<std::int8_t>(std::lround(127.0F * normals[i].normal[axis]));
+    history.planarity = normals[i].planarity;
+  }
+}
+
+}  // namespace
+
+Eigen::Vector3f mean_of(const VoxelGrid& grid, maps::TileId tile, const VoxelSum& sum) {
+  const Eigen::Vector3d offset =
+      Eigen::Vector3f(sum.offset[0], sum.offset[1], sum.offset[2]).cast<double>() /
+      sum.observations;
+  return grid.position(tile, sum.voxel(), offset);
+}
+
+CleaningPoints cleaning_points(const VoxelGrid& grid, maps::TileId tile,
+                               const std::vector<VoxelSum>& sums,
+                               std::vector<std::size_t>& numbers) {
+  CleaningPoints points;
+  points.voxel_size_m = grid.voxel_size_m();
+  numbers.clear();
+  for (std::size_t i = 0; i < sums.size(); ++i) {
+    if (sums[i].moved()) continue;
+    points.positions.push_back(mean_of(grid, tile, sums[i]));
+    points.is_ground.push_back(is_ground(sums[i]) ? 1 : 0);
+    points.scans.push_back(sums[i].scans);
+    numbers.push_back(i);
+  }
+  return points;
+}
+
+TilePoints to_points(const VoxelGrid& grid, maps::TileId tile, const std::vector<VoxelSum>& sums,
+                     const std::function<Eigen::Vector3f(std::uint32_t scan)>& lidar_of_scan) {
+  TilePoints out{tile, {}, {}};
+  out.points.reserve(sums.size());
+  out.history.reserve(sums.size());
+  std::vector<Eigen::Vector3f> measured, seen_from;
+  std::vector<std::size_t> numbers;
+  for (const VoxelSum& sum : sums) {
+    const Eigen::Vector3f p = mean_of(grid, tile, sum);
+    if (!sum.moved()) {
+      measured.push_back(p);
+      seen_from.push_back(lidar_of_scan(sum.first_scan));
+      numbers.push_back(out.points.size());
+    }
+    out.points.push_back(point_of(p, sum));
+    out.history.push_back({sum.first_scan, sum.last_scan, sum.object, {0, 0, 0}, 0});
+  }
+  set_normals(measured, seen_from, numbers, out);
+  return out;
+}
+
+void add_filled(const Eigen::Vector3f& p, std::uint32_t object, TilePoints& tile) {
+  tile.points.push_back(
+      {p.x(), p.y(), p.z(), 0.0F, 0, maps::PointKind::kFilled, short_number(object)});
+  tile.history.push_back({0, 0, object, {0, 0, 0}, 0});
+}
+
+}  // namespace stillmap::mapping

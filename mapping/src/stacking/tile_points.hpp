@@ -1,0 +1,47 @@
+#pragma once
+
+#include "stacking/voxel_grid.hpp"
+#include "stacking/voxel_sums.hpp"
+
+#include <stillmap/mapping/cleaning.hpp>
+#include <stillmap/maps/map_package.hpp>
+
+#include <Eigen/Core>
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+namespace stillmap::mapping {
+
+/// A finished tile, as the package holds it.
+struct TilePoints {
+  maps::TileId id;
+  std::vector<maps::MapPoint> points;
+  std::vector<maps::PointHistory> history;
+};
+
+/// The mean of a voxel, from the map's origin [m].
+[[nodiscard]] Eigen::Vector3f mean_of(const VoxelGrid& grid, maps::TileId tile,
+                                      const VoxelSum& sum);
+/// Whether most of what a voxel saw is ground.
+[[nodiscard]] inline bool is_ground(const VoxelSum& sum) {
+  return 2 * sum.ground > sum.observations;
+}
+
+/// The measured ones of a tile's voxels, for cleaning.
+/// @param numbers  gets the number of each in `sums`.
+[[nodiscard]] CleaningPoints cleaning_points(const VoxelGrid& grid, maps::TileId tile,
+                                             const std::vector<VoxelSum>& sums,
+                                             std::vector<std::size_t>& numbers);
+
+/// Turns the voxels of a tile into points: means, kinds, normals, who saw them when.
+/// @param lidar_of_scan  where the sensor was at a scan, from the map's origin [m].
+[[nodiscard]] TilePoints to_points(
+    const VoxelGrid& grid, maps::TileId tile, const std::vector<VoxelSum>& sums,
+    const std::function<Eigen::Vector3f(std::uint32_t scan)>& lidar_of_scan);
+
+/// Adds a point of synthetic ground. @param object  number of the object that stood there plus 1.
+void add_filled(const Eigen::Vector3f& p, std::uint32_t object, TilePoints& tile);
+
+}  // namespace stillmap::mapping

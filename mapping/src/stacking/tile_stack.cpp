@@ -1,0 +1,112 @@
+#include "stacking/tile_stack.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <stdexcept>
+#include <system_error>
+#include <utility>
+
+namespace stillmap::mapping {
+
+bool ScanVoxels::add(const StackedPoint& point) {
+  const auto place = grid_->find(point.p_map);
+  if (!place) return false;
+  if (last_ == nullptr || last_tile_ != place->tile) {
+    last_tile_ = place->tile;
+    last_ = &tiles_[place->tile];
+  }
+  const bool moved = !maps::is_measured(point.kind);
+  last_->add({.key = place->voxel << 1U | (moved ? 1U : 0U),
+              .offset = {place->offset.x(), place->offset.y(), place->offset.z()},
+              .intensity = point.intensity,
+              .observations = 1,
+              .ground = point.kind == maps::PointKind::kGround ? 1U : 0U,
+              .scans = 1,
+              .first_scan = scan_,
+              .last_scan = scan_,
+              .object = point.object},
+             true);
+  return true;
+}
+
+TileStack::TileStack(std::filesystem::path scratch_file, std::size_t most_voxels)
+    : scratch_file_(std::move(scratch_file)), most_voxels_(most_voxels) {
+  if (most_voxels == 0) throw std::invalid_argument("voxels in memory: 0, expected > 0");
+}
+
+TileStack::~TileStack() {
+  std::error_code ignored;
+  if (scratch_) std::filesystem::remove(scratch_file_, ignored);
+}
+
+void TileStack::add(const ScanVoxels& scan) {
+  for (const auto& [id, voxels] : scan.tiles()) {
+    Tile& tile = tiles_[id];
+    const std::size_t before = tile.voxels.sums().size();
+    for (const VoxelSum& sum : voxels.sums()) tile.voxels.add(sum, false);
+    tile.last_scan = scan.scan();
+    voxels_ += tile.voxels.sums().size() - before;
+  }
+  if (voxels_ > most_voxels_) spill();
+}
+
+void TileStack::spill() {
+  std::vector<std::pair<std::uint32_t, maps::TileId>> oldest;
+  for (const auto& [id, tile] : tiles_) {
+    if (!tile.voxels.sums().empty()) oldest.emplace_back(tile.last_scan, id);
+  }
+  std::sort(oldest.begin(), oldest.end());
+  for (const auto& [last_scan, id] : oldest) {
+    // A good part at once, so that it does not happen every scan.
+    if (4 * voxels_ <= 3 * most_voxels_) return;
+    write(tiles_.at(id));
+  }
+}
+
+void TileStack::write(Tile& tile) {
+  if (!scratch_) scratch_.reset(std::fopen(scratch_file_.c_str(), "w+b"));
+  const std::vector<VoxelSum>& sums = tile.voxels.sums();
+  if (!scratch_ ||
+      std::fwrite(sums.data(), sizeof(VoxelSum), sums.size(), scratch_.get()) != sums.size())
+    throw maps::StorageError(scratch_file_.string(), std::strerror(errno));
+  tile.parts.push_back({written_, sums.size()});
+  written_ += sums.size() * sizeof(VoxelSum);
+  voxels_ -= sums.size();
+  tile.voxels = {};
+}
+
+std::vector<maps::TileId> TileStack::tiles() const {
+  std::vector<maps::TileId> ids;
+  for (const auto& [id, tile] : tiles_) ids.push_back(id);
+  return ids;
+}
+
+std::vector<VoxelSum> TileStack::read(maps::TileId id) const {
+  const Tile& tile = tiles_.at(id);
+  VoxelSums whole;
+  if (!tile.parts.empty() && std::fflush(scratch_.get()) != 0)
+    throw maps::StorageError(scratch_file_.string(), std::strerror(errno));
+  for (const Part& part : tile.parts) {
+    std::vector<VoxelSum> sums(part.voxels);
+    const auto bytes = static_cast<ssize_t>(sums.size() * sizeof(VoxelSum));
+    if (::pread(::fileno(scratch_.get()), sums.data(), static_cast<std::size_t>(bytes),
+                static_cast<off_t>(part.offset)) != bytes)
+      throw maps::StorageError(scratch_file_.string(), "a tile cannot be read back");
+    for (const VoxelSum& sum : sums) whole.add(sum, false);
+  }
+  for (const VoxelSum& sum : tile.voxels.sums()) whole.add(sum, false);
+  return whole.take_sorted();
+}
+
+std::vector<VoxelSum> TileStack::take(maps::TileId id) {
+  std::vector<VoxelSum> sums = read(id);
+  tiles_.at(id).voxels = {};
+  return sums;
+}
+
+}  // namespace stillmap::mapping

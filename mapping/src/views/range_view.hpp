@@ -1,0 +1,102 @@
+#pragma once
+
+#include "views/box_rays.hpp"
+#include "views/view_grid.hpp"
+
+#include <stillmap/maps/box.hpp>
+
+#include <Eigen/Core>
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace stillmap::mapping {
+
+/// What one scan says about a small cell.
+enum class Sight : std::uint8_t {
+  /// No ray headed for it: between rings, own vehicle, no return.
+  kUnknown,
+  /// All rays that headed for it ended before it.
+  kHidden,
+  /// A ray ended at it.
+  kHit,
+  /// Rays passed it, but something stands so near to their way that it may reach into the cell.
+  kMixed,
+  /// Rays passed through it, and nothing is near their way.
+  kFree,
+};
+
+struct Look {
+  Sight sight = Sight::kUnknown;
+  /// Directions with a return around the cell, guard included; only for `kFree`.
+  int rays = 0;
+};
+
+/// Where one scan looked and how far: for each direction (`ViewGrid`) the nearest and the farthest
+/// return.
+///
+/// A direction without a return says nothing: neither sky, nor a black car, nor the own vehicle is
+/// told from free space. Ground is kept apart from the rest, since a return from the ground before
+/// or under a cell does not speak for something in the cell.
+/// Immutable; safe from several threads.
+class RangeView {
+ public:
+  /// @param positions  N points in the lidar frame [m], deskewed to one instant, finite.
+  /// @param is_ground  N flags, 1 = ground; or empty when unknown.
+  RangeView(std::span<const Eigen::Vector3f> positions, std::span<const std::uint8_t> is_ground);
+
+  /// @param p          lidar frame [m].
+  /// @param radius_m   of the cell around it, > 0.
+  /// @return see `Sight`. `kFree` needs a ray through the cell that ends well beyond it, and no
+  /// return from anything but the ground before that in all directions within the cell's radius
+  /// and a guard around it (pose, beam, bins).
+  [[nodiscard]] Look look(const Eigen::Vector3f& p, float radius_m) const;
+
+  /// What the rays towards a box met, counted in directions that have a return. Rays that pass
+  /// lower than a vehicle's floor are left out; a return from the ground inside of the box, of a
+  /// ray that came in higher, counts as passing through: the ray met nothing in the box.
+  /// @param box  in the scan's lidar frame. NaN anywhere: no rays.
+  [[nodiscard]] BoxRays count(const maps::Box& box) const;
+
+  /// For a scratch file of the same program run: 2 to 5 bytes a direction with returns.
+  [[nodiscard]] std::string to_bytes() const;
+  /// @return the view that gave the bytes.
+  /// @throws std::invalid_argument saying what is wrong with the bytes.
+  [[nodiscard]] static RangeView from_bytes(std::string_view bytes);
+
+  [[nodiscard]] std::size_t bytes_in_memory() const { return bins_.size() * sizeof(Bin); }
+  friend bool operator==(const RangeView&, const RangeView&) = default;
+
+ private:
+  /// Ranges in `kQuantumM`, rounded down: a surface is never farther than it says.
+  struct Bin {
+    /// Of the nearest return that is not ground; kNone without one.
+    std::uint16_t nearest = kNone;
+    /// Of the farthest return; 0 without one.
+    std::uint16_t farthest = 0;
+    friend bool operator==(const Bin&, const Bin&) = default;
+  };
+  static constexpr std::uint16_t kNone = 0xFFFF;
+  static constexpr float kQuantumM = 0.01F;
+
+  RangeView() = default;
+  /// Whether a return from anything but the ground lies within some decimetres of a cell.
+  [[nodiscard]] bool any_near(const Eigen::Vector3f& p, float radius_m) const;
+  [[nodiscard]] const Bin& bin(int row, int column) const {
+    return bins_[static_cast<std::size_t>((row - first_row_) * ViewGrid::kColumns +
+                                          ViewGrid::wrapped(column))];
+  }
+  [[nodiscard]] int end_row() const {
+    return first_row_ + static_cast<int>(bins_.size() / ViewGrid::kColumns);
+  }
+
+  /// Rows from the lowest to the highest with a return, all columns each.
+  std::vector<Bin> bins_;
+  int first_row_ = 0;
+};
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,249 @@
+#include "stacking/tile_stack.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <stillmap/maps/error.hpp>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <vector>
+
+#include "stacking/tile_points.hpp"
+#include "support/synthetic_world.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace stillmap::mapping {
+namespace {
+
+using maps::MapPoint;
+using maps::PointKind;
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+StackedPoint at(double x, double y, double z, PointKind kind = PointKind::kMeasured,
+                float intensity = 0.0F, std::uint32_t object = 0) {
+  return {{x, y, z}, intensity, kind, object};
+}
+
+/// Stacks lists of points, one a scan, and gives back the finished tiles.
+std::vector<TilePoints> stacked(const VoxelGrid& grid,
+                                const std::vector<std::vector<StackedPoint>>& scans,
+                                std::size_t most_voxels = 1'000'000) {
+  const test::TemporaryFolder folder;
+  TileStack stack(folder.path() / "tiles", most_voxels);
+  for (std::uint32_t i = 0; i < scans.size(); ++i) {
+    ScanVoxels voxels(grid, i);
+    for (const StackedPoint& point : scans[i]) EXPECT_TRUE(voxels.add(point));
+    stack.add(voxels);
+  }
+  std::vector<TilePoints> tiles;
+  for (const maps::TileId id : stack.tiles())
+    tiles.push_back(to_points(grid, id, stack.take(id),
+                              [](std::uint32_t) { return Eigen::Vector3f(0.0F, 0.0F, 2.0F); }));
+  return tiles;
+}
+
+std::vector<MapPoint> points_of(const std::vector<TilePoints>& tiles) {
+  std::vector<MapPoint> all;
+  for (const TilePoints& tile : tiles)
+    all.insert(all.end(), tile.points.begin(), tile.points.end());
+  return all;
+}
+
+TEST(TileStack, TakesTheMeanOfAVoxelRelativeToTheOrigin) {
+  const VoxelGrid grid({100.0, 200.0, 10.0}, 1.0);
+  const auto points =
+      points_of(stacked(grid, {{at(100.25, 200.5, 10.125, PointKind::kMeasured, 10.0F)},
+                               {at(100.75, 200.75, 10.375, PointKind::kMeasured, 20.0F)}}));
+  ASSERT_EQ(points.size(), 1U);
+  EXPECT_FLOAT_EQ(points[0].x, 0.5F);
+  EXPECT_FLOAT_EQ(points[0].y, 0.625F);
+  EXPECT_FLOAT_EQ(points[0].z, 0.25F);
+  EXPECT_FLOAT_EQ(points[0].intensity, 15.0F);
+  EXPECT_EQ(points[0].observations, 2U);
+  EXPECT_EQ(points[0].kind, PointKind::kMeasured);
+  EXPECT_EQ(points[0].object, 0U);
+}
+
+TEST(TileStack, KeepsCentimetresFarFromTheZeroOfTheMap) {
+  const VoxelGrid grid({4.0e6, 5.0e5, 0.0}, 0.1);
+  const MapPoint point = points_of(stacked(grid, {{at(4.0e6 + 3.137, 5.0e5 - 7.219, 1.5)}})).at(0);
+  EXPECT_NEAR(static_cast<double>(point.x), 3.137, 1e-6);
+  EXPECT_NEAR(static_cast<double>(point.y), -7.219, 1e-6);
+}
+
+TEST(TileStack, PartsVoxelsAtTheirSidesAlsoBelowZero) {
+  const VoxelGrid grid(Eigen::Vector3d::Zero(), 1.0);
+  EXPECT_EQ(points_of(stacked(grid, {{at(-0.1, 0.5, 0.5), at(0.1, 0.5, 0.5)}})).size(), 2U);
+  EXPECT_EQ(points_of(stacked(grid, {{at(0.5, 0.5, -0.1), at(0.5, 0.5, 0.1)}})).size(), 2U);
+}
+
+TEST(TileStack, KeepsMeasuredAndMovedPointsOfAVoxelApart) {
+  const VoxelGrid grid(Eigen::Vector3d::Zero(), 1.0);
+  const auto tiles =
+      stacked(grid, {{at(0.2, 0.5, 0.5)}, {at(0.8, 0.5, 0.5, PointKind::kProjected, 0.0F, 300)}});
+  const auto points = points_of(tiles);
+  ASSERT_EQ(points.size(), 2U);
+  EXPECT_EQ(points[0].kind, PointKind::kMeasured);
+  EXPECT_FLOAT_EQ(points[0].x, 0.2F);
+  EXPECT_EQ(points[1].kind, PointKind::kProjected);
+  EXPECT_EQ(points[1].object, 1 + 299 % 255);
+  EXPECT_EQ(tiles[0].history[1].object, 300U);
+}
+
+TEST(TileStack, CallsAVoxelGroundByItsMajority) {
+  const VoxelGrid grid(Eigen::Vector3d::Zero(), 1.0);
+  const StackedPoint ground = at(0.5, 0.5, 0.5, PointKind::kGround);
+  EXPECT_EQ(points_of(stacked(grid, {{ground, ground, at(0.5, 0.5, 0.5)}}))[0].kind,
+            PointKind::kGround);
+  EXPECT_EQ(points_of(stacked(grid, {{ground, at(0.5, 0.5, 0.5)}}))[0].kind, PointKind::kMeasured);
+}
+
+TEST(TileStack, TellsTheFirstAndTheLastScanThatSawAPoint) {
+  const VoxelGrid grid(Eigen::Vector3d::Zero(), 1.0);
+  const StackedPoint p = at(0.5, 0.5, 0.5);
+  const auto tiles = stacked(grid, {{}, {p, p}, {}, {p}, {}});
+  EXPECT_EQ(tiles.at(0).history.at(0).first_scan, 1U);
+  EXPECT_EQ(tiles[0].history[0].last_scan, 3U);
+}
+
+TEST(TileStack, CountsTheScansOfAVoxelNotItsPoints) {
+  const VoxelGrid grid(Eigen::Vector3d::Zero(), 1.0);
+  const test::TemporaryFolder folder;
+  TileStack stack(folder.path() / "tiles", 100);
+  for (const std::uint32_t scan : {0U, 1U}) {
+    ScanVoxels voxels(grid, scan);
+    for (int k = 0; k < 3; ++k) ASSERT_TRUE(voxels.add(at(0.5, 0.5, 0.5)));
+    stack.add(voxels);
+  }
+  const std::vector<VoxelSum> sums = stack.take({0, 0, 0});
+  ASSERT_EQ(sums.size(), 1U);
+  EXPECT_EQ(sums[0].observations, 6U);
+  EXPECT_EQ(sums[0].scans, 2U);
+}
+
+TEST(TileStack, PutsEveryPointIntoItsTileWhateverTheVoxel) {
+  test::Random random(4);
+  for (const double voxel : {0.1, 0.15, 0.37, 2.0}) {
+    const VoxelGrid grid({5.0, -3.0, 1.0}, voxel);
+    std::vector<StackedPoint> points;
+    for (int i = 0; i < 3000; ++i)
+      points.push_back(at(random.uniform(-45, 45), random.uniform(-45, 45), random.uniform(-2, 9)));
+    points.push_back(at(5.0 + std::nextafter(20.0, 0.0), -3.0, 1.0));
+    for (const TilePoints& tile : stacked(grid, {points})) {
+      for (const MapPoint& p : tile.points) {
+        ASSERT_EQ(std::floor(static_cast<double>(p.x) / maps::kTileSizeM), tile.id.x);
+        ASSERT_EQ(std::floor(static_cast<double>(p.y) / maps::kTileSizeM), tile.id.y);
+      }
+    }
+  }
+}
+
+TEST(VoxelGrid, PutsAPointAHairBelowATilesBorderIntoItsLastVoxel) {
+  const VoxelGrid grid(Eigen::Vector3d::Zero(), 0.1);
+  const auto hair = grid.find({-1e-17, 5.0, 0.0});
+  const auto below = grid.find({-0.05, 5.0, 0.0});
+  ASSERT_TRUE(hair && below);
+  EXPECT_EQ(hair->tile, below->tile);
+  EXPECT_EQ(hair->voxel, below->voxel);
+}
+
+TEST(TileStack, LeavesOutWhatIsNotFiniteOrTooFar) {
+  const VoxelGrid grid(Eigen::Vector3d::Zero(), 0.1);
+  ScanVoxels voxels(grid, 0);
+  EXPECT_FALSE(voxels.add(at(std::nan(""), 0.0, 0.0)));
+  EXPECT_FALSE(voxels.add(at(0.0, 0.0, std::numeric_limits<double>::infinity())));
+  EXPECT_FALSE(voxels.add(at(0.0, 0.0, 2.0e5)));
+  EXPECT_FALSE(voxels.add(at(-1.0e9, 0.0, 0.0)));
+  EXPECT_THAT(voxels.tiles(), IsEmpty());
+}
+
+/// Twenty scans of a drive along x.
+std::vector<std::vector<StackedPoint>> long_drive() {
+  test::Random random(7);
+  std::vector<std::vector<StackedPoint>> scans(20);
+  for (std::size_t i = 0; i < scans.size(); ++i) {
+    for (int k = 0; k < 400; ++k) {
+      const double x = 10.0 * static_cast<double>(i) + random.uniform(-30, 30);
+      scans[i].push_back(at(x, random.uniform(-8, 8), random.uniform(0, 1)));
+    }
+  }
+  return scans;
+}
+
+TEST(TileStack, LosesNothingWhenTilesGoToTheDisk) {
+  const VoxelGrid grid(Eigen::Vector3d::Zero(), 0.5);
+  const auto drive = long_drive();
+  const auto whole = stacked(grid, drive);
+  const auto spilled = stacked(grid, drive, 500);
+  ASSERT_EQ(spilled.size(), whole.size());
+  for (std::size_t t = 0; t < whole.size(); ++t) {
+    ASSERT_EQ(spilled[t].points.size(), whole[t].points.size());
+    for (std::size_t i = 0; i < whole[t].points.size(); ++i) {
+      const MapPoint& a = spilled[t].points[i];
+      const MapPoint& b = whole[t].points[i];
+      ASSERT_NEAR(static_cast<double>(a.x), static_cast<double>(b.x), 1e-4);
+      ASSERT_NEAR(static_cast<double>(a.z), static_cast<double>(b.z), 1e-5);
+      ASSERT_EQ(a.observations, b.observations);
+      ASSERT_EQ(spilled[t].history[i].first_scan, whole[t].history[i].first_scan);
+      ASSERT_EQ(spilled[t].history[i].last_scan, whole[t].history[i].last_scan);
+    }
+  }
+}
+
+TEST(TileStack, HoldsNoMoreVoxelsThanAllowedAndRemovesItsFile) {
+  const test::TemporaryFolder folder;
+  const VoxelGrid grid(Eigen::Vector3d::Zero(), 0.5);
+  {
+    TileStack stack(folder.path() / "tiles", 500);
+    for (std::uint32_t i = 0; const auto& points : long_drive()) {
+      ScanVoxels voxels(grid, i++);
+      for (const StackedPoint& point : points) (void)voxels.add(point);
+      stack.add(voxels);
+      EXPECT_LE(stack.voxels_in_memory(), 500U);
+    }
+    EXPECT_TRUE(std::filesystem::exists(folder.path() / "tiles"));
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder.path() / "tiles"));
+}
+
+TEST(TileStack, SaysWhichFileCannotBeWritten) {
+  TileStack stack("/proc/no/such/folder", 1);
+  const VoxelGrid grid(Eigen::Vector3d::Zero(), 0.5);
+  ScanVoxels voxels(grid, 0);
+  (void)voxels.add(at(0, 0, 0));
+  (void)voxels.add(at(3, 0, 0));
+  EXPECT_THROW(stack.add(voxels), maps::StorageError);
+}
+
+TEST(TilePoints, LookAlongTheNormalToWhereTheyWereSeenFrom) {
+  const VoxelGrid grid(Eigen::Vector3d::Zero(), 0.1);
+  std::vector<StackedPoint> floor_and_post;
+  for (int x = 0; x < 20; ++x) {
+    for (int y = 0; y < 20; ++y)
+      floor_and_post.push_back(at(5 + 0.1 * x + 0.05, 5 + 0.1 * y + 0.05, 0.05));
+  }
+  floor_and_post.push_back(at(15.0, 15.0, 3.0));
+  const auto tiles = stacked(grid, {floor_and_post});
+  ASSERT_EQ(tiles.size(), 1U);
+  for (std::size_t i = 0; i < tiles[0].points.size(); ++i) {
+    const maps::PointHistory& history = tiles[0].history[i];
+    const bool floor = tiles[0].points[i].z < 1.0F;
+    EXPECT_THAT(history.normal, ElementsAre(0, 0, floor ? 127 : 0));
+    EXPECT_EQ(history.planarity > 250, floor);
+  }
+}
+
+TEST(TilePoints, OfFilledGroundAreMarkedAndHaveNoObservation) {
+  const VoxelGrid grid(Eigen::Vector3d::Zero(), 0.1);
+  TilePoints tile = to_points(grid, {0, 0, 0}, {}, nullptr);
+  add_filled({1.0F, 2.0F, 0.5F}, 4, tile);
+  ASSERT_EQ(tile.points.size(), 1U);
+  EXPECT_EQ(tile.points[0].kind, PointKind::kFilled);
+  EXPECT_EQ(tile.points[0].observations, 0U);
+  EXPECT_EQ(tile.history[0].object, 4U);
+}
+
+}  // namespace
+}  // namespace stillmap::mapping
