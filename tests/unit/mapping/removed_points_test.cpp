@@ -43,7 +43,8 @@ TEST(RemovedPoints, TellMeasuredFromMovedPoints) {
             RemovedPoints::kAnySame | RemovedPoints::kAnyNear | RemovedPoints::kMeasuredNear);
 }
 
-TEST(RemovedPoints, MeetTheSameAsWhenAllPairsAreCompared) {
+/// @param removed_points, map_points  as many, at random places.
+void expect_all_pairs(std::size_t removed_points, int map_points) {
   test::Random random(3);
   const auto point = [&]() -> Eigen::Vector3f {
     return Eigen::Vector3d(random.uniform(-0.7, 0.7), random.uniform(-0.7, 0.7),
@@ -51,15 +52,15 @@ TEST(RemovedPoints, MeetTheSameAsWhenAllPairsAreCompared) {
         .cast<float>();
   };
   RemovedPoints removed;
-  std::vector<Eigen::Vector3f> positions(2000);
+  std::vector<Eigen::Vector3f> positions(removed_points);
+  std::map<int, int> expected;
   for (std::size_t i = 0; i < positions.size(); ++i) {
     positions[i] = point();
     removed.add(positions[i], static_cast<std::uint16_t>(i));
+    expected[static_cast<int>(i)] = 0;
   }
   removed.sort();
-  std::map<int, int> expected;
-  for (std::size_t i = 0; i < positions.size(); ++i) expected[static_cast<int>(i)] = 0;
-  for (int k = 0; k < 60; ++k) {
+  for (int k = 0; k < map_points; ++k) {
     const Eigen::Vector3f map_point = point();
     const bool measured = k % 3 != 0;
     removed.meet(map_point, measured);
@@ -73,6 +74,12 @@ TEST(RemovedPoints, MeetTheSameAsWhenAllPairsAreCompared) {
     }
   }
   EXPECT_EQ(met_by_tag(removed), expected);
+}
+
+TEST(RemovedPoints, MeetTheSameAsWhenAllPairsAreCompared) {
+  expect_all_pairs(2000, 60);
+  // So few that most of the map is out of reach of all of them.
+  expect_all_pairs(12, 3000);
 }
 
 TEST(RemovedPoints, MayBeNone) {
