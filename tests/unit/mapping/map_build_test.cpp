@@ -362,6 +362,32 @@ TEST_F(MapBuild, WithoutFusionLeavesACarWhereItWasMissed) {
   EXPECT_EQ(in_scan_1("apart"), 0);
 }
 
+TEST_F(MapBuild, ReplaysAUsersCorrections) {
+  use_boxes();
+  folder_.write("edits.json", R"({"format": "stillmap-edits", "version": 1, "edits": [
+    {"action": "keep", "object": {"centre": [10.2, 3.9, 0.7], "class": "car"}},
+    {"action": "remove", "box": {"centre": [5, 8, 1], "size": [3, 1, 1], "yaw": 0}},
+    {"action": "keep", "object": {"centre": [500, 0, 0], "class": "bus"}}]})");
+  options_.edits_file = folder_.path() / "edits.json";
+  const MapBuildReport report = build();
+  EXPECT_EQ(report.objects.at("edits_applied"), 2U);
+  ASSERT_EQ(report.warnings.size(), 1U);
+  EXPECT_THAT(report.warnings[0], testing::HasSubstr("bus"));
+  const auto map = open();
+  std::size_t of_car = 0, of_wall = 0;
+  for (const maps::TileEntry& tile : map->manifest().tiles) {
+    for (const maps::MapPoint& p : map->tile(tile.id)) {
+      const Eigen::Vector3d q =
+          Eigen::Vector3f(p.x, p.y, p.z).cast<double>() + map->manifest().origin;
+      of_car += std::abs(q.x() - 10.15) < 2.3 && std::abs(q.y() - 3.9) < 1.0 && q.z() > 0.3;
+      of_wall +=
+          std::abs(q.x() - 5.0) < 1.4 && std::abs(q.y() - 8.0) < 0.4 && std::abs(q.z() - 1.0) < 0.4;
+    }
+  }
+  EXPECT_GT(of_car, 100U);
+  EXPECT_EQ(of_wall, 0U);
+}
+
 TEST_F(MapBuild, RefusesEditsWithoutFusionAndUnknownCleaning) {
   options_.fusion = false;
   options_.edits_file = folder_.path() / "edits.json";
