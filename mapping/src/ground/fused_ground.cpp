@@ -15,8 +15,8 @@ namespace {
 /// Corners of a query that agree within this belong to one surface [m]; beyond, a step lies
 /// between, and the nearest cell alone answers, so that steps stay steps.
 constexpr double kStepM = 0.04;
-/// Cells to the nearest measured one at which confidence would be 0: 4 m.
-constexpr double kFarCells = 16.0;
+/// Cells to the nearest measured one at which confidence would be 0: 12 m.
+constexpr double kFarCells = 48.0;
 
 struct Corner {
   double weight = 0.0;

@@ -11,7 +11,7 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr double kMinConfidence = 0.2;
+constexpr double kMinConfidence = 0.05;
 /// A point this far from the surface is no ground of it [m]; also what completeness is judged by.
 constexpr float kOnGroundM = 0.05F;
 

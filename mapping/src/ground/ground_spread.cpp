@@ -9,7 +9,7 @@ namespace {
 
 constexpr int kSide = GroundSheets::kSide;
 constexpr auto kCell = static_cast<float>(kGroundCellM);
-constexpr std::uint8_t kReachCells = 12;
+constexpr std::uint8_t kReachCells = 40;
 constexpr int kIronings = 6;
 
 [[nodiscard]] bool is_source(const GroundNode& node) {
