@@ -111,7 +111,7 @@ TEST_F(GroundFill, FillsOnlyTheFarHalfOfACarSeenFromOneSide) {
 
 TEST_F(GroundFill, StopsWhereTheGroundIsNotKnownAnyMore) {
   // Ground ends at y = 2; the object lies beyond.
-  const maps::Box far = {.centre = {12.0, 11.0, 0.8}, .size_m = {4.0, 17.0, 1.5}};
+  const maps::Box far = {.centre = {17.9, 11.0, 0.8}, .size_m = {4.0, 17.0, 1.5}};
   const auto points = fill({0, 0, 0}, {far});
   ASSERT_FALSE(points.empty());
   const auto [lowest, highest] = std::minmax_element(
