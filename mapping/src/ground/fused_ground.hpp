@@ -34,7 +34,8 @@ class FusedGround {
   /// @param z     height of who asks: where roads lie over each other he gets the one under him,
   ///              the highest that is at most half a metre above. Without it, the one that was seen
   ///              best, thus most likely driven on.
-  /// @return nothing where no ground was measured within 10 m, and before `finish`.
+  /// @return nothing where no ground was measured within some 8 m (in its block of 4 m or the next
+  /// ones), and before `finish`.
   /// @note Safe from several threads once finished.
   [[nodiscard]] std::optional<GroundSurface::Sample> at(
       double x, double y, std::optional<double> z = std::nullopt) const;

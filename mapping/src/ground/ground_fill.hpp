@@ -19,7 +19,8 @@ namespace stillmap::mapping {
 /// fused ground, unless
 ///  - that column, or one of the four beside it, holds a ground or projected point within 5 cm of
 ///    that height, or
-///  - the ground's confidence there is below 0.05: at most 10 m from ground that was measured, less
+///  - the ground's confidence there is below 0.05: at most some 8 m from ground that was measured,
+///  less
 ///    where that was seen rarely or from afar.
 /// @param tile        of level 0; only columns whose middle lies in it are filled, so that tiles
 /// can

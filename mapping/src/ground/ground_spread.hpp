@@ -4,7 +4,8 @@
 
 namespace stillmap::mapping {
 
-/// Lets the ground spread over cells that were not measured, up to 10 m, then irons it.
+/// Lets the ground spread over cells that were not measured, up to 10 m but not beyond the blocks
+/// next to measured ones, then irons it.
 ///
 /// Each ring of cells takes height and slope from the planes of those inside of it, so that a
 /// slope goes on as a slope; where fronts meet, the ironing evens them out.

@@ -117,8 +117,8 @@ TEST_F(GroundFill, StopsWhereTheGroundIsNotKnownAnyMore) {
   const auto [lowest, highest] = std::minmax_element(
       points.begin(), points.end(), [](const auto& a, const auto& b) { return a.y() < b.y(); });
   EXPECT_NEAR(lowest->y(), 2.55, 0.11);
-  EXPECT_GT(highest->y(), 10.0F);
-  EXPECT_LT(highest->y(), 12.2F);
+  EXPECT_GT(highest->y(), 4.0F);
+  EXPECT_LT(highest->y(), 8.05F);
 }
 
 TEST_F(GroundFill, FillsEachColumnInOneTileAlone) {
