@@ -105,6 +105,16 @@ def print_table(rows):
         print(f"| {method} | " + " | ".join(text(c, list(v)) for c, v in zip(COLUMNS, values)) + " |")
 
 
+def print_ratios(rows, sensor):
+    """Time of each method over that of the default, drive by drive in the same run."""
+    ours = rows.get(f"{sensor}: default, geometric")
+    for method, results in rows.items():
+        if not ours or not method.startswith(sensor + ":"):
+            continue
+        ratios = [theirs["build"]["seconds"] / own["build"]["seconds"] for theirs, own in zip(results, ours)]
+        print(f"{method}: {statistics.mean(ratios):.1f} times the time of the default")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("program")
@@ -132,6 +142,9 @@ def main():
                 rows[f"real: {method}"] = [measure(arguments.program, arguments.folder, arguments.real, method)]
     print("Percent; mean over the drives, the worst in brackets; peak memory of the worst.\n")
     print_table(rows)
+    print()
+    for sensor in filter(None, arguments.sensors.split(",")):
+        print_ratios(rows, sensor)
 
 
 if __name__ == "__main__":
