@@ -1,6 +1,7 @@
 #include "ground/ground_under.hpp"
 
 #include "ground/ground_sheets.hpp"
+#include "ground/kerb_run.hpp"
 #include "ground/step_fit.hpp"
 
 #include <algorithm>
@@ -43,12 +44,32 @@ class Window {
     }
   }
 
-  void lay() {
-    const auto planes = fit();
-    if (!planes) return;
-    take_sides(*planes);
+  void lay(const SteppedPlane& planes) {
+    take_sides(planes);
     relax();
-    write(*planes);
+    write(planes);
+  }
+
+  [[nodiscard]] FittedFootprint fit() const {
+    FittedFootprint fitted;
+    Eigen::Vector2d slope = Eigen::Vector2d::Zero();
+    for (const Cell& cell : cells_) {
+      if (!cell.in_window) continue;
+      const GroundNode& node = ground_.sheets.node(cell.place);
+      if (node.state != GroundState::kKnown) continue;
+      // What is near says more about what lies below.
+      const double away = (cell.p.cwiseAbs() - footprint_.half_m).cwiseMax(0.0).norm();
+      const double weight = static_cast<double>(node.confidence_255) / 255.0 / (1.0 + away * away);
+      fitted.samples.push_back({cell.p, static_cast<double>(node.z), weight});
+      slope += ground_.slopes[cell.place.sheet].cast<double>();
+    }
+    if (fitted.samples.empty()) return fitted;
+    slope /= static_cast<double>(fitted.samples.size());
+    const Eigen::Vector2d h = footprint_.heading;
+    fitted.planes = fit_stepped_plane(
+        fitted.samples,
+        {footprint_.half_m.array() + 0.25, {h.dot(slope), h.x() * slope.y() - h.y() * slope.x()}});
+    return fitted;
   }
 
  private:
@@ -79,26 +100,6 @@ class Window {
     cell.in_window = true;
     const bool known = ground_.sheets.node(*place).state == GroundState::kKnown;
     cell.open = !known && (out.array() <= kMarginM).all();
-  }
-
-  [[nodiscard]] std::optional<SteppedPlane> fit() const {
-    std::vector<HeightSample> samples;
-    Eigen::Vector2d slope = Eigen::Vector2d::Zero();
-    for (const Cell& cell : cells_) {
-      if (!cell.in_window) continue;
-      const GroundNode& node = ground_.sheets.node(cell.place);
-      if (node.state != GroundState::kKnown) continue;
-      // What is near says more about what lies below.
-      const double away = (cell.p.cwiseAbs() - footprint_.half_m).cwiseMax(0.0).norm();
-      const double weight = static_cast<double>(node.confidence_255) / 255.0 / (1.0 + away * away);
-      samples.push_back({cell.p, static_cast<double>(node.z), weight});
-      slope += ground_.slopes[cell.place.sheet].cast<double>();
-    }
-    if (samples.empty()) return std::nullopt;
-    slope /= static_cast<double>(samples.size());
-    const Eigen::Vector2d h = footprint_.heading;
-    return fit_stepped_plane(samples, {footprint_.half_m.array() + 0.25,
-                                       {h.dot(slope), h.x() * slope.y() - h.y() * slope.x()}});
   }
 
   void take_sides(const SteppedPlane& planes) {
@@ -196,7 +197,15 @@ void suspect_ground_under(MeasuredSheets& ground, std::span<const GroundFootprin
 }
 
 void lay_ground_under(MeasuredSheets& ground, std::span<const GroundFootprint> footprints) {
-  for (const GroundFootprint& footprint : footprints) Window(ground, footprint).lay();
+  // All are fitted before any is laid, so that their order does not count.
+  std::vector<FittedFootprint> fitted;
+  fitted.reserve(footprints.size());
+  for (const GroundFootprint& footprint : footprints)
+    fitted.push_back(Window(ground, footprint).fit());
+  continue_kerbs(footprints, fitted);
+  for (std::size_t i = 0; i < footprints.size(); ++i) {
+    if (fitted[i].planes) Window(ground, footprints[i]).lay(*fitted[i].planes);
+  }
 }
 
 }  // namespace stillmap::mapping
