@@ -77,9 +77,4 @@ void BlockIndex::clear() {
   blocks_.clear();
 }
 
-std::size_t BlockIndex::bytes() const {
-  return slots_.size() * sizeof(Slot) + chunks_.size() * sizeof(Chunk) +
-         blocks_.capacity() * sizeof(Eigen::Vector3i);
-}
-
 }  // namespace stillmap::mapping::reference

@@ -43,8 +43,6 @@ class BlockIndex {
 
   [[nodiscard]] std::size_t size() const { return blocks_.size(); }
   [[nodiscard]] const Eigen::Vector3i& block(std::size_t number) const { return blocks_[number]; }
-  /// Bytes held, but for small change.
-  [[nodiscard]] std::size_t bytes() const;
 
  private:
   struct Slot {

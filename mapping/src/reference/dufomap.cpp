@@ -30,14 +30,11 @@ struct Workspace {
 /// The blocks with map points, and which of their voxels were void.
 class VoidMap {
  public:
-  VoidMap(const CleaningPoints& points, double voxel_m) {
-    voxels_.reserve(points.positions.size());
+  /// @param points  outlives this.
+  VoidMap(const CleaningPoints& points, double voxel_m) : points_(points), voxel_m_(voxel_m) {
     BlockIndex::Hint hint;
     for (const Eigen::Vector3f& p : points.positions) {
-      const Eigen::Vector3i voxel =
-          reference::voxel_of(reference::in_voxels(p.cast<double>(), voxel_m, "point of the map"));
-      voxels_.push_back(voxel);
-      index_.add(reference::block_of(voxel), hint);
+      index_.add(reference::block_of(voxel_at(p)), hint);
     }
     void_.resize(index_.size());
   }
@@ -57,8 +54,9 @@ class VoidMap {
 
   [[nodiscard]] std::vector<std::uint8_t> flags() const {
     std::vector<std::uint8_t> flags;
-    flags.reserve(voxels_.size());
-    for (const Eigen::Vector3i& voxel : voxels_) {
+    flags.reserve(points_.positions.size());
+    for (const Eigen::Vector3f& p : points_.positions) {
+      const Eigen::Vector3i voxel = voxel_at(p);
       const BlockBits& bits = void_[index_.find(reference::block_of(voxel))];
       const std::uint64_t word = bits[static_cast<std::size_t>(voxel.z() & 7)];
       flags.push_back((word & reference::column_bit(voxel)) != 0 ? 1 : 0);
@@ -67,7 +65,13 @@ class VoidMap {
   }
 
  private:
-  std::vector<Eigen::Vector3i> voxels_;
+  [[nodiscard]] Eigen::Vector3i voxel_at(const Eigen::Vector3f& p) const {
+    return reference::voxel_of(
+        reference::in_voxels(p.cast<double>(), voxel_m_, "point of the map"));
+  }
+
+  const CleaningPoints& points_;
+  double voxel_m_;
   BlockIndex index_;
   std::vector<BlockBits> void_;
 };

@@ -41,18 +41,18 @@ struct Workspace {
 /// The voxels of the map's points, and the tree that judges them.
 class OccupiedMap {
  public:
+  /// @param points  outlives this.
   OccupiedMap(const CleaningPoints& points, const OctomapOptions& options)
-      : tree_(options.voxel_m),
+      : points_(points),
+        voxel_m_(options.voxel_m),
+        tree_(options.voxel_m),
         hit_(octomap::logodds(options.hit_probability)),
         miss_(octomap::logodds(options.miss_probability)) {
     tree_.setClampingThresMin(options.min_probability);
     tree_.setClampingThresMax(options.max_probability);
-    voxels_.reserve(points.positions.size());
     BlockIndex::Hint hint;
     for (const Eigen::Vector3f& p : points.positions) {
-      voxels_.push_back(reference::voxel_of(
-          reference::in_voxels(p.cast<double>(), options.voxel_m, "point of the map")));
-      const Eigen::Vector3i& voxel = voxels_.back();
+      const Eigen::Vector3i voxel = voxel_at(p);
       const std::uint32_t number = index_.add(reference::block_of(voxel), hint);
       if (number == occupied_.size()) occupied_.emplace_back();
       occupied_[number][static_cast<std::size_t>(voxel.z() & 7)] |= reference::column_bit(voxel);
@@ -90,11 +90,11 @@ class OccupiedMap {
     }
   }
 
-  [[nodiscard]] std::vector<std::uint8_t> flags(const std::vector<std::uint8_t>& is_ground) const {
-    std::vector<std::uint8_t> flags(voxels_.size(), 0);
-    for (std::size_t i = 0; i < voxels_.size(); ++i) {
-      if (is_ground[i] != 0) continue;
-      const octomap::OcTreeNode* node = tree_.search(key_of(voxels_[i]));
+  [[nodiscard]] std::vector<std::uint8_t> flags() const {
+    std::vector<std::uint8_t> flags(points_.positions.size(), 0);
+    for (std::size_t i = 0; i < flags.size(); ++i) {
+      if (points_.is_ground[i] != 0) continue;
+      const octomap::OcTreeNode* node = tree_.search(key_of(voxel_at(points_.positions[i])));
       flags[i] = node != nullptr && !tree_.isNodeOccupied(node) ? 1 : 0;
     }
     return flags;
@@ -103,10 +103,10 @@ class OccupiedMap {
  private:
   /// The library's keys are 16 bits wide: they count from the map's lowest corner.
   void place_keys() {
-    Eigen::Vector3i low = voxels_.front(), high = voxels_.front();
-    for (const Eigen::Vector3i& voxel : voxels_) {
-      low = low.cwiseMin(voxel);
-      high = high.cwiseMax(voxel);
+    Eigen::Vector3i low = voxel_at(points_.positions.front()), high = low;
+    for (const Eigen::Vector3f& p : points_.positions) {
+      low = low.cwiseMin(voxel_at(p));
+      high = high.cwiseMax(voxel_at(p));
     }
     first_voxel_ = low;
     const int widest = (high - low).maxCoeff();
@@ -131,11 +131,17 @@ class OccupiedMap {
     }
   }
 
+  [[nodiscard]] Eigen::Vector3i voxel_at(const Eigen::Vector3f& p) const {
+    return reference::voxel_of(
+        reference::in_voxels(p.cast<double>(), voxel_m_, "point of the map"));
+  }
+
+  const CleaningPoints& points_;
+  double voxel_m_;
   octomap::OcTree tree_;
   float hit_;
   float miss_;
   Eigen::Vector3i first_voxel_ = Eigen::Vector3i::Zero();
-  std::vector<Eigen::Vector3i> voxels_;
   BlockIndex index_;
   /// Voxels with map points, by block.
   std::vector<BlockBits> occupied_;
@@ -217,7 +223,7 @@ std::vector<std::uint8_t> OctomapCleaner::moved(const CleaningPoints& points,
                          tbb::make_filter<void, std::size_t>(filter_mode::serial_in_order, source) &
                              tbb::make_filter<std::size_t, Shared>(filter_mode::parallel, cast) &
                              tbb::make_filter<Shared, void>(filter_mode::serial_in_order, sink));
-  return map.flags(points.is_ground);
+  return map.flags();
 }
 
 }  // namespace stillmap::mapping
