@@ -12,7 +12,7 @@
 //
 // Times are of one thread: on the wall, for which it must run alone, and of the processor.
 
-#include "accuracy/truth_ground.hpp"
+#include "evaluation/labels/ground_mesh.hpp"
 
 #include <stillmap/mapping/ground.hpp>
 #include <stillmap/maps/drive.hpp>
@@ -141,14 +141,14 @@ std::vector<Eigen::Vector2d> places_of(const LabelledScan& scan, Kind is_kind) {
 }
 
 void measure_heights(const std::vector<Eigen::Vector2d>& places,
-                     const mapping::GroundSurface& surface, const TruthGround& truth,
+                     const mapping::GroundSurface& surface, const mapping::GroundMesh& truth,
                      const Eigen::Isometry3d& T_map_lidar, Heights& heights) {
   for (const Eigen::Vector2d& place : places) {
     ++heights.places;
     const auto sample = surface.at(place.x(), place.y());
     if (!sample) continue;
     const Eigen::Vector3d p_map = T_map_lidar * Eigen::Vector3d(place.x(), place.y(), sample->z);
-    const auto z = truth.height_at(p_map);
+    const auto z = truth.height(p_map.x(), p_map.y());
     if (z) heights.errors_m.push_back(p_map.z() - *z);
   }
 }
@@ -167,9 +167,9 @@ Figures measure(const maps::Drive& drive, const Request& request) {
   const auto segmenter = mapping::make_ground_segmenter(options);
   for (std::size_t k = 0; k < request.learn; ++k)
     segmenter->learn(drive.read(k * drive.size() / request.learn).cloud);
-  std::optional<TruthGround> truth;
+  std::optional<mapping::GroundMesh> truth;
   if (std::filesystem::exists(request.drive / "truth/ground.ply") && drive.has_poses())
-    truth = TruthGround::read(request.drive / "truth/ground.ply");
+    truth = mapping::read_ground_mesh(request.drive / "truth/ground.ply");
   Figures figures;
   for (const std::size_t index : maps::Selection::parse(request.select).indices(drive.size())) {
     const LabelledScan scan = read_labelled(drive, index);
