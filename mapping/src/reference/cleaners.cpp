@@ -30,10 +30,8 @@ struct Reference {
 };
 
 constexpr std::array kReferences{
-    Reference{"none", make<NoCleaner>},
-    Reference{"removert", make<Removert>},
-    Reference{"erasor", make<Erasor>},
-    Reference{"octomap", make<OctomapCleaner>},
+    Reference{"none", make<NoCleaner>},         Reference{"removert", make<Removert>},
+    Reference{"erasor", make<Erasor>},          Reference{"octomap", make<OctomapCleaner>},
     Reference{"dufomap", make<DufomapCleaner>},
 };
 
