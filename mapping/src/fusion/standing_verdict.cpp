@@ -44,13 +44,15 @@ struct Known {
   double existence_log_odds;
   double log_detections;
 
-  explicit Known(const FusedObject& object) {
+  Known(const FusedObject& object, std::size_t scans) {
     const double p = std::clamp(object.existence, 0.03, 0.97);
     existence_log_odds = std::log(p / (1.0 - p));
     const auto detections =
         std::count_if(object.placements.begin(), object.placements.end(),
                       [](const ObjectPlacement& each) { return each.detected; });
-    log_detections = std::log(std::clamp(static_cast<double>(detections), 1.0, 30.0));
+    // Of a few scans as many cannot be asked for as of a drive.
+    const double of_thirty = 30.0 / std::clamp(static_cast<double>(scans), 1.0, 30.0);
+    log_detections = std::log(std::clamp(of_thirty * static_cast<double>(detections), 1.0, 30.0));
   }
 };
 
@@ -104,8 +106,8 @@ std::vector<int> free_views(const std::vector<FusedObject>& objects,
 
 }  // namespace
 
-double vehicle_log_odds(const FusedObject& object, const StandingShape& shape) {
-  const Known known(object);
+double vehicle_log_odds(const FusedObject& object, const StandingShape& shape, std::size_t scans) {
+  const Known known(object, scans);
   const Body body = body_of(object.object_class);
   if (body == Body::kSmall) return -std::numeric_limits<double>::infinity();
   if (shape.voxels < kLeastVoxels) return known.existence_log_odds - 1.5;
@@ -129,7 +131,7 @@ void judge_standing(FusedObjects& fused, const ObstacleMap& obstacles,
     } else if (!object.moving) {
       maps::Box box = object.placements.front().box;
       box.centre -= origin;
-      stays = vehicle_log_odds(object, shape_of(obstacles, box)) >= 0.0;
+      stays = vehicle_log_odds(object, shape_of(obstacles, box), scans.size()) >= 0.0;
     }
     (stays ? fused.objects : fused.doubtful).push_back(std::move(object));
   }

@@ -12,7 +12,9 @@ namespace stillmap::mapping {
 
 /// Log odds that what stands there is a vehicle, from its shape and from what fusion knows of it;
 /// for a class that is no vehicle, minus infinity.
-[[nodiscard]] double vehicle_log_odds(const FusedObject& object, const StandingShape& shape);
+/// @param scans  of the build.
+[[nodiscard]] double vehicle_log_odds(const FusedObject& object, const StandingShape& shape,
+                                      std::size_t scans);
 
 /// Asks all scans together about what a detector that goes by the shape in single scans found:
 /// objects that stand and are no vehicle become doubtful, and doubtful ones that are become

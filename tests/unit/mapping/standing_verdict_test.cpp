@@ -86,7 +86,7 @@ void add_hedge(test::SyntheticWorld& world, const maps::Box& box) {
 
 double log_odds_in(const test::SyntheticWorld& world, const maps::Box& box,
                    maps::ObjectClass object_class = maps::ObjectClass::kCar) {
-  return vehicle_log_odds(object_of(box, object_class), shape_of(seen(world), box));
+  return vehicle_log_odds(object_of(box, object_class), shape_of(seen(world), box), 100);
 }
 
 TEST(StandingVerdict, BelievesInACar) {
