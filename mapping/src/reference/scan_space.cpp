@@ -23,7 +23,7 @@ const ScanSpace::Block* ScanSpace::find(const Eigen::Vector3i& block) const {
 }
 
 Eigen::Vector3d in_voxels(const Eigen::Vector3d& p, double voxel_m, const char* what) {
-  const double limit_m = voxel_m * 8.0 * BlockIndex::kLimit - 2.0 * kMaxRange_m;
+  const double limit_m = voxel_m * 8.0 * BlockIndex::kLimit - 2.0 * kMaxRangeM;
   if (!(p.cwiseAbs().maxCoeff() <= limit_m)) {
     throw std::invalid_argument(fmt::format("{}: found [{}, {}, {}], expected within {} m of zero",
                                             what, p.x(), p.y(), p.z(), limit_m));

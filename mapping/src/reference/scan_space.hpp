@@ -113,7 +113,7 @@ struct ScanRays {
 };
 
 /// Farther points give no ray: a single one of a broken scan would cost more than a whole drive.
-inline constexpr double kMaxRange_m = 500.0;
+inline constexpr double kMaxRangeM = 500.0;
 
 /// Takes the points of a scan that `keep` (point number) names; each voxel of ends counts once, as
 /// in "down-sampling method: center" of DUFOMap and "discretize" of OctoMap.
@@ -143,7 +143,7 @@ void take_rays(const PosedScan& scan, double voxel_m, ScanSpace& space, const Ke
   ScanCursor cursor(space, voxel_of(rays.sensor));
   for (std::size_t i = 0; i < scan.positions.size(); ++i) {
     const Eigen::Vector3d p = scan.positions[i].cast<double>();
-    if (!keep(i) || !(p.squaredNorm() <= kMaxRange_m * kMaxRange_m)) continue;
+    if (!keep(i) || !(p.squaredNorm() <= kMaxRangeM * kMaxRangeM)) continue;
     const Eigen::Vector3i voxel = voxel_of(rays.sensor + R * p);
     cursor.move_to(voxel);
     if (cursor.set_end()) rays.ends.push_back(voxel);

@@ -90,10 +90,11 @@ TEST(Octomap, ClearsTheWayToTheGroundButNotTheGround) {
 }
 
 TEST(Octomap, PrefersEndsToPassagesWithinAScan) {
-  ScansInMemory scans = rays({true});
-  scans.scans.front().positions.emplace_back(8.0F, 0.0F, 0.0F);
-  scans.scans.front().is_ground.push_back(0);
-  EXPECT_EQ(clean(at_four_metres(), scans).front(), 0);
+  ScansInMemory scans = rays({false, false, true});
+  EXPECT_EQ(clean(at_four_metres(), scans).front(), 0) << "-2 * 0.405 + 0.847 > 0";
+  scans.scans.back().positions.emplace_back(8.0F, 0.0F, 0.0F);
+  scans.scans.back().is_ground.push_back(0);
+  EXPECT_EQ(clean(at_four_metres(), scans).front(), 0) << "no third miss";
 }
 
 TEST(Octomap, WalksAsTheLibraryDoes) {
