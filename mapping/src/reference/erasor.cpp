@@ -24,7 +24,7 @@ constexpr double kQueryVoxelM = 0.2;
 constexpr std::uint32_t kFewestPoints = 6;
 constexpr float kDynamicRatio = 0.2F;
 constexpr float kLowestObjectM = 0.5F;
-/// A ratio this close to the limit by rounding never lets a bin be culled.
+/// No bin of the map is taller.
 constexpr float kTallestMapM = PolarBins::kMaxHeightM - PolarBins::kMinHeightM;
 /// Ground that tells the height of the sensor [m]: nearer than any slope matters.
 constexpr float kNearGroundM = 10.0F;
@@ -137,7 +137,7 @@ class Comparison {
     for (std::size_t b = 0; b < map_.blocks.size(); ++b) {
       const MapBlocks::Block& block = map_.blocks[b];
       const Eigen::Vector3f centre = query.T_body_local * block.centre;
-      if (!PolarBins::touches(centre, block.radius_m, query.undecided)) continue;
+      if (!PolarBins::touches(centre, block.half_edge.norm(), query.undecided)) continue;
       near.push_back(b);
       for (std::uint32_t i = block.begin; i < block.end; ++i) {
         if (gone_[i] != 0) continue;

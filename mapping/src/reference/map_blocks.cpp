@@ -16,7 +16,7 @@ void bound(const std::vector<Eigen::Vector3f>& positions, MapBlocks::Block& bloc
   }
   block.centre = 0.5F * (low + high);
   // Rounding must not leave a point outside.
-  block.radius_m = 0.5F * (high - low).norm() * 1.0001F + 1e-4F;
+  block.half_edge = (0.5001F * (high - low)).array() + 1e-4F;
 }
 
 }  // namespace

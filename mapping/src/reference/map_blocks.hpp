@@ -7,12 +7,13 @@
 
 namespace stillmap::mapping {
 
-/// Points of a map in cubes, each with its bounding sphere, so that a scan meets only the cubes
+/// Points of a map in cubes, each with its bounding box, so that a scan meets only the cubes
 /// that matter to it.
 struct MapBlocks {
   struct Block {
     Eigen::Vector3f centre = Eigen::Vector3f::Zero();
-    float radius_m = 0.0F;
+    /// Half of the edges of the box around its points [m].
+    Eigen::Vector3f half_edge = Eigen::Vector3f::Zero();
     std::uint32_t begin = 0;
     std::uint32_t end = 0;
   };

@@ -1,6 +1,6 @@
 #include "reference/polar_bins.hpp"
 
-#include "reference/range_image.hpp"
+#include "reference/directions.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,23 +1,13 @@
 #pragma once
 
+#include "reference/directions.hpp"
+
 #include <Eigen/Core>
 
 #include <cstdint>
 #include <vector>
 
 namespace stillmap::mapping {
-
-/// A direction from the sensor and the distance along it.
-struct Spherical {
-  /// Counter-clockwise from +x, in [-pi, pi].
-  float azimuth_rad = 0.0F;
-  /// Upward from the x-y plane, in [-pi/2, pi/2].
-  float elevation_rad = 0.0F;
-  float range_m = 0.0F;
-};
-
-/// Angles within 1e-6 rad. @param p lidar frame [m].
-[[nodiscard]] Spherical spherical_of(const Eigen::Vector3f& p);
 
 /// What a scan leaves free: an image over azimuth and elevation of the nearest range in each pixel.
 class RangeImage {
@@ -37,13 +27,19 @@ class RangeImage {
   [[nodiscard]] const std::vector<float>& nearest_m() const { return nearest_m_; }
   /// The largest value of nearest_m().
   [[nodiscard]] float farthest_m() const { return max_m_; }
-  /// An upper bound of nearest_m() over what a sphere around `centre` [m, lidar frame] covers.
-  [[nodiscard]] float farthest_behind(const Eigen::Vector3f& centre, float radius_m) const;
+  /// An upper bound of nearest_m() over what a box covers: centre and half of its edges along the
+  /// axes of the lidar frame [m].
+  [[nodiscard]] float farthest_behind(const Eigen::Vector3f& centre,
+                                      const Eigen::Vector3f& half_edge) const;
 
  private:
   [[nodiscard]] int row_of(float elevation_rad) const;
   [[nodiscard]] int column_of(float azimuth_rad) const;
-  void bound_tiles();
+  void bound_segments();
+  /// Largest value between two rows and two columns, both ends included; columns may run over the
+  /// seam.
+  [[nodiscard]] float largest_in(int row_begin, int row_last, int column_begin,
+                                 int column_last) const;
 
   int columns_ = 0;
   int first_row_ = 0;
@@ -51,9 +47,9 @@ class RangeImage {
   float columns_per_rad_ = 0.0F;
   float rows_per_rad_ = 0.0F;
   std::vector<float> nearest_m_;
-  /// Largest value in tiles of kTile x kTile pixels.
-  int tile_columns_ = 0;
-  std::vector<float> tile_max_m_;
+  /// Largest value in pieces of a row.
+  int segments_ = 0;
+  std::vector<float> segment_max_m_;
   float max_m_ = 0.0F;
 };
 

@@ -43,9 +43,15 @@ struct MapImage {
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
 std::vector<Spherical> directions_of(const PosedScan& scan) {
-  std::vector<Spherical> directions(scan.positions.size());
-  std::transform(scan.positions.begin(), scan.positions.end(), directions.begin(), spherical_of);
-  return directions;
+  std::vector<Spherical> result;
+  result.reserve(scan.positions.size());
+  Directions directions;
+  for (std::size_t begin = 0; begin < scan.positions.size(); begin += Directions::kMost) {
+    const std::size_t count = std::min(scan.positions.size() - begin, Directions::kMost);
+    directions.set(Eigen::Isometry3f::Identity(), scan.positions.data() + begin, count);
+    for (std::size_t i = 0; i < count; ++i) result.push_back(directions[i]);
+  }
+  return result;
 }
 
 class Run {
@@ -111,13 +117,14 @@ class Run {
     std::transform(scan.nearest_m().begin(), scan.nearest_m().end(), image.range_m.begin(),
                    [reach](float range_m) { return reach * range_m; });
     const float margin = 1.0001F * reach;
+    const Eigen::Matrix3f R_abs = T_lidar_local.linear().cwiseAbs();
     for (const MapBlocks::Block& block : map.blocks) {
       const Eigen::Vector3f centre = T_lidar_local * block.centre;
-      const float nearest_m = centre.norm() - block.radius_m;
+      const Eigen::Vector3f half_edge = R_abs * block.half_edge;
+      const float nearest_m = (centre.cwiseAbs() - half_edge).cwiseMax(0.0F).norm();
       if (nearest_m > margin * scan.farthest_m()) continue;
-      const float limit_m = margin * scan.farthest_behind(centre, block.radius_m);
-      if (nearest_m > limit_m) continue;
-      project(map, block, T_lidar_local, limit_m, scan, image);
+      if (nearest_m > margin * scan.farthest_behind(centre, half_edge)) continue;
+      project(map, block, T_lidar_local, scan, image);
     }
     for (std::size_t pixel = 0; pixel < image.point.size(); ++pixel) {
       if (image.point[pixel] == kNone) continue;
@@ -127,20 +134,22 @@ class Run {
     }
   }
 
-  /// Puts the points of a block that are nearer than `limit_m` into the image.
   static void project(const MapBlocks& map, const MapBlocks::Block& block,
-                      const Eigen::Isometry3f& T_lidar_local, float limit_m, const RangeImage& scan,
+                      const Eigen::Isometry3f& T_lidar_local, const RangeImage& scan,
                       MapImage& image) {
-    for (std::uint32_t i = block.begin; i < block.end; ++i) {
-      const Eigen::Vector3f p = T_lidar_local * map.positions[i];
-      if (p.squaredNorm() > limit_m * limit_m) continue;
-      const Spherical direction = spherical_of(p);
-      const int pixel = scan.pixel_of(direction);
-      if (pixel < 0) continue;
-      const auto at = static_cast<std::size_t>(pixel);
-      if (!(direction.range_m < image.range_m[at])) continue;
-      image.range_m[at] = direction.range_m;
-      image.point[at] = i;
+    Directions directions;
+    for (std::uint32_t begin = block.begin; begin < block.end;) {
+      const std::size_t count = std::min<std::size_t>(block.end - begin, Directions::kMost);
+      directions.set(T_lidar_local, map.positions.data() + begin, count);
+      for (std::size_t i = 0; i < count; ++i) {
+        const int pixel = scan.pixel_of(directions[i]);
+        if (pixel < 0) continue;
+        const auto at = static_cast<std::size_t>(pixel);
+        if (!(directions[i].range_m < image.range_m[at])) continue;
+        image.range_m[at] = directions[i].range_m;
+        image.point[at] = begin + static_cast<std::uint32_t>(i);
+      }
+      begin += static_cast<std::uint32_t>(count);
     }
   }
 

@@ -17,21 +17,6 @@ Spherical at(double azimuth_deg, double elevation_deg, double range_m) {
           static_cast<float>(range_m)};
 }
 
-TEST(Spherical, AgreesWithTheFormula) {
-  test::Random random(3);
-  for (int i = 0; i < 2000; ++i) {
-    const Eigen::Vector3d p(random.normal(), random.normal(), random.normal());
-    const Spherical direction = spherical_of(p.cast<float>());
-    EXPECT_NEAR(direction.azimuth_rad, std::atan2(p.y(), p.x()), 2e-6);
-    EXPECT_NEAR(direction.elevation_rad, std::atan2(p.z(), p.head<2>().norm()), 2e-6);
-    EXPECT_NEAR(direction.range_m, p.norm(), 1e-6 * p.norm());
-  }
-  EXPECT_EQ(spherical_of({0.0F, 0.0F, 0.0F}).range_m, 0.0F);
-  EXPECT_FLOAT_EQ(spherical_of({0.0F, 0.0F, -2.0F}).elevation_rad,
-                  -0.5F * std::numbers::pi_v<float>);
-  EXPECT_FLOAT_EQ(spherical_of({-1.0F, 0.0F, 0.0F}).azimuth_rad, std::numbers::pi_v<float>);
-}
-
 TEST(RangeImage, KeepsTheNearestRangeOfAPixel) {
   const RangeImage image({at(10.5, 0.5, 7.0), at(10.6, 0.4, 5.0), at(10.4, 0.6, 6.0)}, kDeg);
   EXPECT_EQ(image.columns(), 360);
@@ -60,7 +45,7 @@ TEST(RangeImage, HoldsEveryDirectionAllAround) {
 TEST(RangeImage, WithoutPointsHasNoPixels) {
   const RangeImage image({}, kDeg);
   EXPECT_EQ(image.pixel_of(at(0.0, 0.0, 1.0)), -1);
-  EXPECT_EQ(image.farthest_behind({5.0F, 0.0F, 0.0F}, 1.0F), 0.0F);
+  EXPECT_EQ(image.farthest_behind({5.0F, 0.0F, 0.0F}, {1.0F, 1.0F, 1.0F}), 0.0F);
 }
 
 TEST(RangeImage, RefusesPixelsThatAreNone) {
@@ -69,7 +54,7 @@ TEST(RangeImage, RefusesPixelsThatAreNone) {
   EXPECT_THROW(RangeImage({}, std::nan("")), std::invalid_argument);
 }
 
-TEST(RangeImage, BoundsWhatLiesBehindASphere) {
+TEST(RangeImage, BoundsWhatLiesBehindABox) {
   test::Random random(8);
   std::vector<Spherical> scan;
   for (int i = 0; i < 3000; ++i) {
@@ -77,22 +62,35 @@ TEST(RangeImage, BoundsWhatLiesBehindASphere) {
         at(random.uniform(-180.0, 180.0), random.uniform(-25.0, 25.0), random.uniform(2.0, 60.0)));
   }
   const RangeImage image(scan, 0.7 * kDeg);
-  for (int i = 0; i < 2000; ++i) {
-    const Eigen::Vector3f centre =
-        Eigen::Vector3d(random.uniform(-20, 20), random.uniform(-20, 20), random.uniform(-6, 6))
-            .cast<float>();
-    const auto radius_m = static_cast<float>(random.uniform(0.1, 2.0));
-    const float bound_m = image.farthest_behind(centre, radius_m);
+  const auto vector = [&random](double x, double y, double z) -> Eigen::Vector3f {
+    return Eigen::Vector3d(random.uniform(-x, x), random.uniform(-y, y), random.uniform(-z, z))
+        .cast<float>();
+  };
+  for (int i = 0; i < 4000; ++i) {
+    const Eigen::Vector3f centre = vector(20.0, 20.0, 6.0);
+    const Eigen::Vector3f half_edge = vector(1.5, 1.5, 1.5).cwiseAbs();
+    const float bound_m = image.farthest_behind(centre, half_edge);
     for (int k = 0; k < 20; ++k) {
-      const Eigen::Vector3d unit =
-          Eigen::Vector3d(random.normal(), random.normal(), random.normal()).normalized();
-      const Eigen::Vector3f inside = centre + 0.999F * radius_m * unit.cast<float>();
+      const Eigen::Vector3f inside = centre + half_edge.cwiseProduct(vector(1.0, 1.0, 1.0));
       const int pixel = image.pixel_of(spherical_of(inside));
       if (pixel < 0) continue;
-      const float range_m = image.nearest_m()[static_cast<std::size_t>(pixel)];
-      EXPECT_LE(range_m, bound_m);
+      EXPECT_LE(image.nearest_m()[static_cast<std::size_t>(pixel)], bound_m);
     }
   }
+}
+
+TEST(RangeImage, KnowsWhatLiesBehindAFlatBox) {
+  // A floor all around: a flat patch of it hides no more than the next rows.
+  std::vector<Spherical> floor;
+  for (int azimuth = 0; azimuth < 360; ++azimuth) {
+    for (int elevation = 2; elevation < 45; ++elevation) {
+      floor.push_back(
+          at(azimuth - 179.5, -elevation - 0.5, 1.8 / std::sin((elevation + 0.5) * kDeg)));
+    }
+  }
+  const RangeImage image(floor, kDeg);
+  EXPECT_LT(image.farthest_behind({7.0F, 7.0F, -1.8F}, {0.5F, 0.5F, 0.01F}), 13.5F);
+  EXPECT_FLOAT_EQ(image.farthest_m(), static_cast<float>(1.8 / std::sin(2.5 * kDeg)));
 }
 
 TEST(RingSpacing, IsFoundFromWhatTheScanSees) {
