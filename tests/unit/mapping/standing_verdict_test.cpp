@@ -7,6 +7,7 @@
 
 #include "fusion/standing_shape.hpp"
 #include "support/synthetic_world.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace stillmap::mapping {
 namespace {
@@ -26,8 +27,8 @@ Eigen::Isometry3d sensor_at(double x, double y) {
 }
 
 /// Obstacles of a world, seen from a street that passes it at y = 0.
-ObstacleMap seen(const test::SyntheticWorld& world) {
-  ObstacleMap obstacles;
+std::vector<ScanObstacles> scans_of(const test::SyntheticWorld& world) {
+  std::vector<ScanObstacles> scans;
   test::ScanPattern pattern{.rings = 48, .columns = 900, .noise_m = 0.01};
   for (int i = 0; i < 7; ++i) {
     const Eigen::Isometry3d T = sensor_at(3.0 * i, 0.0);
@@ -36,8 +37,14 @@ ObstacleMap seen(const test::SyntheticWorld& world) {
     std::vector<std::uint8_t> is_ground(cloud.size());
     for (std::size_t k = 0; k < cloud.size(); ++k)
       is_ground[k] = cloud.positions[k].z() < -1.7F ? 1 : 0;
-    obstacles.add(reduce_obstacles(cloud.positions, is_ground, Floor(), T));
+    scans.push_back(reduce_obstacles(cloud.positions, is_ground, Floor(), T));
   }
+  return scans;
+}
+
+ObstacleMap seen(const test::SyntheticWorld& world) {
+  ObstacleMap obstacles;
+  for (const ScanObstacles& scan : scans_of(world)) obstacles.add(scan);
   obstacles.finish();
   return obstacles;
 }
@@ -146,9 +153,13 @@ class JudgeStanding : public testing::Test {
     }
   }
   void judge(const BoxRayCounter& count_rays) {
-    judge_standing(fused_, seen(world_), scans_, count_rays, Eigen::Vector3d::Zero());
+    ObstacleStore obstacles(folder_.path() / "obstacles");
+    for (const ScanObstacles& scan : scans_of(world_)) obstacles.add(0, scan);
+    obstacles.finish();
+    judge_standing(fused_, obstacles, scans_, count_rays, Eigen::Vector3d::Zero());
   }
 
+  const test::TemporaryFolder folder_;
   test::SyntheticWorld world_;
   std::vector<DetectedScan> scans_;
   FusedObjects fused_;
