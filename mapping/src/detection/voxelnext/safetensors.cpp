@@ -10,7 +10,7 @@
 
 #include "detection/voxelnext/strict_json.hpp"
 
-namespace stillmap::mapping::voxelnext {
+namespace stillmap::mapping {
 namespace {
 
 static_assert(std::endian::native == std::endian::little, "numbers are copied as they lie");
@@ -218,4 +218,4 @@ float float_of_half(std::uint16_t half) {
   return std::bit_cast<float>(sign | (widened << 23U) | (fraction << 13U));
 }
 
-}  // namespace stillmap::mapping::voxelnext
+}  // namespace stillmap::mapping

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-namespace stillmap::mapping::voxelnext {
+namespace stillmap::mapping {
 
 /// Type of a tensor's numbers; the format knows more, a network of ours needs no other.
 enum class TensorType { kF32, kF16 };
@@ -52,4 +52,4 @@ inline constexpr std::uint64_t kMaxHeaderBytes = 1U << 20U;
 /// IEEE 754 half precision to float, exactly, with subnormals, infinities and NaN.
 [[nodiscard]] float float_of_half(std::uint16_t half);
 
-}  // namespace stillmap::mapping::voxelnext
+}  // namespace stillmap::mapping

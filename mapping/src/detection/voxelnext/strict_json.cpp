@@ -6,7 +6,7 @@
 #include <set>
 #include <vector>
 
-namespace stillmap::mapping::voxelnext {
+namespace stillmap::mapping {
 namespace {
 
 constexpr int kMaxDepth = 8;
@@ -68,4 +68,4 @@ std::string described(const nlohmann::json& value) {
   return one_line(value.dump());
 }
 
-}  // namespace stillmap::mapping::voxelnext
+}  // namespace stillmap::mapping

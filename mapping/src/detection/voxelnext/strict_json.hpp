@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-namespace stillmap::mapping::voxelnext {
+namespace stillmap::mapping {
 
 /// JSON text whose objects name no key twice and that nests at most 8 deep: a reader that keeps the
 /// last of two equal keys would show its user another network than the one a careful eye reads.
@@ -17,4 +17,4 @@ namespace stillmap::mapping::voxelnext {
 /// A scalar as it stands in the file (shortened as by `in_quotes`), or what an array or object is.
 [[nodiscard]] std::string described(const nlohmann::json& value);
 
-}  // namespace stillmap::mapping::voxelnext
+}  // namespace stillmap::mapping
