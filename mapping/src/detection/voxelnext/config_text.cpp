@@ -28,16 +28,16 @@ constexpr Names<VoxelFeature> kFeatures = {
     {"ux", VoxelFeature::kUx},    {"uy", VoxelFeature::kUy},
     {"zero", VoxelFeature::kZero}};
 constexpr Names<VoxelNextBranch> kBranches = {{"hm", VoxelNextBranch::kHm},
-                                          {"center", VoxelNextBranch::kCenter},
-                                          {"center_z", VoxelNextBranch::kCenterZ},
-                                          {"dim", VoxelNextBranch::kDim},
-                                          {"rot", VoxelNextBranch::kRot},
-                                          {"iou", VoxelNextBranch::kIou},
-                                          {"vel", VoxelNextBranch::kVel}};
+                                              {"center", VoxelNextBranch::kCenter},
+                                              {"center_z", VoxelNextBranch::kCenterZ},
+                                              {"dim", VoxelNextBranch::kDim},
+                                              {"rot", VoxelNextBranch::kRot},
+                                              {"iou", VoxelNextBranch::kIou},
+                                              {"vel", VoxelNextBranch::kVel}};
 constexpr Names<VoxelNextHeight> kHeights = {{"ground", VoxelNextHeight::kGround},
-                                         {"lidar", VoxelNextHeight::kLidar}};
+                                             {"lidar", VoxelNextHeight::kLidar}};
 constexpr Names<VoxelNextSuppression> kSuppressions = {{"rotated", VoxelNextSuppression::kRotated},
-                                                   {"maxpool", VoxelNextSuppression::kMaxPool}};
+                                                       {"maxpool", VoxelNextSuppression::kMaxPool}};
 
 /// A value of the config with the path it stands at.
 class Value {

@@ -2,7 +2,6 @@
 
 #include "detection/voxelnext/rulebook.hpp"
 
-#include <chrono>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -11,8 +10,6 @@ namespace stillmap::mapping {
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 constexpr Triple kCube{3, 3, 3};
 constexpr Triple kSquare{1, 3, 3};
 constexpr Triple kByOne{1, 1, 1};
@@ -20,28 +17,10 @@ constexpr Triple kByTwo{2, 2, 2};
 /// Stages that are merged: 4, 5 and 6, counted from 0.
 constexpr std::size_t kFirstMerged = 3;
 
-/// Adds the time of its life.
-class Timed {
- public:
-  explicit Timed(double& seconds) : seconds_(seconds) {}
-  Timed(const Timed&) = delete;
-  Timed& operator=(const Timed&) = delete;
-  ~Timed() { seconds_ += std::chrono::duration<double>(Clock::now() - start_).count(); }
-
- private:
-  double& seconds_;
-  Clock::time_point start_ = Clock::now();
-};
-
 template <typename F>
 auto timed(double& seconds, F&& work) {
-  const Timed timer(seconds);
+  const Stopwatch timer(seconds);
   return work();
-}
-
-NetworkCosts::Part& part_of(const NetworkObserver& observer, const std::string& name,
-                            NetworkCosts::Part& unused) {
-  return observer.costs == nullptr ? unused : observer.costs->parts[name];
 }
 
 void show(const NetworkObserver& observer, std::string_view layer, const SiteSet& sites,
@@ -140,7 +119,7 @@ void VoxelNext::run_blocks(const Stage& stage, Level& level, const Rulebook& boo
     const Block& block = stage.blocks[j];
     between.reshape(level.sites.size(), block.conv1.out_channels());
     {
-      const Timed timer(cost.convolution_s);
+      const Stopwatch timer(cost.convolution_s);
       block.conv1.run(book, level.rows, between, {.relu = true});
       block.conv2.run(book, between, level.rows, {.relu = true, .add_to_output = true});
     }
@@ -154,10 +133,10 @@ VoxelNext::Level VoxelNext::run_stage(std::size_t index, const Level& before,
                                       const NetworkObserver& observer) const {
   const Stage& stage = stages_[index];
   NetworkCosts::Part unused;
-  NetworkCosts::Part& cost = part_of(observer, "stage" + std::to_string(index + 1), unused);
+  NetworkCosts::Part& cost = observer.cost_of("stage" + std::to_string(index + 1), unused);
   Level level;
   Rulebook opening, blocks;
-  timed(cost.rulebook_s, [&] {
+  timed(cost.preparation_s, [&] {
     if (index > 0) {
       level.sites = reached_by(before.sites, stage.kernel, kByTwo);
       opening = Rulebook::strided(before.sites, level.sites, stage.kernel, kByTwo);
@@ -230,20 +209,20 @@ VoxelNext::Neck VoxelNext::backbone(Voxels voxels, const NetworkObserver& observ
       level = std::move(next);
   }
   NetworkCosts::Part unused;
-  NetworkCosts::Part& cost = part_of(observer, "neck", unused);
-  auto [cells, sums] = timed(cost.rulebook_s, [&] {
+  NetworkCosts::Part& cost = observer.cost_of("neck", unused);
+  auto [cells, sums] = timed(cost.preparation_s, [&] {
     return merge({{&merged[0].sites, &merged[0].rows, 1},
                   {&merged[1].sites, &merged[1].rows, 2},
                   {&merged[2].sites, &merged[2].rows, 4}});
   });
   show(observer, "merge", cells, sums);
   Neck neck;
-  const Rulebook spread = timed(cost.rulebook_s, [&] {
+  const Rulebook spread = timed(cost.preparation_s, [&] {
     neck.cells = reached_by(cells, kSquare, kByOne);
     return Rulebook::strided(cells, neck.cells, kSquare, kByOne);
   });
   const Rulebook same =
-      timed(cost.rulebook_s, [&] { return Rulebook::submanifold(neck.cells, kSquare); });
+      timed(cost.preparation_s, [&] { return Rulebook::submanifold(neck.cells, kSquare); });
   FeatureRows between;
   between.reshape(neck.cells.size(), neck_[0].out_channels());
   neck.features.reshape(neck.cells.size(), neck_[1].out_channels());
@@ -261,10 +240,10 @@ std::vector<HeadMaps> VoxelNext::heat_maps(const Neck& neck,
   std::vector<HeadMaps> out(heads_.size());
   if (heads_.empty()) return out;
   NetworkCosts::Part unused;
-  NetworkCosts::Part& cost = part_of(observer, "hm", unused);
+  NetworkCosts::Part& cost = observer.cost_of("hm", unused);
   const Triple kernel{1, config_.head_kernel, config_.head_kernel};
   const Rulebook book =
-      timed(cost.rulebook_s, [&] { return Rulebook::submanifold(neck.cells, kernel); });
+      timed(cost.preparation_s, [&] { return Rulebook::submanifold(neck.cells, kernel); });
   const Rulebook same = Rulebook::identity(neck.cells.size());
   const SparseConvolution& first = heat_first_.front();
   FeatureRows between;
@@ -294,8 +273,8 @@ HeadBoxes VoxelNext::boxes(const Neck& neck, std::size_t head_index,
   out.values.reshape(out.cells.size(), head.branches.size() * FeatureRows::kLine);
   if (out.cells.empty() || head.branches.empty()) return out;
   NetworkCosts::Part unused;
-  NetworkCosts::Part& cost = part_of(observer, "boxes", unused);
-  const Rulebook book = timed(cost.rulebook_s, [&] {
+  NetworkCosts::Part& cost = observer.cost_of("boxes", unused);
+  const Rulebook book = timed(cost.preparation_s, [&] {
     const Triple kernel{1, config_.head_kernel, config_.head_kernel};
     return Rulebook::submanifold_at(neck.cells, kernel, out.cells);
   });

@@ -6,9 +6,11 @@
 #include "detection/voxelnext/voxels.hpp"
 #include "detection/voxelnext/weights.hpp"
 
+#include <chrono>
 #include <functional>
 #include <map>
 #include <memory>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -17,13 +19,28 @@ namespace stillmap::mapping {
 /// Where one run spends its time, and on what.
 struct NetworkCosts {
   struct Part {
-    double rulebook_s = 0.0;
+    /// Voxels, rulebooks, merging, decoding.
+    double preparation_s = 0.0;
     double convolution_s = 0.0;
     double multiplications = 0.0;
     std::size_t sites = 0;
   };
-  /// By part: "stage1" ..., "neck", "hm", "boxes".
+  /// By part: "voxels", "stage1" ..., "neck", "hm", "boxes".
   std::map<std::string, Part> parts;
+};
+
+/// Adds the time of its life to a sum [s].
+class Stopwatch {
+ public:
+  explicit Stopwatch(double& seconds) : seconds_(seconds) {}
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+  ~Stopwatch() { seconds_ += std::chrono::duration<double>(Clock::now() - start_).count(); }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  double& seconds_;
+  Clock::time_point start_ = Clock::now();
 };
 
 /// What a caller may want to see of a run; called in between, on the caller's thread.
@@ -32,6 +49,12 @@ struct NetworkObserver {
   /// the second convolution for a whole residual block, "merge" for the height compression.
   std::function<void(std::string_view layer, const SiteSet& sites, const FeatureRows& rows)> layer;
   NetworkCosts* costs = nullptr;
+
+  /// @param unused  what is returned when nobody wants to know.
+  [[nodiscard]] NetworkCosts::Part& cost_of(const std::string& part,
+                                            NetworkCosts::Part& unused) const {
+    return costs == nullptr ? unused : costs->parts[part];
+  }
 };
 
 /// One head's answers in each cell of the map seen from above.

@@ -5,7 +5,6 @@
 #include "detection/voxelnext/voxels.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <iterator>
 #include <stdexcept>
 #include <string>
