@@ -17,27 +17,31 @@ namespace {
 using maps::InputError;
 using nlohmann::json;
 
-template <typename Value>
-using Names = std::initializer_list<std::pair<std::string_view, Value>>;
+template <typename Meaning, std::size_t kCount>
+using Names = std::array<std::pair<std::string_view, Meaning>, kCount>;
 
-constexpr Names<VoxelFeature> kFeatures = {
-    {"x", VoxelFeature::kX},      {"y", VoxelFeature::kY},
-    {"z", VoxelFeature::kZ},      {"intensity", VoxelFeature::kIntensity},
-    {"dx", VoxelFeature::kDx},    {"dy", VoxelFeature::kDy},
-    {"dz", VoxelFeature::kDz},    {"height", VoxelFeature::kHeight},
-    {"ux", VoxelFeature::kUx},    {"uy", VoxelFeature::kUy},
-    {"zero", VoxelFeature::kZero}};
-constexpr Names<VoxelNextBranch> kBranches = {{"hm", VoxelNextBranch::kHm},
-                                              {"center", VoxelNextBranch::kCenter},
-                                              {"center_z", VoxelNextBranch::kCenterZ},
-                                              {"dim", VoxelNextBranch::kDim},
-                                              {"rot", VoxelNextBranch::kRot},
-                                              {"iou", VoxelNextBranch::kIou},
-                                              {"vel", VoxelNextBranch::kVel}};
-constexpr Names<VoxelNextHeight> kHeights = {{"ground", VoxelNextHeight::kGround},
-                                             {"lidar", VoxelNextHeight::kLidar}};
-constexpr Names<VoxelNextSuppression> kSuppressions = {{"rotated", VoxelNextSuppression::kRotated},
-                                                       {"maxpool", VoxelNextSuppression::kMaxPool}};
+constexpr Names<VoxelFeature, 11> kFeatures{{{"x", VoxelFeature::kX},
+                                             {"y", VoxelFeature::kY},
+                                             {"z", VoxelFeature::kZ},
+                                             {"intensity", VoxelFeature::kIntensity},
+                                             {"dx", VoxelFeature::kDx},
+                                             {"dy", VoxelFeature::kDy},
+                                             {"dz", VoxelFeature::kDz},
+                                             {"height", VoxelFeature::kHeight},
+                                             {"ux", VoxelFeature::kUx},
+                                             {"uy", VoxelFeature::kUy},
+                                             {"zero", VoxelFeature::kZero}}};
+constexpr Names<VoxelNextBranch, 7> kBranches{{{"hm", VoxelNextBranch::kHm},
+                                               {"center", VoxelNextBranch::kCenter},
+                                               {"center_z", VoxelNextBranch::kCenterZ},
+                                               {"dim", VoxelNextBranch::kDim},
+                                               {"rot", VoxelNextBranch::kRot},
+                                               {"iou", VoxelNextBranch::kIou},
+                                               {"vel", VoxelNextBranch::kVel}}};
+constexpr Names<VoxelNextHeight, 2> kHeights{
+    {{"ground", VoxelNextHeight::kGround}, {"lidar", VoxelNextHeight::kLidar}}};
+constexpr Names<VoxelNextSuppression, 2> kSuppressions{
+    {{"rotated", VoxelNextSuppression::kRotated}, {"maxpool", VoxelNextSuppression::kMaxPool}}};
 
 /// A value of the config with the path it stands at.
 class Value {
@@ -94,8 +98,8 @@ class Value {
     }
     return value_.get<int>();
   }
-  template <typename Meaning>
-  [[nodiscard]] Meaning one_of(const Names<Meaning>& names) const {
+  template <typename Meaning, std::size_t kCount>
+  [[nodiscard]] Meaning one_of(const Names<Meaning, kCount>& names) const {
     const std::string found = text();
     std::string expected;
     for (const auto& [name, meaning] : names) {
@@ -105,8 +109,8 @@ class Value {
     refuse("one of " + expected);
   }
   /// Names of which none stands twice.
-  template <typename Meaning>
-  [[nodiscard]] std::vector<Meaning> set_of(const Names<Meaning>& names) const {
+  template <typename Meaning, std::size_t kCount>
+  [[nodiscard]] std::vector<Meaning> set_of(const Names<Meaning, kCount>& names) const {
     std::vector<Meaning> meanings;
     for (const Value& value : elements(1, names.size())) {
       const Meaning meaning = value.one_of(names);
