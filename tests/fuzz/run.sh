@@ -10,7 +10,7 @@ folder=build/fuzz
 mkdir -p "$folder/corpus"
 detector=mapping/src/detection/voxelnext
 
-clang++-16 -std=c++20 -O1 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
+clang++-16 -std=c++20 -O1 -g1 -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
   -Imapping/include -Imapping/src -Imaps/include -isystem /usr/include/eigen3 -DFMT_HEADER_ONLY \
   tests/fuzz/voxelnext_weights.cpp "$detector"/{safetensors,strict_json,config_text,weights,weights_file}.cpp \
   maps/src/box.cpp -o "$folder/voxelnext_weights"
