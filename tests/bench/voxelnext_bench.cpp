@@ -4,11 +4,12 @@
 //                   [--repeat N]
 //
 // For each part of the network, means over scans of the fastest repeat: active cells, products of
-// numbers (only pairs of rows that exist), milliseconds of convolutions and of everything else, the
-// rate of the convolutions, and its share of the rate of a dense product of matrices (512 x 512
-// floats, Eigen, compiled for this machine) measured before and after in the same run, on as many
-// threads. `lite` and `full` have random weights, whose heat maps are held so low that few boxes
-// come out of them, as in a trained network.
+// numbers (only pairs of rows that exist), milliseconds on the wall of convolutions and of
+// everything else. Then the rate of the convolutions for each thread, and its share of the rate of
+// a dense product of matrices (512 x 512 floats, Eigen, compiled for this machine) on as many
+// threads in the same run. Rates are by the processor's time, so that what else runs on the machine
+// counts little. `lite` and `full` have random weights, whose heat maps are held so low that few
+// boxes come out of them, as in a trained network.
 
 #include "detection/voxelnext/voxelnext_detector.hpp"
 
@@ -25,7 +26,6 @@
 #include <sys/resource.h>
 
 #include <algorithm>
-#include <chrono>
 #include <exception>
 #include <filesystem>
 #include <map>
@@ -83,7 +83,7 @@ mapping::VoxelNextWeights weights_of(const std::string& network) {
 
 struct Costs {
   mapping::NetworkCosts parts;
-  double total_s = 0.0;
+  mapping::Seconds total;
   double boxes = 0.0;
   double points = 0.0;
 };
@@ -91,12 +91,18 @@ struct Costs {
 Costs run(const mapping::VoxelNextDetector& detector, const maps::Scan& scan,
           const mapping::GroundResult& ground) {
   Costs out;
-  const auto start = std::chrono::steady_clock::now();
-  const auto boxes = detector.detect(scan, ground, {.layer = {}, .costs = &out.parts});
-  out.total_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  out.boxes = static_cast<double>(boxes.size());
+  {
+    const mapping::Stopwatch stopwatch(out.total);
+    const auto boxes = detector.detect(scan, ground, {.layer = {}, .costs = &out.parts});
+    out.boxes = static_cast<double>(boxes.size());
+  }
   out.points = static_cast<double>(scan.cloud.size());
   return out;
+}
+
+void add(mapping::Seconds& sum, const mapping::Seconds& seconds) {
+  sum.wall += seconds.wall;
+  sum.cpu += seconds.cpu;
 }
 
 /// Prints sums over scans as means, and the whole.
@@ -104,17 +110,18 @@ void print(const std::vector<Costs>& scans, double gemm) {
   const auto count = static_cast<double>(scans.size());
   std::map<std::string, mapping::NetworkCosts::Part> sums;
   mapping::NetworkCosts::Part all;
-  double total_s = 0.0, boxes = 0.0, points = 0.0;
+  mapping::Seconds total;
+  double boxes = 0.0, points = 0.0;
   for (const Costs& scan : scans) {
     for (const auto& [name, part] : scan.parts.parts) {
       for (mapping::NetworkCosts::Part* sum : {&sums[name], &all}) {
-        sum->preparation_s += part.preparation_s;
-        sum->convolution_s += part.convolution_s;
+        add(sum->preparation, part.preparation);
+        add(sum->convolution, part.convolution);
         sum->multiplications += part.multiplications;
         sum->sites += part.sites;
       }
     }
-    total_s += scan.total_s;
+    add(total, scan.total);
     boxes += scan.boxes;
     points += scan.points;
   }
@@ -122,16 +129,16 @@ void print(const std::vector<Costs>& scans, double gemm) {
              "conv ms", "GFLOP/s", "share");
   const auto line = [&](const std::string& name, const mapping::NetworkCosts::Part& part) {
     const double rate =
-        part.convolution_s > 0.0 ? 2.0 * part.multiplications / part.convolution_s : 0.0;
+        part.convolution.cpu > 0.0 ? 2.0 * part.multiplications / part.convolution.cpu : 0.0;
     fmt::print("{:8} {:8.0f} {:8.3f} {:9.2f} {:9.2f} {:9.1f} {:6.1f}%\n", name,
                static_cast<double>(part.sites) / count, 1e-9 * part.multiplications / count,
-               1e3 * part.preparation_s / count, 1e3 * part.convolution_s / count, 1e-9 * rate,
-               100.0 * rate / gemm);
+               1e3 * part.preparation.wall / count, 1e3 * part.convolution.wall / count,
+               1e-9 * rate, 100.0 * rate / gemm);
   };
   for (const auto& [name, part] : sums) line(name, part);
   line("all", all);
-  fmt::print("scan: {:.1f} ms, {:.0f} points, {:.1f} boxes\n", 1e3 * total_s / count,
-             points / count, boxes / count);
+  fmt::print("scan: {:.1f} ms ({:.1f} ms of processor), {:.0f} points, {:.1f} boxes\n",
+             1e3 * total.wall / count, 1e3 * total.cpu / count, points / count, boxes / count);
 }
 
 void measure(const Request& request) {
@@ -147,13 +154,14 @@ void measure(const Request& request) {
     const mapping::GroundResult ground = segmenter->segment(scan.cloud);
     std::vector<Costs> tries;
     for (int k = 0; k < request.repeat; ++k) tries.push_back(run(detector, scan, ground));
-    scans.push_back(*std::ranges::min_element(tries, {}, &Costs::total_s));
+    scans.push_back(
+        *std::ranges::min_element(tries, {}, [](const Costs& c) { return c.total.cpu; }));
   }
   gemm = std::max(gemm, gemm_flops(request.threads));
   print(scans, gemm);
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
-  fmt::print("GEMM: {:.1f} GFLOP/s on {} threads; peak memory {:.0f} MiB\n", 1e-9 * gemm,
+  fmt::print("GEMM: {:.1f} GFLOP/s on each of {} threads; peak memory {:.0f} MiB\n", 1e-9 * gemm,
              request.threads, static_cast<double>(usage.ru_maxrss) / 1024.0);
 }
 

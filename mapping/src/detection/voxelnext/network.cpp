@@ -2,6 +2,8 @@
 
 #include "detection/voxelnext/rulebook.hpp"
 
+#include <chrono>
+#include <ctime>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -18,8 +20,8 @@ constexpr Triple kByTwo{2, 2, 2};
 constexpr std::size_t kFirstMerged = 3;
 
 template <typename F>
-auto timed(double& seconds, F&& work) {
-  const Stopwatch timer(seconds);
+auto timed(Seconds& sum, F&& work) {
+  const Stopwatch stopwatch(sum);
   return work();
 }
 
@@ -53,6 +55,14 @@ class LayerTaker {
 };
 
 }  // namespace
+
+Seconds Stopwatch::now() {
+  timespec cpu{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &cpu);
+  return {
+      std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(),
+      static_cast<double>(cpu.tv_sec) + 1e-9 * static_cast<double>(cpu.tv_nsec)};
+}
 
 VoxelNext::VoxelNext(const VoxelNextWeights& weights) : config_(weights.config) {
   const LayerTaker layers(weights);
@@ -119,7 +129,7 @@ void VoxelNext::run_blocks(const Stage& stage, Level& level, const Rulebook& boo
     const Block& block = stage.blocks[j];
     between.reshape(level.sites.size(), block.conv1.out_channels());
     {
-      const Stopwatch timer(cost.convolution_s);
+      const Stopwatch stopwatch(cost.convolution);
       block.conv1.run(book, level.rows, between, {.relu = true});
       block.conv2.run(book, between, level.rows, {.relu = true, .add_to_output = true});
     }
@@ -136,7 +146,7 @@ VoxelNext::Level VoxelNext::run_stage(std::size_t index, const Level& before,
   NetworkCosts::Part& cost = observer.cost_of("stage" + std::to_string(index + 1), unused);
   Level level;
   Rulebook opening, blocks;
-  timed(cost.preparation_s, [&] {
+  timed(cost.preparation, [&] {
     if (index > 0) {
       level.sites = reached_by(before.sites, stage.kernel, kByTwo);
       opening = Rulebook::strided(before.sites, level.sites, stage.kernel, kByTwo);
@@ -147,7 +157,7 @@ VoxelNext::Level VoxelNext::run_stage(std::size_t index, const Level& before,
   });
   const Rulebook& first = index == 0 ? blocks : opening;
   level.rows.reshape(level.sites.size(), stage.opening.out_channels());
-  timed(cost.convolution_s,
+  timed(cost.convolution,
         [&] { stage.opening.run(first, before.rows, level.rows, {.relu = true}); });
   cost.multiplications += stage.opening.multiplications(first);
   cost.sites = level.sites.size();
@@ -210,25 +220,25 @@ VoxelNext::Neck VoxelNext::backbone(Voxels voxels, const NetworkObserver& observ
   }
   NetworkCosts::Part unused;
   NetworkCosts::Part& cost = observer.cost_of("neck", unused);
-  auto [cells, sums] = timed(cost.preparation_s, [&] {
+  auto [cells, sums] = timed(cost.preparation, [&] {
     return merge({{&merged[0].sites, &merged[0].rows, 1},
                   {&merged[1].sites, &merged[1].rows, 2},
                   {&merged[2].sites, &merged[2].rows, 4}});
   });
   show(observer, "merge", cells, sums);
   Neck neck;
-  const Rulebook spread = timed(cost.preparation_s, [&] {
+  const Rulebook spread = timed(cost.preparation, [&] {
     neck.cells = reached_by(cells, kSquare, kByOne);
     return Rulebook::strided(cells, neck.cells, kSquare, kByOne);
   });
   const Rulebook same =
-      timed(cost.preparation_s, [&] { return Rulebook::submanifold(neck.cells, kSquare); });
+      timed(cost.preparation, [&] { return Rulebook::submanifold(neck.cells, kSquare); });
   FeatureRows between;
   between.reshape(neck.cells.size(), neck_[0].out_channels());
   neck.features.reshape(neck.cells.size(), neck_[1].out_channels());
-  timed(cost.convolution_s, [&] { neck_[0].run(spread, sums, between, {.relu = true}); });
+  timed(cost.convolution, [&] { neck_[0].run(spread, sums, between, {.relu = true}); });
   show(observer, "neck.out", neck.cells, between);
-  timed(cost.convolution_s, [&] { neck_[1].run(same, between, neck.features, {.relu = true}); });
+  timed(cost.convolution, [&] { neck_[1].run(same, between, neck.features, {.relu = true}); });
   show(observer, "neck.shared", neck.cells, neck.features);
   cost.multiplications += neck_[0].multiplications(spread) + neck_[1].multiplications(same);
   cost.sites = neck.cells.size();
@@ -243,17 +253,17 @@ std::vector<HeadMaps> VoxelNext::heat_maps(const Neck& neck,
   NetworkCosts::Part& cost = observer.cost_of("hm", unused);
   const Triple kernel{1, config_.head_kernel, config_.head_kernel};
   const Rulebook book =
-      timed(cost.preparation_s, [&] { return Rulebook::submanifold(neck.cells, kernel); });
+      timed(cost.preparation, [&] { return Rulebook::submanifold(neck.cells, kernel); });
   const Rulebook same = Rulebook::identity(neck.cells.size());
   const SparseConvolution& first = heat_first_.front();
   FeatureRows between;
   between.reshape(neck.cells.size(), first.out_channels());
-  timed(cost.convolution_s, [&] { first.run(book, neck.features, between, {.relu = true}); });
+  timed(cost.convolution, [&] { first.run(book, neck.features, between, {.relu = true}); });
   cost.multiplications += first.multiplications(book);
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     const SparseConvolution& last = heads_[h].heat;
     out[h].logits.reshape(neck.cells.size(), last.out_channels());
-    timed(cost.convolution_s, [&] {
+    timed(cost.convolution, [&] {
       last.run(same, {between.data() + h * neck.features.channels(), between.stride()},
                out[h].logits, {.relu = false});
     });
@@ -274,19 +284,19 @@ HeadBoxes VoxelNext::boxes(const Neck& neck, std::size_t head_index,
   if (out.cells.empty() || head.branches.empty()) return out;
   NetworkCosts::Part unused;
   NetworkCosts::Part& cost = observer.cost_of("boxes", unused);
-  const Rulebook book = timed(cost.preparation_s, [&] {
+  const Rulebook book = timed(cost.preparation, [&] {
     const Triple kernel{1, config_.head_kernel, config_.head_kernel};
     return Rulebook::submanifold_at(neck.cells, kernel, out.cells);
   });
   const Rulebook same = Rulebook::identity(out.cells.size());
   FeatureRows between;
   between.reshape(out.cells.size(), head.first->out_channels());
-  timed(cost.convolution_s, [&] { head.first->run(book, neck.features, between, {.relu = true}); });
+  timed(cost.convolution, [&] { head.first->run(book, neck.features, between, {.relu = true}); });
   cost.multiplications += head.first->multiplications(book);
   for (std::size_t b = 0; b < head.branches.size(); ++b) {
     const SparseConvolution& last = head.branches[b].last;
     const std::size_t column = b * FeatureRows::kLine;
-    timed(cost.convolution_s, [&] {
+    timed(cost.convolution, [&] {
       last.run(same, {between.data() + b * neck.features.channels(), between.stride()},
                {out.values.data() + column, out.values.stride()}, {.relu = false});
     });

@@ -6,7 +6,6 @@
 #include "detection/voxelnext/voxels.hpp"
 #include "detection/voxelnext/weights.hpp"
 
-#include <chrono>
 #include <functional>
 #include <map>
 #include <memory>
@@ -16,12 +15,18 @@
 
 namespace stillmap::mapping {
 
+/// Time on the wall, and of the processor on all threads of the program together [s].
+struct Seconds {
+  double wall = 0.0;
+  double cpu = 0.0;
+};
+
 /// Where one run spends its time, and on what.
 struct NetworkCosts {
   struct Part {
-    /// Voxels, rulebooks, merging, decoding.
-    double preparation_s = 0.0;
-    double convolution_s = 0.0;
+    /// Voxels, rulebooks, merging.
+    Seconds preparation;
+    Seconds convolution;
     double multiplications = 0.0;
     std::size_t sites = 0;
   };
@@ -29,18 +34,23 @@ struct NetworkCosts {
   std::map<std::string, Part> parts;
 };
 
-/// Adds the time of its life to a sum [s].
+/// Adds the time of its life to a sum.
 class Stopwatch {
  public:
-  explicit Stopwatch(double& seconds) : seconds_(seconds) {}
+  explicit Stopwatch(Seconds& sum) : sum_(sum), start_(now()) {}
   Stopwatch(const Stopwatch&) = delete;
   Stopwatch& operator=(const Stopwatch&) = delete;
-  ~Stopwatch() { seconds_ += std::chrono::duration<double>(Clock::now() - start_).count(); }
+  ~Stopwatch() {
+    const Seconds end = now();
+    sum_.wall += end.wall - start_.wall;
+    sum_.cpu += end.cpu - start_.cpu;
+  }
 
  private:
-  using Clock = std::chrono::steady_clock;
-  double& seconds_;
-  Clock::time_point start_ = Clock::now();
+  static Seconds now();
+
+  Seconds& sum_;
+  Seconds start_;
 };
 
 /// What a caller may want to see of a run; called in between, on the caller's thread.
