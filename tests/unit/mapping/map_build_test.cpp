@@ -395,7 +395,8 @@ TEST_F(MapBuild, RefusesEditsWithoutFusionAndUnknownCleaning) {
   options_.fusion = true;
   apply_paper_preset(options_);
   EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<std::invalid_argument>({"edits_file"}));
-  options_ = {};
+  const MapBuildOptions defaults;
+  options_ = defaults;
   options_.clean = "soap";
   EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<std::invalid_argument>({"soap"}));
 }
