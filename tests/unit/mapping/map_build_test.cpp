@@ -182,6 +182,22 @@ TEST_F(MapBuild, CountsLabelsThatPointOutsideOfTheDrive) {
   EXPECT_EQ(report.objects.at("dropped: frame beyond the drive"), 2U);
 }
 
+TEST_F(MapBuild, RefusesABoxThatNoSensorSeesOrNoObjectFills) {
+  options_.detector = "boxes:" + (folder_.path() / "wild.json").string();
+  const auto refuse = [&](const maps::Box& box, const char* found) {
+    maps::BoxSequence boxes;
+    boxes.by_scan[1] = {small_.car_in(1), box};
+    maps::write_boxes(folder_.path() / "wild.json", boxes);
+    EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<InputError>({"wild.json: scan 1", found}));
+    EXPECT_THAT(names_in_maps(), IsEmpty());
+  };
+  maps::Box far = small_.car_in(1), huge = small_.car_in(1);
+  far.centre.x() = -1e300;
+  huge.size_m.y() = 1e12;
+  refuse(far, "-1e+300");
+  refuse(huge, "1e+12");
+}
+
 TEST_F(MapBuild, TellsProgressScanByScan) {
   std::vector<std::size_t> done;
   progress_ = [&](std::string_view stage, std::size_t units, std::size_t total) {
