@@ -253,6 +253,14 @@ TEST_F(MapBuild, TakesGivenPosesForADriveWithoutItsOwn) {
             maps::sha256_of_file(folder_.path() / "given.txt"));
 }
 
+TEST_F(MapBuild, RefusesAPoseThatNoDriveReaches) {
+  small_.T_map_lidar[2].translation().y() = 1e12;
+  std::string poses;
+  for (const Eigen::Isometry3d& T : small_.T_map_lidar) poses += test::kitti_line(T);
+  folder_.write("drive/poses.txt", poses);
+  EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<InputError>({"000002.bin", "1e+12 m"}));
+}
+
 TEST_F(MapBuild, RefusesADriveWhoseScansAreAllEmpty) {
   for (std::size_t i = 0; i < test::SmallDrive::kScans; ++i)
     folder_.write(fmt::format("drive/{:06}.bin", i), "");
