@@ -7,6 +7,10 @@
 
 namespace stillmap::maps {
 
+/// Longest side of a box [m], longer than any tram: what claims more is a broken file, and the work
+/// on the ground below a box grows with its area.
+inline constexpr double kMaxBoxSizeM = 200.0;
+
 /// KITTI tracking labels as `read_boxes` describes them.
 [[nodiscard]] BoxSequence parse_kitti_labels(const std::filesystem::path& file,
                                              std::string_view text, std::size_t scan_count);

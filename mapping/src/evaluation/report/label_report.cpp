@@ -118,7 +118,7 @@ class Report {
     const MapScores& scores = figures.of(heading_.classes);
     html_ +=
         "<div class=\"tiles\">" +
-        tile(percent(figures.parked_removed.rate()), "of parked objects removed") +
+        tile(percent(figures.parked_removed.rate()), "of parked objects' points removed") +
         tile(percent(scores.static_loss, 3), "of what stays lost") +
         tile(percent(scores.DA), "DA, projected points not matched") +
         tile(percent(figures.ground_under.filled.rate(), 1), "ground complete under objects") +
