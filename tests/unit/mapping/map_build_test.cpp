@@ -358,8 +358,8 @@ TEST_F(MapBuild, AsThePaperPutsBoxesOnTheScansMeanGround) {
   EXPECT_EQ(report.objects.at("unknown"), 4U);
   EXPECT_EQ(report.points.at("filled"), 0U);
   EXPECT_EQ(open()->manifest().options.at("ground_height"), "mean");
-  for (const maps::TileEntry& tile : open()->manifest().tiles) {
-    const auto map = open();
+  const auto map = open();
+  for (const maps::TileEntry& tile : map->manifest().tiles) {
     for (const maps::MapPoint& p : map->tile(tile.id)) {
       if (p.kind != maps::PointKind::kProjected) continue;
       EXPECT_NEAR(static_cast<double>(p.z) + map->manifest().origin.z(), 0.0, 0.02);
