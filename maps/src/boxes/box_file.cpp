@@ -20,6 +20,8 @@ constexpr std::int64_t kMaxTrack = 1'000'000'000;
 Box box_from(const JsonField& field) {
   Box box;
   box.centre = field.at("centre").vector3();
+  if (!(box.centre.cwiseAbs().maxCoeff() <= kMaxBoxDistanceM))
+    field.at("centre").refuse("within 1000 km of the sensor");
   box.size_m = field.at("size").vector3();
   if (!(box.size_m.minCoeff() > 0.0 && box.size_m.maxCoeff() <= kMaxBoxSizeM))
     field.at("size").refuse("length, width and height > 0 m and at most 200 m");

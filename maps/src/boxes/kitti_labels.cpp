@@ -92,6 +92,10 @@ void check_bounds(const std::string& where, const std::vector<double>& v) {
     if (!(v[i] > 0.0 && v[i] <= kMaxBoxSizeM))
       refuse("size", v[i], "height, width and length > 0 m and at most 200 m");
   }
+  for (const std::size_t i : {std::size_t{13}, std::size_t{14}, std::size_t{15}}) {
+    if (!(std::abs(v[i]) <= kMaxBoxDistanceM))
+      refuse("location", v[i], "within 1000 km of the camera");
+  }
   if (v.size() > kFields && !(v[kFields] >= 0.0 && v[kFields] <= 1.0)) {
     refuse("score", v[kFields], "0 to 1");
   }

@@ -27,8 +27,7 @@ class Detector {
 /// @param spec        `geometric`, `voxelnext` (the weights shipped with the program),
 ///                    `voxelnext:FILE` (weights as safetensors) or `boxes:FILE`.
 /// @param scan_count  of the drive, see `maps::read_boxes`.
-/// @throws std::invalid_argument for an unknown name, maps::InputError for a broken file, which one
-/// with a box beyond 1e6 m or longer than 200 m is too.
+/// @throws std::invalid_argument for an unknown name, maps::InputError for a broken file.
 [[nodiscard]] std::unique_ptr<Detector> make_detector(const std::string& spec,
                                                       std::size_t scan_count);
 
