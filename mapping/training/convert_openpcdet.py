@@ -2,7 +2,8 @@
 """Turns an OpenPCDet VoxelNeXt checkpoint into the weights file of `stillmap build --detector voxelnext:FILE`.
 
 usage: convert_openpcdet.py CHECKPOINT.pth CONFIG.yaml -o OUT.safetensors
-                            [--name NAME] [--class THEIRS=OURS]... [--sensor-height METRES] [--half]
+                            [--name NAME] [--class THEIRS=OURS]... [--sensor-height METRES]
+                            [--range X_MIN Y_MIN Z_MIN X_MAX Y_MAX Z_MAX] [--half]
 
 CONFIG.yaml lies in the tools/ of OpenPCDet, so that the YAML it is based on is found. Needs python3-numpy and
 python3-yaml; nothing of the checkpoint is executed (torch_checkpoint.py). What differs from OpenPCDet afterwards:
@@ -33,6 +34,9 @@ def arguments():
                         help='an object class of ours, or nothing: "THEIRS=" drops its boxes')
     parser.add_argument("--sensor-height", type=float, metavar="METRES",
                         help="of the network's z = 0 over the road (default: by the data set)")
+    parser.add_argument("--range", type=float, nargs=6, metavar="METRES",
+                        help="x y z minima, then maxima (default: of the YAML); a sparse network runs on any, and "
+                             "Argoverse 2's own is too large for the program")
     parser.add_argument("--half", action="store_true", help="half-precision numbers, half the size")
     return parser.parse_args()
 
@@ -60,6 +64,8 @@ def halved(tensors):
 def convert(options):
     config = openpcdet.config_of(openpcdet.read_yaml(options.config), options.name or options.config.stem,
                                  own_classes(options.classes), options.sensor_height)
+    if options.range:
+        config["range_m"] = options.range
     tensors = openpcdet.converted(torch_checkpoint.load_state_dict(options.checkpoint), config)
     if options.half:
         tensors = halved(tensors)

@@ -293,10 +293,13 @@ class Conversion(Folder):
         self.assertEqual({name: tensor.shape for name, tensor in read.items()},
                          {name: tensor.shape for name, tensor in kept.items()})
         self.assertEqual(json.loads(metadata["config"])["name"], "tiny")
-        run = subprocess.run([*command, "--half", "--class", "car=van"], cwd=self.folder, capture_output=True, text=True)
+        smaller = ["--range", "-8", "-8", "-2", "8", "8", "2.5"]
+        run = subprocess.run([*command, "--half", "--class", "car=van", *smaller], cwd=self.folder, capture_output=True,
+                             text=True)
         self.assertEqual(run.returncode, 0, run.stderr)
         halves, metadata = safetensors.load(self.folder / "out.safetensors")
         self.assertEqual(json.loads(metadata["config"])["heads"][1], {"classes": ["van"]})
+        self.assertEqual(json.loads(metadata["config"])["range_m"], [-8.0, -8.0, -2.0, 8.0, 8.0, 2.5])
         self.assertEqual({tensor.dtype for tensor in halves.values()}, {np.dtype(np.float16)})
         (self.folder / "c.pth").write_bytes(b"no")
         run = subprocess.run(command, cwd=self.folder, capture_output=True, text=True)

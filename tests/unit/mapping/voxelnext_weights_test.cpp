@@ -125,6 +125,7 @@ TEST(VoxelNextWeights, RefusesValuesBeyondTheirBounds) {
   expect_refused_value("/range_m", {0, 0, 0}, {"range_m", "an array of 3"});
   expect_refused_value("/voxel_m/1", 0.0, {"voxel_m[1]"});
   expect_refused_value("/voxel_m/2", -0.5, {"voxel_m[2]"});
+  expect_refused_value("/range_m", {-999, -999, -99, 999, 999, 99}, {"voxel_m", "at most 2^29"});
   expect_refused_value("/z", "up", {"config.z", "\"up\"", "ground, lidar"});
   expect_refused_value("/sensor_height_m", "1.8", {"sensor_height_m"});
   expect_refused_value("/features", ordered_json::array(), {"features"});

@@ -132,9 +132,11 @@ constexpr double kMaxVoxel_m = 10.0;
 
 void read_grid(const Value& config, VoxelNextConfig& result) {
   const auto range = config.at("range_m").elements(6, 6);
-  for (std::size_t i = 0; i < 6; ++i)
+  for (std::size_t i = 0; i < 6; ++i) {
     result.range_m[i] = range[i].number(-kMaxRange_m, kMaxRange_m);
+  }
   const auto voxel = config.at("voxel_m").elements(3, 3);
+  double grid = 1.0;
   for (std::size_t i = 0; i < 3; ++i) {
     result.voxel_m[i] = voxel[i].number(kMinVoxel_m, kMaxVoxel_m);
     const double extent_m = result.range_m[i + 3] - result.range_m[i];
@@ -143,6 +145,10 @@ void read_grid(const Value& config, VoxelNextConfig& result) {
       voxel[i].refuse("1 to " + std::to_string(kMaxVoxelNextCells) + " of them in " +
                       json(extent_m).dump() + " m");
     }
+    grid *= i == 2 ? cells + 1.0 : cells;  // one more in z, see voxel_grid
+  }
+  if (!(grid <= kMaxVoxelNextGrid)) {
+    config.at("voxel_m").refuse("at most 2^29 of them in range_m");
   }
 }
 

@@ -7,14 +7,17 @@
 
 namespace stillmap::mapping {
 
-/// Bounds of a network that is run here: generous to the largest published one (256 channels, a
-/// grid of 4000 x 4000 x 200), and a wall before sizes that only a broken or hostile file asks for.
+/// Bounds of a network that is run here: generous to the largest published one (256 channels), and
+/// a wall before sizes that only a broken or hostile file asks for.
 inline constexpr int kMaxVoxelNextChannels = 1024;
 inline constexpr int kMaxVoxelNextBlocks = 16;
 inline constexpr int kMaxVoxelNextHeads = 64;
 inline constexpr int kMaxVoxelNextClasses = 64;
-/// Cells along an axis: two bits below what an index of 16 bits holds.
+/// Cells along an axis, and of the whole grid, as SiteSet has a bit for each. The published
+/// networks for nuScenes, Waymo and KITTI need a fifth of it or less; that for Argoverse 2 (400 m
+/// wide) needs 3.2e9 and must be converted with a smaller range.
 inline constexpr int kMaxVoxelNextCells = 16384;
+inline constexpr double kMaxVoxelNextGrid = 0x1p29;
 
 /// Reads the `config` of a weights file: every key is there, none is unknown, every number is
 /// within its bounds, lists have the length that the heads ask for.
