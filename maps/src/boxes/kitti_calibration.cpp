@@ -96,10 +96,9 @@ Calibration find_calibration(const std::filesystem::path& label_file) {
       return {above, true};
     }
   }
-  throw InputError(
-      label_file.string(), "no calibration",
-      "calib.txt beside it, ../calib/ with its name, or calib_velo_to_cam.txt and "
-      "calib_cam_to_cam.txt above it");
+  throw InputError(label_file.string(), "no calibration",
+                   "calib.txt beside it, ../calib/ with its name, or calib_velo_to_cam.txt and "
+                   "calib_cam_to_cam.txt above it");
 }
 
 Eigen::Affine3d read_T_rect_lidar(const Calibration& calibration) {
