@@ -5,6 +5,7 @@ usage: command_line_test.py STILLMAP MAP DRIVE
 """
 
 import json
+import os
 import pathlib
 import re
 import signal
@@ -53,6 +54,9 @@ class CommandLine(unittest.TestCase):
         self.fails(2, "magic", "build", DRIVE, "-o", new, "--detector", "magic")
         self.fails(2, "voxel_size_m", "build", DRIVE, "-o", new, "--voxel", "nan")
         self.fails(2, "no_folder", "build", DRIVE, "-o", new, "--json", self.folder / "no_folder/a.json")
+        self.fails(2, "edits_file", "build", DRIVE, "-o", new, "--preset", "paper", "--edits", SCAN)
+        self.fails(2, "--fill", "build", DRIVE, "-o", new, "--fusion", "off", "--fill", "on")
+        self.fails(2, "--fill", "build", DRIVE, "-o", new, "--movable", "delete", "--fill", "on")
         self.fails(2, "'1,2'", "localize", MAP, SCAN, "--prior", "1,2")
         self.fails(2, "'1'", "evaluate", "localization", MAP, DRIVE, "--prior-error", "1")
         self.fails(2, "--query-detector", "evaluate", "localization", MAP, DRIVE, "--query-detector", "geometric")
@@ -75,6 +79,19 @@ class CommandLine(unittest.TestCase):
         self.fails(1, "broken.bin: found 1001 bytes, expected", "localize", MAP, broken, "--prior", "0,0,0,0")
         self.fails(1, "expected", "inspect", self.folder)
         self.fails(1, "town", "build", DRIVE, "-o", MAP)
+
+    def test_reports_are_written_into_links_and_pipes_not_over_them(self):
+        link, pipe = self.folder / "link.json", self.folder / "pipe.json"
+        link.symlink_to(self.folder / "report.json")
+        os.mkfifo(pipe)
+        reader = subprocess.Popen(["cat", pipe], stdout=subprocess.PIPE)
+        for number, report in enumerate((link, pipe)):
+            done = run("build", DRIVE, "-o", self.folder / str(number), "--select", ":1", "--json", report)
+            self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertTrue(link.is_symlink())
+        self.assertTrue(pipe.is_fifo())
+        self.assertEqual(json.loads(link.read_text())["scans"], 1)
+        self.assertEqual(json.loads(reader.communicate(timeout=10)[0])["scans"], 1)
 
     def test_build_leaves_nothing_when_a_scan_is_broken(self):
         drive = self.folder / "drive"

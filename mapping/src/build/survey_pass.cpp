@@ -21,7 +21,7 @@ std::unique_ptr<Survey> survey_scans(const DriveSet& drives, const ScanStages& s
         }
         {
           const StageTimer timer(scan.stage_seconds, "obstacles");
-          survey->obstacles.add(scan.obstacles);
+          survey->obstacles.add(drives.place(scan.scan).drive, scan.obstacles);
         }
         survey->views.append(*scan.view);
         survey->sources +=

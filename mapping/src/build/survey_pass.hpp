@@ -1,6 +1,7 @@
 #pragma once
 
 #include "build/scan_stages.hpp"
+#include "fusion/obstacle_store.hpp"
 #include "ground/fused_ground.hpp"
 #include "views/range_view_store.hpp"
 
@@ -21,12 +22,13 @@ struct Survey {
     std::vector<maps::Box> boxes;
   };
   /// `scratch` is a folder.
-  explicit Survey(const std::filesystem::path& scratch) : views(scratch) {}
+  explicit Survey(const std::filesystem::path& scratch)
+      : obstacles(scratch / "obstacles"), views(scratch) {}
 
   /// By ordinal.
   std::vector<Scan> scans;
   FusedGround ground;
-  ObstacleMap obstacles;
+  ObstacleStore obstacles;
   RangeViewStore views;
   /// SHA-256 and name of every scan's file, a line each as `sha256sum` prints it.
   std::string sources;

@@ -127,7 +127,8 @@ class ErasorTruth {
 /// Memory: some 28 bytes a map point, and that of `ErasorTruth`. Same input, same bits, for any
 /// number of threads. Not safe from several threads.
 /// @see Zhang, Duberg, Geng, Jia, Wang, Jensfelt, "A Dynamic Points Removal Benchmark in Point
-///      Cloud Maps", ITSC 2023, eq. (1) to (3); Lim, Hwang, Myung, "ERASOR", RA-L 2021, section IV.
+///      Cloud Maps", ITSC 2023 (SA, DA, AA); Lim, Hwang, Myung,
+///      "ERASOR", RA-L 6(2), 2021 (preservation rate PR, rejection rate RR).
 class PublishedMetrics {
  public:
   /// @param map_points finite, within 100 km of the frame's origin [m]; may be empty.

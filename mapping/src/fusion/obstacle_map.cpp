@@ -66,6 +66,23 @@ ScanObstacles reduce_obstacles(const std::vector<Eigen::Vector3f>& positions,
   return out;
 }
 
+ObstacleMap::ObstacleMap(const std::vector<Obstacle>& obstacles) {
+  for (const Obstacle& each : obstacles) put(each);
+}
+
+void ObstacleMap::put(const Obstacle& obstacle) {
+  squares_[square_key(square_of(obstacle.position.x(), kSquareM),
+                      square_of(obstacle.position.y(), kSquareM))]
+      .push_back(obstacle);
+}
+
+std::vector<Obstacle> ObstacleMap::all() const {
+  std::vector<Obstacle> obstacles;
+  for (const auto& [key, square] : squares_)
+    obstacles.insert(obstacles.end(), square.begin(), square.end());
+  return obstacles;
+}
+
 void ObstacleMap::add(const ScanObstacles& scan) {
   for (const ScanObstacles::Voxel& voxel : scan.voxels) {
     Sum& sum = sums_[voxel.key];
@@ -97,9 +114,7 @@ void ObstacleMap::finish() {
     const std::vector<SurfaceNormal> normals = estimate_normals(positions, positions);
     for (std::size_t i = 0; i < obstacles.size(); ++i) {
       obstacles[i].planarity = normals[i].planarity;
-      squares_[square_key(square_of(positions[i].x(), kSquareM),
-                          square_of(positions[i].y(), kSquareM))]
-          .push_back(obstacles[i]);
+      put(obstacles[i]);
     }
   }
 }

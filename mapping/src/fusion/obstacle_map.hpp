@@ -40,10 +40,14 @@ struct ScanObstacles {
                                              const GroundSurface& surface,
                                              const Eigen::Isometry3d& T_local_lidar);
 
-/// What stands on the ground, from all scans of a build: far more of a thing than any one of them
+/// What stands on the ground, from all scans of a drive: far more of a thing than any one of them
 /// shows.
 class ObstacleMap {
  public:
+  ObstacleMap() = default;
+  /// A finished one. @param obstacles  as `all` gives them.
+  explicit ObstacleMap(const std::vector<Obstacle>& obstacles);
+
   /// Serial, in the scans' order.
   void add(const ScanObstacles& scan);
   /// Ends the adding. Once.
@@ -52,6 +56,8 @@ class ObstacleMap {
   /// Obstacles whose x and y lie in a circle [m]. Only after `finish`.
   [[nodiscard]] std::vector<const Obstacle*> around(const Eigen::Vector2d& centre,
                                                     double radius_m) const;
+  /// All of them; a map made of them answers the same, in the same order. Only after `finish`.
+  [[nodiscard]] std::vector<Obstacle> all() const;
 
  private:
   struct Sum {
@@ -59,6 +65,8 @@ class ObstacleMap {
     std::uint32_t points = 0;
     std::uint32_t scans = 0;
   };
+  void put(const Obstacle& obstacle);
+
   std::unordered_map<std::uint64_t, Sum> sums_;
   /// By square of 2 m.
   std::unordered_map<std::uint64_t, std::vector<Obstacle>> squares_;

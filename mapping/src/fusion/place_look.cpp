@@ -2,6 +2,7 @@
 
 #include "fusion/box_frames.hpp"
 #include "fusion/track.hpp"
+#include "views/box_rays.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -15,8 +16,6 @@ constexpr double kCellM = 40.0;
 /// begin below the ground.
 constexpr double kBodyFrom = 0.3;
 constexpr double kBodyTo = 0.65;
-/// Counters leave out rays that come in so low over the bottom (`RangeView::count`) [m].
-constexpr double kCounterFloorM = 0.35;
 /// A box is some decimetres off: points so far outside still are its own, rays so far inside pass
 /// it [m].
 constexpr double kGrowM = 0.3;
@@ -34,7 +33,7 @@ std::uint64_t key_of(std::int64_t x, std::int64_t y) {
 
 maps::Box body_of(const maps::Box& box) {
   const double bottom = box.centre.z() - 0.5 * box.size_m.z();
-  const double from = bottom + kBodyFrom * box.size_m.z() - kCounterFloorM;
+  const double from = bottom + kBodyFrom * box.size_m.z() - kRayFloorM;
   const double to = bottom + kBodyTo * box.size_m.z();
   maps::Box body = box;
   body.centre.z() = 0.5 * (from + to);

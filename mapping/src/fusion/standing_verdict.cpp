@@ -6,6 +6,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <map>
 #include <utility>
 
 namespace stillmap::mapping {
@@ -104,6 +105,31 @@ std::vector<int> free_views(const std::vector<FusedObject>& objects,
   return free;
 }
 
+/// One an object, by what its own drive saw of it; only of vehicles that stand.
+std::vector<double> log_odds_by_drive(const std::vector<FusedObject>& objects,
+                                      const ObstacleStore& obstacles,
+                                      const std::vector<DetectedScan>& scans,
+                                      const Eigen::Vector3d& origin) {
+  std::map<std::size_t, std::vector<std::size_t>> by_drive;
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    if (!objects[i].moving && body_of(objects[i].object_class) != Body::kSmall)
+      by_drive[scans[objects[i].placements.front().scan].drive].push_back(i);
+  }
+  std::vector<double> log_odds(objects.size(), 0.0);
+  for (const auto& [drive, numbers] : by_drive) {
+    const auto seen = obstacles.read(drive);
+    const auto of_drive = std::count_if(
+        scans.begin(), scans.end(), [&](const DetectedScan& scan) { return scan.drive == drive; });
+    for (const std::size_t i : numbers) {
+      maps::Box box = objects[i].placements.front().box;
+      box.centre -= origin;
+      log_odds[i] =
+          vehicle_log_odds(objects[i], shape_of(*seen, box), static_cast<std::size_t>(of_drive));
+    }
+  }
+  return log_odds;
+}
+
 }  // namespace
 
 double vehicle_log_odds(const FusedObject& object, const StandingShape& shape, std::size_t scans) {
@@ -115,7 +141,7 @@ double vehicle_log_odds(const FusedObject& object, const StandingShape& shape, s
                             : tall_log_odds(object.size_m, known, shape);
 }
 
-void judge_standing(FusedObjects& fused, const ObstacleMap& obstacles,
+void judge_standing(FusedObjects& fused, const ObstacleStore& obstacles,
                     const std::vector<DetectedScan>& scans, const BoxRayCounter& count_rays,
                     const Eigen::Vector3d& origin) {
   std::vector<FusedObject> all = std::exchange(fused.objects, {});
@@ -123,15 +149,14 @@ void judge_standing(FusedObjects& fused, const ObstacleMap& obstacles,
   std::move(fused.doubtful.begin(), fused.doubtful.end(), std::back_inserter(all));
   fused.doubtful.clear();
   const std::vector<int> free = free_views(all, scans, count_rays);
+  const std::vector<double> log_odds = log_odds_by_drive(all, obstacles, scans, origin);
   for (std::size_t i = 0; i < all.size(); ++i) {
     FusedObject& object = all[i];
     bool stays = i < believed;
     if (!object.moving && body_of(object.object_class) == Body::kSmall) {
       stays = stays && free[i] >= kFreeViews;
     } else if (!object.moving) {
-      maps::Box box = object.placements.front().box;
-      box.centre -= origin;
-      stays = vehicle_log_odds(object, shape_of(obstacles, box), scans.size()) >= 0.0;
+      stays = log_odds[i] >= 0.0;
     }
     (stays ? fused.objects : fused.doubtful).push_back(std::move(object));
   }

@@ -45,7 +45,7 @@ struct DufomapOptions {
 /// blocks, 30 to 85 MB for a kilometre of simulated road at 0.1 m; some 10 MB a thread, and its
 /// scan.
 /// @see Duberg, Zhang, Jia, Jensfelt, "DUFOMap: Efficient Dynamic Awareness Mapping", RA-L 9(6),
-///      2024, section III.
+///      2024.
 class DufomapCleaner : public Cleaner {
  public:
   /// @throws std::invalid_argument naming each broken option.

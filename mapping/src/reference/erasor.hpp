@@ -7,16 +7,17 @@ namespace stillmap::mapping {
 /// ERASOR: where the map is much taller than the scan that stands in it, the map's points go but
 /// for the ground.
 ///
-/// Reproduced, with the numbers of the authors' program for KITTI 00:
+/// Reproduced, with the numbers of the authors' program for KITTI 00 (`config/seq_00.yaml`):
 /// - Volume of interest around the vehicle, 80 m, from 1.3 m below to 3 m above the ground below
-/// the
-///   sensor; R-POD of 20 rings and 108 sectors for the scan and for the map, section III-B.
-/// - Pseudo occupancy of a bin, its highest less its lowest point, eq. (3); scan ratio test,
-///   eq. (4): a bin of the map is dynamic when the ratio is below 0.2 and the map is the taller
-///   one. Bins with fewer than 6 points of the scan (in voxels of 0.2 m) decide nothing, and the
-///   map must stand out by 0.5 m (version 3 of the program; not in the paper).
-/// - Bin-wise removal with R-GPF, section III-D: ground stays (`region_ground`), and so does what
-///   the scan itself sees in the bin.
+///   the sensor; region-wise pseudo occupancy descriptor (R-POD) of 20 rings and 108 sectors for
+///   the scan and for the map.
+/// - Pseudo occupancy of a bin, its highest less its lowest point; scan ratio test: a bin of the
+///   map is dynamic when the ratio is below 0.2 (the program's number until 2026-05, 0.1 since) and
+///   the map is the taller one. Bins with fewer than 6 points of the scan (in voxels of 0.2 m)
+///   decide nothing, and the map must stand out by 0.5 m (version 3 of the program; not in the
+///   paper).
+/// - Bin-wise removal with R-GPF: ground stays (`region_ground`), and so does what the scan itself
+///   sees in the bin.
 /// - Every fourth scan in turn (`removal_interval`), each against the map that those before left.
 ///
 /// Departures:
@@ -29,8 +30,7 @@ namespace stillmap::mapping {
 /// Speed: blocks of map points that touch no bin which could be dynamic are not looked at, which
 /// leaves the result as it is; scans are read ahead in parallel, compared one after the other.
 /// @see Lim, Hwang, Myung, "ERASOR: Egocentric Ratio of Pseudo Occupancy-Based Dynamic Object
-/// Removal
-///      for Static 3D Point Cloud Map Building", RA-L 2021.
+///      Removal for Static 3D Point Cloud Map Building", RA-L 6(2), 2021.
 class Erasor : public Cleaner {
  public:
   [[nodiscard]] std::vector<std::uint8_t> moved(const CleaningPoints& points,

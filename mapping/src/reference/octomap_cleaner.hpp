@@ -26,9 +26,10 @@ struct OctomapOptions {
 /// Points in voxels that OctoMap takes for free belong to what moved; ground stays.
 ///
 /// From scan to scan, in their order, a voxel's log-odds of being occupied rise where a ray ended
-/// in it, else fall where one passed, between two bounds (eqs. (2) to (4) of the paper); above 0 it
-/// is occupied. Ground points only clear what their rays passed before them, and ground points of
-/// the map stay, as in "octomap with ground fitting" of the benchmark.
+/// in it, else fall where one passed, between two bounds (the paper's "Probabilistic Sensor Fusion"
+/// and clamping update policy); above 0 it is occupied. Ground points only clear what their rays
+/// passed before them, and ground points of the map stay, as in "octomap with ground fitting" of
+/// the benchmark.
 ///
 /// Reproduced: model, parameters and order, by the library's own octree; rays to the middles of
 /// voxels, one for each, and ends before passages within a scan, as its `insertPointCloud` with
@@ -41,8 +42,9 @@ struct OctomapOptions {
 ///
 /// Memory: 50 to 80 bytes a voxel with a map point, 0.7 to 1.4 GB for a kilometre of simulated
 /// streets at 0.1 m; some 10 MB a thread, and its scans.
-/// @see Hornung, Wurm, Bennewitz, Stachniss, Burgard, "OctoMap", Autonomous Robots 34, 2013; Zhang
-///      et al., "A Dynamic Points Removal Benchmark in Point Cloud Maps", ITSC 2023.
+/// @see Hornung, Wurm, Bennewitz, Stachniss, Burgard, "OctoMap: An Efficient Probabilistic 3D
+///      Mapping Framework Based on Octrees", Autonomous Robots 34, 2013; Zhang et al., "A Dynamic
+///      Points Removal Benchmark in Point Cloud Maps", ITSC 2023.
 class OctomapCleaner : public Cleaner {
  public:
   /// @throws std::invalid_argument naming each broken option.

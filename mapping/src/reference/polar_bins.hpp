@@ -34,12 +34,12 @@ struct PseudoOccupancy {
   float highest_m = std::numeric_limits<float>::lowest();
 
   void add(float z_m);
-  /// Delta h, eq. (3); 0 without points.
+  /// Delta h of the paper; 0 without points.
   [[nodiscard]] float height_m() const { return points == 0 ? 0.0F : highest_m - lowest_m; }
 };
 
-/// The scan ratio of two bins, eq. (4): the smaller pseudo occupancy over the larger one, NaN when
-/// both are 0.
+/// The ratio of the paper's scan ratio test, of two bins: the smaller pseudo occupancy over the
+/// larger one, NaN when both are 0.
 [[nodiscard]] float scan_ratio(const PseudoOccupancy& a, const PseudoOccupancy& b);
 
 }  // namespace stillmap::mapping

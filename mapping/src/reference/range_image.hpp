@@ -23,7 +23,7 @@ class RangeImage {
   [[nodiscard]] int rows() const { return rows_; }
   /// Pixel of a direction, row by row; -1 below or above all rows.
   [[nodiscard]] int pixel_of(const Spherical& direction) const;
-  /// The nearest range [m] of each pixel, eq. (2); 0 where the scan has no point.
+  /// The nearest range [m] of each pixel; 0 where the scan has no point.
   [[nodiscard]] const std::vector<float>& nearest_m() const { return nearest_m_; }
   /// The largest value of nearest_m().
   [[nodiscard]] float farthest_m() const { return max_m_; }

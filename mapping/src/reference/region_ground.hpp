@@ -7,7 +7,7 @@
 
 namespace stillmap::mapping {
 
-/// Region-wise ground plane fitting (R-GPF) of ERASOR, section III-D: the plane of a region's
+/// Region-wise ground plane fitting (R-GPF) of ERASOR: the plane of a region's
 /// lowest points, refined three times; what is less than 0.15 m above it is ground.
 ///
 /// Numbers are those of the program for KITTI (`gf_num_lpr` 20, `gf_th_seeds_height` 0.5,

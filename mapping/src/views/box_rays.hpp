@@ -7,6 +7,10 @@
 
 namespace stillmap::mapping {
 
+/// Rays that stay below this height over a box's bottom are not counted: they may pass under a
+/// vehicle [m]. Who asks about a part of a vehicle sets the bottom so much lower.
+inline constexpr double kRayFloorM = 0.35;
+
 /// What the rays of one scan that head for a box met.
 struct BoxRays {
   /// Ended inside the box.

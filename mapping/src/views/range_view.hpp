@@ -58,7 +58,7 @@ class RangeView {
 
   /// What the rays towards a box met, counted in directions that have a return. Those that pass or
   /// end before it are counted where they head for its middle, since a car leaves the corners of
-  /// its box free, and not where they pass lower than a vehicle's floor. A return from the ground
+  /// its box free, and not where they pass below `kRayFloorM`. A return from the ground
   /// inside of the box, of a ray that came in higher, counts as passing: it met nothing in the box.
   /// @param box  in the scan's lidar frame. NaN anywhere: no rays.
   [[nodiscard]] BoxRays count(const maps::Box& box) const;

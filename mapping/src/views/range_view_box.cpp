@@ -9,8 +9,6 @@
 namespace stillmap::mapping {
 namespace {
 
-/// Rays below this height over the box's bottom may pass under a vehicle [m].
-constexpr double kFloorM = 0.35;
 /// A return this far outside of the box still belongs to it [m]: range noise and the box's fit.
 constexpr double kSkinM = 0.1;
 
@@ -99,14 +97,14 @@ void add(BoxRays& rays, const BoxFrame& box, const Eigen::Vector3d& direction,
   const Crossing whole = box.whole(direction);
   if (!whole.hits()) return;
   const double height_in = box.height_at(direction, whole.enter);
-  if (std::max(height_in, box.height_at(direction, whole.leave)) < kFloorM) return;
+  if (std::max(height_in, box.height_at(direction, whole.leave)) < kRayFloorM) return;
   if (returns.nearest >= whole.enter - kSkinM && returns.nearest <= whole.leave + kSkinM) {
     ++rays.inside;
   } else if (!box.core(direction).hits()) {
     return;
   } else if (returns.nearest < whole.enter || returns.farthest < whole.enter) {
     ++rays.before;
-  } else if (returns.farthest > whole.leave || height_in >= kFloorM) {
+  } else if (returns.farthest > whole.leave || height_in >= kRayFloorM) {
     // The latter ended on the ground inside of the box.
     ++rays.through;
   }

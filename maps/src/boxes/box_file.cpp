@@ -21,7 +21,8 @@ Box box_from(const JsonField& field) {
   Box box;
   box.centre = field.at("centre").vector3();
   box.size_m = field.at("size").vector3();
-  if (!(box.size_m.minCoeff() > 0.0)) field.at("size").refuse("length, width and height > 0 m");
+  if (!(box.size_m.minCoeff() > 0.0 && box.size_m.maxCoeff() <= kMaxBoxSizeM))
+    field.at("size").refuse("length, width and height > 0 m and at most 200 m");
   box.yaw_rad = field.at("yaw").number(-4.0 * std::numbers::pi, 4.0 * std::numbers::pi);
   const auto object_class = object_class_from(field.at("class").text());
   if (!object_class) {

@@ -85,7 +85,8 @@ void check_bounds(const std::string& where, const std::vector<double>& v) {
     refuse("track", v[1], "a whole number >= -1");
   }
   for (const std::size_t i : {std::size_t{10}, std::size_t{11}, std::size_t{12}}) {
-    if (!(v[i] > 0.0)) refuse("size", v[i], "height, width and length > 0 m");
+    if (!(v[i] > 0.0 && v[i] <= kMaxBoxSizeM))
+      refuse("size", v[i], "height, width and length > 0 m and at most 200 m");
   }
   if (v.size() > kFields && !(v[kFields] >= 0.0 && v[kFields] <= 1.0)) {
     refuse("score", v[kFields], "0 to 1");

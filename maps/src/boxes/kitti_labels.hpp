@@ -11,6 +11,10 @@
 
 namespace stillmap::maps {
 
+/// Longest side of a box [m], longer than any tram: what claims more is a broken file, and the work
+/// on the ground below a box grows with its area.
+inline constexpr double kMaxBoxSizeM = 200.0;
+
 struct KittiLabels {
   BoxSequence boxes;
   /// By scan; also counted in `boxes.dropped`.

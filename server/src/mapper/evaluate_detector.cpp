@@ -132,7 +132,7 @@ void add_evaluate_detector(CLI::App& evaluate_command) {
                    "Drive with boxes.json, tracking/label_02.txt, label_2/ or labels/")
       ->required()
       ->check(command_line::existing_folder());
-  command->add_option("--detector", options.detector, "geometric, or boxes:FILE")
+  command->add_option("--detector", options.detector, "What finds them, as for build")
       ->capture_default_str();
   command
       ->add_option("--boxes", options.boxes_file,

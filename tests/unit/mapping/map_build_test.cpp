@@ -392,9 +392,20 @@ TEST_F(MapBuild, RefusesEditsWithoutFusionAndUnknownCleaning) {
   options_.fusion = false;
   options_.edits_file = folder_.path() / "edits.json";
   EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<std::invalid_argument>({"edits_file"}));
-  options_.edits_file.reset();
+  options_.fusion = true;
+  apply_paper_preset(options_);
+  EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<std::invalid_argument>({"edits_file"}));
+  const MapBuildOptions defaults;
+  options_ = defaults;
   options_.clean = "soap";
   EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<std::invalid_argument>({"soap"}));
+}
+
+TEST_F(MapBuild, SaysThatNothingIsFilledWhereObjectsAreDeleted) {
+  use_boxes();
+  options_.projection.policy = MovablePolicy::kDelete;
+  EXPECT_EQ(build().points.at("filled"), 0U);
+  EXPECT_EQ(open()->manifest().options.at("fill"), "off");
 }
 
 TEST_F(MapBuild, RefusesEmptyRangesOfPoints) {

@@ -7,6 +7,7 @@
 
 #include "fusion/standing_shape.hpp"
 #include "support/synthetic_world.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace stillmap::mapping {
 namespace {
@@ -26,9 +27,10 @@ Eigen::Isometry3d sensor_at(double x, double y) {
 }
 
 /// Obstacles of a world, seen from a street that passes it at y = 0.
-ObstacleMap seen(const test::SyntheticWorld& world) {
-  ObstacleMap obstacles;
-  test::ScanPattern pattern{.rings = 48, .columns = 900, .noise_m = 0.01};
+std::vector<ScanObstacles> scans_of(const test::SyntheticWorld& world, double highest_rad = 0.1) {
+  std::vector<ScanObstacles> scans;
+  test::ScanPattern pattern{
+      .rings = 48, .columns = 900, .highest_rad = highest_rad, .noise_m = 0.01};
   for (int i = 0; i < 7; ++i) {
     const Eigen::Isometry3d T = sensor_at(3.0 * i, 0.0);
     pattern.seed = static_cast<std::uint64_t>(i + 1);
@@ -36,8 +38,14 @@ ObstacleMap seen(const test::SyntheticWorld& world) {
     std::vector<std::uint8_t> is_ground(cloud.size());
     for (std::size_t k = 0; k < cloud.size(); ++k)
       is_ground[k] = cloud.positions[k].z() < -1.7F ? 1 : 0;
-    obstacles.add(reduce_obstacles(cloud.positions, is_ground, Floor(), T));
+    scans.push_back(reduce_obstacles(cloud.positions, is_ground, Floor(), T));
   }
+  return scans;
+}
+
+ObstacleMap seen(const test::SyntheticWorld& world) {
+  ObstacleMap obstacles;
+  for (const ScanObstacles& scan : scans_of(world)) obstacles.add(scan);
   obstacles.finish();
   return obstacles;
 }
@@ -146,9 +154,13 @@ class JudgeStanding : public testing::Test {
     }
   }
   void judge(const BoxRayCounter& count_rays) {
-    judge_standing(fused_, seen(world_), scans_, count_rays, Eigen::Vector3d::Zero());
+    ObstacleStore obstacles(folder_.path() / "obstacles");
+    for (const ScanObstacles& scan : scans_of(world_)) obstacles.add(0, scan);
+    obstacles.finish();
+    judge_standing(fused_, obstacles, scans_, count_rays, Eigen::Vector3d::Zero());
   }
 
+  const test::TemporaryFolder folder_;
   test::SyntheticWorld world_;
   std::vector<DetectedScan> scans_;
   FusedObjects fused_;
@@ -178,6 +190,40 @@ TEST_F(JudgeStanding, KeepsAStandingPersonOnlyWhereThePlaceWasSeenFree) {
     return scan < 10 ? BoxRays{.inside = 50} : BoxRays{.through = 50};
   });
   EXPECT_EQ(fused_.objects.size(), 1U);
+}
+
+TEST_F(JudgeStanding, AsksTheObjectsOwnDriveOnly) {
+  // Another day a lorry with a high load stands where the car stood.
+  const maps::Box car = box_at(10.0, 6.0, kCarSize), lorry = box_at(10.6, 6.2, {7.0, 2.2, 3.0});
+  test::SyntheticWorld other_day;
+  other_day.boxes.push_back({{7.1, 5.1, 1.9}, {14.1, 7.3, 3.0}});
+  for (const double x : {8.4, 9.8, 11.2})
+    other_day.boxes.push_back({{x - 0.4, 5.1, 0.0}, {x + 0.4, 7.3, 0.9}});
+  ObstacleMap of_both;
+  ObstacleStore obstacles(folder_.path() / "obstacles");
+  for (const std::size_t drive : {0U, 1U}) {
+    for (const ScanObstacles& scan : scans_of(drive == 0 ? world_ : other_day, 0.25)) {
+      of_both.add(scan);
+      obstacles.add(drive, scan);
+    }
+  }
+  of_both.finish();
+  obstacles.finish();
+  const FusedObject doubted = object_of(car, maps::ObjectClass::kCar, 0.2);
+  // Both together look like no car.
+  ASSERT_LT(vehicle_log_odds(doubted, shape_of(of_both, car), 20), 0.0);
+  fused_.doubtful = {doubted};
+  fused_.objects = {object_of(lorry, maps::ObjectClass::kTruck)};
+  for (ObjectPlacement& placement : fused_.objects[0].placements) placement.scan += scans_.size();
+  for (std::size_t i = 0; i < 20; ++i) {
+    scans_.push_back(scans_[i]);
+    scans_.back().drive = 1;
+  }
+  judge_standing(
+      fused_, obstacles, scans_, [](std::size_t, const maps::Box&) { return BoxRays{}; },
+      Eigen::Vector3d::Zero());
+  EXPECT_EQ(fused_.objects.size(), 2U);
+  EXPECT_TRUE(fused_.doubtful.empty());
 }
 
 TEST_F(JudgeStanding, LeavesWhatMovedAlone) {

@@ -75,15 +75,16 @@ class Report {
   void add_tiles() {
     const MapFigures& figures = evaluation_.figures();
     const MapScores& scores = figures.of(heading_.classes);
-    html_ += "<div class=\"tiles\">" +
-             tile_of(percent_text(figures.parked_removed.rate()), "of parked objects removed") +
-             tile_of(percent_text(scores.static_loss, 3), "of what stays lost") +
-             tile_of(percent_text(scores.DA), "DA, projected points not matched") +
-             tile_of(percent_text(figures.ground_under.filled.rate(), 1),
-                     "ground complete under objects") +
-             tile_of(evaluation_.ground ? percent_text(evaluation_.ground->f1()) : "–",
-                     "F1 of ground points") +
-             "</div>\n";
+    html_ +=
+        "<div class=\"tiles\">" +
+        tile_of(percent_text(figures.parked_removed.rate()), "of parked objects' points removed") +
+        tile_of(percent_text(scores.static_loss, 3), "of what stays lost") +
+        tile_of(percent_text(scores.DA), "DA, projected points not matched") +
+        tile_of(percent_text(figures.ground_under.filled.rate(), 1),
+                "ground complete under objects") +
+        tile_of(evaluation_.ground ? percent_text(evaluation_.ground->f1()) : "–",
+                "F1 of ground points") +
+        "</div>\n";
   }
 
   void add_views() {
