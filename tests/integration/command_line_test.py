@@ -41,7 +41,7 @@ class CommandLine(unittest.TestCase):
         for command in ("build", "simulate", "evaluate", "localize", "serve", "inspect"):
             self.assertRegex(text, rf"(?m)^  {command}\b")
             self.assertEqual(run(command, "--help").returncode, 0, command)
-        for what in ("localization", "map", "paper"):
+        for what in ("localization", "map", "detector", "paper"):
             self.assertIn("--json", run("evaluate", what, "--help").stdout)
 
     def test_usage_errors_are_2_and_name_the_value(self):
@@ -60,6 +60,8 @@ class CommandLine(unittest.TestCase):
         self.fails(2, "'1,2'", "localize", MAP, SCAN, "--prior", "1,2")
         self.fails(2, "'1'", "evaluate", "localization", MAP, DRIVE, "--prior-error", "1")
         self.fails(2, "--query-detector", "evaluate", "localization", MAP, DRIVE, "--query-detector", "geometric")
+        self.fails(2, "magic", "evaluate", "detector", DRIVE, "--detector", "magic")
+        self.fails(2, "max_range_m", "evaluate", "detector", DRIVE, "--max-range", "nan")
         self.fails(2, "magic", "evaluate", "localization", MAP, DRIVE, "--query-movable", "delete", "--query-detector",
                    "magic")
         work = self.folder / "work"
@@ -187,6 +189,17 @@ class CommandLine(unittest.TestCase):
         result = json.loads(file.read_text())
         self.assertGreater(result["points"]["deleted"], 0)
         self.assertEqual(result["options"]["query_movable"], "delete")
+
+    def test_evaluate_detector_writes_its_keys_and_a_page(self):
+        file, page = self.folder / "result.json", self.folder / "page.html"
+        done = run("evaluate", "detector", DRIVE, "--select", "::16", "--json", file, "--report", page)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        result = json.loads(file.read_text())
+        for key in ("AP", "recall_centre_1_5m", "false_boxes_per_scan", "points", "ms_per_scan", "scans", "seconds", "options",
+                    "version"):
+            self.assertIn(key, result)
+        self.assertIn("vehicle", result["AP"])
+        self.assertNotIn("<script", page.read_text())
 
     def test_the_papers_table_is_made_once_and_read_again(self):
         files = [self.folder / name for name in ("first.json", "second.json")]

@@ -76,7 +76,7 @@ BoxSequence read_boxes(const std::filesystem::path& file, std::size_t scan_count
   if (first != std::string::npos && text[first] == '{') {
     return parse_json_boxes(file, text, scan_count);
   }
-  return parse_kitti_labels(file, text, scan_count);
+  return parse_kitti_labels(file, text, scan_count).boxes;
 }
 
 void write_boxes(const std::filesystem::path& file, const BoxSequence& boxes) {
