@@ -214,7 +214,8 @@ void add_build(CLI::App& app) {
       ->check(command_line::existing_file());
   command
       ->add_option("--detector", options.detector,
-                   "What finds movable objects: geometric, or boxes:FILE with KITTI tracking "
+                   "What finds movable objects: geometric, voxelnext[:FILE], or boxes:FILE with "
+                   "KITTI tracking "
                    "labels or our JSON (with several drives boxes:FILE,FILE...)")
       ->capture_default_str();
   command

@@ -152,8 +152,8 @@ TEST(VoxelNext, EveryLayerIsWhatItsDefinitionSays) {
   const mapping::VoxelNextWeights weights = random_weights(small_config(), 3);
   const mapping::VoxelNext network(weights);
   const FlatGround ground(0.0);
-  const mapping::Voxels voxels = mapping::voxelize(weights.config, random_scan(4, 600).cloud,
-                                                   mapping::NetworkHeight(weights.config, &ground));
+  mapping::Voxels voxels = mapping::voxelize(weights.config, random_scan(4, 600).cloud,
+                                             mapping::NetworkHeight(weights.config, &ground));
   const mapping::Triple& grid = voxels.sites.grid();
   const std::map<std::string, Layer> expected =
       reference_layers(weights, layer_of(voxels.sites, voxels.features), {grid.z, grid.y, grid.x});
@@ -177,7 +177,7 @@ TEST(VoxelNext, EveryLayerIsWhatItsDefinitionSays) {
   observer.layer = [&](std::string_view name, const SiteSet& sites, const FeatureRows& rows) {
     compare(name, layer_of(sites, rows));
   };
-  const mapping::VoxelNext::Neck neck = network.backbone(voxels, observer);
+  const mapping::VoxelNext::Neck neck = network.backbone(std::move(voxels), observer);
   static_cast<void>(network.heat_maps(neck, observer));
   EXPECT_EQ(seen, 6U + 12U + 3U + 2U);
   for (std::size_t head = 0; head < 2; ++head) {

@@ -1,8 +1,8 @@
 #pragma once
 
-#include <array>
+#include <algorithm>
 #include <cstddef>
-#include <vector>
+#include <memory>
 
 namespace stillmap::mapping {
 
@@ -18,34 +18,40 @@ class FeatureRows {
 
   FeatureRows() = default;
   /// All 0.
-  FeatureRows(std::size_t rows, std::size_t channels) { reshape(rows, channels); }
-  /// Values are whatever was there before; memory is kept for the next shape.
+  FeatureRows(std::size_t rows, std::size_t channels) {
+    reshape(rows, channels);
+    std::fill_n(data(), rows_ * stride_, 0.0F);
+  }
+  /// Values are whatever memory holds: for those who write all of them.
   void reshape(std::size_t rows, std::size_t channels) {
     rows_ = rows;
     channels_ = channels;
     stride_ = padded(channels);
-    if (lines_.size() < rows * stride_ / kLine) lines_.resize(rows * stride_ / kLine);
+    const std::size_t lines = rows * stride_ / kLine;
+    if (lines > capacity_) {
+      lines_ = std::make_unique_for_overwrite<Line[]>(lines);
+      capacity_ = lines;
+    }
   }
 
   [[nodiscard]] std::size_t rows() const { return rows_; }
   [[nodiscard]] std::size_t channels() const { return channels_; }
   /// Floats from one row to the next.
   [[nodiscard]] std::size_t stride() const { return stride_; }
-  [[nodiscard]] float* data() { return lines_.empty() ? nullptr : lines_.front().values.data(); }
-  [[nodiscard]] const float* data() const {
-    return lines_.empty() ? nullptr : lines_.front().values.data();
-  }
+  [[nodiscard]] float* data() { return lines_ ? lines_[0].values : nullptr; }
+  [[nodiscard]] const float* data() const { return lines_ ? lines_[0].values : nullptr; }
   [[nodiscard]] float* row(std::size_t row) { return data() + row * stride_; }
   [[nodiscard]] const float* row(std::size_t row) const { return data() + row * stride_; }
 
  private:
   struct alignas(64) Line {
-    std::array<float, kLine> values;
+    float values[kLine];
   };
   std::size_t rows_ = 0;
   std::size_t channels_ = 0;
   std::size_t stride_ = 0;
-  std::vector<Line> lines_;
+  std::size_t capacity_ = 0;
+  std::unique_ptr<Line[]> lines_;
 };
 
 }  // namespace stillmap::mapping

@@ -139,7 +139,7 @@ void VoxelNext::run_blocks(const Stage& stage, Level& level, const Rulebook& boo
   }
 }
 
-VoxelNext::Level VoxelNext::run_stage(std::size_t index, const Level& before,
+VoxelNext::Level VoxelNext::run_stage(std::size_t index, Level& before,
                                       const NetworkObserver& observer) const {
   const Stage& stage = stages_[index];
   NetworkCosts::Part unused;
@@ -151,7 +151,7 @@ VoxelNext::Level VoxelNext::run_stage(std::size_t index, const Level& before,
       level.sites = reached_by(before.sites, stage.kernel, kByTwo);
       opening = Rulebook::strided(before.sites, level.sites, stage.kernel, kByTwo);
     } else {
-      level.sites = before.sites;
+      level.sites = std::move(before.sites);
     }
     if (index == 0 || !stage.blocks.empty()) blocks = Rulebook::submanifold(level.sites, kCube);
   });

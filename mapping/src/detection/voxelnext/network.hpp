@@ -137,7 +137,8 @@ class VoxelNext {
 
   void run_blocks(const Stage& stage, Level& level, const Rulebook& book,
                   const NetworkObserver& observer, NetworkCosts::Part& cost) const;
-  [[nodiscard]] Level run_stage(std::size_t index, const Level& before,
+  /// @param before  the level below; stage 1 takes its sites over.
+  [[nodiscard]] Level run_stage(std::size_t index, Level& before,
                                 const NetworkObserver& observer) const;
 
   VoxelNextConfig config_;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <numeric>
 #include <stdexcept>
+#include <string>
 
 // Compiled once for each instruction set: counting bits is one instruction where there is one.
 #undef HWY_TARGET_INCLUDE
@@ -119,13 +120,13 @@ int output_of(int cell, int at, int kernel, int stride) {
   return scaled < 0 || scaled % stride != 0 ? -1 : scaled / stride;
 }
 
-std::vector<std::uint32_t> ascending(std::size_t count) {
-  std::vector<std::uint32_t> out(count);
-  std::iota(out.begin(), out.end(), 0U);
+}  // namespace
+
+Rulebook::Indices Rulebook::ascending(std::size_t count) {
+  Indices out = room_for(count);
+  std::iota(out.get(), out.get() + count, 0U);
   return out;
 }
-
-}  // namespace
 
 Rulebook Rulebook::submanifold(const SiteSet& sites, const Triple& kernel) {
   check_odd(kernel);
@@ -137,19 +138,19 @@ Rulebook Rulebook::submanifold(const SiteSet& sites, const Triple& kernel) {
   tbb::parallel_for(std::size_t{0}, half + 1, [&](std::size_t k) {
     if (k == half) {
       book.indices_[2 * half] = ascending(sites.size());
-      const std::uint32_t* same = book.indices_[2 * half].data();
+      const std::uint32_t* same = book.indices_[2 * half].get();
       book.lists_[half] = {same, same, sites.size()};
       return;
     }
     const Triple at = position_of(static_cast<int>(k), kernel);
-    std::vector<std::uint32_t>&in = book.indices_[2 * k], &out = book.indices_[2 * k + 1];
-    in.resize(sites.size());
-    out.resize(sites.size());
+    Indices &in = book.indices_[2 * k], &out = book.indices_[2 * k + 1];
+    in = room_for(sites.size());
+    out = room_for(sites.size());
     const std::size_t count = HWY_DYNAMIC_DISPATCH(match_position)(
-        sites, {at.z - kernel.z / 2, at.y - kernel.y / 2, at.x - kernel.x / 2}, in.data(),
-        out.data());
-    book.lists_[k] = {in.data(), out.data(), count};
-    book.lists_[positions - 1 - k] = {out.data(), in.data(), count};
+        sites, {at.z - kernel.z / 2, at.y - kernel.y / 2, at.x - kernel.x / 2}, in.get(),
+        out.get());
+    book.lists_[k] = {in.get(), out.get(), count};
+    book.lists_[positions - 1 - k] = {out.get(), in.get(), count};
   });
   book.find_tiles();
   return book;
@@ -159,7 +160,7 @@ Rulebook Rulebook::identity(std::size_t rows) {
   Rulebook book;
   book.out_rows_ = rows;
   book.indices_.push_back(ascending(rows));
-  const std::uint32_t* same = book.indices_.front().data();
+  const std::uint32_t* same = book.indices_.front().get();
   book.lists_.push_back({same, same, rows});
   book.find_tiles();
   return book;
@@ -175,17 +176,20 @@ Rulebook Rulebook::submanifold_at(const SiteSet& sites, const Triple& kernel,
   book.lists_.resize(positions);
   for (std::size_t k = 0; k < positions; ++k) {
     const Triple at = position_of(static_cast<int>(k), kernel);
-    std::vector<std::uint32_t>&in = book.indices_[2 * k], &out = book.indices_[2 * k + 1];
+    Indices &in = book.indices_[2 * k], &out = book.indices_[2 * k + 1];
+    in = room_for(rows.size());
+    out = room_for(rows.size());
+    std::size_t count = 0;
     for (std::size_t row = 0; row < rows.size(); ++row) {
       const Triple& cell = sites[rows[row]];
       const std::uint32_t found =
           sites.find({cell.z + at.z - kernel.z / 2, cell.y + at.y - kernel.y / 2,
                       cell.x + at.x - kernel.x / 2});
       if (found == SiteSet::kNone) continue;
-      in.push_back(found);
-      out.push_back(static_cast<std::uint32_t>(row));
+      in[count] = found;
+      out[count++] = static_cast<std::uint32_t>(row);
     }
-    book.lists_[k] = {in.data(), out.data(), in.size()};
+    book.lists_[k] = {in.get(), out.get(), count};
   }
   book.find_tiles();
   return book;
@@ -201,10 +205,10 @@ Rulebook Rulebook::strided(const SiteSet& in_sites, const SiteSet& out_sites, co
   book.lists_.resize(positions);
   tbb::parallel_for(std::size_t{0}, positions, [&](std::size_t k) {
     const Triple at = position_of(static_cast<int>(k), kernel);
-    std::vector<std::uint32_t>&in = book.indices_[2 * k], &out = book.indices_[2 * k + 1];
+    Indices &in = book.indices_[2 * k], &out = book.indices_[2 * k + 1];
     const std::size_t most = std::min(in_sites.size(), out_sites.size());
-    in.resize(most);
-    out.resize(most);
+    in = room_for(most);
+    out = room_for(most);
     std::size_t count = 0;
     for (const SiteSet::Line& line : in_sites.lines()) {
       const int z = output_of(line.z, at.z, kernel.z, stride.z);
@@ -212,9 +216,9 @@ Rulebook Rulebook::strided(const SiteSet& in_sites, const SiteSet& out_sites, co
       if (z < 0 || z >= out_sites.grid().z || y < 0 || y >= out_sites.grid().y) continue;
       count += HWY_DYNAMIC_DISPATCH(match_strided)(in_sites, line, out_sites,
                                                    out_sites.first_word(z, y), kernel.x / 2 - at.x,
-                                                   stride.x, in.data() + count, out.data() + count);
+                                                   stride.x, in.get() + count, out.get() + count);
     }
-    book.lists_[k] = {in.data(), out.data(), count};
+    book.lists_[k] = {in.get(), out.get(), count};
   });
   book.find_tiles();
   return book;
@@ -250,14 +254,23 @@ SiteSet reached_by(const SiteSet& in, const Triple& kernel, const Triple& stride
   };
   SiteSet out({cells(in.grid().z, kernel.z, stride.z), cells(in.grid().y, kernel.y, stride.y),
                cells(in.grid().x, kernel.x, stride.x)});
-  for (std::size_t site = 0; site < in.size(); ++site) {
-    const Triple& cell = in[site];
-    for (int k = 0; k < volume(kernel); ++k) {
-      const Triple at = position_of(k, kernel);
-      const Triple reached{output_of(cell.z, at.z, kernel.z, stride.z),
-                           output_of(cell.y, at.y, kernel.y, stride.y),
-                           output_of(cell.x, at.x, kernel.x, stride.x)};
-      if (out.contains(reached)) out.mark(reached);
+  std::vector<std::uint64_t> words(out.words_in_line());
+  for (const SiteSet::Line& line : in.lines()) {
+    std::ranges::fill(words, 0U);
+    for (std::uint32_t site = line.begin; site < line.end; ++site) {
+      for (int at = 0; at < kernel.x; ++at) {
+        const int x = output_of(in[site].x, at, kernel.x, stride.x);
+        if (x < 0 || x >= out.grid().x) continue;
+        words[static_cast<std::size_t>(x) / 64] |= std::uint64_t{1}
+                                                   << (static_cast<unsigned>(x) % 64U);
+      }
+    }
+    for (int at_z = 0; at_z < kernel.z; ++at_z) {
+      for (int at_y = 0; at_y < kernel.y; ++at_y) {
+        const int z = output_of(line.z, at_z, kernel.z, stride.z);
+        const int y = output_of(line.y, at_y, kernel.y, stride.y);
+        if (z >= 0 && z < out.grid().z && y >= 0 && y < out.grid().y) out.mark_line(z, y, words);
+      }
     }
   }
   out.number_sites();

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -54,8 +55,15 @@ class Rulebook {
  private:
   void find_tiles();
 
+  /// Room for as many pairs as a position can have; only what is used is ever touched.
+  using Indices = std::unique_ptr<std::uint32_t[]>;
+  static Indices room_for(std::size_t count) {
+    return std::make_unique_for_overwrite<std::uint32_t[]>(count);
+  }
+  static Indices ascending(std::size_t count);
+
   std::size_t out_rows_ = 0;
-  std::vector<std::vector<std::uint32_t>> indices_;
+  std::vector<Indices> indices_;
   std::vector<Pairs> lists_;
   /// [position][tile]: first pair of the tile.
   std::vector<std::uint32_t> tile_begins_;

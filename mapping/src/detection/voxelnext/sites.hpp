@@ -37,6 +37,11 @@ class SiteSet {
 
   /// Activates a cell, inside the grid. Numbers hold only after `number_sites`.
   void mark(const Triple& cell) { bits_[word_of(cell)] |= bit_of(cell.x); }
+  /// Activates cells of a line along x inside the grid. @param words  `words_in_line` of them.
+  void mark_line(int z, int y, const std::vector<std::uint64_t>& words) {
+    std::uint64_t* line = &bits_[first_word(z, y)];
+    for (std::size_t k = 0; k < words_in_line_; ++k) line[k] |= words[k];
+  }
   /// Ends marking.
   void number_sites();
 

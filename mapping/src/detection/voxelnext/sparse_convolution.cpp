@@ -40,18 +40,19 @@ using Lanes = hn::CappedTag<float, FeatureRows::kLine>;
 using V = hn::Vec<Lanes>;
 
 /// Adds `in * weight` to the output of pairs [first, first + kPairs), kVectors wide. The sums stay
-/// in registers.
+/// in registers. The task is a copy: stores to rows cannot change it, so nothing is read twice.
 template <std::size_t kVectors, std::size_t kPairs>
-HWY_INLINE void add_products(const PanelTask& task, std::size_t first) {
+HWY_INLINE void add_products(const PanelTask task, std::size_t first) {
   const Lanes d;
   constexpr std::size_t kLanes = hn::MaxLanes(Lanes());
   std::array<const float*, kPairs> in;
+  std::array<float*, kPairs> out;
   std::array<V, kPairs * kVectors> sums;
   for (std::size_t p = 0; p < kPairs; ++p) {
     in[p] = task.in + task.pairs.in[first + p] * task.in_stride;
-    const float* out = task.out + task.pairs.out[first + p] * task.out_stride;
+    out[p] = task.out + task.pairs.out[first + p] * task.out_stride;
     for (std::size_t v = 0; v < kVectors; ++v)
-      sums[p * kVectors + v] = hn::Load(d, out + v * kLanes);
+      sums[p * kVectors + v] = hn::Load(d, out[p] + v * kLanes);
   }
   const float* weight = task.weight;
   for (std::size_t c = 0; c < task.in_channels; ++c, weight += kVectors * kLanes) {
@@ -64,9 +65,8 @@ HWY_INLINE void add_products(const PanelTask& task, std::size_t first) {
     }
   }
   for (std::size_t p = 0; p < kPairs; ++p) {
-    float* out = task.out + task.pairs.out[first + p] * task.out_stride;
     for (std::size_t v = 0; v < kVectors; ++v)
-      hn::Store(sums[p * kVectors + v], d, out + v * kLanes);
+      hn::Store(sums[p * kVectors + v], d, out[p] + v * kLanes);
   }
 }
 

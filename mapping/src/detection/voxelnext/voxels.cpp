@@ -41,7 +41,10 @@ float feature_of(VoxelFeature feature, const VoxelNextConfig& config, const Trip
   const auto within = [&](std::size_t axis, int index, double value) {
     return static_cast<float>((value - config.range_m[axis]) / config.voxel_m[axis] - index - 0.5);
   };
-  const double r = std::hypot(mean.x, mean.y);
+  const auto direction = [&](double value) {
+    const double r = std::sqrt(mean.x * mean.x + mean.y * mean.y);
+    return r > 0.0 ? static_cast<float>(value / r) : 0.0F;
+  };
   switch (feature) {
     case VoxelFeature::kX:
       return static_cast<float>(mean.x);
@@ -61,9 +64,9 @@ float feature_of(VoxelFeature feature, const VoxelNextConfig& config, const Trip
     case VoxelFeature::kDz:
       return within(2, cell.z, mean.z);
     case VoxelFeature::kUx:
-      return r > 0.0 ? static_cast<float>(mean.x / r) : 0.0F;
+      return direction(mean.x);
     case VoxelFeature::kUy:
-      return r > 0.0 ? static_cast<float>(mean.y / r) : 0.0F;
+      return direction(mean.y);
   }
   return 0.0F;
 }
@@ -128,13 +131,17 @@ Voxels voxelize(const VoxelNextConfig& config, const maps::PointCloud& cloud,
   out.sites.number_sites();
   std::vector<Sums> sums = sum_points(cloud, out.sites, cells, z);
   out.features = FeatureRows(out.sites.size(), config.features.size());
-  for (std::size_t site = 0; site < sums.size(); ++site) {
-    Sums& mean = sums[site];
-    for (double* value : {&mean.x, &mean.y, &mean.z, &mean.intensity}) *value /= mean.points;
-    float* row = out.features.row(site);
-    for (std::size_t f = 0; f < config.features.size(); ++f)
-      row[f] = feature_of(config.features[f], config, out.sites[site], mean);
-  }
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, sums.size(), kGrain),
+                    [&](const auto& range) {
+                      for (std::size_t site = range.begin(); site < range.end(); ++site) {
+                        Sums& mean = sums[site];
+                        for (double* value : {&mean.x, &mean.y, &mean.z, &mean.intensity})
+                          *value /= mean.points;
+                        float* row = out.features.row(site);
+                        for (std::size_t f = 0; f < config.features.size(); ++f)
+                          row[f] = feature_of(config.features[f], config, out.sites[site], mean);
+                      }
+                    });
   return out;
 }
 
