@@ -123,6 +123,7 @@ def config_of(content, name, classes=None, sensor_height_m=None):
         "features": _features(data),
         **_channels(model.section("BACKBONE_3D"), head),
         "heads": [{"classes": [_our_class(each, classes or {}) for each in names]} for names in heads],
+        "yaw": "direction",
         "branches": branches,
         "iou_rectifier": _rectifier(root, head, heads),
         "calibration": [[1.0, 0.0] for names in heads for _ in names],

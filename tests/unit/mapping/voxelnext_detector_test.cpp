@@ -249,6 +249,30 @@ TEST(Decoding, TurnsAnswersIntoABox) {
   EXPECT_NEAR(box.score, 0.9 * 0.8, 1e-6);
 }
 
+TEST(Decoding, AnAxisIsHalfTheAngle) {
+  VoxelNextConfig config = small_config();
+  config.yaw = mapping::VoxelNextYaw::kAxis;
+  const OneCell one;
+  const FlatGround ground(0.0);
+  const auto boxes = mapping::decode_boxes(config, 0, {{0, 0, 0.8}}, one.cells, one.boxes,
+                                           mapping::NetworkHeight(config, &ground));
+  ASSERT_THAT(boxes, SizeIs(1));
+  EXPECT_NEAR(boxes[0].yaw_rad, std::atan2(-0.8, 0.6) / 2.0, 1e-6);
+}
+
+TEST(Decoding, TheThresholdIsOfTheScoreWithTheIou) {
+  VoxelNextConfig config = small_config();
+  const OneCell one;
+  const FlatGround ground(0.0);
+  const mapping::NetworkHeight height(config, &ground);
+  // sqrt(0.25 * 0.64) = 0.4
+  for (const auto& [threshold, count] : {std::pair{0.39, 1U}, std::pair{0.41, 0U}}) {
+    config.score_threshold = threshold;
+    EXPECT_THAT(mapping::decode_boxes(config, 0, {{0, 0, 0.25}}, one.cells, one.boxes, height),
+                SizeIs(count));
+  }
+}
+
 TEST(Decoding, LeavesScoresAloneWithoutARectifier) {
   const VoxelNextConfig config = small_config();
   const OneCell one;
@@ -304,6 +328,7 @@ struct HeatMap {
 
 TEST(Candidates, AreCellsAndClassesAtOrAboveTheThreshold) {
   VoxelNextConfig config = small_config();
+  config.iou_rectifier.assign(config.iou_rectifier.size(), 0.0);
   config.score_threshold = 0.5;
   config.calibration = {{1.0, 0.0}, {2.0, 1.0}, {1.0, 0.0}};
   const HeatMap map({{1, 0.0F}, {2, -0.25F}, {3, -1.0F}, {5, std::nanf("")}}, 2);

@@ -52,6 +52,7 @@ inline nlohmann::ordered_json tiny_config() {
                                    {"neck_channels", 2},
                                    {"head_kernel", 1},
                                    {"heads", {{{"classes", {"car", ""}}}}},
+                                   {"yaw", "direction"},
                                    {"branches", {"hm", "center", "center_z", "dim", "rot"}},
                                    {"iou_rectifier", {0.0, 0.0}},
                                    {"calibration", {{1.0, 0.0}, {2.0, -0.5}}},

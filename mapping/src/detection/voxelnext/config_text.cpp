@@ -40,6 +40,8 @@ constexpr Names<VoxelNextBranch, 7> kBranches{{{"hm", VoxelNextBranch::kHm},
                                                {"vel", VoxelNextBranch::kVel}}};
 constexpr Names<VoxelNextHeight, 2> kHeights{
     {{"ground", VoxelNextHeight::kGround}, {"lidar", VoxelNextHeight::kLidar}}};
+constexpr Names<VoxelNextYaw, 2> kYaws{
+    {{"direction", VoxelNextYaw::kDirection}, {"axis", VoxelNextYaw::kAxis}}};
 constexpr Names<VoxelNextSuppression, 2> kSuppressions{
     {{"rotated", VoxelNextSuppression::kRotated}, {"maxpool", VoxelNextSuppression::kMaxPool}}};
 
@@ -224,8 +226,8 @@ VoxelNextConfig parse_voxelnext_config(std::string_view text, const std::string&
   const json parsed = parse_strict_json(text, at);
   const Value config(parsed, at);
   config.only({"name", "range_m", "voxel_m", "z", "sensor_height_m", "features", "stages",
-               "neck_channels", "head_kernel", "heads", "branches", "iou_rectifier", "calibration",
-               "nms", "nms_iou", "score_threshold"});
+               "neck_channels", "head_kernel", "heads", "yaw", "branches", "iou_rectifier",
+               "calibration", "nms", "nms_iou", "score_threshold"});
   VoxelNextConfig result;
   result.name = config.at("name").text();
   // It goes into manifests and messages.
@@ -241,6 +243,7 @@ VoxelNextConfig parse_voxelnext_config(std::string_view text, const std::string&
   result.head_kernel = config.at("head_kernel").whole(1, 3);
   if (result.head_kernel == 2) config.at("head_kernel").refuse("1 or 3");
   const std::size_t classes = read_heads(config, result);
+  result.yaw = config.at("yaw").one_of(kYaws);
   read_branches(config, result);
   read_scores(config, classes, result);
   return result;

@@ -56,6 +56,11 @@ double score_of(double probability, double rectifier, const BranchRow& row) {
   return std::pow(probability, 1.0 - rectifier) * std::pow(iou, rectifier);
 }
 
+/// Below it no IoU can lift the score over the threshold.
+double least_probability(double threshold, double rectifier) {
+  return rectifier < 1.0 ? std::pow(threshold, 1.0 / (1.0 - rectifier)) : 0.0;
+}
+
 std::optional<maps::Box> decode(const VoxelNextConfig& config, const Triple& cell,
                                 const BranchRow& row, const NetworkHeight& height) {
   maps::Box box;
@@ -67,7 +72,8 @@ std::optional<maps::Box> decode(const VoxelNextConfig& config, const Triple& cel
     const double log_size = row(VoxelNextBranch::kDim, static_cast<std::size_t>(k));
     box.size_m[k] = std::exp(std::clamp(log_size, -kMostLogSize, kMostLogSize));
   }
-  box.yaw_rad = std::atan2(row(VoxelNextBranch::kRot, 1), row(VoxelNextBranch::kRot, 0));
+  const double angle = std::atan2(row(VoxelNextBranch::kRot, 1), row(VoxelNextBranch::kRot, 0));
+  box.yaw_rad = config.yaw == VoxelNextYaw::kAxis ? angle / 2.0 : angle;
   if (!std::isfinite(centre_x) || !std::isfinite(centre_y)) return std::nullopt;
   const std::optional<double> zero = height.zero_at(centre_x, centre_y);
   if (!zero) return std::nullopt;
@@ -83,6 +89,9 @@ std::vector<Candidate> find_candidates(const VoxelNextConfig& config, std::size_
                                        const SiteSet& cells, const FeatureRows& logits) {
   const std::vector<std::optional<maps::ObjectClass>>& classes = config.heads[head].classes;
   const std::size_t first = first_class(config, head);
+  std::vector<double> least;
+  for (std::size_t c = 0; c < classes.size(); ++c)
+    least.push_back(least_probability(config.score_threshold, config.iou_rectifier[first + c]));
   std::vector<Candidate> out;
   for (std::size_t site = 0; site < cells.size(); ++site) {
     for (std::size_t c = 0; c < classes.size(); ++c) {
@@ -90,7 +99,7 @@ std::vector<Candidate> find_candidates(const VoxelNextConfig& config, std::size_
       const VoxelNextCalibration& calibration = config.calibration[first + c];
       const auto logit = static_cast<double>(logits.row(site)[c]);
       const double p = sigmoid(calibration.scale * logit + calibration.shift);
-      if (!(p >= config.score_threshold)) continue;
+      if (!(p >= least[c])) continue;
       if (config.nms == VoxelNextSuppression::kMaxPool && !is_peak(cells, logits, site, c))
         continue;
       out.push_back({static_cast<std::uint32_t>(site), c, p});
@@ -111,7 +120,7 @@ std::vector<maps::Box> decode_boxes(const VoxelNextConfig& config, std::size_t h
     if (!box) continue;
     box->score =
         score_of(candidate.probability, config.iou_rectifier[first + candidate.head_class], row);
-    if (!std::isfinite(box->score)) continue;
+    if (!(box->score >= config.score_threshold)) continue;
     box->object_class = *config.heads[head].classes[candidate.head_class];
     out.push_back(*box);
   }

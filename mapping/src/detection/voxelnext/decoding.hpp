@@ -23,7 +23,8 @@ struct Candidate {
   double probability = 0.0;
 };
 
-/// Cells and classes with p = sigmoid(scale * logit + shift) of at least the config's threshold;
+/// Cells and classes whose p = sigmoid(scale * logit + shift) may give a score of at least the
+/// config's threshold;
 /// with kMaxPool only those where no active cell of the 3x3 around has a larger logit of the class
 /// ("sparse max pooling", section 3.3; of equal ones all stay, as there). Classes that are no
 /// object for us are left out.
@@ -32,8 +33,9 @@ struct Candidate {
                                                      std::size_t head, const SiteSet& cells,
                                                      const FeatureRows& logits);
 
-/// Boxes of candidates, lidar frame. Left out are those where the network gave no finite numbers,
-/// and with z = ground those over whose centre no ground is known.
+/// Boxes of candidates, lidar frame. Left out are those whose score p^(1-a) * iou^a is below the
+/// threshold (OpenPCDet compares p with it, before the IoU is in), those where the network gave no
+/// finite numbers, and with z = ground those over whose centre no ground is known.
 /// @param at  with every cell of `candidates`.
 [[nodiscard]] std::vector<maps::Box> decode_boxes(const VoxelNextConfig& config, std::size_t head,
                                                   const std::vector<Candidate>& candidates,

@@ -44,9 +44,17 @@ enum class VoxelNextBranch {
   kCenter,   ///< x, y offset [cells]
   kCenterZ,  ///< [m], in the network's z
   kDim,      ///< log of length, width, height [m]
-  kRot,      ///< cos, sin of the yaw
+  kRot,      ///< cos, sin of the yaw, or of twice the yaw
   kIou,      ///< expected IoU, -1 to 1
   kVel,      ///< velocity, not used
+};
+
+/// What the branch "rot" says.
+enum class VoxelNextYaw {
+  kDirection,  ///< cos, sin of the yaw, as OpenPCDet has it
+  /// cos, sin of twice the yaw: the box's axis. Which end is the front a single scan of a parked
+  /// car hardly shows, and two opposite answers that are as good as each other average to none.
+  kAxis,
 };
 
 /// How boxes of one object become one.
@@ -85,6 +93,7 @@ struct VoxelNextConfig {
   /// 1 or 3.
   int head_kernel = 1;
   std::vector<VoxelNextHead> heads;
+  VoxelNextYaw yaw = VoxelNextYaw::kDirection;
   std::vector<VoxelNextBranch> branches;
   /// a of score = p^(1-a) * clamp((iou+1)/2, 0, 1)^a, in [0, 1], for each class in head order.
   std::vector<double> iou_rectifier;
@@ -93,6 +102,7 @@ struct VoxelNextConfig {
   VoxelNextSuppression nms = VoxelNextSuppression::kRotated;
   /// BEV IoU above which the box of lower score goes, all classes together.
   double nms_iou = 0.2;
+  /// Boxes of lower score are left out.
   double score_threshold = 0.1;
 };
 
