@@ -62,7 +62,7 @@ inline mapping::VoxelNextWeights random_weights(mapping::VoxelNextConfig config,
           random_convolution(random, 1, config.neck_channels,
                              mapping::channels_of(branch, config.heads[h].classes.size()));
       if (branch == mapping::VoxelNextBranch::kHm && heat == Heat::kLow) {
-        for (float& weight : last.weight) weight *= 0.1F;
+        for (float& weight : last.weight) weight *= 0.03F;
         for (float& bias : last.bias) bias -= 4.5F;
       }
       out.add(name + ".1", std::move(last));
