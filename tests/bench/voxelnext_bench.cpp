@@ -75,9 +75,8 @@ VoxelNextConfig config_of(bool full) {
 }
 
 mapping::VoxelNextWeights weights_of(const std::string& network) {
-  constexpr float kFewBoxes = -4.5F;
   if (network == "lite" || network == "full")
-    return random_weights(config_of(network == "full"), 1, kFewBoxes);
+    return random_weights(config_of(network == "full"), 1, Heat::kLow);
   return mapping::read_voxelnext_weights(network);
 }
 

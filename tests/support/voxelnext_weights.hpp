@@ -26,10 +26,13 @@ inline mapping::Convolution random_convolution(Random& random, int volume, int i
   return layer;
 }
 
+enum class Heat { kRandom, kLow };
+
 /// Every layer that the config asks for.
-/// @param heat_bias  of heat maps' logits: the lower, the fewer boxes.
+/// @param heat  kLow: logits around the score threshold's, with few peaks that reach it, as those
+/// of a network that was trained.
 inline mapping::VoxelNextWeights random_weights(mapping::VoxelNextConfig config, std::uint64_t seed,
-                                                float heat_bias = 0.0F) {
+                                                Heat heat = Heat::kRandom) {
   Random random(seed);
   mapping::VoxelNextWeights out;
   const auto add = [&](const std::string& name, int volume, int in, int channels) {
@@ -58,8 +61,9 @@ inline mapping::VoxelNextWeights random_weights(mapping::VoxelNextConfig config,
       mapping::Convolution last =
           random_convolution(random, 1, config.neck_channels,
                              mapping::channels_of(branch, config.heads[h].classes.size()));
-      if (branch == mapping::VoxelNextBranch::kHm) {
-        for (float& bias : last.bias) bias += heat_bias;
+      if (branch == mapping::VoxelNextBranch::kHm && heat == Heat::kLow) {
+        for (float& weight : last.weight) weight *= 0.03F;
+        for (float& bias : last.bias) bias -= 4.5F;
       }
       out.add(name + ".1", std::move(last));
     }

@@ -27,8 +27,9 @@ class FeatureRows {
     rows_ = rows;
     channels_ = channels;
     stride_ = padded(channels);
-    const std::size_t lines = rows * stride_ / kLine;
-    if (lines > capacity_) {
+    // One at least, so that there is always something to point at.
+    const std::size_t lines = std::max<std::size_t>(rows * stride_ / kLine, 1);
+    if (!lines_ || lines > capacity_) {
       lines_ = std::make_unique_for_overwrite<Line[]>(lines);
       capacity_ = lines;
     }

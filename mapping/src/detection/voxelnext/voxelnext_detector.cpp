@@ -40,6 +40,16 @@ std::vector<std::uint32_t> cells_of(const std::vector<Candidate>& candidates) {
   return out;
 }
 
+Voxels timed_voxels(const VoxelNextConfig& config, const maps::Scan& scan,
+                    const NetworkHeight& height, const NetworkObserver& observer) {
+  NetworkCosts::Part unused;
+  NetworkCosts::Part& cost = observer.cost_of("voxels", unused);
+  const Stopwatch stopwatch(cost.preparation);
+  Voxels voxels = voxelize(config, scan.cloud, height);
+  cost.sites = voxels.sites.size();
+  return voxels;
+}
+
 }  // namespace
 
 VoxelNextDetector::VoxelNextDetector(const VoxelNextWeights& weights)
@@ -55,7 +65,8 @@ std::vector<maps::Box> VoxelNextDetector::detect(const maps::Scan& scan,
 std::vector<maps::Box> VoxelNextDetector::detect(const maps::Scan& scan, const GroundResult& ground,
                                                  const NetworkObserver& observer) const {
   const NetworkHeight height(config_, ground.surface.get());
-  const VoxelNext::Neck neck = network_.backbone(voxelize(config_, scan.cloud, height), observer);
+  const VoxelNext::Neck neck =
+      network_.backbone(timed_voxels(config_, scan, height, observer), observer);
   const std::vector<HeadMaps> maps = network_.heat_maps(neck, observer);
   std::vector<maps::Box> boxes;
   for (std::size_t head = 0; head < maps.size(); ++head) {
