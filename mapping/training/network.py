@@ -303,11 +303,26 @@ class VoxelNext(nn.Module):
     def folded(self):
         """Layers by their names in the weights file: weight [K, C_in, C_out] and bias."""
         layers = {}
-        for name, module in self.named_modules():
-            if not isinstance(module, Convolution):
-                continue
-            name = name.replace("neck_", "neck.").replace("heads.", "head")
-            name = name.replace(".first", ".0").replace(".last", ".1")
-            weight, bias = module.folded()
-            layers[name + ".weight"], layers[name + ".bias"] = weight, bias
+        for name, module in self.layers():
+            layers[name + ".weight"], layers[name + ".bias"] = module.folded()
         return layers
+
+    def set_folded(self, layers):
+        """Takes layers of a weights file over; the normalizations do nothing then."""
+        with torch.no_grad():
+            for name, module in self.layers():
+                module.weight.copy_(layers[name + ".weight"])
+                bias = module.bias
+                if module.norm is not None:
+                    module.norm.running_mean.zero_()
+                    module.norm.running_var.fill_(1.0 - module.norm.eps)
+                    module.norm.weight.fill_(1.0)
+                    bias = module.norm.bias
+                bias.copy_(layers[name + ".bias"])
+
+    def layers(self):
+        """Convolutions with their names in the weights file."""
+        for name, module in self.named_modules():
+            if isinstance(module, Convolution):
+                name = name.replace("neck_", "neck.").replace("heads.", "head")
+                yield name.replace(".first", ".0").replace(".last", ".1"), module

@@ -1,5 +1,4 @@
 #include "build/object_pass.hpp"
-#include "build/boxes_files.hpp"
 #include "fusion/standing_verdict.hpp"
 
 #include <algorithm>
@@ -96,8 +95,9 @@ BuildObjects objects_of(const DriveSet& drives, const Survey& survey,
       return survey.views.read(scan)->count(box);
     };
     fused = fuse_boxes(scans, count_rays);
-    // What a user gives is not doubted.
-    if (boxes_files(options.detector).empty())
+    // The verdict is one on what goes by shapes in single scans. A network has learned these, and
+    // its scores are probabilities already; what a user gives is not doubted.
+    if (options.detector == kGeometricDetector)
       judge_standing(fused, survey.obstacles, scans, count_rays, origin);
   } else {
     fused.objects = unfused(scans);

@@ -27,7 +27,7 @@ std::unique_ptr<Detector> shipped_voxelnext() {
 
 std::unique_ptr<Detector> make_detector(const std::string& spec, std::size_t scan_count) {
   constexpr std::string_view kBoxes = "boxes:", kVoxelNext = "voxelnext:";
-  if (spec == "geometric") return std::make_unique<GeometricDetector>();
+  if (spec == kGeometricDetector) return std::make_unique<GeometricDetector>();
   if (spec.starts_with(kBoxes) && spec.size() > kBoxes.size())
     return std::make_unique<BoxesDetector>(
         maps::read_boxes(spec.substr(kBoxes.size()), scan_count));

@@ -186,11 +186,6 @@ FusedObjects fuse_boxes(const std::vector<DetectedScan>& scans, const BoxRayCoun
   return Fusion(scans, count_rays).run();
 }
 
-std::vector<FusedObject> fuse_objects(const std::vector<DetectedScan>& scans,
-                                      const BoxRayCounter& count_rays) {
-  return fuse_boxes(scans, count_rays).objects;
-}
-
 void number_objects(std::vector<FusedObject>& objects) {
   for (std::size_t i = 0; i < objects.size(); ++i) {
     for (ObjectPlacement& placement : objects[i].placements) {

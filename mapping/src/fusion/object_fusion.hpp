@@ -72,10 +72,6 @@ struct FusedObjects {
 [[nodiscard]] FusedObjects fuse_boxes(const std::vector<DetectedScan>& scans,
                                       const BoxRayCounter& count_rays);
 
-/// As `fuse_boxes`, without what is doubtful.
-[[nodiscard]] std::vector<FusedObject> fuse_objects(const std::vector<DetectedScan>& scans,
-                                                    const BoxRayCounter& count_rays);
-
 /// Writes each object's index, class and existence into the boxes of its placements.
 void number_objects(std::vector<FusedObject>& objects);
 

@@ -69,7 +69,6 @@ class RangeView {
   /// @throws std::invalid_argument saying what is wrong with the bytes.
   [[nodiscard]] static RangeView from_bytes(std::string_view bytes);
 
-  [[nodiscard]] std::size_t bytes_in_memory() const { return bins_.size() * sizeof(Bin); }
   friend bool operator==(const RangeView&, const RangeView&) = default;
 
  private:

@@ -433,7 +433,7 @@ TEST(ObjectFusion, ThePlaceSeenFreeOnAnotherDaySpeaksForAnObject) {
 TEST(ObjectFusion, FindsNothingInNothing) {
   const Street street(3);
   EXPECT_THAT(street.objects(), IsEmpty());
-  EXPECT_THAT(fuse_objects({}, street.counter()), IsEmpty());
+  EXPECT_THAT(fuse_boxes({}, street.counter()).objects, IsEmpty());
 }
 
 TEST(ObjectFusion, RefusesBoxesAndPosesThatAreNotFinite) {
@@ -443,7 +443,7 @@ TEST(ObjectFusion, RefusesBoxesAndPosesThatAreNotFinite) {
     street.detect(1, car_at(3.0, 2.0));
     std::vector<DetectedScan> scans = street.scans();
     spoil(scans[1]);
-    EXPECT_THAT([&] { static_cast<void>(fuse_objects(scans, street.counter())); },
+    EXPECT_THAT([&] { static_cast<void>(fuse_boxes(scans, street.counter())); },
                 ThrowsSaying<std::invalid_argument>({"scan 1"}));
   };
   refused([](DetectedScan& scan) { scan.boxes[0].centre.x() = kNan; });

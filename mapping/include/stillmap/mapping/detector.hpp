@@ -24,6 +24,9 @@ class Detector {
   [[nodiscard]] virtual std::map<std::string, std::size_t> dropped() const { return {}; }
 };
 
+/// Name of the detector without a network.
+inline constexpr std::string_view kGeometricDetector = "geometric";
+
 /// @param spec        `geometric`, `voxelnext` (the weights shipped with the program),
 ///                    `voxelnext:FILE` (weights as safetensors) or `boxes:FILE`.
 /// @param scan_count  of the drive, see `maps::read_boxes`.
