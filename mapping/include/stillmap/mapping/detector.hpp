@@ -24,7 +24,7 @@ class Detector {
   [[nodiscard]] virtual std::map<std::string, std::size_t> dropped() const { return {}; }
 };
 
-/// @param spec        `geometric` or `boxes:FILE`.
+/// @param spec        `geometric`, `boxes:FILE` or `onnx:FILE`.
 /// @param scan_count  of the drive, see `maps::read_boxes`.
 /// @throws std::invalid_argument for an unknown name, maps::InputError for a broken file.
 [[nodiscard]] std::unique_ptr<Detector> make_detector(const std::string& spec,
