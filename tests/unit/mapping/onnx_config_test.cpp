@@ -99,8 +99,9 @@ TEST(OnnxConfig, NamesWhatIsWrongAndWhere) {
 }
 
 TEST(OnnxConfig, NamesAKeyThatIsMissing) {
-  for (const auto& [key, value] : bev_description().items()) {
-    json description = bev_description();
+  const json whole = bev_description();
+  for (const auto& [key, value] : whole.items()) {
+    json description = whole;
     description.erase(key);
     EXPECT_THAT([&] { (void)read(description.dump()); },
                 ThrowsSaying<maps::InputError>({"network.json", "no \"" + key + "\""}));

@@ -188,7 +188,7 @@ TEST_F(OnnxDetectorRuns, RefusesShapesOtherThanDescribed) {
   EXPECT_THAT([&] { detector_of(stride); },
               ThrowsSaying<maps::InputError>({"'logits' as float [1, 2, 4, 4]", "[1, 2, 2, 2]"}));
   json classes = bev_description();
-  classes["heads"][0]["classes"] = {"car"};
+  classes["heads"][0]["classes"] = json::array({"car"});
   EXPECT_THAT([&] { detector_of(classes); }, ThrowsSaying<maps::InputError>({"[1, 1, 4, 4]"}));
 }
 

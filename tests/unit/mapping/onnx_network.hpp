@@ -41,13 +41,12 @@ inline nlohmann::json bev_description() {
           {"scores", "logits"},
           {"sizes", "log"},
           {"rotation", "cos_sin"},
-          {"heads",
-           {{{"classes", {"car", "pedestrian"}},
-             {"heat_map", "logits"},
-             {"offset", "offset"},
-             {"height", "height"},
-             {"size", "size"},
-             {"rotation", "rotation"}}}},
+          {"heads", nlohmann::json::array({{{"classes", {"car", "pedestrian"}},
+                                            {"heat_map", "logits"},
+                                            {"offset", "offset"},
+                                            {"height", "height"},
+                                            {"size", "size"},
+                                            {"rotation", "rotation"}}})},
           {"score_threshold", 0.3},
           {"nms", "rotated"},
           {"nms_iou", 0.2}};
@@ -66,7 +65,7 @@ inline nlohmann::json pillars_description() {
   text["scores"] = "scores";
   text["sizes"] = "metres";
   text["rotation"] = "sin_cos";
-  text["heads"][0]["classes"] = {"car"};
+  text["heads"][0]["classes"] = nlohmann::json::array({"car"});
   text["heads"][0]["heat_map"] = "scores";
   return text;
 }

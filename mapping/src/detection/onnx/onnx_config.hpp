@@ -102,7 +102,7 @@ struct OnnxConfig {
   double nms_iou = 0.0;
 };
 
-/// Reads a description; its keys are in mapping/README.md. The model lies beside it.
+/// Reads a description; its keys are in mapping/onnx.md. The model lies beside it.
 /// @throws maps::InputError "FILE at KEY: found ..., expected ...", maps::StorageError.
 [[nodiscard]] OnnxConfig read_onnx_config(const std::filesystem::path& file);
 
