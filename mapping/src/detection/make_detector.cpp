@@ -17,7 +17,8 @@ std::unique_ptr<Detector> make_detector(const std::string& spec, std::size_t sca
         maps::read_boxes(spec.substr(kBoxes.size()), scan_count));
   if (spec.starts_with(kOnnx) && spec.size() > kOnnx.size())
     return std::make_unique<OnnxDetector>(spec.substr(kOnnx.size()), onnx_runtime_library());
-  throw std::invalid_argument("detector: found '" + spec + "', expected geometric, boxes:FILE or onnx:FILE");
+  throw std::invalid_argument("detector: found '" + spec +
+                              "', expected geometric, boxes:FILE or onnx:FILE");
 }
 
 }  // namespace stillmap::mapping

@@ -70,7 +70,6 @@ TEST(OnnxConfig, NamesWhatIsWrongAndWhere) {
       {with("/format", "onnx"), {"config.format", "\"onnx\"", "\"stillmap-onnx\""}},
       {with("/version", 2), {"config.version", "2"}},
       {with("/model", "../bev.onnx"), {"config.model", "a file beside this one"}},
-      {with("/model", "."), {"config.model"}},
       {with("/colour", 1), {"unknown key \"colour\""}},
       {with("/input/layers", 1), {"config.input", "unknown key \"layers\""}},
       {with("/heads/0/iou", "iou"), {"config.heads[0]", "unknown key \"iou\""}},
