@@ -191,7 +191,8 @@ void add_build(CLI::App& app) {
   command
       ->add_option("--detector", options.detector,
                    "What finds movable objects: geometric, or boxes:FILE with KITTI tracking "
-                   "labels or our JSON (with several drives boxes:FILE,FILE...)")
+                   "labels or our JSON (with several drives boxes:FILE,FILE...), or onnx:FILE, "
+                   "a network of your own (mapping/onnx.md)")
       ->capture_default_str();
   command
       ->add_option(

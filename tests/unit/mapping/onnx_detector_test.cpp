@@ -2,7 +2,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <stillmap/mapping/map_build.hpp>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_package.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -12,6 +14,7 @@
 #include <vector>
 
 #include "onnx_network.hpp"
+#include "small_drive.hpp"
 #include "support/matchers.hpp"
 #include "support/throws.hpp"
 
@@ -165,6 +168,22 @@ TEST_F(OnnxDetectorRuns, IsMadeByItsName) {
   maps::Scan scan;
   scan.cloud = car_scan();
   expect_the_car(detector->detect(scan, flat_ground()));
+}
+
+TEST_F(OnnxDetectorRuns, IsNamedInTheManifestByContent) {
+  const Described description(bev_description());
+  const test::TemporaryFolder folder;
+  MapBuildOptions options;
+  options.detector = "onnx:" + description.file().string();
+  options.threads = 1;
+  const CancelFlag cancel{false};
+  (void)build_map({test::SmallDrive().write(folder)}, folder.path() / "map", options, {}, cancel);
+  const auto map = maps::MapPackage::open(folder.path() / "map");
+  EXPECT_EQ(map->manifest().options.at("detector"), "onnx:network.json");
+  EXPECT_EQ(map->manifest().sources.at("onnx_description_sha256"),
+            maps::sha256_of_file(description.file()));
+  EXPECT_EQ(map->manifest().sources.at("onnx_model_sha256"),
+            maps::sha256_of_file(description.folder().path() / "bev.onnx"));
 }
 
 TEST_F(OnnxDetectorRuns, RefusesTensorsThatTheModelDoesNotHave) {

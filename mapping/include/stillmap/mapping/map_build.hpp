@@ -22,7 +22,7 @@ struct MapBuildOptions {
   /// Poses instead of the drive's own; with one drive only.
   std::optional<std::filesystem::path> poses_file;
   GroundOptions ground;
-  /// `geometric`, or `boxes:FILE` (with several drives `boxes:FILE,FILE...`, one a drive).
+  /// `geometric`, `boxes:FILE` (with several drives `boxes:FILE,FILE...`) or `onnx:FILE`.
   std::string detector = "geometric";
   ProjectionOptions projection;
   /// Join what was detected in all scans into objects, so that a car that was missed in some scans
