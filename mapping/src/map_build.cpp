@@ -91,7 +91,6 @@ std::vector<std::string> MapBuildOptions::violations() const {
 
 void apply_paper_preset(MapBuildOptions& options) {
   options.fusion = false;
-  options.edits_file.reset();
   options.fill = false;
   options.clean = "none";
   options.projection.ground_height = GroundHeight::kMean;

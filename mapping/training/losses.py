@@ -58,7 +58,7 @@ def targets_of_scan(sites, boxes, classes, counts, head_classes, config):
 def box_targets(sites, boxes, config):
     """center, center_z, dim, rot of the box that belongs to each site."""
     return {"center": cells(boxes, config) - sites.flip(1).float(), "center_z": boxes[:, 2:3],
-            "dim": boxes[:, 3:6].log(), "rot": torch.stack([boxes[:, 6].cos(), boxes[:, 6].sin()], 1)}
+            "dim": boxes[:, 3:6].log(), "rot": torch.stack([(2 * boxes[:, 6]).cos(), (2 * boxes[:, 6]).sin()], 1)}
 
 
 def decoded(result, sites, config):
@@ -66,7 +66,7 @@ def decoded(result, sites, config):
     stride = 8 * torch.tensor(config["voxel_m"][:2], device=sites.device)
     low = torch.tensor(config["range_m"][:2], device=sites.device)
     xy = (sites.flip(1) + result["center"]) * stride + low
-    yaw = torch.atan2(result["rot"][:, 1], result["rot"][:, 0])
+    yaw = torch.atan2(result["rot"][:, 1], result["rot"][:, 0]) / 2
     return torch.cat([xy, result["center_z"], result["dim"].clamp(-5, 5).exp(), yaw[:, None]], 1)
 
 
@@ -139,10 +139,8 @@ def loss_of(results, sites, scans, config):
         for name in ("center", "center_z", "dim"):
             difference = (said[name] - wanted[name]).abs().sum(1)
             parts["box"] = parts["box"] + (difference * weight).sum()
-        straight = (said["rot"] - wanted["rot"]).abs().sum(1)
-        turned = (said["rot"] + wanted["rot"]).abs().sum(1)
-        rot = 0.75 * torch.minimum(straight, turned) + 0.25 * straight
-        parts["rot"] = parts["rot"] + (rot * weight).sum()
+        difference = (said["rot"] - wanted["rot"]).abs().sum(1)
+        parts["rot"] = parts["rot"] + (difference * weight).sum()
         if "iou" in said:
             with torch.no_grad():
                 iou = box_iou(decoded(said, at, config), truth)

@@ -38,6 +38,7 @@ CONFIG = {
     "head_kernel": 1,
     "heads": [{"classes": ["car", "van"]}, {"classes": ["truck", "bus"]},
               {"classes": ["cyclist", "pedestrian"]}],
+    "yaw": "axis",
     "branches": ["hm", "center", "center_z", "dim", "rot", "iou"],
     "iou_rectifier": [0.3] * 6,
     "calibration": [[1.0, 0.0]] * 6,

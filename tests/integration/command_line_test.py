@@ -5,6 +5,7 @@ usage: command_line_test.py STILLMAP MAP DRIVE
 """
 
 import json
+import os
 import pathlib
 import re
 import signal
@@ -40,7 +41,7 @@ class CommandLine(unittest.TestCase):
         for command in ("build", "simulate", "evaluate", "localize", "serve", "inspect"):
             self.assertRegex(text, rf"(?m)^  {command}\b")
             self.assertEqual(run(command, "--help").returncode, 0, command)
-        for what in ("localization", "map", "paper"):
+        for what in ("localization", "map", "detector", "paper"):
             self.assertIn("--json", run("evaluate", what, "--help").stdout)
 
     def test_usage_errors_are_2_and_name_the_value(self):
@@ -53,9 +54,14 @@ class CommandLine(unittest.TestCase):
         self.fails(2, "magic", "build", DRIVE, "-o", new, "--detector", "magic")
         self.fails(2, "voxel_size_m", "build", DRIVE, "-o", new, "--voxel", "nan")
         self.fails(2, "no_folder", "build", DRIVE, "-o", new, "--json", self.folder / "no_folder/a.json")
+        self.fails(2, "edits_file", "build", DRIVE, "-o", new, "--preset", "paper", "--edits", SCAN)
+        self.fails(2, "--fill", "build", DRIVE, "-o", new, "--fusion", "off", "--fill", "on")
+        self.fails(2, "--fill", "build", DRIVE, "-o", new, "--movable", "delete", "--fill", "on")
         self.fails(2, "'1,2'", "localize", MAP, SCAN, "--prior", "1,2")
         self.fails(2, "'1'", "evaluate", "localization", MAP, DRIVE, "--prior-error", "1")
         self.fails(2, "--query-detector", "evaluate", "localization", MAP, DRIVE, "--query-detector", "geometric")
+        self.fails(2, "magic", "evaluate", "detector", DRIVE, "--detector", "magic")
+        self.fails(2, "max_range_m", "evaluate", "detector", DRIVE, "--max-range", "nan")
         self.fails(2, "magic", "evaluate", "localization", MAP, DRIVE, "--query-movable", "delete", "--query-detector",
                    "magic")
         work = self.folder / "work"
@@ -73,6 +79,19 @@ class CommandLine(unittest.TestCase):
         self.fails(1, "broken.bin: found 1001 bytes, expected", "localize", MAP, broken, "--prior", "0,0,0,0")
         self.fails(1, "expected", "inspect", self.folder)
         self.fails(1, "town", "build", DRIVE, "-o", MAP)
+
+    def test_reports_are_written_into_links_and_pipes_not_over_them(self):
+        link, pipe = self.folder / "link.json", self.folder / "pipe.json"
+        link.symlink_to(self.folder / "report.json")
+        os.mkfifo(pipe)
+        reader = subprocess.Popen(["cat", pipe], stdout=subprocess.PIPE)
+        for number, report in enumerate((link, pipe)):
+            done = run("build", DRIVE, "-o", self.folder / str(number), "--select", ":1", "--json", report)
+            self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertTrue(link.is_symlink())
+        self.assertTrue(pipe.is_fifo())
+        self.assertEqual(json.loads(link.read_text())["scans"], 1)
+        self.assertEqual(json.loads(reader.communicate(timeout=10)[0])["scans"], 1)
 
     def test_build_leaves_nothing_when_a_scan_is_broken(self):
         drive = self.folder / "drive"
@@ -170,6 +189,17 @@ class CommandLine(unittest.TestCase):
         result = json.loads(file.read_text())
         self.assertGreater(result["points"]["deleted"], 0)
         self.assertEqual(result["options"]["query_movable"], "delete")
+
+    def test_evaluate_detector_writes_its_keys_and_a_page(self):
+        file, page = self.folder / "result.json", self.folder / "page.html"
+        done = run("evaluate", "detector", DRIVE, "--select", "::16", "--json", file, "--report", page)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        result = json.loads(file.read_text())
+        for key in ("AP", "recall_centre_1_5m", "false_boxes_per_scan", "points", "ms_per_scan", "scans", "seconds", "options",
+                    "version"):
+            self.assertIn(key, result)
+        self.assertIn("vehicle", result["AP"])
+        self.assertNotIn("<script", page.read_text())
 
     def test_the_papers_table_is_made_once_and_read_again(self):
         files = [self.folder / name for name in ("first.json", "second.json")]

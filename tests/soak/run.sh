@@ -31,6 +31,7 @@ street() { # street SEED: map from day 1, queries from day 2
   rm -rf "$folder"
 }
 
+step fuzz tests/fuzz/run.sh 600
 step asan sanitized asan
 step tsan sanitized tsan
 ./dev build release

@@ -15,6 +15,8 @@ namespace {
 /// Two origins this near are one [degrees, m]: a tenth of a millimetre.
 constexpr double kSameDegrees = 1e-9;
 constexpr double kSameAltitudeM = 1e-4;
+/// No drive on Earth gets farther from its start [m]; cells around it are counted with 32 bits.
+constexpr double kFarthestM = 1e7;
 
 void keep_range(maps::PointCloud& cloud, const std::array<double, 2>& range_m,
                 std::map<std::string, std::uint64_t>& counts) {
@@ -84,6 +86,19 @@ DriveSet::DriveSet(const std::vector<std::filesystem::path>& folders,
       throw maps::InputError(folder.string(), fmt::format("{} scans, none selected", drive.size()),
                              "at least one selected scan");
     for (const std::size_t index : indices) places_.push_back({drives_.size() - 1, index});
+  }
+  check_poses();
+}
+
+void DriveSet::check_poses() const {
+  const Eigen::Vector3d start = T_map_lidar(0).translation();
+  for (std::size_t scan = 0; scan < size(); ++scan) {
+    const Eigen::Vector3d way = T_map_lidar(scan).translation() - start;
+    // Written so that a NaN fails.
+    if ((way.array().abs() <= kFarthestM).all()) continue;
+    throw maps::InputError(file(scan).string(),
+                           fmt::format("a pose {:g} m from the first scan's", way.norm()),
+                           fmt::format("within {:g} m", kFarthestM));
   }
 }
 

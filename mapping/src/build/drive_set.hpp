@@ -33,8 +33,9 @@ class DriveSet {
     std::size_t index = 0;
   };
 
-  /// @throws maps::InputError for a drive without poses, no selected scan, or drives whose poses
-  /// are not in one frame; std::invalid_argument for a poses file with several drives.
+  /// @throws maps::InputError for a drive without poses, no selected scan, a pose beyond 1e7 m from
+  /// the first, or drives whose poses are not in one frame; std::invalid_argument for a poses file
+  /// with several drives.
   DriveSet(const std::vector<std::filesystem::path>& folders, const MapBuildOptions& options);
 
   [[nodiscard]] std::size_t size() const { return places_.size(); }
@@ -50,6 +51,8 @@ class DriveSet {
   [[nodiscard]] std::vector<maps::Trajectory> trajectories() const;
 
  private:
+  void check_poses() const;
+
   std::vector<maps::Drive> drives_;
   std::vector<Place> places_;
   std::array<double, 2> range_m_;

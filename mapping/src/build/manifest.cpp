@@ -56,7 +56,7 @@ std::map<std::string, std::string> texts_of(const MapBuildOptions& options) {
       {"margin_up_m", fmt::format("{}", projection.margin_up_m)},
       {"fusion", switch_of(options.fusion)},
       {"edits", options.edits_file ? options.edits_file->filename().string() : "none"},
-      {"fill", switch_of(options.fusion && options.fill)},
+      {"fill", switch_of(options.fills_ground())},
       {"clean", options.clean},
       {"voxel_size_m", fmt::format("{}", options.voxel_size_m)},
       {"min_range_m", fmt::format("{}", options.min_range_m)},

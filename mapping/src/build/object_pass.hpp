@@ -37,14 +37,6 @@ struct BuildObjects {
                                       const MapBuildOptions& options, const Eigen::Vector3d& origin,
                                       const Edits& edits);
 
-/// Where objects stood still, in the local frame.
-[[nodiscard]] std::vector<GroundFootprint> footprints_of(const std::vector<FusedObject>& objects,
-                                                         const Eigen::Vector3d& origin);
-
-/// Joins the boxes of all scans (`fusion`), or makes an object of each; then a user's corrections.
-[[nodiscard]] BuildObjects objects_of(const DriveSet& drives, const Survey& survey, bool fusion,
-                                      const Edits& edits);
-
 /// As the package holds them.
 /// @param points_removed  by number of the object plus 1.
 /// @param fused           false: nothing is known of their motion.

@@ -113,8 +113,7 @@ class TileStages {
       kept_.push_back(*edit.box);
       kept_.back().centre -= grid.origin();
     }
-    if (!options.fusion || !options.fill || options.projection.policy != MovablePolicy::kProject)
-      return;
+    if (!options.fills_ground()) return;
     footprints_ = footprints_of(objects.objects, grid.origin());
     for (std::size_t i = 0; i < objects.objects.size(); ++i) {
       if (!objects.objects[i].moving) numbers_.push_back(static_cast<std::uint32_t>(i + 1));

@@ -15,6 +15,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <utility>
 #include <vector>
@@ -177,8 +178,10 @@ class Judge {
   std::array<double, 2> range_m_;
 };
 
+/// NaN, which JSON has as null, where there is nothing to count: neither all nor none is gone.
 double share(std::size_t part, std::size_t whole) {
-  return whole == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(whole);
+  if (whole == 0) return std::numeric_limits<double>::quiet_NaN();
+  return static_cast<double>(part) / static_cast<double>(whole);
 }
 
 }  // namespace

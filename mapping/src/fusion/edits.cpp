@@ -22,6 +22,9 @@ constexpr int kVersion = 1;
 /// Larger than any map [m].
 constexpr double kMaxCoordinateM = 1e8;
 constexpr double kMaxSizeM = 10'000.0;
+/// A region that goes is an object, whose ground is laid in one piece: a square of 1 km would take
+/// most of a GiB [m].
+constexpr double kMaxRemovedM = 200.0;
 constexpr double kMaxYawRad = 4.0 * std::numbers::pi;
 constexpr std::uint64_t kMaxScan = 1'000'000'000;
 
@@ -134,6 +137,9 @@ Edit edit_from(const Field& field) {
   }
   if (field.has("box") == field.has("object")) field.refuse("either \"box\" or \"object\"");
   if (field.has("box")) edit.box = box_from(field.at("box"));
+  if (edit.box && edit.action == EditAction::kRemove && edit.box->size_m.maxCoeff() > kMaxRemovedM)
+    field.at("box").at("size").refuse(
+        fmt::format("at most {} m to remove, or several regions", kMaxRemovedM));
   if (field.has("object")) edit.object = object_from(field.at("object"));
   if (field.has("note")) static_cast<void>(field.at("note").text());
   edit.scope = scope_from(field);

@@ -15,6 +15,9 @@ namespace {
 constexpr double kOnGroundM = 0.05;
 /// Nothing above this is a car's [m]; crowns and bridges are.
 constexpr double kMaxHeightM = 3.5;
+/// Larger than any map [m], or faster than anything on a road [m/s]. Boxes become floats, where
+/// what is finite as a double may be infinite.
+constexpr double kMost = 1e8;
 
 void check(const maps::PointCloud& cloud, std::size_t flags, std::span<const MovableBox> boxes,
            const ProjectionOptions& options) {
@@ -27,15 +30,17 @@ void check(const maps::PointCloud& cloud, std::size_t flags, std::span<const Mov
   }
   for (std::size_t b = 0; b < boxes.size(); ++b) {
     const auto& [box, speed_mps] = boxes[b];
-    const bool usable = box.centre.allFinite() && box.size_m.allFinite() &&
-                        (box.size_m.array() > 0.0).all() && std::isfinite(box.yaw_rad) &&
-                        std::isfinite(speed_mps);
+    // Written so that a NaN fails.
+    const bool usable = (box.centre.array().abs() <= kMost).all() &&
+                        (box.size_m.array() > 0.0).all() && (box.size_m.array() <= kMost).all() &&
+                        std::isfinite(box.yaw_rad) && std::abs(speed_mps) <= kMost;
     if (!usable) {
-      throw std::invalid_argument(fmt::format(
-          "box {}: centre {} {} {}, size {} {} {}, yaw {}, speed {}; expected finite numbers and "
-          "sizes > 0",
-          b, box.centre.x(), box.centre.y(), box.centre.z(), box.size_m.x(), box.size_m.y(),
-          box.size_m.z(), box.yaw_rad, speed_mps));
+      throw std::invalid_argument(
+          fmt::format("box {}: centre {} {} {}, size {} {} {}, yaw {}, speed {}; expected finite "
+                      "numbers within "
+                      "{:g} and sizes > 0",
+                      b, box.centre.x(), box.centre.y(), box.centre.z(), box.size_m.x(),
+                      box.size_m.y(), box.size_m.z(), box.yaw_rad, speed_mps, kMost));
     }
   }
 }

@@ -20,8 +20,11 @@ constexpr std::int64_t kMaxTrack = 1'000'000'000;
 Box box_from(const JsonField& field) {
   Box box;
   box.centre = field.at("centre").vector3();
+  if (!(box.centre.cwiseAbs().maxCoeff() <= kMaxBoxDistanceM))
+    field.at("centre").refuse("within 1000 km of the sensor");
   box.size_m = field.at("size").vector3();
-  if (!(box.size_m.minCoeff() > 0.0)) field.at("size").refuse("length, width and height > 0 m");
+  if (!(box.size_m.minCoeff() > 0.0 && box.size_m.maxCoeff() <= kMaxBoxSizeM))
+    field.at("size").refuse("length, width and height > 0 m and at most 200 m");
   box.yaw_rad = field.at("yaw").number(-4.0 * std::numbers::pi, 4.0 * std::numbers::pi);
   const auto object_class = object_class_from(field.at("class").text());
   if (!object_class) {
@@ -73,7 +76,7 @@ BoxSequence read_boxes(const std::filesystem::path& file, std::size_t scan_count
   if (first != std::string::npos && text[first] == '{') {
     return parse_json_boxes(file, text, scan_count);
   }
-  return parse_kitti_labels(file, text, scan_count);
+  return parse_kitti_labels(file, text, scan_count).boxes;
 }
 
 void write_boxes(const std::filesystem::path& file, const BoxSequence& boxes) {

@@ -2,6 +2,7 @@
 
 #include <stillmap/maps/error.hpp>
 
+#include <array>
 #include <cmath>
 #include <initializer_list>
 #include <optional>
@@ -74,24 +75,77 @@ Eigen::Affine3d read_raw_calibration(const std::filesystem::path& folder) {
                            affine(rotation(R), {T[0], T[1], T[2]}));
 }
 
-}  // namespace
+/// Where the calibration of a label file stands: a file of the tracking or object benchmark, or a
+/// KITTI raw date folder.
+struct Calibration {
+  std::filesystem::path place;
+  bool is_raw = false;
+};
 
-Eigen::Affine3d read_T_rect_lidar(const std::filesystem::path& label_file) {
+Calibration find_calibration(const std::filesystem::path& label_file) {
   const std::filesystem::path folder = std::filesystem::absolute(label_file).parent_path();
-  if (std::filesystem::exists(folder / "calib.txt")) {
-    return read_tracking_calibration(folder / "calib.txt");
+  for (const std::filesystem::path& file :
+       {folder / "calib.txt", folder.parent_path() / "calib" / label_file.filename()}) {
+    if (std::filesystem::exists(file)) return {file, false};
   }
   // <date>/<drive>/<label folder>/<file>: three levels reach the date folder.
   std::filesystem::path above = folder;
   for (int level = 0; level < 3; ++level, above = above.parent_path()) {
     if (std::filesystem::exists(above / "calib_velo_to_cam.txt") &&
         std::filesystem::exists(above / "calib_cam_to_cam.txt")) {
-      return read_raw_calibration(above);
+      return {above, true};
     }
   }
-  throw InputError(
-      label_file.string(), "no calibration",
-      "calib.txt beside it, or calib_velo_to_cam.txt and calib_cam_to_cam.txt above it");
+  throw InputError(label_file.string(), "no calibration",
+                   "calib.txt beside it, ../calib/ with its name, or calib_velo_to_cam.txt and "
+                   "calib_cam_to_cam.txt above it");
+}
+
+Eigen::Affine3d read_T_rect_lidar(const Calibration& calibration) {
+  return calibration.is_raw ? read_raw_calibration(calibration.place)
+                            : read_tracking_calibration(calibration.place);
+}
+
+/// Sizes of KITTI's rectified images, which differ from day to day as the focal lengths do:
+/// 2011_09_26, _28, _29, _30 and 2011_10_03.
+Eigen::Vector2d image_size_px(const std::filesystem::path& file, double focal_px) {
+  struct Day {
+    double focal_px, width_px, height_px;
+  };
+  constexpr std::array<Day, 5> kDays{{{721.5377, 1242.0, 375.0},
+                                      {707.0493, 1224.0, 370.0},
+                                      {718.3351, 1238.0, 374.0},
+                                      {707.0912, 1226.0, 370.0},
+                                      {718.8560, 1241.0, 376.0}}};
+  for (const Day& day : kDays) {
+    if (std::abs(day.focal_px - focal_px) < 1e-3) return {day.width_px, day.height_px};
+  }
+  throw InputError(file.string(), "a focal length of " + std::to_string(focal_px) + " pixels",
+                   "one of KITTI's: 707.0493, 707.0912, 718.3351, 718.856 or 721.5377");
+}
+
+}  // namespace
+
+Eigen::Affine3d read_T_rect_lidar(const std::filesystem::path& label_file) {
+  return read_T_rect_lidar(find_calibration(label_file));
+}
+
+CameraView read_camera_view(const std::filesystem::path& label_file) {
+  const Calibration calibration = find_calibration(label_file);
+  CameraView view;
+  std::vector<double> P;
+  if (calibration.is_raw) {
+    const std::filesystem::path file = calibration.place / "calib_cam_to_cam.txt";
+    P = read_row(file, {"P_rect_02"}, 12);
+    const std::vector<double> size = read_row(file, {"S_rect_02"}, 2);
+    view.size_px = {size[0], size[1]};
+  } else {
+    P = read_row(calibration.place, {"P2"}, 12);
+    view.size_px = image_size_px(calibration.place, P[0]);
+  }
+  const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> P_image_rect(P.data());
+  view.P_image_lidar = P_image_rect * read_T_rect_lidar(calibration).matrix();
+  return view;
 }
 
 }  // namespace stillmap::maps

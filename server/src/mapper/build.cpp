@@ -2,9 +2,11 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <stdexcept>
 #include <stillmap/localization/map_index.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
@@ -50,13 +52,15 @@ std::string to_json_text(const mapping::MapBuildReport& report, const BuildArgum
                      {"ground_height", name_of(options.projection.ground_height)},
                      {"fusion", options.fusion},
                      {"edits", options.edits_file ? options.edits_file->string() : ""},
-                     {"fill", options.fill},
+                     {"fill", options.fills_ground()},
                      {"clean", options.clean},
                      {"margin_m", options.projection.margin_m},
                      {"voxel_m", options.voxel_size_m},
                      {"min_range_m", options.min_range_m},
                      {"max_range_m", options.max_range_m},
                      {"threads", options.threads}};
+  if (options.ground.sensor_height_m)
+    json["options"]["sensor_height_m"] = *options.ground.sensor_height_m;
   return json.dump(2) + "\n";
 }
 
@@ -72,6 +76,23 @@ std::string write_index(const std::filesystem::path& map) {
   }
 }
 
+/// What a count of the report is of: points as they were scanned, or those of the map's voxels.
+std::string points_label(std::string name) {
+  if (name == "static") return "map points";
+  if (name == "cleaned" || name == "filled") return "map points " + name;
+  if (name == "scans_empty") return "scans without points";
+  std::replace(name.begin(), name.end(), '_', ' ');
+  return "scanned points " + name;
+}
+
+std::string objects_label(std::string name) {
+  if (name == "boxes") return "boxes detected";
+  if (name.starts_with("dropped: ")) return "boxes " + name;
+  if (!name.starts_with("edits_")) return "objects " + name;
+  std::replace(name.begin(), name.end(), '_', ' ');
+  return name;
+}
+
 void print_for_people(const mapping::MapBuildReport& report, const BuildArguments& arguments,
                       const std::string& index) {
   command_line::Table table;
@@ -81,8 +102,8 @@ void print_for_people(const mapping::MapBuildReport& report, const BuildArgument
   table.add("scans", fmt::format("{} in {:.1f} s, {:.1f} a second", report.scans, report.seconds,
                                  report.scans_per_second));
   table.add("peak memory", fmt::format("{:.0f} MiB", report.peak_rss_mib));
-  for (const auto& [name, count] : report.points) table.add("points " + name, grouped(count));
-  for (const auto& [name, count] : report.objects) table.add("objects " + name, grouped(count));
+  for (const auto& [name, count] : report.points) table.add(points_label(name), grouped(count));
+  for (const auto& [name, count] : report.objects) table.add(objects_label(name), grouped(count));
   table.print();
   for (const std::string& warning : report.warnings) fmt::print("warning: {}\n", warning);
 }
@@ -101,6 +122,9 @@ void read_words(BuildArguments& arguments, const CLI::App& command) {
   if (given("--clean")) options.clean = clean;
   if (given("--ground-height"))
     options.projection.ground_height = mapping::ground_height_from(arguments.ground_height);
+  if (given("--fill") && options.fill && !options.fills_ground())
+    throw std::invalid_argument(
+        "--fill: found on without what it fills under, expected --fusion on and --movable project");
 }
 
 void build(BuildArguments& arguments, const CLI::App& command) {
@@ -189,10 +213,11 @@ void add_build(CLI::App& app) {
                    "Poses instead of the drive's own: KITTI or TUM, T_map_lidar")
       ->check(command_line::existing_file());
   command
-      ->add_option("--detector", options.detector,
-                   "What finds movable objects: geometric, or boxes:FILE with KITTI tracking "
-                   "labels or our JSON (with several drives boxes:FILE,FILE...), or onnx:FILE, "
-                   "a network of your own (mapping/onnx.md)")
+      ->add_option(
+          "--detector", options.detector,
+          "What finds movable objects: geometric, voxelnext[:FILE], onnx:FILE (a network of "
+          "your own, see mapping/onnx.md), or boxes:FILE with KITTI tracking labels or our "
+          "JSON (with several drives boxes:FILE,FILE...)")
       ->capture_default_str();
   command
       ->add_option(

@@ -15,6 +15,7 @@ void add_simulate(CLI::App& app);
 void add_evaluate(CLI::App& app);
 void add_evaluate_localization(CLI::App& evaluate);
 void add_evaluate_map(CLI::App& evaluate);
+void add_evaluate_detector(CLI::App& evaluate);
 void add_evaluate_paper(CLI::App& evaluate);
 
 using command_line::write_text_file;

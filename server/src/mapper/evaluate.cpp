@@ -3,11 +3,12 @@
 namespace stillmap::mapper {
 
 void add_evaluate(CLI::App& app) {
-  CLI::App* evaluate =
-      app.add_subcommand("evaluate", "Measure localization or a map against a drive's truth");
+  CLI::App* evaluate = app.add_subcommand(
+      "evaluate", "Measure localization, a map or a detector against a drive's truth");
   evaluate->require_subcommand(1);
   add_evaluate_localization(*evaluate);
   add_evaluate_map(*evaluate);
+  add_evaluate_detector(*evaluate);
   add_evaluate_paper(*evaluate);
 }
 

@@ -247,7 +247,7 @@ void add_evaluate_localization(CLI::App& evaluate_command) {
              "delete, or project (onto the ground of that scan)");
   command
       ->add_option("--query-detector", options.query_detector,
-                   "What finds them: geometric, or boxes:FILE")
+                   "What finds them: geometric, voxelnext[:FILE], or boxes:FILE")
       ->capture_default_str();
   command->add_option("--json", arguments->json, "Write the result there")
       ->check(command_line::in_existing_folder());

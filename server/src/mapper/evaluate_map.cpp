@@ -125,6 +125,9 @@ void print_scores(const LabelEvaluation& result) {
   });
   line("static loss", [](const MapScores& s) { return percent(s.static_loss, 3); });
   line("  of points", [](const MapScores& s) { return grouped(s.static_lost.of); });
+  fmt::print(
+      "movable: parked objects should be gone; moving: they should be there, and count as static\n"
+      "thinned: the package as it is, a point a voxel; beside it, every point that was left\n");
 }
 
 void print_losses(const LabelEvaluation& result) {
@@ -141,7 +144,7 @@ void print_losses(const LabelEvaluation& result) {
 
 std::string text_of(const mapping::HeightErrors& errors) {
   if (errors.points == 0) return "none to count";
-  return fmt::format("{:.1f} cm, 95 % {:.1f} cm, of {}", 100.0 * errors.median_m,
+  return fmt::format("{:.1f} cm, 95 % below {:.1f} cm, of {} points", 100.0 * errors.median_m,
                      100.0 * errors.p95_m, grouped(errors.points));
 }
 
@@ -149,7 +152,7 @@ void print_ground(const LabelEvaluation& result) {
   fmt::print("\n");
   command_line::Table table;
   const MapFigures& figures = result.figures();
-  table.add("parked objects removed",
+  table.add("points of parked objects removed",
             result.true_ground == mapping::TrueGround::kNone
                 ? "no true ground"
                 : fmt::format("{}, thinned {}", percent_of(figures.parked_removed),

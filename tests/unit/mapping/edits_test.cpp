@@ -84,6 +84,9 @@ TEST(Edits, AreRefusedByFileAndKey) {
           {".box.centre", "three numbers"});
   refused(edit(R"("action": "keep", "box": {"centre": [0, 0, 0], "size": [1, 0, 1], "yaw": 0})"),
           {".box.size", "> 0"});
+  refused(
+      edit(R"("action": "remove", "box": {"centre": [0, 0, 0], "size": [201, 1, 1], "yaw": 0})"),
+      {".box.size", "200 m to remove"});
   refused(edit(R"("action": "keep", "box": {"centre": [0, 0, 0], "size": [1, 1, 1]})"),
           {".box.yaw", "nothing"});
   refused(

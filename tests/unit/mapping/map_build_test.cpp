@@ -182,6 +182,22 @@ TEST_F(MapBuild, CountsLabelsThatPointOutsideOfTheDrive) {
   EXPECT_EQ(report.objects.at("dropped: frame beyond the drive"), 2U);
 }
 
+TEST_F(MapBuild, RefusesABoxThatNoSensorSeesOrNoObjectFills) {
+  options_.detector = "boxes:" + (folder_.path() / "wild.json").string();
+  const auto refuse = [&](const maps::Box& box, const char* found) {
+    maps::BoxSequence boxes;
+    boxes.by_scan[1] = {small_.car_in(1), box};
+    maps::write_boxes(folder_.path() / "wild.json", boxes);
+    EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<InputError>({"wild.json", found}));
+    EXPECT_THAT(names_in_maps(), IsEmpty());
+  };
+  maps::Box far = small_.car_in(1), huge = small_.car_in(1);
+  far.centre.x() = -1e300;
+  huge.size_m.y() = 1e12;
+  refuse(far, "centre");
+  refuse(huge, "size");
+}
+
 TEST_F(MapBuild, TellsProgressScanByScan) {
   std::vector<std::size_t> done;
   progress_ = [&](std::string_view stage, std::size_t units, std::size_t total) {
@@ -235,6 +251,14 @@ TEST_F(MapBuild, TakesGivenPosesForADriveWithoutItsOwn) {
   EXPECT_EQ(open()->manifest().options.at("poses"), "given.txt");
   EXPECT_EQ(open()->manifest().sources.at("poses_sha256"),
             maps::sha256_of_file(folder_.path() / "given.txt"));
+}
+
+TEST_F(MapBuild, RefusesAPoseThatNoDriveReaches) {
+  small_.T_map_lidar[2].translation().y() = 1e12;
+  std::string poses;
+  for (const Eigen::Isometry3d& T : small_.T_map_lidar) poses += test::kitti_line(T);
+  folder_.write("drive/poses.txt", poses);
+  EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<InputError>({"000002.bin", "1e+12 m"}));
 }
 
 TEST_F(MapBuild, RefusesADriveWhoseScansAreAllEmpty) {
@@ -334,8 +358,8 @@ TEST_F(MapBuild, AsThePaperPutsBoxesOnTheScansMeanGround) {
   EXPECT_EQ(report.objects.at("unknown"), 4U);
   EXPECT_EQ(report.points.at("filled"), 0U);
   EXPECT_EQ(open()->manifest().options.at("ground_height"), "mean");
-  for (const maps::TileEntry& tile : open()->manifest().tiles) {
-    const auto map = open();
+  const auto map = open();
+  for (const maps::TileEntry& tile : map->manifest().tiles) {
     for (const maps::MapPoint& p : map->tile(tile.id)) {
       if (p.kind != maps::PointKind::kProjected) continue;
       EXPECT_NEAR(static_cast<double>(p.z) + map->manifest().origin.z(), 0.0, 0.02);
@@ -392,9 +416,20 @@ TEST_F(MapBuild, RefusesEditsWithoutFusionAndUnknownCleaning) {
   options_.fusion = false;
   options_.edits_file = folder_.path() / "edits.json";
   EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<std::invalid_argument>({"edits_file"}));
-  options_.edits_file.reset();
+  options_.fusion = true;
+  apply_paper_preset(options_);
+  EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<std::invalid_argument>({"edits_file"}));
+  const MapBuildOptions defaults;
+  options_ = defaults;
   options_.clean = "soap";
   EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<std::invalid_argument>({"soap"}));
+}
+
+TEST_F(MapBuild, SaysThatNothingIsFilledWhereObjectsAreDeleted) {
+  use_boxes();
+  options_.projection.policy = MovablePolicy::kDelete;
+  EXPECT_EQ(build().points.at("filled"), 0U);
+  EXPECT_EQ(open()->manifest().options.at("fill"), "off");
 }
 
 TEST_F(MapBuild, RefusesEmptyRangesOfPoints) {

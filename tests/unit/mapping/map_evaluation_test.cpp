@@ -155,6 +155,13 @@ TEST_F(EvaluateMap, RefusesLabelsOfOtherScans) {
   EXPECT_THAT([&] { (void)evaluate(); }, ThrowsSaying<InputError>({boxes_.string(), "no label"}));
 }
 
+TEST_F(EvaluateMap, HasNoShareOfNothing) {
+  const auto json = nlohmann::json::parse(to_json(MapEvaluation{}));
+  EXPECT_TRUE(json["box_points"]["removed_share"].is_null());
+  EXPECT_TRUE(json["box_points"]["in_map_removed_share"].is_null());
+  EXPECT_TRUE(json["outside"]["changed_share"].is_null());
+}
+
 TEST_F(EvaluateMap, EndsWhenCancelled) {
   build(MovablePolicy::kProject);
   cancel_ = true;

@@ -37,7 +37,7 @@ TEST(OnnxConfig, ReadsEveryKey) {
   EXPECT_EQ(config.rows, 8);
   EXPECT_EQ(config.columns, 8);
   EXPECT_EQ(config.stride, 2);
-  EXPECT_EQ(config.z, OnnxHeight::kGround);
+  EXPECT_EQ(config.z, VoxelNextHeight::kGround);
   ASSERT_TRUE(config.bev);
   EXPECT_FALSE(config.pillars);
   EXPECT_THAT(config.bev->channels, ElementsAre(BevChannel::kMaxZ, BevChannel::kLogCount));

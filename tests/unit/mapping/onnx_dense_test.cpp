@@ -36,7 +36,8 @@ std::vector<float> floats_of(const OnnxTensor& tensor) {
 }
 
 std::vector<float> bev_of(const OnnxConfig& config, const maps::PointCloud& cloud) {
-  return floats_of(bev_tensor(config, cloud, OnnxZ(config, flat_ground().surface.get())));
+  return floats_of(bev_tensor(
+      config, cloud, NetworkHeight(config.z, config.sensor_height_m, flat_ground().surface.get())));
 }
 
 TEST(BevTensor, HoldsHeightsOverTheGroundByChannelRowAndColumn) {
@@ -46,7 +47,8 @@ TEST(BevTensor, HoldsHeightsOverTheGroundByChannelRowAndColumn) {
   maps::PointCloud cloud;
   cloud.positions = {{2.6F, -0.7F, 0.2F}, {2.7F, -0.6F, -0.8F}, {0.1F, 1.9F, -1.6F}};
   cloud.intensities = {1.0F, 4.0F, 7.0F};
-  const OnnxTensor tensor = bev_tensor(config, cloud, OnnxZ(config, flat_ground().surface.get()));
+  const OnnxTensor tensor = bev_tensor(
+      config, cloud, NetworkHeight(config.z, config.sensor_height_m, flat_ground().surface.get()));
   EXPECT_THAT(tensor.shape, ElementsAre(1, 4, 8, 8));
   const std::vector<float> values = floats_of(tensor);
   ASSERT_THAT(values, SizeIs(4 * 64));
@@ -67,7 +69,9 @@ TEST(BevTensor, LeavesOutWhatIsOutsideTheRangeOrOverUnknownGround) {
                      {1.0F, 2.0F, 0.0F},   {1.0F, 0.0F, 1.21F}, {1.0F, 0.0F, -2.81F},
                      {3.6F, 0.0F, 0.0F},   {kNaN, 0.0F, 0.0F},  {1.0F, 0.0F, kNaN}};
   EXPECT_THAT(bev_of(config, cloud), Each(0.0F));
-  EXPECT_THAT(floats_of(bev_tensor(config, cloud, OnnxZ(config, nullptr))), Each(0.0F));
+  EXPECT_THAT(floats_of(bev_tensor(config, cloud,
+                                   NetworkHeight(config.z, config.sensor_height_m, nullptr))),
+              Each(0.0F));
 }
 
 TEST(BevTensor, CountsZFromTheSensorsHeightWhereToldSo) {
@@ -79,7 +83,10 @@ TEST(BevTensor, CountsZFromTheSensorsHeightWhereToldSo) {
   // Over unknown ground too: what counts is the ground under the sensor, at -1.8 instead of -1.7.
   cloud.positions = {{3.9F, 0.1F, 0.5F}};
   EXPECT_FLOAT_EQ(bev_of(config, cloud)[4 * 8 + 7], 0.6F);
-  EXPECT_FLOAT_EQ(floats_of(bev_tensor(config, cloud, OnnxZ(config, nullptr)))[4 * 8 + 7], 0.5F);
+  EXPECT_FLOAT_EQ(
+      floats_of(bev_tensor(config, cloud,
+                           NetworkHeight(config.z, config.sensor_height_m, nullptr)))[4 * 8 + 7],
+      0.5F);
 }
 
 TEST(PillarTensors, HoldTheFirstPointsOfEachCellInTheOrderOfTheScan) {
@@ -92,7 +99,8 @@ TEST(PillarTensors, HoldTheFirstPointsOfEachCellInTheOrderOfTheScan) {
   cloud.positions = {
       {2.5F, 1.25F, -0.8F}, {1.25F, -1.5F, -1.3F}, {2.75F, 1.75F, 0.2F}, {2.1F, 1.1F, 0.1F}};
   cloud.intensities = {1.0F, 2.0F, 3.0F, 4.0F};
-  const Pillars pillars = pillar_tensors(config, cloud, OnnxZ(config, flat_ground().surface.get()));
+  const Pillars pillars = pillar_tensors(
+      config, cloud, NetworkHeight(config.z, config.sensor_height_m, flat_ground().surface.get()));
   EXPECT_THAT(pillars.points.shape, ElementsAre(2, 2, 9));
   EXPECT_THAT(pillars.cells.shape, ElementsAre(2, 4));
   EXPECT_THAT(std::get<std::vector<std::int64_t>>(pillars.cells.values),
@@ -121,7 +129,7 @@ std::vector<maps::Box> decode(const nlohmann::json& description, const Outputs& 
   return decode_dense(
       config, config.heads[0],
       {outputs.heat_map, outputs.offset, outputs.height, outputs.size, outputs.rotation},
-      OnnxZ(config, flat_ground().surface.get()));
+      NetworkHeight(config.z, config.sensor_height_m, flat_ground().surface.get()));
 }
 
 TEST(DecodeDense, PlacesBoxesByCellAndOffset) {
@@ -192,8 +200,9 @@ TEST(DecodeDense, KeepsTheBestOfTooMany) {
   std::vector<float> heat(cells, 1.0F);
   heat[cells - 1] = 2.0F;
   const OnnxConfig config = config_of(description);
-  const auto boxes = decode_dense(config, config.heads[0], {heat, zeros, zeros, zeros, zeros},
-                                  OnnxZ(config, flat_ground().surface.get()));
+  const auto boxes =
+      decode_dense(config, config.heads[0], {heat, zeros, zeros, zeros, zeros},
+                   NetworkHeight(config.z, config.sensor_height_m, flat_ground().surface.get()));
   ASSERT_THAT(boxes, SizeIs(kMostBoxesOfHead));
   // Of equal ones the first, and what is better wherever it stands.
   EXPECT_THAT(boxes.front().centre.head<2>(), IsNearVector(Eigen::Vector2d(-100, -100), 1e-6));

@@ -169,10 +169,12 @@ TEST(ProjectionOfMovers, DrawsTheBoxOutAlongItsHeadingByHalfASweep) {
   EXPECT_THAT(c.fates(), Each(PointFate::kKept));
 }
 
-TEST(ProjectionOfMovers, RefusesASpeedThatIsNotFinite) {
+TEST(ProjectionOfMovers, RefusesASpeedThatIsNotFiniteOrBeyondAll) {
   Case c = at_heights({1.0F});
-  c.boxes[0].speed_mps = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_THAT([&] { (void)c.run(); }, ThrowsSaying<std::invalid_argument>({"box 0", "speed"}));
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), -1e300}) {
+    c.boxes[0].speed_mps = bad;
+    EXPECT_THAT([&] { (void)c.run(); }, ThrowsSaying<std::invalid_argument>({"box 0", "speed"}));
+  }
 }
 
 TEST(ProjectionOptions, RefusesWhatIsOutOfBoundsByName) {

@@ -149,6 +149,19 @@ TEST(Projection, RefusesABoxThatIsNotFiniteOrHasNoSize) {
   }
 }
 
+TEST(Projection, RefusesABoxThatIsInfiniteAsFloats) {
+  const maps::PointCloud cloud = cloud_of({{10.0F, 0.0F, 0.0F}});
+  const maps::Box good = box_at({10.0, 0.0, 0.0}, {4.0, 2.0, 2.0}, 0.0);
+  for (const maps::Box& bad : {box_at({-1e300, 0.0, 0.0}, {4.0, 2.0, 2.0}, 0.0),
+                               box_at({10.0, 0.0, 0.0}, {4.0, 1e300, 2.0}, 0.0)}) {
+    EXPECT_THAT(
+        [&] {
+          (void)project(cloud, {good, bad});
+        },
+        ThrowsSaying<std::invalid_argument>({"box 1", "1e+300"}));
+  }
+}
+
 TEST(Projection, RefusesFlagsOfAnotherCloudNoSurfaceAndABrokenMargin) {
   const maps::PointCloud cloud = cloud_of({{10.0F, 0.0F, 0.0F}});
   EXPECT_THAT([&] { (void)project_objects(cloud, ground_for({}), {}, {}); },

@@ -158,6 +158,7 @@ TEST(BoxFile, NamesThePathOfABadJsonValue) {
   };
   refuses(R"({"centre":[1,2],"size":[1,1,1],"yaw":0,"class":"car"})", ".scans[0].boxes[0].centre");
   refuses(R"({"centre":[1,2,3],"size":[1,-1,1],"yaw":0,"class":"car"})", ".boxes[0].size");
+  refuses(R"({"centre":[1,2,3],"size":[201,1,1],"yaw":0,"class":"car"})", "at most 200 m");
   refuses(R"({"centre":[1,2,3],"size":[1,1,1],"yaw":1e9,"class":"car"})", ".yaw");
   refuses(R"({"centre":[1,2,3],"size":[1,1,1],"yaw":0,"class":"ufo"})", "ufo");
   refuses(R"({"centre":[1,2,3],"size":[1,1,1],"yaw":0,"class":"car","score":2})", ".score");

@@ -24,7 +24,9 @@ class Detector {
   [[nodiscard]] virtual std::map<std::string, std::size_t> dropped() const { return {}; }
 };
 
-/// @param spec        `geometric`, `boxes:FILE` or `onnx:FILE`.
+/// @param spec        `geometric`, `voxelnext` (the weights shipped with the program),
+///                    `voxelnext:FILE` (weights as safetensors), `onnx:FILE` (a description,
+///                    see mapping/onnx.md) or `boxes:FILE`.
 /// @param scan_count  of the drive, see `maps::read_boxes`.
 /// @throws std::invalid_argument for an unknown name, maps::InputError for a broken file.
 [[nodiscard]] std::unique_ptr<Detector> make_detector(const std::string& spec,

@@ -56,7 +56,8 @@ using Edits = std::vector<Edit>;
 ///        "drive": "2026-11-21_north", "scans": [120, 180], "note": "skip of the builders"}]}
 ///
 /// Each edit has either `box` or `object`; `drive`, `scans` (both ends included, only with `drive`)
-/// and `note` (for people) may be left out.
+/// and `note` (for people) may be left out. A region to keep has at most 10 km a side, one to
+/// remove 200 m.
 /// @throws maps::InputError naming file, key, found and expected, also for keys that it does not
 /// know; maps::StorageError.
 [[nodiscard]] Edits read_edits(const std::filesystem::path& file);

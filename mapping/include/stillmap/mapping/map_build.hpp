@@ -22,7 +22,8 @@ struct MapBuildOptions {
   /// Poses instead of the drive's own; with one drive only.
   std::optional<std::filesystem::path> poses_file;
   GroundOptions ground;
-  /// `geometric`, `boxes:FILE` (with several drives `boxes:FILE,FILE...`) or `onnx:FILE`.
+  /// `geometric`, `voxelnext`, `voxelnext:FILE`, `onnx:FILE`, or `boxes:FILE` (with several drives
+  /// `boxes:FILE,FILE...`, one a drive).
   std::string detector = "geometric";
   ProjectionOptions projection;
   /// Join what was detected in all scans into objects, so that a car that was missed in some scans
@@ -31,7 +32,8 @@ struct MapBuildOptions {
   bool fusion = true;
   /// A user's corrections, see `edits.hpp`; only with `fusion`.
   std::optional<std::filesystem::path> edits_file;
-  /// Fill the ground where objects stood and nothing was projected to; only with `fusion`.
+  /// Fill the ground where objects stood and nothing was projected to; only with `fusion` and
+  /// where objects are projected, otherwise nothing is filled.
   bool fill = true;
   /// Cleaning method: `free-space`, `none`, or one that the factory given to `build_map` knows.
   std::string clean = "free-space";
@@ -46,10 +48,15 @@ struct MapBuildOptions {
   int threads = 0;
 
   [[nodiscard]] std::vector<std::string> violations() const;
+  /// Whether ground is filled: only where objects of all scans are projected, see `fill`.
+  [[nodiscard]] bool fills_ground() const {
+    return fusion && fill && projection.policy == MovablePolicy::kProject;
+  }
 };
 
 /// Turns options into the paper's method: no fusion, boxes as they were detected, everything in
-/// them to the scan's mean ground height, nothing filled, nothing cleaned. The detector stays.
+/// them to the scan's mean ground height, nothing filled, nothing cleaned. The detector stays, and
+/// so do edits, which are then refused with `fusion` off.
 void apply_paper_preset(MapBuildOptions& options);
 
 /// What a build did; the same numbers stand in the manifest (`counts`) and in build.json.

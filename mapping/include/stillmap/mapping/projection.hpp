@@ -91,7 +91,8 @@ struct ProjectionResult {
 /// and the rules above.
 /// @param is_ground  N flags, 1 = ground.
 /// @param below      used by `kLocal` alone.
-/// @throws std::invalid_argument on broken options, sizes that differ, or a box that is not finite.
+/// @throws std::invalid_argument on broken options, sizes that differ, or a box that is not finite
+/// or has a centre, a size or a speed beyond 1e8 (m, m/s).
 [[nodiscard]] ProjectionResult project_objects(const maps::PointCloud& cloud,
                                                const std::vector<std::uint8_t>& is_ground,
                                                const GroundBelow& below,

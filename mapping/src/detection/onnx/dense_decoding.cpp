@@ -74,7 +74,8 @@ std::vector<Candidate> candidates_of(const OnnxConfig& config, const OnnxHead& h
 }
 
 std::optional<maps::Box> decode(const OnnxConfig& config, const HeadGrid& grid,
-                                const HeadOutputs& outputs, std::size_t cell, const OnnxZ& z) {
+                                const HeadOutputs& outputs, std::size_t cell,
+                                const NetworkHeight& z) {
   const auto value = [&](std::span<const float> tensor, std::size_t channel) {
     return static_cast<double>(tensor[channel * grid.cells + cell]);
   };
@@ -105,7 +106,7 @@ std::optional<maps::Box> decode(const OnnxConfig& config, const HeadGrid& grid,
 }  // namespace
 
 std::vector<maps::Box> decode_dense(const OnnxConfig& config, const OnnxHead& head,
-                                    const HeadOutputs& outputs, const OnnxZ& z) {
+                                    const HeadOutputs& outputs, const NetworkHeight& z) {
   const HeadGrid grid(config);
   std::vector<maps::Box> boxes;
   for (const Candidate& candidate : candidates_of(config, head, grid, outputs.heat_map)) {

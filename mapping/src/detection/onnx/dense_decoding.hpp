@@ -28,6 +28,7 @@ inline constexpr std::size_t kMostBoxesOfHead = 4096;
 /// @see Yin, Zhou, Kraehenbuehl, "Center-based 3D object detection and tracking", CVPR 2021,
 ///      section 4: centre = (cell + offset) * stride * cell size + range minimum.
 [[nodiscard]] std::vector<maps::Box> decode_dense(const OnnxConfig& config, const OnnxHead& head,
-                                                  const HeadOutputs& outputs, const OnnxZ& z);
+                                                  const HeadOutputs& outputs,
+                                                  const NetworkHeight& z);
 
 }  // namespace stillmap::mapping

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <numeric>
+#include <optional>
 #include <utility>
 
 namespace stillmap::mapping {
@@ -26,7 +26,7 @@ std::optional<int> cell_of(const OnnxConfig& config, std::size_t axis, int cells
 
 /// Points in the range, in the order of the scan.
 std::vector<GridPoint> points_in_range(const OnnxConfig& config, const maps::PointCloud& cloud,
-                                       const OnnxZ& z) {
+                                       const NetworkHeight& z) {
   std::vector<GridPoint> out;
   for (std::size_t k = 0; k < cloud.size(); ++k) {
     const Eigen::Vector3d p = cloud.positions[k].cast<double>();
@@ -132,20 +132,8 @@ std::vector<std::vector<const GridPoint*>> pillars_of(const std::vector<GridPoin
 
 }  // namespace
 
-OnnxZ::OnnxZ(const OnnxConfig& config, const GroundSurface* surface)
-    : surface_(surface), over_ground_(config.z == OnnxHeight::kGround) {
-  if (over_ground_ || surface_ == nullptr) return;
-  if (const auto ground = surface_->at(0.0, 0.0)) zero_ = ground->z + config.sensor_height_m;
-}
-
-std::optional<double> OnnxZ::zero_at(double x, double y) const {
-  if (!over_ground_) return zero_;
-  if (surface_ == nullptr) return std::nullopt;
-  const auto ground = surface_->at(x, y);
-  return ground ? std::optional(ground->z) : std::nullopt;
-}
-
-OnnxTensor bev_tensor(const OnnxConfig& config, const maps::PointCloud& cloud, const OnnxZ& z) {
+OnnxTensor bev_tensor(const OnnxConfig& config, const maps::PointCloud& cloud,
+                      const NetworkHeight& z) {
   const auto cells =
       static_cast<std::size_t>(config.rows) * static_cast<std::size_t>(config.columns);
   std::vector<CellSums> sums(cells);
@@ -166,7 +154,8 @@ OnnxTensor bev_tensor(const OnnxConfig& config, const maps::PointCloud& cloud, c
           std::move(values)};
 }
 
-Pillars pillar_tensors(const OnnxConfig& config, const maps::PointCloud& cloud, const OnnxZ& z) {
+Pillars pillar_tensors(const OnnxConfig& config, const maps::PointCloud& cloud,
+                       const NetworkHeight& z) {
   const PillarInput& input = *config.pillars;
   const std::vector<GridPoint> points = points_in_range(config, cloud, z);
   const auto most_points = static_cast<std::size_t>(input.most_points);

@@ -154,8 +154,8 @@ void read_grid(const Value& root, OnnxConfig& config) {
   }
   config.columns = cells[0];
   config.rows = cells[1];
-  config.z = root.at("z").one_of<OnnxHeight>(
-      {{"ground", OnnxHeight::kGround}, {"lidar", OnnxHeight::kLidar}});
+  config.z = root.at("z").one_of<VoxelNextHeight>(
+      {{"ground", VoxelNextHeight::kGround}, {"lidar", VoxelNextHeight::kLidar}});
   config.sensor_height_m = root.at("sensor_height_m").number(-10.0, 100.0);
 }
 

@@ -1,5 +1,7 @@
 #pragma once
 
+#include "detection/voxelnext/weights.hpp"
+
 #include <stillmap/maps/box.hpp>
 
 #include <array>
@@ -9,14 +11,6 @@
 #include <vector>
 
 namespace stillmap::mapping {
-
-/// What the network calls z.
-enum class OnnxHeight {
-  /// Height over the local ground surface.
-  kGround,
-  /// As measured, shifted so that the ground under the sensor lies at -sensor_height_m.
-  kLidar,
-};
 
 /// Channels of a picture from above; 0 in a cell without points.
 enum class BevChannel {
@@ -83,7 +77,7 @@ struct OnnxConfig {
   std::array<double, 2> cell_m{};
   int rows = 0;
   int columns = 0;
-  OnnxHeight z = OnnxHeight::kGround;
+  VoxelNextHeight z = VoxelNextHeight::kGround;
   /// Only used with kLidar.
   double sensor_height_m = 0.0;
   /// Exactly one of the two.

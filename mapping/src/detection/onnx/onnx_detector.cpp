@@ -102,7 +102,7 @@ OnnxTensor as_taken(OnnxTensor tensor, const std::vector<OnnxTensorType>& inputs
 
 /// Empty when no point is in the range.
 std::vector<OnnxTensor> inputs_of(const OnnxConfig& config, const OnnxSession& session,
-                                  const maps::PointCloud& cloud, const OnnxZ& z) {
+                                  const maps::PointCloud& cloud, const NetworkHeight& z) {
   std::vector<OnnxTensor> inputs;
   if (config.bev) {
     inputs.push_back(bev_tensor(config, cloud, z));
@@ -129,7 +129,7 @@ OnnxDetector::OnnxDetector(const std::filesystem::path& description, const std::
 
 std::vector<maps::Box> OnnxDetector::detect(const maps::Scan& scan,
                                             const GroundResult& ground) const {
-  const OnnxZ z(config_, ground.surface.get());
+  const NetworkHeight z(config_.z, config_.sensor_height_m, ground.surface.get());
   std::vector<OnnxTensor> inputs = inputs_of(config_, session_, scan.cloud, z);
   if (inputs.empty()) return {};
   std::vector<std::string> names;

@@ -85,13 +85,19 @@ std::vector<maps::Box> suppress_overlaps(std::vector<maps::Box> boxes, double mo
   std::stable_sort(boxes.begin(), boxes.end(),
                    [](const maps::Box& a, const maps::Box& b) { return a.score > b.score; });
   std::vector<maps::Box> kept;
+  // Circles around boxes: a low threshold leaves thousands of boxes, of which few are near another.
+  std::vector<double> kept_radii;
   for (maps::Box& box : boxes) {
-    const bool overlaps = std::any_of(kept.begin(), kept.end(), [&](const maps::Box& other) {
-      const double reach = radius(box) + radius(other);
-      return (box.centre - other.centre).head<2>().squaredNorm() < reach * reach &&
-             bev_iou(box, other) > most_iou;
-    });
-    if (!overlaps) kept.push_back(std::move(box));
+    const double own_radius = radius(box);
+    bool overlaps = false;
+    for (std::size_t k = 0; k < kept.size() && !overlaps; ++k) {
+      const double reach = own_radius + kept_radii[k];
+      overlaps = (box.centre - kept[k].centre).head<2>().squaredNorm() < reach * reach &&
+                 bev_iou(box, kept[k]) > most_iou;
+    }
+    if (overlaps) continue;
+    kept.push_back(std::move(box));
+    kept_radii.push_back(own_radius);
   }
   return kept;
 }

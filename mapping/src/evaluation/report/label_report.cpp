@@ -1,15 +1,13 @@
 #include <stillmap/mapping/label_evaluation.hpp>
 
+#include "evaluation/report/page_parts.hpp"
 #include "evaluation/report/style.hpp"
 #include "evaluation/report/svg_plot.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdint>
-#include <initializer_list>
 
 namespace stillmap::mapping {
 namespace {
@@ -23,53 +21,14 @@ constexpr std::string_view kOwnStyle = R"(
 td.left { text-align: left; width: 30%; }
 )";
 
-std::string percent(double rate, int digits = 2) {
-  return std::isnan(rate) ? "–" : fmt::format("{:.{}f} %", 100.0 * rate, digits);
-}
-
 std::string centimetres(double metres) {
   return std::isnan(metres) ? "–" : fmt::format("{:.1f} cm", 100.0 * metres);
 }
 
-/// 1234567 -> "1 234 567", with spaces that do not break.
-std::string grouped(std::size_t number) {
-  std::string text = std::to_string(number);
-  for (std::size_t at = text.size(); at > 3; at -= 3) text.insert(at - 3, "\u2009");
-  return text;
-}
-
 std::string counted(const Share& share, int digits = 2) {
   if (share.of == 0) return "–";
-  return fmt::format("{}<br><small>{} of {}</small>", percent(share.rate(), digits),
-                     grouped(share.count), grouped(share.of));
-}
-
-std::string row(std::initializer_list<std::string> cells, std::string_view tag = "td") {
-  std::string text = "<tr>";
-  for (const std::string& cell : cells) text += fmt::format("<{0}>{1}</{0}>", tag, cell);
-  return text + "</tr>\n";
-}
-
-std::string tile(const std::string& value, std::string_view name) {
-  return fmt::format("<div class=\"tile\"><b>{}</b><span>{}</span></div>\n", value, name);
-}
-
-std::string base64(const std::string& bytes) {
-  constexpr std::string_view kLetters =
-      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string text;
-  text.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const std::size_t count = std::min<std::size_t>(3, bytes.size() - i);
-    std::uint32_t group = 0;
-    for (std::size_t k = 0; k < 3; ++k) {
-      const auto byte = k < count ? static_cast<unsigned char>(bytes[i + k]) : 0U;
-      group = group << 8U | byte;
-    }
-    for (std::size_t k = 0; k < 4; ++k)
-      text += k <= count ? kLetters[group >> (18U - 6U * static_cast<unsigned>(k)) & 63U] : '=';
-  }
-  return text;
+  return fmt::format("{}<br><small>{} of {}</small>", percent_text(share.rate(), digits),
+                     grouped_text(share.count), grouped_text(share.of));
 }
 
 /// Writes the page part by part, in the order in which it is read.
@@ -105,7 +64,7 @@ class Report {
         "<h1>Map report</h1>\n<div class=\"facts\">map <b>{}</b> · truth <b>{}</b> · {} scans, {} "
         "points · truth classes <b>{}</b> · stillmap {}</div>\n",
         escaped(heading_.map), escaped(heading_.drive), evaluation_.scans,
-        grouped(evaluation_.points), name_of(heading_.classes), STILLMAP_VERSION);
+        grouped_text(evaluation_.points), name_of(heading_.classes), STILLMAP_VERSION);
     if (!evaluation_.drive_in_map) {
       html_ +=
           "<p>The map was not made of this drive: its package is judged as it is, all scans of the "
@@ -118,29 +77,25 @@ class Report {
     const MapScores& scores = figures.of(heading_.classes);
     html_ +=
         "<div class=\"tiles\">" +
-        tile(percent(figures.parked_removed.rate()), "of parked objects removed") +
-        tile(percent(scores.static_loss, 3), "of what stays lost") +
-        tile(percent(scores.DA), "DA, projected points not matched") +
-        tile(percent(figures.ground_under.filled.rate(), 1), "ground complete under objects") +
-        tile(evaluation_.ground ? percent(evaluation_.ground->f1()) : "–", "F1 of ground points") +
+        tile_of(percent_text(figures.parked_removed.rate()), "of parked objects' points removed") +
+        tile_of(percent_text(scores.static_loss, 3), "of what stays lost") +
+        tile_of(percent_text(scores.DA), "DA, projected points not matched") +
+        tile_of(percent_text(figures.ground_under.filled.rate(), 1),
+                "ground complete under objects") +
+        tile_of(evaluation_.ground ? percent_text(evaluation_.ground->f1()) : "–",
+                "F1 of ground points") +
         "</div>\n";
   }
 
   void add_views() {
     if (!evaluation_.pictures) return;
-    const auto view = [](const std::string& png, std::string_view caption) {
-      return fmt::format(
-          "<figure><img alt=\"{0}\" src=\"data:image/png;base64,{1}\">"
-          "<figcaption>{0}</figcaption></figure>\n",
-          caption, base64(png));
-    };
     html_ += fmt::format(
         "<h2>Before and after</h2>\n<p>From above, coloured by height. Removed objects: <span "
         "class=\"key parked\"></span>{} parked, <span class=\"key moving\"></span>{} moving with "
         "their paths.</p>\n<div class=\"views\">",
         evaluation_.parked_objects, evaluation_.moving_objects);
-    html_ += view(evaluation_.pictures->before_png, "As measured, all scans") +
-             view(evaluation_.pictures->after_png, "The map") + "</div>\n";
+    html_ += picture_of(evaluation_.pictures->before_png, "As measured, all scans") +
+             picture_of(evaluation_.pictures->after_png, "The map") + "</div>\n";
   }
 
   /// A line for both sets of classes on both kinds of map.
@@ -157,23 +112,26 @@ class Report {
 
   void add_scores() {
     html_ += "<h2>Scores</h2>\n<div class=\"scroll\"><table>";
-    html_ += evaluation_.unthinned
-                 ? row({"", "movable, unthinned", "thinned", "moving, unthinned", "thinned"}, "th")
-                 : row({"", "movable, thinned", "moving, thinned"}, "th");
+    html_ +=
+        evaluation_.unthinned
+            ? row_of({"", "movable, unthinned", "thinned", "moving, unthinned", "thinned"}, "th")
+            : row_of({"", "movable, thinned", "moving, thinned"}, "th");
     add_score("SA", [](const MapScores& s) { return counted(s.static_kept); });
     add_score("DA", [](const MapScores& s) { return counted(s.dynamic_removed); });
     add_score("DA with projected and filled points",
               [](const MapScores& s) { return counted(s.plain_removed); });
-    add_score("AA", [](const MapScores& s) { return percent(s.AA); });
-    add_score("HA", [](const MapScores& s) { return percent(s.HA); });
+    add_score("AA", [](const MapScores& s) { return percent_text(s.AA); });
+    add_score("HA", [](const MapScores& s) { return percent_text(s.HA); });
     add_score("PR", [](const MapScores& s) { return counted(s.static_voxels_kept); });
-    add_score("RR", [](const MapScores& s) { return percent(s.RR); });
-    add_score("F1", [](const MapScores& s) { return percent(s.F1); });
+    add_score("RR", [](const MapScores& s) { return percent_text(s.RR); });
+    add_score("F1", [](const MapScores& s) { return percent_text(s.F1); });
     add_score("static points lost", [](const MapScores& s) { return counted(s.static_lost, 3); });
     add_score("the same, nothing removed", [](const MapScores& s) {
-      return s.static_lost_uncleaned.of == 0 ? "0" : percent(s.static_lost_uncleaned.rate(), 3);
+      return s.static_lost_uncleaned.of == 0 ? "0"
+                                             : percent_text(s.static_lost_uncleaned.rate(), 3);
     });
-    add_score("<b>static loss</b>", [](const MapScores& s) { return percent(s.static_loss, 3); });
+    add_score("<b>static loss</b>",
+              [](const MapScores& s) { return percent_text(s.static_loss, 3); });
     html_ +=
         "</table></div>\n<p>SA, DA: truth within 50 m of the sensor, a map point within 5 cm; for "
         "DA projected and filled points are not matched. PR, RR: voxels of 0.2 m. Static loss: no "
@@ -186,27 +144,27 @@ class Report {
     double most = 1e-4;
     for (const ClassLoss& loss : losses) most = std::max(most, loss.loss);
     html_ += fmt::format("<h2>Static loss by class</h2>\n<p>On the {}.</p>\n<table>", kind());
-    html_ += row({"class", "points", "lost", "static loss", "thinned", ""}, "th");
+    html_ += row_of({"class", "points", "lost", "static loss", "thinned", ""}, "th");
     for (std::size_t i = 0; i < losses.size(); ++i) {
       const ClassLoss& loss = losses[i];
       html_ += fmt::format(
           "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td class=\"left\"><span "
           "class=\"bar\" style=\"width:{:.1f}%\"></span></td></tr>\n",
-          escaped(loss.name), grouped(loss.lost.of), grouped(loss.lost.count),
-          percent(loss.loss, 3), percent(evaluation_.thinned.losses.at(i).loss, 3),
+          escaped(loss.name), grouped_text(loss.lost.of), grouped_text(loss.lost.count),
+          percent_text(loss.loss, 3), percent_text(evaluation_.thinned.losses.at(i).loss, 3),
           100.0 * std::max(0.0, loss.loss) / most);
     }
     html_ += "</table>\n";
   }
 
   static std::string heights_row(const std::string& name, const HeightErrors& errors) {
-    return row(
-        {name, grouped(errors.points), centimetres(errors.median_m), centimetres(errors.p95_m)});
+    return row_of({name, grouped_text(errors.points), centimetres(errors.median_m),
+                   centimetres(errors.p95_m)});
   }
 
   static std::string ground_row(const std::string& name, const GroundUnder& ground) {
-    return row({name, grouped(ground.filled.of), percent(ground.projected.rate(), 1),
-                percent(ground.filled.rate(), 1), grouped(ground.wrong)});
+    return row_of({name, grouped_text(ground.filled.of), percent_text(ground.projected.rate(), 1),
+                   percent_text(ground.filled.rate(), 1), grouped_text(ground.wrong)});
   }
 
   [[nodiscard]] std::string heights_figure(const GroundHeights& heights) const {
@@ -233,9 +191,9 @@ class Report {
     const GroundHeights& heights = *evaluation_.heights;
     const MapFigures& figures = evaluation_.figures();
     html_ += "<div class=\"pair\"><div><table>" +
-             row({"footprints from the path", "cells of 0.25 m", "measured and projected",
-                  "with filled points", "at a wrong height"},
-                 "th");
+             row_of({"footprints from the path", "cells of 0.25 m", "measured and projected",
+                     "with filled points", "at a wrong height"},
+                    "th");
     double from_m = 0.0;
     for (const GroundUnderBand& band : figures.ground_bands) {
       html_ +=
@@ -245,7 +203,7 @@ class Report {
       from_m = band.to_m;
     }
     html_ += ground_row("<b>all</b>", figures.ground_under) + "</table>\n<table>" +
-             row({"height error", "points", "median", "95 %"}, "th") +
+             row_of({"height error", "points", "median", "95 %"}, "th") +
              heights_row("projected and filled", heights.all) +
              heights_row("projected", heights.projected) + heights_row("filled", heights.filled) +
              heights_row("<span class=\"key c0\"></span>on one surface", heights.one_surface) +
@@ -261,10 +219,10 @@ class Report {
     if (!evaluation_.ground) return;
     const GroundScores& ground = *evaluation_.ground;
     html_ += "<h2>Ground points</h2>\n<table class=\"narrow\">" +
-             row({"precision", "recall", "F1", "found", "wrong", "missed"}, "th") +
-             row({percent(ground.precision()), percent(ground.recall()), percent(ground.f1()),
-                  grouped(ground.true_positives), grouped(ground.false_positives),
-                  grouped(ground.false_negatives)}) +
+             row_of({"precision", "recall", "F1", "found", "wrong", "missed"}, "th") +
+             row_of({percent_text(ground.precision()), percent_text(ground.recall()),
+                     percent_text(ground.f1()), grouped_text(ground.true_positives),
+                     grouped_text(ground.false_positives), grouped_text(ground.false_negatives)}) +
              "</table>\n<p>Road, parking, pavement, other ground, lane marking and terrain are "
              "ground; vegetation and unlabelled points are left out.</p>\n";
   }
@@ -272,11 +230,11 @@ class Report {
   void add_times() {
     html_ += "<h2>This evaluation</h2>\n<table class=\"narrow\">";
     for (const auto& [stage, seconds] : evaluation_.stage_seconds)
-      html_ += row({stage, fmt::format("{:.1f} s", seconds)});
-    html_ += row({"in all", fmt::format("{:.1f} s", evaluation_.seconds)}) +
-             row({"peak memory", fmt::format("{:.0f} MiB", evaluation_.peak_rss_mib)}) +
-             row({"points of no known class", grouped(evaluation_.ignored)}) +
-             row({"points that the build dropped", grouped(evaluation_.dropped)}) +
+      html_ += row_of({stage, fmt::format("{:.1f} s", seconds)});
+    html_ += row_of({"in all", fmt::format("{:.1f} s", evaluation_.seconds)}) +
+             row_of({"peak memory", fmt::format("{:.0f} MiB", evaluation_.peak_rss_mib)}) +
+             row_of({"points of no known class", grouped_text(evaluation_.ignored)}) +
+             row_of({"points that the build dropped", grouped_text(evaluation_.dropped)}) +
              "</table>\n<pre>" + escaped(heading_.command) + "</pre>\n";
   }
 

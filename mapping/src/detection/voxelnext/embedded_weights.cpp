@@ -1,0 +1,38 @@
+#include "detection/voxelnext/embedded_weights.hpp"
+
+#ifdef STILLMAP_VOXELNEXT_WEIGHTS
+
+// A compiler takes minutes over an array of some million numbers; the assembler copies the file.
+asm(".pushsection .rodata\n"
+    ".balign 64\n"
+    ".globl stillmap_voxelnext_weights_begin\n"
+    "stillmap_voxelnext_weights_begin:\n"
+    ".incbin \"" STILLMAP_VOXELNEXT_WEIGHTS
+    "\"\n"
+    ".globl stillmap_voxelnext_weights_end\n"
+    "stillmap_voxelnext_weights_end:\n"
+    ".byte 0\n"
+    ".popsection\n");
+
+extern "C" {
+extern const std::byte stillmap_voxelnext_weights_begin[];
+extern const std::byte stillmap_voxelnext_weights_end[];
+}
+
+namespace stillmap::mapping {
+
+std::span<const std::byte> embedded_weights() {
+  return {stillmap_voxelnext_weights_begin, stillmap_voxelnext_weights_end};
+}
+
+}  // namespace stillmap::mapping
+
+#else
+
+namespace stillmap::mapping {
+
+std::span<const std::byte> embedded_weights() { return {}; }
+
+}  // namespace stillmap::mapping
+
+#endif

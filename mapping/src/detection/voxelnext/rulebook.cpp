@@ -1,0 +1,281 @@
+#include "detection/voxelnext/rulebook.hpp"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <numeric>
+#include <stdexcept>
+#include <string>
+
+// Compiled once for each instruction set: counting bits is one instruction where there is one.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "detection/voxelnext/rulebook.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace stillmap::mapping::HWY_NAMESPACE {
+
+/// Pairs of the kernel position `shift` cells from the middle, of one line of output cells with a
+/// line of input cells. @return the number of pairs.
+std::size_t match_lines(const SiteSet& sites, std::size_t out_line, std::size_t in_line, int shift,
+                        std::uint32_t* in, std::uint32_t* out) {
+  const std::uint64_t* bits = sites.bits();
+  const std::uint32_t* before = sites.before();
+  const std::size_t words = sites.words_in_line();
+  std::size_t count = 0;
+  for (std::size_t k = 0; k < words; ++k) {
+    const std::uint64_t active = bits[out_line + k];
+    if (active == 0) continue;
+    // Input cells moved to where they are asked for.
+    const std::uint64_t here = bits[in_line + k];
+    const std::uint64_t below = k > 0 ? bits[in_line + k - 1] : 0;
+    const std::uint64_t above = k + 1 < words ? bits[in_line + k + 1] : 0;
+    const auto by = static_cast<unsigned>(shift < 0 ? -shift : shift);
+    std::uint64_t moved = here;
+    // Number of the first input cell that a bit of `moved` can stand for.
+    std::uint32_t first_in = before[in_line + k];
+    if (shift < 0) {
+      moved = here << by | below >> (64 - by);
+      first_in -= static_cast<std::uint32_t>(__builtin_popcountll(below >> (64 - by)));
+    } else if (shift > 0) {
+      moved = here >> by | above << (64 - by);
+      first_in +=
+          static_cast<std::uint32_t>(__builtin_popcountll(here & ((std::uint64_t{1} << by) - 1)));
+    }
+    const std::uint32_t first_out = before[out_line + k];
+    for (std::uint64_t rest = active & moved; rest != 0; rest &= rest - 1) {
+      const std::uint64_t lower = (rest & (~rest + 1)) - 1;
+      in[count] = first_in + static_cast<std::uint32_t>(__builtin_popcountll(moved & lower));
+      out[count] = first_out + static_cast<std::uint32_t>(__builtin_popcountll(active & lower));
+      ++count;
+    }
+  }
+  return count;
+}
+
+std::size_t match_position(const SiteSet& sites, const Triple& shift, std::uint32_t* in,
+                           std::uint32_t* out) {
+  std::size_t count = 0;
+  for (const SiteSet::Line& line : sites.lines()) {
+    const int z = line.z + shift.z, y = line.y + shift.y;
+    if (z < 0 || z >= sites.grid().z || y < 0 || y >= sites.grid().y) continue;
+    count += match_lines(sites, sites.first_word(line.z, line.y), sites.first_word(z, y), shift.x,
+                         in + count, out + count);
+  }
+  return count;
+}
+
+/// Output cell numbers of one line for the input cells of another, under kernel position `kx`.
+std::size_t match_strided(const SiteSet& in_sites, const SiteSet::Line& line,
+                          const SiteSet& out_sites, std::size_t out_line, int offset_x,
+                          int stride_x, std::uint32_t* in, std::uint32_t* out) {
+  const std::uint64_t* bits = out_sites.bits() + out_line;
+  const std::uint32_t* before = out_sites.before() + out_line;
+  std::size_t count = 0;
+  for (std::uint32_t site = line.begin; site < line.end; ++site) {
+    const int scaled = in_sites[site].x + offset_x;
+    if (scaled < 0 || scaled % stride_x != 0) continue;
+    const int x = scaled / stride_x;
+    if (x >= out_sites.grid().x) continue;
+    const auto word = static_cast<std::size_t>(x) / 64;
+    const std::uint64_t bit = std::uint64_t{1} << (static_cast<unsigned>(x) % 64U);
+    if ((bits[word] & bit) == 0) continue;
+    in[count] = site;
+    out[count] =
+        before[word] + static_cast<std::uint32_t>(__builtin_popcountll(bits[word] & (bit - 1)));
+    ++count;
+  }
+  return count;
+}
+
+}  // namespace stillmap::mapping::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace stillmap::mapping {
+HWY_EXPORT(match_position);
+HWY_EXPORT(match_strided);
+
+namespace {
+
+int volume(const Triple& kernel) { return kernel.z * kernel.y * kernel.x; }
+
+/// Kernel position, row-major over (z, y, x).
+Triple position_of(int index, const Triple& kernel) {
+  return {index / (kernel.x * kernel.y), index / kernel.x % kernel.y, index % kernel.x};
+}
+
+void check_odd(const Triple& kernel) {
+  for (const int size : {kernel.z, kernel.y, kernel.x}) {
+    if (size < 1 || size % 2 == 0 || size > 63)
+      throw std::invalid_argument("kernel size: found " + std::to_string(size) +
+                                  ", expected 1, 3, 5, ...");
+  }
+}
+
+/// `cell` of the input under kernel position `at` belongs to this output cell; < 0: to none.
+int output_of(int cell, int at, int kernel, int stride) {
+  const int scaled = cell + kernel / 2 - at;
+  return scaled < 0 || scaled % stride != 0 ? -1 : scaled / stride;
+}
+
+}  // namespace
+
+Rulebook::Indices Rulebook::ascending(std::size_t count) {
+  Indices out = room_for(count);
+  std::iota(out.get(), out.get() + count, 0U);
+  return out;
+}
+
+Rulebook Rulebook::submanifold(const SiteSet& sites, const Triple& kernel) {
+  check_odd(kernel);
+  const auto positions = static_cast<std::size_t>(volume(kernel)), half = positions / 2;
+  Rulebook book;
+  book.out_rows_ = sites.size();
+  book.indices_.resize(2 * half + 1);
+  book.lists_.resize(positions);
+  tbb::parallel_for(std::size_t{0}, half + 1, [&](std::size_t k) {
+    if (k == half) {
+      book.indices_[2 * half] = ascending(sites.size());
+      const std::uint32_t* same = book.indices_[2 * half].get();
+      book.lists_[half] = {same, same, sites.size()};
+      return;
+    }
+    const Triple at = position_of(static_cast<int>(k), kernel);
+    Indices &in = book.indices_[2 * k], &out = book.indices_[2 * k + 1];
+    in = room_for(sites.size());
+    out = room_for(sites.size());
+    const std::size_t count = HWY_DYNAMIC_DISPATCH(match_position)(
+        sites, {at.z - kernel.z / 2, at.y - kernel.y / 2, at.x - kernel.x / 2}, in.get(),
+        out.get());
+    book.lists_[k] = {in.get(), out.get(), count};
+    book.lists_[positions - 1 - k] = {out.get(), in.get(), count};
+  });
+  book.find_tiles();
+  return book;
+}
+
+Rulebook Rulebook::identity(std::size_t rows) {
+  Rulebook book;
+  book.out_rows_ = rows;
+  book.indices_.push_back(ascending(rows));
+  const std::uint32_t* same = book.indices_.front().get();
+  book.lists_.push_back({same, same, rows});
+  book.find_tiles();
+  return book;
+}
+
+Rulebook Rulebook::submanifold_at(const SiteSet& sites, const Triple& kernel,
+                                  const std::vector<std::uint32_t>& rows) {
+  check_odd(kernel);
+  const auto positions = static_cast<std::size_t>(volume(kernel));
+  Rulebook book;
+  book.out_rows_ = rows.size();
+  book.indices_.resize(2 * positions);
+  book.lists_.resize(positions);
+  for (std::size_t k = 0; k < positions; ++k) {
+    const Triple at = position_of(static_cast<int>(k), kernel);
+    Indices &in = book.indices_[2 * k], &out = book.indices_[2 * k + 1];
+    in = room_for(rows.size());
+    out = room_for(rows.size());
+    std::size_t count = 0;
+    for (std::size_t row = 0; row < rows.size(); ++row) {
+      const Triple& cell = sites[rows[row]];
+      const std::uint32_t found =
+          sites.find({cell.z + at.z - kernel.z / 2, cell.y + at.y - kernel.y / 2,
+                      cell.x + at.x - kernel.x / 2});
+      if (found == SiteSet::kNone) continue;
+      in[count] = found;
+      out[count++] = static_cast<std::uint32_t>(row);
+    }
+    book.lists_[k] = {in.get(), out.get(), count};
+  }
+  book.find_tiles();
+  return book;
+}
+
+Rulebook Rulebook::strided(const SiteSet& in_sites, const SiteSet& out_sites, const Triple& kernel,
+                           const Triple& stride) {
+  check_odd(kernel);
+  const auto positions = static_cast<std::size_t>(volume(kernel));
+  Rulebook book;
+  book.out_rows_ = out_sites.size();
+  book.indices_.resize(2 * positions);
+  book.lists_.resize(positions);
+  tbb::parallel_for(std::size_t{0}, positions, [&](std::size_t k) {
+    const Triple at = position_of(static_cast<int>(k), kernel);
+    Indices &in = book.indices_[2 * k], &out = book.indices_[2 * k + 1];
+    const std::size_t most = std::min(in_sites.size(), out_sites.size());
+    in = room_for(most);
+    out = room_for(most);
+    std::size_t count = 0;
+    for (const SiteSet::Line& line : in_sites.lines()) {
+      const int z = output_of(line.z, at.z, kernel.z, stride.z);
+      const int y = output_of(line.y, at.y, kernel.y, stride.y);
+      if (z < 0 || z >= out_sites.grid().z || y < 0 || y >= out_sites.grid().y) continue;
+      count += HWY_DYNAMIC_DISPATCH(match_strided)(in_sites, line, out_sites,
+                                                   out_sites.first_word(z, y), kernel.x / 2 - at.x,
+                                                   stride.x, in.get() + count, out.get() + count);
+    }
+    book.lists_[k] = {in.get(), out.get(), count};
+  });
+  book.find_tiles();
+  return book;
+}
+
+void Rulebook::find_tiles() {
+  tile_begins_.resize(lists_.size() * (tiles() + 1));
+  for (std::size_t k = 0; k < lists_.size(); ++k) {
+    const Pairs& list = lists_[k];
+    const std::uint32_t* from = list.out;
+    for (std::size_t tile = 0; tile <= tiles(); ++tile) {
+      from = std::lower_bound(from, list.out + list.count, tile * kTileRows);
+      tile_begins_[k * (tiles() + 1) + tile] = static_cast<std::uint32_t>(from - list.out);
+    }
+  }
+}
+
+Rulebook::Pairs Rulebook::pairs(std::size_t position, std::size_t tile) const {
+  const std::uint32_t* begins = &tile_begins_[position * (tiles() + 1) + tile];
+  const Pairs& list = lists_[position];
+  return {list.in + begins[0], list.out + begins[0], begins[1] - begins[0]};
+}
+
+std::size_t Rulebook::pair_count() const {
+  return std::accumulate(lists_.begin(), lists_.end(), std::size_t{0},
+                         [](std::size_t sum, const Pairs& list) { return sum + list.count; });
+}
+
+SiteSet reached_by(const SiteSet& in, const Triple& kernel, const Triple& stride) {
+  check_odd(kernel);
+  const auto cells = [](int n, int size, int step) {
+    return (n + 2 * (size / 2) - size) / step + 1;
+  };
+  SiteSet out({cells(in.grid().z, kernel.z, stride.z), cells(in.grid().y, kernel.y, stride.y),
+               cells(in.grid().x, kernel.x, stride.x)});
+  std::vector<std::uint64_t> words(out.words_in_line());
+  for (const SiteSet::Line& line : in.lines()) {
+    std::ranges::fill(words, 0U);
+    for (std::uint32_t site = line.begin; site < line.end; ++site) {
+      for (int at = 0; at < kernel.x; ++at) {
+        const int x = output_of(in[site].x, at, kernel.x, stride.x);
+        if (x < 0 || x >= out.grid().x) continue;
+        words[static_cast<std::size_t>(x) / 64] |= std::uint64_t{1}
+                                                   << (static_cast<unsigned>(x) % 64U);
+      }
+    }
+    for (int at_z = 0; at_z < kernel.z; ++at_z) {
+      for (int at_y = 0; at_y < kernel.y; ++at_y) {
+        const int z = output_of(line.z, at_z, kernel.z, stride.z);
+        const int y = output_of(line.y, at_y, kernel.y, stride.y);
+        if (z >= 0 && z < out.grid().z && y >= 0 && y < out.grid().y) out.mark_line(z, y, words);
+      }
+    }
+  }
+  out.number_sites();
+  return out;
+}
+
+}  // namespace stillmap::mapping
+#endif  // HWY_ONCE

@@ -1,0 +1,156 @@
+#include <stillmap/mapping/detector_evaluation.hpp>
+#include <stillmap/maps/drive.hpp>
+
+#include <fmt/core.h>
+
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "command_line/progress_bar.hpp"
+#include "command_line/run_program.hpp"
+#include "command_line/table.hpp"
+#include "mapper/command_text.hpp"
+#include "mapper/commands.hpp"
+
+namespace stillmap::mapper {
+namespace {
+
+using command_line::grouped;
+using mapping::DetectorEvaluation;
+using mapping::Share;
+
+struct EvaluateArguments {
+  std::filesystem::path drive;
+  std::string select = "::";
+  std::optional<std::filesystem::path> json;
+  std::optional<std::filesystem::path> report;
+  mapping::DetectorEvaluationOptions options;
+};
+
+std::string percent(double rate, int digits = 1) {
+  return std::isnan(rate) ? "-" : fmt::format("{:.{}f} %", 100.0 * rate, digits);
+}
+
+std::string counted(const Share& share) {
+  if (share.of == 0) return "none to count";
+  return fmt::format("{} of {} ({})", grouped(share.count), grouped(share.of),
+                     percent(share.rate()));
+}
+
+std::string by_track(const mapping::CentreRecall& recall) {
+  if (recall.found.of == 0) return "none to count";
+  return fmt::format("{}, {} tracks {}", counted(recall.found), recall.tracks.size(),
+                     percent(recall.by_track()));
+}
+
+void print_boxes(const mapping::BoxDetection& boxes) {
+  fmt::print("\n{:<14}{:>9}{:>9}{:>9}{:>28}{:>42}\n", "", "AP 0.3", "AP 0.5", "AP 0.7",
+             "found within 1.5 m", "50 points within 40 m, by track");
+  for (const mapping::ClassDetection& each : boxes.classes) {
+    fmt::print("{:<14}", each.name);
+    for (std::size_t i = 0; i < 3; ++i) {
+      const bool asked = i < each.average_precision.size();
+      fmt::print("{:>9}", asked ? percent(each.average_precision[i].value) : "");
+    }
+    fmt::print("{:>28}{:>42}\n", counted(each.all.found), by_track(each.well_seen));
+  }
+  fmt::print("\n{:<14}{:>28}{:>9}{:>16}\n", "vehicles", "found within 1.5 m", "AP 0.5",
+             "false a scan");
+  for (const mapping::DistanceDetection& band : boxes.distances) {
+    fmt::print("{:<14}{:>28}{:>9}{:>16.2f}\n",
+               fmt::format("{:g} to {:g} m", band.from_m, band.to_m), counted(band.found),
+               percent(band.average_precision), band.false_boxes_per_scan);
+  }
+}
+
+void print_for_people(const DetectorEvaluation& result) {
+  command_line::Table table;
+  table.add("scans", fmt::format("{} in {:.1f} s", result.scans, result.seconds));
+  table.add("time a scan", fmt::format("{:.1f} ms, ground before it {:.1f} ms", result.detect_ms,
+                                       result.ground_ms));
+  if (result.boxes) {
+    const mapping::BoxDetection& boxes = *result.boxes;
+    table.add("labels", boxes.source + (boxes.in_camera_only ? ", camera's view only" : ""));
+    table.add("false vehicle boxes",
+              fmt::format("{:.2f} a scan, {} of {} boxes; {} more say nothing",
+                          boxes.false_boxes_per_scan, grouped(boxes.false_vehicles),
+                          grouped(boxes.boxes), grouped(boxes.ignored_vehicles)));
+  }
+  if (result.points) {
+    table.add("movable points inside of boxes", counted(result.points->movable));
+    for (const mapping::ClassPoints& each : result.points->classes) {
+      if (each.movable) table.add("  " + each.name, counted(each.inside));
+    }
+    table.add("static points inside of boxes", counted(result.points->stays));
+    table.add("  without found ground", counted(result.points->stays_above_ground));
+  }
+  table.print();
+  if (result.boxes) print_boxes(*result.boxes);
+}
+
+std::string to_json_text(const DetectorEvaluation& result, const EvaluateArguments& arguments) {
+  auto json = nlohmann::ordered_json::parse(mapping::to_json(result));
+  json["version"] = STILLMAP_VERSION;
+  json["options"]["drive"] = arguments.drive.string();
+  json["options"]["select"] = arguments.select;
+  return json.dump(2) + "\n";
+}
+
+void evaluate(EvaluateArguments& arguments, const CLI::App& command) {
+  arguments.options.selection = maps::Selection::parse(arguments.select);
+  const maps::Drive drive = maps::Drive::open(arguments.drive);
+  DetectorEvaluation result;
+  {
+    command_line::ProgressBar bar;
+    result = mapping::evaluate_detector(
+        drive, arguments.options, arguments.report.has_value(),
+        [&bar](std::string_view stage, std::size_t done, std::size_t total) {
+          bar.update(stage, done, total);
+        },
+        command_line::cancel_flag());
+  }
+  print_for_people(result);
+  if (arguments.report) {
+    write_text_file(*arguments.report, mapping::to_html(result, {.drive = arguments.drive.string(),
+                                                                 .command = command_of(command)}));
+  }
+  if (arguments.json) write_text_file(*arguments.json, to_json_text(result, arguments));
+}
+
+}  // namespace
+
+void add_evaluate_detector(CLI::App& evaluate_command) {
+  auto arguments = std::make_shared<EvaluateArguments>();
+  mapping::DetectorEvaluationOptions& options = arguments->options;
+  CLI::App* command = evaluate_command.add_subcommand(
+      "detector", "Compare the boxes that a detector finds with labelled boxes and points");
+  command
+      ->add_option("DRIVE", arguments->drive,
+                   "Drive with boxes.json, tracking/label_02.txt, label_2/ or labels/")
+      ->required()
+      ->check(command_line::existing_folder());
+  command->add_option("--detector", options.detector, "What finds them, as for build")
+      ->capture_default_str();
+  command
+      ->add_option("--boxes", options.boxes_file,
+                   "Labelled boxes instead of the drive's own: KITTI tracking (what the camera "
+                   "shows) or our JSON (all around)")
+      ->check(command_line::existing_file());
+  command
+      ->add_option("--select", arguments->select, "Scans to judge by, begin:end:step as in Python")
+      ->capture_default_str();
+  command
+      ->add_option("--max-range", options.max_range_m,
+                   "What is farther from the sensor does not count [m]")
+      ->capture_default_str();
+  command->add_option("--json", arguments->json, "Write the result there")
+      ->check(command_line::in_existing_folder());
+  command->add_option("--report", arguments->report, "Write a page with pictures (HTML) there")
+      ->check(command_line::in_existing_folder());
+  command->callback([arguments, command] { evaluate(*arguments, *command); });
+}
+
+}  // namespace stillmap::mapper

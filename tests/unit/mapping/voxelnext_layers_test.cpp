@@ -1,0 +1,209 @@
+#include "detection/voxelnext/rulebook.hpp"
+#include "detection/voxelnext/sparse_convolution.hpp"
+#include "support/voxelnext_weights.hpp"
+#include "voxelnext_reference.hpp"
+
+#include <gtest/gtest.h>
+#include <tbb/task_arena.h>
+
+#include <cstring>
+#include <stdexcept>
+
+namespace stillmap::test {
+namespace {
+
+using mapping::Convolution;
+using mapping::FeatureRows;
+using mapping::Rulebook;
+using mapping::SiteSet;
+using mapping::SparseConvolution;
+using mapping::Triple;
+
+Cell cell(const Triple& triple) { return {triple.z, triple.y, triple.x}; }
+
+int volume(const Triple& kernel) { return kernel.z * kernel.y * kernel.x; }
+
+void expect_near(const Layer& found, const Layer& expected) {
+  ASSERT_EQ(cells_of(found), cells_of(expected));
+  for (const auto& [at, row] : expected) {
+    for (std::size_t c = 0; c < row.size(); ++c)
+      ASSERT_NEAR(found.at(at)[c], row[c], 1e-4 * (1.0 + std::abs(row[c])))
+          << "cell " << at[0] << " " << at[1] << " " << at[2] << " channel " << c;
+  }
+}
+
+FeatureRows run(const SparseConvolution& layer, const Rulebook& book, const FeatureRows& in,
+                bool relu) {
+  FeatureRows out;
+  out.reshape(book.out_rows(), layer.out_channels());
+  layer.run(book, in, out, {.relu = relu});
+  return out;
+}
+
+TEST(SiteSet, NumbersActiveCellsAndKnowsTheOthers) {
+  Random random(3);
+  const SiteSet sites = random_sites(random, {3, 4, 150}, 0.2);
+  ASSERT_GT(sites.size(), 100U);
+  std::size_t found = 0;
+  for (int z = -1; z <= 3; ++z) {
+    for (int y = -1; y <= 4; ++y) {
+      for (int x = -1; x <= 150; ++x) {
+        const std::uint32_t number = sites.find({z, y, x});
+        if (number == SiteSet::kNone) continue;
+        ++found;
+        EXPECT_EQ(sites[number], (Triple{z, y, x}));
+      }
+    }
+  }
+  EXPECT_EQ(found, sites.size());
+}
+
+TEST(SiteSet, RefusesGridsWithoutCellsOrWithTooMany) {
+  EXPECT_THROW(SiteSet({0, 4, 4}), std::invalid_argument);
+  EXPECT_THROW(SiteSet({41, 100'000, 100'000}), std::invalid_argument);
+}
+
+TEST(SubmanifoldConvolution, IsTheConvolutionAtActiveCells) {
+  for (const Triple& kernel :
+       {Triple{3, 3, 3}, Triple{1, 3, 3}, Triple{1, 1, 1}, Triple{5, 3, 1}}) {
+    Random random(5);
+    // Lines longer than a word of bits.
+    const SiteSet sites = random_sites(random, {3, 5, 140}, 0.3);
+    const Convolution layer = random_convolution(random, volume(kernel), 5, 7);
+    const FeatureRows in = random_rows(random, sites.size(), 5);
+    const FeatureRows out =
+        run(SparseConvolution(layer), Rulebook::submanifold(sites, kernel), in, false);
+    const Layer dense = layer_of(sites, in);
+    expect_near(layer_of(sites, out),
+                convolve(dense, cells_of(dense), layer, cell(kernel), {1, 1, 1}));
+  }
+}
+
+TEST(SubmanifoldConvolution, AtSomeCellsIsTheSame) {
+  Random random(6);
+  const SiteSet sites = random_sites(random, {1, 12, 70}, 0.4);
+  const SparseConvolution layer(random_convolution(random, 9, 24, 40));
+  const FeatureRows in = random_rows(random, sites.size(), 24);
+  const FeatureRows all = run(layer, Rulebook::submanifold(sites, {1, 3, 3}), in, true);
+  std::vector<std::uint32_t> rows;
+  for (std::uint32_t row = 0; row < sites.size(); row += 3) rows.push_back(row);
+  const FeatureRows some = run(layer, Rulebook::submanifold_at(sites, {1, 3, 3}, rows), in, true);
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    EXPECT_EQ(std::memcmp(some.row(k), all.row(rows[k]), 40 * sizeof(float)), 0) << "row " << k;
+  }
+}
+
+TEST(SparseConvolution, HoldsForAnyNumberOfChannels) {
+  for (const auto& [in_channels, out_channels] : {std::pair{1, 1},
+                                                  {6, 16},
+                                                  {16, 17},
+                                                  {3, 31},
+                                                  {8, 33},
+                                                  {32, 48},
+                                                  {5, 64},
+                                                  {9, 80},
+                                                  {4, 130}}) {
+    Random random(7);
+    const SiteSet sites = random_sites(random, {2, 3, 20}, 0.5);
+    const Convolution layer = random_convolution(random, 27, in_channels, out_channels);
+    const FeatureRows in = random_rows(random, sites.size(), static_cast<std::size_t>(in_channels));
+    const FeatureRows out =
+        run(SparseConvolution(layer), Rulebook::submanifold(sites, {3, 3, 3}), in, true);
+    const Layer dense = layer_of(sites, in);
+    expect_near(layer_of(sites, out),
+                relu(convolve(dense, cells_of(dense), layer, {3, 3, 3}, {1, 1, 1})));
+    // Columns that only fill lines up stay 0.
+    for (std::size_t c = out.channels(); c < out.stride(); ++c) EXPECT_EQ(out.row(0)[c], 0.0F);
+  }
+}
+
+TEST(SparseConvolution, SideBySideIsOneAfterTheOther) {
+  Random random(8);
+  const SiteSet sites = random_sites(random, {1, 8, 40}, 0.5);
+  const Convolution a = random_convolution(random, 9, 10, 12);
+  const Convolution b = random_convolution(random, 9, 10, 70);
+  const FeatureRows in = random_rows(random, sites.size(), 10);
+  const Rulebook book = Rulebook::submanifold(sites, {1, 3, 3});
+  const FeatureRows both = run(SparseConvolution({&a, &b}), book, in, false);
+  const FeatureRows first = run(SparseConvolution(a), book, in, false);
+  const FeatureRows second = run(SparseConvolution(b), book, in, false);
+  for (std::size_t row = 0; row < sites.size(); ++row) {
+    EXPECT_EQ(std::memcmp(both.row(row), first.row(row), 12 * sizeof(float)), 0);
+    EXPECT_EQ(std::memcmp(both.row(row) + 12, second.row(row), 70 * sizeof(float)), 0);
+  }
+}
+
+TEST(SparseConvolution, AddsToWhatIsThere) {
+  Random random(9);
+  const SiteSet sites = random_sites(random, {1, 8, 40}, 0.5);
+  const Convolution layer = random_convolution(random, 9, 10, 10);
+  const FeatureRows in = random_rows(random, sites.size(), 10);
+  FeatureRows out = random_rows(random, sites.size(), 10);
+  const Layer before = layer_of(sites, out), dense = layer_of(sites, in);
+  SparseConvolution(layer).run(Rulebook::submanifold(sites, {1, 3, 3}), in, out,
+                               {.relu = true, .add_to_output = true});
+  expect_near(layer_of(sites, out),
+              relu(plus(convolve(dense, cells_of(dense), layer, {1, 3, 3}, {1, 1, 1}), before)));
+}
+
+TEST(SparseConvolution, RefusesShapesThatDoNotMeet) {
+  Random random(9);
+  Convolution layer = random_convolution(random, 9, 4, 4);
+  const Convolution other = random_convolution(random, 9, 5, 4);
+  EXPECT_THROW(SparseConvolution({&layer, &other}), std::invalid_argument);
+  layer.weight.pop_back();
+  EXPECT_THROW(SparseConvolution{layer}, std::invalid_argument);
+}
+
+/// Even and odd grids, kernels and channels of stages, and the neck's spreading one.
+TEST(StridedConvolution, ReachesEveryCellWithAnInputUnderItsKernel) {
+  struct Case {
+    Triple grid, kernel, stride;
+  };
+  for (const Case& c :
+       {Case{{5, 8, 131}, {3, 3, 3}, {2, 2, 2}}, Case{{4, 7, 130}, {3, 3, 3}, {2, 2, 2}},
+        Case{{1, 1, 1}, {3, 3, 3}, {2, 2, 2}}, Case{{6, 9, 20}, {5, 5, 5}, {2, 2, 2}},
+        Case{{1, 9, 66}, {1, 3, 3}, {1, 1, 1}}}) {
+    Random random(11);
+    const SiteSet sites = random_sites(random, c.grid, c.grid.x == 1 ? 1.0 : 0.05);
+    const Convolution layer = random_convolution(random, volume(c.kernel), 4, 6);
+    const FeatureRows in = random_rows(random, sites.size(), 4);
+    const SiteSet reached = mapping::reached_by(sites, c.kernel, c.stride);
+    const FeatureRows out = run(SparseConvolution(layer),
+                                Rulebook::strided(sites, reached, c.kernel, c.stride), in, true);
+    const Layer dense = layer_of(sites, in);
+    const std::vector<Cell> cells =
+        reached_cells(dense, cell(c.grid), cell(c.kernel), cell(c.stride));
+    expect_near(layer_of(reached, out),
+                relu(convolve(dense, cells, layer, cell(c.kernel), cell(c.stride))));
+  }
+}
+
+TEST(SparseConvolution, GivesTheSameBitsForAnyNumberOfThreads) {
+  Random random(12);
+  const SiteSet sites = random_sites(random, {4, 60, 200}, 0.1);
+  const SparseConvolution layer(random_convolution(random, 27, 20, 50));
+  const FeatureRows in = random_rows(random, sites.size(), 20);
+  const auto on_threads = [&](int threads) {
+    tbb::task_arena arena(threads);
+    return arena.execute([&] {
+      return run(layer, Rulebook::submanifold(sites, {3, 3, 3}), in, true);
+    });
+  };
+  const FeatureRows one = on_threads(1), four = on_threads(4);
+  EXPECT_EQ(std::memcmp(one.data(), four.data(), sites.size() * one.stride() * sizeof(float)), 0);
+}
+
+TEST(Rulebook, WorksWithoutAnyCell) {
+  Random random(1);
+  const SiteSet none = random_sites(random, {4, 8, 8}, 0.0);
+  EXPECT_EQ(Rulebook::submanifold(none, {3, 3, 3}).pair_count(), 0U);
+  const SiteSet reached = mapping::reached_by(none, {3, 3, 3}, {2, 2, 2});
+  EXPECT_EQ(reached.size(), 0U);
+  const FeatureRows out = run(SparseConvolution(random_convolution(random, 27, 4, 4)),
+                              Rulebook::strided(none, reached, {3, 3, 3}, {2, 2, 2}), {}, true);
+  EXPECT_EQ(out.rows(), 0U);
+}
+
+}  // namespace
+}  // namespace stillmap::test

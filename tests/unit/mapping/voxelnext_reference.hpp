@@ -1,0 +1,184 @@
+#pragma once
+
+#include "detection/voxelnext/feature_rows.hpp"
+#include "detection/voxelnext/sites.hpp"
+#include "detection/voxelnext/weights.hpp"
+#include "support/synthetic_world.hpp"
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <string>
+#include <vector>
+
+/// Sparse convolutions and VoxelNeXt once more, as their definitions say: cell by cell, in doubles.
+namespace stillmap::test {
+
+/// z, y, x.
+using Cell = std::array<int, 3>;
+using Layer = std::map<Cell, std::vector<double>>;
+
+inline Cell cell_of(const mapping::Triple& at) { return {at.z, at.y, at.x}; }
+
+inline Layer layer_of(const mapping::SiteSet& sites, const mapping::FeatureRows& rows) {
+  Layer out;
+  for (std::size_t site = 0; site < sites.size(); ++site) {
+    const float* row = rows.row(site);
+    out[cell_of(sites[site])] = std::vector<double>(row, row + rows.channels());
+  }
+  return out;
+}
+
+/// Output cells are given.
+inline Layer convolve(const Layer& in, const std::vector<Cell>& out_cells,
+                      const mapping::Convolution& layer, const Cell& kernel, const Cell& stride) {
+  Layer out;
+  for (const Cell& at : out_cells) {
+    std::vector<double> sums(layer.bias.begin(), layer.bias.end());
+    std::size_t k = 0;
+    for (int dz = 0; dz < kernel[0]; ++dz) {
+      for (int dy = 0; dy < kernel[1]; ++dy) {
+        for (int dx = 0; dx < kernel[2]; ++dx, ++k) {
+          const auto found = in.find({at[0] * stride[0] - kernel[0] / 2 + dz,
+                                      at[1] * stride[1] - kernel[1] / 2 + dy,
+                                      at[2] * stride[2] - kernel[2] / 2 + dx});
+          if (found == in.end()) continue;
+          for (std::size_t c = 0; c < found->second.size(); ++c) {
+            for (std::size_t j = 0; j < sums.size(); ++j) {
+              const std::size_t at_weight = (k * found->second.size() + c) * sums.size() + j;
+              sums[j] += found->second[c] * static_cast<double>(layer.weight[at_weight]);
+            }
+          }
+        }
+      }
+    }
+    out[at] = sums;
+  }
+  return out;
+}
+
+inline std::vector<Cell> cells_of(const Layer& layer) {
+  std::vector<Cell> out;
+  for (const auto& [cell, row] : layer) out.push_back(cell);
+  return out;
+}
+
+/// Every cell of the output grid with an input cell under its kernel.
+inline std::vector<Cell> reached_cells(const Layer& in, const Cell& grid, const Cell& kernel,
+                                       const Cell& stride) {
+  std::vector<Cell> out;
+  const auto size = [&](std::size_t a) {
+    return (grid[a] + 2 * (kernel[a] / 2) - kernel[a]) / stride[a] + 1;
+  };
+  for (int z = 0; z < size(0); ++z) {
+    for (int y = 0; y < size(1); ++y) {
+      for (int x = 0; x < size(2); ++x) {
+        const auto under = [&](int first, int n, int v) { return v >= first && v < first + n; };
+        const bool reached = std::any_of(in.begin(), in.end(), [&](const auto& site) {
+          const Cell& c = site.first;
+          return under(z * stride[0] - kernel[0] / 2, kernel[0], c[0]) &&
+                 under(y * stride[1] - kernel[1] / 2, kernel[1], c[1]) &&
+                 under(x * stride[2] - kernel[2] / 2, kernel[2], c[2]);
+        });
+        if (reached) out.push_back({z, y, x});
+      }
+    }
+  }
+  return out;
+}
+
+inline Layer relu(Layer layer) {
+  for (auto& [cell, row] : layer) {
+    for (double& value : row) value = std::max(value, 0.0);
+  }
+  return layer;
+}
+
+inline Layer plus(Layer a, const Layer& b) {
+  for (auto& [cell, row] : a) {
+    for (std::size_t c = 0; c < row.size(); ++c) row[c] += b.at(cell)[c];
+  }
+  return a;
+}
+
+/// Adds a stage's cells, moved to stage 4's scale and put down onto z = 0.
+inline void merge_onto(Layer& sum, const Layer& stage, int scale) {
+  for (const auto& [cell, row] : stage) {
+    std::vector<double>& to = sum[{0, cell[1] * scale, cell[2] * scale}];
+    to.resize(row.size());
+    for (std::size_t c = 0; c < row.size(); ++c) to[c] += row[c];
+  }
+}
+
+/// Every layer of the network by name, from the input voxels.
+/// @param grid  of the input.
+inline std::map<std::string, Layer> reference_layers(const mapping::VoxelNextWeights& weights,
+                                                     const Layer& voxels, Cell grid) {
+  constexpr Cell kCube{3, 3, 3}, kSquare{1, 3, 3}, kOne{1, 1, 1}, kTwo{2, 2, 2};
+  const mapping::VoxelNextConfig& config = weights.config;
+  std::map<std::string, Layer> out;
+  Layer x = relu(convolve(voxels, cells_of(voxels), weights.layer("input"), kCube, kOne));
+  out["input"] = x;
+  Layer merged;
+  for (std::size_t i = 0; i < 6; ++i) {
+    const std::string stage = "stage" + std::to_string(i + 1);
+    if (i > 0) {
+      const int k = config.stages[i].kernel;
+      const std::vector<Cell> cells = reached_cells(x, grid, {k, k, k}, kTwo);
+      x = relu(convolve(x, cells, weights.layer(stage + ".down"), {k, k, k}, kTwo));
+      for (int& n : grid) n = (n + 2 * (k / 2) - k) / 2 + 1;
+      out[stage + ".down"] = x;
+    }
+    for (int j = 0; j < config.stages[i].blocks; ++j) {
+      const std::string block = stage + ".block" + std::to_string(j);
+      const Layer y = relu(convolve(x, cells_of(x), weights.layer(block + ".conv1"), kCube, kOne));
+      out[block + ".conv1"] = y;
+      x = relu(plus(convolve(y, cells_of(y), weights.layer(block + ".conv2"), kCube, kOne), x));
+      out[block + ".conv2"] = x;
+    }
+    if (i >= 3) merge_onto(merged, x, 1 << (i - 3));
+    if (i == 3) out["stage4 grid"][grid] = {};
+  }
+  out["merge"] = merged;
+  const Cell grid4 = out["stage4 grid"].begin()->first;
+  x = relu(convolve(merged, reached_cells(merged, {1, grid4[1], grid4[2]}, kSquare, kOne),
+                    weights.layer("neck.out"), kSquare, kOne));
+  out["neck.out"] = x;
+  x = relu(convolve(x, cells_of(x), weights.layer("neck.shared"), kSquare, kOne));
+  out["neck.shared"] = x;
+  const Cell head_kernel{1, config.head_kernel, config.head_kernel};
+  for (std::size_t h = 0; h < config.heads.size(); ++h) {
+    for (const mapping::VoxelNextBranch branch : config.branches) {
+      const std::string name =
+          "head" + std::to_string(h) + "." + std::string(mapping::name_of(branch));
+      const Layer y = relu(convolve(x, cells_of(x), weights.layer(name + ".0"), head_kernel, kOne));
+      out[name + ".1"] = convolve(y, cells_of(y), weights.layer(name + ".1"), kOne, kOne);
+    }
+  }
+  return out;
+}
+
+/// Random active cells and features.
+inline mapping::SiteSet random_sites(Random& random, const mapping::Triple& grid, double share) {
+  mapping::SiteSet sites(grid);
+  for (int z = 0; z < grid.z; ++z) {
+    for (int y = 0; y < grid.y; ++y) {
+      for (int x = 0; x < grid.x; ++x) {
+        if (random.uniform() < share) sites.mark({z, y, x});
+      }
+    }
+  }
+  sites.number_sites();
+  return sites;
+}
+
+inline mapping::FeatureRows random_rows(Random& random, std::size_t rows, std::size_t channels) {
+  mapping::FeatureRows out(rows, channels);
+  for (std::size_t row = 0; row < rows; ++row) {
+    for (std::size_t c = 0; c < channels; ++c)
+      out.row(row)[c] = static_cast<float>(random.uniform(-1.0, 1.0));
+  }
+  return out;
+}
+
+}  // namespace stillmap::test
