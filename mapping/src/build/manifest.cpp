@@ -1,12 +1,15 @@
 #include "build/manifest.hpp"
 
 #include "build/boxes_files.hpp"
+#include "detection/onnx/onnx_config.hpp"
 
 #include <fmt/format.h>
 
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
+#include <string_view>
 
 namespace stillmap::mapping {
 namespace {
@@ -18,8 +21,18 @@ std::string text_of(const maps::Selection& selection) {
 
 std::string switch_of(bool on) { return on ? "on" : "off"; }
 
+constexpr std::string_view kOnnx = "onnx:";
+
+/// File of a detector `onnx:FILE`.
+std::optional<std::filesystem::path> onnx_description(const std::string& detector) {
+  if (!detector.starts_with(kOnnx)) return std::nullopt;
+  return detector.substr(kOnnx.size());
+}
+
 /// Files by their name alone: where they lay says nothing about the map.
 std::string detector_text(const MapBuildOptions& options) {
+  if (const auto description = onnx_description(options.detector))
+    return std::string(kOnnx) + description->filename().string();
   const std::vector<std::filesystem::path> files = boxes_files(options.detector);
   if (files.empty()) return options.detector;
   std::string text = "boxes:";
@@ -63,6 +76,10 @@ std::map<std::string, std::string> sources_of(const DriveSet& drives,
   const std::vector<std::filesystem::path> boxes = boxes_files(options.detector);
   for (std::size_t i = 0; i < boxes.size(); ++i)
     sources[numbered("boxes_sha256", i)] = maps::sha256_of_file(boxes[i]);
+  if (const auto description = onnx_description(options.detector)) {
+    sources["onnx_description_sha256"] = maps::sha256_of_file(*description);
+    sources["onnx_model_sha256"] = maps::sha256_of_file(read_onnx_config(*description).model);
+  }
   if (options.poses_file) sources["poses_sha256"] = maps::sha256_of_file(*options.poses_file);
   if (options.edits_file) sources["edits_sha256"] = maps::sha256_of_file(*options.edits_file);
   return sources;

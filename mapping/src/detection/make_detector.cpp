@@ -1,5 +1,7 @@
 #include "detection/boxes_detector.hpp"
 #include "detection/geometric_detector.hpp"
+#include "detection/onnx/onnx_detector.hpp"
+#include "detection/onnx/onnx_session.hpp"
 #include "detection/voxelnext/embedded_weights.hpp"
 #include "detection/voxelnext/voxelnext_detector.hpp"
 #include "detection/voxelnext/weights.hpp"
@@ -26,7 +28,7 @@ std::unique_ptr<Detector> shipped_voxelnext() {
 }  // namespace
 
 std::unique_ptr<Detector> make_detector(const std::string& spec, std::size_t scan_count) {
-  constexpr std::string_view kBoxes = "boxes:", kVoxelNext = "voxelnext:";
+  constexpr std::string_view kBoxes = "boxes:", kVoxelNext = "voxelnext:", kOnnx = "onnx:";
   if (spec == kGeometricDetector) return std::make_unique<GeometricDetector>();
   if (spec.starts_with(kBoxes) && spec.size() > kBoxes.size())
     return std::make_unique<BoxesDetector>(
@@ -35,8 +37,11 @@ std::unique_ptr<Detector> make_detector(const std::string& spec, std::size_t sca
   if (spec.starts_with(kVoxelNext) && spec.size() > kVoxelNext.size())
     return std::make_unique<VoxelNextDetector>(
         read_voxelnext_weights(spec.substr(kVoxelNext.size())));
-  throw std::invalid_argument("detector: found '" + spec +
-                              "', expected geometric, voxelnext, voxelnext:FILE or boxes:FILE");
+  if (spec.starts_with(kOnnx) && spec.size() > kOnnx.size())
+    return std::make_unique<OnnxDetector>(spec.substr(kOnnx.size()), onnx_runtime_library());
+  throw std::invalid_argument(
+      "detector: found '" + spec +
+      "', expected geometric, voxelnext, voxelnext:FILE, onnx:FILE or boxes:FILE");
 }
 
 }  // namespace stillmap::mapping

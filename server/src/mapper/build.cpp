@@ -213,10 +213,11 @@ void add_build(CLI::App& app) {
                    "Poses instead of the drive's own: KITTI or TUM, T_map_lidar")
       ->check(command_line::existing_file());
   command
-      ->add_option("--detector", options.detector,
-                   "What finds movable objects: geometric, voxelnext[:FILE], or boxes:FILE with "
-                   "KITTI tracking "
-                   "labels or our JSON (with several drives boxes:FILE,FILE...)")
+      ->add_option(
+          "--detector", options.detector,
+          "What finds movable objects: geometric, voxelnext[:FILE], onnx:FILE (a network of "
+          "your own, see mapping/onnx.md), or boxes:FILE with KITTI tracking labels or our "
+          "JSON (with several drives boxes:FILE,FILE...)")
       ->capture_default_str();
   command
       ->add_option(

@@ -28,7 +28,8 @@ class Detector {
 inline constexpr std::string_view kGeometricDetector = "geometric";
 
 /// @param spec        `geometric`, `voxelnext` (the weights shipped with the program),
-///                    `voxelnext:FILE` (weights as safetensors) or `boxes:FILE`.
+///                    `voxelnext:FILE` (weights as safetensors), `onnx:FILE` (a description,
+///                    see mapping/onnx.md) or `boxes:FILE`.
 /// @param scan_count  of the drive, see `maps::read_boxes`.
 /// @throws std::invalid_argument for an unknown name, maps::InputError for a broken file.
 [[nodiscard]] std::unique_ptr<Detector> make_detector(const std::string& spec,

@@ -22,7 +22,7 @@ struct MapBuildOptions {
   /// Poses instead of the drive's own; with one drive only.
   std::optional<std::filesystem::path> poses_file;
   GroundOptions ground;
-  /// `geometric`, `voxelnext`, `voxelnext:FILE`, or `boxes:FILE` (with several drives
+  /// `geometric`, `voxelnext`, `voxelnext:FILE`, `onnx:FILE`, or `boxes:FILE` (with several drives
   /// `boxes:FILE,FILE...`, one a drive).
   std::string detector = "geometric";
   ProjectionOptions projection;

@@ -89,10 +89,11 @@ std::vector<Sums> sum_points(const maps::PointCloud& cloud, const SiteSet& sites
 
 }  // namespace
 
-NetworkHeight::NetworkHeight(const VoxelNextConfig& config, const GroundSurface* surface)
-    : surface_(surface), over_ground_(config.z == VoxelNextHeight::kGround) {
+NetworkHeight::NetworkHeight(VoxelNextHeight z, double sensor_height_m,
+                             const GroundSurface* surface)
+    : surface_(surface), over_ground_(z == VoxelNextHeight::kGround) {
   if (over_ground_ || surface_ == nullptr) return;
-  if (const auto ground = surface_->at(0.0, 0.0)) zero_ = ground->z + config.sensor_height_m;
+  if (const auto ground = surface_->at(0.0, 0.0)) zero_ = ground->z + sensor_height_m;
 }
 
 std::optional<double> NetworkHeight::zero_at(double x, double y) const {

@@ -15,7 +15,9 @@ namespace stillmap::mapping {
 class NetworkHeight {
  public:
   /// @param surface  may be null: no ground is known anywhere.
-  NetworkHeight(const VoxelNextConfig& config, const GroundSurface* surface);
+  NetworkHeight(VoxelNextHeight z, double sensor_height_m, const GroundSurface* surface);
+  NetworkHeight(const VoxelNextConfig& config, const GroundSurface* surface)
+      : NetworkHeight(config.z, config.sensor_height_m, surface) {}
   /// z [m, lidar frame] of the network's zero at x, y [m, lidar frame]. None with kGround where no
   /// ground is known. With kLidar the same everywhere: the sensor's height above the network's zero
   /// is taken to be `sensor_height_m` over the ground under it, and where none is known there, the
