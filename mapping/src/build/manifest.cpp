@@ -2,6 +2,9 @@
 
 #include "build/boxes_files.hpp"
 #include "detection/onnx/onnx_config.hpp"
+#include "detection/voxelnext/embedded_weights.hpp"
+
+#include <stillmap/mapping/detector.hpp>
 
 #include <fmt/format.h>
 
@@ -22,6 +25,7 @@ std::string text_of(const maps::Selection& selection) {
 std::string switch_of(bool on) { return on ? "on" : "off"; }
 
 constexpr std::string_view kOnnx = "onnx:";
+constexpr std::string_view kVoxelNext = "voxelnext:";
 
 /// File of a detector `onnx:FILE`.
 std::optional<std::filesystem::path> onnx_description(const std::string& detector) {
@@ -29,10 +33,18 @@ std::optional<std::filesystem::path> onnx_description(const std::string& detecto
   return detector.substr(kOnnx.size());
 }
 
+/// File of a detector `voxelnext:FILE`.
+std::optional<std::filesystem::path> voxelnext_weights(const std::string& detector) {
+  if (!detector.starts_with(kVoxelNext)) return std::nullopt;
+  return detector.substr(kVoxelNext.size());
+}
+
 /// Files by their name alone: where they lay says nothing about the map.
 std::string detector_text(const MapBuildOptions& options) {
   if (const auto description = onnx_description(options.detector))
     return std::string(kOnnx) + description->filename().string();
+  if (const auto weights = voxelnext_weights(options.detector))
+    return std::string(kVoxelNext) + weights->filename().string();
   const std::vector<std::filesystem::path> files = boxes_files(options.detector);
   if (files.empty()) return options.detector;
   std::string text = "boxes:";
@@ -80,6 +92,10 @@ std::map<std::string, std::string> sources_of(const DriveSet& drives,
     sources["onnx_description_sha256"] = maps::sha256_of_file(*description);
     sources["onnx_model_sha256"] = maps::sha256_of_file(read_onnx_config(*description).model);
   }
+  if (const auto weights = voxelnext_weights(options.detector))
+    sources["voxelnext_weights_sha256"] = maps::sha256_of_file(*weights);
+  else if (options.detector == kVoxelNextDetector)
+    sources["voxelnext_weights_sha256"] = embedded_weights_sha256();
   if (options.poses_file) sources["poses_sha256"] = maps::sha256_of_file(*options.poses_file);
   if (options.edits_file) sources["edits_sha256"] = maps::sha256_of_file(*options.edits_file);
   return sources;

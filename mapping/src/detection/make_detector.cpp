@@ -33,7 +33,7 @@ std::unique_ptr<Detector> make_detector(const std::string& spec, std::size_t sca
   if (spec.starts_with(kBoxes) && spec.size() > kBoxes.size())
     return std::make_unique<BoxesDetector>(
         maps::read_boxes(spec.substr(kBoxes.size()), scan_count));
-  if (spec == "voxelnext") return shipped_voxelnext();
+  if (spec == kVoxelNextDetector) return shipped_voxelnext();
   if (spec.starts_with(kVoxelNext) && spec.size() > kVoxelNext.size())
     return std::make_unique<VoxelNextDetector>(
         read_voxelnext_weights(spec.substr(kVoxelNext.size())));

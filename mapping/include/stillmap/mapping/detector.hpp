@@ -26,6 +26,8 @@ class Detector {
 
 /// Name of the detector without a network.
 inline constexpr std::string_view kGeometricDetector = "geometric";
+/// Name of the detector by the network that is shipped with the program.
+inline constexpr std::string_view kVoxelNextDetector = "voxelnext";
 
 /// @param spec        `geometric`, `voxelnext` (the weights shipped with the program),
 ///                    `voxelnext:FILE` (weights as safetensors), `onnx:FILE` (a description,

@@ -25,6 +25,8 @@ std::span<const std::byte> embedded_weights() {
   return {stillmap_voxelnext_weights_begin, stillmap_voxelnext_weights_end};
 }
 
+std::string_view embedded_weights_sha256() { return STILLMAP_VOXELNEXT_WEIGHTS_SHA256; }
+
 }  // namespace stillmap::mapping
 
 #else
@@ -32,6 +34,8 @@ std::span<const std::byte> embedded_weights() {
 namespace stillmap::mapping {
 
 std::span<const std::byte> embedded_weights() { return {}; }
+
+std::string_view embedded_weights_sha256() { return {}; }
 
 }  // namespace stillmap::mapping
 
