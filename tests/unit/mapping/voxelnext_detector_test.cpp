@@ -450,7 +450,7 @@ TEST(SuppressOverlaps, IsTheSameAsComparingAllPairs) {
   Random random(31);
   for (const double range_m : {2.0, 12.0, 40.0}) {
     for (const double most_iou : {0.0, 0.2, 0.7, 1.0}) {
-      const std::vector<maps::Box> boxes = many_boxes(random, 250, range_m);
+      const std::vector<maps::Box> boxes = many_boxes(random, 120, range_m);
       const std::vector<maps::Box> kept = mapping::suppress_overlaps(boxes, most_iou);
       EXPECT_TRUE(same_bits(kept, suppressed_one_by_one(boxes, most_iou)))
           << kept.size() << " kept within " << range_m << " m at " << most_iou;

@@ -79,7 +79,7 @@ class KeptBoxes {
     std::vector<double> radii;
     for (const maps::Box& box : boxes) radii.push_back(radius(box));
     if (radii.empty()) return;
-    // Most boxes lie in at most four cells, and none in more than 18 x 18.
+    // Most boxes lie in at most four cells, and none in more than 17 x 17.
     const auto middle = radii.begin() + static_cast<std::ptrdiff_t>(radii.size() / 2);
     std::ranges::nth_element(radii, middle);
     cell_m_ = std::max(2.0 * *middle, std::ranges::max(radii) / 8.0);
