@@ -139,7 +139,8 @@ def main():
     parser.add_argument("--half", action="store_true", help="store half precision")
     arguments = parser.parse_args()
     content = torch.load(arguments.run / "checkpoint.pt", map_location="cpu")
-    config = content["config"]
+    # Checkpoints may be older than the key; no training prunes.
+    config = {"pruning": [0.0] * 5, **content["config"]}
     if arguments.threshold is not None:
         config["score_threshold"] = arguments.threshold
     net = network.VoxelNext(config)

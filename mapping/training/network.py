@@ -239,6 +239,8 @@ class VoxelNext(nn.Module):
 
     def __init__(self, config):
         super().__init__()
+        if any(config["pruning"]):
+            raise ValueError(f"pruning: found {config['pruning']}, expected zeros: it is for inference only")
         self.config = config
         low, high = config["range_m"][:3], config["range_m"][3:]
         size = [round((h - l) / v) for l, h, v in zip(low, high, config["voxel_m"])]

@@ -122,6 +122,7 @@ def config_of(content, name, classes=None, sensor_height_m=None):
         "sensor_height_m": _sensor_height(data, sensor_height_m),
         "features": _features(data),
         **_channels(model.section("BACKBONE_3D"), head),
+        "pruning": [0.0] * 5,
         "heads": [{"classes": [_our_class(each, classes or {}) for each in names]} for names in heads],
         "yaw": "direction",
         "branches": branches,

@@ -34,6 +34,7 @@ CONFIG = {
     "sensor_height_m": 0.0,
     "features": ["dx", "dy", "dz", "height", "ux", "uy"],
     "stages": [{"channels": c, "blocks": 1, "kernel": 3} for c in (16, 32, 64, 64, 64, 64)],
+    "pruning": [0.0] * 5,
     "neck_channels": 64,
     "head_kernel": 1,
     "heads": [{"classes": ["car", "van"]}, {"classes": ["truck", "bus"]},

@@ -27,7 +27,7 @@ CONFIG = {
     "range_m": [-6.4, -6.4, 0.0, 6.4, 6.4, 1.6], "voxel_m": [0.1, 0.1, 0.2],
     "features": ["dx", "dy", "dz", "height", "ux", "uy"],
     "stages": [{"channels": c, "blocks": 1, "kernel": 3} for c in (16, 16, 16, 32, 32, 32)],
-    "neck_channels": 32, "head_kernel": 1, "heads": [{"classes": ["car", "van"]}],
+    "pruning": [0.0] * 5, "neck_channels": 32, "head_kernel": 1, "heads": [{"classes": ["car", "van"]}],
     "branches": ["hm", "center", "center_z", "dim", "rot", "iou"],
 }
 

@@ -63,7 +63,7 @@ inline mapping::VoxelNextWeights random_weights(mapping::VoxelNextConfig config,
                              mapping::channels_of(branch, config.heads[h].classes.size()));
       if (branch == mapping::VoxelNextBranch::kHm && heat == Heat::kLow) {
         for (float& weight : last.weight) weight *= 0.03F;
-        for (float& bias : last.bias) bias -= 4.5F;
+        for (float& bias : last.bias) bias -= 6.5F;
       }
       out.add(name + ".1", std::move(last));
     }

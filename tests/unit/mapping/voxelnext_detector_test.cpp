@@ -10,7 +10,9 @@
 #include <gtest/gtest.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numbers>
 #include <stdexcept>
@@ -148,8 +150,17 @@ TEST(Voxels, AsMeasuredTheGroundUnderTheSensorLiesAtTheSensorsHeight) {
   EXPECT_EQ(mapping::NetworkHeight(config, nullptr).zero_at(3.0, 0.0), 0.0);
 }
 
-TEST(VoxelNext, EveryLayerIsWhatItsDefinitionSays) {
-  const mapping::VoxelNextWeights weights = random_weights(small_config(), 3);
+/// Each stage's pruning.
+class VoxelNextLayers : public testing::TestWithParam<mapping::VoxelNextPruning> {};
+
+INSTANTIATE_TEST_SUITE_P(Pruning, VoxelNextLayers,
+                         testing::Values(mapping::VoxelNextPruning{},
+                                         mapping::VoxelNextPruning{0.5, 0.5, 0.5, 0.0, 0.0},
+                                         mapping::VoxelNextPruning{0.0, 0.3, 0.0, 0.5, 0.9}));
+
+TEST_P(VoxelNextLayers, AreWhatTheirDefinitionsSay) {
+  mapping::VoxelNextWeights weights = random_weights(small_config(), 3);
+  weights.config.pruning = GetParam();
   const mapping::VoxelNext network(weights);
   const FlatGround ground(0.0);
   mapping::Voxels voxels = mapping::voxelize(weights.config, random_scan(4, 600).cloud,
@@ -409,8 +420,55 @@ TEST(SuppressOverlaps, KeepsTheHigherScoreAndWhatLiesApart) {
   EXPECT_EQ(kept[1].score, 0.2);
 }
 
+/// As its definition says: each box with every one kept so far.
+std::vector<maps::Box> suppressed_one_by_one(std::vector<maps::Box> boxes, double most_iou) {
+  std::ranges::stable_sort(boxes, std::ranges::greater{}, &maps::Box::score);
+  std::vector<maps::Box> kept;
+  for (const maps::Box& box : boxes) {
+    if (std::ranges::none_of(
+            kept, [&](const maps::Box& other) { return mapping::bev_iou(box, other) > most_iou; }))
+      kept.push_back(box);
+  }
+  return kept;
+}
+
+/// Boxes of equal scores, of sizes from a post to a house, at corners of cells, and far away.
+std::vector<maps::Box> many_boxes(Random& random, std::size_t count, double range_m) {
+  std::vector<maps::Box> out;
+  for (std::size_t k = 0; k < count; ++k) {
+    maps::Box box = box_at(random.uniform(-range_m, range_m), random.uniform(-range_m, range_m),
+                           random.uniform(-4.0, 4.0), std::round(random.uniform(0.0, 20.0)));
+    if (k % 5 == 0) box.size_m *= std::exp(random.uniform(-3.0, 3.5));
+    if (k % 7 == 0) box.centre = box.centre.array().round();
+    if (k % 50 == 0) box.centre.x() += 1e14;
+    out.push_back(box);
+  }
+  return out;
+}
+
+TEST(SuppressOverlaps, IsTheSameAsComparingAllPairs) {
+  Random random(31);
+  for (const double range_m : {2.0, 12.0, 40.0}) {
+    for (const double most_iou : {0.0, 0.2, 0.7, 1.0}) {
+      const std::vector<maps::Box> boxes = many_boxes(random, 120, range_m);
+      const std::vector<maps::Box> kept = mapping::suppress_overlaps(boxes, most_iou);
+      EXPECT_TRUE(same_bits(kept, suppressed_one_by_one(boxes, most_iou)))
+          << kept.size() << " kept within " << range_m << " m at " << most_iou;
+    }
+  }
+  EXPECT_THAT(mapping::suppress_overlaps({}, 0.2), IsEmpty());
+}
+
+TEST(SuppressOverlaps, KeepsBoxesWithoutAnyArea) {
+  std::vector<maps::Box> boxes(3, box_at(1.0, 2.0, 0.3, 0.5));
+  for (maps::Box& box : boxes) box.size_m.setZero();
+  EXPECT_THAT(mapping::suppress_overlaps(boxes, 0.0), SizeIs(3));
+}
+
 TEST(VoxelNextDetector, FindsTheSameOnAnyNumberOfThreads) {
-  const VoxelNextDetector detector(random_weights(small_config(), 5));
+  mapping::VoxelNextWeights weights = random_weights(small_config(), 5);
+  weights.config.pruning = {0.5, 0.5, 0.5, 0.0, 0.0};
+  const VoxelNextDetector detector(weights);
   const maps::Scan scan = random_scan(6, 3000);
   const auto on_threads = [&](int threads) {
     tbb::task_arena arena(threads);
@@ -490,6 +548,9 @@ TEST(VoxelNextDetector, RefusesAConfigWithoutANumberForEachClass) {
   EXPECT_THROW(VoxelNextDetector{weights}, std::invalid_argument);
   weights = random_weights(small_config(), 5);
   weights.config.branches.erase(weights.config.branches.begin() + 1);
+  EXPECT_THROW(VoxelNextDetector{weights}, std::invalid_argument);
+  weights = random_weights(small_config(), 5);
+  weights.config.pruning[2] = 1.0;
   EXPECT_THROW(VoxelNextDetector{weights}, std::invalid_argument);
 }
 

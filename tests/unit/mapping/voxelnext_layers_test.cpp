@@ -1,3 +1,4 @@
+#include "detection/voxelnext/pruning.hpp"
 #include "detection/voxelnext/rulebook.hpp"
 #include "detection/voxelnext/sparse_convolution.hpp"
 #include "support/voxelnext_weights.hpp"
@@ -6,7 +7,10 @@
 #include <gtest/gtest.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <cstring>
+#include <limits>
+#include <set>
 #include <stdexcept>
 
 namespace stillmap::test {
@@ -177,6 +181,91 @@ TEST(StridedConvolution, ReachesEveryCellWithAnInputUnderItsKernel) {
     expect_near(layer_of(reached, out),
                 relu(convolve(dense, cells, layer, cell(c.kernel), cell(c.stride))));
   }
+}
+
+std::set<Cell> not_dilating(const SiteSet& sites, const std::vector<std::uint8_t>& dilates) {
+  std::set<Cell> out;
+  for (std::size_t site = 0; site < sites.size(); ++site) {
+    if (dilates[site] == 0) out.insert(cell(sites[site]));
+  }
+  return out;
+}
+
+/// Rows of which every third has the values of the one before.
+FeatureRows rows_with_ties(Random& random, std::size_t rows, std::size_t channels) {
+  FeatureRows out = random_rows(random, rows, channels);
+  for (std::size_t row = 2; row < rows; row += 3)
+    std::copy_n(out.row(row - 1), channels, out.row(row));
+  return out;
+}
+
+TEST(Pruning, LeavesTheShareOfSmallestFeaturesOutAndOfEqualOnesTheLater) {
+  for (const std::size_t channels : {1U, 16U, 37U}) {
+    Random random(21);
+    const SiteSet sites = random_sites(random, {3, 9, 80}, 0.2);
+    const FeatureRows rows = rows_with_ties(random, sites.size(), channels);
+    for (const double share : {0.0, 0.001, 0.3, 0.5, 0.99}) {
+      EXPECT_EQ(not_dilating(sites, mapping::find_dilating(rows, share)),
+                pruned_cells(layer_of(sites, rows), share))
+          << channels << " channels, share " << share;
+    }
+  }
+  FeatureRows equal(5, 3);
+  EXPECT_EQ(mapping::find_dilating(equal, 0.5), (std::vector<std::uint8_t>{1, 1, 1, 0, 0}));
+  // Size counts, not sign; and what fills a row up to whole lines does not.
+  for (std::size_t row = 0; row < 5; ++row) equal.row(row)[2] = static_cast<float>(row) - 3.0F;
+  for (std::size_t row = 0; row < 5; ++row) equal.row(row)[3] = row < 3 ? 0.0F : 100.0F;
+  EXPECT_EQ(mapping::find_dilating(equal, 0.4), (std::vector<std::uint8_t>{1, 1, 1, 0, 0}));
+}
+
+TEST(Pruning, HoldsForFeaturesThatAreNoNumbersAndForNone) {
+  FeatureRows rows(4, 2);
+  rows.row(1)[0] = std::numeric_limits<float>::quiet_NaN();
+  rows.row(2)[1] = -std::numeric_limits<float>::infinity();
+  rows.row(3)[0] = 1.0F;
+  EXPECT_EQ(mapping::find_dilating(rows, 0.5), (std::vector<std::uint8_t>{0, 1, 1, 0}));
+  EXPECT_TRUE(mapping::find_dilating({}, 0.5).empty());
+}
+
+TEST(Pruning, RefusesSharesOutsideItsBounds) {
+  const FeatureRows rows(3, 1);
+  for (const double share : {-0.1, 1.0, std::numeric_limits<double>::quiet_NaN()})
+    EXPECT_THROW(static_cast<void>(mapping::find_dilating(rows, share)), std::invalid_argument);
+}
+
+TEST(StridedConvolution, ReachesFromACellThatDoesNotDilateOnlyWhatLiesInItsMiddle) {
+  struct Case {
+    Triple grid, kernel;
+    double share;
+  };
+  for (const Case& c : {Case{{5, 8, 131}, {3, 3, 3}, 0.5}, Case{{4, 7, 130}, {3, 3, 3}, 0.9},
+                        Case{{6, 9, 20}, {5, 5, 5}, 0.5}, Case{{6, 9, 70}, {1, 1, 1}, 0.5},
+                        Case{{5, 8, 131}, {3, 3, 3}, 0.0}}) {
+    Random random(23);
+    const Triple two{2, 2, 2};
+    const SiteSet sites = random_sites(random, c.grid, 0.05);
+    const Convolution layer = random_convolution(random, volume(c.kernel), 4, 6);
+    const FeatureRows in = rows_with_ties(random, sites.size(), 4);
+    const SiteSet reached =
+        mapping::reached_by(sites, c.kernel, two, mapping::find_dilating(in, c.share));
+    const FeatureRows out =
+        run(SparseConvolution(layer), Rulebook::strided(sites, reached, c.kernel, two), in, true);
+    const Layer dense = layer_of(sites, in);
+    const std::vector<Cell> cells =
+        reached_cells(dense, cell(c.grid), cell(c.kernel), cell(two), pruned_cells(dense, c.share));
+    ASSERT_FALSE(cells.empty());
+    // Features of all cells count, also of those that do not dilate.
+    expect_near(layer_of(reached, out),
+                relu(convolve(dense, cells, layer, cell(c.kernel), cell(two))));
+  }
+}
+
+TEST(StridedConvolution, RefusesDilationOfOtherCells) {
+  Random random(23);
+  const SiteSet sites = random_sites(random, {4, 4, 4}, 0.5);
+  const std::vector<std::uint8_t> few(sites.size() - 1, 1);
+  EXPECT_THROW(static_cast<void>(mapping::reached_by(sites, {3, 3, 3}, {2, 2, 2}, few)),
+               std::invalid_argument);
 }
 
 TEST(SparseConvolution, GivesTheSameBitsForAnyNumberOfThreads) {

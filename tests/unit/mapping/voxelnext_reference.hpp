@@ -7,8 +7,11 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <map>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 /// Sparse convolutions and VoxelNeXt once more, as their definitions say: cell by cell, in doubles.
@@ -63,9 +66,25 @@ inline std::vector<Cell> cells_of(const Layer& layer) {
   return out;
 }
 
-/// Every cell of the output grid with an input cell under its kernel.
+/// The share of cells with the smallest mean of |feature|, by "y z x" descending where it is equal.
+inline std::set<Cell> pruned_cells(const Layer& in, double share) {
+  std::vector<std::pair<double, Cell>> order;
+  for (const auto& [cell, row] : in) {
+    double mean = 0.0;
+    for (const double value : row) mean += std::abs(value) / static_cast<double>(row.size());
+    order.push_back({mean, {-cell[1], -cell[0], -cell[2]}});
+  }
+  std::ranges::sort(order);
+  std::set<Cell> out;
+  for (std::size_t k = 0; k < static_cast<std::size_t>(share * static_cast<double>(in.size())); ++k)
+    out.insert({-order[k].second[1], -order[k].second[0], -order[k].second[2]});
+  return out;
+}
+
+/// Every cell of the output grid with an input cell under its kernel: any that is not pruned, or a
+/// pruned one under its middle.
 inline std::vector<Cell> reached_cells(const Layer& in, const Cell& grid, const Cell& kernel,
-                                       const Cell& stride) {
+                                       const Cell& stride, const std::set<Cell>& pruned = {}) {
   std::vector<Cell> out;
   const auto size = [&](std::size_t a) {
     return (grid[a] + 2 * (kernel[a] / 2) - kernel[a]) / stride[a] + 1;
@@ -76,6 +95,7 @@ inline std::vector<Cell> reached_cells(const Layer& in, const Cell& grid, const 
         const auto under = [&](int first, int n, int v) { return v >= first && v < first + n; };
         const bool reached = std::any_of(in.begin(), in.end(), [&](const auto& site) {
           const Cell& c = site.first;
+          if (pruned.contains(c)) return Cell{z * stride[0], y * stride[1], x * stride[2]} == c;
           return under(z * stride[0] - kernel[0] / 2, kernel[0], c[0]) &&
                  under(y * stride[1] - kernel[1] / 2, kernel[1], c[1]) &&
                  under(x * stride[2] - kernel[2] / 2, kernel[2], c[2]);
@@ -124,7 +144,8 @@ inline std::map<std::string, Layer> reference_layers(const mapping::VoxelNextWei
     const std::string stage = "stage" + std::to_string(i + 1);
     if (i > 0) {
       const int k = config.stages[i].kernel;
-      const std::vector<Cell> cells = reached_cells(x, grid, {k, k, k}, kTwo);
+      const std::vector<Cell> cells =
+          reached_cells(x, grid, {k, k, k}, kTwo, pruned_cells(x, config.pruning[i - 1]));
       x = relu(convolve(x, cells, weights.layer(stage + ".down"), {k, k, k}, kTwo));
       for (int& n : grid) n = (n + 2 * (k / 2) - k) / 2 + 1;
       out[stage + ".down"] = x;

@@ -50,6 +50,7 @@ TEST(VoxelNextWeights, ReadsTheConfig) {
   EXPECT_EQ(config.features, (std::vector{VoxelFeature::kX, VoxelFeature::kZero}));
   EXPECT_EQ(config.stages[0].blocks, 1);
   EXPECT_EQ(config.stages[5].channels, 1);
+  EXPECT_EQ(config.pruning, (std::array<double, 5>{0.0, 0.5, 0.25, 0.0, 0.0}));
   EXPECT_EQ(config.neck_channels, 2);
   EXPECT_EQ(config.heads.at(0).classes,
             (std::vector<std::optional<maps::ObjectClass>>{maps::ObjectClass::kCar, std::nullopt}));
@@ -136,6 +137,9 @@ TEST(VoxelNextWeights, RefusesValuesBeyondTheirBounds) {
   expect_refused_value("/stages/5/channels", 2, {"stages[5].channels", "stage 4"});
   expect_refused_value("/stages/1/kernel", 2, {"stages[1].kernel", "odd"});
   expect_refused_value("/stages/1/blocks", 1e9, {"stages[1].blocks"});
+  expect_refused_value("/pruning", {0.0, 0.0}, {"pruning", "an array of 5"});
+  expect_refused_value("/pruning/0", -0.1, {"pruning[0]"});
+  expect_refused_value("/pruning/4", 1.0, {"pruning[4]", "below 1"});
   expect_refused_value("/neck_channels", 18446744073709551615U, {"neck_channels"});
   expect_refused_value("/head_kernel", 2, {"head_kernel", "1 or 3"});
   expect_refused_value("/heads", ordered_json::array(), {"heads"});

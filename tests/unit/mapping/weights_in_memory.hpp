@@ -49,6 +49,7 @@ inline nlohmann::ordered_json tiny_config() {
                                    {"sensor_height_m", 1.8},
                                    {"features", {"x", "zero"}},
                                    {"stages", nlohmann::ordered_json::array()},
+                                   {"pruning", {0.0, 0.5, 0.25, 0.0, 0.0}},
                                    {"neck_channels", 2},
                                    {"head_kernel", 1},
                                    {"heads", {{{"classes", {"car", ""}}}}},

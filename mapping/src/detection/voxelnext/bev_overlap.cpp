@@ -6,6 +6,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <unordered_map>
 #include <utility>
 
 namespace stillmap::mapping {
@@ -68,6 +71,101 @@ double area(const Polygon& polygon) {
 
 double radius(const maps::Box& box) { return std::hypot(box.size_m.x(), box.size_m.y()) / 2.0; }
 
+/// Boxes kept so far by square cells of the ground plane, so that a box meets only those nearby.
+class KeptBoxes {
+ public:
+  /// @param boxes  all that may come.
+  explicit KeptBoxes(const std::vector<maps::Box>& boxes) {
+    std::vector<double> radii;
+    for (const maps::Box& box : boxes) radii.push_back(radius(box));
+    if (radii.empty()) return;
+    // Most boxes lie in at most four cells, and none in more than 17 x 17.
+    const auto middle = radii.begin() + static_cast<std::ptrdiff_t>(radii.size() / 2);
+    std::ranges::nth_element(radii, middle);
+    cell_m_ = std::max(2.0 * *middle, std::ranges::max(radii) / 8.0);
+    if (!(cell_m_ > 0.0)) cell_m_ = 1.0;
+  }
+
+  /// Whether the IoU with one that is kept is larger.
+  [[nodiscard]] bool overlap(const maps::Box& box, double most_iou) const {
+    const Square own = square_of(box);
+    bool found = false;
+    for_each_cell(own, [&](const Cell& cell) {
+      const auto numbers = cells_.find(cell);
+      if (found || numbers == cells_.end()) return;
+      found = std::ranges::any_of(numbers->second, [&](std::size_t number) {
+        const Kept& other = kept_[number];
+        // Two squares share a rectangle of cells: the pair is looked at in the first of them.
+        return cell == std::pair(std::max(own.low.first, other.square.low.first),
+                                 std::max(own.low.second, other.square.low.second)) &&
+               overlap(box, own, other, most_iou);
+      });
+    });
+    return found;
+  }
+  void add(maps::Box box) {
+    const Square square = square_of(box);
+    for_each_cell(square, [&](const Cell& cell) { cells_[cell].push_back(kept_.size()); });
+    kept_.push_back({std::move(box), square});
+  }
+  [[nodiscard]] std::vector<maps::Box> take() {
+    std::vector<maps::Box> out;
+    for (Kept& kept : kept_) out.push_back(std::move(kept.box));
+    return out;
+  }
+
+ private:
+  using Cell = std::pair<std::int64_t, std::int64_t>;
+  struct CellHash {
+    std::size_t operator()(const Cell& cell) const {
+      // Odd factors near 2^64 / golden ratio (Knuth, "The Art of Computer Programming", 6.4).
+      return static_cast<std::size_t>(
+          (static_cast<std::uint64_t>(cell.first) * 0x9E3779B97F4A7C15U +
+           static_cast<std::uint64_t>(cell.second)) *
+          0x9E3779B97F4A7C15U);
+    }
+  };
+  /// The circle around a box, and the cells that the square around that touches.
+  struct Square {
+    double radius = 0.0;
+    Cell low, high;
+  };
+  struct Kept {
+    maps::Box box;
+    Square square;
+  };
+
+  [[nodiscard]] Square square_of(const maps::Box& box) const {
+    const double r = radius(box);
+    return {r,
+            {index(box.centre.x() - r), index(box.centre.y() - r)},
+            {index(box.centre.x() + r), index(box.centre.y() + r)}};
+  }
+  /// Ascends with x, and so finds the same cell for the same x, wherever it is.
+  [[nodiscard]] std::int64_t index(double x) const {
+    constexpr double kFar = 0x1p40;
+    const double cell = std::floor(x / cell_m_);
+    return !(cell > -kFar) ? -(std::int64_t{1} << 40)
+                           : static_cast<std::int64_t>(std::min(cell, kFar));
+  }
+  template <typename F>
+  static void for_each_cell(const Square& square, F&& work) {
+    for (std::int64_t x = square.low.first; x <= square.high.first; ++x) {
+      for (std::int64_t y = square.low.second; y <= square.high.second; ++y) work(Cell{x, y});
+    }
+  }
+  [[nodiscard]] static bool overlap(const maps::Box& box, const Square& own, const Kept& other,
+                                    double most_iou) {
+    const double reach = own.radius + other.square.radius;
+    return (box.centre - other.box.centre).head<2>().squaredNorm() < reach * reach &&
+           bev_iou(box, other.box) > most_iou;
+  }
+
+  double cell_m_ = 1.0;
+  std::vector<Kept> kept_;
+  std::unordered_map<Cell, std::vector<std::size_t>, CellHash> cells_;
+};
+
 }  // namespace
 
 double bev_iou(const maps::Box& a, const maps::Box& b) {
@@ -84,22 +182,11 @@ double bev_iou(const maps::Box& a, const maps::Box& b) {
 std::vector<maps::Box> suppress_overlaps(std::vector<maps::Box> boxes, double most_iou) {
   std::stable_sort(boxes.begin(), boxes.end(),
                    [](const maps::Box& a, const maps::Box& b) { return a.score > b.score; });
-  std::vector<maps::Box> kept;
-  // Circles around boxes: a low threshold leaves thousands of boxes, of which few are near another.
-  std::vector<double> kept_radii;
+  KeptBoxes kept(boxes);
   for (maps::Box& box : boxes) {
-    const double own_radius = radius(box);
-    bool overlaps = false;
-    for (std::size_t k = 0; k < kept.size() && !overlaps; ++k) {
-      const double reach = own_radius + kept_radii[k];
-      overlaps = (box.centre - kept[k].centre).head<2>().squaredNorm() < reach * reach &&
-                 bev_iou(box, kept[k]) > most_iou;
-    }
-    if (overlaps) continue;
-    kept.push_back(std::move(box));
-    kept_radii.push_back(own_radius);
+    if (!kept.overlap(box, most_iou)) kept.add(std::move(box));
   }
-  return kept;
+  return kept.take();
 }
 
 }  // namespace stillmap::mapping

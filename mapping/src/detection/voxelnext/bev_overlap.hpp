@@ -11,7 +11,8 @@ namespace stillmap::mapping {
 
 /// Goes through boxes from the highest score to the lowest (equal scores: in the order given) and
 /// keeps each whose `bev_iou` with every box kept before it is at most `most_iou`, whatever the
-/// classes.
+/// classes. Time grows with the number of boxes and of kept ones near each.
+/// @param boxes  of finite size.
 [[nodiscard]] std::vector<maps::Box> suppress_overlaps(std::vector<maps::Box> boxes,
                                                        double most_iou);
 

@@ -172,6 +172,14 @@ void read_stages(const Value& config, VoxelNextConfig& result) {
   }
 }
 
+void read_pruning(const Value& config, VoxelNextConfig& result) {
+  const auto shares = config.at("pruning").elements(5, 5);
+  for (std::size_t i = 0; i < 5; ++i) {
+    result.pruning[i] = shares[i].number(0.0, 1.0);
+    if (!(result.pruning[i] < 1.0)) shares[i].refuse("a number below 1");
+  }
+}
+
 /// @return the number of classes of all heads together.
 std::size_t read_heads(const Value& config, VoxelNextConfig& result) {
   std::size_t classes = 0;
@@ -226,8 +234,8 @@ VoxelNextConfig parse_voxelnext_config(std::string_view text, const std::string&
   const json parsed = parse_strict_json(text, at);
   const Value config(parsed, at);
   config.only({"name", "range_m", "voxel_m", "z", "sensor_height_m", "features", "stages",
-               "neck_channels", "head_kernel", "heads", "yaw", "branches", "iou_rectifier",
-               "calibration", "nms", "nms_iou", "score_threshold"});
+               "pruning", "neck_channels", "head_kernel", "heads", "yaw", "branches",
+               "iou_rectifier", "calibration", "nms", "nms_iou", "score_threshold"});
   VoxelNextConfig result;
   result.name = config.at("name").text();
   // It goes into manifests and messages.
@@ -239,6 +247,7 @@ VoxelNextConfig parse_voxelnext_config(std::string_view text, const std::string&
   result.sensor_height_m = config.at("sensor_height_m").number(-10.0, 100.0);
   result.features = config.at("features").set_of(kFeatures);
   read_stages(config, result);
+  read_pruning(config, result);
   result.neck_channels = config.at("neck_channels").whole(1, kMaxVoxelNextChannels);
   result.head_kernel = config.at("head_kernel").whole(1, 3);
   if (result.head_kernel == 2) config.at("head_kernel").refuse("1 or 3");

@@ -1,5 +1,6 @@
 #include "detection/voxelnext/network.hpp"
 
+#include "detection/voxelnext/pruning.hpp"
 #include "detection/voxelnext/rulebook.hpp"
 
 #include <chrono>
@@ -65,6 +66,7 @@ Seconds Stopwatch::now() {
 }
 
 VoxelNext::VoxelNext(const VoxelNextWeights& weights) : config_(weights.config) {
+  check_pruning(config_.pruning);
   const LayerTaker layers(weights);
   int channels = static_cast<int>(config_.features.size());
   for (std::size_t i = 0; i < config_.stages.size(); ++i) {
@@ -148,7 +150,11 @@ VoxelNext::Level VoxelNext::run_stage(std::size_t index, Level& before,
   Rulebook opening, blocks;
   timed(cost.preparation, [&] {
     if (index > 0) {
-      level.sites = reached_by(before.sites, stage.kernel, kByTwo);
+      // Without pruning nobody needs to know the features' sizes.
+      const double pruning = config_.pruning[index - 1];
+      std::vector<std::uint8_t> dilates;
+      if (pruning > 0.0) dilates = find_dilating(before.rows, pruning);
+      level.sites = reached_by(before.sites, stage.kernel, kByTwo, dilates);
       opening = Rulebook::strided(before.sites, level.sites, stage.kernel, kByTwo);
     } else {
       level.sites = std::move(before.sites);

@@ -84,11 +84,13 @@ struct HeadBoxes {
 
 /// VoxelNeXt (Chen, Liu, Zhang, Qi, Jia, "VoxelNeXt: Fully Sparse VoxelNet for 3D Object Detection
 /// and Tracking", CVPR 2023) with six stages (section 3.1), sparse height compression (3.1) and a
-/// sparse head (3.2), as their published program has it. Departures: what a head says besides the
-/// heat map is computed only where the heat map asks for it, which changes no box.
+/// sparse head (3.2), as their published program has it; with spatial voxel pruning (Fig. 5) where
+/// the config asks for it, see pruning.hpp. Departures: what a head says besides the heat map is
+/// computed only where the heat map asks for it, which changes no box.
 class VoxelNext {
  public:
-  /// @throws std::invalid_argument naming a layer that is missing or of the wrong shape.
+  /// @throws std::invalid_argument naming a layer that is missing or of the wrong shape, or for a
+  /// pruning outside [0, 1).
   explicit VoxelNext(const VoxelNextWeights& weights);
 
   struct Neck {

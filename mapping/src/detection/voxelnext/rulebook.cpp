@@ -120,6 +120,35 @@ int output_of(int cell, int at, int kernel, int stride) {
   return scaled < 0 || scaled % stride != 0 ? -1 : scaled / stride;
 }
 
+Triple strided_grid(const Triple& in, const Triple& kernel, const Triple& stride) {
+  const auto cells = [](int n, int size, int step) {
+    return (n + 2 * (size / 2) - size) / step + 1;
+  };
+  return {cells(in.z, kernel.z, stride.z), cells(in.y, kernel.y, stride.y),
+          cells(in.x, kernel.x, stride.x)};
+}
+
+/// Output cells of a line that a line of input cells reaches.
+class LineReach {
+ public:
+  explicit LineReach(std::size_t words) : words_(words) {}
+  void clear() {
+    if (any_) std::ranges::fill(words_, 0U);
+    any_ = false;
+  }
+  void mark(int x) {
+    words_[static_cast<std::size_t>(x) / 64] |= std::uint64_t{1}
+                                                << (static_cast<unsigned>(x) % 64U);
+    any_ = true;
+  }
+  [[nodiscard]] bool any() const { return any_; }
+  [[nodiscard]] const std::vector<std::uint64_t>& words() const { return words_; }
+
+ private:
+  std::vector<std::uint64_t> words_;
+  bool any_ = false;
+};
+
 }  // namespace
 
 Rulebook::Indices Rulebook::ascending(std::size_t count) {
@@ -247,30 +276,39 @@ std::size_t Rulebook::pair_count() const {
                          [](std::size_t sum, const Pairs& list) { return sum + list.count; });
 }
 
-SiteSet reached_by(const SiteSet& in, const Triple& kernel, const Triple& stride) {
+SiteSet reached_by(const SiteSet& in, const Triple& kernel, const Triple& stride,
+                   std::span<const std::uint8_t> dilates) {
   check_odd(kernel);
-  const auto cells = [](int n, int size, int step) {
-    return (n + 2 * (size / 2) - size) / step + 1;
+  if (!dilates.empty() && dilates.size() != in.size()) {
+    throw std::invalid_argument("cells that dilate: found " + std::to_string(dilates.size()) +
+                                ", expected " + std::to_string(in.size()));
+  }
+  SiteSet out(strided_grid(in.grid(), kernel, stride));
+  LineReach all(out.words_in_line()), middle(out.words_in_line());
+  const auto mark_line = [&](int z, int y, const LineReach& reach) {
+    if (z >= 0 && z < out.grid().z && y >= 0 && y < out.grid().y)
+      out.mark_line(z, y, reach.words());
   };
-  SiteSet out({cells(in.grid().z, kernel.z, stride.z), cells(in.grid().y, kernel.y, stride.y),
-               cells(in.grid().x, kernel.x, stride.x)});
-  std::vector<std::uint64_t> words(out.words_in_line());
   for (const SiteSet::Line& line : in.lines()) {
-    std::ranges::fill(words, 0U);
+    all.clear();
+    middle.clear();
     for (std::uint32_t site = line.begin; site < line.end; ++site) {
-      for (int at = 0; at < kernel.x; ++at) {
+      const bool dilated = dilates.empty() || dilates[site] != 0;
+      const int first = dilated ? 0 : kernel.x / 2, last = dilated ? kernel.x : kernel.x / 2 + 1;
+      for (int at = first; at < last; ++at) {
         const int x = output_of(in[site].x, at, kernel.x, stride.x);
-        if (x < 0 || x >= out.grid().x) continue;
-        words[static_cast<std::size_t>(x) / 64] |= std::uint64_t{1}
-                                                   << (static_cast<unsigned>(x) % 64U);
+        if (x >= 0 && x < out.grid().x) (dilated ? all : middle).mark(x);
       }
     }
-    for (int at_z = 0; at_z < kernel.z; ++at_z) {
+    for (int at_z = 0; at_z < kernel.z && all.any(); ++at_z) {
       for (int at_y = 0; at_y < kernel.y; ++at_y) {
-        const int z = output_of(line.z, at_z, kernel.z, stride.z);
-        const int y = output_of(line.y, at_y, kernel.y, stride.y);
-        if (z >= 0 && z < out.grid().z && y >= 0 && y < out.grid().y) out.mark_line(z, y, words);
+        mark_line(output_of(line.z, at_z, kernel.z, stride.z),
+                  output_of(line.y, at_y, kernel.y, stride.y), all);
       }
+    }
+    if (middle.any()) {
+      mark_line(output_of(line.z, kernel.z / 2, kernel.z, stride.z),
+                output_of(line.y, kernel.y / 2, kernel.y, stride.y), middle);
     }
   }
   out.number_sites();

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -38,7 +39,7 @@ class Rulebook {
   /// Each row with itself, a kernel of one position.
   [[nodiscard]] static Rulebook identity(std::size_t rows);
   /// From each output cell, `out * stride - kernel / 2 + position` is the input cell.
-  /// @param out  holds every cell that some input cell reaches, see `reached_by`.
+  /// @param out  of the grid of `reached_by`; cells that are not in it get no pairs.
   [[nodiscard]] static Rulebook strided(const SiteSet& in, const SiteSet& out, const Triple& kernel,
                                         const Triple& stride);
 
@@ -71,6 +72,11 @@ class Rulebook {
 
 /// Cells of the grid floor((n + 2 (k / 2) - k) / stride) + 1 with at least one input cell under
 /// their kernel.
-[[nodiscard]] SiteSet reached_by(const SiteSet& in, const Triple& kernel, const Triple& stride);
+/// @param dilates  for each input cell 0 where it is enough for an output cell only under the
+/// middle of its kernel; none: no such. With stride 2 that takes even z, y and x: an odd cell alone
+/// gives no output, and counts in those that others give. (The published program, which does the
+/// same, also leaves out output cells at z, y or x = 0, as it happens; here they stay.)
+[[nodiscard]] SiteSet reached_by(const SiteSet& in, const Triple& kernel, const Triple& stride,
+                                 std::span<const std::uint8_t> dilates = {});
 
 }  // namespace stillmap::mapping

@@ -67,6 +67,10 @@ struct VoxelNextStage {
   int kernel = 3;
 };
 
+/// Share of the active cells that do not dilate in the strided convolution that opens each of the
+/// stages 2 to 6, those of the smallest features; in [0, 1), 0: all dilate. See pruning.hpp.
+using VoxelNextPruning = std::array<double, 5>;
+
 struct VoxelNextHead {
   /// None: a class that is no object for us; its boxes are dropped.
   std::vector<std::optional<maps::ObjectClass>> classes;
@@ -89,6 +93,7 @@ struct VoxelNextConfig {
   double sensor_height_m = 0.0;
   std::vector<VoxelFeature> features;
   std::array<VoxelNextStage, 6> stages{};
+  VoxelNextPruning pruning{};
   int neck_channels = 0;
   /// 1 or 3.
   int head_kernel = 1;
