@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 #include <sys/resource.h>
+#include <stillmap/mapping/detector.hpp>
 #include <stillmap/mapping/edits.hpp>
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/maps/error.hpp>
@@ -89,6 +90,17 @@ std::vector<std::string> MapBuildOptions::violations() const {
   return broken;
 }
 
+MapBuildOptions completed(MapBuildOptions options) {
+  // Sides of a network's boxes are right in the median, so half of what stands on them lies
+  // outside.
+  constexpr double kNetworkMarginM = 0.2;
+  if (options.detector.starts_with(kVoxelNextDetector)) {
+    double& margin_m = options.projection.margin_m;
+    margin_m = std::max(margin_m, kNetworkMarginM);
+  }
+  return options;
+}
+
 void apply_paper_preset(MapBuildOptions& options) {
   options.fusion = false;
   options.fill = false;
@@ -97,9 +109,10 @@ void apply_paper_preset(MapBuildOptions& options) {
 }
 
 MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
-                         const std::filesystem::path& target, const MapBuildOptions& options,
+                         const std::filesystem::path& target, const MapBuildOptions& given,
                          const ProgressCallback& progress, const CancelFlag& cancel,
                          const CleanerFactory& make_cleaner) {
+  const MapBuildOptions options = completed(given);
   if (const auto broken = options.violations(); !broken.empty())
     throw std::invalid_argument("build options: " + broken.front());
   const Clock::time_point began = Clock::now();

@@ -45,7 +45,7 @@ CONFIG = {
     "calibration": [[1.0, 0.0]] * 6,
     "nms": "rotated",
     "nms_iou": 0.2,
-    "score_threshold": 0.1,
+    "score_threshold": 0.2,
 }
 # How often objects are pasted from other scans, by class.
 PASTED = {"car": 0.5, "van": 1.0, "truck": 1.5, "trailer": 1.0, "bus": 1.5, "motorcycle": 2.0,

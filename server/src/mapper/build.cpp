@@ -38,7 +38,7 @@ struct BuildArguments {
 };
 
 std::string to_json_text(const mapping::MapBuildReport& report, const BuildArguments& arguments) {
-  const mapping::MapBuildOptions& options = arguments.options;
+  const mapping::MapBuildOptions options = mapping::completed(arguments.options);
   auto json = nlohmann::ordered_json::parse(mapping::to_json(report));
   json["version"] = STILLMAP_VERSION;
   std::vector<std::string> drives;

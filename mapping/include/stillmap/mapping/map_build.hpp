@@ -24,7 +24,7 @@ struct MapBuildOptions {
   GroundOptions ground;
   /// `geometric`, `voxelnext`, `voxelnext:FILE`, `onnx:FILE`, or `boxes:FILE` (with several drives
   /// `boxes:FILE,FILE...`, one a drive).
-  std::string detector = "geometric";
+  std::string detector = "voxelnext";
   ProjectionOptions projection;
   /// Join what was detected in all scans into objects, so that a car that was missed in some scans
   /// goes from all of them, and project onto the ground of all scans. Without it every scan is on
@@ -53,6 +53,9 @@ struct MapBuildOptions {
     return fusion && fill && projection.policy == MovablePolicy::kProject;
   }
 };
+
+/// Options as a build uses them: a network's boxes are grown by at least 0.2 m to every side.
+[[nodiscard]] MapBuildOptions completed(MapBuildOptions options);
 
 /// Turns options into the paper's method: no fusion, boxes as they were detected, everything in
 /// them to the scan's mean ground height, nothing filled, nothing cleaned. The detector stays, and

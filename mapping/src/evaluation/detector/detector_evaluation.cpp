@@ -23,6 +23,13 @@
 namespace stillmap::mapping {
 namespace {
 
+/// By how much a build grows the boxes of a detector.
+double build_margin_m(const std::string& detector) {
+  MapBuildOptions options;
+  options.detector = detector;
+  return completed(options).projection.margin_m;
+}
+
 using Clock = std::chrono::steady_clock;
 
 /// Scans that the ground stage learns from, as a build does.
@@ -58,7 +65,7 @@ class DetectorJudge {
         cancel_(cancel),
         scans_(options.selection.indices(drive.size())),
         truth_(maps::read_labelled_boxes(drive, options.boxes_file)),
-        points_(options.max_range_m),
+        points_(options.max_range_m, build_margin_m(options.detector)),
         detector_(make_detector(options.detector, drive.size())),
         ground_(make_ground_segmenter()) {
     check_truth();

@@ -37,9 +37,9 @@ void add(Share& sum, const Share& more) {
   sum.of += more.of;
 }
 
-bool is_in_any(const Eigen::Vector3d& p, const std::vector<maps::Box>& boxes) {
+bool is_in_any(const Eigen::Vector3d& p, const std::vector<maps::Box>& boxes, double margin_m) {
   return std::any_of(boxes.begin(), boxes.end(),
-                     [&](const maps::Box& box) { return box.contains(p); });
+                     [&](const maps::Box& box) { return box.contains(p, margin_m); });
 }
 
 }  // namespace
@@ -70,7 +70,7 @@ void PointTally::add(const maps::PointCloud& cloud, const std::vector<ClassIndex
     const Eigen::Vector3d p = cloud.positions[i].cast<double>();
     const ClassKind kind = semantic_classes()[classes[i]].kind;
     if (kind == ClassKind::kIgnored || !(p.head<2>().norm() < max_range_m_)) continue;
-    const Share one{is_in_any(p, boxes) ? std::size_t{1} : std::size_t{0}, 1};
+    const Share one{is_in_any(p, boxes, margin_m_) ? std::size_t{1} : std::size_t{0}, 1};
     mapping::add(by_class_[classes[i]], one);
     if (kind == ClassKind::kStays && is_ground[i] == 0) mapping::add(stays_above_ground_, one);
   }

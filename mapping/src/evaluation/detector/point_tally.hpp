@@ -21,10 +21,11 @@ namespace stillmap::mapping {
 [[nodiscard]] std::vector<ClassIndex> classes_of(const maps::Scan& scan,
                                                  const std::vector<std::uint32_t>& labels);
 
-/// Counts labelled points inside of boxes, scan by scan.
+/// Counts labelled points inside of boxes, scan by scan; `margin_m` to every side belongs to a box.
 class PointTally {
  public:
-  explicit PointTally(double max_range_m) : max_range_m_(max_range_m) {}
+  PointTally(double max_range_m, double margin_m)
+      : max_range_m_(max_range_m), margin_m_(margin_m) {}
 
   /// @param classes, is_ground  one a point.
   void add(const maps::PointCloud& cloud, const std::vector<ClassIndex>& classes,
@@ -34,6 +35,7 @@ class PointTally {
 
  private:
   double max_range_m_;
+  double margin_m_;
   std::size_t scans_ = 0;
   Share stays_above_ground_;
   /// By position in `semantic_classes()`.
