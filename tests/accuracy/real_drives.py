@@ -64,10 +64,11 @@ def mulran_localization(program, data, folder, check):
 def kitti_removal(program, data, folder, check):
     drive = data / KITTI
     labels = drive / "tracking/label_02.txt"
-    # What is given as boxes must go, but for what lies on their rims; what is found without a network mostly.
+    # What is given as boxes must go, but for what lies on their rims, and what is found mostly.
     # Free-space cleaning is off: what it takes outside of the labels is mostly cars that moved where no label is,
     # beside and behind, which would hide what the detector takes wrongly.
-    for name, detector, least in (("boxes", f"boxes:{labels}", 0.9), ("geometric", "geometric", 0.6)):
+    for name, detector, least in (("boxes", f"boxes:{labels}", 0.9), ("geometric", "geometric", 0.6),
+                                  ("voxelnext", "voxelnext", 0.9)):
         run(program, "build", drive, "-o", folder / name, "--detector", detector, "--clean", "none")
         result = folder / f"{name}.json"
         run(program, "evaluate", "map", folder / name, "--truth", drive, "--boxes", labels, "--json", result)

@@ -17,7 +17,8 @@ import shutil
 import statistics
 import subprocess
 
-KEEP = ["--movable", "keep"]
+GEOMETRIC = ["--detector", "geometric"]
+KEEP = ["--movable", "keep"] + GEOMETRIC
 METHODS = {
     "none": KEEP + ["--clean", "none"],
     "removert": KEEP + ["--clean", "removert"],
@@ -25,8 +26,9 @@ METHODS = {
     "octomap": KEEP + ["--clean", "octomap"],
     "dufomap": KEEP + ["--clean", "dufomap"],
     "free-space": KEEP + ["--clean", "free-space"],
-    "paper, geometric": ["--preset", "paper"],
-    "default, geometric": [],
+    "paper, geometric": ["--preset", "paper"] + GEOMETRIC,
+    "default, geometric": GEOMETRIC,
+    "default": [],
     "paper, true boxes": ["--preset", "paper", "--detector", "boxes:{boxes}"],
     "default, true boxes": ["--detector", "boxes:{boxes}"],
 }
@@ -107,7 +109,7 @@ def print_table(rows):
 
 def print_ratios(rows, sensor):
     """Time of each method over that of the default, drive by drive in the same run."""
-    ours = rows.get(f"{sensor}: default, geometric")
+    ours = rows.get(f"{sensor}: default")
     for method, results in rows.items():
         if not ours or not method.startswith(sensor + ":"):
             continue
