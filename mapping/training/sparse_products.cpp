@@ -123,7 +123,8 @@ void sparse_multiply(const float* in, int in_channels, const float* weight, int 
     const auto low = static_cast<std::int32_t>(n_out * part / kParts);
     const auto high = static_cast<std::int32_t>(n_out * (part + 1) / kParts);
     for (int k = 0; k < volume; ++k) {
-      const std::int32_t* begin = std::lower_bound(pairs_out + first[k], pairs_out + first[k + 1], low);
+      const std::int32_t* begin =
+          std::lower_bound(pairs_out + first[k], pairs_out + first[k + 1], low);
       const std::int32_t* end = std::lower_bound(begin, pairs_out + first[k + 1], high);
       multiply_pairs(in, in_channels,
                      weight + static_cast<std::ptrdiff_t>(k) * in_channels * out_channels,
@@ -146,10 +147,12 @@ void sparse_weight_gradient(const float* in, int in_channels, const float* gradi
     for (int column = 0; column < out_channels;) {
       const int vectors = (out_channels - column) / kLanes;
       if (vectors >= 4) {
-        accumulate_columns<4>(in, in_channels, gradient + column, out_channels, pi, po, n, w + column);
+        accumulate_columns<4>(in, in_channels, gradient + column, out_channels, pi, po, n,
+                              w + column);
         column += 4 * kLanes;
       } else {
-        accumulate_columns<1>(in, in_channels, gradient + column, out_channels, pi, po, n, w + column);
+        accumulate_columns<1>(in, in_channels, gradient + column, out_channels, pi, po, n,
+                              w + column);
         column += kLanes;
       }
     }

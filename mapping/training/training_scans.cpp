@@ -52,8 +52,7 @@ struct Arguments {
 
 template <typename T>
 void put(std::ofstream& out, const T* values, std::size_t count) {
-  out.write(reinterpret_cast<const char*>(values),
-            static_cast<std::streamsize>(count * sizeof(T)));
+  out.write(reinterpret_cast<const char*>(values), static_cast<std::streamsize>(count * sizeof(T)));
 }
 
 /// Height over the ground; where none is known near enough, over the plane under the sensor.
@@ -71,9 +70,8 @@ struct Record {
   std::vector<std::uint8_t> kinds;
 };
 
-void add_boxes(Record& record, const simulation::World& world,
-               const std::vector<maps::Box>& boxes, const mapping::GroundResult& ground,
-               double ground_z) {
+void add_boxes(Record& record, const simulation::World& world, const std::vector<maps::Box>& boxes,
+               const mapping::GroundResult& ground, double ground_z) {
   for (const maps::Box& box : boxes) {
     const float height_m = height_of(ground, ground_z, box.centre);
     for (const double value : {box.centre.x(), box.centre.y(), static_cast<double>(height_m),
@@ -133,13 +131,13 @@ void run(const Arguments& arguments) {
   const auto sensor = simulation::make_sensor(arguments.sensor);
   const auto& properties = sensor->properties();
   const std::size_t span = arguments.scans * arguments.stride;
-  const simulation::World world = simulation::make_world(
-      {.scenario = arguments.scenario,
-       .seed = arguments.seed,
-       .day = arguments.day,
-       .parked_share = arguments.parked,
-       .duration_s = properties.period_s * static_cast<double>(span),
-       .reach_m = std::min(properties.max_range_m, 100.0)});
+  const simulation::World world =
+      simulation::make_world({.scenario = arguments.scenario,
+                              .seed = arguments.seed,
+                              .day = arguments.day,
+                              .parked_share = arguments.parked,
+                              .duration_s = properties.period_s * static_cast<double>(span),
+                              .reach_m = std::min(properties.max_range_m, 100.0)});
   const simulation::EgoMotion ego(world, properties.height_m);
   simulation::Scanner scanner(
       world, ego, *sensor,
