@@ -94,7 +94,7 @@ MapBuildOptions completed(MapBuildOptions options) {
   // Sides of a network's boxes are right in the median, so half of what stands on them lies
   // outside.
   constexpr double kNetworkMarginM = 0.2;
-  if (options.detector.starts_with(kVoxelNextDetector)) {
+  if (options.detector.starts_with(kVoxelNextDetector) || options.detector.starts_with("onnx:")) {
     double& margin_m = options.projection.margin_m;
     margin_m = std::max(margin_m, kNetworkMarginM);
   }

@@ -12,7 +12,8 @@ detector=mapping/src/detection/voxelnext
 
 clang++-16 -std=c++20 -O1 -g1 -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
   -Imapping/include -Imapping/src -Imaps/include -isystem /usr/include/eigen3 -DFMT_HEADER_ONLY \
-  tests/fuzz/voxelnext_weights.cpp "$detector"/{safetensors,strict_json,config_text,weights,weights_file}.cpp \
+  tests/fuzz/voxelnext_weights.cpp "$detector"/{safetensors,config_text,weights,weights_file}.cpp \
+  mapping/src/detection/strict_{json,value}.cpp \
   maps/src/box.cpp -o "$folder/voxelnext_weights"
 
 # Seeds: the header and the config of the file that the tests read; its numbers would only slow the fuzzer down.

@@ -15,8 +15,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <limits>
-#include <memory>
 #include <utility>
 
 namespace stillmap::mapping {
@@ -42,13 +40,6 @@ std::uint16_t tag_of(const LabelledScan& scan, std::size_t i) {
 void add(ClassTally& tally, std::uint16_t tag, unsigned met) {
   tally.add(static_cast<ClassIndex>(tag & 0xFFU), (tag & kNearTag) != 0, (tag & kHighTag) != 0,
             met);
-}
-
-std::array<std::uint8_t, 256> dynamic_kinds(TruthClasses classes) {
-  std::array<std::uint8_t, 256> flags{};
-  for (std::size_t i = 0; i < semantic_classes().size(); ++i)
-    flags[i] = is_dynamic(semantic_classes()[i].kind, classes) ? 1 : 0;
-  return flags;
 }
 
 /// Runs through the parts of an evaluation; each of them reads the scans once.
@@ -395,42 +386,7 @@ MapFigures LabelJudge::figures_of(const ClassTally& tally, const ClassTally& unc
   return figures;
 }
 
-double ratio(std::size_t part, std::size_t whole) { return Share{part, whole}.rate(); }
-
 }  // namespace
-
-std::string_view name_of(TruthClasses classes) {
-  return classes == TruthClasses::kMoving ? "moving" : "movable";
-}
-
-std::string_view name_of(TrueGround ground) {
-  switch (ground) {
-    case TrueGround::kSurface:
-      return "surface";
-    case TrueGround::kLabels:
-      return "labels";
-    case TrueGround::kNone:
-      break;
-  }
-  return "none";
-}
-
-double Share::rate() const {
-  if (of == 0) return std::numeric_limits<double>::quiet_NaN();
-  return static_cast<double>(count) / static_cast<double>(of);
-}
-
-double GroundScores::precision() const {
-  return ratio(true_positives, true_positives + false_positives);
-}
-
-double GroundScores::recall() const {
-  return ratio(true_positives, true_positives + false_negatives);
-}
-
-double GroundScores::f1() const {
-  return ratio(2 * true_positives, 2 * true_positives + false_positives + false_negatives);
-}
 
 LabelEvaluation evaluate_with_labels(const maps::MapPackage& map, const maps::Drive& drive,
                                      bool draw, const ProgressCallback& progress,

@@ -46,6 +46,23 @@ std::string by_track(const mapping::CentreRecall& recall) {
                      percent(recall.by_track()));
 }
 
+/// Inside of the boxes, and of those that a build grows.
+void add_points(command_line::Table& table, const DetectorEvaluation& result) {
+  const mapping::PointDetection& plain = *result.points;
+  const mapping::PointDetection& built = *result.points_as_built;
+  const auto add = [&](const std::string& name, const Share& inside, const Share& grown) {
+    table.add(name, fmt::format("{}; boxes grown by {:g} m {}", counted(inside),
+                                result.build_margin_m, percent(grown.rate())));
+  };
+  add("movable points inside of boxes", plain.movable, built.movable);
+  for (std::size_t i = 0; i < plain.classes.size(); ++i) {
+    if (plain.classes[i].movable)
+      add("  " + plain.classes[i].name, plain.classes[i].inside, built.classes[i].inside);
+  }
+  add("static points inside of boxes", plain.stays, built.stays);
+  add("  without found ground", plain.stays_above_ground, built.stays_above_ground);
+}
+
 void print_boxes(const mapping::BoxDetection& boxes) {
   fmt::print("\n{:<14}{:>9}{:>9}{:>9}{:>28}{:>42}\n", "", "AP 0.3", "AP 0.5", "AP 0.7",
              "found within 1.5 m", "50 points within 40 m, by track");
@@ -79,14 +96,7 @@ void print_for_people(const DetectorEvaluation& result) {
                           boxes.false_boxes_per_scan, grouped(boxes.false_vehicles),
                           grouped(boxes.boxes), grouped(boxes.ignored_vehicles)));
   }
-  if (result.points) {
-    table.add("movable points inside of boxes", counted(result.points->movable));
-    for (const mapping::ClassPoints& each : result.points->classes) {
-      if (each.movable) table.add("  " + each.name, counted(each.inside));
-    }
-    table.add("static points inside of boxes", counted(result.points->stays));
-    table.add("  without found ground", counted(result.points->stays_above_ground));
-  }
+  if (result.points) add_points(table, result);
   table.print();
   if (result.boxes) print_boxes(*result.boxes);
 }

@@ -162,6 +162,17 @@ TEST_F(EvaluateDetector, JudgesByPointsAloneWhereNoBoxIsLabelled) {
   EXPECT_THAT(to_html(result, {}), HasSubstr("image/png"));
 }
 
+TEST_F(EvaluateDetector, CountsPointsOfBoxesAsABuildGrowsThemToo) {
+  label_the_car(252, 40);
+  for (auto& [scan, boxes] : found_.by_scan)
+    for (maps::Box& box : boxes) box.size_m.array() -= 0.1;
+  const DetectorEvaluation result = evaluate();
+  EXPECT_EQ(result.build_margin_m, 0.1);
+  EXPECT_GT(result.points_as_built->movable.count, result.points->movable.count);
+  const auto json = nlohmann::json::parse(to_json(result));
+  EXPECT_EQ(json["points"]["as_built"]["margin_m"], 0.1);
+}
+
 TEST_F(EvaluateDetector, WritesAPageOfItsOwn) {
   options_.detector = "geometric";
   const std::string page = to_html(evaluate(true), {.drive = "a<b>", .command = "x & y"});

@@ -1,7 +1,8 @@
 #include "detection/voxelnext/voxelnext_detector.hpp"
 
-#include "detection/voxelnext/bev_overlap.hpp"
+#include "detection/bev_overlap.hpp"
 #include "detection/voxelnext/decoding.hpp"
+#include "fusion/box_frames.hpp"
 #include "support/synthetic_world.hpp"
 #include "support/voxelnext_weights.hpp"
 #include "voxelnext_reference.hpp"
@@ -374,6 +375,10 @@ TEST(Candidates, ArePeaksAmongActiveNeighboursWithMaxPooling) {
   EXPECT_EQ(map.cells[found[2].cell].x, 5);
 }
 
+double bev_iou(const maps::Box& a, const maps::Box& b) {
+  return mapping::overlap_of(a, b).of_joint;
+}
+
 maps::Box box_at(double x, double y, double yaw_rad, double score) {
   maps::Box box;
   box.centre = {x, y, 0.0};
@@ -386,28 +391,28 @@ maps::Box box_at(double x, double y, double yaw_rad, double score) {
 TEST(BevIou, IsTheShareOfTheAreaThatBothCover) {
   using std::numbers::pi;
   const maps::Box a = box_at(10.0, 5.0, 0.7, 1.0);
-  EXPECT_NEAR(mapping::bev_iou(a, a), 1.0, 1e-12);
-  EXPECT_NEAR(mapping::bev_iou(a, box_at(10.0, 5.0, 0.7 + pi, 1.0)), 1.0, 1e-12);
+  EXPECT_NEAR(bev_iou(a, a), 1.0, 1e-12);
+  EXPECT_NEAR(bev_iou(a, box_at(10.0, 5.0, 0.7 + pi, 1.0)), 1.0, 1e-12);
   // Crossed: 2 x 2 of 2 * 8 - 4.
-  EXPECT_NEAR(mapping::bev_iou(a, box_at(10.0, 5.0, 0.7 + pi / 2, 1.0)), 4.0 / 12.0, 1e-12);
+  EXPECT_NEAR(bev_iou(a, box_at(10.0, 5.0, 0.7 + pi / 2, 1.0)), 4.0 / 12.0, 1e-12);
   // Moved by half a length.
-  EXPECT_NEAR(mapping::bev_iou(box_at(0, 0, 0, 1), box_at(2, 0, 0, 1)), 4.0 / 12.0, 1e-12);
+  EXPECT_NEAR(bev_iou(box_at(0, 0, 0, 1), box_at(2, 0, 0, 1)), 4.0 / 12.0, 1e-12);
   // A diamond on a square of the same sides: an octagon.
   maps::Box square = box_at(1.0, 2.0, 0.3, 1.0);
   square.size_m = {2.0, 2.0, 1.0};
   maps::Box diamond = square;
   diamond.yaw_rad += pi / 4;
   const double octagon = 8.0 * (std::numbers::sqrt2 - 1.0);
-  EXPECT_NEAR(mapping::bev_iou(square, diamond), octagon / (8.0 - octagon), 1e-12);
-  EXPECT_EQ(mapping::bev_iou(box_at(0, 0, 0, 1), box_at(4, 0, 0, 1)), 0.0) << "they touch";
-  EXPECT_EQ(mapping::bev_iou(box_at(0, 0, 0.2, 1), box_at(40, 0, 0, 1)), 0.0);
+  EXPECT_NEAR(bev_iou(square, diamond), octagon / (8.0 - octagon), 1e-12);
+  EXPECT_EQ(bev_iou(box_at(0, 0, 0, 1), box_at(4, 0, 0, 1)), 0.0) << "they touch";
+  EXPECT_EQ(bev_iou(box_at(0, 0, 0.2, 1), box_at(40, 0, 0, 1)), 0.0);
 }
 
 TEST(BevIou, OfASmallBoxInsideALargeOneIsTheRatioOfAreas) {
   maps::Box small = box_at(0.3, -0.1, 1.1, 1.0);
   small.size_m = {0.5, 0.4, 1.0};
-  EXPECT_NEAR(mapping::bev_iou(small, box_at(0, 0, 0.2, 1)), 0.2 / 8.0, 1e-12);
-  EXPECT_NEAR(mapping::bev_iou(box_at(0, 0, 0.2, 1), small), 0.2 / 8.0, 1e-12);
+  EXPECT_NEAR(bev_iou(small, box_at(0, 0, 0.2, 1)), 0.2 / 8.0, 1e-12);
+  EXPECT_NEAR(bev_iou(box_at(0, 0, 0.2, 1), small), 0.2 / 8.0, 1e-12);
 }
 
 TEST(SuppressOverlaps, KeepsTheHigherScoreAndWhatLiesApart) {
@@ -426,7 +431,7 @@ std::vector<maps::Box> suppressed_one_by_one(std::vector<maps::Box> boxes, doubl
   std::vector<maps::Box> kept;
   for (const maps::Box& box : boxes) {
     if (std::ranges::none_of(
-            kept, [&](const maps::Box& other) { return mapping::bev_iou(box, other) > most_iou; }))
+            kept, [&](const maps::Box& other) { return bev_iou(box, other) > most_iou; }))
       kept.push_back(box);
   }
   return kept;

@@ -15,7 +15,7 @@ namespace stillmap::mapping {
 
 struct DetectorEvaluationOptions {
   /// As `make_detector` takes it.
-  std::string detector = "geometric";
+  std::string detector = "voxelnext";
   maps::Selection selection;
   /// Labelled boxes instead of the drive's own, see `maps::read_labelled_boxes`.
   std::optional<std::filesystem::path> boxes_file;
@@ -134,7 +134,12 @@ struct DetectorEvaluation {
   /// Means of the wall time of one scan: the detector, and the ground stage before it.
   double detect_ms = 0.0, ground_ms = 0.0;
   std::optional<BoxDetection> boxes;
+  /// Inside of the boxes as they are.
   std::optional<PointDetection> points;
+  /// Inside of the boxes as a build grows them, by `build_margin_m` to every side; where `points`
+  /// are.
+  std::optional<PointDetection> points_as_built;
+  double build_margin_m = 0.0;
   /// When asked for: labels found green, missed red, not counting grey; boxes true blue, false
   /// orange, saying nothing dark blue.
   std::vector<ScanPicture> pictures;

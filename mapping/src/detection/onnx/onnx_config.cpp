@@ -1,6 +1,7 @@
 #include "detection/onnx/onnx_config.hpp"
 
-#include "detection/voxelnext/strict_json.hpp"
+#include "detection/strict_json.hpp"
+#include "detection/strict_value.hpp"
 
 #include <stillmap/maps/error.hpp>
 
@@ -20,9 +21,6 @@ namespace {
 using maps::InputError;
 using nlohmann::json;
 
-template <typename Meaning>
-using Names = std::initializer_list<std::pair<std::string_view, Meaning>>;
-
 /// Beyond a kilometre no LiDAR returns; a cell below 1 cm is finer than its noise.
 constexpr double kMaxRange_m = 1000.0;
 constexpr double kMinCell_m = 0.01;
@@ -36,84 +34,12 @@ constexpr int kMaxPointsOfPillar = 1024;
 /// A description has some 2 KiB.
 constexpr std::size_t kMaxBytes = std::size_t{1} << 20;
 
-/// A value of the description with the path it stands at.
-class Value {
- public:
-  Value(const json& value, std::string path) : value_(value), path_(std::move(path)) {}
-
-  [[noreturn]] void refuse(const std::string& expected) const {
-    throw InputError(path_, described(value_), expected);
-  }
-  /// An object with exactly these keys.
-  void only(std::initializer_list<std::string_view> keys) const {
-    if (!value_.is_object()) refuse("an object");
-    for (const std::string_view key : keys)
-      if (!value_.contains(key)) throw InputError(path_, "no " + in_quotes(key), "a value for it");
-    for (const auto& [key, value] : value_.items())
-      if (std::find(keys.begin(), keys.end(), key) == keys.end())
-        throw InputError(path_, "unknown key " + in_quotes(key), "only those of version 1");
-  }
-  [[nodiscard]] Value at(const std::string& key) const {
-    if (!value_.is_object() || !value_.contains(key))
-      throw InputError(path_, "no " + in_quotes(key), "a value for it");
-    return {value_.at(key), path_ + "." + key};
-  }
-  [[nodiscard]] std::vector<Value> elements(std::size_t least, std::size_t most) const {
-    if (!value_.is_array() || value_.size() < least || value_.size() > most)
-      refuse("an array of " + std::to_string(least) +
-             (most == least ? "" : " to " + std::to_string(most)));
-    std::vector<Value> values;
-    for (std::size_t i = 0; i < value_.size(); ++i)
-      values.emplace_back(value_[i], path_ + "[" + std::to_string(i) + "]");
-    return values;
-  }
-  [[nodiscard]] std::string text() const {
-    if (!value_.is_string()) refuse("a text");
-    return value_.get<std::string>();
-  }
-  /// Of a tensor: ONNX Runtime is given it as a C string.
-  [[nodiscard]] std::string tensor() const {
-    std::string name = text();
-    if (name.empty() || name.find('\0') != std::string::npos) refuse("the name of a tensor");
-    return name;
-  }
-  [[nodiscard]] double number(double low, double high) const {
-    const double found =
-        value_.is_number() ? value_.get<double>() : std::numeric_limits<double>::quiet_NaN();
-    if (!(found >= low && found <= high))
-      refuse("a number from " + json(low).dump() + " to " + json(high).dump());
-    return found;
-  }
-  [[nodiscard]] int whole(int low, int high) const {
-    if (!value_.is_number_integer()) refuse("a whole number");
-    return static_cast<int>(number(low, high));
-  }
-  template <typename Meaning>
-  [[nodiscard]] Meaning one_of(Names<Meaning> names) const {
-    const std::string found = text();
-    std::string expected;
-    for (const auto& [name, meaning] : names) {
-      if (name == found) return meaning;
-      expected += (expected.empty() ? "" : ", ") + std::string(name);
-    }
-    refuse("one of " + expected);
-  }
-  template <typename Meaning>
-  [[nodiscard]] std::vector<Meaning> some_of(Names<Meaning> names) const {
-    std::vector<Meaning> meanings;
-    for (const Value& value : elements(1, names.size())) {
-      const Meaning meaning = value.one_of(names);
-      if (std::find(meanings.begin(), meanings.end(), meaning) != meanings.end())
-        value.refuse("a name once");
-      meanings.push_back(meaning);
-    }
-    return meanings;
-  }
-
- private:
-  const json& value_;
-  std::string path_;
-};
+/// Name of a tensor: ONNX Runtime is given it as a C string.
+std::string tensor_of(const StrictValue& value) {
+  std::string name = value.text();
+  if (name.empty() || name.find('\0') != std::string::npos) value.refuse("the name of a tensor");
+  return name;
+}
 
 std::string read_text(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
@@ -129,7 +55,7 @@ std::string read_text(const std::filesystem::path& file) {
 }
 
 /// Cells along an axis.
-int cells_along(const Value& cell, double extent_m, double cell_m, int stride) {
+int cells_along(const StrictValue& cell, double extent_m, double cell_m, int stride) {
   const double cells = std::round(extent_m / cell_m);
   // Ranges are written with a few decimals: 70.4 m are 352 cells of 0.2 m.
   const bool fits = std::abs(cells * cell_m - extent_m) <= 1e-6;
@@ -139,7 +65,7 @@ int cells_along(const Value& cell, double extent_m, double cell_m, int stride) {
   return static_cast<int>(cells);
 }
 
-void read_grid(const Value& root, OnnxConfig& config) {
+void read_grid(const StrictValue& root, OnnxConfig& config) {
   const auto range = root.at("range_m").elements(6, 6);
   for (std::size_t i = 0; i < 6; ++i)
     config.range_m[i] = range[i].number(-kMaxRange_m, kMaxRange_m);
@@ -159,45 +85,46 @@ void read_grid(const Value& root, OnnxConfig& config) {
   config.sensor_height_m = root.at("sensor_height_m").number(-10.0, 100.0);
 }
 
-BevInput read_bev(const Value& input) {
+BevInput read_bev(const StrictValue& input) {
   input.only({"kind", "tensor", "channels"});
-  return {input.at("tensor").tensor(),
+  return {tensor_of(input.at("tensor")),
           input.at("channels")
-              .some_of<BevChannel>({{"max_z", BevChannel::kMaxZ},
-                                    {"mean_z", BevChannel::kMeanZ},
-                                    {"log_count", BevChannel::kLogCount},
-                                    {"mean_intensity", BevChannel::kMeanIntensity}})};
+              .set_of<BevChannel>({{"max_z", BevChannel::kMaxZ},
+                                   {"mean_z", BevChannel::kMeanZ},
+                                   {"log_count", BevChannel::kLogCount},
+                                   {"mean_intensity", BevChannel::kMeanIntensity}})};
 }
 
-PillarInput read_pillars(const Value& input) {
+PillarInput read_pillars(const StrictValue& input) {
   input.only({"kind", "points", "cells", "counts", "features", "most_points"});
-  return {input.at("points").tensor(), input.at("cells").tensor(), input.at("counts").tensor(),
+  return {tensor_of(input.at("points")), tensor_of(input.at("cells")),
+          tensor_of(input.at("counts")),
           input.at("features")
-              .some_of<PillarFeature>({{"x", PillarFeature::kX},
-                                       {"y", PillarFeature::kY},
-                                       {"z", PillarFeature::kZ},
-                                       {"intensity", PillarFeature::kIntensity},
-                                       {"mean_dx", PillarFeature::kMeanDx},
-                                       {"mean_dy", PillarFeature::kMeanDy},
-                                       {"mean_dz", PillarFeature::kMeanDz},
-                                       {"centre_dx", PillarFeature::kCentreDx},
-                                       {"centre_dy", PillarFeature::kCentreDy}}),
+              .set_of<PillarFeature>({{"x", PillarFeature::kX},
+                                      {"y", PillarFeature::kY},
+                                      {"z", PillarFeature::kZ},
+                                      {"intensity", PillarFeature::kIntensity},
+                                      {"mean_dx", PillarFeature::kMeanDx},
+                                      {"mean_dy", PillarFeature::kMeanDy},
+                                      {"mean_dz", PillarFeature::kMeanDz},
+                                      {"centre_dx", PillarFeature::kCentreDx},
+                                      {"centre_dy", PillarFeature::kCentreDy}}),
           input.at("most_points").whole(1, kMaxPointsOfPillar)};
 }
 
-OnnxHead read_head(const Value& value) {
+OnnxHead read_head(const StrictValue& value) {
   value.only({"classes", "heat_map", "offset", "height", "size", "rotation"});
   OnnxHead head;
-  for (const Value& name : value.at("classes").elements(1, kMaxClasses)) {
+  for (const StrictValue& name : value.at("classes").elements(1, kMaxClasses)) {
     const std::string text = name.text();
     head.classes.push_back(maps::object_class_from(text));
     if (!text.empty() && !head.classes.back()) name.refuse("the name of an object class, or \"\"");
   }
-  head.heat_map = value.at("heat_map").tensor();
-  head.offset = value.at("offset").tensor();
-  head.height = value.at("height").tensor();
-  head.size = value.at("size").tensor();
-  head.rotation = value.at("rotation").tensor();
+  head.heat_map = tensor_of(value.at("heat_map"));
+  head.offset = tensor_of(value.at("offset"));
+  head.height = tensor_of(value.at("height"));
+  head.size = tensor_of(value.at("size"));
+  head.rotation = tensor_of(value.at("rotation"));
   return head;
 }
 
@@ -206,7 +133,7 @@ OnnxHead read_head(const Value& value) {
 OnnxConfig read_onnx_config(const std::filesystem::path& file) {
   const std::string name = file.string();
   const json parsed = parse_strict_json(read_text(file), name);
-  const Value root(parsed, name + " at config");
+  const StrictValue root(parsed, name + " at config");
   root.only({"format", "version", "model", "range_m", "cell_m", "z", "sensor_height_m", "input",
              "stride", "scores", "sizes", "rotation", "heads", "score_threshold", "nms",
              "nms_iou"});
@@ -215,11 +142,11 @@ OnnxConfig read_onnx_config(const std::filesystem::path& file) {
     root.at("version").refuse("1");
   OnnxConfig config;
   config.name = name;
-  const std::filesystem::path model = root.at("model").tensor();
+  const std::filesystem::path model = tensor_of(root.at("model"));
   if (model != model.filename()) root.at("model").refuse("the name of a file beside this one");
   config.model = file.parent_path() / model;
   read_grid(root, config);
-  const Value input = root.at("input");
+  const StrictValue input = root.at("input");
   if (input.at("kind").one_of<bool>({{"bev", true}, {"pillars", false}}))
     config.bev = read_bev(input);
   else
@@ -227,7 +154,7 @@ OnnxConfig read_onnx_config(const std::filesystem::path& file) {
   config.scores_are_logits = root.at("scores").one_of<bool>({{"logits", true}, {"scores", false}});
   config.sizes_are_logs = root.at("sizes").one_of<bool>({{"log", true}, {"metres", false}});
   config.cosine_first = root.at("rotation").one_of<bool>({{"cos_sin", true}, {"sin_cos", false}});
-  for (const Value& head : root.at("heads").elements(1, kMaxHeads))
+  for (const StrictValue& head : root.at("heads").elements(1, kMaxHeads))
     config.heads.push_back(read_head(head));
   // At 0 every cell of the grid would be a box.
   config.score_threshold = root.at("score_threshold").number(0.001, 1.0);

@@ -1,8 +1,8 @@
 #include "detection/onnx/onnx_detector.hpp"
 
+#include "detection/bev_overlap.hpp"
 #include "detection/onnx/dense_decoding.hpp"
 #include "detection/onnx/dense_input.hpp"
-#include "detection/voxelnext/bev_overlap.hpp"
 
 #include <stillmap/maps/error.hpp>
 

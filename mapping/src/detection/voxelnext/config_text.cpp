@@ -9,7 +9,8 @@
 #include <set>
 #include <utility>
 
-#include "detection/voxelnext/strict_json.hpp"
+#include "detection/strict_json.hpp"
+#include "detection/strict_value.hpp"
 
 namespace stillmap::mapping {
 namespace {
@@ -17,122 +18,36 @@ namespace {
 using maps::InputError;
 using nlohmann::json;
 
-template <typename Meaning, std::size_t kCount>
-using Names = std::array<std::pair<std::string_view, Meaning>, kCount>;
+template <typename Meaning>
+using Names = std::initializer_list<std::pair<std::string_view, Meaning>>;
 
-constexpr Names<VoxelFeature, 11> kFeatures{{{"x", VoxelFeature::kX},
-                                             {"y", VoxelFeature::kY},
-                                             {"z", VoxelFeature::kZ},
-                                             {"intensity", VoxelFeature::kIntensity},
-                                             {"dx", VoxelFeature::kDx},
-                                             {"dy", VoxelFeature::kDy},
-                                             {"dz", VoxelFeature::kDz},
-                                             {"height", VoxelFeature::kHeight},
-                                             {"ux", VoxelFeature::kUx},
-                                             {"uy", VoxelFeature::kUy},
-                                             {"zero", VoxelFeature::kZero}}};
-constexpr Names<VoxelNextBranch, 7> kBranches{{{"hm", VoxelNextBranch::kHm},
-                                               {"center", VoxelNextBranch::kCenter},
-                                               {"center_z", VoxelNextBranch::kCenterZ},
-                                               {"dim", VoxelNextBranch::kDim},
-                                               {"rot", VoxelNextBranch::kRot},
-                                               {"iou", VoxelNextBranch::kIou},
-                                               {"vel", VoxelNextBranch::kVel}}};
-constexpr Names<VoxelNextHeight, 2> kHeights{
-    {{"ground", VoxelNextHeight::kGround}, {"lidar", VoxelNextHeight::kLidar}}};
-constexpr Names<VoxelNextYaw, 2> kYaws{
-    {{"direction", VoxelNextYaw::kDirection}, {"axis", VoxelNextYaw::kAxis}}};
-constexpr Names<VoxelNextSuppression, 2> kSuppressions{
-    {{"rotated", VoxelNextSuppression::kRotated}, {"maxpool", VoxelNextSuppression::kMaxPool}}};
-
-/// A value of the config with the path it stands at.
-class Value {
- public:
-  Value(const json& value, std::string path) : value_(value), path_(std::move(path)) {}
-
-  [[noreturn]] void refuse(const std::string& expected) const {
-    throw InputError(path_, described(value_), expected);
-  }
-
-  /// An object with exactly these keys.
-  void only(std::initializer_list<std::string_view> keys) const {
-    if (!value_.is_object()) refuse("an object");
-    for (const std::string_view key : keys) {
-      if (!value_.contains(key)) throw InputError(path_, "no " + in_quotes(key), "a value for it");
-    }
-    for (auto member = value_.begin(); member != value_.end(); ++member) {
-      if (std::ranges::find(keys, std::string_view(member.key())) != keys.end()) continue;
-      throw InputError(path_, "unknown key " + in_quotes(member.key()), "only those of version 1");
-    }
-  }
-  [[nodiscard]] Value at(const std::string& key) const {
-    return {value_.at(key), path_ + "." + key};
-  }
-  /// The elements of an array of `least` to `most`.
-  [[nodiscard]] std::vector<Value> elements(std::size_t least, std::size_t most) const {
-    if (!value_.is_array() || value_.size() < least || value_.size() > most) {
-      refuse("an array of " + std::to_string(least) +
-             (most == least ? "" : " to " + std::to_string(most)));
-    }
-    std::vector<Value> values;
-    for (std::size_t i = 0; i < value_.size(); ++i) {
-      values.emplace_back(value_[i], path_ + "[" + std::to_string(i) + "]");
-    }
-    return values;
-  }
-  [[nodiscard]] std::string text() const {
-    if (!value_.is_string()) refuse("a text");
-    return value_.get<std::string>();
-  }
-  [[nodiscard]] double number(double low, double high) const {
-    const double found =
-        value_.is_number() ? value_.get<double>() : std::numeric_limits<double>::quiet_NaN();
-    if (!(found >= low && found <= high)) {
-      refuse("a number from " + json(low).dump() + " to " + json(high).dump());
-    }
-    return found;
-  }
-  [[nodiscard]] int whole(int low, int high) const {
-    const double found = value_.is_number_integer() ? value_.get<double>()
-                                                    : std::numeric_limits<double>::quiet_NaN();
-    if (!(found >= low && found <= high)) {
-      refuse("a whole number from " + std::to_string(low) + " to " + std::to_string(high));
-    }
-    return value_.get<int>();
-  }
-  template <typename Meaning, std::size_t kCount>
-  [[nodiscard]] Meaning one_of(const Names<Meaning, kCount>& names) const {
-    const std::string found = text();
-    std::string expected;
-    for (const auto& [name, meaning] : names) {
-      if (name == found) return meaning;
-      expected += (expected.empty() ? "" : ", ") + std::string(name);
-    }
-    refuse("one of " + expected);
-  }
-  /// Names of which none stands twice.
-  template <typename Meaning, std::size_t kCount>
-  [[nodiscard]] std::vector<Meaning> set_of(const Names<Meaning, kCount>& names) const {
-    std::vector<Meaning> meanings;
-    for (const Value& value : elements(1, names.size())) {
-      const Meaning meaning = value.one_of(names);
-      if (std::ranges::find(meanings, meaning) != meanings.end()) value.refuse("a name once");
-      meanings.push_back(meaning);
-    }
-    return meanings;
-  }
-
- private:
-  const json& value_;
-  std::string path_;
-};
+const Names<VoxelFeature> kFeatures = {
+    {"x", VoxelFeature::kX},      {"y", VoxelFeature::kY},
+    {"z", VoxelFeature::kZ},      {"intensity", VoxelFeature::kIntensity},
+    {"dx", VoxelFeature::kDx},    {"dy", VoxelFeature::kDy},
+    {"dz", VoxelFeature::kDz},    {"height", VoxelFeature::kHeight},
+    {"ux", VoxelFeature::kUx},    {"uy", VoxelFeature::kUy},
+    {"zero", VoxelFeature::kZero}};
+const Names<VoxelNextBranch> kBranches = {{"hm", VoxelNextBranch::kHm},
+                                          {"center", VoxelNextBranch::kCenter},
+                                          {"center_z", VoxelNextBranch::kCenterZ},
+                                          {"dim", VoxelNextBranch::kDim},
+                                          {"rot", VoxelNextBranch::kRot},
+                                          {"iou", VoxelNextBranch::kIou},
+                                          {"vel", VoxelNextBranch::kVel}};
+const Names<VoxelNextHeight> kHeights = {{"ground", VoxelNextHeight::kGround},
+                                         {"lidar", VoxelNextHeight::kLidar}};
+const Names<VoxelNextYaw> kYaws = {{"direction", VoxelNextYaw::kDirection},
+                                   {"axis", VoxelNextYaw::kAxis}};
+const Names<VoxelNextSuppression> kSuppressions = {{"rotated", VoxelNextSuppression::kRotated},
+                                                   {"maxpool", VoxelNextSuppression::kMaxPool}};
 
 /// Beyond a kilometre no LiDAR returns; a voxel below 1 cm is finer than its noise.
 constexpr double kMaxRange_m = 1000.0;
 constexpr double kMinVoxel_m = 0.01;
 constexpr double kMaxVoxel_m = 10.0;
 
-void read_grid(const Value& config, VoxelNextConfig& result) {
+void read_grid(const StrictValue& config, VoxelNextConfig& result) {
   const auto range = config.at("range_m").elements(6, 6);
   for (std::size_t i = 0; i < 6; ++i) {
     result.range_m[i] = range[i].number(-kMaxRange_m, kMaxRange_m);
@@ -154,7 +69,7 @@ void read_grid(const Value& config, VoxelNextConfig& result) {
   }
 }
 
-void read_stages(const Value& config, VoxelNextConfig& result) {
+void read_stages(const StrictValue& config, VoxelNextConfig& result) {
   const auto stages = config.at("stages").elements(6, 6);
   for (std::size_t i = 0; i < 6; ++i) {
     stages[i].only({"channels", "blocks", "kernel"});
@@ -172,7 +87,7 @@ void read_stages(const Value& config, VoxelNextConfig& result) {
   }
 }
 
-void read_pruning(const Value& config, VoxelNextConfig& result) {
+void read_pruning(const StrictValue& config, VoxelNextConfig& result) {
   const auto shares = config.at("pruning").elements(5, 5);
   for (std::size_t i = 0; i < 5; ++i) {
     result.pruning[i] = shares[i].number(0.0, 1.0);
@@ -181,12 +96,12 @@ void read_pruning(const Value& config, VoxelNextConfig& result) {
 }
 
 /// @return the number of classes of all heads together.
-std::size_t read_heads(const Value& config, VoxelNextConfig& result) {
+std::size_t read_heads(const StrictValue& config, VoxelNextConfig& result) {
   std::size_t classes = 0;
-  for (const Value& head : config.at("heads").elements(1, kMaxVoxelNextHeads)) {
+  for (const StrictValue& head : config.at("heads").elements(1, kMaxVoxelNextHeads)) {
     head.only({"classes"});
     VoxelNextHead& read = result.heads.emplace_back();
-    for (const Value& name : head.at("classes").elements(1, kMaxVoxelNextClasses)) {
+    for (const StrictValue& name : head.at("classes").elements(1, kMaxVoxelNextClasses)) {
       const std::string text = name.text();
       const auto object_class = maps::object_class_from(text);
       if (!text.empty() && !object_class) name.refuse("the name of an object class, or \"\"");
@@ -197,8 +112,8 @@ std::size_t read_heads(const Value& config, VoxelNextConfig& result) {
   return classes;
 }
 
-void read_branches(const Value& config, VoxelNextConfig& result) {
-  const Value branches = config.at("branches");
+void read_branches(const StrictValue& config, VoxelNextConfig& result) {
+  const StrictValue branches = config.at("branches");
   result.branches = branches.set_of(kBranches);
   for (const auto& [name, branch] : kBranches) {
     if (branch == VoxelNextBranch::kIou || branch == VoxelNextBranch::kVel) continue;
@@ -208,15 +123,15 @@ void read_branches(const Value& config, VoxelNextConfig& result) {
   }
 }
 
-void read_scores(const Value& config, std::size_t classes, VoxelNextConfig& result) {
+void read_scores(const StrictValue& config, std::size_t classes, VoxelNextConfig& result) {
   const bool has_iou =
       std::ranges::find(result.branches, VoxelNextBranch::kIou) != result.branches.end();
-  for (const Value& power : config.at("iou_rectifier").elements(classes, classes)) {
+  for (const StrictValue& power : config.at("iou_rectifier").elements(classes, classes)) {
     result.iou_rectifier.push_back(power.number(0.0, 1.0));
     if (!has_iou && result.iou_rectifier.back() != 0.0)
       power.refuse("0 without the branch \"iou\"");
   }
-  for (const Value& pair : config.at("calibration").elements(classes, classes)) {
+  for (const StrictValue& pair : config.at("calibration").elements(classes, classes)) {
     const auto scale_shift = pair.elements(2, 2);
     // A scale of 0 or below would say that every box is as good as any other, or turn them round.
     result.calibration.push_back(
@@ -232,7 +147,7 @@ void read_scores(const Value& config, std::size_t classes, VoxelNextConfig& resu
 VoxelNextConfig parse_voxelnext_config(std::string_view text, const std::string& name) {
   const std::string at = name + " at config";
   const json parsed = parse_strict_json(text, at);
-  const Value config(parsed, at);
+  const StrictValue config(parsed, at);
   config.only({"name", "range_m", "voxel_m", "z", "sensor_height_m", "features", "stages",
                "pruning", "neck_channels", "head_kernel", "heads", "yaw", "branches",
                "iou_rectifier", "calibration", "nms", "nms_iou", "score_threshold"});

@@ -8,7 +8,7 @@
 #include <optional>
 #include <utility>
 
-#include "detection/voxelnext/strict_json.hpp"
+#include "detection/strict_json.hpp"
 
 namespace stillmap::mapping {
 namespace {

@@ -1,6 +1,6 @@
 #include "detection/voxelnext/voxelnext_detector.hpp"
 
-#include "detection/voxelnext/bev_overlap.hpp"
+#include "detection/bev_overlap.hpp"
 #include "detection/voxelnext/decoding.hpp"
 #include "detection/voxelnext/voxels.hpp"
 

@@ -7,9 +7,9 @@
 #include <set>
 #include <system_error>
 
+#include "detection/strict_json.hpp"
 #include "detection/voxelnext/config_text.hpp"
 #include "detection/voxelnext/safetensors.hpp"
-#include "detection/voxelnext/strict_json.hpp"
 #include "detection/voxelnext/weights.hpp"
 
 namespace stillmap::mapping {

@@ -65,7 +65,9 @@ class DetectorJudge {
         cancel_(cancel),
         scans_(options.selection.indices(drive.size())),
         truth_(maps::read_labelled_boxes(drive, options.boxes_file)),
-        points_(options.max_range_m, build_margin_m(options.detector)),
+        build_margin_m_(build_margin_m(options.detector)),
+        points_(options.max_range_m, 0.0),
+        points_as_built_(options.max_range_m, build_margin_m_),
         detector_(make_detector(options.detector, drive.size())),
         ground_(make_ground_segmenter()) {
     check_truth();
@@ -140,6 +142,7 @@ class DetectorJudge {
     if (!labels.empty()) {
       classes = classes_of(scan, labels);
       points_.add(scan.cloud, classes, ground.is_ground, found);
+      points_as_built_.add(scan.cloud, classes, ground.is_ground, found);
     }
     if (truth_)
       judge_boxes(scan, std::move(found), classes, ground, draw);
@@ -228,7 +231,10 @@ class DetectorJudge {
                        [](const auto& a, const auto& b) { return a.second > b.second; });
     }
     PointDetection points = points_.result();
-    if (points.scans > 0) result_.points = std::move(points);
+    if (points.scans == 0) return;
+    result_.points = std::move(points);
+    result_.points_as_built = points_as_built_.result();
+    result_.build_margin_m = build_margin_m_;
   }
 
   const maps::Drive& drive_;
@@ -236,7 +242,8 @@ class DetectorJudge {
   const CancelFlag& cancel_;
   std::vector<std::size_t> scans_;
   std::optional<maps::LabelledBoxes> truth_;
-  PointTally points_;
+  double build_margin_m_;
+  PointTally points_, points_as_built_;
   std::unique_ptr<Detector> detector_;
   std::unique_ptr<GroundSegmenter> ground_;
   std::vector<ScanBoxes> boxes_;

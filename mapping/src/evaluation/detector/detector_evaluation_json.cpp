@@ -122,6 +122,10 @@ std::string to_json(const DetectorEvaluation& evaluation) {
       out[name] = nullptr;
   }
   out["points"] = points(evaluation.points);
+  if (evaluation.points_as_built) {
+    out["points"]["as_built"] = points(evaluation.points_as_built);
+    out["points"]["as_built"]["margin_m"] = evaluation.build_margin_m;
+  }
   out["ms_per_scan"] = evaluation.detect_ms;
   out["ground_ms_per_scan"] = evaluation.ground_ms;
   out["scans"] = evaluation.scans;

@@ -9,6 +9,13 @@ bool is_dynamic(ClassKind kind, TruthClasses classes) {
          (kind == ClassKind::kParked && classes == TruthClasses::kMovable);
 }
 
+std::array<std::uint8_t, 256> dynamic_kinds(TruthClasses classes) {
+  std::array<std::uint8_t, 256> flags{};
+  for (std::size_t i = 0; i < semantic_classes().size(); ++i)
+    flags[i] = is_dynamic(semantic_classes()[i].kind, classes) ? 1 : 0;
+  return flags;
+}
+
 bool is_static(ClassKind kind, TruthClasses classes) {
   return kind != ClassKind::kIgnored && !is_dynamic(kind, classes);
 }

@@ -41,6 +41,8 @@ struct ClassTally {
 inline constexpr float kParkedHeightM = 0.3F;
 
 [[nodiscard]] bool is_dynamic(ClassKind kind, TruthClasses classes);
+/// By position in `semantic_classes()`: 1 = dynamic.
+[[nodiscard]] std::array<std::uint8_t, 256> dynamic_kinds(TruthClasses classes);
 /// Neither dynamic nor ignored.
 [[nodiscard]] bool is_static(ClassKind kind, TruthClasses classes);
 

@@ -1,4 +1,4 @@
-#include "detection/voxelnext/strict_json.hpp"
+#include "detection/strict_json.hpp"
 
 #include <stillmap/maps/error.hpp>
 
