@@ -35,7 +35,7 @@ struct KittiErrors {
   double translation_percent = 0.0;
   double rotation_deg_per_100m = 0.0;
   /// Lengths that the path reaches.
-  std::vector<LengthErrors> lengths;
+  std::vector<LengthErrors> lengths = {};
 };
 
 /// Errors of the motion between two poses.
