@@ -61,9 +61,12 @@ bool is_known(std::span<const MapIndex::Level> levels, const Eigen::Vector3f& p)
   return levels.front().nearest(p, 1.0F).voxel != nullptr;
 }
 
-/// Costs of some of the points at a pose.
+/// Cost of a point in space that the map does not know.
+constexpr float kUnknownCost = -1.0F;
+
+/// Costs of some of the points at a pose. @param known  see `observability_of`.
 std::vector<float> costs_at(const MapIndex::Level& level, const Query& query,
-                            const Eigen::Isometry3d& T_index_lidar) {
+                            const Eigen::Isometry3d& T_index_lidar, const MapIndex::Level* known) {
   constexpr float kKernel2 = kProbeKernelM * kProbeKernelM;
   const Eigen::Isometry3f T = T_index_lidar.cast<float>();
   std::vector<float> costs((query.points.size() + kProbeStride - 1) / kProbeStride, 1.0F);
@@ -73,6 +76,10 @@ std::vector<float> costs_at(const MapIndex::Level& level, const Query& query,
   level.for_each_nearest(costs.size(), kernel_variance_m2(kProbeKernelM), place,
                          [&](std::size_t i, const MapIndex::Level::Nearest& nearest) {
                            const Eigen::Vector3f p = place(i);
+                           if (known != nullptr && nearest.voxel == nullptr &&
+                               known->nearest(p, 1.0F).voxel == nullptr) {
+                             costs[i] = kUnknownCost;
+                           }
                            const Voxel* voxel = sharp_match(nearest, p, kProbeKernelM);
                            if (voxel == nullptr) return;
                            const float distance2_m2 = across2_m2(*voxel, p);
@@ -86,6 +93,7 @@ double rise_score(const std::vector<float>& from, const std::vector<float>& to) 
   double sum = 0.0;
   double squares = 0.0;
   for (std::size_t i = 0; i < from.size(); ++i) {
+    if (from[i] == kUnknownCost || to[i] == kUnknownCost) continue;
     const auto rise = static_cast<double>(to[i] - from[i]);
     sum += rise;
     squares += rise * rise;
@@ -115,12 +123,13 @@ Support support_of(std::span<const MapIndex::Level> levels, const Query& query,
                    const Eigen::Isometry3d& T_index_lidar, std::size_t stride) {
   const Eigen::Isometry3f T = T_index_lidar.cast<float>();
   const MapIndex::Level& fine = levels.back();
-  std::size_t inliers = 0, standing = 0, known = 0, standing_inliers = 0;
+  std::size_t inliers = 0, near = 0, standing = 0, known = 0, standing_inliers = 0;
   double squares = 0.0;
   const auto place = [&](std::size_t i) -> Eigen::Vector3f { return T * query.points[i * stride]; };
   const auto count = [&](std::size_t i, const MapIndex::Level::Nearest& nearest) {
     const Eigen::Vector3f p = place(i);
     const bool inlier = nearest.voxel != nullptr && nearest.distance2 < kMaxSurface2;
+    if (nearest.voxel != nullptr) ++near;
     if (inlier) {
       ++inliers;
       const double across = static_cast<double>(nearest.voxel->axis0.dot(p - nearest.voxel->mean));
@@ -138,6 +147,7 @@ Support support_of(std::span<const MapIndex::Level> levels, const Query& query,
   };
   Support support;
   support.inlier_ratio = share(inliers, seen);
+  support.known_inlier_ratio = share(inliers, near);
   support.rmse_m = inliers == 0 ? 0.0 : std::sqrt(squares / static_cast<double>(inliers));
   support.known_standing = known * stride;
   support.known_ratio = share(known, standing);
@@ -146,11 +156,12 @@ Support support_of(std::span<const MapIndex::Level> levels, const Query& query,
 }
 
 Observability observability_of(const MapIndex::Level& level, const Query& query,
-                               const Eigen::Isometry3d& T_index_lidar, const Matrix6d& H) {
+                               const Eigen::Isometry3d& T_index_lidar, const Matrix6d& H,
+                               const MapIndex::Level* known) {
   const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(in_metres(H));
-  const std::vector<float> here = costs_at(level, query, T_index_lidar);
+  const std::vector<float> here = costs_at(level, query, T_index_lidar, known);
   const auto score_of = [&](const Vector6d& move) {
-    return rise_score(here, costs_at(level, query, T_index_lidar * maps::exp_se3(move)));
+    return rise_score(here, costs_at(level, query, T_index_lidar * maps::exp_se3(move), known));
   };
   Observability out;
   for (Eigen::Index k = 0; k < 6; ++k) {

@@ -18,7 +18,9 @@ namespace stillmap::localization {
 struct Support {
   /// Share of all points that lie on the map's surfaces.
   double inlier_ratio = 0.0;
-  /// Root mean square distance of those to their surface [m].
+  /// The same of the points that have a voxel of the finest level around them.
+  double known_inlier_ratio = 0.0;
+  /// Root mean square distance of the inliers to their surface [m].
   double rmse_m = 0.0;
   /// Points that stand and lie where the map knows anything, and the share of all standing points.
   std::size_t known_standing = 0;
@@ -40,9 +42,12 @@ struct Observability {
 /// Moves the pose both ways along each of the weakest eigenvectors of H and compares point by
 /// point. The eigenvalues alone would not do: noise of the normals gives every direction some
 /// information.
+/// @param known  null for a map of all there is. Where a map is still growing: its coarsest level;
+/// points that it knows nothing about, here or moved, say nothing.
 [[nodiscard]] Observability observability_of(const MapIndex::Level& level, const Query& query,
                                              const Eigen::Isometry3d& T_index_lidar,
-                                             const Matrix6d& H);
+                                             const Matrix6d& H,
+                                             const MapIndex::Level* known = nullptr);
 
 /// Covariance of a pose from residuals summed in blocks of space, so that errors which neighbours
 /// share (a voxel's mean, a bent wall, a car that moved) count once: H^-1 (sum_b g_b g_b^T) H^-1
