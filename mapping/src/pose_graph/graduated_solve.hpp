@@ -4,9 +4,9 @@
 
 namespace stillmap::mapping {
 
-/// Minimum with doubtful measurements under a Geman-McClure loss, by graduated non-convexity: Yang,
-/// Antonante, Tzoumas, Carlone, "Graduated Non-Convexity for Robust Spatial Perception", RA-L 2020.
-GraphProblem::Outcome solve_graduated(const PoseGraph& graph, GraphProblem& problem,
-                                      const CancelFlag& cancel);
+/// The minimum under Geman-McClure's loss, mu of the graduated one coming down to 1 by and by, so
+/// that first guesses far off (drift of metres at a loop of centimetres) lose no right measurement.
+/// @throws Cancelled.
+GraphProblem::Outcome solve_graduated(GraphProblem& problem, const CancelFlag& cancel);
 
 }  // namespace stillmap::mapping

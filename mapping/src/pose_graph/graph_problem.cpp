@@ -4,8 +4,9 @@
 
 #include <ceres/ceres.h>
 
+#include <algorithm>
 #include <array>
-#include <cmath>
+#include <cstddef>
 
 namespace stillmap::mapping {
 namespace {
@@ -63,31 +64,23 @@ void write_jacobian(double* out, const Whitening& W, const Jacobian& J) {
 
 class RelativeCost final : public ceres::SizedCostFunction<6, 7, 7> {
  public:
-  RelativeCost(const RelativePose& edge, const double* weight)
+  explicit RelativeCost(const RelativePose& edge)
       : T_from_to_(node_pose(edge.T_from_to)),
-        whitening_(whitening(edge.covariance)),
-        weight_(weight) {}
+        whitening_(whitening(edge.covariance)) {}
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override {
     const RelativeResidual residual =
         relative_residual(node_at(parameters[0]), node_at(parameters[1]), T_from_to_);
-    const Matrix6d W = std::sqrt(*weight_) * whitening_;
-    Eigen::Map<Vector6d>{residuals} = W * residual.value;
+    Eigen::Map<Vector6d>{residuals} = whitening_ * residual.value;
     if (jacobians == nullptr) return true;
-    if (jacobians[0] != nullptr) write_jacobian(jacobians[0], W, residual.J_from);
-    if (jacobians[1] != nullptr) write_jacobian(jacobians[1], W, residual.J_to);
+    if (jacobians[0] != nullptr) write_jacobian(jacobians[0], whitening_, residual.J_from);
+    if (jacobians[1] != nullptr) write_jacobian(jacobians[1], whitening_, residual.J_to);
     return true;
-  }
-  double chi_squared(const Parameters& from, const Parameters& to) const {
-    return (whitening_ *
-            relative_residual(node_at(from.data()), node_at(to.data()), T_from_to_).value)
-        .squaredNorm();
   }
 
  private:
   NodePose T_from_to_;
   Matrix6d whitening_;
-  const double* weight_;
 };
 
 class AbsoluteCost final : public ceres::SizedCostFunction<6, 7> {
@@ -110,33 +103,72 @@ class AbsoluteCost final : public ceres::SizedCostFunction<6, 7> {
 
 class PositionCost final : public ceres::SizedCostFunction<3, 7> {
  public:
-  PositionCost(const AbsolutePosition& position, const double* weight)
+  explicit PositionCost(const AbsolutePosition& position)
       : position_map_m_(position.position_map_m),
         lever_node_m_(position.lever_node_m),
-        whitening_(whitening(position.covariance)),
-        weight_(weight) {}
+        whitening_(whitening(position.covariance)) {}
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override {
     const PositionResidual residual =
         position_residual(node_at(parameters[0]), position_map_m_, lever_node_m_);
-    const Eigen::Matrix3d W = std::sqrt(*weight_) * whitening_;
-    Eigen::Map<Eigen::Vector3d>{residuals} = W * residual.value;
+    Eigen::Map<Eigen::Vector3d>{residuals} = whitening_ * residual.value;
     if (jacobians != nullptr && jacobians[0] != nullptr)
-      write_jacobian(jacobians[0], W, residual.J);
+      write_jacobian(jacobians[0], whitening_, residual.J);
     return true;
-  }
-  double chi_squared(const Parameters& node) const {
-    return (whitening_ *
-            position_residual(node_at(node.data()), position_map_m_, lever_node_m_).value)
-        .squaredNorm();
   }
 
  private:
   Eigen::Vector3d position_map_m_;
   Eigen::Vector3d lever_node_m_;
   Eigen::Matrix3d whitening_;
-  const double* weight_;
 };
+
+/// 99.9 % points of chi-squared with 6 and 3 degrees of freedom: noise seldom goes beyond.
+constexpr double kPoseBound = 22.46;
+constexpr double kPositionBound = 16.27;
+
+class GraduatedLoss final : public ceres::LossFunction {
+ public:
+  GraduatedLoss(double bound, const double& mu) : bound_(bound), mu_(mu) {}
+  void Evaluate(double s, double* rho) const override {
+    const double c = mu_ * bound_, share = c / (c + s);
+    rho[0] = share * s;
+    rho[1] = share * share;
+    rho[2] = -2.0 * share * share / (c + s);
+  }
+  double weight(double s) const {
+    double rho[3];
+    Evaluate(s, rho);
+    return rho[1];
+  }
+  double doubt(double s) const { return s / bound_; }
+
+ private:
+  double bound_;
+  const double& mu_;
+};
+
+/// A measurement among Ceres' residuals, which owns the cost.
+struct Measurement {
+  const ceres::CostFunction* cost = nullptr;
+  /// None when it is not doubtful.
+  const GraduatedLoss* loss = nullptr;
+  std::array<const double*, 2> nodes{};
+
+  [[nodiscard]] double chi_squared() const {
+    Vector6d residual = Vector6d::Zero();
+    cost->Evaluate(nodes.data(), residual.data(), nullptr);
+    return residual.squaredNorm();
+  }
+  [[nodiscard]] double weight() const { return loss == nullptr ? 1.0 : loss->weight(chi_squared()); }
+};
+
+std::vector<double> weights_of(const std::vector<Measurement>& measurements) {
+  std::vector<double> out;
+  out.reserve(measurements.size());
+  for (const Measurement& measurement : measurements) out.push_back(measurement.weight());
+  return out;
+}
 
 class StopWhenCancelled final : public ceres::IterationCallback {
  public:
@@ -148,6 +180,13 @@ class StopWhenCancelled final : public ceres::IterationCallback {
  private:
   const CancelFlag& cancel_;
 };
+
+ceres::Problem::Options problem_options() {
+  ceres::Problem::Options options;
+  options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  return options;
+}
 
 ceres::Solver::Options solver_options() {
   ceres::Solver::Options options;
@@ -171,43 +210,38 @@ ceres::Solver::Options solver_options() {
 
 struct GraphProblem::State {
   std::vector<Parameters> nodes;
-  GraphWeights weights;
+  double mu = 1.0;
   NodeManifold manifold;
-  // Owned by the problem.
-  std::vector<RelativeCost*> relative_costs;
-  std::vector<PositionCost*> position_costs;
-  const PoseGraph* graph = nullptr;
-  ceres::Problem problem{[] {
-    ceres::Problem::Options options;
-    options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-    return options;
-  }()};
+  GraduatedLoss pose_loss{kPoseBound, mu};
+  GraduatedLoss position_loss{kPositionBound, mu};
+  std::vector<Measurement> relative_poses;
+  std::vector<Measurement> absolute_poses;
+  std::vector<Measurement> positions;
+  ceres::Problem problem{problem_options()};
+
+  template <typename... Nodes>
+  Measurement add(ceres::CostFunction* cost, GraduatedLoss* loss, Nodes... indices) {
+    problem.AddResidualBlock(cost, loss, nodes[indices].data()...);
+    return {cost, loss, {nodes[indices].data()...}};
+  }
 };
 
 GraphProblem::GraphProblem(const PoseGraph& graph) : state_(std::make_unique<State>()) {
   State& state = *state_;
-  state.graph = &graph;
   state.nodes.resize(graph.nodes.size());
-  state.weights.relative.assign(graph.relative_poses.size(), 1.0);
-  state.weights.positions.assign(graph.absolute_positions.size(), 1.0);
   for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
     store(node_pose(graph.nodes[i]), state.nodes[i].data());
     state.problem.AddParameterBlock(state.nodes[i].data(), 7, &state.manifold);
   }
-  for (std::size_t i = 0; i < graph.relative_poses.size(); ++i) {
-    const RelativePose& edge = graph.relative_poses[i];
-    state.relative_costs.push_back(new RelativeCost(edge, &state.weights.relative[i]));
-    state.problem.AddResidualBlock(state.relative_costs.back(), nullptr,
-                                   state.nodes[edge.from].data(), state.nodes[edge.to].data());
-  }
+  for (const RelativePose& edge : graph.relative_poses)
+    state.relative_poses.push_back(state.add(
+        new RelativeCost(edge), edge.doubtful ? &state.pose_loss : nullptr, edge.from, edge.to));
   for (const AbsolutePose& pose : graph.absolute_poses)
-    state.problem.AddResidualBlock(new AbsoluteCost(pose), nullptr, state.nodes[pose.node].data());
-  for (std::size_t i = 0; i < graph.absolute_positions.size(); ++i) {
-    const AbsolutePosition& position = graph.absolute_positions[i];
-    state.position_costs.push_back(new PositionCost(position, &state.weights.positions[i]));
-    state.problem.AddResidualBlock(state.position_costs.back(), nullptr,
-                                   state.nodes[position.node].data());
-  }
+    state.absolute_poses.push_back(state.add(new AbsoluteCost(pose), nullptr, pose.node));
+  for (const AbsolutePosition& position : graph.absolute_positions)
+    state.positions.push_back(state.add(new PositionCost(position),
+                                        position.doubtful ? &state.position_loss : nullptr,
+                                        position.node));
   if (graph.absolute_poses.empty() && graph.absolute_positions.empty() && !graph.nodes.empty())
     state.problem.SetParameterBlockConstant(state.nodes.front().data());
 }
@@ -224,22 +258,37 @@ GraphProblem::Outcome GraphProblem::minimize(int max_iterations, double cost_tol
   ceres::Solver::Summary summary;
   ceres::Solve(options, &state_->problem, &summary);
   if (cancel) throw Cancelled();
-  return {2.0 * summary.final_cost,
-          summary.num_successful_steps + summary.num_unsuccessful_steps,
-          summary.termination_type == ceres::CONVERGENCE};
+  // The first of Ceres' iterations is the starting point.
+  const int steps = summary.num_successful_steps + summary.num_unsuccessful_steps - 1;
+  return {std::max(steps, 0), summary.termination_type == ceres::CONVERGENCE};
 }
 
-GraphWeights& GraphProblem::weights() { return state_->weights; }
+void GraphProblem::set_mu(double mu) { state_->mu = mu; }
 
-double GraphProblem::relative_chi_squared(std::size_t index) const {
-  const RelativePose& edge = state_->graph->relative_poses[index];
-  return state_->relative_costs[index]->chi_squared(state_->nodes[edge.from],
-                                                    state_->nodes[edge.to]);
+double GraphProblem::worst_doubt() const {
+  double out = 0.0;
+  for (const std::vector<Measurement>* list : {&state_->relative_poses, &state_->positions}) {
+    for (const Measurement& measurement : *list) {
+      if (measurement.loss == nullptr) continue;
+      out = std::max(out, measurement.loss->doubt(measurement.chi_squared()));
+    }
+  }
+  return out;
 }
 
-double GraphProblem::position_chi_squared(std::size_t index) const {
-  return state_->position_costs[index]->chi_squared(
-      state_->nodes[state_->graph->absolute_positions[index].node]);
+std::vector<double> GraphProblem::relative_weights() const {
+  return weights_of(state_->relative_poses);
+}
+
+std::vector<double> GraphProblem::position_weights() const { return weights_of(state_->positions); }
+
+double GraphProblem::cost() const {
+  double out = 0.0;
+  for (const std::vector<Measurement>* list :
+       {&state_->relative_poses, &state_->absolute_poses, &state_->positions})
+    for (const Measurement& measurement : *list)
+      out += measurement.weight() * measurement.chi_squared();
+  return out;
 }
 
 std::vector<Eigen::Isometry3d> GraphProblem::nodes() const {

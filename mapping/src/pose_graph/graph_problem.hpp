@@ -8,13 +8,13 @@
 
 namespace stillmap::mapping {
 
-/// How much each measurement counts, 1 for those that are not doubtful.
-struct GraphWeights {
-  std::vector<double> relative;
-  std::vector<double> positions;
-};
-
-/// Least squares over a graph by Ceres: whitened residuals, analytic Jacobians, sparse Cholesky.
+/// A graph as Ceres minimizes it: squared whitened residuals, those of doubtful measurements under a
+/// graduated Geman-McClure loss (Yang, Antonante, Tzoumas, Carlone, "Graduated Non-Convexity for
+/// Robust Spatial Perception", RA-L 2020, section III-B) with a bound c for what noise explains,
+///
+///     mu c^2 s / (mu c^2 + s),  s the squared whitened residual,
+///
+/// which is Geman-McClure's at mu = 1 and nearly s at a large mu.
 class GraphProblem {
  public:
   /// @param graph  checked; lives longer.
@@ -24,19 +24,23 @@ class GraphProblem {
   GraphProblem& operator=(const GraphProblem&) = delete;
 
   struct Outcome {
-    /// As in `PoseGraphSolution`.
-    double cost = 0.0;
     int iterations = 0;
     bool converged = false;
   };
-  /// Moves the nodes to the minimum, or that way. @throws Cancelled.
+  /// Moves the nodes to the minimum, or that way.
+  /// @param cost_tolerance  relative change of the cost below which it is reached.
+  /// @throws Cancelled.
   Outcome minimize(int max_iterations, double cost_tolerance, const CancelFlag& cancel);
 
-  /// Of the next `minimize`.
-  [[nodiscard]] GraphWeights& weights();
-  /// Squared whitened residuals, not weighted.
-  [[nodiscard]] double relative_chi_squared(std::size_t index) const;
-  [[nodiscard]] double position_chi_squared(std::size_t index) const;
+  /// Of the doubtful measurements' loss, from the next `minimize` on; at least 1.
+  void set_mu(double mu);
+  /// The largest s / c^2 of a doubtful measurement; 0 when there is none.
+  [[nodiscard]] double worst_doubt() const;
+  /// The loss' slope at each measurement, (mu c^2 / (mu c^2 + s))^2; 1 when it is not doubtful.
+  [[nodiscard]] std::vector<double> relative_weights() const;
+  [[nodiscard]] std::vector<double> position_weights() const;
+  /// As in `PoseGraphSolution`.
+  [[nodiscard]] double cost() const;
   [[nodiscard]] std::vector<Eigen::Isometry3d> nodes() const;
 
  private:

@@ -13,12 +13,12 @@ PoseGraphSolution solve(const PoseGraph& graph, const CancelFlag& cancel) {
   check_joined(graph);
   if (cancel) throw Cancelled();
   GraphProblem problem(graph);
-  const GraphProblem::Outcome outcome = solve_graduated(graph, problem, cancel);
+  const GraphProblem::Outcome outcome = solve_graduated(problem, cancel);
   PoseGraphSolution out;
   out.nodes = problem.nodes();
-  out.relative_weights = problem.weights().relative;
-  out.position_weights = problem.weights().positions;
-  out.cost = outcome.cost;
+  out.relative_weights = problem.relative_weights();
+  out.position_weights = problem.position_weights();
+  out.cost = problem.cost();
   out.iterations = outcome.iterations;
   out.converged = outcome.converged;
   return out;
