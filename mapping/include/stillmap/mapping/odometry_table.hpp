@@ -51,7 +51,7 @@ struct OdometryTableDrive {
   std::size_t scans = 0;
   double way_m = 0.0;
   /// What the paper prints for it [m]: without removal, and its method.
-  std::optional<std::array<double, 2>> paper_m;
+  std::optional<std::array<double, 2>> paper_m = std::nullopt;
 };
 
 /// Of one path; NaN where the drive is too short to tell.

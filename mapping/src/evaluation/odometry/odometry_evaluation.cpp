@@ -141,7 +141,9 @@ OdometryEvaluation evaluate_odometry(const maps::Drive& drive,
   const std::vector<std::size_t> scans = options.selection.indices(drive.size());
   check(drive, options, scans);
   const TreatedScans treated(drive, options.movable, options.detector, scans, cancel);
-  TrajectoryOptions trajectory{.odometry = options.method, .loops = options.loops};
+  TrajectoryOptions trajectory;
+  trajectory.odometry = options.method;
+  trajectory.loops = options.loops;
   trajectory.begin = scans.front();
   trajectory.end = scans.back() + 1;
   trajectory.threads = options.threads;

@@ -43,13 +43,14 @@ PathFigures figures_of(const TrajectoryErrors& errors) {
 }
 
 OdometryTableRun run_of(const std::string& drive, const OdometryEvaluation& evaluation) {
-  OdometryTableRun run{.drive = drive,
-                       .scans = evaluation.scans,
-                       .way_m = evaluation.odometry.way_m,
-                       .method = evaluation.options.method,
-                       .points = evaluation.options.movable,
-                       .without_loops = figures_of(evaluation.odometry),
-                       .with_loops = figures_of(evaluation.errors())};
+  OdometryTableRun run;
+  run.drive = drive;
+  run.scans = evaluation.scans;
+  run.way_m = evaluation.odometry.way_m;
+  run.method = evaluation.options.method;
+  run.points = evaluation.options.movable;
+  run.without_loops = figures_of(evaluation.odometry);
+  run.with_loops = figures_of(evaluation.errors());
   run.loops_found = evaluation.loops->found;
   run.loops_right = evaluation.loops->right;
   run.revisits = evaluation.loops->revisits;

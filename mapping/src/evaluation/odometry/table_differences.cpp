@@ -20,7 +20,10 @@ const PathFigures& figures_of(const OdometryTableRun& run, bool loops) {
 
 OdometryTableDifference difference(const std::vector<OdometryTableRun>& runs,
                                    const std::string& method, bool loops, MovablePolicy points) {
-  OdometryTableDifference out{.method = method, .loops = loops, .points = points};
+  OdometryTableDifference out;
+  out.method = method;
+  out.loops = loops;
+  out.points = points;
   std::vector<double> ape_m, percent;
   for (const OdometryTableRun& raw : runs) {
     if (raw.method != method || raw.points != MovablePolicy::kKeep) continue;

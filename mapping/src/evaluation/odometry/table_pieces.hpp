@@ -14,12 +14,12 @@ namespace stillmap::mapping {
 /// A drive of the table, and where it lies.
 struct TableDrive {
   std::string name;
-  std::filesystem::path folder;
+  std::filesystem::path folder = {};
   /// What it is known by.
-  std::string key;
+  std::string key = {};
   /// None where it was given.
-  std::optional<std::uint64_t> seed;
-  std::optional<std::array<double, 2>> paper_m;
+  std::optional<std::uint64_t> seed = std::nullopt;
+  std::optional<std::array<double, 2>> paper_m = std::nullopt;
 };
 
 /// The paper's sequences that `folder` holds, or those asked for.
