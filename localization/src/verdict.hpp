@@ -9,6 +9,7 @@
 #include <Eigen/Geometry>
 
 #include <cstddef>
+#include <span>
 #include <vector>
 
 namespace stillmap::localization {
@@ -26,7 +27,8 @@ struct Support {
   /// anywhere.
   double standing_ratio = 0.0;
 };
-[[nodiscard]] Support support_of(const MapIndex& index, const Query& query,
+/// @param levels  of a map, coarse to fine, at least one.
+[[nodiscard]] Support support_of(std::span<const MapIndex::Level> levels, const Query& query,
                                  const Eigen::Isometry3d& T_index_lidar, std::size_t stride = 1);
 
 /// What the scan says about each direction at a pose.
