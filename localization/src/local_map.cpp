@@ -1,6 +1,7 @@
 #include <stillmap/localization/local_map.hpp>
 
 #include "local_voxels.hpp"
+#include "noise_information.hpp"
 #include "pose_search.hpp"
 #include "query.hpp"
 #include "registration.hpp"
@@ -31,16 +32,10 @@ void require_finite(const Eigen::Isometry3d& T, const char* name) {
   throw std::invalid_argument(fmt::format("{}: found numbers that are not finite", name));
 }
 
-Query query_of(std::span<const Eigen::Vector3f> points_lidar) {
+/// Up is taken from the odom frame, where the first scan was upright or nearly.
+Query query_of(std::span<const Eigen::Vector3f> points_lidar, const Eigen::Matrix3d& R) {
   Query query;
   query.points.assign(points_lidar.begin(), points_lidar.end());
-  query.stands.assign(points_lidar.size(), 0);
-  return query;
-}
-
-/// With the flags that a search goes by.
-Query standing_query_of(std::span<const Eigen::Vector3f> points_lidar, const Eigen::Matrix3d& R) {
-  Query query = query_of(points_lidar);
   query.stands = standing_flags(query.points, R.cast<float>());
   for (std::size_t i = 0; i < query.points.size(); ++i) {
     if (query.stands[i] != 0) query.standing.push_back(i);
@@ -111,7 +106,7 @@ Eigen::Isometry3d LocalMap::searched(std::span<const Eigen::Vector3f> points_lid
   require_finite(T_odom_lidar_guess, "T_odom_lidar_guess");
   const std::span<const MapIndex::Level> levels = state_->voxels.levels();
   if (levels.empty()) return T_odom_lidar_guess;
-  const Query query = standing_query_of(points_lidar, T_odom_lidar_guess.linear());
+  const Query query = query_of(points_lidar, T_odom_lidar_guess.linear());
   const Eigen::Isometry3d T_guess = maps::renormalized(T_odom_lidar_guess);
   const MapIndex::Level& searched_level = levels[levels.size() - 2];
   std::vector<Candidate> starts = search_poses(searched_level, state_->voxels.origin(), query,
@@ -136,16 +131,17 @@ LocalAlignment LocalMap::judged(std::span<const Eigen::Vector3f> points_lidar,
   const Eigen::Isometry3d T = state_->to_local(T_odom_lidar);
   const MapIndex::Level& level = levels.back();
   const float kernel_m = kFinalKernelShare * level.edge_m;
-  const Query query = query_of(points_lidar);
+  const Query query = query_of(points_lidar, T.linear());
   Matches matches(level, query.points);
   const ResidualRows& rows = matches.at(T, kernel_m);
   result.matched = rows.count;
   if (rows.count < LocalAlignment::kMinMatched) return result;
   const Support support = support_of(levels, query, T);
   result.inlier_ratio = support.inlier_ratio;
+  result.known_inlier_ratio = support.known_inlier_ratio;
+  result.standing_ratio = support.standing_ratio;
   result.rmse_m = support.rmse_m;
-  const NormalEquations sums = linearize(rows, T, kernel_m);
-  result.degenerate_directions = observability_of(level, query, T, sums.H).degenerate;
+  result.degenerate_directions = untold_directions(noise_information_of(level, query, T, kernel_m));
   result.covariance =
       covariance_of(rows, T, kernel_m, Vector6d::Zero(), result.degenerate_directions);
   return result;

@@ -115,12 +115,13 @@ Support support_of(std::span<const MapIndex::Level> levels, const Query& query,
                    const Eigen::Isometry3d& T_index_lidar, std::size_t stride) {
   const Eigen::Isometry3f T = T_index_lidar.cast<float>();
   const MapIndex::Level& fine = levels.back();
-  std::size_t inliers = 0, standing = 0, known = 0, standing_inliers = 0;
+  std::size_t inliers = 0, near = 0, standing = 0, known = 0, standing_inliers = 0;
   double squares = 0.0;
   const auto place = [&](std::size_t i) -> Eigen::Vector3f { return T * query.points[i * stride]; };
   const auto count = [&](std::size_t i, const MapIndex::Level::Nearest& nearest) {
     const Eigen::Vector3f p = place(i);
     const bool inlier = nearest.voxel != nullptr && nearest.distance2 < kMaxSurface2;
+    if (nearest.voxel != nullptr) ++near;
     if (inlier) {
       ++inliers;
       const double across = static_cast<double>(nearest.voxel->axis0.dot(p - nearest.voxel->mean));
@@ -138,6 +139,7 @@ Support support_of(std::span<const MapIndex::Level> levels, const Query& query,
   };
   Support support;
   support.inlier_ratio = share(inliers, seen);
+  support.known_inlier_ratio = share(inliers, near);
   support.rmse_m = inliers == 0 ? 0.0 : std::sqrt(squares / static_cast<double>(inliers));
   support.known_standing = known * stride;
   support.known_ratio = share(known, standing);

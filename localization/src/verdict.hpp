@@ -18,7 +18,9 @@ namespace stillmap::localization {
 struct Support {
   /// Share of all points that lie on the map's surfaces.
   double inlier_ratio = 0.0;
-  /// Root mean square distance of those to their surface [m].
+  /// The same of the points that have a voxel of the finest level around them.
+  double known_inlier_ratio = 0.0;
+  /// Root mean square distance of the inliers to their surface [m].
   double rmse_m = 0.0;
   /// Points that stand and lie where the map knows anything, and the share of all standing points.
   std::size_t known_standing = 0;

@@ -19,7 +19,11 @@ struct LocalAlignment {
   std::vector<Eigen::Matrix<double, 6, 1>> degenerate_directions;
   /// Share of the points that lie on the map's surfaces, in [0, 1].
   double inlier_ratio = 0.0;
-  /// Root mean square distance of those to their surface [m].
+  /// The same of the points around which the map knows anything; and of those that stand above the
+  /// ground, of which less fits by chance. 0 where there are none.
+  double known_inlier_ratio = 0.0;
+  double standing_ratio = 0.0;
+  /// Root mean square distance of the inliers to their surface [m].
   double rmse_m = 0.0;
   /// Points that tell where the scan is; with fewer than `kMinMatched` there is no pose.
   std::size_t matched = 0;

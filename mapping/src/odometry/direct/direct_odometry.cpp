@@ -30,18 +30,21 @@ constexpr double kMaxPredictedS = 2.0;
 /// Least and most that a prediction counts as off [m].
 constexpr double kLeastOffM = 0.12;
 constexpr double kMostOffM = 3.0;
+/// How far a place that was searched for may be off [m].
+constexpr double kSearchedOffM = 0.6;
 /// Deviations that the search reaches.
 constexpr double kOffDeviations = 3.0;
 /// Weight of the newest deviation in their mean square.
 constexpr double kNewest = 0.15;
-/// Deviation of speeds before any was seen [m/s]: from standing to driving.
-constexpr double kUnknownOffRate = 15.0;
-/// A match that explains less than this share of the points, or this much less than the last ones
-/// did, is looked for farther away.
-constexpr double kLeastInliers = 0.45;
-constexpr double kInliersOfUsual = 0.75;
+/// Deviation of speeds before any was seen [m/s].
+constexpr double kUnknownOffRate = 3.0;
+/// A match is doubted, and looked for farther away, when of the points that fall where the map
+/// knows anything fewer than this share lie on it, or of those that stand this much less than
+/// lately.
+constexpr double kSureInliers = 0.6;
+constexpr double kStandingOfUsual = 0.7;
 /// Below it there is no match.
-constexpr double kNoMatchInliers = 0.25;
+constexpr double kLeastInliers = 0.45;
 /// The map takes a scan when the sensor has moved so far, or turned so much, since the last one.
 constexpr double kMapStepM = 0.5;
 constexpr double kMapStepRad = 0.05;
@@ -78,7 +81,22 @@ class DirectOdometry : public Odometry {
     Eigen::Isometry3d T_odom_lidar = Eigen::Isometry3d::Identity();
     Vector6d twist = Vector6d::Zero();
   };
+  /// Where the points of a scan lie, and how sure that is.
+  struct Found {
+    Eigen::Isometry3d T_odom_lidar;
+    LocalAlignment match;
+  };
+  /// Aligns from a start, deskewed by `twist` at first and by the motion that is found then.
+  [[nodiscard]] Found aligned(const ThinnedScan& scan, const Vector6d& twist,
+                              const Eigen::Isometry3d& T_start, double off_m, double dt_s) const;
+  [[nodiscard]] Found searched(const ThinnedScan& scan, const Vector6d& twist,
+                               const Eigen::Isometry3d& T_start, double dt_s) const;
+  /// Motion of the sensor since the last scan as a rate.
+  [[nodiscard]] Vector6d twist_to(const Eigen::Isometry3d& T_odom_lidar, double dt_s) const {
+    return maps::log_se3(last_->T_odom_lidar.inverse() * T_odom_lidar) / dt_s;
+  }
   void place(const ThinnedScan& scan, double dt_s, OdometryPose& pose);
+  void start_anew(const ThinnedScan& scan, double dt_s);
   void learn(const Vector6d& deviation, double dt_s);
   void take(const ThinnedScan& scan, const OdometryPose& pose);
 
@@ -88,7 +106,9 @@ class DirectOdometry : public Odometry {
   std::size_t scans_in_map_ = 0;
   /// Mean square of how fast predictions went astray [m^2/s^2].
   double off_rate2_ = kUnknownOffRate * kUnknownOffRate;
-  double usual_inliers_ = 0.0;
+  double usual_standing_ = 0.0;
+  /// The first scan, until the second tells how the sensor moved meanwhile.
+  std::optional<ThinnedScan> first_;
 };
 
 std::vector<Eigen::Vector3f> deskewed(maps::PointCloud cloud, const Vector6d& twist) {
@@ -107,56 +127,83 @@ OdometryPose DirectOdometry::add(const Prepared& prepared) {
     }
     place(scan, dt_s, pose);
   }
+  if (!last_ && scan.dense.size() >= kMinPoints) first_ = scan;
   take(scan, pose);
   last_ = Last{scan.stamp_ns, pose.T_odom_lidar, pose.twist_lidar};
   return pose;
 }
 
+DirectOdometry::Found DirectOdometry::aligned(const ThinnedScan& scan, const Vector6d& twist,
+                                              const Eigen::Isometry3d& T_start, double off_m,
+                                              double dt_s) const {
+  std::vector<Eigen::Vector3f> points = deskewed(scan.sparse, twist);
+  Eigen::Isometry3d T = map_.refined(points, T_start, off_m);
+  if (!scan.sparse.time_offsets_s.empty()) {
+    points = deskewed(scan.sparse, twist_to(T, dt_s));
+    T = map_.refined(points, T, kLeastOffM);
+  }
+  return {T, map_.judged(points, T)};
+}
+
+DirectOdometry::Found DirectOdometry::searched(const ThinnedScan& scan, const Vector6d& twist,
+                                               const Eigen::Isometry3d& T_start,
+                                               double dt_s) const {
+  const Eigen::Isometry3d T = map_.searched(deskewed(scan.sparse, twist), T_start);
+  return aligned(scan, twist, T, kSearchedOffM, dt_s);
+}
+
+/// The first scan could not be deskewed. With the same skew in both the motion from it to the
+/// second is nearly right, which deskews both.
+void DirectOdometry::start_anew(const ThinnedScan& scan, double dt_s) {
+  Eigen::Isometry3d T = last_->T_odom_lidar;
+  T = map_.searched(scan.sparse.positions, T);
+  T = map_.refined(scan.sparse.positions, T, kSearchedOffM);
+  for (int round = 0; round < (first_->dense.time_offsets_s.empty() ? 0 : 2); ++round) {
+    map_ = LocalMap();
+    map_.add(deskewed(first_->dense, twist_to(T, dt_s)), last_->T_odom_lidar);
+    T = map_.refined(deskewed(scan.sparse, twist_to(T, dt_s)), T, kSearchedOffM);
+  }
+  last_->twist = twist_to(T, dt_s);
+}
+
 void DirectOdometry::place(const ThinnedScan& scan, double dt_s, OdometryPose& pose) {
-  const Vector6d predicted_twist = last_->twist;
+  const bool enough = scan.sparse.size() >= kMinPoints && map_.voxel_count() > 0;
+  if (first_ && enough) {
+    start_anew(scan, dt_s);
+    first_.reset();
+  }
   const double off_m =
       std::clamp(kLeastOffM + kOffDeviations * std::sqrt(off_rate2_) * dt_s, kLeastOffM, kMostOffM);
   const Eigen::Isometry3d T_predicted = maps::renormalized(
-      last_->T_odom_lidar * maps::exp_se3(predicted_twist * std::min(dt_s, kMaxPredictedS)));
+      last_->T_odom_lidar * maps::exp_se3(last_->twist * std::min(dt_s, kMaxPredictedS)));
   pose.T_odom_lidar = T_predicted;
-  pose.twist_lidar = predicted_twist;
-  const auto twist_to = [&](const Eigen::Isometry3d& T) -> Vector6d {
-    return maps::log_se3(last_->T_odom_lidar.inverse() * T) / dt_s;
-  };
-  if (scan.sparse.size() < kMinPoints || map_.voxel_count() == 0) return;
+  pose.twist_lidar = last_->twist;
+  if (!enough) return;
 
-  std::vector<Eigen::Vector3f> points = deskewed(scan.sparse, predicted_twist);
-  Eigen::Isometry3d T = map_.refined(points, T_predicted, off_m);
-  if (!scan.sparse.time_offsets_s.empty()) {
-    points = deskewed(scan.sparse, twist_to(T));
-    T = map_.refined(points, T, kLeastOffM);
+  Found found = aligned(scan, last_->twist, T_predicted, off_m, dt_s);
+  if (found.match.known_inlier_ratio < kSureInliers ||
+      found.match.standing_ratio < kStandingOfUsual * usual_standing_) {
+    Found far = searched(scan, last_->twist, T_predicted, dt_s);
+    if (far.match.inlier_ratio > found.match.inlier_ratio) found = std::move(far);
   }
-  LocalAlignment match = map_.judged(points, T);
-  if (match.inlier_ratio < std::max(kLeastInliers, kInliersOfUsual * usual_inliers_)) {
-    Eigen::Isometry3d T_far = map_.searched(points, T_predicted);
-    T_far = map_.refined(points, T_far, 0.6);
-    if (!scan.sparse.time_offsets_s.empty()) {
-      points = deskewed(scan.sparse, twist_to(T_far));
-      T_far = map_.refined(points, T_far, kLeastOffM);
-    }
-    LocalAlignment far = map_.judged(points, T_far);
-    if (far.inlier_ratio > match.inlier_ratio) match = far;
-  }
+  const LocalAlignment& match = found.match;
   pose.inlier_ratio = match.inlier_ratio;
-  if (match.matched < LocalAlignment::kMinMatched || match.inlier_ratio < kNoMatchInliers) return;
+  if (match.matched < LocalAlignment::kMinMatched || match.known_inlier_ratio < kLeastInliers)
+    return;
 
-  const Vector6d deviation = without(maps::log_se3(T_predicted.inverse() * match.T_odom_lidar),
+  const Vector6d deviation = without(maps::log_se3(T_predicted.inverse() * found.T_odom_lidar),
                                      match.degenerate_directions);
-  pose.status =
-      match.degenerate_directions.empty() ? OdometryStatus::kMatched : OdometryStatus::kPartly;
-  pose.T_odom_lidar = match.degenerate_directions.empty()
-                          ? match.T_odom_lidar
-                          : maps::renormalized(T_predicted * maps::exp_se3(deviation));
+  pose.status = OdometryStatus::kMatched;
+  pose.T_odom_lidar = found.T_odom_lidar;
+  if (!match.degenerate_directions.empty()) {
+    pose.status = OdometryStatus::kPartly;
+    pose.T_odom_lidar = maps::renormalized(T_predicted * maps::exp_se3(deviation));
+  }
   pose.degenerate_directions = match.degenerate_directions;
   pose.covariance = match.covariance;
-  pose.twist_lidar = twist_to(pose.T_odom_lidar);
+  pose.twist_lidar = twist_to(pose.T_odom_lidar, dt_s);
   learn(deviation, dt_s);
-  usual_inliers_ += kNewest * (match.inlier_ratio - usual_inliers_);
+  usual_standing_ += kNewest * (match.standing_ratio - usual_standing_);
 }
 
 void DirectOdometry::learn(const Vector6d& deviation, double dt_s) {
