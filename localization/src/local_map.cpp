@@ -1,6 +1,7 @@
 #include <stillmap/localization/local_map.hpp>
 
 #include "local_voxels.hpp"
+#include "noise_information.hpp"
 #include "pose_search.hpp"
 #include "query.hpp"
 #include "registration.hpp"
@@ -140,9 +141,7 @@ LocalAlignment LocalMap::judged(std::span<const Eigen::Vector3f> points_lidar,
   result.known_inlier_ratio = support.known_inlier_ratio;
   result.standing_ratio = support.standing_ratio;
   result.rmse_m = support.rmse_m;
-  const NormalEquations sums = linearize(rows, T, kernel_m);
-  result.degenerate_directions =
-      observability_of(level, query, T, sums.H, &levels.front()).degenerate;
+  result.degenerate_directions = untold_directions(noise_information_of(level, query, T, kernel_m));
   result.covariance =
       covariance_of(rows, T, kernel_m, Vector6d::Zero(), result.degenerate_directions);
   return result;

@@ -61,12 +61,9 @@ bool is_known(std::span<const MapIndex::Level> levels, const Eigen::Vector3f& p)
   return levels.front().nearest(p, 1.0F).voxel != nullptr;
 }
 
-/// Cost of a point in space that the map does not know.
-constexpr float kUnknownCost = -1.0F;
-
-/// Costs of some of the points at a pose. @param known  see `observability_of`.
+/// Costs of some of the points at a pose.
 std::vector<float> costs_at(const MapIndex::Level& level, const Query& query,
-                            const Eigen::Isometry3d& T_index_lidar, const MapIndex::Level* known) {
+                            const Eigen::Isometry3d& T_index_lidar) {
   constexpr float kKernel2 = kProbeKernelM * kProbeKernelM;
   const Eigen::Isometry3f T = T_index_lidar.cast<float>();
   std::vector<float> costs((query.points.size() + kProbeStride - 1) / kProbeStride, 1.0F);
@@ -76,10 +73,6 @@ std::vector<float> costs_at(const MapIndex::Level& level, const Query& query,
   level.for_each_nearest(costs.size(), kernel_variance_m2(kProbeKernelM), place,
                          [&](std::size_t i, const MapIndex::Level::Nearest& nearest) {
                            const Eigen::Vector3f p = place(i);
-                           if (known != nullptr && nearest.voxel == nullptr &&
-                               known->nearest(p, 1.0F).voxel == nullptr) {
-                             costs[i] = kUnknownCost;
-                           }
                            const Voxel* voxel = sharp_match(nearest, p, kProbeKernelM);
                            if (voxel == nullptr) return;
                            const float distance2_m2 = across2_m2(*voxel, p);
@@ -93,7 +86,6 @@ double rise_score(const std::vector<float>& from, const std::vector<float>& to) 
   double sum = 0.0;
   double squares = 0.0;
   for (std::size_t i = 0; i < from.size(); ++i) {
-    if (from[i] == kUnknownCost || to[i] == kUnknownCost) continue;
     const auto rise = static_cast<double>(to[i] - from[i]);
     sum += rise;
     squares += rise * rise;
@@ -156,12 +148,11 @@ Support support_of(std::span<const MapIndex::Level> levels, const Query& query,
 }
 
 Observability observability_of(const MapIndex::Level& level, const Query& query,
-                               const Eigen::Isometry3d& T_index_lidar, const Matrix6d& H,
-                               const MapIndex::Level* known) {
+                               const Eigen::Isometry3d& T_index_lidar, const Matrix6d& H) {
   const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(in_metres(H));
-  const std::vector<float> here = costs_at(level, query, T_index_lidar, known);
+  const std::vector<float> here = costs_at(level, query, T_index_lidar);
   const auto score_of = [&](const Vector6d& move) {
-    return rise_score(here, costs_at(level, query, T_index_lidar * maps::exp_se3(move), known));
+    return rise_score(here, costs_at(level, query, T_index_lidar * maps::exp_se3(move)));
   };
   Observability out;
   for (Eigen::Index k = 0; k < 6; ++k) {

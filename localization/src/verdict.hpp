@@ -42,12 +42,9 @@ struct Observability {
 /// Moves the pose both ways along each of the weakest eigenvectors of H and compares point by
 /// point. The eigenvalues alone would not do: noise of the normals gives every direction some
 /// information.
-/// @param known  null for a map of all there is. Where a map is still growing: its coarsest level;
-/// points that it knows nothing about, here or moved, say nothing.
 [[nodiscard]] Observability observability_of(const MapIndex::Level& level, const Query& query,
                                              const Eigen::Isometry3d& T_index_lidar,
-                                             const Matrix6d& H,
-                                             const MapIndex::Level* known = nullptr);
+                                             const Matrix6d& H);
 
 /// Covariance of a pose from residuals summed in blocks of space, so that errors which neighbours
 /// share (a voxel's mean, a bent wall, a car that moved) count once: H^-1 (sum_b g_b g_b^T) H^-1

@@ -42,8 +42,9 @@ struct Seconds {
 Seconds now() {
   timespec cpu{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &cpu);
-  return {std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(),
-          static_cast<double>(cpu.tv_sec) + 1e-9 * static_cast<double>(cpu.tv_nsec)};
+  return {
+      std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(),
+      static_cast<double>(cpu.tv_sec) + 1e-9 * static_cast<double>(cpu.tv_nsec)};
 }
 
 void measure(const Request& request) {
@@ -51,8 +52,8 @@ void measure(const Request& request) {
   std::mt19937_64 random(request.seed);
   mapping::PoseGraph right = DriftingOdometry{}.follow(truth, random);
   const std::size_t chain = right.relative_poses.size();
-  const auto wrong = static_cast<std::size_t>(
-      std::lround(request.wrong * static_cast<double>(request.loops)));
+  const auto wrong =
+      static_cast<std::size_t>(std::lround(request.wrong * static_cast<double>(request.loops)));
   add_loops(right, truth, request.loops - wrong, random);
   const std::size_t first_wrong = right.relative_poses.size();
   mapping::PoseGraph graph = right;
@@ -81,10 +82,11 @@ void measure(const Request& request) {
     else
       most_wrong = std::max(most_wrong, weight);
   }
-  fmt::print("{} keyframes, {} right loops ({} lost, least weight {:.3f}), {} wrong ({} believed, "
-             "most weight {:.2g})\n",
-             request.nodes, first_wrong - chain, lost, least_right,
-             graph.relative_poses.size() - first_wrong, believed, most_wrong);
+  fmt::print(
+      "{} keyframes, {} right loops ({} lost, least weight {:.3f}), {} wrong ({} believed, "
+      "most weight {:.2g})\n",
+      request.nodes, first_wrong - chain, lost, least_right,
+      graph.relative_poses.size() - first_wrong, believed, most_wrong);
   fmt::print("error: odometry {:.3f} m, solved {:.3f} m, without wrong loops {:.3f} m\n",
              position_rmse_m(graph.nodes, truth), position_rmse_m(solution.nodes, truth),
              position_rmse_m(without.nodes, truth));

@@ -70,10 +70,10 @@ struct StreetDrive {
   [[nodiscard]] Eigen::Isometry3d at(int x, int y, int heading, double along_m) const {
     const double yaw = 0.5 * std::numbers::pi * heading;
     Eigen::Isometry3d out = Eigen::Isometry3d::Identity();
-    out.translation() << block_m * x + along_m * std::cos(yaw), block_m * y + along_m * std::sin(yaw),
-        0.0;
-    out.translation().z() = 5.0 * std::sin(0.01 * out.translation().x()) +
-                            3.0 * std::cos(0.02 * out.translation().y());
+    out.translation() << block_m * x + along_m * std::cos(yaw),
+        block_m * y + along_m * std::sin(yaw), 0.0;
+    out.translation().z() =
+        5.0 * std::sin(0.01 * out.translation().x()) + 3.0 * std::cos(0.02 * out.translation().y());
     out.linear() = (Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) *
                     Eigen::AngleAxisd(0.03 * std::sin(0.1 * along_m), Eigen::Vector3d::UnitY()))
                        .toRotationMatrix();
@@ -98,11 +98,10 @@ struct DriftingOdometry {
       Eigen::Isometry3d T = truth[i - 1].inverse() * truth[i];
       const double length_m = T.translation().norm();
       T.translation() *= 1.0 + scale_bias;
-      T.linear() = T.linear() * Eigen::AngleAxisd(yaw_bias_rad_per_m * length_m,
-                                                  Eigen::Vector3d::UnitZ());
+      T.linear() =
+          T.linear() * Eigen::AngleAxisd(yaw_bias_rad_per_m * length_m, Eigen::Vector3d::UnitZ());
       T = disturbed(T, sigma_m, sigma_rad, random);
-      graph.relative_poses.push_back(
-          {i - 1, i, T, diagonal_covariance(sigma_m, sigma_rad), false});
+      graph.relative_poses.push_back({i - 1, i, T, diagonal_covariance(sigma_m, sigma_rad), false});
       graph.nodes.push_back(graph.nodes.back() * T);
     }
     return graph;
@@ -147,7 +146,8 @@ inline void add_random_wrong_loops(mapping::PoseGraph& graph,
     if (to - from < 100 || (truth[from].translation() - truth[to].translation()).norm() < 20.0)
       continue;
     Eigen::Isometry3d T = disturbed(Eigen::Isometry3d::Identity(), 1.0, 0.05, random);
-    if (random() % 2 == 0) T.linear() = T.linear() * Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitZ());
+    if (random() % 2 == 0)
+      T.linear() = T.linear() * Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitZ());
     graph.relative_poses.push_back(loop(from, to, T, random));
     --count;
   }

@@ -8,6 +8,7 @@
 namespace stillmap::mapping {
 namespace {
 
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using localization::AlignmentResult;
 using localization::PoseStatus;
 
@@ -19,9 +20,10 @@ constexpr double kMostAwayM = 12.0;
 /// Of six degrees of freedom one in a million is beyond 38.3.
 constexpr double kMostChiSquared = 38.3;
 
-/// How much of its way odometry may be off within a submap and a view: its points lie so far from
-/// where they belong [1], which the aligner takes for exact.
-constexpr double kSubmapDriftShare = 0.002;
+/// The map of a stretch is bent as odometry is on so much of its way [m], which the aligner cannot
+/// know: errors of neighbouring keyframes average out in part. Measured on simulated drives with
+/// random walks of three sizes added (mapping/loops.md).
+constexpr double kBentWayM = 2.5;
 
 /// Loops closer than this along both ways can speak for each other [m].
 constexpr double kAgreeingWayM = 30.0;
@@ -36,6 +38,12 @@ bool is_sure(const AlignmentResult& result) {
   return std::all_of(result.reasons.begin(), result.reasons.end(), [&](const std::string& reason) {
     return reason == "unobservable_direction" || (open_direction && reason == "large_covariance");
   });
+}
+
+/// Of a pose in the map of a stretch, in the query's frame.
+Matrix6d covariance_of_bend(const Submap& submap, const Loop& loop, const OdometryPath& path) {
+  const Matrix6d per_m = path.covariance_per_m(submap.keyframes.front(), submap.keyframes.back());
+  return kBentWayM * carried(loop.T_from_to.inverse(), per_m);
 }
 
 bool agree(const Loop& a, const Loop& b, const OdometryPath& path) {
@@ -64,7 +72,7 @@ std::optional<Loop> check_loop(const Proposal& proposal, const std::vector<Eigen
   loop.to = proposal.query;
   loop.T_from_to = submap.pose_of(loop.from).inverse() * result.T_map_lidar;
   if (!(loop.T_from_to.translation().norm() < kMostAwayM)) return std::nullopt;
-  loop.covariance = result.covariance;
+  loop.covariance = result.covariance + covariance_of_bend(submap, loop, path);
   loop.inlier_ratio = result.inlier_ratio;
   loop.rmse_m = result.rmse_m;
   if (path.drive(loop.from) == path.drive(loop.to) &&

@@ -31,12 +31,12 @@ Matrix6d adjoint(const Eigen::Isometry3d& T) {
   return out;
 }
 
+}  // namespace
+
 Matrix6d carried(const Eigen::Isometry3d& T, const Matrix6d& covariance) {
   const Matrix6d Ad = adjoint(T);
   return Ad * covariance * Ad.transpose();
 }
-
-}  // namespace
 
 UncertainMotion composed(const UncertainMotion& a, const UncertainMotion& b) {
   return {maps::renormalized(a.T * b.T), carried(b.T.inverse(), a.covariance) + b.covariance};
@@ -56,11 +56,12 @@ double chi_squared(const UncertainMotion& a, const UncertainMotion& b) {
 
 void OdometryPath::append(const Eigen::Isometry3d& T_odom_lidar, const Matrix6d& motion_covariance,
                           std::uint32_t drive) {
-  Node node{T_odom_lidar, drive, 0.0, Matrix6d::Zero()};
+  Node node{T_odom_lidar, drive, 0.0, Matrix6d::Zero(), Matrix6d::Zero()};
   if (!nodes_.empty() && nodes_.back().drive == drive) {
     const Node& last = nodes_.back();
     node.travelled_m =
         last.travelled_m + (T_odom_lidar.translation() - last.T_odom_lidar.translation()).norm();
+    node.own_sum = last.own_sum + motion_covariance;
     node.sum = last.sum + carried(T_odom_lidar, motion_covariance);
   }
   nodes_.push_back(node);
@@ -69,6 +70,12 @@ void OdometryPath::append(const Eigen::Isometry3d& T_odom_lidar, const Matrix6d&
 double OdometryPath::way_m(std::size_t a, std::size_t b) const {
   if (nodes_[a].drive != nodes_[b].drive) return std::numeric_limits<double>::infinity();
   return std::abs(nodes_[a].travelled_m - nodes_[b].travelled_m);
+}
+
+Matrix6d OdometryPath::covariance_per_m(std::size_t from, std::size_t to) const {
+  const double way = way_m(from, to);
+  if (!(way > 0.0)) return Matrix6d::Zero();
+  return (nodes_[std::max(from, to)].own_sum - nodes_[std::min(from, to)].own_sum) / way;
 }
 
 double OdometryPath::least_drift_m(double way_m) { return kDriftShare * way_m; }

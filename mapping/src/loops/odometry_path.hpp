@@ -15,6 +15,10 @@ struct UncertainMotion {
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
 };
 
+/// Covariance of Ad(T) x: of a perturbation moved from the right of T to its left.
+[[nodiscard]] Eigen::Matrix<double, 6, 6> carried(const Eigen::Isometry3d& T,
+                                                  const Eigen::Matrix<double, 6, 6>& covariance);
+
 /// T = a.T b.T, errors of the two independent.
 [[nodiscard]] UncertainMotion composed(const UncertainMotion& a, const UncertainMotion& b);
 /// The motion back.
@@ -48,6 +52,10 @@ class OdometryPath {
   /// with the way and not with its root.
   /// @param from, to  of one drive, in any order.
   [[nodiscard]] UncertainMotion motion(std::size_t from, std::size_t to) const;
+  /// What odometry's own covariances come to on a metre of the stretch, in the lidar frames on the
+  /// way, without any share; zero where it has no length.
+  [[nodiscard]] Eigen::Matrix<double, 6, 6> covariance_per_m(std::size_t from,
+                                                             std::size_t to) const;
   /// Deviation of the share alone, on an axis [m].
   [[nodiscard]] static double least_drift_m(double way_m);
 
@@ -59,6 +67,8 @@ class OdometryPath {
     /// Sum of the covariances of the steps so far, as perturbations on the left (exp(x) T), so
     /// that any stretch is a difference of two.
     Eigen::Matrix<double, 6, 6> sum;
+    /// The same as they came.
+    Eigen::Matrix<double, 6, 6> own_sum;
   };
   std::vector<Node> nodes_;
 };

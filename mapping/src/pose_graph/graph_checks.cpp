@@ -113,8 +113,7 @@ void check_joined(const PoseGraph& graph) {
   JoinedSets sets(count + 1);
   for (const RelativePose& edge : graph.relative_poses) sets.join(edge.from, edge.to);
   for (const AbsolutePose& pose : graph.absolute_poses) sets.join(pose.node, count);
-  for (const AbsolutePosition& position : graph.absolute_positions)
-    sets.join(position.node, count);
+  for (const AbsolutePosition& position : graph.absolute_positions) sets.join(position.node, count);
   for (std::size_t i = 0; i < count; ++i) {
     if (sets.set_of(i) != sets.set_of(0))
       throw std::invalid_argument(

@@ -65,8 +65,7 @@ void write_jacobian(double* out, const Whitening& W, const Jacobian& J) {
 class RelativeCost final : public ceres::SizedCostFunction<6, 7, 7> {
  public:
   explicit RelativeCost(const RelativePose& edge)
-      : T_from_to_(node_pose(edge.T_from_to)),
-        whitening_(whitening(edge.covariance)) {}
+      : T_from_to_(node_pose(edge.T_from_to)), whitening_(whitening(edge.covariance)) {}
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override {
     const RelativeResidual residual =
@@ -160,7 +159,9 @@ struct Measurement {
     cost->Evaluate(nodes.data(), residual.data(), nullptr);
     return residual.squaredNorm();
   }
-  [[nodiscard]] double weight() const { return loss == nullptr ? 1.0 : loss->weight(chi_squared()); }
+  [[nodiscard]] double weight() const {
+    return loss == nullptr ? 1.0 : loss->weight(chi_squared());
+  }
 };
 
 std::vector<double> weights_of(const std::vector<Measurement>& measurements) {

@@ -87,8 +87,7 @@ AbsoluteResidual absolute_residual(const NodePose& node, const NodePose& measure
   AbsoluteResidual out;
   out.value = measured.step_to(node);
   out.J << (measured.q_map_node.conjugate() * node.q_map_node).toRotationMatrix(),
-      Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Zero(),
-      inverse_right_jacobian(out.value.tail<3>());
+      Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Zero(), inverse_right_jacobian(out.value.tail<3>());
   return out;
 }
 

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <stdexcept>
 
@@ -40,8 +41,14 @@ constexpr double kMinInliers = 0.25;
 constexpr int kMaxLost = 3;
 /// A longer step between stamps [s] is a jump of the clock, not of the sensor: the motion is then
 /// taken for that of a usual period.
-constexpr double kMaxGapS = 1.0;
+constexpr double kMaxGapS = 3.0;
 constexpr double kFirstPeriodS = 0.1;
+/// What a prediction may be off by [m]: at first, at least, and in deviations of the last ones, of
+/// which the newest has this weight.
+constexpr double kFirstOffM = 3.0;
+constexpr double kLeastOffM = 0.3;
+constexpr double kOffDeviations = 4.0;
+constexpr double kNewest = 0.15;
 
 struct PreparedFeatures : Odometry::Prepared {
   std::int64_t stamp_ns = 0;
@@ -64,10 +71,14 @@ class LoamOdometry : public Odometry {
 
  private:
   [[nodiscard]] double period_to(const PreparedFeatures& scan);
+  [[nodiscard]] double off_m() const {
+    return std::clamp(kOffDeviations * std::sqrt(off2_m2_), kLeastOffM, kFirstOffM);
+  }
   void place(const PreparedFeatures& scan, double period_s, OdometryPose& pose);
   [[nodiscard]] loam::SweepMatch since_last(const PreparedFeatures& scan, double period_s);
   [[nodiscard]] loam::MapMatch refine(const PreparedFeatures& scan, double period_s,
                                       const Eigen::Isometry3d& T_odom_lidar) const;
+  void learn(Vector6 deviation, bool matched);
   void take(const PreparedFeatures& scan, const OdometryPose& pose);
   void map_first();
   void add_to_map(const loam::Features& features, const Eigen::Isometry3d& T_odom_lidar,
@@ -80,6 +91,8 @@ class LoamOdometry : public Odometry {
   loam::FeatureMaps map_{{kCellM, kEdgeVoxelM}, {kCellM, kPlaneVoxelM}};
   Eigen::Vector3d forgot_at_ = Eigen::Vector3d::Zero();
   double period_s_ = kFirstPeriodS;
+  /// Mean square of what predictions were off by [m^2], rotations at kLeverM.
+  double off2_m2_ = kFirstOffM * kFirstOffM;
   int lost_ = 0;
   /// Scans on end that were predicted.
   int predicted_ = 0;
@@ -126,7 +139,7 @@ loam::SweepMatch LoamOdometry::since_last(const PreparedFeatures& scan, double p
   if (!previous_) return match;
   // The first sweep is skewed by a motion that only the next one tells.
   for (int round = 0; round < (first_ ? kFirstRounds : 1); ++round) {
-    match = loam::match_sweep(scan.features, period_s, *previous_, match.T);
+    match = loam::match_sweep(scan.features, period_s, *previous_, match.T, off_m());
     if (!first_) continue;
     last_->twist = maps::log_se3(loam::isometry(match.T)) / period_s;
     previous_ = searchable(*first_, last_->twist);
@@ -168,10 +181,17 @@ void LoamOdometry::place(const PreparedFeatures& scan, double period_s, Odometry
     pose.status =
         pose.degenerate_directions.empty() ? OdometryStatus::kMatched : OdometryStatus::kPartly;
   }
+  learn(maps::log_se3(T_predicted.inverse() * pose.T_odom_lidar), mapped || swept);
   lost_ = mapped || scan.planes.empty() ? 0 : lost_ + 1;
   predicted_ = mapped || swept ? 0 : predicted_ + 1;
   pose.covariance = loam::covariance_of(mapped ? &match : nullptr, period_s, predicted_);
   pose.twist_lidar = maps::log_se3(last_->T_odom_lidar.inverse() * pose.T_odom_lidar) / period_s;
+}
+
+void LoamOdometry::learn(Vector6 deviation, bool matched) {
+  deviation.tail<3>() *= loam::kLeverM;
+  const double squared = matched ? deviation.squaredNorm() : kFirstOffM * kFirstOffM;
+  off2_m2_ += (matched ? kNewest : 1.0) * (squared - off2_m2_);
 }
 
 void LoamOdometry::take(const PreparedFeatures& scan, const OdometryPose& pose) {

@@ -7,6 +7,8 @@ namespace {
 
 /// Fewer correspondences do not make a pose.
 constexpr std::size_t kMinCorrespondences = 50;
+/// Reach of the weights [m]: what the match with the sweep before may be off by.
+constexpr double kReachM = 0.3;
 
 /// A surface of the odom frame in the lidar frame of `T`.
 Surface seen_from(const Surface& surface, const Eigen::Isometry3d& T_odom_lidar) {
@@ -49,7 +51,7 @@ MapMatch match_map(const std::vector<Feature>& edges, const std::vector<Feature>
       told = told_by(found, Motion::Zero());
       match.untold = told.untold;
     }
-    const MotionFit fit = fit_motion(found, Motion::Zero(), told);
+    const MotionFit fit = fit_motion(found, Motion::Zero(), told, kReachM);
     match.T_odom_lidar = maps::renormalized(match.T_odom_lidar * isometry(fit.T));
     match.information = fit.information;
     match.variance_m2 = fit.variance_m2;

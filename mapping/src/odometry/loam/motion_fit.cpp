@@ -24,10 +24,8 @@ constexpr double kSettledRad = 2e-5;
 constexpr double kBisquare = 4.685;
 /// From a median of absolute values to a deviation.
 constexpr double kMedianToDeviation = 1.4826;
-/// The weights reach at least and at most so far [m]: noise of the sensor, and what a first
-/// prediction may be off by.
-constexpr double kMinReachM = 0.1;
-constexpr double kMaxReachM = 2.0;
+/// The weights reach at most so far [m].
+constexpr double kMaxReachM = 3.0;
 
 struct Normal {
   Matrix6 H = Matrix6::Zero();
@@ -43,11 +41,11 @@ std::vector<double> distances(std::span<const Correspondence> all, const Motion&
   return d;
 }
 
-std::vector<double> bisquare_weights(const std::vector<double>& d) {
+std::vector<double> bisquare_weights(const std::vector<double>& d, double least_m) {
   std::vector<double> sorted = d;
   const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
   std::nth_element(sorted.begin(), middle, sorted.end());
-  const double reach = std::clamp(kBisquare * kMedianToDeviation * *middle, kMinReachM, kMaxReachM);
+  const double reach = std::clamp(kBisquare * kMedianToDeviation * *middle, least_m, kMaxReachM);
   std::vector<double> weights(d.size());
   for (std::size_t i = 0; i < d.size(); ++i) {
     const double u = d[i] / reach;
@@ -134,11 +132,12 @@ Told told_by(std::span<const Correspondence> correspondences, const Motion& T) {
 }
 
 MotionFit fit_motion(std::span<const Correspondence> correspondences, const Motion& T,
-                     const Told& told) {
+                     const Told& told, double reach_m) {
   MotionFit fit;
   fit.T = T;
   if (correspondences.size() < 6 || told.directions.cols() == 0) return fit;
-  const std::vector<double> weights = bisquare_weights(distances(correspondences, T));
+  const std::vector<double> weights =
+      bisquare_weights(distances(correspondences, T), std::min(reach_m, kMaxReachM));
   double damping = kFirstDamping;
   double cost = cost_of(distances(correspondences, T), weights);
   for (int k = 0; k < kSteps; ++k) {

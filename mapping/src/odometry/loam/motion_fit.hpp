@@ -51,8 +51,10 @@ struct MotionFit {
 /// distances of eq. (9) and (10), with bisquare weights: 1 at no distance, 0 beyond 4.685 robust
 /// deviations of all distances (section V.C: farther ones weigh less, outliers nothing).
 /// @param correspondences  6 rows or more, else nothing moves.
+/// @param reach_m  weights reach at least so far, > 0: what T may be off by. Most of a street tells
+/// nothing about the way along it, so a T that is a metre off there has a small median.
 [[nodiscard]] MotionFit fit_motion(std::span<const Correspondence> correspondences, const Motion& T,
-                                   const Told& told);
+                                   const Told& told, double reach_m);
 
 /// A feature this near to its line or plane counts as on it [m].
 inline constexpr double kInlierM = 0.2;

@@ -2,11 +2,16 @@
 
 #include <stillmap/maps/frames.hpp>
 
+#include <algorithm>
+
 namespace stillmap::mapping::loam {
 namespace {
 
 /// Rounds of looking for correspondences anew; a match that has settled ends earlier.
-constexpr int kRounds = 6;
+constexpr int kRounds = 15;
+/// Reach of the weights at the end [m], and what it shrinks by from round to round.
+constexpr double kLastReachM = 0.3;
+constexpr double kShrink = 0.7;
 /// Fewer correspondences do not make a motion.
 constexpr std::size_t kMinCorrespondences = 30;
 
@@ -51,10 +56,11 @@ std::vector<Feature> at_stamp(const std::vector<Feature>& features,
 }
 
 SweepMatch match_sweep(const Features& features, double period_s, const PreviousSweep& previous,
-                       const Motion& predicted) {
+                       const Motion& predicted, double off_m) {
   SweepMatch match;
   match.T = predicted;
   Told told;
+  double reach_m = std::max(kLastReachM, off_m);
   for (int round = 0; round < kRounds; ++round) {
     const auto found = correspondences(features, period_s, previous, match.T);
     if (found.size() < kMinCorrespondences) return match;
@@ -62,11 +68,12 @@ SweepMatch match_sweep(const Features& features, double period_s, const Previous
       told = told_by(found, match.T);
       match.untold = told.untold;
     }
-    const MotionFit fit = fit_motion(found, match.T, told);
+    const MotionFit fit = fit_motion(found, match.T, told, reach_m);
     match.T = fit.T;
     match.inlier_ratio = static_cast<double>(inliers(found, fit.T)) /
                          static_cast<double>(features.edges.size() + features.planes.size());
-    if (fit.settled) break;
+    if (fit.settled && reach_m <= kLastReachM) break;
+    reach_m = std::max(kLastReachM, kShrink * reach_m);
   }
   return match;
 }

@@ -30,8 +30,9 @@ struct SweepMatch {
 
 /// Lidar odometry (section V, Algorithm 1): motion of the sensor since the sweep before.
 /// @param period_s  between the stamps, > 0. @param predicted  where the search starts; stays as it
-/// is along what the sweep does not tell.
+/// is along what the sweep does not tell. @param off_m  what it may be off by.
 [[nodiscard]] SweepMatch match_sweep(const Features& features, double period_s,
-                                     const PreviousSweep& previous, const Motion& predicted);
+                                     const PreviousSweep& previous, const Motion& predicted,
+                                     double off_m);
 
 }  // namespace stillmap::mapping::loam
