@@ -114,14 +114,13 @@ class Report {
                 text_of(errors.aligned_m.mean, 3, "m"), text_of(errors.aligned_m.rmse, 3, "m"),
                 text_of(errors.aligned_m.max, 3, "m"), text_of(errors.from_start_m.rmse, 3, "m"),
                 text_of(errors.relative.translation_percent_10m, 3, "%"),
-                text_of(errors.relative.turned_percent_10m, 3, "%"),
                 text_of(errors.relative.rotation_deg_10m, 4, "deg")});
   }
 
   void add_table() {
     html_ += "<h2>Errors</h2>\n<div class=\"scroll\"><table>" +
              row_of({"", "KITTI translation", "rotation in 100 m", "APE mean", "ATE rmse",
-                     "farthest", "rmse from the start", "over 10 m", "turned", "turn in 10 m"},
+                     "farthest", "rmse from the start", "over 10 m", "turn in 10 m"},
                     "th");
     add_row(key("c0", "odometry alone"), evaluation_.odometry);
     if (evaluation_.corrected) add_row(key("c2", "with loops"), *evaluation_.corrected);
