@@ -17,8 +17,8 @@ namespace stillmap::mapping {
 /// which is Geman-McClure's at mu = 1 and nearly s at a large mu.
 class GraphProblem {
  public:
-  /// @param graph  checked; lives longer.
-  explicit GraphProblem(const PoseGraph& graph);
+  /// @param graph  checked.  @param start  T_map_node of each node.
+  GraphProblem(const PoseGraph& graph, const std::vector<Eigen::Isometry3d>& start);
   ~GraphProblem();
   GraphProblem(const GraphProblem&) = delete;
   GraphProblem& operator=(const GraphProblem&) = delete;
