@@ -20,9 +20,10 @@ namespace {
 using loam::Feature;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
-/// Cells reach a metre, as far as the authors' code looks for five neighbours; voxels of the map.
-constexpr double kCellM = 2.0;
+/// Five neighbours are looked for within half a cell; voxels of the map.
+constexpr double kEdgeCellM = 1.0;
 constexpr double kEdgeVoxelM = 0.2;
+constexpr double kPlaneCellM = 2.0;
 constexpr double kPlaneVoxelM = 0.4;
 /// Features of a sweep that are matched with the map, one a voxel of this size.
 constexpr double kMatchedEdgeVoxelM = 0.4;
@@ -30,9 +31,8 @@ constexpr double kMatchedPlaneVoxelM = 1.0;
 constexpr double kMapRadiusM = loam::kMaxRangeM + 10.0;
 /// The map forgets what is far each time the sensor has moved so far.
 constexpr double kForgetEachM = 10.0;
-/// Rounds of deskewing and matching with the map.
-constexpr int kDeskewRounds = 2;
-constexpr int kMapRounds = 3;
+/// Rounds of deskewing, looking for neighbours in the map, and matching with them.
+constexpr int kMapRounds = 4;
 /// Rounds in which the first two sweeps learn their motion from each other.
 constexpr int kFirstRounds = 4;
 /// Below this share of features on what was seen before there is no match.
@@ -88,7 +88,7 @@ class LoamOdometry : public Odometry {
   std::optional<loam::PreviousSweep> previous_;
   /// The first sweep until the next has told how the sensor moved.
   std::optional<loam::Features> first_;
-  loam::FeatureMaps map_{{kCellM, kEdgeVoxelM}, {kCellM, kPlaneVoxelM}};
+  loam::FeatureMaps map_{{kEdgeCellM, kEdgeVoxelM}, {kPlaneCellM, kPlaneVoxelM}};
   Eigen::Vector3d forgot_at_ = Eigen::Vector3d::Zero();
   double period_s_ = kFirstPeriodS;
   /// Mean square of what predictions were off by [m^2], rotations at kLeverM.
@@ -151,11 +151,11 @@ loam::MapMatch LoamOdometry::refine(const PreparedFeatures& scan, double period_
                                     const Eigen::Isometry3d& T_odom_lidar) const {
   loam::MapMatch match;
   match.T_odom_lidar = T_odom_lidar;
-  for (int round = 0; round < kDeskewRounds; ++round) {
+  for (int round = 0; round < kMapRounds && !match.settled; ++round) {
     const Vector6 twist =
         maps::log_se3(last_->T_odom_lidar.inverse() * match.T_odom_lidar) / period_s;
     match = loam::match_map(loam::at_stamp(scan.edges, twist), loam::at_stamp(scan.planes, twist),
-                            map_, match.T_odom_lidar, kMapRounds);
+                            map_, match);
   }
   return match;
 }
@@ -173,7 +173,7 @@ void LoamOdometry::place(const PreparedFeatures& scan, double period_s, Odometry
   pose.inlier_ratio = std::max(match.inlier_ratio, swept ? sweep.inlier_ratio : 0.0);
   if (mapped) {
     pose.T_odom_lidar = match.T_odom_lidar;
-    pose.degenerate_directions = match.untold;
+    if (match.told) pose.degenerate_directions = match.told->untold;
   } else if (swept) {
     pose.degenerate_directions = sweep.untold;
   }

@@ -18,8 +18,8 @@ constexpr double kMinEigenvalueShare = 2e-3;
 constexpr int kSteps = 4;
 constexpr double kFirstDamping = 1e-4;
 /// Steps below these end a fit [m], [rad].
-constexpr double kSettledM = 2e-4;
-constexpr double kSettledRad = 2e-5;
+constexpr double kSettledM = 5e-4;
+constexpr double kSettledRad = 5e-5;
 /// Tuning constant of the bisquare for 95 % efficiency on Gaussian noise.
 constexpr double kBisquare = 4.685;
 /// From a median of absolute values to a deviation.
@@ -35,8 +35,10 @@ struct Normal {
 /// Distances at T.
 std::vector<double> distances(std::span<const Correspondence> all, const Motion& T) {
   std::vector<double> d(all.size());
+  PartOfMotion part(T);
   for (std::size_t i = 0; i < all.size(); ++i) {
-    d[i] = all[i].surface.distance(to_before(T, all[i].share, all[i].X));
+    part.go_to(all[i].share);
+    d[i] = all[i].surface.distance(part * all[i].X);
   }
   return d;
 }
@@ -63,12 +65,14 @@ double cost_of(const std::vector<double>& d, const std::vector<double>& weights)
 Normal linearize(std::span<const Correspondence> all, const Motion& T,
                  const std::vector<double>* weights) {
   Normal normal;
+  PartOfMotion part(T);
   for (std::size_t i = 0; i < all.size(); ++i) {
     const double w = weights == nullptr ? 1.0 : (*weights)[i];
     if (!(w > 0.0)) continue;
     const Correspondence& c = all[i];
-    const Eigen::Vector3d off = to_before(T, c.share, c.X) - c.surface.point;
-    const Eigen::Matrix<double, 3, 6> dX = to_before_jacobian(T, c.share, c.X);
+    part.go_to(c.share);
+    const Eigen::Vector3d off = part * c.X - c.surface.point;
+    const Eigen::Matrix<double, 3, 6> dX = part.jacobian(c.X);
     for (int row = 0; row < c.surface.rows; ++row) {
       const Eigen::Vector3d& n = c.surface.normals[static_cast<std::size_t>(row)];
       const Vector6 J = dX.transpose() * n;

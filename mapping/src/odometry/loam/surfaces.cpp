@@ -49,7 +49,8 @@ Spread spread_of(std::span<const Eigen::Vector3f> neighbours) {
 
 double Surface::distance(const Eigen::Vector3d& X) const {
   const double first = normals[0].dot(X - point);
-  return rows == 1 ? std::abs(first) : std::hypot(first, normals[1].dot(X - point));
+  const double second = normals[1].dot(X - point);
+  return rows == 1 ? std::abs(first) : std::sqrt(first * first + second * second);
 }
 
 std::optional<Surface> line_through(const Eigen::Vector3d& j, const Eigen::Vector3d& l) {
