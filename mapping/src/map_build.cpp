@@ -1,3 +1,5 @@
+#include "build/build_journal.hpp"
+#include "build/build_key.hpp"
 #include "build/drive_set.hpp"
 #include "build/manifest.hpp"
 #include "build/object_pass.hpp"
@@ -23,6 +25,9 @@ namespace stillmap::mapping {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+
+/// In the package while it is written: what outlives a kill.
+constexpr const char* kJournalFolder = "journal";
 
 /// Whole metres, so that the same place gets the same origin from slightly different poses.
 Eigen::Vector3d origin_of(const DriveSet& drives) {
@@ -119,18 +124,24 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
   const std::unique_ptr<Cleaner> cleaner = cleaner_of(options.clean, make_cleaner);
   const DriveSet drives(folders, options);
   const Edits edits = options.edits_file ? read_edits(*options.edits_file) : Edits{};
-  maps::MapPackageWriter writer(target);
+  maps::MapPackageWriter writer(target, kJournalFolder);
   const std::filesystem::path scratch = writer.folder() / "scratch";
   std::filesystem::create_directory(scratch);
   const VoxelGrid grid(origin_of(drives), options.voxel_size_m);
   ScanStages stages(drives, options, grid);
   stages.learn(cancel);
+  BuildJournal journal(writer.folder() / kJournalFolder, "survey",
+                       survey_key(drives, options, ScanStages::learned_scans(drives)));
 
   MapBuildReport report;
   std::vector<maps::MapObject> map_objects;
   {
-    const auto survey = survey_scans(drives, stages, scratch, options.threads, progress, cancel);
+    const auto survey =
+        survey_scans(drives, stages, scratch, options.threads, journal, progress, cancel);
     report.stage_seconds = survey->stage_seconds;
+    report.resumed_scans = survey->resumed;
+    if (!journal.discarded().empty())
+      report.warnings.push_back("work of a killed build was thrown away: " + journal.discarded());
     BuildObjects objects;
     {
       const StageTimer timer(report.stage_seconds, "fuse");

@@ -1,0 +1,25 @@
+#pragma once
+
+#include "build/drive_set.hpp"
+
+#include <stillmap/mapping/map_build.hpp>
+
+#include <span>
+#include <string>
+
+namespace stillmap::mapping {
+
+/// The key of pass 1's journal: everything that decides what is found in a scan but the scan's own
+/// file, a line each: the program's and its libraries' code, the instruction set, options and the
+/// files that they name, the drives' stamps and poses, the scans that the ground stage learned
+/// from.
+/// @param learned  ordinals of these. Their files are read.
+/// @throws maps::StorageError naming a file.
+[[nodiscard]] std::string survey_key(const DriveSet& drives, const MapBuildOptions& options,
+                                     std::span<const std::size_t> learned);
+
+/// What is loaded into this process, so that another build of the program or a library is told from
+/// this one although both have one version. SHA-256, hex.
+[[nodiscard]] std::string running_code();
+
+}  // namespace stillmap::mapping
