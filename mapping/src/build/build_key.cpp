@@ -89,10 +89,14 @@ std::string names_of(const maps::Drive& drive) {
 }  // namespace
 
 std::string running_code() {
-  LoadedObjects loaded;
-  ::dl_iterate_phdr(add_object, &loaded);
-  if (loaded.failed) std::rethrow_exception(loaded.failed);
-  return maps::sha256_of(loaded.ids);
+  // Once: TBB loads libraries of its own when it is first used.
+  static const std::string code = [] {
+    LoadedObjects loaded;
+    ::dl_iterate_phdr(add_object, &loaded);
+    if (loaded.failed) std::rethrow_exception(loaded.failed);
+    return maps::sha256_of(loaded.ids);
+  }();
+  return code;
 }
 
 std::string survey_key(const DriveSet& drives, const MapBuildOptions& options,

@@ -18,8 +18,8 @@ namespace stillmap::mapping {
 [[nodiscard]] std::string survey_key(const DriveSet& drives, const MapBuildOptions& options,
                                      std::span<const std::size_t> learned);
 
-/// What is loaded into this process, so that another build of the program or a library is told from
-/// this one although both have one version. SHA-256, hex.
+/// What is loaded into this process when it is first asked for, so that another build of the
+/// program or a library is told from this one although both have one version. SHA-256, hex.
 [[nodiscard]] std::string running_code();
 
 }  // namespace stillmap::mapping

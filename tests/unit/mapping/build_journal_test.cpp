@@ -152,7 +152,7 @@ TEST_F(Journal, TakesZerosOfAPowerCutForNoRecords) {
 
 TEST_F(Journal, RefusesSizesThatNoFileHas) {
   const std::string whole = three_records();
-  for (const unsigned char high : {0x7F, 0x80, 0xFF}) {
+  for (const int high : {0x7F, 0x80, 0xFF}) {
     std::string changed = whole;
     changed[72 + kKey.size() + 7] = static_cast<char>(high);
     write(changed);
