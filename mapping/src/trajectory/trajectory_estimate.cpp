@@ -45,7 +45,8 @@ void follow(const maps::Drive& drive, std::size_t number, const TrajectoryOption
             LoopFinder* finder, Odometries& out, const ProgressCallback& progress,
             const CancelFlag& cancel, const ScanReader& read) {
   const std::size_t end = std::min(options.end.value_or(drive.size()), drive.size());
-  EstimatedDrive estimated{.begin = options.begin};
+  EstimatedDrive estimated;
+  estimated.begin = options.begin;
   KeyframeChooser chooser;
   const auto take = [&](std::size_t index, const maps::Scan& scan, const OdometryPose& pose) {
     const auto chosen = chooser.add(pose);
