@@ -68,6 +68,24 @@ Vector6d without(const Vector6d& motion, const std::vector<Vector6d>& directions
   return left;
 }
 
+/// Rows and columns of the rotations times a factor.
+Matrix6d rotations_times(Matrix6d matrix, double factor) {
+  matrix.bottomRows<3>() *= factor;
+  matrix.rightCols<3>() *= factor;
+  return matrix;
+}
+
+/// Covariance of a match, but along some directions that of the prediction.
+Matrix6d with_predicted(const Matrix6d& match, const std::vector<Vector6d>& directions,
+                        const Matrix6d& prediction) {
+  Matrix6d kept = Matrix6d::Identity();
+  for (const Vector6d& direction : directions) kept -= direction * direction.transpose();
+  const Matrix6d rest = Matrix6d::Identity() - kept;
+  const Matrix6d in_m = kept * rotations_times(match, kLeverM) * kept +
+                        rest * rotations_times(prediction, kLeverM) * rest;
+  return rotations_times(0.5 * (in_m + in_m.transpose()), 1.0 / kLeverM);
+}
+
 class DirectOdometry : public Odometry {
  public:
   [[nodiscard]] std::unique_ptr<Prepared> prepare(const maps::Scan& scan) const override {
@@ -101,6 +119,12 @@ class DirectOdometry : public Odometry {
   void place(const ThinnedScan& scan, double dt_s, OdometryPose& pose);
   void start_anew(const ThinnedScan& scan, double dt_s);
   void learn(const Vector6d& deviation, double dt_s);
+  /// By how much predictions were off lately.
+  [[nodiscard]] Matrix6d covariance_of_prediction(double dt_s) const {
+    const double t = std::min(dt_s, kMaxPredictedS);
+    const double variance_m2 = kLeastOffM * kLeastOffM / 9.0 + off_rate2_ * t * t;
+    return rotations_times(variance_m2 * Matrix6d::Identity(), 1.0 / kLeverM);
+  }
   void take(const ThinnedScan& scan, const OdometryPose& pose);
 
   LocalMap map_;
@@ -173,6 +197,8 @@ DirectOdometry::Found DirectOdometry::best_of_widening(const ThinnedScan& scan,
     if (found.match.fit > best.match.fit) best = std::move(found);
   };
   try_too(aligned(scan, last_->twist, T_predicted, kMostOffM, dt_s));
+  // A jerk ends, and constant velocity would go on turning.
+  try_too(aligned(scan, Vector6d::Zero(), last_->T_odom_lidar, kMostOffM, dt_s));
   try_too(searched(scan, last_->twist, T_predicted, dt_s));
   return best;
 }
@@ -203,6 +229,7 @@ void DirectOdometry::place(const ThinnedScan& scan, double dt_s, OdometryPose& p
       last_->T_odom_lidar * maps::exp_se3(last_->twist * std::min(dt_s, kMaxPredictedS)));
   pose.T_odom_lidar = T_predicted;
   pose.twist_lidar = last_->twist;
+  pose.covariance = covariance_of_prediction(dt_s);
   if (!enough) return;
 
   const Found found = best_of_widening(scan, T_predicted, off_m, dt_s);
@@ -219,8 +246,9 @@ void DirectOdometry::place(const ThinnedScan& scan, double dt_s, OdometryPose& p
     pose.status = OdometryStatus::kPartly;
     pose.T_odom_lidar = maps::renormalized(T_predicted * maps::exp_se3(deviation));
   }
+  pose.covariance =
+      with_predicted(match.covariance, match.degenerate_directions, covariance_of_prediction(dt_s));
   pose.degenerate_directions = match.degenerate_directions;
-  pose.covariance = match.covariance;
   pose.twist_lidar = twist_to(pose.T_odom_lidar, dt_s);
   learn(deviation, dt_s);
   ++placed_;
