@@ -43,7 +43,8 @@ std::vector<double> distances(std::span<const Correspondence> all, const Motion&
   return d;
 }
 
-std::vector<double> bisquare_weights(const std::vector<double>& d, double least_m) {
+std::vector<double> bisquare_weights(std::span<const Correspondence> all,
+                                     const std::vector<double>& d, double least_m) {
   std::vector<double> sorted = d;
   const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
   std::nth_element(sorted.begin(), middle, sorted.end());
@@ -51,7 +52,7 @@ std::vector<double> bisquare_weights(const std::vector<double>& d, double least_
   std::vector<double> weights(d.size());
   for (std::size_t i = 0; i < d.size(); ++i) {
     const double u = d[i] / reach;
-    weights[i] = u < 1.0 ? (1.0 - u * u) * (1.0 - u * u) : 0.0;
+    weights[i] = u < 1.0 ? all[i].surface.weight * (1.0 - u * u) * (1.0 - u * u) : 0.0;
   }
   return weights;
 }
@@ -140,8 +141,8 @@ MotionFit fit_motion(std::span<const Correspondence> correspondences, const Moti
   MotionFit fit;
   fit.T = T;
   if (correspondences.size() < 6 || told.directions.cols() == 0) return fit;
-  const std::vector<double> weights =
-      bisquare_weights(distances(correspondences, T), std::min(reach_m, kMaxReachM));
+  const std::vector<double> weights = bisquare_weights(
+      correspondences, distances(correspondences, T), std::min(reach_m, kMaxReachM));
   double damping = kFirstDamping;
   double cost = cost_of(distances(correspondences, T), weights);
   for (int k = 0; k < kSteps; ++k) {
