@@ -113,8 +113,8 @@ TEST(PoseGraphAnchors, AbsolutePosesPullByTheirCovariances) {
   graph.absolute_poses = {{0, Eigen::Isometry3d::Identity(), test::diagonal_covariance(1.0, 1e-3)},
                           {1, T, test::diagonal_covariance(2.0, 1e-3)}};
   const PoseGraphSolution solution = solve(graph, kGoOn);
-  EXPECT_NEAR(solution.nodes[0].translation().x(), 1.0, 1e-5);
-  EXPECT_NEAR(solution.nodes[1].translation().x(), 11.0, 1e-5);
+  EXPECT_NEAR(solution.nodes[0].translation().x(), 1.0, 1e-3);
+  EXPECT_NEAR(solution.nodes[1].translation().x(), 11.0, 1e-3);
   EXPECT_NEAR(solution.cost, 1.0 + 4.0, 1e-5);
 }
 
