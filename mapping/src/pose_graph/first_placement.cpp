@@ -14,7 +14,7 @@
 namespace stillmap::mapping {
 namespace {
 
-/// Of three positions each; with half of them wrong, one in a million tries finds no right three.
+/// Of three positions each; with half of them wrong, two graphs in a million meet no right three.
 constexpr std::size_t kDraws = 100;
 /// Measurements that a placement is judged by; more would say the same.
 constexpr std::size_t kJudges = 400;
@@ -87,14 +87,15 @@ Eigen::Isometry3d refined(const std::vector<Anchor>& anchors, Eigen::Isometry3d 
 Eigen::Isometry3d placed_by_anchors(const std::vector<Anchor>& anchors) {
   std::vector<Eigen::Isometry3d> tries{Eigen::Isometry3d::Identity()};
   std::mt19937_64 random(1);
-  const bool rotations = std::ranges::any_of(anchors, &Anchor::has_rotation);
+  std::vector<const Anchor*> poses;
+  for (const Anchor& anchor : anchors)
+    if (anchor.has_rotation) poses.push_back(&anchor);
   for (std::size_t draw = 0; draw < kDraws; ++draw) {
     const auto any = [&] { return &anchors[random() % anchors.size()]; };
-    const Anchor* one = any();
-    if (one->has_rotation)
-      tries.push_back(one->T_map * one->T_part.inverse());
-    else if (!rotations)
-      tries.push_back(fitted({one, any(), any()}));
+    tries.push_back(fitted({any(), any(), any()}));
+    if (poses.empty()) continue;
+    const Anchor* pose = poses[random() % poses.size()];
+    tries.push_back(pose->T_map * pose->T_part.inverse());
   }
   std::pair<double, Eigen::Isometry3d> best{std::numeric_limits<double>::infinity(), tries.front()};
   const auto judge = [&](const Eigen::Isometry3d& T_map_part) {
@@ -102,7 +103,7 @@ Eigen::Isometry3d placed_by_anchors(const std::vector<Anchor>& anchors) {
     if (median_m < best.first) best = {median_m, T_map_part};
   };
   for (const Eigen::Isometry3d& T_map_part : tries) judge(T_map_part);
-  if (!rotations) judge(refined(anchors, best.second));
+  if (poses.empty()) judge(refined(anchors, best.second));
   return best.second;
 }
 

@@ -10,7 +10,7 @@ namespace stillmap::mapping {
 
 /// A graph as Ceres minimizes it: squared whitened residuals, those of doubtful measurements under
 /// a graduated Geman-McClure loss (Yang, Antonante, Tzoumas, Carlone, "Graduated Non-Convexity for
-/// Robust Spatial Perception", RA-L 2020, section III-B) with a bound c for what noise explains,
+/// Robust Spatial Perception", RA-L 2020) with a bound c for what noise explains,
 ///
 ///     mu c^2 s / (mu c^2 + s),  s the squared whitened residual,
 ///

@@ -99,7 +99,7 @@ TEST(PoseGraphAnchors, OnePositionMovesAndDoesNotTurn) {
   graph.absolute_positions = {{0, {5.0, 6.0, 7.0}, kLever, Eigen::Matrix3d::Identity(), false}};
   const PoseGraphSolution solution = solve(graph, kGoOn);
   EXPECT_THAT(solution.nodes[0] * kLever, test::IsNearVector(Eigen::Vector3d(5, 6, 7), 1e-6));
-  EXPECT_TRUE(solution.nodes[0].matrix().allFinite());
+  EXPECT_LT(test::rotation_error_rad(solution.nodes[0], graph.nodes[0]), 1e-6);
 }
 
 TEST(PoseGraphAnchors, AbsolutePosesPullByTheirCovariances) {
@@ -113,8 +113,8 @@ TEST(PoseGraphAnchors, AbsolutePosesPullByTheirCovariances) {
   graph.absolute_poses = {{0, Eigen::Isometry3d::Identity(), test::diagonal_covariance(1.0, 1e-3)},
                           {1, T, test::diagonal_covariance(2.0, 1e-3)}};
   const PoseGraphSolution solution = solve(graph, kGoOn);
-  EXPECT_NEAR(solution.nodes[0].translation().x(), 1.0, 1e-5);
-  EXPECT_NEAR(solution.nodes[1].translation().x(), 11.0, 1e-5);
+  EXPECT_NEAR(solution.nodes[0].translation().x(), 1.0, 1e-3);
+  EXPECT_NEAR(solution.nodes[1].translation().x(), 11.0, 1e-3);
   EXPECT_NEAR(solution.cost, 1.0 + 4.0, 1e-5);
 }
 
@@ -124,6 +124,9 @@ TEST(PoseGraphAnchors, AbsolutePosesGeoReferenceAnyFrame) {
   for (const std::size_t node : {std::size_t{10}, std::size_t{350}})
     positions.graph.absolute_poses.push_back(
         {node, positions.truth[node], test::diagonal_covariance(0.05, 0.01)});
+  // One position among them must not hide the poses.
+  positions.graph.absolute_positions.push_back(
+      {200, positions.truth[200] * kLever, kLever, 25.0 * Eigen::Matrix3d::Identity(), true});
   const PoseGraphSolution solution = solve(positions.graph, kGoOn);
   EXPECT_LT(test::position_rmse_m(solution.nodes, positions.truth), 2.0);
   EXPECT_LT(test::rotation_error_rad(solution.nodes[200], positions.truth[200]), 0.1);
