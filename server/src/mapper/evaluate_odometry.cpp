@@ -40,29 +40,31 @@ struct EvaluateArguments {
   mapping::OdometryEvaluationOptions options;
 };
 
-std::string text_of(double value, int digits, const char* unit) {
-  return std::isfinite(value) ? fmt::format("{:.{}f} {}", value, digits, unit) : "-";
+std::string number(double value, int digits) {
+  return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "-";
 }
 
 void print_errors(const OdometryEvaluation& result) {
-  constexpr const char* kRow = "{:<16}{:>12}{:>14}{:>12}{:>12}{:>14}{:>14}{:>14}\n";
+  constexpr const char* kRow = "{:<16}{:>11}{:>13}{:>10}{:>10}{:>16}{:>10}{:>12}{:>12}\n";
   fmt::print("\n");
   fmt::print(fmt::runtime(kRow), "", "KITTI [%]", "[deg/100 m]", "APE [m]", "ATE [m]",
-             "from start [m]", "10 m [%]", "10 m [deg]");
+             "from start [m]", "10 m [%]", "turned [%]", "10 m [deg]");
   const auto print = [&](const char* name, const TrajectoryErrors& errors) {
-    fmt::print(fmt::runtime(kRow), name, text_of(errors.kitti.translation_percent, 3, ""),
-               text_of(errors.kitti.rotation_deg_per_100m, 4, ""),
-               text_of(errors.aligned_m.mean, 3, ""), text_of(errors.aligned_m.rmse, 3, ""),
-               text_of(errors.from_start_m.rmse, 3, ""),
-               text_of(errors.relative.translation_percent_10m, 3, ""),
-               text_of(errors.relative.rotation_deg_10m, 4, ""));
+    fmt::print(fmt::runtime(kRow), name, number(errors.kitti.translation_percent, 3),
+               number(errors.kitti.rotation_deg_per_100m, 4), number(errors.aligned_m.mean, 3),
+               number(errors.aligned_m.rmse, 3), number(errors.from_start_m.rmse, 3),
+               number(errors.relative.translation_percent_10m, 3),
+               number(errors.relative.turned_percent_10m, 3),
+               number(errors.relative.rotation_deg_10m, 4));
   };
   print("odometry alone", result.odometry);
   if (result.corrected) print("with loops", *result.corrected);
   fmt::print(
       "\nAPE (mean) and ATE (root mean square) after the best rigid motion without scale; from "
-      "start: root\nmean square with nothing but the first poses in common. -: the drive is "
-      "shorter than a segment.\n");
+      "start: root mean\nsquare with nothing but the first poses in common; turned: without the "
+      "{} deg by which the reference's\nsensor frame is turned. -: the drive is shorter than a "
+      "segment.\n",
+      number(result.odometry.relative.turn_deg, 2));
 }
 
 std::string text_of(const mapping::LoopScores& loops) {

@@ -180,6 +180,8 @@ TEST(TrajectoryErrors, AVehicleThatStoodHasDistancesButNoPercentages) {
   EXPECT_NEAR(errors.way_m, 0.0, 1e-12);
   EXPECT_TRUE(std::isnan(errors.kitti.translation_percent));
   EXPECT_TRUE(std::isnan(errors.relative.translation_percent_10m));
+  EXPECT_TRUE(std::isnan(errors.relative.turned_percent_10m));
+  EXPECT_TRUE(std::isnan(errors.relative.turn_deg));
 }
 
 TEST(TrajectoryErrors, ADriveShorterThanALengthSaysNothingAboutIt) {
@@ -195,6 +197,33 @@ TEST(TrajectoryErrors, ADriveShorterThanALengthSaysNothingAboutIt) {
   EXPECT_EQ(some.kitti.lengths[0].segments, 15U);
   EXPECT_EQ(some.kitti.lengths[1].segments, 5U);
   EXPECT_EQ(some.kitti.segments, 20U);
+}
+
+TEST(TrajectoryErrors, ATurnedReferenceIsToldFromOdometrysOwnErrors) {
+  // The reference's sensor looks 1 deg to the side and 0.5 deg up; odometry is 0.3 % too long.
+  const Eigen::Isometry3d T_reference_lidar(
+      Eigen::AngleAxisd(1.0 * kDeg, Eigen::Vector3d::UnitZ()) *
+      Eigen::AngleAxisd(0.5 * kDeg, Eigen::Vector3d::UnitY()));
+  Poses truth, estimate;
+  for (const Eigen::Isometry3d& T : straight(201, 0.5)) truth.push_back(T);
+  for (const Eigen::Isometry3d& T : straight(201, 0.5, 1.003))
+    estimate.push_back(T_reference_lidar * T * T_reference_lidar.inverse());
+  const RelativeErrors errors = relative_errors(truth, estimate);
+  EXPECT_NEAR(errors.translation_percent_10m, 100.0 * std::hypot(1.0, 0.5) * kDeg, 0.05);
+  EXPECT_NEAR(errors.turn_deg, std::hypot(1.0, 0.5), 1e-3);
+  EXPECT_NEAR(errors.turned_percent_10m, 0.3, 1e-6);
+}
+
+TEST(TrajectoryErrors, WhatTurnsWithinTheDriveIsNotTakenOut) {
+  // Odometry slips to the left in the first half, to the right in the second.
+  Poses estimate;
+  for (std::size_t i = 0; i < 201; ++i) {
+    const double x = 0.5 * static_cast<double>(i);
+    estimate.push_back(pose(x, 0.02 * (x < 50.0 ? x : 100.0 - x), 0.0));
+  }
+  const RelativeErrors errors = relative_errors(straight(201, 0.5), estimate);
+  EXPECT_GT(errors.turned_percent_10m, errors.translation_percent_10m);
+  EXPECT_LT(errors.turn_deg, 0.3);
 }
 
 TEST(TrajectoryErrors, OnePoseHasNoMotion) {

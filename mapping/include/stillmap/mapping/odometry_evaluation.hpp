@@ -45,6 +45,12 @@ struct RelativeErrors {
   std::size_t segments_10m = 0;
   double translation_percent_10m = 0.0;
   double rotation_deg_10m = 0.0;
+  /// Angle between the mean directions of these motions in the two sensor frames: how far the
+  /// reference's sensor is turned, whatever its roll. GNSS and inertial systems are off by a
+  /// degree.
+  double turn_deg = 0.0;
+  /// Translation with that turn taken out: of each half of the drive, the turn of the other half.
+  double turned_percent_10m = 0.0;
   /// From a pose to the next.
   ErrorFigures step_translation_m;
   ErrorFigures step_rotation_deg;

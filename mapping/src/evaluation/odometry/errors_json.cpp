@@ -40,6 +40,8 @@ Json errors_json(const TrajectoryErrors& errors) {
            {{"translation_percent_10m", number_json(relative.translation_percent_10m)},
             {"rotation_deg_10m", number_json(relative.rotation_deg_10m)},
             {"segments_10m", relative.segments_10m},
+            {"turn_deg", number_json(relative.turn_deg)},
+            {"turned_translation_percent_10m", number_json(relative.turned_percent_10m)},
             {"next_translation_m", figures_json(relative.step_translation_m)},
             {"next_rotation_deg", figures_json(relative.step_rotation_deg)}}},
           {"distance_aligned_m", figures_json(errors.aligned_m)},

@@ -110,7 +110,8 @@ class TablePlan {
               options.movable = points;
               options.detector = options_.detector;
               options.threads = options_.threads;
-              const std::filesystem::path scratch = work_ / "scratch";
+              std::filesystem::path scratch = piece.file;
+              scratch += ".scratch";
               std::filesystem::remove_all(scratch);
               std::filesystem::create_directories(scratch);
               const OdometryEvaluation evaluation = evaluate_odometry(

@@ -73,6 +73,49 @@ double degrees_per_100m(const SegmentError& segment) {
   return 100.0 * kDegrees * segment.rotation_rad / segment.length_m;
 }
 
+/// Motions over the segments whose first pose lies in [begin, end), summed in the frames of these.
+struct MotionSums {
+  MotionSums(Path truth_path, Path estimate_path, std::span<const SegmentError> segments,
+             std::size_t begin, std::size_t end) {
+    for (const SegmentError& segment : segments) {
+      if (segment.first < begin || segment.first >= end) continue;
+      truth += motion_of(truth_path, segment).translation();
+      estimate += motion_of(estimate_path, segment).translation();
+    }
+  }
+  static Eigen::Isometry3d motion_of(Path path, const SegmentError& segment) {
+    return path[segment.first].inverse() * path[segment.last];
+  }
+  /// Takes the estimate's mean direction to the truth's; none without a direction.
+  [[nodiscard]] Eigen::Quaterniond turn() const {
+    if (!(truth.norm() > 0.0 && estimate.norm() > 0.0)) return Eigen::Quaterniond::Identity();
+    return Eigen::Quaterniond::FromTwoVectors(estimate, truth);
+  }
+  Eigen::Vector3d truth = Eigen::Vector3d::Zero();
+  Eigen::Vector3d estimate = Eigen::Vector3d::Zero();
+};
+
+/// Error of the translation in percent of the way when the estimate's sensor frame is turned.
+double turned_percent(Path truth, Path estimate, const SegmentError& segment,
+                      const Eigen::Quaterniond& turn) {
+  const Eigen::Isometry3d believed =
+      turn * MotionSums::motion_of(estimate, segment) * turn.conjugate();
+  const Eigen::Isometry3d error = believed.inverse() * MotionSums::motion_of(truth, segment);
+  return 100.0 * error.translation().norm() / segment.way_m;
+}
+
+void add_turned(Path truth, Path estimate, std::span<const SegmentError> segments,
+                RelativeErrors& errors) {
+  const std::size_t half = truth.size() / 2;
+  const MotionSums all(truth, estimate, segments, 0, truth.size());
+  const Eigen::Quaterniond before = MotionSums(truth, estimate, segments, 0, half).turn();
+  const Eigen::Quaterniond after = MotionSums(truth, estimate, segments, half, truth.size()).turn();
+  errors.turn_deg = segments.empty() ? kNaN : kDegrees * Eigen::AngleAxisd(all.turn()).angle();
+  errors.turned_percent_10m = mean_over(segments, [&](const SegmentError& segment) {
+    return turned_percent(truth, estimate, segment, segment.first < half ? after : before);
+  });
+}
+
 }  // namespace
 
 std::vector<double> ways_m(Path path) {
@@ -129,6 +172,7 @@ RelativeErrors relative_errors(Path truth, Path estimate) {
   errors.rotation_deg_10m = mean_over(segments, [](const SegmentError& segment) {
     return kDegrees * segment.rotation_rad * segment.length_m / segment.way_m;
   });
+  add_turned(truth, estimate, segments, errors);
   std::vector<double> translations_m, rotations_deg;
   for (std::size_t i = 1; i < truth.size(); ++i) {
     const SegmentError step = error_between(truth, estimate, i - 1, i);

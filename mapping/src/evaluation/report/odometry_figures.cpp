@@ -14,7 +14,10 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr SvgPlot::Size kPathSize{720.0, 520.0};
+constexpr double kPathWidth = 720.0;
+/// Heights between which the drawing of a path takes its own shape.
+constexpr double kLowestPath = 300.0;
+constexpr double kHighestPath = 640.0;
 /// Free space around what is drawn, of its extent.
 constexpr double kMargin = 0.04;
 /// What a drawing shows at least [m], so that rounding does not fill it.
@@ -80,20 +83,31 @@ Points thinned(const Points& points, double step) {
   return out;
 }
 
-/// Axes of one scale around everything.
-std::pair<PlotAxis, PlotAxis> equal_axes(const std::vector<DrawnPath>& paths) {
-  Range x, y;
-  for (const DrawnPath& path : paths) {
-    for (const auto& [scan, place] : path.places) {
-      x.add(place.x());
-      y.add(place.y());
+/// Axes of one scale around everything, and a drawing of about that shape.
+struct PathFrame {
+  explicit PathFrame(const std::vector<DrawnPath>& paths) {
+    Range across, along;
+    for (const DrawnPath& path : paths) {
+      for (const auto& [scan, place] : path.places) {
+        across.add(place.x());
+        along.add(place.y());
+      }
     }
+    const double shape = along.extent() / across.extent();
+    const double lowest = SvgPlot::aspect_of({kPathWidth, kLowestPath});
+    const double highest = SvgPlot::aspect_of({kPathWidth, kHighestPath});
+    const double share = (std::clamp(shape, lowest, highest) - lowest) / (highest - lowest);
+    size.height = kLowestPath + share * (kHighestPath - kLowestPath);
+    const double aspect = SvgPlot::aspect_of(size);
+    const double half = (0.5 + kMargin) * std::max(across.extent(), along.extent() / aspect);
+    x = {.label = "x [m]", .min = across.middle() - half, .max = across.middle() + half};
+    y = {.label = "y [m]",
+         .min = along.middle() - aspect * half,
+         .max = along.middle() + aspect * half};
   }
-  const double aspect = SvgPlot::aspect_of(kPathSize);
-  const double half = 0.5 * (1.0 + 2.0 * kMargin) * std::max(x.extent(), y.extent() / aspect);
-  return {{.label = "x [m]", .min = x.middle() - half, .max = x.middle() + half},
-          {.label = "y [m]", .min = y.middle() - aspect * half, .max = y.middle() + aspect * half}};
-}
+  SvgPlot::Size size{kPathWidth, kLowestPath};
+  PlotAxis x, y;
+};
 
 void add_loops(const OdometryEvaluation& evaluation, const DrawnPath& path, double dot,
                SvgPlot& plot) {
@@ -179,9 +193,9 @@ std::string length_figure(const OdometryEvaluation& evaluation, const std::strin
 
 std::string path_figure(const OdometryEvaluation& evaluation) {
   const std::vector<DrawnPath> paths = paths_of(evaluation);
-  const auto [x, y] = equal_axes(paths);
-  SvgPlot plot(x, y, kPathSize);
-  const double extent = x.max - x.min;
+  const PathFrame frame(paths);
+  SvgPlot plot(frame.x, frame.y, frame.size);
+  const double extent = frame.x.max - frame.x.min;
   for (const DrawnPath& path : paths) {
     Points points;
     for (const auto& [scan, place] : path.places) points.emplace_back(place.x(), place.y());

@@ -24,7 +24,7 @@ constexpr std::string_view kOwnStyle = R"(
 constexpr std::size_t kListedLoops = 20;
 
 std::string text_of(double value, int digits, std::string_view unit) {
-  return std::isfinite(value) ? fmt::format("{:.{}f}\u2009{}", value, digits, unit) : "–";
+  return std::isfinite(value) ? fmt::format("{:.{}f}\u202f{}", value, digits, unit) : "–";
 }
 
 std::string key(std::string_view style, std::string_view name) {
@@ -89,9 +89,9 @@ class Report {
     html_ += "<h2>From above</h2>\n<p>" + key("truth", "truth, ") + key("c0", "odometry alone");
     if (evaluation_.corrected)
       html_ += ", " + key("c2", "with loops. ") + key("loop", "Loops, ") +
-               key("wrongloop", "wrong ones.");
+               key("wrongloop", "wrong ones");
     html_ +=
-        " Each path is laid onto the truth by the rigid motion that fits best.</p>\n"
+        ". Each path is laid onto the truth by the rigid motion that fits best.</p>\n"
         "<figure class=\"wide\">" +
         path_figure(evaluation_) + "</figure>\n<h2>Along the way</h2>\n<div class=\"row\">" +
         figure_of(aligned_figure(evaluation_), "Distance after the best rigid motion: APE, ATE") +
@@ -114,13 +114,14 @@ class Report {
                 text_of(errors.aligned_m.mean, 3, "m"), text_of(errors.aligned_m.rmse, 3, "m"),
                 text_of(errors.aligned_m.max, 3, "m"), text_of(errors.from_start_m.rmse, 3, "m"),
                 text_of(errors.relative.translation_percent_10m, 3, "%"),
+                text_of(errors.relative.turned_percent_10m, 3, "%"),
                 text_of(errors.relative.rotation_deg_10m, 4, "deg")});
   }
 
   void add_table() {
     html_ += "<h2>Errors</h2>\n<div class=\"scroll\"><table>" +
              row_of({"", "KITTI translation", "rotation in 100 m", "APE mean", "ATE rmse",
-                     "farthest", "rmse from the start", "over 10 m", "turn in 10 m"},
+                     "farthest", "rmse from the start", "over 10 m", "turned", "turn in 10 m"},
                     "th");
     add_row(key("c0", "odometry alone"), evaluation_.odometry);
     if (evaluation_.corrected) add_row(key("c2", "with loops"), *evaluation_.corrected);
