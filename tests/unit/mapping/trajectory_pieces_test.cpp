@@ -8,7 +8,6 @@
 #include "support/synthetic_world.hpp"
 #include "trajectory/adjoint.hpp"
 #include "trajectory/corrected_poses.hpp"
-#include "trajectory/drive_frames.hpp"
 #include "trajectory/keyframes.hpp"
 #include "trajectory/levelling.hpp"
 #include "trajectory/trajectory_graph.hpp"
@@ -141,31 +140,14 @@ struct ThreeDrives {
                                         turned(-7.0, 9.0, -1.0)};
 };
 
-TEST(JoinByLoops, HangsDrivesOntoEachOther) {
+TEST(DriveApart, FollowsChainsOfLoops) {
   const ThreeDrives drives;
-  const auto frames =
-      join_by_loops(3, drives.keyframes, std::vector{drives.loop(2, 4), drives.loop(0, 5)});
-  for (std::size_t i = 0; i < 3; ++i) {
-    ASSERT_TRUE(frames[i]);
-    EXPECT_LT(distance(*frames[i], drives.frames[i]), 1e-9);
-  }
-}
-
-TEST(JoinByLoops, OneWrongLoopAmongThreeIsOutvoted) {
-  const ThreeDrives drives;
-  Loop wrong = drives.loop(0, 2);
-  wrong.T_from_to = turned(100.0, 0.0, 0.0) * wrong.T_from_to;
-  const auto frames =
-      join_by_loops(2, drives.keyframes, std::vector{wrong, drives.loop(0, 3), drives.loop(1, 3)});
-  ASSERT_TRUE(frames[1]);
-  EXPECT_LT(distance(*frames[1], drives.frames[1]), 1e-9);
-}
-
-TEST(JoinByLoops, ADriveWithoutLoopsStaysApart) {
-  const ThreeDrives drives;
-  const auto frames = join_by_loops(3, drives.keyframes, std::vector{drives.loop(1, 2)});
-  EXPECT_TRUE(frames[1]);
-  EXPECT_FALSE(frames[2]);
+  const auto apart = [&](const std::vector<Loop>& loops) {
+    return drive_apart(3, drives.keyframes, loops);
+  };
+  EXPECT_EQ(apart({drives.loop(2, 4), drives.loop(0, 5)}), std::nullopt);
+  EXPECT_THAT(apart({drives.loop(1, 2)}), Optional(2U));
+  EXPECT_THAT(apart({drives.loop(2, 4)}), Optional(1U));
 }
 
 TEST(Levelling, TurnsATiltedSensorUprightAndPutsTheGroundAtZero) {
