@@ -2,6 +2,8 @@
 
 #include "voxel_table.hpp"
 
+#include <stillmap/localization/thinning.hpp>
+
 #include <algorithm>
 #include <cmath>
 
@@ -9,46 +11,13 @@ namespace stillmap::localization {
 namespace {
 
 constexpr float kCellM = 0.5F;
-constexpr float kMaxRangeM = 500.0F;
-/// What is nearer is the vehicle itself, which no map holds: bonnet and tail of a car reach 2.5 m
-/// from a sensor on its roof. Where much is that near, one is in a narrow place, and it counts.
-constexpr float kOwnVehicleM = 2.7F;
-constexpr float kMostOwnShare = 0.25F;
 /// Columns whose lowest point is taken as ground.
 constexpr float kColumnM = 2.0F;
 /// Above kerbs and the lower part of slopes within a column, below bonnets, fences and low walls.
 constexpr float kStandsAboveM = 0.6F;
-/// Larger scans are strided down to this first; neighbours in the scan are closer than a cell
-/// anyway.
-constexpr std::size_t kMaxRead = 400'000;
 
 std::int32_t cell_of(float coordinate_m, float edge_m) {
   return static_cast<std::int32_t>(std::floor(coordinate_m / edge_m)) + kCellsPerAxis / 2;
-}
-
-/// Range below which points are left out.
-float nearest_range_m(const std::vector<Eigen::Vector3f>& positions) {
-  const auto near = std::count_if(positions.begin(), positions.end(), [](const auto& p) {
-    return p.squaredNorm() < kOwnVehicleM * kOwnVehicleM;
-  });
-  const float share = static_cast<float>(near) / static_cast<float>(positions.size() + 1);
-  return share < kMostOwnShare ? kOwnVehicleM : 0.0F;
-}
-
-std::vector<Eigen::Vector3f> one_point_a_cell(const std::vector<Eigen::Vector3f>& positions) {
-  const float nearest_m = nearest_range_m(positions);
-  std::vector<Eigen::Vector3f> kept;
-  VoxelTable cells(positions.size() / 8);
-  const std::size_t step = positions.size() / kMaxRead + 1;
-  for (std::size_t i = 0; i < positions.size(); i += step) {
-    const Eigen::Vector3f& p = positions[i];
-    const float range2 = p.squaredNorm();
-    if (!(range2 < kMaxRangeM * kMaxRangeM) || range2 < nearest_m * nearest_m) continue;
-    const std::uint64_t key =
-        cell_key(cell_of(p.x(), kCellM), cell_of(p.y(), kCellM), cell_of(p.z(), kCellM));
-    if (cells.insert(key).second) kept.push_back(p);
-  }
-  return kept;
 }
 
 }  // namespace
@@ -76,7 +45,9 @@ std::vector<char> standing_flags(const std::vector<Eigen::Vector3f>& points,
 }
 
 Query thin(const maps::PointCloud& scan_lidar, const Eigen::Matrix3d& R_map_lidar) {
-  const std::vector<Eigen::Vector3f> cells = one_point_a_cell(scan_lidar.positions);
+  std::vector<Eigen::Vector3f> cells;
+  for (const std::size_t i : one_point_a_cell(scan_lidar.positions, kCellM))
+    cells.push_back(scan_lidar.positions[i]);
   const std::vector<char> stands = standing_flags(cells, R_map_lidar.cast<float>());
   const std::size_t count = std::min(cells.size(), kMaxQueryPoints);
   Query query;

@@ -57,8 +57,8 @@ constexpr double kLevelDeviations = 4.5;
 constexpr double kMaxOkDeviationM = 0.15;
 constexpr double kMaxOkDeviationRad = 0.01;
 
-bool is_known(const MapIndex& index, const Eigen::Vector3f& p) {
-  return index.levels().front().nearest(p, 1.0F).voxel != nullptr;
+bool is_known(std::span<const MapIndex::Level> levels, const Eigen::Vector3f& p) {
+  return levels.front().nearest(p, 1.0F).voxel != nullptr;
 }
 
 /// Costs of some of the points at a pose.
@@ -111,16 +111,17 @@ Matrix6d bounded_inverse(const Matrix6d& matrix) {
 
 }  // namespace
 
-Support support_of(const MapIndex& index, const Query& query,
+Support support_of(std::span<const MapIndex::Level> levels, const Query& query,
                    const Eigen::Isometry3d& T_index_lidar, std::size_t stride) {
   const Eigen::Isometry3f T = T_index_lidar.cast<float>();
-  const MapIndex::Level& fine = index.levels().back();
-  std::size_t inliers = 0, standing = 0, known = 0, standing_inliers = 0;
+  const MapIndex::Level& fine = levels.back();
+  std::size_t inliers = 0, near = 0, standing = 0, known = 0, standing_inliers = 0;
   double squares = 0.0;
   const auto place = [&](std::size_t i) -> Eigen::Vector3f { return T * query.points[i * stride]; };
   const auto count = [&](std::size_t i, const MapIndex::Level::Nearest& nearest) {
     const Eigen::Vector3f p = place(i);
     const bool inlier = nearest.voxel != nullptr && nearest.distance2 < kMaxSurface2;
+    if (nearest.voxel != nullptr) ++near;
     if (inlier) {
       ++inliers;
       const double across = static_cast<double>(nearest.voxel->axis0.dot(p - nearest.voxel->mean));
@@ -129,7 +130,7 @@ Support support_of(const MapIndex& index, const Query& query,
     if (query.stands[i * stride] == 0) return;
     ++standing;
     if (inlier) ++standing_inliers;
-    if (inlier || is_known(index, p)) ++known;
+    if (inlier || is_known(levels, p)) ++known;
   };
   const std::size_t seen = (query.points.size() + stride - 1) / stride;
   fine.for_each_nearest(seen, kSurfaceSigmaM * kSurfaceSigmaM, place, count);
@@ -138,6 +139,7 @@ Support support_of(const MapIndex& index, const Query& query,
   };
   Support support;
   support.inlier_ratio = share(inliers, seen);
+  support.known_inlier_ratio = share(inliers, near);
   support.rmse_m = inliers == 0 ? 0.0 : std::sqrt(squares / static_cast<double>(inliers));
   support.known_standing = known * stride;
   support.known_ratio = share(known, standing);

@@ -9,6 +9,7 @@
 #include <Eigen/Geometry>
 
 #include <cstddef>
+#include <span>
 #include <vector>
 
 namespace stillmap::localization {
@@ -17,7 +18,9 @@ namespace stillmap::localization {
 struct Support {
   /// Share of all points that lie on the map's surfaces.
   double inlier_ratio = 0.0;
-  /// Root mean square distance of those to their surface [m].
+  /// The same of the points that have a voxel of the finest level around them.
+  double known_inlier_ratio = 0.0;
+  /// Root mean square distance of the inliers to their surface [m].
   double rmse_m = 0.0;
   /// Points that stand and lie where the map knows anything, and the share of all standing points.
   std::size_t known_standing = 0;
@@ -26,7 +29,8 @@ struct Support {
   /// anywhere.
   double standing_ratio = 0.0;
 };
-[[nodiscard]] Support support_of(const MapIndex& index, const Query& query,
+/// @param levels  of a map, coarse to fine, at least one.
+[[nodiscard]] Support support_of(std::span<const MapIndex::Level> levels, const Query& query,
                                  const Eigen::Isometry3d& T_index_lidar, std::size_t stride = 1);
 
 /// What the scan says about each direction at a pose.

@@ -5,6 +5,7 @@
 #include "pose_search.hpp"
 #include "query.hpp"
 #include "registration.hpp"
+#include "settle.hpp"
 #include "verdict.hpp"
 
 #include <stillmap/maps/frames.hpp>
@@ -42,12 +43,6 @@ constexpr double kLeastBendDeviations = 2.5;
 /// ... and leaves all points at least this share of their weights: parked cars that moved by 0.1 m
 /// draw near points as well, but leave 0.74 to 0.93 of them, bent maps 0.95 and more.
 constexpr double kLeastWeightShare = 0.94;
-
-struct Place {
-  Eigen::Isometry3d T_index_lidar;
-  double support = 0.0;
-  int iterations = 0;
-};
 
 const MapIndex::Level& level_near(const MapIndex& index, double edge_m) {
   return *std::min_element(index.levels().begin(), index.levels().end(),
@@ -96,25 +91,6 @@ PlaceSearch::Region region_of(const Prior& prior, const PriorReach& reach) {
   region.yaw_rad = std::atan2(forward.y(), forward.x());
   region.yaw_window_rad = reach.yaw_rad;
   return region;
-}
-
-/// Coarse to fine above the finest level, with few points: enough to tell good places from bad.
-Place settle(const MapIndex& index, const Query& query, const Eigen::Isometry3d& T_index_lidar) {
-  Place place{T_index_lidar};
-  const std::size_t stride = std::max<std::size_t>(1, query.points.size() / 1000);
-  for (const MapIndex::Level& level : index.levels()) {
-    if (&level == &index.levels().back() && index.levels().size() > 1) break;
-    place.iterations += refine(level, query.points,
-                               {.first_kernel_m = 0.6F * level.edge_m,
-                                .last_kernel_m = 0.3F * level.edge_m,
-                                .stride = stride,
-                                .max_rounds = 4,
-                                .bend_share = kBendShare},
-                               place.T_index_lidar);
-  }
-  const Support support = support_of(index, query, place.T_index_lidar, stride);
-  place.support = support.standing_ratio * support.known_ratio + 0.1 * support.inlier_ratio;
-  return place;
 }
 
 /// Rows of all points at a pose, and their sums.
@@ -184,7 +160,7 @@ AlignmentResult align_among(const MapIndex& index, const Query& query,
     // where nothing moves the pose it would be answered as it came.
     Eigen::Isometry3d T_index_lidar = maps::renormalized(T_map_lidar);
     T_index_lidar.translation() -= index.origin();
-    places.push_back(settle(index, query, T_index_lidar));
+    places.push_back(settle(index.levels(), query, T_index_lidar, kBendShare));
   }
   std::stable_sort(places.begin(), places.end(),
                    [](const Place& a, const Place& b) { return a.support > b.support; });
@@ -194,7 +170,7 @@ AlignmentResult align_among(const MapIndex& index, const Query& query,
   const MapIndex::Level& level = index.levels().back();
   const FinalRows final(level, query, best.T_index_lidar);
   Evidence evidence;
-  evidence.support = support_of(index, query, best.T_index_lidar);
+  evidence.support = support_of(index.levels(), query, best.T_index_lidar);
   if (final.rows.count < kMinQueryPoints) {
     return lost("little_overlap",
                 prior != nullptr ? prior->T_map_lidar : Eigen::Isometry3d::Identity());

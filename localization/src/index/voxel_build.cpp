@@ -1,11 +1,11 @@
 #include "index/voxel_build.hpp"
 
 #include "measured_points.hpp"
+#include "voxel_moments.hpp"
 
 #include <stillmap/maps/error.hpp>
 
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
 
 #include <algorithm>
 #include <cmath>
@@ -16,87 +16,11 @@
 namespace stillmap::localization {
 namespace {
 
-/// An axis is sharp when its variance is below this share of the next axis' and of a full cell's
-/// (edge^2 / 12): a plane's thickness, a pole's width. A map whose poses wander has walls of 10 cm,
-/// and these must still count (their own variance weighs them); foliage and the in-plane axes of a
-/// surface must not.
-constexpr double kSharpShare = 0.35;
-/// A line of points is a pole only when it stands: cos 25 deg. A lying line is usually one ring of
-/// the sensor, whose second sharp axis comes from the sampling and would pull towards the map's own
-/// rings.
-constexpr double kUprightCosine = 0.9;
-
-/// Sums of the points of one cell, relative to the index's origin.
-struct Moments {
-  std::uint64_t key = 0;
-  std::uint32_t count = 0;
-  double weight = 0.0;
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d outer = Eigen::Matrix3d::Zero();
-
-  void add(const Eigen::Vector3d& p, double point_weight) {
-    ++count;
-    weight += point_weight;
-    sum += point_weight * p;
-    outer += point_weight * p * p.transpose();
-  }
-  void add(const Moments& other) {
-    count += other.count;
-    weight += other.weight;
-    sum += other.sum;
-    outer += other.outer;
-  }
-};
-
-struct MomentGrid {
-  VoxelTable table;
-  std::vector<Moments> cells;
-
-  Moments& at(std::uint64_t key) {
-    const auto [index, inserted] = table.insert(key);
-    if (inserted) {
-      cells.emplace_back();
-      cells.back().key = key;
-    }
-    return cells[index];
-  }
-};
-
 /// What a place was seen from near by, and often, outweighs what far scans put beside it: where the
 /// map's poses slide, near scans agree with the query's own. The root, because repeated
 /// observations of a place share their error.
 double weight_of(const maps::MapPoint& point) {
   return std::sqrt(static_cast<double>(std::max<std::uint16_t>(1, point.observations)));
-}
-
-std::int32_t sharp_axes_of(const Eigen::Vector3d& variances, const Eigen::Matrix3d& axes,
-                           double edge_m) {
-  const double full_m2 = edge_m * edge_m / 12.0;
-  const auto sharp = [&](int axis) {
-    return variances[axis] < kSharpShare * std::min(variances[axis + 1], full_m2);
-  };
-  if (sharp(1)) return std::abs(axes(2, 2)) > kUprightCosine ? 2 : 0;
-  return sharp(0) ? 1 : 0;
-}
-
-Voxel voxel_of(const Moments& moments, double edge_m) {
-  const double n = moments.count;
-  const Eigen::Vector3d mean = moments.sum / moments.weight;
-  const Eigen::Matrix3d covariance =
-      (moments.outer / moments.weight - mean * mean.transpose()) * (n / (n - 1.0));
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
-  const Eigen::Vector3d variances = solver.eigenvalues().cwiseMax(0.0);
-  const Eigen::Matrix3d& axes = solver.eigenvectors();
-  Voxel voxel{};
-  voxel.mean = mean.cast<float>();
-  voxel.axis0 = axes.col(0).cast<float>();
-  voxel.axis1 = axes.col(1).cast<float>();
-  voxel.variance0 = static_cast<float>(variances[0]);
-  voxel.variance1 = static_cast<float>(variances[1]);
-  voxel.variance2 = static_cast<float>(variances[2]);
-  voxel.sharp_axes = sharp_axes_of(variances, axes, edge_m);
-  voxel.points = moments.count;
-  return voxel;
 }
 
 VoxelLevel level_of(const MomentGrid& grid, double edge_m, int min_points) {
@@ -118,15 +42,6 @@ VoxelLevel level_of(const MomentGrid& grid, double edge_m, int min_points) {
     voxels.push_back(voxel_of(*cell, edge_m));
   }
   return {CellBlockTable(places), std::move(voxels)};
-}
-
-MomentGrid coarser(const MomentGrid& fine) {
-  MomentGrid coarse;
-  for (const Moments& cell : fine.cells) {
-    const auto [x, y, z] = cell_of_key(cell.key);
-    coarse.at(cell_key(x >> 1, y >> 1, z >> 1)).add(cell);
-  }
-  return coarse;
 }
 
 /// Level whose cells are nearest to those that grids are made of.

@@ -100,8 +100,9 @@ std::string running_code() {
 }
 
 std::string survey_key(const DriveSet& drives, const MapBuildOptions& options,
-                       std::span<const std::size_t> learned) {
-  const maps::MapManifest manifest = manifest_of(drives, options, Eigen::Vector3d::Zero(), {});
+                       const std::string& odometry, std::span<const std::size_t> learned) {
+  const maps::MapManifest manifest =
+      manifest_of(drives, options, odometry, Eigen::Vector3d::Zero(), {});
   std::string key = fmt::format("version: {}\ncode: {}\ninstruction sets: {}\n",
                                 manifest.software_version, running_code(), hwy::SupportedTargets());
   for (const auto& [name, text] : manifest.options) key += fmt::format("{}: {}\n", name, text);

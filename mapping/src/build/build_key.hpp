@@ -13,9 +13,11 @@ namespace stillmap::mapping {
 /// file, a line each: the program's and its libraries' code, the instruction set, options and the
 /// files that they name, the drives' stamps and poses, the scans that the ground stage learned
 /// from.
+/// @param odometry  as for `manifest_of`.
 /// @param learned  ordinals of these. Their files are read.
 /// @throws maps::StorageError naming a file.
 [[nodiscard]] std::string survey_key(const DriveSet& drives, const MapBuildOptions& options,
+                                     const std::string& odometry,
                                      std::span<const std::size_t> learned);
 
 /// What is loaded into this process when it is first asked for, so that another build of the

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace stillmap::localization {
+
+/// Which points of a scan stand for all of it: the first in each cell, those left out that lie
+/// beyond 500 m (no lidar of ours sees so far, and they would overflow the grid) or on the vehicle
+/// itself, which no map holds: nearer than 2.7 m, unless a quarter of the scan is.
+/// @param positions  N points [m] in the lidar frame. Larger scans than 400,000 are strided first.
+/// @param cell_m     edge of a cell, above 0.
+/// @return indices, ascending.
+[[nodiscard]] std::vector<std::size_t> one_point_a_cell(std::span<const Eigen::Vector3f> positions,
+                                                        float cell_m);
+
+}  // namespace stillmap::localization

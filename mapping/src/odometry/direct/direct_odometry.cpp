@@ -1,0 +1,232 @@
+#include "odometry/direct/direct_odometry.hpp"
+
+#include "odometry/direct/thinned_scan.hpp"
+
+#include <stillmap/localization/local_map.hpp>
+#include <stillmap/maps/deskew.hpp>
+#include <stillmap/maps/frames.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+
+namespace stillmap::mapping {
+namespace {
+
+using localization::LocalAlignment;
+using localization::LocalMap;
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+
+/// Rotations count as metres at this distance, as in `AlignmentResult`.
+constexpr double kLeverM = 15.0;
+/// Fewer points of a scan tell nothing.
+constexpr std::size_t kMinPoints = 100;
+/// A speed says nothing about what comes after so long [s].
+constexpr double kMaxPredictedS = 2.0;
+/// Least and most that a prediction counts as off [m].
+constexpr double kLeastOffM = 0.12;
+constexpr double kMostOffM = 3.0;
+/// How far a place that was searched for may be off [m].
+constexpr double kSearchedOffM = 0.6;
+/// Deviations that the search reaches.
+constexpr double kOffDeviations = 3.0;
+/// Weight of the newest deviation in their mean square.
+constexpr double kNewest = 0.15;
+/// Deviation of speeds before any was seen [m/s].
+constexpr double kUnknownOffRate = 3.0;
+/// A match is doubted, and looked for farther away, when of the points that fall where the map
+/// knows anything fewer than this share lie on it, or of those that stand this much less than
+/// lately.
+constexpr double kSureInliers = 0.6;
+constexpr double kStandingOfUsual = 0.7;
+/// Below it there is no match.
+constexpr double kLeastInliers = 0.45;
+/// The map takes a scan when the sensor has moved so far, or turned so much, since the last one.
+constexpr double kMapStepM = 0.5;
+constexpr double kMapStepRad = 0.05;
+/// At first the map takes all, so that it gets shapes.
+constexpr std::size_t kFirstScans = 10;
+
+double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
+  return 1e-9 * (static_cast<double>(to_ns) - static_cast<double>(from_ns));
+}
+
+Vector6d in_metres(Vector6d motion) {
+  motion.tail<3>() *= kLeverM;
+  return motion;
+}
+
+/// What is left of a motion without its parts along some directions.
+Vector6d without(const Vector6d& motion, const std::vector<Vector6d>& directions) {
+  Vector6d left = in_metres(motion);
+  for (const Vector6d& direction : directions) left -= direction.dot(left) * direction;
+  left.tail<3>() /= kLeverM;
+  return left;
+}
+
+class DirectOdometry : public Odometry {
+ public:
+  [[nodiscard]] std::unique_ptr<Prepared> prepare(const maps::Scan& scan) const override {
+    return std::make_unique<ThinnedScan>(thinned(scan));
+  }
+  [[nodiscard]] OdometryPose add(const Prepared& prepared) override;
+
+ private:
+  struct Last {
+    std::int64_t stamp_ns = 0;
+    Eigen::Isometry3d T_odom_lidar = Eigen::Isometry3d::Identity();
+    Vector6d twist = Vector6d::Zero();
+  };
+  /// Where the points of a scan lie, and how sure that is.
+  struct Found {
+    Eigen::Isometry3d T_odom_lidar;
+    LocalAlignment match;
+  };
+  /// Aligns from a start, deskewed by `twist` at first and by the motion that is found then.
+  [[nodiscard]] Found aligned(const ThinnedScan& scan, const Vector6d& twist,
+                              const Eigen::Isometry3d& T_start, double off_m, double dt_s) const;
+  [[nodiscard]] Found searched(const ThinnedScan& scan, const Vector6d& twist,
+                               const Eigen::Isometry3d& T_start, double dt_s) const;
+  /// Motion of the sensor since the last scan as a rate.
+  [[nodiscard]] Vector6d twist_to(const Eigen::Isometry3d& T_odom_lidar, double dt_s) const {
+    return maps::log_se3(last_->T_odom_lidar.inverse() * T_odom_lidar) / dt_s;
+  }
+  void place(const ThinnedScan& scan, double dt_s, OdometryPose& pose);
+  void start_anew(const ThinnedScan& scan, double dt_s);
+  void learn(const Vector6d& deviation, double dt_s);
+  void take(const ThinnedScan& scan, const OdometryPose& pose);
+
+  LocalMap map_;
+  std::optional<Last> last_;
+  std::optional<Eigen::Isometry3d> T_odom_mapped_;
+  std::size_t scans_in_map_ = 0;
+  /// Mean square of how fast predictions went astray [m^2/s^2].
+  double off_rate2_ = kUnknownOffRate * kUnknownOffRate;
+  double usual_standing_ = 0.0;
+  /// The first scan, until the second tells how the sensor moved meanwhile.
+  std::optional<ThinnedScan> first_;
+};
+
+std::vector<Eigen::Vector3f> deskewed(maps::PointCloud cloud, const Vector6d& twist) {
+  maps::deskew(cloud, twist);
+  return std::move(cloud.positions);
+}
+
+OdometryPose DirectOdometry::add(const Prepared& prepared) {
+  const auto& scan = dynamic_cast<const ThinnedScan&>(prepared);
+  OdometryPose pose;
+  if (last_) {
+    const double dt_s = seconds_between(last_->stamp_ns, scan.stamp_ns);
+    if (!(dt_s > 0.0)) {
+      throw std::invalid_argument(fmt::format("{}: found stamp {} ns, expected one after {} ns",
+                                              scan.source, scan.stamp_ns, last_->stamp_ns));
+    }
+    place(scan, dt_s, pose);
+  }
+  if (!last_ && scan.dense.size() >= kMinPoints) first_ = scan;
+  take(scan, pose);
+  last_ = Last{scan.stamp_ns, pose.T_odom_lidar, pose.twist_lidar};
+  return pose;
+}
+
+DirectOdometry::Found DirectOdometry::aligned(const ThinnedScan& scan, const Vector6d& twist,
+                                              const Eigen::Isometry3d& T_start, double off_m,
+                                              double dt_s) const {
+  std::vector<Eigen::Vector3f> points = deskewed(scan.sparse, twist);
+  Eigen::Isometry3d T = map_.refined(points, T_start, off_m);
+  if (!scan.sparse.time_offsets_s.empty()) {
+    points = deskewed(scan.sparse, twist_to(T, dt_s));
+    T = map_.refined(points, T, kLeastOffM);
+  }
+  return {T, map_.judged(points, T)};
+}
+
+DirectOdometry::Found DirectOdometry::searched(const ThinnedScan& scan, const Vector6d& twist,
+                                               const Eigen::Isometry3d& T_start,
+                                               double dt_s) const {
+  const Eigen::Isometry3d T = map_.searched(deskewed(scan.sparse, twist), T_start);
+  return aligned(scan, twist, T, kSearchedOffM, dt_s);
+}
+
+/// The first scan could not be deskewed. With the same skew in both the motion from it to the
+/// second is nearly right, which deskews both.
+void DirectOdometry::start_anew(const ThinnedScan& scan, double dt_s) {
+  Eigen::Isometry3d T = last_->T_odom_lidar;
+  T = map_.searched(scan.sparse.positions, T);
+  T = map_.refined(scan.sparse.positions, T, kSearchedOffM);
+  for (int round = 0; round < (first_->dense.time_offsets_s.empty() ? 0 : 2); ++round) {
+    map_ = LocalMap();
+    map_.add(deskewed(first_->dense, twist_to(T, dt_s)), last_->T_odom_lidar);
+    T = map_.refined(deskewed(scan.sparse, twist_to(T, dt_s)), T, kSearchedOffM);
+  }
+  last_->twist = twist_to(T, dt_s);
+}
+
+void DirectOdometry::place(const ThinnedScan& scan, double dt_s, OdometryPose& pose) {
+  const bool enough = scan.sparse.size() >= kMinPoints && map_.voxel_count() > 0;
+  if (first_ && enough) {
+    start_anew(scan, dt_s);
+    first_.reset();
+  }
+  const double off_m =
+      std::clamp(kLeastOffM + kOffDeviations * std::sqrt(off_rate2_) * dt_s, kLeastOffM, kMostOffM);
+  const Eigen::Isometry3d T_predicted = maps::renormalized(
+      last_->T_odom_lidar * maps::exp_se3(last_->twist * std::min(dt_s, kMaxPredictedS)));
+  pose.T_odom_lidar = T_predicted;
+  pose.twist_lidar = last_->twist;
+  if (!enough) return;
+
+  Found found = aligned(scan, last_->twist, T_predicted, off_m, dt_s);
+  if (found.match.known_inlier_ratio < kSureInliers ||
+      found.match.standing_ratio < kStandingOfUsual * usual_standing_) {
+    Found far = searched(scan, last_->twist, T_predicted, dt_s);
+    if (far.match.inlier_ratio > found.match.inlier_ratio) found = std::move(far);
+  }
+  const LocalAlignment& match = found.match;
+  pose.inlier_ratio = match.inlier_ratio;
+  if (match.matched < LocalAlignment::kMinMatched || match.known_inlier_ratio < kLeastInliers)
+    return;
+
+  const Vector6d deviation = without(maps::log_se3(T_predicted.inverse() * found.T_odom_lidar),
+                                     match.degenerate_directions);
+  pose.status = OdometryStatus::kMatched;
+  pose.T_odom_lidar = found.T_odom_lidar;
+  if (!match.degenerate_directions.empty()) {
+    pose.status = OdometryStatus::kPartly;
+    pose.T_odom_lidar = maps::renormalized(T_predicted * maps::exp_se3(deviation));
+  }
+  pose.degenerate_directions = match.degenerate_directions;
+  pose.covariance = match.covariance;
+  pose.twist_lidar = twist_to(pose.T_odom_lidar, dt_s);
+  learn(deviation, dt_s);
+  usual_standing_ += kNewest * (match.standing_ratio - usual_standing_);
+}
+
+void DirectOdometry::learn(const Vector6d& deviation, double dt_s) {
+  const double rate = in_metres(deviation).norm() / dt_s;
+  off_rate2_ += kNewest * (rate * rate - off_rate2_);
+}
+
+void DirectOdometry::take(const ThinnedScan& scan, const OdometryPose& pose) {
+  if (scan.dense.size() < kMinPoints) return;
+  if (T_odom_mapped_ && scans_in_map_ >= kFirstScans) {
+    const Eigen::Isometry3d moved = T_odom_mapped_->inverse() * pose.T_odom_lidar;
+    if (moved.translation().norm() < kMapStepM &&
+        maps::rotation_angle_rad(moved.linear()) < kMapStepRad) {
+      return;
+    }
+  }
+  map_.add(deskewed(scan.dense, pose.twist_lidar), pose.T_odom_lidar);
+  T_odom_mapped_ = pose.T_odom_lidar;
+  ++scans_in_map_;
+}
+
+}  // namespace
+
+std::unique_ptr<Odometry> make_direct_odometry() { return std::make_unique<DirectOdometry>(); }
+
+}  // namespace stillmap::mapping
