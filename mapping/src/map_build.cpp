@@ -68,6 +68,13 @@ void report_survey(const Survey& survey, const BuildJournal& journal, MapBuildRe
     report.warnings.push_back("work of a killed build was thrown away: " + journal.discarded());
 }
 
+void report_edits(const BuildObjects& objects, MapBuildReport& report) {
+  report.objects["edits_applied"] = objects.edits.applied;
+  report.objects["edits_unmatched"] = objects.edits.unmatched.size();
+  for (const std::string& edit : objects.edits.unmatched)
+    report.warnings.push_back("edit met nothing: " + edit);
+}
+
 void write_text(const std::filesystem::path& file, const std::string& text) {
   std::ofstream out(file, std::ios::binary);
   out << text << std::flush;
@@ -171,10 +178,7 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
     add_to(report.stage_seconds, placed->stage_seconds);
     add_to(report.stage_seconds, tiles.stage_seconds);
     report.objects = object_counts(map_objects, *survey, stages);
-    report.objects["edits_applied"] = objects.edits.applied;
-    report.objects["edits_unmatched"] = objects.edits.unmatched.size();
-    for (const std::string& edit : objects.edits.unmatched)
-      report.warnings.push_back("edit met nothing: " + edit);
+    report_edits(objects, report);
     write_sources(writer, drives, *survey, map_objects);
   }
   std::filesystem::remove_all(scratch);
