@@ -199,10 +199,7 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
     add_to(report.stage_seconds, placed->stage_seconds);
     add_to(report.stage_seconds, tiles.stage_seconds);
     report.objects = object_counts(map_objects, *survey, stages);
-    report.objects["edits_applied"] = objects.edits.applied;
-    report.objects["edits_unmatched"] = objects.edits.unmatched.size();
-    for (const std::string& edit : objects.edits.unmatched)
-      report.warnings.push_back("edit met nothing: " + edit);
+    report_edits(objects.edits, report);
     write_sources(writer, drives, *survey, map_objects);
   }
   std::filesystem::remove_all(scratch);
