@@ -77,6 +77,20 @@ void write_sources(maps::MapPackageWriter& writer, const DriveSet& drives, const
   write_text(writer.folder() / "sources.sha256", survey.sources);
 }
 
+void report_speed(std::size_t scans, Clock::time_point began, MapBuildReport& report) {
+  report.scans = scans;
+  report.seconds = std::chrono::duration<double>(Clock::now() - began).count();
+  report.scans_per_second = static_cast<double>(scans) / std::max(report.seconds, 1e-9);
+  report.peak_rss_mib = peak_rss_mib();
+}
+
+void report_edits(const EditReport& edits, MapBuildReport& report) {
+  report.objects["edits_applied"] = edits.applied;
+  report.objects["edits_unmatched"] = edits.unmatched.size();
+  for (const std::string& edit : edits.unmatched)
+    report.warnings.push_back("edit met nothing: " + edit);
+}
+
 void warn_of_discarded(const BuildJournal& journal, MapBuildReport& report) {
   if (!journal.discarded().empty())
     report.warnings.push_back("work of a killed build was thrown away: " + journal.discarded());
@@ -204,10 +218,7 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
   }
   std::filesystem::remove_all(scratch);
   if (cancel) throw Cancelled();
-  report.scans = drives.size();
-  report.seconds = std::chrono::duration<double>(Clock::now() - began).count();
-  report.scans_per_second = static_cast<double>(report.scans) / std::max(report.seconds, 1e-9);
-  report.peak_rss_mib = peak_rss_mib();
+  report_speed(drives.size(), began, report);
   report.digest = writer.publish(manifest_of(drives, options, odometry, grid.origin(), report),
                                  to_json(report));
   return report;
