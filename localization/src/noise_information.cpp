@@ -10,20 +10,18 @@
 namespace stillmap::localization {
 namespace {
 
-/// In a corridor of smooth walls the ratio is 3 to 8 (cells where wall and ground meet are worse
-/// than their points say), along simulated highways 14 and more, elsewhere above 40.
-constexpr double kLeastRatio = 8.0;
-/// Few points on a plane make it look thinner than any sensor sees it [m^2].
-constexpr double kLeastVarianceM2 = 1e-4;
+/// Ratio of what is measured to what noise feigns, up to which nothing is believed and from which
+/// all is. In a corridor of smooth walls it is 2 to 9 (cells where wall and ground meet are worse
+/// than their points say), along simulated highways 14 and more once the map has filled, 3 at
+/// first; elsewhere above 40.
+constexpr double kNothingTold = 3.0;
+constexpr double kAllTold = 12.0;
 
 /// Variance of the tilt of the axis of the smallest variance towards another one, from n points
-/// (first order perturbation of eigenvectors; Anderson 1963), n > 3.
+/// (first order perturbation of eigenvectors; Anderson 1963).
 double tilt_variance(double small_m2, double other_m2, double points) {
-  // What is left of the variance once a plane has been fitted to the points.
-  const double unbiased_m2 = small_m2 * (points - 1.0) / (points - 3.0);
-  const double noise_m2 = std::max(unbiased_m2, kLeastVarianceM2);
-  const double gap_m2 = std::max(other_m2 - noise_m2, 1e-6);
-  return std::min(1.0, noise_m2 * other_m2 / (gap_m2 * gap_m2 * points));
+  const double gap_m2 = std::max(other_m2 - small_m2, 1e-6);
+  return std::min(1.0, small_m2 * other_m2 / (gap_m2 * gap_m2 * points));
 }
 
 Vector6d jacobian_of(const Eigen::Vector3d& axis, const Eigen::Matrix3d& R_lidar_index,
@@ -74,16 +72,20 @@ NoiseInformation noise_information_of(const MapIndex::Level& level, const Query&
   return out;
 }
 
-std::vector<Vector6d> untold_directions(const NoiseInformation& information) {
+std::vector<WeakDirection> weak_directions(const NoiseInformation& information) {
   const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(in_metres(information.measured));
   const Matrix6d feigned = in_metres(information.feigned);
-  std::vector<Vector6d> untold;
+  std::vector<WeakDirection> weak;
   for (Eigen::Index k = 0; k < 6; ++k) {
     const Vector6d direction = solver.eigenvectors().col(k);
     const double by_noise = direction.dot(feigned * direction);
-    if (!(solver.eigenvalues()[k] > kLeastRatio * by_noise)) untold.push_back(direction);
+    const double measured = solver.eigenvalues()[k];
+    if (measured > kAllTold * by_noise) continue;
+    const double told =
+        by_noise > 0.0 ? (measured / by_noise - kNothingTold) / (kAllTold - kNothingTold) : 0.0;
+    weak.push_back({direction, std::clamp(told, 0.0, 1.0)});
   }
-  return untold;
+  return weak;
 }
 
 }  // namespace stillmap::localization

@@ -113,7 +113,7 @@ TEST(LocalMap, FindsAScanFromANearAndAFarGuess) {
   const Eigen::Isometry3d far = map.searched(points, T * pose_at(4.0, -2.0, 0.2, 0.0));
   EXPECT_LT(off(map.refined(points, far, 0.6)), 0.01);
   const LocalAlignment match = map.judged(points, T);
-  EXPECT_THAT(match.degenerate_directions, IsEmpty());
+  EXPECT_THAT(match.weak_directions, IsEmpty());
   EXPECT_GT(match.known_inlier_ratio, 0.9);
   EXPECT_GT(match.fit, 1.5 * map.judged(points, T * pose_at(0.8, -0.4, 0.04, 0.1)).fit);
 }
@@ -127,8 +127,9 @@ TEST(LocalMap, ACorridorTellsNothingAlongIt) {
   const Eigen::Isometry3d T = pose_at(8.3, 0.2);
   const std::vector<Eigen::Vector3f> points = world.scan(T, pattern(99)).positions;
   const LocalAlignment match = map.judged(points, map.refined(points, T, 0.3));
-  ASSERT_THAT(match.degenerate_directions, SizeIs(1));
-  EXPECT_GT(std::abs(match.degenerate_directions[0][0]), 0.99);
+  ASSERT_THAT(match.weak_directions, SizeIs(1));
+  EXPECT_GT(std::abs(match.weak_directions[0].direction[0]), 0.99);
+  EXPECT_LT(match.weak_directions[0].told, 0.7);
 }
 
 TEST(LocalMap, RefusesNumbersThatAreNotFinite) {
