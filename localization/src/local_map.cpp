@@ -144,10 +144,7 @@ LocalAlignment LocalMap::judged(std::span<const Eigen::Vector3f> points_lidar,
   const double kernel2_m2 = static_cast<double>(kernel_m) * static_cast<double>(kernel_m);
   result.fit = (static_cast<double>(rows.count) - linearize(rows, T, kernel_m).cost / kernel2_m2) /
                static_cast<double>(points_lidar.size());
-  result.weak_directions = weak_directions(noise_information_of(level, query, T, kernel_m));
-  for (const WeakDirection& weak : result.weak_directions) {
-    if (weak.told == 0.0) result.degenerate_directions.push_back(weak.direction);
-  }
+  result.degenerate_directions = untold_directions(noise_information_of(level, query, T, kernel_m));
   result.covariance =
       covariance_of(rows, T, kernel_m, Vector6d::Zero(), result.degenerate_directions);
   return result;

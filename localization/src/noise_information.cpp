@@ -10,12 +10,7 @@
 namespace stillmap::localization {
 namespace {
 
-/// Ratio of what is measured to what noise feigns, up to which nothing is believed and from which
-/// all is. In a corridor of smooth walls it is 2 to 9 (cells where wall and ground meet are worse
-/// than their points say), along simulated highways 14 and more once the map has filled, 3 at
-/// first; elsewhere above 40.
-constexpr double kNothingTold = 3.0;
-constexpr double kAllTold = 12.0;
+constexpr double kLeastShare = 3.0;
 
 /// Variance of the tilt of the axis of the smallest variance towards another one, from n points
 /// (first order perturbation of eigenvectors; Anderson 1963).
@@ -72,20 +67,16 @@ NoiseInformation noise_information_of(const MapIndex::Level& level, const Query&
   return out;
 }
 
-std::vector<WeakDirection> weak_directions(const NoiseInformation& information) {
+std::vector<Vector6d> untold_directions(const NoiseInformation& information) {
   const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(in_metres(information.measured));
   const Matrix6d feigned = in_metres(information.feigned);
-  std::vector<WeakDirection> weak;
+  std::vector<Vector6d> untold;
   for (Eigen::Index k = 0; k < 6; ++k) {
     const Vector6d direction = solver.eigenvectors().col(k);
     const double by_noise = direction.dot(feigned * direction);
-    const double measured = solver.eigenvalues()[k];
-    if (measured > kAllTold * by_noise) continue;
-    const double told =
-        by_noise > 0.0 ? (measured / by_noise - kNothingTold) / (kAllTold - kNothingTold) : 0.0;
-    weak.push_back({direction, std::clamp(told, 0.0, 1.0)});
+    if (!(solver.eigenvalues()[k] > kLeastShare * by_noise)) untold.push_back(direction);
   }
-  return weak;
+  return untold;
 }
 
 }  // namespace stillmap::localization

@@ -4,11 +4,7 @@
 #include "query.hpp"
 #include "residual_rows.hpp"
 
-#include <stillmap/localization/local_map.hpp>
-
 #include <Eigen/Geometry>
-
-#include <vector>
 
 namespace stillmap::localization {
 
@@ -27,7 +23,8 @@ struct NoiseInformation {
                                                     const Eigen::Isometry3d& T_index_lidar,
                                                     float kernel_m);
 
-/// Eigenvectors of `measured` along which it is less than some times what noise feigns.
-[[nodiscard]] std::vector<WeakDirection> weak_directions(const NoiseInformation& information);
+/// Unit directions (rotations over the lever count as metres) that are not told: eigenvectors of
+/// `measured` along which it is less than some times what noise feigns.
+[[nodiscard]] std::vector<Vector6d> untold_directions(const NoiseInformation& information);
 
 }  // namespace stillmap::localization

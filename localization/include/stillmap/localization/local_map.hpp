@@ -10,22 +10,12 @@
 
 namespace stillmap::localization {
 
-/// A direction along which a scan tells less of its place than the noise of the map's surfaces may
-/// feign.
-struct WeakDirection {
-  /// Unit, as in `AlignmentResult::degenerate_directions`.
-  Eigen::Matrix<double, 6, 1> direction = Eigen::Matrix<double, 6, 1>::Zero();
-  /// Share of a correction along it that is to be believed, in [0, 1].
-  double told = 0.0;
-};
-
 /// Where a scan lies in a `LocalMap`.
 struct LocalAlignment {
   Eigen::Isometry3d T_odom_lidar = Eigen::Isometry3d::Identity();
   /// As in `AlignmentResult`.
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
-  std::vector<WeakDirection> weak_directions;
-  /// Those of them along which nothing is told.
+  /// As in `AlignmentResult`: along these the pose means nothing.
   std::vector<Eigen::Matrix<double, 6, 1>> degenerate_directions;
   /// Share of the points that lie on the map's surfaces, in [0, 1].
   double inlier_ratio = 0.0;

@@ -18,7 +18,6 @@ namespace {
 
 using localization::LocalAlignment;
 using localization::LocalMap;
-using localization::WeakDirection;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
@@ -61,10 +60,10 @@ Vector6d in_metres(Vector6d motion) {
   return motion;
 }
 
-/// What is to be believed of a motion.
-Vector6d believed(const Vector6d& motion, const std::vector<WeakDirection>& weak) {
+/// What is left of a motion without its parts along some directions.
+Vector6d without(const Vector6d& motion, const std::vector<Vector6d>& directions) {
   Vector6d left = in_metres(motion);
-  for (const auto& [direction, told] : weak) left -= (1.0 - told) * direction.dot(left) * direction;
+  for (const Vector6d& direction : directions) left -= direction.dot(left) * direction;
   left.tail<3>() /= kLeverM;
   return left;
 }
@@ -198,8 +197,6 @@ DirectOdometry::Found DirectOdometry::best_of_widening(const ThinnedScan& scan,
     if (found.match.fit > best.match.fit) best = std::move(found);
   };
   try_too(aligned(scan, last_->twist, T_predicted, kMostOffM, dt_s));
-  // A jerk ends, and constant velocity would go on turning.
-  try_too(aligned(scan, Vector6d::Zero(), last_->T_odom_lidar, kMostOffM, dt_s));
   try_too(searched(scan, last_->twist, T_predicted, dt_s));
   return best;
 }
@@ -239,12 +236,12 @@ void DirectOdometry::place(const ThinnedScan& scan, double dt_s, OdometryPose& p
   if (match.matched < LocalAlignment::kMinMatched || match.known_inlier_ratio < kLeastInliers)
     return;
 
-  const Vector6d deviation =
-      believed(maps::log_se3(T_predicted.inverse() * found.T_odom_lidar), match.weak_directions);
+  const Vector6d deviation = without(maps::log_se3(T_predicted.inverse() * found.T_odom_lidar),
+                                     match.degenerate_directions);
   pose.status = OdometryStatus::kMatched;
   pose.T_odom_lidar = found.T_odom_lidar;
-  if (!match.weak_directions.empty()) {
-    if (!match.degenerate_directions.empty()) pose.status = OdometryStatus::kPartly;
+  if (!match.degenerate_directions.empty()) {
+    pose.status = OdometryStatus::kPartly;
     pose.T_odom_lidar = maps::renormalized(T_predicted * maps::exp_se3(deviation));
   }
   pose.covariance =
