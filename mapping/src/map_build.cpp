@@ -2,6 +2,7 @@
 #include "build/manifest.hpp"
 #include "build/object_pass.hpp"
 #include "build/placing_pass.hpp"
+#include "build/posed_drives.hpp"
 #include "build/scan_stages.hpp"
 #include "build/survey_pass.hpp"
 #include "build/tile_pass.hpp"
@@ -85,6 +86,7 @@ std::vector<std::string> MapBuildOptions::violations() const {
   if (!(max_range_m > min_range_m))
     broken.push_back(
         fmt::format("max_range_m: {}, expected > min_range_m ({})", max_range_m, min_range_m));
+  for (const std::string& each : trajectory.violations()) broken.push_back(each);
   if (edits_file && !fusion)
     broken.emplace_back("edits_file: found without fusion, expected fusion on");
   return broken;
@@ -117,16 +119,22 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
     throw std::invalid_argument("build options: " + broken.front());
   const Clock::time_point began = Clock::now();
   const std::unique_ptr<Cleaner> cleaner = cleaner_of(options.clean, make_cleaner);
-  const DriveSet drives(folders, options);
+  const std::vector<maps::Drive> opened = open_drives(folders, options);
+  const std::string odometry = odometry_of(opened, options);
   const Edits edits = options.edits_file ? read_edits(*options.edits_file) : Edits{};
   maps::MapPackageWriter writer(target);
   const std::filesystem::path scratch = writer.folder() / "scratch";
   std::filesystem::create_directory(scratch);
+  MapBuildReport report;
+  PosedDrives posed = odometry == "given" ? with_given_poses(opened)
+                                          : with_estimated_poses(opened, options, odometry, scratch,
+                                                                 progress, cancel);
+  report.trajectory = std::move(posed.counts);
+  const DriveSet drives(std::move(posed.drives), options);
   const VoxelGrid grid(origin_of(drives), options.voxel_size_m);
   ScanStages stages(drives, options, grid);
   stages.learn(cancel);
 
-  MapBuildReport report;
   std::vector<maps::MapObject> map_objects;
   {
     const auto survey = survey_scans(drives, stages, scratch, options.threads, progress, cancel);
@@ -160,8 +168,8 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
   report.seconds = std::chrono::duration<double>(Clock::now() - began).count();
   report.scans_per_second = static_cast<double>(report.scans) / std::max(report.seconds, 1e-9);
   report.peak_rss_mib = peak_rss_mib();
-  report.digest =
-      writer.publish(manifest_of(drives, options, grid.origin(), report), to_json(report));
+  report.digest = writer.publish(manifest_of(drives, options, odometry, grid.origin(), report),
+                                 to_json(report));
   return report;
 }
 

@@ -106,6 +106,21 @@ Drive::Drive(Contents contents) : contents_(std::move(contents)) {
   }
 }
 
+Drive Drive::with_poses(std::vector<Eigen::Isometry3d> T_map_lidar,
+                        const std::optional<GeodeticOrigin>& origin) const {
+  for (const Eigen::Isometry3d& T : T_map_lidar) {
+    if (!T.matrix().allFinite())
+      throw std::invalid_argument("Drive::with_poses: a pose is not finite");
+  }
+  if (T_map_lidar.size() != size())
+    throw std::invalid_argument("Drive::with_poses: " + std::to_string(T_map_lidar.size()) +
+                                " poses for " + std::to_string(size()) + " scans");
+  Contents contents = contents_;
+  contents.T_map_lidar = std::move(T_map_lidar);
+  contents.origin = origin;
+  return Drive(std::move(contents));
+}
+
 Scan Drive::read(std::size_t index) const {
   const std::filesystem::path& file = contents_.scan_files.at(index);
   DecodedScan decoded = read_scan_file(file);

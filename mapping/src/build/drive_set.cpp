@@ -5,16 +5,11 @@
 #include <fmt/format.h>
 #include <stillmap/maps/error.hpp>
 
-#include <optional>
-#include <stdexcept>
 #include <utility>
 
 namespace stillmap::mapping {
 namespace {
 
-/// Two origins this near are one [degrees, m]: a tenth of a millimetre.
-constexpr double kSameDegrees = 1e-9;
-constexpr double kSameAltitudeM = 1e-4;
 /// No drive on Earth gets farther from its start [m]; cells around it are counted with 32 bits.
 constexpr double kFarthestM = 1e7;
 
@@ -35,29 +30,6 @@ void keep_range(maps::PointCloud& cloud, const std::array<double, 2>& range_m,
   counts["dropped_too_far"] += too_far;
 }
 
-bool same_frame(const std::optional<maps::GeodeticOrigin>& a,
-                const std::optional<maps::GeodeticOrigin>& b) {
-  if (!a || !b) return a.has_value() == b.has_value();
-  return std::abs(a->latitude_deg - b->latitude_deg) <= kSameDegrees &&
-         std::abs(a->longitude_deg - b->longitude_deg) <= kSameDegrees &&
-         std::abs(a->altitude_m - b->altitude_m) <= kSameAltitudeM;
-}
-
-std::string text_of(const std::optional<maps::GeodeticOrigin>& origin) {
-  if (!origin) return "poses without a geodetic origin";
-  return fmt::format("poses from {:.9f}, {:.9f}, {:.3f} m on", origin->latitude_deg,
-                     origin->longitude_deg, origin->altitude_m);
-}
-
-maps::Drive open_with_poses(const std::filesystem::path& folder, const MapBuildOptions& options) {
-  maps::Drive drive = maps::Drive::open(folder, options.poses_file);
-  if (!drive.has_poses()) {
-    throw maps::InputError(folder.string(), "a drive without poses",
-                           "poses in its layout or a file given with --poses");
-  }
-  return drive;
-}
-
 }  // namespace
 
 maps::Scan read_deskewed(const maps::Drive& drive, std::size_t index,
@@ -69,23 +41,15 @@ maps::Scan read_deskewed(const maps::Drive& drive, std::size_t index,
   return scan;
 }
 
-DriveSet::DriveSet(const std::vector<std::filesystem::path>& folders,
-                   const MapBuildOptions& options)
-    : range_m_{options.min_range_m, options.max_range_m} {
-  if (folders.empty()) throw std::invalid_argument("drives: none, expected at least one");
-  if (options.poses_file && folders.size() > 1)
-    throw std::invalid_argument("poses file: found with several drives, expected one drive");
-  for (const std::filesystem::path& folder : folders) {
-    const maps::Drive& drive = drives_.emplace_back(open_with_poses(folder, options));
-    const auto& origin = drives_.front().contents().origin;
-    if (!same_frame(drive.contents().origin, origin))
-      throw maps::InputError(folder.string(), text_of(drive.contents().origin),
-                             text_of(origin) + " as the first drive's");
-    const std::vector<std::size_t> indices = options.selection.indices(drive.size());
+DriveSet::DriveSet(std::vector<maps::Drive> drives, const MapBuildOptions& options)
+    : drives_(std::move(drives)), range_m_{options.min_range_m, options.max_range_m} {
+  for (std::size_t i = 0; i < drives_.size(); ++i) {
+    const std::vector<std::size_t> indices = options.selection.indices(drives_[i].size());
     if (indices.empty())
-      throw maps::InputError(folder.string(), fmt::format("{} scans, none selected", drive.size()),
+      throw maps::InputError(drives_[i].contents().root.string(),
+                             fmt::format("{} scans, none selected", drives_[i].size()),
                              "at least one selected scan");
-    for (const std::size_t index : indices) places_.push_back({drives_.size() - 1, index});
+    for (const std::size_t index : indices) places_.push_back({i, index});
   }
   check_poses();
 }

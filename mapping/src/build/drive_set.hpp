@@ -33,10 +33,9 @@ class DriveSet {
     std::size_t index = 0;
   };
 
-  /// @throws maps::InputError for a drive without poses, no selected scan, a pose beyond 1e7 m from
-  /// the first, or drives whose poses are not in one frame; std::invalid_argument for a poses file
-  /// with several drives.
-  DriveSet(const std::vector<std::filesystem::path>& folders, const MapBuildOptions& options);
+  /// @param drives  with poses in one frame.
+  /// @throws maps::InputError for no selected scan, or a pose beyond 1e7 m from the first.
+  DriveSet(std::vector<maps::Drive> drives, const MapBuildOptions& options);
 
   [[nodiscard]] std::size_t size() const { return places_.size(); }
   [[nodiscard]] const std::vector<maps::Drive>& drives() const { return drives_; }

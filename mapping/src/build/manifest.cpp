@@ -76,6 +76,15 @@ std::map<std::string, std::string> texts_of(const MapBuildOptions& options) {
   };
 }
 
+std::map<std::string, std::string> texts_of(const TrajectoryOptions& options) {
+  std::map<std::string, std::string> texts{{"loops", switch_of(options.loops)}};
+  if (options.prior)
+    texts["pose_sigma"] =
+        fmt::format("{} m, {} rad", options.prior->sigma_m, options.prior->sigma_rad);
+  if (options.gnss_sigma_m) texts["gnss_sigma_m"] = fmt::format("{}", *options.gnss_sigma_m);
+  return texts;
+}
+
 std::map<std::string, std::string> sources_of(const DriveSet& drives,
                                               const MapBuildOptions& options) {
   std::map<std::string, std::string> sources;
@@ -104,7 +113,8 @@ std::map<std::string, std::string> sources_of(const DriveSet& drives,
 }  // namespace
 
 maps::MapManifest manifest_of(const DriveSet& drives, const MapBuildOptions& options,
-                              const Eigen::Vector3d& origin, const MapBuildReport& report) {
+                              const std::string& odometry, const Eigen::Vector3d& origin,
+                              const MapBuildReport& report) {
   const maps::Drive& first = drives.drives().front();
   maps::MapManifest manifest;
   manifest.frame_id = first.contents().origin ? "enu" : "local";
@@ -114,8 +124,13 @@ maps::MapManifest manifest_of(const DriveSet& drives, const MapBuildOptions& opt
   manifest.relative_clock = first.relative_clock();
   manifest.software_version = STILLMAP_VERSION;
   manifest.options = texts_of(options);
+  manifest.options["odometry"] = odometry;
+  if (odometry != "given") {
+    for (auto& [name, text] : texts_of(options.trajectory)) manifest.options[name] = text;
+  }
   manifest.counts = report.points;
   for (const auto& [name, count] : report.objects) manifest.counts["objects_" + name] = count;
+  for (const auto& [name, count] : report.trajectory) manifest.counts[name] = count;
   manifest.counts["scans"] = report.scans;
   manifest.sources = sources_of(drives, options);
   return manifest;

@@ -7,10 +7,14 @@
 
 #include <Eigen/Core>
 
+#include <string>
+
 namespace stillmap::mapping {
 
 /// What the digest covers, without tiles and files: nothing of time, host or threads is in it.
+/// @param odometry  `given` or the method that made the poses.
 [[nodiscard]] maps::MapManifest manifest_of(const DriveSet& drives, const MapBuildOptions& options,
+                                            const std::string& odometry,
                                             const Eigen::Vector3d& origin,
                                             const MapBuildReport& report);
 

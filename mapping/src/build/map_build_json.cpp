@@ -10,6 +10,7 @@ std::string to_json(const MapBuildReport& report) {
                         {"peak_rss_mib", report.peak_rss_mib},
                         {"points", report.points},
                         {"objects", report.objects},
+                        {"trajectory", report.trajectory},
                         {"stage_seconds", report.stage_seconds},
                         {"warnings", report.warnings},
                         {"digest", report.digest},

@@ -1,6 +1,7 @@
 #include <stillmap/mapping/odometry.hpp>
 
 #include "odometry/direct/direct_odometry.hpp"
+#include "odometry/loam/loam_odometry.hpp"
 
 #include <fmt/format.h>
 
@@ -15,7 +16,8 @@ struct NamedOdometry {
   std::unique_ptr<Odometry> (*make)();
 };
 /// The default first.
-constexpr std::array<NamedOdometry, 1> kMethods = {{{"default", make_direct_odometry}}};
+constexpr std::array<NamedOdometry, 2> kMethods = {
+    {{"default", make_direct_odometry}, {"loam", make_loam}}};
 
 }  // namespace
 

@@ -21,7 +21,7 @@ struct MapperCommand {
 constexpr std::array<MapperCommand, 3> kMapperCommands = {{
     {"build", "Make a map package from a drive"},
     {"simulate", "Make a drive in a simulated world, with the truth beside it"},
-    {"evaluate", "Measure localization or a map against a drive's truth"},
+    {"evaluate", "Measure localization, a map, odometry or a detector against a drive's truth"},
 }};
 
 }  // namespace

@@ -1,10 +1,12 @@
 #include <stillmap/mapping/map_build.hpp>
+#include <stillmap/mapping/odometry.hpp>
 
 #include <fmt/core.h>
 
 #include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <optional>
 #include <stdexcept>
 #include <stillmap/localization/map_index.hpp>
@@ -16,6 +18,7 @@
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
+#include "mapper/command_text.hpp"
 #include "mapper/commands.hpp"
 #include "reference/cleaners.hpp"
 
@@ -33,6 +36,8 @@ struct BuildArguments {
   std::string preset = "default";
   std::string fusion = "on";
   std::string fill = "on";
+  std::string loops = "on";
+  std::optional<std::string> pose_sigma;
   std::optional<std::filesystem::path> json;
   mapping::MapBuildOptions options;
 };
@@ -47,6 +52,9 @@ std::string to_json_text(const mapping::MapBuildReport& report, const BuildArgum
                      {"preset", arguments.preset},
                      {"select", arguments.select},
                      {"poses", options.poses_file ? options.poses_file->string() : ""},
+                     {"odometry", options.odometry.value_or("")},
+                     {"loops", options.trajectory.loops},
+                     {"pose_sigma", arguments.pose_sigma.value_or("")},
                      {"detector", options.detector},
                      {"movable", arguments.movable},
                      {"ground_height", name_of(options.projection.ground_height)},
@@ -59,6 +67,8 @@ std::string to_json_text(const mapping::MapBuildReport& report, const BuildArgum
                      {"min_range_m", options.min_range_m},
                      {"max_range_m", options.max_range_m},
                      {"threads", options.threads}};
+  if (options.trajectory.gnss_sigma_m)
+    json["options"]["gnss_sigma_m"] = *options.trajectory.gnss_sigma_m;
   if (options.ground.sensor_height_m)
     json["options"]["sensor_height_m"] = *options.ground.sensor_height_m;
   return json.dump(2) + "\n";
@@ -85,6 +95,12 @@ std::string points_label(std::string name) {
   return "scanned points " + name;
 }
 
+std::string trajectory_label(std::string name) {
+  if (name == "scans_predicted") return "scans placed by motion alone";
+  std::replace(name.begin(), name.end(), '_', ' ');
+  return name;
+}
+
 std::string objects_label(std::string name) {
   if (name == "boxes") return "boxes detected";
   if (name.starts_with("dropped: ")) return "boxes " + name;
@@ -102,6 +118,8 @@ void print_for_people(const mapping::MapBuildReport& report, const BuildArgument
   table.add("scans", fmt::format("{} in {:.1f} s, {:.1f} a second", report.scans, report.seconds,
                                  report.scans_per_second));
   table.add("peak memory", fmt::format("{:.0f} MiB", report.peak_rss_mib));
+  for (const auto& [name, count] : report.trajectory)
+    table.add(trajectory_label(name), grouped(count));
   for (const auto& [name, count] : report.points) table.add(points_label(name), grouped(count));
   for (const auto& [name, count] : report.objects) table.add(objects_label(name), grouped(count));
   table.print();
@@ -116,6 +134,11 @@ void read_words(BuildArguments& arguments, const CLI::App& command) {
   options.projection.policy = mapping::movable_policy_from(arguments.movable);
   const std::string clean = options.clean;
   if (arguments.preset == "paper") mapping::apply_paper_preset(options);
+  options.trajectory.loops = arguments.loops == "on";
+  if (arguments.pose_sigma) {
+    const auto [metres, degrees] = metres_and_degrees("--pose-sigma", *arguments.pose_sigma);
+    options.trajectory.prior = {.sigma_m = metres, .sigma_rad = degrees * std::numbers::pi / 180};
+  }
   const auto given = [&](const char* name) { return command.count(name) > 0; };
   if (given("--fusion")) options.fusion = arguments.fusion == "on";
   if (given("--fill")) options.fill = arguments.fill == "on";
@@ -189,6 +212,27 @@ void add_method_options(CLI::App& command, BuildArguments& arguments) {
                      "Height of the sensor over the ground [m] (default: estimated)");
 }
 
+void add_pose_options(CLI::App& command, BuildArguments& arguments) {
+  mapping::MapBuildOptions& options = arguments.options;
+  std::vector<std::string> methods = mapping::odometry_names();
+  methods.insert(methods.begin(), "given");
+  command
+      .add_option("--odometry", options.odometry,
+                  "Where poses come from: given (the drive's own or --poses, as they are), or a "
+                  "method of odometry with loops (default: given where there are poses)")
+      ->check(CLI::IsMember(methods));
+  command
+      .add_option("--loops", arguments.loops,
+                  "With odometry: join places that were seen again, also between drives")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"on", "off"}));
+  command.add_option("--pose-sigma", arguments.pose_sigma,
+                     "With odometry: the given poses are right to within METRES,DEGREES");
+  command.add_option(
+      "--gnss-sigma", options.trajectory.gnss_sigma_m,
+      "With odometry: the positions of the given poses are right to within this [m]");
+}
+
 }  // namespace
 
 void add_build(CLI::App& app) {
@@ -201,7 +245,9 @@ void add_build(CLI::App& app) {
       ->add_option(
           "DRIVE", arguments->drives,
           "KITTI raw or odometry, key frame folder, or a folder of .pcd, .ply or .bin scans; "
-          "several go into one map when their poses are in one frame")
+          "several go into one map: by their poses where these are in one frame, else by places "
+          "that "
+          "they share")
       ->required()
       ->check(command_line::existing_folder());
   command->add_option("-o,--output", arguments->map, "Map package to write; must not exist")
@@ -212,6 +258,7 @@ void add_build(CLI::App& app) {
       ->add_option("--poses", options.poses_file,
                    "Poses instead of the drive's own: KITTI or TUM, T_map_lidar")
       ->check(command_line::existing_file());
+  add_pose_options(*command, *arguments);
   command
       ->add_option(
           "--detector", options.detector,

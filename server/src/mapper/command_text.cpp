@@ -1,6 +1,9 @@
 #include "mapper/command_text.hpp"
 
+#include <charconv>
+#include <stdexcept>
 #include <string_view>
+#include <system_error>
 
 namespace stillmap::mapper {
 namespace {
@@ -27,6 +30,17 @@ std::string command_of(const CLI::App& command) {
     }
   }
   return text;
+}
+
+std::array<double, 2> metres_and_degrees(const std::string& option, const std::string& text) {
+  std::array<double, 2> values{};
+  const char* const end = text.data() + text.size();
+  const auto [comma, metres_error] = std::from_chars(text.data(), end, values[0]);
+  if (metres_error == std::errc{} && comma != end && *comma == ',') {
+    const auto [last, degrees_error] = std::from_chars(comma + 1, end, values[1]);
+    if (degrees_error == std::errc{} && last == end) return values;
+  }
+  throw std::invalid_argument(option + ": found '" + text + "', expected METRES,DEGREES");
 }
 
 }  // namespace stillmap::mapper

@@ -5,7 +5,6 @@
 
 #include <fmt/core.h>
 
-#include <charconv>
 #include <cmath>
 #include <initializer_list>
 #include <map>
@@ -40,15 +39,8 @@ struct EvaluateArguments {
 };
 
 mapping::PriorError read_prior_error(const std::string& option, const std::string& text) {
-  mapping::PriorError error;
-  const char* const end = text.data() + text.size();
-  const auto [comma, metres_error] = std::from_chars(text.data(), end, error.metres);
-  const bool has_comma = metres_error == std::errc{} && comma != end && *comma == ',';
-  if (has_comma) {
-    const auto [last, degrees_error] = std::from_chars(comma + 1, end, error.degrees);
-    if (degrees_error == std::errc{} && last == end) return error;
-  }
-  throw std::invalid_argument(option + ": found '" + text + "', expected METRES,DEGREES");
+  const auto [metres, degrees] = metres_and_degrees(option, text);
+  return {.metres = metres, .degrees = degrees};
 }
 
 /// An option whose words are the names of an enumeration's values.

@@ -1,12 +1,10 @@
 #include <stillmap/mapping/paper_evaluation.hpp>
-#include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/simulation/simulate.hpp>
 
 #include <fmt/format.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -14,13 +12,13 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
-#include <system_error>
 #include <vector>
 
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
 #include "mapper/command_text.hpp"
 #include "mapper/commands.hpp"
+#include "mapper/work_folder.hpp"
 #include "reference/cleaners.hpp"
 #include "reference/map_aligners.hpp"
 
@@ -33,34 +31,6 @@ struct PaperArguments {
   std::optional<std::filesystem::path> json;
   std::optional<std::filesystem::path> report;
   mapping::PaperEvaluationOptions options;
-};
-
-/// Where pieces are kept: the folder that was given, or one of their own that goes at the end.
-class WorkFolder {
- public:
-  explicit WorkFolder(const std::optional<std::filesystem::path>& given) {
-    if (given) {
-      path_ = *given;
-      return;
-    }
-    std::string name = (std::filesystem::temp_directory_path() / "stillmap-paper-XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) throw maps::StorageError(name, "cannot be made");
-    path_ = name;
-    temporary_ = true;
-  }
-  ~WorkFolder() {
-    std::error_code ignored;
-    if (temporary_) std::filesystem::remove_all(path_, ignored);
-  }
-  WorkFolder(const WorkFolder&) = delete;
-  WorkFolder& operator=(const WorkFolder&) = delete;
-
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-  [[nodiscard]] bool keep() const { return !temporary_; }
-
- private:
-  std::filesystem::path path_;
-  bool temporary_ = false;
 };
 
 std::vector<std::string> cleaners() {

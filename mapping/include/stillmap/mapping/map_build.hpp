@@ -4,6 +4,7 @@
 #include <stillmap/mapping/ground.hpp>
 #include <stillmap/mapping/progress.hpp>
 #include <stillmap/mapping/projection.hpp>
+#include <stillmap/mapping/trajectory.hpp>
 #include <stillmap/maps/drive.hpp>
 
 #include <cstddef>
@@ -21,6 +22,11 @@ struct MapBuildOptions {
   maps::Selection selection;
   /// Poses instead of the drive's own; with one drive only.
   std::optional<std::filesystem::path> poses_file;
+  /// `given`: the drives' own poses as they are; or one of `odometry_names()`. None: `given` where
+  /// every drive has poses, else the first of these.
+  std::optional<std::string> odometry;
+  /// With odometry: loops, a prior, GNSS. Its method, scans and threads are set by the build.
+  TrajectoryOptions trajectory;
   GroundOptions ground;
   /// `geometric`, `voxelnext`, `voxelnext:FILE`, `onnx:FILE`, or `boxes:FILE` (with several drives
   /// `boxes:FILE,FILE...`, one a drive).
@@ -72,6 +78,8 @@ struct MapBuildReport {
   std::map<std::string, std::uint64_t> points;
   /// parked, moving, unknown, boxes, "dropped: REASON", ...
   std::map<std::string, std::uint64_t> objects;
+  /// With odometry: key_frames, loops_found, loops_believed, scans_predicted (by motion alone).
+  std::map<std::string, std::uint64_t> trajectory;
   std::map<std::string, double> stage_seconds;  ///< summed over threads
   /// What a person should look at: edits that met nothing.
   std::vector<std::string> warnings;
@@ -81,12 +89,13 @@ struct MapBuildReport {
 /// Drives -> one projected static map package at `target`, in memory that grows with the map's area
 /// and, by some 30 KiB a scan, with their number.
 ///
-/// Pass 1, each scan: read -> drop -> deskew -> ground -> detect. Then objects and ground are fused
-/// over all scans. Pass 2, each scan from its original points: project -> stack. Last, each tile:
-/// clean -> fill -> normals. Scans and tiles are processed in parallel and taken in order, so that
-/// the bytes do not depend on the number of threads. A build that fails or is cancelled leaves
-/// nothing at `target`.
-/// @param drives        at least one, with poses in one frame.
+/// Where poses are not given they are estimated first (`estimate_trajectories`), over all scans
+/// from the first selected one to the last. Pass 1, each scan: read -> drop -> deskew -> ground ->
+/// detect. Then objects and ground are fused over all scans. Pass 2, each scan from its original
+/// points: project -> stack. Last, each tile: clean -> fill -> normals. Scans and tiles are
+/// processed in parallel and taken in order, so that the bytes do not depend on the number of
+/// threads. A build that fails or is cancelled leaves nothing at `target`.
+/// @param drives        at least one; given poses are in one frame, or each has a geodetic origin.
 /// @param make_cleaner  for other names than `free-space` and `none`; may be empty.
 /// @throws std::invalid_argument (options), maps::InputError, maps::StorageError, Cancelled.
 MapBuildReport build_map(const std::vector<std::filesystem::path>& drives,

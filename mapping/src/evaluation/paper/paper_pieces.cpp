@@ -14,23 +14,6 @@ namespace {
 constexpr std::string_view kTrueBoxes = "boxes";
 constexpr const char* kBoxesFile = "boxes.json";
 
-/// A given drive is known by the names, sizes and dates of its files; reading all of it would take
-/// as long as a map.
-std::string key_of_drive(const std::filesystem::path& folder) {
-  const maps::Drive drive = maps::Drive::open(folder);
-  std::string text = std::filesystem::weakly_canonical(folder).string();
-  for (const std::filesystem::path& file : drive.contents().scan_files) {
-    const auto written = std::filesystem::last_write_time(file).time_since_epoch();
-    text += fmt::format("\n{} {} {}", file.filename().string(), std::filesystem::file_size(file),
-                        std::chrono::nanoseconds(written).count());
-  }
-  for (std::size_t i = 0; drive.has_poses() && i < drive.size(); ++i) {
-    const Eigen::Matrix4d T = drive.T_map_lidar(i).matrix();
-    text.append(reinterpret_cast<const char*>(T.data()), sizeof(double) * 16);
-  }
-  return key_of(text);
-}
-
 PaperStreet given_street(std::size_t number, const std::array<std::filesystem::path, 2>& drives) {
   return {.name = fmt::format("drive {}", number),
           .seed = std::nullopt,
@@ -55,6 +38,21 @@ std::string key_of(std::string_view text) {
     hash *= 0x100000001B3ULL;
   }
   return fmt::format("{:016x}", hash);
+}
+
+std::string key_of_drive(const std::filesystem::path& folder) {
+  const maps::Drive drive = maps::Drive::open(folder);
+  std::string text = std::filesystem::weakly_canonical(folder).string();
+  for (const std::filesystem::path& file : drive.contents().scan_files) {
+    const auto written = std::filesystem::last_write_time(file).time_since_epoch();
+    text += fmt::format("\n{} {} {}", file.filename().string(), std::filesystem::file_size(file),
+                        std::chrono::nanoseconds(written).count());
+  }
+  for (std::size_t i = 0; drive.has_poses() && i < drive.size(); ++i) {
+    const Eigen::Matrix4d T = drive.T_map_lidar(i).matrix();
+    text.append(reinterpret_cast<const char*>(T.data()), sizeof(double) * 16);
+  }
+  return key_of(text);
 }
 
 std::vector<PaperQuestion> questions_of(const PaperEvaluationOptions& options) {

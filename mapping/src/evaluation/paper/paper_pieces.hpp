@@ -42,6 +42,10 @@ struct PaperQuestion {
 /// @see Fowler, Noll, Vo, "The FNV non-cryptographic hash algorithm", FNV-1a.
 [[nodiscard]] std::string key_of(std::string_view text);
 
+/// What a given drive is known by: names, sizes and dates of its files, and its poses; reading all
+/// of it would take as long as a map. @throws maps::InputError when it cannot be opened.
+[[nodiscard]] std::string key_of_drive(const std::filesystem::path& folder);
+
 /// Where the pieces of a table lie in a folder, and what they are called: a name for people and a
 /// key of everything they come from, so that no piece is taken for another.
 class PaperPieces {

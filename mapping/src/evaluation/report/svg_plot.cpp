@@ -8,12 +8,10 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr double kWidth = 360.0;
-constexpr double kHeight = 260.0;
 constexpr double kLeft = 52.0;
-constexpr double kRight = kWidth - 12.0;
 constexpr double kTop = 10.0;
-constexpr double kBottom = kHeight - 44.0;
+constexpr double kBesideRight = 12.0;
+constexpr double kBelow = 44.0;
 
 /// Where a value lies between the ends of an axis, in [0, 1].
 double place_on(const PlotAxis& axis, double value) {
@@ -66,8 +64,14 @@ std::string escaped(std::string_view text) {
   return out;
 }
 
-double SvgPlot::pixel_x(double x) const { return kLeft + place_on(x_, x) * (kRight - kLeft); }
-double SvgPlot::pixel_y(double y) const { return kBottom - place_on(y_, y) * (kBottom - kTop); }
+double SvgPlot::aspect_of(Size size) {
+  return (size.height - kTop - kBelow) / (size.width - kLeft - kBesideRight);
+}
+
+double SvgPlot::right() const { return size_.width - kBesideRight; }
+double SvgPlot::bottom() const { return size_.height - kBelow; }
+double SvgPlot::pixel_x(double x) const { return kLeft + place_on(x_, x) * (right() - kLeft); }
+double SvgPlot::pixel_y(double y) const { return bottom() - place_on(y_, y) * (bottom() - kTop); }
 
 std::string SvgPlot::pixels(const std::vector<Point>& points) const {
   std::string out;
@@ -109,19 +113,19 @@ std::string SvgPlot::x_axis() const {
   std::string out;
   const auto label = [&](double x, std::string_view text) {
     out += fmt::format("<text class=\"tick middle\" x=\"{:.1f}\" y=\"{:.1f}\">{}</text>\n", x,
-                       kBottom + 15.0, escaped(text));
+                       bottom() + 15.0, escaped(text));
   };
   for (std::size_t i = 0; i < x_.categories.size(); ++i)
     label(pixel_x(static_cast<double>(i) + 0.5), x_.categories[i]);
   if (x_.categories.empty()) {
     for (const double tick : ticks_of(x_)) {
       const double x = pixel_x(tick);
-      out += fmt::format("<path class=\"grid\" d=\"M{:.1f} {:.1f}V{:.1f}\"/>\n", x, kTop, kBottom);
+      out += fmt::format("<path class=\"grid\" d=\"M{:.1f} {:.1f}V{:.1f}\"/>\n", x, kTop, bottom());
       label(x, fmt::format("{:.6g}", tick));
     }
   }
   out += fmt::format("<text class=\"label middle\" x=\"{:.1f}\" y=\"{:.1f}\">{}</text>\n",
-                     0.5 * (kLeft + kRight), kHeight - 10.0, escaped(x_.label));
+                     0.5 * (kLeft + right()), size_.height - 10.0, escaped(x_.label));
   return out;
 }
 
@@ -132,9 +136,9 @@ std::string SvgPlot::y_axis() const {
     out += fmt::format(
         "<path class=\"grid\" d=\"M{:.1f} {:.1f}H{:.1f}\"/>\n"
         "<text class=\"tick end\" x=\"{:.1f}\" y=\"{:.1f}\">{:.6g}</text>\n",
-        kLeft, y, kRight, kLeft - 6.0, y + 4.0, tick);
+        kLeft, y, right(), kLeft - 6.0, y + 4.0, tick);
   }
-  const double middle = 0.5 * (kTop + kBottom);
+  const double middle = 0.5 * (kTop + bottom());
   out += fmt::format(
       "<text class=\"label middle\" transform=\"translate(13 {:.1f}) rotate(-90)\">{}</text>\n",
       middle, escaped(y_.label));
@@ -145,8 +149,8 @@ std::string SvgPlot::svg(std::string_view title) const {
   return fmt::format(
       "<svg viewBox=\"0 0 {} {}\" role=\"img\"><title>{}</title>\n{}{}{}"
       "<rect class=\"frame\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\"/></svg>\n",
-      kWidth, kHeight, escaped(title), x_axis(), y_axis(), content_, kLeft, kTop, kRight - kLeft,
-      kBottom - kTop);
+      size_.width, size_.height, escaped(title), x_axis(), y_axis(), content_, kLeft, kTop,
+      right() - kLeft, bottom() - kTop);
 }
 
 }  // namespace stillmap::mapping

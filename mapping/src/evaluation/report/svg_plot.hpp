@@ -26,7 +26,17 @@ class SvgPlot {
  public:
   using Point = std::pair<double, double>;
 
-  SvgPlot(PlotAxis x, PlotAxis y) : x_(std::move(x)), y_(std::move(y)) {}
+  /// In units of the page's letters, which are 11 of them high.
+  struct Size {
+    double width = 360.0;
+    double height = 260.0;
+  };
+
+  SvgPlot(PlotAxis x, PlotAxis y) : SvgPlot(std::move(x), std::move(y), Size{}) {}
+  SvgPlot(PlotAxis x, PlotAxis y, Size size) : x_(std::move(x)), y_(std::move(y)), size_(size) {}
+
+  /// Height over width of what lies between the axes.
+  [[nodiscard]] static double aspect_of(Size size);
 
   void add_polygon(const std::vector<Point>& corners, std::string_view style);
   /// @param opacity  in [0, 1].
@@ -42,6 +52,8 @@ class SvgPlot {
   [[nodiscard]] std::string svg(std::string_view title) const;
 
  private:
+  [[nodiscard]] double right() const;
+  [[nodiscard]] double bottom() const;
   [[nodiscard]] double pixel_x(double x) const;
   [[nodiscard]] double pixel_y(double y) const;
   [[nodiscard]] std::string pixels(const std::vector<Point>& points) const;
@@ -50,6 +62,7 @@ class SvgPlot {
 
   PlotAxis x_;
   PlotAxis y_;
+  Size size_;
   std::string content_;
 };
 

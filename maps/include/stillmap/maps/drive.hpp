@@ -81,6 +81,12 @@ class Drive {
     return contents_.T_map_lidar.at(index);
   }
 
+  /// The same scans with other poses.
+  /// @param T_map_lidar  one a scan. @param origin  of their frame, where it is known.
+  /// @throws std::invalid_argument for another number of poses or one that is not finite.
+  [[nodiscard]] Drive with_poses(std::vector<Eigen::Isometry3d> T_map_lidar,
+                                 const std::optional<GeodeticOrigin>& origin) const;
+
   /// Reads one scan; NaN, infinite and zero-range points are dropped and counted.
   /// @throws InputError for a broken file (truncated, unknown fields, ...), StorageError for the
   /// disk.

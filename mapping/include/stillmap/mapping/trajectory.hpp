@@ -1,0 +1,95 @@
+#pragma once
+
+#include <stillmap/mapping/odometry.hpp>
+#include <stillmap/mapping/progress.hpp>
+#include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/scan.hpp>
+
+#include <Eigen/Geometry>
+
+#include <cstddef>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace stillmap::mapping {
+
+/// How poses come about where they are not simply those of the drive.
+struct TrajectoryOptions {
+  /// One of `odometry_names()`.
+  std::string odometry = "default";
+  /// Join places that were seen again, and optimise.
+  bool loops = true;
+  /// The drive's own poses are believed to within these deviations [m, rad], > 0, each in every
+  /// direction.
+  struct Prior {
+    double sigma_m = 0.0;
+    double sigma_rad = 0.0;
+  };
+  std::optional<Prior> prior;
+  /// Only the positions of the drive's own poses are believed, to within this deviation [m], > 0:
+  /// GNSS. Not together with `prior`.
+  std::optional<double> gnss_sigma_m;
+  /// Scans of a drive that take part: [begin, end), end cut to the drive's size.
+  std::size_t begin = 0;
+  std::optional<std::size_t> end;
+  /// 0 = all cores.
+  int threads = 0;
+
+  [[nodiscard]] std::vector<std::string> violations() const;
+};
+
+/// A place that was seen twice.
+struct EstimatedLoop {
+  std::size_t from_drive = 0, from_scan = 0;
+  std::size_t to_drive = 0, to_scan = 0;
+  Eigen::Isometry3d T_from_to = Eigen::Isometry3d::Identity();
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Identity();
+  /// How much of it the whole graph believed, in [0, 1].
+  double weight = 1.0;
+};
+
+struct EstimatedDrive {
+  std::size_t begin = 0;
+  /// As odometry had them, one a scan from `begin` on.
+  std::vector<OdometryPose> odometry;
+  /// Corrected, the same scans.
+  std::vector<Eigen::Isometry3d> T_map_lidar;
+  /// Scans that are key frames, ascending.
+  std::vector<std::size_t> keyframes;
+};
+
+struct TrajectoryEstimate {
+  std::vector<EstimatedDrive> drives;
+  std::vector<EstimatedLoop> loops;
+  /// Of the map frame, where priors or GNSS gave it.
+  std::optional<maps::GeodeticOrigin> origin;
+  double odometry_seconds = 0.0;
+  double loop_seconds = 0.0;
+  double graph_seconds = 0.0;
+};
+
+/// Scan of a drive other than it lies on the disk (with objects projected, say). Safe from several
+/// threads.
+using ScanReader = std::function<maps::Scan(const maps::Drive& drive, std::size_t scan)>;
+
+/// Odometry over every drive, loops within and between them, pose graph.
+///
+/// Key frames are a metre or 10 degrees apart; the poses of the scans between them follow their
+/// corrections. The map frame is that of the drives' poses where these are a prior or GNSS; else
+/// the ground below the first scan, z its normal, x forward.
+/// @param drives   at least one.
+/// @param scratch  existing folder for what does not stay in memory.
+/// @param read     none = `Drive::read`.
+/// @throws std::invalid_argument (options), maps::InputError (also for a drive that shares no place
+/// with the others, or poses that are asked for and absent), maps::StorageError, Cancelled.
+[[nodiscard]] TrajectoryEstimate estimate_trajectories(const std::vector<maps::Drive>& drives,
+                                                       const TrajectoryOptions& options,
+                                                       const std::filesystem::path& scratch,
+                                                       const ProgressCallback& progress,
+                                                       const CancelFlag& cancel,
+                                                       const ScanReader& read = {});
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,141 @@
+#include "build/posed_drives.hpp"
+
+#include <stillmap/mapping/odometry.hpp>
+#include <stillmap/mapping/trajectory.hpp>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/geodesy.hpp>
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+namespace stillmap::mapping {
+namespace {
+
+constexpr std::string_view kGiven = "given";
+/// A loop counts as believed from here.
+constexpr double kBelieved = 0.5;
+
+std::string text_of(const std::optional<maps::GeodeticOrigin>& origin) {
+  if (!origin) return "poses without a geodetic origin";
+  return fmt::format("poses from {:.9f}, {:.9f}, {:.3f} m on", origin->latitude_deg,
+                     origin->longitude_deg, origin->altitude_m);
+}
+
+bool same(const maps::GeodeticOrigin& a, const maps::GeodeticOrigin& b) {
+  return a.latitude_deg == b.latitude_deg && a.longitude_deg == b.longitude_deg &&
+         a.altitude_m == b.altitude_m;
+}
+
+bool have_poses(const std::vector<maps::Drive>& drives) {
+  return std::all_of(drives.begin(), drives.end(),
+                     [](const maps::Drive& drive) { return drive.has_poses(); });
+}
+
+/// One scan more than selected at both ends, so that each selected one has neighbours to take its
+/// speed from.
+TrajectoryOptions options_of(const MapBuildOptions& options, const std::string& method) {
+  TrajectoryOptions trajectory = options.trajectory;
+  trajectory.odometry = method;
+  trajectory.begin = options.selection.begin > 0 ? options.selection.begin - 1 : 0;
+  if (options.selection.end) trajectory.end = *options.selection.end + 1;
+  trajectory.threads = options.threads;
+  return trajectory;
+}
+
+std::map<std::string, std::uint64_t> counts_of(const TrajectoryEstimate& estimate) {
+  std::map<std::string, std::uint64_t> counts;
+  counts["loops_found"] = estimate.loops.size();
+  counts["loops_believed"] = static_cast<std::uint64_t>(
+      std::count_if(estimate.loops.begin(), estimate.loops.end(),
+                    [](const EstimatedLoop& loop) { return loop.weight >= kBelieved; }));
+  std::uint64_t& keyframes = counts["key_frames"];
+  std::uint64_t& predicted = counts["scans_predicted"];
+  for (const EstimatedDrive& drive : estimate.drives) {
+    keyframes += drive.keyframes.size();
+    predicted += static_cast<std::uint64_t>(std::count_if(
+        drive.odometry.begin() + 1, drive.odometry.end(),
+        [](const OdometryPose& pose) { return pose.status == OdometryStatus::kPredicted; }));
+  }
+  return counts;
+}
+
+}  // namespace
+
+std::vector<maps::Drive> open_drives(const std::vector<std::filesystem::path>& folders,
+                                     const MapBuildOptions& options) {
+  if (folders.empty()) throw std::invalid_argument("drives: none, expected at least one");
+  if (options.poses_file && folders.size() > 1)
+    throw std::invalid_argument("poses file: found with several drives, expected one drive");
+  std::vector<maps::Drive> drives;
+  for (const std::filesystem::path& folder : folders)
+    drives.push_back(maps::Drive::open(folder, options.poses_file));
+  return drives;
+}
+
+std::string odometry_of(const std::vector<maps::Drive>& drives, const MapBuildOptions& options) {
+  std::string method = options.odometry.value_or(have_poses(drives) ? std::string(kGiven)
+                                                                    : odometry_names().front());
+  const bool believes = options.trajectory.prior || options.trajectory.gnss_sigma_m;
+  // Who says how good the poses are wants them to be improved.
+  if (believes && !options.odometry) method = odometry_names().front();
+  if (method == kGiven) {
+    if (believes)
+      throw std::invalid_argument("odometry: found given beside a prior or GNSS, expected " +
+                                  fmt::format("{}", fmt::join(odometry_names(), " or ")));
+    for (const maps::Drive& drive : drives) {
+      if (!drive.has_poses())
+        throw maps::InputError(drive.contents().root.string(), "a drive without poses",
+                               "poses in its layout or a file given with --poses, or odometry");
+    }
+    return method;
+  }
+  const std::vector<std::string> names = odometry_names();
+  if (std::find(names.begin(), names.end(), method) == names.end())
+    throw std::invalid_argument(fmt::format("odometry: found '{}', expected {} or {}", method,
+                                            kGiven, fmt::join(names, ", ")));
+  return method;
+}
+
+PosedDrives with_given_poses(const std::vector<maps::Drive>& drives) {
+  PosedDrives posed;
+  const auto& origin = drives.front().contents().origin;
+  for (const maps::Drive& drive : drives) {
+    const auto& own = drive.contents().origin;
+    if (own.has_value() != origin.has_value())
+      throw maps::InputError(drive.contents().root.string(), text_of(own),
+                             text_of(origin) + " as the first drive's");
+    if (!own || same(*own, *origin)) {
+      posed.drives.push_back(drive);
+      continue;
+    }
+    const Eigen::Isometry3d T_first_own = maps::T_enu_enu(*origin, *own);
+    std::vector<Eigen::Isometry3d> poses = drive.contents().T_map_lidar;
+    for (Eigen::Isometry3d& T : poses) T = T_first_own * T;
+    posed.drives.push_back(drive.with_poses(std::move(poses), origin));
+  }
+  return posed;
+}
+
+PosedDrives with_estimated_poses(const std::vector<maps::Drive>& drives,
+                                 const MapBuildOptions& options, const std::string& method,
+                                 const std::filesystem::path& scratch,
+                                 const ProgressCallback& progress, const CancelFlag& cancel) {
+  const TrajectoryEstimate estimate =
+      estimate_trajectories(drives, options_of(options, method), scratch, progress, cancel);
+  PosedDrives posed;
+  posed.counts = counts_of(estimate);
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    const EstimatedDrive& estimated = estimate.drives[i];
+    std::vector<Eigen::Isometry3d> poses(drives[i].size(), estimated.T_map_lidar.front());
+    std::copy(estimated.T_map_lidar.begin(), estimated.T_map_lidar.end(),
+              poses.begin() + static_cast<std::ptrdiff_t>(estimated.begin));
+    posed.drives.push_back(drives[i].with_poses(std::move(poses), estimate.origin));
+  }
+  return posed;
+}
+
+}  // namespace stillmap::mapping

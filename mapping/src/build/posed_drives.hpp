@@ -1,0 +1,45 @@
+#pragma once
+
+#include <stillmap/mapping/map_build.hpp>
+#include <stillmap/maps/drive.hpp>
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace stillmap::mapping {
+
+/// @throws maps::InputError for a folder that is no drive; std::invalid_argument for none, or for a
+/// poses file with several drives.
+[[nodiscard]] std::vector<maps::Drive> open_drives(
+    const std::vector<std::filesystem::path>& folders, const MapBuildOptions& options);
+
+/// `given`, or the method of odometry that the build uses.
+/// @throws std::invalid_argument for an unknown method, and for a prior or GNSS beside `given`;
+/// maps::InputError for `given` and a drive without poses.
+[[nodiscard]] std::string odometry_of(const std::vector<maps::Drive>& drives,
+                                      const MapBuildOptions& options);
+
+/// Drives whose poses are in one frame, and what was counted on the way.
+struct PosedDrives {
+  std::vector<maps::Drive> drives;
+  std::map<std::string, std::uint64_t> counts;
+};
+
+/// The drives' own poses, brought to the frame of the first drive's by their geodetic origins.
+/// @throws maps::InputError where only some have an origin.
+[[nodiscard]] PosedDrives with_given_poses(const std::vector<maps::Drive>& drives);
+
+/// Poses by odometry, loops and graph. Scans before the selection and after it have none of use.
+/// @param method   of `odometry_of`.
+/// @param scratch  existing folder.
+[[nodiscard]] PosedDrives with_estimated_poses(const std::vector<maps::Drive>& drives,
+                                               const MapBuildOptions& options,
+                                               const std::string& method,
+                                               const std::filesystem::path& scratch,
+                                               const ProgressCallback& progress,
+                                               const CancelFlag& cancel);
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,240 @@
+#include "odometry/loam/loam_odometry.hpp"
+
+#include "odometry/loam/loam_covariance.hpp"
+#include "odometry/loam/map_match.hpp"
+#include "odometry/loam/sweep_match.hpp"
+#include "odometry/loam/thinned_features.hpp"
+
+#include <stillmap/maps/frames.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+
+namespace stillmap::mapping {
+namespace {
+
+using loam::Feature;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+
+/// Cells reach a metre, as far as the authors' code looks for five neighbours; voxels of the map.
+constexpr double kCellM = 2.0;
+constexpr double kEdgeVoxelM = 0.2;
+constexpr double kPlaneVoxelM = 0.4;
+/// Features of a sweep that are matched with the map, one a voxel of this size.
+constexpr double kMatchedEdgeVoxelM = 0.4;
+constexpr double kMatchedPlaneVoxelM = 1.0;
+constexpr double kMapRadiusM = loam::kMaxRangeM + 10.0;
+/// The map forgets what is far each time the sensor has moved so far.
+constexpr double kForgetEachM = 10.0;
+/// Rounds of deskewing and matching with the map.
+constexpr int kDeskewRounds = 2;
+constexpr int kMapRounds = 3;
+/// Rounds in which the first two sweeps learn their motion from each other.
+constexpr int kFirstRounds = 4;
+/// Below this share of features on what was seen before there is no match.
+constexpr double kMinInliers = 0.25;
+/// After so many scans on end that match nothing the map begins anew.
+constexpr int kMaxLost = 3;
+/// A longer step between stamps [s] is a jump of the clock, not of the sensor: the motion is then
+/// taken for that of a usual period.
+constexpr double kMaxGapS = 3.0;
+constexpr double kFirstPeriodS = 0.1;
+/// What a prediction may be off by [m]: at first, at least, and in deviations of the last ones, of
+/// which the newest has this weight.
+constexpr double kFirstOffM = 3.0;
+constexpr double kLeastOffM = 0.3;
+constexpr double kOffDeviations = 4.0;
+constexpr double kNewest = 0.15;
+
+struct PreparedFeatures : Odometry::Prepared {
+  std::int64_t stamp_ns = 0;
+  std::string source;
+  loam::Features features;
+  /// Thinned ones, for the map.
+  std::vector<Feature> edges, planes;
+};
+
+struct Last {
+  std::int64_t stamp_ns = 0;
+  Eigen::Isometry3d T_odom_lidar = Eigen::Isometry3d::Identity();
+  Vector6 twist = Vector6::Zero();
+};
+
+class LoamOdometry : public Odometry {
+ public:
+  [[nodiscard]] std::unique_ptr<Prepared> prepare(const maps::Scan& scan) const override;
+  [[nodiscard]] OdometryPose add(const Prepared& prepared) override;
+
+ private:
+  [[nodiscard]] double period_to(const PreparedFeatures& scan);
+  [[nodiscard]] double off_m() const {
+    return std::clamp(kOffDeviations * std::sqrt(off2_m2_), kLeastOffM, kFirstOffM);
+  }
+  void place(const PreparedFeatures& scan, double period_s, OdometryPose& pose);
+  [[nodiscard]] loam::SweepMatch since_last(const PreparedFeatures& scan, double period_s);
+  [[nodiscard]] loam::MapMatch refine(const PreparedFeatures& scan, double period_s,
+                                      const Eigen::Isometry3d& T_odom_lidar) const;
+  void learn(Vector6 deviation, bool matched);
+  void take(const PreparedFeatures& scan, const OdometryPose& pose);
+  void map_first();
+  void add_to_map(const loam::Features& features, const Eigen::Isometry3d& T_odom_lidar,
+                  const Vector6& twist);
+
+  std::optional<Last> last_;
+  std::optional<loam::PreviousSweep> previous_;
+  /// The first sweep until the next has told how the sensor moved.
+  std::optional<loam::Features> first_;
+  loam::FeatureMaps map_{{kCellM, kEdgeVoxelM}, {kCellM, kPlaneVoxelM}};
+  Eigen::Vector3d forgot_at_ = Eigen::Vector3d::Zero();
+  double period_s_ = kFirstPeriodS;
+  /// Mean square of what predictions were off by [m^2], rotations at kLeverM.
+  double off2_m2_ = kFirstOffM * kFirstOffM;
+  int lost_ = 0;
+  /// Scans on end that were predicted.
+  int predicted_ = 0;
+};
+
+loam::PreviousSweep searchable(const loam::Features& features, const Vector6& twist) {
+  return {loam::RingSearch(loam::at_stamp(features.less_sharp, twist)),
+          loam::RingSearch(loam::at_stamp(features.less_flat, twist))};
+}
+
+std::unique_ptr<Odometry::Prepared> LoamOdometry::prepare(const maps::Scan& scan) const {
+  auto prepared = std::make_unique<PreparedFeatures>();
+  prepared->stamp_ns = scan.stamp_ns;
+  prepared->source = scan.source;
+  prepared->features = loam::find_features(scan.cloud, loam::find_rings(scan));
+  prepared->edges = loam::thinned(prepared->features.less_sharp, kMatchedEdgeVoxelM);
+  prepared->planes = loam::thinned(prepared->features.less_flat, kMatchedPlaneVoxelM);
+  return prepared;
+}
+
+OdometryPose LoamOdometry::add(const Prepared& prepared) {
+  const auto& scan = dynamic_cast<const PreparedFeatures&>(prepared);
+  OdometryPose pose;
+  if (last_) place(scan, period_to(scan), pose);
+  take(scan, pose);
+  last_ = Last{scan.stamp_ns, pose.T_odom_lidar, pose.twist_lidar};
+  return pose;
+}
+
+double LoamOdometry::period_to(const PreparedFeatures& scan) {
+  if (scan.stamp_ns <= last_->stamp_ns) {
+    throw std::invalid_argument(fmt::format("{}: found stamp {} ns, expected one after {} ns",
+                                            scan.source, scan.stamp_ns, last_->stamp_ns));
+  }
+  const double gap_s =
+      1e-9 * (static_cast<double>(scan.stamp_ns) - static_cast<double>(last_->stamp_ns));
+  if (gap_s <= kMaxGapS) period_s_ = gap_s;
+  return period_s_;
+}
+
+loam::SweepMatch LoamOdometry::since_last(const PreparedFeatures& scan, double period_s) {
+  loam::SweepMatch match;
+  match.T = loam::motion(maps::exp_se3(last_->twist * period_s));
+  if (!previous_) return match;
+  // The first sweep is skewed by a motion that only the next one tells.
+  for (int round = 0; round < (first_ ? kFirstRounds : 1); ++round) {
+    match = loam::match_sweep(scan.features, period_s, *previous_, match.T, off_m());
+    if (!first_) continue;
+    last_->twist = maps::log_se3(loam::isometry(match.T)) / period_s;
+    previous_ = searchable(*first_, last_->twist);
+  }
+  return match;
+}
+
+loam::MapMatch LoamOdometry::refine(const PreparedFeatures& scan, double period_s,
+                                    const Eigen::Isometry3d& T_odom_lidar) const {
+  loam::MapMatch match;
+  match.T_odom_lidar = T_odom_lidar;
+  for (int round = 0; round < kDeskewRounds; ++round) {
+    const Vector6 twist =
+        maps::log_se3(last_->T_odom_lidar.inverse() * match.T_odom_lidar) / period_s;
+    match = loam::match_map(loam::at_stamp(scan.edges, twist), loam::at_stamp(scan.planes, twist),
+                            map_, match.T_odom_lidar, kMapRounds);
+  }
+  return match;
+}
+
+void LoamOdometry::place(const PreparedFeatures& scan, double period_s, OdometryPose& pose) {
+  const Eigen::Isometry3d T_predicted =
+      maps::renormalized(last_->T_odom_lidar * maps::exp_se3(last_->twist * period_s));
+  const loam::SweepMatch sweep = since_last(scan, period_s);
+  map_first();
+  const bool swept = sweep.inlier_ratio >= kMinInliers;
+  pose.T_odom_lidar =
+      swept ? maps::renormalized(last_->T_odom_lidar * loam::isometry(sweep.T)) : T_predicted;
+  const loam::MapMatch match = refine(scan, period_s, pose.T_odom_lidar);
+  const bool mapped = match.inlier_ratio >= kMinInliers;
+  pose.inlier_ratio = std::max(match.inlier_ratio, swept ? sweep.inlier_ratio : 0.0);
+  if (mapped) {
+    pose.T_odom_lidar = match.T_odom_lidar;
+    pose.degenerate_directions = match.untold;
+  } else if (swept) {
+    pose.degenerate_directions = sweep.untold;
+  }
+  if (mapped || swept) {
+    pose.status =
+        pose.degenerate_directions.empty() ? OdometryStatus::kMatched : OdometryStatus::kPartly;
+  }
+  learn(maps::log_se3(T_predicted.inverse() * pose.T_odom_lidar), mapped || swept);
+  lost_ = mapped || scan.planes.empty() ? 0 : lost_ + 1;
+  predicted_ = mapped || swept ? 0 : predicted_ + 1;
+  pose.covariance = loam::covariance_of(mapped ? &match : nullptr, period_s, predicted_);
+  pose.twist_lidar = maps::log_se3(last_->T_odom_lidar.inverse() * pose.T_odom_lidar) / period_s;
+}
+
+void LoamOdometry::learn(Vector6 deviation, bool matched) {
+  deviation.tail<3>() *= loam::kLeverM;
+  const double squared = matched ? deviation.squaredNorm() : kFirstOffM * kFirstOffM;
+  off2_m2_ += (matched ? kNewest : 1.0) * (squared - off2_m2_);
+}
+
+void LoamOdometry::take(const PreparedFeatures& scan, const OdometryPose& pose) {
+  if (scan.features.less_flat.empty()) return;
+  previous_ = searchable(scan.features, pose.twist_lidar);
+  if (!last_) {
+    first_ = scan.features;
+    return;
+  }
+  if (lost_ > kMaxLost) {
+    map_.edges.clear();
+    map_.planes.clear();
+    lost_ = 0;
+  } else if (lost_ > 0) {
+    return;
+  }
+  add_to_map(scan.features, pose.T_odom_lidar, pose.twist_lidar);
+}
+
+void LoamOdometry::map_first() {
+  if (!first_) return;
+  add_to_map(*first_, last_->T_odom_lidar, last_->twist);
+  first_.reset();
+}
+
+void LoamOdometry::add_to_map(const loam::Features& features, const Eigen::Isometry3d& T_odom_lidar,
+                              const Vector6& twist) {
+  const auto add = [&](const std::vector<Feature>& from, loam::FeatureMap& to) {
+    for (const Feature& f : loam::at_stamp(from, twist)) {
+      to.add(T_odom_lidar * f.position.cast<double>());
+    }
+  };
+  add(features.less_sharp, map_.edges);
+  add(features.less_flat, map_.planes);
+  const Eigen::Vector3d here = T_odom_lidar.translation();
+  if (!((here - forgot_at_).norm() > kForgetEachM)) return;
+  map_.edges.keep_around(here, kMapRadiusM);
+  map_.planes.keep_around(here, kMapRadiusM);
+  forgot_at_ = here;
+}
+
+}  // namespace
+
+std::unique_ptr<Odometry> make_loam() { return std::make_unique<LoamOdometry>(); }
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,222 @@
+#include "loops/loop_finder.hpp"
+#include "odometry/run_odometry.hpp"
+#include "pose_graph/pose_graph.hpp"
+#include "trajectory/corrected_poses.hpp"
+#include "trajectory/drive_frames.hpp"
+#include "trajectory/keyframes.hpp"
+#include "trajectory/levelling.hpp"
+#include "trajectory/trajectory_graph.hpp"
+
+#include <fmt/format.h>
+#include <stillmap/mapping/trajectory.hpp>
+#include <stillmap/maps/deskew.hpp>
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/geodesy.hpp>
+
+#include <algorithm>
+#include <chrono>
+#include <stdexcept>
+#include <utility>
+
+namespace stillmap::mapping {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point began) {
+  return std::chrono::duration<double>(Clock::now() - began).count();
+}
+
+/// What odometry leaves behind.
+struct Odometries {
+  std::vector<EstimatedDrive> drives;
+  std::vector<DriveKeyframe> keyframes;
+  /// Pose of the first scan over the ground, see `T_ground_lidar`.
+  Eigen::Isometry3d T_ground_first = Eigen::Isometry3d::Identity();
+};
+
+std::vector<Eigen::Vector3f> deskewed_points(const maps::Scan& scan, const OdometryPose& pose) {
+  maps::PointCloud cloud = scan.cloud;
+  maps::deskew(cloud, pose.twist_lidar);
+  return std::move(cloud.positions);
+}
+
+void follow(const maps::Drive& drive, std::size_t number, const TrajectoryOptions& options,
+            LoopFinder* finder, Odometries& out, const ProgressCallback& progress,
+            const CancelFlag& cancel, const ScanReader& read) {
+  const std::size_t end = std::min(options.end.value_or(drive.size()), drive.size());
+  EstimatedDrive estimated{.begin = options.begin};
+  KeyframeChooser chooser;
+  const auto take = [&](std::size_t index, const maps::Scan& scan, const OdometryPose& pose) {
+    const auto chosen = chooser.add(pose);
+    if (!chosen) return;
+    if (out.keyframes.empty()) {
+      maps::PointCloud cloud = scan.cloud;
+      maps::deskew(cloud, pose.twist_lidar);
+      out.T_ground_first = T_ground_lidar(cloud);
+    }
+    estimated.keyframes.push_back(index);
+    out.keyframes.push_back({.drive = number,
+                             .scan = index,
+                             .T_odom_lidar = pose.T_odom_lidar,
+                             .T_before_this = chosen->T_before_this,
+                             .covariance = chosen->covariance});
+    if (finder == nullptr) return;
+    finder->add({.points = deskewed_points(scan, pose),
+                 .T_odom_lidar = pose.T_odom_lidar,
+                 .covariance = chosen->covariance,
+                 .drive = static_cast<std::uint32_t>(number)});
+  };
+  ReadScan read_scan;
+  if (read) read_scan = [&](std::size_t index) { return read(drive, index); };
+  OdometryRun run = run_odometry(drive, options.begin, end, options.odometry, options.threads,
+                                 progress, cancel, read_scan, take);
+  estimated.odometry = std::move(run.poses);
+  out.drives.push_back(std::move(estimated));
+}
+
+/// Takes poses of a drive to the frame of the first drive's.
+Eigen::Isometry3d T_first_own(const maps::Drive& first, const maps::Drive& drive) {
+  const auto& origin = first.contents().origin;
+  const auto& own = drive.contents().origin;
+  if (origin.has_value() != own.has_value())
+    throw maps::InputError(drive.contents().root.string(),
+                           own ? "poses with a geodetic origin" : "poses without a geodetic origin",
+                           "the same as the first drive's");
+  return own ? maps::T_enu_enu(*origin, *own) : Eigen::Isometry3d::Identity();
+}
+
+GivenPoses given_poses(const std::vector<maps::Drive>& drives,
+                       std::span<const DriveKeyframe> keyframes, const TrajectoryOptions& options) {
+  GivenPoses given;
+  if (!options.prior && !options.gnss_sigma_m) return given;
+  for (const DriveKeyframe& keyframe : keyframes) {
+    const maps::Drive& drive = drives[keyframe.drive];
+    given.push_back(T_first_own(drives.front(), drive) * drive.T_map_lidar(keyframe.scan));
+  }
+  return given;
+}
+
+/// First guess of the drives' frames: their own poses where those count, else by loops.
+std::vector<Eigen::Isometry3d> first_frames(const std::vector<maps::Drive>& drives,
+                                            const Odometries& odometries,
+                                            std::span<const Loop> loops, const GivenPoses& given) {
+  std::vector<Eigen::Isometry3d> frames(drives.size());
+  if (!given.empty()) {
+    for (std::size_t k = odometries.keyframes.size(); k-- > 0;) {
+      const DriveKeyframe& keyframe = odometries.keyframes[k];
+      frames[keyframe.drive] = given[k] * keyframe.T_odom_lidar.inverse();
+    }
+    return frames;
+  }
+  const auto joined = join_by_loops(drives.size(), odometries.keyframes, loops);
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    if (!joined[i])
+      throw maps::InputError(drives[i].contents().root.string(),
+                             "no place that the other drives have seen too",
+                             "drives that overlap, or poses of all of them as a prior");
+    frames[i] = odometries.T_ground_first * *joined[i];
+  }
+  return frames;
+}
+
+void correct(Odometries& odometries, const std::vector<Eigen::Isometry3d>& T_map_keyframe) {
+  std::size_t first = 0;
+  for (EstimatedDrive& drive : odometries.drives) {
+    std::vector<std::size_t> numbers;
+    for (const std::size_t scan : drive.keyframes) numbers.push_back(scan - drive.begin);
+    drive.T_map_lidar = corrected_poses(drive.odometry, numbers,
+                                        std::span(T_map_keyframe).subspan(first, numbers.size()));
+    first += numbers.size();
+  }
+}
+
+std::vector<EstimatedLoop> named(std::span<const Loop> loops,
+                                 std::span<const DriveKeyframe> keyframes,
+                                 std::span<const double> weights) {
+  std::vector<EstimatedLoop> named;
+  for (std::size_t i = 0; i < loops.size(); ++i) {
+    const DriveKeyframe& from = keyframes[loops[i].from];
+    const DriveKeyframe& to = keyframes[loops[i].to];
+    named.push_back({.from_drive = from.drive,
+                     .from_scan = from.scan,
+                     .to_drive = to.drive,
+                     .to_scan = to.scan,
+                     .T_from_to = loops[i].T_from_to,
+                     .covariance = loops[i].covariance,
+                     .weight = weights[i]});
+  }
+  return named;
+}
+
+void check(const std::vector<maps::Drive>& drives, const TrajectoryOptions& options) {
+  if (drives.empty()) throw std::invalid_argument("drives: none, expected at least one");
+  if (const auto broken = options.violations(); !broken.empty())
+    throw std::invalid_argument("trajectory options: " + broken.front());
+  for (const maps::Drive& drive : drives) {
+    if (options.begin >= std::min(options.end.value_or(drive.size()), drive.size()))
+      throw maps::InputError(drive.contents().root.string(),
+                             fmt::format("{} scans, none selected", drive.size()),
+                             "at least one selected scan");
+    if ((options.prior || options.gnss_sigma_m) && !drive.has_poses())
+      throw maps::InputError(drive.contents().root.string(), "a drive without poses",
+                             "poses to take as a prior or as GNSS");
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> TrajectoryOptions::violations() const {
+  std::vector<std::string> broken;
+  const auto check_positive = [&](const char* name, double value, double most) {
+    if (!(value > 0.0 && value <= most))
+      broken.push_back(fmt::format("{}: {}, expected in (0, {}]", name, value, most));
+  };
+  if (prior) {
+    check_positive("prior.sigma_m", prior->sigma_m, 1e4);
+    check_positive("prior.sigma_rad", prior->sigma_rad, 3.2);
+  }
+  if (gnss_sigma_m) check_positive("gnss_sigma_m", *gnss_sigma_m, 1e4);
+  if (prior && gnss_sigma_m)
+    broken.emplace_back("gnss_sigma_m: found beside a prior, expected one of them");
+  if (threads < 0 || threads > 256)
+    broken.push_back(fmt::format("threads: {}, expected in [0, 256]", threads));
+  return broken;
+}
+
+TrajectoryEstimate estimate_trajectories(const std::vector<maps::Drive>& drives,
+                                         const TrajectoryOptions& options,
+                                         const std::filesystem::path& scratch,
+                                         const ProgressCallback& progress, const CancelFlag& cancel,
+                                         const ScanReader& read) {
+  check(drives, options);
+  TrajectoryEstimate estimate;
+  Clock::time_point began = Clock::now();
+  std::optional<LoopFinder> finder;
+  if (options.loops) finder.emplace(scratch);
+  Odometries odometries;
+  for (std::size_t i = 0; i < drives.size(); ++i)
+    follow(drives[i], i, options, finder ? &*finder : nullptr, odometries, progress, cancel, read);
+  estimate.odometry_seconds = seconds_since(began);
+
+  began = Clock::now();
+  std::vector<Loop> loops;
+  if (finder) loops = finder->find(options.threads, progress, cancel);
+  estimate.loop_seconds = seconds_since(began);
+
+  began = Clock::now();
+  const GivenPoses given = given_poses(drives, odometries.keyframes, options);
+  const std::vector<Eigen::Isometry3d> frames = first_frames(drives, odometries, loops, given);
+  const PoseGraph graph = graph_of(odometries.keyframes, loops, given, frames, options);
+  const PoseGraphSolution solution = solve(graph, cancel);
+  estimate.graph_seconds = seconds_since(began);
+
+  correct(odometries, solution.nodes);
+  const auto loop_weights = std::span(solution.relative_weights).last(loops.size());
+  estimate.loops = named(loops, odometries.keyframes, loop_weights);
+  if (!given.empty()) estimate.origin = drives.front().contents().origin;
+  estimate.drives = std::move(odometries.drives);
+  return estimate;
+}
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,74 @@
+#include "trajectory/trajectory_graph.hpp"
+
+#include <Eigen/Core>
+
+#include <cstddef>
+#include <optional>
+
+namespace stillmap::mapping {
+namespace {
+
+constexpr double kGivenApartM = 10.0;
+
+/// Key frames whose given pose counts: the first and the last of each drive, and some between.
+std::vector<std::size_t> anchors_of(std::span<const DriveKeyframe> keyframes) {
+  std::vector<std::size_t> anchors;
+  double way_m = 0.0;
+  for (std::size_t k = 0; k < keyframes.size(); ++k) {
+    const bool first = k == 0 || keyframes[k].drive != keyframes[k - 1].drive;
+    const bool last = k + 1 == keyframes.size() || keyframes[k + 1].drive != keyframes[k].drive;
+    way_m += keyframes[k].T_before_this.translation().norm();
+    if (!first && !last && way_m < kGivenApartM) continue;
+    anchors.push_back(k);
+    way_m = 0.0;
+  }
+  return anchors;
+}
+
+void add_given(PoseGraph& graph, std::span<const DriveKeyframe> keyframes, const GivenPoses& given,
+               const TrajectoryOptions& options) {
+  if (given.empty()) return;
+  for (const std::size_t k : anchors_of(keyframes)) {
+    if (options.gnss_sigma_m) {
+      const double variance_m2 = *options.gnss_sigma_m * *options.gnss_sigma_m;
+      graph.absolute_positions.push_back({.node = k,
+                                          .position_map_m = given[k].translation(),
+                                          .covariance = variance_m2 * Eigen::Matrix3d::Identity(),
+                                          .doubtful = true});
+      continue;
+    }
+    Eigen::Matrix<double, 6, 1> sigmas;
+    sigmas.head<3>().setConstant(options.prior->sigma_m);
+    sigmas.tail<3>().setConstant(options.prior->sigma_rad);
+    graph.absolute_poses.push_back(
+        {.node = k, .T_map_node = given[k], .covariance = sigmas.cwiseAbs2().asDiagonal()});
+  }
+}
+
+}  // namespace
+
+PoseGraph graph_of(std::span<const DriveKeyframe> keyframes, std::span<const Loop> loops,
+                   const GivenPoses& given, const std::vector<Eigen::Isometry3d>& T_map_odom,
+                   const TrajectoryOptions& options) {
+  PoseGraph graph;
+  for (std::size_t k = 0; k < keyframes.size(); ++k) {
+    const DriveKeyframe& keyframe = keyframes[k];
+    graph.nodes.push_back(T_map_odom[keyframe.drive] * keyframe.T_odom_lidar);
+    if (k == 0 || keyframes[k - 1].drive != keyframe.drive) continue;
+    graph.relative_poses.push_back({.from = k - 1,
+                                    .to = k,
+                                    .T_from_to = keyframe.T_before_this,
+                                    .covariance = keyframe.covariance});
+  }
+  for (const Loop& loop : loops) {
+    graph.relative_poses.push_back({.from = loop.from,
+                                    .to = loop.to,
+                                    .T_from_to = loop.T_from_to,
+                                    .covariance = loop.covariance,
+                                    .doubtful = true});
+  }
+  add_given(graph, keyframes, given, options);
+  return graph;
+}
+
+}  // namespace stillmap::mapping

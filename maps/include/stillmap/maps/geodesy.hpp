@@ -1,0 +1,13 @@
+#pragma once
+
+#include <stillmap/maps/drive.hpp>
+
+#include <Eigen/Geometry>
+
+namespace stillmap::maps {
+
+/// East-north-up frame at `b`, seen from that at `a`: takes points [m] from the second to the first
+/// (WGS 84, straight lines through the Earth, GeographicLib's LocalCartesian).
+[[nodiscard]] Eigen::Isometry3d T_enu_enu(const GeodeticOrigin& a, const GeodeticOrigin& b);
+
+}  // namespace stillmap::maps

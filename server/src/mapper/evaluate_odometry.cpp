@@ -1,0 +1,211 @@
+#include <stillmap/mapping/odometry.hpp>
+#include <stillmap/mapping/odometry_evaluation.hpp>
+#include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/trajectory.hpp>
+
+#include <fmt/core.h>
+
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "command_line/progress_bar.hpp"
+#include "command_line/run_program.hpp"
+#include "command_line/table.hpp"
+#include "mapper/command_text.hpp"
+#include "mapper/commands.hpp"
+#include "mapper/work_folder.hpp"
+
+namespace stillmap::mapper {
+namespace {
+
+using command_line::grouped;
+using mapping::OdometryEvaluation;
+using mapping::TrajectoryErrors;
+
+struct EvaluateArguments {
+  std::filesystem::path drive;
+  std::optional<std::filesystem::path> poses;
+  std::string select = "::";
+  std::string loops = "on";
+  std::string movable = "keep";
+  std::optional<std::filesystem::path> trajectory;
+  std::optional<std::filesystem::path> json;
+  std::optional<std::filesystem::path> report;
+  mapping::OdometryEvaluationOptions options;
+};
+
+std::string text_of(double value, int digits, const char* unit) {
+  return std::isfinite(value) ? fmt::format("{:.{}f} {}", value, digits, unit) : "-";
+}
+
+void print_errors(const OdometryEvaluation& result) {
+  constexpr const char* kRow = "{:<16}{:>12}{:>14}{:>12}{:>12}{:>14}{:>14}{:>14}\n";
+  fmt::print("\n");
+  fmt::print(fmt::runtime(kRow), "", "KITTI [%]", "[deg/100 m]", "APE [m]", "ATE [m]",
+             "from start [m]", "10 m [%]", "10 m [deg]");
+  const auto print = [&](const char* name, const TrajectoryErrors& errors) {
+    fmt::print(fmt::runtime(kRow), name, text_of(errors.kitti.translation_percent, 3, ""),
+               text_of(errors.kitti.rotation_deg_per_100m, 4, ""),
+               text_of(errors.aligned_m.mean, 3, ""), text_of(errors.aligned_m.rmse, 3, ""),
+               text_of(errors.from_start_m.rmse, 3, ""),
+               text_of(errors.relative.translation_percent_10m, 3, ""),
+               text_of(errors.relative.rotation_deg_10m, 4, ""));
+  };
+  print("odometry alone", result.odometry);
+  if (result.corrected) print("with loops", *result.corrected);
+  fmt::print(
+      "\nAPE (mean) and ATE (root mean square) after the best rigid motion without scale; from "
+      "start: root\nmean square with nothing but the first poses in common. -: the drive is "
+      "shorter than a segment.\n");
+}
+
+std::string text_of(const mapping::LoopScores& loops) {
+  std::string text = loops.found == 0 ? std::string("none")
+                                      : fmt::format("{}, right {} ({:.1f} %)", grouped(loops.found),
+                                                    grouped(loops.right), 100.0 * loops.precision);
+  if (loops.revisits == 0) return text + "; no place was driven again";
+  return fmt::format("{}; {} of {} key frames at places driven before ({:.1f} %)", text,
+                     grouped(loops.revisits_found), grouped(loops.revisits), 100.0 * loops.recall);
+}
+
+void print_for_people(const OdometryEvaluation& result) {
+  command_line::Table table;
+  table.add("scans", fmt::format("{}, {:.0f} m, in {:.1f} s", grouped(result.scans),
+                                 result.odometry.way_m, result.seconds));
+  if (result.odometry.poses != result.scans)
+    table.add("compared", fmt::format("{} with a true pose", grouped(result.odometry.poses)));
+  table.add("odometry", fmt::format("{:.1f} scans/s, reading included", result.scans_per_second));
+  table.add("matched", fmt::format("{}, partly {}, predicted {}", grouped(result.matched),
+                                   grouped(result.partly), grouped(result.predicted)));
+  if (result.options.movable != mapping::MovablePolicy::kKeep)
+    table.add("points",
+              fmt::format("{}, projected {}, deleted {}", grouped(result.points.in),
+                          grouped(result.points.projected), grouped(result.points.deleted)));
+  if (result.loops) {
+    table.add("loops", text_of(*result.loops));
+    table.add("key frames", fmt::format("{}, loops in {:.1f} s, pose graph in {:.2f} s",
+                                        grouped(result.keyframes.size()), result.loop_seconds,
+                                        result.graph_seconds));
+  }
+  table.print();
+  print_errors(result);
+}
+
+std::string to_json_text(const OdometryEvaluation& result, const EvaluateArguments& arguments) {
+  auto json = nlohmann::ordered_json::parse(mapping::to_json(result));
+  json["version"] = STILLMAP_VERSION;
+  json["options"]["drive"] = arguments.drive.string();
+  json["options"]["select"] = arguments.select;
+  json["options"]["poses"] = arguments.poses ? nlohmann::ordered_json(arguments.poses->string())
+                                             : nlohmann::ordered_json(nullptr);
+  return json.dump(2) + "\n";
+}
+
+maps::Trajectory trajectory_of(const OdometryEvaluation& result) {
+  std::vector<maps::StampedPose> poses;
+  for (const mapping::FollowedScan& scan : result.path)
+    poses.push_back({scan.stamp_ns, result.pose(scan)});
+  return maps::Trajectory(std::move(poses));
+}
+
+/// The drive, with poses to compare with.
+maps::Drive open_drive(EvaluateArguments& arguments) {
+  if (!arguments.poses) return maps::Drive::open(arguments.drive);
+  maps::Drive own = maps::Drive::open(arguments.drive);
+  auto reference = maps::poses_of_some_scans(own, *arguments.poses);
+  if (!reference) return maps::Drive::open(arguments.drive, arguments.poses);
+  arguments.options.reference = std::move(*reference);
+  return own;
+}
+
+void evaluate(EvaluateArguments& arguments, const CLI::App& command) {
+  mapping::OdometryEvaluationOptions& options = arguments.options;
+  options.selection = maps::Selection::parse(arguments.select);
+  options.loops = arguments.loops == "on";
+  options.movable = mapping::movable_policy_from(arguments.movable);
+  if (command.count("--detector") > 0 && options.movable == mapping::MovablePolicy::kKeep)
+    throw std::invalid_argument(
+        "--detector: found with --movable keep, expected project or delete");
+  const maps::Drive drive = open_drive(arguments);
+  OdometryEvaluation result;
+  {
+    const WorkFolder scratch;
+    command_line::ProgressBar bar;
+    result = mapping::evaluate_odometry(
+        drive, options, scratch.path(),
+        [&bar](std::string_view stage, std::size_t done, std::size_t total) {
+          bar.update(stage, done, total);
+        },
+        command_line::cancel_flag());
+  }
+  print_for_people(result);
+  if (arguments.trajectory)
+    maps::write_tum_trajectory(*arguments.trajectory, trajectory_of(result));
+  if (arguments.report) {
+    write_text_file(*arguments.report, mapping::to_html(result, {.drive = arguments.drive.string(),
+                                                                 .command = command_of(command)}));
+  }
+  if (arguments.json) write_text_file(*arguments.json, to_json_text(result, arguments));
+}
+
+void add_outputs(CLI::App& command, EvaluateArguments& arguments) {
+  command
+      .add_option("--trajectory", arguments.trajectory,
+                  "Write the path there (TUM); its frame is the estimate's own")
+      ->check(command_line::in_existing_folder());
+  command.add_option("--json", arguments.json, "Write the result there")
+      ->check(command_line::in_existing_folder());
+  command.add_option("--report", arguments.report, "Write a page with diagrams (HTML) there")
+      ->check(command_line::in_existing_folder());
+}
+
+}  // namespace
+
+void add_evaluate_odometry(CLI::App& evaluate_command) {
+  auto arguments = std::make_shared<EvaluateArguments>();
+  mapping::OdometryEvaluationOptions& options = arguments->options;
+  CLI::App* command = evaluate_command.add_subcommand(
+      "odometry",
+      "Follow a drive without looking at its poses, and compare with them: KITTI's metric, ATE, "
+      "RPE, loops");
+  command->add_option("DRIVE", arguments->drive, "Drive with poses, or with --poses")
+      ->required()
+      ->check(command_line::existing_folder());
+  command->add_option("--odometry", options.method, "How scans are followed")
+      ->capture_default_str()
+      ->check(CLI::IsMember(mapping::odometry_names()));
+  command
+      ->add_option("--loops", arguments->loops,
+                   "on: also join places that were driven again, and optimise; off: odometry alone")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"on", "off"}));
+  command
+      ->add_option("--poses", arguments->poses,
+                   "True poses instead of the drive's own: KITTI or TUM, T_map_lidar. Of a TUM "
+                   "file made of some of the scans, only these are judged")
+      ->check(command_line::existing_file());
+  command->add_option("--select", arguments->select, "Scans to follow, begin:end as in Python")
+      ->capture_default_str();
+  command
+      ->add_option("--movable", arguments->movable,
+                   "What happens to points of movable objects first, each scan on its own as the "
+                   "paper does it: keep, project (to the scan's mean ground height) or delete")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"keep", "project", "delete"}));
+  command->add_option("--detector", options.detector, "What finds them, as for build")
+      ->capture_default_str();
+  command
+      ->add_option("--threads", options.threads,
+                   "Threads; 0 = all cores. The path does not depend on it")
+      ->capture_default_str();
+  add_outputs(*command, *arguments);
+  command->callback([arguments, command] { evaluate(*arguments, *command); });
+}
+
+}  // namespace stillmap::mapper
