@@ -10,20 +10,13 @@
 namespace stillmap::localization {
 namespace {
 
-/// In a corridor of smooth walls the ratio is 3 to 8 (cells where wall and ground meet are worse
-/// than their points say), along simulated highways 14 and more, elsewhere above 40.
-constexpr double kLeastRatio = 8.0;
-/// Few points on a plane make it look thinner than any sensor sees it [m^2].
-constexpr double kLeastVarianceM2 = 1e-4;
+constexpr double kLeastShare = 3.0;
 
 /// Variance of the tilt of the axis of the smallest variance towards another one, from n points
-/// (first order perturbation of eigenvectors; Anderson 1963), n > 3.
+/// (first order perturbation of eigenvectors; Anderson 1963).
 double tilt_variance(double small_m2, double other_m2, double points) {
-  // What is left of the variance once a plane has been fitted to the points.
-  const double unbiased_m2 = small_m2 * (points - 1.0) / (points - 3.0);
-  const double noise_m2 = std::max(unbiased_m2, kLeastVarianceM2);
-  const double gap_m2 = std::max(other_m2 - noise_m2, 1e-6);
-  return std::min(1.0, noise_m2 * other_m2 / (gap_m2 * gap_m2 * points));
+  const double gap_m2 = std::max(other_m2 - small_m2, 1e-6);
+  return std::min(1.0, small_m2 * other_m2 / (gap_m2 * gap_m2 * points));
 }
 
 Vector6d jacobian_of(const Eigen::Vector3d& axis, const Eigen::Matrix3d& R_lidar_index,
@@ -81,7 +74,7 @@ std::vector<Vector6d> untold_directions(const NoiseInformation& information) {
   for (Eigen::Index k = 0; k < 6; ++k) {
     const Vector6d direction = solver.eigenvectors().col(k);
     const double by_noise = direction.dot(feigned * direction);
-    if (!(solver.eigenvalues()[k] > kLeastRatio * by_noise)) untold.push_back(direction);
+    if (!(solver.eigenvalues()[k] > kLeastShare * by_noise)) untold.push_back(direction);
   }
   return untold;
 }

@@ -18,7 +18,6 @@ namespace {
 
 using test::pose_at;
 using ::testing::IsEmpty;
-using ::testing::SizeIs;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
 test::ScanPattern pattern(std::uint64_t seed) {
@@ -116,19 +115,6 @@ TEST(LocalMap, FindsAScanFromANearAndAFarGuess) {
   EXPECT_THAT(match.degenerate_directions, IsEmpty());
   EXPECT_GT(match.known_inlier_ratio, 0.9);
   EXPECT_GT(match.fit, 1.5 * map.judged(points, T * pose_at(0.8, -0.4, 0.04, 0.1)).fit);
-}
-
-TEST(LocalMap, ACorridorTellsNothingAlongIt) {
-  const test::SyntheticWorld world = test::corridor();
-  LocalMap map;
-  for (double x = 0.0; x <= 10.0; x += 1.0)
-    map.add(world.scan(pose_at(x, 0.0), pattern(static_cast<std::uint64_t>(x))).positions,
-            pose_at(x, 0.0));
-  const Eigen::Isometry3d T = pose_at(8.3, 0.2);
-  const std::vector<Eigen::Vector3f> points = world.scan(T, pattern(99)).positions;
-  const LocalAlignment match = map.judged(points, map.refined(points, T, 0.3));
-  ASSERT_THAT(match.degenerate_directions, SizeIs(1));
-  EXPECT_GT(std::abs(match.degenerate_directions[0][0]), 0.99);
 }
 
 TEST(LocalMap, RefusesNumbersThatAreNotFinite) {

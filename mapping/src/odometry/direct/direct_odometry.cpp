@@ -197,8 +197,6 @@ DirectOdometry::Found DirectOdometry::best_of_widening(const ThinnedScan& scan,
     if (found.match.fit > best.match.fit) best = std::move(found);
   };
   try_too(aligned(scan, last_->twist, T_predicted, kMostOffM, dt_s));
-  // A jerk ends, and constant velocity would go on turning.
-  try_too(aligned(scan, Vector6d::Zero(), last_->T_odom_lidar, kMostOffM, dt_s));
   try_too(searched(scan, last_->twist, T_predicted, dt_s));
   return best;
 }
