@@ -177,6 +177,20 @@ TEST(LoamOdometry, InventsNoMotionAlongASmoothCorridor) {
   }
 }
 
+TEST(LoamOdometry, FollowsATurnThatNothingForetold) {
+  const test::SyntheticWorld room = test::room();
+  const auto odometry = make_odometry("loam");
+  double yaw_rad = 0.2;
+  for (int k = 0; k < 6; ++k) {
+    if (k == 4) yaw_rad += 0.6;
+    const Eigen::Isometry3d T = test::pose_at(-5.0 + 0.1 * k, -1.0, yaw_rad);
+    const auto pose = added(*odometry, scan_from(room, T, k * kPeriodNs));
+    EXPECT_THAT(pose.T_odom_lidar,
+                IsNearPose(test::pose_at(-5.0, -1.0, 0.2).inverse() * T, 0.02, 3e-3))
+        << k;
+  }
+}
+
 TEST(LoamOdometry, SaysWhichStampDoesNotIncrease) {
   const test::SyntheticWorld room = test::room();
   const auto odometry = make_odometry("loam");

@@ -217,7 +217,10 @@ void LoamOdometry::place(const PreparedFeatures& scan, double period_s, Odometry
   } else if (swept) {
     pose.degenerate_directions = sweep.untold;
   }
-  if (mapped) usual_inliers_ += kNewest * (match.inlier_ratio - usual_inliers_);
+  if (mapped) {
+    const double weight = usual_inliers_ > 0.0 ? kNewest : 1.0;
+    usual_inliers_ += weight * (match.inlier_ratio - usual_inliers_);
+  }
   if (mapped || swept) {
     pose.status =
         pose.degenerate_directions.empty() ? OdometryStatus::kMatched : OdometryStatus::kPartly;
