@@ -14,7 +14,7 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 /// A direction is told when its eigenvalue is this share of the number of correspondences: the mean
 /// square of the cosines between normals and the direction.
-constexpr double kMinEigenvalueShare = 2e-3;
+constexpr double kMinEigenvalueShare = 5e-3;
 constexpr int kSteps = 4;
 constexpr double kFirstDamping = 1e-4;
 /// Steps below these end a fit [m], [rad].
