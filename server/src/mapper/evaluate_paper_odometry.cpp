@@ -101,7 +101,8 @@ void print_for_people(const OdometryTable& table) {
       "\nAPE: mean distance, ATE: root mean square, after the best rigid motion without scale. -: "
       "the drive is\nshorter than a segment. Given poses are the truth here.\n");
   if (!table.missing.empty()) fmt::print("Not in the folder: {}\n", fmt::join(table.missing, ", "));
-  fmt::print("{} drives in {:.1f} s\n", table.drives.size(), table.seconds);
+  fmt::print("{} {} in {:.1f} s\n", table.drives.size(),
+             table.drives.size() == 1 ? "drive" : "drives", table.seconds);
 }
 
 void check(const TableArguments& arguments, const CLI::App& command) {

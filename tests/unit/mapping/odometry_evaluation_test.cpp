@@ -16,6 +16,19 @@
 namespace stillmap::mapping {
 namespace {
 
+/// The small drive with something at its ends and sides: between two walls alone nothing tells how
+/// far it went.
+struct Street : test::SmallDrive {
+  Street() {
+    world.boxes.push_back({{35.0, -8.0, 0.0}, {36.0, 8.0, 5.0}});
+    world.boxes.push_back({{-26.0, -8.0, 0.0}, {-25.0, 8.0, 5.0}});
+    for (const double x : {-18.0, -9.0, 2.0, 15.0, 24.0}) {
+      world.boxes.push_back({{x, 6.0, 0.0}, {x + 2.0, 8.0, 4.0}});
+      world.boxes.push_back({{x + 4.0, -8.0, 0.0}, {x + 5.5, -6.0, 4.0}});
+    }
+  }
+};
+
 class OdometryEvaluationTest : public ::testing::Test {
  protected:
   OdometryEvaluationTest() : drive_(maps::Drive::open(small_.write(folder_))) {
@@ -35,7 +48,7 @@ class OdometryEvaluationTest : public ::testing::Test {
   }
 
   test::TemporaryFolder folder_;
-  test::SmallDrive small_;
+  Street small_;
   maps::Drive drive_;
   OdometryEvaluationOptions options_;
   CancelFlag cancel_{false};

@@ -19,6 +19,10 @@ std::string number(double value, int digits) {
   return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "–";
 }
 
+std::string drives_text(std::size_t drives) {
+  return fmt::format("{} {}", drives, drives == 1 ? "drive" : "drives");
+}
+
 /// Green where all of the interval is below zero, red where all of it is above.
 std::string difference_text(const Interval& interval, int digits) {
   if (!std::isfinite(interval.value)) return "–";
@@ -71,14 +75,14 @@ class Report {
  private:
   void add_heading() {
     html_ += fmt::format(
-        "<h1>The paper's Table I</h1>\n<div class=\"facts\">{} drives · objects found by <b>{}</b> "
+        "<h1>The paper's Table I</h1>\n<div class=\"facts\">{} · objects found by <b>{}</b> "
         "· stillmap {}</div>\n<p>Each drive is followed with its scans as they are, with movable "
         "points projected to the scan's mean ground height and with them deleted, each scan on its "
         "own as the paper does it. APE is the mean distance, ATE the root mean square, after the "
         "rigid motion without scale that fits best; the paper prints a mean in metres and does not "
         "say how paths were laid upon each other. Given poses are the truth here, so their row has "
         "no error.</p>\n",
-        table_.drives.size(), escaped(table_.options.detector), STILLMAP_VERSION);
+        drives_text(table_.drives.size()), escaped(table_.options.detector), STILLMAP_VERSION);
     if (table_.missing.empty()) return;
     html_ += "<p>Sequences that the folder does not hold: ";
     for (std::size_t i = 0; i < table_.missing.size(); ++i)
@@ -89,13 +93,15 @@ class Report {
   /// One drawing a method and loops: a group of bars a drive.
   [[nodiscard]] std::string bars(const std::string& method, bool loops) const {
     PlotAxis x{.label = "drive", .max = static_cast<double>(table_.drives.size())};
-    PlotAxis y{.label = "mean APE [m]", .max = 0.0};
+    double most_m = 0.0;
     for (const OdometryTableDrive& drive : table_.drives) x.categories.push_back(drive.name);
     for (const OdometryTableRun& run : table_.runs) {
-      if (run.method == method)
-        y.max = std::max(y.max, kHeadroom * figures_of(run, loops).ape_mean_m);
+      if (run.method == method) most_m = std::max(most_m, figures_of(run, loops).ape_mean_m);
     }
-    if (!(y.max > 0.0)) y.max = 1.0;
+    const bool centimetres = most_m < 1.0;
+    const double scale = centimetres ? 100.0 : 1.0;
+    const PlotAxis y{.label = centimetres ? "mean APE [cm]" : "mean APE [m]",
+                     .max = most_m > 0.0 ? kHeadroom * scale * most_m : 1.0};
     SvgPlot plot(x, y);
     for (const OdometryTableRun& run : table_.runs) {
       if (run.method != method) continue;
@@ -106,7 +112,7 @@ class Report {
         if (drive.name == run.drive) break;
         place += 1.0;
       }
-      plot.add_box({place, 0.0}, {place + 0.22, figures_of(run, loops).ape_mean_m},
+      plot.add_box({place, 0.0}, {place + 0.22, scale * figures_of(run, loops).ape_mean_m},
                    "fill " + style_of(run.points), 0.8);
     }
     return plot.svg("Mean APE by drive");
@@ -159,9 +165,9 @@ class Report {
 
   void add_differences() {
     html_ += fmt::format(
-        "<h2>Against raw points</h2>\n<p>Below zero is better. Means over {} drives with Student's "
+        "<h2>Against raw points</h2>\n<p>Below zero is better. Means over {} with Student's "
         "95 % interval.{}</p>\n<div class=\"scroll\"><table>",
-        table_.drives.size(),
+        drives_text(table_.drives.size()),
         table_.drives.size() < 3 ? " So few drives say little of others." : "");
     html_ += row_of({"odometry", "points", "loops", "APE [m]", "10 m [%]", "better in"}, "th");
     for (const OdometryTableDifference& each : table_.differences)
