@@ -1,6 +1,6 @@
 #include "odometry/loam/features.hpp"
 
-#include "synthetic_world.hpp"
+#include "support/synthetic_world.hpp"
 
 #include <gtest/gtest.h>
 

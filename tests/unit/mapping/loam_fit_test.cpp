@@ -3,7 +3,7 @@
 #include "odometry/loam/surfaces.hpp"
 #include "odometry/loam/sweep_motion.hpp"
 
-#include "synthetic_world.hpp"
+#include "support/synthetic_world.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 #include <stillmap/mapping/odometry.hpp>
 
 #include "matchers.hpp"
-#include "synthetic_world.hpp"
+#include "support/synthetic_world.hpp"
 #include "throws.hpp"
 
 #include <stillmap/maps/error.hpp>

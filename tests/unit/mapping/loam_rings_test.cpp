@@ -1,6 +1,6 @@
 #include "odometry/loam/rings.hpp"
 
-#include "synthetic_world.hpp"
+#include "support/synthetic_world.hpp"
 
 #include <stillmap/maps/error.hpp>
 
