@@ -1,8 +1,8 @@
 #include <stillmap/mapping/odometry.hpp>
 
-#include "matchers.hpp"
+#include "support/matchers.hpp"
 #include "support/synthetic_world.hpp"
-#include "throws.hpp"
+#include "support/throws.hpp"
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/frames.hpp>

@@ -1,5 +1,7 @@
 #include "odometry/loam/features.hpp"
 
+#include <Eigen/Geometry>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
