@@ -141,6 +141,9 @@ LocalAlignment LocalMap::judged(std::span<const Eigen::Vector3f> points_lidar,
   result.known_inlier_ratio = support.known_inlier_ratio;
   result.standing_ratio = support.standing_ratio;
   result.rmse_m = support.rmse_m;
+  const double kernel2_m2 = static_cast<double>(kernel_m) * static_cast<double>(kernel_m);
+  result.fit = (static_cast<double>(rows.count) - linearize(rows, T, kernel_m).cost / kernel2_m2) /
+               static_cast<double>(points_lidar.size());
   result.degenerate_directions = untold_directions(noise_information_of(level, query, T, kernel_m));
   result.covariance =
       covariance_of(rows, T, kernel_m, Vector6d::Zero(), result.degenerate_directions);

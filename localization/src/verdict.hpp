@@ -18,8 +18,6 @@ namespace stillmap::localization {
 struct Support {
   /// Share of all points that lie on the map's surfaces.
   double inlier_ratio = 0.0;
-  /// The same of the points that have a voxel of the finest level around them.
-  double known_inlier_ratio = 0.0;
   /// Root mean square distance of the inliers to their surface [m].
   double rmse_m = 0.0;
   /// Points that stand and lie where the map knows anything, and the share of all standing points.
@@ -28,6 +26,8 @@ struct Support {
   /// Share of the known standing points that lie on the map: unlike ground, these do not fit
   /// anywhere.
   double standing_ratio = 0.0;
+  /// `inlier_ratio` of the points that have a voxel of the finest level around them.
+  double known_inlier_ratio = 0.0;
 };
 /// @param levels  of a map, coarse to fine, at least one.
 [[nodiscard]] Support support_of(std::span<const MapIndex::Level> levels, const Query& query,

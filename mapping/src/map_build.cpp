@@ -1,8 +1,11 @@
+#include "build/build_journal.hpp"
+#include "build/build_key.hpp"
 #include "build/drive_set.hpp"
 #include "build/manifest.hpp"
 #include "build/object_pass.hpp"
 #include "build/placing_pass.hpp"
 #include "build/posed_drives.hpp"
+#include "build/posed_drives_bytes.hpp"
 #include "build/scan_stages.hpp"
 #include "build/survey_pass.hpp"
 #include "build/tile_pass.hpp"
@@ -24,6 +27,10 @@ namespace stillmap::mapping {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+
+/// In the package while it is written: what outlives a kill.
+constexpr const char* kJournalFolder = "journal";
+constexpr const char* kScratchFolder = "scratch";
 
 /// Whole metres, so that the same place gets the same origin from slightly different poses.
 Eigen::Vector3d origin_of(const DriveSet& drives) {
@@ -68,6 +75,50 @@ void write_sources(maps::MapPackageWriter& writer, const DriveSet& drives, const
   for (std::size_t i = 0; i < trajectories.size(); ++i) writer.write_trajectory(trajectories[i], i);
   writer.write_objects(objects);
   write_text(writer.folder() / "sources.sha256", survey.sources);
+}
+
+void report_speed(std::size_t scans, Clock::time_point began, MapBuildReport& report) {
+  report.scans = scans;
+  report.seconds = std::chrono::duration<double>(Clock::now() - began).count();
+  report.scans_per_second = static_cast<double>(scans) / std::max(report.seconds, 1e-9);
+  report.peak_rss_mib = peak_rss_mib();
+}
+
+void report_edits(const EditReport& edits, MapBuildReport& report) {
+  report.objects["edits_applied"] = edits.applied;
+  report.objects["edits_unmatched"] = edits.unmatched.size();
+  for (const std::string& edit : edits.unmatched)
+    report.warnings.push_back("edit met nothing: " + edit);
+}
+
+void warn_of_discarded(const BuildJournal& journal, MapBuildReport& report) {
+  if (!journal.discarded().empty())
+    report.warnings.push_back("work of a killed build was thrown away: " + journal.discarded());
+}
+
+/// Estimated poses, or those that a killed build had estimated.
+/// @param folder  of the package that is being written.
+PosedDrives with_journaled_poses(const std::vector<maps::Drive>& drives,
+                                 const MapBuildOptions& options, const std::string& odometry,
+                                 const std::filesystem::path& folder, MapBuildReport& report,
+                                 const ProgressCallback& progress, const CancelFlag& cancel) {
+  BuildJournal journal(folder / kJournalFolder, "trajectory",
+                       trajectory_key(drives, options, odometry));
+  if (journal.is_complete()) {
+    try {
+      if (const auto bytes = journal.read(0)) return posed_drives_from(*bytes, drives);
+    } catch (const std::invalid_argument& error) {
+      journal.discard(error.what());
+    }
+  }
+  journal.keep(0);
+  warn_of_discarded(journal, report);
+  const StageTimer timer(report.stage_seconds, "trajectory");
+  PosedDrives posed =
+      with_estimated_poses(drives, options, odometry, folder / kScratchFolder, progress, cancel);
+  journal.append(to_bytes(posed));
+  journal.complete();
+  return posed;
 }
 
 }  // namespace
@@ -122,23 +173,29 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
   const std::vector<maps::Drive> opened = open_drives(folders, options);
   const std::string odometry = odometry_of(opened, options);
   const Edits edits = options.edits_file ? read_edits(*options.edits_file) : Edits{};
-  maps::MapPackageWriter writer(target);
-  const std::filesystem::path scratch = writer.folder() / "scratch";
+  maps::MapPackageWriter writer(target, kJournalFolder);
+  const std::filesystem::path scratch = writer.folder() / kScratchFolder;
   std::filesystem::create_directory(scratch);
   MapBuildReport report;
-  PosedDrives posed = odometry == "given" ? with_given_poses(opened)
-                                          : with_estimated_poses(opened, options, odometry, scratch,
-                                                                 progress, cancel);
+  PosedDrives posed = odometry == "given"
+                          ? with_given_poses(opened)
+                          : with_journaled_poses(opened, options, odometry, writer.folder(), report,
+                                                 progress, cancel);
   report.trajectory = std::move(posed.counts);
   const DriveSet drives(std::move(posed.drives), options);
   const VoxelGrid grid(origin_of(drives), options.voxel_size_m);
   ScanStages stages(drives, options, grid);
   stages.learn(cancel);
+  BuildJournal journal(writer.folder() / kJournalFolder, "survey",
+                       survey_key(drives, options, odometry, ScanStages::learned_scans(drives)));
 
   std::vector<maps::MapObject> map_objects;
   {
-    const auto survey = survey_scans(drives, stages, scratch, options.threads, progress, cancel);
-    report.stage_seconds = survey->stage_seconds;
+    const auto survey =
+        survey_scans(drives, stages, scratch, options.threads, journal, progress, cancel);
+    add_to(report.stage_seconds, survey->stage_seconds);
+    report.resumed_scans = survey->resumed;
+    warn_of_discarded(journal, report);
     BuildObjects objects;
     {
       const StageTimer timer(report.stage_seconds, "fuse");
@@ -156,18 +213,12 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
     add_to(report.stage_seconds, placed->stage_seconds);
     add_to(report.stage_seconds, tiles.stage_seconds);
     report.objects = object_counts(map_objects, *survey, stages);
-    report.objects["edits_applied"] = objects.edits.applied;
-    report.objects["edits_unmatched"] = objects.edits.unmatched.size();
-    for (const std::string& edit : objects.edits.unmatched)
-      report.warnings.push_back("edit met nothing: " + edit);
+    report_edits(objects.edits, report);
     write_sources(writer, drives, *survey, map_objects);
   }
   std::filesystem::remove_all(scratch);
   if (cancel) throw Cancelled();
-  report.scans = drives.size();
-  report.seconds = std::chrono::duration<double>(Clock::now() - began).count();
-  report.scans_per_second = static_cast<double>(report.scans) / std::max(report.seconds, 1e-9);
-  report.peak_rss_mib = peak_rss_mib();
+  report_speed(drives.size(), began, report);
   report.digest = writer.publish(manifest_of(drives, options, odometry, grid.origin(), report),
                                  to_json(report));
   return report;

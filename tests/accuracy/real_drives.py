@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Accuracy on real scans, from the command line as a user would, against limits that stand here with their reasons.
 
-usage: real_drives.py STILLMAP CASE        (CASE: kitti_localization | mulran_localization | kitti_removal)
+usage: real_drives.py STILLMAP CASE PATH_CLOSURE
+(CASE: kitti_localization | mulran_localization | kitti_removal | odometry)
 
 Needs STILLMAP_REAL_DATA; without it the test is skipped (exit code 77). Exit code 1 when a limit is broken.
 """
@@ -16,6 +17,7 @@ import tempfile
 SKIPPED = 77
 KITTI = "kitti_raw/2011_09_26/2011_09_26_drive_0013_sync"
 MULRAN = "mulran_seosan01"
+HKU = "hku_1"
 
 
 def run(program, *arguments):
@@ -78,8 +80,34 @@ def kitti_removal(program, data, folder, check):
         check(f"{name}: share of points outside all boxes changed", changed, changed <= 0.03)
 
 
+def odometry(program, data, folder, check):
+    def followed(name):
+        path, result = folder / "path.tum", folder / "odometry.json"
+        run(program, "evaluate", "odometry", data / name, "--trajectory", path, "--json", result)
+        return json.loads(result.read_text()), path
+
+    # Key frames 1.2 m apart with poses good to some cm.
+    mulran, _ = followed(MULRAN)
+    check("MulRan: scans that nothing placed", mulran["status"]["predicted"], mulran["status"]["predicted"] <= 1)
+    check("MulRan: relative error over 10 m [%]", mulran["rpe"]["translation_percent_10m"],
+          mulran["rpe"]["translation_percent_10m"] <= 0.5)
+    # The drive's GNSS-aided track slides sideways by up to 0.4 m in 10 m, which a car cannot; its heading does not.
+    kitti, _ = followed(KITTI)
+    check("KITTI 0013: relative error over 10 m [deg]", kitti["rpe"]["rotation_deg_10m"],
+          kitti["rpe"]["rotation_deg_10m"] <= 0.2)
+    check("KITTI 0013: relative error over 10 m [%]", kitti["rpe"]["translation_percent_10m"],
+          kitti["rpe"]["translation_percent_10m"] <= 2.5)
+    # Handheld, no rings, returns to its start; PCL's GICP says where the last scan was.
+    _, path = followed(HKU)
+    closure = folder / "closure.json"
+    subprocess.run([sys.argv[3], data / HKU, path, "--json", closure], check=True)
+    off = json.loads(closure.read_text())
+    check("HKU: first to last scan against GICP [m]", off["off_m"], off["off_m"] <= 0.10)
+    check("HKU: the same [deg]", off["off_deg"], off["off_deg"] <= 1.0)
+
+
 def main():
-    program, case = sys.argv[1:]
+    program, case = sys.argv[1:3]
     data = os.environ.get("STILLMAP_REAL_DATA")
     if not data:
         print("skipped: STILLMAP_REAL_DATA is not set")
@@ -87,7 +115,7 @@ def main():
     check = Checks()
     with tempfile.TemporaryDirectory() as folder:
         {"kitti_localization": kitti_localization, "mulran_localization": mulran_localization,
-         "kitti_removal": kitti_removal}[case](program, pathlib.Path(data), pathlib.Path(folder), check)
+         "kitti_removal": kitti_removal, "odometry": odometry}[case](program, pathlib.Path(data), pathlib.Path(folder), check)
     return 1 if check.broken else 0
 
 

@@ -103,6 +103,43 @@ class CommandLine(unittest.TestCase):
                    self.folder / "poses.txt")
         self.assertEqual(sorted(each.name for each in self.folder.iterdir()), ["drive", "poses.txt"])
 
+    def test_a_killed_build_goes_on_to_the_same_bytes(self):
+        whole, killed = self.folder / "whole", self.folder / "killed"
+        result = self.folder / "result.json"
+        options = ["--select", ":12", "--json", result]
+        run("build", DRIVE, "-o", whole, *options)
+        digest = json.loads(result.read_text())["digest"]
+        journal = self.folder / ".killed.partial/journal/survey.journal"
+        for threads in ("1", "2"):
+            program = subprocess.Popen([PROGRAM, "build", DRIVE, "-o", killed, *map(str, options), "--threads", threads],
+                                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            # From where the last one was killed, some scans more.
+            enough = (journal.stat().st_size if journal.exists() else 0) + 300_000
+            while program.poll() is None and not (journal.exists() and journal.stat().st_size > enough):
+                time.sleep(0.002)
+            program.kill()
+            self.assertEqual(program.wait(timeout=30), -signal.SIGKILL)
+        done = run("build", DRIVE, "-o", killed, *options)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        report = json.loads(result.read_text())
+        self.assertEqual((report["digest"], report["warnings"]), (digest, []))
+        self.assertGreater(report["resumed_scans"], 0)
+        self.assertIn("of these resumed", done.stdout)
+        self.assertEqual(sorted(each.name for each in self.folder.iterdir()), ["killed", "result.json", "whole"])
+
+    def test_work_of_a_killed_build_with_other_options_is_thrown_away_in_words(self):
+        target, journal = self.folder / "map", self.folder / ".map.partial/journal/survey.journal"
+        program = subprocess.Popen([PROGRAM, "build", DRIVE, "-o", target, "--voxel", "0.3"], stderr=subprocess.DEVNULL)
+        while program.poll() is None and not (journal.exists() and journal.stat().st_size > 100_000):
+            time.sleep(0.002)
+        program.kill()
+        program.wait(timeout=30)
+        done = run("build", DRIVE, "-o", target, "--select", ":2")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("warning: work of a killed build was thrown away", done.stdout)
+        self.assertNotIn("resumed", done.stdout)
+        self.assertEqual([each.name for each in self.folder.iterdir()], ["map"])
+
     def test_localize_answers_like_the_server(self):
         answer = json.loads(run("localize", MAP, SCAN, "--prior", "0,0,0,5", "--json").stdout)
         self.assertEqual(answer["status"], "ok")

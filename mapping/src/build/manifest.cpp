@@ -76,15 +76,6 @@ std::map<std::string, std::string> texts_of(const MapBuildOptions& options) {
   };
 }
 
-std::map<std::string, std::string> texts_of(const TrajectoryOptions& options) {
-  std::map<std::string, std::string> texts{{"loops", switch_of(options.loops)}};
-  if (options.prior)
-    texts["pose_sigma"] =
-        fmt::format("{} m, {} rad", options.prior->sigma_m, options.prior->sigma_rad);
-  if (options.gnss_sigma_m) texts["gnss_sigma_m"] = fmt::format("{}", *options.gnss_sigma_m);
-  return texts;
-}
-
 std::map<std::string, std::string> sources_of(const DriveSet& drives,
                                               const MapBuildOptions& options) {
   std::map<std::string, std::string> sources;
@@ -111,6 +102,15 @@ std::map<std::string, std::string> sources_of(const DriveSet& drives,
 }
 
 }  // namespace
+
+std::map<std::string, std::string> texts_of(const TrajectoryOptions& options) {
+  std::map<std::string, std::string> texts{{"loops", switch_of(options.loops)}};
+  if (options.prior)
+    texts["pose_sigma"] =
+        fmt::format("{} m, {} rad", options.prior->sigma_m, options.prior->sigma_rad);
+  if (options.gnss_sigma_m) texts["gnss_sigma_m"] = fmt::format("{}", *options.gnss_sigma_m);
+  return texts;
+}
 
 maps::MapManifest manifest_of(const DriveSet& drives, const MapBuildOptions& options,
                               const std::string& odometry, const Eigen::Vector3d& origin,

@@ -3,10 +3,12 @@
 #include "build/drive_set.hpp"
 
 #include <stillmap/mapping/map_build.hpp>
+#include <stillmap/mapping/trajectory.hpp>
 #include <stillmap/maps/map_package.hpp>
 
 #include <Eigen/Core>
 
+#include <map>
 #include <string>
 
 namespace stillmap::mapping {
@@ -17,5 +19,8 @@ namespace stillmap::mapping {
                                             const std::string& odometry,
                                             const Eigen::Vector3d& origin,
                                             const MapBuildReport& report);
+
+/// What is asked for of odometry, loops and graph, by name.
+[[nodiscard]] std::map<std::string, std::string> texts_of(const TrajectoryOptions& options);
 
 }  // namespace stillmap::mapping

@@ -5,6 +5,7 @@ namespace stillmap::mapping {
 
 std::string to_json(const MapBuildReport& report) {
   return nlohmann::json{{"scans", report.scans},
+                        {"resumed_scans", report.resumed_scans},
                         {"seconds", report.seconds},
                         {"scans_per_second", report.scans_per_second},
                         {"peak_rss_mib", report.peak_rss_mib},

@@ -116,12 +116,18 @@ std::map<std::string, std::size_t> ScanStages::dropped_boxes() const {
   return dropped;
 }
 
+std::vector<std::size_t> ScanStages::learned_scans(const DriveSet& drives) {
+  const std::size_t count = std::min(kLearnedScans, drives.size());
+  std::vector<std::size_t> scans;
+  for (std::size_t i = 0; i < count; ++i) scans.push_back(i * drives.size() / count);
+  return scans;
+}
+
 void ScanStages::learn(const CancelFlag& cancel) {
-  const std::size_t scans = std::min(kLearnedScans, drives_.size());
-  for (std::size_t i = 0; i < scans; ++i) {
+  for (const std::size_t ordinal : learned_scans(drives_)) {
     if (cancel) throw Cancelled();
     Counts unused;
-    const maps::Scan scan = drives_.read(i * drives_.size() / scans, unused);
+    const maps::Scan scan = drives_.read(ordinal, unused);
     if (!scan.cloud.empty()) ground_->learn(scan.cloud);
   }
 }

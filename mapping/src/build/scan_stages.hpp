@@ -70,6 +70,8 @@ class ScanStages {
   /// @param drives, options  must outlive this.
   ScanStages(const DriveSet& drives, const MapBuildOptions& options, const VoxelGrid& grid);
 
+  /// Ordinals of the scans that `learn` takes.
+  [[nodiscard]] static std::vector<std::size_t> learned_scans(const DriveSet& drives);
   /// Adapts the ground stage to some scans of all drives.
   void learn(const CancelFlag& cancel);
 

@@ -1,39 +1,140 @@
 #include "build/survey_pass.hpp"
 
 #include "build/ordered_pipeline.hpp"
+#include "build/surveyed_scan_bytes.hpp"
 
 #include <fmt/format.h>
 
+#include <stillmap/maps/map_package.hpp>
+
+#include <optional>
+#include <stdexcept>
 #include <utility>
 
 namespace stillmap::mapping {
+namespace {
+
+/// A record cannot be used; the survey begins again with those before it.
+struct UnusableRecord : std::runtime_error {
+  /// @param why  empty: broken bytes, as a power cut leaves them.
+  UnusableRecord(std::size_t keep_records, const std::string& why)
+      : std::runtime_error(why), keep(keep_records) {}
+  std::size_t keep;
+};
+
+struct Journaled {
+  SurveyedScan scan;
+  /// For the journal; empty when it is there already.
+  std::string record;
+};
+
+SurveyedScan from_journal(const BuildJournal& journal, const DriveSet& drives, std::size_t scan) {
+  const std::optional<std::string> bytes = journal.read(scan);
+  if (!bytes) throw UnusableRecord(scan, {});
+  try {
+    SurveyedScan surveyed = surveyed_scan_from(*bytes);
+    if (surveyed.scan != scan) throw UnusableRecord(scan, {});
+    const std::string sha256 = maps::sha256_of_file(drives.file(scan));
+    if (surveyed.sha256 == sha256) return surveyed;
+  } catch (const std::invalid_argument&) {
+    throw UnusableRecord(scan, {});
+  }
+  throw UnusableRecord(0, drives.file(scan).filename().string() + " has changed");
+}
+
+Journaled journaled(SurveyedScan scan) {
+  Journaled out{std::move(scan), {}};
+  const StageTimer timer(out.scan.stage_seconds, "journal");
+  out.record = to_bytes(out.scan);
+  return out;
+}
+
+class Surveying {
+ public:
+  Surveying(const DriveSet& drives, BuildJournal& journal, const std::filesystem::path& scratch,
+            const ProgressCallback& progress)
+      : drives_(drives),
+        journal_(journal),
+        progress_(progress),
+        survey_(std::make_unique<Survey>(scratch)) {
+    survey_->resumed = journal.size();
+  }
+
+  void take(Journaled next) {
+    SurveyedScan& scan = next.scan;
+    const bool resumed = next.record.empty();
+    {
+      const StageTimer timer(scan.stage_seconds, "fuse ground");
+      survey_->ground.add(scan.ground_cells);
+    }
+    {
+      const StageTimer timer(scan.stage_seconds, "obstacles");
+      survey_->obstacles.add(drives_.place(scan.scan).drive, scan.obstacles);
+    }
+    survey_->views.append(*scan.view);
+    if (!resumed) {
+      const StageTimer timer(scan.stage_seconds, "journal");
+      journal_.append(next.record);
+    }
+    survey_->sources +=
+        fmt::format("{}  {}\n", scan.sha256, drives_.file(scan.scan).filename().string());
+    add_to(survey_->counts, scan.counts);
+    add_to(survey_->stage_seconds, scan.stage_seconds);
+    survey_->scans.push_back({std::move(scan.is_ground), std::move(scan.boxes)});
+    tell_progress(resumed);
+  }
+
+  std::unique_ptr<Survey> finish() {
+    survey_->obstacles.finish();
+    return std::move(survey_);
+  }
+
+ private:
+  /// Taking over is a stage of its own: it is far faster, and would spoil the estimate of the time
+  /// that is left.
+  void tell_progress(bool resumed) const {
+    if (!progress_) return;
+    const std::size_t before = survey_->resumed;
+    if (resumed)
+      progress_("resume", survey_->scans.size(), before);
+    else
+      progress_("survey", survey_->scans.size() - before, drives_.size() - before);
+  }
+
+  const DriveSet& drives_;
+  BuildJournal& journal_;
+  const ProgressCallback& progress_;
+  std::unique_ptr<Survey> survey_;
+};
+
+}  // namespace
 
 std::unique_ptr<Survey> survey_scans(const DriveSet& drives, const ScanStages& stages,
                                      const std::filesystem::path& scratch, int threads,
-                                     const ProgressCallback& progress, const CancelFlag& cancel) {
-  auto survey = std::make_unique<Survey>(scratch);
-  process_in_order(
-      drives.size(), threads, [&](std::size_t scan) { return stages.survey(scan); },
-      [&](SurveyedScan scan) {
-        {
-          const StageTimer timer(scan.stage_seconds, "fuse ground");
-          survey->ground.add(scan.ground_cells);
-        }
-        {
-          const StageTimer timer(scan.stage_seconds, "obstacles");
-          survey->obstacles.add(drives.place(scan.scan).drive, scan.obstacles);
-        }
-        survey->views.append(*scan.view);
-        survey->sources +=
-            fmt::format("{}  {}\n", scan.sha256, drives.file(scan.scan).filename().string());
-        add_to(survey->counts, scan.counts);
-        add_to(survey->stage_seconds, scan.stage_seconds);
-        survey->scans.push_back({std::move(scan.is_ground), std::move(scan.boxes)});
-        if (progress) progress("survey", survey->scans.size(), drives.size());
-      },
-      cancel);
-  survey->obstacles.finish();
-  return survey;
+                                     BuildJournal& journal, const ProgressCallback& progress,
+                                     const CancelFlag& cancel) {
+  while (true) {
+    try {
+      journal.keep(drives.size());
+      const std::size_t found = journal.size();
+      Surveying surveying(drives, journal, scratch, progress);
+      process_in_order(
+          drives.size(), threads,
+          [&](std::size_t scan) -> Journaled {
+            if (scan < found) return {from_journal(journal, drives, scan), {}};
+            return journaled(stages.survey(scan));
+          },
+          [&](Journaled scan) { surveying.take(std::move(scan)); }, cancel);
+      journal.complete();
+      return surveying.finish();
+    } catch (const UnusableRecord& unusable) {
+      const std::string why = unusable.what();
+      if (why.empty())
+        journal.keep(unusable.keep);
+      else
+        journal.discard(why);
+    }
+  }
 }
 
 }  // namespace stillmap::mapping

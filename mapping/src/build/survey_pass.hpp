@@ -1,5 +1,6 @@
 #pragma once
 
+#include "build/build_journal.hpp"
 #include "build/scan_stages.hpp"
 #include "fusion/obstacle_store.hpp"
 #include "ground/fused_ground.hpp"
@@ -32,15 +33,22 @@ struct Survey {
   RangeViewStore views;
   /// SHA-256 and name of every scan's file, a line each as `sha256sum` prints it.
   std::string sources;
+  /// Scans that were taken from the journal.
+  std::size_t resumed = 0;
   Counts counts;
+  /// Of such scans too: what they took in the build that was killed.
   StageSeconds stage_seconds;
 };
 
 /// Pass 1 over all scans: several at once, taken in their order.
 /// @param scratch  folder for what does not stay in memory.
+/// @param journal  a record a scan: those that are there are not computed again, those that are
+/// not are appended. When a scan's file is another one than its record says, all records are
+/// thrown away: another drive would be mixed in.
 [[nodiscard]] std::unique_ptr<Survey> survey_scans(const DriveSet& drives, const ScanStages& stages,
                                                    const std::filesystem::path& scratch,
-                                                   int threads, const ProgressCallback& progress,
+                                                   int threads, BuildJournal& journal,
+                                                   const ProgressCallback& progress,
                                                    const CancelFlag& cancel);
 
 }  // namespace stillmap::mapping

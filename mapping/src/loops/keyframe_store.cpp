@@ -36,7 +36,7 @@ std::vector<Stored> thinned(const std::vector<Eigen::Vector3f>& points) {
   std::unordered_set<std::uint64_t> taken;
   taken.reserve(points.size() / 4);
   for (const Eigen::Vector3f& p : points) {
-    if (!(p.cwiseAbs().maxCoeff() < kReachM)) continue;
+    if (!(p.array().abs() < kReachM).all()) continue;
     if (!taken.insert(cell_key(p)).second) continue;
     const auto step = [&](int axis) {
       return static_cast<std::int16_t>(std::lround(p[axis] / kStepM));

@@ -227,11 +227,12 @@ struct GraphProblem::State {
   }
 };
 
-GraphProblem::GraphProblem(const PoseGraph& graph) : state_(std::make_unique<State>()) {
+GraphProblem::GraphProblem(const PoseGraph& graph, const std::vector<Eigen::Isometry3d>& start)
+    : state_(std::make_unique<State>()) {
   State& state = *state_;
   state.nodes.resize(graph.nodes.size());
   for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
-    store(node_pose(graph.nodes[i]), state.nodes[i].data());
+    store(node_pose(start[i]), state.nodes[i].data());
     state.problem.AddParameterBlock(state.nodes[i].data(), 7, &state.manifold);
   }
   for (const RelativePose& edge : graph.relative_poses)

@@ -10,15 +10,15 @@ namespace stillmap::mapping {
 
 /// A graph as Ceres minimizes it: squared whitened residuals, those of doubtful measurements under
 /// a graduated Geman-McClure loss (Yang, Antonante, Tzoumas, Carlone, "Graduated Non-Convexity for
-/// Robust Spatial Perception", RA-L 2020, section III-B) with a bound c for what noise explains,
+/// Robust Spatial Perception", RA-L 2020) with a bound c for what noise explains,
 ///
 ///     mu c^2 s / (mu c^2 + s),  s the squared whitened residual,
 ///
 /// which is Geman-McClure's at mu = 1 and nearly s at a large mu.
 class GraphProblem {
  public:
-  /// @param graph  checked; lives longer.
-  explicit GraphProblem(const PoseGraph& graph);
+  /// @param graph  checked.  @param start  T_map_node of each node.
+  GraphProblem(const PoseGraph& graph, const std::vector<Eigen::Isometry3d>& start);
   ~GraphProblem();
   GraphProblem(const GraphProblem&) = delete;
   GraphProblem& operator=(const GraphProblem&) = delete;

@@ -1,5 +1,6 @@
 #include "pose_graph/pose_graph.hpp"
 
+#include "pose_graph/first_placement.hpp"
 #include "pose_graph/graduated_solve.hpp"
 #include "pose_graph/graph_checks.hpp"
 #include "pose_graph/graph_problem.hpp"
@@ -12,7 +13,7 @@ PoseGraphSolution solve(const PoseGraph& graph, const CancelFlag& cancel) {
   check_values(graph);
   check_joined(graph);
   if (cancel) throw Cancelled();
-  GraphProblem problem(graph);
+  GraphProblem problem(graph, first_placement(graph));
   const GraphProblem::Outcome outcome = solve_graduated(problem, cancel);
   PoseGraphSolution out;
   out.nodes = problem.nodes();

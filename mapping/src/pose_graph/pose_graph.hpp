@@ -42,6 +42,8 @@ struct AbsolutePosition {
 
 struct PoseGraph {
   /// First guesses, T_map_node. Without any absolute pose or position the first one stays fixed.
+  /// With them, or between parts that only doubtful edges join (drives), any frame will do: parts
+  /// are first placed as a whole.
   std::vector<Eigen::Isometry3d> nodes;
   std::vector<RelativePose> relative_poses;
   std::vector<AbsolutePose> absolute_poses;
@@ -51,6 +53,8 @@ struct PoseGraph {
 struct PoseGraphSolution {
   std::vector<Eigen::Isometry3d> nodes;
   /// One a relative pose, in [0, 1]: how much of a doubtful one is believed; 1 for the others.
+  /// Noise as its covariance tells leaves 0.6 on average, seldom less than 0.25; errors that
+  /// nothing agrees with are near 0.
   std::vector<double> relative_weights;
   /// One an absolute position, the same.
   std::vector<double> position_weights;
@@ -60,7 +64,8 @@ struct PoseGraphSolution {
   bool converged = false;
 };
 
-/// Maximum-likelihood poses.
+/// Maximum-likelihood poses; doubtful measurements under Geman-McClure's loss (pose_graph.md).
+/// The same input gives the same bits. One thread.
 /// @throws std::invalid_argument naming an edge with an unknown node, a number that is not finite,
 /// a rotation that is none, or a covariance that is not positive definite, or parts of the graph
 /// that nothing joins; Cancelled.

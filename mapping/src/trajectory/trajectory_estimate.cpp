@@ -2,7 +2,6 @@
 #include "odometry/run_odometry.hpp"
 #include "pose_graph/pose_graph.hpp"
 #include "trajectory/corrected_poses.hpp"
-#include "trajectory/drive_frames.hpp"
 #include "trajectory/keyframes.hpp"
 #include "trajectory/levelling.hpp"
 #include "trajectory/trajectory_graph.hpp"
@@ -31,30 +30,23 @@ double seconds_since(Clock::time_point began) {
 struct Odometries {
   std::vector<EstimatedDrive> drives;
   std::vector<DriveKeyframe> keyframes;
-  /// Pose of the first scan over the ground, see `T_ground_lidar`.
-  Eigen::Isometry3d T_ground_first = Eigen::Isometry3d::Identity();
+  /// Of each drive, see `T_ground_lidar`; odometry starts at the identity.
+  std::vector<Eigen::Isometry3d> T_ground_odom;
 };
-
-std::vector<Eigen::Vector3f> deskewed_points(const maps::Scan& scan, const OdometryPose& pose) {
-  maps::PointCloud cloud = scan.cloud;
-  maps::deskew(cloud, pose.twist_lidar);
-  return std::move(cloud.positions);
-}
 
 void follow(const maps::Drive& drive, std::size_t number, const TrajectoryOptions& options,
             LoopFinder* finder, Odometries& out, const ProgressCallback& progress,
             const CancelFlag& cancel, const ScanReader& read) {
   const std::size_t end = std::min(options.end.value_or(drive.size()), drive.size());
-  EstimatedDrive estimated{.begin = options.begin};
+  EstimatedDrive estimated;
+  estimated.begin = options.begin;
   KeyframeChooser chooser;
   const auto take = [&](std::size_t index, const maps::Scan& scan, const OdometryPose& pose) {
     const auto chosen = chooser.add(pose);
     if (!chosen) return;
-    if (out.keyframes.empty()) {
-      maps::PointCloud cloud = scan.cloud;
-      maps::deskew(cloud, pose.twist_lidar);
-      out.T_ground_first = T_ground_lidar(cloud);
-    }
+    maps::PointCloud cloud = scan.cloud;
+    maps::deskew(cloud, pose.twist_lidar);
+    if (estimated.keyframes.empty()) out.T_ground_odom.push_back(T_ground_lidar(cloud));
     estimated.keyframes.push_back(index);
     out.keyframes.push_back({.drive = number,
                              .scan = index,
@@ -62,7 +54,7 @@ void follow(const maps::Drive& drive, std::size_t number, const TrajectoryOption
                              .T_before_this = chosen->T_before_this,
                              .covariance = chosen->covariance});
     if (finder == nullptr) return;
-    finder->add({.points = deskewed_points(scan, pose),
+    finder->add({.points = std::move(cloud.positions),
                  .T_odom_lidar = pose.T_odom_lidar,
                  .covariance = chosen->covariance,
                  .drive = static_cast<std::uint32_t>(number)});
@@ -97,27 +89,12 @@ GivenPoses given_poses(const std::vector<maps::Drive>& drives,
   return given;
 }
 
-/// First guess of the drives' frames: their own poses where those count, else by loops.
-std::vector<Eigen::Isometry3d> first_frames(const std::vector<maps::Drive>& drives,
-                                            const Odometries& odometries,
-                                            std::span<const Loop> loops, const GivenPoses& given) {
-  std::vector<Eigen::Isometry3d> frames(drives.size());
-  if (!given.empty()) {
-    for (std::size_t k = odometries.keyframes.size(); k-- > 0;) {
-      const DriveKeyframe& keyframe = odometries.keyframes[k];
-      frames[keyframe.drive] = given[k] * keyframe.T_odom_lidar.inverse();
-    }
-    return frames;
-  }
-  const auto joined = join_by_loops(drives.size(), odometries.keyframes, loops);
-  for (std::size_t i = 0; i < drives.size(); ++i) {
-    if (!joined[i])
-      throw maps::InputError(drives[i].contents().root.string(),
-                             "no place that the other drives have seen too",
-                             "drives that overlap, or poses of all of them as a prior");
-    frames[i] = odometries.T_ground_first * *joined[i];
-  }
-  return frames;
+void require_joined(const std::vector<maps::Drive>& drives,
+                    std::span<const DriveKeyframe> keyframes, std::span<const Loop> loops) {
+  if (const auto apart = drive_apart(drives.size(), keyframes, loops))
+    throw maps::InputError(drives[*apart].contents().root.string(),
+                           "no place that the other drives have seen too",
+                           "drives that overlap, or poses of all of them as a prior");
 }
 
 void correct(Odometries& odometries, const std::vector<Eigen::Isometry3d>& T_map_keyframe) {
@@ -206,8 +183,9 @@ TrajectoryEstimate estimate_trajectories(const std::vector<maps::Drive>& drives,
 
   began = Clock::now();
   const GivenPoses given = given_poses(drives, odometries.keyframes, options);
-  const std::vector<Eigen::Isometry3d> frames = first_frames(drives, odometries, loops, given);
-  const PoseGraph graph = graph_of(odometries.keyframes, loops, given, frames, options);
+  if (given.empty()) require_joined(drives, odometries.keyframes, loops);
+  const PoseGraph graph =
+      graph_of(odometries.keyframes, loops, given, odometries.T_ground_odom, options);
   const PoseGraphSolution solution = solve(graph, cancel);
   estimate.graph_seconds = seconds_since(began);
 

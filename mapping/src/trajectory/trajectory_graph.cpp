@@ -1,9 +1,6 @@
 #include "trajectory/trajectory_graph.hpp"
 
-#include <Eigen/Core>
-
-#include <cstddef>
-#include <optional>
+#include "pose_graph/graph_checks.hpp"
 
 namespace stillmap::mapping {
 namespace {
@@ -48,12 +45,12 @@ void add_given(PoseGraph& graph, std::span<const DriveKeyframe> keyframes, const
 }  // namespace
 
 PoseGraph graph_of(std::span<const DriveKeyframe> keyframes, std::span<const Loop> loops,
-                   const GivenPoses& given, const std::vector<Eigen::Isometry3d>& T_map_odom,
+                   const GivenPoses& given, const std::vector<Eigen::Isometry3d>& T_ground_odom,
                    const TrajectoryOptions& options) {
   PoseGraph graph;
   for (std::size_t k = 0; k < keyframes.size(); ++k) {
     const DriveKeyframe& keyframe = keyframes[k];
-    graph.nodes.push_back(T_map_odom[keyframe.drive] * keyframe.T_odom_lidar);
+    graph.nodes.push_back(T_ground_odom[keyframe.drive] * keyframe.T_odom_lidar);
     if (k == 0 || keyframes[k - 1].drive != keyframe.drive) continue;
     graph.relative_poses.push_back({.from = k - 1,
                                     .to = k,
@@ -69,6 +66,16 @@ PoseGraph graph_of(std::span<const DriveKeyframe> keyframes, std::span<const Loo
   }
   add_given(graph, keyframes, given, options);
   return graph;
+}
+
+std::optional<std::size_t> drive_apart(std::size_t drives, std::span<const DriveKeyframe> keyframes,
+                                       std::span<const Loop> loops) {
+  JoinedSets sets(drives);
+  for (const Loop& loop : loops) sets.join(keyframes[loop.from].drive, keyframes[loop.to].drive);
+  for (std::size_t drive = 1; drive < drives; ++drive) {
+    if (sets.set_of(drive) != sets.set_of(0)) return drive;
+  }
+  return std::nullopt;
 }
 
 }  // namespace stillmap::mapping

@@ -2,16 +2,29 @@
 
 #include "loops/loop_finder.hpp"
 #include "pose_graph/pose_graph.hpp"
-#include "trajectory/drive_frames.hpp"
 
 #include <stillmap/mapping/trajectory.hpp>
 
+#include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include <cstddef>
+#include <optional>
 #include <span>
 #include <vector>
 
 namespace stillmap::mapping {
+
+/// A scan of a drive that stands for those around it.
+struct DriveKeyframe {
+  std::size_t drive = 0;
+  std::size_t scan = 0;
+  Eigen::Isometry3d T_odom_lidar = Eigen::Isometry3d::Identity();
+  /// From the key frame of the drive before it, and its covariance; identity and zero for the
+  /// first.
+  Eigen::Isometry3d T_before_this = Eigen::Isometry3d::Identity();
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+};
 
 /// What the drives' own poses say of the key frames, one a key frame in the map frame; empty where
 /// they are not asked for.
@@ -20,10 +33,15 @@ using GivenPoses = std::vector<Eigen::Isometry3d>;
 /// The graph of all key frames: odometry from each to the next of its drive, loops, and the drives'
 /// own poses or positions every 10 m (errors of GNSS last for seconds; more of them would count one
 /// error many times).
-/// @param T_map_odom  first guess, one a drive.
+/// @param T_ground_odom  one a drive: first guesses are upright; where they lie, the solver finds.
 [[nodiscard]] PoseGraph graph_of(std::span<const DriveKeyframe> keyframes,
                                  std::span<const Loop> loops, const GivenPoses& given,
-                                 const std::vector<Eigen::Isometry3d>& T_map_odom,
+                                 const std::vector<Eigen::Isometry3d>& T_ground_odom,
                                  const TrajectoryOptions& options);
+
+/// @return the first drive that no chain of loops joins with drive 0.
+[[nodiscard]] std::optional<std::size_t> drive_apart(std::size_t drives,
+                                                     std::span<const DriveKeyframe> keyframes,
+                                                     std::span<const Loop> loops);
 
 }  // namespace stillmap::mapping

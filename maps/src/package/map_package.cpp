@@ -12,7 +12,6 @@
 #include "formats/text.hpp"
 #include "package/manifest_json.hpp"
 #include "package/objects_json.hpp"
-#include "package/sha256.hpp"
 
 namespace stillmap::maps {
 namespace {

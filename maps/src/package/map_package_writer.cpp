@@ -9,7 +9,6 @@
 
 #include "package/manifest_json.hpp"
 #include "package/objects_json.hpp"
-#include "package/sha256.hpp"
 #include "storage/write_file.hpp"
 
 namespace stillmap::maps {
@@ -36,9 +35,12 @@ TileEntry entry_of(TileId id, std::span<const MapPoint> points) {
   return entry;
 }
 
-std::map<std::string, MapManifest::File> hashed_files(const std::filesystem::path& folder) {
+std::map<std::string, MapManifest::File> hashed_files(const std::filesystem::path& folder,
+                                                      const std::string& survivor) {
   std::map<std::string, MapManifest::File> files;
-  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+  for (auto at = std::filesystem::recursive_directory_iterator(folder); at != end(at); ++at) {
+    const std::filesystem::directory_entry& entry = *at;
+    if (at.depth() == 0 && entry.path().filename() == survivor) at.disable_recursion_pending();
     if (entry.is_directory()) continue;
     if (!entry.is_regular_file() || entry.is_symlink()) {
       throw StorageError(entry.path().string(), "a package holds regular files only");
@@ -51,7 +53,8 @@ std::map<std::string, MapManifest::File> hashed_files(const std::filesystem::pat
 
 }  // namespace
 
-MapPackageWriter::MapPackageWriter(std::filesystem::path target) : folder_(std::move(target)) {
+MapPackageWriter::MapPackageWriter(std::filesystem::path target, std::string survivor)
+    : folder_(std::move(target), survivor), survivor_(std::move(survivor)) {
   std::filesystem::create_directory(folder_.path() / "tiles");
 }
 
@@ -92,7 +95,7 @@ std::string MapPackageWriter::publish(MapManifest manifest, const std::string& b
   // Tiles may be added in any order; the digest must not tell.
   std::sort(manifest.tiles.begin(), manifest.tiles.end(),
             [](const TileEntry& a, const TileEntry& b) { return a.id < b.id; });
-  manifest.files = hashed_files(folder_.path());
+  manifest.files = hashed_files(folder_.path(), survivor_);
   const std::string text = manifest_text(manifest);
   // What we could not open ourselves must not become visible.
   (void)parse_manifest(text, (folder_.target() / kManifestName).string());

@@ -1,5 +1,3 @@
-#include "package/sha256.hpp"
-
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 

@@ -11,6 +11,7 @@
 #include <cstring>
 #include <string>
 #include <system_error>
+#include <utility>
 
 namespace stillmap::maps {
 namespace {
@@ -77,14 +78,19 @@ void refuse_existing(const fs::path& target) {
 
 }  // namespace
 
-PartialFolder::PartialFolder(fs::path target) : target_(without_trailing_slash(target)) {
+PartialFolder::PartialFolder(fs::path target, std::string survivor)
+    : target_(without_trailing_slash(target)), survivor_(std::move(survivor)) {
   refuse_existing(target_);
   path_ = target_.parent_path() / ("." + target_.filename().string() + ".partial");
   lock_ = open_locked(path_);
   try {
     // The one who held the lock before us may have published in between.
     refuse_existing(target_);
-    for (const auto& left : fs::directory_iterator(path_)) fs::remove_all(left.path());
+    for (const auto& left : fs::directory_iterator(path_)) {
+      const bool survives = left.path().filename() == survivor_ &&
+                            left.symlink_status().type() == fs::file_type::directory;
+      if (!survives) fs::remove_all(left.path());
+    }
   } catch (const fs::filesystem_error& error) {
     ::close(lock_);
     throw StorageError(path_.string(), error.code().message());
@@ -105,9 +111,16 @@ PartialFolder::~PartialFolder() {
 }
 
 void PartialFolder::publish() {
-  for (const auto& entry : fs::recursive_directory_iterator(path_)) sync(entry.path());
-  sync(path_);
+  for (auto entry = fs::recursive_directory_iterator(path_); entry != fs::end(entry); ++entry) {
+    if (entry.depth() == 0 && entry->path().filename() == survivor_)
+      entry.disable_recursion_pending();
+    else
+      sync(entry->path());
+  }
   refuse_existing(target_);
+  // As late as can be: a kill before it loses nothing.
+  if (!survivor_.empty()) fs::remove_all(path_ / survivor_);
+  sync(path_);
   if (std::rename(path_.c_str(), target_.c_str()) != 0) {
     throw StorageError(target_.string(), std::strerror(errno));
   }

@@ -117,6 +117,9 @@ void print_for_people(const mapping::MapBuildReport& report, const BuildArgument
   table.add("index", index);
   table.add("scans", fmt::format("{} in {:.1f} s, {:.1f} a second", report.scans, report.seconds,
                                  report.scans_per_second));
+  if (report.resumed_scans > 0)
+    table.add("of these resumed",
+              fmt::format("{} of a build that was killed", report.resumed_scans));
   table.add("peak memory", fmt::format("{:.0f} MiB", report.peak_rss_mib));
   for (const auto& [name, count] : report.trajectory)
     table.add(trajectory_label(name), grouped(count));

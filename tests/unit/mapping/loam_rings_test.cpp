@@ -1,6 +1,6 @@
 #include "odometry/loam/rings.hpp"
 
-#include "synthetic_world.hpp"
+#include "support/synthetic_world.hpp"
 
 #include <stillmap/maps/error.hpp>
 
@@ -22,14 +22,14 @@ struct Known {
 /// As a sensor in a street lists it, ring by ring from `start_rad` on; each laser has an azimuth of
 /// its own, and rays into the sky do not come back.
 Known known_rings(int rings, double start_rad, double direction, double own_azimuth_rad) {
-  const test::SyntheticWorld world = test::street(3);
-  const Eigen::Isometry3d T = test::pose_at(60.0, 0.0);
+  const test::SyntheticWorld world = test::street(3, 30.0);
+  const Eigen::Isometry3d T = test::pose_at(15.0, 0.0);
   Known known;
   for (int r = 0; r < rings; ++r) {
     const double elevation = (2.0 - 26.0 * r / (rings - 1.0)) * std::numbers::pi / 180.0;
-    for (int k = 0; k < 900; ++k) {
+    for (int k = 0; k < 450; ++k) {
       const double azimuth = direction * (start_rad + own_azimuth_rad * ((r % 3) - 1) +
-                                          2.0 * std::numbers::pi * k / 900);
+                                          2.0 * std::numbers::pi * k / 450);
       const Eigen::Vector3d ray(std::cos(elevation) * std::cos(azimuth),
                                 std::cos(elevation) * std::sin(azimuth), std::sin(elevation));
       const double range = world.cast(T.translation(), ray);
@@ -54,7 +54,7 @@ std::size_t strangers(const Known& known, const Rings& rings) {
 
 TEST(LoamRings, AreExactWhereTheyAreListedOneAfterAnother) {
   for (const double direction : {1.0, -1.0}) {
-    for (const double start : {0.0, 2.0, std::numbers::pi}) {
+    for (const double start : {0.0, 2.0}) {
       const Known known = known_rings(64, start, direction, 0.0);
       const Rings rings = find_rings(known.scan);
       EXPECT_EQ(rings.size(), 64U) << direction << " " << start;
@@ -77,7 +77,7 @@ TEST(LoamRings, ComeFromTheElevationWherePointsAreListedColumnByColumn) {
   std::iota(order.begin(), order.end(), 0U);
   const auto& all = known.scan.cloud.positions;
   const auto column = [&](std::uint32_t i) {
-    return std::lround(std::atan2(all[i].y(), all[i].x()) * 450.0 / std::numbers::pi);
+    return std::lround(std::atan2(all[i].y(), all[i].x()) * 225.0 / std::numbers::pi);
   };
   std::stable_sort(order.begin(), order.end(),
                    [&](std::uint32_t a, std::uint32_t b) { return column(a) < column(b); });

@@ -43,6 +43,38 @@ TEST(PartialFolder, ClearsWhatAKilledProcessLeft) {
   EXPECT_TRUE(fs::is_empty(partial.path()));
 }
 
+TEST(PartialFolder, KeepsOneFolderThatAKilledProcessLeftAndNeverPublishesIt) {
+  const TemporaryFolder folder;
+  folder.write(".map.partial/tiles/old.bin", "old");
+  folder.write(".map.partial/journal/work", "work");
+  PartialFolder partial(folder.path() / "map", "journal");
+  EXPECT_FALSE(fs::exists(partial.path() / "tiles"));
+  EXPECT_TRUE(fs::exists(partial.path() / "journal/work"));
+  std::ofstream(partial.path() / "a.txt") << "a";
+  partial.publish();
+  EXPECT_TRUE(fs::exists(folder.path() / "map/a.txt"));
+  EXPECT_FALSE(fs::exists(folder.path() / "map/journal"));
+}
+
+TEST(PartialFolder, RemovesTheSurvivorTooWhenNotPublished) {
+  const TemporaryFolder folder;
+  folder.write(".map.partial/journal/work", "work");
+  { const PartialFolder partial(folder.path() / "map", "journal"); }
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+}
+
+TEST(PartialFolder, KeepsNoLinkForASurvivor) {
+  const TemporaryFolder folder;
+  folder.write("other/work", "work");
+  folder.write(".map.partial/x", "x");
+  fs::create_directory_symlink(folder.path() / "other", folder.path() / ".map.partial/journal");
+  {
+    const PartialFolder partial(folder.path() / "map", "journal");
+    EXPECT_TRUE(fs::is_empty(partial.path()));
+  }
+  EXPECT_TRUE(fs::exists(folder.path() / "other/work"));
+}
+
 TEST(PartialFolder, RefusesASecondWriterOfTheSameTarget) {
   const TemporaryFolder folder;
   PartialFolder first(folder.path() / "map");

@@ -23,6 +23,9 @@ struct LocalAlignment {
   /// ground, of which less fits by chance. 0 where there are none.
   double known_inlier_ratio = 0.0;
   double standing_ratio = 0.0;
+  /// Mean over all points of how well they lie on a surface, from 1 for one on it to 0 for those
+  /// that meet none: what tells better poses of one scan from worse.
+  double fit = 0.0;
   /// Root mean square distance of the inliers to their surface [m].
   double rmse_m = 0.0;
   /// Points that tell where the scan is; with fewer than `kMinMatched` there is no pose.

@@ -71,6 +71,8 @@ void apply_paper_preset(MapBuildOptions& options);
 /// What a build did; the same numbers stand in the manifest (`counts`) and in build.json.
 struct MapBuildReport {
   std::size_t scans = 0;
+  /// Of these, scans whose first pass a build that was killed had done.
+  std::size_t resumed_scans = 0;
   double seconds = 0.0;
   double scans_per_second = 0.0;
   double peak_rss_mib = 0.0;
@@ -80,8 +82,10 @@ struct MapBuildReport {
   std::map<std::string, std::uint64_t> objects;
   /// With odometry: key_frames, loops_found, loops_believed, scans_predicted (by motion alone).
   std::map<std::string, std::uint64_t> trajectory;
-  std::map<std::string, double> stage_seconds;  ///< summed over threads
-  /// What a person should look at: edits that met nothing.
+  /// Summed over threads; with what the resumed scans took in the build that was killed.
+  std::map<std::string, double> stage_seconds;
+  /// What a person should look at: edits that met nothing, work of a killed build that was thrown
+  /// away.
   std::vector<std::string> warnings;
   std::string digest;
 };
@@ -94,7 +98,11 @@ struct MapBuildReport {
 /// detect. Then objects and ground are fused over all scans. Pass 2, each scan from its original
 /// points: project -> stack. Last, each tile: clean -> fill -> normals. Scans and tiles are
 /// processed in parallel and taken in order, so that the bytes do not depend on the number of
-/// threads. A build that fails or is cancelled leaves nothing at `target`.
+/// threads. A build that fails or is cancelled leaves nothing behind.
+///
+/// The estimated poses, and what pass 1 found scan by scan, are written down beside the target, for
+/// when the process is killed: the same call then goes on from there, to the same bytes. What a
+/// build of other options, another program or other scans left is thrown away, with a warning.
 /// @param drives        at least one; given poses are in one frame, or each has a geodetic origin.
 /// @param make_cleaner  for other names than `free-space` and `none`; may be empty.
 /// @throws std::invalid_argument (options), maps::InputError, maps::StorageError, Cancelled.

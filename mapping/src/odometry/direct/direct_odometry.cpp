@@ -39,10 +39,10 @@ constexpr double kNewest = 0.15;
 /// Deviation of speeds before any was seen [m/s].
 constexpr double kUnknownOffRate = 3.0;
 /// A match is doubted, and looked for farther away, when of the points that fall where the map
-/// knows anything fewer than this share lie on it, or of those that stand this much less than
-/// lately.
-constexpr double kSureInliers = 0.6;
-constexpr double kStandingOfUsual = 0.7;
+/// knows anything less than this share of the usual lie on it, or of those that stand above the
+/// ground. Wrong places explain 0.75 to 0.9 of the usual, since ground fits nearly everywhere.
+constexpr double kKnownOfUsual = 0.93;
+constexpr double kStandingOfUsual = 0.8;
 /// Below it there is no match.
 constexpr double kLeastInliers = 0.45;
 /// The map takes a scan when the sensor has moved so far, or turned so much, since the last one.
@@ -68,6 +68,24 @@ Vector6d without(const Vector6d& motion, const std::vector<Vector6d>& directions
   return left;
 }
 
+/// Rows and columns of the rotations times a factor.
+Matrix6d rotations_times(Matrix6d matrix, double factor) {
+  matrix.bottomRows<3>() *= factor;
+  matrix.rightCols<3>() *= factor;
+  return matrix;
+}
+
+/// Covariance of a match, but along some directions that of the prediction.
+Matrix6d with_predicted(const Matrix6d& match, const std::vector<Vector6d>& directions,
+                        const Matrix6d& prediction) {
+  Matrix6d kept = Matrix6d::Identity();
+  for (const Vector6d& direction : directions) kept -= direction * direction.transpose();
+  const Matrix6d rest = Matrix6d::Identity() - kept;
+  const Matrix6d in_m = kept * rotations_times(match, kLeverM) * kept +
+                        rest * rotations_times(prediction, kLeverM) * rest;
+  return rotations_times(0.5 * (in_m + in_m.transpose()), 1.0 / kLeverM);
+}
+
 class DirectOdometry : public Odometry {
  public:
   [[nodiscard]] std::unique_ptr<Prepared> prepare(const maps::Scan& scan) const override {
@@ -91,6 +109,9 @@ class DirectOdometry : public Odometry {
                               const Eigen::Isometry3d& T_start, double off_m, double dt_s) const;
   [[nodiscard]] Found searched(const ThinnedScan& scan, const Vector6d& twist,
                                const Eigen::Isometry3d& T_start, double dt_s) const;
+  [[nodiscard]] Found best_of_widening(const ThinnedScan& scan,
+                                       const Eigen::Isometry3d& T_predicted, double off_m,
+                                       double dt_s) const;
   /// Motion of the sensor since the last scan as a rate.
   [[nodiscard]] Vector6d twist_to(const Eigen::Isometry3d& T_odom_lidar, double dt_s) const {
     return maps::log_se3(last_->T_odom_lidar.inverse() * T_odom_lidar) / dt_s;
@@ -98,6 +119,12 @@ class DirectOdometry : public Odometry {
   void place(const ThinnedScan& scan, double dt_s, OdometryPose& pose);
   void start_anew(const ThinnedScan& scan, double dt_s);
   void learn(const Vector6d& deviation, double dt_s);
+  /// By how much predictions were off lately.
+  [[nodiscard]] Matrix6d covariance_of_prediction(double dt_s) const {
+    const double t = std::min(dt_s, kMaxPredictedS);
+    const double variance_m2 = kLeastOffM * kLeastOffM / 9.0 + off_rate2_ * t * t;
+    return rotations_times(variance_m2 * Matrix6d::Identity(), 1.0 / kLeverM);
+  }
   void take(const ThinnedScan& scan, const OdometryPose& pose);
 
   LocalMap map_;
@@ -106,6 +133,8 @@ class DirectOdometry : public Odometry {
   std::size_t scans_in_map_ = 0;
   /// Mean square of how fast predictions went astray [m^2/s^2].
   double off_rate2_ = kUnknownOffRate * kUnknownOffRate;
+  std::size_t placed_ = 0;
+  double usual_known_ = 0.0;
   double usual_standing_ = 0.0;
   /// The first scan, until the second tells how the sensor moved meanwhile.
   std::optional<ThinnedScan> first_;
@@ -152,6 +181,26 @@ DirectOdometry::Found DirectOdometry::searched(const ThinnedScan& scan, const Ve
   return aligned(scan, twist, T, kSearchedOffM, dt_s);
 }
 
+/// Wide kernels on coarse voxels lead sparse scans astray, narrow ones do not see far: the narrow
+/// try comes first, and is enough when it explains as much as usual.
+DirectOdometry::Found DirectOdometry::best_of_widening(const ThinnedScan& scan,
+                                                       const Eigen::Isometry3d& T_predicted,
+                                                       double off_m, double dt_s) const {
+  const auto is_sure = [&](const Found& found) {
+    return placed_ > kFirstScans && off_m <= kSearchedOffM &&
+           found.match.known_inlier_ratio >= kKnownOfUsual * usual_known_ &&
+           found.match.standing_ratio >= kStandingOfUsual * usual_standing_;
+  };
+  Found best = aligned(scan, last_->twist, T_predicted, std::min(off_m, kSearchedOffM), dt_s);
+  if (is_sure(best)) return best;
+  const auto try_too = [&](Found found) {
+    if (found.match.fit > best.match.fit) best = std::move(found);
+  };
+  try_too(aligned(scan, last_->twist, T_predicted, kMostOffM, dt_s));
+  try_too(searched(scan, last_->twist, T_predicted, dt_s));
+  return best;
+}
+
 /// The first scan could not be deskewed. With the same skew in both the motion from it to the
 /// second is nearly right, which deskews both.
 void DirectOdometry::start_anew(const ThinnedScan& scan, double dt_s) {
@@ -178,14 +227,10 @@ void DirectOdometry::place(const ThinnedScan& scan, double dt_s, OdometryPose& p
       last_->T_odom_lidar * maps::exp_se3(last_->twist * std::min(dt_s, kMaxPredictedS)));
   pose.T_odom_lidar = T_predicted;
   pose.twist_lidar = last_->twist;
+  pose.covariance = covariance_of_prediction(dt_s);
   if (!enough) return;
 
-  Found found = aligned(scan, last_->twist, T_predicted, off_m, dt_s);
-  if (found.match.known_inlier_ratio < kSureInliers ||
-      found.match.standing_ratio < kStandingOfUsual * usual_standing_) {
-    Found far = searched(scan, last_->twist, T_predicted, dt_s);
-    if (far.match.inlier_ratio > found.match.inlier_ratio) found = std::move(far);
-  }
+  const Found found = best_of_widening(scan, T_predicted, off_m, dt_s);
   const LocalAlignment& match = found.match;
   pose.inlier_ratio = match.inlier_ratio;
   if (match.matched < LocalAlignment::kMinMatched || match.known_inlier_ratio < kLeastInliers)
@@ -199,10 +244,13 @@ void DirectOdometry::place(const ThinnedScan& scan, double dt_s, OdometryPose& p
     pose.status = OdometryStatus::kPartly;
     pose.T_odom_lidar = maps::renormalized(T_predicted * maps::exp_se3(deviation));
   }
+  pose.covariance =
+      with_predicted(match.covariance, match.degenerate_directions, covariance_of_prediction(dt_s));
   pose.degenerate_directions = match.degenerate_directions;
-  pose.covariance = match.covariance;
   pose.twist_lidar = twist_to(pose.T_odom_lidar, dt_s);
   learn(deviation, dt_s);
+  ++placed_;
+  usual_known_ += kNewest * (match.known_inlier_ratio - usual_known_);
   usual_standing_ += kNewest * (match.standing_ratio - usual_standing_);
 }
 

@@ -1,5 +1,7 @@
 #include "odometry/loam/features.hpp"
 
+#include <Eigen/Geometry>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -17,6 +19,11 @@ constexpr float kGapM = 0.3F;
 constexpr float kGapShare = 0.02F;
 /// Cosine of the paper's 10 degrees between surface and beam.
 constexpr float kParallelCosine = 0.985F;
+/// S of an edge that lies on one surface bends: the point is off the chord of S by this share of it
+/// (a right angle: half). Eq. (1) alone also takes a smooth wall for edges where it runs away from
+/// the sensor and points grow sparse, at the same place of every sweep, as if nothing moved.
+constexpr float kMinBend = 0.1F;
+constexpr float kEndSteps = 3.0F;
 /// Smooth points of a ring are kept so far apart [m].
 constexpr float kSmoothSpacingM = 0.3F;
 
@@ -38,6 +45,20 @@ bool gap_between(const Eigen::Vector3f& a, const Eigen::Vector3f& b) {
 void take(Ring& ring, std::size_t i) {
   const std::size_t end = std::min(i + kNeighbours + 1, ring.taken.size());
   for (std::size_t k = i - std::min(i, kNeighbours); k < end; ++k) ring.taken[k] = 1;
+}
+
+/// An end of a surface, or a bend of it. A step that ends a surface stands out of those beside it.
+bool is_edge(const std::vector<Eigen::Vector3f>& ring, std::size_t i) {
+  const auto step = [&](std::size_t k) { return (ring[k + 1] - ring[k]).norm(); };
+  for (std::size_t k = i - kNeighbours; k < i + kNeighbours; ++k) {
+    if (!gap_between(ring[k], ring[k + 1])) continue;
+    const float before = k > 0 ? step(k - 1) : INFINITY;
+    const float after = k + 2 < ring.size() ? step(k + 1) : INFINITY;
+    if (step(k) > kEndSteps * std::min(before, after)) return true;
+  }
+  const Eigen::Vector3f chord = ring[i + kNeighbours] - ring[i - kNeighbours];
+  const Eigen::Vector3f off = ring[i] - ring[i - kNeighbours];
+  return off.cross(chord).norm() > kMinBend * chord.squaredNorm();
 }
 
 /// Positions [first, end) of the ring that c is known of, by rising c.
@@ -63,7 +84,7 @@ void select_in_sector(Ring& ring, std::size_t first, std::size_t end, Selection&
   std::size_t found = 0;
   for (auto it = order.rbegin(); it != order.rend() && found < kLessSharpPerSector; ++it) {
     if (!(ring.c[*it] > kMinEdgeSmoothness)) break;
-    if (ring.taken[*it] != 0) continue;
+    if (ring.taken[*it] != 0 || !is_edge(ring.positions, *it)) continue;
     if (found++ < kEdgesPerSector) selection.edges.push_back(*it);
     selection.less_sharp.push_back(*it);
     take(ring, *it);

@@ -27,7 +27,9 @@ Matrix6 covariance_of(const MapMatch* match, double period_s, int predicted) {
   Matrix6 information = Matrix6::Identity() / (off_m * off_m);
   if (match != nullptr) {
     Matrix6 told = Matrix6::Identity();
-    for (const auto& v : match->untold) told -= v * v.transpose();
+    if (match->told) {
+      for (const auto& v : match->told->untold) told -= v * v.transpose();
+    }
     const double variance = kDependence * std::max(kMinVarianceM2, match->variance_m2);
     const Matrix6 seen = s.asDiagonal() * match->information * s.asDiagonal();
     information += told * seen * told / variance;

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 #include <stdexcept>
@@ -20,9 +21,10 @@ namespace {
 using loam::Feature;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
-/// Cells reach a metre, as far as the authors' code looks for five neighbours; voxels of the map.
-constexpr double kCellM = 2.0;
+/// Five neighbours are looked for within half a cell; voxels of the map.
+constexpr double kEdgeCellM = 1.0;
 constexpr double kEdgeVoxelM = 0.2;
+constexpr double kPlaneCellM = 2.0;
 constexpr double kPlaneVoxelM = 0.4;
 /// Features of a sweep that are matched with the map, one a voxel of this size.
 constexpr double kMatchedEdgeVoxelM = 0.4;
@@ -30,13 +32,18 @@ constexpr double kMatchedPlaneVoxelM = 1.0;
 constexpr double kMapRadiusM = loam::kMaxRangeM + 10.0;
 /// The map forgets what is far each time the sensor has moved so far.
 constexpr double kForgetEachM = 10.0;
-/// Rounds of deskewing and matching with the map.
-constexpr int kDeskewRounds = 2;
-constexpr int kMapRounds = 3;
+/// Rounds of deskewing, looking for neighbours in the map, and matching with them.
+constexpr int kMapRounds = 4;
 /// Rounds in which the first two sweeps learn their motion from each other.
 constexpr int kFirstRounds = 4;
 /// Below this share of features on what was seen before there is no match.
 constexpr double kMinInliers = 0.25;
+/// Turns about the sensor's axis beside the predicted one [rad] that are tried where a match
+/// explains less than this share of what matches usually do, and the reach of their first round
+/// [m].
+constexpr double kInliersOfUsual = 0.8;
+constexpr std::array<double, 8> kTurnsRad = {0.15, -0.15, 0.3, -0.3, 0.45, -0.45, 0.6, -0.6};
+constexpr double kTurnReachM = 1.0;
 /// After so many scans on end that match nothing the map begins anew.
 constexpr int kMaxLost = 3;
 /// A longer step between stamps [s] is a jump of the clock, not of the sensor: the motion is then
@@ -79,6 +86,12 @@ class LoamOdometry : public Odometry {
   [[nodiscard]] loam::MapMatch refine(const PreparedFeatures& scan, double period_s,
                                       const Eigen::Isometry3d& T_odom_lidar) const;
   void learn(Vector6 deviation, bool matched);
+  [[nodiscard]] Eigen::Isometry3d after(const loam::SweepMatch& sweep,
+                                        const Eigen::Isometry3d& T_predicted) const;
+  /// A sensor may turn faster than its last turn tells: other turns are tried, and one that
+  /// explains more takes the place of `sweep` and `match`.
+  void search_turns(const PreparedFeatures& scan, double period_s, loam::SweepMatch& sweep,
+                    loam::MapMatch& match) const;
   void take(const PreparedFeatures& scan, const OdometryPose& pose);
   void map_first();
   void add_to_map(const loam::Features& features, const Eigen::Isometry3d& T_odom_lidar,
@@ -88,11 +101,13 @@ class LoamOdometry : public Odometry {
   std::optional<loam::PreviousSweep> previous_;
   /// The first sweep until the next has told how the sensor moved.
   std::optional<loam::Features> first_;
-  loam::FeatureMaps map_{{kCellM, kEdgeVoxelM}, {kCellM, kPlaneVoxelM}};
+  loam::FeatureMaps map_{{kEdgeCellM, kEdgeVoxelM}, {kPlaneCellM, kPlaneVoxelM}};
   Eigen::Vector3d forgot_at_ = Eigen::Vector3d::Zero();
   double period_s_ = kFirstPeriodS;
   /// Mean square of what predictions were off by [m^2], rotations at kLeverM.
   double off2_m2_ = kFirstOffM * kFirstOffM;
+  /// Running mean of the shares of features that the map explains.
+  double usual_inliers_ = 0.0;
   int lost_ = 0;
   /// Scans on end that were predicted.
   int predicted_ = 0;
@@ -151,31 +166,60 @@ loam::MapMatch LoamOdometry::refine(const PreparedFeatures& scan, double period_
                                     const Eigen::Isometry3d& T_odom_lidar) const {
   loam::MapMatch match;
   match.T_odom_lidar = T_odom_lidar;
-  for (int round = 0; round < kDeskewRounds; ++round) {
+  for (int round = 0; round < kMapRounds && !match.settled; ++round) {
     const Vector6 twist =
         maps::log_se3(last_->T_odom_lidar.inverse() * match.T_odom_lidar) / period_s;
     match = loam::match_map(loam::at_stamp(scan.edges, twist), loam::at_stamp(scan.planes, twist),
-                            map_, match.T_odom_lidar, kMapRounds);
+                            map_, match);
   }
   return match;
+}
+
+Eigen::Isometry3d LoamOdometry::after(const loam::SweepMatch& sweep,
+                                      const Eigen::Isometry3d& T_predicted) const {
+  if (!(sweep.inlier_ratio >= kMinInliers)) return T_predicted;
+  return maps::renormalized(last_->T_odom_lidar * loam::isometry(sweep.T));
+}
+
+void LoamOdometry::search_turns(const PreparedFeatures& scan, double period_s,
+                                loam::SweepMatch& sweep, loam::MapMatch& match) const {
+  if (!previous_ || scan.planes.empty()) return;
+  const Eigen::Isometry3d T_step = maps::exp_se3(last_->twist * period_s);
+  for (const double turn_rad : kTurnsRad) {
+    Eigen::Isometry3d T_start = T_step;
+    T_start.rotate(Eigen::AngleAxisd(turn_rad, Eigen::Vector3d::UnitZ()));
+    const loam::SweepMatch tried =
+        loam::match_sweep(scan.features, period_s, *previous_, loam::motion(T_start), kTurnReachM);
+    if (!(tried.inlier_ratio >= kMinInliers)) continue;
+    const loam::MapMatch found = refine(scan, period_s, after(tried, last_->T_odom_lidar));
+    if (!(found.inlier_ratio > match.inlier_ratio)) continue;
+    sweep = tried;
+    match = found;
+  }
 }
 
 void LoamOdometry::place(const PreparedFeatures& scan, double period_s, OdometryPose& pose) {
   const Eigen::Isometry3d T_predicted =
       maps::renormalized(last_->T_odom_lidar * maps::exp_se3(last_->twist * period_s));
-  const loam::SweepMatch sweep = since_last(scan, period_s);
+  loam::SweepMatch sweep = since_last(scan, period_s);
   map_first();
+  loam::MapMatch match = refine(scan, period_s, after(sweep, T_predicted));
+  if (match.inlier_ratio < kInliersOfUsual * usual_inliers_) {
+    search_turns(scan, period_s, sweep, match);
+  }
   const bool swept = sweep.inlier_ratio >= kMinInliers;
-  pose.T_odom_lidar =
-      swept ? maps::renormalized(last_->T_odom_lidar * loam::isometry(sweep.T)) : T_predicted;
-  const loam::MapMatch match = refine(scan, period_s, pose.T_odom_lidar);
   const bool mapped = match.inlier_ratio >= kMinInliers;
+  pose.T_odom_lidar = after(sweep, T_predicted);
   pose.inlier_ratio = std::max(match.inlier_ratio, swept ? sweep.inlier_ratio : 0.0);
   if (mapped) {
     pose.T_odom_lidar = match.T_odom_lidar;
-    pose.degenerate_directions = match.untold;
+    if (match.told) pose.degenerate_directions = match.told->untold;
   } else if (swept) {
     pose.degenerate_directions = sweep.untold;
+  }
+  if (mapped) {
+    const double weight = usual_inliers_ > 0.0 ? kNewest : 1.0;
+    usual_inliers_ += weight * (match.inlier_ratio - usual_inliers_);
   }
   if (mapped || swept) {
     pose.status =

@@ -40,25 +40,21 @@ std::vector<Correspondence> correspondences(const std::vector<Feature>& edges,
 }  // namespace
 
 MapMatch match_map(const std::vector<Feature>& edges, const std::vector<Feature>& planes,
-                   const FeatureMaps& maps, const Eigen::Isometry3d& T_odom_lidar, int rounds) {
-  MapMatch match;
-  match.T_odom_lidar = T_odom_lidar;
-  Told told;
-  for (int round = 0; round < rounds; ++round) {
-    const auto found = correspondences(edges, planes, maps, match.T_odom_lidar);
-    if (found.size() < kMinCorrespondences) return match;
-    if (round == 0) {
-      told = told_by(found, Motion::Zero());
-      match.untold = told.untold;
-    }
-    const MotionFit fit = fit_motion(found, Motion::Zero(), told, kReachM);
-    match.T_odom_lidar = maps::renormalized(match.T_odom_lidar * isometry(fit.T));
-    match.information = fit.information;
-    match.variance_m2 = fit.variance_m2;
-    match.inlier_ratio = static_cast<double>(inliers(found, fit.T)) /
-                         static_cast<double>(edges.size() + planes.size());
-    if (fit.settled) break;
+                   const FeatureMaps& maps, const MapMatch& before) {
+  MapMatch match = before;
+  const auto found = correspondences(edges, planes, maps, before.T_odom_lidar);
+  if (found.size() < kMinCorrespondences) {
+    match.settled = true;
+    return match;
   }
+  if (!match.told) match.told = told_by(found, Motion::Zero());
+  const MotionFit fit = fit_motion(found, Motion::Zero(), *match.told, kReachM);
+  match.T_odom_lidar = maps::renormalized(before.T_odom_lidar * isometry(fit.T));
+  match.information = fit.information;
+  match.variance_m2 = fit.variance_m2;
+  match.inlier_ratio = static_cast<double>(inliers(found, fit.T)) /
+                       static_cast<double>(edges.size() + planes.size());
+  match.settled = fit.settled;
   return match;
 }
 

@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 
+#include <optional>
 #include <vector>
 
 namespace stillmap::mapping::loam {
@@ -23,15 +24,18 @@ struct MapMatch {
   double variance_m2 = 0.0;
   /// Share of the features that lie within `kInlierM` of the map.
   double inlier_ratio = 0.0;
-  std::vector<Eigen::Matrix<double, 6, 1>> untold;
+  /// What the first round found told.
+  std::optional<Told> told;
+  /// Looking for neighbours anew would change nothing.
+  bool settled = false;
 };
 
-/// Lidar mapping (section VI) for one sweep: edges against lines, planes against planes through the
-/// five nearest map points, whose distances are those of eq. (2) and (3).
-/// @param edges, planes  at the scan's stamp, lidar frame. @param T_odom_lidar  where to start.
-/// @param rounds  of looking for neighbours.
+/// A round of lidar mapping (section VI) for one sweep: edges against lines, planes against planes
+/// through the five nearest map points, whose distances are those of eq. (2) and (3).
+/// @param edges, planes  at the scan's stamp, lidar frame. @param before  the round before; for the
+/// first one its pose is where the search starts.
 [[nodiscard]] MapMatch match_map(const std::vector<Feature>& edges,
                                  const std::vector<Feature>& planes, const FeatureMaps& maps,
-                                 const Eigen::Isometry3d& T_odom_lidar, int rounds);
+                                 const MapMatch& before);
 
 }  // namespace stillmap::mapping::loam

@@ -14,12 +14,12 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 /// A direction is told when its eigenvalue is this share of the number of correspondences: the mean
 /// square of the cosines between normals and the direction.
-constexpr double kMinEigenvalueShare = 2e-3;
+constexpr double kMinEigenvalueShare = 5e-3;
 constexpr int kSteps = 4;
 constexpr double kFirstDamping = 1e-4;
 /// Steps below these end a fit [m], [rad].
-constexpr double kSettledM = 2e-4;
-constexpr double kSettledRad = 2e-5;
+constexpr double kSettledM = 5e-4;
+constexpr double kSettledRad = 5e-5;
 /// Tuning constant of the bisquare for 95 % efficiency on Gaussian noise.
 constexpr double kBisquare = 4.685;
 /// From a median of absolute values to a deviation.
@@ -35,13 +35,16 @@ struct Normal {
 /// Distances at T.
 std::vector<double> distances(std::span<const Correspondence> all, const Motion& T) {
   std::vector<double> d(all.size());
+  PartOfMotion part(T);
   for (std::size_t i = 0; i < all.size(); ++i) {
-    d[i] = all[i].surface.distance(to_before(T, all[i].share, all[i].X));
+    part.go_to(all[i].share);
+    d[i] = all[i].surface.distance(part * all[i].X);
   }
   return d;
 }
 
-std::vector<double> bisquare_weights(const std::vector<double>& d, double least_m) {
+std::vector<double> bisquare_weights(std::span<const Correspondence> all,
+                                     const std::vector<double>& d, double least_m) {
   std::vector<double> sorted = d;
   const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
   std::nth_element(sorted.begin(), middle, sorted.end());
@@ -49,7 +52,7 @@ std::vector<double> bisquare_weights(const std::vector<double>& d, double least_
   std::vector<double> weights(d.size());
   for (std::size_t i = 0; i < d.size(); ++i) {
     const double u = d[i] / reach;
-    weights[i] = u < 1.0 ? (1.0 - u * u) * (1.0 - u * u) : 0.0;
+    weights[i] = u < 1.0 ? all[i].surface.weight * (1.0 - u * u) * (1.0 - u * u) : 0.0;
   }
   return weights;
 }
@@ -63,12 +66,14 @@ double cost_of(const std::vector<double>& d, const std::vector<double>& weights)
 Normal linearize(std::span<const Correspondence> all, const Motion& T,
                  const std::vector<double>* weights) {
   Normal normal;
+  PartOfMotion part(T);
   for (std::size_t i = 0; i < all.size(); ++i) {
     const double w = weights == nullptr ? 1.0 : (*weights)[i];
     if (!(w > 0.0)) continue;
     const Correspondence& c = all[i];
-    const Eigen::Vector3d off = to_before(T, c.share, c.X) - c.surface.point;
-    const Eigen::Matrix<double, 3, 6> dX = to_before_jacobian(T, c.share, c.X);
+    part.go_to(c.share);
+    const Eigen::Vector3d off = part * c.X - c.surface.point;
+    const Eigen::Matrix<double, 3, 6> dX = part.jacobian(c.X);
     for (int row = 0; row < c.surface.rows; ++row) {
       const Eigen::Vector3d& n = c.surface.normals[static_cast<std::size_t>(row)];
       const Vector6 J = dX.transpose() * n;
@@ -136,8 +141,8 @@ MotionFit fit_motion(std::span<const Correspondence> correspondences, const Moti
   MotionFit fit;
   fit.T = T;
   if (correspondences.size() < 6 || told.directions.cols() == 0) return fit;
-  const std::vector<double> weights =
-      bisquare_weights(distances(correspondences, T), std::min(reach_m, kMaxReachM));
+  const std::vector<double> weights = bisquare_weights(
+      correspondences, distances(correspondences, T), std::min(reach_m, kMaxReachM));
   double damping = kFirstDamping;
   double cost = cost_of(distances(correspondences, T), weights);
   for (int k = 0; k < kSteps; ++k) {

@@ -113,7 +113,7 @@ std::vector<std::uint32_t> ring_starts_by_order(std::span<const float> azimuths,
   std::vector<std::uint32_t> starts{0};
   double turn = std::floor((turned.front() - start - kWindowRad) / kTurnRad) + 1.0;
   while (start + turn * kTurnRad < turned.front() + kWindowRad) ++turn;
-  for (; start + turn * kTurnRad - kWindowRad < turned.back(); ++turn) {
+  for (; start + turn * kTurnRad < turned.back() - kWindowRad; ++turn) {
     const std::size_t at = boundary(turned, elevations, start + turn * kTurnRad, starts.back());
     if (at > starts.back() && at < turned.size()) starts.push_back(static_cast<std::uint32_t>(at));
   }

@@ -16,14 +16,18 @@ constexpr double kMinSine = 0.05;
 constexpr double kLineRatio = 3.0;
 /// A plane's middle eigenvalue beats the smallest by this, and is this share of the largest: five
 /// points of one ring are a line, and any plane goes through it.
-constexpr double kPlaneRatio = 10.0;
+constexpr double kPlaneRatio = 25.0;
 constexpr double kMinPlaneWidth = 0.02;
-/// No neighbour may lie farther off the plane [m], as in the authors' code.
-constexpr double kMaxOffPlaneM = 0.2;
+/// No neighbour may lie farther off the plane [m]; twice that in the authors' code.
+constexpr double kMaxOffPlaneM = 0.1;
+
+/// An edge is only known to the next beam, some centimetres away, a plane to the noise of the
+/// range. The paper weighs both alike.
+constexpr double kLineWeight = 0.25;
 
 Surface line(const Eigen::Vector3d& point, const Eigen::Vector3d& direction) {
   const Eigen::Vector3d n = direction.unitOrthogonal();
-  return {point, {n, direction.cross(n)}, 2};
+  return {point, {n, direction.cross(n)}, 2, kLineWeight};
 }
 
 struct Spread {
@@ -49,7 +53,8 @@ Spread spread_of(std::span<const Eigen::Vector3f> neighbours) {
 
 double Surface::distance(const Eigen::Vector3d& X) const {
   const double first = normals[0].dot(X - point);
-  return rows == 1 ? std::abs(first) : std::hypot(first, normals[1].dot(X - point));
+  const double second = normals[1].dot(X - point);
+  return rows == 1 ? std::abs(first) : std::sqrt(first * first + second * second);
 }
 
 std::optional<Surface> line_through(const Eigen::Vector3d& j, const Eigen::Vector3d& l) {
@@ -66,7 +71,7 @@ std::optional<Surface> plane_through(const Eigen::Vector3d& j, const Eigen::Vect
   const double area = n.norm();
   if (!(a.norm() > kMinSpanM && b.norm() > kMinSpanM)) return std::nullopt;
   if (!(area > kMinSine * a.norm() * b.norm())) return std::nullopt;
-  return Surface{j, {n / area, Eigen::Vector3d::Zero()}, 1};
+  return Surface{j, {n / area, Eigen::Vector3d::Zero()}, 1, 1.0};
 }
 
 std::optional<Surface> line_of(std::span<const Eigen::Vector3f> neighbours,
@@ -90,7 +95,7 @@ std::optional<Surface> plane_of(std::span<const Eigen::Vector3f> neighbours,
   for (const Eigen::Vector3f& p : neighbours) {
     if (!(std::abs(n.dot(p.cast<double>() - spread.mean)) < kMaxOffPlaneM)) return std::nullopt;
   }
-  return Surface{centre + spread.mean, {n, Eigen::Vector3d::Zero()}, 1};
+  return Surface{centre + spread.mean, {n, Eigen::Vector3d::Zero()}, 1, 1.0};
 }
 
 }  // namespace stillmap::mapping::loam

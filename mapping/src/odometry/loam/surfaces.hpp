@@ -16,6 +16,8 @@ struct Surface {
   std::array<Eigen::Vector3d, 2> normals{};
   /// 1 for a plane, 2 for a line.
   int rows = 0;
+  /// Of its rows.
+  double weight = 1.0;
 
   [[nodiscard]] double distance(const Eigen::Vector3d& X) const;
 };

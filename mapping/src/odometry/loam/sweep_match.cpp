@@ -19,11 +19,13 @@ std::vector<Correspondence> correspondences(const Features& features, double per
                                             const PreviousSweep& previous, const Motion& T) {
   std::vector<Correspondence> out;
   out.reserve(features.edges.size() + features.planes.size());
+  PartOfMotion part(T);
   const auto add = [&](const Feature& f, const auto& search) {
     Correspondence c;
     c.X = f.position.cast<double>();
     c.share = share_of(f.time_s, period_s);
-    const auto surface = search(to_before(T, c.share, c.X).cast<float>());
+    part.go_to(c.share);
+    const auto surface = search((part * c.X).cast<float>());
     if (!surface) return;
     c.surface = *surface;
     out.push_back(c);

@@ -35,16 +35,18 @@ Eigen::Matrix3d rotation(const Eigen::Vector3d& theta) {
          ((1.0 - std::cos(a)) / (a * a)) * K * K;
 }
 
-Eigen::Vector3d to_before(const Motion& T, double share, const Eigen::Vector3d& X) {
-  return rotation(share * T.tail<3>()) * X + share * T.head<3>();
+void PartOfMotion::set(double share) {
+  share_ = share;
+  const Eigen::Vector3d theta = share * T_.tail<3>();
+  R_ = rotation(theta);
+  t_ = share * T_.head<3>();
+  turn_ = share * right_jacobian(theta);
 }
 
-Eigen::Matrix<double, 3, 6> to_before_jacobian(const Motion& T, double share,
-                                               const Eigen::Vector3d& X) {
-  const Eigen::Vector3d theta = share * T.tail<3>();
+Eigen::Matrix<double, 3, 6> PartOfMotion::jacobian(const Eigen::Vector3d& X) const {
   Eigen::Matrix<double, 3, 6> J;
-  J.leftCols<3>() = share * Eigen::Matrix3d::Identity();
-  J.rightCols<3>() = -share * rotation(theta) * hat(X) * right_jacobian(theta);
+  J.leftCols<3>() = share_ * Eigen::Matrix3d::Identity();
+  J.rightCols<3>() = -R_ * hat(X) * turn_;
   return J;
 }
 

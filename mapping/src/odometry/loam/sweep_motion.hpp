@@ -19,12 +19,28 @@ using Motion = Eigen::Matrix<double, 6, 1>;
   return 1.0 + time_s / period_s;
 }
 
-/// Eq. (5) with eq. (4): X_before = R(s theta) X + s t.
-[[nodiscard]] Eigen::Vector3d to_before(const Motion& T, double share, const Eigen::Vector3d& X);
+/// The motion up to some share of it, eq. (4) and (5): X_before = R(s theta) X + s t. Points of one
+/// share after another cost one rotation.
+class PartOfMotion {
+ public:
+  explicit PartOfMotion(const Motion& T) : T_(T) { set(1.0); }
+  void go_to(double share) {
+    if (share != share_) set(share);
+  }
+  [[nodiscard]] Eigen::Vector3d operator*(const Eigen::Vector3d& X) const { return R_ * X + t_; }
+  /// Derivative of the product by T, 3 x 6, exact.
+  [[nodiscard]] Eigen::Matrix<double, 3, 6> jacobian(const Eigen::Vector3d& X) const;
 
-/// Derivative of `to_before` by T, 3 x 6, exact.
-[[nodiscard]] Eigen::Matrix<double, 3, 6> to_before_jacobian(const Motion& T, double share,
-                                                             const Eigen::Vector3d& X);
+ private:
+  void set(double share);
+
+  Motion T_;
+  double share_ = 1.0;
+  Eigen::Matrix3d R_;
+  Eigen::Vector3d t_;
+  /// s J_r(s theta), J_r the right Jacobian of SO(3).
+  Eigen::Matrix3d turn_;
+};
 
 [[nodiscard]] Eigen::Isometry3d isometry(const Motion& T);
 [[nodiscard]] Motion motion(const Eigen::Isometry3d& T_before_now);

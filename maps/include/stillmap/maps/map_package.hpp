@@ -16,6 +16,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace stillmap::maps {
@@ -110,12 +111,13 @@ struct MapManifest {
 /// Nothing is visible at `target` before `publish`; the destructor removes what was not published.
 class MapPackageWriter {
  public:
+  /// @param survivor  see `PartialFolder`.
   /// @throws InputError if `target` exists, StorageError if its folder cannot be written.
-  explicit MapPackageWriter(std::filesystem::path target);
+  explicit MapPackageWriter(std::filesystem::path target, std::string survivor = {});
   ~MapPackageWriter();
 
   /// Folder to put further files in (trajectory.tum, objects.json, preview.png, ...); all are
-  /// hashed.
+  /// hashed but the survivor.
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_.path(); }
   /// @param points   relative to the manifest's origin, at least one, all finite.
   /// @param history  one a point, or empty when there is none.
@@ -135,6 +137,7 @@ class MapPackageWriter {
 
  private:
   PartialFolder folder_;
+  std::string survivor_;
   std::vector<TileEntry> tiles_;
   std::unique_ptr<FatesWriter> fates_;
 };
@@ -178,7 +181,9 @@ class MapPackage {
   std::map<TileId, std::unique_ptr<Mapping<PointHistory>>> histories_;
 };
 
-/// SHA-256 of a file as lower-case hex. @throws StorageError.
+/// SHA-256 as lower-case hex.
+[[nodiscard]] std::string sha256_of(std::string_view bytes);
+/// @throws StorageError.
 [[nodiscard]] std::string sha256_of_file(const std::filesystem::path& file);
 
 }  // namespace stillmap::maps

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 namespace stillmap::maps {
 
@@ -9,10 +10,12 @@ namespace stillmap::maps {
 /// told apart by a lock.
 class PartialFolder {
  public:
+  /// @param survivor  name of a folder in it that outlives a killed process: the next one finds it
+  /// as it was left. Never published; empty = none.
   /// @throws InputError if `target` exists or another process fills it right now, StorageError if
   /// its
   ///         parent cannot be written.
-  explicit PartialFolder(std::filesystem::path target);
+  explicit PartialFolder(std::filesystem::path target, std::string survivor = {});
   /// Removes what was not published.
   ~PartialFolder();
   PartialFolder(const PartialFolder&) = delete;
@@ -22,13 +25,14 @@ class PartialFolder {
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
   [[nodiscard]] const std::filesystem::path& target() const { return target_; }
 
-  /// Flushes every file and folder to the disk, then renames to the target.
+  /// Flushes every file and folder to the disk, removes the survivor, then renames to the target.
   /// @throws StorageError; InputError if the target has appeared meanwhile.
   void publish();
 
  private:
   std::filesystem::path target_;
   std::filesystem::path path_;
+  std::string survivor_;
   int lock_ = -1;
   bool published_ = false;
 };
