@@ -238,8 +238,9 @@ TEST_F(MapBuild, LeavesNothingBehindWhenCancelled) {
   }
 }
 
-TEST_F(MapBuild, RefusesADriveWithoutPoses) {
+TEST_F(MapBuild, RefusesADriveWithoutPosesWhereGivenOnesAreAskedFor) {
   std::filesystem::remove(drive_ / "poses.txt");
+  options_.odometry = "given";
   EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<InputError>({drive_.string(), "poses"}));
   EXPECT_THAT(names_in_maps(), IsEmpty());
 }

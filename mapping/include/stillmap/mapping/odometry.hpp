@@ -56,6 +56,10 @@ class Odometry {
   /// @throws maps::InputError naming the scan's source where the method cannot use such a sensor.
   /// @note  Pure, safe from several threads.
   [[nodiscard]] virtual std::unique_ptr<Prepared> prepare(const maps::Scan& scan) const = 0;
+  /// How the sensor moves at the first scan, where something tells, before the first `add`: a scan
+  /// alone is thin, and rings of ground around a sensor look like one that stands.
+  /// @param twist_lidar  (tx ty tz rx ry rz) [m/s, rad/s], lidar frame; finite.
+  virtual void start_with(const Eigen::Matrix<double, 6, 1>& twist_lidar) = 0;
   /// The next scan. @param prepared  by this object. Stamps must increase.
   /// @throws std::invalid_argument naming a stamp that does not increase.
   [[nodiscard]] virtual OdometryPose add(const Prepared& prepared) = 0;

@@ -38,6 +38,8 @@ constexpr double kOffDeviations = 3.0;
 constexpr double kNewest = 0.15;
 /// Deviation of speeds before any was seen [m/s].
 constexpr double kUnknownOffRate = 3.0;
+/// The same where the speed at the first scan is told [m/s].
+constexpr double kStartOffRate = 1.5;
 /// A match is doubted, and looked for farther away, when of the points that fall where the map
 /// knows anything less than this share of the usual lie on it, or of those that stand above the
 /// ground. Wrong places explain 0.75 to 0.9 of the usual, since ground fits nearly everywhere.
@@ -91,6 +93,10 @@ class DirectOdometry : public Odometry {
   [[nodiscard]] std::unique_ptr<Prepared> prepare(const maps::Scan& scan) const override {
     return std::make_unique<ThinnedScan>(thinned(scan));
   }
+  void start_with(const Vector6d& twist_lidar) override {
+    start_twist_ = twist_lidar;
+    off_rate2_ = kStartOffRate * kStartOffRate;
+  }
   [[nodiscard]] OdometryPose add(const Prepared& prepared) override;
 
  private:
@@ -136,7 +142,9 @@ class DirectOdometry : public Odometry {
   std::size_t placed_ = 0;
   double usual_known_ = 0.0;
   double usual_standing_ = 0.0;
-  /// The first scan, until the second tells how the sensor moved meanwhile.
+  /// See `start_with`.
+  std::optional<Vector6d> start_twist_;
+  /// Without it the first scan, until the second tells how the sensor moved meanwhile.
   std::optional<ThinnedScan> first_;
 };
 
@@ -156,7 +164,12 @@ OdometryPose DirectOdometry::add(const Prepared& prepared) {
     }
     place(scan, dt_s, pose);
   }
-  if (!last_ && scan.dense.size() >= kMinPoints) first_ = scan;
+  if (!last_) {
+    if (start_twist_)
+      pose.twist_lidar = *start_twist_;
+    else if (scan.dense.size() >= kMinPoints)
+      first_ = scan;
+  }
   take(scan, pose);
   last_ = Last{scan.stamp_ns, pose.T_odom_lidar, pose.twist_lidar};
   return pose;
@@ -187,8 +200,9 @@ DirectOdometry::Found DirectOdometry::best_of_widening(const ThinnedScan& scan,
                                                        const Eigen::Isometry3d& T_predicted,
                                                        double off_m, double dt_s) const {
   const auto is_sure = [&](const Found& found) {
-    return placed_ > kFirstScans && off_m <= kSearchedOffM &&
-           found.match.known_inlier_ratio >= kKnownOfUsual * usual_known_ &&
+    return (placed_ > kFirstScans || start_twist_) && off_m <= kSearchedOffM &&
+           found.match.known_inlier_ratio >=
+               std::max(kLeastInliers, kKnownOfUsual * usual_known_) &&
            found.match.standing_ratio >= kStandingOfUsual * usual_standing_;
   };
   Found best = aligned(scan, last_->twist, T_predicted, std::min(off_m, kSearchedOffM), dt_s);

@@ -53,6 +53,8 @@ constexpr double kFirstPeriodS = 0.1;
 /// What a prediction may be off by [m]: at first, at least, and in deviations of the last ones, of
 /// which the newest has this weight.
 constexpr double kFirstOffM = 3.0;
+/// The same where the speed at the first scan is told [m].
+constexpr double kStartOffM = 0.2;
 constexpr double kLeastOffM = 0.3;
 constexpr double kOffDeviations = 4.0;
 constexpr double kNewest = 0.15;
@@ -74,6 +76,10 @@ struct Last {
 class LoamOdometry : public Odometry {
  public:
   [[nodiscard]] std::unique_ptr<Prepared> prepare(const maps::Scan& scan) const override;
+  void start_with(const Vector6& twist_lidar) override {
+    start_twist_ = twist_lidar;
+    off2_m2_ = kStartOffM * kStartOffM;
+  }
   [[nodiscard]] OdometryPose add(const Prepared& prepared) override;
 
  private:
@@ -99,7 +105,9 @@ class LoamOdometry : public Odometry {
 
   std::optional<Last> last_;
   std::optional<loam::PreviousSweep> previous_;
-  /// The first sweep until the next has told how the sensor moved.
+  /// See `start_with`.
+  std::optional<Vector6> start_twist_;
+  /// Without it the first sweep until the next has told how the sensor moved.
   std::optional<loam::Features> first_;
   loam::FeatureMaps map_{{kEdgeCellM, kEdgeVoxelM}, {kPlaneCellM, kPlaneVoxelM}};
   Eigen::Vector3d forgot_at_ = Eigen::Vector3d::Zero();
@@ -132,6 +140,7 @@ OdometryPose LoamOdometry::add(const Prepared& prepared) {
   const auto& scan = dynamic_cast<const PreparedFeatures&>(prepared);
   OdometryPose pose;
   if (last_) place(scan, period_to(scan), pose);
+  if (!last_ && start_twist_) pose.twist_lidar = *start_twist_;
   take(scan, pose);
   last_ = Last{scan.stamp_ns, pose.T_odom_lidar, pose.twist_lidar};
   return pose;
@@ -241,7 +250,7 @@ void LoamOdometry::learn(Vector6 deviation, bool matched) {
 void LoamOdometry::take(const PreparedFeatures& scan, const OdometryPose& pose) {
   if (scan.features.less_flat.empty()) return;
   previous_ = searchable(scan.features, pose.twist_lidar);
-  if (!last_) {
+  if (!last_ && !start_twist_) {
     first_ = scan.features;
     return;
   }
