@@ -12,7 +12,10 @@ namespace stillmap::localization {
 /// and how much of that the noise of their normals alone would feign: a smooth wall seems to tell
 /// where along it one is, as its patches are tilted a little. After Hatleskog and Alexis,
 /// "Probabilistic degeneracy detection for point-to-plane error minimization", RA-L 2024: there the
-/// noise is that of points and normals of a sensor model, here that of each voxel's own points.
+/// noise is that of points and normals of a sensor model, here that of each voxel's own points. Of
+/// a post only its sharper axis counts: where a sparse sensor sets a single column of points on a
+/// smooth wall it seems a post, and its other axis would say where along the wall that column
+/// stood.
 struct NoiseInformation {
   Matrix6d measured = Matrix6d::Zero();
   Matrix6d feigned = Matrix6d::Zero();

@@ -52,6 +52,10 @@ constexpr double kMapStepM = 0.5;
 constexpr double kMapStepRad = 0.05;
 /// At first the map takes all, so that it gets shapes.
 constexpr std::size_t kFirstScans = 10;
+/// A direction that was lost is told again once so many scans on end say so.
+constexpr std::size_t kToldAgainScans = 3;
+/// Deviation of the acceleration that nothing tells [m/s^2].
+constexpr double kUntoldAcceleration = 0.5;
 
 double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
   return 1e-9 * (static_cast<double>(to_ns) - static_cast<double>(from_ns));
@@ -125,10 +129,18 @@ class DirectOdometry : public Odometry {
   void place(const ThinnedScan& scan, double dt_s, OdometryPose& pose);
   void start_anew(const ThinnedScan& scan, double dt_s);
   void learn(const Vector6d& deviation, double dt_s);
-  /// By how much predictions were off lately.
+  [[nodiscard]] std::vector<Vector6d> untold(const LocalAlignment& match);
+  /// Of where a prediction ends after so long without a word, along any direction [m^2].
+  [[nodiscard]] double variance_after_m2(double t_s) const {
+    const double by_acceleration_m = 0.5 * kUntoldAcceleration * t_s * t_s;
+    return off_rate2_ * t_s * t_s + by_acceleration_m * by_acceleration_m;
+  }
+  /// Of one step: what it adds to the variance since all was told, so that the steps' own add up
+  /// to that of the whole stretch although one wrong speed is in all of them.
   [[nodiscard]] Matrix6d covariance_of_prediction(double dt_s) const {
-    const double t = std::min(dt_s, kMaxPredictedS);
-    const double variance_m2 = kLeastOffM * kLeastOffM / 9.0 + off_rate2_ * t * t;
+    const double t_s = std::min(dt_s, kMaxPredictedS);
+    const double variance_m2 = kLeastOffM * kLeastOffM / 9.0 + variance_after_m2(untold_s_ + t_s) -
+                               variance_after_m2(untold_s_);
     return rotations_times(variance_m2 * Matrix6d::Identity(), 1.0 / kLeverM);
   }
   void take(const ThinnedScan& scan, const OdometryPose& pose);
@@ -139,6 +151,11 @@ class DirectOdometry : public Odometry {
   std::size_t scans_in_map_ = 0;
   /// Mean square of how fast predictions went astray [m^2/s^2].
   double off_rate2_ = kUnknownOffRate * kUnknownOffRate;
+  /// How long some direction has not been told.
+  double untold_s_ = 0.0;
+  /// Directions that the last scans did not tell, and how many since do.
+  std::vector<Vector6d> lost_;
+  std::size_t told_again_ = 0;
   std::size_t placed_ = 0;
   double usual_known_ = 0.0;
   double usual_standing_ = 0.0;
@@ -242,25 +259,27 @@ void DirectOdometry::place(const ThinnedScan& scan, double dt_s, OdometryPose& p
   pose.T_odom_lidar = T_predicted;
   pose.twist_lidar = last_->twist;
   pose.covariance = covariance_of_prediction(dt_s);
-  if (!enough) return;
-
+  if (!enough) {
+    untold_s_ += std::min(dt_s, kMaxPredictedS);
+    return;
+  }
   const Found found = best_of_widening(scan, T_predicted, off_m, dt_s);
   const LocalAlignment& match = found.match;
   pose.inlier_ratio = match.inlier_ratio;
-  if (match.matched < LocalAlignment::kMinMatched || match.known_inlier_ratio < kLeastInliers)
+  if (match.matched < LocalAlignment::kMinMatched || match.known_inlier_ratio < kLeastInliers) {
+    untold_s_ += std::min(dt_s, kMaxPredictedS);
     return;
-
-  const Vector6d deviation = without(maps::log_se3(T_predicted.inverse() * found.T_odom_lidar),
-                                     match.degenerate_directions);
-  pose.status = OdometryStatus::kMatched;
-  pose.T_odom_lidar = found.T_odom_lidar;
-  if (!match.degenerate_directions.empty()) {
-    pose.status = OdometryStatus::kPartly;
-    pose.T_odom_lidar = maps::renormalized(T_predicted * maps::exp_se3(deviation));
   }
+  pose.degenerate_directions = untold(match);
+  const Vector6d deviation = without(maps::log_se3(T_predicted.inverse() * found.T_odom_lidar),
+                                     pose.degenerate_directions);
   pose.covariance =
-      with_predicted(match.covariance, match.degenerate_directions, covariance_of_prediction(dt_s));
-  pose.degenerate_directions = match.degenerate_directions;
+      with_predicted(match.covariance, pose.degenerate_directions, covariance_of_prediction(dt_s));
+  const bool all_told = pose.degenerate_directions.empty();
+  pose.status = all_told ? OdometryStatus::kMatched : OdometryStatus::kPartly;
+  pose.T_odom_lidar =
+      all_told ? found.T_odom_lidar : maps::renormalized(T_predicted * maps::exp_se3(deviation));
+  untold_s_ = all_told ? 0.0 : untold_s_ + std::min(dt_s, kMaxPredictedS);
   pose.twist_lidar = twist_to(pose.T_odom_lidar, dt_s);
   learn(deviation, dt_s);
   ++placed_;
@@ -268,8 +287,21 @@ void DirectOdometry::place(const ThinnedScan& scan, double dt_s, OdometryPose& p
   usual_standing_ += kNewest * (match.standing_ratio - usual_standing_);
 }
 
+/// By chance one scan of a tunnel in thirty seems to tell where along it one is.
+std::vector<Vector6d> DirectOdometry::untold(const LocalAlignment& match) {
+  if (!match.degenerate_directions.empty()) {
+    lost_ = match.degenerate_directions;
+    told_again_ = 0;
+  } else if (!lost_.empty() && ++told_again_ >= kToldAgainScans) {
+    lost_.clear();
+  }
+  return lost_;
+}
+
 void DirectOdometry::learn(const Vector6d& deviation, double dt_s) {
   const double rate = in_metres(deviation).norm() / dt_s;
+  // What is not told may be off by more.
+  if (!lost_.empty() && rate * rate < off_rate2_) return;
   off_rate2_ += kNewest * (rate * rate - off_rate2_);
 }
 
