@@ -10,9 +10,9 @@
 namespace stillmap::localization {
 namespace {
 
-/// Measured: tunnels 0.9 to 1.7 with single scans up to 5.7, highways 8 and more (5 at the third
-/// scan), streets and sparse handheld scans 18 and more.
-constexpr double kLeastShare = 6.0;
+/// Measured: tunnels 0.9 to 2.3, where speed was lost already single scans to 5.5; highways 4.3 and
+/// more (half of them above 11), streets and sparse handheld scans 18 and more.
+constexpr double kLeastShare = 3.5;
 
 /// Variance of the tilt of the axis of the smallest variance towards another one, from n points
 /// (first order perturbation of eigenvectors; Anderson 1963).

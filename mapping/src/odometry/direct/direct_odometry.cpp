@@ -10,6 +10,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <deque>
 #include <optional>
 #include <stdexcept>
 
@@ -54,6 +56,9 @@ constexpr double kMapStepRad = 0.05;
 constexpr std::size_t kFirstScans = 10;
 /// A direction that was lost is told again once so many scans on end say so.
 constexpr std::size_t kToldAgainScans = 3;
+/// Along a direction that gets lost the speed stays the median of as many scans that told it: the
+/// last one sees little, and by a wrong speed of it all that follow would go astray.
+constexpr std::size_t kSteadyScans = 5;
 /// Deviation of the acceleration that nothing tells [m/s^2].
 constexpr double kUntoldAcceleration = 0.5;
 
@@ -64,6 +69,19 @@ double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
 Vector6d in_metres(Vector6d motion) {
   motion.tail<3>() *= kLeverM;
   return motion;
+}
+
+/// Of each component.
+Vector6d median_of(const std::deque<Vector6d>& twists) {
+  Vector6d median;
+  for (Eigen::Index k = 0; k < 6; ++k) {
+    std::vector<double> values;
+    for (const Vector6d& twist : twists) values.push_back(twist[k]);
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    median[k] = *middle;
+  }
+  return median;
 }
 
 /// What is left of a motion without its parts along some directions.
@@ -128,6 +146,10 @@ class DirectOdometry : public Odometry {
   }
   void place(const ThinnedScan& scan, double dt_s, OdometryPose& pose);
   void start_anew(const ThinnedScan& scan, double dt_s);
+  [[nodiscard]] Eigen::Isometry3d predicted(double dt_s) const {
+    return maps::renormalized(last_->T_odom_lidar *
+                              maps::exp_se3(last_->twist * std::min(dt_s, kMaxPredictedS)));
+  }
   void learn(const Vector6d& deviation, double dt_s);
   [[nodiscard]] std::vector<Vector6d> untold(const LocalAlignment& match);
   /// Of where a prediction ends after so long without a word, along any direction [m^2].
@@ -155,6 +177,8 @@ class DirectOdometry : public Odometry {
   double untold_s_ = 0.0;
   /// Directions that the last scans did not tell, and how many since do.
   std::vector<Vector6d> lost_;
+  /// Of the last scans that told all.
+  std::deque<Vector6d> steady_;
   std::size_t told_again_ = 0;
   std::size_t placed_ = 0;
   double usual_known_ = 0.0;
@@ -254,8 +278,7 @@ void DirectOdometry::place(const ThinnedScan& scan, double dt_s, OdometryPose& p
   }
   const double off_m =
       std::clamp(kLeastOffM + kOffDeviations * std::sqrt(off_rate2_) * dt_s, kLeastOffM, kMostOffM);
-  const Eigen::Isometry3d T_predicted = maps::renormalized(
-      last_->T_odom_lidar * maps::exp_se3(last_->twist * std::min(dt_s, kMaxPredictedS)));
+  Eigen::Isometry3d T_predicted = predicted(dt_s);
   pose.T_odom_lidar = T_predicted;
   pose.twist_lidar = last_->twist;
   pose.covariance = covariance_of_prediction(dt_s);
@@ -270,7 +293,13 @@ void DirectOdometry::place(const ThinnedScan& scan, double dt_s, OdometryPose& p
     untold_s_ += std::min(dt_s, kMaxPredictedS);
     return;
   }
+  const bool was_lost = !lost_.empty();
   pose.degenerate_directions = untold(match);
+  if (!was_lost && !lost_.empty() && !steady_.empty()) {
+    const Vector6d steady = median_of(steady_);
+    last_->twist = steady + without(last_->twist - steady, lost_);
+    T_predicted = predicted(dt_s);
+  }
   const Vector6d deviation = without(maps::log_se3(T_predicted.inverse() * found.T_odom_lidar),
                                      pose.degenerate_directions);
   pose.covariance =
@@ -281,6 +310,8 @@ void DirectOdometry::place(const ThinnedScan& scan, double dt_s, OdometryPose& p
       all_told ? found.T_odom_lidar : maps::renormalized(T_predicted * maps::exp_se3(deviation));
   untold_s_ = all_told ? 0.0 : untold_s_ + std::min(dt_s, kMaxPredictedS);
   pose.twist_lidar = twist_to(pose.T_odom_lidar, dt_s);
+  if (all_told) steady_.push_back(pose.twist_lidar);
+  if (steady_.size() > kSteadyScans) steady_.pop_front();
   learn(deviation, dt_s);
   ++placed_;
   usual_known_ += kNewest * (match.known_inlier_ratio - usual_known_);
