@@ -47,6 +47,8 @@ constexpr double kStartOffRate = 1.5;
 /// ground. Wrong places explain 0.75 to 0.9 of the usual, since ground fits nearly everywhere.
 constexpr double kKnownOfUsual = 0.93;
 constexpr double kStandingOfUsual = 0.8;
+/// Sharp turns between two scans: with what the search reaches to either side, up to 57 degrees.
+constexpr double kSuddenTurnRad = 0.6;
 /// Below it there is no match.
 constexpr double kLeastInliers = 0.45;
 /// The map takes a scan when the sensor has moved so far, or turned so much, since the last one.
@@ -240,19 +242,25 @@ DirectOdometry::Found DirectOdometry::searched(const ThinnedScan& scan, const Ve
 DirectOdometry::Found DirectOdometry::best_of_widening(const ThinnedScan& scan,
                                                        const Eigen::Isometry3d& T_predicted,
                                                        double off_m, double dt_s) const {
-  const auto is_sure = [&](const Found& found) {
-    return (placed_ > kFirstScans || start_twist_) && off_m <= kSearchedOffM &&
-           found.match.known_inlier_ratio >=
+  const auto explains_as_usual = [&](const Found& found) {
+    return found.match.known_inlier_ratio >=
                std::max(kLeastInliers, kKnownOfUsual * usual_known_) &&
            found.match.standing_ratio >= kStandingOfUsual * usual_standing_;
   };
   Found best = aligned(scan, last_->twist, T_predicted, std::min(off_m, kSearchedOffM), dt_s);
-  if (is_sure(best)) return best;
+  const bool follows = placed_ > kFirstScans || start_twist_;
+  if (follows && off_m <= kSearchedOffM && explains_as_usual(best)) return best;
   const auto try_too = [&](Found found) {
     if (found.match.fit > best.match.fit) best = std::move(found);
   };
   try_too(aligned(scan, last_->twist, T_predicted, kMostOffM, dt_s));
   try_too(searched(scan, last_->twist, T_predicted, dt_s));
+  if (placed_ <= kFirstScans || explains_as_usual(best)) return best;
+  for (const double turn_rad : {-kSuddenTurnRad, kSuddenTurnRad}) {
+    Eigen::Isometry3d T_turned = T_predicted;
+    T_turned.rotate(Eigen::AngleAxisd(turn_rad, Eigen::Vector3d::UnitZ()));
+    try_too(searched(scan, last_->twist, T_turned, dt_s));
+  }
   return best;
 }
 
