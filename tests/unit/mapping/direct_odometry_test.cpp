@@ -132,6 +132,15 @@ TEST(DirectOdometry, AStandingSensorStays) {
   EXPECT_LT(maps::rotation_angle_rad(poses.back().T_odom_lidar.linear()), 1e-3);
 }
 
+TEST(DirectOdometry, FollowsATurnOf36DegreesBetweenTwoScans) {
+  auto truth = curve(24);
+  for (std::size_t i = 18; i < truth.size(); ++i)
+    truth[i].rotate(Eigen::AngleAxisd(0.63, Eigen::Vector3d::UnitZ()));
+  const auto poses = follow(scans_from(test::street(46), truth));
+  for (std::size_t i = 16; i < truth.size(); ++i)
+    EXPECT_LT(off_m(truth.front(), truth[i], poses[i]), 0.05) << i;
+}
+
 /// Walls and posts, then nothing but two smooth walls.
 test::SyntheticWorld street_into_tunnel() {
   test::SyntheticWorld world = test::corridor();
