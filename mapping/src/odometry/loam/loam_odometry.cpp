@@ -83,6 +83,9 @@ class LoamOdometry : public Odometry {
   [[nodiscard]] OdometryPose add(const Prepared& prepared) override;
 
  private:
+  [[nodiscard]] double gap_s(const PreparedFeatures& scan) const {
+    return 1e-9 * (static_cast<double>(scan.stamp_ns) - static_cast<double>(last_->stamp_ns));
+  }
   [[nodiscard]] double period_to(const PreparedFeatures& scan);
   [[nodiscard]] double off_m() const {
     return std::clamp(kOffDeviations * std::sqrt(off2_m2_), kLeastOffM, kFirstOffM);
@@ -139,7 +142,13 @@ std::unique_ptr<Odometry::Prepared> LoamOdometry::prepare(const maps::Scan& scan
 OdometryPose LoamOdometry::add(const Prepared& prepared) {
   const auto& scan = dynamic_cast<const PreparedFeatures&>(prepared);
   OdometryPose pose;
-  if (last_) place(scan, period_to(scan), pose);
+  if (last_) {
+    const Vector6 twist_before = last_->twist;
+    const double period_s = period_to(scan);
+    place(scan, period_s, pose);
+    // In which time the sensor went that far nobody knows.
+    if (gap_s(scan) > kMaxGapS) pose.twist_lidar = twist_before;
+  }
   if (!last_ && start_twist_) pose.twist_lidar = *start_twist_;
   take(scan, pose);
   last_ = Last{scan.stamp_ns, pose.T_odom_lidar, pose.twist_lidar};
@@ -151,9 +160,7 @@ double LoamOdometry::period_to(const PreparedFeatures& scan) {
     throw std::invalid_argument(fmt::format("{}: found stamp {} ns, expected one after {} ns",
                                             scan.source, scan.stamp_ns, last_->stamp_ns));
   }
-  const double gap_s =
-      1e-9 * (static_cast<double>(scan.stamp_ns) - static_cast<double>(last_->stamp_ns));
-  if (gap_s <= kMaxGapS) period_s_ = gap_s;
+  if (gap_s(scan) <= kMaxGapS) period_s_ = gap_s(scan);
   return period_s_;
 }
 
