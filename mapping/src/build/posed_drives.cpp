@@ -1,14 +1,16 @@
 #include "build/posed_drives.hpp"
 
+#include "trajectory/common_frame.hpp"
+
 #include <stillmap/mapping/odometry.hpp>
 #include <stillmap/mapping/trajectory.hpp>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/geodesy.hpp>
 
 #include <algorithm>
+#include <limits>
 #include <stdexcept>
 #include <utility>
 
@@ -18,17 +20,6 @@ namespace {
 constexpr std::string_view kGiven = "given";
 /// A loop counts as believed from here.
 constexpr double kBelieved = 0.5;
-
-std::string text_of(const std::optional<maps::GeodeticOrigin>& origin) {
-  if (!origin) return "poses without a geodetic origin";
-  return fmt::format("poses from {:.9f}, {:.9f}, {:.3f} m on", origin->latitude_deg,
-                     origin->longitude_deg, origin->altitude_m);
-}
-
-bool same(const maps::GeodeticOrigin& a, const maps::GeodeticOrigin& b) {
-  return a.latitude_deg == b.latitude_deg && a.longitude_deg == b.longitude_deg &&
-         a.altitude_m == b.altitude_m;
-}
 
 bool have_poses(const std::vector<maps::Drive>& drives) {
   return std::all_of(drives.begin(), drives.end(),
@@ -41,7 +32,8 @@ TrajectoryOptions options_of(const MapBuildOptions& options, const std::string& 
   TrajectoryOptions trajectory = options.trajectory;
   trajectory.odometry = method;
   trajectory.begin = options.selection.begin > 0 ? options.selection.begin - 1 : 0;
-  if (options.selection.end) trajectory.end = *options.selection.end + 1;
+  constexpr std::size_t kMost = std::numeric_limits<std::size_t>::max();
+  if (const auto end = options.selection.end) trajectory.end = *end < kMost ? *end + 1 : kMost;
   trajectory.threads = options.threads;
   return trajectory;
 }
@@ -102,20 +94,15 @@ std::string odometry_of(const std::vector<maps::Drive>& drives, const MapBuildOp
 
 PosedDrives with_given_poses(const std::vector<maps::Drive>& drives) {
   PosedDrives posed;
-  const auto& origin = drives.front().contents().origin;
   for (const maps::Drive& drive : drives) {
-    const auto& own = drive.contents().origin;
-    if (own.has_value() != origin.has_value())
-      throw maps::InputError(drive.contents().root.string(), text_of(own),
-                             text_of(origin) + " as the first drive's");
-    if (!own || same(*own, *origin)) {
+    const Eigen::Isometry3d T = T_first_own(drives.front(), drive);
+    if (T.matrix().isIdentity(0.0)) {
       posed.drives.push_back(drive);
       continue;
     }
-    const Eigen::Isometry3d T_first_own = maps::T_enu_enu(*origin, *own);
     std::vector<Eigen::Isometry3d> poses = drive.contents().T_map_lidar;
-    for (Eigen::Isometry3d& T : poses) T = T_first_own * T;
-    posed.drives.push_back(drive.with_poses(std::move(poses), origin));
+    for (Eigen::Isometry3d& pose : poses) pose = T * pose;
+    posed.drives.push_back(drive.with_poses(std::move(poses), drives.front().contents().origin));
   }
   return posed;
 }

@@ -1,5 +1,7 @@
 #include "loops/odometry_path.hpp"
 
+#include "trajectory/adjoint.hpp"
+
 #include <stillmap/maps/frames.hpp>
 
 #include <Eigen/Cholesky>
@@ -19,17 +21,6 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 constexpr double kDriftShare = 0.015;
 /// The same of rotation [rad/m]: half a degree in 60 m.
 constexpr double kTurnDriftRadPerM = 1.5e-4;
-
-/// T exp(x) = exp(Ad(T) x) T, for twists of translation first.
-Matrix6d adjoint(const Eigen::Isometry3d& T) {
-  const Eigen::Matrix3d& R = T.linear();
-  const Eigen::Vector3d& t = T.translation();
-  Matrix6d out = Matrix6d::Zero();
-  out.topLeftCorner<3, 3>() = R;
-  out.bottomRightCorner<3, 3>() = R;
-  for (Eigen::Index k = 0; k < 3; ++k) out.block<3, 1>(0, 3 + k) = t.cross(R.col(k));
-  return out;
-}
 
 }  // namespace
 

@@ -1,6 +1,7 @@
 #include "loops/loop_finder.hpp"
 #include "odometry/run_odometry.hpp"
 #include "pose_graph/pose_graph.hpp"
+#include "trajectory/common_frame.hpp"
 #include "trajectory/corrected_poses.hpp"
 #include "trajectory/keyframes.hpp"
 #include "trajectory/levelling.hpp"
@@ -10,7 +11,6 @@
 #include <stillmap/mapping/trajectory.hpp>
 #include <stillmap/maps/deskew.hpp>
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/geodesy.hpp>
 
 #include <algorithm>
 #include <chrono>
@@ -65,17 +65,6 @@ void follow(const maps::Drive& drive, std::size_t number, const TrajectoryOption
                                  progress, cancel, read_scan, take);
   estimated.odometry = std::move(run.poses);
   out.drives.push_back(std::move(estimated));
-}
-
-/// Takes poses of a drive to the frame of the first drive's.
-Eigen::Isometry3d T_first_own(const maps::Drive& first, const maps::Drive& drive) {
-  const auto& origin = first.contents().origin;
-  const auto& own = drive.contents().origin;
-  if (origin.has_value() != own.has_value())
-    throw maps::InputError(drive.contents().root.string(),
-                           own ? "poses with a geodetic origin" : "poses without a geodetic origin",
-                           "the same as the first drive's");
-  return own ? maps::T_enu_enu(*origin, *own) : Eigen::Isometry3d::Identity();
 }
 
 GivenPoses given_poses(const std::vector<maps::Drive>& drives,

@@ -202,6 +202,25 @@ TEST(DirectOdometry, GoesOnThroughEmptyScansAndGapsInTime) {
   EXPECT_LT(off_m(truth.front(), truth.back(), poses.back()), 0.05);
 }
 
+TEST(DirectOdometry, StampsAloneDoNotMoveTheSensor) {
+  const auto truth = curve(30);
+  const std::vector<maps::Scan> regular = scans_from(test::street(43), truth);
+  const auto expect_followed = [&](const std::vector<maps::Scan>& scans) {
+    const auto poses = follow(scans);
+    for (std::size_t i = 0; i < poses.size(); ++i)
+      EXPECT_LT(off_m(truth.front(), truth[i], poses[i]), 0.05) << i;
+  };
+  // Two scans arrive at once, a millisecond and a nanosecond apart; then the clock is put forward.
+  for (const std::int64_t apart_ns : {1'000'000, 1}) {
+    std::vector<maps::Scan> burst = regular;
+    burst[15].stamp_ns = burst[14].stamp_ns + apart_ns;
+    expect_followed(burst);
+  }
+  std::vector<maps::Scan> jump = regular;
+  for (std::size_t i = 15; i < jump.size(); ++i) jump[i].stamp_ns += 3'600'000'000'000;
+  expect_followed(jump);
+}
+
 TEST(DirectOdometry, NothingButEmptyScansStandsStill) {
   std::vector<maps::Scan> scans;
   for (std::size_t i = 0; i < 5; ++i) scans.push_back(scan_of({}, i));

@@ -145,6 +145,9 @@ TEST(LoamOdometry, GoesOnOverEmptyAndMissingScansAndJumpsOfTheClock) {
   expect_at(8, 8 * kPeriodNs);
   expect_at(9, 9 * kPeriodNs + 3'600'000'000'000);
   expect_at(10, 10 * kPeriodNs + 3'600'000'000'000);
+  // Two scans arrive at once.
+  expect_at(11, 10 * kPeriodNs + 3'600'001'000'000);
+  expect_at(12, 12 * kPeriodNs + 3'600'000'000'000);
 }
 
 TEST(LoamOdometry, StartsWithEmptyScans) {

@@ -1,19 +1,17 @@
 #include "odometry/direct/direct_odometry.hpp"
 
 #include "odometry/direct/thinned_scan.hpp"
+#include "odometry/scan_period.hpp"
 
 #include <stillmap/localization/local_map.hpp>
 #include <stillmap/maps/deskew.hpp>
 #include <stillmap/maps/frames.hpp>
-
-#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <deque>
 #include <optional>
-#include <stdexcept>
 
 namespace stillmap::mapping {
 namespace {
@@ -27,8 +25,6 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 constexpr double kLeverM = 15.0;
 /// Fewer points of a scan tell nothing.
 constexpr std::size_t kMinPoints = 100;
-/// A speed says nothing about what comes after so long [s].
-constexpr double kMaxPredictedS = 2.0;
 /// Least and most that a prediction counts as off [m].
 constexpr double kLeastOffM = 0.12;
 constexpr double kMostOffM = 3.0;
@@ -63,10 +59,6 @@ constexpr std::size_t kToldAgainScans = 3;
 constexpr std::size_t kSteadyScans = 5;
 /// Deviation of the acceleration that nothing tells [m/s^2].
 constexpr double kUntoldAcceleration = 0.5;
-
-double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
-  return 1e-9 * (static_cast<double>(to_ns) - static_cast<double>(from_ns));
-}
 
 Vector6d in_metres(Vector6d motion) {
   motion.tail<3>() *= kLeverM;
@@ -125,7 +117,6 @@ class DirectOdometry : public Odometry {
 
  private:
   struct Last {
-    std::int64_t stamp_ns = 0;
     Eigen::Isometry3d T_odom_lidar = Eigen::Isometry3d::Identity();
     Vector6d twist = Vector6d::Zero();
   };
@@ -136,22 +127,30 @@ class DirectOdometry : public Odometry {
   };
   /// Aligns from a start, deskewed by `twist` at first and by the motion that is found then.
   [[nodiscard]] Found aligned(const ThinnedScan& scan, const Vector6d& twist,
-                              const Eigen::Isometry3d& T_start, double off_m, double dt_s) const;
+                              const Eigen::Isometry3d& T_start, double off_m,
+                              const ScanPeriod::Step& step) const;
   [[nodiscard]] Found searched(const ThinnedScan& scan, const Vector6d& twist,
-                               const Eigen::Isometry3d& T_start, double dt_s) const;
+                               const Eigen::Isometry3d& T_start,
+                               const ScanPeriod::Step& step) const;
   [[nodiscard]] Found best_of_widening(const ThinnedScan& scan,
                                        const Eigen::Isometry3d& T_predicted, double off_m,
-                                       double dt_s) const;
-  /// Motion of the sensor since the last scan as a rate.
-  [[nodiscard]] Vector6d twist_to(const Eigen::Isometry3d& T_odom_lidar, double dt_s) const {
-    return maps::log_se3(last_->T_odom_lidar.inverse() * T_odom_lidar) / dt_s;
+                                       const ScanPeriod::Step& step) const;
+  /// Motion of the sensor since the last scan as a rate; as it was, over a gap.
+  [[nodiscard]] Vector6d twist_to(const Eigen::Isometry3d& T_odom_lidar,
+                                  const ScanPeriod::Step& step) const {
+    if (step.is_gap) return last_->twist;
+    return maps::log_se3(last_->T_odom_lidar.inverse() * T_odom_lidar) / step.seconds;
   }
-  void place(const ThinnedScan& scan, double dt_s, OdometryPose& pose);
-  void start_anew(const ThinnedScan& scan, double dt_s);
-  [[nodiscard]] Eigen::Isometry3d predicted(double dt_s) const {
-    return maps::renormalized(last_->T_odom_lidar *
-                              maps::exp_se3(last_->twist * std::min(dt_s, kMaxPredictedS)));
+  /// Where the sensor is after so long.
+  [[nodiscard]] Eigen::Isometry3d predicted(double seconds) const {
+    return maps::renormalized(
+        last_->T_odom_lidar *
+        maps::exp_se3(last_->twist * std::min(seconds, ScanPeriod::kMaxGapS)));
   }
+  void place(const ThinnedScan& scan, const ScanPeriod::Step& step, OdometryPose& pose);
+  [[nodiscard]] Found found_over(const ThinnedScan& scan, const ScanPeriod::Step& step,
+                                 Eigen::Isometry3d& T_predicted) const;
+  void start_anew(const ThinnedScan& scan, const ScanPeriod::Step& step);
   void learn(const Vector6d& deviation, double dt_s);
   [[nodiscard]] std::vector<Vector6d> untold(const LocalAlignment& match);
   /// Of where a prediction ends after so long without a word, along any direction [m^2].
@@ -162,7 +161,7 @@ class DirectOdometry : public Odometry {
   /// Of one step: what it adds to the variance since all was told, so that the steps' own add up
   /// to that of the whole stretch although one wrong speed is in all of them.
   [[nodiscard]] Matrix6d covariance_of_prediction(double dt_s) const {
-    const double t_s = std::min(dt_s, kMaxPredictedS);
+    const double t_s = std::min(dt_s, ScanPeriod::kMaxGapS);
     const double variance_m2 = kLeastOffM * kLeastOffM / 9.0 + variance_after_m2(untold_s_ + t_s) -
                                variance_after_m2(untold_s_);
     return rotations_times(variance_m2 * Matrix6d::Identity(), 1.0 / kLeverM);
@@ -170,6 +169,7 @@ class DirectOdometry : public Odometry {
   void take(const ThinnedScan& scan, const OdometryPose& pose);
 
   LocalMap map_;
+  ScanPeriod period_;
   std::optional<Last> last_;
   std::optional<Eigen::Isometry3d> T_odom_mapped_;
   std::size_t scans_in_map_ = 0;
@@ -199,14 +199,7 @@ std::vector<Eigen::Vector3f> deskewed(maps::PointCloud cloud, const Vector6d& tw
 OdometryPose DirectOdometry::add(const Prepared& prepared) {
   const auto& scan = dynamic_cast<const ThinnedScan&>(prepared);
   OdometryPose pose;
-  if (last_) {
-    const double dt_s = seconds_between(last_->stamp_ns, scan.stamp_ns);
-    if (!(dt_s > 0.0)) {
-      throw std::invalid_argument(fmt::format("{}: found stamp {} ns, expected one after {} ns",
-                                              scan.source, scan.stamp_ns, last_->stamp_ns));
-    }
-    place(scan, dt_s, pose);
-  }
+  if (const auto step = period_.step_to(scan.stamp_ns, scan.source)) place(scan, *step, pose);
   if (!last_) {
     if (start_twist_)
       pose.twist_lidar = *start_twist_;
@@ -214,17 +207,17 @@ OdometryPose DirectOdometry::add(const Prepared& prepared) {
       first_ = scan;
   }
   take(scan, pose);
-  last_ = Last{scan.stamp_ns, pose.T_odom_lidar, pose.twist_lidar};
+  last_ = Last{pose.T_odom_lidar, pose.twist_lidar};
   return pose;
 }
 
 DirectOdometry::Found DirectOdometry::aligned(const ThinnedScan& scan, const Vector6d& twist,
                                               const Eigen::Isometry3d& T_start, double off_m,
-                                              double dt_s) const {
+                                              const ScanPeriod::Step& step) const {
   std::vector<Eigen::Vector3f> points = deskewed(scan.sparse, twist);
   Eigen::Isometry3d T = map_.refined(points, T_start, off_m);
   if (!scan.sparse.time_offsets_s.empty()) {
-    points = deskewed(scan.sparse, twist_to(T, dt_s));
+    points = deskewed(scan.sparse, twist_to(T, step));
     T = map_.refined(points, T, kLeastOffM);
   }
   return {T, map_.judged(points, T)};
@@ -232,73 +225,93 @@ DirectOdometry::Found DirectOdometry::aligned(const ThinnedScan& scan, const Vec
 
 DirectOdometry::Found DirectOdometry::searched(const ThinnedScan& scan, const Vector6d& twist,
                                                const Eigen::Isometry3d& T_start,
-                                               double dt_s) const {
+                                               const ScanPeriod::Step& step) const {
   const Eigen::Isometry3d T = map_.searched(deskewed(scan.sparse, twist), T_start);
-  return aligned(scan, twist, T, kSearchedOffM, dt_s);
+  return aligned(scan, twist, T, kSearchedOffM, step);
 }
 
 /// Wide kernels on coarse voxels lead sparse scans astray, narrow ones do not see far: the narrow
 /// try comes first, and is enough when it explains as much as usual.
 DirectOdometry::Found DirectOdometry::best_of_widening(const ThinnedScan& scan,
                                                        const Eigen::Isometry3d& T_predicted,
-                                                       double off_m, double dt_s) const {
+                                                       double off_m,
+                                                       const ScanPeriod::Step& step) const {
   const auto explains_as_usual = [&](const Found& found) {
     return found.match.known_inlier_ratio >=
                std::max(kLeastInliers, kKnownOfUsual * usual_known_) &&
            found.match.standing_ratio >= kStandingOfUsual * usual_standing_;
   };
-  Found best = aligned(scan, last_->twist, T_predicted, std::min(off_m, kSearchedOffM), dt_s);
+  Found best = aligned(scan, last_->twist, T_predicted, std::min(off_m, kSearchedOffM), step);
   const bool follows = placed_ > kFirstScans || start_twist_;
   if (follows && off_m <= kSearchedOffM && explains_as_usual(best)) return best;
   const auto try_too = [&](Found found) {
     if (found.match.fit > best.match.fit) best = std::move(found);
   };
-  try_too(aligned(scan, last_->twist, T_predicted, kMostOffM, dt_s));
-  try_too(searched(scan, last_->twist, T_predicted, dt_s));
+  try_too(aligned(scan, last_->twist, T_predicted, kMostOffM, step));
+  try_too(searched(scan, last_->twist, T_predicted, step));
   if (placed_ <= kFirstScans || explains_as_usual(best)) return best;
   for (const double turn_rad : {-kSuddenTurnRad, kSuddenTurnRad}) {
     Eigen::Isometry3d T_turned = T_predicted;
     T_turned.rotate(Eigen::AngleAxisd(turn_rad, Eigen::Vector3d::UnitZ()));
-    try_too(searched(scan, last_->twist, T_turned, dt_s));
+    try_too(searched(scan, last_->twist, T_turned, step));
   }
   return best;
 }
 
 /// The first scan could not be deskewed. With the same skew in both the motion from it to the
 /// second is nearly right, which deskews both.
-void DirectOdometry::start_anew(const ThinnedScan& scan, double dt_s) {
+void DirectOdometry::start_anew(const ThinnedScan& scan, const ScanPeriod::Step& step) {
   Eigen::Isometry3d T = last_->T_odom_lidar;
   T = map_.searched(scan.sparse.positions, T);
   T = map_.refined(scan.sparse.positions, T, kSearchedOffM);
   for (int round = 0; round < (first_->dense.time_offsets_s.empty() ? 0 : 2); ++round) {
     map_ = LocalMap();
-    map_.add(deskewed(first_->dense, twist_to(T, dt_s)), last_->T_odom_lidar);
-    T = map_.refined(deskewed(scan.sparse, twist_to(T, dt_s)), T, kSearchedOffM);
+    map_.add(deskewed(first_->dense, twist_to(T, step)), last_->T_odom_lidar);
+    T = map_.refined(deskewed(scan.sparse, twist_to(T, step)), T, kSearchedOffM);
   }
-  last_->twist = twist_to(T, dt_s);
+  last_->twist = twist_to(T, step);
 }
 
-void DirectOdometry::place(const ThinnedScan& scan, double dt_s, OdometryPose& pose) {
+/// Where the scan lies from what the last one predicts. @param T_predicted  for this step; becomes
+/// that for a usual one where this fits better.
+DirectOdometry::Found DirectOdometry::found_over(const ThinnedScan& scan,
+                                                 const ScanPeriod::Step& step,
+                                                 Eigen::Isometry3d& T_predicted) const {
+  const double off_m = std::clamp(
+      kLeastOffM + kOffDeviations * std::sqrt(off_rate2_) * step.seconds, kLeastOffM, kMostOffM);
+  Found found = best_of_widening(scan, T_predicted, off_m, step);
+  if (!step.is_gap) return found;
+  // Where the clock alone has jumped, the sensor has gone on as ever.
+  const Eigen::Isometry3d T_jumped = predicted(period_.usual_s());
+  Found jumped = best_of_widening(scan, T_jumped, off_m, step);
+  if (jumped.match.fit > found.match.fit) {
+    found = std::move(jumped);
+    T_predicted = T_jumped;
+  }
+  return found;
+}
+
+void DirectOdometry::place(const ThinnedScan& scan, const ScanPeriod::Step& step,
+                           OdometryPose& pose) {
   const bool enough = scan.sparse.size() >= kMinPoints && map_.voxel_count() > 0;
   if (first_ && enough) {
-    start_anew(scan, dt_s);
+    start_anew(scan, step);
     first_.reset();
   }
-  const double off_m =
-      std::clamp(kLeastOffM + kOffDeviations * std::sqrt(off_rate2_) * dt_s, kLeastOffM, kMostOffM);
-  Eigen::Isometry3d T_predicted = predicted(dt_s);
+  Eigen::Isometry3d T_predicted = predicted(step.seconds);
   pose.T_odom_lidar = T_predicted;
   pose.twist_lidar = last_->twist;
-  pose.covariance = covariance_of_prediction(dt_s);
+  pose.covariance = covariance_of_prediction(step.seconds);
+  const double untold_s = untold_s_ + std::min(step.seconds, ScanPeriod::kMaxGapS);
   if (!enough) {
-    untold_s_ += std::min(dt_s, kMaxPredictedS);
+    untold_s_ = untold_s;
     return;
   }
-  const Found found = best_of_widening(scan, T_predicted, off_m, dt_s);
+  const Found found = found_over(scan, step, T_predicted);
   const LocalAlignment& match = found.match;
   pose.inlier_ratio = match.inlier_ratio;
   if (match.matched < LocalAlignment::kMinMatched || match.known_inlier_ratio < kLeastInliers) {
-    untold_s_ += std::min(dt_s, kMaxPredictedS);
+    untold_s_ = untold_s;
     return;
   }
   const bool was_lost = !lost_.empty();
@@ -306,21 +319,21 @@ void DirectOdometry::place(const ThinnedScan& scan, double dt_s, OdometryPose& p
   if (!was_lost && !lost_.empty() && !steady_.empty()) {
     const Vector6d steady = median_of(steady_);
     last_->twist = steady + without(last_->twist - steady, lost_);
-    T_predicted = predicted(dt_s);
+    T_predicted = predicted(step.seconds);
   }
   const Vector6d deviation = without(maps::log_se3(T_predicted.inverse() * found.T_odom_lidar),
                                      pose.degenerate_directions);
-  pose.covariance =
-      with_predicted(match.covariance, pose.degenerate_directions, covariance_of_prediction(dt_s));
+  pose.covariance = with_predicted(match.covariance, pose.degenerate_directions,
+                                   covariance_of_prediction(step.seconds));
   const bool all_told = pose.degenerate_directions.empty();
   pose.status = all_told ? OdometryStatus::kMatched : OdometryStatus::kPartly;
   pose.T_odom_lidar =
       all_told ? found.T_odom_lidar : maps::renormalized(T_predicted * maps::exp_se3(deviation));
-  untold_s_ = all_told ? 0.0 : untold_s_ + std::min(dt_s, kMaxPredictedS);
-  pose.twist_lidar = twist_to(pose.T_odom_lidar, dt_s);
+  untold_s_ = all_told ? 0.0 : untold_s;
+  pose.twist_lidar = twist_to(pose.T_odom_lidar, step);
   if (all_told) steady_.push_back(pose.twist_lidar);
   if (steady_.size() > kSteadyScans) steady_.pop_front();
-  learn(deviation, dt_s);
+  if (!step.is_gap) learn(deviation, step.seconds);
   ++placed_;
   usual_known_ += kNewest * (match.known_inlier_ratio - usual_known_);
   usual_standing_ += kNewest * (match.standing_ratio - usual_standing_);

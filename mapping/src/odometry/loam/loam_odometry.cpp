@@ -4,16 +4,14 @@
 #include "odometry/loam/map_match.hpp"
 #include "odometry/loam/sweep_match.hpp"
 #include "odometry/loam/thinned_features.hpp"
+#include "odometry/scan_period.hpp"
 
 #include <stillmap/maps/frames.hpp>
-
-#include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <optional>
-#include <stdexcept>
 
 namespace stillmap::mapping {
 namespace {
@@ -46,10 +44,6 @@ constexpr std::array<double, 8> kTurnsRad = {0.15, -0.15, 0.3, -0.3, 0.45, -0.45
 constexpr double kTurnReachM = 1.0;
 /// After so many scans on end that match nothing the map begins anew.
 constexpr int kMaxLost = 3;
-/// A longer step between stamps [s] is a jump of the clock, not of the sensor: the motion is then
-/// taken for that of a usual period.
-constexpr double kMaxGapS = 3.0;
-constexpr double kFirstPeriodS = 0.1;
 /// What a prediction may be off by [m]: at first, at least, and in deviations of the last ones, of
 /// which the newest has this weight.
 constexpr double kFirstOffM = 3.0;
@@ -68,7 +62,6 @@ struct PreparedFeatures : Odometry::Prepared {
 };
 
 struct Last {
-  std::int64_t stamp_ns = 0;
   Eigen::Isometry3d T_odom_lidar = Eigen::Isometry3d::Identity();
   Vector6 twist = Vector6::Zero();
 };
@@ -83,10 +76,6 @@ class LoamOdometry : public Odometry {
   [[nodiscard]] OdometryPose add(const Prepared& prepared) override;
 
  private:
-  [[nodiscard]] double gap_s(const PreparedFeatures& scan) const {
-    return 1e-9 * (static_cast<double>(scan.stamp_ns) - static_cast<double>(last_->stamp_ns));
-  }
-  [[nodiscard]] double period_to(const PreparedFeatures& scan);
   [[nodiscard]] double off_m() const {
     return std::clamp(kOffDeviations * std::sqrt(off2_m2_), kLeastOffM, kFirstOffM);
   }
@@ -114,7 +103,7 @@ class LoamOdometry : public Odometry {
   std::optional<loam::Features> first_;
   loam::FeatureMaps map_{{kEdgeCellM, kEdgeVoxelM}, {kPlaneCellM, kPlaneVoxelM}};
   Eigen::Vector3d forgot_at_ = Eigen::Vector3d::Zero();
-  double period_s_ = kFirstPeriodS;
+  ScanPeriod period_;
   /// Mean square of what predictions were off by [m^2], rotations at kLeverM.
   double off2_m2_ = kFirstOffM * kFirstOffM;
   /// Running mean of the shares of features that the map explains.
@@ -142,26 +131,17 @@ std::unique_ptr<Odometry::Prepared> LoamOdometry::prepare(const maps::Scan& scan
 OdometryPose LoamOdometry::add(const Prepared& prepared) {
   const auto& scan = dynamic_cast<const PreparedFeatures&>(prepared);
   OdometryPose pose;
-  if (last_) {
+  // A gap is taken for a jump of the clock, not of the sensor.
+  if (const auto step = period_.step_to(scan.stamp_ns, scan.source)) {
     const Vector6 twist_before = last_->twist;
-    const double period_s = period_to(scan);
-    place(scan, period_s, pose);
+    place(scan, step->is_gap ? period_.usual_s() : step->seconds, pose);
     // In which time the sensor went that far nobody knows.
-    if (gap_s(scan) > kMaxGapS) pose.twist_lidar = twist_before;
+    if (step->is_gap) pose.twist_lidar = twist_before;
   }
   if (!last_ && start_twist_) pose.twist_lidar = *start_twist_;
   take(scan, pose);
-  last_ = Last{scan.stamp_ns, pose.T_odom_lidar, pose.twist_lidar};
+  last_ = Last{pose.T_odom_lidar, pose.twist_lidar};
   return pose;
-}
-
-double LoamOdometry::period_to(const PreparedFeatures& scan) {
-  if (scan.stamp_ns <= last_->stamp_ns) {
-    throw std::invalid_argument(fmt::format("{}: found stamp {} ns, expected one after {} ns",
-                                            scan.source, scan.stamp_ns, last_->stamp_ns));
-  }
-  if (gap_s(scan) <= kMaxGapS) period_s_ = gap_s(scan);
-  return period_s_;
 }
 
 loam::SweepMatch LoamOdometry::since_last(const PreparedFeatures& scan, double period_s) {
