@@ -111,6 +111,7 @@ class DirectOdometry : public Odometry {
   }
   void start_with(const Vector6d& twist_lidar) override {
     start_twist_ = twist_lidar;
+    steady_.assign(kSteadyScans, twist_lidar);
     off_rate2_ = kStartOffRate * kStartOffRate;
   }
   [[nodiscard]] OdometryPose add(const Prepared& prepared) override;
@@ -315,20 +316,21 @@ void DirectOdometry::place(const ThinnedScan& scan, const ScanPeriod::Step& step
     return;
   }
   const bool was_lost = !lost_.empty();
-  pose.degenerate_directions = untold(match);
+  const std::vector<Vector6d> kept = untold(match);
+  pose.degenerate_directions = kept.empty() ? match.degenerate_directions : kept;
   if (!was_lost && !lost_.empty() && !steady_.empty()) {
     const Vector6d steady = median_of(steady_);
     last_->twist = steady + without(last_->twist - steady, lost_);
     T_predicted = predicted(step.seconds);
   }
-  const Vector6d deviation = without(maps::log_se3(T_predicted.inverse() * found.T_odom_lidar),
-                                     pose.degenerate_directions);
+  const Vector6d deviation =
+      without(maps::log_se3(T_predicted.inverse() * found.T_odom_lidar), kept);
   pose.covariance = with_predicted(match.covariance, pose.degenerate_directions,
                                    covariance_of_prediction(step.seconds));
   const bool all_told = pose.degenerate_directions.empty();
   pose.status = all_told ? OdometryStatus::kMatched : OdometryStatus::kPartly;
-  pose.T_odom_lidar =
-      all_told ? found.T_odom_lidar : maps::renormalized(T_predicted * maps::exp_se3(deviation));
+  pose.T_odom_lidar = kept.empty() ? found.T_odom_lidar
+                                   : maps::renormalized(T_predicted * maps::exp_se3(deviation));
   untold_s_ = all_told ? 0.0 : untold_s;
   pose.twist_lidar = twist_to(pose.T_odom_lidar, step);
   if (all_told) steady_.push_back(pose.twist_lidar);
@@ -339,8 +341,11 @@ void DirectOdometry::place(const ThinnedScan& scan, const ScanPeriod::Step& step
   usual_standing_ += kNewest * (match.standing_ratio - usual_standing_);
 }
 
-/// By chance one scan of a tunnel in thirty seems to tell where along it one is.
+/// Directions that are kept as predicted. By chance one scan of a tunnel in thirty seems to tell
+/// where along it one is, so they stay lost for a while. Before any speed is known a match, be it
+/// weak, is better than to stand still.
 std::vector<Vector6d> DirectOdometry::untold(const LocalAlignment& match) {
+  if (steady_.size() < kSteadyScans) return {};
   if (!match.degenerate_directions.empty()) {
     lost_ = match.degenerate_directions;
     told_again_ = 0;
