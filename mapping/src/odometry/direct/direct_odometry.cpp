@@ -114,17 +114,16 @@ class DirectOdometry : public Odometry {
   /// Motion of the sensor since the last scan as a rate; as it was, over a gap.
   [[nodiscard]] Vector6d twist_to(const Eigen::Isometry3d& T_odom_lidar,
                                   const ScanPeriod::Step& step) const {
-    if (step.is_gap) return last_->twist;
-    return maps::log_se3(last_->T_odom_lidar.inverse() * T_odom_lidar) / step.seconds;
+    if (step.is_gap) return last_.twist;
+    return maps::log_se3(last_.T_odom_lidar.inverse() * T_odom_lidar) / step.seconds;
   }
   /// Where the sensor is after so long.
   [[nodiscard]] Eigen::Isometry3d predicted(double seconds) const {
-    return maps::renormalized(
-        last_->T_odom_lidar *
-        maps::exp_se3(last_->twist * std::min(seconds, ScanPeriod::kMaxGapS)));
+    return maps::renormalized(last_.T_odom_lidar *
+                              maps::exp_se3(last_.twist * std::min(seconds, ScanPeriod::kMaxGapS)));
   }
   void place(const ThinnedScan& scan, const ScanPeriod::Step& step, OdometryPose& pose);
-  void start_anew(const ThinnedScan& scan, const ScanPeriod::Step& step);
+  void start_anew(const ThinnedScan& first, const ThinnedScan& scan, const ScanPeriod::Step& step);
   void learn(const Vector6d& deviation, double dt_s);
   /// By how much predictions were off lately.
   [[nodiscard]] Matrix6d covariance_of_prediction(double dt_s) const {
@@ -136,7 +135,9 @@ class DirectOdometry : public Odometry {
 
   LocalMap map_;
   ScanPeriod period_;
-  std::optional<Last> last_;
+  /// Of the scan before, once there is one.
+  Last last_;
+  bool has_last_ = false;
   std::optional<Eigen::Isometry3d> T_odom_mapped_;
   std::size_t scans_in_map_ = 0;
   /// Mean square of how fast predictions went astray [m^2/s^2].
@@ -159,7 +160,7 @@ OdometryPose DirectOdometry::add(const Prepared& prepared) {
   const auto& scan = dynamic_cast<const ThinnedScan&>(prepared);
   OdometryPose pose;
   if (const auto step = period_.step_to(scan.stamp_ns, scan.source)) place(scan, *step, pose);
-  if (!last_) {
+  if (!has_last_) {
     if (start_twist_)
       pose.twist_lidar = *start_twist_;
     else if (scan.dense.size() >= kMinPoints)
@@ -167,6 +168,7 @@ OdometryPose DirectOdometry::add(const Prepared& prepared) {
   }
   take(scan, pose);
   last_ = Last{pose.T_odom_lidar, pose.twist_lidar};
+  has_last_ = true;
   return pose;
 }
 
@@ -201,42 +203,43 @@ DirectOdometry::Found DirectOdometry::best_of_widening(const ThinnedScan& scan,
                std::max(kLeastInliers, kKnownOfUsual * usual_known_) &&
            found.match.standing_ratio >= kStandingOfUsual * usual_standing_;
   };
-  Found best = aligned(scan, last_->twist, T_predicted, std::min(off_m, kSearchedOffM), step);
+  Found best = aligned(scan, last_.twist, T_predicted, std::min(off_m, kSearchedOffM), step);
   if (is_sure(best)) return best;
   const auto try_too = [&](Found found) {
     if (found.match.fit > best.match.fit) best = std::move(found);
   };
-  try_too(aligned(scan, last_->twist, T_predicted, kMostOffM, step));
-  try_too(searched(scan, last_->twist, T_predicted, step));
+  try_too(aligned(scan, last_.twist, T_predicted, kMostOffM, step));
+  try_too(searched(scan, last_.twist, T_predicted, step));
   return best;
 }
 
 /// The first scan could not be deskewed. With the same skew in both the motion from it to the
 /// second is nearly right, which deskews both.
-void DirectOdometry::start_anew(const ThinnedScan& scan, const ScanPeriod::Step& step) {
-  Eigen::Isometry3d T = last_->T_odom_lidar;
+void DirectOdometry::start_anew(const ThinnedScan& first, const ThinnedScan& scan,
+                                const ScanPeriod::Step& step) {
+  Eigen::Isometry3d T = last_.T_odom_lidar;
   T = map_.searched(scan.sparse.positions, T);
   T = map_.refined(scan.sparse.positions, T, kSearchedOffM);
-  for (int round = 0; round < (first_->dense.time_offsets_s.empty() ? 0 : 2); ++round) {
+  for (int round = 0; round < (first.dense.time_offsets_s.empty() ? 0 : 2); ++round) {
     map_ = LocalMap();
-    map_.add(deskewed(first_->dense, twist_to(T, step)), last_->T_odom_lidar);
+    map_.add(deskewed(first.dense, twist_to(T, step)), last_.T_odom_lidar);
     T = map_.refined(deskewed(scan.sparse, twist_to(T, step)), T, kSearchedOffM);
   }
-  last_->twist = twist_to(T, step);
+  last_.twist = twist_to(T, step);
 }
 
 void DirectOdometry::place(const ThinnedScan& scan, const ScanPeriod::Step& step,
                            OdometryPose& pose) {
   const bool enough = scan.sparse.size() >= kMinPoints && map_.voxel_count() > 0;
   if (first_ && enough) {
-    start_anew(scan, step);
+    start_anew(*first_, scan, step);
     first_.reset();
   }
   const double off_m = std::clamp(
       kLeastOffM + kOffDeviations * std::sqrt(off_rate2_) * step.seconds, kLeastOffM, kMostOffM);
   Eigen::Isometry3d T_predicted = predicted(step.seconds);
   pose.T_odom_lidar = T_predicted;
-  pose.twist_lidar = last_->twist;
+  pose.twist_lidar = last_.twist;
   pose.covariance = covariance_of_prediction(step.seconds);
   if (!enough) return;
 
