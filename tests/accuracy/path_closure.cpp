@@ -34,6 +34,8 @@ constexpr double kRadToDeg = 180.0 / std::numbers::pi;
 constexpr double kStartOffM = 0.2;
 constexpr double kLeafM = 0.1;
 constexpr double kMaxPairM = 1.0;
+/// Farther points are left out: PCL's voxel grid counts its cells with 32 bits [m].
+constexpr float kMaxRangeM = 50.0F;
 
 struct Arguments {
   std::filesystem::path drive;
@@ -49,7 +51,9 @@ maps::PointCloud put_together(const maps::Drive& drive, std::size_t begin, std::
   for (std::size_t i = begin; i < end; ++i) {
     const Eigen::Isometry3f T =
         (drive.T_map_lidar(anchor).inverse() * drive.T_map_lidar(i)).cast<float>();
-    for (const Eigen::Vector3f& p : drive.read(i).cloud.positions) cloud.positions.push_back(T * p);
+    for (const Eigen::Vector3f& p : drive.read(i).cloud.positions) {
+      if (p.norm() < kMaxRangeM) cloud.positions.push_back(T * p);
+    }
   }
   return cloud;
 }

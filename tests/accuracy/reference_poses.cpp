@@ -1,7 +1,7 @@
 // Reference poses for `stillmap evaluate localization --poses` that our own method takes no part
 // in.
 //
-//   reference_poses DRIVE --select 1::2 -o REFERENCE.tum [--json FILE]
+//   reference_poses DRIVE [--poses FILE] --select 1::2 -o REFERENCE.tum [--json FILE]
 //
 // Each selected scan is aligned by PCL's point-to-plane ICP, started from the drive's pose, to a
 // map of the scans that are not selected (deskewed as a build does, stacked by the drive's poses).
@@ -184,13 +184,16 @@ void print_for_people(const Summary& summary) {
 int run(int argc, char** argv) {
   CLI::App app("Reference poses by PCL's point-to-plane ICP on a map of the scans not selected");
   std::filesystem::path drive, output, json;
+  std::optional<std::filesystem::path> poses;
   std::string select = "1::2";
   app.add_option("DRIVE", drive, "Drive with poses")->required()->check(CLI::ExistingDirectory);
+  app.add_option("--poses", poses, "Poses instead of the drive's own: KITTI or TUM, T_map_lidar");
   app.add_option("--select", select, "Scans to align, begin:end:step")->capture_default_str();
   app.add_option("-o,--output", output, "TUM file to write")->required();
   app.add_option("--json", json, "Write the summary there");
   CLI11_PARSE(app, argc, argv);
-  const Summary summary = make_reference(maps::Drive::open(drive), maps::Selection::parse(select));
+  const Summary summary =
+      make_reference(maps::Drive::open(drive, poses), maps::Selection::parse(select));
   maps::write_tum_trajectory(output, summary.reference);
   if (!json.empty() && !(std::ofstream(json) << to_json(summary).dump(2) << '\n'))
     throw std::runtime_error(json.string() + ": cannot be written");

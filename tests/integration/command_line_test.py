@@ -8,6 +8,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -41,7 +42,7 @@ class CommandLine(unittest.TestCase):
         for command in ("build", "simulate", "evaluate", "localize", "serve", "inspect"):
             self.assertRegex(text, rf"(?m)^  {command}\b")
             self.assertEqual(run(command, "--help").returncode, 0, command)
-        for what in ("localization", "map", "detector", "paper"):
+        for what in ("localization", "map", "detector", "odometry", "paper", "paper-odometry"):
             self.assertIn("--json", run("evaluate", what, "--help").stdout)
 
     def test_usage_errors_are_2_and_name_the_value(self):
@@ -57,6 +58,10 @@ class CommandLine(unittest.TestCase):
         self.fails(2, "edits_file", "build", DRIVE, "-o", new, "--preset", "paper", "--edits", SCAN)
         self.fails(2, "--fill", "build", DRIVE, "-o", new, "--fusion", "off", "--fill", "on")
         self.fails(2, "--fill", "build", DRIVE, "-o", new, "--movable", "delete", "--fill", "on")
+        self.fails(2, "magic", "build", DRIVE, "-o", new, "--odometry", "magic")
+        self.fails(2, "--pose-sigma", "build", DRIVE, "-o", new, "--odometry", "default", "--pose-sigma", "1")
+        self.fails(2, "found given beside", "build", DRIVE, "-o", new, "--odometry", "given", "--gnss-sigma", "1")
+        self.fails(2, "gnss_sigma_m", "build", DRIVE, "-o", new, "--gnss-sigma", "-1")
         self.fails(2, "'1,2'", "localize", MAP, SCAN, "--prior", "1,2")
         self.fails(2, "'1'", "evaluate", "localization", MAP, DRIVE, "--prior-error", "1")
         self.fails(2, "--query-detector", "evaluate", "localization", MAP, DRIVE, "--query-detector", "geometric")
@@ -139,6 +144,29 @@ class CommandLine(unittest.TestCase):
         self.assertIn("warning: work of a killed build was thrown away", done.stdout)
         self.assertNotIn("resumed", done.stdout)
         self.assertEqual([each.name for each in self.folder.iterdir()], ["map"])
+
+    def test_a_drive_without_poses_becomes_a_map_in_which_it_is_found(self):
+        drive, new, path = self.folder / "drive", self.folder / "map", self.folder / "path.tum"
+        shutil.copytree(DRIVE, drive)
+        (drive / "poses.txt").unlink()
+        self.fails(1, "a drive without poses", "build", drive, "-o", new, "--odometry", "given")
+        done = run("build", drive, "-o", new, "--select", ":16", "--detector", "geometric", "--json", self.folder / "b.json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        counts = json.loads((self.folder / "b.json").read_text())["trajectory"]
+        self.assertEqual(counts["scans_predicted"], 0)
+        self.assertGreater(counts["key_frames"], 1)
+        options = json.loads((new / "manifest.json").read_text())["options"]
+        self.assertEqual((options["odometry"], options["loops"]), ("default", "on"))
+        # The drive's true poses say what the map's are worth.
+        done = run("evaluate", "odometry", DRIVE, "--select", ":16", "--loops", "off", "--trajectory", path,
+                   "--json", self.folder / "o.json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertLess(json.loads((self.folder / "o.json").read_text())["ate_rmse_m"], 0.05)
+        done = run("evaluate", "localization", new, drive, "--poses", path, "--select", "5:16:5", "--prior-error", "1,5",
+                   "--json", self.folder / "l.json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        (level,) = json.loads((self.folder / "l.json").read_text())["levels"]
+        self.assertEqual(level["success_rate"], 1.0)
 
     def test_localize_answers_like_the_server(self):
         answer = json.loads(run("localize", MAP, SCAN, "--prior", "0,0,0,5", "--json").stdout)

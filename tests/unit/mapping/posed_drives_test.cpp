@@ -1,0 +1,123 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/geodesy.hpp>
+
+#include <string>
+
+#include "build/posed_drives.hpp"
+#include "build/posed_drives_bytes.hpp"
+#include "small_drive.hpp"
+#include "support/temporary_folder.hpp"
+#include "support/throws.hpp"
+
+namespace stillmap::mapping {
+namespace {
+
+using maps::InputError;
+using test::ThrowsSaying;
+
+class PosedDrivesTest : public ::testing::Test {
+ protected:
+  PosedDrivesTest() : drive_(maps::Drive::open(test::SmallDrive().write(folder_))) {}
+  [[nodiscard]] maps::Drive without_poses() const {
+    maps::Drive::Contents contents = drive_.contents();
+    contents.T_map_lidar.clear();
+    return maps::Drive(contents);
+  }
+  [[nodiscard]] maps::Drive at(const maps::GeodeticOrigin& origin) const {
+    return drive_.with_poses(drive_.contents().T_map_lidar, origin);
+  }
+
+  test::TemporaryFolder folder_;
+  maps::Drive drive_;
+  MapBuildOptions options_;
+};
+
+TEST_F(PosedDrivesTest, GivenPosesAreTakenWhereThereAreSome) {
+  EXPECT_EQ(odometry_of({drive_}, options_), "given");
+  EXPECT_EQ(odometry_of({drive_, without_poses()}, options_), "default");
+  options_.trajectory.gnss_sigma_m = 0.5;
+  EXPECT_EQ(odometry_of({drive_}, options_), "default") << "who doubts them wants better ones";
+}
+
+TEST_F(PosedDrivesTest, ContradictionsAreRefusedInWords) {
+  options_.odometry = "magic";
+  EXPECT_THAT([&] { (void)odometry_of({drive_}, options_); },
+              ThrowsSaying<std::invalid_argument>({"magic", "given", "default", "loam"}));
+  options_.odometry = "given";
+  EXPECT_THAT([&] { (void)odometry_of({without_poses()}, options_); },
+              ThrowsSaying<InputError>({"drive", "without poses"}));
+  options_.trajectory.prior = {.sigma_m = 1.0, .sigma_rad = 0.1};
+  EXPECT_THAT([&] { (void)odometry_of({drive_}, options_); },
+              ThrowsSaying<std::invalid_argument>({"given", "prior"}));
+}
+
+TEST_F(PosedDrivesTest, OriginsAreBroughtTogetherByGeodesy) {
+  // A hundred-thousandth of a degree of latitude is 1.11 m to the north.
+  const maps::GeodeticOrigin first{49.0, 8.0, 110.0}, second{49.00001, 8.0, 112.0};
+  const PosedDrives posed = with_given_poses({at(first), at(second)});
+  for (std::size_t i = 0; i < drive_.size(); ++i) {
+    const Eigen::Vector3d way =
+        posed.drives[1].T_map_lidar(i).translation() - posed.drives[0].T_map_lidar(i).translation();
+    EXPECT_NEAR((way - Eigen::Vector3d(0.0, 1.112, 2.0)).norm(), 0.0, 2e-3) << i;
+  }
+  EXPECT_DOUBLE_EQ(posed.drives[1].contents().origin->latitude_deg, 49.0);
+  EXPECT_THAT(
+      [&] {
+        (void)with_given_poses({at(first), drive_});
+      },
+      ThrowsSaying<InputError>({"without a geodetic origin"}));
+}
+
+TEST(Geodesy, ThereAndBackIsNowhere) {
+  const maps::GeodeticOrigin a{49.0, 8.0, 110.0}, b{49.02, 8.03, 150.0};
+  const Eigen::Isometry3d T = maps::T_enu_enu(a, b) * maps::T_enu_enu(b, a);
+  EXPECT_LT((T.matrix() - Eigen::Matrix4d::Identity()).norm(), 1e-9);
+  // Up there leans away from up here by the angle between the two places.
+  const Eigen::Vector3d up = maps::T_enu_enu(a, b).linear().col(2);
+  EXPECT_NEAR(std::acos(up.z()) * 6.378e6, maps::T_enu_enu(a, b).translation().head<2>().norm(),
+              20.0);
+}
+
+TEST_F(PosedDrivesTest, PosesOfAnotherNumberOfScansAreRefused) {
+  std::vector<Eigen::Isometry3d> poses = drive_.contents().T_map_lidar;
+  poses.pop_back();
+  EXPECT_THROW((void)drive_.with_poses(poses, std::nullopt), std::invalid_argument);
+  poses.resize(drive_.size(), Eigen::Isometry3d::Identity());
+  poses[1].translation().x() = std::nan("");
+  EXPECT_THROW((void)drive_.with_poses(poses, std::nullopt), std::invalid_argument);
+}
+
+class PosedDrivesBytes : public PosedDrivesTest {
+ protected:
+  PosedDrivesBytes() {
+    posed_.drives = {at({49.0, 8.0, 110.0}), drive_};
+    posed_.counts = {{"key_frames", 7}, {"loops_found", 0}};
+  }
+  PosedDrives posed_;
+};
+
+TEST_F(PosedDrivesBytes, ComeBackToTheLastBit) {
+  const PosedDrives back = posed_drives_from(to_bytes(posed_), {without_poses(), without_poses()});
+  EXPECT_EQ(back.counts, posed_.counts);
+  for (std::size_t d = 0; d < 2; ++d) {
+    ASSERT_EQ(back.drives[d].contents().origin.has_value(), d == 0);
+    for (std::size_t i = 0; i < drive_.size(); ++i)
+      EXPECT_EQ(back.drives[d].T_map_lidar(i).matrix(), posed_.drives[d].T_map_lidar(i).matrix());
+  }
+  EXPECT_DOUBLE_EQ(back.drives[0].contents().origin->altitude_m, 110.0);
+}
+
+TEST_F(PosedDrivesBytes, OfAnotherLengthAreRefused) {
+  const std::string bytes = to_bytes(posed_);
+  for (std::size_t size = 0; size < bytes.size(); ++size)
+    EXPECT_THROW((void)posed_drives_from(bytes.substr(0, size), posed_.drives),
+                 std::invalid_argument)
+        << size;
+  EXPECT_THROW((void)posed_drives_from(bytes + "x", posed_.drives), std::invalid_argument);
+  EXPECT_THROW((void)posed_drives_from(bytes, {drive_}), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace stillmap::mapping
