@@ -119,6 +119,11 @@ void check(const std::vector<maps::Drive>& drives, const TrajectoryOptions& opti
   if (drives.empty()) throw std::invalid_argument("drives: none, expected at least one");
   if (const auto broken = options.violations(); !broken.empty())
     throw std::invalid_argument("trajectory options: " + broken.front());
+  if (drives.size() > 1 && !options.loops && !options.prior && !options.gnss_sigma_m)
+    throw std::invalid_argument(
+        "loops: found off with several drives, expected on, or poses of all drives as a prior or "
+        "as "
+        "GNSS: nothing else tells where the drives are to each other");
   for (const maps::Drive& drive : drives) {
     if (options.begin >= std::min(options.end.value_or(drive.size()), drive.size()))
       throw maps::InputError(drive.contents().root.string(),

@@ -153,6 +153,7 @@ class TreatedScansTest : public OdometryEvaluationTest {
     const std::vector<std::size_t> scans{0, 1, 2, 3};
     const TreatedScans treated(drive_, policy, "boxes:" + small_.write_car(folder_).string(), scans,
                                cancel_);
+    (void)treated.read(1);
     maps::PointCloud cloud = treated.read(1).cloud;
     points_ = treated.points();
     return cloud;

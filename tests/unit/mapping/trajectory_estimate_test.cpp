@@ -141,8 +141,19 @@ TEST_F(AroundTheBlock, DrivesWithoutCommonPosesAreJoinedByWhatBothSaw) {
   }));
 }
 
-TEST_F(AroundTheBlock, DrivesThatShareNothingAreRefusedByName) {
+TEST_F(AroundTheBlock, SeveralDrivesWithoutLoopsOrPosesAreRefusedAtOnce) {
   options_.loops = false;
+  cancel_ = true;
+  EXPECT_THAT(
+      [&] {
+        (void)estimate({open("first"), open("second")});
+      },
+      ThrowsSaying<std::invalid_argument>({"loops: found off", "expected on"}));
+}
+
+TEST_F(AroundTheBlock, DrivesThatShareNothingAreRefusedByName) {
+  // Too few scans for loops that confirm each other.
+  options_.end = 3;
   EXPECT_THAT(
       [&] {
         (void)estimate({open("first"), open("second")});

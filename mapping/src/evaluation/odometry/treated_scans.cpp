@@ -17,7 +17,7 @@ constexpr std::size_t kLearnedScans = 10;
 TreatedScans::TreatedScans(const maps::Drive& drive, MovablePolicy policy,
                            const std::string& detector, std::span<const std::size_t> scans,
                            const CancelFlag& cancel)
-    : drive_(drive), policy_(policy) {
+    : drive_(drive), policy_(policy), counted_(drive.size()) {
   if (policy_ == MovablePolicy::kKeep) return;
   detector_ = make_detector(detector, drive.size());
   ground_ = make_ground_segmenter();
@@ -31,7 +31,8 @@ TreatedScans::TreatedScans(const maps::Drive& drive, MovablePolicy policy,
 
 maps::Scan TreatedScans::read(std::size_t index) const {
   maps::Scan scan = drive_.read(index);
-  in_ += scan.cloud.size();
+  const bool counts = !counted_[index].exchange(true);
+  if (counts) in_ += scan.cloud.size();
   if (policy_ == MovablePolicy::kKeep || scan.cloud.empty()) return scan;
   const GroundResult ground = ground_->segment(scan.cloud);
   ProjectionOptions options;
@@ -39,8 +40,10 @@ maps::Scan TreatedScans::read(std::size_t index) const {
   options.ground_height = GroundHeight::kMean;
   ProjectionResult projection =
       project_objects(scan.cloud, ground, detector_->detect(scan, ground), options);
-  projected_ += projection.projected;
-  deleted_ += projection.deleted;
+  if (counts) {
+    projected_ += projection.projected;
+    deleted_ += projection.deleted;
+  }
   scan.cloud.positions = std::move(projection.positions);
   std::vector<std::uint8_t> keep(scan.cloud.size());
   for (std::size_t i = 0; i < keep.size(); ++i)

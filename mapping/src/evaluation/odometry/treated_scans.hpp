@@ -29,7 +29,7 @@ class TreatedScans {
 
   /// @note  Safe from several threads.
   [[nodiscard]] maps::Scan read(std::size_t index) const;
-  /// Of all scans read so far.
+  /// Of all scans read so far, each counted once: odometry reads the first ones twice.
   [[nodiscard]] TreatedPoints points() const;
 
  private:
@@ -38,6 +38,8 @@ class TreatedScans {
   /// None where everything is kept.
   std::unique_ptr<GroundSegmenter> ground_;
   std::unique_ptr<Detector> detector_;
+  /// One a scan of the drive.
+  mutable std::vector<std::atomic<bool>> counted_;
   mutable std::atomic<std::uint64_t> in_ = 0, projected_ = 0, deleted_ = 0;
 };
 

@@ -139,19 +139,18 @@ class DirectOdometry : public Odometry {
   /// Motion of the sensor since the last scan as a rate; as it was, over a gap.
   [[nodiscard]] Vector6d twist_to(const Eigen::Isometry3d& T_odom_lidar,
                                   const ScanPeriod::Step& step) const {
-    if (step.is_gap) return last_->twist;
-    return maps::log_se3(last_->T_odom_lidar.inverse() * T_odom_lidar) / step.seconds;
+    if (step.is_gap) return last_.twist;
+    return maps::log_se3(last_.T_odom_lidar.inverse() * T_odom_lidar) / step.seconds;
   }
   /// Where the sensor is after so long.
   [[nodiscard]] Eigen::Isometry3d predicted(double seconds) const {
-    return maps::renormalized(
-        last_->T_odom_lidar *
-        maps::exp_se3(last_->twist * std::min(seconds, ScanPeriod::kMaxGapS)));
+    return maps::renormalized(last_.T_odom_lidar *
+                              maps::exp_se3(last_.twist * std::min(seconds, ScanPeriod::kMaxGapS)));
   }
   void place(const ThinnedScan& scan, const ScanPeriod::Step& step, OdometryPose& pose);
   [[nodiscard]] Found found_over(const ThinnedScan& scan, const ScanPeriod::Step& step,
                                  Eigen::Isometry3d& T_predicted) const;
-  void start_anew(const ThinnedScan& scan, const ScanPeriod::Step& step);
+  void start_anew(const ThinnedScan& first, const ThinnedScan& scan, const ScanPeriod::Step& step);
   void learn(const Vector6d& deviation, double dt_s);
   [[nodiscard]] std::vector<Vector6d> untold(const LocalAlignment& match);
   /// Of where a prediction ends after so long without a word, along any direction [m^2].
@@ -171,7 +170,9 @@ class DirectOdometry : public Odometry {
 
   LocalMap map_;
   ScanPeriod period_;
-  std::optional<Last> last_;
+  /// Of the scan before, once there is one.
+  Last last_;
+  bool has_last_ = false;
   std::optional<Eigen::Isometry3d> T_odom_mapped_;
   std::size_t scans_in_map_ = 0;
   /// Mean square of how fast predictions went astray [m^2/s^2].
@@ -201,7 +202,7 @@ OdometryPose DirectOdometry::add(const Prepared& prepared) {
   const auto& scan = dynamic_cast<const ThinnedScan&>(prepared);
   OdometryPose pose;
   if (const auto step = period_.step_to(scan.stamp_ns, scan.source)) place(scan, *step, pose);
-  if (!last_) {
+  if (!has_last_) {
     if (start_twist_)
       pose.twist_lidar = *start_twist_;
     else if (scan.dense.size() >= kMinPoints)
@@ -209,6 +210,7 @@ OdometryPose DirectOdometry::add(const Prepared& prepared) {
   }
   take(scan, pose);
   last_ = Last{pose.T_odom_lidar, pose.twist_lidar};
+  has_last_ = true;
   return pose;
 }
 
@@ -242,35 +244,36 @@ DirectOdometry::Found DirectOdometry::best_of_widening(const ThinnedScan& scan,
                std::max(kLeastInliers, kKnownOfUsual * usual_known_) &&
            found.match.standing_ratio >= kStandingOfUsual * usual_standing_;
   };
-  Found best = aligned(scan, last_->twist, T_predicted, std::min(off_m, kSearchedOffM), step);
+  Found best = aligned(scan, last_.twist, T_predicted, std::min(off_m, kSearchedOffM), step);
   const bool follows = placed_ > kFirstScans || start_twist_;
   if (follows && off_m <= kSearchedOffM && explains_as_usual(best)) return best;
   const auto try_too = [&](Found found) {
     if (found.match.fit > best.match.fit) best = std::move(found);
   };
-  try_too(aligned(scan, last_->twist, T_predicted, kMostOffM, step));
-  try_too(searched(scan, last_->twist, T_predicted, step));
+  try_too(aligned(scan, last_.twist, T_predicted, kMostOffM, step));
+  try_too(searched(scan, last_.twist, T_predicted, step));
   if (placed_ <= kFirstScans || explains_as_usual(best)) return best;
   for (const double turn_rad : {-kSuddenTurnRad, kSuddenTurnRad}) {
     Eigen::Isometry3d T_turned = T_predicted;
     T_turned.rotate(Eigen::AngleAxisd(turn_rad, Eigen::Vector3d::UnitZ()));
-    try_too(searched(scan, last_->twist, T_turned, step));
+    try_too(searched(scan, last_.twist, T_turned, step));
   }
   return best;
 }
 
 /// The first scan could not be deskewed. With the same skew in both the motion from it to the
 /// second is nearly right, which deskews both.
-void DirectOdometry::start_anew(const ThinnedScan& scan, const ScanPeriod::Step& step) {
-  Eigen::Isometry3d T = last_->T_odom_lidar;
+void DirectOdometry::start_anew(const ThinnedScan& first, const ThinnedScan& scan,
+                                const ScanPeriod::Step& step) {
+  Eigen::Isometry3d T = last_.T_odom_lidar;
   T = map_.searched(scan.sparse.positions, T);
   T = map_.refined(scan.sparse.positions, T, kSearchedOffM);
-  for (int round = 0; round < (first_->dense.time_offsets_s.empty() ? 0 : 2); ++round) {
+  for (int round = 0; round < (first.dense.time_offsets_s.empty() ? 0 : 2); ++round) {
     map_ = LocalMap();
-    map_.add(deskewed(first_->dense, twist_to(T, step)), last_->T_odom_lidar);
+    map_.add(deskewed(first.dense, twist_to(T, step)), last_.T_odom_lidar);
     T = map_.refined(deskewed(scan.sparse, twist_to(T, step)), T, kSearchedOffM);
   }
-  last_->twist = twist_to(T, step);
+  last_.twist = twist_to(T, step);
 }
 
 /// Where the scan lies from what the last one predicts. @param T_predicted  for this step; becomes
@@ -296,12 +299,12 @@ void DirectOdometry::place(const ThinnedScan& scan, const ScanPeriod::Step& step
                            OdometryPose& pose) {
   const bool enough = scan.sparse.size() >= kMinPoints && map_.voxel_count() > 0;
   if (first_ && enough) {
-    start_anew(scan, step);
+    start_anew(*first_, scan, step);
     first_.reset();
   }
   Eigen::Isometry3d T_predicted = predicted(step.seconds);
   pose.T_odom_lidar = T_predicted;
-  pose.twist_lidar = last_->twist;
+  pose.twist_lidar = last_.twist;
   pose.covariance = covariance_of_prediction(step.seconds);
   const double untold_s = untold_s_ + std::min(step.seconds, ScanPeriod::kMaxGapS);
   if (!enough) {
@@ -320,7 +323,7 @@ void DirectOdometry::place(const ThinnedScan& scan, const ScanPeriod::Step& step
   pose.degenerate_directions = kept.empty() ? match.degenerate_directions : kept;
   if (!was_lost && !lost_.empty() && !steady_.empty()) {
     const Vector6d steady = median_of(steady_);
-    last_->twist = steady + without(last_->twist - steady, lost_);
+    last_.twist = steady + without(last_.twist - steady, lost_);
     T_predicted = predicted(step.seconds);
   }
   const Vector6d deviation =
