@@ -202,6 +202,23 @@ TEST(DirectOdometry, GoesOnThroughEmptyScansAndGapsInTime) {
   EXPECT_LT(off_m(truth.front(), truth.back(), poses.back()), 0.05);
 }
 
+TEST(DirectOdometry, GoesOnFromWhereItIsSetDownAgain) {
+  const auto truth = curve(50);
+  std::vector<maps::Scan> scans = scans_from(test::street(43), truth);
+  // Carried elsewhere between two scans; from there on another street is seen.
+  const std::vector<maps::Scan> elsewhere = scans_from(test::street(78), truth);
+  constexpr std::size_t kCarried = 20, kAgain = kCarried + 10;
+  std::copy(elsewhere.begin() + kCarried, elsewhere.end(), scans.begin() + kCarried);
+  const auto poses = follow(scans);
+  expect_all_finite(poses);
+  for (std::size_t i = kAgain; i < poses.size(); ++i) {
+    EXPECT_EQ(poses[i].status, OdometryStatus::kMatched) << i;
+    const Eigen::Isometry3d T_again = poses[kAgain].T_odom_lidar * truth[kAgain].inverse();
+    EXPECT_LT(((T_again * truth[i]).inverse() * poses[i].T_odom_lidar).translation().norm(), 0.15)
+        << i;
+  }
+}
+
 TEST(DirectOdometry, StampsAloneDoNotMoveTheSensor) {
   const auto truth = curve(30);
   const std::vector<maps::Scan> regular = scans_from(test::street(43), truth);
