@@ -23,12 +23,22 @@ struct RecordedCall {
   std::string bytes;
 };
 
+/// Lets every change pass but the syncs, which only cost time where no power is ever cut.
+class UnsyncedCalls : public maps::DiskCalls {
+ public:
+  std::int64_t pass(const maps::DiskCall& call, const Perform& perform) override {
+    const bool syncs = call.kind == maps::DiskCall::Kind::kSyncFile ||
+                       call.kind == maps::DiskCall::Kind::kSyncFolder;
+    return syncs ? 0 : perform(call.bytes.size());
+  }
+};
+
 /// Keeps what was changed on the disk, in order; what failed is left out.
-class RecordingCalls : public maps::DiskCalls {
+class RecordingCalls : public UnsyncedCalls {
  public:
   std::int64_t pass(const maps::DiskCall& call, const Perform& perform) override {
     const std::scoped_lock lock(mutex_);
-    const std::int64_t result = perform(call.bytes.size());
+    const std::int64_t result = UnsyncedCalls::pass(call, perform);
     if (result < 0) return result;
     const bool writes = call.kind == maps::DiskCall::Kind::kWrite;
     calls_.push_back(
@@ -47,14 +57,14 @@ class RecordingCalls : public maps::DiskCalls {
 enum class Fault { kNoSpace, kInputOutput, kShortWrite };
 
 /// Lets every call pass but those that fail. Counts from 0.
-class FailingCalls : public maps::DiskCalls {
+class FailingCalls : public UnsyncedCalls {
  public:
   using Picks = std::function<bool(std::size_t n, const maps::DiskCall& call)>;
   FailingCalls(Fault fault, Picks fails) : fault_(fault), fails_(std::move(fails)) {}
 
   std::int64_t pass(const maps::DiskCall& call, const Perform& perform) override {
     const std::scoped_lock lock(mutex_);
-    if (!fails_(count_++, call)) return perform(call.bytes.size());
+    if (!fails_(count_++, call)) return UnsyncedCalls::pass(call, perform);
     ++failed_;
     const bool writes = call.kind == maps::DiskCall::Kind::kWrite;
     if (fault_ == Fault::kShortWrite && writes && call.bytes.size() > 1)
