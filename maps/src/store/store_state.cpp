@@ -120,6 +120,12 @@ StoredVersion StoreState::version(std::string_view map, std::string_view version
   return known_version(inner_->database, map, version);
 }
 
+std::optional<StoredVersion> StoreState::find_version(std::string_view map,
+                                                      std::string_view version) const {
+  const std::scoped_lock lock(inner_->mutex);
+  return maps::find_version(inner_->database, map, version);
+}
+
 bool StoreState::uses(std::string_view digest) const {
   const std::scoped_lock lock(inner_->mutex);
   return is_used(inner_->database, digest);
@@ -129,7 +135,7 @@ bool StoreState::add_version(std::string_view map, const StoredVersion& version)
   const std::scoped_lock lock(inner_->mutex);
   SqliteDatabase& database = inner_->database;
   SqliteTransaction transaction(database);
-  if (const auto known = find_version(database, map, version.name)) {
+  if (const auto known = maps::find_version(database, map, version.name)) {
     if (known->digest == version.digest) return false;
     throw StoreRefusal(Reason::kOtherDigest, "version " + in_quotes(version.name) + " of map " +
                                                  in_quotes(map) + " is " + known->digest);

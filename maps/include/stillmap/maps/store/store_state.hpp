@@ -58,6 +58,9 @@ class StoreState {
   [[nodiscard]] std::vector<StoredVersion> versions(std::string_view map) const;
   /// @throws StoreRefusal kUnknownMap, kUnknownVersion.
   [[nodiscard]] StoredVersion version(std::string_view map, std::string_view version) const;
+  /// The same, or nothing.
+  [[nodiscard]] std::optional<StoredVersion> find_version(std::string_view map,
+                                                          std::string_view version) const;
   /// Whether any version of any map holds this package.
   [[nodiscard]] bool uses(std::string_view digest) const;
 
