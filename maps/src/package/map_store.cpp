@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <exception>
 
+#include "package/manifest_json.hpp"
+
 namespace stillmap::maps {
 namespace {
 
@@ -21,7 +23,11 @@ std::vector<fs::path> sub_folders(const fs::path& folder) {
     // A hidden folder is a build in progress or the store's own.
     const bool hidden = entries->path().filename().string().starts_with('.');
     std::error_code unreadable;
-    if (!hidden && entries->is_directory(unreadable)) folders.push_back(entries->path());
+    // That of `PackageStore`, which is no map.
+    const bool packages = entries->path().filename() == "packages" &&
+                          !fs::exists(entries->path() / kManifestName, unreadable);
+    if (!hidden && !packages && entries->is_directory(unreadable))
+      folders.push_back(entries->path());
   }
   if (error) throw StorageError(folder.string(), error.message());
   std::sort(folders.begin(), folders.end());

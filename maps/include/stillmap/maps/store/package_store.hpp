@@ -1,0 +1,100 @@
+#pragma once
+
+#include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/store/store_state.hpp>
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace stillmap::maps {
+
+/// Published map versions: immutable packages on the disk and the state that names them, kept in
+/// step through kills, full disks and power cuts (maps/store.md says how). A change that returned
+/// is kept; one that threw StorageError may or may not have happened, and may be asked for again.
+/// Safe from several threads, and several processes may have it open.
+class PackageStore {
+ public:
+  /// Opens the store in this folder, which must exist, or makes one there; finishes removals and
+  /// clears what killed writers left.
+  /// @param calls  outlives this.
+  /// @throws InputError when there are packages but no state that names them, or as `StoreState`.
+  explicit PackageStore(std::filesystem::path folder, DiskCalls& calls = DiskCalls::real());
+  ~PackageStore();
+  PackageStore(const PackageStore&) = delete;
+  PackageStore& operator=(const PackageStore&) = delete;
+
+  /// Names, versions and active pointers.
+  [[nodiscard]] const StoreState& state() const { return *state_; }
+  /// Why what is not needed any more still lies there; empty when it was cleared at opening.
+  [[nodiscard]] const std::string& not_cleared_because() const { return not_cleared_because_; }
+  /// A version's package. One that is open stays usable when the version is removed, but what
+  /// it reads at need (histories of the whole drive, objects) is gone then.
+  /// @throws StoreRefusal kUnknownMap, kUnknownVersion; InputError when it is broken.
+  [[nodiscard]] std::shared_ptr<const MapPackage> open(std::string_view map,
+                                                       std::string_view version) const;
+
+  struct Added {
+    StoredVersion version;
+    /// False when it was there already, with the same digest.
+    bool is_new = false;
+  };
+  /// Copies a package into the store, checks it (schema, presence, sizes, checksums, objects,
+  /// trajectories) and publishes it under this name. The given folder is only read.
+  /// @throws std::invalid_argument for a name that is not `is_valid_map_name`; InputError naming
+  /// what is wrong with the package; StoreRefusal kOtherDigest.
+  Added add(std::string_view map, std::string_view version, const std::filesystem::path& package);
+  /// As `StoreState::activate`, but a package that cannot be opened never becomes active.
+  /// @throws also InputError.
+  StoredMap activate(std::string_view map, std::string_view version,
+                     std::optional<std::int64_t> revision = {});
+  /// As `StoreState::roll_back`, with the same check.
+  StoredMap roll_back(std::string_view map, std::optional<std::int64_t> revision = {});
+  /// As `StoreState::remove_version`.
+  /// @return whether its package is gone from the disk: not while another version holds it, and not
+  /// when the disk fails at that; then the next `gc` or open tries again.
+  bool remove(std::string_view map, std::string_view version);
+
+  struct Problem {
+    /// Empty when it is of the store as a whole.
+    std::string map, version;
+    std::string what;
+  };
+  /// Recomputes all checksums and checks the state. Slow: reads everything.
+  [[nodiscard]] std::vector<Problem> verify() const;
+
+  struct Cleared {
+    /// Packages that no version names, by digest.
+    std::vector<std::string> packages;
+    /// Folders that a killed writer left.
+    std::size_t leftovers = 0;
+  };
+  /// Removes packages that no version names and what killed writers left. What is being written
+  /// right now stays.
+  Cleared gc();
+  /// What `gc` would remove of packages, by digest.
+  [[nodiscard]] std::vector<std::string> unnamed_packages() const;
+
+ private:
+  class Incoming;
+  [[nodiscard]] std::filesystem::path package_folder(std::string_view digest) const;
+  void refuse_lost_state() const;
+  bool adopt(const std::string& digest);
+  Added commit(std::string_view map, const StoredVersion& version);
+  void clear_package(const std::string& digest);
+  void clear_condemned();
+  std::size_t clear_leftovers();
+
+  std::filesystem::path folder_;
+  std::filesystem::path packages_;
+  DiskCalls* calls_;
+  std::unique_ptr<StoreState> state_;
+  std::string not_cleared_because_;
+};
+
+}  // namespace stillmap::maps

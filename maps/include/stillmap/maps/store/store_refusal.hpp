@@ -1,0 +1,28 @@
+#pragma once
+
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+
+namespace stillmap::maps {
+
+/// A change that the store's present state does not allow; nothing was changed.
+class StoreRefusal : public std::runtime_error {
+ public:
+  enum class Reason : std::uint8_t {
+    kUnknownMap,
+    kUnknownVersion,
+    kOtherDigest,    ///< a version of that name holds something else
+    kActive,         ///< the active version cannot be removed
+    kNoPrevious,     ///< nothing to roll back to
+    kOtherRevision,  ///< the map has changed since the caller looked
+  };
+  StoreRefusal(Reason reason, const std::string& message)
+      : std::runtime_error(message), reason_(reason) {}
+  [[nodiscard]] Reason reason() const { return reason_; }
+
+ private:
+  Reason reason_;
+};
+
+}  // namespace stillmap::maps

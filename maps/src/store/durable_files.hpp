@@ -1,0 +1,54 @@
+#pragma once
+
+#include <stillmap/maps/store/disk_calls.hpp>
+
+#include <filesystem>
+#include <string_view>
+
+namespace stillmap::maps {
+
+/// Changes to files and folders that outlive a power cut once synced. All throw StorageError with
+/// the path and the system's reason; nothing is retried but interrupted and short writes.
+class DurableFiles {
+ public:
+  /// @param calls  outlives this.
+  explicit DurableFiles(DiskCalls& calls) : calls_(&calls) {}
+
+  /// A file that did not exist before.
+  class NewFile {
+   public:
+    /// Closes it; without `finish` nothing of it is sure to last.
+    ~NewFile();
+    NewFile(NewFile&& other) noexcept;
+    NewFile& operator=(NewFile&&) = delete;
+    NewFile(const NewFile&) = delete;
+    NewFile& operator=(const NewFile&) = delete;
+
+    void append(std::string_view bytes);
+    /// Syncs and closes. Once only, and nothing may be appended after it.
+    void finish();
+
+   private:
+    friend class DurableFiles;
+    NewFile(DiskCalls& calls, std::filesystem::path path, int descriptor);
+    DiskCalls* calls_;
+    std::filesystem::path path_;
+    int descriptor_;
+    std::uint64_t size_ = 0;
+  };
+
+  /// Refuses an existing path, links included.
+  [[nodiscard]] NewFile create(const std::filesystem::path& file) const;
+  /// @return false when the folder was there already.
+  bool make_folder(const std::filesystem::path& folder) const;
+  /// Makes the folder's entries last: what was created, renamed and removed in it.
+  void sync_folder(const std::filesystem::path& folder) const;
+  void rename(const std::filesystem::path& from, const std::filesystem::path& to) const;
+  /// Removes a folder with all in it, following no link. Not synced.
+  void remove_tree(const std::filesystem::path& folder) const;
+
+ private:
+  DiskCalls* calls_;
+};
+
+}  // namespace stillmap::maps

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+
+#include "store/durable_files.hpp"
+
+namespace stillmap::maps {
+
+struct CopiedPackage {
+  std::string digest;
+  /// Of the listed files and the manifest.
+  std::uint64_t bytes = 0;
+};
+
+/// Copies what a package's manifest lists, the manifest and build.json into an empty folder, and
+/// syncs all of it. Sizes and checksums are those of the bytes written, so that nobody can change
+/// them in between.
+/// @throws InputError naming the file that is missing, no regular file, or not what the manifest
+/// says; StorageError.
+CopiedPackage copy_package(const std::filesystem::path& package, const std::filesystem::path& empty,
+                           const DurableFiles& files);
+
+}  // namespace stillmap::maps

@@ -1,0 +1,317 @@
+#include <stillmap/maps/store/package_store.hpp>
+
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_store.hpp>
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <map>
+#include <stdexcept>
+#include <system_error>
+#include <utility>
+
+#include "formats/text.hpp"
+#include "package/manifest_json.hpp"
+#include "store/durable_files.hpp"
+#include "store/folder_lock.hpp"
+#include "store/package_copy.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kStateName = "state.db";
+constexpr const char* kLockName = ".lock";
+constexpr const char* kIncoming = ".incoming-";
+constexpr const char* kRemoved = ".removed-";
+
+std::int64_t now_ns() {
+  using std::chrono::system_clock;
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(
+             system_clock::now().time_since_epoch())
+      .count();
+}
+
+bool is_digest(std::string_view name) {
+  return name.size() == 64 && name.find_first_not_of("0123456789abcdef") == std::string_view::npos;
+}
+
+/// Names of the folders in it, sorted.
+std::vector<std::string> folders_in(const fs::path& folder) {
+  std::vector<std::string> names;
+  std::error_code error;
+  fs::directory_iterator at(folder, error);
+  for (; !error && at != fs::directory_iterator(); at.increment(error))
+    if (at->symlink_status().type() == fs::file_type::directory)
+      names.push_back(at->path().filename().string());
+  if (error) throw StorageError(folder.string(), error.message());
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+bool is_there(const fs::path& folder) {
+  std::error_code error;
+  const fs::file_type type = fs::symlink_status(folder, error).type();
+  if (type == fs::file_type::none) throw StorageError(folder.string(), error.message());
+  return type != fs::file_type::not_found;
+}
+
+void check_name(const char* what, std::string_view name) {
+  if (is_valid_map_name(name)) return;
+  throw std::invalid_argument(std::string(what) + ": '" + std::string(name) +
+                              "', [a-z0-9][a-z0-9._-]{0,62} expected");
+}
+
+/// Opens it and reads the parts that are only read at need.
+void check_readable(const fs::path& folder) {
+  const std::shared_ptr<const MapPackage> package = MapPackage::open(folder);
+  (void)package->trajectories();
+  (void)package->objects();
+}
+
+std::string problems_text(const std::vector<std::string>& files) {
+  std::string text = "not what the manifest says:";
+  for (const std::string& file : files) text += " " + file;
+  return text;
+}
+
+}  // namespace
+
+/// A folder in `packages/` that is being filled, locked against `clear_leftovers`.
+class PackageStore::Incoming {
+ public:
+  /// Under the store's lock.
+  Incoming(const fs::path& packages, DurableFiles files) : files_(files) {
+    static std::atomic<unsigned> count{0};
+    do path_ = packages / (kIncoming + std::to_string(::getpid()) + "-" + std::to_string(count++));
+    while (!files_.make_folder(path_));
+    lock_ = FolderLock::try_folder(path_);
+  }
+  ~Incoming() {
+    if (!lock_ || published_) return;
+    try {
+      files_.remove_tree(path_);
+    } catch (const StorageError&) {
+      // The error that brought us here says more; the next open clears the folder.
+    }
+  }
+  Incoming(const Incoming&) = delete;
+  Incoming& operator=(const Incoming&) = delete;
+
+  [[nodiscard]] const fs::path& path() const { return path_; }
+  void publish(const fs::path& target) {
+    files_.rename(path_, target);
+    published_ = true;
+  }
+
+ private:
+  DurableFiles files_;
+  fs::path path_;
+  std::optional<FolderLock> lock_;
+  bool published_ = false;
+};
+
+PackageStore::PackageStore(fs::path folder, DiskCalls& calls)
+    : folder_(fs::absolute(folder).lexically_normal()),
+      packages_(folder_ / "packages"),
+      calls_(&calls) {
+  const FolderLock lock(folder_ / kLockName);
+  refuse_lost_state();
+  const DurableFiles files(calls);
+  // Before the state: where there is a state, there is a folder for its packages.
+  if (files.make_folder(packages_)) files.sync_folder(folder_);
+  state_ = std::make_unique<StoreState>(folder_ / kStateName, calls);
+  try {
+    clear_condemned();
+    clear_leftovers();
+  } catch (const StorageError& error) {
+    // A full or failing disk must not keep maps from being served.
+    not_cleared_because_ = error.what();
+  }
+}
+
+PackageStore::~PackageStore() = default;
+
+void PackageStore::refuse_lost_state() const {
+  std::error_code error;
+  const fs::path file = folder_ / kStateName;
+  if (is_there(file) && fs::file_size(file, error) > 0) return;
+  if (!is_there(packages_)) return;
+  const std::vector<std::string> names = folders_in(packages_);
+  if (std::none_of(names.begin(), names.end(), is_digest)) return;
+  throw InputError(file.string(), "nothing, though there are packages beside it",
+                   "the state that names them: put it back, or move the packages away");
+}
+
+fs::path PackageStore::package_folder(std::string_view digest) const { return packages_ / digest; }
+
+std::shared_ptr<const MapPackage> PackageStore::open(std::string_view map,
+                                                     std::string_view version) const {
+  return MapPackage::open(package_folder(state_->version(map, version).digest));
+}
+
+PackageStore::Added PackageStore::add(std::string_view map, std::string_view version,
+                                      const fs::path& package) {
+  check_name("map", map);
+  check_name("version", version);
+  const fs::path manifest_file = package / kManifestName;
+  const std::string text = read_text(manifest_file);
+  StoredVersion wanted{.name = std::string(version), .digest = sha256_of(text)};
+  for (const auto& [path, file] : parse_manifest(text, manifest_file.string()).files)
+    wanted.bytes += file.bytes;
+  wanted.bytes += text.size();
+  wanted.created_ns = now_ns();
+
+  if (const auto known = state_->find_version(map, version)) {
+    // Told before gigabytes are copied.
+    if (known->digest != wanted.digest) state_->add_version(map, wanted);
+    return {*known, false};
+  }
+  const DurableFiles files(*calls_);
+  std::optional<FolderLock> lock(folder_ / kLockName);
+  if (adopt(wanted.digest)) return commit(map, wanted);
+  Incoming incoming(packages_, files);
+  lock.reset();
+  const CopiedPackage copied = copy_package(package, incoming.path(), files);
+  if (copied.digest != wanted.digest)
+    throw InputError(manifest_file.string(), "a file that changes", "one that does not");
+  check_readable(incoming.path());
+  lock.emplace(folder_ / kLockName);
+  if (!adopt(wanted.digest)) incoming.publish(package_folder(wanted.digest));
+  return commit(map, wanted);
+}
+
+/// Under the lock. @return whether a whole package of this digest lies there. One that no version
+/// names is read through, since it may be any age; if it is broken, it is cleared.
+bool PackageStore::adopt(const std::string& digest) {
+  const fs::path folder = package_folder(digest);
+  if (!is_there(folder)) return false;
+  if (state_->uses(digest)) return true;
+  try {
+    const std::shared_ptr<const MapPackage> package = MapPackage::open(folder);
+    if (package->digest() == digest && package->verify().empty()) return true;
+  } catch (const InputError&) {
+    // Cleared like one with a wrong checksum.
+  }
+  clear_package(digest);
+  return false;
+}
+
+/// Under the lock, with the package in its place.
+PackageStore::Added PackageStore::commit(std::string_view map, const StoredVersion& version) {
+  DurableFiles(*calls_).sync_folder(packages_);
+  const bool is_new = state_->add_version(map, version);
+  return {state_->version(map, version.name), is_new};
+}
+
+StoredMap PackageStore::activate(std::string_view map, std::string_view version,
+                                 std::optional<std::int64_t> revision) {
+  (void)open(map, version);
+  return state_->activate(map, version, revision);
+}
+
+StoredMap PackageStore::roll_back(std::string_view map, std::optional<std::int64_t> revision) {
+  const StoredMap seen = state_->map(map);
+  if (seen.previous && revision.value_or(seen.revision) == seen.revision)
+    (void)open(map, *seen.previous);
+  // What was checked is what must become active, so the map may not have changed meanwhile.
+  return state_->roll_back(map, revision ? revision : seen.revision);
+}
+
+bool PackageStore::remove(std::string_view map, std::string_view version) {
+  const FolderLock lock(folder_ / kLockName);
+  const std::string digest = state_->version(map, version).digest;
+  state_->remove_version(map, version);
+  try {
+    clear_condemned();
+  } catch (const StorageError&) {
+    // The version is removed, which must not look like a failure; the rest stays noted.
+  }
+  return !is_there(package_folder(digest));
+}
+
+/// Under the lock. The rename makes it vanish at once; a half deleted package is never seen.
+void PackageStore::clear_package(const std::string& digest) {
+  const fs::path folder = package_folder(digest);
+  const fs::path removed = packages_ / (kRemoved + digest);
+  const DurableFiles files(*calls_);
+  if (is_there(removed)) files.remove_tree(removed);
+  if (!is_there(folder)) return;
+  files.rename(folder, removed);
+  files.sync_folder(packages_);
+  files.remove_tree(removed);
+}
+
+void PackageStore::clear_condemned() {
+  for (const std::string& digest : state_->condemned()) {
+    clear_package(digest);
+    DurableFiles(*calls_).sync_folder(packages_);
+    state_->forget_condemned(digest);
+  }
+}
+
+std::size_t PackageStore::clear_leftovers() {
+  std::size_t cleared = 0;
+  for (const std::string& name : folders_in(packages_)) {
+    const fs::path folder = packages_ / name;
+    if (name.starts_with(kIncoming)) {
+      if (!FolderLock::try_folder(folder)) continue;
+    } else if (!name.starts_with(kRemoved)) {
+      continue;
+    }
+    DurableFiles(*calls_).remove_tree(folder);
+    ++cleared;
+  }
+  return cleared;
+}
+
+std::vector<std::string> PackageStore::unnamed_packages() const {
+  std::vector<std::string> unnamed;
+  for (std::string& name : folders_in(packages_))
+    if (is_digest(name) && !state_->uses(name)) unnamed.push_back(std::move(name));
+  return unnamed;
+}
+
+PackageStore::Cleared PackageStore::gc() {
+  const FolderLock lock(folder_ / kLockName);
+  clear_condemned();
+  Cleared cleared{.packages = unnamed_packages()};
+  for (const std::string& digest : cleared.packages) clear_package(digest);
+  cleared.leftovers = clear_leftovers();
+  DurableFiles(*calls_).sync_folder(packages_);
+  return cleared;
+}
+
+std::vector<PackageStore::Problem> PackageStore::verify() const {
+  std::vector<Problem> problems;
+  for (std::string& what : state_->problems()) problems.push_back({{}, {}, std::move(what)});
+  // Several versions may name one package; it is read once.
+  std::map<std::string, std::string> found;
+  for (const StoredMap& map : state_->maps()) {
+    for (const StoredVersion& version : state_->versions(map.name)) {
+      if (!found.contains(version.digest)) {
+        std::string& what = found[version.digest];
+        try {
+          const auto package = MapPackage::open(package_folder(version.digest));
+          const std::vector<std::string> broken = package->verify();
+          if (package->digest() != version.digest)
+            what = "its manifest has another digest";
+          else if (!broken.empty())
+            what = problems_text(broken);
+        } catch (const std::runtime_error& error) {
+          what = error.what();
+        }
+      }
+      // It may have been removed while it was read.
+      if (!found[version.digest].empty() && state_->uses(version.digest))
+        problems.push_back({map.name, version.name, found[version.digest]});
+    }
+  }
+  return problems;
+}
+
+}  // namespace stillmap::maps

@@ -1,0 +1,224 @@
+#include <stillmap/maps/store/package_store.hpp>
+
+#include <stillmap/maps/error.hpp>
+
+#include <exception>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "support/disk_calls.hpp"
+#include "support/disk_model.hpp"
+#include "support/stored_packages.hpp"
+#include "support/temporary_folder.hpp"
+#include "support/throws.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+namespace fs = std::filesystem;
+using ::stillmap::test::DiskModel;
+using ::stillmap::test::FailingCalls;
+using ::stillmap::test::Fault;
+using ::stillmap::test::memory_folder;
+using ::stillmap::test::RecordedCall;
+using ::stillmap::test::RecordingCalls;
+using ::stillmap::test::TemporaryFolder;
+using ::stillmap::test::UnsyncedCalls;
+using ::stillmap::test::write_package;
+using ::testing::IsEmpty;
+using Kind = DiskCall::Kind;
+
+/// All that a store has acknowledged, as text.
+std::string contents_of(const PackageStore& store) {
+  std::string text;
+  for (const StoredMap& map : store.state().maps()) {
+    text += map.name + "@" + std::to_string(map.revision) + " active " +
+            map.active.value_or("none") + " previous " + map.previous.value_or("none");
+    for (const StoredVersion& version : store.state().versions(map.name))
+      text += " " + version.name + "=" + version.digest.substr(0, 6);
+    text += "\n";
+  }
+  return text;
+}
+
+/// What a store is put through, and what it holds after each step.
+class StoreScenarioTest : public ::testing::Test {
+ protected:
+  using Store = std::unique_ptr<PackageStore>;
+
+  StoreScenarioTest() {
+    fs::create_directory(sources_);
+    for (int seed = 1; seed <= 3; ++seed) write_package(sources_ / std::to_string(seed), seed);
+  }
+
+  /// Opens a store, adds, activates, rolls back, removes, and opens it again in between.
+  [[nodiscard]] std::vector<std::function<void(Store&)>> steps(const fs::path& folder,
+                                                               DiskCalls& calls) const {
+    const auto open = [&calls, folder](Store& store) {
+      store.reset();
+      store = std::make_unique<PackageStore>(folder, calls);
+    };
+    const auto add = [this](const char* map, const char* name, const char* source) {
+      return [=, this](Store& store) { store->add(map, name, sources_ / source); };
+    };
+    return {
+        open,
+        add("town", "a", "1"),
+        [](Store& store) { store->activate("town", "a"); },
+        add("town", "b", "2"),
+        [](Store& store) { store->activate("town", "b", 1); },
+        add("town", "copy", "1"),
+        open,
+        [](Store& store) { store->roll_back("town", 2); },
+        [](Store& store) { store->remove("town", "b"); },
+        add("depot", "a", "3"),
+        [](Store& store) { store->remove("town", "copy"); },
+        [](Store& store) { store->remove("depot", "a"); },
+        add("town", "b", "2"),
+        [](Store& store) { store.reset(); },
+    };
+  }
+
+  /// Contents before the first step and after each, of a store that nothing happens to.
+  [[nodiscard]] std::vector<std::string> expected() const {
+    const TemporaryFolder folder(memory_folder());
+    UnsyncedCalls calls;
+    Store store;
+    std::vector<std::string> contents = {""};
+    for (const auto& step : steps(folder.path(), calls)) {
+      step(store);
+      contents.push_back(store ? contents_of(*store) : contents.back());
+    }
+    return contents;
+  }
+
+  /// Opens what is left of a store.
+  /// @return what is wrong: something acknowledged is lost, something else is there, or a package
+  /// is broken; empty when all is well.
+  [[nodiscard]] std::string problem_of(const fs::path& folder, std::size_t acknowledged,
+                                       const std::vector<std::string>& expected) const {
+    UnsyncedCalls calls;
+    try {
+      PackageStore store(folder, calls);
+      const std::string contents = contents_of(store);
+      const std::size_t next = std::min(acknowledged + 1, expected.size() - 1);
+      if (contents != expected[acknowledged] && contents != expected[next])
+        return "found\n" + contents + "expected\n" + expected[acknowledged];
+      if (!store.verify().empty()) return store.verify().front().what;
+      if (!store.not_cleared_because().empty()) return store.not_cleared_because();
+      store.gc();
+      if (!store.unnamed_packages().empty()) return "packages that no version names";
+      store.add("later", "a", sources_ / "2");
+      store.activate("later", "a");
+      if (!store.verify().empty()) return "after adding: " + store.verify().front().what;
+      return {};
+    } catch (const std::exception& error) {
+      return error.what();
+    }
+  }
+
+  TemporaryFolder folder_{memory_folder()};
+  fs::path sources_ = folder_.path() / "sources";
+};
+
+/// The recorded run of a store.
+struct Recording {
+  std::vector<RecordedCall> calls;
+  /// Calls made when each step had returned.
+  std::vector<std::size_t> returned;
+};
+
+class PowerCutTest : public StoreScenarioTest {
+ protected:
+  PowerCutTest() {
+    const fs::path folder = folder_.path() / "recorded";
+    fs::create_directory(folder);
+    RecordingCalls calls;
+    Store store;
+    for (const auto& step : steps(folder, calls)) {
+      step(store);
+      recording_.returned.push_back(calls.calls().size());
+    }
+    recording_.calls = calls.calls();
+  }
+
+  struct Outcome {
+    std::size_t states = 0;
+    std::vector<std::string> problems;
+  };
+
+  /// Cuts the power after every call, until the first problem.
+  /// @param is_done  whether a call had an effect; the others are taken for forgotten.
+  [[nodiscard]] Outcome cut_everywhere(const std::function<bool(Kind)>& is_done) const {
+    const std::vector<std::string> contents = expected();
+    DiskModel disk(folder_.path() / "recorded");
+    Outcome outcome;
+    for (std::size_t made = 0; made <= recording_.calls.size() && outcome.problems.empty();
+         ++made) {
+      if (made > 0 && is_done(recording_.calls[made - 1].kind))
+        disk.apply(recording_.calls[made - 1]);
+      std::size_t acknowledged = 0;
+      while (acknowledged < recording_.returned.size() && recording_.returned[acknowledged] <= made)
+        ++acknowledged;
+      for (const auto unsynced : {DiskModel::Unsynced::kLost, DiskModel::Unsynced::kKept,
+                                  DiskModel::Unsynced::kAtRandom}) {
+        const TemporaryFolder state(memory_folder());
+        disk.write_state(state.path(), unsynced, static_cast<unsigned>(made));
+        ++outcome.states;
+        const std::string problem = problem_of(state.path(), acknowledged, contents);
+        if (!problem.empty())
+          outcome.problems.push_back("after " + std::to_string(made) + " calls: " + problem);
+      }
+    }
+    return outcome;
+  }
+
+  Recording recording_;
+};
+
+TEST_F(PowerCutTest, LosesNothingThatWasAcknowledged) {
+  const Outcome outcome = cut_everywhere([](Kind) { return true; });
+  EXPECT_THAT(outcome.problems, IsEmpty());
+  EXPECT_GE(outcome.states, 300U);
+  RecordProperty("states", static_cast<int>(outcome.states));
+}
+
+/// The same test with syncs that do nothing: it must see the loss.
+TEST_F(PowerCutTest, IsSeenToLoseWhereSyncsAreForgotten) {
+  EXPECT_FALSE(cut_everywhere([](Kind kind) { return kind != Kind::kSyncFile; }).problems.empty());
+  EXPECT_FALSE(
+      cut_everywhere([](Kind kind) { return kind != Kind::kSyncFolder; }).problems.empty());
+}
+
+class DiskFaultTest : public StoreScenarioTest, public ::testing::WithParamInterface<Fault> {};
+
+TEST_P(DiskFaultTest, LosesNothingWhicheverCallFails) {
+  const std::vector<std::string> contents = expected();
+  // Each call fails in one way here, and in the others in the tests beside this.
+  constexpr std::size_t kFaults = 3;
+  bool failed = true;
+  for (auto at = static_cast<std::size_t>(GetParam()); failed; at += kFaults) {
+    const TemporaryFolder folder(memory_folder());
+    FailingCalls calls(GetParam(), [&](std::size_t n, const auto&) { return n == at; });
+    std::size_t acknowledged = 0;
+    try {
+      Store store;
+      for (const auto& step : steps(folder.path(), calls)) {
+        step(store);
+        ++acknowledged;
+      }
+    } catch (const StorageError&) {
+    }
+    failed = calls.failed() > 0;
+    ASSERT_EQ(problem_of(folder.path(), acknowledged, contents), "") << "call " << at;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Faults, DiskFaultTest,
+                         ::testing::Values(Fault::kNoSpace, Fault::kInputOutput,
+                                           Fault::kShortWrite));
+
+}  // namespace
+}  // namespace stillmap::maps

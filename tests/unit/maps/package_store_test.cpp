@@ -1,0 +1,232 @@
+#include <stillmap/maps/store/package_store.hpp>
+
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_store.hpp>
+
+#include <algorithm>
+#include <fstream>
+#include <functional>
+#include <map>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "store/folder_lock.hpp"
+#include "support/disk_calls.hpp"
+#include "support/stored_packages.hpp"
+#include "support/temporary_folder.hpp"
+#include "support/throws.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+namespace fs = std::filesystem;
+using ::stillmap::test::TemporaryFolder;
+using ::stillmap::test::ThrowsSaying;
+using ::stillmap::test::UnsyncedCalls;
+using ::stillmap::test::write_package;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using Reason = StoreRefusal::Reason;
+
+void expect_refused(Reason reason, const std::function<void()>& change) {
+  EXPECT_THAT(change,
+              ::testing::Throws<StoreRefusal>(::testing::Property(&StoreRefusal::reason, reason)));
+}
+
+std::vector<std::string> listing(const fs::path& folder) {
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder)) names.push_back(entry.path().filename());
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+/// Puts other bytes into a file without a change of its size.
+void spoil(const fs::path& file) {
+  std::fstream stream(file, std::ios::in | std::ios::out | std::ios::binary);
+  stream.seekp(3);
+  stream.put('\x55');
+  ASSERT_TRUE(stream.good()) << file;
+}
+
+class PackageStoreTest : public ::testing::Test {
+ protected:
+  PackageStoreTest() { fs::create_directory(store_); }
+  [[nodiscard]] fs::path package(const std::string& digest) const {
+    return store_ / "packages" / digest;
+  }
+
+  TemporaryFolder folder_;
+  UnsyncedCalls calls_;
+  fs::path store_ = folder_.path() / "store";
+  std::string first_ = write_package(folder_.path() / "first", 1);
+  std::string second_ = write_package(folder_.path() / "second", 2);
+};
+
+TEST_F(PackageStoreTest, PublishesByDigestAndServesWhatIsActive) {
+  {
+    PackageStore store(store_, calls_);
+    const PackageStore::Added added = store.add("town", "1", folder_.path() / "first");
+    EXPECT_TRUE(added.is_new);
+    EXPECT_EQ(added.version.digest, first_);
+    EXPECT_GT(added.version.bytes, 2000U);
+    store.add("town", "2", folder_.path() / "second");
+    store.activate("town", "1");
+    store.activate("town", "2", 1);
+    EXPECT_EQ(store.roll_back("town", 2).active, "1");
+  }
+  const PackageStore store(store_, calls_);
+  EXPECT_EQ(store.state().map("town").active, "1");
+  EXPECT_EQ(store.open("town", "2")->digest(), second_);
+  EXPECT_EQ(store.open("town", "1")->tile({}).size(), 100U);
+  EXPECT_TRUE(fs::exists(package(first_) / "build.json"));
+  EXPECT_THAT(store.verify(), IsEmpty());
+  EXPECT_THAT(store.unnamed_packages(), IsEmpty());
+  EXPECT_EQ(store.not_cleared_because(), "");
+}
+
+TEST_F(PackageStoreTest, AddsTheSameTwiceAsOne) {
+  PackageStore store(store_, calls_);
+  store.add("town", "1", folder_.path() / "first");
+  EXPECT_FALSE(store.add("town", "1", folder_.path() / "first").is_new);
+  EXPECT_TRUE(store.add("town", "same", folder_.path() / "first").is_new);
+  EXPECT_THAT(listing(store_ / "packages"), ElementsAre(first_));
+  expect_refused(Reason::kOtherDigest, [&] { store.add("town", "1", folder_.path() / "second"); });
+  EXPECT_THAT(listing(store_ / "packages"), ElementsAre(first_));
+  EXPECT_THAT([&] { store.add("Town", "1", folder_.path() / "first"); },
+              ThrowsSaying<std::invalid_argument>({"map: 'Town'"}));
+  EXPECT_THAT([&] { store.add("town", "../1", folder_.path() / "first"); },
+              ThrowsSaying<std::invalid_argument>({"version: '../1'"}));
+}
+
+TEST_F(PackageStoreTest, TakesNothingThatTheManifestDoesNotSay) {
+  PackageStore store(store_, calls_);
+  const fs::path tile = folder_.path() / "first/tiles/0_0_0.bin";
+  folder_.write("first/index/cache", "derived");
+  store.add("town", "1", folder_.path() / "first");
+  EXPECT_FALSE(fs::exists(package(first_) / "index"));
+  store.remove("town", "1");
+
+  const auto add = [&] { store.add("town", "1", folder_.path() / "first"); };
+  spoil(tile);
+  EXPECT_THAT(add, ThrowsSaying<InputError>({"0_0_0.bin", "SHA-256", "manifest.json"}));
+  fs::resize_file(tile, 100);
+  EXPECT_THAT(add, ThrowsSaying<InputError>({"0_0_0.bin", "100 bytes"}));
+  fs::resize_file(tile, 3000);
+  EXPECT_THAT(add, ThrowsSaying<InputError>({"0_0_0.bin", "more bytes"}));
+  fs::remove(tile);
+  EXPECT_THAT(add, ThrowsSaying<InputError>({"0_0_0.bin", "nothing"}));
+  fs::create_symlink(folder_.path() / "second/tiles/0_0_0.bin", tile);
+  EXPECT_THAT(add, ThrowsSaying<InputError>({"0_0_0.bin", "a link"}));
+  EXPECT_THAT(listing(store_ / "packages"), IsEmpty());
+  EXPECT_THAT(store.state().versions("town"), IsEmpty());
+}
+
+TEST_F(PackageStoreTest, RemovesAPackageWithItsLastName) {
+  PackageStore store(store_, calls_);
+  store.add("town", "1", folder_.path() / "first");
+  store.add("depot", "1", folder_.path() / "first");
+  store.activate("town", "1");
+  expect_refused(Reason::kActive, [&] { store.remove("town", "1"); });
+  EXPECT_FALSE(store.remove("depot", "1"));
+  EXPECT_TRUE(fs::exists(package(first_)));
+  store.add("town", "2", folder_.path() / "second");
+  store.activate("town", "2");
+  const auto kept_open = store.open("town", "1");
+  EXPECT_TRUE(store.remove("town", "1"));
+  EXPECT_THAT(listing(store_ / "packages"), ElementsAre(second_));
+  EXPECT_EQ(kept_open->tile({}).front().y, 1.0F) << "queries in flight finish on it";
+}
+
+TEST_F(PackageStoreTest, VerifyNamesWhatIsBroken) {
+  PackageStore store(store_, calls_);
+  store.add("town", "1", folder_.path() / "first");
+  store.add("town", "same", folder_.path() / "first");
+  store.add("town", "2", folder_.path() / "second");
+  spoil(package(first_) / "tiles/0_0_0.bin");
+  fs::remove(package(second_) / "tiles/0_0_0.bin");
+  std::map<std::string, std::string> what;
+  for (const PackageStore::Problem& problem : store.verify()) {
+    EXPECT_EQ(problem.map, "town");
+    what[problem.version] = problem.what;
+  }
+  ASSERT_EQ(what.size(), 3U);
+  EXPECT_THAT(what["1"], HasSubstr("tiles/0_0_0.bin"));
+  EXPECT_EQ(what["same"], what["1"]);
+  EXPECT_THAT(what["2"], HasSubstr("found nothing"));
+}
+
+TEST_F(PackageStoreTest, NeverActivatesWhatCannotBeOpened) {
+  PackageStore store(store_, calls_);
+  store.add("town", "1", folder_.path() / "first");
+  store.add("town", "2", folder_.path() / "second");
+  store.activate("town", "1");
+  store.activate("town", "2");
+  fs::remove(package(first_) / "tiles/0_0_0.bin");
+  EXPECT_THAT([&] { store.activate("town", "1"); }, ThrowsSaying<InputError>({"0_0_0.bin"}));
+  EXPECT_THAT([&] { store.roll_back("town"); }, ThrowsSaying<InputError>({"0_0_0.bin"}));
+  EXPECT_EQ(store.state().map("town").active, "2");
+}
+
+TEST_F(PackageStoreTest, ClearsWhatKilledWritersLeftAndNothingElse) {
+  { PackageStore(store_, calls_).add("town", "1", folder_.path() / "first"); }
+  fs::create_directories(store_ / "packages/.incoming-1-1/tiles");
+  fs::create_directories(store_ / "packages/.incoming-1-2");
+  fs::create_directories(store_ / "packages/.removed-x");
+  folder_.write("store/packages/notes.txt", "of the operator");
+  const auto being_written = FolderLock::try_folder(store_ / "packages/.incoming-1-2");
+  ASSERT_TRUE(being_written);
+  PackageStore store(store_, calls_);
+  EXPECT_THAT(listing(store_ / "packages"), ElementsAre(".incoming-1-2", first_, "notes.txt"));
+  EXPECT_EQ(store.gc().leftovers, 0U);
+}
+
+TEST_F(PackageStoreTest, KeepsUnnamedPackagesUntilTheyAreAddedOrCleared) {
+  { PackageStore(store_, calls_).add("town", "1", folder_.path() / "first"); }
+  fs::copy(folder_.path() / "second", package(second_), fs::copy_options::recursive);
+  PackageStore store(store_, calls_);
+  EXPECT_THAT(store.unnamed_packages(), ElementsAre(second_));
+  spoil(package(second_) / "tiles/0_0_0.bin");
+  store.add("town", "2", folder_.path() / "second");
+  EXPECT_THAT(store.verify(), IsEmpty()) << "a broken one is not taken over";
+  store.remove("town", "2");
+  fs::copy(folder_.path() / "second", package(second_), fs::copy_options::recursive);
+  EXPECT_THAT(store.gc().packages, ElementsAre(second_));
+  EXPECT_THAT(listing(store_ / "packages"), ElementsAre(first_));
+}
+
+TEST_F(PackageStoreTest, RefusesPackagesWhoseStateIsGone) {
+  { PackageStore(store_, calls_).add("town", "1", folder_.path() / "first"); }
+  fs::remove(store_ / "state.db");
+  EXPECT_THAT([&] { PackageStore store(store_, calls_); },
+              ThrowsSaying<InputError>({"state.db", "there are packages", "put it back"}));
+  EXPECT_TRUE(fs::exists(package(first_)));
+}
+
+TEST_F(PackageStoreTest, StandsBesideMapsOfTheOlderLayout) {
+  write_package(store_ / "old", 3);
+  PackageStore store(store_, calls_);
+  store.add("town", "1", folder_.path() / "first");
+  store.add("old", "1", store_ / "old");
+  const MapStore older(store_);
+  EXPECT_THAT(older.names(), ElementsAre("old"));
+  EXPECT_THAT(older.refused(), IsEmpty());
+  EXPECT_EQ(store.open("old", "1")->digest(), older.find("old")->digest());
+}
+
+TEST_F(PackageStoreTest, AddsFromSeveralThreadsAndStores) {
+  PackageStore one(store_, calls_);
+  PackageStore other(store_, calls_);
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 4; ++i)
+    threads.emplace_back([&, i] {
+      (i % 2 == 0 ? one : other).add("town", std::to_string(i), folder_.path() / "first");
+    });
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(one.state().versions("town").size(), 4U);
+  EXPECT_THAT(listing(store_ / "packages"), ElementsAre(first_));
+}
+
+}  // namespace
+}  // namespace stillmap::maps
