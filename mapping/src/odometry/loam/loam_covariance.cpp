@@ -8,7 +8,8 @@ namespace stillmap::mapping::loam {
 namespace {
 
 /// Features near each other share the errors of the map, so they tell less than as many independent
-/// ones: measured on simulated drives.
+/// ones. A cautious guess: with it the steps of simulated town drives had a NEES of 0.2 to 0.6 (6
+/// expected).
 constexpr double kDependence = 30.0;
 /// Variance of one distance, at least [m^2].
 constexpr double kMinVarianceM2 = 0.01 * 0.01;
