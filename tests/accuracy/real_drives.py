@@ -14,6 +14,8 @@ import subprocess
 import sys
 import tempfile
 
+import path_slip
+
 SKIPPED = 77
 KITTI = "kitti_raw/2011_09_26/2011_09_26_drive_0013_sync"
 MULRAN = "mulran_seosan01"
@@ -89,14 +91,20 @@ def odometry(program, data, folder, check):
     # Key frames 1.2 m apart with poses good to some cm.
     mulran, _ = followed(MULRAN)
     check("MulRan: scans that nothing placed", mulran["status"]["predicted"], mulran["status"]["predicted"] <= 1)
-    check("MulRan: relative error over 10 m [%]", mulran["rpe"]["translation_percent_10m"],
-          mulran["rpe"]["translation_percent_10m"] <= 0.5)
+    step = mulran["rpe"]["next_translation_m"]
+    check("MulRan: error from key frame to key frame, mean [m]", step["mean"], step["mean"] <= 0.05)
+    check("MulRan: the same, worst [m]", step["max"], step["max"] <= 0.15)
     # The drive's GNSS-aided track slides sideways by up to 0.4 m in 10 m, which a car cannot; its heading does not.
-    kitti, _ = followed(KITTI)
+    kitti, path = followed(KITTI)
     check("KITTI 0013: relative error over 10 m [deg]", kitti["rpe"]["rotation_deg_10m"],
           kitti["rpe"]["rotation_deg_10m"] <= 0.2)
     check("KITTI 0013: relative error over 10 m [%]", kitti["rpe"]["translation_percent_10m"],
           kitti["rpe"]["translation_percent_10m"] <= 2.5)
+    shares, length = path_slip.slips(path_slip.read(path))
+    check("KITTI 0013: sideways per metre, least and most", (shares[0], shares[-1]),
+          -0.005 <= shares[0] and shares[-1] <= 0.015)
+    # By the GNSS-aided track, whose lengths hold where its directions do not.
+    check("KITTI 0013: length [m]", length, abs(length - 90.78) <= 0.2)
     # Handheld, no rings, returns to its start; PCL's GICP says where the last scan was.
     _, path = followed(HKU)
     closure = folder / "closure.json"

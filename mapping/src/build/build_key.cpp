@@ -1,5 +1,6 @@
 #include "build/build_key.hpp"
 
+#include "build/byte_reader.hpp"
 #include "build/manifest.hpp"
 
 #include <fmt/format.h>
@@ -62,22 +63,17 @@ int add_object(dl_phdr_info* object, std::size_t, void* to) {
   }
 }
 
-template <typename Number>
-void put(std::string& bytes, const Number& value) {
-  bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
-}
-
 /// A scan's points are deskewed by the poses of its neighbours, so all scans of the drive count.
 std::string motion_of(const maps::Drive& drive) {
   const maps::Drive::Contents& contents = drive.contents();
   std::string bytes;
-  for (const std::int64_t stamp_ns : contents.stamps_ns) put(bytes, stamp_ns);
+  for (const std::int64_t stamp_ns : contents.stamps_ns) put_number(bytes, stamp_ns);
   for (const Eigen::Isometry3d& T : contents.T_map_lidar) {
-    for (const double value : T.matrix().reshaped()) put(bytes, value);
+    for (const double value : T.matrix().reshaped()) put_number(bytes, value);
   }
   for (const auto& [start_s, end_s] : contents.spin_start_end_s) {
-    put(bytes, start_s);
-    put(bytes, end_s);
+    put_number(bytes, start_s);
+    put_number(bytes, end_s);
   }
   return maps::sha256_of(bytes);
 }
@@ -94,9 +90,9 @@ std::string states_of(const maps::Drive& drive) {
   std::string bytes;
   for (const std::filesystem::path& file : drive.contents().scan_files) {
     std::error_code error;
-    put(bytes, std::filesystem::file_size(file, error));
+    put_number(bytes, std::filesystem::file_size(file, error));
     if (!error)
-      put(bytes, std::filesystem::last_write_time(file, error).time_since_epoch().count());
+      put_number(bytes, std::filesystem::last_write_time(file, error).time_since_epoch().count());
     if (error) throw maps::StorageError(file.string(), error.message());
   }
   return maps::sha256_of(bytes);

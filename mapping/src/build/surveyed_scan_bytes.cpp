@@ -1,8 +1,8 @@
 #include "build/surveyed_scan_bytes.hpp"
 
+#include "build/byte_reader.hpp"
+
 #include <algorithm>
-#include <cstring>
-#include <stdexcept>
 #include <type_traits>
 #include <utility>
 
@@ -12,7 +12,7 @@ namespace {
 template <typename Number>
   requires std::is_arithmetic_v<Number> || std::is_enum_v<Number>
 void put(std::string& bytes, Number value) {
-  bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
+  put_number(bytes, value);
 }
 
 void put(std::string& bytes, std::string_view text) {
@@ -69,13 +69,13 @@ void put_all(std::string& bytes, const All& all) {
   for (const auto& each : all) put(bytes, each);
 }
 
-class Reader {
+class Reader : public ByteReader {
  public:
-  explicit Reader(std::string_view bytes) : bytes_(bytes) {}
+  explicit Reader(std::string_view bytes) : ByteReader(bytes, "surveyed scan") {}
 
   void get(bool& value) {
     const auto byte = number<std::uint8_t>();
-    if (byte > 1) throw std::invalid_argument("surveyed scan: a flag that is neither 0 nor 1");
+    if (byte > 1) refuse("a flag that is neither 0 nor 1");
     value = byte == 1;
   }
   template <typename Number>
@@ -87,7 +87,7 @@ class Reader {
     using Number = std::underlying_type_t<maps::ObjectClass>;
     const auto found = number<Number>();
     if (found < 0 || found > static_cast<Number>(maps::ObjectClass::kUnknown))
-      throw std::invalid_argument("surveyed scan: a class that is none");
+      refuse("a class that is none");
     value = static_cast<maps::ObjectClass>(found);
   }
   template <typename Scalar>
@@ -132,34 +132,10 @@ class Reader {
   void get_each(Fields&... fields) {
     (get(fields), ...);
   }
-  void end() const {
-    if (!bytes_.empty()) throw std::invalid_argument("surveyed scan: bytes left over");
-  }
 
  private:
   /// No element of a list takes fewer bytes, and none takes more than some 100 in memory.
   static constexpr std::size_t kLeastBytes = 16;
-
-  std::string_view take(std::size_t size) {
-    if (size > bytes_.size()) throw std::invalid_argument("surveyed scan: ends too early");
-    const std::string_view taken = bytes_.substr(0, size);
-    bytes_.remove_prefix(size);
-    return taken;
-  }
-  template <typename Number>
-  Number number() {
-    Number value{};
-    std::memcpy(&value, take(sizeof value).data(), sizeof value);
-    return value;
-  }
-  std::size_t count(std::size_t least_bytes) {
-    const auto count = number<std::size_t>();
-    if (count > bytes_.size() / least_bytes)
-      throw std::invalid_argument("surveyed scan: more elements than bytes");
-    return count;
-  }
-
-  std::string_view bytes_;
 };
 
 }  // namespace

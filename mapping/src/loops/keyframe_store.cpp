@@ -1,18 +1,7 @@
 #include "loops/keyframe_store.hpp"
 
-#include <stillmap/maps/error.hpp>
-
-#include <fmt/format.h>
-
-#include <unistd.h>
-
 #include <array>
-#include <cerrno>
 #include <cmath>
-#include <cstdlib>
-#include <cstring>
-#include <string>
-#include <system_error>
 #include <unordered_set>
 
 namespace stillmap::mapping {
@@ -48,49 +37,17 @@ std::vector<Stored> thinned(const std::vector<Eigen::Vector3f>& points) {
 
 }  // namespace
 
-KeyframeStore::KeyframeStore(const std::filesystem::path& folder) {
-  std::string name = (folder / "keyframes.XXXXXX").string();
-  descriptor_ = ::mkstemp(name.data());
-  if (descriptor_ < 0) throw maps::StorageError(name, std::strerror(errno));
-  file_ = name;
-}
-
-KeyframeStore::~KeyframeStore() {
-  ::close(descriptor_);
-  std::error_code ignored;
-  std::filesystem::remove(file_, ignored);
-}
+KeyframeStore::KeyframeStore(const std::filesystem::path& folder) : file_(folder, "keyframes") {}
 
 void KeyframeStore::append(const std::vector<Eigen::Vector3f>& points_lidar) {
   const std::vector<Stored> points = thinned(points_lidar);
-  const std::size_t bytes = points.size() * sizeof(Stored);
-  for (std::size_t done = 0; done < bytes;) {
-    const ssize_t written =
-        ::pwrite(descriptor_, reinterpret_cast<const char*>(points.data()) + done, bytes - done,
-                 static_cast<off_t>(end_ + done));
-    if (written < 0 && errno == EINTR) continue;
-    if (written < 0) throw maps::StorageError(file_.string(), std::strerror(errno));
-    if (written == 0) throw maps::StorageError(file_.string(), "nothing could be written");
-    done += static_cast<std::size_t>(written);
-  }
-  places_.push_back({end_, points.size()});
-  end_ += bytes;
+  places_.push_back({file_.append(points.data(), points.size() * sizeof(Stored)), points.size()});
 }
 
 std::vector<Eigen::Vector3f> KeyframeStore::read(std::size_t keyframe) const {
   const Place& place = places_.at(keyframe);
   std::vector<Stored> stored(place.points);
-  const std::size_t bytes = place.points * sizeof(Stored);
-  for (std::size_t done = 0; done < bytes;) {
-    const ssize_t got = ::pread(descriptor_, reinterpret_cast<char*>(stored.data()) + done,
-                                bytes - done, static_cast<off_t>(place.offset + done));
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) throw maps::StorageError(file_.string(), std::strerror(errno));
-    if (got == 0)
-      throw maps::StorageError(
-          file_.string(), fmt::format("ends at byte {}, expected {}", place.offset + done, end_));
-    done += static_cast<std::size_t>(got);
-  }
+  file_.read(place.offset, stored.data(), stored.size() * sizeof(Stored));
   std::vector<Eigen::Vector3f> points;
   points.reserve(stored.size());
   for (const Stored& each : stored) {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include "scratch_file.hpp"
+
 #include <Eigen/Core>
 
 #include <cstddef>
@@ -18,9 +20,6 @@ class KeyframeStore {
   /// Makes a scratch file of its own in `folder`; it is removed with the store.
   /// @throws maps::StorageError naming the file.
   explicit KeyframeStore(const std::filesystem::path& folder);
-  ~KeyframeStore();
-  KeyframeStore(const KeyframeStore&) = delete;
-  KeyframeStore& operator=(const KeyframeStore&) = delete;
 
   /// Gives the next number to a keyframe. Not while another thread is in any other function.
   /// @param points_lidar  [m]; those that are not finite or too far are left out.
@@ -31,7 +30,7 @@ class KeyframeStore {
   [[nodiscard]] std::size_t points_of(std::size_t keyframe) const {
     return places_.at(keyframe).points;
   }
-  [[nodiscard]] const std::filesystem::path& file() const { return file_; }
+  [[nodiscard]] const std::filesystem::path& file() const { return file_.path(); }
 
   /// Safe from several threads.
   /// @throws std::out_of_range; maps::StorageError naming the file when it cannot be read or ends
@@ -44,9 +43,7 @@ class KeyframeStore {
     std::uint64_t points = 0;
   };
 
-  std::filesystem::path file_;
-  int descriptor_ = -1;
-  std::uint64_t end_ = 0;
+  ScratchFile file_;
   std::vector<Place> places_;
 };
 

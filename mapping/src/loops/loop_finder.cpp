@@ -50,18 +50,16 @@ class Search {
         progress_(progress),
         cancel_(cancel) {}
 
-  [[nodiscard]] std::vector<Loop> run(LoopCounts& counts) {
+  [[nodiscard]] std::vector<Loop> run() {
     look_for_alike();
     for (int round = 0; round < kMostRounds; ++round) {
       const std::map<std::size_t, std::vector<Proposal>> work = next_tries();
       if (work.empty()) break;
-      for (const auto& [submap, proposals] : work) counts.candidates += proposals.size();
       check(work);
     }
     std::vector<Loop> loops = believed();
     std::stable_sort(loops.begin(), loops.end(),
                      [](const Loop& a, const Loop& b) { return a.to < b.to; });
-    counts.accepted = loops.size();
     return loops;
   }
 
@@ -170,7 +168,6 @@ struct LoopFinder::State {
 
   KeyframeStore keyframes;
   OdometryPath path;
-  LoopCounts counts;
 };
 
 LoopFinder::LoopFinder(const std::filesystem::path& scratch)
@@ -190,10 +187,7 @@ void LoopFinder::add(const Keyframe& keyframe) {
 
 std::vector<Loop> LoopFinder::find(int threads, const ProgressCallback& progress,
                                    const CancelFlag& cancel) {
-  state_->counts = {};
-  return Search(state_->keyframes, state_->path, threads, progress, cancel).run(state_->counts);
+  return Search(state_->keyframes, state_->path, threads, progress, cancel).run();
 }
-
-const LoopCounts& LoopFinder::counts() const { return state_->counts; }
 
 }  // namespace stillmap::mapping

@@ -38,11 +38,6 @@ struct Loop {
   double rmse_m = 0.0;
 };
 
-struct LoopCounts {
-  std::size_t candidates = 0;
-  std::size_t accepted = 0;
-};
-
 /// Finds loops among keyframes, in the order in which they come.
 ///
 /// Candidates: places whose Scan Context looks alike (Kim and Kim, IROS 2018), and places that
@@ -61,7 +56,6 @@ class LoopFinder {
   /// All loops between the keyframes added so far; the same for any number of threads.
   [[nodiscard]] std::vector<Loop> find(int threads, const ProgressCallback& progress,
                                        const CancelFlag& cancel);
-  [[nodiscard]] const LoopCounts& counts() const;
 
  private:
   struct State;

@@ -11,17 +11,6 @@
 
 namespace stillmap::mapping {
 
-struct OdometryRun {
-  /// One a scan, those of [begin, end).
-  std::vector<OdometryPose> poses;
-  /// By the clock on the wall, from beginning to end.
-  double seconds = 0.0;
-  /// CPU time of all threads: `Odometry::prepare` alone, reading left out.
-  double prepare_seconds = 0.0;
-  /// CPU time of `Odometry::add` alone.
-  double add_seconds = 0.0;
-};
-
 /// Reads a scan of the drive; called from several threads at once.
 using ReadScan = std::function<maps::Scan(std::size_t index)>;
 /// Is handed each scan as it was read, in order, once it is placed.
@@ -35,11 +24,14 @@ using TakePlacedScan =
 /// @param progress  may be empty; stage "odometry".
 /// @param read      instead of `drive.read`, e.g. with projected points; must keep the stamps.
 /// @param take      may be empty.
+/// @return one pose a scan, those of [begin, end).
 /// @throws std::invalid_argument for a range outside the drive or an unknown method, Cancelled, and
 /// what reading, the method and `take` throw.
-[[nodiscard]] OdometryRun run_odometry(const maps::Drive& drive, std::size_t begin, std::size_t end,
-                                       std::string_view method, int threads,
-                                       const ProgressCallback& progress, const CancelFlag& cancel,
-                                       const ReadScan& read = {}, const TakePlacedScan& take = {});
+[[nodiscard]] std::vector<OdometryPose> run_odometry(const maps::Drive& drive, std::size_t begin,
+                                                     std::size_t end, std::string_view method,
+                                                     int threads, const ProgressCallback& progress,
+                                                     const CancelFlag& cancel,
+                                                     const ReadScan& read = {},
+                                                     const TakePlacedScan& take = {});
 
 }  // namespace stillmap::mapping

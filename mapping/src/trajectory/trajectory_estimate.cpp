@@ -61,9 +61,8 @@ void follow(const maps::Drive& drive, std::size_t number, const TrajectoryOption
   };
   ReadScan read_scan;
   if (read) read_scan = [&](std::size_t index) { return read(drive, index); };
-  OdometryRun run = run_odometry(drive, options.begin, end, options.odometry, options.threads,
-                                 progress, cancel, read_scan, take);
-  estimated.odometry = std::move(run.poses);
+  estimated.odometry = run_odometry(drive, options.begin, end, options.odometry, options.threads,
+                                    progress, cancel, read_scan, take);
   out.drives.push_back(std::move(estimated));
 }
 

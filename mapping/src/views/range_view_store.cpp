@@ -4,11 +4,6 @@
 
 #include <fmt/format.h>
 
-#include <unistd.h>
-
-#include <cerrno>
-#include <cstdlib>
-#include <cstring>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -22,51 +17,21 @@ constexpr std::size_t kCachedViews = 32;
 
 }  // namespace
 
-RangeViewStore::RangeViewStore(const std::filesystem::path& folder) {
-  std::string name = (folder / "range_views.XXXXXX").string();
-  descriptor_ = ::mkstemp(name.data());
-  if (descriptor_ < 0) throw maps::StorageError(name, std::strerror(errno));
-  file_ = name;
-}
-
-RangeViewStore::~RangeViewStore() {
-  ::close(descriptor_);
-  std::error_code ignored;
-  std::filesystem::remove(file_, ignored);
-}
+RangeViewStore::RangeViewStore(const std::filesystem::path& folder)
+    : file_(folder, "range_views") {}
 
 void RangeViewStore::append(const RangeView& view) {
   const std::string bytes = view.to_bytes();
-  std::size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t written = ::pwrite(descriptor_, bytes.data() + done, bytes.size() - done,
-                                     static_cast<off_t>(end_ + done));
-    if (written < 0 && errno == EINTR) continue;
-    if (written < 0) throw maps::StorageError(file_.string(), std::strerror(errno));
-    if (written == 0) throw maps::StorageError(file_.string(), "nothing could be written");
-    done += static_cast<std::size_t>(written);
-  }
-  places_.push_back({end_, bytes.size()});
-  end_ += bytes.size();
+  places_.push_back({file_.append(bytes.data(), bytes.size()), bytes.size()});
 }
 
 RangeView RangeViewStore::load(const Place& place) const {
   std::string bytes(place.bytes, '\0');
-  std::size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t got = ::pread(descriptor_, bytes.data() + done, bytes.size() - done,
-                                static_cast<off_t>(place.offset + done));
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) throw maps::StorageError(file_.string(), std::strerror(errno));
-    if (got == 0)
-      throw maps::StorageError(
-          file_.string(), fmt::format("ends at byte {}, expected {}", place.offset + done, end_));
-    done += static_cast<std::size_t>(got);
-  }
+  file_.read(place.offset, bytes.data(), bytes.size());
   try {
     return RangeView::from_bytes(bytes);
   } catch (const std::invalid_argument& error) {
-    throw maps::StorageError(file_.string(),
+    throw maps::StorageError(file().string(),
                              fmt::format("at byte {}: {}", place.offset, error.what()));
   }
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "scratch_file.hpp"
 #include "views/range_view.hpp"
 
 #include <cstddef>
@@ -19,16 +20,13 @@ class RangeViewStore {
   /// Makes a scratch file of its own in `folder`; it is removed with the store.
   /// @throws maps::StorageError naming the file.
   explicit RangeViewStore(const std::filesystem::path& folder);
-  ~RangeViewStore();
-  RangeViewStore(const RangeViewStore&) = delete;
-  RangeViewStore& operator=(const RangeViewStore&) = delete;
 
   /// Gives the next ordinal to a view. Not while another thread is in any other function.
   /// @throws maps::StorageError naming the file, e.g. on a full disk; the store is unchanged then.
   void append(const RangeView& view);
 
   [[nodiscard]] std::size_t size() const { return places_.size(); }
-  [[nodiscard]] const std::filesystem::path& file() const { return file_; }
+  [[nodiscard]] const std::filesystem::path& file() const { return file_.path(); }
 
   /// Safe from several threads.
   /// @throws std::out_of_range; maps::StorageError naming the file when it cannot be read, ends too
@@ -48,9 +46,7 @@ class RangeViewStore {
   void remember(std::size_t ordinal, const std::shared_ptr<const RangeView>& view) const;
   [[nodiscard]] RangeView load(const Place& place) const;
 
-  std::filesystem::path file_;
-  int descriptor_ = -1;
-  std::uint64_t end_ = 0;
+  ScratchFile file_;
   std::vector<Place> places_;
   mutable std::mutex mutex_;
   mutable std::list<Cached> cache_;  ///< the one used last in front

@@ -305,12 +305,12 @@ TEST(RunOdometry, SameBitsForAnyNumberOfThreadsAndInOrder) {
   const maps::Drive drive(contents);
   const auto run = [&](int threads) {
     std::vector<std::size_t> order;
-    const OdometryRun result = run_odometry(
+    std::vector<OdometryPose> poses = run_odometry(
         drive, 2, 12, "default", threads, {}, CancelFlag{false},
         [&](std::size_t i) { return scans[i]; },
         [&](std::size_t i, const maps::Scan&, const OdometryPose&) { order.push_back(i); });
     EXPECT_THAT(order, ElementsAre(2, 3, 4, 5, 6, 7, 8, 9, 10, 11));
-    return result.poses;
+    return poses;
   };
   const auto one = run(1), four = run(4);
   ASSERT_EQ(one.size(), four.size());

@@ -67,10 +67,7 @@ std::vector<Loop> loops_of(const std::vector<Keyframe>& keyframes, int threads =
   LoopFinder finder(folder.path());
   for (const Keyframe& keyframe : keyframes) finder.add(keyframe);
   const CancelFlag cancel = false;
-  std::vector<Loop> loops = finder.find(threads, {}, cancel);
-  EXPECT_EQ(finder.counts().accepted, loops.size());
-  EXPECT_GE(finder.counts().candidates, loops.size());
-  return loops;
+  return finder.find(threads, {}, cancel);
 }
 
 void expect_right(const std::vector<Loop>& loops, const std::vector<Eigen::Isometry3d>& truth) {

@@ -4,6 +4,7 @@
 #include "evaluation/odometry/table_pieces.hpp"
 #include "evaluation/paper/paper_pieces.hpp"
 #include "evaluation/paper/paper_plan.hpp"
+#include "evaluation/require_once.hpp"
 
 #include <stillmap/mapping/detector.hpp>
 #include <stillmap/maps/drive.hpp>
@@ -13,7 +14,6 @@
 #include <algorithm>
 #include <chrono>
 #include <iterator>
-#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -127,16 +127,6 @@ class TablePlan {
   bool keep_;
   const CancelFlag& cancel_;
 };
-
-template <typename Value>
-void require_once(const char* name, const std::vector<Value>& values,
-                  std::vector<std::string>& broken) {
-  std::set<Value> seen;
-  for (const Value& value : values) {
-    if (!seen.insert(value).second)
-      broken.push_back(fmt::format("{}: {} twice, once", name, value));
-  }
-}
 
 }  // namespace
 

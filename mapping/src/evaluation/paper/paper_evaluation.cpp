@@ -4,6 +4,7 @@
 #include "evaluation/paper/paper_figures.hpp"
 #include "evaluation/paper/paper_pieces.hpp"
 #include "evaluation/paper/paper_plan.hpp"
+#include "evaluation/require_once.hpp"
 
 #include <stillmap/mapping/detector.hpp>
 
@@ -12,7 +13,6 @@
 #include <algorithm>
 #include <chrono>
 #include <iterator>
-#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -32,16 +32,6 @@ void require_usable(const PaperEvaluationOptions& options, const PaperParts& par
 void make_folders(const std::filesystem::path& work) {
   for (const char* name : {"drives", "maps", "answers"})
     std::filesystem::create_directories(work / name);
-}
-
-template <typename Value>
-void require_once(const char* name, const std::vector<Value>& values,
-                  std::vector<std::string>& broken) {
-  std::set<Value> seen;
-  for (const Value& value : values) {
-    if (!seen.insert(value).second)
-      broken.push_back(fmt::format("{}: {} twice, once", name, value));
-  }
 }
 
 }  // namespace

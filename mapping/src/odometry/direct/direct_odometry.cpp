@@ -321,7 +321,7 @@ void DirectOdometry::place(const ThinnedScan& scan, const ScanPeriod::Step& step
   const bool was_lost = !lost_.empty();
   const std::vector<Vector6d> kept = untold(match);
   pose.degenerate_directions = kept.empty() ? match.degenerate_directions : kept;
-  if (!was_lost && !lost_.empty() && !steady_.empty()) {
+  if (!was_lost && !lost_.empty()) {
     const Vector6d steady = median_of(steady_);
     last_.twist = steady + without(last_.twist - steady, lost_);
     T_predicted = predicted(step.seconds);
