@@ -15,14 +15,14 @@ struct AuditRecord {
   /// Given by the log, growing; 0 in what is appended.
   std::int64_t id = 0;
   std::int64_t time_ns = 0;
-  std::string request_id;
+  std::string request_id{};
   /// Empty without keys.
-  std::string key_id;
-  std::string method;
+  std::string key_id{};
+  std::string method{};
   /// The pattern, as "/v1/maps/{map}".
-  std::string route;
+  std::string route{};
   /// What it was about, as "town/v2".
-  std::string subject;
+  std::string subject{};
   /// HTTP's.
   int status = 0;
   auto operator<=>(const AuditRecord&) const = default;

@@ -22,7 +22,7 @@ struct DrivePart {
   /// 1 to 10,000, in the order of the bytes.
   std::int64_t n = 0;
   /// Hex.
-  std::string sha256;
+  std::string sha256{};
   std::uint64_t bytes = 0;
   auto operator<=>(const DrivePart&) const = default;
 };
@@ -30,17 +30,17 @@ struct DrivePart {
 struct StoredDrive {
   /// Grows with time, never given twice: safe as the name of a folder.
   std::int64_t id = 0;
-  std::string map;
+  std::string map{};
   /// As the uploader called it; not unique.
-  std::string name;
+  std::string name{};
   DriveStatus status = DriveStatus::kOpen;
   /// Why it failed; else empty.
-  std::string error;
+  std::string error{};
   /// Of its parts.
   std::uint64_t bytes = 0;
   std::int64_t created_ns = 0;
   /// When it was completed or failed.
-  std::optional<std::int64_t> finished_ns;
+  std::optional<std::int64_t> finished_ns{};
   auto operator<=>(const StoredDrive&) const = default;
 };
 

@@ -30,38 +30,38 @@ enum class JobStatus : std::uint8_t { kEnqueued, kProcessing, kSucceeded, kFaile
 /// What is asked for.
 struct NewJob {
   JobKind kind = JobKind::kRebuild;
-  std::string map;
+  std::string map{};
   /// As the client sent it; the store does not read it.
-  std::string request;
+  std::string request{};
   /// Complete drives of this map that it reads.
-  std::vector<std::int64_t> drives;
+  std::vector<std::int64_t> drives{};
   /// Id of the key of who asks; empty without keys.
-  std::string asker;
+  std::string asker{};
   /// The asker's own name for this request.
-  std::optional<std::string> idempotency_key;
+  std::optional<std::string> idempotency_key{};
 };
 
 struct StoredJob {
   /// Grows with time, never given twice.
   std::int64_t id = 0;
   JobKind kind = JobKind::kRebuild;
-  std::string map;
-  std::string request;
+  std::string map{};
+  std::string request{};
   JobStatus status = JobStatus::kEnqueued;
   /// Of the latest attempt; empty before the first.
-  std::string stage;
+  std::string stage{};
   /// Why it failed or is tried again; else empty.
-  std::string error;
+  std::string error{};
   /// What a job that succeeded published.
-  std::optional<std::string> result_version;
+  std::optional<std::string> result_version{};
   /// Times that it was claimed.
   std::int64_t attempts = 0;
   std::int64_t enqueued_ns = 0;
   /// Of the latest attempt.
-  std::optional<std::int64_t> started_ns;
-  std::optional<std::int64_t> finished_ns;
-  std::string asker;
-  std::optional<std::string> idempotency_key;
+  std::optional<std::int64_t> started_ns{};
+  std::optional<std::int64_t> finished_ns{};
+  std::string asker{};
+  std::optional<std::string> idempotency_key{};
   /// Someone wants it to end, and whoever works on it has not ended it yet.
   bool cancel_requested = false;
   auto operator<=>(const StoredJob&) const = default;

@@ -35,14 +35,14 @@ struct KeyScopes {
 /// What is known of a key; never its secret.
 struct ApiKey {
   /// Public and random.
-  std::string id;
+  std::string id{};
   /// As its maker called it.
-  std::string name;
-  KeyScopes scopes;
+  std::string name{};
+  KeyScopes scopes{};
   std::int64_t created_ns = 0;
   /// From then on it is refused; nothing: never.
-  std::optional<std::int64_t> expires_ns;
-  std::optional<std::int64_t> revoked_ns;
+  std::optional<std::int64_t> expires_ns{};
+  std::optional<std::int64_t> revoked_ns{};
   auto operator<=>(const ApiKey&) const = default;
 };
 
@@ -51,7 +51,7 @@ struct KeyCheck {
   enum class Verdict : std::uint8_t { kGood, kUnknown, kRevoked, kExpired };
   Verdict verdict = Verdict::kUnknown;
   /// Unless unknown: a client with the wrong secret does not learn which ids there are.
-  std::optional<ApiKey> key;
+  std::optional<ApiKey> key{};
 };
 
 /// Keys of a store. The text `stillmap_<id>_<secret>` has 256 random bits of secret, is told once

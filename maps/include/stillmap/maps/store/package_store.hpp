@@ -15,6 +15,9 @@
 
 namespace stillmap::maps {
 
+class FolderLock;
+class StorageError;
+
 /// Published map versions: immutable packages on the disk and the state that names them, kept in
 /// step through kills, full disks and power cuts (maps/store.md says how). A change that returned
 /// is kept; one that threw StorageError may or may not have happened, and may be asked for again.
@@ -124,12 +127,16 @@ class PackageStore {
 
  private:
   class Incoming;
+  friend class PackageBackup;
   [[nodiscard]] std::filesystem::path package_folder(std::string_view digest) const;
   void refuse_lost_state() const;
+  void open_read_only(const StorageError& reason);
+  [[nodiscard]] FolderLock locked() const;
   bool adopt(const std::string& digest);
   Added commit(std::string_view map, const StoredVersion& version);
   void clear_package(const std::string& digest);
   void clear_condemned();
+  void clear_condemned_if_possible();
   std::size_t clear_leftovers();
   [[nodiscard]] StoreQuota quota() const;
 

@@ -20,9 +20,9 @@ namespace stillmap::maps {
 /// A published version of a map.
 struct StoredVersion {
   /// As the publisher named it; like a map's name.
-  std::string name;
+  std::string name{};
   /// SHA-256 of its package's manifest, hex.
-  std::string digest;
+  std::string digest{};
   /// Of its files, manifest included.
   std::uint64_t bytes = 0;
   std::int64_t created_ns = 0;
@@ -31,10 +31,10 @@ struct StoredVersion {
 
 /// A map of the store.
 struct StoredMap {
-  std::string name;
-  std::optional<std::string> active;
+  std::string name{};
+  std::optional<std::string> active{};
   /// Active before; what rolling back goes to.
-  std::optional<std::string> previous;
+  std::optional<std::string> previous{};
   /// Grows with every change of the active pointer, never goes back.
   std::int64_t revision = 0;
   std::int64_t created_ns = 0;
@@ -43,8 +43,8 @@ struct StoredMap {
 
 /// Most bytes that packages and drives may take, each package once; nothing: no limit.
 struct StoreQuota {
-  std::optional<std::uint64_t> map_bytes;
-  std::optional<std::uint64_t> store_bytes;
+  std::optional<std::uint64_t> map_bytes{};
+  std::optional<std::uint64_t> store_bytes{};
 };
 
 /// What removing a map does when one of its versions is active.
@@ -62,6 +62,11 @@ class StoreState {
   /// @param calls  outlives this.
   /// @throws InputError for a database that is not ours or has a newer schema.
   explicit StoreState(const std::filesystem::path& file, DiskCalls& calls = DiskCalls::real());
+  /// Where not even a lock can be taken: reads the file into memory at once.
+  struct ReadOnly {
+    std::string because;
+  };
+  StoreState(const std::filesystem::path& file, const ReadOnly& why);
   ~StoreState();
   StoreState(const StoreState&) = delete;
   StoreState& operator=(const StoreState&) = delete;
@@ -123,7 +128,7 @@ class StoreState {
   [[nodiscard]] AuditLog& audit();
 
   /// Writes all of it, as of one instant, into a new file, synced.
-  void write_copy(const std::filesystem::path& file) const;
+  void write_copy(const std::filesystem::path& file, DiskCalls& calls = DiskCalls::real()) const;
 
   /// What SQLite finds wrong with the database; empty when sound.
   [[nodiscard]] std::vector<std::string> problems() const;
