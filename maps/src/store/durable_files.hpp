@@ -44,6 +44,9 @@ class DurableFiles {
   /// Makes the folder's entries last: what was created, renamed and removed in it.
   void sync_folder(const std::filesystem::path& folder) const;
   void rename(const std::filesystem::path& from, const std::filesystem::path& to) const;
+  /// A second name for a file. @return false where the disk or its limits do not allow one.
+  bool link(const std::filesystem::path& from, const std::filesystem::path& to) const;
+  void remove_file(const std::filesystem::path& file) const;
   /// Removes a folder with all in it, following no link. Not synced.
   void remove_tree(const std::filesystem::path& folder) const;
 

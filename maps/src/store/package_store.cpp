@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <map>
 #include <stdexcept>
 #include <system_error>
@@ -24,13 +23,6 @@ namespace stillmap::maps {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::int64_t now_ns() {
-  using std::chrono::system_clock;
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(
-             system_clock::now().time_since_epoch())
-      .count();
-}
 
 void check_name(const char* what, std::string_view name) {
   if (is_valid_map_name(name)) return;
@@ -91,6 +83,8 @@ PackageStore::PackageStore(fs::path folder, DiskCalls& calls)
     : folder_(fs::absolute(folder).lexically_normal()),
       packages_(folder_ / kPackagesName),
       calls_(&calls) {
+  if (is_there(folder_ / kBackupMark))
+    throw InputError(folder_.string(), "a backup of a store", "a store: restore it elsewhere");
   std::optional<FolderLock> lock;
   try {
     lock.emplace(folder_ / kLockName);

@@ -3,11 +3,19 @@
 #include <stillmap/maps/error.hpp>
 
 #include <algorithm>
+#include <chrono>
 #include <system_error>
 
 namespace stillmap::maps {
 
 namespace fs = std::filesystem;
+
+std::int64_t now_ns() {
+  using std::chrono::system_clock;
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(
+             system_clock::now().time_since_epoch())
+      .count();
+}
 
 bool is_digest(std::string_view name) {
   return name.size() == 64 && name.find_first_not_of("0123456789abcdef") == std::string_view::npos;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <string_view>
@@ -12,9 +13,13 @@ namespace stillmap::maps {
 constexpr const char* kStateName = "state.db";
 constexpr const char* kLockName = ".lock";
 constexpr const char* kPackagesName = "packages";
+/// In a backup, so that nobody takes it for a store or a store for it.
+constexpr const char* kBackupMark = ".stillmap-backup";
 constexpr const char* kIncoming = ".incoming-";
 constexpr const char* kRemoved = ".removed-";
 
+/// Since the Unix epoch.
+[[nodiscard]] std::int64_t now_ns();
 /// 64 hex digits.
 [[nodiscard]] bool is_digest(std::string_view name);
 /// Names of the folders in it, sorted; links are none. @throws StorageError.

@@ -254,10 +254,24 @@ std::vector<std::string> StoreState::problems() const {
   return problems;
 }
 
-void StoreState::write_copy(const std::filesystem::path& file, DiskCalls& calls) const {
+void StoreState::write_backup(const std::filesystem::path& file, std::int64_t now_ns,
+                              DiskCalls& calls) const {
   SqliteDatabase copy(file, calls, SqliteDatabase::Mode::kNewFile);
-  const StoreDatabase::ReadingBeside reading(inner_->database);
-  reading.database().copy_to(copy);
+  {
+    const StoreDatabase::ReadingBeside reading(inner_->database);
+    reading.database().copy_to(copy);
+  }
+  // The copy says that it has a log, as the original has.
+  copy.execute("PRAGMA journal_mode=DELETE");
+  SqliteTransaction transaction(copy);
+  copy.execute("DELETE FROM drive_parts; DELETE FROM drives;");
+  SqliteStatement(copy,
+                  "UPDATE jobs SET status = 'failed', finished_ns = ?, cancel_requested = 0,"
+                  " error = 'the store was restored from a backup, which holds no drives'"
+                  " WHERE status IN ('enqueued', 'processing')")
+      .bind(now_ns)
+      .step();
+  transaction.commit();
 }
 
 }  // namespace stillmap::maps

@@ -111,10 +111,11 @@ class PackageStore {
     std::size_t copied = 0;
     std::size_t kept = 0;
   };
-  /// Writes the state as of one instant and the packages that it names into a folder, which has the
-  /// layout of a store. Others may read and write the store meanwhile. On one disk packages are
-  /// linked, else copied, and their checksums recomputed; those of an earlier backup are kept, and
-  /// those that are not named any more go. A crash leaves the earlier backup or the new one.
+  /// Writes the state as of one instant and the packages that it names into a folder, while others
+  /// may read and write the store. On one disk packages are linked, else copied, and their
+  /// checksums recomputed; those of an earlier backup are kept, and those that are not named any
+  /// more go. A crash leaves the earlier backup or the new one. Drives are not in it, so jobs that
+  /// have not finished are failed in it.
   /// @param folder  new, empty or an earlier backup.
   /// @throws InputError when it is something else or a package is broken; StorageError.
   BackedUp backup(const std::filesystem::path& folder) const;
@@ -127,7 +128,6 @@ class PackageStore {
 
  private:
   class Incoming;
-  friend class PackageBackup;
   [[nodiscard]] std::filesystem::path package_folder(std::string_view digest) const;
   void refuse_lost_state() const;
   void open_read_only(const StorageError& reason);

@@ -127,8 +127,10 @@ class StoreState {
   [[nodiscard]] DriveTable& drives();
   [[nodiscard]] AuditLog& audit();
 
-  /// Writes all of it, as of one instant, into a new file, synced.
-  void write_copy(const std::filesystem::path& file, DiskCalls& calls = DiskCalls::real()) const;
+  /// Writes it, as of one instant, into one new file, synced. Without drives, whose bytes are
+  /// elsewhere; jobs that have not finished, which may need them, are failed in it.
+  void write_backup(const std::filesystem::path& file, std::int64_t now_ns,
+                    DiskCalls& calls = DiskCalls::real()) const;
 
   /// What SQLite finds wrong with the database; empty when sound.
   [[nodiscard]] std::vector<std::string> problems() const;
