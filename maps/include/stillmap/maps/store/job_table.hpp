@@ -106,8 +106,8 @@ class JobTable {
   [[nodiscard]] std::size_t count(JobStatus status) const;
 
   struct Filter {
-    std::optional<JobStatus> status;
-    std::optional<std::string> map;
+    std::optional<JobStatus> status{};
+    std::optional<std::string> map{};
   };
   struct Page {
     /// Newest first.
