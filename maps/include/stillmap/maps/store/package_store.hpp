@@ -35,6 +35,9 @@ class PackageStore {
   PackageStore(const PackageStore&) = delete;
   PackageStore& operator=(const PackageStore&) = delete;
 
+  /// Whether a folder holds a store already.
+  [[nodiscard]] static bool is_store(const std::filesystem::path& folder);
+
   /// Names, versions and active pointers.
   [[nodiscard]] const StoreState& state() const { return *state_; }
   [[nodiscard]] KeyTable& keys() { return state_->keys(); }
