@@ -79,6 +79,7 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   std::vector<Route> routes;
   add_health_routes(routes, context);
   add_map_routes(routes, context);
+  add_version_routes(routes, context);
   add_tile_routes(routes, context);
   add_localize_routes(routes, context);
   for (const WebAsset& asset : web) {
@@ -104,13 +105,13 @@ HttpResponse problem_response(const ApiError& error, const std::string& request_
           .headers = error.headers()};
 }
 
-Service::Service(const ServerOptions& options, const maps::MapStore& store, AlignerBuilder builder,
+Service::Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
                  const std::vector<WebAsset>& web)
     : options_(checked(options)),
       catalog_(store, std::move(builder)),
       workers_(worker_count(options_)),
       gate_(workers_, options_.queue),
-      context_{options_, workers_, catalog_, gate_, std::chrono::steady_clock::now()},
+      context_{options_, workers_, store, catalog_, gate_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)) {}
 
 Router::Match Service::admit(HttpRequest& request) const {

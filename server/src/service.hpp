@@ -10,8 +10,8 @@ namespace stillmap::server {
 /// Requests in, answers out: everything of the server but HTTP itself. Safe from several threads.
 class Service {
  public:
-  /// @throws std::invalid_argument on broken options.
-  Service(const ServerOptions& options, const maps::MapStore& store, AlignerBuilder builder,
+  /// @param store  outlives this. @throws std::invalid_argument on broken options.
+  Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
           const std::vector<WebAsset>& web);
   Service(const Service&) = delete;
   Service& operator=(const Service&) = delete;
@@ -28,7 +28,7 @@ class Service {
  private:
   ServerOptions options_;
   Gatekeeper gatekeeper_;
-  MapCatalog catalog_;
+  mutable MapCatalog catalog_;
   int workers_;
   mutable AlignmentGate gate_;
   Context context_;

@@ -7,7 +7,9 @@
 #include <stillmap/server/server_options.hpp>
 
 #include <chrono>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace stillmap::server {
@@ -16,6 +18,7 @@ namespace stillmap::server {
 struct Context {
   const ServerOptions& options;
   int workers;
+  maps::PackageStore& store;
   MapCatalog& catalog;
   AlignmentGate& gate;
   std::chrono::steady_clock::time_point started;
@@ -29,10 +32,16 @@ struct Context {
 /// Every handler file adds its routes.
 void add_health_routes(std::vector<Route>& routes, const Context& context);
 void add_map_routes(std::vector<Route>& routes, const Context& context);
+void add_version_routes(std::vector<Route>& routes, const Context& context);
 void add_tile_routes(std::vector<Route>& routes, const Context& context);
 void add_localize_routes(std::vector<Route>& routes, const Context& context);
 
-/// The map, when `version` is the one it has. @throws ApiError kUnknownMap, kUnknownVersion.
-[[nodiscard]] ServedMap find_version(const MapCatalog& catalog, const PathParameters& path);
+/// The state of a map's active pointer, for If-Match.
+[[nodiscard]] std::string etag_of(const maps::StoredMap& map);
+/// What stands in the path's place of a version, if it has one.
+[[nodiscard]] std::optional<std::string_view> version_in(const PathParameters& path);
+/// The version that the path names; the one that is served when it names none.
+/// @throws as `MapCatalog::find`.
+[[nodiscard]] ServedVersion find_version(MapCatalog& catalog, const PathParameters& path);
 
 }  // namespace stillmap::server
