@@ -40,7 +40,8 @@ class PackageArchive {
     std::uint64_t offset, header_bytes, bytes;
   };
   void append(const std::string& path, std::uint64_t bytes);
-  std::size_t read_entry(const Entry& entry, std::uint64_t from, std::span<char> into);
+  std::size_t read_entry(std::size_t index, std::uint64_t from, std::span<char> into);
+  void open_file(std::size_t index);
   void read_file(std::size_t index, std::uint64_t from, std::span<char> into);
 
   std::filesystem::path package_;
