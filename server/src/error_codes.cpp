@@ -35,6 +35,8 @@ constexpr std::array kErrors = {
     ErrorInfo{ErrorCode::kInvalidPoints, "InvalidPoints", "The scan holds unusable points", 422},
     ErrorInfo{ErrorCode::kInvalidBoxes, "InvalidBoxes", "The boxes of movable objects are unusable",
               422},
+    ErrorInfo{ErrorCode::kInvalidUpload, "InvalidUpload", "The upload is not what it should be",
+              422},
     ErrorInfo{ErrorCode::kTooFewPoints, "TooFewPoints", "The scan has too few points", 422},
     ErrorInfo{ErrorCode::kHeaderTooLarge, "HeaderTooLarge", "The request's header is too large",
               431},

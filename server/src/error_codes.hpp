@@ -31,6 +31,7 @@ enum class ErrorCode {
   kInvalidTransform,
   kInvalidPoints,
   kInvalidBoxes,
+  kInvalidUpload,
   kTooFewPoints,
   kHeaderTooLarge,
   kInternalError,

@@ -80,6 +80,7 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   add_health_routes(routes, context);
   add_map_routes(routes, context);
   add_version_routes(routes, context);
+  add_package_routes(routes, context);
   add_tile_routes(routes, context);
   add_localize_routes(routes, context);
   for (const WebAsset& asset : web) {

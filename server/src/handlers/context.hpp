@@ -33,9 +33,14 @@ struct Context {
 void add_health_routes(std::vector<Route>& routes, const Context& context);
 void add_map_routes(std::vector<Route>& routes, const Context& context);
 void add_version_routes(std::vector<Route>& routes, const Context& context);
+void add_package_routes(std::vector<Route>& routes, const Context& context);
 void add_tile_routes(std::vector<Route>& routes, const Context& context);
 void add_localize_routes(std::vector<Route>& routes, const Context& context);
 
+/// Whether the path's part of this name may name a map or a version. @throws ApiError if not.
+void check_name(const PathParameters& path, const std::string& part);
+/// Whether one of the tags of If-None-Match is ours; `*` means any.
+[[nodiscard]] bool is_known_to_client(const std::string& if_none_match, const std::string& etag);
 /// The state of a map's active pointer, for If-Match.
 [[nodiscard]] std::string etag_of(const maps::StoredMap& map);
 /// What stands in the path's place of a version, if it has one.

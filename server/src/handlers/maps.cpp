@@ -3,7 +3,6 @@
 #include "json/answers_json.hpp"
 
 #include <algorithm>
-#include <utility>
 
 namespace stillmap::server {
 namespace {
@@ -28,18 +27,6 @@ HttpResponse answer_list(const Context& context) {
 }
 
 }  // namespace
-
-std::optional<std::string_view> version_in(const PathParameters& path) {
-  const auto version = path.find("version");
-  if (version == path.end()) return std::nullopt;
-  return version->second;
-}
-
-ServedVersion find_version(MapCatalog& catalog, const PathParameters& path) {
-  const std::optional<std::string_view> version = version_in(path);
-  return version ? catalog.find(path.at("map"), *version)
-                 : std::as_const(catalog).find(path.at("map"));
-}
 
 void add_map_routes(std::vector<Route>& routes, const Context& context) {
   const Handler one = [&context](const HttpRequest&, const PathParameters& path) {

@@ -21,11 +21,6 @@ Integer read_coordinate(const PathParameters& path, const char* name) {
   return value;
 }
 
-/// Whether one of the tags in If-None-Match is ours; `*` means any.
-bool is_known_to_client(const std::string& if_none_match, const std::string& etag) {
-  return if_none_match == "*" || if_none_match.find(etag) != std::string::npos;
-}
-
 HttpResponse answer_tile(MapCatalog& catalog, const HttpRequest& request,
                          const PathParameters& path) {
   const ServedVersion map = find_version(catalog, path);

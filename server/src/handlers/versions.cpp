@@ -2,20 +2,10 @@
 #include "context.hpp"
 #include "json/answers_json.hpp"
 
-#include <stillmap/maps/map_store.hpp>
-
 #include <charconv>
 
 namespace stillmap::server {
 namespace {
-
-/// Names a map or a version may have. @throws ApiError kInvalidRequest.
-void check_name(const PathParameters& path, const char* what) {
-  const std::string& name = path.at(what);
-  if (maps::is_valid_map_name(name)) return;
-  throw field_error(ErrorCode::kInvalidRequest, what, "'" + name + "'",
-                    "[a-z0-9][a-z0-9._-]{0,62}");
-}
 
 /// The revision of If-Match, when the client sent one. @throws ApiError.
 std::optional<std::int64_t> wanted_revision(const HttpRequest& request) {
@@ -80,10 +70,6 @@ HttpResponse list_versions(const Context& context, const PathParameters& path) {
 }
 
 }  // namespace
-
-std::string etag_of(const maps::StoredMap& map) {
-  return "\"" + std::to_string(map.revision) + "\"";
-}
 
 void add_version_routes(std::vector<Route>& routes, const Context& context) {
   routes.push_back({"GET", "/v1/maps/{map}/versions",

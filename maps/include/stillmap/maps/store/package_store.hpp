@@ -31,6 +31,7 @@ class PackageStore {
   PackageStore(const PackageStore&) = delete;
   PackageStore& operator=(const PackageStore&) = delete;
 
+  [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   /// Names, versions and active pointers.
   [[nodiscard]] const StoreState& state() const { return *state_; }
   /// Why what is not needed any more still lies there; empty when it was cleared at opening.
