@@ -33,6 +33,8 @@ class DiskModel {
         return link({{call.path, std::make_shared<Node>(call.kind == Kind::kMakeFolder)}});
       case Kind::kRename:
         return link({{call.path, nullptr}, {call.to, at(call.path)}});
+      case Kind::kLink:
+        return link({{call.to, at(call.path)}});
       case Kind::kRemoveFile:
       case Kind::kRemoveFolder:
         return link({{call.path, nullptr}});

@@ -125,4 +125,21 @@ CopiedPackage copy_package(const fs::path& package, const fs::path& empty,
   return copied;
 }
 
+bool link_package(const fs::path& package, const fs::path& empty, const DurableFiles& files) {
+  const fs::path manifest_file = package / kManifestName;
+  const MapManifest manifest = parse_manifest(read_text(manifest_file), manifest_file.string());
+  const std::set<fs::path> folders = folders_of(manifest);
+  for (const fs::path& folder : folders) files.make_folder(empty / folder);
+  std::vector<fs::path> names = {kManifestName};
+  for (const auto& [path, file] : manifest.files) names.emplace_back(path);
+  std::error_code unreadable;
+  if (fs::symlink_status(package / kBuildName, unreadable).type() != fs::file_type::not_found)
+    names.emplace_back(kBuildName);
+  for (const fs::path& name : names)
+    if (!files.link(package / name, empty / name)) return false;
+  for (const fs::path& folder : folders) files.sync_folder(empty / folder);
+  files.sync_folder(empty);
+  return true;
+}
+
 }  // namespace stillmap::maps

@@ -22,4 +22,10 @@ struct CopiedPackage {
 CopiedPackage copy_package(const std::filesystem::path& package, const std::filesystem::path& empty,
                            const DurableFiles& files);
 
+/// The same by hard links, which take no room; nothing is read, so the checksums are the caller's.
+/// @return false where the disk does not allow links; the folder is then in any state.
+/// @throws InputError, StorageError.
+bool link_package(const std::filesystem::path& package, const std::filesystem::path& empty,
+                  const DurableFiles& files);
+
 }  // namespace stillmap::maps

@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <map>
 #include <stdexcept>
 #include <system_error>
@@ -20,47 +19,12 @@
 #include "store/folder_lock.hpp"
 #include "store/incoming_package.hpp"
 #include "store/package_copy.hpp"
+#include "store/store_folder.hpp"
 
 namespace stillmap::maps {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr const char* kStateName = "state.db";
-constexpr const char* kLockName = ".lock";
-constexpr const char* kIncoming = ".incoming-";
-constexpr const char* kRemoved = ".removed-";
-
-std::int64_t now_ns() {
-  using std::chrono::system_clock;
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(
-             system_clock::now().time_since_epoch())
-      .count();
-}
-
-bool is_digest(std::string_view name) {
-  return name.size() == 64 && name.find_first_not_of("0123456789abcdef") == std::string_view::npos;
-}
-
-/// Names of the folders in it, sorted.
-std::vector<std::string> folders_in(const fs::path& folder) {
-  std::vector<std::string> names;
-  std::error_code error;
-  fs::directory_iterator at(folder, error);
-  for (; !error && at != fs::directory_iterator(); at.increment(error))
-    if (at->symlink_status().type() == fs::file_type::directory)
-      names.push_back(at->path().filename().string());
-  if (error) throw StorageError(folder.string(), error.message());
-  std::sort(names.begin(), names.end());
-  return names;
-}
-
-bool is_there(const fs::path& folder) {
-  std::error_code error;
-  const fs::file_type type = fs::symlink_status(folder, error).type();
-  if (type == fs::file_type::none) throw StorageError(folder.string(), error.message());
-  return type != fs::file_type::not_found;
-}
 
 void check_name(const char* what, std::string_view name) {
   if (is_valid_map_name(name)) return;
@@ -120,14 +84,23 @@ class PackageStore::Incoming {
 
 PackageStore::PackageStore(fs::path folder, DiskCalls& calls)
     : folder_(fs::absolute(folder).lexically_normal()),
-      packages_(folder_ / "packages"),
+      packages_(folder_ / kPackagesName),
       calls_(&calls) {
-  const FolderLock lock(folder_ / kLockName);
-  refuse_lost_state();
-  const DurableFiles files(calls);
-  // Before the state: where there is a state, there is a folder for its packages.
-  if (files.make_folder(packages_)) files.sync_folder(folder_);
+  if (is_there(folder_ / kBackupMark))
+    throw InputError(folder_.string(), "a backup of a store", "a store: restore it elsewhere");
+  std::optional<FolderLock> lock;
+  try {
+    lock.emplace(folder_ / kLockName);
+    refuse_lost_state();
+    const DurableFiles files(calls);
+    // Before the state: where there is a state, there is a folder for its packages.
+    if (files.make_folder(packages_)) files.sync_folder(folder_);
+  } catch (const StorageError& error) {
+    open_read_only(error);
+    return;
+  }
   state_ = std::make_unique<StoreState>(folder_ / kStateName, calls);
+  if (!read_only_because().empty()) return;
   try {
     clear_condemned();
     clear_leftovers();
@@ -138,6 +111,30 @@ PackageStore::PackageStore(fs::path folder, DiskCalls& calls)
 }
 
 PackageStore::~PackageStore() = default;
+
+/// A disk on which not even the lock's file can be made may still hold all that is to be served.
+void PackageStore::open_read_only(const StorageError& reason) {
+  try {
+    state_ =
+        std::make_unique<StoreState>(folder_ / kStateName, StoreState::ReadOnly{reason.what()});
+  } catch (const StorageError&) {
+    throw StorageError(reason);
+  }
+}
+
+void PackageStore::set_quota(const StoreQuota& quota) {
+  const std::scoped_lock lock(quota_mutex_);
+  quota_ = quota;
+}
+
+StoreQuota PackageStore::quota() const {
+  const std::scoped_lock lock(quota_mutex_);
+  return quota_;
+}
+
+void PackageStore::check_quota(std::string_view map, std::uint64_t more_bytes) const {
+  state_->check_quota(quota(), map, more_bytes);
+}
 
 void PackageStore::refuse_lost_state() const {
   std::error_code error;
@@ -174,8 +171,9 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
     if (known->digest != wanted.digest) state_->add_version(map, wanted);
     return {*known, false};
   }
+  state_->check_quota(quota(), map, wanted.bytes, wanted.digest);
   const DurableFiles files(*calls_);
-  std::optional<FolderLock> lock(folder_ / kLockName);
+  std::optional<FolderLock> lock(locked());
   if (adopt(wanted.digest)) return commit(map, wanted);
   Incoming incoming(packages_, files);
   lock.reset();
@@ -183,7 +181,7 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
   if (copied.digest != wanted.digest)
     throw InputError(manifest_file.string(), "a file that changes", "one that does not");
   check_readable(incoming.path());
-  lock.emplace(folder_ / kLockName);
+  lock.emplace(locked());
   if (!adopt(wanted.digest)) incoming.publish(incoming.path(), package_folder(wanted.digest));
   return commit(map, wanted);
 }
@@ -195,7 +193,7 @@ PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_
   check_name("map", map);
   check_name("version", version);
   const DurableFiles files(*calls_);
-  std::optional<FolderLock> lock(folder_ / kLockName);
+  std::optional<FolderLock> lock(locked());
   Incoming incoming(packages_, files);
   lock.reset();
   const ArchiveFiles found =
@@ -207,11 +205,12 @@ PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_
   wanted.bytes = package.package.bytes;
   wanted.created_ns = now_ns();
   check_readable(package.folder);
-  lock.emplace(folder_ / kLockName);
+  lock.emplace(locked());
   if (const auto known = state_->find_version(map, version)) {
     if (known->digest != wanted.digest) state_->add_version(map, wanted);
     return {*known, false};
   }
+  state_->check_quota(quota(), map, wanted.bytes, wanted.digest);
   if (!adopt(wanted.digest)) incoming.publish(package.folder, package_folder(wanted.digest));
   return commit(map, wanted);
 }
@@ -240,7 +239,7 @@ bool PackageStore::adopt(const std::string& digest) {
 /// Under the lock, with the package in its place.
 PackageStore::Added PackageStore::commit(std::string_view map, const StoredVersion& version) {
   DurableFiles(*calls_).sync_folder(packages_);
-  const bool is_new = state_->add_version(map, version);
+  const bool is_new = state_->add_version(map, version, quota());
   return {state_->version(map, version.name), is_new};
 }
 
@@ -259,15 +258,54 @@ StoredMap PackageStore::roll_back(std::string_view map, std::optional<std::int64
 }
 
 bool PackageStore::remove(std::string_view map, std::string_view version) {
-  const FolderLock lock(folder_ / kLockName);
+  const FolderLock lock = locked();
   const std::string digest = state_->version(map, version).digest;
   state_->remove_version(map, version);
+  clear_condemned_if_possible();
+  return !is_there(package_folder(digest));
+}
+
+bool PackageStore::create_map(std::string_view map) { return state_->create_map(map, now_ns()); }
+
+void PackageStore::remove_map(std::string_view map, WhenActive when_active) {
+  const FolderLock lock = locked();
+  state_->remove_map(map, when_active);
+  clear_condemned_if_possible();
+}
+
+std::vector<std::string> PackageStore::keep_newest(std::string_view map, std::size_t count) {
+  const FolderLock lock = locked();
+  const StoredMap now = state_->map(map);
+  std::vector<std::string> others;
+  for (const StoredVersion& version : state_->versions(map))
+    if (version.name != now.active && version.name != now.previous) others.push_back(version.name);
+  others.resize(others.size() - std::min(count, others.size()));
+  std::vector<std::string> removed;
+  for (const std::string& version : others) {
+    try {
+      state_->remove_version(map, version);
+      removed.push_back(version);
+    } catch (const StoreRefusal&) {
+      // Activated or removed meanwhile.
+    }
+  }
+  clear_condemned_if_possible();
+  return removed;
+}
+
+/// The rows are removed, which must not look like a failure; the rest stays noted.
+void PackageStore::clear_condemned_if_possible() {
   try {
     clear_condemned();
   } catch (const StorageError&) {
-    // The version is removed, which must not look like a failure; the rest stays noted.
+    // The next `gc` or open tries again.
   }
-  return !is_there(package_folder(digest));
+}
+
+FolderLock PackageStore::locked() const {
+  if (!read_only_because().empty())
+    throw StorageError(folder_.string(), "open for reading only: " + read_only_because());
+  return FolderLock(folder_ / kLockName);
 }
 
 /// Under the lock. The rename makes it vanish at once; a half deleted package is never seen.
@@ -313,7 +351,7 @@ std::vector<std::string> PackageStore::unnamed_packages() const {
 }
 
 PackageStore::Cleared PackageStore::gc() {
-  const FolderLock lock(folder_ / kLockName);
+  const FolderLock lock = locked();
   clear_condemned();
   Cleared cleared{.packages = unnamed_packages()};
   for (const std::string& digest : cleared.packages) clear_package(digest);
