@@ -31,10 +31,9 @@ std::string find_root(const ArchiveFiles& found, const std::string& name) {
                    "one map package, by itself or in one folder");
 }
 
-void check_text(const std::string& place, std::uint64_t bytes) {
-  if (bytes <= kLargestText) return;
-  throw InputError(place, std::to_string(bytes) + " bytes",
-                   std::to_string(kLargestText) + " at most");
+void check_size(const std::string& place, std::uint64_t bytes, std::uint64_t most) {
+  if (bytes <= most) return;
+  throw InputError(place, std::to_string(bytes) + " bytes", std::to_string(most) + " at most");
 }
 
 void check_listed(const std::string& path, const MapManifest::File& listed, const std::string& root,
@@ -73,7 +72,7 @@ IncomingPackage keep_package(const fs::path& unpacked, const ArchiveFiles& found
                              const std::string& name, const DurableFiles& disk) {
   const std::string root = find_root(found, name);
   const std::string manifest_path = root + kManifestName;
-  check_text(name + ": " + kManifestName, found.files.at(manifest_path).bytes);
+  check_size(name + ": " + kManifestName, found.files.at(manifest_path).bytes, kLargestText);
   const std::string text = read_text(unpacked / manifest_path);
   const MapManifest manifest = parse_manifest(text, name + ": " + kManifestName);
   CopiedPackage package{.digest = sha256_of(text), .bytes = text.size()};
@@ -84,13 +83,13 @@ IncomingPackage keep_package(const fs::path& unpacked, const ArchiveFiles& found
   for (const auto& [path, listed] : manifest.files) {
     check_listed(path, listed, root, found, name);
     const bool is_text = path == kObjectsName || path.starts_with("trajectory");
-    if (is_text) check_text(name + ": " + path, listed.bytes);
+    if (is_text) check_size(name + ": " + path, listed.bytes, kLargestText);
     kept.insert(root + path);
     package.bytes += listed.bytes;
   }
   const auto build = found.files.find(root + kBuildName);
   if (build != found.files.end()) {
-    check_text(name + ": " + kBuildName, build->second.bytes);
+    check_size(name + ": " + kBuildName, build->second.bytes, kLargestBuildJson);
     kept.insert(build->first);
   }
   for (const std::string& folder : drop_others(unpacked, found, kept, root, disk))

@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "formats/text.hpp"
 #include "store/archive_path.hpp"
 
 namespace stillmap::maps {
@@ -51,6 +52,23 @@ const char* refused_type(char type) {
 }
 
 bool is_special(char type) { return type == 'x' || type == 'g' || type == 'L'; }
+
+/// Refuses what pax records would make of a file beyond a name and a size.
+void check_records(std::string_view records, const std::string& place) {
+  while (!records.empty()) {
+    // "LENGTH KEY=VALUE\n", the length of all of it.
+    const std::size_t blank = std::min(records.find(' '), records.size());
+    const auto length = parse_count(records.substr(0, blank));
+    if (!length || *length <= blank || *length > records.size())
+      throw InputError(place, "a broken pax header", kExpected);
+    const std::string_view record = records.substr(blank + 1, *length - blank - 1);
+    const std::string_view key = record.substr(0, record.find('='));
+    if (key == "linkpath") throw InputError(place, "a link", kExpected);
+    if (key.starts_with("GNU.sparse.") || key == "SCHILY.realsize" || key == "SUN.holesdata")
+      throw InputError(place, "a sparse file", kExpected);
+    records.remove_prefix(*length);
+  }
+}
 
 /// Of an octal number in a header; nothing for anything else.
 std::optional<std::uint64_t> octal(std::string_view field) {
@@ -195,6 +213,7 @@ void TarReader::check_headers(const std::string& place) const {
     // libarchive would cut a name there; other readers might not.
     if (rest[kTypeAt] != 'L' && body.find('\0') != body.npos)
       throw InputError(place, "a NUL in its headers", kExpected);
+    if (rest[kTypeAt] != 'L') check_records(body, place);
     rest.remove_prefix(std::min<std::size_t>(kBlock + padded(*bytes), rest.size()));
   }
   if (rest.size() < kBlock) throw InputError(place, "no header", kExpected);

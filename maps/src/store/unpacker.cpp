@@ -10,7 +10,7 @@ namespace stillmap::maps {
 namespace {
 
 constexpr const char* kExpected = "a tar, plain or packed once by gzip or zstd";
-constexpr std::size_t kBufferBytes = std::size_t{1} << 18U;
+constexpr std::size_t kBufferBytes = std::size_t{1} << 16U;
 /// The padding alone of a tar of empty files packs by more than any sane ratio.
 constexpr std::uint64_t kFreeOfRatio = std::uint64_t{16} << 20U;
 
