@@ -50,6 +50,9 @@ struct Option {
   [[nodiscard]] bool set(ServerOptions& options, const OptionValue& value) const;
 };
 
+/// Of one text: what a path may be on Linux.
+inline constexpr std::size_t kMostTextBytes = 4096;
+
 /// `STILLMAP_SERVICE_HOST` and `STILLMAP_PORT=tcp://...` are what Kubernetes sets in every
 /// container beside a service called stillmap, so a shorter prefix would be spoilt there.
 inline constexpr std::string_view kVariablePrefix = "STILLMAP_SERVE_";

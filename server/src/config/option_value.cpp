@@ -11,8 +11,6 @@
 namespace stillmap::server {
 namespace {
 
-constexpr std::size_t kMostTextBytes = 4096;
-
 std::string upper(char word_end, std::string_view key) {
   std::string result(key);
   for (char& c : result) {
