@@ -100,7 +100,8 @@ struct MapBuildReport {
 /// and, by some 30 KiB a scan, with their number.
 ///
 /// Where poses are not given they are estimated first (`estimate_trajectories`), over all scans
-/// from the first selected one to the last. Pass 1, each scan: read -> drop -> deskew -> ground ->
+/// from the first selected one to the last. With `register_to` they are then brought into that
+/// map's frame. Pass 1, each scan: read -> drop -> deskew -> ground ->
 /// detect. Then objects and ground are fused over all scans. Pass 2, each scan from its original
 /// points: project -> stack. Last, each tile: clean -> fill -> normals. Scans and tiles are
 /// processed in parallel and taken in order, so that the bytes do not depend on the number of
