@@ -335,6 +335,8 @@ class HttpServer::Listener final : public httplib::Server {
     if (!listen_after_bind() && !stopping_) throw std::runtime_error("the listening socket failed");
   }
 
+  void serve(int socket) { static_cast<void>(process_and_close_socket(socket)); }
+
   void end() {
     stopping_ = true;
     // The library's own stop does nothing until it listens, so a stop during start-up would be
@@ -457,6 +459,7 @@ HttpServer::~HttpServer() = default;
 
 int HttpServer::bind() { return listener_->bind(); }
 void HttpServer::run() { listener_->run(); }
+void HttpServer::serve(int socket) { listener_->serve(socket); }
 void HttpServer::stop() { listener_->end(); }
 
 }  // namespace stillmap::server

@@ -115,10 +115,12 @@ Registration registration_from(const JsonField& field) {
   return registration;
 }
 
-/// Relative, inside the package, and not one of the two files that the list cannot hold.
+/// Relative, inside the package, spelled in the one way, and not one of the two files that the list
+/// cannot hold. The system would end a path at a NUL, and so take another one than was checked.
 bool is_listable(const std::string& path) {
   const std::filesystem::path parts(path);
-  if (path.empty() || parts.is_absolute() || path == kManifestName || path == kBuildName) {
+  if (path.empty() || parts.is_absolute() || path == kManifestName || path == kBuildName ||
+      path.find('\0') != std::string::npos || parts.lexically_normal().string() != path) {
     return false;
   }
   return std::none_of(parts.begin(), parts.end(),
