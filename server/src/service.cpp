@@ -107,10 +107,11 @@ HttpResponse problem_response(const ApiError& error, const std::string& request_
 Service::Service(const ServerOptions& options, const maps::MapStore& store, AlignerBuilder builder,
                  const std::vector<WebAsset>& web)
     : options_(checked(options)),
+      metrics_(STILLMAP_VERSION),
       catalog_(store, std::move(builder)),
       workers_(worker_count(options_)),
       gate_(workers_, options_.queue),
-      context_{options_, workers_, catalog_, gate_, std::chrono::steady_clock::now()},
+      context_{options_, workers_, catalog_, gate_, metrics_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)) {}
 
 Router::Match Service::admit(HttpRequest& request) const {

@@ -24,9 +24,11 @@ class Service {
   [[nodiscard]] HttpResponse handle(const HttpRequest& request, const Router::Match& match) const;
   /// Both at once, for a request that is complete.
   [[nodiscard]] HttpResponse handle(HttpRequest request) const;
+  [[nodiscard]] Metrics& metrics() const { return metrics_; }
 
  private:
   ServerOptions options_;
+  mutable Metrics metrics_;
   Gatekeeper gatekeeper_;
   MapCatalog catalog_;
   int workers_;

@@ -2,6 +2,7 @@
 
 #include "alignment_gate.hpp"
 #include "map_catalog.hpp"
+#include "metrics.hpp"
 #include "router.hpp"
 
 #include <stillmap/server/server_options.hpp>
@@ -18,6 +19,7 @@ struct Context {
   int workers;
   MapCatalog& catalog;
   AlignmentGate& gate;
+  Metrics& metrics;
   std::chrono::steady_clock::time_point started;
 };
 
