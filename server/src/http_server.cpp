@@ -297,7 +297,7 @@ class HttpServer::Listener final : public httplib::Server {
         limits_{.keep_alive = std::chrono::seconds(options.keep_alive_s),
                 .stall = std::chrono::seconds(options.stall_timeout_s),
                 .transfer = std::chrono::seconds(options.transfer_timeout_s)} {
-    new_task_queue = [threads = static_cast<std::size_t>(options.http_threads)] {
+    new_task_queue = [threads = static_cast<std::size_t>(options.connections)] {
       return new httplib::ThreadPool(threads);
     };
     set_tcp_nodelay(true);

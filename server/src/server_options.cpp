@@ -32,7 +32,8 @@ std::vector<std::string> ServerOptions::violations() const {
   bounds.check<std::size_t>("max_scan_points", max_scan_points, min_scan_points, 20'000'000);
   bounds.check("workers", workers, 0, 1024);
   bounds.check("queue", queue, 0, 10'000);
-  bounds.check("http_threads", http_threads, 1, 4096);
+  bounds.check("connections", connections, 1, 4096);
+  bounds.check("event_streams", event_streams, 0, connections - 1);
   bounds.check("keep_alive_s", keep_alive_s, 1, 60);
   bounds.check("stall_timeout_s", stall_timeout_s, 1, 600);
   bounds.check("transfer_timeout_s", transfer_timeout_s, stall_timeout_s, 3600);

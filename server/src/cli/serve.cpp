@@ -90,7 +90,7 @@ void add_serve(CLI::App& app) {
       ->add_option("--queue", options.queue,
                    "Requests that may wait for a worker; beyond it the answer is 503")
       ->capture_default_str();
-  command->add_option("--connections", options.http_threads, "Connections served at one time")
+  command->add_option("--connections", options.connections, "Connections served at one time")
       ->capture_default_str();
   command->add_option("--log-level", arguments->log_level, "debug also logs every request")
       ->capture_default_str()
