@@ -24,10 +24,12 @@ class Service {
   [[nodiscard]] HttpResponse handle(const HttpRequest& request, const Router::Match& match) const;
   /// Both at once, for a request that is complete.
   [[nodiscard]] HttpResponse handle(HttpRequest request) const;
+  [[nodiscard]] Metrics& metrics() const { return metrics_; }
 
  private:
   ServerOptions options_;
-  Gatekeeper gatekeeper_;
+  mutable Metrics metrics_;
+  mutable Gatekeeper gatekeeper_;
   mutable MapCatalog catalog_;
   int workers_;
   mutable AlignmentGate gate_;

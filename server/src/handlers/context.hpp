@@ -2,6 +2,7 @@
 
 #include "alignment_gate.hpp"
 #include "map_catalog.hpp"
+#include "metrics.hpp"
 #include "router.hpp"
 
 #include <stillmap/server/server_options.hpp>
@@ -21,6 +22,7 @@ struct Context {
   maps::PackageStore& store;
   MapCatalog& catalog;
   AlignmentGate& gate;
+  Metrics& metrics;
   std::chrono::steady_clock::time_point started;
 };
 
