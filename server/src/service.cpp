@@ -90,8 +90,8 @@ HttpResponse problem_response(const ApiError& error, const std::string& request_
 Service::Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
                  const std::vector<WebAsset>& web)
     : options_(checked(options)),
-      gatekeeper_(store.keys()),
       metrics_(STILLMAP_VERSION),
+      gatekeeper_(store.keys()),
       catalog_(store, std::move(builder)),
       workers_(worker_count(options_)),
       gate_(workers_, options_.queue),

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <memory>
 #include <set>
+#include <system_error>
 #include <utility>
 
 #include "drives/keyframes.hpp"
@@ -66,8 +67,11 @@ fs::path drive_root(const fs::path& target) {
   for (fs::path root = target;;) {
     if (is_drive(root)) return root;
     std::vector<fs::path> folders;
-    for (const auto& entry : fs::directory_iterator(root))
-      if (entry.is_directory()) folders.push_back(entry.path());
+    std::error_code error;
+    fs::directory_iterator entry(root, error);
+    for (; !error && entry != fs::directory_iterator(); entry.increment(error))
+      if (entry->is_directory()) folders.push_back(entry->path());
+    if (error) throw StorageError(root.string(), error.message());
     if (folders.size() != 1) return target;
     root = folders.front();
   }

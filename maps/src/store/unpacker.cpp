@@ -2,6 +2,8 @@
 
 #include <stillmap/maps/error.hpp>
 
+#include <fmt/format.h>
+
 #include <cerrno>
 #include <stdexcept>
 #include <utility>
@@ -97,7 +99,7 @@ void Unpacker::check_limits() const {
   if (unpacked_ > kFreeOfRatio &&
       static_cast<double>(unpacked_) > limits_->ratio * static_cast<double>(packed_))
     throw InputError(name_, std::to_string(unpacked_) + " bytes out of " + std::to_string(packed_),
-                     std::to_string(limits_->ratio) + " times as many at most");
+                     fmt::format("{} times as many at most", limits_->ratio));
 }
 
 void Unpacker::check_end() {

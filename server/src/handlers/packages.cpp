@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <array>
 #include <memory>
+#include <stdexcept>
 #include <utility>
 
 namespace stillmap::server {
@@ -24,7 +25,7 @@ class PackageSource final : public BodySource {
   [[nodiscard]] std::uint64_t size() const override { return archive_->size(); }
   void read(std::uint64_t offset, std::span<char> to) override {
     if (archive_->read(offset, to) != to.size())
-      throw maps::StorageError("the archive of a package ended early");
+      throw std::logic_error("asked beyond the end of the archive");
   }
 
  private:
