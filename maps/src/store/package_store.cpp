@@ -112,6 +112,8 @@ PackageStore::PackageStore(fs::path folder, DiskCalls& calls)
 
 PackageStore::~PackageStore() = default;
 
+bool PackageStore::is_store(const fs::path& folder) { return is_there(folder / kStateName); }
+
 /// A disk on which not even the lock's file can be made may still hold all that is to be served.
 void PackageStore::open_read_only(const StorageError& reason) {
   try {

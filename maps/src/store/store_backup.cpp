@@ -137,13 +137,15 @@ PackageStore::BackedUp PackageStore::backup(const fs::path& folder) const {
       }
       try {
         target.bring(package_folder(digest), digest);
-        ++done.copied;
       } catch (const std::runtime_error&) {
-        // Removed since the state was written? Then it is written again.
-        if (state_->uses(digest)) throw;
-        vanished = true;
-        break;
+        if (!read_only_because().empty()) throw;
+        // Removed since the state was written? Under the lock nothing is.
+        const FolderLock lock = locked();
+        vanished = !state_->uses(digest);
+        if (vanished) break;
+        target.bring(package_folder(digest), digest);
       }
+      ++done.copied;
     }
     if (vanished) continue;
     target.commit(named);

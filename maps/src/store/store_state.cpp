@@ -78,6 +78,10 @@ KeyTable& StoreState::keys() { return inner_->keys; }
 JobTable& StoreState::jobs() { return inner_->jobs; }
 DriveTable& StoreState::drives() { return inner_->drives; }
 AuditLog& StoreState::audit() { return inner_->audit; }
+const KeyTable& StoreState::keys() const { return inner_->keys; }
+const JobTable& StoreState::jobs() const { return inner_->jobs; }
+const DriveTable& StoreState::drives() const { return inner_->drives; }
+const AuditLog& StoreState::audit() const { return inner_->audit; }
 
 const std::string& StoreState::read_only_because() const {
   return inner_->database.read_only_because();

@@ -42,7 +42,18 @@ std::string contents_of(const PackageStore& store) {
     for (const StoredVersion& version : store.state().versions(map.name))
       text += " " + version.name + "=" + version.digest.substr(0, 6);
     text += "\n";
+    for (const StoredDrive& drive : store.state().drives().of_map(map.name))
+      text += "drive " + drive.name + " " + std::string(name_of(drive.status)) + " " +
+              std::to_string(drive.bytes) + "\n";
   }
+  for (const ApiKey& key : store.state().keys().list())
+    text += "key " + key.name + (key.revoked_ns ? " revoked\n" : "\n");
+  for (const StoredJob& job : store.state().jobs().list({}, 10).jobs)
+    text += "job " + std::to_string(job.id) + " " + std::string(name_of(job.status)) + " " +
+            job.stage + " " + std::to_string(job.attempts) +
+            (job.cancel_requested ? " asked\n" : "\n");
+  for (const AuditRecord& record : store.state().audit().list(10).records)
+    text += "audit " + record.subject + "\n";
   return text;
 }
 
@@ -87,7 +98,26 @@ class StoreScenarioTest : public ::testing::Test {
         add("depot", "a", "3"),
         [](Store& store) { store->remove("town", "copy"); },
         [](Store& store) { store->remove("depot", "a"); },
+        [](Store& store) { store->remove_map("depot"); },
         add("town", "b", "2"),
+        [](Store& store) { store->keys().create("car", {.bits = 1}, {}, 1); },
+        [](Store& store) { store->keys().revoke(store->keys().list().front().id, 2); },
+        [](Store& store) { store->drives().open("town", "monday", 3); },
+        [](Store& store) {
+          store->drives().add_part(1, {1, std::string(64, 'a'), 10});
+        },
+        [](Store& store) {
+          store->drives().add_part(1, {2, std::string(64, 'b'), 20});
+        },
+        [](Store& store) { store->drives().complete(1, 4); },
+        [](Store& store) { store->jobs().enqueue({.map = "town", .drives = {1}}, 5); },
+        [](Store& store) { store->jobs().claim(6); },
+        [](Store& store) { store->jobs().set_stage(1, "fusion"); },
+        [](Store& store) { store->jobs().request_cancel(1, 7); },
+        open,
+        [](Store& store) { store->jobs().put_back_all("stopped", 8); },
+        [](Store& store) { store->drives().remove(1); },
+        [](Store& store) { store->audit().append({.subject = "town"}); },
         [](Store& store) { store.reset(); },
     };
   }

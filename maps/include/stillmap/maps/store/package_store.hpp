@@ -37,6 +37,9 @@ class PackageStore {
   PackageStore(const PackageStore&) = delete;
   PackageStore& operator=(const PackageStore&) = delete;
 
+  /// Whether a folder holds a store already.
+  [[nodiscard]] static bool is_store(const std::filesystem::path& folder);
+
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   /// Names, versions and active pointers.
   [[nodiscard]] const StoreState& state() const { return *state_; }

@@ -126,6 +126,10 @@ class StoreState {
   [[nodiscard]] JobTable& jobs();
   [[nodiscard]] DriveTable& drives();
   [[nodiscard]] AuditLog& audit();
+  [[nodiscard]] const KeyTable& keys() const;
+  [[nodiscard]] const JobTable& jobs() const;
+  [[nodiscard]] const DriveTable& drives() const;
+  [[nodiscard]] const AuditLog& audit() const;
 
   /// Writes it, as of one instant, into one new file, synced. Without drives, whose bytes are
   /// elsewhere; jobs that have not finished, which may need them, are failed in it.
