@@ -70,20 +70,28 @@ class Destination {
   }
 
   /// @return whether all of it was written.
-  [[nodiscard]] bool write(std::string_view line) const {
+  [[nodiscard]] bool write(const std::string& text) {
+    // After a line that was written in part, so that the next one is whole.
+    const std::string mended = torn_ ? "\n" + text : std::string();
+    std::string_view line = torn_ ? mended : text;
     while (!line.empty()) {
       const ssize_t written = ::write(handle_, line.data(), line.size());
       if (written < 0 && errno == EINTR) continue;
       if (written <= 0) return false;
       line.remove_prefix(static_cast<std::size_t>(written));
+      torn_ = !line.empty();
     }
     return true;
   }
 
  private:
-  void swap(Destination& other) { std::swap(handle_, other.handle_); }
+  void swap(Destination& other) {
+    std::swap(handle_, other.handle_);
+    std::swap(torn_, other.torn_);
+  }
 
   int handle_ = STDERR_FILENO;
+  bool torn_ = false;
 };
 
 }  // namespace
