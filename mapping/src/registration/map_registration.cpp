@@ -168,7 +168,7 @@ double span_of(const std::vector<FrameSight>& sights, const FrameFit& fit) {
 
 void require_agreement(const std::filesystem::path& map, const std::vector<FrameSight>& sights,
                        const FrameFit& fit, std::size_t asked) {
-  if (fit.agreeing < kLeastShareAgreeing * static_cast<double>(sights.size()))
+  if (static_cast<double>(fit.agreeing) < kLeastShareAgreeing * static_cast<double>(sights.size()))
     refuse(
         map,
         fmt::format("{} of {} localized scans within {} m and {:g} deg of one motion", fit.agreeing,

@@ -9,7 +9,6 @@
 #include <numbers>
 #include <optional>
 #include <stdexcept>
-#include <stillmap/localization/map_index.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/frames.hpp>
 #include <stillmap/maps/map_package.hpp>
@@ -21,6 +20,7 @@
 #include "command_line/table.hpp"
 #include "mapper/command_text.hpp"
 #include "mapper/commands.hpp"
+#include "mapper/map_index.hpp"
 #include "reference/cleaners.hpp"
 
 namespace stillmap::mapper {
@@ -74,18 +74,6 @@ std::string to_json_text(const mapping::MapBuildReport& report, const BuildArgum
   if (options.ground.sensor_height_m)
     json["options"]["sensor_height_m"] = *options.ground.sensor_height_m;
   return json.dump(2) + "\n";
-}
-
-/// Writes the index beside the tiles, so that the first query need not. A map that is too sparse to
-/// be searched is still a map.
-/// @return where it is, or why there is none.
-std::string write_index(const std::filesystem::path& map) {
-  try {
-    const auto index = localization::MapIndex::open(*maps::MapPackage::open(map));
-    return index->file().empty() ? index->kept_in_memory_because() : index->file().string();
-  } catch (const maps::InputError& error) {
-    return std::string("none: ") + error.what();
-  }
 }
 
 double in_degrees(double rad) { return rad * 180.0 / std::numbers::pi; }
