@@ -1,6 +1,6 @@
 #pragma once
 
-#include <cstddef>
+#include <cstdint>
 #include <string_view>
 
 namespace stillmap::server {
@@ -8,13 +8,13 @@ namespace stillmap::server {
 /// One request that was answered. What names the client stands in the thread's `LogContext`.
 /// There is no field for a header or a query on purpose: keys travel in them.
 struct AccessRecord {
-  std::string_view method;
+  std::string_view method = {};
   /// The route's pattern, `/v1/maps/{map}/localize`; empty when none was met.
-  std::string_view route;
+  std::string_view route = {};
   int status = 0;
-  /// Bodies, as they travelled.
-  std::size_t bytes_in = 0;
-  std::size_t bytes_out = 0;
+  /// Bodies, unpacked.
+  std::uint64_t bytes_in = 0;
+  std::uint64_t bytes_out = 0;
   double milliseconds = 0.0;
 };
 
