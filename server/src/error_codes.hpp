@@ -34,6 +34,7 @@ enum class ErrorCode {
   kInternalError,
   kStorageError,
   kBusy,
+  kTooManyStreams,
   kMapLoading,
   kMapUnusable,
   kDeadlineExceeded,

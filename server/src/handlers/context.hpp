@@ -2,10 +2,12 @@
 
 #include "alignment_gate.hpp"
 #include "map_catalog.hpp"
+#include "metrics.hpp"
 #include "router.hpp"
 
 #include <stillmap/server/server_options.hpp>
 
+#include <atomic>
 #include <chrono>
 #include <string>
 #include <vector>
@@ -18,6 +20,9 @@ struct Context {
   int workers;
   MapCatalog& catalog;
   AlignmentGate& gate;
+  Metrics& metrics;
+  /// Once set, the server is about to end.
+  const std::atomic<bool>& stopping;
   std::chrono::steady_clock::time_point started;
 };
 

@@ -7,10 +7,11 @@ namespace stillmap::server {
 namespace {
 
 /// Ready means that no map is still being loaded: one that failed does not take the others down.
-HttpResponse answer_ready(const MapCatalog& catalog) {
+HttpResponse answer_ready(const Context& context) {
+  if (context.stopping) return json_response(status_json("stopping", {"stopping"}), 503);
   std::vector<std::string> loading;
   std::vector<std::string> failed;
-  for (const ServedMap& map : catalog.maps()) {
+  for (const ServedMap& map : context.catalog.maps()) {
     if (map.state == MapState::kLoading) loading.push_back("map " + map.name + ": loading");
     if (map.state == MapState::kFailed) failed.push_back("map " + map.name + ": " + map.failure);
   }
@@ -47,11 +48,10 @@ void add_health_routes(std::vector<Route>& routes, const Context& context) {
   };
   routes.push_back({"GET", "/livez", alive, Access::kOpen});
   routes.push_back({"GET", "/healthz", alive, Access::kOpen});
-  routes.push_back({"GET", "/readyz",
-                    [&context](const HttpRequest&, const PathParameters&) {
-                      return answer_ready(context.catalog);
-                    },
-                    Access::kOpen});
+  routes.push_back(
+      {"GET", "/readyz",
+       [&context](const HttpRequest&, const PathParameters&) { return answer_ready(context); },
+       Access::kOpen});
   routes.push_back({"GET", "/v1/maps/{map}/ready",
                     [&context](const HttpRequest&, const PathParameters& path) {
                       return answer_map_ready(context.catalog.find(path.at("map")));
