@@ -196,14 +196,13 @@ class Running(FolderTest):
         self.assertEqual(self.finish(signal.SIGINT), 130)
         self.assertLess(time.monotonic() - started, 20)
 
-    def test_a_request_in_hand_is_waited_for_and_no_longer_than_told(self):
+    def test_what_never_ends_is_cut(self):
         self.configure(drain={"timeout_s": 1}, stall_timeout_s=60, transfer_timeout_s=60)
         self.start()
         with socket.create_connection(("127.0.0.1", self.port)) as slow:
             slow.sendall(b"POST /v1/maps/town/localize HTTP/1.1\r\nHost: x\r\nContent-Le")
             time.sleep(0.3)
             self.assertEqual(self.finish(), 0)
-        self.message("although requests are still in hand")
 
     def test_the_service_manager_hears_of_every_step(self):
         name = f"\0stillmap-serve-test-{os.getpid()}"

@@ -19,9 +19,12 @@ struct AccessRecord {
 };
 
 /// Writes a line of level info, of level debug for probes and metrics, which come every second. One
-/// of 500 and above is a warning; it is also written when `requests` is false.
-/// @param requests  `log.requests`.
-void log_access(const AccessRecord& record, bool requests);
+/// of 500 and above is a warning, written in any case.
+void log_access(const AccessRecord& record);
+
+/// Whether requests below 500 have lines at level info; else they are of level debug. True at
+/// first. Safe from any thread.
+void set_request_lines(bool wanted);
 
 /// The record that this thread is logging right now; nullptr when it logs anything else.
 [[nodiscard]] const AccessRecord* current_access_record();
