@@ -95,8 +95,14 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
       catalog_(store, std::move(builder)),
       workers_(worker_count(options_)),
       gate_(workers_, options_.queue),
-      context_{
-          options_, workers_, store, catalog_, gate_, metrics_, std::chrono::steady_clock::now()},
+      context_{options_,
+               workers_,
+               store,
+               catalog_,
+               gate_,
+               metrics_,
+               stopping_,
+               std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)) {}
 
 Router::Match Service::admit(HttpRequest& request) const {
@@ -118,17 +124,21 @@ HttpResponse Service::handle(HttpRequest request) const {
 }
 
 HttpResponse Service::handle(const HttpRequest& request, const Router::Match& match) const {
+  const auto problem = [&](const ApiError& error) {
+    metrics_.problem(error.code());
+    return problem_response(error, request.request_id);
+  };
   const auto logged = [&](ErrorCode code, const std::exception& error) {
     // Paths of this machine stay in the log.
     spdlog::error("{} {} {}: {}", request.request_id, request.method, request.path, error.what());
-    return problem_response(ApiError(code, "the log says more"), request.request_id);
+    return problem(ApiError(code, "the log says more"));
   };
   try {
     return match.route->handler(request, match.parameters);
   } catch (const ApiError& error) {
-    return problem_response(error, request.request_id);
+    return problem(error);
   } catch (const maps::StoreRefusal& error) {
-    return problem_response(ApiError(code_of(error.reason()), error.what()), request.request_id);
+    return problem(ApiError(code_of(error.reason()), error.what()));
   } catch (const maps::StorageError& error) {
     return logged(ErrorCode::kStorageError, error);
   } catch (const maps::InputError& error) {

@@ -56,7 +56,7 @@ struct Served {
     ready.path = "/readyz";
     while (service->handle(ready).status != 200)
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    http = std::make_unique<server::HttpServer>(options, *service);
+    http = std::make_unique<server::HttpServer>(server::main_endpoint(options), *service, nullptr);
   }
 
   server::ServerOptions options = fuzz::small_options();

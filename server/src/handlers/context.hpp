@@ -7,6 +7,7 @@
 
 #include <stillmap/server/server_options.hpp>
 
+#include <atomic>
 #include <chrono>
 #include <optional>
 #include <string>
@@ -23,6 +24,8 @@ struct Context {
   MapCatalog& catalog;
   AlignmentGate& gate;
   Metrics& metrics;
+  /// Once set, the server is about to end.
+  const std::atomic<bool>& stopping;
   std::chrono::steady_clock::time_point started;
 };
 
