@@ -66,7 +66,8 @@ struct Sample {
 void patch(std::string& index, std::string_view patches) {
   while (patches.size() >= 5) {
     const auto at = [&](std::size_t i) { return static_cast<std::uint8_t>(patches[i]); };
-    const std::size_t where = (at(0) | at(1) << 8U | std::size_t{at(2)} << 16U) % index.size();
+    const std::size_t where =
+        (at(0) | std::size_t{at(1)} << 8U | std::size_t{at(2)} << 16U) % index.size();
     const std::size_t count =
         std::min({std::size_t{at(3)} % 8 + 1, patches.size() - 4, index.size() - where});
     std::memcpy(index.data() + where, patches.data() + 4, count);
