@@ -129,6 +129,11 @@ void DurableFiles::remove_file(const fs::path& file) const {
        [&](std::size_t) { return result_of(::unlink(file.c_str())); });
 }
 
+void DurableFiles::remove_folder(const fs::path& folder) const {
+  pass(*calls_, {.kind = Kind::kRemoveFolder, .path = folder},
+       [&](std::size_t) { return result_of(::rmdir(folder.c_str())); });
+}
+
 void DurableFiles::remove_tree(const fs::path& folder) const {
   std::vector<fs::directory_entry> entries;
   std::error_code error;
@@ -142,8 +147,7 @@ void DurableFiles::remove_tree(const fs::path& folder) const {
     }
     remove_file(entry.path());
   }
-  pass(*calls_, {.kind = Kind::kRemoveFolder, .path = folder},
-       [&](std::size_t) { return result_of(::rmdir(folder.c_str())); });
+  remove_folder(folder);
 }
 
 }  // namespace stillmap::maps

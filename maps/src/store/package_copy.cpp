@@ -102,8 +102,6 @@ std::set<fs::path> folders_of(const MapManifest& manifest) {
 
 CopiedPackage copy_package(const fs::path& package, const fs::path& empty,
                            const DurableFiles& files) {
-  // build.json is made by us and small; the limit is against something else in its place.
-  constexpr std::uint64_t kLargestBuildJson = 16U << 20U;
   const fs::path manifest_file = package / kManifestName;
   const std::string text = read_text(manifest_file);
   const MapManifest manifest = parse_manifest(text, manifest_file.string());

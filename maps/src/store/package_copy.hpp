@@ -8,6 +8,9 @@
 
 namespace stillmap::maps {
 
+/// build.json is made by us and small; the limit is against something else in its place.
+inline constexpr std::uint64_t kLargestBuildJson = 16U << 20U;
+
 struct CopiedPackage {
   std::string digest;
   /// Of the listed files and the manifest.

@@ -1,7 +1,7 @@
 #include <stillmap/maps/store/package_store.hpp>
 
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/map_store.hpp>
+#include <stillmap/maps/store/map_name.hpp>
 
 #include <unistd.h>
 
@@ -14,8 +14,10 @@
 
 #include "formats/text.hpp"
 #include "package/manifest_json.hpp"
+#include "store/archive_files.hpp"
 #include "store/durable_files.hpp"
 #include "store/folder_lock.hpp"
+#include "store/incoming_package.hpp"
 #include "store/package_copy.hpp"
 #include "store/store_folder.hpp"
 
@@ -67,9 +69,10 @@ class PackageStore::Incoming {
   Incoming& operator=(const Incoming&) = delete;
 
   [[nodiscard]] const fs::path& path() const { return path_; }
-  void publish(const fs::path& target) {
-    files_.rename(path_, target);
-    published_ = true;
+  /// @param package  this folder, or one in it; then the rest goes with this.
+  void publish(const fs::path& package, const fs::path& target) {
+    files_.rename(package, target);
+    published_ = package == path_;
   }
 
  private:
@@ -181,8 +184,42 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
     throw InputError(manifest_file.string(), "a file that changes", "one that does not");
   check_readable(incoming.path());
   lock.emplace(locked());
-  if (!adopt(wanted.digest)) incoming.publish(package_folder(wanted.digest));
+  if (!adopt(wanted.digest)) incoming.publish(incoming.path(), package_folder(wanted.digest));
   return commit(map, wanted);
+}
+
+PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_view version,
+                                              const ByteSource& source, const std::string& archive,
+                                              const ArchiveLimits& limits,
+                                              const std::optional<std::string>& sha256) {
+  check_name("map", map);
+  check_name("version", version);
+  const DurableFiles files(*calls_);
+  std::optional<FolderLock> lock(locked());
+  Incoming incoming(packages_, files);
+  lock.reset();
+  const ArchiveFiles found =
+      unpack_archive(source, archive, incoming.path(), limits, files, /*hashed=*/true);
+  if (sha256 && *sha256 != found.archive.sha256)
+    throw InputError(archive, "SHA-256 " + found.archive.sha256, *sha256);
+  const IncomingPackage package = keep_package(incoming.path(), found, archive, files);
+  StoredVersion wanted{.name = std::string(version), .digest = package.package.digest};
+  wanted.bytes = package.package.bytes;
+  wanted.created_ns = now_ns();
+  check_readable(package.folder);
+  lock.emplace(locked());
+  if (const auto known = state_->find_version(map, version)) {
+    if (known->digest != wanted.digest) state_->add_version(map, wanted);
+    return {*known, false};
+  }
+  state_->check_quota(quota(), map, wanted.bytes, wanted.digest);
+  if (!adopt(wanted.digest)) incoming.publish(package.folder, package_folder(wanted.digest));
+  return commit(map, wanted);
+}
+
+std::unique_ptr<PackageArchive> PackageStore::archive(std::string_view map,
+                                                      std::string_view version) const {
+  return std::make_unique<PackageArchive>(package_folder(state_->version(map, version).digest));
 }
 
 /// Under the lock. @return whether a whole package of this digest lies there. One that no version

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/store/archive.hpp>
+#include <stillmap/maps/store/package_archive.hpp>
 #include <stillmap/maps/store/store_state.hpp>
 
 #include <cstddef>
@@ -38,6 +40,7 @@ class PackageStore {
   /// Whether a folder holds a store already.
   [[nodiscard]] static bool is_store(const std::filesystem::path& folder);
 
+  [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   /// Names, versions and active pointers.
   [[nodiscard]] const StoreState& state() const { return *state_; }
   [[nodiscard]] KeyTable& keys() { return state_->keys(); }
@@ -69,6 +72,17 @@ class PackageStore {
   /// what is wrong with the package; StoreRefusal kOtherDigest; kOverQuota, before bytes are
   /// copied.
   Added add(std::string_view map, std::string_view version, const std::filesystem::path& package);
+  /// As `add`, of a package that comes as a tar, by itself or in one folder: unpacked straight into
+  /// the store, hashed while it is written. Files that the manifest does not list are dropped.
+  /// @param archive  what messages call it.
+  /// @param sha256   of the archive as it comes, lower-case hex, where that is known.
+  /// @throws also InputError as `extract_archive`, and for another SHA-256. Nothing is left then.
+  Added add_archive(std::string_view map, std::string_view version, const ByteSource& source,
+                    const std::string& archive, const ArchiveLimits& limits,
+                    const std::optional<std::string>& sha256 = {});
+  /// A version's package as a tar. @throws as `open`.
+  [[nodiscard]] std::unique_ptr<PackageArchive> archive(std::string_view map,
+                                                        std::string_view version) const;
   /// As `StoreState::activate`, but a package that cannot be opened never becomes active.
   /// @throws also InputError.
   StoredMap activate(std::string_view map, std::string_view version,
