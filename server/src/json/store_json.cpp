@@ -72,14 +72,6 @@ std::string added_json(const std::string& map, const maps::PackageStore::Added& 
                  kIndent);
 }
 
-std::string stored_map_json(const maps::StoredMap& map) {
-  return to_text({{"map", map.name},
-                  {"active", name_or_null(map.active)},
-                  {"previous", name_or_null(map.previous)},
-                  {"revision", map.revision}},
-                 kIndent);
-}
-
 std::string created_key_json(const maps::KeyTable::Created& created) {
   Json json = key_of(created.key);
   json["key"] = created.text;

@@ -28,7 +28,6 @@ struct RemovedVersion {
 [[nodiscard]] std::string restored_json(std::size_t packages);
 [[nodiscard]] std::string added_json(const std::string& map,
                                      const maps::PackageStore::Added& added);
-[[nodiscard]] std::string stored_map_json(const maps::StoredMap& map);
 /// With the secret, which is told once.
 [[nodiscard]] std::string created_key_json(const maps::KeyTable::Created& created);
 [[nodiscard]] std::string key_json(const maps::ApiKey& key);
