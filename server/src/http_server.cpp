@@ -145,6 +145,18 @@ class HttpServer::Listener {
     identity_ = std::move(fresh);
   }
 
+  /// Serves one connected socket on the calling thread until the connection ends, and closes it.
+  void serve(int handle) {
+    try {
+      BoundedSocket socket(handle, endpoint_.limits, session(handle));
+      converse(socket, handle);
+    } catch (const std::exception& error) {
+      spdlog::error("a connection ends: {}", error.what());
+    }
+    forget(handle);
+    ::close(handle);
+  }
+
  private:
   void wake() const {
     const std::uint64_t one = 1;
@@ -212,17 +224,6 @@ class HttpServer::Listener {
     if (metrics_ != nullptr) metrics_->connection_closed();
   }
 
-  void serve(int handle) {
-    try {
-      BoundedSocket socket(handle, endpoint_.limits, session(handle));
-      converse(socket, handle);
-    } catch (const std::exception& error) {
-      spdlog::error("a connection ends: {}", error.what());
-    }
-    forget(handle);
-    ::close(handle);
-  }
-
   void converse(BoundedSocket& socket, int handle) {
     // So that no client keeps the server from balancing connections anew.
     constexpr int kMostRequests = 10'000;
@@ -287,6 +288,7 @@ HttpServer::~HttpServer() = default;
 
 int HttpServer::bind() { return listener_->bind(); }
 void HttpServer::run() { listener_->run(); }
+void HttpServer::serve(int socket) { listener_->serve(socket); }
 void HttpServer::stop() { listener_->stop(); }
 void HttpServer::drain() { listener_->drain(); }
 void HttpServer::reload_certificate() { listener_->reload_certificate(); }

@@ -49,6 +49,8 @@ class HttpServer {
   /// Serves until `stop` or `drain`, and returns when the last connection is closed.
   /// @throws std::runtime_error when the listening socket fails.
   void run();
+  /// Serves one connected socket on the calling thread until the connection ends, and closes it.
+  void serve(int socket);
   /// Takes no new connections and ends at once what is idle; answers that are being made have
   /// `DrainOptions::timeout_s`, requests that are still coming in a second. Safe from any thread,
   /// also before `run`.

@@ -138,7 +138,7 @@ struct DrainOptions {
 /// Where the server listens, and how much it takes from one client and from all together.
 struct ServerOptions {
   /// Folder of the store. `stillmap serve` needs it; the library is given the folder apart.
-  std::string store;
+  std::string store = {};
   /// Address to listen on. Anything but loopback needs `allow_remote`.
   std::string host = "127.0.0.1";
   /// TCP port; 0 takes any free one.
