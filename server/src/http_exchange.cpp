@@ -145,7 +145,9 @@ void invite_body(Exchange& exchange, std::uint64_t length) {
 /// As many as the page has files would else be routes of their own in the metrics.
 std::string_view route_label(const Router::Match& match) {
   if (match.route == nullptr) return {};
-  return match.route->pattern.starts_with("/assets/") ? "/assets/{file}" : match.route->pattern;
+  // Not in one expression: its other half would be a string that ends here.
+  if (match.route->pattern.starts_with("/assets/")) return "/assets/{file}";
+  return match.route->pattern;
 }
 
 std::uint64_t size_of(const HttpResponse& response) {

@@ -174,7 +174,7 @@ TEST(ConfigFile, ForeignTextCannotForgeALine) {
 }
 
 TEST(ConfigFile, NearestKeyIsTheOneThatWasMeant) {
-  EXPECT_EQ(nearest_key("max_session"), "sessions.max");
+  EXPECT_EQ(nearest_key("prot"), "port");
   EXPECT_EQ(nearest_key("jobs.memory"), "jobs.memory_bytes");
   EXPECT_EQ(nearest_key("log.lvl"), "log.level");
   EXPECT_EQ(nearest_key(std::string(65, 'x')), "");
