@@ -5,9 +5,9 @@
 #include "http_answer.hpp"
 #include "http_body.hpp"
 #include "http_range.hpp"
+#include "problem.hpp"
 #include "request_head.hpp"
 #include "request_id.hpp"
-#include "service.hpp"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -125,7 +125,8 @@ void invite_body(Exchange& exchange, std::uint64_t length) {
 /// As many as the page has files would else be routes of their own in the metrics.
 std::string_view route_label(const Router::Match& match) {
   if (match.route == nullptr) return {};
-  return match.route->pattern.starts_with("/assets/") ? "/assets/{file}" : match.route->pattern;
+  const std::string_view pattern = match.route->pattern;
+  return pattern.starts_with("/assets/") ? "/assets/{file}" : pattern;
 }
 
 std::uint64_t size_of(const HttpResponse& response) {

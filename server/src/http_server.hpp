@@ -40,6 +40,8 @@ class HttpServer {
   /// @param metrics  counts requests and connections when there; outlives this.
   /// @throws maps::InputError when the certificate or its key cannot be used.
   HttpServer(const Endpoint& endpoint, const RequestHandler& handler, Metrics* metrics);
+  /// The same at the main endpoint, without metrics.
+  HttpServer(const ServerOptions& options, const RequestHandler& handler);
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;
   HttpServer& operator=(const HttpServer&) = delete;
@@ -49,6 +51,8 @@ class HttpServer {
   /// Serves until `stop` or `drain`, and returns when the last connection is closed.
   /// @throws std::runtime_error when the listening socket fails.
   void run();
+  /// Serves one connected socket on the calling thread until the connection ends, and closes it.
+  void serve(int socket);
   /// Takes no new connections and ends at once what is idle; answers that are being made have
   /// `DrainOptions::timeout_s`, requests that are still coming in a second. Safe from any thread,
   /// also before `run`.

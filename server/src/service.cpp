@@ -1,7 +1,6 @@
 #include "service.hpp"
 
 #include "api_error.hpp"
-#include "json/answers_json.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -96,13 +95,6 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
 }
 
 }  // namespace
-
-HttpResponse problem_response(const ApiError& error, const std::string& request_id) {
-  return {.status = info_of(error.code()).http_status,
-          .content_type = "application/problem+json",
-          .body = problem_json(error, request_id),
-          .headers = error.headers()};
-}
 
 Service::Service(const ServerOptions& options, const maps::MapStore& store, AlignerBuilder builder,
                  const std::vector<WebAsset>& web)
