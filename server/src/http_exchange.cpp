@@ -5,6 +5,9 @@
 #include "http_answer.hpp"
 #include "http_body.hpp"
 #include "http_range.hpp"
+#include "log/access_log.hpp"
+#include "log/log_context.hpp"
+#include "log/trace_context.hpp"
 #include "problem.hpp"
 #include "request_head.hpp"
 #include "request_id.hpp"
@@ -35,6 +38,8 @@ struct Exchange {
   RequestHead head{};
   HttpRequest request{};
   Router::Match match{};
+  /// Who is named in what is logged meanwhile.
+  std::optional<LogScope> log{};
   std::chrono::steady_clock::time_point begun = std::chrono::steady_clock::now();
   std::uint64_t received_bytes = 0;
   /// Whether the connection is at the start of a next request after this one.
@@ -98,6 +103,20 @@ ApiError head_too_large() {
           "the request line or a header is too long, or there are too many"};
 }
 
+/// A trace that the caller has begun goes on in the log; one that is not well formed, or sent
+/// twice, counts as not sent.
+LogContext log_context(const Exchange& exchange) {
+  LogContext context;
+  context.request_id = exchange.request.request_id;
+  if (exchange.head.count("traceparent") != 1) return context;
+  const std::optional<Span> caller = parse_traceparent(exchange.head.value("traceparent"));
+  if (!caller) return context;
+  const Span own = child_of(*caller);
+  context.trace_id = own.trace_id;
+  context.span_id = own.span_id;
+  return context;
+}
+
 void read_into(Exchange& exchange, BoundedSocket::HeadState state, const std::string& text) {
   try {
     if (state == BoundedSocket::HeadState::kTooLarge) throw head_too_large();
@@ -106,6 +125,7 @@ void read_into(Exchange& exchange, BoundedSocket::HeadState state, const std::st
     exchange.refusal = error;
   }
   exchange.request.request_id = request_id_from(exchange.head.value("x-request-id"));
+  exchange.log.emplace(log_context(exchange));
 }
 
 void complete_request(Exchange& exchange, const httplib::Request& from) {
@@ -178,7 +198,7 @@ class HttpExchange::Library final : public httplib::Server {
     } catch (const ApiError& error) {
       response = refuse(exchange, error);
     } catch (const std::exception& error) {
-      spdlog::error("{} {}", exchange.request.request_id, error.what());
+      spdlog::error("{}", error.what());
       response = refuse(exchange, {ErrorCode::kInternalError, "the log says more"});
     }
     exchange.received();
@@ -192,6 +212,7 @@ class HttpExchange::Library final : public httplib::Server {
     const std::optional<std::uint64_t> length = announced_length(exchange.head);
     exchange.reusable = length.value_or(0) == 0 && exchange.head.count("transfer-encoding") == 0;
     exchange.match = handler_.admit(exchange.request);
+    exchange.log->context().key_id = exchange.request.caller.key_id;
     const Route& route = *exchange.match.route;
     if (exchange.head.method == "GET") static_cast<void>(parse_range(exchange.head.value("range")));
     check_body(exchange.head, length, route, limits_.max_body_bytes);
@@ -259,8 +280,12 @@ class HttpExchange::Library final : public httplib::Server {
   void note(const Exchange& exchange, int status, std::uint64_t size) const {
     const HttpRequest& request = exchange.request;
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - exchange.begun;
-    spdlog::debug("{} {} {} {} {} bytes {:.1f} ms", request.request_id, request.method,
-                  printable(request.path), status, size, took.count() * 1e3);
+    log_access({.method = request.method,
+                .route = route_label(exchange.match),
+                .status = status,
+                .bytes_in = exchange.received_bytes,
+                .bytes_out = size,
+                .milliseconds = took.count() * 1e3});
     if (metrics_ == nullptr) return;
     metrics_->request_answered({.method = request.method,
                                 .route = route_label(exchange.match),

@@ -152,6 +152,18 @@ class HttpServer::Listener {
     identity_ = std::move(fresh);
   }
 
+  /// Serves one connected socket on the calling thread until the connection ends, and closes it.
+  void serve(int handle) {
+    try {
+      BoundedSocket socket(handle, endpoint_.limits, session(handle));
+      converse(socket, handle);
+    } catch (const std::exception& error) {
+      spdlog::error("a connection ends: {}", error.what());
+    }
+    forget(handle);
+    ::close(handle);
+  }
+
  private:
   void wake() const {
     const std::uint64_t one = 1;
@@ -217,17 +229,6 @@ class HttpServer::Listener {
   void forget(int socket) {
     connections_.remove(socket);
     if (metrics_ != nullptr) metrics_->connection_closed();
-  }
-
-  void serve(int handle) {
-    try {
-      BoundedSocket socket(handle, endpoint_.limits, session(handle));
-      converse(socket, handle);
-    } catch (const std::exception& error) {
-      spdlog::error("a connection ends: {}", error.what());
-    }
-    forget(handle);
-    ::close(handle);
   }
 
   void converse(BoundedSocket& socket, int handle) {

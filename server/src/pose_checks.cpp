@@ -45,11 +45,19 @@ Eigen::Matrix<double, 6, 6> checked_covariance(std::span<const double, 36> value
   const bool symmetric =
       (covariance - covariance.transpose()).cwiseAbs().maxCoeff() <= 1e-9 * scale;
   const Eigen::LLT<Matrix6> llt(covariance);
-  if (!symmetric || llt.info() != Eigen::Success) {
+  // A NaN on the way, of an overflow, passes for success.
+  if (!symmetric || llt.info() != Eigen::Success || !llt.matrixLLT().allFinite()) {
     throw field_error(
         ErrorCode::kInvalidPrior, path,
         symmetric ? "a matrix that is not positive definite" : "a matrix that is not symmetric",
         "a symmetric positive definite 6 x 6 matrix, row by row");
+  }
+  const auto variances = covariance.diagonal().array();
+  if (!(variances >= kMinSigma * kMinSigma && variances <= kMaxSigma * kMaxSigma).all()) {
+    throw field_error(
+        ErrorCode::kInvalidPrior, path,
+        fmt::format("variances from {} to {}", variances.minCoeff(), variances.maxCoeff()),
+        fmt::format("deviations in [{}, {}] m or rad", kMinSigma, kMaxSigma));
   }
   return covariance;
 }

@@ -12,9 +12,10 @@
 namespace stillmap::server {
 
 struct Server::Parts {
-  Parts(const ServerOptions& options, const std::filesystem::path& store,
+  Parts(const ServerOptions& options, const std::filesystem::path& folder,
         const std::filesystem::path& web)
-      : service(options, maps::MapStore(store), build_aligners, read_web_assets(web)),
+      : store(folder),
+        service(options, store, build_aligners, read_web_assets(web)),
         http(main_endpoint(options), service, &service.metrics()),
         management(service) {
     if (options.management.enabled()) {
@@ -22,6 +23,7 @@ struct Server::Parts {
     }
   }
 
+  maps::PackageStore store;
   Service service;
   HttpServer http;
   Management management;

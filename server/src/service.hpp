@@ -14,8 +14,8 @@ namespace stillmap::server {
 /// Requests in, answers out: everything of the server but HTTP itself. Safe from several threads.
 class Service final : public RequestHandler {
  public:
-  /// @throws std::invalid_argument on broken options.
-  Service(const ServerOptions& options, const maps::MapStore& store, AlignerBuilder builder,
+  /// @param store  outlives this. @throws std::invalid_argument on broken options.
+  Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
           const std::vector<WebAsset>& web);
   Service(const Service&) = delete;
   Service& operator=(const Service&) = delete;
@@ -33,8 +33,8 @@ class Service final : public RequestHandler {
   ServerOptions options_;
   mutable Metrics metrics_;
   std::atomic<bool> stopping_ = false;
-  Gatekeeper gatekeeper_;
-  MapCatalog catalog_;
+  mutable Gatekeeper gatekeeper_;
+  mutable MapCatalog catalog_;
   int workers_;
   mutable AlignmentGate gate_;
   Context context_;

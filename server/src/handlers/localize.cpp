@@ -18,17 +18,6 @@ double milliseconds_since(Clock::time_point begin) {
   return std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
 }
 
-const Aligners& aligners_of(const ServedMap& map) {
-  if (map.state == MapState::kLoading) {
-    throw ApiError(ErrorCode::kMapLoading, "map '" + map.name + "' is still being loaded")
-        .with_header("Retry-After", "1");
-  }
-  if (map.state == MapState::kFailed) {
-    throw ApiError(ErrorCode::kMapUnusable, "map '" + map.name + "' could not be loaded");
-  }
-  return *map.aligners;
-}
-
 const localization::Aligner& choose(const Aligners& aligners, const std::string& method) {
   if (method.empty()) return *aligners.front().second;
   std::string names;
@@ -46,12 +35,12 @@ void check_deadline(const std::optional<Clock::time_point>& deadline) {
 
 HttpResponse answer_localize(const Context& context, const HttpRequest& request,
                              const PathParameters& path) {
-  const ServedMap map = find_version(context.catalog, path);
-  const Aligners& aligners = aligners_of(map);
+  const ServedVersion map = context.catalog.ready(path.at("map"), version_in(path));
   PoseRequest pose_request = read_pose_request(request, context.options);
-  const localization::Aligner& aligner = choose(aligners, pose_request.parameters.method);
+  const localization::Aligner& aligner = choose(*map.aligners, pose_request.parameters.method);
   PoseAnswer answer{.parameters = std::move(pose_request.parameters),
-                    .map_name = map.name,
+                    .map_name = map.map,
+                    .map_version = map.version,
                     .map_digest = map.package->digest(),
                     .request_id = request.request_id};
   answer.timing.decode_ms = milliseconds_since(request.received);
