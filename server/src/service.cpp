@@ -87,14 +87,8 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
       catalog_(store, std::move(builder)),
       workers_(worker_count(options_)),
       gate_(workers_, options_.queue),
-      context_{options_,
-               workers_,
-               store,
-               catalog_,
-               gate_,
-               metrics_,
-               stopping_,
-               std::chrono::steady_clock::now()},
+      context_{options_, workers_, store,     catalog_,
+               gate_,    metrics_, stopping_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)) {}
 
 Router::Match Service::admit(HttpRequest& request) const {
