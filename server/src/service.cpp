@@ -77,6 +77,17 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   return routes;
 }
 
+void set_map_figures(Metrics& metrics, const MapCatalog& catalog) {
+  std::size_t ready = 0;
+  std::size_t failed = 0;
+  const std::vector<ServedVersion> maps = catalog.active();
+  for (const ServedVersion& map : maps) {
+    ready += map.state == MapState::kReady ? 1 : 0;
+    failed += map.state == MapState::kFailed ? 1 : 0;
+  }
+  metrics.set_maps(ready, maps.size() - ready - failed, failed);
+}
+
 }  // namespace
 
 Service::Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
@@ -89,7 +100,9 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
       gate_(workers_, options_.queue),
       context_{options_, workers_, store,     catalog_,
                gate_,    metrics_, stopping_, std::chrono::steady_clock::now()},
-      router_(all_routes(context_, web)) {}
+      router_(all_routes(context_, web)) {
+  metrics_.add_reader([this] { set_map_figures(metrics_, catalog_); });
+}
 
 Router::Match Service::admit(HttpRequest& request) const {
   Router::Match match = router_.match(request.method, request.path);
