@@ -14,14 +14,14 @@ namespace stillmap::server {
 
 /// How much and how long one connection may take.
 struct ConnectionLimits {
-  std::chrono::seconds keep_alive{2};
+  std::chrono::milliseconds keep_alive{2'000};
   /// For the head of a request, and for the TLS handshake.
-  std::chrono::seconds head{10};
+  std::chrono::milliseconds head{10'000};
   /// Without a single byte moving.
-  std::chrono::seconds stall{5};
+  std::chrono::milliseconds stall{5'000};
   /// For receiving one request, and for sending one answer; longer for what moves faster than
   /// `kLeastBytesPerSecond`, since an upload of gigabytes is no slow client.
-  std::chrono::seconds transfer{60};
+  std::chrono::milliseconds transfer{60'000};
   std::size_t max_head_bytes = std::size_t{32} << 10U;
   std::size_t max_line_bytes = std::size_t{4} << 10U;
 };

@@ -8,9 +8,9 @@
 #include "log/access_log.hpp"
 #include "log/log_context.hpp"
 #include "log/trace_context.hpp"
+#include "problem.hpp"
 #include "request_head.hpp"
 #include "request_id.hpp"
-#include "service.hpp"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -145,9 +145,8 @@ void invite_body(Exchange& exchange, std::uint64_t length) {
 /// As many as the page has files would else be routes of their own in the metrics.
 std::string_view route_label(const Router::Match& match) {
   if (match.route == nullptr) return {};
-  // Not in one expression: its other half would be a string that ends here.
-  if (match.route->pattern.starts_with("/assets/")) return "/assets/{file}";
-  return match.route->pattern;
+  const std::string_view pattern = match.route->pattern;
+  return pattern.starts_with("/assets/") ? "/assets/{file}" : pattern;
 }
 
 std::uint64_t size_of(const HttpResponse& response) {

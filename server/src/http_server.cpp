@@ -6,8 +6,8 @@
 #include "http_answer.hpp"
 #include "http_exchange.hpp"
 #include "listening_socket.hpp"
+#include "problem.hpp"
 #include "request_id.hpp"
-#include "service.hpp"
 #include "turned_away.hpp"
 
 #include <fmt/format.h>
@@ -98,10 +98,11 @@ class HttpServer::Listener {
       : endpoint_(endpoint),
         metrics_(metrics),
         wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
-        exchange_({.max_body_bytes = endpoint.max_body_bytes,
-                   .event_streams = endpoint.event_streams,
-                   .keep_alive = endpoint.limits.keep_alive},
-                  handler, metrics),
+        exchange_(
+            {.max_body_bytes = endpoint.max_body_bytes,
+             .event_streams = endpoint.event_streams,
+             .keep_alive = std::chrono::floor<std::chrono::seconds>(endpoint.limits.keep_alive)},
+            handler, metrics),
         threads_(endpoint.connections, [this](int socket) { serve(socket); }) {
     if (wake_ < 0) throw std::runtime_error("an event to wake up by cannot be made");
     reload_certificate();
@@ -122,6 +123,12 @@ class HttpServer::Listener {
     }
     listening_->close();
     finish_in_hand();
+  }
+
+  void serve_given(int socket) {
+    connections_.add(socket);
+    if (metrics_ != nullptr) metrics_->connection_opened();
+    serve(socket);
   }
 
   void stop() {
@@ -284,11 +291,13 @@ class HttpServer::Listener {
 
 HttpServer::HttpServer(const Endpoint& endpoint, const RequestHandler& handler, Metrics* metrics)
     : listener_(std::make_unique<Listener>(endpoint, handler, metrics)) {}
+HttpServer::HttpServer(const ServerOptions& options, const RequestHandler& handler)
+    : HttpServer(main_endpoint(options), handler, nullptr) {}
 HttpServer::~HttpServer() = default;
 
 int HttpServer::bind() { return listener_->bind(); }
 void HttpServer::run() { listener_->run(); }
-void HttpServer::serve(int socket) { listener_->serve(socket); }
+void HttpServer::serve(int socket) { listener_->serve_given(socket); }
 void HttpServer::stop() { listener_->stop(); }
 void HttpServer::drain() { listener_->drain(); }
 void HttpServer::reload_certificate() { listener_->reload_certificate(); }

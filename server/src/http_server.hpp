@@ -40,6 +40,8 @@ class HttpServer {
   /// @param metrics  counts requests and connections when there; outlives this.
   /// @throws maps::InputError when the certificate or its key cannot be used.
   HttpServer(const Endpoint& endpoint, const RequestHandler& handler, Metrics* metrics);
+  /// The same at the main endpoint, without metrics.
+  HttpServer(const ServerOptions& options, const RequestHandler& handler);
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;
   HttpServer& operator=(const HttpServer&) = delete;

@@ -1,7 +1,6 @@
 #include "service.hpp"
 
 #include "api_error.hpp"
-#include "json/answers_json.hpp"
 #include "refusal_codes.hpp"
 
 #include <fmt/format.h>
@@ -78,14 +77,18 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   return routes;
 }
 
-}  // namespace
-
-HttpResponse problem_response(const ApiError& error, const std::string& request_id) {
-  return {.status = info_of(error.code()).http_status,
-          .content_type = "application/problem+json",
-          .body = problem_json(error, request_id),
-          .headers = error.headers()};
+void set_map_figures(Metrics& metrics, const MapCatalog& catalog) {
+  std::size_t ready = 0;
+  std::size_t failed = 0;
+  const std::vector<ServedVersion> maps = catalog.active();
+  for (const ServedVersion& map : maps) {
+    ready += map.state == MapState::kReady ? 1 : 0;
+    failed += map.state == MapState::kFailed ? 1 : 0;
+  }
+  metrics.set_maps(ready, maps.size() - ready - failed, failed);
 }
+
+}  // namespace
 
 Service::Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
                  const std::vector<WebAsset>& web)
@@ -95,15 +98,11 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
       catalog_(store, std::move(builder)),
       workers_(worker_count(options_)),
       gate_(workers_, options_.queue),
-      context_{options_,
-               workers_,
-               store,
-               catalog_,
-               gate_,
-               metrics_,
-               stopping_,
-               std::chrono::steady_clock::now()},
-      router_(all_routes(context_, web)) {}
+      context_{options_, workers_, store,     catalog_,
+               gate_,    metrics_, stopping_, std::chrono::steady_clock::now()},
+      router_(all_routes(context_, web)) {
+  metrics_.add_reader([this] { set_map_figures(metrics_, catalog_); });
+}
 
 Router::Match Service::admit(HttpRequest& request) const {
   Router::Match match = router_.match(request.method, request.path);

@@ -3,6 +3,7 @@
 #include "api_error.hpp"
 #include "gatekeeper.hpp"
 #include "handlers/context.hpp"
+#include "problem.hpp"
 #include "request_handler.hpp"
 #include "web_assets.hpp"
 
@@ -39,8 +40,5 @@ class Service final : public RequestHandler {
   Context context_;
   Router router_;
 };
-
-/// An error as `application/problem+json`.
-[[nodiscard]] HttpResponse problem_response(const ApiError& error, const std::string& request_id);
 
 }  // namespace stillmap::server

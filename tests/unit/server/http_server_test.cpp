@@ -203,12 +203,12 @@ TEST(HttpServerLife, StopsWithAnIdleConnectionAndBeforeItRuns) {
   const ServerOptions options{.store = {}, .port = 0, .keep_alive_s = 60};
   const Service service(options, store.open(), [](const maps::MapPackage&) { return Aligners{}; },
                         {});
-  HttpServer early(main_endpoint(options), service, nullptr);
+  HttpServer early(options, service);
   early.bind();
   early.stop();
   early.run();
 
-  HttpServer server(main_endpoint(options), service, nullptr);
+  HttpServer server(options, service);
   const int port = server.bind();
   std::thread thread([&] { server.run(); });
   RawClient idle(port);
@@ -224,10 +224,10 @@ TEST(HttpServerLife, AddressOfNobodyHereIsAnError) {
   ServerOptions options{.store = {}, .port = 0};
   const Service service(options, store.open(), [](const maps::MapPackage&) { return Aligners{}; },
                         {});
-  HttpServer first(main_endpoint(options), service, nullptr);
+  HttpServer first(options, service);
   options.host = "192.0.2.1";  // of nobody, RFC 5737
   options.allow_remote = true;
-  HttpServer second(main_endpoint(options), service, nullptr);
+  HttpServer second(options, service);
   EXPECT_GT(first.bind(), 0);
   EXPECT_THROW(second.bind(), std::runtime_error);
 }

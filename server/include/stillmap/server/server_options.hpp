@@ -158,18 +158,18 @@ struct ServerOptions {
   std::size_t min_scan_points = 50;
   /// Request line and all headers of one request [bytes].
   std::size_t max_head_bytes = std::size_t{32} << 10U;
-  /// Request line, or one header [bytes]. The HTTP library runs recursive regular expressions over
-  /// them, which a thread's stack bounds.
+  /// Request line, or one header [bytes].
   std::size_t max_head_line_bytes = std::size_t{4} << 10U;
   /// Alignments at one time; 0 = as many as there are cores.
   int workers = 0;
   /// Requests that may wait for a worker; beyond it the answer is 503. More of them wait longer
   /// instead of trying another server.
   int queue = 16;
-  /// Connections served at one time; every idle keep-alive connection holds one of them.
-  int connections = 64;
+  /// Connections served at one time; every idle keep-alive connection holds one of them, some 30 KiB
+  /// of memory each. Beyond it the answer is 503.
+  int connections = 512;
   /// Event streams open at one time, below `connections`, since each holds one of them.
-  int event_streams = 50;
+  int event_streams = 64;
   /// How long a connection may idle between requests [s].
   int keep_alive_s = 2;
   /// How long a client may send or take nothing [s].
