@@ -146,7 +146,7 @@ def main():
     parser.add_argument("--report", action="store_true")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("targets", nargs="*")
-    asked = parser.parse_args()
+    asked = parser.parse_intermixed_args()
     programs = sorted(path for path in asked.programs.glob("fuzz_*") if os.access(path, os.X_OK))
     known = [path.name.removeprefix("fuzz_") for path in programs]
     for name in asked.targets:
