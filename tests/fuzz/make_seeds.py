@@ -109,6 +109,7 @@ def make_http():
     put("http", "json", b"POST /v1/maps/town/localize HTTP/1.1\r\nContent-Type: application/json\r\nExpect: 100-continue\r\n"
         b"Content-Length: " + str(len(body)).encode() + b"\r\n\r\n" + body)
     put("http", "chunked", localize + b"Transfer-Encoding: chunked\r\n\r\n4\r\nabcd\r\n0\r\n\r\n")
+    put("http", "huge_range", b"GET /v1/maps HTTP/1.1\r\nRange: bytes=99999999999999999999-\r\n\r\n")
     put("http", "odd", b"PUT /v1/%6daps/../x?a=%00&b HTTP/1.0\r\nRange: bytes=1-2,3-4\r\nContent-Length: 1\r\n\r\nx"
         b"OPTIONS * HTTP/1.1\r\n\r\n")
 
