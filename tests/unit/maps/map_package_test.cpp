@@ -1,6 +1,7 @@
 #include <stillmap/maps/map_package.hpp>
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/frames.hpp>
 
 #include <array>
 #include <fstream>
@@ -8,6 +9,7 @@
 #include <limits>
 #include <regex>
 
+#include "package/manifest_json.hpp"
 #include "support/matchers.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"
