@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cstdint>
+#include <limits>
 
 namespace stillmap::server {
 namespace {
@@ -32,6 +33,14 @@ std::vector<std::string> ServerOptions::violations() const {
   bounds.check<std::size_t>("max_scan_points", max_scan_points, min_scan_points, 20'000'000);
   bounds.check("workers", workers, 0, 1024);
   bounds.check("queue", queue, 0, 10'000);
+  bounds.check("max_requests", max_requests, 1, 10'000);
+  bounds.check("max_bodies_bytes", max_bodies_bytes, max_payload_bytes, kKiB * kKiB * kKiB * kKiB);
+  bounds.check("default_deadline_ms", default_deadline_ms, 1, 600'000);
+  bounds.check("client_share", client_share, std::numeric_limits<double>::min(), 1.0);
+  bounds.check("max_batch", max_batch, 1, 1024);
+  bounds.check("max_sessions", max_sessions, 1, 100'000);
+  bounds.check("session_idle_s", session_idle_s, 1, 86'400);
+  bounds.check("clock_skew_s", clock_skew_s, 0.001, 86'400.0);
   bounds.check("http_threads", http_threads, 1, 4096);
   bounds.check("keep_alive_s", keep_alive_s, 1, 60);
   bounds.check("stall_timeout_s", stall_timeout_s, 1, 600);

@@ -30,6 +30,14 @@ int worker_count(const ServerOptions& options) {
   return static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
 }
 
+QueueLimits queue_limits(const ServerOptions& options, int workers) {
+  return {.workers = workers,
+          .waiting = options.queue,
+          .requests = options.max_requests,
+          .body_bytes = options.max_bodies_bytes,
+          .client_share = options.client_share};
+}
+
 /// The page speaks to this server alone, and no file is run as something else than it says.
 void add_page_headers(HttpResponse& response) {
   response.headers.emplace_back("Content-Security-Policy", "default-src 'self'");
@@ -81,6 +89,8 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   add_map_routes(routes, context);
   add_tile_routes(routes, context);
   add_localize_routes(routes, context);
+  add_batch_routes(routes, context);
+  add_session_routes(routes, context);
   for (const WebAsset& asset : web) {
     // In a pattern a brace would stand for any name.
     if (asset.path.find('{') != std::string::npos) continue;
@@ -109,8 +119,12 @@ Service::Service(const ServerOptions& options, const maps::MapStore& store, Alig
     : options_(checked(options)),
       catalog_(store, std::move(builder)),
       workers_(worker_count(options_)),
-      gate_(workers_, options_.queue),
-      context_{options_, workers_, catalog_, gate_, std::chrono::steady_clock::now()},
+      queue_(queue_limits(options_, workers_)),
+      sessions_({.most = options_.max_sessions,
+                 .idle = std::chrono::seconds(options_.session_idle_s),
+                 .client_share = options_.client_share},
+                queue_),
+      context_{options_, workers_, catalog_, queue_, sessions_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)) {}
 
 Router::Match Service::admit(HttpRequest& request) const {

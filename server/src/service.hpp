@@ -30,7 +30,8 @@ class Service {
   Gatekeeper gatekeeper_;
   MapCatalog catalog_;
   int workers_;
-  mutable AlignmentGate gate_;
+  mutable AlignmentQueue queue_;
+  mutable SessionTable sessions_;
   Context context_;
   Router router_;
 };

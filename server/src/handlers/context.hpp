@@ -1,7 +1,8 @@
 #pragma once
 
-#include "alignment_gate.hpp"
 #include "map_catalog.hpp"
+#include "pose/alignment_queue.hpp"
+#include "pose/session_table.hpp"
 #include "router.hpp"
 
 #include <stillmap/server/server_options.hpp>
@@ -17,7 +18,8 @@ struct Context {
   const ServerOptions& options;
   int workers;
   MapCatalog& catalog;
-  AlignmentGate& gate;
+  AlignmentQueue& queue;
+  SessionTable& sessions;
   std::chrono::steady_clock::time_point started;
 };
 
@@ -31,6 +33,8 @@ void add_health_routes(std::vector<Route>& routes, const Context& context);
 void add_map_routes(std::vector<Route>& routes, const Context& context);
 void add_tile_routes(std::vector<Route>& routes, const Context& context);
 void add_localize_routes(std::vector<Route>& routes, const Context& context);
+void add_batch_routes(std::vector<Route>& routes, const Context& context);
+void add_session_routes(std::vector<Route>& routes, const Context& context);
 
 /// The map, when `version` is the one it has. @throws ApiError kUnknownMap, kUnknownVersion.
 [[nodiscard]] ServedMap find_version(const MapCatalog& catalog, const PathParameters& path);

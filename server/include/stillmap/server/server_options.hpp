@@ -28,6 +28,24 @@ struct ServerOptions {
   /// Requests that may wait for a worker, in [0, 10 000]; beyond it the answer is 503. More of them
   /// wait longer instead of trying another server.
   int queue = 16;
+  /// Requests with a body that are received, wait or are served, in [1, 10 000].
+  int max_requests = 256;
+  /// Their bodies together [bytes], in [max_payload_bytes, 1 TiB]; one in gzip counts as
+  /// max_payload_bytes, since that is what it may become.
+  std::size_t max_bodies_bytes = std::size_t{512} << 20U;
+  /// Of a pose request that names none [ms], in [1, 600 000].
+  int default_deadline_ms = 10'000;
+  /// Share of the workers and the queue, and of the sessions, that one key may hold, in (0, 1].
+  double client_share = 0.5;
+  /// Scans of one batch, in [1, 1024].
+  int max_batch = 32;
+  /// Sessions open at one time, in [1, 100 000].
+  int max_sessions = 256;
+  /// A session that is not used for so long ends [s], in [1, 86 400].
+  int session_idle_s = 60;
+  /// A vehicle's clock that is off by more than this is told so [s], in [0.001, 86 400]; covers the
+  /// time that a scan takes to arrive.
+  double clock_skew_s = 2.0;
   /// Connections served at one time, in [1, 4096]; every idle keep-alive connection holds one of
   /// them.
   int http_threads = 64;
