@@ -34,11 +34,16 @@ void require_usable(const Prior& prior) {
         covariance.allFinite() && (covariance - covariance.transpose()).cwiseAbs().maxCoeff() <=
                                       kSymmetryTolerance * covariance.cwiseAbs().maxCoeff();
     // The decomposition looks at one triangle alone.
-    if (!symmetric || Eigen::LLT<Matrix6d>(covariance).info() != Eigen::Success) {
+    if (!symmetric || !is_positive_definite(covariance)) {
       throw std::invalid_argument(
           "prior: its covariance is not finite, symmetric and positive definite");
     }
   }
+}
+
+bool is_positive_definite(const Eigen::Matrix<double, 6, 6>& covariance) {
+  const Eigen::LLT<Matrix6d> llt(covariance);
+  return llt.info() == Eigen::Success && llt.matrixLLT().allFinite();
 }
 
 bool contradicts(const Prior& prior, const AlignmentResult& result) {

@@ -13,6 +13,9 @@ void require_finite(const maps::PointCloud& scan_lidar);
 /// @throws std::invalid_argument if the prior is not finite, its rotation none, or its covariance
 /// not symmetric and positive definite.
 void require_usable(const Prior& prior);
+/// Of a symmetric, finite matrix. Eigen's decomposition alone calls it a success when an overflow
+/// has made it NaN.
+[[nodiscard]] bool is_positive_definite(const Eigen::Matrix<double, 6, 6>& covariance);
 /// Whether the prior's covariance and the result's together leave the result less than one chance
 /// in a thousand; never without a covariance of the prior.
 [[nodiscard]] bool contradicts(const Prior& prior, const AlignmentResult& result);

@@ -9,6 +9,7 @@
 #include "build/scan_stages.hpp"
 #include "build/survey_pass.hpp"
 #include "build/tile_pass.hpp"
+#include "registration/map_registration.hpp"
 
 #include <fmt/format.h>
 #include <sys/resource.h>
@@ -33,7 +34,8 @@ constexpr const char* kJournalFolder = "journal";
 constexpr const char* kScratchFolder = "scratch";
 
 /// Whole metres, so that the same place gets the same origin from slightly different poses.
-Eigen::Vector3d origin_of(const DriveSet& drives) {
+Eigen::Vector3d origin_of(const DriveSet& drives, const std::optional<BuildFrame>& frame) {
+  if (frame) return frame->origin;
   return drives.T_map_lidar(0).translation().array().round().matrix() +
          Eigen::Vector3d::Zero();  // turns -0 into 0
 }
@@ -121,6 +123,20 @@ PosedDrives with_journaled_poses(const std::vector<maps::Drive>& drives,
   return posed;
 }
 
+/// Moves the poses into the frame of the map that the options name, if they name one.
+std::optional<BuildFrame> register_drives(PosedDrives& posed, const MapBuildOptions& options,
+                                          const std::string& odometry, MapBuildReport& report,
+                                          const ProgressCallback& progress,
+                                          const CancelFlag& cancel) {
+  if (!options.register_to) return std::nullopt;
+  const StageTimer timer(report.stage_seconds, "register");
+  RegisteredDrives registered =
+      registered_to(*options.register_to, posed.drives, options, odometry, progress, cancel);
+  posed.drives = std::move(registered.drives);
+  report.registration = registered.frame.registration;
+  return std::move(registered.frame);
+}
+
 }  // namespace
 
 std::vector<std::string> MapBuildOptions::violations() const {
@@ -182,12 +198,15 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
                           : with_journaled_poses(opened, options, odometry, writer.folder(), report,
                                                  progress, cancel);
   report.trajectory = std::move(posed.counts);
+  const std::optional<BuildFrame> frame =
+      register_drives(posed, options, odometry, report, progress, cancel);
   const DriveSet drives(std::move(posed.drives), options);
-  const VoxelGrid grid(origin_of(drives), options.voxel_size_m);
+  const VoxelGrid grid(origin_of(drives, frame), options.voxel_size_m);
   ScanStages stages(drives, options, grid);
   stages.learn(cancel);
-  BuildJournal journal(writer.folder() / kJournalFolder, "survey",
-                       survey_key(drives, options, odometry, ScanStages::learned_scans(drives)));
+  BuildJournal journal(
+      writer.folder() / kJournalFolder, "survey",
+      survey_key(drives, options, odometry, frame, ScanStages::learned_scans(drives)));
 
   std::vector<maps::MapObject> map_objects;
   {
@@ -219,8 +238,8 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
   std::filesystem::remove_all(scratch);
   if (cancel) throw Cancelled();
   report_speed(drives.size(), began, report);
-  report.digest = writer.publish(manifest_of(drives, options, odometry, grid.origin(), report),
-                                 to_json(report));
+  report.digest = writer.publish(
+      manifest_of(drives, options, odometry, frame, grid.origin(), report), to_json(report));
   return report;
 }
 

@@ -40,9 +40,13 @@ void BoundedSocket::begin_request() {
   receive_until_ = Clock::now() + limits_.transfer;
 }
 
+long BoundedSocket::receive(char* to, std::size_t size) {
+  if (!wait(POLLIN, std::min(receive_until_, Clock::now() + limits_.stall))) return -1;
+  return ::recv(socket_, to, size, 0);
+}
+
 bool BoundedSocket::fill() {
-  if (!wait(POLLIN, std::min(receive_until_, Clock::now() + limits_.stall))) return false;
-  const ssize_t got = ::recv(socket_, buffer_.data(), buffer_.size(), 0);
+  const long got = receive(buffer_.data(), buffer_.size());
   begin_ = 0;
   end_ = got > 0 ? static_cast<std::size_t>(got) : 0;
   return got > 0;
@@ -65,6 +69,8 @@ bool BoundedSocket::count_head(char c) {
 
 long BoundedSocket::read(char* to, std::size_t size) {
   if (head_too_large_) return -1;
+  // A scan of two megabytes goes straight to where it will lie.
+  if (begin_ == end_ && !in_head_ && size >= buffer_.size()) return receive(to, size);
   if (begin_ == end_ && !fill()) return -1;
   if (in_head_) {
     *to = buffer_[begin_++];

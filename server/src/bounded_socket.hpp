@@ -48,6 +48,7 @@ class BoundedSocket {
 
   [[nodiscard]] bool wait(short events, Clock::time_point until) const;
   [[nodiscard]] bool fill();
+  [[nodiscard]] long receive(char* to, std::size_t size);
   [[nodiscard]] bool count_head(char c);
 
   int socket_;

@@ -63,8 +63,7 @@ std::array<double, kCount> read_numbers(const std::string& name, const std::stri
 Eigen::Matrix<double, 6, 6> read_sigma(const std::string& name, const std::string& text,
                                        ErrorCode code) {
   const auto [sigma_m, sigma_rad] = read_numbers<2>(name, text);
-  // Below a nanometre the squares leave the range in which a matrix can be inverted.
-  const auto usable = [](double sigma) { return sigma >= 1e-9 && sigma <= 1e6; };
+  const auto usable = [](double sigma) { return sigma >= kMinSigma && sigma <= kMaxSigma; };
   if (!usable(sigma_m) || !usable(sigma_rad)) {
     throw field_error(code, name, "'" + text + "'", "metres and radians, each in [1e-9, 1e6]");
   }

@@ -1,16 +1,41 @@
 #pragma once
 
 #include "http_message.hpp"
+#include "rate_limits.hpp"
 #include "router.hpp"
+
+#include <stillmap/maps/store/key_table.hpp>
+#include <stillmap/server/server_options.hpp>
+
+#include <cstdint>
+#include <mutex>
+#include <string>
 
 namespace stillmap::server {
 
-/// Says who may do what, before a request's body is read. There are no keys yet: everyone who
-/// reaches the server may do everything.
+/// Says who may do what, before a request's body is read. Keys that were made or revoked meanwhile
+/// count at once. Safe from several threads.
+///
+/// Without a single key in the store everyone may do everything: the server then listens where
+/// only this machine reaches it, unless told otherwise in words.
 class Gatekeeper {
  public:
-  /// @throws ApiError when the request's key does not allow it.
-  [[nodiscard]] Caller admit(const HttpRequest& /*request*/, Access /*access*/) const { return {}; }
+  /// @param keys  outlives this.
+  explicit Gatekeeper(const maps::KeyTable& keys) : keys_(keys) {}
+
+  /// @throws ApiError kMissingKey, kRefusedKey, kForbidden; kTooManyRequests with Retry-After.
+  [[nodiscard]] Caller admit(const HttpRequest& request, Access access, const RateOptions& rate);
+
+ private:
+  [[nodiscard]] bool has_keys();
+  [[nodiscard]] maps::ApiKey checked(const std::string& authorization);
+
+  const maps::KeyTable& keys_;
+  std::mutex mutex_;
+  /// `KeyTable::change_counter` when `has_keys_` was read.
+  std::int64_t seen_ = -1;
+  bool has_keys_ = false;
+  RateLimits rates_;
 };
 
 }  // namespace stillmap::server

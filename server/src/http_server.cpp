@@ -196,6 +196,21 @@ class SocketBody final : public BodyStream {
   std::uint64_t left_;
 };
 
+/// The whole body, as it travels. The library would copy it in pieces of 4 KiB.
+/// @throws ApiError when it ends early.
+std::string read_plain_body(BoundedSocket& socket, std::uint64_t length) {
+  constexpr std::size_t kPiece = std::size_t{1} << 20U;
+  SocketBody from(socket, length);
+  std::string body;
+  // Memory that is not touched is not taken: what is only announced costs nothing.
+  body.reserve(length);
+  for (std::size_t filled = 0; !from.is_read();) {
+    if (filled == body.size()) body.resize(std::min<std::size_t>(length, filled + kPiece));
+    filled += from.read(std::span(body).subspan(filled));
+  }
+  return body;
+}
+
 /// @throws ApiError for a body that is not taken. @return its length in bytes, as it travels;
 /// nothing when it is not said.
 std::optional<std::uint64_t> announced_length(const httplib::Request& request) {
@@ -297,7 +312,7 @@ class HttpServer::Listener final : public httplib::Server {
         limits_{.keep_alive = std::chrono::seconds(options.keep_alive_s),
                 .stall = std::chrono::seconds(options.stall_timeout_s),
                 .transfer = std::chrono::seconds(options.transfer_timeout_s)} {
-    new_task_queue = [threads = static_cast<std::size_t>(options.http_threads)] {
+    new_task_queue = [threads = static_cast<std::size_t>(options.connections)] {
       return new httplib::ThreadPool(threads);
     };
     set_tcp_nodelay(true);
@@ -335,6 +350,8 @@ class HttpServer::Listener final : public httplib::Server {
     if (!listen_after_bind() && !stopping_) throw std::runtime_error("the listening socket failed");
   }
 
+  void serve(int socket) { static_cast<void>(process_and_close_socket(socket)); }
+
   void end() {
     stopping_ = true;
     // The library's own stop does nothing until it listens, so a stop during start-up would be
@@ -367,8 +384,8 @@ class HttpServer::Listener final : public httplib::Server {
     return true;
   }
 
-  /// Answers what has no body to read or reads it itself, and refuses early what would be refused
-  /// anyway.
+  /// Answers all but packed bodies, which the library unpacks, and refuses early what would be
+  /// refused anyway.
   HandlerResponse answer_head(const httplib::Request& from, httplib::Response& to) {
     Exchange& exchange = *current_exchange;
     exchange.request = to_request(from, exchange);
@@ -379,8 +396,15 @@ class HttpServer::Listener final : public httplib::Server {
       check_head(from, exchange);
       exchange.match = service_.admit(request);
       check_length(length, *exchange.match.route, options_);
-      if (exchange.match.route->body == BodyKind::kWhole) return HandlerResponse::Unhandled;
-      if (exchange.match.route->body == BodyKind::kStreamed) {
+      const bool is_packed = lower(from.get_header_value("Content-Encoding")) == "gzip";
+      const BodyKind kind = exchange.match.route->body;
+      if (kind == BodyKind::kWhole && is_packed) return HandlerResponse::Unhandled;
+      if (kind == BodyKind::kWhole) {
+        request.body = read_plain_body(exchange.socket, *length);
+        exchange.reusable = true;
+        request.received = std::chrono::steady_clock::now();
+        finish(request, service_.handle(request, exchange.match), to);
+      } else if (kind == BodyKind::kStreamed) {
         answer_stream(*length, to);
       } else {
         finish(request, service_.handle(request, exchange.match), to);
@@ -457,6 +481,7 @@ HttpServer::~HttpServer() = default;
 
 int HttpServer::bind() { return listener_->bind(); }
 void HttpServer::run() { listener_->run(); }
+void HttpServer::serve(int socket) { listener_->serve(socket); }
 void HttpServer::stop() { listener_->end(); }
 
 }  // namespace stillmap::server

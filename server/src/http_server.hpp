@@ -19,6 +19,8 @@ class HttpServer {
   int bind();
   /// Serves until `stop`. @throws std::runtime_error when the listening socket fails.
   void run();
+  /// Serves one connected socket on the calling thread until the connection ends, and closes it.
+  void serve(int socket);
   /// Safe from any thread, also before `run`.
   void stop();
 

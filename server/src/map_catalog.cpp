@@ -5,106 +5,297 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <chrono>
 #include <exception>
-#include <memory>
-#include <mutex>
-#include <optional>
 
 namespace stillmap::server {
-
 namespace {
 
-/// Makes its aligner when the first query asks for it, since few maps are ever asked for a
-/// reference method. A failure is thrown at that query and tried again at the next.
-class LazyAligner : public localization::Aligner {
- public:
-  /// @param map  outlives this.
-  LazyAligner(std::string method, const maps::MapPackage& map)
-      : method_(std::move(method)), map_(map) {}
+/// How often the store is asked what other processes did to it.
+constexpr std::chrono::seconds kStorePeriod{1};
+/// Versions that are kept open besides the active ones.
+constexpr std::size_t kKeptOpen = 4;
 
-  [[nodiscard]] localization::AlignmentResult align(
-      const maps::PointCloud& scan_lidar,
-      const std::optional<localization::Prior>& prior) const override {
-    return made().align(scan_lidar, prior);
-  }
+std::string described(const std::string& map, const std::string& version) {
+  return "version '" + version + "' of map '" + map + "'";
+}
 
- private:
-  const localization::Aligner& made() const {
-    const std::scoped_lock lock(mutex_);
-    if (!aligner_) aligner_ = localization::make_aligner(method_, map_);
-    return *aligner_;
-  }
+ApiError unusable(const ServedVersion& version) {
+  return {ErrorCode::kMapUnusable, described(version.map, version.version) + " cannot be used"};
+}
 
-  std::string method_;
-  const maps::MapPackage& map_;
-  mutable std::mutex mutex_;
-  mutable std::unique_ptr<const localization::Aligner> aligner_;
-};
+/// Whether coordinates in one mean the same place in the other, as far as both say.
+bool same_frame(const maps::MapManifest& a, const maps::MapManifest& b) {
+  if (a.frame_id != b.frame_id) return false;
+  if (a.geodetic_origin.has_value() != b.geodetic_origin.has_value()) return false;
+  if (!a.geodetic_origin) return true;
+  return a.geodetic_origin->latitude_deg == b.geodetic_origin->latitude_deg &&
+         a.geodetic_origin->longitude_deg == b.geodetic_origin->longitude_deg &&
+         a.geodetic_origin->altitude_m == b.geodetic_origin->altitude_m;
+}
 
 }  // namespace
 
-Aligners build_aligners(const maps::MapPackage& map) {
-  const std::shared_ptr<const localization::MapIndex> index = localization::MapIndex::open(map);
-  if (!index->rebuilt_because().empty()) {
-    spdlog::info("index of {} was built: {}", map.folder().string(), index->rebuilt_because());
-  }
-  if (!index->kept_in_memory_because().empty()) {
-    spdlog::warn("index of {} is kept in memory and will be built again: {}", map.folder().string(),
-                 index->kept_in_memory_because());
-  }
-  const std::vector<Eigen::Isometry3d> seen_from = localization::seen_from(map);
-  Aligners aligners;
-  for (const std::string& method : localization::aligner_names()) {
-    if (aligners.empty()) {
-      aligners.emplace_back(method, localization::make_aligner(method, index, seen_from));
-    } else {
-      aligners.emplace_back(method, std::make_shared<const LazyAligner>(method, map));
-    }
-  }
-  return aligners;
+MapCatalog::MapCatalog(maps::PackageStore& store, AlignerBuilder builder)
+    : store_(store), builder_(std::move(builder)) {
+  follow_store();
+  thread_ = std::jthread([this](const std::stop_token& stop) { work(stop); });
 }
 
-MapCatalog::MapCatalog(const maps::MapStore& store, AlignerBuilder builder)
-    : builder_(std::move(builder)), refused_(store.refused()) {
-  for (const std::string& name : store.names()) {
-    maps_.push_back({.name = name, .package = store.find(name)});
-  }
-  thread_ = std::jthread([this](const std::stop_token& stop) { prepare(stop); });
+std::vector<ServedVersion> MapCatalog::active() const {
+  const std::scoped_lock lock(mutex_);
+  std::vector<ServedVersion> each;
+  each.reserve(active_.size());
+  for (const auto& [map, active] : active_) each.push_back(slots_.at({map, active.serving}).served);
+  return each;
 }
 
-void MapCatalog::prepare(const std::stop_token& stop) {
-  for (std::size_t i = 0; i < maps_.size() && !stop.stop_requested(); ++i) {
-    // Name and package never change, so they are read without the lock.
-    const maps::MapPackage& package = *maps_[i].package;
-    std::shared_ptr<const Aligners> aligners;
-    std::string failure;
-    try {
-      aligners = std::make_shared<const Aligners>(builder_(package));
-      spdlog::info("map {} version {} is ready", maps_[i].name, maps_[i].version());
-    } catch (const std::exception& error) {
-      failure = error.what();
-      spdlog::error("map {} cannot be used: {}", maps_[i].name, failure);
-    }
+std::vector<ServedVersion> MapCatalog::waiting() const {
+  const std::scoped_lock lock(mutex_);
+  std::vector<ServedVersion> each;
+  for (const auto& [map, active] : active_)
+    if (active.wanted != active.serving) each.push_back(slots_.at({map, active.wanted}).served);
+  return each;
+}
+
+ServedVersion MapCatalog::find(std::string_view map) const {
+  {
     const std::scoped_lock lock(mutex_);
-    maps_[i].state = aligners ? MapState::kReady : MapState::kFailed;
-    maps_[i].aligners = std::move(aligners);
-    maps_[i].failure = std::move(failure);
+    const auto found = active_.find(map);
+    if (found != active_.end()) {
+      const ServedVersion& served = slots_.at({found->first, found->second.serving}).served;
+      if (!served.package) throw unusable(served);
+      return served;
+    }
+  }
+  (void)store_.state().map(map);
+  throw ApiError(ErrorCode::kNoActiveVersion,
+                 "map '" + std::string(map) + "' has no active version");
+}
+
+ServedVersion MapCatalog::find(std::string_view map, std::string_view version) {
+  const Key key(map, version);
+  const std::string digest = store_.state().version(map, version).digest;
+  ServedVersion served = open(key);
+  if (served.package && served.package->digest() != digest) {
+    // It was removed, and another came under its name.
+    const std::scoped_lock lock(mutex_);
+    if (!is_served(key)) slots_.erase(key);
+  }
+  if (served.package && served.package->digest() != digest) served = open(key);
+  if (!served.package) throw unusable(served);
+  return served;
+}
+
+ServedVersion MapCatalog::ready(std::string_view map, std::optional<std::string_view> version) {
+  const ServedVersion served = version ? find(map, *version) : find(map);
+  if (served.state == MapState::kReady) return served;
+  if (served.state == MapState::kFailed) throw unusable(served);
+  {
+    const std::scoped_lock lock(mutex_);
+    const auto slot = slots_.find({served.map, served.version});
+    if (slot != slots_.end() && slot->second.served.state == MapState::kOpened)
+      slot->second.served.state = MapState::kLoading;
+  }
+  changed_.notify_all();
+  throw ApiError(ErrorCode::kMapLoading,
+                 described(served.map, served.version) + " is still being loaded")
+      .with_header("Retry-After", "1");
+}
+
+maps::StoredMap MapCatalog::activate(std::string_view map, std::string_view version,
+                                     std::optional<std::int64_t> revision, bool new_frame) {
+  const Key key(map, version);
+  const maps::StoredMap before = store_.state().map(map);
+  const ServedVersion next = load(key);
+  if (next.state != MapState::kReady) {
+    throw ApiError(ErrorCode::kMapUnusable, described(key.first, key.second) +
+                                                " cannot be loaded; what was active stays so");
+  }
+  if (before.active && *before.active != key.second && !new_frame) {
+    const ServedVersion present = open({key.first, *before.active});
+    if (present.package && !same_frame(present.package->manifest(), next.package->manifest())) {
+      throw ApiError(ErrorCode::kOtherFrame,
+                     described(key.first, key.second) + " is in another frame than " +
+                         described(present.map, present.version) +
+                         ": positions would mean other places; new_frame=true if that is meant");
+    }
+  }
+  // What was compared is what must be active still.
+  const maps::StoredMap after =
+      store_.activate(map, version, revision ? revision : before.revision);
+  serve(key);
+  return after;
+}
+
+maps::StoredMap MapCatalog::roll_back(std::string_view map, std::optional<std::int64_t> revision,
+                                      bool new_frame) {
+  const maps::StoredMap seen = store_.state().map(map);
+  if (!seen.previous) return store_.roll_back(map, revision);  // refuses in the store's words
+  if (revision.value_or(seen.revision) != seen.revision) return store_.roll_back(map, revision);
+  return activate(map, *seen.previous, seen.revision, new_frame);
+}
+
+void MapCatalog::refresh() {
+  {
+    const std::scoped_lock lock(mutex_);
+    store_changed_ = true;
+  }
+  changed_.notify_all();
+}
+
+void MapCatalog::work(const std::stop_token& stop) {
+  while (!stop.stop_requested()) {
+    std::optional<Key> next;
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait_for(lock, stop, kStorePeriod,
+                        [&] { return store_changed_ || next_to_load().has_value(); });
+      store_changed_ = false;
+      next = next_to_load();
+    }
+    if (stop.stop_requested()) return;
+    try {
+      if (next && load(*next).state == MapState::kReady) {
+        serve(*next);
+      } else if (!next) {
+        follow_store();
+      }
+    } catch (const std::exception& error) {
+      // A removed version, or a store that cannot be read just now: what is served goes on.
+      spdlog::error("the maps of the store: {}", error.what());
+      if (next) note_failure(*next, error.what());
+    }
   }
 }
 
-std::vector<ServedMap> MapCatalog::maps() const {
-  const std::scoped_lock lock(mutex_);
-  return maps_;
+/// Serves what the store says is active, as soon as it is loaded.
+void MapCatalog::follow_store() {
+  std::map<std::string, std::string, std::less<>> wanted;
+  for (const maps::StoredMap& map : store_.state().maps())
+    if (map.active) wanted.emplace(map.name, *map.active);
+  {
+    const std::scoped_lock lock(mutex_);
+    std::erase_if(active_, [&](const auto& each) { return !wanted.contains(each.first); });
+  }
+  for (const auto& [map, version] : wanted) follow(map, version);
+  forget_unused();
 }
 
-ServedMap MapCatalog::find(std::string_view name) const {
-  const std::scoped_lock lock(mutex_);
-  const auto found = std::find_if(maps_.begin(), maps_.end(),
-                                  [&](const ServedMap& map) { return map.name == name; });
-  if (found == maps_.end()) {
-    throw ApiError(ErrorCode::kUnknownMap, "there is no map '" + std::string(name) + "'");
+void MapCatalog::follow(const std::string& map, const std::string& version) {
+  {
+    const std::scoped_lock lock(mutex_);
+    const auto known = active_.find(map);
+    if (known != active_.end() && known->second.wanted == version) return;
   }
-  return *found;
+  (void)open({map, version});
+  const std::scoped_lock lock(mutex_);
+  ServedVersion& served = slots_.at({map, version}).served;
+  if (served.state == MapState::kOpened) served.state = MapState::kLoading;
+  Active& active = active_[map];
+  active.wanted = version;
+  // What is being served goes on until the other is ready; without any, this one is loading.
+  if (active.serving.empty() || served.state == MapState::kReady) active.serving = version;
+  changed_.notify_all();
+}
+
+/// @throws StoreRefusal when the store knows no such version.
+ServedVersion MapCatalog::opened(const Key& key) const {
+  ServedVersion served{.map = key.first, .version = key.second};
+  try {
+    served.package = store_.open(key.first, key.second);
+  } catch (const maps::StoreRefusal&) {
+    throw;
+  } catch (const std::exception& error) {
+    spdlog::error("{} cannot be opened: {}", described(key.first, key.second), error.what());
+    served.state = MapState::kFailed;
+    served.failure = error.what();
+  }
+  return served;
+}
+
+ServedVersion MapCatalog::open(const Key& key) {
+  {
+    const std::scoped_lock lock(mutex_);
+    const auto found = slots_.find(key);
+    if (found != slots_.end()) {
+      found->second.last_use = ++uses_;
+      return found->second.served;
+    }
+  }
+  ServedVersion served = opened(key);
+  const std::scoped_lock lock(mutex_);
+  return slots_.try_emplace(key, Slot{std::move(served), ++uses_}).first->second.served;
+}
+
+/// Makes a version ready, unless it is. One that failed is tried again: the disk may be well.
+ServedVersion MapCatalog::load(const Key& key) {
+  const std::scoped_lock one_at_a_time(load_mutex_);
+  ServedVersion served = open(key);
+  if (served.state == MapState::kReady) return served;
+  if (!served.package) served = opened(key);
+  if (served.package) {
+    served.failure.clear();
+    try {
+      served.aligners = std::make_shared<const Aligners>(builder_(*served.package));
+      served.state = MapState::kReady;
+      spdlog::info("{} is ready", described(key.first, key.second));
+    } catch (const std::exception& error) {
+      served.state = MapState::kFailed;
+      served.failure = error.what();
+      spdlog::error("{} cannot be used: {}", described(key.first, key.second), error.what());
+    }
+  }
+  const std::scoped_lock lock(mutex_);
+  slots_.insert_or_assign(key, Slot{served, ++uses_});
+  return served;
+}
+
+/// Under no lock: `key` is loaded, and serves from now on if the store wants it.
+void MapCatalog::serve(const Key& key) {
+  const std::string& map = key.first;
+  const maps::StoredMap stored = store_.state().map(map);
+  const std::scoped_lock lock(mutex_);
+  if (!stored.active || *stored.active != key.second || !slots_.contains(key)) return;
+  active_.insert_or_assign(map, Active{.serving = key.second, .wanted = key.second});
+}
+
+void MapCatalog::note_failure(const Key& key, const std::string& why) {
+  const std::scoped_lock lock(mutex_);
+  const auto slot = slots_.find(key);
+  if (slot == slots_.end()) return;
+  slot->second.served.state = MapState::kFailed;
+  slot->second.served.failure = why;
+}
+
+/// Closes the versions that are not served and were not used for longest.
+void MapCatalog::forget_unused() {
+  const std::scoped_lock lock(mutex_);
+  std::vector<std::pair<std::uint64_t, Key>> unused;
+  for (const auto& [key, slot] : slots_) {
+    if (!is_served(key) && slot.served.state != MapState::kLoading)
+      unused.emplace_back(slot.last_use, key);
+  }
+  std::sort(unused.begin(), unused.end());
+  for (std::size_t i = 0; i + kKeptOpen < unused.size(); ++i) slots_.erase(unused[i].second);
+}
+
+/// Under the lock. Active versions come before those that someone looks at.
+std::optional<MapCatalog::Key> MapCatalog::next_to_load() const {
+  std::optional<Key> other;
+  for (const auto& [key, slot] : slots_) {
+    if (slot.served.state != MapState::kLoading) continue;
+    if (is_served(key)) return key;
+    if (!other) other = key;
+  }
+  return other;
+}
+
+/// Under the lock.
+bool MapCatalog::is_served(const Key& key) const {
+  const auto found = active_.find(key.first);
+  return found != active_.end() &&
+         (found->second.serving == key.second || found->second.wanted == key.second);
 }
 
 }  // namespace stillmap::server

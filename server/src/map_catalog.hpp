@@ -1,11 +1,15 @@
 #pragma once
 
-#include <stillmap/localization/aligner.hpp>
-#include <stillmap/maps/map_store.hpp>
+#include "aligners.hpp"
 
-#include <functional>
+#include <stillmap/maps/store/package_store.hpp>
+
+#include <condition_variable>
+#include <cstdint>
+#include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -14,55 +18,102 @@
 
 namespace stillmap::server {
 
-/// Aligners of one map by method, the default first.
-using Aligners = std::vector<std::pair<std::string, std::shared_ptr<const localization::Aligner>>>;
-/// Makes a map ready for queries; may take seconds. The package outlives the aligners.
-using AlignerBuilder = std::function<Aligners(const maps::MapPackage&)>;
-
-/// Every method of `localization::aligner_names`: the default at once, each other at its first
-/// query.
-[[nodiscard]] Aligners build_aligners(const maps::MapPackage& map);
-
-enum class MapState { kLoading, kReady, kFailed };
-
-/// One map as requests see it.
-struct ServedMap {
-  std::string name;
-  std::shared_ptr<const maps::MapPackage> package;
-  MapState state = MapState::kLoading;
-  /// Why the map failed; empty otherwise.
-  std::string failure{};
-  /// Filled when ready.
-  std::shared_ptr<const Aligners> aligners{};
-
-  /// First 12 hex digits of the digest: the map's name for this version in paths.
-  [[nodiscard]] std::string version() const { return package->digest().substr(0, 12); }
+enum class MapState : std::uint8_t {
+  kOpened,   ///< its points can be read; nobody has asked for poses
+  kLoading,  ///< its aligners are being made
+  kReady,
+  kFailed,
 };
 
-/// The maps of a store and, once its own thread has prepared them, their aligners. Safe from
-/// several threads.
+/// One version of a map as requests see it. Stays usable while it is held, whatever becomes of the
+/// version meanwhile.
+struct ServedVersion {
+  std::string map;
+  std::string version;
+  /// Null only when it failed to open.
+  std::shared_ptr<const maps::MapPackage> package{};
+  MapState state = MapState::kOpened;
+  /// Why it failed; empty otherwise.
+  std::string failure{};
+  /// Filled when ready. Last: they use the package.
+  std::shared_ptr<const Aligners> aligners{};
+};
+
+/// Versions of the store's maps, open and, once a thread of its own has prepared them, with their
+/// aligners: the active ones always, others when they are asked for. Queries keep the version they
+/// began with. Notices within a second or two what other processes activate. Safe from several
+/// threads.
 class MapCatalog {
  public:
-  MapCatalog(const maps::MapStore& store, AlignerBuilder builder);
+  /// @param store  outlives this.
+  MapCatalog(maps::PackageStore& store, AlignerBuilder builder);
   MapCatalog(const MapCatalog&) = delete;
   MapCatalog& operator=(const MapCatalog&) = delete;
-  /// Waits for the map that is being prepared.
+  /// Waits for the version that is being prepared.
   ~MapCatalog() = default;
 
-  /// All maps as they are now, sorted by name.
-  [[nodiscard]] std::vector<ServedMap> maps() const;
-  /// @throws ApiError kUnknownMap.
-  [[nodiscard]] ServedMap find(std::string_view name) const;
-  /// Folders of the store that hold no usable map, and why.
-  [[nodiscard]] const std::vector<maps::MapStore::Refusal>& refused() const { return refused_; }
+  /// The version that is served of each map which has an active one, sorted by map.
+  [[nodiscard]] std::vector<ServedVersion> active() const;
+  /// Versions that the store calls active and that are not served yet, or cannot be, while
+  /// another is.
+  [[nodiscard]] std::vector<ServedVersion> waiting() const;
+  /// The version that is served of a map.
+  /// @throws ApiError kNoActiveVersion, kMapUnusable; StoreRefusal kUnknownMap.
+  [[nodiscard]] ServedVersion find(std::string_view map) const;
+  /// Any version that the store has now, opened when it is not yet.
+  /// @throws ApiError kMapUnusable; StoreRefusal kUnknownMap, kUnknownVersion.
+  [[nodiscard]] ServedVersion find(std::string_view map, std::string_view version);
+
+  /// The same, for poses. @throws also ApiError kMapLoading, with Retry-After.
+  [[nodiscard]] ServedVersion ready(std::string_view map, std::optional<std::string_view> version);
+
+  /// Loads the version, makes it the active one, and serves it from then on. When it cannot be
+  /// loaded nothing changes.
+  /// @param revision   as in `StoreState::activate`.
+  /// @param new_frame  whether its map frame may differ from that of the active version.
+  /// @throws ApiError kMapUnusable, kOtherFrame; StoreRefusal as `PackageStore::activate`.
+  maps::StoredMap activate(std::string_view map, std::string_view version,
+                           std::optional<std::int64_t> revision = {}, bool new_frame = false);
+  /// The same with the version that was active before. @throws also StoreRefusal kNoPrevious.
+  maps::StoredMap roll_back(std::string_view map, std::optional<std::int64_t> revision = {},
+                            bool new_frame = false);
+  /// Serves what the store says now, soon: for changes that did not pass this class.
+  void refresh();
 
  private:
-  void prepare(const std::stop_token& stop);
+  using Key = std::pair<std::string, std::string>;  // map, version
+  struct Slot {
+    ServedVersion served;
+    std::uint64_t last_use = 0;
+  };
+  struct Active {
+    std::string serving;
+    /// What the store says; becomes `serving` once it is loaded.
+    std::string wanted;
+  };
 
+  void work(const std::stop_token& stop);
+  void follow_store();
+  void follow(const std::string& map, const std::string& version);
+  [[nodiscard]] ServedVersion opened(const Key& key) const;
+  ServedVersion open(const Key& key);
+  ServedVersion load(const Key& key);
+  void serve(const Key& key);
+  void note_failure(const Key& key, const std::string& why);
+  void forget_unused();
+  [[nodiscard]] std::optional<Key> next_to_load() const;
+  [[nodiscard]] bool is_served(const Key& key) const;
+
+  maps::PackageStore& store_;
   AlignerBuilder builder_;
-  std::vector<maps::MapStore::Refusal> refused_;
+  /// One version is made ready at a time.
+  std::mutex load_mutex_;
   mutable std::mutex mutex_;
-  std::vector<ServedMap> maps_;
+  std::condition_variable_any changed_;
+  bool store_changed_ = false;
+  std::uint64_t uses_ = 0;
+  std::map<Key, Slot> slots_;
+  std::map<std::string, Active, std::less<>> active_;
   std::jthread thread_;  // last: it uses all of the above
 };
 

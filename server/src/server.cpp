@@ -5,11 +5,13 @@
 namespace stillmap::server {
 
 struct Server::Parts {
-  Parts(const ServerOptions& options, const std::filesystem::path& store,
+  Parts(const ServerOptions& options, const std::filesystem::path& folder,
         const std::filesystem::path& web)
-      : service(options, maps::MapStore(store), build_aligners, read_web_assets(web)),
+      : store(folder),
+        service(options, store, build_aligners, read_web_assets(web)),
         http(options, service) {}
 
+  maps::PackageStore store;
   Service service;
   HttpServer http;
 };

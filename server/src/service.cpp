@@ -2,6 +2,7 @@
 
 #include "api_error.hpp"
 #include "json/answers_json.hpp"
+#include "refusal_codes.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -63,30 +64,12 @@ HttpResponse no_page(const HttpRequest&, const PathParameters&) {
   return response;
 }
 
-/// What the store does not allow, in the words of the interface.
-ErrorCode code_of(maps::StoreRefusal::Reason reason) {
-  using Reason = maps::StoreRefusal::Reason;
-  switch (reason) {
-    case Reason::kUnknownMap:
-      return ErrorCode::kUnknownMap;
-    case Reason::kUnknownVersion:
-      return ErrorCode::kUnknownVersion;
-    case Reason::kOtherDigest:
-      return ErrorCode::kVersionExists;
-    case Reason::kActive:
-      return ErrorCode::kVersionActive;
-    case Reason::kNoPrevious:
-      return ErrorCode::kNoPrevious;
-    case Reason::kOtherRevision:
-      return ErrorCode::kRevisionChanged;
-  }
-  return ErrorCode::kInternalError;
-}
-
 std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset>& web) {
   std::vector<Route> routes;
   add_health_routes(routes, context);
   add_map_routes(routes, context);
+  add_version_routes(routes, context);
+  add_package_routes(routes, context);
   add_tile_routes(routes, context);
   add_localize_routes(routes, context);
   add_batch_routes(routes, context);
@@ -114,22 +97,25 @@ HttpResponse problem_response(const ApiError& error, const std::string& request_
           .headers = error.headers()};
 }
 
-Service::Service(const ServerOptions& options, const maps::MapStore& store, AlignerBuilder builder,
+Service::Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
                  const std::vector<WebAsset>& web)
     : options_(checked(options)),
+      metrics_(STILLMAP_VERSION),
+      gatekeeper_(store.keys()),
       catalog_(store, std::move(builder)),
       workers_(worker_count(options_)),
       queue_(queue_limits(options_, workers_)),
-      sessions_({.most = options_.max_sessions,
-                 .idle = std::chrono::seconds(options_.session_idle_s),
+      sessions_({.most = options_.sessions.max,
+                 .idle = std::chrono::seconds(options_.sessions.idle_expiry_s),
                  .client_share = options_.client_share},
                 queue_),
-      context_{options_, workers_, catalog_, queue_, sessions_, std::chrono::steady_clock::now()},
+      context_{options_, workers_,  store,    catalog_,
+               queue_,   sessions_, metrics_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)) {}
 
 Router::Match Service::admit(HttpRequest& request) const {
   Router::Match match = router_.match(request.method, request.path);
-  request.caller = gatekeeper_.admit(request, match.route->access);
+  request.caller = gatekeeper_.admit(request, match.route->access, options_.rate);
   if (match.route->reserve) {
     request.reservation = match.route->reserve(request, match.parameters);
   }

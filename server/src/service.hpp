@@ -10,8 +10,8 @@ namespace stillmap::server {
 /// Requests in, answers out: everything of the server but HTTP itself. Safe from several threads.
 class Service {
  public:
-  /// @throws std::invalid_argument on broken options.
-  Service(const ServerOptions& options, const maps::MapStore& store, AlignerBuilder builder,
+  /// @param store  outlives this. @throws std::invalid_argument on broken options.
+  Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
           const std::vector<WebAsset>& web);
   Service(const Service&) = delete;
   Service& operator=(const Service&) = delete;
@@ -24,11 +24,13 @@ class Service {
   [[nodiscard]] HttpResponse handle(const HttpRequest& request, const Router::Match& match) const;
   /// Both at once, for a request that is complete.
   [[nodiscard]] HttpResponse handle(HttpRequest request) const;
+  [[nodiscard]] Metrics& metrics() const { return metrics_; }
 
  private:
   ServerOptions options_;
-  Gatekeeper gatekeeper_;
-  MapCatalog catalog_;
+  mutable Metrics metrics_;
+  mutable Gatekeeper gatekeeper_;
+  mutable MapCatalog catalog_;
   int workers_;
   mutable AlignmentQueue queue_;
   mutable SessionTable sessions_;

@@ -31,7 +31,8 @@ street() { # street SEED: map from day 1, queries from day 2
   rm -rf "$folder"
 }
 
-step fuzz tests/fuzz/run.sh 600
+step fuzz tests/fuzz/run.sh --soak
+tests/fuzz/run.sh --report
 step asan sanitized asan
 step tsan sanitized tsan
 ./dev build release

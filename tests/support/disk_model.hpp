@@ -32,7 +32,9 @@ class DiskModel {
       case Kind::kCreateFile:
         return link({{call.path, std::make_shared<Node>(call.kind == Kind::kMakeFolder)}});
       case Kind::kRename:
-        return link({{call.path, nullptr}, {call.to, at(call.path)}});
+        return rename(call.path, call.to);
+      case Kind::kLink:
+        return link({{call.to, at(call.path)}});
       case Kind::kRemoveFile:
       case Kind::kRemoveFolder:
         return link({{call.path, nullptr}});
@@ -79,12 +81,21 @@ class DiskModel {
     return node;
   }
 
+  /// Between two folders it may last in either, both or none: POSIX promises nothing, and file
+  /// systems with a journal promise more.
+  void rename(const std::filesystem::path& from, const std::filesystem::path& to) {
+    const std::shared_ptr<Node> node = at(from);
+    if (from.parent_path() == to.parent_path()) return link({{from, nullptr}, {to, node}});
+    link({{to, node}});
+    link({{from, nullptr}});
+  }
+
   void link(const std::vector<std::pair<std::filesystem::path, std::shared_ptr<Node>>>& changes) {
     const std::filesystem::path folder_path = changes.front().first.parent_path();
     const std::shared_ptr<Node> folder = at(folder_path);
     NameChange change;
     for (const auto& [path, node] : changes) {
-      if (path.parent_path() != folder_path) throw std::logic_error("a rename between folders");
+      if (path.parent_path() != folder_path) throw std::logic_error("changes in two folders");
       change.emplace_back(path.filename().string(), node);
     }
     set(folder->names, change);

@@ -1,8 +1,7 @@
 #include <stillmap/localization/tracker.hpp>
 
+#include "input_checks.hpp"
 #include "session.hpp"
-
-#include <Eigen/Cholesky>
 
 #include <fmt/format.h>
 
@@ -33,7 +32,7 @@ void require_rigid(const char* name, const Eigen::Isometry3d& T, double max_m) {
 void require_covariance(const char* name, const Matrix6d& covariance) {
   const bool bounded = covariance.allFinite() && covariance.cwiseAbs().maxCoeff() <= kMaxVariance;
   const bool symmetric = bounded && covariance.isApprox(covariance.transpose(), 1e-6);
-  if (!symmetric || Eigen::LLT<Matrix6d>(covariance).info() != Eigen::Success) {
+  if (!symmetric || !is_positive_definite(covariance)) {
     throw std::invalid_argument(
         fmt::format("{}: its covariance is not symmetric, positive definite and up to {:g}", name,
                     kMaxVariance));

@@ -122,9 +122,10 @@ std::string running_code() {
 }
 
 std::string survey_key(const DriveSet& drives, const MapBuildOptions& options,
-                       const std::string& odometry, std::span<const std::size_t> learned) {
+                       const std::string& odometry, const std::optional<BuildFrame>& frame,
+                       std::span<const std::size_t> learned) {
   const maps::MapManifest manifest =
-      manifest_of(drives, options, odometry, Eigen::Vector3d::Zero(), {});
+      manifest_of(drives, options, odometry, frame, Eigen::Vector3d::Zero(), {});
   std::string key = program();
   for (const auto& [name, text] : manifest.options) key += fmt::format("{}: {}\n", name, text);
   for (const auto& [name, text] : manifest.sources) key += fmt::format("{}: {}\n", name, text);

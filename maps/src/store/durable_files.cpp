@@ -113,6 +113,27 @@ void DurableFiles::rename(const fs::path& from, const fs::path& to) const {
        [&](std::size_t) { return result_of(std::rename(from.c_str(), to.c_str())); });
 }
 
+bool DurableFiles::link(const fs::path& from, const fs::path& to) const {
+  const std::int64_t result =
+      calls_->pass({.kind = Kind::kLink, .path = from, .to = to}, [&](std::size_t) {
+        return result_of(::linkat(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), 0));
+      });
+  for (const int no_link : {EXDEV, EPERM, EMLINK, EOPNOTSUPP})
+    if (result == -no_link) return false;
+  if (result < 0) fail(from, result);
+  return true;
+}
+
+void DurableFiles::remove_file(const fs::path& file) const {
+  pass(*calls_, {.kind = Kind::kRemoveFile, .path = file},
+       [&](std::size_t) { return result_of(::unlink(file.c_str())); });
+}
+
+void DurableFiles::remove_folder(const fs::path& folder) const {
+  pass(*calls_, {.kind = Kind::kRemoveFolder, .path = folder},
+       [&](std::size_t) { return result_of(::rmdir(folder.c_str())); });
+}
+
 void DurableFiles::remove_tree(const fs::path& folder) const {
   std::vector<fs::directory_entry> entries;
   std::error_code error;
@@ -124,11 +145,9 @@ void DurableFiles::remove_tree(const fs::path& folder) const {
       remove_tree(entry.path());
       continue;
     }
-    pass(*calls_, {.kind = Kind::kRemoveFile, .path = entry.path()},
-         [&](std::size_t) { return result_of(::unlink(entry.path().c_str())); });
+    remove_file(entry.path());
   }
-  pass(*calls_, {.kind = Kind::kRemoveFolder, .path = folder},
-       [&](std::size_t) { return result_of(::rmdir(folder.c_str())); });
+  remove_folder(folder);
 }
 
 }  // namespace stillmap::maps

@@ -44,6 +44,12 @@ class DurableFiles {
   /// Makes the folder's entries last: what was created, renamed and removed in it.
   void sync_folder(const std::filesystem::path& folder) const;
   void rename(const std::filesystem::path& from, const std::filesystem::path& to) const;
+  /// A second name for a file. @return false where the disk or its limits do not allow one.
+  bool link(const std::filesystem::path& from, const std::filesystem::path& to) const;
+  /// Not synced.
+  void remove_file(const std::filesystem::path& file) const;
+  /// An empty one. Not synced.
+  void remove_folder(const std::filesystem::path& folder) const;
   /// Removes a folder with all in it, following no link. Not synced.
   void remove_tree(const std::filesystem::path& folder) const;
 

@@ -102,8 +102,6 @@ std::set<fs::path> folders_of(const MapManifest& manifest) {
 
 CopiedPackage copy_package(const fs::path& package, const fs::path& empty,
                            const DurableFiles& files) {
-  // build.json is made by us and small; the limit is against something else in its place.
-  constexpr std::uint64_t kLargestBuildJson = 16U << 20U;
   const fs::path manifest_file = package / kManifestName;
   const std::string text = read_text(manifest_file);
   const MapManifest manifest = parse_manifest(text, manifest_file.string());
@@ -123,6 +121,23 @@ CopiedPackage copy_package(const fs::path& package, const fs::path& empty,
   for (const fs::path& folder : folders) files.sync_folder(empty / folder);
   files.sync_folder(empty);
   return copied;
+}
+
+bool link_package(const fs::path& package, const fs::path& empty, const DurableFiles& files) {
+  const fs::path manifest_file = package / kManifestName;
+  const MapManifest manifest = parse_manifest(read_text(manifest_file), manifest_file.string());
+  const std::set<fs::path> folders = folders_of(manifest);
+  for (const fs::path& folder : folders) files.make_folder(empty / folder);
+  std::vector<fs::path> names = {kManifestName};
+  for (const auto& [path, file] : manifest.files) names.emplace_back(path);
+  std::error_code unreadable;
+  if (fs::symlink_status(package / kBuildName, unreadable).type() != fs::file_type::not_found)
+    names.emplace_back(kBuildName);
+  for (const fs::path& name : names)
+    if (!files.link(package / name, empty / name)) return false;
+  for (const fs::path& folder : folders) files.sync_folder(empty / folder);
+  files.sync_folder(empty);
+  return true;
 }
 
 }  // namespace stillmap::maps

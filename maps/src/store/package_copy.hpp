@@ -8,6 +8,9 @@
 
 namespace stillmap::maps {
 
+/// build.json is made by us and small; the limit is against something else in its place.
+inline constexpr std::uint64_t kLargestBuildJson = 16U << 20U;
+
 struct CopiedPackage {
   std::string digest;
   /// Of the listed files and the manifest.
@@ -21,5 +24,11 @@ struct CopiedPackage {
 /// says; StorageError.
 CopiedPackage copy_package(const std::filesystem::path& package, const std::filesystem::path& empty,
                            const DurableFiles& files);
+
+/// The same by hard links, which take no room; nothing is read, so the checksums are the caller's.
+/// @return false where the disk does not allow links; the folder is then in any state.
+/// @throws InputError, StorageError.
+bool link_package(const std::filesystem::path& package, const std::filesystem::path& empty,
+                  const DurableFiles& files);
 
 }  // namespace stillmap::maps

@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <map>
 #include <stdexcept>
 #include <system_error>
@@ -15,50 +14,17 @@
 
 #include "formats/text.hpp"
 #include "package/manifest_json.hpp"
+#include "store/archive_files.hpp"
 #include "store/durable_files.hpp"
 #include "store/folder_lock.hpp"
+#include "store/incoming_package.hpp"
 #include "store/package_copy.hpp"
+#include "store/store_folder.hpp"
 
 namespace stillmap::maps {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr const char* kStateName = "state.db";
-constexpr const char* kLockName = ".lock";
-constexpr const char* kIncoming = ".incoming-";
-constexpr const char* kRemoved = ".removed-";
-
-std::int64_t now_ns() {
-  using std::chrono::system_clock;
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(
-             system_clock::now().time_since_epoch())
-      .count();
-}
-
-bool is_digest(std::string_view name) {
-  return name.size() == 64 && name.find_first_not_of("0123456789abcdef") == std::string_view::npos;
-}
-
-/// Names of the folders in it, sorted.
-std::vector<std::string> folders_in(const fs::path& folder) {
-  std::vector<std::string> names;
-  std::error_code error;
-  fs::directory_iterator at(folder, error);
-  for (; !error && at != fs::directory_iterator(); at.increment(error))
-    if (at->symlink_status().type() == fs::file_type::directory)
-      names.push_back(at->path().filename().string());
-  if (error) throw StorageError(folder.string(), error.message());
-  std::sort(names.begin(), names.end());
-  return names;
-}
-
-bool is_there(const fs::path& folder) {
-  std::error_code error;
-  const fs::file_type type = fs::symlink_status(folder, error).type();
-  if (type == fs::file_type::none) throw StorageError(folder.string(), error.message());
-  return type != fs::file_type::not_found;
-}
 
 void check_name(const char* what, std::string_view name) {
   if (is_valid_map_name(name)) return;
@@ -103,9 +69,10 @@ class PackageStore::Incoming {
   Incoming& operator=(const Incoming&) = delete;
 
   [[nodiscard]] const fs::path& path() const { return path_; }
-  void publish(const fs::path& target) {
-    files_.rename(path_, target);
-    published_ = true;
+  /// @param package  this folder, or one in it; then the rest goes with this.
+  void publish(const fs::path& package, const fs::path& target) {
+    files_.rename(package, target);
+    published_ = package == path_;
   }
 
  private:
@@ -117,14 +84,23 @@ class PackageStore::Incoming {
 
 PackageStore::PackageStore(fs::path folder, DiskCalls& calls)
     : folder_(fs::absolute(folder).lexically_normal()),
-      packages_(folder_ / "packages"),
+      packages_(folder_ / kPackagesName),
       calls_(&calls) {
-  const FolderLock lock(folder_ / kLockName);
-  refuse_lost_state();
-  const DurableFiles files(calls);
-  // Before the state: where there is a state, there is a folder for its packages.
-  if (files.make_folder(packages_)) files.sync_folder(folder_);
+  if (is_there(folder_ / kBackupMark))
+    throw InputError(folder_.string(), "a backup of a store", "a store: restore it elsewhere");
+  std::optional<FolderLock> lock;
+  try {
+    lock.emplace(folder_ / kLockName);
+    refuse_lost_state();
+    const DurableFiles files(calls);
+    // Before the state: where there is a state, there is a folder for its packages.
+    if (files.make_folder(packages_)) files.sync_folder(folder_);
+  } catch (const StorageError& error) {
+    open_read_only(error);
+    return;
+  }
   state_ = std::make_unique<StoreState>(folder_ / kStateName, calls);
+  if (!read_only_because().empty()) return;
   try {
     clear_condemned();
     clear_leftovers();
@@ -135,6 +111,32 @@ PackageStore::PackageStore(fs::path folder, DiskCalls& calls)
 }
 
 PackageStore::~PackageStore() = default;
+
+bool PackageStore::is_store(const fs::path& folder) { return is_there(folder / kStateName); }
+
+/// A disk on which not even the lock's file can be made may still hold all that is to be served.
+void PackageStore::open_read_only(const StorageError& reason) {
+  try {
+    state_ =
+        std::make_unique<StoreState>(folder_ / kStateName, StoreState::ReadOnly{reason.what()});
+  } catch (const StorageError&) {
+    throw StorageError(reason);
+  }
+}
+
+void PackageStore::set_quota(const StoreQuota& quota) {
+  const std::scoped_lock lock(quota_mutex_);
+  quota_ = quota;
+}
+
+StoreQuota PackageStore::quota() const {
+  const std::scoped_lock lock(quota_mutex_);
+  return quota_;
+}
+
+void PackageStore::check_quota(std::string_view map, std::uint64_t more_bytes) const {
+  state_->check_quota(quota(), map, more_bytes);
+}
 
 void PackageStore::refuse_lost_state() const {
   std::error_code error;
@@ -171,8 +173,9 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
     if (known->digest != wanted.digest) state_->add_version(map, wanted);
     return {*known, false};
   }
+  state_->check_quota(quota(), map, wanted.bytes, wanted.digest);
   const DurableFiles files(*calls_);
-  std::optional<FolderLock> lock(folder_ / kLockName);
+  std::optional<FolderLock> lock(locked());
   if (adopt(wanted.digest)) return commit(map, wanted);
   Incoming incoming(packages_, files);
   lock.reset();
@@ -180,9 +183,43 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
   if (copied.digest != wanted.digest)
     throw InputError(manifest_file.string(), "a file that changes", "one that does not");
   check_readable(incoming.path());
-  lock.emplace(folder_ / kLockName);
-  if (!adopt(wanted.digest)) incoming.publish(package_folder(wanted.digest));
+  lock.emplace(locked());
+  if (!adopt(wanted.digest)) incoming.publish(incoming.path(), package_folder(wanted.digest));
   return commit(map, wanted);
+}
+
+PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_view version,
+                                              const ByteSource& source, const std::string& archive,
+                                              const ArchiveLimits& limits,
+                                              const std::optional<std::string>& sha256) {
+  check_name("map", map);
+  check_name("version", version);
+  const DurableFiles files(*calls_);
+  std::optional<FolderLock> lock(locked());
+  Incoming incoming(packages_, files);
+  lock.reset();
+  const ArchiveFiles found =
+      unpack_archive(source, archive, incoming.path(), limits, files, /*hashed=*/true);
+  if (sha256 && *sha256 != found.archive.sha256)
+    throw InputError(archive, "SHA-256 " + found.archive.sha256, *sha256);
+  const IncomingPackage package = keep_package(incoming.path(), found, archive, files);
+  StoredVersion wanted{.name = std::string(version), .digest = package.package.digest};
+  wanted.bytes = package.package.bytes;
+  wanted.created_ns = now_ns();
+  check_readable(package.folder);
+  lock.emplace(locked());
+  if (const auto known = state_->find_version(map, version)) {
+    if (known->digest != wanted.digest) state_->add_version(map, wanted);
+    return {*known, false};
+  }
+  state_->check_quota(quota(), map, wanted.bytes, wanted.digest);
+  if (!adopt(wanted.digest)) incoming.publish(package.folder, package_folder(wanted.digest));
+  return commit(map, wanted);
+}
+
+std::unique_ptr<PackageArchive> PackageStore::archive(std::string_view map,
+                                                      std::string_view version) const {
+  return std::make_unique<PackageArchive>(package_folder(state_->version(map, version).digest));
 }
 
 /// Under the lock. @return whether a whole package of this digest lies there. One that no version
@@ -204,7 +241,7 @@ bool PackageStore::adopt(const std::string& digest) {
 /// Under the lock, with the package in its place.
 PackageStore::Added PackageStore::commit(std::string_view map, const StoredVersion& version) {
   DurableFiles(*calls_).sync_folder(packages_);
-  const bool is_new = state_->add_version(map, version);
+  const bool is_new = state_->add_version(map, version, quota());
   return {state_->version(map, version.name), is_new};
 }
 
@@ -223,15 +260,54 @@ StoredMap PackageStore::roll_back(std::string_view map, std::optional<std::int64
 }
 
 bool PackageStore::remove(std::string_view map, std::string_view version) {
-  const FolderLock lock(folder_ / kLockName);
+  const FolderLock lock = locked();
   const std::string digest = state_->version(map, version).digest;
   state_->remove_version(map, version);
+  clear_condemned_if_possible();
+  return !is_there(package_folder(digest));
+}
+
+bool PackageStore::create_map(std::string_view map) { return state_->create_map(map, now_ns()); }
+
+void PackageStore::remove_map(std::string_view map, WhenActive when_active) {
+  const FolderLock lock = locked();
+  state_->remove_map(map, when_active);
+  clear_condemned_if_possible();
+}
+
+std::vector<std::string> PackageStore::keep_newest(std::string_view map, std::size_t count) {
+  const FolderLock lock = locked();
+  const StoredMap now = state_->map(map);
+  std::vector<std::string> others;
+  for (const StoredVersion& version : state_->versions(map))
+    if (version.name != now.active && version.name != now.previous) others.push_back(version.name);
+  others.resize(others.size() - std::min(count, others.size()));
+  std::vector<std::string> removed;
+  for (const std::string& version : others) {
+    try {
+      state_->remove_version(map, version);
+      removed.push_back(version);
+    } catch (const StoreRefusal&) {
+      // Activated or removed meanwhile.
+    }
+  }
+  clear_condemned_if_possible();
+  return removed;
+}
+
+/// The rows are removed, which must not look like a failure; the rest stays noted.
+void PackageStore::clear_condemned_if_possible() {
   try {
     clear_condemned();
   } catch (const StorageError&) {
-    // The version is removed, which must not look like a failure; the rest stays noted.
+    // The next `gc` or open tries again.
   }
-  return !is_there(package_folder(digest));
+}
+
+FolderLock PackageStore::locked() const {
+  if (!read_only_because().empty())
+    throw StorageError(folder_.string(), "open for reading only: " + read_only_because());
+  return FolderLock(folder_ / kLockName);
 }
 
 /// Under the lock. The rename makes it vanish at once; a half deleted package is never seen.
@@ -277,7 +353,7 @@ std::vector<std::string> PackageStore::unnamed_packages() const {
 }
 
 PackageStore::Cleared PackageStore::gc() {
-  const FolderLock lock(folder_ / kLockName);
+  const FolderLock lock = locked();
   clear_condemned();
   Cleared cleared{.packages = unnamed_packages()};
   for (const std::string& digest : cleared.packages) clear_package(digest);

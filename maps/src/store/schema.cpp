@@ -12,7 +12,7 @@ namespace {
 constexpr std::int64_t kApplicationId = 0x53544d50;
 
 /// Step n takes version n to n + 1. A published step is never changed, only followed by others.
-constexpr std::array<const char*, 1> kSteps = {
+constexpr std::array<const char*, 2> kSteps = {
     R"(
 CREATE TABLE maps (
   name TEXT PRIMARY KEY NOT NULL,
@@ -35,6 +35,76 @@ CREATE INDEX versions_by_digest ON versions (digest);
 CREATE TABLE condemned (
   digest TEXT PRIMARY KEY NOT NULL
 ) STRICT, WITHOUT ROWID;
+)",
+    R"(
+CREATE TABLE keys (
+  id TEXT PRIMARY KEY NOT NULL,
+  name TEXT NOT NULL,
+  scopes INTEGER NOT NULL CHECK (scopes BETWEEN 1 AND 15),
+  secret_sha256 TEXT NOT NULL CHECK (length(secret_sha256) = 64),
+  created_ns INTEGER NOT NULL,
+  expires_ns INTEGER,
+  revoked_ns INTEGER
+) STRICT, WITHOUT ROWID;
+CREATE TABLE jobs (
+  id INTEGER PRIMARY KEY AUTOINCREMENT,
+  kind TEXT NOT NULL CHECK (kind IN ('rebuild', 'convert')),
+  map TEXT NOT NULL,
+  request TEXT NOT NULL,
+  status TEXT NOT NULL
+    CHECK (status IN ('enqueued', 'processing', 'succeeded', 'failed', 'canceled')),
+  stage TEXT NOT NULL DEFAULT '',
+  error TEXT NOT NULL DEFAULT '',
+  result_version TEXT,
+  attempts INTEGER NOT NULL DEFAULT 0,
+  enqueued_ns INTEGER NOT NULL,
+  started_ns INTEGER,
+  finished_ns INTEGER,
+  asker TEXT NOT NULL,
+  idempotency_key TEXT,
+  request_sha256 TEXT NOT NULL CHECK (length(request_sha256) = 64),
+  cancel_requested INTEGER NOT NULL DEFAULT 0
+) STRICT;
+CREATE UNIQUE INDEX jobs_by_idempotency_key ON jobs (asker, idempotency_key)
+  WHERE idempotency_key IS NOT NULL;
+CREATE INDEX jobs_by_status ON jobs (status, id);
+CREATE INDEX jobs_by_map ON jobs (map, id);
+CREATE TABLE drives (
+  id INTEGER PRIMARY KEY AUTOINCREMENT,
+  map TEXT NOT NULL REFERENCES maps (name),
+  name TEXT NOT NULL,
+  status TEXT NOT NULL CHECK (status IN ('open', 'complete', 'failed')),
+  error TEXT NOT NULL DEFAULT '',
+  created_ns INTEGER NOT NULL,
+  finished_ns INTEGER
+) STRICT;
+CREATE INDEX drives_by_map ON drives (map, id);
+CREATE TABLE drive_parts (
+  drive INTEGER NOT NULL REFERENCES drives (id),
+  n INTEGER NOT NULL CHECK (n BETWEEN 1 AND 10000),
+  sha256 TEXT NOT NULL CHECK (length(sha256) = 64),
+  bytes INTEGER NOT NULL CHECK (bytes >= 0),
+  PRIMARY KEY (drive, n)
+) STRICT, WITHOUT ROWID;
+CREATE TABLE job_drives (
+  job INTEGER NOT NULL REFERENCES jobs (id) ON DELETE CASCADE,
+  drive INTEGER NOT NULL,
+  PRIMARY KEY (job, drive)
+) STRICT, WITHOUT ROWID;
+CREATE INDEX job_drives_by_drive ON job_drives (drive, job);
+CREATE TABLE audit (
+  id INTEGER PRIMARY KEY AUTOINCREMENT,
+  time_ns INTEGER NOT NULL,
+  request_id TEXT NOT NULL,
+  key_id TEXT NOT NULL,
+  method TEXT NOT NULL,
+  route TEXT NOT NULL,
+  subject TEXT NOT NULL,
+  status INTEGER NOT NULL
+) STRICT;
+CREATE INDEX audit_by_time ON audit (time_ns);
+CREATE TRIGGER audit_is_append_only BEFORE UPDATE ON audit
+  BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;
 )",
 };
 

@@ -1,60 +1,20 @@
 #include <stillmap/maps/store/store_state.hpp>
 
-#include <mutex>
+#include <stillmap/maps/map_store.hpp>
+
+#include <set>
+#include <stdexcept>
 #include <utility>
 
-#include "store/schema.hpp"
-#include "store/sqlite_database.hpp"
+#include "store/map_rows.hpp"
+#include "store/store_database.hpp"
 
 namespace stillmap::maps {
 namespace {
 
 using Reason = StoreRefusal::Reason;
-
-constexpr const char* kMapColumns =
-    "SELECT name, active, previous, revision, created_ns FROM maps ";
-constexpr const char* kVersionColumns = "SELECT name, digest, bytes, created_ns FROM versions ";
-
-StoredMap map_of(const SqliteStatement& row) {
-  return {row.text(0), row.optional_text(1), row.optional_text(2), row.integer(3), row.integer(4)};
-}
-
-StoredVersion version_of(const SqliteStatement& row) {
-  return {row.text(0), row.text(1), static_cast<std::uint64_t>(row.integer(2)), row.integer(3)};
-}
-
-std::string in_quotes(std::string_view name) { return "'" + std::string(name) + "'"; }
-
-std::optional<StoredMap> find_map(SqliteDatabase& database, std::string_view name) {
-  SqliteStatement row(database, std::string(kMapColumns) + "WHERE name = ?");
-  if (!row.bind(name).step()) return std::nullopt;
-  return map_of(row);
-}
-
-StoredMap known_map(SqliteDatabase& database, std::string_view name) {
-  const std::optional<StoredMap> found = find_map(database, name);
-  if (!found) throw StoreRefusal(Reason::kUnknownMap, "there is no map " + in_quotes(name));
-  return *found;
-}
-
-std::optional<StoredVersion> find_version(SqliteDatabase& database, std::string_view map,
-                                          std::string_view name) {
-  SqliteStatement row(database, std::string(kVersionColumns) + "WHERE map = ? AND name = ?");
-  if (!row.bind(map).bind(name).step()) return std::nullopt;
-  return version_of(row);
-}
-
-StoredVersion known_version(SqliteDatabase& database, std::string_view map, std::string_view name) {
-  const std::optional<StoredVersion> found = find_version(database, map, name);
-  if (!found)
-    throw StoreRefusal(Reason::kUnknownVersion,
-                       "map " + in_quotes(map) + " has no version " + in_quotes(name));
-  return *found;
-}
-
-bool is_used(SqliteDatabase& database, std::string_view digest) {
-  return SqliteStatement(database, "SELECT 1 FROM versions WHERE digest = ?").bind(digest).step();
-}
+using Reading = StoreDatabase::Reading;
+using Writing = StoreDatabase::Writing;
 
 void check_revision(const StoredMap& map, std::optional<std::int64_t> revision) {
   if (!revision || *revision == map.revision) return;
@@ -70,124 +30,191 @@ StoredMap point_to(SqliteDatabase& database, StoredMap map, const std::string& v
       .bind(map.active)
       .bind(map.previous)
       .bind(map.revision)
-      .bind(std::string_view(map.name))
+      .bind(map.name)
       .step();
   return map;
+}
+
+bool insert_map(SqliteDatabase& database, std::string_view name, std::int64_t now_ns) {
+  SqliteStatement(database, "INSERT OR IGNORE INTO maps (name, created_ns) VALUES (?, ?)")
+      .bind(name)
+      .bind(now_ns)
+      .step();
+  return database.changes() > 0;
+}
+
+void refuse_if_in_use(SqliteDatabase& database, std::string_view map) {
+  if (SqliteStatement(database, "SELECT 1 FROM drives WHERE map = ?").bind(map).step())
+    throw StoreRefusal(Reason::kInUse, "map " + in_quotes(map) + " has drives");
+  SqliteStatement job(database,
+                      "SELECT id FROM jobs WHERE map = ? AND status IN ('enqueued', 'processing')");
+  if (job.bind(map).step())
+    throw StoreRefusal(Reason::kInUse, "job " + job.text(0) + " is for map " + in_quotes(map));
 }
 
 }  // namespace
 
 struct StoreState::Inner {
-  Inner(const std::filesystem::path& file, DiskCalls& calls) : database(file, calls) {}
-  std::mutex mutex;
-  SqliteDatabase database;
+  /// @param second  as that of `StoreDatabase`.
+  template <typename Second>
+  Inner(const std::filesystem::path& file, Second&& second)
+      : database(file, std::forward<Second>(second)) {}
+  StoreDatabase database;
+  KeyTable keys{database};
+  JobTable jobs{database};
+  DriveTable drives{database};
+  AuditLog audit{database};
 };
 
 StoreState::StoreState(const std::filesystem::path& file, DiskCalls& calls)
-    : inner_(std::make_unique<Inner>(file, calls)) {
-  migrate(inner_->database);
-}
+    : inner_(std::make_unique<Inner>(file, calls)) {}
+
+StoreState::StoreState(const std::filesystem::path& file, const ReadOnly& why)
+    : inner_(std::make_unique<Inner>(file, why.because)) {}
 
 StoreState::~StoreState() = default;
 
+KeyTable& StoreState::keys() { return inner_->keys; }
+JobTable& StoreState::jobs() { return inner_->jobs; }
+DriveTable& StoreState::drives() { return inner_->drives; }
+AuditLog& StoreState::audit() { return inner_->audit; }
+const KeyTable& StoreState::keys() const { return inner_->keys; }
+const JobTable& StoreState::jobs() const { return inner_->jobs; }
+const DriveTable& StoreState::drives() const { return inner_->drives; }
+const AuditLog& StoreState::audit() const { return inner_->audit; }
+
+const std::string& StoreState::read_only_because() const {
+  return inner_->database.read_only_because();
+}
+
 std::vector<StoredMap> StoreState::maps() const {
-  const std::scoped_lock lock(inner_->mutex);
-  SqliteStatement row(inner_->database, std::string(kMapColumns) + "ORDER BY name");
-  std::vector<StoredMap> maps;
-  while (row.step()) maps.push_back(map_of(row));
-  return maps;
+  const Reading reading(inner_->database);
+  return all_maps(reading.database());
 }
 
 StoredMap StoreState::map(std::string_view name) const {
-  const std::scoped_lock lock(inner_->mutex);
-  return known_map(inner_->database, name);
+  const Reading reading(inner_->database);
+  return known_map(reading.database(), name);
 }
 
 std::vector<StoredVersion> StoreState::versions(std::string_view map) const {
-  const std::scoped_lock lock(inner_->mutex);
-  known_map(inner_->database, map);
-  SqliteStatement row(inner_->database,
-                      std::string(kVersionColumns) + "WHERE map = ? ORDER BY created_ns, name");
-  row.bind(map);
-  std::vector<StoredVersion> versions;
-  while (row.step()) versions.push_back(version_of(row));
-  return versions;
+  const Reading reading(inner_->database);
+  (void)known_map(reading.database(), map);
+  return versions_of(reading.database(), map);
 }
 
 StoredVersion StoreState::version(std::string_view map, std::string_view version) const {
-  const std::scoped_lock lock(inner_->mutex);
-  known_map(inner_->database, map);
-  return known_version(inner_->database, map, version);
+  const Reading reading(inner_->database);
+  (void)known_map(reading.database(), map);
+  return known_version(reading.database(), map, version);
 }
 
 std::optional<StoredVersion> StoreState::find_version(std::string_view map,
                                                       std::string_view version) const {
-  const std::scoped_lock lock(inner_->mutex);
-  return maps::find_version(inner_->database, map, version);
+  const Reading reading(inner_->database);
+  return maps::find_version(reading.database(), map, version);
 }
 
 bool StoreState::uses(std::string_view digest) const {
-  const std::scoped_lock lock(inner_->mutex);
-  return is_used(inner_->database, digest);
+  const Reading reading(inner_->database);
+  return is_used(reading.database(), digest);
 }
 
-bool StoreState::add_version(std::string_view map, const StoredVersion& version) {
-  const std::scoped_lock lock(inner_->mutex);
-  SqliteDatabase& database = inner_->database;
-  SqliteTransaction transaction(database);
+std::uint64_t StoreState::bytes_of_map(std::string_view map) const {
+  const Reading reading(inner_->database);
+  (void)known_map(reading.database(), map);
+  return bytes_of(reading.database(), std::string(map));
+}
+
+std::uint64_t StoreState::bytes() const {
+  const Reading reading(inner_->database);
+  return bytes_of(reading.database(), {});
+}
+
+void StoreState::check_quota(const StoreQuota& quota, std::string_view map,
+                             std::uint64_t more_bytes, std::string_view digest) const {
+  const Reading reading(inner_->database);
+  refuse_over_quota(reading.database(), quota, map, more_bytes, digest);
+}
+
+bool StoreState::create_map(std::string_view name, std::int64_t now_ns) {
+  if (!is_valid_map_name(name))
+    throw std::invalid_argument("map: " + in_quotes(name) + ", [a-z0-9][a-z0-9._-]{0,62} expected");
+  Writing writing(inner_->database);
+  if (!insert_map(writing.database(), name, now_ns)) return false;
+  writing.commit();
+  return true;
+}
+
+void StoreState::remove_map(std::string_view name, WhenActive when_active) {
+  Writing writing(inner_->database);
+  SqliteDatabase& database = writing.database();
+  const StoredMap map = known_map(database, name);
+  if (map.active && when_active == WhenActive::kRefuse)
+    throw StoreRefusal(Reason::kActive, "version " + in_quotes(*map.active) + " of map " +
+                                            in_quotes(name) + " is active");
+  refuse_if_in_use(database, name);
+  std::set<std::string> digests;
+  for (const StoredVersion& version : versions_of(database, name)) digests.insert(version.digest);
+  for (const char* sql : {"UPDATE maps SET active = NULL, previous = NULL WHERE name = ?",
+                          "DELETE FROM versions WHERE map = ?", "DELETE FROM maps WHERE name = ?"})
+    SqliteStatement(database, sql).bind(name).step();
+  for (const std::string& digest : digests) condemn_unused(database, digest);
+  writing.commit();
+}
+
+bool StoreState::add_version(std::string_view map, const StoredVersion& version,
+                             const StoreQuota& quota) {
+  Writing writing(inner_->database);
+  SqliteDatabase& database = writing.database();
   if (const auto known = maps::find_version(database, map, version.name)) {
     if (known->digest == version.digest) return false;
     throw StoreRefusal(Reason::kOtherDigest, "version " + in_quotes(version.name) + " of map " +
                                                  in_quotes(map) + " is " + known->digest);
   }
-  SqliteStatement(database, "INSERT OR IGNORE INTO maps (name, created_ns) VALUES (?, ?)")
-      .bind(map)
-      .bind(version.created_ns)
-      .step();
+  refuse_over_quota(database, quota, map, version.bytes, version.digest);
+  insert_map(database, map, version.created_ns);
   SqliteStatement(database, "INSERT INTO versions VALUES (?, ?, ?, ?, ?)")
       .bind(map)
-      .bind(std::string_view(version.name))
-      .bind(std::string_view(version.digest))
+      .bind(version.name)
+      .bind(version.digest)
       .bind(static_cast<std::int64_t>(version.bytes))
       .bind(version.created_ns)
       .step();
-  SqliteStatement(database, "DELETE FROM condemned WHERE digest = ?")
-      .bind(std::string_view(version.digest))
-      .step();
-  transaction.commit();
+  SqliteStatement(database, "DELETE FROM condemned WHERE digest = ?").bind(version.digest).step();
+  writing.commit();
   return true;
 }
 
 StoredMap StoreState::activate(std::string_view map, std::string_view version,
                                std::optional<std::int64_t> revision) {
-  const std::scoped_lock lock(inner_->mutex);
-  SqliteTransaction transaction(inner_->database);
-  const StoredMap now = known_map(inner_->database, map);
+  Writing writing(inner_->database);
+  SqliteDatabase& database = writing.database();
+  const StoredMap now = known_map(database, map);
   check_revision(now, revision);
-  known_version(inner_->database, map, version);
+  (void)known_version(database, map, version);
   if (now.active == version) return now;
-  StoredMap then = point_to(inner_->database, now, std::string(version));
-  transaction.commit();
+  StoredMap then = point_to(database, now, std::string(version));
+  writing.commit();
   return then;
 }
 
 StoredMap StoreState::roll_back(std::string_view map, std::optional<std::int64_t> revision) {
-  const std::scoped_lock lock(inner_->mutex);
-  SqliteTransaction transaction(inner_->database);
-  const StoredMap now = known_map(inner_->database, map);
+  Writing writing(inner_->database);
+  SqliteDatabase& database = writing.database();
+  const StoredMap now = known_map(database, map);
   check_revision(now, revision);
   if (!now.previous)
     throw StoreRefusal(Reason::kNoPrevious,
                        "map " + in_quotes(map) + " has no version before this");
-  StoredMap then = point_to(inner_->database, now, *now.previous);
-  transaction.commit();
+  StoredMap then = point_to(database, now, *now.previous);
+  writing.commit();
   return then;
 }
 
 void StoreState::remove_version(std::string_view map, std::string_view version) {
-  const std::scoped_lock lock(inner_->mutex);
-  SqliteDatabase& database = inner_->database;
-  SqliteTransaction transaction(database);
+  Writing writing(inner_->database);
+  SqliteDatabase& database = writing.database();
   const StoredMap now = known_map(database, map);
   const StoredVersion gone = known_version(database, map, version);
   if (now.active == version)
@@ -201,37 +228,54 @@ void StoreState::remove_version(std::string_view map, std::string_view version) 
       .bind(map)
       .bind(version)
       .step();
-  if (!is_used(database, gone.digest))
-    SqliteStatement(database, "INSERT OR IGNORE INTO condemned VALUES (?)")
-        .bind(std::string_view(gone.digest))
-        .step();
-  transaction.commit();
+  condemn_unused(database, gone.digest);
+  writing.commit();
 }
 
 std::vector<std::string> StoreState::condemned() const {
-  const std::scoped_lock lock(inner_->mutex);
-  SqliteStatement row(inner_->database, "SELECT digest FROM condemned ORDER BY digest");
+  const Reading reading(inner_->database);
+  SqliteStatement row(reading.database(), "SELECT digest FROM condemned ORDER BY digest");
   std::vector<std::string> digests;
   while (row.step()) digests.push_back(row.text(0));
   return digests;
 }
 
 void StoreState::forget_condemned(std::string_view digest) {
-  const std::scoped_lock lock(inner_->mutex);
-  SqliteTransaction transaction(inner_->database);
-  SqliteStatement(inner_->database, "DELETE FROM condemned WHERE digest = ?").bind(digest).step();
-  transaction.commit();
+  Writing writing(inner_->database);
+  SqliteDatabase& database = writing.database();
+  SqliteStatement(database, "DELETE FROM condemned WHERE digest = ?").bind(digest).step();
+  writing.commit();
 }
 
 std::vector<std::string> StoreState::problems() const {
-  const std::scoped_lock lock(inner_->mutex);
+  const Reading reading(inner_->database);
   std::vector<std::string> problems;
-  SqliteStatement row(inner_->database, "PRAGMA integrity_check");
+  SqliteStatement row(reading.database(), "PRAGMA integrity_check");
   while (row.step())
     if (row.text(0) != "ok") problems.push_back(row.text(0));
-  SqliteStatement keys(inner_->database, "PRAGMA foreign_key_check");
+  SqliteStatement keys(reading.database(), "PRAGMA foreign_key_check");
   while (keys.step()) problems.push_back("a row of " + keys.text(0) + " points to nothing");
   return problems;
+}
+
+void StoreState::write_backup(const std::filesystem::path& file, std::int64_t now_ns,
+                              DiskCalls& calls) const {
+  SqliteDatabase copy(file, calls, SqliteDatabase::Mode::kNewFile);
+  {
+    const StoreDatabase::ReadingBeside reading(inner_->database);
+    reading.database().copy_to(copy);
+  }
+  // The copy says that it has a log, as the original has.
+  copy.execute("PRAGMA journal_mode=DELETE");
+  SqliteTransaction transaction(copy);
+  copy.execute("DELETE FROM drive_parts; DELETE FROM drives;");
+  SqliteStatement(copy,
+                  "UPDATE jobs SET status = 'failed', finished_ns = ?, cancel_requested = 0,"
+                  " error = 'the store was restored from a backup, which holds no drives'"
+                  " WHERE status IN ('enqueued', 'processing')")
+      .bind(now_ns)
+      .step();
+  transaction.commit();
 }
 
 }  // namespace stillmap::maps

@@ -117,7 +117,7 @@ void localize_scan(const LocalizeArguments& arguments,
         fmt::format("{}: found one scan, expected a drive for -o, --select and --json FILE",
                     arguments.what.string()));
   }
-  server::PoseAnswer answer{.map_name = {}, .map_digest = {}, .request_id = {}};
+  server::PoseAnswer answer{.map_name = {}, .map_version = {}, .map_digest = {}, .request_id = {}};
   if (T_map_prior) answer.parameters.prior = localization::Prior{*T_map_prior, std::nullopt};
   const auto begin = std::chrono::steady_clock::now();
   maps::PointCloud scan = maps::read_scan_file(arguments.what).cloud;

@@ -1,100 +1,184 @@
 #include <fmt/core.h>
-#include <pthread.h>
-#include <spdlog/sinks/stdout_color_sinks.h>
+#include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
 
-#include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <memory>
+#include <stillmap/server/options_holder.hpp>
 #include <stillmap/server/server.hpp>
 #include <string>
-#include <thread>
 
 #include "command_line/run_program.hpp"
 #include "commands.hpp"
+#include "config/config_text.hpp"
+#include "config/option_table.hpp"
+#include "config/reload.hpp"
+#include "config/value_text.hpp"
+#include "health_probe.hpp"
+#include "log/log_output.hpp"
+#include "notify.hpp"
+#include "serve_signals.hpp"
 
 namespace stillmap::cli {
 namespace {
 
 struct ServeArguments {
-  std::filesystem::path store;
-  server::ServerOptions options;
-  std::string log_level = "info";
+  std::string config;
+  /// By key; those that the command line does not name stay out of `ConfigSources::flags`.
+  std::map<std::string, std::string> values;
+  std::map<std::string, const CLI::Option*> given;
+  bool check = false;
+  bool print_config = false;
+  bool print_schema = false;
+  bool print_page = false;
 };
 
-/// Waits for SIGINT or SIGTERM on a thread of its own: what a server needs to stop may not be
-/// called from a handler.
-class SignalWatch {
- public:
-  /// Call before any other thread starts, so that all of them leave these signals to this one.
-  SignalWatch() {
-    sigemptyset(&signals_);
-    for (const int signal : {SIGINT, SIGTERM, SIGUSR1}) sigaddset(&signals_, signal);
-    pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
+server::ConfigSources sources_of(const ServeArguments& arguments) {
+  server::ConfigSources sources;
+  sources.environment = server::own_environment();
+  for (const auto& [key, option] : arguments.given) {
+    if (option->count() > 0) sources.flags[key] = arguments.values.at(key);
   }
-  void stop_on_signal(server::Server& server) {
-    thread_ = std::thread([this, &server] {
-      int signal = 0;
-      sigwait(&signals_, &signal);
-      if (signal != SIGUSR1) spdlog::info("stopping");
-      server.stop();
-    });
+  const char* variable = std::getenv(std::string(server::kConfigVariable).c_str());
+  if (!arguments.config.empty()) {
+    sources.file = arguments.config;
+  } else if (variable != nullptr && *variable != '\0') {
+    sources.file = variable;
   }
-  SignalWatch(const SignalWatch&) = delete;
-  SignalWatch& operator=(const SignalWatch&) = delete;
-  ~SignalWatch() {
-    if (!thread_.joinable()) return;
-    pthread_kill(thread_.native_handle(), SIGUSR1);
-    thread_.join();
-  }
+  return sources;
+}
 
- private:
-  sigset_t signals_{};
-  std::thread thread_;
-};
+/// One line each, as every error; then the usual exit code.
+void require_none(const std::vector<server::ConfigProblem>& problems) {
+  if (problems.empty()) return;
+  for (const server::ConfigProblem& each : problems) {
+    fmt::print(stderr, "stillmap: {}\n", each.text());
+  }
+  throw command_line::ExitCode{command_line::kUsage};
+}
+
+void require_store(const std::string& store) {
+  if (store.empty()) throw std::invalid_argument("--store: found nothing, expected a folder");
+  const std::string trouble = command_line::existing_folder()(store);
+  if (!trouble.empty()) throw std::invalid_argument(trouble);
+}
+
+/// What SIGHUP does. Never throws: whatever is wrong, the server goes on as it was.
+void reload_all(const server::ConfigSources& sources, server::OptionsHolder& options,
+                server::LogOutput& log, const server::Notifier& notifier) {
+  notifier.reloading();
+  try {
+    server::ConfigSources now = sources;
+    now.environment = server::own_environment();
+    const server::ReloadReport report = server::reload(now, options);
+    for (const server::ConfigProblem& each : report.problems) {
+      spdlog::error("configuration not reloaded: {}", each.text());
+    }
+    log.reopen(options.current()->log);
+    if (report.problems.empty()) {
+      spdlog::info(
+          "configuration reloaded, changed: {}",
+          report.changed.empty() ? "nothing" : fmt::format("{}", fmt::join(report.changed, ", ")));
+    }
+    if (!report.need_restart.empty()) {
+      spdlog::warn("these need a restart: {}", fmt::join(report.need_restart, ", "));
+    }
+  } catch (const std::exception& error) {
+    spdlog::error("configuration not reloaded: {}", error.what());
+  }
+  notifier.ready("configuration read again");
+}
+
+/// Only where a service manager wants to hear from this process.
+std::unique_ptr<server::Watchdog> start_watchdog(const server::Notifier& notifier,
+                                                 const server::ServerOptions& options, int port) {
+  const auto interval = server::watchdog_interval();
+  if (!notifier.listens() || !interval) return nullptr;
+  // A quarter for the answer and a half between the questions stay within the interval.
+  const auto timeout = std::chrono::duration_cast<std::chrono::milliseconds>(*interval / 4);
+  return std::make_unique<server::Watchdog>(
+      notifier, *interval, [host = options.host, port, timeout] {
+        const bool answers = server::answers_livez(host, port, timeout);
+        if (!answers) spdlog::warn("the server did not answer its own health check in time");
+        return answers;
+      });
+}
+
+void run_server(const server::ConfigSources& sources, const server::ServerOptions& started) {
+  require_store(started.store);
+  SignalLoop signals;
+  server::LogOutput log(started.log);
+  const server::Notifier notifier = server::Notifier::of_process();
+  server::OptionsHolder options(started);
+  server::Server server(started, started.store, find_beside("web", "share/stillmap/web"));
+  const int port = server.bind();
+  const std::string address = fmt::format("http://{}:{}/", started.host, port);
+  const auto watchdog = start_watchdog(notifier, started, port);
+  signals.start({.reload = [&] { reload_all(sources, options, log, notifier); },
+                 .drain =
+                     [&] {
+                       const std::chrono::seconds delay(options.current()->drain.delay_s);
+                       spdlog::info("stopping, after {} s for others to notice", delay.count());
+                       notifier.stopping("waiting for requests in hand");
+                       return delay;
+                     },
+                 .stop =
+                     [&] {
+                       server.stop();
+                       return std::chrono::seconds(options.current()->drain.timeout_s);
+                     }});
+  // stdout carries the address and nothing else.
+  fmt::print("listening on {}\n", address);
+  std::fflush(stdout);
+  notifier.ready("listening on " + address);
+  server.run();
+}
 
 void serve(const ServeArguments& arguments) {
-  // stdout carries the address and nothing else.
-  spdlog::set_default_logger(spdlog::stderr_color_mt("stillmap"));
-  spdlog::set_level(spdlog::level::from_str(arguments.log_level));
-  SignalWatch signals;
-  server::Server server(arguments.options, arguments.store,
-                        find_beside("web", "share/stillmap/web"));
-  const int port = server.bind();
-  signals.stop_on_signal(server);
-  fmt::print("listening on http://{}:{}/\n", arguments.options.host, port);
-  std::fflush(stdout);
-  server.run();
+  if (arguments.print_schema) return fmt::print("{}", server::config_schema());
+  if (arguments.print_page) return fmt::print("{}", server::config_page());
+  const server::ConfigSources sources = sources_of(arguments);
+  const server::ResolvedConfig config = server::resolve(sources);
+  require_none(config.problems);
+  if (arguments.print_config) return fmt::print("{}", server::config_listing(config));
+  if (arguments.check) return fmt::print("the configuration can be used\n");
+  run_server(sources, config.options);
+}
+
+void add_option(CLI::App& command, const server::Option& option, ServeArguments& arguments) {
+  const std::string key(option.key);
+  std::string& value = arguments.values[key];
+  const std::string text = fmt::format("{} {}; default {}", option.text, option.expected(),
+                                       server::value_text(option.get(server::ServerOptions{})));
+  CLI::Option* added = option.kind() == server::OptionKind::kFlag
+                           ? command.add_flag(option.flag(), value, text)
+                           : command.add_option(option.flag(), value, text);
+  const std::size_t dot = key.find('.');
+  if (dot != std::string::npos) added->group("Options of " + key.substr(0, dot));
+  arguments.given[key] = added;
 }
 
 }  // namespace
 
 void add_serve(CLI::App& app) {
   auto arguments = std::make_shared<ServeArguments>();
-  server::ServerOptions& options = arguments->options;
   CLI::App* command =
       app.add_subcommand("serve", "Serve a folder of maps over HTTP (see server/README.md)");
-  command->add_option("--store", arguments->store, "Folder with a map package in each sub-folder")
-      ->required()
-      ->check(command_line::existing_folder());
-  command->add_option("--host", options.host, "Address to listen on")->capture_default_str();
-  command->add_option("--port", options.port, "Port to listen on; 0 takes any free one")
-      ->capture_default_str();
-  command->add_flag("--allow-remote", options.allow_remote,
-                    "Let --host be an address that other machines reach; there are no keys yet");
-  command->add_option("--max-payload", options.max_payload_bytes, "Largest request body [bytes]")
-      ->capture_default_str();
-  command->add_option("--workers", options.workers, "Alignments at one time; 0 = as many as cores")
-      ->capture_default_str();
-  command
-      ->add_option("--queue", options.queue,
-                   "Requests that may wait for a worker; beyond it the answer is 503")
-      ->capture_default_str();
-  command->add_option("--connections", options.http_threads, "Connections served at one time")
-      ->capture_default_str();
-  command->add_option("--log-level", arguments->log_level, "debug also logs every request")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"debug", "info", "warning", "error"}));
+  command->add_option("--config", arguments->config,
+                      "Configuration file, JSON with comments; else what " +
+                          std::string(server::kConfigVariable) + " names");
+  command->add_flag("--check", arguments->check,
+                    "Say all that is wrong with the configuration, and end");
+  command->add_flag("--print-config", arguments->print_config,
+                    "Print the values in force and where each comes from, and end");
+  command->add_flag("--print-schema", arguments->print_schema,
+                    "Print the JSON Schema of the configuration file, and end");
+  command->add_flag("--print-page", arguments->print_page,
+                    "Print the page of all options, and end");
+  for (const server::Option& option : server::all_options()) {
+    add_option(*command, option, *arguments);
+  }
   command->callback([arguments] { serve(*arguments); });
 }
 

@@ -39,7 +39,7 @@ std::size_t scan_number(const std::string& name, std::size_t queries) {
 }
 
 Batch read_multipart(const Context& context, const HttpRequest& request) {
-  const auto most_parts = static_cast<std::size_t>(context.options.max_batch) + 1;
+  const auto most_parts = static_cast<std::size_t>(context.options.batch.max_scans) + 1;
   const std::vector<MultipartPart> parts =
       split_multipart(request.header("content-type"), request.body, most_parts);
   if (parts.empty() || parts.front().name != "request") {
@@ -73,8 +73,9 @@ PoseRequest take_query(const Context& context, Batch& batch, std::size_t i) {
   return decode_scan(std::move(*batch.scans[i]), context.options);
 }
 
-std::string answer_query(const Context& context, const HttpRequest& request, const ServedMap& map,
-                         Batch& batch, std::size_t i, AlignmentQueue::Ticket& ticket) {
+std::string answer_query(const Context& context, const HttpRequest& request,
+                         const ServedVersion& map, Batch& batch, std::size_t i,
+                         AlignmentQueue::Ticket& ticket) {
   PoseAnswer answer = answer_for(map, request);
   const PoseClock::time_point begin = PoseClock::now();
   PoseRequest query = take_query(context, batch, i);
@@ -94,7 +95,7 @@ std::string answer_query(const Context& context, const HttpRequest& request, con
 }
 
 /// Each query is answered or refused on its own; past the deadline the rest is refused.
-void answer_queries(const Context& context, const HttpRequest& request, const ServedMap& map,
+void answer_queries(const Context& context, const HttpRequest& request, const ServedVersion& map,
                     PoseClock::time_point deadline, Batch& batch, AlignmentQueue::Ticket& ticket) {
   for (std::size_t i = 0; i < batch.queries.items.size(); ++i) {
     try {
@@ -110,8 +111,7 @@ void answer_queries(const Context& context, const HttpRequest& request, const Se
 
 HttpResponse answer_batch(const Context& context, const HttpRequest& request,
                           const PathParameters& path) {
-  const ServedMap map = find_version(context.catalog, path);
-  static_cast<void>(ready_aligners(map));
+  const ServedVersion map = context.catalog.ready(path.at("map"), version_in(path));
   const std::string type = media_type(request.header("content-type"));
   const bool is_json = type == "application/json";
   if (!is_json && type != "multipart/form-data") {
@@ -149,10 +149,10 @@ void add_batch_routes(std::vector<Route>& routes, const Context& context) {
                 },
                 Access::kLocalize, BodyKind::kWhole};
     route.reserve = [&context](const HttpRequest& request, const PathParameters& path) {
-      static_cast<void>(ready_aligners(find_version(context.catalog, path)));
+      require_ready(context, path);
       const auto scans = static_cast<int>(1 + body_bytes(context, request) / kUsualScanBytes);
       return reserve_room(context, request, WorkKind::kNearPrior,
-                          std::min(scans, context.options.max_batch));
+                          std::min(scans, context.options.batch.max_scans));
     };
     routes.push_back(std::move(route));
   }

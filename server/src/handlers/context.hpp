@@ -1,6 +1,7 @@
 #pragma once
 
 #include "map_catalog.hpp"
+#include "metrics.hpp"
 #include "pose/alignment_queue.hpp"
 #include "pose/session_table.hpp"
 #include "router.hpp"
@@ -8,7 +9,9 @@
 #include <stillmap/server/server_options.hpp>
 
 #include <chrono>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace stillmap::server {
@@ -17,9 +20,11 @@ namespace stillmap::server {
 struct Context {
   const ServerOptions& options;
   int workers;
+  maps::PackageStore& store;
   MapCatalog& catalog;
   AlignmentQueue& queue;
   SessionTable& sessions;
+  Metrics& metrics;
   std::chrono::steady_clock::time_point started;
 };
 
@@ -31,12 +36,23 @@ struct Context {
 /// Every handler file adds its routes.
 void add_health_routes(std::vector<Route>& routes, const Context& context);
 void add_map_routes(std::vector<Route>& routes, const Context& context);
+void add_version_routes(std::vector<Route>& routes, const Context& context);
+void add_package_routes(std::vector<Route>& routes, const Context& context);
 void add_tile_routes(std::vector<Route>& routes, const Context& context);
 void add_localize_routes(std::vector<Route>& routes, const Context& context);
 void add_batch_routes(std::vector<Route>& routes, const Context& context);
 void add_session_routes(std::vector<Route>& routes, const Context& context);
 
-/// The map, when `version` is the one it has. @throws ApiError kUnknownMap, kUnknownVersion.
-[[nodiscard]] ServedMap find_version(const MapCatalog& catalog, const PathParameters& path);
+/// Whether the path's part of this name may name a map or a version. @throws ApiError if not.
+void check_name(const PathParameters& path, const std::string& part);
+/// Whether one of the tags of If-None-Match is ours; `*` means any.
+[[nodiscard]] bool is_known_to_client(const std::string& if_none_match, const std::string& etag);
+/// The state of a map's active pointer, for If-Match.
+[[nodiscard]] std::string etag_of(const maps::StoredMap& map);
+/// What stands in the path's place of a version, if it has one.
+[[nodiscard]] std::optional<std::string_view> version_in(const PathParameters& path);
+/// The version that the path names; the one that is served when it names none.
+/// @throws as `MapCatalog::find`.
+[[nodiscard]] ServedVersion find_version(MapCatalog& catalog, const PathParameters& path);
 
 }  // namespace stillmap::server

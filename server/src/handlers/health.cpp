@@ -6,34 +6,45 @@
 namespace stillmap::server {
 namespace {
 
-/// Ready means that no map is still being loaded: one that failed does not take the others down.
+std::string described(const ServedVersion& version) {
+  return "map " + version.map + " version " + version.version;
+}
+
+/// Ready means that no active version is still being loaded: one that failed does not take the
+/// others down.
 HttpResponse answer_ready(const MapCatalog& catalog) {
   std::vector<std::string> loading;
   std::vector<std::string> failed;
-  for (const ServedMap& map : catalog.maps()) {
-    if (map.state == MapState::kLoading) loading.push_back("map " + map.name + ": loading");
-    if (map.state == MapState::kFailed) failed.push_back("map " + map.name + ": " + map.failure);
+  for (const ServedVersion& map : catalog.active()) {
+    if (map.state == MapState::kFailed) {
+      failed.push_back(described(map) + ": " + map.failure);
+    } else if (map.state != MapState::kReady) {
+      loading.push_back(described(map) + ": loading");
+    }
   }
+  for (const ServedVersion& map : catalog.waiting())
+    if (map.state == MapState::kFailed)
+      failed.push_back(described(map) + ": " + map.failure + "; the one before goes on");
   if (!loading.empty()) return json_response(status_json("loading", loading), 503);
   return json_response(status_json("ready", failed));
 }
 
-HttpResponse answer_map_ready(const ServedMap& map) {
-  switch (map.state) {
-    case MapState::kReady:
-      return json_response(status_json("ready", {}));
-    case MapState::kFailed:
+HttpResponse answer_map_ready(const MapCatalog& catalog, const std::string& name) {
+  for (const ServedVersion& map : catalog.active()) {
+    if (map.map != name) continue;
+    if (map.state == MapState::kReady) return json_response(status_json("ready", {}));
+    if (map.state == MapState::kFailed)
       return json_response(status_json("failed", {map.failure}), 503);
-    case MapState::kLoading:
-      break;
+    return json_response(status_json("loading", {described(map) + ": loading"}), 503);
   }
-  return json_response(status_json("loading", {"map " + map.name + ": loading"}), 503);
+  (void)catalog.find(name);  // says why there is none
+  return json_response(status_json("loading", {}), 503);
 }
 
 HttpResponse answer_status(const Context& context) {
   const std::chrono::duration<double> uptime = std::chrono::steady_clock::now() - context.started;
   return json_response(server_status_json({.version = STILLMAP_VERSION,
-                                           .maps = context.catalog.maps().size(),
+                                           .maps = context.catalog.active().size(),
                                            .uptime_s = uptime.count(),
                                            .workers = context.workers},
                                           context.options));
@@ -54,7 +65,7 @@ void add_health_routes(std::vector<Route>& routes, const Context& context) {
                     Access::kOpen});
   routes.push_back({"GET", "/v1/maps/{map}/ready",
                     [&context](const HttpRequest&, const PathParameters& path) {
-                      return answer_map_ready(context.catalog.find(path.at("map")));
+                      return answer_map_ready(context.catalog, path.at("map"));
                     },
                     Access::kOpen});
   routes.push_back({"GET", "/v1/status", [&context](const HttpRequest&, const PathParameters&) {

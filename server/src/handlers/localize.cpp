@@ -21,7 +21,7 @@ WorkKind kind_in_head(const HttpRequest& request) {
   return flat && !has("prior_t") && !has("gnss") ? WorkKind::kEverywhere : WorkKind::kNearPrior;
 }
 
-void align(const Context& context, const ServedMap& map, PoseRequest& request,
+void align(const Context& context, const ServedVersion& map, PoseRequest& request,
            PoseClock::time_point deadline, PoseAnswer& answer) {
   PoseParameters& parameters = request.parameters;
   const localization::Aligner& aligner = choose_aligner(*map.aligners, parameters.method);
@@ -37,11 +37,10 @@ void align(const Context& context, const ServedMap& map, PoseRequest& request,
 
 HttpResponse answer_localize(const Context& context, const HttpRequest& request,
                              const PathParameters& path) {
-  const ServedMap map = find_version(context.catalog, path);
-  const Aligners& aligners = ready_aligners(map);
+  const ServedVersion map = context.catalog.ready(path.at("map"), version_in(path));
   ScanInBody found = find_scan(request, context.options, ScanPurpose::kQuery);
   // What can be refused is refused before it waits.
-  static_cast<void>(choose_aligner(aligners, found.parameters.method));
+  static_cast<void>(choose_aligner(*map.aligners, found.parameters.method));
   PoseClock::time_point deadline = deadline_of(context, request, found.parameters.deadline);
   PoseAnswer answer = answer_for(map, request);
   {
@@ -73,7 +72,7 @@ void add_localize_routes(std::vector<Route>& routes, const Context& context) {
                 },
                 Access::kLocalize, BodyKind::kWhole};
     route.reserve = [&context](const HttpRequest& request, const PathParameters& path) {
-      static_cast<void>(ready_aligners(find_version(context.catalog, path)));
+      require_ready(context, path);
       return reserve_room(context, request, kind_in_head(request), 1);
     };
     routes.push_back(std::move(route));

@@ -2,6 +2,8 @@
 #include "context.hpp"
 #include "json/answers_json.hpp"
 
+#include <algorithm>
+
 namespace stillmap::server {
 namespace {
 
@@ -12,37 +14,43 @@ HttpResponse immutable_json(std::string body) {
   return response;
 }
 
-}  // namespace
-
-ServedMap find_version(const MapCatalog& catalog, const PathParameters& path) {
-  ServedMap map = catalog.find(path.at("map"));
-  const auto version = path.find("version");
-  if (version != path.end() && version->second != map.version()) {
-    throw ApiError(
-        ErrorCode::kUnknownVersion,
-        "map '" + map.name + "' has version " + map.version() + ", not '" + version->second + "'");
+HttpResponse answer_list(const Context& context) {
+  const std::vector<ServedVersion> active = context.catalog.active();
+  std::vector<ListedMap> maps;
+  for (maps::StoredMap& map : context.store.state().maps()) {
+    const auto served = std::find_if(active.begin(), active.end(),
+                                     [&](const auto& each) { return each.map == map.name; });
+    maps.push_back({std::move(map), std::nullopt});
+    if (served != active.end()) maps.back().served = *served;
   }
-  return map;
+  return json_response(map_list_json(maps, context.catalog.waiting()));
 }
 
+}  // namespace
+
 void add_map_routes(std::vector<Route>& routes, const Context& context) {
-  const MapCatalog& catalog = context.catalog;
-  routes.push_back({"GET", "/v1/maps", [&catalog](const HttpRequest&, const PathParameters&) {
-                      return json_response(map_list_json(catalog.maps(), catalog.refused()));
+  const Handler one = [&context](const HttpRequest&, const PathParameters& path) {
+    const maps::StoredMap map = context.store.state().map(path.at("map"));
+    // A map without an active version is there all the same.
+    HttpResponse response = json_response(!map.active && !version_in(path)
+                                              ? stored_map_json(map)
+                                              : map_json(map, find_version(context.catalog, path)));
+    response.headers.emplace_back("ETag", etag_of(map));
+    return response;
+  };
+  routes.push_back({"GET", "/v1/maps", [&context](const HttpRequest&, const PathParameters&) {
+                      return answer_list(context);
                     }});
-  routes.push_back(
-      {"GET", "/v1/maps/{map}", [&catalog](const HttpRequest&, const PathParameters& path) {
-         const ServedMap map = catalog.find(path.at("map"));
-         return json_response(map_json(map.name, *map.package));
-       }});
+  routes.push_back({"GET", "/v1/maps/{map}", one});
+  routes.push_back({"GET", "/v1/maps/{map}/versions/{version}", one});
   routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/trajectory",
-                    [&catalog](const HttpRequest&, const PathParameters& path) {
-                      const ServedMap map = find_version(catalog, path);
+                    [&context](const HttpRequest&, const PathParameters& path) {
+                      const ServedVersion map = find_version(context.catalog, path);
                       return immutable_json(trajectories_json(map.package->trajectories()));
                     }});
   routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/objects",
-                    [&catalog](const HttpRequest&, const PathParameters& path) {
-                      const ServedMap map = find_version(catalog, path);
+                    [&context](const HttpRequest&, const PathParameters& path) {
+                      const ServedVersion map = find_version(context.catalog, path);
                       return immutable_json(objects_json(map.package->objects()));
                     }});
 }

@@ -4,11 +4,13 @@
 #include "flat_parameters.hpp"
 #include "header_text.hpp"
 #include "pose/clock_skew.hpp"
+#include "refusal_codes.hpp"
 
 #include <stillmap/localization/movable.hpp>
 
 #include <algorithm>
 #include <charconv>
+#include <exception>
 #include <utility>
 #include <vector>
 
@@ -18,15 +20,17 @@ double milliseconds_since(PoseClock::time_point begin) {
   return std::chrono::duration<double, std::milli>(PoseClock::now() - begin).count();
 }
 
-const Aligners& ready_aligners(const ServedMap& map) {
-  if (map.state == MapState::kLoading) {
-    throw ApiError(ErrorCode::kMapLoading, "map '" + map.name + "' is still being loaded")
-        .with_header("Retry-After", "1");
+void require_ready(const Context& context, const PathParameters& path) {
+  try {
+    static_cast<void>(context.catalog.ready(path.at("map"), version_in(path)));
+  } catch (const ApiError&) {
+    throw;
+  } catch (const maps::StoreRefusal& error) {
+    throw ApiError(code_of(error.reason()), error.what());
+  } catch (const std::exception&) {
+    // The handler meets it again, where it is logged.
+    return;
   }
-  if (map.state == MapState::kFailed) {
-    throw ApiError(ErrorCode::kMapUnusable, "map '" + map.name + "' could not be loaded");
-  }
-  return *map.aligners;
 }
 
 const localization::Aligner& choose_aligner(const Aligners& aligners, const std::string& method) {
@@ -39,7 +43,7 @@ const localization::Aligner& choose_aligner(const Aligners& aligners, const std:
   throw field_error(ErrorCode::kUnknownMethod, "method", "'" + method + "'", names);
 }
 
-std::optional<localization::Prior> prior_in(const ServedMap& map,
+std::optional<localization::Prior> prior_in(const ServedVersion& map,
                                             const std::optional<localization::Prior>& prior,
                                             const std::optional<GnssFix>& gnss) {
   if (!gnss) return prior;
@@ -104,9 +108,10 @@ void leave_movable_out(PoseRequest& request, PoseAnswer& answer) {
   answer.movable_points = points - request.scan_lidar.size();
 }
 
-PoseAnswer answer_for(const ServedMap& map, const HttpRequest& request) {
+PoseAnswer answer_for(const ServedVersion& map, const HttpRequest& request) {
   PoseAnswer answer;
-  answer.map_name = map.name;
+  answer.map_name = map.map;
+  answer.map_version = map.version;
   answer.map_digest = map.package->digest();
   answer.request_id = request.request_id;
   return answer;
@@ -114,9 +119,10 @@ PoseAnswer answer_for(const ServedMap& map, const HttpRequest& request) {
 
 void note_clock_skew(const Context& context, PoseAnswer& answer) {
   const auto& stamp_ns = answer.parameters.stamp_ns;
-  if (!stamp_ns) return;
+  const double allowed_s = context.options.max_clock_skew_s;
+  if (!stamp_ns || allowed_s == 0.0) return;
   answer.clock_skew_s = clock_skew_s(*stamp_ns, std::chrono::system_clock::now(),
-                                     std::chrono::duration<double>(context.options.clock_skew_s));
+                                     std::chrono::duration<double>(allowed_s));
 }
 
 }  // namespace stillmap::server

@@ -16,8 +16,9 @@ using PoseClock = AlignmentQueue::Clock;
 
 [[nodiscard]] double milliseconds_since(PoseClock::time_point begin);
 
-/// @throws ApiError kMapLoading, kMapUnusable.
-[[nodiscard]] const Aligners& ready_aligners(const ServedMap& map);
+/// Whether the version that the path names can be asked for poses, before a body is read.
+/// @throws ApiError as `MapCatalog::ready`; what is the server's own fault is left to the handler.
+void require_ready(const Context& context, const PathParameters& path);
 
 /// @param method  empty = the default. @throws ApiError kUnknownMethod.
 [[nodiscard]] const localization::Aligner& choose_aligner(const Aligners& aligners,
@@ -25,7 +26,7 @@ using PoseClock = AlignmentQueue::Clock;
 
 /// The prior as it came, or made of the satellite fix. @throws ApiError kNoGeodeticOrigin.
 [[nodiscard]] std::optional<localization::Prior> prior_in(
-    const ServedMap& map, const std::optional<localization::Prior>& prior,
+    const ServedVersion& map, const std::optional<localization::Prior>& prior,
     const std::optional<GnssFix>& gnss);
 
 [[nodiscard]] WorkKind kind_of(const PoseParameters& parameters);
@@ -45,7 +46,7 @@ void check_deadline(PoseClock::time_point deadline);
 
 /// Leaves the points in movable boxes out and counts them. Work: hold a ticket.
 void leave_movable_out(PoseRequest& request, PoseAnswer& answer);
-[[nodiscard]] PoseAnswer answer_for(const ServedMap& map, const HttpRequest& request);
+[[nodiscard]] PoseAnswer answer_for(const ServedVersion& map, const HttpRequest& request);
 /// Compares the stamp, if there is one, with the server's clock.
 void note_clock_skew(const Context& context, PoseAnswer& answer);
 

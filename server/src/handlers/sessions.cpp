@@ -31,7 +31,7 @@ class SessionStream final : public EventSource {
   /// the catalogue.
   static void note_version(Session& session, const MapCatalog& catalog) {
     try {
-      session.note_active_version(catalog.find(session.map().name).version());
+      session.note_active_version(catalog.find(session.map().map).version);
     } catch (const ApiError&) {
       // The map is gone; the session keeps its version.
     }
@@ -59,10 +59,9 @@ std::shared_ptr<Session> find_session(const Context& context, const HttpRequest&
 HttpResponse open_session(const Context& context, const HttpRequest& request) {
   require_json(request);
   const SessionRequest wanted = read_session_json(request.body, true, context.options);
-  PathParameters path{{"map", wanted.map}};
-  if (!wanted.version.empty()) path.emplace("version", wanted.version);
-  ServedMap map = find_version(context.catalog, path);
-  static_cast<void>(ready_aligners(map));
+  ServedVersion map = context.catalog.ready(
+      wanted.map,
+      wanted.version.empty() ? std::nullopt : std::optional<std::string_view>(wanted.version));
   const auto prior = prior_in(map, wanted.prior, wanted.gnss);
   const std::shared_ptr<Session> session =
       context.sessions.open(std::move(map), request.caller.key_id);

@@ -21,24 +21,18 @@ Integer read_coordinate(const PathParameters& path, const char* name) {
   return value;
 }
 
-/// Whether one of the tags in If-None-Match is ours; `*` means any.
-bool is_known_to_client(const std::string& if_none_match, const std::string& etag) {
-  return if_none_match == "*" || if_none_match.find(etag) != std::string::npos;
-}
-
-HttpResponse answer_tile(const MapCatalog& catalog, const HttpRequest& request,
+HttpResponse answer_tile(MapCatalog& catalog, const HttpRequest& request,
                          const PathParameters& path) {
-  const ServedMap map = find_version(catalog, path);
+  const ServedVersion map = find_version(catalog, path);
   const maps::TileId id{.level = read_coordinate<std::uint32_t>(path, "level"),
                         .x = read_coordinate<std::int32_t>(path, "x"),
                         .y = read_coordinate<std::int32_t>(path, "y")};
   const std::span<const maps::MapPoint> points = map.package->tile(id);
   if (points.empty()) {
-    throw ApiError(ErrorCode::kUnknownTile,
-                   "map '" + map.name + "' has no tile at " + request.path);
+    throw ApiError(ErrorCode::kUnknownTile, "map '" + map.map + "' has no tile at " + request.path);
   }
-  const std::string etag = "\"" + map.version() + "-" + path.at("level") + "-" + path.at("x") +
-                           "-" + path.at("y") + "\"";
+  const std::string etag = "\"" + map.package->digest().substr(0, 16) + "-" + path.at("level") +
+                           "-" + path.at("x") + "-" + path.at("y") + "\"";
   HttpResponse response{.content_type = "application/octet-stream", .body = {}, .headers = {}};
   response.headers = {{"ETag", etag}, {"Cache-Control", "public, max-age=31536000, immutable"}};
   if (is_known_to_client(request.header("if-none-match"), etag)) {

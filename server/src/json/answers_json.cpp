@@ -17,8 +17,37 @@ std::uint64_t point_count(const maps::MapManifest& manifest) {
   return points;
 }
 
-Json reference(const std::string& name, const std::string& digest) {
-  return {{"name", name}, {"version", digest.substr(0, 12)}, {"digest", digest}};
+Json reference(const std::string& map, const std::string& version, const std::string& digest) {
+  return {{"name", map}, {"version", version}, {"digest", digest}};
+}
+
+Json optional_text(const std::optional<std::string>& text) { return text ? Json(*text) : Json(); }
+
+/// What the store knows of a map, whatever its versions hold.
+Json stored(const maps::StoredMap& map) {
+  return {{"name", map.name},
+          {"version", optional_text(map.active)},
+          {"previous_version", optional_text(map.previous)},
+          {"revision", map.revision},
+          {"created_ns", std::to_string(map.created_ns)}};
+}
+
+std::string_view name_of(MapState state) {
+  switch (state) {
+    case MapState::kOpened:
+      return "opened";
+    case MapState::kLoading:
+      return "loading";
+    case MapState::kReady:
+      return "ready";
+    case MapState::kFailed:
+      break;
+  }
+  return "failed";
+}
+
+Json refusal(const ServedVersion& version) {
+  return {{"name", version.map}, {"version", version.version}, {"reason", version.failure}};
 }
 
 Json directions(const std::vector<Eigen::Matrix<double, 6, 1>>& each) {
@@ -77,7 +106,7 @@ std::string pose_answer_json(const PoseAnswer& answer) {
   json["reasons"] = answer.result.reasons;
   add_pose(json, answer);
   json["iterations"] = answer.result.iterations;
-  json["map"] = reference(answer.map_name, answer.map_digest);
+  json["map"] = reference(answer.map_name, answer.map_version, answer.map_digest);
   const auto& stamp_ns = answer.parameters.stamp_ns;
   // As text: beyond 2^53 a JSON number is no longer exact.
   json["stamp_ns"] = stamp_ns ? Json(std::to_string(*stamp_ns)) : Json();
@@ -109,29 +138,64 @@ std::string batch_answer_json(const std::vector<BatchedAnswer>& answers,
   return text + "],\"request_id\":" + to_text(Json(request_id)) + '}';
 }
 
-std::string map_list_json(const std::vector<ServedMap>& maps,
-                          const std::vector<maps::MapStore::Refusal>& refused) {
+std::string map_list_json(const std::vector<ListedMap>& maps,
+                          const std::vector<ServedVersion>& waiting) {
   Json json;
   json["maps"] = Json::array();
   json["refused"] = Json::array();
-  for (const maps::MapStore::Refusal& each : refused) {
-    json["refused"].push_back({{"name", each.name}, {"reason", each.reason}});
-  }
-  for (const ServedMap& map : maps) {
-    Json entry = reference(map.name, map.package->digest());
-    entry["points"] = point_count(map.package->manifest());
-    entry["tiles"] = map.package->manifest().tiles.size();
-    json["maps"].push_back(std::move(entry));
-    if (map.state == MapState::kFailed) {
-      json["refused"].push_back({{"name", map.name}, {"reason", map.failure}});
+  for (const ListedMap& map : maps) {
+    Json entry = stored(map.stored);
+    entry["state"] = map.served ? name_of(map.served->state) : "empty";
+    if (map.served && map.served->package) {
+      const maps::MapPackage& package = *map.served->package;
+      entry["version"] = map.served->version;
+      entry["digest"] = package.digest();
+      entry["points"] = point_count(package.manifest());
+      entry["tiles"] = package.manifest().tiles.size();
     }
+    json["maps"].push_back(std::move(entry));
+    if (map.served && map.served->state == MapState::kFailed)
+      json["refused"].push_back(refusal(*map.served));
+  }
+  for (const ServedVersion& version : waiting)
+    if (version.state == MapState::kFailed) json["refused"].push_back(refusal(version));
+  return to_text(json);
+}
+
+std::string stored_map_json(const maps::StoredMap& map) { return to_text(stored(map)); }
+
+namespace {
+
+Json described(const maps::StoredVersion& version) {
+  return {{"version", version.name},
+          {"digest", version.digest},
+          {"bytes", version.bytes},
+          {"created_ns", std::to_string(version.created_ns)}};
+}
+
+}  // namespace
+
+std::string version_json(const maps::StoredVersion& version) { return to_text(described(version)); }
+
+std::string version_list_json(const maps::StoredMap& map,
+                              const std::vector<maps::StoredVersion>& versions) {
+  Json json = stored(map);
+  json["versions"] = Json::array();
+  for (const maps::StoredVersion& version : versions) {
+    Json entry = described(version);
+    entry["active"] = version.name == map.active;
+    json["versions"].push_back(std::move(entry));
   }
   return to_text(json);
 }
 
-std::string map_json(const std::string& name, const maps::MapPackage& package) {
+std::string map_json(const maps::StoredMap& map, const ServedVersion& version) {
+  const maps::MapPackage& package = *version.package;
   const maps::MapManifest& manifest = package.manifest();
-  Json json = reference(name, package.digest());
+  Json json = stored(map);
+  json["version"] = version.version;
+  json["digest"] = package.digest();
+  json["state"] = name_of(version.state);
   json["schema"] = manifest.schema;
   json["frame_id"] = manifest.frame_id;
   json["origin"] = to_json_array(manifest.origin);
@@ -230,9 +294,9 @@ std::string server_status_json(const ServerStatus& status, const ServerOptions& 
                     {"workers", status.workers},
                     {"queue", options.queue},
                     {"default_deadline_ms", options.default_deadline_ms},
-                    {"max_batch", options.max_batch},
-                    {"max_sessions", options.max_sessions},
-                    {"session_idle_s", options.session_idle_s}};
+                    {"max_batch", options.batch.max_scans},
+                    {"max_sessions", options.sessions.max},
+                    {"session_idle_s", options.sessions.idle_expiry_s}};
   return to_text(json);
 }
 

@@ -220,12 +220,14 @@ maps::PointCloud read_points(const json& request, const ServerOptions& options) 
   }
   maps::PointCloud cloud;
   cloud.positions.reserve(points->size());
-  for (const json& point : *points) {
+  for (std::size_t place = 0; place < points->size(); ++place) {
+    const json& point = (*points)[place];
     bool usable = point.is_array() && point.size() == 3;
     for (std::size_t i = 0; usable && i < 3; ++i) usable = point[i].is_number();
-    if (!usable) refuse(fmt::format("points[{}]", cloud.size()), point, "[x, y, z]");
-    cloud.positions.emplace_back(point[0].get<float>(), point[1].get<float>(),
-                                 point[2].get<float>());
+    if (!usable) refuse(fmt::format("points[{}]", place), point, "[x, y, z]");
+    const Eigen::Vector3f p(point[0].get<float>(), point[1].get<float>(), point[2].get<float>());
+    // "No return", as in the other formats.
+    if (p != Eigen::Vector3f::Zero()) cloud.positions.push_back(p);
   }
   return cloud;
 }
@@ -271,7 +273,7 @@ JsonBatch read_batch_json(std::string_view text, JsonScan scan, const ServerOpti
   if (queries == batch.end() || !queries->is_array()) {
     throw field_error(ErrorCode::kInvalidRequest, "queries", "no array", "an array");
   }
-  const auto most = static_cast<std::size_t>(options.max_batch);
+  const auto most = static_cast<std::size_t>(options.batch.max_scans);
   if (queries->empty() || queries->size() > most) {
     throw field_error(queries->empty() ? ErrorCode::kInvalidRequest : ErrorCode::kPayloadTooLarge,
                       "queries", fmt::format("{} queries", queries->size()),

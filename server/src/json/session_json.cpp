@@ -9,8 +9,8 @@ Json to_json(const Session& session, std::chrono::seconds idle_limit) {
   const Session::Summary summary = session.summary(Session::Clock::now());
   Json json;
   json["id"] = session.id();
-  json["map"] = {{"name", session.map().name},
-                 {"version", session.map().version()},
+  json["map"] = {{"name", session.map().map},
+                 {"version", session.map().version},
                  {"digest", session.map().package->digest()}};
   json["active_version"] = summary.active_version;
   json["scans"] = summary.scans;

@@ -18,6 +18,7 @@ struct PoseAnswer {
   /// Points of the scan that were left out because they lie in boxes of movable objects.
   std::size_t movable_points = 0;
   std::string map_name;
+  std::string map_version;
   std::string map_digest;
   std::string request_id;
   /// How far the stamp is ahead of the server's clock [s], when that is more than allowed.

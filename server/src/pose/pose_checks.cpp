@@ -37,21 +37,26 @@ Eigen::Matrix<double, 6, 6> checked_covariance(std::span<const double, 36> value
   using Matrix6 = Eigen::Matrix<double, 6, 6>;
   Matrix6 covariance =
       Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(values.data());
-  // Beyond it `localization::Tracker` refuses it; a million metres are no knowledge.
-  constexpr double kMaxVariance = 1e12;
-  if (!covariance.allFinite() || covariance.cwiseAbs().maxCoeff() > kMaxVariance) {
-    throw field_error(code, path, "a number that is not finite, or beyond 1e12",
-                      "36 finite numbers");
+  if (!covariance.allFinite()) {
+    throw field_error(code, path, "a number that is not finite", "36 finite numbers");
   }
   const double scale = covariance.cwiseAbs().maxCoeff();
   const bool symmetric =
       (covariance - covariance.transpose()).cwiseAbs().maxCoeff() <= 1e-9 * scale;
   const Eigen::LLT<Matrix6> llt(covariance);
-  if (!symmetric || llt.info() != Eigen::Success) {
+  // A NaN on the way, of an overflow, passes for success.
+  if (!symmetric || llt.info() != Eigen::Success || !llt.matrixLLT().allFinite()) {
     throw field_error(
         code, path,
         symmetric ? "a matrix that is not positive definite" : "a matrix that is not symmetric",
         "a symmetric positive definite 6 x 6 matrix, row by row");
+  }
+  const auto variances = covariance.diagonal().array();
+  if (!(variances >= kMinSigma * kMinSigma && variances <= kMaxSigma * kMaxSigma).all()) {
+    throw field_error(
+        code, path,
+        fmt::format("variances from {} to {}", variances.minCoeff(), variances.maxCoeff()),
+        fmt::format("deviations in [{}, {}] m or rad", kMinSigma, kMaxSigma));
   }
   return covariance;
 }

@@ -26,6 +26,10 @@ inline constexpr double kMaxPositionM = 1e8;
 inline constexpr float kMaxPointM = 1e5F;
 /// How far a quaternion's norm may be from 1.
 inline constexpr double kQuaternionTolerance = 1e-3;
+/// Least and largest deviation of a prior [m, rad]: below a nanometre the squares leave the range
+/// in which a matrix can be inverted.
+inline constexpr double kMinSigma = 1e-9;
+inline constexpr double kMaxSigma = 1e6;
 /// Most boxes of movable objects that a request may send.
 inline constexpr std::size_t kMaxMovableBoxes = 500;
 /// Longest deadline of a request [ms].
@@ -45,7 +49,7 @@ struct PoseField {
                                              const PoseField& field);
 
 /// @param values  36, row by row. @throws ApiError with the code unless symmetric, positive
-/// definite and up to 1e12.
+/// definite, and of deviations in [kMinSigma, kMaxSigma].
 [[nodiscard]] Eigen::Matrix<double, 6, 6> checked_covariance(
     std::span<const double, 36> values, const std::string& path,
     ErrorCode code = ErrorCode::kInvalidPrior);

@@ -6,13 +6,13 @@
 
 namespace stillmap::server {
 
-Session::Session(std::string id, std::string owner, ServedMap map, AlignmentQueue& queue)
+Session::Session(std::string id, std::string owner, ServedVersion map, AlignmentQueue& queue)
     : id_(std::move(id)),
       owner_(std::move(owner)),
       map_(std::move(map)),
       line_(queue),
       tracker_(map_.aligners->front().second) {
-  summary_.active_version = map_.version();
+  summary_.active_version = map_.version;
 }
 
 localization::TrackedPose Session::track(
@@ -52,7 +52,7 @@ void Session::note_active_version(const std::string& version) {
   const std::scoped_lock lock(mutex_);
   if (summary_.active_version == version) return;
   summary_.active_version = version;
-  events_.add("version_activated", version_event_json(map_.name, version));
+  events_.add("version_activated", version_event_json(map_.map, version));
 }
 
 void Session::close(const std::string& reason) {

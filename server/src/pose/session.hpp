@@ -21,13 +21,13 @@ class Session {
   using Clock = std::chrono::steady_clock;
 
   /// @param map  ready. @param owner  key that opened it, empty without keys.
-  Session(std::string id, std::string owner, ServedMap map, AlignmentQueue& queue);
+  Session(std::string id, std::string owner, ServedVersion map, AlignmentQueue& queue);
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
   [[nodiscard]] const std::string& id() const { return id_; }
   [[nodiscard]] const std::string& owner() const { return owner_; }
-  [[nodiscard]] const ServedMap& map() const { return map_; }
+  [[nodiscard]] const ServedVersion& map() const { return map_; }
   [[nodiscard]] SessionLine& line() { return line_; }
   [[nodiscard]] SessionEvents& events() { return events_; }
 
@@ -59,7 +59,7 @@ class Session {
  private:
   std::string id_;
   std::string owner_;
-  ServedMap map_;
+  ServedVersion map_;
   SessionLine line_;
   SessionEvents events_;
   /// Held while a scan is aligned.

@@ -61,7 +61,7 @@ void SessionTable::require_room(const std::string& owner) const {
       .with_header("Retry-After", fmt::format("{}", std::max(1.0, std::ceil(left.count()))));
 }
 
-std::shared_ptr<Session> SessionTable::open(ServedMap map, const std::string& owner) {
+std::shared_ptr<Session> SessionTable::open(ServedVersion map, const std::string& owner) {
   expire();
   const std::scoped_lock lock(mutex_);
   require_room(owner);

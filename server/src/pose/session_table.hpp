@@ -37,7 +37,7 @@ class SessionTable {
   SessionTable& operator=(const SessionTable&) = delete;
 
   /// @param map  ready. @throws ApiError kBusy or kTooManyRequests, with Retry-After.
-  std::shared_ptr<Session> open(ServedMap map, const std::string& owner);
+  std::shared_ptr<Session> open(ServedVersion map, const std::string& owner);
   /// Counts as use. @throws ApiError kUnknownSession.
   [[nodiscard]] std::shared_ptr<Session> find(const std::string& id, const std::string& owner);
   /// @throws ApiError kUnknownSession.

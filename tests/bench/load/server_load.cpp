@@ -1,7 +1,7 @@
 // What a pose costs over HTTP, and what becomes of too many of them. Everything on the same cores:
 // a server process, this generator, and the localizer in this process to compare with.
 //
-//   server_load --program STILLMAP --store STORE --drive DRIVE [--seconds 60] [--strict]
+//   server_load --program STILLMAP --map MAP --drive DRIVE [--seconds 60] [--strict]
 //
 // 1. overhead: each scan is posed over HTTP and by the localizer here, in turn; the median of the
 //    differences.
@@ -13,8 +13,9 @@
 
 #include <stillmap/localization/aligner.hpp>
 #include <stillmap/maps/drive.hpp>
-#include <stillmap/maps/map_store.hpp>
+#include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/scan_file.hpp>
+#include <stillmap/maps/store/package_store.hpp>
 
 #include <Eigen/Geometry>
 
@@ -23,6 +24,7 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <ctime>
 #include <fstream>
 #include <mutex>
 #include <span>
@@ -32,6 +34,7 @@
 
 #include "client.hpp"
 #include "server_process.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace stillmap::bench {
 namespace {
@@ -47,8 +50,10 @@ constexpr int kSenders = 56;
 
 struct Arguments {
   std::filesystem::path program;
-  std::filesystem::path store;
+  std::filesystem::path map;
   std::filesystem::path drive;
+  /// Made of the map for this run.
+  std::filesystem::path store{};
   double seconds = 60.0;
   bool strict = false;
 };
@@ -60,6 +65,13 @@ struct Query {
 };
 
 double seconds_since(Clock::time_point begin) { return Seconds(Clock::now() - begin).count(); }
+
+/// CPU time of this thread [ms].
+double thread_cpu_ms() {
+  timespec time{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
+}
 
 double quantile(std::vector<double> values, double share) {
   if (values.empty()) return 0.0;
@@ -121,17 +133,22 @@ class Load {
 
 void Load::measure_overhead() {
   const ServerProcess server(arguments_.program, arguments_.store, 1);
-  const auto package = maps::MapStore(arguments_.store).find(map_);
+  const auto package = maps::MapPackage::open(arguments_.map);
   const auto aligner = localization::make_aligner("default", *package);
   Client client(server.port());
-  std::vector<double> http_ms, local_ms, difference_ms;
-  for (int round = 0; round < 8; ++round) {
+  std::vector<double> http_ms, local_ms, difference_ms, local_cpu_ms;
+  double server_cpu_s = 0.0;
+  constexpr int kRounds = 8;
+  for (int round = 0; round < kRounds; ++round) {
+    if (round == 1) server_cpu_s = server.cpu_s();
     for (const Query& query : queries_) {
       const auto scan = maps::decode_scan(std::as_bytes(std::span(query.body)),
                                           maps::ScanFormat::kBinXyzi, "scan", 10'000'000);
       const Clock::time_point local = Clock::now();
+      const double cpu_ms = thread_cpu_ms();
       static_cast<void>(aligner->align(scan.cloud, localization::Prior{query.T_map_prior, {}}));
       local_ms.push_back(1e3 * seconds_since(local));
+      local_cpu_ms.push_back(thread_cpu_ms() - cpu_ms);
       const Clock::time_point http = Clock::now();
       const Client::Answer answer = client.request("POST", query.target, query.body);
       http_ms.push_back(1e3 * seconds_since(http));
@@ -143,6 +160,10 @@ void Load::measure_overhead() {
   fmt::print("{} scans of {:.2f} MB, medians: localizer {:.2f} ms, over HTTP {:.2f} ms\n",
              queries_.size(), 1e-6 * static_cast<double>(queries_.front().body.size()),
              quantile(local_ms, 0.5), quantile(http_ms, 0.5));
+  const double each_ms =
+      1e3 * (server.cpu_s() - server_cpu_s) / static_cast<double>((kRounds - 1) * queries_.size());
+  fmt::print("CPU: localizer {:.2f} ms (median), server {:.2f} ms a query (mean)\n",
+             quantile(local_cpu_ms, 0.5), each_ms);
   const double added = quantile(difference_ms, 0.5);
   limit("HTTP adds, p50 [ms]", added, added <= 3.0, "<= 3");
 }
@@ -279,19 +300,29 @@ void Load::measure_overload() {
   limit("memory growth [MiB]", most_mib - warm_mib, most_mib - warm_mib < 20.0, "< 20");
 }
 
+constexpr const char* kMapName = "load";
+
+void make_store(const std::filesystem::path& folder, const std::filesystem::path& package) {
+  std::filesystem::create_directory(folder);
+  maps::PackageStore store(folder);
+  store.add(kMapName, "v1", package);
+  store.activate(kMapName, "v1");
+}
+
 int run(int argc, char** argv) {
   Arguments arguments;
   CLI::App app("Load of a stillmap server");
   app.add_option("--program", arguments.program, "The program stillmap")->required();
-  app.add_option("--store", arguments.store, "Folder with the map")->required();
+  app.add_option("--map", arguments.map, "The map package")->required();
   app.add_option("--drive", arguments.drive, "Drive whose odd scans are not in the map")
       ->required();
   app.add_option("--seconds", arguments.seconds, "Of the overload")->capture_default_str();
   app.add_flag("--strict", arguments.strict, "A figure beyond its limit is a failure");
   CLI11_PARSE(app, argc, argv);
-  const std::vector<std::string> names = maps::MapStore(arguments.store).names();
-  if (names.size() != 1) throw std::runtime_error("the store must hold one map");
-  Load load(arguments, names.front());
+  const test::TemporaryFolder folder;
+  arguments.store = folder.path() / "store";
+  make_store(arguments.store, arguments.map);
+  Load load(arguments, kMapName);
   load.measure_overhead();
   load.measure_workers();
   load.measure_overload();

@@ -372,6 +372,10 @@ std::vector<PriorCase> absurd_covariances() {
   indefinite(0, 1) = indefinite(1, 0) = 2.0;
   Matrix lopsided = I;
   lopsided(0, 5) = 0.9;
+  // Its decomposition meets infinity times zero before anything negative.
+  Matrix overflowing = I;
+  overflowing(0, 0) = 1e-300;
+  overflowing(0, 2) = overflowing(2, 0) = 1e300;
   Matrix nan = I;
   nan(0, 5) = static_cast<double>(kNan);
   return {{"covariance zero", with(Matrix::Zero()), Expected::kThrows},
@@ -379,6 +383,7 @@ std::vector<PriorCase> absurd_covariances() {
           {"one variance negative", with(one_negative), Expected::kThrows},
           {"covariance indefinite", with(indefinite), Expected::kThrows},
           {"covariance not symmetric", with(lopsided), Expected::kThrows},
+          {"covariance overflowing", with(overflowing), Expected::kThrows},
           {"covariance NaN", with(nan), Expected::kThrows},
           {"covariance infinite", with(static_cast<double>(kInfinity) * I), Expected::kThrows},
           {"covariance 1e12", with(1e12 * I), Expected::kOk},

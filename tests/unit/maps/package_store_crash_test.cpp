@@ -3,7 +3,9 @@
 #include <stillmap/maps/error.hpp>
 
 #include <exception>
+#include <fstream>
 #include <functional>
+#include <iterator>
 #include <memory>
 #include <string>
 #include <vector>
@@ -11,6 +13,7 @@
 #include "support/disk_calls.hpp"
 #include "support/disk_model.hpp"
 #include "support/stored_packages.hpp"
+#include "support/tar_bytes.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"
 
@@ -39,7 +42,18 @@ std::string contents_of(const PackageStore& store) {
     for (const StoredVersion& version : store.state().versions(map.name))
       text += " " + version.name + "=" + version.digest.substr(0, 6);
     text += "\n";
+    for (const StoredDrive& drive : store.state().drives().of_map(map.name))
+      text += "drive " + drive.name + " " + std::string(name_of(drive.status)) + " " +
+              std::to_string(drive.bytes) + "\n";
   }
+  for (const ApiKey& key : store.state().keys().list())
+    text += "key " + key.name + (key.revoked_ns ? " revoked\n" : "\n");
+  for (const StoredJob& job : store.state().jobs().list({}, 10).jobs)
+    text += "job " + std::to_string(job.id) + " " + std::string(name_of(job.status)) + " " +
+            job.stage + " " + std::to_string(job.attempts) +
+            (job.cancel_requested ? " asked\n" : "\n");
+  for (const AuditRecord& record : store.state().audit().list(10).records)
+    text += "audit " + record.subject + "\n";
   return text;
 }
 
@@ -50,7 +64,9 @@ class StoreScenarioTest : public ::testing::Test {
 
   StoreScenarioTest() {
     fs::create_directory(sources_);
-    for (int seed = 1; seed <= 3; ++seed) write_package(sources_ / std::to_string(seed), seed);
+    for (int seed = 1; seed <= 5; ++seed) write_package(sources_ / std::to_string(seed), seed);
+    tar_ = tar_of(sources_ / "4", "") + test::tar_file("unlisted/a", "x") + test::tar_end();
+    tar_in_folder_ = tar_of(sources_ / "5", "town/") + test::tar_end();
   }
 
   /// Opens a store, adds, activates, rolls back, removes, and opens it again in between.
@@ -63,6 +79,10 @@ class StoreScenarioTest : public ::testing::Test {
     const auto add = [this](const char* map, const char* name, const char* source) {
       return [=, this](Store& store) { store->add(map, name, sources_ / source); };
     };
+    const auto add_archive = [](const char* name, const std::string& tar) {
+      return
+          [=](Store& store) { store->add_archive("town", name, test::source_of(tar), "body", {}); };
+    };
     return {
         open,
         add("town", "a", "1"),
@@ -72,11 +92,32 @@ class StoreScenarioTest : public ::testing::Test {
         add("town", "copy", "1"),
         open,
         [](Store& store) { store->roll_back("town", 2); },
+        add_archive("d", tar_),
         [](Store& store) { store->remove("town", "b"); },
+        add_archive("e", tar_in_folder_),
         add("depot", "a", "3"),
         [](Store& store) { store->remove("town", "copy"); },
         [](Store& store) { store->remove("depot", "a"); },
+        [](Store& store) { store->remove_map("depot"); },
         add("town", "b", "2"),
+        [](Store& store) { store->keys().create("car", {.bits = 1}, {}, 1); },
+        [](Store& store) { store->keys().revoke(store->keys().list().front().id, 2); },
+        [](Store& store) { store->drives().open("town", "monday", 3); },
+        [](Store& store) {
+          store->drives().add_part(1, {1, std::string(64, 'a'), 10});
+        },
+        [](Store& store) {
+          store->drives().add_part(1, {2, std::string(64, 'b'), 20});
+        },
+        [](Store& store) { store->drives().complete(1, 4); },
+        [](Store& store) { store->jobs().enqueue({.map = "town", .drives = {1}}, 5); },
+        [](Store& store) { store->jobs().claim(6); },
+        [](Store& store) { store->jobs().set_stage(1, "fusion"); },
+        [](Store& store) { store->jobs().request_cancel(1, 7); },
+        open,
+        [](Store& store) { store->jobs().put_back_all("stopped", 8); },
+        [](Store& store) { store->drives().remove(1); },
+        [](Store& store) { store->audit().append({.subject = "town"}); },
         [](Store& store) { store.reset(); },
     };
   }
@@ -119,8 +160,21 @@ class StoreScenarioTest : public ::testing::Test {
     }
   }
 
+  /// A package's files as entries of a tar.
+  static std::string tar_of(const fs::path& package, const std::string& prefix) {
+    std::string tar;
+    for (const auto& entry : fs::recursive_directory_iterator(package)) {
+      if (!entry.is_regular_file()) continue;
+      std::ifstream stream(entry.path(), std::ios::binary);
+      const std::string bytes(std::istreambuf_iterator<char>(stream), {});
+      tar += test::tar_file(prefix + entry.path().lexically_relative(package).string(), bytes);
+    }
+    return tar;
+  }
+
   TemporaryFolder folder_{memory_folder()};
   fs::path sources_ = folder_.path() / "sources";
+  std::string tar_, tar_in_folder_;
 };
 
 /// The recorded run of a store.

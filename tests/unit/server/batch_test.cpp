@@ -104,7 +104,7 @@ TEST_F(Batch, WhatIsWrongWithTheWholeRefusesIt) {
 }
 
 TEST_F(Batch, IsBoundedInNumber) {
-  options_.max_batch = 2;
+  options_.batch.max_scans = 2;
   start();
   const json three = {{"queries", {query_at(1.0), query_at(2.0), query_at(3.0)}}};
   EXPECT_EQ(ask(json_batch(three), 413)["code"], "PayloadTooLarge");

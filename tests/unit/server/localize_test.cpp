@@ -365,6 +365,11 @@ TEST_F(Localize, BadJsonIsNamedByItsPath) {
     change(content);
     return content;
   };
+  const auto diagonal = [](double variance) {
+    std::vector<double> values(36, 0.0);
+    for (std::size_t i = 0; i < 36; i += 7) values[i] = variance;
+    return json(values);
+  };
   struct Case {
     json content;
     int status;
@@ -382,6 +387,17 @@ TEST_F(Localize, BadJsonIsNamedByItsPath) {
          j["prior"]["quaternion"] = {0, 0, 0, 2};
        }),
        422, "InvalidPrior", "prior.quaternion"},
+      // Beyond the deviations that prior_sigma may have.
+      {changed([&](json& j) { j["prior"]["covariance"] = diagonal(1e-20); }), 422, "InvalidPrior",
+       "prior.covariance"},
+      {changed([&](json& j) { j["prior"]["covariance"] = diagonal(1e13); }), 422, "InvalidPrior",
+       "prior.covariance"},
+      // Its decomposition meets infinity times zero before anything negative.
+      {changed([&](json& j) {
+         j["prior"]["covariance"] = diagonal(1e-17);
+         j["prior"]["covariance"][2] = j["prior"]["covariance"][12] = 1e308;
+       }),
+       422, "InvalidPrior", "prior.covariance"},
       {changed([](json& j) { j["prior"]["covariance"] = json::array({1.0}); }), 400,
        "InvalidRequest", "prior.covariance"},
       {changed([](json& j) { j["prior"]["covariance"] = json(std::vector<double>(36, 1.0)); }), 422,
@@ -407,6 +423,14 @@ TEST_F(Localize, BadJsonIsNamedByItsPath) {
     EXPECT_EQ(answer["code"], each.code) << each.path;
     EXPECT_THAT(answer["detail"].get<std::string>(), HasSubstr(each.path));
   }
+}
+
+TEST_F(Localize, ZerosInJsonAreNoReturnAsInAllFormats) {
+  json content = good_json();
+  content["points"].push_back({0, 0, 0});
+  content["points"].push_back({0.0, -0.0, 1e-300});
+  EXPECT_EQ(ask(json_request(content))["status"], "ok");
+  EXPECT_EQ(aligner_->last_scan.size(), good_json()["points"].size());
 }
 
 TEST_F(Localize, HostileJsonIsRefused) {

@@ -161,7 +161,7 @@ TEST_F(Routes, WrongMethodSaysWhichIsRight) {
 
 TEST_F(Routes, MissingFileInThePackageIsAStorageErrorWithoutItsPath) {
   start();
-  for (const auto& entry : std::filesystem::directory_iterator(store_.folder().path() / "town")) {
+  for (const auto& entry : std::filesystem::directory_iterator(store_.package())) {
     if (entry.is_regular_file()) std::filesystem::remove(entry.path());
   }
   const HttpResponse response = get("/v1/maps/town/versions/" + store_.version() + "/trajectory");

@@ -19,11 +19,11 @@ TEST(ServerOptions, DefaultsAreUsable) { EXPECT_THAT(ServerOptions{}.violations(
 TEST(ServerOptions, EveryBrokenBoundIsNamedAtOnce) {
   ServerOptions options;
   options.port = 65536;
-  options.http_threads = 0;
+  options.connections = 0;
   options.min_scan_points = options.max_scan_points + 1;
   EXPECT_THAT(options.violations(),
               ElementsAre(HasSubstr("port: 65536"), HasSubstr("max_scan_points"),
-                          HasSubstr("http_threads: 0")));
+                          HasSubstr("connections: 0")));
 }
 
 TEST(ServerOptions, AddressesThatOthersReachNeedLeave) {

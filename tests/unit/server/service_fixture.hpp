@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <stillmap/maps/map_package.hpp>
-#include <stillmap/maps/map_store.hpp>
+#include <stillmap/maps/store/package_store.hpp>
 
 #include <cstring>
 #include <functional>
@@ -49,7 +49,7 @@ class StubAligner final : public localization::Aligner {
 class TownStore {
  public:
   TownStore() {
-    maps::MapPackageWriter writer(folder_.path() / "town");
+    maps::MapPackageWriter writer(built_.path() / "town");
     const std::vector<maps::MapPoint> near = {point(1.0F, 2.0F, 3.0F), point(4.0F, 5.0F, 6.0F)};
     writer.add_tile({.level = 0, .x = 0, .y = 0}, near);
     writer.add_tile({.level = 0, .x = -1, .y = 0}, std::vector{point(-1.0F, 2.0F, 3.0F)});
@@ -70,12 +70,18 @@ class TownStore {
     manifest.software_version = "0";
     manifest.counts["in"] = 3;
     digest_ = writer.publish(manifest, "{}");
+    store_.add("town", version(), built_.path() / "town");
+    store_.activate("town", version());
   }
 
-  [[nodiscard]] maps::MapStore open() const { return maps::MapStore(folder_.path()); }
+  [[nodiscard]] maps::PackageStore& open() const { return store_; }
   [[nodiscard]] const test::TemporaryFolder& folder() const { return folder_; }
   [[nodiscard]] const std::string& digest() const { return digest_; }
-  [[nodiscard]] std::string version() const { return digest_.substr(0, 12); }
+  /// Of the package in the store.
+  [[nodiscard]] std::filesystem::path package() const {
+    return folder_.path() / "packages" / digest_;
+  }
+  [[nodiscard]] static std::string version() { return "v1"; }
 
  private:
   static maps::MapPoint point(float x, float y, float z) {
@@ -88,7 +94,9 @@ class TownStore {
             .object = 0};
   }
 
+  test::TemporaryFolder built_;
   test::TemporaryFolder folder_;
+  mutable maps::PackageStore store_{folder_.path()};
   std::string digest_;
 };
 

@@ -20,6 +20,7 @@ class Sessions : public ServiceTest {
  protected:
   void SetUp() override {
     options_.queue = 4;
+    options_.max_clock_skew_s = 2.0;
     start();
   }
 
@@ -239,7 +240,7 @@ TEST_F(Sessions, AFixNeedsAMapThatKnowsWhereItLies) {
 }
 
 TEST_F(Sessions, AreBoundedInNumber) {
-  options_.max_sessions = 2;
+  options_.sessions.max = 2;
   start();
   open();
   open();
@@ -259,8 +260,9 @@ TEST_F(Sessions, AClockThatIsOffIsTold) {
 
 class SessionTableTest : public ::testing::Test {
  protected:
-  ServedMap map() const {
-    ServedMap map{.name = "town", .package = store_.open().find("town")};
+  ServedVersion map() const {
+    ServedVersion map{
+        .map = "town", .version = "v1", .package = maps::MapPackage::open(store_.package())};
     map.aligners =
         std::make_shared<const Aligners>(Aligners{{"default", std::make_shared<StubAligner>()}});
     return map;
@@ -314,7 +316,7 @@ TEST_F(SessionTableTest, AKeyHoldsNoMoreThanItsShare) {
 TEST_F(SessionTableTest, AnotherVersionOfTheMapBecomesAnEventOnce) {
   SessionTable table({}, queue_);
   const std::shared_ptr<Session> session = table.open(map(), "");
-  session->note_active_version(session->map().version());
+  session->note_active_version(session->map().version);
   EXPECT_TRUE(session->events().after(0, std::chrono::milliseconds(0)).events.empty());
   session->note_active_version("0123456789ab");
   session->note_active_version("0123456789ab");

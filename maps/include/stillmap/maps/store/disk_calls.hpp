@@ -18,13 +18,14 @@ struct DiskCall {
     kSyncFile,
     kSyncFolder,
     kRename,
+    kLink,
     kRemoveFile,
     kRemoveFolder,
   };
   Kind kind;
   /// Absolute.
   std::filesystem::path path;
-  /// Target of a rename.
+  /// Target of a rename or of a hard link.
   std::filesystem::path to{};
   /// Where bytes are written, or the new size when truncating.
   std::uint64_t offset = 0;

@@ -1,18 +1,24 @@
 #pragma once
 
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/store/archive.hpp>
+#include <stillmap/maps/store/package_archive.hpp>
 #include <stillmap/maps/store/store_state.hpp>
 
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 namespace stillmap::maps {
+
+class FolderLock;
+class StorageError;
 
 /// Published map versions: immutable packages on the disk and the state that names them, kept in
 /// step through kills, full disks and power cuts (maps/store.md says how). A change that returned
@@ -21,7 +27,9 @@ namespace stillmap::maps {
 class PackageStore {
  public:
   /// Opens the store in this folder, which must exist, or makes one there; finishes removals and
-  /// clears what killed writers left.
+  /// clears what killed writers left. Where the disk is read-only, full or failing, but can be
+  /// read, it is open for reading only: maps are served as they stood, and every change throws
+  /// StorageError.
   /// @param calls  outlives this.
   /// @throws InputError when there are packages but no state that names them, or as `StoreState`.
   explicit PackageStore(std::filesystem::path folder, DiskCalls& calls = DiskCalls::real());
@@ -29,10 +37,24 @@ class PackageStore {
   PackageStore(const PackageStore&) = delete;
   PackageStore& operator=(const PackageStore&) = delete;
 
+  /// Whether a folder holds a store already.
+  [[nodiscard]] static bool is_store(const std::filesystem::path& folder);
+
+  [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   /// Names, versions and active pointers.
   [[nodiscard]] const StoreState& state() const { return *state_; }
+  [[nodiscard]] KeyTable& keys() { return state_->keys(); }
+  [[nodiscard]] JobTable& jobs() { return state_->jobs(); }
+  [[nodiscard]] DriveTable& drives() { return state_->drives(); }
+  [[nodiscard]] AuditLog& audit() { return state_->audit(); }
   /// Why what is not needed any more still lies there; empty when it was cleared at opening.
   [[nodiscard]] const std::string& not_cleared_because() const { return not_cleared_because_; }
+  /// Why the store is open for reading only; empty when it is not.
+  [[nodiscard]] const std::string& read_only_because() const { return state_->read_only_because(); }
+  /// For versions and drives to come; what is there already stays.
+  void set_quota(const StoreQuota& quota);
+  /// Whether so many bytes of a drive may come. @throws StoreRefusal kOverQuota.
+  void check_quota(std::string_view map, std::uint64_t more_bytes) const;
   /// A version's package. One that is open stays usable when the version is removed, but what
   /// it reads at need (histories of the whole drive, objects) is gone then.
   /// @throws StoreRefusal kUnknownMap, kUnknownVersion; InputError when it is broken.
@@ -47,8 +69,20 @@ class PackageStore {
   /// Copies a package into the store, checks it (schema, presence, sizes, checksums, objects,
   /// trajectories) and publishes it under this name. The given folder is only read.
   /// @throws std::invalid_argument for a name that is not `is_valid_map_name`; InputError naming
-  /// what is wrong with the package; StoreRefusal kOtherDigest.
+  /// what is wrong with the package; StoreRefusal kOtherDigest; kOverQuota, before bytes are
+  /// copied.
   Added add(std::string_view map, std::string_view version, const std::filesystem::path& package);
+  /// As `add`, of a package that comes as a tar, by itself or in one folder: unpacked straight into
+  /// the store, hashed while it is written. Files that the manifest does not list are dropped.
+  /// @param archive  what messages call it.
+  /// @param sha256   of the archive as it comes, lower-case hex, where that is known.
+  /// @throws also InputError as `extract_archive`, and for another SHA-256. Nothing is left then.
+  Added add_archive(std::string_view map, std::string_view version, const ByteSource& source,
+                    const std::string& archive, const ArchiveLimits& limits,
+                    const std::optional<std::string>& sha256 = {});
+  /// A version's package as a tar. @throws as `open`.
+  [[nodiscard]] std::unique_ptr<PackageArchive> archive(std::string_view map,
+                                                        std::string_view version) const;
   /// As `StoreState::activate`, but a package that cannot be opened never becomes active.
   /// @throws also InputError.
   StoredMap activate(std::string_view map, std::string_view version,
@@ -59,6 +93,15 @@ class PackageStore {
   /// @return whether its package is gone from the disk: not while another version holds it, and not
   /// when the disk fails at that; then the next `gc` or open tries again.
   bool remove(std::string_view map, std::string_view version);
+
+  /// Makes a map without versions. @return false when it is there already.
+  /// @throws std::invalid_argument for a name that is not `is_valid_map_name`.
+  bool create_map(std::string_view map);
+  /// With all its versions. @throws as `StoreState::remove_map`.
+  void remove_map(std::string_view map, WhenActive when_active = WhenActive::kRefuse);
+  /// Removes all versions but the active one, the one to roll back to, and the newest `count` of
+  /// the others. @return those removed, oldest first. @throws StoreRefusal kUnknownMap.
+  std::vector<std::string> keep_newest(std::string_view map, std::size_t count);
 
   struct Problem {
     /// Empty when it is of the store as a whole.
@@ -80,21 +123,47 @@ class PackageStore {
   /// What `gc` would remove of packages, by digest.
   [[nodiscard]] std::vector<std::string> unnamed_packages() const;
 
+  struct BackedUp {
+    /// Packages that came, and those that an earlier backup had brought.
+    std::size_t copied = 0;
+    std::size_t kept = 0;
+  };
+  /// Writes the state as of one instant and the packages that it names into a folder, while others
+  /// may read and write the store. On one disk packages are linked, else copied, and their
+  /// checksums recomputed; those of an earlier backup are kept, and those that are not named any
+  /// more go. A crash leaves the earlier backup or the new one. Drives are not in it, so jobs that
+  /// have not finished are failed in it.
+  /// @param folder  new, empty or an earlier backup.
+  /// @throws InputError when it is something else or a package is broken; StorageError.
+  BackedUp backup(const std::filesystem::path& folder) const;
+  /// Makes a store of a backup, with copies of its packages, whose checksums are recomputed.
+  /// @param folder  new or empty. @return how many packages.
+  /// @throws InputError when it holds anything or the backup is none or broken; StorageError.
+  static std::size_t restore(const std::filesystem::path& backup,
+                             const std::filesystem::path& folder,
+                             DiskCalls& calls = DiskCalls::real());
+
  private:
   class Incoming;
   [[nodiscard]] std::filesystem::path package_folder(std::string_view digest) const;
   void refuse_lost_state() const;
+  void open_read_only(const StorageError& reason);
+  [[nodiscard]] FolderLock locked() const;
   bool adopt(const std::string& digest);
   Added commit(std::string_view map, const StoredVersion& version);
   void clear_package(const std::string& digest);
   void clear_condemned();
+  void clear_condemned_if_possible();
   std::size_t clear_leftovers();
+  [[nodiscard]] StoreQuota quota() const;
 
   std::filesystem::path folder_;
   std::filesystem::path packages_;
   DiskCalls* calls_;
   std::unique_ptr<StoreState> state_;
   std::string not_cleared_because_;
+  mutable std::mutex quota_mutex_;
+  StoreQuota quota_;
 };
 
 }  // namespace stillmap::maps

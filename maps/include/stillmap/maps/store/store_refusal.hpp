@@ -16,6 +16,17 @@ class StoreRefusal : public std::runtime_error {
     kActive,         ///< the active version cannot be removed
     kNoPrevious,     ///< nothing to roll back to
     kOtherRevision,  ///< the map has changed since the caller looked
+    kOverQuota,      ///< it would take more bytes than allowed
+    kInUse,          ///< an unfinished job or a drive needs it
+    kUnknownKey,
+    kUnknownJob,
+    kOtherRequest,   ///< the idempotency key was used for another request
+    kNotProcessing,  ///< nobody is working on the job
+    kJobFinished,
+    kUnknownDrive,
+    kDriveNotOpen,      ///< its upload has ended
+    kDriveNotComplete,  ///< its upload has not ended well
+    kPartsMissing,
   };
   StoreRefusal(Reason reason, const std::string& message)
       : std::runtime_error(message), reason_(reason) {}

@@ -1,6 +1,10 @@
 #pragma once
 
+#include <stillmap/maps/store/audit_log.hpp>
 #include <stillmap/maps/store/disk_calls.hpp>
+#include <stillmap/maps/store/drive_table.hpp>
+#include <stillmap/maps/store/job_table.hpp>
+#include <stillmap/maps/store/key_table.hpp>
 #include <stillmap/maps/store/store_refusal.hpp>
 
 #include <cstdint>
@@ -16,9 +20,9 @@ namespace stillmap::maps {
 /// A published version of a map.
 struct StoredVersion {
   /// As the publisher named it; like a map's name.
-  std::string name;
+  std::string name{};
   /// SHA-256 of its package's manifest, hex.
-  std::string digest;
+  std::string digest{};
   /// Of its files, manifest included.
   std::uint64_t bytes = 0;
   std::int64_t created_ns = 0;
@@ -27,28 +31,48 @@ struct StoredVersion {
 
 /// A map of the store.
 struct StoredMap {
-  std::string name;
-  std::optional<std::string> active;
+  std::string name{};
+  std::optional<std::string> active{};
   /// Active before; what rolling back goes to.
-  std::optional<std::string> previous;
+  std::optional<std::string> previous{};
   /// Grows with every change of the active pointer, never goes back.
   std::int64_t revision = 0;
   std::int64_t created_ns = 0;
   auto operator<=>(const StoredMap&) const = default;
 };
 
-/// Names, versions and active pointers of a store, in one database that outlives a power cut: what
-/// returned is kept. Knows nothing of packages on the disk. Safe from several threads, and
-/// several processes may have it open. Throws StorageError when the disk fails; a change has then
-/// not happened, or (a failed sync) may show after the next open.
+/// Most bytes that packages and drives may take, each package once; nothing: no limit.
+struct StoreQuota {
+  std::optional<std::uint64_t> map_bytes{};
+  std::optional<std::uint64_t> store_bytes{};
+};
+
+/// What removing a map does when one of its versions is active.
+enum class WhenActive : std::uint8_t { kRefuse, kRemove };
+
+/// Names, versions and active pointers of a store, and its keys, jobs, drives and audit log, in one
+/// database that outlives a power cut: what returned is kept. Knows nothing of packages on the
+/// disk. Safe from several threads, and several processes may have it open. Throws StorageError
+/// when the disk fails; a change has then not happened, or (a failed sync) may show after the next
+/// open.
 class StoreState {
  public:
-  /// Opens or makes it, and brings an older schema up to date. @param calls  outlives this.
+  /// Opens or makes it, and brings an older schema up to date. When the disk does not allow that,
+  /// but the file can be read, it is read into memory: then every change throws StorageError.
+  /// @param calls  outlives this.
   /// @throws InputError for a database that is not ours or has a newer schema.
   explicit StoreState(const std::filesystem::path& file, DiskCalls& calls = DiskCalls::real());
+  /// Where not even a lock can be taken: reads the file into memory at once.
+  struct ReadOnly {
+    std::string because;
+  };
+  StoreState(const std::filesystem::path& file, const ReadOnly& why);
   ~StoreState();
   StoreState(const StoreState&) = delete;
   StoreState& operator=(const StoreState&) = delete;
+
+  /// Why it is in memory only; empty when it is not.
+  [[nodiscard]] const std::string& read_only_because() const;
 
   /// Sorted by name.
   [[nodiscard]] std::vector<StoredMap> maps() const;
@@ -64,9 +88,24 @@ class StoreState {
   /// Whether any version of any map holds this package.
   [[nodiscard]] bool uses(std::string_view digest) const;
 
+  /// Makes a map without versions. @return false when it is there already.
+  /// @throws std::invalid_argument for a name that is not `is_valid_map_name`.
+  bool create_map(std::string_view name, std::int64_t now_ns);
+  /// With its versions; packages that no version holds any more are noted as `condemned`.
+  /// @throws StoreRefusal kUnknownMap; kActive; kInUse while it has a drive or an unfinished job.
+  void remove_map(std::string_view name, WhenActive when_active = WhenActive::kRefuse);
+  /// Bytes of packages and drives, each package once. @throws StoreRefusal kUnknownMap.
+  [[nodiscard]] std::uint64_t bytes_of_map(std::string_view map) const;
+  [[nodiscard]] std::uint64_t bytes() const;
+  /// Whether so many bytes more may come. A map that is not there yet has none.
+  /// @param digest  of a package, which may be there already. @throws StoreRefusal kOverQuota.
+  void check_quota(const StoreQuota& quota, std::string_view map, std::uint64_t more_bytes,
+                   std::string_view digest = {}) const;
+
   /// Makes the map with it when it is new.
-  /// @return false when the same is there already. @throws StoreRefusal kOtherDigest.
-  bool add_version(std::string_view map, const StoredVersion& version);
+  /// @return false when the same is there already. @throws StoreRefusal kOtherDigest, kOverQuota.
+  bool add_version(std::string_view map, const StoredVersion& version,
+                   const StoreQuota& quota = {});
   /// What is active already stays so, with its revision.
   /// @param revision  only when the map is still at it. @return the map afterwards.
   /// @throws StoreRefusal kUnknownMap, kUnknownVersion, kOtherRevision.
@@ -83,6 +122,20 @@ class StoreState {
   [[nodiscard]] std::vector<std::string> condemned() const;
   /// Its package is gone from the disk.
   void forget_condemned(std::string_view digest);
+  [[nodiscard]] KeyTable& keys();
+  [[nodiscard]] JobTable& jobs();
+  [[nodiscard]] DriveTable& drives();
+  [[nodiscard]] AuditLog& audit();
+  [[nodiscard]] const KeyTable& keys() const;
+  [[nodiscard]] const JobTable& jobs() const;
+  [[nodiscard]] const DriveTable& drives() const;
+  [[nodiscard]] const AuditLog& audit() const;
+
+  /// Writes it, as of one instant, into one new file, synced. Without drives, whose bytes are
+  /// elsewhere; jobs that have not finished, which may need them, are failed in it.
+  void write_backup(const std::filesystem::path& file, std::int64_t now_ns,
+                    DiskCalls& calls = DiskCalls::real()) const;
+
   /// What SQLite finds wrong with the database; empty when sound.
   [[nodiscard]] std::vector<std::string> problems() const;
 

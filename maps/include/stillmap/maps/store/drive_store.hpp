@@ -1,0 +1,70 @@
+#pragma once
+
+#include <stillmap/maps/store/archive.hpp>
+#include <stillmap/maps/store/package_store.hpp>
+
+#include <cstdint>
+#include <filesystem>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace stillmap::maps {
+
+/// Drives that came in parts, for rebuilds: the bytes behind a store's `DriveTable`, in
+/// `<store>/drives/<id>/`, kept in step with it as packages are with theirs (maps/store.md). A
+/// change that returned is kept. Safe from several threads; one process at a time receives drives.
+class DriveStore {
+ public:
+  /// Makes the folder when it is missing, and clears what a killed process left.
+  /// @param store  outlives this. @param calls  outlives this.
+  explicit DriveStore(PackageStore& store, DiskCalls& calls = DiskCalls::real());
+
+  /// Where a complete drive lies; it need not be there any more.
+  [[nodiscard]] std::filesystem::path folder(std::int64_t id) const;
+
+  /// What an archive of a whole drive may be.
+  struct Limits {
+    /// Of all parts together.
+    std::uint64_t bytes = std::uint64_t{256} << 30U;
+    ArchiveLimits archive{};
+  };
+
+  struct Added {
+    DrivePart part;
+    /// False when the same part was there already.
+    bool is_new = false;
+  };
+  /// Keeps one part of the drive's archive.
+  /// @param bytes   how many there are.
+  /// @param sha256  of the part, lower-case hex, where that is known.
+  /// @throws StoreRefusal kUnknownDrive, kDriveNotOpen, kOtherDigest, kOverQuota; InputError for
+  /// another SHA-256, fewer or more bytes, or too many in all; std::invalid_argument for a number
+  /// beyond `DriveTable::kMostParts`.
+  Added add_part(std::int64_t id, std::int64_t n, std::uint64_t bytes, const ByteSource& source,
+                 const std::optional<std::string>& sha256, const Limits& limits);
+
+  /// Unpacks the parts, one after the other a tar (plain, gzip or zstd) of one drive, and lets go
+  /// of them. What is complete already stays so.
+  /// @throws InputError when they are none: the drive has then failed and its parts are gone;
+  /// StoreRefusal kUnknownDrive, kDriveNotOpen, kPartsMissing; StorageError, after which it may be
+  /// asked for again.
+  StoredDrive complete(std::int64_t id, const Limits& limits);
+  /// With all that was kept of it. @throws StoreRefusal kUnknownDrive, kInUse.
+  void remove(std::int64_t id);
+
+ private:
+  [[nodiscard]] std::filesystem::path home(std::int64_t id) const;
+  void extract(std::int64_t id, const Limits& limits);
+  void clear_leftovers();
+
+  PackageStore& store_;
+  DiskCalls* calls_;
+  std::filesystem::path drives_;
+  /// Held while the table and the folders change together.
+  std::mutex mutex_;
+  std::uint64_t incoming_ = 0;
+};
+
+}  // namespace stillmap::maps

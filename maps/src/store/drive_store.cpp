@@ -1,0 +1,197 @@
+#include <stillmap/maps/store/drive_store.hpp>
+
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/drive_table.hpp>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <vector>
+
+#include "package/sha256.hpp"
+#include "store/durable_files.hpp"
+#include "store/store_folder.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kDrivesName = "drives";
+constexpr const char* kPartsName = "parts";
+constexpr const char* kContentName = "drive";
+/// Where an archive is unpacked, before it is known to be a drive.
+constexpr const char* kUnpackedName = ".incoming-drive";
+
+std::optional<std::int64_t> id_of(const std::string& name) {
+  std::int64_t id = 0;
+  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), id);
+  if (error != std::errc{} || end != name.data() + name.size() || id < 0) return std::nullopt;
+  return id;
+}
+
+/// Copies exactly so many bytes into a new file, synced. @return their SHA-256.
+std::string receive(const ByteSource& source, std::uint64_t bytes, const fs::path& file,
+                    const std::string& name, const DurableFiles& files) {
+  DurableFiles::NewFile out = files.create(file);
+  std::vector<char> buffer(std::size_t{256} << 10U);
+  Sha256 hash;
+  std::uint64_t received = 0;
+  for (std::size_t got = 0; (got = source(buffer)) > 0; received += got) {
+    if (got > bytes - received)
+      throw InputError(name, "more bytes", std::to_string(bytes) + " as announced");
+    hash.add(buffer.data(), got);
+    out.append({buffer.data(), got});
+  }
+  if (received != bytes)
+    throw InputError(name, std::to_string(received) + " bytes",
+                     std::to_string(bytes) + " as announced");
+  out.finish();
+  return hash.hex();
+}
+
+/// A file that goes unless it was renamed.
+class Leftover {
+ public:
+  Leftover(fs::path path, const DurableFiles& files) : path_(std::move(path)), files_(&files) {}
+  ~Leftover() {
+    try {
+      if (is_there(path_)) files_->remove_file(path_);
+    } catch (const StorageError&) {
+      // The next open clears it.
+    }
+  }
+  Leftover(const Leftover&) = delete;
+  Leftover& operator=(const Leftover&) = delete;
+
+ private:
+  fs::path path_;
+  const DurableFiles* files_;
+};
+
+}  // namespace
+
+DriveStore::DriveStore(PackageStore& store, DiskCalls& calls)
+    : store_(store), calls_(&calls), drives_(store.folder() / kDrivesName) {
+  if (!store_.read_only_because().empty()) return;
+  try {
+    const DurableFiles files(*calls_);
+    if (files.make_folder(drives_)) files.sync_folder(store_.folder());
+    clear_leftovers();
+  } catch (const StorageError&) {
+    // A full or failing disk must not keep maps from being served; what comes will say so.
+  }
+}
+
+fs::path DriveStore::home(std::int64_t id) const { return drives_ / std::to_string(id); }
+fs::path DriveStore::folder(std::int64_t id) const { return home(id) / kContentName; }
+
+DriveStore::Added DriveStore::add_part(std::int64_t id, std::int64_t n, std::uint64_t bytes,
+                                       const ByteSource& source,
+                                       const std::optional<std::string>& sha256,
+                                       const Limits& limits) {
+  const StoredDrive drive = store_.drives().drive(id);
+  const std::string name = "drive " + std::to_string(id) + " part " + std::to_string(n);
+  if (n < 1 || n > DriveTable::kMostParts)
+    throw std::invalid_argument(name + ": 1 to " + std::to_string(DriveTable::kMostParts));
+  if (drive.bytes + bytes > limits.bytes || bytes > limits.bytes)
+    throw InputError(name, std::to_string(drive.bytes + bytes) + " bytes of parts",
+                     "at most " + std::to_string(limits.bytes));
+  store_.check_quota(drive.map, bytes);
+  const DurableFiles files(*calls_);
+  const fs::path parts = home(id) / kPartsName;
+  fs::path incoming;
+  {
+    const std::scoped_lock lock(mutex_);
+    if (files.make_folder(home(id))) files.sync_folder(drives_);
+    if (files.make_folder(parts)) files.sync_folder(home(id));
+    incoming = parts / (kIncoming + std::to_string(incoming_++));
+  }
+  const Leftover leftover(incoming, files);
+  const DrivePart part{.n = n, .sha256 = receive(source, bytes, incoming, name, files),
+                       .bytes = bytes};
+  if (sha256 && *sha256 != part.sha256)
+    throw InputError(name, "SHA-256 " + part.sha256, *sha256);
+  const std::scoped_lock lock(mutex_);
+  const std::vector<DrivePart> known = store_.drives().parts(id);
+  const bool is_new = std::none_of(known.begin(), known.end(),
+                                   [&](const DrivePart& each) { return each.n == n; });
+  if (is_new) {
+    files.rename(incoming, parts / std::to_string(n));
+    files.sync_folder(parts);
+  }
+  // Refuses another digest, and a drive that is no longer open.
+  store_.drives().add_part(id, part);
+  return {part, is_new};
+}
+
+StoredDrive DriveStore::complete(std::int64_t id, const Limits& limits) {
+  const std::scoped_lock lock(mutex_);
+  const StoredDrive drive = store_.drives().drive(id);
+  if (drive.status == DriveStatus::kOpen) {
+    try {
+      extract(id, limits);
+    } catch (const InputError& error) {
+      store_.drives().fail(id, error.what(), now_ns());
+      DurableFiles(*calls_).remove_tree(home(id));
+      throw;
+    }
+  }
+  const StoredDrive done = store_.drives().complete(id, now_ns());
+  const fs::path parts = home(id) / kPartsName;
+  if (is_there(parts)) DurableFiles(*calls_).remove_tree(parts);
+  return done;
+}
+
+/// Under the lock, of an open drive.
+void DriveStore::extract(std::int64_t id, const Limits& limits) {
+  const DurableFiles files(*calls_);
+  std::vector<fs::path> parts;
+  for (const DrivePart& part : store_.drives().parts(id)) {
+    if (part.n != static_cast<std::int64_t>(parts.size()) + 1) return;  // `complete` refuses gaps
+    parts.push_back(home(id) / kPartsName / std::to_string(part.n));
+  }
+  if (parts.empty()) return;
+  // Of an attempt that a full disk ended after the drive was in its place.
+  if (is_there(folder(id))) files.remove_tree(folder(id));
+  const fs::path unpacked = home(id) / kUnpackedName;
+  if (is_there(unpacked)) files.remove_tree(unpacked);
+  const ExtractedDrive drive = extract_drive(concatenated(parts), "drive " + std::to_string(id),
+                                             unpacked, limits.archive, *calls_);
+  files.rename(drive.root, folder(id));
+  if (drive.root != unpacked) files.remove_tree(unpacked);
+  files.sync_folder(home(id));
+}
+
+void DriveStore::remove(std::int64_t id) {
+  const std::scoped_lock lock(mutex_);
+  // Without a row it is nothing, so the rest may follow at the next open.
+  store_.drives().remove(id);
+  if (is_there(home(id))) DurableFiles(*calls_).remove_tree(home(id));
+}
+
+/// Whatever no row speaks for, and halves of what was under way.
+void DriveStore::clear_leftovers() {
+  const DurableFiles files(*calls_);
+  const std::vector<StoredDrive> known = store_.drives().all();
+  for (const std::string& name : folders_in(drives_)) {
+    const std::optional<std::int64_t> id = id_of(name);
+    const auto drive = std::find_if(known.begin(), known.end(),
+                                    [&](const StoredDrive& each) { return each.id == id; });
+    if (drive == known.end() || drive->status == DriveStatus::kFailed) {
+      files.remove_tree(drives_ / name);
+      continue;
+    }
+    const bool open = drive->status == DriveStatus::kOpen;
+    const fs::path parts = drives_ / name / kPartsName;
+    if (!open && is_there(parts)) files.remove_tree(parts);
+    for (const char* half : {kUnpackedName, open ? kContentName : kUnpackedName})
+      if (is_there(drives_ / name / half)) files.remove_tree(drives_ / name / half);
+    if (!open || !is_there(parts)) continue;
+    for (const auto& entry : fs::directory_iterator(parts))
+      if (entry.path().filename().string().starts_with(kIncoming))
+        files.remove_file(entry.path());
+  }
+}
+
+}  // namespace stillmap::maps

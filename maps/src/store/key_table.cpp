@@ -1,0 +1,169 @@
+#include <stillmap/maps/store/key_table.hpp>
+
+#include <openssl/crypto.h>
+#include <openssl/rand.h>
+
+#include <algorithm>
+#include <array>
+#include <stdexcept>
+
+#include "package/sha256.hpp"
+#include "store/store_database.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+using Reading = StoreDatabase::Reading;
+using ReadingBeside = StoreDatabase::ReadingBeside;
+using Writing = StoreDatabase::Writing;
+using Verdict = KeyCheck::Verdict;
+
+constexpr std::string_view kPrefix = "stillmap_";
+/// Hex digits: 64 bits tell keys apart, 256 bits cannot be guessed.
+constexpr std::size_t kIdDigits = 16;
+constexpr std::size_t kSecretDigits = 64;
+constexpr const char* kColumns =
+    "SELECT id, name, scopes, created_ns, expires_ns, revoked_ns, secret_sha256 FROM keys ";
+
+ApiKey key_of(const SqliteStatement& row) {
+  return {row.text(0),
+          row.text(1),
+          {static_cast<std::uint8_t>(row.integer(2))},
+          row.integer(3),
+          row.optional_integer(4),
+          row.optional_integer(5)};
+}
+
+std::string random_hex(std::size_t digits) {
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  std::array<unsigned char, kSecretDigits / 2> bytes{};
+  if (RAND_bytes(bytes.data(), static_cast<int>(digits / 2)) != 1)
+    throw std::runtime_error("there is no randomness to make a key of");
+  std::string text;
+  for (std::size_t i = 0; i < digits / 2; ++i)
+    text += {kDigits[bytes[i] >> 4U], kDigits[bytes[i] & 15U]};
+  OPENSSL_cleanse(bytes.data(), bytes.size());
+  return text;
+}
+
+std::string sha256_of_secret(std::string_view secret) {
+  Sha256 hash;
+  hash.add(secret.data(), secret.size());
+  return hash.hex();
+}
+
+void check_new_key(std::string_view name, KeyScopes scopes, std::optional<std::int64_t> expires_ns,
+                   std::int64_t now_ns) {
+  constexpr std::size_t kLongestName = 100;
+  const auto is_control = [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; };
+  if (name.empty() || name.size() > kLongestName ||
+      std::any_of(name.begin(), name.end(), is_control))
+    throw std::invalid_argument(
+        "name of a key: 1 to 100 bytes without control characters expected");
+  if (scopes.bits == 0 || scopes.bits > 15)
+    throw std::invalid_argument("scopes of a key: at least one of read, localize, write, admin");
+  if (expires_ns && *expires_ns <= now_ns)
+    throw std::invalid_argument("expiry of a key: a time to come expected");
+}
+
+}  // namespace
+
+std::string_view name_of(KeyScope scope) {
+  switch (scope) {
+    case KeyScope::kRead:
+      return "read";
+    case KeyScope::kLocalize:
+      return "localize";
+    case KeyScope::kWrite:
+      return "write";
+    case KeyScope::kAdmin:
+      return "admin";
+  }
+  throw std::invalid_argument("not a scope");
+}
+
+const std::vector<KeyScope>& all_key_scopes() {
+  static const std::vector<KeyScope> scopes = {KeyScope::kRead, KeyScope::kLocalize,
+                                               KeyScope::kWrite, KeyScope::kAdmin};
+  return scopes;
+}
+
+KeyTable::Created KeyTable::create(std::string_view name, KeyScopes scopes,
+                                   std::optional<std::int64_t> expires_ns, std::int64_t now_ns) {
+  check_new_key(name, scopes, expires_ns, now_ns);
+  const std::string secret = random_hex(kSecretDigits);
+  Created created{{random_hex(kIdDigits), std::string(name), scopes, now_ns, expires_ns, {}}, {}};
+  created.text = std::string(kPrefix) + created.key.id + "_" + secret;
+  Writing writing(*database_);
+  SqliteStatement(writing.database(), "INSERT INTO keys VALUES (?, ?, ?, ?, ?, ?, NULL)")
+      .bind(created.key.id)
+      .bind(name)
+      .bind(static_cast<std::int64_t>(scopes.bits))
+      .bind(sha256_of_secret(secret))
+      .bind(now_ns)
+      .bind(expires_ns)
+      .step();
+  writing.commit();
+  return created;
+}
+
+std::vector<ApiKey> KeyTable::list() const {
+  const ReadingBeside reading(*database_);
+  SqliteStatement row(reading.database(), std::string(kColumns) + "ORDER BY created_ns, id");
+  std::vector<ApiKey> keys;
+  while (row.step()) keys.push_back(key_of(row));
+  return keys;
+}
+
+ApiKey KeyTable::revoke(std::string_view id, std::int64_t now_ns) {
+  Writing writing(*database_);
+  SqliteStatement row(writing.database(), std::string(kColumns) + "WHERE id = ?");
+  if (!row.bind(id).step())
+    throw StoreRefusal(StoreRefusal::Reason::kUnknownKey,
+                       "there is no key '" + std::string(id) + "'");
+  ApiKey key = key_of(row);
+  if (key.revoked_ns) return key;
+  key.revoked_ns = now_ns;
+  SqliteStatement(writing.database(), "UPDATE keys SET revoked_ns = ? WHERE id = ?")
+      .bind(now_ns)
+      .bind(id)
+      .step();
+  writing.commit();
+  return key;
+}
+
+KeyCheck KeyTable::check(std::string_view text, std::int64_t now_ns) const {
+  // The shape is no secret.
+  if (text.size() != kPrefix.size() + kIdDigits + 1 + kSecretDigits || !text.starts_with(kPrefix) ||
+      text[kPrefix.size() + kIdDigits] != '_')
+    return {};
+  const std::string_view id = text.substr(kPrefix.size(), kIdDigits);
+  const std::string given = sha256_of_secret(text.substr(kPrefix.size() + kIdDigits + 1));
+  // Compared with an unknown id's secret too; no secret is known that has this sum.
+  std::string kept(given.size(), '0');
+  std::optional<ApiKey> key;
+  {
+    const ReadingBeside reading(*database_);
+    SqliteStatement row(reading.database(), std::string(kColumns) + "WHERE id = ?");
+    if (row.bind(id).step()) {
+      key = key_of(row);
+      kept = row.text(6);
+    }
+  }
+  const bool same =
+      kept.size() == given.size() && CRYPTO_memcmp(kept.data(), given.data(), given.size()) == 0;
+  if (!same || !key) return {};
+  if (key->revoked_ns) return {Verdict::kRevoked, std::move(key)};
+  if (key->expires_ns && *key->expires_ns <= now_ns) return {Verdict::kExpired, std::move(key)};
+  return {Verdict::kGood, std::move(key)};
+}
+
+std::int64_t KeyTable::change_counter() const {
+  // Rows never go, and are revoked once.
+  const ReadingBeside reading(*database_);
+  SqliteStatement counts(reading.database(), "SELECT count(*) + count(revoked_ns) FROM keys");
+  counts.step();
+  return counts.integer(0);
+}
+
+}  // namespace stillmap::maps

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <stillmap/maps/store/disk_calls.hpp>
+
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "store/sqlite_database.hpp"
+
+namespace stillmap::maps {
+
+/// A store's database, shared by those who keep a table of it: one connection that changes it, and
+/// one that only reads, so that a check of a key never waits for a commit's sync.
+class StoreDatabase {
+ public:
+  /// As the constructors of `StoreState`.
+  StoreDatabase(const std::filesystem::path& file, DiskCalls& calls);
+  StoreDatabase(const std::filesystem::path& file, std::string read_only_because);
+
+  [[nodiscard]] const std::string& read_only_because() const { return read_only_because_; }
+
+  /// Reads from the connection that changes, so that a caller sees what it did.
+  class Reading {
+   public:
+    explicit Reading(StoreDatabase& owner) : lock_(owner.mutex_), database_(*owner.database_) {}
+    [[nodiscard]] SqliteDatabase& database() const { return database_; }
+
+   private:
+    std::scoped_lock<std::mutex> lock_;
+    SqliteDatabase& database_;
+  };
+
+  /// Reads what is committed, beside a writer.
+  class ReadingBeside {
+   public:
+    explicit ReadingBeside(StoreDatabase& owner)
+        : lock_(owner.reader_ ? owner.reader_mutex_ : owner.mutex_),
+          database_(owner.reader_ ? *owner.reader_ : *owner.database_) {}
+    [[nodiscard]] SqliteDatabase& database() const { return database_; }
+
+   private:
+    std::scoped_lock<std::mutex> lock_;
+    SqliteDatabase& database_;
+  };
+
+  /// A transaction; undone unless committed. @throws StorageError when it is open for reading only.
+  class Writing {
+   public:
+    explicit Writing(StoreDatabase& owner)
+        : lock_(owner.mutex_), database_(owner.writable()), transaction_(database_) {}
+    [[nodiscard]] SqliteDatabase& database() const { return database_; }
+    void commit() { transaction_.commit(); }
+
+   private:
+    std::scoped_lock<std::mutex> lock_;
+    SqliteDatabase& database_;
+    SqliteTransaction transaction_;
+  };
+
+ private:
+  void open(DiskCalls& calls);
+  void read_into_memory();
+  [[nodiscard]] SqliteDatabase& writable();
+
+  std::filesystem::path file_;
+  std::string read_only_because_;
+  std::mutex mutex_, reader_mutex_;
+  std::unique_ptr<SqliteDatabase> database_;
+  /// Closed first: the last one open folds the log into the file, and this one may not. Null where
+  /// the database is in memory.
+  std::unique_ptr<SqliteDatabase> reader_;
+};
+
+}  // namespace stillmap::maps

@@ -1,0 +1,52 @@
+#include "store/tar_header.hpp"
+
+#include <archive.h>
+#include <archive_entry.h>
+
+#include <memory>
+#include <stdexcept>
+
+namespace stillmap::maps {
+namespace {
+
+struct FreeWriter {
+  void operator()(archive* writer) const { archive_write_free(writer); }
+};
+struct FreeEntry {
+  void operator()(archive_entry* entry) const { archive_entry_free(entry); }
+};
+
+la_ssize_t append_to(archive* /*writer*/, void* text, const void* bytes, std::size_t size) {
+  static_cast<std::string*>(text)->append(static_cast<const char*>(bytes), size);
+  return static_cast<la_ssize_t>(size);
+}
+
+}  // namespace
+
+std::string tar_header(const std::string& path, std::uint64_t bytes) {
+  // Outlives the writer, which writes an end of its own when it goes.
+  std::string written;
+  const std::unique_ptr<archive, FreeWriter> writer(archive_write_new());
+  const std::unique_ptr<archive_entry, FreeEntry> entry(archive_entry_new());
+  if (!writer || !entry) throw std::runtime_error("libarchive is not available");
+  archive_entry_set_pathname(entry.get(), path.c_str());
+  archive_entry_set_filetype(entry.get(), AE_IFREG);
+  archive_entry_set_perm(entry.get(), 0644);
+  archive_entry_set_size(entry.get(), static_cast<la_int64_t>(bytes));
+  archive_entry_set_mtime(entry.get(), 0, 0);
+  // Blocks of 0 bytes: nothing is held back.
+  const bool made =
+      archive_write_set_format_pax_restricted(writer.get()) == ARCHIVE_OK &&
+      archive_write_set_bytes_per_block(writer.get(), 0) == ARCHIVE_OK &&
+      archive_write_open(writer.get(), &written, nullptr, &append_to, nullptr) == ARCHIVE_OK &&
+      archive_write_header(writer.get(), entry.get()) == ARCHIVE_OK;
+  if (!made) {
+    const char* reason = archive_error_string(writer.get());
+    throw std::runtime_error("tar header of " + path + ": " + (reason ? reason : "failed"));
+  }
+  std::string header = written;
+  archive_write_fail(writer.get());
+  return header;
+}
+
+}  // namespace stillmap::maps

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <stillmap/localization/aligner.hpp>
+#include <stillmap/maps/map_package.hpp>
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace stillmap::server {
+
+/// Aligners of one map by method, the default first.
+using Aligners = std::vector<std::pair<std::string, std::shared_ptr<const localization::Aligner>>>;
+/// Makes a map ready for queries; may take seconds. The package outlives the aligners.
+using AlignerBuilder = std::function<Aligners(const maps::MapPackage&)>;
+
+/// Every method of `localization::aligner_names`: the default at once, each other at its first
+/// query.
+[[nodiscard]] Aligners build_aligners(const maps::MapPackage& map);
+
+}  // namespace stillmap::server

@@ -1,0 +1,38 @@
+#include "context.hpp"
+
+#include "api_error.hpp"
+
+#include <stillmap/maps/map_store.hpp>
+
+#include <utility>
+
+namespace stillmap::server {
+
+void check_name(const PathParameters& path, const std::string& part) {
+  const std::string& name = path.find(part)->second;
+  if (maps::is_valid_map_name(name)) return;
+  throw field_error(ErrorCode::kInvalidRequest, part, "'" + name + "'",
+                    "[a-z0-9][a-z0-9._-]{0,62}");
+}
+
+bool is_known_to_client(const std::string& if_none_match, const std::string& etag) {
+  return if_none_match == "*" || if_none_match.find(etag) != std::string::npos;
+}
+
+std::string etag_of(const maps::StoredMap& map) {
+  return "\"" + std::to_string(map.revision) + "\"";
+}
+
+std::optional<std::string_view> version_in(const PathParameters& path) {
+  const auto version = path.find("version");
+  if (version == path.end()) return std::nullopt;
+  return version->second;
+}
+
+ServedVersion find_version(MapCatalog& catalog, const PathParameters& path) {
+  const std::optional<std::string_view> version = version_in(path);
+  return version ? catalog.find(path.at("map"), *version)
+                 : std::as_const(catalog).find(path.at("map"));
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,102 @@
+#include "api_error.hpp"
+#include "content_digest.hpp"
+#include "context.hpp"
+#include "header_text.hpp"
+#include "json/answers_json.hpp"
+#include "upload_errors.hpp"
+
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/archive.hpp>
+
+#include <algorithm>
+#include <array>
+#include <memory>
+#include <stdexcept>
+#include <utility>
+
+namespace stillmap::server {
+namespace {
+
+/// A package on its way to a client.
+class PackageSource final : public BodySource {
+ public:
+  explicit PackageSource(std::unique_ptr<maps::PackageArchive> archive)
+      : archive_(std::move(archive)) {}
+  [[nodiscard]] std::uint64_t size() const override { return archive_->size(); }
+  void read(std::uint64_t offset, std::span<char> to) override {
+    if (archive_->read(offset, to) != to.size())
+      throw std::logic_error("asked beyond the end of the archive");
+  }
+
+ private:
+  std::unique_ptr<maps::PackageArchive> archive_;
+};
+
+maps::ArchiveLimits limits_of(const UploadOptions& options) {
+  maps::ArchiveLimits limits;
+  limits.entries = static_cast<std::uint64_t>(options.max_entries);
+  limits.ratio = options.max_unpacked_ratio;
+  return limits;
+}
+
+void check_archive_type(const HttpRequest& request) {
+  constexpr std::array kTypes = {"", "application/x-tar", "application/gzip", "application/zstd",
+                                 "application/octet-stream"};
+  const std::string type = media_type(request.header("content-type"));
+  if (std::find(kTypes.begin(), kTypes.end(), type) != kTypes.end()) return;
+  throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
+                    "application/x-tar, application/gzip or application/zstd");
+}
+
+HttpResponse put_version(const Context& context, const HttpRequest& request,
+                         const PathParameters& path) {
+  const std::string& map = path.at("map");
+  const std::string& version = path.at("version");
+  check_name(path, "map");
+  check_name(path, "version");
+  check_archive_type(request);
+  const std::optional<std::string> sha256 = wanted_sha256(request);
+  BodyStream& body = *request.stream;
+  const auto source = [&body](std::span<char> to) { return body.read(to); };
+  return with_upload_errors(context.store.folder(), [&] {
+    const maps::PackageStore::Added added = context.store.add_archive(
+        map, version, source, map + "/" + version, limits_of(context.options.uploads), sha256);
+    HttpResponse response = json_response(version_json(added.version), added.is_new ? 201 : 200);
+    if (added.is_new)
+      response.headers.emplace_back("Location", "/v1/maps/" + map + "/versions/" + version);
+    return response;
+  });
+}
+
+HttpResponse get_content(const Context& context, const HttpRequest& request,
+                         const PathParameters& path) {
+  auto archive = context.store.archive(path.at("map"), path.at("version"));
+  HttpResponse response{.content_type = "application/x-tar", .body = {}, .headers = {}};
+  response.headers = {{"ETag", archive->etag()},
+                      {"Cache-Control", "public, max-age=31536000, immutable"},
+                      {"Content-Disposition", "attachment; filename=\"" + path.at("map") + "-" +
+                                                  path.at("version") + ".tar\""}};
+  if (is_known_to_client(request.header("if-none-match"), archive->etag())) {
+    response.status = 304;
+    return response;
+  }
+  response.source = std::make_shared<PackageSource>(std::move(archive));
+  return response;
+}
+
+}  // namespace
+
+void add_package_routes(std::vector<Route>& routes, const Context& context) {
+  routes.push_back({"PUT", "/v1/maps/{map}/versions/{version}",
+                    [&context](const HttpRequest& request, const PathParameters& path) {
+                      return put_version(context, request, path);
+                    },
+                    Access::kWrite, BodyKind::kStreamed,
+                    static_cast<std::uint64_t>(context.options.uploads.max_package_bytes)});
+  routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/content",
+                    [&context](const HttpRequest& request, const PathParameters& path) {
+                      return get_content(context, request, path);
+                    }});
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cstddef>
+#include <string_view>
+
+namespace stillmap::server {
+
+/// One request that was answered. What names the client stands in the thread's `LogContext`.
+/// There is no field for a header or a query on purpose: keys travel in them.
+struct AccessRecord {
+  std::string_view method;
+  /// The route's pattern, `/v1/maps/{map}/localize`; empty when none was met.
+  std::string_view route;
+  int status = 0;
+  /// Bodies, as they travelled.
+  std::size_t bytes_in = 0;
+  std::size_t bytes_out = 0;
+  double milliseconds = 0.0;
+};
+
+/// Writes a line of level info, of level debug for probes and metrics, which come every second. One
+/// of 500 and above is a warning; it is also written when `requests` is false.
+/// @param requests  `log.requests`.
+void log_access(const AccessRecord& record, bool requests);
+
+/// The record that this thread is logging right now; nullptr when it logs anything else.
+[[nodiscard]] const AccessRecord* current_access_record();
+
+}  // namespace stillmap::server

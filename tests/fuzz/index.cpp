@@ -1,0 +1,122 @@
+// The index file of a map: patches to a whole one. The first byte says whether its checksums are
+// made right again, as somebody would who breaks it on purpose; then 3 bytes say where, one how
+// many bytes (1 to 8), and these follow.
+#include "fuzz_folder.hpp"
+#include "fuzz_target.hpp"
+#include "index/crc32c.hpp"
+#include "index/index_file.hpp"
+#include "index/index_format.hpp"
+#include "support/synthetic_world.hpp"
+
+#include <stillmap/localization/aligner.hpp>
+#include <stillmap/localization/map_index.hpp>
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_package.hpp>
+
+#include <cstring>
+#include <memory>
+
+namespace {
+
+using namespace stillmap;
+using localization::index_format::Header;
+using localization::index_format::Kind;
+using localization::index_format::Section;
+
+constexpr localization::MapIndexOptions kOptions{};
+
+/// Ground and two walls, some metres wide.
+std::vector<maps::MapPoint> points() {
+  test::Random random(1);
+  std::vector<maps::MapPoint> all;
+  const auto add = [&](double x, double y, double z) {
+    all.push_back({static_cast<float>(x), static_cast<float>(y), static_cast<float>(z), 0.0F, 1,
+                   maps::PointKind::kMeasured, 0});
+  };
+  for (int k = 0; k < 1500; ++k) {
+    add(random.uniform(0, 8), random.uniform(0, 6), 0.01 * random.normal());
+    add(random.uniform(0, 8), 6.0 + 0.01 * random.normal(), random.uniform(0, 3));
+    add(8.0 + 0.01 * random.normal(), random.uniform(0, 6), random.uniform(0, 3));
+  }
+  return all;
+}
+
+/// A map, its whole index, and a scan of it.
+struct Sample {
+  std::shared_ptr<const maps::MapPackage> package;
+  std::filesystem::path file;
+  std::string index;
+  maps::PointCloud scan;
+
+  Sample() {
+    const std::vector<maps::MapPoint> all = points();
+    maps::MapPackageWriter writer(fuzz::folder().path() / "map");
+    writer.add_tile({}, all);
+    writer.publish({}, "{}");
+    package = maps::MapPackage::open(fuzz::folder().path() / "map");
+    file = localization::MapIndex::open(*package, kOptions)->file();
+    const localization::MappedFile mapped(file);
+    const auto bytes = mapped.bytes();
+    index.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    for (std::size_t i = 0; i < all.size(); i += 9)
+      scan.positions.emplace_back(all[i].x - 4.0F, all[i].y - 3.0F, all[i].z - 1.0F);
+  }
+};
+
+void patch(std::string& index, std::string_view patches) {
+  while (patches.size() >= 5) {
+    const auto at = [&](std::size_t i) { return static_cast<std::uint8_t>(patches[i]); };
+    const std::size_t where = (at(0) | at(1) << 8U | std::size_t{at(2)} << 16U) % index.size();
+    const std::size_t count =
+        std::min({std::size_t{at(3)} % 8 + 1, patches.size() - 4, index.size() - where});
+    std::memcpy(index.data() + where, patches.data() + 4, count);
+    patches.remove_prefix(4 + count);
+  }
+}
+
+void mend_checksums(std::string& index) {
+  Header header;
+  std::memcpy(&header, index.data(), sizeof(header));
+  if (header.sections > (index.size() - sizeof(Header)) / sizeof(Section)) return;
+  const std::span<const std::byte> bytes = fuzz::bytes_of(index);
+  std::vector<Section> sections(header.sections);
+  if (sections.empty()) return;
+  std::memcpy(sections.data(), index.data() + sizeof(Header), sections.size() * sizeof(Section));
+  for (Section& section : sections) {
+    if (section.offset > index.size() || section.bytes > index.size() - section.offset) continue;
+    section.crc = localization::crc32c(bytes.subspan(section.offset, section.bytes));
+  }
+  std::memcpy(index.data() + sizeof(Header), sections.data(), sections.size() * sizeof(Section));
+  header.crc = 0;
+  const auto of_header = localization::crc32c(std::as_bytes(std::span(&header, 1)));
+  header.crc = localization::crc32c(std::as_bytes(std::span(sections)), of_header);
+  std::memcpy(index.data(), &header, sizeof(header));
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const Sample sample;
+  if (size == 0) return 0;
+  std::string bytes = sample.index;
+  patch(bytes, fuzz::text_of(data + 1, size - 1));
+  if (data[0] % 8 != 0) mend_checksums(bytes);
+  // As the aligner gets it, but a broken one is not built anew: that is slow and another path.
+  std::vector<localization::CacheLine> lines(bytes.size() / sizeof(localization::CacheLine));
+  std::memcpy(lines.data(), bytes.data(), lines.size() * sizeof(localization::CacheLine));
+  const localization::IndexKey key{sample.package->digest(), kOptions};
+  if (!fuzz::taken<maps::InputError>(
+          [&] { return localization::view_of(std::as_bytes(std::span(lines)), key, "fuzz"); })) {
+    return 0;
+  }
+  fuzz::put(sample.file, bytes);
+  const auto index = localization::MapIndex::open(*sample.package, kOptions);
+  fuzz::require(index->rebuilt_because().empty(), "what one reader takes the other does too");
+  localization::Prior prior;
+  prior.T_map_lidar.translation() = Eigen::Vector3d(4.1, 2.9, 1.0);
+  // Any answer will do, but none from outside the file.
+  const auto aligner = localization::make_aligner("default", index, {prior.T_map_lidar});
+  static_cast<void>(aligner->align(sample.scan, prior));
+  static_cast<void>(aligner->align(sample.scan, std::nullopt));
+  return 0;
+}

@@ -1,0 +1,183 @@
+#!/usr/bin/env python3
+"""Writes the seeds of the corpora: small whole inputs of each target, by hand. Regressions, which lie beside them as
+`found_*`, are left as they are.
+
+usage: tests/fuzz/make_seeds.py
+"""
+
+import hashlib
+import json
+import math
+import pathlib
+import struct
+
+CORPUS = pathlib.Path(__file__).resolve().parent / "corpus"
+POINTS = [(1.0 + 0.5 * i, -2.0 + i, 0.25 * i, 0.125 * i) for i in range(8)]
+POSE = {"position": [1, 2, 0.5], "quaternion": [0, 0, 0.6, 0.8]}
+COVARIANCE = [(0.5 if row == column else 0.0) for row in range(6) for column in range(6)]
+SEPARATOR = b"\x1e"
+
+
+def put(target, name, content):
+    folder = CORPUS / target
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / f"seed_{name}").write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+def floats(rows, columns=4):
+    return b"".join(struct.pack(f"<{columns}f", *row[:columns]) for row in rows)
+
+
+def pcd(data, fields=("x", "y", "z", "intensity"), sizes=None, types=None, body=b""):
+    sizes = sizes or [4] * len(fields)
+    types = types or ["F"] * len(fields)
+    return ("# .PCD v0.7\nVERSION 0.7\nFIELDS " + " ".join(fields) + "\nSIZE " + " ".join(map(str, sizes)) +
+            "\nTYPE " + " ".join(types) + "\nCOUNT " + " ".join("1" for _ in fields) +
+            f"\nWIDTH {len(POINTS)}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(POINTS)}\nDATA {data}\n").encode() + body
+
+
+def lzf_literals(data):
+    """LZF without a match: runs of up to 32 bytes as they are."""
+    return b"".join(bytes([len(data[i:i + 32]) - 1]) + data[i:i + 32] for i in range(0, len(data), 32))
+
+
+def make_scans():
+    text = "\n".join(" ".join(map(str, p)) for p in POINTS).encode() + b"\n"
+    planes = b"".join(struct.pack("<8f", *column) for column in zip(*POINTS))
+    # The second half once more, as a match of 8 bytes at distance 1.
+    packed = lzf_literals(planes)
+    put("scan_body", "xyzi", b"\0" + floats(POINTS))
+    put("scan_body", "xyz", b"\1" + floats(POINTS, 3))
+    put("scan_body", "pcd", b"\2" + pcd("binary", body=floats(POINTS)))
+    put("pcd", "ascii", pcd("ascii", body=text))
+    put("pcd", "binary", pcd("binary", body=floats(POINTS)))
+    put("pcd", "compressed", pcd("binary_compressed", body=struct.pack("<II", len(packed), len(planes)) + packed))
+    run = b"\0\x01" + b"\xe0\x76\x00"  # one byte, then 127 times the one before
+    put("pcd", "run", pcd("binary_compressed", body=struct.pack("<II", len(run), 128) + run))
+    timed = b"".join(struct.pack("<3dHI", *p[:3], 7, i * 1000) for i, p in enumerate(POINTS))
+    put("pcd", "timed", pcd("binary", ("x", "y", "z", "reflectivity", "t"), [8, 8, 8, 2, 4],
+                            ["F", "F", "F", "U", "U"], timed))
+    head = (f"element vertex {len(POINTS)}\nproperty float x\nproperty float y\nproperty float z\n"
+            "property float intensity\nend_header\n").encode()
+    put("ply", "ascii", b"ply\nformat ascii 1.0\ncomment by hand\n" + head + text)
+    put("ply", "little", b"ply\nformat binary_little_endian 1.0\n" + head + floats(POINTS))
+    put("ply", "big", b"ply\nformat binary_big_endian 1.0\n" + head +
+        b"".join(struct.pack(">4f", *p) for p in POINTS))
+    listed = (b"ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\nelement vertex 1\n"
+              b"property double x\nproperty double y\nproperty double z\nproperty list uchar float extra\n"
+              b"property uint t\nend_header\n3 0 1 2\n1 2 3 2 0.5 0.25 100\n")
+    put("ply", "lists", listed)
+
+
+def pose_object(**more):
+    return {"prior": POSE, "stamp_ns": "1500000000123456789", "deadline_ms": 500, "method": "default", **more}
+
+
+def make_requests():
+    points = [list(p[:3]) for p in POINTS]
+    box = {"centre": [1, 2, 3], "size": [4, 2, 1.5], "yaw": 0.5}
+    put("pose_json", "plain", json.dumps({"points": points}))
+    put("pose_json", "full", json.dumps(pose_object(
+        points=points, T_base_lidar=POSE, movable=[box, box], prior={**POSE, "covariance": COVARIANCE})))
+    put("pose_json", "beside", json.dumps({"layout": "xyz", "stamp_ns": -5}))
+    put("pose_json", "wrong", json.dumps({"points": [[1, 2]], "prior": {"position": ["a", None, True]}}))
+    def parts(request, scan, kind):
+        return (b"multipart/form-data; boundary=\"xYz\"\n--xYz\r\nContent-Disposition: form-data; name=\"request\"\r\n"
+                b"Content-Type: application/json\r\n\r\n" + json.dumps(request).encode() +
+                b"\r\n--xYz\r\nContent-Disposition: form-data; name=scan; filename=\"a\"\r\nContent-Type: " + kind +
+                b"\r\n\r\n" + scan + b"\r\n--xYz--\r\n")
+    put("pose_multipart", "raw", parts(pose_object(layout="xyzi"), floats(POINTS), b"application/octet-stream"))
+    put("pose_multipart", "pcd", parts(pose_object(), pcd("binary", body=floats(POINTS)), b"application/vnd.pcd"))
+    query = ("prior_t=1,2,0.5&prior_q=0,0,0.6,0.8&prior_sigma=0.5,0.05&stamp_ns=15&method=icp&deadline_ms=500&layout=xyz")
+    put("query", "full", query + "\nmultipart/form-data; boundary=\"xYz\"; charset=utf-8\nrequest-1._-\n"
+        "/v1/maps/town/versions/0123456789ab/tiles/0/-1/2")
+    put("query", "short", "prior_t=nan,inf,-1e9&prior_q=0,0,0,1\ntext/HTML ; name = plain \n\x01\n/v1/maps/town")
+    put("query", "post", "stamp_ns=-9223372036854775808\n;;=;\n\n/v1/maps/town/localize")
+    put("prior", "usual", struct.pack("<50d", 1, 2, 3, 0, 0, 0.6, 0.8, *COVARIANCE, 1, 2, 3, 4, 2, 1.5, 0.5))
+    tight = [(1e-18 if row == column else 0.0) for row in range(6) for column in range(6)]
+    put("prior", "tight", struct.pack("<50d", -1e8, 1e8, 0, 0, 0, 0, 1, *tight, 1e5, 2, 3, 100, 1e-9, 1, math.pi))
+
+
+def make_http():
+    scan = floats(POINTS)
+    localize = b"POST /v1/maps/town/localize?prior_t=0,0,0&prior_q=0,0,0,1 HTTP/1.1\r\nHost: a\r\n"
+    raw = b"Content-Type: application/octet-stream\r\nContent-Length: " + str(len(scan)).encode() + b"\r\n\r\n" + scan
+    put("http", "get", b"GET /v1/maps HTTP/1.1\r\nHost: a\r\nAccept-Encoding: gzip, br\r\nX-Request-Id: a-1\r\n\r\n"
+        b"HEAD /livez HTTP/1.1\r\n\r\nGET /v1/maps/town HTTP/1.1\r\nRange: bytes=0-1\r\nConnection: close\r\n\r\n")
+    put("http", "localize", localize + raw + b"GET /readyz HTTP/1.1\r\n\r\n")
+    body = json.dumps(pose_object(points=[list(p[:3]) for p in POINTS])).encode()
+    put("http", "json", b"POST /v1/maps/town/localize HTTP/1.1\r\nContent-Type: application/json\r\nExpect: 100-continue\r\n"
+        b"Content-Length: " + str(len(body)).encode() + b"\r\n\r\n" + body)
+    put("http", "chunked", localize + b"Transfer-Encoding: chunked\r\n\r\n4\r\nabcd\r\n0\r\n\r\n")
+    put("http", "odd", b"PUT /v1/%6daps/../x?a=%00&b HTTP/1.0\r\nRange: bytes=1-2,3-4\r\nContent-Length: 1\r\n\r\nx"
+        b"OPTIONS * HTTP/1.1\r\n\r\n")
+
+
+def make_packages():
+    tiles = [("tiles/0_0_0.bin", 40), ("tiles/0_0_0.history", 32), ("tiles/0_-1_0.bin", 20), ("trajectory.tum", 32),
+             ("objects.json", 16)]
+    assert len("1 0 0 0 0 0 0 1\n2 1 0 0 0 0 0 1\n") == 32 and len('{"objects": []}\n') == 16
+    digest = hashlib.sha256(b"").hexdigest()
+    manifest = {"schema": 1, "frame_id": "map", "origin": [10.5, -2, 0], "voxel_size_m": 0.1, "relative_clock": False,
+                "software_version": "0.1.0", "options": {"movable": "project"}, "counts": {"in": 3},
+                "sources": {"drive": digest},
+                "geodetic_origin": {"latitude_deg": 49.0, "longitude_deg": 8.4, "altitude_m": 110.0},
+                "tiles": [{"level": 0, "x": x, "y": 0, "points": n, "min": [0, 0, 0], "max": [1, 2, 3]}
+                          for x, n in ((0, 2), (-1, 1))],
+                "files": {name: {"bytes": size, "sha256": digest} for name, size in tiles}}
+    put("manifest", "whole", json.dumps(manifest, indent=1))
+    bare = {**manifest, "tiles": [], "files": {}}
+    del bare["geodetic_origin"]
+    put("manifest", "bare", json.dumps(bare))
+    car = {"class": "car", "size": [4.5, 1.8, 1.5], "score": 0.75, "motion": "parked", "drive": 0, "first_scan": 0,
+           "last_scan": 4, "first_stamp_ns": "1500000000000000000", "last_stamp_ns": "1500000000400000000",
+           "detections": 3, "points_removed": 12, "placements": [{"scan": 0, "centre": [1, 2, 3], "yaw": 0.5}]}
+    objects = json.dumps({"objects": [car]})
+    tile = b"".join(struct.pack("<4fHBB", 0.1 * (i % 5), 0.1 * (i // 5), 0.01 * i, 0.5, 3, i % 4, 0) for i in range(30))
+    history = b"".join(struct.pack("<III3bB", 0, 1, 0, 0, 0, 127, 200) for _ in range(30))
+    # Scan 0: 5 kept; scan 1: 2 projected of object 1, 1 dropped.
+    runs = [bytes([5, 5 << 3]), bytes([3, 2 << 3 | 2, 1, 1 << 3 | 4])]
+    fates = b"smfates1" + b"".join(runs) + struct.pack("<QQQQ", 8, 8 + len(runs[0]), 8 + len(runs[0]) + len(runs[1]), 2)
+    tum = "# stamp x y z qx qy qz qw\n1500000000.100000001 1 2 3 0 0 0.6 0.8\n1.5e9 1 1 1 0 0 0 1\n"
+    good_tum = "1500000000.1 1 2 3 0 0 0.6 0.8\n1500000000.2 2 2 3 0 0 0 1\n"
+    put("package_files", "whole", SEPARATOR.join([tile, history, good_tum.encode(), objects.encode(), fates]))
+    put("package_files", "empty", SEPARATOR.join([b"", b"", b"", b"{\"objects\": []}", b""]))
+    put("boxes", "objects", objects)
+    boxes = {"format": "stillmap-boxes", "version": 1, "scans": [{"scan": 3, "boxes": [
+        {"centre": [1, 2, 3], "size": [4, 2, 1.5], "yaw": 0.5, "class": "car", "score": 1, "track": 3}]}]}
+    put("boxes", "json", json.dumps(boxes))
+    put("boxes", "kitti", "0 1 Car 0 0 -1.5 100 120 200 220 1.5 1.8 4.5 2.0 1.6 12.5 -1.57\n"
+        "0 -1 DontCare -1 -1 -10 10 20 30 40 -1 -1 -1 -1000 -1000 -1000 -10\n1 1 Van 0 0 0 1 2 3 4 1 1 1 0 1 5 0 0.9\n")
+    put("trajectory", "tum", good_tum)
+    put("trajectory", "unordered", tum)
+    put("trajectory", "kitti", "1 0 0 0 0 1 0 0 0 0 1 0\n0.8 -0.6 0 1.5 0.6 0.8 0 2e-1 0 0 1 -3\n")
+    put("trajectory", "times", "0.0\n1.036000e-01\n0.2\n")
+    stamps = "2011-09-26 13:10:51.158069617\n2011-09-26 13:10:51.168069617\n"
+    oxts = "49.015 8.434 116.4 0.03 0.01 -1.1 " + " ".join(["0.5"] * 19) + " 4 9 0 0 0\n"
+    put("kitti_text", "oxts", stamps.encode() + SEPARATOR + oxts.encode())
+    put("kitti_text", "imu", stamps.encode() + SEPARATOR +
+        b"calib_time: 25-May-2012 16:47:16\nR: 1 0 0 0 1 0 0 0 1\nT: -0.8 0.3 -0.8\n")
+    put("kitti_text", "tracking", SEPARATOR + b"P2: 721.5377 0 609.5593 44.85728 0 721.5377 172.854 0.2163791 0 0 1 "
+        b"0.002745884\nR_rect 1 0 0 0 1 0 0 0 1\nTr_velo_cam 0 -1 0 0 0 0 -1 -0.08 1 0 0 -0.27\n"
+        b"S_rect_02: 1242 375\n")
+
+
+def make_index():
+    put("index", "whole", b"\1")
+    # Into the header, the section table, and a voxel.
+    put("index", "patched", b"\1" + bytes([8, 0, 0, 3]) + b"\x02\0\0\0" + bytes([200, 0, 0, 7]) + b"\xff" * 8)
+    put("index", "voxel", b"\1" + bytes([0, 0, 1, 3]) + struct.pack("<f", math.nan))
+
+
+def make_weights():
+    config = {"name": "a", "range_m": [-1, -1, -1, 1, 1, 1], "voxel_m": [0.1, 0.1, 0.1]}
+    header = json.dumps({"__metadata__": {"format": "stillmap-voxelnext", "version": "1", "config": json.dumps(config)},
+                         "input.weight": {"dtype": "F32", "shape": [2, 2], "data_offsets": [0, 16]}}).encode()
+    put("voxelnext_weights", "file", struct.pack("<Q", len(header)) + header + bytes(16))
+    put("voxelnext_weights", "header", header)
+    put("voxelnext_weights", "config", json.dumps(config))
+
+
+if __name__ == "__main__":
+    for make in (make_scans, make_requests, make_http, make_packages, make_index, make_weights):
+        make()

@@ -1,0 +1,83 @@
+#pragma once
+
+#include "api_error.hpp"
+#include "fuzz_target.hpp"
+#include "input_checks.hpp"
+#include "pose/pose_checks.hpp"
+#include "pose/pose_request.hpp"
+#include "scan_rules.hpp"
+
+#include <stillmap/localization/movable.hpp>
+
+#include <cmath>
+
+namespace stillmap::fuzz {
+
+/// Limits as a small server has them, so that a fuzzer's inputs reach both sides of each.
+[[nodiscard]] inline server::ServerOptions small_options() {
+  server::ServerOptions options;
+  options.max_payload_bytes = std::size_t{1} << 20U;
+  options.max_json_bytes = std::size_t{16} << 10U;
+  options.max_scan_points = 1000;
+  options.min_scan_points = 2;
+  return options;
+}
+
+inline void require_rigid(const Eigen::Isometry3d& T) {
+  require(T.matrix().allFinite(), "a pose is finite");
+  require(T.translation().cwiseAbs().maxCoeff() <= server::kMaxPositionM, "a pose is near enough");
+  require((T.linear().transpose() * T.linear()).isIdentity(1e-9), "a rotation is one");
+}
+
+/// The bounds of `server/README.md`; what holds them is taken by the aligner too.
+inline void require_bounds(const server::PoseParameters& parameters) {
+  if (parameters.prior) {
+    require_rigid(parameters.prior->T_map_lidar);
+    localization::require_usable(*parameters.prior);
+    if (parameters.prior->covariance) {
+      const auto sigmas = parameters.prior->covariance->diagonal().array().sqrt();
+      // A quotient of 1 + 1e-12 is the rounding of the square root.
+      require((sigmas >= 0.999999e-9).all() && (sigmas <= 1.000001e6).all(),
+              "a sigma lies in [1e-9, 1e6]");
+    }
+  }
+  if (parameters.T_base_lidar) require_rigid(*parameters.T_base_lidar);
+  require(parameters.movable.size() <= server::kMaxMovableBoxes, "no more boxes than allowed");
+  if (parameters.deadline) {
+    require(
+        parameters.deadline->count() >= 1 && parameters.deadline->count() <= server::kMaxDeadlineMs,
+        "a deadline lies in its bounds");
+  }
+}
+
+inline void require_bounds(const server::PoseRequest& request,
+                           const server::ServerOptions& options) {
+  require_bounds(request.parameters);
+  require_whole(request.scan_lidar);
+  const std::size_t points = request.scan_lidar.size();
+  require(points >= options.min_scan_points && points <= options.max_scan_points,
+          "as many points as allowed");
+  for (const Eigen::Vector3f& p : request.scan_lidar.positions)
+    require(p.cwiseAbs().maxCoeff() <= server::kMaxPointM, "points are near enough");
+  // Refuses with std::invalid_argument, which nobody catches, boxes that should not be here.
+  static_cast<void>(
+      localization::without_points_in(request.scan_lidar, request.parameters.movable));
+}
+
+/// Reads a request with this body and requires its bounds when it is taken.
+inline void read_and_require(std::string_view content_type, std::string_view body,
+                             std::vector<std::pair<std::string, std::string>> query = {}) {
+  static const server::ServerOptions options = small_options();
+  server::HttpRequest request;
+  request.method = "POST";
+  request.headers["content-type"] = content_type;
+  request.query = std::move(query);
+  request.body = body;
+  const auto read = taken<server::ApiError>([&] {
+    return return server::decode_scan(
+        server::find_scan(request, options, server::ScanPurpose::kQuery), options);
+  });
+  if (read) require_bounds(*read, options);
+}
+
+}  // namespace stillmap::fuzz

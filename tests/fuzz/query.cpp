@@ -1,0 +1,68 @@
+// Lines of a request, as the server's own code reads them: `name=value` pairs joined by `&` (what
+// the HTTP library has decoded), then a header's value, a client's request id, and a path.
+#include "flat_parameters.hpp"
+#include "header_text.hpp"
+#include "pose_rules.hpp"
+#include "request_id.hpp"
+#include "router.hpp"
+
+namespace {
+
+using namespace stillmap;
+
+void read_query(std::string_view text) {
+  std::vector<std::pair<std::string, std::string>> query;
+  while (!text.empty()) {
+    std::string_view pair = fuzz::take_until(text, '&');
+    const std::string_view name = fuzz::take_until(pair, '=');
+    query.emplace_back(name, pair);
+  }
+  for (const bool takes_layout : {false, true}) {
+    const auto read = fuzz::taken<server::ApiError>([&] {
+      return server::read_flat_parameters(query, takes_layout, server::ScanPurpose::kQuery);
+    });
+    if (read) fuzz::require_bounds(*read);
+  }
+}
+
+void read_header(std::string_view text) {
+  const std::string_view inner = server::trimmed(text);
+  fuzz::require(inner.size() <= text.size(), "trimmed is no longer");
+  fuzz::require(server::media_type(text).find(';') == std::string::npos, "a type without values");
+  for (const std::string_view name : {"boundary", "name", "charset"})
+    fuzz::require(server::parameter_of(text, name).size() <= text.size(), "a value lies inside");
+}
+
+void read_id(std::string_view text) {
+  const std::string id = server::request_id_from(text);
+  fuzz::require(!id.empty() && id.size() <= 64, "an id of 1 to 64 letters");
+  for (const char c : server::printable(text))
+    fuzz::require(static_cast<unsigned char>(c) >= 0x20 && c != 0x7f, "no control characters");
+}
+
+void route(std::string_view text) {
+  const auto handler = [](const server::HttpRequest&, const server::PathParameters&) {
+    return server::HttpResponse{};
+  };
+  static const server::Router router(
+      {{"GET", "/v1/maps/{map}", handler},
+       {"POST", "/v1/maps/{map}/localize", handler},
+       {"GET", "/v1/maps/{map}/versions/{version}/tiles/{l}/{x}/{y}", handler}});
+  const auto match = fuzz::taken<server::ApiError>([&] { return router.match("GET", text); });
+  if (!match) return;
+  for (const auto& [name, value] : match->parameters) {
+    fuzz::require(!value.empty() && value.find('/') == std::string::npos,
+                  "a part of a path is one");
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  std::string_view text = fuzz::text_of(data, size);
+  read_query(fuzz::take_until(text, '\n'));
+  read_header(fuzz::take_until(text, '\n'));
+  read_id(fuzz::take_until(text, '\n'));
+  route(text);
+  return 0;
+}

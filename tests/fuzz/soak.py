@@ -1,0 +1,159 @@
+#!/usr/bin/env python3
+"""Runs libFuzzer's programs, one after the other, and keeps what they found and how long they ran.
+
+usage: soak.py PROGRAMS STATE [--seconds N | --soak | --report] [TARGET...]
+
+--seconds N  each target for N seconds
+--soak       each target until it has run 30 CPU-minutes behind its last new edge and a million inputs in all; a run that
+             was cut off goes on where it was
+--report     writes the results into tests/README.md
+
+STATE/NAME/corpus grows, STATE/NAME/state.json counts, STATE/NAME/found/ holds inputs that broke something. The rules
+are those of the soak: 512 MiB, 5 s an input. Ends with 1 when anything was found.
+"""
+
+import argparse
+import datetime
+import json
+import os
+import pathlib
+import re
+import subprocess
+import sys
+
+HERE = pathlib.Path(__file__).resolve().parent
+README = HERE.parent / "README.md"
+BEGIN, END = "<!-- fuzz: written by tests/fuzz/run.sh --report -->", "<!-- fuzz: end -->"
+QUIET_CPU_S = 30 * 60
+LEAST_INPUTS = 1_000_000
+# Short, so that little is lost when a run is cut off; a fresh process also sheds what a leak check defers.
+SLICE_S = 300
+# AddressSanitizer keeps freed memory, by default half of what is allowed in all.
+ENVIRONMENT = {"ASAN_OPTIONS": "quarantine_size_mb=32:detect_leaks=1", "UBSAN_OPTIONS": "print_stacktrace=1"}
+LINE = re.compile(r"^#(\d+)\s+(\w+)\s+cov: (\d+)")
+
+
+class Target:
+    def __init__(self, program, folder):
+        self.name = program.name.removeprefix("fuzz_")
+        self.program, self.folder = program, folder
+        self.state_file = folder / "state.json"
+        self.state = {"inputs": 0, "cpu_s": 0.0, "cpu_s_at_last_edge": 0.0, "edges": 0, "commit": "", "date": ""}
+        if self.state_file.exists():
+            self.state |= json.loads(self.state_file.read_text())
+        for each in ("corpus", "found"):
+            (folder / each).mkdir(parents=True, exist_ok=True)
+
+    def quiet_s(self):
+        return self.state["cpu_s"] - self.state["cpu_s_at_last_edge"]
+
+    def is_done(self):
+        return self.quiet_s() >= QUIET_CPU_S and self.state["inputs"] >= LEAST_INPUTS
+
+    def findings(self):
+        return sorted(path.name for path in (self.folder / "found").iterdir())
+
+    def command(self, seconds):
+        seeds, words = HERE / "corpus" / self.name, HERE / f"{self.name}.dict"
+        options = [f"-max_total_time={seconds}", "-rss_limit_mb=512", "-timeout=5", "-max_len=4096",
+                   "-print_final_stats=1", "-reload=0", f"-artifact_prefix={self.folder}/found/"]
+        options += [f"-dict={words}"] if words.exists() else []
+        return [self.program, *options, self.folder / "corpus", *([seeds] if seeds.is_dir() else [])]
+
+    def run(self, seconds):
+        """@return whether nothing was found"""
+        before_s, before_inputs = self.state["cpu_s"], self.state["inputs"]
+        process = subprocess.Popen(self.command(seconds), stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
+                                   errors="replace", env=os.environ | ENVIRONMENT)
+        edges, last = None, []
+        for line in process.stderr:
+            last = [*last[-60:], line]
+            self.state["cpu_s"] = max(self.state["cpu_s"], before_s + cpu_s(process.pid))
+            match = LINE.match(line)
+            if not match:
+                continue
+            self.state["inputs"] = before_inputs + int(match[1])
+            # What the inputs that are kept reach anyway is not new.
+            if match[2] not in ("READ", "INITED") and edges is not None and int(match[3]) > edges:
+                self.state["cpu_s_at_last_edge"] = self.state["cpu_s"]
+            edges = int(match[3])
+            self.state["edges"] = max(self.state["edges"], edges)
+        ok = process.wait() == 0
+        self.save()
+        if not ok:
+            (self.folder / "last.log").write_text("".join(last))
+            print(f"{self.name}: see {self.folder}/last.log and {self.folder}/found/", file=sys.stderr)
+        return ok
+
+    def save(self):
+        self.state |= {"commit": commit(), "date": datetime.date.today().isoformat()}
+        partial = self.state_file.with_suffix(".partial")
+        partial.write_text(json.dumps(self.state, indent=1))
+        partial.rename(self.state_file)
+
+    def line(self):
+        return (f"{self.name}: {self.state['inputs']:,} inputs, {self.state['edges']} edges, "
+                f"{self.state['cpu_s'] / 60:.1f} CPU-minutes, {self.quiet_s() / 60:.1f} since the last new edge"
+                f"{', done' if self.is_done() else ''}")
+
+
+def cpu_s(pid):
+    try:
+        fields = pathlib.Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except (FileNotFoundError, ProcessLookupError):
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def commit():
+    run = subprocess.run(["git", "-C", HERE, "rev-parse", "--short=10", "HEAD"], capture_output=True, text=True)
+    return run.stdout.strip() or "unknown"
+
+
+def report(targets):
+    rows = [f"| {t.name} | {t.state['inputs']:,} | {t.state['edges']:,} | {t.state['cpu_s'] / 60:.1f} | "
+            f"{t.quiet_s() / 60:.1f} | {len(t.findings())} | {t.state['date']} | {t.state['commit']} |" for t in targets]
+    text = "\n".join([BEGIN, "| target | inputs | edges | CPU-minutes | since the last new edge | open findings | date | commit |",
+                      "|---|---|---|---|---|---|---|---|", *rows, END])
+    old = README.read_text() if README.exists() else "# Tests\n"
+    if BEGIN in old:
+        head, rest = old.split(BEGIN, 1)
+        new = head + text + rest.split(END, 1)[1]
+    else:
+        new = old.rstrip("\n") + "\n\n## Fuzzing\n\n" + text + "\n"
+    README.write_text(new)
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("programs", type=pathlib.Path)
+    parser.add_argument("state", type=pathlib.Path)
+    parser.add_argument("--seconds", type=int, default=60)
+    parser.add_argument("--soak", action="store_true")
+    parser.add_argument("--report", action="store_true")
+    parser.add_argument("targets", nargs="*")
+    asked = parser.parse_args()
+    programs = sorted(path for path in asked.programs.glob("fuzz_*") if os.access(path, os.X_OK))
+    known = [path.name.removeprefix("fuzz_") for path in programs]
+    for name in asked.targets:
+        if name not in known:
+            sys.exit(f"{name}: expected one of {' '.join(known)}")
+    targets = [Target(path, asked.state / name) for name, path in zip(known, programs)
+               if not asked.targets or name in asked.targets]
+    if asked.report:
+        report(targets)
+        return 0
+    broken = set()
+    # Turn by turn, so that all have run when time is short.
+    while left := [t for t in targets if t.name not in broken and not (asked.soak and t.is_done())]:
+        for target in left:
+            if not target.run(SLICE_S if asked.soak else asked.seconds):
+                broken.add(target.name)
+            print(target.line(), flush=True)
+        if not asked.soak:
+            break
+    return 1 if broken else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
