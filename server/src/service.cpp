@@ -111,7 +111,16 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
                 queue_),
       context_{options_, workers_,  store,    catalog_,
                queue_,   sessions_, metrics_, std::chrono::steady_clock::now()},
-      router_(all_routes(context_, web)) {}
+      router_(all_routes(context_, web)) {
+  metrics_.add_reader([this] {
+    const AlignmentQueue::Figures figures = queue_.figures();
+    metrics_.set_workers(static_cast<std::size_t>(figures.running),
+                         static_cast<std::size_t>(workers_));
+    metrics_.set_queue(static_cast<std::size_t>(figures.waiting),
+                       static_cast<std::size_t>(options_.queue));
+    metrics_.set_sessions(sessions_.size());
+  });
+}
 
 Router::Match Service::admit(HttpRequest& request) const {
   Router::Match match = router_.match(request.method, request.path);

@@ -89,6 +89,7 @@ std::string answer_query(const Context& context, const HttpRequest& request,
   answer.timing.align_ms = milliseconds_since(aligning);
   answer.parameters = std::move(parameters);
   ticket.scan_done(kind_of(answer.parameters));
+  count_answer(context, answer, answer.parameters.method);
   note_clock_skew(context, answer);
   answer.timing.total_ms = milliseconds_since(request.received);
   return pose_answer_json(answer);
@@ -129,6 +130,7 @@ HttpResponse answer_batch(const Context& context, const HttpRequest& request,
                             .deadline = deadline_of(context, request, batch.queries.deadline)};
   {
     AlignmentQueue::Ticket ticket = context.queue.enter(reservation_of(request), work);
+    context.metrics.queue_waited(1e-3 * milliseconds_since(request.received));
     if (is_json) {
       batch.queries = read_batch_json(request.body, JsonScan::kInside, context.options);
       work.deadline = deadline_of(context, request, batch.queries.deadline);

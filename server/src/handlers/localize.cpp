@@ -32,6 +32,7 @@ void align(const Context& context, const ServedVersion& map, PoseRequest& reques
   answer.result = aligner.align(request.scan_lidar, parameters.prior);
   answer.timing.align_ms = milliseconds_since(begin);
   answer.parameters = std::move(parameters);
+  count_answer(context, answer, answer.parameters.method);
   note_clock_skew(context, answer);
 }
 
@@ -49,6 +50,7 @@ HttpResponse answer_localize(const Context& context, const HttpRequest& request,
     AlignmentQueue::Ticket ticket =
         context.queue.enter(reservation_of(request), {.kind = kind, .deadline = deadline});
     answer.timing.wait_ms = milliseconds_since(request.received);
+    context.metrics.queue_waited(1e-3 * answer.timing.wait_ms);
     const PoseClock::time_point begin = PoseClock::now();
     PoseRequest pose_request = decode_scan(std::move(found), context.options);
     answer.timing.decode_ms = milliseconds_since(begin);

@@ -117,6 +117,12 @@ PoseAnswer answer_for(const ServedVersion& map, const HttpRequest& request) {
   return answer;
 }
 
+void count_answer(const Context& context, const PoseAnswer& answer, const std::string& method) {
+  context.metrics.aligned(
+      answer.map_name, method.empty() ? localization::aligner_names().front() : method,
+      localization::name_of(answer.result.status), 1e-3 * answer.timing.align_ms);
+}
+
 void note_clock_skew(const Context& context, PoseAnswer& answer) {
   const auto& stamp_ns = answer.parameters.stamp_ns;
   const double allowed_s = context.options.max_clock_skew_s;

@@ -47,6 +47,8 @@ void check_deadline(PoseClock::time_point deadline);
 /// Leaves the points in movable boxes out and counts them. Work: hold a ticket.
 void leave_movable_out(PoseRequest& request, PoseAnswer& answer);
 [[nodiscard]] PoseAnswer answer_for(const ServedVersion& map, const HttpRequest& request);
+/// Counts an answer. @param method  as it was asked for, one that there is.
+void count_answer(const Context& context, const PoseAnswer& answer, const std::string& method);
 /// Compares the stamp, if there is one, with the server's clock.
 void note_clock_skew(const Context& context, PoseAnswer& answer);
 

@@ -126,6 +126,7 @@ HttpResponse track_scan(const Context& context, const HttpRequest& request,
     AlignmentQueue::Ticket ticket = enter(context, request, scan);
     scan.begin();
     answer.timing.wait_ms = milliseconds_since(request.received);
+    context.metrics.queue_waited(1e-3 * answer.timing.wait_ms);
     const PoseClock::time_point begin = PoseClock::now();
     PoseRequest pose_request = decode_scan(std::move(found), context.options);
     answer.timing.decode_ms = milliseconds_since(begin);
@@ -143,6 +144,7 @@ HttpResponse track_scan(const Context& context, const HttpRequest& request,
   check_deadline(deadline);
   session->touch(PoseClock::now());
   answer.session = session->id();
+  count_answer(context, answer, answer.parameters.method);
   note_clock_skew(context, answer);
   answer.timing.total_ms = milliseconds_since(request.received);
   return json_response(pose_answer_json(answer));
@@ -167,7 +169,12 @@ HttpResponse show_session(const Context& context, const HttpRequest& request,
 void add_scan_route(std::vector<Route>& routes, const Context& context) {
   Route scans{"POST", "/v1/sessions/{session}/scans",
               [&context](const HttpRequest& request, const PathParameters& path) {
-                return track_scan(context, request, path);
+                try {
+                  return track_scan(context, request, path);
+                } catch (const ApiError& error) {
+                  if (error.code() == ErrorCode::kSuperseded) context.metrics.scan_superseded();
+                  throw;
+                }
               },
               Access::kLocalize, BodyKind::kWhole};
   scans.reserve = [&context](const HttpRequest& request, const PathParameters& path) {

@@ -115,7 +115,7 @@ class Load {
 
  private:
   struct Tally {
-    std::atomic<int> sent = 0, good = 0, late = 0, refused = 0, other = 0;
+    std::atomic<int> sent = 0, good = 0, prompt = 0, late = 0, refused = 0, other = 0;
   };
 
   void limit(const std::string& what, double value, bool holds, const std::string& bound) {
@@ -232,11 +232,12 @@ void Load::open_loop(int port, double rate, double seconds, Tally& tally) const 
         const Query& query = queries_[static_cast<std::size_t>(mine) % queries_.size()];
         const int status = client.request("POST", query.target + deadline, query.body).status;
         ++tally.sent;
-        // By the client's clock and from when it was due: the server counts from the whole request.
-        const bool in_time = 1e3 * seconds_since(due) <= kDeadlineMs;
-        if (status == 200 && in_time) {
+        // The server counts from the whole request, so a 200 is in time; a client that shares its
+        // cores also waits for the way there and back.
+        if (status == 200) {
           ++tally.good;
-        } else if (status == 200 || status == 504) {
+          if (1e3 * seconds_since(due) <= kDeadlineMs) ++tally.prompt;
+        } else if (status == 504) {
           ++tally.late;
         } else if (status == 429 || status == 503) {
           ++tally.refused;
@@ -286,14 +287,15 @@ void Load::measure_overload() {
   const double seconds = 0.75 * turn_s * kTurns;
   const int admitted = tally.sent - tally.refused;
   fmt::print(
-      "overload: capacity {:.1f}/s; sent {:.1f}/s: {} in time, {} late, {} refused, {} other; "
+      "overload: capacity {:.1f}/s; sent {:.1f}/s: {} in time ({} from when they were due), {} "
+      "late, {} refused, {} other; "
       "memory {:.0f} -> {:.0f} MiB\n",
-      capacity, tally.sent / seconds, tally.good.load(), tally.late.load(), tally.refused.load(),
-      tally.other.load(), warm_mib, most_mib);
+      capacity, tally.sent / seconds, tally.good.load(), tally.prompt.load(), tally.late.load(),
+      tally.refused.load(), tally.other.load(), warm_mib, most_mib);
   const double served = static_cast<double>(tally.good) / std::max(1, admitted);
   limit("admitted that are 200 within their deadline", served, served >= 0.99, ">= 0.99");
   limit("answers other than 200, 429, 503, 504", tally.other, tally.other == 0, "== 0");
-  const double goodput = tally.good / seconds / capacity;
+  const double goodput = tally.prompt / seconds / capacity;
   limit("goodput to capacity", goodput, goodput >= 0.8, ">= 0.8");
   const double health_p99 = quantile(health_ms, 0.99);
   limit("health p99 [ms]", health_p99, health_p99 < 50.0, "< 50");
