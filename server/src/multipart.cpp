@@ -3,10 +3,11 @@
 #include "api_error.hpp"
 #include "header_text.hpp"
 
+#include <fmt/format.h>
+
 namespace stillmap::server {
 namespace {
 
-constexpr std::size_t kMaxParts = 4;
 constexpr std::size_t kMaxPartHeaderBytes = 4096;
 
 ApiError malformed(const std::string& found, const std::string& expected) {
@@ -39,7 +40,8 @@ MultipartPart read_part(std::string_view part) {
 
 }  // namespace
 
-std::vector<MultipartPart> split_multipart(std::string_view content_type, std::string_view body) {
+std::vector<MultipartPart> split_multipart(std::string_view content_type, std::string_view body,
+                                           std::size_t most_parts) {
   const std::string boundary = parameter_of(content_type, "boundary");
   if (boundary.empty() || boundary.size() > 70) {
     throw field_error(ErrorCode::kInvalidRequest, "Content-Type", "no usable boundary",
@@ -57,7 +59,9 @@ std::vector<MultipartPart> split_multipart(std::string_view content_type, std::s
     body.remove_prefix(2);
     const std::size_t end = body.find(delimiter);
     if (end == std::string_view::npos) throw malformed("no closing boundary", "one");
-    if (parts.size() == kMaxParts) throw malformed("more than 4 parts", "request and scan");
+    if (parts.size() == most_parts) {
+      throw malformed(fmt::format("more than {} parts", most_parts), "request and scans");
+    }
     parts.push_back(read_part(body.substr(0, end)));
     body.remove_prefix(end + delimiter.size());
   }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -18,8 +19,10 @@ struct MultipartPart {
 /// recursive regular expressions over lines of any length, so bytes from outside could exhaust its
 /// stack.
 /// @param content_type  the request's, with the boundary.
-/// @throws ApiError kInvalidRequest when it is malformed or has more than 4 parts.
+/// @param most_parts    more are refused.
+/// @throws ApiError kInvalidRequest when it is malformed or has more parts.
 [[nodiscard]] std::vector<MultipartPart> split_multipart(std::string_view content_type,
-                                                         std::string_view body);
+                                                         std::string_view body,
+                                                         std::size_t most_parts = 4);
 
 }  // namespace stillmap::server

@@ -30,6 +30,14 @@ int worker_count(const ServerOptions& options) {
   return static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
 }
 
+QueueLimits queue_limits(const ServerOptions& options, int workers) {
+  return {.workers = workers,
+          .waiting = options.queue,
+          .requests = options.max_requests,
+          .body_bytes = options.max_bodies_bytes,
+          .client_share = options.client_share};
+}
+
 /// The page speaks to this server alone, and no file is run as something else than it says.
 void add_page_headers(HttpResponse& response) {
   response.headers.emplace_back("Content-Security-Policy", "default-src 'self'");
@@ -63,6 +71,8 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   add_package_routes(routes, context);
   add_tile_routes(routes, context);
   add_localize_routes(routes, context);
+  add_batch_routes(routes, context);
+  add_session_routes(routes, context);
   for (const WebAsset& asset : web) {
     // In a pattern a brace would stand for any name.
     if (asset.path.find('{') != std::string::npos) continue;
@@ -97,11 +107,24 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
       gatekeeper_(store.keys()),
       catalog_(store, std::move(builder)),
       workers_(worker_count(options_)),
-      gate_(workers_, options_.queue),
-      context_{options_, workers_, store,     catalog_,
-               gate_,    metrics_, stopping_, std::chrono::steady_clock::now()},
+      queue_(queue_limits(options_, workers_)),
+      sessions_({.most = options_.sessions.max,
+                 .idle = std::chrono::seconds(options_.sessions.idle_expiry_s),
+                 .client_share = options_.client_share},
+                queue_),
+      context_{options_, workers_,  store,
+               catalog_, queue_,    sessions_,
+               metrics_, stopping_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)) {
-  metrics_.add_reader([this] { set_map_figures(metrics_, catalog_); });
+  metrics_.add_reader([this] {
+    const AlignmentQueue::Figures figures = queue_.figures();
+    metrics_.set_workers(static_cast<std::size_t>(figures.running),
+                         static_cast<std::size_t>(workers_));
+    metrics_.set_queue(static_cast<std::size_t>(figures.waiting),
+                       static_cast<std::size_t>(options_.queue));
+    metrics_.set_sessions(sessions_.size());
+    set_map_figures(metrics_, catalog_);
+  });
 }
 
 Router::Match Service::admit(HttpRequest& request) const {

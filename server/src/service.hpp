@@ -36,7 +36,8 @@ class Service final : public RequestHandler {
   mutable Gatekeeper gatekeeper_;
   mutable MapCatalog catalog_;
   int workers_;
-  mutable AlignmentGate gate_;
+  mutable AlignmentQueue queue_;
+  mutable SessionTable sessions_;
   Context context_;
   Router router_;
 };

@@ -7,8 +7,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string_view text = fuzz::text_of(data, size);
   fuzz::read_and_require("application/json", text);
   for (const auto scan : {server::JsonScan::kRawBeside, server::JsonScan::kPcdBeside}) {
-    const auto read = fuzz::taken<server::ApiError>(
-        [&] { return server::read_pose_request_json(text, scan, fuzz::small_options()); });
+    const auto read = fuzz::taken<server::ApiError>([&] {
+      return server::read_pose_request_json(text, scan, server::ScanPurpose::kQuery,
+                                            fuzz::small_options());
+    });
     if (read) fuzz::require_bounds(read->parameters);
   }
   return 0;

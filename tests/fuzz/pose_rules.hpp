@@ -3,8 +3,8 @@
 #include "api_error.hpp"
 #include "fuzz_target.hpp"
 #include "input_checks.hpp"
-#include "pose_checks.hpp"
-#include "pose_request.hpp"
+#include "pose/pose_checks.hpp"
+#include "pose/pose_request.hpp"
 #include "scan_rules.hpp"
 
 #include <stillmap/localization/movable.hpp>
@@ -73,8 +73,10 @@ inline void read_and_require(std::string_view content_type, std::string_view bod
   request.headers["content-type"] = content_type;
   request.query = std::move(query);
   request.body = body;
-  const auto read =
-      taken<server::ApiError>([&] { return server::read_pose_request(request, options); });
+  const auto read = taken<server::ApiError>([&] {
+    return return server::decode_scan(
+        server::find_scan(request, options, server::ScanPurpose::kQuery), options);
+  });
   if (read) require_bounds(*read, options);
 }
 

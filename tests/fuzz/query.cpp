@@ -18,8 +18,9 @@ void read_query(std::string_view text) {
     query.emplace_back(name, pair);
   }
   for (const bool takes_layout : {false, true}) {
-    const auto read = fuzz::taken<server::ApiError>(
-        [&] { return server::read_flat_parameters(query, takes_layout); });
+    const auto read = fuzz::taken<server::ApiError>([&] {
+      return server::read_flat_parameters(query, takes_layout, server::ScanPurpose::kQuery);
+    });
     if (read) fuzz::require_bounds(*read);
   }
 }

@@ -23,7 +23,7 @@
 #include "commands.hpp"
 #include "json/answers_json.hpp"
 #include "localize.hpp"
-#include "pose_checks.hpp"
+#include "pose/pose_checks.hpp"
 
 namespace stillmap::cli {
 namespace {

@@ -41,6 +41,8 @@ void check_together(const ServerOptions& o, Together together) {
                   "tls.certificate_file", "both or none");
   together.unless(o.max_json_bytes <= o.max_payload_bytes, "max_json_bytes", "max_payload_bytes",
                   "at most max_payload_bytes");
+  together.unless(o.max_bodies_bytes >= o.max_payload_bytes, "max_bodies_bytes",
+                  "max_payload_bytes", "at least max_payload_bytes");
   together.unless(o.max_scan_points >= o.min_scan_points, "max_scan_points", "min_scan_points",
                   "at least min_scan_points");
   together.unless(o.max_head_bytes >= o.max_head_line_bytes, "max_head_bytes",

@@ -1,8 +1,9 @@
 #pragma once
 
-#include "alignment_gate.hpp"
 #include "map_catalog.hpp"
 #include "metrics.hpp"
+#include "pose/alignment_queue.hpp"
+#include "pose/session_table.hpp"
 #include "router.hpp"
 
 #include <stillmap/server/server_options.hpp>
@@ -22,7 +23,8 @@ struct Context {
   int workers;
   maps::PackageStore& store;
   MapCatalog& catalog;
-  AlignmentGate& gate;
+  AlignmentQueue& queue;
+  SessionTable& sessions;
   Metrics& metrics;
   /// Once set, the server is about to end.
   const std::atomic<bool>& stopping;
@@ -41,6 +43,8 @@ void add_version_routes(std::vector<Route>& routes, const Context& context);
 void add_package_routes(std::vector<Route>& routes, const Context& context);
 void add_tile_routes(std::vector<Route>& routes, const Context& context);
 void add_localize_routes(std::vector<Route>& routes, const Context& context);
+void add_batch_routes(std::vector<Route>& routes, const Context& context);
+void add_session_routes(std::vector<Route>& routes, const Context& context);
 
 /// Whether the path's part of this name may name a map or a version. @throws ApiError if not.
 void check_name(const PathParameters& path, const std::string& part);

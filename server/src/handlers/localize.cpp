@@ -1,64 +1,62 @@
 #include "api_error.hpp"
-#include "context.hpp"
 #include "json/answers_json.hpp"
-#include "pose_request.hpp"
+#include "pose_handling.hpp"
 
-#include <stillmap/localization/movable.hpp>
-
-#include <cstddef>
-#include <optional>
-#include <string>
+#include <algorithm>
+#include <string_view>
+#include <utility>
 
 namespace stillmap::server {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-double milliseconds_since(Clock::time_point begin) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
+/// As far as the head tells it: parameters in a body are taken for the usual ones.
+WorkKind kind_in_head(const HttpRequest& request) {
+  const auto has = [&](std::string_view name) {
+    return std::any_of(request.query.begin(), request.query.end(),
+                       [&](const auto& each) { return each.first == name; });
+  };
+  if (has("method")) return WorkKind::kReference;
+  const bool flat = request.header("content-type").starts_with("application/octet-stream") ||
+                    request.header("content-type").starts_with("application/vnd.pcd");
+  return flat && !has("prior_t") && !has("gnss") ? WorkKind::kEverywhere : WorkKind::kNearPrior;
 }
 
-const localization::Aligner& choose(const Aligners& aligners, const std::string& method) {
-  if (method.empty()) return *aligners.front().second;
-  std::string names;
-  for (const auto& [name, aligner] : aligners) {
-    if (name == method) return *aligner;
-    names += (names.empty() ? "" : ", ") + name;
-  }
-  throw field_error(ErrorCode::kUnknownMethod, "method", "'" + method + "'", names);
-}
-
-void check_deadline(const std::optional<Clock::time_point>& deadline) {
-  if (!deadline || Clock::now() <= *deadline) return;
-  throw ApiError(ErrorCode::kDeadlineExceeded, "the deadline passed before the answer was there");
+void align(const Context& context, const ServedVersion& map, PoseRequest& request,
+           PoseClock::time_point deadline, PoseAnswer& answer) {
+  PoseParameters& parameters = request.parameters;
+  const localization::Aligner& aligner = choose_aligner(*map.aligners, parameters.method);
+  parameters.prior = prior_in(map, parameters.prior, parameters.gnss);
+  check_deadline(deadline);
+  const PoseClock::time_point begin = PoseClock::now();
+  leave_movable_out(request, answer);
+  answer.result = aligner.align(request.scan_lidar, parameters.prior);
+  answer.timing.align_ms = milliseconds_since(begin);
+  answer.parameters = std::move(parameters);
+  count_answer(context, answer, answer.parameters.method);
+  note_clock_skew(context, answer);
 }
 
 HttpResponse answer_localize(const Context& context, const HttpRequest& request,
                              const PathParameters& path) {
   const ServedVersion map = context.catalog.ready(path.at("map"), version_in(path));
-  PoseRequest pose_request = read_pose_request(request, context.options);
-  const localization::Aligner& aligner = choose(*map.aligners, pose_request.parameters.method);
-  PoseAnswer answer{.parameters = std::move(pose_request.parameters),
-                    .map_name = map.map,
-                    .map_version = map.version,
-                    .map_digest = map.package->digest(),
-                    .request_id = request.request_id};
-  answer.timing.decode_ms = milliseconds_since(request.received);
-
-  std::optional<Clock::time_point> deadline;
-  if (answer.parameters.deadline) deadline = request.received + *answer.parameters.deadline;
+  ScanInBody found = find_scan(request, context.options, ScanPurpose::kQuery);
+  // What can be refused is refused before it waits.
+  static_cast<void>(choose_aligner(*map.aligners, found.parameters.method));
+  PoseClock::time_point deadline = deadline_of(context, request, found.parameters.deadline);
+  PoseAnswer answer = answer_for(map, request);
   {
-    const AlignmentGate::Ticket ticket = context.gate.enter(deadline);
-    check_deadline(deadline);
-    const Clock::time_point begin = Clock::now();
-    const std::size_t points = pose_request.scan_lidar.size();
-    if (!answer.parameters.movable.empty()) {
-      pose_request.scan_lidar =
-          localization::without_points_in(pose_request.scan_lidar, answer.parameters.movable);
-    }
-    answer.movable_points = points - pose_request.scan_lidar.size();
-    answer.result = aligner.align(pose_request.scan_lidar, answer.parameters.prior);
-    answer.timing.align_ms = milliseconds_since(begin);
+    const WorkKind kind =
+        found.kind == ScanInBody::Kind::kJson ? WorkKind::kNearPrior : kind_of(found.parameters);
+    AlignmentQueue::Ticket ticket =
+        context.queue.enter(reservation_of(request), {.kind = kind, .deadline = deadline});
+    answer.timing.wait_ms = milliseconds_since(request.received);
+    context.metrics.queue_waited(1e-3 * answer.timing.wait_ms);
+    const PoseClock::time_point begin = PoseClock::now();
+    PoseRequest pose_request = decode_scan(std::move(found), context.options);
+    answer.timing.decode_ms = milliseconds_since(begin);
+    deadline = deadline_of(context, request, pose_request.parameters.deadline);
+    align(context, map, pose_request, deadline, answer);
+    ticket.scan_done(kind_of(answer.parameters));
   }
   check_deadline(deadline);
   answer.timing.total_ms = milliseconds_since(request.received);
@@ -68,13 +66,19 @@ HttpResponse answer_localize(const Context& context, const HttpRequest& request,
 }  // namespace
 
 void add_localize_routes(std::vector<Route>& routes, const Context& context) {
-  const Handler localize = [&context](const HttpRequest& request, const PathParameters& path) {
-    return answer_localize(context, request, path);
-  };
-  routes.push_back(
-      {"POST", "/v1/maps/{map}/localize", localize, Access::kLocalize, BodyKind::kWhole});
-  routes.push_back({"POST", "/v1/maps/{map}/versions/{version}/localize", localize,
-                    Access::kLocalize, BodyKind::kWhole});
+  for (const char* pattern :
+       {"/v1/maps/{map}/localize", "/v1/maps/{map}/versions/{version}/localize"}) {
+    Route route{"POST", pattern,
+                [&context](const HttpRequest& request, const PathParameters& path) {
+                  return answer_localize(context, request, path);
+                },
+                Access::kLocalize, BodyKind::kWhole};
+    route.reserve = [&context](const HttpRequest& request, const PathParameters& path) {
+      require_ready(context, path);
+      return reserve_room(context, request, kind_in_head(request), 1);
+    };
+    routes.push_back(std::move(route));
+  }
 }
 
 }  // namespace stillmap::server

@@ -111,11 +111,32 @@ std::string pose_answer_json(const PoseAnswer& answer) {
   const auto& stamp_ns = answer.parameters.stamp_ns;
   // As text: beyond 2^53 a JSON number is no longer exact.
   json["stamp_ns"] = stamp_ns ? Json(std::to_string(*stamp_ns)) : Json();
-  json["timing_ms"] = {{"decode", answer.timing.decode_ms},
+  json["timing_ms"] = {{"wait", answer.timing.wait_ms},
+                       {"decode", answer.timing.decode_ms},
                        {"align", answer.timing.align_ms},
                        {"total", answer.timing.total_ms}};
+  json["warnings"] = Json::array();
+  if (const auto& skew_s = answer.clock_skew_s) {
+    json["warnings"].push_back({{"code", "clock_skew"}, {"ahead_s", *skew_s}});
+  }
+  if (!answer.session.empty()) {
+    json["session"] = answer.session;
+    json["searched_from"] = localization::name_of(answer.searched_from);
+  }
   json["request_id"] = answer.request_id;
   return to_text(json);
+}
+
+std::string batch_answer_json(const std::vector<BatchedAnswer>& answers,
+                              const std::string& request_id) {
+  // The answers are JSON already; to parse them again only to write them would double the work.
+  std::string text = "{\"answers\":[";
+  for (const BatchedAnswer& each : answers) {
+    if (text.back() == '}') text += ',';
+    text += "{\"status\":" + std::to_string(each.http_status) +
+            (each.http_status == 200 ? ",\"answer\":" : ",\"problem\":") + each.body + '}';
+  }
+  return text + "],\"request_id\":" + to_text(Json(request_id)) + '}';
 }
 
 std::string map_list_json(const std::vector<ListedMap>& maps,
@@ -273,7 +294,11 @@ std::string server_status_json(const ServerStatus& status, const ServerOptions& 
                     {"min_scan_points", options.min_scan_points},
                     {"max_scan_points", options.max_scan_points},
                     {"workers", status.workers},
-                    {"queue", options.queue}};
+                    {"queue", options.queue},
+                    {"default_deadline_ms", options.default_deadline_ms},
+                    {"max_batch", options.batch.max_scans},
+                    {"max_sessions", options.sessions.max},
+                    {"session_idle_s", options.sessions.idle_expiry_s}};
   return to_text(json);
 }
 

@@ -2,7 +2,7 @@
 
 #include "api_error.hpp"
 #include "map_catalog.hpp"
-#include "pose_answer.hpp"
+#include "pose/pose_answer.hpp"
 
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/trajectory.hpp>
@@ -16,6 +16,15 @@
 namespace stillmap::server {
 
 [[nodiscard]] std::string pose_answer_json(const PoseAnswer& answer);
+
+/// One answer of a batch: a pose (200) or a problem, as JSON.
+struct BatchedAnswer {
+  int http_status = 200;
+  std::string body;
+};
+[[nodiscard]] std::string batch_answer_json(const std::vector<BatchedAnswer>& answers,
+                                            const std::string& request_id);
+
 /// A map of the store with the version that is served of it, if any is.
 struct ListedMap {
   maps::StoredMap stored;

@@ -1,7 +1,7 @@
 #include "pose_request_json.hpp"
 
 #include "api_error.hpp"
-#include "pose_checks.hpp"
+#include "pose/pose_checks.hpp"
 
 #include <fmt/format.h>
 
@@ -9,6 +9,7 @@
 #include <cmath>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -45,7 +46,7 @@ json parse(std::string_view text, const ServerOptions& options) {
 }
 
 void require_keys(const json& object, const std::string& path,
-                  std::initializer_list<std::string_view> known) {
+                  std::span<const std::string_view> known) {
   if (!object.is_object()) refuse(path.empty() ? "JSON" : path, object, "an object");
   std::string names;
   for (const std::string_view name : known)
@@ -83,6 +84,11 @@ Eigen::Isometry3d read_pose(const json& object, ErrorCode code, const std::strin
                       {code, path + ".position", path + ".quaternion"});
 }
 
+void require_keys(const json& object, const std::string& path,
+                  std::initializer_list<std::string_view> known) {
+  require_keys(object, path, std::span(known.begin(), known.size()));
+}
+
 std::optional<localization::Prior> read_prior(const json& request) {
   const auto found = request.find("prior");
   if (found == request.end()) return std::nullopt;
@@ -94,6 +100,28 @@ std::optional<localization::Prior> read_prior(const json& request) {
         checked_covariance(read_numbers<36>(*found, "covariance", "prior"), "prior.covariance");
   }
   return prior;
+}
+
+double read_number(const json& object, const char* key, const std::string& path) {
+  const std::string here = path + "." + key;
+  const auto found = object.find(key);
+  if (found == object.end())
+    throw field_error(ErrorCode::kInvalidRequest, here, "nothing", "a number");
+  if (!found->is_number()) refuse(here, *found, "a number");
+  return found->get<double>();
+}
+
+std::optional<GnssFix> read_gnss(const json& request) {
+  const auto found = request.find("gnss");
+  if (found == request.end()) return std::nullopt;
+  require_keys(*found, "gnss", {"latitude_deg", "longitude_deg", "altitude_m", "sigma_m"});
+  GnssFix fix{.latitude_deg = read_number(*found, "latitude_deg", "gnss"),
+              .longitude_deg = read_number(*found, "longitude_deg", "gnss"),
+              .altitude_m = std::nullopt,
+              .sigma_m = read_number(*found, "sigma_m", "gnss")};
+  if (found->contains("altitude_m")) fix.altitude_m = read_number(*found, "altitude_m", "gnss");
+  check_gnss(fix, "gnss");
+  return fix;
 }
 
 std::vector<maps::Box> read_movable(const json& list) {
@@ -126,14 +154,38 @@ std::int64_t read_integer_key(const json& value, const char* key) {
   return value.get<std::int64_t>();
 }
 
+localization::OdometryStep read_odometry(const json& step) {
+  require_keys(step, "odometry", {"since_ns", "position", "quaternion", "covariance"});
+  const auto since = step.find("since_ns");
+  if (since == step.end()) {
+    throw field_error(ErrorCode::kInvalidRequest, "odometry.since_ns", "nothing",
+                      "a decimal 64-bit integer");
+  }
+  return {.since_ns = read_integer_key(*since, "odometry.since_ns"),
+          .T_since_lidar = read_pose(step, ErrorCode::kInvalidOdometry, "odometry"),
+          .covariance = checked_covariance(read_numbers<36>(step, "covariance", "odometry"),
+                                           "odometry.covariance", ErrorCode::kInvalidOdometry)};
+}
+
 std::string read_text(const json& value, const char* key) {
   if (!value.is_string()) refuse(key, value, "a string");
   return value.get<std::string>();
 }
 
+void require_one_place(const std::optional<localization::Prior>& prior,
+                       const std::optional<GnssFix>& gnss) {
+  if (!prior || !gnss) return;
+  throw field_error(ErrorCode::kInvalidRequest, "gnss", "a prior beside it", "one of the two");
+}
+
 PoseParameters read_parameters(const json& request) {
   PoseParameters parameters;
   parameters.prior = read_prior(request);
+  parameters.gnss = read_gnss(request);
+  require_one_place(parameters.prior, parameters.gnss);
+  if (const auto found = request.find("odometry"); found != request.end()) {
+    parameters.odometry = read_odometry(*found);
+  }
   if (const auto found = request.find("T_base_lidar"); found != request.end()) {
     require_keys(*found, "T_base_lidar", {"position", "quaternion"});
     parameters.T_base_lidar = read_pose(*found, ErrorCode::kInvalidTransform, "T_base_lidar");
@@ -180,20 +232,84 @@ maps::PointCloud read_points(const json& request, const ServerOptions& options) 
   return cloud;
 }
 
-}  // namespace
+/// Keys of a request with a scan; the places of the scan differ in one key alone.
+std::vector<std::string_view> known_keys(JsonScan scan, ScanPurpose purpose) {
+  std::vector<std::string_view> keys = {"T_base_lidar", "movable", "stamp_ns"};
+  if (purpose == ScanPurpose::kSession) {
+    keys.emplace_back("odometry");
+  } else {
+    keys.insert(keys.end(), {"prior", "gnss", "method"});
+  }
+  if (purpose != ScanPurpose::kBatchItem) keys.emplace_back("deadline_ms");
+  if (scan == JsonScan::kInside) keys.emplace_back("points");
+  if (scan == JsonScan::kRawBeside) keys.emplace_back("layout");
+  return keys;
+}
 
-JsonPoseRequest read_pose_request_json(std::string_view text, JsonScan scan,
-                                       const ServerOptions& options) {
-  const json request = parse(text, options);
-  // The places of the scan differ in one key alone.
-  const std::string_view extra = scan == JsonScan::kInside      ? "points"
-                                 : scan == JsonScan::kRawBeside ? "layout"
-                                                                : "method";
-  require_keys(request, "",
-               {"prior", "T_base_lidar", "movable", "stamp_ns", "method", "deadline_ms", extra});
+JsonPoseRequest read_request(const json& request, JsonScan scan, ScanPurpose purpose,
+                             const ServerOptions& options) {
+  require_keys(request, "", known_keys(scan, purpose));
   JsonPoseRequest result;
   result.parameters = read_parameters(request);
   if (scan == JsonScan::kInside) result.scan_lidar = read_points(request, options);
+  return result;
+}
+
+}  // namespace
+
+JsonPoseRequest read_pose_request_json(std::string_view text, JsonScan scan, ScanPurpose purpose,
+                                       const ServerOptions& options) {
+  return read_request(parse(text, options), scan, purpose, options);
+}
+
+JsonBatch read_batch_json(std::string_view text, JsonScan scan, const ServerOptions& options) {
+  const json batch = parse(text, options);
+  require_keys(batch, "", {"queries", "deadline_ms"});
+  JsonBatch result;
+  if (const auto found = batch.find("deadline_ms"); found != batch.end()) {
+    result.deadline = checked_deadline(read_integer_key(*found, "deadline_ms"));
+  }
+  const auto queries = batch.find("queries");
+  if (queries == batch.end() || !queries->is_array()) {
+    throw field_error(ErrorCode::kInvalidRequest, "queries", "no array", "an array");
+  }
+  const auto most = static_cast<std::size_t>(options.batch.max_scans);
+  if (queries->empty() || queries->size() > most) {
+    throw field_error(queries->empty() ? ErrorCode::kInvalidRequest : ErrorCode::kPayloadTooLarge,
+                      "queries", fmt::format("{} queries", queries->size()),
+                      fmt::format("1 to {}", most));
+  }
+  for (const json& each : *queries) {
+    JsonBatch::Item& item = result.items.emplace_back();
+    try {
+      item.request = read_request(each, scan, ScanPurpose::kBatchItem, options);
+    } catch (const ApiError& error) {
+      item.error = error;
+    }
+  }
+  return result;
+}
+
+SessionRequest read_session_json(std::string_view text, bool opens, const ServerOptions& options) {
+  const json request = parse(text.empty() ? std::string_view("{}") : text, options);
+  SessionRequest result;
+  if (opens) {
+    require_keys(request, "", {"map", "version", "prior", "gnss"});
+    if (!request.contains("map")) {
+      throw field_error(ErrorCode::kInvalidRequest, "map", "nothing", "the name of a map");
+    }
+    result.map = read_text(request["map"], "map");
+    if (request.contains("version")) result.version = read_text(request["version"], "version");
+  } else {
+    require_keys(request, "", {"prior", "gnss"});
+  }
+  result.prior = read_prior(request);
+  result.gnss = read_gnss(request);
+  require_one_place(result.prior, result.gnss);
+  if (result.prior && !result.prior->covariance) {
+    throw field_error(ErrorCode::kInvalidPrior, "prior.covariance", "nothing",
+                      "36 numbers: a session weighs the prior against what follows");
+  }
   return result;
 }
 

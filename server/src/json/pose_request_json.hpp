@@ -1,8 +1,13 @@
 #pragma once
 
-#include "pose_request.hpp"
+#include "api_error.hpp"
+#include "pose/pose_request.hpp"
 
+#include <chrono>
+#include <optional>
+#include <string>
 #include <string_view>
+#include <vector>
 
 namespace stillmap::server {
 
@@ -19,10 +24,41 @@ struct JsonPoseRequest {
   maps::PointCloud scan_lidar;
 };
 
-/// Reads `prior {position, quaternion, covariance}`, `T_base_lidar {position, quaternion}`,
-/// `movable [{centre, size, yaw}]`, `stamp_ns`, `method`, `deadline_ms` and `points` or `layout`.
+/// Reads `prior {position, quaternion, covariance}`, `gnss {latitude_deg, longitude_deg,
+/// altitude_m?, sigma_m}`, `T_base_lidar {position, quaternion}`, `movable [{centre, size, yaw}]`,
+/// `stamp_ns`, `method`, `deadline_ms`, `odometry {since_ns, position, quaternion, covariance}` and
+/// `points` or `layout`, as far as the purpose has them.
 /// @throws ApiError with the path of what is wrong; unknown keys are refused.
 [[nodiscard]] JsonPoseRequest read_pose_request_json(std::string_view text, JsonScan scan,
+                                                     ScanPurpose purpose,
                                                      const ServerOptions& options);
+
+struct JsonBatch {
+  std::optional<std::chrono::milliseconds> deadline;
+  /// One a query: what it says, or the error that it alone is answered with.
+  struct Item {
+    JsonPoseRequest request;
+    std::optional<ApiError> error;
+  };
+  std::vector<Item> items;
+};
+
+/// Reads `queries [...]`, each as above, and `deadline_ms`.
+/// @throws ApiError for the whole; what is wrong with one query stays with it.
+[[nodiscard]] JsonBatch read_batch_json(std::string_view text, JsonScan scan,
+                                        const ServerOptions& options);
+
+/// What a session is opened with: `map`, `version?`, and `prior` (with covariance) or `gnss`.
+struct SessionRequest {
+  std::string map;
+  std::string version;
+  std::optional<localization::Prior> prior;
+  std::optional<GnssFix> gnss;
+};
+
+/// @param opens  whether `map` and `version` are read; else only where the vehicle is.
+/// @throws ApiError with the path of what is wrong; unknown keys are refused.
+[[nodiscard]] SessionRequest read_session_json(std::string_view text, bool opens,
+                                               const ServerOptions& options);
 
 }  // namespace stillmap::server

@@ -64,7 +64,8 @@ double AlignmentQueue::cost_s(const Work& work) const {
 double AlignmentQueue::running_rest_s(Clock::time_point now) const {
   double rest = 0.0;
   for (const auto& [id, running] : running_) {
-    const double whole = times_.mean_s(running.work.kind) * (running.work.units - running.done);
+    const int left = std::max(1, running.work.units - running.done);
+    const double whole = times_.mean_s(running.work.kind) * left;
     rest += std::max(0.0, whole - seconds_between(running.since, now));
   }
   return rest;
@@ -264,13 +265,15 @@ void AlignmentQueue::Ticket::scan_done(WorkKind kind) {
 }
 
 void AlignmentQueue::Ticket::give_way() {
+  if (queue_ == nullptr) throw late();
   AlignmentQueue& queue = *queue_;
   std::unique_lock lock(queue.mutex_);
   Running mine = queue.running_.at(id_);
   const Clock::time_point order =
       std::min(mine.work.deadline, mine.work.place.value_or(mine.work.deadline));
   if (queue.waiting_.empty() || (*queue.waiting_.begin())->order >= order) return;
-  mine.work.units -= mine.done;
+  // Of a batch in JSON it was not known how many scans it holds.
+  mine.work.units = std::max(1, mine.work.units - mine.done);
   Waiting waiting{.order = order, .id = id_, .work = mine.work, .cost_s = queue.cost_s(mine.work)};
   queue.running_.erase(id_);
   ++queue.free_;

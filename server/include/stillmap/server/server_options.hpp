@@ -165,6 +165,15 @@ struct ServerOptions {
   /// Requests that may wait for a worker; beyond it the answer is 503. More of them wait longer
   /// instead of trying another server.
   int queue = 16;
+  /// Requests with a body that are received, wait or are served at one time.
+  int max_requests = 256;
+  /// Their bodies together [bytes], at least max_payload_bytes; one in gzip counts as
+  /// max_payload_bytes, since that is what it may become.
+  std::size_t max_bodies_bytes = std::size_t{512} << 20U;
+  /// Of a pose request that names none [ms].
+  int default_deadline_ms = 10'000;
+  /// Share of the workers and the queue, and of the sessions, that one key may hold.
+  double client_share = 0.5;
   /// Connections served at one time; every idle keep-alive connection holds one of them, some 30 KiB
   /// of memory each. Beyond it the answer is 503.
   int connections = 512;

@@ -1,10 +1,12 @@
 #pragma once
 
-#include "pose_request.hpp"
+#include "pose/pose_request.hpp"
 
 #include <stillmap/localization/aligner.hpp>
+#include <stillmap/localization/tracker.hpp>
 
 #include <cstddef>
+#include <optional>
 #include <string>
 
 namespace stillmap::server {
@@ -19,7 +21,14 @@ struct PoseAnswer {
   std::string map_version;
   std::string map_digest;
   std::string request_id;
+  /// How far the stamp is ahead of the server's clock [s], when that is more than allowed.
+  std::optional<double> clock_skew_s{};
+  /// Of a session's scan: its id, and where the search started.
+  std::string session{};
+  localization::SearchedFrom searched_from = localization::SearchedFrom::kNowhere;
   struct Timing {
+    /// For a worker.
+    double wait_ms = 0.0;
     double decode_ms = 0.0;
     double align_ms = 0.0;
     /// From the complete request to the complete answer, waiting included.

@@ -1,4 +1,4 @@
-#include "pose_checks.hpp"
+#include "pose/pose_checks.hpp"
 
 #include "api_error.hpp"
 
@@ -33,13 +33,12 @@ Eigen::Isometry3d checked_pose(const std::array<double, 3>& position,
 }
 
 Eigen::Matrix<double, 6, 6> checked_covariance(std::span<const double, 36> values,
-                                               const std::string& path) {
+                                               const std::string& path, ErrorCode code) {
   using Matrix6 = Eigen::Matrix<double, 6, 6>;
   Matrix6 covariance =
       Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(values.data());
   if (!covariance.allFinite()) {
-    throw field_error(ErrorCode::kInvalidPrior, path, "a number that is not finite",
-                      "36 finite numbers");
+    throw field_error(code, path, "a number that is not finite", "36 finite numbers");
   }
   const double scale = covariance.cwiseAbs().maxCoeff();
   const bool symmetric =
@@ -48,18 +47,34 @@ Eigen::Matrix<double, 6, 6> checked_covariance(std::span<const double, 36> value
   // A NaN on the way, of an overflow, passes for success.
   if (!symmetric || llt.info() != Eigen::Success || !llt.matrixLLT().allFinite()) {
     throw field_error(
-        ErrorCode::kInvalidPrior, path,
+        code, path,
         symmetric ? "a matrix that is not positive definite" : "a matrix that is not symmetric",
         "a symmetric positive definite 6 x 6 matrix, row by row");
   }
   const auto variances = covariance.diagonal().array();
   if (!(variances >= kMinSigma * kMinSigma && variances <= kMaxSigma * kMaxSigma).all()) {
     throw field_error(
-        ErrorCode::kInvalidPrior, path,
+        code, path,
         fmt::format("variances from {} to {}", variances.minCoeff(), variances.maxCoeff()),
         fmt::format("deviations in [{}, {}] m or rad", kMinSigma, kMaxSigma));
   }
   return covariance;
+}
+
+void check_gnss(const GnssFix& fix, const std::string& path) {
+  // Written so that a NaN anywhere is refused.
+  const bool on_earth = std::abs(fix.latitude_deg) <= 90.0 && std::abs(fix.longitude_deg) <= 180.0;
+  const bool height = !fix.altitude_m || std::abs(*fix.altitude_m) <= 1e4;
+  if (!on_earth || !height) {
+    throw field_error(ErrorCode::kInvalidPrior, path,
+                      fmt::format("{}, {}, {}", fix.latitude_deg, fix.longitude_deg,
+                                  fix.altitude_m.value_or(0.0)),
+                      "latitude within 90, longitude within 180 degrees, altitude within 10000 m");
+  }
+  if (!(fix.sigma_m >= kMinGnssSigmaM && fix.sigma_m <= kMaxGnssSigmaM)) {
+    throw field_error(ErrorCode::kInvalidPrior, path + " sigma_m", fmt::format("{}", fix.sigma_m),
+                      fmt::format("{} to {} m", kMinGnssSigmaM, kMaxGnssSigmaM));
+  }
 }
 
 maps::Box checked_box(const std::array<double, 3>& centre, const std::array<double, 3>& size,

@@ -1,11 +1,11 @@
-#include "pose_request.hpp"
+#include "pose/pose_request.hpp"
 
 #include "api_error.hpp"
 #include "flat_parameters.hpp"
 #include "header_text.hpp"
 #include "json/pose_request_json.hpp"
 #include "multipart.hpp"
-#include "pose_checks.hpp"
+#include "pose/pose_checks.hpp"
 
 #include <fmt/format.h>
 
@@ -50,12 +50,8 @@ maps::PointCloud decode_raw(std::string_view bytes, bool has_intensity,
                 options);
 }
 
-PoseRequest read_json_body(const HttpRequest& request, const ServerOptions& options) {
-  JsonPoseRequest json = read_pose_request_json(request.body, JsonScan::kInside, options);
-  return {std::move(json.parameters), std::move(json.scan_lidar)};
-}
-
-PoseRequest read_multipart(const HttpRequest& request, const ServerOptions& options) {
+ScanInBody find_in_multipart(const HttpRequest& request, const ServerOptions& options,
+                             ScanPurpose purpose) {
   const MultipartPart* text = nullptr;
   const MultipartPart* scan = nullptr;
   const std::vector<MultipartPart> parts =
@@ -73,18 +69,15 @@ PoseRequest read_multipart(const HttpRequest& request, const ServerOptions& opti
     *place = &part;
   }
   if (scan == nullptr) throw field_error(ErrorCode::kInvalidRequest, "scan", "no such part", "one");
-  const std::string type = scan->content_type.empty() ? std::string(kRaw) : scan->content_type;
-  if (type != kRaw && type != kPcd) {
-    throw field_error(ErrorCode::kUnsupportedMediaType, "scan", "'" + type + "'",
-                      fmt::format("{} or {}", kRaw, kPcd));
-  }
-  JsonPoseRequest json =
-      read_pose_request_json(text == nullptr ? std::string_view("{}") : text->content,
-                             type == kPcd ? JsonScan::kPcdBeside : JsonScan::kRawBeside, options);
-  maps::PointCloud cloud = type == kPcd
-                               ? decode(scan->content, maps::ScanFormat::kPcd, options)
-                               : decode_raw(scan->content, json.parameters.has_intensity, options);
-  return {std::move(json.parameters), std::move(cloud)};
+  ScanInBody found{
+      .kind = scan_kind_of("scan", scan->content_type), .bytes = scan->content, .parameters = {}};
+  const JsonScan beside =
+      found.kind == ScanInBody::Kind::kPcd ? JsonScan::kPcdBeside : JsonScan::kRawBeside;
+  found.parameters =
+      read_pose_request_json(text == nullptr ? std::string_view("{}") : text->content, beside,
+                             purpose, options)
+          .parameters;
+  return found;
 }
 
 void refuse_query(const HttpRequest& request) {
@@ -93,33 +86,50 @@ void refuse_query(const HttpRequest& request) {
                     "no query: with this content type the parameters stand in the JSON");
 }
 
-PoseRequest read_body(const HttpRequest& request, const ServerOptions& options) {
+}  // namespace
+
+ScanInBody::Kind scan_kind_of(const std::string& part, const std::string& type) {
+  if (type.empty() || type == kRaw) return ScanInBody::Kind::kRaw;
+  if (type == kPcd) return ScanInBody::Kind::kPcd;
+  throw field_error(ErrorCode::kUnsupportedMediaType, part, "'" + type + "'",
+                    fmt::format("{} or {}", kRaw, kPcd));
+}
+
+ScanInBody find_scan(const HttpRequest& request, const ServerOptions& options,
+                     ScanPurpose purpose) {
   const std::string type = media_type(request.header("content-type"));
   if (type == kRaw || type == kPcd) {
-    PoseParameters parameters = read_flat_parameters(request.query, type == kRaw);
-    maps::PointCloud cloud = type == kRaw
-                                 ? decode_raw(request.body, parameters.has_intensity, options)
-                                 : decode(request.body, maps::ScanFormat::kPcd, options);
-    return {std::move(parameters), std::move(cloud)};
+    return {.kind = type == kRaw ? ScanInBody::Kind::kRaw : ScanInBody::Kind::kPcd,
+            .bytes = request.body,
+            .parameters = read_flat_parameters(request.query, type == kRaw, purpose)};
   }
-  if (type == "application/json") {
+  if (type == "application/json" && purpose == ScanPurpose::kQuery) {
     refuse_query(request);
-    return read_json_body(request, options);
+    return {.kind = ScanInBody::Kind::kJson, .bytes = request.body, .parameters = {}};
   }
   if (type == "multipart/form-data") {
     refuse_query(request);
-    return read_multipart(request, options);
+    return find_in_multipart(request, options, purpose);
   }
   throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
-                    fmt::format("{}, {}, application/json or multipart/form-data", kRaw, kPcd));
+                    fmt::format("{}, {}{} or multipart/form-data", kRaw, kPcd,
+                                purpose == ScanPurpose::kQuery ? ", application/json" : ""));
 }
 
-}  // namespace
-
-PoseRequest read_pose_request(const HttpRequest& request, const ServerOptions& options) {
-  PoseRequest pose_request = read_body(request, options);
-  check_scan(pose_request.scan_lidar, options);
-  return pose_request;
+PoseRequest decode_scan(ScanInBody&& from, const ServerOptions& options) {
+  PoseRequest request;
+  if (from.kind == ScanInBody::Kind::kJson) {
+    JsonPoseRequest json =
+        read_pose_request_json(from.bytes, JsonScan::kInside, ScanPurpose::kQuery, options);
+    request = {std::move(json.parameters), std::move(json.scan_lidar)};
+  } else {
+    request.scan_lidar = from.kind == ScanInBody::Kind::kPcd
+                             ? decode(from.bytes, maps::ScanFormat::kPcd, options)
+                             : decode_raw(from.bytes, from.parameters.has_intensity, options);
+    request.parameters = std::move(from.parameters);
+  }
+  check_scan(request.scan_lidar, options);
+  return request;
 }
 
 }  // namespace stillmap::server

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "error_codes.hpp"
+#include "pose/gnss_prior.hpp"
 
 #include <stillmap/maps/box.hpp>
 #include <stillmap/maps/scan.hpp>
@@ -47,10 +48,15 @@ struct PoseField {
                                              const std::array<double, 4>& quaternion,
                                              const PoseField& field);
 
-/// @param values  36, row by row. @throws ApiError kInvalidPrior unless symmetric, positive
+/// @param values  36, row by row. @throws ApiError with the code unless symmetric, positive
 /// definite, and of deviations in [kMinSigma, kMaxSigma].
-[[nodiscard]] Eigen::Matrix<double, 6, 6> checked_covariance(std::span<const double, 36> values,
-                                                             const std::string& path);
+[[nodiscard]] Eigen::Matrix<double, 6, 6> checked_covariance(
+    std::span<const double, 36> values, const std::string& path,
+    ErrorCode code = ErrorCode::kInvalidPrior);
+
+/// @throws ApiError kInvalidPrior for a place that is not on Earth or a deviation out of its
+/// bounds.
+void check_gnss(const GnssFix& fix, const std::string& path);
 
 /// A box in the lidar frame. @param path  of the box, for messages. @throws ApiError kInvalidBoxes
 /// for a value that is not finite or beyond what `localization::without_points_in` takes.

@@ -1,0 +1,163 @@
+#include "api_error.hpp"
+#include "header_text.hpp"
+#include "json/answers_json.hpp"
+#include "json/pose_request_json.hpp"
+#include "multipart.hpp"
+#include "pose/pose_checks.hpp"
+#include "pose_handling.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace stillmap::server {
+namespace {
+
+/// A scan of usual size, to tell from a body's length how many it may hold.
+constexpr std::size_t kUsualScanBytes = std::size_t{2} << 20U;
+
+/// A batch on its way: what was asked, where the scans are, what was answered.
+struct Batch {
+  JsonBatch queries;
+  /// One a query; without a scan the query is refused. Empty when the scans are in the JSON.
+  std::vector<std::optional<ScanInBody>> scans;
+  std::vector<BatchedAnswer> answers;
+};
+
+/// @throws ApiError for a part that belongs to no query.
+std::size_t scan_number(const std::string& name, std::size_t queries) {
+  constexpr std::string_view kPrefix = "scan-";
+  if (name.starts_with(kPrefix)) {
+    const std::int64_t number = read_integer(name, std::string_view(name).substr(kPrefix.size()));
+    if (number >= 0 && static_cast<std::size_t>(number) < queries) {
+      return static_cast<std::size_t>(number);
+    }
+  }
+  throw field_error(ErrorCode::kUnknownParameter, "multipart body", "part '" + name + "'",
+                    fmt::format("'request' and 'scan-0' to 'scan-{}'", queries - 1));
+}
+
+Batch read_multipart(const Context& context, const HttpRequest& request) {
+  const auto most_parts = static_cast<std::size_t>(context.options.batch.max_scans) + 1;
+  const std::vector<MultipartPart> parts =
+      split_multipart(request.header("content-type"), request.body, most_parts);
+  if (parts.empty() || parts.front().name != "request") {
+    throw field_error(ErrorCode::kInvalidRequest, "multipart body", "no part 'request' in front",
+                      "it first");
+  }
+  Batch batch;
+  batch.queries = read_batch_json(parts.front().content, JsonScan::kRawBeside, context.options);
+  batch.scans.resize(batch.queries.items.size());
+  for (std::size_t i = 1; i < parts.size(); ++i) {
+    std::optional<ScanInBody>& scan = batch.scans[scan_number(parts[i].name, batch.scans.size())];
+    if (scan) throw field_error(ErrorCode::kInvalidRequest, parts[i].name, "it twice", "it once");
+    scan = ScanInBody{.kind = scan_kind_of(parts[i].name, parts[i].content_type),
+                      .bytes = parts[i].content,
+                      .parameters = {}};
+  }
+  return batch;
+}
+
+PoseRequest take_query(const Context& context, Batch& batch, std::size_t i) {
+  JsonBatch::Item& item = batch.queries.items[i];
+  if (item.error) throw ApiError(*item.error);
+  if (batch.scans.empty()) {
+    check_scan(item.request.scan_lidar, context.options);
+    return {std::move(item.request.parameters), std::move(item.request.scan_lidar)};
+  }
+  if (!batch.scans[i]) {
+    throw field_error(ErrorCode::kInvalidRequest, fmt::format("scan-{}", i), "no such part", "one");
+  }
+  batch.scans[i]->parameters = std::move(item.request.parameters);
+  return decode_scan(std::move(*batch.scans[i]), context.options);
+}
+
+std::string answer_query(const Context& context, const HttpRequest& request,
+                         const ServedVersion& map, Batch& batch, std::size_t i,
+                         AlignmentQueue::Ticket& ticket) {
+  PoseAnswer answer = answer_for(map, request);
+  const PoseClock::time_point begin = PoseClock::now();
+  PoseRequest query = take_query(context, batch, i);
+  answer.timing.decode_ms = milliseconds_since(begin);
+  PoseParameters& parameters = query.parameters;
+  const localization::Aligner& aligner = choose_aligner(*map.aligners, parameters.method);
+  parameters.prior = prior_in(map, parameters.prior, parameters.gnss);
+  leave_movable_out(query, answer);
+  const PoseClock::time_point aligning = PoseClock::now();
+  answer.result = aligner.align(query.scan_lidar, parameters.prior);
+  answer.timing.align_ms = milliseconds_since(aligning);
+  answer.parameters = std::move(parameters);
+  ticket.scan_done(kind_of(answer.parameters));
+  count_answer(context, answer, answer.parameters.method);
+  note_clock_skew(context, answer);
+  answer.timing.total_ms = milliseconds_since(request.received);
+  return pose_answer_json(answer);
+}
+
+/// Each query is answered or refused on its own; past the deadline the rest is refused.
+void answer_queries(const Context& context, const HttpRequest& request, const ServedVersion& map,
+                    PoseClock::time_point deadline, Batch& batch, AlignmentQueue::Ticket& ticket) {
+  for (std::size_t i = 0; i < batch.queries.items.size(); ++i) {
+    try {
+      if (i > 0) ticket.give_way();
+      check_deadline(deadline);
+      batch.answers.push_back({200, answer_query(context, request, map, batch, i, ticket)});
+    } catch (const ApiError& error) {
+      batch.answers.push_back(
+          {info_of(error.code()).http_status, problem_json(error, request.request_id)});
+    }
+  }
+}
+
+HttpResponse answer_batch(const Context& context, const HttpRequest& request,
+                          const PathParameters& path) {
+  const ServedVersion map = context.catalog.ready(path.at("map"), version_in(path));
+  const std::string type = media_type(request.header("content-type"));
+  const bool is_json = type == "application/json";
+  if (!is_json && type != "multipart/form-data") {
+    throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
+                      "application/json or multipart/form-data");
+  }
+  if (!request.query.empty()) {
+    throw field_error(ErrorCode::kUnknownParameter, "query",
+                      "'" + request.query.front().first + "'", "no query");
+  }
+  Batch batch;
+  // JSON with points in it is work; of it is not known yet how many scans it holds.
+  if (!is_json) batch = read_multipart(context, request);
+  AlignmentQueue::Work work{.units = std::max(1, static_cast<int>(batch.scans.size())),
+                            .deadline = deadline_of(context, request, batch.queries.deadline)};
+  {
+    AlignmentQueue::Ticket ticket = context.queue.enter(reservation_of(request), work);
+    context.metrics.queue_waited(1e-3 * milliseconds_since(request.received));
+    if (is_json) {
+      batch.queries = read_batch_json(request.body, JsonScan::kInside, context.options);
+      work.deadline = deadline_of(context, request, batch.queries.deadline);
+    }
+    answer_queries(context, request, map, work.deadline, batch, ticket);
+  }
+  return json_response(batch_answer_json(batch.answers, request.request_id));
+}
+
+}  // namespace
+
+void add_batch_routes(std::vector<Route>& routes, const Context& context) {
+  for (const char* pattern :
+       {"/v1/maps/{map}/localize/batch", "/v1/maps/{map}/versions/{version}/localize/batch"}) {
+    Route route{"POST", pattern,
+                [&context](const HttpRequest& request, const PathParameters& path) {
+                  return answer_batch(context, request, path);
+                },
+                Access::kLocalize, BodyKind::kWhole};
+    route.reserve = [&context](const HttpRequest& request, const PathParameters& path) {
+      require_ready(context, path);
+      const auto scans = static_cast<int>(1 + body_bytes(context, request) / kUsualScanBytes);
+      return reserve_room(context, request, WorkKind::kNearPrior,
+                          std::min(scans, context.options.batch.max_scans));
+    };
+    routes.push_back(std::move(route));
+  }
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,134 @@
+#include "pose_handling.hpp"
+
+#include "api_error.hpp"
+#include "flat_parameters.hpp"
+#include "header_text.hpp"
+#include "pose/clock_skew.hpp"
+#include "refusal_codes.hpp"
+
+#include <stillmap/localization/movable.hpp>
+
+#include <algorithm>
+#include <charconv>
+#include <exception>
+#include <utility>
+#include <vector>
+
+namespace stillmap::server {
+
+double milliseconds_since(PoseClock::time_point begin) {
+  return std::chrono::duration<double, std::milli>(PoseClock::now() - begin).count();
+}
+
+void require_ready(const Context& context, const PathParameters& path) {
+  try {
+    static_cast<void>(context.catalog.ready(path.at("map"), version_in(path)));
+  } catch (const ApiError&) {
+    throw;
+  } catch (const maps::StoreRefusal& error) {
+    throw ApiError(code_of(error.reason()), error.what());
+  } catch (const std::exception&) {
+    // The handler meets it again, where it is logged.
+    return;
+  }
+}
+
+const localization::Aligner& choose_aligner(const Aligners& aligners, const std::string& method) {
+  if (method.empty()) return *aligners.front().second;
+  std::string names;
+  for (const auto& [name, aligner] : aligners) {
+    if (name == method) return *aligner;
+    names += (names.empty() ? "" : ", ") + name;
+  }
+  throw field_error(ErrorCode::kUnknownMethod, "method", "'" + method + "'", names);
+}
+
+std::optional<localization::Prior> prior_in(const ServedVersion& map,
+                                            const std::optional<localization::Prior>& prior,
+                                            const std::optional<GnssFix>& gnss) {
+  if (!gnss) return prior;
+  const auto& origin = map.package->manifest().geodetic_origin;
+  if (!origin) {
+    throw field_error(ErrorCode::kNoGeodeticOrigin, "gnss", "a map without geodetic_origin",
+                      "a prior in the map's own frame");
+  }
+  return prior_from(*gnss, *origin, localization::seen_from(*map.package));
+}
+
+WorkKind kind_of(const PoseParameters& parameters) {
+  if (!parameters.method.empty() && parameters.method != localization::aligner_names().front()) {
+    return WorkKind::kReference;
+  }
+  return parameters.prior ? WorkKind::kNearPrior : WorkKind::kEverywhere;
+}
+
+PoseClock::time_point deadline_of(const Context& context, const HttpRequest& request,
+                                  std::optional<std::chrono::milliseconds> deadline) {
+  return request.received +
+         deadline.value_or(std::chrono::milliseconds(context.options.default_deadline_ms));
+}
+
+void check_deadline(PoseClock::time_point deadline) {
+  if (PoseClock::now() <= deadline) return;
+  throw ApiError(ErrorCode::kDeadlineExceeded, "the deadline passed before the answer was there");
+}
+
+std::size_t body_bytes(const Context& context, const HttpRequest& request) {
+  const std::size_t most = context.options.max_payload_bytes;
+  const std::string encoding = lower(request.header("content-encoding"));
+  // Deflate packs up to a thousand to one, so the packed length bounds nothing.
+  if (!encoding.empty() && encoding != "identity") return most;
+  const std::string text = request.header("content-length");
+  std::size_t bytes = request.body.size();
+  std::from_chars(text.data(), text.data() + text.size(), bytes);
+  // A longer one is refused right after.
+  return std::min(bytes, most);
+}
+
+std::shared_ptr<void> reserve_room(const Context& context, const HttpRequest& request,
+                                   WorkKind kind, int units) {
+  const AlignmentQueue::Work work{
+      .kind = kind,
+      .units = units,
+      .deadline = deadline_of(context, request, read_flat_deadline(request.query))};
+  return std::make_shared<AlignmentQueue::Reservation>(
+      context.queue.reserve(request.caller.key_id, body_bytes(context, request), work));
+}
+
+const AlignmentQueue::Reservation& reservation_of(const HttpRequest& request) {
+  return *static_cast<const AlignmentQueue::Reservation*>(request.reservation.get());
+}
+
+void leave_movable_out(PoseRequest& request, PoseAnswer& answer) {
+  const std::size_t points = request.scan_lidar.size();
+  if (!request.parameters.movable.empty()) {
+    request.scan_lidar =
+        localization::without_points_in(request.scan_lidar, request.parameters.movable);
+  }
+  answer.movable_points = points - request.scan_lidar.size();
+}
+
+PoseAnswer answer_for(const ServedVersion& map, const HttpRequest& request) {
+  PoseAnswer answer;
+  answer.map_name = map.map;
+  answer.map_version = map.version;
+  answer.map_digest = map.package->digest();
+  answer.request_id = request.request_id;
+  return answer;
+}
+
+void count_answer(const Context& context, const PoseAnswer& answer, const std::string& method) {
+  context.metrics.aligned(
+      answer.map_name, method.empty() ? localization::aligner_names().front() : method,
+      localization::name_of(answer.result.status), 1e-3 * answer.timing.align_ms);
+}
+
+void note_clock_skew(const Context& context, PoseAnswer& answer) {
+  const auto& stamp_ns = answer.parameters.stamp_ns;
+  const double allowed_s = context.options.max_clock_skew_s;
+  if (!stamp_ns || allowed_s == 0.0) return;
+  answer.clock_skew_s = clock_skew_s(*stamp_ns, std::chrono::system_clock::now(),
+                                     std::chrono::duration<double>(allowed_s));
+}
+
+}  // namespace stillmap::server

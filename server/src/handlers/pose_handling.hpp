@@ -1,0 +1,55 @@
+#pragma once
+
+#include "context.hpp"
+#include "pose/pose_answer.hpp"
+#include "pose/pose_request.hpp"
+
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <string>
+
+/// What queries, batches and sessions share.
+namespace stillmap::server {
+
+using PoseClock = AlignmentQueue::Clock;
+
+[[nodiscard]] double milliseconds_since(PoseClock::time_point begin);
+
+/// Whether the version that the path names can be asked for poses, before a body is read.
+/// @throws ApiError as `MapCatalog::ready`; what is the server's own fault is left to the handler.
+void require_ready(const Context& context, const PathParameters& path);
+
+/// @param method  empty = the default. @throws ApiError kUnknownMethod.
+[[nodiscard]] const localization::Aligner& choose_aligner(const Aligners& aligners,
+                                                          const std::string& method);
+
+/// The prior as it came, or made of the satellite fix. @throws ApiError kNoGeodeticOrigin.
+[[nodiscard]] std::optional<localization::Prior> prior_in(
+    const ServedVersion& map, const std::optional<localization::Prior>& prior,
+    const std::optional<GnssFix>& gnss);
+
+[[nodiscard]] WorkKind kind_of(const PoseParameters& parameters);
+
+[[nodiscard]] PoseClock::time_point deadline_of(const Context& context, const HttpRequest& request,
+                                                std::optional<std::chrono::milliseconds> deadline);
+/// @throws ApiError kDeadlineExceeded.
+void check_deadline(PoseClock::time_point deadline);
+
+/// Room for a request with a scan, by its head alone; goes into `HttpRequest::reservation`.
+/// @param units  scans in it. @throws ApiError kBusy, kTooManyRequests.
+[[nodiscard]] std::shared_ptr<void> reserve_room(const Context& context, const HttpRequest& request,
+                                                 WorkKind kind, int units);
+[[nodiscard]] const AlignmentQueue::Reservation& reservation_of(const HttpRequest& request);
+/// Bytes that the body will take.
+[[nodiscard]] std::size_t body_bytes(const Context& context, const HttpRequest& request);
+
+/// Leaves the points in movable boxes out and counts them. Work: hold a ticket.
+void leave_movable_out(PoseRequest& request, PoseAnswer& answer);
+[[nodiscard]] PoseAnswer answer_for(const ServedVersion& map, const HttpRequest& request);
+/// Counts an answer. @param method  as it was asked for, one that there is.
+void count_answer(const Context& context, const PoseAnswer& answer, const std::string& method);
+/// Compares the stamp, if there is one, with the server's clock.
+void note_clock_skew(const Context& context, PoseAnswer& answer);
+
+}  // namespace stillmap::server

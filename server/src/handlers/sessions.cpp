@@ -1,0 +1,217 @@
+#include "api_error.hpp"
+#include "header_text.hpp"
+#include "json/answers_json.hpp"
+#include "json/pose_request_json.hpp"
+#include "json/session_json.hpp"
+#include "pose_handling.hpp"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+namespace stillmap::server {
+namespace {
+
+/// Events of one session on their way to one client.
+class SessionStream final : public EventSource {
+ public:
+  SessionStream(std::shared_ptr<Session> session, const MapCatalog& catalog, std::uint64_t last_id)
+      : session_(std::move(session)), catalog_(catalog), last_id_(last_id) {}
+
+  std::optional<std::string> next(std::chrono::milliseconds most) override {
+    if (ended_) return std::nullopt;
+    note_version(*session_, catalog_);
+    const SessionEvents::Read read = session_->events().after(last_id_, most);
+    if (!read.events.empty()) last_id_ = read.events.back().id;
+    ended_ = read.closed;
+    return to_stream(read);
+  }
+
+  /// A session that is told of its map's new version whenever somebody looks needs no listener in
+  /// the catalogue.
+  static void note_version(Session& session, const MapCatalog& catalog) {
+    try {
+      session.note_active_version(catalog.find(session.map().map).version);
+    } catch (const ApiError&) {
+      // The map is gone; the session keeps its version.
+    }
+  }
+
+ private:
+  std::shared_ptr<Session> session_;
+  const MapCatalog& catalog_;
+  std::uint64_t last_id_;
+  bool ended_ = false;
+};
+
+void require_json(const HttpRequest& request) {
+  const std::string type = media_type(request.header("content-type"));
+  if (request.body.empty() || type == "application/json") return;
+  throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
+                    "application/json");
+}
+
+std::shared_ptr<Session> find_session(const Context& context, const HttpRequest& request,
+                                      const PathParameters& path) {
+  return context.sessions.find(path.at("session"), request.caller.key_id);
+}
+
+HttpResponse open_session(const Context& context, const HttpRequest& request) {
+  require_json(request);
+  const SessionRequest wanted = read_session_json(request.body, true, context.options);
+  ServedVersion map = context.catalog.ready(
+      wanted.map,
+      wanted.version.empty() ? std::nullopt : std::optional<std::string_view>(wanted.version));
+  const auto prior = prior_in(map, wanted.prior, wanted.gnss);
+  const std::shared_ptr<Session> session =
+      context.sessions.open(std::move(map), request.caller.key_id);
+  if (prior) session->initialize(prior);
+  HttpResponse response =
+      json_response(session_json(*session, context.sessions.limits().idle), 201);
+  response.headers.emplace_back("Location", "/v1/sessions/" + session->id());
+  return response;
+}
+
+HttpResponse initialize_session(const Context& context, const HttpRequest& request,
+                                const PathParameters& path) {
+  require_json(request);
+  const std::shared_ptr<Session> session = find_session(context, request, path);
+  const SessionRequest wanted = read_session_json(request.body, false, context.options);
+  session->initialize(prior_in(session->map(), wanted.prior, wanted.gnss));
+  return json_response(session_json(*session, context.sessions.limits().idle));
+}
+
+/// What `Tracker` would refuse, in the words of the interface.
+void check_odometry(const PoseParameters& parameters) {
+  constexpr double kMaxStepM = 1e5;
+  const auto& step = parameters.odometry;
+  if (!step) return;
+  if (step->since_ns >= *parameters.stamp_ns) {
+    throw field_error(ErrorCode::kInvalidOdometry, "odometry.since_ns",
+                      std::to_string(step->since_ns), "a stamp before the scan's");
+  }
+  if (!(step->T_since_lidar.translation().cwiseAbs().maxCoeff() <= kMaxStepM)) {
+    throw field_error(ErrorCode::kInvalidOdometry, "odometry.position", "a longer way",
+                      fmt::format("at most {} m", kMaxStepM));
+  }
+}
+
+/// @throws ApiError kUnknownSession when the session ended while its scan waited.
+AlignmentQueue::Ticket enter(const Context& context, const HttpRequest& request,
+                             SessionLine::Scan& scan) {
+  try {
+    return context.queue.enter(reservation_of(request), scan.work(WorkKind::kNearPrior));
+  } catch (const ApiError&) {
+    scan.require_place();
+    throw;
+  }
+}
+
+HttpResponse track_scan(const Context& context, const HttpRequest& request,
+                        const PathParameters& path) {
+  const std::shared_ptr<Session> session = find_session(context, request, path);
+  SessionStream::note_version(*session, context.catalog);
+  ScanInBody found = find_scan(request, context.options, ScanPurpose::kSession);
+  if (!found.parameters.stamp_ns) {
+    throw field_error(ErrorCode::kInvalidRequest, "stamp_ns", "nothing",
+                      "the scan's time: a session orders its scans by it");
+  }
+  check_odometry(found.parameters);
+  const std::int64_t stamp_ns = *found.parameters.stamp_ns;
+  const PoseClock::time_point deadline = deadline_of(context, request, found.parameters.deadline);
+  PoseAnswer answer = answer_for(session->map(), request);
+  {
+    SessionLine::Scan scan(session->line(), stamp_ns, deadline);
+    scan.wait_for_turn();
+    AlignmentQueue::Ticket ticket = enter(context, request, scan);
+    scan.begin();
+    answer.timing.wait_ms = milliseconds_since(request.received);
+    context.metrics.queue_waited(1e-3 * answer.timing.wait_ms);
+    const PoseClock::time_point begin = PoseClock::now();
+    PoseRequest pose_request = decode_scan(std::move(found), context.options);
+    answer.timing.decode_ms = milliseconds_since(begin);
+    const PoseClock::time_point aligning = PoseClock::now();
+    leave_movable_out(pose_request, answer);
+    localization::TrackedPose pose =
+        session->track(stamp_ns, pose_request.scan_lidar, pose_request.parameters.odometry);
+    answer.timing.align_ms = milliseconds_since(aligning);
+    const bool everywhere = pose.searched_from == localization::SearchedFrom::kEverywhere;
+    ticket.scan_done(everywhere ? WorkKind::kEverywhere : WorkKind::kNearPrior);
+    answer.searched_from = pose.searched_from;
+    answer.result = std::move(pose.result);
+    answer.parameters = std::move(pose_request.parameters);
+  }
+  check_deadline(deadline);
+  session->touch(PoseClock::now());
+  answer.session = session->id();
+  count_answer(context, answer, answer.parameters.method);
+  note_clock_skew(context, answer);
+  answer.timing.total_ms = milliseconds_since(request.received);
+  return json_response(pose_answer_json(answer));
+}
+
+HttpResponse stream_events(const Context& context, const HttpRequest& request,
+                           const PathParameters& path) {
+  const std::shared_ptr<Session> session = find_session(context, request, path);
+  HttpResponse response;
+  response.events = std::make_shared<SessionStream>(session, context.catalog,
+                                                    last_event_id(request.header("last-event-id")));
+  return response;
+}
+
+HttpResponse show_session(const Context& context, const HttpRequest& request,
+                          const PathParameters& path) {
+  const std::shared_ptr<Session> session = find_session(context, request, path);
+  SessionStream::note_version(*session, context.catalog);
+  return json_response(session_json(*session, context.sessions.limits().idle));
+}
+
+void add_scan_route(std::vector<Route>& routes, const Context& context) {
+  Route scans{"POST", "/v1/sessions/{session}/scans",
+              [&context](const HttpRequest& request, const PathParameters& path) {
+                try {
+                  return track_scan(context, request, path);
+                } catch (const ApiError& error) {
+                  if (error.code() == ErrorCode::kSuperseded) context.metrics.scan_superseded();
+                  throw;
+                }
+              },
+              Access::kLocalize, BodyKind::kWhole};
+  scans.reserve = [&context](const HttpRequest& request, const PathParameters& path) {
+    static_cast<void>(find_session(context, request, path));
+    return reserve_room(context, request, WorkKind::kNearPrior, 1);
+  };
+  routes.push_back(std::move(scans));
+}
+
+}  // namespace
+
+void add_session_routes(std::vector<Route>& routes, const Context& context) {
+  const auto add = [&](const char* method, const char* pattern, BodyKind body, const auto& answer) {
+    routes.push_back({method, pattern,
+                      [&context, answer](const HttpRequest& request, const PathParameters& path) {
+                        return answer(context, request, path);
+                      },
+                      Access::kLocalize, body});
+  };
+  add("POST", "/v1/sessions", BodyKind::kWhole,
+      [](const Context& in, const HttpRequest& request, const PathParameters&) {
+        return open_session(in, request);
+      });
+  add("GET", "/v1/sessions", BodyKind::kNone,
+      [](const Context& in, const HttpRequest& request, const PathParameters&) {
+        return json_response(
+            session_list_json(in.sessions.list(request.caller.key_id), in.sessions.limits().idle));
+      });
+  add("GET", "/v1/sessions/{session}", BodyKind::kNone, show_session);
+  add("DELETE", "/v1/sessions/{session}", BodyKind::kNone,
+      [](const Context& in, const HttpRequest& request, const PathParameters& path) {
+        in.sessions.close(path.at("session"), request.caller.key_id);
+        return HttpResponse{.status = 204, .content_type = "", .body = "", .headers = {}};
+      });
+  add("POST", "/v1/sessions/{session}/initialize", BodyKind::kWhole, initialize_session);
+  add("GET", "/v1/sessions/{session}/events", BodyKind::kNone, stream_events);
+  add_scan_route(routes, context);
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,81 @@
+#pragma once
+
+#include <stillmap/localization/aligner.hpp>
+#include <stillmap/localization/tracker.hpp>
+#include <stillmap/maps/box.hpp>
+#include <stillmap/maps/scan.hpp>
+#include <stillmap/server/server_options.hpp>
+
+#include "http_message.hpp"
+#include "pose/gnss_prior.hpp"
+
+#include <Eigen/Geometry>
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace stillmap::server {
+
+/// What a request with a scan is for, and so which parameters it may have.
+enum class ScanPurpose {
+  kQuery,      ///< a pose query of its own
+  kBatchItem,  ///< one of several, which share a deadline
+  kSession,    ///< the next scan of a session
+};
+
+/// Everything a pose request says besides the scan.
+struct PoseParameters {
+  /// None: the whole map is searched.
+  std::optional<localization::Prior> prior;
+  /// In place of a prior.
+  std::optional<GnssFix> gnss;
+  std::optional<Eigen::Isometry3d> T_base_lidar;
+  /// Objects that may move, found by the caller: points inside are left out of the match.
+  std::vector<maps::Box> movable;
+  std::optional<std::int64_t> stamp_ns;
+  /// Empty = the map's default.
+  std::string method;
+  std::optional<std::chrono::milliseconds> deadline;
+  /// Of a session's scan.
+  std::optional<localization::OdometryStep> odometry;
+  /// Raw scans: whether a fourth float, the intensity, follows x y z.
+  bool has_intensity = true;
+};
+
+struct PoseRequest {
+  PoseParameters parameters;
+  maps::PointCloud scan_lidar;
+};
+
+/// A pose request that has been read as far as costs little; decoding the scan is work that waits
+/// for a worker.
+struct ScanInBody {
+  enum class Kind { kRaw, kPcd, kJson };
+  Kind kind = Kind::kRaw;
+  /// Lies in the request's body. Of kJson all of it, parameters included.
+  std::string_view bytes;
+  /// Not read yet of kJson.
+  PoseParameters parameters;
+};
+
+/// Finds the scan in a request of any of its four content types.
+///  - `application/octet-stream`, `application/vnd.pcd`: the body is the scan, the parameters are
+///  the query;
+///  - `application/json`: both in one object; not for sessions, whose stamps are asked for first;
+///  - `multipart/form-data`: parts `request` (JSON) and `scan`.
+/// @param request  outlives the result.
+/// @throws ApiError for everything that is wrong with it.
+[[nodiscard]] ScanInBody find_scan(const HttpRequest& request, const ServerOptions& options,
+                                   ScanPurpose purpose);
+
+/// @throws ApiError for what is no scan, or too small or large a one.
+[[nodiscard]] PoseRequest decode_scan(ScanInBody&& from, const ServerOptions& options);
+
+/// Raw or PCD bytes of a multipart part. @throws ApiError kUnsupportedMediaType.
+[[nodiscard]] ScanInBody::Kind scan_kind_of(const std::string& part, const std::string& type);
+
+}  // namespace stillmap::server

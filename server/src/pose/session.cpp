@@ -1,0 +1,81 @@
+#include "pose/session.hpp"
+
+#include "json/session_json.hpp"
+
+#include <utility>
+
+namespace stillmap::server {
+
+Session::Session(std::string id, std::string owner, ServedVersion map, AlignmentQueue& queue)
+    : id_(std::move(id)),
+      owner_(std::move(owner)),
+      map_(std::move(map)),
+      line_(queue),
+      tracker_(map_.aligners->front().second) {
+  summary_.active_version = map_.version;
+}
+
+localization::TrackedPose Session::track(
+    std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
+    const std::optional<localization::OdometryStep>& odometry) {
+  localization::TrackedPose pose;
+  {
+    const std::scoped_lock lock(tracker_mutex_);
+    pose = tracker_.track(stamp_ns, scan_lidar, odometry);
+  }
+  const std::scoped_lock lock(mutex_);
+  ++summary_.scans;
+  // A late scan says nothing of where the vehicle is now.
+  if (summary_.stamp_ns && *summary_.stamp_ns >= stamp_ns) return pose;
+  summary_.stamp_ns = stamp_ns;
+  if (summary_.status != pose.result.status) {
+    summary_.status = pose.result.status;
+    events_.add("status", status_event_json(pose));
+  }
+  return pose;
+}
+
+void Session::initialize(const std::optional<localization::Prior>& prior) {
+  const std::scoped_lock lock(tracker_mutex_);
+  if (prior) {
+    tracker_.initialize(prior->T_map_lidar, prior->covariance.value());
+  } else {
+    tracker_ = localization::Tracker(map_.aligners->front().second);
+  }
+  const std::scoped_lock summary_lock(mutex_);
+  // Stamps may start anew, as after a clock was set back.
+  summary_.stamp_ns.reset();
+  summary_.status.reset();
+}
+
+void Session::note_active_version(const std::string& version) {
+  const std::scoped_lock lock(mutex_);
+  if (summary_.active_version == version) return;
+  summary_.active_version = version;
+  events_.add("version_activated", version_event_json(map_.map, version));
+}
+
+void Session::close(const std::string& reason) {
+  line_.close();
+  events_.add("closed", closed_event_json(reason));
+  events_.close();
+}
+
+Session::Summary Session::summary(Clock::time_point now) const {
+  const std::scoped_lock lock(mutex_);
+  Summary summary = summary_;
+  summary.idle = now - last_used_;
+  return summary;
+}
+
+void Session::touch(Clock::time_point now) {
+  const std::scoped_lock lock(mutex_);
+  last_used_ = now;
+}
+
+Session::Clock::time_point Session::last_used() const {
+  const std::scoped_lock lock(mutex_);
+  return last_used_;
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,330 @@
+#include <gmock/gmock.h>
+
+#include <atomic>
+#include <latch>
+#include <thread>
+
+#include "api_error.hpp"
+#include "pose/session_table.hpp"
+#include "service_fixture.hpp"
+
+namespace stillmap::server {
+namespace {
+
+using nlohmann::json;
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::Key;
+
+class Sessions : public ServiceTest {
+ protected:
+  void SetUp() override {
+    options_.queue = 4;
+    options_.max_clock_skew_s = 2.0;
+    start();
+  }
+
+  HttpResponse send(HttpRequest request) const { return service_->handle(std::move(request)); }
+  json ask(HttpRequest request, int status = 200) const {
+    const HttpResponse response = send(std::move(request));
+    EXPECT_EQ(response.status, status) << response.body;
+    return response.body.empty() ? json() : body(response);
+  }
+  static HttpRequest json_post(const std::string& path, const json& content) {
+    HttpRequest result = request("POST", path);
+    result.headers["content-type"] = "application/json";
+    result.body = content.dump();
+    return result;
+  }
+  static json prior_json() {
+    json covariance = json::array();
+    for (int i = 0; i < 36; ++i) covariance.push_back(i % 7 == 0 ? 0.01 : 0.0);
+    return {{"position", {1.0, 2.0, 3.0}},
+            {"quaternion", {0.0, 0.0, 0.0, 1.0}},
+            {"covariance", covariance}};
+  }
+  /// @return its path.
+  std::string open() const {
+    const json session =
+        ask(json_post("/v1/sessions", {{"map", "town"}, {"prior", prior_json()}}), 201);
+    return "/v1/sessions/" + session["id"].get<std::string>();
+  }
+  static HttpRequest scan(const std::string& session, const std::string& stamp_ns) {
+    HttpRequest result = request("POST", session + "/scans");
+    result.headers["content-type"] = "application/octet-stream";
+    result.query = {{"stamp_ns", stamp_ns}};
+    result.body = raw_scan(60);
+    return result;
+  }
+};
+
+TEST_F(Sessions, FollowAVehicleFromItsPrior) {
+  const std::string session = open();
+  const json answer = ask(scan(session, "1000000000"));
+  EXPECT_EQ(answer["status"], "ok");
+  EXPECT_EQ(answer["searched_from"], "given");
+  EXPECT_EQ("/v1/sessions/" + answer["session"].get<std::string>(), session);
+  EXPECT_EQ(aligner_->last_prior.T_map_lidar.translation(), Eigen::Vector3d(1.0, 2.0, 3.0));
+  EXPECT_EQ(ask(scan(session, "1100000000"))["searched_from"], "velocity");
+  const json shown = ask(request("GET", session));
+  EXPECT_EQ(shown["scans"], 2);
+  EXPECT_EQ(shown["stamp_ns"], "1100000000");
+  EXPECT_EQ(shown["status"], "ok");
+  EXPECT_EQ(shown["map"]["version"], store_.version());
+}
+
+TEST_F(Sessions, WithoutAPriorTheVehicleIsSearchedForEverywhere) {
+  const json session = ask(json_post("/v1/sessions", {{"map", "town"}}), 201);
+  const std::string path = "/v1/sessions/" + session["id"].get<std::string>();
+  EXPECT_EQ(ask(scan(path, "1"))["searched_from"], "everywhere");
+  EXPECT_FALSE(aligner_->had_prior);
+}
+
+TEST_F(Sessions, NamesAre128BitsAndTheLocationIsSaid) {
+  const HttpResponse response = send(json_post("/v1/sessions", {{"map", "town"}}));
+  const std::string id = body(response)["id"];
+  EXPECT_EQ(id.size(), 32U);
+  EXPECT_EQ(id.find_first_not_of("0123456789abcdef"), std::string::npos);
+  EXPECT_THAT(response.headers,
+              Contains(std::pair<std::string, std::string>("Location", "/v1/sessions/" + id)));
+  EXPECT_NE(ask(json_post("/v1/sessions", {{"map", "town"}}), 201)["id"], id);
+}
+
+TEST_F(Sessions, OdometryIsUsed) {
+  const std::string session = open();
+  ask(scan(session, "1000000000"));
+  HttpRequest next = scan(session, "2000000000");
+  next.query.insert(next.query.end(), {{"odom_since_ns", "1000000000"},
+                                       {"odom_t", "1,0,0"},
+                                       {"odom_q", "0,0,0,1"},
+                                       {"odom_sigma", "0.1,0.01"}});
+  EXPECT_EQ(ask(next)["searched_from"], "odometry");
+  EXPECT_NEAR(aligner_->last_prior.T_map_lidar.translation().x(), 2.0, 1e-9);
+}
+
+TEST_F(Sessions, UnusableOdometryIsNamed) {
+  const std::string session = open();
+  ask(scan(session, "1000000000"));
+  const auto with = [&](const std::string& since, const std::string& t, const std::string& sigma) {
+    HttpRequest next = scan(session, "2000000000");
+    next.query.insert(
+        next.query.end(),
+        {{"odom_since_ns", since}, {"odom_t", t}, {"odom_q", "0,0,0,1"}, {"odom_sigma", sigma}});
+    return next;
+  };
+  EXPECT_EQ(ask(with("2000000000", "1,0,0", "1,1"), 422)["code"], "InvalidOdometry");
+  EXPECT_EQ(ask(with("1000000000", "1e6,0,0", "1,1"), 422)["code"], "InvalidOdometry");
+  EXPECT_EQ(ask(with("1000000000", "1,0,0", "0,1"), 422)["code"], "InvalidOdometry");
+  HttpRequest half = scan(session, "2000000000");
+  half.query.emplace_back("odom_t", "1,0,0");
+  EXPECT_THAT(ask(half, 400)["detail"].get<std::string>(), HasSubstr("odom_since_ns"));
+}
+
+TEST_F(Sessions, AScanNeedsItsTime) {
+  HttpRequest timeless = scan(open(), "1");
+  timeless.query.clear();
+  EXPECT_THAT(ask(timeless, 400)["detail"].get<std::string>(), HasSubstr("stamp_ns"));
+}
+
+TEST_F(Sessions, WhatBelongsToQueriesIsRefusedByName) {
+  const std::string session = open();
+  HttpRequest request = scan(session, "1");
+  request.query.emplace_back("prior_t", "1,2,3");
+  EXPECT_EQ(ask(request, 400)["code"], "UnknownParameter");
+  EXPECT_EQ(
+      ask(json_post(session + "/scans", {{"points", json::array()}, {"stamp_ns", 1}}), 415)["code"],
+      "UnsupportedMediaType");
+}
+
+TEST_F(Sessions, AMultipartScanBringsItsParameters) {
+  const std::string session = open();
+  HttpRequest request = scan(session, "1");
+  request.query.clear();
+  request.headers["content-type"] = "multipart/form-data; boundary=b";
+  request.body =
+      "--b\r\nContent-Disposition: form-data; name=\"request\"\r\n\r\n{\"stamp_ns\": \"77\"}\r\n"
+      "--b\r\nContent-Disposition: form-data; name=\"scan\"\r\n\r\n" +
+      raw_scan(60) + "\r\n--b--\r\n";
+  EXPECT_EQ(ask(request)["stamp_ns"], "77");
+}
+
+TEST_F(Sessions, TheNewestScanIsServedAndTheOlderOneToldSo) {
+  const std::string session = open();
+  std::latch running(1);
+  std::latch release(1);
+  const auto calm = aligner_->answer;
+  aligner_->answer = [&](const auto& prior) {
+    running.count_down();
+    release.wait();
+    return calm(prior);
+  };
+  std::jthread first([&] { ask(scan(session, "1000000000")); });
+  running.wait();
+  int old_status = 0;
+  std::jthread older([&] {
+    // It may come after the newer one; then it is told the same.
+    old_status = send(scan(session, "1100000000")).status;
+  });
+  json newest;
+  std::jthread newer([&] { newest = ask(scan(session, "1200000000")); });
+  older.join();
+  EXPECT_EQ(old_status, 429);
+  release.count_down();
+  newer.join();
+  EXPECT_EQ(newest["stamp_ns"], "1200000000");
+}
+
+TEST_F(Sessions, ASessionThatIsDeletedIsGone) {
+  const std::string session = open();
+  EXPECT_EQ(send(request("DELETE", session)).status, 204);
+  EXPECT_EQ(ask(scan(session, "1"), 404)["code"], "UnknownSession");
+  EXPECT_EQ(ask(request("DELETE", session), 404)["code"], "UnknownSession");
+  EXPECT_TRUE(ask(request("GET", "/v1/sessions"))["sessions"].empty());
+}
+
+TEST_F(Sessions, EventsTellOfChangesAndEndWithTheSession) {
+  const std::string session = open();
+  ask(scan(session, "1000000000"));
+  ask(scan(session, "1100000000"));
+  const HttpResponse response = send(request("GET", session + "/events"));
+  ASSERT_TRUE(response.events);
+  const std::string first = response.events->next(std::chrono::milliseconds(0)).value();
+  EXPECT_EQ(first,
+            "id: 1\nevent: status\ndata: "
+            "{\"status\":\"ok\",\"reasons\":[],\"stamp_ns\":\"1000000000\"}\n\n");
+  send(request("DELETE", session));
+  EXPECT_THAT(response.events->next(std::chrono::milliseconds(0)).value(),
+              HasSubstr("event: closed\ndata: {\"reason\":\"deleted\"}"));
+  EXPECT_FALSE(response.events->next(std::chrono::milliseconds(0)));
+}
+
+TEST_F(Sessions, AStreamGoesOnAfterItsLastEvent) {
+  const std::string session = open();
+  ask(scan(session, "1000000000"));
+  HttpRequest again = request("GET", session + "/events");
+  again.headers["last-event-id"] = "1";
+  EXPECT_EQ(send(again).events->next(std::chrono::milliseconds(0)), "");
+}
+
+TEST_F(Sessions, InitializeMovesTheVehicle) {
+  const std::string session = open();
+  ask(scan(session, "1000000000"));
+  json there = prior_json();
+  there["position"] = {50.0, 2.0, 3.0};
+  ask(json_post(session + "/initialize", {{"prior", there}}));
+  EXPECT_EQ(ask(scan(session, "500000000"))["searched_from"], "given");
+  EXPECT_DOUBLE_EQ(aligner_->last_prior.T_map_lidar.translation().x(), 50.0);
+  ask(json_post(session + "/initialize", json::object()));
+  EXPECT_EQ(ask(scan(session, "1200000000"))["searched_from"], "everywhere");
+}
+
+TEST_F(Sessions, APriorWithoutItsCovarianceIsRefused) {
+  json prior = prior_json();
+  prior.erase("covariance");
+  EXPECT_EQ(ask(json_post("/v1/sessions", {{"map", "town"}, {"prior", prior}}), 422)["code"],
+            "InvalidPrior");
+}
+
+TEST_F(Sessions, AnUnknownMapOrVersionOpensNone) {
+  EXPECT_EQ(ask(json_post("/v1/sessions", {{"map", "village"}}), 404)["code"], "UnknownMap");
+  EXPECT_EQ(
+      ask(json_post("/v1/sessions", {{"map", "town"}, {"version", "0123456789ab"}}), 404)["code"],
+      "UnknownVersion");
+  EXPECT_EQ(ask(json_post("/v1/sessions", json::object()), 400)["code"], "InvalidRequest");
+}
+
+TEST_F(Sessions, AFixNeedsAMapThatKnowsWhereItLies) {
+  const json fix = {{"latitude_deg", 48.0}, {"longitude_deg", 11.0}, {"sigma_m", 5.0}};
+  EXPECT_EQ(ask(json_post("/v1/sessions", {{"map", "town"}, {"gnss", fix}}), 422)["code"],
+            "NoGeodeticOrigin");
+}
+
+TEST_F(Sessions, AreBoundedInNumber) {
+  options_.sessions.max = 2;
+  start();
+  open();
+  open();
+  const HttpResponse third = send(json_post("/v1/sessions", {{"map", "town"}}));
+  EXPECT_EQ(third.status, 503);
+  EXPECT_THAT(third.headers, Contains(Key("Retry-After")));
+}
+
+TEST_F(Sessions, AClockThatIsOffIsTold) {
+  const std::string session = open();
+  EXPECT_TRUE(ask(scan(session, "1000000000"))["warnings"].empty());
+  const json answer = ask(scan(session, "1500000000000000000"));
+  ASSERT_EQ(answer["warnings"].size(), 1U);
+  EXPECT_EQ(answer["warnings"][0]["code"], "clock_skew");
+  EXPECT_LT(answer["warnings"][0]["ahead_s"], 0.0);
+}
+
+class SessionTableTest : public ::testing::Test {
+ protected:
+  ServedVersion map() const {
+    ServedVersion map{
+        .map = "town", .version = "v1", .package = maps::MapPackage::open(store_.package())};
+    map.aligners =
+        std::make_shared<const Aligners>(Aligners{{"default", std::make_shared<StubAligner>()}});
+    return map;
+  }
+
+  TownStore store_;
+  AlignmentQueue queue_{{}};
+  Session::Clock::time_point now_ = Session::Clock::now();
+};
+
+TEST_F(SessionTableTest, SessionsEndWhenTheyAreNotUsed) {
+  std::atomic<int> passed_s = 0;
+  const auto start = Session::Clock::now();
+  SessionTable table({.most = 4, .idle = std::chrono::seconds(10)}, queue_,
+                     [&] { return start + std::chrono::seconds(passed_s); });
+  const std::string used = table.open(map(), "")->id();
+  const std::shared_ptr<Session> idle = table.open(map(), "");
+  passed_s = 8;
+  EXPECT_NO_THROW((void)table.find(used, ""));
+  passed_s = 11;
+  EXPECT_THROW((void)table.find(idle->id(), ""), ApiError);
+  table.expire();
+  EXPECT_EQ(table.size(), 1U);
+  EXPECT_TRUE(idle->events().after(0, std::chrono::milliseconds(0)).closed);
+  EXPECT_NO_THROW((void)table.find(used, ""));
+}
+
+TEST_F(SessionTableTest, OnlyTheKeyThatOpenedOneFindsIt) {
+  SessionTable table({}, queue_);
+  const std::string id = table.open(map(), "alice")->id();
+  EXPECT_THROW((void)table.find(id, "bob"), ApiError);
+  EXPECT_THROW((void)table.find(id, ""), ApiError);
+  EXPECT_THROW(table.close(id, "bob"), ApiError);
+  EXPECT_TRUE(table.list("bob").empty());
+  EXPECT_EQ(table.list("alice").size(), 1U);
+}
+
+TEST_F(SessionTableTest, AKeyHoldsNoMoreThanItsShare) {
+  SessionTable table({.most = 4, .client_share = 0.5}, queue_);
+  table.open(map(), "alice");
+  table.open(map(), "alice");
+  try {
+    table.open(map(), "alice");
+    FAIL() << "was opened";
+  } catch (const ApiError& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kTooManyRequests);
+  }
+  EXPECT_NO_THROW(table.open(map(), "bob"));
+}
+
+TEST_F(SessionTableTest, AnotherVersionOfTheMapBecomesAnEventOnce) {
+  SessionTable table({}, queue_);
+  const std::shared_ptr<Session> session = table.open(map(), "");
+  session->note_active_version(session->map().version);
+  EXPECT_TRUE(session->events().after(0, std::chrono::milliseconds(0)).events.empty());
+  session->note_active_version("0123456789ab");
+  session->note_active_version("0123456789ab");
+  const auto read = session->events().after(0, std::chrono::milliseconds(0));
+  ASSERT_EQ(read.events.size(), 1U);
+  EXPECT_EQ(read.events[0].type, "version_activated");
+  EXPECT_EQ(read.events[0].data, R"({"map":"town","version":"0123456789ab"})");
+}
+
+}  // namespace
+}  // namespace stillmap::server
