@@ -4,7 +4,7 @@ keys, and looks at what is there afterwards: all that was acknowledged, nothing 
 
 usage: kills.py --program STILLMAP --packages TINY_PACKAGES --seeds FIRST[-LAST] [--kills 50] [--results FOLDER]
 
-A seed decides what is asked for and how long a server lives, not which instruction it dies at. With --results each seed
+A seed decides what is asked for and after how many answers a server dies, not at which instruction. With --results each seed
 leaves a file there, and one that has its file is not run again.
 """
 
@@ -26,6 +26,9 @@ READY_WITHIN_S = 5.0
 CLIENTS = 3
 PACKAGES = 6
 MOST_VERSIONS = 5
+# Of one server's life.
+MOST_ANSWERS = 16
+MOST_LIFE_S = 3.0
 
 
 class Wrong(Exception):
@@ -68,11 +71,11 @@ class MapClient:
             version = random.choice(names) if names and random.random() < 0.2 else f"v{random.randrange(100)}"
             return ("add", version, package.digest), ("PUT", f"{base}/versions/{version}", package.tar, package.headers)
         if kind == "roll_back":
-            return ("roll_back",), ("POST", f"{base}/rollback", None, self.matching(random))
+            return ("roll_back",), ("POST", f"{base}/rollback?new_frame=true", None, self.matching(random))
         version = random.choice(names)
         if kind == "remove":
             return ("remove", version), ("DELETE", f"{base}/versions/{version}", None, {})
-        return ("activate", version), ("POST", f"{base}/versions/{version}/activate", None, self.matching(random))
+        return ("activate", version), ("POST", f"{base}/versions/{version}/activate?new_frame=true", None, self.matching(random))
 
     def matching(self, random):
         length = {"Content-Length": "0"}
@@ -121,6 +124,7 @@ class KeyClient:
         self.acknowledged = 0
         self.made = 0
         self.process = None
+        self.unread = set()  # keys whose text was never read: nobody can use them
 
     def ask(self, *arguments):
         self.process = subprocess.Popen([self.program, "keys", *arguments, "--store", str(self.store), "--json"],
@@ -158,15 +162,12 @@ class KeyClient:
             self.keys[known][2] = found
         more = set(listed) - set(self.keys) - {"soak"}
         expect(more <= ({name} if kind == "create" else set()) | self.unread, "keys that nobody made:", more)
-        # Its text was never read; nobody can use it.
         self.unread |= more
         self.pending = None
         for known in random.sample(sorted(self.keys), min(3, len(self.keys))):
             _, text, revoked = self.keys[known]
             status = server.ask("GET", "/v1/maps", headers={"Authorization": f"Bearer {text}"}).status
             expect(status == (401 if revoked else 200), known, "is answered", status)
-
-    unread = set()
 
 
 class Session:
@@ -180,7 +181,6 @@ class Session:
         self.headers = {"Authorization": "Bearer " + make_key(self.program, self.store)}
         self.clients = [MapClient(f"town-{i}", packages, self.headers, self.journal) for i in range(CLIENTS)]
         self.keys = KeyClient(self.program, self.store, self.journal)
-        self.keys.unread = set()
         self.ready_s, self.poses, self.wrong = [], 0, []
 
     def start(self):
@@ -214,7 +214,11 @@ class Session:
                    for step, seed in zip(steps, seeds)]
         for thread in threads:
             thread.start()
-        time.sleep(self.random.uniform(0.02, 0.6))
+        # So many answers later and at any instant then, however fast the machine is.
+        enough, end = self.acknowledged() + self.random.randrange(MOST_ANSWERS), time.monotonic() + MOST_LIFE_S
+        while self.acknowledged() < enough and time.monotonic() < end and not self.wrong:
+            time.sleep(0.002)
+        time.sleep(self.random.uniform(0.0, 0.04))
         dead.set()
         process = self.keys.process
         if self.random.random() < 0.5 and process and process.poll() is None:
@@ -255,8 +259,11 @@ class Session:
         self.check(server)
         expect(server.stop() == 0, "ended with", server.process.returncode)
 
+    def acknowledged(self):
+        return sum(each.acknowledged for each in [*self.clients, self.keys])
+
     def result(self, kills):
-        return {"kills": kills, "acknowledged": sum(each.acknowledged for each in [*self.clients, self.keys]),
+        return {"kills": kills, "acknowledged": self.acknowledged(),
                 "poses": self.poses, "ready_worst_s": round(max(self.ready_s, default=0.0), 3),
                 "ready_median_s": round(sorted(self.ready_s)[len(self.ready_s) // 2], 3) if self.ready_s else 0.0}
 

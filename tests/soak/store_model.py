@@ -60,4 +60,4 @@ class MapModel:
     def facts_of(listed):
         """The same, of an answer of GET /v1/maps/{map}/versions."""
         return {"versions": {each["version"]: each["digest"] for each in listed["versions"]},
-                "active": listed["active"], "previous": listed["previous"], "revision": listed["revision"]}
+                "active": listed["version"], "previous": listed["previous_version"], "revision": listed["revision"]}

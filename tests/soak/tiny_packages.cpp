@@ -27,14 +27,14 @@ namespace maps = stillmap::maps;
 using stillmap::test::pose_at;
 
 stillmap::test::ScanPattern pattern(std::uint64_t seed) {
-  return {.rings = 16, .columns = 360, .noise_m = 0.02, .seed = seed};
+  return {.rings = 32, .columns = 360, .noise_m = 0.02, .seed = seed};
 }
 
 void write_package(const fs::path& target, int seed) {
   std::vector<Eigen::Isometry3d> poses;
-  for (double x = 50.0; x <= 70.0; x += 5.0) poses.push_back(pose_at(x, 0.0, 0.0));
+  for (double x = 50.0; x <= 70.0; x += 2.5) poses.push_back(pose_at(x, 0.0, 0.0));
   const std::vector<Eigen::Vector3d> points = stillmap::test::street(21).mapped_from(
-      poses, pattern(static_cast<std::uint64_t>(100 * seed)), 0.25);
+      poses, pattern(static_cast<std::uint64_t>(100 * seed)));
   std::map<std::pair<std::int32_t, std::int32_t>, std::vector<maps::MapPoint>> tiles;
   for (const Eigen::Vector3d& p : points) {
     const auto tile = [](double x) {
@@ -59,13 +59,13 @@ void write_package(const fs::path& target, int seed) {
   writer.write_trajectory(maps::Trajectory(drive));
   maps::MapManifest manifest;
   manifest.frame_id = "map";
-  manifest.voxel_size_m = 0.25;
+  manifest.voxel_size_m = 0.1;
   writer.publish(manifest, "{}");
 }
 
 void write_scan(const fs::path& file) {
   const maps::PointCloud scan =
-      stillmap::test::street(21).scan(pose_at(60.0, 0.5, 0.0), pattern(7));
+      stillmap::test::street(21).scan(pose_at(60.0, 0.0, 0.0), pattern(7));
   std::ofstream stream(file, std::ios::binary);
   for (const Eigen::Vector3f& p : scan.positions) {
     const std::array<float, 4> row = {p.x(), p.y(), p.z(), 0.0F};
