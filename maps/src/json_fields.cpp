@@ -25,6 +25,13 @@ void JsonField::refuse(const std::string& expected) const {
   throw InputError(file_ + (path_.empty() ? "" : " at " + path_), shortened(value_), expected);
 }
 
+std::string JsonField::one_line(std::string key) {
+  for (char& c : key) {
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
+  }
+  return key;
+}
+
 bool JsonField::has(const std::string& key) const {
   return value_.is_object() && value_.contains(key);
 }

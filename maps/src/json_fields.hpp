@@ -32,7 +32,7 @@ class JsonField {
   void each_member(Visit&& visit) const {
     if (!value_.is_object()) refuse("an object");
     for (auto it = value_.begin(); it != value_.end(); ++it) {
-      visit(it.key(), JsonField(it.value(), file_, path_ + "." + it.key()));
+      visit(it.key(), JsonField(it.value(), file_, path_ + "." + one_line(it.key())));
     }
   }
 
@@ -50,6 +50,9 @@ class JsonField {
   [[noreturn]] void refuse(const std::string& expected) const;
 
  private:
+  /// Control characters as '?', so that a key neither ends nor breaks a message.
+  [[nodiscard]] static std::string one_line(std::string key);
+
   const nlohmann::json& value_;
   std::string file_;
   std::string path_;

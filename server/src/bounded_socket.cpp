@@ -8,6 +8,21 @@
 #include <cstring>
 
 namespace stillmap::server {
+namespace {
+
+Moved moved_by(ssize_t returned, short direction) {
+  if (returned >= 0) return {.bytes = returned};
+  const bool again = errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
+  return {.bytes = -1, .wait_for = again ? direction : short{0}};
+}
+
+/// What so many bytes add to the time that a transfer may take.
+std::chrono::nanoseconds earned(std::size_t bytes) {
+  return std::chrono::nanoseconds(static_cast<std::int64_t>(bytes) * 1'000'000'000 /
+                                  BoundedSocket::kLeastBytesPerSecond);
+}
+
+}  // namespace
 
 bool BoundedSocket::wait(short events, Clock::time_point until) const {
   for (;;) {
@@ -19,66 +34,84 @@ bool BoundedSocket::wait(short events, Clock::time_point until) const {
   }
 }
 
-bool BoundedSocket::wait_for_request(const std::atomic<bool>& stopping) {
-  const Clock::time_point until = Clock::now() + limits_.keep_alive;
-  while (!stopping) {
-    if (begin_ < end_ ||
-        wait(POLLIN, std::min(until, Clock::now() + std::chrono::milliseconds(50))))
-      return true;
-    if (Clock::now() >= until) return false;
-  }
-  return false;
+Moved BoundedSocket::receive_some(char* to, std::size_t size) {
+  if (tls_) return tls_->receive(to, size);
+  return moved_by(::recv(socket_, to, size, MSG_DONTWAIT), POLLIN);
 }
 
-void BoundedSocket::begin_request() {
-  in_head_ = true;
-  head_too_large_ = false;
-  sending_ = false;
-  head_bytes_ = 0;
+Moved BoundedSocket::send_some(const char* from, std::size_t size) {
+  if (tls_) return tls_->send(from, size);
+  return moved_by(::send(socket_, from, size, MSG_NOSIGNAL | MSG_DONTWAIT), POLLOUT);
+}
+
+bool BoundedSocket::handshake() {
+  if (!tls_) return true;
+  const Clock::time_point until = Clock::now() + limits_.head;
+  for (;;) {
+    const Moved moved = tls_->handshake();
+    if (moved.bytes > 0) return true;
+    if (moved.wait_for == 0 ||
+        !wait(moved.wait_for, std::min(until, Clock::now() + limits_.stall))) {
+      return false;
+    }
+  }
+}
+
+bool BoundedSocket::wait_for_request() {
+  return begin_ < end_ || fill(Clock::now() + limits_.keep_alive);
+}
+
+bool BoundedSocket::fill(Clock::time_point until) {
+  for (;;) {
+    const Moved moved = receive_some(buffer_.data(), buffer_.size());
+    begin_ = 0;
+    end_ = moved.bytes > 0 ? static_cast<std::size_t>(moved.bytes) : 0;
+    if (end_ > 0) return true;
+    if (moved.wait_for == 0 || !wait(moved.wait_for, until)) return false;
+  }
+}
+
+BoundedSocket::HeadState BoundedSocket::read_head(std::string& head) {
+  head.clear();
   line_bytes_ = 0;
-  last_ = 0;
-  receive_until_ = Clock::now() + limits_.transfer;
-}
-
-long BoundedSocket::receive(char* to, std::size_t size) {
-  if (!wait(POLLIN, std::min(receive_until_, Clock::now() + limits_.stall))) return -1;
-  return ::recv(socket_, to, size, 0);
-}
-
-bool BoundedSocket::fill() {
-  const long got = receive(buffer_.data(), buffer_.size());
-  begin_ = 0;
-  end_ = got > 0 ? static_cast<std::size_t>(got) : 0;
-  return got > 0;
-}
-
-bool BoundedSocket::count_head(char c) {
-  ++head_bytes_;
-  if (c == '\n') {
-    // "\r\n" alone and nothing else ends the head for the HTTP library too; were this looser than
-    // that, what follows would be read as a head without bounds.
-    if (line_bytes_ == 1 && last_ == '\r') in_head_ = false;
-    line_bytes_ = 0;
-  } else {
-    ++line_bytes_;
+  sending_ = false;
+  const Clock::time_point now = Clock::now();
+  const Clock::time_point head_until = now + limits_.head;
+  receive_until_ = now + limits_.transfer;
+  for (;;) {
+    if (begin_ == end_ && !fill(std::min(head_until, Clock::now() + limits_.stall))) {
+      return HeadState::kEnded;
+    }
+    const HeadState state = take_head(head);
+    if (state != HeadState::kEnded) return state;
   }
-  last_ = c;
-  head_too_large_ = head_bytes_ > limits_.max_head_bytes || line_bytes_ > limits_.max_line_bytes;
-  return !head_too_large_;
+}
+
+BoundedSocket::HeadState BoundedSocket::take_head(std::string& head) {
+  while (begin_ < end_) {
+    const char c = buffer_[begin_++];
+    head.push_back(c);
+    line_bytes_ = c == '\n' ? line_bytes_ : line_bytes_ + 1;
+    if (head.size() > limits_.max_head_bytes || line_bytes_ > limits_.max_line_bytes) {
+      return HeadState::kTooLarge;
+    }
+    if (c != '\n') continue;
+    // A bare line feed ends the head too: whoever sends one is refused, and waits for the answer.
+    const bool empty = line_bytes_ == 0 || (line_bytes_ == 1 && head.ends_with("\r\n"));
+    line_bytes_ = 0;
+    // An empty line before a request is left over from the one before, RFC 9112, 2.2.
+    if (empty && head.size() <= 2) head.clear();
+    if (empty && !head.empty()) return HeadState::kComplete;
+  }
+  return HeadState::kEnded;
 }
 
 long BoundedSocket::read(char* to, std::size_t size) {
-  if (head_too_large_) return -1;
-  // A scan of two megabytes goes straight to where it will lie.
-  if (begin_ == end_ && !in_head_ && size >= buffer_.size()) return receive(to, size);
-  if (begin_ == end_ && !fill()) return -1;
-  if (in_head_) {
-    *to = buffer_[begin_++];
-    return count_head(*to) ? 1 : -1;
-  }
+  if (begin_ == end_ && !fill(std::min(receive_until_, Clock::now() + limits_.stall))) return -1;
   const std::size_t count = std::min(size, end_ - begin_);
   std::memcpy(to, buffer_.data() + begin_, count);
   begin_ += count;
+  receive_until_ += earned(count);
   return static_cast<long>(count);
 }
 
@@ -89,18 +122,28 @@ long BoundedSocket::write(const char* from, std::size_t size) {
   }
   std::size_t sent = 0;
   while (sent < size) {
-    if (!wait(POLLOUT, std::min(send_until_, Clock::now() + limits_.stall))) return -1;
-    const ssize_t now = ::send(socket_, from + sent, size - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
-    if (now < 0 && errno != EAGAIN && errno != EINTR) return -1;
-    sent += now > 0 ? static_cast<std::size_t>(now) : 0;
+    const Moved moved = send_some(from + sent, size - sent);
+    if (moved.bytes > 0) {
+      sent += static_cast<std::size_t>(moved.bytes);
+      send_until_ += earned(static_cast<std::size_t>(moved.bytes));
+    } else if (moved.wait_for == 0 ||
+               !wait(moved.wait_for, std::min(send_until_, Clock::now() + limits_.stall))) {
+      return -1;
+    }
   }
   return static_cast<long>(sent);
 }
 
 bool BoundedSocket::can_write() const { return wait(POLLOUT, Clock::now() + limits_.stall); }
 
+bool BoundedSocket::peer_left() const {
+  pollfd entry{.fd = socket_, .events = POLLRDHUP, .revents = 0};
+  return ::poll(&entry, 1, 0) > 0;
+}
+
 void BoundedSocket::linger() {
   constexpr std::size_t kMostBytes = std::size_t{16} << 20U;
+  if (tls_) tls_->end();
   ::shutdown(socket_, SHUT_WR);
   const Clock::time_point until = Clock::now() + std::chrono::seconds(1);
   for (std::size_t taken = 0; taken < kMostBytes && wait(POLLIN, until);) {

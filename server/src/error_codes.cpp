@@ -63,6 +63,7 @@ constexpr std::array kErrors = {
     ErrorInfo{ErrorCode::kInternalError, "InternalError", "The server failed", 500},
     ErrorInfo{ErrorCode::kStorageError, "StorageError", "The server could not read its store", 500},
     ErrorInfo{ErrorCode::kBusy, "Busy", "Too many requests at once", 503},
+    ErrorInfo{ErrorCode::kTooManyStreams, "TooManyStreams", "Too many event streams at once", 503},
     ErrorInfo{ErrorCode::kMapLoading, "MapLoading", "The map is still being loaded", 503},
     ErrorInfo{ErrorCode::kMapUnusable, "MapUnusable", "The map could not be loaded", 503},
     ErrorInfo{ErrorCode::kDeadlineExceeded, "DeadlineExceeded", "No answer within the deadline",

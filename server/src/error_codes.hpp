@@ -54,6 +54,7 @@ enum class ErrorCode {
   kInternalError,
   kStorageError,
   kBusy,
+  kTooManyStreams,
   kMapLoading,
   kMapUnusable,
   kDeadlineExceeded,

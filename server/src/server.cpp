@@ -1,6 +1,13 @@
 #include <stillmap/server/server.hpp>
 
 #include "http_server.hpp"
+#include "management.hpp"
+
+#include <spdlog/spdlog.h>
+
+#include <exception>
+#include <optional>
+#include <thread>
 
 namespace stillmap::server {
 
@@ -9,11 +16,19 @@ struct Server::Parts {
         const std::filesystem::path& web)
       : store(folder),
         service(options, store, build_aligners, read_web_assets(web)),
-        http(options, service) {}
+        http(main_endpoint(options), service, &service.metrics()),
+        management(service) {
+    if (options.management.enabled()) {
+      management_http.emplace(management_endpoint(options), management, nullptr);
+    }
+  }
 
   maps::PackageStore store;
   Service service;
   HttpServer http;
+  Management management;
+  std::optional<HttpServer> management_http;
+  int management_port = -1;
 };
 
 Server::Server(const ServerOptions& options, const std::filesystem::path& store,
@@ -21,8 +36,50 @@ Server::Server(const ServerOptions& options, const std::filesystem::path& store,
     : parts_(std::make_unique<Parts>(options, store, web)) {}
 Server::~Server() = default;
 
-int Server::bind() { return parts_->http.bind(); }
-void Server::run() { parts_->http.run(); }
-void Server::stop() { parts_->http.stop(); }
+int Server::bind() {
+  const int port = parts_->http.bind();
+  if (parts_->management_http) parts_->management_port = parts_->management_http->bind();
+  return port;
+}
+
+int Server::management_port() const { return parts_->management_port; }
+
+void Server::run() {
+  std::thread watched;
+  if (parts_->management_http) {
+    watched = std::thread([this] {
+      try {
+        parts_->management_http->run();
+      } catch (const std::exception& error) {
+        spdlog::error("the management port is gone: {}", error.what());
+      }
+    });
+  }
+  // Health and metrics are there until the last answer is given.
+  const auto end_management = [&] {
+    if (!watched.joinable()) return;
+    parts_->management_http->stop();
+    watched.join();
+  };
+  try {
+    parts_->http.run();
+  } catch (...) {
+    end_management();
+    throw;
+  }
+  end_management();
+}
+
+void Server::stop() {
+  parts_->service.set_stopping();
+  parts_->http.stop();
+}
+
+void Server::drain() {
+  parts_->service.set_stopping();
+  parts_->http.drain();
+}
+
+void Server::reload_certificate() { parts_->http.reload_certificate(); }
 
 }  // namespace stillmap::server

@@ -1,7 +1,6 @@
 #include "service.hpp"
 
 #include "api_error.hpp"
-#include "json/answers_json.hpp"
 #include "refusal_codes.hpp"
 
 #include <fmt/format.h>
@@ -88,14 +87,18 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   return routes;
 }
 
-}  // namespace
-
-HttpResponse problem_response(const ApiError& error, const std::string& request_id) {
-  return {.status = info_of(error.code()).http_status,
-          .content_type = "application/problem+json",
-          .body = problem_json(error, request_id),
-          .headers = error.headers()};
+void set_map_figures(Metrics& metrics, const MapCatalog& catalog) {
+  std::size_t ready = 0;
+  std::size_t failed = 0;
+  const std::vector<ServedVersion> maps = catalog.active();
+  for (const ServedVersion& map : maps) {
+    ready += map.state == MapState::kReady ? 1 : 0;
+    failed += map.state == MapState::kFailed ? 1 : 0;
+  }
+  metrics.set_maps(ready, maps.size() - ready - failed, failed);
 }
+
+}  // namespace
 
 Service::Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
                  const std::vector<WebAsset>& web)
@@ -109,9 +112,10 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
                  .idle = std::chrono::seconds(options_.sessions.idle_expiry_s),
                  .client_share = options_.client_share},
                 queue_),
-      context_{options_, workers_,  store,    catalog_,
-               queue_,   sessions_, metrics_, std::chrono::steady_clock::now()},
+      context_{options_,  workers_, store,     catalog_, queue_,
+               sessions_, metrics_, stopping_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)) {
+  metrics_.add_reader([this] { set_map_figures(metrics_, catalog_); });
   metrics_.add_reader([this] {
     const AlignmentQueue::Figures figures = queue_.figures();
     metrics_.set_workers(static_cast<std::size_t>(figures.running),
@@ -141,17 +145,21 @@ HttpResponse Service::handle(HttpRequest request) const {
 }
 
 HttpResponse Service::handle(const HttpRequest& request, const Router::Match& match) const {
+  const auto problem = [&](const ApiError& error) {
+    metrics_.problem(error.code());
+    return problem_response(error, request.request_id);
+  };
   const auto logged = [&](ErrorCode code, const std::exception& error) {
     // Paths of this machine stay in the log.
     spdlog::error("{} {} {}: {}", request.request_id, request.method, request.path, error.what());
-    return problem_response(ApiError(code, "the log says more"), request.request_id);
+    return problem(ApiError(code, "the log says more"));
   };
   try {
     return match.route->handler(request, match.parameters);
   } catch (const ApiError& error) {
-    return problem_response(error, request.request_id);
+    return problem(error);
   } catch (const maps::StoreRefusal& error) {
-    return problem_response(ApiError(code_of(error.reason()), error.what()), request.request_id);
+    return problem(ApiError(code_of(error.reason()), error.what()));
   } catch (const maps::StorageError& error) {
     return logged(ErrorCode::kStorageError, error);
   } catch (const maps::InputError& error) {

@@ -3,12 +3,16 @@
 #include "api_error.hpp"
 #include "gatekeeper.hpp"
 #include "handlers/context.hpp"
+#include "problem.hpp"
+#include "request_handler.hpp"
 #include "web_assets.hpp"
+
+#include <atomic>
 
 namespace stillmap::server {
 
 /// Requests in, answers out: everything of the server but HTTP itself. Safe from several threads.
-class Service {
+class Service final : public RequestHandler {
  public:
   /// @param store  outlives this. @throws std::invalid_argument on broken options.
   Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
@@ -16,19 +20,19 @@ class Service {
   Service(const Service&) = delete;
   Service& operator=(const Service&) = delete;
 
-  /// Decides by the head alone whether the request may send its body: finds the route, checks the
-  /// key, reserves what is needed. Fills the request's caller and reservation.
-  /// @throws ApiError if not.
-  [[nodiscard]] Router::Match admit(HttpRequest& request) const;
-  /// Answers what was admitted. Never throws: what goes wrong becomes a problem document.
-  [[nodiscard]] HttpResponse handle(const HttpRequest& request, const Router::Match& match) const;
+  [[nodiscard]] Router::Match admit(HttpRequest& request) const override;
+  [[nodiscard]] HttpResponse handle(const HttpRequest& request,
+                                    const Router::Match& match) const override;
   /// Both at once, for a request that is complete.
   [[nodiscard]] HttpResponse handle(HttpRequest request) const;
   [[nodiscard]] Metrics& metrics() const { return metrics_; }
+  /// From now on it is not ready, and says why.
+  void set_stopping() { stopping_ = true; }
 
  private:
   ServerOptions options_;
   mutable Metrics metrics_;
+  std::atomic<bool> stopping_ = false;
   mutable Gatekeeper gatekeeper_;
   mutable MapCatalog catalog_;
   int workers_;
@@ -37,8 +41,5 @@ class Service {
   Context context_;
   Router router_;
 };
-
-/// An error as `application/problem+json`.
-[[nodiscard]] HttpResponse problem_response(const ApiError& error, const std::string& request_id);
 
 }  // namespace stillmap::server

@@ -7,7 +7,7 @@
 #include "service.hpp"
 #include "support/stored_packages.hpp"
 
-#include <stillmap/maps/map_store.hpp>
+#include <stillmap/maps/store/package_store.hpp>
 
 #include <spdlog/spdlog.h>
 #include <sys/socket.h>
@@ -38,11 +38,15 @@ class StubAligner final : public localization::Aligner {
 struct Served {
   Served() {
     spdlog::set_level(spdlog::level::off);
-    const std::filesystem::path store = fuzz::folder().path() / "store";
-    std::filesystem::create_directory(store);
-    test::write_package(store / "town", 1, 3);
+    const std::filesystem::path folder = fuzz::folder().path() / "store";
+    const std::filesystem::path built = fuzz::folder().path() / "town";
+    std::filesystem::create_directory(folder);
+    test::write_package(built, 1, 3);
+    store = std::make_unique<maps::PackageStore>(folder);
+    store->add("town", "v1", built);
+    store->activate("town", "v1");
     service = std::make_unique<server::Service>(
-        options, maps::MapStore(store),
+        options, *store,
         [](const maps::MapPackage&) {
           return server::Aligners{{"default", std::make_shared<StubAligner>()}};
         },
@@ -52,10 +56,11 @@ struct Served {
     ready.path = "/readyz";
     while (service->handle(ready).status != 200)
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    http = std::make_unique<server::HttpServer>(options, *service);
+    http = std::make_unique<server::HttpServer>(server::main_endpoint(options), *service, nullptr);
   }
 
   server::ServerOptions options = fuzz::small_options();
+  std::unique_ptr<maps::PackageStore> store;
   std::unique_ptr<server::Service> service;
   std::unique_ptr<server::HttpServer> http;
 };

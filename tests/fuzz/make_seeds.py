@@ -109,6 +109,7 @@ def make_http():
     put("http", "json", b"POST /v1/maps/town/localize HTTP/1.1\r\nContent-Type: application/json\r\nExpect: 100-continue\r\n"
         b"Content-Length: " + str(len(body)).encode() + b"\r\n\r\n" + body)
     put("http", "chunked", localize + b"Transfer-Encoding: chunked\r\n\r\n4\r\nabcd\r\n0\r\n\r\n")
+    put("http", "huge_range", b"GET /v1/maps HTTP/1.1\r\nRange: bytes=99999999999999999999-\r\n\r\n")
     put("http", "odd", b"PUT /v1/%6daps/../x?a=%00&b HTTP/1.0\r\nRange: bytes=1-2,3-4\r\nContent-Length: 1\r\n\r\nx"
         b"OPTIONS * HTTP/1.1\r\n\r\n")
 
@@ -134,6 +135,8 @@ def make_packages():
            "detections": 3, "points_removed": 12, "placements": [{"scan": 0, "centre": [1, 2, 3], "yaw": 0.5}]}
     objects = json.dumps({"objects": [car]})
     tile = b"".join(struct.pack("<4fHBB", 0.1 * (i % 5), 0.1 * (i // 5), 0.01 * i, 0.5, 3, i % 4, 0) for i in range(30))
+    put("map_points", "plane", tile)
+    put("map_points", "far", tile[:200] + struct.pack("<4fHBB", 3e5, -2e4, 1e9, 0, 1, 0, 0) + tile[200:])
     history = b"".join(struct.pack("<III3bB", 0, 1, 0, 0, 0, 127, 200) for _ in range(30))
     # Scan 0: 5 kept; scan 1: 2 projected of object 1, 1 dropped.
     runs = [bytes([5, 5 << 3]), bytes([3, 2 << 3 | 2, 1, 1 << 3 | 4])]
@@ -163,10 +166,11 @@ def make_packages():
 
 
 def make_index():
-    put("index", "whole", b"\1")
+    for name, first in (("looked_up", 0), ("damaged", 1), ("aligned", 2), ("searched", 4)):
+        put("index", name, bytes([first]))
     # Into the header, the section table, and a voxel.
-    put("index", "patched", b"\1" + bytes([8, 0, 0, 3]) + b"\x02\0\0\0" + bytes([200, 0, 0, 7]) + b"\xff" * 8)
-    put("index", "voxel", b"\1" + bytes([0, 0, 1, 3]) + struct.pack("<f", math.nan))
+    put("index", "patched", b"\0" + bytes([8, 0, 0, 3]) + b"\x02\0\0\0" + bytes([200, 0, 0, 7]) + b"\xff" * 8)
+    put("index", "voxel", b"\2" + bytes([0, 0, 1, 3]) + struct.pack("<f", math.nan))
 
 
 def make_weights():

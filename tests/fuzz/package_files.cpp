@@ -3,11 +3,9 @@
 #include "fuzz_folder.hpp"
 #include "fuzz_target.hpp"
 
-#include <stillmap/localization/map_index.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 
-#include <array>
 #include <cmath>
 
 #include "package/manifest_json.hpp"
@@ -67,9 +65,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const auto fates = fuzz::taken<maps::InputError>([&] { return package->fates(scan); });
     fuzz::require(!fates || fates->fates.size() == fates->objects.size(), "an object a fate");
   }
-  // What the server does with a map before it answers.
-  const auto index =
-      fuzz::taken<maps::InputError>([&] { return localization::MapIndex::build(*package); });
-  fuzz::require(!index || (*index)->voxel_count() > 0, "an index holds something");
   return 0;
 }

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Fuzzes every parser that meets bytes from outside with libFuzzer, AddressSanitizer and UndefinedBehaviorSanitizer.
-# usage: tests/fuzz/run.sh [--seconds N | --soak | --report] [TARGET...]    (60 seconds each unless told)
+# usage: tests/fuzz/run.sh [--seconds N | --soak | --report] [--jobs N] [TARGET...]    (60 seconds each unless told)
 # Needs clang-16 and libclang-rt-16-dev, see ./dev. What it learns stays in build/soak/fuzz; soak.py says more.
 set -euo pipefail
 cd "$(dirname "$0")/../.."

@@ -1,18 +1,20 @@
 #!/usr/bin/env python3
-"""Runs libFuzzer's programs, one after the other, and keeps what they found and how long they ran.
+"""Runs libFuzzer's programs and keeps what they found and how long they ran.
 
-usage: soak.py PROGRAMS STATE [--seconds N | --soak | --report] [TARGET...]
+usage: soak.py PROGRAMS STATE [--seconds N | --soak | --report] [--jobs N] [TARGET...]
 
 --seconds N  each target for N seconds
 --soak       each target until it has run 30 CPU-minutes behind its last new edge and a million inputs in all; a run that
              was cut off goes on where it was
 --report     writes the results into tests/README.md
+--jobs N     so many targets at a time, one unless told
 
 STATE/NAME/corpus grows, STATE/NAME/state.json counts, STATE/NAME/found/ holds inputs that broke something. The rules
 are those of the soak: 512 MiB, 5 s an input. Ends with 1 when anything was found.
 """
 
 import argparse
+import concurrent.futures
 import datetime
 import json
 import os
@@ -78,7 +80,11 @@ class Target:
                 self.state["cpu_s_at_last_edge"] = self.state["cpu_s"]
             edges = int(match[3])
             self.state["edges"] = max(self.state["edges"], edges)
-        ok = process.wait() == 0
+        # The kernel's last word on it; /proc was last looked at when it printed a line.
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        self.state["cpu_s"] = before_s + usage.ru_utime + usage.ru_stime
+        ok = process.returncode == 0
         self.save()
         if not ok:
             (self.folder / "last.log").write_text("".join(last))
@@ -124,6 +130,13 @@ def report(targets):
     README.write_text(new)
 
 
+def run_once(target, asked):
+    """@return its name when something was found"""
+    ok = target.run(SLICE_S if asked.soak else asked.seconds)
+    print(target.line(), flush=True)
+    return None if ok else target.name
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("programs", type=pathlib.Path)
@@ -131,8 +144,9 @@ def main():
     parser.add_argument("--seconds", type=int, default=60)
     parser.add_argument("--soak", action="store_true")
     parser.add_argument("--report", action="store_true")
+    parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("targets", nargs="*")
-    asked = parser.parse_args()
+    asked = parser.parse_intermixed_args()
     programs = sorted(path for path in asked.programs.glob("fuzz_*") if os.access(path, os.X_OK))
     known = [path.name.removeprefix("fuzz_") for path in programs]
     for name in asked.targets:
@@ -146,10 +160,8 @@ def main():
     broken = set()
     # Turn by turn, so that all have run when time is short.
     while left := [t for t in targets if t.name not in broken and not (asked.soak and t.is_done())]:
-        for target in left:
-            if not target.run(SLICE_S if asked.soak else asked.seconds):
-                broken.add(target.name)
-            print(target.line(), flush=True)
+        with concurrent.futures.ThreadPoolExecutor(asked.jobs) as pool:
+            broken |= set(pool.map(lambda target: run_once(target, asked), left)) - {None}
         if not asked.soak:
             break
     return 1 if broken else 0

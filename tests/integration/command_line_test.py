@@ -16,7 +16,7 @@ import tempfile
 import time
 import unittest
 
-PROGRAM, MAP, DRIVE = sys.argv[1:4]
+PROGRAM, MAP, STORE, DRIVE = sys.argv[1:5]
 SCAN = pathlib.Path(DRIVE) / "velodyne/000001.bin"
 
 
@@ -39,7 +39,7 @@ class CommandLine(unittest.TestCase):
 
     def test_help_lists_every_command(self):
         text = run("--help").stdout
-        for command in ("build", "simulate", "evaluate", "localize", "serve", "inspect"):
+        for command in ("build", "simulate", "evaluate", "localize", "serve", "inspect", "store", "keys"):
             self.assertRegex(text, rf"(?m)^  {command}\b")
             self.assertEqual(run(command, "--help").returncode, 0, command)
         for what in ("localization", "map", "detector", "odometry", "paper", "paper-odometry"):
@@ -302,7 +302,7 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(list(self.folder.iterdir()), [])
 
     def test_serve_says_its_address_and_ends_on_sigterm(self):
-        program = subprocess.Popen([PROGRAM, "serve", "--store", pathlib.Path(MAP).parent, "--port", "0"],
+        program = subprocess.Popen([PROGRAM, "serve", "--store", STORE, "--port", "0"],
                                    stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         line = program.stdout.readline()
         self.assertTrue(re.fullmatch(r"listening on http://127\.0\.0\.1:\d+/\n", line), line)

@@ -4,6 +4,7 @@
 
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/store/package_store.hpp>
 #include <stillmap/server/server.hpp>
 #include <stillmap/simulation/simulate.hpp>
 
@@ -43,8 +44,10 @@ class PoseOverHttp : public ::testing::Test {
     std::filesystem::create_directory(folder_->path() / "store");
     mapping::MapBuildOptions build;
     build.selection = maps::Selection::parse("::2");
-    mapping::build_map({folder_->path() / "drive"}, folder_->path() / "store" / "town", build, {},
-                       cancel);
+    mapping::build_map({folder_->path() / "drive"}, folder_->path() / "map", build, {}, cancel);
+    maps::PackageStore store(folder_->path() / "store");
+    store.add("town", "v1", folder_->path() / "map");
+    store.activate("town", "v1");
   }
   static void TearDownTestSuite() { delete folder_; }
 

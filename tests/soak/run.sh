@@ -31,7 +31,7 @@ street() { # street SEED: map from day 1, queries from day 2
   rm -rf "$folder"
 }
 
-step fuzz tests/fuzz/run.sh --soak
+step fuzz tests/fuzz/run.sh --soak --jobs "$(nproc)"
 tests/fuzz/run.sh --report
 step asan sanitized asan
 step tsan sanitized tsan

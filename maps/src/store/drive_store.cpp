@@ -108,14 +108,13 @@ DriveStore::Added DriveStore::add_part(std::int64_t id, std::int64_t n, std::uin
     incoming = parts / (kIncoming + std::to_string(incoming_++));
   }
   const Leftover leftover(incoming, files);
-  const DrivePart part{.n = n, .sha256 = receive(source, bytes, incoming, name, files),
-                       .bytes = bytes};
-  if (sha256 && *sha256 != part.sha256)
-    throw InputError(name, "SHA-256 " + part.sha256, *sha256);
+  const DrivePart part{
+      .n = n, .sha256 = receive(source, bytes, incoming, name, files), .bytes = bytes};
+  if (sha256 && *sha256 != part.sha256) throw InputError(name, "SHA-256 " + part.sha256, *sha256);
   const std::scoped_lock lock(mutex_);
   const std::vector<DrivePart> known = store_.drives().parts(id);
-  const bool is_new = std::none_of(known.begin(), known.end(),
-                                   [&](const DrivePart& each) { return each.n == n; });
+  const bool is_new =
+      std::none_of(known.begin(), known.end(), [&](const DrivePart& each) { return each.n == n; });
   if (is_new) {
     files.rename(incoming, parts / std::to_string(n));
     files.sync_folder(parts);
@@ -189,8 +188,7 @@ void DriveStore::clear_leftovers() {
       if (is_there(drives_ / name / half)) files.remove_tree(drives_ / name / half);
     if (!open || !is_there(parts)) continue;
     for (const auto& entry : fs::directory_iterator(parts))
-      if (entry.path().filename().string().starts_with(kIncoming))
-        files.remove_file(entry.path());
+      if (entry.path().filename().string().starts_with(kIncoming)) files.remove_file(entry.path());
   }
 }
 

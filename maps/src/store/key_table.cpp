@@ -159,11 +159,16 @@ KeyCheck KeyTable::check(std::string_view text, std::int64_t now_ns) const {
 }
 
 std::int64_t KeyTable::change_counter() const {
-  // Rows never go, and are revoked once.
   const ReadingBeside reading(*database_);
+  // It changes with every commit of another connection, and all that change anything are others.
+  const std::int64_t at = reading.database().pragma("data_version");
+  if (at == counted_at_) return counted_;
+  // Rows never go, and are revoked once.
   SqliteStatement counts(reading.database(), "SELECT count(*) + count(revoked_ns) FROM keys");
   counts.step();
-  return counts.integer(0);
+  counted_ = counts.integer(0);
+  counted_at_ = at;
+  return counted_;
 }
 
 }  // namespace stillmap::maps

@@ -14,6 +14,7 @@
 
 #include "formats/text.hpp"
 #include "package/manifest_json.hpp"
+#include "store/archive_path.hpp"
 #include "store/tar_header.hpp"
 
 namespace stillmap::maps {
@@ -52,7 +53,8 @@ PackageArchive::~PackageArchive() {
 std::string PackageArchive::etag() const { return '"' + digest_ + "-" + kLayout + '"'; }
 
 void PackageArchive::append(const std::string& path, std::uint64_t bytes) {
-  entries_.push_back({path, size_, tar_header(path, bytes).size(), bytes});
+  (void)checked_path(path, false, SIZE_MAX, SIZE_MAX, (package_ / printable(path)).string());
+  entries_.push_back({path, size_, tar_header_bytes(path, bytes), bytes});
   size_ += entries_.back().header_bytes + padded(bytes);
 }
 

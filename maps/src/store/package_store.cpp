@@ -1,7 +1,7 @@
 #include <stillmap/maps/store/package_store.hpp>
 
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/map_store.hpp>
+#include <stillmap/maps/store/map_name.hpp>
 
 #include <unistd.h>
 

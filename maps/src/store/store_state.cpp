@@ -1,6 +1,6 @@
 #include <stillmap/maps/store/store_state.hpp>
 
-#include <stillmap/maps/map_store.hpp>
+#include <stillmap/maps/store/map_name.hpp>
 
 #include <set>
 #include <stdexcept>

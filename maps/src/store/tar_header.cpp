@@ -3,6 +3,7 @@
 #include <archive.h>
 #include <archive_entry.h>
 
+#include <algorithm>
 #include <memory>
 #include <stdexcept>
 
@@ -47,6 +48,14 @@ std::string tar_header(const std::string& path, std::uint64_t bytes) {
   std::string header = written;
   archive_write_fail(writer.get());
   return header;
+}
+
+std::uint64_t tar_header_bytes(const std::string& path, std::uint64_t bytes) {
+  constexpr std::size_t kUstarName = 100;
+  constexpr std::uint64_t kUstarBytes = std::uint64_t{1} << 33U;
+  const bool fits = path.size() <= kUstarName && bytes < kUstarBytes &&
+                    std::all_of(path.begin(), path.end(), [](char c) { return c > 0 && c < 0x7f; });
+  return fits ? 512 : tar_header(path, bytes).size();
 }
 
 }  // namespace stillmap::maps

@@ -11,8 +11,13 @@ namespace stillmap::cli {
 void add_localize(CLI::App& app);
 void add_serve(CLI::App& app);
 void add_inspect(CLI::App& app);
+void add_store(CLI::App& app);
+void add_keys(CLI::App& app);
 /// Names what `stillmap-mapper` does, so that the help lists it.
 void add_mapper_commands(CLI::App& app);
+
+/// @throws maps::InputError when the folder is no store, which opening it would make it.
+void require_store(const std::filesystem::path& folder);
 
 /// Whether a subcommand is the mapper's.
 [[nodiscard]] bool is_mapper_command(const std::string& name);

@@ -38,6 +38,10 @@ void print_for_people(const server::MapSummary& map) {
   table.add("origin", fmt::format("{:.3f}, {:.3f}, {:.3f} m", map.manifest.origin.x(),
                                   map.manifest.origin.y(), map.manifest.origin.z()));
   table.add("geodetic origin", text_of(map.manifest.geodetic_origin));
+  if (const auto& registration = map.manifest.registration)
+    table.add("registered",
+              fmt::format("to {:.12}, {} scans within {:.3f} m", registration->previous_digest,
+                          registration->scans_used, registration->residual_m));
   table.add("points", fmt::format("{} in {} tiles, voxels of {} m", grouped(map.points),
                                   map.manifest.tiles.size(), map.manifest.voxel_size_m));
   table.add("bounds", text_of(map.bounds_map));

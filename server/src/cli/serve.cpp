@@ -64,18 +64,25 @@ void require_store(const std::string& store) {
   if (!trouble.empty()) throw std::invalid_argument(trouble);
 }
 
+struct Reloaded {
+  server::OptionsHolder& options;
+  server::LogOutput& log;
+  server::Server& server;
+  const server::Notifier& notifier;
+};
+
 /// What SIGHUP does. Never throws: whatever is wrong, the server goes on as it was.
-void reload_all(const server::ConfigSources& sources, server::OptionsHolder& options,
-                server::LogOutput& log, const server::Notifier& notifier) {
-  notifier.reloading();
+void reload_all(const server::ConfigSources& sources, const Reloaded& parts) {
+  parts.notifier.reloading();
   try {
     server::ConfigSources now = sources;
     now.environment = server::own_environment();
-    const server::ReloadReport report = server::reload(now, options);
+    const server::ReloadReport report = server::reload(now, parts.options);
     for (const server::ConfigProblem& each : report.problems) {
       spdlog::error("configuration not reloaded: {}", each.text());
     }
-    log.reopen(options.current()->log);
+    parts.log.reopen(parts.options.current()->log);
+    parts.server.reload_certificate();
     if (report.problems.empty()) {
       spdlog::info(
           "configuration reloaded, changed: {}",
@@ -85,21 +92,29 @@ void reload_all(const server::ConfigSources& sources, server::OptionsHolder& opt
       spdlog::warn("these need a restart: {}", fmt::join(report.need_restart, ", "));
     }
   } catch (const std::exception& error) {
-    spdlog::error("configuration not reloaded: {}", error.what());
+    spdlog::error("not all reloaded: {}", error.what());
   }
-  notifier.ready("configuration read again");
+  parts.notifier.ready("configuration read again");
 }
 
 /// Only where a service manager wants to hear from this process.
 std::unique_ptr<server::Watchdog> start_watchdog(const server::Notifier& notifier,
-                                                 const server::ServerOptions& options, int port) {
+                                                 const server::ServerOptions& options, int port,
+                                                 int management_port) {
   const auto interval = server::watchdog_interval();
   if (!notifier.listens() || !interval) return nullptr;
+  const bool apart = management_port >= 0;
+  if (options.tls.enabled() && !apart) {
+    throw std::invalid_argument(
+        "management.port: found -1, expected a port, since the watchdog asks without TLS");
+  }
   // A quarter for the answer and a half between the questions stay within the interval.
   const auto timeout = std::chrono::duration_cast<std::chrono::milliseconds>(*interval / 4);
   return std::make_unique<server::Watchdog>(
-      notifier, *interval, [host = options.host, port, timeout] {
-        const bool answers = server::answers_livez(host, port, timeout);
+      notifier, *interval,
+      [host = apart ? options.management.host : options.host,
+       asked = apart ? management_port : port, timeout] {
+        const bool answers = server::answers_livez(host, asked, timeout);
         if (!answers) spdlog::warn("the server did not answer its own health check in time");
         return answers;
       });
@@ -107,27 +122,30 @@ std::unique_ptr<server::Watchdog> start_watchdog(const server::Notifier& notifie
 
 void run_server(const server::ConfigSources& sources, const server::ServerOptions& started) {
   require_store(started.store);
-  SignalLoop signals;
+  SignalLoop::block();
   server::LogOutput log(started.log);
   const server::Notifier notifier = server::Notifier::of_process();
   server::OptionsHolder options(started);
   server::Server server(started, started.store, find_beside("web", "share/stillmap/web"));
   const int port = server.bind();
-  const std::string address = fmt::format("http://{}:{}/", started.host, port);
-  const auto watchdog = start_watchdog(notifier, started, port);
-  signals.start({.reload = [&] { reload_all(sources, options, log, notifier); },
-                 .drain =
-                     [&] {
-                       const std::chrono::seconds delay(options.current()->drain.delay_s);
-                       spdlog::info("stopping, after {} s for others to notice", delay.count());
-                       notifier.stopping("waiting for requests in hand");
-                       return delay;
-                     },
-                 .stop =
-                     [&] {
-                       server.stop();
-                       return std::chrono::seconds(options.current()->drain.timeout_s);
-                     }});
+  const std::string address =
+      fmt::format("http{}://{}:{}/", started.tls.enabled() ? "s" : "", started.host, port);
+  const auto watchdog = start_watchdog(notifier, started, port, server.management_port());
+  const SignalLoop signals({.reload =
+                                [&] {
+                                  reload_all(sources, {options, log, server, notifier});
+                                },
+                            .drain =
+                                [&] {
+                                  spdlog::info("stopping in {} s", started.drain.delay_s);
+                                  notifier.stopping("waiting for requests in hand");
+                                  server.drain();
+                                  // The server itself cuts what takes too long; this is for what
+                                  // hangs.
+                                  constexpr int kGrace_s = 5;
+                                  return std::chrono::seconds(started.drain.delay_s +
+                                                              started.drain.timeout_s + kGrace_s);
+                                }});
   // stdout carries the address and nothing else.
   fmt::print("listening on {}\n", address);
   std::fflush(stdout);

@@ -17,6 +17,13 @@ using Clock = std::chrono::steady_clock;
 /// Sent by this process to its own thread alone.
 constexpr int kEnded = SIGUSR1;
 
+sigset_t all_signals() {
+  sigset_t signals{};
+  sigemptyset(&signals);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, kEnded}) sigaddset(&signals, signal);
+  return signals;
+}
+
 timespec time_until(Clock::time_point end) {
   const auto left = std::max(Clock::duration::zero(), end - Clock::now());
   const auto seconds = std::chrono::floor<std::chrono::seconds>(left);
@@ -25,28 +32,26 @@ timespec time_until(Clock::time_point end) {
 
 }  // namespace
 
-SignalLoop::SignalLoop() {
-  sigemptyset(&signals_);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP, kEnded}) sigaddset(&signals_, signal);
-  pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
+void SignalLoop::block() {
+  const sigset_t signals = all_signals();
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+}
+
+SignalLoop::SignalLoop(SignalActions actions) : actions_(std::move(actions)) {
+  thread_ = std::thread([this] { run(); });
 }
 
 SignalLoop::~SignalLoop() {
-  if (!thread_.joinable()) return;
   pthread_kill(thread_.native_handle(), kEnded);
   thread_.join();
 }
 
-void SignalLoop::start(SignalActions actions) {
-  actions_ = std::move(actions);
-  thread_ = std::thread([this] { run(); });
-}
-
 bool SignalLoop::wait(std::chrono::seconds time) {
+  const sigset_t signals = all_signals();
   const Clock::time_point end = Clock::now() + time;
   while (Clock::now() < end) {
     const timespec left = time_until(end);
-    const int signal = sigtimedwait(&signals_, nullptr, &left);
+    const int signal = sigtimedwait(&signals, nullptr, &left);
     if (signal == kEnded) return false;
     if (signal != SIGTERM && signal != SIGINT) continue;
     spdlog::warn("stopping at once, as asked a second time");
@@ -56,17 +61,16 @@ bool SignalLoop::wait(std::chrono::seconds time) {
 }
 
 void SignalLoop::run() {
+  const sigset_t signals = all_signals();
   int signal = 0;
   do {
-    sigwait(&signals_, &signal);
+    sigwait(&signals, &signal);
     if (signal == SIGHUP) actions_.reload();
   } while (signal == SIGHUP);
   if (signal == kEnded) return;
-  const std::chrono::seconds delay = actions_.drain();
-  if (!wait(delay)) return;
-  const std::chrono::seconds rest = actions_.stop();
-  if (!wait(rest)) return;
-  spdlog::warn("stopping although requests are still in hand, after {} s", rest.count());
+  const std::chrono::seconds most = actions_.drain();
+  if (!wait(most)) return;
+  spdlog::warn("stopping although work is still in hand, after {} s", most.count());
   std::_Exit(command_line::kSucceeded);
 }
 

@@ -375,15 +375,13 @@ std::vector<Option> running() {
        .field = at(&S::drain, &D::delay_s),
        .most = 600,
        .unit = "s",
-       .text = "How long `/readyz` says 503 after SIGTERM before new connections are refused.",
-       .reloadable = true},
+       .text = "How long `/readyz` says 503 after SIGTERM before new connections are refused."},
       {.key = "drain.timeout_s",
        .field = at(&S::drain, &D::timeout_s),
        .least = 1,
        .most = 3600,
        .unit = "s",
-       .text = "How long requests in hand may take after that.",
-       .reloadable = true},
+       .text = "How long requests in hand may take after that."},
   };
 }
 

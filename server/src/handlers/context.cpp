@@ -2,7 +2,7 @@
 
 #include "api_error.hpp"
 
-#include <stillmap/maps/map_store.hpp>
+#include <stillmap/maps/store/map_name.hpp>
 
 #include <utility>
 

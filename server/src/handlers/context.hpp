@@ -8,6 +8,7 @@
 
 #include <stillmap/server/server_options.hpp>
 
+#include <atomic>
 #include <chrono>
 #include <optional>
 #include <string>
@@ -25,6 +26,8 @@ struct Context {
   AlignmentQueue& queue;
   SessionTable& sessions;
   Metrics& metrics;
+  /// Once set, the server is about to end.
+  const std::atomic<bool>& stopping;
   std::chrono::steady_clock::time_point started;
 };
 

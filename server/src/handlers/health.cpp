@@ -12,17 +12,18 @@ std::string described(const ServedVersion& version) {
 
 /// Ready means that no active version is still being loaded: one that failed does not take the
 /// others down.
-HttpResponse answer_ready(const MapCatalog& catalog) {
+HttpResponse answer_ready(const Context& context) {
+  if (context.stopping) return json_response(status_json("stopping", {"stopping"}), 503);
   std::vector<std::string> loading;
   std::vector<std::string> failed;
-  for (const ServedVersion& map : catalog.active()) {
+  for (const ServedVersion& map : context.catalog.active()) {
     if (map.state == MapState::kFailed) {
       failed.push_back(described(map) + ": " + map.failure);
     } else if (map.state != MapState::kReady) {
       loading.push_back(described(map) + ": loading");
     }
   }
-  for (const ServedVersion& map : catalog.waiting())
+  for (const ServedVersion& map : context.catalog.waiting())
     if (map.state == MapState::kFailed)
       failed.push_back(described(map) + ": " + map.failure + "; the one before goes on");
   if (!loading.empty()) return json_response(status_json("loading", loading), 503);
@@ -58,11 +59,10 @@ void add_health_routes(std::vector<Route>& routes, const Context& context) {
   };
   routes.push_back({"GET", "/livez", alive, Access::kOpen});
   routes.push_back({"GET", "/healthz", alive, Access::kOpen});
-  routes.push_back({"GET", "/readyz",
-                    [&context](const HttpRequest&, const PathParameters&) {
-                      return answer_ready(context.catalog);
-                    },
-                    Access::kOpen});
+  routes.push_back(
+      {"GET", "/readyz",
+       [&context](const HttpRequest&, const PathParameters&) { return answer_ready(context); },
+       Access::kOpen});
   routes.push_back({"GET", "/v1/maps/{map}/ready",
                     [&context](const HttpRequest&, const PathParameters& path) {
                       return answer_map_ready(context.catalog, path.at("map"));

@@ -1,6 +1,7 @@
 #include "answers_json.hpp"
 
 #include "json_values.hpp"
+#include "registration_json.hpp"
 
 #include <stillmap/maps/box.hpp>
 #include <stillmap/maps/frames.hpp>
@@ -204,6 +205,7 @@ std::string map_json(const maps::StoredMap& map, const ServedVersion& version) {
                                {"longitude_deg", origin->longitude_deg},
                                {"altitude_m", origin->altitude_m}};
   }
+  if (manifest.registration) json["registration"] = to_json(*manifest.registration);
   json["voxel_size_m"] = manifest.voxel_size_m;
   json["relative_clock"] = manifest.relative_clock;
   json["counts"] = manifest.counts;

@@ -1,6 +1,7 @@
 #include "inspection_json.hpp"
 
 #include "json_values.hpp"
+#include "registration_json.hpp"
 
 namespace stillmap::server {
 namespace {
@@ -30,6 +31,7 @@ std::string inspection_json(const MapSummary& summary) {
   json["frame_id"] = manifest.frame_id;
   json["origin"] = to_json_array(manifest.origin);
   json["geodetic_origin"] = geodetic(manifest.geodetic_origin);
+  if (manifest.registration) json["registration"] = to_json(*manifest.registration);
   json["voxel_size_m"] = manifest.voxel_size_m;
   json["relative_clock"] = manifest.relative_clock;
   json["points"] = summary.points;

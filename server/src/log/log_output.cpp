@@ -109,6 +109,7 @@ class LogOutput::Sink final : public spdlog::sinks::sink {
     destination_ = std::move(destination);
     // The logger's own level, which is what spdlog asks before it formats.
     spdlog::set_level(level);
+    set_request_lines(options.requests);
   }
 
   void log(const spdlog::details::log_msg& message) override {

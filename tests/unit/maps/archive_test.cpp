@@ -76,7 +76,8 @@ TEST_F(ArchiveTest, TakesNamesFromPaxAndGnuHeadersAndPrefixes) {
   const std::string longer = std::string(80, 'p') + "/" + std::string(90, 'l');
   const std::string gnu = tar_block({.name = "././@LongLink", .bytes = 172, .type = 'L'}) +
                           padded(longer + std::string(1, '\0'));
-  extract(source_of(pax_header(pax_record("path", "pax") + pax_record("size", "3")) +
+  extract(source_of(pax_header(pax_record("comment", "of all"), 'g') +
+                    pax_header(pax_record("path", "pax") + pax_record("size", "3")) +
                     tar_file("cut", "one") + gnu + tar_file("cut", "two") +
                     tar_block({.name = "name", .bytes = 5, .prefix = "prefix"}) + padded("three") +
                     tar_file("./dotted", "") + tar_end()));

@@ -101,7 +101,9 @@ TEST_F(KeyTableTest, RefusesAKeyFromTheInstantThatItExpires) {
 TEST_F(KeyTableTest, RevokesForGood) {
   const KeyTable::Created key = state_.keys().create("lost", read_, {}, kNow);
   const KeyTable::Created other = state_.keys().create("kept", read_, {}, kNow + 1);
+  const std::int64_t before = state_.keys().change_counter();
   EXPECT_EQ(state_.keys().revoke(key.key.id, kNow + 5).revoked_ns, kNow + 5);
+  EXPECT_GT(state_.keys().change_counter(), before);
   EXPECT_EQ(state_.keys().revoke(key.key.id, kNow + 9).revoked_ns, kNow + 5);
   EXPECT_EQ(verdict(key.text), Verdict::kRevoked);
   EXPECT_EQ(verdict(other.text), Verdict::kGood);

@@ -1,6 +1,7 @@
 #include <stillmap/maps/map_package.hpp>
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/frames.hpp>
 
 #include <array>
 #include <fstream>
@@ -8,6 +9,7 @@
 #include <limits>
 #include <regex>
 
+#include "package/manifest_json.hpp"
 #include "support/matchers.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"
@@ -270,7 +272,8 @@ TEST(MapPackage, RefusesAHostileManifest) {
   refuses("\"objects.json\"", "\"../objects.json\"", "../objects.json");
   refuses("\"objects.json\"", "\"/etc/passwd\"", "/etc/passwd");
   refuses("\"objects.json\"", "\"build.json\"", "build.json");
-  refuses("\"objects.json\"", "\"objects.json\\u0000.png\"", "a path inside the package");
+  refuses("\"objects.json\"", "\"objects.json\\u0000.png\"",
+          "objects.json?.png: found an object, expected a path inside the package");
   refuses("\"objects.json\"", "\"tiles//objects.json\"", "a path inside the package");
   refuses("\"points\": 2", "\"points\": 3", "60");
   refuses("\"points\": 2", "\"points\": 18446744073709551615", ".points");

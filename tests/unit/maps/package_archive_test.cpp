@@ -103,6 +103,16 @@ TEST_F(PackageArchiveTest, HasTheBytesThatItsTagStandsFor) {
   EXPECT_GT(tar_header("large", std::uint64_t{9} << 30U).size(), 512U);
 }
 
+TEST_F(PackageArchiveTest, KnowsTheSizeOfAHeaderWithoutMakingIt) {
+  for (const std::size_t length : {1U, 99U, 100U, 101U, 180U, 256U, 400U})
+    for (const std::uint64_t bytes : {std::uint64_t{0}, (std::uint64_t{1} << 33U) - 1,
+                                      std::uint64_t{1} << 33U, std::uint64_t{1} << 40U})
+      for (const char letter : {'n', ' ', '\x7e'}) {
+        const std::string path(length, letter);
+        EXPECT_EQ(tar_header_bytes(path, bytes), tar_header(path, bytes).size()) << path << bytes;
+      }
+}
+
 TEST_F(PackageArchiveTest, IsUnpackedByTar) {
   PackageArchive archive(town_);
   folder_.write("town.tar", all_of(archive));
@@ -125,6 +135,16 @@ TEST_F(PackageArchiveTest, SaysWhenAFileIsGoneOrAnother) {
   fs::remove_all(town_);
   EXPECT_THAT([&] { range_of(archive, 8000, 20'000); }, ThrowsSaying<StorageError>({"town"}));
   EXPECT_THAT([&] { (void)PackageArchive{town_}; }, ThrowsSaying<StorageError>({"manifest.json"}));
+}
+
+TEST_F(PackageArchiveTest, RefusesNamesThatNoArchiveMayHold) {
+  const fs::path odd = folder_.path() / "odd";
+  MapPackageWriter writer(odd);
+  std::ofstream(writer.folder() / "\xc3\xbc.txt") << "x";
+  MapManifest manifest;
+  manifest.frame_id = "map";
+  writer.publish(manifest, "{}");
+  EXPECT_THAT([&] { PackageArchive{odd}; }, ThrowsSaying<InputError>({"odd", "printable ASCII"}));
 }
 
 class StoreArchiveTest : public PackageArchiveTest {

@@ -1,7 +1,7 @@
 #include <stillmap/maps/store/package_store.hpp>
 
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/map_store.hpp>
+#include <stillmap/maps/store/map_name.hpp>
 
 #include <algorithm>
 #include <fstream>
@@ -204,15 +204,15 @@ TEST_F(PackageStoreTest, RefusesPackagesWhoseStateIsGone) {
   EXPECT_TRUE(fs::exists(package(first_)));
 }
 
-TEST_F(PackageStoreTest, StandsBesideMapsOfTheOlderLayout) {
-  write_package(store_ / "old", 3);
-  PackageStore store(store_, calls_);
-  store.add("town", "1", folder_.path() / "first");
-  store.add("old", "1", store_ / "old");
-  const MapStore older(store_);
-  EXPECT_THAT(older.names(), ElementsAre("old"));
-  EXPECT_THAT(older.refused(), IsEmpty());
-  EXPECT_EQ(store.open("old", "1")->digest(), older.find("old")->digest());
+TEST(MapName, IsSafeInUrlsAndPaths) {
+  EXPECT_TRUE(is_valid_map_name("a"));
+  EXPECT_TRUE(is_valid_map_name("0town_2.b-c"));
+  EXPECT_TRUE(is_valid_map_name(std::string(63, 'a')));
+  for (const std::string& bad : {std::string(), std::string(64, 'a'), std::string(".a"),
+                                 std::string("-a"), std::string("a/b"), std::string("A"),
+                                 std::string("a b"), std::string("a\0b", 3), std::string("ä")}) {
+    EXPECT_FALSE(is_valid_map_name(bad)) << bad;
+  }
 }
 
 TEST_F(PackageStoreTest, AddsFromSeveralThreadsAndStores) {

@@ -27,7 +27,7 @@ class HttpServerTest : public ServiceTest {
     options_.max_payload_bytes = 4096;
     options_.max_json_bytes = 4096;
     start();
-    http_ = std::make_unique<HttpServer>(options_, *service_);
+    http_ = std::make_unique<HttpServer>(main_endpoint(options_), *service_, &service_->metrics());
     port_ = http_->bind();
     thread_ = std::thread([this] { http_->run(); });
   }
@@ -109,7 +109,7 @@ TEST_F(HttpServerTest, BodyBeyondTheLimitIsRefused) {
   ASSERT_TRUE(response);
   EXPECT_EQ(response->status, 413);
   EXPECT_EQ(nlohmann::json::parse(response->body)["code"], "PayloadTooLarge");
-  EXPECT_THAT(raw("POST /v1/maps/town/localize HTTP/1.1\r\nContent-Length: "
+  EXPECT_THAT(raw("POST /v1/maps/town/localize HTTP/1.1\r\nHost: x\r\nContent-Length: "
                   "99999999999999999999999\r\n\r\n"),
               StartsWith("HTTP/1.1 413"));
 }
@@ -124,13 +124,14 @@ TEST_F(HttpServerTest, UnpackedBytesCountAsWell) {
 }
 
 TEST_F(HttpServerTest, BodyWithoutAKnownLengthIsRefused) {
-  EXPECT_THAT(raw("POST /v1/maps/town/localize HTTP/1.1\r\nTransfer-Encoding: "
+  EXPECT_THAT(raw("POST /v1/maps/town/localize HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: "
                   "chunked\r\n\r\n5\r\nhello\r\n0\r\n\r\n"),
               HasSubstr("LengthRequired"));
   EXPECT_THAT(raw("POST /v1/maps/town/localize HTTP/1.1\r\nHost: x\r\n\r\n"),
               StartsWith("HTTP/1.1 411"));
-  EXPECT_THAT(raw("POST /v1/maps/town/localize HTTP/1.1\r\nContent-Length: many\r\n\r\n"),
-              StartsWith("HTTP/1.1 400"));
+  EXPECT_THAT(
+      raw("POST /v1/maps/town/localize HTTP/1.1\r\nHost: x\r\nContent-Length: many\r\n\r\n"),
+      StartsWith("HTTP/1.1 400"));
 }
 
 TEST_F(HttpServerTest, UnknownContentEncodingIsRefused) {
@@ -151,34 +152,40 @@ TEST_F(HttpServerTest, ManyRangesAreRefusedAndOneIsIgnored) {
 
 TEST_F(HttpServerTest, GarbageIsAnsweredAndTheConnectionClosed) {
   EXPECT_THAT(raw("what is this\r\n\r\n"), StartsWith("HTTP/1.1 400"));
-  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nRange: bytes=x\r\n\r\n"), StartsWith("HTTP/1.1 416"));
+  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nHost: x\r\nRange: bytes=x\r\n\r\n"),
+              StartsWith("HTTP/1.1 416"));
 }
 
 TEST_F(HttpServerTest, HeadOfARequestIsBounded) {
   // Each of these would otherwise be read into memory as long as it lasts, or take the thread's
   // stack.
   const std::string line(5000, 'x');
-  EXPECT_THAT(raw("GET /" + line + " HTTP/1.1\r\n\r\n"), HasSubstr("HeaderTooLarge"));
-  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nX: " + line + "\r\n\r\n"), StartsWith("HTTP/1.1 431"));
+  EXPECT_THAT(raw("GET /" + line + " HTTP/1.1\r\nHost: x\r\n\r\n"), HasSubstr("HeaderTooLarge"));
+  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nHost: x\r\nX: " + line + "\r\n\r\n"),
+              StartsWith("HTTP/1.1 431"));
   std::string lines;
   for (int i = 0; i < 100; ++i) lines += "X: " + std::string(1000, 'x') + "\r\n";
-  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\n" + lines + "\r\n"), HasSubstr("HeaderTooLarge"));
+  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nHost: x\r\n" + lines + "\r\n"),
+              HasSubstr("HeaderTooLarge"));
   // A line of one character is no end of the head.
-  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nx\n" + lines + "\r\n"), HasSubstr("HeaderTooLarge"));
+  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nHost: x\r\nx\n" + lines + "\r\n"),
+              HasSubstr("HeaderTooLarge"));
   EXPECT_EQ(client().Get("/livez")->status, 200);
 }
 
 TEST_F(HttpServerTest, LongestLinesLeaveTheStackWhole) {
   std::string ranges = "bytes=0-0";
   while (ranges.size() < 4000) ranges += ",0-0";
-  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nRange: " + ranges + "\r\n\r\n"), HasSubstr("416"));
-  EXPECT_THAT(raw("POST /" + std::string(4000, 'a') + " HTTP/1.1\r\nContent-Length: 0\r\n\r\n"),
-              HasSubstr("404"));
+  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nHost: x\r\nRange: " + ranges + "\r\n\r\n"),
+              HasSubstr("416"));
+  EXPECT_THAT(
+      raw("POST /" + std::string(4000, 'a') + " HTTP/1.1\r\nHost: x\r\nContent-Length: 0\r\n\r\n"),
+      HasSubstr("404"));
 }
 
 TEST_F(HttpServerTest, BodyThatStopsIsGivenUp) {
   const std::string answer =
-      raw("POST /v1/maps/town/localize?prior_t=1,2,3&prior_q=0,0,0,1 HTTP/1.1\r\n"
+      raw("POST /v1/maps/town/localize?prior_t=1,2,3&prior_q=0,0,0,1 HTTP/1.1\r\nHost: x\r\n"
           "Content-Type: application/octet-stream\r\nContent-Length: 100\r\n\r\nshort");
   EXPECT_THAT(answer, HasSubstr("InvalidRequest"));
 }
@@ -193,7 +200,7 @@ TEST_F(HttpServerTest, JsonIsPackedForClientsThatTakeIt) {
 
 TEST(HttpServerLife, StopsWithAnIdleConnectionAndBeforeItRuns) {
   const TownStore store;
-  const ServerOptions options{.port = 0, .keep_alive_s = 60};
+  const ServerOptions options{.store = {}, .port = 0, .keep_alive_s = 60};
   const Service service(options, store.open(), [](const maps::MapPackage&) { return Aligners{}; },
                         {});
   HttpServer early(options, service);
@@ -205,7 +212,7 @@ TEST(HttpServerLife, StopsWithAnIdleConnectionAndBeforeItRuns) {
   const int port = server.bind();
   std::thread thread([&] { server.run(); });
   RawClient idle(port);
-  idle.send("GET /livez HTTP/1.1\r\n\r\n");
+  idle.send("GET /livez HTTP/1.1\r\nHost: x\r\n\r\n");
   const auto begin = std::chrono::steady_clock::now();
   server.stop();
   thread.join();
@@ -214,7 +221,7 @@ TEST(HttpServerLife, StopsWithAnIdleConnectionAndBeforeItRuns) {
 
 TEST(HttpServerLife, AddressOfNobodyHereIsAnError) {
   const TownStore store;
-  ServerOptions options{.port = 0};
+  ServerOptions options{.store = {}, .port = 0};
   const Service service(options, store.open(), [](const maps::MapPackage&) { return Aligners{}; },
                         {});
   HttpServer first(options, service);

@@ -27,6 +27,7 @@ class RawClient {
   RawClient& operator=(const RawClient&) = delete;
   ~RawClient() { ::close(socket_); }
 
+  [[nodiscard]] int socket() const { return socket_; }
   /// @return whether all was taken.
   bool send(std::string_view bytes) {
     while (!bytes.empty()) {
@@ -35,6 +36,13 @@ class RawClient {
       bytes.remove_prefix(static_cast<std::size_t>(sent));
     }
     return true;
+  }
+  /// Everything until `text` stands in it, or the server closes.
+  std::string read_until(std::string_view text) {
+    std::string all;
+    char c = 0;
+    while (all.find(text) == std::string::npos && ::recv(socket_, &c, 1, 0) == 1) all.push_back(c);
+    return all;
   }
   /// Everything until the server closes.
   std::string read_to_end() {

@@ -22,8 +22,8 @@ TEST(ServerOptions, EveryBrokenBoundIsNamedAtOnce) {
   options.connections = 0;
   options.min_scan_points = options.max_scan_points + 1;
   EXPECT_THAT(options.violations(),
-              ElementsAre(HasSubstr("port: 65536"), HasSubstr("max_scan_points"),
-                          HasSubstr("connections: 0")));
+              ElementsAre(HasSubstr("port: 65536"), HasSubstr("connections: 0"),
+                          HasSubstr("max_scan_points"), HasSubstr("event_streams")));
 }
 
 TEST(ServerOptions, AddressesThatOthersReachNeedLeave) {

@@ -150,7 +150,7 @@ class ServiceTest : public ::testing::Test {
   }
 
   TownStore store_;
-  ServerOptions options_{.workers = 1, .queue = 0};
+  ServerOptions options_{.store = {}, .workers = 1, .queue = 0};
   std::shared_ptr<StubAligner> aligner_ = std::make_shared<StubAligner>();
   std::unique_ptr<Service> service_;
 };

@@ -13,7 +13,7 @@ namespace stillmap::server {
 /// they are.
 class Server {
  public:
-  /// @param store  folder of map packages, see `maps::MapStore`.
+  /// @param store  folder of a `maps::PackageStore`; an empty one becomes a store.
   /// @param web    folder of the built web page; when it does not exist, `/` says that it was not
   /// built.
   /// @throws std::invalid_argument on broken options, maps::StorageError if a folder cannot be
@@ -24,13 +24,22 @@ class Server {
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
 
-  /// Takes the port. @return its number. @throws std::runtime_error when it is taken or not
-  /// allowed.
+  /// Takes the port, and the management port if there is one. @return its number.
+  /// @throws std::runtime_error when it is taken or not allowed.
   int bind();
-  /// Serves until `stop`. Call once, after `bind`.
+  /// @return number of the management port; -1 when there is none, or before `bind`.
+  [[nodiscard]] int management_port() const;
+  /// Serves until `stop` or `drain`. Call once, after `bind`.
   void run();
-  /// Takes no more requests and lets those in hand finish. Safe from any thread, also before `run`.
+  /// Takes no more requests and lets those in hand finish within `DrainOptions::timeout_s`. Safe
+  /// from any thread, also before `run`.
   void stop();
+  /// The same after `DrainOptions::delay_s`, in which everything is answered still; `/readyz` is
+  /// 503 from now on. Returns at once; `run` returns when it is done.
+  void drain();
+  /// Reads the TLS certificate and its key again, for connections to come.
+  /// @throws maps::InputError when they cannot be used; the old ones then stay.
+  void reload_certificate();
 
  private:
   struct Parts;

@@ -158,8 +158,7 @@ struct ServerOptions {
   std::size_t min_scan_points = 50;
   /// Request line and all headers of one request [bytes].
   std::size_t max_head_bytes = std::size_t{32} << 10U;
-  /// Request line, or one header [bytes]. The HTTP library runs recursive regular expressions over
-  /// them, which a thread's stack bounds.
+  /// Request line, or one header [bytes].
   std::size_t max_head_line_bytes = std::size_t{4} << 10U;
   /// Alignments at one time; 0 = as many as there are cores.
   int workers = 0;
@@ -175,10 +174,11 @@ struct ServerOptions {
   int default_deadline_ms = 10'000;
   /// Share of the workers and the queue, and of the sessions, that one key may hold.
   double client_share = 0.5;
-  /// Connections served at one time; every idle keep-alive connection holds one of them.
-  int connections = 64;
+  /// Connections served at one time; every idle keep-alive connection holds one of them, some 30 KiB
+  /// of memory each. Beyond it the answer is 503.
+  int connections = 512;
   /// Event streams open at one time, below `connections`, since each holds one of them.
-  int event_streams = 50;
+  int event_streams = 64;
   /// How long a connection may idle between requests [s].
   int keep_alive_s = 2;
   /// How long a client may send or take nothing [s].

@@ -83,6 +83,9 @@ class KeyTable {
   friend class StoreState;
   explicit KeyTable(StoreDatabase& database) : database_(&database) {}
   StoreDatabase* database_;
+  /// What was counted last, and the state of the database then. Under the lock of those who read.
+  mutable std::int64_t counted_ = 0;
+  mutable std::int64_t counted_at_ = -1;
 };
 
 }  // namespace stillmap::maps

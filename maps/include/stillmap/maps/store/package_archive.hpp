@@ -16,7 +16,8 @@ namespace stillmap::maps {
 class PackageArchive {
  public:
   /// Holds the folder open and at most one file. Opens none but the manifest.
-  /// @throws InputError as `MapPackage::open` for the manifest; StorageError.
+  /// @throws InputError as `MapPackage::open` for the manifest, and for names that
+  /// `extract_archive` refuses; StorageError.
   explicit PackageArchive(const std::filesystem::path& package);
   ~PackageArchive();
   PackageArchive(const PackageArchive&) = delete;

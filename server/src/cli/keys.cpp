@@ -1,0 +1,133 @@
+#include <stillmap/maps/store/package_store.hpp>
+
+#include <fmt/chrono.h>
+#include <fmt/core.h>
+
+#include <chrono>
+#include <ctime>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "command_line/run_program.hpp"
+#include "command_line/table.hpp"
+#include "commands.hpp"
+#include "json/store_json.hpp"
+
+namespace stillmap::cli {
+namespace {
+
+struct KeyArguments {
+  std::filesystem::path store;
+  std::string name, id;
+  std::vector<std::string> scopes;
+  std::optional<int> expires_days;
+  bool json = false;
+};
+
+std::int64_t now_ns() {
+  using std::chrono::system_clock;
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(
+             system_clock::now().time_since_epoch())
+      .count();
+}
+
+std::string date_of(std::int64_t time_ns) {
+  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}",
+                     fmt::gmtime(static_cast<std::time_t>(time_ns / 1'000'000'000)));
+}
+
+std::map<std::string, maps::KeyScope> scopes_by_name() {
+  std::map<std::string, maps::KeyScope> scopes;
+  for (const maps::KeyScope scope : maps::all_key_scopes()) scopes.emplace(name_of(scope), scope);
+  return scopes;
+}
+
+void create(const KeyArguments& arguments) {
+  maps::KeyScopes scopes;
+  for (const std::string& name : arguments.scopes) scopes.add(scopes_by_name().at(name));
+  const std::int64_t now = now_ns();
+  std::optional<std::int64_t> expires;
+  if (arguments.expires_days)
+    expires = now + *arguments.expires_days * std::int64_t{86'400'000'000'000};
+  maps::PackageStore store(arguments.store);
+  const maps::KeyTable::Created created = store.keys().create(arguments.name, scopes, expires, now);
+  // The key alone stands on stdout, so that a script can take it.
+  if (arguments.json) {
+    fmt::print("{}\n", server::created_key_json(created));
+  } else {
+    fmt::print(stderr, "key {} was made; it is not shown again\n", created.key.id);
+    fmt::print("{}\n", created.text);
+  }
+}
+
+std::string text_of(const maps::ApiKey& key) {
+  std::string text = key.name + " (";
+  for (const maps::KeyScope scope : maps::all_key_scopes())
+    if (key.scopes.has(scope))
+      text += (text.back() == '(' ? "" : " ") + std::string(name_of(scope));
+  text += "), made " + date_of(key.created_ns);
+  if (key.revoked_ns) return text + ", revoked " + date_of(*key.revoked_ns);
+  if (!key.expires_ns) return text;
+  return text + (*key.expires_ns <= now_ns() ? ", expired " : ", until ") +
+         date_of(*key.expires_ns);
+}
+
+void list(const KeyArguments& arguments) {
+  require_store(arguments.store);
+  maps::PackageStore store(arguments.store);
+  const std::vector<maps::ApiKey> keys = store.keys().list();
+  if (arguments.json) {
+    fmt::print("{}\n", server::keys_json(keys));
+    return;
+  }
+  command_line::Table table;
+  for (const maps::ApiKey& key : keys) table.add(key.id, text_of(key));
+  table.print();
+}
+
+void revoke(const KeyArguments& arguments) {
+  require_store(arguments.store);
+  maps::PackageStore store(arguments.store);
+  const maps::ApiKey key = store.keys().revoke(arguments.id, now_ns());
+  if (arguments.json)
+    fmt::print("{}\n", server::key_json(key));
+  else
+    fmt::print("{}  {}\n", key.id, text_of(key));
+}
+
+}  // namespace
+
+void add_keys(CLI::App& app) {
+  auto arguments = std::make_shared<KeyArguments>();
+  CLI::App* group = app.add_subcommand("keys", "Keys of those who may use a store's server");
+  group->require_subcommand(1);
+  const auto add = [&](const char* name, const char* help, void (*run)(const KeyArguments&)) {
+    CLI::App* command = group->add_subcommand(name, help);
+    command->add_option("--store", arguments->store, "Folder of the store")
+        ->required()
+        ->check(command_line::existing_folder());
+    command->add_flag("--json", arguments->json, "Print JSON");
+    command->callback([arguments, run] { run(*arguments); });
+    return command;
+  };
+  // A century; more is meant to be for ever.
+  constexpr int kMostDays = 36'500;
+  CLI::App* creates = add("create", "Make a key and show it, once", create);
+  creates->add_option("NAME", arguments->name, "Whose it is")->required();
+  creates
+      ->add_option("--scope", arguments->scopes,
+                   "What it allows: read, localize, write, admin; several may be given")
+      ->required()
+      ->check(CLI::IsMember({"read", "localize", "write", "admin"}));
+  creates->add_option("--expires-days", arguments->expires_days, "Refused after so many days")
+      ->check(CLI::Range(1, kMostDays));
+  add("list", "Say which keys there are", list);
+  add("revoke", "Refuse a key from now on, without a restart", revoke)
+      ->add_option("ID", arguments->id, "The part of the key between its underscores")
+      ->required();
+}
+
+}  // namespace stillmap::cli

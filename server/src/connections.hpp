@@ -1,0 +1,45 @@
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <mutex>
+
+namespace stillmap::server {
+
+/// Which connections are open and what each is at, so that they can be ended from outside. Safe
+/// from several threads.
+class Connections {
+ public:
+  enum class State : std::uint8_t {
+    kIdle,       ///< between requests
+    kReceiving,  ///< a head, or a body that is held as a whole
+    kAnswering,
+  };
+
+  void add(int socket);
+  /// Call before the socket is closed.
+  void remove(int socket);
+  void set(int socket, State state);
+
+  /// Those in this state read an end of the connection instead of waiting.
+  void interrupt(State state);
+  /// The same for the one that has been idle for longest, if any.
+  void interrupt_longest_idle();
+  /// Ends all, also what is being sent.
+  void cut();
+  [[nodiscard]] std::size_t count() const;
+
+ private:
+  struct Entry {
+    State state = State::kIdle;
+    std::chrono::steady_clock::time_point since;
+    bool interrupted = false;
+  };
+
+  mutable std::mutex mutex_;
+  std::map<int, Entry> entries_;
+};
+
+}  // namespace stillmap::server

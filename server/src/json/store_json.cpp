@@ -1,0 +1,89 @@
+#include "json/store_json.hpp"
+
+#include "json/json_values.hpp"
+
+namespace stillmap::server {
+namespace {
+
+constexpr int kIndent = 2;
+
+/// Nanoseconds exceed what a JSON number holds exactly.
+Json time_of(std::int64_t time_ns) { return std::to_string(time_ns); }
+
+Json time_of(const std::optional<std::int64_t>& time_ns) {
+  return time_ns ? time_of(*time_ns) : Json();
+}
+
+Json name_or_null(const std::optional<std::string>& name) { return name ? Json(*name) : Json(); }
+
+Json key_of(const maps::ApiKey& key) {
+  Json scopes = Json::array();
+  for (const maps::KeyScope scope : maps::all_key_scopes())
+    if (key.scopes.has(scope)) scopes.push_back(maps::name_of(scope));
+  return {{"id", key.id},
+          {"name", key.name},
+          {"scopes", scopes},
+          {"created_ns", time_of(key.created_ns)},
+          {"expires_ns", time_of(key.expires_ns)},
+          {"revoked_ns", time_of(key.revoked_ns)}};
+}
+
+}  // namespace
+
+std::string problems_json(const std::vector<maps::PackageStore::Problem>& problems) {
+  Json list = Json::array();
+  for (const auto& problem : problems)
+    list.push_back({{"map", problem.map}, {"version", problem.version}, {"what", problem.what}});
+  return to_text({{"problems", list}}, kIndent);
+}
+
+std::string cleared_json(const maps::PackageStore::Cleared& cleared,
+                         const std::vector<RemovedVersion>& removed) {
+  Json versions = Json::array();
+  for (const RemovedVersion& each : removed)
+    versions.push_back({{"map", each.map}, {"version", each.version}});
+  return to_text(
+      {{"versions", versions}, {"packages", cleared.packages}, {"leftovers", cleared.leftovers}},
+      kIndent);
+}
+
+std::string indexes_json(const std::vector<MadeIndex>& indexes) {
+  Json list = Json::array();
+  for (const MadeIndex& index : indexes)
+    list.push_back({{"digest", index.digest}, {"not_written_because", index.not_written_because}});
+  return to_text({{"indexes", list}}, kIndent);
+}
+
+std::string backup_json(const maps::PackageStore::BackedUp& done) {
+  return to_text({{"packages", {{"copied", done.copied}, {"kept", done.kept}}}}, kIndent);
+}
+
+std::string restored_json(std::size_t packages) {
+  return to_text({{"packages", packages}}, kIndent);
+}
+
+std::string added_json(const std::string& map, const maps::PackageStore::Added& added) {
+  return to_text({{"map", map},
+                  {"version", added.version.name},
+                  {"digest", added.version.digest},
+                  {"bytes", added.version.bytes},
+                  {"created_ns", time_of(added.version.created_ns)},
+                  {"is_new", added.is_new}},
+                 kIndent);
+}
+
+std::string created_key_json(const maps::KeyTable::Created& created) {
+  Json json = key_of(created.key);
+  json["key"] = created.text;
+  return to_text(json, kIndent);
+}
+
+std::string key_json(const maps::ApiKey& key) { return to_text(key_of(key), kIndent); }
+
+std::string keys_json(const std::vector<maps::ApiKey>& keys) {
+  Json list = Json::array();
+  for (const maps::ApiKey& key : keys) list.push_back(key_of(key));
+  return to_text({{"keys", list}}, kIndent);
+}
+
+}  // namespace stillmap::server

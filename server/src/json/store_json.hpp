@@ -1,0 +1,36 @@
+#pragma once
+
+#include <stillmap/maps/store/package_store.hpp>
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace stillmap::server {
+
+/// An index that was made again.
+struct MadeIndex {
+  std::string digest;
+  /// Why it lies nowhere; empty when it was written.
+  std::string not_written_because;
+};
+/// A version that went.
+struct RemovedVersion {
+  std::string map, version;
+};
+
+/// What `stillmap store` and `stillmap keys` print with --json (server/README.md).
+[[nodiscard]] std::string problems_json(const std::vector<maps::PackageStore::Problem>& problems);
+[[nodiscard]] std::string cleared_json(const maps::PackageStore::Cleared& cleared,
+                                       const std::vector<RemovedVersion>& removed);
+[[nodiscard]] std::string indexes_json(const std::vector<MadeIndex>& indexes);
+[[nodiscard]] std::string backup_json(const maps::PackageStore::BackedUp& done);
+[[nodiscard]] std::string restored_json(std::size_t packages);
+[[nodiscard]] std::string added_json(const std::string& map,
+                                     const maps::PackageStore::Added& added);
+/// With the secret, which is told once.
+[[nodiscard]] std::string created_key_json(const maps::KeyTable::Created& created);
+[[nodiscard]] std::string key_json(const maps::ApiKey& key);
+[[nodiscard]] std::string keys_json(const std::vector<maps::ApiKey>& keys);
+
+}  // namespace stillmap::server

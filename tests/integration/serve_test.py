@@ -1,0 +1,247 @@
+#!/usr/bin/env python3
+"""A running server as its operator meets it: configuration, log, SIGHUP, the way to its end, the service manager.
+
+usage: serve_test.py STILLMAP
+"""
+
+import http.client
+import json
+import os
+import pathlib
+import re
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+PROGRAM = sys.argv[1]
+TRACE = "4bf92f3577b34da6a3ce929d0e0e4736"
+
+
+def run(*arguments, **environment):
+    return subprocess.run([PROGRAM, "serve", *map(str, arguments)], capture_output=True, text=True, timeout=60,
+                          env={**os.environ, **environment})
+
+
+class FolderTest(unittest.TestCase):
+    def setUp(self):
+        temporary = tempfile.TemporaryDirectory()
+        self.addCleanup(temporary.cleanup)
+        self.folder = pathlib.Path(temporary.name)
+        self.store = self.folder / "store"
+        self.store.mkdir()
+        self.config = self.folder / "stillmap.json"
+        self.log = self.folder / "server.log"
+
+    def write(self, **values):
+        self.config.write_text("// for a test\n" + json.dumps(values))
+
+
+class Configuration(FolderTest):
+    def test_check_names_every_problem_and_is_2(self):
+        self.write(prot=1, queue=-1, log={"level": "loud"})
+        done = run("--check", "--config", self.config, STILLMAP_SERVE_WORKERS="x")
+        self.assertEqual(done.returncode, 2)
+        self.assertEqual(done.stdout, "")
+        lines = done.stderr.splitlines()
+        self.assertEqual(len(lines), 4, done.stderr)
+        for line in lines:
+            self.assertRegex(line, r"\Astillmap: (\S+): (\S+): found .+, expected .+\Z")
+        self.assertIn("the nearest is port", done.stderr)
+
+    def test_check_is_0_for_what_can_be_used(self):
+        self.write(port=0, sessions={"max": 5})
+        done = run("--check", "--config", self.config)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+
+    def test_values_say_where_they_come_from_and_can_be_used_again(self):
+        self.write(port=1, queue=2, workers=3)
+        done = run("--print-config", "--port", "4", "--allow-remote", STILLMAP_SERVE_QUEUE="5",
+                   STILLMAP_SERVE_CONFIG=str(self.config))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        for line in ('"port": 4,  // --port', '"queue": 5,  // STILLMAP_SERVE_QUEUE', f'"workers": 3,  // {self.config}',
+                     '"allow_remote": true,  // --allow-remote', '"host": "127.0.0.1",  // default'):
+            self.assertIn(line, done.stdout)
+        self.config.write_text(done.stdout)
+        again = run("--print-config", "--config", self.config)
+        without = re.compile("  // .*")
+        self.assertEqual(without.sub("", again.stdout), without.sub("", done.stdout))
+
+    def test_schema_is_one_and_flags_can_be_taken_back(self):
+        self.assertEqual(json.loads(run("--print-schema").stdout)["additionalProperties"], False)
+        self.write(allow_remote=True)
+        done = run("--print-config", "--config", self.config, "--allow-remote=false")
+        self.assertIn('"allow_remote": false,  // --allow-remote', done.stdout)
+
+    def test_it_does_not_start_without_a_store(self):
+        done = run("--port", "0")
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("--store", done.stderr)
+        done = run("--port", "0", "--store", self.folder / "none")
+        self.assertEqual((done.returncode, done.stdout), (2, ""))
+        self.assertIn("found nothing, expected a folder", done.stderr)
+
+
+class Running(FolderTest):
+    def start(self, *arguments, **environment):
+        self.program = subprocess.Popen(
+            [PROGRAM, "serve", "--config", self.config, *map(str, arguments)], stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE, text=True, env={**os.environ, **environment})
+        self.addCleanup(self.end)
+        line = self.program.stdout.readline()
+        self.assertRegex(line, r"\Alistening on http://127\.0\.0\.1:\d+/\n\Z")
+        self.port = int(line.split(":")[2].rstrip("/\n"))
+
+    def end(self):
+        if self.program.poll() is None:
+            self.program.kill()
+        self.program.communicate()
+
+    def configure(self, log=None, **values):
+        self.write(port=0, store=str(self.store), log={"format": "json", "file": str(self.log), **(log or {})}, **values)
+
+    def get(self, path, **headers):
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
+        connection.request("GET", path, headers=headers)
+        answer = connection.getresponse()
+        text = answer.read()
+        connection.close()
+        return answer.status, text
+
+    def lines(self, file=None):
+        return [json.loads(line) for line in (file or self.log).read_text().splitlines()]
+
+    def wait(self, what, timeout=20):
+        end = time.monotonic() + timeout
+        while time.monotonic() < end:
+            found = what()
+            if found:
+                return found
+            time.sleep(0.02)
+        self.fail(f"did not come in {timeout} s; log:\n{self.log.read_text() if self.log.exists() else ''}")
+
+    def message(self, text, file=None):
+        return self.wait(lambda: [line for line in self.lines(file) if text in line["message"]])[0]
+
+    def finish(self, number=signal.SIGTERM):
+        self.program.send_signal(number)
+        self.program.communicate(timeout=30)
+        return self.program.returncode
+
+    def test_requests_are_logged_by_route_with_ids_and_no_secret(self):
+        self.configure()
+        self.start()
+        self.get("/v1/maps/town?key=hush1", **{"X-Request-Id": "mine", "traceparent": f"00-{TRACE}-00f067aa0ba902b7-01",
+                                               "Authorization": "Bearer hush2"})
+        self.get("/livez")
+        self.get("/v1/maps/%0a%7b%22level%22:%22error%22%7d", **{"traceparent": "00-x"})
+        requests = self.wait(lambda: [line for line in self.lines() if line["message"] == "request"][1:] and
+                             [line for line in self.lines() if line["message"] == "request"])
+        self.assertEqual(len(requests), 2, requests)
+        first = requests[0]
+        self.assertEqual((first["request_id"], first["trace_id"], first["method"], first["route"]),
+                         ("mine", TRACE, "GET", "/v1/maps/{map}"))
+        self.assertRegex(first["span_id"], r"\A[0-9a-f]{16}\Z")
+        self.assertNotEqual(first["span_id"], "00f067aa0ba902b7")
+        self.assertRegex(first["time"], r"\A\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z\Z")
+        self.assertNotIn("trace_id", requests[1])
+        self.assertNotIn("hush", self.log.read_text())
+        self.assertEqual(self.finish(), 0)
+
+    def test_sighup_reloads_and_says_what_needs_a_restart(self):
+        self.configure(queue=3)
+        self.start()
+        self.configure(queue=4, log={"level": "debug"})
+        self.program.send_signal(signal.SIGHUP)
+        self.assertIn("log.level", self.message("configuration reloaded")["message"])
+        self.assertIn("queue", self.message("need a restart")["message"])
+        self.get("/livez")
+        self.wait(lambda: [line for line in self.lines() if line.get("route") == "/livez"])
+        self.config.write_text('{"log": {"level": "loud"}}')
+        self.program.send_signal(signal.SIGHUP)
+        self.assertIn("log.level", self.message("not reloaded")["message"])
+        self.assertEqual(self.get("/livez")[0], 200)
+        self.assertEqual(self.finish(), 0)
+
+    def test_a_rotated_log_is_opened_again(self):
+        self.configure()
+        self.start()
+        self.get("/v1/status")
+        old = self.folder / "server.log.1"
+        self.log.rename(old)
+        self.program.send_signal(signal.SIGHUP)
+        self.wait(self.log.exists)
+        self.message("configuration reloaded")
+        self.assertEqual(self.finish(), 0)
+
+    def test_the_end_is_announced_before_connections_are_refused(self):
+        self.configure(drain={"delay_s": 2})
+        self.start()
+        self.wait(lambda: self.get("/readyz")[0] == 200)
+        self.program.send_signal(signal.SIGTERM)
+        self.wait(lambda: self.get("/readyz")[0] == 503)
+        self.assertEqual(self.get("/livez")[0], 200)
+        self.program.communicate(timeout=30)
+        self.assertEqual(self.program.returncode, 0)
+
+    def test_a_second_signal_ends_at_once(self):
+        self.configure(drain={"delay_s": 600})
+        self.start()
+        self.program.send_signal(signal.SIGTERM)
+        self.message("stopping")
+        started = time.monotonic()
+        self.assertEqual(self.finish(signal.SIGINT), 130)
+        self.assertLess(time.monotonic() - started, 20)
+
+    def test_what_never_ends_is_cut(self):
+        self.configure(drain={"timeout_s": 1}, stall_timeout_s=60, transfer_timeout_s=60)
+        self.start()
+        with socket.create_connection(("127.0.0.1", self.port)) as slow:
+            slow.sendall(b"POST /v1/maps/town/localize HTTP/1.1\r\nHost: x\r\nContent-Le")
+            time.sleep(0.3)
+            self.assertEqual(self.finish(), 0)
+
+    def test_the_service_manager_hears_of_every_step(self):
+        name = f"\0stillmap-serve-test-{os.getpid()}"
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+            manager.bind(name)
+            manager.settimeout(20)
+
+            def heard(text):
+                while True:
+                    datagram = manager.recv(4096).decode()
+                    if datagram.startswith(text):
+                        return datagram
+
+            self.configure()
+            self.start(NOTIFY_SOCKET="@" + name[1:], WATCHDOG_USEC="1000000")
+            self.assertIn(f"STATUS=listening on http://127.0.0.1:{self.port}/", heard("READY=1"))
+            heard("WATCHDOG=1")
+            heard("WATCHDOG=1")
+            self.program.send_signal(signal.SIGHUP)
+            self.assertRegex(heard("RELOADING=1"), r"MONOTONIC_USEC=\d+")
+            heard("READY=1")
+            self.program.send_signal(signal.SIGSTOP)
+            time.sleep(0.5)
+            manager.setblocking(False)
+            while True:
+                try:
+                    manager.recv(4096)
+                except BlockingIOError:
+                    break
+            time.sleep(1.0)
+            with self.assertRaises(BlockingIOError):
+                manager.recv(4096)
+            self.program.send_signal(signal.SIGCONT)
+            manager.settimeout(20)
+            self.program.send_signal(signal.SIGTERM)
+            heard("STOPPING=1")
+            self.program.communicate(timeout=30)
+            self.assertEqual(self.program.returncode, 0)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])

@@ -1,0 +1,154 @@
+#!/usr/bin/env python3
+"""`stillmap store` and `stillmap keys` as a shell meets them.
+
+usage: store_commands_test.py STILLMAP MAP
+"""
+
+import json
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+
+PROGRAM, MAP = sys.argv[1:3]
+
+
+def run(*arguments):
+    return subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True, timeout=60)
+
+
+class StoreCommands(unittest.TestCase):
+    def setUp(self):
+        temporary = tempfile.TemporaryDirectory()
+        self.addCleanup(temporary.cleanup)
+        self.folder = pathlib.Path(temporary.name)
+        self.store = self.folder / "store"
+        self.store.mkdir()
+
+    def does(self, *arguments):
+        done = run(*arguments)
+        self.assertEqual((done.returncode, done.stderr), (0, ""), arguments)
+        return done.stdout
+
+    def json(self, *arguments):
+        return json.loads(self.does(*arguments, "--json"))
+
+    def fails(self, code, text, *arguments):
+        done = run(*arguments)
+        self.assertEqual(done.returncode, code, done.stderr)
+        self.assertRegex(done.stderr, r"\Astillmap: [^\n]*\n\Z")
+        self.assertIn(text, done.stderr)
+        self.assertEqual(done.stdout, "")
+
+    def publish(self, version="1"):
+        return self.json("store", "add", self.store, "town", version, MAP, "--activate")
+
+    def tile(self, digest):
+        return next((self.store / "packages" / digest / "tiles").iterdir())
+
+    def test_a_package_becomes_the_active_version(self):
+        added = self.publish()
+        self.assertRegex(added["digest"], r"\A[0-9a-f]{64}\Z")
+        self.assertTrue(added["is_new"])
+        self.assertFalse(self.publish()["is_new"])
+        self.does("store", "add", self.store, "town", "2", MAP)
+        active = self.json("store", "activate", self.store, "town", "2")
+        self.assertEqual((active["active"], active["previous"], active["revision"]), ("2", "1", 2))
+        self.fails(1, "no version '3'", "store", "activate", self.store, "town", "3")
+        self.fails(2, "'Town'", "store", "add", self.store, "Town", "1", MAP)
+
+    def test_verify_names_the_broken_file_and_fails(self):
+        digest = self.publish()["digest"]
+        self.assertEqual(self.json("store", "verify", self.store), {"problems": []})
+        tile = self.tile(digest)
+        tile.write_bytes(bytes(b ^ 255 for b in tile.read_bytes()))
+        done = run("store", "verify", self.store, "--json")
+        self.assertEqual(done.returncode, 1)
+        (problem,) = json.loads(done.stdout)["problems"]
+        self.assertEqual((problem["map"], problem["version"]), ("town", "1"))
+        self.assertIn(tile.name, problem["what"])
+
+    def test_gc_keeps_so_many_versions(self):
+        for version in "12345":
+            self.publish(version)
+        self.assertEqual(self.json("store", "gc", self.store), {"versions": [], "packages": [], "leftovers": 0})
+        removed = self.json("store", "gc", self.store, "--keep", "1")["versions"]
+        self.assertEqual([each["version"] for each in removed], ["1", "2"])
+
+    def test_reindex_makes_the_same_index_again(self):
+        digest = self.publish()["digest"]
+        self.assertEqual(self.json("store", "reindex", self.store)["indexes"],
+                         [{"digest": digest, "not_written_because": ""}])
+        folder = self.store / "packages" / digest / "index"
+        (index,) = folder.iterdir()
+        whole = index.read_bytes()
+        index.write_bytes(b"broken")
+        self.does("store", "reindex", self.store)
+        self.assertEqual(index.read_bytes(), whole)
+        self.assertEqual(self.json("store", "verify", self.store), {"problems": []})
+
+    def test_a_backup_becomes_a_store_again(self):
+        digest = self.publish()["digest"]
+        key = self.does_key("car")
+        backup, again = self.folder / "backup", self.folder / "again"
+        self.assertEqual(self.json("store", "backup", self.store, "-o", backup)["packages"], {"copied": 1, "kept": 0})
+        self.assertEqual(self.json("store", "backup", self.store, "-o", backup)["packages"], {"copied": 0, "kept": 1})
+        self.assertEqual(self.json("store", "restore", backup, "-o", again), {"packages": 1})
+        self.assertEqual(self.json("store", "verify", again), {"problems": []})
+        self.assertTrue((again / "packages" / digest / "manifest.json").exists())
+        self.assertIn(key.split("_")[1], self.does("keys", "list", "--store", again))
+        self.fails(1, "with content", "store", "restore", backup, "-o", again)
+        self.fails(1, "something else", "store", "backup", self.store, "-o", again)
+        self.fails(1, "no finished backup", "store", "restore", again, "-o", self.folder / "third")
+        self.fails(1, "a backup of a store", "store", "add", backup, "town", "2", MAP)
+
+    def does_key(self, name, *options):
+        done = run("keys", "create", name, "--store", self.store, "--scope", "read", *options)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertRegex(done.stdout, r"\Astillmap_[0-9a-f]{16}_[0-9a-f]{64}\n\Z")
+        self.assertNotIn(done.stdout.strip(), done.stderr)
+        return done.stdout.strip()
+
+    def test_a_key_is_shown_once(self):
+        key = self.does_key("car 7", "--expires-days", "30")
+        secret = key.split("_")[2]
+        (listed,) = self.json("keys", "list", "--store", self.store)["keys"]
+        self.assertEqual((listed["id"], listed["name"], listed["scopes"]), (key.split("_")[1], "car 7", ["read"]))
+        days = (int(listed["expires_ns"]) - int(listed["created_ns"])) / 86.4e12
+        self.assertEqual(days, 30)
+        for output in (self.does("keys", "list", "--store", self.store), json.dumps(listed)):
+            self.assertNotIn(secret, output)
+        for file in self.store.iterdir():
+            if file.is_file():
+                self.assertNotIn(secret.encode(), file.read_bytes(), file)
+        created = self.json("keys", "create", "map team", "--store", self.store, "--scope", "write", "--scope", "read")
+        self.assertEqual(created["scopes"], ["read", "write"])
+        self.assertTrue(created["key"].startswith("stillmap_" + created["id"]))
+
+    def test_a_key_is_revoked_for_good(self):
+        identity = self.does_key("car").split("_")[1]
+        revoked = self.json("keys", "revoke", identity, "--store", self.store)
+        again = self.json("keys", "revoke", identity, "--store", self.store)
+        self.assertIsNotNone(revoked["revoked_ns"])
+        self.assertEqual(revoked, again)
+        self.assertRegex(self.does("keys", "list", "--store", self.store), re.escape(identity) + r".*revoked 20")
+        self.fails(1, "no key 'nobody'", "keys", "revoke", "nobody", "--store", self.store)
+
+    def test_wrong_usage_is_2_and_makes_nothing(self):
+        self.fails(2, "fly", "keys", "create", "car", "--store", self.store, "--scope", "fly")
+        self.fails(2, "--scope", "keys", "create", "car", "--store", self.store)
+        self.fails(2, "nowhere", "store", "verify", "nowhere")
+        self.fails(2, "0", "keys", "create", "car", "--store", self.store, "--scope", "read", "--expires-days", "0")
+        for command in (["store", "verify", self.store], ["store", "gc", self.store], ["store", "reindex", self.store],
+                        ["store", "backup", self.store, "-o", self.folder / "new"],
+                        ["store", "activate", self.store, "town", "1"], ["keys", "list", "--store", self.store],
+                        ["keys", "revoke", "x", "--store", self.store]):
+            self.fails(1, "no state.db", *command)
+        self.assertEqual(list(self.store.iterdir()), [])
+        self.assertEqual([each.name for each in self.folder.iterdir()], ["store"])
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])

@@ -1,0 +1,183 @@
+#include "transport_fixture.hpp"
+
+#include <gmock/gmock.h>
+
+#include <string>
+#include <vector>
+
+namespace stillmap::server {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+class TransportAttack : public TransportTest {
+ protected:
+  void SetUp() override { start(small_endpoint()); }
+};
+
+TEST_F(TransportAttack, ManyRangesAreOneRefusal) {
+  std::string ranges = "0-";
+  for (int i = 0; i < 200; ++i) ranges += ",0-";
+  EXPECT_THAT(ask("GET", "/source", "Range: bytes=" + ranges + "\r\n"), StartsWith("HTTP/1.1 416"));
+  for (const char* range : {"9-1", "--1", "-", "a-b", "0-0, 2-2", "99999999999999999999999-"}) {
+    EXPECT_THAT(ask("GET", "/source", "Range: bytes=" + std::string(range) + "\r\n"),
+                StartsWith("HTTP/1.1 416"))
+        << range;
+  }
+}
+
+TEST_F(TransportAttack, PathsLeadNowhereInAnyEncoding) {
+  for (const char* path :
+       {"/../etc/passwd", "/x/../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd",
+        "/..%2f..%2fetc/passwd", "/x/..%2f..%2fetc%2fpasswd", "/%252e%252e/etc/passwd",
+        "/..%5c..%5cetc", "/..%c0%af..", "/x/%u002e%u002e/a", "//etc/passwd", "/x/a%00.html/..",
+        "/assets/../../etc/passwd"}) {
+    const std::string answer = ask("GET", path);
+    EXPECT_THAT(answer, StartsWith("HTTP/1.1 404")) << path << "\n" << answer;
+    EXPECT_THAT(answer, Not(HasSubstr("root:")));
+  }
+}
+
+// What a proxy and the server could read differently ends the connection, so that nothing that
+// follows is taken for a request.
+TEST_F(TransportAttack, SmugglingFormsAreRefused) {
+  const std::string next = "GET /x/smuggled HTTP/1.1\r\nHost: x\r\n\r\n";
+  const std::vector<std::string> heads = {
+      "Content-Length: 4\r\nTransfer-Encoding: chunked\r\n",
+      "Transfer-Encoding: chunked\r\nContent-Length: 4\r\n",
+      "Content-Length: 4\r\nContent-Length: 5\r\n",
+      "Content-Length: 4\r\nContent-Length: 4\r\n",
+      "Content-Length: 4, 4\r\n",
+      "Content-Length: +4\r\n",
+      "Content-Length: -4\r\n",
+      "Content-Length: 0x4\r\n",
+      "Content-Length:\r\n",
+      "Content-Length : 4\r\n",
+      "X: a\r\n Content-Length: 4\r\n",
+      "X: a\nContent-Length: 4\r\n",
+      "X: a\rContent-Length: 4\r\n",
+      ": 4\r\n",
+      "no colon\r\n",
+      "Host: y\r\n",
+      "X\x01: a\r\n",
+  };
+  for (const std::string& head : heads) {
+    const std::string answer =
+        raw("POST /echo HTTP/1.1\r\nHost: x\r\n" + head + "\r\n0\r\n\r\n" + next);
+    EXPECT_THAT(answer, StartsWith("HTTP/1.1 400")) << head << answer;
+    EXPECT_THAT(answer, Not(HasSubstr("smuggled"))) << head;
+  }
+  const std::string chunked =
+      raw("POST /echo HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n" + next);
+  EXPECT_THAT(chunked, StartsWith("HTTP/1.1 411"));
+  EXPECT_THAT(chunked, Not(HasSubstr("smuggled")));
+  const std::string get =
+      raw("GET /livez HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n" + next);
+  EXPECT_THAT(get, Not(HasSubstr("smuggled")));
+}
+
+TEST_F(TransportAttack, RequestLinesAreTakenByTheLetter) {
+  for (const char* line :
+       {"GET /livez", "GET  /livez HTTP/1.1", "GET /livez HTTP/2.0", "GET /livez HTTP/1.1 ",
+        "GET /li vez HTTP/1.1", "G(T /livez HTTP/1.1", "GET livez HTTP/1.1", " GET /livez HTTP/1.1",
+        "\x16\x03\x01", "GET /a\tb HTTP/1.1"}) {
+    EXPECT_THAT(raw(std::string(line) + "\r\nHost: x\r\n\r\n"), StartsWith("HTTP/1.1 400")) << line;
+  }
+  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\n\r\n"), StartsWith("HTTP/1.1 400"));
+  EXPECT_THAT(raw("GET /livez HTTP/1.1\nHost: x\n\n"), StartsWith("HTTP/1.1 400"));
+  EXPECT_THAT(ask("GET", "http://x/livez"), HasSubstr("alive"));
+  EXPECT_THAT(raw("\r\nGET /livez HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n"),
+              HasSubstr("alive"));
+}
+
+TEST_F(TransportAttack, NulBytesEndNothing) {
+  using namespace std::string_literals;
+  EXPECT_THAT(raw("GET /livez\0/../x HTTP/1.1\r\nHost: x\r\n\r\n"s), StartsWith("HTTP/1.1 400"));
+  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nHost: x\r\nX: a\0b\r\n\r\n"s),
+              StartsWith("HTTP/1.1 400"));
+  EXPECT_THAT(ask("GET", "/livez%00"), StartsWith("HTTP/1.1 404"));
+  const std::string zeros(1000, '\0');
+  EXPECT_THAT(raw(zeros + "\r\n\r\n"), StartsWith("HTTP/1.1 400"));
+}
+
+TEST_F(TransportAttack, PercentSignsInHeadersStayAsTheyAre) {
+  const std::string answer =
+      ask("GET", "/livez", "X-Request-Id: a%0d%0aSet-Cookie:b\r\nX: %00\r\n");
+  EXPECT_THAT(answer, StartsWith("HTTP/1.1 200"));
+  EXPECT_THAT(answer, Not(HasSubstr("Set-Cookie")));
+}
+
+TEST_F(TransportAttack, HeadsAreBounded) {
+  EXPECT_THAT(raw("GET /" + std::string(1 << 20, 'x')), StartsWith("HTTP/1.1 431"));
+  std::string flood;
+  for (int i = 0; i < 10'000; ++i) flood += "X: y\r\n";
+  EXPECT_THAT(ask("GET", "/livez", flood), StartsWith("HTTP/1.1 431"));
+  EXPECT_THAT(ask("GET", "/livez", "X: " + std::string(5000, 'y') + "\r\n"),
+              StartsWith("HTTP/1.1 431"));
+  EXPECT_TRUE(alive());
+}
+
+TEST_F(TransportAttack, LengthsBeyondEverythingAreRefusedAtOnce) {
+  for (const char* length : {"4097", "18446744073709551615", "99999999999999999999999999"}) {
+    EXPECT_THAT(raw("POST /echo HTTP/1.1\r\nHost: x\r\nContent-Length: " + std::string(length) +
+                    "\r\n\r\n"),
+                StartsWith("HTTP/1.1 413"))
+        << length;
+  }
+  EXPECT_EQ(handler_.handled, 0);
+}
+
+TEST_F(TransportAttack, PackedBodiesAreBoundedAndChecked) {
+  const std::string head =
+      "POST /echo HTTP/1.1\r\nHost: x\r\nContent-Encoding: gzip\r\n"
+      "Connection: close\r\nContent-Length: ";
+  // "hello" by gzip -n.
+  const std::string hello(
+      "\x1f\x8b\x08\0\0\0\0\0\0\x03\xcb\x48\xcd\xc9\xc9\x07\0\x86\xa6\x10\x36\x05\0\0\0", 25);
+  const auto post = [&](const std::string& body) {
+    return raw(head + std::to_string(body.size()) + "\r\n\r\n" + body);
+  };
+  EXPECT_EQ(body_of(post(hello)), "hello");
+  EXPECT_THAT(post(hello.substr(0, 20)), StartsWith("HTTP/1.1 400"));
+  EXPECT_THAT(post(hello + "more"), StartsWith("HTTP/1.1 400"));
+  EXPECT_THAT(post("plain text"), StartsWith("HTTP/1.1 400"));
+}
+
+/// Sends one byte each tenth of a second, for ever.
+bool is_cut_off(RawClient& client, std::chrono::seconds within) {
+  const auto begin = std::chrono::steady_clock::now();
+  while (std::chrono::steady_clock::now() - begin < within) {
+    if (!client.send("x")) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+  return false;
+}
+
+TEST_F(TransportAttack, DripsAreCutOff) {
+  stop();
+  Endpoint endpoint = small_endpoint();
+  endpoint.limits.head = std::chrono::milliseconds(300);
+  endpoint.limits.transfer = std::chrono::milliseconds(500);
+  start(endpoint);
+  RawClient head(port_);
+  head.send("GET /livez HTTP/1.1\r\nX: ");
+  RawClient body(port_);
+  body.send("POST /echo HTTP/1.1\r\nHost: x\r\nContent-Length: 4000\r\n\r\n");
+  EXPECT_TRUE(is_cut_off(head, std::chrono::seconds(4)));
+  EXPECT_TRUE(is_cut_off(body, std::chrono::seconds(4)));
+}
+
+TEST_F(TransportAttack, ReaderThatNeverReadsIsGivenUp) {
+  RawClient client(port_);
+  for (int i = 0; i < 100; ++i) client.send("GET /source HTTP/1.1\r\nHost: x\r\n\r\n");
+  for (int i = 0; i < 100 && metrics_.text().find("stillmap_connections 0") == std::string::npos;
+       ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  EXPECT_THAT(metrics_.text(), HasSubstr("stillmap_connections 0"));
+}
+
+}  // namespace
+}  // namespace stillmap::server
