@@ -62,12 +62,18 @@ bool BoundedSocket::wait_for_request() {
 }
 
 bool BoundedSocket::fill(Clock::time_point until) {
+  const long got = receive(buffer_.data(), buffer_.size(), until);
+  begin_ = 0;
+  end_ = got > 0 ? static_cast<std::size_t>(got) : 0;
+  return got > 0;
+}
+
+/// @return bytes, or -1 at the end, on an error and when none came in time.
+long BoundedSocket::receive(char* to, std::size_t size, Clock::time_point until) {
   for (;;) {
-    const Moved moved = receive_some(buffer_.data(), buffer_.size());
-    begin_ = 0;
-    end_ = moved.bytes > 0 ? static_cast<std::size_t>(moved.bytes) : 0;
-    if (end_ > 0) return true;
-    if (moved.wait_for == 0 || !wait(moved.wait_for, until)) return false;
+    const Moved moved = receive_some(to, size);
+    if (moved.bytes > 0) return moved.bytes;
+    if (moved.wait_for == 0 || !wait(moved.wait_for, until)) return -1;
   }
 }
 
@@ -107,7 +113,14 @@ BoundedSocket::HeadState BoundedSocket::take_head(std::string& head) {
 }
 
 long BoundedSocket::read(char* to, std::size_t size) {
-  if (begin_ == end_ && !fill(std::min(receive_until_, Clock::now() + limits_.stall))) return -1;
+  const Clock::time_point until = std::min(receive_until_, Clock::now() + limits_.stall);
+  // A scan of two megabytes goes straight to where it will lie.
+  if (begin_ == end_ && size >= buffer_.size()) {
+    const long got = receive(to, size, until);
+    if (got > 0) receive_until_ += earned(static_cast<std::size_t>(got));
+    return got;
+  }
+  if (begin_ == end_ && !fill(until)) return -1;
   const std::size_t count = std::min(size, end_ - begin_);
   std::memcpy(to, buffer_.data() + begin_, count);
   begin_ += count;

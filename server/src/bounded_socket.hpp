@@ -69,6 +69,7 @@ class BoundedSocket {
   [[nodiscard]] Moved receive_some(char* to, std::size_t size);
   [[nodiscard]] Moved send_some(const char* from, std::size_t size);
   [[nodiscard]] bool fill(Clock::time_point until);
+  [[nodiscard]] long receive(char* to, std::size_t size, Clock::time_point until);
   [[nodiscard]] HeadState take_head(std::string& head);
 
   int socket_;

@@ -68,12 +68,19 @@ void check_body(const RequestHead& head, std::optional<std::uint64_t> length, co
 }
 
 std::string read_whole(SocketBody& body, const RequestHead& head, std::size_t most) {
-  std::array<char, 16384> piece;
   std::string whole;
   if (content_encoding(head).empty()) {
-    while (const std::size_t count = body.read(piece)) whole.append(piece.data(), count);
+    constexpr std::size_t kPiece = std::size_t{1} << 20U;
+    const auto size = static_cast<std::size_t>(body.size());
+    // Memory that is not touched is not taken: what is only announced costs nothing.
+    whole.reserve(size);
+    for (std::size_t filled = 0; !body.is_read();) {
+      if (filled == whole.size()) whole.resize(std::min(size, filled + kPiece));
+      filled += body.read(std::span(whole).subspan(filled));
+    }
     return whole;
   }
+  std::array<char, 16384> piece;
   Gunzip gunzip;
   while (const std::size_t count = body.read(piece)) {
     gunzip.unpack(std::span(piece).first(count), most, whole);

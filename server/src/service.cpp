@@ -112,8 +112,9 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
                  .idle = std::chrono::seconds(options_.sessions.idle_expiry_s),
                  .client_share = options_.client_share},
                 queue_),
-      context_{options_,  workers_, store,     catalog_, queue_,
-               sessions_, metrics_, stopping_, std::chrono::steady_clock::now()},
+      context_{options_, workers_,  store,
+               catalog_, queue_,    sessions_,
+               metrics_, stopping_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)) {
   metrics_.add_reader([this] { set_map_figures(metrics_, catalog_); });
   metrics_.add_reader([this] {
@@ -123,6 +124,7 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
     metrics_.set_queue(static_cast<std::size_t>(figures.waiting),
                        static_cast<std::size_t>(options_.queue));
     metrics_.set_sessions(sessions_.size());
+    set_map_figures(metrics_, catalog_);
   });
 }
 
