@@ -116,7 +116,6 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
                catalog_, queue_,    sessions_,
                metrics_, stopping_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)) {
-  metrics_.add_reader([this] { set_map_figures(metrics_, catalog_); });
   metrics_.add_reader([this] {
     const AlignmentQueue::Figures figures = queue_.figures();
     metrics_.set_workers(static_cast<std::size_t>(figures.running),
