@@ -1,12 +1,52 @@
 #pragma once
 
 #include <chrono>
+#include <cstddef>
+#include <cstdint>
 #include <map>
+#include <memory>
+#include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
 namespace stillmap::server {
+
+/// A body that is read piece by piece while it arrives, for what is too large to hold.
+class BodyStream {
+ public:
+  virtual ~BodyStream() = default;
+  /// Bytes in all, as announced.
+  [[nodiscard]] virtual std::uint64_t size() const = 0;
+  /// Waits for the next bytes, at most `to.size()`. @return how many; 0 after the last.
+  /// @throws ApiError when the body ends early, or the client is too slow.
+  virtual std::size_t read(std::span<char> to) = 0;
+};
+
+/// The body of an answer, read while it is sent and in any part (one range). Safe from one thread.
+class BodySource {
+ public:
+  virtual ~BodySource() = default;
+  [[nodiscard]] virtual std::uint64_t size() const = 0;
+  /// Fills all of `to`. @throws std::exception when it cannot: the connection then ends early.
+  virtual void read(std::uint64_t offset, std::span<char> to) = 0;
+};
+
+/// Server-sent events (text/event-stream), pulled by the connection that they go to.
+class EventSource {
+ public:
+  virtual ~EventSource() = default;
+  /// Waits for events, at most so long. @return them as they travel ("id: 7\ndata: {}\n\n"); empty
+  /// when none came; nothing when no more will.
+  virtual std::optional<std::string> next(std::chrono::milliseconds most) = 0;
+};
+
+/// Whoever sent a request, once its key was looked at.
+struct Caller {
+  /// Public part of the key; empty without keys.
+  std::string key_id;
+};
 
 /// A request as the handlers see it: no HTTP library, no socket.
 struct HttpRequest {
@@ -17,8 +57,14 @@ struct HttpRequest {
   std::vector<std::pair<std::string, std::string>> query;
   /// Names in lower case, the first value of each.
   std::map<std::string, std::string> headers;
+  /// Of routes with BodyKind::kWhole, unpacked.
   std::string body;
+  /// Of routes with BodyKind::kStreamed; valid during the handler.
+  BodyStream* stream = nullptr;
   std::string request_id;
+  Caller caller;
+  /// What the route's `reserve` returned; given back once the request is answered.
+  std::shared_ptr<void> reservation;
   std::chrono::steady_clock::time_point received = std::chrono::steady_clock::now();
 
   /// @return empty when there is no such header. @param name  in lower case.
@@ -33,6 +79,10 @@ struct HttpResponse {
   std::string content_type;
   std::string body;
   std::vector<std::pair<std::string, std::string>> headers;
+  /// In place of `body` when there: Range is served.
+  std::shared_ptr<BodySource> source{};
+  /// In place of `body` when there: sent until it ends, the client goes or the server stops.
+  std::shared_ptr<EventSource> events{};
 };
 
 }  // namespace stillmap::server

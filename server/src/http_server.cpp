@@ -11,8 +11,13 @@
 // After everything that brings in Eigen: it defines macros that break Eigen's headers.
 #include <httplib.h>
 
+#include <algorithm>
+#include <array>
 #include <atomic>
 #include <charconv>
+#include <limits>
+#include <optional>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -23,12 +28,16 @@ namespace {
 /// What one request needs to hand on between the library's hooks, which all run on the connection's
 /// thread.
 struct Exchange {
-  explicit Exchange(const BoundedSocket& from) : socket(from) {}
+  explicit Exchange(BoundedSocket& from) : socket(from) {}
 
-  const BoundedSocket& socket;
+  BoundedSocket& socket;
   std::string request_id;
   std::string content_type;
-  std::size_t ranges = 0;
+  /// As the client asked, first and last byte; -1 where it left one out.
+  httplib::Ranges ranges;
+  /// Admitted by its head, waiting for its body.
+  HttpRequest request;
+  Router::Match match;
   /// Whether the connection is at the start of a next request after this one.
   bool reusable = false;
 };
@@ -56,8 +65,7 @@ void prepare(httplib::Request& request, Exchange& exchange) {
   // Its multipart reader and its ranges are replaced by ours and by none.
   exchange.content_type = request.get_header_value("Content-Type");
   request.headers.erase("Content-Type");
-  exchange.ranges = request.ranges.size();
-  request.ranges.clear();
+  exchange.ranges = std::exchange(request.ranges, {});
   // It would prefer brotli at its slowest setting, a second of work for each megabyte.
   const bool gzip = request.get_header_value("Accept-Encoding").find("gzip") != std::string::npos;
   request.headers.erase("Accept-Encoding");
@@ -79,38 +87,149 @@ void fill(httplib::Response& to, HttpResponse&& from, const Exchange& exchange) 
   to.status = from.status;
   to.set_header("X-Request-Id", exchange.request_id);
   to.set_header("X-Content-Type-Options", "nosniff");
-  to.set_header("Accept-Ranges", "none");
+  to.set_header("Accept-Ranges", from.source ? "bytes" : "none");
   for (const auto& [name, value] : from.headers) to.set_header(name, value);
   if (!from.content_type.empty()) to.set_header("Content-Type", from.content_type);
   to.body = std::move(from.body);
 }
 
-/// @throws ApiError for a body that is not taken. @return its length in bytes, as it travels.
-std::size_t announced_length(const httplib::Request& request, const ServerOptions& options) {
+/// The part of a body that is sent.
+struct Part {
+  std::uint64_t first = 0;
+  std::uint64_t size = 0;
+};
+
+/// @param range  first and last byte, -1 where left out ("-500" is the last 500).
+/// @throws ApiError when it lies outside of the body.
+Part part_of(const httplib::Range& range, std::uint64_t size) {
+  const auto all = static_cast<std::int64_t>(size);
+  std::int64_t first = range.first;
+  std::int64_t last = range.second < 0 ? all - 1 : std::min<std::int64_t>(range.second, all - 1);
+  if (first < 0) {
+    first = std::max<std::int64_t>(0, all - range.second);
+    last = all - 1;
+  }
+  if (first > last) {
+    throw ApiError(ErrorCode::kRangeNotSatisfiable, "the range lies beyond the body")
+        .with_header("Content-Range", fmt::format("bytes */{}", size));
+  }
+  return {static_cast<std::uint64_t>(first), static_cast<std::uint64_t>(last - first + 1)};
+}
+
+/// Sends a source, or the one range of it that was asked for.
+void fill_from_source(httplib::Response& to, HttpResponse&& from, const Exchange& exchange) {
+  const std::shared_ptr<BodySource> source = std::move(from.source);
+  const std::uint64_t size = source->size();
+  Part part{0, size};
+  if (exchange.ranges.size() == 1 && from.status == 200) {
+    part = part_of(exchange.ranges.front(), size);
+    from.status = 206;
+    from.headers.emplace_back("Content-Range", fmt::format("bytes {}-{}/{}", part.first,
+                                                           part.first + part.size - 1, size));
+  }
+  fill(to, std::move(from), exchange);
+  to.set_header("Accept-Ranges", "bytes");
+  const std::string type = to.get_header_value("Content-Type");
+  to.headers.erase("Content-Type");
+  to.set_content_provider(part.size, type,
+                          [source, part, id = exchange.request_id](
+                              std::size_t offset, std::size_t left, httplib::DataSink& sink) {
+                            std::array<char, std::size_t{64} << 10U> piece{};
+                            const std::size_t count = std::min(left, piece.size());
+                            try {
+                              source->read(part.first + offset, std::span(piece).first(count));
+                            } catch (const std::exception& error) {
+                              spdlog::error("{} the answer ends early: {}", id, error.what());
+                              return false;
+                            }
+                            return sink.write(piece.data(), count);
+                          });
+}
+
+void fill_from_events(httplib::Response& to, HttpResponse&& from, const Exchange& exchange,
+                      const std::atomic<bool>& stopping) {
+  const std::shared_ptr<EventSource> events = std::move(from.events);
+  fill(to, std::move(from), exchange);
+  to.set_header("Cache-Control", "no-store");
+  to.headers.erase("Content-Type");
+  to.set_chunked_content_provider(
+      "text/event-stream",
+      [events, &stopping, silent = 0](std::size_t, httplib::DataSink& sink) mutable {
+        constexpr int kCommentAfter = 60;  // a quarter of a second each
+        const std::optional<std::string> text = events->next(std::chrono::milliseconds(250));
+        if (!text || stopping) {
+          sink.done();
+          return true;
+        }
+        silent = text->empty() ? silent + 1 : 0;
+        // A comment finds out that the client has gone, and keeps proxies from closing.
+        if (silent == kCommentAfter) {
+          silent = 0;
+          return sink.write(":\n\n", 3);
+        }
+        return text->empty() || sink.write(text->data(), text->size());
+      });
+}
+
+/// A body straight from the connection.
+class SocketBody final : public BodyStream {
+ public:
+  SocketBody(BoundedSocket& socket, std::uint64_t size)
+      : socket_(socket), size_(size), left_(size) {}
+
+  [[nodiscard]] std::uint64_t size() const override { return size_; }
+  [[nodiscard]] bool is_read() const { return left_ == 0; }
+  std::size_t read(std::span<char> to) override {
+    if (left_ == 0 || to.empty()) return 0;
+    const long got = socket_.read(to.data(), std::min<std::uint64_t>(to.size(), left_));
+    if (got <= 0) {
+      throw ApiError(ErrorCode::kInvalidRequest,
+                     fmt::format("the body ends after {} of {} bytes", size_ - left_, size_));
+    }
+    left_ -= static_cast<std::uint64_t>(got);
+    return static_cast<std::size_t>(got);
+  }
+
+ private:
+  BoundedSocket& socket_;
+  std::uint64_t size_;
+  std::uint64_t left_;
+};
+
+/// @throws ApiError for a body that is not taken. @return its length in bytes, as it travels;
+/// nothing when it is not said.
+std::optional<std::uint64_t> announced_length(const httplib::Request& request) {
   // The library reads the lines between chunks without a bound.
   if (request.has_header("Transfer-Encoding")) {
     throw ApiError(ErrorCode::kLengthRequired, "chunked bodies are not taken, send Content-Length");
   }
   const std::size_t lengths = request.get_header_value_count("Content-Length");
-  if (lengths == 0) {
-    if (request.method == "POST") throw ApiError(ErrorCode::kLengthRequired, "send Content-Length");
-    return 0;
-  }
+  if (lengths == 0) return std::nullopt;
   const std::string text = request.get_header_value("Content-Length");
-  std::size_t length = 0;
+  std::uint64_t length = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), length);
   if (lengths > 1 || end != text.data() + text.size() || error == std::errc::invalid_argument) {
     throw field_error(ErrorCode::kInvalidRequest, "Content-Length", "'" + text + "'", "one number");
   }
-  if (error != std::errc{} || length > options.max_payload_bytes) {
-    throw field_error(ErrorCode::kPayloadTooLarge, "body", text + " bytes",
-                      fmt::format("at most {}", options.max_payload_bytes));
-  }
+  if (error != std::errc{}) return std::numeric_limits<std::uint64_t>::max();
   return length;
 }
 
+/// @throws ApiError when the route takes no body of this length.
+void check_length(std::optional<std::uint64_t> length, const Route& route,
+                  const ServerOptions& options) {
+  if (route.body == BodyKind::kNone) return;
+  if (!length) throw ApiError(ErrorCode::kLengthRequired, "send Content-Length");
+  const std::uint64_t most =
+      route.body == BodyKind::kWhole ? options.max_payload_bytes : route.max_body_bytes;
+  if (*length > most) {
+    throw field_error(ErrorCode::kPayloadTooLarge, "body", fmt::format("{} bytes", *length),
+                      fmt::format("at most {}", most));
+  }
+}
+
 void check_head(const httplib::Request& request, const Exchange& exchange) {
-  if (exchange.ranges > 1)
+  if (exchange.ranges.size() > 1)
     throw ApiError(ErrorCode::kRangeNotSatisfiable, "more than one range is not served");
   const std::string encoding = lower(request.get_header_value("Content-Encoding"));
   if (!encoding.empty() && encoding != "identity" && encoding != "gzip") {
@@ -188,9 +307,13 @@ class HttpServer::Listener final : public httplib::Server {
     set_payload_max_length(options.max_payload_bytes);
     set_pre_routing_handler(
         [this](const auto& request, auto& response) { return answer_head(request, response); });
-    Post(".*", [this](const auto& request, auto& response, const auto& reader) {
-      answer_body(request, response, reader);
-    });
+    const auto with_body = [this](const httplib::Request&, httplib::Response& response,
+                                  const httplib::ContentReader& reader) {
+      answer_body(response, reader);
+    };
+    Post(".*", with_body);
+    Put(".*", with_body);
+    Delete(".*", with_body);
     set_error_handler(
         [](const httplib::Request&, httplib::Response& response) { describe_error(response); });
   }
@@ -244,43 +367,73 @@ class HttpServer::Listener final : public httplib::Server {
     return true;
   }
 
-  /// Answers what has no body to read, and refuses early what would be refused anyway.
+  /// Answers what has no body to read or reads it itself, and refuses early what would be refused
+  /// anyway.
   HandlerResponse answer_head(const httplib::Request& from, httplib::Response& to) {
     Exchange& exchange = *current_exchange;
-    HttpRequest request = to_request(from, exchange);
+    exchange.request = to_request(from, exchange);
+    HttpRequest& request = exchange.request;
     try {
-      exchange.reusable = announced_length(from, options_) == 0;
+      const std::optional<std::uint64_t> length = announced_length(from);
+      exchange.reusable = length.value_or(0) == 0;
       check_head(from, exchange);
-      service_.check_route(request.method, request.path);
-      if (request.method == "POST") return HandlerResponse::Unhandled;
-      finish(request, service_.handle(request), to);
+      exchange.match = service_.admit(request);
+      check_length(length, *exchange.match.route, options_);
+      if (exchange.match.route->body == BodyKind::kWhole) return HandlerResponse::Unhandled;
+      if (exchange.match.route->body == BodyKind::kStreamed) {
+        answer_stream(*length, to);
+      } else {
+        finish(request, service_.handle(request, exchange.match), to);
+      }
     } catch (const ApiError& error) {
       finish(request, problem_response(error, request.request_id), to);
     }
     return HandlerResponse::Handled;
   }
 
-  void answer_body(const httplib::Request& from, httplib::Response& to,
-                   const httplib::ContentReader& reader) {
+  void answer_body(httplib::Response& to, const httplib::ContentReader& reader) {
     Exchange& exchange = *current_exchange;
-    HttpRequest request = to_request(from, exchange);
+    HttpRequest& request = exchange.request;
     try {
       request.body = read_body(reader, options_.max_payload_bytes);
       exchange.reusable = true;
       request.received = std::chrono::steady_clock::now();
-      finish(request, service_.handle(request), to);
+      finish(request, service_.handle(request, exchange.match), to);
     } catch (const ApiError& error) {
       finish(request, problem_response(error, request.request_id), to);
     }
   }
 
-  static void finish(const HttpRequest& request, HttpResponse&& response, httplib::Response& to) {
+  /// @throws ApiError for a body in a content encoding: what is streamed carries its own.
+  void answer_stream(std::uint64_t length, httplib::Response& to) {
+    Exchange& exchange = *current_exchange;
+    HttpRequest& request = exchange.request;
+    const std::string encoding = request.header("content-encoding");
+    if (!encoding.empty() && lower(encoding) != "identity") {
+      throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Encoding", "'" + encoding + "'",
+                        "none");
+    }
+    SocketBody body(exchange.socket, length);
+    request.stream = &body;
+    HttpResponse response = service_.handle(request, exchange.match);
+    request.stream = nullptr;
+    exchange.reusable = body.is_read();
+    finish(request, std::move(response), to);
+  }
+
+  void finish(const HttpRequest& request, HttpResponse&& response, httplib::Response& to) const {
     const std::chrono::duration<double, std::milli> took =
         std::chrono::steady_clock::now() - request.received;
     spdlog::debug("{} {} {} {} {} bytes {:.1f} ms", request.request_id, request.method,
                   printable(request.path), response.status, response.body.size(), took.count());
     if (!current_exchange->reusable) to.set_header("Connection", "close");
-    fill(to, std::move(response), *current_exchange);
+    if (response.source) {
+      fill_from_source(to, std::move(response), *current_exchange);
+    } else if (response.events) {
+      fill_from_events(to, std::move(response), *current_exchange, stopping_);
+    } else {
+      fill(to, std::move(response), *current_exchange);
+    }
   }
 
   /// Called for every answer of 400 and above; ours have a body already.

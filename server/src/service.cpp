@@ -8,6 +8,7 @@
 #include <spdlog/spdlog.h>
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/store_refusal.hpp>
 
 #include <algorithm>
 #include <exception>
@@ -54,6 +55,26 @@ HttpResponse no_page(const HttpRequest&, const PathParameters&) {
   return response;
 }
 
+/// What the store does not allow, in the words of the interface.
+ErrorCode code_of(maps::StoreRefusal::Reason reason) {
+  using Reason = maps::StoreRefusal::Reason;
+  switch (reason) {
+    case Reason::kUnknownMap:
+      return ErrorCode::kUnknownMap;
+    case Reason::kUnknownVersion:
+      return ErrorCode::kUnknownVersion;
+    case Reason::kOtherDigest:
+      return ErrorCode::kVersionExists;
+    case Reason::kActive:
+      return ErrorCode::kVersionActive;
+    case Reason::kNoPrevious:
+      return ErrorCode::kNoPrevious;
+    case Reason::kOtherRevision:
+      return ErrorCode::kRevisionChanged;
+  }
+  return ErrorCode::kInternalError;
+}
+
 std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset>& web) {
   std::vector<Route> routes;
   add_health_routes(routes, context);
@@ -63,12 +84,14 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   for (const WebAsset& asset : web) {
     // In a pattern a brace would stand for any name.
     if (asset.path.find('{') != std::string::npos) continue;
-    routes.push_back({"GET", asset.path, [asset](const HttpRequest&, const PathParameters&) {
-                        return asset_response(asset);
-                      }});
+    routes.push_back(
+        {"GET", asset.path,
+         [asset](const HttpRequest&, const PathParameters&) { return asset_response(asset); },
+         Access::kOpen});
   }
   const auto is_page = [](const WebAsset& asset) { return asset.path == "/"; };
-  if (std::none_of(web.begin(), web.end(), is_page)) routes.push_back({"GET", "/", no_page});
+  if (std::none_of(web.begin(), web.end(), is_page))
+    routes.push_back({"GET", "/", no_page, Access::kOpen});
   return routes;
 }
 
@@ -90,33 +113,42 @@ Service::Service(const ServerOptions& options, const maps::MapStore& store, Alig
       context_{options_, workers_, catalog_, gate_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)) {}
 
-void Service::check_route(std::string_view method, std::string_view path) const {
-  static_cast<void>(router_.match(method, path));
+Router::Match Service::admit(HttpRequest& request) const {
+  Router::Match match = router_.match(request.method, request.path);
+  request.caller = gatekeeper_.admit(request, match.route->access);
+  if (match.route->reserve) {
+    request.reservation = match.route->reserve(request, match.parameters);
+  }
+  return match;
 }
 
-HttpResponse Service::dispatch(const HttpRequest& request) const {
-  const Router::Match match = router_.match(request.method, request.path);
-  return match.route->handler(request, match.parameters);
-}
-
-HttpResponse Service::handle(const HttpRequest& request) const {
+HttpResponse Service::handle(HttpRequest request) const {
   try {
-    return dispatch(request);
+    const Router::Match match = admit(request);
+    return handle(request, match);
   } catch (const ApiError& error) {
     return problem_response(error, request.request_id);
-  } catch (const maps::StorageError& error) {
+  }
+}
+
+HttpResponse Service::handle(const HttpRequest& request, const Router::Match& match) const {
+  const auto logged = [&](ErrorCode code, const std::exception& error) {
     // Paths of this machine stay in the log.
     spdlog::error("{} {} {}: {}", request.request_id, request.method, request.path, error.what());
-    return problem_response(ApiError(ErrorCode::kStorageError, "the log says more"),
-                            request.request_id);
+    return problem_response(ApiError(code, "the log says more"), request.request_id);
+  };
+  try {
+    return match.route->handler(request, match.parameters);
+  } catch (const ApiError& error) {
+    return problem_response(error, request.request_id);
+  } catch (const maps::StoreRefusal& error) {
+    return problem_response(ApiError(code_of(error.reason()), error.what()), request.request_id);
+  } catch (const maps::StorageError& error) {
+    return logged(ErrorCode::kStorageError, error);
   } catch (const maps::InputError& error) {
-    spdlog::error("{} {} {}: {}", request.request_id, request.method, request.path, error.what());
-    return problem_response(ApiError(ErrorCode::kStorageError, "the log says more"),
-                            request.request_id);
+    return logged(ErrorCode::kStorageError, error);
   } catch (const std::exception& error) {
-    spdlog::error("{} {} {}: {}", request.request_id, request.method, request.path, error.what());
-    return problem_response(ApiError(ErrorCode::kInternalError, "the log says more"),
-                            request.request_id);
+    return logged(ErrorCode::kInternalError, error);
   }
 }
 

@@ -1,10 +1,9 @@
 #pragma once
 
 #include "api_error.hpp"
+#include "gatekeeper.hpp"
 #include "handlers/context.hpp"
 #include "web_assets.hpp"
-
-#include <string_view>
 
 namespace stillmap::server {
 
@@ -17,15 +16,18 @@ class Service {
   Service(const Service&) = delete;
   Service& operator=(const Service&) = delete;
 
-  /// Whether anything answers here, asked before a body is read. @throws ApiError if not.
-  void check_route(std::string_view method, std::string_view path) const;
-  /// Never throws: what goes wrong becomes a problem document.
-  [[nodiscard]] HttpResponse handle(const HttpRequest& request) const;
+  /// Decides by the head alone whether the request may send its body: finds the route, checks the
+  /// key, reserves what is needed. Fills the request's caller and reservation.
+  /// @throws ApiError if not.
+  [[nodiscard]] Router::Match admit(HttpRequest& request) const;
+  /// Answers what was admitted. Never throws: what goes wrong becomes a problem document.
+  [[nodiscard]] HttpResponse handle(const HttpRequest& request, const Router::Match& match) const;
+  /// Both at once, for a request that is complete.
+  [[nodiscard]] HttpResponse handle(HttpRequest request) const;
 
  private:
-  [[nodiscard]] HttpResponse dispatch(const HttpRequest& request) const;
-
   ServerOptions options_;
+  Gatekeeper gatekeeper_;
   MapCatalog catalog_;
   int workers_;
   mutable AlignmentGate gate_;

@@ -45,15 +45,18 @@ void add_health_routes(std::vector<Route>& routes, const Context& context) {
   const Handler alive = [](const HttpRequest&, const PathParameters&) {
     return json_response(status_json("alive", {}));
   };
-  routes.push_back({"GET", "/livez", alive});
-  routes.push_back({"GET", "/healthz", alive});
-  routes.push_back({"GET", "/readyz", [&context](const HttpRequest&, const PathParameters&) {
+  routes.push_back({"GET", "/livez", alive, Access::kOpen});
+  routes.push_back({"GET", "/healthz", alive, Access::kOpen});
+  routes.push_back({"GET", "/readyz",
+                    [&context](const HttpRequest&, const PathParameters&) {
                       return answer_ready(context.catalog);
-                    }});
-  routes.push_back(
-      {"GET", "/v1/maps/{map}/ready", [&context](const HttpRequest&, const PathParameters& path) {
-         return answer_map_ready(context.catalog.find(path.at("map")));
-       }});
+                    },
+                    Access::kOpen});
+  routes.push_back({"GET", "/v1/maps/{map}/ready",
+                    [&context](const HttpRequest&, const PathParameters& path) {
+                      return answer_map_ready(context.catalog.find(path.at("map")));
+                    },
+                    Access::kOpen});
   routes.push_back({"GET", "/v1/status", [&context](const HttpRequest&, const PathParameters&) {
                       return answer_status(context);
                     }});

@@ -82,8 +82,10 @@ void add_localize_routes(std::vector<Route>& routes, const Context& context) {
   const Handler localize = [&context](const HttpRequest& request, const PathParameters& path) {
     return answer_localize(context, request, path);
   };
-  routes.push_back({"POST", "/v1/maps/{map}/localize", localize});
-  routes.push_back({"POST", "/v1/maps/{map}/versions/{version}/localize", localize});
+  routes.push_back(
+      {"POST", "/v1/maps/{map}/localize", localize, Access::kLocalize, BodyKind::kWhole});
+  routes.push_back({"POST", "/v1/maps/{map}/versions/{version}/localize", localize,
+                    Access::kLocalize, BodyKind::kWhole});
 }
 
 }  // namespace stillmap::server
