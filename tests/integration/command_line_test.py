@@ -39,7 +39,7 @@ class CommandLine(unittest.TestCase):
 
     def test_help_lists_every_command(self):
         text = run("--help").stdout
-        for command in ("build", "simulate", "evaluate", "localize", "serve", "inspect"):
+        for command in ("build", "rebuild", "simulate", "evaluate", "localize", "serve", "inspect"):
             self.assertRegex(text, rf"(?m)^  {command}\b")
             self.assertEqual(run(command, "--help").returncode, 0, command)
         for what in ("localization", "map", "detector", "odometry", "paper", "paper-odometry"):

@@ -66,7 +66,7 @@ void print_for_people(const mapping::RebuildReport& report, const RebuildCommand
   table.add("gate", report.verdict.passed ? "passed" : "not passed");
   table.print();
   for (const mapping::GateCheck& check : report.verdict.checks)
-    fmt::print("{} {}\n", check.passed ? "  " : "! ", check.words);
+    fmt::print("{} {}\n", check.passed ? "pass:" : "FAIL:", check.words);
   for (const std::string& warning : report.warnings) fmt::print("warning: {}\n", warning);
 }
 
