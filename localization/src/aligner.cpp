@@ -51,7 +51,7 @@ std::vector<Eigen::Isometry3d> seen_from(const maps::MapPackage& map) {
   for (const maps::Trajectory& drive : map.trajectories()) {
     for (const maps::StampedPose& pose : drive.poses()) poses.push_back(pose.T_map_lidar);
   }
-  return poses;
+  return poses.empty() ? map.places() : poses;
 }
 
 std::unique_ptr<Aligner> make_aligner(std::string_view method, const maps::MapPackage& map) {

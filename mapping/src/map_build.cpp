@@ -9,6 +9,7 @@
 #include "build/scan_stages.hpp"
 #include "build/survey_pass.hpp"
 #include "build/tile_pass.hpp"
+#include "registration/map_registration.hpp"
 
 #include <fmt/format.h>
 #include <sys/resource.h>
@@ -41,7 +42,8 @@ struct Folders {
 };
 
 /// Whole metres, so that the same place gets the same origin from slightly different poses.
-Eigen::Vector3d origin_of(const DriveSet& drives) {
+Eigen::Vector3d origin_of(const DriveSet& drives, const std::optional<BuildFrame>& frame) {
+  if (frame) return frame->origin;
   return drives.T_map_lidar(0).translation().array().round().matrix() +
          Eigen::Vector3d::Zero();  // turns -0 into 0
 }
@@ -127,6 +129,20 @@ PosedDrives with_journaled_poses(const std::vector<maps::Drive>& drives,
   return posed;
 }
 
+/// Moves the poses into the frame of the map that the options name, if they name one.
+std::optional<BuildFrame> register_drives(PosedDrives& posed, const MapBuildOptions& options,
+                                          const std::string& odometry, MapBuildReport& report,
+                                          const ProgressCallback& progress,
+                                          const CancelFlag& cancel) {
+  if (!options.register_to) return std::nullopt;
+  const StageTimer timer(report.stage_seconds, "register");
+  RegisteredDrives registered =
+      registered_to(*options.register_to, posed.drives, options, odometry, progress, cancel);
+  posed.drives = std::move(registered.drives);
+  report.registration = registered.frame.registration;
+  return std::move(registered.frame);
+}
+
 MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders,
                           const std::vector<maps::Drive>& opened, const MapBuildOptions& options,
                           const Cleaner* cleaner, const ProgressCallback& progress,
@@ -141,12 +157,15 @@ MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders
                                           : with_journaled_poses(opened, options, odometry, folders,
                                                                  report, progress, cancel);
   report.trajectory = std::move(posed.counts);
+  const std::optional<BuildFrame> frame =
+      register_drives(posed, options, odometry, report, progress, cancel);
   const DriveSet drives(std::move(posed.drives), options);
-  const VoxelGrid grid(origin_of(drives), options.voxel_size_m);
+  const VoxelGrid grid(origin_of(drives, frame), options.voxel_size_m);
   ScanStages stages(drives, options, grid);
   stages.learn(cancel);
-  BuildJournal journal(folders.journal, "survey",
-                       survey_key(drives, options, odometry, ScanStages::learned_scans(drives)));
+  BuildJournal journal(
+      folders.journal, "survey",
+      survey_key(drives, options, odometry, frame, ScanStages::learned_scans(drives)));
 
   std::vector<maps::MapObject> map_objects;
   {
@@ -182,8 +201,8 @@ MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders
   if (cancel) throw Cancelled();
   if (progress) progress("publish", 0, 1);
   report_speed(drives.size(), began, report);
-  report.digest = writer.publish(manifest_of(drives, options, odometry, grid.origin(), report),
-                                 to_json(report));
+  report.digest = writer.publish(
+      manifest_of(drives, options, odometry, frame, grid.origin(), report), to_json(report));
   return report;
 }
 

@@ -131,9 +131,10 @@ std::string running_code() {
 }
 
 std::string survey_key(const DriveSet& drives, const MapBuildOptions& options,
-                       const std::string& odometry, std::span<const std::size_t> learned) {
+                       const std::string& odometry, const std::optional<BuildFrame>& frame,
+                       std::span<const std::size_t> learned) {
   const maps::MapManifest manifest =
-      manifest_of(drives, options, odometry, Eigen::Vector3d::Zero(), {});
+      manifest_of(drives, options, odometry, frame, Eigen::Vector3d::Zero(), {});
   std::string key = program() + fmt::format("detects: {}\n", options.detects());
   for (const auto& [name, text] : manifest.options) {
     if (!is_of_later_passes(name)) key += fmt::format("{}: {}\n", name, text);

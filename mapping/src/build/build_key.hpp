@@ -1,9 +1,11 @@
 #pragma once
 
 #include "build/drive_set.hpp"
+#include "build/manifest.hpp"
 
 #include <stillmap/mapping/map_build.hpp>
 
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -16,10 +18,12 @@ namespace stillmap::mapping {
 /// files that they name, the drives' stamps and poses, the scans that the ground stage learned
 /// from.
 /// @param odometry  `given` or the method that made the poses.
+/// @param frame     of a map that is registered to another: its origin is in what a scan leaves.
 /// @param learned   ordinals of these. Their files are read.
 /// @throws maps::StorageError naming a file.
 [[nodiscard]] std::string survey_key(const DriveSet& drives, const MapBuildOptions& options,
                                      const std::string& odometry,
+                                     const std::optional<BuildFrame>& frame,
                                      std::span<const std::size_t> learned);
 
 /// The key of the journal of the poses: the program's code and instruction set, what odometry,

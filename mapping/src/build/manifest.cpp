@@ -113,8 +113,8 @@ std::map<std::string, std::string> texts_of(const TrajectoryOptions& options) {
 }
 
 maps::MapManifest manifest_of(const DriveSet& drives, const MapBuildOptions& options,
-                              const std::string& odometry, const Eigen::Vector3d& origin,
-                              const MapBuildReport& report) {
+                              const std::string& odometry, const std::optional<BuildFrame>& frame,
+                              const Eigen::Vector3d& origin, const MapBuildReport& report) {
   const maps::Drive& first = drives.drives().front();
   maps::MapManifest manifest;
   manifest.frame_id = first.contents().origin ? "enu" : "local";
@@ -136,6 +136,11 @@ maps::MapManifest manifest_of(const DriveSet& drives, const MapBuildOptions& opt
   for (const auto& [name, count] : report.trajectory) manifest.counts[name] = count;
   manifest.counts["scans"] = report.scans;
   manifest.sources = sources_of(drives.drives(), options);
+  if (frame) {
+    manifest.frame_id = frame->frame_id;
+    manifest.registration = frame->registration;
+    manifest.sources["registered_to"] = frame->registration.previous_digest;
+  }
   return manifest;
 }
 

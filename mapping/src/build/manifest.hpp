@@ -9,15 +9,26 @@
 #include <Eigen/Core>
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 namespace stillmap::mapping {
 
+/// What a map takes over from the one that it is registered to.
+struct BuildFrame {
+  std::string frame_id;
+  /// Of the tiles, so that they are the same cells of the same places [m].
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();
+  maps::Registration registration;
+};
+
 /// What the digest covers, without tiles and files: nothing of time, host or threads is in it.
 /// @param odometry  `given` or the method that made the poses.
+/// @param frame     of a map that is registered to another.
 [[nodiscard]] maps::MapManifest manifest_of(const DriveSet& drives, const MapBuildOptions& options,
                                             const std::string& odometry,
+                                            const std::optional<BuildFrame>& frame,
                                             const Eigen::Vector3d& origin,
                                             const MapBuildReport& report);
 

@@ -78,13 +78,16 @@ void thin_out(std::vector<HeldBackDrive>& drives) {
 }
 
 HeldBackDrive another_drive(const RebuildOptions& options, const std::vector<maps::Drive>& own,
+                            const maps::MapPackage& map,
                             const std::vector<maps::Trajectory>& paths) {
   const maps::Drive drive = maps::Drive::open(*options.held_back);
   const std::size_t first_scan = options.build.scans_of(own.front().size()).front();
-  // With a prior or GNSS every pose moved a little of its own, but the frame stayed.
+  // With a prior or GNSS every pose moved a little of its own, and all by registration.
+  const auto& registration = map.manifest().registration;
   const bool given = odometry_of(own, options.build) == "given";
   const Eigen::Isometry3d T_map_first =
-      given ? T_map_own(own.front(), first_scan, paths.front()) : Eigen::Isometry3d::Identity();
+      given ? T_map_own(own.front(), first_scan, paths.front())
+            : (registration ? registration->T_map_poses : Eigen::Isometry3d::Identity());
   HeldBackDrive out{moved_by(T_map_first * T_first_own(own.front(), drive), drive), {}};
   for (std::size_t scan = 0; scan < out.drive.size(); ++scan) {
     if (is_near(out.drive.T_map_lidar(scan), paths)) out.scans.push_back(scan);
@@ -131,7 +134,7 @@ std::vector<HeldBackDrive> held_back_drives(const RebuildOptions& options,
                            fmt::format("one for each of {} drives", own.size()));
   std::vector<HeldBackDrive> drives;
   if (options.held_back) {
-    drives.push_back(another_drive(options, own, paths));
+    drives.push_back(another_drive(options, own, map, paths));
   } else {
     const bool given = odometry_of(own, options.build) == "given";
     for (std::size_t i = 0; i < own.size(); ++i) {

@@ -23,7 +23,7 @@ constexpr double kNearPathM = 15.0;
 constexpr double kMostBetweenM = 10.0;
 
 /// Longer than anything that walks or drives stays in a voxel of a decimetre.
-constexpr std::int64_t kStandsNs = 2'000'000'000;
+constexpr std::int64_t kStandsNs = 1'000'000'000;
 constexpr double kGrownM = 0.3;
 constexpr double kFarM = 0.2;
 constexpr double kFarVoxels = 2.0;

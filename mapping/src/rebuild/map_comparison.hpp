@@ -35,10 +35,10 @@ struct StaticLoss {
   [[nodiscard]] double rate() const;
 };
 
-/// A point of the keep map counts when it was measured, was seen for at least 2 s, and lies in no
+/// A point of the keep map counts when it was measured, was seen for at least 1 s, and lies in no
 /// box (grown by 0.3 m, which covers what a build grows them by) of an object that the new map says
 /// it removed. It is lost when no measured point of the new map is within 0.2 m, or two voxels.
-/// There is no truth in this: what stood for two seconds and was rightly taken by free space counts
+/// There is no truth in this: what stood for a second and was rightly taken by free space counts
 /// as lost, so the figure is an upper bound; what a wrong box took does not count, and localization
 /// has to tell.
 /// @param T_map_keep  takes points of the keep map to the new one's frame.

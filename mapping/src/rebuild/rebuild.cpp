@@ -46,6 +46,7 @@ RebuildOptions completed(RebuildOptions options) {
   options.build.held_back_every = options.held_back ? 0 : options.held_back_every;
   options.build.journal_folder = options.work / "journal";
   options.build.detect_always = true;
+  if (options.previous) options.build.register_to = options.previous;
   return options;
 }
 
@@ -53,6 +54,9 @@ void require_usable(const RebuildOptions& options) {
   if (!options.held_back && options.held_back_every < 2)
     throw std::invalid_argument(
         fmt::format("held_back_every: {}, expected at least 2", options.held_back_every));
+  if (options.previous && options.build.register_to)
+    throw std::invalid_argument(
+        "register_to: found beside a previous version, expected one of them");
   if (const auto broken = options.limits.violations(); !broken.empty())
     throw std::invalid_argument("gate limits: " + broken.front());
 }
@@ -62,6 +66,8 @@ std::string key_of(const RebuildOptions& options) {
   std::string key = rebuild_key(drives, options.build, odometry_of(drives, options.build));
   key += fmt::format("previous: {}\n",
                      options.previous ? maps::MapPackage::open(*options.previous)->digest() : "");
+  if (const auto& map = options.build.register_to)
+    key += fmt::format("registered to: {}\n", maps::MapPackage::open(*map)->digest());
   if (options.held_back) {
     const std::vector<maps::Drive> judge{maps::Drive::open(*options.held_back)};
     const MapBuildOptions whole;
@@ -286,9 +292,9 @@ class Rebuild {
       throw maps::StorageError(options_.map.string(), std::strerror(errno));
   }
 
-  /// Takes points of the new map to the previous one's frame.
-  [[nodiscard]] static Eigen::Isometry3d T_previous_map(const maps::MapPackage&) {
-    return Eigen::Isometry3d::Identity();
+  /// Takes points of the new map to the previous one's frame, to which it is registered.
+  [[nodiscard]] static Eigen::Isometry3d T_previous_map(const maps::MapPackage& map) {
+    return map.manifest().registration.value().T_previous_map;
   }
 
   const RebuildOptions& options_;
@@ -317,10 +323,13 @@ std::vector<StageShare> rebuild_stages(const RebuildOptions& options) {
       stages.push_back({part + ": " + each.stage, share * each.share});
   };
   // Of a drive of 1 km on two cores; the second build takes the first pass over.
-  add("map", 0.70, build_stages(estimates_poses(options.drives, options.build)));
-  std::vector<StageShare> second = build_stages(false);
+  const bool registers = options.previous || options.build.register_to;
+  add("map", 0.70, build_stages(estimates_poses(options.drives, options.build), registers));
+  std::vector<StageShare> second = build_stages(false, registers);
   std::erase_if(second, [](const StageShare& each) { return each.stage == "survey"; });
-  second.front().share = 0.10;
+  for (StageShare& each : second) {
+    if (each.stage == "resume") each.share = 0.10;
+  }
   add("keep", 0.50, second);
   add("localize map", 0.06, {{"localize", 1.0}});
   add("localize keep", 0.06, {{"localize", 1.0}});

@@ -2,11 +2,13 @@
 
 #include <stillmap/maps/error.hpp>
 
+#include <algorithm>
 #include <array>
 #include <cstring>
 #include <limits>
 #include <optional>
 
+#include "formats/cloud_stream.hpp"
 #include "formats/lzf.hpp"
 #include "formats/point_table.hpp"
 #include "formats/text.hpp"
@@ -183,13 +185,16 @@ void check_body(std::size_t found, std::size_t needed, const Header& header,
   }
 }
 
-DecodedScan decode_ascii(std::string_view body, const Header& header,
-                         const std::vector<Role>& roles, const std::string& name) {
+/// @param make  of the table, or of what else takes the points: called once these bytes are known
+/// to hold so many of them. @return what it made, filled.
+template <typename Make>
+auto read_ascii(std::string_view body, const Header& header, const std::vector<Role>& roles,
+                const std::string& name, const Make& make) {
   std::size_t numbers = 0;
   for (const PointField& field : header.fields) numbers += field.count;
   // Each number takes a digit and a blank, the last of all no blank.
   check_body(body.size() + 1, header.points * numbers * 2, header, name);
-  PointTable table(header.fields, roles, header.points);
+  auto table = make();
   std::size_t line_number = header.lines;
   for (std::size_t point = 0; point < header.points;) {
     const std::optional<std::string_view> line = take_line(body);
@@ -214,34 +219,40 @@ DecodedScan decode_ascii(std::string_view body, const Header& header,
       table.set(roles[f], point, *value);
     }
     ++point;
+    if (point % kRowsAtOnce == 0 || point == header.points) table.reached(point);
   }
-  return std::move(table).finish();
+  return table;
 }
 
-DecodedScan decode_binary(std::span<const std::byte> body, const Header& header,
-                          const std::vector<Role>& roles, const std::string& name) {
+template <typename Make>
+auto read_binary(std::span<const std::byte> body, const Header& header,
+                 const std::vector<Role>& roles, const std::string& name, const Make& make) {
   const std::size_t stride = header.stride(true);
   check_body(body.size(), header.points * stride, header, name);
-  PointTable table(header.fields, roles, header.points);
-  std::size_t offset = 0;
-  for (std::size_t f = 0; f < roles.size(); ++f) {
-    const PointField& field = header.fields[f];
-    if (roles[f] != Role::kNone) {
-      for (std::size_t i = 0; i < header.points; ++i) {
-        table.set(roles[f], i, read_number(&body[i * stride + offset], field.type));
+  auto table = make();
+  for (std::size_t begin = 0; begin < header.points; begin += kRowsAtOnce) {
+    const std::size_t end = std::min(header.points, begin + kRowsAtOnce);
+    std::size_t offset = 0;
+    for (std::size_t f = 0; f < roles.size(); ++f) {
+      const PointField& field = header.fields[f];
+      if (roles[f] != Role::kNone) {
+        for (std::size_t i = begin; i < end; ++i)
+          table.set(roles[f], i, read_number(&body[i * stride + offset], field.type));
       }
+      offset += field.count * size_of(field.type);
     }
-    offset += field.count * size_of(field.type);
+    table.reached(end);
   }
-  return std::move(table).finish();
+  return table;
 }
 
 /// Takes the unpacked bytes of `binary_compressed`, which come column by column, in pieces of any
 /// length.
+template <typename Table>
 class ColumnReader {
  public:
   ColumnReader(const Header& header, const std::vector<Role>& roles, bool with_padding,
-               PointTable& table)
+               Table& table)
       : header_(header), roles_(roles), with_padding_(with_padding), table_(table) {}
 
   void take(std::span<const std::byte> piece) {
@@ -284,14 +295,15 @@ class ColumnReader {
   const Header& header_;
   const std::vector<Role>& roles_;
   bool with_padding_;
-  PointTable& table_;
+  Table& table_;
   std::size_t column_ = 0;
   std::size_t done_bytes_ = 0;
   std::array<std::byte, 8> number_{};
 };
 
-DecodedScan decode_compressed(std::span<const std::byte> body, const Header& header,
-                              const std::vector<Role>& roles, const std::string& name) {
+template <typename Make>
+auto read_compressed(std::span<const std::byte> body, const Header& header,
+                     const std::vector<Role>& roles, const std::string& name, const Make& make) {
   std::array<std::uint32_t, 2> sizes{};
   check_body(body.size(), sizeof(sizes), header, name);
   std::memcpy(sizes.data(), body.data(), sizeof(sizes));
@@ -310,29 +322,59 @@ DecodedScan decode_compressed(std::span<const std::byte> body, const Header& hea
     throw InputError(name, std::to_string(packed) + " packed bytes",
                      "enough for " + std::to_string(unpacked) + " unpacked ones");
   }
-  PointTable table(header.fields, roles, header.points);
+  auto table = make();
   ColumnReader columns(header, roles, with_padding, table);
   unpack_lzf(body.first(packed), unpacked, name,
              [&](std::span<const std::byte> piece) { columns.take(piece); });
-  return std::move(table).finish();
+  table.reached(header.points);
+  return table;
+}
+
+template <typename Make>
+auto read_points(std::span<const std::byte> bytes, const Header& header,
+                 const std::vector<Role>& roles, const std::string& name, const Make& make) {
+  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  switch (header.encoding) {
+    case Encoding::kAscii:
+      return read_ascii(text.substr(header.body), header, roles, name, make);
+    case Encoding::kBinary:
+      return read_binary(bytes.subspan(header.body), header, roles, name, make);
+    case Encoding::kBinaryCompressed:
+      return read_compressed(bytes.subspan(header.body), header, roles, name, make);
+  }
+  throw std::logic_error("unknown PCD encoding");
+}
+
+std::string_view header_part(std::span<const std::byte> bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), std::min(bytes.size(), kMaxHeaderBytes)};
 }
 
 }  // namespace
 
 DecodedScan decode_pcd(std::span<const std::byte> bytes, const std::string& name,
                        std::size_t max_points) {
-  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  const Header header = parse_header(text.substr(0, kMaxHeaderBytes), name, max_points);
+  const Header header = parse_header(header_part(bytes), name, max_points);
   const std::vector<Role> roles = roles_of(header.fields, name);
-  switch (header.encoding) {
-    case Encoding::kAscii:
-      return decode_ascii(text.substr(header.body), header, roles, name);
-    case Encoding::kBinary:
-      return decode_binary(bytes.subspan(header.body), header, roles, name);
-    case Encoding::kBinaryCompressed:
-      return decode_compressed(bytes.subspan(header.body), header, roles, name);
+  return read_points(bytes, header, roles, name,
+                     [&] { return PointTable(header.fields, roles, header.points); })
+      .finish();
+}
+
+CloudSummary stream_pcd(std::span<const std::byte> bytes, const std::string& name,
+                        const CloudStream::Take& take) {
+  const Header header = parse_header(header_part(bytes), name, kMaxSide);
+  const std::vector<Role> roles = roles_of(header.fields, name);
+  std::size_t held = std::min(header.points, kRowsAtOnce);
+  if (header.encoding == Encoding::kBinaryCompressed) {
+    check_point_count(header.points, kMostCompressedPoints, name);
+    held = header.points;
   }
-  throw std::logic_error("unknown PCD encoding");
+  CloudSummary summary = read_points(bytes, header, roles, name, [&] {
+                           return CloudStream(header.fields, roles, held, take);
+                         }).summary();
+  // Text has as many digits as it was written with.
+  if (header.encoding == Encoding::kAscii) summary.single_precision = false;
+  return summary;
 }
 
 }  // namespace stillmap::maps

@@ -2,10 +2,12 @@
 
 #include <stillmap/maps/error.hpp>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <optional>
 
+#include "formats/cloud_stream.hpp"
 #include "formats/point_table.hpp"
 #include "formats/text.hpp"
 
@@ -224,14 +226,16 @@ void skip_element(const Element& element, NumberStream& stream, const std::strin
   }
 }
 
-DecodedScan read_vertices(const Element& element, NumberStream& stream, const std::string& name,
-                          std::size_t max_points) {
-  check_point_count(element.count, max_points, name);
+/// @param make  of the table, or of what else takes the points, from their fields and roles: called
+/// once these bytes are known to hold so many of them. @return what it made, filled.
+template <typename Make>
+auto read_vertices(const Element& element, NumberStream& stream, const std::string& name,
+                   const Make& make) {
   std::vector<PointField> fields;
   for (const Property& property : element.properties) fields.push_back(property.field);
   const std::vector<Role> roles = roles_of(fields, name);
   check_count(element, stream, name);
-  PointTable table(fields, roles, element.count);
+  auto table = make(fields, roles);
   for (std::size_t point = 0; point < element.count; ++point) {
     for (std::size_t p = 0; p < roles.size(); ++p) {
       const Property& property = element.properties[p];
@@ -241,23 +245,58 @@ DecodedScan read_vertices(const Element& element, NumberStream& stream, const st
         table.set(roles[p], point, stream.next(property.field.type));
       }
     }
+    if ((point + 1) % kRowsAtOnce == 0 || point + 1 == element.count) table.reached(point + 1);
   }
-  return std::move(table).finish();
+  return table;
+}
+
+/// The element `vertex`, and the numbers from there on.
+struct Vertices {
+  const Element* element;
+  NumberStream stream;
+};
+
+Vertices find_vertices(std::span<const std::byte> bytes, const Header& header,
+                       const std::string& name) {
+  NumberStream stream(bytes.subspan(header.body), header.encoding, name);
+  for (const Element& element : header.elements) {
+    if (element.name == "vertex") return {&element, stream};
+    skip_element(element, stream, name);
+  }
+  throw InputError(name, "no element 'vertex'", "one");
+}
+
+std::string_view header_part(std::span<const std::byte> bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), std::min(bytes.size(), kMaxHeaderBytes)};
 }
 
 }  // namespace
 
 DecodedScan decode_ply(std::span<const std::byte> bytes, const std::string& name,
                        std::size_t max_points) {
-  const std::string_view text(reinterpret_cast<const char*>(bytes.data()),
-                              std::min(bytes.size(), kMaxHeaderBytes));
-  const Header header = parse_header(text, name);
-  NumberStream stream(bytes.subspan(header.body), header.encoding, name);
-  for (const Element& element : header.elements) {
-    if (element.name == "vertex") return read_vertices(element, stream, name, max_points);
-    skip_element(element, stream, name);
-  }
-  throw InputError(name, "no element 'vertex'", "one");
+  const Header header = parse_header(header_part(bytes), name);
+  auto [element, stream] = find_vertices(bytes, header, name);
+  check_point_count(element->count, max_points, name);
+  const std::size_t points = element->count;
+  return read_vertices(*element, stream, name,
+                       [points](const auto& fields, const auto& roles) {
+                         return PointTable(fields, roles, points);
+                       })
+      .finish();
+}
+
+CloudSummary stream_ply(std::span<const std::byte> bytes, const std::string& name,
+                        const CloudStream::Take& take) {
+  const Header header = parse_header(header_part(bytes), name);
+  auto [element, stream] = find_vertices(bytes, header, name);
+  const std::size_t held = std::min<std::size_t>(element->count, kRowsAtOnce);
+  CloudSummary summary =
+      read_vertices(*element, stream, name, [&, held](const auto& fields, const auto& roles) {
+        return CloudStream(fields, roles, held, take);
+      }).summary();
+  // Text has as many digits as it was written with.
+  if (header.encoding == Encoding::kAscii) summary.single_precision = false;
+  return summary;
 }
 
 }  // namespace stillmap::maps

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <stillmap/maps/cloud_file.hpp>
 #include <stillmap/maps/scan_file.hpp>
 
 namespace stillmap::maps {
@@ -9,5 +10,9 @@ namespace stillmap::maps {
 /// @throws InputError naming `name`, the value found and what was expected.
 [[nodiscard]] DecodedScan decode_ply(std::span<const std::byte> bytes, const std::string& name,
                                      std::size_t max_points);
+
+/// The same, handed on as it is read, in doubles. @throws as `decode_ply`, and what `take` throws.
+CloudSummary stream_ply(std::span<const std::byte> bytes, const std::string& name,
+                        const std::function<void(std::span<const CloudPoint>)>& take);
 
 }  // namespace stillmap::maps

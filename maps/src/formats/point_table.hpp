@@ -45,6 +45,8 @@ class PointTable {
 
   [[nodiscard]] std::size_t size() const { return cloud_.size(); }
   void set(Role role, std::size_t point, double value);
+  /// All points below this one are set: nothing to do for a table that holds them all.
+  void reached(std::size_t /*end*/) {}
   /// Drops NaN, infinite and zero-range points. Times are kept if all of them are within 1 s of the
   /// stamp: what is farther (epochs, microseconds) has another zero or unit than the one
   /// documented.

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -62,6 +63,58 @@ GeodeticOrigin geodetic_from(const JsonField& field) {
           field.at("longitude_deg").number(-180.0, 180.0), field.at("altitude_m").number()};
 }
 
+json to_json(const Eigen::Isometry3d& T) {
+  const Eigen::Vector3d p = T.translation();
+  const Eigen::Quaterniond q(T.linear());
+  return {{"position", {p.x(), p.y(), p.z()}}, {"quaternion", {q.x(), q.y(), q.z(), q.w()}}};
+}
+
+Eigen::Isometry3d transform_from(const JsonField& field) {
+  // What a quaternion written by hand with 3 decimals can be off.
+  constexpr double kMaxOffUnit = 1e-3;
+  std::vector<double> q;
+  const JsonField quaternion = field.at("quaternion");
+  quaternion.each([&](const JsonField& value) { q.push_back(value.number()); });
+  if (q.size() != 4) quaternion.refuse("four numbers x y z w");
+  const Eigen::Quaterniond rotation(q[3], q[0], q[1], q[2]);
+  if (!(std::abs(rotation.norm() - 1.0) <= kMaxOffUnit)) quaternion.refuse("norm 1");
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = rotation.normalized().toRotationMatrix();
+  T.translation() = field.at("position").vector3();
+  return T;
+}
+
+json to_json(const Registration& registration) {
+  return {{"previous_digest", registration.previous_digest},
+          {"T_previous_map", to_json(registration.T_previous_map)},
+          {"T_map_poses", to_json(registration.T_map_poses)},
+          {"residual_m", registration.residual_m},
+          {"residual_rad", registration.residual_rad},
+          {"scans_used", registration.scans_used},
+          {"scans_asked", registration.scans_asked}};
+}
+
+bool is_sha256(const std::string& text) {
+  return text.size() == 64 && std::all_of(text.begin(), text.end(), [](char c) {
+           return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f');
+         });
+}
+
+Registration registration_from(const JsonField& field) {
+  constexpr double kMost = std::numeric_limits<double>::max();
+  Registration registration;
+  registration.previous_digest = field.at("previous_digest").text();
+  if (!is_sha256(registration.previous_digest))
+    field.at("previous_digest").refuse("64 lower-case hex digits");
+  registration.T_previous_map = transform_from(field.at("T_previous_map"));
+  registration.T_map_poses = transform_from(field.at("T_map_poses"));
+  registration.residual_m = field.at("residual_m").number(0.0, kMost);
+  registration.residual_rad = field.at("residual_rad").number(0.0, kMost);
+  registration.scans_used = field.at("scans_used").count();
+  registration.scans_asked = field.at("scans_asked").count();
+  return registration;
+}
+
 /// Relative, inside the package, and not one of the two files that the list cannot hold.
 bool is_listable(const std::string& path) {
   const std::filesystem::path parts(path);
@@ -77,10 +130,7 @@ MapManifest::File file_from(const std::string& path, const JsonField& field) {
   MapManifest::File file;
   file.bytes = field.at("bytes").count();
   file.sha256 = field.at("sha256").text();
-  const bool hex = std::all_of(file.sha256.begin(), file.sha256.end(), [](char c) {
-    return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f');
-  });
-  if (file.sha256.size() != 64 || !hex) field.at("sha256").refuse("64 lower-case hex digits");
+  if (!is_sha256(file.sha256)) field.at("sha256").refuse("64 lower-case hex digits");
   return file;
 }
 
@@ -145,6 +195,7 @@ std::string manifest_text(const MapManifest& manifest) {
             {"tiles", json::array()},
             {"files", json::object()}};
   if (manifest.geodetic_origin) root["geodetic_origin"] = to_json(*manifest.geodetic_origin);
+  if (manifest.registration) root["registration"] = to_json(*manifest.registration);
   for (const TileEntry& tile : manifest.tiles) root["tiles"].push_back(to_json(tile));
   for (const auto& [path, file] : manifest.files) {
     root["files"][path] = {{"bytes", file.bytes}, {"sha256", file.sha256}};
@@ -164,6 +215,7 @@ MapManifest parse_manifest(std::string_view text, const std::string& file) {
   if (root.has("geodetic_origin")) {
     manifest.geodetic_origin = geodetic_from(root.at("geodetic_origin"));
   }
+  if (root.has("registration")) manifest.registration = registration_from(root.at("registration"));
   manifest.voxel_size_m = root.at("voxel_size_m").number(0.0, 1e6);
   manifest.relative_clock = root.at("relative_clock").boolean();
   manifest.software_version = root.at("software_version").text();

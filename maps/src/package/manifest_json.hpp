@@ -12,6 +12,8 @@ inline constexpr const char* kManifestName = "manifest.json";
 inline constexpr const char* kBuildName = "build.json";
 inline constexpr const char* kObjectsName = "objects.json";
 inline constexpr const char* kFatesName = "fates.bin";
+/// 12 numbers a line, 3x4 row-major.
+inline constexpr const char* kPlacesName = "places.txt";
 
 /// `tiles/<level>_<x>_<y>.bin`
 [[nodiscard]] std::string tile_path(TileId id);

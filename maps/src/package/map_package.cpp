@@ -122,6 +122,11 @@ std::vector<MapObject> MapPackage::objects() const {
   return parse_objects(read_text(file), file.string());
 }
 
+std::vector<Eigen::Isometry3d> MapPackage::places() const {
+  if (!manifest_.files.contains(kPlacesName)) return {};
+  return read_kitti_poses(folder_ / kPlacesName);
+}
+
 std::vector<std::string> MapPackage::verify() const {
   std::vector<std::string> broken;
   for (const auto& [path, file] : manifest_.files) {

@@ -1,9 +1,12 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <iterator>
 #include <stdexcept>
 #include <utility>
 
@@ -87,6 +90,19 @@ void MapPackageWriter::write_trajectory(const Trajectory& trajectory, std::size_
 
 void MapPackageWriter::write_objects(const std::vector<MapObject>& objects) {
   write_file(folder_.path() / kObjectsName, objects_text(objects));
+}
+
+void MapPackageWriter::write_places(const std::vector<Eigen::Isometry3d>& T_map_place) {
+  fmt::memory_buffer text;
+  for (const Eigen::Isometry3d& T : T_map_place) {
+    if (!T.matrix().allFinite()) throw std::invalid_argument("places: one that is not finite");
+    for (Eigen::Index row = 0; row < 3; ++row) {
+      fmt::format_to(std::back_inserter(text), "{}{:.7f} {:.7f} {:.7f} {:.3f}", row == 0 ? "" : " ",
+                     T(row, 0), T(row, 1), T(row, 2), T(row, 3));
+    }
+    text.push_back('\n');
+  }
+  write_file(folder_.path() / kPlacesName, {text.data(), text.size()});
 }
 
 std::string MapPackageWriter::publish(MapManifest manifest, const std::string& build_json) {

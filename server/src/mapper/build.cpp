@@ -9,8 +9,8 @@
 #include <numbers>
 #include <optional>
 #include <stdexcept>
-#include <stillmap/localization/map_index.hpp>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/frames.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include <string>
 #include <vector>
@@ -20,6 +20,7 @@
 #include "mapper/build_arguments.hpp"
 #include "mapper/command_text.hpp"
 #include "mapper/commands.hpp"
+#include "mapper/map_index.hpp"
 #include "mapper/progress_output.hpp"
 #include "reference/cleaners.hpp"
 
@@ -47,6 +48,7 @@ std::string to_json_text(const mapping::MapBuildReport& report, const BuildArgum
                      {"poses", options.poses_file ? options.poses_file->string() : ""},
                      {"odometry", options.odometry.value_or("")},
                      {"loops", options.trajectory.loops},
+                     {"register_to", options.register_to ? options.register_to->string() : ""},
                      {"pose_sigma", arguments.pose_sigma.value_or("")},
                      {"detector", options.detector},
                      {"movable", arguments.movable},
@@ -67,17 +69,7 @@ std::string to_json_text(const mapping::MapBuildReport& report, const BuildArgum
   return json.dump(2) + "\n";
 }
 
-/// Writes the index beside the tiles, so that the first query need not. A map that is too sparse to
-/// be searched is still a map.
-/// @return where it is, or why there is none.
-std::string write_index(const std::filesystem::path& map) {
-  try {
-    const auto index = localization::MapIndex::open(*maps::MapPackage::open(map));
-    return index->file().empty() ? index->kept_in_memory_because() : index->file().string();
-  } catch (const maps::InputError& error) {
-    return std::string("none: ") + error.what();
-  }
-}
+double in_degrees(double rad) { return rad * 180.0 / std::numbers::pi; }
 
 /// What a count of the report is of: points as they were scanned, or those of the map's voxels.
 std::string points_label(std::string name) {
@@ -102,6 +94,16 @@ std::string objects_label(std::string name) {
   return name;
 }
 
+std::string registration_text(const maps::Registration& registration) {
+  const bool kept = registration.T_map_poses.matrix().isIdentity(0.0);
+  const Eigen::Isometry3d& T = kept ? registration.T_previous_map : registration.T_map_poses;
+  return fmt::format(
+      "{} of {} scans agree within {:.3f} m, {:.2f} deg; poses {} {:.3f} m, {:.2f} deg",
+      registration.scans_used, registration.scans_asked, registration.residual_m,
+      in_degrees(registration.residual_rad), kept ? "kept, off by" : "moved by",
+      T.translation().norm(), in_degrees(maps::rotation_angle_rad(T.linear())));
+}
+
 void print_for_people(const mapping::MapBuildReport& report, const std::filesystem::path& map,
                       const std::string& index) {
   command_line::Table table;
@@ -116,6 +118,7 @@ void print_for_people(const mapping::MapBuildReport& report, const std::filesyst
   table.add("peak memory", fmt::format("{:.0f} MiB", report.peak_rss_mib));
   for (const auto& [name, count] : report.trajectory)
     table.add(trajectory_label(name), grouped(count));
+  if (report.registration) table.add("registered", registration_text(*report.registration));
   for (const auto& [name, count] : report.points) table.add(points_label(name), grouped(count));
   for (const auto& [name, count] : report.objects) table.add(objects_label(name), grouped(count));
   table.print();
@@ -128,8 +131,8 @@ void build(BuildCommand& asked, const CLI::App& command) {
   const mapping::MapBuildOptions& options = asked.arguments.options;
   mapping::MapBuildReport report;
   std::string index;
-  std::vector<mapping::StageShare> plan =
-      mapping::build_stages(mapping::estimates_poses(drives, options));
+  std::vector<mapping::StageShare> plan = mapping::build_stages(
+      mapping::estimates_poses(drives, options), options.register_to.has_value());
   plan.push_back({"index", 0.01});
   run_with_progress(asked.progress, plan, [&](const mapping::ProgressCallback& progress) {
     report = mapping::build_map(drives, asked.map, options, progress, command_line::cancel_flag(),
@@ -198,6 +201,11 @@ void add_pose_options(CLI::App& command, BuildArguments& arguments) {
                   "With odometry: join places that were seen again, also between drives")
       ->capture_default_str()
       ->check(CLI::IsMember({"on", "off"}));
+  command
+      .add_option("--register-to", options.register_to,
+                  "Map package whose frame the new map is to stand in: poses are moved there by "
+                  "localizing scans in it")
+      ->check(command_line::existing_folder());
   command.add_option("--pose-sigma", arguments.pose_sigma,
                      "With odometry: the given poses are right to within METRES,DEGREES");
   command.add_option(

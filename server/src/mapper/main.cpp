@@ -8,6 +8,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   stillmap::mapper::add_build(app);
   stillmap::mapper::add_rebuild(app);
+  stillmap::mapper::add_import(app);
   stillmap::mapper::add_simulate(app);
   stillmap::mapper::add_evaluate(app);
   stillmap::command_line::cancel_on_signals();

@@ -81,9 +81,9 @@ TEST_F(MapComparison, LosesWhatHasNoMeasuredPointWithinTwoDecimetres) {
   EXPECT_EQ(loss(*keep, *keep).lost, 0U);
 }
 
-TEST_F(MapComparison, CountsWhatWasSeenForTwoSeconds) {
-  const auto keep = package({{{3, 0, 1}, PointKind::kMeasured, 0, 20},
-                             {{4, 0, 1}, PointKind::kMeasured, 0, 19},
+TEST_F(MapComparison, CountsWhatWasSeenForASecond) {
+  const auto keep = package({{{3, 0, 1}, PointKind::kMeasured, 0, 10},
+                             {{4, 0, 1}, PointKind::kMeasured, 0, 9},
                              {{5, 0, 1}, PointKind::kMeasured, 7, 7},
                              {{6, 0, 1}, PointKind::kMeasured, 0, 1000},
                              {{7, 0, 1}, PointKind::kFilled}});

@@ -23,16 +23,22 @@ using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 
-/// A drive of 2.5 s past a car, between walls with some posts to tell places apart.
+/// A drive of 2.5 s and 15 m past a car, between walls.
 class RebuildTest : public ::testing::Test {
  protected:
   static constexpr std::size_t kScans = 26;
 
   RebuildTest() {
-    for (int i = 0; i < 8; ++i)
-      small_.world.cylinders.push_back({{-12.0 + 5.3 * i, i % 2 == 0 ? 5.5 : -6.0}, 0.2, 4.0});
-    small_.pattern.columns = 180;
+    // Buttresses: what tells places along the walls apart, and no detector takes for a vehicle.
+    double x_m = -14.0;
+    for (int i = 0; i < 9; ++i) {
+      small_.world.boxes.push_back({{x_m, 6.2, 0.0}, {x_m + 0.8, 8.0, 5.0}});
+      small_.world.boxes.push_back({{x_m + 1.7, -8.0, 0.0}, {x_m + 2.6, -6.0, 5.0}});
+      x_m += 3.5 + 0.6 * (i % 3);
+    }
+    small_.pattern.columns = 300;
     drive_ = write_drive("drive", 0.0);
     options_.drives = {drive_};
     options_.map = folder_.path() / "new";
@@ -47,7 +53,7 @@ class RebuildTest : public ::testing::Test {
   fs::path write_drive(const std::string& name, double y_m) const {
     std::string poses;
     for (std::size_t i = 0; i < kScans; ++i) {
-      const Eigen::Isometry3d T = test::pose_at(0.4 * static_cast<double>(i), y_m, 0.0);
+      const Eigen::Isometry3d T = test::pose_at(0.6 * static_cast<double>(i), y_m, 0.0);
       folder_.write(fmt::format("{}/{:06}.bin", name, i),
                     test::bin_of(small_.world.scan(T, small_.pattern)));
       poses += test::kitti_line(T);

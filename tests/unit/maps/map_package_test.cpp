@@ -106,6 +106,69 @@ TEST(MapPackage, ReadsBackWhatWasWritten) {
   EXPECT_THAT(package->tile({.level = 0, .x = 5, .y = 5}), IsEmpty());
 }
 
+Registration sample_registration() {
+  Registration registration;
+  registration.previous_digest = std::string(64, 'c');
+  registration.T_previous_map = exp_se3({0.01, -0.02, 0.0, 0.0, 0.0, 0.001});
+  registration.T_map_poses = exp_se3({12.0, -3.0, 0.5, 0.01, 0.02, -3.0});
+  registration.residual_m = 0.012;
+  registration.residual_rad = 0.0003;
+  registration.scans_used = 41;
+  registration.scans_asked = 60;
+  return registration;
+}
+
+TEST(MapPackage, ReadsBackHowItWasRegistered) {
+  MapManifest manifest = sample_manifest();
+  manifest.registration = sample_registration();
+  const std::string text = manifest_text(manifest);
+  const auto found = parse_manifest(text, "manifest.json").registration;
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->previous_digest, std::string(64, 'c'));
+  EXPECT_TRUE(found->T_previous_map.isApprox(sample_registration().T_previous_map, 1e-14));
+  EXPECT_TRUE(found->T_map_poses.isApprox(sample_registration().T_map_poses, 1e-14));
+  EXPECT_EQ(found->residual_m, 0.012);
+  EXPECT_EQ(found->residual_rad, 0.0003);
+  EXPECT_EQ(found->scans_used, 41U);
+  EXPECT_EQ(found->scans_asked, 60U);
+  EXPECT_FALSE(parse_manifest(manifest_text(sample_manifest()), "manifest.json").registration);
+}
+
+TEST(MapPackage, RefusesABrokenRegistration) {
+  MapManifest manifest = sample_manifest();
+  manifest.registration = sample_registration();
+  const std::string text = manifest_text(manifest);
+  const auto refuses = [&](const std::string& from, const std::string& to,
+                           const std::string& said) {
+    const std::string changed = std::regex_replace(text, std::regex(from), to);
+    ASSERT_NE(changed, text) << from;
+    EXPECT_THAT([&] { (void)parse_manifest(changed, "manifest.json"); },
+                ThrowsSaying<InputError>({said}))
+        << to;
+  };
+  refuses("cccc", "ccc", ".registration.previous_digest");
+  refuses("\"scans_used\": 41", "\"scans_used\": -1", ".registration.scans_used");
+  refuses("\"residual_m\": 0.012", "\"residual_m\": -0.012", ".registration.residual_m");
+  refuses("\"quaternion\": \\[", "\"quaternion\": [1,", ".quaternion");
+  refuses("\"quaternion\": \\[\\s*[^,]*,", "\"quaternion\": [9.0,", ".quaternion");
+}
+
+TEST(MapPackage, ReadsBackPlacesOfASensor) {
+  const TemporaryFolder folder;
+  const fs::path map = folder.path() / "map";
+  const std::vector<Eigen::Isometry3d> places{exp_se3({448000.125, 5427000.0, 1.8, 0.1, -0.2, 0.0}),
+                                              Eigen::Isometry3d::Identity()};
+  MapPackageWriter writer(map);
+  writer.add_tile(kNear, std::array{point(1, 2, 3)});
+  writer.write_places(places);
+  writer.publish(sample_manifest(), "{}");
+  const auto found = MapPackage::open(map)->places();
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_TRUE(found[0].translation().isApprox(places[0].translation(), 1e-9));
+  EXPECT_TRUE(found[0].linear().isApprox(places[0].linear(), 1e-6));
+  EXPECT_TRUE(found[1].isApprox(places[1], 1e-9));
+}
+
 TEST(MapPackage, ReadsBackPathAndObjects) {
   const TemporaryFolder folder;
   write_sample(folder.path() / "map", false, "{}");

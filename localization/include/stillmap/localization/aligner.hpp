@@ -98,7 +98,8 @@ class Aligner {
 /// Names for `make_aligner`, the default first.
 [[nodiscard]] std::vector<std::string> aligner_names();
 
-/// Where a map was seen from: the poses of its trajectory.
+/// Where a map was seen from: the poses of its trajectories; for a map from elsewhere that has
+/// none, its places.
 [[nodiscard]] std::vector<Eigen::Isometry3d> seen_from(const maps::MapPackage& map);
 
 /// Any method for a map: `default` over its index (`MapIndex::open`, which may write the file) and

@@ -6,6 +6,7 @@
 #include <stillmap/mapping/projection.hpp>
 #include <stillmap/mapping/trajectory.hpp>
 #include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/map_package.hpp>
 
 #include <cstddef>
 #include <cstdint>
@@ -30,6 +31,9 @@ struct MapBuildOptions {
   std::optional<std::string> odometry;
   /// With odometry: loops, a prior, GNSS. Its method, scans and threads are set by the build.
   TrajectoryOptions trajectory;
+  /// A map package whose frame the new one is to stand in: poses are moved there by localizing
+  /// scans in it, or kept where they agree with it (mapping/registration.md).
+  std::optional<std::filesystem::path> register_to;
   GroundOptions ground;
   /// `geometric`, `voxelnext`, `voxelnext:FILE`, `onnx:FILE`, or `boxes:FILE` (with several drives
   /// `boxes:FILE,FILE...`, one a drive).
@@ -103,6 +107,8 @@ struct MapBuildReport {
   /// What a person should look at: edits that met nothing, work of a killed build that was thrown
   /// away.
   std::vector<std::string> warnings;
+  /// With `register_to`.
+  std::optional<maps::Registration> registration;
   std::string digest;
 };
 
@@ -110,7 +116,8 @@ struct MapBuildReport {
 /// and, by some 30 KiB a scan, with their number.
 ///
 /// Where poses are not given they are estimated first (`estimate_trajectories`), over all scans
-/// from the first selected one to the last. Pass 1, each scan: read -> drop -> deskew -> ground ->
+/// from the first selected one to the last. With `register_to` they are then brought into that
+/// map's frame. Pass 1, each scan: read -> drop -> deskew -> ground ->
 /// detect. Then objects and ground are fused over all scans. Pass 2, each scan from its original
 /// points: project -> stack. Last, each tile: clean -> fill -> normals. Scans and tiles are
 /// processed in parallel and taken in order, so that the bytes do not depend on the number of

@@ -24,9 +24,11 @@ struct RebuildOptions {
   /// Where what is done is remembered: a folder of its own on the map's file system, made if it is
   /// missing. What is in it when the rebuild is done may go.
   std::filesystem::path work;
-  /// Its `held_back_every`, `journal_folder` and `detect_always` are set by the rebuild.
+  /// Its `held_back_every`, `journal_folder` and `detect_always` are set by the rebuild, and with
+  /// `previous` its `register_to`.
   MapBuildOptions build;
-  /// The version that is in use.
+  /// The version that is in use, to which the new one is registered. None for a first version, and
+  /// for one that is to have a frame of its own.
   std::optional<std::filesystem::path> previous;
   /// A drive of the same streets that the map is not made from, in the frame of the drives' own
   /// poses or with a geodetic origin. It is a better judge than scans of the drives themselves,

@@ -7,6 +7,7 @@
 #include <stillmap/maps/trajectory.hpp>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include <array>
 #include <cstdint>
@@ -80,6 +81,22 @@ struct TileEntry {
   std::array<float, 3> min{}, max{};
 };
 
+/// How a version was brought into the frame of the version before, by localizing its scans there.
+struct Registration {
+  std::string previous_digest;
+  /// Takes points of this version to the previous one's frame: the identity where the poses were
+  /// moved into that frame, what was measured where they agreed and were kept.
+  Eigen::Isometry3d T_previous_map = Eigen::Isometry3d::Identity();
+  /// What the build's own poses were moved by; the identity where they were kept.
+  Eigen::Isometry3d T_map_poses = Eigen::Isometry3d::Identity();
+  /// Root mean square of what the scans used differ from that one motion by, at the sensor.
+  double residual_m = 0.0;
+  double residual_rad = 0.0;
+  /// Scans that agree, of those that were localized.
+  std::uint64_t scans_used = 0;
+  std::uint64_t scans_asked = 0;
+};
+
 /// What the digest covers: everything in manifest.json, thus through SHA-256 every file it lists.
 struct MapManifest {
   int schema = kPackageSchema;
@@ -87,6 +104,8 @@ struct MapManifest {
   /// Added to a tile's coordinates to get map coordinates [m].
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();
   std::optional<GeodeticOrigin> geodetic_origin;
+  /// Absent for a version that was built on its own.
+  std::optional<Registration> registration;
   double voxel_size_m = 0.0;
   bool relative_clock = true;
   std::string software_version;
@@ -129,6 +148,9 @@ class MapPackageWriter {
   /// @param drive  0 for the first or only one.
   void write_trajectory(const Trajectory& trajectory, std::size_t drive = 0);
   void write_objects(const std::vector<MapObject>& objects);
+  /// Where a sensor may have been, for a map without trajectories: upright poses in the map frame,
+  /// written to the millimetre.
+  void write_places(const std::vector<Eigen::Isometry3d>& T_map_place);
   /// Hashes all files, writes manifest.json and `build_json` (outside the digest: times, host,
   /// timings) as build.json, syncs, renames. The manifest's `tiles` and `files` are filled here.
   /// Once only.
@@ -166,6 +188,8 @@ class MapPackage {
   [[nodiscard]] ScanFates fates(std::size_t scan) const;
   /// Empty when the package lists no objects.json. @throws InputError.
   [[nodiscard]] std::vector<MapObject> objects() const;
+  /// As `MapPackageWriter::write_places`; empty when the package lists none. @throws InputError.
+  [[nodiscard]] std::vector<Eigen::Isometry3d> places() const;
   /// Recomputes every SHA-256. @return the paths that do not match or cannot be read; empty when
   /// whole.
   [[nodiscard]] std::vector<std::string> verify() const;

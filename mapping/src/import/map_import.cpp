@@ -1,0 +1,265 @@
+#include "build/ordered_pipeline.hpp"
+#include "import/column_ground.hpp"
+#include "stacking/tile_points.hpp"
+#include "stacking/tile_stack.hpp"
+#include "top_view.hpp"
+
+#include <fmt/format.h>
+#include <sys/resource.h>
+#include <stillmap/mapping/map_import.hpp>
+#include <stillmap/maps/cloud_file.hpp>
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_package.hpp>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <utility>
+
+namespace stillmap::mapping {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// As in a build.
+constexpr std::size_t kMostVoxels = 5'000'000;
+constexpr int kPictureSide = 1600;
+/// Floats are 2 mm coarse from here on, and 16 mm from there.
+constexpr double kCoarseFromM = 16384.0;
+constexpr double kTooCoarseFromM = 131072.0;
+/// What a column's ground may be off its points on a slope of 0.3.
+constexpr float kGroundM = 0.15F;
+/// Normals look up: nobody says from where the points were seen.
+constexpr float kSeenFromM = 1e4F;
+
+struct Bounds {
+  Eigen::Vector3d min = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
+  Eigen::Vector3d max = -min;
+};
+
+class CloudImport {
+ public:
+  CloudImport(const std::filesystem::path& file, const ProgressCallback& progress,
+              const CancelFlag& cancel, MapImportReport& report)
+      : file_(file), progress_(progress), cancel_(cancel), report_(report) {}
+
+  /// The first time through the file. @return the origin of the tiles [m].
+  Eigen::Vector3d measure() {
+    Bounds bounds;
+    const maps::CloudSummary summary = read("measure", [&](const maps::CloudPoint& point) {
+      bounds.min = bounds.min.cwiseMin(point.position);
+      bounds.max = bounds.max.cwiseMax(point.position);
+    });
+    points_ = summary.points_in_file;
+    report_.counts["in"] = summary.points_in_file;
+    report_.counts["dropped_non_finite"] = summary.non_finite;
+    if (summary.points_in_file == summary.non_finite)
+      throw maps::InputError(file_.string(), "no point that is finite", "at least one");
+    if (summary.single_precision) check_precision(bounds);
+    // Whole metres; the addition turns -0 into 0.
+    return (0.5 * (bounds.min + bounds.max)).array().round().matrix() + Eigen::Vector3d::Zero();
+  }
+
+  /// The second time.
+  void stack(const VoxelGrid& grid, TileStack& stack) {
+    std::uint64_t& too_far = report_.counts["dropped_too_far"];
+    std::uint32_t part = 0;
+    maps::read_cloud_file(file_, [&](std::span<const maps::CloudPoint> points) {
+      ScanVoxels voxels(grid, part++);
+      for (const maps::CloudPoint& point : points)
+        too_far += voxels.add({.p_map = point.position, .intensity = point.intensity}) ? 0 : 1;
+      stack.add(voxels);
+      tell("stack", points.size());
+    });
+    done_ = 0;
+    if (too_far > 0)
+      report_.warnings.push_back(
+          fmt::format("{} points are farther than the tile grid reaches", too_far));
+  }
+
+ private:
+  template <typename Visit>
+  maps::CloudSummary read(const char* stage, const Visit& visit) {
+    const auto summary =
+        maps::read_cloud_file(file_, [&](std::span<const maps::CloudPoint> points) {
+          for (const maps::CloudPoint& point : points) visit(point);
+          tell(stage, points.size());
+        });
+    done_ = 0;
+    return summary;
+  }
+
+  void tell(const char* stage, std::size_t points) {
+    if (cancel_) throw Cancelled();
+    done_ += points;
+    // How many there are in all is known the second time.
+    if (progress_) progress_(stage, done_, std::max<std::size_t>(done_, points_));
+  }
+
+  void check_precision(const Bounds& bounds) {
+    const double largest_m =
+        std::max(bounds.min.cwiseAbs().maxCoeff(), bounds.max.cwiseAbs().maxCoeff());
+    if (!(largest_m >= kCoarseFromM)) return;
+    const float at = static_cast<float>(largest_m);
+    const float step_m = std::nextafter(at, std::numeric_limits<float>::infinity()) - at;
+    const std::string found = fmt::format(
+        "coordinates up to {:.0f} m in 32-bit floats, {:.3g} m coarse there", largest_m, step_m);
+    if (largest_m >= kTooCoarseFromM)
+      throw maps::InputError(file_.string(), found,
+                             "doubles, or coordinates from an origin nearby");
+    report_.warnings.push_back(found);
+  }
+
+  const std::filesystem::path& file_;
+  const ProgressCallback& progress_;
+  const CancelFlag& cancel_;
+  MapImportReport& report_;
+  std::size_t points_ = 0;
+  std::size_t done_ = 0;
+};
+
+std::vector<Eigen::Vector3f> means_of(const VoxelGrid& grid, maps::TileId id,
+                                      const std::vector<VoxelSum>& sums) {
+  std::vector<Eigen::Vector3f> means;
+  means.reserve(sums.size());
+  for (const VoxelSum& sum : sums) means.push_back(mean_of(grid, id, sum));
+  return means;
+}
+
+TilePoints finished(const VoxelGrid& grid, maps::TileId id, std::vector<VoxelSum> sums,
+                    const ColumnGround& ground) {
+  for (VoxelSum& sum : sums) {
+    const Eigen::Vector3f p = mean_of(grid, id, sum);
+    const auto height_m = ground.at(p);
+    if (height_m && std::abs(p.z() - *height_m) <= kGroundM) sum.ground = sum.observations;
+    // Parts of a file are no scans.
+    sum.first_scan = 0;
+    sum.last_scan = 0;
+  }
+  return to_points(grid, id, sums,
+                   [](std::uint32_t) { return Eigen::Vector3f(0.0F, 0.0F, kSeenFromM); });
+}
+
+void write_tiles(const VoxelGrid& grid, TileStack& stack, const ColumnGround& ground, int threads,
+                 maps::MapPackageWriter& writer, MapImportReport& report,
+                 const ProgressCallback& progress, const CancelFlag& cancel) {
+  const std::vector<maps::TileId> ids = stack.tiles();
+  Eigen::Array2i low(ids.front().x, ids.front().y), high = low;
+  for (const maps::TileId& id : ids) {
+    low = low.min(Eigen::Array2i(id.x, id.y));
+    high = high.max(Eigen::Array2i(id.x, id.y));
+  }
+  TopView preview(low.cast<double>().matrix() * maps::kTileSizeM,
+                  (high + 1).cast<double>().matrix() * maps::kTileSizeM, kPictureSide);
+  std::size_t done = 0;
+  process_in_order(
+      ids.size(), threads,
+      [&](std::size_t i) { return finished(grid, ids[i], stack.take(ids[i]), ground); },
+      [&](const TilePoints& tile) {
+        writer.add_tile(tile.id, tile.points, tile.history);
+        report.counts["static"] += tile.points.size();
+        for (const maps::MapPoint& p : tile.points) {
+          preview.add_point(Eigen::Vector3f(p.x, p.y, p.z).cast<double>());
+          report.counts["ground"] += p.kind == maps::PointKind::kGround ? 1 : 0;
+        }
+        if (progress) progress("tiles", ++done, ids.size());
+      },
+      cancel);
+  preview.write_png(writer.folder() / "preview.png");
+}
+
+ColumnGround ground_of(const VoxelGrid& grid, const TileStack& stack, const CancelFlag& cancel) {
+  ColumnGround ground;
+  for (const maps::TileId& id : stack.tiles()) {
+    if (cancel) throw Cancelled();
+    ground.add(id, means_of(grid, id, stack.read(id)));
+  }
+  ground.finish();
+  return ground;
+}
+
+void write_places(const ColumnGround& ground, const Eigen::Vector3d& origin,
+                  maps::MapPackageWriter& writer, MapImportReport& report) {
+  std::vector<Eigen::Isometry3d> places = ground.places();
+  for (Eigen::Isometry3d& place : places) place.pretranslate(origin);
+  report.counts["places"] = places.size();
+  if (places.empty())
+    report.warnings.emplace_back("no free ground found: scans need a prior in this map");
+  else
+    writer.write_places(places);
+}
+
+maps::MapManifest manifest_of(const std::filesystem::path& file, const MapImportOptions& options,
+                              const Eigen::Vector3d& origin, const MapImportReport& report) {
+  maps::MapManifest manifest;
+  manifest.frame_id = options.frame_id;
+  manifest.origin = origin;
+  manifest.voxel_size_m = options.voxel_size_m;
+  manifest.software_version = STILLMAP_VERSION;
+  manifest.options = {{"import", file.extension().string().substr(1)},
+                      {"voxel_size_m", fmt::format("{}", options.voxel_size_m)}};
+  manifest.counts = report.counts;
+  manifest.sources = {{"cloud", file.filename().string()},
+                      {"cloud_sha256", maps::sha256_of_file(file)}};
+  return manifest;
+}
+
+}  // namespace
+
+std::vector<std::string> MapImportOptions::violations() const {
+  std::vector<std::string> broken;
+  const bool printable =
+      std::all_of(frame_id.begin(), frame_id.end(), [](char c) { return c >= ' ' && c <= '~'; });
+  if (frame_id.empty() || frame_id.size() > 64 || !printable)
+    broken.emplace_back("frame_id: expected 1 to 64 printable ASCII characters");
+  if (!(voxel_size_m >= 0.02 && voxel_size_m <= 2.0))
+    broken.push_back(fmt::format("voxel_size_m: {}, expected in [0.02, 2]", voxel_size_m));
+  if (!(threads >= 0 && threads <= 256))
+    broken.push_back(fmt::format("threads: {}, expected in [0, 256]", threads));
+  return broken;
+}
+
+MapImportReport import_map(const std::filesystem::path& file, const std::filesystem::path& target,
+                           const MapImportOptions& options, const ProgressCallback& progress,
+                           const CancelFlag& cancel) {
+  if (const auto broken = options.violations(); !broken.empty())
+    throw std::invalid_argument("import options: " + broken.front());
+  const Clock::time_point began = Clock::now();
+  MapImportReport report;
+  CloudImport cloud(file, progress, cancel, report);
+  const VoxelGrid grid(cloud.measure(), options.voxel_size_m);
+  maps::MapPackageWriter writer(target);
+  const std::filesystem::path scratch = writer.folder() / "scratch";
+  {
+    TileStack stack(scratch, kMostVoxels);
+    cloud.stack(grid, stack);
+    if (stack.tiles().empty())
+      throw maps::InputError(file.string(), "no point within 20,000 km of their middle",
+                             "at least one");
+    const ColumnGround ground = ground_of(grid, stack, cancel);
+    write_tiles(grid, stack, ground, options.threads, writer, report, progress, cancel);
+    write_places(ground, grid.origin(), writer, report);
+  }
+  report.seconds = std::chrono::duration<double>(Clock::now() - began).count();
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  report.peak_rss_mib = static_cast<double>(usage.ru_maxrss) / 1024.0;
+  report.digest =
+      writer.publish(manifest_of(file, options, grid.origin(), report), to_json(report));
+  return report;
+}
+
+std::string to_json(const MapImportReport& report) {
+  return nlohmann::json{{"counts", report.counts},
+                        {"seconds", report.seconds},
+                        {"peak_rss_mib", report.peak_rss_mib},
+                        {"warnings", report.warnings},
+                        {"digest", report.digest},
+                        {"version", STILLMAP_VERSION}}
+      .dump(2);
+}
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <span>
+
+namespace stillmap::maps {
+
+/// One point of a map from elsewhere.
+struct CloudPoint {
+  /// In the file's own frame [m], all finite.
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();
+  /// In the file's own scale; 0 when there is none.
+  float intensity = 0.0F;
+};
+
+/// What a file of a map from elsewhere holds.
+struct CloudSummary {
+  std::uint64_t points_in_file = 0;
+  /// Left out.
+  std::uint64_t non_finite = 0;
+  /// Whether a coordinate was stored in 32 bits of a floating type.
+  bool single_precision = false;
+};
+
+/// Most points of a `binary_compressed` PCD: its columns come one after the other, so that all of
+/// them are held at once (32 bytes each).
+inline constexpr std::uint64_t kMostCompressedPoints = 100'000'000;
+
+/// Reads a PCD or PLY file of any size in doubles and hands its points on, in order, some tens of
+/// thousands at a time. The file is mapped, not read into memory; the viewpoint of a PCD is not
+/// applied. Columns as `decode_scan` takes them. The format follows from the extension.
+/// @throws InputError naming the file, the value found and what was expected; StorageError when it
+/// cannot be read; what `take` throws.
+CloudSummary read_cloud_file(const std::filesystem::path& file,
+                             const std::function<void(std::span<const CloudPoint>)>& take);
+
+}  // namespace stillmap::maps
