@@ -6,7 +6,7 @@
 #include "pose/session_table.hpp"
 #include "router.hpp"
 
-#include <stillmap/server/server_options.hpp>
+#include <stillmap/server/options_holder.hpp>
 
 #include <atomic>
 #include <chrono>
@@ -19,7 +19,10 @@ namespace stillmap::server {
 
 /// What the handlers work with; outlives them.
 struct Context {
+  /// As at the start.
   const ServerOptions& options;
+  /// In force now, for those that a reload changes.
+  const OptionsHolder& live;
   int workers;
   maps::PackageStore& store;
   MapCatalog& catalog;
