@@ -39,7 +39,7 @@ class CommandLine(unittest.TestCase):
 
     def test_help_lists_every_command(self):
         text = run("--help").stdout
-        for command in ("build", "simulate", "evaluate", "localize", "serve", "inspect", "store", "keys"):
+        for command in ("build", "rebuild", "import", "simulate", "evaluate", "localize", "serve", "inspect", "store", "keys"):
             self.assertRegex(text, rf"(?m)^  {command}\b")
             self.assertEqual(run(command, "--help").returncode, 0, command)
         for what in ("localization", "map", "detector", "odometry", "paper", "paper-odometry"):
@@ -83,7 +83,7 @@ class CommandLine(unittest.TestCase):
         broken.write_bytes(b"x" * 1001)
         self.fails(1, "broken.bin: found 1001 bytes, expected", "localize", MAP, broken, "--prior", "0,0,0,0")
         self.fails(1, "expected", "inspect", self.folder)
-        self.fails(1, "town", "build", DRIVE, "-o", MAP)
+        self.fails(1, "existing path", "build", DRIVE, "-o", MAP)
 
     def test_reports_are_written_into_links_and_pipes_not_over_them(self):
         link, pipe = self.folder / "link.json", self.folder / "pipe.json"
