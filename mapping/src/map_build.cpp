@@ -22,6 +22,7 @@
 #include <algorithm>
 #include <chrono>
 #include <fstream>
+#include <new>
 #include <stdexcept>
 
 namespace stillmap::mapping {
@@ -32,6 +33,13 @@ using Clock = std::chrono::steady_clock;
 /// In the package while it is written: what outlives a kill.
 constexpr const char* kJournalFolder = "journal";
 constexpr const char* kScratchFolder = "scratch";
+
+/// Where a build works.
+struct Folders {
+  std::filesystem::path journal;
+  /// In the package while it is written.
+  std::filesystem::path scratch;
+};
 
 /// Whole metres, so that the same place gets the same origin from slightly different poses.
 Eigen::Vector3d origin_of(const DriveSet& drives, const std::optional<BuildFrame>& frame) {
@@ -99,13 +107,11 @@ void warn_of_discarded(const BuildJournal& journal, MapBuildReport& report) {
 }
 
 /// Estimated poses, or those that a killed build had estimated.
-/// @param folder  of the package that is being written.
 PosedDrives with_journaled_poses(const std::vector<maps::Drive>& drives,
                                  const MapBuildOptions& options, const std::string& odometry,
-                                 const std::filesystem::path& folder, MapBuildReport& report,
+                                 const Folders& folders, MapBuildReport& report,
                                  const ProgressCallback& progress, const CancelFlag& cancel) {
-  BuildJournal journal(folder / kJournalFolder, "trajectory",
-                       trajectory_key(drives, options, odometry));
+  BuildJournal journal(folders.journal, "trajectory", trajectory_key(drives, options, odometry));
   if (journal.is_complete()) {
     try {
       if (const auto bytes = journal.read(0)) return posed_drives_from(*bytes, drives);
@@ -117,7 +123,7 @@ PosedDrives with_journaled_poses(const std::vector<maps::Drive>& drives,
   warn_of_discarded(journal, report);
   const StageTimer timer(report.stage_seconds, "trajectory");
   PosedDrives posed =
-      with_estimated_poses(drives, options, odometry, folder / kScratchFolder, progress, cancel);
+      with_estimated_poses(drives, options, odometry, folders.scratch, progress, cancel);
   journal.append(to_bytes(posed));
   journal.complete();
   return posed;
@@ -137,6 +143,69 @@ std::optional<BuildFrame> register_drives(PosedDrives& posed, const MapBuildOpti
   return std::move(registered.frame);
 }
 
+MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders,
+                          const std::vector<maps::Drive>& opened, const MapBuildOptions& options,
+                          const Cleaner* cleaner, const ProgressCallback& progress,
+                          const CancelFlag& cancel) {
+  const Clock::time_point began = Clock::now();
+  const std::string odometry = odometry_of(opened, options);
+  const Edits edits = options.edits_file ? read_edits(*options.edits_file) : Edits{};
+  const std::filesystem::path& scratch = folders.scratch;
+  std::filesystem::create_directory(scratch);
+  MapBuildReport report;
+  PosedDrives posed = odometry == "given" ? with_given_poses(opened)
+                                          : with_journaled_poses(opened, options, odometry, folders,
+                                                                 report, progress, cancel);
+  report.trajectory = std::move(posed.counts);
+  const std::optional<BuildFrame> frame =
+      register_drives(posed, options, odometry, report, progress, cancel);
+  const DriveSet drives(std::move(posed.drives), options);
+  const VoxelGrid grid(origin_of(drives, frame), options.voxel_size_m);
+  ScanStages stages(drives, options, grid);
+  stages.learn(cancel);
+  BuildJournal journal(
+      folders.journal, "survey",
+      survey_key(drives, options, odometry, frame, ScanStages::learned_scans(drives)));
+
+  std::vector<maps::MapObject> map_objects;
+  {
+    const auto survey =
+        survey_scans(drives, stages, scratch, options.threads, journal, progress, cancel);
+    add_to(report.stage_seconds, survey->stage_seconds);
+    report.resumed_scans = survey->resumed;
+    warn_of_discarded(journal, report);
+    BuildObjects objects;
+    {
+      const StageTimer timer(report.stage_seconds, "fuse");
+      if (progress) progress("fuse", 0, 1);
+      objects = objects_of(drives, *survey, options, grid.origin(), edits, cancel);
+      if (cancel) throw Cancelled();
+      survey->ground.finish(footprints_of(objects.objects, grid.origin()));
+      if (progress) progress("fuse", 1, 1);
+    }
+    const FusedGround* ground = options.fusion ? &survey->ground : nullptr;
+    const auto placed = place_scans(drives, stages, *survey, objects, ground, writer, scratch,
+                                    options.threads, progress, cancel);
+    map_objects = to_map_objects(drives, objects.objects, placed->points_removed, options.fusion);
+    const TileCounts tiles = finish_tiles(drives, *survey, objects, *placed, grid, options, edits,
+                                          cleaner, writer, progress, cancel);
+    for (const Counts& counts : {survey->counts, placed->counts, tiles.counts})
+      add_to(report.points, counts);
+    add_to(report.stage_seconds, placed->stage_seconds);
+    add_to(report.stage_seconds, tiles.stage_seconds);
+    report.objects = object_counts(map_objects, *survey, stages);
+    report_edits(objects.edits, report);
+    write_sources(writer, drives, *survey, map_objects);
+  }
+  std::filesystem::remove_all(scratch);
+  if (cancel) throw Cancelled();
+  if (progress) progress("publish", 0, 1);
+  report_speed(drives.size(), began, report);
+  report.digest = writer.publish(
+      manifest_of(drives, options, odometry, frame, grid.origin(), report), to_json(report));
+  return report;
+}
+
 }  // namespace
 
 std::vector<std::string> MapBuildOptions::violations() const {
@@ -149,6 +218,8 @@ std::vector<std::string> MapBuildOptions::violations() const {
   check("min_range_m", min_range_m, 0.0, 20.0);
   check("max_range_m", max_range_m, 5.0, 300.0);
   check("threads", threads, 0, 256);
+  if (held_back_every == 1)
+    broken.emplace_back("held_back_every: 1, expected 0 (none) or at least 2");
   if (ground.sensor_height_m) check("sensor_height_m", *ground.sensor_height_m, 0.1, 10.0);
   if (!(max_range_m > min_range_m))
     broken.push_back(
@@ -157,6 +228,24 @@ std::vector<std::string> MapBuildOptions::violations() const {
   if (edits_file && !fusion)
     broken.emplace_back("edits_file: found without fusion, expected fusion on");
   return broken;
+}
+
+std::vector<std::size_t> MapBuildOptions::scans_of(std::size_t size) const {
+  std::vector<std::size_t> scans = selection.indices(size);
+  const std::vector<std::size_t> held_back = held_back_of(size);
+  std::erase_if(scans, [&](std::size_t scan) {
+    return std::binary_search(held_back.begin(), held_back.end(), scan);
+  });
+  return scans;
+}
+
+std::vector<std::size_t> MapBuildOptions::held_back_of(std::size_t size) const {
+  std::vector<std::size_t> held_back;
+  if (held_back_every < 2) return held_back;
+  const std::vector<std::size_t> selected = selection.indices(size);
+  for (std::size_t i = held_back_every - 1; i + 1 < selected.size(); i += held_back_every)
+    held_back.push_back(selected[i]);
+  return held_back;
 }
 
 MapBuildOptions completed(MapBuildOptions options) {
@@ -177,6 +266,11 @@ void apply_paper_preset(MapBuildOptions& options) {
   options.projection.ground_height = GroundHeight::kMean;
 }
 
+bool estimates_poses(const std::vector<std::filesystem::path>& drives,
+                     const MapBuildOptions& options) {
+  return odometry_of(open_drives(drives, options), options) != "given";
+}
+
 MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
                          const std::filesystem::path& target, const MapBuildOptions& given,
                          const ProgressCallback& progress, const CancelFlag& cancel,
@@ -184,63 +278,23 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
   const MapBuildOptions options = completed(given);
   if (const auto broken = options.violations(); !broken.empty())
     throw std::invalid_argument("build options: " + broken.front());
-  const Clock::time_point began = Clock::now();
   const std::unique_ptr<Cleaner> cleaner = cleaner_of(options.clean, make_cleaner);
   const std::vector<maps::Drive> opened = open_drives(folders, options);
-  const std::string odometry = odometry_of(opened, options);
-  const Edits edits = options.edits_file ? read_edits(*options.edits_file) : Edits{};
-  maps::MapPackageWriter writer(target, kJournalFolder);
-  const std::filesystem::path scratch = writer.folder() / kScratchFolder;
-  std::filesystem::create_directory(scratch);
-  MapBuildReport report;
-  PosedDrives posed = odometry == "given"
-                          ? with_given_poses(opened)
-                          : with_journaled_poses(opened, options, odometry, writer.folder(), report,
-                                                 progress, cancel);
-  report.trajectory = std::move(posed.counts);
-  const std::optional<BuildFrame> frame =
-      register_drives(posed, options, odometry, report, progress, cancel);
-  const DriveSet drives(std::move(posed.drives), options);
-  const VoxelGrid grid(origin_of(drives, frame), options.voxel_size_m);
-  ScanStages stages(drives, options, grid);
-  stages.learn(cancel);
-  BuildJournal journal(
-      writer.folder() / kJournalFolder, "survey",
-      survey_key(drives, options, odometry, frame, ScanStages::learned_scans(drives)));
-
-  std::vector<maps::MapObject> map_objects;
-  {
-    const auto survey =
-        survey_scans(drives, stages, scratch, options.threads, journal, progress, cancel);
-    add_to(report.stage_seconds, survey->stage_seconds);
-    report.resumed_scans = survey->resumed;
-    warn_of_discarded(journal, report);
-    BuildObjects objects;
-    {
-      const StageTimer timer(report.stage_seconds, "fuse");
-      objects = objects_of(drives, *survey, options, grid.origin(), edits);
-      survey->ground.finish(footprints_of(objects.objects, grid.origin()));
-    }
-    const FusedGround* ground = options.fusion ? &survey->ground : nullptr;
-    const auto placed = place_scans(drives, stages, *survey, objects, ground, writer, scratch,
-                                    options.threads, progress, cancel);
-    map_objects = to_map_objects(drives, objects.objects, placed->points_removed, options.fusion);
-    const TileCounts tiles = finish_tiles(drives, *survey, objects, *placed, grid, options, edits,
-                                          cleaner.get(), writer, progress, cancel);
-    for (const Counts& counts : {survey->counts, placed->counts, tiles.counts})
-      add_to(report.points, counts);
-    add_to(report.stage_seconds, placed->stage_seconds);
-    add_to(report.stage_seconds, tiles.stage_seconds);
-    report.objects = object_counts(map_objects, *survey, stages);
-    report_edits(objects.edits, report);
-    write_sources(writer, drives, *survey, map_objects);
+  maps::MapPackageWriter writer(target, options.journal_folder ? "" : kJournalFolder);
+  const Folders at{options.journal_folder.value_or(writer.folder() / kJournalFolder),
+                   writer.folder() / kScratchFolder};
+  try {
+    return build_into(writer, at, opened, options, cleaner.get(), progress, cancel);
+  } catch (const Cancelled&) {
+    throw;
+  } catch (const std::bad_alloc&) {
+    // With more memory the same command goes on.
+    throw;
+  } catch (...) {
+    std::error_code ignored;
+    if (!options.journal_folder) std::filesystem::remove_all(at.journal, ignored);
+    throw;
   }
-  std::filesystem::remove_all(scratch);
-  if (cancel) throw Cancelled();
-  report_speed(drives.size(), began, report);
-  report.digest = writer.publish(
-      manifest_of(drives, options, odometry, frame, grid.origin(), report), to_json(report));
-  return report;
 }
 
 }  // namespace stillmap::mapping

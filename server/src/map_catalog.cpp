@@ -2,6 +2,7 @@
 
 #include "api_error.hpp"
 
+#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -24,14 +25,29 @@ ApiError unusable(const ServedVersion& version) {
   return {ErrorCode::kMapUnusable, described(version.map, version.version) + " cannot be used"};
 }
 
-/// Whether coordinates in one mean the same place in the other, as far as both say.
-bool same_frame(const maps::MapManifest& a, const maps::MapManifest& b) {
-  if (a.frame_id != b.frame_id) return false;
-  if (a.geodetic_origin.has_value() != b.geodetic_origin.has_value()) return false;
-  if (!a.geodetic_origin) return true;
-  return a.geodetic_origin->latitude_deg == b.geodetic_origin->latitude_deg &&
-         a.geodetic_origin->longitude_deg == b.geodetic_origin->longitude_deg &&
-         a.geodetic_origin->altitude_m == b.geodetic_origin->altitude_m;
+/// Versions with equal names are in one frame for sure. A map's frame is that of the version it was
+/// registered to, and so on back; else that of its place on Earth; else its own, since "local" is
+/// what every map without either is called.
+std::string frame_name(const maps::PackageStore& store, const std::string& map,
+                       std::shared_ptr<const maps::MapPackage> package) {
+  const std::vector<maps::StoredVersion> versions = store.state().versions(map);
+  // Each step is another version, so there are no more steps than versions.
+  for (std::size_t step = 0; step <= versions.size(); ++step) {
+    const maps::MapManifest& manifest = package->manifest();
+    if (!manifest.registration) {
+      const auto& origin = manifest.geodetic_origin;
+      if (!origin) return package->digest();
+      return fmt::format("{} {} {} {}", manifest.frame_id, origin->latitude_deg,
+                         origin->longitude_deg, origin->altitude_m);
+    }
+    const std::string& previous = manifest.registration->previous_digest;
+    const auto found =
+        std::find_if(versions.begin(), versions.end(),
+                     [&](const maps::StoredVersion& each) { return each.digest == previous; });
+    if (found == versions.end()) return previous;
+    package = store.open(map, found->name);
+  }
+  return package->digest();
 }
 
 }  // namespace
@@ -114,11 +130,13 @@ maps::StoredMap MapCatalog::activate(std::string_view map, std::string_view vers
   }
   if (before.active && *before.active != key.second && !new_frame) {
     const ServedVersion present = open({key.first, *before.active});
-    if (present.package && !same_frame(present.package->manifest(), next.package->manifest())) {
+    if (present.package && frame_name(store_, key.first, present.package) !=
+                               frame_name(store_, key.first, next.package)) {
       throw ApiError(ErrorCode::kOtherFrame,
-                     described(key.first, key.second) + " is in another frame than " +
+                     described(key.first, key.second) + " is not known to be in the frame of " +
                          described(present.map, present.version) +
-                         ": positions would mean other places; new_frame=true if that is meant");
+                         ", so positions may mean other places: build it with --register-to, or "
+                         "say new_frame=true");
     }
   }
   // What was compared is what must be active still.

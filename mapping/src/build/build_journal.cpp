@@ -1,5 +1,7 @@
 #include "build/build_journal.hpp"
 
+#include "build/build_key.hpp"
+
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 
@@ -38,18 +40,6 @@ std::string_view text_of(const std::array<char, 64>& sum) { return {sum.data(), 
 /// Where a file ends before its bytes were written, a power cut leaves zeros.
 bool is_hex(const std::array<char, 64>& sum) {
   return text_of(sum).find_first_not_of("0123456789abcdef") == std::string_view::npos;
-}
-
-/// The first line of two keys that differs.
-std::string difference(std::string_view found, std::string_view expected) {
-  while (true) {
-    const std::string_view a = found.substr(0, found.find('\n'));
-    const std::string_view b = expected.substr(0, expected.find('\n'));
-    if (a != b) return fmt::format("found '{}', expected '{}'", a, b);
-    if (a.size() == found.size() || b.size() == expected.size()) return "found another key";
-    found.remove_prefix(a.size() + 1);
-    expected.remove_prefix(b.size() + 1);
-  }
 }
 
 }  // namespace
@@ -91,7 +81,7 @@ void BuildJournal::open_found() {
         read_at(sizeof head, key.data(), key.size()) && maps::sha256_of(key) == text_of(head.sum);
   }
   if (!whole) return discard("its head is damaged");
-  if (key != key_) return discard(difference(key, key_));
+  if (key != key_) return discard(key_difference(key, key_));
   end_ = sizeof head + key.size();
   walk(bytes);
 }

@@ -9,6 +9,8 @@
 
 #include <stillmap/maps/error.hpp>
 
+#include <algorithm>
+#include <array>
 #include <cstring>
 #include <exception>
 #include <filesystem>
@@ -103,6 +105,13 @@ std::string text_of(const maps::Drive& drive, std::size_t number) {
                      drive.size(), names_of(drive), motion_of(drive));
 }
 
+/// What is done with what the survey finds; `movable` counts as far as something is looked for.
+bool is_of_later_passes(const std::string& option) {
+  constexpr std::array<std::string_view, 8> kLater{
+      "movable", "ground_height", "margin_m", "margin_up_m", "fusion", "edits", "fill", "clean"};
+  return std::find(kLater.begin(), kLater.end(), option) != kLater.end();
+}
+
 std::string program() {
   return fmt::format("version: {}\ncode: {}\ninstruction sets: {}\n", STILLMAP_VERSION,
                      running_code(), hwy::SupportedTargets());
@@ -126,9 +135,13 @@ std::string survey_key(const DriveSet& drives, const MapBuildOptions& options,
                        std::span<const std::size_t> learned) {
   const maps::MapManifest manifest =
       manifest_of(drives, options, odometry, frame, Eigen::Vector3d::Zero(), {});
-  std::string key = program();
-  for (const auto& [name, text] : manifest.options) key += fmt::format("{}: {}\n", name, text);
-  for (const auto& [name, text] : manifest.sources) key += fmt::format("{}: {}\n", name, text);
+  std::string key = program() + fmt::format("detects: {}\n", options.detects());
+  for (const auto& [name, text] : manifest.options) {
+    if (!is_of_later_passes(name)) key += fmt::format("{}: {}\n", name, text);
+  }
+  for (const auto& [name, text] : manifest.sources) {
+    if (name != "edits_sha256") key += fmt::format("{}: {}\n", name, text);
+  }
   for (std::size_t i = 0; i < drives.drives().size(); ++i) {
     const maps::Drive& drive = drives.drives()[i];
     key += text_of(drive, i);
@@ -151,6 +164,27 @@ std::string trajectory_key(const std::vector<maps::Drive>& drives, const MapBuil
     key += fmt::format("files of drive {}: {}\n", i + 1, states_of(drives[i]));
   }
   return key;
+}
+
+std::string rebuild_key(const std::vector<maps::Drive>& drives, const MapBuildOptions& options,
+                        const std::string& odometry) {
+  std::string key = trajectory_key(drives, options, odometry);
+  for (const auto& [name, text] : texts_of(options)) key += fmt::format("{}: {}\n", name, text);
+  key += fmt::format("held back: {}\n", options.held_back_every);
+  for (const auto& [name, text] : sources_of(drives, options))
+    key += fmt::format("{}: {}\n", name, text);
+  return key;
+}
+
+std::string key_difference(std::string_view found, std::string_view expected) {
+  while (true) {
+    const std::string_view a = found.substr(0, found.find('\n'));
+    const std::string_view b = expected.substr(0, expected.find('\n'));
+    if (a != b) return fmt::format("found '{}', expected '{}'", a, b);
+    if (a.size() == found.size() || b.size() == expected.size()) return "found another key";
+    found.remove_prefix(a.size() + 1);
+    expected.remove_prefix(b.size() + 1);
+  }
 }
 
 }  // namespace stillmap::mapping

@@ -8,6 +8,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -32,6 +33,15 @@ namespace stillmap::mapping {
 [[nodiscard]] std::string trajectory_key(const std::vector<maps::Drive>& drives,
                                          const MapBuildOptions& options,
                                          const std::string& odometry);
+
+/// The key of a whole rebuild: as `trajectory_key`, with every option of the map and the checksums
+/// of the files that options name.
+/// @throws maps::StorageError naming a file.
+[[nodiscard]] std::string rebuild_key(const std::vector<maps::Drive>& drives,
+                                      const MapBuildOptions& options, const std::string& odometry);
+
+/// The first line in which two keys differ, as "found '...', expected '...'".
+[[nodiscard]] std::string key_difference(std::string_view found, std::string_view expected);
 
 /// What is loaded into this process when it is first asked for, so that another build of the
 /// program or a library is told from this one although both have one version. SHA-256, hex.

@@ -44,7 +44,7 @@ maps::Scan read_deskewed(const maps::Drive& drive, std::size_t index,
 DriveSet::DriveSet(std::vector<maps::Drive> drives, const MapBuildOptions& options)
     : drives_(std::move(drives)), range_m_{options.min_range_m, options.max_range_m} {
   for (std::size_t i = 0; i < drives_.size(); ++i) {
-    const std::vector<std::size_t> indices = options.selection.indices(drives_[i].size());
+    const std::vector<std::size_t> indices = options.scans_of(drives_[i].size());
     if (indices.empty())
       throw maps::InputError(drives_[i].contents().root.string(),
                              fmt::format("{} scans, none selected", drives_[i].size()),

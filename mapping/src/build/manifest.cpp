@@ -53,6 +53,8 @@ std::string detector_text(const MapBuildOptions& options) {
   return text;
 }
 
+}  // namespace
+
 std::map<std::string, std::string> texts_of(const MapBuildOptions& options) {
   const ProjectionOptions& projection = options.projection;
   return {
@@ -76,15 +78,15 @@ std::map<std::string, std::string> texts_of(const MapBuildOptions& options) {
   };
 }
 
-std::map<std::string, std::string> sources_of(const DriveSet& drives,
+std::map<std::string, std::string> sources_of(const std::vector<maps::Drive>& drives,
                                               const MapBuildOptions& options) {
   std::map<std::string, std::string> sources;
   const auto numbered = [](const std::string& name, std::size_t i) {
     return i == 0 ? name : fmt::format("{}_{}", name, i + 1);
   };
-  for (std::size_t i = 0; i < drives.drives().size(); ++i)
+  for (std::size_t i = 0; i < drives.size(); ++i)
     sources[numbered("drive", i)] =
-        std::filesystem::weakly_canonical(drives.drives()[i].contents().root).filename().string();
+        std::filesystem::weakly_canonical(drives[i].contents().root).filename().string();
   const std::vector<std::filesystem::path> boxes = boxes_files(options.detector);
   for (std::size_t i = 0; i < boxes.size(); ++i)
     sources[numbered("boxes_sha256", i)] = maps::sha256_of_file(boxes[i]);
@@ -100,8 +102,6 @@ std::map<std::string, std::string> sources_of(const DriveSet& drives,
   if (options.edits_file) sources["edits_sha256"] = maps::sha256_of_file(*options.edits_file);
   return sources;
 }
-
-}  // namespace
 
 std::map<std::string, std::string> texts_of(const TrajectoryOptions& options) {
   std::map<std::string, std::string> texts{{"loops", switch_of(options.loops)}};
@@ -124,6 +124,9 @@ maps::MapManifest manifest_of(const DriveSet& drives, const MapBuildOptions& opt
   manifest.relative_clock = first.relative_clock();
   manifest.software_version = STILLMAP_VERSION;
   manifest.options = texts_of(options);
+  // Only where it is asked for: maps of earlier versions keep their digests.
+  if (options.held_back_every > 0)
+    manifest.options["held_back_every"] = fmt::format("{}", options.held_back_every);
   manifest.options["odometry"] = odometry;
   if (odometry != "given") {
     for (auto& [name, text] : texts_of(options.trajectory)) manifest.options[name] = text;
@@ -132,7 +135,7 @@ maps::MapManifest manifest_of(const DriveSet& drives, const MapBuildOptions& opt
   for (const auto& [name, count] : report.objects) manifest.counts["objects_" + name] = count;
   for (const auto& [name, count] : report.trajectory) manifest.counts[name] = count;
   manifest.counts["scans"] = report.scans;
-  manifest.sources = sources_of(drives, options);
+  manifest.sources = sources_of(drives.drives(), options);
   if (frame) {
     manifest.frame_id = frame->frame_id;
     manifest.registration = frame->registration;

@@ -11,6 +11,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace stillmap::mapping {
 
@@ -31,6 +32,11 @@ struct BuildFrame {
                                             const Eigen::Vector3d& origin,
                                             const MapBuildReport& report);
 
+/// Every option that decides the map, as text; those of the poses apart.
+[[nodiscard]] std::map<std::string, std::string> texts_of(const MapBuildOptions& options);
+/// Names of drives, and checksums of the files that options name. @throws maps::StorageError.
+[[nodiscard]] std::map<std::string, std::string> sources_of(const std::vector<maps::Drive>& drives,
+                                                            const MapBuildOptions& options);
 /// What is asked for of odometry, loops and graph, by name.
 [[nodiscard]] std::map<std::string, std::string> texts_of(const TrajectoryOptions& options);
 

@@ -86,12 +86,14 @@ std::vector<std::vector<ScanObject>> scan_objects(const DriveSet& drives,
 
 BuildObjects objects_of(const DriveSet& drives, const Survey& survey,
                         const MapBuildOptions& options, const Eigen::Vector3d& origin,
-                        const Edits& edits) {
+                        const Edits& edits, const CancelFlag& cancel) {
   const std::vector<DetectedScan> scans = detected_scans(drives, survey);
   const std::vector<EditScan> edit_scans = edit_scans_of(drives);
   FusedObjects fused;
   if (options.fusion) {
     const BoxRayCounter count_rays = [&](std::size_t scan, const maps::Box& box) {
+      // Fusion asks this many thousand times.
+      if (cancel) throw Cancelled();
       return survey.views.read(scan)->count(box);
     };
     fused = fuse_boxes(scans, count_rays);

@@ -155,7 +155,7 @@ SurveyedScan ScanStages::survey(std::size_t number) const {
     ground = ground_->segment(scan.cloud);
     out.is_ground.assign(ground.is_ground.begin(), ground.is_ground.end());
   }
-  if (!scan.cloud.empty() && options_.projection.policy != MovablePolicy::kKeep) {
+  if (!scan.cloud.empty() && options_.detects()) {
     const StageTimer timer(out.stage_seconds, "detect");
     out.boxes = detectors_[drives_.place(number).drive]->detect(scan, ground);
   }

@@ -175,6 +175,7 @@ TrajectoryEstimate estimate_trajectories(const std::vector<maps::Drive>& drives,
   estimate.loop_seconds = seconds_since(began);
 
   began = Clock::now();
+  if (progress) progress("pose graph", 0, 1);
   const GivenPoses given = given_poses(drives, odometries.keyframes, options);
   if (given.empty()) require_joined(drives, odometries.keyframes, loops);
   const PoseGraph graph =

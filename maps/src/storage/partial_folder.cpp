@@ -68,6 +68,18 @@ void sync(const fs::path& path) {
   if (result != 0) throw StorageError(path.string(), std::strerror(reason));
 }
 
+/// A survivor is a folder, never a link to one.
+void remove_all_but(const fs::path& folder, const std::string& survivor, std::error_code& error) {
+  fs::directory_iterator left(folder, error);
+  while (!error && left != fs::directory_iterator()) {
+    std::error_code ignored;
+    const bool survives = left->path().filename() == survivor &&
+                          left->symlink_status(ignored).type() == fs::file_type::directory;
+    if (!survives) fs::remove_all(left->path(), error);
+    if (!error) left.increment(error);
+  }
+}
+
 void refuse_existing(const fs::path& target) {
   std::error_code error;
   const fs::file_type type = fs::symlink_status(target, error).type();
@@ -86,11 +98,9 @@ PartialFolder::PartialFolder(fs::path target, std::string survivor)
   try {
     // The one who held the lock before us may have published in between.
     refuse_existing(target_);
-    for (const auto& left : fs::directory_iterator(path_)) {
-      const bool survives = left.path().filename() == survivor_ &&
-                            left.symlink_status().type() == fs::file_type::directory;
-      if (!survives) fs::remove_all(left.path());
-    }
+    std::error_code error;
+    remove_all_but(path_, survivor_, error);
+    if (error) throw StorageError(path_.string(), error.message());
   } catch (const fs::filesystem_error& error) {
     ::close(lock_);
     throw StorageError(path_.string(), error.code().message());
@@ -105,7 +115,9 @@ PartialFolder::PartialFolder(fs::path target, std::string survivor)
 PartialFolder::~PartialFolder() {
   if (!published_) {
     std::error_code ignored;
-    fs::remove_all(path_, ignored);
+    remove_all_but(path_, survivor_, ignored);
+    // Only where nothing survived.
+    fs::remove(path_, ignored);
   }
   ::close(lock_);
 }

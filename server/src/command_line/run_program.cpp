@@ -1,12 +1,14 @@
 #include "run_program.hpp"
 
 #include <fmt/core.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
+#include <new>
 #include <stdexcept>
 #include <string>
 
@@ -16,7 +18,29 @@ namespace {
 std::atomic<bool> cancelled = false;
 static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may set it");
 
-extern "C" void set_cancelled(int) { cancelled = true; }
+/// Written before `ends_soon`, which is written before any signal that reads them.
+int last_line_fd = -1;
+std::string_view last_line;
+std::atomic<bool> ends_soon = false;
+
+/// What a program is given to end by itself after a signal [s]: most of the two that are promised.
+constexpr unsigned kGraceS = 1;
+
+extern "C" void set_cancelled(int) {
+  cancelled = true;
+  if (ends_soon) ::alarm(kGraceS);
+}
+
+void write_all(int fd, std::string_view text) {
+  // Nothing is left to be done about a failure.
+  [[maybe_unused]] const ssize_t written = ::write(fd, text.data(), text.size());
+}
+
+extern "C" void end_now(int) {
+  write_all(STDERR_FILENO, "stillmap: cancelled\n");
+  if (last_line_fd >= 0) write_all(last_line_fd, last_line);
+  ::_exit(kCancelled);
+}
 
 int report(std::string message, int exit_code) {
   std::replace(message.begin(), message.end(), '\n', ' ');
@@ -80,6 +104,8 @@ int run_program(CLI::App& app, int argc, char** argv) {
     return code.value;
   } catch (const std::invalid_argument& error) {
     return report(error.what(), kUsage);
+  } catch (const std::bad_alloc&) {
+    return report("out of memory", kFailed);
   } catch (const std::exception& error) {
     return cancelled ? report("cancelled", kCancelled) : report(error.what(), kFailed);
   }
@@ -93,6 +119,17 @@ void cancel_on_signals() {
   action.sa_flags = static_cast<int>(SA_RESTART | SA_RESETHAND);
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+}
+
+void end_soon_when_cancelled(int fd, std::string_view line) {
+  last_line_fd = fd;
+  last_line = line;
+  struct sigaction action {};
+  action.sa_handler = end_now;
+  sigaction(SIGALRM, &action, nullptr);
+  ends_soon = true;
+  // A signal that came before was not timed.
+  if (cancelled) ::alarm(kGraceS);
 }
 
 }  // namespace stillmap::command_line

@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 
 #include <atomic>
+#include <string_view>
 
 namespace stillmap::command_line {
 
@@ -26,6 +27,12 @@ inline constexpr int kCancelled = 130;
 /// at once.
 [[nodiscard]] std::atomic<bool>& cancel_flag();
 void cancel_on_signals();
+/// From now on such a signal ends the program within about a second, with `kCancelled`, whatever it
+/// does then: for work that can be killed at any instant and goes on later, in stages that do not
+/// look at the flag. What is thrown before then ends it as usual.
+/// @param fd         where `last_line` goes then; -1 = nowhere.
+/// @param last_line  lives as long as the program.
+void end_soon_when_cancelled(int fd, std::string_view last_line);
 
 /// Ends the program with a code of its own after its output is written; thrown by a subcommand.
 struct ExitCode {

@@ -14,8 +14,6 @@ Json time_of(const std::optional<std::int64_t>& time_ns) {
   return time_ns ? time_of(*time_ns) : Json();
 }
 
-Json name_or_null(const std::optional<std::string>& name) { return name ? Json(*name) : Json(); }
-
 Json key_of(const maps::ApiKey& key) {
   Json scopes = Json::array();
   for (const maps::KeyScope scope : maps::all_key_scopes())

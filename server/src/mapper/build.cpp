@@ -15,12 +15,13 @@
 #include <string>
 #include <vector>
 
-#include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
+#include "mapper/build_arguments.hpp"
 #include "mapper/command_text.hpp"
 #include "mapper/commands.hpp"
 #include "mapper/map_index.hpp"
+#include "mapper/progress_output.hpp"
 #include "reference/cleaners.hpp"
 
 namespace stillmap::mapper {
@@ -28,19 +29,11 @@ namespace {
 
 using command_line::grouped;
 
-struct BuildArguments {
-  std::vector<std::filesystem::path> drives;
+struct BuildCommand {
+  BuildArguments arguments;
   std::filesystem::path map;
-  std::string select = "::";
-  std::string movable;
-  std::string ground_height;
-  std::string preset = "default";
-  std::string fusion = "on";
-  std::string fill = "on";
-  std::string loops = "on";
-  std::optional<std::string> pose_sigma;
   std::optional<std::filesystem::path> json;
-  mapping::MapBuildOptions options;
+  ProgressArguments progress;
 };
 
 std::string to_json_text(const mapping::MapBuildReport& report, const BuildArguments& arguments) {
@@ -111,10 +104,10 @@ std::string registration_text(const maps::Registration& registration) {
       T.translation().norm(), in_degrees(maps::rotation_angle_rad(T.linear())));
 }
 
-void print_for_people(const mapping::MapBuildReport& report, const BuildArguments& arguments,
+void print_for_people(const mapping::MapBuildReport& report, const std::filesystem::path& map,
                       const std::string& index) {
   command_line::Table table;
-  table.add("map", arguments.map.string());
+  table.add("map", map.string());
   table.add("digest", report.digest);
   table.add("index", index);
   table.add("scans", fmt::format("{} in {:.1f} s, {:.1f} a second", report.scans, report.seconds,
@@ -132,48 +125,24 @@ void print_for_people(const mapping::MapBuildReport& report, const BuildArgument
   for (const std::string& warning : report.warnings) fmt::print("warning: {}\n", warning);
 }
 
-/// What the words of the command line mean. The preset speaks first, so that a word given beside it
-/// is heard.
-void read_words(BuildArguments& arguments, const CLI::App& command) {
-  mapping::MapBuildOptions& options = arguments.options;
-  options.selection = maps::Selection::parse(arguments.select);
-  options.projection.policy = mapping::movable_policy_from(arguments.movable);
-  const std::string clean = options.clean;
-  if (arguments.preset == "paper") mapping::apply_paper_preset(options);
-  options.trajectory.loops = arguments.loops == "on";
-  if (arguments.pose_sigma) {
-    const auto [metres, degrees] = metres_and_degrees("--pose-sigma", *arguments.pose_sigma);
-    options.trajectory.prior = {.sigma_m = metres, .sigma_rad = degrees * std::numbers::pi / 180};
-  }
-  const auto given = [&](const char* name) { return command.count(name) > 0; };
-  if (given("--fusion")) options.fusion = arguments.fusion == "on";
-  if (given("--fill")) options.fill = arguments.fill == "on";
-  if (given("--clean")) options.clean = clean;
-  if (given("--ground-height"))
-    options.projection.ground_height = mapping::ground_height_from(arguments.ground_height);
-  if (given("--fill") && options.fill && !options.fills_ground())
-    throw std::invalid_argument(
-        "--fill: found on without what it fills under, expected --fusion on and --movable project");
-}
-
-void build(BuildArguments& arguments, const CLI::App& command) {
-  read_words(arguments, command);
+void build(BuildCommand& asked, const CLI::App& command) {
+  read_words(asked.arguments, command);
+  const std::vector<std::filesystem::path>& drives = asked.arguments.drives;
+  const mapping::MapBuildOptions& options = asked.arguments.options;
   mapping::MapBuildReport report;
   std::string index;
-  {
-    command_line::ProgressBar bar;
-    report = mapping::build_map(
-        arguments.drives, arguments.map, arguments.options,
-        [&bar](std::string_view stage, std::size_t done, std::size_t total) {
-          bar.update(stage, done, total);
-        },
-        command_line::cancel_flag(), mapping::make_reference_cleaner);
-    bar.update("index", 0, 1);
-    index = write_index(arguments.map);
-    bar.update("index", 1, 1);
-  }
-  print_for_people(report, arguments, index);
-  if (arguments.json) write_text_file(*arguments.json, to_json_text(report, arguments));
+  std::vector<mapping::StageShare> plan = mapping::build_stages(
+      mapping::estimates_poses(drives, options), options.register_to.has_value());
+  plan.push_back({"index", 0.01});
+  run_with_progress(asked.progress, plan, [&](const mapping::ProgressCallback& progress) {
+    report = mapping::build_map(drives, asked.map, options, progress, command_line::cancel_flag(),
+                                mapping::make_reference_cleaner);
+    progress("index", 0, 1);
+    index = write_index(asked.map);
+    progress("index", 1, 1);
+  });
+  print_for_people(report, asked.map, index);
+  if (asked.json) write_text_file(*asked.json, to_json_text(report, asked.arguments));
 }
 
 void add_method_options(CLI::App& command, BuildArguments& arguments) {
@@ -246,54 +215,81 @@ void add_pose_options(CLI::App& command, BuildArguments& arguments) {
 
 }  // namespace
 
-void add_build(CLI::App& app) {
-  auto arguments = std::make_shared<BuildArguments>();
-  mapping::MapBuildOptions& options = arguments->options;
-  arguments->movable = mapping::name_of(options.projection.policy);
-  arguments->ground_height = mapping::name_of(options.projection.ground_height);
-  CLI::App* command = app.add_subcommand("build", "Make a map package from drives");
+void read_words(BuildArguments& arguments, const CLI::App& command) {
+  mapping::MapBuildOptions& options = arguments.options;
+  options.selection = maps::Selection::parse(arguments.select);
+  options.projection.policy = mapping::movable_policy_from(arguments.movable);
+  const std::string clean = options.clean;
+  if (arguments.preset == "paper") mapping::apply_paper_preset(options);
+  options.trajectory.loops = arguments.loops == "on";
+  if (arguments.pose_sigma) {
+    const auto [metres, degrees] = metres_and_degrees("--pose-sigma", *arguments.pose_sigma);
+    options.trajectory.prior = {.sigma_m = metres, .sigma_rad = degrees * std::numbers::pi / 180};
+  }
+  const auto given = [&](const char* name) { return command.count(name) > 0; };
+  if (given("--fusion")) options.fusion = arguments.fusion == "on";
+  if (given("--fill")) options.fill = arguments.fill == "on";
+  if (given("--clean")) options.clean = clean;
+  if (given("--ground-height"))
+    options.projection.ground_height = mapping::ground_height_from(arguments.ground_height);
+  if (given("--fill") && options.fill && !options.fills_ground())
+    throw std::invalid_argument(
+        "--fill: found on without what it fills under, expected --fusion on and --movable project");
+}
+
+void add_build_options(CLI::App& command, BuildArguments& arguments) {
+  mapping::MapBuildOptions& options = arguments.options;
+  arguments.movable = mapping::name_of(options.projection.policy);
+  arguments.ground_height = mapping::name_of(options.projection.ground_height);
   command
-      ->add_option(
-          "DRIVE", arguments->drives,
+      .add_option(
+          "DRIVE", arguments.drives,
           "KITTI raw or odometry, key frame folder, or a folder of .pcd, .ply or .bin scans; "
           "several go into one map: by their poses where these are in one frame, else by places "
           "that "
           "they share")
       ->required()
       ->check(command_line::existing_folder());
-  command->add_option("-o,--output", arguments->map, "Map package to write; must not exist")
-      ->required();
-  command->add_option("--select", arguments->select, "Scans to take, begin:end:step as in Python")
+  command.add_option("--select", arguments.select, "Scans to take, begin:end:step as in Python")
       ->capture_default_str();
   command
-      ->add_option("--poses", options.poses_file,
-                   "Poses instead of the drive's own: KITTI or TUM, T_map_lidar")
+      .add_option("--poses", options.poses_file,
+                  "Poses instead of the drive's own: KITTI or TUM, T_map_lidar")
       ->check(command_line::existing_file());
-  add_pose_options(*command, *arguments);
+  add_pose_options(command, arguments);
   command
-      ->add_option(
+      .add_option(
           "--detector", options.detector,
           "What finds movable objects: geometric, voxelnext[:FILE], onnx:FILE (a network of "
           "your own, see mapping/onnx.md), or boxes:FILE with KITTI tracking labels or our "
           "JSON (with several drives boxes:FILE,FILE...)")
       ->capture_default_str();
   command
-      ->add_option(
-          "--movable", arguments->movable,
+      .add_option(
+          "--movable", arguments.movable,
           "What happens to points of movable objects: project (onto the ground), delete or keep")
       ->capture_default_str();
-  add_method_options(*command, *arguments);
+  add_method_options(command, arguments);
   command
-      ->add_option("--voxel", options.voxel_size_m,
-                   "Edge of the voxels that merge the map's points [m]")
+      .add_option("--voxel", options.voxel_size_m,
+                  "Edge of the voxels that merge the map's points [m]")
       ->capture_default_str();
   command
-      ->add_option("--threads", options.threads,
-                   "Threads; 0 = all cores. The map does not depend on it")
+      .add_option("--threads", options.threads,
+                  "Threads; 0 = all cores. The map does not depend on it")
       ->capture_default_str();
-  command->add_option("--json", arguments->json, "Write the report there")
+}
+
+void add_build(CLI::App& app) {
+  auto asked = std::make_shared<BuildCommand>();
+  CLI::App* command = app.add_subcommand("build", "Make a map package from drives");
+  add_build_options(*command, asked->arguments);
+  command->add_option("-o,--output", asked->map, "Map package to write; must not exist")
+      ->required();
+  add_progress_options(*command, asked->progress);
+  command->add_option("--json", asked->json, "Write the report there")
       ->check(command_line::in_existing_folder());
-  command->callback([arguments, command] { build(*arguments, *command); });
+  command->callback([asked, command] { build(*asked, *command); });
 }
 
 }  // namespace stillmap::mapper

@@ -10,6 +10,7 @@ namespace stillmap::mapper {
 
 /// Each adds one subcommand, with its options, help and callback.
 void add_build(CLI::App& app);
+void add_rebuild(CLI::App& app);
 void add_import(CLI::App& app);
 void add_simulate(CLI::App& app);
 /// `evaluate` with its own subcommands.

@@ -7,6 +7,7 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", STILLMAP_VERSION);
   app.require_subcommand(1);
   stillmap::mapper::add_build(app);
+  stillmap::mapper::add_rebuild(app);
   stillmap::mapper::add_import(app);
   stillmap::mapper::add_simulate(app);
   stillmap::mapper::add_evaluate(app);

@@ -41,7 +41,7 @@ class BuildResume : public ::testing::Test {
       cancel_ = true;
     };
     EXPECT_THROW((void)build("map", progress), Cancelled) << stage << units;
-    EXPECT_FALSE(fs::exists(partial));
+    fs::remove_all(partial);
     fs::rename(copy, partial);
   }
   void remove_map() { fs::remove_all(maps_ / "map"); }
@@ -175,13 +175,48 @@ TEST_F(BuildResume, ThrowsAllAwayWhenAPoseHasChanged) {
   EXPECT_EQ(report.digest, build("whole").digest);
 }
 
-TEST_F(BuildResume, LeavesNothingBehindWhenTheResumedBuildFailsOrIsCancelled) {
-  kill_build_after("survey", 2);
-  const ProgressCallback cancelling = [&](std::string_view stage, std::size_t, std::size_t) {
-    if (stage == "survey") cancel_ = true;
+TEST_F(BuildResume, GoesOnWhereItWasCancelled) {
+  const std::string whole = build("whole").digest;
+  for (const std::string at : {"survey", "fuse", "place", "tiles", "publish"}) {
+    const ProgressCallback cancelling = [&](std::string_view stage, std::size_t, std::size_t) {
+      if (stage == at) cancel_ = true;
+    };
+    if (at == "publish") {
+      // Too late: the map is written.
+      EXPECT_EQ(build("map", cancelling).digest, whole);
+      continue;
+    }
+    EXPECT_THROW((void)build("map", cancelling), Cancelled) << at;
+    EXPECT_FALSE(fs::exists(maps_ / ".map.partial/scratch")) << at;
+    EXPECT_TRUE(fs::exists(journal())) << at;
+  }
+  EXPECT_EQ(build("again", {}).digest, whole);
+}
+
+TEST_F(BuildResume, GoesOnWhereItRanOutOfMemory) {
+  const ProgressCallback exhausting = [&](std::string_view stage, std::size_t, std::size_t) {
+    if (stage == "place") throw std::bad_alloc();
   };
-  EXPECT_THROW((void)build("map", cancelling), Cancelled);
-  EXPECT_TRUE(fs::is_empty(maps_));
+  EXPECT_THROW((void)build("map", exhausting), std::bad_alloc);
+  EXPECT_EQ(build().resumed_scans, test::SmallDrive::kScans);
+}
+
+TEST_F(BuildResume, SharesTheSurveyWithABuildThatKeepsWhatCanMove) {
+  const std::string whole = build("whole").digest;
+  options_.journal_folder = folder_.path() / "journal";
+  options_.detect_always = true;
+  EXPECT_EQ(build("journaled").digest, whole);
+  options_.projection.policy = MovablePolicy::kKeep;
+  options_.fusion = false;
+  options_.clean = "none";
+  const MapBuildReport kept = build("kept");
+  EXPECT_EQ(kept.resumed_scans, test::SmallDrive::kScans);
+  EXPECT_EQ(kept.points.at("projected"), 0U);
+  EXPECT_EQ(kept.points.at("cleaned"), 0U);
+  EXPECT_TRUE(fs::exists(folder_.path() / "journal/survey.journal"));
+}
+
+TEST_F(BuildResume, LeavesNothingBehindWhenTheResumedBuildFails) {
   kill_build_after("survey", 2);
   folder_.write("drive/000002.bin", "torn");
   EXPECT_THROW((void)build(), maps::InputError);

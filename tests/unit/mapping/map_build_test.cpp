@@ -226,7 +226,7 @@ TEST_F(MapBuild, LeavesNothingBehindWhenAScanIsTruncated) {
   }
 }
 
-TEST_F(MapBuild, LeavesNothingBehindWhenCancelled) {
+TEST_F(MapBuild, LeavesOnlyWhatItGoesOnFromWhenCancelled) {
   for (const int threads : {1, 2}) {
     cancel_ = false;
     options_.threads = threads;
@@ -234,8 +234,26 @@ TEST_F(MapBuild, LeavesNothingBehindWhenCancelled) {
       if (done == 1) cancel_ = true;
     };
     EXPECT_THROW((void)build(), Cancelled);
-    EXPECT_THAT(names_in_maps(), IsEmpty());
+    EXPECT_THAT(names_in_maps(), ElementsAre(".map.partial"));
   }
+}
+
+TEST_F(MapBuild, HoldsEveryNthSelectedScanBackButNeverTheLast) {
+  options_.held_back_every = 2;
+  options_.selection.begin = 1;
+  EXPECT_THAT(options_.held_back_of(8), ElementsAre(2, 4, 6));
+  EXPECT_THAT(options_.scans_of(8), ElementsAre(1, 3, 5, 7));
+  EXPECT_THAT(options_.held_back_of(7), ElementsAre(2, 4));
+  options_.held_back_every = 0;
+  EXPECT_THAT(options_.held_back_of(8), IsEmpty());
+  options_.held_back_every = 1;
+  EXPECT_FALSE(options_.violations().empty());
+}
+
+TEST_F(MapBuild, IsMadeFromTheScansThatAreNotHeldBack) {
+  options_.held_back_every = 2;
+  EXPECT_EQ(build().scans, 3U);
+  EXPECT_EQ(open()->manifest().options.at("held_back_every"), "2");
 }
 
 TEST_F(MapBuild, RefusesADriveWithoutPosesWhereGivenOnesAreAskedFor) {

@@ -56,10 +56,24 @@ TEST(PartialFolder, KeepsOneFolderThatAKilledProcessLeftAndNeverPublishesIt) {
   EXPECT_FALSE(fs::exists(folder.path() / "map/journal"));
 }
 
-TEST(PartialFolder, RemovesTheSurvivorTooWhenNotPublished) {
+TEST(PartialFolder, LeavesTheSurvivorAloneWhenNotPublished) {
   const TemporaryFolder folder;
   folder.write(".map.partial/journal/work", "work");
-  { const PartialFolder partial(folder.path() / "map", "journal"); }
+  {
+    const PartialFolder partial(folder.path() / "map", "journal");
+    folder.write(".map.partial/tiles/0", "tile");
+  }
+  EXPECT_TRUE(fs::exists(folder.path() / ".map.partial/journal/work"));
+  EXPECT_FALSE(fs::exists(folder.path() / ".map.partial/tiles"));
+}
+
+TEST(PartialFolder, LeavesNothingWhenNotPublishedAndTheSurvivorIsGone) {
+  const TemporaryFolder folder;
+  folder.write(".map.partial/journal/work", "work");
+  {
+    const PartialFolder partial(folder.path() / "map", "journal");
+    fs::remove_all(partial.path() / "journal");
+  }
   EXPECT_TRUE(fs::is_empty(folder.path()));
 }
 

@@ -21,6 +21,9 @@ namespace stillmap::mapping {
 struct MapBuildOptions {
   /// Of each drive.
   maps::Selection selection;
+  /// Every n-th of the selected scans of each drive stays out of the map, to be asked for later; 0
+  /// = none, else at least 2.
+  std::size_t held_back_every = 0;
   /// Poses instead of the drive's own; with one drive only.
   std::optional<std::filesystem::path> poses_file;
   /// `given`: the drives' own poses as they are; or one of `odometry_names()`. None: `given` where
@@ -56,7 +59,20 @@ struct MapBuildOptions {
   double max_range_m = 80.0;
   /// In [0, 256], 0 = all cores.
   int threads = 0;
+  /// Where the journals lie. There they stay when the map is done, and another build whose scans
+  /// would be surveyed alike takes them over. None: in the package while it is written.
+  std::optional<std::filesystem::path> journal_folder;
+  /// Look for objects also where they are kept, so that the journal is that of a build in which
+  /// they are not.
+  bool detect_always = false;
 
+  /// Scans of a drive of `size` scans that the map is made from, and those that are held back: each
+  /// lies between two that the map is made from.
+  [[nodiscard]] std::vector<std::size_t> scans_of(std::size_t size) const;
+  [[nodiscard]] std::vector<std::size_t> held_back_of(std::size_t size) const;
+  [[nodiscard]] bool detects() const {
+    return detect_always || projection.policy != MovablePolicy::kKeep;
+  }
   [[nodiscard]] std::vector<std::string> violations() const;
   /// Whether ground is filled: only where objects of all scans are projected, see `fill`.
   [[nodiscard]] bool fills_ground() const {
@@ -105,11 +121,12 @@ struct MapBuildReport {
 /// detect. Then objects and ground are fused over all scans. Pass 2, each scan from its original
 /// points: project -> stack. Last, each tile: clean -> fill -> normals. Scans and tiles are
 /// processed in parallel and taken in order, so that the bytes do not depend on the number of
-/// threads. A build that fails or is cancelled leaves nothing behind.
+/// threads. A build that fails leaves nothing behind.
 ///
 /// The estimated poses, and what pass 1 found scan by scan, are written down beside the target, for
-/// when the process is killed: the same call then goes on from there, to the same bytes. What a
-/// build of other options, another program or other scans left is thrown away, with a warning.
+/// when the build is cancelled, the process killed or out of memory: the same call then goes on
+/// from there, to the same bytes. What a build of other options, another program or other scans
+/// left is thrown away, with a warning.
 /// @param drives        at least one; given poses are in one frame, or each has a geodetic origin.
 /// @param make_cleaner  for other names than `free-space` and `none`; may be empty.
 /// @throws std::invalid_argument (options), maps::InputError, maps::StorageError, Cancelled.
@@ -117,6 +134,11 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& drives,
                          const std::filesystem::path& target, const MapBuildOptions& options,
                          const ProgressCallback& progress, const CancelFlag& cancel,
                          const CleanerFactory& make_cleaner = {});
+
+/// Whether a build would estimate the poses of these drives, rather than take them as they are.
+/// @throws as `build_map`.
+[[nodiscard]] bool estimates_poses(const std::vector<std::filesystem::path>& drives,
+                                   const MapBuildOptions& options);
 
 /// The object of `--json` and of a package's build.json.
 [[nodiscard]] std::string to_json(const MapBuildReport& report);

@@ -10,13 +10,13 @@ namespace stillmap::maps {
 /// told apart by a lock.
 class PartialFolder {
  public:
-  /// @param survivor  name of a folder in it that outlives a killed process: the next one finds it
-  /// as it was left. Never published; empty = none.
+  /// @param survivor  name of a folder in it that the next process finds as it was left, whether
+  /// this one was killed or gave up. Never published; empty = none.
   /// @throws InputError if `target` exists or another process fills it right now, StorageError if
   /// its
   ///         parent cannot be written.
   explicit PartialFolder(std::filesystem::path target, std::string survivor = {});
-  /// Removes what was not published.
+  /// Removes what was not published, all but a survivor that exists.
   ~PartialFolder();
   PartialFolder(const PartialFolder&) = delete;
   PartialFolder& operator=(const PartialFolder&) = delete;

@@ -1,0 +1,82 @@
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace stillmap::mapping {
+
+/// What a new map is judged by. There is no truth here: all figures compare it with the map that
+/// keeps everything, and with the version before. NaN: could not be measured, and does not pass.
+struct GateFigures {
+  /// Held-back scans that were asked for, in each map from the same priors.
+  std::size_t queries = 0;
+  /// Of these, found within 0.2 m and 1 deg.
+  std::size_t found = 0;
+  std::size_t found_in_keep = 0;
+  /// Share of the keep map's static points that are far from every measured point of the new one.
+  double static_loss = std::numeric_limits<double>::quiet_NaN();
+
+  /// Against the version before.
+  struct Previous {
+    /// Scans that it answered `ok`, and of these those that the new one calls `lost`.
+    std::size_t ok = 0;
+    std::size_t new_lost = 0;
+    /// Shares of its ground that the new one has: where it was driven, and beside.
+    double driven_coverage = std::numeric_limits<double>::quiet_NaN();
+    double ground_coverage = std::numeric_limits<double>::quiet_NaN();
+  };
+  /// None for a first version.
+  std::optional<Previous> previous;
+};
+
+/// What a figure may be at worst; a figure at its limit passes. Shares in [0, 1].
+struct GateLimits {
+  /// Fewer say nothing.
+  std::size_t least_queries = 20;
+  /// Scans that not even the map that keeps everything finds are no measure: they are of another
+  /// place or frame.
+  double least_found_in_keep = 0.5;
+  /// Share found less than in the keep map.
+  double found_below_keep = 0.01;
+  std::size_t new_lost = 0;
+  double static_loss = 0.02;
+  double driven_coverage = 0.95;
+  double ground_coverage = 0.85;
+  /// Share found, for a first version: there is none before that would be missed.
+  double first_found = 0.9;
+
+  /// Every broken bound as "name: value, bound"; empty when usable.
+  [[nodiscard]] std::vector<std::string> violations() const;
+};
+
+/// One rule of the gate and what came of it.
+struct GateCheck {
+  /// Name of the limit.
+  std::string name;
+  /// NaN: not measured.
+  double found = 0.0;
+  double limit = 0.0;
+  bool passed = false;
+  /// In words, whether it passed or not.
+  std::string words;
+};
+
+struct GateVerdict {
+  bool passed = false;
+  std::vector<GateCheck> checks;
+  /// Words of the checks that did not pass.
+  std::vector<std::string> reasons;
+};
+
+/// @throws std::invalid_argument for limits out of bounds, or counts larger than what they are of.
+[[nodiscard]] GateVerdict decide(const GateFigures& figures, const GateLimits& limits);
+
+/// Limits out of a JSON object with any of the names above; what is left out stays as it is.
+/// @throws maps::InputError naming the file and the key, also for one that is not known.
+[[nodiscard]] GateLimits read_gate_limits(const std::filesystem::path& file);
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,115 @@
+#include <stillmap/mapping/rebuild_gate.hpp>
+
+#include <fmt/format.h>
+
+#include <stdexcept>
+#include <utility>
+
+namespace stillmap::mapping {
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+/// 0.98 is not 0.99 - 0.01 in doubles.
+constexpr double kRounding = 1e-9;
+
+double share(std::size_t part, std::size_t whole) {
+  return whole == 0 ? kNone : static_cast<double>(part) / static_cast<double>(whole);
+}
+
+std::string percent(double value) {
+  return value == value ? fmt::format("{:.4g} %", 100.0 * value) : "not measured";
+}
+
+/// Comparisons are written so that NaN fails.
+class Checks {
+ public:
+  void at_most(const std::string& name, double found, double limit, const std::string& what) {
+    add({name, found, limit, found <= limit + kRounding,
+         fmt::format("{}: {}, at most {}", what, percent(found), percent(limit))});
+  }
+  void at_least(const std::string& name, double found, double limit, const std::string& what) {
+    add({name, found, limit, found >= limit - kRounding,
+         fmt::format("{}: {}, at least {}", what, percent(found), percent(limit))});
+  }
+  void count_at_most(const std::string& name, std::size_t found, std::size_t limit,
+                     const std::string& what) {
+    add({name, static_cast<double>(found), static_cast<double>(limit), found <= limit,
+         fmt::format("{}: {}, at most {}", what, found, limit)});
+  }
+  void count_at_least(const std::string& name, std::size_t found, std::size_t limit,
+                      const std::string& what) {
+    add({name, static_cast<double>(found), static_cast<double>(limit), found >= limit,
+         fmt::format("{}: {}, at least {}", what, found, limit)});
+  }
+  GateVerdict verdict() && {
+    verdict_.passed = verdict_.reasons.empty();
+    return std::move(verdict_);
+  }
+
+ private:
+  void add(GateCheck check) {
+    if (!check.passed) verdict_.reasons.push_back(check.words);
+    verdict_.checks.push_back(std::move(check));
+  }
+  GateVerdict verdict_;
+};
+
+void require_counts(const GateFigures& figures) {
+  const auto require = [](const char* name, std::size_t part, std::size_t whole) {
+    if (part > whole)
+      throw std::invalid_argument(fmt::format("{}: {}, expected at most {}", name, part, whole));
+  };
+  require("found", figures.found, figures.queries);
+  require("found_in_keep", figures.found_in_keep, figures.queries);
+  if (!figures.previous) return;
+  require("previous.ok", figures.previous->ok, figures.queries);
+  require("previous.new_lost", figures.previous->new_lost, figures.previous->ok);
+}
+
+}  // namespace
+
+std::vector<std::string> GateLimits::violations() const {
+  std::vector<std::string> broken;
+  const auto check = [&](const char* name, double value) {
+    if (!(value >= 0.0 && value <= 1.0))
+      broken.push_back(fmt::format("{}: {}, expected in [0, 1]", name, value));
+  };
+  check("least_found_in_keep", least_found_in_keep);
+  check("found_below_keep", found_below_keep);
+  check("static_loss", static_loss);
+  check("driven_coverage", driven_coverage);
+  check("ground_coverage", ground_coverage);
+  check("first_found", first_found);
+  if (least_queries < 1) broken.emplace_back("least_queries: 0, expected at least 1");
+  return broken;
+}
+
+GateVerdict decide(const GateFigures& figures, const GateLimits& limits) {
+  if (const auto broken = limits.violations(); !broken.empty())
+    throw std::invalid_argument("gate limits: " + broken.front());
+  require_counts(figures);
+  const double found = share(figures.found, figures.queries);
+  const double in_keep = share(figures.found_in_keep, figures.queries);
+  Checks checks;
+  checks.count_at_least("least_queries", figures.queries, limits.least_queries,
+                        "held-back scans asked for");
+  checks.at_least("least_found_in_keep", in_keep, limits.least_found_in_keep,
+                  "held-back scans found in the map that keeps what can move");
+  checks.at_most("found_below_keep", in_keep - found, limits.found_below_keep,
+                 "held-back scans found less than in the map that keeps what can move");
+  checks.at_most("static_loss", figures.static_loss, limits.static_loss, "static points lost");
+  if (const auto& previous = figures.previous) {
+    checks.count_at_most("new_lost", previous->new_lost, limits.new_lost,
+                         "held-back scans lost that the previous version answers ok");
+    checks.at_least("driven_coverage", previous->driven_coverage, limits.driven_coverage,
+                    "the previous version's driven ground that is covered");
+    checks.at_least("ground_coverage", previous->ground_coverage, limits.ground_coverage,
+                    "the previous version's ground near its path that is covered");
+  } else {
+    checks.at_least("first_found", found, limits.first_found,
+                    "held-back scans found in a first version");
+  }
+  return std::move(checks).verdict();
+}
+
+}  // namespace stillmap::mapping

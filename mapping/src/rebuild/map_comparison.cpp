@@ -1,0 +1,228 @@
+#include "rebuild/map_comparison.hpp"
+
+#include "point_cells.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <unordered_set>
+#include <utility>
+#include <vector>
+
+namespace stillmap::mapping {
+namespace {
+
+constexpr double kCellM = 1.0;
+/// Half a lane and a wheel; and as far as a street's ground is seen densely by a spinning sensor.
+constexpr double kDrivenM = 2.0;
+constexpr double kNearPathM = 15.0;
+/// Key frames of a slow sensor are some metres apart; farther apart nobody knows what lies between.
+constexpr double kMostBetweenM = 10.0;
+
+/// Longer than anything that walks or drives stays in a voxel of a decimetre.
+constexpr std::int64_t kStandsNs = 1'000'000'000;
+constexpr double kGrownM = 0.3;
+constexpr double kFarM = 0.2;
+constexpr double kFarVoxels = 2.0;
+
+double share(std::uint64_t part, std::uint64_t whole) {
+  return whole == 0 ? std::numeric_limits<double>::quiet_NaN()
+                    : static_cast<double>(part) / static_cast<double>(whole);
+}
+
+/// Cells of a plane, each by its two numbers.
+class Cells {
+ public:
+  static std::int64_t number(double metres) {
+    return static_cast<std::int64_t>(std::floor(metres / kCellM));
+  }
+  static std::uint64_t key(std::int64_t x, std::int64_t y) {
+    return (static_cast<std::uint64_t>(x) << 32U) ^ (static_cast<std::uint64_t>(y) & 0xffffffffU);
+  }
+  void insert(const Eigen::Vector3d& p) { keys_.insert(key(number(p.x()), number(p.y()))); }
+  /// Those whose middle is within the radius.
+  void insert_disc(const Eigen::Vector3d& p, double radius_m) {
+    const auto reach = static_cast<std::int64_t>(std::ceil(radius_m / kCellM));
+    const std::int64_t cx = number(p.x()), cy = number(p.y());
+    for (std::int64_t x = cx - reach; x <= cx + reach; ++x) {
+      for (std::int64_t y = cy - reach; y <= cy + reach; ++y) {
+        const double dx = (static_cast<double>(x) + 0.5) * kCellM - p.x();
+        const double dy = (static_cast<double>(y) + 0.5) * kCellM - p.y();
+        if (dx * dx + dy * dy <= radius_m * radius_m) keys_.insert(key(x, y));
+      }
+    }
+  }
+  [[nodiscard]] bool hold(std::uint64_t key) const { return keys_.contains(key); }
+  [[nodiscard]] const std::unordered_set<std::uint64_t>& keys() const { return keys_; }
+
+ private:
+  std::unordered_set<std::uint64_t> keys_;
+};
+
+bool is_ground(maps::PointKind kind) { return kind != maps::PointKind::kMeasured; }
+
+template <typename Visit>
+void for_each_point(const maps::MapPackage& map, const CancelFlag& cancel, const Visit& visit) {
+  for (const maps::TileEntry& tile : map.manifest().tiles) {
+    if (tile.id.level != 0) continue;
+    if (cancel) throw Cancelled();
+    for (const maps::MapPoint& p : map.tile(tile.id))
+      visit(Eigen::Vector3d(p.x, p.y, p.z) + map.manifest().origin, p.kind);
+  }
+}
+
+/// @param T  takes the package's points to the frame of the cells.
+Cells ground_of(const maps::MapPackage& map, const Eigen::Isometry3d& T, const CancelFlag& cancel) {
+  Cells cells;
+  for_each_point(map, cancel, [&](const Eigen::Vector3d& p, maps::PointKind kind) {
+    if (is_ground(kind)) cells.insert(T * p);
+  });
+  return cells;
+}
+
+/// The way along the poses, a point each cell.
+Cells along(const maps::MapPackage& map, const Eigen::Isometry3d& T, double radius_m) {
+  Cells cells;
+  for (const maps::Trajectory& path : map.trajectories()) {
+    for (std::size_t i = 0; i < path.size(); ++i) {
+      const Eigen::Vector3d to = T * path.poses()[i].T_map_lidar.translation();
+      cells.insert_disc(to, radius_m);
+      if (i == 0) continue;
+      const Eigen::Vector3d from = T * path.poses()[i - 1].T_map_lidar.translation();
+      const double way_m = (to - from).norm();
+      if (!(way_m <= kMostBetweenM)) continue;
+      for (double s = kCellM; s < way_m; s += kCellM)
+        cells.insert_disc(from + s / way_m * (to - from), radius_m);
+    }
+  }
+  return cells;
+}
+
+/// Boxes of removed objects in the frame of the new map's points, by tile.
+class RemovedBoxes {
+ public:
+  explicit RemovedBoxes(const maps::MapPackage& map) {
+    for (const maps::MapObject& object : map.objects()) {
+      for (const maps::MapObject::Placement& place : object.placements)
+        add({.centre = place.centre_map, .size_m = object.size_m, .yaw_rad = place.yaw_rad});
+    }
+  }
+  [[nodiscard]] bool hold(const Eigen::Vector3d& p_map) const {
+    const auto boxes = by_tile_.find(tile_of(p_map));
+    return boxes != by_tile_.end() &&
+           std::any_of(boxes->second.begin(), boxes->second.end(),
+                       [&](const maps::Box& box) { return box.contains(p_map, kGrownM); });
+  }
+
+ private:
+  using Tile = std::pair<std::int64_t, std::int64_t>;
+  static Tile tile_of(const Eigen::Vector3d& p) {
+    return {static_cast<std::int64_t>(std::floor(p.x() / maps::kTileSizeM)),
+            static_cast<std::int64_t>(std::floor(p.y() / maps::kTileSizeM))};
+  }
+  void add(const maps::Box& box) {
+    const Eigen::Vector3d reach =
+        Eigen::Vector3d::Constant(0.5 * box.size_m.head<2>().norm() + kGrownM);
+    const Tile low = tile_of(box.centre - reach), high = tile_of(box.centre + reach);
+    for (std::int64_t x = low.first; x <= high.first; ++x) {
+      for (std::int64_t y = low.second; y <= high.second; ++y) by_tile_[{x, y}].push_back(box);
+    }
+  }
+  std::map<Tile, std::vector<maps::Box>> by_tile_;
+};
+
+/// When a scan was taken. Stamps of two drives may be of two clocks.
+struct ScanTime {
+  std::size_t drive = 0;
+  std::int64_t stamp_ns = 0;
+};
+
+std::vector<ScanTime> scan_times(const maps::MapPackage& map) {
+  std::vector<ScanTime> times;
+  const std::vector<maps::Trajectory> paths = map.trajectories();
+  for (std::size_t drive = 0; drive < paths.size(); ++drive) {
+    for (const maps::StampedPose& pose : paths[drive].poses())
+      times.push_back({drive, pose.stamp_ns});
+  }
+  return times;
+}
+
+/// The measured points, from the map's origin.
+PointCells measured_of(const maps::MapPackage& map, double far_m, const CancelFlag& cancel) {
+  std::vector<Eigen::Vector3f> points;
+  for_each_point(map, cancel, [&](const Eigen::Vector3d& p, maps::PointKind kind) {
+    if (maps::is_measured(kind)) points.emplace_back((p - map.manifest().origin).cast<float>());
+  });
+  return {std::move(points), far_m};
+}
+
+/// Whether it was seen for long enough; between two drives lies longer than that.
+bool stood(const maps::PointHistory& history, const std::vector<ScanTime>& times) {
+  if (history.last_scan >= times.size() || history.first_scan > history.last_scan) return false;
+  const ScanTime& first = times[history.first_scan];
+  const ScanTime& last = times[history.last_scan];
+  return first.drive != last.drive || last.stamp_ns - first.stamp_ns >= kStandsNs;
+}
+
+}  // namespace
+
+double StaticLoss::rate() const { return share(lost, points); }
+
+GroundCoverage ground_coverage(const maps::MapPackage& previous, const maps::MapPackage& map,
+                               const Eigen::Isometry3d& T_map_previous, const CancelFlag& cancel) {
+  const Cells found = ground_of(map, Eigen::Isometry3d::Identity(), cancel);
+  const Cells before = ground_of(previous, T_map_previous, cancel);
+  const Cells driven = along(previous, T_map_previous, kDrivenM);
+  const Cells near_path = along(previous, T_map_previous, kNearPathM);
+  GroundCoverage coverage;
+  std::uint64_t driven_found = 0, near_found = 0;
+  for (const std::uint64_t cell : before.keys()) {
+    if (!near_path.hold(cell)) continue;
+    const bool has = found.hold(cell);
+    ++coverage.near_path_cells;
+    near_found += has ? 1 : 0;
+    if (!driven.hold(cell)) continue;
+    ++coverage.driven_cells;
+    driven_found += has ? 1 : 0;
+  }
+  coverage.driven = share(driven_found, coverage.driven_cells);
+  coverage.near_path = share(near_found, coverage.near_path_cells);
+  return coverage;
+}
+
+StaticLoss static_loss(const maps::MapPackage& keep, const maps::MapPackage& map,
+                       const Eigen::Isometry3d& T_map_keep, const ProgressCallback& progress,
+                       const CancelFlag& cancel) {
+  const double far_m = std::max(kFarM, kFarVoxels * map.manifest().voxel_size_m);
+  const PointCells measured = measured_of(map, far_m, cancel);
+  const RemovedBoxes removed(map);
+  const std::vector<ScanTime> times = scan_times(keep);
+  StaticLoss loss;
+  std::size_t done = 0;
+  for (const maps::TileEntry& tile : keep.manifest().tiles) {
+    if (tile.id.level != 0) continue;
+    if (cancel) throw Cancelled();
+    const auto points = keep.tile(tile.id);
+    const auto history = keep.history(tile.id);
+    if (history.size() != points.size())
+      throw maps::InputError(keep.folder().string(), "a tile without histories",
+                             "a map that says when its points were seen");
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const maps::MapPoint& point = points[i];
+      if (!maps::is_measured(point.kind) || !stood(history[i], times)) continue;
+      const Eigen::Vector3d p_map =
+          T_map_keep * (Eigen::Vector3d(point.x, point.y, point.z) + keep.manifest().origin);
+      if (removed.hold(p_map)) continue;
+      ++loss.points;
+      const Eigen::Vector3f p_local = (p_map - map.manifest().origin).cast<float>();
+      if (!measured.any_within(p_local, far_m)) ++loss.lost;
+    }
+    if (progress) progress("compare", ++done, keep.manifest().tiles.size());
+  }
+  return loss;
+}
+
+}  // namespace stillmap::mapping

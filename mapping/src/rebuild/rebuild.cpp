@@ -1,0 +1,341 @@
+#include <stillmap/mapping/rebuild.hpp>
+
+#include "build/build_key.hpp"
+#include "build/posed_drives.hpp"
+#include "build/stage_timer.hpp"
+#include "rebuild/held_back.hpp"
+#include "rebuild/map_comparison.hpp"
+#include "rebuild/rebuild_work.hpp"
+
+#include <fmt/format.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_package.hpp>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <stdexcept>
+#include <utility>
+
+namespace stillmap::mapping {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+/// The build that everything stays in: all points of the same scans, where they were measured.
+MapBuildOptions keep_options(MapBuildOptions options) {
+  options.projection.policy = MovablePolicy::kKeep;
+  options.clean = "none";
+  options.fusion = false;
+  options.fill = false;
+  options.edits_file.reset();
+  return options;
+}
+
+/// Options as the builds use them.
+RebuildOptions completed(RebuildOptions options) {
+  options.build.held_back_every = options.held_back ? 0 : options.held_back_every;
+  options.build.journal_folder = options.work / "journal";
+  options.build.detect_always = true;
+  if (options.previous) options.build.register_to = options.previous;
+  return options;
+}
+
+void require_usable(const RebuildOptions& options) {
+  if (!options.held_back && options.held_back_every < 2)
+    throw std::invalid_argument(
+        fmt::format("held_back_every: {}, expected at least 2", options.held_back_every));
+  if (options.previous && options.build.register_to)
+    throw std::invalid_argument(
+        "register_to: found beside a previous version, expected one of them");
+  if (const auto broken = options.limits.violations(); !broken.empty())
+    throw std::invalid_argument("gate limits: " + broken.front());
+}
+
+std::string key_of(const RebuildOptions& options) {
+  const std::vector<maps::Drive> drives = open_drives(options.drives, options.build);
+  std::string key = rebuild_key(drives, options.build, odometry_of(drives, options.build));
+  key += fmt::format("previous: {}\n",
+                     options.previous ? maps::MapPackage::open(*options.previous)->digest() : "");
+  if (const auto& map = options.build.register_to)
+    key += fmt::format("registered to: {}\n", maps::MapPackage::open(*map)->digest());
+  if (options.held_back) {
+    const std::vector<maps::Drive> judge{maps::Drive::open(*options.held_back)};
+    const MapBuildOptions whole;
+    key += trajectory_key(judge, whole, "held back");
+  }
+  return key;
+}
+
+/// The last step is a rename.
+void require_one_file_system(const fs::path& work, const fs::path& map) {
+  const fs::path folder = fs::absolute(map).lexically_normal().parent_path();
+  struct stat a {};
+  struct stat b {};
+  if (::stat(folder.c_str(), &b) != 0)
+    throw maps::StorageError(folder.string(), std::strerror(errno));
+  if (::stat(work.c_str(), &a) != 0) throw maps::StorageError(work.string(), std::strerror(errno));
+  if (a.st_dev != b.st_dev)
+    throw maps::InputError(work.string(), "another file system than " + folder.string(),
+                           "the same");
+}
+
+std::uint64_t bytes_of(const maps::MapPackage& map) {
+  std::uint64_t bytes = fs::file_size(map.folder() / "manifest.json");
+  for (const auto& [name, file] : map.manifest().files) bytes += file.bytes;
+  return bytes;
+}
+
+double peak_rss_mib() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024.0;
+}
+
+std::size_t newly_lost(const std::string& before, const std::string& now) {
+  std::size_t lost = 0;
+  for (std::size_t i = 0; i < std::min(before.size(), now.size()); ++i)
+    lost += before[i] == 'o' && now[i] == 'l' ? 1 : 0;
+  return lost;
+}
+
+std::string text_of(const StaticLoss& loss) { return fmt::format("{} {}", loss.points, loss.lost); }
+
+std::string text_of(const GroundCoverage& coverage) {
+  return fmt::format("{:.17g} {:.17g} {} {}", coverage.driven, coverage.near_path,
+                     coverage.driven_cells, coverage.near_path_cells);
+}
+
+StaticLoss loss_from(const std::string& text) {
+  StaticLoss loss;
+  std::istringstream(text) >> loss.points >> loss.lost;
+  return loss;
+}
+
+GroundCoverage coverage_from(const std::string& text) {
+  GroundCoverage coverage;
+  std::string driven, near_path;
+  std::istringstream(text) >> driven >> near_path >> coverage.driven_cells >>
+      coverage.near_path_cells;
+  // A stream does not read "nan".
+  coverage.driven = std::stod(driven);
+  coverage.near_path = std::stod(near_path);
+  return coverage;
+}
+
+/// One rebuild from stage to stage.
+class Rebuild {
+ public:
+  Rebuild(const RebuildOptions& options, const ProgressCallback& progress, const CancelFlag& cancel,
+          const CleanerFactory& make_cleaner)
+      : options_(options),
+        progress_(progress),
+        cancel_(cancel),
+        make_cleaner_(make_cleaner),
+        work_(options.work, key_of(options)) {
+    if (!work_.discarded().empty())
+      report_.warnings.push_back("work of another rebuild was thrown away: " + work_.discarded());
+  }
+
+  RebuildReport run() {
+    require_one_file_system(options_.work, options_.map);
+    const fs::path place = built();
+    const auto map = maps::MapPackage::open(place);
+    report_.digest = map->digest();
+    report_.map_bytes = bytes_of(*map);
+    add_warnings("map", *map);
+    const auto keep = kept();
+    report_.keep_digest = keep->digest();
+    add_warnings("keep", *keep);
+    // Both are built.
+    std::error_code ignored;
+    fs::remove_all(work_.path("journal"), ignored);
+    ask(*map, *keep);
+    compare(*map, *keep);
+    decide_gate();
+    publish(place);
+    report_.peak_rss_mib = peak_rss_mib();
+    return std::move(report_);
+  }
+
+ private:
+  /// Tells of the stages of one part under a name of its own.
+  [[nodiscard]] ProgressCallback under(const std::string& part) const {
+    return [this, part](std::string_view stage, std::size_t done, std::size_t total) {
+      if (progress_) progress_(part + ": " + std::string(stage), done, total);
+    };
+  }
+
+  /// Does a part unless it was done before.
+  /// @return what it came to.
+  std::string part(const std::string& name, const std::function<std::string()>& work) {
+    if (const auto known = work_.remembered(name)) {
+      report_.resumed_stages.push_back(name);
+      const std::size_t end = known->find('\n');
+      report_.stage_seconds[name] = std::stod(known->substr(0, end));
+      return known->substr(end + 1);
+    }
+    if (cancel_) throw Cancelled();
+    const Clock::time_point began = Clock::now();
+    const std::string text = work();
+    const double seconds = std::chrono::duration<double>(Clock::now() - began).count();
+    report_.stage_seconds[name] = seconds;
+    report_.work_bytes = std::max(report_.work_bytes, work_.bytes());
+    work_.remember(name, fmt::format("{:.3f}\n{}", seconds, text));
+    return text;
+  }
+
+  /// A package in the work folder. There it is whole, or not at all.
+  std::string package(const std::string& name, const MapBuildOptions& options) {
+    return part(name, [&] {
+      const fs::path at = work_.path(name);
+      if (!fs::exists(at))
+        (void)build_map(options_.drives, at, options, under(name), cancel_, make_cleaner_);
+      return maps::MapPackage::open(at)->digest();
+    });
+  }
+
+  /// What the build of a package warned of, in whatever process that was.
+  void add_warnings(const std::string& name, const maps::MapPackage& package) {
+    std::ifstream stream(package.folder() / "build.json");
+    const auto json = nlohmann::json::parse(stream, nullptr, false);
+    if (!json.is_object() || !json.contains("warnings"))
+      throw maps::InputError((package.folder() / "build.json").string(), "no warnings",
+                             "those of the build");
+    for (const nlohmann::json& warning : json.at("warnings"))
+      report_.warnings.push_back(name + ": " + warning.get<std::string>());
+  }
+
+  /// @return where the new map lies: at its place when only the report was missing.
+  fs::path built() {
+    const bool published = work_.remembered("done").has_value() && fs::exists(options_.map);
+    if (!published && fs::exists(fs::symlink_status(options_.map)))
+      throw maps::InputError(options_.map.string(), "an existing path", "a new one");
+    const std::string digest = package("map", options_.build);
+    if (!published) return work_.path("map");
+    if (maps::MapPackage::open(options_.map)->digest() != digest)
+      throw maps::InputError(options_.map.string(), "another map", "a new path");
+    return options_.map;
+  }
+
+  std::shared_ptr<const maps::MapPackage> kept() {
+    (void)package("keep", keep_options(options_.build));
+    return maps::MapPackage::open(work_.path("keep"));
+  }
+
+  HeldBackAnswers answers_in(const std::string& name, const maps::MapPackage& in,
+                             const std::vector<HeldBackDrive>& drives,
+                             const Eigen::Isometry3d& T_in_map) {
+    return answers_from(part(name, [&] {
+      return text_of(ask_for(drives, in, T_in_map, options_.build.threads, under(name), cancel_));
+    }));
+  }
+
+  void ask(const maps::MapPackage& map, const maps::MapPackage& keep) {
+    const std::vector<HeldBackDrive> drives = held_back_drives(options_, map);
+    report_.answers = answers_in("localize map", map, drives, Eigen::Isometry3d::Identity());
+    report_.keep_answers = answers_in("localize keep", keep, drives, T_to_from(keep, map));
+    GateFigures& figures = report_.figures;
+    figures.queries = report_.answers.queries;
+    figures.found = report_.answers.found;
+    figures.found_in_keep = report_.keep_answers.found;
+    if (!options_.previous) return;
+    const auto previous = maps::MapPackage::open(*options_.previous);
+    report_.previous_digest = previous->digest();
+    report_.previous_answers =
+        answers_in("localize previous", *previous, drives, T_previous_map(map));
+    figures.previous.emplace();
+    figures.previous->ok = report_.previous_answers->ok;
+    figures.previous->new_lost =
+        newly_lost(report_.previous_answers->status, report_.answers.status);
+  }
+
+  void compare(const maps::MapPackage& map, const maps::MapPackage& keep) {
+    const StaticLoss loss = loss_from(part("compare keep", [&] {
+      return text_of(static_loss(keep, map, T_to_from(map, keep), under("compare keep"), cancel_));
+    }));
+    report_.static_points = loss.points;
+    report_.static_points_lost = loss.lost;
+    report_.figures.static_loss = loss.rate();
+    if (!options_.previous) return;
+    const GroundCoverage coverage = coverage_from(part("compare previous", [&] {
+      const auto previous = maps::MapPackage::open(*options_.previous);
+      return text_of(ground_coverage(*previous, map, T_previous_map(map).inverse(), cancel_));
+    }));
+    report_.figures.previous->driven_coverage = coverage.driven;
+    report_.figures.previous->ground_coverage = coverage.near_path;
+  }
+
+  void decide_gate() {
+    report_.verdict = decide(report_.figures, options_.limits);
+    if (!options_.held_back)
+      report_.warnings.emplace_back(
+          "judged by scans of the drives that the map is made from: these favour a map that keeps "
+          "the cars that stood there");
+  }
+
+  void publish(const fs::path& place) {
+    if (place == options_.map) return;
+    if (cancel_) throw Cancelled();
+    // Before the rename, so that a kill behind it is told from a path that was there before.
+    work_.remember("done", report_.digest);
+    if (std::rename(place.c_str(), options_.map.c_str()) != 0)
+      throw maps::StorageError(options_.map.string(), std::strerror(errno));
+  }
+
+  /// Takes points of the new map to the previous one's frame, to which it is registered.
+  [[nodiscard]] static Eigen::Isometry3d T_previous_map(const maps::MapPackage& map) {
+    return map.manifest().registration.value().T_previous_map;
+  }
+
+  const RebuildOptions& options_;
+  const ProgressCallback& progress_;
+  const CancelFlag& cancel_;
+  const CleanerFactory& make_cleaner_;
+  RebuildWork work_;
+  RebuildReport report_;
+};
+
+}  // namespace
+
+RebuildReport rebuild_map(const RebuildOptions& given, const ProgressCallback& progress,
+                          const CancelFlag& cancel, const CleanerFactory& make_cleaner) {
+  require_usable(given);
+  const RebuildOptions options = completed(given);
+  require_comparable(options);
+  return Rebuild(options, progress, cancel, make_cleaner).run();
+}
+
+std::vector<StageShare> rebuild_stages(const RebuildOptions& options) {
+  std::vector<StageShare> stages;
+  const auto add = [&](const std::string& part, double share,
+                       const std::vector<StageShare>& of_part) {
+    for (const StageShare& each : of_part)
+      stages.push_back({part + ": " + each.stage, share * each.share});
+  };
+  // Of a drive of 1 km on two cores; the second build takes the first pass over.
+  const bool registers = options.previous || options.build.register_to;
+  add("map", 0.70, build_stages(estimates_poses(options.drives, options.build), registers));
+  std::vector<StageShare> second = build_stages(false, registers);
+  std::erase_if(second, [](const StageShare& each) { return each.stage == "survey"; });
+  for (StageShare& each : second) {
+    if (each.stage == "resume") each.share = 0.10;
+  }
+  add("keep", 0.50, second);
+  add("localize map", 0.06, {{"localize", 1.0}});
+  add("localize keep", 0.06, {{"localize", 1.0}});
+  if (options.previous) add("localize previous", 0.06, {{"localize", 1.0}});
+  add("compare keep", 0.03, {{"compare", 1.0}});
+  return stages;
+}
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,100 @@
+#include <stillmap/mapping/rebuild.hpp>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace stillmap::mapping {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Json share(std::size_t part, std::size_t whole) {
+  return whole == 0 ? Json(nullptr) : Json(static_cast<double>(part) / static_cast<double>(whole));
+}
+
+Json answers_json(const HeldBackAnswers& answers) {
+  return {{"queries", answers.queries},
+          {"found", answers.found},
+          {"success_rate", share(answers.found, answers.queries)},
+          {"false_ok_rate", share(answers.false_ok, answers.queries)},
+          {"status", {{"ok", answers.ok}, {"degraded", answers.degraded}, {"lost", answers.lost}}}};
+}
+
+Json figures_json(const RebuildReport& report) {
+  Json json;
+  json["map"] = answers_json(report.answers);
+  json["keep"] = answers_json(report.keep_answers);
+  json["previous"] = report.previous_answers ? answers_json(*report.previous_answers) : Json();
+  json["static_loss"] = number(report.figures.static_loss);
+  json["static_points"] = report.static_points;
+  json["static_points_lost"] = report.static_points_lost;
+  const auto& previous = report.figures.previous;
+  json["new_lost"] = previous ? Json(previous->new_lost) : Json();
+  json["driven_coverage"] = previous ? number(previous->driven_coverage) : Json();
+  json["ground_coverage"] = previous ? number(previous->ground_coverage) : Json();
+  return json;
+}
+
+Json limits_json(const GateLimits& limits) {
+  return {{"least_queries", limits.least_queries},
+          {"least_found_in_keep", limits.least_found_in_keep},
+          {"found_below_keep", limits.found_below_keep},
+          {"new_lost", limits.new_lost},
+          {"static_loss", limits.static_loss},
+          {"driven_coverage", limits.driven_coverage},
+          {"ground_coverage", limits.ground_coverage},
+          {"first_found", limits.first_found}};
+}
+
+Json checks_json(const GateVerdict& verdict) {
+  Json checks = Json::array();
+  for (const GateCheck& check : verdict.checks)
+    checks.push_back({{"name", check.name},
+                      {"found", number(check.found)},
+                      {"limit", number(check.limit)},
+                      {"passed", check.passed},
+                      {"words", check.words}});
+  return checks;
+}
+
+}  // namespace
+
+std::string to_json(const RebuildReport& report, const RebuildOptions& options) {
+  Json json;
+  json["verdict"] = report.verdict.passed ? "pass" : "fail";
+  json["reasons"] = report.verdict.reasons;
+  json["warnings"] = report.warnings;
+  json["digest"] = report.digest;
+  json["keep_digest"] = report.keep_digest;
+  json["previous_digest"] =
+      report.previous_digest.empty() ? Json(nullptr) : Json(report.previous_digest);
+  json["held_back"] = {{"from", options.held_back ? "drive" : "every_nth"},
+                       {"every", options.held_back ? Json(nullptr) : Json(options.held_back_every)},
+                       {"scans", report.answers.queries},
+                       {"prior_error_m", kGatePriorErrorM},
+                       {"prior_error_deg", kGatePriorErrorDeg},
+                       {"seed", std::to_string(kGateSeed)}};
+  json["figures"] = figures_json(report);
+  json["checks"] = checks_json(report.verdict);
+  json["limits"] = limits_json(options.limits);
+  json["map_bytes"] = report.map_bytes;
+  json["work_bytes"] = report.work_bytes;
+  json["stage_seconds"] = report.stage_seconds;
+  json["resumed_stages"] = report.resumed_stages;
+  json["peak_rss_mib"] = report.peak_rss_mib;
+  return json.dump(2);
+}
+
+std::string to_json(const RebuildEstimate& estimate) {
+  Json json;
+  json["bytes"] = estimate.bytes();
+  json["package_bytes"] = estimate.package_bytes;
+  json["work_bytes"] = estimate.work_bytes;
+  json["scans"] = estimate.scans;
+  json["points"] = estimate.points;
+  return json.dump(2);
+}
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <stillmap/mapping/map_build.hpp>
+
+#include <CLI/CLI.hpp>
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace stillmap::mapper {
+
+/// What `build` and `rebuild` are asked for in words.
+struct BuildArguments {
+  std::vector<std::filesystem::path> drives;
+  std::string select = "::";
+  std::string movable;
+  std::string ground_height;
+  std::string preset = "default";
+  std::string fusion = "on";
+  std::string fill = "on";
+  std::string loops = "on";
+  std::optional<std::string> pose_sigma;
+  mapping::MapBuildOptions options;
+};
+
+/// Adds the drives and every option of a map.
+void add_build_options(CLI::App& command, BuildArguments& arguments);
+
+/// What the words mean, into `arguments.options`. The preset speaks first, so that a word given
+/// beside it is heard. @throws std::invalid_argument naming the option.
+void read_words(BuildArguments& arguments, const CLI::App& command);
+
+}  // namespace stillmap::mapper

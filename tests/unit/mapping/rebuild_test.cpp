@@ -1,0 +1,222 @@
+#include <stillmap/mapping/rebuild.hpp>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_package.hpp>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "small_drive.hpp"
+#include "support/throws.hpp"
+
+namespace stillmap::mapping {
+namespace {
+
+namespace fs = std::filesystem;
+using test::ThrowsSaying;
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+/// A drive of 2.5 s and 15 m past a car, between walls.
+class RebuildTest : public ::testing::Test {
+ protected:
+  static constexpr std::size_t kScans = 26;
+
+  RebuildTest() {
+    // Buttresses: what tells places along the walls apart, and no detector takes for a vehicle.
+    double x_m = -14.0;
+    for (int i = 0; i < 9; ++i) {
+      small_.world.boxes.push_back({{x_m, 6.2, 0.0}, {x_m + 0.8, 8.0, 5.0}});
+      small_.world.boxes.push_back({{x_m + 1.7, -8.0, 0.0}, {x_m + 2.6, -6.0, 5.0}});
+      x_m += 3.5 + 0.6 * (i % 3);
+    }
+    small_.pattern.columns = 300;
+    drive_ = write_drive("drive", 0.0);
+    options_.drives = {drive_};
+    options_.map = folder_.path() / "new";
+    options_.work = folder_.path() / "work";
+    options_.build.threads = 1;
+    options_.build.detector = "geometric";
+    options_.build.voxel_size_m = 0.2;
+    options_.held_back_every = 6;
+    options_.limits.least_queries = 1;
+  }
+
+  fs::path write_drive(const std::string& name, double y_m) const {
+    std::string poses;
+    for (std::size_t i = 0; i < kScans; ++i) {
+      const Eigen::Isometry3d T = test::pose_at(0.6 * static_cast<double>(i), y_m, 0.0);
+      folder_.write(fmt::format("{}/{:06}.bin", name, i),
+                    test::bin_of(small_.world.scan(T, small_.pattern)));
+      poses += test::kitti_line(T);
+    }
+    folder_.write(name + "/poses.txt", poses);
+    return folder_.path() / name;
+  }
+
+  RebuildReport rebuild(const ProgressCallback& progress = {}) {
+    cancel_ = false;
+    return rebuild_map(options_, progress, cancel_);
+  }
+  /// Cancels at the first sign of a stage.
+  void cancel_at(const std::string& at) {
+    const ProgressCallback cancelling = [&](std::string_view stage, std::size_t, std::size_t) {
+      if (stage == at) cancel_ = true;
+    };
+    EXPECT_THROW((void)rebuild(cancelling), Cancelled) << at;
+    EXPECT_FALSE(fs::exists(options_.map)) << at;
+  }
+  /// What must not depend on where a rebuild was interrupted.
+  [[nodiscard]] std::string result(const RebuildReport& report) const {
+    auto json = nlohmann::json::parse(to_json(report, options_));
+    for (const char* key : {"stage_seconds", "resumed_stages", "peak_rss_mib", "work_bytes"})
+      EXPECT_EQ(json.erase(key), 1U) << key;
+    return json.dump();
+  }
+
+  test::TemporaryFolder folder_;
+  test::SmallDrive small_;
+  fs::path drive_;
+  RebuildOptions options_;
+  CancelFlag cancel_{false};
+};
+
+TEST_F(RebuildTest, MakesAMapAndJudgesIt) {
+  const RebuildReport report = rebuild();
+  EXPECT_EQ(maps::MapPackage::open(options_.map)->digest(), report.digest);
+  EXPECT_THAT(maps::MapPackage::open(options_.map)->verify(), IsEmpty());
+  EXPECT_EQ(report.answers.queries, 4U);
+  EXPECT_EQ(report.answers.found, 4U);
+  EXPECT_EQ(report.answers.status.size(), 4U);
+  EXPECT_NE(report.keep_digest, report.digest);
+  EXPECT_GT(report.static_points, 1000U);
+  EXPECT_LT(report.figures.static_loss, 0.02);
+  EXPECT_TRUE(report.verdict.passed) << to_json(report, options_);
+  EXPECT_FALSE(report.figures.previous);
+  EXPECT_THAT(report.warnings, ElementsAre(HasSubstr("judged by scans of the drives")));
+}
+
+TEST_F(RebuildTest, GoesOnFromEveryStageToTheSameResult) {
+  const std::string whole = result(rebuild());
+  fs::remove_all(options_.map);
+  fs::remove_all(options_.work);
+  for (const std::string at :
+       {"map: survey", "map: place", "map: tiles", "keep: place", "keep: tiles",
+        "localize map: localize", "localize keep: localize", "compare keep: compare"})
+    cancel_at(at);
+  const RebuildReport report = rebuild();
+  EXPECT_EQ(result(report), whole);
+  EXPECT_THAT(report.resumed_stages, ElementsAre("map", "keep", "localize map", "localize keep"));
+}
+
+TEST_F(RebuildTest, DoesTheFirstPassOnceForBothMaps) {
+  std::set<std::string> stages;
+  (void)rebuild([&](std::string_view stage, std::size_t, std::size_t) { stages.emplace(stage); });
+  EXPECT_THAT(stages, Contains("map: survey"));
+  EXPECT_THAT(stages, Contains("keep: resume"));
+  EXPECT_FALSE(stages.contains("keep: survey"));
+  for (const StageShare& each : rebuild_stages(options_)) stages.erase(each.stage);
+  EXPECT_THAT(stages, IsEmpty()) << "stages that no plan knows";
+}
+
+TEST_F(RebuildTest, SaysTheSameAgainWhenItIsDone) {
+  const std::string whole = result(rebuild());
+  EXPECT_EQ(result(rebuild()), whole);
+  fs::remove_all(options_.work);
+  EXPECT_THAT([&] { (void)rebuild(); },
+              ThrowsSaying<maps::InputError>({options_.map.string(), "existing"}));
+}
+
+TEST_F(RebuildTest, ComparesWithThePreviousVersion) {
+  const RebuildReport first = rebuild();
+  options_.previous = options_.map;
+  options_.map = folder_.path() / "newer";
+  const RebuildReport second = rebuild();
+  EXPECT_EQ(second.previous_digest, first.digest);
+  ASSERT_TRUE(second.figures.previous);
+  EXPECT_EQ(second.figures.previous->driven_coverage, 1.0);
+  EXPECT_EQ(second.figures.previous->ground_coverage, 1.0);
+  EXPECT_EQ(second.figures.previous->new_lost, 0U);
+  EXPECT_TRUE(second.verdict.passed) << to_json(second, options_);
+  EXPECT_THAT(second.warnings, Contains(HasSubstr("work of another rebuild was thrown away")));
+}
+
+TEST_F(RebuildTest, DoesNotPassAMapOfHalfTheStreet) {
+  (void)rebuild();
+  options_.previous = options_.map;
+  options_.map = folder_.path() / "newer";
+  options_.build.selection.end = 8;
+  options_.build.max_range_m = 8.0;
+  const RebuildReport report = rebuild();
+  EXPECT_FALSE(report.verdict.passed);
+  EXPECT_LT(report.figures.previous->driven_coverage, 0.95);
+}
+
+TEST_F(RebuildTest, AsksForTheScansOfAnotherDrive) {
+  options_.held_back = write_drive("another", 0.7);
+  const RebuildReport report = rebuild();
+  EXPECT_EQ(report.answers.queries, kScans);
+  EXPECT_EQ(report.answers.found, kScans);
+  EXPECT_EQ(maps::MapPackage::open(options_.map)->manifest().counts.at("scans"), kScans);
+  EXPECT_THAT(report.warnings, IsEmpty());
+}
+
+TEST_F(RebuildTest, RefusesADriveToJudgeByWhosePosesMeanNothing) {
+  options_.held_back = write_drive("another", 0.7);
+  fs::remove(*options_.held_back / "poses.txt");
+  EXPECT_THAT([&] { (void)rebuild(); },
+              ThrowsSaying<maps::InputError>({"another", "without poses"}));
+  options_.held_back = drive_;
+  options_.build.odometry = "default";
+  EXPECT_THAT([&] { (void)rebuild(); }, ThrowsSaying<maps::InputError>({"estimated"}));
+  EXPECT_FALSE(fs::exists(options_.work));
+}
+
+TEST_F(RebuildTest, WorksInNoFolderOfOthers) {
+  folder_.write("work/thesis.tex", "do not lose");
+  EXPECT_THAT([&] { (void)rebuild(); }, ThrowsSaying<maps::InputError>({"work", "other things"}));
+  EXPECT_TRUE(fs::exists(options_.work / "thesis.tex"));
+}
+
+TEST_F(RebuildTest, JudgesAgainByOtherLimitsWithoutBuildingAgain) {
+  (void)rebuild();
+  options_.limits.least_queries = 100;
+  const RebuildReport report = rebuild();
+  EXPECT_FALSE(report.verdict.passed);
+  EXPECT_THAT(report.resumed_stages, Contains("map"));
+}
+
+TEST_F(RebuildTest, DoesAStageAgainWhoseResultWasSpoiled) {
+  const std::string whole = result(rebuild());
+  const fs::path remembered = options_.work / "localize map.done";
+  ASSERT_TRUE(fs::exists(remembered));
+  std::ofstream(remembered, std::ios::app) << "x";
+  const RebuildReport report = rebuild();
+  EXPECT_EQ(result(report), whole);
+  EXPECT_THAT(report.resumed_stages, Not(Contains("localize map")));
+}
+
+TEST_F(RebuildTest, EstimatesFromScansAndPoints) {
+  const RebuildEstimate estimate = estimate_rebuild(options_);
+  EXPECT_EQ(estimate.scans, kScans);
+  const std::uint64_t points = maps::Drive::open(drive_).read(0).points_in_file * kScans;
+  EXPECT_NEAR(static_cast<double>(estimate.points), static_cast<double>(points),
+              0.2 * static_cast<double>(points));
+  const RebuildEstimate twice = estimate_rebuild(2 * estimate.scans, 2 * estimate.points, 0.2);
+  EXPECT_GT(twice.bytes(), estimate.bytes());
+  EXPECT_EQ(twice.bytes(), twice.package_bytes + twice.work_bytes);
+  EXPECT_GE(estimate_rebuild(10, 1'000'000, 0.1).bytes(),
+            estimate_rebuild(10, 1'000'000, 0.4).bytes());
+  EXPECT_THROW((void)estimate_rebuild(1, 1, 0.0), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace stillmap::mapping
