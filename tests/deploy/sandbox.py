@@ -1,14 +1,17 @@
 #!/usr/bin/env python3
 """Runs a command under the system call filters that a systemd unit asks for, without systemd as process 1.
 
-usage: sandbox.py UNIT COMMAND [ARGUMENT...]
+usage: sandbox.py [--state FOLDER] UNIT COMMAND [ARGUMENT...]
+
+With --state (root only) the command also sees the file system as the unit says it: only FOLDER and a fresh /tmp take writes
+(ProtectSystem=strict, PrivateTmp=), /proc shows processes alone (ProcSubset=pid).
 
 Made as systemd makes them (its src/shared/seccomp-util.c): the same library, and the lists of `systemd-analyze syscall-filter`.
 A call that is not let through ends the process by SIGSYS, also where the unit says SystemCallErrorNumber=, so that none goes
 unseen. No capabilities, as the unit says. Exit code 77 where libseccomp or systemd-analyze is not there.
 
 Understood: SystemCallFilter, MemoryDenyWriteExecute, RestrictAddressFamilies, RestrictNamespaces, RestrictRealtime,
-RestrictSUIDSGID, LockPersonality, NoNewPrivileges, UMask. Not done here: what needs mounts (ProtectSystem= and its like).
+RestrictSUIDSGID, LockPersonality, NoNewPrivileges, UMask.
 """
 
 import ctypes
@@ -31,7 +34,7 @@ PERSONALITY_ASK = 0xFFFFFFFF
 SET_ID_BITS = (0o4000, 0o2000)
 # Which argument of a call holds the mode.
 MODE_ARGUMENTS = {"chmod": 1, "fchmod": 1, "fchmodat": 2, "mkdir": 1, "mkdirat": 2, "mknod": 1, "mknodat": 2}
-HIGHEST_PLAIN_POLICY_EXCLUSIVE = (1, 2, 6)  # SCHED_FIFO, SCHED_RR, SCHED_DEADLINE
+REAL_TIME_POLICIES = (1, 2, 6)  # SCHED_FIFO, SCHED_RR, SCHED_DEADLINE
 
 
 class Comparison(ctypes.Structure):
@@ -111,7 +114,7 @@ def deny_arguments(denied, unit):
             denied.rule(KILL, "unshare", (0, MASKED_EQUAL, flag, flag))
             denied.rule(KILL, "clone", (0, MASKED_EQUAL, flag, flag))
     if says("RestrictRealtime"):
-        for policy in HIGHEST_PLAIN_POLICY_EXCLUSIVE:
+        for policy in REAL_TIME_POLICIES:
             denied.rule(KILL, "sched_setscheduler", (1, EQUAL, policy, 0))
     if says("RestrictSUIDSGID"):
         for call, argument in MODE_ARGUMENTS.items():
@@ -123,7 +126,10 @@ def deny_arguments(denied, unit):
 
 def confine(unit):
     """Puts this process, and all that it starts, under the unit's filters."""
-    library = ctypes.CDLL("libseccomp.so.2")
+    try:
+        library = ctypes.CDLL("libseccomp.so.2")
+    except OSError as error:
+        raise FileNotFoundError(str(error)) from error
     library.seccomp_init.restype = ctypes.c_void_p
     denied = Filter(library, ALLOW)
     deny_arguments(denied, unit)
@@ -143,21 +149,46 @@ def confine(unit):
 
 
 def drop_capabilities():
-    PR_CAPBSET_DROP, last = 24, int(pathlib.Path("/proc/sys/kernel/cap_last_cap").read_text())
-    libc = ctypes.CDLL(None, use_errno=True)
-    for capability in range(last + 1):
+    PR_CAPBSET_DROP, more_than_there_are = 24, 64
+    libc = ctypes.CDLL(None)
+    for capability in range(more_than_there_are):
         libc.prctl(PR_CAPBSET_DROP, capability, 0, 0, 0)
 
 
+def mount(source, target, kind, flags, options=None):
+    libc = ctypes.CDLL(None, use_errno=True)
+    encoded = [each and str(each).encode() for each in (source, target, kind)]
+    if libc.mount(*encoded, ctypes.c_ulong(flags), options and options.encode()) != 0:
+        number = ctypes.get_errno()
+        raise PermissionError(number, f"mount {target}: {os.strerror(number)}")
+
+
+def narrow_file_system(state):
+    CLONE_NEWNS, MS_RDONLY, MS_REMOUNT, MS_BIND, MS_REC, MS_PRIVATE = 0x20000, 1, 32, 4096, 16384, 1 << 18
+    if ctypes.CDLL(None).unshare(CLONE_NEWNS) != 0:
+        raise PermissionError("unshare: not permitted")
+    mount(None, "/", None, MS_REC | MS_PRIVATE)
+    mount(state, state, None, MS_BIND)
+    mount("tmpfs", "/tmp", "tmpfs", 0)
+    mount(None, "/", None, MS_REMOUNT | MS_BIND | MS_RDONLY)
+    mount("proc", "/proc", "proc", 0, "subset=pid,hidepid=2")
+    os.chdir(state)
+
+
 def main():
+    state = sys.argv[2] if sys.argv[1] == "--state" else None
+    if state:
+        del sys.argv[1:3]
     unit = directives(sys.argv[1])
     try:
+        for line in unit["SystemCallFilter"]:  # asked before /proc and /tmp change
+            allowed_calls([line])
+        if state:
+            narrow_file_system(state)
         confine(unit)
-    except (FileNotFoundError, OSError) as error:
-        if isinstance(error, FileNotFoundError) or "libseccomp" in str(error):
-            print(f"skipped: {error}", file=sys.stderr)
-            sys.exit(SKIPPED)
-        raise
+    except (FileNotFoundError, PermissionError) as error:
+        print(f"skipped: {error}", file=sys.stderr)
+        sys.exit(SKIPPED)
     os.execvp(sys.argv[2], sys.argv[2:])
 
 
