@@ -49,9 +49,8 @@ set(CPACK_DEBIAN_PACKAGE_RELEASE 1)
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PACKAGE_PRIORITY optional)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
-# What postinst calls. `stillmap build` is the mapper, in the same package.
-set(CPACK_DEBIAN_PACKAGE_DEPENDS
-  "init-system-helpers, systemd | systemd-standalone-sysusers | systemd-sysusers")
+# postinst calls systemd-sysusers.
+set(CPACK_DEBIAN_PACKAGE_DEPENDS "systemd | systemd-standalone-sysusers | systemd-sysusers")
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${deploy}/package/postinst ${deploy}/package/prerm ${deploy}/package/postrm
   ${deploy}/package/conffiles)
