@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <chrono>
 #include <exception>
-#include <stdexcept>
 
 namespace stillmap::server {
 namespace {
@@ -63,7 +62,7 @@ std::vector<ServedVersion> MapCatalog::active() const {
   const std::scoped_lock lock(mutex_);
   std::vector<ServedVersion> each;
   each.reserve(active_.size());
-  for (const auto& [map, active] : active_) each.push_back(slots_.at(active.serving).served);
+  for (const auto& [map, active] : active_) each.push_back(slots_.at({map, active.serving}).served);
   return each;
 }
 
@@ -71,7 +70,7 @@ std::vector<ServedVersion> MapCatalog::waiting() const {
   const std::scoped_lock lock(mutex_);
   std::vector<ServedVersion> each;
   for (const auto& [map, active] : active_)
-    if (active.wanted != active.serving) each.push_back(slots_.at(active.wanted).served);
+    if (active.wanted != active.serving) each.push_back(slots_.at({map, active.wanted}).served);
   return each;
 }
 
@@ -80,7 +79,7 @@ ServedVersion MapCatalog::find(std::string_view map) const {
     const std::scoped_lock lock(mutex_);
     const auto found = active_.find(map);
     if (found != active_.end()) {
-      const ServedVersion& served = slots_.at(found->second.serving).served;
+      const ServedVersion& served = slots_.at({found->first, found->second.serving}).served;
       if (!served.package) throw unusable(served);
       return served;
     }
@@ -91,7 +90,10 @@ ServedVersion MapCatalog::find(std::string_view map) const {
 }
 
 ServedVersion MapCatalog::find(std::string_view map, std::string_view version) {
-  ServedVersion served = open(key_of(map, version));
+  const Key key(map, version);
+  // It may be open still and yet be removed.
+  (void)store_.state().version(map, version);
+  ServedVersion served = open(key);
   if (!served.package) throw unusable(served);
   return served;
 }
@@ -102,7 +104,7 @@ ServedVersion MapCatalog::ready(std::string_view map, std::optional<std::string_
   if (served.state == MapState::kFailed) throw unusable(served);
   {
     const std::scoped_lock lock(mutex_);
-    const auto slot = slots_.find({served.map, served.version, served.package->digest()});
+    const auto slot = slots_.find({served.map, served.version});
     if (slot != slots_.end() && slot->second.served.state == MapState::kOpened)
       slot->second.served.state = MapState::kLoading;
   }
@@ -114,19 +116,19 @@ ServedVersion MapCatalog::ready(std::string_view map, std::optional<std::string_
 
 maps::StoredMap MapCatalog::activate(std::string_view map, std::string_view version,
                                      std::optional<std::int64_t> revision, bool new_frame) {
-  const Key key = key_of(map, version);
+  const Key key(map, version);
   const maps::StoredMap before = store_.state().map(map);
   const ServedVersion next = load(key);
   if (next.state != MapState::kReady) {
-    throw ApiError(ErrorCode::kMapUnusable,
-                   described(key.map, key.version) + " cannot be loaded; what was active stays so");
+    throw ApiError(ErrorCode::kMapUnusable, described(key.first, key.second) +
+                                                " cannot be loaded; what was active stays so");
   }
-  if (before.active && *before.active != key.version && !new_frame) {
-    const ServedVersion present = open(key_of(map, *before.active));
-    if (present.package &&
-        frame_name(store_, key.map, present.package) != frame_name(store_, key.map, next.package)) {
+  if (before.active && *before.active != key.second && !new_frame) {
+    const ServedVersion present = open({key.first, *before.active});
+    if (present.package && frame_name(store_, key.first, present.package) !=
+                               frame_name(store_, key.first, next.package)) {
       throw ApiError(ErrorCode::kOtherFrame,
-                     described(key.map, key.version) + " is not known to be in the frame of " +
+                     described(key.first, key.second) + " is not known to be in the frame of " +
                          described(present.map, present.version) +
                          ", so positions may mean other places: build it with --register-to, or "
                          "say new_frame=true");
@@ -182,50 +184,44 @@ void MapCatalog::work(const std::stop_token& stop) {
 
 /// Serves what the store says is active, as soon as it is loaded.
 void MapCatalog::follow_store() {
-  std::map<std::string, Key, std::less<>> wanted;
+  std::map<std::string, std::string, std::less<>> wanted;
   for (const maps::StoredMap& map : store_.state().maps())
-    if (map.active) wanted.emplace(map.name, key_of(map.name, *map.active));
+    if (map.active) wanted.emplace(map.name, *map.active);
   {
     const std::scoped_lock lock(mutex_);
     std::erase_if(active_, [&](const auto& each) { return !wanted.contains(each.first); });
   }
-  for (const auto& [map, key] : wanted) follow(key);
+  for (const auto& [map, version] : wanted) follow(map, version);
   forget_unused();
 }
 
-void MapCatalog::follow(const Key& wanted) {
+void MapCatalog::follow(const std::string& map, const std::string& version) {
   {
     const std::scoped_lock lock(mutex_);
-    const auto known = active_.find(wanted.map);
-    if (known != active_.end() && known->second.wanted == wanted) return;
+    const auto known = active_.find(map);
+    if (known != active_.end() && known->second.wanted == version) return;
   }
-  (void)open(wanted);
+  (void)open({map, version});
   const std::scoped_lock lock(mutex_);
-  ServedVersion& served = slots_.at(wanted).served;
+  ServedVersion& served = slots_.at({map, version}).served;
   // One that failed before is tried again, since someone wants it again.
   if (served.state != MapState::kReady) served.state = MapState::kLoading;
-  Active& active = active_[wanted.map];
-  active.wanted = wanted;
+  Active& active = active_[map];
+  active.wanted = version;
   // What is being served goes on until the other is ready; without any, this one is loading.
-  if (active.serving.map.empty() || served.state == MapState::kReady) active.serving = wanted;
+  if (active.serving.empty() || served.state == MapState::kReady) active.serving = version;
   changed_.notify_all();
 }
 
 /// @throws StoreRefusal when the store knows no such version.
-MapCatalog::Key MapCatalog::key_of(std::string_view map, std::string_view version) const {
-  return {std::string(map), std::string(version), store_.state().version(map, version).digest};
-}
-
-/// @throws StoreRefusal when the store knows no such version.
 ServedVersion MapCatalog::opened(const Key& key) const {
-  ServedVersion served{.map = key.map, .version = key.version};
+  ServedVersion served{.map = key.first, .version = key.second};
   try {
-    served.package = store_.open(key.map, key.version);
-    if (served.package->digest() != key.digest) throw std::runtime_error("it was replaced");
+    served.package = store_.open(key.first, key.second);
   } catch (const maps::StoreRefusal&) {
     throw;
   } catch (const std::exception& error) {
-    spdlog::error("{} cannot be opened: {}", described(key.map, key.version), error.what());
+    spdlog::error("{} cannot be opened: {}", described(key.first, key.second), error.what());
     served.state = MapState::kFailed;
     served.failure = error.what();
   }
@@ -257,11 +253,11 @@ ServedVersion MapCatalog::load(const Key& key) {
     try {
       served.aligners = std::make_shared<const Aligners>(builder_(*served.package));
       served.state = MapState::kReady;
-      spdlog::info("{} is ready", described(key.map, key.version));
+      spdlog::info("{} is ready", described(key.first, key.second));
     } catch (const std::exception& error) {
       served.state = MapState::kFailed;
       served.failure = error.what();
-      spdlog::error("{} cannot be used: {}", described(key.map, key.version), error.what());
+      spdlog::error("{} cannot be used: {}", described(key.first, key.second), error.what());
     }
   }
   const std::scoped_lock lock(mutex_);
@@ -271,11 +267,11 @@ ServedVersion MapCatalog::load(const Key& key) {
 
 /// Under no lock: `key` is loaded, and serves from now on if the store wants it.
 void MapCatalog::serve(const Key& key) {
-  const maps::StoredMap stored = store_.state().map(key.map);
-  if (!stored.active || key_of(key.map, *stored.active) != key) return;
+  const std::string& map = key.first;
+  const maps::StoredMap stored = store_.state().map(map);
   const std::scoped_lock lock(mutex_);
-  if (!slots_.contains(key)) return;
-  active_.insert_or_assign(key.map, Active{.serving = key, .wanted = key});
+  if (!stored.active || *stored.active != key.second || !slots_.contains(key)) return;
+  active_.insert_or_assign(map, Active{.serving = key.second, .wanted = key.second});
 }
 
 void MapCatalog::note_failure(const Key& key, const std::string& why) {
@@ -311,8 +307,9 @@ std::optional<MapCatalog::Key> MapCatalog::next_to_load() const {
 
 /// Under the lock.
 bool MapCatalog::is_served(const Key& key) const {
-  const auto found = active_.find(key.map);
-  return found != active_.end() && (found->second.serving == key || found->second.wanted == key);
+  const auto found = active_.find(key.first);
+  return found != active_.end() &&
+         (found->second.serving == key.second || found->second.wanted == key.second);
 }
 
 }  // namespace stillmap::server

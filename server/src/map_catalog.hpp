@@ -13,6 +13,7 @@
 #include <string>
 #include <string_view>
 #include <thread>
+#include <utility>
 #include <vector>
 
 namespace stillmap::server {
@@ -80,25 +81,20 @@ class MapCatalog {
   void refresh();
 
  private:
-  /// With the digest, since a version that was removed may come again as something else.
-  struct Key {
-    std::string map, version, digest;
-    auto operator<=>(const Key&) const = default;
-  };
+  using Key = std::pair<std::string, std::string>;  // map, version
   struct Slot {
     ServedVersion served;
     std::uint64_t last_use = 0;
   };
   struct Active {
-    Key serving;
+    std::string serving;
     /// What the store says; becomes `serving` once it is loaded.
-    Key wanted;
+    std::string wanted;
   };
 
   void work(const std::stop_token& stop);
   void follow_store();
-  void follow(const Key& wanted);
-  [[nodiscard]] Key key_of(std::string_view map, std::string_view version) const;
+  void follow(const std::string& map, const std::string& version);
   [[nodiscard]] ServedVersion opened(const Key& key) const;
   ServedVersion open(const Key& key);
   ServedVersion load(const Key& key);

@@ -77,6 +77,7 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   add_map_routes(routes, context);
   add_version_routes(routes, context);
   add_package_routes(routes, context);
+  add_drive_routes(routes, context);
   add_tile_routes(routes, context);
   add_localize_routes(routes, context);
   add_batch_routes(routes, context);
@@ -116,14 +117,26 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
       metrics_(STILLMAP_VERSION),
       gatekeeper_(store.keys()),
       catalog_(store, std::move(builder)),
+      drives_(store),
+      uploads_(options_.uploads.max_open),
       workers_(worker_count(options_)),
       queue_(queue_limits(options_, workers_)),
       sessions_({.most = options_.sessions.max,
                  .idle = std::chrono::seconds(options_.sessions.idle_expiry_s),
                  .client_share = options_.client_share},
                 queue_),
-      context_{options_, live_,     workers_, store,     catalog_,
-               queue_,   sessions_, metrics_, stopping_, std::chrono::steady_clock::now()},
+      context_{options_,
+               live_,
+               workers_,
+               store,
+               drives_,
+               uploads_,
+               catalog_,
+               queue_,
+               sessions_,
+               metrics_,
+               stopping_,
+               std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)) {
   store_.set_quota(quota_of(options_.quotas));
   metrics_.add_reader([this] {
@@ -146,7 +159,11 @@ Router::Match Service::admit(HttpRequest& request) const {
   Router::Match match = router_.match(request.method, request.path);
   request.caller = gatekeeper_.admit(request, match.route->access, live_.current()->rate);
   if (match.route->reserve) {
-    request.reservation = match.route->reserve(request, match.parameters);
+    try {
+      request.reservation = match.route->reserve(request, match.parameters);
+    } catch (const maps::StoreRefusal& error) {
+      throw ApiError(code_of(error.reason()), error.what());
+    }
   }
   return match;
 }

@@ -40,6 +40,8 @@ class Service final : public RequestHandler {
   std::atomic<bool> stopping_ = false;
   mutable Gatekeeper gatekeeper_;
   mutable MapCatalog catalog_;
+  mutable maps::DriveStore drives_;
+  mutable UploadPlaces uploads_;
   int workers_;
   mutable AlignmentQueue queue_;
   mutable SessionTable sessions_;

@@ -88,12 +88,18 @@ HttpResponse get_content(const Context& context, const HttpRequest& request,
 }  // namespace
 
 void add_package_routes(std::vector<Route>& routes, const Context& context) {
-  routes.push_back({"PUT", "/v1/maps/{map}/versions/{version}",
-                    [&context](const HttpRequest& request, const PathParameters& path) {
-                      return put_version(context, request, path);
-                    },
-                    Access::kWrite, BodyKind::kStreamed,
-                    static_cast<std::uint64_t>(context.options.uploads.max_package_bytes)});
+  Route put{"PUT",
+            "/v1/maps/{map}/versions/{version}",
+            [&context](const HttpRequest& request, const PathParameters& path) {
+              return put_version(context, request, path);
+            },
+            Access::kWrite,
+            BodyKind::kStreamed,
+            static_cast<std::uint64_t>(context.options.uploads.max_package_bytes)};
+  put.reserve = [&context](const HttpRequest&, const PathParameters&) {
+    return context.uploads.take();
+  };
+  routes.push_back(std::move(put));
   routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/content",
                     [&context](const HttpRequest& request, const PathParameters& path) {
                       return get_content(context, request, path);
