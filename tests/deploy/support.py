@@ -88,12 +88,12 @@ class FolderTest(unittest.TestCase):
         program.communicate()
 
     def start_server(self, program, store, *arguments):
-        """The port, once the server listens."""
+        """Its port, once it listens, and its process."""
         server = self.start([program, "serve", "--store", store, "--port", "0", *arguments], stdout=subprocess.PIPE,
                             stderr=subprocess.DEVNULL, text=True)
         line = server.stdout.readline()
         self.assertIn("listening on", line)
-        return int(line.rsplit(":", 1)[1].rstrip("/\n"))
+        return int(line.rsplit(":", 1)[1].rstrip("/\n")), server
 
 
 def without_comments(path):
