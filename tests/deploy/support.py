@@ -27,7 +27,7 @@ def tool(name, tools=None):
     for folder in ("usr/sbin", "usr/bin"):
         path = pathlib.Path(tools or "/", folder, name)
         if path.exists():
-            return str(path)
+            return str(path.resolve())
     return shutil.which(name) or skip_program(f"no {name} in {tools or 'PATH'}: ./dev test gets it")
 
 
