@@ -67,8 +67,7 @@ def free_port():
 
 class FolderTest(unittest.TestCase):
     def setUp(self):
-        # Not below /tmp, which the sandbox hides.
-        temporary = tempfile.TemporaryDirectory(dir=os.environ.get("STILLMAP_TEST_FOLDER", "/var/tmp"))
+        temporary = tempfile.TemporaryDirectory()
         self.addCleanup(temporary.cleanup)
         self.folder = pathlib.Path(temporary.name)
 
