@@ -26,15 +26,22 @@ class Service final : public RequestHandler {
   /// Both at once, for a request that is complete.
   [[nodiscard]] HttpResponse handle(HttpRequest request) const;
   [[nodiscard]] Metrics& metrics() const { return metrics_; }
+  /// Options that may change while it runs; the others of these are not looked at.
+  /// @throws std::invalid_argument on broken options; those before stay in force.
+  void reload(const ServerOptions& options);
   /// From now on it is not ready, and says why.
   void set_stopping() { stopping_ = true; }
 
  private:
   ServerOptions options_;
+  OptionsHolder live_;
+  maps::PackageStore& store_;
   mutable Metrics metrics_;
   std::atomic<bool> stopping_ = false;
   mutable Gatekeeper gatekeeper_;
   mutable MapCatalog catalog_;
+  mutable maps::DriveStore drives_;
+  mutable UploadPlaces uploads_;
   int workers_;
   mutable AlignmentQueue queue_;
   mutable SessionTable sessions_;

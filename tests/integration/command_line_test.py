@@ -83,7 +83,7 @@ class CommandLine(unittest.TestCase):
         broken.write_bytes(b"x" * 1001)
         self.fails(1, "broken.bin: found 1001 bytes, expected", "localize", MAP, broken, "--prior", "0,0,0,0")
         self.fails(1, "expected", "inspect", self.folder)
-        self.fails(1, "town", "build", DRIVE, "-o", MAP)
+        self.fails(1, "existing path", "build", DRIVE, "-o", MAP)
 
     def test_reports_are_written_into_links_and_pipes_not_over_them(self):
         link, pipe = self.folder / "link.json", self.folder / "pipe.json"

@@ -55,7 +55,7 @@ class StoreCommands(unittest.TestCase):
         self.assertFalse(self.publish()["is_new"])
         self.does("store", "add", self.store, "town", "2", MAP)
         active = self.json("store", "activate", self.store, "town", "2")
-        self.assertEqual((active["active"], active["previous"], active["revision"]), ("2", "1", 2))
+        self.assertEqual((active["version"], active["previous_version"], active["revision"]), ("2", "1", 2))
         self.fails(1, "no version '3'", "store", "activate", self.store, "town", "3")
         self.fails(2, "'Town'", "store", "add", self.store, "Town", "1", MAP)
 

@@ -50,6 +50,17 @@ std::string receive(const ByteSource& source, std::uint64_t bytes, const fs::pat
   return hash.hex();
 }
 
+bool has_part(const std::vector<DrivePart>& parts, std::int64_t n) {
+  return std::any_of(parts.begin(), parts.end(), [&](const auto& part) { return part.n == n; });
+}
+
+void refuse_if_not_open(const StoredDrive& drive) {
+  if (drive.status == DriveStatus::kOpen) return;
+  throw StoreRefusal(
+      StoreRefusal::Reason::kDriveNotOpen,
+      "drive " + std::to_string(drive.id) + " is " + std::string(name_of(drive.status)));
+}
+
 /// A file that goes unless it was renamed.
 class Leftover {
  public:
@@ -71,6 +82,27 @@ class Leftover {
 
 }  // namespace
 
+/// While it lives nobody else changes this drive.
+class DriveStore::Busy {
+ public:
+  Busy(DriveStore& drives, std::int64_t id) : drives_(&drives), id_(id) {
+    std::unique_lock lock(drives_->mutex_);
+    drives_->changed_.wait(lock, [&] { return !drives_->busy_.contains(id_); });
+    drives_->busy_.insert(id_);
+  }
+  ~Busy() {
+    const std::scoped_lock lock(drives_->mutex_);
+    drives_->busy_.erase(id_);
+    drives_->changed_.notify_all();
+  }
+  Busy(const Busy&) = delete;
+  Busy& operator=(const Busy&) = delete;
+
+ private:
+  DriveStore* drives_;
+  std::int64_t id_;
+};
+
 DriveStore::DriveStore(PackageStore& store, DiskCalls& calls)
     : store_(store), calls_(&calls), drives_(store.folder() / kDrivesName) {
   if (!store_.read_only_because().empty()) return;
@@ -86,6 +118,18 @@ DriveStore::DriveStore(PackageStore& store, DiskCalls& calls)
 fs::path DriveStore::home(std::int64_t id) const { return drives_ / std::to_string(id); }
 fs::path DriveStore::folder(std::int64_t id) const { return home(id) / kContentName; }
 
+/// A name that nothing has, in the folder of the drive's parts.
+fs::path DriveStore::make_incoming(std::int64_t id) {
+  const DurableFiles files(*calls_);
+  const Busy busy(*this, id);
+  refuse_if_not_open(store_.drives().drive(id));
+  const fs::path parts = home(id) / kPartsName;
+  if (files.make_folder(home(id))) files.sync_folder(drives_);
+  if (files.make_folder(parts)) files.sync_folder(home(id));
+  const std::scoped_lock lock(mutex_);
+  return parts / (kIncoming + std::to_string(incoming_++));
+}
+
 DriveStore::Added DriveStore::add_part(std::int64_t id, std::int64_t n, std::uint64_t bytes,
                                        const ByteSource& source,
                                        const std::optional<std::string>& sha256,
@@ -94,38 +138,34 @@ DriveStore::Added DriveStore::add_part(std::int64_t id, std::int64_t n, std::uin
   const std::string name = "drive " + std::to_string(id) + " part " + std::to_string(n);
   if (n < 1 || n > DriveTable::kMostParts)
     throw std::invalid_argument(name + ": 1 to " + std::to_string(DriveTable::kMostParts));
-  if (drive.bytes + bytes > limits.bytes || bytes > limits.bytes)
-    throw InputError(name, std::to_string(drive.bytes + bytes) + " bytes of parts",
-                     "at most " + std::to_string(limits.bytes));
-  store_.check_quota(drive.map, bytes);
-  const DurableFiles files(*calls_);
-  const fs::path parts = home(id) / kPartsName;
-  fs::path incoming;
-  {
-    const std::scoped_lock lock(mutex_);
-    if (files.make_folder(home(id))) files.sync_folder(drives_);
-    if (files.make_folder(parts)) files.sync_folder(home(id));
-    incoming = parts / (kIncoming + std::to_string(incoming_++));
+  if (!has_part(store_.drives().parts(id), n)) {
+    if (bytes > limits.bytes || drive.bytes > limits.bytes - bytes)
+      throw InputError(name,
+                       std::to_string(bytes) + " bytes more than " + std::to_string(drive.bytes),
+                       "at most " + std::to_string(limits.bytes) + " in all");
+    store_.check_quota(drive.map, bytes);
   }
+  const DurableFiles files(*calls_);
+  const fs::path incoming = make_incoming(id);
   const Leftover leftover(incoming, files);
   const DrivePart part{
       .n = n, .sha256 = receive(source, bytes, incoming, name, files), .bytes = bytes};
   if (sha256 && *sha256 != part.sha256) throw InputError(name, "SHA-256 " + part.sha256, *sha256);
-  const std::scoped_lock lock(mutex_);
-  const std::vector<DrivePart> known = store_.drives().parts(id);
-  const bool is_new =
-      std::none_of(known.begin(), known.end(), [&](const DrivePart& each) { return each.n == n; });
+  const Busy busy(*this, id);
+  refuse_if_not_open(store_.drives().drive(id));
+  const bool is_new = !has_part(store_.drives().parts(id), n);
   if (is_new) {
+    const fs::path parts = home(id) / kPartsName;
     files.rename(incoming, parts / std::to_string(n));
     files.sync_folder(parts);
   }
-  // Refuses another digest, and a drive that is no longer open.
+  // Refuses another digest.
   store_.drives().add_part(id, part);
   return {part, is_new};
 }
 
 StoredDrive DriveStore::complete(std::int64_t id, const Limits& limits) {
-  const std::scoped_lock lock(mutex_);
+  const Busy busy(*this, id);
   const StoredDrive drive = store_.drives().drive(id);
   if (drive.status == DriveStatus::kOpen) {
     try {
@@ -142,7 +182,7 @@ StoredDrive DriveStore::complete(std::int64_t id, const Limits& limits) {
   return done;
 }
 
-/// Under the lock, of an open drive.
+/// Of an open drive that nobody else changes.
 void DriveStore::extract(std::int64_t id, const Limits& limits) {
   const DurableFiles files(*calls_);
   std::vector<fs::path> parts;
@@ -163,7 +203,7 @@ void DriveStore::extract(std::int64_t id, const Limits& limits) {
 }
 
 void DriveStore::remove(std::int64_t id) {
-  const std::scoped_lock lock(mutex_);
+  const Busy busy(*this, id);
   // Without a row it is nothing, so the rest may follow at the next open.
   store_.drives().remove(id);
   if (is_there(home(id))) DurableFiles(*calls_).remove_tree(home(id));

@@ -5,11 +5,14 @@
 #include "pose/alignment_queue.hpp"
 #include "pose/session_table.hpp"
 #include "router.hpp"
+#include "upload_places.hpp"
 
-#include <stillmap/server/server_options.hpp>
+#include <stillmap/maps/store/drive_store.hpp>
+#include <stillmap/server/options_holder.hpp>
 
 #include <atomic>
 #include <chrono>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -19,9 +22,14 @@ namespace stillmap::server {
 
 /// What the handlers work with; outlives them.
 struct Context {
+  /// As at the start.
   const ServerOptions& options;
+  /// In force now, for those that a reload changes.
+  const OptionsHolder& live;
   int workers;
   maps::PackageStore& store;
+  maps::DriveStore& drives;
+  UploadPlaces& uploads;
   MapCatalog& catalog;
   AlignmentQueue& queue;
   SessionTable& sessions;
@@ -41,6 +49,7 @@ void add_health_routes(std::vector<Route>& routes, const Context& context);
 void add_map_routes(std::vector<Route>& routes, const Context& context);
 void add_version_routes(std::vector<Route>& routes, const Context& context);
 void add_package_routes(std::vector<Route>& routes, const Context& context);
+void add_drive_routes(std::vector<Route>& routes, const Context& context);
 void add_tile_routes(std::vector<Route>& routes, const Context& context);
 void add_localize_routes(std::vector<Route>& routes, const Context& context);
 void add_batch_routes(std::vector<Route>& routes, const Context& context);
@@ -48,6 +57,10 @@ void add_session_routes(std::vector<Route>& routes, const Context& context);
 
 /// Whether the path's part of this name may name a map or a version. @throws ApiError if not.
 void check_name(const PathParameters& path, const std::string& part);
+/// A number as the store gives them to drives and jobs; nothing for any other text.
+[[nodiscard]] std::optional<std::int64_t> id_in(std::string_view text);
+/// Since 1970, UTC.
+[[nodiscard]] std::int64_t unix_ns();
 /// Whether one of the tags of If-None-Match is ours; `*` means any.
 [[nodiscard]] bool is_known_to_client(const std::string& if_none_match, const std::string& etag);
 /// The state of a map's active pointer, for If-Match.

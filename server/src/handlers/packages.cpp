@@ -59,8 +59,9 @@ HttpResponse put_version(const Context& context, const HttpRequest& request,
   BodyStream& body = *request.stream;
   const auto source = [&body](std::span<char> to) { return body.read(to); };
   return with_upload_errors(context.store.folder(), [&] {
-    const maps::PackageStore::Added added = context.store.add_archive(
-        map, version, source, map + "/" + version, limits_of(context.options.uploads), sha256);
+    const maps::PackageStore::Added added =
+        context.store.add_archive(map, version, source, map + "/" + version,
+                                  limits_of(context.live.current()->uploads), sha256);
     HttpResponse response = json_response(version_json(added.version), added.is_new ? 201 : 200);
     if (added.is_new)
       response.headers.emplace_back("Location", "/v1/maps/" + map + "/versions/" + version);
@@ -87,12 +88,18 @@ HttpResponse get_content(const Context& context, const HttpRequest& request,
 }  // namespace
 
 void add_package_routes(std::vector<Route>& routes, const Context& context) {
-  routes.push_back({"PUT", "/v1/maps/{map}/versions/{version}",
-                    [&context](const HttpRequest& request, const PathParameters& path) {
-                      return put_version(context, request, path);
-                    },
-                    Access::kWrite, BodyKind::kStreamed,
-                    static_cast<std::uint64_t>(context.options.uploads.max_package_bytes)});
+  Route put{"PUT",
+            "/v1/maps/{map}/versions/{version}",
+            [&context](const HttpRequest& request, const PathParameters& path) {
+              return put_version(context, request, path);
+            },
+            Access::kWrite,
+            BodyKind::kStreamed,
+            static_cast<std::uint64_t>(context.options.uploads.max_package_bytes)};
+  put.reserve = [&context](const HttpRequest&, const PathParameters&) {
+    return context.uploads.take();
+  };
+  routes.push_back(std::move(put));
   routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/content",
                     [&context](const HttpRequest& request, const PathParameters& path) {
                       return get_content(context, request, path);

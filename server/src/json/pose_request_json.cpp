@@ -1,6 +1,7 @@
 #include "pose_request_json.hpp"
 
 #include "api_error.hpp"
+#include "json/request_json.hpp"
 #include "pose/pose_checks.hpp"
 
 #include <fmt/format.h>
@@ -18,46 +19,8 @@ namespace {
 
 using nlohmann::json;
 
-/// Deepest nesting of any request is 3.
-constexpr int kMaxDepth = 8;
-
 json parse(std::string_view text, const ServerOptions& options) {
-  if (text.size() > options.max_json_bytes) {
-    throw field_error(ErrorCode::kPayloadTooLarge, "JSON", fmt::format("{} bytes", text.size()),
-                      fmt::format("at most {}", options.max_json_bytes));
-  }
-  const auto shallow = [](int depth, json::parse_event_t, const json&) {
-    if (depth > kMaxDepth)
-      throw field_error(ErrorCode::kInvalidRequest, "JSON", "deep nesting", "at most 8");
-    return true;
-  };
-  try {
-    return json::parse(text, shallow);
-  } catch (const json::exception& error) {
-    // Its message is "[json.exception...] parse error at line 1, column 8: ...".
-    throw ApiError(ErrorCode::kInvalidRequest, std::string("JSON: ") + error.what());
-  }
-}
-
-[[noreturn]] void refuse(const std::string& path, const json& found, const std::string& expected) {
-  std::string text = found.dump(-1, ' ', true, json::error_handler_t::replace);
-  if (text.size() > 80) text = text.substr(0, 80) + "...";
-  throw field_error(ErrorCode::kInvalidRequest, path, text, expected);
-}
-
-void require_keys(const json& object, const std::string& path,
-                  std::span<const std::string_view> known) {
-  if (!object.is_object()) refuse(path.empty() ? "JSON" : path, object, "an object");
-  std::string names;
-  for (const std::string_view name : known)
-    names += (names.empty() ? "" : ", ") + std::string(name);
-  for (const auto& item : object.items()) {
-    bool is_known = false;
-    for (const std::string_view name : known) is_known = is_known || item.key() == name;
-    if (is_known) continue;
-    throw field_error(ErrorCode::kUnknownParameter,
-                      path.empty() ? item.key() : path + "." + item.key(), "an unknown key", names);
-  }
+  return parse_request_json(text, options.max_json_bytes);
 }
 
 template <std::size_t kCount>
@@ -82,11 +45,6 @@ Eigen::Isometry3d read_pose(const json& object, ErrorCode code, const std::strin
   return checked_pose(read_numbers<3>(object, "position", path),
                       read_numbers<4>(object, "quaternion", path),
                       {code, path + ".position", path + ".quaternion"});
-}
-
-void require_keys(const json& object, const std::string& path,
-                  std::initializer_list<std::string_view> known) {
-  require_keys(object, path, std::span(known.begin(), known.size()));
 }
 
 std::optional<localization::Prior> read_prior(const json& request) {

@@ -3,10 +3,12 @@
 #include <stillmap/maps/store/archive.hpp>
 #include <stillmap/maps/store/package_store.hpp>
 
+#include <condition_variable>
 #include <cstdint>
 #include <filesystem>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 
@@ -56,14 +58,19 @@ class DriveStore {
 
  private:
   [[nodiscard]] std::filesystem::path home(std::int64_t id) const;
+  class Busy;
+  [[nodiscard]] std::filesystem::path make_incoming(std::int64_t id);
   void extract(std::int64_t id, const Limits& limits);
   void clear_leftovers();
 
   PackageStore& store_;
   DiskCalls* calls_;
   std::filesystem::path drives_;
-  /// Held while the table and the folders change together.
   std::mutex mutex_;
+  std::condition_variable changed_;
+  /// Drives of which row and folder are changing together, one at a time; others go on meanwhile,
+  /// since unpacking takes minutes.
+  std::set<std::int64_t> busy_;
   std::uint64_t incoming_ = 0;
 };
 

@@ -1,0 +1,168 @@
+#include "api_error.hpp"
+#include "content_digest.hpp"
+#include "context.hpp"
+#include "header_text.hpp"
+#include "json/drives_json.hpp"
+#include "upload_errors.hpp"
+
+#include <fmt/format.h>
+
+#include <stillmap/maps/store/store_refusal.hpp>
+
+#include <algorithm>
+#include <chrono>
+
+namespace stillmap::server {
+namespace {
+
+maps::DriveStore::Limits limits_of(const UploadOptions& options) {
+  maps::DriveStore::Limits limits;
+  limits.bytes = static_cast<std::uint64_t>(options.max_drive_bytes);
+  limits.archive.entries = static_cast<std::uint64_t>(options.max_entries);
+  limits.archive.ratio = options.max_unpacked_ratio;
+  limits.archive.total_bytes = limits.bytes;
+  return limits;
+}
+
+/// The drive that the path names, of the map that it names.
+maps::StoredDrive find_drive(const Context& context, const PathParameters& path) {
+  const std::string& text = path.at("drive");
+  const std::optional<std::int64_t> id = id_in(text);
+  if (id) {
+    maps::StoredDrive drive = context.store.drives().drive(*id);
+    if (drive.map == path.at("map")) return drive;
+  }
+  throw ApiError(ErrorCode::kUnknownDrive,
+                 fmt::format("map {} has no drive '{}'", path.at("map"), text));
+}
+
+/// What went wrong with it was said with places of this machine.
+maps::StoredDrive shown(const Context& context, maps::StoredDrive drive) {
+  drive.error = without_folder(std::move(drive.error), context.store.folder());
+  return drive;
+}
+
+HttpResponse answer_drive(const Context& context, const maps::StoredDrive& drive,
+                          int status = 200) {
+  return json_response(drive_json(shown(context, drive), context.store.drives().parts(drive.id)),
+                       status);
+}
+
+HttpResponse open_drive(const Context& context, const HttpRequest& request,
+                        const PathParameters& path) {
+  const std::string type = media_type(request.header("content-type"));
+  if (!request.body.empty() && type != "application/json") {
+    throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
+                      "application/json");
+  }
+  const std::string name = read_drive_json(request.body);
+  const maps::StoredDrive drive = context.store.drives().open(path.at("map"), name, unix_ns());
+  HttpResponse response = answer_drive(context, drive, 201);
+  response.headers.emplace_back("Location",
+                                fmt::format("/v1/maps/{}/drives/{}", drive.map, drive.id));
+  return response;
+}
+
+HttpResponse list_drives(const Context& context, const PathParameters& path) {
+  std::vector<maps::StoredDrive> drives = context.store.drives().of_map(path.at("map"));
+  for (maps::StoredDrive& drive : drives) drive = shown(context, std::move(drive));
+  return json_response(drive_list_json(drives));
+}
+
+std::int64_t part_number(const PathParameters& path) {
+  const std::string& text = path.at("part");
+  const std::optional<std::int64_t> n = id_in(text);
+  if (n && *n >= 1 && *n <= maps::DriveTable::kMostParts) return *n;
+  throw field_error(ErrorCode::kInvalidRequest, "part", "'" + text + "'",
+                    fmt::format("1 to {}", maps::DriveTable::kMostParts));
+}
+
+void check_drive_size(const Context& context, const maps::StoredDrive& drive, std::uint64_t more) {
+  const auto most = static_cast<std::uint64_t>(context.options.uploads.max_drive_bytes);
+  if (more <= most && drive.bytes <= most - more) return;
+  throw field_error(ErrorCode::kPayloadTooLarge, "drive",
+                    fmt::format("{} bytes and {} more", drive.bytes, more),
+                    fmt::format("at most {}", most));
+}
+
+HttpResponse put_part(const Context& context, const HttpRequest& request,
+                      const PathParameters& path) {
+  const maps::StoredDrive drive = find_drive(context, path);
+  const std::int64_t n = part_number(path);
+  const std::optional<std::string> sha256 = wanted_sha256(request);
+  BodyStream& body = *request.stream;
+  const std::vector<maps::DrivePart> parts = context.store.drives().parts(drive.id);
+  const bool known =
+      std::any_of(parts.begin(), parts.end(), [&](const auto& part) { return part.n == n; });
+  if (!known) check_drive_size(context, drive, body.size());
+  const auto source = [&body](std::span<char> to) { return body.read(to); };
+  return with_upload_errors(context.store.folder(), [&] {
+    const maps::DriveStore::Added added = context.drives.add_part(
+        drive.id, n, body.size(), source, sha256, limits_of(context.options.uploads));
+    return json_response(part_json(added.part), added.is_new ? 201 : 200);
+  });
+}
+
+HttpResponse complete_drive(const Context& context, const PathParameters& path) {
+  const maps::StoredDrive drive = find_drive(context, path);
+  return with_upload_errors(context.store.folder(), [&] {
+    return answer_drive(context,
+                        context.drives.complete(drive.id, limits_of(context.options.uploads)));
+  });
+}
+
+HttpResponse remove_drive(const Context& context, const PathParameters& path) {
+  context.drives.remove(find_drive(context, path).id);
+  return {.status = 204, .content_type = {}, .body = {}, .headers = {}};
+}
+
+/// Parts are large, and unpacking is slow: both take a place.
+void add_upload_routes(std::vector<Route>& routes, const Context& context) {
+  const auto reserve = [&context](const HttpRequest&, const PathParameters& path) {
+    static_cast<void>(find_drive(context, path));
+    return context.uploads.take();
+  };
+  Route part{"PUT",
+             "/v1/maps/{map}/drives/{drive}/parts/{part}",
+             [&context](const HttpRequest& request, const PathParameters& path) {
+               return put_part(context, request, path);
+             },
+             Access::kWrite,
+             BodyKind::kStreamed,
+             static_cast<std::uint64_t>(context.options.uploads.max_drive_bytes)};
+  Route complete{"POST", "/v1/maps/{map}/drives/{drive}/complete",
+                 [&context](const HttpRequest&, const PathParameters& path) {
+                   return complete_drive(context, path);
+                 },
+                 Access::kWrite};
+  for (Route* each : {&part, &complete}) {
+    each->reserve = reserve;
+    routes.push_back(std::move(*each));
+  }
+}
+
+}  // namespace
+
+void add_drive_routes(std::vector<Route>& routes, const Context& context) {
+  routes.push_back({"POST", "/v1/maps/{map}/drives",
+                    [&context](const HttpRequest& request, const PathParameters& path) {
+                      return open_drive(context, request, path);
+                    },
+                    Access::kWrite, BodyKind::kWhole});
+  routes.push_back(
+      {"GET", "/v1/maps/{map}/drives", [&context](const HttpRequest&, const PathParameters& path) {
+         return list_drives(context, path);
+       }});
+  routes.push_back({"GET", "/v1/maps/{map}/drives/{drive}",
+                    [&context](const HttpRequest&, const PathParameters& path) {
+                      return answer_drive(context, find_drive(context, path));
+                    }});
+  routes.push_back({"DELETE", "/v1/maps/{map}/drives/{drive}",
+                    [&context](const HttpRequest&, const PathParameters& path) {
+                      return remove_drive(context, path);
+                    },
+                    Access::kWrite});
+  add_upload_routes(routes, context);
+}
+
+}  // namespace stillmap::server

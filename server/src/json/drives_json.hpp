@@ -1,0 +1,21 @@
+#pragma once
+
+#include <stillmap/maps/store/drive_table.hpp>
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace stillmap::server {
+
+/// Reads `name?`: at most 200 bytes without control characters; an empty text says nothing.
+/// @return the name, or nothing. @throws ApiError with the path of what is wrong.
+[[nodiscard]] std::string read_drive_json(std::string_view text);
+
+[[nodiscard]] std::string part_json(const maps::DrivePart& part);
+[[nodiscard]] std::string drive_json(const maps::StoredDrive& drive,
+                                     const std::vector<maps::DrivePart>& parts);
+/// Without their parts.
+[[nodiscard]] std::string drive_list_json(const std::vector<maps::StoredDrive>& drives);
+
+}  // namespace stillmap::server

@@ -1,0 +1,61 @@
+#include "json/request_json.hpp"
+
+#include "api_error.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace stillmap::server {
+namespace {
+
+using nlohmann::json;
+
+/// Deepest nesting of any request is 3.
+constexpr int kMaxDepth = 8;
+
+}  // namespace
+
+json parse_request_json(std::string_view text, std::size_t max_bytes) {
+  if (text.size() > max_bytes) {
+    throw field_error(ErrorCode::kPayloadTooLarge, "JSON", fmt::format("{} bytes", text.size()),
+                      fmt::format("at most {}", max_bytes));
+  }
+  const auto shallow = [](int depth, json::parse_event_t, const json&) {
+    if (depth > kMaxDepth)
+      throw field_error(ErrorCode::kInvalidRequest, "JSON", "deep nesting", "at most 8");
+    return true;
+  };
+  try {
+    return json::parse(text, shallow);
+  } catch (const json::exception& error) {
+    // Its message is "[json.exception...] parse error at line 1, column 8: ...".
+    throw ApiError(ErrorCode::kInvalidRequest, std::string("JSON: ") + error.what());
+  }
+}
+
+void refuse(const std::string& path, const json& found, const std::string& expected) {
+  std::string text = found.dump(-1, ' ', true, json::error_handler_t::replace);
+  if (text.size() > 80) text = text.substr(0, 80) + "...";
+  throw field_error(ErrorCode::kInvalidRequest, path, text, expected);
+}
+
+void require_keys(const json& object, const std::string& path,
+                  std::span<const std::string_view> known) {
+  if (!object.is_object()) refuse(path.empty() ? "JSON" : path, object, "an object");
+  std::string names;
+  for (const std::string_view name : known)
+    names += (names.empty() ? "" : ", ") + std::string(name);
+  for (const auto& item : object.items()) {
+    if (std::find(known.begin(), known.end(), item.key()) != known.end()) continue;
+    throw field_error(ErrorCode::kUnknownParameter,
+                      path.empty() ? item.key() : path + "." + item.key(), "an unknown key", names);
+  }
+}
+
+void require_keys(const json& object, const std::string& path,
+                  std::initializer_list<std::string_view> known) {
+  require_keys(object, path, std::span(known.begin(), known.size()));
+}
+
+}  // namespace stillmap::server

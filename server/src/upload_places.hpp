@@ -1,0 +1,36 @@
+#pragma once
+
+#include "api_error.hpp"
+
+#include <atomic>
+#include <memory>
+#include <string>
+
+namespace stillmap::server {
+
+/// Places for uploads that are under way: each holds a connection, a buffer and the disk. Safe from
+/// several threads.
+class UploadPlaces {
+ public:
+  /// @param most  at one time.
+  explicit UploadPlaces(int most) : most_(most) {}
+  UploadPlaces(const UploadPlaces&) = delete;
+  UploadPlaces& operator=(const UploadPlaces&) = delete;
+
+  /// A place until it is let go; this outlives it. @throws ApiError kBusy.
+  [[nodiscard]] std::shared_ptr<void> take() {
+    if (taken_.fetch_add(1) >= most_) {
+      --taken_;
+      throw ApiError(ErrorCode::kBusy,
+                     std::to_string(most_) + " uploads are under way, and no more are taken")
+          .with_header("Retry-After", "5");
+    }
+    return {this, [](void* self) { --static_cast<UploadPlaces*>(self)->taken_; }};
+  }
+
+ private:
+  int most_;
+  std::atomic<int> taken_ = 0;
+};
+
+}  // namespace stillmap::server
