@@ -70,4 +70,11 @@ Router::Match Router::match(std::string_view method, std::string_view path) cons
       .with_header("Allow", joined(allowed));
 }
 
+std::vector<const Route*> Router::routes() const {
+  std::vector<const Route*> routes;
+  routes.reserve(entries_.size());
+  for (const Entry& entry : entries_) routes.push_back(&entry.route);
+  return routes;
+}
+
 }  // namespace stillmap::server

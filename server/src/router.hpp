@@ -60,6 +60,8 @@ class Router {
   /// @throws ApiError kUnknownRoute, or kMethodNotAllowed with the Allow header.
   [[nodiscard]] Match match(std::string_view method, std::string_view path) const;
 
+  [[nodiscard]] std::vector<const Route*> routes() const;
+
  private:
   struct Entry {
     Route route;

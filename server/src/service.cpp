@@ -67,6 +67,7 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   std::vector<Route> routes;
   add_health_routes(routes, context);
   add_map_routes(routes, context);
+  add_map_change_routes(routes, context);
   add_version_routes(routes, context);
   add_package_routes(routes, context);
   add_drive_routes(routes, context);
@@ -74,6 +75,8 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   add_localize_routes(routes, context);
   add_batch_routes(routes, context);
   add_session_routes(routes, context);
+  add_stats_routes(routes, context);
+  add_openapi_routes(routes);
   for (const WebAsset& asset : web) {
     // In a pattern a brace would stand for any name.
     if (asset.path.find('{') != std::string::npos) continue;
@@ -115,17 +118,8 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
                  .idle = std::chrono::seconds(options_.sessions.idle_expiry_s),
                  .client_share = options_.client_share},
                 queue_),
-      context_{options_,
-               workers_,
-               store,
-               drives_,
-               uploads_,
-               catalog_,
-               queue_,
-               sessions_,
-               metrics_,
-               stopping_,
-               std::chrono::steady_clock::now()},
+      context_{options_, workers_,  store,    drives_, uploads_,  catalog_,
+               queue_,   sessions_, metrics_, stats_,  stopping_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)) {
   metrics_.add_reader([this] {
     const AlignmentQueue::Figures figures = queue_.figures();

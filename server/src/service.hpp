@@ -25,6 +25,8 @@ class Service final : public RequestHandler {
                                     const Router::Match& match) const override;
   /// Both at once, for a request that is complete.
   [[nodiscard]] HttpResponse handle(HttpRequest request) const;
+  /// Everything that is served, in the order of the table.
+  [[nodiscard]] std::vector<const Route*> routes() const { return router_.routes(); }
   [[nodiscard]] Metrics& metrics() const { return metrics_; }
   /// From now on it is not ready, and says why.
   void set_stopping() { stopping_ = true; }
@@ -40,6 +42,7 @@ class Service final : public RequestHandler {
   int workers_;
   mutable AlignmentQueue queue_;
   mutable SessionTable sessions_;
+  mutable MapStats stats_;
   Context context_;
   Router router_;
 };
