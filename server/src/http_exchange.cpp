@@ -202,6 +202,9 @@ class HttpExchange::Library final : public httplib::Server {
       response = refuse(exchange, {ErrorCode::kInternalError, "the log says more"});
     }
     exchange.received();
+    // Free for others before the client hears the answer, and so may send its next request.
+    exchange.request.reservation.reset();
+    exchange.request.body = {};
     send(exchange, std::move(response), to);
   }
 

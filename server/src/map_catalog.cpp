@@ -91,14 +91,9 @@ ServedVersion MapCatalog::find(std::string_view map) const {
 
 ServedVersion MapCatalog::find(std::string_view map, std::string_view version) {
   const Key key(map, version);
-  const std::string digest = store_.state().version(map, version).digest;
+  // It may be open still and yet be removed.
+  (void)store_.state().version(map, version);
   ServedVersion served = open(key);
-  if (served.package && served.package->digest() != digest) {
-    // It was removed, and another came under its name.
-    const std::scoped_lock lock(mutex_);
-    if (!is_served(key)) slots_.erase(key);
-  }
-  if (served.package && served.package->digest() != digest) served = open(key);
   if (!served.package) throw unusable(served);
   return served;
 }

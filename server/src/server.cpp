@@ -7,6 +7,8 @@
 
 #include <exception>
 #include <optional>
+#include <stdexcept>
+#include <string>
 #include <thread>
 
 namespace stillmap::server {
@@ -15,6 +17,8 @@ struct Server::Parts {
   Parts(const ServerOptions& options, const std::filesystem::path& folder,
         const std::filesystem::path& web)
       : store(folder),
+        host(options.host),
+        allow_without_keys(options.allow_without_keys),
         service(options, store, build_aligners, read_web_assets(web)),
         http(main_endpoint(options), service, &service.metrics()),
         management(service) {
@@ -23,7 +27,17 @@ struct Server::Parts {
     }
   }
 
-  maps::PackageStore store;
+  /// Whoever reaches a server without keys may do everything.
+  void require_keys() const {
+    if (is_loopback(host) || allow_without_keys || !store.keys().list().empty()) return;
+    throw std::invalid_argument("host: found " + host +
+                                " and a store without keys, expected a loopback address, a key "
+                                "(stillmap keys create), or --allow-without-keys");
+  }
+
+  mutable maps::PackageStore store;
+  std::string host;
+  bool allow_without_keys;
   Service service;
   HttpServer http;
   Management management;
@@ -37,6 +51,7 @@ Server::Server(const ServerOptions& options, const std::filesystem::path& store,
 Server::~Server() = default;
 
 int Server::bind() {
+  parts_->require_keys();
   const int port = parts_->http.bind();
   if (parts_->management_http) parts_->management_port = parts_->management_http->bind();
   return port;
@@ -69,6 +84,8 @@ void Server::run() {
   }
   end_management();
 }
+
+void Server::reload(const ServerOptions& options) { parts_->service.reload(options); }
 
 void Server::stop() {
   parts_->service.set_stopping();

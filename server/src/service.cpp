@@ -25,6 +25,14 @@ ServerOptions checked(const ServerOptions& options) {
   return options;
 }
 
+/// 0 means none.
+maps::StoreQuota quota_of(const QuotaOptions& options) {
+  maps::StoreQuota quota;
+  if (options.map_bytes > 0) quota.map_bytes = static_cast<std::uint64_t>(options.map_bytes);
+  if (options.store_bytes > 0) quota.store_bytes = static_cast<std::uint64_t>(options.store_bytes);
+  return quota;
+}
+
 int worker_count(const ServerOptions& options) {
   if (options.workers > 0) return options.workers;
   return static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
@@ -107,6 +115,8 @@ void set_map_figures(Metrics& metrics, const MapCatalog& catalog) {
 Service::Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
                  const std::vector<WebAsset>& web)
     : options_(checked(options)),
+      live_(options_),
+      store_(store),
       metrics_(STILLMAP_VERSION),
       gatekeeper_(store.keys()),
       catalog_(store, std::move(builder)),
@@ -118,9 +128,21 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
                  .idle = std::chrono::seconds(options_.sessions.idle_expiry_s),
                  .client_share = options_.client_share},
                 queue_),
-      context_{options_, workers_,  store,    drives_, uploads_,  catalog_,
-               queue_,   sessions_, metrics_, stats_,  stopping_, std::chrono::steady_clock::now()},
+      context_{options_,
+               live_,
+               workers_,
+               store,
+               drives_,
+               uploads_,
+               catalog_,
+               queue_,
+               sessions_,
+               metrics_,
+               stats_,
+               stopping_,
+               std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)) {
+  store_.set_quota(quota_of(options_.quotas));
   metrics_.add_reader([this] {
     const AlignmentQueue::Figures figures = queue_.figures();
     metrics_.set_workers(static_cast<std::size_t>(figures.running),
@@ -132,9 +154,14 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
   });
 }
 
+void Service::reload(const ServerOptions& options) {
+  live_.replace(options);
+  store_.set_quota(quota_of(options.quotas));
+}
+
 Router::Match Service::admit(HttpRequest& request) const {
   Router::Match match = router_.match(request.method, request.path);
-  request.caller = gatekeeper_.admit(request, match.route->access, options_.rate);
+  request.caller = gatekeeper_.admit(request, match.route->access, live_.current()->rate);
   if (match.route->reserve) {
     try {
       request.reservation = match.route->reserve(request, match.parameters);

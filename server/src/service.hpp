@@ -28,11 +28,16 @@ class Service final : public RequestHandler {
   /// Everything that is served, in the order of the table.
   [[nodiscard]] std::vector<const Route*> routes() const { return router_.routes(); }
   [[nodiscard]] Metrics& metrics() const { return metrics_; }
+  /// Options that may change while it runs; the others of these are not looked at.
+  /// @throws std::invalid_argument on broken options; those before stay in force.
+  void reload(const ServerOptions& options);
   /// From now on it is not ready, and says why.
   void set_stopping() { stopping_ = true; }
 
  private:
   ServerOptions options_;
+  OptionsHolder live_;
+  maps::PackageStore& store_;
   mutable Metrics metrics_;
   std::atomic<bool> stopping_ = false;
   mutable Gatekeeper gatekeeper_;

@@ -37,6 +37,12 @@ CREATE TABLE condemned (
 ) STRICT, WITHOUT ROWID;
 )",
     R"(
+CREATE TABLE retired (
+  map TEXT NOT NULL,
+  version TEXT NOT NULL,
+  digest TEXT NOT NULL,
+  PRIMARY KEY (map, version)
+) STRICT, WITHOUT ROWID;
 CREATE TABLE keys (
   id TEXT PRIMARY KEY NOT NULL,
   name TEXT NOT NULL,

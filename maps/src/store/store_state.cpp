@@ -52,6 +52,16 @@ void refuse_if_in_use(SqliteDatabase& database, std::string_view map) {
     throw StoreRefusal(Reason::kInUse, "job " + job.text(0) + " is for map " + in_quotes(map));
 }
 
+/// Whoever has kept an answer about a version keeps it for ever, so its name means one thing for
+/// ever.
+void refuse_retired(SqliteDatabase& database, std::string_view map, const StoredVersion& version) {
+  SqliteStatement row(database, "SELECT digest FROM retired WHERE map = ? AND version = ?");
+  if (!row.bind(map).bind(version.name).step() || row.text(0) == version.digest) return;
+  throw StoreRefusal(Reason::kOtherDigest, "version " + in_quotes(version.name) + " of map " +
+                                               in_quotes(map) + " was removed and was " +
+                                               row.text(0));
+}
+
 }  // namespace
 
 struct StoreState::Inner {
@@ -156,8 +166,10 @@ void StoreState::remove_map(std::string_view name, WhenActive when_active) {
   refuse_if_in_use(database, name);
   std::set<std::string> digests;
   for (const StoredVersion& version : versions_of(database, name)) digests.insert(version.digest);
-  for (const char* sql : {"UPDATE maps SET active = NULL, previous = NULL WHERE name = ?",
-                          "DELETE FROM versions WHERE map = ?", "DELETE FROM maps WHERE name = ?"})
+  for (const char* sql :
+       {"UPDATE maps SET active = NULL, previous = NULL WHERE name = ?",
+        "INSERT OR IGNORE INTO retired SELECT map, name, digest FROM versions WHERE map = ?",
+        "DELETE FROM versions WHERE map = ?", "DELETE FROM maps WHERE name = ?"})
     SqliteStatement(database, sql).bind(name).step();
   for (const std::string& digest : digests) condemn_unused(database, digest);
   writing.commit();
@@ -172,6 +184,7 @@ bool StoreState::add_version(std::string_view map, const StoredVersion& version,
     throw StoreRefusal(Reason::kOtherDigest, "version " + in_quotes(version.name) + " of map " +
                                                  in_quotes(map) + " is " + known->digest);
   }
+  refuse_retired(database, map, version);
   refuse_over_quota(database, quota, map, version.bytes, version.digest);
   insert_map(database, map, version.created_ns);
   SqliteStatement(database, "INSERT INTO versions VALUES (?, ?, ?, ?, ?)")
@@ -224,10 +237,10 @@ void StoreState::remove_version(std::string_view map, std::string_view version) 
       .bind(map)
       .bind(version)
       .step();
-  SqliteStatement(database, "DELETE FROM versions WHERE map = ? AND name = ?")
-      .bind(map)
-      .bind(version)
-      .step();
+  for (const char* sql : {"INSERT OR IGNORE INTO retired SELECT map, name, digest FROM versions "
+                          "WHERE map = ? AND name = ?",
+                          "DELETE FROM versions WHERE map = ? AND name = ?"})
+    SqliteStatement(database, sql).bind(map).bind(version).step();
   condemn_unused(database, gone.digest);
   writing.commit();
 }

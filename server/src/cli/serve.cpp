@@ -82,6 +82,7 @@ void reload_all(const server::ConfigSources& sources, const Reloaded& parts) {
       spdlog::error("configuration not reloaded: {}", each.text());
     }
     parts.log.reopen(parts.options.current()->log);
+    parts.server.reload(*parts.options.current());
     parts.server.reload_certificate();
     if (report.problems.empty()) {
       spdlog::info(

@@ -39,7 +39,7 @@ std::size_t scan_number(const std::string& name, std::size_t queries) {
 }
 
 Batch read_multipart(const Context& context, const HttpRequest& request) {
-  const auto most_parts = static_cast<std::size_t>(context.options.batch.max_scans) + 1;
+  const auto most_parts = static_cast<std::size_t>(context.live.current()->batch.max_scans) + 1;
   const std::vector<MultipartPart> parts =
       split_multipart(request.header("content-type"), request.body, most_parts);
   if (parts.empty() || parts.front().name != "request") {
@@ -157,7 +157,7 @@ void add_batch_routes(std::vector<Route>& routes, const Context& context) {
         require_ready(context, path);
         const auto scans = static_cast<int>(1 + body_bytes(context, request) / kUsualScanBytes);
         return reserve_room(context, request, WorkKind::kNearPrior,
-                            std::min(scans, context.options.batch.max_scans));
+                            std::min(scans, context.live.current()->batch.max_scans));
       });
     };
     routes.push_back(std::move(route));

@@ -9,7 +9,7 @@
 #include "upload_places.hpp"
 
 #include <stillmap/maps/store/drive_store.hpp>
-#include <stillmap/server/server_options.hpp>
+#include <stillmap/server/options_holder.hpp>
 
 #include <atomic>
 #include <chrono>
@@ -23,7 +23,10 @@ namespace stillmap::server {
 
 /// What the handlers work with; outlives them.
 struct Context {
+  /// As at the start.
   const ServerOptions& options;
+  /// In force now, for those that a reload changes.
+  const OptionsHolder& live;
   int workers;
   maps::PackageStore& store;
   maps::DriveStore& drives;

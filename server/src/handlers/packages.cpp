@@ -66,8 +66,9 @@ HttpResponse put_version(const Context& context, const HttpRequest& request,
   BodyStream& body = *request.stream;
   const auto source = [&body](std::span<char> to) { return body.read(to); };
   return with_upload_errors(context.store.folder(), [&] {
-    const maps::PackageStore::Added added = context.store.add_archive(
-        map, version, source, map + "/" + version, limits_of(context.options.uploads), sha256);
+    const maps::PackageStore::Added added =
+        context.store.add_archive(map, version, source, map + "/" + version,
+                                  limits_of(context.live.current()->uploads), sha256);
     HttpResponse response = json_response(version_json(added.version), added.is_new ? 201 : 200);
     if (added.is_new)
       response.headers.emplace_back("Location", "/v1/maps/" + map + "/versions/" + version);

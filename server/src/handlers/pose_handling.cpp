@@ -131,7 +131,7 @@ void finish_answer(const Context& context, const HttpRequest& request, PoseAnswe
 
 void note_clock_skew(const Context& context, PoseAnswer& answer) {
   const auto& stamp_ns = answer.parameters.stamp_ns;
-  const double allowed_s = context.options.max_clock_skew_s;
+  const double allowed_s = context.live.current()->max_clock_skew_s;
   if (!stamp_ns || allowed_s == 0.0) return;
   answer.clock_skew_s = clock_skew_s(*stamp_ns, std::chrono::system_clock::now(),
                                      std::chrono::duration<double>(allowed_s));

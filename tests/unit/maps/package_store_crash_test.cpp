@@ -2,16 +2,15 @@
 
 #include <stillmap/maps/error.hpp>
 
-#include <exception>
-#include <fstream>
+#include <algorithm>
 #include <functional>
-#include <iterator>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "support/disk_calls.hpp"
 #include "support/disk_model.hpp"
+#include "support/store_contents.hpp"
 #include "support/stored_packages.hpp"
 #include "support/tar_bytes.hpp"
 #include "support/temporary_folder.hpp"
@@ -21,41 +20,19 @@ namespace stillmap::maps {
 namespace {
 
 namespace fs = std::filesystem;
+using ::stillmap::test::contents_of;
 using ::stillmap::test::DiskModel;
 using ::stillmap::test::FailingCalls;
 using ::stillmap::test::Fault;
 using ::stillmap::test::memory_folder;
 using ::stillmap::test::RecordedCall;
 using ::stillmap::test::RecordingCalls;
+using ::stillmap::test::tar_of;
 using ::stillmap::test::TemporaryFolder;
 using ::stillmap::test::UnsyncedCalls;
 using ::stillmap::test::write_package;
 using ::testing::IsEmpty;
 using Kind = DiskCall::Kind;
-
-/// All that a store has acknowledged, as text.
-std::string contents_of(const PackageStore& store) {
-  std::string text;
-  for (const StoredMap& map : store.state().maps()) {
-    text += map.name + "@" + std::to_string(map.revision) + " active " +
-            map.active.value_or("none") + " previous " + map.previous.value_or("none");
-    for (const StoredVersion& version : store.state().versions(map.name))
-      text += " " + version.name + "=" + version.digest.substr(0, 6);
-    text += "\n";
-    for (const StoredDrive& drive : store.state().drives().of_map(map.name))
-      text += "drive " + drive.name + " " + std::string(name_of(drive.status)) + " " +
-              std::to_string(drive.bytes) + "\n";
-  }
-  for (const ApiKey& key : store.state().keys().list())
-    text += "key " + key.name + (key.revoked_ns ? " revoked\n" : "\n");
-  for (const StoredJob& job : store.state().jobs().list({}, 10).jobs)
-    text += "job " + std::to_string(job.id) + " " + std::string(name_of(job.status)) + " " +
-            job.stage + " " + std::to_string(job.attempts) +
-            (job.cancel_requested ? " asked\n" : "\n");
-  for (const AuditRecord& record : store.state().audit().list(10).records)
-    text += "audit " + record.subject + "\n";
-  return text;
-}
 
 /// What a store is put through, and what it holds after each step.
 class StoreScenarioTest : public ::testing::Test {
@@ -135,41 +112,10 @@ class StoreScenarioTest : public ::testing::Test {
     return contents;
   }
 
-  /// Opens what is left of a store.
-  /// @return what is wrong: something acknowledged is lost, something else is there, or a package
-  /// is broken; empty when all is well.
   [[nodiscard]] std::string problem_of(const fs::path& folder, std::size_t acknowledged,
                                        const std::vector<std::string>& expected) const {
-    UnsyncedCalls calls;
-    try {
-      PackageStore store(folder, calls);
-      const std::string contents = contents_of(store);
-      const std::size_t next = std::min(acknowledged + 1, expected.size() - 1);
-      if (contents != expected[acknowledged] && contents != expected[next])
-        return "found\n" + contents + "expected\n" + expected[acknowledged];
-      if (!store.verify().empty()) return store.verify().front().what;
-      if (!store.not_cleared_because().empty()) return store.not_cleared_because();
-      store.gc();
-      if (!store.unnamed_packages().empty()) return "packages that no version names";
-      store.add("later", "a", sources_ / "2");
-      store.activate("later", "a");
-      if (!store.verify().empty()) return "after adding: " + store.verify().front().what;
-      return {};
-    } catch (const std::exception& error) {
-      return error.what();
-    }
-  }
-
-  /// A package's files as entries of a tar.
-  static std::string tar_of(const fs::path& package, const std::string& prefix) {
-    std::string tar;
-    for (const auto& entry : fs::recursive_directory_iterator(package)) {
-      if (!entry.is_regular_file()) continue;
-      std::ifstream stream(entry.path(), std::ios::binary);
-      const std::string bytes(std::istreambuf_iterator<char>(stream), {});
-      tar += test::tar_file(prefix + entry.path().lexically_relative(package).string(), bytes);
-    }
-    return tar;
+    const std::size_t next = std::min(acknowledged + 1, expected.size() - 1);
+    return test::problem_of(folder, expected[acknowledged], expected[next], sources_ / "2");
   }
 
   TemporaryFolder folder_{memory_folder()};

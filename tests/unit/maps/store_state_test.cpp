@@ -78,6 +78,17 @@ TEST_F(StoreStateTest, AddsTheSameVersionOnceAndRefusesAnotherDigest) {
   EXPECT_THAT(state.versions("town"), ElementsAre(version("a", '1')));
 }
 
+TEST_F(StoreStateTest, NameOfARemovedVersionIsGoodForTheSamePackageOnly) {
+  StoreState state(file_, unsynced_);
+  state.add_version("town", version("a", '1'));
+  state.remove_version("town", "a");
+  expect_refused(Reason::kOtherDigest, [&] { state.add_version("town", version("a", '2')); });
+  EXPECT_TRUE(state.add_version("town", version("a", '1')));
+  state.remove_map("town");
+  expect_refused(Reason::kOtherDigest, [&] { state.add_version("town", version("a", '2')); });
+  EXPECT_TRUE(state.add_version("depot", version("a", '2')));
+}
+
 TEST_F(StoreStateTest, RefusesWhatIsNotThere) {
   StoreState state(file_, unsynced_);
   expect_refused(Reason::kUnknownMap, [&] { state.activate("town", "a"); });

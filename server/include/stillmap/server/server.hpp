@@ -25,7 +25,8 @@ class Server {
   Server& operator=(const Server&) = delete;
 
   /// Takes the port, and the management port if there is one. @return its number.
-  /// @throws std::runtime_error when it is taken or not allowed.
+  /// @throws std::runtime_error when it is taken or not allowed; std::invalid_argument when others
+  /// than this machine would reach a store without keys, unless `allow_without_keys` is set.
   int bind();
   /// @return number of the management port; -1 when there is none, or before `bind`.
   [[nodiscard]] int management_port() const;
@@ -37,6 +38,9 @@ class Server {
   /// The same after `DrainOptions::delay_s`, in which everything is answered still; `/readyz` is
   /// 503 from now on. Returns at once; `run` returns when it is done.
   void drain();
+  /// Puts those options in force that may change while it runs.
+  /// @throws std::invalid_argument on broken options; those before stay in force.
+  void reload(const ServerOptions& options);
   /// Reads the TLS certificate and its key again, for connections to come.
   /// @throws maps::InputError when they cannot be used; the old ones then stay.
   void reload_certificate();

@@ -102,7 +102,8 @@ class StoreState {
   void check_quota(const StoreQuota& quota, std::string_view map, std::uint64_t more_bytes,
                    std::string_view digest = {}) const;
 
-  /// Makes the map with it when it is new.
+  /// Makes the map with it when it is new. The name of a removed version is good for the same
+  /// package only.
   /// @return false when the same is there already. @throws StoreRefusal kOtherDigest, kOverQuota.
   bool add_version(std::string_view map, const StoredVersion& version,
                    const StoreQuota& quota = {});

@@ -1,0 +1,283 @@
+#!/usr/bin/env python3
+"""Lets each system call of uploading, activating, rolling back, removing and making keys fail once, by libfiu, and looks
+at what is there afterwards: all that was acknowledged, nothing half, a server that goes on or has said why not.
+
+usage: faults.py --program STILLMAP --packages TINY_PACKAGES --injector NTH_CALL.SO [--sample N] [--seed 1]
+
+Without --sample every call is failed in every way.
+"""
+
+import argparse
+import collections
+import errno
+import itertools
+import mmap
+import pathlib
+import random
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+
+from serving import LOCALIZE, Server, leftovers, make_key, make_packages, run
+from store_model import MapModel
+
+POSIX_PRELOAD = "/usr/lib/fiu/fiu_posix_preload.so"
+# As in nth_call.cpp. What a call may fail with; 0 for a short one.
+POINTS = [
+    ("posix/io/oc/open", (errno.EIO, errno.ENOSPC)), ("posix/io/rw/pwrite", (errno.EIO, errno.ENOSPC)),
+    ("posix/io/rw/pwrite/reduce", (0,)), ("posix/io/rw/write", (errno.EIO, errno.ENOSPC)),
+    ("posix/io/rw/write/reduce", (0,)), ("posix/io/rw/ftruncate", (errno.EIO,)),
+    ("posix/io/sync/fsync", (errno.EIO, errno.ENOSPC)), ("posix/io/sync/fdatasync", (errno.EIO, errno.ENOSPC)),
+    ("posix/io/dir/rename", (errno.EIO, errno.ENOSPC)), ("posix/io/dir/unlink", (errno.EIO,)),
+    ("posix/io/dir/opendir", (errno.EIO,)), ("posix/io/rw/pread", (errno.EIO,)), ("posix/io/rw/read", (errno.EIO,)),
+    ("posix/mm/mmap", (errno.ENOMEM,)), ("stillmap/mkdir", (errno.EIO, errno.ENOSPC)), ("stillmap/rmdir", (errno.EIO,)),
+    ("stillmap/linkat", (errno.EIO,))]
+OPERATIONS = ["add", "activate", "roll_back", "remove", "add by command", "activate by command", "make a key", "start"]
+NEVER = 2**62
+READY_WITHIN_S = 10.0
+
+
+class Wrong(Exception):
+    """The store or the server is not as it must be."""
+
+
+def expect(condition, *what):
+    if not condition:
+        raise Wrong(" ".join(str(each) for each in what))
+
+
+class Injector:
+    """What nth_call.cpp reads: which call of which point fails."""
+
+    def __init__(self, file, library):
+        file.write_bytes(bytes(40))
+        with open(file, "r+b") as opened:
+            self.shared = mmap.mmap(opened.fileno(), 40)
+        self.environment = {"STILLMAP_NTH_CALL": str(file), "LD_PRELOAD": f"{library}:{POSIX_PRELOAD}"}
+        self.disarm()
+
+    def arm(self, point, error, n):
+        self.shared[:] = struct.pack("5q", n, 0, 0, error, point)
+
+    def disarm(self):
+        """@return calls made and whether one failed, since it was armed."""
+        _, made, failed, _, _ = struct.unpack("5q", self.shared)
+        self.shared[:] = struct.pack("5q", NEVER, 0, 0, 0, len(POINTS))
+        return made, failed == 1
+
+
+class Trials:
+    def __init__(self, arguments, folder):
+        self.program = arguments.program
+        self.packages, self.scan = make_packages(arguments.packages, folder / "packages", 3)
+        self.store, self.log = folder / "store", folder / "server.log"
+        self.store.mkdir()
+        self.injector = Injector(folder / "nth_call", arguments.injector)
+        self.headers = {"Authorization": "Bearer " + make_key(self.program, self.store)}
+        self.keys = {"soak"}
+        self.model = MapModel("town")
+        self.made = itertools.count(1)
+        self.ends = collections.Counter()
+        self.server = None
+        self.restart()
+
+    # The server
+
+    def restart(self):
+        """Kills the server and starts another, which must find everything."""
+        if self.server and self.server.process.poll() is None:
+            self.server.kill()
+        self.server = Server(self.program, self.store, self.log, environment=self.injector.environment)
+        expect(self.server.listen(), "did not listen:", self.last_words())
+        self.server.wait_ready(READY_WITHIN_S)
+
+    def last_words(self):
+        return self.log.read_text()[-600:]
+
+    def change(self, change, fault=None):
+        """Asks for a change over HTTP. @return the answer's status; 0 when none came."""
+        base, kind = f"/v1/maps/{self.model.name}", change[0]
+        method, path, body, headers = {
+            "add": lambda: ("PUT", f"{base}/versions/{change[1]}", self.package(change[2]).tar,
+                            self.package(change[2]).headers),
+            "activate": lambda: ("POST", f"{base}/versions/{change[1]}/activate?new_frame=true", b"", {}),
+            "roll_back": lambda: ("POST", f"{base}/rollback?new_frame=true", b"", {}),
+            "remove": lambda: ("DELETE", f"{base}/versions/{change[1]}", None, {})}[kind]()
+        try:
+            response = self.server.ask(method, path, body, {**headers, **self.headers})
+        except OSError:
+            return 0
+        if response.status >= 400:
+            expect(response.json and response.json.get("code"), change, "was refused without words:", response.body)
+            expect(response.status >= 500, change, "was refused:", response.body)
+        return response.status
+
+    def package(self, digest):
+        return next(each for each in self.packages if each.digest == digest)
+
+    # What must be there for an operation to be possible
+
+    def make(self, *change):
+        status = self.change(change)
+        expect(status in (200, 201, 204), change, "without any fault is answered", status, self.last_words())
+        self.model = self.model.after(change)
+
+    def prepare(self, operation):
+        """@return the change that the operation is to make, or nothing."""
+        model = self.model
+        if operation in ("make a key", "start"):
+            return None
+        if "add" in operation:
+            digest = self.packages[2].digest
+            for version in [name for name in model.versions if model.versions[name] == digest]:
+                if version == self.model.active:
+                    self.make("activate", next(name for name in model.versions if model.versions[name] != digest))
+                self.make("remove", version)
+            return ("add", f"v{next(self.made)}", digest)
+        while len(self.model.versions) < 2:
+            self.make("add", f"v{next(self.made)}", self.packages[len(self.model.versions)].digest)
+        if self.model.active is None:
+            self.make("activate", min(self.model.versions))
+        other = next(name for name in sorted(self.model.versions) if name != self.model.active)
+        if operation == "roll_back" and self.model.previous is None:
+            self.make("activate", other)
+        if operation == "remove" and len(self.model.versions) < 3:
+            other = f"v{next(self.made)}"
+            self.make("add", other, self.packages[2].digest)
+        return (operation.split()[0], other) if operation != "roll_back" else ("roll_back",)
+
+    def command(self, *arguments):
+        """Runs the command line under the injector. @return whether it did what it was asked for."""
+        done = run(self.program, *arguments, env={**self.injector.environment, "PATH": "/usr/bin:/bin"})
+        if done.returncode != 0:
+            expect(done.returncode == 1 and done.stderr.startswith("stillmap: "), arguments, done.returncode, done.stderr)
+        return done.returncode == 0
+
+    def perform(self, operation, change):
+        """@return whether it was acknowledged."""
+        if operation == "make a key":
+            name = f"key {next(self.made)}"
+            done = self.command("keys", "create", name, "--store", self.store, "--scope", "read")
+            listed = run(self.program, "keys", "list", "--store", self.store).stdout
+            expect(not done or name in listed, "a key is lost")
+            return done
+        if operation == "start":
+            self.server.kill()
+            self.server = Server(self.program, self.store, self.log, environment=self.injector.environment)
+            if self.server.listen():
+                time.sleep(0.1)
+                return True
+            expect(self.server.end() == 1, "ended with", self.server.process.returncode, self.last_words())
+            expect("stillmap: " in self.last_words(), "ended without words:", self.last_words())
+            return False
+        if operation == "add by command":
+            return self.command("store", "add", self.store, self.model.name, change[1], self.package(change[2]).folder)
+        if operation == "activate by command":
+            return self.command("store", "activate", self.store, self.model.name, change[1])
+        return 200 <= self.change(change) < 300
+
+    # One trial
+
+    def count(self, operation, point):
+        """@return how many calls of the point the operation makes when nothing fails."""
+        change = self.prepare(operation)
+        self.injector.arm(point, 0, NEVER)
+        done = self.perform(operation, change)
+        made, _ = self.injector.disarm()
+        expect(done, operation, "failed without any fault:", self.last_words())
+        self.settle(change, done)
+        return made
+
+    def fail(self, operation, point, error, n):
+        change = self.prepare(operation)
+        self.injector.arm(point, error, n)
+        done = self.perform(operation, change)
+        _, failed = self.injector.disarm()
+        if not failed:
+            self.ends["not reached"] += 1
+        elif done:
+            self.ends["done all the same"] += 1
+        elif self.server.process.poll() is not None:
+            self.ends["ended in words"] += 1
+        else:
+            self.ends["refused"] += 1
+        self.settle(change, done)
+        # As it goes on, and as the next one finds it.
+        if failed and (not done or n % 4 == 0):
+            self.restart()
+            self.settle(None, False)
+            expect(not leftovers(self.store), "half packages:", leftovers(self.store))
+            verified = run(self.program, "store", "verify", self.store)
+            expect(verified.returncode == 0, "verify:", verified.stdout, verified.stderr)
+            self.check_pose()
+
+    def settle(self, change, done):
+        """Compares the store with what was acknowledged; what was not may have happened or not."""
+        if self.server.process.poll() is not None:
+            expect("stillmap: " in self.last_words(), "the server ended without words:", self.last_words())
+            self.restart()
+        response = self.server.ask("GET", f"/v1/maps/{self.model.name}/versions", headers=self.headers)
+        found = MapModel.facts_of(response.json) if response.status == 200 else None
+        allowed = [] if change and done else [self.model]
+        if change:
+            allowed.append(self.model.after(change))
+        for model in allowed:
+            if found == model.facts():
+                self.model = model
+                return
+        raise Wrong(f"the store holds {found}, expected {[model.facts() for model in allowed]}, {response.body[:300]}")
+
+    def check_pose(self):
+        if not self.model.active:
+            return
+        response = self.server.ask("POST", f"/v1/maps/{self.model.name}/localize?{LOCALIZE}", self.scan,
+                                   {"Content-Type": "application/octet-stream", **self.headers})
+        expect(response.status == 200 and response.json["status"] == "ok", "no pose:", response.status, response.body[:300])
+        expect(response.json["map"]["version"] == self.model.active, "served:", response.json["map"])
+
+
+def all_trials(trials):
+    for operation, (point, (_, errors)) in itertools.product(OPERATIONS, enumerate(POINTS)):
+        calls = trials.count(operation, point)
+        for error, n in itertools.product(errors, range(calls)):
+            yield operation, point, error, n
+
+
+def main():
+    parser = argparse.ArgumentParser(usage=__doc__)
+    parser.add_argument("--program", required=True)
+    parser.add_argument("--packages", required=True)
+    parser.add_argument("--injector", required=True)
+    parser.add_argument("--sample", type=int)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--operation", choices=OPERATIONS, action="append")
+    arguments = parser.parse_args()
+    global OPERATIONS
+    OPERATIONS = arguments.operation or OPERATIONS
+    folder = pathlib.Path(tempfile.mkdtemp(prefix="faults-"))
+    trials = Trials(arguments, folder)
+    done, now = 0, None
+    try:
+        plan = list(all_trials(trials)) if arguments.sample else all_trials(trials)
+        if arguments.sample:
+            plan = random.Random(arguments.seed).sample(plan, min(arguments.sample, len(plan)))
+        for operation, point, error, n in plan:
+            now = f"{operation}, call {n} of {POINTS[point][0]}, {errno.errorcode.get(error, 'short')}"
+            trials.fail(operation, point, error, n)
+            done += 1
+    except (Wrong, TimeoutError, OSError, subprocess.SubprocessError) as error:
+        print(f"{now}: {error}\nstore and log are in {folder}", file=sys.stderr)
+        return 1
+    finally:
+        if trials.server.process.poll() is None:
+            trials.server.kill()
+    print(f"{done} calls failed, nothing was lost:", dict(trials.ends))
+    shutil.rmtree(folder)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,125 @@
+"""A server of a test's own, and the packages that the soak tests publish."""
+
+import base64
+import hashlib
+import http.client
+import io
+import json
+import os
+import pathlib
+import signal
+import subprocess
+import tarfile
+import time
+
+
+class Package:
+    """A small map as a tar, its digest, and what a client sends to be sure of it."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.digest = hashlib.sha256((folder / "manifest.json").read_bytes()).hexdigest()
+        buffer = io.BytesIO()
+        with tarfile.open(fileobj=buffer, mode="w") as tar:
+            for file in sorted(folder.rglob("*")):
+                if file.is_file():
+                    tar.add(file, arcname=str(file.relative_to(folder)))
+        self.tar = buffer.getvalue()
+        sha256 = base64.b64encode(hashlib.sha256(self.tar).digest()).decode()
+        self.headers = {"Content-Type": "application/x-tar", "Content-Digest": f"sha-256=:{sha256}:"}
+
+
+def make_packages(maker, folder, count):
+    """@return the packages, and a scan of their street as the bytes of a request."""
+    subprocess.run([maker, folder, str(count)], check=True, timeout=120)
+    return [Package(folder / str(i + 1)) for i in range(count)], (folder / "scan.bin").read_bytes()
+
+
+LOCALIZE = "prior_t=60,0.3,1.8&prior_q=0,0,0,1"
+
+
+class Server:
+    """`stillmap serve` in a process group of its own, so that what it starts can be killed with it."""
+
+    def __init__(self, program, store, log, prefix=(), environment=None, options=()):
+        self.started = time.monotonic()
+        self.log = open(log, "a")
+        self.process = subprocess.Popen(
+            [*prefix, program, "serve", "--store", str(store), "--port", "0", *options], stdout=subprocess.PIPE,
+            stderr=self.log, text=True, start_new_session=True, env={**os.environ, **(environment or {})})
+        self.port = 0
+
+    def listen(self):
+        """@return whether it listens; it has ended otherwise."""
+        line = self.process.stdout.readline()
+        if line.startswith("listening on "):
+            self.port = int(line.rstrip("/\n").rsplit(":", 1)[1])
+        return self.port > 0
+
+    def wait_ready(self, most_s):
+        """@return seconds from the start to the first 200 of readyz. Raises TimeoutError."""
+        while time.monotonic() < self.started + most_s:
+            try:
+                if self.ask("GET", "/readyz").status == 200:
+                    return time.monotonic() - self.started
+            except OSError:
+                if self.process.poll() is not None:
+                    raise TimeoutError(f"ended with {self.process.returncode}") from None
+            time.sleep(0.005)
+        raise TimeoutError(f"not ready within {most_s} s")
+
+    def ask(self, method, path, body=None, headers=None, timeout=20):
+        """@return the response, with `body` and `json`. Raises OSError when none came."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=timeout)
+        try:
+            connection.request(method, path, body=body, headers=headers or {})
+            response = connection.getresponse()
+            response.body = response.read()
+        except http.client.HTTPException as error:
+            raise ConnectionError(repr(error)) from error
+        finally:
+            connection.close()
+        is_json = "json" in response.headers.get("Content-Type", "")
+        response.json = json.loads(response.body) if is_json else None
+        return response
+
+    def kill(self, group=False):
+        """SIGKILL, of what it started too when `group`."""
+        if group:
+            os.killpg(self.process.pid, signal.SIGKILL)
+        else:
+            self.process.kill()
+        self.end()
+
+    def stop(self):
+        """Ends it gracefully. @return its exit code."""
+        self.process.terminate()
+        return self.end()
+
+    def end(self):
+        try:
+            self.process.wait(timeout=60)
+        finally:
+            self.process.stdout.close()
+            self.log.close()
+        return self.process.returncode
+
+
+def run(program, *arguments, **options):
+    return subprocess.run([program, *map(str, arguments)], capture_output=True, text=True, timeout=120, **options)
+
+
+def scopes():
+    return [argument for scope in ("read", "localize", "write") for argument in ("--scope", scope)]
+
+
+def make_key(program, store, name="soak"):
+    done = run(program, "keys", "create", name, "--store", store, *scopes())
+    if done.returncode != 0:
+        raise RuntimeError(done.stderr)
+    return done.stdout.strip()
+
+
+def leftovers(store):
+    """Folders of packages that are half there or half gone."""
+    return [each.name for each in (pathlib.Path(store) / "packages").iterdir() if each.name.startswith(".")]

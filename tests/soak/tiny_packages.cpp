@@ -1,0 +1,95 @@
+// Writes small maps of one street, each with another digest, and a scan of it: what the soak tests
+// publish and ask.
+//
+// usage: tiny_packages FOLDER COUNT      makes FOLDER/1 ... FOLDER/COUNT and FOLDER/scan.bin, seen
+// from (60, 0.5, 1.8)
+
+#include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/trajectory.hpp>
+
+#include "support/synthetic_world.hpp"
+
+#include <cmath>
+#include <cstdint>
+#include <exception>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace {
+
+namespace fs = std::filesystem;
+namespace maps = stillmap::maps;
+using stillmap::test::pose_at;
+
+stillmap::test::ScanPattern pattern(std::uint64_t seed) {
+  return {.rings = 32, .columns = 360, .noise_m = 0.02, .seed = seed};
+}
+
+void write_package(const fs::path& target, int seed) {
+  std::vector<Eigen::Isometry3d> poses;
+  for (double x = 50.0; x <= 70.0; x += 2.5) poses.push_back(pose_at(x, 0.0, 0.0));
+  const std::vector<Eigen::Vector3d> points = stillmap::test::street(21).mapped_from(
+      poses, pattern(static_cast<std::uint64_t>(100 * seed)));
+  std::map<std::pair<std::int32_t, std::int32_t>, std::vector<maps::MapPoint>> tiles;
+  for (const Eigen::Vector3d& p : points) {
+    const auto tile = [](double x) {
+      return static_cast<std::int32_t>(std::floor(x / maps::kTileSizeM));
+    };
+    const Eigen::Vector3f q = p.cast<float>();
+    tiles[{tile(p.x()), tile(p.y())}].push_back({.x = q.x(),
+                                                 .y = q.y(),
+                                                 .z = q.z(),
+                                                 .intensity = 0,
+                                                 .observations = 1,
+                                                 .kind = maps::PointKind::kMeasured,
+                                                 .object = 0});
+  }
+  maps::MapPackageWriter writer(target);
+  for (const auto& [id, tile] : tiles)
+    writer.add_tile({.level = 0, .x = id.first, .y = id.second}, tile);
+  std::vector<maps::StampedPose> drive;
+  for (std::size_t i = 0; i < poses.size(); ++i)
+    drive.push_back(
+        {.stamp_ns = static_cast<std::int64_t>(i + 1) * 1'000'000'000, .T_map_lidar = poses[i]});
+  writer.write_trajectory(maps::Trajectory(drive));
+  maps::MapManifest manifest;
+  manifest.frame_id = "map";
+  manifest.voxel_size_m = 0.1;
+  writer.publish(manifest, "{}");
+}
+
+void write_scan(const fs::path& file) {
+  const maps::PointCloud scan =
+      stillmap::test::street(21).scan(pose_at(60.0, 0.0, 0.0), pattern(7));
+  std::ofstream stream(file, std::ios::binary);
+  for (const Eigen::Vector3f& p : scan.positions) {
+    const std::array<float, 4> row = {p.x(), p.y(), p.z(), 0.0F};
+    stream.write(reinterpret_cast<const char*>(row.data()), sizeof(row));
+  }
+  if (!stream.flush()) throw std::runtime_error(file.string() + " cannot be written");
+}
+
+}  // namespace
+
+int main(int count, char** arguments) {
+  if (count != 3) {
+    std::cerr << "usage: tiny_packages FOLDER COUNT\n";
+    return 2;
+  }
+  try {
+    const fs::path folder = arguments[1];
+    fs::create_directories(folder);
+    for (int seed = 1; seed <= std::stoi(arguments[2]); ++seed)
+      write_package(folder / std::to_string(seed), seed);
+    write_scan(folder / "scan.bin");
+  } catch (const std::exception& error) {
+    std::cerr << error.what() << "\n";
+    return 1;
+  }
+  return 0;
+}
