@@ -71,10 +71,10 @@ Router::Match Router::match(std::string_view method, std::string_view path) cons
 }
 
 std::vector<const Route*> Router::routes() const {
-  std::vector<const Route*> routes;
-  routes.reserve(entries_.size());
-  for (const Entry& entry : entries_) routes.push_back(&entry.route);
-  return routes;
+  std::vector<const Route*> all;
+  all.reserve(entries_.size());
+  for (const Entry& entry : entries_) all.push_back(&entry.route);
+  return all;
 }
 
 }  // namespace stillmap::server

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "jobs/job_runner.hpp"
 #include "map_catalog.hpp"
 #include "metrics.hpp"
 #include "pose/alignment_queue.hpp"
@@ -34,6 +35,7 @@ struct Context {
   MapCatalog& catalog;
   AlignmentQueue& queue;
   SessionTable& sessions;
+  JobRunner& jobs;
   Metrics& metrics;
   MapStats& stats;
   /// Once set, the server is about to end.
@@ -53,6 +55,10 @@ void add_map_change_routes(std::vector<Route>& routes, const Context& context);
 void add_version_routes(std::vector<Route>& routes, const Context& context);
 void add_package_routes(std::vector<Route>& routes, const Context& context);
 void add_drive_routes(std::vector<Route>& routes, const Context& context);
+void add_rebuild_routes(std::vector<Route>& routes, const Context& context);
+void add_job_routes(std::vector<Route>& routes, const Context& context);
+void add_audit_routes(std::vector<Route>& routes, const Context& context);
+void add_key_routes(std::vector<Route>& routes, const Context& context);
 void add_tile_routes(std::vector<Route>& routes, const Context& context);
 void add_localize_routes(std::vector<Route>& routes, const Context& context);
 void add_batch_routes(std::vector<Route>& routes, const Context& context);
@@ -62,6 +68,8 @@ void add_openapi_routes(std::vector<Route>& routes);
 
 /// Whether the path's part of this name may name a map or a version. @throws ApiError if not.
 void check_name(const PathParameters& path, const std::string& part);
+/// 202, with the place of the job.
+[[nodiscard]] HttpResponse accepted(const JobView& job);
 /// A number as the store gives them to drives and jobs; nothing for any other text.
 [[nodiscard]] std::optional<std::int64_t> id_in(std::string_view text);
 /// Since 1970, UTC.

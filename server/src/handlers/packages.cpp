@@ -52,7 +52,37 @@ void check_archive_type(const HttpRequest& request) {
   const std::string type = media_type(request.header("content-type"));
   if (std::find(kTypes.begin(), kTypes.end(), type) != kTypes.end()) return;
   throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
-                    "application/x-tar, application/gzip or application/zstd");
+                    "application/x-tar, application/gzip, application/zstd, application/vnd.pcd "
+                    "or application/ply");
+}
+
+/// "pcd" or "ply" for a map from elsewhere, which must be converted; nothing for a package.
+std::optional<std::string> cloud_format(const HttpRequest& request) {
+  const std::string type = media_type(request.header("content-type"));
+  if (type == "application/vnd.pcd") return "pcd";
+  if (type == "application/ply") return "ply";
+  return std::nullopt;
+}
+
+/// 202 while it is converted, 200 when that was done before.
+HttpResponse put_cloud(const Context& context, const HttpRequest& request,
+                       const PathParameters& path, const std::string& format) {
+  const std::string& map = path.at("map");
+  const std::string& version = path.at("version");
+  const std::string name = map + "/" + version;
+  BodyStream& body = *request.stream;
+  const std::uint64_t bytes = body.size();
+  context.store.check_quota(map, bytes);
+  const auto source = [&body](std::span<char> to) { return body.read(to); };
+  return with_upload_errors(context.store.folder(), [&] {
+    const std::string sha256 = context.jobs.receive(source, bytes, wanted_sha256(request), name);
+    const maps::JobTable::Enqueued enqueued =
+        context.jobs.convert(map, {.version = version, .sha256 = sha256, .format = format},
+                             {request.caller.key_id, std::nullopt});
+    if (enqueued.job.status != maps::JobStatus::kSucceeded)
+      return accepted(context.jobs.view(enqueued.job));
+    return json_response(version_json(context.store.state().version(map, version)));
+  });
 }
 
 HttpResponse put_version(const Context& context, const HttpRequest& request,
@@ -61,6 +91,7 @@ HttpResponse put_version(const Context& context, const HttpRequest& request,
   const std::string& version = path.at("version");
   check_name(path, "map");
   check_name(path, "version");
+  if (const auto format = cloud_format(request)) return put_cloud(context, request, path, *format);
   check_archive_type(request);
   const std::optional<std::string> sha256 = wanted_sha256(request);
   BodyStream& body = *request.stream;
@@ -135,7 +166,7 @@ void add_package_routes(std::vector<Route>& routes, const Context& context) {
             BodyKind::kStreamed,
             static_cast<std::uint64_t>(context.options.uploads.max_package_bytes)};
   put.reserve = [&context](const HttpRequest&, const PathParameters&) {
-    return context.uploads.take();
+    return context.uploads.take(context.live.current()->uploads.max_open);
   };
   routes.push_back(std::move(put));
   routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/content",
