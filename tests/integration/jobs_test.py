@@ -21,7 +21,7 @@ import time
 import unittest
 
 PROGRAM, MAP, DRIVE = sys.argv[1], sys.argv[2], pathlib.Path(sys.argv[3])
-LONG_S = 120
+LONG_S = 240
 
 
 def tar_of(folder):
@@ -45,7 +45,7 @@ class Jobs(unittest.TestCase):
         self.store = pathlib.Path(temporary.name) / "store"
         self.store.mkdir()
         subprocess.run([PROGRAM, "store", "add", self.store, "town", "v1", MAP, "--activate"], check=True, capture_output=True)
-        self.addCleanup(lambda: self.server.kill())
+        self.addCleanup(self.end_server)
         self.serve()
 
     def serve(self):
@@ -53,6 +53,10 @@ class Jobs(unittest.TestCase):
                                        stdout=subprocess.PIPE, text=True)
         self.port = int(self.server.stdout.readline().rsplit(":", 1)[1].strip().rstrip("/"))
         self.addCleanup(self.server.stdout.close)
+
+    def end_server(self):
+        self.server.kill()
+        self.server.wait()
 
     def ask(self, method, path, body=None, **headers):
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=LONG_S)

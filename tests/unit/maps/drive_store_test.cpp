@@ -38,7 +38,7 @@ class DriveStoreTest : public ::testing::Test {
 
   static std::string scan() { return std::string(64, '\x3f'); }
   static std::string tar() {
-    return tar_file("a/0.bin", scan()) + tar_file("a/1.bin", scan()) + tar_end();
+    return tar_file("0.bin", scan()) + tar_file("1.bin", scan()) + tar_end();
   }
   DriveStore::Added add(std::int64_t n, const std::string& bytes,
                         const DriveStore::Limits& limits = {}) {
