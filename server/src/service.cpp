@@ -75,6 +75,7 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   std::vector<Route> routes;
   add_health_routes(routes, context);
   add_map_routes(routes, context);
+  add_map_change_routes(routes, context);
   add_version_routes(routes, context);
   add_package_routes(routes, context);
   add_drive_routes(routes, context);
@@ -86,6 +87,8 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   add_localize_routes(routes, context);
   add_batch_routes(routes, context);
   add_session_routes(routes, context);
+  add_stats_routes(routes, context);
+  add_openapi_routes(routes);
   for (const WebAsset& asset : web) {
     // In a pattern a brace would stand for any name.
     if (asset.path.find('{') != std::string::npos) continue;
@@ -164,6 +167,7 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
                sessions_,
                jobs_,
                metrics_,
+               stats_,
                stopping_,
                std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)),

@@ -28,6 +28,8 @@ class Service final : public RequestHandler {
                                     const Router::Match& match) const override;
   /// Both at once, for a request that is complete.
   [[nodiscard]] HttpResponse handle(HttpRequest request) const;
+  /// Everything that is served, in the order of the table.
+  [[nodiscard]] std::vector<const Route*> routes() const { return router_.routes(); }
   [[nodiscard]] Metrics& metrics() const { return metrics_; }
   /// Options that may change while it runs; the others of these are not looked at.
   /// @throws std::invalid_argument on broken options; those before stay in force.
@@ -52,6 +54,7 @@ class Service final : public RequestHandler {
   int workers_;
   mutable AlignmentQueue queue_;
   mutable SessionTable sessions_;
+  mutable MapStats stats_;
   mutable JobRunner jobs_;
   Context context_;
   Router router_;

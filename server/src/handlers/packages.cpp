@@ -5,17 +5,24 @@
 #include "json/answers_json.hpp"
 #include "upload_errors.hpp"
 
+#include <fmt/format.h>
+
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/store/archive.hpp>
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
+#include <fstream>
 #include <memory>
 #include <stdexcept>
 #include <utility>
 
 namespace stillmap::server {
 namespace {
+
+/// Those that `stillmap build` draws take some 100 KiB.
+constexpr std::uint64_t kMaxPreviewBytes = 16U << 20U;
 
 /// A package on its way to a client.
 class PackageSource final : public BodySource {
@@ -116,6 +123,37 @@ HttpResponse get_content(const Context& context, const HttpRequest& request,
   return response;
 }
 
+/// Reads the picture that the package lists, if it does. @throws ApiError kUnknownRoute.
+std::string preview_of(const maps::MapPackage& package) {
+  const auto& files = package.manifest().files;
+  const auto listed = files.find("preview.png");
+  if (listed == files.end())
+    throw ApiError(ErrorCode::kUnknownRoute, "this version was published without a preview");
+  const std::filesystem::path path = package.folder() / "preview.png";
+  if (listed->second.bytes > kMaxPreviewBytes)
+    throw maps::InputError(path.string(), fmt::format("{} bytes", listed->second.bytes),
+                           fmt::format("at most {}", kMaxPreviewBytes));
+  std::string bytes(listed->second.bytes, '\0');
+  std::ifstream file(path, std::ios::binary);
+  if (!file.read(bytes.data(), static_cast<std::streamsize>(bytes.size())))
+    throw maps::InputError(path.string(), "a shorter file", "the bytes that the manifest states");
+  return bytes;
+}
+
+HttpResponse get_preview(const Context& context, const HttpRequest& request,
+                         const PathParameters& path) {
+  const ServedVersion map = find_version(context.catalog, path);
+  const std::string etag = "\"" + map.package->digest().substr(0, 16) + "-preview\"";
+  HttpResponse response{.content_type = "image/png", .body = {}, .headers = {}};
+  response.headers = {{"ETag", etag}, {"Cache-Control", "public, max-age=31536000, immutable"}};
+  if (is_known_to_client(request.header("if-none-match"), etag)) {
+    response.status = 304;
+  } else {
+    response.body = preview_of(*map.package);
+  }
+  return response;
+}
+
 }  // namespace
 
 void add_package_routes(std::vector<Route>& routes, const Context& context) {
@@ -134,6 +172,10 @@ void add_package_routes(std::vector<Route>& routes, const Context& context) {
   routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/content",
                     [&context](const HttpRequest& request, const PathParameters& path) {
                       return get_content(context, request, path);
+                    }});
+  routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/preview",
+                    [&context](const HttpRequest& request, const PathParameters& path) {
+                      return get_preview(context, request, path);
                     }});
 }
 
