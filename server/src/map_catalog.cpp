@@ -204,7 +204,8 @@ void MapCatalog::follow(const std::string& map, const std::string& version) {
   (void)open({map, version});
   const std::scoped_lock lock(mutex_);
   ServedVersion& served = slots_.at({map, version}).served;
-  if (served.state == MapState::kOpened) served.state = MapState::kLoading;
+  // One that failed before is tried again, since someone wants it again.
+  if (served.state != MapState::kReady) served.state = MapState::kLoading;
   Active& active = active_[map];
   active.wanted = version;
   // What is being served goes on until the other is ready; without any, this one is loading.

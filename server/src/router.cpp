@@ -70,4 +70,11 @@ Router::Match Router::match(std::string_view method, std::string_view path) cons
       .with_header("Allow", joined(allowed));
 }
 
+std::vector<const Route*> Router::routes() const {
+  std::vector<const Route*> all;
+  all.reserve(entries_.size());
+  for (const Entry& entry : entries_) all.push_back(&entry.route);
+  return all;
+}
+
 }  // namespace stillmap::server

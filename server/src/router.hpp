@@ -59,6 +59,8 @@ class Router {
   /// HEAD is answered as GET. The first route that fits wins.
   /// @throws ApiError kUnknownRoute, or kMethodNotAllowed with the Allow header.
   [[nodiscard]] Match match(std::string_view method, std::string_view path) const;
+  /// In the order in which they were added.
+  [[nodiscard]] std::vector<const Route*> routes() const;
 
  private:
   struct Entry {

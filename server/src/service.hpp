@@ -26,6 +26,7 @@ class Service final : public RequestHandler {
   /// Both at once, for a request that is complete.
   [[nodiscard]] HttpResponse handle(HttpRequest request) const;
   [[nodiscard]] Metrics& metrics() const { return metrics_; }
+  [[nodiscard]] const Router& router() const { return router_; }
   /// Options that may change while it runs; the others of these are not looked at.
   /// @throws std::invalid_argument on broken options; those before stay in force.
   void reload(const ServerOptions& options);

@@ -36,7 +36,6 @@ POINTS = [
     ("posix/mm/mmap", (errno.ENOMEM,)), ("stillmap/mkdir", (errno.EIO, errno.ENOSPC)), ("stillmap/rmdir", (errno.EIO,)),
     ("stillmap/linkat", (errno.EIO,))]
 OPERATIONS = ["add", "activate", "roll_back", "remove", "add by command", "activate by command", "make a key", "start"]
-NEVER = 2**62
 READY_WITHIN_S = 10.0
 
 
@@ -52,20 +51,22 @@ def expect(condition, *what):
 class Injector:
     """What nth_call.cpp reads: which call of which point fails."""
 
-    def __init__(self, file, library):
-        file.write_bytes(bytes(40))
-        with open(file, "r+b") as opened:
-            self.shared = mmap.mmap(opened.fileno(), 40)
-        self.environment = {"STILLMAP_NTH_CALL": str(file), "LD_PRELOAD": f"{library}:{POSIX_PRELOAD}"}
-        self.disarm()
+    LAYOUT = f"{4 + len(POINTS)}q"
 
-    def arm(self, point, error, n):
-        self.shared[:] = struct.pack("5q", n, 0, 0, error, point)
+    def __init__(self, file, library):
+        file.write_bytes(bytes(struct.calcsize(self.LAYOUT)))
+        with open(file, "r+b") as opened:
+            self.shared = mmap.mmap(opened.fileno(), 0)
+        self.environment = {"STILLMAP_NTH_CALL": str(file), "LD_PRELOAD": f"{library}:{POSIX_PRELOAD}"}
+        self.arm()
+
+    def arm(self, point=len(POINTS), error=0, n=0):
+        self.shared[:] = struct.pack(self.LAYOUT, n, 0, error, point, *[0] * len(POINTS))
 
     def disarm(self):
-        """@return calls made and whether one failed, since it was armed."""
-        _, made, failed, _, _ = struct.unpack("5q", self.shared)
-        self.shared[:] = struct.pack("5q", NEVER, 0, 0, 0, len(POINTS))
+        """@return calls made of each point and whether one failed, since it was armed."""
+        _, failed, _, _, *made = struct.unpack(self.LAYOUT, self.shared)
+        self.arm()
         return made, failed == 1
 
 
@@ -81,6 +82,7 @@ class Trials:
         self.model = MapModel("town")
         self.made = itertools.count(1)
         self.ends = collections.Counter()
+        self.now = None
         self.server = None
         self.restart()
 
@@ -97,7 +99,7 @@ class Trials:
     def last_words(self):
         return self.log.read_text()[-600:]
 
-    def change(self, change, fault=None):
+    def change(self, change):
         """Asks for a change over HTTP. @return the answer's status; 0 when none came."""
         base, kind = f"/v1/maps/{self.model.name}", change[0]
         method, path, body, headers = {
@@ -181,10 +183,11 @@ class Trials:
 
     # One trial
 
-    def count(self, operation, point):
-        """@return how many calls of the point the operation makes when nothing fails."""
+    def count(self, operation):
+        """@return how many calls of each point the operation makes when nothing fails."""
+        self.restart()
         change = self.prepare(operation)
-        self.injector.arm(point, 0, NEVER)
+        self.injector.arm()
         done = self.perform(operation, change)
         made, _ = self.injector.disarm()
         expect(done, operation, "failed without any fault:", self.last_words())
@@ -192,27 +195,28 @@ class Trials:
         return made
 
     def fail(self, operation, point, error, n):
+        """@return whether the operation came to the call."""
+        self.now = f"{operation}, call {n} of {POINTS[point][0]}, {errno.errorcode.get(error, 'short')}"
         change = self.prepare(operation)
         self.injector.arm(point, error, n)
         done = self.perform(operation, change)
         _, failed = self.injector.disarm()
         if not failed:
-            self.ends["not reached"] += 1
-        elif done:
-            self.ends["done all the same"] += 1
-        elif self.server.process.poll() is not None:
-            self.ends["ended in words"] += 1
-        else:
-            self.ends["refused"] += 1
+            self.settle(change, done)
+            return False
+        ended = self.server.process.poll() is not None
+        self.ends["done all the same" if done else "ended in words" if ended else "refused in words"] += 1
+        # As it goes on, and as the next one finds it: what was not acknowledged may show only then.
+        before = self.model
         self.settle(change, done)
-        # As it goes on, and as the next one finds it.
-        if failed and (not done or n % 4 == 0):
-            self.restart()
-            self.settle(None, False)
-            expect(not leftovers(self.store), "half packages:", leftovers(self.store))
-            verified = run(self.program, "store", "verify", self.store)
-            expect(verified.returncode == 0, "verify:", verified.stdout, verified.stderr)
-            self.check_pose()
+        self.restart()
+        self.model = self.model if done else before
+        self.settle(None if done else change, done)
+        expect(not leftovers(self.store), "half packages:", leftovers(self.store))
+        verified = run(self.program, "store", "verify", self.store)
+        expect(verified.returncode == 0, "verify:", verified.stdout, verified.stderr)
+        self.check_pose()
+        return True
 
     def settle(self, change, done):
         """Compares the store with what was acknowledged; what was not may have happened or not."""
@@ -239,11 +243,26 @@ class Trials:
         expect(response.json["map"]["version"] == self.model.active, "served:", response.json["map"])
 
 
-def all_trials(trials):
-    for operation, (point, (_, errors)) in itertools.product(OPERATIONS, enumerate(POINTS)):
-        calls = trials.count(operation, point)
-        for error, n in itertools.product(errors, range(calls)):
-            yield operation, point, error, n
+def sampled(trials, operations, count, seed):
+    """Fails so many calls of all that there are, chosen by the seed. @return how many failed."""
+    plan = [(operation, point, error, n) for operation in operations
+            for point, made in enumerate(trials.count(operation)) for error in POINTS[point][1] for n in range(made)]
+    chosen = random.Random(seed).sample(plan, min(count, len(plan)))
+    print(f"{len(chosen)} of {len(plan)} calls", flush=True)
+    return sum(trials.fail(*each) for each in chosen)
+
+
+def every_one(trials, operations):
+    """Fails each call in each way. @return how many failed."""
+    done = 0
+    for operation, (point, (name, errors)) in itertools.product(operations, enumerate(POINTS)):
+        for error in errors:
+            n = 0
+            while trials.fail(operation, point, error, n):
+                n += 1
+            done += n
+            print(f"{operation}, {name}, {errno.errorcode.get(error, 'short')}: {n} calls", flush=True)
+    return done
 
 
 def main():
@@ -255,21 +274,14 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--operation", choices=OPERATIONS, action="append")
     arguments = parser.parse_args()
-    global OPERATIONS
-    OPERATIONS = arguments.operation or OPERATIONS
+    operations = arguments.operation or OPERATIONS
     folder = pathlib.Path(tempfile.mkdtemp(prefix="faults-"))
     trials = Trials(arguments, folder)
-    done, now = 0, None
     try:
-        plan = list(all_trials(trials)) if arguments.sample else all_trials(trials)
-        if arguments.sample:
-            plan = random.Random(arguments.seed).sample(plan, min(arguments.sample, len(plan)))
-        for operation, point, error, n in plan:
-            now = f"{operation}, call {n} of {POINTS[point][0]}, {errno.errorcode.get(error, 'short')}"
-            trials.fail(operation, point, error, n)
-            done += 1
+        done = sampled(trials, operations, arguments.sample, arguments.seed) if arguments.sample else every_one(
+            trials, operations)
     except (Wrong, TimeoutError, OSError, subprocess.SubprocessError) as error:
-        print(f"{now}: {error}\nstore and log are in {folder}", file=sys.stderr)
+        print(f"{trials.now}: {error}\nstore and log are in {folder}", file=sys.stderr)
         return 1
     finally:
         if trials.server.process.poll() is None:

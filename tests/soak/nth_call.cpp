@@ -15,6 +15,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cerrno>
@@ -25,21 +26,8 @@
 
 namespace {
 
-struct Shared {
-  /// The call to fail, counted from 0.
-  std::atomic<std::int64_t> fails_at;
-  std::atomic<std::int64_t> made;
-  /// 1 once it has failed.
-  std::atomic<std::int64_t> failed;
-  std::atomic<std::int64_t> error;
-  /// Which of the points; none when it is beyond them.
-  std::atomic<std::int64_t> point;
-};
-static_assert(std::atomic<std::int64_t>::is_always_lock_free);
-Shared* shared = nullptr;
-
 /// faults.py has the same list.
-constexpr std::array kPoints = {
+constexpr std::array<std::string_view, 17> kPoints = {
     "posix/io/oc/open",
     "posix/io/rw/pwrite",
     "posix/io/rw/pwrite/reduce",
@@ -59,11 +47,27 @@ constexpr std::array kPoints = {
     "stillmap/linkat",
 };
 
+struct Shared {
+  /// The call to fail, counted from 0.
+  std::atomic<std::int64_t> fails_at;
+  /// 1 once it has failed.
+  std::atomic<std::int64_t> failed;
+  std::atomic<std::int64_t> error;
+  /// Which of the points; none when it is beyond them.
+  std::atomic<std::int64_t> point;
+  /// Calls of each point.
+  std::array<std::atomic<std::int64_t>, kPoints.size()> made;
+};
+static_assert(std::atomic<std::int64_t>::is_always_lock_free);
+Shared* shared = nullptr;
+
 /// libfiu asks it whenever one of the points is reached.
 int is_the_one(const char* name, int*, void** info, unsigned int*) {
-  const auto point = static_cast<std::size_t>(shared->point.load());
-  if (point >= kPoints.size() || std::string_view(name) != kPoints[point]) return 0;
-  if (shared->made.fetch_add(1) != shared->fails_at) return 0;
+  const auto at = std::find(kPoints.begin(), kPoints.end(), std::string_view(name));
+  if (at == kPoints.end()) return 0;
+  const std::ptrdiff_t point = at - kPoints.begin();
+  const std::int64_t n = shared->made[static_cast<std::size_t>(point)].fetch_add(1);
+  if (shared->point != point || n != shared->fails_at) return 0;
   *info = reinterpret_cast<void*>(static_cast<std::intptr_t>(shared->error));
   shared->failed = 1;
   return 1;
@@ -79,8 +83,8 @@ __attribute__((constructor)) void enable() {
   if (mapped == MAP_FAILED) _exit(99);
   shared = static_cast<Shared*>(mapped);
   fiu_init(0);
-  for (const char* point : kPoints)
-    if (fiu_enable_external(point, 1, nullptr, 0, is_the_one) != 0) _exit(99);
+  for (const std::string_view point : kPoints)
+    if (fiu_enable_external(point.data(), 1, nullptr, 0, is_the_one) != 0) _exit(99);
 }
 
 /// @return whether this call fails; errno is set then.

@@ -13,12 +13,13 @@ class MapModel:
     def __init__(self, name):
         self.name = name
         self.versions = {}  # name -> digest
+        self.retired = {}  # of those that were removed
         self.active = self.previous = None
         self.revision = 0
         self.exists = False
 
     def add(self, version, digest):
-        if self.versions.get(version, digest) != digest:
+        if {**self.retired, **self.versions}.get(version, digest) != digest:
             raise Refused("OtherDigest")
         self.versions[version] = digest
         self.exists = True
@@ -41,7 +42,7 @@ class MapModel:
             raise Refused("UnknownVersion")
         if version == self.active:
             raise Refused("VersionActive")
-        del self.versions[version]
+        self.retired[version] = self.versions.pop(version)
         if version == self.previous:
             self.previous = None
 

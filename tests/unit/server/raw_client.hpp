@@ -37,6 +37,8 @@ class RawClient {
     }
     return true;
   }
+  /// Nothing more will come from here.
+  void close_sending() const { ::shutdown(socket_, SHUT_WR); }
   /// Everything until `text` stands in it, or the server closes.
   std::string read_until(std::string_view text) {
     std::string all;

@@ -1,0 +1,201 @@
+#include "gatekeeper.hpp"
+
+#include <gmock/gmock.h>
+
+#include <chrono>
+#include <set>
+
+#include "service_fixture.hpp"
+
+namespace stillmap::server {
+namespace {
+
+using maps::KeyScope;
+using maps::KeyScopes;
+using std::chrono::milliseconds;
+using ::testing::Contains;
+using ::testing::IsSubsetOf;
+using ::testing::Pair;
+using ::testing::StartsWith;
+
+std::int64_t now_ns() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+KeyScopes only(KeyScope scope) {
+  KeyScopes scopes;
+  scopes.add(scope);
+  return scopes;
+}
+
+/// A service that is asked with and without keys.
+class GatekeeperTest : public ServiceTest {
+ protected:
+  std::string make_key(KeyScopes scopes, std::optional<std::int64_t> expires_ns = {}) {
+    return store_.open().keys().create("test", scopes, expires_ns, now_ns()).text;
+  }
+  /// A request that fits the route, as far as its path goes.
+  static HttpRequest request_to(const Route& route) {
+    std::string path;
+    bool in_name = false;
+    for (const char c : route.pattern) {
+      if (c == '{') path += '1';
+      in_name = c == '{' || (in_name && c != '}');
+      if (!in_name && c != '}') path += c;
+    }
+    return request(route.method, path);
+  }
+  /// What the head of a request is answered with; nothing when its body may come.
+  [[nodiscard]] std::optional<ErrorCode> refusal(HttpRequest request,
+                                                 const std::string& authorization) const {
+    if (!authorization.empty()) request.headers["authorization"] = authorization;
+    try {
+      (void)service_->admit(request);
+      return std::nullopt;
+    } catch (const ApiError& error) {
+      return error.code();
+    }
+  }
+  [[nodiscard]] std::optional<ErrorCode> refusal(const std::string& authorization) const {
+    return refusal(request("GET", "/v1/maps"), authorization);
+  }
+};
+
+TEST_F(GatekeeperTest, OnlyHealthAndThePageAreOpen) {
+  start();
+  std::set<std::string> open;
+  for (const Route* route : service_->router().routes())
+    if (route->access == Access::kOpen) open.insert(route->method + " " + route->pattern);
+  EXPECT_THAT(open, IsSubsetOf(std::set<std::string>{"GET /livez", "GET /healthz", "GET /readyz",
+                                                     "GET /v1/maps/{map}/ready", "GET /",
+                                                     "GET /openapi.json"}));
+}
+
+TEST_F(GatekeeperTest, NoRouteThatChangesTheStoreIsForReaders) {
+  start();
+  for (const Route* route : service_->router().routes()) {
+    if (route->method == "GET") continue;
+    EXPECT_NE(route->access, Access::kOpen) << route->pattern;
+    EXPECT_NE(route->access, Access::kRead) << route->pattern;
+  }
+}
+
+TEST_F(GatekeeperTest, EveryRouteButTheOpenOnesNeedsAKeyOnceThereIsOne) {
+  start();
+  EXPECT_EQ(refusal(""), std::nullopt);
+  make_key(only(KeyScope::kRead));
+  for (const Route* route : service_->router().routes()) {
+    const auto refused = refusal(request_to(*route), "");
+    if (route->access == Access::kOpen)
+      EXPECT_NE(refused, ErrorCode::kMissingKey) << route->pattern;
+    else
+      EXPECT_EQ(refused, ErrorCode::kMissingKey) << route->method << " " << route->pattern;
+  }
+  const HttpResponse response = get("/v1/maps");
+  EXPECT_EQ(response.status, 401);
+  EXPECT_THAT(response.headers, Contains(Pair("WWW-Authenticate", StartsWith("Bearer"))));
+}
+
+TEST_F(GatekeeperTest, KeyOpensTheRoutesOfItsScopeAndNoOthers) {
+  start();
+  const std::map<Access, KeyScope> scopes = {{Access::kRead, KeyScope::kRead},
+                                             {Access::kLocalize, KeyScope::kLocalize},
+                                             {Access::kWrite, KeyScope::kWrite},
+                                             {Access::kAdmin, KeyScope::kAdmin}};
+  for (const auto& [access, scope] : scopes) {
+    const std::string key = "Bearer " + make_key(only(scope));
+    for (const Route* route : service_->router().routes()) {
+      const auto refused = refusal(request_to(*route), key);
+      const bool fits = route->access == access || route->access == Access::kOpen;
+      EXPECT_EQ(refused == ErrorCode::kForbidden, !fits)
+          << name_of(scope) << ": " << route->method << " " << route->pattern;
+      EXPECT_NE(refused, ErrorCode::kRefusedKey);
+    }
+  }
+}
+
+TEST_F(GatekeeperTest, KeyIsRefusedOnceItHasExpiredOrWasRevoked) {
+  start();
+  maps::KeyTable& keys = store_.open().keys();
+  const auto lasting = keys.create("lasting", only(KeyScope::kRead), {}, now_ns());
+  const std::string brief = make_key(only(KeyScope::kRead), now_ns() + std::int64_t{50'000'000});
+  EXPECT_EQ(refusal("Bearer " + lasting.text), std::nullopt);
+  std::this_thread::sleep_for(milliseconds(60));
+  EXPECT_EQ(refusal("Bearer " + brief), ErrorCode::kRefusedKey);
+  keys.revoke(lasting.key.id, now_ns());
+  EXPECT_EQ(refusal("Bearer " + lasting.text), ErrorCode::kRefusedKey);
+  // A store whose last key was revoked does not stand open.
+  EXPECT_EQ(refusal(""), ErrorCode::kMissingKey);
+}
+
+TEST_F(GatekeeperTest, AnythingButAWholeKeyIsRefused) {
+  start();
+  const std::string key = make_key(only(KeyScope::kRead));
+  std::string other_secret = key;
+  other_secret.back() = other_secret.back() == '0' ? '1' : '0';
+  for (const std::string& text :
+       {std::string("Bearer"), std::string("Bearer "), "Bearer " + other_secret,
+        "Bearer " + key.substr(0, key.size() - 1), "Bearer " + key + "0", "Basic " + key, key,
+        "Bearer x " + key, "Bearer " + std::string(3000, 'x'), "Bearer " + key + "," + key}) {
+    const auto refused = refusal(text);
+    EXPECT_TRUE(refused == ErrorCode::kRefusedKey || refused == ErrorCode::kMissingKey) << text;
+  }
+  for (const std::string& text : {"Bearer " + key, "bearer " + key, "BEARER  " + key + " "})
+    EXPECT_EQ(refusal(text), std::nullopt) << text;
+  // Nowhere else than in the header, where no log and no history keeps it.
+  HttpRequest in_query = request("GET", "/v1/maps");
+  in_query.query = {{"key", key}, {"access_token", key}};
+  EXPECT_EQ(refusal(in_query, ""), ErrorCode::kMissingKey);
+}
+
+TEST_F(GatekeeperTest, WhatAnotherProcessDoesToKeysCountsAtOnce) {
+  start();
+  maps::PackageStore other(store_.folder().path());
+  EXPECT_EQ(refusal(""), std::nullopt);
+  const auto made = other.keys().create("test", only(KeyScope::kRead), {}, now_ns());
+  EXPECT_EQ(refusal(""), ErrorCode::kMissingKey);
+  EXPECT_EQ(refusal("Bearer " + made.text), std::nullopt);
+  other.keys().revoke(made.key.id, now_ns());
+  EXPECT_EQ(refusal("Bearer " + made.text), ErrorCode::kRefusedKey);
+}
+
+TEST_F(GatekeeperTest, KeyBeyondItsRateWaitsAndTheOthersDoNot) {
+  options_.rate = {.requests_per_s = 0.01, .burst = 2};
+  start();
+  const std::string one = make_key(only(KeyScope::kRead));
+  const std::string two = make_key(only(KeyScope::kRead));
+  HttpRequest asked = request("GET", "/v1/maps");
+  asked.headers["authorization"] = "Bearer " + one;
+  EXPECT_EQ(service_->handle(asked).status, 200);
+  EXPECT_EQ(service_->handle(asked).status, 200);
+  const HttpResponse refused = service_->handle(asked);
+  EXPECT_EQ(refused.status, 429);
+  EXPECT_EQ(body(refused)["code"], "TooManyRequests");
+  EXPECT_THAT(refused.headers, Contains(Pair("Retry-After", "100")));
+  EXPECT_EQ(refusal("Bearer " + two), std::nullopt);
+  // Health is not counted.
+  for (int i = 0; i < 10; ++i) EXPECT_EQ(get("/livez").status, 200);
+}
+
+TEST(RateLimits, FillsWithTimeUpToTheBurst) {
+  RateLimits limits;
+  const RateOptions rate{.requests_per_s = 10.0, .burst = 2};
+  const RateLimits::Clock::time_point start{};
+  EXPECT_EQ(limits.take("a", rate, start), 0.0);
+  EXPECT_EQ(limits.take("a", rate, start), 0.0);
+  EXPECT_NEAR(limits.take("a", rate, start), 0.1, 1e-9);
+  EXPECT_NEAR(limits.take("a", rate, start + milliseconds(40)), 0.06, 1e-9);
+  EXPECT_EQ(limits.take("a", rate, start + milliseconds(101)), 0.0);
+  // A clock that seems to go back gives nothing.
+  EXPECT_GT(limits.take("a", rate, start), 0.0);
+  const auto later = start + std::chrono::hours(1);
+  EXPECT_EQ(limits.take("a", rate, later), 0.0);
+  EXPECT_EQ(limits.take("a", rate, later), 0.0);
+  EXPECT_GT(limits.take("a", rate, later), 0.0);
+  EXPECT_EQ(limits.take("a", {.requests_per_s = 0.0, .burst = 1}, later), 0.0);
+}
+
+}  // namespace
+}  // namespace stillmap::server

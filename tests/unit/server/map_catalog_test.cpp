@@ -1,0 +1,314 @@
+#include "map_catalog.hpp"
+
+#include "api_error.hpp"
+#include "service_fixture.hpp"
+#include "support/stored_packages.hpp"
+
+#include <gmock/gmock.h>
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <map>
+#include <mutex>
+#include <set>
+#include <stdexcept>
+#include <thread>
+
+namespace stillmap::server {
+namespace {
+
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+/// Makes aligners as the test says.
+class ScriptedBuilder {
+ public:
+  Aligners build(const maps::MapPackage& map) {
+    std::unique_lock lock(mutex_);
+    ++built_[map.digest()];
+    changed_.wait(lock, [&] { return !held_.contains(map.digest()); });
+    if (broken_.contains(map.digest())) throw std::runtime_error("too few voxels");
+    return {{"default", std::make_shared<StubAligner>()}};
+  }
+  void set_broken(const std::string& digest, bool broken) {
+    const std::scoped_lock lock(mutex_);
+    broken ? (void)broken_.insert(digest) : (void)broken_.erase(digest);
+  }
+  void set_held(const std::string& digest, bool held) {
+    const std::scoped_lock lock(mutex_);
+    held ? (void)held_.insert(digest) : (void)held_.erase(digest);
+    changed_.notify_all();
+  }
+  int built(const std::string& digest) {
+    const std::scoped_lock lock(mutex_);
+    return built_[digest];
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::map<std::string, int> built_;
+  std::set<std::string> broken_, held_;
+};
+
+/// A catalog over `town` with v1 active, v2 beside it, and as many more as a test adds.
+class MapCatalogTest : public ::testing::Test {
+ protected:
+  MapCatalogTest() {
+    add(1);
+    add(2);
+    store_.activate("town", "v1");
+  }
+  void TearDown() override {
+    for (const auto& [n, digest] : digests_) builder_.set_held(digest, false);
+  }
+
+  /// Publishes a package of its own as version v<n>.
+  void add(int n) {
+    const auto folder = folder_.path() / ("package" + std::to_string(n));
+    digests_[n] = test::write_package(folder, n);
+    store_.add("town", "v" + std::to_string(n), folder);
+  }
+  MapCatalog& start() {
+    catalog_.emplace(store_, [this](const auto& map) { return builder_.build(map); });
+    wait([&] { return catalog_->active().at(0).state != MapState::kLoading; });
+    return *catalog_;
+  }
+  static void wait(const std::function<bool()>& come) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    while (!come()) {
+      ASSERT_LT(std::chrono::steady_clock::now(), end);
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  }
+  [[nodiscard]] std::string served() const { return catalog_->find("town").version; }
+  static ErrorCode code_of(const std::function<void()>& call) {
+    try {
+      call();
+    } catch (const ApiError& error) {
+      return error.code();
+    }
+    throw std::logic_error("nothing was refused");
+  }
+  static maps::StoreRefusal::Reason reason_of(const std::function<void()>& call) {
+    try {
+      call();
+    } catch (const maps::StoreRefusal& error) {
+      return error.reason();
+    }
+    throw std::logic_error("nothing was refused");
+  }
+
+  test::TemporaryFolder folder_, store_folder_;
+  maps::PackageStore store_{store_folder_.path()};
+  std::map<int, std::string> digests_;
+  ScriptedBuilder builder_;
+  std::optional<MapCatalog> catalog_;
+};
+
+TEST_F(MapCatalogTest, QueriesEndOnTheVersionThatTheyBeganWith) {
+  MapCatalog& catalog = start();
+  const ServedVersion begun = catalog.ready("town", {});
+  catalog.activate("town", "v2", {}, true);
+  EXPECT_EQ(catalog.ready("town", {}).version, "v2");
+  store_.activate("town", "v2");
+  store_.remove("town", "v1");
+  EXPECT_EQ(begun.version, "v1");
+  const localization::Prior prior;
+  EXPECT_EQ(begun.aligners->front().second->align({}, prior).status, localization::PoseStatus::kOk);
+  EXPECT_EQ(begun.package->tile({}).size(), 100U);
+}
+
+TEST_F(MapCatalogTest, OldVersionServesWhileTheNewOneIsMadeReady) {
+  MapCatalog& catalog = start();
+  builder_.set_held(digests_[2], true);
+  std::thread activation([&] { catalog.activate("town", "v2", {}, true); });
+  wait([&] { return builder_.built(digests_[2]) == 1; });
+  EXPECT_EQ(catalog.ready("town", {}).version, "v1");
+  EXPECT_EQ(store_.state().map("town").active, "v1");
+  builder_.set_held(digests_[2], false);
+  activation.join();
+  EXPECT_EQ(catalog.ready("town", {}).version, "v2");
+}
+
+TEST_F(MapCatalogTest, VersionThatFailsToLoadLeavesTheOldOneServing) {
+  MapCatalog& catalog = start();
+  builder_.set_broken(digests_[2], true);
+  EXPECT_EQ(code_of([&] { catalog.activate("town", "v2", {}, true); }), ErrorCode::kMapUnusable);
+  EXPECT_EQ(catalog.ready("town", {}).version, "v1");
+  EXPECT_EQ(store_.state().map("town").active, "v1");
+  EXPECT_EQ(store_.state().map("town").revision, 1);
+  builder_.set_broken(digests_[2], false);
+  catalog.activate("town", "v2", {}, true);
+  EXPECT_EQ(served(), "v2");
+}
+
+TEST_F(MapCatalogTest, PackageThatVanishedLeavesTheOldOneServing) {
+  MapCatalog& catalog = start();
+  std::filesystem::remove(store_folder_.path() / "packages" / digests_[2] / "manifest.json");
+  EXPECT_EQ(code_of([&] { catalog.activate("town", "v2", {}, true); }), ErrorCode::kMapUnusable);
+  EXPECT_EQ(catalog.ready("town", {}).version, "v1");
+}
+
+TEST_F(MapCatalogTest, WhatAnotherProcessActivatesIsServedWithin2Seconds) {
+  start();
+  maps::PackageStore other(store_folder_.path());
+  const auto begin = std::chrono::steady_clock::now();
+  other.activate("town", "v2");
+  wait([&] { return served() == "v2"; });
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(2));
+}
+
+TEST_F(MapCatalogTest, BrokenVersionOfAnotherProcessIsNamedAndTriedAgainWhenItIsWantedAgain) {
+  MapCatalog& catalog = start();
+  builder_.set_broken(digests_[2], true);
+  maps::PackageStore other(store_folder_.path());
+  other.activate("town", "v2");
+  catalog.refresh();
+  wait([&] {
+    const auto waiting = catalog.waiting();
+    return !waiting.empty() && waiting.front().state == MapState::kFailed;
+  });
+  EXPECT_EQ(catalog.waiting().front().failure, "too few voxels");
+  EXPECT_EQ(catalog.ready("town", {}).version, "v1");
+  other.roll_back("town");
+  catalog.refresh();
+  wait([&] { return catalog.waiting().empty(); });
+  EXPECT_EQ(served(), "v1");
+  builder_.set_broken(digests_[2], false);
+  other.activate("town", "v2");
+  catalog.refresh();
+  wait([&] { return served() == "v2"; });
+}
+
+TEST_F(MapCatalogTest, VersionThatWasRemovedIsNotFoundAndComesAgainAsItWas) {
+  MapCatalog& catalog = start();
+  EXPECT_EQ(catalog.find("town", "v2").package->digest(), digests_[2]);
+  store_.remove("town", "v2");
+  using Reason = maps::StoreRefusal::Reason;
+  EXPECT_EQ(reason_of([&] { (void)catalog.find("town", "v2"); }), Reason::kUnknownVersion);
+  EXPECT_EQ(reason_of([&] { catalog.activate("town", "v2", {}, true); }), Reason::kUnknownVersion);
+  add(3);
+  EXPECT_EQ(reason_of([&] { store_.add("town", "v2", folder_.path() / "package3"); }),
+            Reason::kOtherDigest);
+  store_.add("town", "v2", folder_.path() / "package2");
+  catalog.activate("town", "v2", {}, true);
+  EXPECT_EQ(catalog.ready("town", {}).package->digest(), digests_[2]);
+}
+
+TEST_F(MapCatalogTest, RollsBackAndForthAndOnlyWhereThereWasAnother) {
+  MapCatalog& catalog = start();
+  EXPECT_EQ(reason_of([&] { catalog.roll_back("town", {}, true); }),
+            maps::StoreRefusal::Reason::kNoPrevious);
+  catalog.activate("town", "v2", {}, true);
+  EXPECT_EQ(catalog.roll_back("town", {}, true).revision, 3);
+  EXPECT_EQ(served(), "v1");
+  catalog.roll_back("town", 3, true);
+  EXPECT_EQ(served(), "v2");
+  EXPECT_EQ(reason_of([&] { catalog.roll_back("town", 3, true); }),
+            maps::StoreRefusal::Reason::kOtherRevision);
+  EXPECT_EQ(served(), "v2");
+}
+
+TEST_F(MapCatalogTest, RollingBackToWhatCannotBeLoadedChangesNothing) {
+  builder_.set_broken(digests_[2], true);
+  store_.activate("town", "v2");
+  store_.activate("town", "v1");
+  MapCatalog& catalog = start();
+  EXPECT_EQ(code_of([&] { catalog.roll_back("town", {}, true); }), ErrorCode::kMapUnusable);
+  EXPECT_EQ(served(), "v1");
+  EXPECT_EQ(store_.state().map("town").active, "v1");
+}
+
+TEST_F(MapCatalogTest, VersionInAnotherFrameIsRefusedUnlessThatIsMeant) {
+  MapCatalog& catalog = start();
+  EXPECT_EQ(code_of([&] { catalog.activate("town", "v2"); }), ErrorCode::kOtherFrame);
+  EXPECT_EQ(served(), "v1");
+  EXPECT_EQ(catalog.activate("town", "v1").revision, 1);
+  catalog.activate("town", "v2", {}, true);
+  EXPECT_EQ(served(), "v2");
+  EXPECT_EQ(code_of([&] { catalog.roll_back("town"); }), ErrorCode::kOtherFrame);
+}
+
+TEST_F(MapCatalogTest, StaleRevisionChangesNothing) {
+  MapCatalog& catalog = start();
+  EXPECT_EQ(reason_of([&] { catalog.activate("town", "v2", 0, true); }),
+            maps::StoreRefusal::Reason::kOtherRevision);
+  EXPECT_EQ(served(), "v1");
+}
+
+TEST_F(MapCatalogTest, VersionThatSomeoneAsksForIsLoadedMeanwhile) {
+  MapCatalog& catalog = start();
+  EXPECT_EQ(catalog.find("town", "v2").state, MapState::kOpened);
+  EXPECT_EQ(builder_.built(digests_[2]), 0);
+  try {
+    (void)catalog.ready("town", "v2");
+    FAIL() << "it was never loaded";
+  } catch (const ApiError& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kMapLoading);
+    ASSERT_THAT(error.headers(), SizeIs(1));
+    EXPECT_EQ(error.headers().front().first, "Retry-After");
+  }
+  wait([&] { return catalog.find("town", "v2").state == MapState::kReady; });
+  EXPECT_EQ(catalog.ready("town", "v2").version, "v2");
+  EXPECT_EQ(served(), "v1");
+}
+
+TEST_F(MapCatalogTest, ClosesTheVersionsThatNobodyAskedForLongest) {
+  for (int n = 3; n <= 8; ++n) add(n);
+  MapCatalog& catalog = start();
+  std::map<int, std::weak_ptr<const maps::MapPackage>> opened;
+  for (int n = 1; n <= 8; ++n) opened[n] = catalog.find("town", "v" + std::to_string(n)).package;
+  catalog.refresh();
+  // The active one and four others.
+  wait([&] { return opened[2].expired() && opened[3].expired() && opened[4].expired(); });
+  EXPECT_FALSE(opened[1].expired());
+  for (int n = 5; n <= 8; ++n) EXPECT_FALSE(opened[n].expired()) << n;
+}
+
+TEST_F(MapCatalogTest, MapWithoutAnActiveVersionSaysSo) {
+  MapCatalog& catalog = start();
+  store_.create_map("depot");
+  EXPECT_EQ(code_of([&] { (void)catalog.find("depot"); }), ErrorCode::kNoActiveVersion);
+  EXPECT_EQ(reason_of([&] { (void)catalog.find("village"); }),
+            maps::StoreRefusal::Reason::kUnknownMap);
+  store_.remove_map("town", maps::WhenActive::kRemove);
+  catalog.refresh();
+  wait([&] { return catalog.active().empty(); });
+  EXPECT_THAT(catalog.waiting(), IsEmpty());
+}
+
+TEST_F(MapCatalogTest, ManyThreadsSeeOneVersionOrTheOther) {
+  add(3);
+  MapCatalog& catalog = start();
+  std::atomic<bool> done = false;
+  std::atomic<int> answers = 0;
+  std::atomic<int> wrong = 0;
+  const auto query = [&] {
+    while (!done) {
+      const ServedVersion served = catalog.ready("town", {});
+      const int n = served.version == "v1" ? 1 : 2;
+      if (served.package->digest() != digests_[n] || !served.aligners) ++wrong;
+      (void)catalog.active();
+      (void)catalog.waiting();
+      (void)catalog.find("town", "v3");
+      ++answers;
+    }
+  };
+  std::thread first(query);
+  std::thread second(query);
+  for (int i = 0; i < 30; ++i) {
+    catalog.activate("town", i % 2 == 0 ? "v2" : "v1", {}, true);
+    catalog.refresh();
+  }
+  wait([&] { return answers > 20; });
+  done = true;
+  first.join();
+  second.join();
+  EXPECT_EQ(wrong, 0);
+  EXPECT_EQ(store_.state().map("town").revision, 31);
+}
+
+}  // namespace
+}  // namespace stillmap::server
