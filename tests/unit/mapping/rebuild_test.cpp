@@ -149,16 +149,6 @@ TEST_F(RebuildTest, ComparesWithThePreviousVersion) {
   EXPECT_THAT(second.warnings, Contains(HasSubstr("work of another rebuild was thrown away")));
 }
 
-TEST_F(RebuildTest, DoesNotPassAMapOfAPartOfTheStreet) {
-  (void)rebuild();
-  options_.previous = options_.map;
-  options_.map = folder_.path() / "newer";
-  options_.build.selection.end = 20;
-  const RebuildReport report = rebuild();
-  EXPECT_FALSE(report.verdict.passed);
-  EXPECT_LT(report.figures.previous->driven_coverage, 0.95);
-}
-
 TEST_F(RebuildTest, AsksForTheScansOfAnotherDrive) {
   options_.held_back = write_drive("another", 0.7);
   const RebuildReport report = rebuild();
