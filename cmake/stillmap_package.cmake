@@ -25,9 +25,13 @@ install(FILES ${deploy}/systemd/stillmap.service ${deploy}/systemd/stillmap-back
 install(FILES ${deploy}/package/sysusers.conf DESTINATION lib/sysusers.d RENAME stillmap.conf ${only_packages})
 install(FILES ${package}/stillmap.1.gz DESTINATION share/man/man1 ${only_packages})
 install(FILES ${deploy}/package/copyright ${package}/changelog.gz ${package}/changelog.Debian.gz
-  ${PROJECT_SOURCE_DIR}/THIRD_PARTY.md ${deploy}/README.md ${PROJECT_SOURCE_DIR}/server/configuration.md
-  DESTINATION share/doc/stillmap ${only_packages})
-install(DIRECTORY ${deploy}/proxy ${deploy}/monitoring DESTINATION share/doc/stillmap/examples ${only_packages})
+  ${PROJECT_SOURCE_DIR}/THIRD_PARTY.md DESTINATION share/doc/stillmap ${only_packages})
+# As they lie in the repository, so that their links hold.
+install(FILES ${PROJECT_SOURCE_DIR}/server/configuration.md ${PROJECT_SOURCE_DIR}/server/README.md
+  DESTINATION share/doc/stillmap/server ${only_packages})
+install(FILES ${deploy}/README.md DESTINATION share/doc/stillmap/server/deploy ${only_packages})
+install(DIRECTORY ${deploy}/proxy ${deploy}/monitoring ${deploy}/containers DESTINATION share/doc/stillmap/server/deploy
+  ${only_packages})
 
 set(CPACK_PACKAGE_NAME stillmap)
 set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})

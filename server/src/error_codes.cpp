@@ -62,6 +62,7 @@ constexpr std::array kErrors = {
               431},
     ErrorInfo{ErrorCode::kInternalError, "InternalError", "The server failed", 500},
     ErrorInfo{ErrorCode::kStorageError, "StorageError", "The server could not read its store", 500},
+    ErrorInfo{ErrorCode::kNoMapper, "NoMapper", "This server cannot make maps", 501},
     ErrorInfo{ErrorCode::kBusy, "Busy", "Too many requests at once", 503},
     ErrorInfo{ErrorCode::kTooManyStreams, "TooManyStreams", "Too many event streams at once", 503},
     ErrorInfo{ErrorCode::kMapLoading, "MapLoading", "The map is still being loaded", 503},
@@ -69,6 +70,7 @@ constexpr std::array kErrors = {
     ErrorInfo{ErrorCode::kDeadlineExceeded, "DeadlineExceeded", "No answer within the deadline",
               504},
     ErrorInfo{ErrorCode::kOverQuota, "OverQuota", "The store's quota is used up", 507},
+    ErrorInfo{ErrorCode::kDiskFull, "DiskFull", "The disk has too little room for it", 507},
 };
 
 constexpr bool in_order() {

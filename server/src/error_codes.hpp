@@ -53,12 +53,14 @@ enum class ErrorCode {
   kHeaderTooLarge,
   kInternalError,
   kStorageError,
+  kNoMapper,
   kBusy,
   kTooManyStreams,
   kMapLoading,
   kMapUnusable,
   kDeadlineExceeded,
   kOverQuota,
+  kDiskFull,
 };
 
 struct ErrorInfo {

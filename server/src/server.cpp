@@ -19,7 +19,7 @@ struct Server::Parts {
       : store(folder),
         host(options.host),
         allow_without_keys(options.allow_without_keys),
-        service(options, store, build_aligners, read_web_assets(web)),
+        service(options, store, build_aligners, read_web_assets(web), find_mapper()),
         http(main_endpoint(options), service, &service.metrics()),
         management(service) {
     if (options.management.enabled()) {

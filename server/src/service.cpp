@@ -75,13 +75,20 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   std::vector<Route> routes;
   add_health_routes(routes, context);
   add_map_routes(routes, context);
+  add_map_change_routes(routes, context);
   add_version_routes(routes, context);
   add_package_routes(routes, context);
   add_drive_routes(routes, context);
+  add_rebuild_routes(routes, context);
+  add_job_routes(routes, context);
+  add_audit_routes(routes, context);
+  add_key_routes(routes, context);
   add_tile_routes(routes, context);
   add_localize_routes(routes, context);
   add_batch_routes(routes, context);
   add_session_routes(routes, context);
+  add_stats_routes(routes, context);
+  add_openapi_routes(routes);
   for (const WebAsset& asset : web) {
     // In a pattern a brace would stand for any name.
     if (asset.path.find('{') != std::string::npos) continue;
@@ -107,10 +114,34 @@ void set_map_figures(Metrics& metrics, const MapCatalog& catalog) {
   metrics.set_maps(ready, maps.size() - ready - failed, failed);
 }
 
+void set_store_figures(Metrics& metrics, const maps::PackageStore& store) {
+  try {
+    const maps::JobTable& jobs = store.state().jobs();
+    for (const maps::JobStatus status : {maps::JobStatus::kEnqueued, maps::JobStatus::kProcessing})
+      metrics.set_jobs(maps::name_of(status), jobs.count(status));
+    metrics.set_store(store.state().bytes(), free_bytes(store.folder()));
+  } catch (const maps::StorageError& error) {
+    // The other figures are there all the same; the last ones of the store stay.
+    spdlog::error("figures of the store: {}", error.what());
+  }
+}
+
+/// What a request was about, as "town/v2".
+std::string subject_of(const Router::Match& match) {
+  std::string subject;
+  const std::string& pattern = match.route->pattern;
+  for (std::size_t begin = pattern.find('{'); begin != std::string::npos;
+       begin = pattern.find('{', begin + 1)) {
+    const std::string name = pattern.substr(begin + 1, pattern.find('}', begin) - begin - 1);
+    subject += (subject.empty() ? "" : "/") + match.parameters.at(name);
+  }
+  return subject;
+}
+
 }  // namespace
 
 Service::Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
-                 const std::vector<WebAsset>& web)
+                 const std::vector<WebAsset>& web, const std::filesystem::path& mapper)
     : options_(checked(options)),
       live_(options_),
       store_(store),
@@ -118,13 +149,13 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
       gatekeeper_(store.keys()),
       catalog_(store, std::move(builder)),
       drives_(store),
-      uploads_(options_.uploads.max_open),
       workers_(worker_count(options_)),
       queue_(queue_limits(options_, workers_)),
       sessions_({.most = options_.sessions.max,
                  .idle = std::chrono::seconds(options_.sessions.idle_expiry_s),
                  .client_share = options_.client_share},
                 queue_),
+      jobs_({live_, store, drives_, catalog_, metrics_, mapper}),
       context_{options_,
                live_,
                workers_,
@@ -134,11 +165,18 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
                catalog_,
                queue_,
                sessions_,
+               jobs_,
                metrics_,
+               stats_,
                stopping_,
                std::chrono::steady_clock::now()},
-      router_(all_routes(context_, web)) {
+      router_(all_routes(context_, web)),
+      housekeeping_(live_, store, drives_, jobs_) {
   store_.set_quota(quota_of(options_.quotas));
+  add_metrics();
+}
+
+void Service::add_metrics() {
   metrics_.add_reader([this] {
     const AlignmentQueue::Figures figures = queue_.figures();
     metrics_.set_workers(static_cast<std::size_t>(figures.running),
@@ -147,6 +185,7 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
                        static_cast<std::size_t>(options_.queue));
     metrics_.set_sessions(sessions_.size());
     set_map_figures(metrics_, catalog_);
+    set_store_figures(metrics_, context_.store);
   });
 }
 
@@ -178,6 +217,30 @@ HttpResponse Service::handle(HttpRequest request) const {
 }
 
 HttpResponse Service::handle(const HttpRequest& request, const Router::Match& match) const {
+  HttpResponse response = answer(request, match);
+  const Access access = match.route->access;
+  const bool reads = match.route->method == "GET";
+  if (!reads && (access == Access::kWrite || access == Access::kAdmin))
+    note_write(request, match, response.status);
+  return response;
+}
+
+void Service::note_write(const HttpRequest& request, const Router::Match& match, int status) const {
+  try {
+    context_.store.audit().append({.time_ns = unix_ns(),
+                                   .request_id = request.request_id,
+                                   .key_id = request.caller.key_id,
+                                   .method = request.method,
+                                   .route = match.route->pattern,
+                                   .subject = subject_of(match),
+                                   .status = status});
+  } catch (const std::exception& error) {
+    // What was done is done, and its answer is true.
+    spdlog::error("{} is not in the audit log: {}", request.request_id, error.what());
+  }
+}
+
+HttpResponse Service::answer(const HttpRequest& request, const Router::Match& match) const {
   const auto problem = [&](const ApiError& error) {
     metrics_.problem(error.code());
     return problem_response(error, request.request_id);

@@ -3,20 +3,23 @@
 #include "api_error.hpp"
 #include "gatekeeper.hpp"
 #include "handlers/context.hpp"
+#include "jobs/housekeeping.hpp"
 #include "problem.hpp"
 #include "request_handler.hpp"
 #include "web_assets.hpp"
 
 #include <atomic>
+#include <filesystem>
 
 namespace stillmap::server {
 
 /// Requests in, answers out: everything of the server but HTTP itself. Safe from several threads.
 class Service final : public RequestHandler {
  public:
-  /// @param store  outlives this. @throws std::invalid_argument on broken options.
+  /// @param store   outlives this. @param mapper  program that does the jobs; empty when there is
+  /// none. @throws std::invalid_argument on broken options.
   Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
-          const std::vector<WebAsset>& web);
+          const std::vector<WebAsset>& web, const std::filesystem::path& mapper = {});
   Service(const Service&) = delete;
   Service& operator=(const Service&) = delete;
 
@@ -25,8 +28,9 @@ class Service final : public RequestHandler {
                                     const Router::Match& match) const override;
   /// Both at once, for a request that is complete.
   [[nodiscard]] HttpResponse handle(HttpRequest request) const;
+  /// Everything that is served, in the order of the table.
+  [[nodiscard]] std::vector<const Route*> routes() const { return router_.routes(); }
   [[nodiscard]] Metrics& metrics() const { return metrics_; }
-  [[nodiscard]] const Router& router() const { return router_; }
   /// Options that may change while it runs; the others of these are not looked at.
   /// @throws std::invalid_argument on broken options; those before stay in force.
   void reload(const ServerOptions& options);
@@ -34,6 +38,10 @@ class Service final : public RequestHandler {
   void set_stopping() { stopping_ = true; }
 
  private:
+  [[nodiscard]] HttpResponse answer(const HttpRequest& request, const Router::Match& match) const;
+  void note_write(const HttpRequest& request, const Router::Match& match, int status) const;
+  void add_metrics();
+
   ServerOptions options_;
   OptionsHolder live_;
   maps::PackageStore& store_;
@@ -46,8 +54,11 @@ class Service final : public RequestHandler {
   int workers_;
   mutable AlignmentQueue queue_;
   mutable SessionTable sessions_;
+  mutable MapStats stats_;
+  mutable JobRunner jobs_;
   Context context_;
   Router router_;
+  Housekeeping housekeeping_;
 };
 
 }  // namespace stillmap::server

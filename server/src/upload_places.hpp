@@ -12,24 +12,23 @@ namespace stillmap::server {
 /// several threads.
 class UploadPlaces {
  public:
-  /// @param most  at one time.
-  explicit UploadPlaces(int most) : most_(most) {}
+  UploadPlaces() = default;
   UploadPlaces(const UploadPlaces&) = delete;
   UploadPlaces& operator=(const UploadPlaces&) = delete;
 
-  /// A place until it is let go; this outlives it. @throws ApiError kBusy.
-  [[nodiscard]] std::shared_ptr<void> take() {
-    if (taken_.fetch_add(1) >= most_) {
+  /// A place until it is let go; this outlives it.
+  /// @param most  at one time, this one included. @throws ApiError kBusy.
+  [[nodiscard]] std::shared_ptr<void> take(int most) {
+    if (taken_.fetch_add(1) >= most) {
       --taken_;
       throw ApiError(ErrorCode::kBusy,
-                     std::to_string(most_) + " uploads are under way, and no more are taken")
+                     std::to_string(most) + " uploads are under way, and no more are taken")
           .with_header("Retry-After", "5");
     }
     return {this, [](void* self) { --static_cast<UploadPlaces*>(self)->taken_; }};
   }
 
  private:
-  int most_;
   std::atomic<int> taken_ = 0;
 };
 

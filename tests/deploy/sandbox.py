@@ -3,8 +3,8 @@
 
 usage: sandbox.py [--state FOLDER] UNIT COMMAND [ARGUMENT...]
 
-With --state (root only) the command also sees the file system as the unit says it: only FOLDER and a fresh /tmp take writes
-(ProtectSystem=strict, PrivateTmp=), /proc shows processes alone (ProcSubset=pid).
+With --state (root only) the command also sees the file system as the unit says it: only FOLDER takes writes
+(ProtectSystem=strict; not even /tmp, which the unit gives), /proc shows processes alone (ProcSubset=pid).
 
 Made as systemd makes them (its src/shared/seccomp-util.c): the same library, and the lists of `systemd-analyze syscall-filter`.
 A call that is not let through ends the process by SIGSYS, also where the unit says SystemCallErrorNumber=, so that none goes
@@ -172,7 +172,6 @@ def narrow_file_system(state):
         raise PermissionError("unshare: not permitted")
     mount(None, "/", None, MS_REC | MS_PRIVATE)
     mount(state, state, None, MS_BIND)
-    mount("tmpfs", "/tmp", "tmpfs", 0)
     mount(None, "/", None, MS_REMOUNT | MS_BIND | MS_RDONLY)
     mount("proc", "/proc", "proc", 0, "subset=pid,hidepid=2")
     os.chdir(state)

@@ -27,7 +27,7 @@ def tool(name, tools=None):
     for folder in ("usr/sbin", "usr/bin"):
         path = pathlib.Path(tools or "/", folder, name)
         if path.exists():
-            return str(path)
+            return str(path.resolve())
     return shutil.which(name) or skip_program(f"no {name} in {tools or 'PATH'}: ./dev test gets it")
 
 
@@ -67,8 +67,7 @@ def free_port():
 
 class FolderTest(unittest.TestCase):
     def setUp(self):
-        # Not below /tmp, which the sandbox hides.
-        temporary = tempfile.TemporaryDirectory(dir=os.environ.get("STILLMAP_TEST_FOLDER", "/var/tmp"))
+        temporary = tempfile.TemporaryDirectory()
         self.addCleanup(temporary.cleanup)
         self.folder = pathlib.Path(temporary.name)
 
@@ -88,12 +87,12 @@ class FolderTest(unittest.TestCase):
         program.communicate()
 
     def start_server(self, program, store, *arguments):
-        """The port, once the server listens."""
+        """Its port, once it listens, and its process."""
         server = self.start([program, "serve", "--store", store, "--port", "0", *arguments], stdout=subprocess.PIPE,
                             stderr=subprocess.DEVNULL, text=True)
         line = server.stdout.readline()
         self.assertIn("listening on", line)
-        return int(line.rsplit(":", 1)[1].rstrip("/\n"))
+        return int(line.rsplit(":", 1)[1].rstrip("/\n")), server
 
 
 def without_comments(path):

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""The unit: judged by systemd's own tools, and its command and a mapping run under its filters.
+"""The units: judged by systemd's own tools, and their commands and a mapping run under their filters.
 
-usage: systemd_test.py STILLMAP DRIVE
+usage: systemd_test.py STILLMAP DRIVE STORE
 """
 
 import os
 import shlex
+import shutil
 import signal
 import socket
 import subprocess
@@ -15,8 +16,9 @@ import unittest
 import sandbox
 import support
 
-PROGRAM, DRIVE = sys.argv[1:3]
+PROGRAM, DRIVE, STORE = sys.argv[1:4]
 UNIT = support.DEPLOY / "systemd" / "stillmap.service"
+BACKUP = UNIT.with_name("stillmap-backup.service")
 CONFIG = support.DEPLOY / "stillmap.json"
 HIGHEST_EXPOSURE = 1.5
 
@@ -25,10 +27,10 @@ def analyze(*arguments):
     return subprocess.run(["systemd-analyze", "--no-pager", *map(str, arguments)], capture_output=True, text=True, timeout=60)
 
 
-def confined(command, state=None):
+def confined(command, state=None, unit=UNIT):
     """Under the unit's filters; with `state` also in its view of the file system."""
     narrow = ["--state", state] if state else []
-    return [sys.executable, support.HERE / "sandbox.py", *narrow, UNIT, *command]
+    return [sys.executable, support.HERE / "sandbox.py", *narrow, unit, *command]
 
 
 def may_mount(folder):
@@ -38,13 +40,15 @@ def may_mount(folder):
 
 class Judged(support.FolderTest):
     def test_little_is_left_open(self):
-        done = analyze("security", "--offline=true", f"--threshold={round(HIGHEST_EXPOSURE * 10)}", UNIT)
-        self.assertEqual(done.returncode, 0, done.stdout[-2000:])
+        for unit in (UNIT, BACKUP):
+            done = analyze("security", "--offline=true", f"--threshold={round(HIGHEST_EXPOSURE * 10)}", unit)
+            self.assertEqual(done.returncode, 0, done.stdout[-2000:])
 
     def test_systemd_understands_every_line(self):
-        copy = self.folder / UNIT.name
-        copy.write_text(UNIT.read_text().replace("/usr/bin/stillmap", PROGRAM))
-        done = analyze("verify", "--man=no", copy)
+        copies = [self.folder / unit.name for unit in UNIT.parent.iterdir()]
+        for copy in copies:
+            copy.write_text((UNIT.parent / copy.name).read_text().replace("/usr/bin/stillmap", PROGRAM))
+        done = analyze("verify", "--man=no", *copies)
         self.assertEqual((done.returncode, done.stderr.strip()), (0, ""))
 
     def test_its_end_waits_for_the_drain(self):
@@ -80,6 +84,22 @@ class Confined(support.FolderTest):
 
 
 class ExecutedByHand(support.FolderTest):
+    def test_a_store_is_backed_up(self):
+        state, backup = self.folder / "store", self.folder / "backup"
+        shutil.copytree(STORE, state)
+        backup.mkdir()
+        line = sandbox.directives(BACKUP)["ExecStart"][0]
+        for name, folder in (("/var/lib/stillmap-backup", backup), ("/var/lib/stillmap", state)):
+            self.assertIn(name, line)
+            line = line.replace(name, str(folder), 1) if name.endswith("backup") else line.replace(name + " ", f"{folder} ")
+        command = [PROGRAM, *shlex.split(line)[1:]]
+        for _ in range(2):
+            done = subprocess.run(list(map(str, confined(command, self.folder if may_mount(self.folder) else None, BACKUP))),
+                                  capture_output=True, text=True, timeout=60)
+            self.assertEqual(done.returncode, 0, done.stderr)
+        done = subprocess.run([PROGRAM, "store", "restore", backup, "-o", self.folder / "again"], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 0, done.stderr)
+
     def test_its_life_under_a_service_manager(self):
         unit = sandbox.directives(UNIT)
         command = shlex.split(unit["ExecStart"][0].replace("/etc/stillmap", str(CONFIG.parent)))

@@ -74,7 +74,7 @@ inline void read_and_require(std::string_view content_type, std::string_view bod
   request.query = std::move(query);
   request.body = body;
   const auto read = taken<server::ApiError>([&] {
-    return return server::decode_scan(
+    return server::decode_scan(
         server::find_scan(request, options, server::ScanPurpose::kQuery), options);
   });
   if (read) require_bounds(*read, options);

@@ -2,13 +2,12 @@
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/store/drive_table.hpp>
+#include <stillmap/maps/store/received_file.hpp>
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <vector>
 
-#include "package/sha256.hpp"
 #include "store/durable_files.hpp"
 #include "store/store_folder.hpp"
 
@@ -28,26 +27,6 @@ std::optional<std::int64_t> id_of(const std::string& name) {
   const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), id);
   if (error != std::errc{} || end != name.data() + name.size() || id < 0) return std::nullopt;
   return id;
-}
-
-/// Copies exactly so many bytes into a new file, synced. @return their SHA-256.
-std::string receive(const ByteSource& source, std::uint64_t bytes, const fs::path& file,
-                    const std::string& name, const DurableFiles& files) {
-  DurableFiles::NewFile out = files.create(file);
-  std::vector<char> buffer(std::size_t{256} << 10U);
-  Sha256 hash;
-  std::uint64_t received = 0;
-  for (std::size_t got = 0; (got = source(buffer)) > 0; received += got) {
-    if (got > bytes - received)
-      throw InputError(name, "more bytes", std::to_string(bytes) + " as announced");
-    hash.add(buffer.data(), got);
-    out.append({buffer.data(), got});
-  }
-  if (received != bytes)
-    throw InputError(name, std::to_string(received) + " bytes",
-                     std::to_string(bytes) + " as announced");
-  out.finish();
-  return hash.hex();
 }
 
 bool has_part(const std::vector<DrivePart>& parts, std::int64_t n) {
@@ -149,7 +128,7 @@ DriveStore::Added DriveStore::add_part(std::int64_t id, std::int64_t n, std::uin
   const fs::path incoming = make_incoming(id);
   const Leftover leftover(incoming, files);
   const DrivePart part{
-      .n = n, .sha256 = receive(source, bytes, incoming, name, files), .bytes = bytes};
+      .n = n, .sha256 = receive_file(source, bytes, incoming, name, *calls_), .bytes = bytes};
   if (sha256 && *sha256 != part.sha256) throw InputError(name, "SHA-256 " + part.sha256, *sha256);
   const Busy busy(*this, id);
   refuse_if_not_open(store_.drives().drive(id));

@@ -91,7 +91,7 @@ std::string answer_query(const Context& context, const HttpRequest& request,
   ticket.scan_done(kind_of(answer.parameters));
   count_answer(context, answer, answer.parameters.method);
   note_clock_skew(context, answer);
-  answer.timing.total_ms = milliseconds_since(request.received);
+  finish_answer(context, request, answer);
   return pose_answer_json(answer);
 }
 
@@ -100,9 +100,11 @@ void answer_queries(const Context& context, const HttpRequest& request, const Se
                     PoseClock::time_point deadline, Batch& batch, AlignmentQueue::Ticket& ticket) {
   for (std::size_t i = 0; i < batch.queries.items.size(); ++i) {
     try {
-      if (i > 0) ticket.give_way();
-      check_deadline(deadline);
-      batch.answers.push_back({200, answer_query(context, request, map, batch, i, ticket)});
+      batch.answers.push_back({200, counting_refusals(context, map.map, [&] {
+                                 if (i > 0) ticket.give_way();
+                                 check_deadline(deadline);
+                                 return answer_query(context, request, map, batch, i, ticket);
+                               })});
     } catch (const ApiError& error) {
       batch.answers.push_back(
           {info_of(error.code()).http_status, problem_json(error, request.request_id)});
@@ -151,10 +153,12 @@ void add_batch_routes(std::vector<Route>& routes, const Context& context) {
                 },
                 Access::kLocalize, BodyKind::kWhole};
     route.reserve = [&context](const HttpRequest& request, const PathParameters& path) {
-      require_ready(context, path);
-      const auto scans = static_cast<int>(1 + body_bytes(context, request) / kUsualScanBytes);
-      return reserve_room(context, request, WorkKind::kNearPrior,
-                          std::min(scans, context.live.current()->batch.max_scans));
+      return counting_refusals(context, path.at("map"), [&] {
+        require_ready(context, path);
+        const auto scans = static_cast<int>(1 + body_bytes(context, request) / kUsualScanBytes);
+        return reserve_room(context, request, WorkKind::kNearPrior,
+                            std::min(scans, context.live.current()->batch.max_scans));
+      });
     };
     routes.push_back(std::move(route));
   }

@@ -36,6 +36,20 @@ bool is_known_to_client(const std::string& if_none_match, const std::string& eta
   return if_none_match == "*" || if_none_match.find(etag) != std::string::npos;
 }
 
+bool flag_in_query(const HttpRequest& request, std::string_view flag) {
+  bool wanted = false;
+  for (const auto& [name, value] : request.query) {
+    if (name != flag) {
+      throw field_error(ErrorCode::kUnknownParameter, name, "a parameter", std::string(flag));
+    }
+    if (value != "true" && value != "false") {
+      throw field_error(ErrorCode::kInvalidRequest, name, "'" + value + "'", "true or false");
+    }
+    wanted = value == "true";
+  }
+  return wanted;
+}
+
 std::string etag_of(const maps::StoredMap& map) {
   return "\"" + std::to_string(map.revision) + "\"";
 }

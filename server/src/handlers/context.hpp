@@ -1,8 +1,10 @@
 #pragma once
 
+#include "jobs/job_runner.hpp"
 #include "map_catalog.hpp"
 #include "metrics.hpp"
 #include "pose/alignment_queue.hpp"
+#include "pose/map_stats.hpp"
 #include "pose/session_table.hpp"
 #include "router.hpp"
 #include "upload_places.hpp"
@@ -33,7 +35,9 @@ struct Context {
   MapCatalog& catalog;
   AlignmentQueue& queue;
   SessionTable& sessions;
+  JobRunner& jobs;
   Metrics& metrics;
+  MapStats& stats;
   /// Once set, the server is about to end.
   const std::atomic<bool>& stopping;
   std::chrono::steady_clock::time_point started;
@@ -47,22 +51,33 @@ struct Context {
 /// Every handler file adds its routes.
 void add_health_routes(std::vector<Route>& routes, const Context& context);
 void add_map_routes(std::vector<Route>& routes, const Context& context);
+void add_map_change_routes(std::vector<Route>& routes, const Context& context);
 void add_version_routes(std::vector<Route>& routes, const Context& context);
 void add_package_routes(std::vector<Route>& routes, const Context& context);
 void add_drive_routes(std::vector<Route>& routes, const Context& context);
+void add_rebuild_routes(std::vector<Route>& routes, const Context& context);
+void add_job_routes(std::vector<Route>& routes, const Context& context);
+void add_audit_routes(std::vector<Route>& routes, const Context& context);
+void add_key_routes(std::vector<Route>& routes, const Context& context);
 void add_tile_routes(std::vector<Route>& routes, const Context& context);
 void add_localize_routes(std::vector<Route>& routes, const Context& context);
 void add_batch_routes(std::vector<Route>& routes, const Context& context);
 void add_session_routes(std::vector<Route>& routes, const Context& context);
+void add_stats_routes(std::vector<Route>& routes, const Context& context);
+void add_openapi_routes(std::vector<Route>& routes);
 
 /// Whether the path's part of this name may name a map or a version. @throws ApiError if not.
 void check_name(const PathParameters& path, const std::string& part);
+/// 202, with the place of the job.
+[[nodiscard]] HttpResponse accepted(const JobView& job);
 /// A number as the store gives them to drives and jobs; nothing for any other text.
 [[nodiscard]] std::optional<std::int64_t> id_in(std::string_view text);
 /// Since 1970, UTC.
 [[nodiscard]] std::int64_t unix_ns();
 /// Whether one of the tags of If-None-Match is ours; `*` means any.
 [[nodiscard]] bool is_known_to_client(const std::string& if_none_match, const std::string& etag);
+/// Whether the query says `FLAG=true`. @throws ApiError for anything else in it.
+[[nodiscard]] bool flag_in_query(const HttpRequest& request, std::string_view flag);
 /// The state of a map's active pointer, for If-Match.
 [[nodiscard]] std::string etag_of(const maps::StoredMap& map);
 /// What stands in the path's place of a version, if it has one.

@@ -98,7 +98,7 @@ HttpResponse put_part(const Context& context, const HttpRequest& request,
   const auto source = [&body](std::span<char> to) { return body.read(to); };
   return with_upload_errors(context.store.folder(), [&] {
     const maps::DriveStore::Added added = context.drives.add_part(
-        drive.id, n, body.size(), source, sha256, limits_of(context.options.uploads));
+        drive.id, n, body.size(), source, sha256, limits_of(context.live.current()->uploads));
     return json_response(part_json(added.part), added.is_new ? 201 : 200);
   });
 }
@@ -106,8 +106,8 @@ HttpResponse put_part(const Context& context, const HttpRequest& request,
 HttpResponse complete_drive(const Context& context, const PathParameters& path) {
   const maps::StoredDrive drive = find_drive(context, path);
   return with_upload_errors(context.store.folder(), [&] {
-    return answer_drive(context,
-                        context.drives.complete(drive.id, limits_of(context.options.uploads)));
+    return answer_drive(
+        context, context.drives.complete(drive.id, limits_of(context.live.current()->uploads)));
   });
 }
 
@@ -120,7 +120,7 @@ HttpResponse remove_drive(const Context& context, const PathParameters& path) {
 void add_upload_routes(std::vector<Route>& routes, const Context& context) {
   const auto reserve = [&context](const HttpRequest&, const PathParameters& path) {
     static_cast<void>(find_drive(context, path));
-    return context.uploads.take();
+    return context.uploads.take(context.live.current()->uploads.max_open);
   };
   Route part{"PUT",
              "/v1/maps/{map}/drives/{drive}/parts/{part}",

@@ -59,7 +59,7 @@ HttpResponse answer_localize(const Context& context, const HttpRequest& request,
     ticket.scan_done(kind_of(answer.parameters));
   }
   check_deadline(deadline);
-  answer.timing.total_ms = milliseconds_since(request.received);
+  finish_answer(context, request, answer);
   return json_response(pose_answer_json(answer));
 }
 
@@ -70,12 +70,15 @@ void add_localize_routes(std::vector<Route>& routes, const Context& context) {
        {"/v1/maps/{map}/localize", "/v1/maps/{map}/versions/{version}/localize"}) {
     Route route{"POST", pattern,
                 [&context](const HttpRequest& request, const PathParameters& path) {
-                  return answer_localize(context, request, path);
+                  return counting_refusals(context, path.at("map"),
+                                           [&] { return answer_localize(context, request, path); });
                 },
                 Access::kLocalize, BodyKind::kWhole};
     route.reserve = [&context](const HttpRequest& request, const PathParameters& path) {
-      require_ready(context, path);
-      return reserve_room(context, request, kind_in_head(request), 1);
+      return counting_refusals(context, path.at("map"), [&] {
+        require_ready(context, path);
+        return reserve_room(context, request, kind_in_head(request), 1);
+      });
     };
     routes.push_back(std::move(route));
   }

@@ -5,17 +5,24 @@
 #include "json/answers_json.hpp"
 #include "upload_errors.hpp"
 
+#include <fmt/format.h>
+
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/store/archive.hpp>
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
+#include <fstream>
 #include <memory>
 #include <stdexcept>
 #include <utility>
 
 namespace stillmap::server {
 namespace {
+
+/// Those that `stillmap build` draws take some 100 KiB.
+constexpr std::uint64_t kMaxPreviewBytes = 16U << 20U;
 
 /// A package on its way to a client.
 class PackageSource final : public BodySource {
@@ -45,7 +52,37 @@ void check_archive_type(const HttpRequest& request) {
   const std::string type = media_type(request.header("content-type"));
   if (std::find(kTypes.begin(), kTypes.end(), type) != kTypes.end()) return;
   throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
-                    "application/x-tar, application/gzip or application/zstd");
+                    "application/x-tar, application/gzip, application/zstd, application/vnd.pcd "
+                    "or application/ply");
+}
+
+/// "pcd" or "ply" for a map from elsewhere, which must be converted; nothing for a package.
+std::optional<std::string> cloud_format(const HttpRequest& request) {
+  const std::string type = media_type(request.header("content-type"));
+  if (type == "application/vnd.pcd") return "pcd";
+  if (type == "application/ply") return "ply";
+  return std::nullopt;
+}
+
+/// 202 while it is converted, 200 when that was done before.
+HttpResponse put_cloud(const Context& context, const HttpRequest& request,
+                       const PathParameters& path, const std::string& format) {
+  const std::string& map = path.at("map");
+  const std::string& version = path.at("version");
+  const std::string name = map + "/" + version;
+  BodyStream& body = *request.stream;
+  const std::uint64_t bytes = body.size();
+  context.store.check_quota(map, bytes);
+  const auto source = [&body](std::span<char> to) { return body.read(to); };
+  return with_upload_errors(context.store.folder(), [&] {
+    const std::string sha256 = context.jobs.receive(source, bytes, wanted_sha256(request), name);
+    const maps::JobTable::Enqueued enqueued =
+        context.jobs.convert(map, {.version = version, .sha256 = sha256, .format = format},
+                             {request.caller.key_id, std::nullopt});
+    if (enqueued.job.status != maps::JobStatus::kSucceeded)
+      return accepted(context.jobs.view(enqueued.job));
+    return json_response(version_json(context.store.state().version(map, version)));
+  });
 }
 
 HttpResponse put_version(const Context& context, const HttpRequest& request,
@@ -54,6 +91,7 @@ HttpResponse put_version(const Context& context, const HttpRequest& request,
   const std::string& version = path.at("version");
   check_name(path, "map");
   check_name(path, "version");
+  if (const auto format = cloud_format(request)) return put_cloud(context, request, path, *format);
   check_archive_type(request);
   const std::optional<std::string> sha256 = wanted_sha256(request);
   BodyStream& body = *request.stream;
@@ -85,6 +123,37 @@ HttpResponse get_content(const Context& context, const HttpRequest& request,
   return response;
 }
 
+/// Reads the picture that the package lists, if it does. @throws ApiError kUnknownRoute.
+std::string preview_of(const maps::MapPackage& package) {
+  const auto& files = package.manifest().files;
+  const auto listed = files.find("preview.png");
+  if (listed == files.end())
+    throw ApiError(ErrorCode::kUnknownRoute, "this version was published without a preview");
+  const std::filesystem::path path = package.folder() / "preview.png";
+  if (listed->second.bytes > kMaxPreviewBytes)
+    throw maps::InputError(path.string(), fmt::format("{} bytes", listed->second.bytes),
+                           fmt::format("at most {}", kMaxPreviewBytes));
+  std::string bytes(listed->second.bytes, '\0');
+  std::ifstream file(path, std::ios::binary);
+  if (!file.read(bytes.data(), static_cast<std::streamsize>(bytes.size())))
+    throw maps::InputError(path.string(), "a shorter file", "the bytes that the manifest states");
+  return bytes;
+}
+
+HttpResponse get_preview(const Context& context, const HttpRequest& request,
+                         const PathParameters& path) {
+  const ServedVersion map = find_version(context.catalog, path);
+  const std::string etag = "\"" + map.package->digest().substr(0, 16) + "-preview\"";
+  HttpResponse response{.content_type = "image/png", .body = {}, .headers = {}};
+  response.headers = {{"ETag", etag}, {"Cache-Control", "public, max-age=31536000, immutable"}};
+  if (is_known_to_client(request.header("if-none-match"), etag)) {
+    response.status = 304;
+  } else {
+    response.body = preview_of(*map.package);
+  }
+  return response;
+}
+
 }  // namespace
 
 void add_package_routes(std::vector<Route>& routes, const Context& context) {
@@ -97,12 +166,16 @@ void add_package_routes(std::vector<Route>& routes, const Context& context) {
             BodyKind::kStreamed,
             static_cast<std::uint64_t>(context.options.uploads.max_package_bytes)};
   put.reserve = [&context](const HttpRequest&, const PathParameters&) {
-    return context.uploads.take();
+    return context.uploads.take(context.live.current()->uploads.max_open);
   };
   routes.push_back(std::move(put));
   routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/content",
                     [&context](const HttpRequest& request, const PathParameters& path) {
                       return get_content(context, request, path);
+                    }});
+  routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/preview",
+                    [&context](const HttpRequest& request, const PathParameters& path) {
+                      return get_preview(context, request, path);
                     }});
 }
 

@@ -123,6 +123,12 @@ void count_answer(const Context& context, const PoseAnswer& answer, const std::s
       localization::name_of(answer.result.status), 1e-3 * answer.timing.align_ms);
 }
 
+void finish_answer(const Context& context, const HttpRequest& request, PoseAnswer& answer) {
+  answer.timing.total_ms = milliseconds_since(request.received);
+  context.stats.answered(answer.map_name, localization::name_of(answer.result.status),
+                         answer.timing.align_ms, answer.timing.total_ms);
+}
+
 void note_clock_skew(const Context& context, PoseAnswer& answer) {
   const auto& stamp_ns = answer.parameters.stamp_ns;
   const double allowed_s = context.live.current()->max_clock_skew_s;

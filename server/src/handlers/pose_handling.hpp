@@ -1,5 +1,6 @@
 #pragma once
 
+#include "api_error.hpp"
 #include "context.hpp"
 #include "pose/pose_answer.hpp"
 #include "pose/pose_request.hpp"
@@ -49,6 +50,19 @@ void leave_movable_out(PoseRequest& request, PoseAnswer& answer);
 [[nodiscard]] PoseAnswer answer_for(const ServedVersion& map, const HttpRequest& request);
 /// Counts an answer. @param method  as it was asked for, one that there is.
 void count_answer(const Context& context, const PoseAnswer& answer, const std::string& method);
+/// The answer is about to be written: its total time, and the figures of its map.
+void finish_answer(const Context& context, const HttpRequest& request, PoseAnswer& answer);
+/// Runs `answer`, and counts what it refuses on this map.
+template <typename Answer>
+auto counting_refusals(const Context& context, const std::string& map, const Answer& answer) {
+  try {
+    return answer();
+  } catch (const ApiError& error) {
+    // A map that is not there has no figures, so that names from outside take no memory.
+    if (error.code() != ErrorCode::kUnknownMap) context.stats.refused(map);
+    throw;
+  }
+}
 /// Compares the stamp, if there is one, with the server's clock.
 void note_clock_skew(const Context& context, PoseAnswer& answer);
 

@@ -108,8 +108,7 @@ AlignmentQueue::Ticket enter(const Context& context, const HttpRequest& request,
 }
 
 HttpResponse track_scan(const Context& context, const HttpRequest& request,
-                        const PathParameters& path) {
-  const std::shared_ptr<Session> session = find_session(context, request, path);
+                        const std::shared_ptr<Session>& session) {
   SessionStream::note_version(*session, context.catalog);
   ScanInBody found = find_scan(request, context.options, ScanPurpose::kSession);
   if (!found.parameters.stamp_ns) {
@@ -146,7 +145,7 @@ HttpResponse track_scan(const Context& context, const HttpRequest& request,
   answer.session = session->id();
   count_answer(context, answer, answer.parameters.method);
   note_clock_skew(context, answer);
-  answer.timing.total_ms = milliseconds_since(request.received);
+  finish_answer(context, request, answer);
   return json_response(pose_answer_json(answer));
 }
 
@@ -169,8 +168,10 @@ HttpResponse show_session(const Context& context, const HttpRequest& request,
 void add_scan_route(std::vector<Route>& routes, const Context& context) {
   Route scans{"POST", "/v1/sessions/{session}/scans",
               [&context](const HttpRequest& request, const PathParameters& path) {
+                const std::shared_ptr<Session> session = find_session(context, request, path);
                 try {
-                  return track_scan(context, request, path);
+                  return counting_refusals(context, session->map().map,
+                                           [&] { return track_scan(context, request, session); });
                 } catch (const ApiError& error) {
                   if (error.code() == ErrorCode::kSuperseded) context.metrics.scan_superseded();
                   throw;
@@ -178,8 +179,10 @@ void add_scan_route(std::vector<Route>& routes, const Context& context) {
               },
               Access::kLocalize, BodyKind::kWhole};
   scans.reserve = [&context](const HttpRequest& request, const PathParameters& path) {
-    static_cast<void>(find_session(context, request, path));
-    return reserve_room(context, request, WorkKind::kNearPrior, 1);
+    const std::shared_ptr<Session> session = find_session(context, request, path);
+    return counting_refusals(context, session->map().map, [&] {
+      return reserve_room(context, request, WorkKind::kNearPrior, 1);
+    });
   };
   routes.push_back(std::move(scans));
 }

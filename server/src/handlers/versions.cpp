@@ -23,21 +23,6 @@ std::optional<std::int64_t> wanted_revision(const HttpRequest& request) {
                     "the ETag of the map, such as \"3\"");
 }
 
-/// Whether the query says `new_frame=true`. @throws ApiError for anything else in it.
-bool new_frame_wanted(const HttpRequest& request) {
-  bool wanted = false;
-  for (const auto& [name, value] : request.query) {
-    if (name != "new_frame") {
-      throw field_error(ErrorCode::kUnknownParameter, name, "a parameter", "new_frame");
-    }
-    if (value != "true" && value != "false") {
-      throw field_error(ErrorCode::kInvalidRequest, name, "'" + value + "'", "true or false");
-    }
-    wanted = value == "true";
-  }
-  return wanted;
-}
-
 HttpResponse answer_map(const maps::StoredMap& map, int status = 200) {
   HttpResponse response = json_response(stored_map_json(map), status);
   response.headers.emplace_back("ETag", etag_of(map));
@@ -47,13 +32,14 @@ HttpResponse answer_map(const maps::StoredMap& map, int status = 200) {
 HttpResponse activate(const Context& context, const HttpRequest& request,
                       const PathParameters& path) {
   return answer_map(context.catalog.activate(path.at("map"), path.at("version"),
-                                             wanted_revision(request), new_frame_wanted(request)));
+                                             wanted_revision(request),
+                                             flag_in_query(request, "new_frame")));
 }
 
 HttpResponse roll_back(const Context& context, const HttpRequest& request,
                        const PathParameters& path) {
   return answer_map(context.catalog.roll_back(path.at("map"), wanted_revision(request),
-                                              new_frame_wanted(request)));
+                                              flag_in_query(request, "new_frame")));
 }
 
 HttpResponse remove_version(const Context& context, const PathParameters& path) {

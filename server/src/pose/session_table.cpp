@@ -130,4 +130,11 @@ std::size_t SessionTable::size() const {
   return sessions_.size();
 }
 
+std::size_t SessionTable::count_on(const std::string& map) const {
+  const std::scoped_lock lock(mutex_);
+  return static_cast<std::size_t>(
+      std::count_if(sessions_.begin(), sessions_.end(),
+                    [&](const auto& each) { return each.second->map().map == map; }));
+}
+
 }  // namespace stillmap::server

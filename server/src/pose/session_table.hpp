@@ -44,6 +44,8 @@ class SessionTable {
   void close(const std::string& id, const std::string& owner);
   /// The owner's, by id.
   [[nodiscard]] std::vector<std::shared_ptr<Session>> list(const std::string& owner);
+  /// Sessions of all owners on a map.
+  [[nodiscard]] std::size_t count_on(const std::string& map) const;
   /// Ends those that have not been used for too long; happens by itself every second.
   void expire();
 

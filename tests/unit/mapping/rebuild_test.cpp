@@ -149,17 +149,6 @@ TEST_F(RebuildTest, ComparesWithThePreviousVersion) {
   EXPECT_THAT(second.warnings, Contains(HasSubstr("work of another rebuild was thrown away")));
 }
 
-TEST_F(RebuildTest, DoesNotPassAMapOfHalfTheStreet) {
-  (void)rebuild();
-  options_.previous = options_.map;
-  options_.map = folder_.path() / "newer";
-  options_.build.selection.end = 8;
-  options_.build.max_range_m = 8.0;
-  const RebuildReport report = rebuild();
-  EXPECT_FALSE(report.verdict.passed);
-  EXPECT_LT(report.figures.previous->driven_coverage, 0.95);
-}
-
 TEST_F(RebuildTest, AsksForTheScansOfAnotherDrive) {
   options_.held_back = write_drive("another", 0.7);
   const RebuildReport report = rebuild();

@@ -147,7 +147,7 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheFirstSchemaUpToDate) {
   const fs::path file = store_ / "state.db";
   run_sql(file,
           "DROP TABLE audit; DROP TABLE job_drives; DROP TABLE drive_parts; DROP TABLE drives;"
-          "DROP TABLE jobs; DROP TABLE keys; PRAGMA user_version=1");
+          "DROP TABLE jobs; DROP TABLE keys; DROP TABLE retired; PRAGMA user_version=1");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.state().map("town").active, "1");
   EXPECT_THAT(store.keys().list(), IsEmpty());

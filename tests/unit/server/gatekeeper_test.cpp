@@ -66,7 +66,7 @@ class GatekeeperTest : public ServiceTest {
 TEST_F(GatekeeperTest, OnlyHealthAndThePageAreOpen) {
   start();
   std::set<std::string> open;
-  for (const Route* route : service_->router().routes())
+  for (const Route* route : service_->routes())
     if (route->access == Access::kOpen) open.insert(route->method + " " + route->pattern);
   EXPECT_THAT(open, IsSubsetOf(std::set<std::string>{"GET /livez", "GET /healthz", "GET /readyz",
                                                      "GET /v1/maps/{map}/ready", "GET /",
@@ -75,7 +75,7 @@ TEST_F(GatekeeperTest, OnlyHealthAndThePageAreOpen) {
 
 TEST_F(GatekeeperTest, NoRouteThatChangesTheStoreIsForReaders) {
   start();
-  for (const Route* route : service_->router().routes()) {
+  for (const Route* route : service_->routes()) {
     if (route->method == "GET") continue;
     EXPECT_NE(route->access, Access::kOpen) << route->pattern;
     EXPECT_NE(route->access, Access::kRead) << route->pattern;
@@ -86,7 +86,7 @@ TEST_F(GatekeeperTest, EveryRouteButTheOpenOnesNeedsAKeyOnceThereIsOne) {
   start();
   EXPECT_EQ(refusal(""), std::nullopt);
   make_key(only(KeyScope::kRead));
-  for (const Route* route : service_->router().routes()) {
+  for (const Route* route : service_->routes()) {
     const auto refused = refusal(request_to(*route), "");
     if (route->access == Access::kOpen)
       EXPECT_NE(refused, ErrorCode::kMissingKey) << route->pattern;
@@ -106,7 +106,7 @@ TEST_F(GatekeeperTest, KeyOpensTheRoutesOfItsScopeAndNoOthers) {
                                              {Access::kAdmin, KeyScope::kAdmin}};
   for (const auto& [access, scope] : scopes) {
     const std::string key = "Bearer " + make_key(only(scope));
-    for (const Route* route : service_->router().routes()) {
+    for (const Route* route : service_->routes()) {
       const auto refused = refusal(request_to(*route), key);
       const bool fits = route->access == access || route->access == Access::kOpen;
       EXPECT_EQ(refused == ErrorCode::kForbidden, !fits)

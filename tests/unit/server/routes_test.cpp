@@ -155,7 +155,7 @@ TEST_F(Routes, WrongMethodSaysWhichIsRight) {
   EXPECT_EQ(get_on_post.status, 405);
   EXPECT_EQ(body(get_on_post)["code"], "MethodNotAllowed");
   EXPECT_THAT(get_on_post.headers, Contains(Pair("Allow", "POST")));
-  const HttpResponse delete_on_get = service_->handle(request("DELETE", "/v1/maps/town"));
+  const HttpResponse delete_on_get = service_->handle(request("DELETE", "/v1/maps"));
   EXPECT_THAT(delete_on_get.headers, Contains(Pair("Allow", "GET, HEAD")));
 }
 

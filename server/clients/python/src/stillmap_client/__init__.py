@@ -1,0 +1,16 @@
+"""Client of a stillmap server: "where am I in this map?" over HTTP. Standard library only.
+
+    from stillmap_client import Client, Pose, Prior
+    answer = Client("http://127.0.0.1:8080").localize("town", scan_bytes, Prior(Pose((0, 0, 0)), sigma=(1, 0.1)))
+"""
+
+from .client import Client
+from .errors import ConnectionLost, DownloadChanged, Problem, StillmapError
+from .scan import Pcd, Scan
+from .session import Session, SessionStream
+from .types import (Event, Gnss, MapInfo, MapReference, MovableBox, Odometry, Pose, PoseAnswer, Prior, Protection,
+                    Version)
+
+__all__ = ["Client", "ConnectionLost", "DownloadChanged", "Event", "Gnss", "MapInfo", "MapReference", "MovableBox",
+           "Odometry", "Pcd", "Pose", "PoseAnswer", "Prior", "Problem", "Protection", "Scan", "Session",
+           "SessionStream", "StillmapError", "Version"]

@@ -1,0 +1,277 @@
+"""The client: poses, sessions, maps, drives and jobs of one server."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import pathlib
+import ssl
+import time
+import uuid
+from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple, Union
+
+from . import events
+from .archive import Archive
+from .errors import ConnectionLost, DownloadChanged, Problem
+from .scan import Scan, scan_request
+from .session import Session
+from .transport import Body, Response, Transport, wait_s
+from .types import Event, Gnss, MapInfo, MovableBox, Pose, PoseAnswer, Prior, Version
+
+Path = Union[str, "os.PathLike[str]"]
+_PART_BYTES = 64 << 20
+_FINISHED = frozenset({"succeeded", "failed", "canceled"})
+
+
+def _csv(values: Sequence[float]) -> str:
+    return ",".join(repr(float(x)) for x in values)
+
+
+def _digest(sha256: bytes) -> str:
+    return f"sha-256=:{base64.b64encode(sha256).decode()}:"
+
+
+class Client:
+    """Speaks to one server. Safe from several threads.
+
+    url          such as "http://127.0.0.1:8080"
+    key          API key, when the server has any ("stillmap_...")
+    timeout_s    of connecting, and of silence within an answer
+    retries      further tries of refused requests (429, 503, after `Retry-After`) and of idempotent ones whose
+                 connection was lost
+    """
+
+    def __init__(self, url: str, key: Optional[str] = None, *, timeout_s: float = 30.0, retries: int = 4,
+                 context: Optional[ssl.SSLContext] = None) -> None:
+        self._transport = Transport(url, key, timeout_s, retries, context)
+
+    def close(self) -> None:
+        """Closes the calling thread's connection; those of other threads end with them."""
+        self._transport.drop()
+
+    # --- poses -------------------------------------------------------------------------------------------
+
+    def localize(self, map: str, scan: Scan, prior: Optional[Prior] = None, *, version: Optional[str] = None,
+                 layout: Optional[str] = None, gnss: Optional[Gnss] = None, stamp_ns: Optional[int] = None,
+                 method: Optional[str] = None, deadline_ms: Optional[int] = None, T_base_lidar: Optional[Pose] = None,
+                 movable: Sequence[MovableBox] = ()) -> PoseAnswer:
+        """Where a scan was taken; the status is `lost` when that cannot be said. Without prior and gnss the whole
+        map is searched. @raises Problem, ConnectionLost, ValueError for what is no scan."""
+        flat: Dict[str, str] = {}
+        keys: Dict[str, Any] = {}
+        if prior is not None:
+            flat.update(prior_t=_csv(prior.pose.position), prior_q=_csv(prior.pose.quaternion))
+            if prior.sigma is not None:
+                flat["prior_sigma"] = _csv(prior.sigma)
+        if gnss is not None:
+            altitude = "" if gnss.altitude_m is None else repr(float(gnss.altitude_m))
+            flat["gnss"] = f"{gnss.latitude_deg!r},{gnss.longitude_deg!r},{altitude},{gnss.sigma_m!r}"
+        for name, value in (("stamp_ns", stamp_ns), ("method", method), ("deadline_ms", deadline_ms)):
+            if value is not None:
+                flat[name] = str(value)
+        if T_base_lidar is not None or movable or (prior is not None and prior.covariance is not None):
+            keys = {name: flat[name] for name in ("stamp_ns", "method", "deadline_ms") if name in flat}
+            if prior is not None:
+                keys["prior"] = prior.to_json()
+            if gnss is not None:
+                keys["gnss"] = gnss.to_json()
+            if T_base_lidar is not None:
+                keys["T_base_lidar"] = T_base_lidar.to_json()
+            if movable:
+                keys["movable"] = [box.to_json() for box in movable]
+        query, body, headers = scan_request(scan, layout, flat, keys)
+        place = f"/v1/maps/{map}" + ("" if version is None else f"/versions/{version}")
+        return PoseAnswer.of(self._transport.call("POST", place + "/localize", query=query, body=body,
+                                                  headers=headers).json())
+
+    def open_session(self, map: str, *, version: Optional[str] = None, prior: Optional[Prior] = None,
+                     gnss: Optional[Gnss] = None) -> Session:
+        """Follows one vehicle. A prior needs its sigma or covariance."""
+        wanted: Dict[str, Any] = {"map": map}
+        for name, value in (("version", version), ("prior", prior and prior.to_json()), ("gnss", gnss and gnss.to_json())):
+            if value is not None:
+                wanted[name] = value
+        return Session(self._transport, self._json("POST", "/v1/sessions", wanted, idempotent=False))
+
+    # --- the server and its maps -------------------------------------------------------------------------
+
+    def is_ready(self) -> bool:
+        """Whether all maps are loaded; False also when nobody answers."""
+        try:
+            self._transport.call("GET", "/readyz", retries=0)
+        except (Problem, ConnectionLost):
+            return False
+        return True
+
+    def status(self) -> Dict[str, Any]:
+        return self._json("GET", "/v1/status")
+
+    def maps(self) -> List[MapInfo]:
+        return [MapInfo.of(each) for each in self._json("GET", "/v1/maps")["maps"]]
+
+    def map(self, name: str) -> MapInfo:
+        return MapInfo.of(self._json("GET", f"/v1/maps/{name}"))
+
+    def create_map(self, name: str) -> MapInfo:
+        return MapInfo.of(self._json("PUT", f"/v1/maps/{name}"))
+
+    def delete_map(self, name: str, *, active: bool = False) -> None:
+        """@param active  also when a version of it is served."""
+        self._transport.call("DELETE", f"/v1/maps/{name}", query={"active": "true"} if active else None)
+
+    def stats(self, name: str) -> Dict[str, Any]:
+        return self._json("GET", f"/v1/maps/{name}/stats")
+
+    def versions(self, name: str) -> List[Version]:
+        return [Version.of(each) for each in self._json("GET", f"/v1/maps/{name}/versions")["versions"]]
+
+    def activate(self, map: str, version: str, *, if_revision: Optional[int] = None, new_frame: bool = False) -> MapInfo:
+        """@param if_revision  only while the map is at it; else Problem `RevisionChanged`."""
+        return self._change(f"/v1/maps/{map}/versions/{version}/activate", if_revision, new_frame)
+
+    def roll_back(self, map: str, *, if_revision: Optional[int] = None, new_frame: bool = False) -> MapInfo:
+        # Twice is back where it began: a lost answer is the caller's to look into.
+        return self._change(f"/v1/maps/{map}/rollback", if_revision, new_frame, idempotent=if_revision is not None)
+
+    def delete_version(self, map: str, version: str) -> None:
+        self._transport.call("DELETE", f"/v1/maps/{map}/versions/{version}")
+
+    def upload_version(self, map: str, version: str, path: Path) -> Version:
+        """Publishes a map package: a folder, or its tar (plain, gzip, zstd), streamed with its SHA-256."""
+        archive = Archive(pathlib.Path(path))
+        headers = {"Content-Type": "application/octet-stream", "Content-Digest": _digest(archive.sha256().digest())}
+        return Version.of(self._transport.call("PUT", f"/v1/maps/{map}/versions/{version}", headers=headers,
+                                               body=(archive.size, archive.open)).json())
+
+    def download_version(self, map: str, version: str, path: Path) -> int:
+        """Writes the package's tar to `path` and goes on where an earlier try ended. @return its bytes."""
+        target = pathlib.Path(path)
+        part, tag = target.with_name(target.name + ".part"), target.with_name(target.name + ".etag")
+        tries = 0
+        while True:
+            try:
+                size = self._fetch(f"/v1/maps/{map}/versions/{version}/content", part, tag)
+                break
+            except (OSError, ConnectionLost) as error:
+                tries += 1
+                if tries > self._transport.retries:
+                    raise ConnectionLost(f"{map} {version}: {error}") from error
+                time.sleep(wait_s(tries, None))
+        part.replace(target)
+        tag.unlink()
+        return size
+
+    def _fetch(self, url: str, part: pathlib.Path, tag: pathlib.Path) -> int:
+        have = part.stat().st_size if part.exists() and tag.exists() else 0
+        headers = {"Range": f"bytes={have}-"} if have else {}
+        try:
+            with self._transport.open("GET", url, headers=headers) as response:
+                if have and response.headers.get("etag") != tag.read_text():
+                    raise DownloadChanged(f"{part}: found part of something else, expected part of {url}")
+                have = have if response.status == 206 else 0
+                tag.write_text(response.headers.get("etag", ""))
+                length = int(response.headers["content-length"])
+                with part.open("r+b" if have else "wb") as file:
+                    file.seek(have)
+                    got = _copied(response, file.write)
+                if got != length:
+                    raise ConnectionLost(f"{url}: found {got} bytes, expected {length}")
+                return have + got
+        except Problem as problem:
+            if problem.status == 416 and have:
+                return self._whole(url, part, tag, have)
+            raise
+
+    def _whole(self, url: str, part: pathlib.Path, tag: pathlib.Path, have: int) -> int:
+        """All bytes were there already."""
+        with self._transport.open("HEAD", url) as response:
+            same = response.headers.get("etag") == tag.read_text()
+            if same and int(response.headers["content-length"]) == have:
+                return have
+        raise DownloadChanged(f"{part}: found {have} bytes of something else")
+
+    # --- drives and jobs ---------------------------------------------------------------------------------
+
+    def drives(self, map: str) -> List[Dict[str, Any]]:
+        return list(self._json("GET", f"/v1/maps/{map}/drives")["drives"])
+
+    def upload_drive(self, map: str, path: Path, *, name: str = "", drive: Optional[int] = None,
+                     part_bytes: int = _PART_BYTES, on_part: Optional[Callable[[int, int], None]] = None) -> int:
+        """Sends a drive (a folder, or its tar) in parts. @param drive  id of an upload that was cut: parts that
+        are there are not sent again. @param on_part  told how many of how many bytes are there. @return its id."""
+        archive = Archive(pathlib.Path(path))
+        if drive is None:
+            drive = int(self._json("POST", f"/v1/maps/{map}/drives", {"name": name}, idempotent=False)["id"])
+        url = f"/v1/maps/{map}/drives/{drive}"
+        there = {int(part["n"]): str(part["sha256"]) for part in self._json("GET", url)["parts"]}
+        for n, offset in enumerate(range(0, archive.size, part_bytes), start=1):
+            size = min(part_bytes, archive.size - offset)
+            sha256 = archive.sha256(offset, size)
+            if there.get(n) != sha256.hexdigest():
+                self._transport.call("PUT", f"{url}/parts/{n}", body=(size, lambda: archive.open(offset, size)),
+                                     headers={"Content-Type": "application/octet-stream",
+                                              "Content-Digest": _digest(sha256.digest())})
+            if on_part is not None:
+                on_part(offset + size, archive.size)
+        self._transport.call("POST", f"{url}/complete")
+        return drive
+
+    def delete_drive(self, map: str, drive: int) -> None:
+        self._transport.call("DELETE", f"/v1/maps/{map}/drives/{drive}")
+
+    def rebuild(self, map: str, drives: Sequence[int], **wanted: Any) -> Dict[str, Any]:
+        """Asks for a new version. @param wanted  options, version, activate, ... (server/README.md). @return the job."""
+        response = self._transport.call(
+            "POST", f"/v1/maps/{map}/rebuild", body=json.dumps({"drives": list(drives), **wanted}).encode(),
+            headers={"Content-Type": "application/json", "Idempotency-Key": uuid.uuid4().hex})
+        return dict(response.json())
+
+    def job(self, job: int) -> Dict[str, Any]:
+        return self._json("GET", f"/v1/jobs/{job}")
+
+    def cancel_job(self, job: int) -> Dict[str, Any]:
+        return self._json("POST", f"/v1/jobs/{job}/cancel")
+
+    def job_events(self, job: int, *, last_id: Optional[int] = None, patience_s: float = 60.0) -> Iterator[Event]:
+        """What happens to it, up to its end; goes on after lost connections."""
+        return events.stream(self._transport, f"/v1/jobs/{job}/events", "end", last_id, patience_s)
+
+    def wait_for_job(self, job: int, *, timeout_s: Optional[float] = None,
+                     on_change: Optional[Callable[[Mapping[str, Any]], None]] = None) -> Dict[str, Any]:
+        """The job once it has ended, however it did. @raises TimeoutError."""
+        end = None if timeout_s is None else time.monotonic() + timeout_s
+        pause_s, before = 0.1, None
+        while True:
+            found = self.job(job)
+            shown = (found["status"], found["stage"], found["progress"])
+            if on_change is not None and shown != before:
+                on_change(found)
+            before = shown
+            if found["status"] in _FINISHED:
+                return found
+            if end is not None and time.monotonic() + pause_s > end:
+                raise TimeoutError(f"job {job}: still {found['status']} after {timeout_s:g} s")
+            time.sleep(pause_s)
+            pause_s = min(2.0, 1.5 * pause_s)
+
+    # --- in general --------------------------------------------------------------------------------------
+
+    def _json(self, method: str, path: str, body: Optional[Mapping[str, Any]] = None, *,
+              idempotent: bool = True) -> Dict[str, Any]:
+        headers = {} if body is None else {"Content-Type": "application/json"}
+        data: Body = None if body is None else json.dumps(body).encode()
+        return dict(self._transport.call(method, path, body=data, headers=headers, idempotent=idempotent).json())
+
+    def _change(self, path: str, if_revision: Optional[int], new_frame: bool, *, idempotent: bool = True) -> MapInfo:
+        headers = {} if if_revision is None else {"If-Match": f'"{if_revision}"'}
+        query = {"new_frame": "true"} if new_frame else None
+        return MapInfo.of(self._transport.call("POST", path, query=query, headers=headers, idempotent=idempotent).json())
+
+
+def _copied(response: Response, write: Callable[[bytes], int]) -> int:
+    got = 0
+    while block := response.raw.read(1 << 16):
+        write(block)
+        got += len(block)
+    return got

@@ -1,0 +1,193 @@
+"""Following one vehicle: each scan in turn, or the newest one while the vehicle is faster than the server."""
+
+from __future__ import annotations
+
+import json
+import threading
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, Mapping, Optional, Sequence, Tuple, Union
+
+from . import events
+from .errors import ConnectionLost, Problem, StillmapError
+from .scan import Scan, scan_request
+from .transport import Transport, wait_s
+from .types import Event, Gnss, MapReference, MovableBox, Odometry, Pose, PoseAnswer, Prior
+
+if TYPE_CHECKING:
+    from .client import Client
+
+
+class Session:
+    """One vehicle in one version of a map; made by `Client.open_session`. Ends with `close`, or when it is not
+    used for `idle_limit_s`. As a context manager it closes itself."""
+
+    def __init__(self, transport: Transport, json: Mapping[str, Any]) -> None:
+        self._transport = transport
+        self.id = str(json["id"])
+        self.map = MapReference(json["map"]["name"], json["map"]["version"], json["map"]["digest"])
+        self.idle_limit_s = float(json["idle_limit_s"])
+        self._path = f"/v1/sessions/{self.id}"
+
+    def __enter__(self) -> "Session":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def track(self, scan: Scan, stamp_ns: int, *, layout: Optional[str] = None, odometry: Optional[Odometry] = None,
+              deadline_ms: Optional[int] = None, T_base_lidar: Optional[Pose] = None,
+              movable: Sequence[MovableBox] = (), retries: Optional[int] = None) -> PoseAnswer:
+        """The next scan. Not sent again after a lost connection: the server may have counted it.
+        @raises Problem (`Superseded` when a newer scan came meanwhile), ConnectionLost."""
+        flat: Dict[str, str] = {"stamp_ns": str(stamp_ns)}
+        keys: Dict[str, Any] = {}
+        if deadline_ms is not None:
+            flat["deadline_ms"] = str(deadline_ms)
+        if odometry is not None or T_base_lidar is not None or movable:
+            keys = dict(flat)
+            if odometry is not None:
+                keys["odometry"] = odometry.to_json()
+            if T_base_lidar is not None:
+                keys["T_base_lidar"] = T_base_lidar.to_json()
+            if movable:
+                keys["movable"] = [box.to_json() for box in movable]
+        query, body, headers = scan_request(scan, layout, flat, keys)
+        return PoseAnswer.of(self._transport.call("POST", self._path + "/scans", query=query, body=body,
+                                                  headers=headers, idempotent=False, retries=retries).json())
+
+    def initialize(self, prior: Optional[Prior] = None, *, gnss: Optional[Gnss] = None) -> None:
+        """Forgets where the vehicle was. Without prior and gnss it may be anywhere."""
+        wanted: Dict[str, Any] = {}
+        if prior is not None:
+            wanted["prior"] = prior.to_json()
+        if gnss is not None:
+            wanted["gnss"] = gnss.to_json()
+        self._transport.call("POST", self._path + "/initialize", body=json.dumps(wanted).encode(),
+                             headers={"Content-Type": "application/json"})
+
+    def info(self) -> Dict[str, Any]:
+        return dict(self._transport.call("GET", self._path).json())
+
+    def events(self, *, last_id: Optional[int] = None, patience_s: float = 60.0) -> Iterator[Event]:
+        """`status`, `version_activated`, `gap`, up to `closed`. Goes on after lost connections."""
+        return events.stream(self._transport, self._path + "/events", "closed", last_id, patience_s)
+
+    def close(self) -> None:
+        """Also when it has ended already."""
+        try:
+            self._transport.call("DELETE", self._path)
+        except Problem as problem:
+            if problem.code != "UnknownSession":
+                raise
+        except ConnectionLost:
+            pass  # it expires
+
+
+class SessionStream:
+    """Feeds a session from a sensor that does not wait: `put` never blocks, one thread sends, and of the scans
+    that come while it does only the newest is kept.
+
+    Refusals and lost connections are met by going on with the newest scan after the time that the server asked
+    for. A session that is gone (the server was started anew, or it expired) is opened again, and searched for
+    everywhere.
+
+    on_answer    told (stamp_ns, PoseAnswer), in the sending thread
+    on_error     told (stamp_ns, error) of each scan that got no pose
+    """
+
+    def __init__(self, client: "Client", map: str, *, on_answer: Callable[[int, PoseAnswer], None],
+                 on_error: Optional[Callable[[int, StillmapError], None]] = None, prior: Optional[Prior] = None,
+                 deadline_ms: Optional[int] = None, layout: Optional[str] = None) -> None:
+        self._client, self._map, self._prior = client, map, prior
+        self._on_answer, self._on_error = on_answer, on_error
+        self._deadline_ms, self._layout = deadline_ms, layout
+        self._changed = threading.Condition()
+        self._waiting: Optional[Tuple[Scan, int, Optional[Odometry]]] = None
+        self._busy = False
+        self._closed = False
+        #: Counters: scans sent and answered, replaced by a newer one before they were sent, failed; sessions.
+        self.answered = self.superseded = self.failed = self.sessions = 0
+        self._session: Optional[Session] = None
+        self._thread = threading.Thread(target=self._work, name="stillmap-session", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> "SessionStream":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def put(self, scan: Scan, stamp_ns: int, odometry: Optional[Odometry] = None) -> None:
+        """Takes the place of a scan that waits. The scan must not be changed afterwards."""
+        with self._changed:
+            if self._closed:
+                raise RuntimeError("the stream is closed")
+            if self._waiting is not None:
+                self.superseded += 1
+            self._waiting = (scan, stamp_ns, odometry)
+            self._changed.notify_all()
+
+    def drain(self, timeout_s: Optional[float] = None) -> bool:
+        """Waits until nothing waits or is under way. @return whether that came in time."""
+        with self._changed:
+            return self._changed.wait_for(lambda: self._waiting is None and not self._busy, timeout_s)
+
+    def close(self) -> None:
+        """What waits is dropped, what is under way is waited for; ends the session."""
+        with self._changed:
+            self._closed = True
+            self._waiting = None
+            self._changed.notify_all()
+        self._thread.join()
+        if self._session is not None:
+            self._session.close()
+            self._session = None
+
+    def _work(self) -> None:
+        tries = 0
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._waiting is not None or self._closed)
+                if self._closed:
+                    return
+                assert self._waiting is not None
+                item, self._waiting, self._busy = self._waiting, None, True
+            error = self._send(*item)
+            tries = 0 if error is None else tries + 1
+            if error is not None and not _is_final(error):
+                self._wait_and_keep(item, wait_s(tries, error if isinstance(error, Problem) else None))
+            with self._changed:
+                self._busy = False
+                self._changed.notify_all()
+
+    def _send(self, scan: Scan, stamp_ns: int, odometry: Optional[Odometry]) -> Union[None, StillmapError]:
+        try:
+            if self._session is None:
+                self._session = self._client.open_session(self._map, prior=self._prior)
+                self._prior = None  # where it was at first says nothing of a later session
+                self.sessions += 1
+            answer = self._session.track(scan, stamp_ns, odometry=odometry, layout=self._layout,
+                                         deadline_ms=self._deadline_ms, retries=0)
+        except StillmapError as error:
+            if isinstance(error, Problem) and error.code == "UnknownSession":
+                self._session = None
+            self.failed += 1
+            if self._on_error is not None:
+                self._on_error(stamp_ns, error)
+            return error
+        self.answered += 1
+        self._on_answer(stamp_ns, answer)
+        return None
+
+    def _wait_and_keep(self, item: Tuple[Scan, int, Optional[Odometry]], pause_s: float) -> None:
+        """The scan is tried again unless a newer one came meanwhile."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._closed, pause_s)
+            if self._waiting is None and not self._closed:
+                self._waiting = item
+
+
+def _is_final(error: StillmapError) -> bool:
+    """Whether the same scan would be refused again."""
+    if not isinstance(error, Problem):
+        return False
+    return error.status not in (429, 503) and error.code != "UnknownSession" or error.code == "Superseded"

@@ -1,0 +1,180 @@
+"""HTTP to one server: kept connections, retries, problems as exceptions."""
+
+from __future__ import annotations
+
+import http.client
+import io
+import json
+import random
+import ssl
+import threading
+import time
+import urllib.parse
+from contextlib import contextmanager
+from typing import Any, BinaryIO, Callable, Dict, Iterator, Mapping, Optional, Tuple, Union
+
+from .errors import ConnectionLost, Problem
+
+#: Bytes, or something that opens a stream of the given length anew for each try.
+Body = Union[None, bytes, Tuple[int, Callable[[], BinaryIO]]]
+
+#: The server ends connections that idled for 2 s: older ones are not used again.
+_KEPT_S = 1.0
+#: Longest wait between two tries.
+_MAX_WAIT_S = 30.0
+_BLOCK = 1 << 16
+#: Refusals that the same request would meet again.
+_FINAL = frozenset({"Superseded", "MapUnusable"})
+
+
+class Response:
+    """Status, headers (lower case) and the body, which may be read in pieces."""
+
+    def __init__(self, raw: http.client.HTTPResponse) -> None:
+        self.status = raw.status
+        self.headers = {name.lower(): value for name, value in raw.getheaders()}
+        self.raw = raw
+        self._data: Optional[bytes] = None
+
+    def read(self) -> bytes:
+        """All of the body; again the same."""
+        if self._data is None:
+            self._data = self.raw.read()
+        return self._data
+
+    def json(self) -> Any:
+        return json.loads(self.read())
+
+
+def problem_of(response: Response) -> Problem:
+    try:
+        body = response.json()
+    except ValueError:
+        body = {"detail": "no problem document"}
+    after = response.headers.get("retry-after", "")
+    return Problem(response.status, body if isinstance(body, dict) else {}, float(after) if after.isdigit() else None)
+
+
+class Transport:
+    """Safe from several threads: each keeps a connection of its own.
+
+    A refusal (429, 503) comes before anything was done, so it is tried again whatever the method, after what
+    `Retry-After` says; a lost connection only when the request is idempotent, or was never sent.
+    """
+
+    def __init__(self, url: str, key: Optional[str], timeout_s: float, retries: int,
+                 context: Optional[ssl.SSLContext]) -> None:
+        parts = urllib.parse.urlsplit(url)
+        if parts.scheme not in ("http", "https") or not parts.hostname:
+            raise ValueError(f"url: found '{url}', expected http://HOST[:PORT] or https://...")
+        if key is not None and not key.isascii():
+            raise ValueError("key: found other characters, expected ASCII")
+        self._host, self._port, self._prefix = parts.hostname, parts.port, parts.path.rstrip("/")
+        self._tls = (context or ssl.create_default_context()) if parts.scheme == "https" else None
+        self._key, self._timeout_s, self.retries = key, timeout_s, retries
+        self._local = threading.local()
+
+    def call(self, method: str, path: str, *, query: Optional[Mapping[str, str]] = None, body: Body = None,
+             headers: Optional[Mapping[str, str]] = None, idempotent: bool = True,
+             retries: Optional[int] = None) -> Response:
+        """The whole answer, of a status below 400. @raises Problem, ConnectionLost."""
+        with self.open(method, path, query=query, body=body, headers=headers, idempotent=idempotent,
+                       retries=retries) as response:
+            response.read()
+        return response
+
+    @contextmanager
+    def open(self, method: str, path: str, *, query: Optional[Mapping[str, str]] = None, body: Body = None,
+             headers: Optional[Mapping[str, str]] = None, idempotent: bool = True, retries: Optional[int] = None,
+             timeout_s: Optional[float] = None) -> Iterator[Response]:
+        """An answer that is read piece by piece, on a connection of its own when that takes long."""
+        target = self._prefix + urllib.parse.quote(path, safe="/")
+        if query:
+            target += "?" + urllib.parse.urlencode(query, safe=",")
+        left = self.retries if retries is None else retries
+        waited = 0
+        while True:
+            try:
+                response = self._once(method, target, body, headers or {}, timeout_s)
+                if response.status < 400:
+                    break
+                problem = problem_of(response)
+                self._drop_unless_reusable(response)
+            except (OSError, http.client.HTTPException) as error:
+                self.drop()
+                if left <= 0 or not (idempotent or isinstance(error, ConnectionRefusedError)):
+                    raise ConnectionLost(f"{method} {path}: {error or type(error).__name__}") from error
+                problem = None
+            if problem is not None and (left <= 0 or problem.status not in (429, 503) or problem.code in _FINAL):
+                raise problem
+            left -= 1
+            waited += 1
+            time.sleep(wait_s(waited, problem))
+        done = False
+        try:
+            yield response
+            done = True
+        finally:
+            if not done or timeout_s is not None or not response.raw.isclosed():
+                self.drop()
+            else:
+                self._drop_unless_reusable(response)
+
+    def drop(self) -> None:
+        connection = getattr(self._local, "connection", None)
+        self._local.connection = None
+        if connection is not None:
+            connection.close()
+
+    def _drop_unless_reusable(self, response: Response) -> None:
+        if response.raw.will_close:
+            self.drop()
+        self._local.used = time.monotonic()
+
+    def _connection(self, timeout_s: Optional[float]) -> http.client.HTTPConnection:
+        kept = getattr(self._local, "connection", None)
+        if kept is not None and timeout_s is None and time.monotonic() - self._local.used < _KEPT_S:
+            return kept  # type: ignore[no-any-return]
+        self.drop()
+        timeout = self._timeout_s if timeout_s is None else timeout_s
+        connection = (http.client.HTTPConnection(self._host, self._port, timeout=timeout) if self._tls is None else
+                      http.client.HTTPSConnection(self._host, self._port, timeout=timeout, context=self._tls))
+        self._local.connection = connection
+        self._local.used = time.monotonic()
+        return connection
+
+    def _once(self, method: str, target: str, body: Body, headers: Mapping[str, str],
+              timeout_s: Optional[float]) -> Response:
+        connection = self._connection(timeout_s)
+        sent: Dict[str, str] = dict(headers)
+        if self._key is not None:
+            sent["Authorization"] = f"Bearer {self._key}"
+        size, opened = _opener(body)
+        if body is not None or method in ("POST", "PUT"):
+            sent["Content-Length"] = str(size)
+        connection.putrequest(method, target, skip_accept_encoding=True)
+        for name, value in sent.items():
+            connection.putheader(name, value)
+        try:
+            connection.endheaders()
+            with opened() as stream:
+                while block := stream.read(_BLOCK):
+                    connection.send(block)
+        except (BrokenPipeError, ConnectionResetError):
+            # Refused before all of the body was sent: the answer is there, if anything is.
+            pass
+        return Response(connection.getresponse())
+
+
+def _opener(body: Body) -> Tuple[int, Callable[[], BinaryIO]]:
+    if isinstance(body, tuple):
+        return body
+    data = body or b""
+    return len(data), lambda: io.BytesIO(data)
+
+
+def wait_s(tries: int, problem: Optional[Problem]) -> float:
+    """What the server asks for, else doubling from 0.1 s; both with chance, so that clients do not come at once."""
+    asked = problem.retry_after_s if problem is not None else None
+    base = asked if asked is not None else 0.1 * 2.0 ** min(tries - 1, 10)
+    return min(_MAX_WAIT_S, base * random.uniform(1.0, 1.25))

@@ -1,0 +1,43 @@
+#include "context.hpp"
+#include "json/keys_request_json.hpp"
+#include "json/store_json.hpp"
+
+namespace stillmap::server {
+namespace {
+
+constexpr std::int64_t kDay_ns = std::int64_t{86'400} * 1'000'000'000;
+
+/// The secret is in this answer and nowhere else.
+HttpResponse create_key(const Context& context, const HttpRequest& request) {
+  const KeyRequest wanted = read_key_request(request.body);
+  const std::int64_t now = unix_ns();
+  std::optional<std::int64_t> expires;
+  if (wanted.expires_days) expires = now + *wanted.expires_days * kDay_ns;
+  HttpResponse response = json_response(
+      created_key_json(context.store.keys().create(wanted.name, wanted.scopes, expires, now)), 201);
+  response.headers.emplace_back("Cache-Control", "no-store");
+  return response;
+}
+
+}  // namespace
+
+void add_key_routes(std::vector<Route>& routes, const Context& context) {
+  routes.push_back({"GET", "/v1/keys",
+                    [&context](const HttpRequest&, const PathParameters&) {
+                      return json_response(keys_json(context.store.keys().list()));
+                    },
+                    Access::kAdmin});
+  routes.push_back({"POST", "/v1/keys",
+                    [&context](const HttpRequest& request, const PathParameters&) {
+                      return create_key(context, request);
+                    },
+                    Access::kAdmin, BodyKind::kWhole});
+  routes.push_back({"DELETE", "/v1/keys/{key}",
+                    [&context](const HttpRequest&, const PathParameters& path) {
+                      return json_response(
+                          key_json(context.store.keys().revoke(path.at("key"), unix_ns())));
+                    },
+                    Access::kAdmin});
+}
+
+}  // namespace stillmap::server

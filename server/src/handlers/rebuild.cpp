@@ -1,0 +1,52 @@
+#include "api_error.hpp"
+#include "context.hpp"
+#include "header_text.hpp"
+#include "json/jobs_json.hpp"
+
+#include <algorithm>
+
+namespace stillmap::server {
+namespace {
+
+/// @throws ApiError kInvalidRequest.
+std::optional<std::string> idempotency_key(const HttpRequest& request) {
+  const auto found = request.headers.find("idempotency-key");
+  if (found == request.headers.end()) return std::nullopt;
+  const std::string& key = found->second;
+  const bool printable =
+      std::all_of(key.begin(), key.end(), [](char byte) { return byte >= '!' && byte <= '~'; });
+  if (!key.empty() && key.size() <= 128 && printable) return key;
+  throw field_error(ErrorCode::kInvalidRequest, "Idempotency-Key",
+                    std::to_string(key.size()) + " bytes", "1 to 128 of printable ASCII");
+}
+
+HttpResponse rebuild(const Context& context, const HttpRequest& request,
+                     const PathParameters& path) {
+  const std::string type = media_type(request.header("content-type"));
+  if (type != "application/json") {
+    throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
+                      "application/json");
+  }
+  const maps::JobTable::Enqueued enqueued =
+      context.jobs.rebuild(path.at("map"), read_rebuild_request(request.body),
+                           {request.caller.key_id, idempotency_key(request)});
+  return accepted(context.jobs.view(enqueued.job));
+}
+
+}  // namespace
+
+HttpResponse accepted(const JobView& job) {
+  HttpResponse response = json_response(job_json(job), 202);
+  response.headers.emplace_back("Location", "/v1/jobs/" + std::to_string(job.job.id));
+  return response;
+}
+
+void add_rebuild_routes(std::vector<Route>& routes, const Context& context) {
+  routes.push_back({"POST", "/v1/maps/{map}/rebuild",
+                    [&context](const HttpRequest& request, const PathParameters& path) {
+                      return rebuild(context, request, path);
+                    },
+                    Access::kWrite, BodyKind::kWhole});
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+namespace stillmap::server {
+
+/// Where a job works. The log and the outcome stay until the job is forgotten; the rest goes when
+/// it has ended. Nothing here must last, what a power cut takes is made again; only uploads beside
+/// the folders of jobs must.
+struct JobFolder {
+  std::filesystem::path root;
+
+  [[nodiscard]] std::filesystem::path log() const { return root / "log"; }
+  [[nodiscard]] std::filesystem::path outcome() const { return root / "outcome.json"; }
+  /// All else.
+  [[nodiscard]] std::filesystem::path scratch() const { return root / "scratch"; }
+  /// The mapper's own, with its checkpoints.
+  [[nodiscard]] std::filesystem::path work() const { return scratch() / "work"; }
+  [[nodiscard]] std::filesystem::path map() const { return scratch() / "map"; }
+  [[nodiscard]] std::filesystem::path report() const { return scratch() / "report.json"; }
+  [[nodiscard]] std::filesystem::path gate() const { return scratch() / "gate.json"; }
+  [[nodiscard]] std::filesystem::path edits() const { return scratch() / "edits.json"; }
+  /// How often its program crashed or was killed.
+  [[nodiscard]] std::filesystem::path crashes() const { return scratch() / "crashes"; }
+  /// Digest of the version that was active when it began.
+  [[nodiscard]] std::filesystem::path previous() const { return scratch() / "previous"; }
+};
+
+/// Replaces the file as a whole. @throws maps::StorageError.
+void write_small_file(const std::filesystem::path& file, const std::string& text);
+/// Makes the folder's names last. @throws maps::StorageError.
+void sync_folder(const std::filesystem::path& folder);
+/// Nothing when there is none, or it is larger than a megabyte.
+[[nodiscard]] std::optional<std::string> read_small_file(const std::filesystem::path& file);
+/// With all in it; what cannot be removed stays until it is tried again.
+void clear_folder(const std::filesystem::path& folder);
+/// Where a job's folders, or files for it, lie.
+[[nodiscard]] std::uint64_t free_bytes(const std::filesystem::path& folder);
+
+}  // namespace stillmap::server

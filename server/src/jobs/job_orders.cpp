@@ -1,0 +1,263 @@
+#include "api_error.hpp"
+#include "handlers/context.hpp"
+#include "jobs/job_runner.hpp"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <nlohmann/json.hpp>
+
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/received_file.hpp>
+
+#include <algorithm>
+#include <chrono>
+#include <set>
+#include <system_error>
+
+namespace stillmap::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Jobs that may wait for their turn.
+constexpr std::size_t kMostWaiting = 100;
+/// Of a page of the store's list.
+constexpr std::size_t kPage = 1000;
+/// It reads a few scans of each drive.
+constexpr std::chrono::seconds kMostForEstimate{60};
+constexpr const char* kUploads = "uploads";
+
+/// What `stillmap rebuild --estimate` says [bytes].
+struct Estimate {
+  std::uint64_t package = 0;
+  std::uint64_t work = 0;
+};
+
+std::optional<Estimate> read_estimate(const std::string& text) {
+  // Warnings may stand before it.
+  const std::size_t begin = text.find("{\n");
+  if (begin == std::string::npos) return std::nullopt;
+  const auto json = nlohmann::json::parse(text.substr(begin), nullptr, false);
+  if (!json.is_object() || !json.contains("package_bytes") || !json.contains("work_bytes") ||
+      !json["package_bytes"].is_number_unsigned() || !json["work_bytes"].is_number_unsigned())
+    return std::nullopt;
+  return Estimate{.package = json["package_bytes"], .work = json["work_bytes"]};
+}
+
+std::string last_line(std::string text) {
+  while (!text.empty() && (text.back() == '\n' || text.back() == ' ')) text.pop_back();
+  const std::size_t begin = text.find_last_of('\n');
+  return begin == std::string::npos ? text : text.substr(begin + 1);
+}
+
+bool on_one_disk(const fs::path& a, const fs::path& b) {
+  struct stat first {};
+  struct stat second {};
+  return ::stat(a.c_str(), &first) == 0 && ::stat(b.c_str(), &second) == 0 &&
+         first.st_dev == second.st_dev;
+}
+
+void require_room(const fs::path& folder, std::uint64_t bytes) {
+  const std::uint64_t room = free_bytes(folder);
+  if (bytes <= room) return;
+  throw ApiError(ErrorCode::kDiskFull,
+                 fmt::format("it needs about {} bytes, and {} are free", bytes, room));
+}
+
+/// The file that a convert job reads; empty for others.
+std::string sha256_of(const maps::StoredJob& job) {
+  return job.kind == maps::JobKind::kConvert ? read_convert_request(job.request).sha256
+                                             : std::string{};
+}
+
+}  // namespace
+
+fs::path JobRunner::upload(const std::string& sha256) const { return root_ / kUploads / sha256; }
+
+RebuildSources JobRunner::sources_of(const maps::StoredJob& job,
+                                     const RebuildRequest& request) const {
+  RebuildSources sources;
+  for (const std::int64_t id : request.drives) sources.drives.push_back(setup_.drives.folder(id));
+  if (request.held_back) sources.held_back = setup_.drives.folder(*request.held_back);
+  if (request.new_frame) return sources;
+  const maps::StoredMap map = setup_.store.state().map(job.map);
+  if (!map.active) return sources;
+  std::string digest = setup_.store.state().version(map.name, *map.active).digest;
+  if (job.id > 0) {
+    // An attempt goes on only with what the one before had, whatever was activated meanwhile.
+    const fs::path file = folder(job.id).previous();
+    const std::optional<std::string> noted = read_small_file(file);
+    if (noted && setup_.store.state().uses(*noted)) digest = *noted;
+    write_small_file(file, digest);
+  }
+  sources.previous = setup_.store.folder() / "packages" / digest;
+  return sources;
+}
+
+void JobRunner::check_room(const std::string& map, const RebuildRequest& request,
+                           const RebuildSources& sources) {
+  if (setup_.mapper.empty())
+    throw ApiError(ErrorCode::kNoMapper, "stillmap-mapper is not installed beside the server");
+  const ProgramOutput output =
+      run_short(estimate_command(setup_.mapper, request, sources), limits(), kMostForEstimate);
+  const std::optional<Estimate> estimate = read_estimate(output.text);
+  if (output.timed_out || output.end.exit_code != 0 || !estimate) {
+    const std::string said = without_places(last_line(output.text));
+    if (output.end.exit_code == 1 || output.end.exit_code == 2)
+      throw ApiError(ErrorCode::kInvalidRequest, said);
+    throw std::runtime_error("no estimate of the disk: " + output.end.words() + ": " + said);
+  }
+  setup_.store.check_quota(map, estimate->package);
+  // The map is copied into the store before the job's folder is cleared.
+  const bool shared = on_one_disk(root_, setup_.store.folder());
+  require_room(root_, estimate->work + estimate->package * (shared ? 2 : 1));
+  if (!shared) require_room(setup_.store.folder(), estimate->package);
+}
+
+void JobRunner::check_waiting() const {
+  if (setup_.store.jobs().count(maps::JobStatus::kEnqueued) < kMostWaiting) return;
+  throw ApiError(ErrorCode::kBusy, fmt::format("{} jobs wait already", kMostWaiting))
+      .with_header("Retry-After", "60");
+}
+
+void JobRunner::check_new_version(const std::string& map, const std::string& version) const {
+  if (!setup_.store.state().find_version(map, version)) return;
+  throw ApiError(ErrorCode::kOtherDigest,
+                 fmt::format("map {} has a version {} already", map, version));
+}
+
+/// Then the room that it needs was looked at before, and is perhaps taken by itself now.
+bool JobRunner::is_known_request(const std::string& map, const Asker& asker) const {
+  if (!asker.idempotency_key) return false;
+  std::optional<std::int64_t> before;
+  do {
+    const maps::JobTable::Page page = setup_.store.jobs().list({.map = map}, kPage, before);
+    for (const maps::StoredJob& job : page.jobs)
+      if (job.asker == asker.key_id && job.idempotency_key == asker.idempotency_key) return true;
+    before = page.next;
+  } while (before);
+  return false;
+}
+
+maps::JobTable::Enqueued JobRunner::rebuild(const std::string& map, const RebuildRequest& request,
+                                            const Asker& asker) {
+  maps::NewJob job{.kind = maps::JobKind::kRebuild,
+                   .map = map,
+                   .request = to_json(request),
+                   .drives = request.drives,
+                   .asker = asker.key_id,
+                   .idempotency_key = asker.idempotency_key};
+  if (request.held_back) job.drives.push_back(*request.held_back);
+  static_cast<void>(setup_.store.state().map(map));
+  if (!is_known_request(map, asker)) {
+    check_waiting();
+    if (!request.version.empty()) check_new_version(map, request.version);
+    for (const std::int64_t id : job.drives) {
+      const maps::StoredDrive drive = setup_.store.drives().drive(id);
+      if (drive.map != map)
+        throw ApiError(ErrorCode::kUnknownDrive, fmt::format("map {} has no drive {}", map, id));
+      if (drive.status != maps::DriveStatus::kComplete)
+        throw ApiError(ErrorCode::kDriveNotComplete,
+                       fmt::format("drive {} is {}", id, maps::name_of(drive.status)));
+    }
+    fs::create_directories(root_);
+    check_room(map, request, sources_of({.map = map}, request));
+  }
+  const maps::JobTable::Enqueued enqueued = setup_.store.jobs().enqueue(job, unix_ns());
+  wake();
+  return enqueued;
+}
+
+/// The job that made this version of the same file, as long as it is remembered.
+std::optional<maps::StoredJob> JobRunner::converted_before(const std::string& map,
+                                                           const ConvertRequest& request) const {
+  if (!setup_.store.state().find_version(map, request.version)) return std::nullopt;
+  std::optional<std::int64_t> before;
+  do {
+    const maps::JobTable::Page page = setup_.store.jobs().list(
+        {.status = maps::JobStatus::kSucceeded, .map = map}, kPage, before);
+    for (const maps::StoredJob& job : page.jobs)
+      if (job.result_version == request.version)
+        return sha256_of(job) == request.sha256 ? std::optional(job) : std::nullopt;
+    before = page.next;
+  } while (before);
+  return std::nullopt;
+}
+
+maps::JobTable::Enqueued JobRunner::convert(const std::string& map, const ConvertRequest& request,
+                                            const Asker& asker) {
+  const std::scoped_lock lock(uploads_mutex_);
+  if (const auto arrived = arrived_.find(request.sha256); arrived != arrived_.end())
+    arrived_.erase(arrived);
+  for (const maps::StoredJob& job : unfinished()) {
+    if (job.map != map || version_of(job) != request.version) continue;
+    if (sha256_of(job) == request.sha256) return {job, false};
+    throw ApiError(ErrorCode::kOtherDigest, fmt::format("job {} makes version {} of something else",
+                                                        job.id, request.version));
+  }
+  if (const auto done = converted_before(map, request)) return {*done, false};
+  check_new_version(map, request.version);
+  check_waiting();
+  std::error_code error;
+  if (!fs::exists(upload(request.sha256), error))
+    throw maps::StorageError(upload(request.sha256).string(), "is gone");
+  setup_.store.create_map(map);
+  const maps::JobTable::Enqueued enqueued =
+      setup_.store.jobs().enqueue({.kind = maps::JobKind::kConvert,
+                                   .map = map,
+                                   .request = to_json(request),
+                                   .asker = asker.key_id,
+                                   .idempotency_key = std::nullopt},
+                                  unix_ns());
+  wake();
+  return enqueued;
+}
+
+std::string JobRunner::receive(const maps::ByteSource& source, std::uint64_t bytes,
+                               const std::optional<std::string>& sha256, const std::string& name) {
+  const fs::path folder = root_ / kUploads;
+  fs::path half;
+  {
+    const std::scoped_lock lock(uploads_mutex_);
+    fs::create_directories(folder);
+    half = folder / fmt::format(".incoming-{}", incoming_++);
+  }
+  std::error_code error;
+  try {
+    const std::string found = maps::receive_file(source, bytes, half, name);
+    if (sha256 && *sha256 != found) throw maps::InputError(name, "SHA-256 " + found, *sha256);
+    const std::scoped_lock lock(uploads_mutex_);
+    fs::rename(half, folder / found);
+    sync_folder(folder);
+    sync_folder(root_);
+    arrived_.insert(found);
+    return found;
+  } catch (...) {
+    fs::remove(half, error);
+    throw;
+  }
+}
+
+std::vector<maps::StoredJob> JobRunner::unfinished() const {
+  std::vector<maps::StoredJob> jobs;
+  for (const maps::JobStatus status : {maps::JobStatus::kEnqueued, maps::JobStatus::kProcessing}) {
+    const maps::JobTable::Page page = setup_.store.jobs().list({.status = status}, kPage);
+    jobs.insert(jobs.end(), page.jobs.begin(), page.jobs.end());
+  }
+  return jobs;
+}
+
+/// Files that no job will read. What comes in right now stays.
+void JobRunner::clear_uploads() {
+  const std::scoped_lock lock(uploads_mutex_);
+  std::set<std::string> needed(arrived_.begin(), arrived_.end());
+  for (const maps::StoredJob& job : unfinished()) needed.insert(sha256_of(job));
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(root_ / kUploads, error)) {
+    const std::string name = entry.path().filename().string();
+    const bool stays = lock_.is_open() && name.starts_with(".");
+    if (!stays && !needed.contains(name)) fs::remove(entry.path(), error);
+  }
+}
+
+}  // namespace stillmap::server

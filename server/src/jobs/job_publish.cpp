@@ -1,0 +1,73 @@
+#include "api_error.hpp"
+#include "handlers/context.hpp"
+#include "jobs/job_runner.hpp"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <nlohmann/json.hpp>
+
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/store_refusal.hpp>
+
+#include <exception>
+
+namespace stillmap::server {
+
+/// Publishes what the mapper made. Again after a kill, it comes to the same.
+void JobRunner::publish(const maps::StoredJob& job) {
+  const JobFolder folder = this->folder(job.id);
+  note_progress(job, {.stage = "publish", .fraction = 1.0});
+  JobOutcome outcome;
+  try {
+    const maps::PackageStore::Added added =
+        setup_.store.add(job.map, version_of(job), folder.map());
+    outcome = activate(job, added.version);
+    write_small_file(folder.outcome(), to_json(outcome));
+  } catch (const maps::StoreRefusal& error) {
+    return ended(setup_.store.jobs().fail(job.id, error.what(), unix_ns()));
+  } catch (const maps::InputError& error) {
+    return ended(setup_.store.jobs().fail(job.id, without_places(error.what()), unix_ns()));
+  } catch (const std::exception& error) {
+    spdlog::error("job {}: {}", job.id, error.what());
+    return try_again(job, std::string("it could not be published: ") + error.what());
+  }
+  ended(setup_.store.jobs().succeed(job.id, outcome.version, unix_ns()));
+}
+
+JobOutcome JobRunner::activate(const maps::StoredJob& job, const maps::StoredVersion& version) {
+  JobOutcome outcome{.version = version.name, .digest = version.digest};
+  if (job.kind != maps::JobKind::kRebuild) return outcome;
+  const RebuildRequest request = read_rebuild_request(job.request);
+  const JobFolder folder = this->folder(job.id);
+  const auto gate = read_report(read_small_file(folder.report()).value_or(""));
+  if (gate) outcome.gate = gate->json;
+  if (!request.activate) return outcome;
+  const maps::StoredMap map = setup_.store.state().map(job.map);
+  outcome.activated = map.active == version.name;
+  if (outcome.activated) return outcome;
+  if (!gate || !gate->passed) {
+    if (gate) outcome.not_activated_because = gate->reasons;
+    if (outcome.not_activated_because.empty())
+      outcome.not_activated_because.emplace_back("the gate gave no verdict");
+    return outcome;
+  }
+  // The verdict is about the version that was active when it began.
+  const std::string judged_against = read_small_file(folder.previous()).value_or("");
+  const std::string now =
+      map.active ? setup_.store.state().version(map.name, *map.active).digest : std::string{};
+  if (!request.new_frame && judged_against != now) {
+    outcome.not_activated_because.emplace_back("another version became the active one meanwhile");
+    return outcome;
+  }
+  try {
+    setup_.catalog.activate(job.map, version.name, map.revision, request.new_frame);
+    outcome.activated = true;
+  } catch (const ApiError& error) {
+    outcome.not_activated_because.emplace_back(error.what());
+  } catch (const maps::StoreRefusal& error) {
+    outcome.not_activated_because.emplace_back(error.what());
+  }
+  return outcome;
+}
+
+}  // namespace stillmap::server

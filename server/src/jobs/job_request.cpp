@@ -1,0 +1,184 @@
+#include "jobs/job_request.hpp"
+
+#include "api_error.hpp"
+#include "json/request_json.hpp"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <stillmap/maps/store/map_name.hpp>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+
+namespace stillmap::server {
+namespace {
+
+using nlohmann::json;
+
+/// Drives of one rebuild.
+constexpr std::size_t kMostDrives = 100;
+
+/// An option of the mapper that a client may give, and the words that it takes.
+struct Words {
+  std::string_view name;
+  std::array<std::string_view, 6> words;
+};
+// Detectors and methods that need a file of the machine are not among them.
+constexpr std::array kWords = {
+    Words{"preset", {"default", "paper"}},
+    Words{"odometry", {"default", "loam", "given"}},
+    Words{"movable", {"project", "delete", "keep"}},
+    Words{"clean", {"free-space", "none", "removert", "erasor", "octomap", "dufomap"}},
+    Words{"detector", {"geometric", "voxelnext"}},
+    Words{"fusion", {"on", "off"}},
+    Words{"fill", {"on", "off"}},
+    Words{"loops", {"on", "off"}},
+};
+
+/// A length that a client may give [m].
+struct Length {
+  std::string_view name;
+  double least, most;
+};
+constexpr std::array kLengths = {Length{"voxel", 0.02, 2.0}, Length{"sensor-height", 0.1, 10.0}};
+
+std::string list_of(const Words& option) {
+  std::string text;
+  for (const std::string_view word : option.words)
+    if (!word.empty()) text += (text.empty() ? "" : ", ") + std::string(word);
+  return text;
+}
+
+std::string option_names() {
+  std::string text = "edits";
+  for (const Words& each : kWords) text += ", " + std::string(each.name);
+  for (const Length& each : kLengths) text += ", " + std::string(each.name);
+  return text;
+}
+
+std::string read_option(const std::string& name, const json& value) {
+  const std::string path = "options." + name;
+  for (const Words& option : kWords) {
+    if (option.name != name) continue;
+    const std::string word = value.is_string() ? value.get<std::string>() : std::string{};
+    if (word.empty() ||
+        std::find(option.words.begin(), option.words.end(), word) == option.words.end())
+      refuse(path, value, "one of " + list_of(option));
+    return word;
+  }
+  for (const Length& option : kLengths) {
+    if (option.name != name) continue;
+    const double length = value.is_number() ? value.get<double>() : std::nan("");
+    if (!(length >= option.least && length <= option.most))
+      refuse(path, value, fmt::format("{} to {} [m]", option.least, option.most));
+    return fmt::format("{}", length);
+  }
+  throw field_error(ErrorCode::kUnknownParameter, path, "an unknown option", option_names());
+}
+
+void read_options(const json& options, RebuildRequest& request) {
+  if (!options.is_object()) refuse("options", options, "an object");
+  for (const auto& [name, value] : options.items()) {
+    if (name == "edits") {
+      if (!value.is_object()) refuse("options.edits", value, "an object");
+      request.edits = value.dump();
+    } else {
+      request.options[name] = read_option(name, value);
+    }
+  }
+}
+
+std::int64_t read_id(const json& value, const std::string& path) {
+  if (!value.is_number_integer() || value.get<std::int64_t>() < 1)
+    refuse(path, value, "the id of a drive");
+  return value.get<std::int64_t>();
+}
+
+std::vector<std::int64_t> read_drives(const json& request) {
+  const json drives = request.value("drives", json());
+  if (!drives.is_array() || drives.empty() || drives.size() > kMostDrives)
+    refuse("drives", drives, fmt::format("1 to {} ids of drives", kMostDrives));
+  std::vector<std::int64_t> ids;
+  for (const json& each : drives) {
+    const std::string path = fmt::format("drives[{}]", ids.size());
+    ids.push_back(read_id(each, path));
+    if (std::count(ids.begin(), ids.end(), ids.back()) > 1) refuse(path, each, "each drive once");
+  }
+  return ids;
+}
+
+bool read_flag(const json& request, const char* key) {
+  const auto found = request.find(key);
+  if (found == request.end()) return false;
+  if (!found->is_boolean()) refuse(key, *found, "true or false");
+  return found->get<bool>();
+}
+
+std::string read_version(const json& request) {
+  const auto found = request.find("version");
+  if (found == request.end()) return {};
+  const std::string name = found->is_string() ? found->get<std::string>() : std::string{};
+  if (!maps::is_valid_map_name(name)) refuse("version", *found, "[a-z0-9][a-z0-9._-]{0,62}");
+  return name;
+}
+
+}  // namespace
+
+RebuildRequest read_rebuild_request(std::string_view text) {
+  const json request = parse_request_json(text, kMostRebuildJson);
+  require_keys(request, "", {"drives", "held_back", "options", "version", "activate", "new_frame"});
+  RebuildRequest result;
+  result.drives = read_drives(request);
+  if (request.contains("held_back")) {
+    result.held_back = read_id(request["held_back"], "held_back");
+    if (std::count(result.drives.begin(), result.drives.end(), *result.held_back) > 0)
+      refuse("held_back", request["held_back"], "a drive that is not in drives");
+  }
+  if (request.contains("options")) read_options(request["options"], result);
+  result.version = read_version(request);
+  result.activate = read_flag(request, "activate");
+  result.new_frame = read_flag(request, "new_frame");
+  return result;
+}
+
+std::string to_json(const RebuildRequest& request) {
+  // Keys are sorted, and what was left out stays out: equal requests have equal texts.
+  json result{{"drives", request.drives}};
+  if (request.held_back) result["held_back"] = *request.held_back;
+  for (const auto& [name, value] : request.options) {
+    const bool is_length = std::any_of(kLengths.begin(), kLengths.end(),
+                                       [&](const Length& each) { return each.name == name; });
+    result["options"][name] = is_length ? json::parse(value) : json(value);
+  }
+  if (!request.edits.empty()) result["options"]["edits"] = json::parse(request.edits);
+  if (!request.version.empty()) result["version"] = request.version;
+  if (request.activate) result["activate"] = true;
+  if (request.new_frame) result["new_frame"] = true;
+  return result.dump();
+}
+
+ConvertRequest read_convert_request(std::string_view text) {
+  const json request = parse_request_json(text, kMostRebuildJson);
+  return {.version = request.at("version"),
+          .sha256 = request.at("sha256"),
+          .format = request.at("format")};
+}
+
+std::string to_json(const ConvertRequest& request) {
+  return json{{"version", request.version}, {"sha256", request.sha256}, {"format", request.format}}
+      .dump();
+}
+
+std::string version_of(const maps::StoredJob& job) {
+  const std::string wanted = job.kind == maps::JobKind::kConvert
+                                 ? read_convert_request(job.request).version
+                                 : read_rebuild_request(job.request).version;
+  if (!wanted.empty()) return wanted;
+  const auto seconds = static_cast<std::time_t>(job.enqueued_ns / 1'000'000'000);
+  return fmt::format("{:%Y%m%d}-job{}", fmt::gmtime(seconds), job.id);
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,314 @@
+#include "jobs/job_runner.hpp"
+
+#include "api_error.hpp"
+#include "handlers/context.hpp"
+#include "upload_errors.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <sys/file.h>
+
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/store_refusal.hpp>
+
+#include <algorithm>
+#include <chrono>
+#include <exception>
+#include <stdexcept>
+#include <system_error>
+#include <utility>
+
+namespace stillmap::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// How soon a job is seen, or its cancel, that another process wrote into the store.
+constexpr std::chrono::seconds kLookAtStore{1};
+/// How soon the jobs of another server are taken over when it is gone.
+constexpr std::chrono::seconds kLookAtLock{2};
+
+/// Runs what may throw where nobody could do anything about it.
+template <typename Work>
+void quietly(const char* what, std::int64_t id, Work&& work) {
+  try {
+    std::forward<Work>(work)();
+  } catch (const std::exception& error) {
+    spdlog::error("job {}: {}: {}", id, what, error.what());
+  }
+}
+
+fs::path job_root(const JobOptions& options, const maps::PackageStore& store) {
+  return options.work_dir.empty() ? store.folder() / "jobs" : fs::path(options.work_dir);
+}
+
+std::size_t crashes_in(const JobFolder& folder) {
+  const std::string text = read_small_file(folder.crashes()).value_or("");
+  return static_cast<std::size_t>(id_in(text).value_or(0));
+}
+
+}  // namespace
+
+JobRunner::JobRunner(const Setup& setup)
+    : setup_(setup), root_(job_root(setup.live.current()->jobs, setup.store)) {
+  if (!setup_.store.read_only_because().empty()) return;
+  if (setup_.mapper.empty()) spdlog::warn("stillmap-mapper is not there: jobs will fail");
+  for (int i = 0; i < setup_.live.current()->jobs.concurrent; ++i)
+    threads_.emplace_back([this](const std::stop_token& stop) { work(stop); });
+}
+
+JobRunner::~JobRunner() {
+  for (std::jthread& thread : threads_) thread.request_stop();
+  wake();
+  threads_.clear();
+  const std::scoped_lock lock(mutex_);
+  for (auto& [id, active] : active_) active.events->close();
+}
+
+JobFolder JobRunner::folder(std::int64_t id) const { return {root_ / std::to_string(id)}; }
+
+ProcessLimits JobRunner::limits() const {
+  const JobOptions jobs = setup_.live.current()->jobs;
+  return {.nice = jobs.nice, .cores = jobs.cores, .memory_bytes = jobs.memory_bytes};
+}
+
+std::string JobRunner::without_places(std::string text) const {
+  return without_folder(without_folder(std::move(text), setup_.store.folder()), root_);
+}
+
+void JobRunner::wake() {
+  const std::scoped_lock lock(mutex_);
+  ++wakes_;
+  changed_.notify_all();
+}
+
+void JobRunner::work(const std::stop_token& stop) {
+  std::uint64_t seen = 0;
+  while (!stop.stop_requested()) {
+    std::chrono::seconds pause = kLookAtStore;
+    try {
+      if (!take_over()) {
+        pause = kLookAtLock;
+      } else if (const auto job = setup_.store.jobs().claim(unix_ns())) {
+        run(*job, stop);
+        continue;
+      }
+    } catch (const std::exception& error) {
+      spdlog::error("jobs: {}", error.what());
+    }
+    std::unique_lock lock(mutex_);
+    changed_.wait_for(lock, stop, pause, [&] { return wakes_ != seen; });
+    seen = wakes_;
+  }
+}
+
+/// Whether the jobs of this store are ours to do. What a server left that was killed is put back.
+bool JobRunner::take_over() {
+  const std::scoped_lock lock(take_over_mutex_);
+  if (lock_.is_open()) return true;
+  fs::create_directories(root_);
+  Descriptor file(::open((root_ / ".lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640));
+  if (!file.is_open() || ::flock(file.get(), LOCK_EX | LOCK_NB) != 0) return false;
+  const std::size_t back =
+      setup_.store.jobs().put_back_all("the server ended meanwhile", unix_ns());
+  if (back > 0) spdlog::info("{} jobs go on that were interrupted", back);
+  clear_uploads();
+  clear_forgotten();
+  lock_ = std::move(file);
+  return true;
+}
+
+void JobRunner::run(const maps::StoredJob& job, const std::stop_token& stop) {
+  spdlog::info("job {} begins: {} of {}, attempt {}", job.id, maps::name_of(job.kind), job.map,
+               job.attempts);
+  {
+    const std::scoped_lock lock(mutex_);
+    active_[job.id].progress = {};
+  }
+  note_progress(job, {.stage = "prepare"});
+  const AttemptEnd end = attempt(job, stop);
+  try {
+    settle(job, end);
+  } catch (const std::exception& error) {
+    // The store takes no writes: the job is put back when the server starts again.
+    spdlog::error("job {}: its end could not be kept: {}", job.id, error.what());
+    const std::scoped_lock lock(mutex_);
+    active_.erase(job.id);
+  }
+}
+
+AttemptEnd JobRunner::attempt(const maps::StoredJob& job, const std::stop_token& stop) {
+  JobAttempt attempt{
+      .command = {},
+      .limits = limits(),
+      .log = folder(job.id).log(),
+      .most = std::chrono::seconds(setup_.live.current()->jobs.time_limit_s),
+      .is_canceled = [&] { return wants_cancel(job.id); },
+      .is_stopping = [&] { return stop.stop_requested(); },
+      .on_progress = [&](const JobProgress& progress) { note_progress(job, progress); }};
+  try {
+    attempt.command = prepare(job);
+  } catch (const std::exception& error) {
+    return {AttemptEnd::Kind::kFailed, error.what()};
+  }
+  return run_attempt(attempt);
+}
+
+std::vector<std::string> JobRunner::prepare(const maps::StoredJob& job) {
+  const JobFolder folder = this->folder(job.id);
+  fs::create_directories(folder.scratch());
+  if (setup_.mapper.empty()) throw std::runtime_error("stillmap-mapper is not there");
+  const int threads = setup_.live.current()->jobs.cores;
+  if (job.kind == maps::JobKind::kConvert) {
+    // It has no checkpoints: half a map would be in the way.
+    clear_folder(folder.map());
+    const ConvertRequest request = read_convert_request(job.request);
+    const fs::path file = folder.scratch() / ("map." + request.format);
+    std::error_code error;
+    fs::remove(file, error);
+    fs::create_hard_link(upload(request.sha256), file);
+    return convert_command(setup_.mapper, file, folder, threads);
+  }
+  const RebuildRequest request = read_rebuild_request(job.request);
+  const RebuildSources sources = sources_of(job, request);
+  // A second attempt has used some of it.
+  if (job.attempts == 1) check_room(job.map, request, sources);
+  write_small_file(folder.gate(), gate_json(setup_.live.current()->gate));
+  if (!request.edits.empty()) write_small_file(folder.edits(), request.edits);
+  return rebuild_command(setup_.mapper, request, sources, folder, threads);
+}
+
+bool JobRunner::wants_cancel(std::int64_t id) {
+  const std::scoped_lock lock(mutex_);
+  const auto found = active_.find(id);
+  return found != active_.end() && found->second.cancel;
+}
+
+void JobRunner::note_progress(const maps::StoredJob& job, const JobProgress& progress) {
+  std::shared_ptr<JobEvents> events;
+  bool is_new_stage = false;
+  {
+    const std::scoped_lock lock(mutex_);
+    Active& active = active_[job.id];
+    is_new_stage = active.progress.stage != progress.stage;
+    active.progress = progress;
+    events = active.events;
+  }
+  JobView view{.job = job, .progress = progress};
+  view.job.stage = progress.stage;
+  events->add("progress", job_event_json(view), unix_ns());
+  if (!is_new_stage) return;
+  quietly("its stage could not be kept", job.id,
+          [&] { setup_.store.jobs().set_stage(job.id, progress.stage); });
+  quietly("whether it was cancelled is not known", job.id, [&] {
+    // By another process, or before the restart.
+    if (!setup_.store.jobs().job(job.id).cancel_requested) return;
+    const std::scoped_lock lock(mutex_);
+    active_[job.id].cancel = true;
+  });
+}
+
+void JobRunner::settle(const maps::StoredJob& job, const AttemptEnd& end) {
+  using Kind = AttemptEnd::Kind;
+  maps::JobTable& jobs = setup_.store.jobs();
+  switch (end.kind) {
+    case Kind::kDone:
+      if (wants_cancel(job.id)) return ended(jobs.end_canceled(job.id, unix_ns()));
+      return publish(job);
+    case Kind::kFailed:
+    case Kind::kTimedOut:
+      return ended(jobs.fail(job.id, without_places(end.why), unix_ns()));
+    case Kind::kCanceled:
+      return ended(jobs.end_canceled(job.id, unix_ns()));
+    case Kind::kStopped:
+      return ended(jobs.put_back(job.id, end.why, unix_ns()));
+    case Kind::kCrashed:
+      return try_again(job, end.why);
+  }
+}
+
+/// As often as the options allow; then it has failed.
+void JobRunner::try_again(const maps::StoredJob& job, const std::string& why) {
+  const JobFolder folder = this->folder(job.id);
+  const std::size_t crashes = crashes_in(folder) + 1;
+  quietly("its crash could not be counted", job.id,
+          [&] { write_small_file(folder.crashes(), std::to_string(crashes)); });
+  const std::string words = without_places(why);
+  maps::JobTable& jobs = setup_.store.jobs();
+  if (crashes > static_cast<std::size_t>(setup_.live.current()->jobs.retries))
+    return ended(jobs.fail(job.id, fmt::format("{}, {} times", words, crashes), unix_ns()));
+  spdlog::warn("job {} is tried again: {}", job.id, words);
+  ended(jobs.put_back(job.id, words, unix_ns()));
+}
+
+/// After the store was told: nothing is left to do when it has ended for good.
+void JobRunner::ended(const maps::StoredJob& job) {
+  const bool finished = maps::is_finished(job.status);
+  std::shared_ptr<JobEvents> events;
+  {
+    const std::scoped_lock lock(mutex_);
+    events = active_[job.id].events;
+    active_[job.id].progress = {};
+    if (finished) active_.erase(job.id);
+  }
+  events->add(finished ? "end" : "progress", job_event_json(view(job)), unix_ns());
+  if (!finished) return;
+  events->close();
+  spdlog::info("job {} has {}{}{}", job.id, maps::name_of(job.status),
+               job.error.empty() ? "" : ": ", job.error);
+  const double seconds =
+      1e-9 * static_cast<double>(*job.finished_ns - job.started_ns.value_or(*job.finished_ns));
+  setup_.metrics.job_ended(maps::name_of(job.status), seconds);
+  clear_folder(folder(job.id).scratch());
+  quietly("its upload was not cleared", job.id, [&] { clear_uploads(); });
+}
+
+maps::StoredJob JobRunner::cancel(std::int64_t id) {
+  const maps::StoredJob job = setup_.store.jobs().request_cancel(id, unix_ns());
+  if (job.status == maps::JobStatus::kCanceled) {
+    ended(job);
+  } else {
+    const std::scoped_lock lock(mutex_);
+    active_[id].cancel = true;
+  }
+  return job;
+}
+
+JobView JobRunner::view(std::int64_t id) const { return view(setup_.store.jobs().job(id)); }
+
+JobView JobRunner::view(const maps::StoredJob& job) const {
+  JobView view{.job = job};
+  if (job.status == maps::JobStatus::kProcessing) {
+    const std::scoped_lock lock(mutex_);
+    const auto found = active_.find(job.id);
+    if (found != active_.end()) view.progress = found->second.progress;
+  }
+  if (job.status == maps::JobStatus::kSucceeded)
+    view.outcome = read_small_file(folder(job.id).outcome()).value_or("");
+  return view;
+}
+
+std::shared_ptr<JobEvents> JobRunner::events(std::int64_t id) {
+  const std::scoped_lock lock(mutex_);
+  // Under the lock: an end that is noted after this look finds the events that are made here.
+  if (maps::is_finished(setup_.store.jobs().job(id).status) && !active_.contains(id))
+    return nullptr;
+  return active_[id].events;
+}
+
+void JobRunner::clear_forgotten() {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(root_, error)) {
+    const std::optional<std::int64_t> id = id_in(entry.path().filename().string());
+    if (!id) continue;
+    try {
+      const maps::StoredJob job = setup_.store.jobs().job(*id);
+      if (maps::is_finished(job.status)) clear_folder(folder(*id).scratch());
+    } catch (const maps::StoreRefusal&) {
+      clear_folder(entry.path());
+    }
+  }
+}
+
+}  // namespace stillmap::server

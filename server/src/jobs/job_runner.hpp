@@ -1,0 +1,149 @@
+#pragma once
+
+#include "jobs/job_attempt.hpp"
+#include "jobs/job_events.hpp"
+#include "jobs/job_folder.hpp"
+#include "jobs/job_outcome.hpp"
+#include "jobs/job_request.hpp"
+#include "jobs/mapper_command.hpp"
+#include "map_catalog.hpp"
+#include "metrics.hpp"
+
+#include <stillmap/maps/store/drive_store.hpp>
+#include <stillmap/maps/store/package_store.hpp>
+#include <stillmap/server/options_holder.hpp>
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace stillmap::server {
+
+/// A job as clients see it.
+struct JobView {
+  maps::StoredJob job;
+  /// While it is processing.
+  std::optional<JobProgress> progress{};
+  /// JSON, of one that succeeded: `JobOutcome`. Empty when it is not known any more.
+  std::string outcome{};
+};
+
+/// Takes the store's jobs one after the other, or several at a time, and has the mapper do them, in
+/// a process for each (server/README.md, "Jobs"). Of the servers on one store a single one does.
+/// Safe from several threads.
+class JobRunner {
+ public:
+  /// What it works with; all of it outlives this.
+  struct Setup {
+    const OptionsHolder& live;
+    maps::PackageStore& store;
+    maps::DriveStore& drives;
+    MapCatalog& catalog;
+    Metrics& metrics;
+    /// Program; empty when there is none: jobs then fail in words.
+    std::filesystem::path mapper;
+  };
+  explicit JobRunner(const Setup& setup);
+  /// Ends what runs, within `kEndGrace` and some; it goes on at the next start.
+  ~JobRunner();
+  JobRunner(const JobRunner&) = delete;
+  JobRunner& operator=(const JobRunner&) = delete;
+
+  /// Who asks, and under which name of their own.
+  struct Asker {
+    std::string key_id;
+    std::optional<std::string> idempotency_key;
+  };
+  /// @throws ApiError kDiskFull, kBusy when too many wait, kInvalidRequest for what the mapper
+  /// would refuse, kOtherDigest when the version is there; StoreRefusal as `JobTable::enqueue`, and
+  /// kOverQuota.
+  maps::JobTable::Enqueued rebuild(const std::string& map, const RebuildRequest& request,
+                                   const Asker& asker);
+  /// Of a file that `receive` took. @return the one that is under way for it, or has made this
+  /// version of it, when there is one.
+  /// @throws ApiError kOtherDigest when the version is there or another file is on its way to it.
+  maps::JobTable::Enqueued convert(const std::string& map, const ConvertRequest& request,
+                                   const Asker& asker);
+  /// Keeps the bytes of a map file for a job to come. @return their SHA-256.
+  /// @throws InputError when they are others than was said; StorageError.
+  std::string receive(const maps::ByteSource& source, std::uint64_t bytes,
+                      const std::optional<std::string>& sha256, const std::string& name);
+  /// @throws StoreRefusal kUnknownJob, kJobFinished.
+  maps::StoredJob cancel(std::int64_t id);
+
+  /// @throws StoreRefusal kUnknownJob.
+  [[nodiscard]] JobView view(std::int64_t id) const;
+  [[nodiscard]] JobView view(const maps::StoredJob& job) const;
+  /// Nothing for one that has ended.
+  [[nodiscard]] std::shared_ptr<JobEvents> events(std::int64_t id);
+  [[nodiscard]] JobFolder folder(std::int64_t id) const;
+  /// Removes the folders of jobs that the store does not know any more.
+  void clear_forgotten();
+
+ private:
+  /// What is known of a job that has not ended.
+  struct Active {
+    JobProgress progress;
+    bool cancel = false;
+    std::shared_ptr<JobEvents> events = std::make_shared<JobEvents>();
+  };
+
+  void work(const std::stop_token& stop);
+  bool take_over();
+  void run(const maps::StoredJob& job, const std::stop_token& stop);
+  [[nodiscard]] AttemptEnd attempt(const maps::StoredJob& job, const std::stop_token& stop);
+  [[nodiscard]] std::vector<std::string> prepare(const maps::StoredJob& job);
+  [[nodiscard]] RebuildSources sources_of(const maps::StoredJob& job,
+                                          const RebuildRequest& request) const;
+  void settle(const maps::StoredJob& job, const AttemptEnd& end);
+  void try_again(const maps::StoredJob& job, const std::string& why);
+  void publish(const maps::StoredJob& job);
+  [[nodiscard]] JobOutcome activate(const maps::StoredJob& job, const maps::StoredVersion& version);
+  void ended(const maps::StoredJob& job);
+  void note_progress(const maps::StoredJob& job, const JobProgress& progress);
+  void check_room(const std::string& map, const RebuildRequest& request,
+                  const RebuildSources& sources);
+  void check_waiting() const;
+  void check_new_version(const std::string& map, const std::string& version) const;
+  [[nodiscard]] bool is_known_request(const std::string& map, const Asker& asker) const;
+  [[nodiscard]] std::optional<maps::StoredJob> converted_before(
+      const std::string& map, const ConvertRequest& request) const;
+  [[nodiscard]] bool wants_cancel(std::int64_t id);
+  void clear_uploads();
+  [[nodiscard]] std::vector<maps::StoredJob> unfinished() const;
+  [[nodiscard]] std::filesystem::path upload(const std::string& sha256) const;
+  [[nodiscard]] ProcessLimits limits() const;
+  [[nodiscard]] std::string without_places(std::string text) const;
+  void wake();
+
+  Setup setup_;
+  std::filesystem::path root_;
+  std::string mapper_missing_;
+  /// Held while the files of uploads and the jobs that name them change together.
+  std::mutex uploads_mutex_;
+  std::uint64_t incoming_ = 0;
+  /// Files that came and whose job is not there yet.
+  std::multiset<std::string> arrived_;
+  std::mutex take_over_mutex_;
+  Descriptor lock_;
+  mutable std::mutex mutex_;
+  std::condition_variable_any changed_;
+  /// Grows when there may be work.
+  std::uint64_t wakes_ = 0;
+  std::map<std::int64_t, Active> active_;
+  std::vector<std::jthread> threads_;  // last: they use all of the above
+};
+
+/// One line: status, stage, progress, eta_s, error.
+[[nodiscard]] std::string job_event_json(const JobView& view);
+
+}  // namespace stillmap::server

@@ -1,0 +1,87 @@
+#include "jobs/mapper_command.hpp"
+
+#include "jobs/child_process.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <system_error>
+
+namespace stillmap::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+void add_options(std::vector<std::string>& command, const RebuildRequest& request,
+                 const RebuildSources& sources) {
+  for (const fs::path& drive : sources.drives) command.push_back(drive.string());
+  for (const auto& [name, value] : request.options) {
+    command.push_back("--" + name);
+    command.push_back(value);
+  }
+}
+
+void add_threads(std::vector<std::string>& command, int threads) {
+  if (threads <= 0) return;
+  command.emplace_back("--threads");
+  command.push_back(std::to_string(threads));
+}
+
+}  // namespace
+
+fs::path find_mapper() {
+  std::error_code error;
+  const fs::path folder = fs::canonical("/proc/self/exe", error).parent_path();
+  for (const fs::path& candidate :
+       {folder / "stillmap-mapper", folder.parent_path() / "libexec/stillmap/stillmap-mapper"})
+    if (!error && fs::exists(candidate)) return candidate;
+  return {};
+}
+
+std::vector<std::string> rebuild_command(const fs::path& mapper, const RebuildRequest& request,
+                                         const RebuildSources& sources, const JobFolder& folder,
+                                         int threads) {
+  std::vector<std::string> command = {mapper.string(), "rebuild"};
+  add_options(command, request, sources);
+  const auto add = [&](const char* flag, const fs::path& path) {
+    command.emplace_back(flag);
+    command.push_back(path.string());
+  };
+  add("--output", folder.map());
+  add("--work", folder.work());
+  add("--report", folder.report());
+  add("--gate", folder.gate());
+  if (!request.edits.empty()) add("--edits", folder.edits());
+  if (sources.held_back) add("--held-back", *sources.held_back);
+  if (sources.previous) add("--previous", *sources.previous);
+  add_threads(command, threads);
+  command.insert(command.end(),
+                 {"--progress", "json", "--progress-fd", std::to_string(ChildProcess::kProgress)});
+  return command;
+}
+
+std::vector<std::string> estimate_command(const fs::path& mapper, const RebuildRequest& request,
+                                          const RebuildSources& sources) {
+  std::vector<std::string> command = {mapper.string(), "rebuild"};
+  add_options(command, request, sources);
+  command.emplace_back("--estimate");
+  return command;
+}
+
+std::vector<std::string> convert_command(const fs::path& mapper, const fs::path& file,
+                                         const JobFolder& folder, int threads) {
+  std::vector<std::string> command = {mapper.string(), "import", file.string(), "--output",
+                                      folder.map().string()};
+  add_threads(command, threads);
+  return command;
+}
+
+std::string gate_json(const QualityGateOptions& gate) {
+  return nlohmann::ordered_json{{"found_below_keep", gate.max_success_loss},
+                                {"new_lost", gate.max_new_lost},
+                                {"static_loss", gate.max_static_loss},
+                                {"driven_coverage", gate.min_coverage},
+                                {"first_found", gate.min_success_rate}}
+      .dump();
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,90 @@
+#include "json/jobs_json.hpp"
+
+#include "json/json_values.hpp"
+
+namespace stillmap::server {
+namespace {
+
+Json time_of(const std::optional<std::int64_t>& time_ns) {
+  return time_ns ? Json(std::to_string(*time_ns)) : Json();
+}
+
+/// Corrections can be as long as the map has objects: they are not repeated.
+Json shown_request(const maps::StoredJob& job) {
+  Json request = Json::parse(job.request, nullptr, false);
+  if (!request.is_object()) return {};
+  if (request.contains("options") && request["options"].is_object())
+    request["options"].erase("edits");
+  return request;
+}
+
+Json progress_of(const JobView& view) {
+  switch (view.job.status) {
+    case maps::JobStatus::kEnqueued:
+      return 0.0;
+    case maps::JobStatus::kProcessing:
+      return view.progress ? view.progress->fraction : 0.0;
+    case maps::JobStatus::kSucceeded:
+      return 1.0;
+    case maps::JobStatus::kFailed:
+    case maps::JobStatus::kCanceled:
+      break;
+  }
+  return {};
+}
+
+Json eta_of(const JobView& view) {
+  const bool known = view.progress && view.progress->eta_s;
+  return known ? Json(*view.progress->eta_s) : Json();
+}
+
+Json result_of(const JobView& view) {
+  if (!view.job.result_version) return {};
+  Json result = Json::parse(view.outcome, nullptr, false);
+  if (result.is_object()) return result;
+  return {{"version", *view.job.result_version}};
+}
+
+/// What changes while it is done.
+Json state_of(const JobView& view) {
+  return {{"status", maps::name_of(view.job.status)},
+          {"stage", view.job.stage},
+          {"progress", progress_of(view)},
+          {"eta_s", eta_of(view)},
+          {"error", view.job.error}};
+}
+
+Json to_json(const JobView& view) {
+  const maps::StoredJob& job = view.job;
+  Json json{{"id", job.id}, {"kind", maps::name_of(job.kind)}, {"map", job.map}};
+  json.update(state_of(view));
+  json["attempts"] = job.attempts;
+  json["cancel_requested"] = job.cancel_requested;
+  json["enqueued_ns"] = time_of(job.enqueued_ns);
+  json["started_ns"] = time_of(job.started_ns);
+  json["finished_ns"] = time_of(job.finished_ns);
+  json["key_id"] = job.asker;
+  json["request"] = shown_request(job);
+  json["result"] = result_of(view);
+  return json;
+}
+
+}  // namespace
+
+std::string job_json(const JobView& view) { return to_text(to_json(view)); }
+
+std::string job_list_json(const std::vector<JobView>& jobs, std::optional<std::int64_t> next) {
+  Json json;
+  json["jobs"] = Json::array();
+  for (const JobView& each : jobs) json["jobs"].push_back(to_json(each));
+  json["next"] = next ? Json(*next) : Json();
+  return to_text(json);
+}
+
+std::string job_event_json(const JobView& view) {
+  Json json = state_of(view);
+  json["result"] = result_of(view);
+  return to_text(json);
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <stillmap/maps/store/key_table.hpp>
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace stillmap::server {
+
+/// What a key is made of: `name`, `scopes [...]`, `expires_days?`.
+struct KeyRequest {
+  std::string name;
+  maps::KeyScopes scopes;
+  std::optional<std::int64_t> expires_days;
+};
+/// @throws ApiError with the path of what is wrong; unknown keys are refused.
+[[nodiscard]] KeyRequest read_key_request(std::string_view text);
+
+}  // namespace stillmap::server

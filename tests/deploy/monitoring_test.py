@@ -1,0 +1,105 @@
+#!/usr/bin/env python3
+"""Alerts and dashboard: judged by promtool, and every metric and label in them is one that the server has.
+
+usage: monitoring_test.py METRICS_TABLE TOOLS
+"""
+
+import json
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import unittest
+
+import support
+
+TABLE = pathlib.Path(sys.argv[1])
+PROMTOOL = support.tool("promtool", sys.argv[2])
+FOLDER = support.DEPLOY / "monitoring"
+ROW = re.compile(r'MetricInfo\{"(\w+)",\s*"(\w+)",\s*"([\w,]*)"')
+SUFFIXES = {"histogram": ("_bucket", "_sum", "_count"), "counter": ("",), "gauge": ("",)}
+# Prometheus adds these to everything that it scrapes.
+ADDED = {"job", "instance"}
+
+
+def series_of_table():
+    """Labels by name of series."""
+    found = {}
+    for name, kind, labels in ROW.findall(TABLE.read_text()):
+        for suffix in SUFFIXES[kind]:
+            found[name + suffix] = set(labels.split(",")) - {""} | ADDED | ({"le"} if suffix == "_bucket" else set())
+    return found
+
+
+def selectors(expression):
+    """(name of a series, names of the labels that select it)"""
+    for name, braces in re.findall(r"\b((?:stillmap|process)_\w+|up\b)(?:\{(.*?)\})?", expression):
+        yield name, set(re.findall(r"(\w+)\s*(?:=~|!~|!=|=)", braces))
+
+
+def grouped(expression):
+    """(labels that are grouped by, names of the series in it)"""
+    labels = {label for group in re.findall(r"\b(?:by|on) \(([^)]*)\)", expression) for label in re.split(r",\s*", group)}
+    return labels - {""}, [name for name, _ in selectors(expression)]
+
+
+def dashboard_expressions():
+    board = json.loads((FOLDER / "grafana.json").read_text())
+    return [target["expr"] for panel in board["panels"] for target in panel["targets"]]
+
+
+def rule_expressions():
+    import yaml
+    groups = yaml.safe_load((FOLDER / "stillmap.rules.yml").read_text())["groups"]
+    return [rule["expr"] for group in groups for rule in group["rules"]]
+
+
+class Alerts(support.FolderTest):
+    def promtool(self, *arguments):
+        folder = self.folder / "all"
+        shutil.copytree(FOLDER, folder)
+        shutil.copy(support.HERE / "stillmap.rules.test.yml", folder)
+        done = subprocess.run([PROMTOOL, *arguments], capture_output=True, text=True, cwd=folder, timeout=60)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+
+    def test_prometheus_can_read_the_configuration_and_its_rules(self):
+        self.promtool("check", "config", "prometheus.yml")
+
+    def test_each_alert_is_silent_when_well_and_fires_when_not(self):
+        self.promtool("test", "rules", "stillmap.rules.test.yml")
+        text = (support.HERE / "stillmap.rules.test.yml").read_text()
+        for alert in re.findall(r"alert: (\w+)", (FOLDER / "stillmap.rules.yml").read_text()):
+            self.assertEqual(len(re.findall(rf"\b{alert}\b", text)), 2, alert)
+
+
+class Names(unittest.TestCase):
+    def test_every_metric_and_label_is_one_that_the_server_has(self):
+        table = {**series_of_table(), "up": set(ADDED)}
+        self.assertGreater(len(table), 30)
+        for expression in rule_expressions() + dashboard_expressions():
+            names = list(selectors(expression))
+            self.assertTrue(names, expression)
+            for name, labels in names:
+                self.assertIn(name, table, expression)
+                self.assertLessEqual(labels, table[name], expression)
+            labels, used = grouped(expression)
+            for name in used:
+                self.assertLessEqual(labels, table[name], expression)
+
+    def test_the_dashboard_shows_every_metric_of_the_servers_work(self):
+        shown = {name for expression in dashboard_expressions() for name, _ in selectors(expression)}
+        kinds = {re.sub("_(bucket|sum|count)$", "", name) for name in shown}
+        work = {name for name, _, _ in ROW.findall(TABLE.read_text()) if name.startswith("stillmap_")}
+        # Figures of a rare event, for alerts and for who looks.
+        rare = {"stillmap_connections_total", "stillmap_map_load_seconds", "stillmap_map_load_failures_total",
+                "stillmap_job_duration_seconds", "stillmap_reloads_total"}
+        self.assertEqual(work - kinds, rare)
+
+
+if __name__ == "__main__":
+    try:
+        import yaml  # noqa: F401
+    except ImportError:
+        support.skip_program("python3-yaml is not installed")
+    unittest.main(argv=sys.argv[:1])

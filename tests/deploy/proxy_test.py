@@ -1,0 +1,248 @@
+#!/usr/bin/env python3
+"""The proxy examples, run: checked by the proxies themselves, then TLS in front of real servers and of stand-ins.
+
+usage: proxy_test.py STILLMAP STORE TOOLS haproxy|nginx        TOOLS: packages as `./dev test` unpacks them
+"""
+
+import contextlib
+import http.client
+import http.server
+import shutil
+import socket
+import ssl
+import subprocess
+import sys
+import threading
+import time
+import unittest
+
+import support
+
+PROGRAM, STORE, TOOLS, KIND = sys.argv[1:5]
+PROXY = support.tool(KIND, TOOLS)
+MOST_CONNECTIONS = 12
+HEAD_TIME_S = 2
+# The time-outs and caps of the examples, shortened; each must be found.
+SHORTER = {
+    "haproxy": {"timeout http-request 10s": f"timeout http-request {HEAD_TIME_S}s",
+                "sc0_conn_cur gt 100": f"sc0_conn_cur gt {MOST_CONNECTIONS}",
+                "inter 2s fall 2": "inter 200 fall 2",
+                "/etc/haproxy/stillmap.pem": "FOLDER/both.pem"},
+    "nginx": {"client_header_timeout 10s": f"client_header_timeout {HEAD_TIME_S}s",
+              "limit_conn addresses 100": f"limit_conn addresses {MOST_CONNECTIONS}",
+              "/etc/nginx/stillmap.crt": "FOLDER/stillmap.crt", "/etc/nginx/stillmap.key": "FOLDER/stillmap.key",
+              "/run/nginx.pid": "FOLDER/nginx.pid"},
+}
+
+
+class StandIn(http.server.BaseHTTPRequestHandler):
+    """A server that says what it is told to, and counts what it was asked; its management port is itself."""
+
+    def do_GET(self):
+        length = int(self.headers.get("Content-Length", 0))
+        self.rfile.read(length)
+        if self.path != "/readyz":
+            self.server.asked.append((self.command, self.path))
+        status = 200 if self.path == "/readyz" else self.server.status
+        self.send_response(status)
+        self.send_header("Content-Length", "0")
+        self.end_headers()
+
+    do_POST = do_GET
+
+    def log_message(self, *_):
+        pass
+
+
+@contextlib.contextmanager
+def stand_in(status):
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), StandIn)
+    server.status, server.asked = status, []
+    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05})
+    thread.start()
+    try:
+        yield server
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()
+
+
+class Proxy(support.FolderTest):
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.context = ssl.create_default_context()
+        cls.context.check_hostname = False
+        cls.context.verify_mode = ssl.CERT_NONE
+
+    def proxy(self, *servers):
+        """Starts the proxy before two servers, each (port, management port)."""
+        certificate, key = self.folder / "stillmap.crt", self.folder / "stillmap.key"
+        subprocess.run(["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days",
+                        "1", "-subj", "/CN=localhost", "-keyout", key, "-out", certificate], check=True, capture_output=True)
+        (self.folder / "both.pem").write_text(certificate.read_text() + key.read_text())
+        self.port = support.free_port()
+        listen = {"haproxy": "bind :443", "nginx": "listen 443"}[KIND]
+        changes = {**SHORTER[KIND], listen: listen.split()[0] + f" 127.0.0.1:{self.port}"}
+        for address, (port, management) in zip(("10.0.0.11", "10.0.0.12"), servers):
+            check = " check port 8081" if KIND == "haproxy" else ""
+            changes[f"{address}:8080{check}"] = f"127.0.0.1:{port}" + (f" check port {management}" if check else "")
+        (example,) = (support.DEPLOY / "proxy").glob(f"{KIND}.*")
+        text = example.read_text()
+        for old, new in changes.items():
+            self.assertIn(old, text)
+            text = text.replace(old, new.replace("FOLDER", str(self.folder)))
+        config = self.folder / example.name
+        config.write_text(text)
+        self.run_proxy(config)
+
+    def run_proxy(self, config):
+        if KIND == "haproxy":
+            check, serve = ["-c", "-f", config], ["-db", "-f", config]
+        else:
+            (self.folder / "logs").mkdir()
+            # Its temporary files beside the test; its state is Debian's folders else.
+            for name in ("client_body", "proxy", "fastcgi", "uwsgi", "scgi"):
+                text = config.read_text().replace("http {\n", f"http {{\n  {name}_temp_path {self.folder}/{name};\n", 1)
+                config.write_text(text)
+            common = ["-p", self.folder, "-e", "stderr", "-c", config]
+            check, serve = ["-t", *common], [*common, "-g", "daemon off;"]
+        environment = support.tool_environment(TOOLS)
+        done = subprocess.run([PROXY, *map(str, check)], capture_output=True, text=True, env=environment)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertNotIn("[WARNING]", done.stderr)
+        self.assertNotIn("[warn]", done.stderr)
+        self.log = (self.folder / "proxy.log").open("w")
+        self.addCleanup(self.log.close)
+        self.start([PROXY, *serve], env=environment, stdout=self.log, stderr=self.log)
+        support.wait(lambda: self.reaches("/readyz"))
+
+    def reaches(self, path):
+        with contextlib.suppress(OSError):
+            return self.ask("GET", path)[0] == 200
+
+    def connection(self):
+        return http.client.HTTPSConnection("127.0.0.1", self.port, timeout=20, context=self.context)
+
+    def ask(self, method, path, body=None, **headers):
+        connection = self.connection()
+        try:
+            connection.request(method, path, body, headers)
+            answer = connection.getresponse()
+            return answer.status, answer.read().decode(errors="replace"), answer
+        finally:
+            connection.close()
+
+    def secure_socket(self):
+        return self.context.wrap_socket(socket.create_connection(("127.0.0.1", self.port), timeout=20))
+
+
+class BeforeStandIns(Proxy):
+    def test_only_what_may_be_asked_twice_is(self):
+        with stand_in(503) as first, stand_in(200) as second:
+            self.proxy((first.server_port, first.server_port), (second.server_port, second.server_port))
+            first.asked.clear(), second.asked.clear()
+            paths = [f"/v1/maps/town{number}" for number in range(8)]
+            self.assertEqual({self.ask("GET", path)[0] for path in paths}, {200})
+            refused = {path for _, path in first.asked}
+            self.assertTrue(refused, "no map is kept by the first server")
+            self.assertLess(len(refused), len(paths), "no map is kept by the second server")
+            posted = {path: self.ask("POST", path + "/localize", b"x")[0] for path in paths}
+            self.assertEqual(sum(len(server.asked) for server in (first, second)), 2 * len(paths) + len(refused))
+            self.assertEqual({path for path, status in posted.items() if status == 503}, refused)
+
+
+class BeforeServers(Proxy):
+    def setUp(self):
+        super().setUp()
+        self.processes = {}
+        self.servers = [self.server(number) for number in range(2)]
+        self.proxy(*self.servers)
+
+    def server(self, number):
+        store = self.folder / f"store{number}"
+        shutil.copytree(STORE, store)
+        management = support.free_port()
+        port, process = self.start_server(PROGRAM, store, "--management-port", management)
+        self.processes[management] = process
+        support.wait(lambda: support.get(port, "/readyz")[0] == 200)
+        return port, management
+
+    def asked(self, management, route):
+        lines = support.get(management, "/metrics")[1].splitlines()
+        return sum(float(line.split()[-1]) for line in lines
+                   if line.startswith("stillmap_http_requests_total") and f'route="{route}"' in line)
+
+    def test_requests_sessions_and_events_pass(self):
+        for _ in range(6):
+            self.assertEqual(self.ask("GET", "/v1/maps/town")[0], 200)
+        self.assertEqual(sorted(self.asked(management, "/v1/maps/{map}") for _, management in self.servers), [0, 6])
+        scan = bytes(64 * 1024 * 16)
+        self.assertEqual(self.ask("POST", "/v1/maps/town/localize", scan, **{"Content-Type": "application/octet-stream"})[0], 422)
+        self.assertEqual(self.ask("POST", "/v1/maps/town/localize", **{"Content-Length": str(65 << 20)})[0], 413)
+        status, text, answer = self.ask("POST", "/v1/sessions", b'{"map": "town"}', **{"Content-Type": "application/json"})
+        self.assertEqual(status, 201, text)
+        session = answer.getheader("Location")
+        for _ in range(6):
+            self.assertEqual(self.ask("GET", session)[0], 200)
+        self.events_come_at_once(session)
+
+    def events_come_at_once(self, session):
+        connection = self.connection()
+        self.addCleanup(connection.close)
+        connection.request("GET", session + "/events")
+        stream = connection.getresponse()
+        self.assertEqual(stream.getheader("Content-Type"), "text/event-stream")
+        self.assertEqual(self.ask("DELETE", session)[0], 204)
+        begun = time.monotonic()
+        self.assertIn("closed", stream.readline().decode() + stream.readline().decode())
+        self.assertLess(time.monotonic() - begun, 10)
+
+    def test_slow_heads_are_cut_and_connections_are_capped(self):
+        begun = time.monotonic()
+        with self.secure_socket() as slow:
+            slow.sendall(b"GET /readyz HTTP/1.1\r\nHost: x\r\n")
+            end = begun + 20
+            with contextlib.suppress(OSError):
+                while time.monotonic() < end:
+                    slow.sendall(b"X")
+                    slow.settimeout(0.2)
+                    with contextlib.suppress(TimeoutError):
+                        if not slow.recv(4096):
+                            break
+            took = time.monotonic() - begun
+            self.assertGreater(took, HEAD_TIME_S - 0.5)
+            self.assertLess(took, 15)
+        self.cap()
+
+    def cap(self):
+        """Streams of events hold connections; past the cap a further client of the same address is refused."""
+        with contextlib.ExitStack() as held:
+            location = self.ask("POST", "/v1/sessions", b'{"map": "town"}',
+                                **{"Content-Type": "application/json"})[2].getheader("Location")
+            for _ in range(MOST_CONNECTIONS):
+                stream = held.enter_context(contextlib.closing(self.connection()))
+                stream.request("GET", location + "/events")
+                self.assertEqual(stream.getresponse().status, 200)
+            try:
+                self.assertEqual(self.ask("GET", "/livez")[0], 429)
+            except OSError:
+                pass  # HAProxy ends the connection before TLS
+        support.wait(lambda: self.reaches("/livez"))
+
+    @unittest.skipIf(KIND == "nginx", "nginx cannot ask /readyz")
+    def test_a_server_that_ends_is_left(self):
+        route = "/v1/maps/{map}"
+        self.ask("GET", "/v1/maps/town")
+        asked, other = sorted((management for _, management in self.servers), key=lambda port: -self.asked(port, route))
+        self.processes[asked].terminate()
+        for _ in range(20):
+            self.assertEqual(self.ask("GET", "/v1/maps/town")[0], 200)
+            time.sleep(0.05)
+        self.assertGreater(self.asked(other, route), 0)
+
+
+if __name__ == "__main__":
+    support.tool("openssl")
+    unittest.main(argv=sys.argv[:1])

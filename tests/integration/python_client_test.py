@@ -1,0 +1,395 @@
+#!/usr/bin/env python3
+"""The Python client against a real server, and against one that fails on purpose.
+
+usage: python_client_test.py STILLMAP STORE DRIVE PACKAGE
+"""
+
+import array
+import contextlib
+import http.server
+import io
+import json
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import tempfile
+import threading
+import time
+import unittest
+
+PROGRAM, STORE, DRIVE, PACKAGE = (pathlib.Path(x).resolve() for x in sys.argv[1:5])
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "server/clients/python/src"))
+
+from stillmap_client import (Client, ConnectionLost, MovableBox, Odometry, Pose, Prior, Problem,  # noqa: E402
+                             SessionStream)
+from stillmap_client.archive import Archive  # noqa: E402
+from stillmap_client.scan import encoded  # noqa: E402
+
+START = Prior(Pose((0.0, 0.0, 0.0)), sigma=(0.5, 0.05))
+
+
+def scan(index):
+    return (DRIVE / "velodyne" / f"{index:06d}.bin").read_bytes()
+
+
+class Server:
+    """`stillmap serve` on a copy of the sample store; can be started anew on the same port."""
+
+    def __init__(self, folder, *arguments):
+        self.store, self.arguments, self.port, self.process = folder / "store", arguments, 0, None
+        shutil.copytree(STORE, self.store)
+
+    def start(self):
+        self.process = subprocess.Popen([PROGRAM, "serve", "--store", self.store, "--port", str(self.port),
+                                         *self.arguments], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        self.port = int(re.search(r"127\.0\.0\.1:(\d+)", self.process.stdout.readline()).group(1))
+        client = Client(self.url)
+        for _ in range(200):
+            if client.is_ready():
+                return self
+            time.sleep(0.1)
+        raise AssertionError("not ready within 20 s")
+
+    def stop(self):
+        if self.process is not None:
+            self.process.terminate()
+            self.process.communicate(timeout=30)
+            self.process = None
+
+    @property
+    def url(self):
+        return f"http://127.0.0.1:{self.port}"
+
+
+class RealServer(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.temporary = tempfile.TemporaryDirectory()
+        cls.folder = pathlib.Path(cls.temporary.name)
+        cls.server = Server(cls.folder).start()
+        cls.client = Client(cls.server.url)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.server.stop()
+        cls.temporary.cleanup()
+
+    def test_a_scan_is_localized_flat_and_by_parts(self):
+        flat = self.client.localize("town", scan(1), START, stamp_ns=2**60, deadline_ms=20000)
+        self.assertEqual(flat.status, "ok", flat.raw)
+        self.assertEqual((flat.map.name, flat.stamp_ns, len(flat.covariance)), ("town", 2**60, 36))
+        box = MovableBox((500.0, 0.0, 0.0), (4.0, 2.0, 2.0))
+        parts = self.client.localize("town", scan(1), START, T_base_lidar=Pose((0.0, 0.0, 1.0)), movable=[box],
+                                     version="v1")
+        self.assertEqual(parts.pose.position, flat.pose.position)
+        self.assertAlmostEqual(parts.T_map_base.position[2], flat.pose.position[2] - 1.0, places=1)
+
+    def test_arrays_and_lists_are_the_same_scan(self):
+        floats = array.array("f")
+        floats.frombytes(scan(1))
+        points = [tuple(floats[i:i + 3]) for i in range(0, len(floats), 4)]
+        wanted = self.client.localize("town", scan(1), START).pose
+        self.assertEqual(self.client.localize("town", floats, START).pose, wanted)
+        self.assertEqual(self.client.localize("town", points, START).pose, wanted)
+
+    def test_what_the_server_refuses_is_a_problem_with_its_code(self):
+        for code, ask in (("UnknownMap", lambda: self.client.localize("village", scan(1))),
+                          ("InvalidPrior", lambda: self.client.localize("town", scan(1), Prior(Pose((0, 0, 0), (0, 0, 0, 2))))),
+                          ("TooFewPoints", lambda: self.client.localize("town", [(1.0, 2.0, 3.0)] * 3))):
+            with self.assertRaises(Problem) as raised:
+                ask()
+            self.assertEqual(raised.exception.code, code)
+            self.assertTrue(raised.exception.request_id)
+
+    def test_a_session_follows_and_tells_its_events(self):
+        with self.client.open_session("town", prior=START) as session:
+            first = session.track(scan(0), 0)
+            step = Odometry(0, Pose((0.5, 0.0, 0.0)), sigma=(1.0, 0.1))
+            second = session.track(scan(1), 100_000_000, odometry=step)
+            self.assertEqual((first.status, second.status), ("ok", "ok"))
+            self.assertEqual(session.info()["scans"], 2)
+            session.initialize(START)
+            events = session.events()
+            self.assertEqual(next(events).type, "status")
+            last = next(e for e in self.after_close(session, events) if e.type == "closed")
+            self.assertEqual(last.data["reason"], "deleted")
+
+    @staticmethod
+    def after_close(session, events):
+        session.close()
+        yield from events
+
+    def test_maps_come_and_go(self):
+        self.assertEqual(self.client.create_map("yard").version, None)
+        made = self.client.upload_version("yard", "a", PACKAGE)
+        self.assertEqual(self.client.upload_version("yard", "a", PACKAGE), made)
+        self.assertEqual(self.client.activate("yard", "a", if_revision=0).version, "a")
+        self.client.upload_version("yard", "b", PACKAGE)
+        self.client.activate("yard", "b")
+        self.assertEqual(self.client.roll_back("yard").version, "a")
+        with self.assertRaises(Problem) as raised:
+            self.client.activate("yard", "b", if_revision=0)
+        self.assertEqual(raised.exception.code, "RevisionChanged")
+        self.client.delete_version("yard", "b")
+        self.assertEqual([(v.name, v.active) for v in self.client.versions("yard")], [("a", True)])
+        self.assertEqual(self.client.stats("yard")["queries"]["ok"], 0)
+        with self.assertRaises(Problem) as raised:
+            self.client.delete_map("yard")
+        self.assertEqual(raised.exception.code, "VersionActive")
+        self.client.delete_map("yard", active=True)
+        self.assertNotIn("yard", [each.name for each in self.client.maps()])
+
+    def test_a_download_goes_on_where_it_ended_and_can_be_uploaded(self):
+        whole = self.folder / "whole.tar"
+        size = self.client.download_version("town", "v1", whole)
+        data = whole.read_bytes()
+        self.assertEqual(size, len(data))
+        cut = self.folder / "cut.tar"
+        (self.folder / "cut.tar.part").write_bytes(data[:100_000])
+        etag = self.client._transport.call("HEAD", "/v1/maps/town/versions/v1/content").headers["etag"]
+        (self.folder / "cut.tar.etag").write_text(etag)
+        self.assertEqual(self.client.download_version("town", "v1", cut), len(data))
+        self.assertEqual(cut.read_bytes(), data)
+        self.assertEqual(sorted(x.name for x in self.folder.glob("cut*")), ["cut.tar"])
+        digest = next(v.digest for v in self.client.versions("town") if v.name == "v1")
+        self.assertEqual(self.client.upload_version("copy", "v1", whole).digest, digest)
+        self.client.delete_map("copy")
+
+    def test_a_broken_upload_is_refused_in_words(self):
+        broken = self.folder / "broken.tar"
+        broken.write_bytes(b"\0" * 5000)
+        with self.assertRaises(Problem) as raised:
+            self.client.upload_version("town", "v9", broken)
+        self.assertEqual(raised.exception.code, "InvalidUpload")
+
+    def test_a_drive_comes_in_parts_and_goes_on(self):
+        drive = self.folder / "drive"
+        (drive / "velodyne").mkdir(parents=True)
+        for name in ("calib.txt", "poses.txt", "times.txt"):
+            if (DRIVE / name).exists():
+                shutil.copy(DRIVE / name, drive)
+        for index in range(2):
+            (drive / "velodyne" / f"{index:06d}.bin").write_bytes(scan(index))
+        poses = (DRIVE / "poses.txt").read_text().splitlines(True)
+        (drive / "poses.txt").write_text("".join(poses[:2]))
+        if (DRIVE / "times.txt").exists():
+            (drive / "times.txt").write_text("".join((DRIVE / "times.txt").read_text().splitlines(True)[:2]))
+
+        class Cut(Exception):
+            pass
+
+        def cut(there, _):
+            if there > 1 << 20:
+                raise Cut
+
+        with self.assertRaises(Cut):
+            self.client.upload_drive("town", drive, name="cut", part_bytes=1 << 20, on_part=cut)
+        found = self.client.drives("town")[-1]
+        self.assertEqual((found["name"], found["status"]), ("cut", "open"))
+        told = []
+        self.assertEqual(self.client.upload_drive("town", drive, drive=found["id"], part_bytes=1 << 20,
+                                                  on_part=lambda there, all: told.append((there, all))), found["id"])
+        self.assertEqual(told[-1][0], told[-1][1])
+        self.assertEqual(self.client.drives("town")[-1]["status"], "complete")
+        self.client.delete_drive("town", found["id"])
+
+
+class Keys(unittest.TestCase):
+    def test_a_key_is_asked_for_by_scope_and_can_be_taken_back(self):
+        with tempfile.TemporaryDirectory() as name:
+            server = Server(pathlib.Path(name)).start()
+            self.addCleanup(server.stop)
+
+            def keys(*arguments):
+                return subprocess.run([PROGRAM, "keys", *arguments, "--store", server.store], check=True,
+                                      capture_output=True, text=True).stdout.strip()
+
+            reader = keys("create", "reader", "--scope", "read")
+            with self.assertRaises(Problem) as raised:
+                Client(server.url).maps()
+            self.assertEqual((raised.exception.status, raised.exception.code), (401, "MissingKey"))
+            client = Client(server.url, reader)
+            self.assertEqual([each.name for each in client.maps()], ["town"])
+            for ask in (lambda: client.localize("town", scan(1)), lambda: client.create_map("a"),
+                        lambda: client.upload_version("a", "b", PACKAGE)):
+                with self.assertRaises(Problem) as raised:
+                    ask()
+                self.assertEqual(raised.exception.code, "Forbidden")
+            keys("revoke", json.loads(keys("list", "--json"))["keys"][0]["id"])
+            with self.assertRaises(Problem) as raised:
+                client.maps()
+            self.assertEqual(raised.exception.code, "RefusedKey")
+
+
+class Restart(unittest.TestCase):
+    def test_queries_streams_and_events_go_on_with_a_server_started_anew(self):
+        with tempfile.TemporaryDirectory() as name:
+            server = Server(pathlib.Path(name)).start()
+            self.addCleanup(server.stop)
+            client = Client(server.url, retries=12)
+            answers, errors = [], []
+            with SessionStream(client, "town", on_answer=lambda stamp, answer: answers.append((stamp, answer.status)),
+                               on_error=lambda stamp, error: errors.append(error)) as stream:
+                stream.put(scan(0), 0)
+                self.assertTrue(stream.drain(30))
+                server.stop()
+                stream.put(scan(1), 100_000_000)
+                asked = []
+                asking = threading.Thread(target=lambda: asked.append(client.localize("town", scan(1), START).status))
+                asking.start()
+                time.sleep(0.5)
+                server.start()
+                self.assertTrue(stream.drain(60))
+                asking.join(60)
+                self.assertEqual(asked, ["ok"])
+                self.assertEqual(answers, [(0, "ok"), (100_000_000, "ok")])
+                self.assertTrue(any(isinstance(error, ConnectionLost) for error in errors))
+                self.assertEqual(stream.sessions, 2)
+
+    def test_the_newest_scan_is_sent_when_the_vehicle_is_faster(self):
+        with tempfile.TemporaryDirectory() as name:
+            server = Server(pathlib.Path(name)).start()
+            self.addCleanup(server.stop)
+            answers = []
+            with SessionStream(Client(server.url), "town", prior=START,
+                               on_answer=lambda stamp, answer: answers.append(stamp)) as stream:
+                for index in range(20):
+                    stream.put(scan(index), index * 100_000_000)
+                self.assertTrue(stream.drain(60))
+                self.assertEqual(answers, sorted(answers))
+                self.assertEqual(answers[-1], 1_900_000_000)
+                self.assertGreater(stream.superseded, 0)
+                self.assertEqual(stream.answered + stream.superseded + stream.failed, 20)
+
+
+class Faults(unittest.TestCase):
+    """A server of the test's own that fails as it is told."""
+
+    def serve(self, *answers):
+        seen, script = [], list(answers)
+
+        class Handler(http.server.BaseHTTPRequestHandler):
+            protocol_version = "HTTP/1.1"
+
+            def log_message(self, *_):
+                pass
+
+            def handle_any(self):
+                self.rfile.read(int(self.headers.get("Content-Length", 0)))
+                seen.append((self.command, self.path, dict(self.headers), time.monotonic()))
+                answer = script.pop(0)
+                if answer is None:
+                    self.close_connection = True
+                    return
+                status, headers, body = answer
+                self.send_response(status)
+                for key, value in headers.items():
+                    self.send_header(key, value)
+                if "Content-Length" not in headers:
+                    self.send_header("Content-Length", str(len(body)))
+                self.end_headers()
+                self.wfile.write(body)
+                if headers.get("Connection") == "close":
+                    self.close_connection = True
+
+            do_GET = do_POST = do_PUT = do_DELETE = handle_any
+
+        server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        server.daemon_threads = True
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        self.addCleanup(server.server_close)
+        self.addCleanup(server.shutdown)
+        return f"http://127.0.0.1:{server.server_port}", seen
+
+    BUSY = (503, {"Retry-After": "1"}, b'{"code": "Busy", "detail": "later"}')
+    MAPS = (200, {}, b'{"maps": [], "refused": []}')
+
+    def test_busy_is_tried_again_after_what_the_server_says(self):
+        url, seen = self.serve(self.BUSY, self.MAPS)
+        self.assertEqual(Client(url).maps(), [])
+        self.assertGreaterEqual(seen[1][3] - seen[0][3], 0.99)
+
+    def test_retries_end(self):
+        url, seen = self.serve(self.BUSY, self.BUSY)
+        with self.assertRaises(Problem) as raised:
+            Client(url, retries=1).maps()
+        self.assertEqual((raised.exception.code, raised.exception.retry_after_s, len(seen)), ("Busy", 1.0, 2))
+
+    def test_a_superseded_scan_is_not_sent_again(self):
+        url, seen = self.serve((429, {}, b'{"code": "Superseded"}'), self.MAPS)
+        with self.assertRaises(Problem):
+            Client(url).maps()
+        self.assertEqual(len(seen), 1)
+
+    def test_a_lost_connection_is_met_by_another_only_when_that_does_no_harm(self):
+        url, seen = self.serve(None, self.MAPS)
+        self.assertEqual(Client(url).maps(), [])
+        url, seen = self.serve(None, (202, {}, b"{}"))
+        with self.assertRaises(ConnectionLost):
+            Client(url).roll_back("town")
+        self.assertEqual(len(seen), 1)
+
+    def test_events_go_on_after_the_last_that_came(self):
+        first = b"id: 7\nevent: status\ndata: {\"a\": 1}\n\n:\n\nevent: end\ndata: {\"reason\": \"stopping\"}\n\n"
+        second = b"event: gap\ndata: {\"missed\": 2}\n\nid: 10\nevent: closed\ndata: {}\n\n"
+        session = b'{"id": "s", "map": {"name": "a", "version": "b", "digest": "c"}, "idle_limit_s": 1}'
+        kind = {"Content-Type": "text/event-stream", "Connection": "close"}
+        url, seen = self.serve((201, {}, session), (200, kind, first), (200, kind, second))
+        events = list(Client(url).open_session("a").events())
+        self.assertEqual([(e.id, e.type) for e in events], [(7, "status"), (None, "gap"), (10, "closed")])
+        self.assertNotIn("Last-Event-ID", seen[1][2])
+        self.assertEqual(seen[2][2]["Last-Event-ID"], "7")
+
+    def test_a_download_that_breaks_goes_on(self):
+        data = bytes(range(256)) * 1000
+        whole = {"ETag": '"e"', "Content-Length": str(len(data)), "Connection": "close"}
+        rest = {"ETag": '"e"', "Content-Length": str(len(data) - 100_000)}
+        url, seen = self.serve((200, whole, data[:100_000]), (206, rest, data[100_000:]))
+        with tempfile.TemporaryDirectory() as folder:
+            target = pathlib.Path(folder) / "map.tar"
+            Client(url).download_version("a", "b", target)
+            self.assertEqual(target.read_bytes(), data)
+        self.assertEqual(seen[1][2]["Range"], "bytes=100000-")
+
+
+class Parts(unittest.TestCase):
+    def test_a_folder_is_a_tar_that_is_read_from_any_place(self):
+        with tempfile.TemporaryDirectory() as name:
+            folder = pathlib.Path(name)
+            (folder / "sub").mkdir()
+            (folder / "sub" / ("long" * 40)).write_bytes(b"x" * 700)
+            (folder / "empty").write_bytes(b"")
+            (folder / "a").write_bytes(b"y" * 512)
+            archive = Archive(folder)
+            data = archive.read(0, archive.size)
+            self.assertEqual(len(data), archive.size)
+            with tarfile.open(fileobj=io.BytesIO(data)) as tar:
+                self.assertEqual({m.name: m.size for m in tar}, {"sub/" + "long" * 40: 700, "empty": 0, "a": 512})
+            for offset in (0, 1, 511, 512, 1000, archive.size - 3, archive.size, archive.size + 9):
+                self.assertEqual(archive.read(offset, 1500), data[offset:offset + 1500])
+            with archive.open(700, 900) as part:
+                self.assertEqual(part.read(), data[700:1600])
+
+    def test_scans_of_every_kind_are_the_same_bytes(self):
+        floats = array.array("f", [1, 2, 3, 4, 5, 6])
+        self.assertEqual(encoded(floats, "xyz"), (floats.tobytes(), "xyz"))
+        self.assertEqual(encoded([(1, 2, 3), (4, 5, 6)]), (floats.tobytes(), "xyz"))
+        self.assertEqual(encoded(memoryview(floats.tobytes()), "xyz"), (floats.tobytes(), "xyz"))
+        with contextlib.suppress(ImportError):
+            import numpy
+            self.assertEqual(encoded(numpy.array([[1, 2, 3], [4, 5, 6]], numpy.float32)), (floats.tobytes(), "xyz"))
+        for wrong in (b"123", array.array("d", [1, 2, 3, 4]), [(1, 2)], [(1, 2, 3), (1, 2, 3, 4)], []):
+            with self.assertRaises(ValueError):
+                encoded(wrong)
+
+    def test_addresses_that_are_none_are_refused(self):
+        for url in ("127.0.0.1:8080", "ftp://a", "http://"):
+            with self.assertRaises(ValueError):
+                Client(url)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], *sys.argv[5:]])
