@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Kills a server at random instants, while clients publish, activate, roll back and remove versions and make and revoke
-keys, and looks at what is there afterwards: all that was acknowledged, nothing half, ready within 5 s.
+"""Kills a server at random instants, and the processes of its jobs, while clients publish, activate, roll back and remove
+versions, have clouds imported, and make and revoke keys, and looks at what is there afterwards: all that was acknowledged, nothing half, ready within 5 s.
 
 usage: kills.py --program STILLMAP --packages TINY_PACKAGES --seeds FIRST[-LAST] [--kills 50] [--results FOLDER]
 
@@ -10,9 +10,11 @@ leaves a file there, and one that has its file is not run again.
 
 import argparse
 import json
+import os
 import pathlib
 import random
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -170,6 +172,64 @@ class KeyClient:
             expect(status == (401 if revoked else 200), known, "is answered", status)
 
 
+class JobClient:
+    """Sends point clouds, each of which a job of its own process makes a version of; kills such processes too."""
+
+    MAP = "imported"
+
+    def __init__(self, headers, journal):
+        self.headers, self.journal = headers, journal
+        self.jobs = {}  # id -> [version, succeeded]
+        self.version, self.waiting, self.was_killed = 0, None, False
+        self.acknowledged = 0
+
+    def cloud(self):
+        points = "".join(f"{i % 20} {i // 20} {self.version % 7}\n" for i in range(400 + self.version))
+        return (f"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {400 + self.version}\nHEIGHT 1\n"
+                f"POINTS {400 + self.version}\nDATA ascii\n{points}").encode()
+
+    def step(self, server, random):
+        if self.waiting is None:
+            # What was asked for and not answered is asked for again.
+            path = f"/v1/maps/{self.MAP}/versions/v{self.version}"
+            response = server.ask("PUT", path, self.cloud(), {"Content-Type": "application/vnd.pcd", **self.headers})
+            expect(response.status == 202, path, "is answered", response.status, response.body[:300])
+            self.waiting, self.was_killed = response.json["id"], False
+            self.jobs[self.waiting] = [f"v{self.version}", False]
+            self.acknowledged += 1
+            return
+        if random.random() < 0.1:
+            self.kill_job(server)
+        self.look(server, self.waiting)
+        time.sleep(0.02)
+
+    def kill_job(self, server):
+        children = pathlib.Path(f"/proc/{server.process.pid}/task").glob("*/children")
+        for child in {pid for each in children for pid in each.read_text().split()}:
+            self.was_killed = True
+            self.journal.note("killed job's process", child)
+            os.kill(int(child), signal.SIGKILL)
+
+    def look(self, server, job):
+        response = server.ask("GET", f"/v1/jobs/{job}", headers=self.headers)
+        expect(response.status == 200, "job", job, "is lost:", response.body[:300])
+        status, (version, succeeded) = response.json["status"], self.jobs[job]
+        expect(not succeeded or status == "succeeded", "job", job, "had succeeded and is", status)
+        if status == "succeeded":
+            listed = server.ask("GET", f"/v1/maps/{self.MAP}/versions", headers=self.headers).json
+            expect(version in MapModel.facts_of(listed)["versions"], "job", job, "has no version:", listed)
+            self.jobs[job][1] = True
+        expect(status in ("enqueued", "processing", "succeeded") or (status == "failed" and self.was_killed),
+               "job", job, "is", response.json)
+        if status in ("succeeded", "failed") and job == self.waiting:
+            self.waiting, self.version = None, self.version + 1
+
+    def check(self, server, random):
+        for job in random.sample(sorted(self.jobs), min(3, len(self.jobs))):
+            if job == self.waiting or self.jobs[job][1]:
+                self.look(server, job)
+
+
 class Session:
     """One store and its servers, each of which is killed."""
 
@@ -181,6 +241,9 @@ class Session:
         self.headers = {"Authorization": "Bearer " + make_key(self.program, self.store)}
         self.clients = [MapClient(f"town-{i}", packages, self.headers, self.journal) for i in range(CLIENTS)]
         self.keys = KeyClient(self.program, self.store, self.journal)
+        # Where the program that the jobs run in is not built, there are none.
+        has_mapper = pathlib.Path(self.program).with_name("stillmap-mapper").exists()
+        self.jobs = JobClient(self.headers, self.journal) if has_mapper else None
         self.ready_s, self.poses, self.wrong = [], 0, []
 
     def start(self):
@@ -208,8 +271,9 @@ class Session:
     def work(self, server):
         """Lets all clients work for a while and kills the server, and half of the time the key's program, under them."""
         dead = threading.Event()
-        seeds = [self.random.random() for _ in range(CLIENTS + 1)]
-        steps = [lambda chance, client=client: client.step(server, chance) for client in self.clients] + [self.keys.step]
+        changing = [*self.clients, *([self.jobs] if self.jobs else [])]
+        steps = [lambda chance, client=client: client.step(server, chance) for client in changing] + [self.keys.step]
+        seeds = [self.random.random() for _ in steps]
         threads = [threading.Thread(target=self.until_dead, args=(step, random.Random(seed), dead))
                    for step, seed in zip(steps, seeds)]
         for thread in threads:
@@ -242,6 +306,8 @@ class Session:
         for client in self.clients:
             client.check(server)
         self.keys.check(server, self.random)
+        if self.jobs:
+            self.jobs.check(server, self.random)
         verified = run(self.program, "store", "verify", self.store)
         expect(verified.returncode == 0, "verify:", verified.stdout, verified.stderr)
         for client in self.clients:
@@ -260,11 +326,11 @@ class Session:
         expect(server.stop() == 0, "ended with", server.process.returncode)
 
     def acknowledged(self):
-        return sum(each.acknowledged for each in [*self.clients, self.keys])
+        return sum(each.acknowledged for each in [*self.clients, self.keys, *([self.jobs] if self.jobs else [])])
 
     def result(self, kills):
         return {"kills": kills, "acknowledged": self.acknowledged(),
-                "poses": self.poses, "ready_worst_s": round(max(self.ready_s, default=0.0), 3),
+                "jobs": sum(each[1] for each in self.jobs.jobs.values()) if self.jobs else 0, "poses": self.poses, "ready_worst_s": round(max(self.ready_s, default=0.0), 3),
                 "ready_median_s": round(sorted(self.ready_s)[len(self.ready_s) // 2], 3) if self.ready_s else 0.0}
 
 

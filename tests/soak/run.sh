@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What takes long: every test under the sanitizers, then the localizer on many streets. Each step leaves a mark in
+# What takes long: every test under the sanitizers, power cuts, kills and failing calls, then the localizer on many streets. Each step leaves a mark in
 # build/soak, so that a run that was cut off goes on where it was; `rm -r build/soak` starts afresh.
 set -euo pipefail
 marks=build/soak
@@ -36,6 +36,13 @@ tests/fuzz/run.sh --report
 step asan sanitized asan
 step tsan sanitized tsan
 ./dev build release
+program=build/release/stillmap packages=build/release/tiny_packages
+step power_cuts build/release/power_cuts 1 10 "$marks/power_cuts"
+step kills tests/soak/kills.py --program "$program" --packages "$packages" --seeds 1-20 --results "$marks/kills"
+for operation in add activate roll_back remove "add by command" "activate by command" "make a key" start; do
+  step "faults_${operation// /_}" tests/soak/faults.py --program "$program" --packages "$packages" \
+    --injector build/release/libnth_call.so --operation "$operation"
+done
 for seed in $(seq 100 119); do
   step "street_$seed" street "$seed"
 done

@@ -75,7 +75,7 @@ class PackageRoutesTest : public ServiceTest {
     return std::distance(begin(each), end(each));
   }
 
-  test::TemporaryFolder folder_;
+  test::TemporaryFolder folder_{test::memory_folder()};
   std::string tar_, digest_;
   std::unique_ptr<HttpServer> http_;
   int port_ = 0;

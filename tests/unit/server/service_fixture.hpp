@@ -96,7 +96,7 @@ class TownStore {
   }
 
   test::TemporaryFolder built_;
-  test::TemporaryFolder folder_;
+  test::TemporaryFolder folder_{test::memory_folder()};
   mutable maps::PackageStore store_{folder_.path()};
   std::string digest_;
 };
