@@ -79,6 +79,16 @@ class Containers(unittest.TestCase):
         self.assertTrue(container["securityContext"]["readOnlyRootFilesystem"])
         self.assertGreaterEqual(pod["terminationGracePeriodSeconds"], longest_end_s())
 
+    def test_the_shell_is_beside_the_same_store_as_the_same_user(self):
+        claim, deployment, _ = documents("kubernetes.yaml")
+        (shell,) = documents("kubernetes-shell.yaml")
+        server = deployment["spec"]["template"]["spec"]
+        self.assertEqual(shell["spec"]["volumes"][0]["persistentVolumeClaim"]["claimName"], claim["metadata"]["name"])
+        for key in ("image", "securityContext"):
+            self.assertEqual(shell["spec"]["containers"][0][key], server["containers"][0][key])
+        for key in ("runAsNonRoot", "runAsUser", "runAsGroup", "fsGroup"):
+            self.assertEqual(shell["spec"]["securityContext"][key], server["securityContext"][key])
+
 
 if __name__ == "__main__":
     try:

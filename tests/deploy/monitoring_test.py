@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Alerts and dashboard: judged by promtool, and every metric and label in them is one that the server has.
 
-usage: monitoring_test.py METRICS_TABLE TOOLS
+usage: monitoring_test.py STILLMAP METRICS_TABLE TOOLS
 """
 
 import json
@@ -14,8 +14,9 @@ import unittest
 
 import support
 
-TABLE = pathlib.Path(sys.argv[1])
-PROMTOOL = support.tool("promtool", sys.argv[2])
+PROGRAM = sys.argv[1]
+TABLE = pathlib.Path(sys.argv[2])
+PROMTOOL = support.tool("promtool", sys.argv[3])
 FOLDER = support.DEPLOY / "monitoring"
 ROW = re.compile(r'MetricInfo\{"(\w+)",\s*"(\w+)",\s*"([\w,]*)"')
 SUFFIXES = {"histogram": ("_bucket", "_sum", "_count"), "counter": ("",), "gauge": ("",)}
@@ -71,6 +72,15 @@ class Alerts(support.FolderTest):
         text = (support.HERE / "stillmap.rules.test.yml").read_text()
         for alert in re.findall(r"alert: (\w+)", (FOLDER / "stillmap.rules.yml").read_text()):
             self.assertEqual(len(re.findall(rf"\b{alert}\b", text)), 2, alert)
+
+    def test_what_the_server_tells_is_as_prometheus_wants_it(self):
+        store, management = self.folder / "store", support.free_port()
+        store.mkdir()
+        self.start_server(PROGRAM, store, "--management-port", management)
+        status, text = support.get(management, "/metrics")
+        self.assertEqual(status, 200)
+        done = subprocess.run([PROMTOOL, "check", "metrics"], input=text, capture_output=True, text=True, timeout=60)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
 
 
 class Names(unittest.TestCase):

@@ -51,14 +51,21 @@ def directives(unit):
 
 
 @functools.lru_cache(None)
+def sets():
+    """Lines of every set of calls by its name: calls, and sets within it."""
+    text = subprocess.run(["systemd-analyze", "--no-pager", "syscall-filter"], capture_output=True, text=True, check=True).stdout
+    found, lines = {}, []
+    for line in text.splitlines():
+        if line.startswith("@"):
+            lines = found.setdefault(line.strip(), [])
+        elif line.startswith(" ") and not line.strip().startswith("#"):
+            lines.append(line.strip())
+    return found
+
+
 def calls_of(name):
     """Names of the calls of one set, sets within it included; a plain call is itself."""
-    if not name.startswith("@"):
-        return frozenset([name])
-    text = subprocess.run(["systemd-analyze", "--no-pager", "syscall-filter", name], capture_output=True, text=True,
-                          check=True).stdout
-    lines = [line.strip() for line in text.splitlines()[1:]]
-    return frozenset().union(*(calls_of(line) for line in lines if line and not line.startswith("#")))
+    return frozenset().union(*map(calls_of, sets()[name])) if name.startswith("@") else frozenset([name])
 
 
 def allowed_calls(filters):
@@ -183,8 +190,7 @@ def main():
         del sys.argv[1:3]
     unit = directives(sys.argv[1])
     try:
-        for line in unit["SystemCallFilter"]:  # asked before /proc and /tmp change
-            allowed_calls([line])
+        sets()  # asked before /proc changes
         if state:
             narrow_file_system(state)
         confine(unit)
