@@ -148,8 +148,11 @@ class Jobs(unittest.TestCase):
         self.assertEqual(done["result"]["gate"]["verdict"], "pass", done["result"])
         self.assertTrue(done["result"]["activated"], done["result"])
         self.check_pose()
-        self.assertEqual([each.name for each in sorted((self.store / "jobs" / str(job["id"])).iterdir())],
-                         ["log", "outcome.json"])
+        end = time.monotonic() + LONG_S
+        left = self.store / "jobs" / str(job["id"])
+        while (left / "scratch").exists() and time.monotonic() < end:
+            time.sleep(0.05)
+        self.assertEqual(sorted(each.name for each in left.iterdir()), ["log", "outcome.json"])
         self.assertEqual(self.ask("DELETE", f"/v1/maps/town/drives/{drive}")[0], 204)
         self.assertFalse((self.store / "drives" / str(drive)).exists())
 

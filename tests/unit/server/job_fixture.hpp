@@ -110,6 +110,15 @@ class JobTest : public ServiceTest {
     return store_.folder().path() / "jobs" / std::to_string(id);
   }
 
+  /// Soon after the job has ended nothing is left of its work.
+  void expect_cleared(int id) const {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+    const std::filesystem::path scratch = job_folder(id) / "scratch";
+    while (std::filesystem::exists(scratch) && std::chrono::steady_clock::now() < end)
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    EXPECT_FALSE(std::filesystem::exists(scratch));
+  }
+
   test::TemporaryFolder scripts_;
 };
 

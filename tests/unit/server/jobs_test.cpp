@@ -38,7 +38,7 @@ TEST_F(Jobs, RebuildBecomesAVersionAndLeavesItsLogAlone) {
   EXPECT_EQ(store_.open().state().version("town", "v2").digest, job["result"]["digest"]);
   EXPECT_EQ(store_.open().state().map("town").active, store_.version());
   EXPECT_EQ(log_of("/v1/jobs/1"), "working\n");
-  EXPECT_FALSE(std::filesystem::exists(job_folder(1) / "scratch"));
+  expect_cleared(1);
 }
 
 TEST_F(Jobs, VersionIsNamedByDayAndJobWhereNobodyDoes) {
@@ -94,7 +94,7 @@ TEST_F(Jobs, WhatTheMapperRefusesIsNotTriedAgain) {
   EXPECT_EQ(job["status"], "failed");
   EXPECT_EQ(job["error"], "stillmap: /x: found nothing");
   EXPECT_EQ(job["attempts"], 1);
-  EXPECT_FALSE(std::filesystem::exists(job_folder(1) / "scratch"));
+  expect_cleared(1);
 }
 
 TEST_F(Jobs, CrashIsTriedAgainInTheSameFolderAndThenFailsInWords) {
