@@ -4,19 +4,20 @@
 The drive is a folder in KITTI odometry layout (velodyne/*.bin, calib.txt, poses.txt), as `stillmap simulate` writes
 it. Each scan is sent as raw float32 x y z intensity with a prior that is wrong on purpose: exactly the given distance
 in a random horizontal direction and a tenth of it up or down, exactly the given angle of yaw and a tenth of it of
-roll and pitch. Standard library only.
+roll and pitch.
 """
 
 import argparse
-import http.client
-import json
 import math
 import pathlib
 import random
 import statistics
 import sys
 import time
-import urllib.parse
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "clients/python/src"))
+
+from stillmap_client import Client, Pose, Prior, StillmapError  # noqa: E402
 
 
 def multiply(a, b):
@@ -97,27 +98,22 @@ def wrong_prior(T_map_lidar, metres, degrees, draw):
     return turned
 
 
-def ask(connection, map_name, body, T_prior):
-    query = urllib.parse.urlencode({
-        "layout": "xyzi",
-        "prior_t": ",".join(repr(T_prior[i][3]) for i in range(3)),
-        "prior_q": ",".join(repr(x) for x in quaternion(T_prior)),
-    })
+def ask(client, map_name, scan, T_prior):
+    qx, qy, qz, qw = quaternion(T_prior)
+    prior = Prior(Pose((T_prior[0][3], T_prior[1][3], T_prior[2][3]), (qx, qy, qz, qw)))
     began = time.perf_counter()
-    connection.request("POST", f"/v1/maps/{map_name}/localize?{query}", body,
-                       {"Content-Type": "application/octet-stream"})
-    response = connection.getresponse()
-    answer = json.loads(response.read())
-    if response.status != 200:
-        sys.exit(f"the server answered {response.status}: {answer.get('title')}: {answer.get('detail')}")
+    try:
+        answer = client.localize(map_name, scan, prior)
+    except StillmapError as error:
+        sys.exit(f"the server: {error}")
     return answer, 1e3 * (time.perf_counter() - began)
 
 
 def error_of(answer, T_map_lidar):
     """Distance [m] and angle [deg] between the answer and the truth; infinite when the scan is lost."""
-    if answer["pose"] is None:
+    if answer.pose is None:
         return math.inf, math.inf
-    position, R = answer["pose"]["position"], rotation_of(answer["pose"]["quaternion"])
+    position, R = answer.pose.position, rotation_of(answer.pose.quaternion)
     distance = math.dist(position, [T_map_lidar[i][3] for i in range(3)])
     trace = sum(R[i][j] * T_map_lidar[i][j] for i in range(3) for j in range(3))
     return distance, math.degrees(math.acos(max(-1.0, min(1.0, (trace - 1.0) / 2.0))))
@@ -137,20 +133,19 @@ def main():
     poses = true_poses(arguments.drive)
     chosen = range(len(poses))[slice(*(int(x) if x else None for x in arguments.select.split(":")))]
     draw = random.Random(arguments.seed)
-    address = urllib.parse.urlsplit(arguments.server)
-    connection = http.client.HTTPConnection(address.hostname, address.port, timeout=30)
+    client = Client(arguments.server)
 
     print(f"{'scan':>5} {'status':>9} {'prior off by':>16} {'pose off by':>18} {'inliers':>8} {'round trip':>11}")
     errors, failed = [], 0
     for index in chosen:
         body = (arguments.drive / "velodyne" / f"{index:06d}.bin").read_bytes()
         prior = wrong_prior(poses[index], metres, degrees, draw)
-        answer, milliseconds = ask(connection, arguments.map, body, prior)
+        answer, milliseconds = ask(client, arguments.map, body, prior)
         distance, angle = error_of(answer, poses[index])
-        failed += not (answer["status"] == "ok" and distance < 0.2 and angle < 1.0)
+        failed += not (answer.status == "ok" and distance < 0.2 and angle < 1.0)
         errors.append(distance)
-        print(f"{index:5d} {answer['status']:>9} {metres:6.2f} m {degrees:5.1f} deg {100 * distance:7.1f} cm "
-              f"{angle:5.2f} deg {100 * answer['inlier_ratio']:6.0f} % {milliseconds:8.0f} ms", flush=True)
+        print(f"{index:5d} {answer.status:>9} {metres:6.2f} m {degrees:5.1f} deg {100 * distance:7.1f} cm "
+              f"{angle:5.2f} deg {100 * answer.inlier_ratio:6.0f} % {milliseconds:8.0f} ms", flush=True)
     print(f"{len(errors)} scans, median error {100 * statistics.median(errors):.1f} cm, "
           f"{failed} not ok within 0.2 m and 1 deg")
     return 1 if failed else 0

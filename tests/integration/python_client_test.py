@@ -245,7 +245,8 @@ class Restart(unittest.TestCase):
                 self.assertTrue(stream.drain(60))
                 asking.join(60)
                 self.assertEqual(asked, ["ok"])
-                self.assertEqual(answers, [(0, "ok"), (100_000_000, "ok")])
+                self.assertEqual([stamp for stamp, _ in answers], [0, 100_000_000])
+                self.assertNotIn("lost", [status for _, status in answers])
                 self.assertTrue(any(isinstance(error, ConnectionLost) for error in errors))
                 self.assertEqual(stream.sessions, 2)
 

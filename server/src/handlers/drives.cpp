@@ -19,7 +19,8 @@ maps::DriveStore::Limits limits_of(const UploadOptions& options) {
   maps::DriveStore::Limits limits;
   limits.bytes = static_cast<std::uint64_t>(options.max_drive_bytes);
   limits.archive.entries = static_cast<std::uint64_t>(options.max_entries);
-  limits.archive.ratio = options.max_unpacked_ratio;
+  // Labels pack to a fortieth: what bounds packages would refuse good drives.
+  limits.archive.ratio = std::max(limits.archive.ratio, options.max_unpacked_ratio);
   limits.archive.total_bytes = limits.bytes;
   return limits;
 }

@@ -1,6 +1,7 @@
 #include <stillmap/maps/store/package_store.hpp>
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/drive_store.hpp>
 
 #include <algorithm>
 #include <functional>
@@ -34,10 +35,21 @@ using ::stillmap::test::write_package;
 using ::testing::IsEmpty;
 using Kind = DiskCall::Kind;
 
+/// A store with the drives that lie in it.
+class WholeStore : public PackageStore {
+ public:
+  WholeStore(const fs::path& folder, DiskCalls& calls)
+      : PackageStore(folder, calls), drive_bytes(*this, calls) {}
+  DriveStore drive_bytes;
+};
+
+/// The scan that each of the drives holds.
+std::string drive_scan() { return std::string(64, '\x3f'); }
+
 /// What a store is put through, and what it holds after each step.
 class StoreScenarioTest : public ::testing::Test {
  protected:
-  using Store = std::unique_ptr<PackageStore>;
+  using Store = std::unique_ptr<WholeStore>;
 
   StoreScenarioTest() {
     fs::create_directory(sources_);
@@ -51,7 +63,7 @@ class StoreScenarioTest : public ::testing::Test {
                                                                DiskCalls& calls) const {
     const auto open = [&calls, folder](Store& store) {
       store.reset();
-      store = std::make_unique<PackageStore>(folder, calls);
+      store = std::make_unique<WholeStore>(folder, calls);
     };
     const auto add = [this](const char* map, const char* name, const char* source) {
       return [=, this](Store& store) { store->add(map, name, sources_ / source); };
@@ -80,20 +92,26 @@ class StoreScenarioTest : public ::testing::Test {
         [](Store& store) { store->keys().create("car", {.bits = 1}, {}, 1); },
         [](Store& store) { store->keys().revoke(store->keys().list().front().id, 2); },
         [](Store& store) { store->drives().open("town", "monday", 3); },
+        [this](Store& store) { add_part(*store, 1, 1, drive_tar_.substr(0, 700)); },
+        [this](Store& store) { add_part(*store, 1, 2, drive_tar_.substr(700)); },
+        [](Store& store) { store->drive_bytes.complete(1, {}); },
+        [](Store& store) { store->drives().open("town", "broken", 4); },
+        [this](Store& store) { add_part(*store, 2, 1, drive_tar_.substr(0, 700)); },
         [](Store& store) {
-          store->drives().add_part(1, {1, std::string(64, 'a'), 10});
+          try {
+            store->drive_bytes.complete(2, {});
+          } catch (const InputError&) {
+            // Its second half never came: it has failed.
+          }
         },
-        [](Store& store) {
-          store->drives().add_part(1, {2, std::string(64, 'b'), 20});
-        },
-        [](Store& store) { store->drives().complete(1, 4); },
         [](Store& store) { store->jobs().enqueue({.map = "town", .drives = {1}}, 5); },
         [](Store& store) { store->jobs().claim(6); },
         [](Store& store) { store->jobs().set_stage(1, "fusion"); },
         [](Store& store) { store->jobs().request_cancel(1, 7); },
         open,
         [](Store& store) { store->jobs().put_back_all("stopped", 8); },
-        [](Store& store) { store->drives().remove(1); },
+        [](Store& store) { store->drive_bytes.remove(1); },
+        [](Store& store) { store->drive_bytes.remove(2); },
         [](Store& store) { store->audit().append({.subject = "town"}); },
         [](Store& store) { store.reset(); },
     };
@@ -118,6 +136,12 @@ class StoreScenarioTest : public ::testing::Test {
     return test::problem_of(folder, expected[acknowledged], expected[next], sources_ / "2");
   }
 
+  static void add_part(WholeStore& store, std::int64_t id, std::int64_t n,
+                       const std::string& bytes) {
+    store.drive_bytes.add_part(id, n, bytes.size(), test::source_of(bytes), {}, {});
+  }
+
+  const std::string drive_tar_ = test::tar_file("a/0.bin", drive_scan()) + test::tar_end();
   TemporaryFolder folder_{memory_folder()};
   fs::path sources_ = folder_.path() / "sources";
   std::string tar_, tar_in_folder_;

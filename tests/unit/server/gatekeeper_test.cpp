@@ -76,7 +76,9 @@ TEST_F(GatekeeperTest, OnlyHealthAndThePageAreOpen) {
 TEST_F(GatekeeperTest, NoRouteThatChangesTheStoreIsForReaders) {
   start();
   for (const Route* route : service_->routes()) {
-    if (route->method == "GET") continue;
+    // Tells what has changed, and changes nothing; its question is too long for a query.
+    const bool asks = route->method == "GET" || route->pattern == "/v1/maps/{map}/tiles/diff";
+    if (asks) continue;
     EXPECT_NE(route->access, Access::kOpen) << route->pattern;
     EXPECT_NE(route->access, Access::kRead) << route->pattern;
   }

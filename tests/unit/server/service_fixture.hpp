@@ -9,6 +9,7 @@
 #include <stillmap/maps/store/package_store.hpp>
 
 #include <cstring>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -105,7 +106,7 @@ class ServiceTest : public ::testing::Test {
  protected:
   /// Starts the service, by default with one worker and no queue.
   void start(AlignerBuilder builder, const std::vector<WebAsset>& web = {}) {
-    service_ = std::make_unique<Service>(options_, store_.open(), std::move(builder), web);
+    service_ = std::make_unique<Service>(options_, store_.open(), std::move(builder), web, mapper_);
   }
   void start() {
     start([this](const maps::MapPackage&) { return Aligners{{"default", aligner_}}; });
@@ -151,6 +152,8 @@ class ServiceTest : public ::testing::Test {
 
   TownStore store_;
   ServerOptions options_{.store = {}, .workers = 1, .queue = 0};
+  /// Program that does the jobs; none by default.
+  std::filesystem::path mapper_;
   std::shared_ptr<StubAligner> aligner_ = std::make_shared<StubAligner>();
   std::unique_ptr<Service> service_;
 };

@@ -87,21 +87,23 @@ class Transport:
     def open(self, method: str, path: str, *, query: Optional[Mapping[str, str]] = None, body: Body = None,
              headers: Optional[Mapping[str, str]] = None, idempotent: bool = True, retries: Optional[int] = None,
              timeout_s: Optional[float] = None) -> Iterator[Response]:
-        """An answer that is read piece by piece, on a connection of its own when that takes long."""
+        """An answer that is read piece by piece. With a `timeout_s` it has a connection of its own, so that other
+        requests of the thread may run meanwhile."""
         target = self._prefix + urllib.parse.quote(path, safe="/")
         if query:
             target += "?" + urllib.parse.urlencode(query, safe=",")
         left = self.retries if retries is None else retries
         waited = 0
         while True:
+            connection = self._connection() if timeout_s is None else self._new(timeout_s)
             try:
-                response = self._once(method, target, body, headers or {}, timeout_s)
+                response = self._once(connection, method, target, body, headers or {})
                 if response.status < 400:
                     break
                 problem = problem_of(response)
-                self._drop_unless_reusable(response)
+                self._keep(connection, response)
             except (OSError, http.client.HTTPException) as error:
-                self.drop()
+                self._forget(connection)
                 if left <= 0 or not (idempotent or isinstance(error, ConnectionRefusedError)):
                     raise ConnectionLost(f"{method} {path}: {error or type(error).__name__}") from error
                 problem = None
@@ -110,42 +112,44 @@ class Transport:
             left -= 1
             waited += 1
             time.sleep(wait_s(waited, problem))
-        done = False
         try:
             yield response
-            done = True
         finally:
-            if not done or timeout_s is not None or not response.raw.isclosed():
-                self.drop()
-            else:
-                self._drop_unless_reusable(response)
+            self._keep(connection, response)
 
     def drop(self) -> None:
-        connection = getattr(self._local, "connection", None)
-        self._local.connection = None
-        if connection is not None:
-            connection.close()
-
-    def _drop_unless_reusable(self, response: Response) -> None:
-        if response.raw.will_close:
-            self.drop()
-        self._local.used = time.monotonic()
-
-    def _connection(self, timeout_s: Optional[float]) -> http.client.HTTPConnection:
+        """Ends the calling thread's connection."""
         kept = getattr(self._local, "connection", None)
-        if kept is not None and timeout_s is None and time.monotonic() - self._local.used < _KEPT_S:
-            return kept  # type: ignore[no-any-return]
-        self.drop()
-        timeout = self._timeout_s if timeout_s is None else timeout_s
-        connection = (http.client.HTTPConnection(self._host, self._port, timeout=timeout) if self._tls is None else
-                      http.client.HTTPSConnection(self._host, self._port, timeout=timeout, context=self._tls))
-        self._local.connection = connection
+        if kept is not None:
+            self._forget(kept)
+
+    def _forget(self, connection: http.client.HTTPConnection) -> None:
+        if getattr(self._local, "connection", None) is connection:
+            self._local.connection = None
+        connection.close()
+
+    def _keep(self, connection: http.client.HTTPConnection, response: Response) -> None:
+        """For the next request, if the answer was read to its end and the server allows it."""
+        ours = getattr(self._local, "connection", None) is connection
+        if not ours or response.raw.will_close or not response.raw.isclosed():
+            self._forget(connection)
         self._local.used = time.monotonic()
+
+    def _new(self, timeout_s: float) -> http.client.HTTPConnection:
+        if self._tls is None:
+            return http.client.HTTPConnection(self._host, self._port, timeout=timeout_s)
+        return http.client.HTTPSConnection(self._host, self._port, timeout=timeout_s, context=self._tls)
+
+    def _connection(self) -> http.client.HTTPConnection:
+        kept: Optional[http.client.HTTPConnection] = getattr(self._local, "connection", None)
+        if kept is not None and time.monotonic() - self._local.used < _KEPT_S:
+            return kept
+        self.drop()
+        self._local.connection = connection = self._new(self._timeout_s)
         return connection
 
-    def _once(self, method: str, target: str, body: Body, headers: Mapping[str, str],
-              timeout_s: Optional[float]) -> Response:
-        connection = self._connection(timeout_s)
+    def _once(self, connection: http.client.HTTPConnection, method: str, target: str, body: Body,
+              headers: Mapping[str, str]) -> Response:
         sent: Dict[str, str] = dict(headers)
         if self._key is not None:
             sent["Authorization"] = f"Bearer {self._key}"

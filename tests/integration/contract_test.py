@@ -1,0 +1,232 @@
+#!/usr/bin/env python3
+"""Real answers against the schemas of /openapi.json, strictly: a key that the document does not know is a fault.
+
+usage: contract_test.py STILLMAP STORE DRIVE PACKAGE
+"""
+
+import http.client
+import json
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+import uuid
+
+PROGRAM, STORE, DRIVE, PACKAGE = (pathlib.Path(x).resolve() for x in sys.argv[1:5])
+TYPES = {"object": dict, "array": list, "string": str, "number": (int, float), "integer": int, "boolean": bool,
+         "null": type(None)}
+#: What the document uses of JSON Schema; anything else would pass unseen.
+KNOWN = {"$ref", "type", "description", "properties", "required", "additionalProperties", "items", "minItems",
+         "maxItems", "enum", "pattern", "minimum", "maximum", "exclusiveMinimum", "oneOf", "default", "minLength",
+         "maxLength"}
+
+
+class Schema:
+    def __init__(self, document):
+        self.document = document
+
+    def resolved(self, value):
+        while "$ref" in value:
+            place = self.document
+            for part in value["$ref"][2:].split("/"):
+                place = place[part.replace("~1", "/").replace("~0", "~")]
+            value = place
+        return value
+
+    def faults(self, schema, value, path="$"):
+        schema = self.resolved(schema)
+        unknown = set(schema) - KNOWN
+        if unknown:
+            return [f"{path}: schema with {unknown}, expected {KNOWN}"]
+        if "oneOf" in schema:
+            tried = [self.faults(each, value, path) for each in schema["oneOf"]]
+            return [] if sum(not each for each in tried) == 1 else [f"{path}: fits not one of {tried}"]
+        kinds = schema.get("type", [])
+        kinds = [kinds] if isinstance(kinds, str) else kinds
+        fits = any(isinstance(value, TYPES[kind]) and not (isinstance(value, bool) and kind != "boolean")
+                   for kind in kinds)
+        if kinds and not fits:
+            return [f"{path}: found {value!r}, expected {kinds}"]
+        if "enum" in schema and value not in schema["enum"]:
+            return [f"{path}: found {value!r}, expected one of {schema['enum']}"]
+        check = {dict: self.object_faults, list: self.array_faults, str: self.text_faults}.get(type(value))
+        return check(schema, value, path) if check else self.number_faults(schema, value, path)
+
+    def object_faults(self, schema, value, path):
+        properties, others = schema.get("properties", {}), schema.get("additionalProperties")
+        faults = [f"{path}.{key}: nothing" for key in schema.get("required", []) if key not in value]
+        for key, each in value.items():
+            found = properties.get(key, others)
+            if found is not None:
+                faults += self.faults(found, each, f"{path}.{key}")
+            elif properties:
+                faults.append(f"{path}.{key}: not in the document")
+        return faults
+
+    def array_faults(self, schema, value, path):
+        faults = []
+        if not schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", len(value)):
+            faults.append(f"{path}: {len(value)} items")
+        for i, each in enumerate(value):
+            faults += self.faults(schema.get("items", {}), each, f"{path}[{i}]")
+        return faults
+
+    @staticmethod
+    def text_faults(schema, value, path):
+        found = "pattern" not in schema or re.search(schema["pattern"], value)
+        return [] if found else [f"{path}: found {value!r}, expected {schema['pattern']}"]
+
+    @staticmethod
+    def number_faults(schema, value, path):
+        if value is None or isinstance(value, bool):
+            return []
+        fits = schema.get("minimum", value) <= value <= schema.get("maximum", value)
+        return [] if fits else [f"{path}: found {value}"]
+
+
+class Contract(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.temporary = tempfile.TemporaryDirectory()
+        store = pathlib.Path(cls.temporary.name) / "store"
+        shutil.copytree(STORE, store)
+        cls.server = subprocess.Popen([PROGRAM, "serve", "--store", store, "--port", "0"], stdout=subprocess.PIPE,
+                                      stderr=subprocess.DEVNULL, text=True)
+        cls.port = int(re.search(r"127\.0\.0\.1:(\d+)", cls.server.stdout.readline()).group(1))
+        for _ in range(200):
+            if cls.send("GET", "/readyz")[0] == 200:
+                break
+            time.sleep(0.1)
+        cls.document = json.loads(cls.send("GET", "/openapi.json")[2])
+        cls.schema = Schema(cls.document)
+        cls.asked = set()
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.server.terminate()
+        cls.server.communicate(timeout=30)
+        cls.temporary.cleanup()
+
+    @classmethod
+    def send(cls, method, path, body=None, headers=None):
+        connection = http.client.HTTPConnection("127.0.0.1", cls.port, timeout=60)
+        connection.request(method, path, body, headers or {})
+        answer = connection.getresponse()
+        data = answer.read()
+        connection.close()
+        return answer.status, answer.getheader("Content-Type") or "", data
+
+    def ask(self, method, pattern, expected, body=None, query="", kind=None, **parts):
+        """Sends a request and holds its answer against what the document says of this status."""
+        path = pattern
+        for name, value in parts.items():
+            path = path.replace("{" + name + "}", str(value))
+        if isinstance(body, (dict, list)):
+            body, kind = json.dumps(body), "application/json"
+        status, found, data = self.send(method, path + query, body, {"Content-Type": kind} if kind else {})
+        self.assertEqual(status, expected, f"{method} {path}: {data[:500]!r}")
+        responses = self.document["paths"][pattern][method.lower()]["responses"]
+        self.assertIn(str(status), responses, f"{method} {pattern}")
+        described = self.schema.resolved(responses[str(status)])
+        self.asked.add((method, pattern))
+        if not data:
+            self.assertNotIn("content", described, f"{method} {pattern} {status}")
+            return None
+        self.assertIn(found.split(";")[0], described["content"], f"{method} {pattern}")
+        if not found.startswith(("application/json", "application/problem+json")):
+            return data
+        answer = json.loads(data)
+        faults = self.schema.faults(described["content"][found.split(";")[0]].get("schema", {}), answer)
+        self.assertEqual(faults, [], f"{method} {pattern}")
+        return answer
+
+    @staticmethod
+    def scan(index):
+        return (DRIVE / "velodyne" / f"{index:06d}.bin").read_bytes()
+
+    def test_what_can_be_read(self):
+        town = {"map": "town", "version": "v1"}
+        for path in ("/livez", "/healthz", "/readyz", "/v1/status", "/v1/maps", "/v1/sessions", "/v1/maps/{map}",
+                     "/v1/maps/{map}/ready", "/v1/maps/{map}/versions", "/v1/maps/{map}/versions/{version}",
+                     "/v1/maps/{map}/versions/{version}/trajectory", "/v1/maps/{map}/versions/{version}/objects",
+                     "/v1/maps/{map}/versions/{version}/content", "/v1/maps/{map}/versions/{version}/preview",
+                     "/v1/maps/{map}/stats", "/v1/maps/{map}/drives"):
+            self.ask("GET", path, 200, **town)
+        self.ask("GET", "/v1/maps/{map}", 404, map="village")
+        tile = self.ask("GET", "/v1/maps/{map}", 200, map="town")["tiles"][0]
+        place = {key: tile[key] for key in ("level", "x", "y")}
+        points = self.ask("GET", "/v1/maps/{map}/versions/{version}/tiles/{level}/{x}/{y}", 200, **town, **place)
+        self.assertEqual(len(points), 20 * tile["points"])
+        self.ask("GET", "/v1/maps/{map}/tiles/{level}/{x}/{y}", 307, map="town", **place)
+        diff = self.ask("POST", "/v1/maps/{map}/tiles/diff", 200, {"center": [0, 0], "radius_m": 50}, map="town")
+        self.assertTrue(diff["add"])
+        self.ask("POST", "/v1/maps/{map}/tiles/diff", 400, {"center": [0, 0]}, map="town")
+
+    def test_poses(self):
+        raw, prior = "application/octet-stream", "?prior_t=0,0,0&prior_q=0,0,0,1&stamp_ns=5"
+        base = {"position": [0, 0, 1], "quaternion": [0, 0, 0, 1]}
+        boundary = uuid.uuid4().hex
+        parts = (f'--{boundary}\r\nContent-Disposition: form-data; name="request"\r\n\r\n'
+                 + json.dumps({"T_base_lidar": base})
+                 + f'\r\n--{boundary}\r\nContent-Disposition: form-data; name="scan"\r\nContent-Type: {raw}\r\n\r\n'
+                 ).encode() + self.scan(1) + f"\r\n--{boundary}--\r\n".encode()
+        for place in ("/v1/maps/{map}/localize", "/v1/maps/{map}/versions/{version}/localize"):
+            answer = self.ask("POST", place, 200, self.scan(1), prior, raw, map="town", version="v1")
+            self.assertEqual(answer["status"], "ok")
+            self.ask("POST", place, 200, parts, "", f"multipart/form-data; boundary={boundary}", map="town", version="v1")
+            self.ask("POST", place, 422, self.scan(1)[:160], prior, raw, map="town", version="v1")
+            lost = [[float(i % 7), float(i % 11), float(i % 3)] for i in range(2000)]
+            self.ask("POST", place + "/batch", 200, {"queries": [{"points": lost}, {"points": []}]}, map="town",
+                     version="v1")
+
+    def test_sessions(self):
+        one = "/v1/sessions/{session}"
+        session = self.ask("POST", "/v1/sessions", 201, {"map": "town"})["id"]
+        self.ask("POST", one + "/scans", 200, self.scan(0), "?stamp_ns=0", "application/octet-stream", session=session)
+        self.ask("GET", one, 200, session=session)
+        self.ask("GET", "/v1/sessions", 200)
+        self.ask("POST", one + "/initialize", 200, {}, session=session)
+        self.ask("DELETE", one, 204, session=session)
+        self.ask("DELETE", one, 404, session=session)
+
+    def test_changes(self):
+        archive = self.send("GET", "/v1/maps/town/versions/v1/content")[2]
+        put = "/v1/maps/{map}/versions/{version}"
+        self.ask("PUT", "/v1/maps/{map}", 201, map="yard")
+        self.ask("PUT", "/v1/maps/{map}", 200, map="yard")
+        self.ask("PUT", put, 201, archive, "", "application/x-tar", map="yard", version="a")
+        self.ask("PUT", put, 200, archive, "", "application/x-tar", map="yard", version="a")
+        self.ask("PUT", put, 422, b"\0" * 2000, "", "application/x-tar", map="yard", version="c")
+        self.ask("PUT", put, 201, archive, "", "application/x-tar", map="yard", version="b")
+        self.ask("POST", "/v1/maps/{map}/rollback", 409, map="yard")
+        for version in "ab":
+            self.ask("POST", put + "/activate", 200, map="yard", version=version)
+        self.ask("POST", "/v1/maps/{map}/rollback", 200, map="yard")
+        self.ask("DELETE", put, 409, map="yard", version="a")
+        self.ask("DELETE", put, 204, map="yard", version="b")
+        drive = self.ask("POST", "/v1/maps/{map}/drives", 201, {"name": "d"}, map="yard")["id"]
+        one = "/v1/maps/{map}/drives/{drive}"
+        place = {"map": "yard", "drive": drive}
+        self.ask("PUT", one + "/parts/{part}", 201, b"\0" * 10240, "", "application/octet-stream", **place, part=1)
+        self.ask("PUT", one + "/parts/{part}", 200, b"\0" * 10240, "", "application/octet-stream", **place, part=1)
+        self.ask("GET", one, 200, **place)
+        self.ask("GET", "/v1/maps/{map}/drives", 200, map="yard")
+        self.ask("POST", one + "/complete", 422, **place)
+        self.ask("DELETE", one, 204, **place)
+        self.ask("DELETE", "/v1/maps/{map}", 409, map="yard")
+        self.ask("DELETE", "/v1/maps/{map}", 204, query="?active=true", map="yard")
+
+    def test_z_a_wrong_answer_is_found(self):
+        status = {"$ref": "#/components/schemas/Health"}
+        self.assertEqual(self.schema.faults(status, {"status": "alive", "reasons": []}), [])
+        for wrong in ({"status": "alive"}, {"status": "well", "reasons": []}, {"status": "alive", "reasons": [1]},
+                      {"status": "alive", "reasons": [], "more": 1}, []):
+            self.assertNotEqual(self.schema.faults(status, wrong), [], wrong)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], *sys.argv[5:]])

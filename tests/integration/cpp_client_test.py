@@ -1,0 +1,84 @@
+#!/usr/bin/env python3
+"""The example of the C++ client streams a drive through a session of a real server.
+
+usage: cpp_client_test.py STILLMAP STORE DRIVE PACKAGE STREAM_DRIVE
+"""
+
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+
+PROGRAM, STORE, DRIVE, _, EXAMPLE = (pathlib.Path(x).resolve() for x in sys.argv[1:6])
+
+
+class Streaming(unittest.TestCase):
+    def setUp(self):
+        temporary = tempfile.TemporaryDirectory()
+        self.addCleanup(temporary.cleanup)
+        self.store, self.port, self.server = pathlib.Path(temporary.name) / "store", 0, None
+        shutil.copytree(STORE, self.store)
+        self.addCleanup(self.stop)
+
+    def start(self):
+        self.server = subprocess.Popen([PROGRAM, "serve", "--store", self.store, "--port", str(self.port)],
+                                       stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        self.port = int(re.search(r"127\.0\.0\.1:(\d+)", self.server.stdout.readline()).group(1))
+
+    def stop(self):
+        if self.server is not None:
+            self.server.terminate()
+            self.server.communicate(timeout=30)
+            self.server = None
+
+    def stream(self, rate, **environment):
+        done = subprocess.run([EXAMPLE, f"http://127.0.0.1:{self.port}", "town", DRIVE, str(rate)],
+                              capture_output=True, text=True, timeout=150, env=environment)
+        counts = re.search(r"(\d+) answered, (\d+) replaced by newer ones, (\d+) failed, (\d+) sessions", done.stdout)
+        self.assertTrue(counts, done.stdout + done.stderr)
+        lines = [line.split() for line in done.stdout.splitlines()[:-1]]
+        return done, [int(x) for x in counts.groups()], lines
+
+    def test_a_slow_vehicle_has_every_scan_answered_a_fast_one_its_newest(self):
+        self.start()
+        scans = len(list((DRIVE / "velodyne").glob("*.bin")))
+        done, (answered, replaced, failed, sessions), lines = self.stream(1000)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual((answered + replaced + failed, sessions), (scans, 1))
+        self.assertGreater(replaced, 0)
+        stamps = [float(line[0]) for line in lines]
+        self.assertEqual(stamps, sorted(stamps))
+        self.assertAlmostEqual(stamps[-1], (scans - 1) / 1000.0)
+
+    def test_the_stream_goes_on_with_a_server_started_anew(self):
+        self.start()
+        restarting = threading.Thread(target=lambda: (time.sleep(1.0), self.stop(), time.sleep(0.5), self.start()))
+        restarting.start()
+        done, (answered, _, failed, sessions), lines = self.stream(8)
+        restarting.join()
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(sessions, 2, done.stdout + done.stderr)
+        self.assertGreater(failed, 0)
+        self.assertNotEqual(lines[-1][1], "lost", done.stdout)
+
+    def test_a_key_is_sent_and_missed(self):
+        self.start()
+        key = subprocess.run([PROGRAM, "keys", "create", "vehicle", "--scope", "localize", "--store", self.store],
+                             check=True, capture_output=True, text=True).stdout.strip()
+        done, (answered, *_), _ = self.stream(1000)
+        self.assertEqual((done.returncode, answered), (1, 0))
+        self.assertIn("401 MissingKey", done.stderr)
+        done, (answered, *_), _ = self.stream(1000, STILLMAP_KEY=key)
+        self.assertEqual(done.returncode, 0, done.stderr)
+
+    def test_wrong_usage_is_2(self):
+        self.assertEqual(subprocess.run([EXAMPLE], capture_output=True).returncode, 2)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], *sys.argv[6:]])

@@ -1,0 +1,148 @@
+#include <gmock/gmock.h>
+
+#include "job_fixture.hpp"
+
+namespace stillmap::server {
+namespace {
+
+using ::testing::HasSubstr;
+
+class JobRequests : public JobTest {
+ protected:
+  nlohmann::json refused(const std::string& json) const {
+    return body(send("POST", "/v1/maps/town/rebuild", json));
+  }
+};
+
+TEST_F(JobRequests, BadOnesAreRefusedByField) {
+  start_with("publish");
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {R"({})", "drives"},
+      {R"({"drives": []})", "drives"},
+      {R"({"drives": ["1"]})", "drives[0]"},
+      {R"({"drives": [1, 1]})", "drives[1]"},
+      {R"({"drives": [1], "held_back": 1})", "held_back"},
+      {R"({"drives": [1], "version": "../x"})", "version"},
+      {R"({"drives": [1], "activate": 1})", "activate"},
+      {R"({"drives": [1], "options": {"detector": "onnx:/etc/passwd"}})", "options.detector"},
+      {R"({"drives": [1], "options": {"movable": ""}})", "options.movable"},
+      {R"({"drives": [1], "options": {"voxel": 0.001}})", "options.voxel"},
+      {R"({"drives": [1], "options": {"edits": "/etc/passwd"}})", "options.edits"},
+      {R"({"drives": [1], "options": {"poses": "/etc/passwd"}})", "options.poses"},
+      {R"({"drives": [1], "work": "/tmp"})", "work"}};
+  for (const auto& [json, path] : cases) {
+    const nlohmann::json problem = refused(json);
+    EXPECT_EQ(problem["status"], 400) << json;
+    EXPECT_EQ(problem["errors"][0]["path"], path) << json;
+  }
+  EXPECT_EQ(refused("no json")["code"], "InvalidRequest");
+  EXPECT_EQ(body(get("/v1/jobs"))["jobs"].size(), 0U);
+}
+
+TEST_F(JobRequests, DrivesMustBeCompleteAndOfTheMap) {
+  start_with("publish");
+  store_.open().create_map("village");
+  send("POST", "/v1/maps/town/drives");
+  EXPECT_EQ(refused(R"({"drives": [2]})")["code"], "DriveNotComplete");
+  EXPECT_EQ(refused(R"({"drives": [3]})")["code"], "UnknownDrive");
+  EXPECT_EQ(body(send("POST", "/v1/maps/village/rebuild", R"({"drives": [1]})"))["code"],
+            "UnknownDrive");
+  EXPECT_EQ(body(send("POST", "/v1/maps/hamlet/rebuild", R"({"drives": [1]})"))["code"],
+            "UnknownMap");
+  EXPECT_EQ(refused(R"({"drives": [1], "version": "v1"})")["code"], "OtherDigest");
+}
+
+TEST_F(JobRequests, WhatTheDiskOrTheQuotaLacksIsRefusedBeforeItStarts) {
+  start_with("publish", "1000000000000000000");
+  EXPECT_EQ(refused(R"({"drives": [1]})")["code"], "DiskFull");
+  EXPECT_EQ(refused(R"({"drives": [1]})")["status"], 507);
+  store_.open().set_quota({.map_bytes = 5000});
+  EXPECT_EQ(refused(R"({"drives": [1]})")["code"], "OverQuota");
+  EXPECT_EQ(body(get("/v1/jobs"))["jobs"].size(), 0U);
+}
+
+TEST_F(JobRequests, WithoutAMapperTheAnswerSaysSo) {
+  start();
+  make_drive();
+  EXPECT_EQ(refused(R"({"drives": [1]})")["code"], "NoMapper");
+}
+
+TEST_F(JobRequests, SameIdempotencyKeyIsTheSameJob) {
+  start_with("publish");
+  const std::string json = R"({"drives": [1]})";
+  EXPECT_EQ(body(send("POST", "/v1/maps/town/rebuild", json, "once"))["id"], 1);
+  wait_for_end("/v1/jobs/1");
+  EXPECT_EQ(body(send("POST", "/v1/maps/town/rebuild", json, "once"))["id"], 1);
+  EXPECT_EQ(body(send("POST", "/v1/maps/town/rebuild", json, "twice"))["id"], 2);
+  EXPECT_EQ(body(send("POST", "/v1/maps/town/rebuild", R"({"drives": [1], "activate": true})",
+                      "once"))["code"],
+            "OtherRequest");
+  EXPECT_EQ(send("POST", "/v1/maps/town/rebuild", json, std::string(129, 'a')).status, 400);
+}
+
+TEST_F(JobRequests, CloudFromElsewhereIsConvertedOnce) {
+  start_with("publish");
+  const std::string path = "/v1/maps/town/versions/v2";
+  const HttpResponse accepted = put(path, "cloud", "application/vnd.pcd");
+  ASSERT_EQ(accepted.status, 202) << accepted.body;
+  EXPECT_EQ(body(accepted)["kind"], "convert");
+  const nlohmann::json job = wait_for_end("/v1/jobs/1");
+  EXPECT_EQ(job["status"], "succeeded") << job.dump();
+  EXPECT_TRUE(job["result"]["gate"].is_null());
+  EXPECT_EQ(body(put(path, "cloud", "application/vnd.pcd"))["version"], "v2");
+  EXPECT_EQ(put(path, "cloud", "application/vnd.pcd").status, 200);
+  EXPECT_EQ(body(put(path, "other", "application/vnd.pcd"))["code"], "OtherDigest");
+  EXPECT_EQ(put("/v1/maps/new/versions/v1", "ply", "application/ply").status, 202);
+  EXPECT_EQ(wait_for_end("/v1/jobs/2")["status"], "succeeded");
+  EXPECT_TRUE(store_.open().state().find_version("new", "v1").has_value());
+  EXPECT_TRUE(std::filesystem::exists(store_.folder().path() / "jobs" / "uploads"));
+}
+
+TEST_F(JobRequests, WritesAreAuditedAndReadsAreNot) {
+  start_with("publish");
+  wait_for_end(rebuild());
+  refused("{}");
+  get("/v1/maps");
+  const nlohmann::json records = body(get("/v1/audit"))["records"];
+  ASSERT_GE(records.size(), 5U);
+  EXPECT_EQ(records[0]["route"], "/v1/maps/{map}/rebuild");
+  EXPECT_EQ(records[0]["subject"], "town");
+  EXPECT_EQ(records[0]["status"], 400);
+  EXPECT_EQ(records[1]["status"], 202);
+  EXPECT_EQ(records[2]["subject"], "town/1");
+  EXPECT_EQ(records[3]["subject"], "town/1/1");
+  for (const nlohmann::json& record : records) EXPECT_NE(record["method"], "GET");
+}
+
+TEST_F(JobRequests, KeysAreMadeShownOnceAndRevoked) {
+  start();
+  const HttpResponse made =
+      send("POST", "/v1/keys", R"({"name": "boss", "scopes": ["admin"], "expires_days": 1})");
+  ASSERT_EQ(made.status, 201);
+  const std::string id = body(made)["id"];
+  HttpRequest list = request("GET", "/v1/keys");
+  EXPECT_EQ(service_->handle(list).status, 401) << "from now on";
+  list.headers["authorization"] = "Bearer " + body(made)["key"].get<std::string>();
+  EXPECT_EQ(body(service_->handle(list))["keys"][0]["name"], "boss");
+  EXPECT_FALSE(body(service_->handle(list))["keys"][0].contains("key"));
+  HttpRequest revoke = list;
+  revoke.method = "DELETE";
+  revoke.path = "/v1/keys/nobody";
+  EXPECT_EQ(body(service_->handle(revoke))["code"], "UnknownKey");
+  revoke.path = "/v1/keys/" + id;
+  EXPECT_EQ(service_->handle(revoke).status, 200);
+  EXPECT_EQ(service_->handle(list).status, 401);
+}
+
+TEST_F(JobRequests, BadKeysAreRefusedByField) {
+  start();
+  for (const auto& [json, path] : std::vector<std::pair<std::string, std::string>>{
+           {R"({"scopes": ["read"]})", "name"},
+           {R"({"name": "a", "scopes": []})", "scopes"},
+           {R"({"name": "a", "scopes": ["root"]})", "scopes"},
+           {R"({"name": "a", "scopes": ["read"], "expires_days": 0})", "expires_days"}})
+    EXPECT_EQ(body(send("POST", "/v1/keys", json))["errors"][0]["path"], path);
+}
+
+}  // namespace
+}  // namespace stillmap::server

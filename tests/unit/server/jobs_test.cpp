@@ -1,0 +1,282 @@
+#include <gmock/gmock.h>
+
+#include <algorithm>
+
+#include <sys/resource.h>
+
+#include "job_fixture.hpp"
+#include "jobs/housekeeping.hpp"
+#include "jobs/job_log.hpp"
+
+namespace stillmap::server {
+namespace {
+
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::EndsWith;
+using ::testing::HasSubstr;
+using ::testing::Le;
+using ::testing::Not;
+using ::testing::Pair;
+
+class Jobs : public JobTest {};
+
+TEST_F(Jobs, RebuildBecomesAVersionAndLeavesItsLogAlone) {
+  start_with("say 0.5 'map: survey'; echo working; publish");
+  const HttpResponse accepted = send("POST", "/v1/maps/town/rebuild",
+                                     R"({"drives": [1], "version": "v2",
+                                         "options": {"movable": "delete", "voxel": 0.2}})");
+  ASSERT_EQ(accepted.status, 202);
+  EXPECT_THAT(accepted.headers, Contains(Pair("Location", "/v1/jobs/1")));
+  const nlohmann::json job = wait_for_end("/v1/jobs/1");
+  EXPECT_EQ(job["status"], "succeeded") << job.dump();
+  EXPECT_EQ(job["progress"], 1.0);
+  EXPECT_EQ(job["result"]["version"], "v2");
+  EXPECT_EQ(job["result"]["activated"], false);
+  EXPECT_EQ(job["result"]["gate"]["verdict"], "pass");
+  EXPECT_EQ(job["request"]["options"]["voxel"], 0.2);
+  EXPECT_EQ(store_.open().state().version("town", "v2").digest, job["result"]["digest"]);
+  EXPECT_EQ(store_.open().state().map("town").active, store_.version());
+  EXPECT_EQ(log_of("/v1/jobs/1"), "working\n");
+  EXPECT_FALSE(std::filesystem::exists(job_folder(1) / "scratch"));
+}
+
+TEST_F(Jobs, VersionIsNamedByDayAndJobWhereNobodyDoes) {
+  start_with("publish");
+  const nlohmann::json job = wait_for_end(rebuild());
+  EXPECT_THAT(job["result"]["version"].get<std::string>(),
+              ::testing::MatchesRegex("20[0-9]+-job1"));
+}
+
+TEST_F(Jobs, CommandHoldsWhatWasAskedForAndTheGateOfTheOptions) {
+  options_.gate.max_new_lost = 3;
+  options_.jobs.cores = 1;
+  start_with("echo \"$0\"; cat $gate $edits; tr '\\0' ' ' < /proc/$$/cmdline; publish");
+  make_drive();
+  const std::string job = rebuild(R"({"drives": [1], "held_back": 2, "options":
+      {"preset": "paper", "detector": "geometric", "edits": {"keep": [1]}}})");
+  EXPECT_EQ(wait_for_end(job)["status"], "succeeded");
+  const std::string log = log_of(job);
+  EXPECT_THAT(log, HasSubstr("\"new_lost\":3"));
+  EXPECT_THAT(log, HasSubstr("{\"keep\":[1]}"));
+  EXPECT_THAT(log, HasSubstr("/drives/1/drive --detector geometric --preset paper --output "));
+  EXPECT_THAT(log, HasSubstr("/drives/2/drive --previous "));
+  EXPECT_THAT(log, HasSubstr(store_.digest() + " --threads 1 --progress json --progress-fd 3"));
+}
+
+TEST_F(Jobs, IsActivatedOnlyWhenAskedAndInTheSameFrame) {
+  start_with("publish");
+  const std::string other_frame = rebuild(R"({"drives": [1], "activate": true})");
+  const nlohmann::json kept = wait_for_end(other_frame);
+  EXPECT_EQ(kept["status"], "succeeded");
+  EXPECT_EQ(kept["result"]["activated"], false);
+  EXPECT_FALSE(kept["result"]["not_activated_because"].empty());
+  EXPECT_EQ(store_.open().state().map("town").active, store_.version());
+  const std::string asked =
+      rebuild(R"({"drives": [1], "activate": true, "new_frame": true, "version": "v3"})");
+  EXPECT_EQ(wait_for_end(asked)["result"]["activated"], true);
+  EXPECT_EQ(store_.open().state().map("town").active, "v3");
+}
+
+TEST_F(Jobs, FailedGateIsAResultAndNotAFailure) {
+  start_with(R"(publish; printf '{"verdict":"fail","reasons":["7 new lost"]}' > $report)");
+  const nlohmann::json job = wait_for_end(
+      rebuild(R"({"drives": [1], "activate": true, "new_frame": true, "version": "v2"})"));
+  EXPECT_EQ(job["status"], "succeeded");
+  EXPECT_EQ(job["result"]["activated"], false);
+  EXPECT_EQ(job["result"]["not_activated_because"][0], "7 new lost");
+  EXPECT_TRUE(store_.open().state().find_version("town", "v2").has_value());
+}
+
+TEST_F(Jobs, WhatTheMapperRefusesIsNotTriedAgain) {
+  start_with("echo 'stillmap: /x: found nothing'; exit 1");
+  const nlohmann::json job = wait_for_end(rebuild());
+  EXPECT_EQ(job["status"], "failed");
+  EXPECT_EQ(job["error"], "stillmap: /x: found nothing");
+  EXPECT_EQ(job["attempts"], 1);
+  EXPECT_FALSE(std::filesystem::exists(job_folder(1) / "scratch"));
+}
+
+TEST_F(Jobs, CrashIsTriedAgainInTheSameFolderAndThenFailsInWords) {
+  start_with("echo x >> $work/tries; cat $work/tries | wc -l; kill -SEGV $$");
+  const std::string job = rebuild();
+  const nlohmann::json failed = wait_for_end(job);
+  EXPECT_EQ(failed["status"], "failed");
+  EXPECT_EQ(failed["attempts"], 3);
+  EXPECT_THAT(failed["error"].get<std::string>(), HasSubstr("signal 11"));
+  EXPECT_THAT(failed["error"].get<std::string>(), HasSubstr("3 times"));
+  EXPECT_EQ(log_of(job), "1\n2\n3\n");
+}
+
+TEST_F(Jobs, GoesOnAfterACrash) {
+  start_with("if [ -e $work/half ]; then publish; else touch $work/half; kill -KILL $$; fi");
+  const nlohmann::json job = wait_for_end(rebuild());
+  EXPECT_EQ(job["status"], "succeeded");
+  EXPECT_EQ(job["attempts"], 2);
+  EXPECT_EQ(job["error"], "");
+}
+
+TEST_F(Jobs, GoesOnAfterARestartOfTheServer) {
+  start_with(
+      "if [ -e $work/half ]; then publish; else touch $work/half; say 0.1 half; sleep 60; fi");
+  const std::string job = rebuild();
+  wait_for_stage(job, "half");
+  service_.reset();
+  EXPECT_EQ(store_.open().jobs().job(1).status, maps::JobStatus::kEnqueued);
+  EXPECT_TRUE(std::filesystem::exists(job_folder(1) / "scratch" / "work" / "half"));
+  start();
+  EXPECT_EQ(wait_for_end(job)["status"], "succeeded");
+}
+
+TEST_F(Jobs, OneThatDoesNotListenIsKilledTwoSecondsAfterACancel) {
+  start_with("trap '' TERM; say 0.25 deaf; while true; do sleep 0.1; done");
+  const std::string job = rebuild();
+  const nlohmann::json deaf = wait_for_stage(job, "deaf");
+  EXPECT_EQ(deaf["progress"], 0.25);
+  EXPECT_EQ(deaf["eta_s"], 2.5);
+  const auto begin = std::chrono::steady_clock::now();
+  EXPECT_EQ(send("POST", job + "/cancel").status, 202);
+  EXPECT_EQ(wait_for_end(job)["status"], "canceled");
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(10));
+  EXPECT_EQ(body(send("POST", job + "/cancel"))["status"], "canceled") << "twice is once";
+  EXPECT_EQ(get("/v1/jobs/1").status, 200);
+}
+
+TEST_F(Jobs, OneThatWaitsIsCancelledAtOnceAndReleasesItsDrive) {
+  start_with("say 0.1 first; while [ ! -e $work/../../../../go ]; do sleep 0.05; done; publish");
+  const std::string first = rebuild();
+  wait_for_stage(first, "first");
+  const std::string second = rebuild(R"({"drives": [1], "version": "v2"})");
+  EXPECT_EQ(body(get(second))["status"], "enqueued");
+  EXPECT_EQ(send("POST", second + "/cancel").status, 200);
+  EXPECT_EQ(body(get(second))["status"], "canceled");
+  EXPECT_EQ(body(send("DELETE", "/v1/maps/town/drives/1"))["code"], "InUse");
+  std::ofstream(store_.folder().path() / "go") << "x";
+  EXPECT_EQ(wait_for_end(first)["status"], "succeeded");
+  EXPECT_EQ(body(send("POST", first + "/cancel"))["code"], "JobFinished");
+  EXPECT_EQ(send("DELETE", "/v1/maps/town/drives/1").status, 204);
+}
+
+TEST_F(Jobs, OneThatTakesTooLongHasFailed) {
+  options_.jobs.time_limit_s = 1;
+  start_with("say 0.1 slow; sleep 60");
+  const nlohmann::json job = wait_for_end(rebuild());
+  EXPECT_EQ(job["status"], "failed");
+  EXPECT_EQ(job["error"], "took longer than 1 s");
+}
+
+TEST_F(Jobs, FloodOfTextLeavesABoundedLogWithItsEnd) {
+  start_with("head -c 9000000 /dev/zero | tr '\\0' 'a'; echo; echo the end; exit 1");
+  const std::string job = rebuild();
+  EXPECT_EQ(wait_for_end(job)["error"], "the end");
+  const std::string log = log_of(job);
+  EXPECT_THAT(log.size(), Le(JobLog::kMostBytes + JobLog::kEndBytes + 100));
+  EXPECT_THAT(log, HasSubstr("bytes are left out here"));
+  EXPECT_THAT(log, EndsWith("the end\n"));
+}
+
+TEST_F(Jobs, GarbageForProgressCostsNothingButTheProgress) {
+  start_with(
+      "printf '\\377\\000{]\\n[1]\\n{\"fraction\":7}\\n{\"fraction\":\"x\"}\\n' >&3;"
+      "head -c 100000 /dev/zero | tr '\\0' '[' >&3; echo >&3; say 0.5 real; publish");
+  const std::string job = rebuild();
+  EXPECT_EQ(wait_for_end(job)["status"], "succeeded");
+  EXPECT_THAT(log_of(job), HasSubstr("5 lines of progress could not be read"));
+}
+
+TEST_F(Jobs, RunsBelowTheServerWithNothingOfIts) {
+  options_.jobs.nice = 5;
+  options_.jobs.cores = 1;
+  options_.jobs.memory_bytes = std::int64_t{1} << 30U;
+  start_with(
+      "nice; cat /proc/self/oom_score_adj; ulimit -c; ulimit -v;"
+      "grep Cpus_allowed_list /proc/self/status; ls /proc/$$/fd; publish");
+  const std::string job = rebuild();
+  EXPECT_EQ(wait_for_end(job)["status"], "succeeded");
+  const int niceness = std::min(19, ::getpriority(PRIO_PROCESS, 0) + 5);
+  // sh itself reads its script from 10.
+  EXPECT_THAT(log_of(job),
+              ::testing::MatchesRegex(std::to_string(niceness) +
+                                      "\n1000\n0\n1048576\nCpus_allowed_list:\t[0-9]+\n"
+                                      "0\n1\n(10\n)?2\n3\n"));
+}
+
+TEST_F(Jobs, EventsComeInOrderAndEndWithTheLast) {
+  start_with("say 0.1 one; while [ ! -e $work/../../../../go ]; do sleep 0.02; done; publish");
+  const std::string job = rebuild();
+  const HttpResponse stream = get(job + "/events");
+  ASSERT_NE(stream.events, nullptr);
+  std::ofstream(store_.folder().path() / "go") << "x";
+  std::string text;
+  while (const auto more = stream.events->next(std::chrono::seconds(10))) text += *more;
+  EXPECT_THAT(text, HasSubstr("\"stage\":\"publish\""));
+  EXPECT_THAT(text, HasSubstr("event: end\n"));
+  EXPECT_THAT(text, HasSubstr("\"status\":\"succeeded\""));
+  std::uint64_t last = 0;
+  for (std::size_t at = text.find("id: "); at != std::string::npos;
+       at = text.find("id: ", at + 1)) {
+    const std::uint64_t id = std::stoull(text.substr(at + 4));
+    EXPECT_GT(id, last);
+    last = id;
+  }
+  // Who comes back has missed nothing, and is told not to come again.
+  HttpRequest again = request("GET", job + "/events");
+  again.headers["last-event-id"] = std::to_string(last);
+  EXPECT_EQ(service_->handle(again).status, 204);
+  // Who comes late is told the end.
+  const HttpResponse late = get(job + "/events");
+  EXPECT_THAT(late.events->next(std::chrono::seconds(1)).value_or(""), HasSubstr("event: end"));
+  EXPECT_FALSE(late.events->next(std::chrono::seconds(1)).has_value());
+}
+
+TEST_F(Jobs, AreListedNewestFirstAndFiltered) {
+  start_with("publish");
+  wait_for_end(rebuild());
+  wait_for_end(rebuild());
+  nlohmann::json list = body(get("/v1/jobs"));
+  ASSERT_EQ(list["jobs"].size(), 2U);
+  EXPECT_EQ(list["jobs"][0]["id"], 2);
+  HttpRequest some = request("GET", "/v1/jobs");
+  some.query = {{"limit", "1"}, {"status", "succeeded"}, {"map", "town"}};
+  nlohmann::json page = body(service_->handle(some));
+  EXPECT_EQ(page["jobs"].size(), 1U);
+  some.query.emplace_back("before", std::to_string(page["next"].get<int>()));
+  EXPECT_EQ(body(service_->handle(some))["jobs"][0]["id"], 1);
+  for (const auto& [name, value] : std::vector<std::pair<std::string, std::string>>{
+           {"status", "done"}, {"limit", "0"}, {"limit", "1001"}, {"before", "x"}, {"x", "1"}}) {
+    HttpRequest bad = request("GET", "/v1/jobs");
+    bad.query = {{name, value}};
+    EXPECT_EQ(service_->handle(bad).status, 400) << name << "=" << value;
+  }
+  EXPECT_EQ(body(get("/v1/jobs/9"))["code"], "UnknownJob");
+  EXPECT_EQ(body(get("/v1/jobs/x/log"))["code"], "UnknownJob");
+}
+
+TEST_F(Jobs, HousekeepingForgetsWhatIsOld) {
+  start_with("publish");
+  wait_for_end(rebuild());
+  const maps::StoredDrive drive = store_.open().drives().drive(1);
+  Metrics metrics("1");
+  MapCatalog catalog(store_.open(), [](const maps::MapPackage&) { return Aligners{}; });
+  maps::DriveStore drives(store_.open());
+  service_.reset();
+  const OptionsHolder live(options_);
+  const JobRunner::Setup setup{live, store_.open(), drives, catalog, metrics, mapper_};
+  JobRunner jobs(setup);
+  const RetentionOptions retention{
+      .versions = 0, .job_days = 30, .audit_days = 1, .drive_days = 40};
+  const auto days_later = [&](int days) {
+    return drive.created_ns + days * std::int64_t{86'400'000'000'000};
+  };
+  keep_house(retention, store_.open(), drives, jobs, days_later(29));
+  EXPECT_TRUE(std::filesystem::exists(job_folder(1)));
+  EXPECT_TRUE(store_.open().audit().list(1).records.empty());
+  keep_house(retention, store_.open(), drives, jobs, days_later(31));
+  EXPECT_FALSE(std::filesystem::exists(job_folder(1)));
+  EXPECT_EQ(store_.open().drives().all().size(), 1U);
+  keep_house(retention, store_.open(), drives, jobs, days_later(41));
+  EXPECT_TRUE(store_.open().drives().all().empty());
+}
+
+}  // namespace
+}  // namespace stillmap::server
