@@ -265,9 +265,11 @@ void JobRunner::ended(const maps::StoredJob& job) {
 }
 
 maps::StoredJob JobRunner::cancel(std::int64_t id) {
-  const maps::StoredJob job = setup_.store.jobs().request_cancel(id, unix_ns());
+  const std::int64_t now_ns = unix_ns();
+  const maps::StoredJob job = setup_.store.jobs().request_cancel(id, now_ns);
   if (job.status == maps::JobStatus::kCanceled) {
-    ended(job);
+    // One that had been cancelled before has ended, and was counted, then.
+    if (job.finished_ns == now_ns) ended(job);
   } else {
     const std::scoped_lock lock(mutex_);
     active_[id].cancel = true;
