@@ -268,12 +268,14 @@ maps::StoredJob JobRunner::cancel(std::int64_t id) {
   const std::int64_t now_ns = unix_ns();
   const maps::StoredJob job = setup_.store.jobs().request_cancel(id, now_ns);
   if (job.status == maps::JobStatus::kCanceled) {
-    // One that had been cancelled before has ended, and was counted, then.
+    // Else it had ended before, and was told of and counted then.
     if (job.finished_ns == now_ns) ended(job);
-  } else {
-    const std::scoped_lock lock(mutex_);
-    active_[id].cancel = true;
+    return job;
   }
+  // None, when it has ended meanwhile: an entry made here would stay, and its events never end. One
+  // that is about to begin looks at the store.
+  const std::scoped_lock lock(mutex_);
+  if (const auto found = active_.find(id); found != active_.end()) found->second.cancel = true;
   return job;
 }
 
