@@ -266,12 +266,17 @@ void JobRunner::ended(const maps::StoredJob& job) {
 }
 
 maps::StoredJob JobRunner::cancel(std::int64_t id) {
+  const bool ended_before = maps::is_finished(setup_.store.jobs().job(id).status);
   const maps::StoredJob job = setup_.store.jobs().request_cancel(id, unix_ns());
+  // Asked twice, it has ended once.
+  if (ended_before) return job;
   if (job.status == maps::JobStatus::kCanceled) {
     ended(job);
   } else {
     const std::scoped_lock lock(mutex_);
-    active_[id].cancel = true;
+    // One that is not here yet looks into the store when it begins; one that has ended meanwhile,
+    // or is another server's, must not come up here.
+    if (const auto found = active_.find(id); found != active_.end()) found->second.cancel = true;
   }
   return job;
 }
