@@ -266,18 +266,17 @@ void JobRunner::ended(const maps::StoredJob& job) {
 }
 
 maps::StoredJob JobRunner::cancel(std::int64_t id) {
-  const bool ended_before = maps::is_finished(setup_.store.jobs().job(id).status);
-  const maps::StoredJob job = setup_.store.jobs().request_cancel(id, unix_ns());
-  // Asked twice, it has ended once.
-  if (ended_before) return job;
+  const std::int64_t now_ns = unix_ns();
+  const maps::StoredJob job = setup_.store.jobs().request_cancel(id, now_ns);
   if (job.status == maps::JobStatus::kCanceled) {
-    ended(job);
-  } else {
-    const std::scoped_lock lock(mutex_);
-    // One that is not here yet looks into the store when it begins; one that has ended meanwhile,
-    // or is another server's, must not come up here.
-    if (const auto found = active_.find(id); found != active_.end()) found->second.cancel = true;
+    // Else it had ended before, and was told of and counted then.
+    if (job.finished_ns == now_ns) ended(job);
+    return job;
   }
+  // None, when it has ended meanwhile: an entry made here would stay, and its events never end. One
+  // that is about to begin looks at the store.
+  const std::scoped_lock lock(mutex_);
+  if (const auto found = active_.find(id); found != active_.end()) found->second.cancel = true;
   return job;
 }
 

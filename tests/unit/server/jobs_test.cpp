@@ -150,9 +150,9 @@ TEST_F(Jobs, OneThatWaitsIsCancelledAtOnceAndReleasesItsDrive) {
   EXPECT_EQ(body(get(second))["status"], "enqueued");
   EXPECT_EQ(send("POST", second + "/cancel").status, 200);
   EXPECT_EQ(body(get(second))["status"], "canceled");
-  EXPECT_EQ(send("POST", second + "/cancel").status, 200);
-  EXPECT_THAT(service_->metrics().text(),
-              HasSubstr("stillmap_jobs_ended_total{status=\"canceled\"} 1\n"));
+  EXPECT_EQ(send("POST", second + "/cancel").status, 200) << "twice is once, also where counted";
+  EXPECT_NE(service_->metrics().text().find("jobs_ended_total{status=\"canceled\"} 1\n"),
+            std::string::npos);
   EXPECT_EQ(body(send("DELETE", "/v1/maps/town/drives/1"))["code"], "InUse");
   std::ofstream(store_.folder().path() / "go") << "x";
   EXPECT_EQ(wait_for_end(first)["status"], "succeeded");
