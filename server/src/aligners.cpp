@@ -41,7 +41,8 @@ class LazyAligner : public localization::Aligner {
 Aligners build_aligners(const maps::MapPackage& map) {
   const std::shared_ptr<const localization::MapIndex> index = localization::MapIndex::open(map);
   if (!index->rebuilt_because().empty()) {
-    spdlog::info("index of {} was built: {}", map.folder().string(), index->rebuilt_because());
+    spdlog::info("index of {} was built, since no usable one was there: {}", map.folder().string(),
+                 index->rebuilt_because());
   }
   if (!index->kept_in_memory_because().empty()) {
     spdlog::warn("index of {} is kept in memory and will be built again: {}", map.folder().string(),

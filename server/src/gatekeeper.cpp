@@ -21,6 +21,15 @@ ApiError unauthorized(ErrorCode code, const std::string& detail) {
   return ApiError(code, detail).with_header("WWW-Authenticate", "Bearer realm=\"stillmap\"");
 }
 
+/// Browsers send simple requests to any address without asking it. A key they would not add.
+void refuse_other_sites(const HttpRequest& request) {
+  if (request.method == "GET" || request.method == "HEAD") return;
+  const std::string site = lower(request.header("sec-fetch-site"));
+  if (site != "cross-site" && site != "same-site") return;
+  throw field_error(ErrorCode::kForbidden, "Sec-Fetch-Site", site,
+                    "same-origin, or a key: without one other sites' pages change nothing");
+}
+
 maps::KeyScope scope_of(Access access) {
   switch (access) {
     case Access::kLocalize:
@@ -39,18 +48,37 @@ maps::KeyScope scope_of(Access access) {
 }  // namespace
 
 Caller Gatekeeper::admit(const HttpRequest& request, Access access, const RateOptions& rate) {
-  if (access == Access::kOpen || !has_keys()) return {};
-  const maps::ApiKey key = checked(request.header("authorization"));
+  const std::optional<maps::ApiKey> key = let_in(request.header("authorization"), access);
+  if (!key) {
+    refuse_other_sites(request);
+    return {};
+  }
+  if (const double wait_s = rates_.take(key->id, rate); wait_s > 0.0) {
+    throw ApiError(ErrorCode::kTooManyRequests, "the key's rate is used up")
+        .with_header("Retry-After", std::to_string(std::lround(std::ceil(wait_s))));
+  }
+  return {.key_id = key->id};
+}
+
+bool Gatekeeper::still_admits(const std::string& authorization, Access access) {
+  try {
+    (void)let_in(authorization, access);
+    return true;
+  } catch (const ApiError&) {
+    return false;
+  }
+}
+
+/// @return the key; nothing where none is asked for.
+std::optional<maps::ApiKey> Gatekeeper::let_in(const std::string& authorization, Access access) {
+  if (access == Access::kOpen || !has_keys()) return std::nullopt;
+  maps::ApiKey key = checked(authorization);
   const maps::KeyScope scope = scope_of(access);
   if (!key.scopes.has(scope)) {
     throw field_error(ErrorCode::kForbidden, "Authorization", "a key without this scope",
                       std::string(maps::name_of(scope)));
   }
-  if (const double wait_s = rates_.take(key.id, rate); wait_s > 0.0) {
-    throw ApiError(ErrorCode::kTooManyRequests, "the key's rate is used up")
-        .with_header("Retry-After", std::to_string(std::lround(std::ceil(wait_s))));
-  }
-  return {.key_id = key.id};
+  return key;
 }
 
 /// Asked for each request, so the list is read again only after a key was made or revoked.

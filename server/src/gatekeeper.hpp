@@ -9,6 +9,7 @@
 
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <string>
 
 namespace stillmap::server {
@@ -17,7 +18,8 @@ namespace stillmap::server {
 /// count at once. Safe from several threads.
 ///
 /// Without a single key in the store everyone may do everything: the server then listens where
-/// only this machine reaches it, unless told otherwise in words.
+/// only this machine reaches it, unless told otherwise in words. A browser on this machine may show
+/// anybody's page, though: what it sends for another site changes nothing.
 class Gatekeeper {
  public:
   /// @param keys  outlives this.
@@ -25,8 +27,11 @@ class Gatekeeper {
 
   /// @throws ApiError kMissingKey, kRefusedKey, kForbidden; kTooManyRequests with Retry-After.
   [[nodiscard]] Caller admit(const HttpRequest& request, Access access, const RateOptions& rate);
+  /// Whether whoever was admitted with this header would be still, but for the rate.
+  [[nodiscard]] bool still_admits(const std::string& authorization, Access access);
 
  private:
+  [[nodiscard]] std::optional<maps::ApiKey> let_in(const std::string& authorization, Access access);
   [[nodiscard]] bool has_keys();
   [[nodiscard]] maps::ApiKey checked(const std::string& authorization);
 

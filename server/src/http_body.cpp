@@ -49,6 +49,11 @@ std::optional<std::uint64_t> announced_length(const RequestHead& head) {
   return length;
 }
 
+std::size_t most_whole_bytes(const Route& route, std::size_t max_whole_bytes) {
+  if (route.max_body_bytes == 0) return max_whole_bytes;
+  return static_cast<std::size_t>(std::min<std::uint64_t>(route.max_body_bytes, max_whole_bytes));
+}
+
 void check_body(const RequestHead& head, std::optional<std::uint64_t> length, const Route& route,
                 std::size_t max_whole_bytes) {
   if (route.body == BodyKind::kNone) return;
@@ -57,7 +62,8 @@ void check_body(const RequestHead& head, std::optional<std::uint64_t> length, co
     throw ApiError(ErrorCode::kLengthRequired, "send Content-Length; chunks are not taken");
   }
   const bool whole = route.body == BodyKind::kWhole;
-  const std::uint64_t most = whole ? max_whole_bytes : route.max_body_bytes;
+  const std::uint64_t most =
+      whole ? most_whole_bytes(route, max_whole_bytes) : route.max_body_bytes;
   if (*length > most) throw too_large(fmt::format("{} bytes", *length), most);
   // What is streamed carries its own packing.
   const std::string encoding = content_encoding(head);

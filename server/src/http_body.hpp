@@ -34,6 +34,10 @@ class SocketBody final : public BodyStream {
 /// @throws ApiError for a length that is none.
 [[nodiscard]] std::optional<std::uint64_t> announced_length(const RequestHead& head);
 
+/// What a route takes at most of a body that is held as a whole, unpacked.
+/// @param max_whole_bytes  of any route.
+[[nodiscard]] std::size_t most_whole_bytes(const Route& route, std::size_t max_whole_bytes);
+
 /// @throws ApiError when a route takes no body of this length or encoding.
 /// @param max_whole_bytes  of a body that is held as a whole.
 void check_body(const RequestHead& head, std::optional<std::uint64_t> length, const Route& route,

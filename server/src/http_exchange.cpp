@@ -137,7 +137,10 @@ void complete_request(Exchange& exchange, const httplib::Request& from) {
 }
 
 void invite_body(Exchange& exchange, std::uint64_t length) {
-  if (length == 0 || lower(exchange.head.value("expect")) != "100-continue") return;
+  // HTTP/1.0 knows no interim answers (RFC 9110, 10.1.1).
+  if (length == 0 || exchange.head.old_version ||
+      lower(exchange.head.value("expect")) != "100-continue")
+    return;
   constexpr std::string_view kContinue = "HTTP/1.1 100 Continue\r\n\r\n";
   static_cast<void>(exchange.socket.write(kContinue.data(), kContinue.size()));
 }
@@ -229,7 +232,8 @@ class HttpExchange::Library final : public httplib::Server {
     invite_body(exchange, length);
     SocketBody body(exchange.socket, length);
     if (exchange.match.route->body == BodyKind::kWhole) {
-      request.body = read_whole(body, exchange.head, limits_.max_body_bytes);
+      request.body = read_whole(body, exchange.head,
+                                most_whole_bytes(*exchange.match.route, limits_.max_body_bytes));
       request.received = std::chrono::steady_clock::now();
     } else {
       request.stream = &body;

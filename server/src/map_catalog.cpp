@@ -1,6 +1,7 @@
 #include "map_catalog.hpp"
 
 #include "api_error.hpp"
+#include "upload_errors.hpp"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -52,8 +53,8 @@ std::string frame_name(const maps::PackageStore& store, const std::string& map,
 
 }  // namespace
 
-MapCatalog::MapCatalog(maps::PackageStore& store, AlignerBuilder builder)
-    : store_(store), builder_(std::move(builder)) {
+MapCatalog::MapCatalog(maps::PackageStore& store, AlignerBuilder builder, Metrics* metrics)
+    : store_(store), builder_(std::move(builder)), metrics_(metrics) {
   follow_store();
   thread_ = std::jthread([this](const std::stop_token& stop) { work(stop); });
 }
@@ -169,21 +170,25 @@ void MapCatalog::work(const std::stop_token& stop) {
     }
     if (stop.stop_requested()) return;
     try {
-      if (next && load(*next).state == MapState::kReady) {
-        serve(*next);
-      } else if (!next) {
-        follow_store();
-      }
+      if (next && load(*next).state == MapState::kReady) serve(*next);
     } catch (const std::exception& error) {
       // A removed version, or a store that cannot be read just now: what is served goes on.
+      spdlog::error("{} of the store: {}", described(next->first, next->second), error.what());
+      note_failure(*next, shown(error));
+    }
+    try {
+      // Also between loads: whoever asks for one version after the other must neither keep them all
+      // open nor hide what other processes activate.
+      follow_store();
+    } catch (const std::exception& error) {
       spdlog::error("the maps of the store: {}", error.what());
-      if (next) note_failure(*next, error.what());
     }
   }
 }
 
 /// Serves what the store says is active, as soon as it is loaded.
 void MapCatalog::follow_store() {
+  const std::scoped_lock what_was_read_holds(follow_mutex_);
   std::map<std::string, std::string, std::less<>> wanted;
   for (const maps::StoredMap& map : store_.state().maps())
     if (map.active) wanted.emplace(map.name, *map.active);
@@ -213,6 +218,11 @@ void MapCatalog::follow(const std::string& map, const std::string& version) {
   changed_.notify_all();
 }
 
+/// As clients are told, health without a key too: places of this machine stay in the log.
+std::string MapCatalog::shown(const std::exception& error) const {
+  return without_folder(error.what(), store_.folder());
+}
+
 /// @throws StoreRefusal when the store knows no such version.
 ServedVersion MapCatalog::opened(const Key& key) const {
   ServedVersion served{.map = key.first, .version = key.second};
@@ -223,7 +233,7 @@ ServedVersion MapCatalog::opened(const Key& key) const {
   } catch (const std::exception& error) {
     spdlog::error("{} cannot be opened: {}", described(key.first, key.second), error.what());
     served.state = MapState::kFailed;
-    served.failure = error.what();
+    served.failure = shown(error);
   }
   return served;
 }
@@ -248,26 +258,34 @@ ServedVersion MapCatalog::load(const Key& key) {
   ServedVersion served = open(key);
   if (served.state == MapState::kReady) return served;
   if (!served.package) served = opened(key);
-  if (served.package) {
-    served.failure.clear();
-    try {
-      served.aligners = std::make_shared<const Aligners>(builder_(*served.package));
-      served.state = MapState::kReady;
-      spdlog::info("{} is ready", described(key.first, key.second));
-    } catch (const std::exception& error) {
-      served.state = MapState::kFailed;
-      served.failure = error.what();
-      spdlog::error("{} cannot be used: {}", described(key.first, key.second), error.what());
-    }
-  }
+  if (served.package) make_ready(served);
+  if (metrics_ != nullptr && served.state == MapState::kFailed)
+    metrics_->map_load_failed(key.first);
   const std::scoped_lock lock(mutex_);
   slots_.insert_or_assign(key, Slot{served, ++uses_});
   return served;
 }
 
+void MapCatalog::make_ready(ServedVersion& version) const {
+  const auto begin = std::chrono::steady_clock::now();
+  version.failure.clear();
+  try {
+    version.aligners = std::make_shared<const Aligners>(builder_(*version.package));
+    version.state = MapState::kReady;
+    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+    if (metrics_ != nullptr) metrics_->map_loaded(version.map, took.count());
+    spdlog::info("{} is ready", described(version.map, version.version));
+  } catch (const std::exception& error) {
+    version.state = MapState::kFailed;
+    version.failure = shown(error);
+    spdlog::error("{} cannot be used: {}", described(version.map, version.version), error.what());
+  }
+}
+
 /// Under no lock: `key` is loaded, and serves from now on if the store wants it.
 void MapCatalog::serve(const Key& key) {
   const std::string& map = key.first;
+  const std::scoped_lock what_was_read_holds(follow_mutex_);
   const maps::StoredMap stored = store_.state().map(map);
   const std::scoped_lock lock(mutex_);
   if (!stored.active || *stored.active != key.second || !slots_.contains(key)) return;

@@ -1,11 +1,13 @@
 #pragma once
 
 #include "aligners.hpp"
+#include "metrics.hpp"
 
 #include <stillmap/maps/store/package_store.hpp>
 
 #include <condition_variable>
 #include <cstdint>
+#include <exception>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -45,8 +47,8 @@ struct ServedVersion {
 /// threads.
 class MapCatalog {
  public:
-  /// @param store  outlives this.
-  MapCatalog(maps::PackageStore& store, AlignerBuilder builder);
+  /// @param store  outlives this. @param metrics  counts loads when there; outlives this.
+  MapCatalog(maps::PackageStore& store, AlignerBuilder builder, Metrics* metrics = nullptr);
   MapCatalog(const MapCatalog&) = delete;
   MapCatalog& operator=(const MapCatalog&) = delete;
   /// Waits for the version that is being prepared.
@@ -95,9 +97,11 @@ class MapCatalog {
   void work(const std::stop_token& stop);
   void follow_store();
   void follow(const std::string& map, const std::string& version);
+  [[nodiscard]] std::string shown(const std::exception& error) const;
   [[nodiscard]] ServedVersion opened(const Key& key) const;
   ServedVersion open(const Key& key);
   ServedVersion load(const Key& key);
+  void make_ready(ServedVersion& version) const;
   void serve(const Key& key);
   void note_failure(const Key& key, const std::string& why);
   void forget_unused();
@@ -106,8 +110,11 @@ class MapCatalog {
 
   maps::PackageStore& store_;
   AlignerBuilder builder_;
+  Metrics* metrics_;
   /// One version is made ready at a time.
   std::mutex load_mutex_;
+  /// Held from reading what the store says is active until that is served. Before `mutex_`.
+  std::mutex follow_mutex_;
   mutable std::mutex mutex_;
   std::condition_variable_any changed_;
   bool store_changed_ = false;

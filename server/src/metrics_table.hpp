@@ -62,7 +62,7 @@ inline constexpr std::array kMetricTable = {
     MetricInfo{"stillmap_connections", "gauge", "", "Open connections."},
     MetricInfo{"stillmap_connections_total", "counter", "", "Accepted connections."},
     MetricInfo{"stillmap_connections_refused_total", "counter", "reason",
-               "Connections turned away: full, client (too many from one address), tls."},
+               "Connections turned away: full, or tls (no handshake)."},
     MetricInfo{"stillmap_event_streams", "gauge", "", "Open streams of server-sent events."},
     MetricInfo{"stillmap_alignments_total", "counter", "map,method,status",
                "Poses: ok, degraded or lost."},

@@ -39,7 +39,8 @@ struct Route {
   Handler handler;
   Access access = Access::kRead;
   BodyKind body = BodyKind::kNone;
-  /// Of a streamed body.
+  /// Of a streamed body; of a whole one too unless it is 0, where it is less than
+  /// `max_payload_bytes`: bodies that no place is reserved for must be small.
   std::uint64_t max_body_bytes = 0;
   /// Asked before the body is read, with the head alone: takes what the request will need (a place
   /// in a queue), which is held until it is answered. @throws ApiError to refuse it early.

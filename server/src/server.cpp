@@ -87,6 +87,8 @@ void Server::run() {
 
 void Server::reload(const ServerOptions& options) { parts_->service.reload(options); }
 
+void Server::note_reload(bool well) { parts_->service.metrics().reloaded(well); }
+
 void Server::stop() {
   parts_->service.set_stopping();
   parts_->http.stop();

@@ -1,6 +1,7 @@
 #include "service.hpp"
 
 #include "api_error.hpp"
+#include "guarded_events.hpp"
 #include "refusal_codes.hpp"
 
 #include <fmt/format.h>
@@ -147,7 +148,7 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
       store_(store),
       metrics_(STILLMAP_VERSION),
       gatekeeper_(store.keys()),
-      catalog_(store, std::move(builder)),
+      catalog_(store, std::move(builder), &metrics_),
       drives_(store),
       workers_(worker_count(options_)),
       queue_(queue_limits(options_, workers_)),
@@ -156,20 +157,13 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
                  .client_share = options_.client_share},
                 queue_),
       jobs_({live_, store, drives_, catalog_, metrics_, mapper}),
-      context_{options_,
-               live_,
-               workers_,
-               store,
-               drives_,
-               uploads_,
-               catalog_,
-               queue_,
-               sessions_,
-               jobs_,
-               metrics_,
-               stats_,
-               stopping_,
-               std::chrono::steady_clock::now()},
+      context_{options_,  live_,
+               workers_,  store,
+               drives_,   uploads_,
+               catalog_,  queue_,
+               sessions_, jobs_,
+               metrics_,  stats_,
+               stopping_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)),
       housekeeping_(live_, store, drives_, jobs_) {
   store_.set_quota(quota_of(options_.quotas));
@@ -222,6 +216,10 @@ HttpResponse Service::handle(const HttpRequest& request, const Router::Match& ma
   const bool reads = match.route->method == "GET";
   if (!reads && (access == Access::kWrite || access == Access::kAdmin))
     note_write(request, match, response.status);
+  if (response.events) {
+    response.events = std::make_shared<GuardedEvents>(std::move(response.events), gatekeeper_,
+                                                      request.header("authorization"), access);
+  }
   return response;
 }
 
@@ -246,8 +244,10 @@ HttpResponse Service::answer(const HttpRequest& request, const Router::Match& ma
     return problem_response(error, request.request_id);
   };
   const auto logged = [&](ErrorCode code, const std::exception& error) {
-    // Paths of this machine stay in the log.
-    spdlog::error("{} {} {}: {}", request.request_id, request.method, request.path, error.what());
+    // Paths of this machine stay in the log; that of the request does not get there, since the name
+    // of a session is its secret.
+    spdlog::error("{} {} {}: {}", request.request_id, match.route->method, match.route->pattern,
+                  error.what());
     return problem(ApiError(code, "the log says more"));
   };
   try {

@@ -103,8 +103,8 @@ class Running(FolderTest):
     def configure(self, log=None, **values):
         self.write(port=0, store=str(self.store), log={"format": "json", "file": str(self.log), **(log or {})}, **values)
 
-    def get(self, path, **headers):
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
+    def get(self, path, port=None, **headers):
+        connection = http.client.HTTPConnection("127.0.0.1", port or self.port, timeout=10)
         connection.request("GET", path, headers=headers)
         answer = connection.getresponse()
         text = answer.read()
@@ -152,9 +152,12 @@ class Running(FolderTest):
         self.assertEqual(self.finish(), 0)
 
     def test_sighup_reloads_and_says_what_needs_a_restart(self):
-        self.configure(queue=3)
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            management = {"port": free.getsockname()[1]}
+        self.configure(queue=3, management=management)
         self.start()
-        self.configure(queue=4, log={"level": "debug"})
+        self.configure(queue=4, log={"level": "debug"}, management=management)
         self.program.send_signal(signal.SIGHUP)
         self.assertIn("log.level", self.message("configuration reloaded")["message"])
         self.assertIn("queue", self.message("need a restart")["message"])
@@ -163,6 +166,8 @@ class Running(FolderTest):
         self.config.write_text('{"log": {"level": "loud"}}')
         self.program.send_signal(signal.SIGHUP)
         self.assertIn("log.level", self.message("not reloaded")["message"])
+        counted = ['stillmap_reloads_total{result="ok"} 1\n', 'stillmap_reloads_total{result="failed"} 1\n']
+        self.wait(lambda: all(each in self.get("/metrics", port=management["port"])[1].decode() for each in counted))
         self.assertEqual(self.get("/livez")[0], 200)
         self.assertEqual(self.finish(), 0)
 

@@ -83,7 +83,9 @@ export function createApi(get: typeof fetch): Api {
   return {
     maps: async (signal) => {
       const answer = await json<MapList>('/v1/maps', 'maps', signal);
-      return { maps: answer.maps, refused: answer.refused ?? [] };
+      // Without an active version there is nothing to show yet.
+      const shown = answer.maps.filter((map) => (map as { version: string | null }).version !== null);
+      return { maps: shown, refused: answer.refused ?? [] };
     },
     map: (name, signal) => json<MapDetails>(mapPath(name), 'tiles', signal),
     trajectory: async (map, signal) =>

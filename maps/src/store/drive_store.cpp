@@ -129,7 +129,8 @@ DriveStore::Added DriveStore::add_part(std::int64_t id, std::int64_t n, std::uin
   const Leftover leftover(incoming, files);
   const DrivePart part{
       .n = n, .sha256 = receive_file(source, bytes, incoming, name, *calls_), .bytes = bytes};
-  if (sha256 && *sha256 != part.sha256) throw InputError(name, "SHA-256 " + part.sha256, *sha256);
+  if (sha256 && *sha256 != part.sha256)
+    throw InputError(name, "SHA-256 " + part.sha256, *sha256 + " as announced");
   const Busy busy(*this, id);
   refuse_if_not_open(store_.drives().drive(id));
   const bool is_new = !has_part(store_.drives().parts(id), n);

@@ -201,7 +201,7 @@ PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_
   const ArchiveFiles found =
       unpack_archive(source, archive, incoming.path(), limits, files, /*hashed=*/true);
   if (sha256 && *sha256 != found.archive.sha256)
-    throw InputError(archive, "SHA-256 " + found.archive.sha256, *sha256);
+    throw InputError(archive, "SHA-256 " + found.archive.sha256, *sha256 + " as announced");
   const IncomingPackage package = keep_package(incoming.path(), found, archive, files);
   StoredVersion wanted{.name = std::string(version), .digest = package.package.digest};
   wanted.bytes = package.package.bytes;

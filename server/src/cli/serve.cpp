@@ -74,6 +74,7 @@ struct Reloaded {
 /// What SIGHUP does. Never throws: whatever is wrong, the server goes on as it was.
 void reload_all(const server::ConfigSources& sources, const Reloaded& parts) {
   parts.notifier.reloading();
+  bool well = false;
   try {
     server::ConfigSources now = sources;
     now.environment = server::own_environment();
@@ -84,6 +85,7 @@ void reload_all(const server::ConfigSources& sources, const Reloaded& parts) {
     parts.log.reopen(parts.options.current()->log);
     parts.server.reload(*parts.options.current());
     parts.server.reload_certificate();
+    well = report.problems.empty();
     if (report.problems.empty()) {
       spdlog::info(
           "configuration reloaded, changed: {}",
@@ -95,6 +97,7 @@ void reload_all(const server::ConfigSources& sources, const Reloaded& parts) {
   } catch (const std::exception& error) {
     spdlog::error("not all reloaded: {}", error.what());
   }
+  parts.server.note_reload(well);
   parts.notifier.ready("configuration read again");
 }
 

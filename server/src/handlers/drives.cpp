@@ -149,7 +149,7 @@ void add_drive_routes(std::vector<Route>& routes, const Context& context) {
                     [&context](const HttpRequest& request, const PathParameters& path) {
                       return open_drive(context, request, path);
                     },
-                    Access::kWrite, BodyKind::kWhole});
+                    Access::kWrite, BodyKind::kWhole, kMostDriveJson});
   routes.push_back(
       {"GET", "/v1/maps/{map}/drives", [&context](const HttpRequest&, const PathParameters& path) {
          return list_drives(context, path);

@@ -31,7 +31,7 @@ void add_key_routes(std::vector<Route>& routes, const Context& context) {
                     [&context](const HttpRequest& request, const PathParameters&) {
                       return create_key(context, request);
                     },
-                    Access::kAdmin, BodyKind::kWhole});
+                    Access::kAdmin, BodyKind::kWhole, kMostKeyJson});
   routes.push_back({"DELETE", "/v1/keys/{key}",
                     [&context](const HttpRequest&, const PathParameters& path) {
                       return json_response(

@@ -4,6 +4,8 @@
 #include "json/jobs_json.hpp"
 
 #include <algorithm>
+#include <memory>
+#include <utility>
 
 namespace stillmap::server {
 namespace {
@@ -42,11 +44,21 @@ HttpResponse accepted(const JobView& job) {
 }
 
 void add_rebuild_routes(std::vector<Route>& routes, const Context& context) {
-  routes.push_back({"POST", "/v1/maps/{map}/rebuild",
-                    [&context](const HttpRequest& request, const PathParameters& path) {
-                      return rebuild(context, request, path);
-                    },
-                    Access::kWrite, BodyKind::kWhole});
+  Route route{"POST",
+              "/v1/maps/{map}/rebuild",
+              [&context](const HttpRequest& request, const PathParameters& path) {
+                return rebuild(context, request, path);
+              },
+              Access::kWrite,
+              BodyKind::kWhole,
+              kMostRebuildJson};
+  // Each runs the mapper for its estimate, beside the jobs and not counted among them.
+  constexpr int kMostEstimates = 2;
+  route.reserve = [places = std::make_shared<UploadPlaces>()](const HttpRequest&,
+                                                              const PathParameters&) {
+    return places->take(kMostEstimates, "requests for a rebuild");
+  };
+  routes.push_back(std::move(route));
 }
 
 }  // namespace stillmap::server

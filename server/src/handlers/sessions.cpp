@@ -7,10 +7,15 @@
 
 #include <fmt/format.h>
 
+#include <stillmap/maps/store/store_refusal.hpp>
+
 #include <utility>
 
 namespace stillmap::server {
 namespace {
+
+/// A place to start from, and not much more.
+constexpr std::uint64_t kMostSessionJson = std::uint64_t{64} << 10U;
 
 /// Events of one session on their way to one client.
 class SessionStream final : public EventSource {
@@ -33,6 +38,8 @@ class SessionStream final : public EventSource {
     try {
       session.note_active_version(catalog.find(session.map().map).version);
     } catch (const ApiError&) {
+      // No version is active, or the active one is broken; the session keeps its own.
+    } catch (const maps::StoreRefusal&) {
       // The map is gone; the session keeps its version.
     }
   }
@@ -195,7 +202,7 @@ void add_session_routes(std::vector<Route>& routes, const Context& context) {
                       [&context, answer](const HttpRequest& request, const PathParameters& path) {
                         return answer(context, request, path);
                       },
-                      Access::kLocalize, body});
+                      Access::kLocalize, body, kMostSessionJson});
   };
   add("POST", "/v1/sessions", BodyKind::kWhole,
       [](const Context& in, const HttpRequest& request, const PathParameters&) {

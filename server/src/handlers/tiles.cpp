@@ -13,6 +13,9 @@
 namespace stillmap::server {
 namespace {
 
+/// 20,000 ids of the longest names take a half.
+constexpr std::uint64_t kMostDiffBytes = std::uint64_t{4} << 20U;
+
 template <typename Integer>
 Integer read_coordinate(const PathParameters& path, const char* name) {
   const std::string& text = path.at(name);
@@ -91,7 +94,7 @@ void add_tile_routes(std::vector<Route>& routes, const Context& context) {
                     [&context](const HttpRequest& request, const PathParameters& path) {
                       return answer_diff(context, request, path);
                     },
-                    Access::kRead, BodyKind::kWhole});
+                    Access::kRead, BodyKind::kWhole, kMostDiffBytes});
 }
 
 }  // namespace stillmap::server

@@ -3,7 +3,9 @@
 #include "jobs/job_runner.hpp"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 #include <sys/stat.h>
+#include <unistd.h>
 #include <nlohmann/json.hpp>
 
 #include <stillmap/maps/error.hpp>
@@ -11,6 +13,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <exception>
 #include <set>
 #include <system_error>
 
@@ -186,6 +189,27 @@ std::optional<maps::StoredJob> JobRunner::converted_before(const std::string& ma
 
 maps::JobTable::Enqueued JobRunner::convert(const std::string& map, const ConvertRequest& request,
                                             const Asker& asker) {
+  // A file that no job will read counts towards no quota.
+  const auto clear = [this] {
+    try {
+      clear_uploads(false);
+    } catch (const std::exception& error) {
+      spdlog::error("uploads that no job reads: {}", error.what());
+    }
+  };
+  try {
+    const maps::JobTable::Enqueued enqueued = enqueue_convert(map, request, asker);
+    if (maps::is_finished(enqueued.job.status)) clear();
+    return enqueued;
+  } catch (...) {
+    clear();
+    throw;
+  }
+}
+
+maps::JobTable::Enqueued JobRunner::enqueue_convert(const std::string& map,
+                                                    const ConvertRequest& request,
+                                                    const Asker& asker) {
   const std::scoped_lock lock(uploads_mutex_);
   if (const auto arrived = arrived_.find(request.sha256); arrived != arrived_.end())
     arrived_.erase(arrived);
@@ -220,7 +244,8 @@ std::string JobRunner::receive(const maps::ByteSource& source, std::uint64_t byt
   {
     const std::scoped_lock lock(uploads_mutex_);
     fs::create_directories(folder);
-    half = folder / fmt::format(".incoming-{}", incoming_++);
+    // Several servers may share the folder.
+    half = folder / fmt::format(".incoming-{}-{}", ::getpid(), incoming_++);
   }
   std::error_code error;
   try {
@@ -247,15 +272,15 @@ std::vector<maps::StoredJob> JobRunner::unfinished() const {
   return jobs;
 }
 
-/// Files that no job will read. What comes in right now stays.
-void JobRunner::clear_uploads() {
+/// Files that no job will read. What comes in right now stays, unless it is said to be left over.
+void JobRunner::clear_uploads(bool halves_too) {
   const std::scoped_lock lock(uploads_mutex_);
   std::set<std::string> needed(arrived_.begin(), arrived_.end());
   for (const maps::StoredJob& job : unfinished()) needed.insert(sha256_of(job));
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(root_ / kUploads, error)) {
     const std::string name = entry.path().filename().string();
-    const bool stays = lock_.is_open() && name.starts_with(".");
+    const bool stays = !halves_too && name.starts_with(".");
     if (!stays && !needed.contains(name)) fs::remove(entry.path(), error);
   }
 }

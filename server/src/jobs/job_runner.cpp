@@ -113,7 +113,8 @@ bool JobRunner::take_over() {
   const std::size_t back =
       setup_.store.jobs().put_back_all("the server ended meanwhile", unix_ns());
   if (back > 0) spdlog::info("{} jobs go on that were interrupted", back);
-  clear_uploads();
+  // Whoever held the lock before is gone, and what it was receiving with it.
+  clear_uploads(true);
   clear_forgotten();
   lock_ = std::move(file);
   return true;
@@ -261,7 +262,7 @@ void JobRunner::ended(const maps::StoredJob& job) {
       1e-9 * static_cast<double>(*job.finished_ns - job.started_ns.value_or(*job.finished_ns));
   setup_.metrics.job_ended(maps::name_of(job.status), seconds);
   clear_folder(folder(job.id).scratch());
-  quietly("its upload was not cleared", job.id, [&] { clear_uploads(); });
+  quietly("its upload was not cleared", job.id, [&] { clear_uploads(false); });
 }
 
 maps::StoredJob JobRunner::cancel(std::int64_t id) {

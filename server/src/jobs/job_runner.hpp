@@ -117,8 +117,10 @@ class JobRunner {
   [[nodiscard]] bool is_known_request(const std::string& map, const Asker& asker) const;
   [[nodiscard]] std::optional<maps::StoredJob> converted_before(
       const std::string& map, const ConvertRequest& request) const;
+  maps::JobTable::Enqueued enqueue_convert(const std::string& map, const ConvertRequest& request,
+                                           const Asker& asker);
   [[nodiscard]] bool wants_cancel(std::int64_t id);
-  void clear_uploads();
+  void clear_uploads(bool halves_too);
   [[nodiscard]] std::vector<maps::StoredJob> unfinished() const;
   [[nodiscard]] std::filesystem::path upload(const std::string& sha256) const;
   [[nodiscard]] ProcessLimits limits() const;

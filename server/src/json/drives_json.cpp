@@ -8,7 +8,6 @@
 namespace stillmap::server {
 namespace {
 
-constexpr std::size_t kMostBytes = 4096;
 constexpr std::size_t kLongestName = 200;
 
 Json to_json(const maps::DrivePart& part) {
@@ -32,7 +31,7 @@ bool is_control(char byte) { return static_cast<unsigned char>(byte) < 0x20 || b
 
 std::string read_drive_json(std::string_view text) {
   if (text.empty()) return {};
-  const nlohmann::json request = parse_request_json(text, kMostBytes);
+  const nlohmann::json request = parse_request_json(text, kMostDriveJson);
   require_keys(request, "", {"name"});
   if (!request.contains("name")) return {};
   const nlohmann::json& found = request["name"];

@@ -2,11 +2,15 @@
 
 #include <stillmap/maps/store/drive_table.hpp>
 
+#include <cstddef>
 #include <string>
 #include <string_view>
 #include <vector>
 
 namespace stillmap::server {
+
+/// Bytes of a request to open a drive.
+inline constexpr std::size_t kMostDriveJson = 4096;
 
 /// Reads `name?`: at most 200 bytes without control characters; an empty text says nothing.
 /// @return the name, or nothing. @throws ApiError with the path of what is wrong.

@@ -9,7 +9,6 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::size_t kMostBytes = 4096;
 /// A century, as on the command line.
 constexpr std::int64_t kMostDays = 36'500;
 
@@ -32,7 +31,7 @@ maps::KeyScopes read_scopes(const json& request) {
 }  // namespace
 
 KeyRequest read_key_request(std::string_view text) {
-  const json request = parse_request_json(text, kMostBytes);
+  const json request = parse_request_json(text, kMostKeyJson);
   require_keys(request, "", {"name", "scopes", "expires_days"});
   KeyRequest result;
   const json name = request.value("name", json());

@@ -2,12 +2,16 @@
 
 #include <stillmap/maps/store/key_table.hpp>
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
 
 namespace stillmap::server {
+
+/// Bytes of a request for a key.
+inline constexpr std::size_t kMostKeyJson = 4096;
 
 /// What a key is made of: `name`, `scopes [...]`, `expires_days?`.
 struct KeyRequest {

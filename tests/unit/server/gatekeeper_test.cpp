@@ -163,6 +163,65 @@ TEST_F(GatekeeperTest, WhatAnotherProcessDoesToKeysCountsAtOnce) {
   EXPECT_EQ(refusal("Bearer " + made.text), ErrorCode::kRefusedKey);
 }
 
+TEST_F(GatekeeperTest, LargeBodiesNeedAPlaceBeforeTheyAreRead) {
+  start();
+  for (const Route* route : service_->routes()) {
+    if (route->body != BodyKind::kWhole || route->reserve) continue;
+    EXPECT_GT(route->max_body_bytes, 0U) << route->pattern;
+    EXPECT_LE(route->max_body_bytes, std::uint64_t{4} << 20U) << route->pattern;
+  }
+}
+
+TEST_F(GatekeeperTest, RebuildsAreLookedAtTwoAtATime) {
+  start();
+  HttpRequest one = request("POST", "/v1/maps/town/rebuild");
+  HttpRequest two = one;
+  (void)service_->admit(one);
+  (void)service_->admit(two);
+  EXPECT_EQ(refusal(request("POST", "/v1/maps/town/rebuild"), ""), ErrorCode::kBusy);
+  two.reservation.reset();
+  EXPECT_EQ(refusal(request("POST", "/v1/maps/town/rebuild"), ""), std::nullopt);
+}
+
+TEST_F(GatekeeperTest, PagesOfOtherSitesChangeNothingWhereNoKeyIsAskedFor) {
+  start();
+  const auto from = [&](const std::string& site, const std::string& method) {
+    HttpRequest asked =
+        request(method, method == "POST" ? "/v1/maps/town/rollback" : "/v1/maps/town");
+    asked.headers["sec-fetch-site"] = site;
+    return refusal(asked, "");
+  };
+  EXPECT_EQ(from("cross-site", "POST"), ErrorCode::kForbidden);
+  EXPECT_EQ(from("same-site", "DELETE"), ErrorCode::kForbidden);
+  EXPECT_EQ(from("same-origin", "POST"), std::nullopt);
+  EXPECT_EQ(from("none", "DELETE"), std::nullopt);
+  EXPECT_EQ(from("cross-site", "GET"), std::nullopt);
+}
+
+TEST_F(GatekeeperTest, EventStreamsEndWithTheirKey) {
+  start();
+  maps::KeyTable& keys = store_.open().keys();
+  HttpRequest opening = request("POST", "/v1/sessions");
+  opening.headers["content-type"] = "application/json";
+  opening.body = R"({"map": "town"})";
+  const auto open_stream = [&](const std::string& authorization) {
+    opening.headers["authorization"] = authorization;
+    const auto session = body(service_->handle(opening));
+    HttpRequest asked =
+        request("GET", "/v1/sessions/" + session["id"].get<std::string>() + "/events");
+    asked.headers["authorization"] = authorization;
+    return service_->handle(asked).events;
+  };
+  const auto keyless = open_stream("");
+  EXPECT_TRUE(keyless->next(milliseconds(1)).has_value());
+  const auto made = keys.create("vehicle", only(KeyScope::kLocalize), {}, now_ns());
+  EXPECT_FALSE(keyless->next(milliseconds(1)).has_value());
+  const auto stream = open_stream("Bearer " + made.text);
+  EXPECT_TRUE(stream->next(milliseconds(1)).has_value());
+  keys.revoke(made.key.id, now_ns());
+  EXPECT_FALSE(stream->next(milliseconds(1)).has_value());
+}
+
 TEST_F(GatekeeperTest, KeyBeyondItsRateWaitsAndTheOthersDoNot) {
   options_.rate = {.requests_per_s = 0.01, .burst = 2};
   start();

@@ -18,7 +18,9 @@
 namespace stillmap::server {
 namespace {
 
+using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 using ::testing::SizeIs;
 
 /// Makes aligners as the test says.
@@ -71,7 +73,8 @@ class MapCatalogTest : public ::testing::Test {
     store_.add("town", "v" + std::to_string(n), folder);
   }
   MapCatalog& start() {
-    catalog_.emplace(store_, [this](const auto& map) { return builder_.build(map); });
+    catalog_.emplace(
+        store_, [this](const auto& map) { return builder_.build(map); }, &metrics_);
     wait([&] { return catalog_->active().at(0).state != MapState::kLoading; });
     return *catalog_;
   }
@@ -104,6 +107,7 @@ class MapCatalogTest : public ::testing::Test {
   maps::PackageStore store_{store_folder_.path()};
   std::map<int, std::string> digests_;
   ScriptedBuilder builder_;
+  Metrics metrics_{"0"};
   std::optional<MapCatalog> catalog_;
 };
 
@@ -139,6 +143,8 @@ TEST_F(MapCatalogTest, VersionThatFailsToLoadLeavesTheOldOneServing) {
   EXPECT_EQ(catalog.ready("town", {}).version, "v1");
   EXPECT_EQ(store_.state().map("town").active, "v1");
   EXPECT_EQ(store_.state().map("town").revision, 1);
+  EXPECT_THAT(metrics_.text(), HasSubstr("stillmap_map_load_failures_total{map=\"town\"} 1\n"));
+  EXPECT_THAT(metrics_.text(), HasSubstr("stillmap_map_load_seconds{map=\"town\"}"));
   builder_.set_broken(digests_[2], false);
   catalog.activate("town", "v2", {}, true);
   EXPECT_EQ(served(), "v2");
@@ -266,6 +272,43 @@ TEST_F(MapCatalogTest, ClosesTheVersionsThatNobodyAskedForLongest) {
   wait([&] { return opened[2].expired() && opened[3].expired() && opened[4].expired(); });
   EXPECT_FALSE(opened[1].expired());
   for (int n = 5; n <= 8; ++n) EXPECT_FALSE(opened[n].expired()) << n;
+}
+
+TEST_F(MapCatalogTest, ClosesVersionsAlsoWhileOthersAreBeingLoaded) {
+  for (int n = 3; n <= 8; ++n) add(n);
+  MapCatalog& catalog = start();
+  builder_.set_held(digests_[2], true);
+  builder_.set_held(digests_[8], true);
+  std::map<int, std::weak_ptr<const maps::MapPackage>> opened;
+  for (int n = 2; n <= 8; ++n) {
+    const std::string version = "v" + std::to_string(n);
+    opened[n] = catalog.find("town", version).package;
+    EXPECT_EQ(code_of([&] { (void)catalog.ready("town", version); }), ErrorCode::kMapLoading);
+  }
+  builder_.set_held(digests_[2], false);
+  wait([&] { return opened[2].expired() && opened[3].expired(); });
+}
+
+TEST_F(MapCatalogTest, WhatWasActivatedServesFromThenOnWhateverIsLookedAtMeanwhile) {
+  MapCatalog& catalog = start();
+  std::jthread looking([&](const std::stop_token& stop) {
+    while (!stop.stop_requested()) catalog.refresh();
+  });
+  int wrong = 0;
+  for (int i = 0; i < 200; ++i) {
+    const std::string version = i % 2 == 0 ? "v2" : "v1";
+    catalog.activate("town", version, {}, true);
+    for (int looks = 0; looks < 20; ++looks) wrong += served() == version ? 0 : 1;
+  }
+  EXPECT_EQ(wrong, 0);
+}
+
+TEST_F(MapCatalogTest, FailureIsToldWithoutPlacesOfTheMachine) {
+  std::filesystem::remove(store_folder_.path() / "packages" / digests_[1] / "manifest.json");
+  const ServedVersion broken = start().active().front();
+  EXPECT_EQ(broken.state, MapState::kFailed);
+  EXPECT_THAT(broken.failure, HasSubstr(digests_[1]));
+  EXPECT_THAT(broken.failure, Not(HasSubstr(store_folder_.path().string())));
 }
 
 TEST_F(MapCatalogTest, MapWithoutAnActiveVersionSaysSo) {

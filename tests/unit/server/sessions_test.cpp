@@ -182,6 +182,18 @@ TEST_F(Sessions, ASessionThatIsDeletedIsGone) {
   EXPECT_TRUE(ask(request("GET", "/v1/sessions"))["sessions"].empty());
 }
 
+TEST_F(Sessions, ASessionOutlivesItsMap) {
+  const std::string session = open();
+  EXPECT_EQ(send(request("DELETE", "/v1/maps/town")).status, 409);
+  HttpRequest removal = request("DELETE", "/v1/maps/town");
+  removal.query = {{"active", "true"}};
+  EXPECT_EQ(send(removal).status, 204);
+  while (get("/v1/maps/town/ready").status != 404) std::this_thread::yield();
+  EXPECT_EQ(ask(scan(session, "100"))["map"]["version"], TownStore::version());
+  EXPECT_EQ(get(session).status, 200);
+  EXPECT_TRUE(get(session + "/events").events->next(std::chrono::milliseconds(1)).has_value());
+}
+
 TEST_F(Sessions, EventsTellOfChangesAndEndWithTheSession) {
   const std::string session = open();
   ask(scan(session, "1000000000"));

@@ -145,6 +145,18 @@ TEST_F(TransportAttack, PackedBodiesAreBoundedAndChecked) {
   EXPECT_THAT(post("plain text"), StartsWith("HTTP/1.1 400"));
 }
 
+TEST_F(TransportAttack, RouteBoundsItsBodyBelowTheServersBound) {
+  const auto post = [&](const std::string& headers, const std::string& body) {
+    return raw("POST /small HTTP/1.1\r\nHost: x\r\nConnection: close\r\n" + headers +
+               "Content-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body);
+  };
+  EXPECT_EQ(body_of(post("", std::string(24, 'a'))), std::string(24, 'a'));
+  EXPECT_THAT(post("", std::string(25, 'a')), StartsWith("HTTP/1.1 413"));
+  // 30 times "a" by gzip -n, which the server's own bound allows.
+  const std::string packed("\x1f\x8b\x08\0\0\0\0\0\0\x03KL\xc4\x07\0\xc1\xd3\xc1k\x1e\0\0\0", 23);
+  EXPECT_THAT(post("Content-Encoding: gzip\r\n", packed), StartsWith("HTTP/1.1 413"));
+}
+
 /// Sends one byte each tenth of a second, for ever.
 bool is_cut_off(RawClient& client, std::chrono::seconds within) {
   const auto begin = std::chrono::steady_clock::now();

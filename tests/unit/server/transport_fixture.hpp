@@ -113,6 +113,8 @@ class ScriptedHandler final : public RequestHandler {
          }},
         {"POST", "/echo", [](Request request, Path) { return text(request.body); }, Access::kRead,
          BodyKind::kWhole},
+        {"POST", "/small", [](Request request, Path) { return text(request.body); }, Access::kRead,
+         BodyKind::kWhole, 24},
         {"PUT", "/stream", [](Request request, Path) { return count(request); }, Access::kRead,
          BodyKind::kStreamed, 1'000'000},
         {"PUT", "/unread", [](Request, Path) { return text("not looked at"); }, Access::kRead,

@@ -164,6 +164,8 @@ TEST_F(TransportSmall, EveryAnswerHasItsHeaders) {
 TEST_F(TransportSmall, OldClientsGetWhatTheyUnderstand) {
   const std::string answer = raw("GET /livez HTTP/1.0\r\n\r\n");
   EXPECT_THAT(answer, HasSubstr("Connection: close\r\n"));
+  EXPECT_THAT(raw("POST /echo HTTP/1.0\r\nExpect: 100-continue\r\nContent-Length: 2\r\n\r\nhi"),
+              StartsWith("HTTP/1.1 200"));
   RawClient client(port_);
   client.send("GET /events HTTP/1.0\r\n\r\n");
   EXPECT_THAT(client.read_until("data: {}\n\n"), Not(HasSubstr("chunked")));

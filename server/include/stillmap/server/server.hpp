@@ -38,6 +38,8 @@ class Server {
   /// The same after `DrainOptions::delay_s`, in which everything is answered still; `/readyz` is
   /// 503 from now on. Returns at once; `run` returns when it is done.
   void drain();
+  /// For the metrics: what was to be read again was, or not all of it.
+  void note_reload(bool well);
   /// Puts those options in force that may change while it runs.
   /// @throws std::invalid_argument on broken options; those before stay in force.
   void reload(const ServerOptions& options);
