@@ -4,6 +4,7 @@
 usage: cpp_client_test.py STILLMAP STORE DRIVE PACKAGE STREAM_DRIVE
 """
 
+import json
 import pathlib
 import re
 import shutil
@@ -13,6 +14,7 @@ import tempfile
 import threading
 import time
 import unittest
+import urllib.request
 
 PROGRAM, STORE, DRIVE, _, EXAMPLE = (pathlib.Path(x).resolve() for x in sys.argv[1:6])
 
@@ -44,6 +46,13 @@ class Streaming(unittest.TestCase):
         lines = [line.split() for line in done.stdout.splitlines()[:-1]]
         return done, [int(x) for x in counts.groups()], lines
 
+    def wait_for_session(self):
+        for _ in range(100):
+            time.sleep(0.1)
+            with urllib.request.urlopen(f"http://127.0.0.1:{self.port}/v1/maps/town/stats", timeout=10) as answer:
+                if sum(json.load(answer)["queries"].values()) > 1:
+                    return
+
     def test_a_slow_vehicle_has_every_scan_answered_a_fast_one_its_newest(self):
         self.start()
         scans = len(list((DRIVE / "velodyne").glob("*.bin")))
@@ -57,7 +66,7 @@ class Streaming(unittest.TestCase):
 
     def test_the_stream_goes_on_with_a_server_started_anew(self):
         self.start()
-        restarting = threading.Thread(target=lambda: (time.sleep(1.0), self.stop(), time.sleep(0.5), self.start()))
+        restarting = threading.Thread(target=lambda: (self.wait_for_session(), self.stop(), time.sleep(0.5), self.start()))
         restarting.start()
         done, (answered, _, failed, sessions), lines = self.stream(8)
         restarting.join()
