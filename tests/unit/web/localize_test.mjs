@@ -149,3 +149,81 @@ test('lengths are told with the digits that they are worth', () => {
     ['0.4 mm', '4 mm', '4.2 cm', '42 cm', '3.21 m', '250 m', '–']);
   assert.equal(angleWords(Math.PI / 180), '1.00°');
 });
+
+const { DriveRun } = await built('drive_run');
+const { kStale_s, lookOf, watchFleet } = await built('fleet');
+
+/** Routes that answer `lost` for every scan and write down what they were asked; `fail` of them throw. */
+function fakeRoutes(fail = {}) {
+  const asked = [];
+  const route = (name, answer) => async (...given) => {
+    asked.push([name, ...given].join(' '));
+    if (fail[asked.length] !== undefined) throw fail[asked.length];
+    return answer(...given);
+  };
+  return {
+    asked,
+    open: route('open', () => `s${asked.length}`), send: route('send', (_, scan) => ({ scan })), close: route('close', () => undefined),
+  };
+}
+
+test('a drive goes through one session, scan by scan, and gives it back', async () => {
+  const routes = fakeRoutes();
+  const states = [];
+  const run = new DriveRun(3, routes, () => states.push(run.state));
+  await run.play();
+  assert.deepEqual(routes.asked, ['open', 'send s1 0', 'send s1 1', 'send s1 2', 'close s1']);
+  assert.deepEqual([run.state, run.answers.length, states.includes('running')], ['done', 3, true]);
+});
+
+test('a paused drive stops after the scan under way and goes on from there', async () => {
+  const routes = fakeRoutes();
+  const run = new DriveRun(3, routes, () => run.answers.length === 1 && run.pause());
+  await run.play();
+  assert.deepEqual([run.state, run.answers.length], ['paused', 1]);
+  await run.play();
+  assert.deepEqual([run.state, run.answers.length], ['done', 3]);
+});
+
+test('after a failure the same scan is sent again; a session that is gone is opened anew', async () => {
+  const routes = fakeRoutes({ 3: Object.assign(new Error('down'), {}), 5: Object.assign(new Error('gone'), { status: 404 }) });
+  const run = new DriveRun(3, routes, () => undefined);
+  await run.play();
+  assert.deepEqual([run.state, run.error.message], ['failed', 'down']);
+  await run.play();
+  assert.deepEqual([run.state, run.error.message], ['failed', 'gone']);
+  await run.play();
+  assert.deepEqual(routes.asked, ['open', 'send s1 0', 'send s1 1', 'send s1 1', 'send s1 2', 'open', 'send s6 2', 'close s6']);
+  assert.deepEqual([run.state, run.error], ['done', undefined]);
+});
+
+test('vehicles are asked for every second, less often after failures, and not while nobody looks', async () => {
+  const waits = [];
+  let next;
+  let visible = true;
+  const answers = [[], new Error('down'), new Error('down'), []];
+  let asked = 0;
+  const world = {
+    ask: async () => { const answer = answers[asked++]; if (answer instanceof Error) throw answer; return answer; },
+    visible: () => visible,
+    after: (ms, then) => { waits.push(ms); next = then; return () => { next = undefined; }; },
+  };
+  const settled = () => new Promise((resolve) => setImmediate(resolve));
+  const told = [];
+  const watch = watchFleet(world, (list) => told.push(list), (error) => told.push(error.message));
+  for (let i = 0; i < 3; ++i) { await settled(); next(); }
+  await settled();
+  visible = false;
+  next();
+  await settled();
+  assert.deepEqual([waits, told.length, asked], [[1000, 2000, 4000, 1000, 1000], 4, 4]);
+  watch.stop();
+  assert.equal(next, undefined);
+});
+
+test('a vehicle that sends nothing is greyed whatever it said last', () => {
+  const vehicle = { status: 'ok', idle_s: 1 };
+  assert.equal(lookOf(vehicle), 'ok');
+  assert.equal(lookOf({ ...vehicle, idle_s: kStale_s + 1 }), 'stale');
+  assert.equal(lookOf({ status: null, idle_s: 99 }), 'new');
+});
