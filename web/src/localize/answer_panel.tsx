@@ -51,7 +51,7 @@ export function AnswerPanel({ answer, roundTrip_ms, curl, magnified }: {
 function Facts({ answer, pose }: { answer: Answer; pose: Pose | null }) {
   const facts: [string, string][] = [];
   if (pose !== null) {
-    facts.push(['Place', pose.position.map((value) => value.toFixed(2)).join(', ')]);
+    facts.push(['Place', `${pose.position.map((value) => value.toFixed(2)).join(', ')} m`]);
     facts.push(['Heading', `${angleWords(headingOf(pose))} from east`]);
   }
   if (answer.priorToPose !== null) {
@@ -81,7 +81,7 @@ function Timings({ answer, roundTrip_ms }: { answer: Answer; roundTrip_ms: numbe
         {roundTrip_ms !== null && <span class="quiet">, {roundTrip_ms.toFixed(0)} ms with the way there and back</span>}
       </p>
       <div class="timing-bar" role="img" aria-label={words}>
-        {kStages.map(([key, word]) => <span key={key} class={`stage ${key}`} title={word} style={{ width: `${total > 0 ? (100 * answer.timing_ms[key]) / total : 0}%` }} />)}
+        {kStages.map(([key, word]) => <span key={key} class={`part ${key}`} title={word} style={{ width: `${total > 0 ? (100 * answer.timing_ms[key]) / total : 0}%` }} />)}
       </div>
       <p class="quiet">{words}</p>
     </div>

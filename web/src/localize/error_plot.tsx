@@ -1,4 +1,5 @@
 import { headingOf, type Pose } from './pose.js';
+import { roundBelow } from './round.js';
 import { kSigmas } from './sigmas.js';
 import { uncertaintyOf } from './uncertainty.js';
 import { angleWords, lengthWords } from './words.js';
@@ -17,12 +18,6 @@ const kFill = 0.78;
 
 const degrees = (radians: number): number => (radians * 180) / Math.PI;
 
-/** 1, 2 or 5 times a power of ten, at most `most`. */
-export function roundLength(most: number): number {
-  const power = 10 ** Math.floor(Math.log10(most));
-  return [5, 2, 1].map((times) => times * power).find((length) => length <= most) ?? power;
-}
-
 /**
  * How sure the pose is, over ground, north up: the ellipse of its covariance and, when it is `ok`, the
  * box that its protection levels promise.
@@ -32,7 +27,7 @@ export function ErrorPlot({ pose, covariance, protection }: { pose: Pose; covari
   const { longitudinal_m: along, lateral_m: across } = protection;
   const reach_m = Math.max(kSigmas * found.major_m, along ?? 0, across ?? 0, 1e-4);
   const scale = (kFill * kHalf) / reach_m;
-  const bar_m = roundLength((0.7 * kHalf) / scale);
+  const bar_m = roundBelow((0.7 * kHalf) / scale);
   const heading = -degrees(headingOf(pose));
   const words = `Ellipse of ${kSigmas} deviations: ${lengthWords(kSigmas * found.major_m)} by ${lengthWords(kSigmas * found.minor_m)}` +
     (along === null || across === null ? '.' : `; protected within ${lengthWords(along)} along and ${lengthWords(across)} across.`);

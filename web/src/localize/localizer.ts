@@ -48,9 +48,12 @@ const kFromAside_rad = 0.5;
 /** What the localization view knows and does; the picture follows it once there is one. */
 export class Localizer {
   readonly state = new Store<LocalizeState>(kBegin);
+  /** Told where a scan was found for the first time since it was dropped. */
+  onFirstAnswer: (pose: Pose) => void = () => undefined;
   private scene: MapScene | undefined;
   private asking = new AbortController();
   private timer: ReturnType<typeof setTimeout> | undefined;
+  private answered = 0;
 
   /** @param still whether the person wants less motion. */
   constructor(private readonly place: MapPlace, private readonly still: () => boolean) {}
@@ -117,6 +120,8 @@ export class Localizer {
     this.change({ busy: 'asking', error: null });
     try {
       const asked = await localize(this.place, start, scan, signal);
+      const { pose } = asked.answer;
+      if (this.state.get().asked === null && pose !== null) this.onFirstAnswer(pose);
       this.change({ asked, busy: null });
       await this.scene?.showAnswer(asked.answer, this.from(start, asked.answer), this.still(), this.state.get().byResidual);
     } catch (error) {
@@ -192,6 +197,7 @@ export class Localizer {
     this.asking = new AbortController();
     const routes = sessionRoutes(this.place, start, (index) => this.read(files[index]!), stamps_ns, this.asking.signal);
     const run: DriveRun = new DriveRun(files.length, routes, () => this.driven(run));
+    this.answered = 0;
     this.change({ drive: { run, files, stampSource: source } });
     await run.play();
   }
@@ -205,6 +211,9 @@ export class Localizer {
     // A new object, so that the view is drawn anew: the run itself stays the same.
     this.change({ drive: { ...drive }, error: shownError });
     this.scene?.showPath(run.answers);
+    const pose = run.answers[newest]?.pose;
+    if (newest === 0 && pose && this.answered === 0) this.onFirstAnswer(pose);
+    this.answered = run.answers.length;
     if (newest >= 0 && (newest !== shown || run.state === 'done')) void this.show(newest);
   }
 

@@ -2,21 +2,14 @@ import * as THREE from 'three';
 import { headingOf, type Pose, type Vec3 } from './pose.js';
 import { freeDirection, uncertaintyOf } from './uncertainty.js';
 import { matrixAt } from './scan_cloud.js';
+import { magnification } from './magnification.js';
 import { kSigmas } from './sigmas.js';
 
 const kEllipseSteps = 96;
-/** An ellipse is enlarged by a power of ten until its long half is so long [m], so that it can be seen. */
-const kLeastEllipse_m = 0.8;
 const kDirection_m = 8;
 /** Least size of a vehicle's mark in the picture [px], and its length [m]. */
 const kLeastMark_px = 22;
 const kMark_m = 4.4;
-
-/** How much larger an ellipse is drawn than it is. */
-export function magnification(major_m: number): number {
-  const long = kSigmas * Math.max(major_m, 1e-6);
-  return 10 ** Math.max(0, Math.ceil(Math.log10(kLeastEllipse_m / long)));
-}
 
 /** A flat arrow that shows where a vehicle is and where it looks; never smaller than can be seen. */
 export class VehicleMark {

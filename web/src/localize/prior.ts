@@ -1,5 +1,5 @@
 import { Quaternion, Vector3 } from 'three';
-import { poseWithHeading, type Pose, type Vec3 } from './pose.js';
+import { headingOf, poseWithHeading, type Pose, type Vec3 } from './pose.js';
 
 /** The recorded pose nearest to a place over ground: whose height and slope a prior there takes. */
 function nearestPose(poses: readonly Pose[], place: Vec3): Pose | undefined {
@@ -23,4 +23,10 @@ export function priorAt(ground: Vec3, heading_rad: number, poses: readonly Pose[
   if (!known) return poseWithHeading([ground[0], ground[1], ground[2] + kSensorHeight_m], heading_rad);
   const up = new Vector3(0, 0, 1).applyQuaternion(new Quaternion(...near.quaternion));
   return poseWithHeading([ground[0], ground[1], near.position[2]], heading_rad, [up.x, up.y, up.z]);
+}
+
+/** Where vehicles looked who drove nearest to a place [rad]; along +x where nobody did. */
+export function usualHeading(place: Vec3, poses: readonly Pose[]): number {
+  const near = nearestPose(poses, place);
+  return near === undefined ? 0 : headingOf(near);
 }

@@ -1,6 +1,6 @@
 import type { PointerPlace, Tool } from '../scene/pointers.js';
 import type { Pose, Vec3 } from './pose.js';
-import { priorAt } from './prior.js';
+import { priorAt, usualHeading } from './prior.js';
 
 /** A drag shorter than this says nothing about where the sensor looked [m]. */
 const kLeastDrag_m = 0.5;
@@ -12,14 +12,14 @@ const kLeastDrag_m = 0.5;
  * @param show    told with the prior as it stands; `settled` once the drag has ended.
  * @param done    the drag has ended, or was given up.
  */
-export function priorTool(poses: readonly Pose[], heading: (ground: Vec3) => number, show: (prior: Pose, settled: boolean) => void, done: () => void): Tool {
+export function priorTool(poses: readonly Pose[], show: (prior: Pose, settled: boolean) => void, done: () => void): Tool {
   let ground: Vec3 | undefined;
   let prior: Pose | undefined;
   const look = (place: PointerPlace, settled: boolean): void => {
     if (ground === undefined) return;
     const end = place.pick()?.position ?? ground;
     const [dx, dy] = [end[0] - ground[0], end[1] - ground[1]];
-    const angle = Math.hypot(dx, dy) < kLeastDrag_m ? heading(ground) : Math.atan2(dy, dx);
+    const angle = Math.hypot(dx, dy) < kLeastDrag_m ? usualHeading(ground, poses) : Math.atan2(dy, dx);
     prior = priorAt(ground, angle, poses);
     show(prior, settled);
   };

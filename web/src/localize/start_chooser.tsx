@@ -4,11 +4,10 @@ import { numberOf, readGnss, type GnssText } from './gnss_text.js';
 import { headingOf, poseWithHeading, type Pose, type Vec3 } from './pose.js';
 import type { Start } from './request.js';
 
-const kChoices = [
-  ['everywhere', 'Anywhere in the map'],
-  ['prior', 'From a place that I show'],
-  ['gnss', 'From a satellite fix'],
-] as const;
+export const kStartWords: Record<Start['kind'], string> = {
+  everywhere: 'anywhere in the map', prior: 'from a place that I show', gnss: 'from a satellite fix',
+};
+const kKinds: readonly Start['kind'][] = ['everywhere', 'prior', 'gnss'];
 
 interface Props {
   start: Start['kind'];
@@ -28,14 +27,14 @@ export function StartChooser(props: Props) {
   const fault = props.start === 'gnss' ? readGnss(props.gnss) : null;
   return (
     <fieldset class="start">
-      <legend>Where to look</legend>
-      {kChoices.map(([kind, words]) => (
+      <legend class="unseen">Where to look</legend>
+      {kKinds.map((kind) => (
         <label key={kind} class="choice">
           <input
             type="radio" name="start" value={kind} checked={props.start === kind}
             disabled={kind === 'gnss' && !props.geodetic} onChange={() => props.onStart(kind)}
           />
-          <span>{words}</span>
+          <span>{sentence(kStartWords[kind])}</span>
         </label>
       ))}
       {!props.geodetic && <p class="hint">This map does not know where on Earth it lies, so that a satellite fix says nothing.</p>}
@@ -59,6 +58,8 @@ export function StartChooser(props: Props) {
     </fieldset>
   );
 }
+
+const sentence = (words: string): string => words.charAt(0).toUpperCase() + words.slice(1);
 
 /** The same prior in numbers, for the keyboard and for places that are known. */
 function PriorNumbers({ prior, onPrior, middle }: Props) {
