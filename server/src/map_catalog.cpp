@@ -51,6 +51,16 @@ std::string frame_name(const maps::PackageStore& store, const std::string& map,
   return package->digest();
 }
 
+/// 0 also when the version is gone.
+std::uint64_t copy_of(const maps::PackageStore& store, const std::string& map,
+                      const std::string& version) {
+  try {
+    return store.copy_of(map, version);
+  } catch (const maps::StoreRefusal&) {
+    return 0;
+  }
+}
+
 }  // namespace
 
 MapCatalog::MapCatalog(maps::PackageStore& store, AlignerBuilder builder, Metrics* metrics)
@@ -94,7 +104,7 @@ ServedVersion MapCatalog::find(std::string_view map, std::string_view version) {
   const Key key(map, version);
   // It may be open still and yet be removed.
   (void)store_.state().version(map, version);
-  ServedVersion served = open(key);
+  ServedVersion served = open(key).served;
   if (!served.package) throw unusable(served);
   return served;
 }
@@ -125,7 +135,7 @@ maps::StoredMap MapCatalog::activate(std::string_view map, std::string_view vers
                                                 " cannot be loaded; what was active stays so");
   }
   if (before.active && *before.active != key.second && !new_frame) {
-    const ServedVersion present = open({key.first, *before.active});
+    const ServedVersion present = open({key.first, *before.active}).served;
     if (present.package && frame_name(store_, key.first, present.package) !=
                                frame_name(store_, key.first, next.package)) {
       throw ApiError(ErrorCode::kOtherFrame,
@@ -197,6 +207,7 @@ void MapCatalog::follow_store() {
     std::erase_if(active_, [&](const auto& each) { return !wanted.contains(each.first); });
   }
   for (const auto& [map, version] : wanted) follow(map, version);
+  notice_replaced();
   forget_unused();
 }
 
@@ -218,52 +229,79 @@ void MapCatalog::follow(const std::string& map, const std::string& version) {
   changed_.notify_all();
 }
 
+/// What is open of a package that was damaged is what was damaged: the mended one lies beside it.
+void MapCatalog::notice_replaced() {
+  std::vector<std::pair<Key, std::uint64_t>> open;
+  {
+    const std::scoped_lock lock(mutex_);
+    for (const auto& [key, slot] : slots_) open.emplace_back(key, slot.copy);
+  }
+  for (const auto& [key, copy] : open) {
+    const std::uint64_t now = copy_of(store_, key.first, key.second);
+    if (now == 0 || now == copy) continue;
+    const std::scoped_lock lock(mutex_);
+    const auto slot = slots_.find(key);
+    if (slot == slots_.end() || slot->second.served.state == MapState::kLoading) continue;
+    if (is_served(key))
+      slot->second.replaced = true;
+    else
+      slots_.erase(slot);
+    changed_.notify_all();
+  }
+}
+
 /// As clients are told, health without a key too: places of this machine stay in the log.
 std::string MapCatalog::shown(const std::exception& error) const {
   return without_folder(error.what(), store_.folder());
 }
 
 /// @throws StoreRefusal when the store knows no such version.
-ServedVersion MapCatalog::opened(const Key& key) const {
-  ServedVersion served{.map = key.first, .version = key.second};
+MapCatalog::Slot MapCatalog::opened(const Key& key) const {
+  Slot slot{.served = {.map = key.first, .version = key.second}};
+  slot.copy = store_.copy_of(key.first, key.second);
   try {
-    served.package = store_.open(key.first, key.second);
+    slot.served.package = store_.open(key.first, key.second);
   } catch (const maps::StoreRefusal&) {
     throw;
   } catch (const std::exception& error) {
     spdlog::error("{} cannot be opened: {}", described(key.first, key.second), error.what());
-    served.state = MapState::kFailed;
-    served.failure = shown(error);
+    slot.served.state = MapState::kFailed;
+    slot.served.failure = shown(error);
   }
-  return served;
+  return slot;
 }
 
-ServedVersion MapCatalog::open(const Key& key) {
+MapCatalog::Slot MapCatalog::open(const Key& key) {
   {
     const std::scoped_lock lock(mutex_);
     const auto found = slots_.find(key);
     if (found != slots_.end()) {
       found->second.last_use = ++uses_;
-      return found->second.served;
+      return found->second;
     }
   }
-  ServedVersion served = opened(key);
+  Slot slot = opened(key);
   const std::scoped_lock lock(mutex_);
-  return slots_.try_emplace(key, Slot{std::move(served), ++uses_}).first->second.served;
+  slot.last_use = ++uses_;
+  return slots_.try_emplace(key, std::move(slot)).first->second;
 }
 
-/// Makes a version ready, unless it is. One that failed is tried again: the disk may be well.
+/// Makes a version ready, unless it is. One that failed is tried again: the disk may be well. One
+/// whose package was replaced serves as it is when the other cannot be used.
 ServedVersion MapCatalog::load(const Key& key) {
   const std::scoped_lock one_at_a_time(load_mutex_);
-  ServedVersion served = open(key);
-  if (served.state == MapState::kReady) return served;
-  if (!served.package) served = opened(key);
-  if (served.package) make_ready(served);
-  if (metrics_ != nullptr && served.state == MapState::kFailed)
+  const Slot before = open(key);
+  Slot slot = before;
+  const bool usable = before.served.state == MapState::kReady;
+  if (usable && !before.replaced) return before.served;
+  if (!before.served.package || before.replaced) slot = opened(key);
+  if (slot.served.package) make_ready(slot.served);
+  if (metrics_ != nullptr && slot.served.state == MapState::kFailed)
     metrics_->map_load_failed(key.first);
+  if (usable && slot.served.state == MapState::kFailed) slot.served = before.served;
   const std::scoped_lock lock(mutex_);
-  slots_.insert_or_assign(key, Slot{served, ++uses_});
-  return served;
+  slot.last_use = ++uses_;
+  return slots_.insert_or_assign(key, std::move(slot)).first->second.served;
 }
 
 void MapCatalog::make_ready(ServedVersion& version) const {
@@ -316,7 +354,7 @@ void MapCatalog::forget_unused() {
 std::optional<MapCatalog::Key> MapCatalog::next_to_load() const {
   std::optional<Key> other;
   for (const auto& [key, slot] : slots_) {
-    if (slot.served.state != MapState::kLoading) continue;
+    if (slot.served.state != MapState::kLoading && !slot.replaced) continue;
     if (is_served(key)) return key;
     if (!other) other = key;
   }

@@ -43,8 +43,8 @@ struct ServedVersion {
 
 /// Versions of the store's maps, open and, once a thread of its own has prepared them, with their
 /// aligners: the active ones always, others when they are asked for. Queries keep the version they
-/// began with. Notices within a second or two what other processes activate. Safe from several
-/// threads.
+/// began with. Notices within a second or two what other processes activate, and when a damaged
+/// package is replaced. Safe from several threads.
 class MapCatalog {
  public:
   /// @param store  outlives this. @param metrics  counts loads when there; outlives this.
@@ -87,6 +87,10 @@ class MapCatalog {
   struct Slot {
     ServedVersion served;
     std::uint64_t last_use = 0;
+    /// As of `PackageStore::copy_of`, before it was opened.
+    std::uint64_t copy = 0;
+    /// The store has another copy now, which must be loaded.
+    bool replaced = false;
   };
   struct Active {
     std::string serving;
@@ -97,9 +101,10 @@ class MapCatalog {
   void work(const std::stop_token& stop);
   void follow_store();
   void follow(const std::string& map, const std::string& version);
+  void notice_replaced();
   [[nodiscard]] std::string shown(const std::exception& error) const;
-  [[nodiscard]] ServedVersion opened(const Key& key) const;
-  ServedVersion open(const Key& key);
+  [[nodiscard]] Slot opened(const Key& key) const;
+  Slot open(const Key& key);
   ServedVersion load(const Key& key);
   void make_ready(ServedVersion& version) const;
   void serve(const Key& key);
