@@ -1,6 +1,6 @@
 #include "context.hpp"
 
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 
 #include <stillmap/maps/store/map_name.hpp>
 

@@ -1,13 +1,13 @@
 #pragma once
 
+#include "catalog/map_catalog.hpp"
+#include "catalog/upload_places.hpp"
+#include "http/router.hpp"
 #include "jobs/job_runner.hpp"
-#include "map_catalog.hpp"
-#include "metrics.hpp"
+#include "operation/metrics.hpp"
 #include "pose/alignment_queue.hpp"
 #include "pose/map_stats.hpp"
 #include "pose/session_table.hpp"
-#include "router.hpp"
-#include "upload_places.hpp"
 
 #include <stillmap/maps/store/drive_store.hpp>
 #include <stillmap/server/options_holder.hpp>

@@ -1,4 +1,4 @@
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 #include "handlers/context.hpp"
 #include "jobs/job_runner.hpp"
 

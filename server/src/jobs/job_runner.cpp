@@ -1,8 +1,8 @@
 #include "jobs/job_runner.hpp"
 
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
+#include "errors/upload_errors.hpp"
 #include "handlers/context.hpp"
-#include "upload_errors.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>

@@ -1,6 +1,6 @@
-#include "map_catalog.hpp"
+#include "catalog/map_catalog.hpp"
 
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 #include "service_fixture.hpp"
 #include "support/stored_packages.hpp"
 
