@@ -2,19 +2,13 @@
 
 #include "errors/api_error.hpp"
 #include "http/header_text.hpp"
+#include "ids_and_times.hpp"
 
-#include <chrono>
 #include <cmath>
 #include <string_view>
 
 namespace stillmap::server {
 namespace {
-
-std::int64_t now_ns() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
 
 /// RFC 6750: what a client without a valid key is told.
 ApiError unauthorized(ErrorCode code, const std::string& detail) {
@@ -101,7 +95,7 @@ maps::ApiKey Gatekeeper::checked(const std::string& authorization) {
     throw unauthorized(ErrorCode::kMissingKey, "Authorization: the scheme is Bearer");
   }
   const maps::KeyCheck check =
-      keys_.check(trimmed(std::string_view(authorization).substr(kScheme.size())), now_ns());
+      keys_.check(trimmed(std::string_view(authorization).substr(kScheme.size())), unix_ns());
   switch (check.verdict) {
     case maps::KeyCheck::Verdict::kGood:
       return *check.key;
