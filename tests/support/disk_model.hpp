@@ -95,8 +95,7 @@ class DiskModel {
   /// As `rename`; both names of one folder change together.
   void exchange(const std::filesystem::path& one, const std::filesystem::path& other) {
     const std::shared_ptr<Node> node = at(one), other_node = at(other);
-    if (one.parent_path() == other.parent_path())
-      return link({{one, other_node}, {other, node}});
+    if (one.parent_path() == other.parent_path()) return link({{one, other_node}, {other, node}});
     link({{other, node}});
     link({{one, other_node}});
   }

@@ -79,7 +79,8 @@ class PackageStore::Incoming {
       return;
     }
     files_.exchange(package, target);
-    // Until it is sure to last, a power cut may bring the other one back, so it must not be emptied.
+    // Until it is sure to last, a power cut may bring the other one back, so it must not be
+    // emptied.
     stays_ = true;
     files_.sync_folder(target.parent_path());
     stays_ = false;
