@@ -1,7 +1,7 @@
 import { toApiError, type ApiError } from '../api/errors.js';
 
 /** Asks the server; throws ApiError for all that is no success. What waits for a busy server does so in here. */
-export type Ask = (url: string, signal: AbortSignal) => Promise<Response>;
+export type Ask = (url: string, init: { readonly signal: AbortSignal }) => Promise<Response>;
 
 /** Why no more of a map comes; the text is for people. */
 export interface Trouble {
@@ -29,12 +29,12 @@ export class TileSource {
 
   /** The body; waits as long as there is trouble. Rejects only with AbortError, when `signal` fires. */
   bytes(url: string, signal: AbortSignal): Promise<ArrayBuffer> {
-    return this.until(signal, async () => (await this.ask_(url, signal)).arrayBuffer());
+    return this.until(signal, async () => (await this.ask_(url, { signal })).arrayBuffer());
   }
 
   /** As `bytes`, parsed. */
   json(url: string, signal: AbortSignal): Promise<unknown> {
-    return this.until(signal, async () => (await this.ask_(url, signal)).json() as Promise<unknown>);
+    return this.until(signal, async () => (await this.ask_(url, { signal })).json() as Promise<unknown>);
   }
 
   get trouble(): Trouble | undefined {

@@ -64,7 +64,7 @@ export class ViewerModel {
     this.cloud = new MapCloud({
       tilesetUrl: `${versionPath(facts.name, facts.version)}/3dtiles/tileset.json`,
       origin: facts.origin, voxelSizeM: facts.voxel_size_m,
-      ask: (url, signal) => send('GET', url, { signal }),
+      ask: (url, { signal }) => send('GET', url, { signal }),
       onChange: () => this.scene.requestRender(), onTrouble: (trouble) => this.trouble.set(trouble),
     });
     this.scene.addCloud(this.cloud);
