@@ -37,7 +37,7 @@ export interface Split {
   readonly apart?: boolean;
 }
 
-export const kBackgrounds: Record<Theme, number> = { dark: 0x10141a, light: 0xf5f6f8 };
+export const kBackgrounds: Record<Theme, number> = { dark: 0x0f1318, light: 0xf4f6f8 };
 const kElevation = (50 * Math.PI) / 180;
 // Not quite 90 degrees: there "up" would have no direction.
 const kStraightDown = 0.4999 * Math.PI;
