@@ -8,7 +8,7 @@ import type { ViewerModel } from './model.js';
 import { Section } from './panel.js';
 import type { ExportScope } from './tools.js';
 
-const kScopeWords: Record<ExportScope, string> = { map: 'the whole map', clip: 'what the clip box leaves', section: 'the section' };
+const kScopeWords: Record<ExportScope, string> = { map: 'Whole map', clip: 'Clip box', section: 'Section' };
 
 /** Takes points of full resolution into a file. */
 export function ExportPanel({ model }: { model: ViewerModel }) {
@@ -27,7 +27,7 @@ export function ExportPanel({ model }: { model: ViewerModel }) {
   };
   return (
     <Section title="Export">
-      <div class="viewer-row">
+      <div class="viewer-row viewer-export">
         <select aria-label="What to export" value={scope} onChange={({ currentTarget }) => setWanted(currentTarget.value as ExportScope)}>
           {scopes.map((name) => <option key={name} value={name}>{kScopeWords[name]}</option>)}
         </select>

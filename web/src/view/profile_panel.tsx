@@ -2,7 +2,7 @@ import { useEffect, useRef } from 'preact/hooks';
 import uPlot from 'uplot';
 import 'uplot/dist/uPlot.min.css';
 import { kKindColours } from '../scene/colour_maps.js';
-import { lengthOf, type Profile } from '../scene/section.js';
+import { extentOf, lengthOf, type Profile } from '../scene/section.js';
 import { kKinds, type Theme } from '../scene/types.js';
 import { number } from '../ui/format.js';
 import { useStore } from '../ui/store.js';
@@ -46,7 +46,7 @@ function settings(profile: Profile, kinds: readonly number[], now: Theme, width:
   const style = getComputedStyle(document.documentElement);
   const colour = (name: string): string => style.getPropertyValue(name).trim();
   const axis: uPlot.Axis = { stroke: colour('--quiet'), grid: { stroke: colour('--line') }, ticks: { stroke: colour('--line') } };
-  const [low, high] = extent(profile);
+  const [low, high] = shownHeights(profile);
   return {
     width, height: kHeightPx, legend: { show: false },
     cursor: { drag: { x: true, y: true, uni: 20 } },
@@ -84,11 +84,9 @@ function drawPoints(plot: uPlot, { along, heights, kinds }: Profile, shown: read
   ctx.restore();
 }
 
-function extent({ heights }: Profile): [number, number] {
-  let [low, high] = [Infinity, -Infinity];
-  for (const height of heights) {
-    low = Math.min(low, height);
-    high = Math.max(high, height);
-  }
-  return low < high ? [low - 0.03 * (high - low), high + 0.03 * (high - low)] : [low - 1 || -1, low + 1 || 1];
+// With some room around, also for a cut that met nothing.
+function shownHeights(profile: Profile): [number, number] {
+  const [low, high] = extentOf(profile) ?? [0, 1];
+  const room = Math.max(0.04 * (high - low), 0.2);
+  return [low - room, high + room];
 }
