@@ -2,7 +2,6 @@ import { useState } from 'preact/hooks';
 import { kExportFormats, type ExportFormat } from '../scene/export_points.js';
 import { plural } from '../ui/format.js';
 import { say } from '../ui/notices.js';
-import { Progress } from '../ui/parts.js';
 import { useStore } from '../ui/store.js';
 import type { ViewerModel } from './model.js';
 import { Section } from './panel.js';
@@ -36,7 +35,6 @@ export function ExportPanel({ model }: { model: ViewerModel }) {
         </select>
         <button type="button" class="small" disabled={work.state === 'busy'} onClick={() => void save()}>Save</button>
       </div>
-      {work.state === 'busy' && <Progress value={work.share} label="Fetching points of full resolution" />}
     </Section>
   );
 }

@@ -204,6 +204,7 @@ export class ViewerModel {
     this.cloud.setKinds(new Set(kinds));
     materials.setTheme(this.theme_);
     materials.setColouring(colouring);
+    materials.setRound(quality !== 'reduced');
     materials.setClip(clip && { box: this.inScene(clip.box), mode: clip.mode });
     this.objects_.group.visible = overlays.includes('objects');
     for (const overlay of ['trajectory', 'keyframes', 'loops'] as const) this.track_[overlay].visible = overlays.includes(overlay);

@@ -29,12 +29,12 @@ export function ProfilePanel({ model }: { model: ViewerModel }) {
       plot.destroy();
     };
   }, [section, profile, now, kinds]);
-  if (section === undefined) return null;
+  if (section === undefined || profile === undefined) return null;
   return (
     <section class="viewer-profile" aria-label="Section from the side">
       <header>
         <h2>Section</h2>
-        <p class="quiet">{profile === undefined ? 'Fetching its points…' : `${number(profile.heights.length)} points of full resolution; drag to zoom, double click for all`}</p>
+        <p class="quiet">{number(profile.heights.length)} points of full resolution; drag to zoom, double click for all</p>
         <button type="button" class="plain small" aria-label="Close the section" onClick={() => model.tools.clear()}>×</button>
       </header>
       <div ref={holder} class="viewer-plot" />
