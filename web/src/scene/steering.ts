@@ -22,6 +22,8 @@ const kFlightMs = 350;
 /** The camera, and how people move it: pointer, touch, keys, or a flight to a place. */
 export class Steering {
   readonly camera = new THREE.PerspectiveCamera(kFovDeg, 1, 0.1, 1000);
+  /** Of the canvas, that one picture fills. */
+  widthShare = 1;
   private readonly controls_: OrbitControls;
   private readonly listeners_ = new Set<(view: View) => void>();
   private flight_: { from: View; to: View; begin: number } | undefined;
@@ -80,8 +82,9 @@ export class Steering {
     if (shape.length === 0) return;
     this.flight_ = undefined;
     this.camera.fov = from === 'plan' ? kPlanFovDeg : kFovDeg;
+    this.camera.updateProjectionMatrix();
     const elevation = from === 'aslant' ? kElevation : kStraightDown;
-    const view = fitView(shape, (this.camera.fov * Math.PI) / 180, this.camera.aspect, elevation);
+    const view = fitView(shape, (this.camera.fov * Math.PI) / 180, this.camera.aspect * this.widthShare, elevation);
     this.camera.position.set(...view.eye);
     this.controls_.target.set(...view.target);
     this.controls_.minDistance = 0.5;
