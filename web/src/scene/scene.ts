@@ -123,8 +123,6 @@ export class Scene {
   setSplit(split: Split | undefined): void {
     this.split_ = split;
     this.steering_.widthShare = split?.apart ? 0.5 : 1;
-    // The controls know of one picture only, whose middle is not that of the halves.
-    this.controls_.zoomToCursor = !split?.apart;
     this.requestRender();
   }
 

@@ -22,13 +22,12 @@ const kFlightMs = 350;
 /** The camera, and how people move it: pointer, touch, keys, or a flight to a place. */
 export class Steering {
   readonly camera = new THREE.PerspectiveCamera(kFovDeg, 1, 0.1, 1000);
-  /** Of the canvas, that one picture fills. */
-  widthShare = 1;
   private readonly controls_: OrbitControls;
   private readonly listeners_ = new Set<(view: View) => void>();
   private flight_: { from: View; to: View; begin: number } | undefined;
   private restTimer_: ReturnType<typeof setTimeout> | undefined;
   private moving_ = false;
+  private widthShare_ = 1;
 
   /**
    * @param origin map coordinates of the camera's zero.
@@ -59,6 +58,13 @@ export class Steering {
     this.controls_.enabled = on;
   }
 
+  /** Of the canvas, that one picture fills. */
+  set widthShare(share: number) {
+    this.widthShare_ = share;
+    // The controls know of one picture only, whose middle is not that of several.
+    this.controls_.zoomToCursor = share === 1;
+  }
+
   get view(): View {
     return { eye: this.toMap(this.camera.position), target: this.toMap(this.controls_.target) };
   }
@@ -84,7 +90,7 @@ export class Steering {
     this.camera.fov = from === 'plan' ? kPlanFovDeg : kFovDeg;
     this.camera.updateProjectionMatrix();
     const elevation = from === 'aslant' ? kElevation : kStraightDown;
-    const view = fitView(shape, (this.camera.fov * Math.PI) / 180, this.camera.aspect * this.widthShare, elevation);
+    const view = fitView(shape, (this.camera.fov * Math.PI) / 180, this.camera.aspect * this.widthShare_, elevation);
     this.camera.position.set(...view.eye);
     this.controls_.target.set(...view.target);
     this.controls_.minDistance = 0.5;
