@@ -9,13 +9,18 @@ export const shown = (run, page, selector, what, options = {}) =>
 /** Path of a scan of the sample drive. */
 export const scanOf = (run, number) => join(run.sample, 'drive', 'velodyne', `${String(number).padStart(6, '0')}.bin`);
 
+export async function middleOf(page, selector) {
+  const { x, y, width, height } = await page.locator(selector).boundingBox();
+  return [x + width / 2, y + height / 2];
+}
+
 /** Drops files on an element as the desktop does: by the browser's own input, not by a made-up event. */
 export async function drop(page, selector, files) {
-  const { x, y, width, height } = await page.locator(selector).boundingBox();
+  const [x, y] = await middleOf(page, selector);
   const debug = await page.context().newCDPSession(page);
   const data = { items: [], files, dragOperationsMask: 1 };
   for (const type of ['dragEnter', 'dragOver', 'drop']) {
-    await debug.send('Input.dispatchDragEvent', { type, x: x + width / 2, y: y + height / 2, data });
+    await debug.send('Input.dispatchDragEvent', { type, x, y, data });
   }
   await debug.detach();
 }
