@@ -26,14 +26,18 @@ export interface Pick {
 /** `auto` draws less while the camera moves, on machines that need it. */
 export type Quality = 'auto' | 'full' | 'reduced';
 
-/** Two pictures side by side, from one eye; `share` of the width is left. */
+/**
+ * Two pictures from one eye; `share` of the width is left. One picture cut at a line, or, `apart`, each half
+ * with the whole view in it.
+ */
 export interface Split {
   readonly left: readonly MapCloud[];
   readonly right: readonly MapCloud[];
   readonly share: number;
+  readonly apart?: boolean;
 }
 
-export const kBackgrounds: Record<Theme, number> = { dark: 0x10141a, light: 0xf5f6f8 };
+export const kBackgrounds: Record<Theme, number> = { dark: 0x0f1318, light: 0xf4f6f8 };
 const kElevation = (50 * Math.PI) / 180;
 // Not quite 90 degrees: there "up" would have no direction.
 const kStraightDown = 0.4999 * Math.PI;
@@ -137,6 +141,8 @@ export class Scene {
   /** Shows some clouds left and others right of a line, or all of them everywhere. */
   setSplit(split: Split | undefined): void {
     this.split_ = split;
+    // The controls know of one picture only, whose middle is not that of the halves.
+    this.controls_.zoomToCursor = !split?.apart;
     this.requestRender();
   }
 
@@ -238,7 +244,8 @@ export class Scene {
   /** The ray [m, less `origin`] through a place of the window [CSS px]. */
   ray(clientX: number, clientY: number): Ray {
     const { left, top, width, height } = this.canvas.getBoundingClientRect();
-    const at = new THREE.Vector2((2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height);
+    const x = clientX - left - this.shiftAt(clientX);
+    const at = new THREE.Vector2((2 * x) / width - 1, 1 - (2 * (clientY - top)) / height);
     this.camera.updateMatrixWorld();
     const caster = new THREE.Raycaster();
     caster.setFromCamera(at, this.camera);
@@ -288,7 +295,8 @@ export class Scene {
     if (shape.length === 0) return;
     this.camera.fov = fovDeg;
     this.camera.updateProjectionMatrix();
-    const view = fitView(shape, (fovDeg * Math.PI) / 180, this.camera.aspect, elevation);
+    const aspect = this.camera.aspect * (this.split_?.apart ? 0.5 : 1);
+    const view = fitView(shape, (fovDeg * Math.PI) / 180, aspect, elevation);
     this.camera.position.set(...view.eye);
     this.controls_.target.set(...view.target);
     this.controls_.minDistance = 0.5;
@@ -347,22 +355,40 @@ export class Scene {
     }
     this.renderer_.info.reset();
     this.renderer_.clear();
-    this.drawPoints();
-    this.renderer_.render(this.signs_, this.camera);
+    this.drawSides();
     for (const listener of this.frameListeners_) listener();
   }
 
-  private drawPoints(): void {
-    if (this.split_ === undefined) return this.drawSide(undefined);
+  private drawSides(): void {
+    if (this.split_ === undefined) {
+      this.drawSide(undefined);
+      return this.renderer_.render(this.signs_, this.camera);
+    }
     const { clientWidth: width, clientHeight: height } = this.canvas;
-    const at = Math.round(width * this.split_.share);
+    const { left, right, apart } = this.split_;
+    const at = this.splitAt(width);
     this.renderer_.setScissorTest(true);
-    this.renderer_.setScissor(0, 0, at, height);
-    this.drawSide(this.split_.left);
-    this.renderer_.setScissor(at, 0, width - at, height);
-    this.drawSide(this.split_.right);
+    for (const [shown, from, to, shift] of [[left, 0, at, -width / 4], [right, at, width, width / 4]] as const) {
+      if (apart) this.camera.setViewOffset(width, height, -shift, 0, width, height);
+      this.renderer_.setScissor(from, 0, to - from, height);
+      this.drawSide(shown);
+      this.renderer_.render(this.signs_, this.camera);
+    }
+    this.camera.clearViewOffset();
     this.renderer_.setScissorTest(false);
     for (const cloud of this.clouds_) cloud.group.visible = true;
+  }
+
+  /** Where the sides meet [CSS px]. */
+  private splitAt(width: number): number {
+    return Math.round(width * (this.split_?.apart ? 0.5 : this.split_?.share ?? 1));
+  }
+
+  /** By how much the picture at a place of the window is moved to the right [CSS px], when the halves are apart. */
+  private shiftAt(clientX: number): number {
+    if (!this.split_?.apart) return 0;
+    const { left, width } = this.canvas.getBoundingClientRect();
+    return clientX - left < width / 2 ? -width / 4 : width / 4;
   }
 
   private drawSide(shown: readonly MapCloud[] | undefined): void {
@@ -410,7 +436,7 @@ export class Scene {
   private cloudsAt(clientX: number): readonly MapCloud[] {
     if (this.split_ === undefined) return [...this.clouds_];
     const { left, width } = this.canvas.getBoundingClientRect();
-    return clientX - left < width * this.split_.share ? this.split_.left : this.split_.right;
+    return clientX - left < this.splitAt(width) ? this.split_.left : this.split_.right;
   }
 
   private pixelsPerRadian(height: number): number {
