@@ -42,11 +42,13 @@ export function fromDirectoryInput(list: readonly File[]): Chosen {
  * @return an empty list when nothing of it is a file.
  */
 export async function fromDrop(transfer: DataTransfer): Promise<Chosen[]> {
-  const entries = [...transfer.items].map((item) => item.webkitGetAsEntry()).filter((entry) => entry !== null);
-  return Promise.all(entries.map(async (entry) => {
-    if (entry.isFile) return chosenFile(await fileOf(entry as FileSystemFileEntry));
-    return chosenFolder(entry.name, await filesBelow(entry as FileSystemDirectoryEntry, ''));
+  const items = [...transfer.items].filter(({ kind }) => kind === 'file');
+  const dropped = items.map((item) => ({ entry: item.webkitGetAsEntry(), file: item.getAsFile() }));
+  const all = await Promise.all(dropped.map(async ({ entry, file }) => {
+    if (entry?.isDirectory === true) return chosenFolder(entry.name, await filesBelow(entry as FileSystemDirectoryEntry, ''));
+    return file === null ? undefined : chosenFile(file);
   }));
+  return all.filter((one) => one !== undefined);
 }
 
 function fileOf(entry: FileSystemFileEntry): Promise<File> {
