@@ -1,6 +1,6 @@
 // Uploads: a package, a drive that breaks off in every way and goes on, a folder, and what is refused.
 
-import { statSync } from 'node:fs';
+import { mkdirSync, statSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { main } from './harness.mjs';
 
@@ -22,6 +22,11 @@ function partsSent(page) {
     if (part !== null && request.method() === 'PUT') sent.push(Number(part[1]));
   });
   return sent;
+}
+
+/** Waits until the page sends a part. */
+function atPart(page, n) {
+  return page.waitForRequest((request) => request.method() === 'PUT' && request.url().endsWith(`/parts/${n}`));
 }
 
 async function packages(run) {
@@ -70,16 +75,11 @@ async function interrupted(run) {
   await page.waitForSelector('h2:text-is("Drives")');
   const sent = partsSent(page);
   // The server dies while the fifth part is under way, and comes back.
-  let once = true;
-  await page.route(/parts\/5$/, async (route) => {
-    if (!once) return route.continue();
-    once = false;
-    await server.stop('SIGKILL');
-    return route.abort();
-  });
+  const died = atPart(page, 5).then(() => server.stop('SIGKILL'));
   await choose(page, tar);
   await page.waitForSelector('dialog :text("Drive")');
   await page.click('dialog button[type=submit]');
+  await died;
   await page.waitForSelector('.upload.waiting');
   run.expect(/goes on by itself/.test(await page.locator('.upload').innerText()), 'a server that dies is said, and waited for');
   await run.screenshot(page, 'upload_waiting');
@@ -100,13 +100,18 @@ async function reloaded(run) {
   const page = await run.open(server, '#/maps/town');
   page.on('dialog', (dialog) => dialog.accept());
   await page.waitForSelector('h2:text-is("Drives")');
-  const held = [];
-  await page.route(/parts\/([6-9]|1\d)$/, (route) => held.push(route));
+  // The server stands still while the fifth part is under way, so that there is time to look.
+  const fifth = atPart(page, 5).then(() => server.process.kill('SIGSTOP'));
   await choose(page, tar);
   await page.click('dialog button[type=submit]');
-  while (held.length < 3) await page.waitForTimeout(50);
-  run.expect(await page.locator('.upload.sending').count() === 1, 'it is under way');
-  await page.unroute(/parts\/([6-9]|1\d)$/);
+  await fifth;
+  await page.waitForSelector('.upload.sending');
+  run.expect(/MB of .* MB/.test(await page.locator('.upload').innerText()), 'how far it is is told');
+  await run.screenshot(page, 'upload_sending');
+  await page.getByRole('button', { name: 'Pause' }).click();
+  await page.waitForSelector('.upload.paused');
+  run.expect(true, 'it pauses');
+  server.process.kill('SIGCONT');
   await page.reload();
   await page.waitForSelector('tr[data-drive="1"] >> text=Not complete');
   run.expect(/\d+ % of/.test(await page.locator('tr[data-drive="1"]').innerText()), 'after a reload the share that is there is told');
@@ -150,10 +155,9 @@ async function refused(run) {
   await page.waitForSelector('.upload.failed');
   const words = await page.locator('.upload.failed').innerText();
   run.expect(/20000000/.test(words), `413 names the limit: ${words.replace(/\s+/g, ' ')}`);
-  await page.getByRole('button', { name: 'Discard the upload of large.tar' }).click();
+  await page.getByRole('button', { name: 'Close large.tar' }).click();
   await page.waitForSelector('.upload', { state: 'detached' });
-  run.expect((await get(server, '/v1/maps/town/drives')).drives.length === 0, 'what is discarded is gone from the server');
-  await choose(page, { name: 'bogus.tar', mimeType: 'application/x-tar', buffer: bogusDrive() });
+  await choose(page, bogusDrive(run));
   await page.click('dialog button[type=submit]');
   await page.waitForSelector('.upload.failed');
   const why = await page.locator('.upload.failed').innerText();
@@ -161,15 +165,13 @@ async function refused(run) {
   await server.stop();
 }
 
-/** A tar with one scan that is none. */
-function bogusDrive() {
-  const block = Buffer.alloc(512);
-  block.write('velodyne/000000.bin\0', 0);
-  block.write('0000644\0000000000\0000000000\00000000000003\00000000000000\0        0', 100);
-  block.write('ustar\00000', 257);
-  const sum = block.reduce((total, byte) => total + byte, 0);
-  block.write(`${sum.toString(8).padStart(6, '0')}\0 `, 148);
-  return Buffer.concat([block, Buffer.concat([Buffer.from('abc'), Buffer.alloc(509)]), Buffer.alloc(1024)]);
+/** A tar with one scan that is none. @return its path */
+function bogusDrive(run) {
+  const folder = join(run.scratch, 'bogus');
+  mkdirSync(join(folder, 'velodyne'), { recursive: true });
+  writeFileSync(join(folder, 'velodyne', '000000.bin'), 'abc');
+  return run.tar(folder, 'bogus.tar');
 }
+
 
 await main({ packages, interrupted, reloaded, folder, refused });

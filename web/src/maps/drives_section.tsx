@@ -54,7 +54,8 @@ export function DrivesSection({ map }: { map: string }) {
 
 function Row({ drive, onGoOn, onDelete }: { drive: DriveRow; onGoOn: () => void; onDelete: () => void }) {
   const here = useStore(uploads).some(({ plan, transfer }) =>
-    plan.map === drive.map && plan.kind === 'drive' && plan.name === drive.name && transfer.view.get().state !== 'canceled');
+    plan.map === drive.map && plan.kind === 'drive' && plan.name === drive.name
+    && !['canceled', 'failed', 'done'].includes(transfer.view.get().state));
   const known = remembered().find((one) => one.map === drive.map && one.collection === 'drives' && one.id === drive.id);
   const state = kWords[drive.status];
   return (

@@ -43,11 +43,11 @@ export function startUpload(plan: UploadPlan): Upload {
   return upload;
 }
 
-/** Takes it off the list; breaks it off first where that is needed. */
+/** Takes it off the list; one that has not ended is broken off and taken back. What failed stays on the server as it is. */
 export async function dismiss(upload: Upload): Promise<void> {
   const { state } = upload.transfer.view.get();
   try {
-    if (state !== 'done' && state !== 'canceled') await upload.transfer.cancel();
+    if (state !== 'done' && state !== 'canceled' && state !== 'failed') await upload.transfer.cancel();
   } catch (error) {
     say({ kind: 'bad', text: `${upload.plan.chosen.name}: ${toApiError(error).message}` });
   }

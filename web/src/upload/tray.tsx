@@ -21,6 +21,7 @@ function Row({ upload }: { upload: Upload }) {
   const { plan, transfer } = upload;
   const view = useStore(transfer.view);
   const isOver = view.state === 'done' || view.state === 'canceled';
+  const canClose = isOver || view.state === 'failed';
   const canGoOn = view.state === 'paused' || view.state === 'failed';
   return (
     <div class={`upload ${view.state}`} data-state={view.state}>
@@ -38,9 +39,9 @@ function Row({ upload }: { upload: Upload }) {
         )}
         <button
           type="button" class="plain small" onClick={() => void dismiss(upload)}
-          aria-label={isOver ? `Close ${plan.chosen.name}` : `Discard the upload of ${plan.chosen.name}`}
+          aria-label={canClose ? `Close ${plan.chosen.name}` : `Discard the upload of ${plan.chosen.name}`}
         >
-          <Icon name="close" /> {!isOver && 'Discard'}
+          <Icon name="close" /> {!canClose && 'Discard'}
         </button>
       </div>
       {!isOver && <Progress value={shareOf(view)} label={`Upload of ${plan.chosen.name}`} />}
