@@ -24,6 +24,17 @@ void refuse_other_sites(const HttpRequest& request) {
                     "same-origin, or a key: without one other sites' pages change nothing");
 }
 
+/// A browser that was told by DNS that another site lies here names that site.
+void refuse_other_hosts(const HttpRequest& request) {
+  const std::string host = lower(request.header("host"));
+  const bool bracketed = host.starts_with("[");
+  const std::string name =
+      bracketed ? host.substr(1, host.find(']') - 1) : host.substr(0, host.find(':'));
+  if (host.empty() || is_loopback(name)) return;
+  throw field_error(ErrorCode::kForbidden, "Host", "'" + host + "'",
+                    "localhost or a loopback address, since the store has no keys");
+}
+
 maps::KeyScope scope_of(Access access) {
   switch (access) {
     case Access::kLocalize:
@@ -39,24 +50,32 @@ maps::KeyScope scope_of(Access access) {
   return maps::KeyScope::kRead;
 }
 
+void require_scope(const maps::ApiKey& key, Access access) {
+  const maps::KeyScope scope = scope_of(access);
+  if (key.scopes.has(scope)) return;
+  throw field_error(ErrorCode::kForbidden, "Authorization", "a key without this scope",
+                    std::string(maps::name_of(scope)));
+}
+
 }  // namespace
 
-Caller Gatekeeper::admit(const HttpRequest& request, Access access, const RateOptions& rate) {
-  const std::optional<maps::ApiKey> key = let_in(request.header("authorization"), access);
+void Gatekeeper::admit(HttpRequest& request, Access access, const RateOptions& rate) {
+  const std::optional<maps::ApiKey> key = key_of(request.header("authorization"), access);
   if (!key) {
-    refuse_other_sites(request);
-    return {};
+    if (on_loopback_ && access != Access::kOpen) refuse_other_hosts(request);
+    return refuse_other_sites(request);
   }
+  request.caller.key_id = key->id;
+  require_scope(*key, access);
   if (const double wait_s = rates_.take(key->id, rate); wait_s > 0.0) {
     throw ApiError(ErrorCode::kTooManyRequests, "the key's rate is used up")
         .with_header("Retry-After", std::to_string(std::lround(std::ceil(wait_s))));
   }
-  return {.key_id = key->id};
 }
 
 bool Gatekeeper::still_admits(const std::string& authorization, Access access) {
   try {
-    (void)let_in(authorization, access);
+    if (const auto key = key_of(authorization, access)) require_scope(*key, access);
     return true;
   } catch (const ApiError&) {
     return false;
@@ -64,15 +83,9 @@ bool Gatekeeper::still_admits(const std::string& authorization, Access access) {
 }
 
 /// @return the key; nothing where none is asked for.
-std::optional<maps::ApiKey> Gatekeeper::let_in(const std::string& authorization, Access access) {
+std::optional<maps::ApiKey> Gatekeeper::key_of(const std::string& authorization, Access access) {
   if (access == Access::kOpen || !has_keys()) return std::nullopt;
-  maps::ApiKey key = checked(authorization);
-  const maps::KeyScope scope = scope_of(access);
-  if (!key.scopes.has(scope)) {
-    throw field_error(ErrorCode::kForbidden, "Authorization", "a key without this scope",
-                      std::string(maps::name_of(scope)));
-  }
-  return key;
+  return checked(authorization);
 }
 
 /// Asked for each request, so the list is read again only after a key was made or revoked.

@@ -1,5 +1,5 @@
 import * as THREE from 'three';
-import { askTiles } from '../api/ask_tiles.js';
+import { send } from '../api/send.js';
 import { shareHeights } from '../scene/height_range.js';
 import { MapCloud } from '../scene/map_cloud.js';
 import { PaintedPoints, rgbOf } from '../scene/painted_points.js';
@@ -37,8 +37,8 @@ export class CompareScene {
     this.theme = theme;
     let known = false;
     const cloudOf = (version: Version): MapCloud => new MapCloud({
-      tilesetUrl: new URL(`/v1/maps/${encodeURIComponent(map)}/versions/${encodeURIComponent(version.name)}/3dtiles/tileset.json`, window.location.href).href,
-      origin: version.origin, voxelSizeM: version.voxel_size_m, ask: askTiles, onTrouble,
+      tilesetUrl: `/v1/maps/${encodeURIComponent(map)}/versions/${encodeURIComponent(version.name)}/3dtiles/tileset.json`,
+      origin: version.origin, voxelSizeM: version.voxel_size_m, ask: (url, { signal }) => send('GET', url, { signal }), onTrouble,
       onChange: () => {
         known ||= shareHeights([this.a, this.b], scene.origin);
         scene.requestRender();

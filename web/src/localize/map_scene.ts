@@ -1,5 +1,5 @@
 import * as THREE from 'three';
-import { askTiles } from '../api/ask_tiles.js';
+import { send } from '../api/send.js';
 import type { Rgb } from '../scene/colour_maps.js';
 import { shareHeights } from '../scene/height_range.js';
 import { MapCloud } from '../scene/map_cloud.js';
@@ -69,8 +69,8 @@ export class MapScene {
     const base = `/v1/maps/${encodeURIComponent(map.name)}/versions/${encodeURIComponent(map.version)}`;
     let known = false;
     this.cloud = new MapCloud({
-      tilesetUrl: new URL(`${base}/3dtiles/tileset.json`, window.location.href).href,
-      origin: map.origin, voxelSizeM: map.voxel_size_m, ask: askTiles,
+      tilesetUrl: `${base}/3dtiles/tileset.json`,
+      origin: map.origin, voxelSizeM: map.voxel_size_m, ask: (url, { signal }) => send('GET', url, { signal }),
       onChange: () => {
         known ||= shareHeights([this.cloud], scene.origin);
         scene.requestRender();
