@@ -46,7 +46,7 @@ export function DrivesSection({ map }: { map: string }) {
           </table>
         </div>
       )}
-      {open?.what === 'go on' && <UploadDialog map={map} goOn={open.drive} onClose={close} />}
+      {open?.what === 'go on' && <UploadDialog map={map} goOn={{ ...open.drive, kind: 'drive' }} onClose={close} />}
       {open?.what === 'delete' && <DeleteDrive drive={open.drive} onClose={close} onChange={drives.reload} />}
     </section>
   );

@@ -14,6 +14,7 @@ import { DrivesSection } from './drives_section.js';
 import { stateOf, type MapRow, type Refused } from './facts.js';
 import { MapFacts } from './map_facts.js';
 import { MapJobs } from './map_jobs.js';
+import { UnfinishedUploads } from './unfinished_uploads.js';
 import { VersionsSection } from './versions_section.js';
 
 const kEveryS = 4;
@@ -47,6 +48,7 @@ export function MapPage({ name }: { name: string }) {
       {versions.data !== undefined && (
         <VersionsSection map={name} list={versions.data.data} etag={versions.data.etag} onChange={reload} />
       )}
+      <UnfinishedUploads map={name} />
       <DrivesSection map={name} />
       <MapJobs map={name} onEnd={reload} />
       {dialog === 'upload' && <UploadDialog map={name} onClose={close} />}

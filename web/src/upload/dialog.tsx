@@ -7,10 +7,17 @@ import { useLoad } from '../ui/load.js';
 import { Field, Trouble } from '../ui/parts.js';
 import { toApiError, type ApiError } from '../api/errors.js';
 import { chosenFile, fromDirectoryInput, fromDrop, type Chosen } from './chosen.js';
-import { kKindWords, type Kind } from './kind.js';
+import { collectionOf, kKindWords, type Kind } from './kind.js';
 import { startUpload } from './manager.js';
 import { faultOfName, suggestedMap, suggestedVersion } from './names.js';
 import { begunWith } from './remembered.js';
+
+/** An upload that was begun: its number, and the name of the drive or version. */
+export interface GoOn {
+  id: number;
+  name: string;
+  kind: Kind;
+}
 
 export interface UploadDialogProps {
   onClose: () => void;
@@ -18,8 +25,8 @@ export interface UploadDialogProps {
   chosen?: Chosen | undefined;
   /** The map that it goes to; undefined lets the person choose. */
   map?: string | undefined;
-  /** Number and name of a drive whose upload broke off. */
-  goOn?: { id: number; name: string } | undefined;
+  /** The upload that broke off. */
+  goOn?: GoOn | undefined;
 }
 
 /** Asks what is to be uploaded where, and begins it. */
@@ -92,24 +99,24 @@ function wordsOf({ content, files, look }: Chosen): string {
 interface WhereProps {
   chosen: Chosen;
   map: string | undefined;
-  goOn: { id: number; name: string } | undefined;
+  goOn: GoOn | undefined;
   onClose: () => void;
 }
 
 /** Map, name and kind of what was chosen. */
 function Where({ chosen, map: fixedMap, goOn, onClose }: WhereProps) {
   const look = 'kind' in chosen.look ? chosen.look : undefined;
-  const [kind, setKind] = useState<Kind>(goOn === undefined ? look?.kind ?? 'package' : 'drive');
+  const [kind, setKind] = useState<Kind>(goOn?.kind ?? look?.kind ?? 'package');
   const [typedMap, setMap] = useKept('upload.map', '');
   const [typedName, setName] = useState<string>();
   const maps = useLoad((signal) => ask('get', '/v1/maps', { signal }), []);
   const map = fixedMap ?? (typedMap === '' ? suggestedMap(chosen.name) : typedMap);
   const versions = useVersionNames(map, kind);
-  const name = typedName ?? (kind === 'drive' ? goOn?.name ?? chosen.name.replace(/\.(tar|tgz|tar\.\w+)$/i, '') : suggestedVersion(versions));
+  const name = goOn?.name ?? typedName ?? (kind === 'drive' ? chosen.name.replace(/\.(tar|tgz|tar\.\w+)$/i, '') : suggestedVersion(versions));
   const mapFault = faultOfName(map);
-  const nameFault = kind === 'drive' ? (name.length > 200 ? 'At most 200 letters.' : undefined) : faultOfName(name);
-  const begun = goOn === undefined && kind === 'drive'
-    ? begunWith({ map, collection: 'drives', name: chosen.name, bytes: chosen.content.size, changedMs: chosen.changedMs }) : undefined;
+  const nameFault = goOn !== undefined ? undefined : kind === 'drive' ? (name.length > 200 ? 'At most 200 letters.' : undefined) : faultOfName(name);
+  const begun = goOn === undefined
+    ? begunWith({ map, collection: collectionOf(kind), name: chosen.name, bytes: chosen.content.size, changedMs: chosen.changedMs }) : undefined;
   const start = (event: Event, goOnWith: number | undefined): void => {
     event.preventDefault();
     if (mapFault !== undefined || nameFault !== undefined) return;

@@ -3,6 +3,16 @@ import { tarNames } from './tar.js';
 /** What can be uploaded: a map package, a map of points from elsewhere, a drive. */
 export type Kind = 'package' | 'pcd' | 'ply' | 'drive';
 
+/** Where the server keeps what is being uploaded of a kind. */
+export function collectionOf(kind: Kind): 'drives' | 'uploads' {
+  return kind === 'drive' ? 'drives' : 'uploads';
+}
+
+/** What is uploaded with a content type. */
+export function kindOfType(contentType: string): Kind {
+  return contentType === 'application/vnd.pcd' ? 'pcd' : contentType === 'application/ply' ? 'ply' : 'package';
+}
+
 export type Packing = 'tar' | 'gzip' | 'zstd';
 
 export type Look =

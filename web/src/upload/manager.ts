@@ -6,9 +6,9 @@ import { linkTo } from '../router.js';
 import { say } from '../ui/notices.js';
 import { Store } from '../ui/store.js';
 import type { Chosen } from './chosen.js';
-import { kKindWords, type Kind, type Packing } from './kind.js';
-import { forgetUpload, remember } from './remembered.js';
-import { PartsTarget, WholeTarget, type Outcome, type Target } from './target.js';
+import { collectionOf, kKindWords, type Kind, type Packing } from './kind.js';
+import { begunWith, forgetUpload, remember } from './remembered.js';
+import { PackageTarget, PartsTarget, WholeTarget, type Outcome, type Target } from './target.js';
 import { isUnderWay, Transfer } from './transfer.js';
 
 /** What is to be sent where. */
@@ -18,7 +18,7 @@ export interface UploadPlan {
   /** Of the version that it becomes; of a drive its name. */
   name: string;
   chosen: Chosen;
-  /** Number of a drive whose upload was begun before. */
+  /** Number of the drive, or of the upload, that was begun before. */
   goOn?: number | undefined;
 }
 
@@ -62,12 +62,17 @@ export function guardUploads(): void {
 }
 
 function targetOf(plan: UploadPlan): Target {
-  const { map, kind, name, chosen } = plan;
-  if (kind !== 'drive') return new WholeTarget(map, name, contentType(kind, packingOf(chosen)), chosen.content);
+  const { map, kind, name, chosen, goOn } = plan;
+  const collection = collectionOf(kind);
   const opened = (id: number): void =>
-    remember({ map, collection: 'drives', id, name: chosen.name, bytes: chosen.content.size, changedMs: chosen.changedMs });
-  const target = new PartsTarget(map, 'drives', { name }, plan.goOn, opened);
-  return plan.goOn === undefined ? withMap(map, target) : target;
+    remember({ map, collection, id, name: chosen.name, bytes: chosen.content.size, changedMs: chosen.changedMs });
+  if (kind === 'drive') {
+    const target = new PartsTarget(map, collection, { name }, goOn, opened);
+    return goOn === undefined ? withMap(map, target) : target;
+  }
+  const type = contentType(kind, packingOf(chosen));
+  const parts = new PartsTarget(map, collection, { version: name, content_type: type }, goOn, opened);
+  return new PackageTarget(parts, new WholeTarget(map, name, type, chosen.content));
 }
 
 /** A drive belongs to a map, which is made where it is new. */
@@ -93,10 +98,13 @@ function contentType(kind: Kind, packing: Packing): string {
   return { tar: 'application/x-tar', gzip: 'application/gzip', zstd: 'application/zstd' }[packing];
 }
 
-function finished({ map, kind, name }: UploadPlan, outcome: Outcome): void {
+function finished({ map, kind, name, chosen }: UploadPlan, outcome: Outcome): void {
+  const begun = begunWith({
+    map, collection: collectionOf(kind), name: chosen.name, bytes: chosen.content.size, changedMs: chosen.changedMs,
+  });
+  if (begun !== undefined) forgetUpload(map, begun.collection, begun.id);
   const link = { href: linkTo('maps', [map]), text: `Show ${map}` };
   if (outcome.is === 'drive') {
-    forgetUpload(map, 'drives', outcome.drive);
     say({ kind: 'good', text: `The drive “${name}” is complete.`, link });
   } else if (outcome.is === 'job') {
     say({ kind: 'good', text: `${kKindWords[kind]}: “${name}” is being converted.`, link: { href: linkTo('jobs', [String(outcome.job)]), text: `Job ${outcome.job}` } });

@@ -142,3 +142,37 @@ export class WholeTarget implements Target {
     return Promise.resolve();
   }
 }
+
+/** By parts, or in one request where the server knows no uploads by parts. */
+export class PackageTarget implements Target {
+  private isWhole_ = false;
+
+  constructor(private readonly parts_: PartsTarget, private readonly whole_: WholeTarget) {}
+
+  get whole(): boolean {
+    return this.isWhole_;
+  }
+
+  async begin(signal: AbortSignal): Promise<ListedPart[]> {
+    if (this.isWhole_) return this.whole_.begin();
+    try {
+      return await this.parts_.begin(signal);
+    } catch (error) {
+      if (!(error instanceof ApiError) || error.code !== 'UnknownRoute') throw error;
+      this.isWhole_ = true;
+      return this.whole_.begin();
+    }
+  }
+
+  put(...args: Parameters<Target['put']>): Promise<void> {
+    return this.isWhole_ ? this.whole_.put(...args) : this.parts_.put(...args);
+  }
+
+  finish(signal: AbortSignal): Promise<Outcome> {
+    return this.isWhole_ ? this.whole_.finish() : this.parts_.finish(signal);
+  }
+
+  discard(): Promise<void> {
+    return this.isWhole_ ? this.whole_.discard() : this.parts_.discard();
+  }
+}
