@@ -41,7 +41,7 @@ function Body({ document, route }: { document: ApiDocument; route: Route }) {
       {operation.requestBody?.content !== undefined && <RequestBody document={document} content={operation.requestBody.content} />}
       <Responses document={document} responses={operation.responses ?? {}} />
       <div class="heading"><h4>With curl</h4><span class="grow" /><CopyButton text={curl} label="Copy" /></div>
-      <pre class="example curl">{curl}</pre>
+      <pre tabIndex={0} class="example curl">{curl}</pre>
       {route.method === 'GET' && <TryIt route={route} parameters={parameters} />}
     </div>
   );

@@ -23,7 +23,7 @@ export function SchemaCard({ document, name, open }: SchemaCardProps) {
           {schema.properties === undefined && <p><Type schema={schema} /></p>}
           <Properties schema={schema} />
           <h4>Example</h4>
-          <pre class="example">{JSON.stringify(exampleOf(document, schema), null, 2)}</pre>
+          <pre tabIndex={0} class="example">{JSON.stringify(exampleOf(document, schema), null, 2)}</pre>
         </div>
       )}
     </details>

@@ -46,7 +46,7 @@ export function TryIt({ route, parameters }: { route: Route; parameters: readonl
       <div class="actions"><button type="submit" disabled={missing.length > 0}>Ask the server</button>
         {missing.length > 0 && <span class="quiet">Fill in {missing.join(', ')}.</span>}</div>
       {error !== undefined && <Trouble error={error} />}
-      {answer !== undefined && <><p class="quiet" role="status">{answer.head}</p><pre class="example">{answer.text}</pre></>}
+      {answer !== undefined && <><p class="quiet" role="status">{answer.head}</p><pre tabIndex={0} class="example">{answer.text}</pre></>}
     </form>
   );
 }
