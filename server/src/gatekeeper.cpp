@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <string_view>
+#include <vector>
 
 namespace stillmap::server {
 namespace {
@@ -30,19 +31,22 @@ void refuse_other_sites(const HttpRequest& request) {
                     "same-origin, or a key: without one other sites' pages change nothing");
 }
 
-maps::KeyScope scope_of(Access access) {
+/// Any of them will do.
+std::vector<maps::KeyScope> scopes_of(Access access) {
   switch (access) {
     case Access::kLocalize:
-      return maps::KeyScope::kLocalize;
+      return {maps::KeyScope::kLocalize};
     case Access::kWrite:
-      return maps::KeyScope::kWrite;
+      return {maps::KeyScope::kWrite};
     case Access::kAdmin:
-      return maps::KeyScope::kAdmin;
+      return {maps::KeyScope::kAdmin};
+    case Access::kLocalizeOrAdmin:
+      return {maps::KeyScope::kLocalize, maps::KeyScope::kAdmin};
     case Access::kOpen:
     case Access::kRead:
       break;
   }
-  return maps::KeyScope::kRead;
+  return {maps::KeyScope::kRead};
 }
 
 }  // namespace
@@ -51,13 +55,13 @@ Caller Gatekeeper::admit(const HttpRequest& request, Access access, const RateOp
   const std::optional<maps::ApiKey> key = let_in(request.header("authorization"), access);
   if (!key) {
     refuse_other_sites(request);
-    return {};
+    return {.key_id = {}, .is_admin = access != Access::kOpen};
   }
   if (const double wait_s = rates_.take(key->id, rate); wait_s > 0.0) {
     throw ApiError(ErrorCode::kTooManyRequests, "the key's rate is used up")
         .with_header("Retry-After", std::to_string(std::lround(std::ceil(wait_s))));
   }
-  return {.key_id = key->id};
+  return {.key_id = key->id, .is_admin = key->scopes.has(maps::KeyScope::kAdmin)};
 }
 
 bool Gatekeeper::still_admits(const std::string& authorization, Access access) {
@@ -73,12 +77,12 @@ bool Gatekeeper::still_admits(const std::string& authorization, Access access) {
 std::optional<maps::ApiKey> Gatekeeper::let_in(const std::string& authorization, Access access) {
   if (access == Access::kOpen || !has_keys()) return std::nullopt;
   maps::ApiKey key = checked(authorization);
-  const maps::KeyScope scope = scope_of(access);
-  if (!key.scopes.has(scope)) {
-    throw field_error(ErrorCode::kForbidden, "Authorization", "a key without this scope",
-                      std::string(maps::name_of(scope)));
+  std::string names;
+  for (const maps::KeyScope scope : scopes_of(access)) {
+    if (key.scopes.has(scope)) return key;
+    names += (names.empty() ? "" : " or ") + std::string(maps::name_of(scope));
   }
-  return key;
+  throw field_error(ErrorCode::kForbidden, "Authorization", "a key without this scope", names);
 }
 
 /// Asked for each request, so the list is read again only after a key was made or revoked.

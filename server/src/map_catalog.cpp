@@ -3,7 +3,6 @@
 #include "api_error.hpp"
 #include "upload_errors.hpp"
 
-#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -26,35 +25,10 @@ ApiError unusable(const ServedVersion& version) {
   return {ErrorCode::kMapUnusable, described(version.map, version.version) + " cannot be used"};
 }
 
-/// Versions with equal names are in one frame for sure. A map's frame is that of the version it was
-/// registered to, and so on back; else that of its place on Earth; else its own, since "local" is
-/// what every map without either is called.
-std::string frame_name(const maps::PackageStore& store, const std::string& map,
-                       std::shared_ptr<const maps::MapPackage> package) {
-  const std::vector<maps::StoredVersion> versions = store.state().versions(map);
-  // Each step is another version, so there are no more steps than versions.
-  for (std::size_t step = 0; step <= versions.size(); ++step) {
-    const maps::MapManifest& manifest = package->manifest();
-    if (!manifest.registration) {
-      const auto& origin = manifest.geodetic_origin;
-      if (!origin) return package->digest();
-      return fmt::format("{} {} {} {}", manifest.frame_id, origin->latitude_deg,
-                         origin->longitude_deg, origin->altitude_m);
-    }
-    const std::string& previous = manifest.registration->previous_digest;
-    const auto found =
-        std::find_if(versions.begin(), versions.end(),
-                     [&](const maps::StoredVersion& each) { return each.digest == previous; });
-    if (found == versions.end()) return previous;
-    package = store.open(map, found->name);
-  }
-  return package->digest();
-}
-
 }  // namespace
 
 MapCatalog::MapCatalog(maps::PackageStore& store, AlignerBuilder builder, Metrics* metrics)
-    : store_(store), builder_(std::move(builder)), metrics_(metrics) {
+    : store_(store), facts_(store), builder_(std::move(builder)), metrics_(metrics) {
   follow_store();
   thread_ = std::jthread([this](const std::stop_token& stop) { work(stop); });
 }
@@ -99,6 +73,14 @@ ServedVersion MapCatalog::find(std::string_view map, std::string_view version) {
   return served;
 }
 
+std::optional<ServedVersion> MapCatalog::known(std::string_view map,
+                                               std::string_view version) const {
+  const std::scoped_lock lock(mutex_);
+  const auto found = slots_.find(Key(map, version));
+  if (found == slots_.end()) return std::nullopt;
+  return found->second.served;
+}
+
 ServedVersion MapCatalog::ready(std::string_view map, std::optional<std::string_view> version) {
   const ServedVersion served = version ? find(map, *version) : find(map);
   if (served.state == MapState::kReady) return served;
@@ -126,8 +108,8 @@ maps::StoredMap MapCatalog::activate(std::string_view map, std::string_view vers
   }
   if (before.active && *before.active != key.second && !new_frame) {
     const ServedVersion present = open({key.first, *before.active});
-    if (present.package && frame_name(store_, key.first, present.package) !=
-                               frame_name(store_, key.first, next.package)) {
+    if (present.package && facts_.frame_of(key.first, present.package->digest()) !=
+                               facts_.frame_of(key.first, next.package->digest())) {
       throw ApiError(ErrorCode::kOtherFrame,
                      described(key.first, key.second) + " is not known to be in the frame of " +
                          described(present.map, present.version) +

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "jobs/job_runner.hpp"
+#include "json/maps_json.hpp"
 #include "map_catalog.hpp"
 #include "metrics.hpp"
 #include "pose/alignment_queue.hpp"
@@ -82,6 +83,9 @@ void check_name(const PathParameters& path, const std::string& part);
 [[nodiscard]] std::string etag_of(const maps::StoredMap& map);
 /// What stands in the path's place of a version, if it has one.
 [[nodiscard]] std::optional<std::string_view> version_in(const PathParameters& path);
+/// A version as lists show it; one that cannot be read says why.
+[[nodiscard]] DescribedVersion described(const Context& context, const std::string& map,
+                                         const maps::StoredVersion& version);
 /// The version that the path names; the one that is served when it names none.
 /// @throws as `MapCatalog::find`.
 [[nodiscard]] ServedVersion find_version(MapCatalog& catalog, const PathParameters& path);

@@ -1,6 +1,6 @@
 #include "api_error.hpp"
 #include "context.hpp"
-#include "json/answers_json.hpp"
+#include "json/maps_json.hpp"
 
 namespace stillmap::server {
 namespace {

@@ -2,7 +2,7 @@
 #include "content_digest.hpp"
 #include "context.hpp"
 #include "header_text.hpp"
-#include "json/answers_json.hpp"
+#include "json/maps_json.hpp"
 #include "upload_errors.hpp"
 
 #include <fmt/format.h>
