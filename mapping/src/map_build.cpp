@@ -14,7 +14,7 @@
 #include <fmt/format.h>
 #include <sys/resource.h>
 #include <stillmap/mapping/detector.hpp>
-#include <stillmap/mapping/edits.hpp>
+#include <stillmap/maps/edits.hpp>
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
@@ -149,7 +149,7 @@ MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders
                           const CancelFlag& cancel) {
   const Clock::time_point began = Clock::now();
   const std::string odometry = odometry_of(opened, options);
-  const Edits edits = options.edits_file ? read_edits(*options.edits_file) : Edits{};
+  const maps::Edits edits = options.edits_file ? maps::read_edits(*options.edits_file) : maps::Edits{};
   const std::filesystem::path& scratch = folders.scratch;
   std::filesystem::create_directory(scratch);
   MapBuildReport report;

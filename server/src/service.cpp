@@ -80,6 +80,7 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   add_version_routes(routes, context);
   add_package_routes(routes, context);
   add_drive_routes(routes, context);
+  add_edit_routes(routes, context);
   add_rebuild_routes(routes, context);
   add_job_routes(routes, context);
   add_audit_routes(routes, context);

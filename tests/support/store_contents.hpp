@@ -30,6 +30,8 @@ inline std::string contents_of(const maps::PackageStore& store) {
     for (const maps::StoredDrive& drive : store.state().drives().of_map(map.name))
       text += "drive " + drive.name + " " + std::string(name_of(drive.status)) + " " +
               std::to_string(drive.bytes) + "\n";
+    const maps::SavedEdits edits = store.state().edits().of_map(map.name);
+    if (edits.saved_ns) text += "edits " + edits.text + " by " + edits.saver + "\n";
   }
   for (const maps::ApiKey& key : store.state().keys().list())
     text += "key " + key.name + (key.revoked_ns ? " revoked\n" : "\n");

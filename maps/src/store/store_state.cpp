@@ -73,6 +73,7 @@ struct StoreState::Inner {
   KeyTable keys{database};
   JobTable jobs{database};
   DriveTable drives{database};
+  EditsTable edits{database};
   AuditLog audit{database};
 };
 
@@ -87,10 +88,12 @@ StoreState::~StoreState() = default;
 KeyTable& StoreState::keys() { return inner_->keys; }
 JobTable& StoreState::jobs() { return inner_->jobs; }
 DriveTable& StoreState::drives() { return inner_->drives; }
+EditsTable& StoreState::edits() { return inner_->edits; }
 AuditLog& StoreState::audit() { return inner_->audit; }
 const KeyTable& StoreState::keys() const { return inner_->keys; }
 const JobTable& StoreState::jobs() const { return inner_->jobs; }
 const DriveTable& StoreState::drives() const { return inner_->drives; }
+const EditsTable& StoreState::edits() const { return inner_->edits; }
 const AuditLog& StoreState::audit() const { return inner_->audit; }
 
 const std::string& StoreState::read_only_because() const {
@@ -169,7 +172,8 @@ void StoreState::remove_map(std::string_view name, WhenActive when_active) {
   for (const char* sql :
        {"UPDATE maps SET active = NULL, previous = NULL WHERE name = ?",
         "INSERT OR IGNORE INTO retired SELECT map, name, digest FROM versions WHERE map = ?",
-        "DELETE FROM versions WHERE map = ?", "DELETE FROM maps WHERE name = ?"})
+        "DELETE FROM versions WHERE map = ?", "DELETE FROM saved_edits WHERE map = ?",
+        "DELETE FROM maps WHERE name = ?"})
     SqliteStatement(database, sql).bind(name).step();
   for (const std::string& digest : digests) condemn_unused(database, digest);
   writing.commit();

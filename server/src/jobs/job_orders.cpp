@@ -8,6 +8,7 @@
 #include <unistd.h>
 #include <nlohmann/json.hpp>
 
+#include <stillmap/maps/edits.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/store/received_file.hpp>
 
@@ -142,11 +143,23 @@ bool JobRunner::is_known_request(const std::string& map, const Asker& asker) con
   return false;
 }
 
+RebuildRequest JobRunner::with_saved_edits(const std::string& map, RebuildRequest request) const {
+  if (request.edits_from != RebuildRequest::EditsFrom::kSaved) return request;
+  request.edits_from = RebuildRequest::EditsFrom::kNone;
+  if (!takes_saved_edits(request)) return request;
+  const maps::SavedEdits saved = setup_.store.edits().of_map(map);
+  if (maps::parse_edits(saved.text, "corrections of map " + map).empty()) return request;
+  request.edits = saved.text;
+  request.edits_from = RebuildRequest::EditsFrom::kSaved;
+  return request;
+}
+
 maps::JobTable::Enqueued JobRunner::rebuild(const std::string& map, const RebuildRequest& request,
                                             const Asker& asker) {
   maps::NewJob job{.kind = maps::JobKind::kRebuild,
                    .map = map,
-                   .request = to_json(request),
+                   .request = to_stored_json(with_saved_edits(map, request)),
+                   .asked = to_json(request),
                    .drives = request.drives,
                    .asker = asker.key_id,
                    .idempotency_key = asker.idempotency_key};

@@ -114,6 +114,9 @@ class JobRunner {
                   const RebuildSources& sources);
   void check_waiting() const;
   void check_new_version(const std::string& map, const std::string& version) const;
+  /// With the corrections that it is to use, as they are now.
+  [[nodiscard]] RebuildRequest with_saved_edits(const std::string& map,
+                                                RebuildRequest request) const;
   [[nodiscard]] bool is_known_request(const std::string& map, const Asker& asker) const;
   [[nodiscard]] std::optional<maps::StoredJob> converted_before(
       const std::string& map, const ConvertRequest& request) const;

@@ -87,6 +87,7 @@ class StoreScenarioTest : public ::testing::Test {
         add("depot", "a", "3"),
         [](Store& store) { store->remove("town", "copy"); },
         [](Store& store) { store->remove("depot", "a"); },
+        [](Store& store) { store->edits().save("depot", "corrections", "k", 1); },
         [](Store& store) { store->remove_map("depot"); },
         add("town", "b", "2"),
         [](Store& store) { store->keys().create("car", {.bits = 1}, {}, 1); },
@@ -112,6 +113,8 @@ class StoreScenarioTest : public ::testing::Test {
         [](Store& store) { store->jobs().put_back_all("stopped", 8); },
         [](Store& store) { store->drive_bytes.remove(1); },
         [](Store& store) { store->drive_bytes.remove(2); },
+        [](Store& store) { store->edits().save("town", "some", "k", 2); },
+        [](Store& store) { store->edits().save("town", "others", "k", 3); },
         [](Store& store) { store->audit().append({.subject = "town"}); },
         [](Store& store) { store.reset(); },
     };

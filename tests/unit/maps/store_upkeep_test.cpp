@@ -146,7 +146,7 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheFirstSchemaUpToDate) {
   }
   const fs::path file = store_ / "state.db";
   run_sql(file,
-          "DROP TABLE audit; DROP TABLE job_drives; DROP TABLE drive_parts; DROP TABLE drives;"
+          "DROP TABLE saved_edits; DROP TABLE audit; DROP TABLE job_drives; DROP TABLE drive_parts; DROP TABLE drives;"
           "DROP TABLE jobs; DROP TABLE keys; DROP TABLE retired; PRAGMA user_version=1");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.state().map("town").active, "1");
@@ -155,11 +155,26 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheFirstSchemaUpToDate) {
   EXPECT_THAT(store.verify(), IsEmpty());
 }
 
+/// The same of version 2.
+TEST_F(StoreUpkeepTest, BringsAStoreOfTheSecondSchemaUpToDate) {
+  {
+    PackageStore store(store_, calls_);
+    store.add("town", "1", source("first"));
+    store.jobs().enqueue({.map = "town"}, 1);
+  }
+  run_sql(store_ / "state.db", "DROP TABLE saved_edits; PRAGMA user_version=2");
+  PackageStore store(store_, calls_);
+  EXPECT_EQ(store.jobs().count(JobStatus::kEnqueued), 1U);
+  EXPECT_FALSE(store.edits().of_map("town").saved_ns);
+  EXPECT_EQ(store.edits().save("town", "some", "", 1).text, "some");
+  EXPECT_THAT(store.verify(), IsEmpty());
+}
+
 TEST_F(StoreUpkeepTest, RefusesToGoBackToAnOlderSchema) {
   { const PackageStore store(store_, calls_); }
-  run_sql(store_ / "state.db", "PRAGMA user_version=3");
+  run_sql(store_ / "state.db", "PRAGMA user_version=9");
   EXPECT_THAT([&] { const PackageStore store(store_, calls_); },
-              ThrowsSaying<InputError>({"schema version 3", "at most 2", "newer stillmap"}));
+              ThrowsSaying<InputError>({"schema version 9", "at most 3", "newer stillmap"}));
 }
 
 class ReadOnlyStoreTest : public StoreUpkeepTest {
