@@ -17,6 +17,7 @@
 #include <stillmap/maps/edits.hpp>
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_graph.hpp>
 #include <stillmap/maps/map_package.hpp>
 
 #include <algorithm>
@@ -196,6 +197,8 @@ MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders
     report.objects = object_counts(map_objects, *survey, stages);
     report_edits(objects.edits, report);
     write_sources(writer, drives, *survey, map_objects);
+    if (posed.graph)
+      maps::write_map_graph(writer.folder(), map_graph_of(drives, *posed.graph));
   }
   std::filesystem::remove_all(scratch);
   if (cancel) throw Cancelled();

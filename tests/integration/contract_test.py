@@ -154,7 +154,8 @@ class Contract(unittest.TestCase):
                      "/v1/maps/{map}/ready", "/v1/maps/{map}/versions", "/v1/maps/{map}/versions/{version}",
                      "/v1/maps/{map}/versions/{version}/trajectory", "/v1/maps/{map}/versions/{version}/objects",
                      "/v1/maps/{map}/versions/{version}/content", "/v1/maps/{map}/versions/{version}/preview",
-                     "/v1/maps/{map}/stats", "/v1/maps/{map}/drives"):
+                     "/v1/maps/{map}/versions/{version}/graph", "/v1/maps/{map}/edits", "/v1/maps/{map}/stats",
+                     "/v1/maps/{map}/drives"):
             self.ask("GET", path, 200, **town)
         self.ask("GET", "/v1/maps/{map}", 404, map="village")
         tile = self.ask("GET", "/v1/maps/{map}", 200, map="town")["tiles"][0]
@@ -208,6 +209,13 @@ class Contract(unittest.TestCase):
         self.ask("POST", "/v1/maps/{map}/rollback", 200, map="yard")
         self.ask("DELETE", put, 409, map="yard", version="a")
         self.ask("DELETE", put, 204, map="yard", version="b")
+        edits = {"format": "stillmap-edits", "version": 1, "edits": [
+            {"action": "keep", "object": {"centre": [1, 2, 3], "class": "car"}},
+            {"action": "remove", "box": {"centre": [1, 2, 3], "size": [4, 2, 1], "yaw": 0.5}, "drive": "d",
+             "scans": [1, 2], "note": "skip"}]}
+        self.assertEqual(self.ask("PUT", "/v1/maps/{map}/edits", 200, edits, map="yard"), edits)
+        self.assertEqual(self.ask("GET", "/v1/maps/{map}/edits", 200, map="yard"), edits)
+        self.ask("PUT", "/v1/maps/{map}/edits", 400, {"edits": []}, map="yard")
         drive = self.ask("POST", "/v1/maps/{map}/drives", 201, {"name": "d"}, map="yard")["id"]
         one = "/v1/maps/{map}/drives/{drive}"
         place = {"map": "yard", "drive": drive}

@@ -1,12 +1,17 @@
 #include "context.hpp"
+#include "json/layers_json.hpp"
 #include "json/maps_json.hpp"
 
 #include "upload_errors.hpp"
 
+#include <stillmap/maps/map_graph.hpp>
 #include <stillmap/maps/store/store_refusal.hpp>
 
 #include <algorithm>
 #include <exception>
+#include <optional>
+#include <string>
+#include <utility>
 
 namespace stillmap::server {
 namespace {
@@ -31,6 +36,22 @@ HttpResponse answer_list(const Context& context) {
     if (stored) listed.described = described(context, served->map, *stored);
   }
   return json_response(map_list_json(maps, context.catalog.waiting()));
+}
+
+/// What the build wrote down, else what its poses tell.
+ShownGraph graph_of(const maps::MapPackage& map) {
+  ShownGraph shown;
+  if (std::optional<maps::MapGraph> graph = maps::read_map_graph(map)) {
+    shown.is_of_the_build = true;
+    shown.graph = std::move(*graph);
+    return shown;
+  }
+  shown.graph.key_frames = maps::derived_key_frames(map.trajectories());
+  // Given poses are not held together by loops.
+  const auto& options = map.manifest().options;
+  const auto odometry = options.find("odometry");
+  shown.knows_loops = odometry == options.end() || odometry->second == "given";
+  return shown;
 }
 
 std::string one_version(const Context& context, const maps::StoredMap& map,
@@ -85,6 +106,11 @@ void add_map_routes(std::vector<Route>& routes, const Context& context) {
                     [&context](const HttpRequest&, const PathParameters& path) {
                       const ServedVersion map = find_version(context.catalog, path);
                       return immutable_json(objects_json(map.package->objects()));
+                    }});
+  routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/graph",
+                    [&context](const HttpRequest&, const PathParameters& path) {
+                      const ServedVersion map = find_version(context.catalog, path);
+                      return immutable_json(graph_json(graph_of(*map.package)));
                     }});
 }
 

@@ -2,6 +2,14 @@
 
 #include <gmock/gmock.h>
 
+#include <stillmap/maps/map_graph.hpp>
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "service_fixture.hpp"
 #include "support/stored_packages.hpp"
 
@@ -137,6 +145,52 @@ TEST_F(VersionList, SaysWhichCannotBeReadAndListsTheOthers) {
   EXPECT_THAT(versions[1]["failure"].get<std::string>(), HasSubstr("manifest.json"));
   EXPECT_FALSE(versions[1].contains("area_m2"));
   EXPECT_THAT(response.body, Not(HasSubstr(store_.folder().path().string())));
+}
+
+/// Versions of three poses half a metre apart, which say more or less of how they came about.
+class Graph : public VersionList {
+ protected:
+  nlohmann::json graph_of(const std::string& version,
+                          const std::map<std::string, std::string>& options,
+                          const std::optional<maps::MapGraph>& graph) {
+    maps::MapPackageWriter writer(folder_.path() / version);
+    writer.add_tile({}, std::vector<maps::MapPoint>(1));
+    std::vector<maps::StampedPose> poses(3);
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+      poses[i].stamp_ns = static_cast<std::int64_t>(i);
+      poses[i].T_map_lidar.translation().x() = 0.5 * static_cast<double>(i);
+    }
+    writer.write_trajectory(maps::Trajectory(poses));
+    if (graph) maps::write_map_graph(writer.folder(), *graph);
+    maps::MapManifest manifest;
+    manifest.frame_id = "local";
+    manifest.options = options;
+    manifest.options["version"] = version;
+    writer.publish(manifest, "{}");
+    store_.open().add("town", version, folder_.path() / version);
+    const HttpResponse response = get("/v1/maps/town/versions/" + version + "/graph");
+    EXPECT_EQ(response.status, 200);
+    EXPECT_THAT(response.headers,
+                ::testing::Contains(::testing::Pair("Cache-Control", HasSubstr("immutable"))));
+    return body(response);
+  }
+};
+
+TEST_F(Graph, IsTheOneOfTheBuild) {
+  start();
+  EXPECT_EQ(graph_of("v2", {{"odometry", "default"}},
+                     maps::MapGraph{.key_frames = {0, 1}, .loops = {{2, 0, 0.75}}}),
+            nlohmann::json::parse(R"({"source": "build", "key_frames": [0, 1],
+                                      "loops": [{"from": 2, "to": 0, "weight": 0.75}]})"));
+}
+
+TEST_F(Graph, IsDerivedWhereTheVersionDoesNotSay) {
+  start();
+  EXPECT_EQ(graph_of("v2", {{"odometry", "given"}}, {}),
+            nlohmann::json::parse(R"({"source": "derived", "key_frames": [0, 2], "loops": []})"));
+  EXPECT_TRUE(graph_of("v3", {{"odometry", "loam"}}, {})["loops"].is_null())
+      << "there may have been some";
+  EXPECT_EQ(body(get("/v1/maps/town/versions/v9/graph"))["code"], "UnknownVersion");
 }
 
 }  // namespace
