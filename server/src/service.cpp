@@ -1,8 +1,8 @@
 #include "service.hpp"
 
-#include "api_error.hpp"
-#include "guarded_events.hpp"
-#include "refusal_codes.hpp"
+#include "errors/api_error.hpp"
+#include "errors/refusal_codes.hpp"
+#include "security/guarded_events.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

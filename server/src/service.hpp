@@ -1,11 +1,11 @@
 #pragma once
 
-#include "api_error.hpp"
-#include "gatekeeper.hpp"
+#include "errors/api_error.hpp"
+#include "errors/problem.hpp"
 #include "handlers/context.hpp"
+#include "http/request_handler.hpp"
 #include "jobs/housekeeping.hpp"
-#include "problem.hpp"
-#include "request_handler.hpp"
+#include "security/gatekeeper.hpp"
 #include "web_assets.hpp"
 
 #include <atomic>

@@ -113,6 +113,17 @@ void DurableFiles::rename(const fs::path& from, const fs::path& to) const {
        [&](std::size_t) { return result_of(std::rename(from.c_str(), to.c_str())); });
 }
 
+void DurableFiles::exchange(const fs::path& one, const fs::path& other) const {
+  const std::int64_t result =
+      calls_->pass({.kind = Kind::kExchange, .path = one, .to = other}, [&](std::size_t) {
+        return result_of(
+            ::renameat2(AT_FDCWD, one.c_str(), AT_FDCWD, other.c_str(), RENAME_EXCHANGE));
+      });
+  if (result == -EINVAL)
+    throw StorageError(other.string(), "its file system cannot exchange it for another");
+  if (result < 0) fail(other, result);
+}
+
 bool DurableFiles::link(const fs::path& from, const fs::path& to) const {
   const std::int64_t result =
       calls_->pass({.kind = Kind::kLink, .path = from, .to = to}, [&](std::size_t) {

@@ -15,9 +15,9 @@
 #include "config/option_table.hpp"
 #include "config/reload.hpp"
 #include "config/value_text.hpp"
-#include "health_probe.hpp"
 #include "log/log_output.hpp"
-#include "notify.hpp"
+#include "operation/health_probe.hpp"
+#include "operation/notify.hpp"
 #include "serve_signals.hpp"
 
 namespace stillmap::cli {

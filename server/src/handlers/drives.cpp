@@ -1,9 +1,9 @@
-#include "api_error.hpp"
-#include "content_digest.hpp"
 #include "context.hpp"
-#include "header_text.hpp"
+#include "errors/api_error.hpp"
+#include "errors/upload_errors.hpp"
+#include "http/content_digest.hpp"
+#include "http/header_text.hpp"
 #include "json/drives_json.hpp"
-#include "upload_errors.hpp"
 
 #include <fmt/format.h>
 

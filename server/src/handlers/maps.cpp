@@ -1,8 +1,7 @@
 #include "context.hpp"
+#include "errors/upload_errors.hpp"
 #include "json/layers_json.hpp"
 #include "json/maps_json.hpp"
-
-#include "upload_errors.hpp"
 
 #include <stillmap/maps/map_graph.hpp>
 #include <stillmap/maps/store/store_refusal.hpp>

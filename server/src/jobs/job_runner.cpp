@@ -1,8 +1,8 @@
 #include "jobs/job_runner.hpp"
 
-#include "api_error.hpp"
-#include "handlers/context.hpp"
-#include "upload_errors.hpp"
+#include "errors/api_error.hpp"
+#include "errors/upload_errors.hpp"
+#include "ids_and_times.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -159,6 +159,7 @@ AttemptEnd JobRunner::attempt(const maps::StoredJob& job, const std::stop_token&
 std::vector<std::string> JobRunner::prepare(const maps::StoredJob& job) {
   const JobFolder folder = this->folder(job.id);
   fs::create_directories(folder.scratch());
+  sync_folder(root_);
   if (setup_.mapper.empty()) throw std::runtime_error("stillmap-mapper is not there");
   const int threads = setup_.live.current()->jobs.cores;
   if (job.kind == maps::JobKind::kConvert) {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 #include "pose/pose_answer.hpp"
 
 #include <stillmap/server/server_options.hpp>

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "map_catalog.hpp"
-#include "version_facts.hpp"
+#include "catalog/map_catalog.hpp"
+#include "catalog/version_facts.hpp"
 
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/trajectory.hpp>

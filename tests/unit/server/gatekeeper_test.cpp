@@ -1,4 +1,4 @@
-#include "gatekeeper.hpp"
+#include "security/gatekeeper.hpp"
 
 #include <gmock/gmock.h>
 

@@ -1,5 +1,5 @@
-#include "content_digest.hpp"
-#include "http_server.hpp"
+#include "http/content_digest.hpp"
+#include "http/http_server.hpp"
 
 #include <gmock/gmock.h>
 #include <openssl/sha.h>

@@ -1,4 +1,4 @@
-#include "version_facts.hpp"
+#include "catalog/version_facts.hpp"
 
 #include <gmock/gmock.h>
 

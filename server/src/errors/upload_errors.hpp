@@ -1,0 +1,34 @@
+#pragma once
+
+#include "errors/api_error.hpp"
+#include "http/http_message.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <filesystem>
+#include <string>
+#include <utility>
+
+namespace stillmap::server {
+
+/// A message without the store's own place on this machine.
+[[nodiscard]] inline std::string without_folder(std::string text,
+                                                const std::filesystem::path& folder) {
+  const std::string prefix = folder.string() + "/";
+  for (std::size_t at = text.find(prefix); at != std::string::npos; at = text.find(prefix, at))
+    text.erase(at, prefix.size());
+  return text;
+}
+
+/// Runs what reads an upload: what is wrong with its bytes is the client's to know.
+/// @throws ApiError kInvalidUpload in place of InputError.
+template <typename Work>
+[[nodiscard]] HttpResponse with_upload_errors(const std::filesystem::path& folder, Work&& work) {
+  try {
+    return std::forward<Work>(work)();
+  } catch (const maps::InputError& error) {
+    throw ApiError(ErrorCode::kInvalidUpload, without_folder(error.what(), folder));
+  }
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,116 @@
+#include "security/gatekeeper.hpp"
+
+#include "errors/api_error.hpp"
+#include "http/header_text.hpp"
+#include "ids_and_times.hpp"
+
+#include <cmath>
+#include <string_view>
+#include <vector>
+
+namespace stillmap::server {
+namespace {
+
+/// RFC 6750: what a client without a valid key is told.
+ApiError unauthorized(ErrorCode code, const std::string& detail) {
+  return ApiError(code, detail).with_header("WWW-Authenticate", "Bearer realm=\"stillmap\"");
+}
+
+/// Browsers send simple requests to any address without asking it. A key they would not add.
+void refuse_other_sites(const HttpRequest& request) {
+  if (request.method == "GET" || request.method == "HEAD") return;
+  const std::string site = lower(request.header("sec-fetch-site"));
+  if (site != "cross-site" && site != "same-site") return;
+  throw field_error(ErrorCode::kForbidden, "Sec-Fetch-Site", site,
+                    "same-origin, or a key: without one other sites' pages change nothing");
+}
+
+/// Any of them will do.
+std::vector<maps::KeyScope> scopes_of(Access access) {
+  switch (access) {
+    case Access::kLocalize:
+      return {maps::KeyScope::kLocalize};
+    case Access::kWrite:
+      return {maps::KeyScope::kWrite};
+    case Access::kAdmin:
+      return {maps::KeyScope::kAdmin};
+    case Access::kLocalizeOrAdmin:
+      return {maps::KeyScope::kLocalize, maps::KeyScope::kAdmin};
+    case Access::kOpen:
+    case Access::kRead:
+      break;
+  }
+  return {maps::KeyScope::kRead};
+}
+
+}  // namespace
+
+Caller Gatekeeper::admit(const HttpRequest& request, Access access, const RateOptions& rate) {
+  const std::optional<maps::ApiKey> key = let_in(request.header("authorization"), access);
+  if (!key) {
+    refuse_other_sites(request);
+    return {.key_id = {}, .is_admin = access != Access::kOpen};
+  }
+  if (const double wait_s = rates_.take(key->id, rate); wait_s > 0.0) {
+    throw ApiError(ErrorCode::kTooManyRequests, "the key's rate is used up")
+        .with_header("Retry-After", std::to_string(std::lround(std::ceil(wait_s))));
+  }
+  return {.key_id = key->id, .is_admin = key->scopes.has(maps::KeyScope::kAdmin)};
+}
+
+bool Gatekeeper::still_admits(const std::string& authorization, Access access) {
+  try {
+    (void)let_in(authorization, access);
+    return true;
+  } catch (const ApiError&) {
+    return false;
+  }
+}
+
+/// @return the key; nothing where none is asked for.
+std::optional<maps::ApiKey> Gatekeeper::let_in(const std::string& authorization, Access access) {
+  if (access == Access::kOpen || !has_keys()) return std::nullopt;
+  maps::ApiKey key = checked(authorization);
+  std::string names;
+  for (const maps::KeyScope scope : scopes_of(access)) {
+    if (key.scopes.has(scope)) return key;
+    names += (names.empty() ? "" : " or ") + std::string(maps::name_of(scope));
+  }
+  throw field_error(ErrorCode::kForbidden, "Authorization", "a key without this scope", names);
+}
+
+/// Asked for each request, so the list is read again only after a key was made or revoked.
+bool Gatekeeper::has_keys() {
+  const std::int64_t counter = keys_.change_counter();
+  const std::scoped_lock lock(mutex_);
+  if (seen_ != counter) {
+    has_keys_ = !keys_.list().empty();
+    seen_ = counter;
+  }
+  return has_keys_;
+}
+
+maps::ApiKey Gatekeeper::checked(const std::string& authorization) {
+  constexpr std::string_view kScheme = "bearer ";
+  if (authorization.empty()) {
+    throw unauthorized(ErrorCode::kMissingKey, "send Authorization: Bearer with a key");
+  }
+  if (lower(authorization.substr(0, kScheme.size())) != kScheme) {
+    throw unauthorized(ErrorCode::kMissingKey, "Authorization: the scheme is Bearer");
+  }
+  const maps::KeyCheck check =
+      keys_.check(trimmed(std::string_view(authorization).substr(kScheme.size())), unix_ns());
+  switch (check.verdict) {
+    case maps::KeyCheck::Verdict::kGood:
+      return *check.key;
+    case maps::KeyCheck::Verdict::kRevoked:
+      throw unauthorized(ErrorCode::kRefusedKey, "the key was revoked");
+    case maps::KeyCheck::Verdict::kExpired:
+      throw unauthorized(ErrorCode::kRefusedKey, "the key has expired");
+    case maps::KeyCheck::Verdict::kUnknown:
+      break;
+  }
+  throw unauthorized(ErrorCode::kRefusedKey, "there is no such key");
+}
+
+}  // namespace stillmap::server
