@@ -200,8 +200,8 @@ class View {
 /// Beams that hit it, at most one: the aligner thins what is denser.
 double weight_of(const Sight& sight) {
   const double distance2 = sight.from_sensor.squaredNorm();
-  const double facing = std::abs(sight.voxel->axis0.cast<double>().dot(sight.from_sensor)) /
-                        std::sqrt(distance2);
+  const double facing =
+      std::abs(sight.voxel->axis0.cast<double>().dot(sight.from_sensor)) / std::sqrt(distance2);
   const double edge_m = static_cast<double>(kEdgeM);
   return std::min(1.0, edge_m * edge_m * facing / (distance2 * kColumnRad * kRingRad));
 }
@@ -223,21 +223,20 @@ Told told_by(const std::vector<Sight>& sights) {
     const double weight = weight_of(sight);
     const Eigen::Vector3d J = jacobian_of(voxel.axis0.cast<double>(), sight.from_sensor);
     measured += weight * J * J.transpose();
-    const std::array<Eigen::Vector3d, 2> others = {
-        voxel.axis1.cast<double>(), voxel.axis0.cross(voxel.axis1).cast<double>()};
+    const std::array<Eigen::Vector3d, 2> others = {voxel.axis1.cast<double>(),
+                                                   voxel.axis0.cross(voxel.axis1).cast<double>()};
     const std::array<float, 2> variances = {voxel.variance1, voxel.variance2};
     for (std::size_t other = 0; other < 2; ++other) {
-      const double tilt = tilt_variance(static_cast<double>(voxel.variance0),
-                                        static_cast<double>(variances[other]),
-                                        static_cast<double>(voxel.points));
+      const double tilt =
+          tilt_variance(static_cast<double>(voxel.variance0), static_cast<double>(variances[other]),
+                        static_cast<double>(voxel.points));
       const Eigen::Vector3d J_other = jacobian_of(others[other], sight.from_sensor);
       feigned += weight * tilt * J_other * J_other.transpose();
     }
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(measured);
   const Eigen::Vector3d weakest = solver.eigenvectors().col(0);
-  const double told =
-      solver.eigenvalues()[0] - kLeastOverNoise * weakest.dot(feigned * weakest);
+  const double told = solver.eigenvalues()[0] - kLeastOverNoise * weakest.dot(feigned * weakest);
   Told result;
   result.localizability = static_cast<float>(
       std::clamp(3.0 * told / std::max(measured.trace(), 3.0 * kWhole), 0.0, 1.0));

@@ -9,8 +9,8 @@
 namespace stillmap::localization {
 
 /// What is measured along a direction must be so many times what noise feigns. Measured: tunnels
-/// 0.9 to 2.3, where speed was lost already single scans to 5.5; highways 4.3 and more (half of them
-/// above 11), streets and sparse handheld scans 18 and more.
+/// 0.9 to 2.3, where speed was lost already single scans to 5.5; highways 4.3 and more (half of
+/// them above 11), streets and sparse handheld scans 18 and more.
 inline constexpr double kLeastOverNoise = 3.5;
 
 /// Variance of the tilt of the axis of the smallest variance towards another one, from n points

@@ -61,8 +61,7 @@ struct Field {
       bool found = false;
       for (const std::string_view name : known) found = found || name == key;
       if (!found)
-        throw InputError(where, "\"" + key + "\"",
-                               fmt::format("only {}", fmt::join(known, ", ")));
+        throw InputError(where, "\"" + key + "\"", fmt::format("only {}", fmt::join(known, ", ")));
     }
   }
   [[nodiscard]] std::string text() const {

@@ -73,8 +73,7 @@ std::size_t cell_of(const TileId& tile, std::size_t cells_per_side, float x, flo
     const double in_tile = static_cast<double>(value) - kTileSizeM * number;
     const double cell = std::floor(in_tile * static_cast<double>(cells_per_side) / kTileSizeM);
     // What was rounded to a float may lie a step outside of its tile.
-    return static_cast<std::size_t>(
-        std::clamp(cell, 0.0, static_cast<double>(cells_per_side - 1)));
+    return static_cast<std::size_t>(std::clamp(cell, 0.0, static_cast<double>(cells_per_side - 1)));
   };
   return along(y, tile.y) * cells_per_side + along(x, tile.x);
 }

@@ -79,6 +79,7 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   add_map_change_routes(routes, context);
   add_version_routes(routes, context);
   add_package_routes(routes, context);
+  add_upload_routes(routes, context);
   add_drive_routes(routes, context);
   add_edit_routes(routes, context);
   add_rebuild_routes(routes, context);

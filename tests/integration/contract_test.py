@@ -216,6 +216,18 @@ class Contract(unittest.TestCase):
         self.assertEqual(self.ask("PUT", "/v1/maps/{map}/edits", 200, edits, map="yard"), edits)
         self.assertEqual(self.ask("GET", "/v1/maps/{map}/edits", 200, map="yard"), edits)
         self.ask("PUT", "/v1/maps/{map}/edits", 400, {"edits": []}, map="yard")
+        uploads = "/v1/maps/{map}/uploads"
+        upload = self.ask("POST", uploads, 201, {"version": "u", "content_type": "application/x-tar"}, map="yard")["id"]
+        place = {"map": "yard", "upload": upload}
+        for status in (201, 200):
+            self.ask("PUT", uploads + "/{upload}/parts/{part}", status, archive, "", "application/octet-stream", **place,
+                     part=1)
+        self.ask("GET", uploads + "/{upload}", 200, **place)
+        self.ask("GET", uploads, 200, map="yard")
+        for status in (201, 200):
+            self.ask("POST", uploads + "/{upload}/complete", status, **place)
+        self.ask("DELETE", uploads + "/{upload}", 204, **place)
+        self.ask("POST", uploads, 400, {"version": "U", "content_type": "application/x-tar"}, map="yard")
         drive = self.ask("POST", "/v1/maps/{map}/drives", 201, {"name": "d"}, map="yard")["id"]
         one = "/v1/maps/{map}/drives/{drive}"
         place = {"map": "yard", "drive": drive}

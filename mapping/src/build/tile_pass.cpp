@@ -201,8 +201,9 @@ TopView empty_picture(const std::vector<maps::TileId>& tiles) {
 
 TileCounts finish_tiles(const DriveSet& drives, const Survey& survey, const BuildObjects& objects,
                         Placed& placed, const VoxelGrid& grid, const MapBuildOptions& options,
-                        const maps::Edits& edits, const Cleaner* cleaner, maps::MapPackageWriter& writer,
-                        const ProgressCallback& progress, const CancelFlag& cancel) {
+                        const maps::Edits& edits, const Cleaner* cleaner,
+                        maps::MapPackageWriter& writer, const ProgressCallback& progress,
+                        const CancelFlag& cancel) {
   TileCounts out{{{"cleaned", 0}, {"filled", 0}}, {}};
   const std::vector<maps::TileId> ids = placed.stack.tiles();
   if (ids.empty())

@@ -7,9 +7,9 @@
 #include "stacking/tile_points.hpp"
 
 #include <stillmap/mapping/cleaning.hpp>
-#include <stillmap/maps/edits.hpp>
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/mapping/progress.hpp>
+#include <stillmap/maps/edits.hpp>
 #include <stillmap/maps/map_package.hpp>
 
 #include <cstdint>

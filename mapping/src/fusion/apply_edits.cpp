@@ -80,7 +80,8 @@ bool keep_region(FusedObjects& fused, const maps::Edit& edit, const std::vector<
   });
 }
 
-bool remove_object(FusedObjects& fused, const maps::Edit& edit, const std::vector<EditScan>& scans) {
+bool remove_object(FusedObjects& fused, const maps::Edit& edit,
+                   const std::vector<EditScan>& scans) {
   if (!meant(fused.objects, edit, scans).empty()) return true;
   const std::vector<std::size_t> indices = meant(fused.doubtful, edit, scans);
   for (const std::size_t i : indices) {
@@ -94,7 +95,8 @@ bool remove_object(FusedObjects& fused, const maps::Edit& edit, const std::vecto
   return !indices.empty();
 }
 
-bool remove_region(FusedObjects& fused, const maps::Edit& edit, const std::vector<EditScan>& scans) {
+bool remove_region(FusedObjects& fused, const maps::Edit& edit,
+                   const std::vector<EditScan>& scans) {
   FusedObject object;
   object.size_m = edit.box->size_m;
   object.existence = 1.0;
@@ -148,7 +150,8 @@ EditReport apply_edits(FusedObjects& fused, const maps::Edits& edits,
 std::vector<maps::Box> kept_regions(const maps::Edits& edits, const EditScan& scan) {
   std::vector<maps::Box> regions;
   for (const maps::Edit& edit : edits) {
-    if (edit.action == maps::EditAction::kKeep && edit.box && edit.scope.holds(scan.drive, scan.index))
+    if (edit.action == maps::EditAction::kKeep && edit.box &&
+        edit.scope.holds(scan.drive, scan.index))
       regions.push_back(*edit.box);
   }
   return regions;

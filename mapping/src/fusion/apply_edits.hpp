@@ -2,8 +2,8 @@
 
 #include "fusion/object_fusion.hpp"
 
-#include <stillmap/maps/edits.hpp>
 #include <stillmap/maps/box.hpp>
+#include <stillmap/maps/edits.hpp>
 
 #include <Eigen/Core>
 

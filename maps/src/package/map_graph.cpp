@@ -48,7 +48,8 @@ MapGraph graph_from(const JsonField& field, std::size_t poses) {
 std::string text_of(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
   std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-  if (!in.is_open() || in.bad()) throw InputError(file.string(), "nothing", "what the manifest lists");
+  if (!in.is_open() || in.bad())
+    throw InputError(file.string(), "nothing", "what the manifest lists");
   return text;
 }
 

@@ -20,10 +20,8 @@ SavedEdits known_edits(SqliteDatabase& database, std::string_view map) {
   SqliteStatement row(database,
                       "SELECT text, sha256, saved_ns, saver FROM saved_edits WHERE map = ?");
   if (!row.bind(map).step()) return {.text = std::string(kNoEdits), .sha256 = sha256_of(kNoEdits)};
-  return {.text = row.text(0),
-          .sha256 = row.text(1),
-          .saved_ns = row.integer(2),
-          .saver = row.text(3)};
+  return {
+      .text = row.text(0), .sha256 = row.text(1), .saved_ns = row.integer(2), .saver = row.text(3)};
 }
 
 }  // namespace

@@ -117,7 +117,8 @@ std::optional<StoredJob> asked_before(SqliteDatabase& database, const NewJob& jo
 }
 
 void check_drive(SqliteDatabase& database, std::string_view map, std::int64_t drive) {
-  SqliteStatement row(database, "SELECT status FROM drives WHERE id = ? AND map = ?");
+  SqliteStatement row(database,
+                      "SELECT status FROM drives WHERE id = ? AND map = ? AND version IS NULL");
   if (!row.bind(drive).bind(map).step())
     throw StoreRefusal(Reason::kUnknownDrive,
                        "map " + in_quotes(map) + " has no drive " + std::to_string(drive));

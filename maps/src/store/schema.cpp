@@ -12,7 +12,7 @@ namespace {
 constexpr std::int64_t kApplicationId = 0x53544d50;
 
 /// Step n takes version n to n + 1. A published step is never changed, only followed by others.
-constexpr std::array<const char*, 3> kSteps = {
+constexpr std::array<const char*, 4> kSteps = {
     R"(
 CREATE TABLE maps (
   name TEXT PRIMARY KEY NOT NULL,
@@ -120,6 +120,11 @@ CREATE TABLE saved_edits (
   saved_ns INTEGER NOT NULL,
   saver TEXT NOT NULL
 ) STRICT, WITHOUT ROWID;
+)",
+    // A row with a version is an upload that becomes it.
+    R"(
+ALTER TABLE drives ADD COLUMN version TEXT;
+ALTER TABLE drives ADD COLUMN content_type TEXT;
 )",
 };
 

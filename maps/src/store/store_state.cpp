@@ -44,8 +44,13 @@ bool insert_map(SqliteDatabase& database, std::string_view name, std::int64_t no
 }
 
 void refuse_if_in_use(SqliteDatabase& database, std::string_view map) {
-  if (SqliteStatement(database, "SELECT 1 FROM drives WHERE map = ?").bind(map).step())
-    throw StoreRefusal(Reason::kInUse, "map " + in_quotes(map) + " has drives");
+  SqliteStatement drive(database,
+                        "SELECT version FROM drives WHERE map = ? AND (version IS NULL OR status ="
+                        " 'open')");
+  if (drive.bind(map).step())
+    throw StoreRefusal(Reason::kInUse,
+                       "map " + in_quotes(map) +
+                           (drive.optional_text(0) ? " has an upload under way" : " has drives"));
   SqliteStatement job(database,
                       "SELECT id FROM jobs WHERE map = ? AND status IN ('enqueued', 'processing')");
   if (job.bind(map).step())
@@ -173,7 +178,8 @@ void StoreState::remove_map(std::string_view name, WhenActive when_active) {
        {"UPDATE maps SET active = NULL, previous = NULL WHERE name = ?",
         "INSERT OR IGNORE INTO retired SELECT map, name, digest FROM versions WHERE map = ?",
         "DELETE FROM versions WHERE map = ?", "DELETE FROM saved_edits WHERE map = ?",
-        "DELETE FROM maps WHERE name = ?"})
+        "DELETE FROM drive_parts WHERE drive IN (SELECT id FROM drives WHERE map = ?)",
+        "DELETE FROM drives WHERE map = ?", "DELETE FROM maps WHERE name = ?"})
     SqliteStatement(database, sql).bind(name).step();
   for (const std::string& digest : digests) condemn_unused(database, digest);
   writing.commit();

@@ -18,6 +18,7 @@ constexpr std::array kErrors = {
     ErrorInfo{ErrorCode::kUnknownVersion, "UnknownVersion", "The map has no such version", 404},
     ErrorInfo{ErrorCode::kUnknownTile, "UnknownTile", "The map has no such tile", 404},
     ErrorInfo{ErrorCode::kUnknownDrive, "UnknownDrive", "The map has no such drive", 404},
+    ErrorInfo{ErrorCode::kUnknownUpload, "UnknownUpload", "There is no such upload", 404},
     ErrorInfo{ErrorCode::kUnknownJob, "UnknownJob", "No such job", 404},
     ErrorInfo{ErrorCode::kUnknownKey, "UnknownKey", "No such key", 404},
     ErrorInfo{ErrorCode::kUnknownSession, "UnknownSession", "No such session, or it has ended",

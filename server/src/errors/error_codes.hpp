@@ -20,6 +20,7 @@ enum class ErrorCode {
   kUnknownVersion,
   kUnknownTile,
   kUnknownDrive,
+  kUnknownUpload,
   kUnknownJob,
   kUnknownKey,
   kUnknownSession,

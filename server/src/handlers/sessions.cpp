@@ -181,8 +181,8 @@ HttpResponse list_sessions(const Context& context, const HttpRequest& request) {
   const std::map<std::string, std::string> query = read_query(request, {"map"});
   const Caller& caller = request.caller;
   SessionList list{.caller = caller.key_id};
-  list.sessions = context.sessions.list(caller.is_admin ? std::nullopt
-                                                        : std::optional<std::string>(caller.key_id));
+  list.sessions = context.sessions.list(
+      caller.is_admin ? std::nullopt : std::optional<std::string>(caller.key_id));
   if (const auto map = query.find("map"); map != query.end())
     std::erase_if(list.sessions,
                   [&](const auto& session) { return session->map().map != map->second; });

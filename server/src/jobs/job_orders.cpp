@@ -170,7 +170,7 @@ maps::JobTable::Enqueued JobRunner::rebuild(const std::string& map, const Rebuil
     if (!request.version.empty()) check_new_version(map, request.version);
     for (const std::int64_t id : job.drives) {
       const maps::StoredDrive drive = setup_.store.drives().drive(id);
-      if (drive.map != map)
+      if (drive.map != map || drive.is_upload())
         throw ApiError(ErrorCode::kUnknownDrive, fmt::format("map {} has no drive {}", map, id));
       if (drive.status != maps::DriveStatus::kComplete)
         throw ApiError(ErrorCode::kDriveNotComplete,
@@ -195,6 +195,18 @@ std::optional<maps::StoredJob> JobRunner::converted_before(const std::string& ma
     for (const maps::StoredJob& job : page.jobs)
       if (job.result_version == request.version)
         return sha256_of(job) == request.sha256 ? std::optional(job) : std::nullopt;
+    before = page.next;
+  } while (before);
+  return std::nullopt;
+}
+
+std::optional<maps::StoredJob> JobRunner::newest_conversion(const std::string& map,
+                                                            const std::string& version) const {
+  std::optional<std::int64_t> before;
+  do {
+    const maps::JobTable::Page page = setup_.store.jobs().list({.map = map}, kPage, before);
+    for (const maps::StoredJob& job : page.jobs)
+      if (job.kind == maps::JobKind::kConvert && version_of(job) == version) return job;
     before = page.next;
   } while (before);
   return std::nullopt;

@@ -25,7 +25,8 @@ struct RebuildRequest {
     kSaved,  ///< those that are kept for the map, as of when it was asked for
   };
   EditsFrom edits_from = EditsFrom::kNone;
-  /// Corrections (`maps::parse_edits`); empty = none, or, as long as nobody has looked, those saved.
+  /// Corrections (`maps::parse_edits`); empty = none, or, as long as nobody has looked, those
+  /// saved.
   std::string edits;
   /// Empty = named by its day and job.
   std::string version;

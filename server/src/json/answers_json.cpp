@@ -1,4 +1,4 @@
-#include "answers_json.hpp"
+#include "json/answers_json.hpp"
 
 #include "json_values.hpp"
 

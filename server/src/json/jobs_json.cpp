@@ -32,8 +32,7 @@ ShownRequest shown_request(const maps::StoredJob& job) {
     if (options.empty()) request.erase("options");
   }
   const char* const before_they_were_saved = count > 0 ? "request" : "none";
-  shown.edits = {{"source", request.value("edits_from", before_they_were_saved)},
-                 {"count", count}};
+  shown.edits = {{"source", request.value("edits_from", before_they_were_saved)}, {"count", count}};
   request.erase("edits_from");
   return shown;
 }

@@ -103,9 +103,7 @@ std::string map_list_json(const std::vector<ListedMap>& maps,
 
 std::string stored_map_json(const maps::StoredMap& map) { return to_text(stored(map)); }
 
-std::string version_json(const maps::StoredVersion& version) {
-  return to_text(published(version));
-}
+std::string version_json(const maps::StoredVersion& version) { return to_text(published(version)); }
 
 std::string version_list_json(const maps::StoredMap& map,
                               const std::vector<DescribedVersion>& versions) {

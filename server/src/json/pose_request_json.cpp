@@ -255,8 +255,8 @@ namespace {
 std::string read_label(const json& value) {
   constexpr std::size_t kMostBytes = 64;
   const std::string label = value.is_string() ? value.get<std::string>() : std::string{};
-  const bool printable = std::all_of(label.begin(), label.end(),
-                                     [](char byte) { return byte >= ' ' && byte <= '~'; });
+  const bool printable =
+      std::all_of(label.begin(), label.end(), [](char byte) { return byte >= ' ' && byte <= '~'; });
   if (label.empty() || label.size() > kMostBytes || !printable)
     refuse("label", value, "1 to 64 of printable ASCII");
   return label;

@@ -63,9 +63,9 @@ class Plates {
                       .y = static_cast<std::int32_t>(std::floor(y / maps::kTileSizeM))};
     const auto found = std::find(layer.tiles.begin(), layer.tiles.end(), tile);
     if (found == layer.tiles.end()) return std::nanf("");
-    return layer.bands.at(band).values.at(
-        static_cast<std::size_t>(found - layer.tiles.begin()) * layer.cells_per_tile() +
-        maps::cell_of(tile, layer.cells_per_side, x, y));
+    return layer.bands.at(band).values.at(static_cast<std::size_t>(found - layer.tiles.begin()) *
+                                              layer.cells_per_tile() +
+                                          maps::cell_of(tile, layer.cells_per_side, x, y));
   }
   /// Two walls 10 m apart, 160 m long, and the ground between them.
   void corridor() {

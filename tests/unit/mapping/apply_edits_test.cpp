@@ -153,9 +153,10 @@ TEST(ApplyEdits, RemovesADoubtfulObjectAfterAll) {
 
 TEST(ApplyEdits, TheLastWordIsTheLaterEdit) {
   FusedObjects fused;
-  const EditReport report = apply_edits(
-      fused, {edit_region(maps::EditAction::kRemove, 0.0, 0.0), edit_region(maps::EditAction::kKeep, 0.0, 0.0)},
-      ten_scans());
+  const EditReport report = apply_edits(fused,
+                                        {edit_region(maps::EditAction::kRemove, 0.0, 0.0),
+                                         edit_region(maps::EditAction::kKeep, 0.0, 0.0)},
+                                        ten_scans());
   EXPECT_EQ(report.applied, 2U);
   EXPECT_THAT(fused.objects, IsEmpty());
 }

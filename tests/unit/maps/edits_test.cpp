@@ -52,8 +52,7 @@ TEST(Edits, NoneAreFine) { EXPECT_THAT(read(file_of("")), IsEmpty()); }
 
 TEST(Edits, AreRefusedByFileAndKey) {
   const auto refused = [](const std::string& text, const std::vector<std::string>& says) {
-    EXPECT_THAT([&] { static_cast<void>(read(text)); }, ThrowsSaying<InputError>(says))
-        << text;
+    EXPECT_THAT([&] { static_cast<void>(read(text)); }, ThrowsSaying<InputError>(says)) << text;
   };
   const auto edit = [](const std::string& members) { return file_of("{" + members + "}"); };
   const std::string box = R"("box": {"centre": [0, 0, 0], "size": [1, 1, 1], "yaw": 0})";

@@ -34,7 +34,8 @@ class MapGraphTest : public ::testing::Test {
     const std::filesystem::path target = folder_.path() / ("map" + std::to_string(count_++));
     MapPackageWriter writer(target);
     writer.add_tile({}, std::vector<MapPoint>(1));
-    for (std::size_t drive = 0; drive < 2; ++drive) writer.write_trajectory(straight(3, 1.0), drive);
+    for (std::size_t drive = 0; drive < 2; ++drive)
+      writer.write_trajectory(straight(3, 1.0), drive);
     if (!graph.empty()) std::ofstream(writer.folder() / "graph.json") << graph;
     MapManifest manifest;
     manifest.frame_id = "map";

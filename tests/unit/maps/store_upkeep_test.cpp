@@ -146,7 +146,8 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheFirstSchemaUpToDate) {
   }
   const fs::path file = store_ / "state.db";
   run_sql(file,
-          "DROP TABLE saved_edits; DROP TABLE audit; DROP TABLE job_drives; DROP TABLE drive_parts; DROP TABLE drives;"
+          "DROP TABLE saved_edits; DROP TABLE audit; DROP TABLE job_drives; DROP TABLE "
+          "drive_parts; DROP TABLE drives;"
           "DROP TABLE jobs; DROP TABLE keys; DROP TABLE retired; PRAGMA user_version=1");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.state().map("town").active, "1");
@@ -162,10 +163,13 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheSecondSchemaUpToDate) {
     store.add("town", "1", source("first"));
     store.jobs().enqueue({.map = "town"}, 1);
   }
-  run_sql(store_ / "state.db", "DROP TABLE saved_edits; PRAGMA user_version=2");
+  run_sql(store_ / "state.db",
+          "DROP TABLE saved_edits; ALTER TABLE drives DROP COLUMN version;"
+          "ALTER TABLE drives DROP COLUMN content_type; PRAGMA user_version=2");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.jobs().count(JobStatus::kEnqueued), 1U);
   EXPECT_FALSE(store.edits().of_map("town").saved_ns);
+  EXPECT_TRUE(store.drives().open_upload("town", {.version = "v"}, 1).is_upload());
   EXPECT_EQ(store.edits().save("town", "some", "", 1).text, "some");
   EXPECT_THAT(store.verify(), IsEmpty());
 }
@@ -174,7 +178,7 @@ TEST_F(StoreUpkeepTest, RefusesToGoBackToAnOlderSchema) {
   { const PackageStore store(store_, calls_); }
   run_sql(store_ / "state.db", "PRAGMA user_version=9");
   EXPECT_THAT([&] { const PackageStore store(store_, calls_); },
-              ThrowsSaying<InputError>({"schema version 9", "at most 3", "newer stillmap"}));
+              ThrowsSaying<InputError>({"schema version 9", "at most 4", "newer stillmap"}));
 }
 
 class ReadOnlyStoreTest : public StoreUpkeepTest {

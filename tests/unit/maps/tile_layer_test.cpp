@@ -14,7 +14,12 @@ using ::testing::ElementsAre;
 
 MapPoint point(float x, float y, float z, std::uint16_t observations = 1,
                PointKind kind = PointKind::kMeasured) {
-  return {.x = x, .y = y, .z = z, .intensity = 0, .observations = observations, .kind = kind,
+  return {.x = x,
+          .y = y,
+          .z = z,
+          .intensity = 0,
+          .observations = observations,
+          .kind = kind,
           .object = 0};
 }
 PointHistory seen(std::uint32_t first, std::uint32_t last) {

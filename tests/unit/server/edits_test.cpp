@@ -179,8 +179,8 @@ TEST_F(SavedEditsTest, OfARequestAreReadBeforeAJobIsMade) {
   EXPECT_EQ(problem["errors"][0]["path"], "options.edits");
   EXPECT_THAT(problem["detail"].get<std::string>(), HasSubstr("edits[0].action"));
   // Where a job keeps them is no key of a request.
-  EXPECT_EQ(body(send("POST", "/v1/maps/town/rebuild", R"({"drives": [1], "edits_from": "saved"})"))
-                ["code"],
+  EXPECT_EQ(body(send("POST", "/v1/maps/town/rebuild",
+                      R"({"drives": [1], "edits_from": "saved"})"))["code"],
             "UnknownParameter");
 }
 

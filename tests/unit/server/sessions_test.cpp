@@ -162,7 +162,8 @@ TEST_F(Sessions, LabelIsTheClientsOrMadeFromTheSecretWithoutTellingIt) {
   const std::string label = other["label"];
   EXPECT_EQ(label.size(), 12U);
   EXPECT_EQ(other["id"].get<std::string>().find(label), std::string::npos);
-  for (const json& wrong : {json(7), json(""), json("a\nb"), json(std::string(65, 'a')), json("\xc3\xa9")})
+  for (const json& wrong :
+       {json(7), json(""), json("a\nb"), json(std::string(65, 'a')), json("\xc3\xa9")})
     EXPECT_EQ(ask(json_post("/v1/sessions", {{"map", "town"}, {"label", wrong}}), 400)["code"],
               "InvalidRequest");
   EXPECT_EQ(ask(json_post("/v1/sessions/" + named["id"].get<std::string>() + "/initialize",
@@ -223,7 +224,8 @@ TEST_F(Sessions, OperatorsSeeAllVehiclesButNoSecrets) {
     EXPECT_TRUE(each["key_name"] == "alice" || each["key_name"] == "both");
     EXPECT_EQ(each["pose"].is_null(), each["key_name"] == "both");
   }
-  for (const json& each : list_as(both)) EXPECT_EQ(each.contains("id"), each["key_id"] == both.key.id);
+  for (const json& each : list_as(both))
+    EXPECT_EQ(each.contains("id"), each["key_id"] == both.key.id);
   // What is seen cannot be used.
   EXPECT_EQ(ask(with(request("GET", "/v1/sessions/" + of_alice), both), 404)["code"],
             "UnknownSession");

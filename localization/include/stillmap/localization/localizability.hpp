@@ -27,7 +27,8 @@ namespace stillmap::localization {
 /// - `localizability` in [0, 1]: 3 (e - 3.5 f) / max(trace M, 300), with e the smallest eigenvalue
 ///   and f what noise feigns along its vector: 1 where surfaces face all ways alike, 0 where some
 ///   motion is not told, and less than 1 where there is little to be seen.
-/// - `weak_direction` [rad, from +x of the map frame towards +y, in (-pi/2, pi/2]]: horizontal motion
+/// - `weak_direction` [rad, from +x of the map frame towards +y, in (-pi/2, pi/2]]: horizontal
+/// motion
 ///   that is told worst; NaN where that is a turn.
 ///
 /// It knows the map alone: what moves, and how the scan's own points lie, is not in it.

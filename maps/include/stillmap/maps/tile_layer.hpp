@@ -27,9 +27,7 @@ struct TileLayer {
   std::vector<TileId> tiles;
   std::vector<Band> bands;
 
-  [[nodiscard]] double cell_m() const {
-    return kTileSizeM / static_cast<double>(cells_per_side);
-  }
+  [[nodiscard]] double cell_m() const { return kTileSizeM / static_cast<double>(cells_per_side); }
   [[nodiscard]] std::size_t cells_per_tile() const { return cells_per_side * cells_per_side; }
 };
 

@@ -52,10 +52,10 @@ struct StoreQuota {
 enum class WhenActive : std::uint8_t { kRefuse, kRemove };
 
 /// Names, versions and active pointers of a store, and its keys, jobs, drives, saved corrections
-/// and audit log, in one database that outlives a power cut: what returned is kept. Knows nothing of packages on the
-/// disk. Safe from several threads, and several processes may have it open. Throws StorageError
-/// when the disk fails; a change has then not happened, or (a failed sync) may show after the next
-/// open.
+/// and audit log, in one database that outlives a power cut: what returned is kept. Knows nothing
+/// of packages on the disk. Safe from several threads, and several processes may have it open.
+/// Throws StorageError when the disk fails; a change has then not happened, or (a failed sync) may
+/// show after the next open.
 class StoreState {
  public:
   /// Opens or makes it, and brings an older schema up to date. When the disk does not allow that,
@@ -94,7 +94,8 @@ class StoreState {
   bool create_map(std::string_view name, std::int64_t now_ns);
   /// With its versions and saved corrections; packages that no version holds any more are noted as
   /// `condemned`.
-  /// @throws StoreRefusal kUnknownMap; kActive; kInUse while it has a drive or an unfinished job.
+  /// @throws StoreRefusal kUnknownMap; kActive; kInUse while it has a drive, an upload under way or
+  /// an unfinished job.
   void remove_map(std::string_view name, WhenActive when_active = WhenActive::kRefuse);
   /// Bytes of packages and drives, each package once. @throws StoreRefusal kUnknownMap.
   [[nodiscard]] std::uint64_t bytes_of_map(std::string_view map) const;
