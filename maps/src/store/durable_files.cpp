@@ -1,6 +1,7 @@
 #include "store/durable_files.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/disk_full.hpp>
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -22,6 +23,8 @@ using Kind = DiskCall::Kind;
 std::int64_t result_of(int result) { return result < 0 ? -errno : 0; }
 
 [[noreturn]] void fail(const fs::path& path, std::int64_t result) {
+  if (result == -ENOSPC || result == -EDQUOT)
+    throw DiskFull(path.string(), std::strerror(static_cast<int>(-result)));
   throw StorageError(path.string(), std::strerror(static_cast<int>(-result)));
 }
 

@@ -113,6 +113,12 @@ CREATE TRIGGER audit_is_append_only BEFORE UPDATE ON audit
   BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;
 )",
     R"(
+CREATE TABLE retired_maps (
+  name TEXT PRIMARY KEY NOT NULL,
+  revision INTEGER NOT NULL
+) STRICT, WITHOUT ROWID;
+)",
+    R"(
 CREATE TABLE saved_edits (
   map TEXT PRIMARY KEY NOT NULL REFERENCES maps (name),
   text TEXT NOT NULL,
@@ -120,9 +126,6 @@ CREATE TABLE saved_edits (
   saved_ns INTEGER NOT NULL,
   saver TEXT NOT NULL
 ) STRICT, WITHOUT ROWID;
-)",
-    // A row with a version is an upload that becomes it.
-    R"(
 ALTER TABLE drives ADD COLUMN version TEXT;
 ALTER TABLE drives ADD COLUMN content_type TEXT;
 )",

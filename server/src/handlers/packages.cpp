@@ -13,7 +13,9 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <span>
 #include <stdexcept>
+#include <string_view>
 #include <utility>
 
 namespace stillmap::server {
@@ -111,8 +113,8 @@ void add_package_routes(std::vector<Route>& routes, const Context& context) {
             Access::kWrite,
             BodyKind::kStreamed,
             static_cast<std::uint64_t>(context.options.uploads.max_package_bytes)};
-  put.reserve = [&context](const HttpRequest&, const PathParameters&) {
-    return context.uploads.take(context.live.current()->uploads.max_open);
+  put.reserve = [&context](const HttpRequest& request, const PathParameters&) {
+    return context.uploads.take(context.live.current()->uploads.max_open, request.caller.key_id);
   };
   routes.push_back(std::move(put));
   routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/content",

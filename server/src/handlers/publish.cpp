@@ -3,8 +3,11 @@
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
 
+#include <stillmap/maps/cloud_file.hpp>
+
 #include <algorithm>
 #include <array>
+#include <span>
 #include <string_view>
 
 namespace stillmap::server {
@@ -24,11 +27,32 @@ std::optional<std::string> cloud_format(const std::string& content_type) {
   return std::nullopt;
 }
 
+/// What the bytes begin with, as far as a header of a point cloud may reach.
+std::string head_of(const maps::ByteSource& source) {
+  std::string head(maps::kMostCloudHeaderBytes, '\0');
+  std::size_t have = 0;
+  while (have < head.size()) {
+    const std::size_t got = source(std::span(head).subspan(have));
+    if (got == 0) break;
+    have += got;
+  }
+  head.resize(have);
+  return head;
+}
+
 /// 202 while it is converted, 200 when that was done before.
 HttpResponse convert(const Context& context, const Publication& wanted, const std::string& format) {
   context.store.check_quota(wanted.map, wanted.bytes);
-  const std::string sha256 = context.jobs.receive(wanted.source, wanted.bytes, wanted.sha256,
-                                                  wanted.map + "/" + wanted.version);
+  const std::string name = wanted.map + "/" + wanted.version;
+  const std::string head = head_of(wanted.source);
+  maps::check_cloud_header(std::as_bytes(std::span(head)), format, name);
+  const auto source = [&wanted, left = std::string_view(head)](std::span<char> to) mutable {
+    if (left.empty()) return wanted.source(to);
+    const std::size_t count = left.copy(to.data(), to.size());
+    left.remove_prefix(count);
+    return count;
+  };
+  const std::string sha256 = context.jobs.receive(source, wanted.bytes, wanted.sha256, name);
   const maps::JobTable::Enqueued enqueued = context.jobs.convert(
       wanted.map, {.version = wanted.version, .sha256 = sha256, .format = format},
       {wanted.key_id, std::nullopt});

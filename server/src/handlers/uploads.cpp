@@ -98,9 +98,9 @@ HttpResponse remove_upload(const Context& context, const PathParameters& path) {
 
 /// Parts are large, and unpacking is slow: both take a place.
 void add_byte_routes(std::vector<Route>& routes, const Context& context) {
-  const auto reserve = [&context](const HttpRequest&, const PathParameters& path) {
+  const auto reserve = [&context](const HttpRequest& request, const PathParameters& path) {
     static_cast<void>(find_upload(context, path));
-    return context.uploads.take(context.live.current()->uploads.max_open);
+    return context.uploads.take(context.live.current()->uploads.max_open, request.caller.key_id);
   };
   Route part{"PUT",
              "/v1/maps/{map}/uploads/{upload}/parts/{part}",

@@ -74,7 +74,14 @@ ProcessLimits JobRunner::limits() const {
 }
 
 std::string JobRunner::without_places(std::string text) const {
-  return without_folder(without_folder(std::move(text), setup_.store.folder()), root_);
+  // `root_` may lie elsewhere, but holds what "jobs" of the store does.
+  const fs::path store = setup_.store.folder();
+  const std::string root = root_.string() + "/";
+  const std::string usual = (store / "jobs/").string();
+  for (std::size_t at = text.find(root); root != usual && at != std::string::npos;
+       at = text.find(root, at + usual.size()))
+    text.replace(at, root.size(), usual);
+  return without_folder(std::move(text), store);
 }
 
 void JobRunner::wake() {

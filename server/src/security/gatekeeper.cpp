@@ -25,6 +25,17 @@ void refuse_other_sites(const HttpRequest& request) {
                     "same-origin, or a key: without one other sites' pages change nothing");
 }
 
+/// A browser that was told by DNS that another site lies here names that site.
+void refuse_other_hosts(const HttpRequest& request) {
+  const std::string host = lower(request.header("host"));
+  const bool bracketed = host.starts_with("[");
+  const std::string name =
+      bracketed ? host.substr(1, host.find(']') - 1) : host.substr(0, host.find(':'));
+  if (host.empty() || is_loopback(name)) return;
+  throw field_error(ErrorCode::kForbidden, "Host", "'" + host + "'",
+                    "localhost or a loopback address, since the store has no keys");
+}
+
 /// Any of them will do.
 std::vector<maps::KeyScope> scopes_of(Access access) {
   switch (access) {
@@ -43,24 +54,35 @@ std::vector<maps::KeyScope> scopes_of(Access access) {
   return {maps::KeyScope::kRead};
 }
 
+void require_scope(const maps::ApiKey& key, Access access) {
+  std::string names;
+  for (const maps::KeyScope scope : scopes_of(access)) {
+    if (key.scopes.has(scope)) return;
+    names += (names.empty() ? "" : " or ") + std::string(maps::name_of(scope));
+  }
+  throw field_error(ErrorCode::kForbidden, "Authorization", "a key without this scope", names);
+}
+
 }  // namespace
 
-Caller Gatekeeper::admit(const HttpRequest& request, Access access, const RateOptions& rate) {
-  const std::optional<maps::ApiKey> key = let_in(request.header("authorization"), access);
+void Gatekeeper::admit(HttpRequest& request, Access access, const RateOptions& rate) {
+  const std::optional<maps::ApiKey> key = key_of(request.header("authorization"), access);
   if (!key) {
-    refuse_other_sites(request);
-    return {.key_id = {}, .is_admin = access != Access::kOpen};
+    if (on_loopback_ && access != Access::kOpen) refuse_other_hosts(request);
+    request.caller.is_admin = access != Access::kOpen;
+    return refuse_other_sites(request);
   }
+  request.caller = {.key_id = key->id, .is_admin = key->scopes.has(maps::KeyScope::kAdmin)};
+  require_scope(*key, access);
   if (const double wait_s = rates_.take(key->id, rate); wait_s > 0.0) {
     throw ApiError(ErrorCode::kTooManyRequests, "the key's rate is used up")
         .with_header("Retry-After", std::to_string(std::lround(std::ceil(wait_s))));
   }
-  return {.key_id = key->id, .is_admin = key->scopes.has(maps::KeyScope::kAdmin)};
 }
 
 bool Gatekeeper::still_admits(const std::string& authorization, Access access) {
   try {
-    (void)let_in(authorization, access);
+    if (const auto key = key_of(authorization, access)) require_scope(*key, access);
     return true;
   } catch (const ApiError&) {
     return false;
@@ -68,15 +90,9 @@ bool Gatekeeper::still_admits(const std::string& authorization, Access access) {
 }
 
 /// @return the key; nothing where none is asked for.
-std::optional<maps::ApiKey> Gatekeeper::let_in(const std::string& authorization, Access access) {
+std::optional<maps::ApiKey> Gatekeeper::key_of(const std::string& authorization, Access access) {
   if (access == Access::kOpen || !has_keys()) return std::nullopt;
-  maps::ApiKey key = checked(authorization);
-  std::string names;
-  for (const maps::KeyScope scope : scopes_of(access)) {
-    if (key.scopes.has(scope)) return key;
-    names += (names.empty() ? "" : " or ") + std::string(maps::name_of(scope));
-  }
-  throw field_error(ErrorCode::kForbidden, "Authorization", "a key without this scope", names);
+  return checked(authorization);
 }
 
 /// Asked for each request, so the list is read again only after a key was made or revoked.

@@ -121,7 +121,7 @@ TEST_F(Uploads, WhatIsNoPackageFailsInWordsAndTakesNoRoom) {
 
 TEST_F(Uploads, CloudFromElsewhereIsConverted) {
   start_with("publish");
-  const std::string path = filled("v2", "# .PCD cloud", "application/vnd.pcd");
+  const std::string path = filled("v2", pcd("cloud"), "application/vnd.pcd");
   const HttpResponse accepted = send("POST", path + "/complete");
   ASSERT_EQ(accepted.status, 202) << accepted.body;
   EXPECT_EQ(body(accepted)["kind"], "convert");
@@ -133,9 +133,17 @@ TEST_F(Uploads, CloudFromElsewhereIsConverted) {
   EXPECT_FALSE(has_bytes(path));
 }
 
+TEST_F(Uploads, WhatIsNoCloudFailsAtOnce) {
+  start_with("publish");
+  const std::string path = filled("v2", "no cloud at all", "application/vnd.pcd");
+  EXPECT_EQ(send("POST", path + "/complete").status, 422);
+  EXPECT_EQ(body(get(path))["status"], "failed");
+  EXPECT_FALSE(has_bytes(path));
+}
+
 TEST_F(Uploads, AskedAgainWhileItIsConvertedTheJobIsTold) {
   start_with("exit 1");
-  const std::string path = filled("v2", "ply", "application/ply");
+  const std::string path = filled("v2", kPly, "application/ply");
   const HttpResponse accepted = send("POST", path + "/complete");
   ASSERT_EQ(accepted.status, 202);
   const json job = wait_for_end("/v1/jobs/" + std::to_string(body(accepted)["id"].get<int>()));

@@ -1,23 +1,28 @@
-// What the comparison computes by itself: places of a difference, the address, where each side is drawn.
+// What the comparison computes by itself: places of a difference, the address, points of a tile.
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
 const built = (name) => import(`../../../web/dist/unit/compare/${name}.js`);
 const { biggestPlaces, sideWords } = await built('difference');
 const { kCompareDefaults, readCompareState, writeCompareState } = await built('compare_state');
-const { planPanes } = await built('panes');
+const { glbPositions } = await built('glb');
 
 const side = (area_m2, x, y) => ({
-  points: 10 * area_m2, kinds: { measured: 10 * area_m2 }, area_m2, min: [20 * x, 20 * y, 0], max: [20 * x + 5, 20 * y + 5, 2], url: '',
+  points: 10 * area_m2, kinds: { measured: 10 * area_m2 }, area_m2, min: [20 * x, 20 * y, 0], max: [20 * x + 18, 20 * y + 5, 2], url: '',
 });
 const tile = (x, y, version, other) => ({
   x, y, only_in_version: version === 0 ? null : side(version, x, y), only_in_other: other === 0 ? null : side(other, x, y),
 });
 
-test('neighbouring tiles make one place, biggest first', () => {
+test('changes that come near each other make one place, biggest first', () => {
+  // What differs lies in the first 18 m of each tile: 2 m from the next one along x.
   const places = biggestPlaces([tile(0, 0, 5, 0), tile(1, 0, 3, 4), tile(9, 9, 1, 1), tile(50, 0, 0, 30)], 10);
   assert.deepEqual(places.map((place) => [place.onlyInVersion_m2, place.onlyInOther_m2]), [[0, 30], [8, 4], [1, 1]]);
-  assert.deepEqual([places[1].min, places[1].max], [[0, 0, 0], [25, 5, 2]]);
+  assert.deepEqual([places[1].min, places[1].max], [[0, 0, 0], [38, 5, 2]]);
+});
+
+test('changes of neighbouring tiles that lie far from each other are two places', () => {
+  assert.equal(biggestPlaces([tile(0, 0, 5, 0), tile(0, 1, 3, 0)], 10).length, 2);
 });
 
 test('a street that changed all along gives places of three tiles at most', () => {
@@ -46,11 +51,28 @@ test('what is written into the address is read again; nonsense keeps the default
   assert.deepEqual(readCompareState(new URLSearchParams('split=7&layout=up&tolerance_m=-1&above=yes')), kCompareDefaults);
 });
 
-test('swiped, both sides fill the picture and meet at the slider; side by side, each has a half', () => {
-  const [a, b] = planPanes('swipe', 0.25, 800, 600);
-  assert.deepEqual([a.scissor.width, b.scissor.x, b.scissor.width], [200, 200, 600]);
-  assert.deepEqual(a.viewport, { x: 0, y: 0, width: 800, height: 600 });
-  const [left, right] = planPanes('side', 0.25, 801, 600);
-  assert.deepEqual([left.viewport.width + right.viewport.width, right.viewport.x], [801, left.viewport.width]);
-  assert.deepEqual(planPanes('swipe', 7, 800, 600)[1].scissor.width, 0);
+/** A GLB of chunks as [kind, bytes]. */
+function glbOf(...chunks) {
+  const pieces = chunks.flatMap(([kind, bytes]) => {
+    const head = Buffer.alloc(8);
+    head.writeUInt32LE(bytes.length, 0);
+    head.write(kind, 4, 'latin1');
+    return [head, bytes];
+  });
+  const head = Buffer.alloc(12);
+  head.write('glTF', 0);
+  const whole = Buffer.concat([head, ...pieces]);
+  return whole.buffer.slice(whole.byteOffset, whole.byteOffset + whole.length);
+}
+
+test('coordinates of a tile are read from its points of 20 bytes', () => {
+  const points = Buffer.alloc(40);
+  [1, 2, 3].forEach((value, axis) => points.writeFloatLE(value, 20 + 4 * axis));
+  assert.deepEqual([...glbPositions(glbOf(['JSON', Buffer.from('{}  ')], ['BIN\0', points]))], [0, 0, 0, 1, 2, 3]);
+});
+
+test('what is no tile is refused in words', () => {
+  assert.throws(() => glbPositions(new ArrayBuffer(3)), /no GLB/);
+  assert.throws(() => glbPositions(glbOf(['JSON', Buffer.from('{}  ')])), /without its points/);
+  assert.throws(() => glbPositions(glbOf(['JSON', Buffer.from('{}  ')], ['BIN\0', Buffer.alloc(40)]).slice(0, 50)), /without its points/);
 });

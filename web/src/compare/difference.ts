@@ -39,28 +39,36 @@ export interface Place {
 
 const areaOf = (tile: DifferenceTile): number => (tile.only_in_version?.area_m2 ?? 0) + (tile.only_in_other?.area_m2 ?? 0);
 
+/** What differs in two tiles belongs together when no more ground lies between [m]. */
+const kGap_m = 5;
+
 /**
- * The places that changed most, biggest first: the tile with the most changed ground with the up to
- * eight around it, then the next of those left, so that no place is wider than three tiles.
+ * The places that changed most, biggest first: the tile with the most changed ground, with those of the up to
+ * eight around it whose changes come near to its own; then the next of those left. So no place is wider than three tiles.
  */
 export function biggestPlaces(tiles: readonly DifferenceTile[], most: number): Place[] {
   const left = new Map(tiles.map((tile) => [`${tile.x}/${tile.y}`, tile]));
   const places: Place[] = [];
   for (const tile of [...tiles].sort((a, b) => areaOf(b) - areaOf(a))) {
     if (places.length === most) break;
-    if (!left.has(`${tile.x}/${tile.y}`) || areaOf(tile) === 0) continue;
-    const near: DifferenceTile[] = [];
-    for (let dx = -1; dx <= 1; ++dx) {
-      for (let dy = -1; dy <= 1; ++dy) {
-        const key = `${tile.x + dx}/${tile.y + dy}`;
-        const neighbour = left.get(key);
-        if (neighbour !== undefined) near.push(neighbour);
-        left.delete(key);
-      }
-    }
-    places.push(placeOf(near));
+    if (!left.delete(`${tile.x}/${tile.y}`) || areaOf(tile) === 0) continue;
+    const own = placeOf([tile]);
+    const near = around(tile).flatMap((key) => left.get(key) ?? []).filter((other) => gap(own, placeOf([other])) <= kGap_m);
+    for (const { x, y } of near) left.delete(`${x}/${y}`);
+    places.push(placeOf([tile, ...near]));
   }
   return places.sort((a, b) => b.onlyInVersion_m2 + b.onlyInOther_m2 - a.onlyInVersion_m2 - a.onlyInOther_m2);
+}
+
+function around({ x, y }: DifferenceTile): string[] {
+  const steps = [-1, 0, 1];
+  return steps.flatMap((dx) => steps.flatMap((dy) => (dx === 0 && dy === 0 ? [] : [`${x + dx}/${y + dy}`])));
+}
+
+/** Over ground [m]; 0 when they overlap. */
+function gap(a: Place, b: Place): number {
+  const apart = (axis: 0 | 1): number => Math.max(0, a.min[axis] - b.max[axis], b.min[axis] - a.max[axis]);
+  return Math.hypot(apart(0), apart(1));
 }
 
 function placeOf(tiles: readonly DifferenceTile[]): Place {

@@ -22,10 +22,13 @@ export function sortDropped(files: readonly File[]): Dropped {
 
 /** All files of a drop, those in folders too. */
 export async function filesOf(transfer: DataTransfer): Promise<File[]> {
-  // The entries must be taken before the first await: the browser empties the drop then.
-  const entries = [...transfer.items].flatMap((item) => item.webkitGetAsEntry() ?? []);
+  // All of it must be taken before the first await: the browser empties the drop then.
+  const entries = [...transfer.items].flatMap((item) => item.webkitGetAsEntry() ?? item.getAsFile() ?? []);
   const files: File[] = [];
-  for (const entry of entries) await collect(entry, files);
+  for (const entry of entries) {
+    if (entry instanceof File) files.push(entry);
+    else await collect(entry, files);
+  }
   return files;
 }
 

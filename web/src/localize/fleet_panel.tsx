@@ -28,7 +28,7 @@ export function FleetPanel({ vehicles, chosen, onChoose }: {
         return (
           <li key={vehicle.label}>
             <button
-              type="button" class={`vehicle ${look}`} aria-pressed={vehicle.label === chosen} disabled={vehicle.pose === null}
+              type="button" class={`vehicle ${look}`} aria-pressed={vehicle.label === chosen}
               onClick={() => onChoose(vehicle.label)}
             >
               <span class={`verdict ${look}`}>{kLookWords[look]}</span>

@@ -25,6 +25,8 @@ export interface LocalizeState {
   gnss: GnssText;
   scan: ScanFile | null;
   busy: 'reading' | 'asking' | null;
+  /** The scan is being compared with the map. */
+  painting: boolean;
   /** Why the last thing asked for did not happen, from the server or from the file. */
   error: ApiError | string | null;
   asked: Asked | null;
@@ -37,7 +39,7 @@ export interface LocalizeState {
 }
 
 const kBegin: LocalizeState = {
-  start: 'everywhere', prior: null, gnss: { latitude: '', longitude: '', altitude: '', sigma: '5' }, scan: null, busy: null,
+  start: 'everywhere', prior: null, gnss: { latitude: '', longitude: '', altitude: '', sigma: '5' }, scan: null, busy: null, painting: false,
   error: null, asked: null, drive: null, shown: 0, playing: false, perSecond: 10, byResidual: true,
 };
 
@@ -54,6 +56,7 @@ export class Localizer {
   private asking = new AbortController();
   private timer: ReturnType<typeof setTimeout> | undefined;
   private answered = 0;
+  private paintings = 0;
 
   /** @param still whether the person wants less motion. */
   constructor(private readonly place: MapPlace, private readonly still: () => boolean) {}
@@ -64,7 +67,7 @@ export class Localizer {
     const { scan, asked, prior, start } = this.state.get();
     scene.showPrior(start === 'prior' ? prior : null);
     scene.setScan(scan);
-    if (asked !== null) void scene.showAnswer(asked.answer, null, true, true);
+    if (asked !== null) void this.painted(scene.showAnswer(asked.answer, null, true, this.state.get().byResidual));
   }
 
   /** The answer of what is in the picture. */
@@ -92,7 +95,7 @@ export class Localizer {
 
   setByResidual(byResidual: boolean): void {
     this.change({ byResidual });
-    void this.scene?.repaint(this.answer, byResidual);
+    void this.painted(this.scene?.repaint(this.answer, byResidual));
   }
 
   /** Takes what was dropped or chosen: one scan is looked for, several are driven. */
@@ -123,7 +126,7 @@ export class Localizer {
       const { pose } = asked.answer;
       if (this.state.get().asked === null && pose !== null) this.onFirstAnswer(pose);
       this.change({ asked, busy: null });
-      await this.scene?.showAnswer(asked.answer, this.from(start, asked.answer), this.still(), this.state.get().byResidual);
+      await this.painted(this.scene?.showAnswer(asked.answer, this.from(start, asked.answer), this.still(), this.state.get().byResidual));
     } catch (error) {
       if (!isAborted(error)) this.change({ error: toApiError(error), busy: null });
     }
@@ -141,7 +144,7 @@ export class Localizer {
       this.change({ scan });
       this.scene?.setScan(scan);
       const moving = playing || drive.run.state === 'running';
-      await this.scene?.showAnswer(answer, null, true, byResidual && !moving);
+      await this.painted(this.scene?.showAnswer(answer, null, true, byResidual && !moving));
     } catch (error) {
       this.fail(error);
     }
@@ -246,6 +249,14 @@ export class Localizer {
     if (start.kind === 'prior' || pose === null) return start.kind === 'prior' ? start.pose : null;
     const [x, y, z] = pose.position;
     return poseWithHeading([x, y, z + kFromAbove_m], headingOf(pose) + kFromAside_rad);
+  }
+
+  /** Says that the scan is being compared, as long as the latest of these goes on; what fails of it is only colour. */
+  private async painted(painting: Promise<void> | undefined): Promise<void> {
+    const turn = ++this.paintings;
+    this.change({ painting: true });
+    await painting?.catch(() => undefined);
+    if (turn === this.paintings) this.change({ painting: false });
   }
 
   private fail(error: unknown): void {

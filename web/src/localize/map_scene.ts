@@ -1,6 +1,7 @@
 import * as THREE from 'three';
-import { askTiles } from '../api/ask_tiles.js';
+import { send } from '../api/send.js';
 import type { Rgb } from '../scene/colour_maps.js';
+import { shareHeights } from '../scene/height_range.js';
 import { MapCloud } from '../scene/map_cloud.js';
 import { rgbOf } from '../scene/painted_points.js';
 import type { Scene } from '../scene/scene.js';
@@ -66,10 +67,15 @@ export class MapScene {
     onTrouble: (trouble: Trouble | undefined) => void,
   ) {
     const base = `/v1/maps/${encodeURIComponent(map.name)}/versions/${encodeURIComponent(map.version)}`;
+    let known = false;
     this.cloud = new MapCloud({
-      tilesetUrl: new URL(`${base}/3dtiles/tileset.json`, window.location.href).href,
-      origin: map.origin, voxelSizeM: map.voxel_size_m, ask: askTiles,
-      onChange: () => scene.requestRender(), onTrouble,
+      tilesetUrl: `${base}/3dtiles/tileset.json`,
+      origin: map.origin, voxelSizeM: map.voxel_size_m, ask: (url, { signal }) => send('GET', url, { signal }),
+      onChange: () => {
+        known ||= shareHeights([this.cloud], scene.origin);
+        scene.requestRender();
+      },
+      onTrouble,
     });
     scene.addCloud(this.cloud);
     this.priorMark = new VehicleMark(scene.origin as Vec3);

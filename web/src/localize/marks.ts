@@ -8,47 +8,58 @@ import { kSigmas } from './sigmas.js';
 const kEllipseSteps = 96;
 const kDirection_m = 8;
 /** Least size of a vehicle's mark in the picture [px], and its length [m]. */
-const kLeastMark_px = 22;
+const kLeastMark_px = 26;
 const kMark_m = 4.4;
+/** Size of the rim around it, as a share of its own. */
+const kRim = 1.3;
 
 /** A flat arrow that shows where a vehicle is and where it looks; never smaller than can be seen. */
 export class VehicleMark {
-  readonly object: THREE.Mesh<THREE.ShapeGeometry, THREE.MeshBasicMaterial>;
+  readonly object = new THREE.Group();
+  private readonly fill = flatMaterial();
+  /** Told apart from any ground by it. */
+  private readonly rim = flatMaterial();
 
   constructor(private readonly origin: Vec3) {
-    const shape = new THREE.Shape([
-      new THREE.Vector2(0.5, 0), new THREE.Vector2(-0.5, 0.36), new THREE.Vector2(-0.28, 0), new THREE.Vector2(-0.5, -0.36),
-    ]);
-    const material = new THREE.MeshBasicMaterial({ side: THREE.DoubleSide, depthTest: false, transparent: true });
-    this.object = new THREE.Mesh(new THREE.ShapeGeometry(shape), material);
-    this.object.renderOrder = 10;
-    this.object.frustumCulled = false;
-    this.object.onBeforeRender = (renderer, _scene, camera) => this.resize(renderer, camera);
+    const parts = [[kRim, this.rim, 10], [1, this.fill, 11]] as const;
+    for (const [scale, material, order] of parts) {
+      const mesh = new THREE.Mesh(arrowShape(scale), material);
+      mesh.renderOrder = order;
+      mesh.frustumCulled = false;
+      mesh.onBeforeRender = (renderer, _scene, camera) => this.resize(mesh, renderer, camera);
+      this.object.add(mesh);
+    }
   }
 
   show(pose: Pose, colour: THREE.Color, opacity: number): void {
-    const place = new THREE.Vector3().setFromMatrixPosition(matrixAt(pose, this.origin));
-    this.object.position.copy(place);
+    this.object.position.setFromMatrixPosition(matrixAt(pose, this.origin));
     this.object.rotation.set(0, 0, headingOf(pose));
-    this.object.material.color.copy(colour);
-    this.object.material.opacity = opacity;
+    this.fill.color.copy(colour);
+    for (const material of [this.fill, this.rim]) material.opacity = opacity;
   }
 
   dispose(): void {
-    this.object.removeFromParent();
-    this.object.geometry.dispose();
-    this.object.material.dispose();
+    disposeMarks(this.object);
   }
 
-  // The size of a pixel where the mark stands.
-  private resize(renderer: THREE.WebGLRenderer, camera: THREE.Camera): void {
+  // At least so many pixels long where it stands.
+  private resize(mesh: THREE.Object3D, renderer: THREE.WebGLRenderer, camera: THREE.Camera): void {
     const height = renderer.getSize(new THREE.Vector2()).y;
-    const away = this.object.position.clone().applyMatrix4(camera.matrixWorldInverse).z;
-    const pixel_m = Math.abs(2 / camera.projectionMatrix.elements[5]! / height) *
-      ((camera as THREE.OrthographicCamera).isOrthographicCamera ? 1 : Math.max(0.1, -away));
-    this.object.scale.setScalar(Math.max(kMark_m, kLeastMark_px * pixel_m));
-    this.object.updateMatrixWorld();
+    const away = -this.object.position.clone().applyMatrix4(camera.matrixWorldInverse).z;
+    const pixel_m = (2 * Math.max(0.1, away)) / camera.projectionMatrix.elements[5]! / height;
+    mesh.scale.setScalar(Math.max(kMark_m, kLeastMark_px * pixel_m));
+    mesh.updateMatrixWorld();
   }
+}
+
+function arrowShape(scale: number): THREE.ShapeGeometry {
+  const corners = [[0.5, 0], [-0.5, 0.36], [-0.28, 0], [-0.5, -0.36]] as const;
+  // About the middle of the arrow, so that the rim is even.
+  return new THREE.ShapeGeometry(new THREE.Shape(corners.map(([x, y]) => new THREE.Vector2(scale * (x + 0.1) - 0.1, scale * y))));
+}
+
+function flatMaterial(): THREE.MeshBasicMaterial {
+  return new THREE.MeshBasicMaterial({ color: 0xffffff, side: THREE.DoubleSide, depthTest: false, transparent: true });
 }
 
 /** Ellipse of a pose's covariance (horizontal, 3 sigma), and arrows along what the scan leaves free. */

@@ -130,13 +130,13 @@ function ScanChooser({ state, map, onFiles, onClear }: {
 
 /** Explains the colours of the scan in the picture, and chooses them. */
 export function ScanLegend({ localizer }: { localizer: Localizer }) {
-  const { scan, byResidual } = useStore(localizer.state);
+  const { scan, byResidual, painting } = useStore(localizer.state);
   if (scan === null) return null;
   return (
     <div class="stage-legend">
       <label class="inline">
         <input type="checkbox" checked={byResidual} onChange={(event) => localizer.setByResidual(event.currentTarget.checked)} />
-        <span>Scan by its distance to the map</span>
+        <span>Scan by its distance to the map{byResidual && painting && <span class="quiet"> – comparing…</span>}</span>
       </label>
       {byResidual && (
         <p class="residual-legend">

@@ -15,6 +15,7 @@ import type { Pose } from './pose.js';
 import { priorTool } from './prior_tool.js';
 import { vehicles as askVehicles, type MapPlace } from './routes.js';
 import { ScanLegend, ScanPanel } from './scan_panel.js';
+import { VehicleLabels } from './vehicle_labels.js';
 
 interface Props {
   map: ShownMap;
@@ -104,6 +105,7 @@ export function Workplace({ map, place, geodetic, poses = kNoPoses, query }: Pro
           <button type="button" onClick={() => scene?.showAll()}>Whole map</button>
           <button type="button" onClick={() => scene?.showFromAbove()}>From above</button>
         </div>
+        <VehicleLabels scene={scene} vehicles={fleet.vehicles} />
         <ScanLegend localizer={localizer} />
         {trouble !== undefined && (
           <div class="stage-trouble trouble" role="alert">

@@ -2,13 +2,12 @@ import { useState } from 'preact/hooks';
 import { kExportFormats, type ExportFormat } from '../scene/export_points.js';
 import { plural } from '../ui/format.js';
 import { say } from '../ui/notices.js';
-import { Progress } from '../ui/parts.js';
 import { useStore } from '../ui/store.js';
 import type { ViewerModel } from './model.js';
 import { Section } from './panel.js';
 import type { ExportScope } from './tools.js';
 
-const kScopeWords: Record<ExportScope, string> = { map: 'the whole map', clip: 'what the clip box leaves', section: 'the section' };
+const kScopeWords: Record<ExportScope, string> = { map: 'Whole map', clip: 'Clip box', section: 'Section' };
 
 /** Takes points of full resolution into a file. */
 export function ExportPanel({ model }: { model: ViewerModel }) {
@@ -27,7 +26,7 @@ export function ExportPanel({ model }: { model: ViewerModel }) {
   };
   return (
     <Section title="Export">
-      <div class="viewer-row">
+      <div class="viewer-row viewer-export">
         <select aria-label="What to export" value={scope} onChange={({ currentTarget }) => setWanted(currentTarget.value as ExportScope)}>
           {scopes.map((name) => <option key={name} value={name}>{kScopeWords[name]}</option>)}
         </select>
@@ -36,7 +35,6 @@ export function ExportPanel({ model }: { model: ViewerModel }) {
         </select>
         <button type="button" class="small" disabled={work.state === 'busy'} onClick={() => void save()}>Save</button>
       </div>
-      {work.state === 'busy' && <Progress value={work.share} label="Fetching points of full resolution" />}
     </Section>
   );
 }

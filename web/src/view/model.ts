@@ -154,7 +154,7 @@ export class ViewerModel {
     } catch {
       return;
     }
-    this.scene.groundHeight = this.cloud.bounds?.min[2];
+    this.scene.groundHeight ??= this.cloud.bounds?.min[2];
     this.scene.showAll();
     if (state.eye !== undefined && state.target !== undefined) this.scene.setView({ eye: state.eye, target: state.target });
   }
@@ -204,6 +204,7 @@ export class ViewerModel {
     this.cloud.setKinds(new Set(kinds));
     materials.setTheme(this.theme_);
     materials.setColouring(colouring);
+    materials.setRound(quality !== 'reduced');
     materials.setClip(clip && { box: this.inScene(clip.box), mode: clip.mode });
     this.objects_.group.visible = overlays.includes('objects');
     for (const overlay of ['trajectory', 'keyframes', 'loops'] as const) this.track_[overlay].visible = overlays.includes(overlay);
@@ -222,8 +223,9 @@ export class ViewerModel {
     const { ranges } = this.cloud;
     if (ranges !== undefined && this.ranges.get() === undefined) {
       this.ranges.set(ranges);
-      const [x, y, z] = [0, 0, this.facts.origin[2]];
-      this.cloud.materials.setRange('height', { low: ranges.height.low - z + x, high: ranges.height.high - z + y });
+      // The picture is drawn less the origin.
+      const up = this.facts.origin[2];
+      this.cloud.materials.setRange('height', { low: ranges.height.low - up, high: ranges.height.high - up });
       this.cloud.materials.setRange('intensity', ranges.intensity);
       this.cloud.materials.setRange('observations', ranges.observations);
       this.scene.requestRender();

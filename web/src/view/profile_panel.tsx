@@ -2,7 +2,7 @@ import { useEffect, useRef } from 'preact/hooks';
 import uPlot from 'uplot';
 import 'uplot/dist/uPlot.min.css';
 import { kKindColours } from '../scene/colour_maps.js';
-import { lengthOf, type Profile } from '../scene/section.js';
+import { extentOf, lengthOf, type Profile } from '../scene/section.js';
 import { kKinds, type Theme } from '../scene/types.js';
 import { number } from '../ui/format.js';
 import { useStore } from '../ui/store.js';
@@ -29,12 +29,12 @@ export function ProfilePanel({ model }: { model: ViewerModel }) {
       plot.destroy();
     };
   }, [section, profile, now, kinds]);
-  if (section === undefined) return null;
+  if (section === undefined || profile === undefined) return null;
   return (
     <section class="viewer-profile" aria-label="Section from the side">
       <header>
         <h2>Section</h2>
-        <p class="quiet">{profile === undefined ? 'Fetching its points…' : `${number(profile.heights.length)} points of full resolution; drag to zoom, double click for all`}</p>
+        <p class="quiet">{number(profile.heights.length)} points of full resolution; drag to zoom, double click for all</p>
         <button type="button" class="plain small" aria-label="Close the section" onClick={() => model.tools.clear()}>×</button>
       </header>
       <div ref={holder} class="viewer-plot" />
@@ -46,7 +46,7 @@ function settings(profile: Profile, kinds: readonly number[], now: Theme, width:
   const style = getComputedStyle(document.documentElement);
   const colour = (name: string): string => style.getPropertyValue(name).trim();
   const axis: uPlot.Axis = { stroke: colour('--quiet'), grid: { stroke: colour('--line') }, ticks: { stroke: colour('--line') } };
-  const [low, high] = extent(profile);
+  const [low, high] = shownHeights(profile);
   return {
     width, height: kHeightPx, legend: { show: false },
     cursor: { drag: { x: true, y: true, uni: 20 } },
@@ -84,11 +84,9 @@ function drawPoints(plot: uPlot, { along, heights, kinds }: Profile, shown: read
   ctx.restore();
 }
 
-function extent({ heights }: Profile): [number, number] {
-  let [low, high] = [Infinity, -Infinity];
-  for (const height of heights) {
-    low = Math.min(low, height);
-    high = Math.max(high, height);
-  }
-  return low < high ? [low - 0.03 * (high - low), high + 0.03 * (high - low)] : [low - 1 || -1, low + 1 || 1];
+// With some room around, also for a cut that met nothing.
+function shownHeights(profile: Profile): [number, number] {
+  const [low, high] = extentOf(profile) ?? [0, 1];
+  const room = Math.max(0.04 * (high - low), 0.2);
+  return [low - room, high + room];
 }

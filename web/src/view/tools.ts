@@ -5,7 +5,7 @@ import { exportPoints, type ExportFormat } from '../scene/export_points.js';
 import { select, type Points } from '../scene/point_layout.js';
 import type { PointerPlace, Tool } from '../scene/pointers.js';
 import { fetchRegion, tilesOf } from '../scene/region.js';
-import { boxOf, lengthOf, profileOf, type Profile, type Section } from '../scene/section.js';
+import { boxOf, extentOf, lengthOf, profileOf, type Profile, type Section } from '../scene/section.js';
 import type { SketchLayer } from '../scene/sketch_layer.js';
 import { kKinds, subtract, type Kind, type Vec3 } from '../scene/types.js';
 import { Store } from '../ui/store.js';
@@ -79,7 +79,7 @@ export class Tools {
 
   setSectionWidth(width: number): void {
     const section = this.section.get();
-    if (section !== undefined && width > 0) void this.cut({ ...section, width });
+    if (section !== undefined && width > 0) void this.cut(section.from, section.to, width);
   }
 
   /** Draws the outline of the clip box. */
@@ -88,8 +88,7 @@ export class Tools {
   }
 
   redraw(): void {
-    const name = this.name.get();
-    this.sketch_.setLine(name === 'measure' ? this.line.get() : this.pending_, this.model_.theme);
+    this.sketch_.setLine(this.pending_.length > 0 ? this.pending_ : this.line.get(), this.model_.theme);
     this.showClip(this.model_.options.get().clip?.box);
     this.model_.scene.requestRender();
   }
@@ -138,8 +137,7 @@ export class Tools {
     if (name === 'clip') {
       this.setClip(boxOverDiagonal(first, at, kClipBelowM, kClipAboveM));
     } else {
-      const bounds = this.model_.cloud.bounds;
-      void this.cut({ from: first, to: at, width: kSectionWidthM, low: bounds?.min[2] ?? -100, high: bounds?.max[2] ?? 100 });
+      void this.cut(first, at, kSectionWidthM);
     }
     this.use('look');
   }
@@ -161,24 +159,34 @@ export class Tools {
     this.model_.scene.requestRender();
   }
 
-  private async cut(section: Section): Promise<void> {
+  private async cut(from: Vec3, to: Vec3, width: number): Promise<void> {
+    const bounds = this.model_.cloud.bounds;
+    const section: Section = { from, to, width, low: bounds?.min[2] ?? -1000, high: bounds?.max[2] ?? 1000 };
     if (!(lengthOf(section) > 0)) return;
     this.cutting_?.abort();
     this.cutting_ = new AbortController();
     const { signal } = this.cutting_;
-    this.section.set(section);
-    this.redraw();
     try {
       const tiles = await this.fetch(boxOf(section), signal);
-      const own = { ...section, from: this.inMap(section.from), to: this.inMap(section.to) };
-      const [low, high] = [section.low - this.model_.facts.origin[2], section.high - this.model_.facts.origin[2]];
-      const profile = profileOf({ ...own, low, high }, tiles, () => true);
-      const heights = profile.heights.map((height) => height + this.model_.facts.origin[2]);
-      this.profile.set({ ...profile, heights });
+      const profile = this.profileIn(section, tiles);
+      // As high as what was found: the outline in the picture then tells where it is.
+      const [low, high] = extentOf(profile) ?? [from[2], from[2] + 1];
+      this.section.set({ ...section, low, high });
+      this.profile.set(profile);
       this.work.set({ state: 'none' });
+      this.redraw();
     } catch (error) {
       if (!isAborted(error) && !signal.aborted) this.work.set({ state: 'failed', text: toApiError(error).message });
     }
+  }
+
+  // Tiles are relative to the map's origin.
+  private profileIn(section: Section, tiles: readonly Points[]): Profile {
+    const up = this.model_.facts.origin[2];
+    const profile = profileOf({
+      ...section, from: this.inMap(section.from), to: this.inMap(section.to), low: section.low - up, high: section.high - up,
+    }, tiles, () => true);
+    return { ...profile, heights: profile.heights.map((height) => height + up) };
   }
 
   private async points(scope: ExportScope, signal: AbortSignal): Promise<Points> {

@@ -1,4 +1,5 @@
 import { say } from '../ui/notices.js';
+import { Progress } from '../ui/parts.js';
 import { useStore } from '../ui/store.js';
 import type { ViewerModel } from './model.js';
 import type { ToolName } from './tools.js';
@@ -13,6 +14,7 @@ const kTools: readonly { name: ToolName; text: string; hint: string }[] = [
 /** Above the picture: what the pointer does, and where to look from. */
 export function TopTools({ model }: { model: ViewerModel }) {
   const name = useStore(model.tools.name);
+  const work = useStore(model.tools.work);
   const share = async (): Promise<void> => {
     const copied = await navigator.clipboard.writeText(window.location.href).then(() => true, () => false);
     say(copied ? { kind: 'good', text: 'The address of this view is copied.' }
@@ -34,6 +36,9 @@ export function TopTools({ model }: { model: ViewerModel }) {
         <button type="button" onClick={() => model.scene.showFromAbove()}>From above</button>
         <button type="button" onClick={() => void share()}>Share</button>
       </div>
+      {work.state === 'busy' && (
+        <div class="viewer-hint viewer-work"><Progress value={work.share} label="Fetching points of full resolution" /></div>
+      )}
       {name !== 'look' && <p class="viewer-hint" role="status">{hint}</p>}
     </div>
   );
