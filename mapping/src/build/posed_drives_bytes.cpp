@@ -34,7 +34,8 @@ void put_place(std::string& bytes, const DriveSet::Place& place) {
 
 /// A scan of one of the drives.
 DriveSet::Place place_from(ByteReader& reader, const std::vector<maps::Drive>& drives) {
-  DriveSet::Place place{.drive = reader.number<std::size_t>()};
+  DriveSet::Place place;
+  place.drive = reader.number<std::size_t>();
   place.index = reader.number<std::size_t>();
   if (place.drive >= drives.size() || place.index >= drives[place.drive].size())
     reader.refuse("of a scan that is not there");
@@ -57,7 +58,8 @@ DriveGraph graph_from(ByteReader& reader, const std::vector<maps::Drive>& drives
   for (auto left = reader.number<std::size_t>(); left > 0; --left)
     graph.key_frames.push_back(place_from(reader, drives));
   for (auto left = reader.number<std::size_t>(); left > 0; --left) {
-    DriveGraph::Loop loop{.from = place_from(reader, drives)};
+    DriveGraph::Loop loop;
+    loop.from = place_from(reader, drives);
     loop.to = place_from(reader, drives);
     loop.weight = reader.number<double>();
     graph.loops.push_back(loop);
