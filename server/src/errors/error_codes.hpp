@@ -59,6 +59,8 @@ enum class ErrorCode {
   kTooManyStreams,
   kMapLoading,
   kMapUnusable,
+  kBeingMade,
+  kDerivedUnavailable,
   kDeadlineExceeded,
   kOverQuota,
   kDiskFull,

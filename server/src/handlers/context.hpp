@@ -24,6 +24,8 @@
 
 namespace stillmap::server {
 
+class MapViews;
+
 /// What the handlers work with; outlives them.
 struct Context {
   /// As at the start.
@@ -35,6 +37,7 @@ struct Context {
   maps::DriveStore& drives;
   UploadPlaces& uploads;
   MapCatalog& catalog;
+  MapViews& views;
   AlignmentQueue& queue;
   SessionTable& sessions;
   JobRunner& jobs;
@@ -64,6 +67,8 @@ void add_job_routes(std::vector<Route>& routes, const Context& context);
 void add_audit_routes(std::vector<Route>& routes, const Context& context);
 void add_key_routes(std::vector<Route>& routes, const Context& context);
 void add_tile_routes(std::vector<Route>& routes, const Context& context);
+void add_tileset_routes(std::vector<Route>& routes, const Context& context);
+void add_difference_routes(std::vector<Route>& routes, const Context& context);
 void add_localize_routes(std::vector<Route>& routes, const Context& context);
 void add_batch_routes(std::vector<Route>& routes, const Context& context);
 void add_session_routes(std::vector<Route>& routes, const Context& context);

@@ -59,6 +59,7 @@ export class MapCloud {
   private readonly loaded_ = new Map<Tile, Loaded>();
   private ranges_: Ranges | undefined;
   private kinds_: ReadonlySet<Kind> = new Set(kKinds);
+  private shown_ = true;
 
   constructor(private readonly options_: MapCloudOptions) {
     this.materials = new PointMaterials(options_.voxelSizeM);
@@ -118,6 +119,8 @@ export class MapCloud {
   setKinds(kinds: ReadonlySet<Kind>): void {
     this.kinds_ = new Set(kinds);
     this.materials.setKinds(kinds);
+    this.shown_ = kinds.size > 0;
+    if (this.tiles_ !== undefined) this.tiles_.group.visible = this.shown_;
   }
 
   /** Goes on after trouble. */
@@ -187,6 +190,7 @@ export class MapCloud {
     tiles.addEventListener('dispose-model', ({ tile }) => this.loaded_.delete(tile));
     tiles.addEventListener('needs-update', () => this.options_.onChange());
     tiles.addEventListener('tile-visibility-change', () => this.options_.onChange());
+    tiles.group.visible = this.shown_;
     this.group.add(tiles.group);
     this.tiles_ = tiles;
     this.options_.onChange();

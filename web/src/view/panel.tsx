@@ -146,6 +146,7 @@ function Help() {
         <div><dt>Turn</dt><dd>drag, or <kbd>←</kbd> <kbd>→</kbd> <kbd>↑</kbd> <kbd>↓</kbd></dd></div>
         <div><dt>Move</dt><dd>right drag, or <kbd>Shift</kbd> with the arrows</dd></div>
         <div><dt>Zoom</dt><dd>wheel, or <kbd>+</kbd> <kbd>−</kbd></dd></div>
+        <div><dt>Come nearer</dt><dd>double click</dd></div>
         <div><dt>Whole map</dt><dd><kbd>0</kbd></dd></div>
         <div><dt>From above</dt><dd><kbd>T</kbd></dd></div>
         <div><dt>Set a place</dt><dd>click, or <kbd>Enter</kbd> for the middle</dd></div>
