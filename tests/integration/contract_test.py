@@ -165,6 +165,19 @@ class Contract(unittest.TestCase):
                      "/v1/maps/{map}/versions/{version}/graph", "/v1/maps/{map}/edits", "/v1/maps/{map}/stats",
                      "/v1/maps/{map}/drives"):
             self.ask("GET", path, 200, **town)
+        layer = "/v1/maps/{map}/versions/{version}/layers/{layer}"
+        for name in ("coverage", "localizability"):
+            for _ in range(600):
+                if self.send("GET", f"/v1/maps/town/versions/v1/layers/{name}")[0] != 503:
+                    break
+                time.sleep(0.1)
+            found = self.ask("GET", layer, 200, **town, layer=name)
+            cells = found["cells_per_side"] ** 2 * len(found["tiles"])
+            for band in found["bands"]:
+                self.assertEqual(len(self.ask("GET", layer + "/{band}", 200, **town, layer=name, band=band["name"])),
+                                 4 * cells)
+            self.assertIn(name if name == "localizability" else "scans", [band["name"] for band in found["bands"]])
+        self.ask("GET", layer, 404, **town, layer="colour")
         self.ask("GET", "/v1/maps/{map}", 404, map="village")
         tile = self.ask("GET", "/v1/maps/{map}", 200, map="town")["tiles"][0]
         place = {key: tile[key] for key in ("level", "x", "y")}

@@ -17,6 +17,7 @@ constexpr std::array kErrors = {
     ErrorInfo{ErrorCode::kUnknownMap, "UnknownMap", "No map of this name", 404},
     ErrorInfo{ErrorCode::kUnknownVersion, "UnknownVersion", "The map has no such version", 404},
     ErrorInfo{ErrorCode::kUnknownTile, "UnknownTile", "The map has no such tile", 404},
+    ErrorInfo{ErrorCode::kUnknownLayer, "UnknownLayer", "There is no such layer", 404},
     ErrorInfo{ErrorCode::kUnknownDrive, "UnknownDrive", "The map has no such drive", 404},
     ErrorInfo{ErrorCode::kUnknownUpload, "UnknownUpload", "There is no such upload", 404},
     ErrorInfo{ErrorCode::kUnknownJob, "UnknownJob", "No such job", 404},

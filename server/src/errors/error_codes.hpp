@@ -19,6 +19,7 @@ enum class ErrorCode {
   kUnknownMap,
   kUnknownVersion,
   kUnknownTile,
+  kUnknownLayer,
   kUnknownDrive,
   kUnknownUpload,
   kUnknownJob,

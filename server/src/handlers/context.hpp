@@ -24,6 +24,7 @@
 
 namespace stillmap::server {
 
+class MapLayers;
 class MapViews;
 
 /// What the handlers work with; outlives them.
@@ -38,6 +39,7 @@ struct Context {
   UploadPlaces& uploads;
   MapCatalog& catalog;
   MapViews& views;
+  MapLayers& layers;
   AlignmentQueue& queue;
   SessionTable& sessions;
   JobRunner& jobs;
@@ -66,6 +68,7 @@ void add_rebuild_routes(std::vector<Route>& routes, const Context& context);
 void add_job_routes(std::vector<Route>& routes, const Context& context);
 void add_audit_routes(std::vector<Route>& routes, const Context& context);
 void add_key_routes(std::vector<Route>& routes, const Context& context);
+void add_layer_routes(std::vector<Route>& routes, const Context& context);
 void add_tile_routes(std::vector<Route>& routes, const Context& context);
 void add_tileset_routes(std::vector<Route>& routes, const Context& context);
 void add_difference_routes(std::vector<Route>& routes, const Context& context);

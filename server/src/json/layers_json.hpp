@@ -1,6 +1,9 @@
 #pragma once
 
 #include <stillmap/maps/map_graph.hpp>
+#include <stillmap/maps/tile_layer.hpp>
+
+#include <Eigen/Core>
 
 #include <string>
 
@@ -15,5 +18,10 @@ struct ShownGraph {
   bool knows_loops = true;
 };
 [[nodiscard]] std::string graph_json(const ShownGraph& graph);
+
+/// How a layer's bands lie, and where they are.
+/// @param origin  of the map. @param url  of the layer.
+[[nodiscard]] std::string layer_json(const std::string& name, const maps::TileLayer& layer,
+                                     const Eigen::Vector3d& origin, const std::string& url);
 
 }  // namespace stillmap::server
