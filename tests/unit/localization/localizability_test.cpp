@@ -21,18 +21,19 @@ using maps::PointKind;
 using maps::TileId;
 using ::stillmap::test::TemporaryFolder;
 
-/// Walls and ground as a map has them: points every 20 cm, 1 cm off.
+/// Walls and ground as a map has them: points all over, 1 cm off.
 class Plates {
  public:
   /// From one place on the ground to another, 4 m high.
   void wall(const Eigen::Vector2d& from, const Eigen::Vector2d& to) {
     const Eigen::Vector2d along = (to - from).normalized();
     const Eigen::Vector2d across(-along.y(), along.x());
-    for (double s = 0.0; s < (to - from).norm(); s += kStepM) {
-      for (double z = 0.0; z < 4.0; z += kStepM) {
-        const Eigen::Vector2d p = from + s * along + 0.01 * random_.normal() * across;
-        add(p.x(), p.y(), z, PointKind::kMeasured);
-      }
+    const double length_m = (to - from).norm();
+    // Not in columns: one alone in a voxel would pass for a post.
+    for (double left = kPointsPerM2 * length_m * kHeightM; left > 0.0; left -= 1.0) {
+      const Eigen::Vector2d p =
+          from + random_.uniform(0.0, length_m) * along + 0.01 * random_.normal() * across;
+      add(p.x(), p.y(), random_.uniform(0.0, kHeightM), PointKind::kMeasured);
     }
   }
   void ground(double half_x, double half_y) {
@@ -76,6 +77,8 @@ class Plates {
 
  private:
   static constexpr double kStepM = 0.2;
+  static constexpr double kPointsPerM2 = 50.0;
+  static constexpr double kHeightM = 4.0;
   void add(double x, double y, double z, PointKind kind) {
     const Eigen::Vector2d p = T_map_plates_ * Eigen::Vector2d(x, y);
     const TileId tile{.level = 0,
