@@ -143,7 +143,7 @@ function DropTarget({ onFiles, children }: { onFiles: (files: File[]) => void; c
   const carries = (event: DragEvent): boolean => [...(event.dataTransfer?.types ?? [])].includes('Files');
   return (
     <div
-      class="localize"
+      class="localize beside-stage"
       onDragEnter={(event) => carries(event) && setOver((count) => count + 1)}
       onDragLeave={(event) => carries(event) && setOver((count) => Math.max(0, count - 1))}
       onDragOver={(event) => carries(event) && event.preventDefault()}
