@@ -51,7 +51,11 @@ export function Workplace({ map, place, geodetic, poses = kNoPoses, query }: Pro
     const made = new MapScene(scene, map, theme.get(), setTrouble);
     mapScene.current = made;
     scene.groundHeight = groundUnder(poses, map);
-    void made.cloud.ready.then(() => scene.showAll(), () => undefined);
+    void made.cloud.ready.then(() => {
+      scene.showAll();
+      // A scan may have been found before the map could be framed.
+      lookAt(localizer.answer?.pose);
+    }, () => undefined);
     localizer.setScene(made);
     return () => {
       localizer.setScene(undefined);

@@ -56,8 +56,14 @@ export async function loadSigns({ name, version }: MapFacts, signal: AbortSignal
   };
 }
 
+type LayerHead = Omit<GridAnswer, 'bands'> & { readonly bands: readonly { readonly name: string; readonly url: string }[] };
+
 export async function loadGrid({ name, version }: MapFacts, layer: string, signal: AbortSignal): Promise<GridAnswer> {
-  return (await get(`${versionPath(name, version)}/layers/${layer}`, signal)) as GridAnswer;
+  const head = (await get(`${versionPath(name, version)}/layers/${layer}`, signal)) as LayerHead;
+  const bands = head.bands.map(async ({ name: band, url }) => (
+    { name: band, values: new Float32Array(await (await send('GET', url, { signal })).arrayBuffer()) }
+  ));
+  return { ...head, bands: await Promise.all(bands) };
 }
 
 async function get(path: string, signal: AbortSignal): Promise<unknown> {
