@@ -82,8 +82,7 @@ std::string motion_of(const maps::Drive& drive) {
 
 std::string names_of(const maps::Drive& drive) {
   std::string names;
-  for (const std::filesystem::path& file : drive.contents().scan_files)
-    names += file.filename().string() + '\n';
+  for (std::size_t i = 0; i < drive.size(); ++i) names += drive.contents().scan_name(i) + '\n';
   return maps::sha256_of(names);
 }
 
