@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "bags/byte_stream.hpp"
+#include "bags/file_reader.hpp"
 
 namespace stillmap::maps {
 namespace {
@@ -50,6 +51,22 @@ std::string text_of(sqlite3_stmt& row, int column) {
   const auto* text = reinterpret_cast<const char*>(sqlite3_column_text(&row, column));
   if (text == nullptr || size > kMostNameBytes) return {};
   return {text, static_cast<std::size_t>(size)};
+}
+
+/// What the head of a database says of its length, where it can be believed (SQLite file format,
+/// 1.3.8); else 0.
+std::uint64_t promised_bytes(const std::filesystem::path& file) {
+  std::array<std::byte, 100> head{};
+  if (FileReader(file).read_at(0, head) < head.size()) return 0;
+  const auto number = [&](std::size_t offset, std::size_t size) {
+    std::uint64_t value = 0;
+    for (std::size_t i = 0; i < size; ++i)
+      value = value << 8U | std::to_integer<std::uint64_t>(head.at(offset + i));
+    return value;
+  };
+  if (number(24, 4) != number(92, 4)) return 0;
+  const std::uint64_t page_bytes = number(16, 2) == 1 ? 65536 : number(16, 2);
+  return page_bytes * number(28, 4);
 }
 
 /// "file:" and the path, as SQLite reads an URI.
@@ -104,7 +121,10 @@ class Rosbag2Database::Blob {
 Rosbag2Database::Rosbag2Database(std::filesystem::path file) : file_(std::move(file)) {
   open();
   confine();
-  check_schema();
+  const bool has_schema = check_tables();
+  sqlite3_set_authorizer(connection_.get(), allow, nullptr);
+  if (has_schema) check_schema();
+  (void)prepare(kRows);
   read_topics();
 }
 
@@ -123,12 +143,21 @@ void Rosbag2Database::open() {
   if (code != SQLITE_OK)
     throw StorageError(file_.string(), connection == nullptr ? "no memory" : sqlite3_errstr(code));
   if (has_log) notes_.push_back("read with " + log.filename().string());
+  const std::uint64_t promised = has_log ? 0 : promised_bytes(file_);
+  const std::uint64_t size = std::filesystem::file_size(file_);
+  if (promised <= size) return;
+  is_cut_off_ = true;
+  notes_.push_back(fmt::format("the bag is cut off: {} of {} bytes", size, promised));
 }
 
 void Rosbag2Database::confine() {
   sqlite3* const connection = connection_.get();
   for (const auto& [option, value] :
-       std::initializer_list<std::pair<int, int>>{{SQLITE_DBCONFIG_DEFENSIVE, 1},
+       std::initializer_list<std::pair<int, int>>{{SQLITE_DBCONFIG_DEFENSIVE, is_cut_off_ ? 0 : 1},
+                                                  // Nothing can be written anyway; it makes SQLite
+                                                  // read the pages that are there.
+                                                  {SQLITE_DBCONFIG_WRITABLE_SCHEMA,
+                                                   is_cut_off_ ? 1 : 0},
                                                   {SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0},
                                                   {SQLITE_DBCONFIG_ENABLE_TRIGGER, 0},
                                                   {SQLITE_DBCONFIG_ENABLE_VIEW, 0},
@@ -149,7 +178,6 @@ void Rosbag2Database::confine() {
                "PRAGMA locking_mode=EXCLUSIVE; PRAGMA mmap_size=0; PRAGMA cache_size=-2048;"
                "PRAGMA temp_store=MEMORY; PRAGMA cell_size_check=ON;",
                nullptr, nullptr, nullptr);
-  sqlite3_set_authorizer(connection, allow, nullptr);
 }
 
 void Rosbag2Database::refuse(const std::string& what) const {
@@ -174,22 +202,34 @@ bool Rosbag2Database::step(sqlite3_stmt& statement) const {
   return code == SQLITE_ROW;
 }
 
-void Rosbag2Database::check_schema() {
-  // A table of `CREATE TABLE`, not one that code stands behind.
-  const Statement tables = prepare(
-      "SELECT name, rootpage FROM sqlite_master WHERE type = 'table' AND name IN "
-      "('topics', 'messages', 'schema')");
+/// Tables of `CREATE TABLE` whose columns hold what was written: behind others stands code, which
+/// the authorizer is not asked about in every case.
+/// @return whether there is a table `schema`, as since schema 3.
+bool Rosbag2Database::check_tables() const {
   std::vector<std::string> found;
-  while (found.size() < 4 && step(*tables))
-    if (sqlite3_column_int64(tables.get(), 1) > 0) found.push_back(text_of(*tables, 0));
+  {
+    const Statement tables = prepare(
+        "SELECT name, rootpage FROM sqlite_master WHERE type = 'table' AND name IN "
+        "('topics', 'messages', 'schema')");
+    while (found.size() < 4 && step(*tables))
+      if (sqlite3_column_int64(tables.get(), 1) > 0) found.push_back(text_of(*tables, 0));
+  }
   const auto has = [&](const char* name) {
     return std::find(found.begin(), found.end(), name) != found.end();
   };
   if (!has("topics") || !has("messages"))
     throw InputError(file_.string(), "a SQLite database without tables topics and messages",
                      "one of rosbag2");
-  (void)prepare(kRows);
-  if (!has("schema")) return;  // since schema 3
+  for (const std::string& table : found) {
+    const std::string sql = "SELECT 1 FROM pragma_table_xinfo('" + table + "') WHERE hidden <> 0";
+    if (step(*prepare(sql.c_str())))
+      throw InputError(file_.string(), "columns of '" + table + "' that are computed",
+                       "a table of rosbag2");
+  }
+  return has("schema");
+}
+
+void Rosbag2Database::check_schema() const {
   const Statement schema = prepare("SELECT schema_version FROM schema");
   while (step(*schema)) {
     const std::int64_t version = sqlite3_column_int64(schema.get(), 0);

@@ -44,7 +44,8 @@ class Rosbag2Database final : public Bag {
 
   void open();
   void confine();
-  void check_schema();
+  [[nodiscard]] bool check_tables() const;
+  void check_schema() const;
   void read_topics();
   [[nodiscard]] Statement prepare(const char* sql) const;
   [[nodiscard]] bool step(sqlite3_stmt& statement) const;
@@ -57,6 +58,7 @@ class Rosbag2Database final : public Bag {
   std::vector<BagTopic> topics_;
   std::map<std::int64_t, std::size_t> topic_of_id_;
   std::vector<std::string> notes_;
+  bool is_cut_off_ = false;
   /// SQLite's connection is for one thread at a time.
   mutable std::mutex mutex_;
   std::unique_ptr<sqlite3, Close> connection_;

@@ -47,13 +47,13 @@ std::vector<std::string> listed_files(const fs::path& metadata) {
 }
 
 fs::path existing(const fs::path& folder, const std::string& file) {
-  const fs::path path = folder / file;
-  if (fs::is_regular_file(path)) return path;
   // Unpacked by hand.
   if (file.ends_with(kPacked)) {
     const fs::path unpacked_file = folder / file.substr(0, file.size() - kPacked.size());
     if (fs::is_regular_file(unpacked_file)) return unpacked_file;
   }
+  const fs::path path = folder / file;
+  if (fs::is_regular_file(path)) return path;
   throw InputError((folder / kMetadata).string(), "'" + file + "', which is not there",
                    "the files of the whole bag");
 }
