@@ -1,5 +1,6 @@
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/scan_file.hpp>
 
 #include <algorithm>
@@ -139,7 +140,8 @@ Drive::Drive(Contents contents) : contents_(std::move(contents)) {
     return values.empty() || values.size() == scans;
   };
   if (contents_.stamps_ns.size() != scans || !none_or_all(contents_.T_map_lidar) ||
-      !none_or_all(contents_.entries.numbers) || !none_or_all(contents_.spin_start_end_s) || !none_or_all(contents_.label_files)) {
+      !none_or_all(contents_.entries.numbers) || !none_or_all(contents_.spin_start_end_s) ||
+      !none_or_all(contents_.label_files)) {
     throw std::invalid_argument("Drive: not one stamp, pose, spin and label file for each of " +
                                 std::to_string(scans) + " scans");
   }
@@ -163,13 +165,13 @@ Drive Drive::with_poses(std::vector<Eigen::Isometry3d> T_map_lidar,
 Scan Drive::read(std::size_t index) const {
   const std::filesystem::path& file = contents_.scan_files.at(index);
   const bool is_entry = !contents_.entries.numbers.empty();
-  DecodedScan decoded = is_entry ? contents_.entries.read(contents_.entries.numbers[index])
-                                 : read_scan_file(file);
+  DecodedScan decoded =
+      is_entry ? contents_.entries.read(contents_.entries.numbers[index]) : read_scan_file(file);
   Scan scan;
   scan.index = index;
   scan.stamp_ns = contents_.stamps_ns[index];
-  scan.source = is_entry ? (file.parent_path() / contents_.scan_name(index)).string()
-                         : file.string();
+  scan.source =
+      is_entry ? (file.parent_path() / contents_.scan_name(index)).string() : file.string();
   scan.cloud = std::move(decoded.cloud);
   scan.dropped = decoded.dropped;
   scan.points_in_file = decoded.points_in_file;
@@ -177,6 +179,11 @@ Scan Drive::read(std::size_t index) const {
     set_spin_times(scan.cloud, contents_.spin_start_end_s[index]);
   }
   return scan;
+}
+
+std::string Drive::sha256(std::size_t index) const {
+  if (contents_.entries.numbers.empty()) return sha256_of_file(contents_.scan_files.at(index));
+  return contents_.entries.sha256(contents_.entries.numbers.at(index));
 }
 
 std::vector<std::uint32_t> Drive::read_labels(std::size_t index) const {

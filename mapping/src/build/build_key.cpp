@@ -146,8 +146,7 @@ std::string survey_key(const DriveSet& drives, const MapBuildOptions& options,
     key += text_of(drive, i);
   }
   for (const std::size_t scan : learned)
-    key += fmt::format("{}: {}\n", drives.file(scan).filename().string(),
-                       maps::sha256_of_file(drives.file(scan)));
+    key += fmt::format("{}: {}\n", drives.name(scan), drives.sha256(scan));
   return key;
 }
 

@@ -196,22 +196,29 @@ void McapBag::give_chunk(std::uint64_t offset, std::unique_ptr<Chunk> chunk) con
   open_.push_back({offset, std::move(chunk)});
 }
 
-void McapBag::check_crc_once(std::uint64_t offset) const {
+/// Out of a chunk that is not packed, all of which is read the first time.
+std::size_t McapBag::read_and_check(Chunk& chunk, const MessagePlace& place,
+                                    std::span<std::byte> into) const {
   {
     const std::scoped_lock lock(mutex_);
-    if (checked_.contains(offset)) return;
+    if (chunk.head().crc == 0 || checked_.contains(place.outer))
+      return reader_.read_at(chunk.records_offset() + place.inner, into);
   }
-  const std::unique_ptr<Chunk> chunk = chunk_at(offset);
-  if (chunk->head().crc != 0) {
-    std::vector<std::byte> piece(kPieceBytes);
-    while (chunk->read(piece) == piece.size()) continue;
-    const std::string trouble = chunk->finish();
-    if (trouble.starts_with("CRC"))
-      throw InputError(fmt::format("{} chunk at byte {}", file().string(), offset), trouble,
-                       "bytes as they were written");
+  std::vector<std::byte> piece(kPieceBytes);
+  while (chunk.position() < place.inner) {
+    const std::uint64_t left = place.inner - chunk.position();
+    const auto size = static_cast<std::size_t>(std::min<std::uint64_t>(left, piece.size()));
+    if (chunk.read(std::span(piece).first(size)) < size) break;
   }
+  const std::size_t got = chunk.read(into);
+  while (chunk.read(piece) == piece.size()) continue;
+  const std::string trouble = chunk.finish();
+  if (trouble.starts_with("CRC"))
+    throw InputError(fmt::format("{} chunk at byte {}", file().string(), place.outer), trouble,
+                     "bytes as they were written");
   const std::scoped_lock lock(mutex_);
-  checked_.insert(offset);
+  checked_.insert(place.outer);
+  return got;
 }
 
 FileBytes McapBag::read(const MessagePlace& place) const {
@@ -227,14 +234,14 @@ FileBytes McapBag::read(const MessagePlace& place) const {
       got = chunk->read(all);
       give_chunk(place.outer, std::move(chunk));
     } else {
-      check_crc_once(place.outer);
-      got = reader_.read_at(chunk->records_offset() + place.inner, all);
+      got = read_and_check(*chunk, place, all);
     }
   }
   if (got != all.size())
-    throw InputError(file().string(),
-                     fmt::format("{} bytes of a message at {} in {}", got, place.inner, place.outer),
-                     fmt::format("{}", all.size()));
+    throw InputError(
+        file().string(),
+        fmt::format("{} bytes of a message at {} in {}", got, place.inner, place.outer),
+        fmt::format("{}", all.size()));
   return {std::move(bytes), all.size()};
 }
 

@@ -39,7 +39,8 @@ class McapBag final : public Bag {
   [[nodiscard]] std::unique_ptr<Chunk> chunk_at(std::uint64_t offset) const;
   [[nodiscard]] std::unique_ptr<Chunk> take_chunk(const MessagePlace& place) const;
   void give_chunk(std::uint64_t offset, std::unique_ptr<Chunk> chunk) const;
-  void check_crc_once(std::uint64_t offset) const;
+  [[nodiscard]] std::size_t read_and_check(Chunk& chunk, const MessagePlace& place,
+                                           std::span<std::byte> into) const;
 
   FileReader reader_;
   Channels channels_;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "formats/point_table.hpp"
@@ -33,9 +34,6 @@ struct CloudMessage {
   std::span<const std::byte> data;
 
   [[nodiscard]] std::size_t points() const { return height * width; }
-  [[nodiscard]] const std::byte* point(std::size_t i) const {
-    return data.data() + i / width * row_step + i % width * point_step;
-  }
 };
 
 NumberType type_of(std::uint8_t datatype, const std::string& field, const std::string& name) {
@@ -62,9 +60,9 @@ void check_rows(CloudMessage& cloud, const std::string& name) {
   const std::size_t row_bytes = cloud.width * cloud.point_step;
   if (cloud.height <= 1 || cloud.row_step == 0) cloud.row_step = row_bytes;
   if (cloud.row_step < row_bytes)
-    throw InputError(name, fmt::format("row_step {}", cloud.row_step),
-                     fmt::format("{}, {} points of {} bytes", row_bytes, cloud.width,
-                                 cloud.point_step));
+    throw InputError(
+        name, fmt::format("row_step {}", cloud.row_step),
+        fmt::format("{}, {} points of {} bytes", row_bytes, cloud.width, cloud.point_step));
   const std::size_t needed =
       cloud.points() == 0 ? 0 : (cloud.height - 1) * cloud.row_step + row_bytes;
   if (cloud.data.size() < needed)
@@ -112,7 +110,7 @@ void each_value(const CloudMessage& cloud, std::size_t offset, const Set& set) {
       if (cloud.big_endian) std::reverse(raw.begin(), raw.end());
       Number value;
       std::memcpy(&value, raw.data(), raw.size());
-      set(i++, static_cast<float>(value));
+      set(i++, value);
     }
   }
 }
@@ -158,43 +156,51 @@ double offset_s(double value, const TimeReading& reading, std::int64_t stamp_ns)
   return (value - 1e-9 / reading.unit_s * static_cast<double>(stamp_ns)) * reading.unit_s;
 }
 
-/// Times of the points that were kept, since those without a return often have none.
-void set_times(PointCloud& points, const CloudMessage& cloud, const CloudField& field) {
-  const auto value = [&](std::size_t i) {
-    return read_number(cloud.point(points.file_index(i)) + field.offset, field.field.type,
-                       cloud.big_endian);
-  };
-  if (points.empty()) return;
-  double least = value(0);
-  double most = least;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const double t = value(i);
-    if (!std::isfinite(t)) return;
-    least = std::min(least, t);
-    most = std::max(most, t);
-  }
+/// The reading by which all times lie near the stamp.
+std::optional<TimeReading> reading_of(double least, double most, NumberType type,
+                                      std::int64_t stamp_ns) {
   constexpr std::array<TimeReading, 1> kWhole{{{1e-9, false}}};
   constexpr std::array<TimeReading, 4> kFloating{
       {{1.0, false}, {1.0, true}, {1e-9, true}, {1e-6, true}}};
   const std::span<const TimeReading> readings =
-      is_whole(field.field.type) ? std::span<const TimeReading>(kWhole) : kFloating;
+      is_whole(type) ? std::span<const TimeReading>(kWhole) : kFloating;
+  for (const TimeReading& reading : readings) {
+    const auto near = [&](double t) {
+      return std::abs(offset_s(t, reading, stamp_ns)) <= kMostTimeOffsetS;
+    };
+    if (near(least) && near(most)) return reading;
+  }
+  return std::nullopt;
+}
+
+/// Times of the points that were kept, since those without a return often have none.
+void set_times(PointCloud& points, const CloudMessage& cloud, const CloudField& field) {
+  if (points.empty()) return;
+  std::vector<double> times(cloud.points());
+  each_value(cloud, field,
+             [&](std::size_t i, auto value) { times[i] = static_cast<double>(value); });
+  double least = times[points.file_index(0)];
+  double most = least;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const double t = times[points.file_index(i)];
+    if (!std::isfinite(t)) return;
+    least = std::min(least, t);
+    most = std::max(most, t);
+  }
   const std::int64_t stamp_ns = cloud.header.stamp_ns;
-  const auto near = [&](double t, const TimeReading& reading) {
-    return std::abs(offset_s(t, reading, stamp_ns)) <= kMostTimeOffsetS;
-  };
-  const auto reading = std::find_if(readings.begin(), readings.end(), [&](const TimeReading& each) {
-    return near(least, each) && near(most, each);
-  });
-  if (reading == readings.end()) return;
+  const auto reading = reading_of(least, most, field.field.type, stamp_ns);
+  if (!reading) return;
   points.time_offsets_s.resize(points.size());
   for (std::size_t i = 0; i < points.size(); ++i)
-    points.time_offsets_s[i] = static_cast<float>(offset_s(value(i), *reading, stamp_ns));
+    points.time_offsets_s[i] =
+        static_cast<float>(offset_s(times[points.file_index(i)], *reading, stamp_ns));
 }
 
 void set_column(PointCloud& points, const CloudMessage& cloud, const CloudField& field, Role role) {
   const auto set_axis = [&](int axis) {
-    each_value(cloud, field,
-               [&](std::size_t i, float value) { points.positions[i][axis] = value; });
+    each_value(cloud, field, [&](std::size_t i, auto value) {
+      points.positions[i][axis] = static_cast<float>(value);
+    });
   };
   switch (role) {
     case Role::kX:
@@ -205,8 +211,9 @@ void set_column(PointCloud& points, const CloudMessage& cloud, const CloudField&
       return set_axis(2);
     case Role::kIntensity:
       points.intensities.resize(points.size());
-      return each_value(cloud, field,
-                        [&](std::size_t i, float value) { points.intensities[i] = value; });
+      return each_value(cloud, field, [&](std::size_t i, auto value) {
+        points.intensities[i] = static_cast<float>(value);
+      });
     case Role::kTime:
     case Role::kNone:
       return;

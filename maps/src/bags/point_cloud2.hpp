@@ -17,9 +17,9 @@ namespace stillmap::maps {
 /// or, where all lie within 1 s of the stamp so read, seconds, nanoseconds or microseconds since
 /// the epoch (Hesai's and Robosense's `timestamp`, Livox's). The first reading in this order by
 /// which all points lie within 1 s of the stamp counts; when there is none, all times are left out.
-/// @param max_points  5 million keep a message of `kMostMessageBytes` and its points below 256 MiB.
+/// @param max_points  4 million keep a message of `kMostMessageBytes` and its points below 256 MiB.
 /// @throws InputError naming the reader's name, the value found and what was expected.
 [[nodiscard]] DecodedScan decode_point_cloud2(MessageReader& reader,
-                                              std::size_t max_points = 5'000'000);
+                                              std::size_t max_points = 4'000'000);
 
 }  // namespace stillmap::maps

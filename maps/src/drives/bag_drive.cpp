@@ -1,6 +1,7 @@
 #include "drives/bag_drive.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_package.hpp>
 
 #include <fmt/format.h>
 
@@ -29,11 +30,20 @@ struct BagScans {
 
   [[nodiscard]] DecodedScan read(std::size_t number) const {
     const CloudEntry& cloud = clouds.at(number);
-    const Bag& bag = *bags[cloud.bag];
-    const FileBytes message = bag.read(cloud.place);
+    const FileBytes message = bytes(number);
     MessageReader reader(message.span(), cloud.serialization,
-                         fmt::format("{} {} {}", bag.file().string(), topic, number));
+                         fmt::format("{} {} {}", bags[cloud.bag]->file().string(), topic, number));
     return decode_point_cloud2(reader);
+  }
+  [[nodiscard]] std::string sha256(std::size_t number) const {
+    const FileBytes message = bytes(number);
+    return sha256_of({reinterpret_cast<const char*>(message.span().data()), message.span().size()});
+  }
+
+ private:
+  [[nodiscard]] FileBytes bytes(std::size_t number) const {
+    const CloudEntry& cloud = clouds.at(number);
+    return bags[cloud.bag]->read(cloud.place);
   }
 };
 
@@ -45,9 +55,9 @@ std::string listed(const BagSurvey& survey, bool clouds_only) {
     if (clouds_only && known.clouds.empty()) continue;
     if (number++ == kMost) return text + " ...";
     text += text.empty() ? "" : ", ";
-    text += clouds_only ? fmt::format("{} ({} in '{}')", topic, known.clouds.size(),
-                                      known.frames.front())
-                        : fmt::format("{} of {}", topic, known.type);
+    text += clouds_only
+                ? fmt::format("{} ({} in '{}')", topic, known.clouds.size(), known.frames.front())
+                : fmt::format("{} of {}", topic, known.type);
   }
   return text.empty() ? "none" : text;
 }
@@ -74,10 +84,10 @@ void set_notes(Drive::Contents& contents, const BagScans& scans, const BagSurvey
   for (const auto& bag : scans.bags)
     contents.notes.insert(contents.notes.end(), bag->notes().begin(), bag->notes().end());
   if (survey.damage.parts > 0)
-    contents.notes.push_back(fmt::format("{} parts of the bag could not be read, the first {}; {} "
-                                         "scans could",
-                                         survey.damage.parts, survey.damage.first,
-                                         scans.clouds.size()));
+    contents.notes.push_back(
+        fmt::format("{} parts of the bag could not be read, the first {}; {} "
+                    "scans could",
+                    survey.damage.parts, survey.damage.first, scans.clouds.size()));
   const TopicSurvey& topic = survey.topics.at(scans.topic);
   if (topic.unreadable > 0)
     contents.notes.push_back(
@@ -92,6 +102,7 @@ void set_scans(Drive::Contents& contents, const std::shared_ptr<const BagScans>&
   }
   contents.entries.topic = scans->topic;
   contents.entries.read = [scans](std::size_t number) { return scans->read(number); };
+  contents.entries.sha256 = [scans](std::size_t number) { return scans->sha256(number); };
   contents.relative_clock = contents.stamps_ns.front() < kFirstEpochStampNs;
 }
 
@@ -137,8 +148,9 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
   TopicSurvey& clouds = found.topics.at(scans->topic);
   scans->clouds = std::move(clouds.clouds);
   if (clouds.frames.size() != 1)
-    throw InputError(name, fmt::format("clouds on {} in '{}' and '{}'", scans->topic,
-                                       clouds.frames[0], clouds.frames[1]),
+    throw InputError(name,
+                     fmt::format("clouds on {} in '{}' and '{}'", scans->topic, clouds.frames[0],
+                                 clouds.frames[1]),
                      "one frame");
   Drive::Contents contents;
   contents.root = root;

@@ -48,6 +48,8 @@ class Drive {
       std::vector<std::size_t> numbers;
       /// Safe from several threads. Throws as `Drive::read`.
       std::function<DecodedScan(std::size_t number)> read;
+      /// Of one's bytes.
+      std::function<std::string(std::size_t number)> sha256;
     };
     Entries entries;
     /// One stamp a scan, increasing.
@@ -75,14 +77,15 @@ class Drive {
 
   /// Opens a drive of any layout, told apart by content: a folder, or the file of a bag.
   ///
-  /// Of a bag (MCAP, rosbag2) its one topic of PointCloud2 is read, with the stamps of the messages'
-  /// headers. Poses are those of its one topic of Odometry or PoseStamped, brought to the clouds'
-  /// frame by tf_static, else tf from a frame called map, odom, world or earth, interpolated to the
-  /// scans; scans at the ends without a pose are left out and noted, and without poses there are
-  /// none. Where there is more than one choice, it is made in `topics.txt` of the bag's folder, or
-  /// behind the path: `run.mcap?cloud=/points&poses=/odom&pose_frame=base_link`, any of the three;
-  /// `poses` may be a topic of tf or `none`, and `pose_frame` is the frame that the poses are of
-  /// where their messages do not say it, or say it wrong.
+  /// Of a bag (MCAP, rosbag2) its one topic of PointCloud2 is read, with the stamps of the
+  /// messages' headers. Poses are those of its one topic of Odometry or PoseStamped, brought to the
+  /// clouds' frame by tf_static, else tf from a frame called map, odom, world or earth,
+  /// interpolated to the scans; scans at the ends without a pose are left out and noted, and
+  /// without poses there are none. Where there is more than one choice, it is made in `topics.txt`
+  /// of the bag's folder, or behind the path:
+  /// `run.mcap?cloud=/points&poses=/odom&pose_frame=base_link`, any of the three; `poses` may be a
+  /// topic of tf or `none`, and `pose_frame` is the frame that the poses are of where their
+  /// messages do not say it, or say it wrong.
   /// @param poses_file  poses instead of the layout's own: KITTI (12 numbers, one line a scan) or
   /// TUM
   ///                    (8 numbers, interpolated to the scans' stamps); `T_map_lidar`.
@@ -118,6 +121,9 @@ class Drive {
   /// @throws InputError for a broken file (truncated, unknown fields, ...), StorageError for the
   /// disk.
   [[nodiscard]] Scan read(std::size_t index) const;
+
+  /// SHA-256 [hex] of a scan's bytes: of its file, or of its message in a bag. @throws as `read`.
+  [[nodiscard]] std::string sha256(std::size_t index) const;
 
   /// SemanticKITTI labels, one a point of the *file* (dropped points included); empty without a
   /// file.
