@@ -81,8 +81,8 @@ Eigen::Isometry3d T_pose_cloud(const Search& search, const std::string& topic,
   const FrameTree& tree = search.survey.tree;
   const std::string& cloud = search.cloud_frame;
   if (!search.choice.pose_frame && child.empty() && !tree.has_rigid(cloud)) {
-    notes.push_back(fmt::format(
-        "{} names no frame that its poses are of: taken as those of '{}'", topic, cloud));
+    notes.push_back(fmt::format("{} names no frame that its poses are of: taken as those of '{}'",
+                                topic, cloud));
     return Eigen::Isometry3d::Identity();
   }
   const std::string frame = search.choice.pose_frame.value_or(child);
@@ -118,9 +118,8 @@ BagPoses poses_of_topic(const Search& search, const std::string& topic) {
   BagPoses poses;
   poses.source = topic;
   if (frames.invalid > 0)
-    poses.notes.push_back(
-        fmt::format("{} poses of {} left out, which are not finite or no rotation", frames.invalid,
-                    topic));
+    poses.notes.push_back(fmt::format(
+        "{} poses of {} left out, which are not finite or no rotation", frames.invalid, topic));
   if (near.added() == 0)
     throw InputError(search.name, fmt::format("no poses on {} that can be read", topic),
                      "some, or poses=none");
@@ -162,8 +161,7 @@ BagPoses poses_of_tf(const Search& search, const std::vector<FrameTree::Step>& s
   return poses;
 }
 
-std::optional<BagPoses> find_tf(const Search& search, bool asked,
-                                std::vector<std::string>& notes) {
+std::optional<BagPoses> find_tf(const Search& search, bool asked, std::vector<std::string>& notes) {
   if (search.choice.pose_frame)
     throw InputError(search.name, "pose_frame without a topic of poses",
                      "one, as in poses=/odom&pose_frame=base_link");
@@ -211,8 +209,8 @@ std::optional<BagPoses> find_poses(const Bags& bags, const BagSurvey& survey,
   for (const auto& [topic, known] : survey.topics) {
     if (!is_pose_type(known.type) || known.messages < kLeastPoses) continue;
     candidates.push_back(topic);
-    listed += fmt::format("{}{} ({} {})", listed.empty() ? "" : ", ", topic, known.messages,
-                          known.type);
+    listed +=
+        fmt::format("{}{} ({} {})", listed.empty() ? "" : ", ", topic, known.messages, known.type);
   }
   if (choice.poses) {
     const auto asked = survey.topics.find(*choice.poses);
@@ -220,8 +218,9 @@ std::optional<BagPoses> find_poses(const Bags& bags, const BagSurvey& survey,
       return find_tf(search, true, notes);
     if (asked != survey.topics.end() && is_pose_type(asked->second.type))
       return poses_of_topic(search, asked->first);
-    throw InputError(name, fmt::format("no poses on {}; there are {}", *choice.poses,
-                                       listed.empty() ? "none" : listed),
+    throw InputError(name,
+                     fmt::format("no poses on {}; there are {}", *choice.poses,
+                                 listed.empty() ? "none" : listed),
                      fmt::format("a topic of {}, {} or {}", kOdometry, kPoseStamped, kTfMessage));
   }
   if (candidates.size() > 1)

@@ -2,6 +2,8 @@
 
 #include <stillmap/maps/error.hpp>
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "bags/ros_messages.hpp"
@@ -14,6 +16,8 @@ constexpr std::size_t kHeaderBytes = 4 + 12 + 4 + 1025;
 /// More transforms than any robot sends at once.
 constexpr std::size_t kMostTfBytes = std::size_t{1} << 20U;
 constexpr std::size_t kMostFramesNamed = 8;
+/// 14 hours at 10 Hz; more would cost memory by their number alone.
+constexpr std::size_t kMostClouds = 500'000;
 
 std::size_t head_bytes_of(const std::string& type) {
   if (type == kPointCloud2) return kHeaderBytes;
@@ -45,6 +49,9 @@ class Surveyor {
     }
     const BagDamage damage =
         bag.visit(wanted, [&](const BagMessage& message) { take(message, number); });
+    if (clouds_ > kMostClouds)
+      throw InputError(bag.file().string(), fmt::format("over {} clouds", kMostClouds),
+                       "fewer, or the bag in parts");
     if (damage.parts == 0) return;
     if (survey_.damage.parts == 0)
       survey_.damage.first = bag.file().filename().string() + " " + damage.first;
@@ -61,6 +68,7 @@ class Surveyor {
       MessageReader reader(message.head, topic.serialization, topic.name);
       if (topic.type == kTfMessage) return take_tf(reader, topic.name, bag);
       const RosHeader header = read_header(reader);
+      if (++clouds_ > kMostClouds) return;
       known.clouds.push_back({message.place, header.stamp_ns, number, topic.serialization});
       const auto& frames = known.frames;
       if (frames.size() < kMostFramesNamed &&
@@ -85,6 +93,7 @@ class Surveyor {
 
   const Bags& bags_;
   BagSurvey survey_;
+  std::size_t clouds_ = 0;
 };
 
 }  // namespace

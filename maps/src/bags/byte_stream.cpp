@@ -40,10 +40,12 @@ class PackedStream : public ByteStream {
   }
 
   std::uint64_t skip(std::uint64_t bytes) final {
-    std::vector<std::byte> sink(static_cast<std::size_t>(std::min<std::uint64_t>(bytes, kPieceBytes)));
+    std::vector<std::byte> sink(
+        static_cast<std::size_t>(std::min<std::uint64_t>(bytes, kPieceBytes)));
     std::uint64_t done = 0;
     while (done < bytes) {
-      const auto wanted = static_cast<std::size_t>(std::min<std::uint64_t>(bytes - done, sink.size()));
+      const auto wanted =
+          static_cast<std::size_t>(std::min<std::uint64_t>(bytes - done, sink.size()));
       const std::size_t got = read(std::span(sink).first(wanted));
       done += got;
       if (got < wanted) break;
@@ -132,7 +134,8 @@ FileStream::FileStream(const FileReader& file, std::uint64_t begin, std::uint64_
     : file_(&file), position_(begin), end_(std::max(begin, end)) {}
 
 std::size_t FileStream::read(std::span<std::byte> into) {
-  into = into.first(static_cast<std::size_t>(std::min<std::uint64_t>(into.size(), end_ - position_)));
+  into =
+      into.first(static_cast<std::size_t>(std::min<std::uint64_t>(into.size(), end_ - position_)));
   std::size_t done = 0;
   while (done < into.size()) {
     if (position_ >= held_from_ && position_ < held_from_ + held_) {
@@ -179,7 +182,8 @@ std::uint64_t MemoryStream::skip(std::uint64_t bytes) {
 std::unique_ptr<ByteStream> unpacked(std::unique_ptr<ByteStream> packed,
                                      std::string_view compression, std::string name) {
   if (compression == "lz4") return std::make_unique<Lz4Stream>(std::move(packed), std::move(name));
-  if (compression == "zstd") return std::make_unique<ZstdStream>(std::move(packed), std::move(name));
+  if (compression == "zstd")
+    return std::make_unique<ZstdStream>(std::move(packed), std::move(name));
   throw InputError(name, "compression '" + std::string(compression.substr(0, 32)) + "'",
                    "none, lz4 or zstd");
 }

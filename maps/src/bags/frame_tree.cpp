@@ -16,9 +16,9 @@ constexpr std::size_t kMostNamed = 40;
 }  // namespace
 
 void FrameTree::add(const std::string& child, Edge edge, const std::string& source) {
-  edges_.insert_or_assign(child, std::move(edge));
-  if (edges_.size() > kMostFrames)
+  if (edges_.size() == kMostFrames && !edges_.contains(child))
     throw InputError(source, "over " + std::to_string(kMostFrames) + " frames in tf", "fewer");
+  edges_.insert_or_assign(child, std::move(edge));
 }
 
 void FrameTree::add_rigid(const std::string& parent, const std::string& child,
@@ -54,9 +54,9 @@ std::optional<Eigen::Isometry3d> FrameTree::T_between(const std::string& to,
   const auto of_to = rigid_above(to);
   const auto of_from = rigid_above(from);
   for (const auto& [frame, T_common_from] : of_from) {
-    const auto common = std::find_if(of_to.begin(), of_to.end(), [&, name = frame](const auto& each) {
-      return each.first == name;
-    });
+    const auto common =
+        std::find_if(of_to.begin(), of_to.end(),
+                     [&, name = frame](const auto& each) { return each.first == name; });
     if (common == of_to.end()) continue;
     // Exactly the identity, where nothing lies between them.
     if (to == from) return Eigen::Isometry3d::Identity();

@@ -18,6 +18,8 @@ namespace {
 constexpr std::size_t kPieceBytes = std::size_t{64} << 10U;
 /// Chunks that stay unpacked halfway, one for each of some threads that read scans.
 constexpr std::size_t kMostOpen = 4;
+/// 48 MB of index: 10 KB each of 20 GB. With more of them the index is not used.
+constexpr std::size_t kMostChunks = 2'000'000;
 
 bool is_magic_at(const FileReader& file, std::uint64_t offset) {
   std::array<std::byte, kMagic.size()> bytes{};
@@ -109,7 +111,7 @@ bool McapBag::read_summary() {
       if (!channels_.take(head->op, record)) break;
     } else if (head->op == Op::kChunkIndex) {
       const std::optional<ChunkIndex> chunk = read_chunk_index(record);
-      if (!chunk) break;
+      if (!chunk || chunks_.size() == kMostChunks) break;
       chunks_.push_back(*chunk);
     }
     if (!record.finish()) break;

@@ -31,8 +31,7 @@ Chunk::Chunk(const FileReader& file, std::uint64_t offset, std::uint64_t length,
   if (head_.unpacked_bytes > kAlwaysTakenBytes &&
       head_.unpacked_bytes / kMostRatio > head_.packed_bytes)
     throw InputError(
-        name,
-        fmt::format("a chunk of {} bytes in {}", head_.unpacked_bytes, head_.packed_bytes),
+        name, fmt::format("a chunk of {} bytes in {}", head_.unpacked_bytes, head_.packed_bytes),
         fmt::format("at most {} times as many", kMostRatio));
   records_offset_ = stream.position();
   const std::uint64_t records_end = std::min(end, records_offset_ + head_.packed_bytes);

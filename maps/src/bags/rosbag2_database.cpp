@@ -135,10 +135,10 @@ void Rosbag2Database::open() {
   // Told that nothing changes, SQLite does not look into a log that is there.
   const std::string uri = uri_of(file_) + (has_log ? "?mode=ro" : "?mode=ro&immutable=1");
   sqlite3* connection = nullptr;
-  const int code = sqlite3_open_v2(uri.c_str(), &connection,
-                                   SQLITE_OPEN_READONLY | SQLITE_OPEN_URI | SQLITE_OPEN_NOMUTEX |
-                                       SQLITE_OPEN_PRIVATECACHE,
-                                   "unix-none");
+  const int code = sqlite3_open_v2(
+      uri.c_str(), &connection,
+      SQLITE_OPEN_READONLY | SQLITE_OPEN_URI | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_PRIVATECACHE,
+      "unix-none");
   connection_.reset(connection);
   if (code != SQLITE_OK)
     throw StorageError(file_.string(), connection == nullptr ? "no memory" : sqlite3_errstr(code));
@@ -152,17 +152,16 @@ void Rosbag2Database::open() {
 
 void Rosbag2Database::confine() {
   sqlite3* const connection = connection_.get();
-  for (const auto& [option, value] :
-       std::initializer_list<std::pair<int, int>>{{SQLITE_DBCONFIG_DEFENSIVE, is_cut_off_ ? 0 : 1},
-                                                  // Nothing can be written anyway; it makes SQLite
-                                                  // read the pages that are there.
-                                                  {SQLITE_DBCONFIG_WRITABLE_SCHEMA,
-                                                   is_cut_off_ ? 1 : 0},
-                                                  {SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0},
-                                                  {SQLITE_DBCONFIG_ENABLE_TRIGGER, 0},
-                                                  {SQLITE_DBCONFIG_ENABLE_VIEW, 0},
-                                                  {SQLITE_DBCONFIG_ENABLE_LOAD_EXTENSION, 0},
-                                                  {SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1}})
+  for (const auto& [option, value] : std::initializer_list<std::pair<int, int>>{
+           {SQLITE_DBCONFIG_DEFENSIVE, is_cut_off_ ? 0 : 1},
+           // Nothing can be written anyway; it makes SQLite
+           // read the pages that are there.
+           {SQLITE_DBCONFIG_WRITABLE_SCHEMA, is_cut_off_ ? 1 : 0},
+           {SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0},
+           {SQLITE_DBCONFIG_ENABLE_TRIGGER, 0},
+           {SQLITE_DBCONFIG_ENABLE_VIEW, 0},
+           {SQLITE_DBCONFIG_ENABLE_LOAD_EXTENSION, 0},
+           {SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1}})
     sqlite3_db_config(connection, option, value, nullptr);
   for (const auto& [limit, value] : std::initializer_list<std::pair<int, int>>{
            {SQLITE_LIMIT_LENGTH, static_cast<int>(kMostMessageBytes) + (1 << 20)},
@@ -245,9 +244,8 @@ void Rosbag2Database::read_topics() {
     if (topics_.size() >= kMostTopics)
       throw InputError(file_.string(), fmt::format("over {} topics", kMostTopics), "fewer");
     topic_of_id_[sqlite3_column_int64(rows.get(), 0)] = topics_.size();
-    topics_.push_back(
-        {text_of(*rows, 1), ros2_type(text_of(*rows, 2)),
-         text_of(*rows, 3) == "cdr" ? Serialization::kCdr : Serialization::kOther});
+    topics_.push_back({text_of(*rows, 1), ros2_type(text_of(*rows, 2)),
+                       text_of(*rows, 3) == "cdr" ? Serialization::kCdr : Serialization::kOther});
   }
 }
 
@@ -300,8 +298,8 @@ BagDamage Rosbag2Database::visit(std::span<const std::size_t> head_bytes, const 
     }
   }
   if (sqlite3_errcode(connection_.get()) != SQLITE_DONE)
-    damage.add(fmt::format("behind row {}: {}", last.value_or(0),
-                           sqlite3_errmsg(connection_.get())));
+    damage.add(
+        fmt::format("behind row {}: {}", last.value_or(0), sqlite3_errmsg(connection_.get())));
   return damage;
 }
 
