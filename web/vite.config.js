@@ -18,16 +18,23 @@ const contentSecurityPolicy = {
   ],
 };
 
+const folderOf = (path) => /\/src\/(\w+)\/index\.tsx$/.exec(path ?? '')?.[1];
+
 export default defineConfig({
   base: './',
   plugins: [contentSecurityPolicy],
+  esbuild: { jsx: 'automatic', jsxImportSource: 'preact' },
   build: {
     target: 'es2022',
     // data: addresses would need a wider policy.
     assetsInlineLimit: 0,
     modulePreload: { polyfill: false },
-    // three.js is one piece of some 600 kB before compression; there is nothing to split off a single page.
+    // A view's piece is named as its folder.
+    rollupOptions: {
+      output: { chunkFileNames: ({ facadeModuleId }) => `assets/${folderOf(facadeModuleId) ?? '[name]'}-[hash].js` },
+    },
+    // three.js is one piece of some 600 kB before compression, fetched with the first view in 3D.
     chunkSizeWarningLimit: 900,
   },
-  server: { proxy: { '/v1': 'http://127.0.0.1:8080' } },
+  server: { proxy: Object.fromEntries(['/v1', '/livez', '/openapi.json'].map((path) => [path, 'http://127.0.0.1:8080'])) },
 });

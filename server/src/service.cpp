@@ -1,14 +1,15 @@
 #include "service.hpp"
 
-#include "api_error.hpp"
-#include "guarded_events.hpp"
-#include "refusal_codes.hpp"
+#include "errors/api_error.hpp"
+#include "errors/refusal_codes.hpp"
+#include "security/guarded_events.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/disk_full.hpp>
 #include <stillmap/maps/store/store_refusal.hpp>
 
 #include <algorithm>
@@ -45,6 +46,15 @@ QueueLimits queue_limits(const ServerOptions& options, int workers) {
           .requests = options.max_requests,
           .body_bytes = options.max_bodies_bytes,
           .client_share = options.client_share};
+}
+
+/// A version that is made ready for poses will be looked at too.
+AlignerBuilder warming(AlignerBuilder builder, MapViews& views) {
+  return [builder = std::move(builder), &views](const maps::MapPackage& map) {
+    Aligners aligners = builder(map);
+    views.warm(map);
+    return aligners;
+  };
 }
 
 /// The page speaks to this server alone, and no file is run as something else than it says.
@@ -85,6 +95,8 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   add_audit_routes(routes, context);
   add_key_routes(routes, context);
   add_tile_routes(routes, context);
+  add_tileset_routes(routes, context);
+  add_difference_routes(routes, context);
   add_localize_routes(routes, context);
   add_batch_routes(routes, context);
   add_session_routes(routes, context);
@@ -139,6 +151,12 @@ std::string subject_of(const Router::Match& match) {
   return subject;
 }
 
+/// Whether the audit log tells of it.
+bool is_write(const Route& route) {
+  const bool changes = route.access == Access::kWrite || route.access == Access::kAdmin;
+  return changes && route.method != "GET";
+}
+
 }  // namespace
 
 Service::Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
@@ -147,8 +165,9 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
       live_(options_),
       store_(store),
       metrics_(STILLMAP_VERSION),
-      gatekeeper_(store.keys()),
-      catalog_(store, std::move(builder), &metrics_),
+      gatekeeper_(store.keys(), is_loopback(options_.host)),
+      views_(store.folder()),
+      catalog_(store, warming(std::move(builder), views_), &metrics_),
       drives_(store),
       workers_(worker_count(options_)),
       queue_(queue_limits(options_, workers_)),
@@ -157,13 +176,9 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
                  .client_share = options_.client_share},
                 queue_),
       jobs_({live_, store, drives_, catalog_, metrics_, mapper}),
-      context_{options_,  live_,
-               workers_,  store,
-               drives_,   uploads_,
-               catalog_,  queue_,
-               sessions_, jobs_,
-               metrics_,  stats_,
-               stopping_, std::chrono::steady_clock::now()},
+      context_{options_, live_,    workers_, store,     drives_,
+               uploads_, catalog_, views_,   queue_,    sessions_,
+               jobs_,    metrics_, stats_,   stopping_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)),
       housekeeping_(live_, store, drives_, jobs_) {
   store_.set_quota(quota_of(options_.quotas));
@@ -190,7 +205,12 @@ void Service::reload(const ServerOptions& options) {
 
 Router::Match Service::admit(HttpRequest& request) const {
   Router::Match match = router_.match(request.method, request.path);
-  request.caller = gatekeeper_.admit(request, match.route->access, live_.current()->rate);
+  try {
+    gatekeeper_.admit(request, match.route->access, live_.current()->rate);
+  } catch (const ApiError& error) {
+    note_refused(request, match, error);
+    throw;
+  }
   if (match.route->reserve) {
     try {
       request.reservation = match.route->reserve(request, match.parameters);
@@ -212,15 +232,22 @@ HttpResponse Service::handle(HttpRequest request) const {
 
 HttpResponse Service::handle(const HttpRequest& request, const Router::Match& match) const {
   HttpResponse response = answer(request, match);
-  const Access access = match.route->access;
-  const bool reads = match.route->method == "GET";
-  if (!reads && (access == Access::kWrite || access == Access::kAdmin))
-    note_write(request, match, response.status);
+  if (is_write(*match.route)) note_write(request, match, response.status);
   if (response.events) {
-    response.events = std::make_shared<GuardedEvents>(std::move(response.events), gatekeeper_,
-                                                      request.header("authorization"), access);
+    response.events =
+        std::make_shared<GuardedEvents>(std::move(response.events), gatekeeper_,
+                                        request.header("authorization"), match.route->access);
   }
   return response;
+}
+
+/// Without a right to it. Whoever has none must not fill the disk, nor make it sync all day.
+void Service::note_refused(const HttpRequest& request, const Router::Match& match,
+                           const ApiError& error) const {
+  constexpr RateOptions kRows{.requests_per_s = 1.0, .burst = 60};
+  const int status = info_of(error.code()).http_status;
+  if (!is_write(*match.route) || (status != 401 && status != 403)) return;
+  if (refused_rows_.take({}, kRows) == 0.0) note_write(request, match, status);
 }
 
 void Service::note_write(const HttpRequest& request, const Router::Match& match, int status) const {
@@ -243,12 +270,13 @@ HttpResponse Service::answer(const HttpRequest& request, const Router::Match& ma
     metrics_.problem(error.code());
     return problem_response(error, request.request_id);
   };
-  const auto logged = [&](ErrorCode code, const std::exception& error) {
+  const auto logged = [&](ErrorCode code, const std::exception& error,
+                          const char* detail = "the log says more") {
     // Paths of this machine stay in the log; that of the request does not get there, since the name
     // of a session is its secret.
     spdlog::error("{} {} {}: {}", request.request_id, match.route->method, match.route->pattern,
                   error.what());
-    return problem(ApiError(code, "the log says more"));
+    return problem(ApiError(code, detail));
   };
   try {
     return match.route->handler(request, match.parameters);
@@ -256,6 +284,8 @@ HttpResponse Service::answer(const HttpRequest& request, const Router::Match& ma
     return problem(error);
   } catch (const maps::StoreRefusal& error) {
     return problem(ApiError(code_of(error.reason()), error.what()));
+  } catch (const maps::DiskFull& error) {
+    return logged(ErrorCode::kDiskFull, error, "there is no room left for it");
   } catch (const maps::StorageError& error) {
     return logged(ErrorCode::kStorageError, error);
   } catch (const maps::InputError& error) {

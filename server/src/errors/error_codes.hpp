@@ -1,0 +1,81 @@
+#pragma once
+
+#include <span>
+#include <string_view>
+
+namespace stillmap::server {
+
+/// Everything that can go wrong with a request. The texts in the table are stable: clients branch
+/// on them.
+enum class ErrorCode {
+  kInvalidRequest,
+  kUnknownParameter,
+  kUnknownMethod,
+  kInvalidScan,
+  kMissingKey,
+  kRefusedKey,
+  kForbidden,
+  kUnknownRoute,
+  kUnknownMap,
+  kUnknownVersion,
+  kUnknownTile,
+  kUnknownDrive,
+  kUnknownJob,
+  kUnknownKey,
+  kUnknownSession,
+  kMethodNotAllowed,
+  kNoActiveVersion,
+  kOtherDigest,
+  kVersionActive,
+  kNoPrevious,
+  kOtherFrame,
+  kInUse,
+  kOtherRequest,
+  kJobFinished,
+  kDriveNotOpen,
+  kDriveNotComplete,
+  kPartsMissing,
+  kLengthRequired,
+  kRevisionChanged,
+  kPayloadTooLarge,
+  kUnsupportedMediaType,
+  kRangeNotSatisfiable,
+  kInvalidPrior,
+  kInvalidTransform,
+  kInvalidOdometry,
+  kNoGeodeticOrigin,
+  kInvalidPoints,
+  kInvalidBoxes,
+  kInvalidUpload,
+  kTooFewPoints,
+  kSuperseded,
+  kTooManyRequests,
+  kHeaderTooLarge,
+  kInternalError,
+  kStorageError,
+  kNoMapper,
+  kBusy,
+  kTooManyStreams,
+  kMapLoading,
+  kMapUnusable,
+  kBeingMade,
+  kDerivedUnavailable,
+  kDeadlineExceeded,
+  kOverQuota,
+  kDiskFull,
+};
+
+struct ErrorInfo {
+  ErrorCode code;
+  /// What a program looks at.
+  std::string_view text;
+  /// What a person reads.
+  std::string_view title;
+  int http_status;
+};
+
+[[nodiscard]] const ErrorInfo& info_of(ErrorCode code);
+/// The whole table, in the order of the enumeration.
+[[nodiscard]] std::span<const ErrorInfo> all_errors();
+
+}  // namespace stillmap::server

@@ -1,0 +1,106 @@
+import assert from 'node:assert/strict';
+import { beforeEach, test } from 'node:test';
+
+const unit = (name) => import(`../../../web/dist/unit/${name}.js`);
+const { addressOf, ask } = await unit('api/client');
+const { answerKey, keyWanted, setKey } = await unit('api/keys');
+const { connection } = await unit('api/connection');
+const { parsePlace, linkTo } = await unit('router');
+
+/** Answers in turn, and what was asked. */
+function serve(...answers) {
+  const asked = [];
+  globalThis.fetch = async (url, init) => {
+    asked.push({ url, key: init?.headers?.Authorization, method: init?.method });
+    const answer = answers.shift();
+    if (answer === undefined) throw new TypeError('fetch failed');
+    return answer;
+  };
+  return asked;
+}
+const json = (body, status = 200, headers = {}) =>
+  new Response(JSON.stringify(body), { status, headers: { 'content-type': 'application/json', ...headers } });
+const problem = (status, code, headers = {}) => new Response(
+  JSON.stringify({ title: 'refused', detail: 'because', code, request_id: 'r1', errors: [] }),
+  { status, headers: { 'content-type': 'application/problem+json', ...headers } });
+
+beforeEach(() => {
+  setKey(undefined);
+  connection.set({ state: 'up' });
+});
+
+test('names and queries are escaped, and what is not given is left out', () => {
+  const url = addressOf('/v1/maps/{map}/versions/{version}', { map: 'a/b', version: 'v 1' }, { x: undefined, y: 'ü', z: 0 });
+  assert.equal(url, '/v1/maps/a%2Fb/versions/v%201?y=%C3%BC&z=0');
+  assert.throws(() => addressOf('/v1/maps/{map}', {}), /no value for \{map\}/);
+});
+
+test('an address comes back as it went', () => {
+  const link = linkTo('view', ['a/b', 'v 1'], { eye: '1,2' });
+  const { view, path, query } = parsePlace(link);
+  assert.deepEqual([view, path, query.get('eye')], ['view', ['a/b', 'v 1'], '1,2']);
+  assert.deepEqual(parsePlace('').path, []);
+  assert.deepEqual(parsePlace('#/a/%E0').path, ['%E0']);
+});
+
+test('a refusal is an error with the server’s words and code', async () => {
+  serve(problem(404, 'UnknownMap'));
+  const error = await ask('get', '/v1/maps/{map}', { path: { map: 'x' } }).catch((caught) => caught);
+  assert.equal(error.code, 'UnknownMap');
+  assert.equal(error.status, 404);
+  assert.match(error.message, /Refused: because/);
+  assert.equal(error.requestId, 'r1');
+});
+
+test('what was asked goes on with the key that a person gives', async () => {
+  const asked = serve(problem(401, 'MissingKey'), problem(401, 'RefusedKey'), json({ maps: [] }));
+  const reasons = [];
+  const unlisten = keyWanted.listen((reason) => {
+    if (reason === undefined) return;
+    reasons.push(reason);
+    setTimeout(() => answerKey(reason === 'MissingKey' ? 'wrong' : 'right'));
+  });
+  const { data } = await ask('get', '/v1/maps');
+  unlisten();
+  assert.deepEqual(data, { maps: [] });
+  assert.deepEqual(reasons, ['MissingKey', 'RefusedKey']);
+  assert.deepEqual(asked.map(({ key }) => key), [undefined, 'Bearer wrong', 'Bearer right']);
+});
+
+test('requests that wait for a key share one dialog, and fail together when it is closed', async () => {
+  serve(problem(401, 'MissingKey'), problem(401, 'MissingKey'));
+  const both = Promise.allSettled([ask('get', '/v1/maps'), ask('get', '/v1/jobs')]);
+  await new Promise((resolve) => setTimeout(resolve, 10));
+  answerKey(undefined);
+  for (const { reason } of await both) assert.equal(reason.trouble, 'key');
+});
+
+test('a busy server is asked again when it said so, and not for ever', async () => {
+  const later = () => problem(503, 'Busy', { 'retry-after': '0' });
+  const asked = serve(later(), later(), json({ maps: [] }));
+  assert.equal((await ask('get', '/v1/maps')).status, 200);
+  assert.equal(asked.length, 3);
+  serve(later(), later());
+  await assert.rejects(ask('get', '/v1/maps', { patience: 1 }), { code: 'Busy' });
+  serve(problem(503, 'MapUnusable'));
+  await assert.rejects(ask('get', '/v1/maps'), { code: 'MapUnusable' });
+});
+
+test('no answer, a late answer and an unreadable answer are told apart', async () => {
+  serve();
+  await assert.rejects(ask('get', '/v1/maps'), { trouble: 'down' });
+  assert.equal(connection.get().state, 'down');
+  serve(json({}));
+  await ask('get', '/v1/maps');
+  assert.equal(connection.get().state, 'up');
+  globalThis.fetch = (_, init) => new Promise((_resolve, reject) => {
+    init.signal.addEventListener('abort', () => reject(init.signal.reason));
+  });
+  await assert.rejects(ask('get', '/v1/maps', { timeoutS: 0.01 }), { trouble: 'late' });
+  const stop = new AbortController();
+  const asking = ask('get', '/v1/maps', { signal: stop.signal });
+  stop.abort();
+  await assert.rejects(asking, { name: 'AbortError' });
+  serve(new Response('<html>', { headers: { 'content-type': 'application/json' } }));
+  await assert.rejects(ask('get', '/v1/maps'), { trouble: 'garbled' });
+});

@@ -1,0 +1,120 @@
+// One request as every part of the page sends it: with the key, a time limit, and patience where the server asks for it.
+
+import { answered, busy, unanswered, watch } from './connection.js';
+import { ApiError, down, late, parseProblem, refusal } from './errors.js';
+import { key, needKey, type KeyReason } from './keys.js';
+
+export interface SendOptions {
+  headers?: Record<string, string>;
+  body?: BodyInit;
+  signal?: AbortSignal;
+  /** Until the head of the answer [s]. */
+  timeoutS?: number;
+  /** How often a refusal with `Retry-After` is waited for and asked again; 0 = the refusal is the answer. */
+  patience?: number;
+}
+
+const kTimeoutS = 30;
+const kPatience = 5;
+const kLongestWaitS = 30;
+
+/**
+ * Sends one request and returns its answer when that is a success (or 304).
+ *
+ * A 401 opens the key dialog and sends the request again with the key; 429 and 503 with `Retry-After` are waited for.
+ * @param path of the same origin, as `/v1/maps`.
+ * @throws ApiError in words; AbortError when `signal` fires.
+ */
+export async function send(method: string, path: string, options: SendOptions = {}): Promise<Response> {
+  const where = `${method} ${path}`;
+  let patience = options.patience ?? kPatience;
+  for (;;) {
+    const tried = key.get();
+    const response = await once(method, path, options, tried);
+    if (response.ok || response.status === 304) return response;
+    const document = parseProblem(response.headers.get('content-type') ?? '', await textOf(response));
+    if (response.status === 401) {
+      await needKey(tried, (document?.code as KeyReason | undefined) ?? 'RefusedKey');
+      continue;
+    }
+    const error = refusal(where, response.status, document);
+    const wait = retryAfter(response);
+    if (wait === undefined || patience-- <= 0) throw error;
+    busy(wait, error.message);
+    await sleep(wait, options.signal);
+  }
+}
+
+async function once(method: string, path: string, options: SendOptions, tried: string | undefined): Promise<Response> {
+  options.signal?.throwIfAborted();
+  const seconds = options.timeoutS ?? kTimeoutS;
+  const stop = new AbortController();
+  let timedOut = false;
+  const timer = setTimeout(() => {
+    timedOut = true;
+    stop.abort();
+  }, 1000 * seconds);
+  const giveUp = (): void => stop.abort();
+  options.signal?.addEventListener('abort', giveUp, { once: true });
+  const done = watch();
+  try {
+    const headers = { ...options.headers, ...(tried === undefined ? {} : { Authorization: `Bearer ${tried}` }) };
+    const response = await fetch(path, {
+      method, headers, signal: stop.signal, ...(options.body === undefined ? {} : { body: options.body }),
+    });
+    answered();
+    // The caller's signal stays tied to it: it also ends the body that is still to come.
+    return response;
+  } catch {
+    options.signal?.removeEventListener('abort', giveUp);
+    options.signal?.throwIfAborted();
+    if (timedOut) throw late(seconds);
+    unanswered();
+    throw down();
+  } finally {
+    clearTimeout(timer);
+    done();
+  }
+}
+
+/** What was asked for as JSON. @throws ApiError when the answer is none, or breaks off. */
+export async function jsonOf(response: Response, where: string): Promise<unknown> {
+  try {
+    return await response.json();
+  } catch (error) {
+    if (error instanceof DOMException && error.name === 'AbortError') throw error;
+    const how = error instanceof SyntaxError ? 'is not JSON' : 'broke off';
+    throw new ApiError('garbled', `The answer to ${where} ${how}.`, { status: response.status });
+  }
+}
+
+/** Seconds to wait; undefined when the answer does not ask to come again soon. */
+function retryAfter(response: Response): number | undefined {
+  if (response.status !== 429 && response.status !== 503) return undefined;
+  const seconds = Number(response.headers.get('retry-after') ?? Number.NaN);
+  return seconds >= 0 && seconds <= kLongestWaitS ? Math.max(seconds, 0.2) : undefined;
+}
+
+async function textOf(response: Response): Promise<string> {
+  try {
+    return await response.text();
+  } catch {
+    return '';
+  }
+}
+
+/** @throws AbortError when `signal` fires first. */
+export function sleep(seconds: number, signal?: AbortSignal): Promise<void> {
+  return new Promise((resolve, reject) => {
+    const stopped = (): void => {
+      clearTimeout(timer);
+      reject(signal?.reason);
+    };
+    const timer = setTimeout(() => {
+      signal?.removeEventListener('abort', stopped);
+      resolve();
+    }, 1000 * seconds);
+    if (signal?.aborted === true) stopped();
+    else signal?.addEventListener('abort', stopped, { once: true });
+  });
+}

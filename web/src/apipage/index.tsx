@@ -1,0 +1,6 @@
+import { Empty } from '../ui/parts.js';
+import type { ViewProps } from '../views.js';
+
+export default function ApiPageView({ path }: ViewProps) {
+  return <Empty title={path.join(' – ')}><p>Not built yet.</p></Empty>;
+}

@@ -1,0 +1,52 @@
+// Where the page is, kept in the address behind `#`, so that every view has an address that can be shared.
+
+import { Store } from './ui/store.js';
+
+export interface Place {
+  /** First part, as `maps`; empty at the start page. */
+  view: string;
+  /** The parts that follow, decoded. */
+  path: string[];
+  query: URLSearchParams;
+}
+
+/** Reads `#/view/town/v1?eye=1,2,3`. Parts that are no valid escapes are taken as they are. */
+export function parsePlace(hash: string): Place {
+  const text = hash.replace(/^#\/?/, '');
+  const cut = text.indexOf('?');
+  const parts = (cut < 0 ? text : text.slice(0, cut)).split('/').filter((part) => part !== '').map(decoded);
+  return { view: parts[0] ?? '', path: parts.slice(1), query: new URLSearchParams(cut < 0 ? '' : text.slice(cut + 1)) };
+}
+
+/** The address of a view, for `href`: `linkTo('view', ['town', 'v1'])`. */
+export function linkTo(view: string, path: readonly string[] = [], query: Record<string, string> = {}): string {
+  const parts = [view, ...path].map(encodeURIComponent).join('/');
+  const search = new URLSearchParams(query).toString();
+  return `#/${parts}${search === '' ? '' : `?${search}`}`;
+}
+
+function decoded(part: string): string {
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    return part;
+  }
+}
+
+export const place = new Store<Place>(parsePlace(globalThis.location?.hash ?? ''));
+
+/** Goes there; the browser's back button comes back. */
+export function go(link: string): void {
+  window.location.hash = link;
+}
+
+/** Replaces the query of the present place without a step in the history: for views that keep their state in it. */
+export function replaceQuery(query: Record<string, string>): void {
+  const { view, path } = place.get();
+  window.history.replaceState(null, '', linkTo(view, path, query));
+}
+
+/** Begins to follow the address. */
+export function startRouter(): void {
+  window.addEventListener('hashchange', () => place.set(parsePlace(window.location.hash)));
+}

@@ -1,0 +1,284 @@
+import * as THREE from 'three';
+import type { Tile } from '3d-tiles-renderer/core';
+import { TilesRenderer } from '3d-tiles-renderer/three';
+import { errorForBudget, type BudgetTile } from './budget.js';
+import { PickPoints, type Hit, type Ray } from './pick.js';
+import { kPointWords } from './point_layout.js';
+import { PointMaterials } from './point_materials.js';
+import { levelOf, TilePoints, type PickedPoint, type Ranges } from './tile_points.js';
+import { TileSource, type Ask, type Trouble } from './tile_source.js';
+import { kKinds, subtract, type Kind, type Vec3 } from './types.js';
+
+export type { PickedPoint, Ranges } from './tile_points.js';
+
+/** Most bytes of tiles that are kept (as the library counts them: 20 a point). */
+const kCacheBytes = 200e6;
+const kDownloadsAtOnce = 6;
+/** Error [px] below which no finer tiles are asked for: a point a pixel is enough. */
+const kFinestPx = 1.2;
+/** Most points looked at for one pick, so that it stays within a frame's time. */
+const kPickLimit = 400_000;
+
+/** Boxes that the shape of a map is told by. */
+const kShapeBoxes = 100;
+
+export interface MapCloudOptions {
+  /** Of the version's tileset.json. */
+  readonly tilesetUrl: string;
+  /** Of the map, in map coordinates [m]: what is added to a tile's coordinates. */
+  readonly origin: Vec3;
+  /** Spacing of the finest points [m]. */
+  readonly voxelSizeM: number;
+  readonly ask: Ask;
+  /** Something new can be drawn. */
+  readonly onChange: () => void;
+  readonly onTrouble: (trouble: Trouble | undefined) => void;
+}
+
+interface Loaded {
+  readonly points: TilePoints;
+  /** Made when it is first pointed at. */
+  pick?: PickPoints;
+}
+
+/**
+ * The points of one map version, streamed by level of detail within a budget.
+ *
+ * Needs a Scene to be drawn in. `ready` resolves when the tileset is known (not its points).
+ */
+export class MapCloud {
+  /** Points in the frame of the scene it was added to. */
+  readonly group = new THREE.Group();
+  readonly materials: PointMaterials;
+  readonly ready: Promise<void>;
+  /** Points drawn at most. */
+  budget = 3_000_000;
+  private readonly source_: TileSource;
+  private readonly stop_ = new AbortController();
+  private tiles_: TilesRenderer | undefined;
+  private readonly loaded_ = new Map<Tile, Loaded>();
+  private ranges_: Ranges | undefined;
+  private kinds_: ReadonlySet<Kind> = new Set(kKinds);
+  private shown_ = true;
+
+  constructor(private readonly options_: MapCloudOptions) {
+    this.materials = new PointMaterials(options_.voxelSizeM);
+    this.source_ = new TileSource(options_.ask, options_.onTrouble);
+    this.ready = this.load();
+    this.ready.catch(() => undefined);
+  }
+
+  get origin(): Vec3 {
+    return this.options_.origin;
+  }
+
+  /** Bounds in map coordinates [m]; undefined before the tileset is known. */
+  get bounds(): { min: Vec3; max: Vec3 } | undefined {
+    const box = new THREE.Box3();
+    if (this.tiles_ === undefined || !this.tiles_.getBoundingBox(box)) return undefined;
+    const [x, y, z] = this.origin;
+    return {
+      min: [box.min.x + x, box.min.y + y, box.min.z + z], max: [box.max.x + x, box.max.y + y, box.max.z + z],
+    };
+  }
+
+  /** Corners [m, map coordinates] of boxes that all points lie in, closer than `bounds`; empty before the tileset is known. */
+  get shape(): Vec3[] {
+    let boxes = this.tiles_?.root === null || this.tiles_ === undefined ? [] : [this.tiles_.root as Tile];
+    for (;;) {
+      const finer = boxes.flatMap((tile) => ((tile.children ?? []).length > 0 ? (tile.children as Tile[]) : [tile]));
+      if (finer.length > kShapeBoxes || finer.length === boxes.length) break;
+      boxes = finer;
+    }
+    return boxes.flatMap((tile) => cornersOf(tile, this.origin));
+  }
+
+  /** Undefined until the first tile is there; heights in map coordinates. */
+  get ranges(): Ranges | undefined {
+    return this.ranges_;
+  }
+
+  get trouble(): Trouble | undefined {
+    return this.source_.trouble;
+  }
+
+  /** What is drawn, what is kept, what is on its way. */
+  get stats(): { points: number; tiles: number; bytes: number; pending: number } {
+    const tiles = this.tiles_;
+    if (tiles === undefined) return { points: 0, tiles: 0, bytes: 0, pending: 1 };
+    let points = 0;
+    for (const tile of tiles.visibleTiles) points += this.loaded_.get(tile)?.points.count ?? 0;
+    // Fields that the library documents but does not declare.
+    const { stats, lruCache } = tiles as unknown as {
+      stats: { queued: number; downloading: number; parsing: number }; lruCache: { cachedBytes: number };
+    };
+    const pending = stats.queued + stats.downloading + stats.parsing;
+    return { points, tiles: tiles.visibleTiles.size, bytes: lruCache.cachedBytes, pending };
+  }
+
+  setKinds(kinds: ReadonlySet<Kind>): void {
+    this.kinds_ = new Set(kinds);
+    this.materials.setKinds(kinds);
+    this.shown_ = kinds.size > 0;
+    if (this.tiles_ !== undefined) this.tiles_.group.visible = this.shown_;
+  }
+
+  /** Goes on after trouble. */
+  retry(): void {
+    this.source_.retry();
+  }
+
+  /** Puts the cloud into a scene whose zero lies at `sceneOrigin` (map coordinates). */
+  place(sceneOrigin: Vec3): void {
+    this.group.position.set(...subtract(this.origin, sceneOrigin));
+    this.group.updateMatrixWorld(true);
+  }
+
+  /** Chooses the tiles for a view, and asks for those that are missing. @param height of the picture [px]. */
+  update(camera: THREE.PerspectiveCamera, width: number, height: number): void {
+    const tiles = this.tiles_;
+    if (tiles === undefined) return;
+    tiles.setCamera(camera);
+    tiles.setResolution(camera, width, height);
+    if (tiles.root !== null) tiles.errorTarget = this.errorTarget(tiles, tiles.root);
+    tiles.update();
+  }
+
+  /**
+   * The point that a person points at.
+   *
+   * @param ray       in the frame of the scene.
+   * @param tolerance slope of the cone around it.
+   */
+  pick(ray: Ray, tolerance: number): (PickedPoint & { depth: number }) | undefined {
+    const { x, y, z } = this.group.position;
+    const own: Ray = { origin: subtract(ray.origin, [x, y, z]), direction: ray.direction };
+    let left = kPickLimit;
+    let best: { hit: Hit; loaded: Loaded } | undefined;
+    for (const loaded of this.alongRay(own, tolerance)) {
+      if (left <= 0) break;
+      const { points } = loaded;
+      loaded.pick ??= new PickPoints(points.floats, kPointWords, points.count);
+      const { hit, looked } = loaded.pick.nearest(own, tolerance, (i) => this.kinds_.has(points.kind(i)), left);
+      left -= looked;
+      if (hit !== undefined && (best === undefined || hit.depth < best.hit.depth)) best = { hit, loaded };
+    }
+    return best === undefined ? undefined : { ...best.loaded.points.point(best.hit.index, this.origin), depth: best.hit.depth };
+  }
+
+  dispose(): void {
+    this.stop_.abort();
+    this.tiles_?.dispose();
+    this.materials.dispose();
+    this.group.removeFromParent();
+  }
+
+  private async load(): Promise<void> {
+    const tileset = (await this.source_.json(this.options_.tilesetUrl, this.stop_.signal)) as { asset: { version: string } };
+    // The library warns of everything above 1.0; of 1.1 it has what we use, glTF content.
+    tileset.asset.version = '1.0';
+    const tiles = new TilesRenderer(this.options_.tilesetUrl);
+    tiles.registerPlugin({
+      fetchData: (url: string, { signal = this.stop_.signal }: { signal?: AbortSignal }) =>
+        url === this.options_.tilesetUrl ? Promise.resolve(tileset)
+          : url.endsWith('.json') ? this.nested(url, signal) : this.source_.bytes(url, signal),
+      processTileModel: (scene: THREE.Object3D, tile: Tile) => this.prepare(scene, tile),
+    });
+    Object.assign(tiles.lruCache, { minBytesSize: 0.7 * kCacheBytes, maxBytesSize: kCacheBytes });
+    tiles.downloadQueue.maxJobsPerOrigin = kDownloadsAtOnce;
+    tiles.addEventListener('load-model', ({ scene, tile }) => this.show(scene, tile));
+    tiles.addEventListener('dispose-model', ({ tile }) => this.loaded_.delete(tile));
+    tiles.addEventListener('needs-update', () => this.options_.onChange());
+    tiles.addEventListener('tile-visibility-change', () => this.options_.onChange());
+    tiles.group.visible = this.shown_;
+    this.group.add(tiles.group);
+    this.tiles_ = tiles;
+    this.options_.onChange();
+    await new Promise<void>((resolve) => tiles.addEventListener('load-root-tileset', () => resolve()));
+  }
+
+  private async nested(url: string, signal: AbortSignal): Promise<unknown> {
+    const tileset = (await this.source_.json(url, signal)) as { asset: { version: string } };
+    tileset.asset.version = '1.0';
+    return tileset;
+  }
+
+  private errorTarget(tiles: TilesRenderer, root: Tile): number {
+    const seen = { inView: false, error: Infinity, distanceFromCamera: Infinity };
+    const renderer = tiles as unknown as { calculateTileViewError(tile: Tile, target: typeof seen): void; prepareForTraversal(): void };
+    renderer.prepareForTraversal();
+    const errorOf = (tile: BudgetTree): number | undefined => {
+      // Not prepared by the library yet.
+      if ((tile.tile as { traversal?: object }).traversal === undefined) return undefined;
+      renderer.calculateTileViewError(tile.tile, seen);
+      return seen.inView ? seen.error : undefined;
+    };
+    return errorForBudget(treeOf(root), errorOf, this.budget, kFinestPx);
+  }
+
+  // Before the library counts the bytes.
+  private prepare(scene: THREE.Object3D, tile: Tile): Promise<void> {
+    scene.traverse((object) => {
+      if (!(object instanceof THREE.Points)) return;
+      const points = new TilePoints(object.geometry as THREE.BufferGeometry, levelOf(tile));
+      this.ranges_ ??= points.ranges(this.origin);
+      this.loaded_.set(tile, { points });
+    });
+    return Promise.resolve();
+  }
+
+  private show(scene: THREE.Object3D, tile: Tile): void {
+    scene.traverse((object) => {
+      // The library disposes of the material that came with the tile; ours is shared by all of them.
+      if (object instanceof THREE.Points) object.material = this.materials.of(levelOf(tile));
+    });
+    this.options_.onChange();
+  }
+
+  private alongRay(ray: Ray, tolerance: number): Loaded[] {
+    const found: { loaded: Loaded; depth: number }[] = [];
+    for (const tile of this.tiles_?.visibleTiles ?? []) {
+      const loaded = this.loaded_.get(tile);
+      if (loaded === undefined) continue;
+      const { geometry } = loaded.points;
+      if (geometry.boundingSphere === null) geometry.computeBoundingSphere();
+      const { center, radius } = geometry.boundingSphere as THREE.Sphere;
+      const offset = subtract([center.x, center.y, center.z], ray.origin);
+      const depth = offset[0] * ray.direction[0] + offset[1] * ray.direction[1] + offset[2] * ray.direction[2];
+      const beside = Math.sqrt(Math.max(Math.hypot(...offset) ** 2 - depth * depth, 0));
+      if (depth + radius > 0 && beside <= radius + tolerance * (depth + radius)) found.push({ loaded, depth: depth - radius });
+    }
+    return found.sort((a, b) => a.depth - b.depth).map(({ loaded }) => loaded);
+  }
+}
+
+interface BudgetTree extends BudgetTile {
+  readonly tile: Tile;
+  readonly children: readonly BudgetTree[];
+}
+
+const kTrees = new WeakMap<Tile, BudgetTree>();
+
+// The library's tree as the budget wants it; nested tilesets come later, so children are asked for anew.
+function treeOf(tile: Tile): BudgetTree {
+  let tree = kTrees.get(tile);
+  if (tree === undefined) {
+    const extras = (tile as unknown as { extras?: { points?: number } }).extras;
+    tree = {
+      tile, points: extras?.points ?? 0,
+      get children() {
+        return (tile.children ?? []).map(treeOf);
+      },
+    };
+    kTrees.set(tile, tree);
+  }
+  return tree;
+}
+
+// Boxes of our tilesets are axis-aligned: centre, and half the length of each axis.
+function cornersOf(tile: Tile, origin: Vec3): Vec3[] {
+  const box = (tile.boundingVolume as { box?: number[] }).box ?? [];
+  const at = (axis: number, side: number): number =>
+    (box[axis] ?? 0) + side * (box[3 + 4 * axis] ?? 0) + (origin[axis] as number);
+  return [-1, 1].flatMap((x) => [-1, 1].flatMap((y) => [-1, 1].map((z): Vec3 => [at(0, x), at(1, y), at(2, z)])));
+}

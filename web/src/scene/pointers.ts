@@ -1,0 +1,133 @@
+import type { Pick, Scene } from './scene.js';
+
+/** The pointer over the canvas. */
+export interface PointerPlace {
+  readonly clientX: number;
+  readonly clientY: number;
+  readonly shiftKey: boolean;
+  /** What it points at; looked for once, when asked. */
+  readonly pick: () => Pick | undefined;
+}
+
+/** What the pointer does instead of steering. */
+export interface Tool {
+  /** CSS cursor. */
+  readonly cursor?: string;
+  /** @return true to take the drag that begins here, so that the camera stands still. */
+  readonly down?: (place: PointerPlace) => boolean;
+  /** While it moves: with the drag, or over the canvas with nothing pressed. */
+  readonly move?: (place: PointerPlace) => void;
+  /** The end of a drag that was taken. */
+  readonly up?: (place: PointerPlace) => void;
+  /** Pressed and let go at one place. */
+  readonly click?: (place: PointerPlace) => void;
+  /** The same, for the second time at once. */
+  readonly doubleClick?: (place: PointerPlace) => void;
+  /** Another tool took over, or Escape was pressed. */
+  readonly cancel?: () => void;
+}
+
+/** Movement [px] up to which a press is a click. */
+const kClickPx = 4;
+
+/** Tells clicks from drags, and hands them to the tool at hand. */
+export class Pointers {
+  private tool_: Tool | null = null;
+  private down_: { x: number; y: number; taken: boolean } | undefined;
+  private hover_: PointerEvent | undefined;
+  private hoverPending_ = false;
+  private readonly listeners_ = new Set<(pick: Pick | undefined) => void>();
+  private readonly stop_ = new AbortController();
+
+  constructor(
+    private readonly scene_: Scene,
+    private readonly steer_: (on: boolean) => void,
+  ) {
+    const { canvas } = scene_;
+    const options = { signal: this.stop_.signal };
+    // Before the camera's own listener: a tool that takes the drag switches it off.
+    canvas.addEventListener('pointerdown', (event) => this.down(event), { ...options, capture: true });
+    canvas.addEventListener('pointermove', (event) => this.move(event), options);
+    canvas.addEventListener('pointerup', (event) => this.up(event), options);
+    canvas.addEventListener('pointercancel', () => this.end(), options);
+    canvas.addEventListener('pointerleave', () => this.leave(), options);
+    canvas.addEventListener('dblclick', (event) => this.tool_?.doubleClick?.(this.place(event)), options);
+    canvas.addEventListener('keydown', (event) => {
+      if (event.key === 'Escape') this.tool_?.cancel?.();
+    }, options);
+  }
+
+  setTool(tool: Tool | null): void {
+    if (tool === this.tool_) return;
+    const before = this.tool_;
+    this.tool_ = tool;
+    this.end();
+    this.scene_.canvas.style.cursor = tool?.cursor ?? '';
+    before?.cancel?.();
+  }
+
+  onHover(listener: (pick: Pick | undefined) => void): () => void {
+    this.listeners_.add(listener);
+    return () => this.listeners_.delete(listener);
+  }
+
+  dispose(): void {
+    this.stop_.abort();
+    this.listeners_.clear();
+  }
+
+  private down(event: PointerEvent): void {
+    if (event.button !== 0 || !event.isPrimary) return;
+    const taken = this.tool_?.down?.(this.place(event)) ?? false;
+    this.down_ = { x: event.clientX, y: event.clientY, taken };
+    if (!taken) return;
+    this.steer_(false);
+    this.scene_.canvas.setPointerCapture(event.pointerId);
+  }
+
+  private move(event: PointerEvent): void {
+    if (this.down_?.taken) return this.tool_?.move?.(this.place(event));
+    if (event.buttons !== 0) return;
+    this.hover_ = event;
+    if (this.hoverPending_) return;
+    this.hoverPending_ = true;
+    requestAnimationFrame(() => this.hover());
+  }
+
+  private up(event: PointerEvent): void {
+    const down = this.down_;
+    if (down === undefined || !event.isPrimary) return;
+    this.end();
+    const place = this.place(event);
+    if (down.taken) this.tool_?.up?.(place);
+    if (Math.hypot(event.clientX - down.x, event.clientY - down.y) <= kClickPx) this.tool_?.click?.(place);
+  }
+
+  private hover(): void {
+    this.hoverPending_ = false;
+    if (this.hover_ === undefined) return;
+    const place = this.place(this.hover_);
+    this.tool_?.move?.(place);
+    if (this.listeners_.size === 0) return;
+    const pick = place.pick();
+    for (const listener of this.listeners_) listener(pick);
+  }
+
+  private leave(): void {
+    this.hover_ = undefined;
+    for (const listener of this.listeners_) listener(undefined);
+  }
+
+  private end(): void {
+    this.down_ = undefined;
+    this.steer_(true);
+  }
+
+  private place({ clientX, clientY, shiftKey }: MouseEvent): PointerPlace {
+    let found: { pick: Pick | undefined } | undefined;
+    return {
+      clientX, clientY, shiftKey,
+      pick: () => (found ??= { pick: this.scene_.pick(clientX, clientY) }).pick,
+    };
+  }
+}

@@ -1,0 +1,99 @@
+import { toApiError, type ApiError } from '../api/errors.js';
+
+/** Asks the server; throws ApiError for all that is no success. What waits for a busy server does so in here. */
+export type Ask = (url: string, init: { readonly signal: AbortSignal }) => Promise<Response>;
+
+/** Why no more of a map comes; the text is for people. */
+export interface Trouble {
+  readonly kind: 'offline' | 'gone' | 'busy' | 'refused';
+  readonly text: string;
+}
+
+/** Waits [ms] between the tries of a request that brings no answer; their number bounds the tries. */
+const kWaitsMs: readonly number[] = [500, 2000];
+
+/**
+ * Fetches tiles, and stands still when that makes no sense: after a bounded number of tries all requests wait, the
+ * picture stays as it is, and one word goes to the person. `retry` goes on with all of them.
+ */
+export class TileSource {
+  private trouble_: Trouble | undefined;
+  private held_: (() => void)[] = [];
+
+  /** @param onTrouble told once when requests begin to wait, and with undefined when they go on. */
+  constructor(
+    private readonly ask_: Ask,
+    private readonly onTrouble_: (trouble: Trouble | undefined) => void,
+    private readonly waitsMs_: readonly number[] = kWaitsMs,
+  ) {}
+
+  /** The body; waits as long as there is trouble. Rejects only with AbortError, when `signal` fires. */
+  bytes(url: string, signal: AbortSignal): Promise<ArrayBuffer> {
+    return this.until(signal, async () => (await this.ask_(url, { signal })).arrayBuffer());
+  }
+
+  /** As `bytes`, parsed. */
+  json(url: string, signal: AbortSignal): Promise<unknown> {
+    return this.until(signal, async () => (await this.ask_(url, { signal })).json() as Promise<unknown>);
+  }
+
+  get trouble(): Trouble | undefined {
+    return this.trouble_;
+  }
+
+  /** Lets all that waits try again. */
+  retry(): void {
+    if (this.trouble_ === undefined) return;
+    this.trouble_ = undefined;
+    this.onTrouble_(undefined);
+    for (const go of this.held_.splice(0)) go();
+  }
+
+  private async until<Body>(signal: AbortSignal, read: () => Promise<Body>): Promise<Body> {
+    for (let tries = 0; ;) {
+      if (this.trouble_ !== undefined) {
+        await hold(signal, (go) => this.held_.push(go));
+        tries = 0;
+      }
+      try {
+        return await read();
+      } catch (error) {
+        signal.throwIfAborted();
+        const refused = toApiError(error);
+        const wait = refused.trouble === 'problem' || refused.trouble === 'key' ? undefined : this.waitsMs_[tries++];
+        // While one request has found that nobody answers, the others need not find it too.
+        if (this.trouble_ !== undefined) continue;
+        if (wait === undefined) this.begin(troubleOf(refused));
+        else await hold(signal, (go) => setTimeout(go, wait));
+      }
+    }
+  }
+
+  private begin(trouble: Trouble): void {
+    this.trouble_ = trouble;
+    this.onTrouble_(trouble);
+  }
+}
+
+function troubleOf(error: ApiError): Trouble {
+  if (error.status === 404 || error.status === 410) {
+    return { kind: 'gone', text: `This version is no longer on the server. What is shown stays until you leave. ${error.message}` };
+  }
+  if (error.status === 503 || error.status === 429) {
+    return { kind: 'busy', text: `The server sends no more of the map at the moment. ${error.message}` };
+  }
+  if (error.trouble === 'problem' || error.trouble === 'key') return { kind: 'refused', text: error.message };
+  return { kind: 'offline', text: `${error.message} What is shown stays; the rest comes when it is back.` };
+}
+
+// Waits until it is let go, or the signal fires.
+function hold(signal: AbortSignal, begin: (go: () => void) => void): Promise<void> {
+  return new Promise((resolve, reject) => {
+    const stop = (): void => reject(signal.reason as Error);
+    signal.addEventListener('abort', stop, { once: true });
+    begin(() => {
+      signal.removeEventListener('abort', stop);
+      resolve();
+    });
+  });
+}

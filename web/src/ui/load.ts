@@ -1,0 +1,56 @@
+import { useCallback, useEffect, useRef, useState } from 'preact/hooks';
+import { connection } from '../api/connection.js';
+import { isAborted, toApiError, type ApiError } from '../api/errors.js';
+
+export interface Loaded<Data> {
+  /** The latest that came; kept while it is asked for again, and when that fails. */
+  data: Data | undefined;
+  error: ApiError | undefined;
+  loading: boolean;
+  reload: () => void;
+}
+
+export interface LoadOptions {
+  /** Asks again after so long [s], while the window can be seen. */
+  everyS?: number | undefined;
+}
+
+/**
+ * Asks for something when the component comes, when `inputs` change, again and again if wanted, and once the server is
+ * back after it was down.
+ */
+export function useLoad<Data>(
+  load: (signal: AbortSignal) => Promise<Data>, inputs: readonly unknown[], options: LoadOptions = {},
+): Loaded<Data> {
+  const [state, setState] = useState<{ data: Data | undefined; error: ApiError | undefined; loading: boolean; of: unknown }>(
+    { data: undefined, error: undefined, loading: true, of: undefined });
+  const [turn, setTurn] = useState(0);
+  const reload = useCallback(() => setTurn((before) => before + 1), []);
+  const what = JSON.stringify(inputs);
+  const failed = useRef(false);
+  failed.current = state.error !== undefined;
+
+  useEffect(() => {
+    const stop = new AbortController();
+    setState((before) => ({ ...before, ...(before.of === what ? {} : { data: undefined, error: undefined }), loading: true, of: what }));
+    load(stop.signal).then(
+      (data) => stop.signal.aborted || setState({ data, error: undefined, loading: false, of: what }),
+      (error: unknown) => {
+        if (isAborted(error) || stop.signal.aborted) return;
+        setState((before) => ({ ...before, error: toApiError(error), loading: false }));
+      });
+    return () => stop.abort();
+  }, [what, turn]);
+
+  useEffect(() => {
+    if (options.everyS === undefined) return undefined;
+    const timer = setInterval(() => document.hidden || reload(), 1000 * options.everyS);
+    return () => clearInterval(timer);
+  }, [options.everyS, reload]);
+
+  useEffect(() => connection.listen((now) => {
+    if (now.state === 'up' && failed.current) reload();
+  }), [reload]);
+
+  return { data: state.of === what ? state.data : undefined, error: state.error, loading: state.loading, reload };
+}

@@ -1,0 +1,38 @@
+import type { ComponentType } from 'preact';
+import ApiView from './apipage/index.js';
+import JobsView from './jobs/index.js';
+import KeysView from './keys/index.js';
+import MapsView from './maps/index.js';
+
+/** What a view is given: the parts of the address behind its name, and the query. */
+export interface ViewProps {
+  path: string[];
+  query: URLSearchParams;
+}
+
+export type ViewComponent = ComponentType<ViewProps>;
+
+export interface View {
+  title: string;
+  /** Fills the window below the header, without the page's own margins and scrolling. */
+  whole?: boolean;
+  /** The component, or how to fetch the piece of script that holds it. */
+  show: ViewComponent | { fetch: () => Promise<{ default: ViewComponent }> };
+}
+
+/**
+ * Every view by the first part of its address. Lists and forms come with the page, so that they work on when the server
+ * is away; views in 3D are pieces of their own, fetched when first gone to.
+ */
+export const kViews: Readonly<Record<string, View>> = {
+  maps: { title: 'Maps', show: MapsView },
+  jobs: { title: 'Jobs', show: JobsView },
+  view: { title: 'Map', whole: true, show: { fetch: () => import('./view/index.js') } },
+  compare: { title: 'Compare', whole: true, show: { fetch: () => import('./compare/index.js') } },
+  localize: { title: 'Localization', whole: true, show: { fetch: () => import('./localize/index.js') } },
+  keys: { title: 'Keys', show: KeysView },
+  api: { title: 'API', show: ApiView },
+};
+
+/** Those of the header, in order. */
+export const kMainViews = ['maps', 'jobs', 'keys', 'api'] as const;
