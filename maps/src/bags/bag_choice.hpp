@@ -25,6 +25,7 @@ struct BagChoice {
 
 /// A folder's own choice, in its file `topics.txt`, with what is asked for in words before it.
 /// @throws InputError, StorageError.
-[[nodiscard]] BagChoice with_choice_of_folder(BagChoice choice, const std::filesystem::path& folder);
+[[nodiscard]] BagChoice with_choice_of_folder(BagChoice choice,
+                                              const std::filesystem::path& folder);
 
 }  // namespace stillmap::maps

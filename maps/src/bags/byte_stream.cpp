@@ -39,20 +39,6 @@ class PackedStream : public ByteStream {
     return done;
   }
 
-  std::uint64_t skip(std::uint64_t bytes) final {
-    std::vector<std::byte> sink(
-        static_cast<std::size_t>(std::min<std::uint64_t>(bytes, kPieceBytes)));
-    std::uint64_t done = 0;
-    while (done < bytes) {
-      const auto wanted =
-          static_cast<std::size_t>(std::min<std::uint64_t>(bytes - done, sink.size()));
-      const std::size_t got = read(std::span(sink).first(wanted));
-      done += got;
-      if (got < wanted) break;
-    }
-    return done;
-  }
-
  protected:
   [[nodiscard]] std::span<const std::byte> input() const {
     return std::span(input_).subspan(begin_, end_ - begin_);
@@ -129,6 +115,20 @@ class ZstdStream final : public PackedStream {
 };
 
 }  // namespace
+
+std::uint64_t ByteStream::skip(std::uint64_t bytes) {
+  std::vector<std::byte> sink(
+      static_cast<std::size_t>(std::min<std::uint64_t>(bytes, kPieceBytes)));
+  std::uint64_t done = 0;
+  while (done < bytes) {
+    const auto wanted =
+        static_cast<std::size_t>(std::min<std::uint64_t>(bytes - done, sink.size()));
+    const std::size_t got = read(std::span(sink).first(wanted));
+    done += got;
+    if (got < wanted) break;
+  }
+  return done;
+}
 
 FileStream::FileStream(const FileReader& file, std::uint64_t begin, std::uint64_t end)
     : file_(&file), position_(begin), end_(std::max(begin, end)) {}

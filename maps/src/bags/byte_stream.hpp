@@ -23,8 +23,8 @@ class ByteStream {
   /// @return how many bytes there were; fewer than asked for only at the end.
   /// @throws InputError for broken packed bytes, StorageError.
   virtual std::size_t read(std::span<std::byte> into) = 0;
-  /// @return how many bytes there were to skip.
-  virtual std::uint64_t skip(std::uint64_t bytes) = 0;
+  /// By reading, where there is no shorter way. @return how many bytes there were to skip.
+  virtual std::uint64_t skip(std::uint64_t bytes);
 };
 
 /// A part of a file. What is skipped is not read.

@@ -28,7 +28,8 @@ class FrameTree {
     /// Nothing for a moving one.
     std::optional<Eigen::Isometry3d> T_parent_child;
   };
-  /// @return steps from `frame` upward; empty when nothing is above it, or where they go in circles.
+  /// @return steps from `frame` upward; empty when nothing is above it, or where they go in
+  /// circles.
   [[nodiscard]] std::vector<Step> steps_above(const std::string& frame) const;
   /// "base_link, lidar, odom" of all frames, at most 40.
   [[nodiscard]] std::string names() const;

@@ -206,14 +206,9 @@ std::size_t McapBag::read_and_check(Chunk& chunk, const MessagePlace& place,
     if (chunk.head().crc == 0 || checked_.contains(place.outer))
       return reader_.read_at(chunk.records_offset() + place.inner, into);
   }
-  std::vector<std::byte> piece(kPieceBytes);
-  while (chunk.position() < place.inner) {
-    const std::uint64_t left = place.inner - chunk.position();
-    const auto size = static_cast<std::size_t>(std::min<std::uint64_t>(left, piece.size()));
-    if (chunk.read(std::span(piece).first(size)) < size) break;
-  }
+  (void)chunk.read_over(place.inner - chunk.position());
   const std::size_t got = chunk.read(into);
-  while (chunk.read(piece) == piece.size()) continue;
+  (void)chunk.read_over(chunk.head().unpacked_bytes - chunk.position());
   const std::string trouble = chunk.finish();
   if (trouble.starts_with("CRC"))
     throw InputError(fmt::format("{} chunk at byte {}", file().string(), place.outer), trouble,

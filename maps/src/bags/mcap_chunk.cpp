@@ -7,12 +7,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <vector>
 
 namespace stillmap::maps::mcap {
 namespace {
 
-constexpr std::size_t kPieceBytes = std::size_t{64} << 10U;
 /// Nothing a sensor sends is packed so well, but bytes made to cost time are.
 constexpr std::uint64_t kMostRatio = 1000;
 constexpr std::uint64_t kAlwaysTakenBytes = std::uint64_t{16} << 20U;
@@ -56,23 +54,11 @@ std::size_t Chunk::read(std::span<std::byte> into) {
 
 std::uint64_t Chunk::skip(std::uint64_t bytes) {
   bytes = std::min(bytes, head_.unpacked_bytes - position_);
-  if (!is_packed()) {
-    crc_is_whole_ = crc_is_whole_ && bytes == 0;
-    const std::uint64_t skipped = records_->skip(bytes);
-    position_ += skipped;
-    return skipped;
-  }
-  std::vector<std::byte> sink(
-      static_cast<std::size_t>(std::min<std::uint64_t>(bytes, kPieceBytes)));
-  std::uint64_t done = 0;
-  while (done < bytes) {
-    const auto wanted =
-        static_cast<std::size_t>(std::min<std::uint64_t>(bytes - done, sink.size()));
-    const std::size_t got = read(std::span(sink).first(wanted));
-    done += got;
-    if (got < wanted) break;
-  }
-  return done;
+  if (is_packed()) return ByteStream::skip(bytes);
+  crc_is_whole_ = crc_is_whole_ && bytes == 0;
+  const std::uint64_t skipped = records_->skip(bytes);
+  position_ += skipped;
+  return skipped;
 }
 
 std::string Chunk::finish() {

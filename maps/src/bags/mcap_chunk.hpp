@@ -13,11 +13,14 @@ class Chunk final : public ByteStream {
   /// @param file  outlives this. @param offset  of the record's content, whose bytes reach
   /// `length` far or to the file's end. @param name  for messages.
   /// @throws InputError for a head that is cut off or another compression; StorageError.
-  Chunk(const FileReader& file, std::uint64_t offset, std::uint64_t length, const std::string& name);
+  Chunk(const FileReader& file, std::uint64_t offset, std::uint64_t length,
+        const std::string& name);
 
   std::size_t read(std::span<std::byte> into) override;
   std::uint64_t skip(std::uint64_t bytes) override;
 
+  /// As `skip`, but what is not packed is read as well, for its CRC.
+  std::uint64_t read_over(std::uint64_t bytes) { return ByteStream::skip(bytes); }
   [[nodiscard]] std::uint64_t position() const { return position_; }
   [[nodiscard]] const ChunkHead& head() const { return head_; }
   [[nodiscard]] bool is_packed() const { return !head_.compression.empty(); }
