@@ -86,15 +86,14 @@ export async function tileOf({ map, version }: { map: string; version: string },
 export async function vehicles(signal: AbortSignal): Promise<Vehicle[]> {
   const { data } = await ask('get', '/v1/sessions', { signal, patience: 0 });
   return data.sessions.map((session) => {
-    const known = session as typeof session & Partial<Record<'label' | 'reasons' | 'pose' | 'covariance', unknown>>;
     return {
-      label: (known.label as string | undefined) ?? session.id,
+      label: session.label,
       map: session.map.name,
       version: session.map.version,
       status: session.status,
-      reasons: (known.reasons as string[] | undefined) ?? [],
-      pose: (known.pose as Pose | null | undefined) ?? null,
-      covariance: (known.covariance as number[] | null | undefined) ?? null,
+      reasons: session.reasons,
+      pose: session.pose as Pose | null,
+      covariance: session.covariance,
       scans: session.scans,
       idle_s: session.idle_s,
     };

@@ -65,7 +65,6 @@ function ColourChoice({ model }: { model: ViewerModel }) {
 
 function KindChoice({ model }: { model: ViewerModel }) {
   const { kinds, colouring } = useStore(model.options);
-  const counts = kindCounts(model.facts.counts);
   return (
     <div class="viewer-checks">
       {kKinds.map((kind) => (
@@ -76,7 +75,6 @@ function KindChoice({ model }: { model: ViewerModel }) {
           />
           {colouring === 'kind' && swatchOf('kind', kind)}
           <span>{kKindWords[kind]}</span>
-          <output>{counts[kind] === undefined ? '' : short(counts[kind])}</output>
         </label>
       ))}
     </div>
@@ -160,14 +158,4 @@ function Help() {
 
 function toggled<Name>(all: readonly Name[], chosen: readonly Name[], name: Name, on: boolean): Name[] {
   return all.filter((one) => (one === name ? on : chosen.includes(one)));
-}
-
-// The manifest counts points by kind under these names.
-function kindCounts(counts: Readonly<Record<string, number>> | undefined): Partial<Record<Kind, number>> {
-  const found: Partial<Record<Kind, number>> = {};
-  for (const kind of kKinds) {
-    const count = counts?.[`points_${kind}`] ?? counts?.[kind];
-    if (count !== undefined) found[kind] = count;
-  }
-  return found;
 }
