@@ -1,5 +1,6 @@
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/scan_file.hpp>
 
 #include <algorithm>
@@ -9,6 +10,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "drives/bag_drive.hpp"
 #include "drives/keyframes.hpp"
 #include "drives/kitti_odometry.hpp"
 #include "drives/kitti_raw.hpp"
@@ -27,10 +29,11 @@ struct LayoutReader {
 };
 
 // Layouts with folders of fixed names; a plain folder of scans is what is left.
-constexpr std::array<LayoutReader, 3> kNamedLayouts{{
+constexpr std::array<LayoutReader, 4> kNamedLayouts{{
     {DriveLayout::kKittiRaw, is_kitti_raw, open_kitti_raw},
     {DriveLayout::kKittiOdometry, is_kitti_odometry, open_kitti_odometry},
     {DriveLayout::kKeyframes, is_keyframes, open_keyframes},
+    {DriveLayout::kRosbag2, is_bag, nullptr},
 }};
 
 LayoutReader reader_for(const std::filesystem::path& root) {
@@ -48,7 +51,8 @@ LayoutReader reader_for(const std::filesystem::path& root) {
   if (is_scan_folder(root)) return {DriveLayout::kScanFolder, is_scan_folder, open_scan_folder};
   throw InputError(root.string(), "no layout that is known",
                    "velodyne_points/data/*.bin (KITTI raw), velodyne/*.bin (KITTI odometry), "
-                   "Scans/*.pcd with optimized_poses.txt (key frames), or *.pcd, *.ply or *.bin");
+                   "Scans/*.pcd with optimized_poses.txt (key frames), *.mcap or *.db3 (bags), or "
+                   "*.pcd, *.ply or *.bin");
 }
 
 /// Times of a spinning sensor's points from their azimuth, clockwise; see
@@ -69,6 +73,19 @@ void set_spin_times(PointCloud& cloud, const std::array<double, 2>& start_end_s)
   }
 }
 
+struct Address {
+  std::filesystem::path place;
+  /// Behind its last `?`.
+  std::string words;
+};
+
+Address address_of(const std::filesystem::path& root) {
+  const std::string text = root.string();
+  const std::size_t mark = text.rfind('?');
+  if (mark == std::string::npos || std::filesystem::exists(root)) return {root, {}};
+  return {text.substr(0, mark), text.substr(mark + 1)};
+}
+
 }  // namespace
 
 std::string_view name_of(DriveLayout layout) {
@@ -81,17 +98,40 @@ std::string_view name_of(DriveLayout layout) {
       return "keyframes";
     case DriveLayout::kScanFolder:
       return "scan_folder";
+    case DriveLayout::kMcap:
+      return "mcap";
+    case DriveLayout::kRosbag2:
+      return "rosbag2";
   }
   throw std::invalid_argument("name_of: unknown layout");
 }
 
 Drive Drive::open(const std::filesystem::path& root,
                   const std::optional<std::filesystem::path>& poses_file) {
-  if (!std::filesystem::is_directory(root)) {
-    throw InputError(root.string(), std::filesystem::exists(root) ? "a file" : "nothing",
-                     "the folder of a drive");
+  const auto [place, words] = address_of(root);
+  if (std::filesystem::is_directory(place)) {
+    const LayoutReader reader = reader_for(place);
+    if (reader.open != nullptr && !words.empty())
+      throw InputError(root.string(), "'?" + words + "' behind a drive that is no bag",
+                       "its folder alone");
+    if (reader.open != nullptr) return Drive(reader.open(place, poses_file));
+  } else if (!is_bag(place)) {
+    throw InputError(place.string(), std::filesystem::exists(place) ? "a file" : "nothing",
+                     "the folder of a drive, or a bag (MCAP, SQLite of rosbag2)");
   }
-  return Drive(reader_for(root).open(root, poses_file));
+  return Drive(open_bag_drive(place, words, poses_file));
+}
+
+bool Drive::is_at(const std::filesystem::path& root) {
+  const std::filesystem::path place = address_of(root).place;
+  return std::filesystem::is_directory(place) || is_bag(place);
+}
+
+std::string Drive::Contents::scan_name(std::size_t index) const {
+  std::string name = scan_files.at(index).filename().string();
+  if (!entries.numbers.empty())
+    name += ' ' + entries.topic + ' ' + std::to_string(entries.numbers.at(index));
+  return name;
 }
 
 Drive::Drive(Contents contents) : contents_(std::move(contents)) {
@@ -100,7 +140,8 @@ Drive::Drive(Contents contents) : contents_(std::move(contents)) {
     return values.empty() || values.size() == scans;
   };
   if (contents_.stamps_ns.size() != scans || !none_or_all(contents_.T_map_lidar) ||
-      !none_or_all(contents_.spin_start_end_s) || !none_or_all(contents_.label_files)) {
+      !none_or_all(contents_.entries.numbers) || !none_or_all(contents_.spin_start_end_s) ||
+      !none_or_all(contents_.label_files)) {
     throw std::invalid_argument("Drive: not one stamp, pose, spin and label file for each of " +
                                 std::to_string(scans) + " scans");
   }
@@ -123,11 +164,14 @@ Drive Drive::with_poses(std::vector<Eigen::Isometry3d> T_map_lidar,
 
 Scan Drive::read(std::size_t index) const {
   const std::filesystem::path& file = contents_.scan_files.at(index);
-  DecodedScan decoded = read_scan_file(file);
+  const bool is_entry = !contents_.entries.numbers.empty();
+  DecodedScan decoded =
+      is_entry ? contents_.entries.read(contents_.entries.numbers[index]) : read_scan_file(file);
   Scan scan;
   scan.index = index;
   scan.stamp_ns = contents_.stamps_ns[index];
-  scan.source = file.string();
+  scan.source =
+      is_entry ? (file.parent_path() / contents_.scan_name(index)).string() : file.string();
   scan.cloud = std::move(decoded.cloud);
   scan.dropped = decoded.dropped;
   scan.points_in_file = decoded.points_in_file;
@@ -135,6 +179,11 @@ Scan Drive::read(std::size_t index) const {
     set_spin_times(scan.cloud, contents_.spin_start_end_s[index]);
   }
   return scan;
+}
+
+std::string Drive::sha256(std::size_t index) const {
+  if (contents_.entries.numbers.empty()) return sha256_of_file(contents_.scan_files.at(index));
+  return contents_.entries.sha256(contents_.entries.numbers.at(index));
 }
 
 std::vector<std::uint32_t> Drive::read_labels(std::size_t index) const {

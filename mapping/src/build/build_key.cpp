@@ -82,8 +82,7 @@ std::string motion_of(const maps::Drive& drive) {
 
 std::string names_of(const maps::Drive& drive) {
   std::string names;
-  for (const std::filesystem::path& file : drive.contents().scan_files)
-    names += file.filename().string() + '\n';
+  for (std::size_t i = 0; i < drive.size(); ++i) names += drive.contents().scan_name(i) + '\n';
   return maps::sha256_of(names);
 }
 
@@ -147,8 +146,7 @@ std::string survey_key(const DriveSet& drives, const MapBuildOptions& options,
     key += text_of(drive, i);
   }
   for (const std::size_t scan : learned)
-    key += fmt::format("{}: {}\n", drives.file(scan).filename().string(),
-                       maps::sha256_of_file(drives.file(scan)));
+    key += fmt::format("{}: {}\n", drives.name(scan), drives.sha256(scan));
   return key;
 }
 

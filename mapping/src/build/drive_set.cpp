@@ -60,7 +60,7 @@ void DriveSet::check_poses() const {
     const Eigen::Vector3d way = T_map_lidar(scan).translation() - start;
     // Written so that a NaN fails.
     if ((way.array().abs() <= kFarthestM).all()) continue;
-    throw maps::InputError(file(scan).string(),
+    throw maps::InputError(name(scan),
                            fmt::format("a pose {:g} m from the first scan's", way.norm()),
                            fmt::format("within {:g} m", kFarthestM));
   }
@@ -76,9 +76,14 @@ std::int64_t DriveSet::stamp_ns(std::size_t scan) const {
   return drives_[at.drive].stamp_ns(at.index);
 }
 
-const std::filesystem::path& DriveSet::file(std::size_t scan) const {
+std::string DriveSet::name(std::size_t scan) const {
   const Place at = place(scan);
-  return drives_[at.drive].contents().scan_files.at(at.index);
+  return drives_[at.drive].contents().scan_name(at.index);
+}
+
+std::string DriveSet::sha256(std::size_t scan) const {
+  const Place at = place(scan);
+  return drives_[at.drive].sha256(at.index);
 }
 
 maps::Scan DriveSet::read(std::size_t scan, std::map<std::string, std::uint64_t>& counts) const {

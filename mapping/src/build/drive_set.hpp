@@ -42,7 +42,9 @@ class DriveSet {
   [[nodiscard]] Place place(std::size_t scan) const { return places_.at(scan); }
   [[nodiscard]] const Eigen::Isometry3d& T_map_lidar(std::size_t scan) const;
   [[nodiscard]] std::int64_t stamp_ns(std::size_t scan) const;
-  [[nodiscard]] const std::filesystem::path& file(std::size_t scan) const;
+  /// As `maps::Drive::Contents::scan_name` and `maps::Drive::sha256`.
+  [[nodiscard]] std::string name(std::size_t scan) const;
+  [[nodiscard]] std::string sha256(std::size_t scan) const;
   /// As `read_deskewed`.
   [[nodiscard]] maps::Scan read(std::size_t scan,
                                 std::map<std::string, std::uint64_t>& counts) const;

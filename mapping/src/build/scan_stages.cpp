@@ -143,7 +143,7 @@ SurveyedScan ScanStages::survey(std::size_t number) const {
   const maps::Scan scan = read(number, out.counts, out.stage_seconds);
   {
     const StageTimer timer(out.stage_seconds, "checksum");
-    out.sha256 = maps::sha256_of_file(drives_.file(number));
+    out.sha256 = drives_.sha256(number);
   }
   out.counts["in"] = scan.points_in_file;
   out.counts["dropped_non_finite"] = scan.dropped.non_finite;

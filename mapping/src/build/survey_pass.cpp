@@ -34,12 +34,12 @@ SurveyedScan from_journal(const BuildJournal& journal, const DriveSet& drives, s
   try {
     SurveyedScan surveyed = surveyed_scan_from(*bytes);
     if (surveyed.scan != scan) throw UnusableRecord(scan, {});
-    const std::string sha256 = maps::sha256_of_file(drives.file(scan));
+    const std::string sha256 = drives.sha256(scan);
     if (surveyed.sha256 == sha256) return surveyed;
   } catch (const std::invalid_argument&) {
     throw UnusableRecord(scan, {});
   }
-  throw UnusableRecord(0, drives.file(scan).filename().string() + " has changed");
+  throw UnusableRecord(0, drives.name(scan) + " has changed");
 }
 
 Journaled journaled(SurveyedScan scan) {
@@ -76,8 +76,7 @@ class Surveying {
       const StageTimer timer(scan.stage_seconds, "journal");
       journal_.append(next.record);
     }
-    survey_->sources +=
-        fmt::format("{}  {}\n", scan.sha256, drives_.file(scan.scan).filename().string());
+    survey_->sources += fmt::format("{}  {}\n", scan.sha256, drives_.name(scan.scan));
     add_to(survey_->counts, scan.counts);
     add_to(survey_->stage_seconds, scan.stage_seconds);
     survey_->scans.push_back({std::move(scan.is_ground), std::move(scan.boxes)});

@@ -14,7 +14,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::int64_t kFirstEpochStampNs = 100'000'000'000'000'000;  // 1e8 s: March 1973
 constexpr double kMaxExtrapolationS = 0.2;
 constexpr std::uint64_t kMaxQuietGapNs = 1'000'000'000;
 
@@ -163,7 +162,7 @@ std::vector<Eigen::Isometry3d> poses_at_stamps(const Trajectory& trajectory, con
           "poses from " + seconds_text(path.front().stamp_ns) + " to " +
               seconds_text(path.back().stamp_ns),
           fmt::format("one within {} s of scan {} at {}", kMaxExtrapolationS,
-                      contents.scan_files[i].filename().string(), seconds_text(stamp)));
+                      contents.scan_name(i), seconds_text(stamp)));
     }
     poses.push_back(*pose);
     const auto after = std::lower_bound(
@@ -211,6 +210,20 @@ void set_labels(Drive::Contents& contents) {
   if (missing > 0) contents.notes.push_back(fmt::format("{} scans without labels", missing));
 }
 
+void keep_scans(Drive::Contents& contents, const std::vector<std::size_t>& kept) {
+  const auto keep = [&](auto& values) {
+    if (values.empty()) return;
+    for (std::size_t i = 0; i < kept.size(); ++i) values[i] = values[kept[i]];
+    values.resize(kept.size());
+  };
+  keep(contents.scan_files);
+  keep(contents.entries.numbers);
+  keep(contents.stamps_ns);
+  keep(contents.T_map_lidar);
+  keep(contents.spin_start_end_s);
+  keep(contents.label_files);
+}
+
 void leave_out_unordered(Drive::Contents& contents) {
   std::vector<std::size_t> kept;
   std::string left_out;
@@ -218,7 +231,7 @@ void leave_out_unordered(Drive::Contents& contents) {
     if (kept.empty() || contents.stamps_ns[i] > contents.stamps_ns[kept.back()]) {
       kept.push_back(i);
     } else if (left_out.size() < 200) {
-      left_out += ' ' + contents.scan_files[i].filename().string();
+      left_out += ' ' + contents.scan_name(i);
     }
   }
   const std::size_t count = contents.stamps_ns.size() - kept.size();
@@ -229,16 +242,7 @@ void leave_out_unordered(Drive::Contents& contents) {
                                  contents.stamps_ns.size()),
                      "increasing stamps");
   }
-  const auto keep = [&](auto& values) {
-    if (values.empty()) return;
-    for (std::size_t i = 0; i < kept.size(); ++i) values[i] = values[kept[i]];
-    values.resize(kept.size());
-  };
-  keep(contents.scan_files);
-  keep(contents.stamps_ns);
-  keep(contents.T_map_lidar);
-  keep(contents.spin_start_end_s);
-  keep(contents.label_files);
+  keep_scans(contents, kept);
   contents.notes.push_back(fmt::format(
       "{} scans left out, whose stamps are not after the one before:{}", count, left_out));
 }

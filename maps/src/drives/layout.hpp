@@ -14,6 +14,8 @@ namespace stillmap::maps {
 
 /// Time between scans when no file tells it [ns]: 0.1 s, the turn of most sensors.
 inline constexpr std::int64_t kAssumedPeriodNs = 100'000'000;
+/// Stamps from here on count from the epoch: 1e8 s, March 1973.
+inline constexpr std::int64_t kFirstEpochStampNs = 100'000'000'000'000'000;
 
 /// Files of a folder with this extension (with its dot), sorted by name with digits compared as
 /// numbers; empty when there is no such folder. @throws StorageError if it cannot be listed.
@@ -60,6 +62,9 @@ void set_poses(Drive::Contents& contents, const std::filesystem::path& poses_fil
 
 /// SemanticKITTI labels of the scans, `labels/NAME.label` each; scans without one are noted.
 void set_labels(Drive::Contents& contents);
+
+/// Keeps some of the scans with all that belongs to them. @param kept  ascending.
+void keep_scans(Drive::Contents& contents, const std::vector<std::size_t>& kept);
 
 /// Leaves out scans whose stamp is not after the one before, and says so. Call it last.
 /// @throws InputError if that is more than a tenth of the scans: the stamps then mean something

@@ -18,7 +18,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::array<std::string_view, 3> kExtensions{".pcd", ".ply", ".bin"};
-constexpr std::int64_t kFirstEpochStampNs = 100'000'000'000'000'000;
 
 /// Scans of one folder. @throws InputError when there is more than one kind.
 std::vector<fs::path> list_scans(const fs::path& folder) {

@@ -12,6 +12,7 @@
 #include <system_error>
 #include <utility>
 
+#include "drives/bag_drive.hpp"
 #include "drives/keyframes.hpp"
 #include "drives/kitti_odometry.hpp"
 #include "drives/kitti_raw.hpp"
@@ -58,7 +59,7 @@ class TargetFolder {
 
 bool is_drive(const fs::path& folder) {
   return is_kitti_raw(folder) || is_kitti_odometry(folder) || is_keyframes(folder) ||
-         is_scan_folder(folder);
+         is_bag(folder) || is_scan_folder(folder);
 }
 
 /// Where the drive starts: an archive of a folder has that folder in it, KITTI's the day's above.

@@ -90,9 +90,9 @@ void add_inspect(CLI::App& app) {
   };
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand("inspect", "Say what a map package or a drive holds");
-  command->add_option("FOLDER", arguments->folder, "Map package or drive")
+  command->add_option("FOLDER", arguments->folder, "Map package or drive: its folder, or the file of a bag")
       ->required()
-      ->check(command_line::existing_folder());
+      ->check(command_line::existing_drive());
   command->add_flag("--json", arguments->json, "Print JSON");
   command->callback([arguments] {
     if (server::is_map_package(arguments->folder)) {

@@ -12,6 +12,7 @@
 #include <stillmap/localization/aligner.hpp>
 #include <stillmap/localization/movable.hpp>
 #include <stillmap/maps/box.hpp>
+#include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/scan_file.hpp>
@@ -147,7 +148,7 @@ void localize_scan(const LocalizeArguments& arguments,
 void localize(const LocalizeArguments& arguments) {
   std::optional<Eigen::Isometry3d> T_map_prior;
   if (!arguments.prior.empty()) T_map_prior = read_prior(arguments.prior);
-  if (std::filesystem::is_directory(arguments.what)) {
+  if (maps::Drive::is_at(arguments.what)) {
     localize_drive(arguments, T_map_prior);
   } else {
     localize_scan(arguments, T_map_prior);
@@ -172,9 +173,9 @@ void add_localize(CLI::App& app) {
       ->check(command_line::existing_folder());
   command
       ->add_option("SCAN", arguments->what,
-                   "Scan: .bin (float32 x y z intensity), .pcd or .ply; or the folder of a drive")
+                   "Scan: .bin (float32 x y z intensity), .pcd or .ply; or a drive: its folder or bag")
       ->required()
-      ->check(CLI::ExistingPath);
+      ->check(command_line::existing_file() | command_line::existing_drive());
   command->add_option(
       "--prior", arguments->prior,
       "Where the search for the (first) scan starts: X,Y,Z,YAW_DEG or X,Y,Z,QX,QY,QZ,QW in the "

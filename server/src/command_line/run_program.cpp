@@ -1,5 +1,7 @@
 #include "run_program.hpp"
 
+#include <stillmap/maps/drive.hpp>
+
 #include <fmt/core.h>
 #include <unistd.h>
 
@@ -82,6 +84,11 @@ CLI::Validator existing_file() {
   return existing("file", [](const std::filesystem::path& path) {
     return std::filesystem::is_regular_file(path);
   });
+}
+
+CLI::Validator existing_drive() {
+  return existing("folder or bag",
+                  [](const std::filesystem::path& path) { return maps::Drive::is_at(path); });
 }
 
 CLI::Validator in_existing_folder() {

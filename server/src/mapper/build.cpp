@@ -244,12 +244,12 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
   command
       .add_option(
           "DRIVE", arguments.drives,
-          "KITTI raw or odometry, key frame folder, or a folder of .pcd, .ply or .bin scans; "
-          "several go into one map: by their poses where these are in one frame, else by places "
-          "that "
-          "they share")
+          "KITTI raw or odometry, key frame folder, a folder of .pcd, .ply or .bin scans, or a bag "
+          "(MCAP, rosbag2; where it leaves a choice 'FILE?cloud=TOPIC&poses=TOPIC&pose_frame=FRAME'"
+          "); several go into one map: by their poses where these are in one frame, else by places "
+          "that they share")
       ->required()
-      ->check(command_line::existing_folder());
+      ->check(command_line::existing_drive());
   command.add_option("--select", arguments.select, "Scans to take, begin:end:step as in Python")
       ->capture_default_str();
   command

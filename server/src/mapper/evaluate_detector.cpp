@@ -141,7 +141,7 @@ void add_evaluate_detector(CLI::App& evaluate_command) {
       ->add_option("DRIVE", arguments->drive,
                    "Drive with boxes.json, tracking/label_02.txt, label_2/ or labels/")
       ->required()
-      ->check(command_line::existing_folder());
+      ->check(command_line::existing_drive());
   command->add_option("--detector", options.detector, "What finds them, as for build")
       ->capture_default_str();
   command

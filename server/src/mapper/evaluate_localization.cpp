@@ -192,7 +192,7 @@ void add_evaluate_localization(CLI::App& evaluate_command) {
       ->check(command_line::existing_folder());
   command->add_option("DRIVE", arguments->drive, "Drive with poses")
       ->required()
-      ->check(command_line::existing_folder());
+      ->check(command_line::existing_drive());
   command
       ->add_option("--poses", arguments->poses,
                    "Poses instead of the drive's own: KITTI or TUM, T_map_lidar. Of a TUM file "

@@ -273,7 +273,7 @@ void add_evaluate_map(CLI::App& evaluate_command) {
       ->add_option("--truth", arguments->drive,
                    "A drive that the map was made from, its points labelled (SemanticKITTI)")
       ->required()
-      ->check(command_line::existing_folder());
+      ->check(command_line::existing_drive());
   const std::map<std::string, TruthClasses> classes{{"moving", TruthClasses::kMoving},
                                                     {"movable", TruthClasses::kMovable}};
   command

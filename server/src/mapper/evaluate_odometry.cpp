@@ -175,7 +175,7 @@ void add_evaluate_odometry(CLI::App& evaluate_command) {
       "RPE, loops");
   command->add_option("DRIVE", arguments->drive, "Drive with poses, or with --poses")
       ->required()
-      ->check(command_line::existing_folder());
+      ->check(command_line::existing_drive());
   command->add_option("--odometry", options.method, "How scans are followed")
       ->capture_default_str()
       ->check(CLI::IsMember(mapping::odometry_names()));

@@ -177,7 +177,7 @@ void add_streets(CLI::App& command, PaperArguments& arguments) {
       .add_option("--drives", arguments.drives,
                   "Instead of simulated streets: MAP_DRIVE QUERY_DRIVE, or several such pairs, "
                   "with true poses in one frame")
-      ->check(command_line::existing_folder());
+      ->check(command_line::existing_drive());
 }
 
 }  // namespace

@@ -107,7 +107,7 @@ void add_rebuild(CLI::App& app) {
   command
       ->add_option("--held-back", options.held_back,
                    "Another drive of the same streets, with poses, to judge the map by")
-      ->check(command_line::existing_folder());
+      ->check(command_line::existing_drive());
   command
       ->add_option("--held-back-every", options.held_back_every,
                    "Without one: every n-th scan stays out of the map, to judge it by")

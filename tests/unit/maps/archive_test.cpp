@@ -9,7 +9,9 @@
 #include <map>
 #include <string>
 
+#include "support/bag_bytes.hpp"
 #include "support/disk_calls.hpp"
+#include "support/message_bytes.hpp"
 #include "support/tar_bytes.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"
@@ -207,6 +209,23 @@ TEST_F(DriveArchiveTest, FindsTheDriveInItsFolder) {
   EXPECT_EQ(inside.scans, 2U);
   fs::remove_all(target_);
   EXPECT_EQ(drive(tar_file("0.bin", scan()) + tar_end()).root, target_);
+}
+
+TEST_F(DriveArchiveTest, FindsABagAndWhatIsChosenOfIt) {
+  test::McapBytes bag;
+  bag.add(test::McapBytes::schema(1, "sensor_msgs/msg/PointCloud2"));
+  for (const std::uint16_t id : {1, 2})
+    bag.add(test::McapBytes::channel(id, 1, "/cloud" + std::to_string(id)) +
+            test::McapBytes::message(id, test::one_point(id, 1.0F)));
+  const std::string file = tar_file("run/run_0.mcap", bag.finished());
+  const ExtractedDrive found =
+      drive(file + tar_file("run/topics.txt", "cloud=/cloud2\n") + tar_end());
+  EXPECT_EQ(found.root, target_ / "run");
+  EXPECT_EQ(found.layout, DriveLayout::kMcap);
+  EXPECT_EQ(found.scans, 1U);
+  fs::remove_all(target_);
+  EXPECT_THAT([&] { drive(file + tar_end()); },
+              ThrowsSaying<InputError>({"/cloud1 (1 in 'lidar'), /cloud2 (1 in 'lidar')"}));
 }
 
 TEST_F(DriveArchiveTest, RefusesWhatIsNoDrive) {

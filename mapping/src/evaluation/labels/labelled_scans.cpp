@@ -31,8 +31,8 @@ std::vector<std::string> scan_sources(const maps::MapPackage& map) {
   return lines;
 }
 
-std::string source_line(const std::filesystem::path& file) {
-  return maps::sha256_of_file(file) + "  " + file.filename().string();
+std::string source_line(const maps::Drive& drive, std::size_t index) {
+  return drive.sha256(index) + "  " + drive.contents().scan_name(index);
 }
 
 /// Index in the drive of each pose; empty when one has no scan.
@@ -106,7 +106,7 @@ std::vector<LabelledScans::Entry> LabelledScans::find_in_map() const {
     for (const std::size_t at : {std::size_t{0}, indices.size() / 2, indices.size() - 1}) {
       if (!same || sources.empty()) break;
       same = ordinal + at < sources.size() &&
-             sources[ordinal + at] == source_line(drive_.contents().scan_files.at(indices[at]));
+             sources[ordinal + at] == source_line(drive_, indices[at]);
     }
     if (same) {
       std::vector<Entry> entries;

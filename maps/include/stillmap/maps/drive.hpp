@@ -2,11 +2,13 @@
 
 #include <stillmap/maps/box.hpp>
 #include <stillmap/maps/scan.hpp>
+#include <stillmap/maps/scan_file.hpp>
 #include <stillmap/maps/trajectory.hpp>
 
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -16,7 +18,7 @@
 namespace stillmap::maps {
 
 /// Native layouts that are told apart by content.
-enum class DriveLayout { kKittiRaw, kKittiOdometry, kKeyframes, kScanFolder };
+enum class DriveLayout { kKittiRaw, kKittiOdometry, kKeyframes, kScanFolder, kMcap, kRosbag2 };
 [[nodiscard]] std::string_view name_of(DriveLayout layout);
 
 /// Geodetic place of the map frame's origin (WGS 84).
@@ -38,6 +40,18 @@ class Drive {
     DriveLayout layout = DriveLayout::kScanFolder;
     std::filesystem::path root;
     std::vector<std::filesystem::path> scan_files;
+    /// Of scans that lie in one file with others, as in a bag; empty when each file is one scan.
+    struct Entries {
+      /// What they are called there.
+      std::string topic;
+      /// One a scan, for `read`.
+      std::vector<std::size_t> numbers;
+      /// Safe from several threads. Throws as `Drive::read`.
+      std::function<DecodedScan(std::size_t number)> read;
+      /// Of one's bytes.
+      std::function<std::string(std::size_t number)> sha256;
+    };
+    Entries entries;
     /// One stamp a scan, increasing.
     std::vector<std::int64_t> stamps_ns;
     bool relative_clock = true;
@@ -56,9 +70,22 @@ class Drive {
     /// Scans named by the layout but absent on disk, duplicates and the like: said, not silently
     /// skipped.
     std::vector<std::string> notes;
+
+    /// "000012.bin", or "drive.mcap /points 12": no two scans have the same.
+    [[nodiscard]] std::string scan_name(std::size_t index) const;
   };
 
-  /// Opens a drive of any layout, told apart by content.
+  /// Opens a drive of any layout, told apart by content: a folder, or the file of a bag.
+  ///
+  /// Of a bag (MCAP, rosbag2) its one topic of PointCloud2 is read, with the stamps of the
+  /// messages' headers. Poses are those of its one topic of Odometry or PoseStamped, brought to the
+  /// clouds' frame by tf_static, else tf from a frame called map, odom, world or earth,
+  /// interpolated to the scans; scans at the ends without a pose are left out and noted, and
+  /// without poses there are none. Where there is more than one choice, it is made in `topics.txt`
+  /// of the bag's folder, or behind the path:
+  /// `run.mcap?cloud=/points&poses=/odom&pose_frame=base_link`, any of the three; `poses` may be a
+  /// topic of tf or `none`, and `pose_frame` is the frame that the poses are of where their
+  /// messages do not say it, or say it wrong.
   /// @param poses_file  poses instead of the layout's own: KITTI (12 numbers, one line a scan) or
   /// TUM
   ///                    (8 numbers, interpolated to the scans' stamps); `T_map_lidar`.
@@ -66,6 +93,9 @@ class Drive {
   [[nodiscard]] static Drive open(
       const std::filesystem::path& root,
       const std::optional<std::filesystem::path>& poses_file = std::nullopt);
+
+  /// Whether a drive may be there, words behind `?` left out: a folder, or the file of a bag.
+  [[nodiscard]] static bool is_at(const std::filesystem::path& root);
 
   explicit Drive(Contents contents);
 
@@ -91,6 +121,9 @@ class Drive {
   /// @throws InputError for a broken file (truncated, unknown fields, ...), StorageError for the
   /// disk.
   [[nodiscard]] Scan read(std::size_t index) const;
+
+  /// SHA-256 [hex] of a scan's bytes: of its file, or of its message in a bag. @throws as `read`.
+  [[nodiscard]] std::string sha256(std::size_t index) const;
 
   /// SemanticKITTI labels, one a point of the *file* (dropped points included); empty without a
   /// file.

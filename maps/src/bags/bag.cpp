@@ -1,0 +1,47 @@
+#include "bags/bag.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <array>
+#include <cstring>
+#include <string_view>
+#include <system_error>
+
+#include "bags/file_reader.hpp"
+#include "bags/mcap_bag.hpp"
+#include "bags/rosbag2_database.hpp"
+
+namespace stillmap::maps {
+
+std::optional<BagFormat> bag_format(const std::filesystem::path& file) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(file, error)) return std::nullopt;
+  constexpr std::string_view kSqliteMagic("SQLite format 3\0", 16);
+  std::array<std::byte, 16> bytes{};
+  const std::size_t size = FileReader(file).read_at(0, bytes);
+  const auto starts_with = [&](const void* magic, std::size_t length) {
+    return size >= length && std::memcmp(bytes.data(), magic, length) == 0;
+  };
+  if (starts_with(mcap::kMagic.data(), mcap::kMagic.size())) return BagFormat::kMcap;
+  if (starts_with(kSqliteMagic.data(), kSqliteMagic.size())) return BagFormat::kSqlite;
+  return std::nullopt;
+}
+
+std::unique_ptr<Bag> open_bag(const std::filesystem::path& file) {
+  const std::optional<BagFormat> format = bag_format(file);
+  if (format == BagFormat::kMcap) return std::make_unique<mcap::McapBag>(file);
+  if (format == BagFormat::kSqlite) return std::make_unique<Rosbag2Database>(file);
+  if (file.extension() == ".zstd" || file.extension() == ".zst")
+    throw InputError(file.string(), "a bag packed as a whole",
+                     "it unpacked (zstd -d), since messages are read where they lie");
+  throw InputError(file.string(), "no bag by its first bytes", "MCAP or a SQLite file of rosbag2");
+}
+
+std::string ros2_type(const std::string& type) {
+  if (type == "tf/tfMessage") return "tf2_msgs/msg/TFMessage";
+  const std::size_t slash = type.find('/');
+  if (slash == std::string::npos || type.find('/', slash + 1) != std::string::npos) return type;
+  return type.substr(0, slash) + "/msg" + type.substr(slash);
+}
+
+}  // namespace stillmap::maps

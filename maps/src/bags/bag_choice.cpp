@@ -1,0 +1,50 @@
+#include "bags/bag_choice.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <algorithm>
+
+#include "formats/text.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+constexpr std::string_view kExpected = "cloud=TOPIC, poses=TOPIC or pose_frame=FRAME";
+
+std::optional<std::string>* find_word(BagChoice& choice, std::string_view word) {
+  if (word == "cloud") return &choice.cloud;
+  if (word == "poses") return &choice.poses;
+  return word == "pose_frame" ? &choice.pose_frame : nullptr;
+}
+
+}  // namespace
+
+BagChoice parse_bag_choice(std::string_view text, const std::string& source) {
+  BagChoice choice;
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find_first_of("&\r\n"), text.size());
+    const std::string_view part = text.substr(0, end);
+    text.remove_prefix(std::min(end + 1, text.size()));
+    if (part.empty()) continue;
+    const std::size_t sign = part.find('=');
+    std::optional<std::string>* const word =
+        sign == std::string_view::npos ? nullptr : find_word(choice, part.substr(0, sign));
+    if (word == nullptr || word->has_value())
+      throw InputError(source, "'" + std::string(part.substr(0, 100)) + "'",
+                       std::string(kExpected) + ", each once");
+    *word = std::string(part.substr(sign + 1));
+  }
+  return choice;
+}
+
+BagChoice with_choice_of_folder(BagChoice choice, const std::filesystem::path& folder) {
+  const std::filesystem::path file = folder / "topics.txt";
+  if (!std::filesystem::exists(file)) return choice;
+  const BagChoice own = parse_bag_choice(read_text(file), file.string());
+  if (!choice.cloud) choice.cloud = own.cloud;
+  if (!choice.poses) choice.poses = own.poses;
+  if (!choice.pose_frame) choice.pose_frame = own.pose_frame;
+  return choice;
+}
+
+}  // namespace stillmap::maps

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace stillmap::maps {
+
+/// What to take of a bag where there is more than one choice.
+struct BagChoice {
+  /// Topic of PointCloud2.
+  std::optional<std::string> cloud;
+  /// Topic of Odometry, PoseStamped or TFMessage; "none" for no poses.
+  std::optional<std::string> poses;
+  /// Frame that the poses are of, instead of the one that their messages name.
+  std::optional<std::string> pose_frame;
+
+  [[nodiscard]] bool empty() const { return !cloud && !poses && !pose_frame; }
+};
+
+/// `cloud=/points&poses=/odom&pose_frame=base_link`, any of them, parted by `&` or newlines.
+/// @param source  for messages. @throws InputError for anything else.
+[[nodiscard]] BagChoice parse_bag_choice(std::string_view text, const std::string& source);
+
+/// A folder's own choice, in its file `topics.txt`, with what is asked for in words before it.
+/// @throws InputError, StorageError.
+[[nodiscard]] BagChoice with_choice_of_folder(BagChoice choice,
+                                              const std::filesystem::path& folder);
+
+}  // namespace stillmap::maps

@@ -1,0 +1,234 @@
+#include "bags/bag_poses.hpp"
+
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/frames.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <functional>
+#include <string_view>
+#include <utility>
+
+#include "bags/ros_messages.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+/// Frames that stand still, by REP 105 and by use.
+constexpr std::array<std::string_view, 4> kStandingFrames{"map", "odom", "world", "earth"};
+/// A goal that was set once is no path.
+constexpr std::size_t kLeastPoses = 2;
+
+bool stands_still(const std::string& frame) {
+  const std::string last = frame.substr(frame.find_last_of('/') + 1);
+  return std::find(kStandingFrames.begin(), kStandingFrames.end(), last) != kStandingFrames.end();
+}
+
+/// What the whole search shares.
+struct Search {
+  const Bags& bags;
+  const BagSurvey& survey;
+  const BagChoice& choice;
+  const std::string& cloud_frame;
+  const std::vector<std::int64_t>& stamps_ns;
+  const std::string& name;
+};
+
+/// Whole messages of the topics for which `wanted` holds.
+void visit_messages(const Search& search, const std::function<bool(const BagTopic&)>& wanted,
+                    const std::function<void(MessageReader&, const BagTopic&)>& take) {
+  constexpr std::size_t kMostBytes = std::size_t{1} << 20U;
+  for (const std::unique_ptr<Bag>& bag : search.bags) {
+    std::vector<std::size_t> bytes;
+    for (const BagTopic& topic : bag->topics()) bytes.push_back(wanted(topic) ? kMostBytes : 0);
+    // What is damaged was said of the first time.
+    (void)bag->visit(bytes, [&](const BagMessage& message) {
+      const BagTopic& topic = bag->topics()[message.topic];
+      try {
+        MessageReader reader(message.head, topic.serialization, topic.name);
+        take(reader, topic);
+      } catch (const InputError&) {
+        // Not readable: as if it had not been sent.
+      }
+    });
+  }
+}
+
+/// Frames that the messages of a topic of poses name.
+struct PoseFrames {
+  std::optional<std::string> parent;
+  std::optional<std::string> child;
+  /// Parent and child of the first one that has others.
+  std::string other;
+  std::size_t invalid = 0;
+
+  void add(const StampedTransform& pose) {
+    if (!parent) {
+      parent = pose.parent;
+      child = pose.child;
+    } else if (other.empty() && (*parent != pose.parent || *child != pose.child)) {
+      other = fmt::format("'{}' in '{}'", pose.child, pose.parent);
+    }
+    if (!pose.T_parent_child) ++invalid;
+  }
+};
+
+/// From the frame that the poses are of to the cloud's.
+Eigen::Isometry3d T_pose_cloud(const Search& search, const std::string& topic,
+                               const std::string& child, std::vector<std::string>& notes) {
+  const FrameTree& tree = search.survey.tree;
+  const std::string& cloud = search.cloud_frame;
+  if (!search.choice.pose_frame && child.empty() && !tree.has_rigid(cloud)) {
+    notes.push_back(fmt::format("{} names no frame that its poses are of: taken as those of '{}'",
+                                topic, cloud));
+    return Eigen::Isometry3d::Identity();
+  }
+  const std::string frame = search.choice.pose_frame.value_or(child);
+  if (frame.empty() && cloud != frame)
+    throw InputError(search.name, fmt::format("{} without a name of the frame it moves", topic),
+                     fmt::format("it chosen, as in '{}?pose_frame={}'; frames are {}", search.name,
+                                 cloud, tree.names()));
+  if (frame == cloud) return Eigen::Isometry3d::Identity();
+  if (const auto T = tree.T_between(frame, cloud)) return *T;
+  throw InputError(
+      search.name,
+      fmt::format("no way by tf_static from '{}' of {} to '{}' of the clouds; frames are {}", frame,
+                  topic, cloud, tree.names()),
+      fmt::format("one, or the poses' frame chosen, as in '{}?pose_frame={}', or poses=none",
+                  search.name, cloud));
+}
+
+BagPoses poses_of_topic(const Search& search, const std::string& topic) {
+  PosesNearScans near(search.stamps_ns);
+  PoseFrames frames;
+  visit_messages(
+      search, [&](const BagTopic& each) { return each.name == topic; },
+      [&](MessageReader& reader, const BagTopic& each) {
+        const StampedTransform pose = read_pose(reader, each.type);
+        frames.add(pose);
+        if (pose.T_parent_child) near.add(pose.stamp_ns, *pose.T_parent_child);
+      });
+  if (!frames.other.empty())
+    throw InputError(search.name,
+                     fmt::format("poses of '{}' in '{}' and {} on {}", *frames.child,
+                                 *frames.parent, frames.other, topic),
+                     "one frame in one other, or poses=none");
+  BagPoses poses;
+  poses.source = topic;
+  if (frames.invalid > 0)
+    poses.notes.push_back(fmt::format(
+        "{} poses of {} left out, which are not finite or no rotation", frames.invalid, topic));
+  if (near.added() == 0)
+    throw InputError(search.name, fmt::format("no poses on {} that can be read", topic),
+                     "some, or poses=none");
+  poses.factors.push_back({near.trajectory(), {}});
+  const Eigen::Isometry3d T = T_pose_cloud(search, topic, frames.child.value_or(""), poses.notes);
+  if (!T.matrix().isIdentity(0.0)) poses.factors.push_back({{}, T});
+  return poses;
+}
+
+BagPoses poses_of_tf(const Search& search, const std::vector<FrameTree::Step>& steps) {
+  std::vector<PosesNearScans> near(steps.size(), PosesNearScans(search.stamps_ns));
+  visit_messages(
+      search,
+      [](const BagTopic& topic) { return topic.type == kTfMessage && !is_static_tf(topic.name); },
+      [&](MessageReader& reader, const BagTopic&) {
+        read_transforms(reader, [&](const StampedTransform& transform) {
+          for (std::size_t i = 0; i < steps.size(); ++i) {
+            if (steps[i].T_parent_child || steps[i].child != transform.child ||
+                steps[i].parent != transform.parent || !transform.T_parent_child)
+              continue;
+            near[i].add(transform.stamp_ns, *transform.T_parent_child);
+          }
+        });
+      });
+  BagPoses poses;
+  poses.source = fmt::format("tf from '{}' to '{}'", steps.back().parent, search.cloud_frame);
+  for (std::size_t i = steps.size(); i-- > 0;) {
+    if (steps[i].T_parent_child) {
+      poses.factors.push_back({{}, *steps[i].T_parent_child});
+      continue;
+    }
+    if (near[i].added() == 0)
+      throw InputError(search.name,
+                       fmt::format("no transform from '{}' to '{}' that can be read",
+                                   steps[i].parent, steps[i].child),
+                       "some, or poses=none");
+    poses.factors.push_back({near[i].trajectory(), {}});
+  }
+  return poses;
+}
+
+std::optional<BagPoses> find_tf(const Search& search, bool asked, std::vector<std::string>& notes) {
+  if (search.choice.pose_frame)
+    throw InputError(search.name, "pose_frame without a topic of poses",
+                     "one, as in poses=/odom&pose_frame=base_link");
+  const std::vector<FrameTree::Step> steps = search.survey.tree.steps_above(search.cloud_frame);
+  const bool moves = std::any_of(steps.begin(), steps.end(),
+                                 [](const auto& step) { return !step.T_parent_child; });
+  if (!moves && asked)
+    throw InputError(search.name,
+                     fmt::format("nothing in tf that moves '{}'; frames are {}", search.cloud_frame,
+                                 search.survey.tree.names()),
+                     "transforms from a standing frame to the clouds'");
+  if (!moves) return std::nullopt;
+  if (asked || stands_still(steps.back().parent)) return poses_of_tf(search, steps);
+  notes.push_back(
+      fmt::format("tf moves '{}' in '{}', which is not named as one that stands still (map, odom, "
+                  "world, earth): not taken as poses; poses=/tf does so",
+                  search.cloud_frame, steps.back().parent));
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<Eigen::Isometry3d> BagPoses::T_map_lidar(std::int64_t stamp_ns) const {
+  std::optional<Eigen::Isometry3d> T;
+  for (const Factor& factor : factors) {
+    Eigen::Isometry3d step = factor.rigid;
+    if (factor.is_moving()) {
+      const auto at = factor.moving.at(stamp_ns);
+      if (!at) return std::nullopt;
+      step = *at;
+    }
+    T = T ? renormalized(*T * step) : step;
+  }
+  return T;
+}
+
+std::optional<BagPoses> find_poses(const Bags& bags, const BagSurvey& survey,
+                                   const BagChoice& choice, const std::string& cloud_frame,
+                                   const std::vector<std::int64_t>& stamps_ns,
+                                   const std::string& name, std::vector<std::string>& notes) {
+  const Search search{bags, survey, choice, cloud_frame, stamps_ns, name};
+  if (choice.poses == "none") return std::nullopt;
+  std::vector<std::string> candidates;
+  std::string listed;
+  for (const auto& [topic, known] : survey.topics) {
+    if (!is_pose_type(known.type) || known.messages < kLeastPoses) continue;
+    candidates.push_back(topic);
+    listed +=
+        fmt::format("{}{} ({} {})", listed.empty() ? "" : ", ", topic, known.messages, known.type);
+  }
+  if (choice.poses) {
+    const auto asked = survey.topics.find(*choice.poses);
+    if (asked != survey.topics.end() && asked->second.type == kTfMessage)
+      return find_tf(search, true, notes);
+    if (asked != survey.topics.end() && is_pose_type(asked->second.type))
+      return poses_of_topic(search, asked->first);
+    throw InputError(name,
+                     fmt::format("no poses on {}; there are {}", *choice.poses,
+                                 listed.empty() ? "none" : listed),
+                     fmt::format("a topic of {}, {} or {}", kOdometry, kPoseStamped, kTfMessage));
+  }
+  if (candidates.size() > 1)
+    throw InputError(name, "poses on " + listed,
+                     fmt::format("one topic, chosen as in '{}?poses={}', or poses=none", name,
+                                 candidates.front()));
+  if (candidates.size() == 1) return poses_of_topic(search, candidates.front());
+  return find_tf(search, false, notes);
+}
+
+}  // namespace stillmap::maps

@@ -1,0 +1,106 @@
+#include "bags/bag_survey.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "bags/ros_messages.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+/// Encapsulation, stamp and the longest name of a frame.
+constexpr std::size_t kHeaderBytes = 4 + 12 + 4 + 1025;
+/// More transforms than any robot sends at once.
+constexpr std::size_t kMostTfBytes = std::size_t{1} << 20U;
+constexpr std::size_t kMostFramesNamed = 8;
+/// 14 hours at 10 Hz; more would cost memory by their number alone.
+constexpr std::size_t kMostClouds = 500'000;
+
+std::size_t head_bytes_of(const std::string& type) {
+  if (type == kPointCloud2) return kHeaderBytes;
+  if (type == kTfMessage) return kMostTfBytes;
+  return is_pose_type(type) ? 1 : 0;
+}
+
+class Surveyor {
+ public:
+  explicit Surveyor(const Bags& bags) : bags_(bags) {}
+
+  BagSurvey survey() {
+    for (std::uint32_t i = 0; i < bags_.size(); ++i) survey_bag(i);
+    return std::move(survey_);
+  }
+
+ private:
+  void survey_bag(std::uint32_t number) {
+    const Bag& bag = *bags_[number];
+    std::vector<std::size_t> wanted;
+    for (const BagTopic& topic : bag.topics()) {
+      TopicSurvey& known = survey_.topics[topic.name];
+      if (known.type.empty()) known.type = topic.type;
+      if (known.type != topic.type)
+        throw InputError(bag.file().string(),
+                         "topic " + topic.name + " of " + known.type + " and " + topic.type,
+                         "one type");
+      wanted.push_back(head_bytes_of(topic.type));
+    }
+    const BagDamage damage =
+        bag.visit(wanted, [&](const BagMessage& message) { take(message, number); });
+    if (clouds_ > kMostClouds)
+      throw InputError(bag.file().string(), fmt::format("over {} clouds", kMostClouds),
+                       "fewer, or the bag in parts");
+    if (damage.parts == 0) return;
+    if (survey_.damage.parts == 0)
+      survey_.damage.first = bag.file().filename().string() + " " + damage.first;
+    survey_.damage.parts += damage.parts;
+  }
+
+  void take(const BagMessage& message, std::uint32_t number) {
+    const Bag& bag = *bags_[number];
+    const BagTopic& topic = bag.topics()[message.topic];
+    TopicSurvey& known = survey_.topics[topic.name];
+    ++known.messages;
+    try {
+      if (topic.type != kPointCloud2 && topic.type != kTfMessage) return;
+      MessageReader reader(message.head, topic.serialization, topic.name);
+      if (topic.type == kTfMessage) return take_tf(reader, topic.name, bag);
+      const RosHeader header = read_header(reader);
+      if (++clouds_ > kMostClouds) return;
+      known.clouds.push_back({message.place, header.stamp_ns, number, topic.serialization});
+      const auto& frames = known.frames;
+      if (frames.size() < kMostFramesNamed &&
+          std::find(frames.begin(), frames.end(), header.frame_id) == frames.end())
+        known.frames.push_back(header.frame_id);
+    } catch (const InputError&) {
+      ++known.unreadable;
+    }
+  }
+
+  void take_tf(MessageReader& reader, const std::string& topic, const Bag& bag) {
+    const bool rigid = is_static_tf(topic);
+    read_transforms(reader, [&](const StampedTransform& transform) {
+      if (!rigid) {
+        survey_.tree.add_moving(transform.parent, transform.child, bag.file().string());
+      } else if (transform.T_parent_child) {
+        survey_.tree.add_rigid(transform.parent, transform.child, *transform.T_parent_child,
+                               bag.file().string());
+      }
+    });
+  }
+
+  const Bags& bags_;
+  BagSurvey survey_;
+  std::size_t clouds_ = 0;
+};
+
+}  // namespace
+
+bool is_pose_type(const std::string& type) { return type == kOdometry || type == kPoseStamped; }
+bool is_static_tf(const std::string& topic) { return topic.ends_with("tf_static"); }
+
+BagSurvey survey(const Bags& bags) { return Surveyor(bags).survey(); }
+
+}  // namespace stillmap::maps

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "bags/bag.hpp"
+#include "bags/frame_tree.hpp"
+
+namespace stillmap::maps {
+
+using Bags = std::vector<std::unique_ptr<Bag>>;
+
+/// One message of a topic of clouds.
+struct CloudEntry {
+  MessagePlace place;
+  std::int64_t stamp_ns = 0;
+  /// Which of the bags it lies in.
+  std::uint32_t bag = 0;
+  Serialization serialization = Serialization::kCdr;
+};
+
+struct TopicSurvey {
+  std::string type;
+  /// Of all bags.
+  std::size_t messages = 0;
+  /// Of these, clouds whose header cannot be read.
+  std::size_t unreadable = 0;
+  std::vector<CloudEntry> clouds;
+  /// That the clouds' headers name, at most 8.
+  std::vector<std::string> frames;
+};
+
+/// What a drive's bags hold, as far as it matters here.
+struct BagSurvey {
+  /// All of them, by name.
+  std::map<std::string, TopicSurvey> topics;
+  FrameTree tree;
+  BagDamage damage;
+};
+
+/// Goes through the bags once: headers of clouds, counts of poses, all of tf.
+/// @throws InputError for one topic of two types; StorageError.
+[[nodiscard]] BagSurvey survey(const Bags& bags);
+
+[[nodiscard]] bool is_pose_type(const std::string& type);
+[[nodiscard]] bool is_static_tf(const std::string& topic);
+
+}  // namespace stillmap::maps

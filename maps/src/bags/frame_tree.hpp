@@ -1,0 +1,51 @@
+#pragma once
+
+#include <Eigen/Geometry>
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace stillmap::maps {
+
+/// Which frames stand in which, out of tf and tf_static. Rigid ones have their transform; of moving
+/// ones only that they are.
+class FrameTree {
+ public:
+  /// The latest of a child counts. @throws InputError naming `source` for over 4096 frames.
+  void add_rigid(const std::string& parent, const std::string& child,
+                 const Eigen::Isometry3d& T_parent_child, const std::string& source);
+  void add_moving(const std::string& parent, const std::string& child, const std::string& source);
+
+  /// Through rigid ones alone, up and down. @return nothing when they are not joined by these.
+  [[nodiscard]] std::optional<Eigen::Isometry3d> T_between(const std::string& to,
+                                                           const std::string& from) const;
+  /// A frame and those above it, one after the other up to the root.
+  struct Step {
+    std::string parent;
+    std::string child;
+    /// Nothing for a moving one.
+    std::optional<Eigen::Isometry3d> T_parent_child;
+  };
+  /// @return steps from `frame` upward; empty when nothing is above it, or where they go in
+  /// circles.
+  [[nodiscard]] std::vector<Step> steps_above(const std::string& frame) const;
+  /// "base_link, lidar, odom" of all frames, at most 40.
+  [[nodiscard]] std::string names() const;
+  [[nodiscard]] bool has_rigid(const std::string& frame) const;
+
+ private:
+  struct Edge {
+    std::string parent;
+    std::optional<Eigen::Isometry3d> T_parent_child;
+  };
+  void add(const std::string& child, Edge edge, const std::string& source);
+  /// A frame and the rigid ones above it, each with T_ancestor_frame.
+  [[nodiscard]] std::vector<std::pair<std::string, Eigen::Isometry3d>> rigid_above(
+      const std::string& frame) const;
+  /// By child.
+  std::map<std::string, Edge> edges_;
+};
+
+}  // namespace stillmap::maps

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "bags/bag.hpp"
+#include "bags/mcap_chunk.hpp"
+
+namespace stillmap::maps::mcap {
+
+/// An MCAP file. With an index in its summary that fits the file, only chunks that hold what is
+/// wanted are read; otherwise, and where the file was cut off, record after record as far as they
+/// go. Of chunks the CRC-32 is checked, of packed ones by `visit`, of others when the first of
+/// their messages is read; and that of the summary. The one over the whole data section is not: it
+/// would take reading everything.
+class McapBag final : public Bag {
+ public:
+  /// @throws InputError for a file that does not begin as MCAP, or whose channels are too many;
+  /// StorageError.
+  explicit McapBag(std::filesystem::path file);
+
+  [[nodiscard]] const std::filesystem::path& file() const override { return reader_.file(); }
+  [[nodiscard]] const std::vector<BagTopic>& topics() const override { return topics_; }
+  [[nodiscard]] const std::vector<std::string>& notes() const override { return notes_; }
+  BagDamage visit(std::span<const std::size_t> head_bytes, const Take& take) const override;
+  [[nodiscard]] FileBytes read(const MessagePlace& place) const override;
+  /// Whether the summary's index is used.
+  [[nodiscard]] bool is_indexed() const { return !chunks_.empty(); }
+
+ private:
+  bool read_summary();
+  void find_channels();
+  void set_topics();
+  [[nodiscard]] std::unique_ptr<Chunk> chunk_at(std::uint64_t offset) const;
+  [[nodiscard]] std::unique_ptr<Chunk> take_chunk(const MessagePlace& place) const;
+  void give_chunk(std::uint64_t offset, std::unique_ptr<Chunk> chunk) const;
+  [[nodiscard]] std::size_t read_and_check(Chunk& chunk, const MessagePlace& place,
+                                           std::span<std::byte> into) const;
+
+  FileReader reader_;
+  Channels channels_;
+  /// In the order of the file; empty without an index.
+  std::vector<ChunkIndex> chunks_;
+  std::vector<BagTopic> topics_;
+  std::map<std::uint16_t, std::size_t> topic_of_channel_;
+  std::vector<std::string> notes_;
+
+  struct OpenChunk {
+    std::uint64_t offset = 0;
+    std::unique_ptr<Chunk> chunk;
+  };
+  mutable std::mutex mutex_;
+  /// Packed chunks of which the next message will likely be asked for, latest last.
+  mutable std::vector<OpenChunk> open_;
+  /// Chunks that are not packed and whose CRC fits.
+  mutable std::set<std::uint64_t> checked_;
+};
+
+}  // namespace stillmap::maps::mcap

@@ -1,0 +1,244 @@
+#include "bags/point_cloud2.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <vector>
+
+#include "formats/point_table.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+constexpr std::size_t kMostFields = 256;
+// A sweep takes 0.05 to 0.2 s; a second is beyond any.
+constexpr double kMostTimeOffsetS = 1.0;
+constexpr std::int64_t kSecondNs = 1'000'000'000;
+
+struct CloudField {
+  PointField field;
+  std::size_t offset = 0;
+};
+
+struct CloudMessage {
+  RosHeader header;
+  std::vector<CloudField> fields;
+  std::size_t height = 0;
+  std::size_t width = 0;
+  std::size_t point_step = 0;
+  std::size_t row_step = 0;
+  bool big_endian = false;
+  std::span<const std::byte> data;
+
+  [[nodiscard]] std::size_t points() const { return height * width; }
+};
+
+NumberType type_of(std::uint8_t datatype, const std::string& field, const std::string& name) {
+  constexpr std::array<NumberType, 8> kTypes{NumberType::kI8,  NumberType::kU8,  NumberType::kI16,
+                                             NumberType::kU16, NumberType::kI32, NumberType::kU32,
+                                             NumberType::kF32, NumberType::kF64};
+  if (datatype < 1 || datatype > kTypes.size())
+    throw InputError(name, fmt::format("datatype {} of field '{}'", datatype, field),
+                     "1 to 8 (INT8 to FLOAT64)");
+  return kTypes.at(datatype - 1U);
+}
+
+CloudField read_field(MessageReader& reader) {
+  CloudField field;
+  field.field.name = reader.text();
+  field.offset = reader.number<std::uint32_t>();
+  field.field.type = type_of(reader.number<std::uint8_t>(), field.field.name, reader.name());
+  field.field.count = std::max<std::size_t>(reader.number<std::uint32_t>(), 1);
+  return field;
+}
+
+/// Rows follow each other without a gap where they are one, or where a driver leaves the step 0.
+void check_rows(CloudMessage& cloud, const std::string& name) {
+  const std::size_t row_bytes = cloud.width * cloud.point_step;
+  if (cloud.height <= 1 || cloud.row_step == 0) cloud.row_step = row_bytes;
+  if (cloud.row_step < row_bytes)
+    throw InputError(
+        name, fmt::format("row_step {}", cloud.row_step),
+        fmt::format("{}, {} points of {} bytes", row_bytes, cloud.width, cloud.point_step));
+  const std::size_t needed =
+      cloud.points() == 0 ? 0 : (cloud.height - 1) * cloud.row_step + row_bytes;
+  if (cloud.data.size() < needed)
+    throw InputError(name, fmt::format("{} bytes of points", cloud.data.size()),
+                     fmt::format("{}, {} x {} points of {} bytes", needed, cloud.height,
+                                 cloud.width, cloud.point_step));
+}
+
+CloudMessage read_message(MessageReader& reader, std::size_t max_points) {
+  CloudMessage cloud;
+  cloud.header = read_header(reader);
+  cloud.height = reader.number<std::uint32_t>();
+  cloud.width = reader.number<std::uint32_t>();
+  // Both fit 32 bits, their product 64.
+  check_point_count(std::uint64_t{cloud.height} * cloud.width, max_points, reader.name());
+  constexpr std::size_t kLeastFieldBytes = 4 + 4 + 1 + 4;
+  const std::size_t fields = reader.count(kLeastFieldBytes);
+  if (fields > kMostFields)
+    throw InputError(reader.name(), fmt::format("{} fields", fields),
+                     fmt::format("at most {}", kMostFields));
+  for (std::size_t i = 0; i < fields; ++i) cloud.fields.push_back(read_field(reader));
+  cloud.big_endian = reader.flag();
+  cloud.point_step = reader.number<std::uint32_t>();
+  cloud.row_step = reader.number<std::uint32_t>();
+  cloud.data = reader.bytes();
+  for (const CloudField& field : cloud.fields) {
+    if (field.offset + field.field.count * size_of(field.field.type) <= cloud.point_step) continue;
+    throw InputError(reader.name(),
+                     fmt::format("field '{}' of {} x {} bytes at {}", field.field.name,
+                                 field.field.count, size_of(field.field.type), field.offset),
+                     fmt::format("within the point_step of {}", cloud.point_step));
+  }
+  check_rows(cloud, reader.name());
+  return cloud;
+}
+
+template <typename Number, typename Set>
+void each_value(const CloudMessage& cloud, std::size_t offset, const Set& set) {
+  std::size_t i = 0;
+  for (std::size_t row = 0; row < cloud.height; ++row) {
+    const std::byte* at = cloud.data.data() + row * cloud.row_step + offset;
+    for (std::size_t column = 0; column < cloud.width; ++column, at += cloud.point_step) {
+      std::array<std::byte, sizeof(Number)> raw;
+      std::memcpy(raw.data(), at, raw.size());
+      if (cloud.big_endian) std::reverse(raw.begin(), raw.end());
+      Number value;
+      std::memcpy(&value, raw.data(), raw.size());
+      set(i++, value);
+    }
+  }
+}
+
+/// One pass for each column, so that its type is looked at once and not for each point.
+template <typename Set>
+void each_value(const CloudMessage& cloud, const CloudField& field, const Set& set) {
+  switch (field.field.type) {
+    case NumberType::kI8:
+      return each_value<std::int8_t>(cloud, field.offset, set);
+    case NumberType::kU8:
+      return each_value<std::uint8_t>(cloud, field.offset, set);
+    case NumberType::kI16:
+      return each_value<std::int16_t>(cloud, field.offset, set);
+    case NumberType::kU16:
+      return each_value<std::uint16_t>(cloud, field.offset, set);
+    case NumberType::kI32:
+      return each_value<std::int32_t>(cloud, field.offset, set);
+    case NumberType::kU32:
+      return each_value<std::uint32_t>(cloud, field.offset, set);
+    case NumberType::kF32:
+      return each_value<float>(cloud, field.offset, set);
+    case NumberType::kF64:
+      return each_value<double>(cloud, field.offset, set);
+    case NumberType::kI64:
+    case NumberType::kU64:
+      return;  // PointCloud2 has none
+  }
+}
+
+/// What a number in a column of times may mean.
+struct TimeReading {
+  double unit_s = 1.0;
+  bool since_epoch = false;
+};
+
+double offset_s(double value, const TimeReading& reading, std::int64_t stamp_ns) {
+  if (!reading.since_epoch) return value * reading.unit_s;
+  if (reading.unit_s == 1.0)
+    // In two steps: a double of today's seconds has no room for the stamp's nanoseconds.
+    return (value - static_cast<double>(stamp_ns / kSecondNs)) -
+           1e-9 * static_cast<double>(stamp_ns % kSecondNs);
+  return (value - 1e-9 / reading.unit_s * static_cast<double>(stamp_ns)) * reading.unit_s;
+}
+
+/// The reading by which all times lie near the stamp.
+std::optional<TimeReading> reading_of(double least, double most, NumberType type,
+                                      std::int64_t stamp_ns) {
+  constexpr std::array<TimeReading, 1> kWhole{{{1e-9, false}}};
+  constexpr std::array<TimeReading, 4> kFloating{
+      {{1.0, false}, {1.0, true}, {1e-9, true}, {1e-6, true}}};
+  const std::span<const TimeReading> readings =
+      is_whole(type) ? std::span<const TimeReading>(kWhole) : kFloating;
+  for (const TimeReading& reading : readings) {
+    const auto near = [&](double t) {
+      return std::abs(offset_s(t, reading, stamp_ns)) <= kMostTimeOffsetS;
+    };
+    if (near(least) && near(most)) return reading;
+  }
+  return std::nullopt;
+}
+
+/// Times of the points that were kept, since those without a return often have none.
+void set_times(PointCloud& points, const CloudMessage& cloud, const CloudField& field) {
+  if (points.empty()) return;
+  std::vector<double> times(cloud.points());
+  each_value(cloud, field,
+             [&](std::size_t i, auto value) { times[i] = static_cast<double>(value); });
+  double least = times[points.file_index(0)];
+  double most = least;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const double t = times[points.file_index(i)];
+    if (!std::isfinite(t)) return;
+    least = std::min(least, t);
+    most = std::max(most, t);
+  }
+  const std::int64_t stamp_ns = cloud.header.stamp_ns;
+  const auto reading = reading_of(least, most, field.field.type, stamp_ns);
+  if (!reading) return;
+  points.time_offsets_s.resize(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i)
+    points.time_offsets_s[i] =
+        static_cast<float>(offset_s(times[points.file_index(i)], *reading, stamp_ns));
+}
+
+void set_column(PointCloud& points, const CloudMessage& cloud, const CloudField& field, Role role) {
+  const auto set_axis = [&](int axis) {
+    each_value(cloud, field, [&](std::size_t i, auto value) {
+      points.positions[i][axis] = static_cast<float>(value);
+    });
+  };
+  switch (role) {
+    case Role::kX:
+      return set_axis(0);
+    case Role::kY:
+      return set_axis(1);
+    case Role::kZ:
+      return set_axis(2);
+    case Role::kIntensity:
+      points.intensities.resize(points.size());
+      return each_value(cloud, field, [&](std::size_t i, auto value) {
+        points.intensities[i] = static_cast<float>(value);
+      });
+    case Role::kTime:
+    case Role::kNone:
+      return;
+  }
+}
+
+}  // namespace
+
+DecodedScan decode_point_cloud2(MessageReader& reader, std::size_t max_points) {
+  const CloudMessage cloud = read_message(reader, max_points);
+  // Drivers send empty ones without any field.
+  if (cloud.points() == 0) return {};
+  std::vector<PointField> fields;
+  for (const CloudField& each : cloud.fields) fields.push_back(each.field);
+  const std::vector<Role> roles = roles_of(fields, reader.name());
+  DecodedScan scan;
+  scan.points_in_file = cloud.points();
+  scan.cloud.positions.resize(cloud.points());
+  for (std::size_t i = 0; i < roles.size(); ++i)
+    set_column(scan.cloud, cloud, cloud.fields[i], roles[i]);
+  scan.dropped = drop_invalid(scan.cloud);
+  const auto time = std::find(roles.begin(), roles.end(), Role::kTime);
+  if (time != roles.end())
+    set_times(scan.cloud, cloud, cloud.fields[static_cast<std::size_t>(time - roles.begin())]);
+  return scan;
+}
+
+}  // namespace stillmap::maps

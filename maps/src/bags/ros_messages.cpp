@@ -1,0 +1,70 @@
+#include "bags/ros_messages.hpp"
+
+#include <cmath>
+
+namespace stillmap::maps {
+namespace {
+
+constexpr std::int64_t kSecondNs = 1'000'000'000;
+// As of poses in files: what 3 decimals of a quaternion can be off.
+constexpr double kMaxOffNorm = 1e-3;
+
+std::string frame(std::string name) {
+  if (name.starts_with('/')) name.erase(0, 1);
+  return name;
+}
+
+/// Translation x y z, then the quaternion x y z w: geometry_msgs/Pose and Transform alike.
+std::optional<Eigen::Isometry3d> read_rigid(MessageReader& reader) {
+  const auto next = [&] { return reader.number<double>(); };
+  Eigen::Vector3d t;
+  Eigen::Vector4d xyzw;
+  for (double& value : t) value = next();
+  for (double& value : xyzw) value = next();
+  const Eigen::Quaterniond q(xyzw);
+  if (!t.allFinite() || !(std::abs(q.norm() - 1.0) <= kMaxOffNorm)) return std::nullopt;
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = q.normalized().toRotationMatrix();
+  T.translation() = t;
+  return T;
+}
+
+}  // namespace
+
+RosHeader read_header(MessageReader& reader) {
+  if (reader.is_ros1()) (void)reader.number<std::uint32_t>();  // seq
+  RosHeader header;
+  // ROS 1 counts seconds without a sign.
+  const std::int64_t seconds = reader.is_ros1() ? std::int64_t{reader.number<std::uint32_t>()}
+                                                : std::int64_t{reader.number<std::int32_t>()};
+  header.stamp_ns = seconds * kSecondNs + reader.number<std::uint32_t>();
+  header.frame_id = frame(reader.text());
+  return header;
+}
+
+StampedTransform read_pose(MessageReader& reader, std::string_view type) {
+  const RosHeader header = read_header(reader);
+  StampedTransform pose{header.stamp_ns, header.frame_id, {}, {}};
+  if (type == kOdometry) {
+    pose.child = frame(reader.text());
+  } else if (type != kPoseStamped) {
+    throw InputError(reader.name(), std::string(type),
+                     std::string(kOdometry) + " or " + std::string(kPoseStamped));
+  }
+  pose.T_parent_child = read_rigid(reader);
+  return pose;
+}
+
+void read_transforms(MessageReader& reader,
+                     const std::function<void(const StampedTransform&)>& take) {
+  constexpr std::size_t kLeastBytes = 8 + 4 + 4 + 56;
+  const std::size_t count = reader.count(kLeastBytes);
+  for (std::size_t i = 0; i < count; ++i) {
+    const RosHeader header = read_header(reader);
+    StampedTransform transform{header.stamp_ns, header.frame_id, frame(reader.text()), {}};
+    transform.T_parent_child = read_rigid(reader);
+    take(transform);
+  }
+}
+
+}  // namespace stillmap::maps

@@ -1,0 +1,172 @@
+#include "drives/bag_drive.hpp"
+
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_package.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "bags/bag_choice.hpp"
+#include "bags/bag_poses.hpp"
+#include "bags/bag_survey.hpp"
+#include "bags/point_cloud2.hpp"
+#include "drives/bag_files.hpp"
+#include "drives/layout.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// What reads the scans when they are asked for.
+struct BagScans {
+  Bags bags;
+  std::string topic;
+  std::vector<CloudEntry> clouds;
+
+  [[nodiscard]] DecodedScan read(std::size_t number) const {
+    const CloudEntry& cloud = clouds.at(number);
+    const FileBytes message = bytes(number);
+    MessageReader reader(message.span(), cloud.serialization,
+                         fmt::format("{} {} {}", bags[cloud.bag]->file().string(), topic, number));
+    return decode_point_cloud2(reader);
+  }
+  [[nodiscard]] std::string sha256(std::size_t number) const {
+    const FileBytes message = bytes(number);
+    return sha256_of({reinterpret_cast<const char*>(message.span().data()), message.span().size()});
+  }
+
+ private:
+  [[nodiscard]] FileBytes bytes(std::size_t number) const {
+    const CloudEntry& cloud = clouds.at(number);
+    return bags[cloud.bag]->read(cloud.place);
+  }
+};
+
+std::string listed(const BagSurvey& survey, bool clouds_only) {
+  constexpr std::size_t kMost = 40;
+  std::string text;
+  std::size_t number = 0;
+  for (const auto& [topic, known] : survey.topics) {
+    if (clouds_only && known.clouds.empty()) continue;
+    if (number++ == kMost) return text + " ...";
+    text += text.empty() ? "" : ", ";
+    text += clouds_only
+                ? fmt::format("{} ({} in '{}')", topic, known.clouds.size(), known.frames.front())
+                : fmt::format("{} of {}", topic, known.type);
+  }
+  return text.empty() ? "none" : text;
+}
+
+/// The one topic of clouds, or the one that was chosen.
+const std::string& cloud_topic(const BagSurvey& survey, const BagChoice& choice,
+                               const std::string& name) {
+  const std::string* found = nullptr;
+  for (const auto& [topic, known] : survey.topics) {
+    if (known.clouds.empty() || (choice.cloud && *choice.cloud != topic)) continue;
+    if (found != nullptr)
+      throw InputError(name, "clouds on " + listed(survey, true),
+                       fmt::format("one topic, chosen as in '{}?cloud={}'", name, *found));
+    found = &topic;
+  }
+  if (found != nullptr) return *found;
+  std::string text = choice.cloud ? "no clouds on " + *choice.cloud : "no clouds";
+  text += "; topics are " + listed(survey, false);
+  if (survey.damage.parts > 0) text += "; not readable " + survey.damage.first;
+  throw InputError(name, text, "messages of sensor_msgs/msg/PointCloud2");
+}
+
+void set_notes(Drive::Contents& contents, const BagScans& scans, const BagSurvey& survey) {
+  for (const auto& bag : scans.bags)
+    contents.notes.insert(contents.notes.end(), bag->notes().begin(), bag->notes().end());
+  if (survey.damage.parts > 0)
+    contents.notes.push_back(
+        fmt::format("{} parts of the bag could not be read, the first {}; {} "
+                    "scans could",
+                    survey.damage.parts, survey.damage.first, scans.clouds.size()));
+  const TopicSurvey& topic = survey.topics.at(scans.topic);
+  if (topic.unreadable > 0)
+    contents.notes.push_back(
+        fmt::format("{} messages of {} cannot be read", topic.unreadable, scans.topic));
+}
+
+void set_scans(Drive::Contents& contents, const std::shared_ptr<const BagScans>& scans) {
+  for (std::size_t i = 0; i < scans->clouds.size(); ++i) {
+    contents.scan_files.push_back(scans->bags[scans->clouds[i].bag]->file());
+    contents.stamps_ns.push_back(scans->clouds[i].stamp_ns);
+    contents.entries.numbers.push_back(i);
+  }
+  contents.entries.topic = scans->topic;
+  contents.entries.read = [scans](std::size_t number) { return scans->read(number); };
+  contents.entries.sha256 = [scans](std::size_t number) { return scans->sha256(number); };
+  contents.relative_clock = contents.stamps_ns.front() < kFirstEpochStampNs;
+}
+
+/// Recorders of scans and poses start and end apart: scans at the ends may have no pose.
+void set_bag_poses(Drive::Contents& contents, const BagPoses& poses) {
+  std::vector<std::size_t> kept;
+  for (std::size_t i = 0; i < contents.stamps_ns.size(); ++i) {
+    if (const auto T = poses.T_map_lidar(contents.stamps_ns[i])) {
+      kept.push_back(i);
+      contents.T_map_lidar.push_back(*T);
+    } else {
+      contents.T_map_lidar.push_back(Eigen::Isometry3d::Identity());
+    }
+  }
+  if (kept.empty())
+    throw InputError(contents.root.string(),
+                     fmt::format("no pose of {} within 0.2 s of any scan", poses.source),
+                     "poses at the scans' stamps, or poses=none");
+  const std::size_t without = contents.stamps_ns.size() - kept.size();
+  if (without > 0)
+    contents.notes.push_back(
+        fmt::format("{} scans left out, which have no pose of {}", without, poses.source));
+  keep_scans(contents, kept);
+  contents.notes.insert(contents.notes.end(), poses.notes.begin(), poses.notes.end());
+  contents.notes.push_back("poses are those of " + poses.source);
+}
+
+}  // namespace
+
+bool is_bag(const fs::path& root) {
+  return fs::is_directory(root) ? holds_bag_files(root) : bag_format(root).has_value();
+}
+
+Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
+                               const std::optional<fs::path>& poses_file) {
+  const std::string name = root.string();
+  BagChoice choice = parse_bag_choice(words, name);
+  if (fs::is_directory(root)) choice = with_choice_of_folder(std::move(choice), root);
+  auto scans = std::make_shared<BagScans>();
+  for (const fs::path& file : bag_files(root)) scans->bags.push_back(open_bag(file));
+  BagSurvey found = survey(scans->bags);
+  scans->topic = cloud_topic(found, choice, name);
+  TopicSurvey& clouds = found.topics.at(scans->topic);
+  scans->clouds = std::move(clouds.clouds);
+  if (clouds.frames.size() != 1)
+    throw InputError(name,
+                     fmt::format("clouds on {} in '{}' and '{}'", scans->topic, clouds.frames[0],
+                                 clouds.frames[1]),
+                     "one frame");
+  Drive::Contents contents;
+  contents.root = root;
+  contents.layout = bag_format(scans->bags.front()->file()) == BagFormat::kMcap
+                        ? DriveLayout::kMcap
+                        : DriveLayout::kRosbag2;
+  set_notes(contents, *scans, found);
+  set_scans(contents, scans);
+  if (poses_file) {
+    set_poses(contents, *poses_file);
+  } else if (const auto poses = find_poses(scans->bags, found, choice, clouds.frames.front(),
+                                           contents.stamps_ns, name, contents.notes)) {
+    set_bag_poses(contents, *poses);
+  }
+  leave_out_unordered(contents);
+  return contents;
+}
+
+}  // namespace stillmap::maps

@@ -1,0 +1,90 @@
+#include "drives/bag_files.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <array>
+#include <string>
+#include <string_view>
+
+#include "drives/layout.hpp"
+#include "formats/text.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kMetadata = "metadata.yaml";
+constexpr std::array<std::string_view, 2> kExtensions{".mcap", ".db3"};
+constexpr std::string_view kPacked = ".zstd";
+
+std::string_view without_blanks(std::string_view text) {
+  const std::size_t begin = text.find_first_not_of(" \t\r");
+  if (begin == std::string_view::npos) return {};
+  return text.substr(begin, text.find_last_not_of(" \t\r") + 1 - begin);
+}
+
+/// The list `relative_file_paths:` of a block of YAML, as rosbag2 writes it; no other YAML is read.
+std::vector<std::string> listed_files(const fs::path& metadata) {
+  const std::string text = read_text(metadata);
+  std::string_view rest = text;
+  std::vector<std::string> files;
+  bool in_list = false;
+  while (const auto line = take_line(rest)) {
+    std::string_view item = without_blanks(*line);
+    if (!in_list || !item.starts_with("- ")) {
+      in_list = item == "relative_file_paths:";
+      continue;
+    }
+    item = without_blanks(item.substr(2));
+    if (item.size() >= 2 && (item.front() == '"' || item.front() == '\'') &&
+        item.back() == item.front())
+      item = item.substr(1, item.size() - 2);
+    // Early versions name the folder too.
+    files.push_back(fs::path(item).filename().string());
+  }
+  return files;
+}
+
+fs::path existing(const fs::path& folder, const std::string& file) {
+  // Unpacked by hand.
+  if (file.ends_with(kPacked)) {
+    const fs::path unpacked_file = folder / file.substr(0, file.size() - kPacked.size());
+    if (fs::is_regular_file(unpacked_file)) return unpacked_file;
+  }
+  const fs::path path = folder / file;
+  if (fs::is_regular_file(path)) return path;
+  throw InputError((folder / kMetadata).string(), "'" + file + "', which is not there",
+                   "the files of the whole bag");
+}
+
+}  // namespace
+
+bool holds_bag_files(const fs::path& folder) {
+  if (!list_files(folder, ".mcap").empty() || !list_files(folder, ".db3").empty()) return true;
+  return fs::is_regular_file(folder / kMetadata) &&
+         !listed_files(folder / kMetadata).empty();
+}
+
+std::vector<fs::path> bag_files(const fs::path& root) {
+  if (!fs::is_directory(root)) return {root};
+  std::vector<fs::path> files;
+  if (fs::is_regular_file(root / kMetadata)) {
+    for (const std::string& file : listed_files(root / kMetadata))
+      files.push_back(existing(root, file));
+    if (!files.empty()) return files;
+  }
+  for (const std::string_view extension : kExtensions) {
+    std::vector<fs::path> of_kind = list_files(root, extension);
+    if (of_kind.empty()) continue;
+    if (!files.empty())
+      throw InputError(root.string(),
+                       files.front().filename().string() + " and " +
+                           of_kind.front().filename().string(),
+                       "files of one kind, or rosbag2's metadata.yaml that names them");
+    files = std::move(of_kind);
+  }
+  return files;
+}
+
+}  // namespace stillmap::maps

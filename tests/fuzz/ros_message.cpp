@@ -1,0 +1,56 @@
+// Messages of bags in CDR and ROS 1: clouds, poses, tf. The first byte says which of them, and how
+// they are written.
+#include "scan_rules.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include "bags/point_cloud2.hpp"
+
+namespace {
+
+using namespace stillmap;
+
+void require_rigid(const maps::StampedTransform& transform) {
+  if (!transform.T_parent_child) return;
+  fuzz::require(transform.T_parent_child->matrix().allFinite(), "transforms are finite");
+  const Eigen::Matrix3d R = transform.T_parent_child->linear();
+  fuzz::require((R.transpose() * R).isIdentity(1e-9), "rotations are such");
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  constexpr std::size_t kMostPoints = 100'000;
+  if (size == 0) return 0;
+  const auto bytes = fuzz::bytes_of(fuzz::text_of(data + 1, size - 1));
+  const auto serialization =
+      data[0] % 2 == 0 ? maps::Serialization::kCdr : maps::Serialization::kRos1;
+  const auto reader = [&] { return maps::MessageReader(bytes, serialization, "fuzz"); };
+  switch (data[0] / 2 % 4) {
+    case 0: {
+      const auto scan = fuzz::taken<maps::InputError>([&] {
+        maps::MessageReader message = reader();
+        return maps::decode_point_cloud2(message, kMostPoints);
+      });
+      if (scan) fuzz::require_decoded(*scan, kMostPoints);
+      return 0;
+    }
+    case 1:
+    case 2: {
+      const auto pose = fuzz::taken<maps::InputError>([&] {
+        maps::MessageReader message = reader();
+        return maps::read_pose(message,
+                               data[0] / 2 % 4 == 1 ? maps::kOdometry : maps::kPoseStamped);
+      });
+      if (pose) require_rigid(*pose);
+      return 0;
+    }
+    default:
+      static_cast<void>(fuzz::taken<maps::InputError>([&] {
+        maps::MessageReader message = reader();
+        maps::read_transforms(message, require_rigid);
+        return 0;
+      }));
+      return 0;
+  }
+}

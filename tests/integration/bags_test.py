@@ -1,0 +1,279 @@
+"""bags_test.py STILLMAP COMPARE_DRIVES ORACLES: drives as bags that other programs wrote: @mcap/core, rosmsg2-serialization, lz4 and zstd
+(tests/oracles), and Python's sqlite3. What is in them, and the map made of them, is that of the same drive as a folder.
+With STILLMAP_REAL_DATA also scans of real drives. Ends with 77 when npm's packages cannot be had."""
+
+import json
+import os
+import pathlib
+import shutil
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import unittest
+
+PROGRAM, COMPARE, ORACLES = sys.argv[1], sys.argv[2], pathlib.Path(sys.argv[3])
+REAL = os.environ.get("STILLMAP_REAL_DATA")
+CLOUD, ODOMETRY, POSE, TF, IMU = ("sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped",
+                                  "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/Imu")
+PCD_TYPES = {("F", 4): 7, ("F", 8): 8, ("U", 1): 2, ("U", 2): 4, ("U", 4): 6, ("I", 1): 1, ("I", 2): 3, ("I", 4): 5}
+# What tells a map from another; the sources have names and checksums of their own.
+OF_THE_MAP = ("tiles", "objects.json", "trajectory.tum", "fates.bin")
+
+
+def run(*words, ok=True):
+    done = subprocess.run([PROGRAM, *map(str, words)], capture_output=True, text=True)
+    if ok and done.returncode != 0:
+        raise AssertionError(f"{words}: {done.stderr}")
+    return done
+
+
+def stamp(ns):
+    return {"sec": ns // 10**9, "nanosec": ns % 10**9}
+
+
+def header(ns, frame):
+    return {"stamp": stamp(ns), "frame_id": frame}
+
+
+def cloud_fields(file):
+    """Where the points of a scan begin in its file, and their columns."""
+    if file.suffix == ".bin":
+        return 0, file.stat().st_size // 16, [(name, 7, 4) for name in ("x", "y", "z", "intensity")]
+    head, line = {}, b""
+    with open(file, "rb") as stream:
+        while not line.startswith(b"DATA"):
+            line = stream.readline()
+            head[line.split()[0].decode()] = line.decode().split()[1:]
+        offset = stream.tell()
+    assert head["DATA"] == ["binary"], file
+    columns = [(name, PCD_TYPES[kind, int(size)], int(size))
+               for name, kind, size in zip(head["FIELDS"], head["TYPE"], head["SIZE"])]
+    return offset, int(head["POINTS"][0]), columns
+
+
+def cloud(file, ns, frame="lidar"):
+    start, points, columns = cloud_fields(file)
+    fields, offset = [], 0
+    for name, kind, size in columns:
+        fields.append({"name": name, "offset": offset, "datatype": kind, "count": 1})
+        offset += size
+    return {"header": header(ns, frame), "height": 1, "width": points, "fields": fields, "is_bigendian": False,
+            "point_step": offset, "row_step": offset * points, "is_dense": True,
+            "data": {"file": str(file), "offset": start, "bytes": offset * points}}
+
+
+def xyz(values):
+    return dict(zip("xyz", values))
+
+
+def pose(values):
+    return {"position": xyz(values[:3]), "orientation": dict(zip("xyzw", values[3:]))}
+
+
+def odometry(ns, values):
+    zeros = {"linear": xyz((0, 0, 0)), "angular": xyz((0, 0, 0))}
+    return {"header": header(ns, "odom"), "child_frame_id": "lidar", "pose": {"pose": pose(values), "covariance": [0] * 36},
+            "twist": {"twist": zeros, "covariance": [0] * 36}}
+
+
+def transform(ns, parent, child, values):
+    return {"transforms": [{"header": header(ns, parent), "child_frame_id": child, "transform": {
+        "translation": xyz(values[:3]), "rotation": dict(zip("xyzw", values[3:]))}}]}
+
+
+def imu(ns):
+    return {"header": header(ns, "imu"), "orientation": dict(zip("xyzw", (0, 0, 0, 1))),
+            "orientation_covariance": [0] * 9, "angular_velocity": xyz((0, 0, 0)), "angular_velocity_covariance": [0] * 9,
+            "linear_acceleration": xyz((0, 0, 9.81)), "linear_acceleration_covariance": [0] * 9}
+
+
+def stamp_ns(text):
+    seconds, _, decimals = text.partition(".")
+    return int(seconds) * 10**9 + int(decimals.ljust(9, "0"))
+
+
+class Drive:
+    """A folder of scans with a line of TUM each: what all bags here are made of, and compared with."""
+
+    def __init__(self, folder, scans, poses):
+        self.folder = folder
+        self.folder.mkdir(parents=True)
+        self.scans = []
+        for scan in scans:
+            self.scans.append(self.folder / scan.name)
+            shutil.copy(scan, self.scans[-1])
+        lines = [line.split() for line in poses]
+        self.stamps = [stamp_ns(line[0]) for line in lines]
+        self.poses = [[float(value) for value in line[1:]] for line in lines]
+        assert len(self.scans) == len(self.poses) > 0
+        (self.folder / "poses.tum").write_text("".join(" ".join(line) + "\n" for line in lines))
+
+    def spec(self, poses, **options):
+        topics = {"odometry": ("/odom", ODOMETRY), "pose": ("/pose", POSE), "tf": ("/tf", TF)}
+        topic = topics[poses]
+        messages = []
+        for ns, values, scan in zip(self.stamps, self.poses, self.scans):
+            # Recorded late, and with others between them.
+            log = str(ns + 5 * 10**9)
+            value = {"odometry": lambda: odometry(ns, values), "tf": lambda: transform(ns, "map", "lidar", values),
+                     "pose": lambda: {"header": header(ns, "map"), "pose": pose(values)}}[poses]()
+            messages += [{"topic": 0, "log_ns": log, "value": imu(ns)}, {"topic": 1, "log_ns": log, "value": value},
+                         {"topic": 2, "log_ns": log, "value": cloud(scan, ns)}]
+        return {"topics": [{"name": name, "type": kind} for name, kind in (("/imu", IMU), topic, ("/points", CLOUD))],
+                "messages": messages, "options": options}
+
+
+def write(spec, file):
+    file.parent.mkdir(parents=True, exist_ok=True)
+    spec_file = file.with_suffix(".json")
+    spec_file.write_text(json.dumps(spec))
+    subprocess.run(["node", ORACLES / "write_bag.mjs", spec_file, file], check=True)
+    spec_file.unlink()
+    return file
+
+
+def write_rosbag2(spec, folder, parts=2):
+    """As `ros2 bag record` of today, split."""
+    messages, names = spec["messages"], []
+    for part in range(parts):
+        names.append(f"{folder.name}_{part}.db3")
+        some = messages[len(messages) * part // parts:len(messages) * (part + 1) // parts]
+        packed = write({**spec, "messages": some}, folder / f"{part}.cdr")
+        bag = sqlite3.connect(folder / names[-1])
+        bag.executescript(
+            "CREATE TABLE schema(schema_version INTEGER PRIMARY KEY,ros_distro TEXT NOT NULL);"
+            "CREATE TABLE metadata(id INTEGER PRIMARY KEY,metadata_version INTEGER NOT NULL,metadata TEXT NOT NULL);"
+            "CREATE TABLE topics(id INTEGER PRIMARY KEY,name TEXT NOT NULL,type TEXT NOT NULL,serialization_format TEXT NOT "
+            "NULL,offered_qos_profiles TEXT NOT NULL,type_description_hash TEXT NOT NULL);"
+            "CREATE TABLE message_definitions(id INTEGER PRIMARY KEY,topic_type TEXT NOT NULL,encoding TEXT NOT NULL,"
+            "encoded_message_definition TEXT NOT NULL,type_description_hash TEXT NOT NULL);"
+            "CREATE TABLE messages(id INTEGER PRIMARY KEY,topic_id INTEGER NOT NULL,timestamp INTEGER NOT NULL,data BLOB NOT "
+            "NULL);CREATE INDEX timestamp_idx ON messages (timestamp ASC);INSERT INTO schema VALUES (4, 'jazzy');")
+        bag.executemany("INSERT INTO topics VALUES (?, ?, ?, 'cdr', '', '')",
+                        [(i + 1, topic["name"], topic["type"]) for i, topic in enumerate(spec["topics"])])
+        with open(packed, "rb") as stream:
+            while line := stream.readline():
+                head = json.loads(line)
+                bag.execute("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)",
+                            (head["topic"] + 1, int(head["log_ns"]), stream.read(head["bytes"])))
+        bag.commit()
+        bag.close()
+        packed.unlink()
+    (folder / "metadata.yaml").write_text(
+        "rosbag2_bagfile_information:\n  version: 9\n  storage_identifier: sqlite3\n  relative_file_paths:\n"
+        + "".join(f"    - {name}\n" for name in names) + "  compression_format: \"\"\n  compression_mode: \"\"\n")
+
+
+def contents_of(map_folder):
+    files = {}
+    for name in OF_THE_MAP:
+        path = map_folder / name
+        for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+            if file.is_file():
+                files[str(file.relative_to(map_folder))] = file.read_bytes()
+    assert any(name.startswith("tiles/") for name in files)
+    return files
+
+
+class Bags(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.work = pathlib.Path(tempfile.mkdtemp(prefix="stillmap-bags-"))
+        cls.addClassCleanup(shutil.rmtree, cls.work, ignore_errors=True)
+        run("simulate", "town", "-o", cls.work / "simulated", "--seed", 1, "--scans", 6, "--layout", "pcd", "--sensor", "vlp16")
+        # T_map_lidar of the scans, as the layout with key frames gives them.
+        run("build", cls.work / "simulated", "-o", cls.work / "poses", "--clean", "none", "--detector", "geometric")
+        cls.drive = Drive(cls.work / "plain" / "town", sorted((cls.work / "simulated" / "scans").glob("*.pcd")),
+                          (cls.work / "poses" / "trajectory.tum").read_text().splitlines())
+        cls.map = cls.build(cls.drive.folder, "plain_map")
+
+    @classmethod
+    def build(cls, drive, name):
+        run("build", drive, "-o", cls.work / name, "--detector", "geometric")
+        return contents_of(cls.work / name)
+
+    def expect_same_drive(self, bag, drive=None):
+        done = subprocess.run([COMPARE, (drive or self.drive).folder, bag], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+
+    def expect_same(self, bag, name):
+        self.expect_same_drive(bag)
+        made = self.build(bag, name)
+        self.assertEqual(sorted(made), sorted(self.map))
+        for file, content in self.map.items():
+            self.assertEqual(made[file], content, file)
+
+    def test_mcap_of_zstd_with_an_index(self):
+        self.expect_same(write(self.drive.spec("odometry", compression="zstd", chunk_bytes=3_000_000),
+                               self.work / "zstd" / "town.mcap"), "zstd_map")
+
+    def test_mcap_of_lz4_without_an_index_and_with_tf(self):
+        self.expect_same(write(self.drive.spec("tf", compression="lz4", index=False, statistics=False),
+                               self.work / "lz4" / "town.mcap"), "lz4_map")
+
+    def test_mcap_without_chunks(self):
+        self.expect_same(write(self.drive.spec("pose", chunks=False), self.work / "loose" / "town.mcap"), "loose_map")
+
+    def test_rosbag2(self):
+        folder = self.work / "rosbag2" / "town"
+        folder.mkdir(parents=True)
+        write_rosbag2(self.drive.spec("pose"), folder)
+        self.expect_same(folder, "rosbag2_map")
+
+    def test_choice(self):
+        spec = self.drive.spec("odometry")
+        spec["topics"].append({"name": "/rear", "type": CLOUD})
+        spec["messages"].append({**spec["messages"][-1], "topic": 3})
+        bag = write(spec, self.work / "two" / "town.mcap")
+        refused = run("build", bag, "-o", self.work / "two_map", ok=False)
+        self.assertEqual(refused.returncode, 1)
+        self.assertIn("/points (6 in 'lidar'), /rear (1 in 'lidar')", refused.stderr)
+        self.assertIn("town.mcap?cloud=/points'", refused.stderr)
+        self.expect_same_drive(f"{bag}?cloud=/points")
+        self.assertEqual(run("inspect", f"{bag}?color=red", ok=False).returncode, 1)
+        self.assertEqual(run("inspect", self.work / "nothing.mcap", ok=False).returncode, 2)
+
+    def test_localize_follows_a_bag(self):
+        bag = write(self.drive.spec("odometry"), self.work / "localize" / "town.mcap")
+        pose_of_first = ",".join(map(str, self.drive.poses[0]))
+        followed = [run("localize", self.work / "plain_map", drive, "--prior", pose_of_first, "--select", ":2", "-o",
+                        self.work / f"{i}.tum") for i, drive in enumerate((bag, self.drive.folder))]
+        self.assertEqual([each.returncode for each in followed], [0, 0])
+        self.assertEqual((self.work / "0.tum").read_text(), (self.work / "1.tum").read_text())
+
+    @unittest.skipUnless(REAL, "STILLMAP_REAL_DATA is not set")
+    def test_real_drives(self):
+        real = pathlib.Path(REAL)
+        # The poses do not matter here, but each drive has some.
+        poses = [f"{1624254615 + i}.100000000 {i} 0.5 0 0 0 0.6 0.8" for i in range(2)]
+        for folder, pattern in (("hku_1/Scans", "*.pcd"), ("mulran_seosan01/Scans", "*.pcd"),
+                                ("semantickitti/08/velodyne", "*.bin"),
+                                ("kitti_raw/2011_09_26/2011_09_26_drive_0013_sync/velodyne_points/data", "*.bin")):
+            with self.subTest(folder):
+                name = folder.replace("/", "_")
+                scans = sorted((real / folder).glob(pattern))[:2]
+                drive = Drive(self.work / name / "plain" / "real", scans, poses[:len(scans)])
+                bag = write(drive.spec("odometry", compression="lz4"), self.work / name / "bag" / "real.mcap")
+                # A path of one pose has to be asked for.
+                self.expect_same_drive(f"{bag}?poses=/odom", drive)
+                shutil.rmtree(self.work / name)
+
+
+def have_oracles():
+    if shutil.which("npm") is None or shutil.which("lz4") is None or shutil.which("zstd") is None:
+        return False
+    installed = ORACLES / "node_modules" / ".installed"
+    if installed.exists() and installed.stat().st_mtime >= (ORACLES / "package-lock.json").stat().st_mtime:
+        return True
+    if subprocess.run(["npm", "ci", "--no-progress"], cwd=ORACLES, check=False).returncode != 0:
+        return False
+    installed.touch()
+    return True
+
+
+if __name__ == "__main__":
+    if not have_oracles():
+        print("skipped: npm, lz4 or zstd is missing, or npm cannot install @mcap/core here")
+        sys.exit(77)
+    unittest.main(argv=sys.argv[:1], verbosity=2)

@@ -1,0 +1,325 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/archive.hpp>
+
+#include <numbers>
+
+#include "support/bag_bytes.hpp"
+#include "support/message_bytes.hpp"
+#include "support/temporary_folder.hpp"
+#include "support/throws.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+using test::McapBytes;
+using test::odometry;
+using test::one_point;
+using test::ThrowsSaying;
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+constexpr std::int64_t kStart = 1'700'000'000'000'000'000;
+constexpr std::int64_t kStep = 100'000'000;
+const char* const kCloudType = "sensor_msgs/msg/PointCloud2";
+const char* const kOdometryType = "nav_msgs/msg/Odometry";
+const char* const kPoseType = "geometry_msgs/msg/PoseStamped";
+const char* const kTfType = "tf2_msgs/msg/TFMessage";
+
+struct Message {
+  std::string topic;
+  std::string type;
+  std::string bytes;
+};
+
+/// Lines of `inspect`, and the drive.
+class BagDrive : public ::testing::Test {
+ protected:
+  BagDrive() {
+    for (int i = 0; i < 4; ++i) clouds("/points", i);
+  }
+  void clouds(const std::string& topic, int i, const std::string& frame = "lidar") {
+    add(topic, kCloudType, one_point(kStart + i * kStep, static_cast<float>(i + 1), frame));
+  }
+  void add(const std::string& topic, const std::string& type, const std::string& bytes) {
+    messages_.push_back({topic, type, bytes});
+  }
+  /// Poses of `child` along x, 10 m/s, half a step beside the scans.
+  void add_odometry(const std::string& topic = "/odom", const std::string& child = "lidar") {
+    for (int i = -1; i <= 4; ++i)
+      add(topic, kOdometryType,
+          odometry(kStart + i * kStep + kStep / 2, {i + 0.5, 0, 0}, child));
+  }
+  void add_static(const std::string& parent, const std::string& child,
+                  const test::PoseValues& pose) {
+    add("/tf_static", kTfType, test::transform(0, parent, child, pose));
+  }
+
+  static std::string mcap_of(const std::vector<Message>& messages) {
+    McapBytes mcap;
+    std::vector<std::string> topics;
+    for (const Message& message : messages) {
+      auto topic = std::find(topics.begin(), topics.end(), message.topic);
+      const auto id = static_cast<std::uint16_t>(topic - topics.begin() + 1);
+      if (topic == topics.end()) {
+        topics.push_back(message.topic);
+        mcap.add(McapBytes::schema(id, message.type) + McapBytes::channel(id, id, message.topic));
+      }
+      mcap.add(McapBytes::message(id, message.bytes));
+    }
+    return mcap.finished();
+  }
+  static void write_sqlite(const std::filesystem::path& file,
+                           const std::vector<Message>& messages) {
+    test::SqliteFile bag(file);
+    bag.make_tables();
+    std::vector<std::string> topics;
+    for (const Message& message : messages) {
+      const auto topic = std::find(topics.begin(), topics.end(), message.topic);
+      const auto id = static_cast<int>(topic - topics.begin() + 1);
+      if (topic == topics.end()) {
+        topics.push_back(message.topic);
+        bag.topic(id, message.topic, message.type);
+      }
+      bag.message(id, message.bytes);
+    }
+  }
+  [[nodiscard]] Drive open(const std::string& words = "") const {
+    const std::filesystem::path file = folder_.write("run.mcap", mcap_of(messages_));
+    return Drive::open(file.string() + words);
+  }
+  void expect_error(const std::vector<std::string>& texts, const std::string& words = "") const {
+    EXPECT_THAT([&] { (void)open(words); }, ThrowsSaying<InputError>(texts));
+  }
+  static std::vector<double> xs(const Drive& drive) {
+    std::vector<double> values;
+    for (const Eigen::Isometry3d& T : drive.contents().T_map_lidar)
+      values.push_back(T.translation().x());
+    return values;
+  }
+
+  test::TemporaryFolder folder_{test::memory_folder()};
+  std::vector<Message> messages_;
+};
+
+TEST_F(BagDrive, ReadsTheOneTopicOfCloudsWithTheStampsOfItsHeaders) {
+  add("/imu", "sensor_msgs/msg/Imu", "anything");
+  const Drive drive = open();
+  EXPECT_EQ(drive.contents().layout, DriveLayout::kMcap);
+  EXPECT_THAT(drive.contents().stamps_ns,
+              ElementsAre(kStart, kStart + kStep, kStart + 2 * kStep, kStart + 3 * kStep));
+  EXPECT_FALSE(drive.relative_clock());
+  EXPECT_FALSE(drive.has_poses());
+  const Scan scan = drive.read(2);
+  EXPECT_EQ(scan.index, 2U);
+  EXPECT_EQ(scan.stamp_ns, kStart + 2 * kStep);
+  EXPECT_THAT(scan.cloud.positions, ElementsAre(Eigen::Vector3f(3, 0, 0)));
+  EXPECT_THAT(scan.source, HasSubstr("run.mcap /points 2"));
+  EXPECT_TRUE(drive.read_labels(0).empty());
+}
+
+TEST_F(BagDrive, MarksClocksThatStartWithTheDrive) {
+  messages_.clear();
+  add("/points", kCloudType, one_point(5, 1));
+  EXPECT_TRUE(open().relative_clock());
+}
+
+TEST_F(BagDrive, ListsTopicsOfCloudsAndTakesTheChosenOne) {
+  clouds("/rear", 9, "rear_lidar");
+  expect_error({"/points (4 in 'lidar')", "/rear (1 in 'rear_lidar')", "run.mcap?cloud=/points"});
+  EXPECT_EQ(open("?cloud=/rear").size(), 1U);
+  EXPECT_EQ(open("?cloud=/points").size(), 4U);
+  expect_error({"no clouds on /front", "/rear of sensor_msgs/msg/PointCloud2"}, "?cloud=/front");
+  expect_error({"'clod=/points'", "cloud=TOPIC"}, "?clod=/points");
+  expect_error({"'cloud=/rear'", "each once"}, "?cloud=/points&cloud=/rear");
+}
+
+TEST_F(BagDrive, SaysWhatThereIsInABagWithoutClouds) {
+  messages_.clear();
+  add("/imu", "sensor_msgs/msg/Imu", "anything");
+  expect_error({"no clouds", "/imu of sensor_msgs/msg/Imu", "expected messages of"});
+}
+
+TEST_F(BagDrive, InterpolatesPosesToTheScans) {
+  add_odometry();
+  const Drive drive = open();
+  ASSERT_EQ(drive.size(), 4U);
+  for (std::size_t i = 0; i < 4; ++i) EXPECT_NEAR(xs(drive)[i], static_cast<double>(i), 1e-12);
+  EXPECT_THAT(drive.contents().notes, ElementsAre("poses are those of /odom"));
+  EXPECT_FALSE(open("?poses=none").has_poses());
+}
+
+TEST_F(BagDrive, LeavesOutScansAtTheEndsThatHaveNoPose) {
+  for (const int i : {1, 2, 3}) clouds("/points", i + 10);
+  add_odometry();
+  const Drive drive = open();
+  EXPECT_THAT(drive.contents().notes,
+              Contains("3 scans left out, which have no pose of /odom"));
+  EXPECT_EQ(drive.size(), 4U);
+  EXPECT_EQ(drive.read(3).cloud.positions[0].x(), 4.0F);
+  messages_.erase(messages_.begin(), messages_.begin() + 4);
+  expect_error({"no pose of /odom within 0.2 s of any scan", "poses=none"});
+}
+
+TEST_F(BagDrive, BringsPosesToTheCloudsFrame) {
+  add_odometry("/odom", "base_link");
+  add_static("base_link", "mount", {0, 0, 1});
+  // Half a turn about z.
+  add_static("mount", "lidar", {2, 0, 0, 0, 0, 1, 0});
+  const Drive drive = open();
+  const Eigen::Isometry3d& T = drive.T_map_lidar(1);
+  EXPECT_NEAR((T.translation() - Eigen::Vector3d(3, 0, 1)).norm(), 0, 1e-12);
+  EXPECT_NEAR((T * Eigen::Vector3d(1, 0, 0)).x(), 2.0, 1e-12);
+  // The same frames the other way round.
+  EXPECT_NEAR(open("?pose_frame=mount").T_map_lidar(1).translation().z(), 0.0, 1e-12);
+  EXPECT_NEAR(xs(open("?pose_frame=lidar"))[1], 1.0, 1e-12);
+}
+
+TEST_F(BagDrive, ListsFramesWhereNoChainLeadsToTheClouds) {
+  add_odometry("/odom", "base_link");
+  add_static("base_link", "camera", {});
+  expect_error({"no way by tf_static from 'base_link' of /odom to 'lidar'",
+                "'base_link', 'camera'", "run.mcap?pose_frame=lidar"});
+  EXPECT_NEAR(xs(open("?pose_frame=lidar"))[1], 1.0, 1e-12);
+}
+
+TEST_F(BagDrive, TakesPosesWithoutAFrameAsTheCloudsWhereThatIsTheOnlyChoice) {
+  for (int i = 0; i < 4; ++i)
+    add("/pose", kPoseType, test::pose_stamped(kStart + i * kStep, {1.0 * i}));
+  EXPECT_THAT(xs(open()), ElementsAre(0.0, 1.0, 2.0, 3.0));
+  EXPECT_THAT(open().contents().notes, Contains(HasSubstr("taken as those of 'lidar'")));
+  add_static("base_link", "lidar", {0, 0, 1});
+  expect_error({"/pose without a name of the frame it moves", "'base_link', 'lidar'",
+                "pose_frame=lidar"});
+  EXPECT_EQ(open("?pose_frame=base_link").T_map_lidar(0).translation().z(), 1.0);
+}
+
+TEST_F(BagDrive, ListsTopicsOfPosesAndTakesTheChosenOne) {
+  add_odometry("/odom");
+  add_odometry("/fused");
+  // A goal is no path.
+  add("/goal", kPoseType, test::pose_stamped(kStart, {}));
+  expect_error({"/fused (6 nav_msgs/msg/Odometry), /odom (6 nav_msgs/msg/Odometry)",
+                "run.mcap?poses=/fused", "poses=none"});
+  EXPECT_THAT(open("?poses=/odom").contents().notes, Contains("poses are those of /odom"));
+  expect_error({"no poses on /points; there are /fused"}, "?poses=/points");
+}
+
+TEST_F(BagDrive, LeavesOutPosesThatAreNone) {
+  add("/odom", kOdometryType, odometry(kStart, {0, 0, 0, 0, 0, 0, 0}, "lidar"));
+  add_odometry();
+  EXPECT_NEAR(xs(open())[0], 0.0, 1e-12);
+  EXPECT_THAT(open().contents().notes, Contains(HasSubstr("1 poses of /odom left out")));
+}
+
+TEST_F(BagDrive, MultipliesTransformsOfTfFromAStandingFrame) {
+  add_static("base_link", "lidar", {0, 0, 1});
+  for (int i = -1; i <= 4; ++i) {
+    const std::int64_t stamp = kStart + i * kStep + kStep / 2;
+    add("/tf", kTfType, test::transform(stamp, "odom", "base_link", {i + 0.5, 0, 0}));
+    add("/tf", kTfType, test::transform(stamp + 7, "map", "odom", {0, 5, 0}));
+    add("/tf", kTfType, test::transform(stamp, "base_link", "wheel", {0, 0, 9}));
+  }
+  const Drive drive = open();
+  ASSERT_EQ(drive.size(), 4U);
+  EXPECT_NEAR((drive.T_map_lidar(2).translation() - Eigen::Vector3d(2, 5, 1)).norm(), 0, 1e-12);
+  EXPECT_THAT(drive.contents().notes, ElementsAre("poses are those of tf from 'map' to 'lidar'"));
+}
+
+TEST_F(BagDrive, TakesNoTfFromAFrameThatMayMove) {
+  for (int i = -1; i <= 4; ++i)
+    add("/tf", kTfType,
+        test::transform(kStart + i * kStep + kStep / 2, "base_link", "lidar", {0, 0, 1}));
+  const Drive drive = open();
+  EXPECT_FALSE(drive.has_poses());
+  EXPECT_THAT(drive.contents().notes, ElementsAre(HasSubstr("'lidar' in 'base_link'")));
+  EXPECT_TRUE(open("?poses=/tf").has_poses());
+}
+
+TEST_F(BagDrive, ReadsASplitBagOfSqliteInTheOrderOfItsMetadata) {
+  const std::filesystem::path root = folder_.path() / "run";
+  std::filesystem::create_directories(root);
+  add_odometry();
+  write_sqlite(root / "b.db3", {messages_.begin(), messages_.begin() + 2});
+  write_sqlite(root / "a.db3", {messages_.begin() + 2, messages_.end()});
+  folder_.write("run/metadata.yaml",
+                "rosbag2_bagfile_information:\n  version: 4\n  relative_file_paths:\n    - b.db3\n"
+                "    - run/a.db3\n  message_count: 10\n");
+  const Drive drive = Drive::open(root);
+  EXPECT_EQ(drive.contents().layout, DriveLayout::kRosbag2);
+  ASSERT_EQ(drive.size(), 4U);
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(drive.read(i).cloud.positions[0].x(), static_cast<float>(i + 1));
+    EXPECT_NEAR(xs(drive)[i], static_cast<double>(i), 1e-12);
+  }
+  std::filesystem::remove(root / "b.db3");
+  EXPECT_THAT([&] { (void)Drive::open(root); },
+              ThrowsSaying<InputError>({"metadata.yaml", "'b.db3', which is not there"}));
+  std::filesystem::remove(root / "metadata.yaml");
+  EXPECT_EQ(Drive::open(root).size(), 2U);
+  folder_.write("run/c.mcap", mcap_of(messages_));
+  EXPECT_THAT([&] { (void)Drive::open(root); }, ThrowsSaying<InputError>({"c.mcap and a.db3"}));
+}
+
+TEST_F(BagDrive, SaysWhatToDoWithABagPackedAsAWhole) {
+  folder_.write("run/run_0.db3.zstd", "(\xB5/\xFD");
+  folder_.write("run/metadata.yaml", "  relative_file_paths:\n    - run_0.db3.zstd\n");
+  EXPECT_THAT([&] { (void)Drive::open(folder_.path() / "run"); },
+              ThrowsSaying<InputError>({"run_0.db3.zstd", "zstd -d"}));
+  write_sqlite(folder_.path() / "run/run_0.db3", messages_);
+  EXPECT_EQ(Drive::open(folder_.path() / "run").size(), 4U);
+}
+
+TEST_F(BagDrive, HearsTheFolderAndWordsBeforeIt) {
+  clouds("/rear", 9);
+  folder_.write("run/run.mcap", mcap_of(messages_));
+  folder_.write("run/topics.txt", "cloud=/rear\nposes=none\n");
+  const std::string root = (folder_.path() / "run").string();
+  EXPECT_EQ(Drive::open(root).size(), 1U);
+  EXPECT_EQ(Drive::open(root + "?cloud=/points").size(), 4U);
+}
+
+TEST_F(BagDrive, TakesGivenPosesInsteadOfItsOwn) {
+  add_odometry();
+  const auto file = folder_.write("run.mcap", mcap_of(messages_));
+  const auto poses = folder_.write("poses.txt", "1 0 0 7 0 1 0 0 0 0 1 0\n1 0 0 8 0 1 0 0 0 0 1 0\n"
+                                                "1 0 0 9 0 1 0 0 0 0 1 0\n1 0 0 6 0 1 0 0 0 0 1 0\n");
+  EXPECT_THAT(xs(Drive::open(file, poses)), ElementsAre(7.0, 8.0, 9.0, 6.0));
+}
+
+TEST_F(BagDrive, LeavesOutScansThatGoBackInTime) {
+  for (int i = 4; i < 12; ++i) clouds("/points", i);
+  clouds("/points", 3);
+  const Drive drive = open();
+  EXPECT_EQ(drive.size(), 12U);
+  EXPECT_THAT(drive.contents().notes, ElementsAre(HasSubstr("run.mcap /points 12")));
+}
+
+TEST_F(BagDrive, ReadsWhatIsThereOfACutBag) {
+  std::string whole = mcap_of(messages_);
+  // The last cloud is followed by the 50 bytes of DataEnd, Footer and magic.
+  const auto file = folder_.write("run.mcap", whole.substr(0, whole.size() - 60));
+  const Drive drive = Drive::open(file);
+  EXPECT_THAT(drive.contents().notes,
+              ElementsAre(HasSubstr("cut off"), HasSubstr("1 parts of the bag")));
+  EXPECT_EQ(drive.size(), 3U);
+}
+
+TEST_F(BagDrive, IsToldFromScansByItsFirstBytes) {
+  const auto file = folder_.write("run.mcap", mcap_of(messages_));
+  EXPECT_TRUE(Drive::is_at(file));
+  EXPECT_TRUE(Drive::is_at(file.string() + "?cloud=/points"));
+  EXPECT_TRUE(Drive::is_at(folder_.path()));
+  EXPECT_FALSE(Drive::is_at(folder_.write("scan.bin", "0123")));
+  EXPECT_FALSE(Drive::is_at(folder_.path() / "nothing"));
+  folder_.write("plain/a.bin", "");
+  EXPECT_THAT([&] { (void)Drive::open(folder_.path() / "plain?cloud=/a"); },
+              ThrowsSaying<InputError>({"'?cloud=/a'", "no bag"}));
+}
+
+}  // namespace
+}  // namespace stillmap::maps
