@@ -1,6 +1,7 @@
 #include <stillmap/maps/cloud_file.hpp>
 #include <stillmap/maps/error.hpp>
 
+#include "formats/las.hpp"
 #include "formats/mapped_file.hpp"
 #include "formats/pcd.hpp"
 #include "formats/ply.hpp"
@@ -10,9 +11,14 @@ namespace stillmap::maps {
 CloudSummary read_cloud_file(const std::filesystem::path& file,
                              const std::function<void(std::span<const CloudPoint>)>& take) {
   const std::string extension = file.extension().string();
-  if (extension != ".pcd" && extension != ".ply")
-    throw InputError(file.string(), "extension '" + extension + "'", ".pcd or .ply");
+  if (extension == ".laz")
+    throw InputError(file.string(), "LAZ, compressed points",
+                     "LAS, uncompressed: `pdal translate IN.laz OUT.las`, or `laszip -i IN.laz -o "
+                     "OUT.las`");
+  if (extension != ".pcd" && extension != ".ply" && extension != ".las")
+    throw InputError(file.string(), "extension '" + extension + "'", ".pcd, .ply or .las");
   const MappedFile bytes(file);
+  if (extension == ".las") return stream_las(bytes.span(), file.string(), take);
   return extension == ".pcd" ? stream_pcd(bytes.span(), file.string(), take)
                              : stream_ply(bytes.span(), file.string(), take);
 }

@@ -1,11 +1,15 @@
 #pragma once
 
+#include <stillmap/maps/geodesy.hpp>
+
 #include <Eigen/Core>
 
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <span>
+#include <string>
 
 namespace stillmap::maps {
 
@@ -24,15 +28,22 @@ struct CloudSummary {
   std::uint64_t non_finite = 0;
   /// Whether a coordinate was stored in 32 bits of a floating type.
   bool single_precision = false;
+  /// LAS: withheld or classified as noise, left out.
+  std::uint64_t withheld = 0;
+  /// Name of the coordinate system, and of that of the heights; empty where the file has none.
+  std::string coordinates, heights;
+  /// Of easting and northing, where the coordinates are those.
+  std::optional<UtmZone> utm;
 };
 
 /// Most points of a `binary_compressed` PCD: its columns come one after the other, so that all of
 /// them are held at once (32 bytes each).
 inline constexpr std::uint64_t kMostCompressedPoints = 100'000'000;
 
-/// Reads a PCD or PLY file of any size in doubles and hands its points on, in order, some tens of
-/// thousands at a time. The file is mapped, not read into memory; the viewpoint of a PCD is not
-/// applied. Columns as `decode_scan` takes them. The format follows from the extension.
+/// Reads a PCD, PLY or LAS (1.2 to 1.4, uncompressed) file of any size in doubles and hands its
+/// points on, in order, some tens of thousands at a time. The file is mapped, not read into memory;
+/// the viewpoint of a PCD is not applied. Columns as `decode_scan` takes them; the intensity of LAS
+/// is that of the file. The format follows from the extension.
 /// @throws InputError naming the file, the value found and what was expected; StorageError when it
 /// cannot be read; what `take` throws.
 CloudSummary read_cloud_file(const std::filesystem::path& file,

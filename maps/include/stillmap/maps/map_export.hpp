@@ -1,0 +1,100 @@
+#pragma once
+
+#include <stillmap/maps/map_package.hpp>
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace stillmap::maps {
+
+/// Which points of a map leave it.
+enum class PointChoice {
+  kAll,
+  kNoFilled,  ///< without synthetic ground
+  kMeasured,  ///< without synthetic ground and without what was moved down from objects
+};
+[[nodiscard]] constexpr bool is_chosen(PointKind kind, PointChoice choice) {
+  return is_measured(kind) || choice == PointChoice::kAll ||
+         (choice == PointChoice::kNoFilled && kind == PointKind::kProjected);
+}
+
+/// What the coordinates of an exported file are.
+enum class ExportFrame {
+  kMap,    ///< the map's own
+  kLocal,  ///< the map's own, less the `origin` of its manifest
+  kUtm,    ///< easting, northing [m] in the zone of the geodetic origin, height above the ellipsoid
+};
+[[nodiscard]] std::string_view name_of(ExportFrame frame);
+
+/// What is not set is the format's own choice; what a format has no use for must not be set.
+struct MapExportOptions {
+  PointChoice points = PointChoice::kAll;
+  std::optional<ExportFrame> frame;
+  /// PCD: a fifth field `kind` (`PointKind`, one byte).
+  bool kinds = false;
+  /// Edge of the cells of `nav2` and `octomap` [m], in [0.02, 5].
+  std::optional<double> resolution_m;
+  /// `nav2`: what stands between these heights above the ground is an obstacle [m]; in [-5, 50],
+  /// the second larger.
+  std::optional<std::array<double, 2>> height_band_m;
+  /// `kitti`, `tum`: which trajectory; needed where a map has several.
+  std::optional<std::size_t> drive;
+
+  /// Every broken bound as "name: value, bound"; empty when usable.
+  [[nodiscard]] std::vector<std::string> violations() const;
+};
+
+struct MapExportReport {
+  /// points, of them ground, projected, filled; left_out; files, cells, poses: what applies.
+  std::map<std::string, std::uint64_t> counts;
+  /// Added to the coordinates of the file [m] to get map coordinates; zero unless kLocal.
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();
+  /// What a person should know: the projection used, intensities that were scaled, no trajectory.
+  std::vector<std::string> notes;
+};
+
+/// Told of long work: stage, units done, units in all. What it throws ends the export.
+using ExportProgress =
+    std::function<void(std::string_view stage, std::size_t done, std::size_t total)>;
+
+/// Options that a format may have use for.
+struct ExportUses {
+  bool points = false, kinds = false, resolution = false, height_band = false, drive = false;
+  /// The first one is its own choice.
+  std::vector<ExportFrame> frames;
+};
+
+struct ExportFormat {
+  std::string_view name;
+  std::string_view description;
+  /// Whether a folder is written rather than a file.
+  bool is_folder = false;
+  ExportUses uses;
+};
+/// All that `export_map` writes.
+[[nodiscard]] const std::vector<ExportFormat>& export_formats();
+
+/// @throws std::invalid_argument naming an option that is out of its bounds, or that the format has
+/// no use for, or a frame that it cannot be written in.
+void check_export_options(const ExportFormat& format, const MapExportOptions& options);
+
+/// Writes a map in another program's format, tile by tile; memory does not grow with the map but
+/// for `nav2`, which holds one byte a cell. `target` appears whole or not at all. Same map, same
+/// options, same bytes. Formats and their sources: maps/README.md.
+/// @throws std::invalid_argument for an unknown format and as `check_export_options`; InputError if
+/// `target` exists or the map lacks what is asked for (trajectory, geodetic origin, a point), or
+/// its coordinates do not fit into the format's 32-bit floats; StorageError.
+MapExportReport export_map(const MapPackage& map, std::string_view format,
+                           const std::filesystem::path& target, const MapExportOptions& options,
+                           const ExportProgress& progress = {});
+
+}  // namespace stillmap::maps

@@ -1,0 +1,170 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_export.hpp>
+#include <stillmap/maps/partial_file.hpp>
+#include <stillmap/maps/partial_folder.hpp>
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "exports/exporters.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+struct Row {
+  ExportFormat format;
+  void (*run)(ExportJob& job);
+};
+
+using enum ExportFrame;
+
+const std::vector<Row>& rows() {
+  static const std::vector<Row> table = {
+      {{"pcd",
+        "PCD 0.7, binary floats x y z intensity",
+        false,
+        {.points = true, .kinds = true, .frames = {kMap, kLocal}}},
+       export_pcd},
+      {{"ply",
+        "PLY 1.0, binary, x y z as doubles, intensity, kind",
+        false,
+        {.points = true, .frames = {kMap, kLocal, kUtm}}},
+       export_ply},
+      {{"las",
+        "LAS 1.4, point format 6, millimetres, in UTM where the map's place is known",
+        false,
+        {.points = true, .frames = {kUtm, kMap, kLocal}}},
+       export_las},
+      {{"autoware",
+        "Autoware: PCD tiles of 20 m with their metadata and projector (folder)",
+        true,
+        {.points = true, .frames = {kMap, kUtm}}},
+       export_autoware},
+      {{"nav2",
+        "Nav2: occupancy grid as PGM with YAML (folder)",
+        true,
+        {.points = true, .resolution = true, .height_band = true, .frames = {kMap, kLocal}}},
+       export_nav2},
+      {{"kitti", "trajectory, 12 numbers a line", false, {.drive = true, .frames = {kMap, kLocal}}},
+       export_kitti},
+      {{"tum",
+        "trajectory, stamp and 7 numbers a line",
+        false,
+        {.drive = true, .frames = {kMap, kLocal}}},
+       export_tum},
+  };
+  return table;
+}
+
+const Row& row_of(std::string_view name) {
+  for (const Row& row : rows())
+    if (row.format.name == name) return row;
+  std::vector<std::string_view> names;
+  for (const Row& row : rows()) names.push_back(row.format.name);
+  throw std::invalid_argument(
+      fmt::format("format: found '{}', expected one of {}", name, fmt::join(names, ", ")));
+}
+
+/// What a format is written in when nobody says it: its first frame that the map has.
+ExportFrame frame_of(const ExportFormat& format, const MapExportOptions& options,
+                     const MapPackage& map) {
+  const bool has_place = map.manifest().geodetic_origin.has_value();
+  if (!options.frame) {
+    const auto& frames = format.uses.frames;
+    return *std::find_if(frames.begin(), frames.end(),
+                         [&](ExportFrame frame) { return has_place || frame != kUtm; });
+  }
+  if (*options.frame == kUtm && !has_place)
+    throw InputError(map.folder().string(), "a map without a geodetic origin",
+                     "one for UTM (build or import with --geo-origin)");
+  return *options.frame;
+}
+
+template <typename Partial>
+void run_into(const Row& row, Partial& partial, ExportJob& job) {
+  job.target = partial.path();
+  row.run(job);
+  partial.publish();
+}
+
+}  // namespace
+
+std::string_view name_of(ExportFrame frame) {
+  switch (frame) {
+    case kMap:
+      return "map";
+    case kLocal:
+      return "local";
+    case kUtm:
+      return "utm";
+  }
+  return "";
+}
+
+std::vector<std::string> MapExportOptions::violations() const {
+  std::vector<std::string> broken;
+  if (resolution_m && !(*resolution_m >= 0.02 && *resolution_m <= 5.0))
+    broken.push_back(fmt::format("resolution_m: {}, expected in [0.02, 5]", *resolution_m));
+  if (height_band_m) {
+    const auto [low, high] = *height_band_m;
+    if (!(low >= -5.0 && low < high && high <= 50.0))
+      broken.push_back(fmt::format(
+          "height_band_m: {} to {}, expected in [-5, 50], the second larger", low, high));
+  }
+  return broken;
+}
+
+const std::vector<ExportFormat>& export_formats() {
+  static const std::vector<ExportFormat> formats = [] {
+    std::vector<ExportFormat> all;
+    for (const Row& row : rows()) all.push_back(row.format);
+    return all;
+  }();
+  return formats;
+}
+
+void check_export_options(const ExportFormat& format, const MapExportOptions& options) {
+  if (const auto broken = options.violations(); !broken.empty())
+    throw std::invalid_argument(broken.front());
+  const auto refuse = [&](bool set, bool used, const char* name) {
+    if (set && !used)
+      throw std::invalid_argument(
+          fmt::format("{}: found with format {}, which has no use for it", name, format.name));
+  };
+  refuse(options.points != PointChoice::kAll, format.uses.points, "points");
+  refuse(options.kinds, format.uses.kinds, "kinds");
+  refuse(options.resolution_m.has_value(), format.uses.resolution, "resolution_m");
+  refuse(options.height_band_m.has_value(), format.uses.height_band, "height_band_m");
+  refuse(options.drive.has_value(), format.uses.drive, "drive");
+  const auto& frames = format.uses.frames;
+  if (!options.frame || std::find(frames.begin(), frames.end(), *options.frame) != frames.end())
+    return;
+  std::vector<std::string_view> names;
+  for (const ExportFrame frame : frames) names.push_back(name_of(frame));
+  throw std::invalid_argument(
+      fmt::format("frame: found {} with format {}, expected {}{}", name_of(*options.frame),
+                  format.name, fmt::join(names, " or "),
+                  *options.frame == kUtm ? " (32-bit floats are half a metre coarse in UTM)" : ""));
+}
+
+MapExportReport export_map(const MapPackage& map, std::string_view format,
+                           const std::filesystem::path& target, const MapExportOptions& options,
+                           const ExportProgress& progress) {
+  const Row& row = row_of(format);
+  check_export_options(row.format, options);
+  MapExportReport report;
+  ExportJob job{map, options, frame_of(row.format, options, map), {}, progress, report};
+  if (job.frame == kLocal) report.origin = map.manifest().origin;
+  if (row.format.is_folder) {
+    PartialFolder partial(target);
+    run_into(row, partial, job);
+  } else {
+    PartialFile partial(target);
+    run_into(row, partial, job);
+  }
+  return report;
+}
+
+}  // namespace stillmap::maps
