@@ -62,8 +62,8 @@ void GroundHeights::grow() {
 }
 
 std::size_t GroundHeights::square_at(double x, double y) const {
-  const double column = std::floor(x - min_.x());
-  const double row = std::floor(y - min_.y());
+  const double column = x - min_.x();
+  const double row = y - min_.y();
   if (!(column >= 0.0 && row >= 0.0 && column < static_cast<double>(width_) &&
         row < static_cast<double>(height_)))
     return width_ * height_;

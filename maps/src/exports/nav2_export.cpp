@@ -59,15 +59,19 @@ std::vector<Eigen::Vector3d> sensors_of(const MapPackage& map) {
   return sensors;
 }
 
-void trace_tile(const ExportJob& job, TileId tile, const std::vector<Eigen::Vector3d>& sensors,
-                OccupancyGrid& grid) {
+void add_points(const ExportJob& job, TileId tile, OccupancyGrid& grid) {
+  for (const MapPoint& point : job.map.tile(tile))
+    if (is_chosen(point.kind, job.options.points))
+      grid.add_point(position_of(point), point.kind != PointKind::kMeasured);
+}
+
+void add_rays(const ExportJob& job, TileId tile, const std::vector<Eigen::Vector3d>& sensors,
+              OccupancyGrid& grid) {
   const auto points = job.map.tile(tile);
   const auto history = job.map.history(tile);
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    if (!is_chosen(points[i].kind, job.options.points)) continue;
+  for (std::size_t i = 0; i < history.size(); ++i) {
+    if (!is_measured(points[i].kind)) continue;
     const Eigen::Vector3d p = position_of(points[i]);
-    grid.add_point(p, points[i].kind != PointKind::kMeasured);
-    if (history.empty() || !is_measured(points[i].kind)) continue;
     const auto [first, last] = std::pair(history[i].first_scan, history[i].last_scan);
     if (first < sensors.size()) grid.add_ray(sensors[first], p);
     if (last != first && last < sensors.size()) grid.add_ray(sensors[last], p);
@@ -126,8 +130,10 @@ void export_nav2(ExportJob& job) {
   if (sensors.empty())
     job.report.notes.emplace_back("no trajectory: only ground is free, nothing is seen through");
   const std::vector<TileEntry> tiles = point_tiles(job.map);
+  // What is known already need not be traced.
+  for (const TileEntry& tile : tiles) add_points(job, tile.id, grid);
   for (std::size_t i = 0; i < tiles.size(); ++i) {
-    trace_tile(job, tiles[i].id, sensors, grid);
+    add_rays(job, tiles[i].id, sensors, grid);
     job.tell("trace", i + 1, tiles.size());
   }
   write_picture(job, grid);

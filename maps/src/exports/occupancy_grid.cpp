@@ -36,8 +36,8 @@ double OccupancyGrid::cells(const Eigen::Vector2d& min, const Eigen::Vector2d& m
 }
 
 Cell* OccupancyGrid::find(double x, double y) {
-  const double column = std::floor((x - min_.x()) / resolution_m_);
-  const double row = std::floor((y - min_.y()) / resolution_m_);
+  const double column = (x - min_.x()) / resolution_m_;
+  const double row = (y - min_.y()) / resolution_m_;
   if (!(column >= 0.0 && row >= 0.0 && column < static_cast<double>(width_) &&
         row < static_cast<double>(height_)))
     return nullptr;
@@ -47,7 +47,10 @@ Cell* OccupancyGrid::find(double x, double y) {
 void OccupancyGrid::add_point(const Eigen::Vector3d& p, bool is_ground) {
   Cell* cell = find(p.x(), p.y());
   if (cell == nullptr) return;
-  if (is_ground) return free(*cell);
+  if (is_ground) {
+    if (*cell == Cell::kUnknown) *cell = Cell::kFree;
+    return;
+  }
   const double above_m = p.z() - static_cast<double>(ground_->at(p.x(), p.y()));
   // Without a ground nobody knows how high it is.
   if (above_m >= band_m_[0] && above_m <= band_m_[1]) *cell = Cell::kOccupied;
@@ -57,15 +60,15 @@ void OccupancyGrid::add_ray(const Eigen::Vector3d& from, const Eigen::Vector3d& 
   const Eigen::Vector3d way = to - from;
   const double length_m = way.head<2>().norm();
   if (!(length_m <= kLongestRayM)) return;
-  // Half a cell a step: a corner that is missed is seen by another ray.
-  const auto steps = static_cast<std::int64_t>(2.0 * length_m / resolution_m_);
+  // A cell a step: a corner that is missed is seen by another ray.
+  const auto steps = static_cast<std::int64_t>(length_m / resolution_m_);
   const Cell* last = find(to.x(), to.y());
   for (std::int64_t i = 0; i < steps; ++i) {
     const Eigen::Vector3d p = from + way * (static_cast<double>(i) / static_cast<double>(steps));
     Cell* cell = find(p.x(), p.y());
-    if (cell == nullptr || cell == last) continue;
+    if (cell == nullptr || *cell != Cell::kUnknown || cell == last) continue;
     const double above_m = p.z() - static_cast<double>(ground_->at(p.x(), p.y()));
-    if (above_m >= band_m_[0] && above_m <= band_m_[1]) free(*cell);
+    if (above_m >= band_m_[0] && above_m <= band_m_[1]) *cell = Cell::kFree;
   }
 }
 

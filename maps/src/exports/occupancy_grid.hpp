@@ -14,7 +14,7 @@ namespace stillmap::maps {
 enum class Cell : std::uint8_t { kUnknown, kFree, kOccupied };
 
 /// A map seen from above: what stands in a band of heights above the ground, and where a way is
-/// known to be free. What is occupied stays so.
+/// known to be free. What is known stays so: points come before rays, and what stands wins.
 class OccupancyGrid {
  public:
   /// @param min,max  what it covers [m].  @param ground  outlives this.
@@ -41,10 +41,6 @@ class OccupancyGrid {
  private:
   /// Nothing outside.
   Cell* find(double x, double y);
-  void free(Cell& cell) {
-    if (cell == Cell::kUnknown) cell = Cell::kFree;
-  }
-
   double resolution_m_;
   std::array<double, 2> band_m_;
   const GroundHeights* ground_;
