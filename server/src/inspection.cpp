@@ -69,6 +69,7 @@ DriveSummary summarize(const maps::Drive& drive) {
   summary.first_scan_dropped = first.dropped;
   for (const Eigen::Vector3f& p : first.cloud.positions)
     summary.first_scan_bounds.extend(p.cast<double>());
+  summary.check = maps::check_drive(drive);
   return summary;
 }
 

@@ -62,6 +62,8 @@ CloudSummary stream_las(std::span<const std::byte> bytes, const std::string& nam
   require_metres(header.system, name);
   CloudSummary summary;
   summary.points_in_file = header.points;
+  summary.fields = {"LAS 1." + std::to_string(header.minor_version) + " point format " +
+                    std::to_string(header.point_format)};
   summary.coordinates = header.system.name;
   summary.heights = header.system.vertical_name;
   summary.utm = header.system.utm;

@@ -10,6 +10,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 namespace stillmap::maps {
 
@@ -26,6 +27,8 @@ struct CloudSummary {
   std::uint64_t points_in_file = 0;
   /// Left out.
   std::uint64_t non_finite = 0;
+  /// Columns by the names in the file; of LAS its point format.
+  std::vector<std::string> fields;
   /// Whether a coordinate was stored in 32 bits of a floating type.
   bool single_precision = false;
   /// LAS: withheld or classified as noise, left out.
