@@ -1,14 +1,15 @@
 #include "service.hpp"
 
-#include "api_error.hpp"
-#include "guarded_events.hpp"
-#include "refusal_codes.hpp"
+#include "errors/api_error.hpp"
+#include "errors/refusal_codes.hpp"
+#include "security/guarded_events.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/disk_full.hpp>
 #include <stillmap/maps/store/store_refusal.hpp>
 
 #include <algorithm>
@@ -139,6 +140,12 @@ std::string subject_of(const Router::Match& match) {
   return subject;
 }
 
+/// Whether the audit log tells of it.
+bool is_write(const Route& route) {
+  const bool changes = route.access == Access::kWrite || route.access == Access::kAdmin;
+  return changes && route.method != "GET";
+}
+
 }  // namespace
 
 Service::Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
@@ -147,7 +154,7 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
       live_(options_),
       store_(store),
       metrics_(STILLMAP_VERSION),
-      gatekeeper_(store.keys()),
+      gatekeeper_(store.keys(), is_loopback(options_.host)),
       catalog_(store, std::move(builder), &metrics_),
       drives_(store),
       workers_(worker_count(options_)),
@@ -190,7 +197,12 @@ void Service::reload(const ServerOptions& options) {
 
 Router::Match Service::admit(HttpRequest& request) const {
   Router::Match match = router_.match(request.method, request.path);
-  request.caller = gatekeeper_.admit(request, match.route->access, live_.current()->rate);
+  try {
+    gatekeeper_.admit(request, match.route->access, live_.current()->rate);
+  } catch (const ApiError& error) {
+    note_refused(request, match, error);
+    throw;
+  }
   if (match.route->reserve) {
     try {
       request.reservation = match.route->reserve(request, match.parameters);
@@ -212,15 +224,22 @@ HttpResponse Service::handle(HttpRequest request) const {
 
 HttpResponse Service::handle(const HttpRequest& request, const Router::Match& match) const {
   HttpResponse response = answer(request, match);
-  const Access access = match.route->access;
-  const bool reads = match.route->method == "GET";
-  if (!reads && (access == Access::kWrite || access == Access::kAdmin))
-    note_write(request, match, response.status);
+  if (is_write(*match.route)) note_write(request, match, response.status);
   if (response.events) {
-    response.events = std::make_shared<GuardedEvents>(std::move(response.events), gatekeeper_,
-                                                      request.header("authorization"), access);
+    response.events =
+        std::make_shared<GuardedEvents>(std::move(response.events), gatekeeper_,
+                                        request.header("authorization"), match.route->access);
   }
   return response;
+}
+
+/// Without a right to it. Whoever has none must not fill the disk, nor make it sync all day.
+void Service::note_refused(const HttpRequest& request, const Router::Match& match,
+                           const ApiError& error) const {
+  constexpr RateOptions kRows{.requests_per_s = 1.0, .burst = 60};
+  const int status = info_of(error.code()).http_status;
+  if (!is_write(*match.route) || (status != 401 && status != 403)) return;
+  if (refused_rows_.take({}, kRows) == 0.0) note_write(request, match, status);
 }
 
 void Service::note_write(const HttpRequest& request, const Router::Match& match, int status) const {
@@ -243,12 +262,13 @@ HttpResponse Service::answer(const HttpRequest& request, const Router::Match& ma
     metrics_.problem(error.code());
     return problem_response(error, request.request_id);
   };
-  const auto logged = [&](ErrorCode code, const std::exception& error) {
+  const auto logged = [&](ErrorCode code, const std::exception& error,
+                          const char* detail = "the log says more") {
     // Paths of this machine stay in the log; that of the request does not get there, since the name
     // of a session is its secret.
     spdlog::error("{} {} {}: {}", request.request_id, match.route->method, match.route->pattern,
                   error.what());
-    return problem(ApiError(code, "the log says more"));
+    return problem(ApiError(code, detail));
   };
   try {
     return match.route->handler(request, match.parameters);
@@ -256,6 +276,8 @@ HttpResponse Service::answer(const HttpRequest& request, const Router::Match& ma
     return problem(error);
   } catch (const maps::StoreRefusal& error) {
     return problem(ApiError(code_of(error.reason()), error.what()));
+  } catch (const maps::DiskFull& error) {
+    return logged(ErrorCode::kDiskFull, error, "there is no room left for it");
   } catch (const maps::StorageError& error) {
     return logged(ErrorCode::kStorageError, error);
   } catch (const maps::InputError& error) {

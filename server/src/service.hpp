@@ -1,11 +1,11 @@
 #pragma once
 
-#include "api_error.hpp"
-#include "gatekeeper.hpp"
+#include "errors/api_error.hpp"
+#include "errors/problem.hpp"
 #include "handlers/context.hpp"
+#include "http/request_handler.hpp"
 #include "jobs/housekeeping.hpp"
-#include "problem.hpp"
-#include "request_handler.hpp"
+#include "security/gatekeeper.hpp"
 #include "web_assets.hpp"
 
 #include <atomic>
@@ -40,6 +40,8 @@ class Service final : public RequestHandler {
  private:
   [[nodiscard]] HttpResponse answer(const HttpRequest& request, const Router::Match& match) const;
   void note_write(const HttpRequest& request, const Router::Match& match, int status) const;
+  void note_refused(const HttpRequest& request, const Router::Match& match,
+                    const ApiError& error) const;
   void add_metrics();
 
   ServerOptions options_;
@@ -48,6 +50,8 @@ class Service final : public RequestHandler {
   mutable Metrics metrics_;
   std::atomic<bool> stopping_ = false;
   mutable Gatekeeper gatekeeper_;
+  /// Of rows that anybody can make.
+  mutable RateLimits refused_rows_;
   mutable MapCatalog catalog_;
   mutable maps::DriveStore drives_;
   mutable UploadPlaces uploads_;

@@ -2,7 +2,7 @@
 // instead of an aligner. The client has sent everything and waits.
 #include "fuzz_folder.hpp"
 #include "fuzz_target.hpp"
-#include "http_server.hpp"
+#include "http/http_server.hpp"
 #include "pose_rules.hpp"
 #include "service.hpp"
 #include "support/stored_packages.hpp"

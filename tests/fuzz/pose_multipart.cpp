@@ -1,5 +1,5 @@
 // A pose request in parts: the first line is its Content-Type, the rest the body.
-#include "multipart.hpp"
+#include "http/multipart.hpp"
 #include "pose_rules.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

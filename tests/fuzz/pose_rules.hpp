@@ -1,6 +1,6 @@
 #pragma once
 
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 #include "fuzz_target.hpp"
 #include "input_checks.hpp"
 #include "pose/pose_checks.hpp"
@@ -74,8 +74,8 @@ inline void read_and_require(std::string_view content_type, std::string_view bod
   request.query = std::move(query);
   request.body = body;
   const auto read = taken<server::ApiError>([&] {
-    return server::decode_scan(
-        server::find_scan(request, options, server::ScanPurpose::kQuery), options);
+    return server::decode_scan(server::find_scan(request, options, server::ScanPurpose::kQuery),
+                               options);
   });
   if (read) require_bounds(*read, options);
 }

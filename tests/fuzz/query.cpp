@@ -1,10 +1,10 @@
 // Lines of a request, as the server's own code reads them: `name=value` pairs joined by `&` (what
 // the HTTP library has decoded), then a header's value, a client's request id, and a path.
-#include "flat_parameters.hpp"
-#include "header_text.hpp"
+#include "http/flat_parameters.hpp"
+#include "http/header_text.hpp"
+#include "http/request_id.hpp"
+#include "http/router.hpp"
 #include "pose_rules.hpp"
-#include "request_id.hpp"
-#include "router.hpp"
 
 namespace {
 

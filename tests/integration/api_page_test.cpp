@@ -6,8 +6,8 @@
 #include <iterator>
 #include <string>
 
-#include "error_codes.hpp"
-#include "metrics.hpp"
+#include "errors/error_codes.hpp"
+#include "operation/metrics.hpp"
 
 namespace stillmap::server {
 namespace {

@@ -197,6 +197,64 @@ class RealServer(unittest.TestCase):
         self.client.delete_drive("town", found["id"])
 
 
+class Rebuilds(unittest.TestCase):
+    """On a server of their own, whose map they change."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.temporary = tempfile.TemporaryDirectory()
+        cls.server = Server(pathlib.Path(cls.temporary.name), "--jobs-nice", "0").start()
+        cls.client = Client(cls.server.url)
+        cls.drive = cls.client.upload_drive("town", DRIVE, name="monday")
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.server.stop()
+        cls.temporary.cleanup()
+
+    def test_a_drive_becomes_a_version_that_is_waited_for(self):
+        job = self.client.rebuild("town", [self.drive], version="made", options={"detector": "geometric"})
+        self.assertEqual((job["kind"], job["map"]), ("rebuild", "town"))
+        seen = []
+        with self.assertRaises(TimeoutError):
+            self.client.wait_for_job(job["id"], timeout_s=0.2)
+        events = self.client.job_events(job["id"])
+        first = next(events)
+        self.assertEqual(first.type, "progress")
+        ended = self.client.wait_for_job(job["id"], timeout_s=200, on_change=lambda found: seen.append(found["progress"]))
+        self.assertEqual(ended["status"], "succeeded", ended)
+        self.assertEqual((ended["result"]["version"], ended["result"]["activated"]), ("made", False))
+        self.assertEqual((seen[-1], seen), (1.0, sorted(seen)))
+        last = list(events)[-1]
+        self.assertEqual((last.type, last.data["status"]), ("end", "succeeded"))
+        # Whoever has seen the end is told of nothing more.
+        self.assertEqual(list(self.client.job_events(job["id"], last_id=last.id)), [])
+        self.assertIn("made", [each.name for each in self.client.versions("town")])
+        self.assertEqual(self.client.localize("town", scan(1), START, version="made").status, "ok")
+
+    def test_a_job_can_be_cancelled_and_its_drive_removed(self):
+        drive = self.client.upload_drive("town", DRIVE)
+        job = self.client.rebuild("town", [drive], options={"detector": "geometric"})["id"]
+        with self.assertRaises(Problem) as raised:
+            self.client.delete_drive("town", drive)
+        self.assertEqual(raised.exception.code, "InUse")
+        self.client.cancel_job(job)
+        ended = self.client.wait_for_job(job, timeout_s=60)
+        self.assertEqual(ended["status"], "canceled")
+        self.assertEqual(self.client.cancel_job(job)["status"], "canceled")
+        self.client.delete_drive("town", drive)
+        self.assertNotIn(drive, [each["id"] for each in self.client.drives("town")])
+
+    def test_what_cannot_be_rebuilt_is_refused(self):
+        for code, ask in (("UnknownDrive", lambda: self.client.rebuild("town", [999])),
+                          ("InvalidRequest", lambda: self.client.rebuild("town", [self.drive], options={"voxel": -1})),
+                          ("UnknownJob", lambda: self.client.job(999)),
+                          ("UnknownJob", lambda: self.client.cancel_job(999))):
+            with self.assertRaises(Problem) as raised:
+                ask()
+            self.assertEqual(raised.exception.code, code)
+
+
 class Keys(unittest.TestCase):
     def test_a_key_is_asked_for_by_scope_and_can_be_taken_back(self):
         with tempfile.TemporaryDirectory() as name:

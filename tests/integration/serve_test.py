@@ -182,6 +182,13 @@ class Running(FolderTest):
         self.message("configuration reloaded")
         self.assertEqual(self.finish(), 0)
 
+    def test_the_log_tells_of_the_start_and_the_end(self):
+        self.configure()
+        self.start()
+        self.assertIn(f"127.0.0.1:{self.port}", self.message("serves")["message"])
+        self.assertEqual(self.finish(), 0)
+        self.assertEqual(self.lines()[-1]["message"], "stopped")
+
     def test_the_end_is_announced_before_connections_are_refused(self):
         self.configure(drain={"delay_s": 2})
         self.start()
@@ -205,7 +212,7 @@ class Running(FolderTest):
         self.configure(drain={"timeout_s": 1}, stall_timeout_s=60, transfer_timeout_s=60)
         self.start()
         with socket.create_connection(("127.0.0.1", self.port)) as slow:
-            slow.sendall(b"POST /v1/maps/town/localize HTTP/1.1\r\nHost: x\r\nContent-Le")
+            slow.sendall(b"POST /v1/maps/town/localize HTTP/1.1\r\nHost: localhost\r\nContent-Le")
             time.sleep(0.3)
             self.assertEqual(self.finish(), 0)
 

@@ -77,6 +77,24 @@ class StoreCommands(unittest.TestCase):
         removed = self.json("store", "gc", self.store, "--keep", "1")["versions"]
         self.assertEqual([each["version"] for each in removed], ["1", "2"])
 
+    def test_remove_takes_a_version_that_is_not_active(self):
+        self.publish("2")
+        digest = self.publish("1")["digest"]
+        self.fails(1, "is active", "store", "remove", self.store, "town", "1")
+        self.fails(1, "no version 'v9'", "store", "remove", self.store, "town", "v9")
+        self.assertEqual(self.json("store", "remove", self.store, "town", "2"),
+                         {"map": "town", "version": "2", "package_removed": False})
+        self.assertTrue((self.store / "packages" / digest).exists())
+        self.assertEqual(self.json("store", "verify", self.store), {"problems": []})
+
+    def test_adding_again_mends(self):
+        digest = self.publish()["digest"]
+        tile = self.tile(digest)
+        tile.write_bytes(bytes(tile.stat().st_size))
+        self.assertEqual(run("store", "verify", self.store).returncode, 1)
+        self.assertIn("as before", self.does("store", "add", self.store, "town", "1", MAP))
+        self.assertEqual(self.json("store", "verify", self.store), {"problems": []})
+
     def test_reindex_makes_the_same_index_again(self):
         digest = self.publish()["digest"]
         self.assertEqual(self.json("store", "reindex", self.store)["indexes"],
@@ -143,7 +161,8 @@ class StoreCommands(unittest.TestCase):
         self.fails(2, "0", "keys", "create", "car", "--store", self.store, "--scope", "read", "--expires-days", "0")
         for command in (["store", "verify", self.store], ["store", "gc", self.store], ["store", "reindex", self.store],
                         ["store", "backup", self.store, "-o", self.folder / "new"],
-                        ["store", "activate", self.store, "town", "1"], ["keys", "list", "--store", self.store],
+                        ["store", "activate", self.store, "town", "1"], ["store", "remove", self.store, "town", "1"],
+                        ["keys", "list", "--store", self.store],
                         ["keys", "revoke", "x", "--store", self.store]):
             self.fails(1, "no state.db", *command)
         self.assertEqual(list(self.store.iterdir()), [])

@@ -34,8 +34,8 @@ POINTS = [
     ("posix/io/dir/rename", (errno.EIO, errno.ENOSPC)), ("posix/io/dir/unlink", (errno.EIO,)),
     ("posix/io/dir/opendir", (errno.EIO,)), ("posix/io/rw/pread", (errno.EIO,)), ("posix/io/rw/read", (errno.EIO,)),
     ("posix/mm/mmap", (errno.ENOMEM,)), ("stillmap/mkdir", (errno.EIO, errno.ENOSPC)), ("stillmap/rmdir", (errno.EIO,)),
-    ("stillmap/linkat", (errno.EIO,))]
-OPERATIONS = ["add", "activate", "roll_back", "remove", "add by command", "activate by command", "make a key", "start"]
+    ("stillmap/linkat", (errno.EIO,)), ("stillmap/renameat2", (errno.EIO, errno.ENOSPC))]
+OPERATIONS = ["add", "activate", "roll_back", "remove", "mend", "add by command", "activate by command", "make a key", "start"]
 READY_WITHIN_S = 10.0
 
 
@@ -149,6 +149,10 @@ class Trials:
         if operation == "remove" and len(self.model.versions) < 3:
             other = f"v{next(self.made)}"
             self.make("add", other, self.packages[2].digest)
+        if operation == "mend":
+            tile = next((self.store / "packages" / self.model.versions[other] / "tiles").iterdir())
+            tile.write_bytes(bytes(tile.stat().st_size))
+            return ("add", other, self.model.versions[other])
         return (operation.split()[0], other) if operation != "roll_back" else ("roll_back",)
 
     def command(self, *arguments):
@@ -212,6 +216,8 @@ class Trials:
         self.restart()
         self.model = self.model if done else before
         self.settle(None if done else change, done)
+        if operation == "mend" and not done:
+            self.make(*change)
         expect(not leftovers(self.store), "half packages:", leftovers(self.store))
         verified = run(self.program, "store", "verify", self.store)
         expect(verified.returncode == 0, "verify:", verified.stdout, verified.stderr)

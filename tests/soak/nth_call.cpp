@@ -1,6 +1,6 @@
 // Preloaded together with libfiu's fiu_posix_preload.so: lets exactly the n-th call of one of
-// libfiu's failure points fail. mkdir, rmdir and linkat, which libfiu does not know, are added here
-// as points of their own.
+// libfiu's failure points fail. mkdir, rmdir, linkat and renameat2, which libfiu does not know, are
+// added here as points of their own.
 //
 // STILLMAP_NTH_CALL names a file of the size of `Shared`, which the test has mapped too.
 
@@ -27,7 +27,7 @@
 namespace {
 
 /// faults.py has the same list.
-constexpr std::array<std::string_view, 17> kPoints = {
+constexpr std::array<std::string_view, 18> kPoints = {
     "posix/io/oc/open",
     "posix/io/rw/pwrite",
     "posix/io/rw/pwrite/reduce",
@@ -45,6 +45,7 @@ constexpr std::array<std::string_view, 17> kPoints = {
     "stillmap/mkdir",
     "stillmap/rmdir",
     "stillmap/linkat",
+    "stillmap/renameat2",
 };
 
 struct Shared {
@@ -114,6 +115,13 @@ int rmdir(const char* path) noexcept {
 int linkat(int from_at, const char* from, int to_at, const char* to, int flags) noexcept {
   using Function = int(int, const char*, int, const char*, int);
   return fails("stillmap/linkat") ? -1 : next<Function>("linkat")(from_at, from, to_at, to, flags);
+}
+
+int renameat2(int from_at, const char* from, int to_at, const char* to,
+              unsigned int flags) noexcept {
+  using Function = int(int, const char*, int, const char*, unsigned int);
+  return fails("stillmap/renameat2") ? -1
+                                     : next<Function>("renameat2")(from_at, from, to_at, to, flags);
 }
 
 }  // extern "C"

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# What takes long: every test under the sanitizers, power cuts, kills and failing calls, then the localizer on many streets. Each step leaves a mark in
-# build/soak, so that a run that was cut off goes on where it was; `rm -r build/soak` starts afresh.
+# What takes long: every test under the sanitizers, power cuts, kills and failing calls, ten minutes of overload, then the localizer
+# on many streets. Each step leaves a mark in build/soak, so that a run that was cut off goes on where it was; `rm -r build/soak` starts
+# afresh.
 set -euo pipefail
 marks=build/soak
 mkdir -p "$marks"
@@ -18,6 +19,11 @@ sanitized() { # sanitized PRESET
   cmake --preset "$1" -DSTILLMAP_TESTS=ON >"$marks/$1.configure.log"
   cmake --build "build/$1" -j "$(nproc)"
   ctest --preset "$1" -L unit
+}
+
+load() { # ten minutes of overload; one that others disturbed has not passed
+  ctest --test-dir build/release -R '^load.soak$' -V | tee "$marks/load.txt"
+  ! grep -q 'not judged' "$marks/load.txt"
 }
 
 street() { # street SEED: map from day 1, queries from day 2
@@ -39,10 +45,11 @@ step tsan sanitized tsan
 program=build/release/stillmap packages=build/release/tiny_packages
 step power_cuts build/release/power_cuts 1 10 "$marks/power_cuts"
 step kills tests/soak/kills.py --program "$program" --packages "$packages" --seeds 1-20 --results "$marks/kills"
-for operation in add activate roll_back remove "add by command" "activate by command" "make a key" start; do
+for operation in add activate roll_back remove mend "add by command" "activate by command" "make a key" start; do
   step "faults_${operation// /_}" tests/soak/faults.py --program "$program" --packages "$packages" \
     --injector build/release/libnth_call.so --operation "$operation"
 done
+step load load
 for seed in $(seq 100 119); do
   step "street_$seed" street "$seed"
 done

@@ -33,6 +33,8 @@ class DiskModel {
         return link({{call.path, std::make_shared<Node>(call.kind == Kind::kMakeFolder)}});
       case Kind::kRename:
         return rename(call.path, call.to);
+      case Kind::kExchange:
+        return exchange(call.path, call.to);
       case Kind::kLink:
         return link({{call.to, at(call.path)}});
       case Kind::kRemoveFile:
@@ -88,6 +90,14 @@ class DiskModel {
     if (from.parent_path() == to.parent_path()) return link({{from, nullptr}, {to, node}});
     link({{to, node}});
     link({{from, nullptr}});
+  }
+
+  /// As `rename`; both names of one folder change together.
+  void exchange(const std::filesystem::path& one, const std::filesystem::path& other) {
+    const std::shared_ptr<Node> node = at(one), other_node = at(other);
+    if (one.parent_path() == other.parent_path()) return link({{one, other_node}, {other, node}});
+    link({{other, node}});
+    link({{one, other_node}});
   }
 
   void link(const std::vector<std::pair<std::filesystem::path, std::shared_ptr<Node>>>& changes) {

@@ -56,6 +56,10 @@ void require_metres(const CoordinateSystem& system, const std::string& name) {
 
 }  // namespace
 
+void check_las_header(std::span<const std::byte> head, const std::string& name) {
+  static_cast<void>(read_las_start(head, name));
+}
+
 CloudSummary stream_las(std::span<const std::byte> bytes, const std::string& name,
                         const std::function<void(std::span<const CloudPoint>)>& take) {
   const LasHeader header = read_las_header(bytes, name);

@@ -14,4 +14,7 @@ namespace stillmap::maps {
 CloudSummary stream_las(std::span<const std::byte> bytes, const std::string& name,
                         const std::function<void(std::span<const CloudPoint>)>& take);
 
+/// The part of it that lies in the file's first bytes. @throws InputError.
+void check_las_header(std::span<const std::byte> head, const std::string& name);
+
 }  // namespace stillmap::maps

@@ -118,8 +118,7 @@ void read_version(const Bytes& at, std::size_t size, const std::string& name, La
                      "a header of at least " + std::to_string(needed));
 }
 
-void read_point_layout(const Bytes& at, std::size_t size, const std::string& name,
-                       LasHeader& header) {
+void read_point_layout(const Bytes& at, const std::string& name, LasHeader& header) {
   const unsigned format = at.at<std::uint8_t>(104);
   if ((format & kCompressed) != 0) refuse_compressed(name, "LAZ, compressed points");
   header.point_format = static_cast<int>(format);
@@ -130,6 +129,9 @@ void read_point_layout(const Bytes& at, std::size_t size, const std::string& nam
     throw InputError(name, "points of " + std::to_string(header.point_bytes) + " bytes",
                      "at least " + std::to_string(kPointBytes[format]) + " in point format " +
                          std::to_string(format));
+}
+
+void find_points(const Bytes& at, std::size_t size, const std::string& name, LasHeader& header) {
   header.first_point = at.at<std::uint32_t>(96);
   if (header.first_point < at.at<std::uint16_t>(94) || header.first_point > size)
     throw InputError(name, "points from byte " + std::to_string(header.first_point) + " on",
@@ -158,15 +160,22 @@ void read_scale(const Bytes& at, const std::string& name, LasHeader& header) {
 
 }  // namespace
 
-LasHeader read_las_header(std::span<const std::byte> bytes, const std::string& name) {
+LasHeader read_las_start(std::span<const std::byte> bytes, const std::string& name) {
   const Bytes at(bytes);
   if (bytes.size() < kHeaderBytes[2] || at.text(0, 4) != "LASF")
     throw InputError(name, std::to_string(bytes.size()) + " bytes without a LAS header",
                      "a LAS file, which begins with LASF");
   LasHeader header;
   read_version(at, bytes.size(), name, header);
-  read_point_layout(at, bytes.size(), name, header);
+  read_point_layout(at, name, header);
   read_scale(at, name, header);
+  return header;
+}
+
+LasHeader read_las_header(std::span<const std::byte> bytes, const std::string& name) {
+  LasHeader header = read_las_start(bytes, name);
+  const Bytes at(bytes);
+  find_points(at, bytes.size(), name, header);
   Records records(bytes, name);
   records.take_short(at.at<std::uint16_t>(94), at.at<std::uint32_t>(100), header.first_point);
   if (header.minor_version == 4)

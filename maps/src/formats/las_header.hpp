@@ -26,6 +26,9 @@ struct LasHeader {
   [[nodiscard]] bool is_extended() const { return point_format >= 6; }
 };
 
+/// Version, layout of a point and scale alone, of a file that begins so. @throws InputError.
+[[nodiscard]] LasHeader read_las_start(std::span<const std::byte> bytes, const std::string& name);
+
 /// @param bytes  the whole file.
 /// @throws InputError naming `name`, the value found and what was expected: also for LAZ and COPC,
 /// versions other than 1.2 to 1.4, and fewer points than the header says.

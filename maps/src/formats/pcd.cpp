@@ -18,7 +18,6 @@ namespace {
 
 // More than any sensor writes; keeps the product of three counts far below 2^64.
 constexpr std::size_t kMaxFields = 256;
-constexpr std::size_t kMaxHeaderBytes = 65536;
 constexpr std::uint64_t kMaxFieldCount = 65536;
 constexpr std::uint64_t kMaxSide = std::uint64_t{1} << 31U;
 
@@ -346,7 +345,8 @@ auto read_points(std::span<const std::byte> bytes, const Header& header,
 }
 
 std::string_view header_part(std::span<const std::byte> bytes) {
-  return {reinterpret_cast<const char*>(bytes.data()), std::min(bytes.size(), kMaxHeaderBytes)};
+  return {reinterpret_cast<const char*>(bytes.data()),
+          std::min(bytes.size(), kMostCloudHeaderBytes)};
 }
 
 }  // namespace
@@ -375,6 +375,11 @@ CloudSummary stream_pcd(std::span<const std::byte> bytes, const std::string& nam
   // Text has as many digits as it was written with.
   if (header.encoding == Encoding::kAscii) summary.single_precision = false;
   return summary;
+}
+
+void check_pcd_header(std::span<const std::byte> head, const std::string& name) {
+  const Header header = parse_header(header_part(head), name, kMaxSide);
+  (void)roles_of(header.fields, name);
 }
 
 }  // namespace stillmap::maps

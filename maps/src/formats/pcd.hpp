@@ -16,4 +16,7 @@ namespace stillmap::maps {
 CloudSummary stream_pcd(std::span<const std::byte> bytes, const std::string& name,
                         const std::function<void(std::span<const CloudPoint>)>& take);
 
+/// As `check_cloud_header`.
+void check_pcd_header(std::span<const std::byte> head, const std::string& name);
+
 }  // namespace stillmap::maps

@@ -14,8 +14,6 @@
 namespace stillmap::maps {
 namespace {
 
-constexpr std::size_t kMaxHeaderBytes = 65536;
-
 using Fields = std::vector<std::string_view>;
 
 struct Property {
@@ -226,13 +224,18 @@ void skip_element(const Element& element, NumberStream& stream, const std::strin
   }
 }
 
+std::vector<PointField> fields_of(const Element& element) {
+  std::vector<PointField> fields;
+  for (const Property& property : element.properties) fields.push_back(property.field);
+  return fields;
+}
+
 /// @param make  of the table, or of what else takes the points, from their fields and roles: called
 /// once these bytes are known to hold so many of them. @return what it made, filled.
 template <typename Make>
 auto read_vertices(const Element& element, NumberStream& stream, const std::string& name,
                    const Make& make) {
-  std::vector<PointField> fields;
-  for (const Property& property : element.properties) fields.push_back(property.field);
+  const std::vector<PointField> fields = fields_of(element);
   const std::vector<Role> roles = roles_of(fields, name);
   check_count(element, stream, name);
   auto table = make(fields, roles);
@@ -267,7 +270,8 @@ Vertices find_vertices(std::span<const std::byte> bytes, const Header& header,
 }
 
 std::string_view header_part(std::span<const std::byte> bytes) {
-  return {reinterpret_cast<const char*>(bytes.data()), std::min(bytes.size(), kMaxHeaderBytes)};
+  return {reinterpret_cast<const char*>(bytes.data()),
+          std::min(bytes.size(), kMostCloudHeaderBytes)};
 }
 
 }  // namespace
@@ -297,6 +301,14 @@ CloudSummary stream_ply(std::span<const std::byte> bytes, const std::string& nam
   // Text has as many digits as it was written with.
   if (header.encoding == Encoding::kAscii) summary.single_precision = false;
   return summary;
+}
+
+void check_ply_header(std::span<const std::byte> head, const std::string& name) {
+  const Header header = parse_header(header_part(head), name);
+  const auto vertex = std::find_if(header.elements.begin(), header.elements.end(),
+                                   [](const Element& each) { return each.name == "vertex"; });
+  if (vertex == header.elements.end()) throw InputError(name, "no element 'vertex'", "one");
+  (void)roles_of(fields_of(*vertex), name);
 }
 
 }  // namespace stillmap::maps

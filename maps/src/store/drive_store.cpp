@@ -40,6 +40,13 @@ void refuse_if_not_open(const StoredDrive& drive) {
       "drive " + std::to_string(drive.id) + " is " + std::string(name_of(drive.status)));
 }
 
+void refuse_if_too_large(const StoredDrive& drive, std::uint64_t bytes, std::uint64_t most,
+                         const std::string& part) {
+  if (bytes <= most && drive.bytes <= most - bytes) return;
+  throw InputError(part, std::to_string(bytes) + " bytes more than " + std::to_string(drive.bytes),
+                   "at most " + std::to_string(most) + " in all");
+}
+
 /// A file that goes unless it was renamed.
 class Leftover {
  public:
@@ -118,10 +125,7 @@ DriveStore::Added DriveStore::add_part(std::int64_t id, std::int64_t n, std::uin
   if (n < 1 || n > DriveTable::kMostParts)
     throw std::invalid_argument(name + ": 1 to " + std::to_string(DriveTable::kMostParts));
   if (!has_part(store_.drives().parts(id), n)) {
-    if (bytes > limits.bytes || drive.bytes > limits.bytes - bytes)
-      throw InputError(name,
-                       std::to_string(bytes) + " bytes more than " + std::to_string(drive.bytes),
-                       "at most " + std::to_string(limits.bytes) + " in all");
+    refuse_if_too_large(drive, bytes, limits.bytes, name);
     store_.check_quota(drive.map, bytes);
   }
   const DurableFiles files(*calls_);
@@ -132,9 +136,13 @@ DriveStore::Added DriveStore::add_part(std::int64_t id, std::int64_t n, std::uin
   if (sha256 && *sha256 != part.sha256)
     throw InputError(name, "SHA-256 " + part.sha256, *sha256 + " as announced");
   const Busy busy(*this, id);
-  refuse_if_not_open(store_.drives().drive(id));
+  const StoredDrive now = store_.drives().drive(id);
+  refuse_if_not_open(now);
   const bool is_new = !has_part(store_.drives().parts(id), n);
   if (is_new) {
+    // Others may have come meanwhile.
+    refuse_if_too_large(now, bytes, limits.bytes, name);
+    store_.check_quota(now.map, bytes);
     const fs::path parts = home(id) / kPartsName;
     files.rename(incoming, parts / std::to_string(n));
     files.sync_folder(parts);

@@ -1,6 +1,7 @@
 #include "store/durable_files.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/disk_full.hpp>
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -22,6 +23,8 @@ using Kind = DiskCall::Kind;
 std::int64_t result_of(int result) { return result < 0 ? -errno : 0; }
 
 [[noreturn]] void fail(const fs::path& path, std::int64_t result) {
+  if (result == -ENOSPC || result == -EDQUOT)
+    throw DiskFull(path.string(), std::strerror(static_cast<int>(-result)));
   throw StorageError(path.string(), std::strerror(static_cast<int>(-result)));
 }
 
@@ -111,6 +114,17 @@ void DurableFiles::sync_folder(const fs::path& folder) const {
 void DurableFiles::rename(const fs::path& from, const fs::path& to) const {
   pass(*calls_, {.kind = Kind::kRename, .path = from, .to = to},
        [&](std::size_t) { return result_of(std::rename(from.c_str(), to.c_str())); });
+}
+
+void DurableFiles::exchange(const fs::path& one, const fs::path& other) const {
+  const std::int64_t result =
+      calls_->pass({.kind = Kind::kExchange, .path = one, .to = other}, [&](std::size_t) {
+        return result_of(
+            ::renameat2(AT_FDCWD, one.c_str(), AT_FDCWD, other.c_str(), RENAME_EXCHANGE));
+      });
+  if (result == -EINVAL)
+    throw StorageError(other.string(), "its file system cannot exchange it for another");
+  if (result < 0) fail(other, result);
 }
 
 bool DurableFiles::link(const fs::path& from, const fs::path& to) const {

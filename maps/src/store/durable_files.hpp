@@ -44,6 +44,8 @@ class DurableFiles {
   /// Makes the folder's entries last: what was created, renamed and removed in it.
   void sync_folder(const std::filesystem::path& folder) const;
   void rename(const std::filesystem::path& from, const std::filesystem::path& to) const;
+  /// Puts each in the place of the other, in one step. Not every file system can.
+  void exchange(const std::filesystem::path& one, const std::filesystem::path& other) const;
   /// A second name for a file. @return false where the disk or its limits do not allow one.
   bool link(const std::filesystem::path& from, const std::filesystem::path& to) const;
   /// Not synced.

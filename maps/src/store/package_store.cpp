@@ -3,6 +3,7 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/store/map_name.hpp>
 
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -58,7 +59,7 @@ class PackageStore::Incoming {
     lock_ = FolderLock::try_folder(path_);
   }
   ~Incoming() {
-    if (!lock_ || published_) return;
+    if (!lock_ || stays_) return;
     try {
       files_.remove_tree(path_);
     } catch (const StorageError&) {
@@ -69,17 +70,28 @@ class PackageStore::Incoming {
   Incoming& operator=(const Incoming&) = delete;
 
   [[nodiscard]] const fs::path& path() const { return path_; }
+  /// A package that lies there already is replaced in one step, and goes with this.
   /// @param package  this folder, or one in it; then the rest goes with this.
   void publish(const fs::path& package, const fs::path& target) {
-    files_.rename(package, target);
-    published_ = package == path_;
+    if (!is_there(target)) {
+      files_.rename(package, target);
+      stays_ = package == path_;
+      return;
+    }
+    files_.exchange(package, target);
+    // Until it is sure to last, a power cut may bring the other one back, so it must not be
+    // emptied.
+    stays_ = true;
+    files_.sync_folder(target.parent_path());
+    stays_ = false;
   }
 
  private:
   DurableFiles files_;
   fs::path path_;
   std::optional<FolderLock> lock_;
-  bool published_ = false;
+  /// Published, or not to be touched.
+  bool stays_ = false;
 };
 
 PackageStore::PackageStore(fs::path folder, DiskCalls& calls)
@@ -156,6 +168,12 @@ std::shared_ptr<const MapPackage> PackageStore::open(std::string_view map,
   return MapPackage::open(package_folder(state_->version(map, version).digest));
 }
 
+std::uint64_t PackageStore::copy_of(std::string_view map, std::string_view version) const {
+  struct stat found {};
+  const fs::path folder = package_folder(state_->version(map, version).digest);
+  return ::stat(folder.c_str(), &found) == 0 ? static_cast<std::uint64_t>(found.st_ino) : 0;
+}
+
 PackageStore::Added PackageStore::add(std::string_view map, std::string_view version,
                                       const fs::path& package) {
   check_name("map", map);
@@ -168,15 +186,15 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
   wanted.bytes += text.size();
   wanted.created_ns = now_ns();
 
-  if (const auto known = state_->find_version(map, version)) {
-    // Told before gigabytes are copied.
-    if (known->digest != wanted.digest) state_->add_version(map, wanted);
-    return {*known, false};
-  }
-  state_->check_quota(quota(), map, wanted.bytes, wanted.digest);
+  const auto known = state_->find_version(map, version);
+  // Both are told before gigabytes are copied.
+  if (known && known->digest != wanted.digest) state_->add_version(map, wanted);
+  if (!known) state_->check_quota(quota(), map, wanted.bytes, wanted.digest);
+  const bool whole = has_whole(wanted.digest);
+  if (known && whole) return {*known, false};
   const DurableFiles files(*calls_);
   std::optional<FolderLock> lock(locked());
-  if (adopt(wanted.digest)) return commit(map, wanted);
+  if (whole && is_there(package_folder(wanted.digest))) return commit(map, wanted);
   Incoming incoming(packages_, files);
   lock.reset();
   const CopiedPackage copied = copy_package(package, incoming.path(), files);
@@ -184,7 +202,7 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
     throw InputError(manifest_file.string(), "a file that changes", "one that does not");
   check_readable(incoming.path());
   lock.emplace(locked());
-  if (!adopt(wanted.digest)) incoming.publish(incoming.path(), package_folder(wanted.digest));
+  incoming.publish(incoming.path(), package_folder(wanted.digest));
   return commit(map, wanted);
 }
 
@@ -207,13 +225,13 @@ PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_
   wanted.bytes = package.package.bytes;
   wanted.created_ns = now_ns();
   check_readable(package.folder);
+  const bool whole = has_whole(wanted.digest);
   lock.emplace(locked());
-  if (const auto known = state_->find_version(map, version)) {
-    if (known->digest != wanted.digest) state_->add_version(map, wanted);
-    return {*known, false};
-  }
-  state_->check_quota(quota(), map, wanted.bytes, wanted.digest);
-  if (!adopt(wanted.digest)) incoming.publish(package.folder, package_folder(wanted.digest));
+  const auto known = state_->find_version(map, version);
+  if (known && known->digest != wanted.digest) state_->add_version(map, wanted);
+  if (!known) state_->check_quota(quota(), map, wanted.bytes, wanted.digest);
+  const fs::path target = package_folder(wanted.digest);
+  if (!whole || !is_there(target)) incoming.publish(package.folder, target);
   return commit(map, wanted);
 }
 
@@ -222,20 +240,20 @@ std::unique_ptr<PackageArchive> PackageStore::archive(std::string_view map,
   return std::make_unique<PackageArchive>(package_folder(state_->version(map, version).digest));
 }
 
-/// Under the lock. @return whether a whole package of this digest lies there. One that no version
-/// names is read through, since it may be any age; if it is broken, it is cleared.
-bool PackageStore::adopt(const std::string& digest) {
-  const fs::path folder = package_folder(digest);
-  if (!is_there(folder)) return false;
-  if (state_->uses(digest)) return true;
+/// What is wrong with the package in the place of this digest; empty when it is whole. Reads all.
+std::string PackageStore::damage_of(const std::string& digest) const {
   try {
-    const std::shared_ptr<const MapPackage> package = MapPackage::open(folder);
-    if (package->digest() == digest && package->verify().empty()) return true;
-  } catch (const InputError&) {
-    // Cleared like one with a wrong checksum.
+    const std::shared_ptr<const MapPackage> package = MapPackage::open(package_folder(digest));
+    if (package->digest() != digest) return "its manifest has another digest";
+    const std::vector<std::string> broken = package->verify();
+    return broken.empty() ? "" : problems_text(broken);
+  } catch (const std::runtime_error& error) {
+    return error.what();
   }
-  clear_package(digest);
-  return false;
+}
+
+bool PackageStore::has_whole(const std::string& digest) const {
+  return is_there(package_folder(digest)) && damage_of(digest).empty();
 }
 
 /// Under the lock, with the package in its place.
@@ -369,19 +387,7 @@ std::vector<PackageStore::Problem> PackageStore::verify() const {
   std::map<std::string, std::string> found;
   for (const StoredMap& map : state_->maps()) {
     for (const StoredVersion& version : state_->versions(map.name)) {
-      if (!found.contains(version.digest)) {
-        std::string& what = found[version.digest];
-        try {
-          const auto package = MapPackage::open(package_folder(version.digest));
-          const std::vector<std::string> broken = package->verify();
-          if (package->digest() != version.digest)
-            what = "its manifest has another digest";
-          else if (!broken.empty())
-            what = problems_text(broken);
-        } catch (const std::runtime_error& error) {
-          what = error.what();
-        }
-      }
+      if (!found.contains(version.digest)) found[version.digest] = damage_of(version.digest);
       // It may have been removed while it was read.
       if (!found[version.digest].empty() && state_->uses(version.digest))
         problems.push_back({map.name, version.name, found[version.digest]});

@@ -12,7 +12,7 @@ namespace {
 constexpr std::int64_t kApplicationId = 0x53544d50;
 
 /// Step n takes version n to n + 1. A published step is never changed, only followed by others.
-constexpr std::array<const char*, 2> kSteps = {
+constexpr std::array<const char*, 3> kSteps = {
     R"(
 CREATE TABLE maps (
   name TEXT PRIMARY KEY NOT NULL,
@@ -111,6 +111,12 @@ CREATE TABLE audit (
 CREATE INDEX audit_by_time ON audit (time_ns);
 CREATE TRIGGER audit_is_append_only BEFORE UPDATE ON audit
   BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;
+)",
+    R"(
+CREATE TABLE retired_maps (
+  name TEXT PRIMARY KEY NOT NULL,
+  revision INTEGER NOT NULL
+) STRICT, WITHOUT ROWID;
 )",
 };
 

@@ -1,5 +1,7 @@
 #include "store/sqlite_database.hpp"
 
+#include <stillmap/maps/store/disk_full.hpp>
+
 #include <sqlite3.h>
 
 #include <cstring>
@@ -99,6 +101,7 @@ void SqliteDatabase::fail() {
   const int changing = vfs_.take_failure();
   const int failure = changing != 0 ? changing : sqlite3_system_errno(connection_);
   if (of_disk && failure != 0) reason += std::string(" (") + std::strerror(failure) + ")";
+  if (code == SQLITE_FULL) throw DiskFull(file_.string(), reason);
   if (of_disk || code == SQLITE_READONLY) throw DiskRefused(file_.string(), reason);
   throw StorageError(file_.string(), reason);
 }

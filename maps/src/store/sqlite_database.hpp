@@ -17,8 +17,8 @@ struct sqlite3_stmt;
 
 namespace stillmap::maps {
 
-/// The disk does not let the database be changed: it is read-only, full or failing. What lies there
-/// may still be readable.
+/// The disk does not let the database be changed: it is read-only or failing (a full one is
+/// `DiskFull`). What lies there may still be readable.
 class DiskRefused : public StorageError {
  public:
   using StorageError::StorageError;

@@ -1,6 +1,6 @@
 #include "store/store_database.hpp"
 
-#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/disk_full.hpp>
 
 #include <system_error>
 #include <utility>
@@ -16,15 +16,21 @@ StoreDatabase::StoreDatabase(const fs::path& file, DiskCalls& calls) : file_(fil
   try {
     open(calls);
   } catch (const DiskRefused& refused) {
-    reader_.reset();
-    database_.reset();
-    read_only_because_ = refused.what();
-    try {
-      read_into_memory();
-    } catch (const StorageError&) {
-      // Nothing to be read either: the first reason says more.
-      throw StorageError(refused);
-    }
+    only_read(refused);
+  } catch (const DiskFull& full) {
+    only_read(full);
+  }
+}
+
+void StoreDatabase::only_read(const StorageError& because) {
+  reader_.reset();
+  database_.reset();
+  read_only_because_ = because.what();
+  try {
+    read_into_memory();
+  } catch (const StorageError&) {
+    // Nothing to be read either: the first reason says more.
+    throw StorageError(because);
   }
 }
 

@@ -61,6 +61,7 @@ class StoreDatabase {
 
  private:
   void open(DiskCalls& calls);
+  void only_read(const StorageError& because);
   void read_into_memory();
   [[nodiscard]] SqliteDatabase& writable();
 

@@ -36,9 +36,13 @@ StoredMap point_to(SqliteDatabase& database, StoredMap map, const std::string& v
 }
 
 bool insert_map(SqliteDatabase& database, std::string_view name, std::int64_t now_ns) {
-  SqliteStatement(database, "INSERT OR IGNORE INTO maps (name, created_ns) VALUES (?, ?)")
+  // A removed map of this name is told from this one by its revisions.
+  SqliteStatement(database,
+                  "INSERT OR IGNORE INTO maps (name, created_ns, revision) VALUES (?, ?,"
+                  " coalesce((SELECT revision + 1 FROM retired_maps WHERE name = ?), 0))")
       .bind(name)
       .bind(now_ns)
+      .bind(name)
       .step();
   return database.changes() > 0;
 }
@@ -169,6 +173,7 @@ void StoreState::remove_map(std::string_view name, WhenActive when_active) {
   for (const char* sql :
        {"UPDATE maps SET active = NULL, previous = NULL WHERE name = ?",
         "INSERT OR IGNORE INTO retired SELECT map, name, digest FROM versions WHERE map = ?",
+        "INSERT OR REPLACE INTO retired_maps SELECT name, revision FROM maps WHERE name = ?",
         "DELETE FROM versions WHERE map = ?", "DELETE FROM maps WHERE name = ?"})
     SqliteStatement(database, sql).bind(name).step();
   for (const std::string& digest : digests) condemn_unused(database, digest);

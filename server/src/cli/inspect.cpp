@@ -6,8 +6,8 @@
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
 #include "commands.hpp"
-#include "inspection.hpp"
 #include "json/inspection_json.hpp"
+#include "operation/inspection.hpp"
 
 namespace stillmap::cli {
 namespace {

@@ -3,7 +3,6 @@
 #include <fmt/chrono.h>
 #include <fmt/core.h>
 
-#include <chrono>
 #include <ctime>
 #include <map>
 #include <memory>
@@ -14,6 +13,7 @@
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
 #include "commands.hpp"
+#include "ids_and_times.hpp"
 #include "json/store_json.hpp"
 
 namespace stillmap::cli {
@@ -26,13 +26,6 @@ struct KeyArguments {
   std::optional<int> expires_days;
   bool json = false;
 };
-
-std::int64_t now_ns() {
-  using std::chrono::system_clock;
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(
-             system_clock::now().time_since_epoch())
-      .count();
-}
 
 std::string date_of(std::int64_t time_ns) {
   return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}",
@@ -48,7 +41,7 @@ std::map<std::string, maps::KeyScope> scopes_by_name() {
 void create(const KeyArguments& arguments) {
   maps::KeyScopes scopes;
   for (const std::string& name : arguments.scopes) scopes.add(scopes_by_name().at(name));
-  const std::int64_t now = now_ns();
+  const std::int64_t now = server::unix_ns();
   std::optional<std::int64_t> expires;
   if (arguments.expires_days)
     expires = now + *arguments.expires_days * std::int64_t{86'400'000'000'000};
@@ -71,7 +64,7 @@ std::string text_of(const maps::ApiKey& key) {
   text += "), made " + date_of(key.created_ns);
   if (key.revoked_ns) return text + ", revoked " + date_of(*key.revoked_ns);
   if (!key.expires_ns) return text;
-  return text + (*key.expires_ns <= now_ns() ? ", expired " : ", until ") +
+  return text + (*key.expires_ns <= server::unix_ns() ? ", expired " : ", until ") +
          date_of(*key.expires_ns);
 }
 
@@ -91,7 +84,7 @@ void list(const KeyArguments& arguments) {
 void revoke(const KeyArguments& arguments) {
   require_store(arguments.store);
   maps::PackageStore store(arguments.store);
-  const maps::ApiKey key = store.keys().revoke(arguments.id, now_ns());
+  const maps::ApiKey key = store.keys().revoke(arguments.id, server::unix_ns());
   if (arguments.json)
     fmt::print("{}\n", server::key_json(key));
   else

@@ -15,9 +15,9 @@
 #include "config/option_table.hpp"
 #include "config/reload.hpp"
 #include "config/value_text.hpp"
-#include "health_probe.hpp"
 #include "log/log_output.hpp"
-#include "notify.hpp"
+#include "operation/health_probe.hpp"
+#include "operation/notify.hpp"
 #include "serve_signals.hpp"
 
 namespace stillmap::cli {
@@ -150,11 +150,13 @@ void run_server(const server::ConfigSources& sources, const server::ServerOption
                                   return std::chrono::seconds(started.drain.delay_s +
                                                               started.drain.timeout_s + kGrace_s);
                                 }});
+  spdlog::info("stillmap {} serves {} at {}", STILLMAP_VERSION, started.store, address);
   // stdout carries the address and nothing else.
   fmt::print("listening on {}\n", address);
   std::fflush(stdout);
   notifier.ready("listening on " + address);
   server.run();
+  spdlog::info("stopped");
 }
 
 void serve(const ServeArguments& arguments) {

@@ -128,6 +128,15 @@ void activate(const StoreArguments& arguments) {
         fmt::format("{} {} is active, revision {}", map.name, *map.active, map.revision));
 }
 
+void remove(const StoreArguments& arguments) {
+  require_store(arguments.store);
+  PackageStore store(arguments.store);
+  const bool gone = store.remove(arguments.map, arguments.version);
+  print(arguments.json, server::removed_json({arguments.map, arguments.version}, gone),
+        fmt::format("{} {} is removed{}", arguments.map, arguments.version,
+                    gone ? "" : "; its package stays for others, or until `stillmap store gc`"));
+}
+
 using Arguments = std::shared_ptr<StoreArguments>;
 
 /// A subcommand of `stillmap store` that works on an existing store.
@@ -180,7 +189,8 @@ void add_store(CLI::App& app) {
   CLI::App* adds = add_command(*group, arguments, "add", "Publish a map package as a version", add);
   CLI::App* activates =
       add_command(*group, arguments, "activate", "Make a version the served one", activate);
-  for (CLI::App* command : {adds, activates}) {
+  CLI::App* removes = add_command(*group, arguments, "remove", "Remove a version", remove);
+  for (CLI::App* command : {adds, activates, removes}) {
     command->add_option("MAP", arguments->map, "Name of the map")->required();
     command->add_option("VERSION", arguments->version, "Name of the version")->required();
   }

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "request_id.hpp"
+#include "http/request_id.hpp"
 
 namespace stillmap::server {
 

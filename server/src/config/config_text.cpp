@@ -1,7 +1,7 @@
 #include "config_text.hpp"
 
+#include "http/request_id.hpp"
 #include "option_table.hpp"
-#include "request_id.hpp"
 #include "value_text.hpp"
 
 #include <fmt/format.h>

@@ -232,7 +232,8 @@ std::vector<Option> storing() {
        .field = at(&S::uploads, &U::max_open),
        .least = 1,
        .most = 10'000,
-       .text = "Uploads under way at one time; beyond it the answer is 503.",
+       .text = "Uploads under way at one time, half of them of one key; beyond it the answer is "
+               "503 or 429.",
        .reloadable = true},
       {.key = "quotas.store_bytes",
        .field = at(&S::quotas, &QuotaOptions::store_bytes),

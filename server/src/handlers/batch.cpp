@@ -1,8 +1,8 @@
-#include "api_error.hpp"
-#include "header_text.hpp"
+#include "errors/api_error.hpp"
+#include "http/header_text.hpp"
+#include "http/multipart.hpp"
 #include "json/answers_json.hpp"
 #include "json/pose_request_json.hpp"
-#include "multipart.hpp"
 #include "pose/pose_checks.hpp"
 #include "pose_handling.hpp"
 

@@ -1,11 +1,9 @@
 #include "context.hpp"
 
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 
 #include <stillmap/maps/store/map_name.hpp>
 
-#include <charconv>
-#include <chrono>
 #include <utility>
 
 namespace stillmap::server {
@@ -15,21 +13,6 @@ void check_name(const PathParameters& path, const std::string& part) {
   if (maps::is_valid_map_name(name)) return;
   throw field_error(ErrorCode::kInvalidRequest, part, "'" + name + "'",
                     "[a-z0-9][a-z0-9._-]{0,62}");
-}
-
-std::optional<std::int64_t> id_in(std::string_view text) {
-  std::int64_t id = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
-  // One spelling for each: no sign, no zeros in front.
-  const bool plain = !text.empty() && text.front() >= '1' && text.front() <= '9';
-  if (!plain || error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  return id;
-}
-
-std::int64_t unix_ns() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
 }
 
 bool is_known_to_client(const std::string& if_none_match, const std::string& etag) {

@@ -1,13 +1,14 @@
 #pragma once
 
+#include "catalog/map_catalog.hpp"
+#include "catalog/upload_places.hpp"
+#include "http/router.hpp"
+#include "ids_and_times.hpp"
 #include "jobs/job_runner.hpp"
-#include "map_catalog.hpp"
-#include "metrics.hpp"
+#include "operation/metrics.hpp"
 #include "pose/alignment_queue.hpp"
 #include "pose/map_stats.hpp"
 #include "pose/session_table.hpp"
-#include "router.hpp"
-#include "upload_places.hpp"
 
 #include <stillmap/maps/store/drive_store.hpp>
 #include <stillmap/server/options_holder.hpp>
@@ -70,10 +71,6 @@ void add_openapi_routes(std::vector<Route>& routes);
 void check_name(const PathParameters& path, const std::string& part);
 /// 202, with the place of the job.
 [[nodiscard]] HttpResponse accepted(const JobView& job);
-/// A number as the store gives them to drives and jobs; nothing for any other text.
-[[nodiscard]] std::optional<std::int64_t> id_in(std::string_view text);
-/// Since 1970, UTC.
-[[nodiscard]] std::int64_t unix_ns();
 /// Whether one of the tags of If-None-Match is ours; `*` means any.
 [[nodiscard]] bool is_known_to_client(const std::string& if_none_match, const std::string& etag);
 /// Whether the query says `FLAG=true`. @throws ApiError for anything else in it.

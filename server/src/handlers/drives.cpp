@@ -1,9 +1,9 @@
-#include "api_error.hpp"
-#include "content_digest.hpp"
 #include "context.hpp"
-#include "header_text.hpp"
+#include "errors/api_error.hpp"
+#include "errors/upload_errors.hpp"
+#include "http/content_digest.hpp"
+#include "http/header_text.hpp"
 #include "json/drives_json.hpp"
-#include "upload_errors.hpp"
 
 #include <fmt/format.h>
 
@@ -119,9 +119,9 @@ HttpResponse remove_drive(const Context& context, const PathParameters& path) {
 
 /// Parts are large, and unpacking is slow: both take a place.
 void add_upload_routes(std::vector<Route>& routes, const Context& context) {
-  const auto reserve = [&context](const HttpRequest&, const PathParameters& path) {
+  const auto reserve = [&context](const HttpRequest& request, const PathParameters& path) {
     static_cast<void>(find_drive(context, path));
-    return context.uploads.take(context.live.current()->uploads.max_open);
+    return context.uploads.take(context.live.current()->uploads.max_open, request.caller.key_id);
   };
   Route part{"PUT",
              "/v1/maps/{map}/drives/{drive}/parts/{part}",

@@ -1,4 +1,4 @@
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 #include "json/answers_json.hpp"
 #include "pose_handling.hpp"
 

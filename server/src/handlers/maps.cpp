@@ -1,5 +1,5 @@
-#include "api_error.hpp"
 #include "context.hpp"
+#include "errors/api_error.hpp"
 #include "json/answers_json.hpp"
 
 #include <algorithm>

@@ -1,12 +1,13 @@
-#include "api_error.hpp"
-#include "content_digest.hpp"
 #include "context.hpp"
-#include "header_text.hpp"
+#include "errors/api_error.hpp"
+#include "errors/upload_errors.hpp"
+#include "http/content_digest.hpp"
+#include "http/header_text.hpp"
 #include "json/answers_json.hpp"
-#include "upload_errors.hpp"
 
 #include <fmt/format.h>
 
+#include <stillmap/maps/cloud_file.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/store/archive.hpp>
 
@@ -15,7 +16,9 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <span>
 #include <stdexcept>
+#include <string_view>
 #include <utility>
 
 namespace stillmap::server {
@@ -52,16 +55,30 @@ void check_archive_type(const HttpRequest& request) {
   const std::string type = media_type(request.header("content-type"));
   if (std::find(kTypes.begin(), kTypes.end(), type) != kTypes.end()) return;
   throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
-                    "application/x-tar, application/gzip, application/zstd, application/vnd.pcd "
-                    "or application/ply");
+                    "application/x-tar, application/gzip, application/zstd, application/vnd.pcd, "
+                    "application/ply or application/vnd.las");
 }
 
-/// "pcd" or "ply" for a map from elsewhere, which must be converted; nothing for a package.
+/// "pcd", "ply" or "las" for a map from elsewhere, which must be converted; nothing for a package.
 std::optional<std::string> cloud_format(const HttpRequest& request) {
   const std::string type = media_type(request.header("content-type"));
   if (type == "application/vnd.pcd") return "pcd";
   if (type == "application/ply") return "ply";
+  if (type == "application/vnd.las") return "las";
   return std::nullopt;
+}
+
+/// What the body begins with, as far as a header of a point cloud may reach.
+std::string head_of(BodyStream& body) {
+  std::string head(maps::kMostCloudHeaderBytes, '\0');
+  std::size_t have = 0;
+  while (have < head.size()) {
+    const std::size_t got = body.read(std::span(head).subspan(have));
+    if (got == 0) break;
+    have += got;
+  }
+  head.resize(have);
+  return head;
 }
 
 /// 202 while it is converted, 200 when that was done before.
@@ -73,8 +90,15 @@ HttpResponse put_cloud(const Context& context, const HttpRequest& request,
   BodyStream& body = *request.stream;
   const std::uint64_t bytes = body.size();
   context.store.check_quota(map, bytes);
-  const auto source = [&body](std::span<char> to) { return body.read(to); };
   return with_upload_errors(context.store.folder(), [&] {
+    const std::string head = head_of(body);
+    maps::check_cloud_header(std::as_bytes(std::span(head)), format, name);
+    const auto source = [&body, left = std::string_view(head)](std::span<char> to) mutable {
+      if (left.empty()) return body.read(to);
+      const std::size_t count = left.copy(to.data(), to.size());
+      left.remove_prefix(count);
+      return count;
+    };
     const std::string sha256 = context.jobs.receive(source, bytes, wanted_sha256(request), name);
     const maps::JobTable::Enqueued enqueued =
         context.jobs.convert(map, {.version = version, .sha256 = sha256, .format = format},
@@ -165,8 +189,8 @@ void add_package_routes(std::vector<Route>& routes, const Context& context) {
             Access::kWrite,
             BodyKind::kStreamed,
             static_cast<std::uint64_t>(context.options.uploads.max_package_bytes)};
-  put.reserve = [&context](const HttpRequest&, const PathParameters&) {
-    return context.uploads.take(context.live.current()->uploads.max_open);
+  put.reserve = [&context](const HttpRequest& request, const PathParameters&) {
+    return context.uploads.take(context.live.current()->uploads.max_open, request.caller.key_id);
   };
   routes.push_back(std::move(put));
   routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/content",

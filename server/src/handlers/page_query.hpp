@@ -1,6 +1,6 @@
 #pragma once
 
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 #include "handlers/context.hpp"
 
 #include <algorithm>

@@ -1,10 +1,10 @@
 #include "pose_handling.hpp"
 
-#include "api_error.hpp"
-#include "flat_parameters.hpp"
-#include "header_text.hpp"
+#include "errors/api_error.hpp"
+#include "errors/refusal_codes.hpp"
+#include "http/flat_parameters.hpp"
+#include "http/header_text.hpp"
 #include "pose/clock_skew.hpp"
-#include "refusal_codes.hpp"
 
 #include <stillmap/localization/movable.hpp>
 

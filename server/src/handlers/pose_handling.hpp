@@ -1,7 +1,7 @@
 #pragma once
 
-#include "api_error.hpp"
 #include "context.hpp"
+#include "errors/api_error.hpp"
 #include "pose/pose_answer.hpp"
 #include "pose/pose_request.hpp"
 

@@ -1,6 +1,6 @@
-#include "api_error.hpp"
 #include "context.hpp"
-#include "header_text.hpp"
+#include "errors/api_error.hpp"
+#include "http/header_text.hpp"
 #include "json/jobs_json.hpp"
 
 #include <algorithm>
@@ -56,7 +56,7 @@ void add_rebuild_routes(std::vector<Route>& routes, const Context& context) {
   constexpr int kMostEstimates = 2;
   route.reserve = [places = std::make_shared<UploadPlaces>()](const HttpRequest&,
                                                               const PathParameters&) {
-    return places->take(kMostEstimates, "requests for a rebuild");
+    return places->take(kMostEstimates, {}, "requests for a rebuild");
   };
   routes.push_back(std::move(route));
 }

@@ -1,5 +1,5 @@
-#include "api_error.hpp"
-#include "header_text.hpp"
+#include "errors/api_error.hpp"
+#include "http/header_text.hpp"
 #include "json/answers_json.hpp"
 #include "json/pose_request_json.hpp"
 #include "json/session_json.hpp"

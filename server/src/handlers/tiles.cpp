@@ -1,6 +1,6 @@
-#include "api_error.hpp"
 #include "context.hpp"
-#include "header_text.hpp"
+#include "errors/api_error.hpp"
+#include "http/header_text.hpp"
 #include "json/tile_diff_json.hpp"
 
 #include <fmt/format.h>

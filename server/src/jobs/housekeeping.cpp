@@ -1,6 +1,6 @@
 #include "jobs/housekeeping.hpp"
 
-#include "handlers/context.hpp"
+#include "ids_and_times.hpp"
 
 #include <spdlog/spdlog.h>
 

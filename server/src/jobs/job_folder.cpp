@@ -7,21 +7,44 @@
 
 #include <stillmap/maps/error.hpp>
 
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
 #include <fstream>
 #include <iterator>
+#include <string_view>
 #include <system_error>
 
 namespace stillmap::server {
 namespace fs = std::filesystem;
 
+namespace {
+
+[[noreturn]] void fail(const fs::path& file) {
+  throw maps::StorageError(file.string(),
+                           std::string("cannot be written: ") + std::strerror(errno));
+}
+
+void write_synced(const fs::path& file, std::string_view text) {
+  const Descriptor opened(
+      ::open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0666));
+  if (!opened.is_open()) fail(file);
+  while (!text.empty()) {
+    const ssize_t written = ::write(opened.get(), text.data(), text.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) fail(file);
+    text.remove_prefix(static_cast<std::size_t>(written));
+  }
+  if (::fsync(opened.get()) != 0) fail(file);
+}
+
+}  // namespace
+
 void write_small_file(const fs::path& file, const std::string& text) {
   const fs::path half = file.string() + ".new";
-  std::ofstream stream(half, std::ios::binary | std::ios::trunc);
-  stream.write(text.data(), static_cast<std::streamsize>(text.size()));
-  stream.close();
-  std::error_code error;
-  if (stream) fs::rename(half, file, error);
-  if (!stream || error) throw maps::StorageError(file.string(), "cannot be written");
+  write_synced(half, text);
+  if (std::rename(half.c_str(), file.c_str()) != 0) fail(file);
+  sync_folder(file.parent_path());
 }
 
 void sync_folder(const fs::path& folder) {

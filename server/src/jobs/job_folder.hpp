@@ -8,8 +8,8 @@
 namespace stillmap::server {
 
 /// Where a job works. The log and the outcome stay until the job is forgotten; the rest goes when
-/// it has ended. Nothing here must last, what a power cut takes is made again; only uploads beside
-/// the folders of jobs must.
+/// it has ended. What a power cut takes of the work is made again; what `write_small_file` wrote
+/// (the outcome before its job is called done, crashes), and uploads beside these folders, last.
 struct JobFolder {
   std::filesystem::path root;
 
@@ -29,7 +29,8 @@ struct JobFolder {
   [[nodiscard]] std::filesystem::path previous() const { return scratch() / "previous"; }
 };
 
-/// Replaces the file as a whole. @throws maps::StorageError.
+/// Replaces the file as a whole; once it returns, a power cut leaves the new one. @throws
+/// maps::StorageError.
 void write_small_file(const std::filesystem::path& file, const std::string& text);
 /// Makes the folder's names last. @throws maps::StorageError.
 void sync_folder(const std::filesystem::path& folder);

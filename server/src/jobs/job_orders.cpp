@@ -1,5 +1,5 @@
-#include "api_error.hpp"
-#include "handlers/context.hpp"
+#include "errors/api_error.hpp"
+#include "ids_and_times.hpp"
 #include "jobs/job_runner.hpp"
 
 #include <fmt/format.h>

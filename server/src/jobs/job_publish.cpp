@@ -1,5 +1,5 @@
-#include "api_error.hpp"
-#include "handlers/context.hpp"
+#include "errors/api_error.hpp"
+#include "ids_and_times.hpp"
 #include "jobs/job_runner.hpp"
 
 #include <fmt/format.h>
@@ -29,7 +29,7 @@ void JobRunner::publish(const maps::StoredJob& job) {
     return ended(setup_.store.jobs().fail(job.id, without_places(error.what()), unix_ns()));
   } catch (const std::exception& error) {
     spdlog::error("job {}: {}", job.id, error.what());
-    return try_again(job, std::string("it could not be published: ") + error.what());
+    return try_again(job, "it could not be published: " + without_places(error.what()));
   }
   ended(setup_.store.jobs().succeed(job.id, outcome.version, unix_ns()));
 }

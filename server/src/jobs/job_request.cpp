@@ -1,6 +1,6 @@
 #include "jobs/job_request.hpp"
 
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 #include "json/request_json.hpp"
 
 #include <fmt/chrono.h>

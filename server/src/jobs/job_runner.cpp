@@ -1,8 +1,8 @@
 #include "jobs/job_runner.hpp"
 
-#include "api_error.hpp"
-#include "handlers/context.hpp"
-#include "upload_errors.hpp"
+#include "errors/api_error.hpp"
+#include "errors/upload_errors.hpp"
+#include "ids_and_times.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -74,7 +74,14 @@ ProcessLimits JobRunner::limits() const {
 }
 
 std::string JobRunner::without_places(std::string text) const {
-  return without_folder(without_folder(std::move(text), setup_.store.folder()), root_);
+  // `root_` may lie elsewhere, but holds what "jobs" of the store does.
+  const fs::path store = setup_.store.folder();
+  const std::string root = root_.string() + "/";
+  const std::string usual = (store / "jobs/").string();
+  for (std::size_t at = text.find(root); root != usual && at != std::string::npos;
+       at = text.find(root, at + usual.size()))
+    text.replace(at, root.size(), usual);
+  return without_folder(std::move(text), store);
 }
 
 void JobRunner::wake() {
@@ -159,6 +166,7 @@ AttemptEnd JobRunner::attempt(const maps::StoredJob& job, const std::stop_token&
 std::vector<std::string> JobRunner::prepare(const maps::StoredJob& job) {
   const JobFolder folder = this->folder(job.id);
   fs::create_directories(folder.scratch());
+  sync_folder(root_);
   if (setup_.mapper.empty()) throw std::runtime_error("stillmap-mapper is not there");
   const int threads = setup_.live.current()->jobs.cores;
   if (job.kind == maps::JobKind::kConvert) {

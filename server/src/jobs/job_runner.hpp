@@ -1,13 +1,13 @@
 #pragma once
 
+#include "catalog/map_catalog.hpp"
 #include "jobs/job_attempt.hpp"
 #include "jobs/job_events.hpp"
 #include "jobs/job_folder.hpp"
 #include "jobs/job_outcome.hpp"
 #include "jobs/job_request.hpp"
 #include "jobs/mapper_command.hpp"
-#include "map_catalog.hpp"
-#include "metrics.hpp"
+#include "operation/metrics.hpp"
 
 #include <stillmap/maps/store/drive_store.hpp>
 #include <stillmap/maps/store/package_store.hpp>

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "api_error.hpp"
-#include "map_catalog.hpp"
+#include "catalog/map_catalog.hpp"
+#include "errors/api_error.hpp"
 #include "pose/pose_answer.hpp"
 
 #include <stillmap/maps/map_package.hpp>

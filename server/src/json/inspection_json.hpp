@@ -1,6 +1,6 @@
 #pragma once
 
-#include "inspection.hpp"
+#include "operation/inspection.hpp"
 
 #include <string>
 

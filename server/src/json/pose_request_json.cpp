@@ -1,6 +1,6 @@
 #include "pose_request_json.hpp"
 
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 #include "json/request_json.hpp"
 #include "pose/pose_checks.hpp"
 

@@ -1,6 +1,6 @@
 #include "json/request_json.hpp"
 
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 
 #include <fmt/format.h>
 

@@ -45,6 +45,12 @@ std::string cleared_json(const maps::PackageStore::Cleared& cleared,
       kIndent);
 }
 
+std::string removed_json(const RemovedVersion& removed, bool package_gone) {
+  return to_text(
+      {{"map", removed.map}, {"version", removed.version}, {"package_removed", package_gone}},
+      kIndent);
+}
+
 std::string indexes_json(const std::vector<MadeIndex>& indexes) {
   Json list = Json::array();
   for (const MadeIndex& index : indexes)

@@ -23,6 +23,8 @@ struct RemovedVersion {
 [[nodiscard]] std::string problems_json(const std::vector<maps::PackageStore::Problem>& problems);
 [[nodiscard]] std::string cleared_json(const maps::PackageStore::Cleared& cleared,
                                        const std::vector<RemovedVersion>& removed);
+/// @param package_gone  as of `PackageStore::remove`.
+[[nodiscard]] std::string removed_json(const RemovedVersion& removed, bool package_gone);
 [[nodiscard]] std::string indexes_json(const std::vector<MadeIndex>& indexes);
 [[nodiscard]] std::string backup_json(const maps::PackageStore::BackedUp& done);
 [[nodiscard]] std::string restored_json(std::size_t packages);

@@ -1,6 +1,6 @@
 #include "json/tile_diff_json.hpp"
 
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 #include "json/json_values.hpp"
 #include "json/request_json.hpp"
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "tile_diff.hpp"
+#include "catalog/tile_diff.hpp"
 
 #include <stillmap/server/server_options.hpp>
 

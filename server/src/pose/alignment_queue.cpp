@@ -1,6 +1,6 @@
 #include "pose/alignment_queue.hpp"
 
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 
 #include <fmt/format.h>
 

@@ -1,6 +1,6 @@
 #include "pose/pose_checks.hpp"
 
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 
 #include <stillmap/localization/movable.hpp>
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "error_codes.hpp"
+#include "errors/error_codes.hpp"
 #include "pose/gnss_prior.hpp"
 
 #include <stillmap/maps/box.hpp>

@@ -1,10 +1,10 @@
 #include "pose/pose_request.hpp"
 
-#include "api_error.hpp"
-#include "flat_parameters.hpp"
-#include "header_text.hpp"
+#include "errors/api_error.hpp"
+#include "http/flat_parameters.hpp"
+#include "http/header_text.hpp"
+#include "http/multipart.hpp"
 #include "json/pose_request_json.hpp"
-#include "multipart.hpp"
 #include "pose/pose_checks.hpp"
 
 #include <fmt/format.h>

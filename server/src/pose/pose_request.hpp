@@ -6,7 +6,7 @@
 #include <stillmap/maps/scan.hpp>
 #include <stillmap/server/server_options.hpp>
 
-#include "http_message.hpp"
+#include "http/http_message.hpp"
 #include "pose/gnss_prior.hpp"
 
 #include <Eigen/Geometry>

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "map_catalog.hpp"
+#include "catalog/map_catalog.hpp"
 #include "pose/session_events.hpp"
 #include "pose/session_line.hpp"
 

@@ -1,14 +1,18 @@
 // What a pose costs over HTTP, and what becomes of too many of them. Everything on the same cores:
 // a server process, this generator, and the localizer in this process to compare with.
 //
-//   server_load --program STILLMAP --map MAP --drive DRIVE [--seconds 60] [--strict]
+//   server_load --program STILLMAP --map MAP --drive DRIVE [--seconds 60] [--overload-only]
+//   [--strict]
 //
 // 1. overhead: each scan is posed over HTTP and by the localizer here, in turn; the median of the
 //    differences.
 // 2. CPU: queries per CPU-second of a server with two workers against one with one, in turns.
 // 3. overload: in turns the capacity (a closed loop that keeps every worker busy), then 1.5 times
 //    that rate in an open loop: requests are due at fixed times, whatever became of those before.
-// With --strict the figures are limits (server/README.md, "Measured").
+// With --strict the figures are limits (server/README.md, "Measured"): exit code 1 when one is
+// missed. An overload that misses one is repeated once, whole. What depends on being given the
+// cores (in time, goodput, health) is not judged where others took more than a tenth of them: exit
+// code 77 then, unless what does not depend on it (kinds of answers, memory) is missed.
 #include <fmt/format.h>
 
 #include <stillmap/localization/aligner.hpp>
@@ -26,13 +30,14 @@
 #include <cmath>
 #include <ctime>
 #include <fstream>
-#include <mutex>
+#include <optional>
 #include <span>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "client.hpp"
+#include "machine_use.hpp"
 #include "server_process.hpp"
 #include "support/temporary_folder.hpp"
 
@@ -45,6 +50,10 @@ using Seconds = std::chrono::duration<double>;
 /// Of every request of the overload; queue and workers are passed in a third of it.
 constexpr int kDeadlineMs = 500;
 constexpr double kOverload = 1.5;
+/// Share of the machine beyond which others make figures of time meaningless.
+constexpr double kOthersMost = 0.1;
+/// A test that says this was neither passed nor failed (CMake's SKIP_RETURN_CODE).
+constexpr int kNotJudged = 77;
 /// More than are ever in flight, so that one is free whenever a request is due.
 constexpr int kSenders = 56;
 
@@ -55,6 +64,7 @@ struct Arguments {
   /// Made of the map for this run.
   std::filesystem::path store{};
   double seconds = 60.0;
+  bool overload_only = false;
   bool strict = false;
 };
 
@@ -110,18 +120,38 @@ class Load {
 
   void measure_overhead();
   void measure_workers();
+  /// Again, once, when it missed a limit.
   void measure_overload();
-  [[nodiscard]] int failures() const { return failures_; }
+  /// @return the exit code that the limits ask for.
+  [[nodiscard]] int verdict() const { return failures_ > 0 ? 1 : unjudged_ > 0 ? kNotJudged : 0; }
 
  private:
   struct Tally {
     std::atomic<int> sent = 0, good = 0, prompt = 0, late = 0, refused = 0, other = 0;
   };
 
-  void limit(const std::string& what, double value, bool holds, const std::string& bound) {
-    fmt::print("{:<62} {:>9.3f}   {} {}\n", what, value, bound, holds ? "" : "MISSED");
-    if (!holds) ++failures_;
+  /// What an overload came to.
+  struct Overload {
+    Tally tally{};
+    /// Queries per second before each turn, as a mean.
+    double capacity = 0.0;
+    double seconds = 0.0;
+    std::vector<double> health_ms{};
+    double warm_mib = 0.0;
+    double most_mib = 0.0;
+    std::optional<double> others{};
+  };
+
+  void limit(const std::string& what, double value, bool holds, const std::string& bound,
+             bool judged = true) {
+    const char* verdict = holds ? "" : judged ? "MISSED" : "missed, not judged";
+    fmt::print("{:<62} {:>9.3f}   {} {}\n", what, value, bound, verdict);
+    if (!holds) ++(judged ? failures_ : unjudged_);
   }
+  void overload_in_turns(const ServerProcess& server, int workers, std::atomic<bool>& overloaded,
+                         Overload& overload) const;
+  void overload_once(Overload& overload) const;
+  void judge(const Overload& overload);
   double closed_loop(int port, int connections, double seconds) const;
   void open_loop(int port, double rate, double seconds, Tally& tally) const;
 
@@ -129,6 +159,7 @@ class Load {
   std::string map_;
   std::vector<Query> queries_;
   int failures_ = 0;
+  int unjudged_ = 0;
 };
 
 void Load::measure_overhead() {
@@ -249,57 +280,82 @@ void Load::open_loop(int port, double rate, double seconds, Tally& tally) const 
   }
 }
 
-void Load::measure_overload() {
+void Load::overload_in_turns(const ServerProcess& server, int workers,
+                             std::atomic<bool>& overloaded, Overload& overload) const {
+  constexpr int kTurns = 4;
+  const double turn_s = arguments_.seconds / (kTurns + 1);
+  std::optional<OthersUse> others;
+  // The first turn warms up and is not counted.
+  for (int turn = 0; turn <= kTurns; ++turn) {
+    const double here = closed_loop(server.port(), 2 * workers, 0.25 * turn_s);
+    Tally warming;
+    overloaded = turn > 0;
+    open_loop(server.port(), kOverload * here, 0.75 * turn_s, turn > 0 ? overload.tally : warming);
+    overloaded = false;
+    if (turn > 0) overload.capacity += here / kTurns;
+    overload.most_mib = std::max(overload.most_mib, server.memory_mib());
+    if (turn > 0) continue;
+    overload.warm_mib = overload.most_mib;
+    others.emplace(server);
+  }
+  overload.others = others->share();
+  overload.seconds = 0.75 * turn_s * kTurns;
+}
+
+void Load::overload_once(Overload& overload) const {
   const int workers = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   const ServerProcess server(arguments_.program, arguments_.store, workers);
   std::atomic<bool> done = false;
   std::atomic<bool> overloaded = false;
-  std::vector<double> health_ms;
   std::jthread health([&] {
     Client client(server.port());
     while (!done) {
       const Clock::time_point begin = Clock::now();
       const bool counts = overloaded;
       const bool alive = client.request("GET", "/livez").status == 200;
-      if (counts) health_ms.push_back(alive ? 1e3 * seconds_since(begin) : 1e4);
+      if (counts) overload.health_ms.push_back(alive ? 1e3 * seconds_since(begin) : 1e4);
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
   });
-  constexpr int kTurns = 4;
-  const double turn_s = arguments_.seconds / (kTurns + 1);
-  Tally tally;
-  double capacity = 0.0;
-  double warm_mib = 0.0;
-  double most_mib = 0.0;
-  // The first turn warms up and is not counted.
-  for (int turn = 0; turn <= kTurns; ++turn) {
-    const double here = closed_loop(server.port(), 2 * workers, 0.25 * turn_s);
-    Tally warming;
-    overloaded = turn > 0;
-    open_loop(server.port(), kOverload * here, 0.75 * turn_s, turn > 0 ? tally : warming);
-    overloaded = false;
-    if (turn > 0) capacity += here / kTurns;
-    most_mib = std::max(most_mib, server.memory_mib());
-    if (turn == 0) warm_mib = most_mib;
-  }
+  overload_in_turns(server, workers, overloaded, overload);
   done = true;
   health.join();
-  const double seconds = 0.75 * turn_s * kTurns;
-  const int admitted = tally.sent - tally.refused;
+}
+
+void Load::judge(const Overload& overload) {
+  const Tally& tally = overload.tally;
   fmt::print(
       "overload: capacity {:.1f}/s; sent {:.1f}/s: {} in time ({} from when they were due), {} "
-      "late, {} refused, {} other; "
-      "memory {:.0f} -> {:.0f} MiB\n",
-      capacity, tally.sent / seconds, tally.good.load(), tally.prompt.load(), tally.late.load(),
-      tally.refused.load(), tally.other.load(), warm_mib, most_mib);
+      "late, {} refused, {} other; memory {:.0f} -> {:.0f} MiB; others took {}\n",
+      overload.capacity, tally.sent / overload.seconds, tally.good.load(), tally.prompt.load(),
+      tally.late.load(), tally.refused.load(), tally.other.load(), overload.warm_mib,
+      overload.most_mib,
+      overload.others ? fmt::format("{:.1f} % of the cores", 100.0 * *overload.others)
+                      : "what cannot be told here");
+  const bool quiet = overload.others.value_or(0.0) <= kOthersMost;
+  const int admitted = tally.sent - tally.refused;
   const double served = static_cast<double>(tally.good) / std::max(1, admitted);
-  limit("admitted that are 200 within their deadline", served, served >= 0.99, ">= 0.99");
+  limit("admitted that are 200 within their deadline", served, served >= 0.99, ">= 0.99", quiet);
   limit("answers other than 200, 429, 503, 504", tally.other, tally.other == 0, "== 0");
-  const double goodput = tally.prompt / seconds / capacity;
-  limit("goodput to capacity", goodput, goodput >= 0.8, ">= 0.8");
-  const double health_p99 = quantile(health_ms, 0.99);
-  limit("health p99 [ms]", health_p99, health_p99 < 50.0, "< 50");
-  limit("memory growth [MiB]", most_mib - warm_mib, most_mib - warm_mib < 20.0, "< 20");
+  const double goodput = tally.prompt / overload.seconds / overload.capacity;
+  limit("goodput to capacity", goodput, goodput >= 0.8, ">= 0.8", quiet);
+  const double health_p99 = quantile(overload.health_ms, 0.99);
+  limit("health p99 [ms]", health_p99, health_p99 < 50.0, "< 50", quiet);
+  const double grown = overload.most_mib - overload.warm_mib;
+  limit("memory growth [MiB]", grown, grown < 20.0, "< 20");
+}
+
+void Load::measure_overload() {
+  const int failures = failures_;
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    failures_ = failures;
+    unjudged_ = 0;
+    Overload overload;
+    overload_once(overload);
+    judge(overload);
+    if (failures_ == failures && unjudged_ == 0) return;
+    if (attempt == 0) fmt::print("once more, since what was missed may have been the machine's\n");
+  }
 }
 
 constexpr const char* kMapName = "load";
@@ -319,16 +375,19 @@ int run(int argc, char** argv) {
   app.add_option("--drive", arguments.drive, "Drive whose odd scans are not in the map")
       ->required();
   app.add_option("--seconds", arguments.seconds, "Of the overload")->capture_default_str();
+  app.add_flag("--overload-only", arguments.overload_only, "Neither overhead nor workers");
   app.add_flag("--strict", arguments.strict, "A figure beyond its limit is a failure");
   CLI11_PARSE(app, argc, argv);
   const test::TemporaryFolder folder;
   arguments.store = folder.path() / "store";
   make_store(arguments.store, arguments.map);
   Load load(arguments, kMapName);
-  load.measure_overhead();
-  load.measure_workers();
+  if (!arguments.overload_only) {
+    load.measure_overhead();
+    load.measure_workers();
+  }
   load.measure_overload();
-  return arguments.strict && load.failures() > 0 ? 1 : 0;
+  return arguments.strict ? load.verdict() : 0;
 }
 
 }  // namespace

@@ -49,6 +49,31 @@ std::string pcd_header(const std::string& size, std::size_t points, const std::s
 
 constexpr double kEast = 448000.123456;
 
+TEST(CloudFile, HeaderAloneTellsWhatCannotBeOne) {
+  const auto check = [](const std::string& head, const char* format = "pcd") {
+    check_cloud_header(std::as_bytes(std::span(head)), format, "upload");
+  };
+  const std::string good = pcd_header("4", 1'000'000, "binary");
+  EXPECT_NO_THROW(check(good + "points that are still on their way"));
+  EXPECT_THAT([&] { check(good.substr(0, good.find("DATA"))); },
+              ThrowsSaying<InputError>({"upload", "DATA"}));
+  EXPECT_THAT([&] { check("PK\x03\x04 no cloud"); }, ThrowsSaying<InputError>({"upload"}));
+  EXPECT_THAT([&] { check(""); }, ThrowsSaying<InputError>({"upload"}));
+  std::string flat = good;
+  flat.replace(flat.find(" z "), 3, " w ");
+  EXPECT_THAT([&] { check(flat); }, ThrowsSaying<InputError>({"one field 'z'"}));
+  EXPECT_THAT([&] { check(good, "ply"); }, ThrowsSaying<InputError>({"upload", "'ply'"}));
+  EXPECT_THAT([&] { check(good, "las"); }, ThrowsSaying<std::invalid_argument>({"las"}));
+
+  const std::string ply =
+      "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int ids\nelement vertex 9\n"
+      "property float x\nproperty float y\nproperty float z\nend_header\n";
+  EXPECT_NO_THROW(check(ply, "ply"));
+  std::string faces = ply;
+  faces.replace(faces.find("vertex"), 6, "corner");
+  EXPECT_THAT([&] { check(faces, "ply"); }, ThrowsSaying<InputError>({"no element 'vertex'"}));
+}
+
 TEST(CloudFile, DoublesKeepAllTheirDigits) {
   const TemporaryFolder folder;
   std::string bytes = pcd_header("8", 2, "binary");

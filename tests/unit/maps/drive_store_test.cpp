@@ -3,11 +3,14 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/store/drive_table.hpp>
 
+#include <algorithm>
 #include <atomic>
 #include <fstream>
 #include <future>
 #include <iterator>
+#include <span>
 #include <string>
+#include <utility>
 
 #include "support/disk_calls.hpp"
 #include "support/store_refusals.hpp"
@@ -102,6 +105,24 @@ TEST_F(DriveStoreTest, BoundsAllPartsTogetherButNotTheirRepetition) {
   store_.set_quota({.map_bytes = 12});
   expect_refused(Reason::kOverQuota, [&] { add(3, "123"); });
   EXPECT_TRUE(add(3, "12").is_new);
+}
+
+TEST_F(DriveStoreTest, BoundsPartsThatComeAtOneTimeTogether) {
+  const DriveStore::Limits limits{.bytes = 10};
+  // A part that comes whole while the other is under way.
+  bool other_came = false;
+  const auto slow = [&, sent = false](std::span<char> to) mutable -> std::size_t {
+    if (std::exchange(sent, true)) return 0;
+    EXPECT_TRUE(add(2, "abcdef", limits).is_new);
+    other_came = true;
+    std::fill_n(to.begin(), 6, 'x');
+    return 6;
+  };
+  EXPECT_THAT([&] { drives_.add_part(id_, 1, 6, slow, {}, limits); },
+              ThrowsSaying<InputError>({"part 1", "6 bytes more than 6", "at most 10"}));
+  EXPECT_TRUE(other_came);
+  EXPECT_EQ(store_.drives().drive(id_).bytes, 6U);
+  EXPECT_EQ(parts_on_disk(), 1U);
 }
 
 TEST_F(DriveStoreTest, FailsForGoodWhenThePartsAreNoDrive) {

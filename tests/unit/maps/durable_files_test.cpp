@@ -68,6 +68,7 @@ TEST(DurableFiles, NamesThePathOfEveryFailure) {
   EXPECT_THAT([&] { (void)files.create(at); }, ThrowsSaying<StorageError>({"victim", "No space"}));
   EXPECT_THAT([&] { files.sync_folder(at); }, ThrowsSaying<StorageError>({"victim", "No space"}));
   EXPECT_THAT([&] { files.rename(at, at); }, ThrowsSaying<StorageError>({"victim", "No space"}));
+  EXPECT_THAT([&] { files.exchange(at, at); }, ThrowsSaying<StorageError>({"victim", "No space"}));
   FailingCalls failing_sync(Fault::kInputOutput, [](std::size_t, const DiskCall& call) {
     return call.kind == Kind::kSyncFile;
   });

@@ -181,6 +181,19 @@ TEST(Las, BrokenHeadersNameWhatIsWrong) {
   broken(std::uint32_t{1}, 243, "a record");
 }
 
+TEST(Las, HeaderAloneIsCheckedBeforeTheRestIsThere) {
+  const std::string whole = sample(4, 6).bytes();
+  const auto check = [](const std::string& head) {
+    check_cloud_header(std::as_bytes(std::span(head)), "las", "upload");
+  };
+  EXPECT_NO_THROW(check(whole.substr(0, 375)));
+  for (std::size_t size = 0; size < 375; ++size)
+    EXPECT_THAT([&] { check(whole.substr(0, size)); }, ThrowsSaying<InputError>({"upload"}));
+  std::string laz = whole;
+  laz[104] = static_cast<char>(0x86);
+  EXPECT_THAT([&] { check(laz); }, ThrowsSaying<InputError>({"LAZ"}));
+}
+
 TEST(Las, CutOffAnywhereIsAClearError) {
   LasBytes las = sample(4, 6);
   las.encoding = 16;

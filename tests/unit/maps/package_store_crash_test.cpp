@@ -4,6 +4,7 @@
 #include <stillmap/maps/store/drive_store.hpp>
 
 #include <algorithm>
+#include <fstream>
 #include <functional>
 #include <memory>
 #include <string>
@@ -239,6 +240,98 @@ TEST_P(DiskFaultTest, LosesNothingWhicheverCallFails) {
     ASSERT_EQ(problem_of(folder.path(), acknowledged, contents), "") << "call " << at;
   }
 }
+
+/// A stored package of which a tile is damaged, and which is added again.
+class MendTest : public ::testing::TestWithParam<bool> {
+ protected:
+  MendTest() { tar_ = tar_of(package_, "town/") + test::tar_end(); }
+
+  /// The damage passes the disk's gate like every change, as the model of the disk must know it.
+  void make_damaged(const fs::path& folder, DiskCalls& calls) const {
+    PackageStore store(folder, calls);
+    store.add("town", "a", package_);
+    const fs::path tile = folder / "packages" / digest_ / "tiles/0_0_0.bin";
+    const DiskCall write{.kind = Kind::kWrite, .path = tile, .offset = 8, .bytes = "damage"};
+    calls.pass(write, [&](std::size_t bytes) {
+      std::fstream(tile, std::ios::in | std::ios::out | std::ios::binary)
+          .seekp(8)
+          .write(write.bytes.data(), static_cast<std::streamsize>(bytes));
+      return static_cast<std::int64_t>(bytes);
+    });
+    calls.pass({.kind = Kind::kSyncFile, .path = tile}, [](std::size_t) { return 0; });
+  }
+  void mend(PackageStore& store) const {
+    if (GetParam())
+      store.add_archive("town", "a", test::source_of(tar_), "body", {});
+    else
+      store.add("town", "a", package_);
+  }
+  /// What is left is the damaged tile or, at least when that was acknowledged, none.
+  [[nodiscard]] static std::string problem_of(const fs::path& folder, bool acknowledged) {
+    try {
+      UnsyncedCalls calls;
+      PackageStore store(folder, calls);
+      const auto problems = store.verify();
+      if (problems.empty()) return "";
+      const bool as_before = problems.front().what.ends_with("says: tiles/0_0_0.bin");
+      return as_before && !acknowledged ? "" : problems.front().what;
+    } catch (const std::exception& error) {
+      return error.what();
+    }
+  }
+
+  TemporaryFolder folder_{memory_folder()};
+  fs::path package_ = folder_.path() / "package";
+  std::string digest_ = write_package(package_, 1);
+  std::string tar_;
+};
+
+TEST_P(MendTest, LeavesTheOldOrTheNewOneWhenThePowerIsCut) {
+  const fs::path folder = folder_.path() / "recorded";
+  fs::create_directory(folder);
+  RecordingCalls calls;
+  make_damaged(folder, calls);
+  const std::size_t begin = calls.calls().size();
+  std::size_t returned = 0;
+  {
+    PackageStore store(folder, calls);
+    mend(store);
+    returned = calls.calls().size();
+  }
+  DiskModel disk(folder);
+  for (std::size_t made = 0; made <= calls.calls().size(); ++made) {
+    if (made > 0) disk.apply(calls.calls()[made - 1]);
+    if (made < begin) continue;
+    for (const auto unsynced :
+         {DiskModel::Unsynced::kLost, DiskModel::Unsynced::kKept, DiskModel::Unsynced::kAtRandom}) {
+      const TemporaryFolder state(memory_folder());
+      disk.write_state(state.path(), unsynced, static_cast<unsigned>(made));
+      ASSERT_EQ(problem_of(state.path(), made >= returned), "") << "after " << made << " calls";
+    }
+  }
+}
+
+TEST_P(MendTest, LeavesTheOldOrTheNewOneWhicheverCallFails) {
+  bool failed = true;
+  for (std::size_t at = 0; failed; ++at) {
+    const TemporaryFolder folder(memory_folder());
+    UnsyncedCalls well;
+    make_damaged(folder.path(), well);
+    FailingCalls calls(Fault::kInputOutput, [&](std::size_t n, const auto&) { return n == at; });
+    bool acknowledged = false;
+    try {
+      PackageStore store(folder.path(), calls);
+      mend(store);
+      acknowledged = true;
+    } catch (const StorageError&) {
+      // Refused in words.
+    }
+    failed = calls.failed() > 0;
+    ASSERT_EQ(problem_of(folder.path(), acknowledged), "") << "call " << at;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(FoldersAndArchives, MendTest, ::testing::Bool());
 
 INSTANTIATE_TEST_SUITE_P(Faults, DiskFaultTest,
                          ::testing::Values(Fault::kNoSpace, Fault::kInputOutput,

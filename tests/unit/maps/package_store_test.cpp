@@ -13,7 +13,9 @@
 
 #include "store/folder_lock.hpp"
 #include "support/disk_calls.hpp"
+#include "support/store_contents.hpp"
 #include "support/stored_packages.hpp"
+#include "support/tar_bytes.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"
 
@@ -155,6 +157,63 @@ TEST_F(PackageStoreTest, VerifyNamesWhatIsBroken) {
   EXPECT_THAT(what["1"], HasSubstr("tiles/0_0_0.bin"));
   EXPECT_EQ(what["same"], what["1"]);
   EXPECT_THAT(what["2"], HasSubstr("found nothing"));
+}
+
+TEST_F(PackageStoreTest, MendsADamagedPackageThatIsAddedAgain) {
+  PackageStore store(store_, calls_);
+  const fs::path tile = package(first_) / "tiles/0_0_0.bin";
+  const auto add = [&](const char* version) {
+    return store.add("town", version, folder_.path() / "first").is_new;
+  };
+  const std::string tar = test::tar_of(folder_.path() / "first", "town/") + test::tar_end();
+  const auto add_archive = [&](const char* version) {
+    return store.add_archive("town", version, test::source_of(tar), "body", {}).is_new;
+  };
+  EXPECT_TRUE(add("1"));
+  store.activate("town", "1");
+  const auto expect_whole = [&](const char* after) {
+    EXPECT_THAT(store.verify(), IsEmpty()) << after;
+    EXPECT_THAT(listing(store_ / "packages"), ElementsAre(first_)) << after;
+    EXPECT_EQ(store.state().map("town").active, "1");
+  };
+  spoil(tile);
+  EXPECT_FALSE(add("1"));
+  expect_whole("the same name");
+  spoil(tile);
+  EXPECT_TRUE(add("2"));
+  expect_whole("another name");
+  spoil(tile);
+  EXPECT_FALSE(add_archive("1"));
+  expect_whole("an archive");
+  fs::remove(tile);
+  EXPECT_TRUE(add_archive("3"));
+  expect_whole("an archive under another name");
+  spoil(package(first_) / "manifest.json");
+  EXPECT_FALSE(add("1"));
+  expect_whole("a broken manifest");
+  fs::remove_all(package(first_));
+  EXPECT_FALSE(add("1"));
+  expect_whole("no package at all");
+}
+
+TEST_F(PackageStoreTest, LeavesAWholePackageWhereItIsWhenItIsAddedAgain) {
+  PackageStore store(store_, calls_);
+  store.add("town", "1", folder_.path() / "first");
+  folder_.write("store/packages/" + first_ + "/index/cache", "derived");
+  store.add("town", "1", folder_.path() / "first");
+  store.add("town", "2", folder_.path() / "first");
+  const std::string tar = test::tar_of(folder_.path() / "first", "") + test::tar_end();
+  store.add_archive("town", "1", test::source_of(tar), "body", {});
+  EXPECT_TRUE(fs::exists(package(first_) / "index/cache"));
+}
+
+TEST_F(PackageStoreTest, MendsBeyondItsQuota) {
+  PackageStore store(store_, calls_);
+  store.add("town", "1", folder_.path() / "first");
+  store.set_quota({.store_bytes = 1});
+  spoil(package(first_) / "tiles/0_0_0.bin");
+  store.add("town", "1", folder_.path() / "first");
+  EXPECT_THAT(store.verify(), IsEmpty());
 }
 
 TEST_F(PackageStoreTest, NeverActivatesWhatCannotBeOpened) {

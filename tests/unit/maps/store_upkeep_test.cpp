@@ -89,6 +89,24 @@ TEST_F(StoreUpkeepTest, RemovesAnActiveMapOnlyWhenToldSo) {
   EXPECT_THAT(store.verify(), IsEmpty());
 }
 
+TEST_F(StoreUpkeepTest, AMapMadeAgainIsAtNoRevisionThatItWasAtBefore) {
+  PackageStore store(store_, calls_);
+  store.add("town", "1", source("first"));
+  store.activate("town", "1");
+  store.add("town", "2", source("second"));
+  store.activate("town", "2");
+  ASSERT_EQ(store.state().map("town").revision, 2);
+  store.remove_map("town", WhenActive::kRemove);
+  store.create_map("town");
+  EXPECT_EQ(store.state().map("town").revision, 3);
+  store.remove_map("town");
+  store.add("town", "1", source("first"));
+  EXPECT_EQ(store.state().map("town").revision, 4);
+  expect_refused(Reason::kOtherRevision, [&] { store.activate("town", "1", 0); });
+  store.create_map("depot");
+  EXPECT_EQ(store.state().map("depot").revision, 0);
+}
+
 TEST_F(StoreUpkeepTest, KeepsTheNewestAndWhatMayBecomeActiveAgain) {
   PackageStore store(store_, calls_);
   for (const char* version : {"1", "2", "3", "4", "5", "6"})
@@ -147,7 +165,8 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheFirstSchemaUpToDate) {
   const fs::path file = store_ / "state.db";
   run_sql(file,
           "DROP TABLE audit; DROP TABLE job_drives; DROP TABLE drive_parts; DROP TABLE drives;"
-          "DROP TABLE jobs; DROP TABLE keys; DROP TABLE retired; PRAGMA user_version=1");
+          "DROP TABLE jobs; DROP TABLE keys; DROP TABLE retired; DROP TABLE retired_maps; PRAGMA "
+          "user_version=1");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.state().map("town").active, "1");
   EXPECT_THAT(store.keys().list(), IsEmpty());
@@ -157,9 +176,9 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheFirstSchemaUpToDate) {
 
 TEST_F(StoreUpkeepTest, RefusesToGoBackToAnOlderSchema) {
   { const PackageStore store(store_, calls_); }
-  run_sql(store_ / "state.db", "PRAGMA user_version=3");
+  run_sql(store_ / "state.db", "PRAGMA user_version=4");
   EXPECT_THAT([&] { const PackageStore store(store_, calls_); },
-              ThrowsSaying<InputError>({"schema version 3", "at most 2", "newer stillmap"}));
+              ThrowsSaying<InputError>({"schema version 4", "at most 3", "newer stillmap"}));
 }
 
 class ReadOnlyStoreTest : public StoreUpkeepTest {

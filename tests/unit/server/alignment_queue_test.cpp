@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 
 namespace stillmap::server {
 namespace {

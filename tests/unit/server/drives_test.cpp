@@ -1,7 +1,7 @@
 #include <gmock/gmock.h>
 
 #include "body_in_memory.hpp"
-#include "content_digest.hpp"
+#include "http/content_digest.hpp"
 #include "service_fixture.hpp"
 #include "support/tar_bytes.hpp"
 

@@ -1,4 +1,4 @@
-#include "gatekeeper.hpp"
+#include "security/gatekeeper.hpp"
 
 #include <gmock/gmock.h>
 
@@ -196,6 +196,84 @@ TEST_F(GatekeeperTest, PagesOfOtherSitesChangeNothingWhereNoKeyIsAskedFor) {
   EXPECT_EQ(from("same-origin", "POST"), std::nullopt);
   EXPECT_EQ(from("none", "DELETE"), std::nullopt);
   EXPECT_EQ(from("cross-site", "GET"), std::nullopt);
+}
+
+TEST_F(GatekeeperTest, NamesThatAreNotOfThisMachineAreNotAnsweredWithoutKeys) {
+  start();
+  const auto asked_as = [&](const std::string& host, const std::string& path = "/v1/maps") {
+    HttpRequest asked = request("GET", path);
+    asked.headers["host"] = host;
+    return refusal(asked, "");
+  };
+  for (const char* here :
+       {"localhost", "LOCALHOST:8080", "127.0.0.1:8080", "127.1.2.3", "[::1]", "[::1]:8080", ""})
+    EXPECT_EQ(asked_as(here), std::nullopt) << here;
+  for (const char* elsewhere :
+       {"maps.example.org", "maps.example.org:8080", "127.example.org", "localhost.example.org",
+        "10.0.0.1", "[::2]:80", "[", "[]", ":80", "::1:80"})
+    EXPECT_EQ(asked_as(elsewhere), ErrorCode::kForbidden) << elsewhere;
+  EXPECT_EQ(asked_as("maps.example.org", "/livez"), std::nullopt);
+  const std::string key = make_key(only(KeyScope::kRead));
+  HttpRequest with_key = request("GET", "/v1/maps");
+  with_key.headers["host"] = "maps.example.org";
+  EXPECT_EQ(refusal(with_key, "Bearer " + key), std::nullopt);
+}
+
+TEST_F(GatekeeperTest, AnyNameIsAnsweredWhereTheServerListensForOthers) {
+  options_.host = "0.0.0.0";
+  options_.allow_remote = true;
+  options_.allow_without_keys = true;
+  start();
+  HttpRequest asked = request("GET", "/v1/maps");
+  asked.headers["host"] = "maps.example.org";
+  EXPECT_EQ(refusal(asked, ""), std::nullopt);
+}
+
+TEST_F(GatekeeperTest, WritesThatWereNotAllowedAreInTheAuditLog) {
+  start();
+  const auto reader = store_.open().keys().create("test", only(KeyScope::kRead), {}, now_ns());
+  const auto records = [&] { return store_.open().audit().list(1000).records; };
+  HttpRequest write = request("POST", "/v1/maps/town/rollback");
+  EXPECT_EQ(refusal(write, ""), ErrorCode::kMissingKey);
+  ASSERT_EQ(records().size(), 1U);
+  EXPECT_EQ(records()[0].status, 401);
+  EXPECT_EQ(records()[0].key_id, "");
+  EXPECT_EQ(refusal(write, "Bearer " + reader.text), ErrorCode::kForbidden);
+  ASSERT_EQ(records().size(), 2U);
+  EXPECT_EQ(records()[0].status, 403);
+  EXPECT_EQ(records()[0].key_id, reader.key.id);
+  EXPECT_EQ(records()[0].subject, "town");
+  EXPECT_EQ(refusal(request("GET", "/v1/maps"), ""), ErrorCode::kMissingKey);
+  EXPECT_EQ(records().size(), 2U);
+  for (int i = 0; i < 300; ++i) EXPECT_EQ(refusal(write, ""), ErrorCode::kMissingKey);
+  EXPECT_LT(records().size(), 200U) << "whoever has no key must not fill the disk";
+}
+
+TEST_F(GatekeeperTest, OneKeyHoldsHalfOfTheUploadsAtMost) {
+  options_.uploads.max_open = 4;
+  start();
+  const std::string one = "Bearer " + make_key(only(KeyScope::kWrite));
+  const std::string other = "Bearer " + make_key(only(KeyScope::kWrite));
+  std::vector<HttpRequest> held;
+  const auto upload = [&](const std::string& key) -> std::optional<ErrorCode> {
+    HttpRequest asked = request("PUT", "/v1/maps/town/versions/v2");
+    asked.headers["authorization"] = key;
+    try {
+      (void)service_->admit(asked);
+      held.push_back(asked);
+      return std::nullopt;
+    } catch (const ApiError& error) {
+      return error.code();
+    }
+  };
+  EXPECT_EQ(upload(one), std::nullopt);
+  EXPECT_EQ(upload(one), std::nullopt);
+  EXPECT_EQ(upload(one), ErrorCode::kTooManyRequests);
+  EXPECT_EQ(upload(other), std::nullopt);
+  EXPECT_EQ(upload(other), std::nullopt);
+  EXPECT_EQ(upload(other), ErrorCode::kBusy);
+  held.clear();
+  EXPECT_EQ(upload(one), std::nullopt);
 }
 
 TEST_F(GatekeeperTest, EventStreamsEndWithTheirKey) {

@@ -1,4 +1,4 @@
-#include "health_probe.hpp"
+#include "operation/health_probe.hpp"
 
 #include <arpa/inet.h>
 #include <gtest/gtest.h>

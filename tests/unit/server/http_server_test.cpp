@@ -1,4 +1,4 @@
-#include "http_server.hpp"
+#include "http/http_server.hpp"
 
 #include <gmock/gmock.h>
 
@@ -72,8 +72,9 @@ TEST_F(HttpServerTest, MultipartTravelsWhole) {
 TEST_F(HttpServerTest, KeepsOneConnectionForManyRequests) {
   RawClient client(port_);
   client.send(
-      "GET /livez HTTP/1.1\r\nHost: x\r\n\r\nGET /nothing HTTP/1.1\r\nHost: x\r\n\r\n"
-      "GET /livez HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n");
+      "GET /livez HTTP/1.1\r\nHost: localhost\r\n\r\nGET /nothing HTTP/1.1\r\nHost: "
+      "localhost\r\n\r\n"
+      "GET /livez HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
   const std::string answers = client.read_to_end();
   EXPECT_EQ(std::count(answers.begin(), answers.end(), '{'), 3) << answers;
   EXPECT_THAT(answers, HasSubstr("404"));
@@ -87,7 +88,8 @@ TEST_F(HttpServerTest, RequestIdIsTheClientsWhenItIsOne) {
 }
 
 TEST_F(HttpServerTest, HeadHasTheLengthAndNoBody) {
-  const std::string answer = raw("HEAD /livez HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n");
+  const std::string answer =
+      raw("HEAD /livez HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
   EXPECT_THAT(answer, StartsWith("HTTP/1.1 200"));
   EXPECT_THAT(answer, HasSubstr("Content-Length: 31"));
   EXPECT_THAT(answer, Not(HasSubstr("alive")));
@@ -109,7 +111,7 @@ TEST_F(HttpServerTest, BodyBeyondTheLimitIsRefused) {
   ASSERT_TRUE(response);
   EXPECT_EQ(response->status, 413);
   EXPECT_EQ(nlohmann::json::parse(response->body)["code"], "PayloadTooLarge");
-  EXPECT_THAT(raw("POST /v1/maps/town/localize HTTP/1.1\r\nHost: x\r\nContent-Length: "
+  EXPECT_THAT(raw("POST /v1/maps/town/localize HTTP/1.1\r\nHost: localhost\r\nContent-Length: "
                   "99999999999999999999999\r\n\r\n"),
               StartsWith("HTTP/1.1 413"));
 }
@@ -124,14 +126,14 @@ TEST_F(HttpServerTest, UnpackedBytesCountAsWell) {
 }
 
 TEST_F(HttpServerTest, BodyWithoutAKnownLengthIsRefused) {
-  EXPECT_THAT(raw("POST /v1/maps/town/localize HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: "
+  EXPECT_THAT(raw("POST /v1/maps/town/localize HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: "
                   "chunked\r\n\r\n5\r\nhello\r\n0\r\n\r\n"),
               HasSubstr("LengthRequired"));
-  EXPECT_THAT(raw("POST /v1/maps/town/localize HTTP/1.1\r\nHost: x\r\n\r\n"),
+  EXPECT_THAT(raw("POST /v1/maps/town/localize HTTP/1.1\r\nHost: localhost\r\n\r\n"),
               StartsWith("HTTP/1.1 411"));
-  EXPECT_THAT(
-      raw("POST /v1/maps/town/localize HTTP/1.1\r\nHost: x\r\nContent-Length: many\r\n\r\n"),
-      StartsWith("HTTP/1.1 400"));
+  EXPECT_THAT(raw("POST /v1/maps/town/localize HTTP/1.1\r\nHost: localhost\r\nContent-Length: "
+                  "many\r\n\r\n"),
+              StartsWith("HTTP/1.1 400"));
 }
 
 TEST_F(HttpServerTest, UnknownContentEncodingIsRefused) {
@@ -152,7 +154,7 @@ TEST_F(HttpServerTest, ManyRangesAreRefusedAndOneIsIgnored) {
 
 TEST_F(HttpServerTest, GarbageIsAnsweredAndTheConnectionClosed) {
   EXPECT_THAT(raw("what is this\r\n\r\n"), StartsWith("HTTP/1.1 400"));
-  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nHost: x\r\nRange: bytes=x\r\n\r\n"),
+  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nHost: localhost\r\nRange: bytes=x\r\n\r\n"),
               StartsWith("HTTP/1.1 416"));
 }
 
@@ -160,15 +162,16 @@ TEST_F(HttpServerTest, HeadOfARequestIsBounded) {
   // Each of these would otherwise be read into memory as long as it lasts, or take the thread's
   // stack.
   const std::string line(5000, 'x');
-  EXPECT_THAT(raw("GET /" + line + " HTTP/1.1\r\nHost: x\r\n\r\n"), HasSubstr("HeaderTooLarge"));
-  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nHost: x\r\nX: " + line + "\r\n\r\n"),
+  EXPECT_THAT(raw("GET /" + line + " HTTP/1.1\r\nHost: localhost\r\n\r\n"),
+              HasSubstr("HeaderTooLarge"));
+  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nHost: localhost\r\nX: " + line + "\r\n\r\n"),
               StartsWith("HTTP/1.1 431"));
   std::string lines;
   for (int i = 0; i < 100; ++i) lines += "X: " + std::string(1000, 'x') + "\r\n";
-  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nHost: x\r\n" + lines + "\r\n"),
+  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nHost: localhost\r\n" + lines + "\r\n"),
               HasSubstr("HeaderTooLarge"));
   // A line of one character is no end of the head.
-  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nHost: x\r\nx\n" + lines + "\r\n"),
+  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nHost: localhost\r\nx\n" + lines + "\r\n"),
               HasSubstr("HeaderTooLarge"));
   EXPECT_EQ(client().Get("/livez")->status, 200);
 }
@@ -176,17 +179,17 @@ TEST_F(HttpServerTest, HeadOfARequestIsBounded) {
 TEST_F(HttpServerTest, LongestLinesLeaveTheStackWhole) {
   std::string ranges = "bytes=0-0";
   while (ranges.size() < 4000) ranges += ",0-0";
-  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nHost: x\r\nRange: " + ranges + "\r\n\r\n"),
+  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nHost: localhost\r\nRange: " + ranges + "\r\n\r\n"),
               HasSubstr("416"));
-  EXPECT_THAT(
-      raw("POST /" + std::string(4000, 'a') + " HTTP/1.1\r\nHost: x\r\nContent-Length: 0\r\n\r\n"),
-      HasSubstr("404"));
+  EXPECT_THAT(raw("POST /" + std::string(4000, 'a') +
+                  " HTTP/1.1\r\nHost: localhost\r\nContent-Length: 0\r\n\r\n"),
+              HasSubstr("404"));
 }
 
 TEST_F(HttpServerTest, BodyThatStopsIsGivenUp) {
-  const std::string answer =
-      raw("POST /v1/maps/town/localize?prior_t=1,2,3&prior_q=0,0,0,1 HTTP/1.1\r\nHost: x\r\n"
-          "Content-Type: application/octet-stream\r\nContent-Length: 100\r\n\r\nshort");
+  const std::string answer = raw(
+      "POST /v1/maps/town/localize?prior_t=1,2,3&prior_q=0,0,0,1 HTTP/1.1\r\nHost: localhost\r\n"
+      "Content-Type: application/octet-stream\r\nContent-Length: 100\r\n\r\nshort");
   EXPECT_THAT(answer, HasSubstr("InvalidRequest"));
 }
 
@@ -212,7 +215,7 @@ TEST(HttpServerLife, StopsWithAnIdleConnectionAndBeforeItRuns) {
   const int port = server.bind();
   std::thread thread([&] { server.run(); });
   RawClient idle(port);
-  idle.send("GET /livez HTTP/1.1\r\nHost: x\r\n\r\n");
+  idle.send("GET /livez HTTP/1.1\r\nHost: localhost\r\n\r\n");
   const auto begin = std::chrono::steady_clock::now();
   server.stop();
   thread.join();

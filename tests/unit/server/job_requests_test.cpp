@@ -80,23 +80,49 @@ TEST_F(JobRequests, SameIdempotencyKeyIsTheSameJob) {
   EXPECT_EQ(send("POST", "/v1/maps/town/rebuild", json, std::string(129, 'a')).status, 400);
 }
 
+/// A file with a good header; the script that stands for the mapper reads neither.
+std::string pcd(const std::string& points) {
+  return "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 9\nHEIGHT 1\nDATA binary\n" +
+         points;
+}
+constexpr const char* kPly =
+    "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+    "property float z\nend_header\n1 2 3\n";
+
+TEST_F(JobRequests, WhatCannotBeACloudIsRefusedBeforeItIsAJob) {
+  start_with("publish");
+  const std::string path = "/v1/maps/town/versions/v2";
+  const HttpResponse refused = put(path, "no cloud at all", "application/vnd.pcd");
+  EXPECT_EQ(refused.status, 422);
+  EXPECT_EQ(body(refused)["code"], "InvalidUpload");
+  EXPECT_THAT(body(refused)["detail"].get<std::string>(), HasSubstr("town/v2"));
+  EXPECT_EQ(put(path, pcd(""), "application/ply").status, 422);
+  EXPECT_EQ(put(path, "", "application/ply").status, 422);
+  EXPECT_EQ(body(get("/v1/jobs"))["jobs"].size(), 0U);
+  // A header and more than fits into what is looked at.
+  const HttpResponse large = put(path, pcd(std::string(200'000, 'x')), "application/vnd.pcd");
+  ASSERT_EQ(large.status, 202) << large.body;
+  const std::string sha256 = body(large)["request"]["sha256"];
+  EXPECT_EQ(sha256, maps::sha256_of(pcd(std::string(200'000, 'x'))));
+}
+
 TEST_F(JobRequests, CloudFromElsewhereIsConvertedOnce) {
   start_with("publish");
   const std::string path = "/v1/maps/town/versions/v2";
-  const HttpResponse accepted = put(path, "cloud", "application/vnd.pcd");
+  const HttpResponse accepted = put(path, pcd("cloud"), "application/vnd.pcd");
   ASSERT_EQ(accepted.status, 202) << accepted.body;
   EXPECT_EQ(body(accepted)["kind"], "convert");
   const nlohmann::json job = wait_for_end("/v1/jobs/1");
   EXPECT_EQ(job["status"], "succeeded") << job.dump();
   EXPECT_TRUE(job["result"]["gate"].is_null());
-  EXPECT_EQ(body(put(path, "cloud", "application/vnd.pcd"))["version"], "v2");
+  EXPECT_EQ(body(put(path, pcd("cloud"), "application/vnd.pcd"))["version"], "v2");
   // Nobody will read what came in vain.
   const auto uploads = store_.folder().path() / "jobs" / "uploads";
   EXPECT_TRUE(std::filesystem::is_empty(uploads));
-  EXPECT_EQ(put(path, "cloud", "application/vnd.pcd").status, 200);
-  EXPECT_EQ(body(put(path, "other", "application/vnd.pcd"))["code"], "OtherDigest");
+  EXPECT_EQ(put(path, pcd("cloud"), "application/vnd.pcd").status, 200);
+  EXPECT_EQ(body(put(path, pcd("other"), "application/vnd.pcd"))["code"], "OtherDigest");
   EXPECT_TRUE(std::filesystem::is_empty(uploads));
-  EXPECT_EQ(put("/v1/maps/new/versions/v1", "ply", "application/ply").status, 202);
+  EXPECT_EQ(put("/v1/maps/new/versions/v1", kPly, "application/ply").status, 202);
   EXPECT_EQ(wait_for_end("/v1/jobs/2")["status"], "succeeded");
   EXPECT_TRUE(store_.open().state().find_version("new", "v1").has_value());
 }

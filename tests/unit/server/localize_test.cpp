@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <thread>
 
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 #include "pose/pose_checks.hpp"
 #include "service_fixture.hpp"
 #include "support/matchers.hpp"

@@ -1,6 +1,6 @@
-#include "map_catalog.hpp"
+#include "catalog/map_catalog.hpp"
 
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 #include "service_fixture.hpp"
 #include "support/stored_packages.hpp"
 
@@ -9,6 +9,8 @@
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
+#include <filesystem>
+#include <fstream>
 #include <map>
 #include <mutex>
 #include <set>
@@ -134,6 +136,38 @@ TEST_F(MapCatalogTest, OldVersionServesWhileTheNewOneIsMadeReady) {
   builder_.set_held(digests_[2], false);
   activation.join();
   EXPECT_EQ(catalog.ready("town", {}).version, "v2");
+}
+
+TEST_F(MapCatalogTest, ServesAMendedPackageSoonAndTheOldOneUntilThen) {
+  const auto spoil = [&](char byte) {
+    const auto tile = store_folder_.path() / "packages" / digests_[1] / "tiles/0_0_0.bin";
+    std::fstream(tile, std::ios::in | std::ios::out | std::ios::binary).seekp(3).put(byte);
+  };
+  spoil('\x55');
+  MapCatalog& catalog = start();
+  const float damaged = catalog.find("town").package->tile({}).front().x;
+  builder_.set_held(digests_[1], true);
+  store_.add("town", "v1", folder_.path() / "package1");
+  wait([&] { return builder_.built(digests_[1]) == 2; });
+  EXPECT_EQ(catalog.ready("town", {}).package->tile({}).front().x, damaged);
+  builder_.set_held(digests_[1], false);
+  wait([&] { return catalog.ready("town", {}).package->tile({}).front().x == 0; });
+  EXPECT_NE(damaged, 0.F);
+  EXPECT_EQ(builder_.built(digests_[1]), 2);
+
+  spoil('\x56');
+  builder_.set_broken(digests_[1], true);
+  store_.add("town", "v1", folder_.path() / "package1");
+  wait([&] { return builder_.built(digests_[1]) == 3; });
+  EXPECT_EQ(catalog.ready("town", {}).version, "v1") << "goes on with what it has";
+}
+
+TEST_F(MapCatalogTest, MendsAMapThatCouldNotBeOpened) {
+  std::filesystem::remove_all(store_folder_.path() / "packages" / digests_[1]);
+  MapCatalog& catalog = start();
+  EXPECT_EQ(catalog.active().at(0).state, MapState::kFailed);
+  store_.add("town", "v1", folder_.path() / "package1");
+  wait([&] { return catalog.active().at(0).state == MapState::kReady; });
 }
 
 TEST_F(MapCatalogTest, VersionThatFailsToLoadLeavesTheOldOneServing) {

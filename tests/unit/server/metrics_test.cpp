@@ -1,4 +1,4 @@
-#include "metrics.hpp"
+#include "operation/metrics.hpp"
 
 #include <gmock/gmock.h>
 

@@ -1,12 +1,12 @@
-#include "multipart.hpp"
+#include "http/multipart.hpp"
 
 #include <gtest/gtest.h>
 
 #include <string>
 
-#include "api_error.hpp"
-#include "header_text.hpp"
-#include "request_id.hpp"
+#include "errors/api_error.hpp"
+#include "http/header_text.hpp"
+#include "http/request_id.hpp"
 
 namespace stillmap::server {
 namespace {

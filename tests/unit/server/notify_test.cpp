@@ -1,4 +1,4 @@
-#include "notify.hpp"
+#include "operation/notify.hpp"
 
 #include <gmock/gmock.h>
 #include <poll.h>

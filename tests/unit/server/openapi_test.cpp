@@ -7,7 +7,7 @@
 #include <regex>
 #include <set>
 
-#include "error_codes.hpp"
+#include "errors/error_codes.hpp"
 #include "openapi_document.hpp"
 #include "service_fixture.hpp"
 

@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-#include "error_codes.hpp"
+#include "errors/error_codes.hpp"
 #include "service_fixture.hpp"
 
 namespace stillmap::server {

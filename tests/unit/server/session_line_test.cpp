@@ -7,7 +7,7 @@
 #include <string>
 #include <thread>
 
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 
 namespace stillmap::server {
 namespace {

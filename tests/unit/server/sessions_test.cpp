@@ -4,7 +4,7 @@
 #include <latch>
 #include <thread>
 
-#include "api_error.hpp"
+#include "errors/api_error.hpp"
 #include "pose/session_table.hpp"
 #include "service_fixture.hpp"
 

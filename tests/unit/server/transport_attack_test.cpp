@@ -43,7 +43,7 @@ TEST_F(TransportAttack, PathsLeadNowhereInAnyEncoding) {
 // What a proxy and the server could read differently ends the connection, so that nothing that
 // follows is taken for a request.
 TEST_F(TransportAttack, SmugglingFormsAreRefused) {
-  const std::string next = "GET /x/smuggled HTTP/1.1\r\nHost: x\r\n\r\n";
+  const std::string next = "GET /x/smuggled HTTP/1.1\r\nHost: localhost\r\n\r\n";
   const std::vector<std::string> heads = {
       "Content-Length: 4\r\nTransfer-Encoding: chunked\r\n",
       "Transfer-Encoding: chunked\r\nContent-Length: 4\r\n",
@@ -65,16 +65,18 @@ TEST_F(TransportAttack, SmugglingFormsAreRefused) {
   };
   for (const std::string& head : heads) {
     const std::string answer =
-        raw("POST /echo HTTP/1.1\r\nHost: x\r\n" + head + "\r\n0\r\n\r\n" + next);
+        raw("POST /echo HTTP/1.1\r\nHost: localhost\r\n" + head + "\r\n0\r\n\r\n" + next);
     EXPECT_THAT(answer, StartsWith("HTTP/1.1 400")) << head << answer;
     EXPECT_THAT(answer, Not(HasSubstr("smuggled"))) << head;
   }
   const std::string chunked =
-      raw("POST /echo HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n" + next);
+      raw("POST /echo HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n" +
+          next);
   EXPECT_THAT(chunked, StartsWith("HTTP/1.1 411"));
   EXPECT_THAT(chunked, Not(HasSubstr("smuggled")));
   const std::string get =
-      raw("GET /livez HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n" + next);
+      raw("GET /livez HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n" +
+          next);
   EXPECT_THAT(get, Not(HasSubstr("smuggled")));
 }
 
@@ -83,19 +85,21 @@ TEST_F(TransportAttack, RequestLinesAreTakenByTheLetter) {
        {"GET /livez", "GET  /livez HTTP/1.1", "GET /livez HTTP/2.0", "GET /livez HTTP/1.1 ",
         "GET /li vez HTTP/1.1", "G(T /livez HTTP/1.1", "GET livez HTTP/1.1", " GET /livez HTTP/1.1",
         "\x16\x03\x01", "GET /a\tb HTTP/1.1"}) {
-    EXPECT_THAT(raw(std::string(line) + "\r\nHost: x\r\n\r\n"), StartsWith("HTTP/1.1 400")) << line;
+    EXPECT_THAT(raw(std::string(line) + "\r\nHost: localhost\r\n\r\n"), StartsWith("HTTP/1.1 400"))
+        << line;
   }
   EXPECT_THAT(raw("GET /livez HTTP/1.1\r\n\r\n"), StartsWith("HTTP/1.1 400"));
   EXPECT_THAT(raw("GET /livez HTTP/1.1\nHost: x\n\n"), StartsWith("HTTP/1.1 400"));
   EXPECT_THAT(ask("GET", "http://x/livez"), HasSubstr("alive"));
-  EXPECT_THAT(raw("\r\nGET /livez HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n"),
+  EXPECT_THAT(raw("\r\nGET /livez HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"),
               HasSubstr("alive"));
 }
 
 TEST_F(TransportAttack, NulBytesEndNothing) {
   using namespace std::string_literals;
-  EXPECT_THAT(raw("GET /livez\0/../x HTTP/1.1\r\nHost: x\r\n\r\n"s), StartsWith("HTTP/1.1 400"));
-  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nHost: x\r\nX: a\0b\r\n\r\n"s),
+  EXPECT_THAT(raw("GET /livez\0/../x HTTP/1.1\r\nHost: localhost\r\n\r\n"s),
+              StartsWith("HTTP/1.1 400"));
+  EXPECT_THAT(raw("GET /livez HTTP/1.1\r\nHost: localhost\r\nX: a\0b\r\n\r\n"s),
               StartsWith("HTTP/1.1 400"));
   EXPECT_THAT(ask("GET", "/livez%00"), StartsWith("HTTP/1.1 404"));
   const std::string zeros(1000, '\0');
@@ -121,8 +125,8 @@ TEST_F(TransportAttack, HeadsAreBounded) {
 
 TEST_F(TransportAttack, LengthsBeyondEverythingAreRefusedAtOnce) {
   for (const char* length : {"4097", "18446744073709551615", "99999999999999999999999999"}) {
-    EXPECT_THAT(raw("POST /echo HTTP/1.1\r\nHost: x\r\nContent-Length: " + std::string(length) +
-                    "\r\n\r\n"),
+    EXPECT_THAT(raw("POST /echo HTTP/1.1\r\nHost: localhost\r\nContent-Length: " +
+                    std::string(length) + "\r\n\r\n"),
                 StartsWith("HTTP/1.1 413"))
         << length;
   }
@@ -131,7 +135,7 @@ TEST_F(TransportAttack, LengthsBeyondEverythingAreRefusedAtOnce) {
 
 TEST_F(TransportAttack, PackedBodiesAreBoundedAndChecked) {
   const std::string head =
-      "POST /echo HTTP/1.1\r\nHost: x\r\nContent-Encoding: gzip\r\n"
+      "POST /echo HTTP/1.1\r\nHost: localhost\r\nContent-Encoding: gzip\r\n"
       "Connection: close\r\nContent-Length: ";
   // "hello" by gzip -n.
   const std::string hello(
@@ -147,7 +151,7 @@ TEST_F(TransportAttack, PackedBodiesAreBoundedAndChecked) {
 
 TEST_F(TransportAttack, RouteBoundsItsBodyBelowTheServersBound) {
   const auto post = [&](const std::string& headers, const std::string& body) {
-    return raw("POST /small HTTP/1.1\r\nHost: x\r\nConnection: close\r\n" + headers +
+    return raw("POST /small HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" + headers +
                "Content-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body);
   };
   EXPECT_EQ(body_of(post("", std::string(24, 'a'))), std::string(24, 'a'));
@@ -176,14 +180,14 @@ TEST_F(TransportAttack, DripsAreCutOff) {
   RawClient head(port_);
   head.send("GET /livez HTTP/1.1\r\nX: ");
   RawClient body(port_);
-  body.send("POST /echo HTTP/1.1\r\nHost: x\r\nContent-Length: 4000\r\n\r\n");
+  body.send("POST /echo HTTP/1.1\r\nHost: localhost\r\nContent-Length: 4000\r\n\r\n");
   EXPECT_TRUE(is_cut_off(head, std::chrono::seconds(4)));
   EXPECT_TRUE(is_cut_off(body, std::chrono::seconds(4)));
 }
 
 TEST_F(TransportAttack, ReaderThatNeverReadsIsGivenUp) {
   RawClient client(port_);
-  for (int i = 0; i < 100; ++i) client.send("GET /source HTTP/1.1\r\nHost: x\r\n\r\n");
+  for (int i = 0; i < 100; ++i) client.send("GET /source HTTP/1.1\r\nHost: localhost\r\n\r\n");
   // None is open before the first is taken either.
   const auto is_over = [&] {
     const std::string text = metrics_.text();

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "api_error.hpp"
-#include "http_server.hpp"
-#include "problem.hpp"
+#include "errors/api_error.hpp"
+#include "errors/problem.hpp"
+#include "http/http_server.hpp"
 #include "raw_client.hpp"
 
 #include <gtest/gtest.h>
@@ -163,8 +163,8 @@ class TransportTest : public ::testing::Test {
   /// The same of a request without a body.
   std::string ask(const std::string& method, const std::string& target,
                   const std::string& headers = "") const {
-    return raw(method + " " + target + " HTTP/1.1\r\nHost: x\r\nConnection: close\r\n" + headers +
-               "\r\n");
+    return raw(method + " " + target + " HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" +
+               headers + "\r\n");
   }
   bool alive() const { return ask("GET", "/livez").find("alive") != std::string::npos; }
   static std::string body_of(const std::string& answer) {

@@ -12,7 +12,7 @@ using ::testing::HasSubstr;
 using ::testing::StartsWith;
 using Clock = std::chrono::steady_clock;
 
-constexpr const char* kEvents = "GET /events HTTP/1.1\r\nHost: x\r\n\r\n";
+constexpr const char* kEvents = "GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n";
 
 class TransportLoad : public TransportTest {
  protected:
@@ -43,7 +43,7 @@ TEST_F(TransportLoad, IdleSlowAndListeningClientsLeaveRoomForQueries) {
   for (int i = 0; i < 200; ++i) clients.emplace_back(port_);
   for (int i = 0; i < 50; ++i) {
     clients.emplace_back(port_).send(
-        "POST /echo HTTP/1.1\r\nHost: x\r\nContent-Length: 9\r\n\r\nh");
+        "POST /echo HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n\r\nh");
   }
   for (int i = 0; i < 50; ++i) {
     RawClient& client = clients.emplace_back(port_);
@@ -53,7 +53,7 @@ TEST_F(TransportLoad, IdleSlowAndListeningClientsLeaveRoomForQueries) {
   wait_for_connections(300);
   for (int i = 0; i < 20; ++i) {
     EXPECT_TRUE(alive());
-    EXPECT_THAT(raw("POST /echo HTTP/1.1\r\nHost: x\r\nContent-Length: 5\r\nConnection: "
+    EXPECT_THAT(raw("POST /echo HTTP/1.1\r\nHost: localhost\r\nContent-Length: 5\r\nConnection: "
                     "close\r\n\r\nhello"),
                 HasSubstr("hello"));
   }
@@ -108,7 +108,7 @@ TEST_F(TransportLoad, StopsSoonWithOpenStreamsAndHalfSentRequests) {
   RawClient head(port_);
   head.send("GET /livez HT");
   RawClient body(port_);
-  body.send("POST /echo HTTP/1.1\r\nHost: x\r\nContent-Length: 9\r\n\r\nh");
+  body.send("POST /echo HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n\r\nh");
   RawClient idle(port_);
   wait_for_connections(4);
   EXPECT_LT(stop_seconds(), 3.0);
@@ -119,7 +119,7 @@ TEST_F(TransportLoad, AnswerInHandIsGivenBeforeTheEnd) {
   start(small_endpoint());
   handler_.hold = true;
   RawClient client(port_);
-  client.send("GET /slow HTTP/1.1\r\nHost: x\r\n\r\n");
+  client.send("GET /slow HTTP/1.1\r\nHost: localhost\r\n\r\n");
   while (handler_.handled == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   http_->stop();
   std::this_thread::sleep_for(std::chrono::milliseconds(50));
@@ -135,7 +135,7 @@ TEST_F(TransportLoad, DrainsAfterItsDelay) {
   start(endpoint);
   const Clock::time_point begin = Clock::now();
   http_->drain();
-  const std::string answer = raw("GET /livez HTTP/1.1\r\nHost: x\r\n\r\n");
+  const std::string answer = raw("GET /livez HTTP/1.1\r\nHost: localhost\r\n\r\n");
   EXPECT_THAT(answer, HasSubstr("alive"));
   EXPECT_THAT(answer, HasSubstr("Connection: close\r\n"));
   thread_.join();

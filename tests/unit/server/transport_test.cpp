@@ -71,7 +71,7 @@ TEST_F(TransportSmall, SourceThatBreaksEndsTheConnectionEarly) {
 TEST_F(TransportSmall, ClientThatLeavesDuringASourceHarmsNobody) {
   for (int i = 0; i < 5; ++i) {
     RawClient client(port_);
-    client.send("GET /source HTTP/1.1\r\nHost: x\r\n\r\n");
+    client.send("GET /source HTTP/1.1\r\nHost: localhost\r\n\r\n");
     client.read_until("\r\n\r\n");
   }
   EXPECT_TRUE(alive());
@@ -80,7 +80,7 @@ TEST_F(TransportSmall, ClientThatLeavesDuringASourceHarmsNobody) {
 TEST_F(TransportSmall, BodyIsInvitedOnlyOnceItIsAdmitted) {
   RawClient client(port_);
   client.send(
-      "POST /echo HTTP/1.1\r\nHost: x\r\nContent-Length: 5\r\nExpect: 100-continue\r\n"
+      "POST /echo HTTP/1.1\r\nHost: localhost\r\nContent-Length: 5\r\nExpect: 100-continue\r\n"
       "Connection: close\r\n\r\n");
   EXPECT_EQ(client.read_until("\r\n\r\n"), "HTTP/1.1 100 Continue\r\n\r\n");
   client.send("hello");
@@ -100,7 +100,7 @@ TEST_F(TransportSmall, BodyIsInvitedOnlyOnceItIsAdmitted) {
 TEST_F(TransportSmall, RefusalIsReadByAClientThatGoesOnSending) {
   RawClient client(port_);
   client.send(
-      "POST /echo HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer wrong\r\nContent-Length: "
+      "POST /echo HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer wrong\r\nContent-Length: "
       "4000\r\n\r\nhalf");
   client.send(std::string(2000, 'x'));
   const std::string answer = client.read_to_end();
@@ -110,7 +110,7 @@ TEST_F(TransportSmall, RefusalIsReadByAClientThatGoesOnSending) {
 }
 
 TEST_F(TransportSmall, StreamedBodyIsReadByItsHandler) {
-  const std::string head = "PUT /stream HTTP/1.1\r\nHost: x\r\nContent-Length: ";
+  const std::string head = "PUT /stream HTTP/1.1\r\nHost: localhost\r\nContent-Length: ";
   RawClient client(port_);
   client.send(head + "100000\r\n\r\n" + std::string(100'000, 'x'));
   EXPECT_THAT(client.read_until("took 100000"), HasSubstr("Keep-Alive"));
@@ -123,7 +123,8 @@ TEST_F(TransportSmall, StreamedBodyIsReadByItsHandler) {
 
 TEST_F(TransportSmall, UnreadBodyEndsTheConnection) {
   RawClient client(port_);
-  client.send("PUT /unread HTTP/1.1\r\nHost: x\r\nContent-Length: 50\r\n\r\nGET /livez HTTP/1.1");
+  client.send(
+      "PUT /unread HTTP/1.1\r\nHost: localhost\r\nContent-Length: 50\r\n\r\nGET /livez HTTP/1.1");
   const std::string answer = client.read_to_end();
   EXPECT_THAT(answer, HasSubstr("not looked at"));
   EXPECT_THAT(answer, HasSubstr("Connection: close\r\n"));
@@ -132,7 +133,7 @@ TEST_F(TransportSmall, UnreadBodyEndsTheConnection) {
 
 TEST_F(TransportSmall, DeleteWorksWithAndWithoutABody) {
   EXPECT_THAT(ask("DELETE", "/x/a"), StartsWith("HTTP/1.1 204"));
-  EXPECT_THAT(raw("DELETE /x/a HTTP/1.1\r\nHost: x\r\nContent-Length: 2\r\n\r\n{}"),
+  EXPECT_THAT(raw("DELETE /x/a HTTP/1.1\r\nHost: localhost\r\nContent-Length: 2\r\n\r\n{}"),
               StartsWith("HTTP/1.1 204"));
 }
 
@@ -172,7 +173,7 @@ TEST_F(TransportSmall, OldClientsGetWhatTheyUnderstand) {
 }
 
 TEST_F(TransportSmall, EventStreamsAreCountedAndCapped) {
-  const std::string request = "GET /events HTTP/1.1\r\nHost: x\r\n\r\n";
+  const std::string request = "GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n";
   RawClient first(port_);
   {
     RawClient second(port_);
@@ -197,7 +198,8 @@ TEST_F(TransportSmall, RequestsAreCounted) {
   ask("GET", "/x/a");
   ask("GET", "/x/b");
   ask("GET", "/nothing");
-  raw("POST /echo HTTP/1.1\r\nHost: x\r\nContent-Length: 5\r\nConnection: close\r\n\r\nhello");
+  raw("POST /echo HTTP/1.1\r\nHost: localhost\r\nContent-Length: 5\r\nConnection: "
+      "close\r\n\r\nhello");
   const std::string text = metrics_.text();
   EXPECT_THAT(text,
               HasSubstr("requests_total{method=\"GET\",route=\"/x/{name}\",status=\"2xx\"} 2"));

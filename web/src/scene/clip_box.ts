@@ -73,3 +73,21 @@ export function boxOverDiagonal(a: Vec3, b: Vec3, below: number, above: number):
     yaw: 0,
   };
 }
+
+/** How far along a ray (direction of length 1) the box is first met [m]; 0 from inside, undefined when it is missed. */
+export function metBy({ centre, size, yaw }: Box, origin: Vec3, direction: Vec3): number | undefined {
+  const [cos, sin] = [Math.cos(yaw), Math.sin(yaw)];
+  const turn = ([x, y, z]: Vec3): Vec3 => [cos * x + sin * y, cos * y - sin * x, z];
+  const from = turn([origin[0] - centre[0], origin[1] - centre[1], origin[2] - centre[2]]);
+  const along = turn(direction);
+  let [enter, leave] = [0, Infinity];
+  for (let axis = 0; axis < 3; ++axis) {
+    const half = (size[axis] as number) / 2;
+    const a = (-half - (from[axis] as number)) / (along[axis] as number);
+    const b = (half - (from[axis] as number)) / (along[axis] as number);
+    // Parallel to these faces: NaN when on one of them, which counts as inside.
+    enter = Math.max(enter, Number.isNaN(a) ? 0 : Math.min(a, b));
+    leave = Math.min(leave, Number.isNaN(b) ? Infinity : Math.max(a, b));
+  }
+  return enter <= leave ? enter : undefined;
+}

@@ -13,6 +13,7 @@ const kVertexShader = `
 const kFragmentShader = `
   uniform sampler2D colours, depths;
   uniform vec2 pixel;
+  const float kMost = 0.035;
   uniform float near, far, strength;
   varying vec2 at;
 
@@ -30,7 +31,7 @@ const kFragmentShader = `
       float other = texture2D(depths, at + pixel * vec2(cos(angle), sin(angle))).r;
       if (other < 1.0) behind += max(0.0, own - logDepth(other));
     }
-    float shade = exp(-strength * min(behind / 8.0, 0.25));
+    float shade = exp(-strength * min(behind / 8.0, kMost));
     gl_FragColor = vec4(texture2D(colours, at).rgb * shade, 1.0);
     gl_FragDepth = depth;
   }`;
@@ -53,7 +54,7 @@ export class EyeDome {
     this.material_ = new THREE.ShaderMaterial({
       uniforms: {
         colours: { value: this.target_.texture }, depths: { value: this.target_.depthTexture },
-        pixel: { value: new THREE.Vector2() }, near: { value: 1 }, far: { value: 2 }, strength: { value: 60 },
+        pixel: { value: new THREE.Vector2() }, near: { value: 1 }, far: { value: 2 }, strength: { value: 55 },
       },
       vertexShader: kVertexShader,
       fragmentShader: kFragmentShader,

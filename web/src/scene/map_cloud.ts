@@ -3,11 +3,13 @@ import type { Tile } from '3d-tiles-renderer/core';
 import { TilesRenderer } from '3d-tiles-renderer/three';
 import { errorForBudget, type BudgetTile } from './budget.js';
 import { PickPoints, type Hit, type Ray } from './pick.js';
-import { kFactsWord, kPointWords } from './point_layout.js';
+import { kPointWords } from './point_layout.js';
 import { PointMaterials } from './point_materials.js';
-import { Histogram } from './statistics.js';
+import { levelOf, TilePoints, type PickedPoint, type Ranges } from './tile_points.js';
 import { TileSource, type Ask, type Trouble } from './tile_source.js';
-import { kKinds, subtract, type Kind, type Range, type Vec3 } from './types.js';
+import { kKinds, subtract, type Kind, type Vec3 } from './types.js';
+
+export type { PickedPoint, Ranges } from './tile_points.js';
 
 /** Most bytes of tiles that are kept (as the library counts them: 20 a point). */
 const kCacheBytes = 200e6;
@@ -17,8 +19,6 @@ const kFinestPx = 1.2;
 /** Most points looked at for one pick, so that it stays within a frame's time. */
 const kPickLimit = 400_000;
 
-/** Points that the ranges of the colours are told from. */
-const kRangeSamples = 20_000;
 /** Boxes that the shape of a map is told by. */
 const kShapeBoxes = 100;
 
@@ -35,28 +35,9 @@ export interface MapCloudOptions {
   readonly onTrouble: (trouble: Trouble | undefined) => void;
 }
 
-/** A point that is shown. */
-export interface PickedPoint {
-  /** Map coordinates [m]. */
-  readonly position: Vec3;
-  readonly intensity: number;
-  readonly observations: number;
-  readonly kind: Kind;
-  /** Level of detail: a point stands for a cube of voxel size times 2^level. */
-  readonly level: number;
-}
-
-/** Ranges that most values of a map lie in, told from the first tiles. */
-export interface Ranges {
-  readonly height: Range;
-  readonly intensity: Range;
-  readonly observations: Range;
-}
-
 interface Loaded {
-  readonly level: number;
-  readonly geometry: THREE.BufferGeometry;
-  readonly points: number;
+  readonly points: TilePoints;
+  /** Made when it is first pointed at. */
   pick?: PickPoints;
 }
 
@@ -125,7 +106,7 @@ export class MapCloud {
     const tiles = this.tiles_;
     if (tiles === undefined) return { points: 0, tiles: 0, bytes: 0, pending: 1 };
     let points = 0;
-    for (const tile of tiles.visibleTiles) points += this.loaded_.get(tile)?.points ?? 0;
+    for (const tile of tiles.visibleTiles) points += this.loaded_.get(tile)?.points.count ?? 0;
     // Fields that the library documents but does not declare.
     const { stats, lruCache } = tiles as unknown as {
       stats: { queued: number; downloading: number; parsing: number }; lruCache: { cachedBytes: number };
@@ -173,13 +154,13 @@ export class MapCloud {
     let best: { hit: Hit; loaded: Loaded } | undefined;
     for (const loaded of this.alongRay(own, tolerance)) {
       if (left <= 0) break;
-      const words = wordsOf(loaded.geometry);
-      loaded.pick ??= new PickPoints(words.floats, kPointWords, loaded.points);
-      const { hit, looked } = loaded.pick.nearest(own, tolerance, (i) => this.kinds_.has(kindAt(words, i)), left);
+      const { points } = loaded;
+      loaded.pick ??= new PickPoints(points.floats, kPointWords, points.count);
+      const { hit, looked } = loaded.pick.nearest(own, tolerance, (i) => this.kinds_.has(points.kind(i)), left);
       left -= looked;
       if (hit !== undefined && (best === undefined || hit.depth < best.hit.depth)) best = { hit, loaded };
     }
-    return best === undefined ? undefined : { ...this.pointOf(best.loaded, best.hit.index), depth: best.hit.depth };
+    return best === undefined ? undefined : { ...best.loaded.points.point(best.hit.index, this.origin), depth: best.hit.depth };
   }
 
   dispose(): void {
@@ -231,21 +212,13 @@ export class MapCloud {
     return errorForBudget(treeOf(root), errorOf, this.budget, kFinestPx);
   }
 
-  // Before the library counts its bytes: one copy of the points in words, and the packed facts beside it.
+  // Before the library counts the bytes.
   private prepare(scene: THREE.Object3D, tile: Tile): Promise<void> {
     scene.traverse((object) => {
       if (!(object instanceof THREE.Points)) return;
-      const geometry = object.geometry as THREE.BufferGeometry;
-      const { floats, facts } = wordsOf(geometry);
-      const interleaved = new THREE.InterleavedBuffer(floats, kPointWords);
-      geometry.setAttribute('position', new THREE.InterleavedBufferAttribute(interleaved, 3, 0));
-      geometry.setAttribute('_intensity', new THREE.InterleavedBufferAttribute(interleaved, 1, 3));
-      const count = floats.length / kPointWords;
-      const packed = new Uint32Array(count);
-      for (let i = 0; i < count; ++i) packed[i] = facts[i * kPointWords + kFactsWord] as number;
-      geometry.setAttribute('_point', new THREE.BufferAttribute(new Uint8Array(packed.buffer), 4));
-      if (this.ranges_ === undefined) this.takeRanges(floats, packed);
-      this.loaded_.set(tile, { level: levelOf(tile), geometry, points: count });
+      const points = new TilePoints(object.geometry as THREE.BufferGeometry, levelOf(tile));
+      this.ranges_ ??= points.ranges(this.origin);
+      this.loaded_.set(tile, { points });
     });
     return Promise.resolve();
   }
@@ -258,49 +231,20 @@ export class MapCloud {
     this.options_.onChange();
   }
 
-  private takeRanges(floats: Float32Array, packed: Uint32Array): void {
-    const [heights, intensities, observations] = [new Histogram(0.1), new Histogram(0.005), new Histogram(1)];
-    const scale = packed.length > 0 && largest(floats) > 2 ? 255 : 1;
-    const step = Math.max(1, Math.floor(packed.length / kRangeSamples));
-    for (let i = 0; i < packed.length; i += step) {
-      heights.add((floats[i * kPointWords + 2] as number) + this.origin[2]);
-      intensities.add((floats[i * kPointWords + 3] as number) / scale);
-      observations.add((packed[i] as number) & 0xffff);
-    }
-    const [height, intensity, seen] = [heights.range(0.01, 1), intensities.range(0.02, 0.01), observations.range(0.02, 1)];
-    if (height === undefined || intensity === undefined || seen === undefined) return;
-    this.ranges_ = {
-      height, intensity: { low: intensity.low * scale, high: intensity.high * scale }, observations: { low: Math.max(seen.low, 1), high: seen.high },
-    };
-  }
-
   private alongRay(ray: Ray, tolerance: number): Loaded[] {
     const found: { loaded: Loaded; depth: number }[] = [];
     for (const tile of this.tiles_?.visibleTiles ?? []) {
       const loaded = this.loaded_.get(tile);
       if (loaded === undefined) continue;
-      loaded.geometry.boundingSphere ?? loaded.geometry.computeBoundingSphere();
-      const { center, radius } = loaded.geometry.boundingSphere as THREE.Sphere;
+      const { geometry } = loaded.points;
+      if (geometry.boundingSphere === null) geometry.computeBoundingSphere();
+      const { center, radius } = geometry.boundingSphere as THREE.Sphere;
       const offset = subtract([center.x, center.y, center.z], ray.origin);
       const depth = offset[0] * ray.direction[0] + offset[1] * ray.direction[1] + offset[2] * ray.direction[2];
       const beside = Math.sqrt(Math.max(Math.hypot(...offset) ** 2 - depth * depth, 0));
       if (depth + radius > 0 && beside <= radius + tolerance * (depth + radius)) found.push({ loaded, depth: depth - radius });
     }
     return found.sort((a, b) => a.depth - b.depth).map(({ loaded }) => loaded);
-  }
-
-  private pointOf({ geometry, level }: Loaded, index: number): PickedPoint {
-    const { floats, facts } = wordsOf(geometry);
-    const at = index * kPointWords;
-    const fact = facts[at + kFactsWord] as number;
-    // The sum is one of doubles: map coordinates may be too large for floats.
-    return {
-      position: [(floats[at] as number) + this.origin[0], (floats[at + 1] as number) + this.origin[1], (floats[at + 2] as number) + this.origin[2]],
-      intensity: floats[at + 3] as number,
-      observations: fact & 0xffff,
-      kind: kKinds[(fact >> 16) & 3] as Kind,
-      level,
-    };
   }
 }
 
@@ -325,33 +269,6 @@ function treeOf(tile: Tile): BudgetTree {
     kTrees.set(tile, tree);
   }
   return tree;
-}
-
-interface Words {
-  readonly floats: Float32Array;
-  readonly facts: Uint32Array;
-}
-
-function wordsOf(geometry: THREE.BufferGeometry): Words {
-  const position = geometry.getAttribute('position') as THREE.InterleavedBufferAttribute;
-  const floats = position.data.array as Float32Array;
-  return { floats, facts: new Uint32Array(floats.buffer, floats.byteOffset, floats.length) };
-}
-
-function kindAt({ facts }: Words, index: number): Kind {
-  return kKinds[((facts[index * kPointWords + kFactsWord] as number) >> 16) & 3] as Kind;
-}
-
-// "3/-1/0.glb" is of level 3.
-function levelOf(tile: Tile): number {
-  const uri = (tile.content as { uri?: string } | undefined)?.uri ?? '';
-  return Number(/(\d+)\/-?\d+\/-?\d+\.glb/.exec(uri)?.[1] ?? 0);
-}
-
-function largest(floats: Float32Array): number {
-  let most = 0;
-  for (let at = 3; at < floats.length; at += kPointWords) most = Math.max(most, floats[at] as number);
-  return most;
 }
 
 // Boxes of our tilesets are axis-aligned: centre, and half the length of each axis.

@@ -75,36 +75,48 @@ export class PickPoints {
     return { index, depth, beside: Math.sqrt(Math.max(beside2, 0)) / width };
   }
 
-  // The run's sphere against the cone, and against what is known to be in front.
+  // The run's bounds, widened by the cone where they end, against the ray and what is known to be in front.
   private meets(run: number, { origin, direction }: Ray, tolerance: number, first: number): boolean {
-    const at = 4 * run;
-    const x = (this.bounds_[at] as number) - origin[0];
-    const y = (this.bounds_[at + 1] as number) - origin[1];
-    const z = (this.bounds_[at + 2] as number) - origin[2];
-    const radius = this.bounds_[at + 3] as number;
-    const depth = x * direction[0] + y * direction[1] + z * direction[2];
-    if (depth + radius < 0 || depth - radius > first + kSurfaceM) return false;
-    const beside = Math.sqrt(Math.max(x * x + y * y + z * z - depth * depth, 0));
-    return beside <= radius + tolerance * (depth + radius);
+    const at = 6 * run;
+    const bounds = this.bounds_;
+    let reach = 0;
+    for (let axis = 0; axis < 3; ++axis) {
+      const [low, high] = [bounds[at + axis] as number, bounds[at + 3 + axis] as number];
+      const from = origin[axis] as number;
+      reach += Math.max(Math.abs(low - from), Math.abs(high - from)) ** 2;
+    }
+    const wide = tolerance * Math.sqrt(reach);
+    let [enter, leave] = [0, first + kSurfaceM + wide];
+    for (let axis = 0; axis < 3; ++axis) {
+      const from = origin[axis] as number;
+      const slope = direction[axis] as number;
+      const [low, high] = [(bounds[at + axis] as number) - wide - from, (bounds[at + 3 + axis] as number) + wide - from];
+      if (slope === 0) {
+        if (low > 0 || high < 0) return false;
+        continue;
+      }
+      enter = Math.max(enter, Math.min(low / slope, high / slope));
+      leave = Math.min(leave, Math.max(low / slope, high / slope));
+    }
+    return enter <= leave;
   }
 }
 
-// Centre and radius of a sphere around each run.
+// Lowest and highest coordinates of each run.
 function boundsOfRuns(values: Float32Array, stride: number, count: number): Float32Array {
   const runs = Math.ceil(count / kRun);
-  const bounds = new Float32Array(4 * runs);
+  const bounds = new Float32Array(6 * runs);
   for (let run = 0; run < runs; ++run) {
-    const low = [Infinity, Infinity, Infinity];
-    const high = [-Infinity, -Infinity, -Infinity];
-    for (let i = run * kRun; i < Math.min((run + 1) * kRun, count); ++i) {
-      for (let axis = 0; axis < 3; ++axis) {
+    for (let axis = 0; axis < 3; ++axis) {
+      let [low, high] = [Infinity, -Infinity];
+      for (let i = run * kRun; i < Math.min((run + 1) * kRun, count); ++i) {
         const value = values[i * stride + axis] as number;
-        if (value < (low[axis] as number)) low[axis] = value;
-        if (value > (high[axis] as number)) high[axis] = value;
+        if (value < low) low = value;
+        if (value > high) high = value;
       }
+      bounds[6 * run + axis] = low;
+      bounds[6 * run + 3 + axis] = high;
     }
-    const middle = low.map((value, axis) => (value + (high[axis] as number)) / 2);
-    bounds.set([...middle, Math.hypot(...high.map((value, axis) => value - (middle[axis] as number))) * 1.000001], 4 * run);
   }
   return bounds;
 }

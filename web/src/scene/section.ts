@@ -59,3 +59,13 @@ export function profileOf(section: Section, tiles: readonly Points[], holds: (ki
   }
   return { along: Float64Array.from(along), heights: Float64Array.from(heights), kinds: Uint8Array.from(kinds) };
 }
+
+/** Lowest and highest height; undefined when the cut met nothing. */
+export function extentOf({ heights }: Profile): [number, number] | undefined {
+  let [low, high] = [Infinity, -Infinity];
+  for (const height of heights) {
+    low = Math.min(low, height);
+    high = Math.max(high, height);
+  }
+  return low <= high ? [low, high] : undefined;
+}

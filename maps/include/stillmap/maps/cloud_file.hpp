@@ -4,12 +4,14 @@
 
 #include <Eigen/Core>
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace stillmap::maps {
@@ -42,6 +44,16 @@ struct CloudSummary {
 /// Most points of a `binary_compressed` PCD: its columns come one after the other, so that all of
 /// them are held at once (32 bytes each).
 inline constexpr std::uint64_t kMostCompressedPoints = 100'000'000;
+
+/// Bytes of a file that its header must lie in.
+inline constexpr std::size_t kMostCloudHeaderBytes = 65536;
+
+/// Whether a file that begins so can be one that `read_cloud_file` takes: its header alone.
+/// @param head    the first `kMostCloudHeaderBytes`, or all of a shorter file.
+/// @param format  "pcd", "ply" or "las". @param name  what messages call it.
+/// @throws InputError as `read_cloud_file`; std::invalid_argument for another format.
+void check_cloud_header(std::span<const std::byte> head, std::string_view format,
+                        const std::string& name);
 
 /// Reads a PCD, PLY or LAS (1.2 to 1.4, uncompressed) file of any size in doubles and hands its
 /// points on, in order, some tens of thousands at a time. The file is mapped, not read into memory;

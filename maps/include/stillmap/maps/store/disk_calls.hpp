@@ -18,6 +18,7 @@ struct DiskCall {
     kSyncFile,
     kSyncFolder,
     kRename,
+    kExchange,
     kLink,
     kRemoveFile,
     kRemoveFolder,
@@ -25,7 +26,7 @@ struct DiskCall {
   Kind kind;
   /// Absolute.
   std::filesystem::path path;
-  /// Target of a rename or of a hard link.
+  /// Target of a rename or of a hard link, the other one of an exchange.
   std::filesystem::path to{};
   /// Where bytes are written, or the new size when truncating.
   std::uint64_t offset = 0;

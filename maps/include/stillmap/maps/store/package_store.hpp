@@ -61,13 +61,18 @@ class PackageStore {
   [[nodiscard]] std::shared_ptr<const MapPackage> open(std::string_view map,
                                                        std::string_view version) const;
 
+  /// Tells one copy of a version's package from another: changes when a damaged one is replaced.
+  /// 0 when there is none. @throws StoreRefusal kUnknownMap, kUnknownVersion.
+  [[nodiscard]] std::uint64_t copy_of(std::string_view map, std::string_view version) const;
+
   struct Added {
     StoredVersion version;
     /// False when it was there already, with the same digest.
     bool is_new = false;
   };
   /// Copies a package into the store, checks it (schema, presence, sizes, checksums, objects,
-  /// trajectories) and publishes it under this name. The given folder is only read.
+  /// trajectories) and publishes it under this name. The given folder is only read. A stored copy
+  /// that is whole is kept, one that is damaged is replaced in one step, for all its versions.
   /// @throws std::invalid_argument for a name that is not `is_valid_map_name`; InputError naming
   /// what is wrong with the package; StoreRefusal kOtherDigest; kOverQuota, before bytes are
   /// copied.
@@ -149,7 +154,8 @@ class PackageStore {
   void refuse_lost_state() const;
   void open_read_only(const StorageError& reason);
   [[nodiscard]] FolderLock locked() const;
-  bool adopt(const std::string& digest);
+  [[nodiscard]] std::string damage_of(const std::string& digest) const;
+  [[nodiscard]] bool has_whole(const std::string& digest) const;
   Added commit(std::string_view map, const StoredVersion& version);
   void clear_package(const std::string& digest);
   void clear_condemned();

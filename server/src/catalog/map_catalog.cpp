@@ -1,0 +1,371 @@
+#include "catalog/map_catalog.hpp"
+
+#include "errors/api_error.hpp"
+#include "errors/upload_errors.hpp"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <chrono>
+#include <exception>
+
+namespace stillmap::server {
+namespace {
+
+/// How often the store is asked what other processes did to it.
+constexpr std::chrono::seconds kStorePeriod{1};
+/// Versions that are kept open besides the active ones.
+constexpr std::size_t kKeptOpen = 4;
+
+std::string described(const std::string& map, const std::string& version) {
+  return "version '" + version + "' of map '" + map + "'";
+}
+
+ApiError unusable(const ServedVersion& version) {
+  return {ErrorCode::kMapUnusable, described(version.map, version.version) + " cannot be used"};
+}
+
+/// Versions with equal names are in one frame for sure. A map's frame is that of the version it was
+/// registered to, and so on back; else that of its place on Earth; else its own, since "local" is
+/// what every map without either is called.
+std::string frame_name(const maps::PackageStore& store, const std::string& map,
+                       std::shared_ptr<const maps::MapPackage> package) {
+  const std::vector<maps::StoredVersion> versions = store.state().versions(map);
+  // Each step is another version, so there are no more steps than versions.
+  for (std::size_t step = 0; step <= versions.size(); ++step) {
+    const maps::MapManifest& manifest = package->manifest();
+    if (!manifest.registration) {
+      const auto& origin = manifest.geodetic_origin;
+      if (!origin) return package->digest();
+      return fmt::format("{} {} {} {}", manifest.frame_id, origin->latitude_deg,
+                         origin->longitude_deg, origin->altitude_m);
+    }
+    const std::string& previous = manifest.registration->previous_digest;
+    const auto found =
+        std::find_if(versions.begin(), versions.end(),
+                     [&](const maps::StoredVersion& each) { return each.digest == previous; });
+    if (found == versions.end()) return previous;
+    package = store.open(map, found->name);
+  }
+  return package->digest();
+}
+
+/// 0 also when the version is gone.
+std::uint64_t copy_of(const maps::PackageStore& store, const std::string& map,
+                      const std::string& version) {
+  try {
+    return store.copy_of(map, version);
+  } catch (const maps::StoreRefusal&) {
+    return 0;
+  }
+}
+
+}  // namespace
+
+MapCatalog::MapCatalog(maps::PackageStore& store, AlignerBuilder builder, Metrics* metrics)
+    : store_(store), builder_(std::move(builder)), metrics_(metrics) {
+  follow_store();
+  thread_ = std::jthread([this](const std::stop_token& stop) { work(stop); });
+}
+
+std::vector<ServedVersion> MapCatalog::active() const {
+  const std::scoped_lock lock(mutex_);
+  std::vector<ServedVersion> each;
+  each.reserve(active_.size());
+  for (const auto& [map, active] : active_) each.push_back(slots_.at({map, active.serving}).served);
+  return each;
+}
+
+std::vector<ServedVersion> MapCatalog::waiting() const {
+  const std::scoped_lock lock(mutex_);
+  std::vector<ServedVersion> each;
+  for (const auto& [map, active] : active_)
+    if (active.wanted != active.serving) each.push_back(slots_.at({map, active.wanted}).served);
+  return each;
+}
+
+ServedVersion MapCatalog::find(std::string_view map) const {
+  {
+    const std::scoped_lock lock(mutex_);
+    const auto found = active_.find(map);
+    if (found != active_.end()) {
+      const ServedVersion& served = slots_.at({found->first, found->second.serving}).served;
+      if (!served.package) throw unusable(served);
+      return served;
+    }
+  }
+  (void)store_.state().map(map);
+  throw ApiError(ErrorCode::kNoActiveVersion,
+                 "map '" + std::string(map) + "' has no active version");
+}
+
+ServedVersion MapCatalog::find(std::string_view map, std::string_view version) {
+  const Key key(map, version);
+  // It may be open still and yet be removed.
+  (void)store_.state().version(map, version);
+  ServedVersion served = open(key).served;
+  if (!served.package) throw unusable(served);
+  return served;
+}
+
+ServedVersion MapCatalog::ready(std::string_view map, std::optional<std::string_view> version) {
+  const ServedVersion served = version ? find(map, *version) : find(map);
+  if (served.state == MapState::kReady) return served;
+  if (served.state == MapState::kFailed) throw unusable(served);
+  {
+    const std::scoped_lock lock(mutex_);
+    const auto slot = slots_.find({served.map, served.version});
+    if (slot != slots_.end() && slot->second.served.state == MapState::kOpened)
+      slot->second.served.state = MapState::kLoading;
+  }
+  changed_.notify_all();
+  throw ApiError(ErrorCode::kMapLoading,
+                 described(served.map, served.version) + " is still being loaded")
+      .with_header("Retry-After", "1");
+}
+
+maps::StoredMap MapCatalog::activate(std::string_view map, std::string_view version,
+                                     std::optional<std::int64_t> revision, bool new_frame) {
+  const Key key(map, version);
+  const maps::StoredMap before = store_.state().map(map);
+  const ServedVersion next = load(key);
+  if (next.state != MapState::kReady) {
+    throw ApiError(ErrorCode::kMapUnusable, described(key.first, key.second) +
+                                                " cannot be loaded; what was active stays so");
+  }
+  if (before.active && *before.active != key.second && !new_frame) {
+    const ServedVersion present = open({key.first, *before.active}).served;
+    if (present.package && frame_name(store_, key.first, present.package) !=
+                               frame_name(store_, key.first, next.package)) {
+      throw ApiError(ErrorCode::kOtherFrame,
+                     described(key.first, key.second) + " is not known to be in the frame of " +
+                         described(present.map, present.version) +
+                         ", so positions may mean other places: build it with --register-to, or "
+                         "say new_frame=true");
+    }
+  }
+  // What was compared is what must be active still.
+  const maps::StoredMap after =
+      store_.activate(map, version, revision ? revision : before.revision);
+  serve(key);
+  return after;
+}
+
+maps::StoredMap MapCatalog::roll_back(std::string_view map, std::optional<std::int64_t> revision,
+                                      bool new_frame) {
+  const maps::StoredMap seen = store_.state().map(map);
+  if (!seen.previous) return store_.roll_back(map, revision);  // refuses in the store's words
+  if (revision.value_or(seen.revision) != seen.revision) return store_.roll_back(map, revision);
+  return activate(map, *seen.previous, seen.revision, new_frame);
+}
+
+void MapCatalog::refresh() {
+  {
+    const std::scoped_lock lock(mutex_);
+    store_changed_ = true;
+  }
+  changed_.notify_all();
+}
+
+void MapCatalog::work(const std::stop_token& stop) {
+  while (!stop.stop_requested()) {
+    std::optional<Key> next;
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait_for(lock, stop, kStorePeriod,
+                        [&] { return store_changed_ || next_to_load().has_value(); });
+      store_changed_ = false;
+      next = next_to_load();
+    }
+    if (stop.stop_requested()) return;
+    try {
+      if (next && load(*next).state == MapState::kReady) serve(*next);
+    } catch (const std::exception& error) {
+      // A removed version, or a store that cannot be read just now: what is served goes on.
+      spdlog::error("{} of the store: {}", described(next->first, next->second), error.what());
+      note_failure(*next, shown(error));
+    }
+    try {
+      // Also between loads: whoever asks for one version after the other must neither keep them all
+      // open nor hide what other processes activate.
+      follow_store();
+    } catch (const std::exception& error) {
+      spdlog::error("the maps of the store: {}", error.what());
+    }
+  }
+}
+
+/// Serves what the store says is active, as soon as it is loaded.
+void MapCatalog::follow_store() {
+  const std::scoped_lock what_was_read_holds(follow_mutex_);
+  std::map<std::string, std::string, std::less<>> wanted;
+  for (const maps::StoredMap& map : store_.state().maps())
+    if (map.active) wanted.emplace(map.name, *map.active);
+  {
+    const std::scoped_lock lock(mutex_);
+    std::erase_if(active_, [&](const auto& each) { return !wanted.contains(each.first); });
+  }
+  for (const auto& [map, version] : wanted) follow(map, version);
+  notice_replaced();
+  forget_unused();
+}
+
+void MapCatalog::follow(const std::string& map, const std::string& version) {
+  {
+    const std::scoped_lock lock(mutex_);
+    const auto known = active_.find(map);
+    if (known != active_.end() && known->second.wanted == version) return;
+  }
+  (void)open({map, version});
+  const std::scoped_lock lock(mutex_);
+  ServedVersion& served = slots_.at({map, version}).served;
+  // One that failed before is tried again, since someone wants it again.
+  if (served.state != MapState::kReady) served.state = MapState::kLoading;
+  Active& active = active_[map];
+  active.wanted = version;
+  // What is being served goes on until the other is ready; without any, this one is loading.
+  if (active.serving.empty() || served.state == MapState::kReady) active.serving = version;
+  changed_.notify_all();
+}
+
+/// What is open of a package that was damaged is what was damaged: the mended one lies beside it.
+void MapCatalog::notice_replaced() {
+  std::vector<std::pair<Key, std::uint64_t>> open;
+  {
+    const std::scoped_lock lock(mutex_);
+    for (const auto& [key, slot] : slots_) open.emplace_back(key, slot.copy);
+  }
+  for (const auto& [key, copy] : open) {
+    const std::uint64_t now = copy_of(store_, key.first, key.second);
+    if (now == 0 || now == copy) continue;
+    const std::scoped_lock lock(mutex_);
+    const auto slot = slots_.find(key);
+    if (slot == slots_.end() || slot->second.served.state == MapState::kLoading) continue;
+    if (is_served(key))
+      slot->second.replaced = true;
+    else
+      slots_.erase(slot);
+    changed_.notify_all();
+  }
+}
+
+/// As clients are told, health without a key too: places of this machine stay in the log.
+std::string MapCatalog::shown(const std::exception& error) const {
+  return without_folder(error.what(), store_.folder());
+}
+
+/// @throws StoreRefusal when the store knows no such version.
+MapCatalog::Slot MapCatalog::opened(const Key& key) const {
+  Slot slot{.served = {.map = key.first, .version = key.second}};
+  slot.copy = store_.copy_of(key.first, key.second);
+  try {
+    slot.served.package = store_.open(key.first, key.second);
+  } catch (const maps::StoreRefusal&) {
+    throw;
+  } catch (const std::exception& error) {
+    spdlog::error("{} cannot be opened: {}", described(key.first, key.second), error.what());
+    slot.served.state = MapState::kFailed;
+    slot.served.failure = shown(error);
+  }
+  return slot;
+}
+
+MapCatalog::Slot MapCatalog::open(const Key& key) {
+  {
+    const std::scoped_lock lock(mutex_);
+    const auto found = slots_.find(key);
+    if (found != slots_.end()) {
+      found->second.last_use = ++uses_;
+      return found->second;
+    }
+  }
+  Slot slot = opened(key);
+  const std::scoped_lock lock(mutex_);
+  slot.last_use = ++uses_;
+  return slots_.try_emplace(key, std::move(slot)).first->second;
+}
+
+/// Makes a version ready, unless it is. One that failed is tried again: the disk may be well. One
+/// whose package was replaced serves as it is when the other cannot be used.
+ServedVersion MapCatalog::load(const Key& key) {
+  const std::scoped_lock one_at_a_time(load_mutex_);
+  const Slot before = open(key);
+  Slot slot = before;
+  const bool usable = before.served.state == MapState::kReady;
+  if (usable && !before.replaced) return before.served;
+  if (!before.served.package || before.replaced) slot = opened(key);
+  if (slot.served.package) make_ready(slot.served);
+  if (metrics_ != nullptr && slot.served.state == MapState::kFailed)
+    metrics_->map_load_failed(key.first);
+  if (usable && slot.served.state == MapState::kFailed) slot.served = before.served;
+  const std::scoped_lock lock(mutex_);
+  slot.last_use = ++uses_;
+  return slots_.insert_or_assign(key, std::move(slot)).first->second.served;
+}
+
+void MapCatalog::make_ready(ServedVersion& version) const {
+  const auto begin = std::chrono::steady_clock::now();
+  version.failure.clear();
+  try {
+    version.aligners = std::make_shared<const Aligners>(builder_(*version.package));
+    version.state = MapState::kReady;
+    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+    if (metrics_ != nullptr) metrics_->map_loaded(version.map, took.count());
+    spdlog::info("{} is ready", described(version.map, version.version));
+  } catch (const std::exception& error) {
+    version.state = MapState::kFailed;
+    version.failure = shown(error);
+    spdlog::error("{} cannot be used: {}", described(version.map, version.version), error.what());
+  }
+}
+
+/// Under no lock: `key` is loaded, and serves from now on if the store wants it.
+void MapCatalog::serve(const Key& key) {
+  const std::string& map = key.first;
+  const std::scoped_lock what_was_read_holds(follow_mutex_);
+  const maps::StoredMap stored = store_.state().map(map);
+  const std::scoped_lock lock(mutex_);
+  if (!stored.active || *stored.active != key.second || !slots_.contains(key)) return;
+  active_.insert_or_assign(map, Active{.serving = key.second, .wanted = key.second});
+}
+
+void MapCatalog::note_failure(const Key& key, const std::string& why) {
+  const std::scoped_lock lock(mutex_);
+  const auto slot = slots_.find(key);
+  if (slot == slots_.end()) return;
+  slot->second.served.state = MapState::kFailed;
+  slot->second.served.failure = why;
+}
+
+/// Closes the versions that are not served and were not used for longest.
+void MapCatalog::forget_unused() {
+  const std::scoped_lock lock(mutex_);
+  std::vector<std::pair<std::uint64_t, Key>> unused;
+  for (const auto& [key, slot] : slots_) {
+    if (!is_served(key) && slot.served.state != MapState::kLoading)
+      unused.emplace_back(slot.last_use, key);
+  }
+  std::sort(unused.begin(), unused.end());
+  for (std::size_t i = 0; i + kKeptOpen < unused.size(); ++i) slots_.erase(unused[i].second);
+}
+
+/// Under the lock. Active versions come before those that someone looks at.
+std::optional<MapCatalog::Key> MapCatalog::next_to_load() const {
+  std::optional<Key> other;
+  for (const auto& [key, slot] : slots_) {
+    if (slot.served.state != MapState::kLoading && !slot.replaced) continue;
+    if (is_served(key)) return key;
+    if (!other) other = key;
+  }
+  return other;
+}
+
+/// Under the lock.
+bool MapCatalog::is_served(const Key& key) const {
+  const auto found = active_.find(key.first);
+  return found != active_.end() &&
+         (found->second.serving == key.second || found->second.wanted == key.second);
+}
+
+}  // namespace stillmap::server

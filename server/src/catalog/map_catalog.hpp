@@ -1,0 +1,132 @@
+#pragma once
+
+#include "catalog/aligners.hpp"
+#include "operation/metrics.hpp"
+
+#include <stillmap/maps/store/package_store.hpp>
+
+#include <condition_variable>
+#include <cstdint>
+#include <exception>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <utility>
+#include <vector>
+
+namespace stillmap::server {
+
+enum class MapState : std::uint8_t {
+  kOpened,   ///< its points can be read; nobody has asked for poses
+  kLoading,  ///< its aligners are being made
+  kReady,
+  kFailed,
+};
+
+/// One version of a map as requests see it. Stays usable while it is held, whatever becomes of the
+/// version meanwhile.
+struct ServedVersion {
+  std::string map;
+  std::string version;
+  /// Null only when it failed to open.
+  std::shared_ptr<const maps::MapPackage> package{};
+  MapState state = MapState::kOpened;
+  /// Why it failed; empty otherwise.
+  std::string failure{};
+  /// Filled when ready. Last: they use the package.
+  std::shared_ptr<const Aligners> aligners{};
+};
+
+/// Versions of the store's maps, open and, once a thread of its own has prepared them, with their
+/// aligners: the active ones always, others when they are asked for. Queries keep the version they
+/// began with. Notices within a second or two what other processes activate, and when a damaged
+/// package is replaced. Safe from several threads.
+class MapCatalog {
+ public:
+  /// @param store  outlives this. @param metrics  counts loads when there; outlives this.
+  MapCatalog(maps::PackageStore& store, AlignerBuilder builder, Metrics* metrics = nullptr);
+  MapCatalog(const MapCatalog&) = delete;
+  MapCatalog& operator=(const MapCatalog&) = delete;
+  /// Waits for the version that is being prepared.
+  ~MapCatalog() = default;
+
+  /// The version that is served of each map which has an active one, sorted by map.
+  [[nodiscard]] std::vector<ServedVersion> active() const;
+  /// Versions that the store calls active and that are not served yet, or cannot be, while
+  /// another is.
+  [[nodiscard]] std::vector<ServedVersion> waiting() const;
+  /// The version that is served of a map.
+  /// @throws ApiError kNoActiveVersion, kMapUnusable; StoreRefusal kUnknownMap.
+  [[nodiscard]] ServedVersion find(std::string_view map) const;
+  /// Any version that the store has now, opened when it is not yet.
+  /// @throws ApiError kMapUnusable; StoreRefusal kUnknownMap, kUnknownVersion.
+  [[nodiscard]] ServedVersion find(std::string_view map, std::string_view version);
+
+  /// The same, for poses. @throws also ApiError kMapLoading, with Retry-After.
+  [[nodiscard]] ServedVersion ready(std::string_view map, std::optional<std::string_view> version);
+
+  /// Loads the version, makes it the active one, and serves it from then on. When it cannot be
+  /// loaded nothing changes.
+  /// @param revision   as in `StoreState::activate`.
+  /// @param new_frame  whether its map frame may differ from that of the active version.
+  /// @throws ApiError kMapUnusable, kOtherFrame; StoreRefusal as `PackageStore::activate`.
+  maps::StoredMap activate(std::string_view map, std::string_view version,
+                           std::optional<std::int64_t> revision = {}, bool new_frame = false);
+  /// The same with the version that was active before. @throws also StoreRefusal kNoPrevious.
+  maps::StoredMap roll_back(std::string_view map, std::optional<std::int64_t> revision = {},
+                            bool new_frame = false);
+  /// Serves what the store says now, soon: for changes that did not pass this class.
+  void refresh();
+
+ private:
+  using Key = std::pair<std::string, std::string>;  // map, version
+  struct Slot {
+    ServedVersion served;
+    std::uint64_t last_use = 0;
+    /// As of `PackageStore::copy_of`, before it was opened.
+    std::uint64_t copy = 0;
+    /// The store has another copy now, which must be loaded.
+    bool replaced = false;
+  };
+  struct Active {
+    std::string serving;
+    /// What the store says; becomes `serving` once it is loaded.
+    std::string wanted;
+  };
+
+  void work(const std::stop_token& stop);
+  void follow_store();
+  void follow(const std::string& map, const std::string& version);
+  void notice_replaced();
+  [[nodiscard]] std::string shown(const std::exception& error) const;
+  [[nodiscard]] Slot opened(const Key& key) const;
+  Slot open(const Key& key);
+  ServedVersion load(const Key& key);
+  void make_ready(ServedVersion& version) const;
+  void serve(const Key& key);
+  void note_failure(const Key& key, const std::string& why);
+  void forget_unused();
+  [[nodiscard]] std::optional<Key> next_to_load() const;
+  [[nodiscard]] bool is_served(const Key& key) const;
+
+  maps::PackageStore& store_;
+  AlignerBuilder builder_;
+  Metrics* metrics_;
+  /// One version is made ready at a time.
+  std::mutex load_mutex_;
+  /// Held from reading what the store says is active until that is served. Before `mutex_`.
+  std::mutex follow_mutex_;
+  mutable std::mutex mutex_;
+  std::condition_variable_any changed_;
+  bool store_changed_ = false;
+  std::uint64_t uses_ = 0;
+  std::map<Key, Slot> slots_;
+  std::map<std::string, Active, std::less<>> active_;
+  std::jthread thread_;  // last: it uses all of the above
+};
+
+}  // namespace stillmap::server

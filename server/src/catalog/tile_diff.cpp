@@ -1,0 +1,45 @@
+#include "catalog/tile_diff.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+namespace stillmap::server {
+namespace {
+
+/// Distance of a point from a tile's square, 0 inside [m].
+double distance_m(const maps::TileId& id, const Eigen::Vector2d& from_origin) {
+  const double width_m = std::ldexp(maps::kTileSizeM, static_cast<int>(id.level));
+  const Eigen::Vector2d low = width_m * Eigen::Vector2d(id.x, id.y);
+  const Eigen::Vector2d nearest =
+      from_origin.cwiseMax(low).cwiseMin(low + Eigen::Vector2d::Constant(width_m));
+  return (from_origin - nearest).norm();
+}
+
+}  // namespace
+
+TileDiff tile_diff(const ServedVersion& map, const TileDiffRequest& request) {
+  const maps::MapManifest& manifest = map.package->manifest();
+  const Eigen::Vector2d from_origin = request.centre_map - manifest.origin.head<2>();
+  const std::set<std::string_view> cached(request.cached_ids.begin(), request.cached_ids.end());
+  TileDiff diff{.version = map.version, .add = {}, .remove = {}};
+  std::set<std::string, std::less<>> wanted;
+  for (const maps::TileEntry& tile : manifest.tiles) {
+    if (tile.id.level != request.level) continue;
+    if (distance_m(tile.id, from_origin) > request.radius_m) continue;
+    const std::string place = fmt::format("{}/{}/{}", tile.id.level, tile.id.x, tile.id.y);
+    const std::string id = map.version + "/" + place;
+    wanted.insert(id);
+    if (cached.contains(id)) continue;
+    diff.add.push_back(
+        {id, tile, fmt::format("/v1/maps/{}/versions/{}/tiles/{}", map.map, map.version, place)});
+  }
+  std::set<std::string_view> seen;
+  for (const std::string& id : request.cached_ids)
+    if (!wanted.contains(id) && seen.insert(id).second) diff.remove.push_back(id);
+  return diff;
+}
+
+}  // namespace stillmap::server

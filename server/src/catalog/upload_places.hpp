@@ -1,0 +1,58 @@
+#pragma once
+
+#include "errors/api_error.hpp"
+
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+
+namespace stillmap::server {
+
+/// Places for uploads that are under way, since each holds a connection, a buffer and the disk, and
+/// for whatever else must not run in any number at once. Safe from several threads.
+class UploadPlaces {
+ public:
+  UploadPlaces() = default;
+  UploadPlaces(const UploadPlaces&) = delete;
+  UploadPlaces& operator=(const UploadPlaces&) = delete;
+
+  /// A place until it is let go; this outlives it.
+  /// @param most    at one time, this one included. @param key_id  of whoever asks: one key may
+  /// hold half of them; without one, all. @param what  takes them, for the refusal.
+  /// @throws ApiError kBusy, kTooManyRequests.
+  [[nodiscard]] std::shared_ptr<void> take(int most, const std::string& key_id,
+                                           const std::string& what = "uploads") {
+    const std::scoped_lock lock(mutex_);
+    if (taken_ >= most) {
+      throw ApiError(ErrorCode::kBusy,
+                     std::to_string(most) + " " + what + " are under way, and no more are taken")
+          .with_header("Retry-After", "5");
+    }
+    const int share = std::max(1, most / 2);
+    const auto own = taken_by_.find(key_id);
+    if (!key_id.empty() && own != taken_by_.end() && own->second >= share) {
+      throw ApiError(ErrorCode::kTooManyRequests,
+                     "this key has " + std::to_string(share) + " " + what + " under way, its share")
+          .with_header("Retry-After", "5");
+    }
+    ++taken_;
+    ++taken_by_[key_id];
+    return {this, [key_id](void* self) { static_cast<UploadPlaces*>(self)->let_go(key_id); }};
+  }
+
+ private:
+  void let_go(const std::string& key_id) {
+    const std::scoped_lock lock(mutex_);
+    --taken_;
+    if (--taken_by_[key_id] == 0) taken_by_.erase(key_id);
+  }
+
+  std::mutex mutex_;
+  int taken_ = 0;
+  /// Of keys that hold any.
+  std::map<std::string, int> taken_by_;
+};
+
+}  // namespace stillmap::server

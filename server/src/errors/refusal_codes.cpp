@@ -1,0 +1,45 @@
+#include "errors/refusal_codes.hpp"
+
+namespace stillmap::server {
+
+ErrorCode code_of(maps::StoreRefusal::Reason reason) {
+  using Reason = maps::StoreRefusal::Reason;
+  switch (reason) {
+    case Reason::kUnknownMap:
+      return ErrorCode::kUnknownMap;
+    case Reason::kUnknownVersion:
+      return ErrorCode::kUnknownVersion;
+    case Reason::kOtherDigest:
+      return ErrorCode::kOtherDigest;
+    case Reason::kActive:
+      return ErrorCode::kVersionActive;
+    case Reason::kNoPrevious:
+      return ErrorCode::kNoPrevious;
+    case Reason::kOtherRevision:
+      return ErrorCode::kRevisionChanged;
+    case Reason::kOverQuota:
+      return ErrorCode::kOverQuota;
+    case Reason::kInUse:
+      return ErrorCode::kInUse;
+    case Reason::kUnknownKey:
+      return ErrorCode::kUnknownKey;
+    case Reason::kUnknownJob:
+      return ErrorCode::kUnknownJob;
+    case Reason::kOtherRequest:
+      return ErrorCode::kOtherRequest;
+    case Reason::kNotProcessing:
+    case Reason::kJobFinished:
+      return ErrorCode::kJobFinished;
+    case Reason::kUnknownDrive:
+      return ErrorCode::kUnknownDrive;
+    case Reason::kDriveNotOpen:
+      return ErrorCode::kDriveNotOpen;
+    case Reason::kDriveNotComplete:
+      return ErrorCode::kDriveNotComplete;
+    case Reason::kPartsMissing:
+      return ErrorCode::kPartsMissing;
+  }
+  return ErrorCode::kInternalError;
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,48 @@
+#include "errors/upload_errors.hpp"
+
+#include <array>
+#include <string_view>
+
+namespace stillmap::server {
+namespace {
+
+/// @return bytes of "NUMBER/" in front; 0 when there is none.
+std::size_t number_in_front(std::string_view text) {
+  const std::size_t end = text.find_first_not_of("0123456789");
+  return end != 0 && end != std::string_view::npos && text[end] == '/' ? end + 1 : 0;
+}
+
+/// @return bytes of a place that the store gave an upload or a job, as "drives/12/drive/"; 0 when
+/// the text does not begin with one.
+std::size_t inner_place(std::string_view text) {
+  constexpr std::string_view kIncoming = "packages/.incoming-";
+  if (text.starts_with(kIncoming)) {
+    const std::size_t end = text.find_first_of("/ :\n", kIncoming.size());
+    return end != std::string_view::npos && text[end] == '/' ? end + 1 : 0;
+  }
+  constexpr std::array<std::array<std::string_view, 2>, 4> kPlaces = {
+      {{"drives/", ".incoming-drive/"},
+       {"drives/", "drive/"},
+       {"drives/", "parts/"},
+       {"jobs/", "scratch/"}}};
+  for (const auto& [folder, part] : kPlaces) {
+    if (!text.starts_with(folder)) continue;
+    const std::size_t number = number_in_front(text.substr(folder.size()));
+    const std::size_t begin = folder.size() + number;
+    if (number > 0 && text.substr(begin).starts_with(part)) return begin + part.size();
+  }
+  return 0;
+}
+
+}  // namespace
+
+std::string without_folder(std::string text, const std::filesystem::path& folder) {
+  const std::string prefix = folder.string() + "/";
+  for (std::size_t at = text.find(prefix); at != std::string::npos; at = text.find(prefix, at)) {
+    text.erase(at, prefix.size());
+    text.erase(at, inner_place(std::string_view(text).substr(at)));
+  }
+  return text;
+}
+
+}  // namespace stillmap::server

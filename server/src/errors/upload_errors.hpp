@@ -1,0 +1,29 @@
+#pragma once
+
+#include "errors/api_error.hpp"
+#include "http/http_message.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <filesystem>
+#include <string>
+#include <utility>
+
+namespace stillmap::server {
+
+/// A message without the store's own place on this machine, and without where in it an upload or
+/// the work of a job lies: of "FOLDER/drives/12/drive/scans/1.bin" the client knows "scans/1.bin".
+[[nodiscard]] std::string without_folder(std::string text, const std::filesystem::path& folder);
+
+/// Runs what reads an upload: what is wrong with its bytes is the client's to know.
+/// @throws ApiError kInvalidUpload in place of InputError.
+template <typename Work>
+[[nodiscard]] HttpResponse with_upload_errors(const std::filesystem::path& folder, Work&& work) {
+  try {
+    return std::forward<Work>(work)();
+  } catch (const maps::InputError& error) {
+    throw ApiError(ErrorCode::kInvalidUpload, without_folder(error.what(), folder));
+  }
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,50 @@
+#include "http/header_text.hpp"
+
+#include <algorithm>
+
+namespace stillmap::server {
+
+std::string lower(std::string_view text) {
+  std::string result(text);
+  std::transform(result.begin(), result.end(), result.begin(), [](char c) {
+    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  });
+  return result;
+}
+
+std::string_view trimmed(std::string_view text) {
+  const std::size_t begin = text.find_first_not_of(" \t");
+  if (begin == std::string_view::npos) return {};
+  return text.substr(begin, text.find_last_not_of(" \t") - begin + 1);
+}
+
+std::string media_type(std::string_view header) {
+  return lower(trimmed(header.substr(0, header.find(';'))));
+}
+
+std::string parameter_of(std::string_view header, std::string_view name) {
+  std::size_t at = header.find(';');
+  while (at != std::string_view::npos) {
+    const std::string_view rest = header.substr(at + 1);
+    const std::size_t equals = rest.find('=');
+    if (equals == std::string_view::npos) return {};
+    const std::string key = lower(trimmed(rest.substr(0, equals)));
+    std::string_view value = rest.substr(equals + 1);
+    std::size_t used = at + 1 + equals + 1;
+    if (value.starts_with('"')) {
+      const std::size_t closing = value.find('"', 1);
+      if (closing == std::string_view::npos) return {};
+      value = value.substr(1, closing - 1);
+      used += closing + 1;
+    } else {
+      value = value.substr(0, value.find(';'));
+      used += value.size();
+      value = trimmed(value);
+    }
+    if (key == name) return std::string(value);
+    at = header.find(';', used);
+  }
+  return {};
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,50 @@
+#pragma once
+
+#include "http/bounded_socket.hpp"
+#include "http/http_message.hpp"
+#include "http/request_head.hpp"
+#include "http/router.hpp"
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+
+namespace stillmap::server {
+
+/// A body straight from the connection.
+class SocketBody final : public BodyStream {
+ public:
+  SocketBody(BoundedSocket& socket, std::uint64_t size)
+      : socket_(socket), size_(size), left_(size) {}
+
+  [[nodiscard]] std::uint64_t size() const override { return size_; }
+  [[nodiscard]] bool is_read() const { return left_ == 0; }
+  [[nodiscard]] std::uint64_t left() const { return left_; }
+  std::size_t read(std::span<char> to) override;
+
+ private:
+  BoundedSocket& socket_;
+  std::uint64_t size_;
+  std::uint64_t left_;
+};
+
+/// @return length of the body in bytes, as it travels; nothing when it is not said.
+/// @throws ApiError for a length that is none.
+[[nodiscard]] std::optional<std::uint64_t> announced_length(const RequestHead& head);
+
+/// What a route takes at most of a body that is held as a whole, unpacked.
+/// @param max_whole_bytes  of any route.
+[[nodiscard]] std::size_t most_whole_bytes(const Route& route, std::size_t max_whole_bytes);
+
+/// @throws ApiError when a route takes no body of this length or encoding.
+/// @param max_whole_bytes  of a body that is held as a whole.
+void check_body(const RequestHead& head, std::optional<std::uint64_t> length, const Route& route,
+                std::size_t max_whole_bytes);
+
+/// Reads all of a body, and unpacks it when it comes in gzip.
+/// @throws ApiError when it is larger than `most` once unpacked, ends early or cannot be unpacked.
+[[nodiscard]] std::string read_whole(SocketBody& body, const RequestHead& head, std::size_t most);
+
+}  // namespace stillmap::server

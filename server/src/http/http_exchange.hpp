@@ -1,0 +1,47 @@
+#pragma once
+
+#include "http/bounded_socket.hpp"
+#include "http/request_handler.hpp"
+#include "operation/metrics.hpp"
+
+#include <chrono>
+#include <cstddef>
+#include <functional>
+#include <memory>
+
+namespace stillmap::server {
+
+/// Answers the requests of connections, one at a time for each. Safe from several threads.
+class HttpExchange {
+ public:
+  struct Limits {
+    /// Of a body that is held as a whole, unpacked.
+    std::size_t max_body_bytes = 0;
+    std::size_t event_streams = 0;
+    /// Told to clients.
+    std::chrono::seconds keep_alive{0};
+  };
+
+  /// @param handler  outlives this.  @param metrics  may be null; outlives this.
+  HttpExchange(const Limits& limits, const RequestHandler& handler, Metrics* metrics);
+  ~HttpExchange();
+  HttpExchange(const HttpExchange&) = delete;
+  HttpExchange& operator=(const HttpExchange&) = delete;
+
+  /// Reads one request and answers it. @param last  tells the client to close.
+  /// @param received  called once nothing more has to come from the client but a streamed body.
+  /// @return whether the connection is at the start of a next request.
+  [[nodiscard]] bool serve(BoundedSocket& socket, bool last, const std::function<void()>& received);
+  /// From now on every answer is the last of its connection.
+  void close_after_answers();
+  /// Ends event streams, with a last event.
+  void end_streams();
+  /// Answers that are being sent end where they are.
+  void cut();
+
+ private:
+  class Library;
+  std::unique_ptr<Library> library_;
+};
+
+}  // namespace stillmap::server

@@ -1,0 +1,14 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+namespace stillmap::server {
+
+/// A number as the store gives them to drives and jobs; nothing for any other text.
+[[nodiscard]] std::optional<std::int64_t> id_in(std::string_view text);
+/// Since 1970, UTC.
+[[nodiscard]] std::int64_t unix_ns();
+
+}  // namespace stillmap::server

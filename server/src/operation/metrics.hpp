@@ -1,0 +1,96 @@
+#pragma once
+
+#include "errors/error_codes.hpp"
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace stillmap::server {
+
+/// One metric, as the table in `server/README.md` has it.
+struct MetricInfo {
+  std::string_view name;
+  /// `counter`, `gauge` or `histogram`.
+  std::string_view type;
+  /// Names of its labels, with commas between.
+  std::string_view labels;
+  std::string_view help;
+};
+
+/// What an operator sees of the server, in Prometheus' text format. Base units. No label holds a
+/// session, a vehicle or a version: the number of series stays bounded. Safe from several threads.
+class Metrics {
+ public:
+  /// @param version  of this program, for `stillmap_build_info`.
+  explicit Metrics(const std::string& version);
+  ~Metrics();
+  Metrics(const Metrics&) = delete;
+  Metrics& operator=(const Metrics&) = delete;
+
+  struct AnsweredRequest {
+    std::string_view method;
+    /// Pattern of the route; empty when none fits.
+    std::string_view route;
+    int status = 0;
+    double seconds = 0.0;
+    std::uint64_t received_bytes = 0;
+    std::uint64_t sent_bytes = 0;
+  };
+  void request_begun();
+  void request_answered(const AnsweredRequest& request);
+  /// Counts an answer that is a problem document.
+  void problem(ErrorCode code);
+
+  void connection_opened();
+  void connection_closed();
+  /// @param reason  a constant word: `full`, `client`, `tls`.
+  void connection_refused(std::string_view reason);
+  void event_stream_opened();
+  void event_stream_closed();
+
+  /// @param map  its name; beyond 200 names the label says `other`.
+  /// @param status  `ok`, `degraded` or `lost`.
+  void aligned(std::string_view map, std::string_view method, std::string_view status,
+               double seconds);
+  void queue_waited(double seconds);
+  /// A scan of a session that was dropped since a newer one came.
+  void scan_superseded();
+  void set_workers(std::size_t busy, std::size_t all);
+  void set_queue(std::size_t waiting, std::size_t places);
+  void set_sessions(std::size_t open);
+
+  void set_maps(std::size_t ready, std::size_t loading, std::size_t failed);
+  void map_loaded(std::string_view map, double seconds);
+  void map_load_failed(std::string_view map);
+
+  /// @param status  `enqueued` or `processing`.
+  void set_jobs(std::string_view status, std::size_t count);
+  /// @param status  `succeeded`, `failed` or `canceled`.
+  void job_ended(std::string_view status, double seconds);
+
+  void set_store(std::uint64_t used_bytes, std::uint64_t free_bytes);
+  /// When the certificate in use ends [s since 1970, UTC].
+  void set_certificate_end(double unix_s);
+  /// Of keys, certificate or configuration, on SIGHUP.
+  void reloaded(bool well);
+
+  /// `read` runs before each `text`, to set what is cheaper to look at than to keep.
+  void add_reader(std::function<void()> read);
+
+  /// Everything, as `text/plain; version=0.0.4`.
+  [[nodiscard]] std::string text() const;
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+/// Every metric that there is, in the order of the answer.
+[[nodiscard]] std::span<const MetricInfo> all_metrics();
+
+}  // namespace stillmap::server

@@ -1,0 +1,125 @@
+#include "security/gatekeeper.hpp"
+
+#include "errors/api_error.hpp"
+#include "http/header_text.hpp"
+#include "ids_and_times.hpp"
+
+#include <cmath>
+#include <string_view>
+
+namespace stillmap::server {
+namespace {
+
+/// RFC 6750: what a client without a valid key is told.
+ApiError unauthorized(ErrorCode code, const std::string& detail) {
+  return ApiError(code, detail).with_header("WWW-Authenticate", "Bearer realm=\"stillmap\"");
+}
+
+/// Browsers send simple requests to any address without asking it. A key they would not add.
+void refuse_other_sites(const HttpRequest& request) {
+  if (request.method == "GET" || request.method == "HEAD") return;
+  const std::string site = lower(request.header("sec-fetch-site"));
+  if (site != "cross-site" && site != "same-site") return;
+  throw field_error(ErrorCode::kForbidden, "Sec-Fetch-Site", site,
+                    "same-origin, or a key: without one other sites' pages change nothing");
+}
+
+/// A browser that was told by DNS that another site lies here names that site.
+void refuse_other_hosts(const HttpRequest& request) {
+  const std::string host = lower(request.header("host"));
+  const bool bracketed = host.starts_with("[");
+  const std::string name =
+      bracketed ? host.substr(1, host.find(']') - 1) : host.substr(0, host.find(':'));
+  if (host.empty() || is_loopback(name)) return;
+  throw field_error(ErrorCode::kForbidden, "Host", "'" + host + "'",
+                    "localhost or a loopback address, since the store has no keys");
+}
+
+maps::KeyScope scope_of(Access access) {
+  switch (access) {
+    case Access::kLocalize:
+      return maps::KeyScope::kLocalize;
+    case Access::kWrite:
+      return maps::KeyScope::kWrite;
+    case Access::kAdmin:
+      return maps::KeyScope::kAdmin;
+    case Access::kOpen:
+    case Access::kRead:
+      break;
+  }
+  return maps::KeyScope::kRead;
+}
+
+void require_scope(const maps::ApiKey& key, Access access) {
+  const maps::KeyScope scope = scope_of(access);
+  if (key.scopes.has(scope)) return;
+  throw field_error(ErrorCode::kForbidden, "Authorization", "a key without this scope",
+                    std::string(maps::name_of(scope)));
+}
+
+}  // namespace
+
+void Gatekeeper::admit(HttpRequest& request, Access access, const RateOptions& rate) {
+  const std::optional<maps::ApiKey> key = key_of(request.header("authorization"), access);
+  if (!key) {
+    if (on_loopback_ && access != Access::kOpen) refuse_other_hosts(request);
+    return refuse_other_sites(request);
+  }
+  request.caller.key_id = key->id;
+  require_scope(*key, access);
+  if (const double wait_s = rates_.take(key->id, rate); wait_s > 0.0) {
+    throw ApiError(ErrorCode::kTooManyRequests, "the key's rate is used up")
+        .with_header("Retry-After", std::to_string(std::lround(std::ceil(wait_s))));
+  }
+}
+
+bool Gatekeeper::still_admits(const std::string& authorization, Access access) {
+  try {
+    if (const auto key = key_of(authorization, access)) require_scope(*key, access);
+    return true;
+  } catch (const ApiError&) {
+    return false;
+  }
+}
+
+/// @return the key; nothing where none is asked for.
+std::optional<maps::ApiKey> Gatekeeper::key_of(const std::string& authorization, Access access) {
+  if (access == Access::kOpen || !has_keys()) return std::nullopt;
+  return checked(authorization);
+}
+
+/// Asked for each request, so the list is read again only after a key was made or revoked.
+bool Gatekeeper::has_keys() {
+  const std::int64_t counter = keys_.change_counter();
+  const std::scoped_lock lock(mutex_);
+  if (seen_ != counter) {
+    has_keys_ = !keys_.list().empty();
+    seen_ = counter;
+  }
+  return has_keys_;
+}
+
+maps::ApiKey Gatekeeper::checked(const std::string& authorization) {
+  constexpr std::string_view kScheme = "bearer ";
+  if (authorization.empty()) {
+    throw unauthorized(ErrorCode::kMissingKey, "send Authorization: Bearer with a key");
+  }
+  if (lower(authorization.substr(0, kScheme.size())) != kScheme) {
+    throw unauthorized(ErrorCode::kMissingKey, "Authorization: the scheme is Bearer");
+  }
+  const maps::KeyCheck check =
+      keys_.check(trimmed(std::string_view(authorization).substr(kScheme.size())), unix_ns());
+  switch (check.verdict) {
+    case maps::KeyCheck::Verdict::kGood:
+      return *check.key;
+    case maps::KeyCheck::Verdict::kRevoked:
+      throw unauthorized(ErrorCode::kRefusedKey, "the key was revoked");
+    case maps::KeyCheck::Verdict::kExpired:
+      throw unauthorized(ErrorCode::kRefusedKey, "the key has expired");
+    case maps::KeyCheck::Verdict::kUnknown:
+      break;
+  }
+  throw unauthorized(ErrorCode::kRefusedKey, "there is no such key");
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,50 @@
+#pragma once
+
+#include "http/http_message.hpp"
+#include "http/router.hpp"
+#include "security/rate_limits.hpp"
+
+#include <stillmap/maps/store/key_table.hpp>
+#include <stillmap/server/server_options.hpp>
+
+#include <cstdint>
+#include <mutex>
+#include <optional>
+#include <string>
+
+namespace stillmap::server {
+
+/// Says who may do what, before a request's body is read. Keys that were made or revoked meanwhile
+/// count at once. Safe from several threads.
+///
+/// Without a single key in the store everyone may do everything: the server then listens where
+/// only this machine reaches it, unless told otherwise in words. A browser on this machine may show
+/// anybody's page, though: what it sends for another site changes nothing, and a name that somebody
+/// points to this machine (DNS rebinding) is not answered.
+class Gatekeeper {
+ public:
+  /// @param keys  outlives this. @param on_loopback  whether only this machine reaches the server.
+  Gatekeeper(const maps::KeyTable& keys, bool on_loopback)
+      : keys_(keys), on_loopback_(on_loopback) {}
+
+  /// Fills the request's caller, also when its key is good and the request is refused.
+  /// @throws ApiError kMissingKey, kRefusedKey, kForbidden; kTooManyRequests with Retry-After.
+  void admit(HttpRequest& request, Access access, const RateOptions& rate);
+  /// Whether whoever was admitted with this header would be still, but for the rate.
+  [[nodiscard]] bool still_admits(const std::string& authorization, Access access);
+
+ private:
+  [[nodiscard]] std::optional<maps::ApiKey> key_of(const std::string& authorization, Access access);
+  [[nodiscard]] bool has_keys();
+  [[nodiscard]] maps::ApiKey checked(const std::string& authorization);
+
+  const maps::KeyTable& keys_;
+  bool on_loopback_;
+  std::mutex mutex_;
+  /// `KeyTable::change_counter` when `has_keys_` was read.
+  std::int64_t seen_ = -1;
+  bool has_keys_ = false;
+  RateLimits rates_;
+};
+
+}  // namespace stillmap::server

@@ -1,0 +1,320 @@
+// A map in 3D: its points and layers, coordinates under the pointer, measuring, sections, clipping, export, objects,
+// shared addresses, and what is said when something is missing.
+
+import { readFileSync } from 'node:fs';
+import { kPatienceMs, main } from './harness.mjs';
+
+const kCanvas = 'canvas.viewer-canvas';
+/** Least share of the picture that a street from above covers. */
+const kLeastDrawn = 0.04;
+
+const stat = (page, name) => page.evaluate((of) => Number(document.querySelector(`[data-stat=${of}]`)?.dataset.value ?? NaN), name);
+const near = (a, b, tolerance) => Math.abs(a - b) <= tolerance;
+
+/** Until all tiles of the view are there and the picture stands still. */
+async function settled(page) {
+  await page.waitForFunction(() => {
+    const value = (name) => Number(document.querySelector(`[data-stat=${name}]`)?.dataset.value ?? -1);
+    const now = `${value('frames')} ${value('points')}`;
+    const same = now === globalThis.lastSeen;
+    globalThis.lastSeen = now;
+    return same && value('pending') === 0 && value('points') > 0;
+  }, undefined, { polling: 700, timeout: kPatienceMs });
+}
+
+async function openView(run, server, query = '') {
+  const page = await run.open(server, `#/view/town${query}`);
+  await page.waitForSelector(kCanvas);
+  await settled(page);
+  return page;
+}
+
+/** Share of the picture that is not its most frequent colour. Decoded by the browser itself. */
+async function drawn(page) {
+  const png = await page.locator(kCanvas).screenshot();
+  return page.evaluate(async (base64) => {
+    const bytes = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+    const picture = await createImageBitmap(new Blob([bytes], { type: 'image/png' }));
+    const context = new OffscreenCanvas(picture.width, picture.height).getContext('2d');
+    context.drawImage(picture, 0, 0);
+    const pixels = new Uint32Array(context.getImageData(0, 0, picture.width, picture.height).data.buffer);
+    const counts = new Map();
+    for (const pixel of pixels) counts.set(pixel, (counts.get(pixel) ?? 0) + 1);
+    return 1 - Math.max(...counts.values()) / pixels.length;
+  }, png.toString('base64'));
+}
+
+async function middle(page) {
+  const { x, y, width, height } = await page.locator(kCanvas).boundingBox();
+  return { x: x + width / 2, y: y + height / 2 };
+}
+
+/** Moves the pointer there and reads the coordinates that are shown. */
+async function readOut(page, x, y) {
+  await page.mouse.move(x - 3, y);
+  await page.mouse.move(x, y);
+  const place = page.locator('.viewer-readout .place').first();
+  await place.waitFor();
+  await page.waitForTimeout(200);
+  return (await place.textContent()).match(/-?\d+\.\d+/g).map(Number);
+}
+
+/** All points of full resolution in map coordinates, straight from the server. */
+async function mapPoints(server) {
+  const map = await (await fetch(`${server.origin}/v1/maps/town`)).json();
+  const points = [];
+  for (const { level, x, y } of map.tiles.filter((tile) => tile.level === 0)) {
+    const path = `/v1/maps/town/versions/${map.version}/tiles/${level}/${x}/${y}`;
+    const view = new DataView(await (await fetch(server.origin + path)).arrayBuffer());
+    for (let at = 0; at < view.byteLength; at += 20) {
+      const place = [0, 1, 2].map((axis) => view.getFloat32(at + 4 * axis, true) + map.origin[axis]);
+      points.push({ place, intensity: view.getFloat32(at + 12, true), kind: view.getUint8(at + 18) });
+    }
+  }
+  return { map, points };
+}
+
+async function pictures(run) {
+  const server = await run.server();
+  const page = await openView(run, server);
+  const share = await drawn(page);
+  run.expect(share > kLeastDrawn, `the map is drawn: ${share.toFixed(3)} of the picture`);
+  await run.accessible(page, 'the viewer');
+  await run.screenshot(page, 'view');
+  const pictures = new Set();
+  for (const colour of ['height', 'intensity', 'kind', 'observations']) {
+    await page.selectOption('select[aria-label="Colour by"]', colour);
+    await page.waitForTimeout(400);
+    pictures.add((await page.locator(kCanvas).screenshot()).toString('base64'));
+    await run.screenshot(page, `view_${colour}`);
+  }
+  run.expect(pictures.size === 4, 'each colouring makes another picture');
+  for (const layer of ['measured', 'ground', 'projected', 'filled', 'objects', 'trajectory']) await page.uncheck(`input[name=${layer}]`);
+  await page.waitForTimeout(400);
+  const empty = await drawn(page);
+  run.expect(empty < 0.1 * share, `with all layers off little is left: ${empty.toFixed(3)}`);
+  await page.check('input[name=ground]');
+  await page.waitForTimeout(400);
+  run.expect((await drawn(page)) > 0.2 * share, 'one layer comes back alone');
+  await server.stop();
+}
+
+async function idle(run) {
+  const server = await run.server();
+  const page = await openView(run, server);
+  await page.waitForTimeout(1000);
+  const before = await stat(page, 'frames');
+  await page.waitForTimeout(2000);
+  run.expect((await stat(page, 'frames')) === before, 'a page left open draws nothing');
+  const script = await page.evaluate(() => document.querySelector('[data-stat=script]').textContent);
+  console.log(`       script a frame: ${script}`);
+  await server.stop();
+}
+
+async function coordinates(run) {
+  const server = await run.server();
+  const { points } = await mapPoints(server);
+  const page = await openView(run, server);
+  const { x, y } = await middle(page);
+  const [px, py, pz] = await readOut(page, x, y);
+  const nearest = Math.min(...points.map(({ place }) => Math.hypot(place[0] - px, place[1] - py, place[2] - pz)));
+  run.expect(nearest < 0.02, `the coordinates under the pointer are a point of the map: ${nearest.toFixed(3)} m`);
+
+  await page.click('role=radio[name="Measure"]');
+  const a = await readOut(page, x - 60, y);
+  await page.mouse.click(x - 60, y);
+  const b = await readOut(page, x + 80, y + 20);
+  await page.mouse.click(x + 80, y + 20);
+  const row = await page.textContent('.viewer-measures tbody tr');
+  const [straight, level] = row.match(/\d+\.\d+/g).map(Number);
+  const truth = Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+  run.expect(near(straight, truth, 0.03), `a measured length is that of its ends: ${straight} m, ${truth.toFixed(2)} m`);
+  run.expect(near(level, Math.hypot(a[0] - b[0], a[1] - b[1]), 0.03), `and its level length: ${level} m`);
+  await run.screenshot(page, 'view_measure');
+  await page.focus(kCanvas);
+  await page.keyboard.press('Enter');
+  run.expect((await page.locator('.viewer-measures tbody tr').count()) === 3, 'the keyboard sets a place too');
+  await page.keyboard.press('Backspace');
+  run.expect((await page.locator('.viewer-measures tbody tr').count()) === 1, 'and takes it back');
+  await page.keyboard.press('Escape');
+  await page.waitForSelector('role=radio[name="Look"][checked]');
+  await server.stop();
+}
+
+async function clipAndExport(run) {
+  const server = await run.server();
+  const { points } = await mapPoints(server);
+  const page = await openView(run, server);
+  const { x, y } = await middle(page);
+  await page.click('role=radio[name="Clip"]');
+  await page.mouse.click(x - 100, y - 40);
+  await page.mouse.click(x + 100, y + 60);
+  await page.waitForSelector('section[aria-label="Clip box"]');
+  await run.screenshot(page, 'view_clip');
+  await page.waitForFunction(() => window.location.hash.includes('clip='));
+  // The address is rounded: the box of what opens it is the one to compare with.
+  const shared = new URL(page.url()).hash;
+  const other = await openView(run, server, shared.slice(shared.indexOf('?')));
+  const [, ...numbers] = new URLSearchParams(shared.slice(shared.indexOf('?'))).get('clip').split(',');
+  const [cx, cy, cz, length, width, height] = numbers.map(Number);
+  const inside = points.filter(({ place, kind }) => kind !== 0 && 2 * Math.abs(place[0] - cx) <= length &&
+    2 * Math.abs(place[1] - cy) <= width && 2 * Math.abs(place[2] - cz) <= height);
+  await other.uncheck('input[name=measured]');
+  const [download] = await Promise.all([
+    other.waitForEvent('download'), other.click('section[aria-label="Export"] button'),
+  ]);
+  const file = readFileSync(await download.path());
+  const begin = file.indexOf('end_header\n') + 'end_header\n'.length;
+  const view = new DataView(file.buffer, file.byteOffset + begin, file.length - begin);
+  const found = Array.from({ length: view.byteLength / 31 }, (_, i) => [0, 8, 16].map((at) => view.getFloat64(31 * i + at, true)).join());
+  const expected = inside.map(({ place }) => place.join());
+  run.expect(expected.length > 0 && JSON.stringify(found.sort()) === JSON.stringify(expected.sort()),
+    `the exported file has exactly the map's ${expected.length} points of the shown kinds in the box: ${found.length}`);
+  run.expect(/^town-.*-clip\.ply$/.test(download.suggestedFilename()), `its name: ${download.suggestedFilename()}`);
+  await other.click('text="Remove the box"');
+  run.expect((await other.locator('section[aria-label="Clip box"]').count()) === 0, 'the box can be removed');
+  await server.stop();
+}
+
+async function section(run) {
+  const server = await run.server();
+  const page = await openView(run, server);
+  const { x, y } = await middle(page);
+  await page.click('role=radio[name="Section"]');
+  await page.mouse.click(x - 120, y);
+  await page.mouse.click(x + 120, y + 10);
+  await page.waitForSelector('.viewer-plot canvas');
+  const text = await page.textContent('.viewer-profile header p');
+  run.expect(Number(text.replace(/,/g, '').match(/\d+/)[0]) > 100, `a section has points: ${text}`);
+  await page.waitForTimeout(500);
+  await run.screenshot(page, 'view_section');
+  await run.accessible(page, 'the viewer with a section');
+  await page.click('button[aria-label="Close the section"]');
+  run.expect((await page.locator('.viewer-plot').count()) === 0, 'it can be closed');
+  await server.stop();
+}
+
+/** A view of one object from a little above. */
+function cameraAt([x, y, z]) {
+  return `?camera=${[x - 9, y - 9, z + 9, x, y, z].map((value) => value.toFixed(2)).join(',')}`;
+}
+
+async function objects(run) {
+  const server = await run.server();
+  const { objects: list } = await (await fetch(`${server.origin}/v1/maps/town/versions/v1/objects`)).json();
+  const target = list.find(({ motion }) => motion === 'parked') ?? list[0];
+  const page = await openView(run, server, cameraAt(target.centre));
+  const { x, y } = await middle(page);
+  await page.mouse.click(x, y);
+  await page.waitForSelector('.viewer-card');
+  const card = await page.textContent('.viewer-card');
+  run.expect(card.includes(target.class), `a click on a box tells about it: ${card.slice(0, 60)}`);
+  await run.screenshot(page, 'view_object');
+  await page.click('.viewer-card button:text-is("Keep")');
+  await page.waitForSelector('.viewer-card button[aria-pressed=true]:text-is("Keep")');
+  const { edits } = await (await fetch(`${server.origin}/v1/maps/town/edits`)).json();
+  run.expect(edits.length === 1 && edits[0].action === 'keep' && edits[0].object.class === target.class,
+    `what was decided is saved on the server: ${JSON.stringify(edits)}`);
+  await page.reload();
+  await settled(page);
+  await page.mouse.click(x, y);
+  await page.waitForSelector('.viewer-card button[aria-pressed=true]:text-is("Keep")');
+  await page.click('.viewer-card button:text-is("Take back")');
+  await page.waitForSelector('.viewer-card button[aria-pressed=true]', { state: 'detached' });
+  run.expect((await (await fetch(`${server.origin}/v1/maps/town/edits`)).json()).edits.length === 0, 'and can be taken back');
+  await server.stop();
+}
+
+async function painted(run) {
+  const server = await run.server();
+  const page = await openView(run, server);
+  for (const grid of ['coverage', 'localizability']) {
+    const before = (await page.locator(kCanvas).screenshot()).toString('base64');
+    await page.selectOption('select[aria-label="Ground painted by"]', grid);
+    await page.waitForSelector('section[aria-label="Ground painted by"] .viewer-ramp');
+    await page.waitForTimeout(500);
+    const after = (await page.locator(kCanvas).screenshot()).toString('base64');
+    run.expect(before !== after, `the ground is painted by ${grid}`);
+    await run.screenshot(page, `view_${grid}`);
+  }
+  await server.stop();
+}
+
+async function sharing(run) {
+  const server = await run.server();
+  const page = await openView(run, server);
+  await page.focus(kCanvas);
+  await page.keyboard.press('t');
+  await page.keyboard.press('+');
+  await page.selectOption('select[aria-label="Colour by"]', 'kind');
+  await page.uncheck('input[name=objects]');
+  await page.waitForFunction(() => window.location.hash.includes('colour=kind') && !window.location.hash.includes('objects'));
+  await settled(page);
+  await page.waitForTimeout(600);
+  const address = new URL(page.url()).hash;
+  const picture = await page.locator(kCanvas).screenshot();
+  const other = await openView(run, server, address.slice(address.indexOf('?')));
+  await other.waitForTimeout(600);
+  run.expect((await other.inputValue('select[aria-label="Colour by"]')) === 'kind', 'a shared address brings the colours');
+  run.expect(!(await other.isChecked('input[name=objects]')), 'and the layers');
+  run.expect(new URL(other.url()).hash === address, `and stays as it is: ${address}`);
+  run.expect(picture.equals(await other.locator(kCanvas).screenshot()), 'and the same picture, pixel by pixel');
+  await server.stop();
+}
+
+async function trouble(run) {
+  const server = await run.server();
+  const page = await run.open(server, '#/maps');
+  const said = (words) => page.waitForSelector(`.viewer-message:has-text("${words}")`).then(
+    () => run.expect(true, `said: ${words}`), () => run.expect(false, `said: ${words}`));
+  await page.route('**/*.glb', (route) => route.abort());
+  await page.goto(`${server.origin}/#/view/town`);
+  await said('What is shown stays; the rest comes when it is back');
+  await page.unroute('**/*.glb');
+  await page.click('.viewer-message button');
+  await settled(page);
+  run.expect((await page.locator('.viewer-message').count()) === 0, 'and forgotten once it goes on');
+
+  await page.goto(`${server.origin}/#/maps`);
+  await page.route('**/*.glb', (route) => route.fulfill({
+    status: 404, contentType: 'application/problem+json', body: '{"title": "Not found", "code": "UnknownVersion", "detail": "no version v1"}',
+  }));
+  await page.goto(`${server.origin}/#/view/town`);
+  await said('This version is no longer on the server');
+  await page.unroute('**/*.glb');
+
+  await page.goto(`${server.origin}/#/view/nowhere`);
+  await page.waitForSelector('.trouble:has-text("cannot be shown")');
+  run.expect(true, 'a map that is not there is said');
+  await server.stop();
+}
+
+async function graphics(run) {
+  const server = await run.server();
+  const page = await openView(run, server);
+  await page.evaluate((canvas) => {
+    globalThis.lost = document.querySelector(canvas).getContext('webgl2').getExtension('WEBGL_lose_context');
+    globalThis.lost.loseContext();
+  }, kCanvas);
+  await page.waitForSelector('.viewer-message:has-text("graphics card gave up")');
+  run.expect(true, 'a lost picture is said');
+  await page.evaluate(() => globalThis.lost.restoreContext());
+  await page.waitForSelector('.viewer-message', { state: 'detached' });
+  await page.waitForTimeout(1500);
+  run.expect((await drawn(page)) > kLeastDrawn, 'and comes back');
+
+  const without = await run.open(server, '#/maps');
+  await without.addInitScript(() => {
+    const real = HTMLCanvasElement.prototype.getContext;
+    HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+      return kind.startsWith('webgl') ? null : real.call(this, kind, ...rest);
+    };
+  });
+  run.expectedErrors.push(/WebGL/);
+  await without.goto(`${server.origin}/?again#/view/town`);
+  await without.waitForSelector('.viewer-message:has-text("WebGL 2 is missing")');
+  run.expect(true, 'a browser without WebGL is told so');
+  await server.stop();
+}
+
+await main({ pictures, idle, coordinates, clipAndExport, section, objects, painted, sharing, trouble, graphics });

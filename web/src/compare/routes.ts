@@ -1,0 +1,54 @@
+import { ask, type Schema } from '../api/client.js';
+import { jsonOf, send, sleep } from '../api/send.js';
+import type { Difference } from './difference.js';
+import { glbPositions } from './glb.js';
+
+/** What of a version is needed to show it. */
+export interface Version {
+  name: string;
+  origin: [number, number, number];
+  voxel_size_m: number;
+  points: number;
+}
+
+type About = Schema<'Map'>;
+
+export async function aboutVersion(map: string, version: string, signal: AbortSignal): Promise<Version> {
+  const about: About = (await ask('get', '/v1/maps/{map}/versions/{version}', { path: { map, version }, signal })).data;
+  return {
+    name: version,
+    origin: (about.origin ?? [0, 0, 0]) as [number, number, number],
+    voxel_size_m: about.voxel_size_m ?? 0.1,
+    points: (about.tiles ?? []).reduce((sum, tile) => sum + tile.points, 0),
+  };
+}
+
+export async function versionNames(map: string, signal: AbortSignal): Promise<string[]> {
+  const { data } = await ask('get', '/v1/maps/{map}/versions', { path: { map }, signal });
+  return data.versions.map(({ version }) => version);
+}
+
+/**
+ * What differs between two versions of a map; waits while the server works it out.
+ *
+ * @param onProgress told how far it is, in [0, 1]; null when nobody can tell.
+ * @throws ApiError in words (`OtherFrame` when they cannot be compared); AbortError.
+ */
+export async function difference(
+  map: string, version: string, other: string, tolerance_m: number | null, onProgress: (share: number | null) => void, signal: AbortSignal,
+): Promise<Difference> {
+  const base = `/v1/maps/${encodeURIComponent(map)}/versions/${encodeURIComponent(version)}/difference/${encodeURIComponent(other)}`;
+  const path = tolerance_m === null ? base : `${base}?tolerance_m=${tolerance_m}`;
+  for (;;) {
+    const response = await send('GET', path, { signal });
+    const answer = (await jsonOf(response, `GET ${path}`)) as Difference | { state: 'making'; progress: number | null };
+    if (answer.state === 'ready') return answer;
+    onProgress(answer.progress);
+    await sleep(Number(response.headers.get('retry-after') ?? 1) || 1, signal);
+  }
+}
+
+/** Points of one side of a difference in a tile, x, y, z one after the other. */
+export async function differencePoints(url: string, signal: AbortSignal): Promise<Float32Array> {
+  return glbPositions(await (await send('GET', url, { signal })).arrayBuffer());
+}

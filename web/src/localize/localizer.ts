@@ -1,0 +1,270 @@
+import { toApiError, isAborted, type ApiError } from '../api/errors.js';
+import { Store } from '../ui/store.js';
+import type { Answer } from './answer.js';
+import { DriveRun } from './drive_run.js';
+import { sortDropped } from './dropped.js';
+import type { MapScene } from './map_scene.js';
+import { poseWithHeading, headingOf, type Pose } from './pose.js';
+import { readGnss, type GnssText } from './gnss_text.js';
+import type { Start } from './request.js';
+import { localize, sessionRoutes, type Asked, type MapPlace } from './routes.js';
+import { readScanFile, type ScanFile } from './scan_file.js';
+import { ScanError } from './scan_points.js';
+import { stampsOf } from './stamps.js';
+
+/** Scans of a drive that one after the other go through a session. */
+export interface Drive {
+  run: DriveRun;
+  files: readonly File[];
+  stampSource: string;
+}
+
+export interface LocalizeState {
+  start: Start['kind'];
+  prior: Pose | null;
+  gnss: GnssText;
+  scan: ScanFile | null;
+  busy: 'reading' | 'asking' | null;
+  /** The scan is being compared with the map. */
+  painting: boolean;
+  /** Why the last thing asked for did not happen, from the server or from the file. */
+  error: ApiError | string | null;
+  asked: Asked | null;
+  drive: Drive | null;
+  /** Scan of the drive that is in the picture. */
+  shown: number;
+  playing: boolean;
+  perSecond: number;
+  byResidual: boolean;
+}
+
+const kBegin: LocalizeState = {
+  start: 'everywhere', prior: null, gnss: { latitude: '', longitude: '', altitude: '', sigma: '5' }, scan: null, busy: null, painting: false,
+  error: null, asked: null, drive: null, shown: 0, playing: false, perSecond: 10, byResidual: true,
+};
+
+/** From where a scan comes down that was searched for everywhere. */
+const kFromAbove_m = 30;
+const kFromAside_rad = 0.5;
+
+/** What the localization view knows and does; the picture follows it once there is one. */
+export class Localizer {
+  readonly state = new Store<LocalizeState>(kBegin);
+  /** Told where a scan was found for the first time since it was dropped. */
+  onFirstAnswer: (pose: Pose) => void = () => undefined;
+  private scene: MapScene | undefined;
+  private asking = new AbortController();
+  private timer: ReturnType<typeof setTimeout> | undefined;
+  private answered = 0;
+  private paintings = 0;
+
+  /** @param still whether the person wants less motion. */
+  constructor(private readonly place: MapPlace, private readonly still: () => boolean) {}
+
+  setScene(scene: MapScene | undefined): void {
+    this.scene = scene;
+    if (scene === undefined) return;
+    const { scan, asked, prior, start } = this.state.get();
+    scene.showPrior(start === 'prior' ? prior : null);
+    scene.setScan(scan);
+    if (asked !== null) void this.painted(scene.showAnswer(asked.answer, null, true, this.state.get().byResidual));
+  }
+
+  /** The answer of what is in the picture. */
+  get answer(): Answer | null {
+    const { drive, shown, asked } = this.state.get();
+    return drive === null ? (asked?.answer ?? null) : (drive.run.answers[shown] ?? null);
+  }
+
+  setStart(start: Start['kind']): void {
+    this.change({ start });
+    this.scene?.showPrior(start === 'prior' ? this.state.get().prior : null);
+  }
+
+  /** @param settled false while it is still being dragged: asked for only once it is. */
+  setPrior(prior: Pose, settled: boolean): void {
+    this.change({ prior, start: 'prior' });
+    this.scene?.showPrior(prior);
+    const { scan, drive } = this.state.get();
+    if (settled && scan !== null && drive === null) void this.ask();
+  }
+
+  setGnss(gnss: GnssText): void {
+    this.change({ gnss });
+  }
+
+  setByResidual(byResidual: boolean): void {
+    this.change({ byResidual });
+    void this.painted(this.scene?.repaint(this.answer, byResidual));
+  }
+
+  /** Takes what was dropped or chosen: one scan is looked for, several are driven. */
+  async take(files: readonly File[]): Promise<void> {
+    const { scans, times } = sortDropped(files);
+    if (scans.length === 0) {
+      const names = files.slice(0, 3).map((file) => file.name).join(', ');
+      this.change({ error: `${names === '' ? 'Nothing' : names}: no scan; expected .bin, .pcd or .ply, or a folder of them.` });
+      return;
+    }
+    await this.clear();
+    if (scans.length === 1) await this.takeOne(scans[0]!);
+    else await this.takeDrive(scans, times);
+  }
+
+  /** Asks where the scan was taken. */
+  async ask(): Promise<void> {
+    const { scan } = this.state.get();
+    const start = this.start();
+    if (typeof start === 'string') return this.change({ error: start });
+    if (scan === null) return;
+    this.asking.abort();
+    this.asking = new AbortController();
+    const { signal } = this.asking;
+    this.change({ busy: 'asking', error: null });
+    try {
+      const asked = await localize(this.place, start, scan, signal);
+      const { pose } = asked.answer;
+      if (this.state.get().asked === null && pose !== null) this.onFirstAnswer(pose);
+      this.change({ asked, busy: null });
+      await this.painted(this.scene?.showAnswer(asked.answer, this.from(start, asked.answer), this.still(), this.state.get().byResidual));
+    } catch (error) {
+      if (!isAborted(error)) this.change({ error: toApiError(error), busy: null });
+    }
+  }
+
+  /** Puts a scan of the drive into the picture. */
+  async show(index: number): Promise<void> {
+    const { drive, byResidual, playing } = this.state.get();
+    const answer = drive?.run.answers[index];
+    if (drive === null || answer === undefined) return;
+    this.change({ shown: index });
+    try {
+      const scan = await this.read(drive.files[index]!);
+      if (this.state.get().shown !== index || this.state.get().drive !== drive) return;
+      this.change({ scan });
+      this.scene?.setScan(scan);
+      const moving = playing || drive.run.state === 'running';
+      await this.painted(this.scene?.showAnswer(answer, null, true, byResidual && !moving));
+    } catch (error) {
+      this.fail(error);
+    }
+  }
+
+  setPlaying(playing: boolean): void {
+    clearTimeout(this.timer);
+    const { drive, shown } = this.state.get();
+    if (drive === null) return;
+    this.change({ playing });
+    const last = drive.run.answers.length - 1;
+    if (!playing) void this.show(shown);
+    else void this.play(shown >= last ? 0 : shown);
+  }
+
+  setSpeed(perSecond: number): void {
+    this.change({ perSecond });
+  }
+
+  /** Ends what is under way and takes the scan out of the picture. */
+  async clear(): Promise<void> {
+    this.asking.abort();
+    clearTimeout(this.timer);
+    const { drive } = this.state.get();
+    this.change({ scan: null, asked: null, drive: null, shown: 0, playing: false, error: null, busy: null });
+    this.scene?.setScan(null);
+    this.scene?.showPath([]);
+    await drive?.run.end();
+  }
+
+  dispose(): void {
+    void this.clear();
+  }
+
+  private async takeOne(file: File): Promise<void> {
+    this.change({ busy: 'reading' });
+    try {
+      const scan = await this.read(file);
+      this.change({ scan, busy: null });
+      this.scene?.setScan(scan);
+      const { start, prior } = this.state.get();
+      if (start === 'prior') this.scene?.showScanAt(prior);
+      await this.ask();
+    } catch (error) {
+      this.fail(error);
+    }
+  }
+
+  private async takeDrive(files: readonly File[], times: File | null): Promise<void> {
+    const start = this.start();
+    if (typeof start === 'string') return this.change({ error: start });
+    const { stamps_ns, source } = stampsOf(files.length, (await times?.text()) ?? null);
+    this.asking = new AbortController();
+    const routes = sessionRoutes(this.place, start, (index) => this.read(files[index]!), stamps_ns, this.asking.signal);
+    const run: DriveRun = new DriveRun(files.length, routes, () => this.driven(run));
+    this.answered = 0;
+    this.change({ drive: { run, files, stampSource: source } });
+    await run.play();
+  }
+
+  private driven(run: DriveRun): void {
+    const { drive, shown } = this.state.get();
+    if (drive?.run !== run) return;
+    const newest = run.answers.length - 1;
+    const { error } = run;
+    const shownError = error === undefined || isAborted(error) ? null : error instanceof ScanError ? error.message : toApiError(error);
+    // A new object, so that the view is drawn anew: the run itself stays the same.
+    this.change({ drive: { ...drive }, error: shownError });
+    this.scene?.showPath(run.answers);
+    const pose = run.answers[newest]?.pose;
+    if (newest === 0 && pose && this.answered === 0) this.onFirstAnswer(pose);
+    this.answered = run.answers.length;
+    if (newest >= 0 && (newest !== shown || run.state === 'done')) void this.show(newest);
+  }
+
+  private async play(index: number): Promise<void> {
+    await this.show(index);
+    const { drive, playing, perSecond } = this.state.get();
+    if (!playing || drive === null) return;
+    if (index >= drive.run.answers.length - 1) return this.setPlaying(false);
+    this.timer = setTimeout(() => void this.play(index + 1), 1000 / perSecond);
+  }
+
+  private async read(file: File): Promise<ScanFile> {
+    try {
+      return readScanFile(file.name, await file.arrayBuffer());
+    } catch (error) {
+      if (error instanceof DOMException) throw new ScanError(file.name, error.message, 'a file that can be read');
+      throw error;
+    }
+  }
+
+  /** Where to look, or what is missing to say it. */
+  private start(): Start | string {
+    const { start, prior, gnss } = this.state.get();
+    if (start === 'everywhere') return { kind: 'everywhere' };
+    if (start === 'gnss') return readGnss(gnss);
+    return prior === null ? 'Show a place first: press on the map where the sensor was, and drag to where it looked.' : { kind: 'prior', pose: prior };
+  }
+
+  private from(start: Start, { pose }: Answer): Pose | null {
+    if (start.kind === 'prior' || pose === null) return start.kind === 'prior' ? start.pose : null;
+    const [x, y, z] = pose.position;
+    return poseWithHeading([x, y, z + kFromAbove_m], headingOf(pose) + kFromAside_rad);
+  }
+
+  /** Says that the scan is being compared, as long as the latest of these goes on; what fails of it is only colour. */
+  private async painted(painting: Promise<void> | undefined): Promise<void> {
+    const turn = ++this.paintings;
+    this.change({ painting: true });
+    await painting?.catch(() => undefined);
+    if (turn === this.paintings) this.change({ painting: false });
+  }
+
+  private fail(error: unknown): void {
+    if (isAborted(error)) return;
+    this.change({ error: error instanceof ScanError ? error.message : toApiError(error), busy: null });
+  }
+
+  private change(part: Partial<LocalizeState>): void {
+    this.state.set({ ...this.state.get(), ...part });
+  }
+}

@@ -1,0 +1,191 @@
+import type { ComponentChildren } from 'preact';
+import { useEffect, useMemo, useRef, useState } from 'preact/hooks';
+import { Scene } from '../scene/scene.js';
+import type { Trouble as TileTrouble } from '../scene/tile_source.js';
+import { replaceQuery } from '../router.js';
+import { SceneCanvas } from '../ui/scene_canvas.js';
+import { useStore } from '../ui/store.js';
+import { theme } from '../ui/theme.js';
+import { filesOf } from './dropped.js';
+import { watchFleet, type Vehicle } from './fleet.js';
+import { FleetPanel } from './fleet_panel.js';
+import { Localizer } from './localizer.js';
+import { MapScene, type ShownMap } from './map_scene.js';
+import type { Pose } from './pose.js';
+import { priorTool } from './prior_tool.js';
+import { vehicles as askVehicles, type MapPlace } from './routes.js';
+import { ScanLegend, ScanPanel } from './scan_panel.js';
+import { VehicleLabels } from './vehicle_labels.js';
+
+interface Props {
+  map: ShownMap;
+  place: MapPlace;
+  geodetic: boolean;
+  poses: readonly Pose[];
+  query: URLSearchParams;
+}
+
+/** Radius that a place is looked at with [m]. */
+const kLook_m = 16;
+const kNoPoses: readonly Pose[] = [];
+
+const wantsStill = (): boolean => window.matchMedia('(prefers-reduced-motion: reduce)').matches;
+
+/** The picture of a map with its scans and vehicles, and the panel beside it. */
+export function Workplace({ map, place, geodetic, poses = kNoPoses, query }: Props) {
+  const localizer = useMemo(() => new Localizer(place, wantsStill), []);
+  const [scene, setScene] = useState<Scene>();
+  const [trouble, setTrouble] = useState<TileTrouble>();
+  const mapScene = useRef<MapScene>();
+  const [tab, setTab] = useState<'scan' | 'vehicles'>(query.get('show') === 'vehicles' ? 'vehicles' : 'scan');
+  const fleet = useFleet(map.name);
+  const [chosen, setChosen] = useState<string | null>(null);
+  const colours = useStore(theme);
+
+  useEffect(() => () => localizer.dispose(), []);
+  useEffect(() => {
+    localizer.onFirstAnswer = (pose) => scene?.lookAtPlace(pose.position, kLook_m);
+  }, [scene]);
+  useEffect(() => {
+    if (scene === undefined) return undefined;
+    const made = new MapScene(scene, map, theme.get(), setTrouble);
+    mapScene.current = made;
+    scene.groundHeight = groundUnder(poses, map);
+    void made.cloud.ready.then(() => scene.showAll(), () => undefined);
+    localizer.setScene(made);
+    return () => {
+      localizer.setScene(undefined);
+      mapScene.current = undefined;
+      made.dispose();
+    };
+  }, [scene]);
+  useEffect(() => mapScene.current?.setTheme(colours), [colours, scene]);
+  useEffect(() => mapScene.current?.showVehicles(fleet.vehicles), [fleet.vehicles, scene]);
+
+  const lookAt = (pose: Pose | null | undefined): void => {
+    if (pose) scene?.lookAtPlace(pose.position, kLook_m);
+  };
+  const show = (next: typeof tab): void => {
+    setTab(next);
+    replaceQuery(next === 'scan' ? {} : { show: next });
+  };
+  const choose = (label: string): void => {
+    setChosen(label);
+    lookAt(fleet.vehicles.find((vehicle) => vehicle.label === label)?.pose);
+  };
+  const point = (): void => scene?.setTool(priorTool(
+    poses, (prior, settled) => localizer.setPrior(prior, settled), () => scene.setTool(null)));
+
+  return (
+    <DropTarget onFiles={(files) => { show('scan'); void localizer.take(files); }}>
+      <div class="beside">
+        <div class="tabs" role="tablist" aria-label="What is looked for">
+          <TabButton name="scan" shown={tab} onShow={show}>Scan</TabButton>
+          <TabButton name="vehicles" shown={tab} onShow={show}>
+            Vehicles{fleet.vehicles.length > 0 && <span class="count">{fleet.vehicles.length}</span>}
+          </TabButton>
+        </div>
+        <div class="beside-body" role="tabpanel" id="localize-panel" aria-labelledby={`tab-${tab}`} tabIndex={0}>
+          {tab === 'scan'
+            ? <ScanPanel localizer={localizer} map={map} place={place} geodetic={geodetic} poses={poses} onPoint={point} onLook={lookAt} />
+            : (
+              <>
+                {fleet.fault !== null && <p class="trouble" role="alert">{fleet.fault}</p>}
+                <FleetPanel vehicles={fleet.vehicles} chosen={chosen} onChoose={choose} />
+              </>
+            )}
+        </div>
+      </div>
+      <div class="stage">
+        <SceneCanvas
+          origin={map.origin} onScene={setScene}
+          label={`Map ${map.name}, version ${map.version}, in 3D. Arrow keys turn it, Shift with arrow keys moves it, plus and minus zoom, 0 shows all of it, T shows it from above.`}
+        />
+        <div class="stage-tools">
+          <button type="button" onClick={() => scene?.showAll()}>Whole map</button>
+          <button type="button" onClick={() => scene?.showFromAbove()}>From above</button>
+        </div>
+        <VehicleLabels scene={scene} vehicles={fleet.vehicles} />
+        <ScanLegend localizer={localizer} />
+        {trouble !== undefined && (
+          <div class="stage-trouble trouble" role="alert">
+            <p>{trouble.text}</p>
+            <button type="button" onClick={() => mapScene.current?.cloud.retry()}>Try again</button>
+          </div>
+        )}
+      </div>
+    </DropTarget>
+  );
+}
+
+function TabButton({ name, shown, onShow, children }: {
+  name: 'scan' | 'vehicles'; shown: string; onShow: (name: 'scan' | 'vehicles') => void; children: ComponentChildren;
+}) {
+  const other = name === 'scan' ? 'vehicles' : 'scan';
+  return (
+    <button
+      type="button" role="tab" id={`tab-${name}`} aria-selected={shown === name} aria-controls="localize-panel" tabIndex={shown === name ? 0 : -1}
+      onClick={() => onShow(name)}
+      onKeyDown={(event) => {
+        if (event.key !== 'ArrowRight' && event.key !== 'ArrowLeft') return;
+        onShow(other);
+        document.getElementById(`tab-${other}`)?.focus();
+      }}
+    >
+      {children}
+    </button>
+  );
+}
+
+/** The whole view takes what is dropped on it, and says so while something hovers. */
+function DropTarget({ onFiles, children }: { onFiles: (files: File[]) => void; children: ComponentChildren }) {
+  const [over, setOver] = useState(0);
+  const carries = (event: DragEvent): boolean => [...(event.dataTransfer?.types ?? [])].includes('Files');
+  return (
+    <div
+      class="localize"
+      onDragEnter={(event) => carries(event) && setOver((count) => count + 1)}
+      onDragLeave={(event) => carries(event) && setOver((count) => Math.max(0, count - 1))}
+      onDragOver={(event) => carries(event) && event.preventDefault()}
+      onDrop={(event) => {
+        if (!carries(event) || event.dataTransfer === null) return;
+        event.preventDefault();
+        setOver(0);
+        void filesOf(event.dataTransfer).then(onFiles);
+      }}
+    >
+      {children}
+      {over > 0 && <div class="drop-over" aria-hidden="true"><p>Let go to find it in this map</p></div>}
+    </div>
+  );
+}
+
+/** The sessions in a map, asked for while the page is seen. */
+function useFleet(map: string): { vehicles: Vehicle[]; fault: string | null } {
+  const [state, setState] = useState<{ vehicles: Vehicle[]; fault: string | null }>({ vehicles: [], fault: null });
+  useEffect(() => {
+    const stop = new AbortController();
+    const world = {
+      ask: () => askVehicles(stop.signal),
+      visible: () => document.visibilityState === 'visible',
+      after: (ms: number, then: () => void) => {
+        const timer = setTimeout(then, ms);
+        return () => clearTimeout(timer);
+      },
+    };
+    const watch = watchFleet(
+      world, (all) => setState({ vehicles: all.filter((vehicle) => vehicle.map === map), fault: null }),
+      (error) => setState((before) => ({ ...before, fault: error instanceof Error ? error.message : String(error) })));
+    return () => {
+      watch.stop();
+      stop.abort();
+    };
+  }, [map]);
+  return state;
+}
+
+/** Height of the ground that presses meet where the map has no point: below its lowest recorded pose. */
+function groundUnder(poses: readonly Pose[], map: ShownMap): number {
+  const lowest = poses.reduce((least, pose) => Math.min(least, pose.position[2]), Infinity);
+  return Number.isFinite(lowest) ? lowest - 1.8 : map.origin[2];
+}

@@ -1,0 +1,57 @@
+import { mayTouch, type Box } from './clip_box.js';
+import { readPoints, type Points } from './point_layout.js';
+import type { Vec3 } from './types.js';
+
+/** A tile of full resolution; bounds [m] relative to the map's origin. */
+export interface RegionTile {
+  readonly level: number;
+  readonly x: number;
+  readonly y: number;
+  readonly points: number;
+  readonly min: readonly number[];
+  readonly max: readonly number[];
+}
+
+/** Most points that are taken into the browser at once: some 400 MB. */
+export const kRegionLimit = 20_000_000;
+const kAtOnce = 4;
+
+/** Tiles of full resolution that may have points in the box (relative to the map's origin); all without one. */
+export function tilesOf(tiles: readonly RegionTile[], box: Box | undefined): RegionTile[] {
+  return tiles.filter(({ level, min, max }) =>
+    level === 0 && (box === undefined || mayTouch(box, min as unknown as Vec3, max as unknown as Vec3)));
+}
+
+/**
+ * Fetches tiles as they lie in the map.
+ *
+ * @param get    the bytes of a tile.
+ * @param onTile told after each how many there are of how many.
+ * @throws Error in words when they have more than kRegionLimit points, or one is damaged; what `get` throws.
+ */
+export async function fetchRegion(
+  tiles: readonly RegionTile[], get: (tile: RegionTile) => Promise<ArrayBuffer>, onTile: (done: number, of: number) => void,
+): Promise<Points[]> {
+  const total = tiles.reduce((sum, tile) => sum + tile.points, 0);
+  if (total > kRegionLimit) {
+    throw new Error(`There are ${total.toLocaleString('en-GB')} points, more than the ${kRegionLimit.toLocaleString('en-GB')} ` +
+      'that a browser is good for. Make the box smaller, or use “stillmap export”.');
+  }
+  const found = new Array<Points>(tiles.length);
+  let [next, done] = [0, 0];
+  const lane = async (): Promise<void> => {
+    while (next < tiles.length) {
+      const number = next++;
+      const tile = tiles[number] as RegionTile;
+      const bytes = await get(tile);
+      try {
+        found[number] = readPoints(bytes, tile.points);
+      } catch (error) {
+        throw new Error(`Tile ${tile.level}/${tile.x}/${tile.y}: ${(error as Error).message}`);
+      }
+      onTile(++done, tiles.length);
+    }
+  };
+  await Promise.all(Array.from({ length: Math.min(kAtOnce, tiles.length) }, lane));
+  return found;
+}

@@ -1,0 +1,87 @@
+import { ApiError } from '../api/errors.js';
+import { jsonOf, send } from '../api/send.js';
+import type { Box } from '../scene/clip_box.js';
+import type { Decision } from '../scene/objects_layer.js';
+import type { SeenObject } from '../scene/seen_objects.js';
+import type { Vec3 } from '../scene/types.js';
+
+/** A correction that the next rebuild obeys: of an object by what it is and where it stood, or of a region. */
+export interface Edit {
+  readonly action: Decision;
+  readonly object?: { readonly centre: Vec3; readonly class: string };
+  readonly box?: Box;
+  readonly note?: string;
+}
+
+interface EditDocument {
+  readonly format: 'stillmap-edits';
+  readonly version: 1;
+  readonly edits: readonly Edit[];
+}
+
+/** How far [m] an object may lie from where it was when it was corrected. */
+const kSamePlaceM = 1;
+
+/** The edits with one about an object replaced, or taken out. */
+export function decide(edits: readonly Edit[], object: SeenObject, decision: Decision | undefined): Edit[] {
+  const others = edits.filter((edit) => !isAbout(edit, object));
+  if (decision === undefined) return others;
+  const place = object.places[Math.floor(object.places.length / 2)] as Box;
+  return [...others, { action: decision, object: { centre: place.centre, class: object.class } }];
+}
+
+/** What was decided about which object, by its number. */
+export function decisionsOf(edits: readonly Edit[], objects: readonly SeenObject[]): Map<number, Decision> {
+  const found = new Map<number, Decision>();
+  for (const edit of edits) {
+    for (const object of objects) if (isAbout(edit, object)) found.set(object.number, edit.action);
+  }
+  return found;
+}
+
+function isAbout({ object: said }: Edit, object: SeenObject): boolean {
+  return said !== undefined && said.class === object.class && object.places.some(({ centre }) =>
+    Math.hypot(centre[0] - said.centre[0], centre[1] - said.centre[1], centre[2] - said.centre[2]) < kSamePlaceM);
+}
+
+/** The corrections of a map as the server keeps them. */
+export class Corrections {
+  private etag_: string | undefined;
+  edits: readonly Edit[] = [];
+
+  constructor(private readonly map_: string) {}
+
+  async load(signal?: AbortSignal): Promise<void> {
+    await this.take(await send('GET', this.path, signal === undefined ? {} : { signal }));
+  }
+
+  /**
+   * Changes them on the server; done again on what is there when somebody else was faster.
+   *
+   * @throws ApiError in words; nothing is then changed here.
+   */
+  async change(how: (edits: readonly Edit[]) => readonly Edit[]): Promise<void> {
+    for (let tries = 0; ; ++tries) {
+      const document: EditDocument = { format: 'stillmap-edits', version: 1, edits: how(this.edits) };
+      try {
+        return await this.take(await send('PUT', this.path, {
+          body: JSON.stringify(document),
+          headers: { 'Content-Type': 'application/json', ...(this.etag_ !== undefined && { 'If-Match': this.etag_ }) },
+        }));
+      } catch (error) {
+        if (!(error instanceof ApiError) || error.status !== 412 || tries > 2) throw error;
+        await this.load();
+      }
+    }
+  }
+
+  private get path(): string {
+    return `/v1/maps/${encodeURIComponent(this.map_)}/edits`;
+  }
+
+  private async take(response: Response): Promise<void> {
+    const document = (await jsonOf(response, this.path)) as EditDocument;
+    this.etag_ = response.headers.get('etag') ?? undefined;
+    this.edits = document.edits;
+  }
+}

@@ -1,0 +1,49 @@
+import { useState } from 'preact/hooks';
+import { kExportFormats, type ExportFormat } from '../scene/export_points.js';
+import { plural } from '../ui/format.js';
+import { say } from '../ui/notices.js';
+import { useStore } from '../ui/store.js';
+import type { ViewerModel } from './model.js';
+import { Section } from './panel.js';
+import type { ExportScope } from './tools.js';
+
+const kScopeWords: Record<ExportScope, string> = { map: 'Whole map', clip: 'Clip box', section: 'Section' };
+
+/** Takes points of full resolution into a file. */
+export function ExportPanel({ model }: { model: ViewerModel }) {
+  const { clip } = useStore(model.options);
+  const section = useStore(model.tools.section);
+  const work = useStore(model.tools.work);
+  const [wanted, setWanted] = useState<ExportScope>();
+  const [format, setFormat] = useState<ExportFormat>('ply');
+  const scopes: ExportScope[] = ['map', ...(clip === undefined ? [] : ['clip' as const]), ...(section === undefined ? [] : ['section' as const])];
+  const scope = wanted !== undefined && scopes.includes(wanted) ? wanted : scopes[scopes.length - 1] as ExportScope;
+  const save = async (): Promise<void> => {
+    const file = await model.tools.export(scope, format);
+    if (file === undefined) return;
+    download(file.blob, `${model.facts.name}-${model.facts.version}-${scope}.${format}`);
+    say({ kind: 'good', text: `${plural(file.points, 'point')} saved, of the kinds that are shown.` });
+  };
+  return (
+    <Section title="Export">
+      <div class="viewer-row viewer-export">
+        <select aria-label="What to export" value={scope} onChange={({ currentTarget }) => setWanted(currentTarget.value as ExportScope)}>
+          {scopes.map((name) => <option key={name} value={name}>{kScopeWords[name]}</option>)}
+        </select>
+        <select aria-label="File format" value={format} onChange={({ currentTarget }) => setFormat(currentTarget.value as ExportFormat)}>
+          {kExportFormats.map((name) => <option key={name} value={name}>{name.toUpperCase()}</option>)}
+        </select>
+        <button type="button" class="small" disabled={work.state === 'busy'} onClick={() => void save()}>Save</button>
+      </div>
+    </Section>
+  );
+}
+
+function download(blob: Blob, name: string): void {
+  const link = document.createElement('a');
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  // After the browser has begun with it.
+  setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+}

@@ -1,0 +1,246 @@
+import { connection } from '../api/connection.js';
+import { isAborted, toApiError } from '../api/errors.js';
+import { send } from '../api/send.js';
+import { replaceQuery } from '../router.js';
+import type { Box } from '../scene/clip_box.js';
+import { GridLayer } from '../scene/grid_layer.js';
+import { MapCloud, type Ranges } from '../scene/map_cloud.js';
+import { ObjectsLayer, type Decision } from '../scene/objects_layer.js';
+import { Scene, type Pick } from '../scene/scene.js';
+import type { SeenObject } from '../scene/seen_objects.js';
+import { SketchLayer } from '../scene/sketch_layer.js';
+import type { Trouble } from '../scene/tile_source.js';
+import { TrackLayer } from '../scene/track_layer.js';
+import type { Theme } from '../scene/types.js';
+import { writeViewState, type ViewState } from '../scene/view_state.js';
+import { Store } from '../ui/store.js';
+import { Corrections, decide, decisionsOf } from './corrections.js';
+import { loadSigns, versionPath, type MapFacts, type MapSigns } from './facts.js';
+import { GridView } from './grid_view.js';
+import { optionsOf, type Options } from './options.js';
+import { Tools } from './tools.js';
+
+/** What drawing costs, for people who ask. */
+export interface Stats {
+  readonly points: number;
+  readonly tiles: number;
+  readonly bytes: number;
+  readonly pending: number;
+  readonly frames: number;
+  readonly scriptMs: number;
+}
+
+const kStatsEveryMs = 250;
+
+/** All that the viewer knows and does, without its buttons: they read the stores and call the functions. */
+export class ViewerModel {
+  readonly scene: Scene;
+  readonly cloud: MapCloud;
+  readonly tools: Tools;
+  readonly grid: GridView;
+  readonly options: Store<Options>;
+  readonly signs = new Store<MapSigns | undefined>(undefined);
+  readonly ranges = new Store<Ranges | undefined>(undefined);
+  readonly trouble = new Store<Trouble | undefined>(undefined);
+  /** Why something beside the points could not be had. */
+  readonly fault = new Store<string | undefined>(undefined);
+  readonly hover = new Store<Pick | undefined>(undefined);
+  readonly chosen = new Store<SeenObject | undefined>(undefined);
+  readonly decisions = new Store<ReadonlyMap<number, Decision>>(new Map());
+  readonly stats = new Store<Stats | undefined>(undefined);
+  readonly contextLost = new Store(false);
+  private readonly objects_: ObjectsLayer;
+  private readonly track_: TrackLayer;
+  private readonly sketch_: SketchLayer;
+  private readonly corrections_: Corrections;
+  private readonly stop_ = new AbortController();
+  private readonly endings_: (() => void)[] = [];
+  private statsTimer_: ReturnType<typeof setTimeout> | undefined;
+
+  /** @throws Error when the browser has no WebGL 2. */
+  constructor(canvas: HTMLCanvasElement, readonly facts: MapFacts, state: ViewState, private theme_: Theme) {
+    this.options = new Store(optionsOf(state));
+    this.scene = new Scene(canvas, theme_, facts.origin);
+    this.cloud = new MapCloud({
+      tilesetUrl: `${versionPath(facts.name, facts.version)}/3dtiles/tileset.json`,
+      origin: facts.origin, voxelSizeM: facts.voxel_size_m,
+      ask: (url, { signal }) => send('GET', url, { signal }),
+      onChange: () => this.scene.requestRender(), onTrouble: (trouble) => this.trouble.set(trouble),
+    });
+    this.scene.addCloud(this.cloud);
+    this.objects_ = new ObjectsLayer(facts.origin);
+    this.track_ = new TrackLayer(facts.origin);
+    this.sketch_ = new SketchLayer(facts.origin);
+    this.corrections_ = new Corrections(facts.name);
+    this.grid = new GridView(new GridLayer(facts.origin), facts, this.stop_.signal, () => this.scene.requestRender());
+    this.scene.overlay.add(
+      this.objects_.group, this.track_.trajectory, this.track_.keyframes, this.track_.loops, this.sketch_.group, this.grid.group);
+    this.tools = new Tools(this, this.sketch_, this.stop_.signal);
+    this.listen(canvas);
+    this.applyOptions();
+    void this.begin(state);
+  }
+
+  get theme(): Theme {
+    return this.theme_;
+  }
+
+  setTheme(theme: Theme): void {
+    this.theme_ = theme;
+    this.scene.setTheme(theme);
+    this.showSigns();
+    this.tools.redraw();
+    this.applyOptions();
+  }
+
+  change(options: Partial<Options>): void {
+    this.options.set({ ...this.options.get(), ...options });
+    this.applyOptions();
+    this.remember();
+  }
+
+  choose(object: SeenObject | undefined): void {
+    this.chosen.set(object);
+    this.objects_.choose(object);
+    this.scene.requestRender();
+  }
+
+  /** Saves what the next rebuild does with an object; undefined takes back what was said. @throws ApiError */
+  async decide(object: SeenObject, decision: Decision | undefined): Promise<void> {
+    await this.corrections_.change((edits) => decide(edits, object, decision));
+    this.showSigns();
+  }
+
+  /** As `decide`, for all that lies in a box. @throws ApiError */
+  async decideRegion(box: Box, action: Decision): Promise<void> {
+    await this.corrections_.change((edits) => [...edits, { action, box }]);
+  }
+
+  get regionEdits(): number {
+    return this.corrections_.edits.filter(({ box }) => box !== undefined).length;
+  }
+
+  /** Goes on after trouble. */
+  retry(): void {
+    this.cloud.retry();
+    if (this.signs.get() === undefined) void this.loadSigns();
+  }
+
+  dispose(): void {
+    this.stop_.abort();
+    clearTimeout(this.statsTimer_);
+    for (const end of this.endings_) end();
+    this.cloud.dispose();
+    this.scene.dispose();
+  }
+
+  private listen(canvas: HTMLCanvasElement): void {
+    const { signal } = this.stop_;
+    this.endings_.push(
+      this.scene.onFrame(() => this.drawn()),
+      this.scene.onView(() => this.remember()),
+      this.scene.onHover((pick) => this.hover.set(pick)),
+      connection.listen(({ state }) => {
+        if (state === 'up' && this.trouble.get()?.kind === 'offline') this.retry();
+      }));
+    canvas.addEventListener('webglcontextlost', () => this.contextLost.set(true), { signal });
+    canvas.addEventListener('webglcontextrestored', () => this.contextLost.set(false), { signal });
+  }
+
+  private async begin(state: ViewState): Promise<void> {
+    void this.loadSigns();
+    try {
+      await this.cloud.ready;
+    } catch {
+      return;
+    }
+    this.scene.groundHeight ??= this.cloud.bounds?.min[2];
+    this.scene.showAll();
+    if (state.eye !== undefined && state.target !== undefined) this.scene.setView({ eye: state.eye, target: state.target });
+  }
+
+  private async loadSigns(): Promise<void> {
+    try {
+      const signs = await loadSigns(this.facts, this.stop_.signal);
+      await this.corrections_.load(this.stop_.signal).catch((error: unknown) => {
+        // A server without corrections, or a key that may not read them: the map is shown all the same.
+        if (isAborted(error)) throw error;
+      });
+      this.signs.set(signs);
+      this.fault.set(undefined);
+      this.showSigns();
+    } catch (error) {
+      if (!isAborted(error)) this.fault.set(toApiError(error).message);
+    }
+  }
+
+  private showSigns(): void {
+    const signs = this.signs.get();
+    if (signs === undefined) return;
+    this.decisions.set(decisionsOf(this.corrections_.edits, signs.objects));
+    this.objects_.show(signs.objects, this.decisions.get(), this.theme_);
+    this.objects_.choose(this.chosen.get());
+    this.track_.show(signs.poses, signs.keyframes, signs.loops ?? [], this.theme_);
+    const lowest = Math.min(...signs.poses.map(({ position }) => position[2]));
+    // Where no point is hit: some way below the sensor.
+    if (Number.isFinite(lowest)) this.scene.groundHeight = lowest - 1.5;
+    this.scene.requestRender();
+  }
+
+  /** The object under a place of the window, unless a point is in front of it. */
+  objectAt(clientX: number, clientY: number): SeenObject | undefined {
+    const ray = this.scene.ray(clientX, clientY);
+    const met = this.objects_.pick(ray);
+    if (met === undefined) return undefined;
+    const pick = this.scene.pick(clientX, clientY);
+    const depth = pick?.point === undefined ? Infinity : this.scene.toLocal(pick.position).distanceTo(this.scene.camera.position);
+    return depth < met.depth - 0.3 ? undefined : met.object;
+  }
+
+  private applyOptions(): void {
+    const { colouring, kinds, overlays, grid, clip, eyeDome, quality, budget } = this.options.get();
+    const { materials } = this.cloud;
+    this.cloud.budget = budget;
+    this.cloud.setKinds(new Set(kinds));
+    materials.setTheme(this.theme_);
+    materials.setColouring(colouring);
+    materials.setRound(quality !== 'reduced');
+    materials.setClip(clip && { box: this.inScene(clip.box), mode: clip.mode });
+    this.objects_.group.visible = overlays.includes('objects');
+    for (const overlay of ['trajectory', 'keyframes', 'loops'] as const) this.track_[overlay].visible = overlays.includes(overlay);
+    this.grid.show(grid, this.theme_);
+    this.tools.showClip(clip?.box);
+    this.scene.setEyeDome(eyeDome);
+    this.scene.setQuality(quality);
+  }
+
+  private inScene(box: Box): Box {
+    const { x, y, z } = this.scene.toLocal(box.centre);
+    return { ...box, centre: [x, y, z] };
+  }
+
+  private drawn(): void {
+    const { ranges } = this.cloud;
+    if (ranges !== undefined && this.ranges.get() === undefined) {
+      this.ranges.set(ranges);
+      // The picture is drawn less the origin.
+      const up = this.facts.origin[2];
+      this.cloud.materials.setRange('height', { low: ranges.height.low - up, high: ranges.height.high - up });
+      this.cloud.materials.setRange('intensity', ranges.intensity);
+      this.cloud.materials.setRange('observations', ranges.observations);
+      this.scene.requestRender();
+    }
+    this.statsTimer_ ??= setTimeout(() => {
+      this.statsTimer_ = undefined;
+      const { costs } = this.scene;
+      this.stats.set({ ...this.cloud.stats, frames: costs.frames, scriptMs: costs.medianMs });
+    }, kStatsEveryMs);
+  }
+
+  private remember(): void {
+    if (this.cloud.bounds === undefined || this.stop_.signal.aborted) return;
+    const { colouring, kinds, overlays, grid, clip } = this.options.get();
+    const query = writeViewState({ ...this.scene.view, colouring, kinds, overlays, grid, ...(clip && { clip }) });
+    replaceQuery(Object.fromEntries(query));
+  }
+}
