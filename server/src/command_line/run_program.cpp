@@ -84,6 +84,11 @@ CLI::Validator existing_file() {
   });
 }
 
+CLI::Validator existing_path() {
+  return existing("file or folder",
+                  [](const std::filesystem::path& path) { return std::filesystem::exists(path); });
+}
+
 CLI::Validator in_existing_folder() {
   return existing("file in an existing folder", [](const std::filesystem::path& path) {
     return std::filesystem::is_directory(std::filesystem::absolute(path).parent_path()) &&

@@ -20,6 +20,7 @@ inline constexpr int kCancelled = 130;
 /// For arguments that must be there; say what was found in the words of every other error.
 [[nodiscard]] CLI::Validator existing_folder();
 [[nodiscard]] CLI::Validator existing_file();
+[[nodiscard]] CLI::Validator existing_path();
 /// For files that are written at the end of long work: their folder must be there at its beginning.
 [[nodiscard]] CLI::Validator in_existing_folder();
 

@@ -63,7 +63,7 @@ TEST(CloudFile, HeaderAloneTellsWhatCannotBeOne) {
   flat.replace(flat.find(" z "), 3, " w ");
   EXPECT_THAT([&] { check(flat); }, ThrowsSaying<InputError>({"one field 'z'"}));
   EXPECT_THAT([&] { check(good, "ply"); }, ThrowsSaying<InputError>({"upload", "'ply'"}));
-  EXPECT_THAT([&] { check(good, "las"); }, ThrowsSaying<std::invalid_argument>({"las"}));
+  EXPECT_THAT([&] { check(good, "e57"); }, ThrowsSaying<std::invalid_argument>({"e57"}));
 
   const std::string ply =
       "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int ids\nelement vertex 9\n"

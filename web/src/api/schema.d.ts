@@ -3037,6 +3037,7 @@ export interface operations {
                 "application/gzip": unknown;
                 "application/octet-stream": unknown;
                 "application/ply": unknown;
+                "application/vnd.las": unknown;
                 "application/vnd.pcd": unknown;
                 "application/x-tar": unknown;
                 "application/zstd": unknown;
