@@ -101,8 +101,9 @@ double intensity_scale(ExportJob& job) {
 
 void put_point(OutputFile& file, const Whole& p, const MapPoint& point, double scale) {
   for (Eigen::Index axis = 0; axis < 3; ++axis) file.put(p[axis]);
-  const double intensity = std::clamp(std::round(point.intensity * scale), 0.0, 65535.0);
-  file.put(static_cast<std::uint16_t>(intensity));
+  const double intensity = std::min(std::round(point.intensity * scale), 65535.0);
+  // What is no number is none.
+  file.put(static_cast<std::uint16_t>(intensity > 0.0 ? intensity : 0.0));
   file.put<std::uint8_t>(1U | 1U << 4U);
   file.put<std::uint8_t>(is_measured(point.kind) ? 0 : kSynthetic);
   file.put(point.kind == PointKind::kMeasured ? kUnclassified : kGround);

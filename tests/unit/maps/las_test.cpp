@@ -291,7 +291,7 @@ TEST(CoordinateSystem, WktAsOthersWriteIt) {
       R"(ELLIPSOID["GRS 1980",6378137,298.257222101,LENGTHUNIT["metre",1]]],ID["EPSG",4258]],)"
       R"(CONVERSION["UTM zone 32N",METHOD["Transverse Mercator",ID["EPSG",9807]],)"
       R"(PARAMETER["False easting",500000,LENGTHUNIT["metre",1]]],CS[Cartesian,2],)"
-      R"(AXIS["(E)",east,ORDER[1],LENGTHUNIT["metre",1]],ID["EPSG",25832]],)"
+      R"(AXIS["E",east,ORDER[1],LENGTHUNIT["metre",1]],ID["EPSG",25832]],)"
       R"(VERTCRS["DHHN2016 height",VDATUM["v"],CS[vertical,1],AXIS["h",up,LENGTHUNIT["metre",1]]]])");
   EXPECT_EQ(two.utm, (UtmZone{32, true}));
   EXPECT_EQ(two.name, "ETRS89 / UTM zone 32N");
@@ -304,7 +304,7 @@ TEST(CoordinateSystem, WktAsOthersWriteIt) {
       R"(PROJECTION["Transverse_Mercator"],UNIT["Meter",1.0]])");
   EXPECT_EQ(esri.utm, (UtmZone{11, false}));
   const CoordinateSystem feet =
-      read_wkt(R"(PROJCS["NAD83 / California 5 (ftUS)",UNIT["US survey foot",0.3048006096]])");
+      read_wkt(R"(PROJCS["NAD83 / California 5 ftUS",UNIT["US survey foot",0.3048006096]])");
   EXPECT_EQ(feet.utm, std::nullopt);
   EXPECT_EQ(feet.metres_per_unit, 0.3048006096);
   EXPECT_TRUE(read_wkt(R"(GEOGCS["WGS 84",AUTHORITY["EPSG","4326"]])").is_geographic);
