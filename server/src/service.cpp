@@ -48,6 +48,15 @@ QueueLimits queue_limits(const ServerOptions& options, int workers) {
           .client_share = options.client_share};
 }
 
+/// A version that is made ready for poses will be looked at too.
+AlignerBuilder warming(AlignerBuilder builder, MapViews& views) {
+  return [builder = std::move(builder), &views](const maps::MapPackage& map) {
+    Aligners aligners = builder(map);
+    views.warm(map);
+    return aligners;
+  };
+}
+
 /// The page speaks to this server alone, and no file is run as something else than it says.
 void add_page_headers(HttpResponse& response) {
   response.headers.emplace_back("Content-Security-Policy", "default-src 'self'");
@@ -86,6 +95,8 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   add_audit_routes(routes, context);
   add_key_routes(routes, context);
   add_tile_routes(routes, context);
+  add_tileset_routes(routes, context);
+  add_difference_routes(routes, context);
   add_localize_routes(routes, context);
   add_batch_routes(routes, context);
   add_session_routes(routes, context);
@@ -155,7 +166,8 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
       store_(store),
       metrics_(STILLMAP_VERSION),
       gatekeeper_(store.keys(), is_loopback(options_.host)),
-      catalog_(store, std::move(builder), &metrics_),
+      views_(store.folder()),
+      catalog_(store, warming(std::move(builder), views_), &metrics_),
       drives_(store),
       workers_(worker_count(options_)),
       queue_(queue_limits(options_, workers_)),
@@ -164,13 +176,9 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
                  .client_share = options_.client_share},
                 queue_),
       jobs_({live_, store, drives_, catalog_, metrics_, mapper}),
-      context_{options_,  live_,
-               workers_,  store,
-               drives_,   uploads_,
-               catalog_,  queue_,
-               sessions_, jobs_,
-               metrics_,  stats_,
-               stopping_, std::chrono::steady_clock::now()},
+      context_{options_, live_,    workers_, store,     drives_,
+               uploads_, catalog_, views_,   queue_,    sessions_,
+               jobs_,    metrics_, stats_,   stopping_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)),
       housekeeping_(live_, store, drives_, jobs_) {
   store_.set_quota(quota_of(options_.quotas));

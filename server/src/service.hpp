@@ -1,5 +1,6 @@
 #pragma once
 
+#include "derived/map_views.hpp"
 #include "errors/api_error.hpp"
 #include "errors/problem.hpp"
 #include "handlers/context.hpp"
@@ -52,6 +53,7 @@ class Service final : public RequestHandler {
   mutable Gatekeeper gatekeeper_;
   /// Of rows that anybody can make.
   mutable RateLimits refused_rows_;
+  mutable MapViews views_;
   mutable MapCatalog catalog_;
   mutable maps::DriveStore drives_;
   mutable UploadPlaces uploads_;

@@ -3,13 +3,13 @@
 //
 // A test file is called as `node NAME_test.mjs STILLMAP SAMPLE [--screenshots FOLDER]`; SAMPLE is the folder that
 // tests/integration/sample_map.sh made: drive/, map/ (a package) and store/ with town v1 active.
-// Exit code 0, 1 (failed), 77 (skipped: no Chromium on this machine).
+// Exit code 0, 1 (failed), 77 (skipped: no Chromium on this machine). ONLY=part,part in the environment runs these alone.
 
 import { spawn, spawnSync } from 'node:child_process';
 import { cpSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import { tmpdir } from 'node:os';
-import { join } from 'node:path';
+import { join, resolve } from 'node:path';
 import { createInterface } from 'node:readline';
 
 const require = createRequire(new URL('../../web/package.json', import.meta.url));
@@ -23,7 +23,7 @@ const kFlags = [
   '--enable-unsafe-swiftshader',
 ];
 /** Longest that anything on the page may take on a loaded machine [ms]. */
-export const kPatienceMs = 30_000;
+export const kPatienceMs = 60_000;
 
 /** A running `stillmap serve`. */
 class Server {
@@ -39,17 +39,17 @@ class Server {
     this.process = spawn(this.program, args, { stdio: ['ignore', 'pipe', 'pipe'] });
     this.said = '';
     this.process.stderr.on('data', (text) => (this.said += text));
-    this.origin = await new Promise((resolve, reject) => {
+    this.origin = await new Promise((found, reject) => {
       createInterface({ input: this.process.stdout }).on('line', (line) => {
         const address = /http:\/\/127\.0\.0\.1:\d+/.exec(line);
-        if (address !== null) resolve(address[0]);
+        if (address !== null) found(address[0]);
       });
       this.process.once('exit', (code) => reject(new Error(`stillmap serve ended with ${code}: ${this.said}`)));
     });
     this.port = Number(new URL(this.origin).port);
     for (let tries = 0; tries < 200; ++tries) {
       if ((await fetch(`${this.origin}/readyz`)).ok) return this;
-      await new Promise((resolve) => setTimeout(resolve, 100));
+      await new Promise((done) => setTimeout(done, 100));
     }
     throw new Error('the server was not ready within 20 s');
   }
@@ -57,7 +57,7 @@ class Server {
   /** @param signal SIGTERM lets it end what it does. */
   async stop(signal = 'SIGTERM') {
     if (this.process === undefined || this.process.exitCode !== null) return;
-    const ended = new Promise((resolve) => this.process.once('close', resolve));
+    const ended = new Promise((done) => this.process.once('close', done));
     this.process.kill(signal);
     await ended;
   }
@@ -102,10 +102,10 @@ export class Run {
     return stdout.trim();
   }
 
-  /** A tar of a folder of the sample, as a person would upload it. @return its path */
+  /** A tar of a folder, of the sample unless absolute, as a person would upload it. @return its path */
   tar(folder, name = `${folder}.tar`) {
     const path = join(this.scratch, name);
-    const { status } = spawnSync('tar', ['cf', path, '-C', join(this.sample, folder), '.']);
+    const { status } = spawnSync('tar', ['cf', path, '-C', resolve(this.sample, folder), '.']);
     if (status !== 0) throw new Error(`tar of ${folder} failed`);
     return path;
   }
@@ -117,6 +117,7 @@ export class Run {
     });
     const page = await context.newPage();
     page.setDefaultTimeout(kPatienceMs);
+    this.latest = page;
     page.on('console', (message) => {
       if (message.type() !== 'error' || this.expectedErrors.some((known) => known.test(message.text()))) return;
       this.errors.push(message.text());
@@ -167,9 +168,13 @@ export async function main(parts) {
   const run = new Run(program, sample, screenshots);
   try {
     run.browser = await chromium.launch({ executablePath: kChromium, args: kFlags });
-    for (const [name, part] of Object.entries(parts)) {
+    const only = process.env.ONLY?.split(',');
+    for (const [name, part] of Object.entries(parts).filter(([one]) => only?.includes(one) ?? true)) {
       console.log(`-- ${name}`);
-      await part(run).catch((error) => run.expect(false, `${name}: ${error.stack}`));
+      await part(run).catch(async (error) => {
+        run.expect(false, `${name}: ${error.stack}`);
+        await run.screenshot(run.latest, `failed_${name}`).catch(() => undefined);
+      });
     }
   } finally {
     await run.close();

@@ -3,13 +3,13 @@
 // then 3 bytes say where, one how many bytes (1 to 8), and these follow.
 #include "fuzz_folder.hpp"
 #include "fuzz_target.hpp"
-#include "index/crc32c.hpp"
 #include "index/index_file.hpp"
 #include "index/index_format.hpp"
 #include "support/synthetic_world.hpp"
 
 #include <stillmap/localization/aligner.hpp>
 #include <stillmap/localization/map_index.hpp>
+#include <stillmap/maps/crc32c.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 
@@ -87,12 +87,12 @@ void mend_checksums(std::string& index) {
     // The others are read without a look at their checksums.
     if (section.kind != Kind::kTiles && section.kind != Kind::kGridTiles) continue;
     if (section.offset > index.size() || section.bytes > index.size() - section.offset) continue;
-    section.crc = localization::crc32c(bytes.subspan(section.offset, section.bytes));
+    section.crc = maps::crc32c(bytes.subspan(section.offset, section.bytes));
   }
   std::memcpy(index.data() + sizeof(Header), sections.data(), sections.size() * sizeof(Section));
   header.crc = 0;
-  const auto of_header = localization::crc32c(std::as_bytes(std::span(&header, 1)));
-  header.crc = localization::crc32c(std::as_bytes(std::span(sections)), of_header);
+  const auto of_header = maps::crc32c(std::as_bytes(std::span(&header, 1)));
+  header.crc = maps::crc32c(std::as_bytes(std::span(sections)), of_header);
   std::memcpy(index.data(), &header, sizeof(header));
 }
 

@@ -231,6 +231,16 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(done.returncode, 1)
         self.assertEqual(json.loads(done.stdout)["pose"], None)
 
+    def test_export_says_what_it_wrote_and_what_it_takes(self):
+        out = self.folder / "tiles"
+        report = json.loads(run("export", MAP, "--format", "3dtiles", "-o", out, "--without", "projected,filled", "--json").stdout)
+        self.assertEqual(report["format"], "3dtiles")
+        self.assertEqual(report["files"], sum(file.is_file() for file in out.rglob("*")))
+        self.fails(1, "an existing path", "export", MAP, "--format", "3dtiles", "-o", out)
+        self.fails(2, "--format", "export", MAP, "--format", "shp", "-o", self.folder / "shp")
+        self.fails(2, "--without", "export", MAP, "--format", "3dtiles", "-o", self.folder / "a", "--without", "cars")
+        self.assertIn("3dtiles", run("export", "--help").stdout)
+
     def test_inspect_tells_maps_from_drives(self):
         self.assertEqual(json.loads(run("inspect", MAP, "--json").stdout)["kind"], "map")
         drive = json.loads(run("inspect", DRIVE, "--json").stdout)

@@ -120,6 +120,14 @@ class Contract(unittest.TestCase):
         connection.close()
         return answer.status, answer.getheader("Content-Type") or "", data
 
+    @classmethod
+    def wait(cls, path, while_it_is):
+        """Until what is made in the background is there."""
+        for _ in range(600):
+            if cls.send("GET", path)[0] != while_it_is:
+                return
+            time.sleep(0.1)
+
     def ask(self, method, pattern, expected, body=None, query="", kind=None, **parts):
         """Sends a request and holds its answer against what the document says of this status."""
         path = pattern
@@ -162,6 +170,19 @@ class Contract(unittest.TestCase):
         points = self.ask("GET", "/v1/maps/{map}/versions/{version}/tiles/{level}/{x}/{y}", 200, **town, **place)
         self.assertEqual(len(points), 20 * tile["points"])
         self.ask("GET", "/v1/maps/{map}/tiles/{level}/{x}/{y}", 307, map="town", **place)
+        levels = "/v1/maps/{map}/versions/{version}/3dtiles/"
+        self.wait("/v1/maps/town/versions/v1/3dtiles/tileset.json", 503)
+        self.ask("GET", levels + "tileset.json", 200, **town)
+        self.assertEqual(self.ask("GET", levels + "{level}/{x}/{y}.glb", 200, **town, **place)[-len(points):], points)
+        self.ask("GET", levels + "{level}/{x}/{y}.glb", 404, **town, level=0, x=9999, y=0)
+        self.ask("GET", levels + "{level}/{x}/{y}.json", 404, **town, level=5, x=0, y=0)
+        difference = "/v1/maps/{map}/versions/{version}/difference/{other}"
+        self.ask("GET", difference, 202, **town, other="v1")
+        self.wait("/v1/maps/town/versions/v1/difference/v1", 202)
+        self.assertEqual(self.ask("GET", difference, 200, **town, other="v1")["tiles"], [])
+        self.ask("GET", difference, 400, query="?tolerance_m=0", **town, other="v1")
+        self.ask("GET", difference, 404, **town, other="v9")
+        self.ask("GET", difference + "/{side}/{x}/{y}.glb", 404, **town, other="v1", side="other", x=0, y=0)
         diff = self.ask("POST", "/v1/maps/{map}/tiles/diff", 200, {"center": [0, 0], "radius_m": 50}, map="town")
         self.assertTrue(diff["add"])
         self.ask("POST", "/v1/maps/{map}/tiles/diff", 400, {"center": [0, 0]}, map="town")

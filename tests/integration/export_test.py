@@ -189,8 +189,9 @@ class Export(unittest.TestCase):
             self.assertRegex(done.stderr, r"\Astillmap: [^\n]*\n\Z")
             self.assertIn(text, done.stderr)
         fails(2, "dxf", "--format", "dxf")
-        fails(2, "--format", "--points", "all")
-        fails(2, "most", "--format", "pcd", "--points", "most")
+        fails(2, "--format", "--without", "filled")
+        fails(2, "cars", "--format", "pcd", "--without", "cars")
+        fails(2, "without", "--format", "tum", "--without", "filled")
         fails(2, "resolution_m", "--format", "pcd", "--resolution", "0.1")
         fails(2, "resolution_m: 9", "--format", "octomap", "--resolution", "9")
         fails(2, "height_band_m", "--format", "nav2", "--height-band", "2,1")
@@ -204,12 +205,14 @@ class Export(unittest.TestCase):
         self.assertEqual((self.folder / "mine").read_text(), "mine")
 
     def test_every_format_writes_and_reports(self):
-        for name in ("pcd", "ply", "las", "autoware", "nav2", "kitti", "tum", "octomap"):
-            out = self.export(name, "--format", name, "--json", self.folder / "report.json")
-            self.assertTrue(out.exists())
-            report = json.loads((self.folder / "report.json").read_text())
-            self.assertEqual(report["format"], name)
-            self.assertGreater(sum(report["counts"].values()), 0)
+        for name in ("pcd", "ply", "las", "autoware", "nav2", "kitti", "tum", "octomap", "3dtiles"):
+            out = self.folder / name
+            report = json.loads(run("export", MAP, "--format", name, "-o", out, "--json").stdout)
+            files = [out] if out.is_file() else [file for file in out.rglob("*") if file.is_file()]
+            self.assertEqual((report["format"], report["files"]), (name, len(files)))
+            self.assertEqual(report["bytes"], sum(file.stat().st_size for file in files))
+            if name not in ("kitti", "tum"):
+                self.assertEqual(report["points"], len(self.points), name)
 
 
 if __name__ == "__main__":

@@ -95,16 +95,16 @@ class StoreCommands(unittest.TestCase):
         self.assertIn("as before", self.does("store", "add", self.store, "town", "1", MAP))
         self.assertEqual(self.json("store", "verify", self.store), {"problems": []})
 
-    def test_reindex_makes_the_same_index_again(self):
+    def test_reindex_makes_the_same_index_and_levels_again(self):
         digest = self.publish()["digest"]
         self.assertEqual(self.json("store", "reindex", self.store)["indexes"],
-                         [{"digest": digest, "not_written_because": ""}])
-        folder = self.store / "packages" / digest / "index"
-        (index,) = folder.iterdir()
-        whole = index.read_bytes()
-        index.write_bytes(b"broken")
-        self.does("store", "reindex", self.store)
-        self.assertEqual(index.read_bytes(), whole)
+                         [{"digest": digest, "not_written_because": "", "levels_not_written_because": ""}])
+        for folder in ("index", "levels"):
+            (made,) = (self.store / "packages" / digest / folder).iterdir()
+            whole = made.read_bytes()
+            made.write_bytes(b"broken")
+            self.does("store", "reindex", self.store)
+            self.assertEqual(made.read_bytes(), whole)
         self.assertEqual(self.json("store", "verify", self.store), {"problems": []})
 
     def test_a_backup_becomes_a_store_again(self):

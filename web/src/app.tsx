@@ -8,6 +8,7 @@ import { KeyDialog } from './ui/key_dialog.js';
 import { Notices } from './ui/notices.js';
 import { Empty, Trouble } from './ui/parts.js';
 import { useStore } from './ui/store.js';
+import { UploadTray } from './upload/tray.js';
 import { kViews, type View, type ViewComponent, type ViewProps } from './views.js';
 
 /** The page: header, the view of the address, and what may lie in front of it. */
@@ -32,6 +33,7 @@ export function App() {
           ? <Empty title="There is no such page"><p><a href="#/maps">To the maps</a></p></Empty>
           : <Guard key={name}><Lazy view={view} props={{ path, query }} /></Guard>}
       </main>
+      <UploadTray />
       <Notices />
       <KeyDialog />
     </>

@@ -1,8 +1,8 @@
 #include "index/index_bytes.hpp"
 
-#include "index/crc32c.hpp"
 #include "index/index_format.hpp"
 
+#include <stillmap/maps/crc32c.hpp>
 #include <stillmap/maps/error.hpp>
 
 #include <fmt/format.h>
@@ -52,7 +52,7 @@ Header header_of(const IndexKey& key) {
 
 std::uint32_t crc_of(Header header, std::span<const Section> sections) {
   header.crc = 0;
-  return crc32c(std::as_bytes(sections), crc32c(std::as_bytes(std::span(&header, 1))));
+  return maps::crc32c(std::as_bytes(sections), maps::crc32c(std::as_bytes(std::span(&header, 1))));
 }
 
 /// A section that is to be written: its bytes and what the table says of it.
@@ -68,7 +68,7 @@ Part part_of(Kind kind, std::size_t level, std::span<const Item> items) {
            .level = static_cast<std::uint32_t>(level),
            .bytes = bytes.size(),
            .item_bytes = sizeof(Item),
-           .crc = crc32c(bytes)},
+           .crc = maps::crc32c(bytes)},
           bytes};
 }
 
@@ -141,7 +141,7 @@ class Parser {
     refuse(fmt::format("no {} of level {}", name_of(kind), level), "all sections");
   }
   void verify(const Section& section) const {
-    if (crc32c(bytes_.subspan(section.offset, section.bytes)) != section.crc) {
+    if (maps::crc32c(bytes_.subspan(section.offset, section.bytes)) != section.crc) {
       refuse(fmt::format("{} of level {} that do not fit their checksum", name_of(section.kind),
                          section.level),
              "undamaged ones");

@@ -1,23 +1,20 @@
 #include "index/index_file.hpp"
 
-#include "index/crc32c.hpp"
 #include "index/index_format.hpp"
 
+#include <stillmap/maps/crc32c.hpp>
+#include <stillmap/maps/derived_file.hpp>
 #include <stillmap/maps/error.hpp>
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <string>
-#include <system_error>
 
 namespace stillmap::localization {
 namespace {
@@ -44,27 +41,6 @@ class Descriptor {
   int number_;
 };
 
-/// Whether the open file is still the one of that name: another writer may have published it
-/// between our open and our lock.
-bool is_same(const Descriptor& descriptor, const fs::path& file) {
-  struct stat opened {};
-  struct stat named {};
-  return ::fstat(descriptor.number(), &opened) == 0 && ::stat(file.c_str(), &named) == 0 &&
-         opened.st_dev == named.st_dev && opened.st_ino == named.st_ino;
-}
-
-void write_all(const Descriptor& descriptor, const fs::path& file,
-               std::span<const std::byte> bytes) {
-  constexpr std::size_t kAtOnce = std::size_t{1} << 24;
-  while (!bytes.empty()) {
-    const ssize_t written =
-        ::write(descriptor.number(), bytes.data(), std::min(bytes.size(), kAtOnce));
-    if (written < 0 && errno == EINTR) continue;
-    if (written < 0) fail(file);
-    bytes = bytes.subspan(static_cast<std::size_t>(written));
-  }
-}
-
 }  // namespace
 
 MappedFile::MappedFile(const fs::path& file) {
@@ -87,31 +63,13 @@ fs::path index_file_of(const fs::path& package, const MapIndexOptions& options) 
       fmt::format("{:a} {} {}", options.finest_voxel_m, options.levels, options.min_points);
   return package / "index" /
          fmt::format("{}-{:08x}.idx", index_format::kFormat,
-                     crc32c(std::as_bytes(std::span(text.data(), text.size()))));
+                     maps::crc32c(std::as_bytes(std::span(text.data(), text.size()))));
 }
 
 void publish_file(const fs::path& file, std::span<const std::byte> bytes) {
-  const fs::path folder = file.parent_path();
-  std::error_code error;
-  fs::create_directory(folder, error);
-  if (error) throw maps::StorageError(folder.string(), error.message());
-  // One name for all writers, so that the next one takes up what a killed one left.
-  const fs::path partial = folder / ("." + file.filename().string() + ".partial");
-  const Descriptor descriptor(partial, O_RDWR | O_CREAT | O_NOFOLLOW);
-  if (::flock(descriptor.number(), LOCK_EX | LOCK_NB) != 0 || !is_same(descriptor, partial)) {
-    throw maps::StorageError(file.string(), "being written by another process or thread");
-  }
-  try {
-    if (::ftruncate(descriptor.number(), 0) != 0) fail(partial);
-    write_all(descriptor, partial, bytes);
-    if (::fsync(descriptor.number()) != 0) fail(partial);
-    if (std::rename(partial.c_str(), file.c_str()) != 0) fail(file);
-  } catch (...) {
-    ::unlink(partial.c_str());
-    throw;
-  }
-  const Descriptor opened_folder(folder, O_RDONLY | O_DIRECTORY);
-  if (::fsync(opened_folder.number()) != 0) fail(folder);
+  maps::DerivedFile derived(file);
+  derived.append(bytes);
+  derived.publish();
 }
 
 }  // namespace stillmap::localization

@@ -19,7 +19,7 @@ std::size_t add_tile(const maps::MapPackage& map, const maps::TileEntry& tile,
                      octomap::OcTree& tree) {
   std::size_t points = 0;
   for (const maps::MapPoint& point : map.tile(tile.id)) {
-    if (!maps::is_chosen(point.kind, options.points)) continue;
+    if (options.without.contains(point.kind)) continue;
     const Eigen::Vector3d p = Eigen::Vector3f(point.x, point.y, point.z).cast<double>() + shift;
     octomap::OcTreeKey key;
     if (!tree.coordToKeyChecked(p.x(), p.y(), p.z(), key))
@@ -45,20 +45,19 @@ void write(octomap::OcTree& tree, const std::filesystem::path& target) {
 
 }  // namespace
 
-const maps::ExportFormat& octomap_format() {
+const maps::MapExportFormat& octomap_format() {
   using enum maps::ExportFrame;
-  static const maps::ExportFormat format{
+  static const maps::MapExportFormat format{
       "octomap",
       "OctoMap: occupied leaves as a binary OcTree (.bt)",
       false,
-      {.points = true, .resolution = true, .frames = {kMap, kLocal}}};
+      {.without = true, .resolution = true, .frames = {kMap, kLocal}}};
   return format;
 }
 
 maps::MapExportReport export_octomap(const maps::MapPackage& map,
                                      const std::filesystem::path& target,
-                                     const maps::MapExportOptions& options,
-                                     const maps::ExportProgress& progress) {
+                                     const maps::MapExportOptions& options) {
   maps::check_export_options(octomap_format(), options);
   maps::MapExportReport report;
   if (options.frame == maps::ExportFrame::kLocal) report.origin = map.manifest().origin;
@@ -71,15 +70,18 @@ maps::MapExportReport export_octomap(const maps::MapPackage& map,
     if (tree.size() > kMostLeaves)
       throw maps::InputError(map.folder().string(), fmt::format("more than {} nodes", kMostLeaves),
                              "a coarser --resolution");
-    if (progress) progress("tree", ++done, tiles.size());
+    const double share = static_cast<double>(++done) / static_cast<double>(tiles.size());
+    if (options.work.go_on && !options.work.go_on(share)) throw maps::WorkStopped();
   }
   if (points == 0)
-    throw maps::InputError(map.folder().string(), "no point that is to be exported",
-                           "at least one");
+    throw maps::InputError(map.folder().string(), "no point that is not left out", "one or more");
   tree.updateInnerOccupancy();
   tree.prune();
   write(tree, target);
-  report.counts = {{"points", points}, {"leaves", tree.getNumLeafNodes()}};
+  report.points = points;
+  report.files = 1;
+  report.bytes = std::filesystem::file_size(target);
+  report.counts = {{"leaves", tree.getNumLeafNodes()}};
   return report;
 }
 

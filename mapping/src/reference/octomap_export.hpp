@@ -8,7 +8,7 @@ namespace stillmap::mapping {
 
 /// What `maps::check_export_options` needs of the format `octomap`, which is not one of `maps`
 /// since it takes liboctomap to write it.
-[[nodiscard]] const maps::ExportFormat& octomap_format();
+[[nodiscard]] const maps::MapExportFormat& octomap_format();
 
 /// Writes the chosen points of a map as occupied leaves of an OcTree (`.bt`); free space is left
 /// out. Some 40 bytes of memory a leaf.
@@ -16,7 +16,6 @@ namespace stillmap::mapping {
 /// from zero) or fills more than 50 million leaves.
 maps::MapExportReport export_octomap(const maps::MapPackage& map,
                                      const std::filesystem::path& target,
-                                     const maps::MapExportOptions& options,
-                                     const maps::ExportProgress& progress);
+                                     const maps::MapExportOptions& options);
 
 }  // namespace stillmap::mapping

@@ -62,9 +62,9 @@ std::map<Square, std::vector<TileId>> tiles_of_squares(const ExportJob& job,
   for (std::size_t i = 0; i < tiles.size(); ++i) {
     std::set<Square> touched;
     for (const MapPoint& point : job.map.tile(tiles[i].id))
-      if (is_chosen(point.kind, job.options.points)) touched.insert(square_of(coordinates(point)));
+      if (job.takes(point.kind)) touched.insert(square_of(coordinates(point)));
     for (const Square& square : touched) squares[square].push_back(tiles[i].id);
-    job.tell("squares", i + 1, tiles.size());
+    job.tell({0.2, 0.4}, i + 1, tiles.size());
   }
   return squares;
 }
@@ -74,7 +74,7 @@ void write_square(const ExportJob& job, const AutowareCoordinates& coordinates,
   std::vector<Written> points;
   for (const TileId& id : tiles) {
     for (const MapPoint& point : job.map.tile(id)) {
-      if (!is_chosen(point.kind, job.options.points)) continue;
+      if (!job.takes(point.kind)) continue;
       const Eigen::Vector3f p = coordinates(point);
       if (square_of(p) == square) points.push_back({p, point.intensity});
     }
@@ -118,11 +118,11 @@ void export_autoware(ExportJob& job) {
     // Autoware reads the corners as whole numbers.
     fmt::format_to(std::back_inserter(metadata), "{}: [{}, {}]\n", name, square.first * kSizeM,
                    square.second * kSizeM);
-    job.tell("write", ++done, squares.size());
+    job.tell({0.4, 1.0}, ++done, squares.size());
   }
   write_text(job.target / "pointcloud_map_metadata.yaml", metadata);
   write_text(job.target / "map_projector_info.yaml", projector_text(job));
-  job.report.counts["files"] = squares.size();
+  job.report.counts["squares"] = squares.size();
 }
 
 }  // namespace stillmap::maps

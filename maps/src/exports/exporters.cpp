@@ -39,17 +39,17 @@ std::uint64_t count_chosen(ExportJob& job) {
             "a package as it was published (`stillmap store verify`)");
       ++kinds.at(static_cast<std::size_t>(point.kind));
     }
-    job.tell("count", i + 1, tiles.size());
+    job.tell({0.0, 0.2}, i + 1, tiles.size());
   }
   std::uint64_t all = 0, chosen = 0;
   for (std::size_t kind = 0; kind < kinds.size(); ++kind) {
     all += kinds[kind];
-    if (!is_chosen(static_cast<PointKind>(kind), job.options.points)) kinds[kind] = 0;
+    if (!job.takes(static_cast<PointKind>(kind))) kinds[kind] = 0;
     chosen += kinds[kind];
   }
   if (chosen == 0)
-    throw InputError(job.map.folder().string(), "no point that is to be exported", "at least one");
-  job.report.counts["points"] = chosen;
+    throw InputError(job.map.folder().string(), "no point that is not left out", "one or more");
+  job.report.points = chosen;
   job.report.counts["ground"] = kinds[static_cast<std::size_t>(PointKind::kGround)];
   job.report.counts["projected"] = kinds[static_cast<std::size_t>(PointKind::kProjected)];
   job.report.counts["filled"] = kinds[static_cast<std::size_t>(PointKind::kFilled)];
@@ -61,8 +61,8 @@ void visit_chosen(const ExportJob& job, const std::function<void(const MapPoint&
   const std::vector<TileEntry> tiles = point_tiles(job.map);
   for (std::size_t i = 0; i < tiles.size(); ++i) {
     for (const MapPoint& point : job.map.tile(tiles[i].id))
-      if (is_chosen(point.kind, job.options.points)) visit(point);
-    job.tell("write", i + 1, tiles.size());
+      if (job.takes(point.kind)) visit(point);
+    job.tell({0.2, 1.0}, i + 1, tiles.size());
   }
 }
 

@@ -2,9 +2,10 @@
 
 #include <stillmap/maps/map_export.hpp>
 
+#include <array>
 #include <filesystem>
 #include <functional>
-#include <span>
+#include <vector>
 
 namespace stillmap::maps {
 
@@ -16,11 +17,14 @@ struct ExportJob {
   ExportFrame frame;
   /// File or empty folder to write.
   std::filesystem::path target;
-  const ExportProgress& progress;
   MapExportReport& report;
 
-  void tell(std::string_view stage, std::size_t done, std::size_t total) const {
-    if (progress) progress(stage, done, total);
+  [[nodiscard]] bool takes(PointKind kind) const { return !options.without.contains(kind); }
+  /// @param stage  shares of the whole work that it begins and ends at. @throws WorkStopped.
+  void tell(const std::array<double, 2>& stage, std::size_t done, std::size_t total) const {
+    const double share = static_cast<double>(done) / static_cast<double>(total);
+    if (options.work.go_on && !options.work.go_on(stage[0] + share * (stage[1] - stage[0])))
+      throw WorkStopped();
   }
 };
 
@@ -32,6 +36,7 @@ void export_autoware(ExportJob& job);
 void export_nav2(ExportJob& job);
 void export_kitti(ExportJob& job);
 void export_tum(ExportJob& job);
+void export_tiles3d(ExportJob& job);
 
 /// Tiles of points; coarser levels are left out.
 [[nodiscard]] std::vector<TileEntry> point_tiles(const MapPackage& map);

@@ -13,8 +13,10 @@
 namespace stillmap::maps {
 namespace {
 
+namespace fs = std::filesystem;
+
 struct Row {
-  ExportFormat format;
+  MapExportFormat format;
   void (*run)(ExportJob& job);
 };
 
@@ -25,27 +27,27 @@ const std::vector<Row>& rows() {
       {{"pcd",
         "PCD 0.7, binary floats x y z intensity",
         false,
-        {.points = true, .kinds = true, .frames = {kMap, kLocal}}},
+        {.without = true, .kinds = true, .frames = {kMap, kLocal}}},
        export_pcd},
       {{"ply",
         "PLY 1.0, binary, x y z as doubles, intensity, kind",
         false,
-        {.points = true, .frames = {kMap, kLocal, kUtm}}},
+        {.without = true, .frames = {kMap, kLocal, kUtm}}},
        export_ply},
       {{"las",
         "LAS 1.4, point format 6, millimetres, in UTM where the map's place is known",
         false,
-        {.points = true, .frames = {kUtm, kMap, kLocal}}},
+        {.without = true, .frames = {kUtm, kMap, kLocal}}},
        export_las},
       {{"autoware",
         "Autoware: PCD tiles of 20 m with their metadata and projector (folder)",
         true,
-        {.points = true, .frames = {kMap, kUtm}}},
+        {.without = true, .frames = {kMap, kUtm}}},
        export_autoware},
       {{"nav2",
         "Nav2: occupancy grid as PGM with YAML (folder)",
         true,
-        {.points = true, .resolution = true, .height_band = true, .frames = {kMap, kLocal}}},
+        {.without = true, .resolution = true, .height_band = true, .frames = {kMap, kLocal}}},
        export_nav2},
       {{"kitti", "trajectory, 12 numbers a line", false, {.drive = true, .frames = {kMap, kLocal}}},
        export_kitti},
@@ -54,6 +56,11 @@ const std::vector<Row>& rows() {
         false,
         {.drive = true, .frames = {kMap, kLocal}}},
        export_tum},
+      {{"3dtiles",
+        "a folder: 3D Tiles 1.1 with glTF points, levels of detail, for CesiumJS and other viewers",
+        true,
+        {.without = true, .frames = {kMap}}},
+       export_tiles3d},
   };
   return table;
 }
@@ -68,7 +75,7 @@ const Row& row_of(std::string_view name) {
 }
 
 /// What a format is written in when nobody says it: its first frame that the map has.
-ExportFrame frame_of(const ExportFormat& format, const MapExportOptions& options,
+ExportFrame frame_of(const MapExportFormat& format, const MapExportOptions& options,
                      const MapPackage& map) {
   const bool has_place = map.manifest().geodetic_origin.has_value();
   if (!options.frame) {
@@ -82,10 +89,21 @@ ExportFrame frame_of(const ExportFormat& format, const MapExportOptions& options
   return *options.frame;
 }
 
+void count_files(const fs::path& target, MapExportReport& report) {
+  const auto add = [&](const fs::path& file) {
+    ++report.files;
+    report.bytes += fs::file_size(file);
+  };
+  if (fs::is_regular_file(target)) return add(target);
+  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(target))
+    if (entry.is_regular_file()) add(entry.path());
+}
+
 template <typename Partial>
 void run_into(const Row& row, Partial& partial, ExportJob& job) {
   job.target = partial.path();
   row.run(job);
+  count_files(job.target, job.report);
   partial.publish();
 }
 
@@ -116,16 +134,16 @@ std::vector<std::string> MapExportOptions::violations() const {
   return broken;
 }
 
-const std::vector<ExportFormat>& export_formats() {
-  static const std::vector<ExportFormat> formats = [] {
-    std::vector<ExportFormat> all;
+const std::vector<MapExportFormat>& map_export_formats() {
+  static const std::vector<MapExportFormat> formats = [] {
+    std::vector<MapExportFormat> all;
     for (const Row& row : rows()) all.push_back(row.format);
     return all;
   }();
   return formats;
 }
 
-void check_export_options(const ExportFormat& format, const MapExportOptions& options) {
+void check_export_options(const MapExportFormat& format, const MapExportOptions& options) {
   if (const auto broken = options.violations(); !broken.empty())
     throw std::invalid_argument(broken.front());
   const auto refuse = [&](bool set, bool used, const char* name) {
@@ -133,7 +151,7 @@ void check_export_options(const ExportFormat& format, const MapExportOptions& op
       throw std::invalid_argument(
           fmt::format("{}: found with format {}, which has no use for it", name, format.name));
   };
-  refuse(options.points != PointChoice::kAll, format.uses.points, "points");
+  refuse(!options.without.empty(), format.uses.without, "without");
   refuse(options.kinds, format.uses.kinds, "kinds");
   refuse(options.resolution_m.has_value(), format.uses.resolution, "resolution_m");
   refuse(options.height_band_m.has_value(), format.uses.height_band, "height_band_m");
@@ -150,12 +168,11 @@ void check_export_options(const ExportFormat& format, const MapExportOptions& op
 }
 
 MapExportReport export_map(const MapPackage& map, std::string_view format,
-                           const std::filesystem::path& target, const MapExportOptions& options,
-                           const ExportProgress& progress) {
+                           const std::filesystem::path& target, const MapExportOptions& options) {
   const Row& row = row_of(format);
   check_export_options(row.format, options);
   MapExportReport report;
-  ExportJob job{map, options, frame_of(row.format, options, map), {}, progress, report};
+  ExportJob job{map, options, frame_of(row.format, options, map), {}, report};
   if (job.frame == kLocal) report.origin = map.manifest().origin;
   if (row.format.is_folder) {
     PartialFolder partial(target);

@@ -43,7 +43,7 @@ GroundHeights ground_of(const ExportJob& job, const Eigen::AlignedBox2d& bounds)
     // Heights take all the ground there is, also where it is not to be shown.
     for (const MapPoint& point : job.map.tile(tiles[i].id))
       if (point.kind != PointKind::kMeasured) ground.add(position_of(point));
-    job.tell("ground", i + 1, tiles.size());
+    job.tell({0.2, 0.3}, i + 1, tiles.size());
   }
   if (!ground.finish())
     throw InputError(job.map.folder().string(), "no ground", "a map whose ground was found");
@@ -61,7 +61,7 @@ std::vector<Eigen::Vector3d> sensors_of(const MapPackage& map) {
 
 void add_points(const ExportJob& job, TileId tile, OccupancyGrid& grid) {
   for (const MapPoint& point : job.map.tile(tile))
-    if (is_chosen(point.kind, job.options.points))
+    if (job.takes(point.kind))
       grid.add_point(position_of(point), point.kind != PointKind::kMeasured);
 }
 
@@ -134,7 +134,7 @@ void export_nav2(ExportJob& job) {
   for (const TileEntry& tile : tiles) add_points(job, tile.id, grid);
   for (std::size_t i = 0; i < tiles.size(); ++i) {
     add_rays(job, tiles[i].id, sensors, grid);
-    job.tell("trace", i + 1, tiles.size());
+    job.tell({0.3, 1.0}, i + 1, tiles.size());
   }
   write_picture(job, grid);
   write_yaml(job, grid, resolution_m);

@@ -136,8 +136,7 @@ maps::StoredMap MapCatalog::activate(std::string_view map, std::string_view vers
   }
   if (before.active && *before.active != key.second && !new_frame) {
     const ServedVersion present = open({key.first, *before.active}).served;
-    if (present.package && frame_name(store_, key.first, present.package) !=
-                               frame_name(store_, key.first, next.package)) {
+    if (present.package && !in_one_frame(present, next)) {
       throw ApiError(ErrorCode::kOtherFrame,
                      described(key.first, key.second) + " is not known to be in the frame of " +
                          described(present.map, present.version) +
@@ -158,6 +157,10 @@ maps::StoredMap MapCatalog::roll_back(std::string_view map, std::optional<std::i
   if (!seen.previous) return store_.roll_back(map, revision);  // refuses in the store's words
   if (revision.value_or(seen.revision) != seen.revision) return store_.roll_back(map, revision);
   return activate(map, *seen.previous, seen.revision, new_frame);
+}
+
+bool MapCatalog::in_one_frame(const ServedVersion& a, const ServedVersion& b) const {
+  return frame_name(store_, a.map, a.package) == frame_name(store_, b.map, b.package);
 }
 
 void MapCatalog::refresh() {

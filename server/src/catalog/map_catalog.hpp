@@ -79,6 +79,9 @@ class MapCatalog {
   /// The same with the version that was active before. @throws also StoreRefusal kNoPrevious.
   maps::StoredMap roll_back(std::string_view map, std::optional<std::int64_t> revision = {},
                             bool new_frame = false);
+  /// Whether two versions are known to be in one map frame: the same, registered to one another
+  /// (over others), or at one place on Earth. @param a, b  of one map, both open.
+  [[nodiscard]] bool in_one_frame(const ServedVersion& a, const ServedVersion& b) const;
   /// Serves what the store says now, soon: for changes that did not pass this class.
   void refresh();
 

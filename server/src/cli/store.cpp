@@ -1,14 +1,17 @@
 #include <stillmap/localization/map_index.hpp>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_levels.hpp>
 #include <stillmap/maps/store/package_store.hpp>
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <set>
 #include <string>
 #include <system_error>
+#include <thread>
 #include <vector>
 
 #include "command_line/run_program.hpp"
@@ -67,34 +70,48 @@ void gc(const StoreArguments& arguments) {
   print(arguments.json, server::cleared_json(cleared, removed), text);
 }
 
-/// Makes it from the map's points, whatever lies there.
-server::MadeIndex make_index(const maps::MapPackage& package) {
+/// Makes index and levels of detail from the map's points, whatever lies there.
+server::MadeAnew make_anew(const maps::MapPackage& package) {
   std::error_code error;
   fs::remove_all(package.folder() / "index", error);
   const auto index = localization::MapIndex::open(package);
-  return {package.digest(), index->kept_in_memory_because()};
+  server::MadeAnew made{package.digest(), index->kept_in_memory_because(), {}};
+  try {
+    const std::size_t threads = std::max(1U, std::thread::hardware_concurrency());
+    maps::MapLevels::make(package, {.threads = threads, .go_on = {}});
+  } catch (const maps::StorageError& failure) {
+    made.levels_not_written_because = failure.what();
+  }
+  return made;
+}
+
+std::string text_of(const server::MadeAnew& made) {
+  std::string text = made.index_not_written_because.empty()
+                         ? "index made"
+                         : "not written: " + made.index_not_written_because;
+  text += made.levels_not_written_because.empty()
+              ? ", levels made"
+              : ", levels not written: " + made.levels_not_written_because;
+  return text;
 }
 
 void reindex(const StoreArguments& arguments) {
   require_store(arguments.store);
   const PackageStore store(arguments.store);
   std::set<std::string> done;
-  std::vector<server::MadeIndex> indexes;
+  std::vector<server::MadeAnew> all;
   std::string text;
   for (const maps::StoredMap& map : store.state().maps()) {
     for (const maps::StoredVersion& version : store.state().versions(map.name)) {
       // Several versions may share one package.
       if (!done.insert(version.digest).second) continue;
-      indexes.push_back(make_index(*store.open(map.name, version.name)));
-      const std::string& failure = indexes.back().not_written_because;
-      text += fmt::format("{} {}: {}\n", map.name, version.name,
-                          failure.empty() ? "index made" : "not written: " + failure);
+      all.push_back(make_anew(*store.open(map.name, version.name)));
+      text += fmt::format("{} {}: {}\n", map.name, version.name, text_of(all.back()));
     }
   }
-  print(arguments.json, server::indexes_json(indexes),
-        text + fmt::format("{} packages", indexes.size()));
-  for (const server::MadeIndex& index : indexes)
-    if (!index.not_written_because.empty()) throw command_line::ExitCode{command_line::kFailed};
+  print(arguments.json, server::made_anew_json(all), text + fmt::format("{} packages", all.size()));
+  for (const server::MadeAnew& made : all)
+    if (!made.is_whole()) throw command_line::ExitCode{command_line::kFailed};
 }
 
 void backup(const StoreArguments& arguments) {
@@ -180,8 +197,8 @@ void add_store(CLI::App& app) {
           "--keep", arguments->keep,
           "Also remove versions of each map: all but the active one, the one before, and so "
           "many of the newest others");
-  add_command(*group, arguments, "reindex", "Make the localization index of every version again",
-              reindex);
+  add_command(*group, arguments, "reindex",
+              "Make localization index and levels of detail of every version again", reindex);
   add_command(*group, arguments, "backup", "Save the store while it is served", backup)
       ->add_option("-o,--output", arguments->folder, "A new folder, or an earlier backup")
       ->required();

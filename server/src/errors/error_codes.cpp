@@ -67,6 +67,8 @@ constexpr std::array kErrors = {
     ErrorInfo{ErrorCode::kTooManyStreams, "TooManyStreams", "Too many event streams at once", 503},
     ErrorInfo{ErrorCode::kMapLoading, "MapLoading", "The map is still being loaded", 503},
     ErrorInfo{ErrorCode::kMapUnusable, "MapUnusable", "The map could not be loaded", 503},
+    ErrorInfo{ErrorCode::kBeingMade, "BeingMade", "It is still being made", 503},
+    ErrorInfo{ErrorCode::kDerivedUnavailable, "DerivedUnavailable", "It could not be made", 503},
     ErrorInfo{ErrorCode::kDeadlineExceeded, "DeadlineExceeded", "No answer within the deadline",
               504},
     ErrorInfo{ErrorCode::kOverQuota, "OverQuota", "The store's quota is used up", 507},

@@ -58,6 +58,8 @@ enum class ErrorCode {
   kTooManyStreams,
   kMapLoading,
   kMapUnusable,
+  kBeingMade,
+  kDerivedUnavailable,
   kDeadlineExceeded,
   kOverQuota,
   kDiskFull,

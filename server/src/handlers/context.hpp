@@ -23,6 +23,8 @@
 
 namespace stillmap::server {
 
+class MapViews;
+
 /// What the handlers work with; outlives them.
 struct Context {
   /// As at the start.
@@ -34,6 +36,7 @@ struct Context {
   maps::DriveStore& drives;
   UploadPlaces& uploads;
   MapCatalog& catalog;
+  MapViews& views;
   AlignmentQueue& queue;
   SessionTable& sessions;
   JobRunner& jobs;
@@ -61,6 +64,8 @@ void add_job_routes(std::vector<Route>& routes, const Context& context);
 void add_audit_routes(std::vector<Route>& routes, const Context& context);
 void add_key_routes(std::vector<Route>& routes, const Context& context);
 void add_tile_routes(std::vector<Route>& routes, const Context& context);
+void add_tileset_routes(std::vector<Route>& routes, const Context& context);
+void add_difference_routes(std::vector<Route>& routes, const Context& context);
 void add_localize_routes(std::vector<Route>& routes, const Context& context);
 void add_batch_routes(std::vector<Route>& routes, const Context& context);
 void add_session_routes(std::vector<Route>& routes, const Context& context);

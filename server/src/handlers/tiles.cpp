@@ -1,11 +1,14 @@
 #include "context.hpp"
+#include "derived/map_views.hpp"
 #include "errors/api_error.hpp"
+#include "handlers/tile_answer.hpp"
+#include "handlers/tile_path.hpp"
 #include "http/header_text.hpp"
 #include "json/tile_diff_json.hpp"
 
 #include <fmt/format.h>
 
-#include <charconv>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -16,44 +19,27 @@ namespace {
 /// 20,000 ids of the longest names take a half.
 constexpr std::uint64_t kMostDiffBytes = std::uint64_t{4} << 20U;
 
-template <typename Integer>
-Integer read_coordinate(const PathParameters& path, const char* name) {
-  const std::string& text = path.at(name);
-  Integer value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  // "007" and "7" would be two addresses of one tile.
-  if (error != std::errc{} || end != text.data() + text.size() || std::to_string(value) != text) {
-    throw ApiError(ErrorCode::kUnknownTile,
-                   std::string(name) + ": found '" + text + "', expected an integer");
-  }
-  return value;
+[[noreturn]] void refuse_tile(const ServedVersion& map, const HttpRequest& request) {
+  throw ApiError(ErrorCode::kUnknownTile, "map '" + map.map + "' has no tile at " + request.path);
 }
 
-maps::TileId read_tile_id(const PathParameters& path) {
-  return {.level = read_coordinate<std::uint32_t>(path, "level"),
-          .x = read_coordinate<std::int32_t>(path, "x"),
-          .y = read_coordinate<std::int32_t>(path, "y")};
-}
-
-HttpResponse answer_tile(MapCatalog& catalog, const HttpRequest& request,
+/// Levels that the package itself does not hold are derived.
+HttpResponse answer_tile(const Context& context, const HttpRequest& request,
                          const PathParameters& path) {
-  const ServedVersion map = find_version(catalog, path);
+  const ServedVersion map = find_version(context.catalog, path);
   const maps::TileId id = read_tile_id(path);
-  const std::span<const maps::MapPoint> points = map.package->tile(id);
+  std::span<const maps::MapPoint> points = map.package->tile(id);
+  std::optional<LevelTile> derived;
   if (points.empty()) {
-    throw ApiError(ErrorCode::kUnknownTile, "map '" + map.map + "' has no tile at " + request.path);
+    if (lies_above_points(*map.package, id)) derived = context.views.level_tile(map, id);
+    if (!derived) refuse_tile(map, request);
+    points = derived->points;
   }
-  const std::string etag = "\"" + map.package->digest().substr(0, 16) + "-" + path.at("level") +
-                           "-" + path.at("x") + "-" + path.at("y") + "\"";
-  HttpResponse response{.content_type = "application/octet-stream", .body = {}, .headers = {}};
-  response.headers = {{"ETag", etag}, {"Cache-Control", "public, max-age=31536000, immutable"}};
-  if (is_known_to_client(request.header("if-none-match"), etag)) {
-    response.status = 304;
-    return response;
-  }
-  const std::span<const std::byte> bytes = std::as_bytes(points);
-  response.body.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  return response;
+  return immutable_answer(request, tile_etag(map, "", id), [&](HttpResponse& response) {
+    response.content_type = "application/octet-stream";
+    const std::span<const std::byte> bytes = std::as_bytes(points);
+    response.body.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  });
 }
 
 /// To where the active version has it: the tile there may be kept for ever, this answer not.
@@ -84,7 +70,7 @@ HttpResponse answer_diff(const Context& context, const HttpRequest& request,
 void add_tile_routes(std::vector<Route>& routes, const Context& context) {
   routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/tiles/{level}/{x}/{y}",
                     [&context](const HttpRequest& request, const PathParameters& path) {
-                      return answer_tile(context.catalog, request, path);
+                      return answer_tile(context, request, path);
                     }});
   routes.push_back({"GET", "/v1/maps/{map}/tiles/{level}/{x}/{y}",
                     [&context](const HttpRequest&, const PathParameters& path) {

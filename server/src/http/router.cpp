@@ -19,7 +19,19 @@ std::vector<std::string> parts_of(std::string_view path) {
   return parts;
 }
 
-bool is_parameter(const std::string& part) { return part.size() > 2 && part.front() == '{'; }
+/// Takes the value of a `{name}`, maybe with text behind it (`{y}.glb`), from a part of a path.
+/// @return false when the part does not end so, or leaves nothing for the name.
+bool take_parameter(std::string_view pattern, std::string_view part, PathParameters& parameters) {
+  const std::size_t end = pattern.find('}');
+  const std::string_view behind = pattern.substr(end + 1);
+  if (part.size() <= behind.size() || !part.ends_with(behind)) return false;
+  parameters.emplace(pattern.substr(1, end - 1), part.substr(0, part.size() - behind.size()));
+  return true;
+}
+
+bool is_parameter(std::string_view pattern) {
+  return pattern.starts_with('{') && pattern.find('}') > 1 && pattern.find('}') != pattern.npos;
+}
 
 bool fits(const std::vector<std::string>& pattern, const std::vector<std::string>& parts,
           PathParameters& parameters) {
@@ -27,8 +39,7 @@ bool fits(const std::vector<std::string>& pattern, const std::vector<std::string
   parameters.clear();
   for (std::size_t i = 0; i < parts.size(); ++i) {
     if (is_parameter(pattern[i])) {
-      if (parts[i].empty()) return false;
-      parameters.emplace(pattern[i].substr(1, pattern[i].size() - 2), parts[i]);
+      if (!take_parameter(pattern[i], parts[i], parameters)) return false;
     } else if (pattern[i] != parts[i]) {
       return false;
     }

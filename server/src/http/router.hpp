@@ -34,7 +34,8 @@ enum class BodyKind : std::uint8_t {
 
 struct Route {
   std::string method;
-  /// Such as `/v1/maps/{map}/localize`; a `{name}` stands for one non-empty part.
+  /// Such as `/v1/maps/{map}/localize`; a `{name}` stands for one non-empty part, `{name}.glb`
+  /// for one that ends so.
   std::string pattern;
   Handler handler;
   Access access = Access::kRead;

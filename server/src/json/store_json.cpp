@@ -51,10 +51,12 @@ std::string removed_json(const RemovedVersion& removed, bool package_gone) {
       kIndent);
 }
 
-std::string indexes_json(const std::vector<MadeIndex>& indexes) {
+std::string made_anew_json(const std::vector<MadeAnew>& all) {
   Json list = Json::array();
-  for (const MadeIndex& index : indexes)
-    list.push_back({{"digest", index.digest}, {"not_written_because", index.not_written_because}});
+  for (const MadeAnew& made : all)
+    list.push_back({{"digest", made.digest},
+                    {"not_written_because", made.index_not_written_because},
+                    {"levels_not_written_because", made.levels_not_written_because}});
   return to_text({{"indexes", list}}, kIndent);
 }
 

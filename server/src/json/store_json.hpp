@@ -8,11 +8,16 @@
 
 namespace stillmap::server {
 
-/// An index that was made again.
-struct MadeIndex {
+/// What was made from a package again.
+struct MadeAnew {
   std::string digest;
   /// Why it lies nowhere; empty when it was written.
-  std::string not_written_because;
+  std::string index_not_written_because;
+  std::string levels_not_written_because;
+
+  [[nodiscard]] bool is_whole() const {
+    return index_not_written_because.empty() && levels_not_written_because.empty();
+  }
 };
 /// A version that went.
 struct RemovedVersion {
@@ -25,7 +30,7 @@ struct RemovedVersion {
                                        const std::vector<RemovedVersion>& removed);
 /// @param package_gone  as of `PackageStore::remove`.
 [[nodiscard]] std::string removed_json(const RemovedVersion& removed, bool package_gone);
-[[nodiscard]] std::string indexes_json(const std::vector<MadeIndex>& indexes);
+[[nodiscard]] std::string made_anew_json(const std::vector<MadeAnew>& all);
 [[nodiscard]] std::string backup_json(const maps::PackageStore::BackedUp& done);
 [[nodiscard]] std::string restored_json(std::size_t packages);
 [[nodiscard]] std::string added_json(const std::string& map,

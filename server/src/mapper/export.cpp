@@ -1,4 +1,3 @@
-#include <stillmap/mapping/progress.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_export.hpp>
 
@@ -11,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -24,25 +24,27 @@ namespace stillmap::mapper {
 namespace {
 
 using maps::ExportFrame;
-using maps::PointChoice;
+using maps::PointKind;
 
 struct ExportArguments {
   std::filesystem::path map;
   std::filesystem::path output;
   std::string format;
-  std::optional<std::filesystem::path> json;
+  bool json = false;
+  std::vector<PointKind> without;
   std::vector<double> height_band_m;
   maps::MapExportOptions options;
 };
 
-const std::map<std::string, PointChoice> kChoices = {{"all", PointChoice::kAll},
-                                                     {"no-filled", PointChoice::kNoFilled},
-                                                     {"measured", PointChoice::kMeasured}};
+const std::map<std::string, PointKind> kKinds = {{"measured", PointKind::kMeasured},
+                                                 {"ground", PointKind::kGround},
+                                                 {"projected", PointKind::kProjected},
+                                                 {"filled", PointKind::kFilled}};
 const std::map<std::string, ExportFrame> kFrames = {
     {"map", ExportFrame::kMap}, {"local", ExportFrame::kLocal}, {"utm", ExportFrame::kUtm}};
 
-std::vector<maps::ExportFormat> formats() {
-  std::vector<maps::ExportFormat> all = maps::export_formats();
+std::vector<maps::MapExportFormat> formats() {
+  std::vector<maps::MapExportFormat> all = maps::map_export_formats();
   all.push_back(mapping::octomap_format());
   return all;
 }
@@ -50,33 +52,38 @@ std::vector<maps::ExportFormat> formats() {
 maps::MapExportReport write_map(const ExportArguments& arguments) {
   const auto package = maps::MapPackage::open(arguments.map);
   command_line::ProgressBar bar;
-  const maps::ExportProgress progress = [&bar](std::string_view stage, std::size_t done,
-                                               std::size_t total) {
-    if (command_line::cancel_flag()) throw mapping::Cancelled();
-    bar.update(stage, done, total);
+  maps::MapExportOptions options = arguments.options;
+  options.without.insert(arguments.without.begin(), arguments.without.end());
+  if (!arguments.height_band_m.empty())
+    options.height_band_m = {arguments.height_band_m[0], arguments.height_band_m[1]};
+  options.work.threads = std::max(1U, std::thread::hardware_concurrency());
+  options.work.go_on = [&bar](double share) {
+    bar.update("write", static_cast<std::size_t>(1000.0 * share), 1000);
+    return !command_line::cancel_flag();
   };
   if (arguments.format == mapping::octomap_format().name)
-    return mapping::export_octomap(*package, arguments.output, arguments.options, progress);
-  return maps::export_map(*package, arguments.format, arguments.output, arguments.options,
-                          progress);
+    return mapping::export_octomap(*package, arguments.output, options);
+  return maps::export_map(*package, arguments.format, arguments.output, options);
 }
 
 std::string to_json_text(const maps::MapExportReport& report, const ExportArguments& arguments) {
   const Eigen::Vector3d& origin = report.origin;
-  const nlohmann::ordered_json json = {{"format", arguments.format},
-                                       {"counts", report.counts},
-                                       {"origin", {origin.x(), origin.y(), origin.z()}},
-                                       {"notes", report.notes},
-                                       {"version", STILLMAP_VERSION}};
-  return json.dump(2) + "\n";
+  const nlohmann::ordered_json json = {
+      {"format", arguments.format}, {"points", report.points},
+      {"files", report.files},      {"bytes", report.bytes},
+      {"counts", report.counts},    {"origin", {origin.x(), origin.y(), origin.z()}},
+      {"notes", report.notes},      {"version", STILLMAP_VERSION}};
+  return json.dump(2);
 }
 
-void export_package(ExportArguments& arguments) {
-  if (!arguments.height_band_m.empty())
-    arguments.options.height_band_m = {arguments.height_band_m[0], arguments.height_band_m[1]};
+void export_package(const ExportArguments& arguments) {
   const maps::MapExportReport report = write_map(arguments);
+  if (arguments.json) return fmt::print("{}\n", to_json_text(report, arguments));
   command_line::Table table;
   table.add("written", arguments.output.string());
+  table.add("points", command_line::grouped(report.points));
+  table.add("files", command_line::grouped(report.files));
+  table.add("bytes", command_line::grouped(report.bytes));
   for (const auto& [name, count] : report.counts) {
     std::string label = name;
     std::replace(label.begin(), label.end(), '_', ' ');
@@ -87,17 +94,17 @@ void export_package(ExportArguments& arguments) {
                                              report.origin.y(), report.origin.z()));
   table.print();
   for (const std::string& note : report.notes) fmt::print("note: {}\n", note);
-  if (arguments.json) write_text_file(*arguments.json, to_json_text(report, arguments));
 }
 
 void add_point_options(CLI::App& command, ExportArguments& arguments) {
   maps::MapExportOptions& options = arguments.options;
   command
-      .add_option("--points", options.points,
-                  "all, no-filled (without synthetic ground) or measured (also without what was "
-                  "moved down from objects)")
-      ->transform(CLI::Transformer(kChoices))
-      ->default_str("all");
+      .add_option("--without", arguments.without,
+                  "Kinds of points to leave out: measured, ground, projected (moved down from "
+                  "objects), filled (synthetic ground)")
+      ->delimiter(',')
+      ->transform(CLI::Transformer(kKinds))
+      ->type_name("KIND,...");
   command
       .add_option("--coordinates", options.frame,
                   "map (its frame), local (less the map's origin) or utm; each format has its own")
@@ -121,22 +128,24 @@ void add_point_options(CLI::App& command, ExportArguments& arguments) {
 
 void add_export(CLI::App& app) {
   auto arguments = std::make_shared<ExportArguments>();
-  CLI::App* command = app.add_subcommand("export", "Write a map in another program's format");
+  CLI::App* command = app.add_subcommand("export", "Write a map for other programs");
   std::vector<std::string> names;
-  std::string help;
-  for (const maps::ExportFormat& format : formats()) {
+  std::string listed = "Formats:";
+  for (const maps::MapExportFormat& format : formats()) {
     names.emplace_back(format.name);
-    help += fmt::format("{}{}: {}", help.empty() ? "" : "\n", format.name, format.description);
+    listed += fmt::format("\n  {:<10} {}", format.name, format.description);
   }
+  command->footer(listed);
   command->add_option("MAP", arguments->map, "Map package")
       ->required()
       ->check(command_line::existing_folder());
+  command->add_option("--format", arguments->format, "One of those below")
+      ->required()
+      ->check(CLI::IsMember(names));
   command->add_option("-o,--output", arguments->output, "File or folder to write; must not exist")
       ->required();
-  command->add_option("--format", arguments->format, help)->required()->check(CLI::IsMember(names));
   add_point_options(*command, *arguments);
-  command->add_option("--json", arguments->json, "Write the report there")
-      ->check(command_line::in_existing_folder());
+  command->add_flag("--json", arguments->json, "Print JSON");
   command->callback([arguments] { export_package(*arguments); });
 }
 

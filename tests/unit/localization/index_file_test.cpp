@@ -1,10 +1,10 @@
 #include "index/index_file.hpp"
-#include "index/crc32c.hpp"
 #include "index/index_format.hpp"
 #include "map_level.hpp"
 #include "reference/map_points.hpp"
 
 #include <stillmap/localization/map_index.hpp>
+#include <stillmap/maps/crc32c.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 
@@ -297,8 +297,8 @@ struct Forged {
   /// With a checksum that fits.
   [[nodiscard]] std::string sealed() {
     header.crc = 0;
-    header.crc = crc32c(std::as_bytes(std::span(sections).first(header.sections)),
-                        crc32c(std::as_bytes(std::span(&header, 1))));
+    header.crc = maps::crc32c(std::as_bytes(std::span(sections).first(header.sections)),
+                              maps::crc32c(std::as_bytes(std::span(&header, 1))));
     std::memcpy(bytes.data(), &header, sizeof(header));
     std::memcpy(bytes.data() + sizeof(header), sections.data(),
                 sections.size() * sizeof(sections[0]));
@@ -318,7 +318,7 @@ TEST_F(IndexFile, TilesThatPointOutsideAreRefusedEvenWithTheRightChecksum) {
   for (CellBlocks::Tile& tile : tiles) {
     if (tile.slots != 0) tile.first_slot += 1;
   }
-  section.crc = crc32c(std::as_bytes(std::span(tiles)));
+  section.crc = maps::crc32c(std::as_bytes(std::span(tiles)));
   std::memcpy(forged.bytes.data() + section.offset, tiles.data(), section.bytes);
   put(file(), forged.sealed());
   EXPECT_THAT(open()->rebuilt_because(), HasSubstr("tiles that lie outside"));
@@ -419,7 +419,7 @@ TEST_F(IndexFile, HoldsTheBytesOfItsFormatNumber) {
   const std::string bytes = bytes_of(open()->file());
   // All but the header, which holds the digest.
   const std::span<const char> sections = std::span(bytes).subspan(sizeof(index_format::Header));
-  EXPECT_EQ(crc32c(std::as_bytes(sections)), 2342770324U);
+  EXPECT_EQ(maps::crc32c(std::as_bytes(sections)), 2342770324U);
 }
 
 /// Resident bytes of this process's mappings of a file.
@@ -467,17 +467,6 @@ TEST(IndexPages, OnlyThoseNearTheQueriesAreRead) {
   EXPECT_GT(after, at_load);
   // A part in 25 of the street, and what the system reads around each of the six sections.
   EXPECT_LT(after, 0.3 * size);
-}
-
-TEST(Crc32c, IsCastagnolis) {
-  const std::string text = "123456789";
-  const auto bytes = std::as_bytes(std::span(text));
-  EXPECT_EQ(crc32c(bytes), 0xE3069283U);
-  for (std::size_t cut = 0; cut <= text.size(); ++cut) {
-    EXPECT_EQ(crc32c(bytes.subspan(cut), crc32c(bytes.first(cut))), 0xE3069283U) << cut;
-  }
-  // RFC 3720, B.4: 32 bytes of zeros.
-  EXPECT_EQ(crc32c(std::vector<std::byte>(32)), 0x8A9136AAU);
 }
 
 }  // namespace

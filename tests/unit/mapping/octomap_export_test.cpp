@@ -31,7 +31,7 @@ class OctomapExport : public ::testing::Test {
  protected:
   std::unique_ptr<octomap::OcTree> exported(const maps::MapExportOptions& options,
                                             const std::string& name) {
-    report_ = export_octomap(*package_, folder_.path() / name, options, {});
+    report_ = export_octomap(*package_, folder_.path() / name, options);
     auto tree = std::make_unique<octomap::OcTree>(1.0);
     EXPECT_TRUE(tree->readBinary((folder_.path() / name).string()));
     return tree;
@@ -55,15 +55,14 @@ TEST_F(OctomapExport, PointsAreOccupiedLeavesOfTheLibrarysTree) {
   EXPECT_TRUE(is_occupied(*tree, 997.0, -498.0, 20.0));
   EXPECT_FALSE(is_occupied(*tree, 1002.0, -500.0, 20.0));
   EXPECT_EQ(tree->getNumLeafNodes(), 3U);
-  EXPECT_EQ(report_.counts.at("points"), 4U);
+  EXPECT_EQ(report_.points, 4U);
   EXPECT_EQ(report_.counts.at("leaves"), 3U);
 }
 
 TEST_F(OctomapExport, FrameResolutionAndChoiceAreTheUsers) {
-  const auto tree = exported({.points = maps::PointChoice::kMeasured,
-                              .frame = maps::ExportFrame::kLocal,
-                              .resolution_m = 0.5},
-                             "a.bt");
+  const auto tree = exported(
+      {.without = {kProjected, kFilled}, .frame = maps::ExportFrame::kLocal, .resolution_m = 0.5},
+      "a.bt");
   EXPECT_EQ(tree->getResolution(), 0.5);
   EXPECT_TRUE(is_occupied(*tree, 0.05, 0.05, 0.05));
   EXPECT_FALSE(is_occupied(*tree, -3.0, 2.0, 0.0));

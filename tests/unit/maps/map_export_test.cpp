@@ -85,7 +85,7 @@ TEST_F(MapExport, LocalPcdHoldsTheTilesToTheBit) {
   const MapExportReport report =
       export_map(*package, "pcd", out("a.pcd"), {.frame = ExportFrame::kLocal});
   EXPECT_EQ(report.origin, sample().origin);
-  EXPECT_EQ(report.counts.at("points"), 4U);
+  EXPECT_EQ(report.points, 4U);
   const std::vector<CloudPoint> read_back = read(out("a.pcd"));
   const std::vector<MapPoint> points = points_of(*package);
   ASSERT_EQ(read_back.size(), points.size());
@@ -120,17 +120,17 @@ TEST_F(MapExport, KindsAreAFifthFieldOfPcd) {
 
 TEST_F(MapExport, PointsThatWereNotMeasuredCanBeLeftOut) {
   const auto package = map(sample());
-  const auto counts = [&](PointChoice choice, const std::string& name) {
-    return export_map(*package, "ply", out(name), {.points = choice}).counts;
+  const auto written = [&](const std::set<PointKind>& without, const std::string& name) {
+    return export_map(*package, "ply", out(name), {.without = without});
   };
-  const auto all = counts(PointChoice::kAll, "all.ply");
-  EXPECT_EQ(all.at("points"), 4U);
-  EXPECT_EQ(all.at("left_out"), 0U);
-  const auto real = counts(PointChoice::kNoFilled, "real.ply");
-  EXPECT_EQ(real.at("points"), 3U);
-  EXPECT_EQ(real.at("filled"), 0U);
-  EXPECT_EQ(real.at("projected"), 1U);
-  EXPECT_EQ(counts(PointChoice::kMeasured, "measured.ply").at("left_out"), 2U);
+  const MapExportReport all = written({}, "all.ply");
+  EXPECT_EQ(all.points, 4U);
+  EXPECT_EQ(all.counts.at("left_out"), 0U);
+  const MapExportReport real = written({kFilled}, "real.ply");
+  EXPECT_EQ(real.points, 3U);
+  EXPECT_EQ(real.counts.at("filled"), 0U);
+  EXPECT_EQ(real.counts.at("projected"), 1U);
+  EXPECT_EQ(written({kProjected, kFilled}, "measured.ply").counts.at("left_out"), 2U);
   EXPECT_EQ(read(out("measured.ply")).size(), 2U);
 }
 
@@ -192,7 +192,8 @@ TEST_F(MapExport, AutowareSquaresHoldEachPointOnce) {
     ++files;
   }
   EXPECT_EQ(points, town.points.size());
-  EXPECT_EQ(files, report.counts.at("files"));
+  EXPECT_EQ(files, report.counts.at("squares"));
+  EXPECT_EQ(report.files, files + 2);
   EXPECT_THAT(text_of(out("a") / "pointcloud_map_metadata.yaml"),
               StartsWith("x_resolution: 20\ny_resolution: 20\n"));
   EXPECT_EQ(text_of(out("a") / "map_projector_info.yaml"),
@@ -349,7 +350,7 @@ TEST_F(MapExport, WhatAFormatHasNoUseForIsRefused) {
   };
   refused("pcd", {.resolution_m = 0.1}, "resolution_m");
   refused("ply", {.kinds = true}, "kinds");
-  refused("tum", {.points = PointChoice::kMeasured}, "points");
+  refused("tum", {.without = {kFilled}}, "without");
   refused("las", {.height_band_m = {{0.0, 1.0}}}, "height_band_m");
   refused("nav2", {.drive = 0}, "drive");
   refused("kitti", {.frame = ExportFrame::kUtm}, "frame");
@@ -365,13 +366,13 @@ TEST_F(MapExport, WhatAFormatHasNoUseForIsRefused) {
 }
 
 TEST_F(MapExport, NothingIsLeftOfOneThatEndsEarly) {
-  struct Stopped {};
   const auto package = map(sample());
-  for (const ExportFormat& format : export_formats()) {
-    const auto stop = [](std::string_view, std::size_t, std::size_t) { throw Stopped(); };
+  for (const MapExportFormat& format : map_export_formats()) {
+    MapExportOptions options;
+    options.work.go_on = [](double) { return false; };
     // Trajectories are written in no time and tell nothing.
     if (format.uses.drive) continue;
-    EXPECT_THROW(export_map(*package, format.name, out("a"), {}, stop), Stopped) << format.name;
+    EXPECT_THROW(export_map(*package, format.name, out("a"), options), WorkStopped) << format.name;
   }
   std::vector<std::string> left;
   for (const auto& entry : fs::directory_iterator(folder_.path()))
@@ -391,7 +392,7 @@ TEST_F(MapExport, AnExistingTargetStaysAsItIs) {
 
 TEST_F(MapExport, SameMapSameBytes) {
   const auto package = map(sample());
-  for (const ExportFormat& format : export_formats()) {
+  for (const MapExportFormat& format : map_export_formats()) {
     if (format.is_folder) continue;
     export_map(*package, format.name, out("first"), {});
     export_map(*package, format.name, out("second"), {});

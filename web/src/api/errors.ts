@@ -28,6 +28,7 @@ export class ApiError extends Error {
   /** Stable code of the server's table of errors, as `OtherFrame`. */
   readonly code: string | undefined;
   readonly requestId: string | undefined;
+  /** What the message does not say already. */
   readonly faults: readonly Fault[];
 
   constructor(
@@ -40,7 +41,8 @@ export class ApiError extends Error {
     this.status = answer.status;
     this.code = answer.document?.code;
     this.requestId = answer.document?.request_id ?? answer.requestId;
-    this.faults = answer.document?.errors ?? [];
+    // The server's detail often says the first of them already.
+    this.faults = (answer.document?.errors ?? []).filter(({ found, expected }) => !message.includes(found) || !message.includes(expected));
   }
 }
 

@@ -496,6 +496,57 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/maps/{map}/versions/{version}/3dtiles/{level}/{x}/{y}.glb": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** A tile of a tileset */
+        get: operations["getTileAsGltf"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/maps/{map}/versions/{version}/3dtiles/{level}/{x}/{y}.json": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** The part of a big tileset below one tile */
+        get: operations["getTilesetBelow"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/maps/{map}/versions/{version}/3dtiles/tileset.json": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** Levels of detail as 3D Tiles */
+        get: operations["getTileset"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/maps/{map}/versions/{version}/activate": {
         parameters: {
             query?: never;
@@ -522,6 +573,40 @@ export interface paths {
         };
         /** A version's package */
         get: operations["getContent"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/maps/{map}/versions/{version}/difference/{other}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** What two versions of a map differ in */
+        get: operations["getDifference"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/maps/{map}/versions/{version}/difference/{other}/{side}/{x}/{y}.glb": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** Points of one tile that only one of two versions has */
+        get: operations["getDifferenceTile"];
         put?: never;
         post?: never;
         delete?: never;
@@ -608,7 +693,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Points of one tile */
+        /** Points of one tile of any level */
         get: operations["getTile"];
         put?: never;
         post?: never;
@@ -803,6 +888,55 @@ export interface components {
             revoked_ns: string | null;
             /** @description No scope includes another */
             scopes: ("read" | "localize" | "write" | "admin")[];
+        };
+        Difference: {
+            map: string;
+            only_in_other: components["schemas"]["DifferenceCounts"];
+            only_in_version: components["schemas"]["DifferenceCounts"];
+            /** @description Of {version}: what the tiles of both are relative to */
+            origin: number[];
+            other: string;
+            /** @enum {string} */
+            state: "ready";
+            tiles: {
+                only_in_other: components["schemas"]["DifferenceTile"] | null;
+                only_in_version: components["schemas"]["DifferenceTile"] | null;
+                x: number;
+                y: number;
+            }[];
+            tolerance_m: number;
+            version: string;
+        };
+        DifferenceCounts: {
+            /** @description Ground squares of 1 m x 1 m that hold such a point */
+            area_m2: number;
+            kinds: {
+                filled: number;
+                ground: number;
+                measured: number;
+                projected: number;
+            };
+            points: number;
+        };
+        DifferenceProgress: {
+            progress: number;
+            /** @enum {string} */
+            state: "making";
+        };
+        DifferenceTile: {
+            /** @description Ground squares of 1 m x 1 m that hold such a point */
+            area_m2: number;
+            kinds: {
+                filled: number;
+                ground: number;
+                measured: number;
+                projected: number;
+            };
+            max: number[];
+            min: number[];
+            points: number;
+            /** @description Of these points as a GLB */
+            url: string;
         };
         Drive: {
             /** @description Of its parts */
@@ -1156,7 +1290,7 @@ export interface components {
              * @description Stable; the table in server/README.md says when.
              * @enum {string}
              */
-            code: "InvalidRequest" | "UnknownParameter" | "UnknownMethod" | "InvalidScan" | "MissingKey" | "RefusedKey" | "Forbidden" | "UnknownRoute" | "UnknownMap" | "UnknownVersion" | "UnknownTile" | "UnknownDrive" | "UnknownJob" | "UnknownKey" | "UnknownSession" | "MethodNotAllowed" | "NoActiveVersion" | "OtherDigest" | "VersionActive" | "NoPrevious" | "OtherFrame" | "InUse" | "OtherRequest" | "JobFinished" | "DriveNotOpen" | "DriveNotComplete" | "PartsMissing" | "LengthRequired" | "RevisionChanged" | "PayloadTooLarge" | "UnsupportedMediaType" | "RangeNotSatisfiable" | "InvalidPrior" | "InvalidTransform" | "InvalidOdometry" | "NoGeodeticOrigin" | "InvalidPoints" | "InvalidBoxes" | "InvalidUpload" | "TooFewPoints" | "Superseded" | "TooManyRequests" | "HeaderTooLarge" | "InternalError" | "StorageError" | "NoMapper" | "Busy" | "TooManyStreams" | "MapLoading" | "MapUnusable" | "DeadlineExceeded" | "OverQuota" | "DiskFull";
+            code: "InvalidRequest" | "UnknownParameter" | "UnknownMethod" | "InvalidScan" | "MissingKey" | "RefusedKey" | "Forbidden" | "UnknownRoute" | "UnknownMap" | "UnknownVersion" | "UnknownTile" | "UnknownDrive" | "UnknownJob" | "UnknownKey" | "UnknownSession" | "MethodNotAllowed" | "NoActiveVersion" | "OtherDigest" | "VersionActive" | "NoPrevious" | "OtherFrame" | "InUse" | "OtherRequest" | "JobFinished" | "DriveNotOpen" | "DriveNotComplete" | "PartsMissing" | "LengthRequired" | "RevisionChanged" | "PayloadTooLarge" | "UnsupportedMediaType" | "RangeNotSatisfiable" | "InvalidPrior" | "InvalidTransform" | "InvalidOdometry" | "NoGeodeticOrigin" | "InvalidPoints" | "InvalidBoxes" | "InvalidUpload" | "TooFewPoints" | "Superseded" | "TooManyRequests" | "HeaderTooLarge" | "InternalError" | "StorageError" | "NoMapper" | "Busy" | "TooManyStreams" | "MapLoading" | "MapUnusable" | "BeingMade" | "DerivedUnavailable" | "DeadlineExceeded" | "OverQuota" | "DiskFull";
             detail: string;
             errors: {
                 expected: string;
@@ -1333,6 +1467,39 @@ export interface components {
             /** @description At most 50 tile widths */
             radius_m: number;
         };
+        /** @description OGC 22-025r4; coordinates relative to the map's origin [m], z up */
+        Tileset: {
+            asset: {
+                generator?: string;
+                version: string;
+            };
+            /** @description Not below a tile */
+            extras?: {
+                digest: string;
+                /** @description The highest */
+                levels: number;
+                origin: number[];
+                /** @description Of each level */
+                points: number[];
+                /** @description Of level 0; twice as wide on each next one */
+                voxel_size_m: number;
+            };
+            geometricError: number;
+            root: components["schemas"]["TilesetTile"];
+        };
+        TilesetTile: {
+            boundingVolume: {
+                box: number[];
+            };
+            children?: components["schemas"]["TilesetTile"][];
+            content?: {
+                /** @description LEVEL/X/Y.glb, or .json of a part of a big tileset */
+                uri: string;
+            };
+            geometricError: number;
+            /** @enum {string} */
+            refine?: "REPLACE";
+        };
         Trajectory: {
             poses: {
                 drive: number;
@@ -1384,6 +1551,17 @@ export interface components {
         };
         /** @description `Busy`, `MapLoading`, `MapUnusable` */
         BusyOrMapLoadingOrMapUnusable: {
+            headers: {
+                /** @description Seconds */
+                "Retry-After"?: number;
+                [name: string]: unknown;
+            };
+            content: {
+                "application/problem+json": components["schemas"]["Problem"];
+            };
+        };
+        /** @description `Busy`, `MapUnusable`, `BeingMade`, `DerivedUnavailable` */
+        BusyOrMapUnusableOrBeingMadeOrDerivedUnavailable: {
             headers: {
                 /** @description Seconds */
                 "Retry-After"?: number;
@@ -1856,6 +2034,8 @@ export interface components {
         odom_since_ns: string;
         /** @description Odometry: x,y,z [m] */
         odom_t: string;
+        /** @description The version that it is compared with */
+        other: string;
         /** @description Number of the part, in the order of the bytes */
         part: number;
         /** @description Prior: quaternion x,y,z,w */
@@ -1868,8 +2048,12 @@ export interface components {
         range: string;
         /** @description Id of the session */
         session: string;
+        /** @description Which of the two has the points */
+        side: "version" | "other";
         /** @description Time of the scan [ns] */
         stamp_ns: string;
+        /** @description Points nearer than this to one of the other version are in both [m], to the millimetre; 1.5 of the coarser voxels when left out */
+        tolerance_m: number;
         /** @description Name of the version */
         version: string;
         /** @description floor((p.x - origin.x) / 20 m / 2^level) */
@@ -3119,6 +3303,147 @@ export interface operations {
             default: components["responses"]["Problem"];
         };
     };
+    getTileAsGltf: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description ETag that is known; then 304 */
+                "If-None-Match"?: components["parameters"]["if_none_match"];
+            };
+            path: {
+                /** @description Level of the grid, 0 the finest */
+                level: components["parameters"]["level"];
+                /** @description Name of the map */
+                map: components["parameters"]["map"];
+                /** @description Name of the version */
+                version: components["parameters"]["version"];
+                /** @description floor((p.x - origin.x) / 20 m / 2^level) */
+                x: components["parameters"]["x"];
+                /** @description floor((p.y - origin.y) / 20 m / 2^level) */
+                y: components["parameters"]["y"];
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Binary glTF 2.0 (server/README.md, Levels of detail) */
+            200: {
+                headers: {
+                    /** @description Of this content */
+                    ETag?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "model/gltf-binary": unknown;
+                };
+            };
+            /** @description As known */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            401: components["responses"]["MissingKeyOrRefusedKey"];
+            403: components["responses"]["Forbidden"];
+            404: components["responses"]["UnknownMapOrUnknownVersionOrUnknownTile"];
+            429: components["responses"]["TooManyRequests"];
+            503: components["responses"]["BusyOrMapUnusableOrBeingMadeOrDerivedUnavailable"];
+            default: components["responses"]["Problem"];
+        };
+    };
+    getTilesetBelow: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description ETag that is known; then 304 */
+                "If-None-Match"?: components["parameters"]["if_none_match"];
+            };
+            path: {
+                /** @description Level of the grid, 0 the finest */
+                level: components["parameters"]["level"];
+                /** @description Name of the map */
+                map: components["parameters"]["map"];
+                /** @description Name of the version */
+                version: components["parameters"]["version"];
+                /** @description floor((p.x - origin.x) / 20 m / 2^level) */
+                x: components["parameters"]["x"];
+                /** @description floor((p.y - origin.y) / 20 m / 2^level) */
+                y: components["parameters"]["y"];
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description 3D Tiles 1.1; tiles are named relative to it */
+            200: {
+                headers: {
+                    /** @description Of this content */
+                    ETag?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Tileset"];
+                };
+            };
+            /** @description As known */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            401: components["responses"]["MissingKeyOrRefusedKey"];
+            403: components["responses"]["Forbidden"];
+            404: components["responses"]["UnknownMapOrUnknownVersionOrUnknownTile"];
+            429: components["responses"]["TooManyRequests"];
+            503: components["responses"]["BusyOrMapUnusableOrBeingMadeOrDerivedUnavailable"];
+            default: components["responses"]["Problem"];
+        };
+    };
+    getTileset: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description ETag that is known; then 304 */
+                "If-None-Match"?: components["parameters"]["if_none_match"];
+            };
+            path: {
+                /** @description Name of the map */
+                map: components["parameters"]["map"];
+                /** @description Name of the version */
+                version: components["parameters"]["version"];
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description 3D Tiles 1.1; tiles are named relative to it */
+            200: {
+                headers: {
+                    /** @description Of this content */
+                    ETag?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Tileset"];
+                };
+            };
+            /** @description As known */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            401: components["responses"]["MissingKeyOrRefusedKey"];
+            403: components["responses"]["Forbidden"];
+            404: components["responses"]["UnknownMapOrUnknownVersion"];
+            429: components["responses"]["TooManyRequests"];
+            503: components["responses"]["BusyOrMapUnusableOrBeingMadeOrDerivedUnavailable"];
+            default: components["responses"]["Problem"];
+        };
+    };
     activate: {
         parameters: {
             query?: {
@@ -3212,6 +3537,123 @@ export interface operations {
             404: components["responses"]["UnknownMapOrUnknownVersion"];
             416: components["responses"]["RangeNotSatisfiable"];
             429: components["responses"]["TooManyRequests"];
+            default: components["responses"]["Problem"];
+        };
+    };
+    getDifference: {
+        parameters: {
+            query?: {
+                /** @description Points nearer than this to one of the other version are in both [m], to the millimetre; 1.5 of the coarser voxels when left out */
+                tolerance_m?: components["parameters"]["tolerance_m"];
+            };
+            header?: {
+                /** @description ETag that is known; then 304 */
+                "If-None-Match"?: components["parameters"]["if_none_match"];
+            };
+            path: {
+                /** @description Name of the map */
+                map: components["parameters"]["map"];
+                /** @description The version that it is compared with */
+                other: components["parameters"]["other"];
+                /** @description Name of the version */
+                version: components["parameters"]["version"];
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Points that only one of the two has, counted by kind and by tile */
+            200: {
+                headers: {
+                    /** @description Of this content */
+                    ETag?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Difference"];
+                };
+            };
+            /** @description Being made: ask again */
+            202: {
+                headers: {
+                    /** @description Seconds */
+                    "Retry-After"?: number;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["DifferenceProgress"];
+                };
+            };
+            /** @description As known */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            400: components["responses"]["InvalidRequestOrUnknownParameter"];
+            401: components["responses"]["MissingKeyOrRefusedKey"];
+            403: components["responses"]["Forbidden"];
+            404: components["responses"]["UnknownMapOrUnknownVersion"];
+            409: components["responses"]["OtherFrame"];
+            429: components["responses"]["TooManyRequests"];
+            503: components["responses"]["BusyOrMapUnusableOrBeingMadeOrDerivedUnavailable"];
+            default: components["responses"]["Problem"];
+        };
+    };
+    getDifferenceTile: {
+        parameters: {
+            query?: {
+                /** @description Points nearer than this to one of the other version are in both [m], to the millimetre; 1.5 of the coarser voxels when left out */
+                tolerance_m?: components["parameters"]["tolerance_m"];
+            };
+            header?: {
+                /** @description ETag that is known; then 304 */
+                "If-None-Match"?: components["parameters"]["if_none_match"];
+            };
+            path: {
+                /** @description Name of the map */
+                map: components["parameters"]["map"];
+                /** @description The version that it is compared with */
+                other: components["parameters"]["other"];
+                /** @description Which of the two has the points */
+                side: components["parameters"]["side"];
+                /** @description Name of the version */
+                version: components["parameters"]["version"];
+                /** @description floor((p.x - origin.x) / 20 m / 2^level) */
+                x: components["parameters"]["x"];
+                /** @description floor((p.y - origin.y) / 20 m / 2^level) */
+                y: components["parameters"]["y"];
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Binary glTF 2.0, relative to the origin of {version} */
+            200: {
+                headers: {
+                    /** @description Of this content */
+                    ETag?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "model/gltf-binary": unknown;
+                };
+            };
+            /** @description As known */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            400: components["responses"]["InvalidRequestOrUnknownParameter"];
+            401: components["responses"]["MissingKeyOrRefusedKey"];
+            403: components["responses"]["Forbidden"];
+            404: components["responses"]["UnknownMapOrUnknownVersionOrUnknownTile"];
+            409: components["responses"]["OtherFrame"];
+            429: components["responses"]["TooManyRequests"];
+            503: components["responses"]["BusyOrMapUnusableOrBeingMadeOrDerivedUnavailable"];
             default: components["responses"]["Problem"];
         };
     };
@@ -3444,7 +3886,7 @@ export interface operations {
             403: components["responses"]["Forbidden"];
             404: components["responses"]["UnknownMapOrUnknownVersionOrUnknownTile"];
             429: components["responses"]["TooManyRequests"];
-            503: components["responses"]["MapUnusable"];
+            503: components["responses"]["BusyOrMapUnusableOrBeingMadeOrDerivedUnavailable"];
             default: components["responses"]["Problem"];
         };
     };

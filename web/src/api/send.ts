@@ -2,6 +2,7 @@
 
 import { answered, busy, unanswered, watch } from './connection.js';
 import { ApiError, down, late, parseProblem, refusal } from './errors.js';
+import { fetchWithProgress } from './fetch_with_progress.js';
 import { key, needKey, type KeyReason } from './keys.js';
 
 export interface SendOptions {
@@ -10,6 +11,8 @@ export interface SendOptions {
   signal?: AbortSignal;
   /** Until the head of the answer [s]. */
   timeoutS?: number;
+  /** Told how many bytes of the body are on their way. A body that moves has no time limit; one that stands still has `timeoutS`. */
+  onProgress?: (sentBytes: number) => void;
   /** How often a refusal with `Retry-After` is waited for and asked again; 0 = the refusal is the answer. */
   patience?: number;
 }
@@ -50,18 +53,24 @@ async function once(method: string, path: string, options: SendOptions, tried: s
   const seconds = options.timeoutS ?? kTimeoutS;
   const stop = new AbortController();
   let timedOut = false;
-  const timer = setTimeout(() => {
+  const expire = (): void => {
     timedOut = true;
     stop.abort();
-  }, 1000 * seconds);
+  };
+  let timer = setTimeout(expire, 1000 * seconds);
+  const moved = (sentBytes: number): void => {
+    clearTimeout(timer);
+    timer = setTimeout(expire, 1000 * seconds);
+    options.onProgress?.(sentBytes);
+  };
   const giveUp = (): void => stop.abort();
   options.signal?.addEventListener('abort', giveUp, { once: true });
-  const done = watch();
+  // A long body is no sign of a slow server.
+  const done = options.onProgress === undefined ? watch() : (): void => undefined;
   try {
     const headers = { ...options.headers, ...(tried === undefined ? {} : { Authorization: `Bearer ${tried}` }) };
-    const response = await fetch(path, {
-      method, headers, signal: stop.signal, ...(options.body === undefined ? {} : { body: options.body }),
-    });
+    const request = { method, headers, signal: stop.signal, ...(options.body === undefined ? {} : { body: options.body }) };
+    const response = await (options.onProgress === undefined ? fetch(path, request) : fetchWithProgress(path, request, moved));
     answered();
     // The caller's signal stays tied to it: it also ends the body that is still to come.
     return response;

@@ -1,15 +1,9 @@
-import { ask } from '../api/client.js';
-import { useLoad } from '../ui/load.js';
-import { Trouble } from '../ui/parts.js';
+import './jobs.css';
 import type { ViewProps } from '../views.js';
+import { JobPage } from './job_page.js';
+import { JobsPage } from './jobs_page.js';
 
-export default function JobsView(_: ViewProps) {
-  const { data, error, reload } = useLoad((signal) => ask('get', '/v1/jobs', { signal }), []);
-  return (
-    <>
-      <h1>Jobs</h1>
-      {error !== undefined && <Trouble error={error} onRetry={reload} />}
-      <ul>{data?.data.jobs.map((job) => <li key={job.id}>{job.id}</li>)}</ul>
-    </>
-  );
+/** All jobs, or one of them as it goes on. */
+export default function JobsView({ path: [id], query }: ViewProps) {
+  return id === undefined ? <JobsPage query={query} /> : <JobPage key={id} id={Number(id)} />;
 }

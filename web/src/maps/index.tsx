@@ -1,16 +1,12 @@
-import { ask } from '../api/client.js';
-import { linkTo } from '../router.js';
-import { useLoad } from '../ui/load.js';
-import { Trouble } from '../ui/parts.js';
+import './maps.css';
 import type { ViewProps } from '../views.js';
+import { MapPage } from './map_page.js';
+import { MapsPage } from './maps_page.js';
+import { RebuildPage } from './rebuild_page.js';
 
-export default function MapsView(_: ViewProps) {
-  const { data, error, reload } = useLoad((signal) => ask('get', '/v1/maps', { signal }), [], { everyS: 5 });
-  return (
-    <>
-      <h1>Maps</h1>
-      {error !== undefined && <Trouble error={error} onRetry={reload} />}
-      <ul>{data?.data.maps.map((map) => <li key={map.name}><a href={linkTo('view', [map.name])}>{map.name}</a></li>)}</ul>
-    </>
-  );
+/** All maps; one map with its versions; the form that builds a new version. */
+export default function MapsView({ path: [map, part] }: ViewProps) {
+  if (map === undefined) return <MapsPage />;
+  if (part === 'rebuild') return <RebuildPage map={map} />;
+  return <MapPage key={map} name={map} />;
 }

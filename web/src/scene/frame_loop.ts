@@ -17,13 +17,16 @@ export class FrameLoop {
   constructor(private readonly draw_: () => void) {}
 
   request(): void {
-    if (this.pending_ !== 0) return;
-    this.pending_ = requestAnimationFrame(() => {
-      this.pending_ = 0;
-      const begin = performance.now();
-      this.draw_();
-      this.costs_[this.frames_++ % kRemembered] = performance.now() - begin;
-    });
+    if (this.pending_ === 0) this.pending_ = requestAnimationFrame(() => this.now());
+  }
+
+  /** Draws at once, in place of what was asked for. */
+  now(): void {
+    cancelAnimationFrame(this.pending_);
+    this.pending_ = 0;
+    const begin = performance.now();
+    this.draw_();
+    this.costs_[this.frames_++ % kRemembered] = performance.now() - begin;
   }
 
   get costs(): FrameCosts {

@@ -1,7 +1,7 @@
 import * as THREE from 'three';
 import type { Tile } from '3d-tiles-renderer/core';
 import { TilesRenderer } from '3d-tiles-renderer/three';
-import { errorForBudget, type BudgetTile } from './budget.js';
+import { CloudBudget, type CountedTileset } from './cloud_budget.js';
 import { PickPoints, type Hit, type Ray } from './pick.js';
 import { kPointWords } from './point_layout.js';
 import { PointMaterials } from './point_materials.js';
@@ -14,8 +14,6 @@ export type { PickedPoint, Ranges } from './tile_points.js';
 /** Most bytes of tiles that are kept (as the library counts them: 20 a point). */
 const kCacheBytes = 200e6;
 const kDownloadsAtOnce = 6;
-/** Error [px] below which no finer tiles are asked for: a point a pixel is enough. */
-const kFinestPx = 1.2;
 /** Most points looked at for one pick, so that it stays within a frame's time. */
 const kPickLimit = 400_000;
 
@@ -53,12 +51,14 @@ export class MapCloud {
   readonly ready: Promise<void>;
   /** Points drawn at most. */
   budget = 3_000_000;
+  private budget_: CloudBudget | undefined;
   private readonly source_: TileSource;
   private readonly stop_ = new AbortController();
   private tiles_: TilesRenderer | undefined;
   private readonly loaded_ = new Map<Tile, Loaded>();
   private ranges_: Ranges | undefined;
   private kinds_: ReadonlySet<Kind> = new Set(kKinds);
+  private shown_ = true;
 
   constructor(private readonly options_: MapCloudOptions) {
     this.materials = new PointMaterials(options_.voxelSizeM);
@@ -118,6 +118,8 @@ export class MapCloud {
   setKinds(kinds: ReadonlySet<Kind>): void {
     this.kinds_ = new Set(kinds);
     this.materials.setKinds(kinds);
+    this.shown_ = kinds.size > 0;
+    if (this.tiles_ !== undefined) this.tiles_.group.visible = this.shown_;
   }
 
   /** Goes on after trouble. */
@@ -137,7 +139,7 @@ export class MapCloud {
     if (tiles === undefined) return;
     tiles.setCamera(camera);
     tiles.setResolution(camera, width, height);
-    if (tiles.root !== null) tiles.errorTarget = this.errorTarget(tiles, tiles.root);
+    if (this.budget_ !== undefined) tiles.errorTarget = this.budget_.errorTarget(tiles, this.budget);
     tiles.update();
   }
 
@@ -171,7 +173,7 @@ export class MapCloud {
   }
 
   private async load(): Promise<void> {
-    const tileset = (await this.source_.json(this.options_.tilesetUrl, this.stop_.signal)) as { asset: { version: string } };
+    const tileset = (await this.source_.json(this.options_.tilesetUrl, this.stop_.signal)) as CountedTileset;
     // The library warns of everything above 1.0; of 1.1 it has what we use, glTF content.
     tileset.asset.version = '1.0';
     const tiles = new TilesRenderer(this.options_.tilesetUrl);
@@ -187,8 +189,10 @@ export class MapCloud {
     tiles.addEventListener('dispose-model', ({ tile }) => this.loaded_.delete(tile));
     tiles.addEventListener('needs-update', () => this.options_.onChange());
     tiles.addEventListener('tile-visibility-change', () => this.options_.onChange());
+    tiles.group.visible = this.shown_;
     this.group.add(tiles.group);
     this.tiles_ = tiles;
+    this.budget_ = new CloudBudget(tileset, (tile) => this.loaded_.get(tile)?.points.count);
     this.options_.onChange();
     await new Promise<void>((resolve) => tiles.addEventListener('load-root-tileset', () => resolve()));
   }
@@ -197,19 +201,6 @@ export class MapCloud {
     const tileset = (await this.source_.json(url, signal)) as { asset: { version: string } };
     tileset.asset.version = '1.0';
     return tileset;
-  }
-
-  private errorTarget(tiles: TilesRenderer, root: Tile): number {
-    const seen = { inView: false, error: Infinity, distanceFromCamera: Infinity };
-    const renderer = tiles as unknown as { calculateTileViewError(tile: Tile, target: typeof seen): void; prepareForTraversal(): void };
-    renderer.prepareForTraversal();
-    const errorOf = (tile: BudgetTree): number | undefined => {
-      // Not prepared by the library yet.
-      if ((tile.tile as { traversal?: object }).traversal === undefined) return undefined;
-      renderer.calculateTileViewError(tile.tile, seen);
-      return seen.inView ? seen.error : undefined;
-    };
-    return errorForBudget(treeOf(root), errorOf, this.budget, kFinestPx);
   }
 
   // Before the library counts the bytes.
@@ -246,29 +237,6 @@ export class MapCloud {
     }
     return found.sort((a, b) => a.depth - b.depth).map(({ loaded }) => loaded);
   }
-}
-
-interface BudgetTree extends BudgetTile {
-  readonly tile: Tile;
-  readonly children: readonly BudgetTree[];
-}
-
-const kTrees = new WeakMap<Tile, BudgetTree>();
-
-// The library's tree as the budget wants it; nested tilesets come later, so children are asked for anew.
-function treeOf(tile: Tile): BudgetTree {
-  let tree = kTrees.get(tile);
-  if (tree === undefined) {
-    const extras = (tile as unknown as { extras?: { points?: number } }).extras;
-    tree = {
-      tile, points: extras?.points ?? 0,
-      get children() {
-        return (tile.children ?? []).map(treeOf);
-      },
-    };
-    kTrees.set(tile, tree);
-  }
-  return tree;
 }
 
 // Boxes of our tilesets are axis-aligned: centre, and half the length of each axis.

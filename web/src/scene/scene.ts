@@ -359,14 +359,14 @@ export class Scene {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (width === 0 || height === 0) return;
     const ratio = Math.min(window.devicePixelRatio, 2) * (this.quality_ === 'reduced' ? 0.6 : 1);
-    // A canvas that is given its size waits for all that was drawn, even when the size is the same.
-    const [wide, high] = [Math.floor(width * ratio), Math.floor(height * ratio)];
-    if (this.canvas.width !== wide || this.canvas.height !== high) {
-      this.renderer_.setPixelRatio(ratio);
-      this.renderer_.setSize(width, height, false);
-    }
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
-    this.requestRender();
+    // A canvas that is given its size waits for all that was drawn, even when the size is the same.
+    const [wide, high] = [Math.floor(width * ratio), Math.floor(height * ratio)];
+    if (this.canvas.width === wide && this.canvas.height === high) return this.requestRender();
+    this.renderer_.setPixelRatio(ratio);
+    this.renderer_.setSize(width, height, false);
+    // It is empty now; drawn before the browser shows that.
+    this.loop_.now();
   }
 }

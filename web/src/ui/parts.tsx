@@ -6,7 +6,7 @@ import type { ApiError } from '../api/errors.js';
 import { Icon } from './icon.js';
 
 /** A refusal or failure in words, with what the server found and expected, and its request's name for the log. */
-export function Trouble({ error, onRetry, title }: { error: ApiError; onRetry?: (() => void) | undefined; title?: string }) {
+export function Trouble({ error, onRetry, title }: { error: ApiError; onRetry?: (() => void) | undefined; title?: string | undefined }) {
   return (
     <div class="trouble" role="alert">
       <Icon name="warning" />

@@ -18,7 +18,6 @@ export interface MapFacts {
   readonly tiles: readonly RegionTile[];
   readonly objects: number;
   readonly poses: number;
-  readonly counts: Readonly<Record<string, number>>;
 }
 
 /** What is drawn beside the points. */

@@ -99,6 +99,13 @@ export class ViewerModel {
     this.remember();
   }
 
+  /** Shows what another address of the same map says. */
+  apply(state: ViewState): void {
+    this.change({ ...optionsOf(state), budget: this.options.get().budget, quality: this.options.get().quality });
+    if (state.eye !== undefined && state.target !== undefined) this.scene.setView({ eye: state.eye, target: state.target });
+    else this.scene.showAll();
+  }
+
   choose(object: SeenObject | undefined): void {
     this.chosen.set(object);
     this.objects_.choose(object);

@@ -65,7 +65,6 @@ function ColourChoice({ model }: { model: ViewerModel }) {
 
 function KindChoice({ model }: { model: ViewerModel }) {
   const { kinds, colouring } = useStore(model.options);
-  const counts = kindCounts(model.facts.counts);
   return (
     <div class="viewer-checks">
       {kKinds.map((kind) => (
@@ -76,7 +75,6 @@ function KindChoice({ model }: { model: ViewerModel }) {
           />
           {colouring === 'kind' && swatchOf('kind', kind)}
           <span>{kKindWords[kind]}</span>
-          <output>{counts[kind] === undefined ? '' : short(counts[kind])}</output>
         </label>
       ))}
     </div>
@@ -146,6 +144,7 @@ function Help() {
         <div><dt>Turn</dt><dd>drag, or <kbd>←</kbd> <kbd>→</kbd> <kbd>↑</kbd> <kbd>↓</kbd></dd></div>
         <div><dt>Move</dt><dd>right drag, or <kbd>Shift</kbd> with the arrows</dd></div>
         <div><dt>Zoom</dt><dd>wheel, or <kbd>+</kbd> <kbd>−</kbd></dd></div>
+        <div><dt>Come nearer</dt><dd>double click</dd></div>
         <div><dt>Whole map</dt><dd><kbd>0</kbd></dd></div>
         <div><dt>From above</dt><dd><kbd>T</kbd></dd></div>
         <div><dt>Set a place</dt><dd>click, or <kbd>Enter</kbd> for the middle</dd></div>
@@ -159,14 +158,4 @@ function Help() {
 
 function toggled<Name>(all: readonly Name[], chosen: readonly Name[], name: Name, on: boolean): Name[] {
   return all.filter((one) => (one === name ? on : chosen.includes(one)));
-}
-
-// The manifest counts points by kind under these names.
-function kindCounts(counts: Readonly<Record<string, number>> | undefined): Partial<Record<Kind, number>> {
-  const found: Partial<Record<Kind, number>> = {};
-  for (const kind of kKinds) {
-    const count = counts?.[`points_${kind}`] ?? counts?.[kind];
-    if (count !== undefined) found[kind] = count;
-  }
-  return found;
 }

@@ -1,5 +1,6 @@
 import { toGeodetic } from '../scene/geodetic.js';
 import type { Pick } from '../scene/scene.js';
+import { plural } from '../ui/format.js';
 import { useStore } from '../ui/store.js';
 import type { MapFacts } from './facts.js';
 import type { ViewerModel } from './model.js';
@@ -7,9 +8,12 @@ import type { ViewerModel } from './model.js';
 /** Where the pointer is, in numbers. */
 export function Readout({ model }: { model: ViewerModel }) {
   const pick = useStore(model.hover);
+  const pending = useStore(model.stats)?.pending ?? 1;
   return (
-    <div class="viewer-readout" aria-hidden={pick === undefined}>
+    <div class="viewer-readout">
       {pick === undefined ? <span class="quiet">Point at the map to read coordinates</span> : <Place pick={pick} facts={model.facts} />}
+      <span class="grow" />
+      {pending > 0 && <span class="quiet">{plural(pending, 'tile')} on the way</span>}
     </div>
   );
 }

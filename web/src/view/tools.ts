@@ -106,7 +106,12 @@ export class Tools {
   }
 
   private toolOf(name: ToolName): Tool {
-    if (name === 'look') return { click: (place) => this.model_.choose(this.model_.objectAt(place.clientX, place.clientY)) };
+    if (name === 'look') {
+      return {
+        click: (place) => this.model_.choose(this.model_.objectAt(place.clientX, place.clientY)),
+        doubleClick: (place) => this.comeNearer(place.pick()?.position),
+      };
+    }
     return {
       cursor: 'crosshair',
       click: (place) => this.click(place),
@@ -115,6 +120,14 @@ export class Tools {
         if (this.name.get() === name) this.use('look');
       },
     };
+  }
+
+  // Half way to a place, which is then what the camera turns about.
+  private comeNearer(place: Vec3 | undefined): void {
+    if (place === undefined) return;
+    const { eye } = this.model_.scene.view;
+    const middle = [0, 1, 2].map((axis) => ((eye[axis] as number) + (place[axis] as number)) / 2) as unknown as Vec3;
+    this.model_.scene.flyTo({ eye: middle, target: place });
   }
 
   private click(place: PointerPlace): void {

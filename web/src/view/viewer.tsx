@@ -35,6 +35,13 @@ export function Viewer({ facts, query }: { facts: MapFacts; query: URLSearchPara
       made.dispose();
     };
   }, [facts]);
+  // An address that was typed or pasted; what the view itself writes there comes not here.
+  const opened = useRef(query);
+  useEffect(() => {
+    if (query === opened.current) return;
+    opened.current = query;
+    model?.apply(readViewState(query));
+  }, [query, model]);
   const onKey = (event: KeyboardEvent): void => {
     if (model === undefined || model.tools.name.get() === 'look') return;
     if (event.key === 'Enter') model.tools.placeInTheMiddle();

@@ -15,6 +15,9 @@ namespace stillmap::maps {
 /// (WGS 84, straight lines through the Earth, GeographicLib's LocalCartesian).
 [[nodiscard]] Eigen::Isometry3d T_enu_enu(const GeodeticOrigin& a, const GeodeticOrigin& b);
 
+/// The same frame seen from the Earth's centre (ECEF: x to 0 N 0 E, z to the North Pole).
+[[nodiscard]] Eigen::Isometry3d T_ecef_enu(const GeodeticOrigin& origin);
+
 /// Every bound that a place breaks, as "name: value, bound"; empty for one on Earth: latitude in
 /// [-90, 90], longitude in [-180, 180], altitude in [-12000, 100000] m.
 [[nodiscard]] std::vector<std::string> violations(const GeodeticOrigin& origin);

@@ -1,9 +1,9 @@
-#include "index/crc32c.hpp"
+#include <stillmap/maps/crc32c.hpp>
 
 #include <array>
 #include <cstring>
 
-namespace stillmap::localization {
+namespace stillmap::maps {
 namespace {
 
 using Tables = std::array<std::array<std::uint32_t, 256>, 8>;
@@ -49,4 +49,4 @@ std::uint32_t crc32c(std::span<const std::byte> bytes, std::uint32_t before) {
   return ~crc;
 }
 
-}  // namespace stillmap::localization
+}  // namespace stillmap::maps

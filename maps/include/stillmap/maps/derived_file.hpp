@@ -1,0 +1,58 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <span>
+#include <stdexcept>
+
+namespace stillmap::maps {
+
+/// A file that is made from a map and kept beside it, outside its digest: written as
+/// `.<name>.partial` and put at its place whole or not at all, flushed to the disk. What a killed
+/// writer left is taken up by the next one; of two live ones the second is refused.
+class DerivedFile {
+ public:
+  /// Makes the target's folder, but not those above it.
+  /// @throws StorageError if it cannot be written, also while another process or thread does.
+  explicit DerivedFile(std::filesystem::path target);
+  /// Removes what was not published.
+  ~DerivedFile();
+  DerivedFile(const DerivedFile&) = delete;
+  DerivedFile& operator=(const DerivedFile&) = delete;
+
+  /// Bytes appended so far.
+  [[nodiscard]] std::uint64_t size() const { return size_; }
+  /// @throws StorageError, as all that follow.
+  void append(std::span<const std::byte> bytes);
+  /// Replaces bytes that were appended before.
+  void overwrite(std::uint64_t offset, std::span<const std::byte> bytes);
+  /// Fills all of `to` with what was appended. Safe from several threads while nobody writes.
+  void read(std::uint64_t offset, std::span<std::byte> to) const;
+  /// Once only, and last.
+  void publish();
+
+ private:
+  std::filesystem::path target_;
+  std::filesystem::path partial_;
+  int descriptor_ = -1;
+  std::uint64_t size_ = 0;
+  bool published_ = false;
+};
+
+/// How something derived is made.
+struct DerivedWork {
+  /// Threads to use, >= 1; the bytes do not depend on it.
+  std::size_t threads = 1;
+  /// Told now and then the share that is done, in [0, 1]; false = stop. Empty = go on to the end.
+  std::function<bool(double share)> go_on{};
+};
+
+/// `DerivedWork::go_on` said no; nothing was published.
+class WorkStopped : public std::runtime_error {
+ public:
+  WorkStopped() : std::runtime_error("stopped before it was done") {}
+};
+
+}  // namespace stillmap::maps

@@ -1,0 +1,83 @@
+#include "levels/shifted_points.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <string>
+
+namespace stillmap::maps {
+namespace {
+
+/// A point may lie a rounding of its float beside the tile that holds it.
+constexpr double kRoundingM = 0.01;
+/// And shifted far, some of the shift's own.
+constexpr double kShiftRoundingM = 1e-6;
+constexpr double kMostShiftM = 1.3e7;
+
+std::int32_t tile_of(double value_m) {
+  constexpr double kMost = std::numeric_limits<std::int32_t>::max() - 2.0;
+  return static_cast<std::int32_t>(std::clamp(std::floor(value_m / kTileSizeM), -kMost, kMost));
+}
+
+}  // namespace
+
+ShiftedPoints::ShiftedPoints(const MapPackage& map, const Eigen::Vector3d& origin)
+    : map_(map), shift_(map.manifest().origin - origin) {
+  if (shift_.norm() <= kMostShiftM) return;
+  throw InputError(map.folder().string(),
+                   "an origin " + std::to_string(shift_.norm()) + " m from the other's",
+                   "at most " + std::to_string(kMostShiftM) + " m");
+}
+
+MapPoint ShiftedPoints::shifted(MapPoint p) const {
+  // Without a shift the very same bits.
+  p.x = static_cast<float>(static_cast<double>(p.x) + shift_.x());
+  p.y = static_cast<float>(static_cast<double>(p.y) + shift_.y());
+  p.z = static_cast<float>(static_cast<double>(p.z) + shift_.z());
+  return p;
+}
+
+std::set<std::pair<std::int32_t, std::int32_t>> ShiftedPoints::tiles() const {
+  std::set<std::pair<std::int32_t, std::int32_t>> all;
+  // Tiles of ours that a tile's extent along one axis meets, whatever its manifest says.
+  const auto range = [](std::int32_t index, double min, double max, double shift) {
+    const double low = std::max(min, index * kTileSizeM - kRoundingM);
+    const double high = std::min(max, (index + 1.0) * kTileSizeM + kRoundingM);
+    return std::pair(tile_of(low + shift - kShiftRoundingM * std::abs(shift)),
+                     tile_of(high + shift + kShiftRoundingM * std::abs(shift)));
+  };
+  for (const TileEntry& tile : map_.manifest().tiles) {
+    if (tile.id.level != 0) continue;
+    const auto [x0, x1] = range(tile.id.x, tile.min[0], tile.max[0], shift_.x());
+    const auto [y0, y1] = range(tile.id.y, tile.min[1], tile.max[1], shift_.y());
+    for (std::int32_t x = x0; x <= x1; ++x)
+      for (std::int32_t y = y0; y <= y1; ++y) all.emplace(x, y);
+  }
+  return all;
+}
+
+std::vector<MapPoint> ShiftedPoints::in_tile(std::int32_t x, std::int32_t y,
+                                             double margin_m) const {
+  const double low_x = x * kTileSizeM - margin_m;
+  const double low_y = y * kTileSizeM - margin_m;
+  const double width = kTileSizeM + 2.0 * margin_m;
+  std::vector<MapPoint> points;
+  for (std::int32_t tx = tile_of(low_x - shift_.x() - kRoundingM);
+       tx <= tile_of(low_x + width - shift_.x() + kRoundingM); ++tx) {
+    for (std::int32_t ty = tile_of(low_y - shift_.y() - kRoundingM);
+         ty <= tile_of(low_y + width - shift_.y() + kRoundingM); ++ty) {
+      for (const MapPoint& own : map_.tile({.level = 0, .x = tx, .y = ty})) {
+        const MapPoint p = shifted(own);
+        if (p.x >= low_x && p.x < low_x + width && p.y >= low_y && p.y < low_y + width &&
+            std::isfinite(p.z))
+          points.push_back(p);
+      }
+    }
+  }
+  return points;
+}
+
+}  // namespace stillmap::maps

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <stillmap/maps/map_package.hpp>
+
+#include <Eigen/Core>
+
+#include <set>
+#include <utility>
+#include <vector>
+
+namespace stillmap::maps {
+
+/// Points of a map in the coordinates of another one of the same frame: relative to that one's
+/// origin, in that one's tiles of level 0.
+class ShiftedPoints {
+ public:
+  /// @param map  outlives this. @throws InputError for origins farther apart than the Earth is
+  /// wide.
+  ShiftedPoints(const MapPackage& map, const Eigen::Vector3d& origin);
+
+  /// Those tiles that its points may lie in, by x and y.
+  [[nodiscard]] std::set<std::pair<std::int32_t, std::int32_t>> tiles() const;
+  /// Points of a tile and those within a margin around it [m]; without one, each point of the map
+  /// is in one tile.
+  [[nodiscard]] std::vector<MapPoint> in_tile(std::int32_t x, std::int32_t y,
+                                              double margin_m = 0.0) const;
+
+ private:
+  [[nodiscard]] MapPoint shifted(MapPoint p) const;
+
+  const MapPackage& map_;
+  Eigen::Vector3d shift_;
+};
+
+}  // namespace stillmap::maps

@@ -1,0 +1,141 @@
+#include "derived/map_views.hpp"
+
+#include "errors/api_error.hpp"
+#include "errors/upload_errors.hpp"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <stillmap/maps/error.hpp>
+
+#include <utility>
+
+namespace stillmap::server {
+namespace {
+
+/// Null when it must be made; the reason is logged unless it was never there.
+template <typename Open>
+auto opened(Open&& open) -> decltype(open()) {
+  try {
+    return std::forward<Open>(open)();
+  } catch (const maps::InputError& error) {
+    spdlog::warn("made anew: {}", error.what());
+  } catch (const maps::StorageError&) {
+    // Not made yet.
+  }
+  return nullptr;
+}
+
+std::shared_ptr<const maps::MapLevels> opened_levels(const maps::MapPackage& package) {
+  return opened([&] { return maps::MapLevels::open(package); });
+}
+
+std::shared_ptr<const maps::MapDifference> opened_difference(const maps::MapPackage& version,
+                                                             const maps::MapPackage& other,
+                                                             double tolerance_m) {
+  return opened([&] { return maps::MapDifference::open(version, other, tolerance_m); });
+}
+
+}  // namespace
+
+std::string ComparedVersions::name() const {
+  return fmt::format("{}-{}-{}", version.package->digest(), other.package->digest(),
+                     maps::MapDifference::tolerance_mm(tolerance_m));
+}
+
+DerivedWorker::Answer MapViews::ask_for_levels(const maps::MapPackage& package) {
+  // The package may be closed or removed before its turn comes; then this fails.
+  const std::filesystem::path folder = package.folder();
+  return worker_.ask("levels of " + package.digest(), [folder](const maps::DerivedWork& work) {
+    const auto map = maps::MapPackage::open(folder);
+    if (!opened_levels(*map)) maps::MapLevels::make(*map, work);
+  });
+}
+
+void MapViews::warm(const maps::MapPackage& package) {
+  // It may be a sound copy in the place of a damaged one.
+  levels_.forget(package.digest());
+  if (!opened_levels(package)) (void)ask_for_levels(package);
+}
+
+void MapViews::require_under_way(const DerivedWorker::Answer& answer,
+                                 const std::string& what) const {
+  if (answer.state == DerivedWorker::State::kFull)
+    throw ApiError(ErrorCode::kBusy, "too much else is being made").with_header("Retry-After", "5");
+  if (answer.state == DerivedWorker::State::kFailed) {
+    throw ApiError(ErrorCode::kDerivedUnavailable,
+                   what + " could not be made: " + without_folder(answer.failure, store_))
+        .with_header("Retry-After", std::to_string(DerivedWorker::kPause.count()));
+  }
+}
+
+void MapViews::refuse(const DerivedWorker::Answer& answer, const std::string& what) const {
+  require_under_way(answer, what);
+  throw ApiError(ErrorCode::kBeingMade, what + " is being made").with_header("Retry-After", "1");
+}
+
+std::shared_ptr<const ServedLevels> MapViews::levels(const ServedVersion& version) {
+  const std::string& digest = version.package->digest();
+  if (auto found = levels_.find(digest)) return found;
+  std::shared_ptr<const maps::MapLevels> levels = opened_levels(*version.package);
+  if (!levels) refuse(ask_for_levels(*version.package), "the tileset");
+  maps::Tileset tileset(*version.package, *levels);
+  auto served =
+      std::make_shared<const ServedLevels>(ServedLevels{std::move(levels), std::move(tileset)});
+  levels_.put(digest, served);
+  return served;
+}
+
+std::optional<LevelTile> MapViews::level_tile(const ServedVersion& version, maps::TileId id) {
+  const std::shared_ptr<const ServedLevels> served = levels(version);
+  const maps::TileEntry* entry = served->levels->find(id);
+  if (entry == nullptr) return std::nullopt;
+  try {
+    return LevelTile{*entry, served->levels->points(id)};
+  } catch (const maps::InputError& error) {
+    spdlog::error("made anew: {}", error.what());
+  }
+  levels_.forget(version.package->digest());
+  maps::MapLevels::remove(*version.package);
+  refuse(ask_for_levels(*version.package), "the tileset");
+}
+
+std::shared_ptr<const maps::MapDifference> MapViews::open_difference(const ComparedVersions& pair) {
+  return differences_.find(pair.name());
+}
+
+DifferenceState MapViews::difference(const ComparedVersions& pair) {
+  const std::string name = pair.name();
+  if (auto found = differences_.find(name)) return {std::move(found), 1.0};
+  if (auto ready =
+          opened_difference(*pair.version.package, *pair.other.package, pair.tolerance_m)) {
+    differences_.put(name, ready);
+    return {std::move(ready), 1.0};
+  }
+  const auto work = [first = pair.version.package->folder(), second = pair.other.package->folder(),
+                     tolerance_m = pair.tolerance_m](const maps::DerivedWork& how) {
+    const auto version = maps::MapPackage::open(first);
+    const auto other = maps::MapPackage::open(second);
+    if (!opened_difference(*version, *other, tolerance_m))
+      maps::MapDifference::make(*version, *other, tolerance_m, how);
+  };
+  const DerivedWorker::Answer answer = worker_.ask("difference " + name, work);
+  require_under_way(answer, "the difference");
+  return {nullptr, answer.progress};
+}
+
+std::vector<maps::MapPoint> MapViews::difference_points(const ComparedVersions& pair,
+                                                        const maps::MapDifference& difference,
+                                                        const maps::DifferenceTile& tile) {
+  try {
+    return difference.points(tile);
+  } catch (const maps::InputError& error) {
+    spdlog::error("made anew: {}", error.what());
+  }
+  differences_.forget(pair.name());
+  maps::MapDifference::remove(*pair.version.package, *pair.other.package, pair.tolerance_m);
+  (void)this->difference(pair);
+  refuse({}, "the difference");
+}
+
+}  // namespace stillmap::server

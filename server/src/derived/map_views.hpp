@@ -1,0 +1,88 @@
+#pragma once
+
+#include "catalog/map_catalog.hpp"
+#include "derived/derived_worker.hpp"
+#include "derived/recently_used.hpp"
+
+#include <stillmap/maps/map_difference.hpp>
+#include <stillmap/maps/map_levels.hpp>
+#include <stillmap/maps/tileset.hpp>
+
+#include <cstddef>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace stillmap::server {
+
+/// Levels of detail of one version, ready to be served.
+struct ServedLevels {
+  std::shared_ptr<const maps::MapLevels> levels;
+  maps::Tileset tileset;
+};
+struct LevelTile {
+  maps::TileEntry entry;
+  std::vector<maps::MapPoint> points;
+};
+
+/// Two versions of a map, and how near points must be to be the same.
+struct ComparedVersions {
+  ServedVersion version, other;
+  double tolerance_m = 0.0;
+
+  /// Names what is found, as no other pair of contents and tolerance does.
+  [[nodiscard]] std::string name() const;
+};
+struct DifferenceState {
+  /// Null while it is made.
+  std::shared_ptr<const maps::MapDifference> ready;
+  /// Share that is done, in [0, 1].
+  double progress = 0.0;
+};
+
+/// What is derived from the versions of maps for who looks at them: opened where it lies beside the
+/// package, made in the background where it does not. Keeps some of them open. Safe from several
+/// threads.
+class MapViews {
+ public:
+  /// @param store  the store's folder, which messages do not name.
+  explicit MapViews(std::filesystem::path store) : store_(std::move(store)) {}
+
+  /// Has the levels made in the background, if they are not there, of a package that was just
+  /// opened.
+  void warm(const maps::MapPackage& package);
+  /// @throws ApiError kBeingMade with Retry-After, while it is made; kDerivedUnavailable, kBusy.
+  [[nodiscard]] std::shared_ptr<const ServedLevels> levels(const ServedVersion& version);
+  /// A tile from level 1 on; nothing when there is none. What turns out to be damaged is made anew.
+  /// @throws as `levels`.
+  [[nodiscard]] std::optional<LevelTile> level_tile(const ServedVersion& version, maps::TileId id);
+
+  /// One that is open already; null otherwise.
+  [[nodiscard]] std::shared_ptr<const maps::MapDifference> open_difference(
+      const ComparedVersions& pair);
+  /// @throws ApiError kDerivedUnavailable, kBusy.
+  [[nodiscard]] DifferenceState difference(const ComparedVersions& pair);
+  /// @param tile  of this difference. What turns out to be damaged is made anew.
+  /// @throws ApiError kBeingMade, and as `difference`.
+  [[nodiscard]] std::vector<maps::MapPoint> difference_points(const ComparedVersions& pair,
+                                                              const maps::MapDifference& difference,
+                                                              const maps::DifferenceTile& tile);
+
+ private:
+  /// @throws ApiError when it failed, or too many wait.
+  void require_under_way(const DerivedWorker::Answer& answer, const std::string& what) const;
+  /// @throws ApiError always.
+  [[noreturn]] void refuse(const DerivedWorker::Answer& answer, const std::string& what) const;
+  DerivedWorker::Answer ask_for_levels(const maps::MapPackage& package);
+
+  std::filesystem::path store_;
+  /// Their tables, no points.
+  RecentlyUsed<ServedLevels> levels_{8};
+  RecentlyUsed<maps::MapDifference> differences_{8};
+  DerivedWorker worker_;
+};
+
+}  // namespace stillmap::server

@@ -1,0 +1,104 @@
+// The list of maps and one map: made, kept fresh, published, rolled back, deleted, gone while it is shown.
+
+import { main } from './harness.mjs';
+
+const json = async (server, method, path, headers = {}) => {
+  const response = await fetch(`${server.origin}${path}`, { method, headers });
+  return { status: response.status, body: response.status === 204 ? undefined : await response.json() };
+};
+
+async function list(run) {
+  const server = await run.server();
+  const page = await run.open(server);
+  const row = page.locator('tr[data-map=town]');
+  await row.waitFor();
+  await row.locator('.picture.there').waitFor();
+  run.expect(true, 'the picture from above is shown');
+  const text = await row.innerText();
+  run.expect(/Ready/.test(text) && /v1/.test(text) && /ago|just now/.test(text), `state, version and age: ${text.replace(/\s+/g, ' ')}`);
+  await run.accessible(page, 'the list');
+  await run.screenshot(page, 'maps');
+
+  await page.click('text=New map');
+  await page.fill('dialog input', 'Harbour');
+  await page.click('dialog button[type=submit]');
+  run.expect(/Small letters/.test(await page.locator('dialog .fault').innerText()), 'a name that cannot be is refused in words');
+  await page.reload();
+  await page.click('text=New map');
+  run.expect(await page.inputValue('dialog input') === 'Harbour', 'what was typed outlives a reload');
+  await page.fill('dialog input', 'harbour');
+  await page.keyboard.press('Enter');
+  await page.waitForSelector('h1:text-is("harbour")');
+  run.expect(page.url().endsWith('#/maps/harbour'), 'a new map is made and shown');
+
+  await page.click('nav a:text-is("Maps")');
+  await page.waitForSelector('tr[data-map=harbour]');
+  await json(server, 'PUT', '/v1/maps/quarry');
+  await page.waitForSelector('tr[data-map=quarry]');
+  run.expect(true, 'a map that somebody else made comes by itself');
+  await page.click('tr[data-map=quarry] th a');
+  await page.waitForSelector('h1:text-is("quarry")');
+  await json(server, 'DELETE', '/v1/maps/quarry');
+  await page.waitForSelector('text=There is no map “quarry” (any more)');
+  run.expect(true, 'a map that is deleted while it is shown is said in words');
+  await server.stop();
+}
+
+async function publish(run) {
+  const server = await run.server();
+  run.stillmap('build', `${run.sample}/drive`, '-o', `${run.scratch}/other`, '--select', '1::2');
+  run.stillmap('store', 'add', server.store, 'town', 'v2', `${run.scratch}/other`);
+  const page = await run.open(server, '#/maps/town');
+  const v2 = page.locator('tr[data-version=v2]');
+  await v2.waitFor();
+  await run.accessible(page, 'one map');
+  await run.screenshot(page, 'map');
+  await v2.getByRole('button', { name: 'Publish v2' }).click();
+  await page.click('dialog button[type=submit]');
+  await page.waitForSelector('dialog :text("in another map frame")');
+  run.expect(true, 'another frame is explained, and asked for in words');
+  await run.screenshot(page, 'other_frame');
+  await page.check('dialog input[type=checkbox]');
+  await page.click('dialog button[type=submit]');
+  await v2.locator('text=Active').waitFor();
+  run.expect((await json(server, 'GET', '/v1/maps/town')).body.version === 'v2', 'it is active on the server');
+
+  await page.click('text=Roll back to v1');
+  await page.click('dialog button[type=submit]');
+  await page.check('dialog input[type=checkbox]');
+  await page.click('dialog button[type=submit]');
+  await page.locator('tr[data-version=v1] >> text=Active').waitFor();
+  run.expect((await json(server, 'GET', '/v1/maps/town')).body.version === 'v1', 'rolled back');
+
+  // Somebody else changes the map while the dialog is open, and the page has not seen it yet.
+  await page.route('**/v1/maps/town/versions', (route) => route.abort());
+  await v2.getByRole('button', { name: 'Publish v2' }).click();
+  await json(server, 'POST', '/v1/maps/town/versions/v2/activate?new_frame=true');
+  await json(server, 'POST', '/v1/maps/town/versions/v1/activate?new_frame=true');
+  await page.click('dialog button[type=submit]');
+  await page.check('dialog input[type=checkbox]');
+  await page.click('dialog button[type=submit]');
+  await page.waitForSelector('dialog .trouble:has-text("Somebody changed the map")');
+  run.expect(true, 'a change by somebody else in the meantime is said, and nothing is done');
+  await page.keyboard.press('Escape');
+  await page.unroute('**/v1/maps/town/versions');
+  await remove(run, server, page);
+  await server.stop();
+}
+
+async function remove(run, server, page) {
+  await page.locator('tr[data-version=v2]').getByRole('button', { name: 'Delete v2' }).click();
+  await page.fill('dialog input', 'v2');
+  await page.click('dialog button[type=submit]');
+  await page.waitForSelector('tr[data-version=v2]', { state: 'detached' });
+  run.expect(true, 'a version is deleted');
+  await page.locator('.heading').first().getByRole('button', { name: 'Delete' }).click();
+  run.expect(await page.isDisabled('dialog button[type=submit]'), 'a map is not deleted before its name is typed');
+  await page.fill('dialog input', 'town');
+  await page.click('dialog button[type=submit]');
+  await page.waitForSelector('text=No maps yet');
+  run.expect((await json(server, 'GET', '/v1/maps/town')).status === 404, 'then it is deleted, with its active version');
+  await run.accessible(page, 'the empty list');
+}
+
+await main({ list, publish });

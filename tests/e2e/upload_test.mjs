@@ -1,0 +1,175 @@
+// Uploads: a package, a drive that breaks off in every way and goes on, a folder, and what is refused.
+
+import { readFileSync, statSync, writeFileSync } from 'node:fs';
+import { join } from 'node:path';
+import { main } from './harness.mjs';
+
+const kPart = 8 * 1024 * 1024;
+const chooser = (page) => page.locator('dialog input[type=file]').first();
+const get = async (server, path) => (await fetch(`${server.origin}${path}`)).json();
+
+/** Opens the dialog on a map's page and chooses a file, or a folder. */
+async function choose(page, path, folder = false) {
+  await page.locator('.heading').first().getByRole('button', { name: 'Upload' }).click();
+  await (folder ? page.locator('dialog input[type=file]').nth(1) : chooser(page)).setInputFiles(path);
+}
+
+/** Numbers of the parts that the page sends, as it sends them. */
+function partsSent(page) {
+  const sent = [];
+  page.on('request', (request) => {
+    const part = /parts\/(\d+)$/.exec(request.url());
+    if (part !== null && request.method() === 'PUT') sent.push(Number(part[1]));
+  });
+  return sent;
+}
+
+/** Waits until the page sends a part. */
+function atPart(page, n) {
+  return page.waitForRequest((request) => request.method() === 'PUT' && request.url().endsWith(`/parts/${n}`));
+}
+
+async function packages(run) {
+  const server = await run.server({ empty: true });
+  const page = await run.open(server);
+  await page.waitForSelector('text=No maps yet');
+  await page.getByRole('button', { name: 'Upload' }).click();
+  await chooser(page).setInputFiles({ name: 'town.zip', mimeType: 'application/zip', buffer: Buffer.from('PK\u0003\u0004') });
+  run.expect(/zip archives are not taken/.test(await page.locator('dialog .trouble').innerText()), 'a zip is refused before it is sent');
+  await run.screenshot(page, 'upload_refused');
+  await chooser(page).setInputFiles(run.tar('map', 'Town Centre.tar'));
+  await page.waitForSelector('dialog :text("Map package")');
+  await run.accessible(page, 'the upload dialog');
+  run.expect(await page.inputValue('dialog input[list]') === 'town-centre', 'a name is suggested');
+  await page.fill('dialog input[list]', 'centre');
+  await run.screenshot(page, 'upload');
+  await page.click('dialog button[type=submit]');
+  await page.waitForSelector('.upload.done');
+  await page.waitForSelector('tr[data-map=centre]');
+  run.expect((await get(server, '/v1/maps/centre/versions')).versions[0].version === 'v1', 'a package becomes a version');
+
+  await dropText(page, 'points.pcd', `VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA ascii\n1 2 3\n`);
+  await page.waitForSelector('dialog :text("PCD")');
+  await page.fill('dialog input[list]', 'broken');
+  await page.click('dialog button[type=submit]');
+  await page.waitForSelector('.notice a:has-text("Job"), .upload.failed');
+  run.expect(true, 'a PCD map that was dropped on the page is sent');
+  await server.stop();
+}
+
+/** Drops a text file on the page, as a file manager would. */
+async function dropText(page, name, text) {
+  const transfer = await page.evaluateHandle(([file, content]) => {
+    const dropped = new DataTransfer();
+    dropped.items.add(new File([content], file));
+    return dropped;
+  }, [name, text]);
+  for (const type of ['dragenter', 'dragover', 'drop']) await page.dispatchEvent('body', type, { dataTransfer: transfer });
+}
+
+async function interrupted(run) {
+  const server = await run.server();
+  const tar = run.tar('drive', 'monday.tar');
+  const count = Math.ceil(statSync(tar).size / kPart);
+  const page = await run.open(server, '#/maps/town');
+  await page.waitForSelector('h2:text-is("Drives")');
+  const sent = partsSent(page);
+  // The server dies while the fifth part is under way, and comes back.
+  const died = atPart(page, 5).then(() => server.stop('SIGKILL'));
+  await choose(page, tar);
+  await page.waitForSelector('dialog :text("Drive")');
+  await page.click('dialog button[type=submit]');
+  await died;
+  await page.waitForSelector('.upload.waiting');
+  run.expect(/goes on by itself/.test(await page.locator('.upload').innerText()), 'a server that dies is said, and waited for');
+  await run.screenshot(page, 'upload_waiting');
+  const before = new Set(sent).size;
+  await server.start();
+  await page.waitForSelector('.upload.done');
+  const drive = (await get(server, '/v1/maps/town/drives')).drives[0];
+  run.expect(drive.status === 'complete' && drive.bytes === statSync(tar).size, 'the drive is complete');
+  run.expect(before < count && sent.length < count + 4, `${count} parts, sent ${sent.length} times`);
+  await page.waitForSelector(`tr[data-drive="${drive.id}"] >> text=Complete`);
+  await server.stop();
+}
+
+async function reloaded(run) {
+  const server = await run.server();
+  const tar = run.tar('drive', 'tuesday.tar');
+  const count = Math.ceil(statSync(tar).size / kPart);
+  const page = await run.open(server, '#/maps/town');
+  page.on('dialog', (dialog) => dialog.accept());
+  await page.waitForSelector('h2:text-is("Drives")');
+  // The server stands still while the fifth part is under way, so that there is time to look.
+  const fifth = atPart(page, 5).then(() => server.process.kill('SIGSTOP'));
+  await choose(page, tar);
+  await page.click('dialog button[type=submit]');
+  await fifth;
+  await page.waitForSelector('.upload.sending');
+  run.expect(/MB of .* MB/.test(await page.locator('.upload').innerText()), 'how far it is is told');
+  await run.screenshot(page, 'upload_sending');
+  await page.getByRole('button', { name: 'Pause' }).click();
+  await page.waitForSelector('.upload.paused');
+  run.expect(true, 'it pauses');
+  server.process.kill('SIGCONT');
+  await page.reload();
+  await page.waitForSelector('tr[data-drive="1"] >> text=Not complete');
+  run.expect(/\d+ % of/.test(await page.locator('tr[data-drive="1"]').innerText()), 'after a reload the share that is there is told');
+  await page.getByRole('button', { name: 'Go on with the upload' }).click();
+  await chooser(page).setInputFiles(run.tar('map', 'other.tar'));
+  await page.click('dialog button[type=submit]');
+  await page.waitForSelector('.upload.failed:has-text("another file")');
+  run.expect(true, 'another file is refused before any of it is sent');
+  const sent = partsSent(page);
+  await page.getByRole('button', { name: 'Go on with the upload' }).click();
+  await chooser(page).setInputFiles(tar);
+  await page.click('dialog button[type=submit]');
+  await page.waitForSelector('.upload.done');
+  run.expect(sent.length <= count - 5 && !sent.includes(1), `after it, ${sent.length} of ${count} parts are sent`);
+  run.expect((await get(server, '/v1/maps/town/drives')).drives[0].status === 'complete', 'the drive is complete');
+  await server.stop();
+}
+
+async function folder(run) {
+  const server = await run.server();
+  const page = await run.open(server, '#/maps/town');
+  await choose(page, join(run.sample, 'drive'), true);
+  await page.waitForSelector('dialog :text("files")');
+  await page.fill('dialog .field:has-text("Name of the drive") input', 'from a folder');
+  await page.click('dialog button[type=submit]');
+  await page.waitForSelector('.upload.done');
+  const drive = (await get(server, '/v1/maps/town/drives')).drives[0];
+  run.expect(drive.status === 'complete' && drive.name === 'from a folder', 'a folder is packed by the page, and is a drive to the server');
+  await page.getByRole('button', { name: 'Delete the drive from a folder' }).click();
+  await page.click('dialog button[type=submit]');
+  await page.waitForSelector('tr[data-drive]', { state: 'detached' });
+  run.expect(true, 'a drive is deleted');
+  await server.stop();
+}
+
+async function refused(run) {
+  const server = await run.server({ options: ['--uploads-max-drive-bytes', '20000000'] });
+  const page = await run.open(server, '#/maps/town');
+  await choose(page, run.tar('drive', 'large.tar'));
+  await page.click('dialog button[type=submit]');
+  await page.waitForSelector('.upload.failed');
+  const words = await page.locator('.upload.failed').innerText();
+  run.expect(/20000000/.test(words), `413 names the limit: ${words.replace(/\s+/g, ' ')}`);
+  await page.getByRole('button', { name: 'Close large.tar' }).click();
+  await page.waitForSelector('.upload', { state: 'detached' });
+  await choose(page, brokenOff(run));
+  await page.click('dialog button[type=submit]');
+  await page.waitForSelector('.upload.failed');
+  const why = await page.locator('.upload.failed').innerText();
+  run.expect(/truncated|archive|ends/i.test(why), `422 says what is wrong with it: ${why.replace(/\s+/g, ' ')}`);
+  await server.stop();
+}
+
+/** The first megabyte of a drive, as a copy that broke off leaves it. @return its path */
+function brokenOff(run) {
+  const path = join(run.scratch, 'broken.tar');
+  writeFileSync(path, readFileSync(run.tar('drive')).subarray(0, 1_000_000));
+  return path;
+}
+
+await main({ packages, interrupted, reloaded, folder, refused });

@@ -1,0 +1,220 @@
+#include <stillmap/maps/map_difference.hpp>
+
+#include <stillmap/maps/error.hpp>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <string>
+
+#include "support/temporary_folder.hpp"
+#include "support/throws.hpp"
+#include "support/tiled_map.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+namespace fs = std::filesystem;
+using test::map_point;
+using test::scattered;
+using test::TemporaryFolder;
+using test::ThrowsSaying;
+using test::write_map;
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+constexpr auto kVersion = DifferenceSide::kVersion;
+constexpr auto kOther = DifferenceSide::kOther;
+
+class Difference : public ::testing::Test {
+ protected:
+  std::shared_ptr<const MapPackage> map(const std::vector<MapPoint>& points,
+                                        const Eigen::Vector3d& origin = Eigen::Vector3d::Zero()) {
+    MapManifest manifest;
+    manifest.origin = origin;
+    return write_map(folder_.path() / ("map" + std::to_string(count_++)), points, manifest);
+  }
+  static std::shared_ptr<const MapDifference> made(const MapPackage& version,
+                                                   const MapPackage& other,
+                                                   double tolerance_m = 0.15) {
+    MapDifference::make(version, other, tolerance_m);
+    return MapDifference::open(version, other, tolerance_m);
+  }
+  static std::vector<MapPoint> all(const MapDifference& difference, DifferenceSide side) {
+    std::vector<MapPoint> points;
+    for (const DifferenceTile& tile : difference.tiles()) {
+      if (tile.side != side) continue;
+      for (const MapPoint& p : difference.points(tile)) points.push_back(p);
+    }
+    return points;
+  }
+  TemporaryFolder folder_{test::memory_folder()};
+  int count_ = 0;
+};
+
+TEST_F(Difference, OfEqualMapsIsNothing) {
+  const auto one = map(scattered(50.0));
+  const auto same = map(scattered(50.0));
+  EXPECT_THAT(made(*one, *same)->tiles(), IsEmpty());
+  EXPECT_THAT(made(*one, *one)->tiles(), IsEmpty());
+}
+
+TEST_F(Difference, PointsOfOneAreThoseWithoutANeighbourInTheOther) {
+  const auto one = map({map_point(1, 1, 0), map_point(5, 5, 1, PointKind::kProjected),
+                        map_point(-3, 2, 0, PointKind::kGround)});
+  const auto other = map({map_point(1, 1, 0.14F), map_point(9, 9, 2, PointKind::kFilled)});
+  const auto difference = made(*one, *other);
+  EXPECT_EQ(difference->total(kVersion).points, 2U);
+  EXPECT_THAT(difference->total(kVersion).kinds, ElementsAre(0, 1, 1, 0));
+  EXPECT_EQ(difference->total(kVersion).area_m2, 2U);
+  EXPECT_THAT(difference->total(kOther).kinds, ElementsAre(0, 0, 0, 1));
+  ASSERT_THAT(difference->tiles(), SizeIs(3));
+  const DifferenceTile* tile = difference->find(kVersion, -1, 0);
+  ASSERT_NE(tile, nullptr);
+  EXPECT_EQ(tile->entry.points, 1U);
+  EXPECT_EQ(difference->points(*tile)[0].x, -3.0F);
+  EXPECT_EQ(difference->find(kOther, -1, 0), nullptr);
+  // Of a wider tolerance one more is the same; of a narrower one fewer.
+  EXPECT_EQ(made(*one, *other, 0.13)->total(kVersion).points, 3U);
+}
+
+TEST_F(Difference, IsWhatComparingAllPairsFinds) {
+  const auto a = scattered(15.0, 1);
+  const auto b = scattered(15.0, 2);
+  const double tolerance_m = 0.4;
+  const auto lonely = [&](const std::vector<MapPoint>& mine, const std::vector<MapPoint>& theirs) {
+    std::uint64_t count = 0;
+    for (const MapPoint& p : mine) {
+      bool is_near = false;
+      for (const MapPoint& q : theirs) {
+        const double dx = double{p.x} - double{q.x};
+        const double dy = double{p.y} - double{q.y};
+        const double dz = double{p.z} - double{q.z};
+        is_near = is_near || dx * dx + dy * dy + dz * dz < tolerance_m * tolerance_m;
+      }
+      count += is_near ? 0 : 1;
+    }
+    return count;
+  };
+  const auto one = map(a);
+  const auto other = map(b);
+  const auto difference = made(*one, *other, tolerance_m);
+  EXPECT_GT(difference->total(kVersion).points, 500U);
+  EXPECT_EQ(difference->total(kVersion).points, lonely(a, b));
+  EXPECT_EQ(difference->total(kOther).points, lonely(b, a));
+}
+
+TEST_F(Difference, NeighboursAcrossTheTilesEdgeCount) {
+  const auto one = map({map_point(19.95F, 5, 0), map_point(39.95F, 5, 0)});
+  const auto other = map({map_point(20.05F, 5, 0), map_point(40.15F, 5, 0)});
+  const auto difference = made(*one, *other);
+  EXPECT_EQ(difference->total(kVersion).points, 1U);
+  EXPECT_EQ(difference->find(kVersion, 1, 0)->entry.points, 1U);
+  EXPECT_EQ(difference->find(kOther, 2, 0)->entry.points, 1U);
+}
+
+TEST_F(Difference, OtherOriginsAreTakenIntoAccount) {
+  const auto points = scattered(50.0);
+  std::vector<MapPoint> moved = points;
+  for (MapPoint& p : moved) {
+    p.x -= 33.25F;
+    p.y += 7.5F;
+    p.z -= 2.0F;
+  }
+  moved.push_back(map_point(100.0F, 100.0F, 0.0F));
+  const auto one = map(points, {1000.0, 2000.0, 3.0});
+  const auto other = map(moved, {1033.25, 1992.5, 5.0});
+  const auto difference = made(*one, *other);
+  EXPECT_EQ(difference->total(kVersion).points, 0U);
+  ASSERT_EQ(difference->total(kOther).points, 1U);
+  const DifferenceTile* tile = difference->find(kOther, 6, 4);
+  ASSERT_NE(tile, nullptr);
+  const MapPoint p = difference->points(*tile).at(0);
+  EXPECT_FLOAT_EQ(p.x, 133.25F);
+  EXPECT_FLOAT_EQ(p.y, 92.5F);
+  EXPECT_FLOAT_EQ(p.z, 2.0F);
+}
+
+TEST_F(Difference, OriginsTooFarApartAreRefused) {
+  const auto one = map({map_point(1, 1, 0)});
+  const auto far = map({map_point(1, 1, 0)}, {1e9, 0, 0});
+  EXPECT_THAT([&] { MapDifference::make(*one, *far, 0.15); },
+              ThrowsSaying<InputError>({"an origin 1000000000"}));
+}
+
+TEST_F(Difference, FarPlacesAndEmptyMaps) {
+  const auto far = map({map_point(9e7F, -9e7F, 1e6F)});
+  const auto empty = map({});
+  EXPECT_EQ(made(*far, *empty)->total(kVersion).points, 1U);
+  EXPECT_EQ(made(*empty, *far)->total(kOther).points, 1U);
+  EXPECT_THAT(made(*empty, *empty)->tiles(), IsEmpty());
+}
+
+TEST_F(Difference, ToleranceHasBoundsAndMillimetres) {
+  const auto one = map({map_point(1, 1, 0)});
+  const auto other = map({map_point(1, 1, 1)});
+  for (const double wrong : {0.0, 0.009, 2.1, -1.0, std::numeric_limits<double>::quiet_NaN()})
+    EXPECT_THROW(MapDifference::make(*one, *other, wrong), std::invalid_argument) << wrong;
+  MapDifference::make(*one, *other, 0.1501);
+  EXPECT_NO_THROW((void)MapDifference::open(*one, *other, 0.15));
+  EXPECT_THROW((void)MapDifference::open(*one, *other, 0.151), StorageError);
+  EXPECT_DOUBLE_EQ(MapDifference::usual_tolerance_m(*one, *other), 1.5 * 0.1);
+}
+
+TEST_F(Difference, OtherWayRoundIsAnotherOne) {
+  const auto one = map({map_point(1, 1, 0)});
+  const auto other = map({map_point(1, 1, 1)});
+  MapDifference::make(*one, *other, 0.15);
+  EXPECT_THROW((void)MapDifference::open(*other, *one, 0.15), StorageError);
+}
+
+TEST_F(Difference, KeepsTheNewestFew) {
+  const auto one = map({map_point(1, 1, 0)});
+  const auto other = map({map_point(1, 1, 1)});
+  for (int i = 0; i < 12; ++i) {
+    const fs::path file = MapDifference::make(*one, *other, 0.1 + 0.01 * i);
+    fs::last_write_time(file, fs::file_time_type::clock::now() - std::chrono::hours(100 - i));
+  }
+  std::size_t kept = 0;
+  for (int i = 0; i < 12; ++i) {
+    try {
+      (void)MapDifference::open(*one, *other, 0.1 + 0.01 * i);
+      ++kept;
+      EXPECT_GE(i, 12 - static_cast<int>(MapDifference::kKept));
+    } catch (const StorageError&) {
+    }
+  }
+  EXPECT_EQ(kept, MapDifference::kKept);
+}
+
+TEST_F(Difference, StoppedWorkLeavesNothing) {
+  const auto one = map(scattered(50.0, 1));
+  const auto other = map(scattered(50.0, 2));
+  const auto stop = [](double) { return false; };
+  EXPECT_THROW(MapDifference::make(*one, *other, 0.15, {.threads = 1, .go_on = stop}), WorkStopped);
+  EXPECT_TRUE(fs::is_empty(one->folder() / "differences"));
+}
+
+TEST_F(Difference, DamageIsFoundAndMadeAnew) {
+  const auto one = map(scattered(50.0, 1));
+  const auto other = map(scattered(50.0, 2));
+  const auto difference = made(*one, *other);
+  const fs::path file = MapDifference::make(*one, *other, 0.15);
+  {
+    std::fstream stream(file, std::ios::in | std::ios::out | std::ios::binary);
+    stream.seekp(300);
+    stream.put('!');
+  }
+  const auto damaged = MapDifference::open(*one, *other, 0.15);
+  EXPECT_THROW((void)all(*damaged, kVersion), InputError);
+  MapDifference::remove(*one, *other, 0.15);
+  EXPECT_EQ(all(*made(*one, *other), kVersion).size(), all(*difference, kVersion).size());
+}
+
+}  // namespace
+}  // namespace stillmap::maps

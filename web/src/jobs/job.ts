@@ -1,0 +1,74 @@
+// What the server says about jobs, as it concerns the page, and words for it.
+
+import type { AnswerOf } from '../api/client.js';
+import { duration, toDate } from '../ui/format.js';
+import type { Tone } from '../ui/parts.js';
+
+export type Job = Omit<AnswerOf<'/v1/jobs/{job}', 'get'>, 'result'> & { result: JobResult | null };
+
+export interface JobResult {
+  version: string;
+  activated?: boolean;
+  not_activated_because?: string[];
+  gate?: Gate | null;
+}
+
+/** How a rebuilt version was judged (mapping/rebuild.md, "The report"). */
+export interface Gate {
+  verdict: string;
+  reasons?: string[];
+  warnings?: string[];
+  checks?: { name: string; found: number | null; limit: number; passed: boolean; words: string }[];
+  held_back?: { from?: string; every?: number; scans?: number } | null;
+}
+
+export const kStatuses = ['enqueued', 'processing', 'succeeded', 'failed', 'canceled'] as const;
+
+const kWords: Record<Job['status'], { tone: Tone; text: string }> = {
+  enqueued: { tone: 'plain', text: 'Waiting' },
+  processing: { tone: 'live', text: 'Running' },
+  succeeded: { tone: 'good', text: 'Succeeded' },
+  failed: { tone: 'bad', text: 'Failed' },
+  canceled: { tone: 'plain', text: 'Cancelled' },
+};
+
+export function statusOf(job: Pick<Job, 'status' | 'cancel_requested'>): { tone: Tone; text: string } {
+  if (job.cancel_requested && !isOver(job)) return { tone: 'warn', text: 'Being cancelled' };
+  return kWords[job.status] ?? { tone: 'plain', text: job.status };
+}
+
+export function isOver({ status }: Pick<Job, 'status'>): boolean {
+  return status === 'succeeded' || status === 'failed' || status === 'canceled';
+}
+
+/** "map: survey" as "Map: survey". */
+export function stageWords(stage: string): string {
+  return stage === '' ? '' : stage.charAt(0).toUpperCase() + stage.slice(1);
+}
+
+/** How long it took, or has taken so far; empty before it began. */
+export function timeTaken(job: Pick<Job, 'started_ns' | 'finished_ns'>, now: Date = new Date()): string {
+  if (job.started_ns === null) return '';
+  const end = job.finished_ns === null ? now : toDate(job.finished_ns);
+  return duration((end.getTime() - toDate(job.started_ns).getTime()) / 1000);
+}
+
+/** One sentence on what came of it; empty while it is under way. */
+export function outcomeOf({ status, error, result, kind }: Pick<Job, 'status' | 'error' | 'result' | 'kind'>): string {
+  if (status === 'failed') return error === '' ? 'It failed.' : error;
+  if (status === 'canceled') return 'It was cancelled; nothing was stored.';
+  if (status !== 'succeeded' || result === null) return '';
+  const made = `${result.version} is stored`;
+  if (result.activated === true) return `${made} and active.`;
+  if (kind === 'convert') return `${made}; vehicles get it when it is published.`;
+  const because = result.not_activated_because ?? [];
+  if (because.length > 0) return `${made}, and not made active: ${because.join('; ')}.`;
+  return result.gate?.verdict === 'fail' ? `${made}; it did not pass the checks.` : `${made}; it can be published.`;
+}
+
+/** What a stream of a job's events brings, put into the job. `end` of a server that stops tells nothing about the job. */
+export function withEvent(job: Job, data: string): Job {
+  const news = JSON.parse(data) as Partial<Job>;
+  if (news.status === undefined) return job;
+  return { ...job, ...news };
+}

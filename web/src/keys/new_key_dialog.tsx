@@ -1,0 +1,107 @@
+import { useState } from 'preact/hooks';
+import { ask, type Schema } from '../api/client.js';
+import { toApiError, type ApiError } from '../api/errors.js';
+import { setKey } from '../api/keys.js';
+import { Dialog } from '../ui/dialog.js';
+import { useKept, forget } from '../ui/kept.js';
+import { CopyButton, Field, Trouble } from '../ui/parts.js';
+
+type Scope = Schema<'NewKey'>['scopes'][number];
+
+const kScopes: [Scope, string][] = [
+  ['read', 'see maps, drives and jobs'],
+  ['localize', 'ask for poses, follow vehicles'],
+  ['write', 'upload, build, publish, delete'],
+  ['admin', 'make and revoke keys, read the audit log'],
+];
+
+export interface NewKeyDialogProps {
+  /** No other key is there: from now on every request needs one. */
+  first: boolean;
+  onClose: () => void;
+  onMade: () => void;
+}
+
+/** Makes a key, and shows it the one time that it can be seen. */
+export function NewKeyDialog({ first, onClose, onMade }: NewKeyDialogProps) {
+  const [made, setMade] = useState<Schema<'CreatedKey'>>();
+  if (made !== undefined) return <Made made={made} first={first} onClose={onClose} />;
+  const done = (key: Schema<'CreatedKey'>): void => {
+    // The page itself would be locked out by the first key.
+    if (first && key.scopes.includes('admin')) setKey(key.key);
+    setMade(key);
+    forget('new_key');
+    onMade();
+  };
+  return <Form first={first} onClose={onClose} onMade={done} />;
+}
+
+function Form({ first, onClose, onMade }: { first: boolean; onClose: () => void; onMade: (key: Schema<'CreatedKey'>) => void }) {
+  const [form, setForm] = useKept('new_key', { name: '', scopes: (first ? kScopes.map(([scope]) => scope) : ['read']) as Scope[], days: '' });
+  const [error, setError] = useState<ApiError>();
+  const [tried, setTried] = useState(false);
+  const days = form.days === '' ? undefined : Number(form.days);
+  const faults = {
+    name: form.name.trim() === '' ? 'A name is needed, to tell keys apart.' : form.name.length > 100 ? 'At most 100 letters.' : undefined,
+    days: days !== undefined && !(Number.isInteger(days) && days >= 1 && days <= 36500) ? '1 to 36500 days, or empty for ever.' : undefined,
+    scopes: form.scopes.length === 0 ? 'Choose at least one.' : undefined,
+  };
+  const submit = async (event: Event): Promise<void> => {
+    event.preventDefault();
+    setTried(true);
+    setError(undefined);
+    if (Object.values(faults).some((fault) => fault !== undefined)) return;
+    try {
+      const json = { name: form.name.trim(), scopes: form.scopes, ...(days === undefined ? {} : { expires_days: days }) };
+      onMade((await ask('post', '/v1/keys', { json })).data);
+    } catch (reason) {
+      setError(toApiError(reason));
+    }
+  };
+  const toggle = (scope: Scope, on: boolean): void =>
+    setForm({ ...form, scopes: kScopes.map(([one]) => one).filter((one) => (one === scope ? on : form.scopes.includes(one))) });
+  return (
+    <Dialog title="New key" onClose={onClose}>
+      <form onSubmit={(event) => void submit(event)} noValidate>
+        <Field label="Name" fault={tried ? faults.name : undefined}>
+          {(props) => <input {...props} autofocus value={form.name} onInput={(event) => setForm({ ...form, name: event.currentTarget.value })} />}
+        </Field>
+        <fieldset class="field">
+          <legend class="field-label">Scopes</legend>
+          {kScopes.map(([scope, words]) => (
+            <label key={scope} class="check">
+              <input type="checkbox" checked={form.scopes.includes(scope)} onChange={(event) => toggle(scope, event.currentTarget.checked)} />
+              <span>{scope} <span class="quiet">{words}</span></span>
+            </label>
+          ))}
+          {tried && faults.scopes !== undefined && <p class="fault" role="alert">{faults.scopes}</p>}
+        </fieldset>
+        <Field label="Ends after [days]" hint="Empty: never." fault={tried ? faults.days : undefined}>
+          {(props) => <input {...props} inputMode="numeric" value={form.days} onInput={(event) => setForm({ ...form, days: event.currentTarget.value })} />}
+        </Field>
+        {first && !form.scopes.includes('admin') && <p class="remark">Without “admin” no further key can be made here, only at the server’s command line.</p>}
+        {error !== undefined && <Trouble error={error} />}
+        <div class="actions">
+          <span class="grow" />
+          <button type="button" onClick={onClose}>Cancel</button>
+          <button type="submit" class="primary">Make the key</button>
+        </div>
+      </form>
+    </Dialog>
+  );
+}
+
+function Made({ made, first, onClose }: { made: Schema<'CreatedKey'>; first: boolean; onClose: () => void }) {
+  return (
+    <Dialog title={`The key “${made.name}”`} onClose={onClose}>
+      <p>Copy it now: it is shown this one time, and only its hash is kept.</p>
+      <code class="secret" data-secret>{made.key}</code>
+      {first && made.scopes.includes('admin') && <p class="quiet">This tab uses it from now on.</p>}
+      <div class="actions">
+        <CopyButton text={made.key} label="Copy the key" />
+        <span class="grow" />
+        <button type="button" class="primary" onClick={onClose}>I have it</button>
+      </div>
+    </Dialog>
+  );
+}

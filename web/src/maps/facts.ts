@@ -1,0 +1,50 @@
+// What the lists of maps and versions say, and words for it.
+
+import type { AnswerOf, Schema } from '../api/client.js';
+import type { Tone } from '../ui/parts.js';
+
+/** What a server tells of a version beyond its name, as far as it can read it. */
+export interface VersionFacts {
+  bytes?: number;
+  area_m2?: number;
+  version_created_ns?: string;
+  points?: number;
+  drives?: string[];
+  options?: Record<string, string>;
+  state?: string;
+  failure?: string;
+}
+
+export type MapRow = Schema<'MapList'>['maps'][number] & VersionFacts;
+export type Refused = Schema<'MapList'>['refused'][number];
+export type VersionRow = Schema<'VersionList'>['versions'][number] & VersionFacts;
+export type DriveRow = Schema<'DriveList'>['drives'][number];
+export type JobRow = AnswerOf<'/v1/jobs/{job}', 'get'>;
+
+const kStates: Record<MapRow['state'], { tone: Tone; text: string }> = {
+  ready: { tone: 'good', text: 'Ready' },
+  loading: { tone: 'live', text: 'Loading' },
+  opened: { tone: 'live', text: 'Opening' },
+  failed: { tone: 'bad', text: 'Failed' },
+  empty: { tone: 'plain', text: 'No active version' },
+};
+
+export function stateOf(map: Pick<MapRow, 'state'>): { tone: Tone; text: string } {
+  return kStates[map.state] ?? { tone: 'plain', text: map.state };
+}
+
+/** Options whose usual value says nothing to a person. */
+const kUsual: Record<string, string> = {
+  preset: 'default', odometry: 'default', movable: 'project', clean: 'free-space', fusion: 'on', fill: 'on', loops: 'on', edits: 'none',
+};
+/** Those that people choose, in the order in which they are told. */
+const kTold = ['preset', 'detector', 'clean', 'movable', 'odometry', 'fusion', 'fill', 'loops', 'edits'];
+
+/** What of a build's options differs from the usual, as short words: "detector voxelnext". */
+export function tellingOptions(options: Record<string, string> | undefined): string[] {
+  if (options === undefined) return [];
+  return kTold.flatMap((name) => {
+    const value = options[name];
+    return value === undefined || value === '' || value === kUsual[name] ? [] : [`${name} ${value}`];
+  });
+}

@@ -1,0 +1,64 @@
+import { ask, type Schema } from '../api/client.js';
+import { area, bytes, date, number, plural } from '../ui/format.js';
+import { useLoad } from '../ui/load.js';
+import type { VersionFacts } from './facts.js';
+
+/** Numbers of the active version and of the poses asked of it. */
+export function MapFacts({ name, active }: { name: string; active: string | undefined }) {
+  const details = useLoad(async (signal) =>
+    active === undefined ? undefined
+      : (await ask('get', '/v1/maps/{map}/versions/{version}', { path: { map: name, version: active }, signal })).data, [name, active]);
+  const stats = useLoad(async (signal) => (await ask('get', '/v1/maps/{map}/stats', { path: { map: name }, signal })).data,
+    [name, active], { everyS: 5 });
+  const map: (Schema<'Map'> & VersionFacts) | undefined = details.data;
+  if (active === undefined) {
+    return <div class="card map-facts"><p class="quiet">No version is active: vehicles get no poses in this map. Upload one, or build one of its drives, and publish it.</p></div>;
+  }
+  const facts: [string, string | undefined][] = [
+    ['Area', map?.area_m2 === undefined ? undefined : area(map.area_m2)],
+    ['Points', map?.tiles === undefined ? undefined : number(map.tiles.filter(({ level }) => level === 0).reduce((sum, { points }) => sum + points, 0))],
+    ['Size', map?.bytes === undefined ? undefined : bytes(map.bytes)],
+    ['Voxel', map?.voxel_size_m === undefined ? undefined : `${map.voxel_size_m} m`],
+    ['Objects removed', map?.objects === undefined ? undefined : number(map.objects)],
+    ['Driven through', map?.poses === undefined ? undefined : plural(map.poses, 'pose')],
+    ['Frame', map?.frame_id],
+    ['Place on Earth', map === undefined ? undefined : placeOf(map.geodetic_origin)],
+    ['Map made', map === undefined ? undefined : date(map.created_ns)],
+  ];
+  return (
+    <div class="card map-facts">
+      <dl class="facts">
+        {facts.map(([term, value]) => value !== undefined && <div key={term}><dt>{term}</dt><dd>{value}</dd></div>)}
+      </dl>
+      {stats.data !== undefined && <Asked stats={stats.data} />}
+    </div>
+  );
+}
+
+function placeOf(origin: { latitude_deg: number; longitude_deg: number } | undefined): string {
+  return origin === undefined ? 'not known' : `${origin.latitude_deg.toFixed(6)}°, ${origin.longitude_deg.toFixed(6)}°`;
+}
+
+function Asked({ stats }: { stats: Schema<'MapStats'> }) {
+  const { ok, degraded, lost } = stats.queries;
+  const all = ok + degraded + lost;
+  const { total } = stats.latency_ms;
+  return (
+    <div class="asked">
+      <h3>Poses since the server began</h3>
+      {all === 0 ? <p class="quiet">None was asked for.</p> : (
+        <>
+          <div class="shares" role="img" aria-label={`${ok} ok, ${degraded} degraded, ${lost} lost`}>
+            {([['ok', ok], ['degraded', degraded], ['lost', lost]] as const).map(([kind, count]) =>
+              count > 0 && <span key={kind} class={kind} style={{ flexGrow: count }} />)}
+          </div>
+          <p class="quiet number">
+            {number(ok)} ok · {number(degraded)} degraded · {number(lost)} lost
+            {total !== null && ` · ${number(total.p50, 0)} ms median, ${number(total.p95, 0)} ms at 95 %`}
+          </p>
+        </>
+      )}
+      {stats.sessions > 0 && <p class="quiet">{plural(stats.sessions, 'vehicle')} in it now.</p>}
+    </div>
+  );
+}

@@ -1,0 +1,126 @@
+import { useState } from 'preact/hooks';
+import { ask, type Schema } from '../api/client.js';
+import { toApiError, type ApiError } from '../api/errors.js';
+import { watchJob } from '../jobs/watch.js';
+import { go, linkTo } from '../router.js';
+import { bytes, date } from '../ui/format.js';
+import { Icon } from '../ui/icon.js';
+import { forget, useKept } from '../ui/kept.js';
+import { useLoad } from '../ui/load.js';
+import { Empty, Field, Trouble } from '../ui/parts.js';
+import { faultOfName } from '../upload/names.js';
+import type { DriveRow } from './facts.js';
+import { kNoChoices, requestOf, type RebuildChoices } from './rebuild_choices.js';
+import { RebuildOptions } from './rebuild_options.js';
+
+type Request = Schema<'RebuildRequest'>;
+
+/** The form that builds a new version of a map of its drives. What is chosen is kept over a reload. */
+export function RebuildPage({ map }: { map: string }) {
+  const drives = useLoad((signal) => ask('get', '/v1/maps/{map}/drives', { path: { map }, signal }), [map], { everyS: 5 });
+  const complete = drives.data?.data.drives.filter(({ status }) => status === 'complete');
+  return (
+    <>
+      <div class="heading">
+        <a class="button plain" href={linkTo('maps', [map])} aria-label={`Back to ${map}`}><Icon name="back" /></a>
+        <h1>Rebuild {map}</h1>
+      </div>
+      {drives.error !== undefined && <Trouble error={drives.error} onRetry={drives.reload} />}
+      {complete?.length === 0 && (
+        <Empty title="There is no complete drive of this map">
+          <p>New versions are built of drives. Upload one on the map’s page, as a folder or a tar.</p>
+          <a class="button" href={linkTo('maps', [map])}>To {map}</a>
+        </Empty>
+      )}
+      {complete !== undefined && complete.length > 0 && <Form map={map} drives={complete} />}
+    </>
+  );
+}
+
+function Form({ map, drives }: { map: string; drives: readonly DriveRow[] }) {
+  const slot = `rebuild.${map}`;
+  const [choices, setChoices] = useKept<RebuildChoices>(slot, { ...kNoChoices, drives: drives.map(({ id }) => id) });
+  const [error, setError] = useState<ApiError>();
+  const [busy, setBusy] = useState(false);
+  const known = { ...kNoChoices, ...choices };
+  const fault = faultOf(known, drives);
+  const set = (change: Partial<RebuildChoices>): void => setChoices({ ...known, ...change });
+  const submit = async (event: Event): Promise<void> => {
+    event.preventDefault();
+    if (fault !== undefined) return;
+    setBusy(true);
+    setError(undefined);
+    try {
+      const json = requestOf(known, drives) as Request;
+      const { data } = await ask('post', '/v1/maps/{map}/rebuild', { path: { map }, json, headers: { 'Idempotency-Key': crypto.randomUUID?.() ?? String(Math.random()) } });
+      forget(slot);
+      watchJob(data.id);
+      go(linkTo('jobs', [String(data.id)]));
+    } catch (reason) {
+      setError(toApiError(reason));
+      setBusy(false);
+    }
+  };
+  return (
+    <form class="rebuild" onSubmit={(event) => void submit(event)}>
+      <DriveChoice drives={drives} choices={known} set={set} />
+      <RebuildOptions choices={known} set={set} />
+      <fieldset class="card form-part">
+        <legend>When it is built</legend>
+        <Field label="Name of the version" fault={known.version === '' ? undefined : faultOfName(known.version)} hint="Left empty, it is named by its day and job.">
+          {(props) => <input {...props} value={known.version} placeholder="20261122-job12" onInput={(event) => set({ version: event.currentTarget.value })} />}
+        </Field>
+        <label class="check">
+          <input type="checkbox" checked={known.activate} onChange={(event) => set({ activate: event.currentTarget.checked })} />
+          <span>Publish it at once if it passes its checks<span class="hint block">Otherwise it is stored, and you publish it after looking at it.</span></span>
+        </label>
+        <label class="check">
+          <input type="checkbox" checked={known.newFrame} onChange={(event) => set({ newFrame: event.currentTarget.checked })} />
+          <span>Do not bring it into the frame of the active version<span class="hint block">Then positions mean other places than before, and it is judged as a first version.</span></span>
+        </label>
+      </fieldset>
+      {error !== undefined && <Trouble error={error} title="The rebuild was not taken" />}
+      <div class="actions">
+        {fault !== undefined && <p class="fault" role="status">{fault}</p>}
+        <span class="grow" />
+        <a class="button" href={linkTo('maps', [map])}>Cancel</a>
+        <button type="submit" class="primary" disabled={busy || fault !== undefined}>{busy ? 'One moment…' : 'Start the rebuild'}</button>
+      </div>
+    </form>
+  );
+}
+
+function faultOf(choices: RebuildChoices, drives: readonly DriveRow[]): string | undefined {
+  if (!drives.some(({ id }) => choices.drives.includes(id) && id !== choices.heldBack)) return 'Choose at least one drive to build of.';
+  if (choices.version !== '' && faultOfName(choices.version) !== undefined) return 'The name of the version cannot be used.';
+  return undefined;
+}
+
+function DriveChoice({ drives, choices, set }: { drives: readonly DriveRow[]; choices: RebuildChoices; set: (change: Partial<RebuildChoices>) => void }) {
+  const toggle = (id: number, on: boolean): void =>
+    set({ drives: on ? [...choices.drives, id] : choices.drives.filter((other) => other !== id) });
+  return (
+    <fieldset class="card form-part">
+      <legend>Drives</legend>
+      <div class="drive-choice">
+        {drives.map(({ id, name, bytes: size, created_ns }) => (
+          <label key={id} class="check">
+            <input
+              type="checkbox" checked={choices.drives.includes(id) && choices.heldBack !== id} disabled={choices.heldBack === id}
+              onChange={(event) => toggle(id, event.currentTarget.checked)}
+            />
+            <span>{name === '' ? `Drive ${id}` : name} <span class="quiet">no. {id} · {bytes(size)} · {date(created_ns)}</span></span>
+          </label>
+        ))}
+      </div>
+      <Field label="Judge it by" hint="A drive that is not built in, of the same streets, tells most about what the map is worth. Without one, every tenth scan stays out.">
+        {(props) => (
+          <select {...props} value={choices.heldBack ?? ''} onChange={({ currentTarget: { value } }) => set({ heldBack: value === '' ? null : Number(value) })}>
+            <option value="">Every tenth scan of the drives</option>
+            {drives.map(({ id, name }) => <option key={id} value={id}>{name === '' ? `Drive ${id}` : name} (no. {id})</option>)}
+          </select>
+        )}
+      </Field>
+    </fieldset>
+  );
+}

@@ -1,0 +1,145 @@
+import { useState } from 'preact/hooks';
+import { linkTo } from '../router.js';
+import { age, area, bytes, date, short } from '../ui/format.js';
+import { Icon } from '../ui/icon.js';
+import { Badge } from '../ui/parts.js';
+import { downloadPackage } from './download.js';
+import { tellingOptions, type VersionRow } from './facts.js';
+import { DeleteVersion, Publish, RollBack } from './version_dialogs.js';
+
+export interface VersionListData {
+  version: string | null;
+  previous_version: string | null;
+  versions: readonly VersionRow[];
+}
+
+export interface VersionsProps {
+  map: string;
+  list: VersionListData;
+  /** The map's revision: what is done here is done to the map as it is shown. */
+  etag: string | undefined;
+  onChange: () => void;
+}
+
+type Open = { what: 'publish' | 'delete'; version: string } | { what: 'rollback' };
+
+/** A map's versions, newest first, and what can be done with each. */
+export function VersionsSection({ map, list, etag, onChange }: VersionsProps) {
+  const [open, setOpen] = useState<Open>();
+  const dialog = { map, etag, onChange, onClose: () => setOpen(undefined) };
+  const newestFirst = [...list.versions].reverse();
+  return (
+    <section aria-labelledby="versions">
+      <div class="heading">
+        <h2 id="versions">Versions</h2>
+        <span class="grow" />
+        {list.versions.length > 1 && <CompareChoice map={map} list={list} />}
+        {list.previous_version !== null && (
+          <button type="button" onClick={() => setOpen({ what: 'rollback' })}>Roll back to {list.previous_version}</button>
+        )}
+      </div>
+      {newestFirst.length === 0 ? <p class="quiet">None yet.</p> : (
+        <div class="card table-frame">
+          <table class="versions">
+            <thead>
+              <tr>
+                <th scope="col">Version</th><th scope="col">Stored</th><th scope="col" class="end">Area</th>
+                <th scope="col" class="end">Points</th><th scope="col" class="end">Size</th><th scope="col">Built of</th>
+                <th scope="col"><span class="unseen">Actions</span></th>
+              </tr>
+            </thead>
+            <tbody>
+              {newestFirst.map((version) => <Row key={version.version} map={map} list={list} version={version} onOpen={setOpen} />)}
+            </tbody>
+          </table>
+        </div>
+      )}
+      {open?.what === 'publish' && <Publish {...dialog} version={open.version} active={list.version ?? undefined} />}
+      {open?.what === 'delete' && <DeleteVersion {...dialog} version={open.version} />}
+      {open?.what === 'rollback' && (
+        <RollBack {...dialog} version={list.previous_version ?? ''} active={list.version ?? undefined} />
+      )}
+    </section>
+  );
+}
+
+interface RowProps {
+  map: string;
+  list: VersionListData;
+  version: VersionRow;
+  onOpen: (open: Open) => void;
+}
+
+function Row({ map, list, version, onOpen }: RowProps) {
+  const { version: name } = version;
+  const options = tellingOptions(version.options);
+  return (
+    <tr data-version={name}>
+      <th scope="row" class="name">
+        <a href={linkTo('view', [map, name])}>{name}</a>
+        <span class="badges">
+          {version.active && <Badge tone="good">Active</Badge>}
+          {name === list.previous_version && <Badge tone="plain">Before</Badge>}
+          {version.state === 'failed' && <Badge tone="bad">Failed</Badge>}
+          {version.state === 'loading' && <Badge tone="live">Loading</Badge>}
+        </span>
+        {version.failure !== undefined && <span class="fault">{version.failure}</span>}
+      </th>
+      <td title={date(version.created_ns)}>{age(version.created_ns)}</td>
+      <td class="end number">{version.area_m2 === undefined ? '–' : area(version.area_m2)}</td>
+      <td class="end number">{version.points === undefined ? '–' : short(version.points)}</td>
+      <td class="end number">{bytes(version.bytes)}</td>
+      <td class="built">
+        <span>{version.drives?.join(', ') ?? '–'}</span>
+        <span class="quiet" title={allOptions(version.options)}>{options.length > 0 ? options.join(' · ') : version.options === undefined ? '' : 'usual options'}</span>
+      </td>
+      <td class="end">
+        <div class="actions end">
+          {list.version !== null && !version.active && (
+            <a class="button small" href={linkTo('compare', [map, list.version, name])} aria-label={`Compare ${name} with ${list.version}`}>
+              <Icon name="compare" /> Compare
+            </a>
+          )}
+          {!version.active && (
+            <button type="button" class="small" onClick={() => onOpen({ what: 'publish', version: name })} aria-label={`Publish ${name}`}>Publish</button>
+          )}
+          <button type="button" class="plain small" aria-label={`Download ${name} as a tar`} title="Download as a tar" onClick={() => void downloadPackage(map, name)}>
+            <Icon name="download" />
+          </button>
+          <button
+            type="button" class="plain small" aria-label={`Delete ${name}`} disabled={version.active}
+            title={version.active ? 'The active version cannot be deleted' : 'Delete'} onClick={() => onOpen({ what: 'delete', version: name })}
+          >
+            <Icon name="trash" />
+          </button>
+        </div>
+      </td>
+    </tr>
+  );
+}
+
+function allOptions(options: Record<string, string> | undefined): string {
+  return Object.entries(options ?? {}).map(([name, value]) => `${name}: ${value}`).join('\n');
+}
+
+/** Any two versions beside each other. */
+function CompareChoice({ map, list }: { map: string; list: VersionListData }) {
+  const names = list.versions.map(({ version }) => version);
+  const [first, setFirst] = useState(list.version ?? names[0] ?? '');
+  const [second, setSecond] = useState(names.filter((name) => name !== first).at(-1) ?? '');
+  const choice = (label: string, value: string, set: (name: string) => void) => (
+    <select aria-label={label} value={value} onChange={(event) => set(event.currentTarget.value)}>
+      {names.map((name) => <option key={name} value={name}>{name}</option>)}
+    </select>
+  );
+  return (
+    <div class="compare-choice">
+      {choice('Compare', first, setFirst)}
+      <span class="quiet">with</span>
+      {choice('with', second, setSecond)}
+      {first === second
+        ? <button type="button" disabled>Compare</button>
+        : <a class="button" href={linkTo('compare', [map, first, second])}><Icon name="compare" /> Compare</a>}
+    </div>
+  );
+}

@@ -1,0 +1,35 @@
+import { useEffect, useRef, useState } from 'preact/hooks';
+import { send } from '../api/send.js';
+
+export interface PictureProps {
+  /** Route of an image; undefined shows none. */
+  path: string | undefined;
+  label: string;
+}
+
+/** An image of the server, asked for with the key, which an `img` element could not send. Drawn on a canvas. */
+export function Picture({ path, label }: PictureProps) {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const [state, setState] = useState<'loading' | 'there' | 'none'>('loading');
+  useEffect(() => {
+    setState(path === undefined ? 'none' : 'loading');
+    if (path === undefined) return undefined;
+    const stop = new AbortController();
+    const load = async (): Promise<void> => {
+      const response = await send('GET', path, { signal: stop.signal });
+      const bitmap = await createImageBitmap(await response.blob());
+      if (canvas.current === null) return;
+      canvas.current.width = bitmap.width;
+      canvas.current.height = bitmap.height;
+      canvas.current.getContext('2d')?.drawImage(bitmap, 0, 0);
+      setState('there');
+    };
+    load().catch(() => stop.signal.aborted || setState('none'));
+    return () => stop.abort();
+  }, [path]);
+  return (
+    <div class={`picture ${state}`} role="img" aria-label={state === 'none' ? `${label}: no picture` : label}>
+      <canvas ref={canvas} width={1} height={1} />
+    </div>
+  );
+}

@@ -1,0 +1,71 @@
+// What a person drops or chooses: one file, or a folder with all that is in it.
+
+import { lookAt, lookAtFolder, type Look } from './kind.js';
+import { tarOf, type TarEntry } from './tar.js';
+
+export interface Chosen {
+  /** Of the file or folder. */
+  name: string;
+  look: Look;
+  /** What travels: the file, or a tar of the folder. */
+  content: Blob;
+  /** Newest change of a file in it [ms since 1970]. */
+  changedMs: number;
+  files: number;
+}
+
+/** One file of an `<input type=file>`. */
+export async function chosenFile(file: File): Promise<Chosen> {
+  return { name: file.name, look: await lookAt(file), content: file, changedMs: file.lastModified, files: 1 };
+}
+
+/** The files of an `<input type=file webkitdirectory>`, or of a dropped folder. @param files with paths below the folder */
+export function chosenFolder(name: string, files: readonly TarEntry[]): Chosen {
+  const wanted = files.filter(({ path }) => !kClutter.test(path));
+  const changedMs = wanted.reduce((newest, { file }) => Math.max(newest, file.lastModified ?? 0), 0);
+  const look = lookAtFolder(name, wanted.map(({ path }) => path));
+  return { name, look, content: 'refused' in look ? new Blob([]) : tarOf(wanted), changedMs, files: wanted.length };
+}
+
+/** What file managers leave behind. */
+const kClutter = /(^|\/)(\.DS_Store|Thumbs\.db|desktop\.ini|\._[^/]*)$/;
+
+/** @param list of an `<input webkitdirectory>`: paths begin with the folder's name. */
+export function fromDirectoryInput(list: readonly File[]): Chosen {
+  const name = list[0]?.webkitRelativePath.split('/')[0] ?? 'folder';
+  return chosenFolder(name, list.map((file) => ({ path: file.webkitRelativePath.slice(name.length + 1), file })));
+}
+
+/**
+ * What was dropped. Must be called within the drop event, since its list is empty after it.
+ *
+ * @return an empty list when nothing of it is a file.
+ */
+export async function fromDrop(transfer: DataTransfer): Promise<Chosen[]> {
+  const items = [...transfer.items].filter(({ kind }) => kind === 'file');
+  const dropped = items.map((item) => ({ entry: item.webkitGetAsEntry(), file: item.getAsFile() }));
+  const all = await Promise.all(dropped.map(async ({ entry, file }) => {
+    if (entry?.isDirectory === true) return chosenFolder(entry.name, await filesBelow(entry as FileSystemDirectoryEntry, ''));
+    return file === null ? undefined : chosenFile(file);
+  }));
+  return all.filter((one) => one !== undefined);
+}
+
+function fileOf(entry: FileSystemFileEntry): Promise<File> {
+  return new Promise((resolve, reject) => entry.file(resolve, reject));
+}
+
+async function filesBelow(folder: FileSystemDirectoryEntry, prefix: string): Promise<TarEntry[]> {
+  const found: TarEntry[] = [];
+  const reader = folder.createReader();
+  for (;;) {
+    // A folder is told in pieces, the last of them empty.
+    const piece = await new Promise<FileSystemEntry[]>((resolve, reject) => reader.readEntries(resolve, reject));
+    if (piece.length === 0) return found;
+    for (const entry of piece) {
+      const path = `${prefix}${entry.name}`;
+      if (entry.isFile) found.push({ path, file: await fileOf(entry as FileSystemFileEntry) });
+      else found.push(...await filesBelow(entry as FileSystemDirectoryEntry, `${path}/`));
+    }
+  }
+}

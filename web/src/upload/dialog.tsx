@@ -1,0 +1,188 @@
+import { useEffect, useState } from 'preact/hooks';
+import { ask } from '../api/client.js';
+import { Dialog } from '../ui/dialog.js';
+import { bytes, plural } from '../ui/format.js';
+import { useKept } from '../ui/kept.js';
+import { useLoad } from '../ui/load.js';
+import { Field, Trouble } from '../ui/parts.js';
+import { toApiError, type ApiError } from '../api/errors.js';
+import { chosenFile, fromDirectoryInput, fromDrop, type Chosen } from './chosen.js';
+import { collectionOf, kKindWords, type Kind } from './kind.js';
+import { startUpload } from './manager.js';
+import { faultOfName, suggestedMap, suggestedVersion } from './names.js';
+import { begunWith } from './remembered.js';
+
+/** An upload that was begun: its number, and the name of the drive or version. */
+export interface GoOn {
+  id: number;
+  name: string;
+  kind: Kind;
+}
+
+export interface UploadDialogProps {
+  onClose: () => void;
+  /** Already dropped or chosen. */
+  chosen?: Chosen | undefined;
+  /** The map that it goes to; undefined lets the person choose. */
+  map?: string | undefined;
+  /** The upload that broke off. */
+  goOn?: GoOn | undefined;
+}
+
+/** Asks what is to be uploaded where, and begins it. */
+export function UploadDialog({ onClose, chosen: first, map, goOn }: UploadDialogProps) {
+  const [chosen, setChosen] = useState(first);
+  const [error, setError] = useState<ApiError>();
+  const choose = (promise: Promise<Chosen | undefined>): void => {
+    setError(undefined);
+    promise.then((next) => next !== undefined && setChosen(next), (reason: unknown) => setError(toApiError(reason)));
+  };
+  const title = goOn === undefined ? 'Upload' : `Go on with “${goOn.name}”`;
+  const isUsable = chosen !== undefined && 'kind' in chosen.look;
+  return (
+    <Dialog title={title} onClose={onClose}>
+      {goOn !== undefined && <p>Choose the same file or folder again. What the server has of it is not sent twice.</p>}
+      <Chooser chosen={chosen} choose={choose} />
+      {error !== undefined && <Trouble error={error} />}
+      {chosen !== undefined && 'refused' in chosen.look && <p class="trouble" role="alert">{chosen.look.refused}</p>}
+      {isUsable && <Where key={chosen.name} chosen={chosen} map={map} goOn={goOn} onClose={onClose} />}
+      {!isUsable && (
+        <div class="actions"><span class="grow" /><button type="button" onClick={onClose}>Cancel</button></div>
+      )}
+    </Dialog>
+  );
+}
+
+function Chooser({ chosen, choose }: { chosen: Chosen | undefined; choose: (promise: Promise<Chosen | undefined>) => void }) {
+  const [over, setOver] = useState(false);
+  return (
+    <div
+      class={over ? 'chooser over' : 'chooser'}
+      onDragOver={(event) => { event.preventDefault(); setOver(true); }}
+      onDragLeave={() => setOver(false)}
+      onDrop={(event) => {
+        event.preventDefault();
+        event.stopPropagation();
+        setOver(false);
+        if (event.dataTransfer !== null) choose(fromDrop(event.dataTransfer).then((all) => all[0]));
+      }}
+    >
+      {chosen === undefined
+        ? <p>Drop a file or a folder here: a map package or a drive as a folder or tar (plain, gzip, zstd), or points as PCD or PLY.</p>
+        : <p><strong>{chosen.name}</strong> <span class="quiet">{wordsOf(chosen)}</span></p>}
+      <div class="actions">
+        <label class="button">
+          {chosen === undefined ? 'Choose a file' : 'Another file'}
+          <input
+            type="file" class="unseen"
+            onChange={({ currentTarget: { files } }) => files?.[0] !== undefined && choose(chosenFile(files[0]))}
+          />
+        </label>
+        <label class="button">
+          {chosen === undefined ? 'Choose a folder' : 'Another folder'}
+          <input
+            type="file" class="unseen" {...{ webkitdirectory: true }}
+            onChange={({ currentTarget: { files } }) =>
+              files !== null && files.length > 0 && choose(Promise.resolve().then(() => fromDirectoryInput([...files])))}
+          />
+        </label>
+      </div>
+    </div>
+  );
+}
+
+function wordsOf({ content, files, look }: Chosen): string {
+  if ('refused' in look) return '';
+  return `${bytes(content.size)}${files > 1 ? ` · ${plural(files, 'file')}` : ''}${look.sure ? ` · ${kKindWords[look.kind]}` : ''}`;
+}
+
+interface WhereProps {
+  chosen: Chosen;
+  map: string | undefined;
+  goOn: GoOn | undefined;
+  onClose: () => void;
+}
+
+/** Map, name and kind of what was chosen. */
+function Where({ chosen, map: fixedMap, goOn, onClose }: WhereProps) {
+  const look = 'kind' in chosen.look ? chosen.look : undefined;
+  const [kind, setKind] = useState<Kind>(goOn?.kind ?? look?.kind ?? 'package');
+  const [typedMap, setMap] = useKept('upload.map', '');
+  const [typedName, setName] = useState<string>();
+  const maps = useLoad((signal) => ask('get', '/v1/maps', { signal }), []);
+  const map = fixedMap ?? (typedMap === '' ? suggestedMap(chosen.name) : typedMap);
+  const versions = useVersionNames(map, kind);
+  const name = goOn?.name ?? typedName ?? (kind === 'drive' ? chosen.name.replace(/\.(tar|tgz|tar\.\w+)$/i, '') : suggestedVersion(versions));
+  const mapFault = faultOfName(map);
+  const nameFault = goOn !== undefined ? undefined : kind === 'drive' ? (name.length > 200 ? 'At most 200 letters.' : undefined) : faultOfName(name);
+  const begun = goOn === undefined
+    ? begunWith({ map, collection: collectionOf(kind), name: chosen.name, bytes: chosen.content.size, changedMs: chosen.changedMs }) : undefined;
+  const start = (event: Event, goOnWith: number | undefined): void => {
+    event.preventDefault();
+    if (mapFault !== undefined || nameFault !== undefined) return;
+    startUpload({ map, kind, name, chosen, goOn: goOnWith });
+    onClose();
+  };
+  return (
+    <form onSubmit={(event) => start(event, goOn?.id ?? begun?.id)}>
+      {look?.sure !== true && goOn === undefined && <KindChoice kind={kind} why={look?.why} onKind={setKind} />}
+      {fixedMap === undefined && (
+        <Field label="Map" fault={mapFault} hint={isNew(map, maps.data?.data.maps) ? 'A new map.' : 'An existing map.'}>
+          {(props) => (
+            <>
+              <input {...props} list="upload-maps" value={map} onInput={(event) => setMap(event.currentTarget.value)} />
+              <datalist id="upload-maps">{maps.data?.data.maps.map((one) => <option key={one.name} value={one.name} />)}</datalist>
+            </>
+          )}
+        </Field>
+      )}
+      {goOn === undefined && (
+        <Field
+          label={kind === 'drive' ? 'Name of the drive' : 'Name of the version'} fault={nameFault}
+          hint={kind === 'drive' ? 'For you to tell drives apart.' : 'It never changes. It is stored, not published yet.'}
+        >
+          {(props) => <input {...props} value={name} onInput={(event) => setName(event.currentTarget.value)} />}
+        </Field>
+      )}
+      {begun !== undefined && <p class="remark" role="status">The upload of this file was begun before. It goes on where it broke off.</p>}
+      <div class="actions">
+        {begun !== undefined && <button type="button" onClick={(event) => start(event, undefined)}>Begin anew</button>}
+        <span class="grow" />
+        <button type="button" onClick={onClose}>Cancel</button>
+        <button type="submit" class="primary">{begun === undefined && goOn === undefined ? 'Upload' : 'Go on'}</button>
+      </div>
+    </form>
+  );
+}
+
+function KindChoice({ kind, why, onKind }: { kind: Kind; why: string | undefined; onKind: (kind: Kind) => void }) {
+  return (
+    <fieldset class="field">
+      <legend class="field-label">What is it?</legend>
+      {why !== undefined && <p class="hint">{why}</p>}
+      {(['package', 'drive'] as const).map((one) => (
+        <label key={one} class="check">
+          <input type="radio" name="upload-kind" checked={kind === one} onChange={() => onKind(one)} /> {kKindWords[one]}
+        </label>
+      ))}
+    </fieldset>
+  );
+}
+
+function isNew(map: string, maps: readonly { name: string }[] | undefined): boolean {
+  return maps !== undefined && !maps.some(({ name }) => name === map);
+}
+
+/** Names that are taken; empty for a map that is not there yet. */
+function useVersionNames(map: string, kind: Kind): string[] {
+  const [names, setNames] = useState<string[]>([]);
+  useEffect(() => {
+    const stop = new AbortController();
+    setNames([]);
+    if (kind === 'drive' || faultOfName(map) !== undefined) return undefined;
+    ask('get', '/v1/maps/{map}/versions', { path: { map }, signal: stop.signal }).then(
+      ({ data }) => setNames(data.versions.map(({ version }) => version)), () => undefined);
+    return () => stop.abort();
+  }, [map, kind]);
+  return names;
+}

@@ -1,0 +1,178 @@
+// Where an upload goes: the server's routes for parts, as one interface.
+
+import { addressOf } from '../api/client.js';
+import { ApiError } from '../api/errors.js';
+import { jsonOf, send } from '../api/send.js';
+import type { ListedPart } from './parts.js';
+
+/** What the server made of an upload. */
+export type Outcome =
+  | { is: 'drive'; drive: number }
+  | { is: 'version'; version: string; wasThere: boolean }
+  | { is: 'job'; job: number };
+
+export interface Target {
+  /** One request takes all of it, which it has itself. */
+  readonly whole?: boolean;
+  /** Opens the upload where that was not done yet. @return the parts that are there. */
+  begin(signal: AbortSignal): Promise<ListedPart[]>;
+  /** @param digest as `Content-Digest`; undefined where the browser can make none. */
+  put(
+    n: number, body: ArrayBuffer, digest: string | undefined, onProgress: (sentBytes: number) => void, signal: AbortSignal,
+  ): Promise<void>;
+  /** Has the whole checked, which may take minutes. */
+  finish(signal: AbortSignal): Promise<Outcome>;
+  /** Takes back what was sent. */
+  discard(): Promise<void>;
+}
+
+/** An upload as the server lists it; of a drive and of a package alike. */
+interface Listed {
+  id: number;
+  status: 'open' | 'complete' | 'failed';
+  error: string;
+  parts: ListedPart[];
+}
+
+/** Begun uploads of drives, or of packages and map files. */
+export type Collection = 'drives' | 'uploads';
+
+const kPartStandsStillS = 60;
+const kCheckS = 3600;
+
+/** Drives, packages and map files by parts. */
+export class PartsTarget implements Target {
+  private id_: number | undefined;
+
+  /**
+   * @param opening  JSON of the request that opens it.
+   * @param id       of one that was begun before.
+   * @param onOpen   told its id once it is open.
+   */
+  constructor(
+    private readonly map_: string, private readonly collection_: Collection, private readonly opening_: object,
+    id: number | undefined, private readonly onOpen_: (id: number) => void,
+  ) {
+    this.id_ = id;
+  }
+
+  async begin(signal: AbortSignal): Promise<ListedPart[]> {
+    if (this.id_ === undefined) {
+      const opened = await this.json('POST', '', signal, { body: JSON.stringify(this.opening_) });
+      this.id_ = opened.id;
+      this.onOpen_(opened.id);
+      return opened.parts;
+    }
+    const there = await this.json('GET', '/{id}', signal);
+    if (there.status === 'failed') throw new ApiError('problem', `The server could not use it: ${there.error}`);
+    return there.parts;
+  }
+
+  async put(
+    n: number, body: ArrayBuffer, digest: string | undefined, onProgress: (sentBytes: number) => void, signal: AbortSignal,
+  ): Promise<void> {
+    await send('PUT', this.address('/{id}/parts/{n}', { n }), {
+      body, signal, onProgress, timeoutS: kPartStandsStillS,
+      headers: { 'Content-Type': 'application/octet-stream', ...(digest === undefined ? {} : { 'Content-Digest': digest }) },
+    });
+  }
+
+  async finish(signal: AbortSignal): Promise<Outcome> {
+    const path = this.address('/{id}/complete');
+    const response = await send('POST', path, { signal, timeoutS: kCheckS });
+    return this.outcome(response.status, await jsonOf(response, `POST ${path}`));
+  }
+
+  async discard(): Promise<void> {
+    if (this.id_ === undefined) return;
+    await send('DELETE', this.address('/{id}')).catch((error: unknown) => {
+      if (!(error instanceof ApiError) || error.status !== 404) throw error;
+    });
+  }
+
+  private outcome(status: number, answer: unknown): Outcome {
+    if (this.collection_ === 'drives') return { is: 'drive', drive: this.id_ ?? 0 };
+    if (status === 202) return { is: 'job', job: (answer as { id: number }).id };
+    return { is: 'version', version: (answer as { version: string }).version, wasThere: status === 200 };
+  }
+
+  private async json(method: string, rest: string, signal: AbortSignal, options: { body?: string } = {}): Promise<Listed> {
+    const path = this.address(rest);
+    const headers = { 'Content-Type': 'application/json' };
+    const response = await send(method, path, { signal, ...options, ...(options.body === undefined ? {} : { headers }) });
+    return (await jsonOf(response, `${method} ${path}`)) as Listed;
+  }
+
+  private address(rest: string, path: Record<string, number> = {}): string {
+    return addressOf(`/v1/maps/{map}/${this.collection_}${rest}`, { map: this.map_, id: this.id_ ?? 0, ...path });
+  }
+}
+
+/** A package or map file in one request. */
+export class WholeTarget implements Target {
+  readonly whole = true;
+  private outcome_: Outcome | undefined;
+
+  constructor(
+    private readonly map_: string, private readonly version_: string, private readonly contentType_: string,
+    private readonly content_: Blob,
+  ) {}
+
+  begin(): Promise<ListedPart[]> {
+    return Promise.resolve([]);
+  }
+
+  async put(
+    _n: number, _body: ArrayBuffer, _digest: string | undefined, onProgress: (sentBytes: number) => void, signal: AbortSignal,
+  ): Promise<void> {
+    const path = addressOf('/v1/maps/{map}/versions/{version}', { map: this.map_, version: this.version_ });
+    const headers = { 'Content-Type': this.contentType_ };
+    const response = await send('PUT', path, { body: this.content_, headers, signal, onProgress, timeoutS: kCheckS });
+    const answer = await jsonOf(response, `PUT ${path}`);
+    this.outcome_ = response.status === 202
+      ? { is: 'job', job: (answer as { id: number }).id }
+      : { is: 'version', version: this.version_, wasThere: response.status === 200 };
+  }
+
+  finish(): Promise<Outcome> {
+    return this.outcome_ === undefined ? Promise.reject(new Error('nothing was sent')) : Promise.resolve(this.outcome_);
+  }
+
+  discard(): Promise<void> {
+    return Promise.resolve();
+  }
+}
+
+/** By parts, or in one request where the server knows no uploads by parts. */
+export class PackageTarget implements Target {
+  private isWhole_ = false;
+
+  constructor(private readonly parts_: PartsTarget, private readonly whole_: WholeTarget) {}
+
+  get whole(): boolean {
+    return this.isWhole_;
+  }
+
+  async begin(signal: AbortSignal): Promise<ListedPart[]> {
+    if (this.isWhole_) return this.whole_.begin();
+    try {
+      return await this.parts_.begin(signal);
+    } catch (error) {
+      if (!(error instanceof ApiError) || error.code !== 'UnknownRoute') throw error;
+      this.isWhole_ = true;
+      return this.whole_.begin();
+    }
+  }
+
+  put(...args: Parameters<Target['put']>): Promise<void> {
+    return this.isWhole_ ? this.whole_.put(...args) : this.parts_.put(...args);
+  }
+
+  finish(signal: AbortSignal): Promise<Outcome> {
+    return this.isWhole_ ? this.whole_.finish() : this.parts_.finish(signal);
+  }
+
+  discard(): Promise<void> {
+    return this.isWhole_ ? this.whole_.discard() : this.parts_.discard();
+  }
+}
