@@ -173,6 +173,7 @@ MapExportReport export_map(const MapPackage& map, std::string_view format,
   check_export_options(row.format, options);
   MapExportReport report;
   ExportJob job{map, options, frame_of(row.format, options, map), {}, report};
+  job.tell({0.0, 0.0}, 0, 1);
   if (job.frame == kLocal) report.origin = map.manifest().origin;
   if (row.format.is_folder) {
     PartialFolder partial(target);

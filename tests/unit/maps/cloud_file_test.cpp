@@ -169,7 +169,7 @@ TEST(CloudFile, WhatCannotBeReadIsRefusedInWords) {
                            const std::string& said) {
     EXPECT_THAT([&] { (void)read(folder, name, bytes); }, ThrowsSaying<InputError>({name, said}));
   };
-  refuses("a.xyz", "1 2 3\n", ".pcd or .ply");
+  refuses("a.xyz", "1 2 3\n", ".pcd, .ply or .las");
   refuses("empty.pcd", "", "header");
   refuses("short.pcd", pcd_header("4", 2, "binary") + "12345678", "points");
   refuses("huge.pcd", pcd_header("4", 2'000'000'000, "binary") + "12345678", "2000000000");
