@@ -17,6 +17,7 @@
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/maps/edits.hpp>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/geodesy.hpp>
 #include <stillmap/maps/map_graph.hpp>
 #include <stillmap/maps/map_package.hpp>
 
@@ -221,6 +222,8 @@ std::vector<std::string> MapBuildOptions::violations() const {
   check("min_range_m", min_range_m, 0.0, 20.0);
   check("max_range_m", max_range_m, 5.0, 300.0);
   check("threads", threads, 0, 256);
+  if (geodetic_origin)
+    for (const std::string& each : maps::violations(*geodetic_origin)) broken.push_back(each);
   if (held_back_every == 1)
     broken.emplace_back("held_back_every: 1, expected 0 (none) or at least 2");
   if (ground.sensor_height_m) check("sensor_height_m", *ground.sensor_height_m, 0.1, 10.0);

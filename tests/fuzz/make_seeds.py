@@ -190,6 +190,30 @@ def make_weights():
     put("voxelnext_weights", "config", json.dumps(config))
 
 
+def las(minor, point_format, point_bytes, records, wkt_bit=0):
+    header_bytes = {2: 227, 3: 235, 4: 375}[minor]
+    body = b"".join(struct.pack("<H16sHH32s", 0, b"LASF_Projection", number, len(content), b"") + content
+                    for number, content in records)
+    points = b"".join(struct.pack("<3iHBBB", *[int(1000 * c) for c in p[:3]], 7, 0x11, 0, 2).ljust(point_bytes, b"\0")
+                      for p in POINTS)
+    head = bytearray(header_bytes)
+    struct.pack_into("<4sHH16sBB", head, 0, b"LASF", 0, wkt_bit, b"", 1, minor)
+    struct.pack_into("<HIIBHI", head, 94, header_bytes, header_bytes + len(body), len(records), point_format, point_bytes,
+                     len(POINTS) if minor < 4 else 0)
+    struct.pack_into("<6d", head, 131, 0.001, 0.001, 0.001, 448000, 5427000, 100)
+    if minor == 4:
+        struct.pack_into("<QIQ", head, 235, 0, 0, len(POINTS))
+    return bytes(head) + body + points
+
+
+def make_las():
+    keys = struct.pack("<12H", 1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 32632)
+    wkt = b'PROJCS["WGS 84 / UTM zone 32N",GEOGCS["WGS 84"],UNIT["metre",1],AUTHORITY["EPSG","32632"]]\0'
+    put("las", "geo_keys", las(2, 0, 20, [(34735, keys)]))
+    put("las", "format_3", las(3, 3, 36, []))
+    put("las", "wkt", las(4, 6, 30, [(2112, wkt)], 16))
+
+
 if __name__ == "__main__":
-    for make in (make_scans, make_requests, make_http, make_packages, make_index, make_weights):
+    for make in (make_las, make_scans, make_requests, make_http, make_packages, make_index, make_weights):
         make()

@@ -155,6 +155,9 @@ std::string trajectory_key(const std::vector<maps::Drive>& drives, const MapBuil
   std::string key = program() + fmt::format("odometry: {}\n", odometry);
   for (const auto& [name, text] : texts_of(options.trajectory))
     key += fmt::format("{}: {}\n", name, text);
+  if (const auto& place = options.geodetic_origin)
+    key += fmt::format("geodetic origin: {} {} {}\n", place->latitude_deg, place->longitude_deg,
+                       place->altitude_m);
   const maps::Selection& scans = options.selection;
   key += fmt::format("scans: {} {}\n", scans.begin, scans.end ? std::to_string(*scans.end) : "");
   for (std::size_t i = 0; i < drives.size(); ++i) {

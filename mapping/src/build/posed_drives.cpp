@@ -55,6 +55,18 @@ std::map<std::string, std::uint64_t> counts_of(const TrajectoryEstimate& estimat
   return counts;
 }
 
+/// The drive with the place of its frame that the options give.
+maps::Drive placed(const maps::Drive& drive, const MapBuildOptions& options) {
+  if (!options.geodetic_origin) return drive;
+  const std::string name = drive.contents().root.string();
+  if (!drive.has_poses())
+    throw maps::InputError(name, "no poses beside a geodetic origin",
+                           "poses in a frame whose x is east and y is north");
+  if (drive.contents().origin)
+    throw maps::InputError(name, "a drive that says where its poses lie", "no --geo-origin");
+  return drive.with_poses(drive.contents().T_map_lidar, options.geodetic_origin);
+}
+
 }  // namespace
 
 std::vector<maps::Drive> open_drives(const std::vector<std::filesystem::path>& folders,
@@ -64,7 +76,7 @@ std::vector<maps::Drive> open_drives(const std::vector<std::filesystem::path>& f
     throw std::invalid_argument("poses file: found with several drives, expected one drive");
   std::vector<maps::Drive> drives;
   for (const std::filesystem::path& folder : folders)
-    drives.push_back(maps::Drive::open(folder, options.poses_file));
+    drives.push_back(placed(maps::Drive::open(folder, options.poses_file), options));
   return drives;
 }
 

@@ -40,11 +40,29 @@ struct Bounds {
   Eigen::Vector3d max = -min;
 };
 
+/// Where a map from elsewhere stands.
+struct ImportFrame {
+  std::optional<maps::GeodeticOrigin> place;
+  std::optional<maps::UtmZone> utm;
+  /// With `utm`.
+  std::optional<maps::UtmProjection> projection;
+  /// As the file names them.
+  std::string coordinates;
+};
+
+/// Whole metres; the addition turns -0 into 0.
+Eigen::Vector3d rounded(const Eigen::Vector3d& p) {
+  return p.array().round().matrix() + Eigen::Vector3d::Zero();
+}
+
 class CloudImport {
  public:
-  CloudImport(const std::filesystem::path& file, const ProgressCallback& progress,
-              const CancelFlag& cancel, MapImportReport& report)
-      : file_(file), progress_(progress), cancel_(cancel), report_(report) {}
+  CloudImport(const std::filesystem::path& file, const MapImportOptions& options,
+              const ProgressCallback& progress, const CancelFlag& cancel, MapImportReport& report)
+      : file_(file), progress_(progress), cancel_(cancel), report_(report) {
+    frame_.place = options.geodetic_origin;
+    frame_.utm = options.utm;
+  }
 
   /// The first time through the file. @return the origin of the tiles [m].
   Eigen::Vector3d measure() {
@@ -56,12 +74,17 @@ class CloudImport {
     points_ = summary.points_in_file;
     report_.counts["in"] = summary.points_in_file;
     report_.counts["dropped_non_finite"] = summary.non_finite;
-    if (summary.points_in_file == summary.non_finite)
+    if (summary.withheld > 0) report_.counts["dropped_withheld"] = summary.withheld;
+    if (summary.points_in_file == summary.non_finite + summary.withheld)
       throw maps::InputError(file_.string(), "no point that is finite", "at least one");
     if (summary.single_precision) check_precision(bounds);
-    // Whole metres; the addition turns -0 into 0.
-    return (0.5 * (bounds.min + bounds.max)).array().round().matrix() + Eigen::Vector3d::Zero();
+    const Eigen::Vector3d middle = rounded(0.5 * (bounds.min + bounds.max));
+    find_frame(summary, middle);
+    return frame_.projection ? rounded(frame_.projection->to_map(middle)) : middle;
   }
+
+  /// Where the map stands, once it is measured.
+  [[nodiscard]] const ImportFrame& frame() const { return frame_; }
 
   /// The second time.
   void stack(const VoxelGrid& grid, TileStack& stack) {
@@ -70,7 +93,7 @@ class CloudImport {
     maps::read_cloud_file(file_, [&](std::span<const maps::CloudPoint> points) {
       ScanVoxels voxels(grid, part++);
       for (const maps::CloudPoint& point : points)
-        too_far += voxels.add({.p_map = point.position, .intensity = point.intensity}) ? 0 : 1;
+        too_far += voxels.add({.p_map = p_map(point), .intensity = point.intensity}) ? 0 : 1;
       stack.add(voxels);
       tell("stack", points.size());
     });
@@ -99,6 +122,39 @@ class CloudImport {
     if (progress_) progress_(stage, done_, std::max<std::size_t>(done_, points_));
   }
 
+  [[nodiscard]] Eigen::Vector3d p_map(const maps::CloudPoint& point) const {
+    return frame_.projection ? frame_.projection->to_map(point.position) : point.position;
+  }
+
+  /// What the file says of its coordinates, beside what the options say.
+  void find_frame(const maps::CloudSummary& summary, const Eigen::Vector3d& middle) {
+    frame_.coordinates = summary.coordinates;
+    if (summary.utm && frame_.utm && *summary.utm != *frame_.utm)
+      throw maps::InputError(file_.string(), summary.coordinates,
+                             fmt::format("EPSG:{}, as the options say", frame_.utm->epsg()));
+    if (!frame_.utm) frame_.utm = summary.utm;
+    if (!frame_.utm) {
+      if (!summary.coordinates.empty())
+        report_.warnings.push_back(fmt::format(
+            "coordinates of '{}', which is no UTM, are taken as they are", summary.coordinates));
+      return;
+    }
+    if (!frame_.place) frame_.place = place_of(middle);
+    frame_.projection.emplace(*frame_.place, *frame_.utm);
+    if (!summary.heights.empty())
+      report_.warnings.push_back(
+          fmt::format("heights of '{}' are taken as above the WGS 84 ellipsoid", summary.heights));
+  }
+
+  [[nodiscard]] maps::GeodeticOrigin place_of(const Eigen::Vector3d& p_utm) const {
+    try {
+      return maps::geodetic_of(p_utm, *frame_.utm);
+    } catch (const std::invalid_argument& error) {
+      throw maps::InputError(file_.string(), error.what(),
+                             "coordinates of the zone that is stated");
+    }
+  }
+
   void check_precision(const Bounds& bounds) {
     const double largest_m =
         std::max(bounds.min.cwiseAbs().maxCoeff(), bounds.max.cwiseAbs().maxCoeff());
@@ -117,6 +173,7 @@ class CloudImport {
   const ProgressCallback& progress_;
   const CancelFlag& cancel_;
   MapImportReport& report_;
+  ImportFrame frame_;
   std::size_t points_ = 0;
   std::size_t done_ = 0;
 };
@@ -193,14 +250,18 @@ void write_places(const ColumnGround& ground, const Eigen::Vector3d& origin,
 }
 
 maps::MapManifest manifest_of(const std::filesystem::path& file, const MapImportOptions& options,
-                              const Eigen::Vector3d& origin, const MapImportReport& report) {
+                              const ImportFrame& frame, const Eigen::Vector3d& origin,
+                              const MapImportReport& report) {
   maps::MapManifest manifest;
-  manifest.frame_id = options.frame_id;
+  manifest.frame_id = options.frame_id.value_or(frame.place ? "enu" : "local");
   manifest.origin = origin;
+  manifest.geodetic_origin = frame.place;
   manifest.voxel_size_m = options.voxel_size_m;
   manifest.software_version = STILLMAP_VERSION;
   manifest.options = {{"import", file.extension().string().substr(1)},
                       {"voxel_size_m", fmt::format("{}", options.voxel_size_m)}};
+  if (frame.utm) manifest.options["utm"] = fmt::format("EPSG:{}", frame.utm->epsg());
+  if (!frame.coordinates.empty()) manifest.options["coordinates"] = frame.coordinates;
   manifest.counts = report.counts;
   manifest.sources = {{"cloud", file.filename().string()},
                       {"cloud_sha256", maps::sha256_of_file(file)}};
@@ -211,10 +272,14 @@ maps::MapManifest manifest_of(const std::filesystem::path& file, const MapImport
 
 std::vector<std::string> MapImportOptions::violations() const {
   std::vector<std::string> broken;
+  if (geodetic_origin) broken = maps::violations(*geodetic_origin);
+  const std::string name = frame_id.value_or("local");
   const bool printable =
-      std::all_of(frame_id.begin(), frame_id.end(), [](char c) { return c >= ' ' && c <= '~'; });
-  if (frame_id.empty() || frame_id.size() > 64 || !printable)
+      std::all_of(name.begin(), name.end(), [](char c) { return c >= ' ' && c <= '~'; });
+  if (name.empty() || name.size() > 64 || !printable)
     broken.emplace_back("frame_id: expected 1 to 64 printable ASCII characters");
+  if (utm && !(utm->number >= 1 && utm->number <= 60))
+    broken.push_back(fmt::format("utm: zone {}, expected in [1, 60]", utm->number));
   if (!(voxel_size_m >= 0.02 && voxel_size_m <= 2.0))
     broken.push_back(fmt::format("voxel_size_m: {}, expected in [0.02, 2]", voxel_size_m));
   if (!(threads >= 0 && threads <= 256))
@@ -229,7 +294,7 @@ MapImportReport import_map(const std::filesystem::path& file, const std::filesys
     throw std::invalid_argument("import options: " + broken.front());
   const Clock::time_point began = Clock::now();
   MapImportReport report;
-  CloudImport cloud(file, progress, cancel, report);
+  CloudImport cloud(file, options, progress, cancel, report);
   const VoxelGrid grid(cloud.measure(), options.voxel_size_m);
   maps::MapPackageWriter writer(target);
   const std::filesystem::path scratch = writer.folder() / "scratch";
@@ -247,8 +312,8 @@ MapImportReport import_map(const std::filesystem::path& file, const std::filesys
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   report.peak_rss_mib = static_cast<double>(usage.ru_maxrss) / 1024.0;
-  report.digest =
-      writer.publish(manifest_of(file, options, grid.origin(), report), to_json(report));
+  report.digest = writer.publish(manifest_of(file, options, cloud.frame(), grid.origin(), report),
+                                 to_json(report));
   return report;
 }
 

@@ -1,16 +1,16 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/geodesy.hpp>
 #include <stillmap/maps/glb.hpp>
-#include <stillmap/maps/partial_folder.hpp>
 #include <stillmap/maps/tileset.hpp>
 
 #include <fmt/format.h>
 
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "exports/export_formats.hpp"
+#include "exports/exporters.hpp"
 #include "levels/level_writer.hpp"
 #include "storage/write_file.hpp"
 
@@ -26,17 +26,15 @@ Eigen::Matrix4d T_world_origin(const MapManifest& manifest) {
   return T.matrix();
 }
 
-/// Writes files into a folder and counts them.
+/// Writes files into a folder.
 class Files {
  public:
-  Files(const fs::path& folder, MapExportReport& report) : folder_(folder), report_(report) {}
+  explicit Files(fs::path folder) : folder_(std::move(folder)) {}
 
   void write(const std::string& name, const std::string& bytes) {
     const fs::path file = folder_ / name;
     fs::create_directories(file.parent_path());
     write_file(file, bytes);
-    ++report_.files;
-    report_.bytes += bytes.size();
   }
   void write(TileId id, const char* ending, const std::string& bytes) {
     write(fmt::format("{}/{}/{}.{}", id.level, id.x, id.y, ending), bytes);
@@ -44,20 +42,18 @@ class Files {
 
  private:
   fs::path folder_;
-  MapExportReport& report_;
 };
 
 }  // namespace
 
-MapExportReport export_tiles3d(const MapPackage& map, const fs::path& out,
-                               const MapExportOptions& options) {
-  MapExportReport report;
-  PartialFolder folder(out);
-  Files files(folder.path(), report);
+void export_tiles3d(ExportJob& job) {
+  const MapPackage& map = job.map;
+  const MapExportOptions& options = job.options;
+  Files files(job.target);
   std::vector<TileEntry> tiles;
   {
     // Never published: it goes at the end of this block.
-    TileFileWriter levels(folder.path() / "levels.tiles", "export");
+    TileFileWriter levels(job.target / "levels.tiles", "export");
     LevelWriter(map, levels, options.work, options.without).run();
     if (options.without.empty()) {
       for (const TileEntry& tile : map.manifest().tiles) {
@@ -71,14 +67,12 @@ MapExportReport export_tiles3d(const MapPackage& map, const fs::path& out,
       files.write(row.id(), "glb", glb_of(row.entry(), levels.read(row)));
     }
   }
-  for (const TileEntry& tile : tiles) report.points += tile.id.level == 0 ? tile.points : 0;
-  if (report.points == 0)
+  for (const TileEntry& tile : tiles) job.report.points += tile.id.level == 0 ? tile.points : 0;
+  if (job.report.points == 0)
     throw InputError(map.folder().string(), "no point that is not left out", "one or more");
   const Tileset tileset(map, std::move(tiles));
   files.write("tileset.json", tileset.text(T_world_origin(map.manifest())));
   for (const TileId cut : tileset.cuts()) files.write(cut, "json", tileset.cut_text(cut));
-  folder.publish();
-  return report;
 }
 
 }  // namespace stillmap::maps

@@ -22,6 +22,8 @@ class CloudStream {
               const Take& take)
       : points_(held), take_(&take) {
     for (std::size_t i = 0; i < roles.size(); ++i) {
+      // Hostile headers have thousands; a summary has not.
+      if (i < 64) summary_.fields.push_back(fields[i].name.substr(0, 32));
       const bool is_coordinate =
           roles[i] == Role::kX || roles[i] == Role::kY || roles[i] == Role::kZ;
       summary_.single_precision |= is_coordinate && fields[i].type == NumberType::kF32;

@@ -11,7 +11,6 @@ namespace stillmap::cli {
 void add_localize(CLI::App& app);
 void add_serve(CLI::App& app);
 void add_inspect(CLI::App& app);
-void add_export(CLI::App& app);
 void add_store(CLI::App& app);
 void add_keys(CLI::App& app);
 /// Names what `stillmap-mapper` does, so that the help lists it.

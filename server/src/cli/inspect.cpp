@@ -1,7 +1,9 @@
 #include <fmt/core.h>
 
 #include <memory>
+#include <numbers>
 #include <string>
+#include <vector>
 
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
@@ -52,6 +54,30 @@ void print_for_people(const server::MapSummary& map) {
   table.print();
 }
 
+void print_findings(const std::vector<maps::DriveFinding>& findings) {
+  for (const maps::DriveFinding& finding : findings)
+    fmt::print("wrong? {}\n       {}\n", finding.what, finding.remedy);
+}
+
+/// What some twenty scans say of the drive.
+void add_check(const maps::DriveCheck& check, Table& table) {
+  if (const auto& periods = check.periods)
+    table.add("time between scans",
+              fmt::format("{:.3f} s, longest {:.3f} s, {} gaps", periods->median_s,
+                          periods->longest_s, periods->gaps));
+  if (const auto& intensities = check.intensities)
+    table.add("intensities", fmt::format("{} .. {}", (*intensities)[0], (*intensities)[1]));
+  if (const auto& mounting = check.mounting)
+    table.add("sensor",
+              fmt::format("{:.2f} m above the ground, tilted by {:.1f} deg", mounting->height_m,
+                          mounting->tilt_rad * 180.0 / std::numbers::pi));
+  if (const auto& overlap = check.overlap)
+    table.add(
+        "overlap of scans",
+        fmt::format("{:.0f} % with the poses, {:.0f} % without, {:.0f} % at best otherwise",
+                    100.0 * overlap->given, 100.0 * overlap->without, 100.0 * overlap->other));
+}
+
 void print_for_people(const server::DriveSummary& drive) {
   Table table;
   table.add("drive", std::string(maps::name_of(drive.layout)));
@@ -68,7 +94,36 @@ void print_for_people(const server::DriveSummary& drive) {
       fmt::format("{} points, {} not finite, {} without return", grouped(drive.first_scan_points),
                   drive.first_scan_dropped.non_finite, drive.first_scan_dropped.zero_range));
   table.add("  bounds", text_of(drive.first_scan_bounds));
+  add_check(drive.check, table);
   for (const std::string& note : drive.notes) table.add("note", note);
+  table.print();
+  print_findings(drive.check.findings);
+}
+
+void print_for_people(const server::CloudFileSummary& file) {
+  Table table;
+  table.add("point cloud", fmt::format("{}, {} bytes", file.format, grouped(file.bytes)));
+  std::string fields;
+  for (const std::string& field : file.cloud.fields) fields += (fields.empty() ? "" : " ") + field;
+  table.add("fields", fields);
+  table.add("points",
+            fmt::format("{}, {} not finite, {} withheld", grouped(file.cloud.points_in_file),
+                        file.cloud.non_finite, file.cloud.withheld));
+  table.add("bounds", text_of(file.bounds));
+  table.add("precision",
+            file.cloud.single_precision ? "32-bit floats" : "doubles or whole numbers");
+  table.add("intensities", fmt::format("{} .. {}", file.intensities[0], file.intensities[1]));
+  if (!file.cloud.coordinates.empty()) table.add("coordinates", file.cloud.coordinates);
+  table.print();
+  print_findings(file.findings);
+}
+
+void print_for_people(const server::TrajectorySummary& file) {
+  Table table;
+  table.add("trajectory", file.format);
+  table.add("poses", fmt::format("{} over {:.2f} s, {:.1f} m", file.poses, file.duration_s,
+                                 file.path_length_m));
+  table.add("bounds", text_of(file.bounds));
   table.print();
 }
 
@@ -81,26 +136,37 @@ void print(const Summary& summary, bool json) {
   }
 }
 
+/// Told apart by what is there; of a file by its extension.
+void inspect(const std::filesystem::path& path, bool json) {
+  if (server::is_map_package(path))
+    return print(server::summarize(*maps::MapPackage::open(path)), json);
+  if (maps::Drive::is_at(path)) return print(server::summarize(maps::Drive::open(path)), json);
+  const std::string extension = path.extension().string();
+  if (extension == ".txt" || extension == ".tum")
+    return print(server::summarize_trajectory(path), json);
+  // What is none of these is refused there by name.
+  print(server::summarize_cloud(path), json);
+}
+
 }  // namespace
 
 void add_inspect(CLI::App& app) {
   struct Arguments {
-    std::filesystem::path folder;
+    std::filesystem::path path;
     bool json = false;
   };
   auto arguments = std::make_shared<Arguments>();
-  CLI::App* command = app.add_subcommand("inspect", "Say what a map package or a drive holds");
-  command->add_option("FOLDER", arguments->folder, "Map package or drive: its folder, or the file of a bag")
+  CLI::App* command = app.add_subcommand(
+      "inspect", "Say what a map, a drive or a file holds, and what looks wrong with it");
+  command
+      ->add_option(
+          "PATH", arguments->path,
+          "Map package, drive (its folder, or the file of a bag), point cloud (.pcd, .ply, .las, "
+          ".bin) or poses (.tum, .txt)")
       ->required()
-      ->check(command_line::existing_drive());
+      ->check(command_line::existing_path());
   command->add_flag("--json", arguments->json, "Print JSON");
-  command->callback([arguments] {
-    if (server::is_map_package(arguments->folder)) {
-      print(server::summarize(*maps::MapPackage::open(arguments->folder)), arguments->json);
-    } else {
-      print(server::summarize(maps::Drive::open(arguments->folder)), arguments->json);
-    }
-  });
+  command->callback([arguments] { inspect(arguments->path, arguments->json); });
 }
 
 }  // namespace stillmap::cli

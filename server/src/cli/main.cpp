@@ -24,7 +24,6 @@ int main(int argc, char** argv) {
   cli::add_localize(app);
   cli::add_serve(app);
   cli::add_inspect(app);
-  cli::add_export(app);
   cli::add_store(app);
   cli::add_keys(app);
   return stillmap::command_line::run_program(app, argc, argv);

@@ -18,10 +18,11 @@ struct MapperCommand {
   std::string_view name;
   std::string_view description;
 };
-constexpr std::array<MapperCommand, 5> kMapperCommands = {{
+constexpr std::array<MapperCommand, 6> kMapperCommands = {{
     {"build", "Make a map package from a drive"},
     {"rebuild", "Make a new version of a map and judge it against the one before"},
-    {"import", "Make a map package from a point cloud map (PCD, PLY)"},
+    {"import", "Make a map package from a point cloud map (PCD, PLY, LAS)"},
+    {"export", "Write a map for other programs"},
     {"simulate", "Make a drive in a simulated world, with the truth beside it"},
     {"evaluate", "Measure localization, a map, odometry or a detector against a drive's truth"},
 }};

@@ -91,6 +91,12 @@ CLI::Validator existing_drive() {
                   [](const std::filesystem::path& path) { return maps::Drive::is_at(path); });
 }
 
+CLI::Validator existing_path() {
+  return existing("file or folder", [](const std::filesystem::path& path) {
+    return std::filesystem::exists(path) || maps::Drive::is_at(path);
+  });
+}
+
 CLI::Validator in_existing_folder() {
   return existing("file in an existing folder", [](const std::filesystem::path& path) {
     return std::filesystem::is_directory(std::filesystem::absolute(path).parent_path()) &&

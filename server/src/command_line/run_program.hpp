@@ -22,6 +22,7 @@ inline constexpr int kCancelled = 130;
 [[nodiscard]] CLI::Validator existing_file();
 /// A folder, or a bag's file with what is chosen of it (`maps::Drive::open`).
 [[nodiscard]] CLI::Validator existing_drive();
+[[nodiscard]] CLI::Validator existing_path();
 /// For files that are written at the end of long work: their folder must be there at its beginning.
 [[nodiscard]] CLI::Validator in_existing_folder();
 

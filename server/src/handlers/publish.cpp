@@ -20,10 +20,11 @@ maps::ArchiveLimits limits_of(const UploadOptions& options) {
   return limits;
 }
 
-/// "pcd" or "ply" for a map from elsewhere, which must be converted; nothing for a package.
+/// "pcd", "ply" or "las" for a map from elsewhere, which must be converted; nothing for a package.
 std::optional<std::string> cloud_format(const std::string& content_type) {
   if (content_type == "application/vnd.pcd") return "pcd";
   if (content_type == "application/ply") return "ply";
+  if (content_type == "application/vnd.las") return "las";
   return std::nullopt;
 }
 
@@ -64,17 +65,18 @@ HttpResponse convert(const Context& context, const Publication& wanted, const st
 }  // namespace
 
 void check_publication_type(const std::string& field, const std::string& media_type) {
-  constexpr std::array<std::string_view, 7> kTypes = {"",
+  constexpr std::array<std::string_view, 8> kTypes = {"",
                                                       "application/x-tar",
                                                       "application/gzip",
                                                       "application/zstd",
                                                       "application/octet-stream",
                                                       "application/vnd.pcd",
-                                                      "application/ply"};
+                                                      "application/ply",
+                                                      "application/vnd.las"};
   if (std::find(kTypes.begin(), kTypes.end(), media_type) != kTypes.end()) return;
   throw field_error(ErrorCode::kUnsupportedMediaType, field, "'" + media_type + "'",
-                    "application/x-tar, application/gzip, application/zstd, application/vnd.pcd "
-                    "or application/ply");
+                    "application/x-tar, application/gzip, application/zstd, application/vnd.pcd, "
+                    "application/ply or application/vnd.las");
 }
 
 HttpResponse publish_bytes(const Context& context, const Publication& wanted) {

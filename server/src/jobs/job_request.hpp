@@ -41,7 +41,7 @@ struct ConvertRequest {
   std::string version;
   /// Of the file.
   std::string sha256;
-  /// "pcd" or "ply".
+  /// "pcd", "ply" or "las".
   std::string format;
 };
 

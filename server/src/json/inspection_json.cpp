@@ -18,7 +18,66 @@ Json geodetic(const std::optional<maps::GeodeticOrigin>& origin) {
           {"altitude_m", origin->altitude_m}};
 }
 
+Json findings_json(const std::vector<maps::DriveFinding>& findings) {
+  Json json = Json::array();
+  for (const maps::DriveFinding& finding : findings)
+    json.push_back({{"code", finding.code}, {"what", finding.what}, {"remedy", finding.remedy}});
+  return json;
+}
+
+void add_check(const maps::DriveCheck& check, Json& json) {
+  if (check.periods)
+    json["periods"] = {{"median_s", check.periods->median_s},
+                       {"longest_s", check.periods->longest_s},
+                       {"longest_after_scan", check.periods->longest_after},
+                       {"gaps", check.periods->gaps}};
+  if (check.intensities) json["intensities"] = *check.intensities;
+  if (check.overlap)
+    json["pose_overlap"] = {{"given", check.overlap->given},
+                            {"without", check.overlap->without},
+                            {"other", check.overlap->other},
+                            {"other_reading", check.overlap->other_reading},
+                            {"pairs", check.overlap->pairs}};
+  if (check.mounting) {
+    const Eigen::Quaterniond q(check.mounting->R_level_lidar);
+    json["mounting"] = {{"quaternion_level_lidar", {q.x(), q.y(), q.z(), q.w()}},
+                        {"height_m", check.mounting->height_m},
+                        {"tilt_rad", check.mounting->tilt_rad},
+                        {"scans", check.mounting->scans}};
+  }
+  json["findings"] = findings_json(check.findings);
+}
+
 }  // namespace
+
+std::string inspection_json(const CloudFileSummary& summary) {
+  Json json;
+  json["kind"] = "cloud";
+  json["format"] = summary.format;
+  json["bytes"] = summary.bytes;
+  json["points"] = summary.cloud.points_in_file;
+  json["non_finite"] = summary.cloud.non_finite;
+  json["withheld"] = summary.cloud.withheld;
+  json["fields"] = summary.cloud.fields;
+  json["single_precision"] = summary.cloud.single_precision;
+  json["coordinates"] = summary.cloud.coordinates;
+  json["utm_epsg"] = summary.cloud.utm ? Json(summary.cloud.utm->epsg()) : Json();
+  json["bounds"] = bounds(summary.bounds);
+  json["intensities"] = summary.intensities;
+  json["findings"] = findings_json(summary.findings);
+  return to_text(json, 2);
+}
+
+std::string inspection_json(const TrajectorySummary& summary) {
+  Json json;
+  json["kind"] = "trajectory";
+  json["format"] = summary.format;
+  json["poses"] = summary.poses;
+  json["duration_s"] = summary.duration_s;
+  json["path_length_m"] = summary.path_length_m;
+  json["bounds"] = bounds(summary.bounds);
+  return to_text(json, 2);
+}
 
 std::string inspection_json(const MapSummary& summary) {
   const maps::MapManifest& manifest = summary.manifest;
@@ -64,6 +123,7 @@ std::string inspection_json(const DriveSummary& summary) {
                         {"zero_range", summary.first_scan_dropped.zero_range},
                         {"bounds_lidar", bounds(summary.first_scan_bounds)}};
   json["notes"] = summary.notes;
+  add_check(summary.check, json);
   return to_text(json, 2);
 }
 

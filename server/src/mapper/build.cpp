@@ -9,6 +9,7 @@
 #include <numbers>
 #include <optional>
 #include <stdexcept>
+#include <stillmap/maps/drive_check.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/frames.hpp>
 #include <stillmap/maps/map_package.hpp>
@@ -46,6 +47,7 @@ std::string to_json_text(const mapping::MapBuildReport& report, const BuildArgum
                      {"preset", arguments.preset},
                      {"select", arguments.select},
                      {"poses", options.poses_file ? options.poses_file->string() : ""},
+                     {"geo_origin", arguments.geo_origin},
                      {"odometry", options.odometry.value_or("")},
                      {"loops", options.trajectory.loops},
                      {"register_to", options.register_to ? options.register_to->string() : ""},
@@ -125,12 +127,31 @@ void print_for_people(const mapping::MapBuildReport& report, const std::filesyst
   for (const std::string& warning : report.warnings) fmt::print("warning: {}\n", warning);
 }
 
+/// What looks wrong with the drives, as the build will use them.
+std::vector<std::string> doubts_about(const BuildArguments& arguments) {
+  const mapping::MapBuildOptions& options = arguments.options;
+  const bool believes = options.trajectory.prior || options.trajectory.gnss_sigma_m;
+  const bool ignores_poses = !believes && mapping::estimates_poses(arguments.drives, options);
+  std::vector<std::string> doubts;
+  for (const std::filesystem::path& folder : arguments.drives) {
+    maps::Drive::Contents contents = maps::Drive::open(folder, options.poses_file).contents();
+    if (ignores_poses) contents.T_map_lidar.clear();
+    for (const maps::DriveFinding& finding : maps::check_drive(maps::Drive(contents)).findings)
+      doubts.push_back(fmt::format("{}: {}; {}", folder.string(), finding.what, finding.remedy));
+  }
+  return doubts;
+}
+
 void build(BuildCommand& asked, const CLI::App& command) {
   read_words(asked.arguments, command);
   const std::vector<std::filesystem::path>& drives = asked.arguments.drives;
   const mapping::MapBuildOptions& options = asked.arguments.options;
   mapping::MapBuildReport report;
   std::string index;
+  const std::vector<std::string> doubts = doubts_about(asked.arguments);
+  // Programs read what they are told on stderr, and the report.
+  if (asked.progress.form == "bar")
+    for (const std::string& doubt : doubts) fmt::print(stderr, "warning: {}\n", doubt);
   std::vector<mapping::StageShare> plan = mapping::build_stages(
       mapping::estimates_poses(drives, options), options.register_to.has_value());
   plan.push_back({"index", 0.01});
@@ -142,6 +163,7 @@ void build(BuildCommand& asked, const CLI::App& command) {
     progress("index", 1, 1);
   });
   print_for_people(report, asked.map, index);
+  report.warnings.insert(report.warnings.end(), doubts.begin(), doubts.end());
   if (asked.json) write_text_file(*asked.json, to_json_text(report, asked.arguments));
 }
 
@@ -222,6 +244,8 @@ void read_words(BuildArguments& arguments, const CLI::App& command) {
   const std::string clean = options.clean;
   if (arguments.preset == "paper") mapping::apply_paper_preset(options);
   options.trajectory.loops = arguments.loops == "on";
+  if (!arguments.geo_origin.empty())
+    options.geodetic_origin = parse_geo_origin(arguments.geo_origin);
   if (arguments.pose_sigma) {
     const auto [metres, degrees] = metres_and_degrees("--pose-sigma", *arguments.pose_sigma);
     options.trajectory.prior = {.sigma_m = metres, .sigma_rad = degrees * std::numbers::pi / 180};
@@ -256,6 +280,9 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
       .add_option("--poses", options.poses_file,
                   "Poses instead of the drive's own: KITTI or TUM, T_map_lidar")
       ->check(command_line::existing_file());
+  command.add_option("--geo-origin", arguments.geo_origin,
+                     "LATITUDE,LONGITUDE,ALTITUDE [deg, deg, m above the WGS 84 ellipsoid] of the "
+                     "frame of the given poses, x east, y north, where the drive does not say it");
   add_pose_options(command, arguments);
   command
       .add_option(

@@ -22,6 +22,7 @@ struct BuildArguments {
   std::string fill = "on";
   std::string loops = "on";
   std::optional<std::string> pose_sigma;
+  std::string geo_origin;
   mapping::MapBuildOptions options;
 };
 

@@ -1,9 +1,11 @@
 #include "mapper/command_text.hpp"
 
 #include <charconv>
+#include <optional>
 #include <stdexcept>
 #include <string_view>
 #include <system_error>
+#include <vector>
 
 namespace stillmap::mapper {
 namespace {
@@ -17,6 +19,19 @@ std::string quoted(const std::string& word) {
   for (const char letter : word)
     out += letter == '\'' ? std::string("'\\''") : std::string(1, letter);
   return out + "'";
+}
+
+std::optional<std::vector<double>> numbers_of(const std::string& text, std::size_t count) {
+  std::vector<double> values;
+  const char* at = text.data();
+  const char* const end = at + text.size();
+  while (values.size() < count) {
+    if (!values.empty() && (at == end || *at++ != ',')) return std::nullopt;
+    const auto [next, error] = std::from_chars(at, end, values.emplace_back());
+    if (error != std::errc{}) return std::nullopt;
+    at = next;
+  }
+  return at == end ? std::optional(values) : std::nullopt;
 }
 
 }  // namespace
@@ -33,14 +48,32 @@ std::string command_of(const CLI::App& command) {
 }
 
 std::array<double, 2> metres_and_degrees(const std::string& option, const std::string& text) {
-  std::array<double, 2> values{};
+  const auto values = numbers_of(text, 2);
+  if (!values)
+    throw std::invalid_argument(option + ": found '" + text + "', expected METRES,DEGREES");
+  return {(*values)[0], (*values)[1]};
+}
+
+maps::GeodeticOrigin parse_geo_origin(const std::string& text) {
+  const auto values = numbers_of(text, 3);
+  if (!values)
+    throw std::invalid_argument("--geo-origin: found '" + text +
+                                "', expected LATITUDE,LONGITUDE,ALTITUDE");
+  const maps::GeodeticOrigin origin{(*values)[0], (*values)[1], (*values)[2]};
+  if (const auto broken = maps::violations(origin); !broken.empty())
+    throw std::invalid_argument("--geo-origin: " + broken.front());
+  return origin;
+}
+
+maps::UtmZone parse_utm_zone(const std::string& text) {
+  maps::UtmZone zone;
   const char* const end = text.data() + text.size();
-  const auto [comma, metres_error] = std::from_chars(text.data(), end, values[0]);
-  if (metres_error == std::errc{} && comma != end && *comma == ',') {
-    const auto [last, degrees_error] = std::from_chars(comma + 1, end, values[1]);
-    if (degrees_error == std::errc{} && last == end) return values;
-  }
-  throw std::invalid_argument(option + ": found '" + text + "', expected METRES,DEGREES");
+  const auto [side, error] = std::from_chars(text.data(), end, zone.number);
+  const bool is_zone = error == std::errc{} && zone.number >= 1 && zone.number <= 60 &&
+                       side + 1 == end && (*side == 'N' || *side == 'S');
+  if (!is_zone) throw std::invalid_argument("--utm: found '" + text + "', expected 1N to 60S");
+  zone.north = *side == 'N';
+  return zone;
 }
 
 }  // namespace stillmap::mapper

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <stillmap/maps/geodesy.hpp>
+
 #include <CLI/CLI.hpp>
 
 #include <array>
@@ -14,5 +16,11 @@ namespace stillmap::mapper {
 /// `METRES,DEGREES`. @throws std::invalid_argument naming the option and the text.
 [[nodiscard]] std::array<double, 2> metres_and_degrees(const std::string& option,
                                                        const std::string& text);
+
+/// `LATITUDE,LONGITUDE,ALTITUDE` of `--geo-origin`. @throws std::invalid_argument naming the text.
+[[nodiscard]] maps::GeodeticOrigin parse_geo_origin(const std::string& text);
+
+/// `32N` of `--utm`. @throws std::invalid_argument naming the text.
+[[nodiscard]] maps::UtmZone parse_utm_zone(const std::string& text);
 
 }  // namespace stillmap::mapper

@@ -12,6 +12,7 @@ namespace stillmap::mapper {
 void add_build(CLI::App& app);
 void add_rebuild(CLI::App& app);
 void add_import(CLI::App& app);
+void add_export(CLI::App& app);
 void add_simulate(CLI::App& app);
 /// `evaluate` with its own subcommands.
 void add_evaluate(CLI::App& app);

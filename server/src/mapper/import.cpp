@@ -12,6 +12,7 @@
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
+#include "mapper/command_text.hpp"
 #include "mapper/commands.hpp"
 #include "mapper/map_index.hpp"
 
@@ -22,13 +23,16 @@ struct ImportArguments {
   std::filesystem::path file;
   std::filesystem::path map;
   std::optional<std::filesystem::path> json;
+  std::string geo_origin, utm;
   mapping::MapImportOptions options;
 };
 
 std::string to_json_text(const mapping::MapImportReport& report, const ImportArguments& arguments) {
   auto json = nlohmann::ordered_json::parse(mapping::to_json(report));
   json["options"] = {{"file", arguments.file.string()},
-                     {"frame_id", arguments.options.frame_id},
+                     {"frame_id", arguments.options.frame_id.value_or("")},
+                     {"geo_origin", arguments.geo_origin},
+                     {"utm", arguments.utm},
                      {"voxel_m", arguments.options.voxel_size_m},
                      {"threads", arguments.options.threads}};
   return json.dump(2) + "\n";
@@ -81,7 +85,7 @@ void add_import(CLI::App& app) {
   auto arguments = std::make_shared<ImportArguments>();
   mapping::MapImportOptions& options = arguments->options;
   CLI::App* command =
-      app.add_subcommand("import", "Make a map package from a point cloud map (PCD, PLY)");
+      app.add_subcommand("import", "Make a map package from a point cloud map (PCD, PLY, LAS)");
   command
       ->add_option("FILE", arguments->file,
                    "Points x y z [m] in the map frame, z up, in floats or doubles; intensity where "
@@ -90,8 +94,13 @@ void add_import(CLI::App& app) {
       ->check(command_line::existing_file());
   command->add_option("-o,--output", arguments->map, "Map package to write; must not exist")
       ->required();
-  command->add_option("--frame-id", options.frame_id, "Name of the frame that the points are in")
-      ->capture_default_str();
+  command->add_option("--frame-id", options.frame_id,
+                      "Name of the map's frame; enu where its place is known, else local");
+  command->add_option("--geo-origin", arguments->geo_origin,
+                      "LATITUDE,LONGITUDE,ALTITUDE [deg, deg, m above the WGS 84 ellipsoid] of the "
+                      "map's frame, x east, y north");
+  command->add_option("--utm", arguments->utm,
+                      "Coordinates are UTM in this zone, e.g. 32N, where the file does not say so");
   command
       ->add_option("--voxel-size,--voxel", options.voxel_size_m,
                    "Edge of the voxels that merge the points [m]")
@@ -102,7 +111,12 @@ void add_import(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--json", arguments->json, "Write the report there")
       ->check(command_line::in_existing_folder());
-  command->callback([arguments] { import_cloud(*arguments); });
+  command->callback([arguments] {
+    if (!arguments->geo_origin.empty())
+      arguments->options.geodetic_origin = parse_geo_origin(arguments->geo_origin);
+    if (!arguments->utm.empty()) arguments->options.utm = parse_utm_zone(arguments->utm);
+    import_cloud(*arguments);
+  });
 }
 
 }  // namespace stillmap::mapper

@@ -1,6 +1,11 @@
 #include "operation/inspection.hpp"
 
+#include <stillmap/maps/scan_file.hpp>
+
 #include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <sstream>
 
 namespace stillmap::server {
 namespace {
@@ -15,6 +20,45 @@ double path_length_m(const std::vector<Eigen::Isometry3d>& T_map_lidar) {
 
 Eigen::Vector3d to_map(const std::array<float, 3>& p, const Eigen::Vector3d& origin) {
   return Eigen::Vector3d(p[0], p[1], p[2]) + origin;
+}
+
+/// Floats are 16 mm coarse from here on.
+constexpr double kTooCoarseFromM = 131072.0;
+constexpr double kLargestMapM = 200'000.0;
+
+void find_faults(std::uint64_t points, CloudFileSummary& summary) {
+  if (points == 0) {
+    summary.findings.push_back({"no_points", "no point that is finite", "another file"});
+    return;
+  }
+  const double farthest_m = std::max(summary.bounds.min().cwiseAbs().maxCoeff(),
+                                     summary.bounds.max().cwiseAbs().maxCoeff());
+  if (summary.cloud.single_precision && farthest_m >= kTooCoarseFromM)
+    summary.findings.push_back({"coarse_floats",
+                                "coordinates of 131 km and more in 32-bit floats, which are 16 mm "
+                                "coarse there and worse",
+                                "write doubles, or coordinates from an origin nearby; these digits "
+                                "are lost"});
+  if (summary.bounds.sizes().maxCoeff() > kLargestMapM)
+    summary.findings.push_back({"millimetres", "points over more than 200 km",
+                                "metres: these look like millimetres, or some points lie at zero"});
+  if (summary.intensities[0] == summary.intensities[1])
+    summary.findings.push_back({"intensity_constant",
+                                "all intensities are equal, or there are none",
+                                "map their field to `intensity`, if there is one"});
+}
+
+/// Of the first line that is no comment; 0 without one.
+std::size_t numbers_of_first_line(const std::filesystem::path& file) {
+  std::ifstream stream(file);
+  std::string line;
+  while (std::getline(stream, line)) {
+    std::istringstream words(line);
+    const auto count = static_cast<std::size_t>(std::distance(
+        std::istream_iterator<std::string>(words), std::istream_iterator<std::string>()));
+    if (count > 0 && line[line.find_first_not_of(" \t")] != '#') return count;
+  }
+  return 0;
 }
 
 }  // namespace
@@ -69,6 +113,57 @@ DriveSummary summarize(const maps::Drive& drive) {
   summary.first_scan_dropped = first.dropped;
   for (const Eigen::Vector3f& p : first.cloud.positions)
     summary.first_scan_bounds.extend(p.cast<double>());
+  summary.check = maps::check_drive(drive);
+  return summary;
+}
+
+CloudFileSummary summarize_cloud(const std::filesystem::path& file) {
+  CloudFileSummary summary;
+  const std::string extension = file.extension().string();
+  summary.format = extension.substr(std::min<std::size_t>(1, extension.size()));
+  summary.bytes = std::filesystem::file_size(file);
+  std::uint64_t points = 0;
+  const auto take = [&](const Eigen::Vector3d& p, float intensity) {
+    summary.bounds.extend(p);
+    auto& [low, high] = summary.intensities;
+    low = points == 0 ? intensity : std::min(low, intensity);
+    high = points == 0 ? intensity : std::max(high, intensity);
+    ++points;
+  };
+  if (summary.format == "bin") {
+    const maps::DecodedScan scan = maps::read_scan_file(file);
+    summary.cloud.points_in_file = scan.points_in_file;
+    summary.cloud.non_finite = scan.dropped.non_finite;
+    summary.cloud.fields = {"x", "y", "z", "intensity"};
+    summary.cloud.single_precision = true;
+    for (std::size_t i = 0; i < scan.cloud.size(); ++i)
+      take(scan.cloud.positions[i].cast<double>(), scan.cloud.intensities[i]);
+  } else {
+    summary.cloud = maps::read_cloud_file(file, [&](std::span<const maps::CloudPoint> some) {
+      for (const maps::CloudPoint& point : some) take(point.position, point.intensity);
+    });
+  }
+  find_faults(points, summary);
+  return summary;
+}
+
+TrajectorySummary summarize_trajectory(const std::filesystem::path& file) {
+  TrajectorySummary summary;
+  std::vector<Eigen::Isometry3d> poses;
+  if (numbers_of_first_line(file) == 12) {
+    summary.format = "kitti";
+    poses = maps::read_kitti_poses(file);
+  } else {
+    summary.format = "tum";
+    const maps::Trajectory trajectory = maps::read_tum_trajectory(file);
+    for (const maps::StampedPose& pose : trajectory.poses()) poses.push_back(pose.T_map_lidar);
+    if (!trajectory.empty())
+      summary.duration_s = 1e-9 * static_cast<double>(trajectory.poses().back().stamp_ns -
+                                                      trajectory.poses().front().stamp_ns);
+  }
+  summary.poses = poses.size();
+  summary.path_length_m = path_length_m(poses);
+  for (const Eigen::Isometry3d& pose : poses) summary.bounds.extend(pose.translation());
   return summary;
 }
 

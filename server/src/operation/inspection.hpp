@@ -1,10 +1,13 @@
 #pragma once
 
+#include <stillmap/maps/cloud_file.hpp>
 #include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/drive_check.hpp>
 #include <stillmap/maps/map_package.hpp>
 
 #include <Eigen/Geometry>
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -43,13 +46,42 @@ struct DriveSummary {
   maps::DropCounts first_scan_dropped;
   Eigen::AlignedBox3d first_scan_bounds;
   std::vector<std::string> notes;
+  maps::DriveCheck check;
+};
+
+/// What a file of points holds: a scan, or a map from elsewhere.
+struct CloudFileSummary {
+  /// By its extension: pcd, ply, las or bin.
+  std::string format;
+  std::uint64_t bytes = 0;
+  maps::CloudSummary cloud;
+  /// In the file's own coordinates.
+  Eigen::AlignedBox3d bounds;
+  /// Lowest and highest.
+  std::array<float, 2> intensities{};
+  std::vector<maps::DriveFinding> findings;
+};
+
+/// What a file of poses holds.
+struct TrajectorySummary {
+  /// kitti or tum.
+  std::string format;
+  std::size_t poses = 0;
+  /// Of tum.
+  double duration_s = 0.0;
+  double path_length_m = 0.0;
+  Eigen::AlignedBox3d bounds;
 };
 
 /// Whether a folder is a map package rather than a drive.
 [[nodiscard]] bool is_map_package(const std::filesystem::path& folder);
 
 [[nodiscard]] MapSummary summarize(const maps::MapPackage& package);
-/// Reads the first scan. @throws as `maps::Drive::read`.
+/// Reads the first scan and some twenty others. @throws as `maps::Drive::read`.
 [[nodiscard]] DriveSummary summarize(const maps::Drive& drive);
+/// Reads the whole file, in pieces. @throws maps::InputError, maps::StorageError.
+[[nodiscard]] CloudFileSummary summarize_cloud(const std::filesystem::path& file);
+/// Told apart by the numbers a line. @throws maps::InputError, maps::StorageError.
+[[nodiscard]] TrajectorySummary summarize_trajectory(const std::filesystem::path& file);
 
 }  // namespace stillmap::server

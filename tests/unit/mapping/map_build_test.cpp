@@ -272,6 +272,21 @@ TEST_F(MapBuild, TakesGivenPosesForADriveWithoutItsOwn) {
             maps::sha256_of_file(folder_.path() / "given.txt"));
 }
 
+TEST_F(MapBuild, TakesThePlaceOfTheGivenPosesFrame) {
+  options_.geodetic_origin = maps::GeodeticOrigin{49.0, 8.4, 116.5};
+  static_cast<void>(build());
+  const maps::MapManifest& manifest = open()->manifest();
+  ASSERT_TRUE(manifest.geodetic_origin);
+  EXPECT_EQ(manifest.geodetic_origin->longitude_deg, 8.4);
+  EXPECT_EQ(manifest.frame_id, "enu");
+  std::filesystem::remove(drive_ / "poses.txt");
+  EXPECT_THAT([&] { static_cast<void>(build("other")); },
+              ThrowsSaying<InputError>({"no poses beside a geodetic origin"}));
+  options_.geodetic_origin->latitude_deg = 91.0;
+  EXPECT_THAT([&] { static_cast<void>(build("other")); },
+              ThrowsSaying<std::invalid_argument>({"latitude_deg: 91"}));
+}
+
 TEST_F(MapBuild, RefusesAPoseThatNoDriveReaches) {
   small_.T_map_lidar[2].translation().y() = 1e12;
   std::string poses;

@@ -9,6 +9,7 @@
 #include <bit>
 #include <cstring>
 
+#include "support/las_bytes.hpp"
 #include "support/matchers.hpp"
 #include "support/synthetic_world.hpp"
 #include "support/temporary_folder.hpp"
@@ -118,11 +119,98 @@ TEST_F(MapImport, FilesWithoutAPointAreRefusedInWords) {
       ThrowsSaying<InputError>({"nan.pcd", "finite"}));
   EXPECT_THAT([&] { (void)import("empty.pcd", pcd_of<double>({})); },
               ThrowsSaying<InputError>({"empty.pcd", "no point"}));
-  EXPECT_THAT([&] { (void)import("cloud.las", "LASF"); },
-              ThrowsSaying<InputError>({"cloud.las", ".pcd or .ply"}));
+  EXPECT_THAT([&] { (void)import("cloud.xyz", "1 2 3"); },
+              ThrowsSaying<InputError>({"cloud.xyz", ".pcd, .ply or .las"}));
+  test::LasBytes las;
+  las.points = {{1, 1, 1, 1, 7}};
+  EXPECT_THAT([&] { (void)import("noise.las", las.bytes()); },
+              ThrowsSaying<InputError>({"noise.las", "no point"}));
+}
+
+constexpr maps::GeodeticOrigin kTownHall{49.0093, 8.4037, 115.0};
+
+/// A street around the town hall, in UTM, with what a file says of that.
+test::LasBytes las_of(const std::vector<Eigen::Vector3d>& points_enu, std::uint16_t epsg) {
+  const maps::UtmProjection utm(kTownHall, {32, true});
+  test::LasBytes las;
+  las.offset = {456'000.0, 5'428'000.0, 0.0};
+  for (const Eigen::Vector3d& p : points_enu) {
+    const Eigen::Vector3d whole =
+        ((utm.to_utm(p) - Eigen::Vector3d(456'000.0, 5'428'000.0, 0.0)) / 0.001).array().round();
+    las.points.push_back({static_cast<std::int32_t>(whole.x()),
+                          static_cast<std::int32_t>(whole.y()),
+                          static_cast<std::int32_t>(whole.z())});
+  }
+  std::string keys(16, '\0');
+  test::LasBytes::put<std::uint16_t>(keys, 6, 1);
+  test::LasBytes::put<std::uint16_t>(keys, 8, 3072);
+  test::LasBytes::put<std::uint16_t>(keys, 12, 1);
+  test::LasBytes::put(keys, 14, epsg);
+  if (epsg != 0) las.records = {{"LASF_Projection", 34735, keys}};
+  return las;
+}
+
+/// The one point of a map of one voxel, in map coordinates.
+Eigen::Vector3d only_point(const maps::MapPackage& package) {
+  const maps::MapPoint point = package.tile(package.manifest().tiles.at(0).id)[0];
+  return Eigen::Vector3f(point.x, point.y, point.z).cast<double>() + package.manifest().origin;
+}
+
+TEST_F(MapImport, UtmBecomesALocalFrameThatKnowsItsPlace) {
+  const std::vector<Eigen::Vector3d> points = points_of_a_street(Eigen::Vector3d::Zero());
+  const MapImportReport report = import("street.las", las_of(points, 32632).bytes());
+  EXPECT_THAT(report.warnings, IsEmpty());
+  const auto package = map();
+  const maps::MapManifest& manifest = package->manifest();
+  EXPECT_EQ(manifest.frame_id, "enu");
+  EXPECT_EQ(manifest.options.at("utm"), "EPSG:32632");
+  ASSERT_TRUE(manifest.geodetic_origin);
+  // In the middle of the points; what is there is at the same place on the Earth.
+  const Eigen::Isometry3d T_hall_map = maps::T_enu_enu(kTownHall, *manifest.geodetic_origin);
+  EXPECT_LT(T_hall_map.translation().norm(), 100.0);
+  const auto aligner = localization::make_aligner("default", *package);
+  Eigen::Isometry3d T_truth = test::pose_at(27.0, -0.6, 0.1);
+  const maps::PointCloud scan = test::street(11, 80.0).scan(T_truth, {.noise_m = 0.01, .seed = 77});
+  T_truth = T_hall_map.inverse() * T_truth;
+  // North of the map is not that of the zone: 0.45 deg here.
+  EXPECT_THAT(aligner->align(scan, localization::Prior{T_truth, {}}).T_map_lidar,
+              IsNearPose(T_truth, 0.03, 0.002));
+}
+
+TEST_F(MapImport, UsersOriginAndZoneAreTaken) {
+  const std::vector<Eigen::Vector3d> points{{12.25, -7.5, 1.25}};
+  options_.geodetic_origin = kTownHall;
+  static_cast<void>(import("said.las", las_of(points, 32632).bytes(), "said"));
+  EXPECT_LT((only_point(*map("said")) - points[0]).norm(), 0.002);
+  EXPECT_EQ(map("said")->manifest().geodetic_origin->latitude_deg, kTownHall.latitude_deg);
+  options_.utm = maps::UtmZone{32, true};
+  static_cast<void>(import("unsaid.las", las_of(points, 0).bytes(), "unsaid"));
+  EXPECT_LT((only_point(*map("unsaid")) - points[0]).norm(), 0.002);
+  EXPECT_THAT([&] { (void)import("other.las", las_of(points, 32633).bytes(), "other"); },
+              ThrowsSaying<InputError>({"other.las", "EPSG:32633", "EPSG:32632"}));
+  // Without a zone the coordinates are those of the frame.
+  options_.utm.reset();
+  static_cast<void>(import("plain.pcd", pcd_of<double>(points), "plain"));
+  EXPECT_LT((only_point(*map("plain")) - points[0]).norm(), 1e-5);
+  EXPECT_EQ(map("plain")->manifest().frame_id, "enu");
+  EXPECT_EQ(map("plain")->manifest().geodetic_origin->altitude_m, 115.0);
+}
+
+TEST_F(MapImport, OtherProjectionsAreTakenAsTheyAreAndSaid) {
+  const MapImportReport report = import("gk.las", las_of({{1, 2, 3}}, 31467).bytes());
+  EXPECT_THAT(report.warnings, ::testing::Contains(HasSubstr("EPSG:31467")));
+  EXPECT_FALSE(map()->manifest().geodetic_origin);
 }
 
 TEST_F(MapImport, OptionsOutOfBoundsAreRefused) {
+  options_.geodetic_origin = maps::GeodeticOrigin{91.0, 0.0, 0.0};
+  EXPECT_THAT(
+      [&] {
+        (void)import("cloud.pcd", pcd_of<double>({{1.0, 1.0, 2.0}}));
+      },
+      ThrowsSaying<std::invalid_argument>({"latitude_deg: 91"}));
+  options_.geodetic_origin.reset();
+
   options_.frame_id = "";
   EXPECT_THAT(
       [&] {

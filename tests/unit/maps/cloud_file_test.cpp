@@ -63,7 +63,7 @@ TEST(CloudFile, HeaderAloneTellsWhatCannotBeOne) {
   flat.replace(flat.find(" z "), 3, " w ");
   EXPECT_THAT([&] { check(flat); }, ThrowsSaying<InputError>({"one field 'z'"}));
   EXPECT_THAT([&] { check(good, "ply"); }, ThrowsSaying<InputError>({"upload", "'ply'"}));
-  EXPECT_THAT([&] { check(good, "las"); }, ThrowsSaying<std::invalid_argument>({"las"}));
+  EXPECT_THAT([&] { check(good, "e57"); }, ThrowsSaying<std::invalid_argument>({"e57"}));
 
   const std::string ply =
       "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int ids\nelement vertex 9\n"
@@ -169,7 +169,7 @@ TEST(CloudFile, WhatCannotBeReadIsRefusedInWords) {
                            const std::string& said) {
     EXPECT_THAT([&] { (void)read(folder, name, bytes); }, ThrowsSaying<InputError>({name, said}));
   };
-  refuses("a.xyz", "1 2 3\n", ".pcd or .ply");
+  refuses("a.xyz", "1 2 3\n", ".pcd, .ply or .las");
   refuses("empty.pcd", "", "header");
   refuses("short.pcd", pcd_header("4", 2, "binary") + "12345678", "points");
   refuses("huge.pcd", pcd_header("4", 2'000'000'000, "binary") + "12345678", "2000000000");

@@ -1445,7 +1445,7 @@ export interface components {
         };
         NewUpload: {
             /** @enum {string} */
-            content_type: "application/x-tar" | "application/gzip" | "application/zstd" | "application/octet-stream" | "application/vnd.pcd" | "application/ply";
+            content_type: "application/x-tar" | "application/gzip" | "application/zstd" | "application/octet-stream" | "application/vnd.pcd" | "application/ply" | "application/vnd.las";
             version: string;
         };
         Objects: {
@@ -3927,6 +3927,7 @@ export interface operations {
                 "application/gzip": unknown;
                 "application/octet-stream": unknown;
                 "application/ply": unknown;
+                "application/vnd.las": unknown;
                 "application/vnd.pcd": unknown;
                 "application/x-tar": unknown;
                 "application/zstd": unknown;

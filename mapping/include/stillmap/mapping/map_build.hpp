@@ -26,6 +26,8 @@ struct MapBuildOptions {
   std::size_t held_back_every = 0;
   /// Poses instead of the drive's own; with one drive only.
   std::optional<std::filesystem::path> poses_file;
+  /// Where the frame of the given poses lies (x east, y north), for drives that do not say it.
+  std::optional<maps::GeodeticOrigin> geodetic_origin;
   /// `given`: the drives' own poses as they are; or one of `odometry_names()`. None: `given` where
   /// every drive has poses, else the first of these.
   std::optional<std::string> odometry;

@@ -1,19 +1,28 @@
 #pragma once
 
 #include <stillmap/mapping/progress.hpp>
+#include <stillmap/maps/geodesy.hpp>
 
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 namespace stillmap::mapping {
 
 struct MapImportOptions {
-  /// Name of the frame that the points are in; 1 to 64 bytes of printable text.
-  std::string frame_id = "local";
+  /// Name of the map's frame; 1 to 64 bytes of printable text. None: `enu` where its place on the
+  /// Earth is known, else `local`.
+  std::optional<std::string> frame_id;
+  /// Where the map's frame lies. Of coordinates in UTM: the frame that they are taken to, rather
+  /// than one in the middle of the points. Of others: the place of their zero, x east, y north.
+  std::optional<maps::GeodeticOrigin> geodetic_origin;
+  /// Coordinates are easting, northing and height above the ellipsoid in this zone, which the file
+  /// itself need not say.
+  std::optional<maps::UtmZone> utm;
   /// As in `MapBuildOptions`, in [0.02, 2].
   double voxel_size_m = 0.1;
   /// In [0, 256], 0 = all cores.
@@ -24,7 +33,7 @@ struct MapImportOptions {
 
 /// What an import did; the counts stand in the manifest too.
 struct MapImportReport {
-  /// in, dropped_non_finite, dropped_too_far, ground, static, places.
+  /// in, dropped_non_finite, dropped_withheld, dropped_too_far, ground, static, places.
   std::map<std::string, std::uint64_t> counts;
   double seconds = 0.0;
   double peak_rss_mib = 0.0;
@@ -33,13 +42,16 @@ struct MapImportReport {
   std::string digest;
 };
 
-/// A point cloud map from elsewhere (PCD or PLY, in map coordinates [m], z up) -> a package.
+/// A point cloud map from elsewhere (PCD, PLY or LAS, [m], z up) -> a package, in the coordinates
+/// of the file. Where these are UTM, by the file's word or the options', they are taken to a local
+/// frame (east-north-up), since a map in UTM is bent and scaled.
 ///
 /// All points count as measured; those on the ground, where that is found, are marked so. The
 /// package has no trajectory: a scan without a prior is looked for at `places`, on a 4 m grid of
 /// free ground (mapping/registration.md). The file is read twice, in pieces; memory grows with the
 /// map's area, voxels beyond 5 million wait on the disk.
-/// @throws std::invalid_argument (options), maps::InputError for a file without points, or whose
+/// @throws std::invalid_argument (options), maps::InputError for a file without points, one that
+/// says another zone than the options, or one whose
 /// coordinates are too large for the 32 bits that they are stored in; maps::StorageError;
 /// Cancelled.
 MapImportReport import_map(const std::filesystem::path& file, const std::filesystem::path& target,

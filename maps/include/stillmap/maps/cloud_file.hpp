@@ -1,14 +1,18 @@
 #pragma once
 
+#include <stillmap/maps/geodesy.hpp>
+
 #include <Eigen/Core>
 
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace stillmap::maps {
 
@@ -25,8 +29,16 @@ struct CloudSummary {
   std::uint64_t points_in_file = 0;
   /// Left out.
   std::uint64_t non_finite = 0;
+  /// Columns by the names in the file; of LAS its point format.
+  std::vector<std::string> fields;
   /// Whether a coordinate was stored in 32 bits of a floating type.
   bool single_precision = false;
+  /// LAS: withheld or classified as noise, left out.
+  std::uint64_t withheld = 0;
+  /// Name of the coordinate system, and of that of the heights; empty where the file has none.
+  std::string coordinates, heights;
+  /// Of easting and northing, where the coordinates are those.
+  std::optional<UtmZone> utm;
 };
 
 /// Most points of a `binary_compressed` PCD: its columns come one after the other, so that all of
@@ -38,14 +50,15 @@ inline constexpr std::size_t kMostCloudHeaderBytes = 65536;
 
 /// Whether a file that begins so can be one that `read_cloud_file` takes: its header alone.
 /// @param head    the first `kMostCloudHeaderBytes`, or all of a shorter file.
-/// @param format  "pcd" or "ply". @param name  what messages call it.
+/// @param format  "pcd", "ply" or "las". @param name  what messages call it.
 /// @throws InputError as `read_cloud_file`; std::invalid_argument for another format.
 void check_cloud_header(std::span<const std::byte> head, std::string_view format,
                         const std::string& name);
 
-/// Reads a PCD or PLY file of any size in doubles and hands its points on, in order, some tens of
-/// thousands at a time. The file is mapped, not read into memory; the viewpoint of a PCD is not
-/// applied. Columns as `decode_scan` takes them. The format follows from the extension.
+/// Reads a PCD, PLY or LAS (1.2 to 1.4, uncompressed) file of any size in doubles and hands its
+/// points on, in order, some tens of thousands at a time. The file is mapped, not read into memory;
+/// the viewpoint of a PCD is not applied. Columns as `decode_scan` takes them; the intensity of LAS
+/// is that of the file. The format follows from the extension.
 /// @throws InputError naming the file, the value found and what was expected; StorageError when it
 /// cannot be read; what `take` throws.
 CloudSummary read_cloud_file(const std::filesystem::path& file,

@@ -1,0 +1,88 @@
+#include "reference/octomap_export.hpp"
+
+#include <fmt/format.h>
+#include <octomap/OcTree.h>
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/partial_file.hpp>
+
+#include <fstream>
+
+namespace stillmap::mapping {
+namespace {
+
+constexpr double kResolutionM = 0.2;
+constexpr std::size_t kMostLeaves = 50'000'000;
+
+/// The chosen points of a tile, into leaves. @return how many they are.
+std::size_t add_tile(const maps::MapPackage& map, const maps::TileEntry& tile,
+                     const maps::MapExportOptions& options, const Eigen::Vector3d& shift,
+                     octomap::OcTree& tree) {
+  std::size_t points = 0;
+  for (const maps::MapPoint& point : map.tile(tile.id)) {
+    if (options.without.contains(point.kind)) continue;
+    const Eigen::Vector3d p = Eigen::Vector3f(point.x, point.y, point.z).cast<double>() + shift;
+    octomap::OcTreeKey key;
+    if (!tree.coordToKeyChecked(p.x(), p.y(), p.z(), key))
+      throw maps::InputError(
+          map.folder().string(), fmt::format("a point at {} {} {}", p.x(), p.y(), p.z()),
+          fmt::format("all within {:.0f} m of zero: a coarser --resolution, or --coordinates local",
+                      32768.0 * tree.getResolution()));
+    // Lazily: inner nodes are brought up to date once, at the end.
+    tree.setNodeValue(key, tree.getClampingThresMaxLog(), true);
+    ++points;
+  }
+  return points;
+}
+
+void write(octomap::OcTree& tree, const std::filesystem::path& target) {
+  maps::PartialFile partial(target);
+  std::ofstream stream(partial.path(), std::ios::binary);
+  const bool written = stream && tree.writeBinaryConst(stream);
+  stream.close();
+  if (!written || !stream) throw maps::StorageError(target.string(), "could not be written");
+  partial.publish();
+}
+
+}  // namespace
+
+const maps::MapExportFormat& octomap_format() {
+  using enum maps::ExportFrame;
+  static const maps::MapExportFormat format{
+      "octomap",
+      "OctoMap: occupied leaves as a binary OcTree (.bt)",
+      false,
+      {.without = true, .resolution = true, .frames = {kMap, kLocal}}};
+  return format;
+}
+
+maps::MapExportReport export_octomap(const maps::MapPackage& map,
+                                     const std::filesystem::path& target,
+                                     const maps::MapExportOptions& options) {
+  maps::check_export_options(octomap_format(), options);
+  maps::MapExportReport report;
+  if (options.frame == maps::ExportFrame::kLocal) report.origin = map.manifest().origin;
+  const Eigen::Vector3d shift = map.manifest().origin - report.origin;
+  octomap::OcTree tree(options.resolution_m.value_or(kResolutionM));
+  std::size_t points = 0, done = 0;
+  const auto& tiles = map.manifest().tiles;
+  for (const maps::TileEntry& tile : tiles) {
+    if (tile.id.level == 0) points += add_tile(map, tile, options, shift, tree);
+    if (tree.size() > kMostLeaves)
+      throw maps::InputError(map.folder().string(), fmt::format("more than {} nodes", kMostLeaves),
+                             "a coarser --resolution");
+    const double share = static_cast<double>(++done) / static_cast<double>(tiles.size());
+    if (options.work.go_on && !options.work.go_on(share)) throw maps::WorkStopped();
+  }
+  if (points == 0)
+    throw maps::InputError(map.folder().string(), "no point that is not left out", "one or more");
+  tree.updateInnerOccupancy();
+  tree.prune();
+  write(tree, target);
+  report.points = points;
+  report.files = 1;
+  report.bytes = std::filesystem::file_size(target);
+  report.counts = {{"leaves", tree.getNumLeafNodes()}};
+  return report;
+}
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,75 @@
+#include "checks/drive_sample.hpp"
+
+#include <stillmap/maps/frames.hpp>
+
+#include <algorithm>
+
+namespace stillmap::maps {
+namespace {
+
+constexpr std::size_t kSamples = 10;
+constexpr std::size_t kFarthestPartner = 30;
+constexpr double kApartM = 1.0;
+constexpr double kApartRad = 0.0873;  // 5 deg
+constexpr float kLeastRangeM = 2.0F;
+constexpr float kMostRangeM = 40.0F;
+constexpr double kAboveGroundM = 0.3;
+
+bool lie_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+  const Eigen::Isometry3d T = a.inverse() * b;
+  return T.translation().norm() >= kApartM || rotation_angle_rad(T.linear()) >= kApartRad;
+}
+
+double median_range_m(const PointCloud& cloud) {
+  std::vector<float> ranges;
+  for (const Eigen::Vector3f& p : cloud.positions) ranges.push_back(p.norm());
+  if (ranges.empty()) return 0.0;
+  const auto middle = ranges.begin() + static_cast<std::ptrdiff_t>(ranges.size() / 2);
+  std::nth_element(ranges.begin(), middle, ranges.end());
+  return *middle;
+}
+
+StandingPoints standing_of(const PointCloud& cloud, const std::optional<GroundPlane>& ground) {
+  StandingPoints standing;
+  for (const Eigen::Vector3f& p : cloud.positions) {
+    const float range_m = p.norm();
+    if (!(range_m >= kLeastRangeM && range_m <= kMostRangeM)) continue;
+    if (ground && ground->up.dot(p.cast<double>()) + ground->height_m < kAboveGroundM) continue;
+    standing.push_back(p);
+  }
+  return standing;
+}
+
+}  // namespace
+
+SampledScan sample_scan(const Drive& drive, std::size_t index) {
+  const Scan scan = drive.read(index);
+  SampledScan sample;
+  sample.index = index;
+  sample.ground = find_ground_plane(scan.cloud.positions);
+  sample.standing = standing_of(scan.cloud, sample.ground);
+  sample.median_range_m = median_range_m(scan.cloud);
+  sample.points = scan.cloud.size();
+  sample.points_in_file = scan.points_in_file;
+  const auto& intensities = scan.cloud.intensities;
+  if (!intensities.empty()) {
+    const auto [low, high] = std::minmax_element(intensities.begin(), intensities.end());
+    sample.intensities = {*low, *high};
+  }
+  return sample;
+}
+
+std::vector<SamplePair> choose_samples(const Drive& drive) {
+  std::vector<SamplePair> pairs;
+  const std::size_t count = std::min(kSamples, drive.size());
+  for (std::size_t k = 0; k < count; ++k) {
+    SamplePair pair{(2 * k + 1) * drive.size() / (2 * count), std::nullopt};
+    const std::size_t end = std::min(drive.size(), pair.first + 1 + kFarthestPartner);
+    for (std::size_t i = pair.first + 1; drive.has_poses() && i < end && !pair.second; ++i)
+      if (lie_apart(drive.T_map_lidar(pair.first), drive.T_map_lidar(i))) pair.second = i;
+    pairs.push_back(pair);
+  }
+  return pairs;
+}
+
+}  // namespace stillmap::maps

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <stillmap/maps/drive.hpp>
+
+#include <array>
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "checks/ground_plane.hpp"
+#include "checks/pose_readings.hpp"
+
+namespace stillmap::maps {
+
+/// What is kept of a scan that was looked at.
+struct SampledScan {
+  std::size_t index = 0;
+  std::optional<GroundPlane> ground;
+  StandingPoints standing;
+  double median_range_m = 0.0;
+  std::size_t points = 0;
+  std::size_t points_in_file = 0;
+  std::optional<std::array<float, 2>> intensities;
+};
+
+/// @throws as `Drive::read`.
+[[nodiscard]] SampledScan sample_scan(const Drive& drive, std::size_t index);
+
+/// Scans to look at, spread over a drive; each with one after it that lies a metre or more, or 5
+/// deg, away by the poses, where there are poses and there is such a scan among the next 30.
+struct SamplePair {
+  std::size_t first = 0;
+  std::optional<std::size_t> second;
+};
+[[nodiscard]] std::vector<SamplePair> choose_samples(const Drive& drive);
+
+}  // namespace stillmap::maps

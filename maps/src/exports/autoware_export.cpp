@@ -1,0 +1,128 @@
+#include <fmt/format.h>
+#include <stillmap/maps/error.hpp>
+
+#include <cmath>
+#include <iterator>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "exports/exporters.hpp"
+#include "exports/file_coordinates.hpp"
+#include "exports/output_file.hpp"
+#include "exports/pcd_bytes.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kSizeM = 20;
+constexpr const char* kFolder = "pointcloud_map.pcd";
+/// A file holds the points as floats, and belongs where these say.
+using Square = std::pair<std::int64_t, std::int64_t>;
+
+struct Written {
+  Eigen::Vector3f p;
+  float intensity;
+};
+
+/// Autoware's coordinates: the map's own, or UTM from the map's origin on (`LocalCartesianUTM`)
+/// with the height above the ellipsoid.
+class AutowareCoordinates {
+ public:
+  explicit AutowareCoordinates(const ExportJob& job) : coordinates_(job.map, job.frame) {
+    if (const auto& utm = coordinates_.utm()) {
+      origin_ = utm->to_utm(Eigen::Vector3d::Zero());
+      origin_.z() = 0.0;
+    }
+  }
+  [[nodiscard]] Eigen::Vector3f operator()(const MapPoint& point) const {
+    return (coordinates_(point) - origin_).cast<float>();
+  }
+
+ private:
+  FileCoordinates coordinates_;
+  Eigen::Vector3d origin_ = Eigen::Vector3d::Zero();
+};
+
+Square square_of(const Eigen::Vector3f& p) {
+  const auto index = [](float value) {
+    return static_cast<std::int64_t>(std::floor(static_cast<double>(value) / kSizeM));
+  };
+  return {index(p.x()), index(p.y())};
+}
+
+/// The squares that a tile's points fall into: tiles of the map need not lie on Autoware's grid,
+/// whose corners are whole numbers.
+std::map<Square, std::vector<TileId>> tiles_of_squares(const ExportJob& job,
+                                                       const AutowareCoordinates& coordinates) {
+  std::map<Square, std::vector<TileId>> squares;
+  const std::vector<TileEntry> tiles = point_tiles(job.map);
+  for (std::size_t i = 0; i < tiles.size(); ++i) {
+    std::set<Square> touched;
+    for (const MapPoint& point : job.map.tile(tiles[i].id))
+      if (job.takes(point.kind)) touched.insert(square_of(coordinates(point)));
+    for (const Square& square : touched) squares[square].push_back(tiles[i].id);
+    job.tell({0.2, 0.4}, i + 1, tiles.size());
+  }
+  return squares;
+}
+
+void write_square(const ExportJob& job, const AutowareCoordinates& coordinates,
+                  const Square& square, const std::vector<TileId>& tiles, const fs::path& path) {
+  std::vector<Written> points;
+  for (const TileId& id : tiles) {
+    for (const MapPoint& point : job.map.tile(id)) {
+      if (!job.takes(point.kind)) continue;
+      const Eigen::Vector3f p = coordinates(point);
+      if (square_of(p) == square) points.push_back({p, point.intensity});
+    }
+  }
+  OutputFile file(path);
+  file.write(pcd_header(points.size(), false, {}));
+  for (const Written& point : points) put_pcd_point(file, point.p, point.intensity);
+  file.close();
+}
+
+std::string projector_text(const ExportJob& job) {
+  const auto& place = job.map.manifest().geodetic_origin;
+  if (!place) return "projector_type: Local\n";
+  return fmt::format(
+      "projector_type: {}\nvertical_datum: WGS84\nmap_origin:\n  latitude: {}\n  longitude: {}\n"
+      "  altitude: {}\n",
+      job.frame == ExportFrame::kUtm ? "LocalCartesianUTM" : "LocalCartesian", place->latitude_deg,
+      place->longitude_deg, job.frame == ExportFrame::kUtm ? 0.0 : place->altitude_m);
+}
+
+void write_text(const fs::path& path, std::string_view text) {
+  OutputFile file(path);
+  file.write(text);
+  file.close();
+}
+
+}  // namespace
+
+void export_autoware(ExportJob& job) {
+  if (job.frame == ExportFrame::kMap)
+    require_fine_floats(job.map, "coordinates near zero, as Autoware's own maps have them");
+  count_chosen(job);
+  const AutowareCoordinates coordinates(job);
+  const auto squares = tiles_of_squares(job, coordinates);
+  fs::create_directory(job.target / kFolder);
+  std::string metadata = fmt::format("x_resolution: {0}\ny_resolution: {0}\n", kSizeM);
+  std::size_t done = 0;
+  for (const auto& [square, tiles] : squares) {
+    const std::string name = fmt::format("{}_{}.pcd", square.first, square.second);
+    write_square(job, coordinates, square, tiles, job.target / kFolder / name);
+    // Autoware reads the corners as whole numbers.
+    fmt::format_to(std::back_inserter(metadata), "{}: [{}, {}]\n", name, square.first * kSizeM,
+                   square.second * kSizeM);
+    job.tell({0.4, 1.0}, ++done, squares.size());
+  }
+  write_text(job.target / "pointcloud_map_metadata.yaml", metadata);
+  write_text(job.target / "map_projector_info.yaml", projector_text(job));
+  job.report.counts["squares"] = squares.size();
+}
+
+}  // namespace stillmap::maps

@@ -1,0 +1,76 @@
+#include "exports/file_coordinates.hpp"
+
+#include <fmt/format.h>
+#include <stillmap/maps/error.hpp>
+
+#include <algorithm>
+#include <cmath>
+
+#include "exports/exporters.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+/// Floats are 1 mm coarse below it, 2 mm from there on.
+constexpr double kCoarseFromM = 16384.0;
+
+}  // namespace
+
+FileCoordinates::FileCoordinates(const MapPackage& map, ExportFrame frame)
+    : frame_(frame), origin_(map.manifest().origin) {
+  if (frame != ExportFrame::kUtm) return;
+  const auto& place = map.manifest().geodetic_origin;
+  const auto zone = place ? utm_zone_of(*place) : std::nullopt;
+  if (!zone)
+    throw InputError(map.folder().string(),
+                     place ? fmt::format("a map at latitude {}", place->latitude_deg)
+                           : "a map without a geodetic origin",
+                     "one between 80 deg south and 84 deg north, for UTM");
+  utm_.emplace(*place, *zone);
+}
+
+Eigen::Vector3d FileCoordinates::operator()(const MapPoint& point) const {
+  const Eigen::Vector3d p = Eigen::Vector3f(point.x, point.y, point.z).cast<double>();
+  if (frame_ == ExportFrame::kLocal) return p;
+  return utm_ ? utm_->to_utm(p + origin_) : Eigen::Vector3d(p + origin_);
+}
+
+void require_fine_floats(const MapPackage& map, const char* remedy) {
+  double largest_m = 0.0;
+  for (const TileEntry& tile : point_tiles(map)) {
+    for (const std::array<float, 3>& corner : {tile.min, tile.max}) {
+      const Eigen::Vector3d p =
+          Eigen::Vector3f(corner[0], corner[1], corner[2]).cast<double>() + map.manifest().origin;
+      largest_m = std::max(largest_m, p.cwiseAbs().maxCoeff());
+    }
+  }
+  if (largest_m < kCoarseFromM) return;
+  const float at = static_cast<float>(largest_m);
+  throw InputError(
+      map.folder().string(),
+      fmt::format("coordinates up to {:.0f} m, where 32-bit floats are {:.2g} m coarse", largest_m,
+                  std::nextafter(at, 2.0F * at) - at),
+      remedy);
+}
+
+std::string exact_text(const Eigen::Vector3d& p) {
+  return fmt::format("{} {} {}", p.x(), p.y(), p.z());
+}
+
+std::vector<std::string> frame_lines(const MapPackage& map, const FileCoordinates& coordinates) {
+  const MapManifest& manifest = map.manifest();
+  std::vector<std::string> lines{fmt::format("stillmap {} map {} frame {}",
+                                             manifest.software_version, map.digest().substr(0, 12),
+                                             manifest.frame_id)};
+  if (coordinates.frame() == ExportFrame::kLocal)
+    lines.push_back("map coordinates = these + origin " + exact_text(manifest.origin));
+  if (const auto& utm = coordinates.utm())
+    lines.push_back(
+        fmt::format("coordinates EPSG:{}, height above the WGS 84 ellipsoid", utm->zone().epsg()));
+  if (const auto& place = manifest.geodetic_origin)
+    lines.push_back(fmt::format("geodetic origin of the map WGS84 {} {} {}", place->latitude_deg,
+                                place->longitude_deg, place->altitude_m));
+  return lines;
+}
+
+}  // namespace stillmap::maps

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <stillmap/maps/geodesy.hpp>
+#include <stillmap/maps/map_export.hpp>
+
+#include <Eigen/Core>
+
+#include <optional>
+
+namespace stillmap::maps {
+
+/// Takes the points of a map's tiles to the coordinates of an exported file.
+class FileCoordinates {
+ public:
+  /// @throws InputError for kUtm where the map has no geodetic origin or lies in a polar region.
+  FileCoordinates(const MapPackage& map, ExportFrame frame);
+
+  [[nodiscard]] Eigen::Vector3d operator()(const MapPoint& point) const;
+
+  [[nodiscard]] ExportFrame frame() const { return frame_; }
+  /// With kUtm.
+  [[nodiscard]] const std::optional<UtmProjection>& utm() const { return utm_; }
+
+ private:
+  ExportFrame frame_;
+  Eigen::Vector3d origin_;
+  std::optional<UtmProjection> utm_;
+};
+
+/// @throws InputError naming the largest coordinate of the map, and what to do about it, when
+/// coordinates of kMap lose more than half a millimetre in 32-bit floats.
+void require_fine_floats(const MapPackage& map, const char* remedy);
+
+/// "x y z" with as many digits as bring the doubles back.
+[[nodiscard]] std::string exact_text(const Eigen::Vector3d& p);
+
+/// Lines that say what a file's coordinates are, for the comments of its header.
+[[nodiscard]] std::vector<std::string> frame_lines(const MapPackage& map,
+                                                   const FileCoordinates& coordinates);
+
+}  // namespace stillmap::maps

@@ -1,0 +1,152 @@
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_export.hpp>
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "command_line/progress_bar.hpp"
+#include "command_line/run_program.hpp"
+#include "command_line/table.hpp"
+#include "mapper/commands.hpp"
+#include "reference/octomap_export.hpp"
+
+namespace stillmap::mapper {
+namespace {
+
+using maps::ExportFrame;
+using maps::PointKind;
+
+struct ExportArguments {
+  std::filesystem::path map;
+  std::filesystem::path output;
+  std::string format;
+  bool json = false;
+  std::vector<PointKind> without;
+  std::vector<double> height_band_m;
+  maps::MapExportOptions options;
+};
+
+const std::map<std::string, PointKind> kKinds = {{"measured", PointKind::kMeasured},
+                                                 {"ground", PointKind::kGround},
+                                                 {"projected", PointKind::kProjected},
+                                                 {"filled", PointKind::kFilled}};
+const std::map<std::string, ExportFrame> kFrames = {
+    {"map", ExportFrame::kMap}, {"local", ExportFrame::kLocal}, {"utm", ExportFrame::kUtm}};
+
+std::vector<maps::MapExportFormat> formats() {
+  std::vector<maps::MapExportFormat> all = maps::map_export_formats();
+  all.push_back(mapping::octomap_format());
+  return all;
+}
+
+maps::MapExportReport write_map(const ExportArguments& arguments) {
+  const auto package = maps::MapPackage::open(arguments.map);
+  command_line::ProgressBar bar;
+  maps::MapExportOptions options = arguments.options;
+  options.without.insert(arguments.without.begin(), arguments.without.end());
+  if (!arguments.height_band_m.empty())
+    options.height_band_m = {arguments.height_band_m[0], arguments.height_band_m[1]};
+  options.work.threads = std::max(1U, std::thread::hardware_concurrency());
+  options.work.go_on = [&bar](double share) {
+    bar.update("write", static_cast<std::size_t>(1000.0 * share), 1000);
+    return !command_line::cancel_flag();
+  };
+  if (arguments.format == mapping::octomap_format().name)
+    return mapping::export_octomap(*package, arguments.output, options);
+  return maps::export_map(*package, arguments.format, arguments.output, options);
+}
+
+std::string to_json_text(const maps::MapExportReport& report, const ExportArguments& arguments) {
+  const Eigen::Vector3d& origin = report.origin;
+  const nlohmann::ordered_json json = {
+      {"format", arguments.format}, {"points", report.points},
+      {"files", report.files},      {"bytes", report.bytes},
+      {"counts", report.counts},    {"origin", {origin.x(), origin.y(), origin.z()}},
+      {"notes", report.notes},      {"version", STILLMAP_VERSION}};
+  return json.dump(2);
+}
+
+void export_package(const ExportArguments& arguments) {
+  const maps::MapExportReport report = write_map(arguments);
+  if (arguments.json) return fmt::print("{}\n", to_json_text(report, arguments));
+  command_line::Table table;
+  table.add("written", arguments.output.string());
+  table.add("points", command_line::grouped(report.points));
+  table.add("files", command_line::grouped(report.files));
+  table.add("bytes", command_line::grouped(report.bytes));
+  for (const auto& [name, count] : report.counts) {
+    std::string label = name;
+    std::replace(label.begin(), label.end(), '_', ' ');
+    table.add(std::move(label), command_line::grouped(count));
+  }
+  if (!report.origin.isZero())
+    table.add("map coordinates", fmt::format("these + {} {} {} m", report.origin.x(),
+                                             report.origin.y(), report.origin.z()));
+  table.print();
+  for (const std::string& note : report.notes) fmt::print("note: {}\n", note);
+}
+
+void add_point_options(CLI::App& command, ExportArguments& arguments) {
+  maps::MapExportOptions& options = arguments.options;
+  command
+      .add_option("--without", arguments.without,
+                  "Kinds of points to leave out: measured, ground, projected (moved down from "
+                  "objects), filled (synthetic ground)")
+      ->delimiter(',')
+      ->transform(CLI::Transformer(kKinds))
+      ->type_name("KIND,...");
+  command
+      .add_option("--coordinates", options.frame,
+                  "map (its frame), local (less the map's origin) or utm; each format has its own")
+      ->transform(CLI::Transformer(kFrames));
+  command.add_flag("--kinds", options.kinds,
+                   "pcd: a fifth field that says what each point is (0 measured, 1 ground, 2 "
+                   "moved down, 3 filled)");
+  command.add_option("--resolution", options.resolution_m,
+                     "nav2, octomap: edge of a cell [m]; 0.1 and 0.2 unless told");
+  command
+      .add_option("--height-band", arguments.height_band_m,
+                  "nav2: obstacles stand between these heights above the ground [m]; 0.2 and 2 "
+                  "unless told")
+      ->expected(2)
+      ->delimiter(',');
+  command.add_option("--drive", options.drive,
+                     "kitti, tum: which trajectory of a map of several drives, from 0");
+}
+
+}  // namespace
+
+void add_export(CLI::App& app) {
+  auto arguments = std::make_shared<ExportArguments>();
+  CLI::App* command = app.add_subcommand("export", "Write a map for other programs");
+  std::vector<std::string> names;
+  std::string listed = "Formats:";
+  for (const maps::MapExportFormat& format : formats()) {
+    names.emplace_back(format.name);
+    listed += fmt::format("\n  {:<10} {}", format.name, format.description);
+  }
+  command->footer(listed);
+  command->add_option("MAP", arguments->map, "Map package")
+      ->required()
+      ->check(command_line::existing_folder());
+  command->add_option("--format", arguments->format, "One of those below")
+      ->required()
+      ->check(CLI::IsMember(names));
+  command->add_option("-o,--output", arguments->output, "File or folder to write; must not exist")
+      ->required();
+  add_point_options(*command, *arguments);
+  command->add_flag("--json", arguments->json, "Print JSON");
+  command->callback([arguments] { export_package(*arguments); });
+}
+
+}  // namespace stillmap::mapper
