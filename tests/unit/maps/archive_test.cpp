@@ -214,7 +214,7 @@ TEST_F(DriveArchiveTest, FindsTheDriveInItsFolder) {
 TEST_F(DriveArchiveTest, FindsABagAndWhatIsChosenOfIt) {
   test::McapBytes bag;
   bag.add(test::McapBytes::schema(1, "sensor_msgs/msg/PointCloud2"));
-  for (const std::uint16_t id : {1, 2})
+  for (const std::uint16_t id : {std::uint16_t{1}, std::uint16_t{2}})
     bag.add(test::McapBytes::channel(id, 1, "/cloud" + std::to_string(id)) +
             test::McapBytes::message(id, test::one_point(id, 1.0F)));
   const std::string file = tar_file("run/run_0.mcap", bag.finished());
