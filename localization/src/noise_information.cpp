@@ -10,17 +10,6 @@
 namespace stillmap::localization {
 namespace {
 
-/// Measured: tunnels 0.9 to 2.3, where speed was lost already single scans to 5.5; highways 4.3 and
-/// more (half of them above 11), streets and sparse handheld scans 18 and more.
-constexpr double kLeastShare = 3.5;
-
-/// Variance of the tilt of the axis of the smallest variance towards another one, from n points
-/// (first order perturbation of eigenvectors; Anderson 1963).
-double tilt_variance(double small_m2, double other_m2, double points) {
-  const double gap_m2 = std::max(other_m2 - small_m2, 1e-6);
-  return std::min(1.0, small_m2 * other_m2 / (gap_m2 * gap_m2 * points));
-}
-
 Vector6d jacobian_of(const Eigen::Vector3d& axis, const Eigen::Matrix3d& R_lidar_index,
                      const Eigen::Vector3d& p_lidar) {
   const Eigen::Vector3d g = R_lidar_index * axis;
@@ -30,6 +19,11 @@ Vector6d jacobian_of(const Eigen::Vector3d& axis, const Eigen::Matrix3d& R_lidar
 }
 
 }  // namespace
+
+double tilt_variance(double small_m2, double other_m2, double points) {
+  const double gap_m2 = std::max(other_m2 - small_m2, 1e-6);
+  return std::min(1.0, small_m2 * other_m2 / (gap_m2 * gap_m2 * points));
+}
 
 NoiseInformation noise_information_of(const MapIndex::Level& level, const Query& query,
                                       const Eigen::Isometry3d& T_index_lidar, float kernel_m) {
@@ -72,7 +66,7 @@ std::vector<Vector6d> untold_directions(const NoiseInformation& information) {
   for (Eigen::Index k = 0; k < 6; ++k) {
     const Vector6d direction = solver.eigenvectors().col(k);
     const double by_noise = direction.dot(feigned * direction);
-    if (!(solver.eigenvalues()[k] > kLeastShare * by_noise)) untold.push_back(direction);
+    if (!(solver.eigenvalues()[k] > kLeastOverNoise * by_noise)) untold.push_back(direction);
   }
   return untold;
 }

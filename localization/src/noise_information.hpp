@@ -8,6 +8,15 @@
 
 namespace stillmap::localization {
 
+/// What is measured along a direction must be so many times what noise feigns. Measured: tunnels
+/// 0.9 to 2.3, where speed was lost already single scans to 5.5; highways 4.3 and more (half of
+/// them above 11), streets and sparse handheld scans 18 and more.
+inline constexpr double kLeastOverNoise = 3.5;
+
+/// Variance of the tilt of the axis of the smallest variance towards another one, from n points
+/// (first order perturbation of eigenvectors; Anderson 1963) [rad^2], at most 1.
+[[nodiscard]] double tilt_variance(double small_m2, double other_m2, double points);
+
 /// What the surfaces at a pose tell about it (Gauss-Newton's matrix, rows as in `covariance_of`),
 /// and how much of that the noise of their normals alone would feign: a smooth wall seems to tell
 /// where along it one is, as its patches are tilted a little. After Hatleskog and Alexis,

@@ -14,10 +14,11 @@
 #include <fmt/format.h>
 #include <sys/resource.h>
 #include <stillmap/mapping/detector.hpp>
-#include <stillmap/mapping/edits.hpp>
 #include <stillmap/mapping/map_build.hpp>
+#include <stillmap/maps/edits.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/geodesy.hpp>
+#include <stillmap/maps/map_graph.hpp>
 #include <stillmap/maps/map_package.hpp>
 
 #include <algorithm>
@@ -150,7 +151,8 @@ MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders
                           const CancelFlag& cancel) {
   const Clock::time_point began = Clock::now();
   const std::string odometry = odometry_of(opened, options);
-  const Edits edits = options.edits_file ? read_edits(*options.edits_file) : Edits{};
+  const maps::Edits edits =
+      options.edits_file ? maps::read_edits(*options.edits_file) : maps::Edits{};
   const std::filesystem::path& scratch = folders.scratch;
   std::filesystem::create_directory(scratch);
   MapBuildReport report;
@@ -197,6 +199,7 @@ MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders
     report.objects = object_counts(map_objects, *survey, stages);
     report_edits(objects.edits, report);
     write_sources(writer, drives, *survey, map_objects);
+    if (posed.graph) maps::write_map_graph(writer.folder(), map_graph_of(drives, *posed.graph));
   }
   std::filesystem::remove_all(scratch);
   if (cancel) throw Cancelled();

@@ -89,11 +89,14 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   add_map_change_routes(routes, context);
   add_version_routes(routes, context);
   add_package_routes(routes, context);
+  add_upload_routes(routes, context);
   add_drive_routes(routes, context);
+  add_edit_routes(routes, context);
   add_rebuild_routes(routes, context);
   add_job_routes(routes, context);
   add_audit_routes(routes, context);
   add_key_routes(routes, context);
+  add_layer_routes(routes, context);
   add_tile_routes(routes, context);
   add_tileset_routes(routes, context);
   add_difference_routes(routes, context);
@@ -167,6 +170,7 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
       metrics_(STILLMAP_VERSION),
       gatekeeper_(store.keys(), is_loopback(options_.host)),
       views_(store.folder()),
+      layers_(store.folder()),
       catalog_(store, warming(std::move(builder), views_), &metrics_),
       drives_(store),
       workers_(worker_count(options_)),
@@ -176,9 +180,10 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
                  .client_share = options_.client_share},
                 queue_),
       jobs_({live_, store, drives_, catalog_, metrics_, mapper}),
-      context_{options_, live_,    workers_, store,     drives_,
-               uploads_, catalog_, views_,   queue_,    sessions_,
-               jobs_,    metrics_, stats_,   stopping_, std::chrono::steady_clock::now()},
+      context_{options_, live_,    workers_,  store,
+               drives_,  uploads_, catalog_,  views_,
+               layers_,  queue_,   sessions_, jobs_,
+               metrics_, stats_,   stopping_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)),
       housekeeping_(live_, store, drives_, jobs_) {
   store_.set_quota(quota_of(options_.quotas));

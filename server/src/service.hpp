@@ -1,5 +1,6 @@
 #pragma once
 
+#include "derived/map_layers.hpp"
 #include "derived/map_views.hpp"
 #include "errors/api_error.hpp"
 #include "errors/problem.hpp"
@@ -54,6 +55,7 @@ class Service final : public RequestHandler {
   /// Of rows that anybody can make.
   mutable RateLimits refused_rows_;
   mutable MapViews views_;
+  mutable MapLayers layers_;
   mutable MapCatalog catalog_;
   mutable maps::DriveStore drives_;
   mutable UploadPlaces uploads_;

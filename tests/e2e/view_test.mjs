@@ -126,8 +126,8 @@ async function coordinates(run) {
   await page.mouse.click(x - 60, y);
   const b = await readOut(page, x + 80, y + 20);
   await page.mouse.click(x + 80, y + 20);
-  const row = await page.textContent('.viewer-measures tbody tr');
-  const [straight, level] = row.match(/\d+\.\d+/g).map(Number);
+  const cells = await page.locator('.viewer-measures tbody tr td').allTextContents();
+  const [straight, level] = cells.map((text) => Number.parseFloat(text));
   const truth = Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
   run.expect(near(straight, truth, 0.03), `a measured length is that of its ends: ${straight} m, ${truth.toFixed(2)} m`);
   run.expect(near(level, Math.hypot(a[0] - b[0], a[1] - b[1]), 0.03), `and its level length: ${level} m`);

@@ -155,6 +155,14 @@ def make_packages():
     put("trajectory", "unordered", tum)
     put("trajectory", "kitti", "1 0 0 0 0 1 0 0 0 0 1 0\n0.8 -0.6 0 1.5 0.6 0.8 0 2e-1 0 0 1 -3\n")
     put("trajectory", "times", "0.0\n1.036000e-01\n0.2\n")
+    edits = {"format": "stillmap-edits", "version": 1, "edits": [
+        {"action": "keep", "object": {"centre": [3, 4, 0.5], "class": "car"}, "note": "stands for years"},
+        {"action": "remove", "box": {"centre": [-1.5, 2, 0], "size": [4, 2, 3], "yaw": 0.25}, "drive": "north",
+         "scans": [120, 180]}]}
+    put("edits", "both", json.dumps(edits))
+    put("edits", "none", json.dumps({**edits, "edits": []}))
+    put("graph", "small", json.dumps({"format": "stillmap-graph", "version": 1, "key_frames": [0, 2, 3],
+                                      "loops": [{"from": 3, "to": 0, "weight": 0.75}]}))
     stamps = "2011-09-26 13:10:51.158069617\n2011-09-26 13:10:51.168069617\n"
     oxts = "49.015 8.434 116.4 0.03 0.01 -1.1 " + " ".join(["0.5"] * 19) + " 4 9 0 0 0\n"
     put("kitti_text", "oxts", stamps.encode() + SEPARATOR + oxts.encode())

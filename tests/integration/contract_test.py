@@ -162,8 +162,22 @@ class Contract(unittest.TestCase):
                      "/v1/maps/{map}/ready", "/v1/maps/{map}/versions", "/v1/maps/{map}/versions/{version}",
                      "/v1/maps/{map}/versions/{version}/trajectory", "/v1/maps/{map}/versions/{version}/objects",
                      "/v1/maps/{map}/versions/{version}/content", "/v1/maps/{map}/versions/{version}/preview",
-                     "/v1/maps/{map}/stats", "/v1/maps/{map}/drives"):
+                     "/v1/maps/{map}/versions/{version}/graph", "/v1/maps/{map}/edits", "/v1/maps/{map}/stats",
+                     "/v1/maps/{map}/drives"):
             self.ask("GET", path, 200, **town)
+        layer = "/v1/maps/{map}/versions/{version}/layers/{layer}"
+        for name in ("coverage", "localizability"):
+            for _ in range(600):
+                if self.send("GET", f"/v1/maps/town/versions/v1/layers/{name}")[0] != 503:
+                    break
+                time.sleep(0.1)
+            found = self.ask("GET", layer, 200, **town, layer=name)
+            cells = found["cells_per_side"] ** 2 * len(found["tiles"])
+            for band in found["bands"]:
+                self.assertEqual(len(self.ask("GET", layer + "/{band}", 200, **town, layer=name, band=band["name"])),
+                                 4 * cells)
+            self.assertIn(name if name == "localizability" else "scans", [band["name"] for band in found["bands"]])
+        self.ask("GET", layer, 404, **town, layer="colour")
         self.ask("GET", "/v1/maps/{map}", 404, map="village")
         tile = self.ask("GET", "/v1/maps/{map}", 200, map="town")["tiles"][0]
         place = {key: tile[key] for key in ("level", "x", "y")}
@@ -229,6 +243,25 @@ class Contract(unittest.TestCase):
         self.ask("POST", "/v1/maps/{map}/rollback", 200, map="yard")
         self.ask("DELETE", put, 409, map="yard", version="a")
         self.ask("DELETE", put, 204, map="yard", version="b")
+        edits = {"format": "stillmap-edits", "version": 1, "edits": [
+            {"action": "keep", "object": {"centre": [1, 2, 3], "class": "car"}},
+            {"action": "remove", "box": {"centre": [1, 2, 3], "size": [4, 2, 1], "yaw": 0.5}, "drive": "d",
+             "scans": [1, 2], "note": "skip"}]}
+        self.assertEqual(self.ask("PUT", "/v1/maps/{map}/edits", 200, edits, map="yard"), edits)
+        self.assertEqual(self.ask("GET", "/v1/maps/{map}/edits", 200, map="yard"), edits)
+        self.ask("PUT", "/v1/maps/{map}/edits", 400, {"edits": []}, map="yard")
+        uploads = "/v1/maps/{map}/uploads"
+        upload = self.ask("POST", uploads, 201, {"version": "u", "content_type": "application/x-tar"}, map="yard")["id"]
+        place = {"map": "yard", "upload": upload}
+        for status in (201, 200):
+            self.ask("PUT", uploads + "/{upload}/parts/{part}", status, archive, "", "application/octet-stream", **place,
+                     part=1)
+        self.ask("GET", uploads + "/{upload}", 200, **place)
+        self.ask("GET", uploads, 200, map="yard")
+        for status in (201, 200):
+            self.ask("POST", uploads + "/{upload}/complete", status, **place)
+        self.ask("DELETE", uploads + "/{upload}", 204, **place)
+        self.ask("POST", uploads, 400, {"version": "U", "content_type": "application/x-tar"}, map="yard")
         drive = self.ask("POST", "/v1/maps/{map}/drives", 201, {"name": "d"}, map="yard")["id"]
         one = "/v1/maps/{map}/drives/{drive}"
         place = {"map": "yard", "drive": drive}

@@ -142,10 +142,12 @@ class RandomLife {
   }
 
   void change_rows() {
-    switch (random_() % 4) {
+    switch (random_() % 5) {
       case 0:
         return change_keys();
       case 1:
+        return (void)store_->edits().save(some_map(), "edits " + std::to_string(count_++), "k", 1);
+      case 2:
         return (void)store_->audit().append({.subject = "row " + std::to_string(count_++)});
       default:
         return change_jobs();

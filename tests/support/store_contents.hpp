@@ -30,6 +30,11 @@ inline std::string contents_of(const maps::PackageStore& store) {
     for (const maps::StoredDrive& drive : store.state().drives().of_map(map.name))
       text += "drive " + drive.name + " " + std::string(name_of(drive.status)) + " " +
               std::to_string(drive.bytes) + "\n";
+    for (const maps::StoredDrive& upload : store.state().drives().uploads_of_map(map.name))
+      text += "upload " + upload.target.version + " " + std::string(name_of(upload.status)) + " " +
+              std::to_string(upload.bytes) + "\n";
+    const maps::SavedEdits edits = store.state().edits().of_map(map.name);
+    if (edits.saved_ns) text += "edits " + edits.text + " by " + edits.saver + "\n";
   }
   for (const maps::ApiKey& key : store.state().keys().list())
     text += "key " + key.name + (key.revoked_ns ? " revoked\n" : "\n");
@@ -62,7 +67,7 @@ inline std::string drive_problem_of(const maps::PackageStore& store,
   for (const maps::StoredDrive& drive : store.state().drives().all()) {
     const std::filesystem::path home = drives.folder(drive.id).parent_path();
     known += std::filesystem::exists(home) ? 1U : 0U;
-    if (drive.status == maps::DriveStatus::kComplete)
+    if (drive.status == maps::DriveStatus::kComplete && !drive.is_upload())
       (void)maps::Drive::open(drives.folder(drive.id));
     if (drive.status != maps::DriveStatus::kOpen) continue;
     for (const maps::DrivePart& part : store.state().drives().parts(drive.id))

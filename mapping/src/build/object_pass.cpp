@@ -86,7 +86,7 @@ std::vector<std::vector<ScanObject>> scan_objects(const DriveSet& drives,
 
 BuildObjects objects_of(const DriveSet& drives, const Survey& survey,
                         const MapBuildOptions& options, const Eigen::Vector3d& origin,
-                        const Edits& edits, const CancelFlag& cancel) {
+                        const maps::Edits& edits, const CancelFlag& cancel) {
   const std::vector<DetectedScan> scans = detected_scans(drives, survey);
   const std::vector<EditScan> edit_scans = edit_scans_of(drives);
   FusedObjects fused;

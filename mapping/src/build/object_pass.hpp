@@ -7,7 +7,7 @@
 #include "fusion/object_fusion.hpp"
 #include "ground/ground_footprint.hpp"
 
-#include <stillmap/mapping/edits.hpp>
+#include <stillmap/maps/edits.hpp>
 #include <stillmap/maps/map_object.hpp>
 
 #include <cstdint>
@@ -35,7 +35,7 @@ struct BuildObjects {
 /// @param origin  of the map.
 [[nodiscard]] BuildObjects objects_of(const DriveSet& drives, const Survey& survey,
                                       const MapBuildOptions& options, const Eigen::Vector3d& origin,
-                                      const Edits& edits, const CancelFlag& cancel);
+                                      const maps::Edits& edits, const CancelFlag& cancel);
 
 /// As the package holds them.
 /// @param points_removed  by number of the object plus 1.

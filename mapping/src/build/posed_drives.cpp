@@ -127,6 +127,7 @@ PosedDrives with_estimated_poses(const std::vector<maps::Drive>& drives,
       estimate_trajectories(drives, options_of(options, method), scratch, progress, cancel);
   PosedDrives posed;
   posed.counts = counts_of(estimate);
+  posed.graph = drive_graph_of(estimate);
   for (std::size_t i = 0; i < drives.size(); ++i) {
     const EstimatedDrive& estimated = estimate.drives[i];
     std::vector<Eigen::Isometry3d> poses(drives[i].size(), estimated.T_map_lidar.front());

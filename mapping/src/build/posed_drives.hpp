@@ -1,11 +1,14 @@
 #pragma once
 
+#include "build/graph_of_poses.hpp"
+
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/maps/drive.hpp>
 
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,6 +29,8 @@ namespace stillmap::mapping {
 struct PosedDrives {
   std::vector<maps::Drive> drives;
   std::map<std::string, std::uint64_t> counts;
+  /// Of poses that were estimated.
+  std::optional<DriveGraph> graph{};
 };
 
 /// The drives' own poses, brought to the frame of the first drive's by their geodetic origins.

@@ -27,6 +27,46 @@ maps::Drive drive_from(ByteReader& reader, const maps::Drive& drive) {
   return drive.with_poses(std::move(poses), origin);
 }
 
+void put_place(std::string& bytes, const DriveSet::Place& place) {
+  put_number(bytes, place.drive);
+  put_number(bytes, place.index);
+}
+
+/// A scan of one of the drives.
+DriveSet::Place place_from(ByteReader& reader, const std::vector<maps::Drive>& drives) {
+  DriveSet::Place place;
+  place.drive = reader.number<std::size_t>();
+  place.index = reader.number<std::size_t>();
+  if (place.drive >= drives.size() || place.index >= drives[place.drive].size())
+    reader.refuse("of a scan that is not there");
+  return place;
+}
+
+void put_graph(std::string& bytes, const DriveGraph& graph) {
+  put_number(bytes, graph.key_frames.size());
+  for (const DriveSet::Place& place : graph.key_frames) put_place(bytes, place);
+  put_number(bytes, graph.loops.size());
+  for (const DriveGraph::Loop& loop : graph.loops) {
+    put_place(bytes, loop.from);
+    put_place(bytes, loop.to);
+    put_number(bytes, loop.weight);
+  }
+}
+
+DriveGraph graph_from(ByteReader& reader, const std::vector<maps::Drive>& drives) {
+  DriveGraph graph;
+  for (auto left = reader.number<std::size_t>(); left > 0; --left)
+    graph.key_frames.push_back(place_from(reader, drives));
+  for (auto left = reader.number<std::size_t>(); left > 0; --left) {
+    DriveGraph::Loop loop;
+    loop.from = place_from(reader, drives);
+    loop.to = place_from(reader, drives);
+    loop.weight = reader.number<double>();
+    graph.loops.push_back(loop);
+  }
+  return graph;
+}
+
 }  // namespace
 
 std::string to_bytes(const PosedDrives& posed) {
@@ -37,6 +77,8 @@ std::string to_bytes(const PosedDrives& posed) {
     bytes.append(name);
     put_number(bytes, count);
   }
+  put_number(bytes, static_cast<std::uint8_t>(posed.graph.has_value()));
+  if (posed.graph) put_graph(bytes, *posed.graph);
   put_number(bytes, posed.drives.size());
   for (const maps::Drive& drive : posed.drives) {
     const auto& origin = drive.contents().origin;
@@ -63,6 +105,7 @@ PosedDrives posed_drives_from(std::string_view bytes, const std::vector<maps::Dr
     const std::string name(reader.take(reader.number<std::size_t>()));
     posed.counts[name] = reader.number<std::uint64_t>();
   }
+  if (reader.number<std::uint8_t>() != 0) posed.graph = graph_from(reader, drives);
   if (reader.number<std::size_t>() != drives.size()) reader.refuse("of another number of drives");
   for (const maps::Drive& drive : drives) posed.drives.push_back(drive_from(reader, drive));
   reader.end();

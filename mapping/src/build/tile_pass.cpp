@@ -99,7 +99,7 @@ struct FinishedTile {
 class TileStages {
  public:
   TileStages(const DriveSet& drives, const Survey& survey, const BuildObjects& objects,
-             const VoxelGrid& grid, const MapBuildOptions& options, const Edits& edits)
+             const VoxelGrid& grid, const MapBuildOptions& options, const maps::Edits& edits)
       : grid_(grid), options_(options), ground_(survey.ground) {
     for (std::size_t scan = 0; scan < drives.size(); ++scan) {
       Eigen::Isometry3d T = drives.T_map_lidar(scan);
@@ -108,8 +108,8 @@ class TileStages {
     }
     views_.read = [&survey](std::size_t scan) { return survey.views.read(scan); };
     if (options.clean == "free-space") keyframes_ = select_keyframes(views_.T_local_lidar);
-    for (const Edit& edit : edits) {
-      if (edit.action != EditAction::kKeep || !edit.box) continue;
+    for (const maps::Edit& edit : edits) {
+      if (edit.action != maps::EditAction::kKeep || !edit.box) continue;
       kept_.push_back(*edit.box);
       kept_.back().centre -= grid.origin();
     }
@@ -201,8 +201,9 @@ TopView empty_picture(const std::vector<maps::TileId>& tiles) {
 
 TileCounts finish_tiles(const DriveSet& drives, const Survey& survey, const BuildObjects& objects,
                         Placed& placed, const VoxelGrid& grid, const MapBuildOptions& options,
-                        const Edits& edits, const Cleaner* cleaner, maps::MapPackageWriter& writer,
-                        const ProgressCallback& progress, const CancelFlag& cancel) {
+                        const maps::Edits& edits, const Cleaner* cleaner,
+                        maps::MapPackageWriter& writer, const ProgressCallback& progress,
+                        const CancelFlag& cancel) {
   TileCounts out{{{"cleaned", 0}, {"filled", 0}}, {}};
   const std::vector<maps::TileId> ids = placed.stack.tiles();
   if (ids.empty())

@@ -7,9 +7,9 @@
 #include "stacking/tile_points.hpp"
 
 #include <stillmap/mapping/cleaning.hpp>
-#include <stillmap/mapping/edits.hpp>
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/mapping/progress.hpp>
+#include <stillmap/maps/edits.hpp>
 #include <stillmap/maps/map_package.hpp>
 
 #include <cstdint>
@@ -32,7 +32,7 @@ struct TileCounts {
 [[nodiscard]] TileCounts finish_tiles(const DriveSet& drives, const Survey& survey,
                                       const BuildObjects& objects, Placed& placed,
                                       const VoxelGrid& grid, const MapBuildOptions& options,
-                                      const Edits& edits, const Cleaner* cleaner,
+                                      const maps::Edits& edits, const Cleaner* cleaner,
                                       maps::MapPackageWriter& writer,
                                       const ProgressCallback& progress, const CancelFlag& cancel);
 

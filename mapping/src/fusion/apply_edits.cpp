@@ -16,14 +16,14 @@ constexpr double kPlaceM = 1.0;
 /// As far as scans count for objects in the first place [m].
 constexpr double kReachM = 80.0;
 
-bool in_scope(const ObjectPlacement& placement, const Edit& edit,
+bool in_scope(const ObjectPlacement& placement, const maps::Edit& edit,
               const std::vector<EditScan>& scans) {
   const EditScan& scan = scans[placement.scan];
   return edit.scope.holds(scan.drive, scan.index);
 }
 
 /// Whether an edit means this object.
-bool means(const FusedObject& object, const Edit& edit, const std::vector<EditScan>& scans) {
+bool means(const FusedObject& object, const maps::Edit& edit, const std::vector<EditScan>& scans) {
   if (!may_be_one(object.object_class, edit.object->object_class)) return false;
   return std::any_of(object.placements.begin(), object.placements.end(),
                      [&](const ObjectPlacement& placement) {
@@ -33,7 +33,7 @@ bool means(const FusedObject& object, const Edit& edit, const std::vector<EditSc
 }
 
 /// Indices of the objects that an edit means; those that moved only when none stood there.
-std::vector<std::size_t> meant(const std::vector<FusedObject>& objects, const Edit& edit,
+std::vector<std::size_t> meant(const std::vector<FusedObject>& objects, const maps::Edit& edit,
                                const std::vector<EditScan>& scans) {
   std::vector<std::size_t> standing, moving;
   for (std::size_t i = 0; i < objects.size(); ++i) {
@@ -52,7 +52,7 @@ void take_out(FusedObject& object, const Goes& goes, std::vector<FusedObject>& k
   kept.push_back(std::move(taken));
 }
 
-bool keep_object(FusedObjects& fused, const Edit& edit, const std::vector<EditScan>& scans,
+bool keep_object(FusedObjects& fused, const maps::Edit& edit, const std::vector<EditScan>& scans,
                  std::vector<FusedObject>& kept) {
   const std::vector<std::size_t> indices = meant(fused.objects, edit, scans);
   for (const std::size_t i : indices) {
@@ -62,7 +62,7 @@ bool keep_object(FusedObjects& fused, const Edit& edit, const std::vector<EditSc
   return !indices.empty();
 }
 
-bool keep_region(FusedObjects& fused, const Edit& edit, const std::vector<EditScan>& scans,
+bool keep_region(FusedObjects& fused, const maps::Edit& edit, const std::vector<EditScan>& scans,
                  std::vector<FusedObject>& kept) {
   for (FusedObject& object : fused.objects) {
     take_out(
@@ -80,7 +80,8 @@ bool keep_region(FusedObjects& fused, const Edit& edit, const std::vector<EditSc
   });
 }
 
-bool remove_object(FusedObjects& fused, const Edit& edit, const std::vector<EditScan>& scans) {
+bool remove_object(FusedObjects& fused, const maps::Edit& edit,
+                   const std::vector<EditScan>& scans) {
   if (!meant(fused.objects, edit, scans).empty()) return true;
   const std::vector<std::size_t> indices = meant(fused.doubtful, edit, scans);
   for (const std::size_t i : indices) {
@@ -94,7 +95,8 @@ bool remove_object(FusedObjects& fused, const Edit& edit, const std::vector<Edit
   return !indices.empty();
 }
 
-bool remove_region(FusedObjects& fused, const Edit& edit, const std::vector<EditScan>& scans) {
+bool remove_region(FusedObjects& fused, const maps::Edit& edit,
+                   const std::vector<EditScan>& scans) {
   FusedObject object;
   object.size_m = edit.box->size_m;
   object.existence = 1.0;
@@ -109,9 +111,9 @@ bool remove_region(FusedObjects& fused, const Edit& edit, const std::vector<Edit
   return true;
 }
 
-bool apply(FusedObjects& fused, const Edit& edit, const std::vector<EditScan>& scans,
+bool apply(FusedObjects& fused, const maps::Edit& edit, const std::vector<EditScan>& scans,
            std::vector<FusedObject>& kept) {
-  if (edit.action == EditAction::kKeep)
+  if (edit.action == maps::EditAction::kKeep)
     return edit.box ? keep_region(fused, edit, scans, kept) : keep_object(fused, edit, scans, kept);
   return edit.box ? remove_region(fused, edit, scans) : remove_object(fused, edit, scans);
 }
@@ -128,7 +130,7 @@ void check(const std::vector<FusedObject>& objects, std::size_t scans) {
 
 }  // namespace
 
-EditReport apply_edits(FusedObjects& fused, const Edits& edits,
+EditReport apply_edits(FusedObjects& fused, const maps::Edits& edits,
                        const std::vector<EditScan>& scans) {
   check(fused.objects, scans.size());
   check(fused.doubtful, scans.size());
@@ -145,10 +147,11 @@ EditReport apply_edits(FusedObjects& fused, const Edits& edits,
   return report;
 }
 
-std::vector<maps::Box> kept_regions(const Edits& edits, const EditScan& scan) {
+std::vector<maps::Box> kept_regions(const maps::Edits& edits, const EditScan& scan) {
   std::vector<maps::Box> regions;
-  for (const Edit& edit : edits) {
-    if (edit.action == EditAction::kKeep && edit.box && edit.scope.holds(scan.drive, scan.index))
+  for (const maps::Edit& edit : edits) {
+    if (edit.action == maps::EditAction::kKeep && edit.box &&
+        edit.scope.holds(scan.drive, scan.index))
       regions.push_back(*edit.box);
   }
   return regions;

@@ -2,8 +2,8 @@
 
 #include "fusion/object_fusion.hpp"
 
-#include <stillmap/mapping/edits.hpp>
 #include <stillmap/maps/box.hpp>
+#include <stillmap/maps/edits.hpp>
 
 #include <Eigen/Core>
 
@@ -45,10 +45,10 @@ struct EditReport {
 /// In the file's order, so a later edit has the last word.
 /// @param scans  one a scan, by ordinal.
 /// @throws std::invalid_argument when a placement is of a scan that is not among `scans`.
-[[nodiscard]] EditReport apply_edits(FusedObjects& fused, const Edits& edits,
+[[nodiscard]] EditReport apply_edits(FusedObjects& fused, const maps::Edits& edits,
                                      const std::vector<EditScan>& scans);
 
 /// Regions of a scan in which every point stays; map frame.
-[[nodiscard]] std::vector<maps::Box> kept_regions(const Edits& edits, const EditScan& scan);
+[[nodiscard]] std::vector<maps::Box> kept_regions(const maps::Edits& edits, const EditScan& scan);
 
 }  // namespace stillmap::mapping

@@ -11,6 +11,7 @@ namespace stillmap::maps {
 inline constexpr const char* kManifestName = "manifest.json";
 inline constexpr const char* kBuildName = "build.json";
 inline constexpr const char* kObjectsName = "objects.json";
+inline constexpr const char* kGraphName = "graph.json";
 inline constexpr const char* kFatesName = "fates.bin";
 /// 12 numbers a line, 3x4 row-major.
 inline constexpr const char* kPlacesName = "places.txt";

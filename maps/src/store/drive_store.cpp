@@ -155,6 +155,9 @@ DriveStore::Added DriveStore::add_part(std::int64_t id, std::int64_t n, std::uin
 StoredDrive DriveStore::complete(std::int64_t id, const Limits& limits) {
   const Busy busy(*this, id);
   const StoredDrive drive = store_.drives().drive(id);
+  if (drive.is_upload())
+    throw StoreRefusal(StoreRefusal::Reason::kUnknownDrive,
+                       "drive " + std::to_string(id) + " is an upload of a version");
   if (drive.status == DriveStatus::kOpen) {
     try {
       extract(id, limits);
@@ -170,15 +173,44 @@ StoredDrive DriveStore::complete(std::int64_t id, const Limits& limits) {
   return done;
 }
 
+StoredDrive DriveStore::complete_upload(std::int64_t id, const Take& take) {
+  const Busy busy(*this, id);
+  const StoredDrive upload = store_.drives().drive(id);
+  if (!upload.is_upload())
+    throw StoreRefusal(StoreRefusal::Reason::kUnknownDrive,
+                       "drive " + std::to_string(id) + " is no upload of a version");
+  if (upload.status == DriveStatus::kOpen) {
+    const std::vector<fs::path> parts = parts_of(id);
+    if (!parts.empty()) {  // `complete` refuses gaps
+      try {
+        take(concatenated(parts), upload.bytes);
+      } catch (const InputError& error) {
+        store_.drives().fail(id, error.what(), now_ns());
+        DurableFiles(*calls_).remove_tree(home(id));
+        throw;
+      }
+    }
+  }
+  const StoredDrive done = store_.drives().complete(id, now_ns());
+  if (is_there(home(id))) DurableFiles(*calls_).remove_tree(home(id));
+  return done;
+}
+
+/// Files of the parts in their order; none when there is a gap.
+std::vector<fs::path> DriveStore::parts_of(std::int64_t id) const {
+  std::vector<fs::path> parts;
+  for (const DrivePart& part : store_.drives().parts(id)) {
+    if (part.n != static_cast<std::int64_t>(parts.size()) + 1) return {};
+    parts.push_back(home(id) / kPartsName / std::to_string(part.n));
+  }
+  return parts;
+}
+
 /// Of an open drive that nobody else changes.
 void DriveStore::extract(std::int64_t id, const Limits& limits) {
   const DurableFiles files(*calls_);
-  std::vector<fs::path> parts;
-  for (const DrivePart& part : store_.drives().parts(id)) {
-    if (part.n != static_cast<std::int64_t>(parts.size()) + 1) return;  // `complete` refuses gaps
-    parts.push_back(home(id) / kPartsName / std::to_string(part.n));
-  }
-  if (parts.empty()) return;
+  const std::vector<fs::path> parts = parts_of(id);
+  if (parts.empty()) return;  // `complete` refuses gaps
   // Of an attempt that a full disk ended after the drive was in its place.
   if (is_there(folder(id))) files.remove_tree(folder(id));
   const fs::path unpacked = home(id) / kUnpackedName;
@@ -205,7 +237,9 @@ void DriveStore::clear_leftovers() {
     const std::optional<std::int64_t> id = id_of(name);
     const auto drive = std::find_if(known.begin(), known.end(),
                                     [&](const StoredDrive& each) { return each.id == id; });
-    if (drive == known.end() || drive->status == DriveStatus::kFailed) {
+    const bool keeps_nothing = drive == known.end() || drive->status == DriveStatus::kFailed ||
+                               (drive->is_upload() && drive->status == DriveStatus::kComplete);
+    if (keeps_nothing) {
       files.remove_tree(drives_ / name);
       continue;
     }

@@ -1,5 +1,7 @@
 #include <stillmap/maps/store/drive_table.hpp>
 
+#include <stillmap/maps/store/map_name.hpp>
+
 #include <stdexcept>
 
 #include "store/map_rows.hpp"
@@ -14,7 +16,8 @@ using Writing = StoreDatabase::Writing;
 
 constexpr const char* kColumns =
     "SELECT id, map, name, status, error, created_ns, finished_ns,"
-    " (SELECT coalesce(sum(bytes), 0) FROM drive_parts WHERE drive = id) FROM drives ";
+    " (SELECT coalesce(sum(bytes), 0) FROM drive_parts WHERE drive = id), version, content_type"
+    " FROM drives ";
 
 DriveStatus status_of(const std::string& name) {
   if (name == name_of(DriveStatus::kOpen)) return DriveStatus::kOpen;
@@ -28,6 +31,8 @@ StoredDrive drive_of(const SqliteStatement& row) {
   drive.created_ns = row.integer(5);
   drive.finished_ns = row.optional_integer(6);
   drive.bytes = static_cast<std::uint64_t>(row.integer(7));
+  drive.target = {.version = row.optional_text(8).value_or(""),
+                  .content_type = row.optional_text(9).value_or("")};
   return drive;
 }
 
@@ -124,6 +129,27 @@ StoredDrive DriveTable::open(std::string_view map, std::string_view name, std::i
   return drive;
 }
 
+StoredDrive DriveTable::open_upload(std::string_view map, const UploadTarget& target,
+                                    std::int64_t now_ns) {
+  if (!is_valid_map_name(target.version))
+    throw std::invalid_argument("version: " + in_quotes(target.version) +
+                                ", [a-z0-9][a-z0-9._-]{0,62} expected");
+  Writing writing(*database_);
+  SqliteDatabase& database = writing.database();
+  (void)known_map(database, map);
+  SqliteStatement(database,
+                  "INSERT INTO drives (map, name, status, created_ns, version, content_type)"
+                  " VALUES (?, '', 'open', ?, ?, ?)")
+      .bind(map)
+      .bind(now_ns)
+      .bind(target.version)
+      .bind(target.content_type)
+      .step();
+  StoredDrive upload = known_drive(database, database.inserted());
+  writing.commit();
+  return upload;
+}
+
 bool DriveTable::add_part(std::int64_t id, const DrivePart& part) {
   check_part(part);
   Writing writing(*database_);
@@ -187,7 +213,16 @@ StoredDrive DriveTable::drive(std::int64_t id) const {
 std::vector<StoredDrive> DriveTable::of_map(std::string_view map) const {
   const Reading reading(*database_);
   (void)known_map(reading.database(), map);
-  SqliteStatement row(reading.database(), std::string(kColumns) + "WHERE map = ? ORDER BY id");
+  SqliteStatement row(reading.database(),
+                      std::string(kColumns) + "WHERE map = ? AND version IS NULL ORDER BY id");
+  return drives_of(row.bind(map));
+}
+
+std::vector<StoredDrive> DriveTable::uploads_of_map(std::string_view map) const {
+  const Reading reading(*database_);
+  (void)known_map(reading.database(), map);
+  SqliteStatement row(reading.database(),
+                      std::string(kColumns) + "WHERE map = ? AND version IS NOT NULL ORDER BY id");
   return drives_of(row.bind(map));
 }
 

@@ -92,7 +92,8 @@ void put_back_or_cancel(StoredJob& job, std::string_view error, std::int64_t now
 /// Of all that makes two requests the same. Lengths keep their parts apart.
 std::string sha256_of_request(const NewJob& job) {
   Sha256 hash;
-  for (const std::string& part : {std::string(name_of(job.kind)), job.map, job.request}) {
+  const std::string& asked = job.asked.empty() ? job.request : job.asked;
+  for (const std::string& part : {std::string(name_of(job.kind)), job.map, asked}) {
     const std::string piece = std::to_string(part.size()) + ":" + part;
     hash.add(piece.data(), piece.size());
   }
@@ -116,7 +117,8 @@ std::optional<StoredJob> asked_before(SqliteDatabase& database, const NewJob& jo
 }
 
 void check_drive(SqliteDatabase& database, std::string_view map, std::int64_t drive) {
-  SqliteStatement row(database, "SELECT status FROM drives WHERE id = ? AND map = ?");
+  SqliteStatement row(database,
+                      "SELECT status FROM drives WHERE id = ? AND map = ? AND version IS NULL");
   if (!row.bind(drive).bind(map).step())
     throw StoreRefusal(Reason::kUnknownDrive,
                        "map " + in_quotes(map) + " has no drive " + std::to_string(drive));

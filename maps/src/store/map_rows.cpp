@@ -91,7 +91,7 @@ std::uint64_t bytes_of(SqliteDatabase& database, const std::optional<std::string
       "SELECT (SELECT coalesce(sum(bytes), 0) FROM (SELECT DISTINCT digest, bytes FROM versions"
       "        WHERE ?1 IS NULL OR map = ?1))"
       " + (SELECT coalesce(sum(p.bytes), 0) FROM drive_parts p JOIN drives d ON d.id = p.drive"
-      "    WHERE ?1 IS NULL OR d.map = ?1)");
+      "    WHERE (?1 IS NULL OR d.map = ?1) AND (d.version IS NULL OR d.status <> 'complete'))");
   sum.bind(map).step();
   return static_cast<std::uint64_t>(sum.integer(0));
 }

@@ -1,6 +1,7 @@
 #include <stillmap/maps/store/package_store.hpp>
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_graph.hpp>
 #include <stillmap/maps/store/map_name.hpp>
 
 #include <sys/stat.h>
@@ -38,6 +39,7 @@ void check_readable(const fs::path& folder) {
   const std::shared_ptr<const MapPackage> package = MapPackage::open(folder);
   (void)package->trajectories();
   (void)package->objects();
+  (void)read_map_graph(*package);
 }
 
 std::string problems_text(const std::vector<std::string>& files) {

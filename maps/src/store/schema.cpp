@@ -12,7 +12,7 @@ namespace {
 constexpr std::int64_t kApplicationId = 0x53544d50;
 
 /// Step n takes version n to n + 1. A published step is never changed, only followed by others.
-constexpr std::array<const char*, 3> kSteps = {
+constexpr std::array<const char*, 4> kSteps = {
     R"(
 CREATE TABLE maps (
   name TEXT PRIMARY KEY NOT NULL,
@@ -117,6 +117,17 @@ CREATE TABLE retired_maps (
   name TEXT PRIMARY KEY NOT NULL,
   revision INTEGER NOT NULL
 ) STRICT, WITHOUT ROWID;
+)",
+    R"(
+CREATE TABLE saved_edits (
+  map TEXT PRIMARY KEY NOT NULL REFERENCES maps (name),
+  text TEXT NOT NULL,
+  sha256 TEXT NOT NULL CHECK (length(sha256) = 64),
+  saved_ns INTEGER NOT NULL,
+  saver TEXT NOT NULL
+) STRICT, WITHOUT ROWID;
+ALTER TABLE drives ADD COLUMN version TEXT;
+ALTER TABLE drives ADD COLUMN content_type TEXT;
 )",
 };
 

@@ -48,8 +48,13 @@ bool insert_map(SqliteDatabase& database, std::string_view name, std::int64_t no
 }
 
 void refuse_if_in_use(SqliteDatabase& database, std::string_view map) {
-  if (SqliteStatement(database, "SELECT 1 FROM drives WHERE map = ?").bind(map).step())
-    throw StoreRefusal(Reason::kInUse, "map " + in_quotes(map) + " has drives");
+  SqliteStatement drive(database,
+                        "SELECT version FROM drives WHERE map = ? AND (version IS NULL OR status ="
+                        " 'open')");
+  if (drive.bind(map).step())
+    throw StoreRefusal(Reason::kInUse,
+                       "map " + in_quotes(map) +
+                           (drive.optional_text(0) ? " has an upload under way" : " has drives"));
   SqliteStatement job(database,
                       "SELECT id FROM jobs WHERE map = ? AND status IN ('enqueued', 'processing')");
   if (job.bind(map).step())
@@ -77,6 +82,7 @@ struct StoreState::Inner {
   KeyTable keys{database};
   JobTable jobs{database};
   DriveTable drives{database};
+  EditsTable edits{database};
   AuditLog audit{database};
 };
 
@@ -91,10 +97,12 @@ StoreState::~StoreState() = default;
 KeyTable& StoreState::keys() { return inner_->keys; }
 JobTable& StoreState::jobs() { return inner_->jobs; }
 DriveTable& StoreState::drives() { return inner_->drives; }
+EditsTable& StoreState::edits() { return inner_->edits; }
 AuditLog& StoreState::audit() { return inner_->audit; }
 const KeyTable& StoreState::keys() const { return inner_->keys; }
 const JobTable& StoreState::jobs() const { return inner_->jobs; }
 const DriveTable& StoreState::drives() const { return inner_->drives; }
+const EditsTable& StoreState::edits() const { return inner_->edits; }
 const AuditLog& StoreState::audit() const { return inner_->audit; }
 
 const std::string& StoreState::read_only_because() const {
@@ -174,7 +182,9 @@ void StoreState::remove_map(std::string_view name, WhenActive when_active) {
        {"UPDATE maps SET active = NULL, previous = NULL WHERE name = ?",
         "INSERT OR IGNORE INTO retired SELECT map, name, digest FROM versions WHERE map = ?",
         "INSERT OR REPLACE INTO retired_maps SELECT name, revision FROM maps WHERE name = ?",
-        "DELETE FROM versions WHERE map = ?", "DELETE FROM maps WHERE name = ?"})
+        "DELETE FROM versions WHERE map = ?", "DELETE FROM saved_edits WHERE map = ?",
+        "DELETE FROM drive_parts WHERE drive IN (SELECT id FROM drives WHERE map = ?)",
+        "DELETE FROM drives WHERE map = ?", "DELETE FROM maps WHERE name = ?"})
     SqliteStatement(database, sql).bind(name).step();
   for (const std::string& digest : digests) condemn_unused(database, digest);
   writing.commit();

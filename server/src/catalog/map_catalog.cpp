@@ -3,7 +3,6 @@
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
 
-#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -26,31 +25,6 @@ ApiError unusable(const ServedVersion& version) {
   return {ErrorCode::kMapUnusable, described(version.map, version.version) + " cannot be used"};
 }
 
-/// Versions with equal names are in one frame for sure. A map's frame is that of the version it was
-/// registered to, and so on back; else that of its place on Earth; else its own, since "local" is
-/// what every map without either is called.
-std::string frame_name(const maps::PackageStore& store, const std::string& map,
-                       std::shared_ptr<const maps::MapPackage> package) {
-  const std::vector<maps::StoredVersion> versions = store.state().versions(map);
-  // Each step is another version, so there are no more steps than versions.
-  for (std::size_t step = 0; step <= versions.size(); ++step) {
-    const maps::MapManifest& manifest = package->manifest();
-    if (!manifest.registration) {
-      const auto& origin = manifest.geodetic_origin;
-      if (!origin) return package->digest();
-      return fmt::format("{} {} {} {}", manifest.frame_id, origin->latitude_deg,
-                         origin->longitude_deg, origin->altitude_m);
-    }
-    const std::string& previous = manifest.registration->previous_digest;
-    const auto found =
-        std::find_if(versions.begin(), versions.end(),
-                     [&](const maps::StoredVersion& each) { return each.digest == previous; });
-    if (found == versions.end()) return previous;
-    package = store.open(map, found->name);
-  }
-  return package->digest();
-}
-
 /// 0 also when the version is gone.
 std::uint64_t copy_of(const maps::PackageStore& store, const std::string& map,
                       const std::string& version) {
@@ -64,7 +38,7 @@ std::uint64_t copy_of(const maps::PackageStore& store, const std::string& map,
 }  // namespace
 
 MapCatalog::MapCatalog(maps::PackageStore& store, AlignerBuilder builder, Metrics* metrics)
-    : store_(store), builder_(std::move(builder)), metrics_(metrics) {
+    : store_(store), facts_(store), builder_(std::move(builder)), metrics_(metrics) {
   follow_store();
   thread_ = std::jthread([this](const std::stop_token& stop) { work(stop); });
 }
@@ -107,6 +81,14 @@ ServedVersion MapCatalog::find(std::string_view map, std::string_view version) {
   ServedVersion served = open(key).served;
   if (!served.package) throw unusable(served);
   return served;
+}
+
+std::optional<ServedVersion> MapCatalog::known(std::string_view map,
+                                               std::string_view version) const {
+  const std::scoped_lock lock(mutex_);
+  const auto found = slots_.find(Key(map, version));
+  if (found == slots_.end()) return std::nullopt;
+  return found->second.served;
 }
 
 ServedVersion MapCatalog::ready(std::string_view map, std::optional<std::string_view> version) {
@@ -160,7 +142,7 @@ maps::StoredMap MapCatalog::roll_back(std::string_view map, std::optional<std::i
 }
 
 bool MapCatalog::in_one_frame(const ServedVersion& a, const ServedVersion& b) const {
-  return frame_name(store_, a.map, a.package) == frame_name(store_, b.map, b.package);
+  return facts_.frame_of(a.map, a.package->digest()) == facts_.frame_of(b.map, b.package->digest());
 }
 
 void MapCatalog::refresh() {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "catalog/aligners.hpp"
+#include "catalog/version_facts.hpp"
 #include "operation/metrics.hpp"
 
 #include <stillmap/maps/store/package_store.hpp>
@@ -66,6 +67,12 @@ class MapCatalog {
   /// @throws ApiError kMapUnusable; StoreRefusal kUnknownMap, kUnknownVersion.
   [[nodiscard]] ServedVersion find(std::string_view map, std::string_view version);
 
+  /// As it is now, without opening it; nothing when it is not open.
+  [[nodiscard]] std::optional<ServedVersion> known(std::string_view map,
+                                                   std::string_view version) const;
+  /// What the versions of the store were made of, open or not.
+  [[nodiscard]] const VersionFactsTable& facts() const { return facts_; }
+
   /// The same, for poses. @throws also ApiError kMapLoading, with Retry-After.
   [[nodiscard]] ServedVersion ready(std::string_view map, std::optional<std::string_view> version);
 
@@ -117,6 +124,7 @@ class MapCatalog {
   [[nodiscard]] bool is_served(const Key& key) const;
 
   maps::PackageStore& store_;
+  VersionFactsTable facts_;
   AlignerBuilder builder_;
   Metrics* metrics_;
   /// One version is made ready at a time.

@@ -16,7 +16,7 @@
 
 #include "command_line/run_program.hpp"
 #include "commands.hpp"
-#include "json/answers_json.hpp"
+#include "json/maps_json.hpp"
 #include "json/store_json.hpp"
 
 namespace stillmap::cli {

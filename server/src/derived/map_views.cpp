@@ -1,7 +1,6 @@
 #include "derived/map_views.hpp"
 
-#include "errors/api_error.hpp"
-#include "errors/upload_errors.hpp"
+#include "derived/derived_refusal.hpp"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -58,27 +57,11 @@ void MapViews::warm(const maps::MapPackage& package) {
   if (!opened_levels(package)) (void)ask_for_levels(package);
 }
 
-void MapViews::require_under_way(const DerivedWorker::Answer& answer,
-                                 const std::string& what) const {
-  if (answer.state == DerivedWorker::State::kFull)
-    throw ApiError(ErrorCode::kBusy, "too much else is being made").with_header("Retry-After", "5");
-  if (answer.state == DerivedWorker::State::kFailed) {
-    throw ApiError(ErrorCode::kDerivedUnavailable,
-                   what + " could not be made: " + without_folder(answer.failure, store_))
-        .with_header("Retry-After", std::to_string(DerivedWorker::kPause.count()));
-  }
-}
-
-void MapViews::refuse(const DerivedWorker::Answer& answer, const std::string& what) const {
-  require_under_way(answer, what);
-  throw ApiError(ErrorCode::kBeingMade, what + " is being made").with_header("Retry-After", "1");
-}
-
 std::shared_ptr<const ServedLevels> MapViews::levels(const ServedVersion& version) {
   const std::string& digest = version.package->digest();
   if (auto found = levels_.find(digest)) return found;
   std::shared_ptr<const maps::MapLevels> levels = opened_levels(*version.package);
-  if (!levels) refuse(ask_for_levels(*version.package), "the tileset");
+  if (!levels) refuse_until_made(ask_for_levels(*version.package), "the tileset", store_);
   maps::Tileset tileset(*version.package, *levels);
   auto served =
       std::make_shared<const ServedLevels>(ServedLevels{std::move(levels), std::move(tileset)});
@@ -97,7 +80,7 @@ std::optional<LevelTile> MapViews::level_tile(const ServedVersion& version, maps
   }
   levels_.forget(version.package->digest());
   maps::MapLevels::remove(*version.package);
-  refuse(ask_for_levels(*version.package), "the tileset");
+  refuse_until_made(ask_for_levels(*version.package), "the tileset", store_);
 }
 
 std::shared_ptr<const maps::MapDifference> MapViews::open_difference(const ComparedVersions& pair) {
@@ -120,7 +103,7 @@ DifferenceState MapViews::difference(const ComparedVersions& pair) {
       maps::MapDifference::make(*version, *other, tolerance_m, how);
   };
   const DerivedWorker::Answer answer = worker_.ask("difference " + name, work);
-  require_under_way(answer, "the difference");
+  require_under_way(answer, "the difference", store_);
   return {nullptr, answer.progress};
 }
 
@@ -135,7 +118,7 @@ std::vector<maps::MapPoint> MapViews::difference_points(const ComparedVersions& 
   differences_.forget(pair.name());
   maps::MapDifference::remove(*pair.version.package, *pair.other.package, pair.tolerance_m);
   (void)this->difference(pair);
-  refuse({}, "the difference");
+  refuse_until_made({}, "the difference", store_);
 }
 
 }  // namespace stillmap::server

@@ -72,10 +72,6 @@ class MapViews {
                                                               const maps::DifferenceTile& tile);
 
  private:
-  /// @throws ApiError when it failed, or too many wait.
-  void require_under_way(const DerivedWorker::Answer& answer, const std::string& what) const;
-  /// @throws ApiError always.
-  [[noreturn]] void refuse(const DerivedWorker::Answer& answer, const std::string& what) const;
   DerivedWorker::Answer ask_for_levels(const maps::MapPackage& package);
 
   std::filesystem::path store_;

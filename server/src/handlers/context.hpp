@@ -5,6 +5,7 @@
 #include "http/router.hpp"
 #include "ids_and_times.hpp"
 #include "jobs/job_runner.hpp"
+#include "json/maps_json.hpp"
 #include "operation/metrics.hpp"
 #include "pose/alignment_queue.hpp"
 #include "pose/map_stats.hpp"
@@ -23,6 +24,7 @@
 
 namespace stillmap::server {
 
+class MapLayers;
 class MapViews;
 
 /// What the handlers work with; outlives them.
@@ -37,6 +39,7 @@ struct Context {
   UploadPlaces& uploads;
   MapCatalog& catalog;
   MapViews& views;
+  MapLayers& layers;
   AlignmentQueue& queue;
   SessionTable& sessions;
   JobRunner& jobs;
@@ -58,11 +61,14 @@ void add_map_routes(std::vector<Route>& routes, const Context& context);
 void add_map_change_routes(std::vector<Route>& routes, const Context& context);
 void add_version_routes(std::vector<Route>& routes, const Context& context);
 void add_package_routes(std::vector<Route>& routes, const Context& context);
+void add_upload_routes(std::vector<Route>& routes, const Context& context);
 void add_drive_routes(std::vector<Route>& routes, const Context& context);
+void add_edit_routes(std::vector<Route>& routes, const Context& context);
 void add_rebuild_routes(std::vector<Route>& routes, const Context& context);
 void add_job_routes(std::vector<Route>& routes, const Context& context);
 void add_audit_routes(std::vector<Route>& routes, const Context& context);
 void add_key_routes(std::vector<Route>& routes, const Context& context);
+void add_layer_routes(std::vector<Route>& routes, const Context& context);
 void add_tile_routes(std::vector<Route>& routes, const Context& context);
 void add_tileset_routes(std::vector<Route>& routes, const Context& context);
 void add_difference_routes(std::vector<Route>& routes, const Context& context);
@@ -84,6 +90,9 @@ void check_name(const PathParameters& path, const std::string& part);
 [[nodiscard]] std::string etag_of(const maps::StoredMap& map);
 /// What stands in the path's place of a version, if it has one.
 [[nodiscard]] std::optional<std::string_view> version_in(const PathParameters& path);
+/// A version as lists show it; one that cannot be read says why.
+[[nodiscard]] DescribedVersion described(const Context& context, const std::string& map,
+                                         const maps::StoredVersion& version);
 /// The version that the path names; the one that is served when it names none.
 /// @throws as `MapCatalog::find`.
 [[nodiscard]] ServedVersion find_version(MapCatalog& catalog, const PathParameters& path);

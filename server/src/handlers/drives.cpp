@@ -1,7 +1,7 @@
 #include "context.hpp"
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
-#include "http/content_digest.hpp"
+#include "handlers/parts.hpp"
 #include "http/header_text.hpp"
 #include "json/drives_json.hpp"
 
@@ -31,16 +31,10 @@ maps::StoredDrive find_drive(const Context& context, const PathParameters& path)
   const std::optional<std::int64_t> id = id_in(text);
   if (id) {
     maps::StoredDrive drive = context.store.drives().drive(*id);
-    if (drive.map == path.at("map")) return drive;
+    if (drive.map == path.at("map") && !drive.is_upload()) return drive;
   }
   throw ApiError(ErrorCode::kUnknownDrive,
                  fmt::format("map {} has no drive '{}'", path.at("map"), text));
-}
-
-/// What went wrong with it was said with places of this machine.
-maps::StoredDrive shown(const Context& context, maps::StoredDrive drive) {
-  drive.error = without_folder(std::move(drive.error), context.store.folder());
-  return drive;
 }
 
 HttpResponse answer_drive(const Context& context, const maps::StoredDrive& drive,
@@ -70,40 +64,6 @@ HttpResponse list_drives(const Context& context, const PathParameters& path) {
   return json_response(drive_list_json(drives));
 }
 
-std::int64_t part_number(const PathParameters& path) {
-  const std::string& text = path.at("part");
-  const std::optional<std::int64_t> n = id_in(text);
-  if (n && *n >= 1 && *n <= maps::DriveTable::kMostParts) return *n;
-  throw field_error(ErrorCode::kInvalidRequest, "part", "'" + text + "'",
-                    fmt::format("1 to {}", maps::DriveTable::kMostParts));
-}
-
-void check_drive_size(const Context& context, const maps::StoredDrive& drive, std::uint64_t more) {
-  const auto most = static_cast<std::uint64_t>(context.options.uploads.max_drive_bytes);
-  if (more <= most && drive.bytes <= most - more) return;
-  throw field_error(ErrorCode::kPayloadTooLarge, "drive",
-                    fmt::format("{} bytes and {} more", drive.bytes, more),
-                    fmt::format("at most {}", most));
-}
-
-HttpResponse put_part(const Context& context, const HttpRequest& request,
-                      const PathParameters& path) {
-  const maps::StoredDrive drive = find_drive(context, path);
-  const std::int64_t n = part_number(path);
-  const std::optional<std::string> sha256 = wanted_sha256(request);
-  BodyStream& body = *request.stream;
-  const std::vector<maps::DrivePart> parts = context.store.drives().parts(drive.id);
-  const bool known =
-      std::any_of(parts.begin(), parts.end(), [&](const auto& part) { return part.n == n; });
-  if (!known) check_drive_size(context, drive, body.size());
-  const auto source = [&body](std::span<char> to) { return body.read(to); };
-  return with_upload_errors(context.store.folder(), [&] {
-    const maps::DriveStore::Added added = context.drives.add_part(
-        drive.id, n, body.size(), source, sha256, limits_of(context.live.current()->uploads));
-    return json_response(part_json(added.part), added.is_new ? 201 : 200);
-  });
-}
-
 HttpResponse complete_drive(const Context& context, const PathParameters& path) {
   const maps::StoredDrive drive = find_drive(context, path);
   return with_upload_errors(context.store.folder(), [&] {
@@ -118,7 +78,7 @@ HttpResponse remove_drive(const Context& context, const PathParameters& path) {
 }
 
 /// Parts are large, and unpacking is slow: both take a place.
-void add_upload_routes(std::vector<Route>& routes, const Context& context) {
+void add_byte_routes(std::vector<Route>& routes, const Context& context) {
   const auto reserve = [&context](const HttpRequest& request, const PathParameters& path) {
     static_cast<void>(find_drive(context, path));
     return context.uploads.take(context.live.current()->uploads.max_open, request.caller.key_id);
@@ -126,7 +86,8 @@ void add_upload_routes(std::vector<Route>& routes, const Context& context) {
   Route part{"PUT",
              "/v1/maps/{map}/drives/{drive}/parts/{part}",
              [&context](const HttpRequest& request, const PathParameters& path) {
-               return put_part(context, request, path);
+               return put_part(context, request, path, find_drive(context, path),
+                               static_cast<std::uint64_t>(context.options.uploads.max_drive_bytes));
              },
              Access::kWrite,
              BodyKind::kStreamed,
@@ -163,7 +124,7 @@ void add_drive_routes(std::vector<Route>& routes, const Context& context) {
                       return remove_drive(context, path);
                     },
                     Access::kWrite});
-  add_upload_routes(routes, context);
+  add_byte_routes(routes, context);
 }
 
 }  // namespace stillmap::server

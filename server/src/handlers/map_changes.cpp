@@ -1,6 +1,6 @@
 #include "context.hpp"
 #include "errors/api_error.hpp"
-#include "json/answers_json.hpp"
+#include "json/maps_json.hpp"
 
 namespace stillmap::server {
 namespace {

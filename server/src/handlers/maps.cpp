@@ -1,8 +1,16 @@
 #include "context.hpp"
-#include "errors/api_error.hpp"
-#include "json/answers_json.hpp"
+#include "errors/upload_errors.hpp"
+#include "json/layers_json.hpp"
+#include "json/maps_json.hpp"
+
+#include <stillmap/maps/map_graph.hpp>
+#include <stillmap/maps/store/store_refusal.hpp>
 
 #include <algorithm>
+#include <exception>
+#include <optional>
+#include <string>
+#include <utility>
 
 namespace stillmap::server {
 namespace {
@@ -20,21 +28,66 @@ HttpResponse answer_list(const Context& context) {
   for (maps::StoredMap& map : context.store.state().maps()) {
     const auto served = std::find_if(active.begin(), active.end(),
                                      [&](const auto& each) { return each.map == map.name; });
-    maps.push_back({std::move(map), std::nullopt});
-    if (served != active.end()) maps.back().served = *served;
+    ListedMap& listed = maps.emplace_back(ListedMap{std::move(map), std::nullopt, std::nullopt});
+    if (served == active.end()) continue;
+    listed.served = *served;
+    const auto stored = context.store.state().find_version(served->map, served->version);
+    if (stored) listed.described = described(context, served->map, *stored);
   }
   return json_response(map_list_json(maps, context.catalog.waiting()));
 }
 
+/// What the build wrote down, else what its poses tell.
+ShownGraph graph_of(const maps::MapPackage& map) {
+  ShownGraph shown;
+  if (std::optional<maps::MapGraph> graph = maps::read_map_graph(map)) {
+    shown.is_of_the_build = true;
+    shown.graph = std::move(*graph);
+    return shown;
+  }
+  shown.graph.key_frames = maps::derived_key_frames(map.trajectories());
+  // Given poses are not held together by loops.
+  const auto& options = map.manifest().options;
+  const auto odometry = options.find("odometry");
+  shown.knows_loops = odometry == options.end() || odometry->second == "given";
+  return shown;
+}
+
+std::string one_version(const Context& context, const maps::StoredMap& map,
+                        const PathParameters& path) {
+  const ServedVersion version = find_version(context.catalog, path);
+  const auto stored = context.store.state().find_version(version.map, version.version);
+  return map_json(map, version,
+                  stored ? described(context, version.map, *stored) : DescribedVersion{});
+}
+
 }  // namespace
+
+DescribedVersion described(const Context& context, const std::string& map,
+                           const maps::StoredVersion& version) {
+  DescribedVersion found{.stored = version, .state = "stored"};
+  if (const auto open = context.catalog.known(map, version.name)) {
+    found.state = name_of(open->state);
+    found.failure = open->failure;
+  }
+  try {
+    found.facts = context.catalog.facts().of(map, version);
+    found.frame = context.catalog.facts().frame_of(map, version.digest);
+  } catch (const maps::StoreRefusal&) {
+    // Removed just now.
+  } catch (const std::exception& error) {
+    found.state = name_of(MapState::kFailed);
+    found.failure = without_folder(error.what(), context.store.folder());
+  }
+  return found;
+}
 
 void add_map_routes(std::vector<Route>& routes, const Context& context) {
   const Handler one = [&context](const HttpRequest&, const PathParameters& path) {
     const maps::StoredMap map = context.store.state().map(path.at("map"));
     // A map without an active version is there all the same.
-    HttpResponse response = json_response(!map.active && !version_in(path)
-                                              ? stored_map_json(map)
-                                              : map_json(map, find_version(context.catalog, path)));
+    HttpResponse response = json_response(
+        !map.active && !version_in(path) ? stored_map_json(map) : one_version(context, map, path));
     response.headers.emplace_back("ETag", etag_of(map));
     return response;
   };
@@ -52,6 +105,11 @@ void add_map_routes(std::vector<Route>& routes, const Context& context) {
                     [&context](const HttpRequest&, const PathParameters& path) {
                       const ServedVersion map = find_version(context.catalog, path);
                       return immutable_json(objects_json(map.package->objects()));
+                    }});
+  routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/graph",
+                    [&context](const HttpRequest&, const PathParameters& path) {
+                      const ServedVersion map = find_version(context.catalog, path);
+                      return immutable_json(graph_json(graph_of(*map.package)));
                     }});
 }
 

@@ -1,18 +1,15 @@
 #include "context.hpp"
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
+#include "handlers/publish.hpp"
 #include "http/content_digest.hpp"
 #include "http/header_text.hpp"
-#include "json/answers_json.hpp"
+#include "json/maps_json.hpp"
 
 #include <fmt/format.h>
 
-#include <stillmap/maps/cloud_file.hpp>
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/store/archive.hpp>
 
-#include <algorithm>
-#include <array>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -42,93 +39,20 @@ class PackageSource final : public BodySource {
   std::unique_ptr<maps::PackageArchive> archive_;
 };
 
-maps::ArchiveLimits limits_of(const UploadOptions& options) {
-  maps::ArchiveLimits limits;
-  limits.entries = static_cast<std::uint64_t>(options.max_entries);
-  limits.ratio = options.max_unpacked_ratio;
-  return limits;
-}
-
-void check_archive_type(const HttpRequest& request) {
-  constexpr std::array kTypes = {"", "application/x-tar", "application/gzip", "application/zstd",
-                                 "application/octet-stream"};
-  const std::string type = media_type(request.header("content-type"));
-  if (std::find(kTypes.begin(), kTypes.end(), type) != kTypes.end()) return;
-  throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
-                    "application/x-tar, application/gzip, application/zstd, application/vnd.pcd, "
-                    "application/ply or application/vnd.las");
-}
-
-/// "pcd", "ply" or "las" for a map from elsewhere, which must be converted; nothing for a package.
-std::optional<std::string> cloud_format(const HttpRequest& request) {
-  const std::string type = media_type(request.header("content-type"));
-  if (type == "application/vnd.pcd") return "pcd";
-  if (type == "application/ply") return "ply";
-  if (type == "application/vnd.las") return "las";
-  return std::nullopt;
-}
-
-/// What the body begins with, as far as a header of a point cloud may reach.
-std::string head_of(BodyStream& body) {
-  std::string head(maps::kMostCloudHeaderBytes, '\0');
-  std::size_t have = 0;
-  while (have < head.size()) {
-    const std::size_t got = body.read(std::span(head).subspan(have));
-    if (got == 0) break;
-    have += got;
-  }
-  head.resize(have);
-  return head;
-}
-
-/// 202 while it is converted, 200 when that was done before.
-HttpResponse put_cloud(const Context& context, const HttpRequest& request,
-                       const PathParameters& path, const std::string& format) {
-  const std::string& map = path.at("map");
-  const std::string& version = path.at("version");
-  const std::string name = map + "/" + version;
-  BodyStream& body = *request.stream;
-  const std::uint64_t bytes = body.size();
-  context.store.check_quota(map, bytes);
-  return with_upload_errors(context.store.folder(), [&] {
-    const std::string head = head_of(body);
-    maps::check_cloud_header(std::as_bytes(std::span(head)), format, name);
-    const auto source = [&body, left = std::string_view(head)](std::span<char> to) mutable {
-      if (left.empty()) return body.read(to);
-      const std::size_t count = left.copy(to.data(), to.size());
-      left.remove_prefix(count);
-      return count;
-    };
-    const std::string sha256 = context.jobs.receive(source, bytes, wanted_sha256(request), name);
-    const maps::JobTable::Enqueued enqueued =
-        context.jobs.convert(map, {.version = version, .sha256 = sha256, .format = format},
-                             {request.caller.key_id, std::nullopt});
-    if (enqueued.job.status != maps::JobStatus::kSucceeded)
-      return accepted(context.jobs.view(enqueued.job));
-    return json_response(version_json(context.store.state().version(map, version)));
-  });
-}
-
 HttpResponse put_version(const Context& context, const HttpRequest& request,
                          const PathParameters& path) {
-  const std::string& map = path.at("map");
-  const std::string& version = path.at("version");
   check_name(path, "map");
   check_name(path, "version");
-  if (const auto format = cloud_format(request)) return put_cloud(context, request, path, *format);
-  check_archive_type(request);
-  const std::optional<std::string> sha256 = wanted_sha256(request);
+  const std::string type = media_type(request.header("content-type"));
+  check_publication_type("Content-Type", type);
   BodyStream& body = *request.stream;
-  const auto source = [&body](std::span<char> to) { return body.read(to); };
-  return with_upload_errors(context.store.folder(), [&] {
-    const maps::PackageStore::Added added =
-        context.store.add_archive(map, version, source, map + "/" + version,
-                                  limits_of(context.live.current()->uploads), sha256);
-    HttpResponse response = json_response(version_json(added.version), added.is_new ? 201 : 200);
-    if (added.is_new)
-      response.headers.emplace_back("Location", "/v1/maps/" + map + "/versions/" + version);
-    return response;
-  });
+  return publish(context, {.map = path.at("map"),
+                           .version = path.at("version"),
+                           .content_type = type,
+                           .key_id = request.caller.key_id,
+                           .source = [&body](std::span<char> to) { return body.read(to); },
+                           .bytes = body.size(),
+                           .sha256 = wanted_sha256(request)});
 }
 
 HttpResponse get_content(const Context& context, const HttpRequest& request,

@@ -3,12 +3,16 @@
 #include "json/answers_json.hpp"
 #include "json/pose_request_json.hpp"
 #include "json/session_json.hpp"
+#include "page_query.hpp"
 #include "pose_handling.hpp"
 
 #include <fmt/format.h>
 
 #include <stillmap/maps/store/store_refusal.hpp>
 
+#include <map>
+#include <optional>
+#include <string>
 #include <utility>
 
 namespace stillmap::server {
@@ -71,7 +75,7 @@ HttpResponse open_session(const Context& context, const HttpRequest& request) {
       wanted.version.empty() ? std::nullopt : std::optional<std::string_view>(wanted.version));
   const auto prior = prior_in(map, wanted.prior, wanted.gnss);
   const std::shared_ptr<Session> session =
-      context.sessions.open(std::move(map), request.caller.key_id);
+      context.sessions.open(std::move(map), request.caller.key_id, wanted.label);
   if (prior) session->initialize(prior);
   HttpResponse response =
       json_response(session_json(*session, context.sessions.limits().idle), 201);
@@ -172,6 +176,20 @@ HttpResponse show_session(const Context& context, const HttpRequest& request,
   return json_response(session_json(*session, context.sessions.limits().idle));
 }
 
+/// Whoever opened them sees their own; operators see where all vehicles are.
+HttpResponse list_sessions(const Context& context, const HttpRequest& request) {
+  const std::map<std::string, std::string> query = read_query(request, {"map"});
+  const Caller& caller = request.caller;
+  SessionList list{.caller = caller.key_id};
+  list.sessions = context.sessions.list(
+      caller.is_admin ? std::nullopt : std::optional<std::string>(caller.key_id));
+  if (const auto map = query.find("map"); map != query.end())
+    std::erase_if(list.sessions,
+                  [&](const auto& session) { return session->map().map != map->second; });
+  for (const maps::ApiKey& key : context.store.keys().list()) list.key_names[key.id] = key.name;
+  return json_response(session_list_json(list, context.sessions.limits().idle));
+}
+
 void add_scan_route(std::vector<Route>& routes, const Context& context) {
   Route scans{"POST", "/v1/sessions/{session}/scans",
               [&context](const HttpRequest& request, const PathParameters& path) {
@@ -208,11 +226,11 @@ void add_session_routes(std::vector<Route>& routes, const Context& context) {
       [](const Context& in, const HttpRequest& request, const PathParameters&) {
         return open_session(in, request);
       });
-  add("GET", "/v1/sessions", BodyKind::kNone,
-      [](const Context& in, const HttpRequest& request, const PathParameters&) {
-        return json_response(
-            session_list_json(in.sessions.list(request.caller.key_id), in.sessions.limits().idle));
-      });
+  routes.push_back({"GET", "/v1/sessions",
+                    [&context](const HttpRequest& request, const PathParameters&) {
+                      return list_sessions(context, request);
+                    },
+                    Access::kLocalizeOrAdmin});
   add("GET", "/v1/sessions/{session}", BodyKind::kNone, show_session);
   add("DELETE", "/v1/sessions/{session}", BodyKind::kNone,
       [](const Context& in, const HttpRequest& request, const PathParameters& path) {

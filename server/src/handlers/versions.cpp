@@ -1,6 +1,6 @@
 #include "context.hpp"
 #include "errors/api_error.hpp"
-#include "json/answers_json.hpp"
+#include "json/maps_json.hpp"
 
 #include <charconv>
 
@@ -50,7 +50,10 @@ HttpResponse remove_version(const Context& context, const PathParameters& path) 
 HttpResponse list_versions(const Context& context, const PathParameters& path) {
   const maps::StoreState& state = context.store.state();
   const maps::StoredMap map = state.map(path.at("map"));
-  HttpResponse response = json_response(version_list_json(map, state.versions(map.name)));
+  std::vector<DescribedVersion> versions;
+  for (const maps::StoredVersion& version : state.versions(map.name))
+    versions.push_back(described(context, map.name, version));
+  HttpResponse response = json_response(version_list_json(map, versions));
   response.headers.emplace_back("ETag", etag_of(map));
   return response;
 }

@@ -46,6 +46,8 @@ class EventSource {
 struct Caller {
   /// Public part of the key; empty without keys.
   std::string key_id;
+  /// Whether it has the scope admin; also where the server has no keys.
+  bool is_admin = false;
 };
 
 /// A request as the handlers see it: no HTTP library, no socket.

@@ -23,6 +23,7 @@ enum class Access : std::uint8_t {
   kLocalize,
   kWrite,
   kAdmin,
+  kLocalizeOrAdmin,  ///< either; `Caller::is_admin` tells which answer
 };
 
 /// How a request's body reaches the handler.

@@ -8,6 +8,7 @@
 #include <unistd.h>
 #include <nlohmann/json.hpp>
 
+#include <stillmap/maps/edits.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/store/received_file.hpp>
 
@@ -142,11 +143,23 @@ bool JobRunner::is_known_request(const std::string& map, const Asker& asker) con
   return false;
 }
 
+RebuildRequest JobRunner::with_saved_edits(const std::string& map, RebuildRequest request) const {
+  if (request.edits_from != RebuildRequest::EditsFrom::kSaved) return request;
+  request.edits_from = RebuildRequest::EditsFrom::kNone;
+  if (!takes_saved_edits(request)) return request;
+  const maps::SavedEdits saved = setup_.store.edits().of_map(map);
+  if (maps::parse_edits(saved.text, "corrections of map " + map).empty()) return request;
+  request.edits = saved.text;
+  request.edits_from = RebuildRequest::EditsFrom::kSaved;
+  return request;
+}
+
 maps::JobTable::Enqueued JobRunner::rebuild(const std::string& map, const RebuildRequest& request,
                                             const Asker& asker) {
   maps::NewJob job{.kind = maps::JobKind::kRebuild,
                    .map = map,
-                   .request = to_json(request),
+                   .request = to_stored_json(with_saved_edits(map, request)),
+                   .asked = to_json(request),
                    .drives = request.drives,
                    .asker = asker.key_id,
                    .idempotency_key = asker.idempotency_key};
@@ -157,7 +170,7 @@ maps::JobTable::Enqueued JobRunner::rebuild(const std::string& map, const Rebuil
     if (!request.version.empty()) check_new_version(map, request.version);
     for (const std::int64_t id : job.drives) {
       const maps::StoredDrive drive = setup_.store.drives().drive(id);
-      if (drive.map != map)
+      if (drive.map != map || drive.is_upload())
         throw ApiError(ErrorCode::kUnknownDrive, fmt::format("map {} has no drive {}", map, id));
       if (drive.status != maps::DriveStatus::kComplete)
         throw ApiError(ErrorCode::kDriveNotComplete,
@@ -182,6 +195,18 @@ std::optional<maps::StoredJob> JobRunner::converted_before(const std::string& ma
     for (const maps::StoredJob& job : page.jobs)
       if (job.result_version == request.version)
         return sha256_of(job) == request.sha256 ? std::optional(job) : std::nullopt;
+    before = page.next;
+  } while (before);
+  return std::nullopt;
+}
+
+std::optional<maps::StoredJob> JobRunner::newest_conversion(const std::string& map,
+                                                            const std::string& version) const {
+  std::optional<std::int64_t> before;
+  do {
+    const maps::JobTable::Page page = setup_.store.jobs().list({.map = map}, kPage, before);
+    for (const maps::StoredJob& job : page.jobs)
+      if (job.kind == maps::JobKind::kConvert && version_of(job) == version) return job;
     before = page.next;
   } while (before);
   return std::nullopt;

@@ -37,7 +37,7 @@ void JobRunner::publish(const maps::StoredJob& job) {
 JobOutcome JobRunner::activate(const maps::StoredJob& job, const maps::StoredVersion& version) {
   JobOutcome outcome{.version = version.name, .digest = version.digest};
   if (job.kind != maps::JobKind::kRebuild) return outcome;
-  const RebuildRequest request = read_rebuild_request(job.request);
+  const RebuildRequest request = read_stored_rebuild(job.request);
   const JobFolder folder = this->folder(job.id);
   const auto gate = read_report(read_small_file(folder.report()).value_or(""));
   if (gate) outcome.gate = gate->json;

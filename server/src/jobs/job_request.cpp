@@ -6,6 +6,8 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
+#include <stillmap/maps/edits.hpp>
+#include <stillmap/maps/error.hpp>
 #include <stillmap/maps/store/map_name.hpp>
 
 #include <algorithm>
@@ -79,12 +81,26 @@ std::string read_option(const std::string& name, const json& value) {
   throw field_error(ErrorCode::kUnknownParameter, path, "an unknown option", option_names());
 }
 
+/// Null says that there are to be none.
+void read_edits(const json& value, RebuildRequest& request) {
+  request.edits_from = RebuildRequest::EditsFrom::kNone;
+  if (value.is_null()) return;
+  if (!value.is_object()) refuse("options.edits", value, "an object or null");
+  request.edits = value.dump();
+  request.edits_from = RebuildRequest::EditsFrom::kRequest;
+  try {
+    static_cast<void>(maps::parse_edits(request.edits, "options.edits"));
+  } catch (const maps::InputError& error) {
+    throw ApiError(ErrorCode::kInvalidRequest, error.what(),
+                   {{"options.edits", "corrections that cannot be read", "an edits file"}});
+  }
+}
+
 void read_options(const json& options, RebuildRequest& request) {
   if (!options.is_object()) refuse("options", options, "an object");
   for (const auto& [name, value] : options.items()) {
     if (name == "edits") {
-      if (!value.is_object()) refuse("options.edits", value, "an object");
-      request.edits = value.dump();
+      read_edits(value, request);
     } else {
       request.options[name] = read_option(name, value);
     }
@@ -125,12 +141,10 @@ std::string read_version(const json& request) {
   return name;
 }
 
-}  // namespace
-
-RebuildRequest read_rebuild_request(std::string_view text) {
-  const json request = parse_request_json(text, kMostRebuildJson);
+RebuildRequest read_request(const json& request) {
   require_keys(request, "", {"drives", "held_back", "options", "version", "activate", "new_frame"});
   RebuildRequest result;
+  result.edits_from = RebuildRequest::EditsFrom::kSaved;
   result.drives = read_drives(request);
   if (request.contains("held_back")) {
     result.held_back = read_id(request["held_back"], "held_back");
@@ -144,7 +158,7 @@ RebuildRequest read_rebuild_request(std::string_view text) {
   return result;
 }
 
-std::string to_json(const RebuildRequest& request) {
+json as_asked(const RebuildRequest& request) {
   // Keys are sorted, and what was left out stays out: equal requests have equal texts.
   json result{{"drives", request.drives}};
   if (request.held_back) result["held_back"] = *request.held_back;
@@ -154,10 +168,60 @@ std::string to_json(const RebuildRequest& request) {
     result["options"][name] = is_length ? json::parse(value) : json(value);
   }
   if (!request.edits.empty()) result["options"]["edits"] = json::parse(request.edits);
+  if (request.edits_from == RebuildRequest::EditsFrom::kNone) result["options"]["edits"] = json();
   if (!request.version.empty()) result["version"] = request.version;
   if (request.activate) result["activate"] = true;
   if (request.new_frame) result["new_frame"] = true;
+  return result;
+}
+
+}  // namespace
+
+std::string_view name_of(RebuildRequest::EditsFrom from) {
+  switch (from) {
+    case RebuildRequest::EditsFrom::kRequest:
+      return "request";
+    case RebuildRequest::EditsFrom::kSaved:
+      return "saved";
+    case RebuildRequest::EditsFrom::kNone:
+      break;
+  }
+  return "none";
+}
+
+RebuildRequest read_rebuild_request(std::string_view text) {
+  return read_request(parse_request_json(text, kMostRebuildJson));
+}
+
+std::string to_json(const RebuildRequest& request) { return as_asked(request).dump(); }
+
+bool takes_saved_edits(const RebuildRequest& request) {
+  const auto is = [&](const char* option, const char* value) {
+    const auto found = request.options.find(option);
+    return found != request.options.end() && found->second == value;
+  };
+  const bool fuses = !is("fusion", "off") && (!is("preset", "paper") || is("fusion", "on"));
+  return fuses && !request.new_frame;
+}
+
+std::string to_stored_json(const RebuildRequest& request) {
+  json result = as_asked(request);
+  result["edits_from"] = name_of(request.edits_from);
   return result.dump();
+}
+
+RebuildRequest read_stored_rebuild(std::string_view text) {
+  json request = json::parse(text);
+  const std::string from = request.value("edits_from", "");
+  request.erase("edits_from");
+  RebuildRequest result = read_request(request);
+  if (!result.edits.empty() && from == name_of(RebuildRequest::EditsFrom::kSaved)) {
+    result.edits_from = RebuildRequest::EditsFrom::kSaved;
+  } else if (result.edits.empty()) {
+    // As a program wrote it that knew of none saved.
+    result.edits_from = RebuildRequest::EditsFrom::kNone;
+  }
+  return result;
 }
 
 ConvertRequest read_convert_request(std::string_view text) {
@@ -175,7 +239,7 @@ std::string to_json(const ConvertRequest& request) {
 std::string version_of(const maps::StoredJob& job) {
   const std::string wanted = job.kind == maps::JobKind::kConvert
                                  ? read_convert_request(job.request).version
-                                 : read_rebuild_request(job.request).version;
+                                 : read_stored_rebuild(job.request).version;
   if (!wanted.empty()) return wanted;
   const auto seconds = static_cast<std::time_t>(job.enqueued_ns / 1'000'000'000);
   return fmt::format("{:%Y%m%d}-job{}", fmt::gmtime(seconds), job.id);

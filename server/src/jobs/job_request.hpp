@@ -18,7 +18,15 @@ struct RebuildRequest {
   /// Options of the mapper by their flags without dashes, each one of those that it may be given;
   /// none names a file.
   std::map<std::string, std::string> options;
-  /// A user's corrections (mapping/README.md), as JSON; empty = none.
+  /// Where its corrections come from.
+  enum class EditsFrom : std::uint8_t {
+    kNone,
+    kRequest,
+    kSaved,  ///< those that are kept for the map, as of when it was asked for
+  };
+  EditsFrom edits_from = EditsFrom::kNone;
+  /// Corrections (`maps::parse_edits`); empty = none, or, as long as nobody has looked, those
+  /// saved.
   std::string edits;
   /// Empty = named by its day and job.
   std::string version;
@@ -40,9 +48,19 @@ struct ConvertRequest {
 /// Most bytes of a rebuild's JSON: edits are some 200 bytes for each object.
 inline constexpr std::size_t kMostRebuildJson = std::size_t{1} << 20U;
 
+/// Without `options.edits` they are to come from those saved.
 /// @throws ApiError with the path of what is wrong; unknown keys are refused.
 [[nodiscard]] RebuildRequest read_rebuild_request(std::string_view json);
+/// As it was asked.
 [[nodiscard]] std::string to_json(const RebuildRequest& request);
+/// Whether those saved for the map can be used: not without fusion, nor in another frame.
+[[nodiscard]] bool takes_saved_edits(const RebuildRequest& request);
+/// As a job keeps it, with its corrections and where they come from.
+[[nodiscard]] std::string to_stored_json(const RebuildRequest& request);
+/// What `to_stored_json` wrote.
+[[nodiscard]] RebuildRequest read_stored_rebuild(std::string_view json);
+/// "none", "request", "saved".
+[[nodiscard]] std::string_view name_of(RebuildRequest::EditsFrom from);
 [[nodiscard]] ConvertRequest read_convert_request(std::string_view json);
 [[nodiscard]] std::string to_json(const ConvertRequest& request);
 

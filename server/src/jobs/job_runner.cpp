@@ -179,7 +179,7 @@ std::vector<std::string> JobRunner::prepare(const maps::StoredJob& job) {
     fs::create_hard_link(upload(request.sha256), file);
     return convert_command(setup_.mapper, file, folder, threads);
   }
-  const RebuildRequest request = read_rebuild_request(job.request);
+  const RebuildRequest request = read_stored_rebuild(job.request);
   const RebuildSources sources = sources_of(job, request);
   // A second attempt has used some of it.
   if (job.attempts == 1) check_room(job.map, request, sources);

@@ -73,6 +73,9 @@ class JobRunner {
   /// @throws ApiError kOtherDigest when the version is there or another file is on its way to it.
   maps::JobTable::Enqueued convert(const std::string& map, const ConvertRequest& request,
                                    const Asker& asker);
+  /// The newest job that was to convert a file to this version, however it ended.
+  [[nodiscard]] std::optional<maps::StoredJob> newest_conversion(const std::string& map,
+                                                                 const std::string& version) const;
   /// Keeps the bytes of a map file for a job to come. @return their SHA-256.
   /// @throws InputError when they are others than was said; StorageError.
   std::string receive(const maps::ByteSource& source, std::uint64_t bytes,
@@ -114,6 +117,9 @@ class JobRunner {
                   const RebuildSources& sources);
   void check_waiting() const;
   void check_new_version(const std::string& map, const std::string& version) const;
+  /// With the corrections that it is to use, as they are now.
+  [[nodiscard]] RebuildRequest with_saved_edits(const std::string& map,
+                                                RebuildRequest request) const;
   [[nodiscard]] bool is_known_request(const std::string& map, const Asker& asker) const;
   [[nodiscard]] std::optional<maps::StoredJob> converted_before(
       const std::string& map, const ConvertRequest& request) const;

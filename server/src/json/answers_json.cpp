@@ -1,9 +1,7 @@
-#include "answers_json.hpp"
+#include "json/answers_json.hpp"
 
 #include "json_values.hpp"
-#include "registration_json.hpp"
 
-#include <stillmap/maps/box.hpp>
 #include <stillmap/maps/frames.hpp>
 
 #include <cmath>
@@ -11,44 +9,8 @@
 namespace stillmap::server {
 namespace {
 
-std::uint64_t point_count(const maps::MapManifest& manifest) {
-  std::uint64_t points = 0;
-  // Coarser levels hold the same points again, thinned.
-  for (const maps::TileEntry& tile : manifest.tiles) points += tile.id.level == 0 ? tile.points : 0;
-  return points;
-}
-
 Json reference(const std::string& map, const std::string& version, const std::string& digest) {
   return {{"name", map}, {"version", version}, {"digest", digest}};
-}
-
-Json optional_text(const std::optional<std::string>& text) { return text ? Json(*text) : Json(); }
-
-/// What the store knows of a map, whatever its versions hold.
-Json stored(const maps::StoredMap& map) {
-  return {{"name", map.name},
-          {"version", optional_text(map.active)},
-          {"previous_version", optional_text(map.previous)},
-          {"revision", map.revision},
-          {"created_ns", std::to_string(map.created_ns)}};
-}
-
-std::string_view name_of(MapState state) {
-  switch (state) {
-    case MapState::kOpened:
-      return "opened";
-    case MapState::kLoading:
-      return "loading";
-    case MapState::kReady:
-      return "ready";
-    case MapState::kFailed:
-      break;
-  }
-  return "failed";
-}
-
-Json refusal(const ServedVersion& version) {
-  return {{"name", version.map}, {"version", version.version}, {"reason", version.failure}};
 }
 
 Json directions(const std::vector<Eigen::Matrix<double, 6, 1>>& each) {
@@ -137,130 +99,6 @@ std::string batch_answer_json(const std::vector<BatchedAnswer>& answers,
             (each.http_status == 200 ? ",\"answer\":" : ",\"problem\":") + each.body + '}';
   }
   return text + "],\"request_id\":" + to_text(Json(request_id)) + '}';
-}
-
-std::string map_list_json(const std::vector<ListedMap>& maps,
-                          const std::vector<ServedVersion>& waiting) {
-  Json json;
-  json["maps"] = Json::array();
-  json["refused"] = Json::array();
-  for (const ListedMap& map : maps) {
-    Json entry = stored(map.stored);
-    entry["state"] = map.served ? name_of(map.served->state) : "empty";
-    if (map.served && map.served->package) {
-      const maps::MapPackage& package = *map.served->package;
-      entry["version"] = map.served->version;
-      entry["digest"] = package.digest();
-      entry["points"] = point_count(package.manifest());
-      entry["tiles"] = package.manifest().tiles.size();
-    }
-    json["maps"].push_back(std::move(entry));
-    if (map.served && map.served->state == MapState::kFailed)
-      json["refused"].push_back(refusal(*map.served));
-  }
-  for (const ServedVersion& version : waiting)
-    if (version.state == MapState::kFailed) json["refused"].push_back(refusal(version));
-  return to_text(json);
-}
-
-std::string stored_map_json(const maps::StoredMap& map) { return to_text(stored(map)); }
-
-namespace {
-
-Json described(const maps::StoredVersion& version) {
-  return {{"version", version.name},
-          {"digest", version.digest},
-          {"bytes", version.bytes},
-          {"created_ns", std::to_string(version.created_ns)}};
-}
-
-}  // namespace
-
-std::string version_json(const maps::StoredVersion& version) { return to_text(described(version)); }
-
-std::string version_list_json(const maps::StoredMap& map,
-                              const std::vector<maps::StoredVersion>& versions) {
-  Json json = stored(map);
-  json["versions"] = Json::array();
-  for (const maps::StoredVersion& version : versions) {
-    Json entry = described(version);
-    entry["active"] = version.name == map.active;
-    json["versions"].push_back(std::move(entry));
-  }
-  return to_text(json);
-}
-
-std::string map_json(const maps::StoredMap& map, const ServedVersion& version) {
-  const maps::MapPackage& package = *version.package;
-  const maps::MapManifest& manifest = package.manifest();
-  Json json = stored(map);
-  json["version"] = version.version;
-  json["digest"] = package.digest();
-  json["state"] = name_of(version.state);
-  json["schema"] = manifest.schema;
-  json["frame_id"] = manifest.frame_id;
-  json["origin"] = to_json_array(manifest.origin);
-  if (const auto& origin = manifest.geodetic_origin) {
-    json["geodetic_origin"] = {{"latitude_deg", origin->latitude_deg},
-                               {"longitude_deg", origin->longitude_deg},
-                               {"altitude_m", origin->altitude_m}};
-  }
-  if (manifest.registration) json["registration"] = to_json(*manifest.registration);
-  json["voxel_size_m"] = manifest.voxel_size_m;
-  json["relative_clock"] = manifest.relative_clock;
-  json["counts"] = manifest.counts;
-  json["tile_size_m"] = maps::kTileSizeM;
-  json["tiles"] = Json::array();
-  for (const maps::TileEntry& tile : manifest.tiles) {
-    json["tiles"].push_back({{"level", tile.id.level},
-                             {"x", tile.id.x},
-                             {"y", tile.id.y},
-                             {"points", tile.points},
-                             {"min", tile.min},
-                             {"max", tile.max}});
-  }
-  json["objects"] = package.objects().size();
-  std::size_t poses = 0;
-  for (const maps::Trajectory& drive : package.trajectories()) poses += drive.size();
-  json["poses"] = poses;
-  return to_text(json);
-}
-
-std::string trajectories_json(const std::vector<maps::Trajectory>& drives) {
-  Json json;
-  json["poses"] = Json::array();
-  for (std::size_t drive = 0; drive < drives.size(); ++drive) {
-    for (const maps::StampedPose& each : drives[drive].poses()) {
-      Json pose;
-      pose["drive"] = drive;
-      pose["stamp_ns"] = std::to_string(each.stamp_ns);
-      pose.update(to_json_pose(each.T_map_lidar));
-      json["poses"].push_back(std::move(pose));
-    }
-  }
-  return to_text(json);
-}
-
-std::string objects_json(const std::vector<maps::MapObject>& objects) {
-  Json json;
-  json["objects"] = Json::array();
-  for (std::size_t i = 0; i < objects.size(); ++i) {
-    const maps::MapObject& object = objects[i];
-    for (const maps::MapObject::Placement& place : object.placements) {
-      json["objects"].push_back({{"object", i},
-                                 {"scan", place.scan},
-                                 {"centre", to_json_array(place.centre_map)},
-                                 {"size", to_json_array(object.size_m)},
-                                 {"yaw", place.yaw_rad},
-                                 {"class", maps::name_of(object.object_class)},
-                                 {"motion", maps::name_of(object.motion)},
-                                 {"score", object.score},
-                                 {"first_scan", object.first_scan},
-                                 {"last_scan", object.last_scan},
-                                 {"points_removed", object.points_removed}});
-    }
-  }
-  return to_text(json);
 }
 
 std::string problem_json(const ApiError& error, const std::string& request_id) {

@@ -1,14 +1,10 @@
 #pragma once
 
-#include "catalog/map_catalog.hpp"
 #include "errors/api_error.hpp"
 #include "pose/pose_answer.hpp"
 
-#include <stillmap/maps/map_package.hpp>
-#include <stillmap/maps/trajectory.hpp>
 #include <stillmap/server/server_options.hpp>
 
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -25,20 +21,6 @@ struct BatchedAnswer {
 [[nodiscard]] std::string batch_answer_json(const std::vector<BatchedAnswer>& answers,
                                             const std::string& request_id);
 
-/// A map of the store with the version that is served of it, if any is.
-struct ListedMap {
-  maps::StoredMap stored;
-  std::optional<ServedVersion> served;
-};
-[[nodiscard]] std::string map_list_json(const std::vector<ListedMap>& maps,
-                                        const std::vector<ServedVersion>& waiting);
-[[nodiscard]] std::string stored_map_json(const maps::StoredMap& map);
-[[nodiscard]] std::string map_json(const maps::StoredMap& map, const ServedVersion& version);
-[[nodiscard]] std::string version_json(const maps::StoredVersion& version);
-[[nodiscard]] std::string version_list_json(const maps::StoredMap& map,
-                                            const std::vector<maps::StoredVersion>& versions);
-[[nodiscard]] std::string trajectories_json(const std::vector<maps::Trajectory>& drives);
-[[nodiscard]] std::string objects_json(const std::vector<maps::MapObject>& objects);
 [[nodiscard]] std::string problem_json(const ApiError& error, const std::string& request_id);
 /// {"status": STATUS, "reasons": [...]}
 [[nodiscard]] std::string status_json(const std::string& status,

@@ -3,6 +3,8 @@
 #include "json/json_values.hpp"
 #include "json/request_json.hpp"
 
+#include <stillmap/maps/store/map_name.hpp>
+
 #include <algorithm>
 
 namespace stillmap::server {
@@ -15,14 +17,30 @@ Json to_json(const maps::DrivePart& part) {
 }
 
 Json to_json(const maps::StoredDrive& drive) {
-  return {{"id", drive.id},
-          {"map", drive.map},
-          {"name", drive.name},
-          {"status", maps::name_of(drive.status)},
-          {"error", drive.error},
-          {"bytes", drive.bytes},
-          {"created_ns", std::to_string(drive.created_ns)},
-          {"finished_ns", drive.finished_ns ? Json(std::to_string(*drive.finished_ns)) : Json()}};
+  Json json{{"id", drive.id}, {"map", drive.map}};
+  if (drive.is_upload()) {
+    json["version"] = drive.target.version;
+    json["content_type"] = drive.target.content_type;
+  } else {
+    json["name"] = drive.name;
+  }
+  json["status"] = maps::name_of(drive.status);
+  json["error"] = drive.error;
+  json["bytes"] = drive.bytes;
+  json["created_ns"] = std::to_string(drive.created_ns);
+  json["finished_ns"] = drive.finished_ns ? Json(std::to_string(*drive.finished_ns)) : Json();
+  return json;
+}
+
+std::string text_at(const nlohmann::json& request, const char* key) {
+  const auto found = request.find(key);
+  return found != request.end() && found->is_string() ? found->get<std::string>() : std::string{};
+}
+
+Json list_of(const std::vector<maps::StoredDrive>& drives) {
+  Json list = Json::array();
+  for (const maps::StoredDrive& drive : drives) list.push_back(to_json(drive));
+  return list;
 }
 
 bool is_control(char byte) { return static_cast<unsigned char>(byte) < 0x20 || byte == 0x7f; }
@@ -42,6 +60,18 @@ std::string read_drive_json(std::string_view text) {
   return name;
 }
 
+UploadRequest read_upload_json(std::string_view text) {
+  const nlohmann::json request = parse_request_json(text, kMostDriveJson);
+  require_keys(request, "", {"version", "content_type"});
+  UploadRequest result{.version = text_at(request, "version"),
+                       .content_type = text_at(request, "content_type")};
+  if (!maps::is_valid_map_name(result.version))
+    refuse("version", request.value("version", nlohmann::json()), "[a-z0-9][a-z0-9._-]{0,62}");
+  if (result.content_type.empty())
+    refuse("content_type", request.value("content_type", nlohmann::json()), "a media type");
+  return result;
+}
+
 std::string part_json(const maps::DrivePart& part) { return to_text(to_json(part)); }
 
 std::string drive_json(const maps::StoredDrive& drive, const std::vector<maps::DrivePart>& parts) {
@@ -51,11 +81,17 @@ std::string drive_json(const maps::StoredDrive& drive, const std::vector<maps::D
   return to_text(json);
 }
 
+std::string upload_json(const maps::StoredDrive& upload,
+                        const std::vector<maps::DrivePart>& parts) {
+  return drive_json(upload, parts);
+}
+
 std::string drive_list_json(const std::vector<maps::StoredDrive>& drives) {
-  Json json;
-  json["drives"] = Json::array();
-  for (const maps::StoredDrive& drive : drives) json["drives"].push_back(to_json(drive));
-  return to_text(json);
+  return to_text(Json{{"drives", list_of(drives)}});
+}
+
+std::string upload_list_json(const std::vector<maps::StoredDrive>& uploads) {
+  return to_text(Json{{"uploads", list_of(uploads)}});
 }
 
 }  // namespace stillmap::server

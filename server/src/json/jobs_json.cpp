@@ -2,6 +2,9 @@
 
 #include "json/json_values.hpp"
 
+#include <cstddef>
+#include <utility>
+
 namespace stillmap::server {
 namespace {
 
@@ -9,13 +12,29 @@ Json time_of(const std::optional<std::int64_t>& time_ns) {
   return time_ns ? Json(std::to_string(*time_ns)) : Json();
 }
 
-/// Corrections can be as long as the map has objects: they are not repeated.
-Json shown_request(const maps::StoredJob& job) {
-  Json request = Json::parse(job.request, nullptr, false);
+/// Corrections can be as long as the map has objects: they are counted, not repeated.
+struct ShownRequest {
+  Json request{};
+  Json edits{};
+};
+
+ShownRequest shown_request(const maps::StoredJob& job) {
+  ShownRequest shown{.request = Json::parse(job.request, nullptr, false)};
+  Json& request = shown.request;
   if (!request.is_object()) return {};
-  if (request.contains("options") && request["options"].is_object())
-    request["options"].erase("edits");
-  return request;
+  if (job.kind != maps::JobKind::kRebuild) return shown;
+  std::size_t count = 0;
+  if (request.contains("options") && request["options"].is_object()) {
+    Json& options = request["options"];
+    if (options.contains("edits") && options["edits"].is_object())
+      count = options["edits"].value("edits", Json::array()).size();
+    options.erase("edits");
+    if (options.empty()) request.erase("options");
+  }
+  const char* const before_they_were_saved = count > 0 ? "request" : "none";
+  shown.edits = {{"source", request.value("edits_from", before_they_were_saved)}, {"count", count}};
+  request.erase("edits_from");
+  return shown;
 }
 
 Json progress_of(const JobView& view) {
@@ -64,7 +83,9 @@ Json to_json(const JobView& view) {
   json["started_ns"] = time_of(job.started_ns);
   json["finished_ns"] = time_of(job.finished_ns);
   json["key_id"] = job.asker;
-  json["request"] = shown_request(job);
+  ShownRequest shown = shown_request(job);
+  json["request"] = std::move(shown.request);
+  json["edits"] = std::move(shown.edits);
   json["result"] = result_of(view);
   return json;
 }

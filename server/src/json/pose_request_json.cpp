@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <initializer_list>
@@ -248,16 +249,32 @@ JsonBatch read_batch_json(std::string_view text, JsonScan scan, const ServerOpti
   return result;
 }
 
+namespace {
+
+/// It is shown to people, and stands in no log.
+std::string read_label(const json& value) {
+  constexpr std::size_t kMostBytes = 64;
+  const std::string label = value.is_string() ? value.get<std::string>() : std::string{};
+  const bool printable =
+      std::all_of(label.begin(), label.end(), [](char byte) { return byte >= ' ' && byte <= '~'; });
+  if (label.empty() || label.size() > kMostBytes || !printable)
+    refuse("label", value, "1 to 64 of printable ASCII");
+  return label;
+}
+
+}  // namespace
+
 SessionRequest read_session_json(std::string_view text, bool opens, const ServerOptions& options) {
   const json request = parse(text.empty() ? std::string_view("{}") : text, options);
   SessionRequest result;
   if (opens) {
-    require_keys(request, "", {"map", "version", "prior", "gnss"});
+    require_keys(request, "", {"map", "version", "label", "prior", "gnss"});
     if (!request.contains("map")) {
       throw field_error(ErrorCode::kInvalidRequest, "map", "nothing", "the name of a map");
     }
     result.map = read_text(request["map"], "map");
     if (request.contains("version")) result.version = read_text(request["version"], "version");
+    if (request.contains("label")) result.label = read_label(request["label"]);
   } else {
     require_keys(request, "", {"prior", "gnss"});
   }

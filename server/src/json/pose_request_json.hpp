@@ -52,11 +52,13 @@ struct JsonBatch {
 struct SessionRequest {
   std::string map;
   std::string version;
+  /// What operators call the vehicle; empty when the client does not say.
+  std::string label;
   std::optional<localization::Prior> prior;
   std::optional<GnssFix> gnss;
 };
 
-/// @param opens  whether `map` and `version` are read; else only where the vehicle is.
+/// @param opens  whether `map`, `version` and `label` are read; else only where the vehicle is.
 /// @throws ApiError with the path of what is wrong; unknown keys are refused.
 [[nodiscard]] SessionRequest read_session_json(std::string_view text, bool opens,
                                                const ServerOptions& options);

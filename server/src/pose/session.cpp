@@ -2,13 +2,24 @@
 
 #include "json/session_json.hpp"
 
+#include <stillmap/maps/map_package.hpp>
+
 #include <utility>
 
 namespace stillmap::server {
 
-Session::Session(std::string id, std::string owner, ServedVersion map, AlignmentQueue& queue)
-    : id_(std::move(id)),
-      owner_(std::move(owner)),
+namespace {
+
+/// 12 hex digits of the hash of 128 random bits: nobody finds these from them.
+Session::Name with_label(Session::Name name) {
+  if (name.label.empty()) name.label = maps::sha256_of(name.id).substr(0, 12);
+  return name;
+}
+
+}  // namespace
+
+Session::Session(Name name, ServedVersion map, AlignmentQueue& queue)
+    : name_(with_label(std::move(name))),
       map_(std::move(map)),
       line_(queue),
       tracker_(map_.aligners->front().second) {
@@ -28,6 +39,13 @@ localization::TrackedPose Session::track(
   // A late scan says nothing of where the vehicle is now.
   if (summary_.stamp_ns && *summary_.stamp_ns >= stamp_ns) return pose;
   summary_.stamp_ns = stamp_ns;
+  summary_.reasons = pose.result.reasons;
+  if (pose.result.status != localization::PoseStatus::kLost) {
+    summary_.place = Place{.stamp_ns = stamp_ns,
+                           .T_map_lidar = pose.result.T_map_lidar,
+                           .covariance = pose.result.covariance,
+                           .inlier_ratio = pose.result.inlier_ratio};
+  }
   if (summary_.status != pose.result.status) {
     summary_.status = pose.result.status;
     events_.add("status", status_event_json(pose));
@@ -46,6 +64,8 @@ void Session::initialize(const std::optional<localization::Prior>& prior) {
   // Stamps may start anew, as after a clock was set back.
   summary_.stamp_ns.reset();
   summary_.status.reset();
+  summary_.reasons.clear();
+  summary_.place.reset();
 }
 
 void Session::note_active_version(const std::string& version) {

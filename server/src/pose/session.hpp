@@ -6,11 +6,15 @@
 
 #include <stillmap/localization/tracker.hpp>
 
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
 #include <chrono>
 #include <cstdint>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace stillmap::server {
 
@@ -20,13 +24,23 @@ class Session {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// @param map  ready. @param owner  key that opened it, empty without keys.
-  Session(std::string id, std::string owner, ServedVersion map, AlignmentQueue& queue);
+  /// Who follows what, and for whom.
+  struct Name {
+    /// The secret of whoever opened it.
+    std::string id{};
+    /// Key that opened it, empty without keys.
+    std::string owner{};
+    /// What operators see; empty = made from the id, which cannot be found from it.
+    std::string label{};
+  };
+  /// @param map  ready.
+  Session(Name name, ServedVersion map, AlignmentQueue& queue);
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
-  [[nodiscard]] const std::string& id() const { return id_; }
-  [[nodiscard]] const std::string& owner() const { return owner_; }
+  [[nodiscard]] const std::string& id() const { return name_.id; }
+  [[nodiscard]] const std::string& owner() const { return name_.owner; }
+  [[nodiscard]] const std::string& label() const { return name_.label; }
   [[nodiscard]] const ServedVersion& map() const { return map_; }
   [[nodiscard]] SessionLine& line() { return line_; }
   [[nodiscard]] SessionEvents& events() { return events_; }
@@ -44,9 +58,21 @@ class Session {
   /// Ends scans that wait and streams. @param reason  `deleted` or `expired`.
   void close(const std::string& reason);
 
+  /// Where the vehicle was last.
+  struct Place {
+    std::int64_t stamp_ns = 0;
+    Eigen::Isometry3d T_map_lidar = Eigen::Isometry3d::Identity();
+    /// As `AlignmentResult::covariance`.
+    Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+    double inlier_ratio = 0.0;
+  };
+
   struct Summary {
     std::uint64_t scans = 0;
     std::optional<localization::PoseStatus> status{};
+    std::vector<std::string> reasons{};
+    /// Of the newest scan that was not lost.
+    std::optional<Place> place{};
     std::optional<std::int64_t> stamp_ns{};
     std::string active_version{};
     std::chrono::duration<double> idle{};
@@ -57,8 +83,7 @@ class Session {
   [[nodiscard]] Clock::time_point last_used() const;
 
  private:
-  std::string id_;
-  std::string owner_;
+  Name name_;
   ServedVersion map_;
   SessionLine line_;
   SessionEvents events_;

@@ -61,11 +61,13 @@ void SessionTable::require_room(const std::string& owner) const {
       .with_header("Retry-After", fmt::format("{}", std::max(1.0, std::ceil(left.count()))));
 }
 
-std::shared_ptr<Session> SessionTable::open(ServedVersion map, const std::string& owner) {
+std::shared_ptr<Session> SessionTable::open(ServedVersion map, const std::string& owner,
+                                            const std::string& label) {
   expire();
   const std::scoped_lock lock(mutex_);
   require_room(owner);
-  auto session = std::make_shared<Session>(random_id(), owner, std::move(map), queue_);
+  auto session = std::make_shared<Session>(
+      Session::Name{.id = random_id(), .owner = owner, .label = label}, std::move(map), queue_);
   session->touch(now_());
   sessions_.emplace(session->id(), session);
   return session;
@@ -101,12 +103,12 @@ void SessionTable::close(const std::string& id, const std::string& owner) {
   session->close("deleted");
 }
 
-std::vector<std::shared_ptr<Session>> SessionTable::list(const std::string& owner) {
+std::vector<std::shared_ptr<Session>> SessionTable::list(const std::optional<std::string>& owner) {
   expire();
   const std::scoped_lock lock(mutex_);
   std::vector<std::shared_ptr<Session>> own;
   for (const auto& [id, session] : sessions_) {
-    if (session->owner() == owner) own.push_back(session);
+    if (!owner || session->owner() == *owner) own.push_back(session);
   }
   return own;
 }

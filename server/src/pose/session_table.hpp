@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -37,13 +38,15 @@ class SessionTable {
   SessionTable& operator=(const SessionTable&) = delete;
 
   /// @param map  ready. @throws ApiError kBusy or kTooManyRequests, with Retry-After.
-  std::shared_ptr<Session> open(ServedVersion map, const std::string& owner);
+  /// @param label  as `Session::Name::label`.
+  std::shared_ptr<Session> open(ServedVersion map, const std::string& owner,
+                                const std::string& label = {});
   /// Counts as use. @throws ApiError kUnknownSession.
   [[nodiscard]] std::shared_ptr<Session> find(const std::string& id, const std::string& owner);
   /// @throws ApiError kUnknownSession.
   void close(const std::string& id, const std::string& owner);
-  /// The owner's, by id.
-  [[nodiscard]] std::vector<std::shared_ptr<Session>> list(const std::string& owner);
+  /// The owner's, by id. @param owner  nothing: of all.
+  [[nodiscard]] std::vector<std::shared_ptr<Session>> list(const std::optional<std::string>& owner);
   /// Sessions of all owners on a map.
   [[nodiscard]] std::size_t count_on(const std::string& map) const;
   /// Ends those that have not been used for too long; happens by itself every second.

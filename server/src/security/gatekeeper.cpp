@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <string_view>
+#include <vector>
 
 namespace stillmap::server {
 namespace {
@@ -35,26 +36,31 @@ void refuse_other_hosts(const HttpRequest& request) {
                     "localhost or a loopback address, since the store has no keys");
 }
 
-maps::KeyScope scope_of(Access access) {
+/// Any of them will do.
+std::vector<maps::KeyScope> scopes_of(Access access) {
   switch (access) {
     case Access::kLocalize:
-      return maps::KeyScope::kLocalize;
+      return {maps::KeyScope::kLocalize};
     case Access::kWrite:
-      return maps::KeyScope::kWrite;
+      return {maps::KeyScope::kWrite};
     case Access::kAdmin:
-      return maps::KeyScope::kAdmin;
+      return {maps::KeyScope::kAdmin};
+    case Access::kLocalizeOrAdmin:
+      return {maps::KeyScope::kLocalize, maps::KeyScope::kAdmin};
     case Access::kOpen:
     case Access::kRead:
       break;
   }
-  return maps::KeyScope::kRead;
+  return {maps::KeyScope::kRead};
 }
 
 void require_scope(const maps::ApiKey& key, Access access) {
-  const maps::KeyScope scope = scope_of(access);
-  if (key.scopes.has(scope)) return;
-  throw field_error(ErrorCode::kForbidden, "Authorization", "a key without this scope",
-                    std::string(maps::name_of(scope)));
+  std::string names;
+  for (const maps::KeyScope scope : scopes_of(access)) {
+    if (key.scopes.has(scope)) return;
+    names += (names.empty() ? "" : " or ") + std::string(maps::name_of(scope));
+  }
+  throw field_error(ErrorCode::kForbidden, "Authorization", "a key without this scope", names);
 }
 
 }  // namespace
@@ -63,9 +69,10 @@ void Gatekeeper::admit(HttpRequest& request, Access access, const RateOptions& r
   const std::optional<maps::ApiKey> key = key_of(request.header("authorization"), access);
   if (!key) {
     if (on_loopback_ && access != Access::kOpen) refuse_other_hosts(request);
+    request.caller.is_admin = access != Access::kOpen;
     return refuse_other_sites(request);
   }
-  request.caller.key_id = key->id;
+  request.caller = {.key_id = key->id, .is_admin = key->scopes.has(maps::KeyScope::kAdmin)};
   require_scope(*key, access);
   if (const double wait_s = rates_.take(key->id, rate); wait_s > 0.0) {
     throw ApiError(ErrorCode::kTooManyRequests, "the key's rate is used up")

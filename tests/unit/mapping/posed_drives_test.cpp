@@ -94,6 +94,7 @@ class PosedDrivesBytes : public PosedDrivesTest {
   PosedDrivesBytes() {
     posed_.drives = {at({49.0, 8.0, 110.0}), drive_};
     posed_.counts = {{"key_frames", 7}, {"loops_found", 0}};
+    posed_.graph = DriveGraph{.key_frames = {{0, 0}, {1, 1}}, .loops = {{{1, 1}, {0, 0}, 0.75}}};
   }
   PosedDrives posed_;
 };
@@ -101,6 +102,14 @@ class PosedDrivesBytes : public PosedDrivesTest {
 TEST_F(PosedDrivesBytes, ComeBackToTheLastBit) {
   const PosedDrives back = posed_drives_from(to_bytes(posed_), {without_poses(), without_poses()});
   EXPECT_EQ(back.counts, posed_.counts);
+  ASSERT_TRUE(back.graph);
+  ASSERT_EQ(back.graph->key_frames.size(), 2U);
+  EXPECT_EQ(back.graph->key_frames[1].drive, 1U);
+  EXPECT_EQ(back.graph->key_frames[1].index, 1U);
+  ASSERT_EQ(back.graph->loops.size(), 1U);
+  EXPECT_EQ(back.graph->loops[0].from.drive, 1U);
+  EXPECT_EQ(back.graph->loops[0].to.drive, 0U);
+  EXPECT_EQ(back.graph->loops[0].weight, 0.75);
   for (std::size_t d = 0; d < 2; ++d) {
     ASSERT_EQ(back.drives[d].contents().origin.has_value(), d == 0);
     for (std::size_t i = 0; i < drive_.size(); ++i)
@@ -117,6 +126,27 @@ TEST_F(PosedDrivesBytes, OfAnotherLengthAreRefused) {
         << size;
   EXPECT_THROW((void)posed_drives_from(bytes + "x", posed_.drives), std::invalid_argument);
   EXPECT_THROW((void)posed_drives_from(bytes, {drive_}), std::invalid_argument);
+}
+
+TEST_F(PosedDrivesBytes, OfScansThatAreNotThereAreRefused) {
+  posed_.graph->loops[0].to.index = drive_.size();
+  EXPECT_THROW((void)posed_drives_from(to_bytes(posed_), posed_.drives), std::invalid_argument);
+  posed_.graph.reset();
+  EXPECT_FALSE(posed_drives_from(to_bytes(posed_), posed_.drives).graph);
+}
+
+// Every third scan is in the map: poses 0, 1, 2, ... are scans 0, 3, 6, ...
+TEST_F(PosedDrivesTest, GraphSpeaksOfThePosesOfTheMap) {
+  options_.selection.step = 3;
+  ASSERT_EQ(drive_.size(), 4U);
+  const DriveSet drives({drive_, drive_}, options_);
+  constexpr std::size_t each = 2;
+  const DriveGraph graph{.key_frames = {{1, 0}, {0, 0}, {0, 1}, {0, 2}},
+                         .loops = {{{1, 2}, {0, 0}, 0.5}}};
+  const maps::MapGraph found = map_graph_of(drives, graph);
+  EXPECT_THAT(found.key_frames, ::testing::ElementsAre(0U, 1U, each));
+  ASSERT_EQ(found.loops.size(), 1U);
+  EXPECT_EQ(found.loops[0], (maps::MapGraph::Loop{.from = each + 1, .to = 0, .weight = 0.5}));
 }
 
 }  // namespace

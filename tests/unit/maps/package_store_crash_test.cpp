@@ -88,6 +88,7 @@ class StoreScenarioTest : public ::testing::Test {
         add("depot", "a", "3"),
         [](Store& store) { store->remove("town", "copy"); },
         [](Store& store) { store->remove("depot", "a"); },
+        [](Store& store) { store->edits().save("depot", "corrections", "k", 1); },
         [](Store& store) { store->remove_map("depot"); },
         add("town", "b", "2"),
         [](Store& store) { store->keys().create("car", {.bits = 1}, {}, 1); },
@@ -113,6 +114,19 @@ class StoreScenarioTest : public ::testing::Test {
         [](Store& store) { store->jobs().put_back_all("stopped", 8); },
         [](Store& store) { store->drive_bytes.remove(1); },
         [](Store& store) { store->drive_bytes.remove(2); },
+        [](Store& store) { store->drives().open_upload("town", {.version = "up"}, 5); },
+        [this](Store& store) { add_part(*store, 3, 1, tar_.substr(0, 900)); },
+        [this](Store& store) { add_part(*store, 3, 2, tar_.substr(900)); },
+        // What completing it does first; when the power goes in between, it is asked for again.
+        add_archive("up", tar_),
+        [](Store& store) {
+          store->drive_bytes.complete_upload(3, [&](const ByteSource& source, std::uint64_t) {
+            store->add_archive("town", "up", source, "upload", {});
+          });
+        },
+        [](Store& store) { store->drive_bytes.remove(3); },
+        [](Store& store) { store->edits().save("town", "some", "k", 2); },
+        [](Store& store) { store->edits().save("town", "others", "k", 3); },
         [](Store& store) { store->audit().append({.subject = "town"}); },
         [](Store& store) { store.reset(); },
     };

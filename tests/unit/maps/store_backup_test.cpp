@@ -67,6 +67,7 @@ TEST_F(StoreBackupTest, BringsBackAllButDrives) {
   store_->jobs().succeed(done, "1", 3);
   const std::int64_t waiting = store_->jobs().enqueue({.map = "town"}, 4).job.id;
   store_->audit().append({.time_ns = 5, .subject = "town"});
+  const SavedEdits edits = store_->edits().save("town", "corrections", "k", 6);
   EXPECT_EQ(store_->backup(backup_).copied, 1U);
   EXPECT_EQ(store_->jobs().job(waiting).status, JobStatus::kEnqueued) << "the store goes on";
 
@@ -77,6 +78,7 @@ TEST_F(StoreBackupTest, BringsBackAllButDrives) {
   EXPECT_EQ(again->jobs().job(done), store_->jobs().job(done));
   EXPECT_EQ(again->jobs().job(waiting).status, JobStatus::kFailed);
   EXPECT_THAT(again->drives().all(), IsEmpty());
+  EXPECT_EQ(again->edits().of_map("town"), edits);
   EXPECT_EQ(again->audit().list(10).records, store_->audit().list(10).records);
   EXPECT_GT(again->drives().open("town", "tuesday", 1).id, drive);
 }

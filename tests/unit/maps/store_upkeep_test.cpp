@@ -164,9 +164,9 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheFirstSchemaUpToDate) {
   }
   const fs::path file = store_ / "state.db";
   run_sql(file,
-          "DROP TABLE audit; DROP TABLE job_drives; DROP TABLE drive_parts; DROP TABLE drives;"
-          "DROP TABLE jobs; DROP TABLE keys; DROP TABLE retired; DROP TABLE retired_maps; PRAGMA "
-          "user_version=1");
+          "DROP TABLE saved_edits; DROP TABLE audit; DROP TABLE job_drives;"
+          "DROP TABLE drive_parts; DROP TABLE drives; DROP TABLE jobs; DROP TABLE keys;"
+          "DROP TABLE retired; DROP TABLE retired_maps; PRAGMA user_version=1");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.state().map("town").active, "1");
   EXPECT_THAT(store.keys().list(), IsEmpty());
@@ -174,11 +174,29 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheFirstSchemaUpToDate) {
   EXPECT_THAT(store.verify(), IsEmpty());
 }
 
+/// The same of version 3.
+TEST_F(StoreUpkeepTest, BringsAStoreOfTheThirdSchemaUpToDate) {
+  {
+    PackageStore store(store_, calls_);
+    store.add("town", "1", source("first"));
+    store.jobs().enqueue({.map = "town"}, 1);
+  }
+  run_sql(store_ / "state.db",
+          "DROP TABLE saved_edits; ALTER TABLE drives DROP COLUMN version;"
+          "ALTER TABLE drives DROP COLUMN content_type; PRAGMA user_version=3");
+  PackageStore store(store_, calls_);
+  EXPECT_EQ(store.jobs().count(JobStatus::kEnqueued), 1U);
+  EXPECT_FALSE(store.edits().of_map("town").saved_ns);
+  EXPECT_TRUE(store.drives().open_upload("town", {.version = "v"}, 1).is_upload());
+  EXPECT_EQ(store.edits().save("town", "some", "", 1).text, "some");
+  EXPECT_THAT(store.verify(), IsEmpty());
+}
+
 TEST_F(StoreUpkeepTest, RefusesToGoBackToAnOlderSchema) {
   { const PackageStore store(store_, calls_); }
-  run_sql(store_ / "state.db", "PRAGMA user_version=4");
+  run_sql(store_ / "state.db", "PRAGMA user_version=9");
   EXPECT_THAT([&] { const PackageStore store(store_, calls_); },
-              ThrowsSaying<InputError>({"schema version 4", "at most 3", "newer stillmap"}));
+              ThrowsSaying<InputError>({"schema version 9", "at most 4", "newer stillmap"}));
 }
 
 class ReadOnlyStoreTest : public StoreUpkeepTest {

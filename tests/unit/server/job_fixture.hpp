@@ -13,6 +13,15 @@
 
 namespace stillmap::server {
 
+/// A cloud as far as its header goes.
+inline std::string pcd(const std::string& points) {
+  return "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 9\nHEIGHT 1\nDATA binary\n" +
+         points;
+}
+inline constexpr const char* kPly =
+    "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+    "property float z\nend_header\n1 2 3\n";
+
 /// A service with a script in place of the mapper, and one complete drive of `town`.
 class JobTest : public ServiceTest {
  protected:

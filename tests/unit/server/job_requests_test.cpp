@@ -81,14 +81,6 @@ TEST_F(JobRequests, SameIdempotencyKeyIsTheSameJob) {
 }
 
 /// A file with a good header; the script that stands for the mapper reads neither.
-std::string pcd(const std::string& points) {
-  return "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 9\nHEIGHT 1\nDATA binary\n" +
-         points;
-}
-constexpr const char* kPly =
-    "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
-    "property float z\nend_header\n1 2 3\n";
-
 TEST_F(JobRequests, WhatCannotBeACloudIsRefusedBeforeItIsAJob) {
   start_with("publish");
   const std::string path = "/v1/maps/town/versions/v2";

@@ -4,6 +4,8 @@
 
 #include <sys/resource.h>
 
+#include <stillmap/maps/edits.hpp>
+
 #include "job_fixture.hpp"
 #include "jobs/housekeeping.hpp"
 #include "jobs/job_log.hpp"
@@ -54,11 +56,11 @@ TEST_F(Jobs, CommandHoldsWhatWasAskedForAndTheGateOfTheOptions) {
   start_with("echo \"$0\"; cat $gate $edits; tr '\\0' ' ' < /proc/$$/cmdline; publish");
   make_drive();
   const std::string job = rebuild(R"({"drives": [1], "held_back": 2, "options":
-      {"preset": "paper", "detector": "geometric", "edits": {"keep": [1]}}})");
+      {"preset": "paper", "detector": "geometric", "edits": {"format": "stillmap-edits", "version": 1, "edits": []}}})");
   EXPECT_EQ(wait_for_end(job)["status"], "succeeded");
   const std::string log = log_of(job);
   EXPECT_THAT(log, HasSubstr("\"new_lost\":3"));
-  EXPECT_THAT(log, HasSubstr("{\"keep\":[1]}"));
+  EXPECT_THAT(log, HasSubstr(std::string(maps::kNoEdits)));
   EXPECT_THAT(log, HasSubstr("/drives/1/drive --detector geometric --preset paper --output "));
   EXPECT_THAT(log, HasSubstr("/drives/2/drive --previous "));
   EXPECT_THAT(log, HasSubstr(store_.digest() + " --threads 1 --progress json --progress-fd 3"));

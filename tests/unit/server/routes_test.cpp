@@ -68,6 +68,20 @@ TEST_F(Routes, MapsAreListedWithTheirVersionAndCounts) {
   EXPECT_EQ(list["maps"][0]["tiles"], 2);
 }
 
+// Tile (0, 0) has points at (1, 2) and (4, 5), tile (-1, 0) a single one.
+TEST_F(Routes, MapsTellTheirSizeAndAge) {
+  start();
+  const nlohmann::json map = body(get("/v1/maps"))["maps"][0];
+  EXPECT_EQ(map["area_m2"], 9.0);
+  EXPECT_EQ(map["bytes"], store_.open().state().version("town", "v1").bytes);
+  EXPECT_EQ(map["version_created_ns"],
+            std::to_string(store_.open().state().version("town", "v1").created_ns));
+  EXPECT_EQ(map["drives"], nlohmann::json::array());
+  const nlohmann::json one = body(get("/v1/maps/town"));
+  for (const char* key : {"area_m2", "bytes", "version_created_ns", "points"})
+    EXPECT_EQ(one[key], map[key]) << key;
+}
+
 TEST_F(Routes, MapTellsItsFrameTilesAndCounts) {
   start();
   nlohmann::json map = body(get("/v1/maps/town"));

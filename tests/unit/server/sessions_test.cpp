@@ -120,6 +120,121 @@ TEST_F(Sessions, UnusableOdometryIsNamed) {
   EXPECT_THAT(ask(half, 400)["detail"].get<std::string>(), HasSubstr("odom_since_ns"));
 }
 
+TEST_F(Sessions, TellWhereTheVehicleWasLast) {
+  const std::string session = open();
+  const json before = ask(request("GET", session));
+  EXPECT_TRUE(before["pose"].is_null());
+  EXPECT_TRUE(before["covariance"].is_null());
+  EXPECT_TRUE(before["reasons"].empty());
+  ask(scan(session, "1000000000"));
+  json shown = ask(request("GET", session));
+  EXPECT_EQ(shown["pose"]["position"], (json{1.0, 2.0, 3.0}));
+  EXPECT_EQ(shown["pose_stamp_ns"], "1000000000");
+  ASSERT_EQ(shown["covariance"].size(), 36U);
+  EXPECT_EQ(shown["covariance"][7], 1.0);
+  EXPECT_EQ(shown["inlier_ratio"], 0.9);
+  // A scan from before says nothing of now.
+  ask(scan(session, "900000000"));
+  EXPECT_EQ(ask(request("GET", session))["pose_stamp_ns"], "1000000000");
+  ask(json_post(session + "/initialize", json::object()));
+  EXPECT_TRUE(ask(request("GET", session))["pose"].is_null());
+  // Lost, it keeps the place where it was seen last.
+  ask(json_post(session + "/initialize", {{"prior", prior_json()}}));
+  ask(scan(session, "2000000000"));
+  aligner_->answer = [](const auto&) {
+    localization::AlignmentResult lost;
+    lost.reasons = {"low_inlier_ratio"};
+    return lost;
+  };
+  for (int i = 1; i <= 100; ++i) ask(scan(session, std::to_string(2 + i) + "000000000"));
+  shown = ask(request("GET", session));
+  EXPECT_EQ(shown["status"], "lost");
+  EXPECT_FALSE(shown["reasons"].empty());
+  EXPECT_FALSE(shown["pose"].is_null());
+  EXPECT_LT(std::stoll(shown["pose_stamp_ns"].get<std::string>()),
+            std::stoll(shown["stamp_ns"].get<std::string>()));
+}
+
+TEST_F(Sessions, LabelIsTheClientsOrMadeFromTheSecretWithoutTellingIt) {
+  const json named = ask(json_post("/v1/sessions", {{"map", "town"}, {"label", "truck 7"}}), 201);
+  EXPECT_EQ(named["label"], "truck 7");
+  const json other = ask(json_post("/v1/sessions", {{"map", "town"}}), 201);
+  const std::string label = other["label"];
+  EXPECT_EQ(label.size(), 12U);
+  EXPECT_EQ(other["id"].get<std::string>().find(label), std::string::npos);
+  for (const json& wrong :
+       {json(7), json(""), json("a\nb"), json(std::string(65, 'a')), json("\xc3\xa9")})
+    EXPECT_EQ(ask(json_post("/v1/sessions", {{"map", "town"}, {"label", wrong}}), 400)["code"],
+              "InvalidRequest");
+  EXPECT_EQ(ask(json_post("/v1/sessions/" + named["id"].get<std::string>() + "/initialize",
+                          {{"label", "x"}}),
+                400)["code"],
+            "UnknownParameter");
+}
+
+TEST_F(Sessions, WithoutKeysAllAreListedAndTheirMapChosen) {
+  open();
+  HttpRequest list = request("GET", "/v1/sessions");
+  EXPECT_EQ(ask(list)["sessions"].size(), 1U);
+  EXPECT_TRUE(ask(list)["sessions"][0].contains("id"));
+  EXPECT_TRUE(ask(list)["sessions"][0]["key_id"].is_null());
+  list.query = {{"map", "town"}};
+  EXPECT_EQ(ask(list)["sessions"].size(), 1U);
+  list.query = {{"map", "village"}};
+  EXPECT_TRUE(ask(list)["sessions"].empty());
+  list.query = {{"mop", "town"}};
+  EXPECT_EQ(ask(list, 400)["code"], "UnknownParameter");
+}
+
+TEST_F(Sessions, OperatorsSeeAllVehiclesButNoSecrets) {
+  const auto make_key = [&](const char* name, std::initializer_list<maps::KeyScope> scopes) {
+    maps::KeyScopes set;
+    for (const maps::KeyScope scope : scopes) set.add(scope);
+    return store_.open().keys().create(name, set, std::nullopt, 1);
+  };
+  const auto alice = make_key("alice", {maps::KeyScope::kLocalize});
+  const auto bob = make_key("bob", {maps::KeyScope::kLocalize});
+  const auto chief = make_key("chief", {maps::KeyScope::kAdmin});
+  const auto both = make_key("both", {maps::KeyScope::kAdmin, maps::KeyScope::kLocalize});
+  const auto reader = make_key("reader", {maps::KeyScope::kRead, maps::KeyScope::kWrite});
+  const auto with = [](HttpRequest request, const maps::KeyTable::Created& key) {
+    request.headers["authorization"] = "Bearer " + key.text;
+    return request;
+  };
+  const auto open_as = [&](const maps::KeyTable::Created& key) {
+    return ask(with(json_post("/v1/sessions", {{"map", "town"}}), key), 201)["id"]
+        .get<std::string>();
+  };
+  const auto list_as = [&](const maps::KeyTable::Created& key) {
+    return ask(with(request("GET", "/v1/sessions"), key))["sessions"];
+  };
+  const std::string of_alice = open_as(alice);
+  const std::string of_both = open_as(both);
+  ask(with(scan("/v1/sessions/" + of_alice, "1000000000"), alice));
+
+  EXPECT_EQ(list_as(alice).size(), 1U);
+  EXPECT_EQ(list_as(alice)[0]["id"], of_alice);
+  EXPECT_TRUE(list_as(bob).empty());
+  const json all = list_as(chief);
+  ASSERT_EQ(all.size(), 2U);
+  EXPECT_EQ(all.dump().find(of_alice), std::string::npos);
+  EXPECT_EQ(all.dump().find(of_both), std::string::npos);
+  for (const json& each : all) {
+    EXPECT_FALSE(each.contains("id"));
+    EXPECT_TRUE(each["key_name"] == "alice" || each["key_name"] == "both");
+    EXPECT_EQ(each["pose"].is_null(), each["key_name"] == "both");
+  }
+  for (const json& each : list_as(both))
+    EXPECT_EQ(each.contains("id"), each["key_id"] == both.key.id);
+  // What is seen cannot be used.
+  EXPECT_EQ(ask(with(request("GET", "/v1/sessions/" + of_alice), both), 404)["code"],
+            "UnknownSession");
+  EXPECT_EQ(ask(with(request("GET", "/v1/sessions/" + of_alice), chief), 403)["code"], "Forbidden");
+  EXPECT_EQ(ask(with(request("GET", "/v1/sessions"), reader), 403)["errors"][0]["expected"],
+            "localize or admin");
+  EXPECT_EQ(ask(request("GET", "/v1/sessions"), 401)["code"], "MissingKey");
+}
+
 TEST_F(Sessions, AScanNeedsItsTime) {
   HttpRequest timeless = scan(open(), "1");
   timeless.query.clear();

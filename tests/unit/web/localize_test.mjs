@@ -228,3 +228,41 @@ test('a vehicle that sends nothing is greyed whatever it said last', () => {
   assert.equal(lookOf({ ...vehicle, idle_s: kStale_s + 1 }), 'stale');
   assert.equal(lookOf({ status: null, idle_s: 99 }), 'new');
 });
+
+const { priorAt, usualHeading } = await built('prior');
+const { readGnss } = await built('gnss_text');
+const { magnification } = await built('magnification');
+const { sortDropped } = await built('dropped');
+
+test('a place that was driven past has the height and slope of the drive, others the height of the ground', () => {
+  const slope = [0.1, 0, Math.sqrt(1 - 0.01)];
+  const poses = [poseWithHeading([0, 0, 5], 0.3, slope), poseWithHeading([200, 0, 9], 2)];
+  const beside = priorAt([3, 1, 2], 1, poses);
+  assert.deepEqual(beside.position, [3, 1, 5]);
+  near(headingOf(beside), 1);
+  // The slope is that of the drive: the lidar's upward axis leans towards +x.
+  const [x, y, z, w] = beside.quaternion;
+  near(2 * (x * z + w * y), 0.1);
+  assert.deepEqual(priorAt([90, 0, 2], 1, poses).position.map((value) => Number(value.toFixed(6))), [90, 0, 3.8]);
+  near(usualHeading([190, 3, 0], poses), 2);
+  assert.equal(usualHeading([0, 0, 0], []), 0);
+});
+
+test('a fix is read with its bounds; what was left out or is wrong is said', () => {
+  const typed = { latitude: '48.5', longitude: '9', altitude: '', sigma: '3' };
+  assert.deepEqual(readGnss(typed), { kind: 'gnss', latitude_deg: 48.5, longitude_deg: 9, altitude_m: null, sigma_m: 3 });
+  assert.match(readGnss({ ...typed, latitude: '91' }), /Latitude/);
+  assert.match(readGnss({ ...typed, longitude: '' }), /Longitude/);
+  assert.match(readGnss({ ...typed, altitude: 'high' }), /Height/);
+  assert.match(readGnss({ ...typed, sigma: '0' }), /Deviation/);
+});
+
+test('small ellipses are drawn larger by a round number, large ones as they are', () => {
+  assert.deepEqual([0.001, 0.02, 0.5, 5].map(magnification), [1000, 50, 2, 1]);
+});
+
+test('of a folder the scans are taken in order, with their times', () => {
+  const names = ['10.bin', '9.bin', 'times.txt', 'calib.txt', 'a.JPG'].map((name) => ({ name }));
+  const { scans, times, others } = sortDropped(names);
+  assert.deepEqual([scans.map(({ name }) => name), times.name, others.map(String)], [['9.bin', '10.bin'], 'times.txt', ['calib.txt', 'a.JPG']]);
+});

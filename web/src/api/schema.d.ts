@@ -318,6 +318,24 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/maps/{map}/edits": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** The corrections that are kept for a map, for its next rebuilds */
+        get: operations["getEdits"];
+        /** Takes the place of the corrections that were kept */
+        put: operations["putEdits"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/maps/{map}/localize": {
         parameters: {
             query?: never;
@@ -451,6 +469,79 @@ export interface paths {
         put?: never;
         /** Tiles to fetch and to drop around a place */
         post: operations["diffTiles"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/maps/{map}/uploads": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** Uploads of versions of a map */
+        get: operations["listUploads"];
+        put?: never;
+        /**
+         * Begins the upload of a version in parts
+         * @description A package or a PCD or PLY map that is too large for one request. The map is made when it is new.
+         */
+        post: operations["openUpload"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/maps/{map}/uploads/{upload}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** An upload and the parts that are there */
+        get: operations["getUpload"];
+        put?: never;
+        post?: never;
+        /** Removes an upload; a version that it became stays */
+        delete: operations["deleteUpload"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/maps/{map}/uploads/{upload}/complete": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /** Publishes the parts, as one PUT of the version would */
+        post: operations["completeUpload"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/maps/{map}/uploads/{upload}/parts/{part}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        /** Sends a part of a version */
+        put: operations["putUploadPart"];
+        post?: never;
         delete?: never;
         options?: never;
         head?: never;
@@ -615,6 +706,57 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/maps/{map}/versions/{version}/graph": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** Key frames and loops, by the numbers of the trajectory's poses */
+        get: operations["getGraph"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/maps/{map}/versions/{version}/layers/{layer}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** What is known of the places of a map, by cells */
+        get: operations["getLayer"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/maps/{map}/versions/{version}/layers/{layer}/{band}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** Values of a layer */
+        get: operations["getLayerBand"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/maps/{map}/versions/{version}/localize": {
         parameters: {
             query?: never;
@@ -727,7 +869,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Sessions of this key */
+        /** The key's sessions; with scope admin those of all keys */
         get: operations["listSessions"];
         put?: never;
         /** Begins to follow a vehicle */
@@ -978,6 +1120,37 @@ export interface components {
             n: number;
             sha256: string;
         };
+        /** @description As `stillmap build --edits` reads it */
+        Edits: {
+            /** @description A later one has the last word */
+            edits: {
+                /** @enum {string} */
+                action: "keep" | "remove";
+                box?: {
+                    centre: number[];
+                    /** @description Length, width, height [m], above 0; at most 10,000, to remove 200 */
+                    size: number[];
+                    /** @description Counter-clockwise from +x [rad] */
+                    yaw: number;
+                };
+                /** @description Name of a drive's folder: in its scans alone */
+                drive?: string;
+                /** @description For people */
+                note?: string;
+                /** @description What stood there */
+                object?: {
+                    centre: number[];
+                    /** @enum {string} */
+                    class: "car" | "van" | "truck" | "bus" | "trailer" | "tram" | "motorcycle" | "cyclist" | "pedestrian" | "unknown";
+                };
+                /** @description First and last scan of that drive */
+                scans?: number[];
+            }[];
+            /** @enum {string} */
+            format: "stillmap-edits";
+            /** @enum {integer} */
+            version: 1;
+        };
         /** @description Where a satellite receiver says that the lidar is, WGS 84 */
         Gnss: {
             /** @description above the ellipsoid */
@@ -985,6 +1158,22 @@ export interface components {
             latitude_deg: number;
             longitude_deg: number;
             sigma_m: number;
+        };
+        Graph: {
+            /** @description Numbers of poses, ascending */
+            key_frames: number[];
+            /** @description Pairs of poses at one place; null when the version does not say */
+            loops: {
+                from: number;
+                to: number;
+                /** @description How much of it the pose graph believed */
+                weight: number;
+            }[] | null;
+            /**
+             * @description derived: key frames by the mapper's rule, a metre or 10 degrees from the one before, since the version does not say
+             * @enum {string}
+             */
+            source: "build" | "derived";
         };
         Health: {
             reasons: string[];
@@ -999,6 +1188,15 @@ export interface components {
         Job: {
             attempts: number;
             cancel_requested: boolean;
+            /** @description Corrections of a rebuild */
+            edits: {
+                count: number;
+                /**
+                 * @description saved: those kept for the map, as of when it was asked for
+                 * @enum {string}
+                 */
+                source: "none" | "request" | "saved";
+            } | null;
             /** @description When it was asked for [ns], decimal */
             enqueued_ns: string;
             error: string;
@@ -1045,14 +1243,64 @@ export interface components {
         KeyList: {
             keys: components["schemas"]["Key"][];
         };
+        Layer: {
+            bands: {
+                max: number | null;
+                min: number | null;
+                name: string;
+                unit: string;
+                url: string;
+            }[];
+            cell_m: number;
+            cells_per_side: number;
+            /** @enum {string} */
+            layer: "coverage" | "localizability";
+            origin: number[];
+            tile_size_m: number;
+            /** @description x, y on the grid of level 0 */
+            tiles: number[][];
+        };
+        ListedSession: {
+            active_version: string;
+            covariance: components["schemas"]["Covariance"] | null;
+            covariance_order: string[];
+            /** @description Of the caller's own sessions alone */
+            id?: string;
+            idle_limit_s: number;
+            idle_s: number;
+            inlier_ratio: number | null;
+            /** @description Key that opened it */
+            key_id: string | null;
+            key_name: string | null;
+            /** @description What operators see */
+            label: string;
+            map: components["schemas"]["MapReference"];
+            /** @description T_map_lidar of the newest scan that was not lost */
+            pose: components["schemas"]["Pose"] | null;
+            /** @description Of that scan [ns], decimal */
+            pose_stamp_ns: string | null;
+            reasons: string[];
+            scans: number;
+            /** @description Of the newest scan [ns], decimal */
+            stamp_ns: string | null;
+            /** @enum {string|null} */
+            status: "ok" | "degraded" | "lost" | null;
+        };
         /** @description Of a map without an active version only the first five keys */
         Map: {
+            /** @description Of each tile of level 0 the rectangle that its points span [m^2] */
+            area_m2?: number;
+            bytes?: number;
             counts?: {
                 [key: string]: number;
             };
             /** @description When it was made [ns], decimal */
             created_ns: string;
             digest?: string;
+            /** @description Names of the drives that it was built of, or of the file that it was converted from */
+            drives?: string[];
+            /** @description Versions with equal texts are in one frame: positions mean the same places */
+            frame?: string;
             frame_id?: string;
             geodetic_origin?: {
                 altitude_m: number;
@@ -1061,8 +1309,13 @@ export interface components {
             };
             name: string;
             objects?: number;
+            /** @description Every option of its build, as text */
+            options?: {
+                [key: string]: string;
+            };
             /** @description Added to a tile's coordinates [m] */
             origin?: number[];
+            points?: number;
             poses?: number;
             /** @description What a rollback goes to */
             previous_version: string | null;
@@ -1080,6 +1333,7 @@ export interface components {
             /** @description Grows with each change of the active version; the ETag */
             revision: number;
             schema?: number;
+            software_version?: string;
             /** @enum {string} */
             state?: "opened" | "loading" | "ready" | "failed" | "empty";
             tile_size_m?: number;
@@ -1093,24 +1347,36 @@ export interface components {
             }[];
             /** @description The active one */
             version: string | null;
+            /** @description When this version was published [ns], decimal */
+            version_created_ns?: string;
             voxel_size_m?: number;
         };
         MapList: {
             maps: {
+                /** @description Of each tile of level 0 the rectangle that its points span [m^2] */
+                area_m2?: number;
+                /** @description Of the active version's files */
+                bytes?: number;
                 /** @description When it was made [ns], decimal */
                 created_ns: string;
                 digest?: string;
+                /** @description Names of the drives that it was built of, or of the file that it was converted from */
+                drives?: string[];
                 name: string;
                 points?: number;
                 /** @description What a rollback goes to */
                 previous_version: string | null;
                 /** @description Grows with each change of the active version; the ETag */
                 revision: number;
+                software_version?: string;
                 /** @enum {string} */
                 state: "opened" | "loading" | "ready" | "failed" | "empty";
                 tiles?: number;
                 /** @description The active one */
                 version: string | null;
+                /** @description When the active version was published [ns], decimal */
+                version_created_ns?: string;
+                voxel_size_m?: number;
             }[];
             refused: {
                 name: string;
@@ -1170,10 +1436,17 @@ export interface components {
         };
         NewSession: {
             gnss?: components["schemas"]["Gnss"];
+            /** @description What operators see; left out: made from the id */
+            label?: string;
             map: string;
             prior?: components["schemas"]["Prior"];
             /** @description The active one when left out */
             version?: string;
+        };
+        NewUpload: {
+            /** @enum {string} */
+            content_type: "application/x-tar" | "application/gzip" | "application/zstd" | "application/octet-stream" | "application/vnd.pcd" | "application/ply" | "application/vnd.las";
+            version: string;
         };
         Objects: {
             objects: {
@@ -1290,7 +1563,7 @@ export interface components {
              * @description Stable; the table in server/README.md says when.
              * @enum {string}
              */
-            code: "InvalidRequest" | "UnknownParameter" | "UnknownMethod" | "InvalidScan" | "MissingKey" | "RefusedKey" | "Forbidden" | "UnknownRoute" | "UnknownMap" | "UnknownVersion" | "UnknownTile" | "UnknownDrive" | "UnknownJob" | "UnknownKey" | "UnknownSession" | "MethodNotAllowed" | "NoActiveVersion" | "OtherDigest" | "VersionActive" | "NoPrevious" | "OtherFrame" | "InUse" | "OtherRequest" | "JobFinished" | "DriveNotOpen" | "DriveNotComplete" | "PartsMissing" | "LengthRequired" | "RevisionChanged" | "PayloadTooLarge" | "UnsupportedMediaType" | "RangeNotSatisfiable" | "InvalidPrior" | "InvalidTransform" | "InvalidOdometry" | "NoGeodeticOrigin" | "InvalidPoints" | "InvalidBoxes" | "InvalidUpload" | "TooFewPoints" | "Superseded" | "TooManyRequests" | "HeaderTooLarge" | "InternalError" | "StorageError" | "NoMapper" | "Busy" | "TooManyStreams" | "MapLoading" | "MapUnusable" | "BeingMade" | "DerivedUnavailable" | "DeadlineExceeded" | "OverQuota" | "DiskFull";
+            code: "InvalidRequest" | "UnknownParameter" | "UnknownMethod" | "InvalidScan" | "MissingKey" | "RefusedKey" | "Forbidden" | "UnknownRoute" | "UnknownMap" | "UnknownVersion" | "UnknownTile" | "UnknownLayer" | "UnknownDrive" | "UnknownUpload" | "UnknownJob" | "UnknownKey" | "UnknownSession" | "MethodNotAllowed" | "NoActiveVersion" | "OtherDigest" | "VersionActive" | "NoPrevious" | "OtherFrame" | "InUse" | "OtherRequest" | "JobFinished" | "DriveNotOpen" | "DriveNotComplete" | "PartsMissing" | "LengthRequired" | "RevisionChanged" | "PayloadTooLarge" | "UnsupportedMediaType" | "RangeNotSatisfiable" | "InvalidPrior" | "InvalidTransform" | "InvalidOdometry" | "NoGeodeticOrigin" | "InvalidPoints" | "InvalidBoxes" | "InvalidUpload" | "TooFewPoints" | "Superseded" | "TooManyRequests" | "HeaderTooLarge" | "InternalError" | "StorageError" | "NoMapper" | "Busy" | "TooManyStreams" | "MapLoading" | "MapUnusable" | "BeingMade" | "DerivedUnavailable" | "DeadlineExceeded" | "OverQuota" | "DiskFull";
             detail: string;
             errors: {
                 expected: string;
@@ -1319,8 +1592,8 @@ export interface components {
                 clean?: "free-space" | "none" | "removert" | "erasor" | "octomap" | "dufomap";
                 /** @enum {string} */
                 detector?: "geometric" | "voxelnext";
-                /** @description Corrections (mapping/README.md) */
-                edits?: Record<string, never>;
+                /** @description Left out: those kept for the map (not without fusion, nor with new_frame). null or an empty list: none */
+                edits?: components["schemas"]["Edits"] | null;
                 /** @enum {string} */
                 fill?: "on" | "off";
                 /** @enum {string} */
@@ -1373,10 +1646,20 @@ export interface components {
         };
         Session: {
             active_version: string;
+            covariance: components["schemas"]["Covariance"] | null;
+            covariance_order: string[];
             id: string;
             idle_limit_s: number;
             idle_s: number;
+            inlier_ratio: number | null;
+            /** @description What operators see */
+            label: string;
             map: components["schemas"]["MapReference"];
+            /** @description T_map_lidar of the newest scan that was not lost */
+            pose: components["schemas"]["Pose"] | null;
+            /** @description Of that scan [ns], decimal */
+            pose_stamp_ns: string | null;
+            reasons: string[];
             scans: number;
             /** @description Of the newest scan [ns], decimal */
             stamp_ns: string | null;
@@ -1384,7 +1667,7 @@ export interface components {
             status: "ok" | "degraded" | "lost" | null;
         };
         SessionList: {
-            sessions: components["schemas"]["Session"][];
+            sessions: components["schemas"]["ListedSession"][];
         };
         SessionPoseAnswer: {
             covariance: components["schemas"]["Covariance"] | null;
@@ -1509,6 +1792,44 @@ export interface components {
                 stamp_ns: string;
             }[];
         };
+        Upload: {
+            /** @description Of its parts */
+            bytes: number;
+            content_type: string;
+            /** @description When it was opened [ns], decimal */
+            created_ns: string;
+            /** @description Why it failed */
+            error: string;
+            /** @description When it was completed or failed [ns], decimal */
+            finished_ns: string | null;
+            id: number;
+            map: string;
+            parts: components["schemas"]["DrivePart"][];
+            /** @enum {string} */
+            status: "open" | "complete" | "failed";
+            /** @description That it becomes */
+            version: string;
+        };
+        UploadList: {
+            uploads: components["schemas"]["UploadListed"][];
+        };
+        UploadListed: {
+            /** @description Of its parts */
+            bytes: number;
+            content_type: string;
+            /** @description When it was opened [ns], decimal */
+            created_ns: string;
+            /** @description Why it failed */
+            error: string;
+            /** @description When it was completed or failed [ns], decimal */
+            finished_ns: string | null;
+            id: number;
+            map: string;
+            /** @enum {string} */
+            status: "open" | "complete" | "failed";
+            /** @description That it becomes */
+            version: string;
+        };
         Version: {
             bytes: number;
             /** @description When it was published [ns], decimal */
@@ -1529,11 +1850,39 @@ export interface components {
             /** @description Oldest first */
             versions: {
                 active: boolean;
+                /** @description Of each tile of level 0 the rectangle that its points span [m^2] */
+                area_m2?: number;
                 bytes: number;
+                /** @description What was counted while it was built */
+                counts?: {
+                    [key: string]: number;
+                };
                 /** @description When it was published [ns], decimal */
                 created_ns: string;
                 digest: string;
+                /** @description Names of the drives that it was built of, or of the file that it was converted from */
+                drives?: string[];
+                /** @description Why it failed */
+                failure?: string;
+                /** @description Versions with equal texts are in one frame: positions mean the same places */
+                frame?: string;
+                frame_id?: string;
+                /** @description Every option of its build, as text */
+                options?: {
+                    [key: string]: string;
+                };
+                points?: number;
+                /** @description Digest of the version whose frame it is in */
+                registered_to?: string | null;
+                software_version?: string;
+                /**
+                 * @description stored: it is not open
+                 * @enum {string}
+                 */
+                state: "stored" | "opened" | "loading" | "ready" | "failed";
+                tiles?: number;
                 version: string;
+                voxel_size_m?: number;
             }[];
         };
     };
@@ -1762,6 +2111,15 @@ export interface components {
                 "application/problem+json": components["schemas"]["Problem"];
             };
         };
+        /** @description `OtherDigest`, `DriveNotOpen`, `PartsMissing` */
+        OtherDigestOrDriveNotOpenOrPartsMissing: {
+            headers: {
+                [name: string]: unknown;
+            };
+            content: {
+                "application/problem+json": components["schemas"]["Problem"];
+            };
+        };
         /** @description `OtherFrame` */
         OtherFrame: {
             headers: {
@@ -1921,8 +2279,35 @@ export interface components {
                 "application/problem+json": components["schemas"]["Problem"];
             };
         };
+        /** @description `UnknownMap`, `UnknownUpload` */
+        UnknownMapOrUnknownUpload: {
+            headers: {
+                [name: string]: unknown;
+            };
+            content: {
+                "application/problem+json": components["schemas"]["Problem"];
+            };
+        };
+        /** @description `UnknownMap`, `UnknownUpload`, `UnknownVersion` */
+        UnknownMapOrUnknownUploadOrUnknownVersion: {
+            headers: {
+                [name: string]: unknown;
+            };
+            content: {
+                "application/problem+json": components["schemas"]["Problem"];
+            };
+        };
         /** @description `UnknownMap`, `UnknownVersion` */
         UnknownMapOrUnknownVersion: {
+            headers: {
+                [name: string]: unknown;
+            };
+            content: {
+                "application/problem+json": components["schemas"]["Problem"];
+            };
+        };
+        /** @description `UnknownMap`, `UnknownVersion`, `UnknownLayer` */
+        UnknownMapOrUnknownVersionOrUnknownLayer: {
             headers: {
                 [name: string]: unknown;
             };
@@ -1988,6 +2373,8 @@ export interface components {
     parameters: {
         /** @description Whether it goes although one of its versions is active */
         active: boolean;
+        /** @description Of the layer's bands */
+        band: string;
         /** @description `next` of the answer before */
         before: number;
         /** @description RFC 9530, sha-256 of the body */
@@ -2000,7 +2387,7 @@ export interface components {
         gnss: string;
         /** @description The same again is the same job */
         idempotency_key: string;
-        /** @description ETag of the map as it was seen */
+        /** @description ETag of what is changed, as it was seen */
         if_match: string;
         /** @description ETag that is known; then 304 */
         if_none_match: string;
@@ -2014,6 +2401,7 @@ export interface components {
         key: string;
         /** @description Go on after this event */
         last_event_id: string;
+        layer: "coverage" | "localizability";
         /** @description Of raw scans */
         layout: "xyz" | "xyzi";
         /** @description Level of the grid, 0 the finest */
@@ -2054,6 +2442,8 @@ export interface components {
         stamp_ns: string;
         /** @description Points nearer than this to one of the other version are in both [m], to the millimetre; 1.5 of the coarser voxels when left out */
         tolerance_m: number;
+        /** @description Id of the upload */
+        upload: number;
         /** @description Name of the version */
         version: string;
         /** @description floor((p.x - origin.x) / 20 m / 2^level) */
@@ -2808,6 +3198,88 @@ export interface operations {
             default: components["responses"]["Problem"];
         };
     };
+    getEdits: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description ETag that is known; then 304 */
+                "If-None-Match"?: components["parameters"]["if_none_match"];
+            };
+            path: {
+                /** @description Name of the map */
+                map: components["parameters"]["map"];
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description An empty list when none were saved */
+            200: {
+                headers: {
+                    /** @description Of these corrections */
+                    ETag?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Edits"];
+                };
+            };
+            /** @description As the client has them */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            401: components["responses"]["MissingKeyOrRefusedKey"];
+            403: components["responses"]["Forbidden"];
+            404: components["responses"]["UnknownMap"];
+            429: components["responses"]["TooManyRequests"];
+            default: components["responses"]["Problem"];
+        };
+    };
+    putEdits: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description ETag of what is changed, as it was seen */
+                "If-Match"?: components["parameters"]["if_match"];
+            };
+            path: {
+                /** @description Name of the map */
+                map: components["parameters"]["map"];
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["Edits"];
+            };
+        };
+        responses: {
+            /** @description As they are kept */
+            200: {
+                headers: {
+                    /** @description Of these corrections */
+                    ETag?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Edits"];
+                };
+            };
+            400: components["responses"]["InvalidRequest"];
+            401: components["responses"]["MissingKeyOrRefusedKey"];
+            403: components["responses"]["Forbidden"];
+            404: components["responses"]["UnknownMap"];
+            411: components["responses"]["LengthRequired"];
+            412: components["responses"]["RevisionChanged"];
+            413: components["responses"]["PayloadTooLarge"];
+            415: components["responses"]["UnsupportedMediaType"];
+            429: components["responses"]["TooManyRequests"];
+            default: components["responses"]["Problem"];
+        };
+    };
     localize: {
         parameters: {
             query?: {
@@ -3003,7 +3475,7 @@ export interface operations {
                 new_frame?: components["parameters"]["new_frame"];
             };
             header?: {
-                /** @description ETag of the map as it was seen */
+                /** @description ETag of what is changed, as it was seen */
                 "If-Match"?: components["parameters"]["if_match"];
             };
             path: {
@@ -3135,6 +3607,240 @@ export interface operations {
             415: components["responses"]["UnsupportedMediaType"];
             429: components["responses"]["TooManyRequests"];
             503: components["responses"]["MapUnusable"];
+            default: components["responses"]["Problem"];
+        };
+    };
+    listUploads: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Name of the map */
+                map: components["parameters"]["map"];
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Oldest first */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["UploadList"];
+                };
+            };
+            401: components["responses"]["MissingKeyOrRefusedKey"];
+            403: components["responses"]["Forbidden"];
+            404: components["responses"]["UnknownMap"];
+            429: components["responses"]["TooManyRequests"];
+            default: components["responses"]["Problem"];
+        };
+    };
+    openUpload: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Name of the map */
+                map: components["parameters"]["map"];
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["NewUpload"];
+            };
+        };
+        responses: {
+            /** @description Open */
+            201: {
+                headers: {
+                    /** @description Where it is */
+                    Location?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Upload"];
+                };
+            };
+            400: components["responses"]["InvalidRequestOrUnknownParameter"];
+            401: components["responses"]["MissingKeyOrRefusedKey"];
+            403: components["responses"]["Forbidden"];
+            411: components["responses"]["LengthRequired"];
+            413: components["responses"]["PayloadTooLarge"];
+            415: components["responses"]["UnsupportedMediaType"];
+            429: components["responses"]["TooManyRequests"];
+            default: components["responses"]["Problem"];
+        };
+    };
+    getUpload: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Name of the map */
+                map: components["parameters"]["map"];
+                /** @description Id of the upload */
+                upload: components["parameters"]["upload"];
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The upload */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Upload"];
+                };
+            };
+            401: components["responses"]["MissingKeyOrRefusedKey"];
+            403: components["responses"]["Forbidden"];
+            404: components["responses"]["UnknownMapOrUnknownUpload"];
+            429: components["responses"]["TooManyRequests"];
+            default: components["responses"]["Problem"];
+        };
+    };
+    deleteUpload: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Name of the map */
+                map: components["parameters"]["map"];
+                /** @description Id of the upload */
+                upload: components["parameters"]["upload"];
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Gone */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            401: components["responses"]["MissingKeyOrRefusedKey"];
+            403: components["responses"]["Forbidden"];
+            404: components["responses"]["UnknownMapOrUnknownUpload"];
+            429: components["responses"]["TooManyRequests"];
+            default: components["responses"]["Problem"];
+        };
+    };
+    completeUpload: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Name of the map */
+                map: components["parameters"]["map"];
+                /** @description Id of the upload */
+                upload: components["parameters"]["upload"];
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The same was there */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Version"];
+                };
+            };
+            /** @description Published */
+            201: {
+                headers: {
+                    /** @description Where it is */
+                    Location?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Version"];
+                };
+            };
+            /** @description To be converted */
+            202: {
+                headers: {
+                    /** @description Where it is */
+                    Location?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Job"];
+                };
+            };
+            401: components["responses"]["MissingKeyOrRefusedKey"];
+            403: components["responses"]["Forbidden"];
+            404: components["responses"]["UnknownMapOrUnknownUploadOrUnknownVersion"];
+            409: components["responses"]["OtherDigestOrDriveNotOpenOrPartsMissing"];
+            422: components["responses"]["InvalidUpload"];
+            429: components["responses"]["TooManyRequests"];
+            503: components["responses"]["Busy"];
+            507: components["responses"]["OverQuotaOrDiskFull"];
+            default: components["responses"]["Problem"];
+        };
+    };
+    putUploadPart: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description RFC 9530, sha-256 of the body */
+                "Content-Digest"?: components["parameters"]["content_digest"];
+            };
+            path: {
+                /** @description Name of the map */
+                map: components["parameters"]["map"];
+                /** @description Number of the part, in the order of the bytes */
+                part: components["parameters"]["part"];
+                /** @description Id of the upload */
+                upload: components["parameters"]["upload"];
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/octet-stream": unknown;
+            };
+        };
+        responses: {
+            /** @description The same was there */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["DrivePart"];
+                };
+            };
+            /** @description Kept */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["DrivePart"];
+                };
+            };
+            400: components["responses"]["InvalidRequest"];
+            401: components["responses"]["MissingKeyOrRefusedKey"];
+            403: components["responses"]["Forbidden"];
+            404: components["responses"]["UnknownMapOrUnknownUpload"];
+            409: components["responses"]["OtherDigestOrDriveNotOpen"];
+            411: components["responses"]["LengthRequired"];
+            413: components["responses"]["PayloadTooLarge"];
+            422: components["responses"]["InvalidUpload"];
+            429: components["responses"]["TooManyRequests"];
+            503: components["responses"]["Busy"];
+            507: components["responses"]["OverQuota"];
             default: components["responses"]["Problem"];
         };
     };
@@ -3451,7 +4157,7 @@ export interface operations {
                 new_frame?: components["parameters"]["new_frame"];
             };
             header?: {
-                /** @description ETag of the map as it was seen */
+                /** @description ETag of what is changed, as it was seen */
                 "If-Match"?: components["parameters"]["if_match"];
             };
             path: {
@@ -3652,6 +4358,127 @@ export interface operations {
             403: components["responses"]["Forbidden"];
             404: components["responses"]["UnknownMapOrUnknownVersionOrUnknownTile"];
             409: components["responses"]["OtherFrame"];
+            429: components["responses"]["TooManyRequests"];
+            503: components["responses"]["BusyOrMapUnusableOrBeingMadeOrDerivedUnavailable"];
+            default: components["responses"]["Problem"];
+        };
+    };
+    getGraph: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Name of the map */
+                map: components["parameters"]["map"];
+                /** @description Name of the version */
+                version: components["parameters"]["version"];
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Kept for ever */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Graph"];
+                };
+            };
+            401: components["responses"]["MissingKeyOrRefusedKey"];
+            403: components["responses"]["Forbidden"];
+            404: components["responses"]["UnknownMapOrUnknownVersion"];
+            429: components["responses"]["TooManyRequests"];
+            503: components["responses"]["MapUnusable"];
+            default: components["responses"]["Problem"];
+        };
+    };
+    getLayer: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description ETag that is known; then 304 */
+                "If-None-Match"?: components["parameters"]["if_none_match"];
+            };
+            path: {
+                layer: components["parameters"]["layer"];
+                /** @description Name of the map */
+                map: components["parameters"]["map"];
+                /** @description Name of the version */
+                version: components["parameters"]["version"];
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Kept for ever */
+            200: {
+                headers: {
+                    /** @description Of this layer */
+                    ETag?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Layer"];
+                };
+            };
+            /** @description As the client has it */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            401: components["responses"]["MissingKeyOrRefusedKey"];
+            403: components["responses"]["Forbidden"];
+            404: components["responses"]["UnknownMapOrUnknownVersionOrUnknownLayer"];
+            429: components["responses"]["TooManyRequests"];
+            503: components["responses"]["BusyOrMapUnusableOrBeingMadeOrDerivedUnavailable"];
+            default: components["responses"]["Problem"];
+        };
+    };
+    getLayerBand: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description ETag that is known; then 304 */
+                "If-None-Match"?: components["parameters"]["if_none_match"];
+            };
+            path: {
+                /** @description Of the layer's bands */
+                band: components["parameters"]["band"];
+                layer: components["parameters"]["layer"];
+                /** @description Name of the map */
+                map: components["parameters"]["map"];
+                /** @description Name of the version */
+                version: components["parameters"]["version"];
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Kept for ever */
+            200: {
+                headers: {
+                    /** @description Of this layer */
+                    ETag?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": unknown;
+                };
+            };
+            /** @description As the client has it */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            401: components["responses"]["MissingKeyOrRefusedKey"];
+            403: components["responses"]["Forbidden"];
+            404: components["responses"]["UnknownMapOrUnknownVersionOrUnknownLayer"];
             429: components["responses"]["TooManyRequests"];
             503: components["responses"]["BusyOrMapUnusableOrBeingMadeOrDerivedUnavailable"];
             default: components["responses"]["Problem"];
@@ -3923,7 +4750,10 @@ export interface operations {
     };
     listSessions: {
         parameters: {
-            query?: never;
+            query?: {
+                /** @description Only of this map */
+                map?: components["parameters"]["job_map"];
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -3939,6 +4769,7 @@ export interface operations {
                     "application/json": components["schemas"]["SessionList"];
                 };
             };
+            400: components["responses"]["InvalidRequestOrUnknownParameter"];
             401: components["responses"]["MissingKeyOrRefusedKey"];
             403: components["responses"]["Forbidden"];
             429: components["responses"]["TooManyRequests"];

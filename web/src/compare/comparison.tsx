@@ -95,7 +95,7 @@ export function Comparison({ map, a, b, names, query }: Props) {
   };
 
   return (
-    <div class="compare">
+    <div class="compare beside-stage">
       <div class="beside">
         <div class="beside-body">
           <h1 class="title">{map}: before and after</h1>

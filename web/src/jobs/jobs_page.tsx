@@ -31,14 +31,14 @@ export function JobsPage({ query }: { query: URLSearchParams }) {
       <div class="heading">
         <h1>Jobs</h1>
         <span class="grow" />
-        <label class="inline">
+        <label class="filter-choice">
           <span>State</span>
           <select value={status ?? ''} onChange={(event) => filterBy({ status: event.currentTarget.value })}>
             <option value="">All</option>
             {kStatuses.map((one) => <option key={one} value={one}>{statusOf({ status: one, cancel_requested: false }).text}</option>)}
           </select>
         </label>
-        <label class="inline">
+        <label class="filter-choice">
           <span>Map</span>
           <select value={map} onChange={(event) => filterBy({ map: event.currentTarget.value })}>
             <option value="">All</option>

@@ -37,7 +37,10 @@ export function Workplace({ map, place, geodetic, poses = kNoPoses, query }: Pro
   const [scene, setScene] = useState<Scene>();
   const [trouble, setTrouble] = useState<TileTrouble>();
   const mapScene = useRef<MapScene>();
-  const [tab, setTab] = useState<'scan' | 'vehicles'>(query.get('show') === 'vehicles' ? 'vehicles' : 'scan');
+  const asked = query.get('show') === 'vehicles' ? 'vehicles' : 'scan';
+  const [tab, setTab] = useState<'scan' | 'vehicles'>(asked);
+  // Another address of this view, as by a link or the way back.
+  useEffect(() => setTab(asked), [asked]);
   const fleet = useFleet(map.name);
   const [chosen, setChosen] = useState<string | null>(null);
   const colours = useStore(theme);
@@ -51,7 +54,11 @@ export function Workplace({ map, place, geodetic, poses = kNoPoses, query }: Pro
     const made = new MapScene(scene, map, theme.get(), setTrouble);
     mapScene.current = made;
     scene.groundHeight = groundUnder(poses, map);
-    void made.cloud.ready.then(() => scene.showAll(), () => undefined);
+    void made.cloud.ready.then(() => {
+      scene.showAll();
+      // A scan may have been found before the map could be framed.
+      lookAt(localizer.answer?.pose);
+    }, () => undefined);
     localizer.setScene(made);
     return () => {
       localizer.setScene(undefined);
@@ -143,7 +150,7 @@ function DropTarget({ onFiles, children }: { onFiles: (files: File[]) => void; c
   const carries = (event: DragEvent): boolean => [...(event.dataTransfer?.types ?? [])].includes('Files');
   return (
     <div
-      class="localize"
+      class="localize beside-stage"
       onDragEnter={(event) => carries(event) && setOver((count) => count + 1)}
       onDragLeave={(event) => carries(event) && setOver((count) => Math.max(0, count - 1))}
       onDragOver={(event) => carries(event) && event.preventDefault()}

@@ -27,7 +27,7 @@ export function DrivesSection({ map }: { map: string }) {
   return (
     <section aria-labelledby="drives">
       <div class="heading"><h2 id="drives">Drives</h2></div>
-      {drives.error !== undefined && <Trouble error={drives.error} onRetry={drives.reload} />}
+      {drives.error !== undefined && (list === undefined || drives.error.trouble !== 'down') && <Trouble error={drives.error} onRetry={drives.reload} />}
       {list?.length === 0 && <p class="quiet">None. Drop one here, as a folder or a tar: new versions are built of drives.</p>}
       {list !== undefined && list.length > 0 && (
         <div class="card table-frame">

@@ -1,6 +1,6 @@
 import { useState } from 'preact/hooks';
 import { ask } from '../api/client.js';
-import type { ApiError } from '../api/errors.js';
+import { ApiError } from '../api/errors.js';
 import { Confirm } from '../ui/confirm.js';
 import { say } from '../ui/notices.js';
 import { Trouble } from '../ui/parts.js';
@@ -19,9 +19,9 @@ type WithActive = VersionDialogProps & { active: string | undefined };
 export function Publish({ map, version, active, etag, onChange, onClose }: WithActive) {
   const frame = useNewFrame(version, active);
   const act = async (): Promise<void> => {
-    await changing(onChange, () => ask('post', '/v1/maps/{map}/versions/{version}/activate', {
+    await changing(onChange, () => frame.asking(ask('post', '/v1/maps/{map}/versions/{version}/activate', {
       path: { map, version }, query: frame.query, ...ifMatch(etag), timeoutS: 300,
-    }));
+    })));
     say({ kind: 'good', text: `${version} of ${map} is active.` });
   };
   return (
@@ -39,9 +39,9 @@ export function Publish({ map, version, active, etag, onChange, onClose }: WithA
 export function RollBack({ map, version, active, etag, onChange, onClose }: WithActive) {
   const frame = useNewFrame(version, active);
   const act = async (): Promise<void> => {
-    await changing(onChange, () => ask('post', '/v1/maps/{map}/rollback', {
+    await changing(onChange, () => frame.asking(ask('post', '/v1/maps/{map}/rollback', {
       path: { map }, query: frame.query, ...ifMatch(etag), timeoutS: 300,
-    }));
+    })));
     say({ kind: 'good', text: `${map} is back at ${version}.` });
   };
   return (
@@ -70,11 +70,17 @@ function useNewFrame(version: string, active: string | undefined) {
   const [meant, setMeant] = useState(false);
   return {
     query: meant ? { new_frame: true } : {},
-    explain: (error: ApiError) => {
-      if (error.code !== 'OtherFrame') return <Trouble error={error} />;
-      if (!refused) setRefused(true);
-      return meant ? <Trouble error={error} /> : null;
+    /** Remembers such a refusal, so that the choice is shown. */
+    asking: async (answer: Promise<unknown>): Promise<void> => {
+      try {
+        await answer;
+      } catch (error) {
+        if (error instanceof ApiError && error.code === 'OtherFrame') setRefused(true);
+        throw error;
+      }
     },
+    // The first time the choice says it all.
+    explain: (error: ApiError) => (error.code === 'OtherFrame' && !meant ? null : <Trouble error={error} />),
     choice: refused ? (
       <div class="remark" role="alert">
         <p>

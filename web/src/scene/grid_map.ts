@@ -1,24 +1,12 @@
 /** A layer of the server's: square cells of the ground, by tile. */
-export interface GridAnswer {
+export interface GridHead {
   readonly tile_size_m: number;
   readonly cell_m: number;
-  readonly cells_per_tile: number;
+  readonly cells_per_side: number;
   readonly origin: readonly number[];
   readonly tiles: readonly (readonly number[])[];
-  readonly bands: readonly GridBand[];
+  readonly bands: readonly { readonly name: string; readonly url: string }[];
 }
-
-export interface GridBand {
-  readonly name: string;
-  readonly type: string;
-  /** Base64 of the values, little endian. */
-  readonly data: string;
-}
-
-const kTypes = {
-  uint8: Uint8Array, uint16: Uint16Array, uint32: Uint32Array, int16: Int16Array, int32: Int32Array, float32: Float32Array,
-  float64: Float64Array,
-} as const;
 
 /** Cells that have a value: corner of lowest x and y, height and value of each; relative to the grid's origin [m]. */
 export interface Cells {
@@ -31,22 +19,27 @@ export interface Cells {
 }
 
 /**
- * The cells of one band that have a height and a value that `holds`.
+ * The cells that have a height and a value that `holds`.
  *
- * @throws Error in words when a band is missing or has not as many values as there are cells.
+ * @param heights, values bands of the layer: tile after tile, in a tile row after row from the south; NaN = none.
+ * @throws Error in words when a band has not as many values as there are cells.
  */
-export function cellsOf(grid: GridAnswer, band: string, holds: (value: number) => boolean): Cells {
-  const each = grid.cells_per_tile ** 2;
-  const values = bandOf(grid, band, each * grid.tiles.length);
-  const heights = bandOf(grid, 'height', each * grid.tiles.length);
+export function cellsOf(grid: GridHead, heights: Float32Array, values: Float32Array, holds: (value: number) => boolean): Cells {
+  const each = grid.cells_per_side ** 2;
+  for (const band of [heights, values]) {
+    if (band.length !== each * grid.tiles.length) {
+      throw new Error(`A band of the layer has ${band.length} values, expected ${each * grid.tiles.length}.`);
+    }
+  }
   const kept: number[] = [];
   for (let cell = 0; cell < values.length; ++cell) {
-    if (Number.isFinite(heights[cell]) && holds(values[cell] as number)) kept.push(cell);
+    const value = values[cell] as number;
+    if (Number.isFinite(heights[cell]) && Number.isFinite(value) && holds(value)) kept.push(cell);
   }
   const column = (value: (cell: number) => number): Float32Array => Float32Array.from(kept, value);
   const corner = (cell: number, axis: 0 | 1): number => {
     const within = cell % each;
-    const step = axis === 0 ? within % grid.cells_per_tile : Math.floor(within / grid.cells_per_tile);
+    const step = axis === 0 ? within % grid.cells_per_side : Math.floor(within / grid.cells_per_side);
     return ((grid.tiles[Math.floor(cell / each)] as readonly number[])[axis] as number) * grid.tile_size_m + step * grid.cell_m;
   };
   return {
@@ -54,16 +47,4 @@ export function cellsOf(grid: GridAnswer, band: string, holds: (value: number) =
     x: column((cell) => corner(cell, 0)), y: column((cell) => corner(cell, 1)),
     height: column((cell) => heights[cell] as number), value: column((cell) => values[cell] as number),
   };
-}
-
-function bandOf(grid: GridAnswer, name: string, count: number): ArrayLike<number> {
-  const band = grid.bands.find((one) => one.name === name);
-  if (band === undefined) throw new Error(`The layer has no values named “${name}”.`);
-  const type = kTypes[band.type as keyof typeof kTypes];
-  if (type === undefined) throw new Error(`The layer's values “${name}” are of the unknown type “${band.type}”.`);
-  const bytes = Uint8Array.from(atob(band.data), (letter) => letter.charCodeAt(0));
-  if (bytes.length !== count * type.BYTES_PER_ELEMENT) {
-    throw new Error(`The layer's values “${name}” have ${bytes.length} bytes, expected ${count * type.BYTES_PER_ELEMENT}.`);
-  }
-  return new type(bytes.buffer);
 }

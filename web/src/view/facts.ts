@@ -1,7 +1,7 @@
 import { ApiError } from '../api/errors.js';
 import { jsonOf, send } from '../api/send.js';
 import type { Geodetic } from '../scene/geodetic.js';
-import type { GridAnswer } from '../scene/grid_map.js';
+import type { GridHead } from '../scene/grid_map.js';
 import type { RegionTile } from '../scene/region.js';
 import { gather, type ObjectEntry, type SeenObject } from '../scene/seen_objects.js';
 import type { Loop, TrackPose } from '../scene/track_layer.js';
@@ -56,8 +56,23 @@ export async function loadSigns({ name, version }: MapFacts, signal: AbortSignal
   };
 }
 
-export async function loadGrid({ name, version }: MapFacts, layer: string, signal: AbortSignal): Promise<GridAnswer> {
-  return (await get(`${versionPath(name, version)}/layers/${layer}`, signal)) as GridAnswer;
+/** A layer's head, its heights and the values of one of its bands. */
+export interface GridAnswer {
+  readonly head: GridHead;
+  readonly heights: Float32Array;
+  readonly values: Float32Array;
+}
+
+export async function loadGrid({ name, version }: MapFacts, layer: string, band: string, signal: AbortSignal): Promise<GridAnswer> {
+  const head = (await get(`${versionPath(name, version)}/layers/${layer}`, signal)) as GridHead;
+  const values = async (wanted: string): Promise<Float32Array> => {
+    const url = head.bands.find((one) => one.name === wanted)?.url;
+    if (url === undefined) throw new ApiError('garbled', `The layer “${layer}” has no values named “${wanted}”.`);
+    const bytes = await (await send('GET', url, { signal })).arrayBuffer();
+    return new Float32Array(bytes, 0, Math.floor(bytes.byteLength / 4));
+  };
+  const [heights, wanted] = await Promise.all([values('height'), values(band)]);
+  return { head, heights, values: wanted };
 }
 
 async function get(path: string, signal: AbortSignal): Promise<unknown> {

@@ -1,12 +1,12 @@
 import { isAborted, toApiError } from '../api/errors.js';
 import type { GridLayer } from '../scene/grid_layer.js';
-import { cellsOf, type Cells, type GridAnswer } from '../scene/grid_map.js';
+import { cellsOf, type Cells } from '../scene/grid_map.js';
 import { Histogram } from '../scene/statistics.js';
 import type { RampName } from '../scene/colour_maps.js';
 import type { Range, Theme, Vec3 } from '../scene/types.js';
 import type { Grid } from '../scene/view_state.js';
 import { Store } from '../ui/store.js';
-import { loadGrid, type MapFacts } from './facts.js';
+import { loadGrid, type GridAnswer, type MapFacts } from './facts.js';
 
 /** What a grid is painted by. */
 interface GridKind {
@@ -19,7 +19,7 @@ interface GridKind {
 
 export const kGridKinds: Record<Exclude<Grid, 'none'>, GridKind> = {
   coverage: { band: 'observations', ramp: 'amount', holds: (value) => value > 0 },
-  localizability: { band: 'localizability', ramp: 'quality', holds: Number.isFinite, range: { low: 0, high: 1 } },
+  localizability: { band: 'localizability', ramp: 'quality', holds: () => true, range: { low: 0, high: 1 } },
 };
 
 export type GridState =
@@ -63,7 +63,7 @@ export class GridView {
     this.layer_.clear();
     this.state.set({ state: 'loading' });
     try {
-      this.answers_.set(grid, await loadGrid(this.facts_, grid, this.signal_));
+      this.answers_.set(grid, await loadGrid(this.facts_, grid, kGridKinds[grid].band, this.signal_));
       if (this.wanted_ === grid) this.draw(grid, theme);
     } catch (error) {
       if (isAborted(error) || this.wanted_ !== grid) return;
@@ -76,11 +76,11 @@ export class GridView {
     const key = `${grid} ${theme}`;
     if (key === this.drawn_) return;
     this.drawn_ = key;
-    const answer = this.answers_.get(grid) as GridAnswer;
+    const { head, heights, values } = this.answers_.get(grid) as GridAnswer;
     const kind = kGridKinds[grid];
-    const cells = cellsOf(answer, kind.band, kind.holds);
+    const cells = cellsOf(head, heights, values, kind.holds);
     const range = kind.range ?? rangeOf(cells);
-    this.layer_.show(cells, answer.origin as unknown as Vec3, range, kind.ramp, theme);
+    this.layer_.show(cells, head.origin as unknown as Vec3, range, kind.ramp, theme);
     this.state.set({ state: 'shown', range, cells: cells.count });
     this.onChange_();
   }

@@ -6,15 +6,18 @@
 #include <condition_variable>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <mutex>
 #include <optional>
 #include <set>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace stillmap::maps {
 
-/// Drives that came in parts, for rebuilds: the bytes behind a store's `DriveTable`, in
+/// Drives that came in parts, for rebuilds, and uploads that become versions: the bytes behind a
+/// store's `DriveTable`, in
 /// `<store>/drives/<id>/`, kept in step with it as packages are with theirs (maps/store.md). A
 /// change that returned is kept. Safe from several threads; one process at a time receives drives.
 class DriveStore {
@@ -53,6 +56,14 @@ class DriveStore {
   /// StoreRefusal kUnknownDrive, kDriveNotOpen, kPartsMissing; StorageError, after which it may be
   /// asked for again.
   StoredDrive complete(std::int64_t id, const Limits& limits);
+  /// Takes all bytes of an upload, one part after the other.
+  using Take = std::function<void(const ByteSource& source, std::uint64_t bytes)>;
+  /// Hands an upload to whoever publishes it, and lets go of its parts when that has returned.
+  /// What is complete already is not handed on again.
+  /// @throws what `take` throws: after an InputError it has failed and its parts are gone, after
+  /// anything else it may be asked for again; StoreRefusal kUnknownDrive, kDriveNotOpen,
+  /// kPartsMissing.
+  StoredDrive complete_upload(std::int64_t id, const Take& take);
   /// With all that was kept of it. @throws StoreRefusal kUnknownDrive, kInUse.
   void remove(std::int64_t id);
 
@@ -60,6 +71,7 @@ class DriveStore {
   [[nodiscard]] std::filesystem::path home(std::int64_t id) const;
   class Busy;
   [[nodiscard]] std::filesystem::path make_incoming(std::int64_t id);
+  [[nodiscard]] std::vector<std::filesystem::path> parts_of(std::int64_t id) const;
   void extract(std::int64_t id, const Limits& limits);
   void clear_leftovers();
 

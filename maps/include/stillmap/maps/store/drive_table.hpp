@@ -27,6 +27,16 @@ struct DrivePart {
   auto operator<=>(const DrivePart&) const = default;
 };
 
+/// What the bytes of an upload are to become.
+struct UploadTarget {
+  /// Name of a version of its map; empty for a drive.
+  std::string version{};
+  /// Media type of the bytes.
+  std::string content_type{};
+  auto operator<=>(const UploadTarget&) const = default;
+};
+
+/// A drive, or a version of a map, that comes in parts.
 struct StoredDrive {
   /// Grows with time, never given twice: safe as the name of a folder.
   std::int64_t id = 0;
@@ -41,19 +51,26 @@ struct StoredDrive {
   std::int64_t created_ns = 0;
   /// When it was completed or failed.
   std::optional<std::int64_t> finished_ns{};
+  /// Of an upload that becomes a version.
+  UploadTarget target{};
+  [[nodiscard]] bool is_upload() const { return !target.version.empty(); }
   auto operator<=>(const StoredDrive&) const = default;
 };
 
-/// Uploaded drives of a store; their bytes lie where the caller keeps them, synced before the row
-/// that says so is made, and are cleared after the row is gone. What returned is kept. Safe from
-/// several threads. Throws StorageError when the disk fails, StoreRefusal kUnknownDrive for an id
-/// that is none.
+/// Uploaded drives of a store, and versions on their way in; their bytes lie where the caller keeps
+/// them, synced before the row that says so is made, and are cleared after the row is gone. What
+/// returned is kept. Safe from several threads. Throws StorageError when the disk fails,
+/// StoreRefusal kUnknownDrive for an id that is none.
 class DriveTable {
  public:
   static constexpr std::int64_t kMostParts = 10'000;
 
   /// @throws StoreRefusal kUnknownMap.
   StoredDrive open(std::string_view map, std::string_view name, std::int64_t now_ns);
+  /// An upload that becomes a version; a complete one takes no room, and goes with its map.
+  /// @param target  whose version is `is_valid_map_name`.
+  /// @throws StoreRefusal kUnknownMap; std::invalid_argument.
+  StoredDrive open_upload(std::string_view map, const UploadTarget& target, std::int64_t now_ns);
   /// @return false when the same part is there already. @throws StoreRefusal kDriveNotOpen,
   /// kOtherDigest; std::invalid_argument for a number or digest that is none.
   bool add_part(std::int64_t id, const DrivePart& part);
@@ -66,9 +83,11 @@ class DriveTable {
   StoredDrive fail(std::int64_t id, std::string_view error, std::int64_t now_ns);
 
   [[nodiscard]] StoredDrive drive(std::int64_t id) const;
-  /// Oldest first. @throws StoreRefusal kUnknownMap.
+  /// Drives, oldest first. @throws StoreRefusal kUnknownMap.
   [[nodiscard]] std::vector<StoredDrive> of_map(std::string_view map) const;
-  /// Of all maps, oldest first: what else lies on the disk belongs to nobody.
+  /// Uploads that become versions, oldest first. @throws StoreRefusal kUnknownMap.
+  [[nodiscard]] std::vector<StoredDrive> uploads_of_map(std::string_view map) const;
+  /// Both, of all maps, oldest first: what else lies on the disk belongs to nobody.
   [[nodiscard]] std::vector<StoredDrive> all() const;
   /// Jobs that were enqueued with it, oldest first.
   [[nodiscard]] std::vector<std::int64_t> jobs_using(std::int64_t id) const;

@@ -31,8 +31,10 @@ enum class JobStatus : std::uint8_t { kEnqueued, kProcessing, kSucceeded, kFaile
 struct NewJob {
   JobKind kind = JobKind::kRebuild;
   std::string map{};
-  /// As the client sent it; the store does not read it.
+  /// What is to be done; the store does not read it.
   std::string request{};
+  /// What makes two requests under one idempotency key the same; empty = `request`.
+  std::string asked{};
   /// Complete drives of this map that it reads.
   std::vector<std::int64_t> drives{};
   /// Id of the key of who asks; empty without keys.

@@ -3,6 +3,7 @@
 #include <stillmap/maps/store/audit_log.hpp>
 #include <stillmap/maps/store/disk_calls.hpp>
 #include <stillmap/maps/store/drive_table.hpp>
+#include <stillmap/maps/store/edits_table.hpp>
 #include <stillmap/maps/store/job_table.hpp>
 #include <stillmap/maps/store/key_table.hpp>
 #include <stillmap/maps/store/store_refusal.hpp>
@@ -50,11 +51,11 @@ struct StoreQuota {
 /// What removing a map does when one of its versions is active.
 enum class WhenActive : std::uint8_t { kRefuse, kRemove };
 
-/// Names, versions and active pointers of a store, and its keys, jobs, drives and audit log, in one
-/// database that outlives a power cut: what returned is kept. Knows nothing of packages on the
-/// disk. Safe from several threads, and several processes may have it open. Throws StorageError
-/// when the disk fails; a change has then not happened, or (a failed sync) may show after the next
-/// open.
+/// Names, versions and active pointers of a store, and its keys, jobs, drives, saved corrections
+/// and audit log, in one database that outlives a power cut: what returned is kept. Knows nothing
+/// of packages on the disk. Safe from several threads, and several processes may have it open.
+/// Throws StorageError when the disk fails; a change has then not happened, or (a failed sync) may
+/// show after the next open.
 class StoreState {
  public:
   /// Opens or makes it, and brings an older schema up to date. When the disk does not allow that,
@@ -91,8 +92,10 @@ class StoreState {
   /// Makes a map without versions. @return false when it is there already.
   /// @throws std::invalid_argument for a name that is not `is_valid_map_name`.
   bool create_map(std::string_view name, std::int64_t now_ns);
-  /// With its versions; packages that no version holds any more are noted as `condemned`.
-  /// @throws StoreRefusal kUnknownMap; kActive; kInUse while it has a drive or an unfinished job.
+  /// With its versions and saved corrections; packages that no version holds any more are noted as
+  /// `condemned`.
+  /// @throws StoreRefusal kUnknownMap; kActive; kInUse while it has a drive, an upload under way or
+  /// an unfinished job.
   void remove_map(std::string_view name, WhenActive when_active = WhenActive::kRefuse);
   /// Bytes of packages and drives, each package once. @throws StoreRefusal kUnknownMap.
   [[nodiscard]] std::uint64_t bytes_of_map(std::string_view map) const;
@@ -126,10 +129,12 @@ class StoreState {
   [[nodiscard]] KeyTable& keys();
   [[nodiscard]] JobTable& jobs();
   [[nodiscard]] DriveTable& drives();
+  [[nodiscard]] EditsTable& edits();
   [[nodiscard]] AuditLog& audit();
   [[nodiscard]] const KeyTable& keys() const;
   [[nodiscard]] const JobTable& jobs() const;
   [[nodiscard]] const DriveTable& drives() const;
+  [[nodiscard]] const EditsTable& edits() const;
   [[nodiscard]] const AuditLog& audit() const;
 
   /// Writes it, as of one instant, into one new file, synced. Without drives, whose bytes are

@@ -1,5 +1,7 @@
+#include <stillmap/maps/edits.hpp>
+
 #include <fmt/format.h>
-#include <stillmap/mapping/edits.hpp>
+#include <fmt/ranges.h>
 #include <stillmap/maps/error.hpp>
 
 #include <cerrno>
@@ -12,7 +14,7 @@
 #include <numbers>
 #include <string_view>
 
-namespace stillmap::mapping {
+namespace stillmap::maps {
 namespace {
 
 using Json = nlohmann::json;
@@ -42,14 +44,14 @@ struct Field {
   std::string where;
 
   [[noreturn]] void refuse(const std::string& expected) const {
-    throw maps::InputError(where, shown(value), expected);
+    throw InputError(where, shown(value), expected);
   }
   [[nodiscard]] bool has(const char* key) const { return value.contains(key); }
   [[nodiscard]] Field at(const char* key) const {
     if (!value.is_object()) refuse(fmt::format("an object with \"{}\"", key));
     const auto found = value.find(key);
     if (found == value.end())
-      throw maps::InputError(fmt::format("{}.{}", where, key), "nothing", "a value");
+      throw InputError(fmt::format("{}.{}", where, key), "nothing", "a value");
     return {*found, fmt::format("{}.{}", where, key)};
   }
   /// Refuses keys that are not among those that the format has.
@@ -59,8 +61,7 @@ struct Field {
       bool found = false;
       for (const std::string_view name : known) found = found || name == key;
       if (!found)
-        throw maps::InputError(where, "\"" + key + "\"",
-                               fmt::format("only {}", fmt::join(known, ", ")));
+        throw InputError(where, "\"" + key + "\"", fmt::format("only {}", fmt::join(known, ", ")));
     }
   }
   [[nodiscard]] std::string text() const {
@@ -89,16 +90,16 @@ struct Field {
   }
 };
 
-maps::ObjectClass class_from(const Field& field) {
-  const auto object_class = maps::object_class_from(field.text());
+ObjectClass class_from(const Field& field) {
+  const auto object_class = object_class_from(field.text());
   if (!object_class)
     field.refuse("one of car van truck bus trailer tram motorcycle cyclist pedestrian unknown");
   return *object_class;
 }
 
-maps::Box box_from(const Field& field) {
+Box box_from(const Field& field) {
   field.check_keys({"centre", "size", "yaw"});
-  maps::Box box;
+  Box box;
   box.centre = field.at("centre").vector3(-kMaxCoordinateM, kMaxCoordinateM);
   box.size_m = field.at("size").vector3(0.0, kMaxSizeM);
   if (!(box.size_m.minCoeff() > 0.0)) field.at("size").refuse("length, width and height > 0 m");
@@ -146,15 +147,19 @@ Edit edit_from(const Field& field) {
   return edit;
 }
 
-Json parsed(const std::filesystem::path& file) {
+std::string text_of(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
-  if (!in) throw maps::StorageError(file.string(), std::strerror(errno));
-  const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-  if (in.bad()) throw maps::StorageError(file.string(), "cannot be read");
+  if (!in) throw StorageError(file.string(), std::strerror(errno));
+  std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  if (in.bad()) throw StorageError(file.string(), "cannot be read");
+  return text;
+}
+
+Json parsed(std::string_view text, const std::string& name) {
   try {
     return Json::parse(text);
   } catch (const Json::exception& error) {
-    throw maps::InputError(file.string(), error.what(), "JSON");
+    throw InputError(name, error.what(), "JSON");
   }
 }
 
@@ -169,12 +174,16 @@ std::string Edit::description() const {
   const Eigen::Vector3d centre = box ? box->centre : object->centre;
   return fmt::format(
       "{} {} at ({:.1f}, {:.1f}, {:.1f})", action == EditAction::kKeep ? "keep" : "remove",
-      box ? "region" : maps::name_of(object->object_class), centre.x(), centre.y(), centre.z());
+      box ? "region" : name_of(object->object_class), centre.x(), centre.y(), centre.z());
 }
 
 Edits read_edits(const std::filesystem::path& file) {
-  const Json json = parsed(file);
-  const Field root{json, file.string()};
+  return parse_edits(text_of(file), file.string());
+}
+
+Edits parse_edits(std::string_view text, const std::string& name) {
+  const Json json = parsed(text, name);
+  const Field root{json, name};
   root.check_keys({"format", "version", "edits"});
   if (root.at("format").text() != kFormat) root.at("format").refuse(kFormat);
   if (root.at("version").count() != kVersion) root.at("version").refuse("1");
@@ -186,4 +195,4 @@ Edits read_edits(const std::filesystem::path& file) {
   return edits;
 }
 
-}  // namespace stillmap::mapping
+}  // namespace stillmap::maps

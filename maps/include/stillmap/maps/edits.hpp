@@ -8,9 +8,11 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
-namespace stillmap::mapping {
+namespace stillmap::maps {
 
 enum class EditAction {
   kKeep,    ///< stays in the map, whatever was found there
@@ -31,14 +33,14 @@ struct EditScope {
 struct EditObject {
   /// Map frame [m].
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-  maps::ObjectClass object_class = maps::ObjectClass::kUnknown;
+  ObjectClass object_class = ObjectClass::kUnknown;
 };
 
 /// One correction by a user: of a region or of an object.
 struct Edit {
   EditAction action = EditAction::kKeep;
   /// Region; map frame.
-  std::optional<maps::Box> box;
+  std::optional<Box> box;
   std::optional<EditObject> object;
   EditScope scope;
 
@@ -58,8 +60,14 @@ using Edits = std::vector<Edit>;
 /// Each edit has either `box` or `object`; `drive`, `scans` (both ends included, only with `drive`)
 /// and `note` (for people) may be left out. A region to keep has at most 10 km a side, one to
 /// remove 200 m.
-/// @throws maps::InputError naming file, key, found and expected, also for keys that it does not
-/// know; maps::StorageError.
+/// @throws InputError naming file, key, found and expected, also for keys that it does not know;
+/// StorageError.
 [[nodiscard]] Edits read_edits(const std::filesystem::path& file);
+/// The same of a text. @param name  what messages call it. @throws InputError.
+[[nodiscard]] Edits parse_edits(std::string_view text, const std::string& name);
 
-}  // namespace stillmap::mapping
+/// A text without corrections.
+inline constexpr std::string_view kNoEdits =
+    R"({"edits":[],"format":"stillmap-edits","version":1})";
+
+}  // namespace stillmap::maps

@@ -1,0 +1,52 @@
+#pragma once
+
+#include "catalog/map_catalog.hpp"
+#include "catalog/version_facts.hpp"
+
+#include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/trajectory.hpp>
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+/// Maps and versions as JSON text. `server/README.md` says what each key means.
+namespace stillmap::server {
+
+/// A version of the store, and what is known of it.
+struct DescribedVersion {
+  maps::StoredVersion stored;
+  /// Null when its package cannot be read.
+  std::shared_ptr<const VersionFacts> facts{};
+  /// `frame_name`; empty without facts.
+  std::string frame{};
+  /// "stored" when it is not open, else a state of the catalogue.
+  std::string state{};
+  /// Why it failed; else empty.
+  std::string failure{};
+};
+
+/// A map of the store with the version that is served of it, if any is.
+struct ListedMap {
+  maps::StoredMap stored;
+  std::optional<ServedVersion> served;
+  /// The one that is served, where the store still has it.
+  std::optional<DescribedVersion> described;
+};
+
+/// What a client calls it.
+[[nodiscard]] std::string_view name_of(MapState state);
+
+[[nodiscard]] std::string map_list_json(const std::vector<ListedMap>& maps,
+                                        const std::vector<ServedVersion>& waiting);
+[[nodiscard]] std::string stored_map_json(const maps::StoredMap& map);
+[[nodiscard]] std::string map_json(const maps::StoredMap& map, const ServedVersion& version,
+                                   const DescribedVersion& described);
+[[nodiscard]] std::string version_json(const maps::StoredVersion& version);
+[[nodiscard]] std::string version_list_json(const maps::StoredMap& map,
+                                            const std::vector<DescribedVersion>& versions);
+[[nodiscard]] std::string trajectories_json(const std::vector<maps::Trajectory>& drives);
+[[nodiscard]] std::string objects_json(const std::vector<maps::MapObject>& objects);
+
+}  // namespace stillmap::server
