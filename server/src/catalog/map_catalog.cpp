@@ -219,7 +219,7 @@ void MapCatalog::notice_replaced() {
   std::vector<std::pair<Key, std::uint64_t>> open;
   {
     const std::scoped_lock lock(mutex_);
-    for (const auto& [key, slot] : slots_) open.emplace_back(key, slot.copy);
+    for (const auto& [key, slot] : slots_) open.emplace_back(key, slot.served.copy);
   }
   for (const auto& [key, copy] : open) {
     const std::uint64_t now = copy_of(store_, key.first, key.second);
@@ -243,7 +243,7 @@ std::string MapCatalog::shown(const std::exception& error) const {
 /// @throws StoreRefusal when the store knows no such version.
 MapCatalog::Slot MapCatalog::opened(const Key& key) const {
   Slot slot{.served = {.map = key.first, .version = key.second}};
-  slot.copy = store_.copy_of(key.first, key.second);
+  slot.served.copy = store_.copy_of(key.first, key.second);
   try {
     slot.served.package = store_.open(key.first, key.second);
   } catch (const maps::StoreRefusal&) {
