@@ -47,6 +47,7 @@ async function packages(run) {
   await page.waitForSelector('.upload.done');
   await page.waitForSelector('tr[data-map=centre]');
   run.expect((await get(server, '/v1/maps/centre/versions')).versions[0].version === 'v1', 'a package becomes a version');
+  await packageGoesOn(run, server, page);
 
   await dropText(page, 'points.pcd', `VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA ascii\n1 2 3\n`);
   await page.waitForSelector('dialog :text("PCD")');
@@ -55,6 +56,27 @@ async function packages(run) {
   await page.waitForSelector('.notice a:has-text("Job"), .upload.failed');
   run.expect(true, 'a PCD map that was dropped on the page is sent');
   await server.stop();
+}
+
+/** A package whose second part stands still, is left by a reload, and goes on from the map's page. */
+async function packageGoesOn(run, server, page) {
+  await page.goto(`${server.origin}/#/maps/centre`);
+  const held = new Promise((resolve) => page.route(/parts\/2$/, resolve));
+  page.on('dialog', (dialog) => dialog.accept());
+  await choose(page, run.tar('map', 'again.tar'));
+  await page.click('dialog button[type=submit]');
+  await held;
+  await page.locator('.upload.sending').getByRole('button', { name: 'Pause' }).click();
+  await page.unroute(/parts\/2$/);
+  await page.reload();
+  await page.waitForSelector('[data-upload] >> text=Go on with the upload');
+  await page.click('text=Go on with the upload');
+  await chooser(page).setInputFiles(run.tar('map', 'again.tar'));
+  await page.click('dialog button[type=submit]');
+  await page.waitForSelector('.upload.done');
+  await page.waitForSelector('tr[data-version=v2]');
+  run.expect(true, 'a package goes on after a reload too');
+  await page.goto(`${server.origin}/#/maps`);
 }
 
 /** Drops a text file on the page, as a file manager would. */

@@ -85,17 +85,15 @@ export async function tileOf({ map, version }: { map: string; version: string },
 /** The vehicles whose sessions this key may see. */
 export async function vehicles(signal: AbortSignal): Promise<Vehicle[]> {
   const { data } = await ask('get', '/v1/sessions', { signal, patience: 0 });
-  return data.sessions.map((session) => {
-    return {
-      label: session.label,
-      map: session.map.name,
-      version: session.map.version,
-      status: session.status,
-      reasons: session.reasons,
-      pose: session.pose as Pose | null,
-      covariance: session.covariance,
-      scans: session.scans,
-      idle_s: session.idle_s,
-    };
-  });
+  return data.sessions.map((session) => ({
+    label: session.label,
+    map: session.map.name,
+    version: session.map.version,
+    status: session.status,
+    reasons: session.reasons,
+    pose: session.pose as Pose | null,
+    covariance: session.covariance,
+    scans: session.scans,
+    idle_s: session.idle_s,
+  }));
 }

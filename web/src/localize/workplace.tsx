@@ -37,7 +37,10 @@ export function Workplace({ map, place, geodetic, poses = kNoPoses, query }: Pro
   const [scene, setScene] = useState<Scene>();
   const [trouble, setTrouble] = useState<TileTrouble>();
   const mapScene = useRef<MapScene>();
-  const [tab, setTab] = useState<'scan' | 'vehicles'>(query.get('show') === 'vehicles' ? 'vehicles' : 'scan');
+  const asked = query.get('show') === 'vehicles' ? 'vehicles' : 'scan';
+  const [tab, setTab] = useState<'scan' | 'vehicles'>(asked);
+  // Another address of this view, as by a link or the way back.
+  useEffect(() => setTab(asked), [asked]);
   const fleet = useFleet(map.name);
   const [chosen, setChosen] = useState<string | null>(null);
   const colours = useStore(theme);

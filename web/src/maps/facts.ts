@@ -3,21 +3,9 @@
 import type { AnswerOf, Schema } from '../api/client.js';
 import type { Tone } from '../ui/parts.js';
 
-/** What a server tells of a version beyond its name, as far as it can read it. */
-export interface VersionFacts {
-  bytes?: number;
-  area_m2?: number;
-  version_created_ns?: string;
-  points?: number;
-  drives?: string[];
-  options?: Record<string, string>;
-  state?: string;
-  failure?: string;
-}
-
-export type MapRow = Schema<'MapList'>['maps'][number] & VersionFacts;
+export type MapRow = Schema<'MapList'>['maps'][number];
 export type Refused = Schema<'MapList'>['refused'][number];
-export type VersionRow = Schema<'VersionList'>['versions'][number] & VersionFacts;
+export type VersionRow = Schema<'VersionList'>['versions'][number];
 export type DriveRow = Schema<'DriveList'>['drives'][number];
 export type JobRow = AnswerOf<'/v1/jobs/{job}', 'get'>;
 

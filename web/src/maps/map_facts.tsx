@@ -1,7 +1,6 @@
 import { ask, type Schema } from '../api/client.js';
 import { area, bytes, date, number, plural } from '../ui/format.js';
 import { useLoad } from '../ui/load.js';
-import type { VersionFacts } from './facts.js';
 
 /** Numbers of the active version and of the poses asked of it. */
 export function MapFacts({ name, active }: { name: string; active: string | undefined }) {
@@ -10,7 +9,7 @@ export function MapFacts({ name, active }: { name: string; active: string | unde
       : (await ask('get', '/v1/maps/{map}/versions/{version}', { path: { map: name, version: active }, signal })).data, [name, active]);
   const stats = useLoad(async (signal) => (await ask('get', '/v1/maps/{map}/stats', { path: { map: name }, signal })).data,
     [name, active], { everyS: 5 });
-  const map: (Schema<'Map'> & VersionFacts) | undefined = details.data;
+  const map = details.data;
   if (active === undefined) {
     return <div class="card map-facts"><p class="quiet">No version is active: vehicles get no poses in this map. Upload one, or build one of its drives, and publish it.</p></div>;
   }

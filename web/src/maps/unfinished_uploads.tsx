@@ -1,7 +1,6 @@
 import { useState } from 'preact/hooks';
-import { addressOf } from '../api/client.js';
+import { ask, type Schema } from '../api/client.js';
 import { toApiError } from '../api/errors.js';
-import { jsonOf, send } from '../api/send.js';
 import { age, bytes } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';
 import { useLoad } from '../ui/load.js';
@@ -12,26 +11,18 @@ import { kindOfType, kKindWords } from '../upload/kind.js';
 import { uploads } from '../upload/manager.js';
 import { forgetUpload, remembered } from '../upload/remembered.js';
 
-interface Listed {
-  id: number;
-  version: string;
-  content_type: string;
-  status: string;
-  bytes: number;
-  created_ns: string;
-}
+type Listed = Schema<'UploadListed'>;
 
 /** Packages and map files whose upload broke off; nothing when there are none. */
 export function UnfinishedUploads({ map }: { map: string }) {
-  const address = addressOf('/v1/maps/{map}/uploads', { map });
   const { data, reload } = useLoad(async (signal) =>
-    ((await jsonOf(await send('GET', address, { signal }), `GET ${address}`)) as { uploads: Listed[] }).uploads, [map], { everyS: 5 });
+    (await ask('get', '/v1/maps/{map}/uploads', { path: { map }, signal })).data.uploads, [map], { everyS: 5 });
   const [open, setOpen] = useState<Listed>();
   const here = useStore(uploads);
   const list = (data ?? []).filter(({ status, version }) => status === 'open' && !here.some(({ plan, transfer }) =>
     plan.map === map && plan.kind !== 'drive' && plan.name === version && transfer.view.get().state !== 'failed'));
   const remove = (upload: Listed): void => {
-    send('DELETE', `${address}/${upload.id}`).then(
+    ask('delete', '/v1/maps/{map}/uploads/{upload}', { path: { map, upload: upload.id } }).then(
       () => {
         forgetUpload(map, 'uploads', upload.id);
         reload();

@@ -8,7 +8,7 @@ import { Store } from '../ui/store.js';
 import type { Chosen } from './chosen.js';
 import { collectionOf, kKindWords, type Kind, type Packing } from './kind.js';
 import { begunWith, forgetUpload, remember } from './remembered.js';
-import { PackageTarget, PartsTarget, WholeTarget, type Outcome, type Target } from './target.js';
+import { PartsTarget, type Outcome, type Target } from './target.js';
 import { isUnderWay, Transfer } from './transfer.js';
 
 /** What is to be sent where. */
@@ -70,9 +70,7 @@ function targetOf(plan: UploadPlan): Target {
     const target = new PartsTarget(map, collection, { name }, goOn, opened);
     return goOn === undefined ? withMap(map, target) : target;
   }
-  const type = contentType(kind, packingOf(chosen));
-  const parts = new PartsTarget(map, collection, { version: name, content_type: type }, goOn, opened);
-  return new PackageTarget(parts, new WholeTarget(map, name, type, chosen.content));
+  return new PartsTarget(map, collection, { version: name, content_type: contentType(kind, packingOf(chosen)) }, goOn, opened);
 }
 
 /** A drive belongs to a map, which is made where it is new. */

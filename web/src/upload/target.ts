@@ -12,8 +12,6 @@ export type Outcome =
   | { is: 'job'; job: number };
 
 export interface Target {
-  /** One request takes all of it, which it has itself. */
-  readonly whole?: boolean;
   /** Opens the upload where that was not done yet. @return the parts that are there. */
   begin(signal: AbortSignal): Promise<ListedPart[]>;
   /** @param digest as `Content-Digest`; undefined where the browser can make none. */
@@ -105,74 +103,5 @@ export class PartsTarget implements Target {
 
   private address(rest: string, path: Record<string, number> = {}): string {
     return addressOf(`/v1/maps/{map}/${this.collection_}${rest}`, { map: this.map_, id: this.id_ ?? 0, ...path });
-  }
-}
-
-/** A package or map file in one request. */
-export class WholeTarget implements Target {
-  readonly whole = true;
-  private outcome_: Outcome | undefined;
-
-  constructor(
-    private readonly map_: string, private readonly version_: string, private readonly contentType_: string,
-    private readonly content_: Blob,
-  ) {}
-
-  begin(): Promise<ListedPart[]> {
-    return Promise.resolve([]);
-  }
-
-  async put(
-    _n: number, _body: ArrayBuffer, _digest: string | undefined, onProgress: (sentBytes: number) => void, signal: AbortSignal,
-  ): Promise<void> {
-    const path = addressOf('/v1/maps/{map}/versions/{version}', { map: this.map_, version: this.version_ });
-    const headers = { 'Content-Type': this.contentType_ };
-    const response = await send('PUT', path, { body: this.content_, headers, signal, onProgress, timeoutS: kCheckS });
-    const answer = await jsonOf(response, `PUT ${path}`);
-    this.outcome_ = response.status === 202
-      ? { is: 'job', job: (answer as { id: number }).id }
-      : { is: 'version', version: this.version_, wasThere: response.status === 200 };
-  }
-
-  finish(): Promise<Outcome> {
-    return this.outcome_ === undefined ? Promise.reject(new Error('nothing was sent')) : Promise.resolve(this.outcome_);
-  }
-
-  discard(): Promise<void> {
-    return Promise.resolve();
-  }
-}
-
-/** By parts, or in one request where the server knows no uploads by parts. */
-export class PackageTarget implements Target {
-  private isWhole_ = false;
-
-  constructor(private readonly parts_: PartsTarget, private readonly whole_: WholeTarget) {}
-
-  get whole(): boolean {
-    return this.isWhole_;
-  }
-
-  async begin(signal: AbortSignal): Promise<ListedPart[]> {
-    if (this.isWhole_) return this.whole_.begin();
-    try {
-      return await this.parts_.begin(signal);
-    } catch (error) {
-      if (!(error instanceof ApiError) || error.code !== 'UnknownRoute') throw error;
-      this.isWhole_ = true;
-      return this.whole_.begin();
-    }
-  }
-
-  put(...args: Parameters<Target['put']>): Promise<void> {
-    return this.isWhole_ ? this.whole_.put(...args) : this.parts_.put(...args);
-  }
-
-  finish(signal: AbortSignal): Promise<Outcome> {
-    return this.isWhole_ ? this.whole_.finish() : this.parts_.finish(signal);
-  }
-
-  discard(): Promise<void> {
-    return this.isWhole_ ? this.whole_.discard() : this.parts_.discard();
   }
 }

@@ -88,10 +88,6 @@ export class Transfer {
   }
 
   private async sendMissing(listed: ListedPart[], signal: AbortSignal): Promise<void> {
-    if (this.target_.whole === true) {
-      this.show({ state: 'sending', sent: 0 });
-      return this.target_.put(1, new ArrayBuffer(0), undefined, (bytes) => this.moved(1, bytes), signal);
-    }
     const partBytes = partBytesOf(listed, this.content_.size);
     if (partBytes === undefined) throw otherFile();
     const parts = cut(this.content_.size, partBytes);

@@ -56,8 +56,6 @@ export async function loadSigns({ name, version }: MapFacts, signal: AbortSignal
   };
 }
 
-type LayerHead = Omit<GridAnswer, 'bands'> & { readonly bands: readonly { readonly name: string; readonly url: string }[] };
-
 /** A layer's head, its heights and the values of one of its bands. */
 export interface GridAnswer {
   readonly head: GridHead;

@@ -11,7 +11,9 @@ export function LineLabels({ model }: { model: ViewerModel }) {
   useEffect(() => {
     const place = (): void => {
       [...(box.current?.children ?? [])].forEach((label, i) => {
-        const [a, b] = [line[i] as Vec3, line[i + 1] as Vec3];
+        const [a, b] = [line[i], line[i + 1]];
+        // A frame may come between a new label and this line.
+        if (a === undefined || b === undefined) return;
         const middle: Vec3 = [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2, (a[2] + b[2]) / 2];
         const at = model.scene.project(middle);
         const element = label as HTMLElement;
