@@ -125,6 +125,8 @@ void remove_oldest(const fs::path& folder, std::uint64_t most_bytes) {
       files.emplace_back(fs::last_write_time(at->path(), error), at->path());
   }
   std::sort(files.rbegin(), files.rend());
+  constexpr std::uint64_t kAlways = std::uint64_t{1} << 20U;  // headers and tables of small ones
+  most_bytes = std::max(most_bytes, kAlways);
   std::uint64_t bytes = 0;
   for (std::size_t i = 0; i < files.size(); ++i) {
     const std::uintmax_t size = fs::file_size(files[i].second, error);

@@ -280,10 +280,15 @@ ServedVersion MapCatalog::load(const Key& key) {
   const bool usable = before.served.state == MapState::kReady;
   if (usable && !before.replaced) return before.served;
   if (!before.served.package || before.replaced) slot = opened(key);
+  const std::uint64_t tried = slot.served.copy;
   if (slot.served.package) make_ready(slot.served);
   if (metrics_ != nullptr && slot.served.state == MapState::kFailed)
     metrics_->map_load_failed(key.first);
-  if (usable && slot.served.state == MapState::kFailed) slot.served = before.served;
+  if (usable && slot.served.state == MapState::kFailed) {
+    // The copy that failed is not tried again.
+    slot.served = before.served;
+    slot.served.copy = tried;
+  }
   const std::scoped_lock lock(mutex_);
   slot.last_use = ++uses_;
   return slots_.insert_or_assign(key, std::move(slot)).first->second.served;

@@ -38,7 +38,7 @@ struct DifferenceTile {
 ///
 /// It lies in the first version's folder `differences/`, outside its digest, beside those with
 /// other versions and tolerances: `kKept` of them, and no more bytes than the points of both
-/// versions take; the oldest go. Immutable, safe from several threads.
+/// versions take, or 1 MiB; the oldest go. Immutable, safe from several threads.
 class MapDifference {
  public:
   static constexpr double kSmallestToleranceM = 0.01;
