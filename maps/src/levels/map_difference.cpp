@@ -108,8 +108,15 @@ std::vector<MapPoint> only_in(const ShiftedPoints& mine, const ShiftedPoints& th
   return points;
 }
 
-/// Files beyond those that are kept, the oldest first.
-void remove_oldest(const fs::path& folder) {
+std::uint64_t point_bytes(const MapPackage& map) {
+  std::uint64_t points = 0;
+  for (const TileEntry& tile : map.manifest().tiles)
+    if (tile.id.level == 0) points += tile.points;
+  return points * sizeof(MapPoint);
+}
+
+/// Files beyond those that are kept, the oldest first; the newest stays.
+void remove_oldest(const fs::path& folder, std::uint64_t most_bytes) {
   std::error_code error;
   std::vector<std::pair<fs::file_time_type, fs::path>> files;
   for (fs::directory_iterator at(folder, error); !error && at != fs::directory_iterator();
@@ -117,9 +124,16 @@ void remove_oldest(const fs::path& folder) {
     if (at->path().extension() == ".tiles")
       files.emplace_back(fs::last_write_time(at->path(), error), at->path());
   }
-  std::sort(files.begin(), files.end());
-  for (std::size_t i = 0; i + MapDifference::kKept < files.size(); ++i)
-    fs::remove(files[i].second, error);
+  std::sort(files.rbegin(), files.rend());
+  constexpr std::uint64_t kAlways = std::uint64_t{1} << 20U;  // headers and tables of small ones
+  most_bytes = std::max(most_bytes, kAlways);
+  std::uint64_t bytes = 0;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    const std::uintmax_t size = fs::file_size(files[i].second, error);
+    bytes += error ? 0 : size;
+    if (i >= MapDifference::kKept || (i > 0 && bytes > most_bytes))
+      fs::remove(files[i].second, error);
+  }
 }
 
 DifferenceTile tile_of(const TileRow& row) {
@@ -174,7 +188,7 @@ fs::path MapDifference::make(const MapPackage& version, const MapPackage& other,
     if (work.go_on && !work.go_on(done / static_cast<double>(all.size()))) throw WorkStopped();
   }
   writer.publish();
-  remove_oldest(file.parent_path());
+  remove_oldest(file.parent_path(), point_bytes(version) + point_bytes(other));
   return file;
 }
 

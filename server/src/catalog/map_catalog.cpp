@@ -219,7 +219,7 @@ void MapCatalog::notice_replaced() {
   std::vector<std::pair<Key, std::uint64_t>> open;
   {
     const std::scoped_lock lock(mutex_);
-    for (const auto& [key, slot] : slots_) open.emplace_back(key, slot.copy);
+    for (const auto& [key, slot] : slots_) open.emplace_back(key, slot.served.copy);
   }
   for (const auto& [key, copy] : open) {
     const std::uint64_t now = copy_of(store_, key.first, key.second);
@@ -243,7 +243,7 @@ std::string MapCatalog::shown(const std::exception& error) const {
 /// @throws StoreRefusal when the store knows no such version.
 MapCatalog::Slot MapCatalog::opened(const Key& key) const {
   Slot slot{.served = {.map = key.first, .version = key.second}};
-  slot.copy = store_.copy_of(key.first, key.second);
+  slot.served.copy = store_.copy_of(key.first, key.second);
   try {
     slot.served.package = store_.open(key.first, key.second);
   } catch (const maps::StoreRefusal&) {
@@ -280,10 +280,15 @@ ServedVersion MapCatalog::load(const Key& key) {
   const bool usable = before.served.state == MapState::kReady;
   if (usable && !before.replaced) return before.served;
   if (!before.served.package || before.replaced) slot = opened(key);
+  const std::uint64_t tried = slot.served.copy;
   if (slot.served.package) make_ready(slot.served);
   if (metrics_ != nullptr && slot.served.state == MapState::kFailed)
     metrics_->map_load_failed(key.first);
-  if (usable && slot.served.state == MapState::kFailed) slot.served = before.served;
+  if (usable && slot.served.state == MapState::kFailed) {
+    // The copy that failed is not tried again.
+    slot.served = before.served;
+    slot.served.copy = tried;
+  }
   const std::scoped_lock lock(mutex_);
   slot.last_use = ++uses_;
   return slots_.insert_or_assign(key, std::move(slot)).first->second.served;

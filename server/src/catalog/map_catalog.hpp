@@ -35,11 +35,19 @@ struct ServedVersion {
   std::string version;
   /// Null only when it failed to open.
   std::shared_ptr<const maps::MapPackage> package{};
+  /// As of `PackageStore::copy_of`, before it was opened: what was made of a damaged copy is not
+  /// what a mended one makes.
+  std::uint64_t copy = 0;
   MapState state = MapState::kOpened;
   /// Why it failed; empty otherwise.
   std::string failure{};
   /// Filled when ready. Last: they use the package.
   std::shared_ptr<const Aligners> aligners{};
+
+  /// Names what it holds, as no other content and no other copy of it does.
+  [[nodiscard]] std::string content() const {
+    return package->digest() + "@" + std::to_string(copy);
+  }
 };
 
 /// Versions of the store's maps, open and, once a thread of its own has prepared them, with their
@@ -97,8 +105,6 @@ class MapCatalog {
   struct Slot {
     ServedVersion served;
     std::uint64_t last_use = 0;
-    /// As of `PackageStore::copy_of`, before it was opened.
-    std::uint64_t copy = 0;
     /// The store has another copy now, which must be loaded.
     bool replaced = false;
   };

@@ -14,8 +14,8 @@
 namespace stillmap::server {
 namespace {
 
-std::string key_of(const maps::MapPackage& package, LayerKind kind) {
-  return std::string(name_of(kind)) + " of " + package.digest();
+std::string key_of(const ServedVersion& version, LayerKind kind) {
+  return std::string(name_of(kind)) + " of " + version.content();
 }
 
 std::filesystem::path file_of(const maps::MapPackage& package, LayerKind kind) {
@@ -53,14 +53,14 @@ std::optional<LayerKind> layer_kind_of(std::string_view name) {
   return std::nullopt;
 }
 
-void MapLayers::make(const std::filesystem::path& package, LayerKind kind,
+void MapLayers::make(const std::string& key, const std::filesystem::path& package, LayerKind kind,
                      const maps::DerivedWork& work) {
   const auto map = maps::MapPackage::open(package);
   std::optional<maps::TileLayer> layer =
       made(*map, kind, [&] { return !work.go_on || work.go_on(0.0); });
   if (!layer) throw maps::WorkStopped();
   const auto shared = std::make_shared<const maps::TileLayer>(std::move(*layer));
-  kept_.put(key_of(*map, kind), shared);
+  kept_.put(key, shared);
   try {
     maps::write_layer(file_of(*map, kind), map->digest(), *shared);
   } catch (const maps::StorageError& error) {
@@ -72,15 +72,15 @@ void MapLayers::make(const std::filesystem::path& package, LayerKind kind,
 std::shared_ptr<const maps::TileLayer> MapLayers::layer(const ServedVersion& version,
                                                         LayerKind kind) {
   const maps::MapPackage& package = *version.package;
-  const std::string key = key_of(package, kind);
+  const std::string key = key_of(version, kind);
   if (auto found = kept_.find(key)) return found;
   if (auto found = read(package, kind)) {
     kept_.put(key, found);
     return found;
   }
   const DerivedWorker::Answer answer =
-      worker_.ask(key, [this, folder = package.folder(), kind](const maps::DerivedWork& work) {
-        make(folder, kind, work);
+      worker_.ask(key, [this, key, folder = package.folder(), kind](const maps::DerivedWork& work) {
+        make(key, folder, kind, work);
       });
   refuse_until_made(answer, "the layer", store_);
 }

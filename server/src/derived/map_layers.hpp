@@ -35,7 +35,8 @@ class MapLayers {
  private:
   static constexpr std::size_t kMostKept = 8;
 
-  void make(const std::filesystem::path& package, LayerKind kind, const maps::DerivedWork& work);
+  void make(const std::string& key, const std::filesystem::path& package, LayerKind kind,
+            const maps::DerivedWork& work);
 
   std::filesystem::path store_;
   RecentlyUsed<maps::TileLayer> kept_{kMostKept};

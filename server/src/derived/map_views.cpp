@@ -1,6 +1,7 @@
 #include "derived/map_views.hpp"
 
 #include "derived/derived_refusal.hpp"
+#include "jobs/job_folder.hpp"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -38,34 +39,45 @@ std::shared_ptr<const maps::MapDifference> opened_difference(const maps::MapPack
 }  // namespace
 
 std::string ComparedVersions::name() const {
-  return fmt::format("{}-{}-{}", version.package->digest(), other.package->digest(),
+  return fmt::format("{}-{}-{}", version.content(), other.content(),
                      maps::MapDifference::tolerance_mm(tolerance_m));
 }
 
 DerivedWorker::Answer MapViews::ask_for_levels(const maps::MapPackage& package) {
   // The package may be closed or removed before its turn comes; then this fails.
   const std::filesystem::path folder = package.folder();
-  return worker_.ask("levels of " + package.digest(), [folder](const maps::DerivedWork& work) {
+  return worker_.ask("levels of " + package.digest(), [this, folder](const auto& work) {
     const auto map = maps::MapPackage::open(folder);
-    if (!opened_levels(*map)) maps::MapLevels::make(*map, work);
+    if (!opened_levels(*map)) maps::MapLevels::make(*map, leaving_room(work));
   });
 }
 
+/// Fails as soon as it would leave too little.
+maps::DerivedWork MapViews::leaving_room(const maps::DerivedWork& work) const {
+  return {.threads = work.threads, .go_on = [this, go_on = work.go_on](double share) {
+            if (const std::uint64_t room = free_bytes(store_); room < left_free_) {
+              throw maps::StorageError(
+                  store_.string(),
+                  fmt::format("{} bytes of its disk are free, {} are left to other things", room,
+                              left_free_));
+            }
+            return go_on(share);
+          }};
+}
+
 void MapViews::warm(const maps::MapPackage& package) {
-  // It may be a sound copy in the place of a damaged one.
-  levels_.forget(package.digest());
   if (!opened_levels(package)) (void)ask_for_levels(package);
 }
 
 std::shared_ptr<const ServedLevels> MapViews::levels(const ServedVersion& version) {
-  const std::string& digest = version.package->digest();
-  if (auto found = levels_.find(digest)) return found;
+  const std::string content = version.content();
+  if (auto found = levels_.find(content)) return found;
   std::shared_ptr<const maps::MapLevels> levels = opened_levels(*version.package);
   if (!levels) refuse_until_made(ask_for_levels(*version.package), "the tileset", store_);
   maps::Tileset tileset(*version.package, *levels);
   auto served =
       std::make_shared<const ServedLevels>(ServedLevels{std::move(levels), std::move(tileset)});
-  levels_.put(digest, served);
+  levels_.put(content, served);
   return served;
 }
 
@@ -78,7 +90,7 @@ std::optional<LevelTile> MapViews::level_tile(const ServedVersion& version, maps
   } catch (const maps::InputError& error) {
     spdlog::error("made anew: {}", error.what());
   }
-  levels_.forget(version.package->digest());
+  levels_.forget(version.content());
   maps::MapLevels::remove(*version.package);
   refuse_until_made(ask_for_levels(*version.package), "the tileset", store_);
 }
@@ -95,12 +107,13 @@ DifferenceState MapViews::difference(const ComparedVersions& pair) {
     differences_.put(name, ready);
     return {std::move(ready), 1.0};
   }
-  const auto work = [first = pair.version.package->folder(), second = pair.other.package->folder(),
+  const auto work = [this, first = pair.version.package->folder(),
+                     second = pair.other.package->folder(),
                      tolerance_m = pair.tolerance_m](const maps::DerivedWork& how) {
     const auto version = maps::MapPackage::open(first);
     const auto other = maps::MapPackage::open(second);
     if (!opened_difference(*version, *other, tolerance_m))
-      maps::MapDifference::make(*version, *other, tolerance_m, how);
+      maps::MapDifference::make(*version, *other, tolerance_m, leaving_room(how));
   };
   const DerivedWorker::Answer answer = worker_.ask("difference " + name, work);
   require_under_way(answer, "the difference", store_);

@@ -9,6 +9,7 @@
 #include <stillmap/maps/tileset.hpp>
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -48,8 +49,13 @@ struct DifferenceState {
 /// threads.
 class MapViews {
  public:
-  /// @param store  the store's folder, which messages do not name.
-  explicit MapViews(std::filesystem::path store) : store_(std::move(store)) {}
+  /// What is derived leaves so much of the disk [bytes] to what is not.
+  static constexpr std::uint64_t kLeftFree = std::uint64_t{512} << 20U;
+
+  /// @param store  the store's folder, which messages do not name. @param left_free  as
+  /// `kLeftFree`.
+  explicit MapViews(std::filesystem::path store, std::uint64_t left_free = kLeftFree)
+      : store_(std::move(store)), left_free_(left_free) {}
 
   /// Has the levels made in the background, if they are not there, of a package that was just
   /// opened.
@@ -74,7 +80,10 @@ class MapViews {
  private:
   DerivedWorker::Answer ask_for_levels(const maps::MapPackage& package);
 
+  [[nodiscard]] maps::DerivedWork leaving_room(const maps::DerivedWork& work) const;
+
   std::filesystem::path store_;
+  std::uint64_t left_free_;
   /// Their tables, no points.
   RecentlyUsed<ServedLevels> levels_{8};
   RecentlyUsed<maps::MapDifference> differences_{8};

@@ -192,6 +192,18 @@ TEST_F(Difference, KeepsTheNewestFew) {
   EXPECT_EQ(kept, MapDifference::kKept);
 }
 
+TEST_F(Difference, KeepsNoMoreBytesThanBothVersionsHave) {
+  const auto one = map(scattered(50.0, 1));
+  const auto other = map(scattered(50.0, 2));
+  // Of nearly all points each.
+  fs::path last;
+  for (int i = 0; i < 4; ++i) last = MapDifference::make(*one, *other, 0.01 + 0.001 * i);
+  EXPECT_TRUE(fs::exists(last));
+  std::uintmax_t bytes = 0;
+  for (const auto& file : fs::directory_iterator(last.parent_path())) bytes += file.file_size();
+  EXPECT_LT(bytes, 2 * fs::file_size(last));
+}
+
 TEST_F(Difference, StoppedWorkLeavesNothing) {
   const auto one = map(scattered(50.0, 1));
   const auto other = map(scattered(50.0, 2));

@@ -153,6 +153,24 @@ TEST_F(DifferenceRoutes, WhatCannotBeWrittenIsSaidInWords) {
   EXPECT_EQ(body(response)["code"], "DerivedUnavailable");
 }
 
+TEST_F(DifferenceRoutes, AreNotMadeWhereTheDiskWouldBeFull) {
+  const ServedVersion v1{
+      .map = "town", .version = "v1", .package = store_.open().open("town", "v1")};
+  MapViews views(store_.folder().path(), std::numeric_limits<std::uint64_t>::max());
+  const auto answer = [&] {
+    try {
+      const DifferenceState state = views.difference({v1, v1, 0.15});
+      return std::string(state.ready ? "made" : "");
+    } catch (const ApiError& error) {
+      return std::string(error.what());
+    }
+  };
+  std::string said = answer();
+  for (; said.empty(); said = answer()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  EXPECT_THAT(said, ::testing::HasSubstr("of its disk are free"));
+  EXPECT_TRUE(std::filesystem::is_empty(store_.package() / "differences"));
+}
+
 TEST_F(DifferenceRoutes, DamagedOneIsMadeAnew) {
   start();
   (void)computed(kDifference);

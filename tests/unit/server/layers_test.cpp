@@ -41,6 +41,7 @@ class Layers : public ServiceTest {
     return values;
   }
   std::filesystem::path file() const { return store_.package() / "layers" / "coverage.layer"; }
+  test::TemporaryFolder other_;
 };
 
 TEST_F(Layers, CoverageIsMadeOnceAndKept) {
@@ -88,6 +89,25 @@ TEST_F(Layers, DamagedFileIsMadeAnew) {
   start();
   EXPECT_EQ(get(kCoverage).status, 503);
   EXPECT_EQ(made(kCoverage).body, good);
+}
+
+TEST_F(Layers, OfAMendedPackageAreMadeAnew) {
+  const std::filesystem::path sound = other_.path() / "sound";
+  std::filesystem::copy(store_.package(), sound, std::filesystem::copy_options::recursive);
+  // The height of the first point.
+  std::fstream(store_.package() / "tiles/0_0_0.bin",
+               std::ios::in | std::ios::out | std::ios::binary)
+      .seekp(8)
+      .write("\0\0\0\0", 4);
+  start();
+  made(kCoverage);
+  const std::string height = std::string(kCoverage) + "/height";
+  ASSERT_EQ(floats(get(height))[400 + 2 * 20 + 1], 0.0F);
+  store_.open().add("town", "v1", sound);
+  // Noticed within a second or two.
+  while (floats(made(height))[400 + 2 * 20 + 1] != 3.0F)
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  EXPECT_TRUE(std::filesystem::exists(file()));
 }
 
 TEST_F(Layers, IsServedWhereItCannotBeKept) {

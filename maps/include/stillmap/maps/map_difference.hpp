@@ -37,8 +37,8 @@ struct DifferenceTile {
 /// points of the other are moved by the difference of the origins, where there is one.
 ///
 /// It lies in the first version's folder `differences/`, outside its digest, beside those with
-/// other versions and tolerances (`kKept` of them, the oldest go). Immutable, safe from several
-/// threads.
+/// other versions and tolerances: `kKept` of them, and no more bytes than the points of both
+/// versions take, or 1 MiB; the oldest go. Immutable, safe from several threads.
 class MapDifference {
  public:
   static constexpr double kSmallestToleranceM = 0.01;
