@@ -74,7 +74,8 @@ export class Run {
 
   constructor(program, sample, screenshots) {
     this.program = program;
-    this.sample = sample;
+    // Absolute, as the browser takes files that are dropped.
+    this.sample = resolve(sample);
     this.screenshots = screenshots;
     this.scratch = mkdtempSync(join(tmpdir(), 'stillmap-e2e-'));
     if (screenshots !== undefined) mkdirSync(screenshots, { recursive: true });

@@ -71,6 +71,8 @@ async function verdict(run, server, page) {
   await page.click('text=Versions of town');
   await page.waitForSelector('tr[data-version=v2]');
   run.expect(true, 'the version is in the list');
+  await page.waitForSelector('tr[data-version=v2] a.badge:text-is("Checks failed")');
+  run.expect(true, 'with a mark that it did not pass the checks');
 }
 
 async function cancel(run) {

@@ -86,6 +86,15 @@ test('a busy server is asked again when it said so, and not for ever', async () 
   await assert.rejects(ask('get', '/v1/maps'), { code: 'MapUnusable' });
 });
 
+test('what is being made is waited for as long as it takes', async () => {
+  const made = () => problem(503, 'BeingMade', { 'retry-after': '0' });
+  const asked = serve(made(), made(), made(), json({ maps: [] }));
+  assert.equal((await ask('get', '/v1/maps', { patience: 1 })).status, 200);
+  assert.equal(asked.length, 4);
+  serve(made());
+  await assert.rejects(ask('get', '/v1/maps', { patience: 0 }), { code: 'BeingMade' });
+});
+
 test('no answer, a late answer and an unreadable answer are told apart', async () => {
   serve();
   await assert.rejects(ask('get', '/v1/maps'), { trouble: 'down' });

@@ -42,7 +42,9 @@ export async function send(method: string, path: string, options: SendOptions = 
     }
     const error = refusal(where, response.status, document);
     const wait = retryAfter(response);
-    if (wait === undefined || patience-- <= 0) throw error;
+    if (wait === undefined || patience <= 0) throw error;
+    // What is being made comes, however long that takes: a refusal for another reason ends it.
+    if (document?.code !== 'BeingMade') --patience;
     busy(wait, error.message);
     await sleep(wait, options.signal);
   }

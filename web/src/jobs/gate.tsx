@@ -1,3 +1,4 @@
+import { firstUpper } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';
 import type { Gate } from './job.js';
 
@@ -27,8 +28,4 @@ export function GateVerdict({ gate }: { gate: Gate }) {
       </div>
     </section>
   );
-}
-
-function firstUpper(text: string): string {
-  return text.charAt(0).toUpperCase() + text.slice(1);
 }

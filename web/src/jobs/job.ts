@@ -1,7 +1,7 @@
 // What the server says about jobs, as it concerns the page, and words for it.
 
 import type { AnswerOf } from '../api/client.js';
-import { duration, toDate } from '../ui/format.js';
+import { duration, firstUpper, toDate } from '../ui/format.js';
 import type { Tone } from '../ui/parts.js';
 
 export type Job = Omit<AnswerOf<'/v1/jobs/{job}', 'get'>, 'result'> & { result: JobResult | null };
@@ -32,9 +32,15 @@ const kWords: Record<Job['status'], { tone: Tone; text: string }> = {
   canceled: { tone: 'plain', text: 'Cancelled' },
 };
 
-export function statusOf(job: Pick<Job, 'status' | 'cancel_requested'>): { tone: Tone; text: string } {
+export function statusOf(job: Pick<Job, 'status' | 'cancel_requested'> & { result?: JobResult | null }): { tone: Tone; text: string } {
   if (job.cancel_requested && !isOver(job)) return { tone: 'warn', text: 'Being cancelled' };
+  if (job.status === 'succeeded' && failedItsChecks(job)) return { tone: 'warn', text: 'Checks failed' };
   return kWords[job.status] ?? { tone: 'plain', text: job.status };
+}
+
+/** Whether it made a version that may be published by hand only. */
+export function failedItsChecks({ result }: { result?: JobResult | null }): boolean {
+  return result?.gate?.verdict === 'fail';
 }
 
 export function isOver({ status }: Pick<Job, 'status'>): boolean {
@@ -43,7 +49,7 @@ export function isOver({ status }: Pick<Job, 'status'>): boolean {
 
 /** "map: survey" as "Map: survey". */
 export function stageWords(stage: string): string {
-  return stage === '' ? '' : stage.charAt(0).toUpperCase() + stage.slice(1);
+  return firstUpper(stage);
 }
 
 /** How long it took, or has taken so far; empty before it began. */
@@ -63,7 +69,7 @@ export function outcomeOf({ status, error, result, kind }: Pick<Job, 'status' | 
   if (kind === 'convert') return `${made}; vehicles get it when it is published.`;
   const because = result.not_activated_because ?? [];
   if (because.length > 0) return `${made}, and not made active: ${because.join('; ')}.`;
-  return result.gate?.verdict === 'fail' ? `${made}; it did not pass the checks.` : `${made}; it can be published.`;
+  return failedItsChecks({ result }) ? `${made}; it did not pass the checks.` : `${made}; it can be published.`;
 }
 
 /** What a stream of a job's events brings, put into the job. `end` of a server that stops tells nothing about the job. */

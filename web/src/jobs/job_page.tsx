@@ -2,7 +2,7 @@ import { useEffect, useState } from 'preact/hooks';
 import { ask } from '../api/client.js';
 import { linkTo } from '../router.js';
 import { Confirm } from '../ui/confirm.js';
-import { date, duration } from '../ui/format.js';
+import { date, duration, firstUpper } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';
 import { say } from '../ui/notices.js';
 import { Badge, Progress, Trouble } from '../ui/parts.js';
@@ -91,7 +91,7 @@ function Request({ job }: { job: Job }) {
   const facts: [string, string][] = [
     ['Asked for', date(job.enqueued_ns)],
     ...(job.key_id === '' ? [] : [['By key', job.key_id] as [string, string]]),
-    ...Object.entries(request).filter(([name]) => name !== 'options').map(([name, value]): [string, string] => [name.replace(/_/g, ' '), wordsOf(value)]),
+    ...Object.entries(request).filter(([name]) => name !== 'options').map(([name, value]): [string, string] => [firstUpper(name.replace(/_/g, ' ')), name === 'drives' || name === 'held_back' ? driveWords(value) : wordsOf(value)]),
     ...options.map(([name, value]): [string, string] => [name, wordsOf(value)]),
   ];
   return (
@@ -102,6 +102,11 @@ function Request({ job }: { job: Job }) {
       </dl>
     </section>
   );
+}
+
+/** Numbers of drives as the map's page and the form give them. */
+function driveWords(value: unknown): string {
+  return Array.isArray(value) ? value.map(driveWords).join(', ') : typeof value === 'number' ? `no. ${value}` : wordsOf(value);
 }
 
 function wordsOf(value: unknown): string {

@@ -89,7 +89,7 @@ function Row({ map, refused, job }: { map: MapRow; refused: Refused | undefined;
   const state = stateOf(map);
   const path = map.version === null ? undefined
     : `/v1/maps/${encodeURIComponent(map.name)}/versions/${encodeURIComponent(map.version)}/preview`;
-  const since = map.version_created_ns ?? map.created_ns;
+  const since = map.version === null ? undefined : map.version_created_ns ?? map.created_ns;
   return (
     <tr data-map={map.name} data-map-state={map.state}>
       <td class="thumb"><a href={linkTo('maps', [map.name])} tabIndex={-1} aria-hidden="true"><Picture path={path} label="" /></a></td>
@@ -109,7 +109,7 @@ function Row({ map, refused, job }: { map: MapRow; refused: Refused | undefined;
       <td class="end number">{map.area_m2 === undefined ? '–' : area(map.area_m2)}</td>
       <td class="end number">{map.points === undefined ? '–' : short(map.points)}</td>
       <td class="end number">{map.bytes === undefined ? '–' : bytes(map.bytes)}</td>
-      <td title={date(since)}>{age(since)}</td>
+      <td title={since === undefined ? undefined : date(since)}>{since === undefined ? 'never' : age(since)}</td>
       <td class="end"><Actions map={map} /></td>
     </tr>
   );

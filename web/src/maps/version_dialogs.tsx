@@ -1,6 +1,7 @@
 import { useState } from 'preact/hooks';
 import { ask } from '../api/client.js';
 import { ApiError } from '../api/errors.js';
+import { linkTo } from '../router.js';
 import { Confirm } from '../ui/confirm.js';
 import { say } from '../ui/notices.js';
 import { Trouble } from '../ui/parts.js';
@@ -16,7 +17,7 @@ export interface VersionDialogProps {
 type WithActive = VersionDialogProps & { active: string | undefined };
 
 /** Makes a version the active one. */
-export function Publish({ map, version, active, etag, onChange, onClose }: WithActive) {
+export function Publish({ map, version, active, failedJob, etag, onChange, onClose }: WithActive & { failedJob: number | undefined }) {
   const frame = useNewFrame(version, active);
   const act = async (): Promise<void> => {
     await changing(onChange, () => frame.asking(ask('post', '/v1/maps/{map}/versions/{version}/activate', {
@@ -30,6 +31,9 @@ export function Publish({ map, version, active, etag, onChange, onClose }: WithA
         Vehicles that ask for poses in <strong>{map}</strong> get them in {version} from the next request on
         {active === undefined ? '.' : <>; sessions that are open stay in {active} until they end. You can roll back to {active} at any time.</>}
       </p>
+      {failedJob !== undefined && (
+        <p class="remark">It did not pass the checks of <a href={linkTo('jobs', [String(failedJob)])}>job {failedJob}</a>.</p>
+      )}
       {frame.choice}
     </Confirm>
   );

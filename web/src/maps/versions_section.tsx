@@ -1,7 +1,10 @@
 import { useState } from 'preact/hooks';
+import { ask } from '../api/client.js';
+import { failedItsChecks, type Job } from '../jobs/job.js';
 import { linkTo } from '../router.js';
 import { age, area, bytes, date, short } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';
+import { useLoad } from '../ui/load.js';
 import { Badge } from '../ui/parts.js';
 import { downloadPackage } from './download.js';
 import { tellingOptions, type VersionRow } from './facts.js';
@@ -21,12 +24,15 @@ export interface VersionsProps {
   onChange: () => void;
 }
 
+const kJobsLookedAt = 100;
+
 type Open = { what: 'publish' | 'delete'; version: string } | { what: 'rollback' };
 
 /** A map's versions, newest first, and what can be done with each. */
 export function VersionsSection({ map, list, etag, onChange }: VersionsProps) {
   const [open, setOpen] = useState<Open>();
   const dialog = { map, etag, onChange, onClose: () => setOpen(undefined) };
+  const failedJobs = useFailedJobs(map, list);
   const newestFirst = [...list.versions].reverse();
   return (
     <section aria-labelledby="versions">
@@ -49,12 +55,12 @@ export function VersionsSection({ map, list, etag, onChange }: VersionsProps) {
               </tr>
             </thead>
             <tbody>
-              {newestFirst.map((version) => <Row key={version.version} map={map} list={list} version={version} onOpen={setOpen} />)}
+              {newestFirst.map((version) => <Row key={version.version} map={map} list={list} version={version} failedJob={failedJobs.get(version.version)} onOpen={setOpen} />)}
             </tbody>
           </table>
         </div>
       )}
-      {open?.what === 'publish' && <Publish {...dialog} version={open.version} active={list.version ?? undefined} />}
+      {open?.what === 'publish' && <Publish {...dialog} version={open.version} active={list.version ?? undefined} failedJob={failedJobs.get(open.version)} />}
       {open?.what === 'delete' && <DeleteVersion {...dialog} version={open.version} />}
       {open?.what === 'rollback' && (
         <RollBack {...dialog} version={list.previous_version ?? ''} active={list.version ?? undefined} />
@@ -63,14 +69,24 @@ export function VersionsSection({ map, list, etag, onChange }: VersionsProps) {
   );
 }
 
+/** Versions that did not pass the checks of the job that built them, each with that job. */
+function useFailedJobs(map: string, list: VersionListData): ReadonlyMap<string, number> {
+  const { data } = useLoad(
+    async (signal) => (await ask('get', '/v1/jobs', { query: { map, status: 'succeeded', limit: kJobsLookedAt }, signal })).data.jobs as Job[],
+    [map, list.versions.map(({ version }) => version)]);
+  return new Map((data ?? []).filter(failedItsChecks).map(({ id, result }) => [result?.version ?? '', id]));
+}
+
 interface RowProps {
   map: string;
   list: VersionListData;
   version: VersionRow;
+  /** The job whose checks it did not pass. */
+  failedJob: number | undefined;
   onOpen: (open: Open) => void;
 }
 
-function Row({ map, list, version, onOpen }: RowProps) {
+function Row({ map, list, version, failedJob, onOpen }: RowProps) {
   const { version: name } = version;
   const options = tellingOptions(version.options);
   return (
@@ -80,6 +96,7 @@ function Row({ map, list, version, onOpen }: RowProps) {
         <span class="badges">
           {version.active && <Badge tone="good">Active</Badge>}
           {name === list.previous_version && <Badge tone="plain">Before</Badge>}
+          {failedJob !== undefined && <a class="badge warn" href={linkTo('jobs', [String(failedJob)])}>Checks failed</a>}
           {version.state === 'failed' && <Badge tone="bad">Failed</Badge>}
           {version.state === 'loading' && <Badge tone="live">Loading</Badge>}
         </span>

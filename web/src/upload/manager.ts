@@ -30,13 +30,18 @@ export interface Upload {
 
 export const uploads = new Store<readonly Upload[]>([]);
 let last = 0;
+/** How long what is done stays in the tray, which lies over the view [ms]. */
+const kDoneShownMs = 10_000;
 
 /** Begins an upload; what becomes of it is told at the window's edge and in the tray. */
 export function startUpload(plan: UploadPlan): Upload {
   const upload = { id: ++last, plan, transfer: new Transfer(plan.chosen.content, targetOf(plan)) };
   uploads.set([...uploads.get(), upload]);
   upload.transfer.view.listen(({ state, outcome, error }) => {
-    if (state === 'done' && outcome !== undefined) finished(plan, outcome);
+    if (state === 'done' && outcome !== undefined) {
+      finished(plan, outcome);
+      setTimeout(() => void dismiss(upload), kDoneShownMs);
+    }
     if (state === 'failed' && error !== undefined) say({ kind: 'bad', text: `${plan.chosen.name}: ${error.message}` });
   });
   void upload.transfer.run();
