@@ -71,7 +71,7 @@ TEST_F(OctomapExport, FrameResolutionAndChoiceAreTheUsers) {
 
 TEST_F(OctomapExport, MapsBeyondTheTreeAreRefusedWithTheRemedy) {
   EXPECT_THAT([&] { exported({.resolution_m = 0.02}, "a.bt"); },
-              ThrowsSaying<maps::InputError>({"1000", "655 m", "--resolution"}));
+              ThrowsSaying<maps::InputError>({"997 -498 20", "655 m", "--resolution"}));
   EXPECT_FALSE(std::filesystem::exists(folder_.path() / "a.bt"));
   EXPECT_THAT([&] { exported({.kinds = true}, "a.bt"); },
               ThrowsSaying<std::invalid_argument>({"kinds", "octomap"}));
