@@ -125,7 +125,8 @@ class Export(unittest.TestCase):
                        for step in ((0, 0, 0), (1, 1, 1), (-1, -1, -1), (1, -1, 0), (-1, 1, 0))) for p in back)
         self.assertGreater(near, 0.98 * len(back))
         manifest = json.loads((again / "manifest.json").read_text())
-        self.assertEqual(tuple(manifest["geodetic_origin"].values()), PLACE)
+        place = manifest["geodetic_origin"]
+        self.assertEqual(tuple(place[key] for key in ("latitude_deg", "longitude_deg", "altitude_m")), PLACE)
 
     def test_autoware_as_its_rules_ask(self):
         import yaml
