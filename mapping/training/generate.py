@@ -78,9 +78,11 @@ def main():
     parser.add_argument("--program", required=True)
     parser.add_argument("--part", choices=sorted(FIRST_SEED), default="train")
     parser.add_argument("--drives", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0, help="number of the first drive")
     parser.add_argument("--jobs", type=int, default=2)
     arguments = parser.parse_args()
     arguments.data.mkdir(parents=True, exist_ok=True)
+    numbers = range(arguments.first, arguments.first + arguments.drives)
     start = time.monotonic()
 
     def make(number):
@@ -89,7 +91,7 @@ def main():
             subprocess.run([arguments.program, str(file), *options], check=True)
 
     with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
-        for done, _ in enumerate(pool.map(make, range(arguments.drives)), 1):
+        for done, _ in enumerate(pool.map(make, numbers), 1):
             seconds = time.monotonic() - start
             left = seconds / done * (arguments.drives - done)
             print(f"\r{done}/{arguments.drives} drives, {left:.0f} s left ", end="", flush=True)

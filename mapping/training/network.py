@@ -242,6 +242,7 @@ class VoxelNext(nn.Module):
         if any(config["pruning"]):
             raise ValueError(f"pruning: found {config['pruning']}, expected zeros: it is for inference only")
         self.config = config
+        self.norms_fixed = False
         low, high = config["range_m"][:3], config["range_m"][3:]
         size = [round((h - l) / v) for l, h, v in zip(low, high, config["voxel_m"])]
         self.shape = [size[2] + 1, size[1], size[0]]
@@ -309,8 +310,18 @@ class VoxelNext(nn.Module):
             layers[name + ".weight"], layers[name + ".bias"] = module.folded()
         return layers
 
+    def train(self, mode=True):
+        """As in torch, but fixed normalizations stay as they are."""
+        super().train(mode)
+        if self.norms_fixed:
+            for _, module in self.layers():
+                if module.norm is not None:
+                    module.norm.eval()
+        return self
+
     def set_folded(self, layers):
-        """Takes layers of a weights file over; the normalizations do nothing then."""
+        """Takes layers of a weights file over. Their normalizations are folded in: from here on
+        they are fixed, in training too, and only scale and shift."""
         with torch.no_grad():
             for name, module in self.layers():
                 module.weight.copy_(layers[name + ".weight"])
@@ -321,6 +332,8 @@ class VoxelNext(nn.Module):
                     module.norm.weight.fill_(1.0)
                     bias = module.norm.bias
                 bias.copy_(layers[name + ".bias"])
+        self.norms_fixed = True
+        self.train(self.training)
 
     def layers(self):
         """Convolutions with their names in the weights file."""

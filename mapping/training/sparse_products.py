@@ -2,6 +2,7 @@
 PyTorch alone. Both give the same to rounding (training_test.py)."""
 
 import ctypes
+import os
 import pathlib
 import subprocess
 
@@ -18,10 +19,12 @@ def load_library(build=True):
         if not build:
             return None
         library.parent.mkdir(exist_ok=True)
+        unfinished = library.with_suffix(f".{os.getpid()}")  # others may build it just now
         command = ["g++", "-std=c++17", "-O3", "-march=native", "-mprefer-vector-width=512",
-                   "-fopenmp", "-shared", "-fPIC", str(source), "-o", str(library)]
+                   "-fopenmp", "-shared", "-fPIC", str(source), "-o", str(unfinished)]
         try:
             subprocess.run(command, check=True)
+            unfinished.replace(library)
         except (OSError, subprocess.CalledProcessError):
             return None
     return ctypes.CDLL(str(library))

@@ -2,10 +2,12 @@
 """Trains the detector on scans of the simulator; can be stopped at any time and goes on.
 
     train.py --data DATA --run RUN --steps 6000
+    train.py --data DATA --run RUN --steps 2000 --rate 4e-4 --start default.safetensors
 
-RUN holds `checkpoint.pt` (some 8 bytes a parameter, written every few minutes), `log.jsonl` and, at
-the end and with --export, `weights.safetensors` as the program reads them. The same command again
-goes on from the checkpoint, on a GPU or a CPU, wherever it was begun.
+The second begins from weights that were shipped, their normalizations fixed. RUN holds
+`checkpoint.pt` (some 8 bytes a parameter, written every few minutes) and `log.jsonl`; export.py
+makes of it what the program reads. The same command again goes on from the checkpoint, on a GPU or
+a CPU, wherever it was begun.
 """
 
 import os
@@ -22,6 +24,7 @@ import time
 import network
 import losses
 import numpy as np
+import safetensors
 import scans as scan_files
 import torch
 import validate
@@ -43,7 +46,7 @@ CONFIG = {
     "branches": ["hm", "center", "center_z", "dim", "rot", "iou"],
     "iou_rectifier": [0.3] * 6,
     "calibration": [[1.0, 0.0]] * 6,
-    "nms": "rotated",
+    "nms": "fitted",
     "nms_iou": 0.2,
     "score_threshold": 0.2,
 }
@@ -101,7 +104,7 @@ def save(path, net, optimizer, step, arguments):
         moments.append((state["exp_avg"].cpu().bfloat16(), state["exp_avg_sq"].cpu().bfloat16()))
     content = {"net": {k: v.cpu() for k, v in net.state_dict().items()}, "moments": moments,
                "step": step, "config": net.config, "steps": arguments.steps,
-               "seed": arguments.seed}
+               "seed": arguments.seed, "norms_fixed": net.norms_fixed}
     unfinished = path.with_suffix(".part")
     torch.save(content, unfinished)
     unfinished.replace(path)
@@ -110,6 +113,8 @@ def save(path, net, optimizer, step, arguments):
 def restore(path, net, optimizer):
     content = torch.load(path, map_location="cpu")
     net.load_state_dict(content["net"])
+    net.norms_fixed = content.get("norms_fixed", False)
+    net.train()
     for parameter, (first, second) in zip(net.parameters(), content["moments"]):
         optimizer.state[parameter] = {
             "step": torch.tensor(float(content["step"])),
@@ -118,10 +123,22 @@ def restore(path, net, optimizer):
     return content["step"]
 
 
+def begin(path, net):
+    """Weights of a file that was shipped, when a run begins from them."""
+    tensors, metadata = safetensors.load(path)
+    theirs = json.loads(metadata["config"])
+    for key in ("range_m", "voxel_m", "z", "features", "stages", "neck_channels", "head_kernel", "heads",
+                "yaw", "branches"):
+        if theirs.get(key) != net.config[key]:
+            raise ValueError(f"{path}: {key}: found {theirs.get(key)}, expected {net.config[key]}")
+    net.set_folded({name: torch.tensor(value, dtype=torch.float32) for name, value in tensors.items()})
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("--data", type=pathlib.Path, required=True)
     parser.add_argument("--run", type=pathlib.Path, required=True)
+    parser.add_argument("--start", type=pathlib.Path, help="weights file to begin from")
     parser.add_argument("--steps", type=int, default=6000)
     parser.add_argument("--batch", type=int, default=4)
     parser.add_argument("--rate", type=float, default=2e-3)
@@ -141,7 +158,11 @@ def main():
     optimizer = torch.optim.AdamW([{"params": decayed, "weight_decay": 0.01},
                                    {"params": others, "weight_decay": 0.0}],
                                   betas=(0.9, 0.99))
-    step = restore(checkpoint, net, optimizer) if checkpoint.exists() else 0
+    step = 0
+    if checkpoint.exists():
+        step = restore(checkpoint, net, optimizer)
+    elif arguments.start:
+        begin(arguments.start, net)
     data = scan_files.open_scans(arguments.data, "train")
     held_out = scan_files.open_scans(arguments.data, "validation")[::6]
     samples = Samples(data, CONFIG, arguments.seed, step * arguments.batch,

@@ -124,6 +124,25 @@ class Network(unittest.TestCase):
                 self.assertLess(float((found - expected).abs().max()), 1e-4, (h, name))
 
 
+    def test_weights_to_go_on_from_say_the_same_while_learning(self):
+        """Whatever a batch looks like: normalizations that are folded in do not follow it."""
+        torch.manual_seed(1)
+        first, second = network.VoxelNext(CONFIG), network.VoxelNext(CONFIG)
+        for module in first.modules():
+            if isinstance(module, torch.nn.BatchNorm1d):
+                module.running_mean.normal_()
+                module.running_var.uniform_(0.5, 2.0)
+        first.eval()
+        second.set_folded(first.folded())
+        second.eval()
+        second.train()
+        sites = some_sites(second.shape, 300)
+        features = torch.randn(len(sites), 6)
+        expected, found = first(features, sites)[0], second(features, sites)[0]
+        for name, value in expected[0].items():
+            self.assertLess(float((found[0][name] - value).abs().max()), 1e-3, name)
+
+
 def car_scan(rng):
     box = np.array([[8.0, 3.0, 0.8, 4.2, 1.8, 1.5, 0.4]], np.float32)
     local = (rng.random((400, 3)) - 0.5) * (box[0, 3:6] - 0.1)

@@ -81,6 +81,10 @@ void print_boxes(const mapping::BoxDetection& boxes) {
                fmt::format("{:g} to {:g} m", band.from_m, band.to_m), counted(band.found),
                percent(band.average_precision), band.false_boxes_per_scan);
   }
+  for (const mapping::VisibilityDetection& each : boxes.visibilities) {
+    fmt::print("{:<14}{:>28}{:>9}\n", fmt::format("{}+ points", each.min_points),
+               counted(each.found), percent(each.average_precision));
+  }
 }
 
 void print_for_people(const DetectorEvaluation& result) {

@@ -17,6 +17,8 @@ namespace {
 
 using maps::InputError;
 using test::ThrowsSaying;
+using ::testing::DoubleNear;
+using ::testing::FieldsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -117,6 +119,34 @@ TEST_F(EvaluateDetector, FarAndHardlySeenTruthDoesNotCount) {
   EXPECT_EQ(result.boxes->classes.front().all.found.of, 4U);
   options_.max_range_m = 5.0;
   EXPECT_EQ(evaluate().boxes->classes.front().all.found.of, 0U);
+}
+
+TEST(BoxFigures, VehiclesOfFewPointsCountForLessAndLess) {
+  maps::Box car;
+  car.object_class = maps::ObjectClass::kCar;
+  car.size_m = {4.0, 2.0, 1.5};
+  car.score = 0.5;
+  ScanBoxes scan;
+  for (const std::size_t points : {5U, 19U, 20U, 300U}) {
+    car.centre.x() += 8.0;
+    scan.truths.push_back({car, points});
+    // Of the car of 19 points a box is found that is too far off.
+    if (points == 19U) car.centre.y() += 0.8;
+    scan.found.push_back(car);
+    car.centre.y() = 0.0;
+    scan.in_sight.push_back(1);
+  }
+  const std::vector<VisibilityDetection> by = box_figures({scan}, 50.0).visibilities;
+  const auto row = [&](std::size_t i) {
+    return std::tuple(by[i].min_points, by[i].found.of, by[i].average_precision);
+  };
+  ASSERT_EQ(by.size(), 5U);
+  EXPECT_THAT(row(0), FieldsAre(5U, 4U, DoubleNear(0.75 * 30 / 40, 1e-9)));
+  EXPECT_THAT(row(1), FieldsAre(10U, 3U, DoubleNear(2.0 / 3.0 * 26 / 40, 1e-9)));
+  // From here on the box that is off lies on a car that does not count, and says nothing.
+  EXPECT_THAT(row(2), FieldsAre(20U, 2U, 1.0));
+  EXPECT_THAT(row(3), FieldsAre(50U, 1U, 1.0));
+  EXPECT_THAT(row(4), FieldsAre(100U, 1U, 1.0));
 }
 
 TEST_F(EvaluateDetector, CountsPointsInsideOfBoxesByClass) {

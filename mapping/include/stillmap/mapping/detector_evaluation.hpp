@@ -83,6 +83,15 @@ struct DistanceDetection {
   double false_boxes_per_scan = 0.0;
 };
 
+/// Vehicles when only those count that the scan shows well enough: the fewer points, the less there
+/// is to know of a box's size and heading.
+struct VisibilityDetection {
+  std::size_t min_points = 0;
+  Share found;
+  /// At an overlap of 0.5. NaN without truth.
+  double average_precision = 0.0;
+};
+
 /// Boxes against labelled boxes.
 struct BoxDetection {
   std::string source;
@@ -99,6 +108,8 @@ struct BoxDetection {
   std::vector<ClassDetection> classes;
   std::vector<ThresholdDetection> thresholds;
   std::vector<DistanceDetection> distances;
+  /// By rising number of points; the first is all that counts elsewhere.
+  std::vector<VisibilityDetection> visibilities;
   /// With labelled points: what false vehicle boxes hold most of, by class, ground left out.
   std::vector<std::pair<std::string, std::size_t>> false_boxes_hold;
 };

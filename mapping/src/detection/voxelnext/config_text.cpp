@@ -40,7 +40,8 @@ const Names<VoxelNextHeight> kHeights = {{"ground", VoxelNextHeight::kGround},
 const Names<VoxelNextYaw> kYaws = {{"direction", VoxelNextYaw::kDirection},
                                    {"axis", VoxelNextYaw::kAxis}};
 const Names<VoxelNextSuppression> kSuppressions = {{"rotated", VoxelNextSuppression::kRotated},
-                                                   {"maxpool", VoxelNextSuppression::kMaxPool}};
+                                                   {"maxpool", VoxelNextSuppression::kMaxPool},
+                                                   {"fitted", VoxelNextSuppression::kFitted}};
 
 /// Beyond a kilometre no LiDAR returns; a voxel below 1 cm is finer than its noise.
 constexpr double kMaxRange_m = 1000.0;

@@ -1,6 +1,7 @@
 #include "detection/voxelnext/voxelnext_detector.hpp"
 
 #include "detection/bev_overlap.hpp"
+#include "detection/box_fit.hpp"
 #include "detection/voxelnext/decoding.hpp"
 #include "detection/voxelnext/voxels.hpp"
 
@@ -77,7 +78,9 @@ std::vector<maps::Box> VoxelNextDetector::detect(const maps::Scan& scan, const G
                       std::back_inserter(boxes));
   }
   if (config_.nms == VoxelNextSuppression::kMaxPool) return boxes;
-  return suppress_overlaps(std::move(boxes), config_.nms_iou);
+  boxes = suppress_overlaps(std::move(boxes), config_.nms_iou);
+  if (config_.nms == VoxelNextSuppression::kFitted) fit_to_points(boxes, scan.cloud);
+  return boxes;
 }
 
 }  // namespace stillmap::mapping

@@ -58,7 +58,12 @@ enum class VoxelNextYaw {
 };
 
 /// How boxes of one object become one.
-enum class VoxelNextSuppression { kRotated, kMaxPool };
+enum class VoxelNextSuppression {
+  kRotated,
+  kMaxPool,
+  /// As kRotated; then boxes of vehicles go to where their points are, see box_fit.hpp.
+  kFitted,
+};
 
 struct VoxelNextStage {
   int channels = 0;
@@ -105,7 +110,7 @@ struct VoxelNextConfig {
   /// For each class in head order.
   std::vector<VoxelNextCalibration> calibration;
   VoxelNextSuppression nms = VoxelNextSuppression::kRotated;
-  /// BEV IoU above which the box of lower score goes, all classes together.
+  /// BEV IoU above which the box of lower score goes, all classes together; not with kMaxPool.
   double nms_iou = 0.2;
   /// Boxes of lower score are left out.
   double score_threshold = 0.1;

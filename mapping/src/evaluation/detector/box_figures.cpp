@@ -15,6 +15,7 @@ namespace {
 constexpr std::size_t kWellSeenPoints = 50;
 constexpr double kWellSeenRangeM = 40.0;
 constexpr std::array<double, 4> kBandsM{0.0, 20.0, 40.0, 50.0};
+constexpr std::array<std::size_t, 5> kLeastPoints{5, 10, 20, 50, 100};
 constexpr int kThresholds = 20;
 constexpr double kBandIou = 0.5;
 
@@ -144,6 +145,19 @@ std::vector<DistanceDetection> by_distance(const std::vector<ScanBoxes>& scans,
   return bands;
 }
 
+std::vector<VisibilityDetection> by_visibility(const std::vector<ScanBoxes>& scans,
+                                               const Window& window) {
+  std::vector<VisibilityDetection> out;
+  for (const std::size_t least : kLeastPoints) {
+    Window visible = window;
+    visible.min_points = least;
+    const CentreMatches vehicles(scans, kinds()[0], visible, 0.0);
+    out.push_back({least, vehicles.recall([](const TruthBox&) { return true; }).found,
+                   average_precision(scans, kinds()[0], visible, kBandIou).value});
+  }
+  return out;
+}
+
 bool occurs(const std::vector<ScanBoxes>& scans, const ClassGroup& group) {
   return std::any_of(scans.begin(), scans.end(), [&](const ScanBoxes& scan) {
     return std::any_of(scan.truths.begin(), scan.truths.end(),
@@ -189,6 +203,7 @@ BoxDetection box_figures(const std::vector<ScanBoxes>& scans, double max_range_m
   for (int k = 0; k < kThresholds; ++k)
     out.thresholds.push_back(at_threshold(scans, window, static_cast<double>(k) / kThresholds));
   out.distances = by_distance(scans, vehicles, max_range_m);
+  out.visibilities = by_visibility(scans, window);
   return out;
 }
 

@@ -75,6 +75,16 @@ Json distances(const BoxDetection& boxes) {
   return out;
 }
 
+Json visibilities(const BoxDetection& boxes) {
+  Json out = Json::array();
+  for (const VisibilityDetection& each : boxes.visibilities) {
+    out.push_back({{"min_points", each.min_points},
+                   {"recall_centre_1_5m", share(each.found)},
+                   {"AP_0_5", number(each.average_precision)}});
+  }
+  return out;
+}
+
 void put_boxes(Json& out, const BoxDetection& boxes) {
   out["AP"] = average_precisions(boxes);
   out["recall_centre_1_5m"] =
@@ -84,6 +94,7 @@ void put_boxes(Json& out, const BoxDetection& boxes) {
       by_class(boxes, [](const ClassDetection& each) { return recall(each.well_seen); });
   out["thresholds"] = thresholds(boxes);
   out["distances"] = distances(boxes);
+  out["visibilities"] = visibilities(boxes);
   Json held = Json::object();
   for (const auto& [name, count] : boxes.false_boxes_hold) held[name] = count;
   out["false_boxes_hold"] = std::move(held);

@@ -129,6 +129,7 @@ class Report {
              "<figcaption>Vehicles at an overlap of " + key("c0", "0.3, ") + key("c1", "0.5, ") +
              key("c2", "0.7") + "</figcaption></figure></div>\n";
     add_distances(boxes);
+    add_visibilities(boxes);
     add_thresholds(boxes);
     add_tracks(boxes);
     add_false_boxes(boxes);
@@ -141,6 +142,16 @@ class Report {
       html_ += row_of({fmt::format("{:g} to {:g} m", band.from_m, band.to_m), counted(band.found),
                        percent_text(band.average_precision, 1),
                        fmt::format("{:.2f}", band.false_boxes_per_scan)});
+    }
+    html_ += "</table>\n";
+  }
+
+  void add_visibilities(const BoxDetection& boxes) {
+    html_ += "<h2>Vehicles by what is seen of them</h2>\n<table class=\"narrow\">" +
+             row_of({"points inside from", "within 1.5 m", "AP 0.5"}, "th");
+    for (const VisibilityDetection& each : boxes.visibilities) {
+      html_ += row_of({grouped_text(each.min_points), counted(each.found),
+                       percent_text(each.average_precision, 1)});
     }
     html_ += "</table>\n";
   }
