@@ -1,6 +1,7 @@
 #include "detection/box_fit.hpp"
 
 #include <gtest/gtest.h>
+#include <Eigen/Geometry>
 
 #include <cmath>
 #include <limits>
