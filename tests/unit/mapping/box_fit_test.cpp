@@ -69,9 +69,9 @@ TEST(BoxFit, MovesABoxToTheSidesThatAreSeen) {
 TEST(BoxFit, TakesTheHeadingOfNeighboursThatThePointsAgreeWith) {
   const Box truth = car_at(18.0, 12.0, 35.0);
   PointCloud cloud;
-  add_seen_sides(cloud, truth, 6);
+  add_seen_sides(cloud, truth, 12);
   std::vector<Box> boxes{truth, car_at(22.0, 6.0, 35.0)};
-  boxes[0].yaw_rad -= 40.0 * kDeg;
+  boxes[0].yaw_rad -= 30.0 * kDeg;
   boxes[0].centre.x() += 0.3;
   fit_to_points(boxes, cloud);
   EXPECT_LT(turn_deg(boxes[0].yaw_rad, truth.yaw_rad), 1e-6);
