@@ -5,6 +5,7 @@
 #include <array>
 #include <string>
 #include <string_view>
+#include <system_error>
 
 #include "drives/layout.hpp"
 #include "formats/text.hpp"
@@ -47,13 +48,15 @@ std::vector<std::string> listed_files(const fs::path& metadata) {
 }
 
 fs::path existing(const fs::path& folder, const std::string& file) {
+  // A name may be too long for the disk; then there is no such file either.
+  std::error_code error;
   // Unpacked by hand.
   if (file.ends_with(kPacked)) {
     const fs::path unpacked_file = folder / file.substr(0, file.size() - kPacked.size());
-    if (fs::is_regular_file(unpacked_file)) return unpacked_file;
+    if (fs::is_regular_file(unpacked_file, error)) return unpacked_file;
   }
   const fs::path path = folder / file;
-  if (fs::is_regular_file(path)) return path;
+  if (fs::is_regular_file(path, error)) return path;
   throw InputError((folder / kMetadata).string(), "'" + file + "', which is not there",
                    "the files of the whole bag");
 }
