@@ -65,8 +65,7 @@ fs::path existing(const fs::path& folder, const std::string& file) {
 
 bool holds_bag_files(const fs::path& folder) {
   if (!list_files(folder, ".mcap").empty() || !list_files(folder, ".db3").empty()) return true;
-  return fs::is_regular_file(folder / kMetadata) &&
-         !listed_files(folder / kMetadata).empty();
+  return fs::is_regular_file(folder / kMetadata) && !listed_files(folder / kMetadata).empty();
 }
 
 std::vector<fs::path> bag_files(const fs::path& root) {
@@ -81,10 +80,10 @@ std::vector<fs::path> bag_files(const fs::path& root) {
     std::vector<fs::path> of_kind = list_files(root, extension);
     if (of_kind.empty()) continue;
     if (!files.empty())
-      throw InputError(root.string(),
-                       files.front().filename().string() + " and " +
-                           of_kind.front().filename().string(),
-                       "files of one kind, or rosbag2's metadata.yaml that names them");
+      throw InputError(
+          root.string(),
+          files.front().filename().string() + " and " + of_kind.front().filename().string(),
+          "files of one kind, or rosbag2's metadata.yaml that names them");
     files = std::move(of_kind);
   }
   return files;

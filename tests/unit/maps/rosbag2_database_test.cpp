@@ -94,21 +94,28 @@ TEST_F(Rosbag2DatabaseTest, RefusesOtherDatabasesAndLaterSchemas) {
 }
 
 TEST_F(Rosbag2DatabaseTest, RunsNothingOfTheFile) {
-  const std::string rows = "WITH RECURSIVE n(i) AS (VALUES(1) UNION ALL SELECT i + 1 FROM n) SELECT ";
-  SqliteFile(file_).run("CREATE TABLE topics (id INTEGER PRIMARY KEY, name, type, "
-                        "serialization_format)")
+  const std::string rows =
+      "WITH RECURSIVE n(i) AS (VALUES(1) UNION ALL SELECT i + 1 FROM n) SELECT ";
+  SqliteFile(file_)
+      .run(
+          "CREATE TABLE topics (id INTEGER PRIMARY KEY, name, type, "
+          "serialization_format)")
       .run("CREATE VIEW messages AS " + rows + "i AS id, 1 AS topic_id, 'x' AS data FROM n");
   expect_refused({"without tables topics and messages"});
   std::filesystem::remove(file_);
-  SqliteFile(file_).run("CREATE TABLE real (id INTEGER PRIMARY KEY, name, type, "
-                        "serialization_format)")
+  SqliteFile(file_)
+      .run(
+          "CREATE TABLE real (id INTEGER PRIMARY KEY, name, type, "
+          "serialization_format)")
       .run("CREATE VIRTUAL TABLE messages USING fts5(topic_id, timestamp, data)")
       .run("CREATE TABLE topics (id INTEGER PRIMARY KEY, name, type, serialization_format)");
   expect_refused({"without tables topics and messages"});
   std::filesystem::remove(file_);
-  SqliteFile(file_).run("CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id, data)")
-      .run("CREATE TABLE topics (id INTEGER PRIMARY KEY, name, type, serialization_format AS "
-           "(hex(zeroblob(1000))))")
+  SqliteFile(file_)
+      .run("CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id, data)")
+      .run(
+          "CREATE TABLE topics (id INTEGER PRIMARY KEY, name, type, serialization_format AS "
+          "(hex(zeroblob(1000))))")
       .run("INSERT INTO topics (name, type) VALUES ('/a', 'b')");
   expect_refused({"columns of 'topics' that are computed"});
 }
@@ -156,7 +163,8 @@ TEST_F(Rosbag2DatabaseTest, CountsRowsOfAnotherKind) {
     bag.make_tables();
     fill(bag);
     bag.run("INSERT INTO messages (topic_id, timestamp, data) VALUES (1, 9, 12)");
-    bag.run("INSERT INTO messages (topic_id, timestamp, data) VALUES (99, 9, x'00')").message(1, "a3");
+    bag.run("INSERT INTO messages (topic_id, timestamp, data) VALUES (99, 9, x'00')")
+        .message(1, "a3");
   }
   const auto all = visit(*open());
   EXPECT_THAT(all.heads, ElementsAre("/a a1", "/b b1 long", "/a a2", "/a a3"));
