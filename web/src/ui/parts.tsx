@@ -3,6 +3,7 @@
 import type { ComponentChildren } from 'preact';
 import { useId, useState } from 'preact/hooks';
 import type { ApiError } from '../api/errors.js';
+import { askForKey } from '../api/keys.js';
 import { Icon } from './icon.js';
 
 /** A refusal or failure in words, with what the server found and expected, and its request's name for the log. */
@@ -22,7 +23,8 @@ export function Trouble({ error, onRetry, title }: { error: ApiError; onRetry?: 
         )}
         {error.requestId !== undefined && <p class="quiet">Request {error.requestId}</p>}
       </div>
-      {onRetry !== undefined && <button type="button" onClick={onRetry}>Try again</button>}
+      {error.trouble === 'key' ? <button type="button" onClick={askForKey}>Enter a key</button>
+        : onRetry !== undefined && <button type="button" onClick={onRetry}>Try again</button>}
     </div>
   );
 }
