@@ -1,13 +1,19 @@
 // Small pieces that every view uses.
 
 import type { ComponentChildren } from 'preact';
-import { useId, useState } from 'preact/hooks';
+import { useEffect, useId, useRef, useState } from 'preact/hooks';
 import type { ApiError } from '../api/errors.js';
-import { askForKey } from '../api/keys.js';
+import { askForKey, key } from '../api/keys.js';
 import { Icon } from './icon.js';
 
-/** A refusal or failure in words, with what the server found and expected, and its request's name for the log. */
+/**
+ * A refusal or failure in words, with what the server found and expected, and its request's name for the log. Where a
+ * key is what is missing, it is asked for, and then tried again.
+ */
 export function Trouble({ error, onRetry, title }: { error: ApiError; onRetry?: (() => void) | undefined; title?: string | undefined }) {
+  const retry = useRef(onRetry);
+  retry.current = onRetry;
+  useEffect(() => (error.trouble === 'key' ? key.listen(() => retry.current?.()) : undefined), [error]);
   return (
     <div class="trouble" role="alert">
       <Icon name="warning" />

@@ -54,7 +54,7 @@ export async function lookAt(file: File): Promise<Look> {
 }
 
 /** @param names of a tar's entries, or of a folder's files. */
-export function lookAtTar(names: readonly string[], packing: Packing): Look {
+function lookAtTar(names: readonly string[], packing: Packing): Look {
   if (names.length === 0) return { refused: `This file is packed (${packing}), but what is in it is no tar.` };
   const isManifest = names.some((name) => /^(\.\/)?([^/]+\/)?manifest\.json$/.test(name));
   const hasTiles = names.some((name) => /(^|\/)tiles\//.test(name));
