@@ -301,13 +301,13 @@ const apart = (a, b) => Math.hypot(...a.map((value, i) => value - b[i]));
 async function clipped(run) {
   const server = await run.server();
   const page = await openView(run, server);
-  // A box over the middle third of the map, up to a metre above its lowest point.
+  // A box over the middle third of the map, with the ground and no more than the feet of what stands on it.
   const { tiles, origin } = await (await fetch(`${server.origin}/v1/maps/town`)).json();
   const [low, high] = [0, 1, 2].map((axis) => origin[axis] + Math.min(...tiles.map(({ min }) => min[axis])))
     .map((value, axis) => [value, origin[axis] + Math.max(...tiles.map(({ max }) => max[axis]))])
     .reduce(([lows, highs], [a, b]) => [[...lows, a], [...highs, b]], [[], []]);
-  const centre = [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]];
-  const size = [(high[0] - low[0]) / 3, (high[1] - low[1]) / 3, 2];
+  const centre = [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2] + 1.25];
+  const size = [(high[0] - low[0]) / 3, (high[1] - low[1]) / 3, 2.5];
   const box = (mode) => `?clip=${mode},${[...centre, ...size].map((value) => value.toFixed(2)).join()},0`;
   const eye = [centre[0] - 1, centre[1] - 45, centre[2] + 40];
   const place = `camera=${[...eye, ...centre].map((value) => value.toFixed(2)).join()}`;
@@ -411,12 +411,13 @@ async function revoked(run) {
   await page.keyboard.press('Enter');
   await page.waitForSelector('text="town"');
   const held = [];
-  const first = new Promise((resolve) => page.route('**/*.glb', (route) => resolve(held.push(route))));
+  let holds = true;
+  const first = new Promise((resolve) => page.route('**/*.glb', (route) => (holds ? resolve(held.push(route)) : route.continue())));
   await page.goto(`${server.origin}/#/view/town`);
   await first;
   const { keys } = await (await fetch(`${server.origin}/v1/keys`, { headers })).json();
   await fetch(`${server.origin}/v1/keys/${keys.find(({ name }) => name === 'reader').id}`, { method: 'DELETE', headers });
-  await page.unroute('**/*.glb');
+  holds = false;
   for (const route of held) await route.continue();
   await page.waitForSelector('dialog:has-text("does not accept this key")');
   run.expect(true, 'a key that is revoked while tiles come is asked for again');
