@@ -33,7 +33,7 @@ export function DrivesSection({ map }: { map: string }) {
       {list?.length === 0 && <p class="quiet">None. Drop one here, as a folder or a tar: new versions are built of drives.</p>}
       {list !== undefined && list.length > 0 && (
         <div class="card table-frame">
-          <table>
+          <table class="drives">
             <thead>
               <tr>
                 <th scope="col">Drive</th><th scope="col">State</th><th scope="col" class="end">Size</th><th scope="col">Begun</th>
