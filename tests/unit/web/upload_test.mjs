@@ -19,6 +19,8 @@ const { connection } = await unit('api/connection');
 
 const named = (name, content) => Object.assign(new Blob([content]), { name, lastModified: 1_700_000_000_000 });
 const kMiB = 1 << 20;
+/** The head of a LAS file, with the number of its point format. */
+const las = (format) => Buffer.concat([Buffer.from('LASF'), Buffer.alloc(100), Buffer.from([format]), Buffer.alloc(270)]);
 
 test('tar reads what we pack: long paths, other letters, empty files', async () => {
   const long = `${'folder/'.repeat(20)}scan.bin`;
@@ -42,7 +44,7 @@ test('the same files give the same bytes, in whatever order they come', async ()
 test('a file is told by what is in it, not by its name', async () => {
   const tar = async (...paths) => Buffer.from(await tarOf(paths.map((path) => ({ path, file: named(path, 'x') }))).arrayBuffer());
   const kinds = [
-    ['x', '# .PCD v0.7\nVERSION 0.7\n', 'pcd'], ['x', 'ply\nformat ascii 1.0\n', 'ply'],
+    ['x', '# .PCD v0.7\nVERSION 0.7\n', 'pcd'], ['x', 'ply\nformat ascii 1.0\n', 'ply'], ['x', las(6), 'las'],
     ['x', await tar('./manifest.json', './tiles/0_0_0.bin'), 'package'], ['x', await tar('monday/velodyne/000000.bin'), 'drive'],
     ['x', gzipSync(await tar('map/manifest.json')), 'package'], ['x', gzipSync(await tar('velodyne/000000.bin')), 'drive'],
   ];
@@ -52,7 +54,7 @@ test('a file is told by what is in it, not by its name', async () => {
 
 test('what the server would not take is said before a byte is sent', async () => {
   const refusals = [
-    ['map.zip', 'PK\u0003\u0004', /zip/], ['a.las', 'LASF', /PCD or PLY/], ['x.tar', '', /empty/], ['notes.txt', 'hello', /neither a tar/],
+    ['map.zip', 'PK\u0003\u0004', /zip/], ['a.las', las(6 | 0x80), /LAZ.*unpack/], ['a.las', 'SALF', /begin with LASF/], ['x.tar', '', /empty/], ['notes.txt', 'hello', /neither a tar/],
     ['x.gz', gzipSync('no tar'), /no tar/], ['scan.bin', 'xxxx', /single scan/],
   ];
   for (const [name, content, words] of refusals) assert.match((await lookAt(named(name, content))).refused, words);
