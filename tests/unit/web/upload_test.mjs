@@ -102,8 +102,11 @@ test('speed is that of the last seconds', () => {
   assert.equal(speed.bytesPerS, 300);
 });
 
-/** A server of parts in memory. @param before is called before each request with its name, and may throw */
-function memory(before = () => undefined) {
+/**
+ * A server of parts in memory. @param before is called before each request with its name, and may throw
+ * @param slow parts that take longer than others
+ */
+function memory(before = () => undefined, slow = []) {
   const parts = new Map();
   const listed = () => [...parts].map(([n, bytes]) => ({ n, bytes: bytes.length, sha256: createHash('sha256').update(bytes).digest('hex') }));
   return {
@@ -115,6 +118,7 @@ function memory(before = () => undefined) {
       before(n);
       assert.equal(digest, contentDigest(await sha256(body)));
       onProgress(body.byteLength);
+      if (slow.includes(n)) await new Promise((resolve) => setTimeout(resolve, 200));
       parts.set(n, Buffer.from(body));
     },
     finish: async function () { before('finish'); return { is: 'drive', drive: 1 }; },
@@ -132,14 +136,14 @@ test('a file arrives as it is', async () => {
   assert.ok(target.whole().equals(kContent));
 });
 
-test('an upload goes on after the server was away, and sends no part twice', async () => {
+test('an upload goes on after the server was away, and sends only what broke off twice', async () => {
   let away = 1;
   const target = memory((what) => {
     if (what !== 3 || away-- <= 0) return;
     connection.set({ state: 'down' });
     setTimeout(() => connection.set({ state: 'up' }), 20);
     throw down();
-  });
+  }, [1, 2]);
   const transfer = new Transfer(new Blob([kContent]), target);
   const states = [];
   transfer.view.listen(({ state }) => states.at(-1) !== state && states.push(state));
@@ -147,9 +151,8 @@ test('an upload goes on after the server was away, and sends no part twice', asy
   assert.equal(states.at(-1), 'done');
   assert.ok(states.includes('waiting'), states.join());
   assert.ok(target.whole().equals(kContent));
-  const sent = target.asked.filter((what) => what !== 'begin').sort();
-  assert.deepEqual([...new Set(sent)], [1, 2, 3, 4]);
-  assert.ok(sent.length <= 7, sent.join());
+  // Parts 1 and 2 were still under way when 3 broke off.
+  assert.deepEqual(target.asked.filter((what) => what !== 'begin').sort(), [1, 2, 3, 3, 4]);
 });
 
 test('another file is not mixed with what was begun', async () => {
