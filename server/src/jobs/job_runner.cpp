@@ -3,6 +3,7 @@
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
 #include "ids_and_times.hpp"
+#include "jobs/program_crash.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -157,6 +158,8 @@ AttemptEnd JobRunner::attempt(const maps::StoredJob& job, const std::stop_token&
       .on_progress = [&](const JobProgress& progress) { note_progress(job, progress); }};
   try {
     attempt.command = prepare(job);
+  } catch (const ProgramCrash& error) {
+    return {AttemptEnd::Kind::kCrashed, error.what()};
   } catch (const std::exception& error) {
     return {AttemptEnd::Kind::kFailed, error.what()};
   }
