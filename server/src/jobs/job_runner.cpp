@@ -149,8 +149,8 @@ void JobRunner::run(const maps::StoredJob& job, const std::stop_token& stop) {
   const AttemptEnd end = attempt(job, stop);
   // What the store cannot keep just now, as on a full disk, is tried until the server ends; at its
   // next start the job is put back.
-  for (std::chrono::seconds pause = kLookAtStore; !stop.stop_requested();
-       pause = std::min(2 * pause, kMostBetweenTries)) {
+  std::chrono::seconds pause = kLookAtStore;
+  do {
     try {
       return settle(job, end);
     } catch (const std::exception& error) {
@@ -158,7 +158,8 @@ void JobRunner::run(const maps::StoredJob& job, const std::stop_token& stop) {
     }
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, stop, pause, [] { return false; });
-  }
+    pause = std::min(2 * pause, kMostBetweenTries);
+  } while (!stop.stop_requested());
 }
 
 AttemptEnd JobRunner::attempt(const maps::StoredJob& job, const std::stop_token& stop) {
