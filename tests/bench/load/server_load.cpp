@@ -246,8 +246,8 @@ void Load::measure_workers() {
   double answered[2] = {0.0, 0.0};
   const ServerProcess one(arguments_.program, arguments_.store, 1);
   const ServerProcess two(arguments_.program, arguments_.store, 2);
-  constexpr int kTurns = 5;
-  for (int turn = -1; turn < kTurns; ++turn) {
+  constexpr int kPairs = 5;
+  for (int turn = -1; turn < kPairs; ++turn) {
     for (const int i : {0, 1}) {
       const ServerProcess& server = i == 0 ? one : two;
       const double before = server.cpu_s();
@@ -256,7 +256,7 @@ void Load::measure_workers() {
       if (turn < 0) continue;
       cpu_s[i] += server.cpu_s() - before;
       answered[i] += here * seconds_since(begin);
-      rate[i] += here / kTurns;
+      rate[i] += here / kPairs;
     }
   }
   for (const int i : {0, 1}) per_cpu_s[i] = answered[i] / cpu_s[i];
