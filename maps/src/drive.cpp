@@ -15,6 +15,8 @@
 #include "drives/kitti_odometry.hpp"
 #include "drives/kitti_raw.hpp"
 #include "drives/layout.hpp"
+#include "drives/mulran.hpp"
+#include "drives/rawlog_drive.hpp"
 #include "drives/scan_folder.hpp"
 #include "formats/file_bytes.hpp"
 
@@ -29,10 +31,11 @@ struct LayoutReader {
 };
 
 // Layouts with folders of fixed names; a plain folder of scans is what is left.
-constexpr std::array<LayoutReader, 4> kNamedLayouts{{
+constexpr std::array<LayoutReader, 5> kNamedLayouts{{
     {DriveLayout::kKittiRaw, is_kitti_raw, open_kitti_raw},
     {DriveLayout::kKittiOdometry, is_kitti_odometry, open_kitti_odometry},
     {DriveLayout::kKeyframes, is_keyframes, open_keyframes},
+    {DriveLayout::kMulran, is_mulran, open_mulran},
     {DriveLayout::kRosbag2, is_bag, nullptr},
 }};
 
@@ -51,8 +54,8 @@ LayoutReader reader_for(const std::filesystem::path& root) {
   if (is_scan_folder(root)) return {DriveLayout::kScanFolder, is_scan_folder, open_scan_folder};
   throw InputError(root.string(), "no layout that is known",
                    "velodyne_points/data/*.bin (KITTI raw), velodyne/*.bin (KITTI odometry), "
-                   "Scans/*.pcd with optimized_poses.txt (key frames), *.mcap or *.db3 (bags), or "
-                   "*.pcd, *.ply or *.bin");
+                   "Scans/*.pcd with optimized_poses.txt (key frames), Ouster/*.bin with "
+                   "global_pose.csv (MulRan), *.mcap or *.db3 (bags), or *.pcd, *.ply or *.bin");
 }
 
 /// Times of a spinning sensor's points from their azimuth, clockwise; see
@@ -70,6 +73,16 @@ void set_spin_times(PointCloud& cloud, const std::array<double, 2>& start_end_s)
   for (std::size_t i = 0; i < cloud.size(); ++i) {
     const float azimuth_rad = std::atan2(cloud.positions[i].y(), cloud.positions[i].x());
     cloud.time_offsets_s[i] = azimuth_rad * (azimuth_rad > 0.0F ? start_per_rad : -end_per_rad);
+  }
+}
+
+/// See Drive::Contents::ColumnTimes.
+void set_column_times(PointCloud& cloud, const Drive::Contents::ColumnTimes& turn) {
+  cloud.time_offsets_s.resize(cloud.size());
+  const double step_s = (turn.end_s - turn.start_s) / static_cast<double>(turn.columns);
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const auto column = static_cast<double>(cloud.file_index(i) / turn.rows);
+    cloud.time_offsets_s[i] = static_cast<float>(turn.start_s + step_s * column);
   }
 }
 
@@ -96,12 +109,16 @@ std::string_view name_of(DriveLayout layout) {
       return "kitti_odometry";
     case DriveLayout::kKeyframes:
       return "keyframes";
+    case DriveLayout::kMulran:
+      return "mulran";
     case DriveLayout::kScanFolder:
       return "scan_folder";
     case DriveLayout::kMcap:
       return "mcap";
     case DriveLayout::kRosbag2:
       return "rosbag2";
+    case DriveLayout::kRawlog:
+      return "rawlog";
   }
   throw std::invalid_argument("name_of: unknown layout");
 }
@@ -115,16 +132,18 @@ Drive Drive::open(const std::filesystem::path& root,
       throw InputError(root.string(), "'?" + words + "' behind a drive that is no bag",
                        "its folder alone");
     if (reader.open != nullptr) return Drive(reader.open(place, poses_file));
+  } else if (is_rawlog(place)) {
+    return Drive(open_rawlog_drive(place, words, poses_file));
   } else if (!is_bag(place)) {
     throw InputError(place.string(), std::filesystem::exists(place) ? "a file" : "nothing",
-                     "the folder of a drive, or a bag (MCAP, SQLite of rosbag2)");
+                     "the folder of a drive, a bag (MCAP, SQLite of rosbag2) or an MRPT rawlog");
   }
   return Drive(open_bag_drive(place, words, poses_file));
 }
 
 bool Drive::is_at(const std::filesystem::path& root) {
   const std::filesystem::path place = address_of(root).place;
-  return std::filesystem::is_directory(place) || is_bag(place);
+  return std::filesystem::is_directory(place) || is_bag(place) || is_rawlog(place);
 }
 
 std::string Drive::Contents::scan_name(std::size_t index) const {
@@ -178,6 +197,9 @@ Scan Drive::read(std::size_t index) const {
   if (!contents_.spin_start_end_s.empty()) {
     set_spin_times(scan.cloud, contents_.spin_start_end_s[index]);
   }
+  const auto& turn = contents_.columns;
+  if (turn && scan.points_in_file == turn->rows * turn->columns)
+    set_column_times(scan.cloud, *turn);
   return scan;
 }
 

@@ -77,6 +77,12 @@ std::string motion_of(const maps::Drive& drive) {
     put_number(bytes, start_s);
     put_number(bytes, end_s);
   }
+  if (const auto& turn = contents.columns) {
+    put_number(bytes, turn->rows);
+    put_number(bytes, turn->columns);
+    put_number(bytes, turn->start_s);
+    put_number(bytes, turn->end_s);
+  }
   return maps::sha256_of(bytes);
 }
 

@@ -87,7 +87,7 @@ void print_for_people(const server::DriveSummary& drive) {
   table.add("poses", drive.has_poses ? fmt::format("for every scan, {:.1f} m", drive.path_length_m)
                                      : "none");
   table.add("geodetic origin", text_of(drive.origin));
-  table.add("times of points", drive.has_point_times ? "from the sensor's turn" : "unknown");
+  table.add("times of points", drive.has_point_times ? "for every point" : "unknown");
   table.add("labels", drive.has_labels ? "for every point" : "none");
   table.add(
       "first scan",

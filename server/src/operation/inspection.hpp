@@ -37,6 +37,7 @@ struct DriveSummary {
   double rate_hz = 0.0;
   bool relative_clock = true;
   bool has_poses = false;
+  /// Of the first scan.
   bool has_point_times = false;
   bool has_labels = false;
   double path_length_m = 0.0;
