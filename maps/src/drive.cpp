@@ -19,6 +19,7 @@
 #include "drives/rawlog_drive.hpp"
 #include "drives/scan_folder.hpp"
 #include "formats/file_bytes.hpp"
+#include "sensors/turn_times.hpp"
 
 namespace stillmap::maps {
 namespace {
@@ -197,9 +198,11 @@ Scan Drive::read(std::size_t index) const {
   if (!contents_.spin_start_end_s.empty()) {
     set_spin_times(scan.cloud, contents_.spin_start_end_s[index]);
   }
-  const auto& turn = contents_.columns;
-  if (turn && scan.points_in_file == turn->rows * turn->columns)
-    set_column_times(scan.cloud, *turn);
+  const auto& columns = contents_.columns;
+  if (columns && scan.points_in_file == columns->rows * columns->columns)
+    set_column_times(scan.cloud, *columns);
+  if (contents_.turn && scan.cloud.time_offsets_s.empty())
+    set_turn_times(scan.cloud, contents_.turn->period_s, contents_.turn->stamp_at);
   return scan;
 }
 

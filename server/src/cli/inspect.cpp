@@ -1,4 +1,4 @@
-#include <fmt/core.h>
+#include <fmt/format.h>
 
 #include <memory>
 #include <numbers>
@@ -94,6 +94,8 @@ void print_for_people(const server::DriveSummary& drive) {
       fmt::format("{} points, {} not finite, {} without return", grouped(drive.first_scan_points),
                   drive.first_scan_dropped.non_finite, drive.first_scan_dropped.zero_range));
   table.add("  bounds", text_of(drive.first_scan_bounds));
+  if (!drive.sensors.empty())
+    table.add("looks like", fmt::format("{} (`build --sensor`)", fmt::join(drive.sensors, " or ")));
   add_check(drive.check, table);
   for (const std::string& note : drive.notes) table.add("note", note);
   table.print();

@@ -13,6 +13,7 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/frames.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/sensor_preset.hpp>
 #include <string>
 #include <vector>
 
@@ -52,6 +53,7 @@ std::string to_json_text(const mapping::MapBuildReport& report, const BuildArgum
                      {"loops", options.trajectory.loops},
                      {"register_to", options.register_to ? options.register_to->string() : ""},
                      {"pose_sigma", arguments.pose_sigma.value_or("")},
+                     {"sensor", options.sensor.value_or("")},
                      {"detector", options.detector},
                      {"movable", arguments.movable},
                      {"ground_height", name_of(options.projection.ground_height)},
@@ -209,6 +211,25 @@ void add_method_options(CLI::App& command, BuildArguments& arguments) {
                      "Height of the sensor over the ground [m] (default: estimated)");
 }
 
+void add_sensor_options(CLI::App& command, BuildArguments& arguments) {
+  mapping::MapBuildOptions& options = arguments.options;
+  std::vector<std::string> sensors;
+  for (const maps::SensorPreset& sensor : maps::sensor_presets()) sensors.emplace_back(sensor.name);
+  command
+      .add_option("--sensor", options.sensor,
+                  "What the drives were taken with (`inspect` has a guess): gives points their "
+                  "times in the sensor's turn where the scans do not tell, and its ranges")
+      ->check(CLI::IsMember(sensors));
+  command
+      .add_option("--min-range", options.min_range_m,
+                  "Nearer points are what carries the sensor [m] (avia, mid-360: theirs)")
+      ->capture_default_str();
+  command
+      .add_option("--max-range", options.max_range_m,
+                  "Farther points are too sparse [m] (os0, mid-360: theirs)")
+      ->capture_default_str();
+}
+
 void add_pose_options(CLI::App& command, BuildArguments& arguments) {
   mapping::MapBuildOptions& options = arguments.options;
   std::vector<std::string> methods = mapping::odometry_names();
@@ -243,6 +264,13 @@ void read_words(BuildArguments& arguments, const CLI::App& command) {
   options.projection.policy = mapping::movable_policy_from(arguments.movable);
   const std::string clean = options.clean;
   if (arguments.preset == "paper") mapping::apply_paper_preset(options);
+  if (options.sensor) {
+    const maps::SensorPreset& sensor = maps::sensor_preset(*options.sensor);
+    if (command.count("--min-range") == 0)
+      options.min_range_m = sensor.min_range_m.value_or(options.min_range_m);
+    if (command.count("--max-range") == 0)
+      options.max_range_m = sensor.max_range_m.value_or(options.max_range_m);
+  }
   options.trajectory.loops = arguments.loops == "on";
   if (!arguments.geo_origin.empty())
     options.geodetic_origin = parse_geo_origin(arguments.geo_origin);
@@ -283,6 +311,7 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
   command.add_option("--geo-origin", arguments.geo_origin,
                      "LATITUDE,LONGITUDE,ALTITUDE [deg, deg, m above the WGS 84 ellipsoid] of the "
                      "frame of the given poses, x east, y north, where the drive does not say it");
+  add_sensor_options(command, arguments);
   add_pose_options(command, arguments);
   command
       .add_option(

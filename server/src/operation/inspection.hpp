@@ -45,6 +45,8 @@ struct DriveSummary {
   /// Of the first scan, in its lidar frame [m].
   std::size_t first_scan_points = 0;
   maps::DropCounts first_scan_dropped;
+  /// What the scans may be of, by name.
+  std::vector<std::string> sensors;
   Eigen::AlignedBox3d first_scan_bounds;
   std::vector<std::string> notes;
   maps::DriveCheck check;

@@ -84,6 +84,13 @@ class Drive {
       double end_s = 0.0;
     };
     std::optional<ColumnTimes> columns;
+    /// Of a sensor that turns once a scan, for scans without times; see `sensor_preset.hpp`.
+    struct Turn {
+      double period_s = 0.1;
+      /// Share of the turn at which the stamp lies.
+      double stamp_at = 0.0;
+    };
+    std::optional<Turn> turn;
     /// SemanticKITTI label file of each scan, or empty.
     std::vector<std::filesystem::path> label_files;
     /// Scans named by the layout but absent on disk, duplicates and the like: said, not silently
