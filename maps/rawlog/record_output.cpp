@@ -31,8 +31,8 @@ void set_pose(RawlogRecord& record, const mrpt::poses::CPose3D& pose) {
 
 }  // namespace
 
-void RecordOutput::scan(const Sweep& sweep, const std::string& label,
-                        mrpt::Clock::time_point stamp, const mrpt::poses::CPose3D& T_base_lidar) {
+void RecordOutput::scan(const Sweep& sweep, const std::string& label, mrpt::Clock::time_point stamp,
+                        const mrpt::poses::CPose3D& T_base_lidar) {
   if (sweep.points.empty() || sweep.points.size() > kMostRawlogPoints ||
       label.size() > kMostRawlogText)
     return skip();
@@ -42,8 +42,8 @@ void RecordOutput::scan(const Sweep& sweep, const std::string& label,
   record.stamp_ns = stamp_ns_of(stamp);
   set_pose(record, T_base_lidar);
   record.points = static_cast<std::uint32_t>(sweep.points.size());
-  record.flags = (sweep.has_intensities ? kRawlogIntensities : 0U) |
-                 (sweep.has_times ? kRawlogTimes : 0U);
+  record.flags =
+      (sweep.has_intensities ? kRawlogIntensities : 0U) | (sweep.has_times ? kRawlogTimes : 0U);
   put(&record, sizeof record);
   put(label.data(), label.size());
   put(sweep.points.data(), sweep.points.size() * sizeof(RawlogPoint));

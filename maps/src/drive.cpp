@@ -32,12 +32,13 @@ struct LayoutReader {
 };
 
 // Layouts with folders of fixed names; a plain folder of scans is what is left.
-constexpr std::array<LayoutReader, 5> kNamedLayouts{{
+constexpr std::array<LayoutReader, 6> kNamedLayouts{{
     {DriveLayout::kKittiRaw, is_kitti_raw, open_kitti_raw},
     {DriveLayout::kKittiOdometry, is_kitti_odometry, open_kitti_odometry},
     {DriveLayout::kKeyframes, is_keyframes, open_keyframes},
     {DriveLayout::kMulran, is_mulran, open_mulran},
     {DriveLayout::kRosbag2, is_bag, nullptr},
+    {DriveLayout::kRawlog, is_rawlog, nullptr},
 }};
 
 LayoutReader reader_for(const std::filesystem::path& root) {
@@ -56,7 +57,8 @@ LayoutReader reader_for(const std::filesystem::path& root) {
   throw InputError(root.string(), "no layout that is known",
                    "velodyne_points/data/*.bin (KITTI raw), velodyne/*.bin (KITTI odometry), "
                    "Scans/*.pcd with optimized_poses.txt (key frames), Ouster/*.bin with "
-                   "global_pose.csv (MulRan), *.mcap or *.db3 (bags), or *.pcd, *.ply or *.bin");
+                   "global_pose.csv (MulRan), *.mcap or *.db3 (bags), *.rawlog (MRPT), or *.pcd, "
+                   "*.ply or *.bin");
 }
 
 /// Times of a spinning sensor's points from their azimuth, clockwise; see
@@ -133,9 +135,9 @@ Drive Drive::open(const std::filesystem::path& root,
       throw InputError(root.string(), "'?" + words + "' behind a drive that is no bag",
                        "its folder alone");
     if (reader.open != nullptr) return Drive(reader.open(place, poses_file));
-  } else if (is_rawlog(place)) {
-    return Drive(open_rawlog_drive(place, words, poses_file));
-  } else if (!is_bag(place)) {
+  }
+  if (is_rawlog(place)) return Drive(open_rawlog_drive(place, words, poses_file));
+  if (!std::filesystem::is_directory(place) && !is_bag(place)) {
     throw InputError(place.string(), std::filesystem::exists(place) ? "a file" : "nothing",
                      "the folder of a drive, a bag (MCAP, SQLite of rosbag2) or an MRPT rawlog");
   }

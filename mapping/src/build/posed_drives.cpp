@@ -78,8 +78,8 @@ std::vector<maps::Drive> open_drives(const std::vector<std::filesystem::path>& f
   std::vector<maps::Drive> drives;
   for (const std::filesystem::path& folder : folders) {
     const maps::Drive drive = placed(maps::Drive::open(folder, options.poses_file), options);
-    drives.push_back(
-        options.sensor ? maps::with_sensor(drive, maps::sensor_preset(*options.sensor)) : drive);
+    drives.push_back(options.sensor ? maps::with_sensor(drive, maps::sensor_preset(*options.sensor))
+                                    : drive);
   }
   return drives;
 }

@@ -157,12 +157,11 @@ std::vector<Eigen::Isometry3d> poses_at_stamps(const Trajectory& trajectory, con
     const std::int64_t stamp = contents.stamps_ns[i];
     const std::optional<Eigen::Isometry3d> pose = trajectory.at(stamp, kMaxExtrapolationS);
     if (!pose) {
-      throw InputError(
-          source.string(),
-          "poses from " + seconds_text(path.front().stamp_ns) + " to " +
-              seconds_text(path.back().stamp_ns),
-          fmt::format("one within {} s of scan {} at {}", kMaxExtrapolationS,
-                      contents.scan_name(i), seconds_text(stamp)));
+      throw InputError(source.string(),
+                       "poses from " + seconds_text(path.front().stamp_ns) + " to " +
+                           seconds_text(path.back().stamp_ns),
+                       fmt::format("one within {} s of scan {} at {}", kMaxExtrapolationS,
+                                   contents.scan_name(i), seconds_text(stamp)));
     }
     poses.push_back(*pose);
     const auto after = std::lower_bound(

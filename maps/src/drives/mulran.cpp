@@ -84,7 +84,8 @@ void note_missing_scans(Drive::Contents& contents) {
   const std::string text = read_csv(file);
   const std::set<std::int64_t> there(contents.stamps_ns.begin(), contents.stamps_ns.end());
   std::size_t missing = 0;
-  for (const NumberLine& line : number_lines(text)) missing += 1 - there.count(stamp_in(file, line));
+  for (const NumberLine& line : number_lines(text))
+    missing += 1 - there.count(stamp_in(file, line));
   if (missing > 0)
     contents.notes.push_back(
         fmt::format("{} scans of {} missing on disk", missing, file.filename().string()));
@@ -122,9 +123,8 @@ class FromUtm {
     const Eigen::Vector3d north =
         projection_.to_map(p_utm + kStepM * Eigen::Vector3d::UnitY()) - T_map_base.translation();
     const double turn_rad = std::atan2(-north.x(), north.y());
-    T_map_base.linear() =
-        Eigen::AngleAxisd(turn_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix() *
-        T_utm_base.linear();
+    T_map_base.linear() = Eigen::AngleAxisd(turn_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix() *
+                          T_utm_base.linear();
     return T_map_base;
   }
 

@@ -74,10 +74,10 @@ const std::string& label_of(const RawlogSurvey& survey, const BagChoice& choice,
                             const std::string& name) {
   const auto& labels = survey.scans_of_label;
   if (labels.empty())
-    throw InputError(name,
-                     survey.notes.empty() ? "a rawlog without clouds"
-                                          : "no clouds; " + survey.notes.back(),
-                     "CObservationPointCloud, CObservation3DRangeScan or CObservationVelodyneScan");
+    throw InputError(
+        name,
+        survey.notes.empty() ? "a rawlog without clouds" : "no clouds; " + survey.notes.back(),
+        "CObservationPointCloud, CObservation3DRangeScan or CObservationVelodyneScan");
   if (choice.cloud) {
     const auto found = labels.find(*choice.cloud);
     if (found == labels.end())
@@ -86,9 +86,9 @@ const std::string& label_of(const RawlogSurvey& survey, const BagChoice& choice,
     return found->first;
   }
   if (labels.size() > 1)
-    throw InputError(name, "clouds of " + listed(survey),
-                     fmt::format("one sensor's, chosen as in '{}?cloud={}'", name,
-                                 labels.begin()->first));
+    throw InputError(
+        name, "clouds of " + listed(survey),
+        fmt::format("one sensor's, chosen as in '{}?cloud={}'", name, labels.begin()->first));
   return labels.begin()->first;
 }
 
@@ -100,8 +100,7 @@ std::optional<RawlogPoseSource> source_of(const RawlogSurvey& survey, const BagC
       return static_cast<RawlogPoseSource>(i);
   }
   if (!choice.poses) return std::nullopt;
-  throw InputError(name, "poses=" + *choice.poses,
-                   "poses=none, robot_pose, odometry or actions");
+  throw InputError(name, "poses=" + *choice.poses, "poses=none, robot_pose, odometry or actions");
 }
 
 /// Sets them, and leaves out scans at the ends that have none.
@@ -130,9 +129,9 @@ void set_own_poses(Drive::Contents& contents, const RawlogScans& scans, RawlogPo
 }
 
 void set_scans(Drive::Contents& contents, const std::shared_ptr<const RawlogScans>& scans,
-               const std::string& label) {
+               const std::string& label, const fs::path& file) {
   for (std::size_t i = 0; i < scans->scans->size(); ++i) {
-    contents.scan_files.push_back(contents.root);
+    contents.scan_files.push_back(file);
     contents.stamps_ns.push_back((*scans->scans)[i].stamp_ns);
     contents.entries.numbers.push_back(i);
   }
@@ -142,11 +141,14 @@ void set_scans(Drive::Contents& contents, const std::shared_ptr<const RawlogScan
   contents.relative_clock = contents.stamps_ns.front() < kFirstEpochStampNs;
 }
 
-}  // namespace
+fs::path file_in(const fs::path& folder) {
+  const std::vector<fs::path> files = list_files(folder, ".rawlog");
+  if (files.size() != 1)
+    throw InputError(folder.string(), fmt::format("{} rawlogs", files.size()), "one");
+  return files.front();
+}
 
-bool is_rawlog(const fs::path& file) {
-  std::error_code error;
-  if (!fs::is_regular_file(file, error)) return false;
+bool begins_as_rawlog(const fs::path& file) {
   const std::unique_ptr<gzFile_s, int (*)(gzFile)> stream(::gzopen(file.c_str(), "rb"), ::gzclose);
   if (!stream) return false;
   // An object begins with the length of its class' name, whose highest bit is set, and the name.
@@ -154,17 +156,28 @@ bool is_rawlog(const fs::path& file) {
   const int size = ::gzread(stream.get(), head.data(), head.size());
   if (size < 1 || (static_cast<unsigned char>(head[0]) & 0x80U) == 0) return false;
   const std::size_t length = static_cast<unsigned char>(head[0]) & 0x7FU;
-  const std::string_view name = std::string_view(head.data() + 1, static_cast<std::size_t>(size) - 1)
-                                    .substr(0, length);
+  const std::string_view name =
+      std::string_view(head.data() + 1, static_cast<std::size_t>(size) - 1).substr(0, length);
   return name.starts_with("mrpt::obs::C") || name.starts_with("CObservation") ||
          name.starts_with("CSensoryFrame") || name.starts_with("CActionCollection");
 }
 
-Drive::Contents open_rawlog_drive(const fs::path& file, std::string_view words,
+}  // namespace
+
+bool is_rawlog(const fs::path& root) {
+  std::error_code error;
+  if (fs::is_directory(root, error)) return !list_files(root, ".rawlog").empty();
+  return fs::is_regular_file(root, error) && begins_as_rawlog(root);
+}
+
+Drive::Contents open_rawlog_drive(const fs::path& root, std::string_view words,
                                   const std::optional<fs::path>& poses_file) {
   auto scans = std::make_shared<RawlogScans>();
-  scans->name = file.string();
-  const BagChoice choice = parse_bag_choice(words, scans->name);
+  scans->name = root.string();
+  BagChoice choice = parse_bag_choice(words, scans->name);
+  const bool in_folder = fs::is_directory(root);
+  if (in_folder) choice = with_choice_of_folder(std::move(choice), root);
+  const fs::path file = in_folder ? file_in(root) : root;
   if (choice.pose_frame)
     throw InputError(scans->name, "pose_frame", "cloud=LABEL or poses=SOURCE of a rawlog");
   scans->survey = survey_rawlog(file);
@@ -172,9 +185,9 @@ Drive::Contents open_rawlog_drive(const fs::path& file, std::string_view words,
   scans->scans = &scans->survey->scans_of_label.at(label);
   Drive::Contents contents;
   contents.layout = DriveLayout::kRawlog;
-  contents.root = file;
+  contents.root = root;
   contents.notes = scans->survey->notes;
-  set_scans(contents, scans, label);
+  set_scans(contents, scans, label, file);
   const bool timed = std::none_of(contents.stamps_ns.begin(), contents.stamps_ns.end(),
                                   [](std::int64_t stamp) { return stamp == kNoRawlogStamp; });
   if (!timed) assume_times(contents);

@@ -69,8 +69,8 @@ class Reader {
     std::array<char*, 2> arguments{name.data(), nullptr};
     // What the caller's environment says is nothing to it, above all not where MRPT's files lie.
     std::array<char*, 1> environment{nullptr};
-    const int error = ::posix_spawn(&pid_, name.c_str(), &actions, nullptr, arguments.data(),
-                                    environment.data());
+    const int error =
+        ::posix_spawn(&pid_, name.c_str(), &actions, nullptr, arguments.data(), environment.data());
     ::posix_spawn_file_actions_destroy(&actions);
     if (error != 0) throw StorageError(name, std::generic_category().message(error));
   }

@@ -29,7 +29,8 @@ class UnnamedFile {
 };
 
 /// Lets `stillmap-rawlog` read a rawlog, in a process of its own that gets no more than 256 MiB of
-/// memory of its own, no file but this one, and a minute for each step; its records go to `records`.
+/// memory of its own, no file but this one, and a minute for each step; its records go to
+/// `records`.
 /// @return how it ended if that was not of itself: killed by what it read, or without a word for a
 /// minute; otherwise nothing.
 /// @throws InputError where MRPT's reader is not installed (with what to do), or when it says more

@@ -71,8 +71,8 @@ std::shared_ptr<const RawlogSurvey> survey_anew(const fs::path& file) {
   if (!broken_off.empty()) {
     std::size_t scans = 0;
     for (const auto& [label, of_label] : survey->scans_of_label) scans += of_label.size();
-    survey->notes.push_back(
-        fmt::format("the rawlog could not be read to its end: {}; {} scans could", broken_off, scans));
+    survey->notes.push_back(fmt::format(
+        "the rawlog could not be read to its end: {}; {} scans could", broken_off, scans));
   }
   return survey;
 }

@@ -35,9 +35,8 @@ struct RawlogSurvey {
   std::vector<std::string> notes;
 
   /// Each pose T_odom_base of a source, in the order of the rawlog. @throws StorageError.
-  void for_each_pose(
-      RawlogPoseSource source,
-      const std::function<void(std::int64_t, const Eigen::Isometry3d&)>& take) const;
+  void for_each_pose(RawlogPoseSource source,
+                     const std::function<void(std::int64_t, const Eigen::Isometry3d&)>& take) const;
 };
 
 /// Has a rawlog read, once for each process as long as the file stays the same.

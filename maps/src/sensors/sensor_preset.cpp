@@ -119,7 +119,8 @@ const SensorPreset& sensor_preset(std::string_view name) {
     if (sensor.name == name) return sensor;
     known += (known.empty() ? "" : " ") + std::string(sensor.name);
   }
-  throw std::invalid_argument("sensor: found '" + std::string(name) + "', expected one of " + known);
+  throw std::invalid_argument("sensor: found '" + std::string(name) + "', expected one of " +
+                              known);
 }
 
 std::vector<std::string> guess_sensors(const Scan& scan) {
@@ -132,8 +133,8 @@ std::vector<std::string> guess_sensors(const Scan& scan) {
 
 Drive with_sensor(const Drive& drive, const SensorPreset& sensor) {
   Drive::Contents contents = drive.contents();
-  const bool at_one_instant = contents.layout == DriveLayout::kKittiOdometry ||
-                              contents.layout == DriveLayout::kKeyframes;
+  const bool at_one_instant =
+      contents.layout == DriveLayout::kKittiOdometry || contents.layout == DriveLayout::kKeyframes;
   const bool tells = !contents.spin_start_end_s.empty() || contents.columns;
   if (sensor.stamp_at && !at_one_instant && !tells)
     contents.turn = Drive::Contents::Turn{period_s(drive), *sensor.stamp_at};

@@ -162,8 +162,8 @@ TEST_F(MulranDrive, WithoutPosesIsADriveWithoutThem) {
 
 TEST_F(MulranDrive, GivenPosesAreOfTheLidar) {
   write_poses(20.0, 100.0, 5.0, 2.0);
-  const auto given = folder_.write(
-      "given.tum", "1561000444 0 0 0 0 0 0 1\n1561000445 10 0 0 0 0 0 1\n");
+  const auto given =
+      folder_.write("given.tum", "1561000444 0 0 0 0 0 0 1\n1561000445 10 0 0 0 0 0 1\n");
   EXPECT_NEAR(Drive::open(folder_.path(), given).T_map_lidar(0).translation().x(), 3.90857630,
               1e-7);
 }

@@ -127,8 +127,7 @@ TEST_F(SensorDrive, BroughtToOneInstantBeforeStaysSo) {
   folder_.write("sequence/times.txt", "0\n");
   const Drive kitti = Drive::open(folder_.path() / "sequence");
   ASSERT_EQ(kitti.contents().layout, DriveLayout::kKittiOdometry);
-  EXPECT_THAT(with_sensor(kitti, sensor_preset("hdl-64e")).read(0).cloud.time_offsets_s,
-              IsEmpty());
+  EXPECT_THAT(with_sensor(kitti, sensor_preset("hdl-64e")).read(0).cloud.time_offsets_s, IsEmpty());
 }
 
 TEST(SensorPresets, AreGuessedFromAnglesAndNumber) {

@@ -77,7 +77,8 @@ class Rawlog : public ::testing::Test {
     return observation;
   }
   /// Three points, the first coordinate tells the scan.
-  static std::shared_ptr<CObservationPointCloud> cloud(int number, const std::string& label = "top") {
+  static std::shared_ptr<CObservationPointCloud> cloud(int number,
+                                                       const std::string& label = "top") {
     auto observation = at<CObservationPointCloud>(kStart + number * kTenth, label);
     auto points = mrpt::maps::CPointsMapXYZI::Create();
     for (int i = 0; i < 3; ++i)
@@ -105,7 +106,8 @@ TEST_F(Rawlog, OfCloudsIsADriveWithoutPoses) {
   for (const bool packed : {true, false}) {
     const Drive drive = Drive::open(write({cloud(0), cloud(1), cloud(2)}, packed));
     EXPECT_EQ(name_of(drive.contents().layout), "rawlog");
-    EXPECT_THAT(drive.contents().stamps_ns, ElementsAre(kStart, kStart + kTenth, kStart + 2 * kTenth));
+    EXPECT_THAT(drive.contents().stamps_ns,
+                ElementsAre(kStart, kStart + kTenth, kStart + 2 * kTenth));
     EXPECT_FALSE(drive.has_poses());
     EXPECT_FALSE(drive.relative_clock());
     EXPECT_THAT(drive.contents().notes, IsEmpty());
@@ -139,8 +141,8 @@ TEST_F(Rawlog, PosesOfTheRobotComeBeforeOdometryUnlessChosen) {
   robot->pose.mean = CPose3D(7.0, 8.0, 9.0, 0.0, 0.0, 0.0);
   auto later = at<CObservationRobotPose>(kStart + kTenth, "truth");
   later->pose.mean = robot->pose.mean;
-  const auto file = write({odometry(kStart, 1.0), odometry(kStart + kTenth, 1.0), robot, later,
-                           cloud(0), cloud(1)});
+  const auto file = write(
+      {odometry(kStart, 1.0), odometry(kStart + kTenth, 1.0), robot, later, cloud(0), cloud(1)});
   EXPECT_TRUE(Drive::open(file).T_map_lidar(0).translation().isApprox(Eigen::Vector3d(7, 10, 10)));
   EXPECT_TRUE(Drive::open(file.string() + "?poses=odometry")
                   .T_map_lidar(0)
@@ -180,7 +182,8 @@ TEST_F(Rawlog, RangeCamerasPointsAreTakenAndFilesOfTheirOwnAreNot) {
   outside->hasPoints3D = true;
   outside->points3D_x = outside->points3D_y = outside->points3D_z = {1.0F};
   outside->points3D_convertToExternalStorage("/etc/passwd", "");
-  const Drive drive = Drive::open(write({image, at<CObservationComment>(kStart, "words"), outside}));
+  const Drive drive =
+      Drive::open(write({image, at<CObservationComment>(kStart, "words"), outside}));
   ASSERT_EQ(drive.size(), 1U);
   EXPECT_THAT(drive.read(0).cloud.positions,
               ElementsAre(Eigen::Vector3f(1, 3, 5), Eigen::Vector3f(2, 4, 6)));
@@ -238,8 +241,8 @@ TEST_F(Rawlog, VelodynePacketsBecomePointsWithTimes) {
 TEST_F(Rawlog, OfTwoSensorsAsksWhich) {
   const auto file = write({cloud(0, "front"), cloud(0, "rear"), cloud(1, "rear")});
   EXPECT_THAT([&] { (void)Drive::open(file); },
-              ThrowsMessage<InputError>(AllOf(HasSubstr("front (1), rear (2)"),
-                                              HasSubstr("drive.rawlog?cloud=front"))));
+              ThrowsMessage<InputError>(
+                  AllOf(HasSubstr("front (1), rear (2)"), HasSubstr("drive.rawlog?cloud=front"))));
   EXPECT_EQ(Drive::open(file.string() + "?cloud=rear").size(), 2U);
   EXPECT_THAT([&] { (void)Drive::open(file.string() + "?cloud=roof"); },
               ThrowsMessage<InputError>(HasSubstr("none of roof")));
