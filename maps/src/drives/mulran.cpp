@@ -26,6 +26,7 @@ constexpr Drive::Contents::ColumnTimes kTurn{64, 1024, -0.05, 0.05};
 constexpr UtmZone kZone{52, true};
 constexpr double kLeastEastingM = 166'000.0, kMostEastingM = 834'000.0;
 constexpr double kLeastNorthingM = 3'600'000.0, kMostNorthingM = 4'300'000.0;
+constexpr double kMostHeightM = 10'000.0;
 
 /// MulRan's calibration of the Ouster on its vehicle: x y z [m], roll pitch yaw [deg].
 Eigen::Isometry3d T_base_lidar() {
@@ -106,7 +107,7 @@ std::map<std::int64_t, Eigen::Isometry3d> read_poses(const fs::path& file) {
 
 bool is_of_zone(const Eigen::Vector3d& p) {
   return p.x() >= kLeastEastingM && p.x() <= kMostEastingM && p.y() >= kLeastNorthingM &&
-         p.y() <= kMostNorthingM;
+         p.y() <= kMostNorthingM && std::abs(p.z()) <= kMostHeightM;
 }
 
 /// Takes poses out of the grid of UTM into east-north-up at `origin`.
@@ -142,7 +143,14 @@ Trajectory path_in_map(const fs::path& file, Drive::Contents& contents) {
   if (is_of_zone(start)) {
     contents.origin = geodetic_of(start, kZone);
     const FromUtm from_utm(*contents.origin);
-    for (const auto& [stamp_ns, T] : poses) path.push_back({stamp_ns, from_utm(T)});
+    for (const auto& [stamp_ns, T] : poses) {
+      if (!is_of_zone(T.translation()))
+        throw InputError(file.string(),
+                         fmt::format("a pose at {}, {}, {} among others in UTM zone 52N",
+                                     T.translation().x(), T.translation().y(), T.translation().z()),
+                         "all in one frame");
+      path.push_back({stamp_ns, from_utm(T)});
+    }
   } else {
     contents.notes.push_back(fmt::format(
         "poses of {} are not in UTM zone 52N: taken as local metres", file.filename().string()));

@@ -163,7 +163,7 @@ void add_inspect(CLI::App& app) {
   command
       ->add_option(
           "PATH", arguments->path,
-          "Map package, drive (its folder, or the file of a bag), point cloud (.pcd, .ply, .las, "
+          "Map package, drive (its folder, or the file of a bag or a rawlog), point cloud (.pcd, .ply, .las, "
           ".bin) or poses (.tum, .txt)")
       ->required()
       ->check(command_line::existing_path());

@@ -296,8 +296,8 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
   command
       .add_option(
           "DRIVE", arguments.drives,
-          "KITTI raw or odometry, key frame folder, a folder of .pcd, .ply or .bin scans, or a bag "
-          "(MCAP, rosbag2; where it leaves a choice 'FILE?cloud=TOPIC&poses=TOPIC&pose_frame=FRAME'"
+          "KITTI raw or odometry, MulRan, key frame folder, a folder of .pcd, .ply or .bin scans, an "
+          "MRPT rawlog, or a bag (MCAP, rosbag2; where it leaves a choice 'FILE?cloud=TOPIC&poses=TOPIC&pose_frame=FRAME'"
           "); several go into one map: by their poses where these are in one frame, else by places "
           "that they share")
       ->required()
