@@ -2,6 +2,7 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/scan_file.hpp>
+#include <stillmap/maps/sensor_preset.hpp>
 
 #include <algorithm>
 #include <array>
@@ -10,6 +11,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "drives/address.hpp"
 #include "drives/bag_drive.hpp"
 #include "drives/keyframes.hpp"
 #include "drives/kitti_odometry.hpp"
@@ -19,7 +21,6 @@
 #include "drives/rawlog_drive.hpp"
 #include "drives/scan_folder.hpp"
 #include "formats/file_bytes.hpp"
-#include "sensors/turn_times.hpp"
 
 namespace stillmap::maps {
 namespace {
@@ -36,9 +37,9 @@ constexpr std::array<LayoutReader, 6> kNamedLayouts{{
     {DriveLayout::kKittiRaw, is_kitti_raw, open_kitti_raw},
     {DriveLayout::kKittiOdometry, is_kitti_odometry, open_kitti_odometry},
     {DriveLayout::kKeyframes, is_keyframes, open_keyframes},
-    {DriveLayout::kMulran, is_mulran, open_mulran},
+    {kMulranLayout, is_mulran, open_mulran},
     {DriveLayout::kRosbag2, is_bag, nullptr},
-    {DriveLayout::kRawlog, is_rawlog, nullptr},
+    {kRawlogLayout, is_rawlog, nullptr},
 }};
 
 LayoutReader reader_for(const std::filesystem::path& root) {
@@ -79,27 +80,21 @@ void set_spin_times(PointCloud& cloud, const std::array<double, 2>& start_end_s)
   }
 }
 
-/// See Drive::Contents::ColumnTimes.
-void set_column_times(PointCloud& cloud, const Drive::Contents::ColumnTimes& turn) {
-  cloud.time_offsets_s.resize(cloud.size());
-  const double step_s = (turn.end_s - turn.start_s) / static_cast<double>(turn.columns);
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const auto column = static_cast<double>(cloud.file_index(i) / turn.rows);
-    cloud.time_offsets_s[i] = static_cast<float>(turn.start_s + step_s * column);
+Drive open_place(const Address& address, const std::optional<std::filesystem::path>& poses_file) {
+  const auto& [place, words, sensor] = address;
+  if (std::filesystem::is_directory(place)) {
+    const LayoutReader reader = reader_for(place);
+    if (reader.open != nullptr && !words.empty())
+      throw InputError(place.string(), "'?" + words + "' behind a drive that is no bag",
+                       "its folder alone, or '?sensor=NAME'");
+    if (reader.open != nullptr) return Drive(reader.open(place, poses_file));
   }
-}
-
-struct Address {
-  std::filesystem::path place;
-  /// Behind its last `?`.
-  std::string words;
-};
-
-Address address_of(const std::filesystem::path& root) {
-  const std::string text = root.string();
-  const std::size_t mark = text.rfind('?');
-  if (mark == std::string::npos || std::filesystem::exists(root)) return {root, {}};
-  return {text.substr(0, mark), text.substr(mark + 1)};
+  if (is_rawlog(place)) return Drive(open_rawlog_drive(place, words, poses_file));
+  if (!std::filesystem::is_directory(place) && !is_bag(place)) {
+    throw InputError(place.string(), std::filesystem::exists(place) ? "a file" : "nothing",
+                     "the folder of a drive, a bag (MCAP, SQLite of rosbag2) or an MRPT rawlog");
+  }
+  return Drive(open_bag_drive(place, words, poses_file));
 }
 
 }  // namespace
@@ -112,36 +107,23 @@ std::string_view name_of(DriveLayout layout) {
       return "kitti_odometry";
     case DriveLayout::kKeyframes:
       return "keyframes";
-    case DriveLayout::kMulran:
-      return "mulran";
     case DriveLayout::kScanFolder:
       return "scan_folder";
     case DriveLayout::kMcap:
       return "mcap";
     case DriveLayout::kRosbag2:
       return "rosbag2";
-    case DriveLayout::kRawlog:
-      return "rawlog";
   }
+  if (layout == kMulranLayout) return "mulran";
+  if (layout == kRawlogLayout) return "rawlog";
   throw std::invalid_argument("name_of: unknown layout");
 }
 
 Drive Drive::open(const std::filesystem::path& root,
                   const std::optional<std::filesystem::path>& poses_file) {
-  const auto [place, words] = address_of(root);
-  if (std::filesystem::is_directory(place)) {
-    const LayoutReader reader = reader_for(place);
-    if (reader.open != nullptr && !words.empty())
-      throw InputError(root.string(), "'?" + words + "' behind a drive that is no bag",
-                       "its folder alone");
-    if (reader.open != nullptr) return Drive(reader.open(place, poses_file));
-  }
-  if (is_rawlog(place)) return Drive(open_rawlog_drive(place, words, poses_file));
-  if (!std::filesystem::is_directory(place) && !is_bag(place)) {
-    throw InputError(place.string(), std::filesystem::exists(place) ? "a file" : "nothing",
-                     "the folder of a drive, a bag (MCAP, SQLite of rosbag2) or an MRPT rawlog");
-  }
-  return Drive(open_bag_drive(place, words, poses_file));
+  const Address address = address_of(root);
+  Drive drive = open_place(address, poses_file);
+  return address.sensor.empty() ? drive : with_sensor(drive, sensor_preset(address.sensor));
 }
 
 bool Drive::is_at(const std::filesystem::path& root) {
@@ -200,11 +182,6 @@ Scan Drive::read(std::size_t index) const {
   if (!contents_.spin_start_end_s.empty()) {
     set_spin_times(scan.cloud, contents_.spin_start_end_s[index]);
   }
-  const auto& columns = contents_.columns;
-  if (columns && scan.points_in_file == columns->rows * columns->columns)
-    set_column_times(scan.cloud, *columns);
-  if (contents_.turn && scan.cloud.time_offsets_s.empty())
-    set_turn_times(scan.cloud, contents_.turn->period_s, contents_.turn->stamp_at);
   return scan;
 }
 

@@ -77,16 +77,6 @@ std::string motion_of(const maps::Drive& drive) {
     put_number(bytes, start_s);
     put_number(bytes, end_s);
   }
-  if (const auto& columns = contents.columns) {
-    put_number(bytes, columns->rows);
-    put_number(bytes, columns->columns);
-    put_number(bytes, columns->start_s);
-    put_number(bytes, columns->end_s);
-  }
-  if (const auto& turn = contents.turn) {
-    put_number(bytes, turn->period_s);
-    put_number(bytes, turn->stamp_at);
-  }
   return maps::sha256_of(bytes);
 }
 

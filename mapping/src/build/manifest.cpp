@@ -125,7 +125,6 @@ maps::MapManifest manifest_of(const DriveSet& drives, const MapBuildOptions& opt
   manifest.software_version = STILLMAP_VERSION;
   manifest.options = texts_of(options);
   // Only where it is asked for: maps of earlier versions keep their digests.
-  if (options.sensor) manifest.options["sensor"] = *options.sensor;
   if (options.held_back_every > 0)
     manifest.options["held_back_every"] = fmt::format("{}", options.held_back_every);
   manifest.options["odometry"] = odometry;

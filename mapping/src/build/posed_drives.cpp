@@ -8,7 +8,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/sensor_preset.hpp>
 
 #include <algorithm>
 #include <limits>
@@ -76,11 +75,8 @@ std::vector<maps::Drive> open_drives(const std::vector<std::filesystem::path>& f
   if (options.poses_file && folders.size() > 1)
     throw std::invalid_argument("poses file: found with several drives, expected one drive");
   std::vector<maps::Drive> drives;
-  for (const std::filesystem::path& folder : folders) {
-    const maps::Drive drive = placed(maps::Drive::open(folder, options.poses_file), options);
-    drives.push_back(options.sensor ? maps::with_sensor(drive, maps::sensor_preset(*options.sensor))
-                                    : drive);
-  }
+  for (const std::filesystem::path& folder : folders)
+    drives.push_back(placed(maps::Drive::open(folder, options.poses_file), options));
   return drives;
 }
 

@@ -2,6 +2,8 @@
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/geodesy.hpp>
+#include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/scan_file.hpp>
 
 #include <fmt/format.h>
 
@@ -21,7 +23,8 @@ namespace {
 namespace fs = std::filesystem;
 
 /// An OS1-64 at 10 turns of 1024 columns a second.
-constexpr Drive::Contents::ColumnTimes kTurn{64, 1024, -0.05, 0.05};
+constexpr std::size_t kRows = 64, kColumns = 1024;
+constexpr double kTurnS = 0.1;
 /// Of Daejeon and Sejong, where all of MulRan was recorded.
 constexpr UtmZone kZone{52, true};
 constexpr double kLeastEastingM = 166'000.0, kMostEastingM = 834'000.0;
@@ -67,6 +70,19 @@ std::int64_t stamp_in(const fs::path& file, const NumberLine& line) {
   return *stamp;
 }
 
+/// A scan's file with the times of its points, where it holds every shot of the turn, with or
+/// without return, column by column.
+DecodedScan read_scan(const fs::path& file) {
+  DecodedScan scan = read_scan_file(file);
+  if (scan.points_in_file != kRows * kColumns) return scan;
+  scan.cloud.time_offsets_s.resize(scan.cloud.size());
+  for (std::size_t i = 0; i < scan.cloud.size(); ++i) {
+    const auto column = static_cast<double>(scan.cloud.file_index(i) / kRows);
+    scan.cloud.time_offsets_s[i] = static_cast<float>(kTurnS * (column / kColumns - 0.5));
+  }
+  return scan;
+}
+
 void set_scans(Drive::Contents& contents) {
   contents.scan_files = list_files(place_of(contents.root, "Ouster"), ".bin");
   for (const fs::path& file : contents.scan_files) {
@@ -76,7 +92,15 @@ void set_scans(Drive::Contents& contents) {
     contents.stamps_ns.push_back(*stamp);
   }
   contents.relative_clock = contents.stamps_ns.front() < kFirstEpochStampNs;
-  contents.columns = kTurn;
+  contents.entries.topic = "ouster";
+  for (std::size_t i = 0; i < contents.scan_files.size(); ++i)
+    contents.entries.numbers.push_back(i);
+  contents.entries.read = [files = contents.scan_files](std::size_t i) {
+    return read_scan(files.at(i));
+  };
+  contents.entries.sha256 = [files = contents.scan_files](std::size_t i) {
+    return sha256_of_file(files.at(i));
+  };
 }
 
 void note_missing_scans(Drive::Contents& contents) {
@@ -197,7 +221,7 @@ bool is_mulran(const fs::path& root) {
 
 Drive::Contents open_mulran(const fs::path& root, const std::optional<fs::path>& poses_file) {
   Drive::Contents contents;
-  contents.layout = DriveLayout::kMulran;
+  contents.layout = kMulranLayout;
   contents.root = root;
   set_scans(contents);
   note_missing_scans(contents);

@@ -184,7 +184,7 @@ Drive::Contents open_rawlog_drive(const fs::path& root, std::string_view words,
   const std::string& label = label_of(*scans->survey, choice, scans->name);
   scans->scans = &scans->survey->scans_of_label.at(label);
   Drive::Contents contents;
-  contents.layout = DriveLayout::kRawlog;
+  contents.layout = kRawlogLayout;
   contents.root = root;
   contents.notes = scans->survey->notes;
   set_scans(contents, scans, label, file);

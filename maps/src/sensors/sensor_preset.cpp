@@ -1,3 +1,6 @@
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/scan_file.hpp>
 #include <stillmap/maps/sensor_preset.hpp>
 
 #include <algorithm>
@@ -5,7 +8,10 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
-#include <stdexcept>
+#include <utility>
+
+#include "drives/address.hpp"
+#include "sensors/turn_times.hpp"
 
 namespace stillmap::maps {
 namespace {
@@ -135,10 +141,28 @@ Drive with_sensor(const Drive& drive, const SensorPreset& sensor) {
   Drive::Contents contents = drive.contents();
   const bool at_one_instant =
       contents.layout == DriveLayout::kKittiOdometry || contents.layout == DriveLayout::kKeyframes;
-  const bool tells = !contents.spin_start_end_s.empty() || contents.columns;
-  if (sensor.stamp_at && !at_one_instant && !tells)
-    contents.turn = Drive::Contents::Turn{period_s(drive), *sensor.stamp_at};
+  if (!sensor.stamp_at || at_one_instant || !contents.spin_start_end_s.empty()) return drive;
+  Drive::Contents::Entries& entries = contents.entries;
+  if (entries.numbers.empty()) {
+    const auto& files = contents.scan_files;
+    for (std::size_t i = 0; i < files.size(); ++i) entries.numbers.push_back(i);
+    entries.read = [files](std::size_t i) { return read_scan_file(files.at(i)); };
+    entries.sha256 = [files](std::size_t i) { return sha256_of_file(files.at(i)); };
+  }
+  // Scans that are read otherwise are called otherwise: what was found in them is not taken over.
+  entries.topic += (entries.topic.empty() ? "" : " ") + std::string(sensor.name);
+  entries.read = [read = entries.read, turn_s = period_s(drive),
+                  stamp_at = *sensor.stamp_at](std::size_t number) {
+    DecodedScan scan = read(number);
+    if (scan.cloud.time_offsets_s.empty()) set_turn_times(scan.cloud, turn_s, stamp_at);
+    return scan;
+  };
   return Drive(std::move(contents));
+}
+
+const SensorPreset* sensor_in_words(const std::filesystem::path& root) {
+  const Address address = address_of(root);
+  return address.sensor.empty() ? nullptr : &sensor_preset(address.sensor);
 }
 
 }  // namespace stillmap::maps

@@ -53,7 +53,6 @@ std::string to_json_text(const mapping::MapBuildReport& report, const BuildArgum
                      {"loops", options.trajectory.loops},
                      {"register_to", options.register_to ? options.register_to->string() : ""},
                      {"pose_sigma", arguments.pose_sigma.value_or("")},
-                     {"sensor", options.sensor.value_or("")},
                      {"detector", options.detector},
                      {"movable", arguments.movable},
                      {"ground_height", name_of(options.projection.ground_height)},
@@ -211,22 +210,16 @@ void add_method_options(CLI::App& command, BuildArguments& arguments) {
                      "Height of the sensor over the ground [m] (default: estimated)");
 }
 
-void add_sensor_options(CLI::App& command, BuildArguments& arguments) {
+void add_range_options(CLI::App& command, BuildArguments& arguments) {
   mapping::MapBuildOptions& options = arguments.options;
-  std::vector<std::string> sensors;
-  for (const maps::SensorPreset& sensor : maps::sensor_presets()) sensors.emplace_back(sensor.name);
   command
-      .add_option("--sensor", options.sensor,
-                  "What the drives were taken with (`inspect` has a guess): gives points their "
-                  "times in the sensor's turn where the scans do not tell, and its ranges")
-      ->check(CLI::IsMember(sensors));
-  command
-      .add_option("--min-range", options.min_range_m,
-                  "Nearer points are what carries the sensor [m] (avia, mid-360: theirs)")
+      .add_option(
+          "--min-range", options.min_range_m,
+          "Nearer points are what carries the sensor [m]; DRIVE?sensor=avia or mid-360 has its own")
       ->capture_default_str();
   command
       .add_option("--max-range", options.max_range_m,
-                  "Farther points are too sparse [m] (os0, mid-360: theirs)")
+                  "Farther points are too sparse [m]; DRIVE?sensor=os0-... or mid-360 has its own")
       ->capture_default_str();
 }
 
@@ -256,6 +249,22 @@ void add_pose_options(CLI::App& command, BuildArguments& arguments) {
       "With odometry: the positions of the given poses are right to within this [m]");
 }
 
+/// Those of the sensors that stand behind the drives, where they agree and no word says otherwise.
+void set_range(const BuildArguments& arguments, const CLI::App& command, const char* option,
+               std::optional<double> maps::SensorPreset::*of_sensor, double& range_m) {
+  if (command.count(option) > 0) return;
+  std::optional<double> range;
+  for (std::size_t i = 0; i < arguments.drives.size(); ++i) {
+    const maps::SensorPreset* sensor = maps::sensor_in_words(arguments.drives[i]);
+    const std::optional<double> its = sensor == nullptr ? std::nullopt : sensor->*of_sensor;
+    if (i > 0 && its != range)
+      throw std::invalid_argument(fmt::format(
+          "{}: found drives of sensors that differ in it, expected it in words", option));
+    range = its;
+  }
+  range_m = range.value_or(range_m);
+}
+
 }  // namespace
 
 void read_words(BuildArguments& arguments, const CLI::App& command) {
@@ -264,13 +273,10 @@ void read_words(BuildArguments& arguments, const CLI::App& command) {
   options.projection.policy = mapping::movable_policy_from(arguments.movable);
   const std::string clean = options.clean;
   if (arguments.preset == "paper") mapping::apply_paper_preset(options);
-  if (options.sensor) {
-    const maps::SensorPreset& sensor = maps::sensor_preset(*options.sensor);
-    if (command.count("--min-range") == 0)
-      options.min_range_m = sensor.min_range_m.value_or(options.min_range_m);
-    if (command.count("--max-range") == 0)
-      options.max_range_m = sensor.max_range_m.value_or(options.max_range_m);
-  }
+  set_range(arguments, command, "--min-range", &maps::SensorPreset::min_range_m,
+            options.min_range_m);
+  set_range(arguments, command, "--max-range", &maps::SensorPreset::max_range_m,
+            options.max_range_m);
   options.trajectory.loops = arguments.loops == "on";
   if (!arguments.geo_origin.empty())
     options.geodetic_origin = parse_geo_origin(arguments.geo_origin);
@@ -296,9 +302,13 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
   command
       .add_option(
           "DRIVE", arguments.drives,
-          "KITTI raw or odometry, MulRan, key frame folder, a folder of .pcd, .ply or .bin scans, an "
-          "MRPT rawlog, or a bag (MCAP, rosbag2; where it leaves a choice 'FILE?cloud=TOPIC&poses=TOPIC&pose_frame=FRAME'"
-          "); several go into one map: by their poses where these are in one frame, else by places "
+          "KITTI raw or odometry, MulRan, key frame folder, a folder of .pcd, .ply or .bin scans, "
+          "an "
+          "MRPT rawlog, or a bag (MCAP, rosbag2; where it leaves a choice "
+          "'FILE?cloud=TOPIC&poses=TOPIC&pose_frame=FRAME'"
+          "); 'DRIVE?sensor=NAME' gives points of scans without times those of that sensor's turn "
+          "(`inspect` guesses names); several go into one map: by their poses where these are in "
+          "one frame, else by places "
           "that they share")
       ->required()
       ->check(command_line::existing_drive());
@@ -311,7 +321,7 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
   command.add_option("--geo-origin", arguments.geo_origin,
                      "LATITUDE,LONGITUDE,ALTITUDE [deg, deg, m above the WGS 84 ellipsoid] of the "
                      "frame of the given poses, x east, y north, where the drive does not say it");
-  add_sensor_options(command, arguments);
+  add_range_options(command, arguments);
   add_pose_options(command, arguments);
   command
       .add_option(

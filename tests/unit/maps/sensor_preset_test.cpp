@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <numbers>
-#include <stdexcept>
+#include <stillmap/maps/error.hpp>
 
 #include "sensors/turn_times.hpp"
 #include "support/temporary_folder.hpp"
@@ -145,7 +145,7 @@ TEST(SensorPresets, AreGuessedFromAnglesAndNumber) {
 TEST(SensorPresets, AreKnownByNameOrRefusedWithTheNames) {
   EXPECT_EQ(sensor_preset("mid-360").min_range_m, 0.5);
   EXPECT_THAT([] { (void)sensor_preset("hdl64"); },
-              ThrowsMessage<std::invalid_argument>(HasSubstr("expected one of hdl-64e hdl-32e")));
+              ThrowsMessage<InputError>(HasSubstr("expected one of hdl-64e hdl-32e")));
 }
 
 TEST(SensorPresetsRealDrives, AreGuessed) {

@@ -36,9 +36,6 @@ struct MapBuildOptions {
   /// A map package whose frame the new one is to stand in: poses are moved there by localizing
   /// scans in it, or kept where they agree with it (mapping/registration.md).
   std::optional<std::filesystem::path> register_to;
-  /// One of `maps::sensor_presets()`: times of points where scans have none, in the way of such a
-  /// sensor. Its ranges are the caller's to set below.
-  std::optional<std::string> sensor;
   GroundOptions ground;
   /// `geometric`, `voxelnext`, `voxelnext:FILE`, `onnx:FILE`, or `boxes:FILE` (with several drives
   /// `boxes:FILE,FILE...`, one a drive).

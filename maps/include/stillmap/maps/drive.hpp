@@ -18,16 +18,7 @@
 namespace stillmap::maps {
 
 /// Native layouts that are told apart by content.
-enum class DriveLayout {
-  kKittiRaw,
-  kKittiOdometry,
-  kKeyframes,
-  kMulran,
-  kScanFolder,
-  kMcap,
-  kRosbag2,
-  kRawlog
-};
+enum class DriveLayout { kKittiRaw, kKittiOdometry, kKeyframes, kScanFolder, kMcap, kRosbag2 };
 [[nodiscard]] std::string_view name_of(DriveLayout layout);
 
 /// Geodetic place of the map frame's origin (WGS 84).
@@ -74,23 +65,6 @@ class Drive {
     /// at -end_s * a / pi for a <= 0: 0 straight ahead, at the stamp. Empty when the points are
     /// already at one instant or the layout does not tell.
     std::vector<std::array<double, 2>> spin_start_end_s;
-    /// Of files that hold every shot of a turn, with or without return, column by column: a point
-    /// of column c was taken at start_s + (end_s - start_s) * c / columns, relative to the stamp.
-    /// Scans of another number of points have no times.
-    struct ColumnTimes {
-      std::size_t rows = 0;
-      std::size_t columns = 0;
-      double start_s = 0.0;
-      double end_s = 0.0;
-    };
-    std::optional<ColumnTimes> columns;
-    /// Of a sensor that turns once a scan, for scans without times; see `sensor_preset.hpp`.
-    struct Turn {
-      double period_s = 0.1;
-      /// Share of the turn at which the stamp lies.
-      double stamp_at = 0.0;
-    };
-    std::optional<Turn> turn;
     /// SemanticKITTI label file of each scan, or empty.
     std::vector<std::filesystem::path> label_files;
     /// Scans named by the layout but absent on disk, duplicates and the like: said, not silently
@@ -101,8 +75,7 @@ class Drive {
     [[nodiscard]] std::string scan_name(std::size_t index) const;
   };
 
-  /// Opens a drive of any layout, told apart by content: a folder, or the file of a bag or of an
-  /// MRPT rawlog (whose labels of sensors stand for topics, see `drives/rawlog_drive.hpp`).
+  /// Opens a drive of any layout, told apart by content: a folder, or the file of a bag.
   ///
   /// Of a bag (MCAP, rosbag2) its one topic of PointCloud2 is read, with the stamps of the
   /// messages' headers. Poses are those of its one topic of Odometry or PoseStamped, brought to the
@@ -121,8 +94,7 @@ class Drive {
       const std::filesystem::path& root,
       const std::optional<std::filesystem::path>& poses_file = std::nullopt);
 
-  /// Whether a drive may be there, words behind `?` left out: a folder, or the file of a bag or a
-  /// rawlog.
+  /// Whether a drive may be there, words behind `?` left out: a folder, or the file of a bag.
   [[nodiscard]] static bool is_at(const std::filesystem::path& root);
 
   explicit Drive(Contents contents);

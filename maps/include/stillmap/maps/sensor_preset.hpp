@@ -3,6 +3,7 @@
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/scan.hpp>
 
+#include <filesystem>
 #include <optional>
 #include <span>
 #include <string>
@@ -30,7 +31,7 @@ struct SensorPreset {
 
 [[nodiscard]] std::span<const SensorPreset> sensor_presets();
 
-/// @throws std::invalid_argument naming it and those that are known.
+/// @throws InputError naming it and those that are known.
 [[nodiscard]] const SensorPreset& sensor_preset(std::string_view name);
 
 /// Names of sensors that a scan may be of, by the angles that its points span and their number;
@@ -38,9 +39,13 @@ struct SensorPreset {
 [[nodiscard]] std::vector<std::string> guess_sensors(const Scan& scan);
 
 /// The drive with times for points of scans that have none, where the sensor turns and the points
-/// lie in their files in the order in which they were fired; `Drive::Contents::turn`. Layouts whose
-/// points were brought to one instant before (KITTI odometry, key frames), and those that tell
-/// times by themselves, stay as they are.
+/// lie in their files in the order in which they were fired; `Drive::open` does so for
+/// `DRIVE?sensor=NAME`. Layouts whose points were brought to one instant before (KITTI odometry,
+/// key frames), and those that tell times by themselves, stay as they are.
 [[nodiscard]] Drive with_sensor(const Drive& drive, const SensorPreset& sensor);
+
+/// What a drive was taken with by the words behind its path, `DRIVE?sensor=NAME`; null without.
+/// @throws InputError for an unknown name.
+[[nodiscard]] const SensorPreset* sensor_in_words(const std::filesystem::path& root);
 
 }  // namespace stillmap::maps
