@@ -1,6 +1,5 @@
 #include "reading.hpp"
 
-#include <mrpt/io/CFileGZInputStream.h>
 #include <mrpt/obs/CActionCollection.h>
 #include <mrpt/obs/CObservationOdometry.h>
 #include <mrpt/obs/CObservationRobotPose.h>
@@ -10,12 +9,15 @@
 #include <sys/prctl.h>
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <csignal>
 #include <exception>
 #include <new>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "packed_input.hpp"
 #include "sweeps.hpp"
 
 namespace stillmap::maps::rawlog {
@@ -87,8 +89,16 @@ class Reading {
   std::vector<mrpt::Clock::time_point> before_;
 };
 
-/// The first line, without where in MRPT's sources it was thrown.
-std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
+/// Of what MRPT throws the message, without where in its sources and by whom it was called.
+std::string message_of(const std::exception& error) {
+  constexpr std::string_view kMark = "Message:";
+  std::string text = error.what();
+  const std::size_t mark = text.find(kMark);
+  if (mark != std::string::npos) text.erase(0, mark + kMark.size());
+  text.erase(std::min(text.find('\n'), text.size()));
+  text.erase(0, text.find_first_not_of(' '));
+  return text.empty() ? "not readable" : text;
+}
 
 }  // namespace
 
@@ -105,19 +115,17 @@ void read(const std::string& file, RecordOutput& output) {
   std::uint64_t objects = 0;
   std::string reason;
   try {
-    mrpt::io::CFileGZInputStream stream;
-    std::string why;
-    if (!stream.open(file, why)) return output.end(0, why);
+    PackedInput stream(file);
     auto archive = mrpt::serialization::archiveFrom(stream);
     Reading reading(output);
-    while (!stream.checkEOF()) {
+    while (!stream.at_end()) {
       reading.take(archive.ReadObject());
       ++objects;
     }
   } catch (const std::bad_alloc&) {
     reason = "an object needs more than 256 MiB";
   } catch (const std::exception& error) {
-    reason = first_line(error.what());
+    reason = message_of(error);
   }
   if (!reason.empty()) reason = "object " + std::to_string(objects + 1) + ": " + reason;
   output.end(objects, reason);

@@ -85,7 +85,7 @@ std::optional<Spans> spans_of(const PointCloud& cloud) {
 
 bool fits(const SensorPreset& sensor, const Spans& spans, std::size_t points) {
   // A vehicle hides the lowest beams here and there, the sky many of the highest.
-  constexpr double kAboveLowestDeg = 3.0, kBeyondDeg = 1.5, kBelowHighestDeg = 12.0;
+  constexpr double kAboveLowestDeg = 3.0, kBeyondDeg = 1.5, kBelowHighestDeg = 10.0;
   const bool turns = sensor.stamp_at.has_value();
   const bool all_around = spans.azimuths > 270;
   if (sensor.name == "avia") {
@@ -125,8 +125,7 @@ const SensorPreset& sensor_preset(std::string_view name) {
     if (sensor.name == name) return sensor;
     known += (known.empty() ? "" : " ") + std::string(sensor.name);
   }
-  throw std::invalid_argument("sensor: found '" + std::string(name) + "', expected one of " +
-                              known);
+  throw InputError("sensor", "'" + std::string(name) + "'", "one of " + known);
 }
 
 std::vector<std::string> guess_sensors(const Scan& scan) {

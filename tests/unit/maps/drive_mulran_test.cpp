@@ -132,7 +132,7 @@ TEST_F(MulranDrive, AsTheFilePlayerWantsItIsTheSame) {
   std::filesystem::create_directories(folder_.path() / "sensor_data");
   std::filesystem::rename(folder_.path() / "Ouster", folder_.path() / "sensor_data/Ouster");
   const Drive ordered = open();
-  EXPECT_EQ(ordered.contents().layout, DriveLayout::kMulran);
+  EXPECT_EQ(name_of(ordered.contents().layout), "mulran");
   EXPECT_EQ(ordered.T_map_lidar(2).matrix(), downloaded.T_map_lidar(2).matrix());
 }
 
@@ -155,7 +155,7 @@ TEST_F(MulranDrive, ScansOfTheListThatAreMissingAreSaid) {
 TEST_F(MulranDrive, WithoutPosesIsADriveWithoutThem) {
   folder_.write("ouster_front_stamp.csv", std::to_string(kStart) + "\n");
   const Drive drive = open();
-  EXPECT_EQ(drive.contents().layout, DriveLayout::kMulran);
+  EXPECT_EQ(name_of(drive.contents().layout), "mulran");
   EXPECT_FALSE(drive.has_poses());
   EXPECT_THAT(drive.contents().notes, Contains(HasSubstr("no global_pose.csv")));
 }

@@ -1,11 +1,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <stillmap/maps/error.hpp>
 #include <stillmap/maps/sensor_preset.hpp>
 
 #include <cmath>
 #include <cstdlib>
 #include <numbers>
-#include <stillmap/maps/error.hpp>
 
 #include "sensors/turn_times.hpp"
 #include "support/temporary_folder.hpp"
@@ -133,7 +133,7 @@ TEST_F(SensorDrive, BroughtToOneInstantBeforeStaysSo) {
 TEST(SensorPresets, AreGuessedFromAnglesAndNumber) {
   Scan scan;
   scan.cloud = one_turn(-1.0, 0.0).cloud;
-  EXPECT_THAT(guess_sensors(scan), ElementsAre("vlp-16", "rs-16"));
+  EXPECT_THAT(guess_sensors(scan), ElementsAre("vlp-16", "xt32", "rs-16"));
   scan.cloud = one_turn(-1.0, 0.0, 128, -45.0, 45.0).cloud;
   EXPECT_THAT(guess_sensors(scan), ElementsAre("os0-64", "os0-128"));
   scan.cloud = one_turn(-1.0, 0.0, 40, -80.0, 80.0).cloud;
