@@ -60,8 +60,7 @@ Sweep sweep_of_image(mrpt::obs::CObservation3DRangeScan& observation) {
 
 Sweep sweep_of_velodyne(mrpt::obs::CObservationVelodyneScan& observation) {
   auto& cloud = observation.point_cloud;
-  if (!observation.scan_packets.empty()) {
-    // The packets tell more than a cloud made of them before.
+  if (cloud.size() == 0 && !observation.scan_packets.empty()) {
     mrpt::obs::CObservationVelodyneScan::TGeneratePointCloudParameters parameters;
     parameters.generatePerPointTimestamp = true;
     parameters.minDistance = 0.0F;
