@@ -68,7 +68,7 @@ export class Run {
   failures = [];
   errors = [];
   foreign = [];
-  /** Console errors that the test brings about itself, as those of requests that are refused. */
+  /** Console errors that the test brings about itself, as those of requests that are refused; with their addresses. */
   expectedErrors = [/Failed to load resource/];
   #servers = [];
 
@@ -120,8 +120,9 @@ export class Run {
     page.setDefaultTimeout(kPatienceMs);
     this.latest = page;
     page.on('console', (message) => {
-      if (message.type() !== 'error' || this.expectedErrors.some((known) => known.test(message.text()))) return;
-      this.errors.push(message.text());
+      const text = `${message.text()} ${message.location().url}`;
+      if (message.type() !== 'error' || this.expectedErrors.some((known) => known.test(text))) return;
+      this.errors.push(text);
     });
     page.on('pageerror', (error) => this.errors.push(String(error)));
     page.on('request', (request) => {
