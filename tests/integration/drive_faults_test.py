@@ -124,6 +124,24 @@ class Faults(unittest.TestCase):
         self.scans[11] = self.scans[10]
         self.said("duplicates", "1 scans are equal to the one before, the first is scan 11", "leave them out")
 
+    def test_sensor_is_guessed_and_sets_ranges(self):
+        self.assertIn("hdl-64e", self.inspected()["sensors"])
+        reports = {}
+        for words, arguments in (("", ()), ("?sensor=mid-360", ()), ("?sensor=mid-360", ("--max-range", 60))):
+            report = self.folder.parent / "report.json"
+            done = run("build", f"{self.folder}{words}", "-o", self.folder.parent / f"map{len(reports)}", "--select", ":2", "--detector",
+                       "geometric", "--json", report, *arguments)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            reports[len(reports)] = json.loads(report.read_text())
+        self.assertEqual([(each["options"]["min_range_m"], each["options"]["max_range_m"]) for each in reports.values()],
+                         [(2.7, 80), (0.5, 40), (0.5, 60)])
+        far = [each["points"]["dropped_too_far"] for each in reports.values()]
+        self.assertLess(far[0], far[2])
+        self.assertLess(far[2], far[1])
+        done = run("inspect", f"{self.folder}?sensor=hdl64")
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("sensor: found 'hdl64', expected one of hdl-64e", done.stderr)
+
     def test_build_says_so_before_it_starts(self):
         self.mount(turn("y", 4.0))
         self.write()
