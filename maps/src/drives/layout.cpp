@@ -157,12 +157,11 @@ std::vector<Eigen::Isometry3d> poses_at_stamps(const Trajectory& trajectory, con
     const std::int64_t stamp = contents.stamps_ns[i];
     const std::optional<Eigen::Isometry3d> pose = trajectory.at(stamp, kMaxExtrapolationS);
     if (!pose) {
-      throw InputError(
-          source.string(),
-          "poses from " + seconds_text(path.front().stamp_ns) + " to " +
-              seconds_text(path.back().stamp_ns),
-          fmt::format("one within {} s of scan {} at {}", kMaxExtrapolationS,
-                      contents.scan_name(i), seconds_text(stamp)));
+      throw InputError(source.string(),
+                       "poses from " + seconds_text(path.front().stamp_ns) + " to " +
+                           seconds_text(path.back().stamp_ns),
+                       fmt::format("one within {} s of scan {} at {}", kMaxExtrapolationS,
+                                   contents.scan_name(i), seconds_text(stamp)));
     }
     poses.push_back(*pose);
     const auto after = std::lower_bound(
@@ -240,7 +239,8 @@ void leave_out_unordered(Drive::Contents& contents) {
     throw InputError(contents.root.string(),
                      fmt::format("{} of {} scans not after the one before in time", count,
                                  contents.stamps_ns.size()),
-                     "increasing stamps");
+                     "increasing stamps: sort the scans by their time, or give them the times that "
+                     "are theirs");
   }
   keep_scans(contents, kept);
   contents.notes.push_back(fmt::format(
