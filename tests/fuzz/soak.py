@@ -127,17 +127,17 @@ def cpu_s(pid):
 
 
 def report(targets):
-    rows = [f"| {t.name} | {t.state['inputs']:,} | {t.state['edges']:,} | {t.state['cpu_s'] / 60:.1f} | "
-            f"{t.quiet_s() / 60:.1f} | {len(t.findings())} | {t.state['date']} | {t.state['commit']} |" for t in targets]
+    """Rows of targets that did not run here stay as they are."""
+    old = README.read_text()
+    head, rest = old.split(BEGIN, 1)
+    table, tail = rest.split(END, 1)
+    rows = {line.split(" ")[1]: line for line in table.strip().splitlines()[2:]}
+    for t in (t for t in targets if t.state["inputs"] > 0):
+        rows[t.name] = (f"| {t.name} | {t.state['inputs']:,} | {t.state['edges']:,} | {t.state['cpu_s'] / 60:.1f} | "
+                        f"{t.quiet_s() / 60:.1f} | {len(t.findings())} | {t.state['date']} | {t.state['commit']} |")
     text = "\n".join([BEGIN, "| target | inputs | edges | CPU-minutes | since the last new edge | open findings | date | commit |",
-                      "|---|---|---|---|---|---|---|---|", *rows, END])
-    old = README.read_text() if README.exists() else "# Tests\n"
-    if BEGIN in old:
-        head, rest = old.split(BEGIN, 1)
-        new = head + text + rest.split(END, 1)[1]
-    else:
-        new = old.rstrip("\n") + "\n\n## Fuzzing\n\n" + text + "\n"
-    README.write_text(new)
+                      "|---|---|---|---|---|---|---|---|", *(rows[name] for name in sorted(rows)), END])
+    README.write_text(head + text + tail)
 
 
 def run_once(target, asked):
