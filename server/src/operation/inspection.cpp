@@ -109,6 +109,8 @@ DriveSummary summarize(const maps::Drive& drive) {
     summary.rate_hz = static_cast<double>(drive.size() - 1) / summary.duration_s;
   }
   const maps::Scan first = drive.read(0);
+  summary.has_times_in_scans = !summary.has_point_times && !first.cloud.time_offsets_s.empty();
+  summary.has_point_times |= summary.has_times_in_scans;
   summary.first_scan_points = first.cloud.size();
   summary.first_scan_dropped = first.dropped;
   for (const Eigen::Vector3f& p : first.cloud.positions)

@@ -37,7 +37,9 @@ struct DriveSummary {
   double rate_hz = 0.0;
   bool relative_clock = true;
   bool has_poses = false;
+  /// Of the points, by the sensor's turn or in the first scan itself.
   bool has_point_times = false;
+  bool has_times_in_scans = false;
   bool has_labels = false;
   double path_length_m = 0.0;
   std::optional<maps::GeodeticOrigin> origin;
