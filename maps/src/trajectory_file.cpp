@@ -11,6 +11,7 @@
 #include <memory>
 #include <system_error>
 
+#include "formats/kitti_pose.hpp"
 #include "formats/text.hpp"
 
 namespace stillmap::maps {
@@ -19,21 +20,6 @@ namespace {
 // What 3 decimals of a rotation matrix or quaternion can be off; beyond it, the numbers mean
 // something else.
 constexpr double kMaxOffRotation = 1e-3;
-
-Eigen::Isometry3d parse_kitti_pose(const std::filesystem::path& file, const NumberLine& line) {
-  std::array<double, 12> n{};
-  parse_finite(file, line, n);
-  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.linear() << n[0], n[1], n[2], n[4], n[5], n[6], n[8], n[9], n[10];
-  T.translation() << n[3], n[7], n[11];
-  const Eigen::Matrix3d R = T.linear();
-  const double off = (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-  if (!(off <= kMaxOffRotation) || R.determinant() < 0.0) {
-    throw InputError(place(file, line.line), fmt::format("a 3x3 part {:.3g} off a rotation", off),
-                     "3x4 row-major [R t] with a rotation R");
-  }
-  return renormalized(T);
-}
 
 StampedPose parse_tum_pose(const std::filesystem::path& file, const NumberLine& line) {
   std::array<double, 8> n{};
@@ -64,6 +50,21 @@ std::string stamp_text(std::int64_t stamp_ns) {
 }
 
 }  // namespace
+
+Eigen::Isometry3d parse_kitti_pose(const std::filesystem::path& file, const NumberLine& line) {
+  std::array<double, 12> n{};
+  parse_finite(file, line, n);
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() << n[0], n[1], n[2], n[4], n[5], n[6], n[8], n[9], n[10];
+  T.translation() << n[3], n[7], n[11];
+  const Eigen::Matrix3d R = T.linear();
+  const double off = (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (!(off <= kMaxOffRotation) || R.determinant() < 0.0) {
+    throw InputError(place(file, line.line), fmt::format("a 3x3 part {:.3g} off a rotation", off),
+                     "3x4 row-major [R t] with a rotation R");
+  }
+  return renormalized(T);
+}
 
 std::vector<Eigen::Isometry3d> read_kitti_poses(const std::filesystem::path& file) {
   const std::string text = read_text(file);

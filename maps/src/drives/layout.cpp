@@ -242,7 +242,8 @@ void leave_out_unordered(Drive::Contents& contents) {
     throw InputError(contents.root.string(),
                      fmt::format("{} of {} scans not after the one before in time", count,
                                  contents.stamps_ns.size()),
-                     "increasing stamps");
+                     "increasing stamps: sort the scans by their time, or give them the times that "
+                     "are theirs");
   }
   keep_scans(contents, kept);
   contents.notes.push_back(fmt::format(

@@ -12,6 +12,10 @@
 /// What the openers of the layouts share.
 namespace stillmap::maps {
 
+/// Behind those that `DriveLayout` lists; `name_of` knows them.
+inline constexpr DriveLayout kMulranLayout{6};
+inline constexpr DriveLayout kRawlogLayout{7};
+
 /// Time between scans when no file tells it [ns]: 0.1 s, the turn of most sensors.
 inline constexpr std::int64_t kAssumedPeriodNs = 100'000'000;
 /// Stamps from here on count from the epoch: 1e8 s, March 1973.

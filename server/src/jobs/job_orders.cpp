@@ -1,6 +1,7 @@
 #include "errors/api_error.hpp"
 #include "ids_and_times.hpp"
 #include "jobs/job_runner.hpp"
+#include "jobs/program_crash.hpp"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -109,7 +110,8 @@ void JobRunner::check_room(const std::string& map, const RebuildRequest& request
     const std::string said = without_places(last_line(output.text));
     if (output.end.exit_code == 1 || output.end.exit_code == 2)
       throw ApiError(ErrorCode::kInvalidRequest, said);
-    throw std::runtime_error("no estimate of the disk: " + output.end.words() + ": " + said);
+    throw ProgramCrash("no estimate of the disk: " + output.end.words() +
+                       (said.empty() ? "" : ": " + said));
   }
   setup_.store.check_quota(map, estimate->package);
   // The map is copied into the store before the job's folder is cleared.

@@ -123,6 +123,7 @@ std::string inspection_json(const DriveSummary& summary) {
                         {"non_finite", summary.first_scan_dropped.non_finite},
                         {"zero_range", summary.first_scan_dropped.zero_range},
                         {"bounds_lidar", bounds(summary.first_scan_bounds)}};
+  json["sensors"] = summary.sensors;
   json["notes"] = summary.notes;
   add_check(summary.check, json);
   return to_text(json, 2);

@@ -13,6 +13,7 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/frames.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/sensor_preset.hpp>
 #include <string>
 #include <vector>
 
@@ -213,6 +214,19 @@ void add_method_options(CLI::App& command, BuildArguments& arguments) {
                      "Height of the sensor over the ground [m] (default: estimated)");
 }
 
+void add_range_options(CLI::App& command, BuildArguments& arguments) {
+  mapping::MapBuildOptions& options = arguments.options;
+  command
+      .add_option(
+          "--min-range", options.min_range_m,
+          "Nearer points are what carries the sensor [m]; DRIVE?sensor=avia or mid-360 has its own")
+      ->capture_default_str();
+  command
+      .add_option("--max-range", options.max_range_m,
+                  "Farther points are too sparse [m]; DRIVE?sensor=os0-... or mid-360 has its own")
+      ->capture_default_str();
+}
+
 void add_pose_options(CLI::App& command, BuildArguments& arguments) {
   mapping::MapBuildOptions& options = arguments.options;
   std::vector<std::string> methods = mapping::odometry_names();
@@ -239,6 +253,22 @@ void add_pose_options(CLI::App& command, BuildArguments& arguments) {
       "With odometry: the positions of the given poses are right to within this [m]");
 }
 
+/// Those of the sensors that stand behind the drives, where they agree and no word says otherwise.
+void set_range(const BuildArguments& arguments, const CLI::App& command, const char* option,
+               std::optional<double> maps::SensorPreset::*of_sensor, double& range_m) {
+  if (command.count(option) > 0) return;
+  std::optional<double> range;
+  for (std::size_t i = 0; i < arguments.drives.size(); ++i) {
+    const maps::SensorPreset* sensor = maps::sensor_in_words(arguments.drives[i]);
+    const std::optional<double> its = sensor == nullptr ? std::nullopt : sensor->*of_sensor;
+    if (i > 0 && its != range)
+      throw std::invalid_argument(fmt::format(
+          "{}: found drives of sensors that differ in it, expected it in words", option));
+    range = its;
+  }
+  range_m = range.value_or(range_m);
+}
+
 }  // namespace
 
 void read_words(BuildArguments& arguments, const CLI::App& command) {
@@ -247,6 +277,10 @@ void read_words(BuildArguments& arguments, const CLI::App& command) {
   options.projection.policy = mapping::movable_policy_from(arguments.movable);
   const std::string clean = options.clean;
   if (arguments.preset == "paper") mapping::apply_paper_preset(options);
+  set_range(arguments, command, "--min-range", &maps::SensorPreset::min_range_m,
+            options.min_range_m);
+  set_range(arguments, command, "--max-range", &maps::SensorPreset::max_range_m,
+            options.max_range_m);
   options.trajectory.loops = arguments.loops == "on";
   if (!arguments.geo_origin.empty())
     options.geodetic_origin = parse_geo_origin(arguments.geo_origin);
@@ -272,9 +306,13 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
   command
       .add_option(
           "DRIVE", arguments.drives,
-          "KITTI raw or odometry, key frame folder, a folder of .pcd, .ply or .bin scans, or a bag "
-          "(MCAP, rosbag2; where it leaves a choice 'FILE?cloud=TOPIC&poses=TOPIC&pose_frame=FRAME'"
-          "); several go into one map: by their poses where these are in one frame, else by places "
+          "KITTI raw or odometry, MulRan, key frame folder, a folder of .pcd, .ply or .bin scans, "
+          "an "
+          "MRPT rawlog, or a bag (MCAP, rosbag2; where it leaves a choice "
+          "'FILE?cloud=TOPIC&poses=TOPIC&pose_frame=FRAME'"
+          "); 'DRIVE?sensor=NAME' gives points of scans without times those of that sensor's turn "
+          "(`inspect` guesses names); several go into one map: by their poses where these are in "
+          "one frame, else by places "
           "that they share")
       ->required()
       ->check(command_line::existing_drive());
@@ -287,6 +325,7 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
   command.add_option("--geo-origin", arguments.geo_origin,
                      "LATITUDE,LONGITUDE,ALTITUDE [deg, deg, m above the WGS 84 ellipsoid] of the "
                      "frame of the given poses, x east, y north, where the drive does not say it");
+  add_range_options(command, arguments);
   add_pose_options(command, arguments);
   command
       .add_option(

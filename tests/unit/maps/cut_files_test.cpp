@@ -279,6 +279,16 @@ void add_kitti(std::vector<Sample>& samples) {
                        [=](const fs::path& root) { return lines_of_drive(root / raw); }});
 }
 
+void add_mulran(std::vector<Sample>& samples) {
+  const std::string scan_name = "Ouster/1561000444390857630.bin";
+  std::string poses;
+  for (const char* const stamp : {"1561000444350857630", "1561000444450857630"})
+    poses += std::string(stamp) + ",1,0,0,10.5,0,1,0,20.5,0,0,1,30.5\n";
+  const Files files{{scan_name, xyzi(1, 2, 3, 4)}, {"global_pose.csv", poses}};
+  for (const auto& [cut, bytes] : files)
+    samples.push_back({"mulran " + cut, files, cut, lines_of_drive});
+}
+
 void add_poses_and_boxes(std::vector<Sample>& samples) {
   const std::string tum =
       "# stamp tx ty tz qx qy qz qw\n1700000000.0 0 0 0 0 0 0 1\n"
@@ -312,6 +322,7 @@ std::vector<Sample> all_samples() {
   add_clouds(samples);
   add_bags(samples);
   add_kitti(samples);
+  add_mulran(samples);
   add_poses_and_boxes(samples);
   return samples;
 }

@@ -118,6 +118,16 @@ TEST_F(Jobs, GoesOnAfterACrash) {
   EXPECT_EQ(job["error"], "");
 }
 
+TEST_F(Jobs, IsTriedAgainWhenTheEstimateOfItsRoomCrashes) {
+  // The first is that of the request.
+  const std::string asked = (scripts_.path() / "asked").string();
+  start_with("publish", "1000'; echo x >> " + asked + "; [ $(wc -l < " + asked +
+                            ") -ne 2 ] || kill -KILL $$; printf '");
+  const nlohmann::json job = wait_for_end(rebuild());
+  EXPECT_EQ(job["status"], "succeeded") << job;
+  EXPECT_EQ(job["attempts"], 2);
+}
+
 TEST_F(Jobs, GoesOnAfterARestartOfTheServer) {
   start_with(
       "if [ -e $work/half ]; then publish; else touch $work/half; say 0.1 half; sleep 60; fi");
