@@ -5,6 +5,7 @@
 #include <array>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 #include "drives/layout.hpp"
@@ -48,13 +49,15 @@ std::vector<std::string> listed_files(const fs::path& metadata) {
 }
 
 fs::path existing(const fs::path& folder, const std::string& file) {
+  // A name may be too long for the disk; then there is no such file either.
+  std::error_code error;
   // Unpacked by hand.
   if (file.ends_with(kPacked)) {
     const fs::path unpacked_file = folder / file.substr(0, file.size() - kPacked.size());
-    if (fs::is_regular_file(unpacked_file)) return unpacked_file;
+    if (fs::is_regular_file(unpacked_file, error)) return unpacked_file;
   }
   const fs::path path = folder / file;
-  if (fs::is_regular_file(path)) return path;
+  if (fs::is_regular_file(path, error)) return path;
   throw InputError((folder / kMetadata).string(), "'" + file + "', which is not there",
                    "the files of the whole bag");
 }
@@ -62,9 +65,10 @@ fs::path existing(const fs::path& folder, const std::string& file) {
 /// `*.zstd` and `*.zst` of an extension, those left out that lie beside their unpacked file.
 std::vector<fs::path> packed_files(const fs::path& folder, std::string_view extension) {
   std::vector<fs::path> files;
+  std::error_code error;
   for (const std::string_view packed : {kPacked, std::string_view(".zst")})
     for (fs::path& file : list_files(folder, packed))
-      if (file.stem().extension() == extension && !fs::exists(folder / file.stem()))
+      if (file.stem().extension() == extension && !fs::exists(folder / file.stem(), error))
         files.push_back(std::move(file));
   return files;
 }

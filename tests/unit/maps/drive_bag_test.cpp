@@ -265,6 +265,17 @@ TEST_F(BagDrive, TakesNoTfFromAFrameThatMayMove) {
   EXPECT_TRUE(open("?poses=/tf").has_poses());
 }
 
+TEST_F(BagDrive, RefusesChainsOfTfThatNoRobotHas) {
+  const auto chain = [&](int from, int to) {
+    for (int i = from; i < to; ++i)
+      add_static("f" + std::to_string(i + 1), i == 0 ? "lidar" : "f" + std::to_string(i), {});
+  };
+  chain(0, 64);
+  EXPECT_FALSE(open().has_poses());
+  chain(64, 65);
+  expect_error({"65 frames above 'lidar' in tf", "at most 64"});
+}
+
 TEST_F(BagDrive, ReadsASplitBagOfSqliteInTheOrderOfItsMetadata) {
   const std::filesystem::path root = folder_.path() / "run";
   std::filesystem::create_directories(root);
@@ -284,6 +295,9 @@ TEST_F(BagDrive, ReadsASplitBagOfSqliteInTheOrderOfItsMetadata) {
   std::filesystem::remove(root / "b.db3");
   EXPECT_THAT([&] { (void)Drive::open(root); },
               ThrowsSaying<InputError>({"metadata.yaml", "'b.db3', which is not there"}));
+  folder_.write("run/metadata.yaml", "relative_file_paths:\n  - " + std::string(300, 'b') + "\n");
+  EXPECT_THAT([&] { (void)Drive::open(root); },
+              ThrowsSaying<InputError>({"metadata.yaml", "bbb', which is not there"}));
   std::filesystem::remove(root / "metadata.yaml");
   EXPECT_EQ(Drive::open(root).size(), 2U);
   folder_.write("run/c.mcap", mcap_of(messages_));

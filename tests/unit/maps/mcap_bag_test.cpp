@@ -207,6 +207,18 @@ TEST_F(McapBagTest, RefusesChunksThatGrowWithoutMeasure) {
   EXPECT_THAT(all.damage.first, HasSubstr("1000 times"));
 }
 
+TEST_F(McapBagTest, RefusesFilesWhoseChunksTogetherGrowWithoutMeasure) {
+  McapBytes mcap;
+  mcap.add(McapBytes::chunk(channels() + McapBytes::message(1, "a1"), "zstd"));
+  const std::string zeros =
+      McapBytes::chunk(McapBytes::record(128, std::string(4U << 20U, '\0')), "zstd");
+  for (int i = 0; i < 20; ++i) mcap.add(zeros);
+  const auto all = visit(*open(mcap.finished()));
+  EXPECT_THAT(all.heads, ElementsAre("/a a1"));
+  EXPECT_EQ(all.damage.parts, 5U);
+  EXPECT_THAT(all.damage.first, HasSubstr("bytes unpacked so far, expected at most 67108864"));
+}
+
 TEST_F(McapBagTest, NamesWhatItCannotRead) {
   EXPECT_THAT([&] { (void)open("MCAP"); }, ThrowsSaying<InputError>({"bag.mcap", "magic"}));
   McapBytes mcap;
