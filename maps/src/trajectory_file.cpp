@@ -13,13 +13,18 @@
 
 #include "formats/kitti_pose.hpp"
 #include "formats/text.hpp"
+#include "pose_bounds.hpp"
 
 namespace stillmap::maps {
 namespace {
 
-// What 3 decimals of a rotation matrix or quaternion can be off; beyond it, the numbers mean
-// something else.
-constexpr double kMaxOffRotation = 1e-3;
+void check_position(const std::filesystem::path& file, const NumberLine& line,
+                    const Eigen::Vector3d& t) {
+  if (t.cwiseAbs().maxCoeff() <= kMaxPositionM) return;
+  throw InputError(place(file, line.line),
+                   fmt::format("a position of {:.3g} m", t.cwiseAbs().maxCoeff()),
+                   fmt::format("at most {:g} m on each axis", kMaxPositionM));
+}
 
 StampedPose parse_tum_pose(const std::filesystem::path& file, const NumberLine& line) {
   std::array<double, 8> n{};
@@ -38,6 +43,7 @@ StampedPose parse_tum_pose(const std::filesystem::path& file, const NumberLine& 
   pose.stamp_ns = *stamp_ns;
   pose.T_map_lidar.linear() = q.normalized().toRotationMatrix();
   pose.T_map_lidar.translation() << n[1], n[2], n[3];
+  check_position(file, line, pose.T_map_lidar.translation());
   return pose;
 }
 
@@ -57,6 +63,7 @@ Eigen::Isometry3d parse_kitti_pose(const std::filesystem::path& file, const Numb
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.linear() << n[0], n[1], n[2], n[4], n[5], n[6], n[8], n[9], n[10];
   T.translation() << n[3], n[7], n[11];
+  check_position(file, line, T.translation());
   const Eigen::Matrix3d R = T.linear();
   const double off = (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (!(off <= kMaxOffRotation) || R.determinant() < 0.0) {

@@ -25,6 +25,12 @@ constexpr int kMostNameBytes = 1024;
 constexpr std::array<std::byte, 4> kZstdMagic{std::byte{0x28}, std::byte{0xB5}, std::byte{0x2F},
                                               std::byte{0xFD}};
 
+/// A row is of ten bytes at least and takes ten steps of SQLite's virtual machine; trees whose
+/// pages have several ways to each other would take years.
+constexpr int kStepsAtOnce = 1000;
+constexpr std::uint64_t kStepsPerByte = 4;
+constexpr std::uint64_t kLeastSteps = 1'000'000;
+
 /// Rows in the order in which they were written, without their bytes.
 constexpr const char* kRows = "SELECT rowid, topic_id FROM messages ORDER BY rowid";
 
@@ -45,6 +51,9 @@ int allow(void* /*self*/, int action, const char* first, const char* /*second*/,
                      table == "sqlite_master" || table == "sqlite_schema";
   return known ? SQLITE_OK : SQLITE_DENY;
 }
+
+/// @return what ends the statement, unless 0.
+int count_down(void* left) { return --*static_cast<std::int64_t*>(left) < 0 ? 1 : 0; }
 
 std::string text_of(sqlite3_stmt& row, int column) {
   const int size = sqlite3_column_bytes(&row, column);
@@ -67,6 +76,13 @@ std::uint64_t promised_bytes(const std::filesystem::path& file) {
   if (number(24, 4) != number(92, 4)) return 0;
   const std::uint64_t page_bytes = number(16, 2) == 1 ? 65536 : number(16, 2);
   return page_bytes * number(28, 4);
+}
+
+/// @return 0 where there is none.
+std::uint64_t log_bytes(const std::filesystem::path& file) {
+  std::error_code error;
+  const std::uint64_t size = std::filesystem::file_size(file.string() + "-wal", error);
+  return error ? 0 : size;
 }
 
 /// "file:" and the path, as SQLite reads an URI.
@@ -129,9 +145,7 @@ Rosbag2Database::Rosbag2Database(std::filesystem::path file) : file_(std::move(f
 }
 
 void Rosbag2Database::open() {
-  std::error_code error;
-  const std::filesystem::path log = file_.string() + "-wal";
-  const bool has_log = std::filesystem::file_size(log, error) > 0 && !error;
+  const bool has_log = log_bytes(file_) > 0;
   // Told that nothing changes, SQLite does not look into a log that is there.
   const std::string uri = uri_of(file_) + (has_log ? "?mode=ro" : "?mode=ro&immutable=1");
   sqlite3* connection = nullptr;
@@ -142,7 +156,8 @@ void Rosbag2Database::open() {
   connection_.reset(connection);
   if (code != SQLITE_OK)
     throw StorageError(file_.string(), connection == nullptr ? "no memory" : sqlite3_errstr(code));
-  if (has_log) notes_.push_back("read with " + log.filename().string());
+  sqlite3_progress_handler(connection, kStepsAtOnce, count_down, &steps_left_);
+  if (has_log) notes_.push_back("read with " + file_.filename().string() + "-wal");
   const std::uint64_t promised = has_log ? 0 : promised_bytes(file_);
   const std::uint64_t size = std::filesystem::file_size(file_);
   if (promised <= size) return;
@@ -189,6 +204,9 @@ void Rosbag2Database::refuse(const std::string& what) const {
 }
 
 Rosbag2Database::Statement Rosbag2Database::prepare(const char* sql) const {
+  const std::uint64_t bytes = std::filesystem::file_size(file_) + log_bytes(file_);
+  steps_left_ =
+      static_cast<std::int64_t>(std::max(kLeastSteps, kStepsPerByte * bytes) / kStepsAtOnce);
   sqlite3_stmt* statement = nullptr;
   if (sqlite3_prepare_v2(connection_.get(), sql, -1, &statement, nullptr) != SQLITE_OK)
     refuse("another database");

@@ -20,7 +20,8 @@ namespace stillmap::maps {
 ///
 /// Nothing of the file is run: no view, trigger, virtual table or function is allowed, and nothing
 /// but these tables may be read. A row's bytes are read where they lie, so that memory stays below
-/// some megabytes and the message that is asked for.
+/// some megabytes and the message that is asked for. Pages that point to each other over and over
+/// are read no longer than a whole file of that size would be.
 class Rosbag2Database final : public Bag {
  public:
   /// @throws InputError for a file that is no such database or of a later schema; StorageError.
@@ -59,6 +60,8 @@ class Rosbag2Database final : public Bag {
   std::map<std::int64_t, std::size_t> topic_of_id_;
   std::vector<std::string> notes_;
   bool is_cut_off_ = false;
+  /// Of SQLite's virtual machine, in thousands, that the statement at hand may still take.
+  mutable std::int64_t steps_left_ = 0;
   /// SQLite's connection is for one thread at a time.
   mutable std::mutex mutex_;
   std::unique_ptr<sqlite3, Close> connection_;

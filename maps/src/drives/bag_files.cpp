@@ -5,6 +5,7 @@
 #include <array>
 #include <string>
 #include <string_view>
+#include <system_error>
 
 #include "drives/layout.hpp"
 #include "formats/text.hpp"
@@ -47,13 +48,15 @@ std::vector<std::string> listed_files(const fs::path& metadata) {
 }
 
 fs::path existing(const fs::path& folder, const std::string& file) {
+  // A name may be too long for the disk; then there is no such file either.
+  std::error_code error;
   // Unpacked by hand.
   if (file.ends_with(kPacked)) {
     const fs::path unpacked_file = folder / file.substr(0, file.size() - kPacked.size());
-    if (fs::is_regular_file(unpacked_file)) return unpacked_file;
+    if (fs::is_regular_file(unpacked_file, error)) return unpacked_file;
   }
   const fs::path path = folder / file;
-  if (fs::is_regular_file(path)) return path;
+  if (fs::is_regular_file(path, error)) return path;
   throw InputError((folder / kMetadata).string(), "'" + file + "', which is not there",
                    "the files of the whole bag");
 }
@@ -62,8 +65,7 @@ fs::path existing(const fs::path& folder, const std::string& file) {
 
 bool holds_bag_files(const fs::path& folder) {
   if (!list_files(folder, ".mcap").empty() || !list_files(folder, ".db3").empty()) return true;
-  return fs::is_regular_file(folder / kMetadata) &&
-         !listed_files(folder / kMetadata).empty();
+  return fs::is_regular_file(folder / kMetadata) && !listed_files(folder / kMetadata).empty();
 }
 
 std::vector<fs::path> bag_files(const fs::path& root) {
@@ -78,10 +80,10 @@ std::vector<fs::path> bag_files(const fs::path& root) {
     std::vector<fs::path> of_kind = list_files(root, extension);
     if (of_kind.empty()) continue;
     if (!files.empty())
-      throw InputError(root.string(),
-                       files.front().filename().string() + " and " +
-                           of_kind.front().filename().string(),
-                       "files of one kind, or rosbag2's metadata.yaml that names them");
+      throw InputError(
+          root.string(),
+          files.front().filename().string() + " and " + of_kind.front().filename().string(),
+          "files of one kind, or rosbag2's metadata.yaml that names them");
     files = std::move(of_kind);
   }
   return files;

@@ -51,8 +51,7 @@ class BagDrive : public ::testing::Test {
   /// Poses of `child` along x, 10 m/s, half a step beside the scans.
   void add_odometry(const std::string& topic = "/odom", const std::string& child = "lidar") {
     for (int i = -1; i <= 4; ++i)
-      add(topic, kOdometryType,
-          odometry(kStart + i * kStep + kStep / 2, {i + 0.5, 0, 0}, child));
+      add(topic, kOdometryType, odometry(kStart + i * kStep + kStep / 2, {i + 0.5, 0, 0}, child));
   }
   void add_static(const std::string& parent, const std::string& child,
                   const test::PoseValues& pose) {
@@ -157,8 +156,7 @@ TEST_F(BagDrive, LeavesOutScansAtTheEndsThatHaveNoPose) {
   for (const int i : {1, 2, 3}) clouds("/points", i + 10);
   add_odometry();
   const Drive drive = open();
-  EXPECT_THAT(drive.contents().notes,
-              Contains("3 scans left out, which have no pose of /odom"));
+  EXPECT_THAT(drive.contents().notes, Contains("3 scans left out, which have no pose of /odom"));
   EXPECT_EQ(drive.size(), 4U);
   EXPECT_EQ(drive.read(3).cloud.positions[0].x(), 4.0F);
   messages_.erase(messages_.begin(), messages_.begin() + 4);
@@ -182,8 +180,8 @@ TEST_F(BagDrive, BringsPosesToTheCloudsFrame) {
 TEST_F(BagDrive, ListsFramesWhereNoChainLeadsToTheClouds) {
   add_odometry("/odom", "base_link");
   add_static("base_link", "camera", {});
-  expect_error({"no way by tf_static from 'base_link' of /odom to 'lidar'",
-                "'base_link', 'camera'", "run.mcap?pose_frame=lidar"});
+  expect_error({"no way by tf_static from 'base_link' of /odom to 'lidar'", "'base_link', 'camera'",
+                "run.mcap?pose_frame=lidar"});
   EXPECT_NEAR(xs(open("?pose_frame=lidar"))[1], 1.0, 1e-12);
 }
 
@@ -193,8 +191,8 @@ TEST_F(BagDrive, TakesPosesWithoutAFrameAsTheCloudsWhereThatIsTheOnlyChoice) {
   EXPECT_THAT(xs(open()), ElementsAre(0.0, 1.0, 2.0, 3.0));
   EXPECT_THAT(open().contents().notes, Contains(HasSubstr("taken as those of 'lidar'")));
   add_static("base_link", "lidar", {0, 0, 1});
-  expect_error({"/pose without a name of the frame it moves", "'base_link', 'lidar'",
-                "pose_frame=lidar"});
+  expect_error(
+      {"/pose without a name of the frame it moves", "'base_link', 'lidar'", "pose_frame=lidar"});
   EXPECT_EQ(open("?pose_frame=base_link").T_map_lidar(0).translation().z(), 1.0);
 }
 
@@ -240,6 +238,17 @@ TEST_F(BagDrive, TakesNoTfFromAFrameThatMayMove) {
   EXPECT_TRUE(open("?poses=/tf").has_poses());
 }
 
+TEST_F(BagDrive, RefusesChainsOfTfThatNoRobotHas) {
+  const auto chain = [&](int from, int to) {
+    for (int i = from; i < to; ++i)
+      add_static("f" + std::to_string(i + 1), i == 0 ? "lidar" : "f" + std::to_string(i), {});
+  };
+  chain(0, 64);
+  EXPECT_FALSE(open().has_poses());
+  chain(64, 65);
+  expect_error({"65 frames above 'lidar' in tf", "at most 64"});
+}
+
 TEST_F(BagDrive, ReadsASplitBagOfSqliteInTheOrderOfItsMetadata) {
   const std::filesystem::path root = folder_.path() / "run";
   std::filesystem::create_directories(root);
@@ -259,6 +268,9 @@ TEST_F(BagDrive, ReadsASplitBagOfSqliteInTheOrderOfItsMetadata) {
   std::filesystem::remove(root / "b.db3");
   EXPECT_THAT([&] { (void)Drive::open(root); },
               ThrowsSaying<InputError>({"metadata.yaml", "'b.db3', which is not there"}));
+  folder_.write("run/metadata.yaml", "relative_file_paths:\n  - " + std::string(300, 'b') + "\n");
+  EXPECT_THAT([&] { (void)Drive::open(root); },
+              ThrowsSaying<InputError>({"metadata.yaml", "bbb', which is not there"}));
   std::filesystem::remove(root / "metadata.yaml");
   EXPECT_EQ(Drive::open(root).size(), 2U);
   folder_.write("run/c.mcap", mcap_of(messages_));
@@ -286,8 +298,9 @@ TEST_F(BagDrive, HearsTheFolderAndWordsBeforeIt) {
 TEST_F(BagDrive, TakesGivenPosesInsteadOfItsOwn) {
   add_odometry();
   const auto file = folder_.write("run.mcap", mcap_of(messages_));
-  const auto poses = folder_.write("poses.txt", "1 0 0 7 0 1 0 0 0 0 1 0\n1 0 0 8 0 1 0 0 0 0 1 0\n"
-                                                "1 0 0 9 0 1 0 0 0 0 1 0\n1 0 0 6 0 1 0 0 0 0 1 0\n");
+  const auto poses = folder_.write("poses.txt",
+                                   "1 0 0 7 0 1 0 0 0 0 1 0\n1 0 0 8 0 1 0 0 0 0 1 0\n"
+                                   "1 0 0 9 0 1 0 0 0 0 1 0\n1 0 0 6 0 1 0 0 0 0 1 0\n");
   EXPECT_THAT(xs(Drive::open(file, poses)), ElementsAre(7.0, 8.0, 9.0, 6.0));
 }
 

@@ -128,9 +128,9 @@ TEST_F(McapBagTest, ReadsWithoutAnIndexThatDoesNotFit) {
   EXPECT_EQ(visit(*open(bytes)).heads.size(), 5U);
   // An index whose chunks lie over each other would have them read again and again.
   McapBytes twice = two_chunks("");
-  const std::string index =
-      McapBytes::record(8, std::string(16, '\0') + McapBytes::number(std::uint64_t{50}) +
-                               McapBytes::number(std::uint64_t{60}) + std::string(4 + 8 + 4 + 16, '\0'));
+  const std::string index = McapBytes::record(
+      8, std::string(16, '\0') + McapBytes::number(std::uint64_t{50}) +
+             McapBytes::number(std::uint64_t{60}) + std::string(4 + 8 + 4 + 16, '\0'));
   const auto bag = open(twice.finished(channels() + index + index));
   EXPECT_FALSE(bag->is_indexed());
   EXPECT_EQ(visit(*bag).heads.size(), 5U);
@@ -174,10 +174,23 @@ TEST_F(McapBagTest, StopsAtRecordsThatGoBeyondTheirChunk) {
 TEST_F(McapBagTest, RefusesChunksThatGrowWithoutMeasure) {
   // 64 MiB of zeros take some kilobytes of zstd.
   McapBytes mcap;
-  mcap.add(McapBytes::chunk(channels() + McapBytes::message(1, std::string(64U << 20U, '\0')), "zstd"));
+  mcap.add(
+      McapBytes::chunk(channels() + McapBytes::message(1, std::string(64U << 20U, '\0')), "zstd"));
   const auto all = visit(*open(mcap.finished()));
   EXPECT_THAT(all.heads, IsEmpty());
   EXPECT_THAT(all.damage.first, HasSubstr("1000 times"));
+}
+
+TEST_F(McapBagTest, RefusesFilesWhoseChunksTogetherGrowWithoutMeasure) {
+  McapBytes mcap;
+  mcap.add(McapBytes::chunk(channels() + McapBytes::message(1, "a1"), "zstd"));
+  const std::string zeros =
+      McapBytes::chunk(McapBytes::record(128, std::string(4U << 20U, '\0')), "zstd");
+  for (int i = 0; i < 20; ++i) mcap.add(zeros);
+  const auto all = visit(*open(mcap.finished()));
+  EXPECT_THAT(all.heads, ElementsAre("/a a1"));
+  EXPECT_EQ(all.damage.parts, 5U);
+  EXPECT_THAT(all.damage.first, HasSubstr("bytes unpacked so far, expected at most 67108864"));
 }
 
 TEST_F(McapBagTest, NamesWhatItCannotRead) {
