@@ -177,6 +177,8 @@ export async function main(parts) {
         run.expect(false, `${name}: ${error.stack}`);
         await run.screenshot(run.latest, `failed_${name}`).catch(() => undefined);
       });
+      // Windows left open would go on asking for their server, and keep their graphics.
+      for (const context of run.browser.contexts()) await context.close();
     }
   } finally {
     await run.close();

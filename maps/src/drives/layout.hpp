@@ -61,6 +61,9 @@ enum class PosesFormat { kKitti, kTum };
                                                              const std::filesystem::path& source,
                                                              Drive::Contents& contents);
 
+/// Whether a stamp lies between two poses that are over a second apart.
+[[nodiscard]] bool lies_in_gap(const Trajectory& trajectory, std::int64_t stamp_ns);
+
 /// Gives the scans `T_map_lidar` from a KITTI or TUM file, instead of the layout's own.
 void set_poses(Drive::Contents& contents, const std::filesystem::path& poses_file);
 

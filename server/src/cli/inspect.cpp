@@ -31,6 +31,15 @@ std::string text_of(const std::optional<maps::GeodeticOrigin>& origin) {
                      origin->altitude_m);
 }
 
+std::string viewpoint_text(const std::optional<Eigen::Isometry3d>& viewpoint) {
+  if (!viewpoint) return "none";
+  if (viewpoint->matrix().isIdentity(0.0)) return "identity";
+  const Eigen::Vector3d& t = viewpoint->translation();
+  const Eigen::Quaterniond q(viewpoint->linear());
+  return fmt::format("{:.3f} {:.3f} {:.3f} m, qw qx qy qz {:.6f} {:.6f} {:.6f} {:.6f}; not applied",
+                     t.x(), t.y(), t.z(), q.w(), q.x(), q.y(), q.z());
+}
+
 void print_for_people(const server::MapSummary& map) {
   Table table;
   table.add("map package", map.digest);
@@ -117,6 +126,7 @@ void print_for_people(const server::CloudFileSummary& file) {
             file.cloud.single_precision ? "32-bit floats" : "doubles or whole numbers");
   table.add("intensities", fmt::format("{} .. {}", file.intensities[0], file.intensities[1]));
   if (!file.cloud.coordinates.empty()) table.add("coordinates", file.cloud.coordinates);
+  if (file.format == "pcd") table.add("viewpoint", viewpoint_text(file.cloud.viewpoint));
   table.print();
   print_findings(file.findings);
 }

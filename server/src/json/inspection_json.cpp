@@ -63,6 +63,7 @@ std::string inspection_json(const CloudFileSummary& summary) {
   json["coordinates"] = summary.cloud.coordinates;
   json["utm_epsg"] = summary.cloud.utm ? Json(summary.cloud.utm->epsg()) : Json();
   json["bounds"] = bounds(summary.bounds);
+  json["viewpoint"] = summary.cloud.viewpoint ? to_json_pose(*summary.cloud.viewpoint) : Json();
   json["intensities"] = summary.intensities;
   json["findings"] = findings_json(summary.findings);
   return to_text(json, 2);

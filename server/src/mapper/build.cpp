@@ -129,16 +129,18 @@ void print_for_people(const mapping::MapBuildReport& report, const std::filesyst
 }
 
 /// What looks wrong with the drives, as the build will use them.
-std::vector<std::string> doubts_about(const BuildArguments& arguments) {
+std::vector<std::string> doubts_about(const BuildArguments& arguments, bool estimates_poses) {
   const mapping::MapBuildOptions& options = arguments.options;
   const bool believes = options.trajectory.prior || options.trajectory.gnss_sigma_m;
-  const bool ignores_poses = !believes && mapping::estimates_poses(arguments.drives, options);
   std::vector<std::string> doubts;
   for (const std::filesystem::path& folder : arguments.drives) {
     maps::Drive::Contents contents = maps::Drive::open(folder, options.poses_file).contents();
-    if (ignores_poses) contents.T_map_lidar.clear();
+    // Who asks for odometry knows that there are no poses, or wants none.
+    const bool wants_none = options.odometry.has_value() || !contents.T_map_lidar.empty();
+    if (estimates_poses && !believes) contents.T_map_lidar.clear();
     for (const maps::DriveFinding& finding : maps::check_drive(maps::Drive(contents)).findings)
-      doubts.push_back(fmt::format("{}: {}; {}", folder.string(), finding.what, finding.remedy));
+      if (finding.code != "no_poses" || !wants_none)
+        doubts.push_back(fmt::format("{}: {}; {}", folder.string(), finding.what, finding.remedy));
   }
   return doubts;
 }
@@ -149,12 +151,14 @@ void build(BuildCommand& asked, const CLI::App& command) {
   const mapping::MapBuildOptions& options = asked.arguments.options;
   mapping::MapBuildReport report;
   std::string index;
-  const std::vector<std::string> doubts = doubts_about(asked.arguments);
+  // Asked once: a large bag takes a while to be opened.
+  const bool estimates_poses = mapping::estimates_poses(drives, options);
+  const std::vector<std::string> doubts = doubts_about(asked.arguments, estimates_poses);
   // Programs read what they are told on stderr, and the report.
   if (asked.progress.form == "bar")
     for (const std::string& doubt : doubts) fmt::print(stderr, "warning: {}\n", doubt);
-  std::vector<mapping::StageShare> plan = mapping::build_stages(
-      mapping::estimates_poses(drives, options), options.register_to.has_value());
+  std::vector<mapping::StageShare> plan =
+      mapping::build_stages(estimates_poses, options.register_to.has_value());
   plan.push_back({"index", 0.01});
   run_with_progress(asked.progress, plan, [&](const mapping::ProgressCallback& progress) {
     report = mapping::build_map(drives, asked.map, options, progress, command_line::cancel_flag(),

@@ -136,6 +136,32 @@ TEST_F(McapBagTest, ReadsWithoutAnIndexThatDoesNotFit) {
   EXPECT_EQ(visit(*bag).heads.size(), 5U);
 }
 
+/// @param chunks, channels  that there are, by this record.
+std::string statistics(std::uint32_t chunks, std::uint32_t channels) {
+  return McapBytes::record(11, McapBytes::number(std::uint64_t{5}) +
+                                   McapBytes::number(std::uint16_t{1}) +
+                                   McapBytes::number(channels) + std::string(4 + 4, '\0') +
+                                   McapBytes::number(chunks) + std::string(8 + 8 + 4, '\0'));
+}
+
+TEST_F(McapBagTest, ReadsWithoutAnIndexThatTellsNotAll) {
+  const auto expect_read = [&](const std::string& summary, bool indexed) {
+    const auto bag = open(two_chunks("lz4").finished(summary));
+    EXPECT_EQ(bag->is_indexed(), indexed);
+    EXPECT_EQ(visit(*bag).heads.size(), 5U);
+    ASSERT_EQ(bag->topics().size(), 3U);
+    EXPECT_EQ(bag->topics()[1].type, "std_msgs/msg/String");
+  };
+  expect_read(channels() + statistics(2, 3), true);
+  // A third chunk that the index does not have, and a fourth channel.
+  expect_read(channels() + statistics(3, 3), false);
+  expect_read(channels() + statistics(2, 4), false);
+  // Channels without their schema, as where a writer repeats only them.
+  expect_read(McapBytes::channel(1, 1, "/a") + McapBytes::channel(2, 1, "/b") +
+                  McapBytes::channel(3, 0, "/c", "json"),
+              false);
+}
+
 TEST_F(McapBagTest, ReadsWhatIsThereOfAFileCutAtEveryByte) {
   for (const std::string compression : {"", "lz4", "zstd"}) {
     const McapBytes mcap = two_chunks(compression);
