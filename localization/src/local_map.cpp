@@ -109,13 +109,13 @@ Eigen::Isometry3d LocalMap::searched(std::span<const Eigen::Vector3f> points_lid
   const Query query = query_of(points_lidar, T_odom_lidar_guess.linear());
   const Eigen::Isometry3d T_guess = maps::renormalized(T_odom_lidar_guess);
   const MapIndex::Level& searched_level = levels[levels.size() - 2];
-  std::vector<Candidate> starts = search_poses(searched_level, state_->voxels.origin(), query,
-                                               T_guess, SearchWindow{}, kMaxCandidates);
-  starts.push_back({T_guess, 0.0});
+  std::vector<Eigen::Isometry3d> starts = search_poses(
+      searched_level, state_->voxels.origin(), query, T_guess, SearchWindow{}, kMaxCandidates);
+  starts.push_back(T_guess);
   Place best;
   best.support = -1.0;
-  for (const Candidate& start : starts) {
-    const Place place = settle(levels, query, state_->to_local(start.T_map_lidar), 0.0F);
+  for (const Eigen::Isometry3d& T_map_lidar : starts) {
+    const Place place = settle(levels, query, state_->to_local(T_map_lidar), 0.0F);
     if (place.support > best.support) best = place;
   }
   return state_->to_odom(best.T_index_lidar);

@@ -6,6 +6,7 @@
 #include "map_level.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/tile_check.hpp>
 
 #include <fmt/format.h>
 
@@ -89,6 +90,8 @@ std::shared_ptr<const MapIndex> MapIndex::open(const maps::MapPackage& map,
   } catch (const maps::StorageError& error) {
     rebuilt_because = error.what();
   }
+  // The file outlives this process, and nobody compares it with the points again.
+  maps::require_whole_tiles(map);
   std::vector<CacheLine> lines = to_bytes(key, build_voxels(map, options));
   std::shared_ptr<MapIndex> index;
   std::string kept_in_memory_because;

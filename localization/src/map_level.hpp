@@ -52,9 +52,6 @@ struct MapIndex::Level {
   void for_each_nearest(std::size_t count, float floor_m2, const Place& place,
                         const Take& take) const;
 
-  /// Whether the cell that holds a point has a voxel.
-  [[nodiscard]] bool occupied(const Eigen::Vector3f& p) const;
-
  private:
   /// The first of the eight cells around a point; (-2, -2, -2), whose eight are none, for a point
   /// outside the grid and for NaN.
@@ -140,15 +137,6 @@ void MapIndex::Level::for_each_nearest(std::size_t count, float floor_m2, const 
     for (std::size_t i = 0; i < size; ++i)
       take(begin + i, nearest_of(numbers[i], points[i], floor_m2));
   }
-}
-
-inline bool MapIndex::Level::occupied(const Eigen::Vector3f& p) const {
-  const Eigen::Vector3f cell = p / edge_m;
-  if (!in_grid(cell.x()) || !in_grid(cell.y()) || !in_grid(cell.z())) return false;
-  const auto x = static_cast<std::int32_t>(std::floor(cell.x()));
-  const auto y = static_cast<std::int32_t>(std::floor(cell.y()));
-  const auto z = static_cast<std::int32_t>(std::floor(cell.z()));
-  return is_cell(x, y, z) && cells.find(x, y, z) != CellBlocks::kNone;
 }
 
 }  // namespace stillmap::localization

@@ -117,11 +117,13 @@ std::vector<Hypothesis> best_places(std::vector<Hypothesis>& all, std::size_t co
 
 }  // namespace
 
-std::vector<Candidate> search_poses(const MapIndex::Level& level, const Eigen::Vector3d& origin,
-                                    const Query& query, const Eigen::Isometry3d& T_map_lidar_prior,
-                                    const SearchWindow& window, std::size_t max_candidates) {
+std::vector<Eigen::Isometry3d> search_poses(const MapIndex::Level& level,
+                                            const Eigen::Vector3d& origin, const Query& query,
+                                            const Eigen::Isometry3d& T_map_lidar_prior,
+                                            const SearchWindow& window,
+                                            std::size_t max_candidates) {
   const std::vector<Eigen::Vector3f> points = points_to_try(query, T_map_lidar_prior.linear());
-  if (points.empty()) return {{T_map_lidar_prior, 0.0}};
+  if (points.empty()) return {T_map_lidar_prior};
   const Eigen::Vector3f centre = (T_map_lidar_prior.translation() - origin).cast<float>();
   const double edge_m = static_cast<double>(level.edge_m);
   const int n = static_cast<int>(std::ceil(window.radius_m / edge_m));
@@ -144,14 +146,14 @@ std::vector<Candidate> search_poses(const MapIndex::Level& level, const Eigen::V
       all.push_back(h);
     }
   }
-  std::vector<Candidate> candidates;
+  std::vector<Eigen::Isometry3d> candidates;
   for (const Hypothesis& h : best_places(all, max_candidates)) {
     Eigen::Isometry3d T = T_map_lidar_prior;
     T.linear() =
         Eigen::AngleAxisd(h.yaw * kYawStepRad, Eigen::Vector3d::UnitZ()).toRotationMatrix() *
         T_map_lidar_prior.linear();
     T.translation() += edge_m * Eigen::Vector3d(h.x, h.y, 0.0);
-    candidates.push_back({T, h.hits / static_cast<double>(points.size())});
+    candidates.push_back(T);
   }
   return candidates;
 }

@@ -17,13 +17,6 @@ struct SearchWindow {
   double yaw_rad = 0.40;
 };
 
-/// A place where many standing points of the scan fall into occupied cells of the map.
-struct Candidate {
-  Eigen::Isometry3d T_map_lidar;
-  /// Share of the standing points that fall into occupied cells, in [0, 1].
-  double hit_ratio = 0.0;
-};
-
 /// Counts hits of standing points in the map's occupied cells for every pose on a grid of the
 /// level's edge and 2 deg around the prior, and returns the best places, best first, the same place
 /// only once.
@@ -32,11 +25,11 @@ struct Candidate {
 /// Needs no derivative, so it sees past the local optima that trap every gradient method from 2 m /
 /// 10 deg. Ties go to the pose nearest to the prior.
 /// @param level   about 1 m.  @param origin  the index's.
-/// @return between 1 and `max_candidates`; the prior alone when nothing stands in the scan.
-[[nodiscard]] std::vector<Candidate> search_poses(const MapIndex::Level& level,
-                                                  const Eigen::Vector3d& origin, const Query& query,
-                                                  const Eigen::Isometry3d& T_map_lidar_prior,
-                                                  const SearchWindow& window,
-                                                  std::size_t max_candidates);
+/// @return T_map_lidar of between 1 and `max_candidates` places; the prior alone when nothing
+/// stands in the scan.
+[[nodiscard]] std::vector<Eigen::Isometry3d> search_poses(
+    const MapIndex::Level& level, const Eigen::Vector3d& origin, const Query& query,
+    const Eigen::Isometry3d& T_map_lidar_prior, const SearchWindow& window,
+    std::size_t max_candidates);
 
 }  // namespace stillmap::localization

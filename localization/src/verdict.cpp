@@ -2,6 +2,7 @@
 
 #include "voxel_table.hpp"
 
+#include <stillmap/localization/adjoint.hpp>
 #include <stillmap/maps/frames.hpp>
 
 #include <Eigen/Cholesky>
@@ -257,13 +258,8 @@ ProtectionLevels protection_levels_in_base(const AlignmentResult& result,
   const bool bounded = std::isfinite(own.longitudinal_m) && std::isfinite(own.lateral_m) &&
                        std::isfinite(own.vertical_m) && std::isfinite(own.yaw_rad);
   if (!bounded) return {};
-  const Eigen::Matrix3d& R = T_base_lidar.linear();
-  const Eigen::Vector3d& t = T_base_lidar.translation();
-  Matrix6d adjoint = Matrix6d::Zero();
-  adjoint.topLeftCorner<3, 3>() = R;
-  adjoint.bottomRightCorner<3, 3>() = R;
-  for (Eigen::Index k = 0; k < 3; ++k) adjoint.block<3, 1>(0, 3 + k) = t.cross(R.col(k));
-  return protection_levels(adjoint * result.covariance * adjoint.transpose());
+  const Matrix6d carry = adjoint(T_base_lidar);
+  return protection_levels(carry * result.covariance * carry.transpose());
 }
 
 }  // namespace stillmap::localization

@@ -224,10 +224,10 @@ AlignmentResult VoxelAligner::align_near(const maps::PointCloud& scan_lidar,
   std::vector<Eigen::Isometry3d> starts;
   if (places_ && reach && is_wide(*reach))
     starts = places_->best_places(query, kMaxPlaces, region_of(prior, *reach));
-  for (const Candidate& candidate :
+  for (const Eigen::Isometry3d& T_map_lidar :
        search_poses(level_near(*index_, kSearchCellM), index_->origin(), query, prior.T_map_lidar,
                     window_of(reach), kMaxCandidates)) {
-    starts.push_back(candidate.T_map_lidar);
+    starts.push_back(T_map_lidar);
   }
   AlignmentResult result = align_among(*index_, query, starts, &prior);
   if (result.status != PoseStatus::kLost || reach || !places_) return result;

@@ -9,6 +9,12 @@
 #include "formats/ply.hpp"
 
 namespace stillmap::maps {
+namespace {
+
+/// The system counts pages of a mapped file as this process's memory, until they are let go.
+constexpr std::uint64_t kPointsHeld = 1'000'000;
+
+}  // namespace
 
 void check_cloud_header(std::span<const std::byte> head, std::string_view format,
                         const std::string& name) {
@@ -28,9 +34,16 @@ CloudSummary read_cloud_file(const std::filesystem::path& file,
   if (extension != ".pcd" && extension != ".ply" && extension != ".las")
     throw InputError(file.string(), "extension '" + extension + "'", ".pcd, .ply or .las");
   const MappedFile bytes(file);
-  if (extension == ".las") return stream_las(bytes.span(), file.string(), take);
-  return extension == ".pcd" ? stream_pcd(bytes.span(), file.string(), take)
-                             : stream_ply(bytes.span(), file.string(), take);
+  std::uint64_t points = 0;
+  const auto take_and_let_go = [&](std::span<const CloudPoint> some) {
+    take(some);
+    const std::uint64_t before = points / kPointsHeld;
+    points += some.size();
+    if (points / kPointsHeld != before) bytes.let_go();
+  };
+  if (extension == ".las") return stream_las(bytes.span(), file.string(), take_and_let_go);
+  return extension == ".pcd" ? stream_pcd(bytes.span(), file.string(), take_and_let_go)
+                             : stream_ply(bytes.span(), file.string(), take_and_let_go);
 }
 
 }  // namespace stillmap::maps

@@ -2,6 +2,7 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/scan_file.hpp>
+#include <stillmap/maps/sensor_preset.hpp>
 
 #include <algorithm>
 #include <array>
@@ -10,11 +11,14 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "drives/address.hpp"
 #include "drives/bag_drive.hpp"
 #include "drives/keyframes.hpp"
 #include "drives/kitti_odometry.hpp"
 #include "drives/kitti_raw.hpp"
 #include "drives/layout.hpp"
+#include "drives/mulran.hpp"
+#include "drives/rawlog_drive.hpp"
 #include "drives/scan_folder.hpp"
 #include "formats/file_bytes.hpp"
 
@@ -29,11 +33,13 @@ struct LayoutReader {
 };
 
 // Layouts with folders of fixed names; a plain folder of scans is what is left.
-constexpr std::array<LayoutReader, 4> kNamedLayouts{{
+constexpr std::array<LayoutReader, 6> kNamedLayouts{{
     {DriveLayout::kKittiRaw, is_kitti_raw, open_kitti_raw},
     {DriveLayout::kKittiOdometry, is_kitti_odometry, open_kitti_odometry},
     {DriveLayout::kKeyframes, is_keyframes, open_keyframes},
+    {kMulranLayout, is_mulran, open_mulran},
     {DriveLayout::kRosbag2, is_bag, nullptr},
+    {kRawlogLayout, is_rawlog, nullptr},
 }};
 
 LayoutReader reader_for(const std::filesystem::path& root) {
@@ -51,8 +57,9 @@ LayoutReader reader_for(const std::filesystem::path& root) {
   if (is_scan_folder(root)) return {DriveLayout::kScanFolder, is_scan_folder, open_scan_folder};
   throw InputError(root.string(), "no layout that is known",
                    "velodyne_points/data/*.bin (KITTI raw), velodyne/*.bin (KITTI odometry), "
-                   "Scans/*.pcd with optimized_poses.txt (key frames), *.mcap or *.db3 (bags), or "
-                   "*.pcd, *.ply or *.bin");
+                   "Scans/*.pcd with optimized_poses.txt (key frames), Ouster/*.bin with "
+                   "global_pose.csv (MulRan), *.mcap or *.db3 (bags), *.rawlog (MRPT), or *.pcd, "
+                   "*.ply or *.bin");
 }
 
 /// Times of a spinning sensor's points from their azimuth, clockwise; see
@@ -73,17 +80,21 @@ void set_spin_times(PointCloud& cloud, const std::array<double, 2>& start_end_s)
   }
 }
 
-struct Address {
-  std::filesystem::path place;
-  /// Behind its last `?`.
-  std::string words;
-};
-
-Address address_of(const std::filesystem::path& root) {
-  const std::string text = root.string();
-  const std::size_t mark = text.rfind('?');
-  if (mark == std::string::npos || std::filesystem::exists(root)) return {root, {}};
-  return {text.substr(0, mark), text.substr(mark + 1)};
+Drive open_place(const Address& address, const std::optional<std::filesystem::path>& poses_file) {
+  const auto& [place, words, sensor] = address;
+  if (std::filesystem::is_directory(place)) {
+    const LayoutReader reader = reader_for(place);
+    if (reader.open != nullptr && !words.empty())
+      throw InputError(place.string(), "'?" + words + "' behind a drive that is no bag",
+                       "its folder alone, or '?sensor=NAME'");
+    if (reader.open != nullptr) return Drive(reader.open(place, poses_file));
+  }
+  if (is_rawlog(place)) return Drive(open_rawlog_drive(place, words, poses_file));
+  if (!std::filesystem::is_directory(place) && !is_bag(place)) {
+    throw InputError(place.string(), std::filesystem::exists(place) ? "a file" : "nothing",
+                     "the folder of a drive, a bag (MCAP, SQLite of rosbag2) or an MRPT rawlog");
+  }
+  return Drive(open_bag_drive(place, words, poses_file));
 }
 
 }  // namespace
@@ -103,28 +114,21 @@ std::string_view name_of(DriveLayout layout) {
     case DriveLayout::kRosbag2:
       return "rosbag2";
   }
+  if (layout == kMulranLayout) return "mulran";
+  if (layout == kRawlogLayout) return "rawlog";
   throw std::invalid_argument("name_of: unknown layout");
 }
 
 Drive Drive::open(const std::filesystem::path& root,
                   const std::optional<std::filesystem::path>& poses_file) {
-  const auto [place, words] = address_of(root);
-  if (std::filesystem::is_directory(place)) {
-    const LayoutReader reader = reader_for(place);
-    if (reader.open != nullptr && !words.empty())
-      throw InputError(root.string(), "'?" + words + "' behind a drive that is no bag",
-                       "its folder alone");
-    if (reader.open != nullptr) return Drive(reader.open(place, poses_file));
-  } else if (!is_bag(place)) {
-    throw InputError(place.string(), std::filesystem::exists(place) ? "a file" : "nothing",
-                     "the folder of a drive, or a bag (MCAP, SQLite of rosbag2)");
-  }
-  return Drive(open_bag_drive(place, words, poses_file));
+  const Address address = address_of(root);
+  Drive drive = open_place(address, poses_file);
+  return address.sensor.empty() ? drive : with_sensor(drive, sensor_preset(address.sensor));
 }
 
 bool Drive::is_at(const std::filesystem::path& root) {
   const std::filesystem::path place = address_of(root).place;
-  return std::filesystem::is_directory(place) || is_bag(place);
+  return std::filesystem::is_directory(place) || is_bag(place) || is_rawlog(place);
 }
 
 std::string Drive::Contents::scan_name(std::size_t index) const {

@@ -1,6 +1,10 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/scan_file.hpp>
 
+#include <cstdint>
+#include <stdexcept>
+#include <system_error>
+
 #include "formats/bin.hpp"
 #include "formats/file_bytes.hpp"
 #include "formats/pcd.hpp"
@@ -8,6 +12,9 @@
 
 namespace stillmap::maps {
 namespace {
+
+/// What is larger is a map (`cloud_file.hpp`): it would be read into memory as a whole.
+constexpr std::uintmax_t kMostFileBytes = std::uintmax_t{1} << 30U;
 
 ScanFormat format_of(const std::filesystem::path& file) {
   const std::string extension = file.extension().string();
@@ -36,6 +43,13 @@ DecodedScan decode_scan(std::span<const std::byte> bytes, ScanFormat format,
 
 DecodedScan read_scan_file(const std::filesystem::path& file) {
   const ScanFormat format = format_of(file);
+  std::error_code ignored;
+  // What is not there is told of where it is opened.
+  const std::uintmax_t size = std::filesystem::file_size(file, ignored);
+  if (!ignored && size > kMostFileBytes)
+    throw InputError(
+        file.string(), std::to_string(size) + " bytes of one scan",
+        "at most " + std::to_string(kMostFileBytes) + "; a whole map is read by `stillmap import`");
   return decode_scan(read_bytes(file).span(), format, file.string());
 }
 

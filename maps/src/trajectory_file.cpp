@@ -11,28 +11,19 @@
 #include <memory>
 #include <system_error>
 
+#include "formats/kitti_pose.hpp"
 #include "formats/text.hpp"
+#include "pose_bounds.hpp"
 
 namespace stillmap::maps {
 namespace {
 
-// What 3 decimals of a rotation matrix or quaternion can be off; beyond it, the numbers mean
-// something else.
-constexpr double kMaxOffRotation = 1e-3;
-
-Eigen::Isometry3d parse_kitti_pose(const std::filesystem::path& file, const NumberLine& line) {
-  std::array<double, 12> n{};
-  parse_finite(file, line, n);
-  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.linear() << n[0], n[1], n[2], n[4], n[5], n[6], n[8], n[9], n[10];
-  T.translation() << n[3], n[7], n[11];
-  const Eigen::Matrix3d R = T.linear();
-  const double off = (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-  if (!(off <= kMaxOffRotation) || R.determinant() < 0.0) {
-    throw InputError(place(file, line.line), fmt::format("a 3x3 part {:.3g} off a rotation", off),
-                     "3x4 row-major [R t] with a rotation R");
-  }
-  return renormalized(T);
+void check_position(const std::filesystem::path& file, const NumberLine& line,
+                    const Eigen::Vector3d& t) {
+  if (t.cwiseAbs().maxCoeff() <= kMaxPositionM) return;
+  throw InputError(place(file, line.line),
+                   fmt::format("a position of {:.3g} m", t.cwiseAbs().maxCoeff()),
+                   fmt::format("at most {:g} m on each axis", kMaxPositionM));
 }
 
 StampedPose parse_tum_pose(const std::filesystem::path& file, const NumberLine& line) {
@@ -52,6 +43,7 @@ StampedPose parse_tum_pose(const std::filesystem::path& file, const NumberLine& 
   pose.stamp_ns = *stamp_ns;
   pose.T_map_lidar.linear() = q.normalized().toRotationMatrix();
   pose.T_map_lidar.translation() << n[1], n[2], n[3];
+  check_position(file, line, pose.T_map_lidar.translation());
   return pose;
 }
 
@@ -64,6 +56,22 @@ std::string stamp_text(std::int64_t stamp_ns) {
 }
 
 }  // namespace
+
+Eigen::Isometry3d parse_kitti_pose(const std::filesystem::path& file, const NumberLine& line) {
+  std::array<double, 12> n{};
+  parse_finite(file, line, n);
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() << n[0], n[1], n[2], n[4], n[5], n[6], n[8], n[9], n[10];
+  T.translation() << n[3], n[7], n[11];
+  check_position(file, line, T.translation());
+  const Eigen::Matrix3d R = T.linear();
+  const double off = (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (!(off <= kMaxOffRotation) || R.determinant() < 0.0) {
+    throw InputError(place(file, line.line), fmt::format("a 3x3 part {:.3g} off a rotation", off),
+                     "3x4 row-major [R t] with a rotation R");
+  }
+  return renormalized(T);
+}
 
 std::vector<Eigen::Isometry3d> read_kitti_poses(const std::filesystem::path& file) {
   const std::string text = read_text(file);

@@ -20,23 +20,29 @@ SYSTEM = {"libc6", "libstdc++6", "libgcc-s1"}
 
 
 def linked_packages(program):
+    said = subprocess.run(["ldd", program], capture_output=True, text=True, check=True).stdout
+    return packages_of(pathlib.Path(found) for found in re.findall(r"=> (/\S+)", said)) - SYSTEM
+
+
+def packages_of(libraries):
+    """The Debian packages that own these files. dpkg is asked once: it reads all it knows for each question."""
+    names = {library: names_of(library) for library in libraries}
+    said = subprocess.run(["dpkg", "-S", *sorted(set().union(*names.values()))], capture_output=True, text=True).stdout
+    owners = {file: packages.split(",")[0].split(":")[0]
+              for packages, _, file in (line.partition(": ") for line in said.splitlines())}
     packages = set()
-    for line in subprocess.run(["ldd", program], capture_output=True, text=True, check=True).stdout.splitlines():
-        match = re.search(r"=> (/\S+)", line)
-        if match:
-            packages.add(package_of(pathlib.Path(match.group(1))))
-    return packages - SYSTEM
+    for library, known_as in names.items():
+        owner = next((owners[name] for name in sorted(known_as) if name in owners), None)
+        if owner is None:
+            sys.exit(f"{library}: no Debian package owns it")
+        packages.add(owner)
+    return packages
 
 
-def package_of(library):
+def names_of(library):
     # /lib is a link to /usr/lib; dpkg knows a file by the name it was shipped under.
     names = {str(library), str(library.resolve())}
-    names |= {name.removeprefix("/usr") for name in names} | {"/usr" + name for name in names if name.startswith("/lib")}
-    for name in sorted(names):
-        found = subprocess.run(["dpkg", "-S", name], capture_output=True, text=True)
-        if found.returncode == 0:
-            return found.stdout.split(":")[0]
-    sys.exit(f"{library}: no Debian package owns it")
+    return names | {name.removeprefix("/usr") for name in names} | {"/usr" + name for name in names if name.startswith("/lib")}
 
 
 def licences_of(package):

@@ -68,7 +68,7 @@ export class Run {
   failures = [];
   errors = [];
   foreign = [];
-  /** Console errors that the test brings about itself, as those of requests that are refused. */
+  /** Console errors that the test brings about itself, as those of requests that are refused; with their addresses. */
   expectedErrors = [/Failed to load resource/];
   #servers = [];
 
@@ -120,8 +120,9 @@ export class Run {
     page.setDefaultTimeout(kPatienceMs);
     this.latest = page;
     page.on('console', (message) => {
-      if (message.type() !== 'error' || this.expectedErrors.some((known) => known.test(message.text()))) return;
-      this.errors.push(message.text());
+      const text = `${message.text()} ${message.location().url}`;
+      if (message.type() !== 'error' || this.expectedErrors.some((known) => known.test(text))) return;
+      this.errors.push(text);
     });
     page.on('pageerror', (error) => this.errors.push(String(error)));
     page.on('request', (request) => {
@@ -176,6 +177,8 @@ export async function main(parts) {
         run.expect(false, `${name}: ${error.stack}`);
         await run.screenshot(run.latest, `failed_${name}`).catch(() => undefined);
       });
+      // Windows left open would go on asking for their server, and keep their graphics.
+      for (const context of run.browser.contexts()) await context.close();
     }
   } finally {
     await run.close();

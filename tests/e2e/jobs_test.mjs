@@ -3,12 +3,13 @@
 import { readFileSync } from 'node:fs';
 import { main } from './harness.mjs';
 
-/** Uploads the sample's drive by the API. @return its number */
-async function drive(run, server, name) {
+/** Uploads the sample's drive by the API. @param meanwhile done before it is complete @return its number */
+async function drive(run, server, name, meanwhile = () => undefined) {
   const at = `${server.origin}/v1/maps/town/drives`;
   const headers = { 'Content-Type': 'application/json' };
   const { id } = await (await fetch(at, { method: 'POST', headers, body: JSON.stringify({ name }) })).json();
   await fetch(`${at}/${id}/parts/1`, { method: 'PUT', body: readFileSync(run.tar('drive')) });
+  await meanwhile();
   const done = await (await fetch(`${at}/${id}/complete`, { method: 'POST' })).json();
   if (done.status !== 'complete') throw new Error(`the drive is ${done.status}: ${done.error}`);
   return id;
@@ -17,9 +18,12 @@ async function drive(run, server, name) {
 async function rebuild(run) {
   const server = await run.server();
   const page = await run.open(server, '#/maps/town/rebuild');
-  await page.waitForSelector('text=There is no complete drive');
+  await page.waitForSelector('text=This map has no drive yet');
   run.expect(true, 'without a drive the form says what is missing');
-  await drive(run, server, 'monday');
+  await drive(run, server, 'monday', async () => {
+    await page.waitForSelector('text=“monday” is not complete yet');
+    run.expect(/MB of it are on the server/.test(await page.textContent('.empty')), 'of one under way, how far it is');
+  });
   await page.waitForSelector('form.rebuild label:has-text("monday")');
   await page.click('summary:has-text("Options")');
   await page.selectOption('.field:has(label:text-is("Cleaning")) select', 'none');

@@ -101,7 +101,7 @@ async function tooLarge(run) {
   await drop(page, '.scene', [join(run.sample, 'drive', 'times.txt')]);
   await shown(run, page, '.beside .trouble:has-text("times.txt")', 'a file that is no scan is refused by name');
   await page.goto(`${server.origin}/#/compare/town/v1/never`);
-  await shown(run, page, 'text=never of town is not there', 'a version that is not there is said in a comparison');
+  await shown(run, page, '.page .empty:has-text("town has no version “never” (any more)")', 'a version that is not there is said in a comparison');
   await server.stop();
 }
 

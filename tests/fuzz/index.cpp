@@ -103,7 +103,6 @@ void look_up(const localization::IndexView& view, const maps::PointCloud& scan) 
     const Eigen::Vector3f p = 1.5F * scan.positions[i] + Eigen::Vector3f(2.0F, 1.5F, 1.0F);
     columns.set(i, p);
     for (const localization::MapIndex::Level& level : view.levels) {
-      static_cast<void>(level.occupied(p));
       const auto nearest = level.nearest(p, 0.01F);
       if (nearest.voxel == nullptr) continue;
       fuzz::require(nearest.voxel >= level.voxels.data() &&

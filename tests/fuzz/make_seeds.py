@@ -168,6 +168,9 @@ def make_packages():
     put("kitti_text", "oxts", stamps.encode() + SEPARATOR + oxts.encode())
     put("kitti_text", "imu", stamps.encode() + SEPARATOR +
         b"calib_time: 25-May-2012 16:47:16\nR: 1 0 0 0 1 0 0 0 1\nT: -0.8 0.3 -0.8\n")
+    for name, x, y in (("utm", 353000.5, 4026586.25), ("local", 1.5, -2.5)):
+        lines = "".join(f"{1561000444380857630 + i * 10**8},1,0,0,{x},0,1,0,{y + i},0,0,1,40\n" for i in range(4))
+        put("mulran", name, b"1561000444390857630\n1561000444490857630\n" + SEPARATOR + lines.encode())
     put("kitti_text", "tracking", SEPARATOR + b"P2: 721.5377 0 609.5593 44.85728 0 721.5377 172.854 0.2163791 0 0 1 "
         b"0.002745884\nR_rect 1 0 0 0 1 0 0 0 1\nTr_velo_cam 0 -1 0 0 0 0 -1 -0.08 1 0 0 -0.27\n"
         b"S_rect_02: 1242 375\n")

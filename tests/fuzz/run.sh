@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Fuzzes every parser that meets bytes from outside with libFuzzer, AddressSanitizer and UndefinedBehaviorSanitizer.
-# usage: tests/fuzz/run.sh [--seconds N | --soak | --report] [--jobs N] [TARGET...]    (60 seconds each unless told)
+# usage: tests/fuzz/run.sh [--seconds N | --soak | --report | --keep] [--jobs N] [TARGET...]    (60 seconds each unless told)
 # Needs clang-16 and libclang-rt-16-dev, see ./dev. What it learns stays in build/soak/fuzz; soak.py says more.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -9,5 +9,6 @@ mkdir -p build/soak/fuzz
 if [[ " $* " != *" --report "* ]]; then
   cmake --preset fuzz >build/soak/fuzz.configure.log || { cat build/soak/fuzz.configure.log; exit 1; }
   cmake --build build/fuzz -j "$(nproc)" --target fuzzers
+  echo "$(git rev-parse --short=10 HEAD)$(git diff --quiet HEAD -- ':!*.md' || echo '+')" >build/fuzz/commit
 fi
 exec python3 tests/fuzz/soak.py build/fuzz build/soak/fuzz "$@"

@@ -1,27 +1,33 @@
 #!/usr/bin/env python3
 """Runs libFuzzer's programs and keeps what they found and how long they ran.
 
-usage: soak.py PROGRAMS STATE [--seconds N | --soak | --report] [--jobs N] [TARGET...]
+usage: soak.py PROGRAMS STATE [--seconds N | --soak | --report | --keep] [--jobs N] [TARGET...]
 
 --seconds N  each target for N seconds
 --soak       each target until it has run 30 CPU-minutes behind its last new edge and a million inputs in all; a run that
              was cut off goes on where it was
 --report     writes the results into tests/README.md
+--keep       leaves of each corpus in STATE the fewest inputs that reach what all reach, and packs what fits 100 kB of
+             them into learnt/NAME.zip
 --jobs N     so many targets at a time, one unless told
 
-STATE/NAME/corpus grows, STATE/NAME/state.json counts, STATE/NAME/found/ holds inputs that broke something. The rules
-are those of the soak: 512 MiB, 5 s an input. Ends with 1 when anything was found.
+STATE/NAME/corpus grows, from learnt/NAME.zip on; STATE/NAME/state.json counts, anew when the program is another;
+STATE/NAME/found/ holds inputs that broke something. The rules are those of the soak: 512 MiB, 5 s an input. Ends with 1
+when anything was found.
 """
 
 import argparse
 import concurrent.futures
 import datetime
+import hashlib
 import json
 import os
 import pathlib
 import re
 import subprocess
 import sys
+
+import learnt
 
 HERE = pathlib.Path(__file__).resolve().parent
 README = HERE.parent / "README.md"
@@ -40,11 +46,20 @@ class Target:
         self.name = program.name.removeprefix("fuzz_")
         self.program, self.folder = program, folder
         self.state_file = folder / "state.json"
+        self.seeds, self.learnt = HERE / "corpus" / self.name, HERE / "learnt" / f"{self.name}.zip"
         self.state = {"inputs": 0, "cpu_s": 0.0, "cpu_s_at_last_edge": 0.0, "edges": 0, "commit": "", "date": ""}
         if self.state_file.exists():
             self.state |= json.loads(self.state_file.read_text())
         for each in ("corpus", "found"):
             (folder / each).mkdir(parents=True, exist_ok=True)
+
+    def begin(self, commit):
+        """What was counted of another program says nothing of this one."""
+        digest = hashlib.sha256(self.program.read_bytes()).hexdigest()
+        if self.state.get("program") != digest:
+            self.state |= {"inputs": 0, "cpu_s": 0.0, "cpu_s_at_last_edge": 0.0, "edges": 0, "program": digest}
+        self.state["commit"] = commit
+        learnt.unpack(self.learnt, self.folder / "corpus")
 
     def quiet_s(self):
         return self.state["cpu_s"] - self.state["cpu_s_at_last_edge"]
@@ -56,11 +71,11 @@ class Target:
         return sorted(path.name for path in (self.folder / "found").iterdir())
 
     def command(self, seconds):
-        seeds, words = HERE / "corpus" / self.name, HERE / f"{self.name}.dict"
+        words = HERE / f"{self.name}.dict"
         options = [f"-max_total_time={seconds}", "-rss_limit_mb=512", "-timeout=5", "-max_len=4096",
                    "-print_final_stats=1", "-reload=0", f"-artifact_prefix={self.folder}/found/"]
         options += [f"-dict={words}"] if words.exists() else []
-        return [self.program, *options, self.folder / "corpus", *([seeds] if seeds.is_dir() else [])]
+        return [self.program, *options, self.folder / "corpus", *([self.seeds] if self.seeds.is_dir() else [])]
 
     def run(self, seconds):
         """@return whether nothing was found"""
@@ -92,7 +107,7 @@ class Target:
         return ok
 
     def save(self):
-        self.state |= {"commit": commit(), "date": datetime.date.today().isoformat()}
+        self.state["date"] = datetime.date.today().isoformat()
         partial = self.state_file.with_suffix(".partial")
         partial.write_text(json.dumps(self.state, indent=1))
         partial.rename(self.state_file)
@@ -111,23 +126,18 @@ def cpu_s(pid):
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def commit():
-    run = subprocess.run(["git", "-C", HERE, "rev-parse", "--short=10", "HEAD"], capture_output=True, text=True)
-    return run.stdout.strip() or "unknown"
-
-
 def report(targets):
-    rows = [f"| {t.name} | {t.state['inputs']:,} | {t.state['edges']:,} | {t.state['cpu_s'] / 60:.1f} | "
-            f"{t.quiet_s() / 60:.1f} | {len(t.findings())} | {t.state['date']} | {t.state['commit']} |" for t in targets]
+    """Rows of targets that did not run here stay as they are."""
+    old = README.read_text()
+    head, rest = old.split(BEGIN, 1)
+    table, tail = rest.split(END, 1)
+    rows = {line.split(" ")[1]: line for line in table.strip().splitlines()[2:]}
+    for t in (t for t in targets if t.state["inputs"] > 0):
+        rows[t.name] = (f"| {t.name} | {t.state['inputs']:,} | {t.state['edges']:,} | {t.state['cpu_s'] / 60:.1f} | "
+                        f"{t.quiet_s() / 60:.1f} | {len(t.findings())} | {t.state['date']} | {t.state['commit']} |")
     text = "\n".join([BEGIN, "| target | inputs | edges | CPU-minutes | since the last new edge | open findings | date | commit |",
-                      "|---|---|---|---|---|---|---|---|", *rows, END])
-    old = README.read_text() if README.exists() else "# Tests\n"
-    if BEGIN in old:
-        head, rest = old.split(BEGIN, 1)
-        new = head + text + rest.split(END, 1)[1]
-    else:
-        new = old.rstrip("\n") + "\n\n## Fuzzing\n\n" + text + "\n"
-    README.write_text(new)
+                      "|---|---|---|---|---|---|---|---|", *(rows[name] for name in sorted(rows)), END])
+    README.write_text(head + text + tail)
 
 
 def run_once(target, asked):
@@ -144,6 +154,7 @@ def main():
     parser.add_argument("--seconds", type=int, default=60)
     parser.add_argument("--soak", action="store_true")
     parser.add_argument("--report", action="store_true")
+    parser.add_argument("--keep", action="store_true")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("targets", nargs="*")
     asked = parser.parse_intermixed_args()
@@ -157,6 +168,13 @@ def main():
     if asked.report:
         report(targets)
         return 0
+    if asked.keep:
+        for target in targets:
+            print(f"{target.name}: {learnt.keep(target.program, target.folder, target.learnt)}")
+        return 0
+    commit = (asked.programs / "commit").read_text().strip()
+    for target in targets:
+        target.begin(commit)
     broken = set()
     # Turn by turn, so that all have run when time is short.
     while left := [t for t in targets if t.name not in broken and not (asked.soak and t.is_done())]:

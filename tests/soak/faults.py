@@ -1,16 +1,18 @@
 #!/usr/bin/env python3
-"""Lets each system call of uploading, activating, rolling back, removing and making keys fail once, by libfiu, and looks
-at what is there afterwards: all that was acknowledged, nothing half, a server that goes on or has said why not.
+"""Lets each system call of uploading, activating, rolling back, removing, making keys, importing and rebuilding (in the server
+and in the process of the job) fail once, by libfiu, and looks at what is there afterwards: all that was acknowledged, nothing
+half, jobs that have ended, in words if they failed, a server that goes on or has said why not.
 
 usage: faults.py --program STILLMAP --packages TINY_PACKAGES --injector NTH_CALL.SO [--sample N] [--seed 1]
 
-Without --sample every call is failed in every way.
+Without --sample every call is failed in every way. Jobs take longer and are done when named alone: --operation import, rebuild.
 """
 
 import argparse
 import collections
 import errno
 import itertools
+import json
 import mmap
 import pathlib
 import random
@@ -21,7 +23,7 @@ import sys
 import tempfile
 import time
 
-from serving import LOCALIZE, Server, leftovers, make_key, make_packages, run
+from serving import LOCALIZE, Server, leftovers, left_of_jobs, make_key, make_packages, run, small_cloud, tar_of, upload_drive
 from store_model import MapModel
 
 POSIX_PRELOAD = "/usr/lib/fiu/fiu_posix_preload.so"
@@ -35,8 +37,13 @@ POINTS = [
     ("posix/io/dir/opendir", (errno.EIO,)), ("posix/io/rw/pread", (errno.EIO,)), ("posix/io/rw/read", (errno.EIO,)),
     ("posix/mm/mmap", (errno.ENOMEM,)), ("stillmap/mkdir", (errno.EIO, errno.ENOSPC)), ("stillmap/rmdir", (errno.EIO,)),
     ("stillmap/linkat", (errno.EIO,)), ("stillmap/renameat2", (errno.EIO, errno.ENOSPC))]
-OPERATIONS = ["add", "activate", "roll_back", "remove", "mend", "add by command", "activate by command", "make a key", "start"]
+# Those that a process of its own does for the server, and their maps, which nothing else changes.
+JOBS = {"import": "yard", "rebuild": "street"}
+OPERATIONS = ["add", "activate", "roll_back", "remove", "mend", "add by command", "activate by command", "make a key", "start",
+              *JOBS]
 READY_WITHIN_S = 10.0
+# A job; a minute of it is what the server waits for an estimate that says nothing.
+ENDS_WITHIN_S = 120.0
 
 
 class Wrong(Exception):
@@ -74,12 +81,17 @@ class Trials:
     def __init__(self, arguments, folder):
         self.program = arguments.program
         self.packages, self.scan = make_packages(arguments.packages, folder / "packages", 3)
+        self.drive = tar_of(folder / "packages" / "drive")
         self.store, self.log = folder / "store", folder / "server.log"
         self.store.mkdir()
         self.injector = Injector(folder / "nth_call", arguments.injector)
         self.headers = {"Authorization": "Bearer " + make_key(self.program, self.store)}
         self.keys = {"soak"}
         self.model = MapModel("town")
+        self.models = {"town": self.model}
+        self.drives, self.job = None, None
+        self.jobs = {}  # id -> status, of those that have ended
+        self.made_by = {}  # operation -> digest of what its job makes
         self.made = itertools.count(1)
         self.ends = collections.Counter()
         self.now = None
@@ -92,6 +104,7 @@ class Trials:
         """Kills the server and starts another, which must find everything."""
         if self.server and self.server.process.poll() is None:
             self.server.kill()
+        self.log_begin = self.log.stat().st_size if self.log.exists() else 0
         self.server = Server(self.program, self.store, self.log, environment=self.injector.environment)
         expect(self.server.listen(), "did not listen:", self.last_words())
         self.server.wait_ready(READY_WITHIN_S)
@@ -129,9 +142,14 @@ class Trials:
 
     def prepare(self, operation):
         """@return the change that the operation is to make, or nothing."""
+        self.models[self.model.name] = self.model
+        name = JOBS.get(operation, "town")
+        self.model = self.models.get(name, MapModel(name))
         model = self.model
         if operation in ("make a key", "start"):
             return None
+        if operation in JOBS:
+            return self.prepare_job(operation)
         if "add" in operation:
             digest = self.packages[2].digest
             for version in [name for name in model.versions if model.versions[name] == digest]:
@@ -154,6 +172,80 @@ class Trials:
             tile.write_bytes(bytes(tile.stat().st_size))
             return ("add", other, self.model.versions[other])
         return (operation.split()[0], other) if operation != "roll_back" else ("roll_back",)
+
+    def prepare_job(self, operation):
+        """What it makes must be new to the store: else its files are not copied."""
+        if operation == "rebuild" and self.drives is None:
+            self.make("add", "v1", self.packages[0].digest)
+            self.make("activate", "v1")
+            self.drives = [upload_drive(self.server, self.model.name, self.drive, self.headers) for _ in range(2)]
+        version = f"j{next(self.made)}"
+        if operation not in self.made_by:
+            expect(self.perform_job(operation, version), operation, "failed without any fault:", self.last_words())
+            self.made_by[operation] = self.versions()[version]
+            self.model = self.model.after(("add", version, self.made_by[operation]))
+            version = f"j{next(self.made)}"
+        for name in [name for name, digest in self.model.versions.items() if digest == self.made_by[operation]]:
+            self.make("remove", name)
+        return ("add", version, self.made_by[operation])
+
+    def versions(self):
+        response = self.server.ask("GET", f"/v1/maps/{self.model.name}/versions", headers=self.headers)
+        return {each["version"]: each["digest"] for each in response.json["versions"]}
+
+    def perform_job(self, operation, version):
+        """@return whether its job succeeded."""
+        base, self.job = f"/v1/maps/{self.model.name}", None
+        method, path, body, kind = {
+            "import": lambda: ("PUT", f"{base}/versions/{version}", small_cloud(1), "application/vnd.pcd"),
+            "rebuild": lambda: ("POST", f"{base}/rebuild", json.dumps({
+                "drives": self.drives[:1], "held_back": self.drives[1], "version": version,
+                "options": {"detector": "geometric"}}), "application/json")}[operation]()
+        try:
+            response = self.server.ask(method, path, body, {"Content-Type": kind, **self.headers}, timeout=ENDS_WITHIN_S)
+        except OSError:
+            return False
+        if response.status != 202:
+            expect(response.json and response.json.get("code"), operation, "was refused without words:", response.body)
+            expect(response.status >= 500, operation, "was refused:", response.body)
+            return False
+        self.job = response.json["id"]
+        return self.job_ends() == "succeeded"
+
+    def job_ends(self):
+        """@return how; nothing when the server does, or cannot go on."""
+        end = time.monotonic() + ENDS_WITHIN_S
+        while self.server.process.poll() is None:
+            try:
+                response = self.server.ask("GET", f"/v1/jobs/{self.job}", headers=self.headers)
+            except OSError:
+                continue
+            expect(response.status in (200, 500), "job", self.job, "is answered", response.status, response.body[:300])
+            found = response.json if response.status == 200 else {"status": None}
+            if found["status"] in ("succeeded", "failed"):
+                expect(found["status"] == "succeeded" or found["error"], "failed without words:", response.body)
+                self.jobs[self.job] = found["status"]
+                return found["status"]
+            expect(found["status"] in (None, "enqueued", "processing"), "job", self.job, "is", found)
+            # Then nothing can be kept before the next start.
+            if "an earlier sync failed" in self.log.read_text()[self.log_begin:]:
+                return None
+            expect(time.monotonic() < end, "job", self.job, "does not end:", found, self.last_words())
+            time.sleep(0.02)
+        return None
+
+    def check_jobs(self):
+        """Each that was acknowledged is there, has ended as it was told, and has left nothing but what it said."""
+        if self.job and self.job not in self.jobs:
+            expect(self.job_ends(), "job", self.job, "has not ended after a start:", self.last_words())
+        for job, status in self.jobs.items():
+            response = self.server.ask("GET", f"/v1/jobs/{job}", headers=self.headers)
+            expect(response.status == 200 and response.json["status"] == status, "job", job, "had", status, response.body[:300])
+            expect(status != "succeeded" or response.json["result"], "job", job, "has lost its result")
+        end = time.monotonic() + READY_WITHIN_S
+        while left_of_jobs(self.store, self.jobs) and time.monotonic() < end:
+            time.sleep(0.02)
+        expect(not left_of_jobs(self.store, self.jobs), "left of jobs:", left_of_jobs(self.store, self.jobs))
 
     def command(self, *arguments):
         """Runs the command line under the injector. @return whether it did what it was asked for."""
@@ -179,6 +271,8 @@ class Trials:
             expect(self.server.end() == 1, "ended with", self.server.process.returncode, self.last_words())
             expect("stillmap: " in self.last_words(), "ended without words:", self.last_words())
             return False
+        if operation in JOBS:
+            return self.perform_job(operation, change[1])
         if operation == "add by command":
             return self.command("store", "add", self.store, self.model.name, change[1], self.package(change[2]).folder)
         if operation == "activate by command":
@@ -214,6 +308,7 @@ class Trials:
         before = self.model
         self.settle(change, done)
         self.restart()
+        self.check_jobs()
         self.model = self.model if done else before
         self.settle(None if done else change, done)
         if operation == "mend" and not done:
@@ -280,7 +375,7 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--operation", choices=OPERATIONS, action="append")
     arguments = parser.parse_args()
-    operations = arguments.operation or OPERATIONS
+    operations = arguments.operation or [each for each in OPERATIONS if each not in JOBS]
     folder = pathlib.Path(tempfile.mkdtemp(prefix="faults-"))
     trials = Trials(arguments, folder)
     try:

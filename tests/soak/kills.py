@@ -21,7 +21,7 @@ import tempfile
 import threading
 import time
 
-from serving import LOCALIZE, Server, leftovers, make_key, make_packages, run
+from serving import LOCALIZE, Server, leftovers, make_key, make_packages, run, small_cloud
 from store_model import MapModel, Refused
 
 READY_WITHIN_S = 5.0
@@ -183,16 +183,11 @@ class JobClient:
         self.version, self.waiting, self.was_killed = 0, None, False
         self.acknowledged = 0
 
-    def cloud(self):
-        points = "".join(f"{i % 20} {i // 20} {self.version % 7}\n" for i in range(400 + self.version))
-        return (f"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {400 + self.version}\nHEIGHT 1\n"
-                f"POINTS {400 + self.version}\nDATA ascii\n{points}").encode()
-
     def step(self, server, random):
         if self.waiting is None:
             # What was asked for and not answered is asked for again.
             path = f"/v1/maps/{self.MAP}/versions/v{self.version}"
-            response = server.ask("PUT", path, self.cloud(), {"Content-Type": "application/vnd.pcd", **self.headers})
+            response = server.ask("PUT", path, small_cloud(self.version), {"Content-Type": "application/vnd.pcd", **self.headers})
             expect(response.status in (200, 202), path, "is answered", response.status, response.body[:300])
             if response.status == 200:  # asked for before a kill took the answer away, and done since
                 self.version += 1
@@ -354,12 +349,13 @@ def run_seed(arguments, seed):
     return session.result(kills)
 
 
-def main():
-    parser = argparse.ArgumentParser(usage=__doc__)
+def run_seeds(usage, run_seed, kills):
+    """Runs those that the command line asks for. @return the program's exit code."""
+    parser = argparse.ArgumentParser(usage=usage)
     parser.add_argument("--program", required=True)
     parser.add_argument("--packages", required=True)
     parser.add_argument("--seeds", default="1")
-    parser.add_argument("--kills", type=int, default=50)
+    parser.add_argument("--kills", type=int, default=kills)
     parser.add_argument("--results", type=pathlib.Path)
     arguments = parser.parse_args()
     first, _, last = arguments.seeds.partition("-")
@@ -380,4 +376,4 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_seeds(__doc__, run_seed, kills=50))

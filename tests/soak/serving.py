@@ -25,8 +25,7 @@ class Package:
                 if file.is_file():
                     tar.add(file, arcname=str(file.relative_to(folder)))
         self.tar = buffer.getvalue()
-        sha256 = base64.b64encode(hashlib.sha256(self.tar).digest()).decode()
-        self.headers = {"Content-Type": "application/x-tar", "Content-Digest": f"sha-256=:{sha256}:"}
+        self.headers = {"Content-Type": "application/x-tar", **digest_header(self.tar)}
 
 
 def make_packages(maker, folder, count):
@@ -118,6 +117,49 @@ def make_key(program, store, name="soak"):
     if done.returncode != 0:
         raise RuntimeError(done.stderr)
     return done.stdout.strip()
+
+
+def tar_of(folder):
+    packed = io.BytesIO()
+    with tarfile.open(fileobj=packed, mode="w") as tar:
+        tar.add(folder, arcname=".")
+    return packed.getvalue()
+
+
+def digest_header(body):
+    return {"Content-Digest": f"sha-256=:{base64.b64encode(hashlib.sha256(body).digest()).decode()}:"}
+
+
+def upload_drive(server, map_name, packed, headers):
+    """@return its id. Raises RuntimeError when it was refused."""
+    place = f"/v1/maps/{map_name}/drives"
+    made = server.ask("POST", place, '{"name": "tiny"}', {"Content-Type": "application/json", **headers})
+    part = server.ask("PUT", f"{place}/{made.json['id']}/parts/1", packed, {**digest_header(packed), **headers})
+    done = server.ask("POST", f"{place}/{made.json['id']}/complete", headers=headers)
+    if (made.status, part.status, done.status) != (201, 201, 200):
+        raise RuntimeError(f"no drive: {made.body} {part.body} {done.body}")
+    return made.json["id"]
+
+
+def small_cloud(number):
+    """A map as a PCD, each number another."""
+    points = "".join(f"{i % 20} {i // 20} {number % 7}\n" for i in range(400 + number))
+    return (f"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {400 + number}\nHEIGHT 1\n"
+            f"POINTS {400 + number}\nDATA ascii\n{points}").encode()
+
+
+def left_of_jobs(store, ended):
+    """What jobs that have ended, and those that nobody knows, leave behind besides log and outcome. @param ended  ids."""
+    root = pathlib.Path(store) / "jobs"
+    left = []
+    for folder in root.iterdir() if root.exists() else []:
+        if folder.name == "uploads":
+            left += list(folder.iterdir())
+        elif folder.name.isdigit() and int(folder.name) in ended:
+            left += [each for each in folder.iterdir() if each.name not in ("log", "outcome.json")]
+        elif folder.name != ".lock":
+            left.append(folder)
+    return left
 
 
 def leftovers(store):

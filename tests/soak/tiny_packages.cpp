@@ -1,8 +1,8 @@
-// Writes small maps of one street, each with another digest, and a scan of it: what the soak tests
-// publish and ask.
+// Writes small maps of one street, each with another digest, a scan of it and a drive through it:
+// what the soak tests publish, ask and rebuild.
 //
-// usage: tiny_packages FOLDER COUNT      makes FOLDER/1 ... FOLDER/COUNT and FOLDER/scan.bin, seen
-// from (60, 0.5, 1.8)
+// usage: tiny_packages FOLDER COUNT      makes FOLDER/1 ... FOLDER/COUNT, FOLDER/scan.bin, seen
+// from (60, 0, 1.8), and FOLDER/drive
 
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/trajectory.hpp>
@@ -63,15 +63,29 @@ void write_package(const fs::path& target, int seed) {
   writer.publish(manifest, "{}");
 }
 
-void write_scan(const fs::path& file) {
-  const maps::PointCloud scan =
-      stillmap::test::street(21).scan(pose_at(60.0, 0.0, 0.0), pattern(7));
+void write_scan(const fs::path& file, const Eigen::Isometry3d& T_map_lidar, std::uint64_t seed) {
+  const maps::PointCloud scan = stillmap::test::street(21).scan(T_map_lidar, pattern(seed));
   std::ofstream stream(file, std::ios::binary);
   for (const Eigen::Vector3f& p : scan.positions) {
     const std::array<float, 4> row = {p.x(), p.y(), p.z(), 0.0F};
     stream.write(reinterpret_cast<const char*>(row.data()), sizeof(row));
   }
   if (!stream.flush()) throw std::runtime_error(file.string() + " cannot be written");
+}
+
+/// As many scans as a gate asks for (20), along what the packages map.
+void write_drive(const fs::path& folder) {
+  constexpr int kScans = 24;
+  fs::create_directories(folder);
+  std::vector<maps::StampedPose> poses;
+  for (int i = 0; i < kScans; ++i) {
+    const Eigen::Isometry3d T_map_lidar = pose_at(50.0 + 0.8 * i, 0.0, 0.0);
+    poses.push_back(
+        {.stamp_ns = static_cast<std::int64_t>(i + 1) * 100'000'000, .T_map_lidar = T_map_lidar});
+    write_scan(folder / (std::to_string(i) + ".bin"), T_map_lidar,
+               static_cast<std::uint64_t>(1000 + i));
+  }
+  maps::write_tum_trajectory(folder / "poses.tum", maps::Trajectory(poses));
 }
 
 }  // namespace
@@ -86,7 +100,8 @@ int main(int count, char** arguments) {
     fs::create_directories(folder);
     for (int seed = 1; seed <= std::stoi(arguments[2]); ++seed)
       write_package(folder / std::to_string(seed), seed);
-    write_scan(folder / "scan.bin");
+    write_scan(folder / "scan.bin", pose_at(60.0, 0.0, 0.0), 7);
+    write_drive(folder / "drive");
   } catch (const std::exception& error) {
     std::cerr << error.what() << "\n";
     return 1;

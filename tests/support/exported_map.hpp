@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace stillmap::test {
@@ -24,6 +25,7 @@ struct SmallMapPoint {
 struct SmallMap {
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();
   std::optional<maps::GeodeticOrigin> place;
+  std::string frame_id = "town";
   std::vector<SmallMapPoint> points;
   /// One a drive.
   std::vector<maps::Trajectory> trajectories;
@@ -51,7 +53,7 @@ struct SmallMap {
   for (std::size_t drive = 0; drive < map.trajectories.size(); ++drive)
     writer.write_trajectory(map.trajectories[drive], drive);
   maps::MapManifest manifest;
-  manifest.frame_id = "town";
+  manifest.frame_id = map.frame_id;
   manifest.origin = map.origin;
   manifest.geodetic_origin = map.place;
   manifest.voxel_size_m = 0.1;

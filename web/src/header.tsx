@@ -1,6 +1,6 @@
 import { useEffect, useState } from 'preact/hooks';
 import { connection } from './api/connection.js';
-import { key, keyWanted } from './api/keys.js';
+import { askForKey, key } from './api/keys.js';
 import { linkTo } from './router.js';
 import { Icon } from './ui/icon.js';
 import { useStore } from './ui/store.js';
@@ -56,7 +56,7 @@ function inSeconds(atMs: number): string {
 function KeyState() {
   const has = useStore(key) !== undefined;
   return (
-    <button type="button" class="plain" onClick={() => keyWanted.set('Chosen')}>
+    <button type="button" class="plain" onClick={askForKey}>
       <Icon name="key" /> <span class="label">{has ? 'Key in use' : 'No key'}</span>
     </button>
   );

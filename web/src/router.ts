@@ -33,6 +33,8 @@ function decoded(part: string): string {
   }
 }
 
+const kRewriteMs = 120;
+
 export const place = new Store<Place>(parsePlace(globalThis.location?.hash ?? ''));
 
 /** Goes there; the browser's back button comes back. */
@@ -40,13 +42,22 @@ export function go(link: string): void {
   window.location.hash = link;
 }
 
-/** Replaces the query of the present place without a step in the history: for views that keep their state in it. */
+let rewriting: ReturnType<typeof setTimeout> | undefined;
+
+/**
+ * Replaces the query of the present place without a step in the history: for views that keep their state in it. The
+ * newest of those that come together is written, a moment later: browsers refuse to write addresses at the pace of a drag.
+ */
 export function replaceQuery(query: Record<string, string>): void {
   const { view, path } = place.get();
-  window.history.replaceState(null, '', linkTo(view, path, query));
+  clearTimeout(rewriting);
+  rewriting = setTimeout(() => window.history.replaceState(null, '', linkTo(view, path, query)), kRewriteMs);
 }
 
 /** Begins to follow the address. */
 export function startRouter(): void {
-  window.addEventListener('hashchange', () => place.set(parsePlace(window.location.hash)));
+  window.addEventListener('hashchange', () => {
+    clearTimeout(rewriting);
+    place.set(parsePlace(window.location.hash));
+  });
 }

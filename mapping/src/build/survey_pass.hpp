@@ -23,8 +23,7 @@ struct Survey {
     std::vector<maps::Box> boxes;
   };
   /// `scratch` is a folder.
-  explicit Survey(const std::filesystem::path& scratch)
-      : obstacles(scratch / "obstacles"), views(scratch) {}
+  explicit Survey(const std::filesystem::path& scratch) : obstacles(scratch), views(scratch) {}
 
   /// By ordinal.
   std::vector<Scan> scans;

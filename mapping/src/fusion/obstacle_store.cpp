@@ -1,16 +1,9 @@
 #include "fusion/obstacle_store.hpp"
 
-#include <stillmap/maps/error.hpp>
-
 #include <fmt/format.h>
 
-#include <unistd.h>
-
 #include <array>
-#include <cerrno>
-#include <cstring>
 #include <stdexcept>
-#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -48,13 +41,6 @@ std::vector<Obstacle> restored(const std::vector<Stored>& stored) {
 
 }  // namespace
 
-ObstacleStore::ObstacleStore(std::filesystem::path scratch_file) : file_(std::move(scratch_file)) {}
-
-ObstacleStore::~ObstacleStore() {
-  std::error_code ignored;
-  if (scratch_) std::filesystem::remove(file_, ignored);
-}
-
 void ObstacleStore::add(std::size_t drive, const ScanObstacles& scan) {
   if (last_ && drive < last_drive_)
     throw std::invalid_argument(
@@ -75,33 +61,16 @@ void ObstacleStore::finish() {
 
 void ObstacleStore::write_last() {
   const std::vector<Stored> obstacles = stored(last_->all());
-  if (!scratch_) scratch_.reset(std::fopen(file_.c_str(), "w+b"));
-  if (!scratch_ ||
-      std::fwrite(obstacles.data(), sizeof(Stored), obstacles.size(), scratch_.get()) !=
-          obstacles.size() ||
-      std::fflush(scratch_.get()) != 0)
-    throw maps::StorageError(file_.string(), std::strerror(errno));
-  parts_[last_drive_] = {written_bytes_, obstacles.size()};
-  written_bytes_ += obstacles.size() * sizeof(Stored);
+  if (!scratch_) scratch_.emplace(folder_, "obstacles");
+  parts_[last_drive_] = {scratch_->append(obstacles.data(), obstacles.size() * sizeof(Stored)),
+                         obstacles.size()};
 }
 
 std::shared_ptr<const ObstacleMap> ObstacleStore::read(std::size_t drive) const {
   if (last_ && drive == last_drive_) return last_;
   const Part& part = parts_.at(drive);
   std::vector<Stored> obstacles(part.obstacles);
-  const std::size_t bytes = part.obstacles * sizeof(Stored);
-  for (std::size_t done = 0; done < bytes;) {
-    const ssize_t got =
-        ::pread(::fileno(scratch_.get()), reinterpret_cast<char*>(obstacles.data()) + done,
-                bytes - done, static_cast<off_t>(part.offset_bytes + done));
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) throw maps::StorageError(file_.string(), std::strerror(errno));
-    if (got == 0)
-      throw maps::StorageError(
-          file_.string(),
-          fmt::format("ends at byte {}, expected {}", part.offset_bytes + done, written_bytes_));
-    done += static_cast<std::size_t>(got);
-  }
+  scratch_->read(part.offset_bytes, obstacles.data(), part.obstacles * sizeof(Stored));
   return std::make_shared<const ObstacleMap>(restored(obstacles));
 }
 

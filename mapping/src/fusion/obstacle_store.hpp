@@ -1,13 +1,15 @@
 #pragma once
 
 #include "fusion/obstacle_map.hpp"
+#include "scratch_file.hpp"
 
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
+#include <utility>
 
 namespace stillmap::mapping {
 
@@ -18,9 +20,9 @@ namespace stillmap::mapping {
 /// single drive never needs.
 class ObstacleStore {
  public:
-  /// @param scratch_file  made when a second drive begins, removed with the store.
-  explicit ObstacleStore(std::filesystem::path scratch_file);
-  ~ObstacleStore();
+  /// @param scratch  existing folder; a file is made there when a second drive begins, and removed
+  /// with the store.
+  explicit ObstacleStore(std::filesystem::path scratch) : folder_(std::move(scratch)) {}
   ObstacleStore(const ObstacleStore&) = delete;
   ObstacleStore& operator=(const ObstacleStore&) = delete;
 
@@ -40,14 +42,10 @@ class ObstacleStore {
     std::uint64_t offset_bytes = 0;
     std::size_t obstacles = 0;
   };
-  struct Close {
-    void operator()(std::FILE* file) const { std::fclose(file); }
-  };
   void write_last();
 
-  std::filesystem::path file_;
-  std::unique_ptr<std::FILE, Close> scratch_;
-  std::uint64_t written_bytes_ = 0;
+  std::filesystem::path folder_;
+  std::optional<ScratchFile> scratch_;
   std::map<std::size_t, Part> parts_;
   std::size_t last_drive_ = 0;
   /// Null before the first scan.

@@ -1,6 +1,6 @@
 #include "loops/odometry_path.hpp"
 
-#include "trajectory/adjoint.hpp"
+#include <stillmap/localization/adjoint.hpp>
 
 #include <stillmap/maps/frames.hpp>
 
@@ -25,7 +25,7 @@ constexpr double kTurnDriftRadPerM = 1.5e-4;
 }  // namespace
 
 Matrix6d carried(const Eigen::Isometry3d& T, const Matrix6d& covariance) {
-  const Matrix6d Ad = adjoint(T);
+  const Matrix6d Ad = localization::adjoint(T);
   return Ad * covariance * Ad.transpose();
 }
 

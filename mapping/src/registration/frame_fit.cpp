@@ -1,6 +1,6 @@
 #include "registration/frame_fit.hpp"
 
-#include "trajectory/adjoint.hpp"
+#include <stillmap/localization/adjoint.hpp>
 
 #include <Eigen/Cholesky>
 #include <stillmap/maps/frames.hpp>
@@ -53,7 +53,7 @@ Vector6d step_of(std::span<const FrameSight> sights, const std::vector<Matrix6d>
   Vector6d g = Vector6d::Zero();
   for (std::size_t i = 0; i < sights.size(); ++i) {
     const Vector6d miss = miss_of(sights[i], T_map_middle);
-    const Matrix6d J = adjoint(sights[i].T_own_lidar.inverse());
+    const Matrix6d J = localization::adjoint(sights[i].T_own_lidar.inverse());
     const double share = kernel * kernel / (kernel * kernel + miss.dot(information[i] * miss));
     const Matrix6d weighted = share * share * J.transpose() * information[i];
     H += weighted * J;

@@ -1,6 +1,6 @@
 #include "trajectory/keyframes.hpp"
 
-#include "trajectory/adjoint.hpp"
+#include <stillmap/localization/adjoint.hpp>
 
 #include <stillmap/maps/frames.hpp>
 
@@ -36,7 +36,7 @@ std::optional<KeyframeChooser::Chosen> KeyframeChooser::add(const OdometryPose& 
   }
   // An error before the last step, seen from after it.
   const Eigen::Isometry3d T_last_this = T_odom_last_.inverse() * pose.T_odom_lidar;
-  const Eigen::Matrix<double, 6, 6> carry = adjoint(T_last_this.inverse());
+  const Eigen::Matrix<double, 6, 6> carry = localization::adjoint(T_last_this.inverse());
   covariance_ = carry * covariance_ * carry.transpose() + pose.covariance;
   T_odom_last_ = pose.T_odom_lidar;
 

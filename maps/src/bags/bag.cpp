@@ -2,14 +2,17 @@
 
 #include <stillmap/maps/error.hpp>
 
+#include <fmt/format.h>
+
 #include <array>
 #include <cstring>
 #include <string_view>
 #include <system_error>
 
-#include "bags/file_reader.hpp"
 #include "bags/mcap_bag.hpp"
 #include "bags/rosbag2_database.hpp"
+#include "bags/unpacked_bag.hpp"
+#include "formats/file_reader.hpp"
 
 namespace stillmap::maps {
 
@@ -27,14 +30,28 @@ std::optional<BagFormat> bag_format(const std::filesystem::path& file) {
   return std::nullopt;
 }
 
-std::unique_ptr<Bag> open_bag(const std::filesystem::path& file) {
+namespace {
+
+std::unique_ptr<Bag> open_unpacked(const std::filesystem::path& file,
+                                   const std::filesystem::path& shown_as) {
   const std::optional<BagFormat> format = bag_format(file);
-  if (format == BagFormat::kMcap) return std::make_unique<mcap::McapBag>(file);
-  if (format == BagFormat::kSqlite) return std::make_unique<Rosbag2Database>(file);
-  if (file.extension() == ".zstd" || file.extension() == ".zst")
-    throw InputError(file.string(), "a bag packed as a whole",
-                     "it unpacked (zstd -d), since messages are read where they lie");
-  throw InputError(file.string(), "no bag by its first bytes", "MCAP or a SQLite file of rosbag2");
+  if (format == BagFormat::kMcap) return std::make_unique<mcap::McapBag>(file, shown_as);
+  if (format == BagFormat::kSqlite) return std::make_unique<Rosbag2Database>(file, shown_as);
+  throw InputError(shown_as.string(), "no bag by its first bytes",
+                   "MCAP or a SQLite file of rosbag2");
+}
+
+}  // namespace
+
+std::unique_ptr<Bag> open_bag(const std::filesystem::path& file) {
+  if (!is_packed_bag(file)) return open_unpacked(file, file);
+  const UnpackedBag unpacked(file);
+  std::unique_ptr<Bag> bag = open_unpacked(unpacked.file(), file);
+  bag->add_note(
+      fmt::format("{} is packed as a whole: unpacked to {} bytes for as long as it is read (zstd "
+                  "-d does so for good)",
+                  file.filename().string(), unpacked.size()));
+  return bag;
 }
 
 std::string ros2_type(const std::string& type) {

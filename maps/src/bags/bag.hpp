@@ -8,6 +8,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "formats/file_bytes.hpp"
@@ -55,6 +56,9 @@ struct BagDamage {
   }
 };
 
+/// What a file is.
+enum class BagFormat : std::uint8_t { kMcap, kSqlite };
+
 /// A file of messages. Memory does not grow with the file. Safe from several threads.
 class Bag {
  public:
@@ -64,9 +68,11 @@ class Bag {
   Bag& operator=(const Bag&) = delete;
 
   [[nodiscard]] virtual const std::filesystem::path& file() const = 0;
+  [[nodiscard]] virtual BagFormat format() const = 0;
   [[nodiscard]] virtual const std::vector<BagTopic>& topics() const = 0;
   /// What was found when it was opened, for people.
-  [[nodiscard]] virtual const std::vector<std::string>& notes() const = 0;
+  [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
+  void add_note(std::string note) { notes_.push_back(std::move(note)); }
 
   using Take = std::function<void(const BagMessage&)>;
   /// Hands on the messages of some topics in the order of the file, as far as it can be read.
@@ -78,13 +84,15 @@ class Bag {
   /// A whole message. @param place  of a visited one.
   /// @throws InputError when its checksum does not fit or it is not there any more; StorageError.
   [[nodiscard]] virtual FileBytes read(const MessagePlace& place) const = 0;
+
+ private:
+  std::vector<std::string> notes_;
 };
 
-/// What a file starts with.
-enum class BagFormat : std::uint8_t { kMcap, kSqlite };
-/// @return nothing for a file of another kind, or none at all.
+/// What a file starts with. @return nothing for one of another kind, or none at all.
 [[nodiscard]] std::optional<BagFormat> bag_format(const std::filesystem::path& file);
 
+/// One that is packed as a whole is unpacked first (`unpacked_bag.hpp`), and a note says so.
 /// @throws InputError for another kind of file or one that is broken from the start; StorageError.
 [[nodiscard]] std::unique_ptr<Bag> open_bag(const std::filesystem::path& file);
 

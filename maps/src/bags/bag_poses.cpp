@@ -20,6 +20,8 @@ namespace {
 constexpr std::array<std::string_view, 4> kStandingFrames{"map", "odom", "world", "earth"};
 /// A goal that was set once is no path.
 constexpr std::size_t kLeastPoses = 2;
+/// Each is kept beside every scan; robots have a dozen.
+constexpr std::size_t kMostSteps = 64;
 
 bool stands_still(const std::string& frame) {
   const std::string last = frame.substr(frame.find_last_of('/') + 1);
@@ -166,6 +168,10 @@ std::optional<BagPoses> find_tf(const Search& search, bool asked, std::vector<st
     throw InputError(search.name, "pose_frame without a topic of poses",
                      "one, as in poses=/odom&pose_frame=base_link");
   const std::vector<FrameTree::Step> steps = search.survey.tree.steps_above(search.cloud_frame);
+  if (steps.size() > kMostSteps)
+    throw InputError(search.name,
+                     fmt::format("{} frames above '{}' in tf", steps.size(), search.cloud_frame),
+                     fmt::format("at most {}", kMostSteps));
   const bool moves = std::any_of(steps.begin(), steps.end(),
                                  [](const auto& step) { return !step.T_parent_child; });
   if (!moves && asked)

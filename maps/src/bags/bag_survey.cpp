@@ -74,8 +74,8 @@ class Surveyor {
       if (frames.size() < kMostFramesNamed &&
           std::find(frames.begin(), frames.end(), header.frame_id) == frames.end())
         known.frames.push_back(header.frame_id);
-    } catch (const InputError&) {
-      ++known.unreadable;
+    } catch (const InputError& error) {
+      if (known.unreadable++ == 0) known.why_unreadable = error.what();
     }
   }
 

@@ -28,6 +28,8 @@ struct TopicSurvey {
   std::size_t messages = 0;
   /// Of these, clouds whose header cannot be read.
   std::size_t unreadable = 0;
+  /// Why the first of them cannot.
+  std::string why_unreadable;
   std::vector<CloudEntry> clouds;
   /// That the clouds' headers name, at most 8.
   std::vector<std::string> frames;

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "bags/file_reader.hpp"
+#include "formats/file_reader.hpp"
 
 namespace stillmap::maps {
 

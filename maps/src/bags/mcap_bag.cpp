@@ -70,6 +70,18 @@ bool fit(const std::vector<ChunkIndex>& chunks, std::uint64_t data_end) {
   return true;
 }
 
+/// Whether a summary has all that the file has. Writers may leave schemas and channels out of it.
+bool is_complete(const Channels& channels, const std::vector<ChunkIndex>& chunks,
+                 const std::optional<Statistics>& statistics) {
+  if (channels.channels.empty()) return false;
+  if (statistics &&
+      (statistics->chunks != chunks.size() || statistics->channels != channels.channels.size()))
+    return false;
+  return std::all_of(channels.channels.begin(), channels.channels.end(), [&](const auto& each) {
+    return each.second.schema == 0 || channels.schemas.contains(each.second.schema);
+  });
+}
+
 Serialization serialization_of(const std::string& encoding) {
   if (encoding == "cdr") return Serialization::kCdr;
   return encoding == "ros1" ? Serialization::kRos1 : Serialization::kOther;
@@ -77,7 +89,8 @@ Serialization serialization_of(const std::string& encoding) {
 
 }  // namespace
 
-McapBag::McapBag(std::filesystem::path file) : reader_(std::move(file)) {
+McapBag::McapBag(const std::filesystem::path& file, const std::filesystem::path& shown_as)
+    : reader_(file, shown_as) {
   if (!is_magic_at(reader_, 0))
     throw InputError(reader_.file().string(), "no magic bytes of MCAP 0 at its start", "them");
   if (!read_summary()) {
@@ -92,7 +105,7 @@ McapBag::McapBag(std::filesystem::path file) : reader_(std::move(file)) {
 bool McapBag::read_summary() {
   const std::optional<Footer> footer = read_footer(reader_);
   if (!footer) {
-    notes_.emplace_back("the bag has no end: it was cut off, and is read record by record");
+    add_note("the bag has no end: it was cut off, and is read record by record");
     return false;
   }
   const std::uint64_t end = reader_.size() - kMagic.size() - kFooterBytes;
@@ -103,6 +116,7 @@ bool McapBag::read_summary() {
                          // Up to the CRC, in the footer.
                          crc_of(reader_, begin, end + kFooterBytes - 4) == footer->summary_crc);
   FileStream stream(reader_, begin, end);
+  std::optional<Statistics> statistics;
   while (is_right && stream.position() < end) {
     const std::optional<RecordHead> head = next_record(stream);
     if (!head) break;
@@ -113,15 +127,19 @@ bool McapBag::read_summary() {
       const std::optional<ChunkIndex> chunk = read_chunk_index(record);
       if (!chunk || chunks_.size() == kMostChunks) break;
       chunks_.push_back(*chunk);
+    } else if (head->op == Op::kStatistics) {
+      statistics = read_statistics(record);
     }
     if (!record.finish()) break;
   }
   std::sort(chunks_.begin(), chunks_.end(),
             [](const ChunkIndex& a, const ChunkIndex& b) { return a.offset < b.offset; });
+  // Without chunks there is nothing to know from it.
+  if (is_right && stream.position() == end && chunks_.empty()) return false;
   if (is_right && stream.position() == end && fit(chunks_, begin) &&
-      (chunks_.empty() || !channels_.channels.empty()))
-    return !chunks_.empty();
-  notes_.emplace_back("the bag's index is broken: it is read record by record");
+      is_complete(channels_, chunks_, statistics))
+    return true;
+  add_note("the bag's index is broken or tells not all: it is read record by record");
   return false;
 }
 
@@ -198,14 +216,16 @@ void McapBag::give_chunk(std::uint64_t offset, std::unique_ptr<Chunk> chunk) con
   open_.push_back({offset, std::move(chunk)});
 }
 
+bool McapBag::is_checked(std::uint64_t offset) const {
+  const std::scoped_lock lock(mutex_);
+  return checked_.contains(offset);
+}
+
 /// Out of a chunk that is not packed, all of which is read the first time.
 std::size_t McapBag::read_and_check(Chunk& chunk, const MessagePlace& place,
                                     std::span<std::byte> into) const {
-  {
-    const std::scoped_lock lock(mutex_);
-    if (chunk.head().crc == 0 || checked_.contains(place.outer))
-      return reader_.read_at(chunk.records_offset() + place.inner, into);
-  }
+  if (chunk.head().crc == 0 || is_checked(place.outer))
+    return reader_.read_at(chunk.records_offset() + place.inner, into);
   (void)chunk.read_over(place.inner - chunk.position());
   const std::size_t got = chunk.read(into);
   (void)chunk.read_over(chunk.head().unpacked_bytes - chunk.position());

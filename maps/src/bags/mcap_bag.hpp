@@ -22,11 +22,12 @@ class McapBag final : public Bag {
  public:
   /// @throws InputError for a file that does not begin as MCAP, or whose channels are too many;
   /// StorageError.
-  explicit McapBag(std::filesystem::path file);
+  /// @param shown_as  what it is called, where that is another.
+  explicit McapBag(const std::filesystem::path& file, const std::filesystem::path& shown_as = {});
 
+  [[nodiscard]] BagFormat format() const override { return BagFormat::kMcap; }
   [[nodiscard]] const std::filesystem::path& file() const override { return reader_.file(); }
   [[nodiscard]] const std::vector<BagTopic>& topics() const override { return topics_; }
-  [[nodiscard]] const std::vector<std::string>& notes() const override { return notes_; }
   BagDamage visit(std::span<const std::size_t> head_bytes, const Take& take) const override;
   [[nodiscard]] FileBytes read(const MessagePlace& place) const override;
   /// Whether the summary's index is used.
@@ -39,6 +40,7 @@ class McapBag final : public Bag {
   [[nodiscard]] std::unique_ptr<Chunk> chunk_at(std::uint64_t offset) const;
   [[nodiscard]] std::unique_ptr<Chunk> take_chunk(const MessagePlace& place) const;
   void give_chunk(std::uint64_t offset, std::unique_ptr<Chunk> chunk) const;
+  [[nodiscard]] bool is_checked(std::uint64_t offset) const;
   [[nodiscard]] std::size_t read_and_check(Chunk& chunk, const MessagePlace& place,
                                            std::span<std::byte> into) const;
 
@@ -48,7 +50,6 @@ class McapBag final : public Bag {
   std::vector<ChunkIndex> chunks_;
   std::vector<BagTopic> topics_;
   std::map<std::uint16_t, std::size_t> topic_of_channel_;
-  std::vector<std::string> notes_;
 
   struct OpenChunk {
     std::uint64_t offset = 0;

@@ -36,7 +36,6 @@ class Chunk final : public ByteStream {
 
   ChunkHead head_;
   std::uint64_t records_offset_ = 0;
-  std::uint64_t available_ = 0;
   std::unique_ptr<ByteStream> records_;
   std::uint64_t position_ = 0;
   std::uint32_t crc_ = 0;

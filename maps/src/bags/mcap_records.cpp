@@ -104,6 +104,16 @@ std::optional<ChunkIndex> read_chunk_index(Record& record) {
   return index;
 }
 
+std::optional<Statistics> read_statistics(Record& record) {
+  Statistics statistics;
+  record.skip(8 + 2);  // messages and schemas
+  statistics.channels = record.number<std::uint32_t>();
+  record.skip(4 + 4);  // attachments and metadata
+  statistics.chunks = record.number<std::uint32_t>();
+  if (record.is_short()) return std::nullopt;
+  return statistics;
+}
+
 MessageHead read_message_head(Record& record) {
   MessageHead head;
   head.channel = record.number<std::uint16_t>();

@@ -21,6 +21,7 @@ enum class Op : std::uint8_t {
   kMessage = 0x05,
   kChunk = 0x06,
   kChunkIndex = 0x08,
+  kStatistics = 0x0B,
   kDataEnd = 0x0F,
 };
 
@@ -103,6 +104,14 @@ struct ChunkIndex {
 };
 /// @return nothing when it is cut off.
 [[nodiscard]] std::optional<ChunkIndex> read_chunk_index(Record& record);
+
+/// What the file holds in all.
+struct Statistics {
+  std::uint32_t channels = 0;
+  std::uint32_t chunks = 0;
+};
+/// @return nothing when it is cut off.
+[[nodiscard]] std::optional<Statistics> read_statistics(Record& record);
 
 /// Messages' fields before their data.
 struct MessageHead {

@@ -15,6 +15,10 @@ MessageReader::MessageReader(std::span<const std::byte> message, Serialization s
   if (message.size() < 4)
     throw InputError(name_, fmt::format("{} bytes", message.size()), "4 of CDR's encapsulation");
   const auto kind = static_cast<unsigned>(message[0]) << 8U | static_cast<unsigned>(message[1]);
+  constexpr unsigned kZstd = 0x28b5;
+  if (kind == kZstd)
+    throw InputError(name_, "a message that is packed with zstd by itself",
+                     "MCAP with packed chunks instead (`ros2 bag convert`)");
   if (kind > 1)
     throw InputError(name_, fmt::format("CDR of encapsulation {:04x}", kind),
                      "0000 (big endian) or 0001 (little endian)");

@@ -2,12 +2,12 @@
 
 #include <cmath>
 
+#include "pose_bounds.hpp"
+
 namespace stillmap::maps {
 namespace {
 
 constexpr std::int64_t kSecondNs = 1'000'000'000;
-// As of poses in files: what 3 decimals of a quaternion can be off.
-constexpr double kMaxOffNorm = 1e-3;
 
 std::string frame(std::string name) {
   if (name.starts_with('/')) name.erase(0, 1);
@@ -22,7 +22,8 @@ std::optional<Eigen::Isometry3d> read_rigid(MessageReader& reader) {
   for (double& value : t) value = next();
   for (double& value : xyzw) value = next();
   const Eigen::Quaterniond q(xyzw);
-  if (!t.allFinite() || !(std::abs(q.norm() - 1.0) <= kMaxOffNorm)) return std::nullopt;
+  if (!(t.norm() <= kMaxPositionM) || !(std::abs(q.norm() - 1.0) <= kMaxOffRotation))
+    return std::nullopt;
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.linear() = q.normalized().toRotationMatrix();
   T.translation() = t;

@@ -14,7 +14,7 @@
 #include <utility>
 
 #include "bags/byte_stream.hpp"
-#include "bags/file_reader.hpp"
+#include "formats/file_reader.hpp"
 
 namespace stillmap::maps {
 namespace {
@@ -24,6 +24,12 @@ constexpr std::size_t kMostTopics = 4096;
 constexpr int kMostNameBytes = 1024;
 constexpr std::array<std::byte, 4> kZstdMagic{std::byte{0x28}, std::byte{0xB5}, std::byte{0x2F},
                                               std::byte{0xFD}};
+
+/// A row is of ten bytes at least and takes ten steps of SQLite's virtual machine; trees whose
+/// pages have several ways to each other would take years.
+constexpr int kStepsAtOnce = 1000;
+constexpr std::uint64_t kStepsPerByte = 4;
+constexpr std::uint64_t kLeastSteps = 1'000'000;
 
 /// Rows in the order in which they were written, without their bytes.
 constexpr const char* kRows = "SELECT rowid, topic_id FROM messages ORDER BY rowid";
@@ -46,6 +52,9 @@ int allow(void* /*self*/, int action, const char* first, const char* /*second*/,
   return known ? SQLITE_OK : SQLITE_DENY;
 }
 
+/// @return what ends the statement, unless 0.
+int count_down(void* left) { return --*static_cast<std::int64_t*>(left) < 0 ? 1 : 0; }
+
 std::string text_of(sqlite3_stmt& row, int column) {
   const int size = sqlite3_column_bytes(&row, column);
   const auto* text = reinterpret_cast<const char*>(sqlite3_column_text(&row, column));
@@ -67,6 +76,13 @@ std::uint64_t promised_bytes(const std::filesystem::path& file) {
   if (number(24, 4) != number(92, 4)) return 0;
   const std::uint64_t page_bytes = number(16, 2) == 1 ? 65536 : number(16, 2);
   return page_bytes * number(28, 4);
+}
+
+/// @return 0 where there is none.
+std::uint64_t log_bytes(const std::filesystem::path& file) {
+  std::error_code error;
+  const std::uint64_t size = std::filesystem::file_size(file.string() + "-wal", error);
+  return error ? 0 : size;
 }
 
 /// "file:" and the path, as SQLite reads an URI.
@@ -108,9 +124,10 @@ class Rosbag2Database::Blob {
   [[nodiscard]] std::size_t size() const {
     return static_cast<std::size_t>(sqlite3_blob_bytes(blob_));
   }
-  /// @return false for broken pages. @param into  at most `size()`.
-  bool read(std::span<std::byte> into) {
-    return sqlite3_blob_read(blob_, into.data(), static_cast<int>(into.size()), 0) == SQLITE_OK;
+  /// @return false for broken pages. @param into  no more than there is from `offset` on.
+  bool read(std::span<std::byte> into, std::size_t offset = 0) {
+    return sqlite3_blob_read(blob_, into.data(), static_cast<int>(into.size()),
+                             static_cast<int>(offset)) == SQLITE_OK;
   }
 
  private:
@@ -118,8 +135,28 @@ class Rosbag2Database::Blob {
   sqlite3_blob* blob_ = nullptr;
 };
 
-Rosbag2Database::Rosbag2Database(std::filesystem::path file) : file_(std::move(file)) {
-  open();
+/// The bytes of a blob, of which only those are read that are asked for.
+class Rosbag2Database::BlobStream final : public ByteStream {
+ public:
+  /// @param blob  outlives this.
+  explicit BlobStream(Blob& blob) : blob_(&blob) {}
+  std::size_t read(std::span<std::byte> into) override {
+    into = into.first(std::min(into.size(), blob_->size() - position_));
+    if (!into.empty() && !blob_->read(into, position_))
+      throw InputError("row", "data that cannot be read", "whole pages");
+    position_ += into.size();
+    return into.size();
+  }
+
+ private:
+  Blob* blob_;
+  std::size_t position_ = 0;
+};
+
+Rosbag2Database::Rosbag2Database(const std::filesystem::path& file,
+                                 const std::filesystem::path& shown_as)
+    : file_(shown_as.empty() ? file : shown_as) {
+  open(file);
   confine();
   const bool has_schema = check_tables();
   sqlite3_set_authorizer(connection_.get(), allow, nullptr);
@@ -128,12 +165,11 @@ Rosbag2Database::Rosbag2Database(std::filesystem::path file) : file_(std::move(f
   read_topics();
 }
 
-void Rosbag2Database::open() {
-  std::error_code error;
-  const std::filesystem::path log = file_.string() + "-wal";
-  const bool has_log = std::filesystem::file_size(log, error) > 0 && !error;
+void Rosbag2Database::open(const std::filesystem::path& file) {
+  const std::uint64_t log = log_bytes(file);
+  const bool has_log = log > 0;
   // Told that nothing changes, SQLite does not look into a log that is there.
-  const std::string uri = uri_of(file_) + (has_log ? "?mode=ro" : "?mode=ro&immutable=1");
+  const std::string uri = uri_of(file) + (has_log ? "?mode=ro" : "?mode=ro&immutable=1");
   sqlite3* connection = nullptr;
   const int code = sqlite3_open_v2(
       uri.c_str(), &connection,
@@ -142,12 +178,14 @@ void Rosbag2Database::open() {
   connection_.reset(connection);
   if (code != SQLITE_OK)
     throw StorageError(file_.string(), connection == nullptr ? "no memory" : sqlite3_errstr(code));
-  if (has_log) notes_.push_back("read with " + log.filename().string());
-  const std::uint64_t promised = has_log ? 0 : promised_bytes(file_);
-  const std::uint64_t size = std::filesystem::file_size(file_);
+  sqlite3_progress_handler(connection, kStepsAtOnce, count_down, &steps_left_);
+  if (has_log) add_note("read with " + file.filename().string() + "-wal");
+  const std::uint64_t promised = has_log ? 0 : promised_bytes(file);
+  const std::uint64_t size = std::filesystem::file_size(file);
+  bytes_ = size + log;
   if (promised <= size) return;
   is_cut_off_ = true;
-  notes_.push_back(fmt::format("the bag is cut off: {} of {} bytes", size, promised));
+  add_note(fmt::format("the bag is cut off: {} of {} bytes", size, promised));
 }
 
 void Rosbag2Database::confine() {
@@ -189,6 +227,8 @@ void Rosbag2Database::refuse(const std::string& what) const {
 }
 
 Rosbag2Database::Statement Rosbag2Database::prepare(const char* sql) const {
+  steps_left_ =
+      static_cast<std::int64_t>(std::max(kLeastSteps, kStepsPerByte * bytes_) / kStepsAtOnce);
   sqlite3_stmt* statement = nullptr;
   if (sqlite3_prepare_v2(connection_.get(), sql, -1, &statement, nullptr) != SQLITE_OK)
     refuse("another database");
@@ -258,10 +298,8 @@ std::string Rosbag2Database::take_row(Blob& blob, std::int64_t row, std::size_t 
   head.resize(std::min(std::max(wanted, kZstdMagic.size()), blob.size()));
   if (!blob.read(head)) return "its data cannot be read";
   if (is_packed(head)) {
-    std::vector<std::byte> packed(blob.size());
-    if (!blob.read(packed)) return "its data cannot be read";
     head.resize(wanted);
-    head.resize(unpacked(std::make_unique<MemoryStream>(packed), "zstd", "row")->read(head));
+    head.resize(unpacked(std::make_unique<BlobStream>(blob), "zstd", "row")->read(head));
   }
   head.resize(std::min(wanted, head.size()));
   return {};

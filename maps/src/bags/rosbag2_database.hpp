@@ -20,15 +20,18 @@ namespace stillmap::maps {
 ///
 /// Nothing of the file is run: no view, trigger, virtual table or function is allowed, and nothing
 /// but these tables may be read. A row's bytes are read where they lie, so that memory stays below
-/// some megabytes and the message that is asked for.
+/// some megabytes and the message that is asked for. Pages that point to each other over and over
+/// are read no longer than a whole file of that size would be.
 class Rosbag2Database final : public Bag {
  public:
   /// @throws InputError for a file that is no such database or of a later schema; StorageError.
-  explicit Rosbag2Database(std::filesystem::path file);
+  /// @param shown_as  what it is called, where that is another.
+  explicit Rosbag2Database(const std::filesystem::path& file,
+                           const std::filesystem::path& shown_as = {});
 
+  [[nodiscard]] BagFormat format() const override { return BagFormat::kSqlite; }
   [[nodiscard]] const std::filesystem::path& file() const override { return file_; }
   [[nodiscard]] const std::vector<BagTopic>& topics() const override { return topics_; }
-  [[nodiscard]] const std::vector<std::string>& notes() const override { return notes_; }
   BagDamage visit(std::span<const std::size_t> head_bytes, const Take& take) const override;
   [[nodiscard]] FileBytes read(const MessagePlace& place) const override;
 
@@ -41,8 +44,9 @@ class Rosbag2Database final : public Bag {
   };
   using Statement = std::unique_ptr<sqlite3_stmt, Finalize>;
   class Blob;
+  class BlobStream;
 
-  void open();
+  void open(const std::filesystem::path& file);
   void confine();
   [[nodiscard]] bool check_tables() const;
   void check_schema() const;
@@ -57,8 +61,11 @@ class Rosbag2Database final : public Bag {
   std::filesystem::path file_;
   std::vector<BagTopic> topics_;
   std::map<std::int64_t, std::size_t> topic_of_id_;
-  std::vector<std::string> notes_;
   bool is_cut_off_ = false;
+  /// Of the database and its log.
+  std::uint64_t bytes_ = 0;
+  /// Of SQLite's virtual machine, in thousands, that the statement at hand may still take.
+  mutable std::int64_t steps_left_ = 0;
   /// SQLite's connection is for one thread at a time.
   mutable std::mutex mutex_;
   std::unique_ptr<sqlite3, Close> connection_;

@@ -7,6 +7,7 @@
 
 #include "checks/drive_sample.hpp"
 #include "checks/duplicate_scans.hpp"
+#include "checks/viewpoint_check.hpp"
 
 namespace stillmap::maps {
 namespace {
@@ -95,7 +96,9 @@ void check_readings(const DriveCheck& check, std::vector<DriveFinding>& findings
   if (is_better(overlap.without, overlap))
     add("without any", overlap.without,
         "the poses belong to other scans or another time: check their order and stamps, or leave "
-        "them out with --odometry default");
+        "them out with --odometry default; or the points lie in the map's frame already: bring "
+        "each "
+        "scan back to its sensor by the inverse of its pose");
 }
 
 void check_mounting(const std::vector<SampledScan>& samples, DriveCheck& check) {
@@ -194,6 +197,7 @@ DriveCheck check_drive(const Drive& drive) {
   DriveCheck check;
   check_periods(drive, check);
   check_path(drive, check);
+  if (auto finding = check_viewpoints(drive)) check.findings.push_back(*std::move(finding));
   if (const auto duplicates = duplicate_scans(drive); duplicates.count > 0)
     check.findings.push_back(
         {"duplicates",

@@ -59,14 +59,27 @@ SampledScan sample_scan(const Drive& drive, std::size_t index) {
   return sample;
 }
 
+StandingPoints standing_points(const PointCloud& cloud) {
+  return standing_of(cloud, find_ground_plane(cloud.positions));
+}
+
 std::vector<SamplePair> choose_samples(const Drive& drive) {
+  return choose_samples(drive.size(), [&](std::size_t i) {
+    return drive.has_poses() ? std::optional(drive.T_map_lidar(i)) : std::nullopt;
+  });
+}
+
+std::vector<SamplePair> choose_samples(
+    std::size_t scans,
+    const std::function<std::optional<Eigen::Isometry3d>(std::size_t)>& pose_of) {
   std::vector<SamplePair> pairs;
-  const std::size_t count = std::min(kSamples, drive.size());
+  const std::size_t count = std::min(kSamples, scans);
   for (std::size_t k = 0; k < count; ++k) {
-    SamplePair pair{(2 * k + 1) * drive.size() / (2 * count), std::nullopt};
-    const std::size_t end = std::min(drive.size(), pair.first + 1 + kFarthestPartner);
-    for (std::size_t i = pair.first + 1; drive.has_poses() && i < end && !pair.second; ++i)
-      if (lie_apart(drive.T_map_lidar(pair.first), drive.T_map_lidar(i))) pair.second = i;
+    SamplePair pair{(2 * k + 1) * scans / (2 * count), std::nullopt};
+    const std::size_t end = std::min(scans, pair.first + 1 + kFarthestPartner);
+    const auto from = pose_of(pair.first);
+    for (std::size_t i = pair.first + 1; from && i < end && !pair.second; ++i)
+      if (const auto to = pose_of(i); to && lie_apart(*from, *to)) pair.second = i;
     pairs.push_back(pair);
   }
   return pairs;

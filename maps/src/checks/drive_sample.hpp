@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstddef>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -26,6 +27,9 @@ struct SampledScan {
 /// @throws as `Drive::read`.
 [[nodiscard]] SampledScan sample_scan(const Drive& drive, std::size_t index);
 
+/// What of a cloud stands around the sensor.
+[[nodiscard]] StandingPoints standing_points(const PointCloud& cloud);
+
 /// Scans to look at, spread over a drive; each with one after it that lies a metre or more, or 5
 /// deg, away by the poses, where there are poses and there is such a scan among the next 30.
 struct SamplePair {
@@ -33,5 +37,8 @@ struct SamplePair {
   std::optional<std::size_t> second;
 };
 [[nodiscard]] std::vector<SamplePair> choose_samples(const Drive& drive);
+/// The same by other poses. @param pose_of  nothing where a scan has none.
+[[nodiscard]] std::vector<SamplePair> choose_samples(
+    std::size_t scans, const std::function<std::optional<Eigen::Isometry3d>(std::size_t)>& pose_of);
 
 }  // namespace stillmap::maps

@@ -21,12 +21,13 @@ std::uintmax_t size_of(const fs::path& file) {
 }
 
 bool same_bytes(const fs::path& a, const fs::path& b) {
-  constexpr std::size_t kAtOnce = 65536;
+  constexpr std::streamsize kAtOnce = 65536;
   std::ifstream first(a, std::ios::binary), second(b, std::ios::binary);
   std::string left(kAtOnce, '\0'), right(kAtOnce, '\0');
-  while (first && second) {
-    first.read(left.data(), kAtOnce);
-    second.read(right.data(), kAtOnce);
+  // Scans of one size differ in their first points.
+  for (std::streamsize piece = 4096; first && second; piece = kAtOnce) {
+    first.read(left.data(), piece);
+    second.read(right.data(), piece);
     const auto count = first.gcount();
     if (count != second.gcount() || !std::equal(left.begin(), left.begin() + count, right.begin()))
       return false;

@@ -10,6 +10,8 @@ namespace stillmap::maps {
 namespace {
 
 constexpr float kCellM = 0.4F;
+/// 20 bits of cells.
+constexpr float kFarthestM = 400'000.0F;
 constexpr std::size_t kMostPoints = 2000;
 constexpr std::size_t kLeastPairs = 4;
 /// Readings differ by 0.3 and more where scans lie a metre apart; noise by 0.02.
@@ -19,6 +21,8 @@ constexpr double kSurelyBetter = 0.01;
 
 std::uint64_t cell_of(const Eigen::Vector3f& p) {
   const auto index = [](float value) {
+    // Wrong poses lead anywhere, also where no cell has a number; none is filled there.
+    if (!(std::abs(value) < kFarthestM)) return std::uint64_t{0x100000};
     return static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(value / kCellM))) &
            0x1FFFFFU;
   };

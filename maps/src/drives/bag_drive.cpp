@@ -14,6 +14,7 @@
 #include "bags/bag_poses.hpp"
 #include "bags/bag_survey.hpp"
 #include "bags/point_cloud2.hpp"
+#include "bags/unpacked_bag.hpp"
 #include "drives/bag_files.hpp"
 #include "drives/layout.hpp"
 
@@ -62,6 +63,11 @@ std::string listed(const BagSurvey& survey, bool clouds_only) {
   return text.empty() ? "none" : text;
 }
 
+std::string unreadable_text(const std::string& topic, const TopicSurvey& known) {
+  return fmt::format("{} messages of {} cannot be read, the first: {}", known.unreadable, topic,
+                     known.why_unreadable);
+}
+
 /// The one topic of clouds, or the one that was chosen.
 const std::string& cloud_topic(const BagSurvey& survey, const BagChoice& choice,
                                const std::string& name) {
@@ -76,6 +82,9 @@ const std::string& cloud_topic(const BagSurvey& survey, const BagChoice& choice,
   if (found != nullptr) return *found;
   std::string text = choice.cloud ? "no clouds on " + *choice.cloud : "no clouds";
   text += "; topics are " + listed(survey, false);
+  for (const auto& [topic, known] : survey.topics)
+    if (known.type == kPointCloud2 && known.unreadable > 0)
+      text += "; " + unreadable_text(topic, known);
   if (survey.damage.parts > 0) text += "; not readable " + survey.damage.first;
   throw InputError(name, text, "messages of sensor_msgs/msg/PointCloud2");
 }
@@ -89,9 +98,7 @@ void set_notes(Drive::Contents& contents, const BagScans& scans, const BagSurvey
                     "scans could",
                     survey.damage.parts, survey.damage.first, scans.clouds.size()));
   const TopicSurvey& topic = survey.topics.at(scans.topic);
-  if (topic.unreadable > 0)
-    contents.notes.push_back(
-        fmt::format("{} messages of {} cannot be read", topic.unreadable, scans.topic));
+  if (topic.unreadable > 0) contents.notes.push_back(unreadable_text(scans.topic, topic));
 }
 
 void set_scans(Drive::Contents& contents, const std::shared_ptr<const BagScans>& scans) {
@@ -126,6 +133,15 @@ void set_bag_poses(Drive::Contents& contents, const BagPoses& poses) {
     contents.notes.push_back(
         fmt::format("{} scans left out, which have no pose of {}", without, poses.source));
   keep_scans(contents, kept);
+  const auto in_gaps = std::count_if(
+      contents.stamps_ns.begin(), contents.stamps_ns.end(), [&](std::int64_t stamp_ns) {
+        return std::any_of(
+            poses.factors.begin(), poses.factors.end(),
+            [&](const BagPoses::Factor& factor) { return lies_in_gap(factor.moving, stamp_ns); });
+      });
+  if (in_gaps > 0)
+    contents.notes.push_back(
+        fmt::format("{} scans lie in gaps of over 1 s between poses of {}", in_gaps, poses.source));
   contents.notes.insert(contents.notes.end(), poses.notes.begin(), poses.notes.end());
   contents.notes.push_back("poses are those of " + poses.source);
 }
@@ -133,7 +149,8 @@ void set_bag_poses(Drive::Contents& contents, const BagPoses& poses) {
 }  // namespace
 
 bool is_bag(const fs::path& root) {
-  return fs::is_directory(root) ? holds_bag_files(root) : bag_format(root).has_value();
+  return fs::is_directory(root) ? holds_bag_files(root)
+                                : bag_format(root).has_value() || is_packed_bag(root);
 }
 
 Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
@@ -154,9 +171,8 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
                      "one frame");
   Drive::Contents contents;
   contents.root = root;
-  contents.layout = bag_format(scans->bags.front()->file()) == BagFormat::kMcap
-                        ? DriveLayout::kMcap
-                        : DriveLayout::kRosbag2;
+  contents.layout = scans->bags.front()->format() == BagFormat::kMcap ? DriveLayout::kMcap
+                                                                      : DriveLayout::kRosbag2;
   set_notes(contents, *scans, found);
   set_scans(contents, scans);
   if (poses_file) {

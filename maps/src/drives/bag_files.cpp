@@ -5,6 +5,8 @@
 #include <array>
 #include <string>
 #include <string_view>
+#include <system_error>
+#include <utility>
 
 #include "drives/layout.hpp"
 #include "formats/text.hpp"
@@ -47,23 +49,49 @@ std::vector<std::string> listed_files(const fs::path& metadata) {
 }
 
 fs::path existing(const fs::path& folder, const std::string& file) {
+  // A name may be too long for the disk; then there is no such file either.
+  std::error_code error;
   // Unpacked by hand.
   if (file.ends_with(kPacked)) {
     const fs::path unpacked_file = folder / file.substr(0, file.size() - kPacked.size());
-    if (fs::is_regular_file(unpacked_file)) return unpacked_file;
+    if (fs::is_regular_file(unpacked_file, error)) return unpacked_file;
   }
   const fs::path path = folder / file;
-  if (fs::is_regular_file(path)) return path;
+  if (fs::is_regular_file(path, error)) return path;
   throw InputError((folder / kMetadata).string(), "'" + file + "', which is not there",
                    "the files of the whole bag");
+}
+
+/// `*.zstd` and `*.zst` of an extension, those left out that lie beside their unpacked file.
+std::vector<fs::path> packed_files(const fs::path& folder, std::string_view extension) {
+  std::vector<fs::path> files;
+  std::error_code error;
+  for (const std::string_view packed : {kPacked, std::string_view(".zst")})
+    for (fs::path& file : list_files(folder, packed))
+      if (file.stem().extension() == extension && !fs::exists(folder / file.stem(), error))
+        files.push_back(std::move(file));
+  return files;
+}
+
+/// Of an extension, packed as a whole or not.
+std::vector<fs::path> files_of_kind(const fs::path& folder, std::string_view extension) {
+  std::vector<fs::path> files = list_files(folder, extension);
+  std::vector<fs::path> packed = packed_files(folder, extension);
+  if (!files.empty() && !packed.empty())
+    throw InputError(
+        folder.string(),
+        files.front().filename().string() + " and " + packed.front().filename().string(),
+        "all of them packed or none, or rosbag2's metadata.yaml that names them");
+  return files.empty() ? packed : files;
 }
 
 }  // namespace
 
 bool holds_bag_files(const fs::path& folder) {
-  if (!list_files(folder, ".mcap").empty() || !list_files(folder, ".db3").empty()) return true;
-  return fs::is_regular_file(folder / kMetadata) &&
-         !listed_files(folder / kMetadata).empty();
+  for (const std::string_view extension : kExtensions)
+    if (!list_files(folder, extension).empty() || !packed_files(folder, extension).empty())
+      return true;
+  return fs::is_regular_file(folder / kMetadata) && !listed_files(folder / kMetadata).empty();
 }
 
 std::vector<fs::path> bag_files(const fs::path& root) {
@@ -75,13 +103,13 @@ std::vector<fs::path> bag_files(const fs::path& root) {
     if (!files.empty()) return files;
   }
   for (const std::string_view extension : kExtensions) {
-    std::vector<fs::path> of_kind = list_files(root, extension);
+    std::vector<fs::path> of_kind = files_of_kind(root, extension);
     if (of_kind.empty()) continue;
     if (!files.empty())
-      throw InputError(root.string(),
-                       files.front().filename().string() + " and " +
-                           of_kind.front().filename().string(),
-                       "files of one kind, or rosbag2's metadata.yaml that names them");
+      throw InputError(
+          root.string(),
+          files.front().filename().string() + " and " + of_kind.front().filename().string(),
+          "files of one kind, or rosbag2's metadata.yaml that names them");
     files = std::move(of_kind);
   }
   return files;

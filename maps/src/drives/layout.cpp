@@ -147,6 +147,17 @@ PosesFormat poses_format(const fs::path& file) {
                    "12 numbers (KITTI) or 8 (TUM)");
 }
 
+bool lies_in_gap(const Trajectory& trajectory, std::int64_t stamp_ns) {
+  const std::vector<StampedPose>& path = trajectory.poses();
+  const auto after = std::lower_bound(
+      path.begin(), path.end(), stamp_ns,
+      [](const StampedPose& pose, std::int64_t value) { return pose.stamp_ns < value; });
+  return after != path.begin() && after != path.end() && after->stamp_ns != stamp_ns &&
+         static_cast<std::uint64_t>(after->stamp_ns) -
+                 static_cast<std::uint64_t>((after - 1)->stamp_ns) >
+             kMaxQuietGapNs;
+}
+
 std::vector<Eigen::Isometry3d> poses_at_stamps(const Trajectory& trajectory, const fs::path& source,
                                                Drive::Contents& contents) {
   const std::vector<StampedPose>& path = trajectory.poses();
@@ -157,23 +168,14 @@ std::vector<Eigen::Isometry3d> poses_at_stamps(const Trajectory& trajectory, con
     const std::int64_t stamp = contents.stamps_ns[i];
     const std::optional<Eigen::Isometry3d> pose = trajectory.at(stamp, kMaxExtrapolationS);
     if (!pose) {
-      throw InputError(
-          source.string(),
-          "poses from " + seconds_text(path.front().stamp_ns) + " to " +
-              seconds_text(path.back().stamp_ns),
-          fmt::format("one within {} s of scan {} at {}", kMaxExtrapolationS,
-                      contents.scan_name(i), seconds_text(stamp)));
+      throw InputError(source.string(),
+                       "poses from " + seconds_text(path.front().stamp_ns) + " to " +
+                           seconds_text(path.back().stamp_ns),
+                       fmt::format("one within {} s of scan {} at {}", kMaxExtrapolationS,
+                                   contents.scan_name(i), seconds_text(stamp)));
     }
     poses.push_back(*pose);
-    const auto after = std::lower_bound(
-        path.begin(), path.end(), stamp,
-        [](const StampedPose& p, std::int64_t value) { return p.stamp_ns < value; });
-    if (after != path.begin() && after != path.end() && after->stamp_ns != stamp &&
-        static_cast<std::uint64_t>(after->stamp_ns) -
-                static_cast<std::uint64_t>((after - 1)->stamp_ns) >
-            kMaxQuietGapNs) {
-      ++in_gaps;
-    }
+    if (lies_in_gap(trajectory, stamp)) ++in_gaps;
   }
   if (in_gaps > 0) {
     contents.notes.push_back(fmt::format("{} scans lie in gaps of over 1 s between poses of {}",
@@ -240,7 +242,8 @@ void leave_out_unordered(Drive::Contents& contents) {
     throw InputError(contents.root.string(),
                      fmt::format("{} of {} scans not after the one before in time", count,
                                  contents.stamps_ns.size()),
-                     "increasing stamps");
+                     "increasing stamps: sort the scans by their time, or give them the times that "
+                     "are theirs");
   }
   keep_scans(contents, kept);
   contents.notes.push_back(fmt::format(

@@ -12,6 +12,10 @@
 /// What the openers of the layouts share.
 namespace stillmap::maps {
 
+/// Behind those that `DriveLayout` lists; `name_of` knows them.
+inline constexpr DriveLayout kMulranLayout{6};
+inline constexpr DriveLayout kRawlogLayout{7};
+
 /// Time between scans when no file tells it [ns]: 0.1 s, the turn of most sensors.
 inline constexpr std::int64_t kAssumedPeriodNs = 100'000'000;
 /// Stamps from here on count from the epoch: 1e8 s, March 1973.
@@ -56,6 +60,9 @@ enum class PosesFormat { kKitti, kTum };
 [[nodiscard]] std::vector<Eigen::Isometry3d> poses_at_stamps(const Trajectory& trajectory,
                                                              const std::filesystem::path& source,
                                                              Drive::Contents& contents);
+
+/// Whether a stamp lies between two poses that are over a second apart.
+[[nodiscard]] bool lies_in_gap(const Trajectory& trajectory, std::int64_t stamp_ns);
 
 /// Gives the scans `T_map_lidar` from a KITTI or TUM file, instead of the layout's own.
 void set_poses(Drive::Contents& contents, const std::filesystem::path& poses_file);

@@ -130,7 +130,9 @@ Drive::Contents open_scan_folder(const fs::path& root, const std::optional<fs::p
   contents.scan_files = list_scans(folders.front());
   set_labels(contents);
   const bool with_stamps = set_stamps_from_names(contents);
-  const std::optional<fs::path> poses = poses_file ? poses_file : own_poses(root);
+  // Beside the scans when the folder around them has none, as in an archive of a drive's folder.
+  std::optional<fs::path> poses = poses_file ? poses_file : own_poses(root);
+  if (!poses) poses = own_poses(folders.front());
   if (!with_stamps && poses && poses_format(*poses) == PosesFormat::kTum) {
     set_stamps_and_poses(contents, *poses);
   } else {

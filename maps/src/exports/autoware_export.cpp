@@ -95,6 +95,16 @@ std::string projector_text(const ExportJob& job) {
       place->longitude_deg, job.frame == ExportFrame::kUtm ? 0.0 : place->altitude_m);
 }
 
+/// Its loader takes the origin's altitude as 0, whatever the file says.
+void note_heights(ExportJob& job) {
+  const auto& place = job.map.manifest().geodetic_origin;
+  if (!place || job.frame == ExportFrame::kUtm) return;
+  job.report.notes.push_back(
+      fmt::format("Autoware takes altitudes as z, so those of GNSS are {} m above this map's; with "
+                  "--coordinates utm they are the same",
+                  place->altitude_m));
+}
+
 void write_text(const fs::path& path, std::string_view text) {
   OutputFile file(path);
   file.write(text);
@@ -104,8 +114,8 @@ void write_text(const fs::path& path, std::string_view text) {
 }  // namespace
 
 void export_autoware(ExportJob& job) {
-  if (job.frame == ExportFrame::kMap)
-    require_fine_floats(job.map, "coordinates near zero, as Autoware's own maps have them");
+  // Those of `LocalCartesianUTM` count from the same origin.
+  require_fine_floats(job.map, "coordinates near zero, as Autoware's own maps have them");
   count_chosen(job);
   const AutowareCoordinates coordinates(job);
   const auto squares = tiles_of_squares(job, coordinates);
@@ -123,6 +133,7 @@ void export_autoware(ExportJob& job) {
   write_text(job.target / "pointcloud_map_metadata.yaml", metadata);
   write_text(job.target / "map_projector_info.yaml", projector_text(job));
   job.report.counts["squares"] = squares.size();
+  note_heights(job);
 }
 
 }  // namespace stillmap::maps

@@ -20,8 +20,9 @@ std::string utm_wkt(UtmZone zone) {
 }
 
 std::string local_wkt(std::string_view frame_id, bool enu) {
-  // A quote would end the name.
-  std::string name(frame_id);
+  // A quote would end the name, and a record of LAS holds 64 KiB.
+  constexpr std::size_t kMost = 128;
+  std::string name(frame_id.substr(0, kMost));
   for (char& c : name)
     if (c == '"') c = '\'';
   return fmt::format(

@@ -14,6 +14,15 @@ namespace {
 /// Floats are 1 mm coarse below it, 2 mm from there on.
 constexpr double kCoarseFromM = 16384.0;
 
+/// What a package says of itself must not end a line of somebody's header.
+std::string on_one_line(std::string text) {
+  constexpr std::size_t kMost = 128;
+  text.resize(std::min(text.size(), kMost));
+  std::replace_if(
+      text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7F; }, ' ');
+  return text;
+}
+
 }  // namespace
 
 FileCoordinates::FileCoordinates(const MapPackage& map, ExportFrame frame)
@@ -59,9 +68,9 @@ std::string exact_text(const Eigen::Vector3d& p) {
 
 std::vector<std::string> frame_lines(const MapPackage& map, const FileCoordinates& coordinates) {
   const MapManifest& manifest = map.manifest();
-  std::vector<std::string> lines{fmt::format("stillmap {} map {} frame {}",
-                                             manifest.software_version, map.digest().substr(0, 12),
-                                             manifest.frame_id)};
+  std::vector<std::string> lines{
+      fmt::format("stillmap {} map {} frame {}", on_one_line(manifest.software_version),
+                  map.digest().substr(0, 12), on_one_line(manifest.frame_id))};
   if (coordinates.frame() == ExportFrame::kLocal)
     lines.push_back("map coordinates = these + origin " + exact_text(manifest.origin));
   if (const auto& utm = coordinates.utm())

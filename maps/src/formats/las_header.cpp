@@ -139,6 +139,14 @@ void find_points(const Bytes& at, std::size_t size, const std::string& name, Las
   header.points = at.at<std::uint32_t>(107);
   if (header.minor_version == 4 && at.at<std::uint64_t>(247) != 0)
     header.points = at.at<std::uint64_t>(247);
+  // Records may follow the points of 1.4.
+  const bool has_long_records = header.minor_version == 4 && at.at<std::uint32_t>(243) > 0;
+  const std::uint64_t end = has_long_records ? at.at<std::uint64_t>(235) : size;
+  if (header.points == 0 && end >= header.first_point + header.point_bytes)
+    throw InputError(
+        name,
+        "a count of 0 points and " + std::to_string(end - header.first_point) + " bytes of them",
+        "a file whose writer was not killed; `lasinfo -repair` counts them");
   if (header.points > (size - header.first_point) / header.point_bytes)
     throw InputError(name, std::to_string(size - header.first_point) + " bytes of points",
                      std::to_string(header.points) + " points of " +

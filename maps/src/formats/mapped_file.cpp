@@ -43,6 +43,10 @@ MappedFile::MappedFile(const std::filesystem::path& file) {
   ::madvise(address_, bytes_, MADV_SEQUENTIAL);
 }
 
+void MappedFile::let_go() const {
+  if (address_ != nullptr) ::madvise(address_, bytes_, MADV_DONTNEED);
+}
+
 MappedFile::~MappedFile() {
   if (address_ != nullptr) ::munmap(address_, bytes_);
 }

@@ -18,6 +18,8 @@ class MappedFile {
   MappedFile(const MappedFile&) = delete;
   MappedFile& operator=(const MappedFile&) = delete;
 
+  /// Lets go of the memory that what was read takes, which is read again where it is needed.
+  void let_go() const;
   [[nodiscard]] std::span<const std::byte> span() const {
     return {static_cast<const std::byte*>(address_), bytes_};
   }

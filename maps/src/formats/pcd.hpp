@@ -3,6 +3,11 @@
 #include <stillmap/maps/cloud_file.hpp>
 #include <stillmap/maps/scan_file.hpp>
 
+#include <Eigen/Geometry>
+
+#include <filesystem>
+#include <optional>
+
 namespace stillmap::maps {
 
 /// PCD 0.5 to 0.7. Fields other than x y z, intensity and time are skipped. The viewpoint is not
@@ -15,6 +20,11 @@ namespace stillmap::maps {
 /// The same, handed on as it is read, in doubles. @throws as `decode_pcd`, and what `take` throws.
 CloudSummary stream_pcd(std::span<const std::byte> bytes, const std::string& name,
                         const std::function<void(std::span<const CloudPoint>)>& take);
+
+/// Where the header says that the sensor stood; nothing where it does not, also for a header that
+/// is none. @throws StorageError.
+[[nodiscard]] std::optional<Eigen::Isometry3d> read_pcd_viewpoint(
+    const std::filesystem::path& file);
 
 /// As `check_cloud_header`.
 void check_pcd_header(std::span<const std::byte> head, const std::string& name);

@@ -1,5 +1,6 @@
 #include <stillmap/maps/derived_file.hpp>
 
+#include <stillmap/maps/derived_leftovers.hpp>
 #include <stillmap/maps/error.hpp>
 
 #include <fcntl.h>
@@ -13,11 +14,14 @@
 #include <cstring>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 namespace stillmap::maps {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr const char* kPartial = ".partial";
 
 [[noreturn]] void fail(const fs::path& file) {
   throw StorageError(file.string(), std::strerror(errno));
@@ -40,6 +44,16 @@ int open_locked(const fs::path& partial, const fs::path& target) {
     throw StorageError(target.string(), "being written by another process or thread");
   }
   return descriptor;
+}
+
+/// Whether the file of a writer that is gone was removed.
+bool remove_dead(const fs::path& partial) {
+  const int descriptor = ::open(partial.c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+  if (descriptor < 0) return false;
+  const bool removed = ::flock(descriptor, LOCK_EX | LOCK_NB) == 0 &&
+                       is_same(descriptor, partial) && ::unlink(partial.c_str()) == 0;
+  ::close(descriptor);
+  return removed;
 }
 
 void write_all(int descriptor, std::uint64_t offset, std::span<const std::byte> bytes,
@@ -72,7 +86,7 @@ DerivedFile::DerivedFile(fs::path target) : target_(std::move(target)) {
   fs::create_directory(folder, error);
   if (error) throw StorageError(folder.string(), error.message());
   // One name for all writers, so that the next one takes up what a killed one left.
-  partial_ = folder / ("." + target_.filename().string() + ".partial");
+  partial_ = folder / ("." + target_.filename().string() + kPartial);
   descriptor_ = open_locked(partial_, target_);
   if (::ftruncate(descriptor_, 0) != 0) {
     const int reason = errno;
@@ -114,6 +128,18 @@ void DerivedFile::publish() {
   if (std::rename(partial_.c_str(), target_.c_str()) != 0) fail(target_);
   published_ = true;
   sync_folder(target_.parent_path());
+}
+
+std::size_t clear_derived_leftovers(const fs::path& folder) {
+  std::vector<fs::path> found;
+  std::error_code error;
+  for (fs::directory_iterator at(folder, error); !error && at != fs::directory_iterator();
+       at.increment(error)) {
+    const fs::path& file = at->path();
+    if (file.filename().string().starts_with(".") && file.extension() == kPartial)
+      found.push_back(file);
+  }
+  return static_cast<std::size_t>(std::count_if(found.begin(), found.end(), remove_dead));
 }
 
 }  // namespace stillmap::maps

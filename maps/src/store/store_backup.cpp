@@ -1,4 +1,5 @@
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/backup_check.hpp>
 #include <stillmap/maps/store/package_store.hpp>
 
 #include <set>
@@ -44,6 +45,15 @@ void check_package(const fs::path& folder, const std::string& digest) {
     throw InputError((folder / file).string(), "other bytes", "those that manifest.json says");
 }
 
+bool is_whole(const fs::path& folder, const std::string& digest) {
+  try {
+    check_package(folder, digest);
+    return true;
+  } catch (const std::runtime_error&) {
+    return false;
+  }
+}
+
 std::set<std::string> digests_of(const StoreState& state) {
   std::set<std::string> digests;
   for (const StoredMap& map : state.maps())
@@ -75,6 +85,17 @@ class BackupFolder {
   }
 
   [[nodiscard]] bool has(const std::string& digest) const { return is_there(packages_ / digest); }
+  /// What is damaged goes by another name until the next backup clears it.
+  std::size_t set_damaged_aside() {
+    std::size_t damaged = 0;
+    for (const std::string& name : folders_in(packages_)) {
+      if (is_whole(packages_ / name, name)) continue;
+      files_.rename(packages_ / name, packages_ / (kRemoved + name));
+      ++damaged;
+    }
+    files_.sync_folder(packages_);
+    return damaged;
+  }
 
   void bring(const fs::path& package, const std::string& digest) {
     const fs::path incoming = packages_ / (kIncoming + digest);
@@ -151,6 +172,11 @@ PackageStore::BackedUp PackageStore::backup(const fs::path& folder) const {
     target.commit(named);
     return done;
   }
+}
+
+std::size_t drop_damaged_of_backup(const fs::path& backup, DiskCalls& calls) {
+  if (!is_there(backup / kBackupMark)) return 0;
+  return BackupFolder(normal(backup), calls).set_damaged_aside();
 }
 
 std::size_t PackageStore::restore(const fs::path& backup, const fs::path& folder,

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -17,6 +18,10 @@ constexpr const char* kPackagesName = "packages";
 constexpr const char* kBackupMark = ".stillmap-backup";
 constexpr const char* kIncoming = ".incoming-";
 constexpr const char* kRemoved = ".removed-";
+/// What is derived from a package lies in these folders of it.
+constexpr const char* kIndexFolder = "index";
+constexpr std::array<const char*, 4> kDerivedFolders = {kIndexFolder, "levels", "differences",
+                                                        "layers"};
 
 /// Since the Unix epoch.
 [[nodiscard]] std::int64_t now_ns();

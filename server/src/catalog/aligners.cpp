@@ -1,40 +1,20 @@
 #include "catalog/aligners.hpp"
 
+#include "catalog/lazy_aligner.hpp"
+
 #include <spdlog/spdlog.h>
 
+#include <filesystem>
 #include <memory>
-#include <mutex>
-#include <optional>
 
 namespace stillmap::server {
 namespace {
 
-/// Makes its aligner when the first query asks for it, since few maps are ever asked for a
-/// reference method. A failure is thrown at that query and tried again at the next.
-class LazyAligner : public localization::Aligner {
- public:
-  /// @param map  outlives this.
-  LazyAligner(std::string method, const maps::MapPackage& map)
-      : method_(std::move(method)), map_(map) {}
-
-  [[nodiscard]] localization::AlignmentResult align(
-      const maps::PointCloud& scan_lidar,
-      const std::optional<localization::Prior>& prior) const override {
-    return made().align(scan_lidar, prior);
-  }
-
- private:
-  const localization::Aligner& made() const {
-    const std::scoped_lock lock(mutex_);
-    if (!aligner_) aligner_ = localization::make_aligner(method_, map_);
-    return *aligner_;
-  }
-
-  std::string method_;
-  const maps::MapPackage& map_;
-  mutable std::mutex mutex_;
-  mutable std::unique_ptr<const localization::Aligner> aligner_;
-};
+/// Of the process: what it makes is large, so it makes one thing at a time.
+DerivedWorker& worker() {
+  static DerivedWorker the_worker;
+  return the_worker;
+}
 
 }  // namespace
 
@@ -54,7 +34,12 @@ Aligners build_aligners(const maps::MapPackage& map) {
     if (aligners.empty()) {
       aligners.emplace_back(method, localization::make_aligner(method, index, seen_from));
     } else {
-      aligners.emplace_back(method, std::make_shared<const LazyAligner>(method, map));
+      // The package may be closed before it is done, or removed: then nobody asks any more.
+      const auto make = [method, folder = map.folder()] {
+        return localization::make_aligner(method, *maps::MapPackage::open(folder));
+      };
+      const std::string what = "method '" + method + "' for package " + map.digest();
+      aligners.emplace_back(method, std::make_shared<const LazyAligner>(what, make, worker()));
     }
   }
   return aligners;

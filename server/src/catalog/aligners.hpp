@@ -16,8 +16,8 @@ using Aligners = std::vector<std::pair<std::string, std::shared_ptr<const locali
 /// Makes a map ready for queries; may take seconds. The package outlives the aligners.
 using AlignerBuilder = std::function<Aligners(const maps::MapPackage&)>;
 
-/// Every method of `localization::aligner_names`: the default at once, each other at its first
-/// query.
+/// Every method of `localization::aligner_names`: the default at once, each other made in the
+/// background once it is asked for (`LazyAligner`).
 [[nodiscard]] Aligners build_aligners(const maps::MapPackage& map);
 
 }  // namespace stillmap::server

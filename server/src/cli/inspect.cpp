@@ -1,4 +1,4 @@
-#include <fmt/core.h>
+#include <fmt/format.h>
 
 #include <memory>
 #include <numbers>
@@ -29,6 +29,15 @@ std::string text_of(const std::optional<maps::GeodeticOrigin>& origin) {
   if (!origin) return "unknown";
   return fmt::format("{:.7f}, {:.7f} deg, {:.2f} m", origin->latitude_deg, origin->longitude_deg,
                      origin->altitude_m);
+}
+
+std::string viewpoint_text(const std::optional<Eigen::Isometry3d>& viewpoint) {
+  if (!viewpoint) return "none";
+  if (viewpoint->matrix().isIdentity(0.0)) return "identity";
+  const Eigen::Vector3d& t = viewpoint->translation();
+  const Eigen::Quaterniond q(viewpoint->linear());
+  return fmt::format("{:.3f} {:.3f} {:.3f} m, qw qx qy qz {:.6f} {:.6f} {:.6f} {:.6f}; not applied",
+                     t.x(), t.y(), t.z(), q.w(), q.x(), q.y(), q.z());
 }
 
 void print_for_people(const server::MapSummary& map) {
@@ -87,13 +96,16 @@ void print_for_people(const server::DriveSummary& drive) {
   table.add("poses", drive.has_poses ? fmt::format("for every scan, {:.1f} m", drive.path_length_m)
                                      : "none");
   table.add("geodetic origin", text_of(drive.origin));
-  table.add("times of points", drive.has_point_times ? "from the sensor's turn" : "unknown");
+  table.add("times of points", drive.has_point_times ? "for every point" : "unknown");
   table.add("labels", drive.has_labels ? "for every point" : "none");
   table.add(
       "first scan",
       fmt::format("{} points, {} not finite, {} without return", grouped(drive.first_scan_points),
                   drive.first_scan_dropped.non_finite, drive.first_scan_dropped.zero_range));
   table.add("  bounds", text_of(drive.first_scan_bounds));
+  if (!drive.sensors.empty())
+    table.add("looks like", fmt::format("{} (to be said as 'DRIVE?sensor=NAME')",
+                                        fmt::join(drive.sensors, " or ")));
   add_check(drive.check, table);
   for (const std::string& note : drive.notes) table.add("note", note);
   table.print();
@@ -114,6 +126,7 @@ void print_for_people(const server::CloudFileSummary& file) {
             file.cloud.single_precision ? "32-bit floats" : "doubles or whole numbers");
   table.add("intensities", fmt::format("{} .. {}", file.intensities[0], file.intensities[1]));
   if (!file.cloud.coordinates.empty()) table.add("coordinates", file.cloud.coordinates);
+  if (file.format == "pcd") table.add("viewpoint", viewpoint_text(file.cloud.viewpoint));
   table.print();
   print_findings(file.findings);
 }
@@ -159,10 +172,10 @@ void add_inspect(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "inspect", "Say what a map, a drive or a file holds, and what looks wrong with it");
   command
-      ->add_option(
-          "PATH", arguments->path,
-          "Map package, drive (its folder, or the file of a bag), point cloud (.pcd, .ply, .las, "
-          ".bin) or poses (.tum, .txt)")
+      ->add_option("PATH", arguments->path,
+                   "Map package, drive (its folder, or the file of a bag or a rawlog), point cloud "
+                   "(.pcd, .ply, .las, "
+                   ".bin) or poses (.tum, .txt)")
       ->required()
       ->check(command_line::existing_path());
   command->add_flag("--json", arguments->json, "Print JSON");

@@ -1,6 +1,7 @@
 #include <stillmap/localization/map_index.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_levels.hpp>
+#include <stillmap/maps/store/backup_check.hpp>
 #include <stillmap/maps/store/package_store.hpp>
 
 #include <fmt/core.h>
@@ -31,6 +32,7 @@ struct StoreArguments {
   std::string map, version;
   std::optional<std::size_t> keep;
   bool activate = false;
+  bool reread = false;
   bool json = false;
 };
 
@@ -117,6 +119,7 @@ void reindex(const StoreArguments& arguments) {
 void backup(const StoreArguments& arguments) {
   require_store(arguments.store);
   const PackageStore store(arguments.store);
+  if (arguments.reread) maps::drop_damaged_of_backup(arguments.folder);
   const PackageStore::BackedUp done = store.backup(arguments.folder);
   print(arguments.json, server::backup_json(done),
         fmt::format("{} packages copied, {} kept from an earlier backup", done.copied, done.kept));
@@ -199,9 +202,13 @@ void add_store(CLI::App& app) {
           "many of the newest others");
   add_command(*group, arguments, "reindex",
               "Make localization index and levels of detail of every version again", reindex);
-  add_command(*group, arguments, "backup", "Save the store while it is served", backup)
-      ->add_option("-o,--output", arguments->folder, "A new folder, or an earlier backup")
+  CLI::App* saves =
+      add_command(*group, arguments, "backup", "Save the store while it is served", backup);
+  saves->add_option("-o,--output", arguments->folder, "A new folder, or an earlier backup")
       ->required();
+  saves->add_flag("--reread", arguments->reread,
+                  "Recompute the checksums of what an earlier backup brought; what is damaged is "
+                  "brought again");
   add_restore(*group, arguments);
   CLI::App* adds = add_command(*group, arguments, "add", "Publish a map package as a version", add);
   CLI::App* activates =

@@ -23,20 +23,35 @@ void become_least_urgent() {
 DerivedWorker::DerivedWorker(std::chrono::milliseconds pause)
     : pause_(pause), thread_([this](const std::stop_token& stop) { run(stop); }) {}
 
-DerivedWorker::Answer DerivedWorker::ask(const std::string& key, Work work) {
+DerivedWorker::Answer DerivedWorker::ask(const std::string& key, Work work, Turn turn) {
   const std::scoped_lock lock(mutex_);
   if (making_ == key) return {.state = State::kMaking, .progress = progress_};
-  if (std::any_of(waiting_.begin(), waiting_.end(),
-                  [&](const auto& each) { return each.first == key; }))
-    return {.state = State::kMaking};
+  if (waits(key)) return {.state = State::kMaking};
   const Clock::time_point now = Clock::now();
   std::erase_if(failures_, [&](const auto& each) { return now - each.second.when >= pause_; });
   if (const auto failed = failures_.find(key); failed != failures_.end())
     return {.state = State::kFailed, .failure = failed->second.why};
-  if (waiting_.size() >= kMostWaiting) return {.state = State::kFull};
-  waiting_.emplace_back(key, std::move(work));
+  Waiting& waiting = waiting_.at(static_cast<std::size_t>(turn));
+  if (waiting.size() >= (turn == Turn::kFirst ? kMostWaiting : kMostAfter))
+    return {.state = State::kFull};
+  waiting.emplace_back(key, std::move(work));
   changed_.notify_all();
   return {.state = State::kMaking};
+}
+
+/// Under the lock.
+bool DerivedWorker::waits(const std::string& key) const {
+  return std::any_of(waiting_.begin(), waiting_.end(), [&](const Waiting& waiting) {
+    return std::any_of(waiting.begin(), waiting.end(),
+                       [&](const auto& each) { return each.first == key; });
+  });
+}
+
+/// Under the lock. Null when nothing waits.
+DerivedWorker::Waiting* DerivedWorker::next_turn() {
+  const auto found = std::find_if(waiting_.begin(), waiting_.end(),
+                                  [](const Waiting& waiting) { return !waiting.empty(); });
+  return found == waiting_.end() ? nullptr : &*found;
 }
 
 void DerivedWorker::run(const std::stop_token& stop) {
@@ -45,10 +60,11 @@ void DerivedWorker::run(const std::stop_token& stop) {
     std::pair<std::string, Work> next;
     {
       std::unique_lock lock(mutex_);
-      changed_.wait(lock, stop, [this] { return !waiting_.empty(); });
+      changed_.wait(lock, stop, [this] { return next_turn() != nullptr; });
       if (stop.stop_requested()) return;
-      next = std::move(waiting_.front());
-      waiting_.pop_front();
+      Waiting& waiting = *next_turn();
+      next = std::move(waiting.front());
+      waiting.pop_front();
       making_ = next.first;
       progress_ = 0.0;
     }

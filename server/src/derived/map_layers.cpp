@@ -8,6 +8,7 @@
 #include <stillmap/localization/map_index.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/layer_file.hpp>
+#include <stillmap/maps/tile_check.hpp>
 
 #include <utility>
 
@@ -56,6 +57,7 @@ std::optional<LayerKind> layer_kind_of(std::string_view name) {
 void MapLayers::make(const std::string& key, const std::filesystem::path& package, LayerKind kind,
                      const maps::DerivedWork& work) {
   const auto map = maps::MapPackage::open(package);
+  maps::require_whole_tiles(*map, work);
   std::optional<maps::TileLayer> layer =
       made(*map, kind, [&] { return !work.go_on || work.go_on(0.0); });
   if (!layer) throw maps::WorkStopped();

@@ -7,6 +7,7 @@
 #include <spdlog/spdlog.h>
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/tile_check.hpp>
 
 #include <utility>
 
@@ -43,12 +44,31 @@ std::string ComparedVersions::name() const {
                      maps::MapDifference::tolerance_mm(tolerance_m));
 }
 
+std::span<const maps::MapPoint> MapViews::own_tile(const ServedVersion& version, maps::TileId id) {
+  const maps::MapPackage& package = *version.package;
+  const std::span<const maps::MapPoint> points = package.tile(id);
+  if (points.empty()) return points;
+  const std::string content = version.content();
+  std::shared_ptr<const WholeTiles> whole = whole_tiles_.find(content);
+  if (!whole) whole_tiles_.put(content, whole = std::make_shared<const WholeTiles>());
+  {
+    const std::scoped_lock lock(whole->mutex);
+    if (whole->ids.contains(id)) return points;
+  }
+  maps::require_whole_tile(package, id);
+  const std::scoped_lock lock(whole->mutex);
+  whole->ids.insert(id);
+  return points;
+}
+
 DerivedWorker::Answer MapViews::ask_for_levels(const maps::MapPackage& package) {
   // The package may be closed or removed before its turn comes; then this fails.
   const std::filesystem::path folder = package.folder();
   return worker_.ask("levels of " + package.digest(), [this, folder](const auto& work) {
     const auto map = maps::MapPackage::open(folder);
-    if (!opened_levels(*map)) maps::MapLevels::make(*map, leaving_room(work));
+    if (opened_levels(*map)) return;
+    maps::require_whole_tiles(*map, work);
+    maps::MapLevels::make(*map, leaving_room(work));
   });
 }
 
@@ -112,10 +132,13 @@ DifferenceState MapViews::difference(const ComparedVersions& pair) {
                      tolerance_m = pair.tolerance_m](const maps::DerivedWork& how) {
     const auto version = maps::MapPackage::open(first);
     const auto other = maps::MapPackage::open(second);
-    if (!opened_difference(*version, *other, tolerance_m))
-      maps::MapDifference::make(*version, *other, tolerance_m, leaving_room(how));
+    if (opened_difference(*version, *other, tolerance_m)) return;
+    maps::require_whole_tiles(*version, how);
+    maps::require_whole_tiles(*other, how);
+    maps::MapDifference::make(*version, *other, tolerance_m, leaving_room(how));
   };
-  const DerivedWorker::Answer answer = worker_.ask("difference " + name, work);
+  const DerivedWorker::Answer answer =
+      worker_.ask("difference " + name, work, DerivedWorker::Turn::kAfter);
   require_under_way(answer, "the difference", store_);
   return {nullptr, answer.progress};
 }

@@ -12,7 +12,10 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <mutex>
 #include <optional>
+#include <set>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -44,9 +47,9 @@ struct DifferenceState {
   double progress = 0.0;
 };
 
-/// What is derived from the versions of maps for who looks at them: opened where it lies beside the
-/// package, made in the background where it does not. Keeps some of them open. Safe from several
-/// threads.
+/// The versions of maps for who looks at them: their own tiles, and what is derived from these,
+/// opened where it lies beside the package and made in the background where it does not, never from
+/// a package with a damaged tile. Keeps some of them open. Safe from several threads.
 class MapViews {
  public:
   /// What is derived leaves so much of the disk [bytes] to what is not.
@@ -56,6 +59,12 @@ class MapViews {
   /// `kLeftFree`.
   explicit MapViews(std::filesystem::path store, std::uint64_t left_free = kLeftFree)
       : store_(std::move(store)), left_free_(left_free) {}
+
+  /// A tile that the package itself holds, compared with its checksum the first time that it is
+  /// asked for; empty when there is none. @throws maps::InputError naming the file when it is
+  /// damaged.
+  [[nodiscard]] std::span<const maps::MapPoint> own_tile(const ServedVersion& version,
+                                                         maps::TileId id);
 
   /// Has the levels made in the background, if they are not there, of a package that was just
   /// opened.
@@ -82,8 +91,15 @@ class MapViews {
 
   [[nodiscard]] maps::DerivedWork leaving_room(const maps::DerivedWork& work) const;
 
+  /// Tiles of one copy of a package that were found whole.
+  struct WholeTiles {
+    mutable std::mutex mutex;
+    mutable std::set<maps::TileId> ids;
+  };
+
   std::filesystem::path store_;
   std::uint64_t left_free_;
+  RecentlyUsed<WholeTiles> whole_tiles_{64};
   /// Their tables, no points.
   RecentlyUsed<ServedLevels> levels_{8};
   RecentlyUsed<maps::MapDifference> differences_{8};

@@ -1,7 +1,10 @@
 #include "context.hpp"
 #include "errors/upload_errors.hpp"
+#include "handlers/tile_answer.hpp"
 #include "json/layers_json.hpp"
 #include "json/maps_json.hpp"
+
+#include <fmt/format.h>
 
 #include <stillmap/maps/map_graph.hpp>
 #include <stillmap/maps/store/store_refusal.hpp>
@@ -15,11 +18,20 @@
 namespace stillmap::server {
 namespace {
 
-/// What a version holds never changes.
-HttpResponse immutable_json(std::string body) {
-  HttpResponse response = json_response(std::move(body));
-  response.headers.emplace_back("Cache-Control", "public, max-age=31536000, immutable");
-  return response;
+/// A route of what a version holds, which never changes; nothing is read for who has it already.
+/// @param form  counts up when the same content would be told in other words.
+Route part_route(const Context& context, const std::string& name, int form,
+                 std::string (*text)(const maps::MapPackage&)) {
+  return {"GET", "/v1/maps/{map}/versions/{version}/" + name,
+          [&context, name, form, text](const HttpRequest& request, const PathParameters& path) {
+            const ServedVersion map = find_version(context.catalog, path);
+            const std::string etag =
+                fmt::format("\"{}-{}-{}\"", map.package->digest().substr(0, 16), name, form);
+            return immutable_answer(request, etag, [&](HttpResponse& response) {
+              response.content_type = "application/json";
+              response.body = text(*map.package);
+            });
+          }};
 }
 
 HttpResponse answer_list(const Context& context) {
@@ -96,21 +108,14 @@ void add_map_routes(std::vector<Route>& routes, const Context& context) {
                     }});
   routes.push_back({"GET", "/v1/maps/{map}", one});
   routes.push_back({"GET", "/v1/maps/{map}/versions/{version}", one});
-  routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/trajectory",
-                    [&context](const HttpRequest&, const PathParameters& path) {
-                      const ServedVersion map = find_version(context.catalog, path);
-                      return immutable_json(trajectories_json(map.package->trajectories()));
-                    }});
-  routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/objects",
-                    [&context](const HttpRequest&, const PathParameters& path) {
-                      const ServedVersion map = find_version(context.catalog, path);
-                      return immutable_json(objects_json(map.package->objects()));
-                    }});
-  routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/graph",
-                    [&context](const HttpRequest&, const PathParameters& path) {
-                      const ServedVersion map = find_version(context.catalog, path);
-                      return immutable_json(graph_json(graph_of(*map.package)));
-                    }});
+  routes.push_back(part_route(context, "trajectory", 1, [](const maps::MapPackage& map) {
+    return trajectories_json(map.trajectories());
+  }));
+  routes.push_back(part_route(context, "objects", 1, [](const maps::MapPackage& map) {
+    return objects_json(map.objects());
+  }));
+  routes.push_back(part_route(
+      context, "graph", 1, [](const maps::MapPackage& map) { return graph_json(graph_of(map)); }));
 }
 
 }  // namespace stillmap::server

@@ -2,6 +2,7 @@
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
 #include "handlers/publish.hpp"
+#include "handlers/tile_answer.hpp"
 #include "http/content_digest.hpp"
 #include "http/header_text.hpp"
 #include "json/maps_json.hpp"
@@ -60,7 +61,7 @@ HttpResponse get_content(const Context& context, const HttpRequest& request,
   auto archive = context.store.archive(path.at("map"), path.at("version"));
   HttpResponse response{.content_type = "application/x-tar", .body = {}, .headers = {}};
   response.headers = {{"ETag", archive->etag()},
-                      {"Cache-Control", "public, max-age=31536000, immutable"},
+                      {"Cache-Control", kKeptForEver},
                       {"Content-Disposition", "attachment; filename=\"" + path.at("map") + "-" +
                                                   path.at("version") + ".tar\""}};
   if (is_known_to_client(request.header("if-none-match"), archive->etag())) {
@@ -93,7 +94,7 @@ HttpResponse get_preview(const Context& context, const HttpRequest& request,
   const ServedVersion map = find_version(context.catalog, path);
   const std::string etag = "\"" + map.package->digest().substr(0, 16) + "-preview\"";
   HttpResponse response{.content_type = "image/png", .body = {}, .headers = {}};
-  response.headers = {{"ETag", etag}, {"Cache-Control", "public, max-age=31536000, immutable"}};
+  response.headers = {{"ETag", etag}, {"Cache-Control", kKeptForEver}};
   if (is_known_to_client(request.header("if-none-match"), etag)) {
     response.status = 304;
   } else {

@@ -50,7 +50,7 @@ HeldPoints held(std::vector<maps::MapPoint> points) {
 HttpResponse immutable_answer(const HttpRequest& request, const std::string& etag,
                               const std::function<void(HttpResponse&)>& fill) {
   HttpResponse response{.content_type = {}, .body = {}, .headers = {}};
-  response.headers = {{"ETag", etag}, {"Cache-Control", "public, max-age=31536000, immutable"}};
+  response.headers = {{"ETag", etag}, {"Cache-Control", kKeptForEver}};
   if (is_known_to_client(request.header("if-none-match"), etag)) {
     response.status = 304;
   } else {

@@ -14,6 +14,10 @@
 
 namespace stillmap::server {
 
+/// Of what never changes: for who asked, and for no cache that several share, which would give it
+/// to who has no key (RFC 9111, section 3.5).
+inline constexpr const char* kKeptForEver = "private, max-age=31536000, immutable";
+
 /// Points that live as long as their owner.
 struct HeldPoints {
   std::span<const maps::MapPoint> points;

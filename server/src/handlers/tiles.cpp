@@ -36,6 +36,7 @@ HttpResponse answer_tile(const Context& context, const HttpRequest& request,
     points = derived->points;
   }
   return immutable_answer(request, tile_etag(map, "", id), [&](HttpResponse& response) {
+    if (!derived) points = context.views.own_tile(map, id);
     response.content_type = "application/octet-stream";
     const std::span<const std::byte> bytes = std::as_bytes(points);
     response.body.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());

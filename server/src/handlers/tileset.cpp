@@ -54,13 +54,14 @@ HttpResponse get_cut(const Context& context, const HttpRequest& request,
 }
 
 /// Level 0 as it lies in the package.
-HttpResponse own_tile(const ServedVersion& map, const HttpRequest& request, maps::TileId id) {
+HttpResponse own_tile(const Context& context, const ServedVersion& map, const HttpRequest& request,
+                      maps::TileId id) {
   const auto& tiles = map.package->manifest().tiles;
   const auto tile =
       std::find_if(tiles.begin(), tiles.end(), [&](const auto& each) { return each.id == id; });
   if (tile == tiles.end()) refuse(map, request);
   return immutable_answer(request, tile_etag(map, kGlbForm, id), [&](HttpResponse& response) {
-    fill_with_glb(response, *tile, {map.package->tile(id), map.package});
+    fill_with_glb(response, *tile, {context.views.own_tile(map, id), map.package});
   });
 }
 
@@ -68,7 +69,7 @@ HttpResponse get_glb(const Context& context, const HttpRequest& request,
                      const PathParameters& path) {
   const ServedVersion map = find_version(context.catalog, path);
   const maps::TileId id = read_tile_id(path);
-  if (id.level == 0) return own_tile(map, request, id);
+  if (id.level == 0) return own_tile(context, map, request, id);
   if (!lies_above_points(*map.package, id)) refuse(map, request);
   std::optional<LevelTile> tile = context.views.level_tile(map, id);
   if (!tile) refuse(map, request);

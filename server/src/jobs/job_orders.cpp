@@ -1,6 +1,7 @@
 #include "errors/api_error.hpp"
 #include "ids_and_times.hpp"
 #include "jobs/job_runner.hpp"
+#include "jobs/program_crash.hpp"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -78,26 +79,6 @@ std::string sha256_of(const maps::StoredJob& job) {
 
 fs::path JobRunner::upload(const std::string& sha256) const { return root_ / kUploads / sha256; }
 
-RebuildSources JobRunner::sources_of(const maps::StoredJob& job,
-                                     const RebuildRequest& request) const {
-  RebuildSources sources;
-  for (const std::int64_t id : request.drives) sources.drives.push_back(setup_.drives.folder(id));
-  if (request.held_back) sources.held_back = setup_.drives.folder(*request.held_back);
-  if (request.new_frame) return sources;
-  const maps::StoredMap map = setup_.store.state().map(job.map);
-  if (!map.active) return sources;
-  std::string digest = setup_.store.state().version(map.name, *map.active).digest;
-  if (job.id > 0) {
-    // An attempt goes on only with what the one before had, whatever was activated meanwhile.
-    const fs::path file = folder(job.id).previous();
-    const std::optional<std::string> noted = read_small_file(file);
-    if (noted && setup_.store.state().uses(*noted)) digest = *noted;
-    write_small_file(file, digest);
-  }
-  sources.previous = setup_.store.folder() / "packages" / digest;
-  return sources;
-}
-
 void JobRunner::check_room(const std::string& map, const RebuildRequest& request,
                            const RebuildSources& sources) {
   if (setup_.mapper.empty())
@@ -109,7 +90,8 @@ void JobRunner::check_room(const std::string& map, const RebuildRequest& request
     const std::string said = without_places(last_line(output.text));
     if (output.end.exit_code == 1 || output.end.exit_code == 2)
       throw ApiError(ErrorCode::kInvalidRequest, said);
-    throw std::runtime_error("no estimate of the disk: " + output.end.words() + ": " + said);
+    throw ProgramCrash("no estimate of the disk: " + output.end.words() +
+                       (said.empty() ? "" : ": " + said));
   }
   setup_.store.check_quota(map, estimate->package);
   // The map is copied into the store before the job's folder is cleared.

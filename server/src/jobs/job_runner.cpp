@@ -3,6 +3,7 @@
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
 #include "ids_and_times.hpp"
+#include "jobs/program_crash.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -15,6 +16,7 @@
 #include <algorithm>
 #include <chrono>
 #include <exception>
+#include <sstream>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
@@ -28,6 +30,8 @@ namespace fs = std::filesystem;
 constexpr std::chrono::seconds kLookAtStore{1};
 /// How soon the jobs of another server are taken over when it is gone.
 constexpr std::chrono::seconds kLookAtLock{2};
+/// How soon the end of a job that could not be kept is tried again, at most.
+constexpr std::chrono::seconds kMostBetweenTries{30};
 
 /// Runs what may throw where nobody could do anything about it.
 template <typename Work>
@@ -43,9 +47,16 @@ fs::path job_root(const JobOptions& options, const maps::PackageStore& store) {
   return options.work_dir.empty() ? store.folder() / "jobs" : fs::path(options.work_dir);
 }
 
-std::size_t crashes_in(const JobFolder& folder) {
-  const std::string text = read_small_file(folder.crashes()).value_or("");
-  return static_cast<std::size_t>(id_in(text).value_or(0));
+/// How often a job's program crashed, with this attempt; the same however often it is asked.
+std::size_t count_crash(const JobFolder& folder, const maps::StoredJob& job) {
+  std::size_t crashes = 0;
+  std::int64_t last_attempt = 0;
+  std::istringstream(read_small_file(folder.crashes()).value_or("")) >> crashes >> last_attempt;
+  if (last_attempt == job.attempts) return crashes;
+  ++crashes;
+  quietly("its crash could not be counted", job.id,
+          [&] { write_small_file(folder.crashes(), fmt::format("{} {}", crashes, job.attempts)); });
+  return crashes;
 }
 
 }  // namespace
@@ -136,14 +147,19 @@ void JobRunner::run(const maps::StoredJob& job, const std::stop_token& stop) {
   }
   note_progress(job, {.stage = "prepare"});
   const AttemptEnd end = attempt(job, stop);
-  try {
-    settle(job, end);
-  } catch (const std::exception& error) {
-    // The store takes no writes: the job is put back when the server starts again.
-    spdlog::error("job {}: its end could not be kept: {}", job.id, error.what());
-    const std::scoped_lock lock(mutex_);
-    active_.erase(job.id);
-  }
+  // What the store cannot keep just now, as on a full disk, is tried until the server ends; at its
+  // next start the job is put back.
+  std::chrono::seconds pause = kLookAtStore;
+  do {
+    try {
+      return settle(job, end);
+    } catch (const std::exception& error) {
+      spdlog::error("job {}: its end could not be kept: {}", job.id, error.what());
+    }
+    std::unique_lock lock(mutex_);
+    changed_.wait_for(lock, stop, pause, [] { return false; });
+    pause = std::min(2 * pause, kMostBetweenTries);
+  } while (!stop.stop_requested());
 }
 
 AttemptEnd JobRunner::attempt(const maps::StoredJob& job, const std::stop_token& stop) {
@@ -157,6 +173,8 @@ AttemptEnd JobRunner::attempt(const maps::StoredJob& job, const std::stop_token&
       .on_progress = [&](const JobProgress& progress) { note_progress(job, progress); }};
   try {
     attempt.command = prepare(job);
+  } catch (const ProgramCrash& error) {
+    return {AttemptEnd::Kind::kCrashed, error.what()};
   } catch (const std::exception& error) {
     return {AttemptEnd::Kind::kFailed, error.what()};
   }
@@ -239,10 +257,7 @@ void JobRunner::settle(const maps::StoredJob& job, const AttemptEnd& end) {
 
 /// As often as the options allow; then it has failed.
 void JobRunner::try_again(const maps::StoredJob& job, const std::string& why) {
-  const JobFolder folder = this->folder(job.id);
-  const std::size_t crashes = crashes_in(folder) + 1;
-  quietly("its crash could not be counted", job.id,
-          [&] { write_small_file(folder.crashes(), std::to_string(crashes)); });
+  const std::size_t crashes = count_crash(folder(job.id), job);
   const std::string words = without_places(why);
   maps::JobTable& jobs = setup_.store.jobs();
   if (crashes > static_cast<std::size_t>(setup_.live.current()->jobs.retries))

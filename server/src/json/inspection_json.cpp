@@ -63,6 +63,7 @@ std::string inspection_json(const CloudFileSummary& summary) {
   json["coordinates"] = summary.cloud.coordinates;
   json["utm_epsg"] = summary.cloud.utm ? Json(summary.cloud.utm->epsg()) : Json();
   json["bounds"] = bounds(summary.bounds);
+  json["viewpoint"] = summary.cloud.viewpoint ? to_json_pose(*summary.cloud.viewpoint) : Json();
   json["intensities"] = summary.intensities;
   json["findings"] = findings_json(summary.findings);
   return to_text(json, 2);
@@ -122,6 +123,7 @@ std::string inspection_json(const DriveSummary& summary) {
                         {"non_finite", summary.first_scan_dropped.non_finite},
                         {"zero_range", summary.first_scan_dropped.zero_range},
                         {"bounds_lidar", bounds(summary.first_scan_bounds)}};
+  json["sensors"] = summary.sensors;
   json["notes"] = summary.notes;
   add_check(summary.check, json);
   return to_text(json, 2);

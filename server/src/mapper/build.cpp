@@ -13,6 +13,7 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/frames.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/sensor_preset.hpp>
 #include <string>
 #include <vector>
 
@@ -128,16 +129,18 @@ void print_for_people(const mapping::MapBuildReport& report, const std::filesyst
 }
 
 /// What looks wrong with the drives, as the build will use them.
-std::vector<std::string> doubts_about(const BuildArguments& arguments) {
+std::vector<std::string> doubts_about(const BuildArguments& arguments, bool estimates_poses) {
   const mapping::MapBuildOptions& options = arguments.options;
   const bool believes = options.trajectory.prior || options.trajectory.gnss_sigma_m;
-  const bool ignores_poses = !believes && mapping::estimates_poses(arguments.drives, options);
   std::vector<std::string> doubts;
   for (const std::filesystem::path& folder : arguments.drives) {
     maps::Drive::Contents contents = maps::Drive::open(folder, options.poses_file).contents();
-    if (ignores_poses) contents.T_map_lidar.clear();
+    // Who asks for odometry knows that there are no poses, or wants none.
+    const bool wants_none = options.odometry.has_value() || !contents.T_map_lidar.empty();
+    if (estimates_poses && !believes) contents.T_map_lidar.clear();
     for (const maps::DriveFinding& finding : maps::check_drive(maps::Drive(contents)).findings)
-      doubts.push_back(fmt::format("{}: {}; {}", folder.string(), finding.what, finding.remedy));
+      if (finding.code != "no_poses" || !wants_none)
+        doubts.push_back(fmt::format("{}: {}; {}", folder.string(), finding.what, finding.remedy));
   }
   return doubts;
 }
@@ -148,12 +151,14 @@ void build(BuildCommand& asked, const CLI::App& command) {
   const mapping::MapBuildOptions& options = asked.arguments.options;
   mapping::MapBuildReport report;
   std::string index;
-  const std::vector<std::string> doubts = doubts_about(asked.arguments);
+  // Asked once: a large bag takes a while to be opened.
+  const bool estimates_poses = mapping::estimates_poses(drives, options);
+  const std::vector<std::string> doubts = doubts_about(asked.arguments, estimates_poses);
   // Programs read what they are told on stderr, and the report.
   if (asked.progress.form == "bar")
     for (const std::string& doubt : doubts) fmt::print(stderr, "warning: {}\n", doubt);
-  std::vector<mapping::StageShare> plan = mapping::build_stages(
-      mapping::estimates_poses(drives, options), options.register_to.has_value());
+  std::vector<mapping::StageShare> plan =
+      mapping::build_stages(estimates_poses, options.register_to.has_value());
   plan.push_back({"index", 0.01});
   run_with_progress(asked.progress, plan, [&](const mapping::ProgressCallback& progress) {
     report = mapping::build_map(drives, asked.map, options, progress, command_line::cancel_flag(),
@@ -209,6 +214,19 @@ void add_method_options(CLI::App& command, BuildArguments& arguments) {
                      "Height of the sensor over the ground [m] (default: estimated)");
 }
 
+void add_range_options(CLI::App& command, BuildArguments& arguments) {
+  mapping::MapBuildOptions& options = arguments.options;
+  command
+      .add_option(
+          "--min-range", options.min_range_m,
+          "Nearer points are what carries the sensor [m]; DRIVE?sensor=avia or mid-360 has its own")
+      ->capture_default_str();
+  command
+      .add_option("--max-range", options.max_range_m,
+                  "Farther points are too sparse [m]; DRIVE?sensor=os0-... or mid-360 has its own")
+      ->capture_default_str();
+}
+
 void add_pose_options(CLI::App& command, BuildArguments& arguments) {
   mapping::MapBuildOptions& options = arguments.options;
   std::vector<std::string> methods = mapping::odometry_names();
@@ -235,6 +253,22 @@ void add_pose_options(CLI::App& command, BuildArguments& arguments) {
       "With odometry: the positions of the given poses are right to within this [m]");
 }
 
+/// Those of the sensors that stand behind the drives, where they agree and no word says otherwise.
+void set_range(const BuildArguments& arguments, const CLI::App& command, const char* option,
+               std::optional<double> maps::SensorPreset::*of_sensor, double& range_m) {
+  if (command.count(option) > 0) return;
+  std::optional<double> range;
+  for (std::size_t i = 0; i < arguments.drives.size(); ++i) {
+    const maps::SensorPreset* sensor = maps::sensor_in_words(arguments.drives[i]);
+    const std::optional<double> its = sensor == nullptr ? std::nullopt : sensor->*of_sensor;
+    if (i > 0 && its != range)
+      throw std::invalid_argument(fmt::format(
+          "{}: found drives of sensors that differ in it, expected it in words", option));
+    range = its;
+  }
+  range_m = range.value_or(range_m);
+}
+
 }  // namespace
 
 void read_words(BuildArguments& arguments, const CLI::App& command) {
@@ -243,6 +277,10 @@ void read_words(BuildArguments& arguments, const CLI::App& command) {
   options.projection.policy = mapping::movable_policy_from(arguments.movable);
   const std::string clean = options.clean;
   if (arguments.preset == "paper") mapping::apply_paper_preset(options);
+  set_range(arguments, command, "--min-range", &maps::SensorPreset::min_range_m,
+            options.min_range_m);
+  set_range(arguments, command, "--max-range", &maps::SensorPreset::max_range_m,
+            options.max_range_m);
   options.trajectory.loops = arguments.loops == "on";
   if (!arguments.geo_origin.empty())
     options.geodetic_origin = parse_geo_origin(arguments.geo_origin);
@@ -268,9 +306,13 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
   command
       .add_option(
           "DRIVE", arguments.drives,
-          "KITTI raw or odometry, key frame folder, a folder of .pcd, .ply or .bin scans, or a bag "
-          "(MCAP, rosbag2; where it leaves a choice 'FILE?cloud=TOPIC&poses=TOPIC&pose_frame=FRAME'"
-          "); several go into one map: by their poses where these are in one frame, else by places "
+          "KITTI raw or odometry, MulRan, key frame folder, a folder of .pcd, .ply or .bin scans, "
+          "an "
+          "MRPT rawlog, or a bag (MCAP, rosbag2; where it leaves a choice "
+          "'FILE?cloud=TOPIC&poses=TOPIC&pose_frame=FRAME'"
+          "); 'DRIVE?sensor=NAME' gives points of scans without times those of that sensor's turn "
+          "(`inspect` guesses names); several go into one map: by their poses where these are in "
+          "one frame, else by places "
           "that they share")
       ->required()
       ->check(command_line::existing_drive());
@@ -283,6 +325,7 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
   command.add_option("--geo-origin", arguments.geo_origin,
                      "LATITUDE,LONGITUDE,ALTITUDE [deg, deg, m above the WGS 84 ellipsoid] of the "
                      "frame of the given poses, x east, y north, where the drive does not say it");
+  add_range_options(command, arguments);
   add_pose_options(command, arguments);
   command
       .add_option(

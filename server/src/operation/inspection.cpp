@@ -1,6 +1,7 @@
 #include "operation/inspection.hpp"
 
 #include <stillmap/maps/scan_file.hpp>
+#include <stillmap/maps/sensor_preset.hpp>
 
 #include <algorithm>
 #include <fstream>
@@ -94,10 +95,6 @@ DriveSummary summarize(const maps::Drive& drive) {
   summary.scans = drive.size();
   summary.relative_clock = contents.relative_clock;
   summary.has_poses = drive.has_poses();
-  // {0, 0} stands for a scan that counts as taken at once.
-  summary.has_point_times =
-      std::any_of(contents.spin_start_end_s.begin(), contents.spin_start_end_s.end(),
-                  [](const auto& spin) { return spin[0] != 0.0 || spin[1] != 0.0; });
   summary.has_labels = !contents.label_files.empty();
   summary.path_length_m = path_length_m(contents.T_map_lidar);
   summary.origin = contents.origin;
@@ -110,7 +107,12 @@ DriveSummary summarize(const maps::Drive& drive) {
   }
   const maps::Scan first = drive.read(0);
   summary.first_scan_points = first.cloud.size();
+  // All zero where a scan counts as taken at once.
+  summary.has_point_times =
+      std::any_of(first.cloud.time_offsets_s.begin(), first.cloud.time_offsets_s.end(),
+                  [](float time_s) { return time_s != 0.0F; });
   summary.first_scan_dropped = first.dropped;
+  summary.sensors = maps::guess_sensors(first);
   for (const Eigen::Vector3f& p : first.cloud.positions)
     summary.first_scan_bounds.extend(p.cast<double>());
   summary.check = maps::check_drive(drive);

@@ -37,6 +37,7 @@ struct DriveSummary {
   double rate_hz = 0.0;
   bool relative_clock = true;
   bool has_poses = false;
+  /// Of the first scan.
   bool has_point_times = false;
   bool has_labels = false;
   double path_length_m = 0.0;
@@ -44,6 +45,8 @@ struct DriveSummary {
   /// Of the first scan, in its lidar frame [m].
   std::size_t first_scan_points = 0;
   maps::DropCounts first_scan_dropped;
+  /// What the scans may be of, by name.
+  std::vector<std::string> sensors;
   Eigen::AlignedBox3d first_scan_bounds;
   std::vector<std::string> notes;
   maps::DriveCheck check;

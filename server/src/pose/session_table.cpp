@@ -47,10 +47,11 @@ SessionTable::~SessionTable() {
 
 void SessionTable::require_room(const std::string& owner) const {
   const auto is_of = [&](const auto& each) { return each.second->owner() == owner; };
-  const auto held = std::count_if(sessions_.begin(), sessions_.end(), is_of);
+  const auto held =
+      static_cast<std::size_t>(std::count_if(sessions_.begin(), sessions_.end(), is_of));
   const bool full = sessions_.size() >= static_cast<std::size_t>(limits_.most);
   const double share = owner.empty() ? 1.0 : limits_.client_share;
-  const auto own = std::max<std::ptrdiff_t>(1, static_cast<std::ptrdiff_t>(share * limits_.most));
+  const auto own = std::max<std::size_t>(1, static_cast<std::size_t>(share * limits_.most));
   if (!full && held < own) return;
   Clock::time_point oldest = now_();
   for (const auto& [id, session] : sessions_) oldest = std::min(oldest, session->last_used());

@@ -371,6 +371,19 @@ TEST_F(IndexFile, ManyOpenersAtOnceGetTheSameIndex) {
   EXPECT_EQ(std::distance(fs::directory_iterator(file().parent_path()), {}), 1);
 }
 
+TEST_F(IndexFile, IsNotMadeFromATileThatTheDiskHasChanged) {
+  const fs::path tile = map_->folder() / "tiles/0_0_0.bin";
+  const std::string sound = bytes_of(tile);
+  std::string bytes = sound;
+  bytes[40] = static_cast<char>(bytes[40] ^ 1);
+  put(tile, bytes);
+  EXPECT_THAT([&] { (void)MapIndex::open(*maps::MapPackage::open(map_->folder())); },
+              ::testing::ThrowsMessage<maps::InputError>(HasSubstr("0_0_0.bin: found SHA-256")));
+  EXPECT_FALSE(fs::exists(file()));
+  put(tile, sound);
+  EXPECT_THAT(open()->kept_in_memory_because(), IsEmpty());
+}
+
 TEST_F(IndexFile, IsNotMadeFromPointsThatAreNotFinite) {
   const fs::path tiles = map_->folder() / "tiles";
   for (const fs::directory_entry& entry : fs::recursive_directory_iterator(tiles)) {
@@ -382,6 +395,7 @@ TEST_F(IndexFile, IsNotMadeFromPointsThatAreNotFinite) {
   }
   const auto broken = maps::MapPackage::open(map_->folder());
   EXPECT_THROW((void)MapIndex::open(*broken), maps::InputError);
+  EXPECT_THROW((void)MapIndex::build(*broken), maps::InputError);
   EXPECT_THROW((void)MapPoints::build(*broken, 0.5), maps::InputError);
   EXPECT_FALSE(fs::exists(file()));
 }

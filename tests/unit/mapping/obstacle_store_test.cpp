@@ -44,7 +44,7 @@ void expect_same(const std::vector<Obstacle>& a, const std::vector<Obstacle>& b)
 
 TEST(ObstacleStore, GivesEveryDriveItsOwnObstaclesBack) {
   const TemporaryFolder folder;
-  ObstacleStore store(folder.path() / "obstacles");
+  ObstacleStore store(folder.path());
   const std::vector<std::size_t> drives{0, 1, 3};
   for (const std::size_t drive : drives) {
     store.add(drive, wall(1.0F + static_cast<float>(drive)));
@@ -65,7 +65,7 @@ TEST(ObstacleStore, GivesEveryDriveItsOwnObstaclesBack) {
 TEST(ObstacleStore, NeedsNoFileForASingleDriveAndLeavesNoneBehind) {
   const TemporaryFolder folder;
   {
-    ObstacleStore store(folder.path() / "obstacles");
+    ObstacleStore store(folder.path());
     store.add(0, wall(1.0F));
     EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
     store.add(1, wall(1.0F));
@@ -76,7 +76,7 @@ TEST(ObstacleStore, NeedsNoFileForASingleDriveAndLeavesNoneBehind) {
 
 TEST(ObstacleStore, RefusesADriveThatComesBack) {
   const TemporaryFolder folder;
-  ObstacleStore store(folder.path() / "obstacles");
+  ObstacleStore store(folder.path());
   store.add(1, wall(1.0F));
   EXPECT_THAT([&] { store.add(0, wall(1.0F)); },
               ThrowsSaying<std::invalid_argument>({"drive 0 after those of drive 1"}));
@@ -84,15 +84,15 @@ TEST(ObstacleStore, RefusesADriveThatComesBack) {
 
 TEST(ObstacleStore, NamesAFolderThatIsNotThereAndAFileThatWasCutShort) {
   const TemporaryFolder folder;
-  ObstacleStore nowhere(folder.path() / "missing" / "obstacles");
+  ObstacleStore nowhere(folder.path() / "missing");
   nowhere.add(0, wall(1.0F));
   EXPECT_THAT([&] { nowhere.add(1, wall(1.0F)); },
               ThrowsSaying<StorageError>({"missing", "No such file"}));
-  ObstacleStore cut(folder.path() / "obstacles");
+  ObstacleStore cut(folder.path());
   cut.add(0, wall(1.0F));
   cut.add(1, wall(1.0F));
   cut.finish();
-  std::filesystem::resize_file(folder.path() / "obstacles", 50);
+  std::filesystem::resize_file(std::filesystem::directory_iterator(folder.path())->path(), 50);
   EXPECT_THAT([&] { static_cast<void>(cut.read(0)); },
               ThrowsSaying<StorageError>({"obstacles", "ends at byte 50"}));
 }

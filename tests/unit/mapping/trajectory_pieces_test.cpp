@@ -5,8 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include <stillmap/localization/adjoint.hpp>
 #include "support/synthetic_world.hpp"
-#include "trajectory/adjoint.hpp"
 #include "trajectory/corrected_poses.hpp"
 #include "trajectory/keyframes.hpp"
 #include "trajectory/levelling.hpp"
@@ -68,7 +68,7 @@ TEST(KeyframeChooser, CarriesTheErrorOfATurnToWhereItShows) {
 TEST(Adjoint, CarriesATwistThroughAPose) {
   const Eigen::Isometry3d T = maps::exp_se3((Vector6d() << 1, -2, 3, 0.4, -0.5, 0.6).finished());
   const Vector6d x = 1e-3 * (Vector6d() << 3, 1, -2, 1, 2, -1).finished();
-  EXPECT_LT(distance(T * maps::exp_se3(x), maps::exp_se3(adjoint(T) * x) * T), 1e-12);
+  EXPECT_LT(distance(T * maps::exp_se3(x), maps::exp_se3(localization::adjoint(T) * x) * T), 1e-12);
 }
 
 class CorrectedPoses : public ::testing::Test {

@@ -74,6 +74,27 @@ TEST(CloudFile, HeaderAloneTellsWhatCannotBeOne) {
   EXPECT_THAT([&] { check(faces, "ply"); }, ThrowsSaying<InputError>({"no element 'vertex'"}));
 }
 
+TEST(CloudFile, ViewpointOfAPcdIsTold) {
+  const TemporaryFolder folder;
+  const auto viewpoint = [&](const std::string& line) {
+    return read(folder, "a.pcd",
+                "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 1\n" + line +
+                    "DATA ascii\n1 2 3\n")
+        .summary.viewpoint;
+  };
+  const auto half_turn = viewpoint("VIEWPOINT 1 2 3 0 0 0 1\n");
+  ASSERT_TRUE(half_turn);
+  EXPECT_EQ(half_turn->translation(), Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(half_turn->linear() * Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(-1, 0, 0));
+  const auto identity = viewpoint("VIEWPOINT 0 0 0 1 0 0 0\n");
+  ASSERT_TRUE(identity);
+  EXPECT_TRUE(identity->matrix().isIdentity(0.0));
+  EXPECT_FALSE(viewpoint(""));
+  EXPECT_FALSE(viewpoint("VIEWPOINT 0 0 0 1 0 0\n"));
+  EXPECT_FALSE(viewpoint("VIEWPOINT 0 0 0 0 0 0 0\n"));
+  EXPECT_FALSE(viewpoint("VIEWPOINT 0 0 nan 1 0 0 0\n"));
+}
+
 TEST(CloudFile, DoublesKeepAllTheirDigits) {
   const TemporaryFolder folder;
   std::string bytes = pcd_header("8", 2, "binary");

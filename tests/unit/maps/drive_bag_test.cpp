@@ -4,6 +4,8 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/store/archive.hpp>
 
+#include <fstream>
+#include <iterator>
 #include <numbers>
 
 #include "support/bag_bytes.hpp"
@@ -51,8 +53,7 @@ class BagDrive : public ::testing::Test {
   /// Poses of `child` along x, 10 m/s, half a step beside the scans.
   void add_odometry(const std::string& topic = "/odom", const std::string& child = "lidar") {
     for (int i = -1; i <= 4; ++i)
-      add(topic, kOdometryType,
-          odometry(kStart + i * kStep + kStep / 2, {i + 0.5, 0, 0}, child));
+      add(topic, kOdometryType, odometry(kStart + i * kStep + kStep / 2, {i + 0.5, 0, 0}, child));
   }
   void add_static(const std::string& parent, const std::string& child,
                   const test::PoseValues& pose) {
@@ -87,6 +88,10 @@ class BagDrive : public ::testing::Test {
       }
       bag.message(id, message.bytes);
     }
+  }
+  static std::string bytes_of(const std::filesystem::path& file) {
+    std::ifstream stream(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(stream), {}};
   }
   [[nodiscard]] Drive open(const std::string& words = "") const {
     const std::filesystem::path file = folder_.write("run.mcap", mcap_of(messages_));
@@ -144,6 +149,27 @@ TEST_F(BagDrive, SaysWhatThereIsInABagWithoutClouds) {
   expect_error({"no clouds", "/imu of sensor_msgs/msg/Imu", "expected messages of"});
 }
 
+TEST_F(BagDrive, SaysWhyCloudsCannotBeRead) {
+  messages_.clear();
+  add("/points", kCloudType, test::packed(one_point(kStart, 1), "zstd"));
+  add("/points", kCloudType, test::packed(one_point(kStart + kStep, 1), "zstd"));
+  expect_error({"no clouds", "2 messages of /points cannot be read", "packed with zstd",
+                "ros2 bag convert"});
+  clouds("/points", 3);
+  EXPECT_THAT(open().contents().notes,
+              Contains(HasSubstr("2 messages of /points cannot be read, the first: /points")));
+}
+
+TEST_F(BagDrive, SaysHowManyScansLieInGapsOfThePoses) {
+  for (int i = 4; i < 30; ++i) clouds("/points", i);
+  for (const int i : {0, 1, 2, 3, 20, 21, 29})
+    add("/odom", kOdometryType, odometry(kStart + i * kStep, {1.0 * i, 0, 0}, "lidar"));
+  const Drive drive = open();
+  EXPECT_EQ(drive.size(), 30U);
+  EXPECT_THAT(drive.contents().notes,
+              Contains("16 scans lie in gaps of over 1 s between poses of /odom"));
+}
+
 TEST_F(BagDrive, InterpolatesPosesToTheScans) {
   add_odometry();
   const Drive drive = open();
@@ -157,8 +183,7 @@ TEST_F(BagDrive, LeavesOutScansAtTheEndsThatHaveNoPose) {
   for (const int i : {1, 2, 3}) clouds("/points", i + 10);
   add_odometry();
   const Drive drive = open();
-  EXPECT_THAT(drive.contents().notes,
-              Contains("3 scans left out, which have no pose of /odom"));
+  EXPECT_THAT(drive.contents().notes, Contains("3 scans left out, which have no pose of /odom"));
   EXPECT_EQ(drive.size(), 4U);
   EXPECT_EQ(drive.read(3).cloud.positions[0].x(), 4.0F);
   messages_.erase(messages_.begin(), messages_.begin() + 4);
@@ -182,8 +207,8 @@ TEST_F(BagDrive, BringsPosesToTheCloudsFrame) {
 TEST_F(BagDrive, ListsFramesWhereNoChainLeadsToTheClouds) {
   add_odometry("/odom", "base_link");
   add_static("base_link", "camera", {});
-  expect_error({"no way by tf_static from 'base_link' of /odom to 'lidar'",
-                "'base_link', 'camera'", "run.mcap?pose_frame=lidar"});
+  expect_error({"no way by tf_static from 'base_link' of /odom to 'lidar'", "'base_link', 'camera'",
+                "run.mcap?pose_frame=lidar"});
   EXPECT_NEAR(xs(open("?pose_frame=lidar"))[1], 1.0, 1e-12);
 }
 
@@ -193,8 +218,8 @@ TEST_F(BagDrive, TakesPosesWithoutAFrameAsTheCloudsWhereThatIsTheOnlyChoice) {
   EXPECT_THAT(xs(open()), ElementsAre(0.0, 1.0, 2.0, 3.0));
   EXPECT_THAT(open().contents().notes, Contains(HasSubstr("taken as those of 'lidar'")));
   add_static("base_link", "lidar", {0, 0, 1});
-  expect_error({"/pose without a name of the frame it moves", "'base_link', 'lidar'",
-                "pose_frame=lidar"});
+  expect_error(
+      {"/pose without a name of the frame it moves", "'base_link', 'lidar'", "pose_frame=lidar"});
   EXPECT_EQ(open("?pose_frame=base_link").T_map_lidar(0).translation().z(), 1.0);
 }
 
@@ -240,6 +265,17 @@ TEST_F(BagDrive, TakesNoTfFromAFrameThatMayMove) {
   EXPECT_TRUE(open("?poses=/tf").has_poses());
 }
 
+TEST_F(BagDrive, RefusesChainsOfTfThatNoRobotHas) {
+  const auto chain = [&](int from, int to) {
+    for (int i = from; i < to; ++i)
+      add_static("f" + std::to_string(i + 1), i == 0 ? "lidar" : "f" + std::to_string(i), {});
+  };
+  chain(0, 64);
+  EXPECT_FALSE(open().has_poses());
+  chain(64, 65);
+  expect_error({"65 frames above 'lidar' in tf", "at most 64"});
+}
+
 TEST_F(BagDrive, ReadsASplitBagOfSqliteInTheOrderOfItsMetadata) {
   const std::filesystem::path root = folder_.path() / "run";
   std::filesystem::create_directories(root);
@@ -259,19 +295,67 @@ TEST_F(BagDrive, ReadsASplitBagOfSqliteInTheOrderOfItsMetadata) {
   std::filesystem::remove(root / "b.db3");
   EXPECT_THAT([&] { (void)Drive::open(root); },
               ThrowsSaying<InputError>({"metadata.yaml", "'b.db3', which is not there"}));
+  folder_.write("run/metadata.yaml", "relative_file_paths:\n  - " + std::string(300, 'b') + "\n");
+  EXPECT_THAT([&] { (void)Drive::open(root); },
+              ThrowsSaying<InputError>({"metadata.yaml", "bbb', which is not there"}));
   std::filesystem::remove(root / "metadata.yaml");
   EXPECT_EQ(Drive::open(root).size(), 2U);
   folder_.write("run/c.mcap", mcap_of(messages_));
   EXPECT_THAT([&] { (void)Drive::open(root); }, ThrowsSaying<InputError>({"c.mcap and a.db3"}));
 }
 
-TEST_F(BagDrive, SaysWhatToDoWithABagPackedAsAWhole) {
-  folder_.write("run/run_0.db3.zstd", "(\xB5/\xFD");
+TEST_F(BagDrive, UnpacksABagThatIsPackedAsAWhole) {
+  const std::filesystem::path root = folder_.path() / "run";
+  add_odometry();
+  std::filesystem::create_directories(root);
+  write_sqlite(root / "run_0.db3", messages_);
+  const std::string sqlite = bytes_of(root / "run_0.db3");
+  std::filesystem::remove(root / "run_0.db3");
+  folder_.write("run/run_0.db3.zstd", test::packed(sqlite, "zstd"));
+  const auto expect_read = [&](const std::filesystem::path& place, DriveLayout layout) {
+    const Drive drive = Drive::open(place);
+    EXPECT_EQ(drive.contents().layout, layout);
+    ASSERT_EQ(drive.size(), 4U);
+    for (std::size_t i = 0; i < 4; ++i)
+      EXPECT_EQ(drive.read(i).cloud.positions[0].x(), static_cast<float>(i + 1));
+    EXPECT_THAT(drive.contents().notes, Contains(HasSubstr("is packed as a whole: unpacked to")));
+    EXPECT_THAT(drive.read(1).source, HasSubstr(".zst"));
+    // Nothing stays, nor lies there while it is read.
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(place.parent_path()), {}), 1);
+  };
+  expect_read(root / "run_0.db3.zstd", DriveLayout::kRosbag2);
+  EXPECT_EQ(Drive::open(root).size(), 4U);
   folder_.write("run/metadata.yaml", "  relative_file_paths:\n    - run_0.db3.zstd\n");
+  EXPECT_EQ(Drive::open(root).size(), 4U);
+  expect_read(folder_.write("mcap/a.mcap.zst", test::packed(mcap_of(messages_), "zstd")),
+              DriveLayout::kMcap);
+  // Unpacked by hand.
+  std::filesystem::remove(root / "run_0.db3.zstd");
+  write_sqlite(root / "run_0.db3", messages_);
+  EXPECT_EQ(Drive::open(root).size(), 4U);
+}
+
+TEST_F(BagDrive, UnpacksNoMoreThanABagHolds) {
+  const auto expect_refused = [&](const std::string& name, const std::string& bytes,
+                                  const std::vector<std::string>& texts) {
+    const auto file = folder_.write(name, bytes);
+    EXPECT_THAT([&] { (void)Drive::open(file); }, ThrowsSaying<InputError>(texts)) << name;
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(file.parent_path()), {}), 1);
+  };
+  expect_refused("zeros/a.db3.zstd", test::packed(std::string(64U << 20U, '\0'), "zstd"),
+                 {"a.db3.zstd", "unpacked bytes", "100 times"});
+  std::string broken = test::packed(mcap_of(messages_), "zstd");
+  broken[broken.size() / 2] ^= 0x55;
+  expect_refused("broken/a.mcap.zstd", broken.substr(0, broken.size() / 2 + 1) + "rubbish rubbish",
+                 {"a.mcap.zstd"});
+  expect_refused("other/a.db3.zstd", test::packed("no bag", "zstd"), {"a.db3.zstd", "no bag"});
+}
+
+TEST_F(BagDrive, TakesNoPartOfABagForTheWhole) {
+  folder_.write("run/a.mcap", mcap_of(messages_));
+  folder_.write("run/b.mcap.zstd", test::packed(mcap_of(messages_), "zstd"));
   EXPECT_THAT([&] { (void)Drive::open(folder_.path() / "run"); },
-              ThrowsSaying<InputError>({"run_0.db3.zstd", "zstd -d"}));
-  write_sqlite(folder_.path() / "run/run_0.db3", messages_);
-  EXPECT_EQ(Drive::open(folder_.path() / "run").size(), 4U);
+              ThrowsSaying<InputError>({"a.mcap and b.mcap.zstd", "all of them packed or none"}));
 }
 
 TEST_F(BagDrive, HearsTheFolderAndWordsBeforeIt) {
@@ -286,8 +370,9 @@ TEST_F(BagDrive, HearsTheFolderAndWordsBeforeIt) {
 TEST_F(BagDrive, TakesGivenPosesInsteadOfItsOwn) {
   add_odometry();
   const auto file = folder_.write("run.mcap", mcap_of(messages_));
-  const auto poses = folder_.write("poses.txt", "1 0 0 7 0 1 0 0 0 0 1 0\n1 0 0 8 0 1 0 0 0 0 1 0\n"
-                                                "1 0 0 9 0 1 0 0 0 0 1 0\n1 0 0 6 0 1 0 0 0 0 1 0\n");
+  const auto poses = folder_.write("poses.txt",
+                                   "1 0 0 7 0 1 0 0 0 0 1 0\n1 0 0 8 0 1 0 0 0 0 1 0\n"
+                                   "1 0 0 9 0 1 0 0 0 0 1 0\n1 0 0 6 0 1 0 0 0 0 1 0\n");
   EXPECT_THAT(xs(Drive::open(file, poses)), ElementsAre(7.0, 8.0, 9.0, 6.0));
 }
 

@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <stillmap/maps/drive_check.hpp>
@@ -68,6 +69,38 @@ class DriveChecks : public ::testing::Test {
       }
       names_.push_back(folder_.write("drive/" + name_of(i), bytes));
     }
+  }
+
+  /// The scans as PCD files in a folder without poses.
+  /// @param viewpoint_of  of a scan, by its right pose.
+  template <typename Viewpoint>
+  DriveCheck check_pcd(bool in_map_frame, const Viewpoint& viewpoint_of) {
+    Drive::Contents contents;
+    contents.root = folder_.path() / "pcd";
+    for (std::size_t i = 0; i < kScans; ++i) {
+      const Eigen::Isometry3f T_file_map =
+          in_map_frame ? Eigen::Isometry3f::Identity() : path_[i].inverse().cast<float>();
+      std::string body;
+      std::size_t points = 0;
+      for (const Eigen::Vector3f& p_map : world_) {
+        if ((path_[i].inverse().cast<float>() * p_map).norm() > 45.0F) continue;
+        const Eigen::Vector3f p = T_file_map * p_map;
+        body.append(reinterpret_cast<const char*>(p.data()), 12);
+        ++points;
+      }
+      contents.scan_files.push_back(folder_.write(
+          "pcd/" + std::to_string(i) + ".pcd",
+          fmt::format("VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH {}\nHEIGHT 1\n"
+                      "VIEWPOINT {}\nDATA binary\n{}",
+                      points, viewpoint_of(path_[i]), body)));
+      contents.stamps_ns.push_back(stamp_ns(i));
+    }
+    return check_drive(Drive(std::move(contents)));
+  }
+  static std::string viewpoint(const Eigen::Isometry3d& T) {
+    const Eigen::Quaterniond q(T.linear());
+    return fmt::format("{} {} {} {} {} {} {}", T.translation().x(), T.translation().y(),
+                       T.translation().z(), q.w(), q.x(), q.y(), q.z());
   }
 
   /// @param change  what becomes of the right poses in the drive's file.
@@ -210,9 +243,51 @@ TEST_F(DriveChecks, PosesThatJumpOrStandStill) {
               ElementsAre("poses_stand_still"));
 }
 
+TEST_F(DriveChecks, PosesBeyondAllMeasureAreSurvived) {
+  write();
+  std::size_t i = 0;
+  const DriveCheck wrong = check([&](Eigen::Isometry3d T) {
+    T.translation() *= i++ % 2 == 0 ? 1e300 : 1e30;
+    return T;
+  });
+  EXPECT_THAT(codes(wrong), Contains("poses_jump"));
+  EXPECT_EQ(wrong.overlap->given, 0.0);
+}
+
+TEST_F(DriveChecks, NeitherPosesNorViewpointsIsSaid) {
+  const DriveCheck without = check_pcd(false, [](const auto&) { return "0 0 0 1 0 0 0"; });
+  EXPECT_THAT(codes(without), ElementsAre("no_poses"));
+  EXPECT_THAT(what(without, "no_poses"), HasSubstr("VIEWPOINT"));
+  // What is no pose is none.
+  EXPECT_THAT(codes(check_pcd(false, [](const auto&) { return "0 0 0 1 0"; })),
+              ElementsAre("no_poses"));
+  EXPECT_THAT(codes(check_pcd(false, [](const auto&) { return "9 9 9 0 0 0 0"; })),
+              ElementsAre("no_poses"));
+}
+
+TEST_F(DriveChecks, ViewpointsThatFitAsPosesAreSaid) {
+  const DriveCheck found = check_pcd(false, viewpoint);
+  EXPECT_THAT(codes(found), ElementsAre("viewpoints_not_applied"));
+  EXPECT_THAT(what(found, "viewpoints_not_applied"), HasSubstr("look like them"));
+}
+
+TEST_F(DriveChecks, ScansThatLieInTheMapAlreadyAreSaid) {
+  for (Eigen::Isometry3d& T : path_) T.translation() += Eigen::Vector3d(900, -700, 20);
+  for (Eigen::Vector3f& p : world_) p += Eigen::Vector3f(900, -700, 20);
+  const DriveCheck found = check_pcd(true, viewpoint);
+  EXPECT_THAT(codes(found), Contains("points_in_map_frame"));
+  EXPECT_THAT(what(found, "points_in_map_frame"), HasSubstr("lie in one frame already"));
+}
+
+TEST_F(DriveChecks, OneViewpointForAllIsSaid) {
+  const DriveCheck found = check_pcd(false, [](const auto&) { return "0 0 1.8 1 0 0 0"; });
+  EXPECT_THAT(codes(found), ElementsAre("viewpoints_not_applied"));
+}
+
 TEST_F(DriveChecks, WithoutPosesOrWithFewScansLessIsSaid) {
   write();
   Drive::Contents contents;
+  contents.layout = DriveLayout::kKittiOdometry;
   contents.scan_files = {names_[0]};
   contents.stamps_ns = {0};
   const DriveCheck one = check_drive(Drive(contents));

@@ -70,6 +70,15 @@ TEST_F(ScanFolderDrive, TakesScansFromOneFolderBelow) {
   EXPECT_EQ(open().T_map_lidar(1).translation().x(), 6.0);
 }
 
+TEST_F(ScanFolderDrive, TakesPosesBesideScansInOneFolderBelowUnlessItHasItsOwn) {
+  folder_.write("drive/a.pcd", kPcd);
+  folder_.write("drive/b.pcd", kPcd);
+  folder_.write("drive/poses.tum", "1 3 0 0 0 0 0 1\n2 4 0 0 0 0 0 1\n");
+  EXPECT_EQ(open().T_map_lidar(1).translation().x(), 4.0);
+  folder_.write("poses.txt", kTwoKitti);
+  EXPECT_EQ(open().T_map_lidar(1).translation().x(), 6.0);
+}
+
 TEST_F(ScanFolderDrive, MatchesATrajectoryLineByLineWhenNamesAreNoStamps) {
   folder_.write("a.pcd", kPcd);
   folder_.write("b.pcd", kPcd);

@@ -86,6 +86,19 @@ TEST(Las, WithheldPointsAndNoiseAreLeftOutAndCounted) {
   }
 }
 
+TEST(Las, PointsThatTheHeaderDoesNotCountAreNotPassedOverInSilence) {
+  for (const int minor : {2, 3, 4}) {
+    LasBytes las = sample(static_cast<std::uint8_t>(minor), minor == 4 ? 6 : 0);
+    std::string bytes = las.bytes();
+    LasBytes::put(bytes, minor == 4 ? 247 : 107, std::uint32_t{0});
+    EXPECT_THAT([&] { read(bytes); }, ThrowsSaying<InputError>({"count of 0", "lasinfo -repair"}))
+        << minor;
+    las.points.clear();
+    if (minor == 4) las.long_records = {{"other", 7, std::string(100, 'x')}};
+    EXPECT_THAT(read(las.bytes()).points, IsEmpty()) << minor;
+  }
+}
+
 TEST(Las, ManyPointsComeInPieces) {
   LasBytes las = sample();
   las.points.assign(200'000, {});

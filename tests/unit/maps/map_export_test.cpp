@@ -26,6 +26,7 @@ using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 using ::testing::StartsWith;
 using enum PointKind;
 
@@ -152,6 +153,23 @@ TEST_F(MapExport, FloatsFarFromZeroAreRefusedWithTheRemedy) {
   export_map(*package, "pcd", out("a.pcd"), {.frame = ExportFrame::kLocal});
   EXPECT_THAT(text_of(out("a.pcd")),
               HasSubstr("# map coordinates = these + origin 448000 5427000 110\n"));
+  far.origin = {30'000.0, 0.0, 0.0};
+  far.place = kPlace;
+  EXPECT_THAT([&] { export_map(*map(far), "autoware", out("a"), {.frame = ExportFrame::kUtm}); },
+              ThrowsSaying<InputError>({"0.002 m coarse"}));
+}
+
+/// A package may come from anybody.
+TEST_F(MapExport, NameOfTheFrameEndsNoLineAndFillsNoHeader) {
+  SmallMap odd = sample();
+  odd.frame_id = "town\nVIEWPOINT 1 2 3 1 0 0 0\r\"" + std::string(70'000, 'x');
+  const auto package = map(odd);
+  export_map(*package, "pcd", out("a.pcd"), {});
+  EXPECT_THAT(text_of(out("a.pcd")), Not(HasSubstr("\nVIEWPOINT 1")));
+  export_map(*package, "ply", out("a.ply"), {});
+  EXPECT_THAT(text_of(out("a.ply")), HasSubstr("frame town VIEWPOINT 1"));
+  export_map(*package, "las", out("a.las"), {});
+  EXPECT_EQ(read(out("a.las")).size(), odd.points.size());
 }
 
 TEST_F(MapExport, PlyInUtmIsWhereTheMapIs) {
@@ -199,12 +217,15 @@ TEST_F(MapExport, AutowareSquaresHoldEachPointOnce) {
   EXPECT_EQ(text_of(out("a") / "map_projector_info.yaml"),
             "projector_type: LocalCartesian\nvertical_datum: WGS84\nmap_origin:\n  latitude: 49\n"
             "  longitude: 8.4\n  altitude: 116.5\n");
+  EXPECT_THAT(report.notes, ElementsAre(HasSubstr("116.5 m above this map's")));
 }
 
 TEST_F(MapExport, AutowareInUtmIsRelativeToTheOriginAndAbsoluteInHeight) {
   SmallMap town = sample();
   town.place = kPlace;
-  export_map(*map(town), "autoware", out("a"), {.frame = ExportFrame::kUtm});
+  const MapExportReport report =
+      export_map(*map(town), "autoware", out("a"), {.frame = ExportFrame::kUtm});
+  EXPECT_THAT(report.notes, IsEmpty());
   EXPECT_THAT(text_of(out("a") / "map_projector_info.yaml"),
               HasSubstr("projector_type: LocalCartesianUTM\n"));
   const CloudPoint point = read(out("a") / "pointcloud_map.pcd" / "0_-1.pcd").at(0);

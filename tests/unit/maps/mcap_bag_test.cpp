@@ -128,12 +128,38 @@ TEST_F(McapBagTest, ReadsWithoutAnIndexThatDoesNotFit) {
   EXPECT_EQ(visit(*open(bytes)).heads.size(), 5U);
   // An index whose chunks lie over each other would have them read again and again.
   McapBytes twice = two_chunks("");
-  const std::string index =
-      McapBytes::record(8, std::string(16, '\0') + McapBytes::number(std::uint64_t{50}) +
-                               McapBytes::number(std::uint64_t{60}) + std::string(4 + 8 + 4 + 16, '\0'));
+  const std::string index = McapBytes::record(
+      8, std::string(16, '\0') + McapBytes::number(std::uint64_t{50}) +
+             McapBytes::number(std::uint64_t{60}) + std::string(4 + 8 + 4 + 16, '\0'));
   const auto bag = open(twice.finished(channels() + index + index));
   EXPECT_FALSE(bag->is_indexed());
   EXPECT_EQ(visit(*bag).heads.size(), 5U);
+}
+
+/// @param chunks, channels  that there are, by this record.
+std::string statistics(std::uint32_t chunks, std::uint32_t channels) {
+  return McapBytes::record(11, McapBytes::number(std::uint64_t{5}) +
+                                   McapBytes::number(std::uint16_t{1}) +
+                                   McapBytes::number(channels) + std::string(4 + 4, '\0') +
+                                   McapBytes::number(chunks) + std::string(8 + 8 + 4, '\0'));
+}
+
+TEST_F(McapBagTest, ReadsWithoutAnIndexThatTellsNotAll) {
+  const auto expect_read = [&](const std::string& summary, bool indexed) {
+    const auto bag = open(two_chunks("lz4").finished(summary));
+    EXPECT_EQ(bag->is_indexed(), indexed);
+    EXPECT_EQ(visit(*bag).heads.size(), 5U);
+    ASSERT_EQ(bag->topics().size(), 3U);
+    EXPECT_EQ(bag->topics()[1].type, "std_msgs/msg/String");
+  };
+  expect_read(channels() + statistics(2, 3), true);
+  // A third chunk that the index does not have, and a fourth channel.
+  expect_read(channels() + statistics(3, 3), false);
+  expect_read(channels() + statistics(2, 4), false);
+  // Channels without their schema, as where a writer repeats only them.
+  expect_read(McapBytes::channel(1, 1, "/a") + McapBytes::channel(2, 1, "/b") +
+                  McapBytes::channel(3, 0, "/c", "json"),
+              false);
 }
 
 TEST_F(McapBagTest, ReadsWhatIsThereOfAFileCutAtEveryByte) {
@@ -174,10 +200,23 @@ TEST_F(McapBagTest, StopsAtRecordsThatGoBeyondTheirChunk) {
 TEST_F(McapBagTest, RefusesChunksThatGrowWithoutMeasure) {
   // 64 MiB of zeros take some kilobytes of zstd.
   McapBytes mcap;
-  mcap.add(McapBytes::chunk(channels() + McapBytes::message(1, std::string(64U << 20U, '\0')), "zstd"));
+  mcap.add(
+      McapBytes::chunk(channels() + McapBytes::message(1, std::string(64U << 20U, '\0')), "zstd"));
   const auto all = visit(*open(mcap.finished()));
   EXPECT_THAT(all.heads, IsEmpty());
   EXPECT_THAT(all.damage.first, HasSubstr("1000 times"));
+}
+
+TEST_F(McapBagTest, RefusesFilesWhoseChunksTogetherGrowWithoutMeasure) {
+  McapBytes mcap;
+  mcap.add(McapBytes::chunk(channels() + McapBytes::message(1, "a1"), "zstd"));
+  const std::string zeros =
+      McapBytes::chunk(McapBytes::record(128, std::string(4U << 20U, '\0')), "zstd");
+  for (int i = 0; i < 20; ++i) mcap.add(zeros);
+  const auto all = visit(*open(mcap.finished()));
+  EXPECT_THAT(all.heads, ElementsAre("/a a1"));
+  EXPECT_EQ(all.damage.parts, 5U);
+  EXPECT_THAT(all.damage.first, HasSubstr("bytes unpacked so far, expected at most 67108864"));
 }
 
 TEST_F(McapBagTest, NamesWhatItCannotRead) {

@@ -99,7 +99,8 @@ TEST(RosMessages, ReadsPosesAndTransforms) {
 
 TEST(RosMessages, GivesNoTransformForWhatIsNoRotation) {
   for (const test::PoseValues& pose :
-       {test::PoseValues{0, 0, 0, 0, 0, 0, 0}, test::PoseValues{NAN}, test::PoseValues{1, 2, 3, 1}}) {
+       {test::PoseValues{0, 0, 0, 0, 0, 0, 0}, test::PoseValues{NAN}, test::PoseValues{1, 2, 3, 1},
+        test::PoseValues{-1e10}, test::PoseValues{1e300}}) {
     const std::string bytes = test::pose_stamped(1, pose);
     MessageReader reader = reader_of(bytes, Serialization::kCdr);
     EXPECT_FALSE(read_pose(reader, kPoseStamped).T_parent_child);

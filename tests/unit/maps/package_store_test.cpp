@@ -2,6 +2,7 @@
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/store/map_name.hpp>
+#include <stillmap/maps/store/package_hold.hpp>
 
 #include <algorithm>
 #include <fstream>
@@ -65,6 +66,23 @@ class PackageStoreTest : public ::testing::Test {
   std::string first_ = write_package(folder_.path() / "first", 1);
   std::string second_ = write_package(folder_.path() / "second", 2);
 };
+
+TEST_F(PackageStoreTest, HeldPackageStaysWhenItsVersionGoes) {
+  PackageStore store(store_, calls_);
+  store.add("town", "1", folder_.path() / "first");
+  const fs::path held = folder_.path() / "held";
+  // Of one that was killed at it.
+  fs::create_directories(folder_.path() / "held.new/tiles");
+  ASSERT_TRUE(hold_package(package(first_), held));
+  ASSERT_TRUE(store.remove("town", "1"));
+  EXPECT_FALSE(fs::exists(package(first_)));
+  EXPECT_EQ(MapPackage::open(held)->digest(), first_);
+  EXPECT_THAT(MapPackage::open(held)->verify(), IsEmpty());
+  EXPECT_FALSE(fs::exists(folder_.path() / "held.new"));
+  EXPECT_THAT([&] { hold_package(package(first_), folder_.path() / "late"); },
+              ThrowsSaying<InputError>({first_}));
+  EXPECT_FALSE(fs::exists(folder_.path() / "late.new"));
+}
 
 TEST_F(PackageStoreTest, PublishesByDigestAndServesWhatIsActive) {
   {

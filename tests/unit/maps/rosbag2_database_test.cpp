@@ -94,23 +94,67 @@ TEST_F(Rosbag2DatabaseTest, RefusesOtherDatabasesAndLaterSchemas) {
 }
 
 TEST_F(Rosbag2DatabaseTest, RunsNothingOfTheFile) {
-  const std::string rows = "WITH RECURSIVE n(i) AS (VALUES(1) UNION ALL SELECT i + 1 FROM n) SELECT ";
-  SqliteFile(file_).run("CREATE TABLE topics (id INTEGER PRIMARY KEY, name, type, "
-                        "serialization_format)")
+  const std::string rows =
+      "WITH RECURSIVE n(i) AS (VALUES(1) UNION ALL SELECT i + 1 FROM n) SELECT ";
+  SqliteFile(file_)
+      .run(
+          "CREATE TABLE topics (id INTEGER PRIMARY KEY, name, type, "
+          "serialization_format)")
       .run("CREATE VIEW messages AS " + rows + "i AS id, 1 AS topic_id, 'x' AS data FROM n");
   expect_refused({"without tables topics and messages"});
   std::filesystem::remove(file_);
-  SqliteFile(file_).run("CREATE TABLE real (id INTEGER PRIMARY KEY, name, type, "
-                        "serialization_format)")
+  SqliteFile(file_)
+      .run(
+          "CREATE TABLE real (id INTEGER PRIMARY KEY, name, type, "
+          "serialization_format)")
       .run("CREATE VIRTUAL TABLE messages USING fts5(topic_id, timestamp, data)")
       .run("CREATE TABLE topics (id INTEGER PRIMARY KEY, name, type, serialization_format)");
   expect_refused({"without tables topics and messages"});
   std::filesystem::remove(file_);
-  SqliteFile(file_).run("CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id, data)")
-      .run("CREATE TABLE topics (id INTEGER PRIMARY KEY, name, type, serialization_format AS "
-           "(hex(zeroblob(1000))))")
+  SqliteFile(file_)
+      .run("CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id, data)")
+      .run(
+          "CREATE TABLE topics (id INTEGER PRIMARY KEY, name, type, serialization_format AS "
+          "(hex(zeroblob(1000))))")
       .run("INSERT INTO topics (name, type) VALUES ('/a', 'b')");
   expect_refused({"columns of 'topics' that are computed"});
+}
+
+std::string big_endian(std::uint64_t value, int bytes) {
+  std::string text;
+  for (int i = bytes - 1; i >= 0; --i) text += static_cast<char>(value >> (8 * i) & 0xFFU);
+  return text;
+}
+
+/// An interior page of a table (SQLite file format, 1.6), all of whose 70 cells point to one page.
+std::string page_of_one_child(std::size_t child) {
+  constexpr std::size_t kCells = 70;
+  const std::string cell = big_endian(child, 4) + "\x04";
+  std::string page = "\x05" + big_endian(0, 2) + big_endian(kCells, 2) +
+                     big_endian(512 - kCells * cell.size(), 2) + '\0' + big_endian(child, 4);
+  for (std::size_t i = 0; i < kCells; ++i) page += big_endian(512 - (i + 1) * cell.size(), 2);
+  page.resize(512 - kCells * cell.size());
+  for (std::size_t i = 0; i < kCells; ++i) page += cell;
+  return page;
+}
+
+TEST_F(Rosbag2DatabaseTest, EndsInATreeOfMoreRowsThanBytes) {
+  {
+    SqliteFile bag(file_);
+    bag.run("PRAGMA page_size=512").make_tables();
+    fill(bag);
+  }
+  std::ifstream stream(file_, std::ios::binary);
+  std::string bytes{std::istreambuf_iterator<char>(stream), {}};
+  const std::size_t schema = bytes.find("jazzy", 512) / 512;
+  ASSERT_LT(schema, bytes.size() / 512);
+  // Its page moves to the end; seven levels above it, of which each has 71 ways to the next.
+  bytes += bytes.substr(512 * schema, 512);
+  for (int level = 0; level < 6; ++level) bytes += page_of_one_child(bytes.size() / 512);
+  bytes.replace(512 * schema, 512, page_of_one_child(bytes.size() / 512));
+  bytes.replace(28, 4, big_endian(bytes.size() / 512, 4));
+  std::ofstream(file_, std::ios::binary) << bytes;
+  expect_refused({"a broken database: interrupted"});
 }
 
 TEST_F(Rosbag2DatabaseTest, CountsRowsOfAnotherKind) {
@@ -119,7 +163,8 @@ TEST_F(Rosbag2DatabaseTest, CountsRowsOfAnotherKind) {
     bag.make_tables();
     fill(bag);
     bag.run("INSERT INTO messages (topic_id, timestamp, data) VALUES (1, 9, 12)");
-    bag.run("INSERT INTO messages (topic_id, timestamp, data) VALUES (99, 9, x'00')").message(1, "a3");
+    bag.run("INSERT INTO messages (topic_id, timestamp, data) VALUES (99, 9, x'00')")
+        .message(1, "a3");
   }
   const auto all = visit(*open());
   EXPECT_THAT(all.heads, ElementsAre("/a a1", "/b b1 long", "/a a2", "/a a3"));

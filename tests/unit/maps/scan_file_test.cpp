@@ -531,5 +531,14 @@ TEST(ScanFile, OfUnknownExtensionOrMissingIsAClearError) {
   EXPECT_THROW((void)read_scan_file(folder.path() / "dir.bin"), StorageError);
 }
 
+TEST(ScanFile, OfAMapsSizeIsRefusedBeforeItIsRead) {
+  const TemporaryFolder folder;
+  const auto file = folder.write("map.pcd", "");
+  std::filesystem::resize_file(file, (std::uintmax_t{1} << 30U) + 1);
+  EXPECT_THAT([&] { (void)read_scan_file(file); },
+              ThrowsMessage<InputError>(
+                  AllOf(HasSubstr("map.pcd"), HasSubstr("1073741825 bytes"), HasSubstr("import"))));
+}
+
 }  // namespace
 }  // namespace stillmap::maps

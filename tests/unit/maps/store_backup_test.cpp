@@ -1,10 +1,12 @@
 #include <stillmap/maps/store/package_store.hpp>
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/backup_check.hpp>
 
 #include <sys/stat.h>
 
 #include <fstream>
+#include <iterator>
 #include <string>
 #include <thread>
 #include <vector>
@@ -120,6 +122,23 @@ TEST_F(StoreBackupTest, CopiesWhereTheDiskAllowsNoLinks) {
   const PackageStore store(folder_.path() / "store", no_links);
   EXPECT_EQ(store.backup(backup_).copied, 1U);
   EXPECT_THAT(restored()->verify(), IsEmpty());
+}
+
+TEST_F(StoreBackupTest, BringsAgainWhatWasDamagedOnceThatWasLookedFor) {
+  const fs::path tile = fs::path("packages") / first_ / "tiles/0_0_0.bin";
+  EXPECT_EQ(drop_damaged_of_backup(backup_, calls_), 0U) << "there is none";
+  EXPECT_FALSE(fs::exists(backup_));
+  store_->backup(backup_);
+  EXPECT_EQ(drop_damaged_of_backup(backup_, calls_), 0U);
+  // The store's own, under its second name.
+  spoil(backup_ / tile);
+  store_->add("town", "1", folder_.path() / "first");
+  EXPECT_EQ(store_->backup(backup_).kept, 1U) << "nobody looked";
+  EXPECT_THAT([&] { static_cast<void>(restored()); }, ThrowsSaying<InputError>({"0_0_0.bin"}));
+  EXPECT_EQ(drop_damaged_of_backup(backup_, calls_), 1U);
+  EXPECT_EQ(store_->backup(backup_).copied, 1U);
+  EXPECT_THAT(restored()->verify(), IsEmpty());
+  EXPECT_EQ(std::distance(fs::directory_iterator(backup_ / "packages"), {}), 1);
 }
 
 TEST_F(StoreBackupTest, RefusesABrokenPackage) {

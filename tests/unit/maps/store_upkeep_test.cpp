@@ -1,9 +1,11 @@
 #include <stillmap/maps/store/package_store.hpp>
 
+#include <stillmap/maps/derived_file.hpp>
 #include <stillmap/maps/error.hpp>
 
 #include <sqlite3.h>
 
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -120,6 +122,32 @@ TEST_F(StoreUpkeepTest, KeepsTheNewestAndWhatMayBecomeActiveAgain) {
   EXPECT_EQ(store.roll_back("town").active, "1");
   EXPECT_THAT(packages(), ElementsAre(first_));
   expect_refused(Reason::kUnknownMap, [&] { store.keep_newest("nowhere", 1); });
+}
+
+TEST_F(StoreUpkeepTest, ClearsHalvesOfDerivedFilesThatKilledWritersLeft) {
+  const fs::path package = store_ / "packages" / first_;
+  const fs::path dead = package / "differences" / ".0123-150.tiles.partial";
+  const fs::path whole = package / "levels" / "levels.tiles";
+  const fs::path foreign = package / "tiles" / ".other.partial";
+  const auto leave = [&] {
+    for (const fs::path& file : {dead, whole, foreign}) {
+      fs::create_directories(file.parent_path());
+      std::ofstream(file) << "bytes";
+    }
+  };
+  { PackageStore(store_, calls_).add("town", "1", source("first")); }
+  leave();
+  PackageStore store(store_, calls_);
+  EXPECT_FALSE(fs::exists(dead));
+  EXPECT_TRUE(fs::exists(whole));
+  EXPECT_TRUE(fs::exists(foreign)) << "of the package itself nothing is touched";
+  leave();
+  DerivedFile under_way(package / "layers" / "coverage.layer");
+  EXPECT_EQ(store.gc().leftovers, 1U);
+  EXPECT_FALSE(fs::exists(dead));
+  EXPECT_TRUE(fs::exists(package / "layers" / ".coverage.layer.partial"));
+  under_way.publish();
+  EXPECT_EQ(store.gc().leftovers, 0U);
 }
 
 TEST_F(StoreUpkeepTest, RefusesWhatIsOverTheQuotaBeforeCopying) {

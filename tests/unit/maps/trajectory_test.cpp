@@ -143,6 +143,7 @@ TEST(KittiPoses, NameLineAndValueOfWhatIsWrong) {
   expect_kitti_error("1 0 0 1 0 1 0 2 0 0 -1 3\n", "line 1", "rotation");
   expect_kitti_error("0 0 0 1 0 0 0 2 0 0 0 3\n", "line 1", "rotation");
   expect_kitti_error(good + "\n" + good, "line 2", "blank");
+  expect_kitti_error("1 0 0 1 0 1 0 -2e9 0 0 1 3\n", "line 1", "a position of 2e+09 m");
 }
 
 TEST(KittiPoses, OfAMissingFileAreAStorageError) {
@@ -197,6 +198,7 @@ TEST(TumTrajectory, NamesLineAndValueOfWhatIsWrong) {
   expect_tum_error(good + "1 0 0 0 0 0 0 1\n", "line 2", "stamp 1");
   expect_tum_error(good + "2 0 0 0 0 0 0\n", "line 2", "7 fields");
   expect_tum_error("1 0 0 0 0 0 0 0\n", "line 1", "norm 0");
+  expect_tum_error(good + "2 1e300 0 0 0 0 0 1\n", "line 2", "at most 1e+09 m");
   expect_tum_error("1 0 0 0 0 0 0 inf\n", "line 1", "'inf'");
   expect_tum_error("1624254615786958000 0 0 0 0 0 0 1\n", "line 1", "'1624254615786958000'");
 }

@@ -153,6 +153,24 @@ TEST_F(DifferenceRoutes, WhatCannotBeWrittenIsSaidInWords) {
   EXPECT_EQ(body(response)["code"], "DerivedUnavailable");
 }
 
+/// It would be kept, and stay wrong when the other version is mended.
+TEST_F(DifferenceRoutes, AreNotMadeAgainstADamagedVersion) {
+  const fs::path tile = store_.folder().path() / "packages" /
+                        store_.open().state().version("city", "v1").digest / "tiles/0_0_0.bin";
+  {
+    std::fstream file(tile, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(3);
+    file.put('!');
+  }
+  start();
+  const HttpResponse response = computed(kDifference);
+  EXPECT_EQ(response.status, 503);
+  EXPECT_EQ(body(response)["code"], "DerivedUnavailable");
+  EXPECT_THAT(body(response)["detail"].get<std::string>(),
+              HasSubstr("tiles/0_0_0.bin: found SHA-256"));
+  EXPECT_FALSE(fs::exists(store_.folder().path() / "packages" / second_ / "differences"));
+}
+
 TEST_F(DifferenceRoutes, AreNotMadeWhereTheDiskWouldBeFull) {
   const ServedVersion v1{
       .map = "town", .version = "v1", .package = store_.open().open("town", "v1")};

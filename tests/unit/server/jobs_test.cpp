@@ -63,7 +63,7 @@ TEST_F(Jobs, CommandHoldsWhatWasAskedForAndTheGateOfTheOptions) {
   EXPECT_THAT(log, HasSubstr(std::string(maps::kNoEdits)));
   EXPECT_THAT(log, HasSubstr("/drives/1/drive --detector geometric --preset paper --output "));
   EXPECT_THAT(log, HasSubstr("/drives/2/drive --previous "));
-  EXPECT_THAT(log, HasSubstr(store_.digest() + " --threads 1 --progress json --progress-fd 3"));
+  EXPECT_THAT(log, HasSubstr("/previous-map --threads 1 --progress json --progress-fd 3"));
 }
 
 TEST_F(Jobs, IsActivatedOnlyWhenAskedAndInTheSameFrame) {
@@ -118,6 +118,16 @@ TEST_F(Jobs, GoesOnAfterACrash) {
   EXPECT_EQ(job["error"], "");
 }
 
+TEST_F(Jobs, IsTriedAgainWhenTheEstimateOfItsRoomCrashes) {
+  // The first is that of the request.
+  const std::string asked = (scripts_.path() / "asked").string();
+  start_with("publish", "1000'; echo x >> " + asked + "; [ $(wc -l < " + asked +
+                            ") -ne 2 ] || kill -KILL $$; printf '");
+  const nlohmann::json job = wait_for_end(rebuild());
+  EXPECT_EQ(job["status"], "succeeded") << job;
+  EXPECT_EQ(job["attempts"], 2);
+}
+
 TEST_F(Jobs, GoesOnAfterARestartOfTheServer) {
   start_with(
       "if [ -e $work/half ]; then publish; else touch $work/half; say 0.1 half; sleep 60; fi");
@@ -160,6 +170,30 @@ TEST_F(Jobs, OneThatWaitsIsCancelledAtOnceAndReleasesItsDrive) {
   EXPECT_EQ(wait_for_end(first)["status"], "succeeded");
   EXPECT_EQ(body(send("POST", first + "/cancel"))["code"], "JobFinished");
   EXPECT_EQ(send("DELETE", "/v1/maps/town/drives/1").status, 204);
+}
+
+/// The version may be removed as soon as another one is active.
+TEST_F(Jobs, KeepsTheVersionThatItBeganWith) {
+  start_with(
+      "previous=$(tr '\\0' '\\n' < /proc/$$/cmdline | grep -A1 -x -e --previous | tail -n 1)\n"
+      "say 0.1 first; while [ ! -e $0.go ]; do sleep 0.05; done\n"
+      "ls $previous/tiles $previous/index; publish");
+  std::filesystem::create_directory(store_.package() / "index");
+  std::ofstream(store_.package() / "index" / "1-0.idx") << "derived";
+  std::ofstream(store_.package() / "index" / ".1-1.idx.partial") << "half";
+  const std::string job = rebuild();
+  wait_for_stage(job, "first");
+  test::write_package(scripts_.path() / "other", 8);
+  store_.open().add("town", "other", scripts_.path() / "other");
+  store_.open().activate("town", "other");
+  ASSERT_TRUE(store_.open().remove("town", store_.version()));
+  EXPECT_FALSE(std::filesystem::exists(store_.package()));
+  std::ofstream(mapper_.string() + ".go") << "x";
+  EXPECT_EQ(wait_for_end(job)["status"], "succeeded");
+  EXPECT_THAT(log_of(job), HasSubstr("0_0_0.bin"));
+  EXPECT_THAT(log_of(job), HasSubstr("1-0.idx\n"));
+  EXPECT_THAT(log_of(job), Not(HasSubstr("1-1.idx")));
+  expect_cleared(1);
 }
 
 TEST_F(Jobs, OneThatTakesTooLongHasFailed) {

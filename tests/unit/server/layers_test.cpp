@@ -26,8 +26,7 @@ class Layers : public ServiceTest {
   /// Asked again until it is made.
   HttpResponse made(const std::string& path) const {
     HttpResponse response = get(path);
-    while (response.status == 503) {
-      EXPECT_EQ(body(response)["code"], "BeingMade");
+    while (response.status == 503 && body(response)["code"] == "BeingMade") {
       EXPECT_THAT(response.headers, Contains(Key("Retry-After")));
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
       response = get(path);
@@ -91,7 +90,7 @@ TEST_F(Layers, DamagedFileIsMadeAnew) {
   EXPECT_EQ(made(kCoverage).body, good);
 }
 
-TEST_F(Layers, OfAMendedPackageAreMadeAnew) {
+TEST_F(Layers, OfADamagedPackageAreNotMadeUntilItIsMended) {
   const std::filesystem::path sound = other_.path() / "sound";
   std::filesystem::copy(store_.package(), sound, std::filesystem::copy_options::recursive);
   // The height of the first point.
@@ -100,13 +99,16 @@ TEST_F(Layers, OfAMendedPackageAreMadeAnew) {
       .seekp(8)
       .write("\0\0\0\0", 4);
   start();
-  made(kCoverage);
-  const std::string height = std::string(kCoverage) + "/height";
-  ASSERT_EQ(floats(get(height))[400 + 2 * 20 + 1], 0.0F);
+  const HttpResponse refused = made(kCoverage);
+  EXPECT_EQ(body(refused)["code"], "DerivedUnavailable");
+  EXPECT_THAT(refused.body, HasSubstr("tiles/0_0_0.bin: found SHA-256"));
+  EXPECT_FALSE(std::filesystem::exists(file()));
   store_.open().add("town", "v1", sound);
   // Noticed within a second or two.
-  while (floats(made(height))[400 + 2 * 20 + 1] != 3.0F)
+  HttpResponse height = made(std::string(kCoverage) + "/height");
+  for (; height.status == 503; height = made(std::string(kCoverage) + "/height"))
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  EXPECT_EQ(floats(height)[400 + 2 * 20 + 1], 3.0F);
   EXPECT_TRUE(std::filesystem::exists(file()));
 }
 

@@ -159,7 +159,8 @@ TEST_F(PackageRoutesTest, ContentComesBackWholeOrInPartsAndIsTheSamePackage) {
   const std::string path = "/v1/maps/town/versions/v2/content";
   const auto whole = client().Get(path);
   ASSERT_EQ(whole->status, 200);
-  EXPECT_THAT(whole->get_header_value("Cache-Control"), HasSubstr("immutable"));
+  EXPECT_THAT(whole->get_header_value("Cache-Control"),
+              ::testing::AllOf(HasSubstr("private"), HasSubstr("immutable")));
   const auto part = client().Get(path, {{"Range", "bytes=512-1023"}});
   EXPECT_EQ(part->status, 206);
   EXPECT_EQ(part->body, whole->body.substr(512, 512));

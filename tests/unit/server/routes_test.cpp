@@ -1,13 +1,17 @@
 #include <gmock/gmock.h>
 
+#include <filesystem>
+#include <fstream>
 #include <latch>
 #include <stdexcept>
+#include <string>
 
 #include "service_fixture.hpp"
 
 namespace stillmap::server {
 namespace {
 
+namespace fs = std::filesystem;
 using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::Pair;
@@ -114,6 +118,46 @@ TEST_F(Routes, ObjectsAreListed) {
   EXPECT_EQ(answer["objects"][0]["class"], "car");
   EXPECT_EQ(answer["objects"][0]["scan"], 7);
   EXPECT_EQ(answer["objects"][0]["points_removed"], 12);
+}
+
+TEST_F(Routes, WhoHasAPartOfAVersionIsToldSoAndNothingIsRead) {
+  start();
+  for (const char* part : {"trajectory", "objects", "graph"}) {
+    const std::string path = "/v1/maps/town/versions/" + store_.version() + "/" + part;
+    const HttpResponse first = get(path);
+    ASSERT_EQ(first.status, 200) << part;
+    EXPECT_THAT(first.headers,
+                Contains(Pair("Cache-Control", "private, max-age=31536000, immutable")));
+    HttpRequest again = request("GET", path);
+    for (const auto& [name, value] : first.headers)
+      if (name == "ETag") again.headers["if-none-match"] = value;
+    const fs::path trajectory = store_.package() / "trajectory.tum";
+    const fs::path objects = store_.package() / "objects.json";
+    for (const fs::path& file : {trajectory, objects}) fs::rename(file, file.string() + ".away");
+    const HttpResponse known = service_->handle(again);
+    EXPECT_EQ(known.status, 304) << part;
+    EXPECT_EQ(known.body, "");
+    again.headers["if-none-match"] = "\"another\"";
+    EXPECT_EQ(service_->handle(again).status, 500) << part;
+    for (const fs::path& file : {trajectory, objects}) fs::rename(file.string() + ".away", file);
+  }
+}
+
+TEST_F(Routes, DamagedTileIsRefusedAndTheOthersAreServed) {
+  const std::string base = "/v1/maps/town/versions/" + store_.version() + "/";
+  {
+    std::fstream file(store_.package() / "tiles/0_0_0.bin",
+                      std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(5);
+    file.put('!');
+  }
+  start();
+  for (const char* tile : {"tiles/0/0/0", "3dtiles/0/0/0.glb"}) {
+    const HttpResponse response = get(base + tile);
+    EXPECT_EQ(response.status, 500) << tile;
+    EXPECT_EQ(body(response)["code"], "StorageError");
+  }
+  EXPECT_EQ(get(base + "tiles/0/-1/0").status, 200);
 }
 
 TEST_F(Routes, TileIsTheBytesOfItsPointsAndMayBeKeptForEver) {

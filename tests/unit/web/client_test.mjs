@@ -3,7 +3,7 @@ import { beforeEach, test } from 'node:test';
 
 const unit = (name) => import(`../../../web/dist/unit/${name}.js`);
 const { addressOf, ask } = await unit('api/client');
-const { answerKey, keyWanted, setKey } = await unit('api/keys');
+const { answerKey, askForKey, keyWanted, setKey } = await unit('api/keys');
 const { connection } = await unit('api/connection');
 const { parsePlace, linkTo } = await unit('router');
 
@@ -73,6 +73,32 @@ test('requests that wait for a key share one dialog, and fail together when it i
   await new Promise((resolve) => setTimeout(resolve, 10));
   answerKey(undefined);
   for (const { reason } of await both) assert.equal(reason.trouble, 'key');
+});
+
+test('a key that is known to be refused is not asked with again, and a closed dialog stays closed until the person wants it', async () => {
+  const asked = serve(problem(401, 'RefusedKey'), json({ maps: [] }), json({ jobs: [] }));
+  setKey('revoked');
+  let opened = 0;
+  const unlisten = keyWanted.listen((reason) => (opened += reason === undefined ? 0 : 1));
+  const first = ask('get', '/v1/maps').catch((error) => error);
+  await new Promise((resolve) => setTimeout(resolve, 5));
+  const second = ask('get', '/v1/maps').catch((error) => error);
+  const stop = new AbortController();
+  const left = ask('get', '/v1/maps', { signal: stop.signal });
+  stop.abort();
+  await assert.rejects(left, { name: 'AbortError' });
+  answerKey(undefined);
+  for (const error of await Promise.all([first, second])) assert.match(error.message, /revoked or expired/);
+  await assert.rejects(ask('get', '/v1/maps'), { trouble: 'key' });
+  assert.deepEqual([asked.length, opened], [1, 1], 'asked once, opened once');
+  askForKey();
+  assert.equal(opened, 2);
+  const waits = ask('get', '/v1/maps');
+  answerKey('another');
+  assert.deepEqual((await waits).data, { maps: [] });
+  assert.equal(asked.at(-1).key, 'Bearer another');
+  assert.equal((await ask('get', '/v1/jobs')).status, 200);
+  unlisten();
 });
 
 test('a busy server is asked again when it said so, and not for ever', async () => {

@@ -152,10 +152,11 @@ test('when nobody answers all requests wait, one word is said, and retry goes on
   assert.deepEqual(told, ['offline', undefined]);
 });
 
-test('a deleted map, a refused key and a busy server are told apart, and not asked again', async () => {
-  for (const [status, kind] of [[404, 'gone'], [503, 'busy'], [403, 'refused'], [500, 'refused']]) {
+test('a deleted map, a missing key, a refusal and a busy server are told apart, and not asked again', async () => {
+  const kinds = [[404, 'gone'], [503, 'busy'], [403, 'refused'], [500, 'refused'], [401, 'key']];
+  for (const [status, kind] of kinds) {
     const { source, asked, told, first } = failing(() => {
-      throw refusal(status);
+      throw status === 401 ? new ApiError('key', 'none was given', { status }) : refusal(status);
     });
     const stop = new AbortController();
     const waiting = source.bytes('/t', stop.signal);

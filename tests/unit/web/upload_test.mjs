@@ -19,6 +19,8 @@ const { connection } = await unit('api/connection');
 
 const named = (name, content) => Object.assign(new Blob([content]), { name, lastModified: 1_700_000_000_000 });
 const kMiB = 1 << 20;
+/** The head of a LAS file, with the number of its point format. */
+const las = (format) => Buffer.concat([Buffer.from('LASF'), Buffer.alloc(100), Buffer.from([format]), Buffer.alloc(270)]);
 
 test('tar reads what we pack: long paths, other letters, empty files', async () => {
   const long = `${'folder/'.repeat(20)}scan.bin`;
@@ -42,7 +44,7 @@ test('the same files give the same bytes, in whatever order they come', async ()
 test('a file is told by what is in it, not by its name', async () => {
   const tar = async (...paths) => Buffer.from(await tarOf(paths.map((path) => ({ path, file: named(path, 'x') }))).arrayBuffer());
   const kinds = [
-    ['x', '# .PCD v0.7\nVERSION 0.7\n', 'pcd'], ['x', 'ply\nformat ascii 1.0\n', 'ply'],
+    ['x', '# .PCD v0.7\nVERSION 0.7\n', 'pcd'], ['x', 'ply\nformat ascii 1.0\n', 'ply'], ['x', las(6), 'las'],
     ['x', await tar('./manifest.json', './tiles/0_0_0.bin'), 'package'], ['x', await tar('monday/velodyne/000000.bin'), 'drive'],
     ['x', gzipSync(await tar('map/manifest.json')), 'package'], ['x', gzipSync(await tar('velodyne/000000.bin')), 'drive'],
   ];
@@ -52,7 +54,7 @@ test('a file is told by what is in it, not by its name', async () => {
 
 test('what the server would not take is said before a byte is sent', async () => {
   const refusals = [
-    ['map.zip', 'PK\u0003\u0004', /zip/], ['a.las', 'LASF', /PCD or PLY/], ['x.tar', '', /empty/], ['notes.txt', 'hello', /neither a tar/],
+    ['map.zip', 'PK\u0003\u0004', /zip/], ['a.las', las(6 | 0x80), /LAZ.*unpack/], ['a.las', 'SALF', /begin with LASF/], ['x.tar', '', /empty/], ['notes.txt', 'hello', /neither a tar/],
     ['x.gz', gzipSync('no tar'), /no tar/], ['scan.bin', 'xxxx', /single scan/],
   ];
   for (const [name, content, words] of refusals) assert.match((await lookAt(named(name, content))).refused, words);
@@ -100,8 +102,11 @@ test('speed is that of the last seconds', () => {
   assert.equal(speed.bytesPerS, 300);
 });
 
-/** A server of parts in memory. @param before is called before each request with its name, and may throw */
-function memory(before = () => undefined) {
+/**
+ * A server of parts in memory. @param before is called before each request with its name, and may throw
+ * @param slow parts that take longer than others
+ */
+function memory(before = () => undefined, slow = []) {
   const parts = new Map();
   const listed = () => [...parts].map(([n, bytes]) => ({ n, bytes: bytes.length, sha256: createHash('sha256').update(bytes).digest('hex') }));
   return {
@@ -113,6 +118,7 @@ function memory(before = () => undefined) {
       before(n);
       assert.equal(digest, contentDigest(await sha256(body)));
       onProgress(body.byteLength);
+      if (slow.includes(n)) await new Promise((resolve) => setTimeout(resolve, 200));
       parts.set(n, Buffer.from(body));
     },
     finish: async function () { before('finish'); return { is: 'drive', drive: 1 }; },
@@ -130,14 +136,14 @@ test('a file arrives as it is', async () => {
   assert.ok(target.whole().equals(kContent));
 });
 
-test('an upload goes on after the server was away, and sends no part twice', async () => {
+test('an upload goes on after the server was away, and sends only what broke off twice', async () => {
   let away = 1;
   const target = memory((what) => {
     if (what !== 3 || away-- <= 0) return;
     connection.set({ state: 'down' });
     setTimeout(() => connection.set({ state: 'up' }), 20);
     throw down();
-  });
+  }, [1, 2]);
   const transfer = new Transfer(new Blob([kContent]), target);
   const states = [];
   transfer.view.listen(({ state }) => states.at(-1) !== state && states.push(state));
@@ -145,9 +151,8 @@ test('an upload goes on after the server was away, and sends no part twice', asy
   assert.equal(states.at(-1), 'done');
   assert.ok(states.includes('waiting'), states.join());
   assert.ok(target.whole().equals(kContent));
-  const sent = target.asked.filter((what) => what !== 'begin').sort();
-  assert.deepEqual([...new Set(sent)], [1, 2, 3, 4]);
-  assert.ok(sent.length <= 7, sent.join());
+  // Parts 1 and 2 were still under way when 3 broke off.
+  assert.deepEqual(target.asked.filter((what) => what !== 'begin').sort(), [1, 2, 3, 3, 4]);
 });
 
 test('another file is not mixed with what was begun', async () => {

@@ -64,6 +64,11 @@ export async function ask<Verb extends Method, Route extends RouteOf<Verb>>(
   };
 }
 
+/** Where the routes of a version begin: for those that bring no JSON, and for libraries that ask by themselves. */
+export function versionPath(map: string, version: string): string {
+  return addressOf('/v1/maps/{map}/versions/{version}', { map, version });
+}
+
 /** `route` with its `{names}` and query filled in. @throws Error when a name has no value: a fault of the page. */
 export function addressOf(
   route: string, path: Record<string, string | number>, query: Record<string, unknown> = {},

@@ -63,10 +63,10 @@ const kAdvice: Record<string, string> = {
   RevisionChanged: 'Somebody changed the map in the meantime. Look at it again, then decide.',
   TooManyRequests: 'Wait a moment.',
   TooManyStreams: 'Close other windows of this page.',
-  UnknownDrive: 'It was deleted in the meantime.',
+  UnknownDrive: 'It may have been deleted in the meantime.',
   UnknownJob: 'It was forgotten: finished jobs are kept for some days only.',
-  UnknownMap: 'It was deleted or renamed in the meantime.',
-  UnknownVersion: 'It was deleted in the meantime.',
+  UnknownMap: 'It may have been deleted in the meantime.',
+  UnknownVersion: 'It may have been deleted in the meantime.',
 };
 
 /** The error of an answer that is no success. @param where what was asked, as `GET /v1/maps`. */

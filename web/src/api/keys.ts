@@ -21,11 +21,21 @@ export const key = new Store<string | undefined>(kept()?.getItem(kSlot) ?? undef
 /** Set while the dialog should be open. */
 export const keyWanted = new Store<KeyReason | undefined>(undefined);
 
-let waiting: { resolve: () => void; reject: (error: ApiError) => void }[] = [];
+interface Waiting {
+  readonly resolve: () => void;
+  readonly reject: (error: unknown) => void;
+}
+const waiting = new Set<Waiting>();
+/** Why the key in use does not do, once the server said so; asking it again would bring the same. */
+let refused: KeyReason | undefined;
+/** The person closed the dialog: what asks by itself does not open it again. */
+let declined = false;
 
 export function setKey(text: string | undefined): void {
   if (text === undefined) kept()?.removeItem(kSlot);
   else kept()?.setItem(kSlot, text);
+  refused = undefined;
+  declined = false;
   key.set(text);
 }
 
@@ -33,22 +43,53 @@ export function setKey(text: string | undefined): void {
  * Asks the person for a key and waits for it; requests that wait at the same time share one dialog.
  *
  * @param tried the key that was refused, undefined for none. When another one is there by now, that one is used.
- * @throws ApiError of kind `key` when the person closes the dialog.
+ * @throws ApiError of kind `key` when the person closes the dialog, or has closed it and not asked for it since;
+ *         AbortError when `signal` fires.
  */
-export function needKey(tried: string | undefined, reason: KeyReason): Promise<void> {
+export function needKey(tried: string | undefined, reason: KeyReason, signal?: AbortSignal): Promise<void> {
   if (key.get() !== tried) return Promise.resolve();
+  refused = reason;
+  return untilGiven(reason, signal);
+}
+
+/** Waits as long as the key in use is known to be refused, so that nothing is asked in vain. @throws as needKey */
+export function keyInForce(signal?: AbortSignal): Promise<void> {
+  return refused === undefined ? Promise.resolve() : untilGiven(refused, signal);
+}
+
+function untilGiven(reason: KeyReason, signal: AbortSignal | undefined): Promise<void> {
+  if (declined) return Promise.reject(noKey());
   keyWanted.set(reason);
-  return new Promise((resolve, reject) => waiting.push({ resolve, reject }));
+  return new Promise((resolve, reject) => {
+    const end = (): boolean => waiting.delete(one);
+    const stop = (): void => void (end() && reject(signal?.reason));
+    const one: Waiting = { resolve, reject };
+    waiting.add(one);
+    signal?.addEventListener('abort', stop, { once: true });
+  });
+}
+
+/** Opens the dialog on the person's wish, also after it was closed. */
+export function askForKey(): void {
+  declined = false;
+  keyWanted.set(refused ?? 'Chosen');
 }
 
 /** The dialog's answer. @param text the key; undefined when it was closed. */
 export function answerKey(text: string | undefined): void {
   if (text !== undefined) setKey(text);
+  else declined = refused !== undefined || key.get() === undefined;
   keyWanted.set(undefined);
-  const all = waiting;
-  waiting = [];
-  for (const one of all) {
-    if (text !== undefined) one.resolve();
-    else one.reject(new ApiError('key', 'This needs an API key, and none was given.', { status: 401 }));
+  const all = [...waiting];
+  waiting.clear();
+  for (const { resolve, reject } of all) {
+    if (text !== undefined) resolve();
+    else reject(noKey());
   }
+}
+
+function noKey(): ApiError {
+  const why = refused === 'RefusedKey' ? 'The server does not accept the API key: it is unknown, revoked or expired.'
+    : 'This needs an API key, and none was given.';
+  return new ApiError('key', why, { status: 401 });
 }

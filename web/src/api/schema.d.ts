@@ -4366,7 +4366,10 @@ export interface operations {
     getGraph: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description ETag that is known; then 304 */
+                "If-None-Match"?: components["parameters"]["if_none_match"];
+            };
             path: {
                 /** @description Name of the map */
                 map: components["parameters"]["map"];
@@ -4380,11 +4383,20 @@ export interface operations {
             /** @description Kept for ever */
             200: {
                 headers: {
+                    /** @description Of this content */
+                    ETag?: string;
                     [name: string]: unknown;
                 };
                 content: {
                     "application/json": components["schemas"]["Graph"];
                 };
+            };
+            /** @description As known */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
             401: components["responses"]["MissingKeyOrRefusedKey"];
             403: components["responses"]["Forbidden"];
@@ -4597,7 +4609,10 @@ export interface operations {
     getObjects: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description ETag that is known; then 304 */
+                "If-None-Match"?: components["parameters"]["if_none_match"];
+            };
             path: {
                 /** @description Name of the map */
                 map: components["parameters"]["map"];
@@ -4611,11 +4626,20 @@ export interface operations {
             /** @description An entry for each place of each object */
             200: {
                 headers: {
+                    /** @description Of this content */
+                    ETag?: string;
                     [name: string]: unknown;
                 };
                 content: {
                     "application/json": components["schemas"]["Objects"];
                 };
+            };
+            /** @description As known */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
             401: components["responses"]["MissingKeyOrRefusedKey"];
             403: components["responses"]["Forbidden"];
@@ -4720,7 +4744,10 @@ export interface operations {
     getTrajectory: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description ETag that is known; then 304 */
+                "If-None-Match"?: components["parameters"]["if_none_match"];
+            };
             path: {
                 /** @description Name of the map */
                 map: components["parameters"]["map"];
@@ -4734,11 +4761,20 @@ export interface operations {
             /** @description Poses of all scans */
             200: {
                 headers: {
+                    /** @description Of this content */
+                    ETag?: string;
                     [name: string]: unknown;
                 };
                 content: {
                     "application/json": components["schemas"]["Trajectory"];
                 };
+            };
+            /** @description As known */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
             401: components["responses"]["MissingKeyOrRefusedKey"];
             403: components["responses"]["Forbidden"];

@@ -3,7 +3,7 @@
 import { answered, busy, unanswered, watch } from './connection.js';
 import { ApiError, down, late, parseProblem, refusal } from './errors.js';
 import { fetchWithProgress } from './fetch_with_progress.js';
-import { key, needKey, type KeyReason } from './keys.js';
+import { key, keyInForce, needKey, type KeyReason } from './keys.js';
 
 export interface SendOptions {
   headers?: Record<string, string>;
@@ -32,12 +32,13 @@ export async function send(method: string, path: string, options: SendOptions = 
   const where = `${method} ${path}`;
   let patience = options.patience ?? kPatience;
   for (;;) {
+    if (path.startsWith('/v1/')) await keyInForce(options.signal);
     const tried = key.get();
     const response = await once(method, path, options, tried);
     if (response.ok || response.status === 304) return response;
     const document = parseProblem(response.headers.get('content-type') ?? '', await textOf(response));
     if (response.status === 401) {
-      await needKey(tried, (document?.code as KeyReason | undefined) ?? 'RefusedKey');
+      await needKey(tried, (document?.code as KeyReason | undefined) ?? 'RefusedKey', options.signal);
       continue;
     }
     const error = refusal(where, response.status, document);

@@ -1,4 +1,5 @@
 import * as THREE from 'three';
+import { versionPath } from '../api/client.js';
 import { send } from '../api/send.js';
 import { shareHeights } from '../scene/height_range.js';
 import { MapCloud } from '../scene/map_cloud.js';
@@ -37,7 +38,7 @@ export class CompareScene {
     this.theme = theme;
     let known = false;
     const cloudOf = (version: Version): MapCloud => new MapCloud({
-      tilesetUrl: `/v1/maps/${encodeURIComponent(map)}/versions/${encodeURIComponent(version.name)}/3dtiles/tileset.json`,
+      tilesetUrl: `${versionPath(map, version.name)}/3dtiles/tileset.json`,
       origin: version.origin, voxelSizeM: version.voxel_size_m, ask: (url, { signal }) => send('GET', url, { signal }), onTrouble,
       onChange: () => {
         known ||= shareHeights([this.a, this.b], scene.origin);

@@ -148,7 +148,7 @@ export function Comparison({ map, a, b, names, query }: Props) {
 }
 
 function frame(scene: Scene, above: boolean): void {
-  if (above) scene.showFromAbove(true);
+  if (above) scene.showFromAbove();
   else scene.showAll();
 }
 

@@ -46,12 +46,14 @@ function Gone({ map, asked, names, error }: { map: string; asked: string[]; name
   const missing = asked.filter((name) => !names.includes(name));
   const newest = names.slice(-2);
   return (
-    <Empty title={missing.length === 0 ? 'A version cannot be read' : `${missing.join(' and ')} of ${map} ${missing.length > 1 ? 'are' : 'is'} not there (any more)`}>
-      <p>{error.message}</p>
-      {newest.length === 2 && (
-        <p><a href={linkTo('compare', [map, newest[0]!, newest[1]!])}>Compare {newest[0]} with {newest[1]}</a></p>
-      )}
-      <p><a href={linkTo('maps', [map])}>Versions of {map}</a></p>
-    </Empty>
+    <div class="page">
+      <Empty title={missing.length === 0 ? 'A version cannot be read' : `${map} has no version ${missing.map((name) => `“${name}”`).join(' and ')} (any more)`}>
+        <p>{error.message}</p>
+        {newest.length === 2 && (
+          <p><a href={linkTo('compare', [map, newest[0]!, newest[1]!])}>Compare {newest[0]} with {newest[1]}</a></p>
+        )}
+        <p><a href={linkTo('maps', [map])}>Versions of {map}</a></p>
+      </Empty>
+    </div>
   );
 }

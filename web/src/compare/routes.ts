@@ -1,4 +1,4 @@
-import { ask, type Schema } from '../api/client.js';
+import { addressOf, ask, type Schema } from '../api/client.js';
 import { jsonOf, send, sleep } from '../api/send.js';
 import type { Difference } from './difference.js';
 import { glbPositions } from './glb.js';
@@ -37,8 +37,7 @@ export async function versionNames(map: string, signal: AbortSignal): Promise<st
 export async function difference(
   map: string, version: string, other: string, tolerance_m: number | null, onProgress: (share: number | null) => void, signal: AbortSignal,
 ): Promise<Difference> {
-  const base = `/v1/maps/${encodeURIComponent(map)}/versions/${encodeURIComponent(version)}/difference/${encodeURIComponent(other)}`;
-  const path = tolerance_m === null ? base : `${base}?tolerance_m=${tolerance_m}`;
+  const path = addressOf('/v1/maps/{map}/versions/{version}/difference/{other}', { map, version, other }, { tolerance_m: tolerance_m ?? undefined });
   for (;;) {
     const response = await send('GET', path, { signal });
     const answer = (await jsonOf(response, `GET ${path}`)) as Difference | { state: 'making'; progress: number | null };

@@ -30,7 +30,7 @@ export function useJobFeed(id: number): JobFeed {
 }
 
 /** Tells a job's states until it is over. @throws ApiError when it cannot be had; AbortError. */
-export async function followJob(
+async function followJob(
   id: number, tell: (job: Job) => void, tellInterrupted: (interrupted: boolean) => void, signal: AbortSignal,
 ): Promise<void> {
   const get = async (): Promise<Job> => (await ask('get', '/v1/jobs/{job}', { path: { job: id }, signal })).data as Job;

@@ -10,13 +10,14 @@ export function JobLog({ id, over }: { id: number; over: boolean }) {
   const [text, setText] = useState('');
   const [error, setError] = useState<ApiError>();
   const [stays, setStays] = useState(true);
+  const [turn, setTurn] = useState(0);
   const pre = useRef<HTMLPreElement>(null);
   useEffect(() => {
     const stop = new AbortController();
     setError(undefined);
     readOn(id, over, setText, stop.signal).catch((reason: unknown) => isAborted(reason) || setError(toApiError(reason)));
     return () => stop.abort();
-  }, [id, over]);
+  }, [id, over, turn]);
   useEffect(() => {
     if (stays && pre.current !== null) pre.current.scrollTop = pre.current.scrollHeight;
   }, [text, stays]);
@@ -31,7 +32,7 @@ export function JobLog({ id, over }: { id: number; over: boolean }) {
       </div>
       {error !== undefined && (error.status === 403
         ? <p class="quiet">The log names files of the server, so it takes a key with the scope “write”.</p>
-        : <Trouble error={error} />)}
+        : <Trouble error={error} onRetry={() => setTurn(turn + 1)} />)}
       <pre ref={pre} class="card log" tabIndex={0} aria-label="Log of the job">{text === '' ? (over ? 'It said nothing.' : 'Nothing said yet.') : text}</pre>
     </section>
   );

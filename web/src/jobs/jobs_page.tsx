@@ -20,12 +20,12 @@ export function JobsPage({ query }: { query: URLSearchParams }) {
     const { data } = await ask('get', '/v1/jobs', { query: { ...filters, limit: kPage }, signal });
     return { jobs: data.jobs as Job[], next: data.next };
   }, [status, map], { everyS: kEveryS });
-  const older = useOlder(filters, first.data?.next ?? null);
+  const older = useOlder(filters, first.data);
   const filterBy = (change: { status?: string; map?: string }): void => {
     const next = { status: status ?? '', map, ...change };
     go(linkTo('jobs', [], Object.fromEntries(Object.entries(next).filter(([, value]) => value !== ''))));
   };
-  const jobs = first.data === undefined ? undefined : [...first.data.jobs, ...older.jobs];
+  const jobs = first.data === undefined ? undefined : inOrder(first.data.jobs, older.jobs);
   return (
     <>
       <div class="heading">
@@ -57,17 +57,25 @@ export function JobsPage({ query }: { query: URLSearchParams }) {
   );
 }
 
-/** The pages behind the first one, as far as they were asked for. */
-function useOlder(filters: Record<string, string>, firstNext: number | null) {
-  const [state, setState] = useState<{ jobs: Job[]; next: number | null; error?: ApiError }>({ jobs: [], next: firstNext });
+/** The newest page with what is older than it: newer jobs push others out of it, which are then among the older ones. */
+function inOrder(first: readonly Job[], older: readonly Job[]): Job[] {
+  const least = first.at(-1)?.id ?? Infinity;
+  return [...first, ...older.filter(({ id }) => id < least)];
+}
+
+/** The pages behind the first one, as far as they were asked for. @param first the newest page, as it is now */
+function useOlder(filters: Record<string, string>, first: { jobs: readonly Job[]; next: number | null } | undefined) {
+  const [state, setState] = useState<{ jobs: Job[]; next: number | null; error?: ApiError }>({ jobs: [], next: null });
   const what = JSON.stringify(filters);
-  useEffect(() => setState({ jobs: [], next: firstNext }), [what]);
-  useEffect(() => setState((before) => (before.jobs.length === 0 ? { ...before, next: firstNext } : before)), [firstNext]);
+  useEffect(() => setState({ jobs: [], next: null }), [what]);
+  const next = state.jobs.length === 0 ? first?.next ?? null : state.next;
   const more = (): void => {
-    if (state.next === null) return;
-    ask('get', '/v1/jobs', { query: { ...filters, limit: kPage, before: state.next } }).then(
-      ({ data }) => setState((before) => ({ jobs: [...before.jobs, ...(data.jobs as Job[])], next: data.next })),
+    if (next === null) return;
+    // Those of the first page too, since newer ones may push them out of it.
+    const known = state.jobs.length === 0 ? [...first?.jobs ?? []] : state.jobs;
+    ask('get', '/v1/jobs', { query: { ...filters, limit: kPage, before: next } }).then(
+      ({ data }) => setState({ jobs: [...known, ...(data.jobs as Job[])], next: data.next }),
       (error: unknown) => setState((before) => ({ ...before, error: toApiError(error) })));
   };
-  return { ...state, more };
+  return { ...state, next, more };
 }

@@ -5,7 +5,7 @@ import { headingOf, type Pose } from './pose.js';
 import { freeDirection } from './uncertainty.js';
 import { angleWords, kStatusWords, lengthWords, reasonWords, type Status } from './words.js';
 
-export function StatusBadge({ status }: { status: Status }) {
+function StatusBadge({ status }: { status: Status }) {
   return <span class={`verdict ${status}`}>{kStatusWords[status].title}</span>;
 }
 

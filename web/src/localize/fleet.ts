@@ -18,7 +18,7 @@ export interface Vehicle {
 /** Without a scan for longer than this a vehicle is greyed [s]. */
 export const kStale_s = 5;
 
-export const isStale = (vehicle: Vehicle): boolean => vehicle.idle_s > kStale_s;
+const isStale = (vehicle: Vehicle): boolean => vehicle.idle_s > kStale_s;
 
 /** How the picture and the list show a vehicle. */
 export type Look = Status | 'stale' | 'new';

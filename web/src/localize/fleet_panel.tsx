@@ -3,7 +3,7 @@ import { lengthWords, reasonWords } from './words.js';
 import { uncertaintyOf } from './uncertainty.js';
 import { kSigmas } from './sigmas.js';
 
-export const kLookWords: Record<Look, string> = {
+const kLookWords: Record<Look, string> = {
   ok: 'found', degraded: 'in doubt', lost: 'lost', stale: 'silent', new: 'no scan yet',
 };
 

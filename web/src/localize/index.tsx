@@ -23,9 +23,11 @@ export default function LocalizeView({ path, query }: ViewProps) {
   if (data === undefined) return <p class="waiting" role="status">Asking for the map…</p>;
   if (data === null) {
     return (
-      <Empty title={`${map} has no active version`}>
-        <p>Scans are looked for in the active version. <a href={linkTo('maps', [map])}>Its versions</a></p>
-      </Empty>
+      <div class="page">
+        <Empty title={`${map} has no active version`}>
+          <p>Scans are looked for in the active version. <a href={linkTo('maps', [map])}>Its versions</a></p>
+        </Empty>
+      </div>
     );
   }
   return (

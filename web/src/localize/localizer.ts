@@ -1,4 +1,4 @@
-import { toApiError, isAborted, type ApiError } from '../api/errors.js';
+import { ApiError, isAborted, toApiError } from '../api/errors.js';
 import { Store } from '../ui/store.js';
 import type { Answer } from './answer.js';
 import { DriveRun } from './drive_run.js';
@@ -232,8 +232,8 @@ export class Localizer {
     try {
       return readScanFile(file.name, await file.arrayBuffer());
     } catch (error) {
-      if (error instanceof DOMException) throw new ScanError(file.name, error.message, 'a file that can be read');
-      throw error;
+      if (!(error instanceof DOMException)) throw error;
+      throw new ApiError('garbled', `${file.name} can no longer be read: it was changed, moved or deleted since it was chosen.`);
     }
   }
 

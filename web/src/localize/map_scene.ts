@@ -1,4 +1,5 @@
 import * as THREE from 'three';
+import { versionPath } from '../api/client.js';
 import { send } from '../api/send.js';
 import type { Rgb } from '../scene/colour_maps.js';
 import { shareHeights } from '../scene/height_range.js';
@@ -66,10 +67,9 @@ export class MapScene {
     private theme: Theme,
     onTrouble: (trouble: Trouble | undefined) => void,
   ) {
-    const base = `/v1/maps/${encodeURIComponent(map.name)}/versions/${encodeURIComponent(map.version)}`;
     let known = false;
     this.cloud = new MapCloud({
-      tilesetUrl: `${base}/3dtiles/tileset.json`,
+      tilesetUrl: `${versionPath(map.name, map.version)}/3dtiles/tileset.json`,
       origin: map.origin, voxelSizeM: map.voxel_size_m, ask: (url, { signal }) => send('GET', url, { signal }),
       onChange: () => {
         known ||= shareHeights([this.cloud], scene.origin);

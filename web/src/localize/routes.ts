@@ -1,4 +1,4 @@
-import { ask, type Schema } from '../api/client.js';
+import { addressOf, ask, versionPath, type Schema } from '../api/client.js';
 import { jsonOf, send } from '../api/send.js';
 import { answerOf, type Answer } from './answer.js';
 import type { SessionRoutes } from './drive_run.js';
@@ -19,7 +19,7 @@ const kShownSigma_m = 2;
 const kShownSigma_rad = 0.2;
 
 function localizePath({ map, version }: MapPlace, start: Start, scan: ScanFile): string {
-  const base = `/v1/maps/${encodeURIComponent(map)}${version === null ? '' : `/versions/${encodeURIComponent(version)}`}/localize`;
+  const base = `${version === null ? addressOf('/v1/maps/{map}', { map }) : versionPath(map, version)}/localize`;
   const query = queryText(poseQuery(start, scan.layout));
   return query === '' ? base : `${base}?${query}`;
 }
@@ -78,8 +78,7 @@ function gnssOf(start: Extract<Start, { kind: 'gnss' }>): Schema<'Gnss'> {
 
 /** The coordinates of a tile of level 0, relative to the map's origin [m]. */
 export async function tileOf({ map, version }: { map: string; version: string }, x: number, y: number, signal: AbortSignal): Promise<Float32Array> {
-  const path = `/v1/maps/${encodeURIComponent(map)}/versions/${encodeURIComponent(version)}/tiles/0/${x}/${y}`;
-  return tilePositions(await (await send('GET', path, { signal })).arrayBuffer());
+  return tilePositions(await (await send('GET', `${versionPath(map, version)}/tiles/0/${x}/${y}`, { signal })).arrayBuffer());
 }
 
 /** The vehicles whose sessions this key may see. */

@@ -18,6 +18,8 @@ const kWords: Record<DriveRow['status'], { tone: Tone; text: string }> = {
   failed: { tone: 'bad', text: 'Failed' },
 };
 
+const kUnderWay = { tone: 'live', text: 'Being uploaded' } as const;
+
 /** The drives that versions of a map can be built of. */
 export function DrivesSection({ map }: { map: string }) {
   const drives = useLoad((signal) => ask('get', '/v1/maps/{map}/drives', { path: { map }, signal }), [map], { everyS: 5 });
@@ -31,7 +33,7 @@ export function DrivesSection({ map }: { map: string }) {
       {list?.length === 0 && <p class="quiet">None. Drop one here, as a folder or a tar: new versions are built of drives.</p>}
       {list !== undefined && list.length > 0 && (
         <div class="card table-frame">
-          <table>
+          <table class="drives">
             <thead>
               <tr>
                 <th scope="col">Drive</th><th scope="col">State</th><th scope="col" class="end">Size</th><th scope="col">Begun</th>
@@ -57,7 +59,7 @@ function Row({ drive, onGoOn, onDelete }: { drive: DriveRow; onGoOn: () => void;
     plan.map === drive.map && plan.kind === 'drive' && plan.name === drive.name
     && !['canceled', 'failed', 'done'].includes(transfer.view.get().state));
   const known = remembered().find((one) => one.map === drive.map && one.collection === 'drives' && one.id === drive.id);
-  const state = kWords[drive.status];
+  const state = here && drive.status === 'open' ? kUnderWay : kWords[drive.status];
   return (
     <tr data-drive={drive.id}>
       <th scope="row" class="name">

@@ -1,5 +1,5 @@
 import { useState } from 'preact/hooks';
-import { ask } from '../api/client.js';
+import { ask, versionPath } from '../api/client.js';
 import { go, linkTo } from '../router.js';
 import type { Chosen } from '../upload/chosen.js';
 import { UploadDialog } from '../upload/dialog.js';
@@ -41,7 +41,7 @@ export function MapPage({ name }: { name: string }) {
       <Failure refused={refused} />
       <div class="map-top">
         <div class="card map-picture">
-          <Picture path={active === undefined ? undefined : `/v1/maps/${encodeURIComponent(name)}/versions/${encodeURIComponent(active)}/preview`} label={`${name} from above`} />
+          <Picture path={active === undefined ? undefined : `${versionPath(name, active)}/preview`} label={`${name} from above`} />
         </div>
         <MapFacts name={name} active={active} />
       </div>

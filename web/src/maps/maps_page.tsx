@@ -1,5 +1,5 @@
 import { useState } from 'preact/hooks';
-import { ask } from '../api/client.js';
+import { ask, versionPath } from '../api/client.js';
 import { linkTo } from '../router.js';
 import { UploadDialog } from '../upload/dialog.js';
 import { DropZone } from '../upload/drop_zone.js';
@@ -55,7 +55,7 @@ function NoMaps({ filtered }: { filtered: boolean }) {
   if (filtered) return <Empty title="No map has such a name" />;
   return (
     <Empty title="No maps yet">
-      <p>Drop a map package, a PCD or PLY map, or a drive anywhere on this page; or make one at the command line:</p>
+      <p>Drop a map package, a LAS, PCD or PLY map, or a drive anywhere on this page; or make one at the command line:</p>
       <code>stillmap build DRIVE -o MAP && stillmap store add STORE NAME v1 MAP --activate</code>
     </Empty>
   );
@@ -87,8 +87,7 @@ function MapTable({ maps, refused, jobs }: { maps: readonly MapRow[]; refused: r
 
 function Row({ map, refused, job }: { map: MapRow; refused: Refused | undefined; job: JobRow | undefined }) {
   const state = stateOf(map);
-  const path = map.version === null ? undefined
-    : `/v1/maps/${encodeURIComponent(map.name)}/versions/${encodeURIComponent(map.version)}/preview`;
+  const path = map.version === null ? undefined : `${versionPath(map.name, map.version)}/preview`;
   const since = map.version === null ? undefined : map.version_created_ns ?? map.created_ns;
   return (
     <tr data-map={map.name} data-map-state={map.state}>

@@ -18,7 +18,8 @@ type Request = Schema<'RebuildRequest'>;
 /** The form that builds a new version of a map of its drives. What is chosen is kept over a reload. */
 export function RebuildPage({ map }: { map: string }) {
   const drives = useLoad((signal) => ask('get', '/v1/maps/{map}/drives', { path: { map }, signal }), [map], { everyS: 5 });
-  const complete = drives.data?.data.drives.filter(({ status }) => status === 'complete');
+  const all = drives.data?.data.drives;
+  const complete = all?.filter(({ status }) => status === 'complete');
   return (
     <>
       <div class="heading">
@@ -26,15 +27,26 @@ export function RebuildPage({ map }: { map: string }) {
         <h1>Rebuild {map}</h1>
       </div>
       {drives.error !== undefined && <Trouble error={drives.error} onRetry={drives.reload} />}
-      {complete?.length === 0 && (
-        <Empty title="There is no complete drive of this map">
-          <p>New versions are built of drives. Upload one on the map’s page, as a folder or a tar.</p>
-          <a class="button" href={linkTo('maps', [map])}>To {map}</a>
-        </Empty>
-      )}
+      {all !== undefined && complete?.length === 0 && <NoDrive map={map} begun={all.filter(({ status }) => status === 'open')} />}
       {complete !== undefined && complete.length > 0 && <Form map={map} drives={complete} />}
     </>
   );
+}
+
+/** What is missing before anything can be built. @param begun drives that are not wholly there */
+function NoDrive({ map, begun }: { map: string; begun: readonly DriveRow[] }) {
+  const first = begun[0];
+  return (
+    <Empty title={first === undefined ? 'This map has no drive yet' : `“${nameOf(first)}” is not complete yet`}>
+      {first === undefined ? <p>New versions are built of drives. Upload one on the map’s page, as a folder or a tar.</p>
+        : <p role="status">{bytes(first.bytes)} of it are on the server. Once all of it is, this page goes on by itself.</p>}
+      <a class="button" href={linkTo('maps', [map])}>To {map}</a>
+    </Empty>
+  );
+}
+
+function nameOf({ id, name }: DriveRow): string {
+  return name === '' ? `Drive ${id}` : name;
 }
 
 function Form({ map, drives }: { map: string; drives: readonly DriveRow[] }) {
@@ -103,13 +115,13 @@ function DriveChoice({ drives, choices, set }: { drives: readonly DriveRow[]; ch
     <fieldset class="card form-part">
       <legend>Drives</legend>
       <div class="drive-choice">
-        {drives.map(({ id, name, bytes: size, created_ns }) => (
-          <label key={id} class="check">
+        {drives.map((drive) => (
+          <label key={drive.id} class="check">
             <input
-              type="checkbox" checked={choices.drives.includes(id) && choices.heldBack !== id} disabled={choices.heldBack === id}
-              onChange={(event) => toggle(id, event.currentTarget.checked)}
+              type="checkbox" checked={choices.drives.includes(drive.id) && choices.heldBack !== drive.id}
+              disabled={choices.heldBack === drive.id} onChange={(event) => toggle(drive.id, event.currentTarget.checked)}
             />
-            <span>{name === '' ? `Drive ${id}` : name} <span class="quiet">no. {id} · {bytes(size)} · {date(created_ns)}</span></span>
+            <span>{nameOf(drive)} <span class="quiet">no. {drive.id} · {bytes(drive.bytes)} · {date(drive.created_ns)}</span></span>
           </label>
         ))}
       </div>
@@ -117,7 +129,7 @@ function DriveChoice({ drives, choices, set }: { drives: readonly DriveRow[]; ch
         {(props) => (
           <select {...props} value={choices.heldBack ?? ''} onChange={({ currentTarget: { value } }) => set({ heldBack: value === '' ? null : Number(value) })}>
             <option value="">Every tenth scan of the drives</option>
-            {drives.map(({ id, name }) => <option key={id} value={id}>{name === '' ? `Drive ${id}` : name} (no. {id})</option>)}
+            {drives.map((drive) => <option key={drive.id} value={drive.id}>{nameOf(drive)} (no. {drive.id})</option>)}
           </select>
         )}
       </Field>

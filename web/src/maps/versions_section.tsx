@@ -24,7 +24,7 @@ export interface VersionsProps {
   onChange: () => void;
 }
 
-const kJobsLookedAt = 100;
+const kJobsAtOnce = 100;
 
 type Open = { what: 'publish' | 'delete'; version: string } | { what: 'rollback' };
 
@@ -71,10 +71,24 @@ export function VersionsSection({ map, list, etag, onChange }: VersionsProps) {
 
 /** Versions that did not pass the checks of the job that built them, each with that job. */
 function useFailedJobs(map: string, list: VersionListData): ReadonlyMap<string, number> {
-  const { data } = useLoad(
-    async (signal) => (await ask('get', '/v1/jobs', { query: { map, status: 'succeeded', limit: kJobsLookedAt }, signal })).data.jobs as Job[],
-    [map, list.versions.map(({ version }) => version)]);
+  const names = list.versions.map(({ version }) => version);
+  const { data } = useLoad((signal) => jobsThatMade(map, names, signal), [map, names]);
   return new Map((data ?? []).filter(failedItsChecks).map(({ id, result }) => [result?.version ?? '', id]));
+}
+
+/** The jobs that made these versions, as far as the server has not forgotten them. */
+async function jobsThatMade(map: string, versions: readonly string[], signal: AbortSignal): Promise<Job[]> {
+  const made: Job[] = [];
+  const wanted = new Set(versions);
+  let before: number | undefined;
+  while (wanted.size > 0) {
+    const query = { map, status: 'succeeded', limit: kJobsAtOnce, ...(before !== undefined && { before }) } as const;
+    const { data } = await ask('get', '/v1/jobs', { query, signal });
+    made.push(...(data.jobs as Job[]).filter(({ result }) => wanted.delete(result?.version ?? '')));
+    if (data.next === null) break;
+    before = data.next;
+  }
+  return made;
 }
 
 interface RowProps {

@@ -1,5 +1,6 @@
 import * as THREE from 'three';
 import { FullScreenQuad } from 'three/examples/jsm/postprocessing/Pass.js';
+import type { Lens } from './steering.js';
 
 const kVertexShader = `
   varying vec2 at;
@@ -15,10 +16,11 @@ const kFragmentShader = `
   uniform vec2 pixel;
   const float kMost = 0.035;
   uniform float near, far, strength;
+  uniform bool parallel;
   varying vec2 at;
 
   float logDepth(float depth) {
-    return log2(near * far / (far - depth * (far - near)));
+    return log2(parallel ? mix(near, far, depth) : near * far / (far - depth * (far - near)));
   }
 
   void main() {
@@ -55,6 +57,7 @@ export class EyeDome {
       uniforms: {
         colours: { value: this.target_.texture }, depths: { value: this.target_.depthTexture },
         pixel: { value: new THREE.Vector2() }, near: { value: 1 }, far: { value: 2 }, strength: { value: 55 },
+        parallel: { value: false },
       },
       vertexShader: kVertexShader,
       fragmentShader: kFragmentShader,
@@ -68,7 +71,7 @@ export class EyeDome {
    *
    * @param radius of the neighbourhood [pixels of the canvas].
    */
-  render(renderer: THREE.WebGLRenderer, scene: THREE.Scene, camera: THREE.PerspectiveCamera, radius: number): void {
+  render(renderer: THREE.WebGLRenderer, scene: THREE.Scene, camera: Lens, radius: number): void {
     const size = renderer.getDrawingBufferSize(new THREE.Vector2());
     if (this.target_.width !== size.x || this.target_.height !== size.y) this.target_.setSize(size.x, size.y);
     const scissored = renderer.getScissorTest();
@@ -82,6 +85,7 @@ export class EyeDome {
     uniforms['pixel']!.value.set(radius / size.x, radius / size.y);
     uniforms['near']!.value = camera.near;
     uniforms['far']!.value = camera.far;
+    uniforms['parallel']!.value = camera instanceof THREE.OrthographicCamera;
     this.quad_.render(renderer);
   }
 

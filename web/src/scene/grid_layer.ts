@@ -8,6 +8,24 @@ const kSteps = 256;
 /** Above the ground [m], so that it is not lost among its points. */
 const kLift = 0.35;
 
+// Clipped by three.js's own pieces of shader.
+const kVertexShader = `
+  #include <clipping_planes_pars_vertex>
+  varying vec3 tint;
+  void main() {
+    tint = color;
+    vec4 mvPosition = modelViewMatrix * vec4(position, 1.0);
+    gl_Position = projectionMatrix * mvPosition;
+    #include <clipping_planes_vertex>
+  }`;
+const kFragmentShader = `
+  #include <clipping_planes_pars_fragment>
+  varying vec3 tint;
+  void main() {
+    #include <clipping_planes_fragment>
+    gl_FragColor = vec4(tint, 0.62);
+  }`;
+
 /** Cells of the ground painted with a value. */
 export class GridLayer {
   readonly group = new THREE.Group();
@@ -50,8 +68,7 @@ export class GridLayer {
 // The colours are sRGB already, and go out as they are.
 function material(): THREE.ShaderMaterial {
   return new THREE.ShaderMaterial({
-    transparent: true, depthWrite: false, side: THREE.DoubleSide, vertexColors: true,
-    vertexShader: 'varying vec3 tint; void main() { tint = color; gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }',
-    fragmentShader: 'varying vec3 tint; void main() { gl_FragColor = vec4(tint, 0.62); }',
+    transparent: true, depthWrite: false, side: THREE.DoubleSide, vertexColors: true, clipping: true,
+    vertexShader: kVertexShader, fragmentShader: kFragmentShader,
   });
 }

@@ -1,12 +1,16 @@
 import * as THREE from 'three';
 import type { Tile } from '3d-tiles-renderer/core';
 import { TilesRenderer } from '3d-tiles-renderer/three';
+import { askForKey } from '../api/keys.js';
+import { onRecovery } from '../api/recovery.js';
 import { CloudBudget, type CountedTileset } from './cloud_budget.js';
+import { contains } from './clip_box.js';
+import type { Clip } from './clip_planes.js';
 import { PickPoints, type Hit, type Ray } from './pick.js';
 import { kPointWords } from './point_layout.js';
 import { PointMaterials } from './point_materials.js';
 import { levelOf, TilePoints, type PickedPoint, type Ranges } from './tile_points.js';
-import { TileSource, type Ask, type Trouble } from './tile_source.js';
+import { isPassing, TileSource, type Ask, type Trouble } from './tile_source.js';
 import { kKinds, subtract, type Kind, type Vec3 } from './types.js';
 
 export type { PickedPoint, Ranges } from './tile_points.js';
@@ -54,10 +58,12 @@ export class MapCloud {
   private budget_: CloudBudget | undefined;
   private readonly source_: TileSource;
   private readonly stop_ = new AbortController();
+  private readonly forget_: () => void;
   private tiles_: TilesRenderer | undefined;
   private readonly loaded_ = new Map<Tile, Loaded>();
   private ranges_: Ranges | undefined;
   private kinds_: ReadonlySet<Kind> = new Set(kKinds);
+  private clip_: Clip | undefined;
   private shown_ = true;
 
   constructor(private readonly options_: MapCloudOptions) {
@@ -65,6 +71,7 @@ export class MapCloud {
     this.source_ = new TileSource(options_.ask, options_.onTrouble);
     this.ready = this.load();
     this.ready.catch(() => undefined);
+    this.forget_ = onRecovery(() => isPassing(this.source_.trouble) && this.source_.retry());
   }
 
   get origin(): Vec3 {
@@ -97,10 +104,6 @@ export class MapCloud {
     return this.ranges_;
   }
 
-  get trouble(): Trouble | undefined {
-    return this.source_.trouble;
-  }
-
   /** What is drawn, what is kept, what is on its way. */
   get stats(): { points: number; tiles: number; bytes: number; pending: number } {
     const tiles = this.tiles_;
@@ -122,9 +125,16 @@ export class MapCloud {
     if (this.tiles_ !== undefined) this.tiles_.group.visible = this.shown_;
   }
 
-  /** Goes on after trouble. */
+  /** Hides what a box does not let be seen; it cannot be pointed at either. @param clip in the frame of the scene */
+  setClip(clip: Clip | undefined): void {
+    this.clip_ = clip;
+    this.materials.setClip(clip);
+  }
+
+  /** Goes on after trouble; where a key is what is missing, once the person gave it. */
   retry(): void {
-    this.source_.retry();
+    if (this.source_.trouble?.kind === 'key') askForKey();
+    else this.source_.retry();
   }
 
   /** Puts the cloud into a scene whose zero lies at `sceneOrigin` (map coordinates). */
@@ -134,9 +144,10 @@ export class MapCloud {
   }
 
   /** Chooses the tiles for a view, and asks for those that are missing. @param height of the picture [px]. */
-  update(camera: THREE.PerspectiveCamera, width: number, height: number): void {
+  update(camera: THREE.Camera, width: number, height: number): void {
     const tiles = this.tiles_;
     if (tiles === undefined) return;
+    for (const before of tiles.cameras.filter((one) => one !== camera)) tiles.deleteCamera(before);
     tiles.setCamera(camera);
     tiles.setResolution(camera, width, height);
     if (this.budget_ !== undefined) tiles.errorTarget = this.budget_.errorTarget(tiles, this.budget);
@@ -158,7 +169,7 @@ export class MapCloud {
       if (left <= 0) break;
       const { points } = loaded;
       loaded.pick ??= new PickPoints(points.floats, kPointWords, points.count);
-      const { hit, looked } = loaded.pick.nearest(own, tolerance, (i) => this.kinds_.has(points.kind(i)), left);
+      const { hit, looked } = loaded.pick.nearest(own, tolerance, (i) => this.isSeen(points, i), left);
       left -= looked;
       if (hit !== undefined && (best === undefined || hit.depth < best.hit.depth)) best = { hit, loaded };
     }
@@ -166,6 +177,7 @@ export class MapCloud {
   }
 
   dispose(): void {
+    this.forget_();
     this.stop_.abort();
     this.tiles_?.dispose();
     this.materials.dispose();
@@ -220,6 +232,15 @@ export class MapCloud {
       if (object instanceof THREE.Points) object.material = this.materials.of(levelOf(tile));
     });
     this.options_.onChange();
+  }
+
+  private isSeen(points: TilePoints, i: number): boolean {
+    if (!this.kinds_.has(points.kind(i))) return false;
+    if (this.clip_ === undefined) return true;
+    const at = i * kPointWords;
+    const { x, y, z } = this.group.position;
+    const inside = contains(this.clip_.box, (points.floats[at] as number) + x, (points.floats[at + 1] as number) + y, (points.floats[at + 2] as number) + z);
+    return inside === (this.clip_.mode === 'inside');
   }
 
   private alongRay(ray: Ray, tolerance: number): Loaded[] {

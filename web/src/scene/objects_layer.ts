@@ -2,7 +2,8 @@ import * as THREE from 'three';
 import { LineMaterial } from 'three/examples/jsm/lines/LineMaterial.js';
 import { LineSegments2 } from 'three/examples/jsm/lines/LineSegments2.js';
 import { LineSegmentsGeometry } from 'three/examples/jsm/lines/LineSegmentsGeometry.js';
-import { metBy, type Box } from './clip_box.js';
+import { contains, metBy, type Box } from './clip_box.js';
+import type { Clip } from './clip_planes.js';
 import { boxEdges, empty, flat } from './lines.js';
 import type { Ray } from './pick.js';
 import type { SeenObject } from './seen_objects.js';
@@ -23,6 +24,7 @@ export class ObjectsLayer {
   private shown_: readonly SeenObject[] = [];
   private decisions_: ReadonlyMap<number, Decision> = new Map();
   private theme_: Theme = 'dark';
+  private clip_: Clip | undefined;
 
   /** @param origin of the scene, map coordinates [m]. */
   constructor(private readonly origin_: Vec3) {}
@@ -52,12 +54,19 @@ export class ObjectsLayer {
     this.chosenGroup_.add(this.edges([shownBox(object)], [colour], 3));
   }
 
+  /** Boxes whose middle is cut away cannot be pointed at. @param clip in map coordinates */
+  setClip(clip: Clip | undefined): void {
+    this.clip_ = clip;
+  }
+
   /** The object whose box a ray (less `origin`) meets first, and how far along [m]. */
   pick(ray: Ray): { object: SeenObject; depth: number } | undefined {
     let best: { object: SeenObject; depth: number } | undefined;
     const from = add(ray.origin, this.origin_);
     for (const object of this.group.visible ? this.shown_ : []) {
-      const depth = metBy(shownBox(object), from, ray.direction);
+      const box = shownBox(object);
+      if (this.clip_ !== undefined && contains(this.clip_.box, ...box.centre) !== (this.clip_.mode === 'inside')) continue;
+      const depth = metBy(box, from, ray.direction);
       if (depth !== undefined && depth > 0 && (best === undefined || depth < best.depth)) best = { object, depth };
     }
     return best;

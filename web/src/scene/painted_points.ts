@@ -8,7 +8,9 @@ const kVertexShader = `
 
   void main() {
     vec4 seen = modelViewMatrix * vec4(position, 1.0);
-    seen.xyz *= 1.0 - min(0.5, towardsEyeM / length(seen.xyz));
+    bool parallel = projectionMatrix[2][3] == 0.0;
+    if (parallel) seen.z += towardsEyeM;
+    else seen.xyz *= 1.0 - min(0.5, towardsEyeM / length(seen.xyz));
     gl_Position = projectionMatrix * seen;
     gl_PointSize = clamp(sizeM * projectionMatrix[1][1] * halfHeight / gl_Position.w, minPixels, maxPixels);
     colour = paint;

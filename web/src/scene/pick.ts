@@ -4,6 +4,11 @@ export interface Ray {
   readonly direction: readonly [number, number, number];
 }
 
+/** How far along a ray a place comes [m], both in one frame. */
+export function depthAlong({ origin, direction }: Ray, [x, y, z]: readonly [number, number, number]): number {
+  return (x - origin[0]) * direction[0] + (y - origin[1]) * direction[1] + (z - origin[2]) * direction[2];
+}
+
 /** A point near a ray. */
 export interface Hit {
   /** Index of the point. */

@@ -46,7 +46,7 @@ export function readPoints(bytes: ArrayBuffer, expectedPoints?: number): Points 
   return points;
 }
 
-export function emptyPoints(count: number): Points {
+function emptyPoints(count: number): Points {
   return {
     count,
     positions: new Float32Array(3 * count),

@@ -50,7 +50,7 @@ export class Pointers {
     canvas.addEventListener('pointermove', (event) => this.move(event), options);
     canvas.addEventListener('pointerup', (event) => this.up(event), options);
     canvas.addEventListener('pointercancel', () => this.end(), options);
-    canvas.addEventListener('pointerleave', () => this.leave(), options);
+    canvas.addEventListener('pointerleave', (event) => this.leave(event), options);
     canvas.addEventListener('dblclick', (event) => this.tool_?.doubleClick?.(this.place(event)), options);
     canvas.addEventListener('keydown', (event) => {
       if (event.key === 'Escape') this.tool_?.cancel?.();
@@ -77,6 +77,8 @@ export class Pointers {
   }
 
   private down(event: PointerEvent): void {
+    // A second finger makes it a gesture of the camera, unless a tool has it.
+    if (!event.isPrimary && this.down_?.taken === false) this.down_ = undefined;
     if (event.button !== 0 || !event.isPrimary) return;
     const taken = this.tool_?.down?.(this.place(event)) ?? false;
     this.down_ = { x: event.clientX, y: event.clientY, taken };
@@ -86,6 +88,7 @@ export class Pointers {
   }
 
   private move(event: PointerEvent): void {
+    if (!event.isPrimary) return;
     if (this.down_?.taken) return this.tool_?.move?.(this.place(event));
     if (event.buttons !== 0) return;
     this.hover_ = event;
@@ -100,7 +103,10 @@ export class Pointers {
     this.end();
     const place = this.place(event);
     if (down.taken) this.tool_?.up?.(place);
-    if (Math.hypot(event.clientX - down.x, event.clientY - down.y) <= kClickPx) this.tool_?.click?.(place);
+    if (Math.hypot(event.clientX - down.x, event.clientY - down.y) > kClickPx) return;
+    this.tool_?.click?.(place);
+    // A finger does not hover: what it tapped is what it points at.
+    if (event.pointerType === 'touch') this.tellHover(place.pick());
   }
 
   private hover(): void {
@@ -108,14 +114,16 @@ export class Pointers {
     if (this.hover_ === undefined) return;
     const place = this.place(this.hover_);
     this.tool_?.move?.(place);
-    if (this.listeners_.size === 0) return;
-    const pick = place.pick();
-    for (const listener of this.listeners_) listener(pick);
+    if (this.listeners_.size > 0) this.tellHover(place.pick());
   }
 
-  private leave(): void {
+  private leave(event: PointerEvent): void {
     this.hover_ = undefined;
-    for (const listener of this.listeners_) listener(undefined);
+    if (event.pointerType !== 'touch') this.tellHover(undefined);
+  }
+
+  private tellHover(pick: Pick | undefined): void {
+    for (const listener of this.listeners_) listener(pick);
   }
 
   private end(): void {

@@ -4,7 +4,7 @@ import { FrameLoop, type FrameCosts } from './frame_loop.js';
 import type { MapCloud, PickedPoint } from './map_cloud.js';
 import { Pointers, type Tool } from './pointers.js';
 import type { Ray } from './pick.js';
-import { Steering, type View } from './steering.js';
+import { Steering, type Lens, type View } from './steering.js';
 import { add, type Theme, type Vec3 } from './types.js';
 
 export type { View } from './steering.js';
@@ -76,6 +76,7 @@ export class Scene {
     this.renderer_ = new THREE.WebGLRenderer({ canvas, antialias: true, powerPreference: 'high-performance' });
     this.renderer_.autoClear = false;
     this.renderer_.info.autoReset = false;
+    this.renderer_.localClippingEnabled = true;
     // To ask for the compiler's log waits for it: half a second of the first picture in software rendering.
     this.renderer_.debug.checkShaderErrors = false;
     this.signs_.add(this.overlay);
@@ -155,10 +156,6 @@ export class Scene {
 
   // ---- where from
 
-  get camera(): THREE.PerspectiveCamera {
-    return this.steering_.camera;
-  }
-
   get view(): View {
     return this.steering_.view;
   }
@@ -177,9 +174,9 @@ export class Scene {
     this.steering_.showAll('aslant');
   }
 
-  /** Straight down; `plan` without perspective. */
-  showFromAbove(plan = false): void {
-    this.steering_.showAll(plan ? 'plan' : 'above');
+  /** Straight down, by parallel rays, as a plan. */
+  showFromAbove(): void {
+    this.steering_.showAll('above');
   }
 
   /** Brings a place into the middle, seen from a few radii away; glides there unless the person wants less motion. */
@@ -222,18 +219,17 @@ export class Scene {
     const { left, top, width, height } = this.canvas.getBoundingClientRect();
     const x = clientX - left - this.shiftAt(clientX);
     const at = new THREE.Vector2((2 * x) / width - 1, 1 - (2 * (clientY - top)) / height);
-    this.camera.updateMatrixWorld();
     const caster = new THREE.Raycaster();
-    caster.setFromCamera(at, this.camera);
+    caster.setFromCamera(at, this.lens);
     const { origin, direction } = caster.ray;
     return { origin: [origin.x, origin.y, origin.z], direction: [direction.x, direction.y, direction.z] };
   }
 
   /** Where a place (map coordinates) is in the canvas [CSS px]; null when it is behind the eye. */
   project(place: Vec3): { x: number; y: number } | null {
-    const seen = this.toLocal(place).applyMatrix4(this.camera.matrixWorldInverse);
+    const seen = this.toLocal(place).applyMatrix4(this.lens.matrixWorldInverse);
     if (seen.z >= 0) return null;
-    seen.applyMatrix4(this.camera.projectionMatrix);
+    seen.applyMatrix4(this.lens.projectionMatrix);
     return { x: ((seen.x + 1) / 2) * this.canvas.clientWidth, y: ((1 - seen.y) / 2) * this.canvas.clientHeight };
   }
 
@@ -287,7 +283,7 @@ export class Scene {
     this.steering_.prepare(now, [...this.clouds_].flatMap((cloud) => cloud.bounds ?? []));
     const { width, height } = this.canvas;
     for (const cloud of this.clouds_) {
-      cloud.update(this.camera, width, height);
+      cloud.update(this.lens, width, height);
       cloud.materials.setPixels(this.pixelsPerRadian(height), this.renderer_.getPixelRatio());
     }
     this.renderer_.info.reset();
@@ -296,22 +292,26 @@ export class Scene {
     for (const listener of this.frameListeners_) listener();
   }
 
+  private get lens(): Lens {
+    return this.steering_.lens;
+  }
+
   private drawSides(): void {
     if (this.split_ === undefined) {
       this.drawSide(undefined);
-      return this.renderer_.render(this.signs_, this.camera);
+      return this.renderer_.render(this.signs_, this.lens);
     }
     const { clientWidth: width, clientHeight: height } = this.canvas;
     const { left, right, apart } = this.split_;
     const at = this.splitAt(width);
     this.renderer_.setScissorTest(true);
     for (const [shown, from, to, shift] of [[left, 0, at, -width / 4], [right, at, width, width / 4]] as const) {
-      if (apart) this.camera.setViewOffset(width, height, -shift, 0, width, height);
+      if (apart) this.lens.setViewOffset(width, height, -shift, 0, width, height);
       this.renderer_.setScissor(from, 0, to - from, height);
       this.drawSide(shown);
-      this.renderer_.render(this.signs_, this.camera);
+      this.renderer_.render(this.signs_, this.lens);
     }
-    this.camera.clearViewOffset();
+    this.lens.clearViewOffset();
     this.renderer_.setScissorTest(false);
     for (const cloud of this.clouds_) cloud.group.visible = true;
   }
@@ -331,16 +331,16 @@ export class Scene {
   private drawSide(shown: readonly MapCloud[] | undefined): void {
     if (shown !== undefined) for (const cloud of this.clouds_) cloud.group.visible = shown.includes(cloud);
     if (this.eyeDomeOn_ && this.quality_ !== 'reduced' && !this.hurried_) {
-      this.eyeDome_.render(this.renderer_, this.points_, this.camera, 1.3 * this.renderer_.getPixelRatio());
+      this.eyeDome_.render(this.renderer_, this.points_, this.lens, 1.3 * this.renderer_.getPixelRatio());
     } else {
-      this.renderer_.render(this.points_, this.camera);
+      this.renderer_.render(this.points_, this.lens);
     }
   }
 
   private onGround({ origin, direction }: Ray): Pick | undefined {
     if (this.groundHeight === undefined) return undefined;
     const depth = (this.groundHeight - this.origin[2] - origin[2]) / direction[2];
-    if (!(depth > 0 && depth < this.camera.far)) return undefined;
+    if (!(depth > 0 && depth < this.lens.far)) return undefined;
     const along: Vec3 = [direction[0] * depth, direction[1] * depth, direction[2] * depth];
     return { position: add(add(origin, along), this.origin) };
   }
@@ -352,15 +352,14 @@ export class Scene {
   }
 
   private pixelsPerRadian(height: number): number {
-    return height / (2 * Math.tan((this.camera.fov * Math.PI) / 360));
+    return height / (2 * Math.tan(this.steering_.halfFov));
   }
 
   private resize(): void {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (width === 0 || height === 0) return;
     const ratio = Math.min(window.devicePixelRatio, 2) * (this.quality_ === 'reduced' ? 0.6 : 1);
-    this.camera.aspect = width / height;
-    this.camera.updateProjectionMatrix();
+    this.steering_.aspect = width / height;
     // A canvas that is given its size waits for all that was drawn, even when the size is the same.
     const [wide, high] = [Math.floor(width * ratio), Math.floor(height * ratio)];
     if (this.canvas.width === wide && this.canvas.height === high) return this.requestRender();

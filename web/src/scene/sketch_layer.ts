@@ -5,6 +5,7 @@ import { LineMaterial } from 'three/examples/jsm/lines/LineMaterial.js';
 import { LineSegments2 } from 'three/examples/jsm/lines/LineSegments2.js';
 import { LineSegmentsGeometry } from 'three/examples/jsm/lines/LineSegmentsGeometry.js';
 import type { Box } from './clip_box.js';
+import { handlesOf } from './clip_handles.js';
 import { boxEdges, empty, flat } from './lines.js';
 import type { Theme, Vec3 } from './types.js';
 
@@ -27,19 +28,24 @@ export class SketchLayer {
       const material = new LineMaterial({ color: kColours[theme], linewidth: 2.5, depthTest: false, transparent: true });
       this.lines_.add(inFront(new Line2(new LineGeometry().setPositions(flat(places, this.origin_)), material)));
     }
-    if (places.length === 0) return;
-    const geometry = new THREE.BufferGeometry();
-    geometry.setAttribute('position', new THREE.BufferAttribute(flat(places, this.origin_), 3));
-    const size = 9 * Math.min(window.devicePixelRatio, 2);
-    const material = new THREE.PointsMaterial({ color: kColours[theme], size, sizeAttenuation: false, depthTest: false, transparent: true });
-    this.lines_.add(inFront(new THREE.Points(geometry, material)));
+    if (places.length > 0) this.lines_.add(this.dots(places, 9, theme));
   }
 
-  setBox(box: Box | undefined, theme: Theme): void {
+  /** @param held whether it can be pulled by its handles. */
+  setBox(box: Box | undefined, held: boolean, theme: Theme): void {
     empty(this.boxes_);
     if (box === undefined) return;
     const material = new LineMaterial({ color: kColours[theme], linewidth: 2, transparent: true, opacity: 0.9 });
     this.boxes_.add(new LineSegments2(new LineSegmentsGeometry().setPositions(boxEdges([box], this.origin_)), material));
+    if (held) this.boxes_.add(this.dots(handlesOf(box).map(({ place }) => place), 11, theme));
+  }
+
+  private dots(places: readonly Vec3[], px: number, theme: Theme): THREE.Points {
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute('position', new THREE.BufferAttribute(flat(places, this.origin_), 3));
+    const size = px * Math.min(window.devicePixelRatio, 2);
+    const material = new THREE.PointsMaterial({ color: kColours[theme], size, sizeAttenuation: false, depthTest: false, transparent: true });
+    return inFront(new THREE.Points(geometry, material));
   }
 }
 

@@ -14,14 +14,24 @@ const kElevation = (50 * Math.PI) / 180;
 // Not quite 90 degrees: there "up" would have no direction.
 const kStraightDown = 0.4999 * Math.PI;
 const kFovDeg = 45;
-/** As good as parallel rays, with the same camera. */
-const kPlanFovDeg = 4;
+/** Closer to straight down than this, which no turn by hand stays in by chance, it is drawn by parallel rays [rad]. */
+const kPlanPolar = 0.01;
 const kRestMs = 250;
 const kFlightMs = 350;
 
-/** The camera, and how people move it: pointer, touch, keys, or a flight to a place. */
+/** What a picture is drawn with. */
+export type Lens = THREE.PerspectiveCamera | THREE.OrthographicCamera;
+
+/**
+ * The camera, and how people move it: pointer, touch, keys, or a flight to a place.
+ *
+ * It has perspective; straight down it is drawn by parallel rays, so that the picture is a plan. These show at the
+ * height of the target what the perspective would, so that steering, zoom and addresses are the same for both.
+ */
 export class Steering {
-  readonly camera = new THREE.PerspectiveCamera(kFovDeg, 1, 0.1, 1000);
+  private readonly camera_ = new THREE.PerspectiveCamera(kFovDeg, 1, 0.1, 1000);
+  private readonly plan_ = new THREE.OrthographicCamera();
+  private lens_: Lens = this.camera_;
   private readonly controls_: OrbitControls;
   private readonly listeners_ = new Set<(view: View) => void>();
   private flight_: { from: View; to: View; begin: number } | undefined;
@@ -40,12 +50,28 @@ export class Steering {
     private readonly shape_: () => readonly Vec3[],
     private readonly onMove_: () => void,
   ) {
-    this.camera.up.set(0, 0, 1);
-    this.controls_ = new OrbitControls(this.camera, canvas);
+    this.camera_.up.set(0, 0, 1);
+    this.controls_ = new OrbitControls(this.camera_, canvas);
     // Never from below the ground.
     this.controls_.maxPolarAngle = 0.495 * Math.PI;
     this.controls_.zoomToCursor = true;
     this.controls_.addEventListener('change', () => this.moved());
+  }
+
+  /** As of the latest `prepare`. */
+  get lens(): Lens {
+    return this.lens_;
+  }
+
+  /** Half of the vertical opening angle [rad]; of the perspective that the plan agrees with too. */
+  get halfFov(): number {
+    return (this.camera_.fov * Math.PI) / 360;
+  }
+
+  /** Width by height of the picture. */
+  set aspect(aspect: number) {
+    this.camera_.aspect = aspect;
+    this.camera_.updateProjectionMatrix();
   }
 
   /** True from a movement until shortly after the last one. */
@@ -66,11 +92,11 @@ export class Steering {
   }
 
   get view(): View {
-    return { eye: this.toMap(this.camera.position), target: this.toMap(this.controls_.target) };
+    return { eye: this.toMap(this.camera_.position), target: this.toMap(this.controls_.target) };
   }
 
   setView(view: View): void {
-    this.camera.position.copy(this.toLocal(view.eye));
+    this.camera_.position.copy(this.toLocal(view.eye));
     this.controls_.target.copy(this.toLocal(view.target));
     this.controls_.update();
     this.moved();
@@ -82,19 +108,20 @@ export class Steering {
     return () => this.listeners_.delete(listener);
   }
 
-  /** All of the shape, from above at an angle, or straight down; `plan` without perspective. */
-  showAll(from: 'aslant' | 'above' | 'plan'): void {
-    const shape = this.shape_().map((corner) => subtract(corner, this.origin_));
+  /** All of the shape, from above at an angle, or straight down. */
+  showAll(from: 'aslant' | 'above'): void {
+    const corners = this.shape_().map((corner) => subtract(corner, this.origin_));
+    // A plan shows all heights alike.
+    const middle = corners.reduce((sum, corner) => sum + corner[2], 0) / corners.length;
+    const shape = from === 'above' ? corners.map(([x, y]): Vec3 => [x, y, middle]) : corners;
     if (shape.length === 0) return;
     this.flight_ = undefined;
-    this.camera.fov = from === 'plan' ? kPlanFovDeg : kFovDeg;
-    this.camera.updateProjectionMatrix();
     const elevation = from === 'aslant' ? kElevation : kStraightDown;
-    const view = fitView(shape, (this.camera.fov * Math.PI) / 180, this.camera.aspect * this.widthShare_, elevation);
-    this.camera.position.set(...view.eye);
+    const view = fitView(shape, 2 * this.halfFov, this.camera_.aspect * this.widthShare_, elevation);
+    this.camera_.position.set(...view.eye);
     this.controls_.target.set(...view.target);
     this.controls_.minDistance = 0.5;
-    this.controls_.maxDistance = 4 * this.camera.position.distanceTo(this.controls_.target);
+    this.controls_.maxDistance = 4 * this.camera_.position.distanceTo(this.controls_.target);
     this.controls_.update();
     this.moved();
   }
@@ -103,7 +130,7 @@ export class Steering {
   lookAt(place: Vec3, radiusM: number): void {
     const { eye, target } = this.view;
     const away = subtract(eye, target);
-    const scale = (2.8 * radiusM) / (Math.tan((this.camera.fov * Math.PI) / 360) * Math.hypot(...away));
+    const scale = (2.8 * radiusM) / (Math.tan(this.halfFov) * Math.hypot(...away));
     this.flyTo({ target: place, eye: add(place, [away[0] * scale, away[1] * scale, away[2] * scale]) });
   }
 
@@ -120,7 +147,7 @@ export class Steering {
     event.preventDefault();
     if (move === 'all') return this.showAll('aslant');
     if (move === 'above') return this.showAll('above');
-    move(this.camera, this.controls_.target, this.controls_);
+    move(this.camera_, this.controls_.target, this.controls_);
     this.controls_.update();
     this.moved();
   }
@@ -128,7 +155,7 @@ export class Steering {
   /** Before each frame: goes on with a flight, and sets the depths that `bounds` (map coordinates) need. */
   prepare(now: number, bounds: readonly { min: Vec3; max: Vec3 }[]): void {
     this.fly(now);
-    const eye = this.camera.position;
+    const eye = this.camera_.position;
     const reach = eye.distanceTo(this.controls_.target);
     let far = 2 * reach + 10;
     for (const { min, max } of bounds) {
@@ -136,10 +163,23 @@ export class Steering {
       far = Math.max(far, eye.distanceTo(low.clone().add(high).multiplyScalar(0.5)) + 0.6 * low.distanceTo(high));
     }
     // As near as the depths in between still are told apart.
-    this.camera.near = Math.max(far / 20_000, 0.02 * reach, 0.05);
-    this.camera.far = far;
-    this.camera.updateProjectionMatrix();
-    this.camera.updateMatrixWorld();
+    this.camera_.near = Math.max(far / 20_000, 0.02 * reach, 0.05);
+    this.camera_.far = far;
+    this.camera_.updateProjectionMatrix();
+    this.camera_.updateMatrixWorld();
+    const isPlan = this.controls_.getPolarAngle() < kPlanPolar;
+    this.lens_ = isPlan ? this.plan_ : this.camera_;
+    if (isPlan) this.layPlan(reach);
+  }
+
+  private layPlan(reach: number): void {
+    const { position, quaternion, near, far, aspect } = this.camera_;
+    const half = reach * Math.tan(this.halfFov);
+    Object.assign(this.plan_, { left: -half * aspect, right: half * aspect, top: half, bottom: -half, near, far });
+    this.plan_.position.copy(position);
+    this.plan_.quaternion.copy(quaternion);
+    this.plan_.updateProjectionMatrix();
+    this.plan_.updateMatrixWorld();
   }
 
   toLocal(place: Vec3): THREE.Vector3 {

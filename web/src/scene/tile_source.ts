@@ -5,8 +5,13 @@ export type Ask = (url: string, init: { readonly signal: AbortSignal }) => Promi
 
 /** Why no more of a map comes; the text is for people. */
 export interface Trouble {
-  readonly kind: 'offline' | 'gone' | 'busy' | 'refused';
+  readonly kind: 'offline' | 'gone' | 'busy' | 'key' | 'refused';
   readonly text: string;
+}
+
+/** Whether it ends by itself: when the server answers again, or has another key. */
+export function isPassing(trouble: Trouble | undefined): boolean {
+  return trouble?.kind === 'offline' || trouble?.kind === 'busy' || trouble?.kind === 'key';
 }
 
 /** Waits [ms] between the tries of a request that brings no answer; their number bounds the tries. */
@@ -82,7 +87,8 @@ function troubleOf(error: ApiError): Trouble {
   if (error.status === 503 || error.status === 429) {
     return { kind: 'busy', text: `The server sends no more of the map at the moment. ${error.message}` };
   }
-  if (error.trouble === 'problem' || error.trouble === 'key') return { kind: 'refused', text: error.message };
+  if (error.trouble === 'key') return { kind: 'key', text: `${error.message} What is shown stays.` };
+  if (error.trouble === 'problem') return { kind: 'refused', text: error.message };
   return { kind: 'offline', text: `${error.message} What is shown stays; the rest comes when it is back.` };
 }
 

@@ -1,6 +1,6 @@
 import { useCallback, useEffect, useRef, useState } from 'preact/hooks';
-import { connection } from '../api/connection.js';
 import { isAborted, toApiError, type ApiError } from '../api/errors.js';
+import { onRecovery } from '../api/recovery.js';
 
 export interface Loaded<Data> {
   /** The latest that came; kept while it is asked for again, and when that fails. */
@@ -16,8 +16,8 @@ export interface LoadOptions {
 }
 
 /**
- * Asks for something when the component comes, when `inputs` change, again and again if wanted, and once the server is
- * back after it was down.
+ * Asks for something when the component comes, when `inputs` change, again and again if wanted, and after a failure once
+ * the server is back or another key is in use.
  */
 export function useLoad<Data>(
   load: (signal: AbortSignal) => Promise<Data>, inputs: readonly unknown[], options: LoadOptions = {},
@@ -48,9 +48,7 @@ export function useLoad<Data>(
     return () => clearInterval(timer);
   }, [options.everyS, reload]);
 
-  useEffect(() => connection.listen((now) => {
-    if (now.state === 'up' && failed.current) reload();
-  }), [reload]);
+  useEffect(() => onRecovery(() => failed.current && reload()), [reload]);
 
   return { data: state.of === what ? state.data : undefined, error: state.error, loading: state.loading, reload };
 }

@@ -1,12 +1,19 @@
 // Small pieces that every view uses.
 
 import type { ComponentChildren } from 'preact';
-import { useId, useState } from 'preact/hooks';
+import { useEffect, useId, useRef, useState } from 'preact/hooks';
 import type { ApiError } from '../api/errors.js';
+import { askForKey, key } from '../api/keys.js';
 import { Icon } from './icon.js';
 
-/** A refusal or failure in words, with what the server found and expected, and its request's name for the log. */
+/**
+ * A refusal or failure in words, with what the server found and expected, and its request's name for the log. Where a
+ * key is what is missing, it is asked for, and then tried again.
+ */
 export function Trouble({ error, onRetry, title }: { error: ApiError; onRetry?: (() => void) | undefined; title?: string | undefined }) {
+  const retry = useRef(onRetry);
+  retry.current = onRetry;
+  useEffect(() => (error.trouble === 'key' ? key.listen(() => retry.current?.()) : undefined), [error]);
   return (
     <div class="trouble" role="alert">
       <Icon name="warning" />
@@ -22,7 +29,8 @@ export function Trouble({ error, onRetry, title }: { error: ApiError; onRetry?: 
         )}
         {error.requestId !== undefined && <p class="quiet">Request {error.requestId}</p>}
       </div>
-      {onRetry !== undefined && <button type="button" onClick={onRetry}>Try again</button>}
+      {error.trouble === 'key' ? <button type="button" onClick={askForKey}>Enter a key</button>
+        : onRetry !== undefined && <button type="button" onClick={onRetry}>Try again</button>}
     </div>
   );
 }

@@ -1,4 +1,5 @@
 import { useEffect, useRef, useState } from 'preact/hooks';
+import { onRecovery } from '../api/recovery.js';
 import { send } from '../api/send.js';
 
 export interface PictureProps {
@@ -24,8 +25,17 @@ export function Picture({ path, label }: PictureProps) {
       canvas.current.getContext('2d')?.drawImage(bitmap, 0, 0);
       setState('there');
     };
-    load().catch(() => stop.signal.aborted || setState('none'));
-    return () => stop.abort();
+    let failed = false;
+    const begin = async (): Promise<void> => {
+      failed = await load().then(() => false, () => true);
+      if (failed && !stop.signal.aborted) setState('none');
+    };
+    void begin();
+    const forget = onRecovery(() => void (failed && begin()));
+    return () => {
+      forget();
+      stop.abort();
+    };
   }, [path]);
   return (
     <div class={`picture ${state}`} role="img" aria-label={state === 'none' ? `${label}: no picture` : label}>

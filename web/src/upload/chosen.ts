@@ -20,7 +20,7 @@ export async function chosenFile(file: File): Promise<Chosen> {
 }
 
 /** The files of an `<input type=file webkitdirectory>`, or of a dropped folder. @param files with paths below the folder */
-export function chosenFolder(name: string, files: readonly TarEntry[]): Chosen {
+function chosenFolder(name: string, files: readonly TarEntry[]): Chosen {
   const wanted = files.filter(({ path }) => !kClutter.test(path));
   const changedMs = wanted.reduce((newest, { file }) => Math.max(newest, file.lastModified ?? 0), 0);
   const look = lookAtFolder(name, wanted.map(({ path }) => path));

@@ -68,7 +68,7 @@ function Chooser({ chosen, choose }: { chosen: Chosen | undefined; choose: (prom
       }}
     >
       {chosen === undefined
-        ? <p>Drop a file or a folder here: a map package or a drive as a folder or tar (plain, gzip, zstd), or points as PCD or PLY.</p>
+        ? <p>Drop a file or a folder here: a map package or a drive as a folder or tar (plain, gzip, zstd), or points as LAS, PCD or PLY.</p>
         : <p><strong>{chosen.name}</strong> <span class="quiet">{wordsOf(chosen)}</span></p>}
       <div class="actions">
         <label class="button">
@@ -103,6 +103,8 @@ interface WhereProps {
   onClose: () => void;
 }
 
+const kMapHints: Record<string, string> = { true: 'A new map.', false: 'An existing map.' };
+
 /** Map, name and kind of what was chosen. */
 function Where({ chosen, map: fixedMap, goOn, onClose }: WhereProps) {
   const look = 'kind' in chosen.look ? chosen.look : undefined;
@@ -111,7 +113,7 @@ function Where({ chosen, map: fixedMap, goOn, onClose }: WhereProps) {
   const [typedName, setName] = useState<string>();
   const maps = useLoad((signal) => ask('get', '/v1/maps', { signal }), []);
   const map = fixedMap ?? (typedMap === '' ? suggestedMap(chosen.name) : typedMap);
-  const versions = useVersionNames(map, kind);
+  const versions = useVersionNames(isNew(map, maps.data?.data.maps) === false && kind !== 'drive' ? map : undefined);
   const name = goOn?.name ?? typedName ?? (kind === 'drive' ? chosen.name.replace(/\.(tar|tgz|tar\.\w+)$/i, '') : suggestedVersion(versions));
   const mapFault = faultOfName(map);
   const nameFault = goOn !== undefined ? undefined : kind === 'drive' ? (name.length > 200 ? 'At most 200 letters.' : undefined) : faultOfName(name);
@@ -127,7 +129,7 @@ function Where({ chosen, map: fixedMap, goOn, onClose }: WhereProps) {
     <form onSubmit={(event) => start(event, goOn?.id ?? begun?.id)}>
       {look?.sure !== true && goOn === undefined && <KindChoice kind={kind} why={look?.why} onKind={setKind} />}
       {fixedMap === undefined && (
-        <Field label="Map" fault={mapFault} hint={isNew(map, maps.data?.data.maps) ? 'A new map.' : 'An existing map.'}>
+        <Field label="Map" fault={mapFault} hint={kMapHints[String(isNew(map, maps.data?.data.maps))]}>
           {(props) => (
             <>
               <input {...props} list="upload-maps" value={map} onInput={(event) => setMap(event.currentTarget.value)} />
@@ -169,20 +171,21 @@ function KindChoice({ kind, why, onKind }: { kind: Kind; why: string | undefined
   );
 }
 
-function isNew(map: string, maps: readonly { name: string }[] | undefined): boolean {
-  return maps !== undefined && !maps.some(({ name }) => name === map);
+/** Undefined until the maps are known. */
+function isNew(map: string, maps: readonly { name: string }[] | undefined): boolean | undefined {
+  return maps === undefined ? undefined : !maps.some(({ name }) => name === map);
 }
 
-/** Names that are taken; empty for a map that is not there yet. */
-function useVersionNames(map: string, kind: Kind): string[] {
+/** Names that are taken in a map that is there; none of undefined. */
+function useVersionNames(map: string | undefined): string[] {
   const [names, setNames] = useState<string[]>([]);
   useEffect(() => {
     const stop = new AbortController();
     setNames([]);
-    if (kind === 'drive' || faultOfName(map) !== undefined) return undefined;
+    if (map === undefined) return undefined;
     ask('get', '/v1/maps/{map}/versions', { path: { map }, signal: stop.signal }).then(
       ({ data }) => setNames(data.versions.map(({ version }) => version)), () => undefined);
     return () => stop.abort();
-  }, [map, kind]);
+  }, [map]);
   return names;
 }

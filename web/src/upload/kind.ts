@@ -1,7 +1,10 @@
 import { tarNames } from './tar.js';
 
 /** What can be uploaded: a map package, a map of points from elsewhere, a drive. */
-export type Kind = 'package' | 'pcd' | 'ply' | 'drive';
+export type Kind = 'package' | 'pcd' | 'ply' | 'las' | 'drive';
+
+/** The content types of maps from elsewhere. */
+export const kPointTypes = { pcd: 'application/vnd.pcd', ply: 'application/ply', las: 'application/vnd.las' } as const;
 
 /** Where the server keeps what is being uploaded of a kind. */
 export function collectionOf(kind: Kind): 'drives' | 'uploads' {
@@ -10,7 +13,7 @@ export function collectionOf(kind: Kind): 'drives' | 'uploads' {
 
 /** What is uploaded with a content type. */
 export function kindOfType(contentType: string): Kind {
-  return contentType === 'application/vnd.pcd' ? 'pcd' : contentType === 'application/ply' ? 'ply' : 'package';
+  return (Object.keys(kPointTypes) as (keyof typeof kPointTypes)[]).find((kind) => kPointTypes[kind] === contentType) ?? 'package';
 }
 
 export type Packing = 'tar' | 'gzip' | 'zstd';
@@ -25,6 +28,7 @@ export const kKindWords: Record<Kind, string> = {
   package: 'Map package',
   pcd: 'Map from elsewhere (PCD)',
   ply: 'Map from elsewhere (PLY)',
+  las: 'Map from elsewhere (LAS)',
   drive: 'Drive',
 };
 
@@ -39,6 +43,7 @@ export async function lookAt(file: File): Promise<Look> {
   const text = new TextDecoder('latin1').decode(head);
   if (/^ply\r?\n/.test(text)) return { kind: 'ply', sure: true };
   if (/^(#.*\r?\n)*\s*VERSION\s+\.?\d/.test(text)) return { kind: 'pcd', sure: true };
+  if (text.startsWith('LASF')) return isLaz(head) ? { refused: `“${file.name}”: ${kLaz}.` } : { kind: 'las', sure: true };
   if (text.slice(257, 262) === 'ustar') return lookAtTar(await tarNames(file, kNamesRead), 'tar');
   if (starts(0x1f, 0x8b)) return lookAtTar(await tarNames(await unpackedHead(file), kNamesRead), 'gzip');
   if (starts(0x28, 0xb5, 0x2f, 0xfd)) {
@@ -49,7 +54,7 @@ export async function lookAt(file: File): Promise<Look> {
 }
 
 /** @param names of a tar's entries, or of a folder's files. */
-export function lookAtTar(names: readonly string[], packing: Packing): Look {
+function lookAtTar(names: readonly string[], packing: Packing): Look {
   if (names.length === 0) return { refused: `This file is packed (${packing}), but what is in it is no tar.` };
   const isManifest = names.some((name) => /^(\.\/)?([^/]+\/)?manifest\.json$/.test(name));
   const hasTiles = names.some((name) => /(^|\/)tiles\//.test(name));
@@ -69,11 +74,19 @@ export function lookAtFolder(name: string, paths: readonly string[]): Look {
   return look;
 }
 
+const kLaz = 'packed as LAZ, which is not taken: unpack it to LAS';
+
+/** LASzip marks what it packed in the number of the point format, byte 104 of the header. */
+function isLaz(head: Uint8Array): boolean {
+  return ((head[104] ?? 0) & 0x80) !== 0;
+}
+
 const kForeign: [RegExp, string][] = [
   [/\.zip$/i, 'zip archives are not taken: drop the unpacked folder, or pack it as a tar'],
   [/\.(7z|rar)$/i, 'such archives are not taken: drop the unpacked folder, or pack it as a tar'],
-  [/\.(las|laz)$/i, 'LAS and LAZ are not taken: convert the points to PCD or PLY'],
-  [/\.(e57|pts|xyz|csv|obj)$/i, 'this format is not taken: convert the points to PCD or PLY'],
+  [/\.laz$/i, kLaz],
+  [/\.las$/i, 'no LAS: it does not begin with LASF'],
+  [/\.(e57|pts|xyz|csv|obj)$/i, 'this format is not taken: convert the points to LAS, PCD or PLY'],
   [/\.bag$/i, 'ROS 1 bags are not taken: convert it to MCAP or rosbag2, and drop its folder'],
   [/\.(mcap|db3|rawlog)$/i, 'a recording is taken as a folder: put it in one, with what belongs to it, and drop that'],
   [/\.bin$/i, 'this may be a single scan: a drive is a folder of scans, drop that; to localize a scan, go to the map’s localization'],
@@ -82,7 +95,7 @@ const kForeign: [RegExp, string][] = [
 function foreignWords(name: string, starts: (...bytes: number[]) => boolean): string {
   const known = kForeign.find(([pattern]) => pattern.test(name))?.[1]
     ?? (starts(0x50, 0x4b, 3, 4) ? kForeign[0]?.[1] : undefined)
-    ?? 'found neither a tar (plain, gzip, zstd) nor PCD nor PLY';
+    ?? 'found neither a tar (plain, gzip, zstd) nor LAS, PCD or PLY';
   return `“${name}”: ${known}.`;
 }
 

@@ -6,7 +6,7 @@ import { linkTo } from '../router.js';
 import { say } from '../ui/notices.js';
 import { Store } from '../ui/store.js';
 import type { Chosen } from './chosen.js';
-import { collectionOf, kKindWords, type Kind, type Packing } from './kind.js';
+import { collectionOf, kKindWords, kPointTypes, type Kind, type Packing } from './kind.js';
 import { begunWith, forgetUpload, remember } from './remembered.js';
 import { PartsTarget, type Outcome, type Target } from './target.js';
 import { isUnderWay, Transfer } from './transfer.js';
@@ -96,8 +96,7 @@ function packingOf({ look }: Chosen): Packing {
 }
 
 function contentType(kind: Kind, packing: Packing): string {
-  if (kind === 'pcd') return 'application/vnd.pcd';
-  if (kind === 'ply') return 'application/ply';
+  if (kind === 'pcd' || kind === 'ply' || kind === 'las') return kPointTypes[kind];
   return { tar: 'application/x-tar', gzip: 'application/gzip', zstd: 'application/zstd' }[packing];
 }
 

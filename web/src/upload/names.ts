@@ -13,7 +13,7 @@ export function faultOfName(name: string): string | undefined {
 
 /** A map's name made of a file's. */
 export function suggestedMap(file: string): string {
-  const bare = file.replace(/(\.(tar|tgz|gz|zst|zstd|pcd|ply))+$/i, '').toLowerCase();
+  const bare = file.replace(/(\.(tar|tgz|gz|zst|zstd|pcd|ply|las))+$/i, '').toLowerCase();
   return bare.replace(/[^a-z0-9._-]+/g, '-').replace(/^[^a-z0-9]+|[-._]+$/g, '').slice(0, 63) || 'map';
 }
 

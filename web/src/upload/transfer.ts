@@ -152,7 +152,7 @@ function otherFile(): ApiError {
     + 'was begun, or discard the upload and begin anew.');
 }
 
-/** Does a thing for each of a list, some at once; the first error ends all. */
+/** Does a thing for each of a list, some at once. After an error no more are begun, and it is thrown once all have ended. */
 async function forEachAtOnce<Item>(items: readonly Item[], atOnce: number, act: (item: Item) => Promise<void>): Promise<void> {
   const rest = [...items];
   let failed = false;
@@ -164,7 +164,9 @@ async function forEachAtOnce<Item>(items: readonly Item[], atOnce: number, act: 
       });
     }
   };
-  await Promise.all(Array.from({ length: Math.min(atOnce, items.length) }, worker));
+  const ends = await Promise.allSettled(Array.from({ length: Math.min(atOnce, items.length) }, worker));
+  const bad = ends.find((end) => end.status === 'rejected');
+  if (bad !== undefined) throw bad.reason;
 }
 
 function untilUp(signal: AbortSignal): Promise<void> {

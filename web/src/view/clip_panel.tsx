@@ -22,6 +22,7 @@ export function ClipPanel({ model }: { model: ViewerModel }) {
   };
   return (
     <Section title="Clip box">
+      <p class="quiet">Pull its sides by the marks in the picture; the one in the middle moves it.</p>
       <div class="viewer-numbers">
         {kAxes.map((name, axis) => (
           <Coordinate key={name} name={name} value={clip.box.centre[axis] as number} step={0.5}

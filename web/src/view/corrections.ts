@@ -1,5 +1,5 @@
+import { ask, type Answer, type Schema } from '../api/client.js';
 import { ApiError } from '../api/errors.js';
-import { jsonOf, send } from '../api/send.js';
 import type { Box } from '../scene/clip_box.js';
 import type { Decision } from '../scene/objects_layer.js';
 import type { SeenObject } from '../scene/seen_objects.js';
@@ -13,11 +13,7 @@ export interface Edit {
   readonly note?: string;
 }
 
-interface EditDocument {
-  readonly format: 'stillmap-edits';
-  readonly version: 1;
-  readonly edits: readonly Edit[];
-}
+type EditDocument = Schema<'Edits'>;
 
 /** How far [m] an object may lie from where it was when it was corrected. */
 const kSamePlaceM = 1;
@@ -52,7 +48,7 @@ export class Corrections {
   constructor(private readonly map_: string) {}
 
   async load(signal?: AbortSignal): Promise<void> {
-    await this.take(await send('GET', this.path, signal === undefined ? {} : { signal }));
+    this.take(await ask('get', '/v1/maps/{map}/edits', { path: { map: this.map_ }, ...(signal && { signal }) }));
   }
 
   /**
@@ -62,12 +58,10 @@ export class Corrections {
    */
   async change(how: (edits: readonly Edit[]) => readonly Edit[]): Promise<void> {
     for (let tries = 0; ; ++tries) {
-      const document: EditDocument = { format: 'stillmap-edits', version: 1, edits: how(this.edits) };
+      const json = { format: 'stillmap-edits', version: 1, edits: how(this.edits) } as unknown as EditDocument;
       try {
-        return await this.take(await send('PUT', this.path, {
-          body: JSON.stringify(document),
-          headers: { 'Content-Type': 'application/json', ...(this.etag_ !== undefined && { 'If-Match': this.etag_ }) },
-        }));
+        const headers: Record<string, string> = this.etag_ === undefined ? {} : { 'If-Match': this.etag_ };
+        return this.take(await ask('put', '/v1/maps/{map}/edits', { path: { map: this.map_ }, json, headers }));
       } catch (error) {
         if (!(error instanceof ApiError) || error.status !== 412 || tries > 2) throw error;
         await this.load();
@@ -75,13 +69,8 @@ export class Corrections {
     }
   }
 
-  private get path(): string {
-    return `/v1/maps/${encodeURIComponent(this.map_)}/edits`;
-  }
-
-  private async take(response: Response): Promise<void> {
-    const document = (await jsonOf(response, this.path)) as EditDocument;
-    this.etag_ = response.headers.get('etag') ?? undefined;
-    this.edits = document.edits;
+  private take({ data, etag }: Answer<EditDocument>): void {
+    this.etag_ = etag;
+    this.edits = data.edits as unknown as readonly Edit[];
   }
 }

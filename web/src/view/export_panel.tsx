@@ -2,6 +2,7 @@ import { useState } from 'preact/hooks';
 import { kExportFormats, type ExportFormat } from '../scene/export_points.js';
 import { plural } from '../ui/format.js';
 import { say } from '../ui/notices.js';
+import { saveBlob } from '../ui/save.js';
 import { useStore } from '../ui/store.js';
 import type { ViewerModel } from './model.js';
 import { Section } from './panel.js';
@@ -21,7 +22,7 @@ export function ExportPanel({ model }: { model: ViewerModel }) {
   const save = async (): Promise<void> => {
     const file = await model.tools.export(scope, format);
     if (file === undefined) return;
-    download(file.blob, `${model.facts.name}-${model.facts.version}-${scope}.${format}`);
+    saveBlob(file.blob, `${model.facts.name}-${model.facts.version}-${scope}.${format}`);
     say({ kind: 'good', text: `${plural(file.points, 'point')} saved, of the kinds that are shown.` });
   };
   return (
@@ -37,13 +38,4 @@ export function ExportPanel({ model }: { model: ViewerModel }) {
       </div>
     </Section>
   );
-}
-
-function download(blob: Blob, name: string): void {
-  const link = document.createElement('a');
-  link.href = URL.createObjectURL(blob);
-  link.download = name;
-  link.click();
-  // After the browser has begun with it.
-  setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
 }

@@ -1,9 +1,10 @@
+import { ask } from '../api/client.js';
 import { ApiError } from '../api/errors.js';
-import { jsonOf, send } from '../api/send.js';
+import { send } from '../api/send.js';
 import type { Geodetic } from '../scene/geodetic.js';
 import type { GridHead } from '../scene/grid_map.js';
 import type { RegionTile } from '../scene/region.js';
-import { gather, type ObjectEntry, type SeenObject } from '../scene/seen_objects.js';
+import { gather, type SeenObject } from '../scene/seen_objects.js';
 import type { Loop, TrackPose } from '../scene/track_layer.js';
 import type { Vec3 } from '../scene/types.js';
 
@@ -11,13 +12,10 @@ import type { Vec3 } from '../scene/types.js';
 export interface MapFacts {
   readonly name: string;
   readonly version: string;
-  readonly frame_id: string;
   readonly origin: Vec3;
   readonly geodetic_origin?: Geodetic;
   readonly voxel_size_m: number;
   readonly tiles: readonly RegionTile[];
-  readonly objects: number;
-  readonly poses: number;
 }
 
 /** What is drawn beside the points. */
@@ -29,30 +27,27 @@ export interface MapSigns {
   readonly loops: readonly Loop[] | undefined;
 }
 
-export function versionPath(name: string, version: string): string {
-  return `/v1/maps/${encodeURIComponent(name)}/versions/${encodeURIComponent(version)}`;
-}
-
 /** @param version the active one when undefined. @throws ApiError in words; AbortError when `signal` fires. */
 export async function loadFacts(name: string, version: string | undefined, signal: AbortSignal): Promise<MapFacts> {
-  const path = version === undefined ? `/v1/maps/${encodeURIComponent(name)}` : versionPath(name, version);
-  const facts = (await get(path, signal)) as MapFacts;
-  if (!Array.isArray(facts.tiles) || !Array.isArray(facts.origin)) {
+  const { data } = version === undefined ? await ask('get', '/v1/maps/{map}', { path: { map: name }, signal })
+    : await ask('get', '/v1/maps/{map}/versions/{version}', { path: { map: name, version }, signal });
+  const { origin, tiles, voxel_size_m, geodetic_origin } = data;
+  if (data.version === null || origin === undefined || tiles === undefined || voxel_size_m === undefined) {
     throw new ApiError('garbled', `The map “${name}” has no version that can be shown yet.`);
   }
-  return facts;
+  return { name, version: data.version, origin: origin as unknown as Vec3, tiles, voxel_size_m, ...(geodetic_origin && { geodetic_origin }) };
 }
 
 export async function loadSigns({ name, version }: MapFacts, signal: AbortSignal): Promise<MapSigns> {
-  const path = versionPath(name, version);
+  const options = { path: { map: name, version }, signal };
   const [objects, trajectory, graph] = await Promise.all([
-    get(`${path}/objects`, signal) as Promise<{ objects: ObjectEntry[] }>,
-    get(`${path}/trajectory`, signal) as Promise<{ poses: TrackPose[] }>,
-    unlessMissing(get(`${path}/graph`, signal)) as Promise<{ key_frames: number[]; loops: Loop[] | null } | undefined>,
+    ask('get', '/v1/maps/{map}/versions/{version}/objects', options),
+    ask('get', '/v1/maps/{map}/versions/{version}/trajectory', options),
+    unlessMissing(ask('get', '/v1/maps/{map}/versions/{version}/graph', options)),
   ]);
   return {
-    objects: gather(objects.objects), poses: trajectory.poses,
-    keyframes: graph?.key_frames ?? [], loops: graph?.loops ?? undefined,
+    objects: gather(objects.data.objects), poses: trajectory.data.poses as unknown as TrackPose[],
+    keyframes: graph?.data.key_frames ?? [], loops: graph?.data.loops ?? undefined,
   };
 }
 
@@ -64,7 +59,7 @@ export interface GridAnswer {
 }
 
 export async function loadGrid({ name, version }: MapFacts, layer: string, band: string, signal: AbortSignal): Promise<GridAnswer> {
-  const head = (await get(`${versionPath(name, version)}/layers/${layer}`, signal)) as GridHead;
+  const { data: head } = await ask('get', '/v1/maps/{map}/versions/{version}/layers/{layer}', { path: { map: name, version, layer }, signal });
   const values = async (wanted: string): Promise<Float32Array> => {
     const url = head.bands.find((one) => one.name === wanted)?.url;
     if (url === undefined) throw new ApiError('garbled', `The layer “${layer}” has no values named “${wanted}”.`);
@@ -73,10 +68,6 @@ export async function loadGrid({ name, version }: MapFacts, layer: string, band:
   };
   const [heights, wanted] = await Promise.all([values('height'), values(band)]);
   return { head, heights, values: wanted };
-}
-
-async function get(path: string, signal: AbortSignal): Promise<unknown> {
-  return jsonOf(await send('GET', path, { signal }), `GET ${path}`);
 }
 
 // Versions made elsewhere, and older servers, may have no such thing.

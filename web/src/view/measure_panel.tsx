@@ -28,12 +28,12 @@ export function MeasurePanel({ model }: { model: ViewerModel }) {
       {line.length === 1 && <p class="quiet">One place; click the next.</p>}
       {section !== undefined && (
         <div class="viewer-row">
-          <span>Section of {metres(lengthOf(section))}, thick</span>
+          <span>Section {metres(lengthOf(section))} long and</span>
           <input
             type="number" aria-label="Thickness of the section in metres" min={0.1} max={50} step={0.1} value={section.width}
             onChange={({ currentTarget }) => model.tools.setSectionWidth(currentTarget.valueAsNumber)}
           />
-          <span>m</span>
+          <span>m thick</span>
         </div>
       )}
       <button type="button" class="small" onClick={() => model.tools.clear()}>Clear</button>

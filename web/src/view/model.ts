@@ -1,8 +1,10 @@
-import { connection } from '../api/connection.js';
+import { versionPath } from '../api/client.js';
 import { isAborted, toApiError } from '../api/errors.js';
+import { onRecovery } from '../api/recovery.js';
 import { send } from '../api/send.js';
 import { replaceQuery } from '../router.js';
 import type { Box } from '../scene/clip_box.js';
+import { cut, type Clip } from '../scene/clip_planes.js';
 import { GridLayer } from '../scene/grid_layer.js';
 import { MapCloud, type Ranges } from '../scene/map_cloud.js';
 import { ObjectsLayer, type Decision } from '../scene/objects_layer.js';
@@ -11,11 +13,12 @@ import type { SeenObject } from '../scene/seen_objects.js';
 import { SketchLayer } from '../scene/sketch_layer.js';
 import type { Trouble } from '../scene/tile_source.js';
 import { TrackLayer } from '../scene/track_layer.js';
-import type { Theme } from '../scene/types.js';
+import { depthAlong } from '../scene/pick.js';
+import { subtract, type Theme } from '../scene/types.js';
 import { writeViewState, type ViewState } from '../scene/view_state.js';
 import { Store } from '../ui/store.js';
 import { Corrections, decide, decisionsOf } from './corrections.js';
-import { loadSigns, versionPath, type MapFacts, type MapSigns } from './facts.js';
+import { loadSigns, type MapFacts, type MapSigns } from './facts.js';
 import { GridView } from './grid_view.js';
 import { optionsOf, type Options } from './options.js';
 import { Tools } from './tools.js';
@@ -72,7 +75,7 @@ export class ViewerModel {
     this.track_ = new TrackLayer(facts.origin);
     this.sketch_ = new SketchLayer(facts.origin);
     this.corrections_ = new Corrections(facts.name);
-    this.grid = new GridView(new GridLayer(facts.origin), facts, this.stop_.signal, () => this.scene.requestRender());
+    this.grid = new GridView(new GridLayer(facts.origin), facts, this.stop_.signal, () => this.cutSigns());
     this.scene.overlay.add(
       this.objects_.group, this.track_.trajectory, this.track_.keyframes, this.track_.loops, this.sketch_.group, this.grid.group);
     this.tools = new Tools(this, this.sketch_, this.stop_.signal);
@@ -109,7 +112,7 @@ export class ViewerModel {
   choose(object: SeenObject | undefined): void {
     this.chosen.set(object);
     this.objects_.choose(object);
-    this.scene.requestRender();
+    this.cutSigns();
   }
 
   /** Saves what the next rebuild does with an object; undefined takes back what was said. @throws ApiError */
@@ -130,7 +133,7 @@ export class ViewerModel {
   /** Goes on after trouble. */
   retry(): void {
     this.cloud.retry();
-    if (this.signs.get() === undefined) void this.loadSigns();
+    if (this.fault.get() !== undefined) void this.loadSigns();
   }
 
   dispose(): void {
@@ -147,9 +150,7 @@ export class ViewerModel {
       this.scene.onFrame(() => this.drawn()),
       this.scene.onView(() => this.remember()),
       this.scene.onHover((pick) => this.hover.set(pick)),
-      connection.listen(({ state }) => {
-        if (state === 'up' && this.trouble.get()?.kind === 'offline') this.retry();
-      }));
+      onRecovery(() => this.fault.get() !== undefined && void this.loadSigns()));
     canvas.addEventListener('webglcontextlost', () => this.contextLost.set(true), { signal });
     canvas.addEventListener('webglcontextrestored', () => this.contextLost.set(false), { signal });
   }
@@ -191,7 +192,7 @@ export class ViewerModel {
     const lowest = Math.min(...signs.poses.map(({ position }) => position[2]));
     // Where no point is hit: some way below the sensor.
     if (Number.isFinite(lowest)) this.scene.groundHeight = lowest - 1.5;
-    this.scene.requestRender();
+    this.cutSigns();
   }
 
   /** The object under a place of the window, unless a point is in front of it. */
@@ -200,7 +201,7 @@ export class ViewerModel {
     const met = this.objects_.pick(ray);
     if (met === undefined) return undefined;
     const pick = this.scene.pick(clientX, clientY);
-    const depth = pick?.point === undefined ? Infinity : this.scene.toLocal(pick.position).distanceTo(this.scene.camera.position);
+    const depth = pick?.point === undefined ? Infinity : depthAlong(ray, subtract(pick.position, this.scene.origin));
     return depth < met.depth - 0.3 ? undefined : met.object;
   }
 
@@ -212,18 +213,28 @@ export class ViewerModel {
     materials.setTheme(this.theme_);
     materials.setColouring(colouring);
     materials.setRound(quality !== 'reduced');
-    materials.setClip(clip && { box: this.inScene(clip.box), mode: clip.mode });
+    this.cloud.setClip(clip && this.inScene(clip));
+    this.objects_.setClip(clip);
     this.objects_.group.visible = overlays.includes('objects');
     for (const overlay of ['trajectory', 'keyframes', 'loops'] as const) this.track_[overlay].visible = overlays.includes(overlay);
     this.grid.show(grid, this.theme_);
     this.tools.showClip(clip?.box);
+    this.cutSigns();
     this.scene.setEyeDome(eyeDome);
     this.scene.setQuality(quality);
   }
 
-  private inScene(box: Box): Box {
+  /** Boxes, lines and painted ground are cut as the points are; to be done anew whenever they are made anew. */
+  private cutSigns(): void {
+    const { clip } = this.options.get();
+    const { trajectory, keyframes, loops } = this.track_;
+    for (const group of [this.objects_.group, trajectory, keyframes, loops, this.grid.group]) cut(group, clip && this.inScene(clip));
+    this.scene.requestRender();
+  }
+
+  private inScene({ box, mode }: Clip): Clip {
     const { x, y, z } = this.scene.toLocal(box.centre);
-    return { ...box, centre: [x, y, z] };
+    return { box: { ...box, centre: [x, y, z] }, mode };
   }
 
   private drawn(): void {

@@ -1,3 +1,4 @@
+import { versionPath } from '../api/client.js';
 import { isAborted, toApiError } from '../api/errors.js';
 import { send } from '../api/send.js';
 import { boxOverDiagonal, contains, type Box, type ClipMode } from '../scene/clip_box.js';
@@ -9,7 +10,7 @@ import { boxOf, extentOf, lengthOf, profileOf, type Profile, type Section } from
 import type { SketchLayer } from '../scene/sketch_layer.js';
 import { kKinds, subtract, type Kind, type Vec3 } from '../scene/types.js';
 import { Store } from '../ui/store.js';
-import { versionPath } from './facts.js';
+import { ClipGrip } from './clip_grip.js';
 import type { ViewerModel } from './model.js';
 
 export type ToolName = 'look' | 'measure' | 'section' | 'clip';
@@ -34,6 +35,7 @@ export class Tools {
   readonly section = new Store<Section | undefined>(undefined);
   readonly profile = new Store<Profile | undefined>(undefined);
   readonly work = new Store<Work>({ state: 'none' });
+  private readonly grip_: ClipGrip;
   private pending_: Vec3[] = [];
   private cutting_: AbortController | undefined;
 
@@ -42,6 +44,7 @@ export class Tools {
     private readonly sketch_: SketchLayer,
     private readonly signal_: AbortSignal,
   ) {
+    this.grip_ = new ClipGrip(model_.scene, (box) => this.setClip(box, model_.options.get().clip?.mode));
     signal_.addEventListener('abort', () => this.cutting_?.abort());
     this.use('look');
   }
@@ -82,9 +85,10 @@ export class Tools {
     if (section !== undefined && width > 0) void this.cut(section.from, section.to, width);
   }
 
-  /** Draws the outline of the clip box. */
+  /** Draws the outline of the clip box, which can be pulled; without one that of the section. */
   showClip(box: Box | undefined): void {
-    this.sketch_.setBox(box ?? (this.section.get() && boxOf(this.section.get() as Section)), this.model_.theme);
+    const section = this.section.get();
+    this.sketch_.setBox(box ?? (section && boxOf(section)), box !== undefined, this.model_.theme);
   }
 
   redraw(): void {
@@ -107,7 +111,12 @@ export class Tools {
 
   private toolOf(name: ToolName): Tool {
     if (name === 'look') {
+      const box = (): Box | undefined => this.model_.options.get().clip?.box;
       return {
+        down: (place) => this.grip_.take(box(), place),
+        move: (place) => this.grip_.move(box(), place),
+        up: () => this.grip_.release(),
+        cancel: () => this.grip_.cancel(),
         click: (place) => this.model_.choose(this.model_.objectAt(place.clientX, place.clientY)),
         doubleClick: (place) => this.comeNearer(place.pick()?.position),
       };
@@ -167,7 +176,7 @@ export class Tools {
     const at = place.pick()?.position;
     if (at === undefined) return;
     const first = before[0] as Vec3;
-    if (name === 'clip') this.sketch_.setBox(boxOverDiagonal(first, at, kClipBelowM, kClipAboveM), this.model_.theme);
+    if (name === 'clip') this.sketch_.setBox(boxOverDiagonal(first, at, kClipBelowM, kClipAboveM), false, this.model_.theme);
     this.sketch_.setLine(name === 'clip' ? [first] : [...before, at], this.model_.theme);
     this.model_.scene.requestRender();
   }

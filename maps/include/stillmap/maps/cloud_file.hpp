@@ -3,6 +3,7 @@
 #include <stillmap/maps/geodesy.hpp>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include <cstddef>
 #include <cstdint>
@@ -39,6 +40,8 @@ struct CloudSummary {
   std::string coordinates, heights;
   /// Of easting and northing, where the coordinates are those.
   std::optional<UtmZone> utm;
+  /// PCD: where the sensor stood, which is not applied; nothing where the file does not say it.
+  std::optional<Eigen::Isometry3d> viewpoint;
 };
 
 /// Most points of a `binary_compressed` PCD: its columns come one after the other, so that all of
@@ -56,9 +59,10 @@ void check_cloud_header(std::span<const std::byte> head, std::string_view format
                         const std::string& name);
 
 /// Reads a PCD, PLY or LAS (1.2 to 1.4, uncompressed) file of any size in doubles and hands its
-/// points on, in order, some tens of thousands at a time. The file is mapped, not read into memory;
-/// the viewpoint of a PCD is not applied. Columns as `decode_scan` takes them; the intensity of LAS
-/// is that of the file. The format follows from the extension.
+/// points on, in order, some tens of thousands at a time. The file is mapped, and of it some
+/// millions of points are held at once; the viewpoint of a PCD is not applied. Columns as
+/// `decode_scan` takes them; the intensity of LAS is that of the file. The format follows from the
+/// extension.
 /// @throws InputError naming the file, the value found and what was expected; StorageError when it
 /// cannot be read; what `take` throws.
 CloudSummary read_cloud_file(const std::filesystem::path& file,

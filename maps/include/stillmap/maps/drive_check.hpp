@@ -14,7 +14,8 @@ namespace stillmap::maps {
 /// Something that looks wrong with a drive, and what to do about it.
 struct DriveFinding {
   /// Stable: frame_of_poses, map_not_level, poses_stand_still, poses_jump, gaps, duplicates,
-  /// sensor_upside_down, sensor_tilted, intensity_constant, millimetres, few_returns.
+  /// sensor_upside_down, sensor_tilted, intensity_constant, millimetres, few_returns, no_poses,
+  /// viewpoints_not_applied, points_in_map_frame.
   std::string code;
   std::string what;
   std::string remedy;

@@ -11,8 +11,9 @@ namespace stillmap::maps {
 /// that a file cut off meanwhile is an error and not the end of the process.
 class FileReader {
  public:
-  /// @throws StorageError naming the file and the system's reason.
-  explicit FileReader(std::filesystem::path file);
+  /// @param shown_as  what messages call it, where that is another. @throws StorageError naming the
+  /// file and the system's reason.
+  explicit FileReader(const std::filesystem::path& file, std::filesystem::path shown_as = {});
   ~FileReader();
   FileReader(const FileReader&) = delete;
   FileReader& operator=(const FileReader&) = delete;

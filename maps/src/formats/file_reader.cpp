@@ -1,4 +1,4 @@
-#include "bags/file_reader.hpp"
+#include "formats/file_reader.hpp"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -12,8 +12,9 @@
 
 namespace stillmap::maps {
 
-FileReader::FileReader(std::filesystem::path file) : file_(std::move(file)) {
-  descriptor_ = ::open(file_.c_str(), O_RDONLY | O_CLOEXEC);
+FileReader::FileReader(const std::filesystem::path& file, std::filesystem::path shown_as)
+    : file_(shown_as.empty() ? file : std::move(shown_as)) {
+  descriptor_ = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
   struct stat status {};
   if (descriptor_ < 0 || ::fstat(descriptor_, &status) != 0) {
     const int reason = errno;

@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-namespace stillmap::mapping {
+namespace stillmap::localization {
 
 /// Ad(T) of twists with the translation first: T exp(x) = exp(Ad(T) x) T.
 [[nodiscard]] inline Eigen::Matrix<double, 6, 6> adjoint(const Eigen::Isometry3d& T) {
@@ -16,4 +16,4 @@ namespace stillmap::mapping {
   return Ad;
 }
 
-}  // namespace stillmap::mapping
+}  // namespace stillmap::localization

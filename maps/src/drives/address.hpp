@@ -1,0 +1,19 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace stillmap::maps {
+
+/// Where a drive lies, and what is chosen of it behind the last `?`.
+struct Address {
+  std::filesystem::path place;
+  /// `word=value` parted by `&`, without the sensor's.
+  std::string words;
+  /// Of `sensor=NAME`; empty without it.
+  std::string sensor;
+};
+
+[[nodiscard]] Address address_of(const std::filesystem::path& root);
+
+}  // namespace stillmap::maps

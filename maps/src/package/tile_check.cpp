@@ -1,0 +1,34 @@
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/tile_check.hpp>
+
+#include <span>
+#include <stdexcept>
+#include <string>
+
+#include "package/manifest_json.hpp"
+#include "package/sha256.hpp"
+
+namespace stillmap::maps {
+
+void require_whole_tile(const MapPackage& map, TileId id) {
+  const std::string path = tile_path(id);
+  const std::span<const std::byte> bytes = std::as_bytes(map.tile(id));
+  if (bytes.empty()) throw std::invalid_argument(path + ": no tile of the package");
+  Sha256 hash;
+  hash.add(bytes.data(), bytes.size());
+  const std::string found = hash.hex();
+  const std::string& stated = map.manifest().files.at(path).sha256;
+  if (found != stated)
+    throw InputError((map.folder() / path).string(), "SHA-256 " + found,
+                     stated + " as in manifest.json");
+}
+
+void require_whole_tiles(const MapPackage& map, const DerivedWork& work) {
+  for (const TileEntry& tile : map.manifest().tiles) {
+    if (tile.id.level != 0) continue;
+    if (work.go_on && !work.go_on(0.0)) throw WorkStopped();
+    require_whole_tile(map, tile.id);
+  }
+}
+
+}  // namespace stillmap::maps
