@@ -154,7 +154,7 @@ class JudgeStanding : public testing::Test {
     }
   }
   void judge(const BoxRayCounter& count_rays) {
-    ObstacleStore obstacles(folder_.path() / "obstacles");
+    ObstacleStore obstacles(folder_.path());
     for (const ScanObstacles& scan : scans_of(world_)) obstacles.add(0, scan);
     obstacles.finish();
     judge_standing(fused_, obstacles, scans_, count_rays, Eigen::Vector3d::Zero());
@@ -200,7 +200,7 @@ TEST_F(JudgeStanding, AsksTheObjectsOwnDriveOnly) {
   for (const double x : {8.4, 9.8, 11.2})
     other_day.boxes.push_back({{x - 0.4, 5.1, 0.0}, {x + 0.4, 7.3, 0.9}});
   ObstacleMap of_both;
-  ObstacleStore obstacles(folder_.path() / "obstacles");
+  ObstacleStore obstacles(folder_.path());
   for (const std::size_t drive : {0U, 1U}) {
     for (const ScanObstacles& scan : scans_of(drive == 0 ? world_ : other_day, 0.25)) {
       of_both.add(scan);
