@@ -68,8 +68,8 @@ export class Run {
   failures = [];
   errors = [];
   foreign = [];
-  /** Console errors that the test brings about itself, as those of requests that are refused; with their addresses. */
-  expectedErrors = [/Failed to load resource/];
+  /** Console errors that the part under way brings about itself, as those of requests that are refused; with their addresses. */
+  expectedErrors = [];
   #servers = [];
 
   constructor(program, sample, screenshots) {
@@ -173,6 +173,7 @@ export async function main(parts) {
     const only = process.env.ONLY?.split(',');
     for (const [name, part] of Object.entries(parts).filter(([one]) => only?.includes(one) ?? true)) {
       console.log(`-- ${name}`);
+      run.expectedErrors = [/Failed to load resource/];
       await part(run).catch(async (error) => {
         run.expect(false, `${name}: ${error.stack}`);
         await run.screenshot(run.latest, `failed_${name}`).catch(() => undefined);

@@ -113,15 +113,19 @@ function Where({ chosen, map: fixedMap, goOn, onClose }: WhereProps) {
   const [typedName, setName] = useState<string>();
   const maps = useLoad((signal) => ask('get', '/v1/maps', { signal }), []);
   const map = fixedMap ?? (typedMap === '' ? suggestedMap(chosen.name) : typedMap);
-  const versions = useVersionNames(isNew(map, maps.data?.data.maps) === false && kind !== 'drive' ? map : undefined);
-  const name = goOn?.name ?? typedName ?? (kind === 'drive' ? chosen.name.replace(/\.(tar|tgz|tar\.\w+)$/i, '') : suggestedVersion(versions));
+  const isNewMap = isNew(map, maps.data?.data.maps);
+  const taken = useVersionNames(isNewMap === false && kind !== 'drive' ? map : undefined);
+  // No name is suggested before it is known which are taken.
+  const suggested = kind === 'drive' ? driveName(chosen.name) : isNewMap === true ? suggestedVersion([]) : taken && suggestedVersion(taken);
+  const name = goOn?.name ?? typedName ?? suggested ?? '';
   const mapFault = faultOfName(map);
   const nameFault = goOn !== undefined ? undefined : kind === 'drive' ? (name.length > 200 ? 'At most 200 letters.' : undefined) : faultOfName(name);
+  const isSound = mapFault === undefined && nameFault === undefined;
   const begun = goOn === undefined
     ? begunWith({ map, collection: collectionOf(kind), name: chosen.name, bytes: chosen.content.size, changedMs: chosen.changedMs }) : undefined;
   const start = (event: Event, goOnWith: number | undefined): void => {
     event.preventDefault();
-    if (mapFault !== undefined || nameFault !== undefined) return;
+    if (!isSound) return;
     startUpload({ map, kind, name, chosen, goOn: goOnWith });
     onClose();
   };
@@ -129,7 +133,7 @@ function Where({ chosen, map: fixedMap, goOn, onClose }: WhereProps) {
     <form onSubmit={(event) => start(event, goOn?.id ?? begun?.id)}>
       {look?.sure !== true && goOn === undefined && <KindChoice kind={kind} why={look?.why} onKind={setKind} />}
       {fixedMap === undefined && (
-        <Field label="Map" fault={mapFault} hint={kMapHints[String(isNew(map, maps.data?.data.maps))]}>
+        <Field label="Map" fault={mapFault} hint={kMapHints[String(isNewMap)]}>
           {(props) => (
             <>
               <input {...props} list="upload-maps" value={map} onInput={(event) => setMap(event.currentTarget.value)} />
@@ -140,7 +144,7 @@ function Where({ chosen, map: fixedMap, goOn, onClose }: WhereProps) {
       )}
       {goOn === undefined && (
         <Field
-          label={kind === 'drive' ? 'Name of the drive' : 'Name of the version'} fault={nameFault}
+          label={kind === 'drive' ? 'Name of the drive' : 'Name of the version'} fault={typedName === undefined ? undefined : nameFault}
           hint={kind === 'drive' ? 'For you to tell drives apart.' : 'It never changes. It is stored, not published yet.'}
         >
           {(props) => <input {...props} value={name} onInput={(event) => setName(event.currentTarget.value)} />}
@@ -151,7 +155,7 @@ function Where({ chosen, map: fixedMap, goOn, onClose }: WhereProps) {
         {begun !== undefined && <button type="button" onClick={(event) => start(event, undefined)}>Begin anew</button>}
         <span class="grow" />
         <button type="button" onClick={onClose}>Cancel</button>
-        <button type="submit" class="primary">{begun === undefined && goOn === undefined ? 'Upload' : 'Go on'}</button>
+        <button type="submit" class="primary" disabled={!isSound}>{begun === undefined && goOn === undefined ? 'Upload' : 'Go on'}</button>
       </div>
     </form>
   );
@@ -176,12 +180,16 @@ function isNew(map: string, maps: readonly { name: string }[] | undefined): bool
   return maps === undefined ? undefined : !maps.some(({ name }) => name === map);
 }
 
-/** Names that are taken in a map that is there; none of undefined. */
-function useVersionNames(map: string | undefined): string[] {
-  const [names, setNames] = useState<string[]>([]);
+function driveName(file: string): string {
+  return file.replace(/\.(tar|tgz|tar\.\w+)$/i, '');
+}
+
+/** Names that are taken in a map that is there; undefined until they are known. */
+function useVersionNames(map: string | undefined): string[] | undefined {
+  const [names, setNames] = useState<string[]>();
   useEffect(() => {
     const stop = new AbortController();
-    setNames([]);
+    setNames(undefined);
     if (map === undefined) return undefined;
     ask('get', '/v1/maps/{map}/versions', { path: { map }, signal: stop.signal }).then(
       ({ data }) => setNames(data.versions.map(({ version }) => version)), () => undefined);
