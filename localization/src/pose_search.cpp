@@ -42,11 +42,13 @@ class Columns {
   }
 
  private:
+  /// Of a voxel, whose place is the index file's word: far away, and no number, is at the bound.
   [[nodiscard]] int cell(float coordinate_m) const {
-    return static_cast<int>(std::floor(coordinate_m / edge_m_));
+    constexpr float kMost = 1 << 28;
+    return static_cast<int>(std::max(-kMost, std::min(kMost, std::floor(coordinate_m / edge_m_))));
   }
   void mark(const Eigen::Vector3f& p) {
-    const Eigen::Array3i c = cell_of(p);
+    const Eigen::Array3i c = Eigen::Array3i(cell(p.x()), cell(p.y()), cell(p.z())) - first_;
     if (c.x() < 0 || c.x() >= side_ || c.y() < 0 || c.y() >= side_ || c.z() < 0 ||
         c.z() >= kCellsOfHeight)
       return;

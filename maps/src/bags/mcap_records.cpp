@@ -95,7 +95,7 @@ std::optional<ChunkIndex> read_chunk_index(Record& record) {
   constexpr std::uint32_t kEntryBytes = 2 + 8;
   const auto entries = record.number<std::uint32_t>();
   if (entries > record.left()) return std::nullopt;
-  for (std::uint32_t i = 0; i < entries / kEntryBytes; ++i) {
+  for (std::uint32_t i = 0; i < entries / kEntryBytes && !record.is_short(); ++i) {
     index.channels |= std::uint64_t{1} << record.number<std::uint16_t>() % 64U;
     record.skip(8);
   }
