@@ -130,7 +130,7 @@ AttemptEnd run_attempt(const JobAttempt& attempt) {
 }
 
 ProgramOutput run_short(const std::vector<std::string>& command, const ProcessLimits& limits,
-                        std::chrono::seconds most) {
+                        std::chrono::seconds most, const std::function<bool()>& is_unwanted) {
   constexpr std::size_t kMostText = std::size_t{64} << 10U;
   ProgramOutput output;
   ChildProcess child(command, limits);
@@ -143,9 +143,8 @@ ProgramOutput run_short(const std::vector<std::string>& command, const ProcessLi
     wait_for(open ? child.output() : -1, -1);
     open = open && drain(child.output(), take);
     static_cast<void>(drain(child.progress(), [](std::string_view) {}));
-    if (Clock::now() < must_end) continue;
-    output.timed_out = true;
-    child.signal(SIGKILL);
+    output.timed_out = output.timed_out || Clock::now() >= must_end;
+    if (output.timed_out || is_unwanted()) child.signal(SIGKILL);
   }
   if (open) static_cast<void>(drain(child.output(), take));
   output.end = child.end();

@@ -53,8 +53,10 @@ struct ProgramOutput {
   /// Of stdout and stderr, the first 64 KiB.
   std::string text;
 };
+/// @param is_unwanted  asked some ten times a second; then it is killed, as after `most`.
 /// @throws std::runtime_error when it cannot be started.
 [[nodiscard]] ProgramOutput run_short(const std::vector<std::string>& command,
-                                      const ProcessLimits& limits, std::chrono::seconds most);
+                                      const ProcessLimits& limits, std::chrono::seconds most,
+                                      const std::function<bool()>& is_unwanted);
 
 }  // namespace stillmap::server

@@ -80,11 +80,12 @@ std::string sha256_of(const maps::StoredJob& job) {
 fs::path JobRunner::upload(const std::string& sha256) const { return root_ / kUploads / sha256; }
 
 void JobRunner::check_room(const std::string& map, const RebuildRequest& request,
-                           const RebuildSources& sources) {
+                           const RebuildSources& sources,
+                           const std::function<bool()>& is_unwanted) {
   if (setup_.mapper.empty())
     throw ApiError(ErrorCode::kNoMapper, "stillmap-mapper is not installed beside the server");
-  const ProgramOutput output =
-      run_short(estimate_command(setup_.mapper, request, sources), limits(), kMostForEstimate);
+  const ProgramOutput output = run_short(estimate_command(setup_.mapper, request, sources),
+                                         limits(), kMostForEstimate, is_unwanted);
   const std::optional<Estimate> estimate = read_estimate(output.text);
   if (output.timed_out || output.end.exit_code != 0 || !estimate) {
     const std::string said = without_places(last_line(output.text));
@@ -159,7 +160,7 @@ maps::JobTable::Enqueued JobRunner::rebuild(const std::string& map, const Rebuil
                        fmt::format("drive {} is {}", id, maps::name_of(drive.status)));
     }
     fs::create_directories(root_);
-    check_room(map, request, sources_of({.map = map}, request));
+    check_room(map, request, sources_of({.map = map}, request), [] { return false; });
   }
   const maps::JobTable::Enqueued enqueued = setup_.store.jobs().enqueue(job, unix_ns());
   wake();

@@ -171,17 +171,23 @@ AttemptEnd JobRunner::attempt(const maps::StoredJob& job, const std::stop_token&
       .is_canceled = [&] { return wants_cancel(job.id); },
       .is_stopping = [&] { return stop.stop_requested(); },
       .on_progress = [&](const JobProgress& progress) { note_progress(job, progress); }};
+  using Kind = AttemptEnd::Kind;
+  AttemptEnd unprepared;
   try {
-    attempt.command = prepare(job);
+    attempt.command = prepare(job, [&] { return attempt.is_canceled() || attempt.is_stopping(); });
+    return run_attempt(attempt);
   } catch (const ProgramCrash& error) {
-    return {AttemptEnd::Kind::kCrashed, error.what()};
+    unprepared = {Kind::kCrashed, error.what()};
   } catch (const std::exception& error) {
-    return {AttemptEnd::Kind::kFailed, error.what()};
+    unprepared = {Kind::kFailed, error.what()};
   }
-  return run_attempt(attempt);
+  if (attempt.is_canceled()) return {Kind::kCanceled, "cancelled"};
+  if (attempt.is_stopping()) return {Kind::kStopped, "the server was stopped"};
+  return unprepared;
 }
 
-std::vector<std::string> JobRunner::prepare(const maps::StoredJob& job) {
+std::vector<std::string> JobRunner::prepare(const maps::StoredJob& job,
+                                            const std::function<bool()>& is_unwanted) {
   const JobFolder folder = this->folder(job.id);
   fs::create_directories(folder.scratch());
   sync_folder(root_);
@@ -200,7 +206,7 @@ std::vector<std::string> JobRunner::prepare(const maps::StoredJob& job) {
   const RebuildRequest request = read_stored_rebuild(job.request);
   const RebuildSources sources = sources_of(job, request);
   // A second attempt has used some of it.
-  if (job.attempts == 1) check_room(job.map, request, sources);
+  if (job.attempts == 1) check_room(job.map, request, sources, is_unwanted);
   write_small_file(folder.gate(), gate_json(setup_.live.current()->gate));
   if (!request.edits.empty()) write_small_file(folder.edits(), request.edits);
   return rebuild_command(setup_.mapper, request, sources, folder, threads);

@@ -104,7 +104,9 @@ class JobRunner {
   bool take_over();
   void run(const maps::StoredJob& job, const std::stop_token& stop);
   [[nodiscard]] AttemptEnd attempt(const maps::StoredJob& job, const std::stop_token& stop);
-  [[nodiscard]] std::vector<std::string> prepare(const maps::StoredJob& job);
+  /// @param is_unwanted  then what it waits for is killed, which is an error.
+  [[nodiscard]] std::vector<std::string> prepare(const maps::StoredJob& job,
+                                                 const std::function<bool()>& is_unwanted);
   [[nodiscard]] RebuildSources sources_of(const maps::StoredJob& job,
                                           const RebuildRequest& request) const;
   void settle(const maps::StoredJob& job, const AttemptEnd& end);
@@ -114,7 +116,7 @@ class JobRunner {
   void ended(const maps::StoredJob& job);
   void note_progress(const maps::StoredJob& job, const JobProgress& progress);
   void check_room(const std::string& map, const RebuildRequest& request,
-                  const RebuildSources& sources);
+                  const RebuildSources& sources, const std::function<bool()>& is_unwanted);
   void check_waiting() const;
   void check_new_version(const std::string& map, const std::string& version) const;
   /// With the corrections that it is to use, as they are now.

@@ -128,6 +128,22 @@ TEST_F(Jobs, IsTriedAgainWhenTheEstimateOfItsRoomCrashes) {
   EXPECT_EQ(job["attempts"], 2);
 }
 
+TEST_F(Jobs, CancelAndStopEndTheEstimateOfItsRoom) {
+  // Every second one is that of the job itself.
+  const std::string asked = (scripts_.path() / "asked").string();
+  start_with("publish", "1000'; echo x >> " + asked + "; [ $(($(wc -l < " + asked +
+                            ") % 2)) -eq 1 ] || sleep 50; printf '");
+  const auto begin = std::chrono::steady_clock::now();
+  const std::string job = rebuild();
+  wait_for_stage(job, "prepare");
+  EXPECT_EQ(send("POST", job + "/cancel").status, 202);
+  EXPECT_EQ(wait_for_end(job)["status"], "canceled");
+  wait_for_stage(rebuild(R"({"drives": [1], "version": "v2"})"), "prepare");
+  service_.reset();
+  EXPECT_EQ(store_.open().jobs().job(2).status, maps::JobStatus::kEnqueued);
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(25));
+}
+
 TEST_F(Jobs, GoesOnAfterARestartOfTheServer) {
   start_with(
       "if [ -e $work/half ]; then publish; else touch $work/half; say 0.1 half; sleep 60; fi");
