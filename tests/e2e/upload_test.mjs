@@ -185,6 +185,11 @@ async function folder(run) {
   await page.click('dialog button[type=submit]');
   await page.waitForSelector('tr[data-drive]', { state: 'detached' });
   run.expect(true, 'a drive is deleted');
+  const bag = readFileSync(new URL('../fuzz/corpus/mcap/seed_indexed_zstd', import.meta.url));
+  await choose(page, { name: 'run.mcap', mimeType: 'application/octet-stream', buffer: bag });
+  await page.click('dialog button[type=submit]');
+  await page.waitForSelector('tr[data-drive]:has-text("run") >> text=Complete');
+  run.expect(true, 'a bag in one file is a drive');
   await server.stop();
 }
 

@@ -10,6 +10,7 @@ import { gzipSync } from 'node:zlib';
 const unit = (name) => import(`../../../web/dist/unit/${name}.js`);
 const { tarOf, tarNames } = await unit('upload/tar');
 const { lookAt, lookAtFolder } = await unit('upload/kind');
+const { chosenFile } = await unit('upload/chosen');
 const { cut, missing, partBytesFor, partBytesOf, Speed } = await unit('upload/parts');
 const { faultOfName, suggestedMap, suggestedVersion } = await unit('upload/names');
 const { Transfer } = await unit('upload/transfer');
@@ -52,6 +53,14 @@ test('a file is told by what is in it, not by its name', async () => {
   assert.equal((await lookAt(named('x.tar.zst', new Uint8Array([0x28, 0xb5, 0x2f, 0xfd])))).sure, false);
 });
 
+test('a recording is a drive by itself, packed as a tar', async () => {
+  for (const name of ['run.mcap', 'run.db3', 'run.rawlog', 'run.mcap.zstd', 'RUN.MCAP']) {
+    const { content, look } = await chosenFile(named(name, 'x'));
+    assert.deepEqual([look.kind, look.sure, await tarNames(content, 10)], ['drive', true, [name]]);
+  }
+  assert.match((await chosenFile(named('run.mcap', ''))).look.refused, /empty/);
+});
+
 test('what the server would not take is said before a byte is sent', async () => {
   const refusals = [
     ['map.zip', 'PK\u0003\u0004', /zip/], ['a.las', las(6 | 0x80), /LAZ.*unpack/], ['a.las', 'SALF', /begin with LASF/], ['x.tar', '', /empty/], ['notes.txt', 'hello', /neither a tar/],
@@ -60,6 +69,7 @@ test('what the server would not take is said before a byte is sent', async () =>
   for (const [name, content, words] of refusals) assert.match((await lookAt(named(name, content))).refused, words);
   assert.match(lookAtFolder('holiday', ['beach.jpg']).refused, /neither a map package.*nor a scan/);
   assert.equal(lookAtFolder('day', ['velodyne/0.bin']).kind, 'drive');
+  assert.equal(lookAtFolder('day', ['metadata.yaml', 'day_0.db3.zstd']).kind, 'drive');
 });
 
 test('parts cover the file once, and there are at most 10000', () => {

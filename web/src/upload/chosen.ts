@@ -1,6 +1,6 @@
 // What a person drops or chooses: one file, or a folder with all that is in it.
 
-import { lookAt, lookAtFolder, type Look } from './kind.js';
+import { kRecording, lookAt, lookAtFolder, type Look } from './kind.js';
 import { tarOf, type TarEntry } from './tar.js';
 
 export interface Chosen {
@@ -14,8 +14,9 @@ export interface Chosen {
   files: number;
 }
 
-/** One file of an `<input type=file>`. */
+/** One file of an `<input type=file>`. A recording is a drive by itself, and packed like a folder. */
 export async function chosenFile(file: File): Promise<Chosen> {
+  if (kRecording.test(file.name) && file.size > 0) return chosenFolder(file.name, [{ path: file.name, file }]);
   return { name: file.name, look: await lookAt(file), content: file, changedMs: file.lastModified, files: 1 };
 }
 

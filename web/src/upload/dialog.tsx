@@ -68,7 +68,7 @@ function Chooser({ chosen, choose }: { chosen: Chosen | undefined; choose: (prom
       }}
     >
       {chosen === undefined
-        ? <p>Drop a file or a folder here: a map package or a drive as a folder or tar (plain, gzip, zstd), or points as LAS, PCD or PLY.</p>
+        ? <p>Drop a file or a folder here: a map package or a drive as a folder or tar (plain, gzip, zstd), a drive as MCAP, rosbag2 (.db3) or rawlog, or points as LAS, PCD or PLY.</p>
         : <p><strong>{chosen.name}</strong> <span class="quiet">{wordsOf(chosen)}</span></p>}
       <div class="actions">
         <label class="button">
@@ -181,7 +181,7 @@ function isNew(map: string, maps: readonly { name: string }[] | undefined): bool
 }
 
 function driveName(file: string): string {
-  return file.replace(/\.(tar|tgz|tar\.\w+)$/i, '');
+  return file.replace(/\.(tar|tgz|tar\.\w+|rawlog|(mcap|db3)(\.zstd)?)$/i, '');
 }
 
 /** Names that are taken in a map that is there; undefined until they are known. */

@@ -59,10 +59,12 @@ function lookAtTar(names: readonly string[], packing: Packing): Look {
   const isManifest = names.some((name) => /^(\.\/)?([^/]+\/)?manifest\.json$/.test(name));
   const hasTiles = names.some((name) => /(^|\/)tiles\//.test(name));
   if (isManifest || hasTiles) return { kind: 'package', sure: true, packing };
-  return { kind: 'drive', sure: names.some((name) => kScan.test(name)), packing };
+  return { kind: 'drive', sure: names.some((name) => kScan.test(name) || kRecording.test(name)), packing };
 }
 
-const kScan = /\.(bin|pcd|ply|mcap|db3|rawlog)$/i;
+/** A drive in one file. */
+export const kRecording = /\.(mcap|db3)(\.zstd)?$|\.rawlog$/i;
+const kScan = /\.(bin|pcd|ply)$/i;
 
 /** A dropped folder: a package, or a drive if there is any scan in it. */
 export function lookAtFolder(name: string, paths: readonly string[]): Look {
@@ -88,7 +90,6 @@ const kForeign: [RegExp, string][] = [
   [/\.las$/i, 'no LAS: it does not begin with LASF'],
   [/\.(e57|pts|xyz|csv|obj)$/i, 'this format is not taken: convert the points to LAS, PCD or PLY'],
   [/\.bag$/i, 'ROS 1 bags are not taken: convert it to MCAP or rosbag2, and drop its folder'],
-  [/\.(mcap|db3|rawlog)$/i, 'a recording is taken as a folder: put it in one, with what belongs to it, and drop that'],
   [/\.bin$/i, 'this may be a single scan: a drive is a folder of scans, drop that; to localize a scan, go to the map’s localization'],
 ];
 
