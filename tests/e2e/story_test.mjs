@@ -91,6 +91,8 @@ async function story(run) {
   await compare(run, page, server);
   await publish(run, page, server);
   await localize(run, page, server);
+  // Its next look at the server would be an error.
+  await page.context().close();
   await server.stop();
 }
 

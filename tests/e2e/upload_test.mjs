@@ -64,6 +64,7 @@ async function packages(run) {
   await page.click('dialog button[type=submit]');
   await page.waitForSelector('.notice a:has-text("Job"), .upload.failed');
   run.expect(true, 'a PCD map that was dropped on the page is sent');
+  await page.context().close();
   await server.stop();
 }
 
