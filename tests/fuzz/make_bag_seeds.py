@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the seeds of `ros_message`, `mcap`, `rosbag2` and `bag_choice`: small whole inputs, by hand, packed by the tools
+"""Writes the seeds of `ros_message`, `mcap`, `rosbag2`, `bag_choice` and `rawlog`: small whole inputs, by hand, packed by the tools
 lz4 and zstd. Regressions, which lie beside them as `found_*`, are left as they are.
 
 usage: tests/fuzz/make_bag_seeds.py
@@ -129,7 +129,19 @@ def rosbag2(messages, compression=None):
         return file.read_bytes()
 
 
+def rawlog_record(kind, stamp_ns=0, text=b"", points=(), flags=0, objects=0, unusable=0):
+    """As maps/src/rawlogs/rawlog_record.hpp has it."""
+    identity = [1.0, 0, 0, 0.5, 0, 1.0, 0, 0, 0, 0, 1.0, 0]
+    head = struct.pack("<IIq12dIIQQ", kind, len(text), stamp_ns, *identity, len(points), flags, objects, unusable)
+    return head + text + b"".join(struct.pack("<5f", *point) for point in points)
+
+
 def main():
+    scan = rawlog_record(1, 1_561_000_444_000_000_000, b"lidar", [(1, 2, 3, 0.5, 0.01), (4, 5, 6, 0.7, 0.02)], 3)
+    robot = rawlog_record(2, 1_561_000_444_000_000_000, flags=2)
+    put("rawlog", "whole", scan + robot + rawlog_record(3, objects=2, unusable=1))
+    put("rawlog", "broken_off", robot + scan + rawlog_record(3, text=b"no such class"))
+    put("rawlog", "cut", scan + robot)
     put("ros_message", "cloud", b"\0" + cloud(0))
     put("ros_message", "cloud_big_endian", b"\0" + cloud(0, ">"))
     put("ros_message", "cloud_ros1", b"\1" + cloud(0, ros1=True))

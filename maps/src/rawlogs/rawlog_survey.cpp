@@ -51,33 +51,36 @@ bool for_each_record(const UnnamedFile& file, const Take& take) {
 std::shared_ptr<const RawlogSurvey> survey_anew(const fs::path& file) {
   auto survey = std::make_shared<RawlogSurvey>();
   std::string broken_off = read_rawlog(file, survey->records);
+  survey_records(*survey, std::move(broken_off));
+  return survey;
+}
+
+}  // namespace
+
+void survey_records(RawlogSurvey& survey, std::string broken_off) {
   const bool ended = for_each_record(
-      survey->records,
+      survey.records,
       [&](const RawlogRecord& record, const std::string& text, std::uint64_t points_at) {
         if (record.kind == RawlogRecordKind::kScan) {
-          survey->scans_of_label[text].push_back(
+          survey.scans_of_label[text].push_back(
               {record.stamp_ns, pose_of(record), points_at, record.points, record.flags});
-        } else if (record.kind == RawlogRecordKind::kPose && record.flags < survey->poses.size()) {
-          ++survey->poses[record.flags];
+        } else if (record.kind == RawlogRecordKind::kPose && record.flags < survey.poses.size()) {
+          ++survey.poses[record.flags];
         } else if (record.kind == RawlogRecordKind::kEnd) {
           broken_off = text;
           if (record.unusable > 0)
-            survey->notes.push_back(fmt::format(
+            survey.notes.push_back(fmt::format(
                 "{} observations of clouds hold no points here: empty, or in files of their own",
                 record.unusable));
         }
       });
   if (!ended && broken_off.empty()) broken_off = "its reader ended without a word";
-  if (!broken_off.empty()) {
-    std::size_t scans = 0;
-    for (const auto& [label, of_label] : survey->scans_of_label) scans += of_label.size();
-    survey->notes.push_back(fmt::format(
-        "the rawlog could not be read to its end: {}; {} scans could", broken_off, scans));
-  }
-  return survey;
+  if (broken_off.empty()) return;
+  std::size_t scans = 0;
+  for (const auto& [label, of_label] : survey.scans_of_label) scans += of_label.size();
+  survey.notes.push_back(fmt::format("the rawlog could not be read to its end: {}; {} scans could",
+                                     broken_off, scans));
 }
-
-}  // namespace
 
 void RawlogSurvey::for_each_pose(
     RawlogPoseSource source,

@@ -39,6 +39,10 @@ struct RawlogSurvey {
                      const std::function<void(std::int64_t, const Eigen::Isometry3d&)>& take) const;
 };
 
+/// Fills the rest of a survey from its records, of which nothing is believed.
+/// @param broken_off  why there are no more, if not by themselves.
+void survey_records(RawlogSurvey& survey, std::string broken_off);
+
 /// Has a rawlog read, once for each process as long as the file stays the same.
 /// @throws InputError, StorageError as `read_rawlog`.
 [[nodiscard]] std::shared_ptr<const RawlogSurvey> survey_rawlog(const std::filesystem::path& file);

@@ -13,7 +13,8 @@
 // missed. An overload that misses one is repeated once, whole. What depends on being given the
 // cores (in time, goodput, health, and memory, since what waits is held) is judged by the turns in
 // which others took at most a tenth of them (memory, which stays, by all or none); where these are
-// fewer than half it is not judged, and the exit code is 77 when it was missed.
+// fewer than half it is not judged, and the exit code is 77 when it was missed. Memory grows by the
+// most of any turn over the most of the one that warms up: what it is at one instant swings.
 #include <fmt/format.h>
 
 #include <stillmap/localization/aligner.hpp>
@@ -143,6 +144,7 @@ class Load {
     double capacity = 0.0;
     double seconds = 0.0;
     std::vector<double> health_ms{};
+    /// The most while it was overloaded.
     double memory_mib = 0.0;
     std::optional<double> others{};
 
@@ -309,7 +311,6 @@ void Load::overload_turn(const ServerProcess& server, int workers, std::atomic<T
   overloaded = &turn;
   open_loop(server.port(), kOverload * turn.capacity, turn.seconds, turn.tally);
   overloaded = nullptr;
-  turn.memory_mib = server.memory_mib();
   turn.others = others.share();
 }
 
@@ -324,7 +325,10 @@ void Load::overload_once(Overload& overload) const {
       const Clock::time_point begin = Clock::now();
       Turn* const turn = overloaded;
       const bool alive = client.request("GET", "/livez").status == 200;
-      if (turn != nullptr) turn->health_ms.push_back(alive ? 1e3 * seconds_since(begin) : 1e4);
+      if (turn != nullptr) {
+        turn->health_ms.push_back(alive ? 1e3 * seconds_since(begin) : 1e4);
+        turn->memory_mib = std::max(turn->memory_mib, server.memory_mib());
+      }
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
   });
