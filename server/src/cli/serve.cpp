@@ -1,5 +1,6 @@
 #include <fmt/core.h>
 #include <fmt/ranges.h>
+#include <malloc.h>
 #include <spdlog/spdlog.h>
 
 #include <cstdio>
@@ -8,6 +9,7 @@
 #include <stillmap/server/options_holder.hpp>
 #include <stillmap/server/server.hpp>
 #include <string>
+#include <thread>
 
 #include "command_line/run_program.hpp"
 #include "commands.hpp"
@@ -159,6 +161,12 @@ void run_server(const server::ConfigSources& sources, const server::ServerOption
   spdlog::info("stopped");
 }
 
+/// Two heaps for each core. By default glibc takes eight, and with a thread for each connection
+/// each of them comes to keep room for a scan of its own.
+void bound_heaps() {
+  mallopt(M_ARENA_MAX, 2 * static_cast<int>(std::thread::hardware_concurrency()));
+}
+
 void serve(const ServeArguments& arguments) {
   if (arguments.print_schema) return fmt::print("{}", server::config_schema());
   if (arguments.print_page) return fmt::print("{}", server::config_page());
@@ -167,6 +175,7 @@ void serve(const ServeArguments& arguments) {
   require_none(config.problems);
   if (arguments.print_config) return fmt::print("{}", server::config_listing(config));
   if (arguments.check) return fmt::print("the configuration can be used\n");
+  bound_heaps();
   run_server(sources, config.options);
 }
 
