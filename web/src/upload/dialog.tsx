@@ -152,7 +152,7 @@ function Where({ chosen, map: fixedMap, goOn, onClose }: WhereProps) {
       )}
       {begun !== undefined && <p class="remark" role="status">The upload of this file was begun before. It goes on where it broke off.</p>}
       <div class="actions">
-        {begun !== undefined && <button type="button" onClick={(event) => start(event, undefined)}>Begin anew</button>}
+        {begun !== undefined && <button type="button" disabled={!isSound} onClick={(event) => start(event, undefined)}>Begin anew</button>}
         <span class="grow" />
         <button type="button" onClick={onClose}>Cancel</button>
         <button type="submit" class="primary" disabled={!isSound}>{begun === undefined && goOn === undefined ? 'Upload' : 'Go on'}</button>
