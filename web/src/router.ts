@@ -51,7 +51,11 @@ let rewriting: ReturnType<typeof setTimeout> | undefined;
 export function replaceQuery(query: Record<string, string>): void {
   const { view, path } = place.get();
   clearTimeout(rewriting);
-  rewriting = setTimeout(() => window.history.replaceState(null, '', linkTo(view, path, query)), kRewriteMs);
+  rewriting = setTimeout(() => {
+    // The window may have gone elsewhere already, and `hashchange` not have come yet: that address must stay.
+    const there = parsePlace(window.location.hash);
+    if (linkTo(there.view, there.path) === linkTo(view, path)) window.history.replaceState(null, '', linkTo(view, path, query));
+  }, kRewriteMs);
 }
 
 /** Begins to follow the address. */

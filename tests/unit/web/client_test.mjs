@@ -5,7 +5,7 @@ const unit = (name) => import(`../../../web/dist/unit/${name}.js`);
 const { addressOf, ask } = await unit('api/client');
 const { answerKey, askForKey, keyWanted, setKey } = await unit('api/keys');
 const { connection } = await unit('api/connection');
-const { parsePlace, linkTo } = await unit('router');
+const { parsePlace, linkTo, place, replaceQuery } = await unit('router');
 
 /** Answers in turn, and what was asked. */
 function serve(...answers) {
@@ -41,6 +41,22 @@ test('an address comes back as it went', () => {
   assert.deepEqual([view, path, query.get('eye')], ['view', ['a/b', 'v 1'], '1,2']);
   assert.deepEqual(parsePlace('').path, []);
   assert.deepEqual(parsePlace('#/a/%E0').path, ['%E0']);
+});
+
+test('a view keeps its state in its own address, never in that of another which the window has gone to', (t) => {
+  t.mock.timers.enable({ apis: ['setTimeout'] });
+  const written = [];
+  globalThis.window = { location: { hash: '#/compare/town/v1/v2' }, history: { replaceState: (_state, _title, link) => written.push(link) } };
+  place.set(parsePlace(window.location.hash));
+  replaceQuery({ split: '40' });
+  replaceQuery({ split: '50' });
+  t.mock.timers.tick(1000);
+  assert.deepEqual(written, ['#/compare/town/v1/v2?split=50']);
+  replaceQuery({ split: '60' });
+  window.location.hash = '#/localize/town';  // its `hashchange` comes later
+  t.mock.timers.tick(1000);
+  assert.equal(written.length, 1);
+  delete globalThis.window;
 });
 
 test('a refusal is an error with the server’s words and code', async () => {
