@@ -16,6 +16,7 @@
 #include "drives/layout.hpp"
 #include "formats/point_table.hpp"
 #include "package/sha256.hpp"
+#include "pose_bounds.hpp"
 #include "rawlogs/rawlog_survey.hpp"
 
 namespace stillmap::maps {
@@ -116,6 +117,10 @@ void set_own_poses(Drive::Contents& contents, const RawlogScans& scans, RawlogPo
     const auto T_odom_base = path.at(contents.stamps_ns[i]);
     if (!T_odom_base) continue;
     contents.T_map_lidar[i] = *T_odom_base * (*scans.scans)[i].T_base_lidar;
+    const double farthest_m = contents.T_map_lidar[i].translation().cwiseAbs().maxCoeff();
+    if (!(farthest_m <= kMaxPositionM))
+      throw InputError(scans.name, fmt::format("scan {} at {:.3g} m by {}", i, farthest_m, what),
+                       fmt::format("at most {:g} m on each axis", kMaxPositionM));
     kept.push_back(i);
   }
   if (kept.empty())

@@ -136,6 +136,14 @@ TEST_F(Rawlog, PosesOfOdometryAreBroughtToTheSensorAndTheScansStamps) {
                   .isApprox(Eigen::Vector3d::UnitY(), 1e-12));
 }
 
+TEST_F(Rawlog, PosesBeyondAnyPlaceAreRefused) {
+  const auto file = write({odometry(kStart, 2e9), cloud(0), odometry(kStart + kTenth, 2e9)});
+  EXPECT_THAT([&] { (void)Drive::open(file); },
+              ThrowsMessage<InputError>(AllOf(HasSubstr("drive.rawlog"),
+                                              HasSubstr("scan 0 at 2e+09 m by odometry"),
+                                              HasSubstr("at most 1e+09 m on each axis"))));
+}
+
 TEST_F(Rawlog, PosesOfTheRobotComeBeforeOdometryUnlessChosen) {
   auto robot = at<CObservationRobotPose>(kStart, "truth");
   robot->pose.mean = CPose3D(7.0, 8.0, 9.0, 0.0, 0.0, 0.0);
