@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <memory>
 #include <stdexcept>
+#include <utility>
 
 namespace stillmap::maps {
 namespace {
@@ -17,16 +18,23 @@ struct FreeEntry {
   void operator()(archive_entry* entry) const { archive_entry_free(entry); }
 };
 
-la_ssize_t append_to(archive* /*writer*/, void* text, const void* bytes, std::size_t size) {
-  static_cast<std::string*>(text)->append(static_cast<const char*>(bytes), size);
+struct Written {
+  std::string text;
+  bool is_whole = false;
+};
+
+la_ssize_t append_to(archive* /*writer*/, void* client, const void* bytes, std::size_t size) {
+  auto& written = *static_cast<Written*>(client);
+  // When it goes, the writer would fill up the file with zeros, and write an end.
+  if (written.is_whole) return -1;
+  written.text.append(static_cast<const char*>(bytes), size);
   return static_cast<la_ssize_t>(size);
 }
 
 }  // namespace
 
 std::string tar_header(const std::string& path, std::uint64_t bytes) {
-  // Outlives the writer, which writes an end of its own when it goes.
-  std::string written;
+  Written written;  // outlives the writer
   const std::unique_ptr<archive, FreeWriter> writer(archive_write_new());
   const std::unique_ptr<archive_entry, FreeEntry> entry(archive_entry_new());
   if (!writer || !entry) throw std::runtime_error("libarchive is not available");
@@ -45,9 +53,9 @@ std::string tar_header(const std::string& path, std::uint64_t bytes) {
     const char* reason = archive_error_string(writer.get());
     throw std::runtime_error("tar header of " + path + ": " + (reason ? reason : "failed"));
   }
-  std::string header = written;
-  archive_write_fail(writer.get());
-  return header;
+  // Not `archive_write_fail`, after which libarchive 3.6 does not free all.
+  written.is_whole = true;
+  return std::move(written.text);
 }
 
 std::uint64_t tar_header_bytes(const std::string& path, std::uint64_t bytes) {
