@@ -1,7 +1,7 @@
 // The index file of a map: patches to a whole one. The lowest bit of the first byte says that its
 // checksums are left as they are, the others that a scan is aligned with a prior (1) or without one
-// (2), which takes a hundred times as long as looking up its points, as any others say; then 3
-// bytes say where, one how many bytes (1 to 8), and these follow.
+// (2), which takes 50 to 200 ms, and any others that its points are looked up alone; then 3 bytes
+// say where, one how many bytes (1 to 8), and these follow.
 #include "fuzz_folder.hpp"
 #include "fuzz_target.hpp"
 #include "index/index_file.hpp"
