@@ -4,8 +4,11 @@ and in the process of the job) fail once, by libfiu, and looks at what is there 
 half, jobs that have ended, in words if they failed, a server that goes on or has said why not.
 
 usage: faults.py --program STILLMAP --packages TINY_PACKAGES --injector NTH_CALL.SO [--sample N] [--seed 1]
+       [--part 1/1]
 
-Without --sample every call is failed in every way. Jobs take longer and are done when named alone: --operation import, rebuild.
+Without --sample every call is failed in every way. Jobs take longer and are done when named alone: --operation import, rebuild,
+"short rebuild", which is one of few scans in a frame of its own, so that all its calls can be failed. --part 2/3 is the second
+third of them; the three may run at once.
 """
 
 import argparse
@@ -38,7 +41,8 @@ POINTS = [
     ("posix/mm/mmap", (errno.ENOMEM,)), ("stillmap/mkdir", (errno.EIO, errno.ENOSPC)), ("stillmap/rmdir", (errno.EIO,)),
     ("stillmap/linkat", (errno.EIO,)), ("stillmap/renameat2", (errno.EIO, errno.ENOSPC))]
 # Those that a process of its own does for the server, and their maps, which nothing else changes.
-JOBS = {"import": "yard", "rebuild": "street"}
+JOBS = {"import": "yard", "rebuild": "street", "short rebuild": "lane"}
+SHORT_SCANS = 4
 OPERATIONS = ["add", "activate", "roll_back", "remove", "mend", "add by command", "activate by command", "make a key", "start",
               *JOBS]
 READY_WITHIN_S = 10.0
@@ -55,6 +59,16 @@ class Wrong(Exception):
 def expect(condition, *what):
     if not condition:
         raise Wrong(" ".join(str(each) for each in what))
+
+
+def first_scans(drive, folder, count):
+    """A folder with the first so many scans of a drive. @return it"""
+    folder.mkdir()
+    for i in range(count):
+        shutil.copy(drive / f"{i}.bin", folder)
+    poses = (drive / "poses.tum").read_text().splitlines(keepends=True)
+    (folder / "poses.tum").write_text("".join(poses[:count]))
+    return folder
 
 
 class Injector:
@@ -83,7 +97,8 @@ class Trials:
     def __init__(self, arguments, folder):
         self.program = arguments.program
         self.packages, self.scan = make_packages(arguments.packages, folder / "packages", 3)
-        self.drive = tar_of(folder / "packages" / "drive")
+        drive = folder / "packages" / "drive"
+        self.drive, self.short_drive = tar_of(drive), tar_of(first_scans(drive, folder / "short", SHORT_SCANS))
         self.store, self.log = folder / "store", folder / "server.log"
         self.store.mkdir()
         self.injector = Injector(folder / "nth_call", arguments.injector)
@@ -91,7 +106,7 @@ class Trials:
         self.keys = {"soak"}
         self.model = MapModel("town")
         self.models = {"town": self.model}
-        self.drives, self.job = None, None
+        self.drives, self.job = {}, None  # of a rebuild: those that it is made from and judged by
         self.jobs = {}  # id -> status, of those that have ended
         self.made_by = {}  # operation -> digest of what its job makes
         self.made = itertools.count(1)
@@ -177,10 +192,11 @@ class Trials:
 
     def prepare_job(self, operation):
         """What it makes must be new to the store: else its files are not copied."""
-        if operation == "rebuild" and self.drives is None:
+        if "rebuild" in operation and operation not in self.drives:
             self.make("add", "v1", self.packages[0].digest)
             self.make("activate", "v1")
-            self.drives = [upload_drive(self.server, self.model.name, self.drive, self.headers) for _ in range(2)]
+            self.drives[operation] = [upload_drive(self.server, self.model.name, each, self.headers)
+                                      for each in (self.short_drive if "short" in operation else self.drive, self.drive)]
         version = f"j{next(self.made)}"
         if operation not in self.made_by:
             expect(self.perform_job(operation, version), operation, "failed without any fault:", self.last_words())
@@ -198,11 +214,13 @@ class Trials:
     def perform_job(self, operation, version):
         """@return whether its job succeeded."""
         base, self.job = f"/v1/maps/{self.model.name}", None
-        method, path, body, kind = {
-            "import": lambda: ("PUT", f"{base}/versions/{version}", small_cloud(1), "application/vnd.pcd"),
-            "rebuild": lambda: ("POST", f"{base}/rebuild", json.dumps({
-                "drives": self.drives[:1], "held_back": self.drives[1], "version": version,
-                "options": {"detector": "geometric"}}), "application/json")}[operation]()
+        if operation == "import":
+            method, path, body, kind = "PUT", f"{base}/versions/{version}", small_cloud(1), "application/vnd.pcd"
+        else:
+            made_from, judged_by = self.drives[operation]
+            method, path, body, kind = "POST", f"{base}/rebuild", json.dumps({
+                "drives": [made_from], "held_back": judged_by, "version": version, "new_frame": "short" in operation,
+                "options": {"detector": "geometric"}}), "application/json"
         try:
             response = self.server.ask(method, path, body, {"Content-Type": kind, **self.headers}, timeout=ENDS_WITHIN_S)
         except OSError:
@@ -367,16 +385,15 @@ def sampled(trials, operations, count, seed):
     return sum(trials.fail(*each) for each in chosen)
 
 
-def every_one(trials, operations):
-    """Fails each call in each way. @return how many failed."""
+def every_one(trials, operations, part, parts):
+    """Fails each call in each way, of every `parts` the `part`th. @return how many failed."""
     done = 0
     for operation, (point, (name, errors)) in itertools.product(operations, enumerate(POINTS)):
         for error in errors:
-            n = 0
-            while trials.fail(operation, point, error, n):
-                n += 1
-            done += n
-            print(f"{operation}, {name}, {errno.errorcode.get(error, 'short')}: {n} calls", flush=True)
+            failed = sum(1 for _ in itertools.takewhile(
+                lambda n, call=(operation, point, error): trials.fail(*call, n), itertools.count(part - 1, parts)))
+            done += failed
+            print(f"{operation}, {name}, {errno.errorcode.get(error, 'short')}: {failed} calls", flush=True)
     return done
 
 
@@ -387,6 +404,7 @@ def main():
     parser.add_argument("--injector", required=True)
     parser.add_argument("--sample", type=int)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--part", default="1/1")
     parser.add_argument("--operation", choices=OPERATIONS, action="append")
     arguments = parser.parse_args()
     operations = arguments.operation or [each for each in OPERATIONS if each not in JOBS]
@@ -394,7 +412,7 @@ def main():
     trials = Trials(arguments, folder)
     try:
         done = sampled(trials, operations, arguments.sample, arguments.seed) if arguments.sample else every_one(
-            trials, operations)
+            trials, operations, *map(int, arguments.part.split("/")))
     except (Wrong, TimeoutError, OSError, subprocess.SubprocessError) as error:
         print(f"{trials.now}: {error}\nstore and log are in {folder}", file=sys.stderr)
         return 1

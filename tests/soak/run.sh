@@ -47,11 +47,12 @@ step power_cuts build/release/power_cuts 1 10 "$marks/power_cuts"
 step kills tests/soak/kills.py --program "$program" --packages "$packages" --seeds 1-20 --results "$marks/kills"
 step rebuild_kills tests/soak/rebuild_kills.py --program "$program" --packages "$packages" --seeds 1-10 --kills 30 \
   --results "$marks/rebuild_kills"
-for operation in add activate roll_back remove mend "add by command" "activate by command" "make a key" start import; do
+for operation in add activate roll_back remove mend "add by command" "activate by command" "make a key" start import \
+  "short rebuild"; do
   step "faults_${operation// /_}" tests/soak/faults.py --program "$program" --packages "$packages" \
     --injector build/release/libnth_call.so --operation "$operation"
 done
-# Of a rebuild's some 6,000 calls a part; each takes as long as a rebuild.
+# Of a whole rebuild's some 4,900 calls a part; each takes as long as a rebuild.
 step faults_rebuild tests/soak/faults.py --program "$program" --packages "$packages" \
   --injector build/release/libnth_call.so --operation rebuild --sample 400
 step load load
