@@ -5,20 +5,10 @@
 #include <cerrno>
 #include <system_error>
 
+#include "times.hpp"
+
 namespace stillmap::maps::rawlog {
 namespace {
-
-/// MRPT counts 100 ns from 1601-01-01; 0 stands for no time.
-std::int64_t stamp_ns_of(mrpt::Clock::time_point time) {
-  constexpr std::int64_t kEpochTicks = 116'444'736'000'000'000;
-  constexpr std::int64_t kNsPerTick = 100;
-  const std::int64_t ticks = time.time_since_epoch().count();
-  std::int64_t stamp_ns = 0;
-  if (ticks == 0 || __builtin_sub_overflow(ticks, kEpochTicks, &stamp_ns) ||
-      __builtin_mul_overflow(stamp_ns, kNsPerTick, &stamp_ns))
-    return kNoRawlogStamp;
-  return stamp_ns;
-}
 
 void set_pose(RawlogRecord& record, const mrpt::poses::CPose3D& pose) {
   const auto& R = pose.getRotationMatrix();

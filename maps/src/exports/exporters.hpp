@@ -36,6 +36,7 @@ void export_autoware(ExportJob& job);
 void export_nav2(ExportJob& job);
 void export_kitti(ExportJob& job);
 void export_tum(ExportJob& job);
+void export_simplemap(ExportJob& job);
 void export_tiles3d(ExportJob& job);
 
 /// Tiles of points; coarser levels are left out.

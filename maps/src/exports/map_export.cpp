@@ -56,6 +56,12 @@ const std::vector<Row>& rows() {
         false,
         {.drive = true, .frames = {kMap, kLocal}}},
        export_tum},
+      {{"simplemap",
+        "MRPT: keyframes of the trajectory, each with the map's points around it; by "
+        "stillmap-rawlog",
+        false,
+        {.without = true, .frames = {kMap, kLocal}}},
+       export_simplemap},
       {{"3dtiles",
         "a folder: 3D Tiles 1.1 with glTF points, levels of detail, for CesiumJS and other viewers",
         true,

@@ -16,6 +16,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 namespace stillmap::maps {
@@ -24,6 +25,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kPatienceMs = 60'000;
+constexpr int kLookAgainMs = 200;
 /// Of bytes of records to bytes of the (mostly packed) rawlog.
 constexpr std::uint64_t kMostGrowth = 100;
 constexpr std::uint64_t kAllowedAnyway = 64U << 20U;
@@ -31,7 +33,7 @@ constexpr std::uint64_t kAllowedAnyway = 64U << 20U;
 std::string reason() { return std::generic_category().message(errno); }
 
 /// Beside this program, or where packages put what people do not call themselves.
-fs::path find_reader() {
+fs::path find_program() {
   std::error_code error;
   const fs::path folder = fs::canonical("/proc/self/exe", error).parent_path();
   for (const fs::path& candidate :
@@ -56,17 +58,19 @@ class Descriptor {
   int descriptor_;
 };
 
-/// The reader, killed if nobody waited for its end.
-class Reader {
+/// `stillmap-rawlog`, killed if nobody waited for its end.
+class Process {
  public:
-  Reader(const fs::path& program, int input, int output) {
+  Process(const fs::path& program, std::vector<std::string> words, int input, int output) {
     posix_spawn_file_actions_t actions;
     ::posix_spawn_file_actions_init(&actions);
     ::posix_spawn_file_actions_adddup2(&actions, input, STDIN_FILENO);
     ::posix_spawn_file_actions_adddup2(&actions, output, STDOUT_FILENO);
     ::posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
     std::string name = program.string();
-    std::array<char*, 2> arguments{name.data(), nullptr};
+    std::vector<char*> arguments{name.data()};
+    for (std::string& word : words) arguments.push_back(word.data());
+    arguments.push_back(nullptr);
     // What the caller's environment says is nothing to it, above all not where MRPT's files lie.
     std::array<char*, 1> environment{nullptr};
     const int error =
@@ -74,11 +78,11 @@ class Reader {
     ::posix_spawn_file_actions_destroy(&actions);
     if (error != 0) throw StorageError(name, std::generic_category().message(error));
   }
-  ~Reader() {
+  ~Process() {
     if (!ended_) (void)end(true);
   }
-  Reader(const Reader&) = delete;
-  Reader& operator=(const Reader&) = delete;
+  Process(const Process&) = delete;
+  Process& operator=(const Process&) = delete;
 
   /// @return how it ended, where that was not of itself.
   std::string end(bool now) {
@@ -87,13 +91,13 @@ class Reader {
     while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
     }
     ended_ = true;
-    if (now) return "nothing was heard of its reader for a minute";
+    if (now) return "was killed";
     if (WIFSIGNALED(status)) {
       const int signal = WTERMSIG(status);
-      return fmt::format("its reader was ended by signal {} ({})", signal, ::strsignal(signal));
+      return fmt::format("was ended by signal {} ({})", signal, ::strsignal(signal));
     }
     if (WEXITSTATUS(status) == 0) return {};
-    return fmt::format("its reader ended with exit code {}", WEXITSTATUS(status));
+    return fmt::format("ended with exit code {}", WEXITSTATUS(status));
   }
 
  private:
@@ -141,7 +145,7 @@ void UnnamedFile::append(const void* bytes, std::size_t size) {
 }
 
 std::string read_rawlog(const fs::path& file, UnnamedFile& records) {
-  const fs::path program = find_reader();
+  const fs::path program = find_program();
   if (program.empty())
     throw InputError(file.string(), "an MRPT rawlog, and no stillmap-rawlog to read it",
                      "that program (built where MRPT's libmrpt-obs-dev and libmrpt-maps-dev are), "
@@ -154,7 +158,7 @@ std::string read_rawlog(const fs::path& file, UnnamedFile& records) {
   if (::pipe2(ends.data(), O_CLOEXEC) != 0) throw StorageError(file.string(), reason());
   const Descriptor from(ends[0]);
   Descriptor to(ends[1]);
-  Reader reader(program, input.get(), to.get());
+  Process reader(program, {}, input.get(), to.get());
   to.close();
   const std::uint64_t most =
       kMostGrowth * static_cast<std::uint64_t>(status.st_size) + kAllowedAnyway;
@@ -163,15 +167,50 @@ std::string read_rawlog(const fs::path& file, UnnamedFile& records) {
     pollfd ready{from.get(), POLLIN, 0};
     const int count = ::poll(&ready, 1, kPatienceMs);
     if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) return reader.end(true);
+    if (count <= 0) {
+      (void)reader.end(true);
+      return "nothing was heard of its reader for a minute";
+    }
     const ssize_t bytes = ::read(from.get(), buffer.data(), buffer.size());
     if (bytes < 0 && errno == EINTR) continue;
-    if (bytes <= 0) return reader.end(false);
+    if (bytes <= 0) {
+      const std::string how = reader.end(false);
+      return how.empty() ? how : "its reader " + how;
+    }
     records.append(buffer.data(), static_cast<std::size_t>(bytes));
     if (records.size() > most)
       throw InputError(file.string(), fmt::format("more than {} times its size", kMostGrowth),
                        "a rawlog of clouds");
   }
+}
+
+bool has_rawlog_program() { return !find_program().empty(); }
+
+bool write_simplemap(const UnnamedFile& records, const fs::path& file,
+                     const std::function<bool()>& go_on) {
+  std::array<int, 2> ends{};
+  if (::pipe2(ends.data(), O_CLOEXEC) != 0) throw StorageError(file.string(), reason());
+  const Descriptor from(ends[0]);
+  Descriptor to(ends[1]);
+  Process writer(find_program(), {"--write-simplemap", file.string()}, records.descriptor(),
+                 to.get());
+  to.close();
+  std::string words;
+  std::array<char, 4096> buffer{};
+  while (true) {
+    pollfd ready{from.get(), POLLIN, 0};
+    const int count = ::poll(&ready, 1, kLookAgainMs);
+    if (!go_on()) return false;
+    if (count <= 0) continue;
+    const ssize_t bytes = ::read(from.get(), buffer.data(), buffer.size());
+    if (bytes < 0 && errno == EINTR) continue;
+    if (bytes <= 0) break;
+    words.append(buffer.data(), static_cast<std::size_t>(bytes));
+  }
+  const std::string how = writer.end(false);
+  if (!how.empty())
+    throw StorageError(file.string(), words.empty() ? "its writer " + how : std::move(words));
+  return true;
 }
 
 }  // namespace stillmap::maps

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <string>
 
 namespace stillmap::maps {
@@ -36,5 +37,14 @@ class UnnamedFile {
 /// @throws InputError where MRPT's reader is not installed (with what to do), or when it says more
 /// than a hundred times as much as it reads; StorageError.
 [[nodiscard]] std::string read_rawlog(const std::filesystem::path& file, UnnamedFile& records);
+
+/// Whether that program is installed: beside this one, or where packages put it.
+[[nodiscard]] bool has_rawlog_program();
+
+/// Lets it write records of kind kKeyframe as an MRPT simplemap, which it holds in memory.
+/// @param go_on  asked several times a second; it is killed where that says no.
+/// @return false then. @throws StorageError where it cannot be written.
+[[nodiscard]] bool write_simplemap(const UnnamedFile& records, const std::filesystem::path& file,
+                                   const std::function<bool()>& go_on);
 
 }  // namespace stillmap::maps

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <type_traits>
 
-/// What the program that reads rawlogs says of one, on its standard output: records, one behind the
-/// other. It and its caller are of one build and on one machine.
+/// What the program that reads rawlogs says of one, on its standard output, and what it is told to
+/// write: records, one behind the other. It and its caller are of one build and on one machine.
 namespace stillmap::maps {
 
 static_assert(std::endian::native == std::endian::little);
@@ -16,6 +16,8 @@ enum class RawlogRecordKind : std::uint32_t {
   kPose = 2,
   /// The last one; without it the program ended before its time.
   kEnd = 3,
+  /// Of a simplemap.
+  kKeyframe = 4,
 };
 
 /// Where a pose comes from; the better ones have the larger numbers.
@@ -28,7 +30,7 @@ struct RawlogRecord {
   std::uint32_t text_bytes = 0;
   /// Since the Unix epoch; `kNoRawlogStamp` where there is none.
   std::int64_t stamp_ns = 0;
-  /// 3x4 row-major. Of a scan T_base_lidar, of a pose T_odom_base.
+  /// 3x4 row-major. Of a scan T_base_lidar, of a pose T_odom_base, of a keyframe T_map_lidar.
   std::array<double, 12> pose{};
   std::uint32_t points = 0;
   /// Of a scan: `kRawlogIntensities`, `kRawlogTimes`. Of a pose: a RawlogPoseSource.
