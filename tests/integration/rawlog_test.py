@@ -1,6 +1,7 @@
 """rawlog_test.py STILLMAP MAKE_RAWLOG DRIVE: a drive as an MRPT rawlog through the command line. What is said of it, and the map made of
 it, is that of the same drive as a folder."""
 
+import gzip
 import json
 import pathlib
 import subprocess
@@ -55,6 +56,12 @@ class Rawlog(unittest.TestCase):
         self.assertGreater(len(a), 1)
         for name in a:
             self.assertEqual(a[name], b[name], name)
+        simplemap = self.folder / "a.simplemap"
+        done = run("export", self.folder / "a", "--format", "simplemap", "-o", simplemap, "--json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        report = json.loads(done.stdout)
+        self.assertGreater(report["counts"]["keyframes"], 1)
+        self.assertIn(b"CSimpleMap", gzip.decompress(simplemap.read_bytes())[:64])
 
     def test_cut_off_is_read_as_far_as_it_goes(self):
         cut = self.folder / "cut.rawlog"
