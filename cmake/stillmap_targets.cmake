@@ -5,23 +5,27 @@ target_compile_options(stillmap_flags INTERFACE -Wall -Wextra -Wconversion -Wsha
   $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
   # Equal bits for equal input: no fused multiply-add that depends on the compiler's mood.
   -ffp-contract=off)
-if(NOT CMAKE_DISABLE_PRECOMPILE_HEADERS)
-  # Of what was precompiled GCC 12 forgets that it is the system's, and finds more of bug 105651 in it.
-  target_compile_options(stillmap_flags INTERFACE "$<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overflow;-Wno-stringop-overread;-Wno-array-bounds>")
-endif()
 if(STILLMAP_SANITIZE)
   target_compile_options(stillmap_flags INTERFACE -fsanitize=${STILLMAP_SANITIZE} -fno-sanitize-recover=all
     -fno-omit-frame-pointer)
   target_link_options(stillmap_flags INTERFACE -fsanitize=${STILLMAP_SANITIZE})
 endif()
 
-# stillmap_precompile(TARGET [HEADER...]): what nearly every file of it includes is parsed once. Files still include what they
-# use: the preset `dev` and `./dev lint` do without (CMAKE_DISABLE_PRECOMPILE_HEADERS).
+# GCC 12 no longer takes precompiled system headers for the system's, and finds more of bug 105651 in them.
+add_library(stillmap_precompiled INTERFACE)
+if(NOT CMAKE_DISABLE_PRECOMPILE_HEADERS)
+  target_compile_options(stillmap_precompiled INTERFACE
+    "$<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overflow;-Wno-stringop-overread;-Wno-array-bounds>")
+endif()
+
+# stillmap_precompile(TARGET [HEADER...]): what nearly every file of it includes is parsed once. The preset `dev` does
+# without, and so shows which file does not include what it uses.
 function(stillmap_precompile target)
   target_precompile_headers(${target} PRIVATE <algorithm> <array> <atomic> <bit> <chrono> <cmath> <cstddef> <cstdint>
     <cstring> <exception> <filesystem> <fstream> <functional> <limits> <map> <memory> <mutex> <numbers> <numeric> <optional>
     <random> <set> <span> <sstream> <stdexcept> <string> <string_view> <system_error> <thread> <tuple> <unordered_map>
     <utility> <variant> <vector> <Eigen/Geometry> ${ARGN})
+  target_link_libraries(${target} PRIVATE $<BUILD_INTERFACE:stillmap_precompiled>)
 endfunction()
 
 # stillmap_library(NAME): sources in src/, public headers in include/ and nothing else reachable from outside.
@@ -47,7 +51,7 @@ function(stillmap_test name)
   # What is tested keeps its optimisation; the tests themselves are compiled more often than their loops are long.
   target_compile_options(${name} PRIVATE -O1)
   list(LENGTH ARG_SOURCES files)
-  if(files GREATER 8) # one of few files is sooner compiled without
+  if(files GREATER 8) # not worth it for few files
     stillmap_precompile(${name} <gmock/gmock.h> <gtest/gtest.h>)
   endif()
   if(NOT ARG_TIMEOUT)

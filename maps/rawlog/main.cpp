@@ -1,6 +1,7 @@
 /// Reads an MRPT rawlog from its standard input and says on its standard output what clouds and
 /// poses it holds (`rawlogs/rawlog_record.hpp`). Whatever a rawlog makes MRPT do, it happens here.
-/// With `--write-simplemap FILE` it reads keyframes and writes them; why it cannot is said there.
+/// With `--write-simplemap FILE` it reads keyframes and writes them; on failure the reason goes to
+/// standard output.
 
 #include <mrpt/maps/registerAllClasses.h>
 #include <mrpt/obs/registerAllClasses.h>
@@ -12,6 +13,7 @@
 #include <csignal>
 #include <cstdio>
 #include <exception>
+#include <new>
 #include <string_view>
 
 #include "reading.hpp"
@@ -27,6 +29,9 @@ int main(int count, char** words) {
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
     try {
       stillmap::maps::rawlog::write_simplemap(stdin, words[2]);
+    } catch (const std::bad_alloc&) {
+      ::dprintf(records, "out of memory: a simplemap is written from there");
+      return 1;
     } catch (const std::exception& error) {
       ::dprintf(records, "%s", error.what());
       return 1;

@@ -8,28 +8,33 @@
 namespace stillmap::maps::rawlog {
 namespace {
 
-[[noreturn]] void fail() { throw std::runtime_error(std::generic_category().message(errno)); }
+[[noreturn]] void fail(int error) {
+  throw std::runtime_error(std::generic_category().message(error));
+}
 
 }  // namespace
 
 PackedOutput::PackedOutput(const std::string& file)
     : file_(::gzopen(file.c_str(), "wb"), ::gzclose) {
-  if (!file_) fail();
+  if (!file_) fail(errno);
 }
 
 void PackedOutput::close() {
   errno = 0;
-  if (::gzclose(file_.release()) != Z_OK) fail();
+  const bool closed = ::gzclose(file_.release()) == Z_OK;
+  if (error_ != 0) fail(error_);
+  if (!closed) fail(errno != 0 ? errno : EIO);
 }
 
 size_t PackedOutput::Write(const void* buffer, size_t size) {
   constexpr size_t kMost = 1U << 30U;
   const auto* from = static_cast<const char*>(buffer);
-  for (size_t done = 0; done < size;) {
+  errno = 0;
+  for (size_t done = 0; done < size && error_ == 0;) {
     const int count =
         ::gzwrite(file_.get(), from + done, static_cast<unsigned>(std::min(size - done, kMost)));
-    if (count <= 0) fail();
-    done += static_cast<size_t>(count);
+    if (count <= 0) error_ = errno != 0 ? errno : EIO;
+    done += static_cast<size_t>(std::max(count, 0));
   }
   return size;
 }

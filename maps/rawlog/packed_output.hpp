@@ -9,13 +9,13 @@
 namespace stillmap::maps::rawlog {
 
 /// A file that is packed by gzip. MRPT's own does not look whether what it holds back reaches the
-/// disk.
+/// disk. What goes wrong is told by `close`: what is thrown on the way MRPT would wrap.
 class PackedOutput final : public mrpt::io::CStream {
  public:
-  /// @throws std::runtime_error, as all of it, with the system's reason.
+  /// @throws std::runtime_error with the system's reason.
   explicit PackedOutput(const std::string& file);
 
-  /// What is not closed may be short.
+  /// What is not closed may be short. @throws std::runtime_error with the first reason.
   void close();
 
   size_t Write(const void* buffer, size_t size) override;
@@ -27,6 +27,8 @@ class PackedOutput final : public mrpt::io::CStream {
 
  private:
   std::unique_ptr<gzFile_s, int (*)(gzFile)> file_;
+  /// Why the first write failed, as errno.
+  int error_ = 0;
 };
 
 }  // namespace stillmap::maps::rawlog

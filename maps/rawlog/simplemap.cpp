@@ -32,8 +32,8 @@ mrpt::obs::CObservationPointCloud::Ptr observation_of(const RawlogRecord& record
                                                       const std::vector<RawlogPoint>& points) {
   auto cloud = mrpt::maps::CPointsMapXYZI::Create();
   cloud->reserve(points.size());
-  for (const RawlogPoint& p : points) cloud->insertPointFast(p.x, p.y, p.z);
-  for (std::size_t i = 0; i < points.size(); ++i) cloud->setPointIntensity(i, points[i].intensity);
+  for (const RawlogPoint& p : points)
+    cloud->insertPointRGB(p.x, p.y, p.z, p.intensity, p.intensity, p.intensity);
   auto observation = mrpt::obs::CObservationPointCloud::Create();
   observation->sensorLabel = "stillmap";
   observation->timestamp = time_of(record.stamp_ns);
@@ -47,16 +47,18 @@ void write_simplemap(std::FILE* records, const std::string& file) {
   PackedOutput stream(file);
   mrpt::maps::CSimpleMap map;
   RawlogRecord record;
-  while (std::fread(&record, sizeof record, 1, records) == 1) {
-    std::vector<RawlogPoint> points(record.points);
-    if (std::fread(points.data(), sizeof(RawlogPoint), points.size(), records) != points.size())
+  const auto get = [&](void* to, std::size_t size) {
+    if (std::fread(to, 1, size, records) != size)
       throw std::runtime_error("the records of its keyframes break off");
+  };
+  for (get(&record, sizeof record); record.kind != RawlogRecordKind::kEnd;
+       get(&record, sizeof record)) {
+    std::vector<RawlogPoint> points(record.points);
+    get(points.data(), points.size() * sizeof(RawlogPoint));
     mrpt::obs::CSensoryFrame frame;
     frame.insert(observation_of(record, points));
     map.insert(mrpt::poses::CPose3DPDFGaussian(pose_of(record)), frame);
   }
-  if (std::ferror(records) != 0)
-    throw std::runtime_error("the records of its keyframes cannot be read");
   mrpt::serialization::archiveFrom(stream) << map;
   stream.close();
 }

@@ -385,6 +385,14 @@ def sampled(trials, operations, count, seed):
     return sum(trials.fail(*each) for each in chosen)
 
 
+def part_of(text):
+    """@return 2 and 3 of 2/3. Raises ValueError."""
+    part, parts = map(int, text.split("/"))
+    if not 1 <= part <= parts:
+        raise ValueError(text)
+    return part, parts
+
+
 def every_one(trials, operations, part, parts):
     """Fails each call in each way, of every `parts` the `part`th. @return how many failed."""
     done = 0
@@ -393,7 +401,8 @@ def every_one(trials, operations, part, parts):
             failed = sum(1 for _ in itertools.takewhile(
                 lambda n, call=(operation, point, error): trials.fail(*call, n), itertools.count(part - 1, parts)))
             done += failed
-            print(f"{operation}, {name}, {errno.errorcode.get(error, 'short')}: {failed} calls", flush=True)
+            print(f"{operation}, {name}, {errno.errorcode.get(error, 'short')}: {failed} calls" + (f" of part {part}" if parts > 1 else ""),
+                  flush=True)
     return done
 
 
@@ -404,15 +413,17 @@ def main():
     parser.add_argument("--injector", required=True)
     parser.add_argument("--sample", type=int)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--part", default="1/1")
+    parser.add_argument("--part", type=part_of, default=(1, 1), metavar="K/N")
     parser.add_argument("--operation", choices=OPERATIONS, action="append")
     arguments = parser.parse_args()
+    if arguments.sample and arguments.part != (1, 1):
+        parser.error("found --part with --sample, expected one of them")
     operations = arguments.operation or [each for each in OPERATIONS if each not in JOBS]
     folder = pathlib.Path(tempfile.mkdtemp(prefix="faults-"))
     trials = Trials(arguments, folder)
     try:
         done = sampled(trials, operations, arguments.sample, arguments.seed) if arguments.sample else every_one(
-            trials, operations, *map(int, arguments.part.split("/")))
+            trials, operations, *arguments.part)
     except (Wrong, TimeoutError, OSError, subprocess.SubprocessError) as error:
         print(f"{trials.now}: {error}\nstore and log are in {folder}", file=sys.stderr)
         return 1

@@ -1,8 +1,10 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/trajectory.hpp>
 
+#include <algorithm>
 #include <limits>
 #include <map>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -15,15 +17,21 @@
 namespace stillmap::maps {
 namespace {
 
+/// Share of the work that is done when MRPT begins to write, which tells nothing more.
+constexpr double kWriting = 0.61;
+
 /// Drive and number of a pose.
 using PoseNumber = std::pair<std::size_t, std::size_t>;
 
 /// Each tile belongs to the pose that is nearest to its middle.
 std::map<PoseNumber, std::vector<TileEntry>> keyframes_of(
-    const MapPackage& map, const std::vector<Trajectory>& trajectories) {
+    const ExportJob& job, const std::vector<Trajectory>& trajectories) {
   std::map<PoseNumber, std::vector<TileEntry>> keyframes;
-  for (const TileEntry& tile : point_tiles(map)) {
-    Eigen::Vector3d middle = map.manifest().origin;
+  const std::vector<TileEntry> tiles = point_tiles(job.map);
+  std::size_t done = 0;
+  for (const TileEntry& tile : tiles) {
+    job.tell({0.2, 0.3}, done++, tiles.size());
+    Eigen::Vector3d middle = job.map.manifest().origin;
     for (std::size_t axis = 0; axis < 3; ++axis)
       middle[static_cast<Eigen::Index>(axis)] +=
           0.5 * (static_cast<double>(tile.min[axis]) + static_cast<double>(tile.max[axis]));
@@ -60,13 +68,14 @@ std::vector<RawlogPoint> points_of(const ExportJob& job, const std::vector<TileE
 
 RawlogRecord record_of(const StampedPose& pose, const Eigen::Isometry3d& T_file_lidar,
                        std::size_t points) {
+  if (points > std::numeric_limits<std::uint32_t>::max())
+    throw std::length_error("more points around one pose than a keyframe holds");
   RawlogRecord record;
   record.kind = RawlogRecordKind::kKeyframe;
   record.stamp_ns = pose.stamp_ns;
   Eigen::Map<Eigen::Matrix<double, 3, 4, Eigen::RowMajor>>(record.pose.data()) =
       T_file_lidar.matrix().topRows<3>();
   record.points = static_cast<std::uint32_t>(points);
-  record.flags = kRawlogIntensities;
   return record;
 }
 
@@ -74,15 +83,17 @@ RawlogRecord record_of(const StampedPose& pose, const Eigen::Isometry3d& T_file_
 
 void export_simplemap(ExportJob& job) {
   const std::string name = job.map.folder().string();
-  if (!has_rawlog_program())
+  const std::filesystem::path program = rawlog_program();
+  if (program.empty())
     throw InputError(name, "no stillmap-rawlog, which writes simplemaps",
                      "that program (built where MRPT's libmrpt-obs-dev and libmrpt-maps-dev are)");
   const std::vector<Trajectory> trajectories = job.map.trajectories();
-  if (trajectories.empty())
+  if (std::all_of(trajectories.begin(), trajectories.end(),
+                  [](const Trajectory& each) { return each.poses().empty(); }))
     throw InputError(name, "no trajectory", "a map that was built from a drive");
   count_chosen(job);
   const FileCoordinates coordinates(job.map, job.frame);
-  const auto keyframes = keyframes_of(job.map, trajectories);
+  const auto keyframes = keyframes_of(job, trajectories);
   UnnamedFile records;
   std::uint64_t written = 0;
   std::size_t done = 0;
@@ -98,11 +109,13 @@ void export_simplemap(ExportJob& job) {
       records.append(points.data(), points.size() * sizeof(RawlogPoint));
       ++written;
     }
-    job.tell({0.2, 0.6}, ++done, keyframes.size());
+    job.tell({0.3, 0.6}, ++done, keyframes.size());
   }
+  const RawlogRecord end;
+  records.append(&end, sizeof end);
   job.report.counts["keyframes"] = written;
-  const auto go_on = [&] { return !job.options.work.go_on || job.options.work.go_on(0.6); };
-  if (!write_simplemap(records, job.target, go_on)) throw WorkStopped();
+  const auto go_on = [&] { return !job.options.work.go_on || job.options.work.go_on(kWriting); };
+  if (!write_simplemap(program, records, job.target, go_on)) throw WorkStopped();
 }
 
 }  // namespace stillmap::maps

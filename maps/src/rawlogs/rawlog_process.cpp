@@ -32,16 +32,6 @@ constexpr std::uint64_t kAllowedAnyway = 64U << 20U;
 
 std::string reason() { return std::generic_category().message(errno); }
 
-/// Beside this program, or where packages put what people do not call themselves.
-fs::path find_program() {
-  std::error_code error;
-  const fs::path folder = fs::canonical("/proc/self/exe", error).parent_path();
-  for (const fs::path& candidate :
-       {folder / "stillmap-rawlog", folder.parent_path() / "libexec/stillmap/stillmap-rawlog"})
-    if (!error && fs::exists(candidate)) return candidate;
-  return {};
-}
-
 class Descriptor {
  public:
   explicit Descriptor(int descriptor) : descriptor_(descriptor) {}
@@ -144,8 +134,17 @@ void UnnamedFile::append(const void* bytes, std::size_t size) {
   }
 }
 
+fs::path rawlog_program() {
+  std::error_code error;
+  const fs::path folder = fs::canonical("/proc/self/exe", error).parent_path();
+  for (const fs::path& candidate :
+       {folder / "stillmap-rawlog", folder.parent_path() / "libexec/stillmap/stillmap-rawlog"})
+    if (!error && fs::exists(candidate)) return candidate;
+  return {};
+}
+
 std::string read_rawlog(const fs::path& file, UnnamedFile& records) {
-  const fs::path program = find_program();
+  const fs::path program = rawlog_program();
   if (program.empty())
     throw InputError(file.string(), "an MRPT rawlog, and no stillmap-rawlog to read it",
                      "that program (built where MRPT's libmrpt-obs-dev and libmrpt-maps-dev are), "
@@ -184,30 +183,32 @@ std::string read_rawlog(const fs::path& file, UnnamedFile& records) {
   }
 }
 
-bool has_rawlog_program() { return !find_program().empty(); }
-
-bool write_simplemap(const UnnamedFile& records, const fs::path& file,
+bool write_simplemap(const fs::path& program, const UnnamedFile& records, const fs::path& file,
                      const std::function<bool()>& go_on) {
   std::array<int, 2> ends{};
   if (::pipe2(ends.data(), O_CLOEXEC) != 0) throw StorageError(file.string(), reason());
   const Descriptor from(ends[0]);
   Descriptor to(ends[1]);
-  Process writer(find_program(), {"--write-simplemap", file.string()}, records.descriptor(),
-                 to.get());
+  Process writer(program, {"--write-simplemap", file.string()}, records.descriptor(), to.get());
   to.close();
   std::string words;
   std::array<char, 4096> buffer{};
   while (true) {
     pollfd ready{from.get(), POLLIN, 0};
     const int count = ::poll(&ready, 1, kLookAgainMs);
+    const bool interrupted = count < 0 && errno == EINTR;
+    if (count < 0 && !interrupted) throw StorageError(file.string(), reason());
     if (!go_on()) return false;
     if (count <= 0) continue;
     const ssize_t bytes = ::read(from.get(), buffer.data(), buffer.size());
     if (bytes < 0 && errno == EINTR) continue;
-    if (bytes <= 0) break;
+    if (bytes < 0) throw StorageError(file.string(), reason());
+    if (bytes == 0) break;
     words.append(buffer.data(), static_cast<std::size_t>(bytes));
   }
   const std::string how = writer.end(false);
+  // What ended it may have been meant for both.
+  if (!go_on()) return false;
   if (!how.empty())
     throw StorageError(file.string(), words.empty() ? "its writer " + how : std::move(words));
   return true;

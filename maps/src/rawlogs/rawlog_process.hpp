@@ -38,13 +38,14 @@ class UnnamedFile {
 /// than a hundred times as much as it reads; StorageError.
 [[nodiscard]] std::string read_rawlog(const std::filesystem::path& file, UnnamedFile& records);
 
-/// Whether that program is installed: beside this one, or where packages put it.
-[[nodiscard]] bool has_rawlog_program();
+/// That program, beside this one or where packages put it; empty where it is not installed.
+[[nodiscard]] std::filesystem::path rawlog_program();
 
 /// Lets it write records of kind kKeyframe as an MRPT simplemap, which it holds in memory.
 /// @param go_on  asked several times a second; it is killed where that says no.
 /// @return false then. @throws StorageError where it cannot be written.
-[[nodiscard]] bool write_simplemap(const UnnamedFile& records, const std::filesystem::path& file,
+[[nodiscard]] bool write_simplemap(const std::filesystem::path& program, const UnnamedFile& records,
+                                   const std::filesystem::path& file,
                                    const std::function<bool()>& go_on);
 
 }  // namespace stillmap::maps

@@ -30,7 +30,8 @@ struct RawlogRecord {
   std::uint32_t text_bytes = 0;
   /// Since the Unix epoch; `kNoRawlogStamp` where there is none.
   std::int64_t stamp_ns = 0;
-  /// 3x4 row-major. Of a scan T_base_lidar, of a pose T_odom_base, of a keyframe T_map_lidar.
+  /// 3x4 row-major. Of a scan T_base_lidar, of a pose T_odom_base, of a keyframe T_map_lidar (of
+  /// local coordinates less the map's origin).
   std::array<double, 12> pose{};
   std::uint32_t points = 0;
   /// Of a scan: `kRawlogIntensities`, `kRawlogTimes`. Of a pose: a RawlogPoseSource.

@@ -412,7 +412,8 @@ TEST_F(MapExport, AnExistingTargetStaysAsItIs) {
 TEST_F(MapExport, SameMapSameBytes) {
   const auto package = map(sample());
   for (const MapExportFormat& format : map_export_formats()) {
-    if (format.is_folder) continue;
+    // MRPT's program writes simplemaps, where it is (unit/rawlog/simplemap_test.cpp).
+    if (format.is_folder || format.name == "simplemap") continue;
     export_map(*package, format.name, out("first"), {});
     export_map(*package, format.name, out("second"), {});
     EXPECT_EQ(text_of(out("first")), text_of(out("second"))) << format.name;

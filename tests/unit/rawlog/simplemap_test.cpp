@@ -8,12 +8,20 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_export.hpp>
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <memory>
+#include <random>
+#include <stdexcept>
+#include <string>
+#include <vector>
 
+#include "rawlogs/rawlog_process.hpp"
 #include "rawlogs/rawlog_record.hpp"
 #include "simplemap.hpp"
 #include "support/exported_map.hpp"
@@ -28,7 +36,7 @@ namespace fs = std::filesystem;
 using test::SmallMap;
 using test::ThrowsSaying;
 using ::testing::ElementsAre;
-using ::testing::IsEmpty;
+using ::testing::UnorderedElementsAre;
 using enum PointKind;
 
 constexpr std::int64_t kStart = 1'600'000'000'000'000'000;
@@ -60,6 +68,12 @@ class Simplemap : public ::testing::Test {
  protected:
   std::shared_ptr<const MapPackage> package(const SmallMap& map) {
     return test::published(map, folder_.path() / ("map" + std::to_string(maps_++)));
+  }
+  [[nodiscard]] std::vector<std::string> names() const {
+    std::vector<std::string> all;
+    for (const auto& entry : fs::directory_iterator(folder_.path()))
+      all.push_back(entry.path().filename().string());
+    return all;
   }
   [[nodiscard]] fs::path out(const std::string& name) const { return folder_.path() / name; }
 
@@ -185,39 +199,82 @@ TEST_F(Simplemap, NeedsATrajectory) {
   const auto imported = package(map);
   EXPECT_THAT([&] { export_map(*imported, "simplemap", out("a.simplemap")); },
               ThrowsSaying<InputError>({"no trajectory"}));
-  EXPECT_FALSE(fs::exists(out("a.simplemap")));
+  map.trajectories = {Trajectory{}};
+  const auto standing = package(map);
+  EXPECT_THAT([&] { export_map(*standing, "simplemap", out("a.simplemap")); },
+              ThrowsSaying<InputError>({"no trajectory"}));
+  EXPECT_THAT(names(), UnorderedElementsAre("map0", "map1"));
+  map.trajectories.push_back(street().trajectories[0]);
+  EXPECT_EQ(export_map(*package(map), "simplemap", out("a.simplemap")).counts.at("keyframes"), 2U);
 }
 
 TEST_F(Simplemap, ThatIsCancelledLeavesNothing) {
   const auto map = package(street());
   MapExportOptions options;
-  // The last question is whether the writer may go on.
-  options.work.go_on = [](double share) { return share < 0.6; };
+  double last = 0.0;
+  options.work.go_on = [&](double share) {
+    last = share;
+    return share <= 0.6;
+  };
   EXPECT_THROW(export_map(*map, "simplemap", out("a.simplemap"), options), WorkStopped);
-  for (const auto& entry : fs::directory_iterator(folder_.path()))
-    EXPECT_FALSE(entry.is_regular_file()) << entry.path();
+  EXPECT_GT(last, 0.6) << "the writer was not asked";
+  EXPECT_THAT(names(), ElementsAre("map0"));
 }
 
-TEST_F(Simplemap, ThatTheDiskDoesNotTakeIsSaid) {
-  std::unique_ptr<std::FILE, int (*)(std::FILE*)> none(std::fopen("/dev/null", "rb"), std::fclose);
-  EXPECT_THAT([&] { rawlog::write_simplemap(none.get(), "/dev/full"); },
-              ThrowsSaying<std::runtime_error>({"No space left on device"}));
-  EXPECT_THAT([&] { rawlog::write_simplemap(none.get(), out("no/such.simplemap").string()); },
-              ThrowsSaying<std::runtime_error>({"No such file or directory"}));
-}
+using File = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
 
-TEST_F(Simplemap, OfRecordsThatBreakOffIsRefused) {
+/// A keyframe of points that do not pack well, and the end.
+File records(std::size_t points) {
+  File file(std::tmpfile(), std::fclose);
   RawlogRecord record;
   record.kind = RawlogRecordKind::kKeyframe;
   record.pose = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
-  record.points = 2;
-  const RawlogPoint point;
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> records(std::tmpfile(), std::fclose);
-  std::fwrite(&record, sizeof record, 1, records.get());
-  std::fwrite(&point, sizeof point, 1, records.get());
-  std::rewind(records.get());
-  EXPECT_THAT([&] { rawlog::write_simplemap(records.get(), out("a.simplemap").string()); },
-              ThrowsSaying<std::runtime_error>({"break off"}));
+  record.points = static_cast<std::uint32_t>(points);
+  std::fwrite(&record, sizeof record, 1, file.get());
+  std::mt19937 random(1);
+  std::uniform_real_distribution<float> any(-50.0F, 50.0F);
+  for (std::size_t i = 0; i < points; ++i) {
+    const RawlogPoint point{any(random), any(random), any(random), 0.0F, 0.0F};
+    std::fwrite(&point, sizeof point, 1, file.get());
+  }
+  const RawlogRecord end;
+  std::fwrite(&end, sizeof end, 1, file.get());
+  std::rewind(file.get());
+  return file;
+}
+
+TEST_F(Simplemap, ThatTheDiskDoesNotTakeIsSaidInALine) {
+  // The small one fails only at its end.
+  for (const std::size_t points : {1U, 100'000U}) {
+    try {
+      rawlog::write_simplemap(records(points).get(), "/dev/full");
+      FAIL() << points;
+    } catch (const std::runtime_error& error) {
+      EXPECT_STREQ(error.what(), "No space left on device") << points;
+    }
+  }
+  EXPECT_THAT([&] { rawlog::write_simplemap(records(1).get(), out("no/such.simplemap").string()); },
+              ThrowsSaying<std::runtime_error>({"No such file or directory"}));
+}
+
+TEST_F(Simplemap, TellsOfItsWritersTrouble) {
+  UnnamedFile none;
+  const std::string target = out("a.simplemap").string();
+  EXPECT_THAT([&] { (void)write_simplemap(rawlog_program(), none, target, [] { return true; }); },
+              ThrowsSaying<StorageError>({target, "the records of its keyframes break off"}));
+}
+
+TEST_F(Simplemap, OfRecordsThatBreakOffIsRefused) {
+  constexpr long kWhole = 2 * sizeof(RawlogRecord) + 2 * sizeof(RawlogPoint);
+  const std::string target = out("a.simplemap").string();
+  for (long cut = 0; cut < kWhole; ++cut) {
+    const File file = records(2);
+    ASSERT_EQ(::ftruncate(::fileno(file.get()), cut), 0);
+    EXPECT_THAT([&] { rawlog::write_simplemap(file.get(), target); },
+                ThrowsSaying<std::runtime_error>({"break off"}))
+        << cut;
+  }
+  EXPECT_NO_THROW(rawlog::write_simplemap(records(2).get(), target));
 }
 
 }  // namespace
