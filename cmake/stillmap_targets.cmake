@@ -47,13 +47,14 @@ function(stillmap_test name)
   if(ARG_PRIVATE_OF)
     target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/${ARG_PRIVATE_OF}/src)
   endif()
-  target_link_libraries(${name} PRIVATE stillmap_flags ${ARG_LIBRARIES} GTest::gmock GTest::gtest_main)
-  # What is tested keeps its optimisation; the tests themselves are compiled more often than their loops are long.
-  target_compile_options(${name} PRIVATE -O1)
+  target_link_libraries(${name} PRIVATE stillmap_flags)
   list(LENGTH ARG_SOURCES files)
   if(files GREATER 8) # not worth it for few files
     stillmap_precompile(${name} <gmock/gmock.h> <gtest/gtest.h>)
   endif()
+  target_link_libraries(${name} PRIVATE ${ARG_LIBRARIES} GTest::gmock GTest::gtest_main)
+  # What is tested keeps its optimisation; the tests themselves are compiled more often than their loops are long.
+  target_compile_options(${name} PRIVATE -O1)
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 600) # the longest suite takes 12 s, sanitizers some 30 times that
   endif()
