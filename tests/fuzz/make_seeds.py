@@ -67,6 +67,10 @@ def make_scans():
               b"property double x\nproperty double y\nproperty double z\nproperty list uchar float extra\n"
               b"property uint t\nend_header\n3 0 1 2\n1 2 3 2 0.5 0.25 100\n")
     put("ply", "lists", listed)
+    # The same as maps, which are handed on in pieces.
+    for form in ("pcd", "ply"):
+        for seed in sorted((CORPUS / form).glob("seed_*")):
+            put("cloud", f"{form}_{seed.name.removeprefix('seed_')}", seed.read_bytes())
 
 
 def pose_object(**more):

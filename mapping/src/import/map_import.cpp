@@ -9,6 +9,7 @@
 #include <stillmap/mapping/map_import.hpp>
 #include <stillmap/maps/cloud_file.hpp>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/geodesy.hpp>
 #include <stillmap/maps/map_package.hpp>
 
 #include <algorithm>
@@ -30,6 +31,8 @@ constexpr int kPictureSide = 1600;
 /// Floats are 2 mm coarse from here on, and 16 mm from there.
 constexpr double kCoarseFromM = 16384.0;
 constexpr double kTooCoarseFromM = 131072.0;
+/// From there on "up" differs by 0.9 deg.
+constexpr double kFarthestFromOriginM = 100'000.0;
 /// What a column's ground may be off its points on a slope of 0.3.
 constexpr float kGroundM = 0.15F;
 /// Normals look up: nobody says from where the points were seen.
@@ -48,6 +51,8 @@ struct ImportFrame {
   std::optional<maps::UtmProjection> projection;
   /// As the file names them.
   std::string coordinates;
+  /// What of `utm` is of other datums; empty for nothing.
+  std::string taken_as_wgs84;
 };
 
 /// Whole metres; the addition turns -0 into 0.
@@ -139,11 +144,44 @@ class CloudImport {
             "coordinates of '{}', which is no UTM, are taken as they are", summary.coordinates));
       return;
     }
-    if (!frame_.place) frame_.place = place_of(middle);
+    const maps::GeodeticOrigin place = place_of(middle);
+    if (frame_.place)
+      check_distance(*frame_.place, place);
+    else
+      frame_.place = place;
     frame_.projection.emplace(*frame_.place, *frame_.utm);
+    if (!is_wgs84(summary.coordinates))
+      take_as_wgs84(fmt::format("coordinates of '{}'", summary.coordinates),
+                    "those of WGS 84, which may be 2 m off");
     if (!summary.heights.empty())
-      report_.warnings.push_back(
-          fmt::format("heights of '{}' are taken as above the WGS 84 ellipsoid", summary.heights));
+      take_as_wgs84(fmt::format("heights of '{}'", summary.heights), "above the WGS 84 ellipsoid");
+  }
+
+  void take_as_wgs84(const std::string& what, const char* as) {
+    report_.warnings.push_back(fmt::format("{} are taken as {}", what, as));
+    frame_.taken_as_wgs84 += (frame_.taken_as_wgs84.empty() ? "" : ", ") + what;
+  }
+
+  /// A place and a zone that do not belong together would put the map far from its origin, tilted
+  /// by the curve of the Earth and, beyond the grid, without its points.
+  void check_distance(const maps::GeodeticOrigin& origin,
+                      const maps::GeodeticOrigin& middle) const {
+    const double distance_m = maps::T_enu_enu(origin, middle).translation().norm();
+    if (distance_m <= kFarthestFromOriginM) return;
+    throw maps::InputError(
+        file_.string(),
+        fmt::format("points around latitude {:.5f}, longitude {:.5f}, {:.0f} km from the geodetic "
+                    "origin {:.5f}, {:.5f}",
+                    middle.latitude_deg, middle.longitude_deg, distance_m / 1000.0,
+                    origin.latitude_deg, origin.longitude_deg),
+        fmt::format("an origin within {:.0f} km, and the zone of the points",
+                    kFarthestFromOriginM / 1000.0));
+  }
+
+  /// Of the file's zone, by name or code. No name: the options say it.
+  static bool is_wgs84(const std::string& coordinates) {
+    return coordinates.empty() || coordinates.starts_with("WGS") ||
+           coordinates.starts_with("EPSG:32");
   }
 
   [[nodiscard]] maps::GeodeticOrigin place_of(const Eigen::Vector3d& p_utm) const {
@@ -262,6 +300,7 @@ maps::MapManifest manifest_of(const std::filesystem::path& file, const MapImport
                       {"voxel_size_m", fmt::format("{}", options.voxel_size_m)}};
   if (frame.utm) manifest.options["utm"] = fmt::format("EPSG:{}", frame.utm->epsg());
   if (!frame.coordinates.empty()) manifest.options["coordinates"] = frame.coordinates;
+  if (!frame.taken_as_wgs84.empty()) manifest.options["taken_as_wgs84"] = frame.taken_as_wgs84;
   manifest.counts = report.counts;
   manifest.sources = {{"cloud", file.filename().string()},
                       {"cloud_sha256", maps::sha256_of_file(file)}};

@@ -16,16 +16,22 @@
 namespace stillmap::maps {
 namespace {
 
-/// Frames that stand still, by REP 105 and by use.
-constexpr std::array<std::string_view, 4> kStandingFrames{"map", "odom", "world", "earth"};
-/// A goal that was set once is no path.
+/// Frames of maps, by REP 105 and by use. Above them stands the Earth, whose z is not up.
+constexpr std::array<std::string_view, 3> kMapFrames{"map", "odom", "world"};
+constexpr std::string_view kEarthFrame = "earth";
+/// A goal that was set now and then is no path.
 constexpr std::size_t kLeastPoses = 2;
+constexpr std::size_t kMostScansAPose = 40;
 /// Each is kept beside every scan; robots have a dozen.
 constexpr std::size_t kMostSteps = 64;
 
-bool stands_still(const std::string& frame) {
+bool is_map_frame(const std::string& frame) {
   const std::string last = frame.substr(frame.find_last_of('/') + 1);
-  return std::find(kStandingFrames.begin(), kStandingFrames.end(), last) != kStandingFrames.end();
+  return std::find(kMapFrames.begin(), kMapFrames.end(), last) != kMapFrames.end();
+}
+
+bool stands_still(const std::string& frame) {
+  return is_map_frame(frame) || frame.substr(frame.find_last_of('/') + 1) == kEarthFrame;
 }
 
 /// What the whole search shares.
@@ -59,7 +65,7 @@ void visit_messages(const Search& search, const std::function<bool(const BagTopi
 }
 
 /// Frames that the messages of a topic of poses name.
-struct PoseFrames {
+struct FramesOfPoses {
   std::optional<std::string> parent;
   std::optional<std::string> child;
   /// Parent and child of the first one that has others.
@@ -104,7 +110,7 @@ Eigen::Isometry3d T_pose_cloud(const Search& search, const std::string& topic,
 
 BagPoses poses_of_topic(const Search& search, const std::string& topic) {
   PosesNearScans near(search.stamps_ns);
-  PoseFrames frames;
+  FramesOfPoses frames;
   visit_messages(
       search, [&](const BagTopic& each) { return each.name == topic; },
       [&](MessageReader& reader, const BagTopic& each) {
@@ -163,29 +169,93 @@ BagPoses poses_of_tf(const Search& search, const std::vector<FrameTree::Step>& s
   return poses;
 }
 
-std::optional<BagPoses> find_tf(const Search& search, bool asked, std::vector<std::string>& notes) {
-  if (search.choice.pose_frame)
-    throw InputError(search.name, "pose_frame without a topic of poses",
-                     "one, as in poses=/odom&pose_frame=base_link");
-  const std::vector<FrameTree::Step> steps = search.survey.tree.steps_above(search.cloud_frame);
+bool moves(const std::vector<FrameTree::Step>& steps) {
+  return std::any_of(steps.begin(), steps.end(),
+                     [](const auto& step) { return !step.T_parent_child; });
+}
+
+/// From the cloud's frame up to the highest that is named as a map's, else to the root: what stands
+/// above a map (the Earth's centre, a zone of UTM) has other axes.
+std::vector<FrameTree::Step> steps_to_map(const Search& search) {
+  std::vector<FrameTree::Step> steps = search.survey.tree.steps_above(search.cloud_frame);
+  const auto highest = std::find_if(steps.rbegin(), steps.rend(),
+                                    [](const auto& step) { return is_map_frame(step.parent); });
+  if (highest != steps.rend()) steps.erase(highest.base(), steps.end());
   if (steps.size() > kMostSteps)
     throw InputError(search.name,
                      fmt::format("{} frames above '{}' in tf", steps.size(), search.cloud_frame),
                      fmt::format("at most {}", kMostSteps));
-  const bool moves = std::any_of(steps.begin(), steps.end(),
-                                 [](const auto& step) { return !step.T_parent_child; });
-  if (!moves && asked)
+  return steps;
+}
+
+std::optional<BagPoses> find_tf(const Search& search, bool asked, std::vector<std::string>& notes) {
+  if (search.choice.pose_frame)
+    throw InputError(search.name, "pose_frame without a topic of poses",
+                     "one, as in poses=/odom&pose_frame=base_link");
+  const std::vector<FrameTree::Step> steps = steps_to_map(search);
+  if (!moves(steps) && asked)
     throw InputError(search.name,
                      fmt::format("nothing in tf that moves '{}'; frames are {}", search.cloud_frame,
                                  search.survey.tree.names()),
                      "transforms from a standing frame to the clouds'");
-  if (!moves) return std::nullopt;
+  if (!moves(steps)) return std::nullopt;
   if (asked || stands_still(steps.back().parent)) return poses_of_tf(search, steps);
   notes.push_back(
       fmt::format("tf moves '{}' in '{}', which is not named as one that stands still (map, odom, "
                   "world, earth): not taken as poses; poses=/tf does so",
                   search.cloud_frame, steps.back().parent));
   return std::nullopt;
+}
+
+/// Topics of poses to choose from, and tf where it is another choice.
+struct Candidates {
+  std::vector<std::string> topics;
+  std::string listed;
+
+  void add(const std::string& topic, const std::string& what) {
+    topics.push_back(topic);
+    listed += fmt::format("{}{} ({})", listed.empty() ? "" : ", ", topic, what);
+  }
+};
+
+Candidates topics_of_poses(const Search& search, std::vector<std::string>& notes) {
+  Candidates found;
+  for (const auto& [topic, known] : search.survey.topics) {
+    if (!is_pose_type(known.type) || known.messages == 0) continue;
+    if (known.messages >= kLeastPoses &&
+        known.messages * kMostScansAPose >= search.stamps_ns.size()) {
+      found.add(topic, fmt::format("{} {}", known.messages, known.type));
+      continue;
+    }
+    if (search.choice.poses) continue;
+    notes.push_back(
+        fmt::format("{} has {} poses for {} scans, which are no path: not taken; "
+                    "poses={} does so",
+                    topic, known.messages, search.stamps_ns.size(), topic));
+  }
+  return found;
+}
+
+/// Whether tf says the same as a topic: many who publish odometry send both.
+bool is_also_in_tf(const std::optional<PoseFrames>& frames,
+                   const std::vector<FrameTree::Step>& steps) {
+  return frames && frames->parent == steps.back().parent &&
+         std::any_of(steps.begin(), steps.end(),
+                     [&](const auto& step) { return step.child == frames->child; });
+}
+
+/// Adds tf beside the one topic where a standing frame moves the clouds in it and the topic says
+/// something else.
+void add_tf(const Search& search, Candidates& found) {
+  if (found.topics.size() != 1) return;
+  const std::vector<FrameTree::Step> steps = steps_to_map(search);
+  if (!moves(steps) || !stands_still(steps.back().parent) ||
+      is_also_in_tf(search.survey.topics.at(found.topics.front()).pose_frames, steps))
+    return;
+  for (const auto& [topic, known] : search.survey.topics)
+    if (known.type == kTfMessage && !is_static_tf(topic) && known.messages > 0)
+      return found.add(
+          topic, fmt::format("tf from '{}' to '{}'", steps.back().parent, search.cloud_frame));
 }
 
 }  // namespace
@@ -210,14 +280,7 @@ std::optional<BagPoses> find_poses(const Bags& bags, const BagSurvey& survey,
                                    const std::string& name, std::vector<std::string>& notes) {
   const Search search{bags, survey, choice, cloud_frame, stamps_ns, name};
   if (choice.poses == "none") return std::nullopt;
-  std::vector<std::string> candidates;
-  std::string listed;
-  for (const auto& [topic, known] : survey.topics) {
-    if (!is_pose_type(known.type) || known.messages < kLeastPoses) continue;
-    candidates.push_back(topic);
-    listed +=
-        fmt::format("{}{} ({} {})", listed.empty() ? "" : ", ", topic, known.messages, known.type);
-  }
+  Candidates candidates = topics_of_poses(search, notes);
   if (choice.poses) {
     const auto asked = survey.topics.find(*choice.poses);
     if (asked != survey.topics.end() && asked->second.type == kTfMessage)
@@ -226,14 +289,16 @@ std::optional<BagPoses> find_poses(const Bags& bags, const BagSurvey& survey,
       return poses_of_topic(search, asked->first);
     throw InputError(name,
                      fmt::format("no poses on {}; there are {}", *choice.poses,
-                                 listed.empty() ? "none" : listed),
+                                 candidates.listed.empty() ? "none" : candidates.listed),
                      fmt::format("a topic of {}, {} or {}", kOdometry, kPoseStamped, kTfMessage));
   }
-  if (candidates.size() > 1)
-    throw InputError(name, "poses on " + listed,
+  // Whoever says the frame that they are of speaks of a topic.
+  if (!choice.pose_frame) add_tf(search, candidates);
+  if (candidates.topics.size() > 1)
+    throw InputError(name, "poses on " + candidates.listed,
                      fmt::format("one topic, chosen as in '{}?poses={}', or poses=none", name,
-                                 candidates.front()));
-  if (candidates.size() == 1) return poses_of_topic(search, candidates.front());
+                                 candidates.topics.front()));
+  if (candidates.topics.size() == 1) return poses_of_topic(search, candidates.topics.front());
   return find_tf(search, false, notes);
 }
 

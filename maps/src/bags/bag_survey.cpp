@@ -22,7 +22,7 @@ constexpr std::size_t kMostClouds = 500'000;
 std::size_t head_bytes_of(const std::string& type) {
   if (type == kPointCloud2) return kHeaderBytes;
   if (type == kTfMessage) return kMostTfBytes;
-  return is_pose_type(type) ? 1 : 0;
+  return is_pose_type(type) ? kHeaderBytes + 4 + 1025 : 0;
 }
 
 class Surveyor {
@@ -41,7 +41,9 @@ class Surveyor {
     for (const BagTopic& topic : bag.topics()) {
       TopicSurvey& known = survey_.topics[topic.name];
       if (known.type.empty()) known.type = topic.type;
-      if (known.type != topic.type)
+      // What nobody reads here may be as it likes.
+      if (known.type != topic.type &&
+          (head_bytes_of(known.type) > 0 || head_bytes_of(topic.type) > 0))
         throw InputError(bag.file().string(),
                          "topic " + topic.name + " of " + known.type + " and " + topic.type,
                          "one type");
@@ -64,9 +66,10 @@ class Surveyor {
     TopicSurvey& known = survey_.topics[topic.name];
     ++known.messages;
     try {
-      if (topic.type != kPointCloud2 && topic.type != kTfMessage) return;
+      if (head_bytes_of(topic.type) == 0) return;
       MessageReader reader(message.head, topic.serialization, topic.name);
       if (topic.type == kTfMessage) return take_tf(reader, topic.name, bag);
+      if (topic.type != kPointCloud2) return take_pose(reader, topic.type, known);
       const RosHeader header = read_header(reader);
       if (++clouds_ > kMostClouds) return;
       known.clouds.push_back({message.place, header.stamp_ns, number, topic.serialization});
@@ -77,6 +80,12 @@ class Surveyor {
     } catch (const InputError& error) {
       if (known.unreadable++ == 0) known.why_unreadable = error.what();
     }
+  }
+
+  static void take_pose(MessageReader& reader, const std::string& type, TopicSurvey& known) {
+    if (known.messages > 1) return;
+    const StampedTransform pose = read_pose_frames(reader, type);
+    known.pose_frames = {pose.parent, pose.child};
   }
 
   void take_tf(MessageReader& reader, const std::string& topic, const Bag& bag) {

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,12 @@ struct CloudEntry {
   Serialization serialization = Serialization::kCdr;
 };
 
+struct PoseFrames {
+  std::string parent;
+  /// Empty where its type has none.
+  std::string child;
+};
+
 struct TopicSurvey {
   std::string type;
   /// Of all bags.
@@ -33,6 +40,8 @@ struct TopicSurvey {
   std::vector<CloudEntry> clouds;
   /// That the clouds' headers name, at most 8.
   std::vector<std::string> frames;
+  /// That the first of the poses names; nothing where it cannot be read.
+  std::optional<PoseFrames> pose_frames;
 };
 
 /// What a drive's bags hold, as far as it matters here.
@@ -44,7 +53,7 @@ struct BagSurvey {
 };
 
 /// Goes through the bags once: headers of clouds, counts of poses, all of tf.
-/// @throws InputError for one topic of two types; StorageError.
+/// @throws InputError for one topic of two types, where one of them is read; StorageError.
 [[nodiscard]] BagSurvey survey(const Bags& bags);
 
 [[nodiscard]] bool is_pose_type(const std::string& type);

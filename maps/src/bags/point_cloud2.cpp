@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <optional>
+#include <string_view>
 #include <vector>
 
 #include "formats/point_table.hpp"
@@ -239,6 +241,19 @@ DecodedScan decode_point_cloud2(MessageReader& reader, std::size_t max_points) {
   if (time != roles.end())
     set_times(scan.cloud, cloud, cloud.fields[static_cast<std::size_t>(time - roles.begin())]);
   return scan;
+}
+
+std::vector<std::string> fields_of_point_cloud2(MessageReader& reader) {
+  constexpr std::array<std::string_view, 10> kNames{"i8",  "u8",  "i16", "u16", "i32",
+                                                    "u32", "i64", "u64", "f32", "f64"};
+  std::vector<std::string> fields;
+  for (const CloudField& each :
+       read_message(reader, std::numeric_limits<std::uint32_t>::max()).fields) {
+    const std::string count = each.field.count == 1 ? "" : fmt::format(" x{}", each.field.count);
+    fields.push_back(fmt::format("{} {}{}", each.field.name.substr(0, 32),
+                                 kNames.at(static_cast<std::size_t>(each.field.type)), count));
+  }
+  return fields;
 }
 
 }  // namespace stillmap::maps

@@ -3,6 +3,8 @@
 #include <stillmap/maps/scan_file.hpp>
 
 #include <cstddef>
+#include <string>
+#include <vector>
 
 #include "bags/ros_messages.hpp"
 
@@ -21,5 +23,9 @@ namespace stillmap::maps {
 /// @throws InputError naming the reader's name, the value found and what was expected.
 [[nodiscard]] DecodedScan decode_point_cloud2(MessageReader& reader,
                                               std::size_t max_points = 4'000'000);
+
+/// Its columns as "NAME TYPE", with "xCOUNT" where that is not 1.
+/// @throws as above.
+[[nodiscard]] std::vector<std::string> fields_of_point_cloud2(MessageReader& reader);
 
 }  // namespace stillmap::maps

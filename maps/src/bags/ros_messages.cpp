@@ -43,7 +43,7 @@ RosHeader read_header(MessageReader& reader) {
   return header;
 }
 
-StampedTransform read_pose(MessageReader& reader, std::string_view type) {
+StampedTransform read_pose_frames(MessageReader& reader, std::string_view type) {
   const RosHeader header = read_header(reader);
   StampedTransform pose{header.stamp_ns, header.frame_id, {}, {}};
   if (type == kOdometry) {
@@ -52,6 +52,11 @@ StampedTransform read_pose(MessageReader& reader, std::string_view type) {
     throw InputError(reader.name(), std::string(type),
                      std::string(kOdometry) + " or " + std::string(kPoseStamped));
   }
+  return pose;
+}
+
+StampedTransform read_pose(MessageReader& reader, std::string_view type) {
+  StampedTransform pose = read_pose_frames(reader, type);
   pose.T_parent_child = read_rigid(reader);
   return pose;
 }

@@ -40,6 +40,9 @@ struct StampedTransform {
 /// @throws InputError for a message that ends too early or is of another type.
 [[nodiscard]] StampedTransform read_pose(MessageReader& reader, std::string_view type);
 
+/// The beginning of such a message: all but its transform.
+[[nodiscard]] StampedTransform read_pose_frames(MessageReader& reader, std::string_view type);
+
 /// tf2_msgs/TFMessage: `take` for each transform.
 /// @throws InputError as above; what was before the break has been taken.
 void read_transforms(MessageReader& reader,

@@ -8,12 +8,13 @@
 #include "checks/drive_sample.hpp"
 #include "checks/duplicate_scans.hpp"
 #include "checks/viewpoint_check.hpp"
+#include "formats/point_table.hpp"
 
 namespace stillmap::maps {
 namespace {
 
 constexpr double kGapOfMedian = 2.5;
-/// A drive whose scans were picked (key frames) has no period.
+/// A folder whose scans were picked (key frames) has no period; a recording's are all there.
 constexpr double kMostGapShare = 0.05;
 constexpr double kFastestMps = 120.0;
 constexpr double kMostTiltRad = 2.0 * std::numbers::pi / 180.0;
@@ -43,7 +44,8 @@ void check_periods(const Drive& drive, DriveCheck& check) {
   }
   check.periods = periods;
   const double share = static_cast<double>(periods.gaps) / static_cast<double>(periods_s.size());
-  if (periods.gaps == 0 || share > kMostGapShare) return;
+  const bool is_recording = drive.contents().entries.read != nullptr;
+  if (periods.gaps == 0 || (!is_recording && share > kMostGapShare)) return;
   check.findings.push_back(
       {"gaps",
        fmt::format(
@@ -191,6 +193,29 @@ void check_values(const std::vector<SampledScan>& samples, DriveCheck& check) {
          "check the fields x, y, z"});
 }
 
+/// Of recordings, whose messages name their columns.
+void check_point_times(const Drive& drive, const std::vector<SampledScan>& samples,
+                       std::vector<DriveFinding>& findings) {
+  std::vector<std::string> times;
+  for (const std::string& field : drive.contents().entries.fields)
+    if (is_time_name(field.substr(0, field.find(' ')))) times.push_back(field);
+  const auto taken = std::count_if(samples.begin(), samples.end(),
+                                   [](const auto& sample) { return sample.has_times; });
+  if (times.empty() || 2 * static_cast<std::size_t>(taken) > samples.size()) return;
+  findings.push_back(
+      {"times_not_taken",
+       times.size() > 1
+           ? fmt::format("several fields may be the times of the points ({}): none is taken",
+                         fmt::join(times, ", "))
+           : fmt::format(
+                 "the field {} is not taken as the times of the points: in no unit do all of "
+                 "them lie within 1 s of their scan's stamp",
+                 times.front()),
+       "let the driver write one, by the clock of the stamps: without, a scan that moved while it "
+       "was taken stays bent. 'DRIVE?sensor=NAME' takes the times of a sensor's turn, where points "
+       "lie in the order in which they were taken"});
+}
+
 }  // namespace
 
 DriveCheck check_drive(const Drive& drive) {
@@ -201,8 +226,12 @@ DriveCheck check_drive(const Drive& drive) {
   if (const auto duplicates = duplicate_scans(drive); duplicates.count > 0)
     check.findings.push_back(
         {"duplicates",
-         fmt::format("{} scans are equal to the one before, the first is scan {}", duplicates.count,
-                     duplicates.first),
+         fmt::format(
+             "{} scans are equal to the one before, the first is scan {}{}", duplicates.count,
+             duplicates.first,
+             duplicates.looked_at + 1 == drive.size()
+                 ? ""
+                 : fmt::format(" ({} of {} were looked at)", duplicates.looked_at, drive.size())),
          "leave them out: they count as seen twice"});
   std::vector<SampledScan> samples;
   std::vector<std::array<PosedScan, 2>> pairs;
@@ -220,6 +249,7 @@ DriveCheck check_drive(const Drive& drive) {
   check_mounting(samples, check);
   check_level(drive, samples, check);
   check_values(samples, check);
+  check_point_times(drive, samples, check.findings);
   return check;
 }
 

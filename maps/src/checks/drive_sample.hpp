@@ -21,6 +21,8 @@ struct SampledScan {
   double median_range_m = 0.0;
   std::size_t points = 0;
   std::size_t points_in_file = 0;
+  /// Of its points, or without points.
+  bool has_times = false;
   std::optional<std::array<float, 2>> intensities;
 };
 

@@ -13,6 +13,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// Of a recording: 200 scans of 2 MB take half a second.
+constexpr std::size_t kMostPairs = 100;
+
 std::uintmax_t size_of(const fs::path& file) {
   std::error_code error;
   const std::uintmax_t size = fs::file_size(file, error);
@@ -35,15 +38,26 @@ bool same_bytes(const fs::path& a, const fs::path& b) {
   return !first && !second;
 }
 
+bool same_points(const Drive& drive, std::size_t a, std::size_t b) {
+  const std::vector<Eigen::Vector3f> first = drive.read(a).cloud.positions;
+  return !first.empty() && first == drive.read(b).cloud.positions;
+}
+
 }  // namespace
 
 DuplicateScans duplicate_scans(const Drive& drive) {
   DuplicateScans found;
-  const std::vector<fs::path>& files = drive.contents().scan_files;
-  for (std::size_t i = 1; i < files.size(); ++i) {
-    if (files[i] == files[i - 1] || size_of(files[i]) != size_of(files[i - 1])) continue;
-    if (!same_bytes(files[i - 1], files[i])) continue;
-    if (found.count++ == 0) found.first = i;
+  const Drive::Contents& contents = drive.contents();
+  const std::vector<fs::path>& files = contents.scan_files;
+  const bool is_recording = contents.entries.read != nullptr;
+  // Of files mostly the sizes are read; messages as a whole, and their stamps differ.
+  const std::size_t step = is_recording ? files.size() / kMostPairs + 1 : 1;
+  for (std::size_t i = 1; i < files.size(); i += step) {
+    ++found.looked_at;
+    const bool same = is_recording ? same_points(drive, i - 1, i)
+                                   : size_of(files[i]) == size_of(files[i - 1]) &&
+                                         same_bytes(files[i - 1], files[i]);
+    if (same && found.count++ == 0) found.first = i;
   }
   return found;
 }

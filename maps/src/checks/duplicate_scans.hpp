@@ -9,11 +9,14 @@ namespace stillmap::maps {
 struct DuplicateScans {
   std::size_t count = 0;
   std::size_t first = 0;
+  /// Scans that were compared with the one before.
+  std::size_t looked_at = 0;
 };
 
 /// Scans whose file has the same bytes as the one before. Files of other sizes are not read, and of
-/// equal ones no more than it takes. Scans that share a file are not compared.
-/// @throws StorageError.
+/// equal ones no more than it takes. Of recordings up to 100 scans, spread over them, are compared,
+/// by their points.
+/// @throws as `Drive::read`.
 [[nodiscard]] DuplicateScans duplicate_scans(const Drive& drive);
 
 }  // namespace stillmap::maps

@@ -48,6 +48,10 @@ bool is_other_than_identity(const Drive& drive, const std::vector<SamplePair>& p
 
 DriveFinding no_poses(const Drive& drive) {
   const bool pcd = drive.contents().scan_files.front().extension() == ".pcd";
+  if (drive.contents().entries.read)
+    return {"no_poses", "no poses: none are taken of the recording",
+            "choose what it has (the notes say it), or give them with --poses FILE (KITTI or TUM) "
+            "where there are any; without, odometry makes them of the scans"};
   return {
       "no_poses",
       pcd ? "no poses: no file of them, and no VIEWPOINT of the scans is other than the identity"
@@ -67,8 +71,8 @@ DriveFinding not_applied(const std::string& what) {
 }  // namespace
 
 std::optional<DriveFinding> check_viewpoints(const Drive& drive) {
-  if (drive.has_poses() || drive.size() == 0 || drive.contents().layout != DriveLayout::kScanFolder)
-    return std::nullopt;
+  if (drive.has_poses() || drive.size() == 0) return std::nullopt;
+  if (drive.contents().layout != DriveLayout::kScanFolder) return no_poses(drive);
   const std::vector<SamplePair> pairs =
       choose_samples(drive.size(), [&](std::size_t i) { return viewpoint_of(drive, i); });
   if (!is_other_than_identity(drive, pairs)) return no_poses(drive);

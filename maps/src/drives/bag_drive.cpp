@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <memory>
 #include <string>
+#include <type_traits>
 #include <utility>
 
 #include "bags/bag_choice.hpp"
@@ -30,11 +31,15 @@ struct BagScans {
   std::vector<CloudEntry> clouds;
 
   [[nodiscard]] DecodedScan read(std::size_t number) const {
-    const CloudEntry& cloud = clouds.at(number);
-    const FileBytes message = bytes(number);
-    MessageReader reader(message.span(), cloud.serialization,
-                         fmt::format("{} {} {}", bags[cloud.bag]->file().string(), topic, number));
-    return decode_point_cloud2(reader);
+    return read_by(number, [](MessageReader& reader) { return decode_point_cloud2(reader); });
+  }
+  /// Empty where the first cloud cannot be read.
+  [[nodiscard]] std::vector<std::string> fields() const {
+    try {
+      return read_by(0, fields_of_point_cloud2);
+    } catch (const InputError&) {
+      return {};
+    }
   }
   [[nodiscard]] std::string sha256(std::size_t number) const {
     const FileBytes message = bytes(number);
@@ -42,6 +47,15 @@ struct BagScans {
   }
 
  private:
+  template <typename Decode>
+  std::invoke_result_t<const Decode&, MessageReader&> read_by(std::size_t number,
+                                                              const Decode& decode) const {
+    const CloudEntry& cloud = clouds.at(number);
+    const FileBytes message = bytes(number);
+    MessageReader reader(message.span(), cloud.serialization,
+                         fmt::format("{} {} {}", bags[cloud.bag]->file().string(), topic, number));
+    return decode(reader);
+  }
   [[nodiscard]] FileBytes bytes(std::size_t number) const {
     const CloudEntry& cloud = clouds.at(number);
     return bags[cloud.bag]->read(cloud.place);
@@ -108,6 +122,7 @@ void set_scans(Drive::Contents& contents, const std::shared_ptr<const BagScans>&
     contents.entries.numbers.push_back(i);
   }
   contents.entries.topic = scans->topic;
+  contents.entries.fields = scans->fields();
   contents.entries.read = [scans](std::size_t number) { return scans->read(number); };
   contents.entries.sha256 = [scans](std::size_t number) { return scans->sha256(number); };
   contents.relative_clock = contents.stamps_ns.front() < kFirstEpochStampNs;
@@ -175,6 +190,7 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
                                                                       : DriveLayout::kRosbag2;
   set_notes(contents, *scans, found);
   set_scans(contents, scans);
+  contents.entries.frame_id = clouds.frames.front();
   if (poses_file) {
     set_poses(contents, *poses_file);
   } else if (const auto poses = find_poses(scans->bags, found, choice, clouds.frames.front(),

@@ -226,28 +226,48 @@ void keep_scans(Drive::Contents& contents, const std::vector<std::size_t>& kept)
   keep(contents.label_files);
 }
 
+/// The most values, by their indices, that rise from each to the next (patience sorting): one that
+/// is far off costs itself and not those after it.
+std::vector<std::size_t> longest_rise(const std::vector<std::int64_t>& values) {
+  // Of the rises of each length the one that ends lowest, by its end; what comes before each.
+  std::vector<std::size_t> ends, before(values.size());
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const auto at = std::partition_point(ends.begin(), ends.end(),
+                                         [&](std::size_t end) { return values[end] < values[i]; });
+    before[i] = at == ends.begin() ? i : *std::prev(at);
+    if (at == ends.end())
+      ends.push_back(i);
+    else if (values[i] < values[*at])
+      *at = i;
+  }
+  std::vector<std::size_t> rise(ends.size());
+  for (std::size_t length = ends.size(), i = ends.empty() ? 0 : ends.back(); length > 0;
+       i = before[i])
+    rise[--length] = i;
+  return rise;
+}
+
 void leave_out_unordered(Drive::Contents& contents) {
-  std::vector<std::size_t> kept;
+  const std::vector<std::size_t> kept = longest_rise(contents.stamps_ns);
   std::string left_out;
-  for (std::size_t i = 0; i < contents.stamps_ns.size(); ++i) {
-    if (kept.empty() || contents.stamps_ns[i] > contents.stamps_ns[kept.back()]) {
-      kept.push_back(i);
-    } else if (left_out.size() < 200) {
+  for (std::size_t i = 0, next = 0; i < contents.stamps_ns.size() && left_out.size() < 200; ++i) {
+    if (next < kept.size() && kept[next] == i)
+      ++next;
+    else
       left_out += ' ' + contents.scan_name(i);
-    }
   }
   const std::size_t count = contents.stamps_ns.size() - kept.size();
   if (count == 0) return;
   if (count * 10 > contents.stamps_ns.size()) {
     throw InputError(contents.root.string(),
-                     fmt::format("{} of {} scans not after the one before in time", count,
+                     fmt::format("stamps of {} of {} scans that do not rise with the others", count,
                                  contents.stamps_ns.size()),
                      "increasing stamps: sort the scans by their time, or give them the times that "
                      "are theirs");
   }
   keep_scans(contents, kept);
   contents.notes.push_back(fmt::format(
-      "{} scans left out, whose stamps are not after the one before:{}", count, left_out));
+      "{} scans left out, whose stamps do not rise with the others:{}", count, left_out));
 }
 
 }  // namespace stillmap::maps

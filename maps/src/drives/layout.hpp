@@ -73,7 +73,8 @@ void set_labels(Drive::Contents& contents);
 /// Keeps some of the scans with all that belongs to them. @param kept  ascending.
 void keep_scans(Drive::Contents& contents, const std::vector<std::size_t>& kept);
 
-/// Leaves out scans whose stamp is not after the one before, and says so. Call it last.
+/// Leaves out the fewest scans without which stamps rise from each to the next, and says so. Call
+/// it last.
 /// @throws InputError if that is more than a tenth of the scans: the stamps then mean something
 /// else.
 void leave_out_unordered(Drive::Contents& contents);

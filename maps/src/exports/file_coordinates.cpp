@@ -76,6 +76,8 @@ std::vector<std::string> frame_lines(const MapPackage& map, const FileCoordinate
   if (const auto& utm = coordinates.utm())
     lines.push_back(
         fmt::format("coordinates EPSG:{}, height above the WGS 84 ellipsoid", utm->zone().epsg()));
+  if (const auto taken = manifest.options.find("taken_as_wgs84"); taken != manifest.options.end())
+    lines.push_back("taken as WGS 84: " + on_one_line(taken->second));
   if (const auto& place = manifest.geodetic_origin)
     lines.push_back(fmt::format("geodetic origin of the map WGS84 {} {} {}", place->latitude_deg,
                                 place->longitude_deg, place->altitude_m));

@@ -181,6 +181,9 @@ MapExportReport export_map(const MapPackage& map, std::string_view format,
   ExportJob job{map, options, frame_of(row.format, options, map), {}, report};
   job.tell({0.0, 0.0}, 0, 1);
   if (job.frame == kLocal) report.origin = map.manifest().origin;
+  const auto& facts = map.manifest().options;
+  if (const auto taken = facts.find("taken_as_wgs84"); taken != facts.end())
+    report.notes.push_back("the import took as WGS 84 what may be metres off: " + taken->second);
   if (row.format.is_folder) {
     PartialFolder partial(target);
     run_into(row, partial, job);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <functional>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -43,7 +44,9 @@ class CloudStream {
         at.position.z() = value;
         return;
       case Role::kIntensity:
-        at.intensity = std::isfinite(value) ? static_cast<float>(value) : 0.0F;
+        // Doubles beyond floats are not finite either.
+        at.intensity =
+            std::abs(value) <= std::numeric_limits<float>::max() ? static_cast<float>(value) : 0.0F;
         return;
       case Role::kTime:
       case Role::kNone:

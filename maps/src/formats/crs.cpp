@@ -14,6 +14,7 @@ namespace {
 /// Deeper than any coordinate system goes.
 constexpr std::size_t kMostLevels = 16;
 constexpr std::size_t kMostNameBytes = 128;
+constexpr double kUtmFalseEastingM = 500'000.0;
 
 bool is_one_of(std::string_view word, std::initializer_list<std::string_view> words) {
   return std::find(words.begin(), words.end(), word) != words.end();
@@ -27,10 +28,16 @@ bool is_vertical(std::string_view word) {
   return is_one_of(word, {"VERT_CS", "VERTCRS", "VERTICALCRS"});
 }
 
-/// "WGS 84 / UTM zone 32N", "WGS_1984_UTM_Zone_32N": the zone, where no code is given.
-std::optional<UtmZone> zone_in_name(std::string name) {
+/// Names are written with spaces or underscores, small and large.
+std::string plain(std::string name) {
   for (char& c : name)
     c = c == '_' ? ' ' : static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return name;
+}
+
+/// "WGS 84 / UTM zone 32N", "WGS_1984_UTM_Zone_32N": the zone, where no code is given.
+std::optional<UtmZone> zone_in_name(const std::string& given) {
+  const std::string name = plain(given);
   const bool datum = name.starts_with("wgs 84") || name.starts_with("wgs 1984") ||
                      name.starts_with("etrs89") || name.starts_with("etrs 1989") ||
                      name.starts_with("nad83") || name.starts_with("nad 1983");
@@ -69,7 +76,9 @@ class WktReader {
         word += c;
       }
     }
-    if (!system_.utm && projected_) system_.utm = zone_in_name(system_.name);
+    if (!has_code_ && projected_) system_.utm = zone_in_name(system_.name);
+    // Some surveys put the zone before the easting (EPSG:4647), and keep the name.
+    if (false_easting_m_ && *false_easting_m_ != kUtmFalseEastingM) system_.utm.reset();
     system_.is_geographic = geographic_ && !projected_;
     return system_;
   }
@@ -118,6 +127,8 @@ class WktReader {
       system_.vertical_name = name;
     } else if (is_one_of(node.word, {"AUTHORITY", "ID"})) {
       take_code(node);
+    } else if (node.word == "PARAMETER" && plain(name) == "false easting") {
+      if (node.values.size() > 1) false_easting_m_ = parse_number(node.values[1]);
     } else if (is_one_of(node.word, {"UNIT", "LENGTHUNIT"})) {
       take_unit(node);
     }
@@ -126,7 +137,9 @@ class WktReader {
   void take_code(const Level& node) {
     if (!is_projected(parent()) || node.values.size() < 2 || node.values[0] != "EPSG") return;
     const auto code = parse_count(node.values[1]);
-    if (code && *code < 100'000) system_.utm = utm_zone_of_epsg(static_cast<int>(*code));
+    if (!code || *code >= 100'000) return;
+    has_code_ = true;
+    system_.utm = utm_zone_of_epsg(static_cast<int>(*code));
   }
 
   void take_unit(const Level& node) {
@@ -147,6 +160,9 @@ class WktReader {
   CoordinateSystem system_;
   bool projected_ = false;
   bool geographic_ = false;
+  /// Of EPSG: then the name says no more than it.
+  bool has_code_ = false;
+  std::optional<double> false_easting_m_;
 };
 
 constexpr int kModelType = 1024;

@@ -115,6 +115,10 @@ std::vector<Role> roles_of(std::span<const PointField> fields, const std::string
   return roles;
 }
 
+bool is_time_name(const std::string& name) {
+  return std::find(kTimeNames.begin(), kTimeNames.end(), lower(name)) != kTimeNames.end();
+}
+
 PointTable::PointTable(std::span<const PointField> fields, std::span<const Role> roles,
                        std::size_t points) {
   cloud_.positions.resize(points);

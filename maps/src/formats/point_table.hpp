@@ -37,6 +37,9 @@ enum class Role { kNone, kX, kY, kZ, kIntensity, kTime };
 [[nodiscard]] std::vector<Role> roles_of(std::span<const PointField> fields,
                                          const std::string& name);
 
+/// Whether a column of this name, in any case, may be the time.
+[[nodiscard]] bool is_time_name(const std::string& name);
+
 /// Collects the columns of a known number of points, then drops what is no point.
 class PointTable {
  public:

@@ -93,6 +93,11 @@ void print_for_people(const server::DriveSummary& drive) {
   table.add("scans",
             fmt::format("{} over {:.2f} s, {:.2f} Hz, {} clock", drive.scans, drive.duration_s,
                         drive.rate_hz, drive.relative_clock ? "relative" : "Unix"));
+  if (!drive.topic.empty())
+    table.add("scans of", drive.frame_id.empty()
+                              ? drive.topic
+                              : fmt::format("{} in '{}'", drive.topic, drive.frame_id));
+  if (!drive.fields.empty()) table.add("columns", fmt::format("{}", fmt::join(drive.fields, ", ")));
   table.add("poses", drive.has_poses ? fmt::format("for every scan, {:.1f} m", drive.path_length_m)
                                      : "none");
   table.add("geodetic origin", text_of(drive.origin));

@@ -117,6 +117,11 @@ std::string inspection_json(const DriveSummary& summary) {
   json["has_poses"] = summary.has_poses;
   json["has_point_times"] = summary.has_point_times;
   json["has_labels"] = summary.has_labels;
+  if (!summary.topic.empty()) {
+    json["topic"] = summary.topic;
+    json["frame_id"] = summary.frame_id;
+    json["fields"] = summary.fields;
+  }
   json["path_length_m"] = summary.path_length_m;
   json["geodetic_origin"] = geodetic(summary.origin);
   json["first_scan"] = {{"points", summary.first_scan_points},

@@ -96,6 +96,9 @@ DriveSummary summarize(const maps::Drive& drive) {
   summary.relative_clock = contents.relative_clock;
   summary.has_poses = drive.has_poses();
   summary.has_labels = !contents.label_files.empty();
+  summary.topic = contents.entries.topic;
+  summary.frame_id = contents.entries.frame_id;
+  summary.fields = contents.entries.fields;
   summary.path_length_m = path_length_m(contents.T_map_lidar);
   summary.origin = contents.origin;
   summary.notes = contents.notes;

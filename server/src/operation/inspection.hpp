@@ -40,6 +40,10 @@ struct DriveSummary {
   /// Of the first scan.
   bool has_point_times = false;
   bool has_labels = false;
+  /// Of recordings: topic (or label) of the scans, frame of their points and columns of the first.
+  std::string topic;
+  std::string frame_id;
+  std::vector<std::string> fields;
   double path_length_m = 0.0;
   std::optional<maps::GeodeticOrigin> origin;
   /// Of the first scan, in its lidar frame [m].

@@ -4,10 +4,13 @@
 #include <stillmap/localization/aligner.hpp>
 #include <stillmap/mapping/map_import.hpp>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_export.hpp>
 #include <stillmap/maps/map_package.hpp>
 
 #include <bit>
 #include <cstring>
+#include <fstream>
+#include <iterator>
 
 #include "support/las_bytes.hpp"
 #include "support/matchers.hpp"
@@ -194,6 +197,41 @@ TEST_F(MapImport, UsersOriginAndZoneAreTaken) {
   EXPECT_LT((only_point(*map("plain")) - points[0]).norm(), 1e-5);
   EXPECT_EQ(map("plain")->manifest().frame_id, "enu");
   EXPECT_EQ(map("plain")->manifest().geodetic_origin->altitude_m, 115.0);
+}
+
+TEST_F(MapImport, PlacesThatDoNotFitTheZoneAreRefused) {
+  options_.geodetic_origin = kTownHall;
+  options_.utm = maps::UtmZone{32, true};
+  // Local coordinates, called UTM.
+  EXPECT_THAT(
+      [&] {
+        (void)import("local.pcd", pcd_of<double>({{12.0, -7.0, 1.0}}));
+      },
+      ThrowsSaying<InputError>({"local.pcd", "km from the geodetic origin", "100 km"}));
+  // Eastings with the zone before them, as of EPSG:4647.
+  const maps::UtmProjection utm(kTownHall, {32, true});
+  const Eigen::Vector3d prefixed = utm.to_utm({5, 5, 0}) + Eigen::Vector3d(32e6, 0.0, 0.0);
+  EXPECT_THAT([&] { (void)import("prefixed.pcd", pcd_of<double>({prefixed})); },
+              ThrowsSaying<InputError>({"prefixed.pcd", "not of UTM zone 32N"}));
+  options_.geodetic_origin->latitude_deg += 1.0;
+  EXPECT_THAT(
+      [&] {
+        (void)import("far.pcd", pcd_of<double>({utm.to_utm({5, 5, 0})}));
+      },
+      ThrowsSaying<InputError>({"far.pcd", "111 km from"}));
+  EXPECT_FALSE(std::filesystem::exists(folder_.path() / "map"));
+}
+
+TEST_F(MapImport, OtherDatumsAreSaidByTheImportAndByExports) {
+  const MapImportReport report = import("etrs.las", las_of({{1, 2, 3}}, 25832).bytes());
+  EXPECT_THAT(report.warnings, ::testing::Contains(HasSubstr("'EPSG:25832' are taken as")));
+  const auto said = "coordinates of 'EPSG:25832'";
+  EXPECT_EQ(map()->manifest().options.at("taken_as_wgs84"), said);
+  const auto exported = maps::export_map(*map(), "ply", folder_.path() / "out.ply");
+  EXPECT_THAT(exported.notes, ::testing::Contains(HasSubstr(said)));
+  std::ifstream file(folder_.path() / "out.ply");
+  const std::string head{std::istreambuf_iterator<char>(file), {}};
+  EXPECT_THAT(head.substr(0, head.find("end_header")), HasSubstr(said));
 }
 
 TEST_F(MapImport, OtherProjectionsAreTakenAsTheyAreAndSaid) {

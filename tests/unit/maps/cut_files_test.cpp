@@ -79,7 +79,11 @@ Found cloud(const fs::path& file) {
 /// Scans whose points can be read, of a drive and its poses.
 Found drive(const fs::path& root) {
   const Drive opened = Drive::open(root);
-  Found found{0, !opened.contents().notes.empty()};
+  // Where the poses are from is said of whole ones, too.
+  Found found{0, std::any_of(opened.contents().notes.begin(), opened.contents().notes.end(),
+                             [](const std::string& note) {
+                               return !note.starts_with("poses are those of");
+                             })};
   for (std::size_t i = 0; i < opened.size(); ++i) {
     try {
       found.count += opened.read(i).points_in_file;

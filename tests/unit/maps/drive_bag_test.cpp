@@ -1,9 +1,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/drive_check.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/store/archive.hpp>
 
+#include <algorithm>
+#include <cstring>
 #include <fstream>
 #include <iterator>
 #include <numbers>
@@ -24,6 +27,7 @@ using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 
 constexpr std::int64_t kStart = 1'700'000'000'000'000'000;
 constexpr std::int64_t kStep = 100'000'000;
@@ -255,6 +259,80 @@ TEST_F(BagDrive, MultipliesTransformsOfTfFromAStandingFrame) {
   EXPECT_THAT(drive.contents().notes, ElementsAre("poses are those of tf from 'map' to 'lidar'"));
 }
 
+TEST_F(BagDrive, TakesTfFromTheMapAndNotFromWhatStandsAboveIt) {
+  for (const std::string above : {"earth", "utm"}) {
+    messages_.resize(4);
+    add_static(above, "map", {4e6, 5e5, 4.9e6, 0, 1, 0, 0});
+    for (int i = -1; i <= 4; ++i)
+      add("/tf", kTfType,
+          test::transform(kStart + i * kStep + kStep / 2, "map", "lidar", {i + 0.5, 0, 0}));
+    EXPECT_NEAR(xs(open())[2], 2.0, 1e-12) << above;
+    EXPECT_NEAR(xs(open("?poses=/tf"))[2], 2.0, 1e-12) << above;
+  }
+}
+
+TEST_F(BagDrive, TakesTfFromTheEarthWhereThereIsNoMap) {
+  for (int i = -1; i <= 4; ++i)
+    add("/tf", kTfType,
+        test::transform(kStart + i * kStep + kStep / 2, "earth", "lidar", {i + 0.5, 0, 0}));
+  EXPECT_NEAR(xs(open())[2], 2.0, 1e-12);
+}
+
+TEST_F(BagDrive, ListsTfBesideATopicThatSaysSomethingElse) {
+  const auto add_tf = [&](const std::string& parent, const std::string& child, double y) {
+    for (int i = -1; i <= 4; ++i)
+      add("/tf", kTfType,
+          test::transform(kStart + i * kStep + kStep / 2, parent, child, {i + 0.5, y, 0}));
+  };
+  add_odometry("/odom", "base_link");
+  add_static("base_link", "lidar", {});
+  add_tf("odom", "base_link", 0.0);
+  // The same twice.
+  EXPECT_THAT(open().contents().notes, ElementsAre("poses are those of /odom"));
+  // Wheels, and what corrects them.
+  add_tf("map", "odom", 5.0);
+  expect_error(
+      {"poses on /odom (6 nav_msgs/msg/Odometry), /tf (tf from 'map' to 'lidar')", "?poses=/odom"});
+  EXPECT_NEAR(open("?poses=/tf").T_map_lidar(1).translation().y(), 5.0, 1e-12);
+  EXPECT_NEAR(open("?poses=/odom").T_map_lidar(1).translation().y(), 0.0, 1e-12);
+  EXPECT_NEAR(open("?pose_frame=base_link").T_map_lidar(1).translation().y(), 0.0, 1e-12);
+}
+
+TEST_F(BagDrive, TakesNoGoalsForAPath) {
+  for (int i = 4; i < 100; ++i) clouds("/points", i);
+  for (const int i : {0, 90})
+    add("/goal_pose", kPoseType, test::pose_stamped(kStart + i * kStep, {1.0 * i}));
+  const Drive drive = open();
+  EXPECT_FALSE(drive.has_poses());
+  EXPECT_THAT(drive.contents().notes,
+              ElementsAre(HasSubstr("/goal_pose has 2 poses for 100 scans, which are no path")));
+  EXPECT_TRUE(open("?poses=/goal_pose").has_poses());
+  // Many of them are listed beside tf.
+  for (const int i : {10, 20})
+    add("/goal_pose", kPoseType, test::pose_stamped(kStart + i * kStep, {}));
+  for (int i = 0; i < 100; ++i)
+    add("/tf", kTfType, test::transform(kStart + i * kStep, "map", "lidar", {1.0 * i, 0, 0}));
+  expect_error({"/goal_pose (4 geometry_msgs/msg/PoseStamped), /tf (tf from 'map' to 'lidar')"});
+}
+
+TEST_F(BagDrive, RefusesATopicOfTwoTypesOnlyWhereOneIsRead) {
+  add_odometry();
+  const std::filesystem::path root = folder_.path() / "run";
+  std::filesystem::create_directories(root);
+  const auto with = [&](const std::string& topic, const std::string& type) {
+    std::vector<Message> messages = messages_;
+    messages.push_back({topic, type, "anything"});
+    return messages;
+  };
+  write_sqlite(root / "a.db3", with("/status", "a/msg/A"));
+  write_sqlite(root / "b.db3", {{"/status", "b/msg/B", "anything"}});
+  EXPECT_EQ(Drive::open(root).size(), 4U);
+  std::filesystem::remove(root / "b.db3");
+  write_sqlite(root / "b.db3", {{"/odom", "b/msg/B", "anything"}});
+  EXPECT_THAT([&] { (void)Drive::open(root); },
+              ThrowsSaying<InputError>({"topic /odom of nav_msgs/msg/Odometry and b/msg/B"}));
+}
+
 TEST_F(BagDrive, TakesNoTfFromAFrameThatMayMove) {
   for (int i = -1; i <= 4; ++i)
     add("/tf", kTfType,
@@ -382,6 +460,61 @@ TEST_F(BagDrive, LeavesOutScansThatGoBackInTime) {
   const Drive drive = open();
   EXPECT_EQ(drive.size(), 12U);
   EXPECT_THAT(drive.contents().notes, ElementsAre(HasSubstr("run.mcap /points 12")));
+}
+
+TEST_F(BagDrive, LeavesOutTheOneStampThatIsFarOff) {
+  for (int i = 4; i < 38; ++i) clouds("/points", i == 6 ? 36'000 : i);
+  const Drive drive = open();
+  EXPECT_EQ(drive.size(), 37U);
+  EXPECT_THAT(drive.contents().notes, ElementsAre(HasSubstr("run.mcap /points 6")));
+  EXPECT_EQ(drive.stamp_ns(36), kStart + 37 * kStep);
+  // Of two that are equal, the first.
+  clouds("/points", 37);
+  EXPECT_THAT(open().contents().notes, ElementsAre(HasSubstr("/points 6 run.mcap /points 38")));
+}
+
+TEST_F(BagDrive, SaysFrameAndColumnsOfItsClouds) {
+  EXPECT_EQ(open().contents().entries.frame_id, "lidar");
+  EXPECT_THAT(open().contents().entries.fields, ElementsAre("x f32", "y f32", "z f32"));
+}
+
+TEST_F(BagDrive, ChecksSeeWhatIsWrongWithARecording) {
+  const auto codes = [&] {
+    std::vector<std::string> found;
+    for (const DriveFinding& finding : check_drive(open()).findings) found.push_back(finding.code);
+    return found;
+  };
+  EXPECT_THAT(codes(), ElementsAre("no_poses"));
+  // A driver that is stuck sends the same points with new stamps.
+  for (int i = 4; i < 9; ++i)
+    add("/points", kCloudType, one_point(kStart + i * kStep, 7.0F, "lidar"));
+  EXPECT_THAT(codes(), Contains("duplicates"));
+  EXPECT_THAT(codes(), Not(Contains("gaps")));
+  // However many there are.
+  for (const int i : {15, 21, 27}) clouds("/points", i);
+  EXPECT_THAT(codes(), Contains("gaps"));
+}
+
+TEST_F(BagDrive, ChecksSayWhyTimesAreNotTaken) {
+  messages_.clear();
+  test::CloudMessage cloud;
+  cloud.fields.push_back({"timestamp", 12, 8, 1});
+  cloud.point_step = 20;
+  for (int i = 0; i < 3; ++i) {
+    cloud.stamp_ns = kStart + i * kStep;
+    cloud.data.assign(20, '\0');
+    const float x = static_cast<float>(i + 1);
+    std::memcpy(cloud.data.data(), &x, sizeof x);
+    // GPS time, 18 s and a week's number beside Unix.
+    const double time_s = 1.4e9 + i;
+    std::memcpy(&cloud.data[12], &time_s, sizeof time_s);
+    add("/points", kCloudType, cloud.str());
+  }
+  const DriveCheck check = check_drive(open());
+  const auto found = std::find_if(check.findings.begin(), check.findings.end(),
+                                  [](const auto& each) { return each.code == "times_not_taken"; });
+  ASSERT_NE(found, check.findings.end());
+  EXPECT_THAT(found->what, HasSubstr("the field timestamp f64 is not taken"));
 }
 
 TEST_F(BagDrive, ReadsWhatIsThereOfACutBag) {

@@ -321,6 +321,12 @@ TEST(CoordinateSystem, WktAsOthersWriteIt) {
   EXPECT_EQ(feet.utm, std::nullopt);
   EXPECT_EQ(feet.metres_per_unit, 0.3048006096);
   EXPECT_TRUE(read_wkt(R"(GEOGCS["WGS 84",AUTHORITY["EPSG","4326"]])").is_geographic);
+  // The zone before the easting: called UTM, and is not (EPSG:4647), with a code or without.
+  const std::string prefixed = R"_(PROJCS["ETRS89 / UTM zone 32N (zE-N)",)_";
+  for (const std::string facts :
+       {R"(AUTHORITY["EPSG","4647"]])", R"(PARAMETER["false_easting",32500000]])"})
+    EXPECT_EQ(read_wkt(prefixed + facts).utm, std::nullopt) << facts;
+  EXPECT_EQ(read_wkt(prefixed + R"(PARAMETER["false_easting",500000]])").utm, (UtmZone{32, true}));
   // A base that is UTM's does not make it UTM.
   EXPECT_EQ(read_wkt(R"(PROJCS["x",GEOGCS["y",AUTHORITY["EPSG","32632"]]])").utm, std::nullopt);
 }

@@ -44,6 +44,10 @@ class Drive {
     struct Entries {
       /// What they are called there.
       std::string topic;
+      /// Frame that their points are in, and the columns of the first ("x f32"); empty where the
+      /// file has none.
+      std::string frame_id;
+      std::vector<std::string> fields;
       /// One a scan, for `read`.
       std::vector<std::size_t> numbers;
       /// Safe from several threads. Throws as `Drive::read`.
@@ -78,11 +82,12 @@ class Drive {
   /// Opens a drive of any layout, told apart by content: a folder, or the file of a bag.
   ///
   /// Of a bag (MCAP, rosbag2) its one topic of PointCloud2 is read, with the stamps of the
-  /// messages' headers. Poses are those of its one topic of Odometry or PoseStamped, brought to the
-  /// clouds' frame by tf_static, else tf from a frame called map, odom, world or earth,
-  /// interpolated to the scans; scans at the ends without a pose are left out and noted, and
-  /// without poses there are none. Where there is more than one choice, it is made in `topics.txt`
-  /// of the bag's folder, or behind the path:
+  /// messages' headers. Poses are those of its one topic of Odometry or PoseStamped (with a pose
+  /// for 40 scans at least), brought to the clouds' frame by tf_static, or of tf from the highest
+  /// frame called map, odom or world, else from one called earth, interpolated to the scans; where
+  /// tf only repeats the topic, the topic counts. Scans at the ends without a pose are left out and
+  /// noted, and without poses there are none. Where there is more than one choice, it is made in
+  /// `topics.txt` of the bag's folder, or behind the path:
   /// `run.mcap?cloud=/points&poses=/odom&pose_frame=base_link`, any of the three; `poses` may be a
   /// topic of tf or `none`, and `pose_frame` is the frame that the poses are of where their
   /// messages do not say it, or say it wrong.
