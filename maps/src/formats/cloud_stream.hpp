@@ -31,6 +31,9 @@ class CloudStream {
     }
   }
 
+  /// Whether `set` has a use for it.
+  static bool takes(Role role) { return role != Role::kNone && role != Role::kTime; }
+
   void set(Role role, std::size_t point, double value) {
     CloudPoint& at = points_[point - first_];
     switch (role) {

@@ -2,97 +2,92 @@
 
 #include <stillmap/maps/error.hpp>
 
+#include <algorithm>
 #include <cstring>
-#include <vector>
+#include <utility>
 
 namespace stillmap::maps {
 namespace {
 
 constexpr std::size_t kWindow = 8192;
 constexpr std::size_t kPiece = 65536;
-
-/// Output with as much of its past as references can reach.
-class Output {
- public:
-  explicit Output(const std::function<void(std::span<const std::byte>)>& consume)
-      : buffer_(kWindow + kPiece), consume_(consume) {}
-
-  [[nodiscard]] std::size_t total() const { return total_; }
-
-  void literals(const std::byte* bytes, std::size_t count) {
-    make_room(count);
-    std::memcpy(&buffer_[end_], bytes, count);
-    advance(count);
-  }
-  /// @pre 1 <= distance <= min(total(), kWindow)
-  void reference(std::size_t distance, std::size_t count) {
-    make_room(count);
-    // Byte by byte: source and target overlap when a reference repeats what it writes.
-    for (std::size_t i = 0; i < count; ++i) buffer_[end_ + i] = buffer_[end_ + i - distance];
-    advance(count);
-  }
-  void flush() {
-    consume_({&buffer_[flushed_], end_ - flushed_});
-    flushed_ = end_;
-  }
-
- private:
-  void make_room(std::size_t count) {
-    if (end_ + count < buffer_.size()) return;
-    flush();
-    std::memmove(buffer_.data(), &buffer_[end_ - kWindow], kWindow);
-    end_ = flushed_ = kWindow;
-  }
-  void advance(std::size_t count) {
-    end_ += count;
-    total_ += count;
-  }
-
-  std::vector<std::byte> buffer_;
-  std::size_t flushed_ = 0;
-  std::size_t end_ = 0;
-  std::size_t total_ = 0;
-  const std::function<void(std::span<const std::byte>)>& consume_;
-};
+/// That one instruction makes.
+constexpr std::size_t kMostAtOnce = 264;
 
 }  // namespace
 
-void unpack_lzf(std::span<const std::byte> compressed, std::size_t expected_size,
-                const std::string& name,
-                const std::function<void(std::span<const std::byte>)>& consume) {
-  const auto fail = [&](const std::string& found) {
-    throw InputError(name, found,
-                     "LZF that unpacks to " + std::to_string(expected_size) + " bytes");
-  };
-  Output output(consume);
-  std::size_t in = 0;
-  const auto next = [&] {
-    if (in >= compressed.size()) fail("compressed points that break off");
-    return std::to_integer<std::size_t>(compressed[in++]);
-  };
-  while (in < compressed.size()) {
-    const std::size_t control = next();
-    std::size_t count = control + 1;
-    std::size_t distance = 0;
-    if (control >= 32) {
-      count = control >> 5U;
-      if (count == 7) count += next();
-      count += 2;
-      distance = ((control & 31U) << 8U) + next() + 1;
-      if (distance > output.total()) fail("a reference before the first byte");
-    } else if (count > compressed.size() - in) {
-      fail("compressed points that break off");
-    }
-    if (count > expected_size - output.total()) fail("compressed points that go on");
-    if (distance > 0) {
-      output.reference(distance, count);
-    } else {
-      output.literals(&compressed[in], count);
-      in += count;
-    }
+LzfReader::LzfReader(std::span<const std::byte> packed, std::size_t expected_size, std::string name)
+    : packed_(packed),
+      expected_size_(expected_size),
+      name_(std::move(name)),
+      buffer_(kWindow + kPiece) {}
+
+void LzfReader::read(std::span<std::byte> out) {
+  while (!out.empty()) {
+    if (taken_ == end_) fill();
+    const std::size_t count = std::min(out.size(), end_ - taken_);
+    std::memcpy(out.data(), &buffer_[taken_], count);
+    taken_ += count;
+    out = out.subspan(count);
   }
-  if (output.total() != expected_size) fail(std::to_string(output.total()) + " bytes");
-  output.flush();
+}
+
+void LzfReader::skip(std::size_t bytes) {
+  while (bytes > 0) {
+    if (taken_ == end_) fill();
+    const std::size_t count = std::min(bytes, end_ - taken_);
+    taken_ += count;
+    bytes -= count;
+  }
+}
+
+void LzfReader::finish() {
+  skip(expected_size_ - total_ + end_ - taken_);
+  if (in_ < packed_.size()) fail("compressed points that go on");
+}
+
+void LzfReader::fail(const std::string& found) const {
+  throw InputError(name_, found,
+                   "LZF that unpacks to " + std::to_string(expected_size_) + " bytes");
+}
+
+void LzfReader::fill() {
+  if (end_ > kWindow) {
+    std::memmove(buffer_.data(), &buffer_[end_ - kWindow], kWindow);
+    taken_ = end_ = kWindow;
+  }
+  if (in_ == packed_.size()) fail(std::to_string(total_) + " bytes");
+  while (in_ < packed_.size() && end_ + kMostAtOnce <= buffer_.size()) unpack_one();
+}
+
+std::size_t LzfReader::next_byte() {
+  if (in_ >= packed_.size()) fail("compressed points that break off");
+  return std::to_integer<std::size_t>(packed_[in_++]);
+}
+
+void LzfReader::unpack_one() {
+  const std::size_t control = next_byte();
+  std::size_t count = control + 1;
+  std::size_t distance = 0;
+  if (control >= 32) {
+    count = control >> 5U;
+    if (count == 7) count += next_byte();
+    count += 2;
+    distance = ((control & 31U) << 8U) + next_byte() + 1;
+    if (distance > total_) fail("a reference before the first byte");
+  } else if (count > packed_.size() - in_) {
+    fail("compressed points that break off");
+  }
+  if (count > expected_size_ - total_) fail("compressed points that go on");
+  if (distance > 0) {
+    // Byte by byte: source and target overlap when a reference repeats what it writes.
+    for (std::size_t i = 0; i < count; ++i) buffer_[end_ + i] = buffer_[end_ + i - distance];
+  } else {
+    std::memcpy(&buffer_[end_], &packed_[in_], count);
+    in_ += count;
+  }
+  end_ += count;
+  total_ += count;
 }
 
 }  // namespace stillmap::maps

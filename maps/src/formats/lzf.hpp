@@ -1,9 +1,9 @@
 #pragma once
 
 #include <cstddef>
-#include <functional>
 #include <span>
 #include <string>
+#include <vector>
 
 namespace stillmap::maps {
 
@@ -12,13 +12,38 @@ namespace stillmap::maps {
   return (compressed / 3 + 1) * 264;
 }
 
-/// Unpacks LZF (as in liblzf, PCL's `binary_compressed`) piece by piece; memory stays at some 80
-/// KiB whatever the size of the output, because references reach back 8 KiB at most.
-/// @param expected_size  bytes that must come out.
-/// @param consume        takes the pieces in order.
-/// @throws InputError naming `name` when the stream is broken or gives another size.
-void unpack_lzf(std::span<const std::byte> compressed, std::size_t expected_size,
-                const std::string& name,
-                const std::function<void(std::span<const std::byte>)>& consume);
+/// Unpacks LZF (as in liblzf, PCL's `binary_compressed`) as far as it is asked to; memory stays at
+/// 72 KiB whatever the size of the output, because references reach back 8 KiB at most.
+///
+/// Its functions throw InputError naming `name` when the stream is broken or gives another size.
+class LzfReader {
+ public:
+  /// @param packed         outlives this. @param expected_size  bytes that must come out.
+  LzfReader(std::span<const std::byte> packed, std::size_t expected_size, std::string name);
+
+  /// Fills `out` with what comes next.
+  void read(std::span<std::byte> out);
+  void skip(std::size_t bytes);
+  /// Looks through what is left, so that the whole stream has been checked.
+  void finish();
+
+ private:
+  [[noreturn]] void fail(const std::string& found) const;
+  /// Unpacks more; for good when there is some.
+  void fill();
+  void unpack_one();
+  [[nodiscard]] std::size_t next_byte();
+
+  std::span<const std::byte> packed_;
+  std::size_t expected_size_;
+  std::string name_;
+  std::size_t in_ = 0;
+  /// As much of the past as references can reach, then what was unpacked, of it up to `taken_`
+  /// handed on.
+  std::vector<std::byte> buffer_;
+  std::size_t taken_ = 0;
+  std::size_t end_ = 0;
+  std::size_t total_ = 0;
+};
 
 }  // namespace stillmap::maps

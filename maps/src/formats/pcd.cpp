@@ -7,6 +7,8 @@
 #include <cstring>
 #include <optional>
 #include <stdexcept>
+#include <utility>
+#include <vector>
 
 #include "formats/cloud_stream.hpp"
 #include "formats/file_reader.hpp"
@@ -90,60 +92,57 @@ auto read_binary(std::span<const std::byte> body, const PcdHeader& header,
   return table;
 }
 
-/// Takes the unpacked bytes of `binary_compressed`, which come column by column, in pieces of any
-/// length.
+/// Numbers of one column of `binary_compressed`, in which column lies after column.
 template <typename Table>
-class ColumnReader {
- public:
-  ColumnReader(const PcdHeader& header, const std::vector<Role>& roles, bool with_padding,
-               Table& table)
-      : header_(header), roles_(roles), with_padding_(with_padding), table_(table) {}
+void read_column(LzfReader& reader, NumberType type, Role role, std::size_t begin, std::size_t end,
+                 Table& table) {
+  const std::size_t size = size_of(type);
+  std::vector<std::byte> bytes(std::min(end - begin, kRowsAtOnce) * size);
+  for (std::size_t at = begin; at < end; at += kRowsAtOnce) {
+    const std::size_t count = std::min(end - at, kRowsAtOnce);
+    reader.read(std::span(bytes).first(count * size));
+    for (std::size_t i = 0; i < count; ++i)
+      table.set(role, at + i, read_number(&bytes[i * size], type));
+  }
+}
 
-  void take(std::span<const std::byte> piece) {
-    while (!piece.empty() && column_ < roles_.size()) {
-      piece = roles_[column_] == Role::kNone ? skip(piece) : read(piece);
-    }
-  }
+/// Bytes that a point has in each packed column.
+std::vector<std::size_t> column_bytes(const PcdHeader& header, bool with_padding) {
+  std::vector<std::size_t> bytes;
+  for (const PointField& field : header.fields)
+    bytes.push_back(!with_padding && field.name == "_" ? 0 : field.count * size_of(field.type));
+  return bytes;
+}
 
- private:
-  [[nodiscard]] std::size_t column_bytes() const {
-    const PointField& field = header_.fields[column_];
-    if (!with_padding_ && field.name == "_") return 0;
-    return field.count * size_of(field.type) * header_.points;
+/// Column after column, into a table that holds all points.
+void fill(PointTable& table, LzfReader reader, const PcdHeader& header,
+          const std::vector<Role>& roles, const std::vector<std::size_t>& bytes) {
+  for (std::size_t f = 0; f < roles.size(); ++f) {
+    if (roles[f] == Role::kNone)
+      reader.skip(bytes[f] * header.points);
+    else
+      read_column(reader, header.fields[f].type, roles[f], 0, header.points, table);
   }
-  void next_column() {
-    ++column_;
-    done_bytes_ = 0;
-  }
-  std::span<const std::byte> skip(std::span<const std::byte> piece) {
-    const std::size_t count = std::min(piece.size(), column_bytes() - done_bytes_);
-    done_bytes_ += count;
-    if (done_bytes_ == column_bytes()) next_column();
-    return piece.subspan(count);
-  }
-  /// One number, or the part of it that this piece still holds.
-  std::span<const std::byte> read(std::span<const std::byte> piece) {
-    const NumberType type = header_.fields[column_].type;
-    const std::size_t size = size_of(type);
-    const std::size_t have = done_bytes_ % size;
-    const std::size_t count = std::min(size - have, piece.size());
-    std::memcpy(&number_[have], piece.data(), count);
-    done_bytes_ += count;
-    if (have + count == size) {
-      table_.set(roles_[column_], done_bytes_ / size - 1, read_number(number_.data(), type));
-      if (done_bytes_ == column_bytes()) next_column();
-    }
-    return piece.subspan(count);
-  }
+  reader.finish();
+}
 
-  const PcdHeader& header_;
-  const std::vector<Role>& roles_;
-  bool with_padding_;
-  Table& table_;
-  std::size_t column_ = 0;
-  std::size_t done_bytes_ = 0;
-  std::array<std::byte, 8> number_{};
-};
+/// Row after row, with a reader in each column: unpacking up to four times costs time, all points
+/// at once would cost memory.
+void fill(CloudStream& stream, LzfReader reader, const PcdHeader& header,
+          const std::vector<Role>& roles, const std::vector<std::size_t>& bytes) {
+  std::vector<std::pair<std::size_t, LzfReader>> columns;
+  for (std::size_t f = 0; f < roles.size(); ++f) {
+    if (CloudStream::takes(roles[f])) columns.emplace_back(f, reader);
+    reader.skip(bytes[f] * header.points);
+  }
+  reader.finish();
+  for (std::size_t begin = 0; begin < header.points; begin += kRowsAtOnce) {
+    const std::size_t end = std::min(header.points, begin + kRowsAtOnce);
+    for (auto& [f, column] : columns)
+      read_column(column, header.fields[f].type, roles[f], begin, end, stream);
+    stream.reached(end);
+  }
+}
 
 template <typename Make>
 auto read_compressed(std::span<const std::byte> body, const PcdHeader& header,
@@ -167,10 +166,8 @@ auto read_compressed(std::span<const std::byte> body, const PcdHeader& header,
                      "enough for " + std::to_string(unpacked) + " unpacked ones");
   }
   auto table = make();
-  ColumnReader columns(header, roles, with_padding, table);
-  unpack_lzf(body.first(packed), unpacked, name,
-             [&](std::span<const std::byte> piece) { columns.take(piece); });
-  table.reached(header.points);
+  fill(table, LzfReader(body.first(packed), unpacked, name), header, roles,
+       column_bytes(header, with_padding));
   return table;
 }
 
@@ -209,11 +206,7 @@ CloudSummary stream_pcd(std::span<const std::byte> bytes, const std::string& nam
                         const CloudStream::Take& take) {
   const PcdHeader header = parse_pcd_header(header_part(bytes), name, kMostPcdPoints);
   const std::vector<Role> roles = roles_of(header.fields, name);
-  std::size_t held = std::min(header.points, kRowsAtOnce);
-  if (header.encoding == PcdEncoding::kBinaryCompressed) {
-    check_point_count(header.points, kMostCompressedPoints, name);
-    held = header.points;
-  }
+  const std::size_t held = std::min(header.points, kRowsAtOnce);
   CloudSummary summary = read_points(bytes, header, roles, name, [&] {
                            return CloudStream(header.fields, roles, held, take);
                          }).summary();

@@ -166,9 +166,13 @@ class NumberStream {
   }
   double next_text() {
     const std::string_view text(reinterpret_cast<const char*>(body_.data()), body_.size());
-    const std::size_t begin = text.find_first_not_of(" \t\r\n");
-    if (begin == std::string_view::npos) broken_off();
-    const std::size_t end = std::min(text.find_first_of(" \t\r\n", begin), text.size());
+    // `find_first_of` looks for each of the four by itself.
+    const auto is_blank = [](char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; };
+    std::size_t begin = 0;
+    while (begin < text.size() && is_blank(text[begin])) ++begin;
+    if (begin == text.size()) broken_off();
+    std::size_t end = begin + 1;
+    while (end < text.size() && !is_blank(text[end])) ++end;
     const std::optional<double> value = parse_number(text.substr(begin, end - begin));
     if (!value) throw InputError(name_, quoted(text.substr(begin, end - begin)), "a number");
     body_ = body_.subspan(end);

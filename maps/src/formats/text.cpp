@@ -2,6 +2,7 @@
 
 #include <stillmap/maps/error.hpp>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -64,6 +65,8 @@ std::string read_text(const std::filesystem::path& file) {
 
 std::vector<std::string_view> split_fields(std::string_view line, std::size_t limit) {
   std::vector<std::string_view> fields;
+  // Of a line of points; growing to it took longer than the rest.
+  fields.reserve(std::min<std::size_t>(limit, 16));
   for (std::size_t i = 0; i < line.size() && fields.size() < limit;) {
     if (is_blank(line[i])) {
       ++i;

@@ -184,6 +184,35 @@ TEST(CloudFile, ColumnsOfACompressedFileArePutTogether) {
   EXPECT_EQ(found.points[1].intensity, 8.0F);
 }
 
+TEST(CloudFile, ManyPointsOfACompressedFileComeInPieces) {
+  constexpr std::size_t kPoints = 150'000;
+  const TemporaryFolder folder;
+  // The columns x, y, z and intensity of the header, one after the other.
+  std::string columns;
+  for (const double factor : {1.0, 2.0, -1.0, 0.5})
+    for (std::size_t i = 0; i < kPoints; ++i) put<float>(columns, factor * static_cast<double>(i));
+  std::string packed;
+  for (std::size_t at = 0; at < columns.size(); at += 32) packed += '\x1f' + columns.substr(at, 32);
+  std::string bytes = pcd_header("4", kPoints, "binary_compressed");
+  put<std::uint32_t>(bytes, static_cast<double>(packed.size()));
+  put<std::uint32_t>(bytes, static_cast<double>(columns.size()));
+  const Read found = read(folder, "a.pcd", bytes + packed);
+  ASSERT_EQ(found.points.size(), kPoints);
+  EXPECT_LT(found.most_at_once, kPoints / 2);
+  for (std::size_t i = 0; i < kPoints; ++i) {
+    const double x = static_cast<double>(i);
+    ASSERT_EQ(found.points[i].position, Eigen::Vector3d(x, 2.0 * x, -x)) << i;
+    ASSERT_EQ(found.points[i].intensity, static_cast<float>(0.5 * x)) << i;
+  }
+  // Broken at its end: nothing of it is handed on.
+  std::size_t handed_on = 0;
+  packed[packed.size() - 33] = '\x1e';
+  const auto broken = folder.write("b.pcd", bytes + packed);
+  EXPECT_THAT([&] { (void)read_cloud_file(broken, [&](auto some) { handed_on += some.size(); }); },
+              ThrowsSaying<InputError>({"b.pcd", "break off"}));
+  EXPECT_EQ(handed_on, 0U);
+}
+
 TEST(CloudFile, WhatCannotBeReadIsRefusedInWords) {
   const TemporaryFolder folder;
   const auto refuses = [&](const std::string& name, const std::string& bytes,

@@ -44,10 +44,6 @@ struct CloudSummary {
   std::optional<Eigen::Isometry3d> viewpoint;
 };
 
-/// Most points of a `binary_compressed` PCD: its columns come one after the other, so that all of
-/// them are held at once (32 bytes each).
-inline constexpr std::uint64_t kMostCompressedPoints = 100'000'000;
-
 /// Bytes of a file that its header must lie in.
 inline constexpr std::size_t kMostCloudHeaderBytes = 65536;
 
