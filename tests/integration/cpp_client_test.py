@@ -4,6 +4,8 @@
 usage: cpp_client_test.py STILLMAP STORE DRIVE PACKAGE STREAM_DRIVE
 """
 
+import contextlib
+import http.server
 import json
 import pathlib
 import re
@@ -17,6 +19,48 @@ import unittest
 import urllib.request
 
 PROGRAM, STORE, DRIVE, _, EXAMPLE = (pathlib.Path(x).resolve() for x in sys.argv[1:6])
+
+
+PAGE = b"<html>moved</html>"
+#: Status, type, further headers and body of what no server of ours would say.
+WRONG = [(301, "text/html", {"Location": "https://x/"}, PAGE), (200, "text/html", {}, PAGE),
+         (200, "application/json", {}, b"{}"), (200, "application/json", {}, b"[1]"),
+         (500, "application/json", {}, b'{"code": 7}'), (200, "application/json", {"Content-Length": "100"}, b'{"status": ')]
+POSE = json.dumps({"status": "lost", "reasons": [], "pose": None, "covariance": None, "inlier_ratio": 0.0,
+                   "map": {"version": "b"}, "request_id": "r"}).encode()
+
+
+@contextlib.contextmanager
+def fake():
+    """Port of a server that gives each of the wrong answers to an opening and to a scan before it gives good ones."""
+    script = {"/v1/sessions": list(WRONG), "scans": list(WRONG)}
+
+    class Handler(http.server.BaseHTTPRequestHandler):
+        def do_POST(self):
+            self.rfile.read(int(self.headers.get("Content-Length", 0)))
+            opens = self.path == "/v1/sessions"
+            good = (201, "application/json", {}, b'{"id": "s"}') if opens else (200, "application/json", {}, POSE)
+            wrong = script["/v1/sessions" if opens else "scans"]
+            status, kind, headers, body = wrong.pop() if wrong else good
+            self.send_response(status)
+            for name, value in {"Content-Type": kind, "Content-Length": str(len(body)), **headers}.items():
+                self.send_header(name, value)
+            self.end_headers()
+            self.wfile.write(body)
+
+        do_DELETE = do_POST
+
+        def log_message(self, *_):
+            pass
+
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    server.daemon_threads = True
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        yield server.server_port
+    finally:
+        server.shutdown()
+        server.server_close()
 
 
 class Streaming(unittest.TestCase):
@@ -84,6 +128,17 @@ class Streaming(unittest.TestCase):
         self.assertIn("401 MissingKey", done.stderr)
         done, (answered, *_), _ = self.stream(1000, STILLMAP_KEY=key)
         self.assertEqual(done.returncode, 0, done.stderr)
+
+    def test_a_stream_outlives_whatever_an_answer_is(self):
+        with fake() as self.port:
+            done, (answered, _, failed, sessions), _ = self.stream(100)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertGreater(answered, 0)
+            self.assertGreaterEqual(failed, len(WRONG))
+            for text in ("301 : found 'text/html' that leads to https://x/, expected application/problem+json",
+                         "200 : found 'text/html', expected application/json", "200 : found another answer than expected",
+                         "500 : found 'application/json'", "no answer"):
+                self.assertIn(text, done.stderr)
 
     def test_wrong_usage_is_2(self):
         self.assertEqual(subprocess.run([EXAMPLE], capture_output=True).returncode, 2)

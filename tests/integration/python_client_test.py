@@ -24,7 +24,7 @@ PROGRAM, STORE, DRIVE, PACKAGE = (pathlib.Path(x).resolve() for x in sys.argv[1:
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "server/clients/python/src"))
 
 from stillmap_client import (Client, ConnectionLost, MovableBox, Odometry, Pose, Prior, Problem,  # noqa: E402
-                             SessionStream)
+                             SessionStream, StillmapError)
 from stillmap_client.archive import Archive  # noqa: E402
 from stillmap_client.scan import encoded  # noqa: E402
 
@@ -401,6 +401,83 @@ class Faults(unittest.TestCase):
         self.assertEqual([(e.id, e.type) for e in events], [(7, "status"), (None, "gap"), (10, "closed")])
         self.assertNotIn("Last-Event-ID", seen[1][2])
         self.assertEqual(seen[2][2]["Last-Event-ID"], "7")
+
+    SESSION = (201, {}, b'{"id": "s", "map": {"name": "a", "version": "b", "digest": "c"}, "idle_limit_s": 1}')
+    POSE = (200, {}, json.dumps({
+        "status": "lost", "reasons": [], "pose": None, "covariance": None, "inlier_ratio": 0.0, "rmse_m": 0.0,
+        "iterations": 0, "stamp_ns": "1", "request_id": "r",
+        "map": {"name": "a", "version": "b", "digest": "c"}, "timing_ms": {},
+        "protection": dict.fromkeys(("longitudinal_m", "lateral_m", "vertical_m", "yaw_rad"))}).encode())
+    PAGE = b"<html>moved</html>"
+    #: What no server of ours would say, and whether the same scan is sent again.
+    WRONG = [((301, {"Location": "https://x/", "Content-Type": "text/html"}, PAGE), False),
+             ((200, {"Content-Type": "text/html"}, PAGE), False),
+             ((200, {}, b"{}"), False), ((200, {}, b"[]"), False),
+             ((200, {"Content-Length": "100", "Connection": "close"}, b'{"status": '), True),
+             ((500, {"Content-Length": "100", "Connection": "close"}, b'{"code": '), True),
+             ((503, {"Retry-After": "\u00b2"}, b"[1]"), True), (None, True)]
+
+    def test_a_stream_outlives_whatever_an_answer_is(self):
+        for wrong, again in self.WRONG:
+            with self.subTest(answer=wrong):
+                url, seen = self.serve(self.SESSION, wrong, self.POSE, self.POSE, (204, {}, b""))
+                answers, errors = [], []
+                with SessionStream(Client(url), "a", on_answer=lambda stamp, _: answers.append(stamp),
+                                   on_error=lambda stamp, error: errors.append((stamp, error))) as stream:
+                    for stamp in (1, 2):
+                        stream.put(bytes(32), stamp)
+                        self.assertTrue(stream.drain(10), "the sending thread has ended")
+                self.assertEqual([stamp for stamp, _ in errors], [1])
+                self.assertIsInstance(errors[0][1], StillmapError)
+                self.assertEqual(answers, [1, 2] if again else [2])
+
+    def test_a_stream_whose_session_cannot_be_opened_tells_why(self):
+        url, _ = self.serve((301, {"Location": "https://x/"}, self.PAGE), self.SESSION, self.POSE, (204, {}, b""))
+        answers, errors = [], []
+        with SessionStream(Client(url), "a", on_answer=lambda stamp, _: answers.append(stamp),
+                           on_error=lambda _, error: errors.append(error)) as stream:
+            for stamp in (1, 2):
+                stream.put(bytes(32), stamp)
+                self.assertTrue(stream.drain(10))
+        self.assertEqual((answers, errors[0].status), ([2], 301))
+        self.assertIn("https://x/", str(errors[0]))
+
+    def test_what_is_no_scan_is_refused_before_it_is_sent(self):
+        url, _ = self.serve(self.SESSION, self.POSE, (204, {}, b""))
+        answers = []
+        with SessionStream(Client(url), "a", on_answer=lambda stamp, _: answers.append(stamp)) as stream:
+            for wrong in (b"123", [(1, 2)], array.array("d", [1, 2, 3, 4])):
+                with self.assertRaises(ValueError):
+                    stream.put(wrong, 1)
+            changed = bytearray(32)
+            stream.put(changed, 2)
+            self.assertTrue(stream.drain(10))
+        self.assertEqual(answers, [2])
+
+    def test_callbacks_that_raise_change_nothing(self):
+        def fail(*_):
+            raise RuntimeError("of the caller's")
+
+        url, seen = self.serve(self.SESSION, self.POSE, (404, {}, b'{"code": "UnknownMap"}'), self.POSE, (204, {}, b""))
+        with self.assertLogs("stillmap_client", "ERROR") as logged, \
+                SessionStream(Client(url), "a", on_answer=fail, on_error=fail) as stream:
+            for stamp in range(3):
+                stream.put(bytes(32), stamp)
+                self.assertTrue(stream.drain(10))
+        self.assertEqual((stream.answered, stream.failed, len(logged.records)), (2, 1, 3))
+
+    def test_calls_raise_what_they_promise(self):
+        cut = {"Content-Length": "100", "Connection": "close"}
+        url, seen = self.serve((200, cut, b"{"), self.MAPS)
+        self.assertEqual(Client(url).maps(), [])
+        url, seen = self.serve((202, cut, b"{"))
+        with self.assertRaises(ConnectionLost):
+            Client(url).roll_back("town")
+        for status in (200, 301, 304):
+            url, seen = self.serve((status, {"Content-Type": "text/html"}, b"" if status == 304 else self.PAGE))
+            with self.assertRaises(Problem) as raised:
+                Client(url).maps()
+            self.assertEqual(raised.exception.status, status)
 
     def test_a_download_that_breaks_goes_on(self):
         data = bytes(range(256)) * 1000

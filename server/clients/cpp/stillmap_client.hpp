@@ -120,7 +120,7 @@ class Client {
       query.emplace("prior_q", joined(prior->pose.quaternion));
       query.emplace("prior_sigma", joined(std::array{prior->sigma_m, prior->sigma_rad}));
     }
-    return read_pose(post_scan("/v1/maps/" + map + "/localize", query, xyzi, true));
+    return read<PoseAnswer>(post_scan("/v1/maps/" + map + "/localize", query, xyzi, true), pose_of);
   }
 
   /// @return the session's id.
@@ -136,7 +136,8 @@ class Client {
     }
     const std::string body = wanted.dump();
     const auto send = [&] { return http_.Post("/v1/sessions", body, "application/json"); };
-    return call(send, false, retries_).at("id").get<std::string>();
+    return read<std::string>(call(send, false, retries_),
+                             [](const nlohmann::json& json) { return json.at("id"); });
   }
 
   /// The next scan of a session. Not sent again when the connection is lost: it may have counted.
@@ -144,7 +145,8 @@ class Client {
   PoseAnswer track(const std::string& session, std::span<const float> xyzi, std::int64_t stamp_ns,
                    std::optional<int> retries = {}) {
     const httplib::Params query = {{"stamp_ns", std::to_string(stamp_ns)}};
-    return read_pose(post_scan("/v1/sessions/" + session + "/scans", query, xyzi, false, retries));
+    return read<PoseAnswer>(
+        post_scan("/v1/sessions/" + session + "/scans", query, xyzi, false, retries), pose_of);
   }
 
   /// Also when it has ended already, or the server cannot be reached: it expires by itself.
@@ -159,7 +161,18 @@ class Client {
     return text;
   }
 
-  static PoseAnswer read_pose(nlohmann::json json) {
+  /// What another program has answered, such as a proxy, is a Problem as well.
+  template <typename Value, typename Read>
+  static Value read(const nlohmann::json& json, const Read& read_value) {
+    try {
+      return read_value(json);
+    } catch (const nlohmann::json::exception& error) {
+      throw Problem(200, "", std::string("found another answer than expected: ") + error.what(),
+                    std::nullopt);
+    }
+  }
+
+  static PoseAnswer pose_of(const nlohmann::json& json) {
     PoseAnswer answer;
     answer.status = json.at("status");
     answer.reasons = json.at("reasons");
@@ -170,7 +183,7 @@ class Client {
     answer.inlier_ratio = json.at("inlier_ratio");
     answer.map_version = json.at("map").at("version");
     answer.request_id = json.at("request_id");
-    answer.json = std::move(json);
+    answer.json = json;
     return answer;
   }
 
@@ -193,7 +206,8 @@ class Client {
       const httplib::Result result = send();
       std::optional<Problem> problem;
       if (result) {
-        if (result->status < 400) return nlohmann::json::parse(result->body);
+        // Redirections are not followed.
+        if (result->status >= 200 && result->status < 300) return json_of(*result);
         problem = problem_of(*result);
         if (tries > retries || !is_passing(*problem)) throw *problem;
       } else if (tries > retries || !(again || result.error() == httplib::Error::Connection)) {
@@ -203,15 +217,30 @@ class Client {
     }
   }
 
+  static nlohmann::json json_of(const httplib::Response& response) {
+    nlohmann::json body = nlohmann::json::parse(response.body, nullptr, false);
+    if (body.is_discarded())
+      throw Problem(response.status, "", found(response, "application/json"), std::nullopt);
+    return body;
+  }
+
+  static std::string found(const httplib::Response& response, const std::string& expected) {
+    const std::string leads = response.get_header_value("Location");
+    return "found '" + response.get_header_value("Content-Type") + "'" +
+           (leads.empty() ? "" : " that leads to " + leads) + ", expected " + expected;
+  }
+
   static Problem problem_of(const httplib::Response& response) {
     const nlohmann::json body = nlohmann::json::parse(response.body, nullptr, false);
-    const bool known = body.is_object();
+    const auto text = [&](const char* key, const std::string& otherwise) {
+      const bool known = body.is_object() && body.contains(key) && body.at(key).is_string();
+      return known ? body.at(key).get<std::string>() : otherwise;
+    };
     std::optional<double> after_s;
     if (response.has_header("Retry-After"))
       after_s = std::strtod(response.get_header_value("Retry-After").c_str(), nullptr);
-    return {response.status, known ? body.value("code", std::string()) : std::string(),
-            known ? body.value("detail", std::string()) : std::string("no problem document"),
-            after_s};
+    return {response.status, text("code", ""),
+            text("detail", found(response, "application/problem+json")), after_s};
   }
 
   httplib::Client http_;
@@ -237,6 +266,7 @@ class SessionStream {
   using OnError = std::function<void(std::int64_t stamp_ns, const Error&)>;
 
   /// @param on_answer  told in the sending thread, as `on_error` is; neither may throw.
+  /// @param on_error  told of each scan without a pose, whatever the reason.
   SessionStream(Client client, std::string map, OnAnswer on_answer, OnError on_error,
                 std::optional<Prior> prior = {})
       : client_(std::move(client)),
@@ -250,8 +280,11 @@ class SessionStream {
   /// Drops what waits, waits for what is under way, ends the session.
   ~SessionStream() = default;
 
-  /// Takes the place of a scan that waits.
+  /// Takes the place of a scan that waits. @throws std::invalid_argument for what is no scan.
   void put(Scan scan) {
+    if (scan.xyzi.size() % 4 != 0)
+      throw std::invalid_argument("scan: found " + std::to_string(scan.xyzi.size()) +
+                                  " floats, expected a multiple of 4");
     {
       const std::scoped_lock lock(mutex_);
       counts_.superseded += waiting_ ? 1 : 0;
@@ -297,21 +330,26 @@ class SessionStream {
 
   /// @return how long to wait before the newest scan is tried; nothing when this one is done with.
   std::optional<std::chrono::duration<double>> send(const Scan& scan, int tries) {
+    PoseAnswer answer;
     try {
       if (session_.empty()) open();
-      const PoseAnswer answer = client_.track(session_, scan.xyzi, scan.stamp_ns, 0);
-      count(&Counts::answered);
-      on_answer_(scan.stamp_ns, answer);
-      return std::nullopt;
+      answer = client_.track(session_, scan.xyzi, scan.stamp_ns, 0);
     } catch (const Problem& problem) {
       const bool gone = problem.code == "UnknownSession";
       if (gone) session_.clear();
       failed(scan, problem);
-      if (gone || is_passing(problem)) return wait_time(tries + 1, &problem);
+      return gone || is_passing(problem) ? std::optional(wait_time(tries + 1, &problem))
+                                         : std::nullopt;
     } catch (const Error& error) {
       failed(scan, error);
       return wait_time(tries + 1, nullptr);
+    } catch (const std::exception& error) {
+      // Whatever comes, the thread must be there for the next scan.
+      failed(scan, Error(error.what()));
+      return std::nullopt;
     }
+    count(&Counts::answered);
+    on_answer_(scan.stamp_ns, answer);
     return std::nullopt;
   }
 

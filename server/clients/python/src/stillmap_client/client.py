@@ -9,6 +9,7 @@ import pathlib
 import ssl
 import time
 import uuid
+from http.client import HTTPException
 from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple, Union
 
 from . import events
@@ -153,7 +154,7 @@ class Client:
             try:
                 size = self._fetch(f"/v1/maps/{map}/versions/{version}/content", part, tag)
                 break
-            except (OSError, ConnectionLost) as error:
+            except (OSError, HTTPException, ConnectionLost) as error:
                 tries += 1
                 if tries > self._transport.retries:
                     raise ConnectionLost(f"{map} {version}: {error}") from error

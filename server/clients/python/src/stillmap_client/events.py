@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import http.client
 import json
 import time
 from typing import Iterator, Optional
@@ -22,7 +23,7 @@ def parsed(response: Response) -> Iterator[Event]:
         if text:
             name, _, value = text.partition(":")
             value = value[1:] if value.startswith(" ") else value
-            if name == "id" and value.isdigit():
+            if name == "id" and value.isdecimal():
                 number = int(value)
             elif name == "event":
                 kind = value
@@ -59,9 +60,7 @@ def stream(transport: Transport, path: str, last: str, last_id: Optional[int], p
             if error.status not in (429, 503):
                 raise
             problem = error
-        except ConnectionLost:
-            pass
-        except OSError:
+        except (ConnectionLost, OSError, http.client.HTTPException):
             pass
         if time.monotonic() - lost_since > patience_s:
             raise problem or ConnectionLost(f"GET {path}: no connection that holds for {patience_s:g} s")

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
+import logging
 import threading
-from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, Mapping, Optional, Sequence, Tuple, Union
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, Mapping, Optional, Sequence, Tuple
 
 from . import events
 from .errors import ConnectionLost, Problem, StillmapError
-from .scan import Scan, scan_request
+from .scan import Pcd, Scan, encoded, scan_request
 from .transport import Transport, wait_s
 from .types import Event, Gnss, MapReference, MovableBox, Odometry, Pose, PoseAnswer, Prior
 
 if TYPE_CHECKING:
     from .client import Client
+
+#: Bytes as they are sent, their layout, stamp_ns, odometry.
+_Item = Tuple[bytes, Optional[str], int, Optional[Odometry]]
 
 
 class Session:
@@ -91,7 +95,8 @@ class SessionStream:
     everywhere.
 
     on_answer    told (stamp_ns, PoseAnswer), in the sending thread
-    on_error     told (stamp_ns, error) of each scan that got no pose
+    on_error     told (stamp_ns, error) of each scan that got no pose, whatever the reason
+    What these raise is logged and changes nothing.
     """
 
     def __init__(self, client: "Client", map: str, *, on_answer: Callable[[int, PoseAnswer], None],
@@ -101,7 +106,7 @@ class SessionStream:
         self._on_answer, self._on_error = on_answer, on_error
         self._deadline_ms, self._layout = deadline_ms, layout
         self._changed = threading.Condition()
-        self._waiting: Optional[Tuple[Scan, int, Optional[Odometry]]] = None
+        self._waiting: Optional[_Item] = None
         self._busy = False
         self._closed = False
         #: Counters: scans sent and answered, replaced by a newer one before they were sent, failed; sessions.
@@ -117,13 +122,15 @@ class SessionStream:
         self.close()
 
     def put(self, scan: Scan, stamp_ns: int, odometry: Optional[Odometry] = None) -> None:
-        """Takes the place of a scan that waits. The scan must not be changed afterwards."""
+        """Takes the place of a scan that waits. @raises ValueError for what is no scan."""
+        # Here, where the caller sees it, and so that the scan may be changed afterwards.
+        data, layout = (scan, None) if isinstance(scan, Pcd) else encoded(scan, self._layout)
         with self._changed:
             if self._closed:
                 raise RuntimeError("the stream is closed")
             if self._waiting is not None:
                 self.superseded += 1
-            self._waiting = (scan, stamp_ns, odometry)
+            self._waiting = (data, layout, stamp_ns, odometry)
             self._changed.notify_all()
 
     def drain(self, timeout_s: Optional[float] = None) -> bool:
@@ -159,26 +166,35 @@ class SessionStream:
                 self._busy = False
                 self._changed.notify_all()
 
-    def _send(self, scan: Scan, stamp_ns: int, odometry: Optional[Odometry]) -> Union[None, StillmapError]:
+    def _send(self, scan: bytes, layout: Optional[str], stamp_ns: int,
+              odometry: Optional[Odometry]) -> Optional[StillmapError]:
         try:
             if self._session is None:
                 self._session = self._client.open_session(self._map, prior=self._prior)
                 self._prior = None  # where it was at first says nothing of a later session
                 self.sessions += 1
-            answer = self._session.track(scan, stamp_ns, odometry=odometry, layout=self._layout,
+            answer = self._session.track(scan, stamp_ns, odometry=odometry, layout=layout,
                                          deadline_ms=self._deadline_ms, retries=0)
-        except StillmapError as error:
+        except Exception as error:  # whatever comes, the thread must be there for the next scan
             if isinstance(error, Problem) and error.code == "UnknownSession":
                 self._session = None
             self.failed += 1
-            if self._on_error is not None:
-                self._on_error(stamp_ns, error)
-            return error
+            told = error if isinstance(error, StillmapError) else StillmapError(f"{type(error).__name__}: {error}")
+            self._tell(self._on_error, stamp_ns, told)
+            return told
         self.answered += 1
-        self._on_answer(stamp_ns, answer)
+        self._tell(self._on_answer, stamp_ns, answer)
         return None
 
-    def _wait_and_keep(self, item: Tuple[Scan, int, Optional[Odometry]], pause_s: float) -> None:
+    @staticmethod
+    def _tell(whom: Optional[Callable[[int, Any], None]], stamp_ns: int, what: Any) -> None:
+        try:
+            if whom is not None:
+                whom(stamp_ns, what)
+        except Exception:
+            logging.getLogger("stillmap_client").exception("stamp_ns %d: a callback raised", stamp_ns)
+
+    def _wait_and_keep(self, item: _Item, pause_s: float) -> None:
         """The scan is tried again unless a newer one came meanwhile."""
         with self._changed:
             self._changed.wait_for(lambda: self._closed, pause_s)
@@ -189,5 +205,5 @@ class SessionStream:
 def _is_final(error: StillmapError) -> bool:
     """Whether the same scan would be refused again."""
     if not isinstance(error, Problem):
-        return False
+        return not isinstance(error, ConnectionLost)
     return error.status not in (429, 503) and error.code != "UnknownSession" or error.code == "Superseded"

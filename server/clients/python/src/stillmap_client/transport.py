@@ -10,7 +10,7 @@ import ssl
 import threading
 import time
 import urllib.parse
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, BinaryIO, Callable, Dict, Iterator, Mapping, Optional, Tuple, Union
 
 from .errors import ConnectionLost, Problem
@@ -43,16 +43,24 @@ class Response:
         return self._data
 
     def json(self) -> Any:
-        return json.loads(self.read())
+        """@raises Problem for what is no JSON: a proxy or another program has answered."""
+        try:
+            return json.loads(self.read())
+        except ValueError as error:
+            raise Problem(self.status, {"detail": self._found("application/json")}) from error
 
+    def _found(self, expected: str) -> str:
+        leads = f" that leads to {self.headers['location']}" if "location" in self.headers else ""
+        return f"found {self.headers.get('content-type', 'no content type')}{leads}, expected {expected}"
 
-def problem_of(response: Response) -> Problem:
-    try:
-        body = response.json()
-    except ValueError:
-        body = {"detail": "no problem document"}
-    after = response.headers.get("retry-after", "")
-    return Problem(response.status, body if isinstance(body, dict) else {}, float(after) if after.isdigit() else None)
+    def problem(self) -> Problem:
+        body: Any = None
+        with suppress(ValueError):
+            body = json.loads(self.read())
+        if not isinstance(body, dict):
+            body = {"detail": self._found("application/problem+json")}
+        after = self.headers.get("retry-after", "")
+        return Problem(self.status, body, float(after) if after.isdecimal() else None)
 
 
 class Transport:
@@ -77,18 +85,17 @@ class Transport:
     def call(self, method: str, path: str, *, query: Optional[Mapping[str, str]] = None, body: Body = None,
              headers: Optional[Mapping[str, str]] = None, idempotent: bool = True,
              retries: Optional[int] = None) -> Response:
-        """The whole answer, of a status below 400. @raises Problem, ConnectionLost."""
+        """The whole answer, of a status 2xx: nobody follows redirections here. @raises Problem, ConnectionLost."""
         with self.open(method, path, query=query, body=body, headers=headers, idempotent=idempotent,
-                       retries=retries) as response:
-            response.read()
-        return response
+                       retries=retries, whole=True) as response:
+            return response
 
     @contextmanager
     def open(self, method: str, path: str, *, query: Optional[Mapping[str, str]] = None, body: Body = None,
              headers: Optional[Mapping[str, str]] = None, idempotent: bool = True, retries: Optional[int] = None,
-             timeout_s: Optional[float] = None) -> Iterator[Response]:
-        """An answer that is read piece by piece. With a `timeout_s` it has a connection of its own, so that other
-        requests of the thread may run meanwhile."""
+             timeout_s: Optional[float] = None, whole: bool = False) -> Iterator[Response]:
+        """An answer that is read piece by piece, unless it is wanted `whole`: then its body is part of each try.
+        With a `timeout_s` it has a connection of its own, so that other requests of the thread may run meanwhile."""
         target = self._prefix + urllib.parse.quote(path, safe="/")
         if query:
             target += "?" + urllib.parse.urlencode(query, safe=",")
@@ -98,9 +105,11 @@ class Transport:
             connection = self._connection() if timeout_s is None else self._new(timeout_s)
             try:
                 response = self._once(connection, method, target, body, headers or {})
-                if response.status < 400:
+                if 200 <= response.status < 300:
+                    if whole:
+                        response.read()
                     break
-                problem = problem_of(response)
+                problem = response.problem()
                 self._keep(connection, response)
             except (OSError, http.client.HTTPException) as error:
                 self._forget(connection)
