@@ -7,6 +7,9 @@ usage: proxy_test.py STILLMAP STORE TOOLS haproxy|nginx        TOOLS: packages a
 import contextlib
 import http.client
 import http.server
+import itertools
+import json
+import re
 import shutil
 import socket
 import ssl
@@ -34,6 +37,26 @@ SHORTER = {
               "/run/nginx.pid": "FOLDER/nginx.pid"},
 }
 
+# What either server may be asked; every other route of /openapi.json must find the first one.
+POSES = {("POST", f"/v1/maps/{{map}}/{what}") for what in (
+    "localize", "localize/batch", "versions/{version}/localize", "versions/{version}/localize/batch", "tiles/diff")}
+READS = {("GET", f"/v1/maps/{{map}}/{what}") for what in (
+    "ready", "stats", "versions", "versions/{version}", "versions/{version}/content", "versions/{version}/preview",
+    "versions/{version}/trajectory", "versions/{version}/graph", "versions/{version}/layers/{layer}",
+    "versions/{version}/layers/{layer}/{band}", "versions/{version}/objects", "versions/{version}/tiles/{level}/{x}/{y}",
+    "versions/{version}/3dtiles/tileset.json", "versions/{version}/3dtiles/{level}/{x}/{y}.glb",
+    "versions/{version}/3dtiles/{level}/{x}/{y}.json", "versions/{version}/difference/{other}",
+    "versions/{version}/difference/{other}/{side}/{x}/{y}.glb", "tiles/{level}/{x}/{y}")} | {
+    ("GET", path) for path in ("/livez", "/healthz", "/readyz", "/openapi.json", "/v1/status", "/v1/maps", "/v1/maps/{map}")}
+SESSIONS = {("POST", "/v1/sessions"), ("GET", "/v1/sessions"), ("GET", "/v1/sessions/{session}"),
+            ("DELETE", "/v1/sessions/{session}"), ("POST", "/v1/sessions/{session}/scans"),
+            ("POST", "/v1/sessions/{session}/initialize"), ("GET", "/v1/sessions/{session}/events")}
+
+
+def routes():
+    paths = json.loads((support.DEPLOY.parent / "openapi.json").read_text())["paths"]
+    return {(method.upper(), path) for path, methods in paths.items() for method in methods if method != "parameters"}
+
 
 class StandIn(http.server.BaseHTTPRequestHandler):
     """A server that says what it is told to, and counts what it was asked; its management port is itself."""
@@ -48,7 +71,7 @@ class StandIn(http.server.BaseHTTPRequestHandler):
         self.send_header("Content-Length", "0")
         self.end_headers()
 
-    do_POST = do_GET
+    do_HEAD = do_POST = do_PUT = do_DELETE = do_GET
 
     def log_message(self, *_):
         pass
@@ -86,8 +109,9 @@ class Proxy(support.FolderTest):
         listen = {"haproxy": "bind :443", "nginx": "listen 443"}[KIND]
         changes = {**SHORTER[KIND], listen: listen.split()[0] + f" 127.0.0.1:{self.port}"}
         for address, (port, management) in zip(("10.0.0.11", "10.0.0.12"), servers):
-            check = " check port 8081" if KIND == "haproxy" else ""
-            changes[f"{address}:8080{check}"] = f"127.0.0.1:{port}" + (f" check port {management}" if check else "")
+            if KIND == "haproxy":
+                changes[f"{address}:8080 check port 8081"] = f"127.0.0.1:{port} check port {management}"
+            changes[f"{address}:8080"] = f"127.0.0.1:{port}"
         (example,) = (support.DEPLOY / "proxy").glob(f"{KIND}.*")
         text = example.read_text()
         for old, new in changes.items():
@@ -139,6 +163,27 @@ class Proxy(support.FolderTest):
 
 
 class BeforeStandIns(Proxy):
+    def test_what_lives_in_one_store_finds_the_same_server(self):
+        with stand_in(200) as first, stand_in(200) as second:
+            self.proxy((first.server_port, first.server_port), (second.server_port, second.server_port))
+            either = POSES | READS | SESSIONS
+            self.assertEqual(either - routes(), set())
+            for method, route in sorted(routes()):
+                first.asked.clear(), second.asked.clear()
+                # So many that the hashes of some fall to the second server.
+                for number in range(16 if "{" in route else 2):
+                    path = re.sub(r"\{\w+\}", f"a{number}", route)
+                    self.assertEqual(self.ask(method, path)[0], 200, path)
+                if (method, route) not in either:
+                    self.assertEqual(second.asked, [], route)
+                elif "{map}" in route:
+                    self.assertTrue(first.asked and second.asked, f"{method} {route} is not balanced")
+            for name, asked, other in (("one", first, second), ("two", second, first)):
+                first.asked.clear(), second.asked.clear()
+                for method, path in (("POST", "/v1/keys"), ("PUT", "/v1/maps/a/versions/b"), ("GET", "/v1/maps/a"), ("GET", "/")):
+                    self.ask(method, path, Host=f"{name}.maps.example")
+                self.assertEqual((len(asked.asked), other.asked), (4, []))
+
     def test_only_what_may_be_asked_twice_is(self):
         with stand_in(503) as first, stand_in(200) as second:
             self.proxy((first.server_port, first.server_port), (second.server_port, second.server_port))
@@ -154,6 +199,70 @@ class BeforeStandIns(Proxy):
             for path, status in ((min(refused), 503), (min(kept), 200)):
                 self.assertEqual(self.ask("POST", path + "/localize", b"x")[0], status)
             self.assertEqual((len(first.asked), len(second.asked)), (1, 1))
+            first.asked.clear(), second.asked.clear()
+            # Nothing that is of one store is asked of the other, however the first one fails.
+            others = [("GET", "/v1/jobs/1"), ("PUT", "/v1/maps/a"), ("DELETE", "/v1/keys/a"), ("POST", "/v1/maps/a/rebuild")]
+            self.assertEqual([self.ask(*each)[0] for each in others], [503] * len(others))
+            self.assertEqual((first.asked, second.asked), (others, []))
+
+
+def points(count):
+    """A PCD file: a job makes a version of it."""
+    rows = "".join(f"{x % 20} {x // 20} {x % 3} 0\n" for x in range(count))
+    return ("VERSION 0.7\nFIELDS x y z intensity\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\n"
+            f"WIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA ascii\n{rows}").encode()
+
+
+class WithKeys(Proxy):
+    """Two servers with the same keys and maps: the second store is restored of a backup of the first."""
+
+    def setUp(self):
+        super().setUp()
+        shutil.copytree(STORE, self.folder / "store0")
+        scopes = itertools.chain(*(("--scope", scope) for scope in ("read", "localize", "write", "admin")))
+        self.key = self.stillmap("keys", "create", "all", "--store", self.folder / "store0", *scopes).strip()
+        self.stillmap("store", "backup", self.folder / "store0", "-o", self.folder / "backup")
+        self.stillmap("store", "restore", self.folder / "backup", "-o", self.folder / "store1")
+        self.processes, servers = [], []
+        for number in range(2):
+            management = support.free_port()
+            port, process = self.start_server(PROGRAM, self.folder / f"store{number}", "--management-port", management)
+            support.wait(lambda: support.get(management, "/readyz")[0] == 200)
+            self.processes.append(process), servers.append((port, management))
+        self.proxy(*servers)
+
+    def stillmap(self, *arguments):
+        return subprocess.run([PROGRAM, *map(str, arguments)], check=True, capture_output=True, text=True).stdout
+
+    def ask_json(self, method, path, body=None, **headers):
+        data = json.dumps(body).encode() if isinstance(body, dict) else body
+        headers = {"Authorization": f"Bearer {self.key}", "Content-Type": "application/json", **headers}
+        status, text, answer = self.ask(method, path, data, **headers)
+        return status, json.loads(text) if text else None, answer
+
+    def test_keys_and_jobs_are_found_where_they_were_made(self):
+        for number in range(4):
+            status, key, _ = self.ask_json("POST", "/v1/keys", {"name": f"key{number}", "scopes": ["read"]})
+            self.assertEqual(status, 201, key)
+            self.assertIn(key["id"], [each["id"] for each in self.ask_json("GET", "/v1/keys")[1]["keys"]])
+            self.assertEqual(self.ask_json("DELETE", f"/v1/keys/{key['id']}")[0], 200)
+        for number in range(6):
+            status, _, answer = self.ask_json("PUT", f"/v1/maps/town{number}/versions/v1", points(400),
+                                              **{"Content-Type": "application/vnd.pcd"})
+            self.assertEqual(status, 202)
+            status, job, _ = self.ask_json("GET", answer.getheader("Location"))
+            self.assertEqual((status, job["map"]), (200, f"town{number}"))
+        self.assertEqual(self.ask_json("GET", "/v1/jobs", Host="two.localhost")[1]["jobs"], [])
+
+    def test_a_key_opens_both_servers(self):
+        self.assertEqual(self.ask("GET", "/v1/maps/town")[0], 401)
+        for host in ("one.localhost", "two.localhost"):
+            self.assertEqual(self.ask_json("GET", "/v1/maps/town", Host=host)[0], 200)
+        self.processes[0].terminate()
+        self.processes[0].wait(20)
+        for _ in range(5):
+            self.assertEqual(self.ask_json("GET", "/v1/maps/town")[0], 200)
+        self.assertIn(self.ask("GET", "/v1/jobs")[0], (502, 503))
 
 
 class BeforeServers(Proxy):
