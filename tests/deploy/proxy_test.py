@@ -4,6 +4,7 @@
 usage: proxy_test.py STILLMAP STORE TOOLS haproxy|nginx        TOOLS: packages as `./dev test` unpacks them
 """
 
+import concurrent.futures
 import contextlib
 import http.client
 import http.server
@@ -66,6 +67,7 @@ class StandIn(http.server.BaseHTTPRequestHandler):
         self.rfile.read(length)
         if self.path != "/readyz":
             self.server.asked.append((self.command, self.path))
+            time.sleep(self.server.silence_s)
         status = 200 if self.path == "/readyz" else self.server.status
         self.send_response(status)
         self.send_header("Content-Length", "0")
@@ -80,7 +82,7 @@ class StandIn(http.server.BaseHTTPRequestHandler):
 @contextlib.contextmanager
 def stand_in(status):
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), StandIn)
-    server.status, server.asked = status, []
+    server.status, server.asked, server.silence_s = status, [], 0
     thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05})
     thread.start()
     try:
@@ -99,15 +101,15 @@ class Proxy(support.FolderTest):
         cls.context.check_hostname = False
         cls.context.verify_mode = ssl.CERT_NONE
 
-    def proxy(self, *servers):
-        """Starts the proxy before two servers, each (port, management port)."""
+    def proxy(self, *servers, also=None):
+        """Starts the proxy before two servers, each (port, management port). `also`: further changes of the example."""
         certificate, key = self.folder / "stillmap.crt", self.folder / "stillmap.key"
         subprocess.run(["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days",
                         "1", "-subj", "/CN=localhost", "-keyout", key, "-out", certificate], check=True, capture_output=True)
         (self.folder / "both.pem").write_text(certificate.read_text() + key.read_text())
         self.port = support.free_port()
         listen = {"haproxy": "bind :443", "nginx": "listen 443"}[KIND]
-        changes = {**SHORTER[KIND], listen: listen.split()[0] + f" 127.0.0.1:{self.port}"}
+        changes = {**SHORTER[KIND], **(also or {}), listen: listen.split()[0] + f" 127.0.0.1:{self.port}"}
         for address, (port, management) in zip(("10.0.0.11", "10.0.0.12"), servers):
             if KIND == "haproxy":
                 changes[f"{address}:8080 check port 8081"] = f"127.0.0.1:{port} check port {management}"
@@ -163,6 +165,20 @@ class Proxy(support.FolderTest):
 
 
 class BeforeStandIns(Proxy):
+    def test_slow_answers_are_waited_for(self):
+        slow = [("POST", "/v1/maps/a/drives/1/complete"), ("POST", "/v1/maps/a/uploads/1/complete"), ("POST", "/v1/maps/a/rollback"),
+                ("POST", "/v1/maps/a/versions/b/activate"), ("PUT", "/v1/maps/a/versions/b"),
+                ("PUT", "/v1/maps/a/drives/1/parts/1")]
+        others = [("GET", "/v1/maps/a"), ("GET", "/v1/jobs"), ("POST", "/v1/maps/a/localize")]
+        shorter = {"haproxy": {"timeout client 60s": "timeout client 2s", "timeout server 60s": "timeout server 2s"},
+                   "nginx": {"proxy_read_timeout 60s": "proxy_read_timeout 2s"}}[KIND]
+        with stand_in(200) as first, stand_in(200) as second:
+            self.proxy((first.server_port, first.server_port), (second.server_port, second.server_port), also=shorter)
+            first.silence_s = second.silence_s = 5
+            with concurrent.futures.ThreadPoolExecutor(len(slow + others)) as asking:
+                found = dict(zip(slow + others, asking.map(lambda each: self.ask(*each)[0], slow + others)))
+        self.assertEqual(found, {**dict.fromkeys(slow, 200), **dict.fromkeys(others, 504)})
+
     def test_what_lives_in_one_store_finds_the_same_server(self):
         with stand_in(200) as first, stand_in(200) as second:
             self.proxy((first.server_port, first.server_port), (second.server_port, second.server_port))

@@ -344,6 +344,7 @@ class Faults(unittest.TestCase):
                     self.close_connection = True
                     return
                 status, headers, body = answer
+                time.sleep(float(headers.get("X-Sleep", 0)))
                 self.send_response(status)
                 for key, value in headers.items():
                     self.send_header(key, value)
@@ -465,6 +466,68 @@ class Faults(unittest.TestCase):
                 stream.put(bytes(32), stamp)
                 self.assertTrue(stream.drain(10))
         self.assertEqual((stream.answered, stream.failed, len(logged.records)), (2, 1, 3))
+
+    @staticmethod
+    def map_at(version, revision):
+        return 200, {}, json.dumps({"name": "town", "version": version, "previous_version": None,
+                                    "revision": revision}).encode()
+
+    CHANGED = (412, {}, b'{"code": "RevisionChanged"}')
+    CUT_POST = (200, {"Content-Length": "100", "Connection": "close"}, b"{")
+
+    def test_an_activation_whose_answer_is_lost_is_looked_for(self):
+        new, before, others = self.map_at("v2", 4), self.map_at("v1", 3), self.map_at("v3", 4)
+        gone = (502, {}, b"<html>")
+        for script, asked, wanted in (
+                ((self.CUT_POST, new), "POST GET", "v2"), ((gone, new), "POST GET", "v2"),
+                ((None, before, new), "POST GET POST", "v2"),
+                # Done between the look and the second try, by the first.
+                ((None, before, self.CHANGED, new), "POST GET POST GET", "v2"),
+                ((None, others), "POST GET POST", None), ((self.CHANGED,), "POST", None)):
+            with self.subTest(script=script):
+                url, seen = self.serve(*script, self.CHANGED, others)
+                if wanted is None:
+                    with self.assertRaises(Problem) as raised:
+                        Client(url).activate("town", "v2", if_revision=3)
+                    self.assertEqual(raised.exception.code, "RevisionChanged")
+                else:
+                    self.assertEqual(Client(url).activate("town", "v2", if_revision=3).version, wanted)
+                self.assertEqual(" ".join(each[0] for each in seen[:asked.count(" ") + 1]), asked)
+
+    def test_a_roll_back_is_asked_once(self):
+        url, seen = self.serve(None, self.CHANGED)
+        with self.assertRaises(ConnectionLost):
+            Client(url).roll_back("town", if_revision=3)
+        self.assertEqual(len(seen), 1)
+
+    def test_a_drive_whose_completion_is_lost_is_looked_for(self):
+        with tempfile.TemporaryDirectory() as name:
+            (pathlib.Path(name) / "a").write_bytes(b"y")
+
+            def upload(*answers):
+                url, seen = self.serve((200, {}, b'{"parts": []}'), (201, {}, b"{}"), *answers)
+                return Client(url, timeout_s=0.5, slow_timeout_s=2.0), seen
+
+            is_open, is_complete = (200, {}, b'{"status": "open"}'), (200, {}, b'{"status": "complete"}')
+            for answers, asked in (((None, is_complete), ["POST", "GET"]),
+                                   ((None, is_open, (200, {}, b"{}")), ["POST", "GET", "POST"])):
+                client, seen = upload(*answers)
+                self.assertEqual(client.upload_drive("town", name, drive=7), 7)
+                self.assertEqual([each[0] for each in seen[2:]], asked)
+            # Slower than the usual time-out.
+            client, seen = upload((200, {"X-Sleep": "1"}, b"{}"))
+            self.assertEqual(client.upload_drive("town", name, drive=7), 7)
+            self.assertEqual(len(seen), 3)
+            # Slower than any: told, and nobody else waits in the server.
+            client, seen = upload((200, {"X-Sleep": "4"}, b"{}"), is_open)
+            with self.assertRaises(ConnectionLost):
+                client.upload_drive("town", name, drive=7)
+            self.assertEqual([each[0] for each in seen[2:]], ["POST", "GET"])
+
+    def test_a_deadline_is_waited_for(self):
+        url, seen = self.serve((200, {"X-Sleep": "1"}, self.POSE[2]))
+        Client(url, timeout_s=0.5).localize("a", bytes(32), deadline_ms=2000)
+        self.assertEqual(len(seen), 1)
 
     def test_calls_raise_what_they_promise(self):
         cut = {"Content-Length": "100", "Connection": "close"}

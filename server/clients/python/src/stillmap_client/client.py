@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import base64
+import itertools
 import json
 import os
 import pathlib
+import socket
 import ssl
 import time
 import uuid
 from http.client import HTTPException
-from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple, TypeVar, Union
 
 from . import events
 from .archive import Archive
@@ -21,6 +23,7 @@ from .transport import Body, Response, Transport, wait_s
 from .types import Event, Gnss, MapInfo, MovableBox, Pose, PoseAnswer, Prior, Version
 
 Path = Union[str, "os.PathLike[str]"]
+_Found = TypeVar("_Found")
 _PART_BYTES = 64 << 20
 _FINISHED = frozenset({"succeeded", "failed", "canceled"})
 
@@ -39,13 +42,16 @@ class Client:
     url          such as "http://127.0.0.1:8080"
     key          API key, when the server has any ("stillmap_...")
     timeout_s    of connecting, and of silence within an answer
+    slow_timeout_s  of silence where the server says nothing until it is done: a version or drive that was sent is
+                 unpacked and brought to the disk, a version that is activated gets its index
     retries      further tries of refused requests (429, 503, after `Retry-After`) and of idempotent ones whose
                  connection was lost
     """
 
-    def __init__(self, url: str, key: Optional[str] = None, *, timeout_s: float = 30.0, retries: int = 4,
-                 context: Optional[ssl.SSLContext] = None) -> None:
+    def __init__(self, url: str, key: Optional[str] = None, *, timeout_s: float = 30.0,
+                 slow_timeout_s: float = 3600.0, retries: int = 4, context: Optional[ssl.SSLContext] = None) -> None:
         self._transport = Transport(url, key, timeout_s, retries, context)
+        self._slow_timeout_s = slow_timeout_s
 
     def close(self) -> None:
         """Closes the calling thread's connection; those of other threads end with them."""
@@ -83,8 +89,8 @@ class Client:
                 keys["movable"] = [box.to_json() for box in movable]
         query, body, headers = scan_request(scan, layout, flat, keys)
         place = f"/v1/maps/{map}" + ("" if version is None else f"/versions/{version}")
-        return PoseAnswer.of(self._transport.call("POST", place + "/localize", query=query, body=body,
-                                                  headers=headers).json())
+        return PoseAnswer.of(self._transport.call("POST", place + "/localize", query=query, body=body, headers=headers,
+                                                  timeout_s=self._transport.patience_s(deadline_ms)).json())
 
     def open_session(self, map: str, *, version: Optional[str] = None, prior: Optional[Prior] = None,
                      gnss: Optional[Gnss] = None) -> Session:
@@ -129,11 +135,18 @@ class Client:
 
     def activate(self, map: str, version: str, *, if_revision: Optional[int] = None, new_frame: bool = False) -> MapInfo:
         """@param if_revision  only while the map is at it; else Problem `RevisionChanged`."""
-        return self._change(f"/v1/maps/{map}/versions/{version}/activate", if_revision, new_frame)
+        def look() -> Optional[MapInfo]:
+            found = self.map(map)
+            # The revision stays when the version was active already.
+            since = 0 if if_revision is None else found.revision - if_revision
+            return found if found.version == version and (if_revision is None or since in (0, 1)) else None
+
+        return self._settled(
+            lambda: self._change(f"/v1/maps/{map}/versions/{version}/activate", if_revision, new_frame), look)
 
     def roll_back(self, map: str, *, if_revision: Optional[int] = None, new_frame: bool = False) -> MapInfo:
-        # Twice is back where it began: a lost answer is the caller's to look into.
-        return self._change(f"/v1/maps/{map}/rollback", if_revision, new_frame, idempotent=if_revision is not None)
+        # Twice is back where it began, or refused by its revision: a lost answer is the caller's to look into.
+        return self._change(f"/v1/maps/{map}/rollback", if_revision, new_frame)
 
     def delete_version(self, map: str, version: str) -> None:
         self._transport.call("DELETE", f"/v1/maps/{map}/versions/{version}")
@@ -143,7 +156,7 @@ class Client:
         archive = Archive(pathlib.Path(path))
         headers = {"Content-Type": "application/octet-stream", "Content-Digest": _digest(archive.sha256().digest())}
         return Version.of(self._transport.call("PUT", f"/v1/maps/{map}/versions/{version}", headers=headers,
-                                               body=(archive.size, archive.open)).json())
+                                               body=(archive.size, archive.open), timeout_s=self._slow_timeout_s).json())
 
     def download_version(self, map: str, version: str, path: Path) -> int:
         """Writes the package's tar to `path` and goes on where an earlier try ended. @return its bytes."""
@@ -215,7 +228,12 @@ class Client:
                                               "Content-Digest": _digest(sha256.digest())})
             if on_part is not None:
                 on_part(offset + size, archive.size)
-        self._transport.call("POST", f"{url}/complete")
+
+        def look() -> Optional[Dict[str, Any]]:
+            found = self._json("GET", url)
+            return found if found["status"] == "complete" else None
+
+        self._settled(lambda: self._json("POST", f"{url}/complete", idempotent=False, timeout_s=self._slow_timeout_s), look)
         return drive
 
     def delete_drive(self, map: str, drive: int) -> None:
@@ -259,15 +277,46 @@ class Client:
     # --- in general --------------------------------------------------------------------------------------
 
     def _json(self, method: str, path: str, body: Optional[Mapping[str, Any]] = None, *,
-              idempotent: bool = True) -> Dict[str, Any]:
+              idempotent: bool = True, timeout_s: Optional[float] = None) -> Dict[str, Any]:
         headers = {} if body is None else {"Content-Type": "application/json"}
         data: Body = None if body is None else json.dumps(body).encode()
-        return dict(self._transport.call(method, path, body=data, headers=headers, idempotent=idempotent).json())
+        return dict(self._transport.call(method, path, body=data, headers=headers, idempotent=idempotent,
+                                         timeout_s=timeout_s).json())
 
-    def _change(self, path: str, if_revision: Optional[int], new_frame: bool, *, idempotent: bool = True) -> MapInfo:
+    def _change(self, path: str, if_revision: Optional[int], new_frame: bool) -> MapInfo:
         headers = {} if if_revision is None else {"If-Match": f'"{if_revision}"'}
         query = {"new_frame": "true"} if new_frame else None
-        return MapInfo.of(self._transport.call("POST", path, query=query, headers=headers, idempotent=idempotent).json())
+        return MapInfo.of(self._transport.call("POST", path, query=query, headers=headers, idempotent=False,
+                                               timeout_s=self._slow_timeout_s).json())
+
+    def _settled(self, ask: Callable[[], _Found], look: Callable[[], Optional[_Found]]) -> _Found:
+        """What `ask` answers. When that is lost the server may have done it, or be at it: it is asked again only when
+        `look` finds it undone, and not after silence, since each that asks waits in the server."""
+        lost = False
+        for tries in itertools.count(1):
+            try:
+                return ask()
+            except (ConnectionLost, Problem) as error:
+                again = _is_lost(error)
+                lost = lost or again
+                # A refusal after a lost answer may be of what that one has done.
+                found = look() if lost else None
+                if found is not None:
+                    return found
+                if not again or _is_silence(error) or tries > self._transport.retries:
+                    raise
+            time.sleep(wait_s(tries, None))
+        raise AssertionError("unreachable")
+
+
+def _is_lost(error: Exception) -> bool:
+    """Whether the server may have done what was asked; 502 and 504 are said by proxies."""
+    return isinstance(error, ConnectionLost) or isinstance(error, Problem) and error.status in (502, 504)
+
+
+def _is_silence(error: Exception) -> bool:
+    # 3.9 knows no TimeoutError here.
+    return isinstance(error.__cause__, socket.timeout) or isinstance(error, Problem) and error.status == 504
 
 
 def _copied(response: Response, write: Callable[[bytes], int]) -> int:

@@ -56,7 +56,8 @@ class Session:
                 keys["movable"] = [box.to_json() for box in movable]
         query, body, headers = scan_request(scan, layout, flat, keys)
         return PoseAnswer.of(self._transport.call("POST", self._path + "/scans", query=query, body=body,
-                                                  headers=headers, idempotent=False, retries=retries).json())
+                                                  headers=headers, idempotent=False, retries=retries,
+                                                  timeout_s=self._transport.patience_s(deadline_ms)).json())
 
     def initialize(self, prior: Optional[Prior] = None, *, gnss: Optional[Gnss] = None) -> None:
         """Forgets where the vehicle was. Without prior and gnss it may be anywhere."""

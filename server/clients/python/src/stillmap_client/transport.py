@@ -6,6 +6,7 @@ import http.client
 import io
 import json
 import random
+import socket
 import ssl
 import threading
 import time
@@ -84,26 +85,35 @@ class Transport:
 
     def call(self, method: str, path: str, *, query: Optional[Mapping[str, str]] = None, body: Body = None,
              headers: Optional[Mapping[str, str]] = None, idempotent: bool = True,
-             retries: Optional[int] = None) -> Response:
+             retries: Optional[int] = None, timeout_s: Optional[float] = None) -> Response:
         """The whole answer, of a status 2xx: nobody follows redirections here. @raises Problem, ConnectionLost."""
         with self.open(method, path, query=query, body=body, headers=headers, idempotent=idempotent,
-                       retries=retries, whole=True) as response:
+                       retries=retries, timeout_s=timeout_s, whole=True) as response:
             return response
+
+    def patience_s(self, deadline_ms: Optional[int]) -> Optional[float]:
+        """Silence to bear until a deadline of the server's, where that is longer than the usual."""
+        wanted = 0.0 if deadline_ms is None else 1e-3 * deadline_ms + 5.0
+        return wanted if wanted > self._timeout_s else None
 
     @contextmanager
     def open(self, method: str, path: str, *, query: Optional[Mapping[str, str]] = None, body: Body = None,
              headers: Optional[Mapping[str, str]] = None, idempotent: bool = True, retries: Optional[int] = None,
              timeout_s: Optional[float] = None, whole: bool = False) -> Iterator[Response]:
         """An answer that is read piece by piece, unless it is wanted `whole`: then its body is part of each try.
-        With a `timeout_s` it has a connection of its own, so that other requests of the thread may run meanwhile."""
+        With a `timeout_s` (of silence, not of connecting) it has a connection of its own, so that other requests of the
+        thread may run meanwhile."""
         target = self._prefix + urllib.parse.quote(path, safe="/")
         if query:
             target += "?" + urllib.parse.urlencode(query, safe=",")
         left = self.retries if retries is None else retries
         waited = 0
         while True:
-            connection = self._connection() if timeout_s is None else self._new(timeout_s)
+            connection = self._connection() if timeout_s is None else self._new()
             try:
+                if timeout_s is not None:
+                    connection.connect()
+                    _bear_silence(connection.sock, timeout_s)
                 response = self._once(connection, method, target, body, headers or {})
                 if 200 <= response.status < 300:
                     if whole:
@@ -144,17 +154,17 @@ class Transport:
             self._forget(connection)
         self._local.used = time.monotonic()
 
-    def _new(self, timeout_s: float) -> http.client.HTTPConnection:
+    def _new(self) -> http.client.HTTPConnection:
         if self._tls is None:
-            return http.client.HTTPConnection(self._host, self._port, timeout=timeout_s)
-        return http.client.HTTPSConnection(self._host, self._port, timeout=timeout_s, context=self._tls)
+            return http.client.HTTPConnection(self._host, self._port, timeout=self._timeout_s)
+        return http.client.HTTPSConnection(self._host, self._port, timeout=self._timeout_s, context=self._tls)
 
     def _connection(self) -> http.client.HTTPConnection:
         kept: Optional[http.client.HTTPConnection] = getattr(self._local, "connection", None)
         if kept is not None and time.monotonic() - self._local.used < _KEPT_S:
             return kept
         self.drop()
-        self._local.connection = connection = self._new(self._timeout_s)
+        self._local.connection = connection = self._new()
         return connection
 
     def _once(self, connection: http.client.HTTPConnection, method: str, target: str, body: Body,
@@ -177,6 +187,15 @@ class Transport:
             # Refused before all of the body was sent: the answer is there, if anything is.
             pass
         return Response(connection.getresponse())
+
+
+def _bear_silence(connection: socket.socket, timeout_s: float) -> None:
+    """Probes tell a silent server from one that is gone, and keep the connection in the tables of what is between."""
+    connection.settimeout(timeout_s)
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in (("TCP_KEEPIDLE", 60), ("TCP_KEEPINTVL", 15), ("TCP_KEEPCNT", 4)):
+        if hasattr(socket, name):
+            connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
 
 
 def _opener(body: Body) -> Tuple[int, Callable[[], BinaryIO]]:
