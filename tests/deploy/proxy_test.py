@@ -64,7 +64,10 @@ class StandIn(http.server.BaseHTTPRequestHandler):
 
     def do_GET(self):
         length = int(self.headers.get("Content-Length", 0))
-        self.rfile.read(length)
+        if length:
+            self.rfile.read(1)
+            self.server.began.set()
+            self.rfile.read(length - 1)
         if self.path != "/readyz":
             self.server.asked.append((self.command, self.path))
             time.sleep(self.server.silence_s)
@@ -82,7 +85,7 @@ class StandIn(http.server.BaseHTTPRequestHandler):
 @contextlib.contextmanager
 def stand_in(status):
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), StandIn)
-    server.status, server.asked, server.silence_s = status, [], 0
+    server.status, server.asked, server.silence_s, server.began = status, [], 0, threading.Event()
     thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05})
     thread.start()
     try:
@@ -167,7 +170,7 @@ class Proxy(support.FolderTest):
 class BeforeStandIns(Proxy):
     def test_slow_answers_are_waited_for(self):
         slow = [("POST", "/v1/maps/a/drives/1/complete"), ("POST", "/v1/maps/a/uploads/1/complete"), ("POST", "/v1/maps/a/rollback"),
-                ("POST", "/v1/maps/a/versions/b/activate"), ("PUT", "/v1/maps/a/versions/b"),
+                ("POST", "/v1/maps/a/versions/b/activate"), ("PUT", "/v1/maps/a/versions/b"), ("PUT", "/v1/maps/a/uploads/1/parts/1"),
                 ("PUT", "/v1/maps/a/drives/1/parts/1")]
         others = [("GET", "/v1/maps/a"), ("GET", "/v1/jobs"), ("POST", "/v1/maps/a/localize")]
         shorter = {"haproxy": {"timeout client 60s": "timeout client 2s", "timeout server 60s": "timeout server 2s"},
@@ -199,6 +202,24 @@ class BeforeStandIns(Proxy):
                 for method, path in (("POST", "/v1/keys"), ("PUT", "/v1/maps/a/versions/b"), ("GET", "/v1/maps/a"), ("GET", "/")):
                     self.ask(method, path, Host=f"{name}.maps.example")
                 self.assertEqual((len(asked.asked), other.asked), (4, []))
+
+    def test_uploads_pass_as_they_come_and_nothing_else_is_large(self):
+        uploads = ["/v1/maps/a/versions/b", "/v1/maps/a/drives/1/parts/1", "/v1/maps/a/uploads/1/parts/1"]
+        with stand_in(200) as first, stand_in(200) as second:
+            self.proxy((first.server_port, first.server_port), (second.server_port, second.server_port))
+            for path in uploads:
+                self.assertEqual(self.ask("PUT", path, bytes(65 << 20))[0], 200, path)
+                first.began.clear()
+                connection = self.connection()
+                self.addCleanup(connection.close)
+                connection.putrequest("PUT", path)
+                connection.putheader("Content-Length", str(1 << 20))
+                connection.endheaders(bytes(1 << 16))
+                self.assertTrue(first.began.wait(10), f"{path} waits for its end")
+                connection.send(bytes((1 << 20) - (1 << 16)))
+                self.assertEqual(connection.getresponse().status, 200)
+            for path in ("/v1/maps/a/localize", "/v1/maps/a/versions/b/localize", "/v1/maps/a/versions/b/activate", "/v1/keys"):
+                self.assertEqual(self.ask("POST", path, **{"Content-Length": str(65 << 20)})[0], 413, path)
 
     def test_only_what_may_be_asked_twice_is(self):
         with stand_in(503) as first, stand_in(200) as second:
