@@ -524,6 +524,14 @@ class Faults(unittest.TestCase):
                 client.upload_drive("town", name, drive=7)
             self.assertEqual([each[0] for each in seen[2:]], ["POST", "GET"])
 
+    def test_a_version_is_not_sent_again_after_long_silence(self):
+        with tempfile.TemporaryDirectory() as name:
+            (pathlib.Path(name) / "a").write_bytes(b"y")
+            url, seen = self.serve((200, {"X-Sleep": "2"}, b"{}"), (200, {}, b"{}"))
+            with self.assertRaises(ConnectionLost):
+                Client(url, slow_timeout_s=0.5).upload_version("a", "b", name)
+            self.assertEqual(len(seen), 1)
+
     def test_a_deadline_is_waited_for(self):
         url, seen = self.serve((200, {"X-Sleep": "1"}, self.POSE[2]))
         Client(url, timeout_s=0.5).localize("a", bytes(32), deadline_ms=2000)

@@ -123,7 +123,9 @@ class Transport:
                 self._keep(connection, response)
             except (OSError, http.client.HTTPException) as error:
                 self._forget(connection)
-                if left <= 0 or not (idempotent or isinstance(error, ConnectionRefusedError)):
+                # Whoever was given so long may still be at it, and another would wait beside it.
+                silent = timeout_s is not None and isinstance(error, socket.timeout)
+                if left <= 0 or silent or not (idempotent or isinstance(error, ConnectionRefusedError)):
                     raise ConnectionLost(f"{method} {path}: {error or type(error).__name__}") from error
                 problem = None
             if problem is not None and (left <= 0 or problem.status not in (429, 503) or problem.code in _FINAL):
