@@ -79,6 +79,22 @@ class Containers(unittest.TestCase):
         self.assertTrue(container["securityContext"]["readOnlyRootFilesystem"])
         self.assertGreaterEqual(pod["terminationGracePeriodSeconds"], longest_end_s())
 
+    def test_jobs_are_bounded_well_below_the_memory_of_all(self):
+        _, deployment, _ = documents("kubernetes.yaml")
+        (pod,) = deployment["spec"]["template"]["spec"]["containers"]
+        (compose,) = documents("compose.yaml")
+        service = compose["services"]["stillmap"]
+        for limit, environment in ((pod["resources"]["limits"]["memory"], {each["name"]: each["value"] for each in pod.get("env", [])}),
+                                   (service["deploy"]["resources"]["limits"]["memory"], service.get("environment", {}))):
+            limit_bytes = int(re.fullmatch(r"(\d+)(Gi|g)", limit)[1]) << 30
+            # One job at a time, by default.
+            self.assertIn(int(environment["STILLMAP_SERVE_JOBS_MEMORY_BYTES"]), range(1 << 30, limit_bytes // 2 + 1))
+            self.assertIn("STILLMAP_SERVE_JOBS_CORES", environment)
+            configuration = {"STILLMAP_SERVE_CONFIG": str(support.DEPLOY / "stillmap.json")}
+            done = subprocess.run([sys.argv[1], "serve", "--check"], env={**os.environ, **configuration, **environment},
+                                  capture_output=True, text=True)
+            self.assertEqual(done.returncode, 0, done.stderr)
+
     def test_the_shell_is_beside_the_same_store_as_the_same_user(self):
         claim, deployment, _ = documents("kubernetes.yaml")
         (shell,) = documents("kubernetes-shell.yaml")
