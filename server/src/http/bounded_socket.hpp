@@ -22,6 +22,10 @@ struct ConnectionLimits {
   /// For receiving one request, and for sending one answer; longer for what moves faster than
   /// `kLeastBytesPerSecond`, since an upload of gigabytes is no slow client.
   std::chrono::milliseconds transfer{60'000};
+  /// Without a word of the peer's machine about what was sent to it, at least `stall`: a vehicle
+  /// out of radio range says no goodbye, and what is sent to it still fits into the kernel's
+  /// buffer.
+  std::chrono::milliseconds unacknowledged{30'000};
   std::size_t max_head_bytes = std::size_t{32} << 10U;
   std::size_t max_line_bytes = std::size_t{4} << 10U;
 };

@@ -2,6 +2,7 @@
 
 #include "errors/api_error.hpp"
 #include "errors/problem.hpp"
+#include "http/event_places.hpp"
 #include "http/header_text.hpp"
 #include "http/http_answer.hpp"
 #include "http/http_body.hpp"
@@ -161,7 +162,10 @@ std::uint64_t size_of(const HttpResponse& response) {
 class HttpExchange::Library final : public httplib::Server {
  public:
   Library(const Limits& limits, const RequestHandler& handler, Metrics* metrics)
-      : limits_(limits), handler_(handler), metrics_(metrics) {
+      : limits_(limits),
+        handler_(handler),
+        metrics_(metrics),
+        event_places_(limits.event_streams, limits.client_share) {
     // Any number that is none of "not there": the library sends nothing piece by piece without.
     svr_sock_ = 0;
     set_pre_routing_handler([this](const httplib::Request& from, httplib::Response& to) {
@@ -259,7 +263,7 @@ class HttpExchange::Library final : public httplib::Server {
                           .event_slot = {}};
     const std::uint64_t size = size_of(response);
     try {
-      if (response.events) context.event_slot = take_event_slot();
+      if (response.events) context.event_slot = take_event_slot(exchange.request.caller);
       fill_answer(to, std::move(response), context);
     } catch (const ApiError& error) {
       fill_answer(to, refuse(exchange, error), context);
@@ -268,19 +272,13 @@ class HttpExchange::Library final : public httplib::Server {
     exchange.socket.restart_send();
   }
 
-  std::shared_ptr<void> take_event_slot() {
-    if (event_streams_.fetch_add(1) >= limits_.event_streams) {
-      --event_streams_;
-      throw ApiError(
-          ErrorCode::kTooManyStreams,
-          fmt::format("{} event streams are open, and no more are taken", limits_.event_streams))
-          .with_header("Retry-After", "5");
-    }
-    if (metrics_ != nullptr) metrics_->event_stream_opened();
-    return {this, [](void* self) {
-              auto& library = *static_cast<Library*>(self);
-              --library.event_streams_;
-              if (library.metrics_ != nullptr) library.metrics_->event_stream_closed();
+  std::shared_ptr<void> take_event_slot(const Caller& caller) {
+    std::shared_ptr<void> place = event_places_.take(caller.key_id);
+    if (metrics_ == nullptr) return place;
+    metrics_->event_stream_opened();
+    return {this, [place = std::move(place)](void* self) mutable {
+              place.reset();
+              static_cast<Library*>(self)->metrics_->event_stream_closed();
             }};
   }
 
@@ -332,7 +330,7 @@ class HttpExchange::Library final : public httplib::Server {
   Limits limits_;
   const RequestHandler& handler_;
   Metrics* metrics_;
-  std::atomic<std::size_t> event_streams_ = 0;
+  EventPlaces event_places_;
   std::atomic<bool> closing_ = false;
   std::atomic<bool> stopping_ = false;
 };

@@ -18,6 +18,8 @@ class HttpExchange {
     /// Of a body that is held as a whole, unpacked.
     std::size_t max_body_bytes = 0;
     std::size_t event_streams = 0;
+    /// Share of them that one key may hold, in (0, 1].
+    double client_share = 0.5;
     /// Told to clients.
     std::chrono::seconds keep_alive{0};
   };

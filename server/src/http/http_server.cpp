@@ -65,6 +65,12 @@ std::string full_answer(std::size_t connections) {
   return text + "\r\n" + response.body;
 }
 
+/// A client whose machine answers may take as little as `stall_timeout_s` allows.
+std::chrono::milliseconds longest_unacknowledged(const ServerOptions& options) {
+  return std::max<std::chrono::milliseconds>(ConnectionLimits{}.unacknowledged,
+                                             std::chrono::seconds(options.stall_timeout_s));
+}
+
 }  // namespace
 
 Endpoint main_endpoint(const ServerOptions& options) {
@@ -73,10 +79,12 @@ Endpoint main_endpoint(const ServerOptions& options) {
           .tls = options.tls,
           .connections = static_cast<std::size_t>(options.connections),
           .event_streams = static_cast<std::size_t>(options.event_streams),
+          .client_share = options.client_share,
           .max_body_bytes = options.max_payload_bytes,
           .limits = {.keep_alive = std::chrono::seconds(options.keep_alive_s),
                      .stall = std::chrono::seconds(options.stall_timeout_s),
                      .transfer = std::chrono::seconds(options.transfer_timeout_s),
+                     .unacknowledged = longest_unacknowledged(options),
                      .max_head_bytes = options.max_head_bytes,
                      .max_line_bytes = options.max_head_line_bytes},
           .drain = options.drain};
@@ -101,6 +109,7 @@ class HttpServer::Listener {
         exchange_(
             {.max_body_bytes = endpoint.max_body_bytes,
              .event_streams = endpoint.event_streams,
+             .client_share = endpoint.client_share,
              .keep_alive = std::chrono::floor<std::chrono::seconds>(endpoint.limits.keep_alive)},
             handler, metrics),
         threads_(endpoint.connections, [this](int socket) { serve(socket); }) {
@@ -202,7 +211,7 @@ class HttpServer::Listener {
   void accept_all() {
     constexpr int kMostInARow = 64;  // then it is time to look for a stop
     for (int i = 0; i < kMostInARow; ++i) {
-      const int socket = listening_->accept();
+      const int socket = listening_->accept(endpoint_.limits.unacknowledged);
       if (socket < 0) return look_at_failure(errno);
       admit(socket);
     }

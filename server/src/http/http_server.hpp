@@ -22,6 +22,8 @@ struct Endpoint {
   /// At one time.
   std::size_t connections = 1;
   std::size_t event_streams = 0;
+  /// Share of them that one key may hold, in (0, 1].
+  double client_share = 0.5;
   /// Of a body that is held as a whole, unpacked.
   std::size_t max_body_bytes = 0;
   ConnectionLimits limits;

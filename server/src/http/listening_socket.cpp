@@ -65,12 +65,16 @@ ListeningSocket::ListeningSocket(const std::string& host, int port) {
   port_ = port_of(socket_);
 }
 
-int ListeningSocket::accept() const {
+int ListeningSocket::accept(std::chrono::milliseconds unacknowledged) const {
   const int connection = ::accept4(socket_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
   if (connection < 0) return -1;
   // An answer is two writes, and the second would wait for the first one's acknowledgement.
   const int yes = 1;
   ::setsockopt(connection, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof(yes));
+  // By default the kernel goes on trying for a quarter of an hour. SO_KEEPALIVE would add nothing:
+  // whatever waits for bytes has its own time, and event streams are never silent for long.
+  const auto most_ms = static_cast<unsigned>(unacknowledged.count());
+  ::setsockopt(connection, IPPROTO_TCP, TCP_USER_TIMEOUT, &most_ms, sizeof(most_ms));
   return connection;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <string>
 
 namespace stillmap::server {
@@ -16,8 +17,10 @@ class ListeningSocket {
 
   [[nodiscard]] int socket() const { return socket_; }
   [[nodiscard]] int port() const { return port_; }
+  /// @param unacknowledged  when the other machine confirms nothing of what was sent to it for so
+  /// long, the kernel ends the connection.
   /// @return a connection that does not block and sends at once; -1 with errno when there is none.
-  [[nodiscard]] int accept() const;
+  [[nodiscard]] int accept(std::chrono::milliseconds unacknowledged) const;
   /// The kernel then refuses whoever comes.
   void close();
 

@@ -2,6 +2,7 @@
 
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
+#include <linux/filter.h>
 #include <sys/socket.h>
 #include <sys/time.h>
 #include <unistd.h>
@@ -39,6 +40,13 @@ class RawClient {
   }
   /// Nothing more will come from here.
   void close_sending() const { ::shutdown(socket_, SHUT_WR); }
+  /// As if this machine were gone: nothing that arrives is acknowledged any more, and nobody is
+  /// told.
+  void vanish() const {
+    sock_filter drop{.code = BPF_RET | BPF_K, .jt = 0, .jf = 0, .k = 0};
+    const sock_fprog program{.len = 1, .filter = &drop};
+    EXPECT_EQ(::setsockopt(socket_, SOL_SOCKET, SO_ATTACH_FILTER, &program, sizeof(program)), 0);
+  }
   /// Everything until `text` stands in it, or the server closes.
   std::string read_until(std::string_view text) {
     std::string all;

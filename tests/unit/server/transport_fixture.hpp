@@ -48,6 +48,15 @@ class QuietEvents final : public EventSource {
   bool told_ = false;
 };
 
+/// An event at each look.
+class TickingEvents final : public EventSource {
+ public:
+  std::optional<std::string> next(std::chrono::milliseconds) override {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    return "data: {}\n\n";
+  }
+};
+
 /// Answers without a store: only what the transport does is looked at.
 class ScriptedHandler final : public RequestHandler {
  public:
@@ -55,6 +64,7 @@ class ScriptedHandler final : public RequestHandler {
 
   Router::Match admit(HttpRequest& request) const override {
     Router::Match match = router_.match(request.method, request.path);
+    request.caller.key_id = request.header("authorization");
     if (request.header("authorization") == "Bearer wrong")
       throw ApiError(ErrorCode::kBusy, "refused by its head").with_header("Retry-After", "1");
     return match;
@@ -82,6 +92,11 @@ class ScriptedHandler final : public RequestHandler {
     response.source = std::make_shared<PatternSource>(kSourceBytes, broken_from);
     return response;
   }
+  static HttpResponse events(std::shared_ptr<EventSource> source) {
+    HttpResponse response{.content_type = {}, .body = {}, .headers = {}};
+    response.events = std::move(source);
+    return response;
+  }
   static HttpResponse count(const HttpRequest& request) {
     std::array<char, 1000> piece;
     std::uint64_t all = 0;
@@ -95,12 +110,8 @@ class ScriptedHandler final : public RequestHandler {
         {"GET", "/livez", [](Request, Path) { return text("alive"); }},
         {"GET", "/source", [](Request, Path) { return source(~std::uint64_t{0}); }},
         {"GET", "/broken", [](Request, Path) { return source(100'000); }},
-        {"GET", "/events",
-         [](Request, Path) {
-           HttpResponse response{.content_type = {}, .body = {}, .headers = {}};
-           response.events = std::make_shared<QuietEvents>();
-           return response;
-         }},
+        {"GET", "/events", [](Request, Path) { return events(std::make_shared<QuietEvents>()); }},
+        {"GET", "/ticks", [](Request, Path) { return events(std::make_shared<TickingEvents>()); }},
         {"GET", "/slow",
          [this](Request, Path) {
            while (hold) std::this_thread::sleep_for(std::chrono::milliseconds(1));

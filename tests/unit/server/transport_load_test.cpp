@@ -94,6 +94,67 @@ TEST_F(TransportLoad, IdleConnectionsMakeRoom) {
   EXPECT_TRUE(answered);
 }
 
+TEST_F(TransportLoad, ClientThatVanishesGivesItsStreamBack) {
+  Endpoint endpoint = small_endpoint();
+  // So that it is this time that ends it and none of the others.
+  endpoint.limits.stall = std::chrono::seconds(60);
+  endpoint.limits.transfer = std::chrono::seconds(60);
+  endpoint.limits.unacknowledged = std::chrono::milliseconds(300);
+  start(endpoint);
+  RawClient stays(port_);
+  RawClient vanishes(port_);
+  for (RawClient* client : {&stays, &vanishes}) {
+    client->send("GET /ticks HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    client->read_until("data: {}\n\n");
+  }
+  vanishes.vanish();
+  wait_for_connections(1);
+  EXPECT_THAT(metrics_.text(), HasSubstr("\nstillmap_event_streams 1\n"));
+}
+
+TEST_F(TransportLoad, SlowReaderMayTakeAsLongAsItIsAllowed) {
+  const ServerOptions patient{.stall_timeout_s = 120, .transfer_timeout_s = 120};
+  EXPECT_EQ(main_endpoint(patient).limits.unacknowledged, std::chrono::seconds(120));
+  EXPECT_EQ(main_endpoint(ServerOptions{}).limits.unacknowledged, std::chrono::seconds(30));
+}
+
+TEST_F(TransportLoad, KeyHoldsNoMoreThanItsShareOfTheStreams) {
+  Endpoint endpoint = small_endpoint();
+  endpoint.event_streams = 4;
+  start(endpoint);
+  const auto opened = [&](RawClient& client, const std::string& key) {
+    client.send("GET /events HTTP/1.1\r\nHost: localhost\r\n" + key + "\r\n");
+    return client.read_until("\r\n\r\n");
+  };
+  const std::string one = "Authorization: Bearer one\r\n";
+  std::deque<RawClient> clients;
+  for (int i = 0; i < 2; ++i)
+    EXPECT_THAT(opened(clients.emplace_back(port_), one), StartsWith("HTTP/1.1 200"));
+  const std::string third = ask("GET", "/events", one);
+  EXPECT_THAT(third, StartsWith("HTTP/1.1 429"));
+  EXPECT_THAT(third, HasSubstr("TooManyRequests"));
+  EXPECT_THAT(third, HasSubstr("Retry-After: 5\r\n"));
+  EXPECT_THAT(opened(clients.emplace_back(port_), "Authorization: Bearer two\r\n"),
+              StartsWith("HTTP/1.1 200"));
+  clients.pop_front();
+  wait_for_connections(2);
+  // Its place is free again, and whoever needs no key has no share.
+  EXPECT_THAT(opened(clients.emplace_back(port_), one), StartsWith("HTTP/1.1 200"));
+  EXPECT_THAT(opened(clients.emplace_back(port_), ""), StartsWith("HTTP/1.1 200"));
+  EXPECT_THAT(ask("GET", "/events"), HasSubstr("TooManyStreams"));
+}
+
+TEST_F(TransportLoad, WithoutKeysThereIsNoShare) {
+  Endpoint endpoint = small_endpoint();
+  endpoint.event_streams = 4;
+  start(endpoint);
+  std::deque<RawClient> clients;
+  for (int i = 0; i < 4; ++i) {
+    clients.emplace_back(port_).send(kEvents);
+    EXPECT_THAT(clients.back().read_until("\r\n\r\n"), StartsWith("HTTP/1.1 200"));
+  }
+}
+
 TEST_F(TransportLoad, StopsSoonWithOpenStreamsAndHalfSentRequests) {
   Endpoint endpoint = small_endpoint();
   endpoint.event_streams = 4;

@@ -172,10 +172,11 @@ struct ServerOptions {
   std::size_t max_bodies_bytes = std::size_t{512} << 20U;
   /// Of a pose request that names none [ms].
   int default_deadline_ms = 10'000;
-  /// Share of the workers and the queue, and of the sessions, that one key may hold.
+  /// Share of the workers and the queue, of the sessions and of the event streams, that one key may
+  /// hold.
   double client_share = 0.5;
-  /// Connections served at one time; every idle keep-alive connection holds one of them, some 30 KiB
-  /// of memory each. Beyond it the answer is 503.
+  /// Connections served at one time; every idle keep-alive connection holds one of them, some 30
+  /// KiB of memory each. Beyond it the answer is 503.
   int connections = 512;
   /// Event streams open at one time, below `connections`, since each holds one of them.
   int event_streams = 64;
