@@ -38,14 +38,19 @@ std::size_t scan_number(const std::string& name, std::size_t queries) {
                     fmt::format("'request' and 'scan-0' to 'scan-{}'", queries - 1));
 }
 
-Batch read_multipart(const Context& context, const HttpRequest& request) {
+/// The part `request` is in front. @throws ApiError.
+std::vector<MultipartPart> split_batch(const Context& context, const HttpRequest& request) {
   const auto most_parts = static_cast<std::size_t>(context.live.current()->batch.max_scans) + 1;
-  const std::vector<MultipartPart> parts =
+  std::vector<MultipartPart> parts =
       split_multipart(request.header("content-type"), request.body, most_parts);
   if (parts.empty() || parts.front().name != "request") {
     throw field_error(ErrorCode::kInvalidRequest, "multipart body", "no part 'request' in front",
                       "it first");
   }
+  return parts;
+}
+
+Batch read_multipart(const Context& context, const std::vector<MultipartPart>& parts) {
   Batch batch;
   batch.queries = read_batch_json(parts.front().content, JsonScan::kRawBeside, context.options);
   batch.scans.resize(batch.queries.items.size());
@@ -125,18 +130,24 @@ HttpResponse answer_batch(const Context& context, const HttpRequest& request,
     throw field_error(ErrorCode::kUnknownParameter, "query",
                       "'" + request.query.front().first + "'", "no query");
   }
+  const std::vector<MultipartPart> parts =
+      is_json ? std::vector<MultipartPart>{} : split_batch(context, request);
   Batch batch;
-  // JSON with points in it is work; of it is not known yet how many scans it holds.
-  if (!is_json) batch = read_multipart(context, request);
-  AlignmentQueue::Work work{.units = std::max(1, static_cast<int>(batch.scans.size())),
+  // JSON with points in it is work, and any long one takes memory: it waits for a worker, although
+  // it may hold more scans and another deadline than is known then.
+  const bool early = !is_json && parts.front().content.size() <= kMostQueryJson;
+  if (early) batch = read_multipart(context, parts);
+  AlignmentQueue::Work work{.units = std::max(1, static_cast<int>(parts.size()) - 1),
                             .deadline = deadline_of(context, request, batch.queries.deadline)};
   {
     AlignmentQueue::Ticket ticket = context.queue.enter(reservation_of(request), work);
     context.metrics.queue_waited(1e-3 * milliseconds_since(request.received));
     if (is_json) {
       batch.queries = read_batch_json(request.body, JsonScan::kInside, context.options);
-      work.deadline = deadline_of(context, request, batch.queries.deadline);
+    } else if (!early) {
+      batch = read_multipart(context, parts);
     }
+    work.deadline = deadline_of(context, request, batch.queries.deadline);
     answer_queries(context, request, map, work.deadline, batch, ticket);
   }
   return json_response(batch_answer_json(batch.answers, request.request_id));

@@ -1,6 +1,7 @@
 #include "context.hpp"
 #include "derived/map_views.hpp"
 #include "errors/api_error.hpp"
+#include "handlers/pose_handling.hpp"
 #include "handlers/tile_answer.hpp"
 #include "handlers/tile_path.hpp"
 #include "http/header_text.hpp"
@@ -8,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -16,8 +18,12 @@
 namespace stillmap::server {
 namespace {
 
-/// 20,000 ids of the longest names take a half.
-constexpr std::uint64_t kMostDiffBytes = std::uint64_t{4} << 20U;
+/// 20,000 ids of the longest names, 63 bytes and three numbers, take 1.9 MB.
+constexpr std::uint64_t kMostDiffBytes = std::uint64_t{2} << 20U;
+/// Some hundred ids, as a vehicle sends them. A longer body takes a place before it is read.
+constexpr std::size_t kSmallDiffBytes = std::size_t{64} << 10U;
+/// At one time, each of some 10 MiB with what is made of it.
+constexpr int kMostLargeDiffs = 16;
 
 [[noreturn]] void refuse_tile(const ServedVersion& map, const HttpRequest& request) {
   throw ApiError(ErrorCode::kUnknownTile, "map '" + map.map + "' has no tile at " + request.path);
@@ -66,6 +72,24 @@ HttpResponse answer_diff(const Context& context, const HttpRequest& request,
   return json_response(tile_diff_json(tile_diff(map, wanted)));
 }
 
+Route diff_route(const Context& context) {
+  Route route{"POST",
+              "/v1/maps/{map}/tiles/diff",
+              [&context](const HttpRequest& request, const PathParameters& path) {
+                return answer_diff(context, request, path);
+              },
+              Access::kRead,
+              BodyKind::kWhole,
+              kMostDiffBytes};
+  // Not among the bodies with scans: whoever reads tiles must not keep vehicles from their poses.
+  route.reserve = [&context, places = std::make_shared<UploadPlaces>()](
+                      const HttpRequest& request, const PathParameters&) -> std::shared_ptr<void> {
+    if (body_bytes(context, request) <= kSmallDiffBytes) return nullptr;
+    return places->take(kMostLargeDiffs, request.caller.key_id, "requests for many tiles");
+  };
+  return route;
+}
+
 }  // namespace
 
 void add_tile_routes(std::vector<Route>& routes, const Context& context) {
@@ -77,11 +101,7 @@ void add_tile_routes(std::vector<Route>& routes, const Context& context) {
                     [&context](const HttpRequest&, const PathParameters& path) {
                       return redirect_tile(context.catalog, path);
                     }});
-  routes.push_back({"POST", "/v1/maps/{map}/tiles/diff",
-                    [&context](const HttpRequest& request, const PathParameters& path) {
-                      return answer_diff(context, request, path);
-                    },
-                    Access::kRead, BodyKind::kWhole, kMostDiffBytes});
+  routes.push_back(diff_route(context));
 }
 
 }  // namespace stillmap::server

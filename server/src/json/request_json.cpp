@@ -14,20 +14,30 @@ using nlohmann::json;
 /// Deepest nesting of any request is 3.
 constexpr int kMaxDepth = 8;
 
+/// Each value has one of these.
+bool begins_value(json::parse_event_t event) {
+  return event == json::parse_event_t::value || event == json::parse_event_t::array_start ||
+         event == json::parse_event_t::object_start;
+}
+
 }  // namespace
 
-json parse_request_json(std::string_view text, std::size_t max_bytes) {
+json parse_request_json(std::string_view text, std::size_t max_bytes, std::size_t max_values) {
   if (text.size() > max_bytes) {
     throw field_error(ErrorCode::kPayloadTooLarge, "JSON", fmt::format("{} bytes", text.size()),
                       fmt::format("at most {}", max_bytes));
   }
-  const auto shallow = [](int depth, json::parse_event_t, const json&) {
+  std::size_t values = 0;
+  const auto bounded = [&](int depth, json::parse_event_t event, const json&) {
     if (depth > kMaxDepth)
       throw field_error(ErrorCode::kInvalidRequest, "JSON", "deep nesting", "at most 8");
+    if (begins_value(event) && ++values > max_values)
+      throw field_error(ErrorCode::kPayloadTooLarge, "JSON", "more values",
+                        fmt::format("at most {}", max_values));
     return true;
   };
   try {
-    return json::parse(text, shallow);
+    return json::parse(text, bounded);
   } catch (const json::exception& error) {
     // Its message is "[json.exception...] parse error at line 1, column 8: ...".
     throw ApiError(ErrorCode::kInvalidRequest, std::string("JSON: ") + error.what());

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <initializer_list>
+#include <limits>
 #include <span>
 #include <string>
 #include <string_view>
@@ -11,8 +12,11 @@
 namespace stillmap::server {
 
 /// Reads a request's JSON text; an empty one is no JSON.
+/// @param max_values  in it, arrays and objects counted too: `[]` takes some 20 times its bytes.
 /// @throws ApiError kPayloadTooLarge, kInvalidRequest for what is no JSON or nested deeper than 8.
-[[nodiscard]] nlohmann::json parse_request_json(std::string_view text, std::size_t max_bytes);
+[[nodiscard]] nlohmann::json parse_request_json(
+    std::string_view text, std::size_t max_bytes,
+    std::size_t max_values = std::numeric_limits<std::size_t>::max());
 
 /// @param path  of what was found, as "prior.position". @throws ApiError kInvalidRequest.
 [[noreturn]] void refuse(const std::string& path, const nlohmann::json& found,

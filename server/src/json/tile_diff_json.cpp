@@ -14,6 +14,9 @@ namespace {
 /// As far as a place may be from the origin in any request [m].
 constexpr double kMaxCentreM = 1e8;
 
+/// Twice what the ids take, so that who sends too many of them is told so.
+constexpr std::size_t kMaxDiffValues = 2 * kMaxCachedIds;
+
 std::vector<std::string> read_ids(const nlohmann::json& request) {
   std::vector<std::string> ids;
   const auto found = request.find("cached_ids");
@@ -70,7 +73,7 @@ double read_radius_m(const nlohmann::json& request, std::uint32_t level) {
 }  // namespace
 
 TileDiffRequest read_tile_diff_json(std::string_view text, const ServerOptions& options) {
-  const nlohmann::json request = parse_request_json(text, options.max_json_bytes);
+  const nlohmann::json request = parse_request_json(text, options.max_json_bytes, kMaxDiffValues);
   require_keys(request, "", {"center", "radius_m", "level", "cached_ids"});
   TileDiffRequest result;
   result.centre_map = read_center(request);

@@ -69,6 +69,11 @@ ScanInBody find_in_multipart(const HttpRequest& request, const ServerOptions& op
     *place = &part;
   }
   if (scan == nullptr) throw field_error(ErrorCode::kInvalidRequest, "scan", "no such part", "one");
+  if (text != nullptr && text->content.size() > kMostQueryJson) {
+    throw field_error(ErrorCode::kPayloadTooLarge, "request",
+                      fmt::format("{} bytes", text->content.size()),
+                      fmt::format("at most {}", kMostQueryJson));
+  }
   ScanInBody found{
       .kind = scan_kind_of("scan", scan->content_type), .bytes = scan->content, .parameters = {}};
   const JsonScan beside =

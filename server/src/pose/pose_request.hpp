@@ -20,6 +20,11 @@
 
 namespace stillmap::server {
 
+/// Longest part `request` of one query [bytes]. 500 boxes of 7 numbers with 17 digits take some 120
+/// KiB, and twice that when written over several lines; the rest of a query takes some 4 KiB. It is
+/// read before the query waits for a worker, so many may be read at one time.
+inline constexpr std::size_t kMostQueryJson = std::size_t{256} << 10U;
+
 /// What a request with a scan is for, and so which parameters it may have.
 enum class ScanPurpose {
   kQuery,      ///< a pose query of its own

@@ -1,6 +1,9 @@
 #include <gmock/gmock.h>
 
+#include <chrono>
+#include <latch>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -108,6 +111,30 @@ TEST_F(Batch, IsBoundedInNumber) {
   start();
   const json three = {{"queries", {query_at(1.0), query_at(2.0), query_at(3.0)}}};
   EXPECT_EQ(ask(json_batch(three), 413)["code"], "PayloadTooLarge");
+}
+
+TEST_F(Batch, LongJsonIsReadByAWorker) {
+  options_.queue = 1;
+  options_.default_deadline_ms = 300;
+  start();
+  std::latch running(1);
+  std::latch release(1);
+  aligner_->answer = [&](const auto&) {
+    running.count_down();
+    release.wait();
+    return localization::AlignmentResult{};
+  };
+  std::thread first([this] { static_cast<void>(service_->handle(good_request())); });
+  running.wait();
+  const json broken = {{"queries", 1}};
+  EXPECT_EQ(ask(multipart_batch(broken, {}), 400)["code"], "InvalidRequest");
+  HttpRequest longer = multipart_batch(broken, {});
+  longer.body.insert(longer.body.find('{'), std::string(std::size_t{256} << 10U, ' '));
+  EXPECT_EQ(ask(longer, 504)["code"], "DeadlineExceeded");
+  release.count_down();
+  first.join();
+  longer.received = std::chrono::steady_clock::now();
+  EXPECT_EQ(ask(longer, 400)["code"], "InvalidRequest");
 }
 
 TEST_F(Batch, PastItsDeadlineTheRestIsRefused) {

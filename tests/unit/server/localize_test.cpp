@@ -504,6 +504,27 @@ TEST_F(Localize, BrokenMultipartIsRefused) {
   EXPECT_EQ(ask(request, 400)["code"], "InvalidRequest");
 }
 
+TEST_F(Localize, ParametersBesideAScanAreShort) {
+  json content = good_json();
+  content.erase("points");
+  // As long as they may honestly be: all boxes with all digits, over many lines.
+  constexpr double kThird = -1.0 / 3.0;
+  content["movable"] = std::vector<json>(500, {{"centre", {kThird, kThird, kThird}},
+                                               {"size", {-kThird, -kThird, -kThird}},
+                                               {"yaw", kThird}});
+  content["T_base_lidar"] = content["prior"];
+  content["prior"]["covariance"] = std::vector<double>(36, 0.0);
+  for (int i = 0; i < 36; i += 7) content["prior"]["covariance"][i] = -kThird;
+  const std::string longest = content.dump(2);
+  EXPECT_GT(longest.size(), std::size_t{100} << 10U);
+  ask(multipart_request(longest, raw_scan(60), "application/octet-stream"));
+  const std::string longer = content.dump() + std::string(std::size_t{256} << 10U, ' ');
+  const json refused =
+      ask(multipart_request(longer, raw_scan(60), "application/octet-stream"), 413);
+  EXPECT_EQ(refused["code"], "PayloadTooLarge");
+  EXPECT_EQ(refused["errors"][0]["path"], "request");
+}
+
 TEST_F(Localize, FullQueueAnswersBusyAtOnce) {
   std::latch running(1);
   std::latch release(1);

@@ -1,5 +1,10 @@
 #include <gmock/gmock.h>
 
+#include <algorithm>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "service_fixture.hpp"
 
 namespace stillmap::server {
@@ -141,6 +146,46 @@ TEST_F(MapRoutes, DiffRefusesWhatIsOutOfBounds) {
   HttpRequest raw = request("POST", "/v1/maps/town/tiles/diff");
   raw.body = "{}";
   EXPECT_EQ(service_->handle(raw).status, 415);
+}
+
+TEST_F(MapRoutes, DiffTakesAllIdsThatItMayAndNoMoreValues) {
+  start();
+  nlohmann::json many = {{"center", {110, 210}}, {"radius_m", 5}};
+  const std::string longest = std::string(63, 'v') + "/20/-2147483648/-2147483648";
+  many["cached_ids"] = std::vector<std::string>(20'000, longest);
+  const std::string text = many.dump(1);
+  EXPECT_EQ(diff(text).status, 200);
+  const std::vector<const Route*> routes = service_->routes();
+  const auto route = std::find_if(routes.begin(), routes.end(), [](const Route* each) {
+    return each->pattern == "/v1/maps/{map}/tiles/diff";
+  });
+  ASSERT_NE(route, routes.end());
+  EXPECT_LE(text.size(), (*route)->max_body_bytes);
+  EXPECT_LE((*route)->max_body_bytes, std::size_t{2} << 20U);
+  // In few bytes, what would take twenty times as many.
+  many["cached_ids"] = {std::vector<nlohmann::json>(50'000, nlohmann::json::array())};
+  EXPECT_EQ(diff(many.dump()).status, 413);
+}
+
+TEST_F(MapRoutes, LongDiffsTakePlaces) {
+  start();
+  std::vector<HttpRequest> held;
+  const auto admitted = [&](const std::string& bytes) -> std::optional<ErrorCode> {
+    HttpRequest asked = request("POST", "/v1/maps/town/tiles/diff");
+    asked.headers["content-length"] = bytes;
+    try {
+      static_cast<void>(service_->admit(asked));
+      held.push_back(asked);
+      return std::nullopt;
+    } catch (const ApiError& error) {
+      return error.code();
+    }
+  };
+  for (int i = 0; i < 16; ++i) EXPECT_EQ(admitted("65537"), std::nullopt);
+  EXPECT_EQ(admitted("65537"), ErrorCode::kBusy);
+  EXPECT_EQ(admitted("65536"), std::nullopt) << "short ones always find room";
+  held.clear();
+  EXPECT_EQ(admitted("2097152"), std::nullopt);
 }
 
 TEST_F(MapRoutes, StatsCountPosesByStatusAndRefusals) {

@@ -1909,6 +1909,17 @@ export interface components {
                 "application/problem+json": components["schemas"]["Problem"];
             };
         };
+        /** @description `Busy`, `MapUnusable` */
+        BusyOrMapUnusable: {
+            headers: {
+                /** @description Seconds */
+                "Retry-After"?: number;
+                [name: string]: unknown;
+            };
+            content: {
+                "application/problem+json": components["schemas"]["Problem"];
+            };
+        };
         /** @description `Busy`, `MapUnusable`, `BeingMade`, `DerivedUnavailable` */
         BusyOrMapUnusableOrBeingMadeOrDerivedUnavailable: {
             headers: {
@@ -3606,7 +3617,7 @@ export interface operations {
             413: components["responses"]["PayloadTooLarge"];
             415: components["responses"]["UnsupportedMediaType"];
             429: components["responses"]["TooManyRequests"];
-            503: components["responses"]["MapUnusable"];
+            503: components["responses"]["BusyOrMapUnusable"];
             default: components["responses"]["Problem"];
         };
     };
