@@ -99,6 +99,6 @@ void Server::drain() {
   parts_->http.drain();
 }
 
-void Server::reload_certificate() { parts_->http.reload_certificate(); }
+std::function<void()> Server::prepare_certificate() { return parts_->http.prepare_certificate(); }
 
 }  // namespace stillmap::server

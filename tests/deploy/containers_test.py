@@ -44,7 +44,7 @@ class Containers(unittest.TestCase):
     def test_its_environment_is_a_configuration(self):
         environment = dict(re.findall(r"(STILLMAP_\w+)=(\S+)", " ".join(dockerfile())))
         environment["STILLMAP_SERVE_CONFIG"] = str(support.DEPLOY / "stillmap.json")
-        done = subprocess.run([sys.argv[1], "serve", "--check"], env={**os.environ, **environment}, capture_output=True, text=True)
+        done = subprocess.run([sys.argv[1], "serve", "--print-config"], env={**os.environ, **environment}, capture_output=True, text=True)
         self.assertEqual(done.returncode, 0, done.stderr)
 
     def test_compose_gives_it_little(self):

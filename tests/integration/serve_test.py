@@ -57,6 +57,16 @@ class Configuration(FolderTest):
         done = run("--check", "--config", self.config)
         self.assertEqual((done.returncode, done.stderr), (0, ""))
 
+    def test_check_looks_at_what_is_named_and_makes_nothing(self):
+        self.write(store=str(self.store), log={"file": str(self.log)})
+        self.assertEqual(run("--check", "--config", self.config).returncode, 0)
+        self.assertEqual((self.log.exists(), list(self.store.iterdir())), (False, []))
+        self.write(store=str(self.folder / "none"), log={"file": str(self.folder / "logs" / "server.log")},
+                   tls={"certificate_file": str(self.folder / "c.pem"), "key_file": str(self.folder / "k.pem")})
+        done = run("--check", "--config", self.config)
+        self.assertEqual((done.returncode, done.stdout), (2, ""))
+        self.assertRegex(done.stderr, r"\A(stillmap: \S+: (store|tls.certificate_file|log.file): found .+, expected .+\n){3}\Z")
+
     def test_values_say_where_they_come_from_and_can_be_used_again(self):
         self.write(port=1, queue=2, workers=3)
         done = run("--print-config", "--port", "4", "--allow-remote", STILLMAP_SERVE_QUEUE="5",
@@ -169,6 +179,21 @@ class Running(FolderTest):
         counted = ['stillmap_reloads_total{result="ok"} 1\n', 'stillmap_reloads_total{result="failed"} 1\n']
         self.wait(lambda: all(each in self.get("/metrics", port=management["port"])[1].decode() for each in counted))
         self.assertEqual(self.get("/livez")[0], 200)
+        self.assertEqual(self.finish(), 0)
+
+    def test_a_sighup_that_fails_changes_nothing_but_opens_the_log_again(self):
+        self.configure(batch={"max_scans": 5})
+        self.start()
+        self.configure(batch={"max_scans": 6}, log={"file": str(self.folder / "none" / "log")})
+        self.log.rename(self.folder / "server.log.1")
+        self.program.send_signal(signal.SIGHUP)
+        self.wait(self.log.exists)
+        self.assertIn("none/log", self.message("nothing has changed")["message"])
+        self.assertEqual(json.loads(self.get("/v1/status")[1])["limits"]["max_batch"], 5)
+        self.configure(batch={"max_scans": 6})
+        self.program.send_signal(signal.SIGHUP)
+        self.assertIn("batch.max_scans", self.message("configuration reloaded")["message"])
+        self.assertEqual(json.loads(self.get("/v1/status")[1])["limits"]["max_batch"], 6)
         self.assertEqual(self.finish(), 0)
 
     def test_a_rotated_log_is_opened_again(self):

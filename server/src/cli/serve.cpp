@@ -20,6 +20,7 @@
 #include "log/log_output.hpp"
 #include "operation/health_probe.hpp"
 #include "operation/notify.hpp"
+#include "operation/startup_check.hpp"
 #include "serve_signals.hpp"
 
 namespace stillmap::cli {
@@ -73,31 +74,54 @@ struct Reloaded {
   const server::Notifier& notifier;
 };
 
+/// All that can fail comes before anything changes; the log file is last, since it may be made.
+server::ReloadReport reload_parts(const server::ConfigSources& sources, const Reloaded& parts) {
+  server::ConfigSources now = sources;
+  now.environment = server::own_environment();
+  return server::reload(
+      now, parts.options,
+      {[&](const server::ServerOptions&) { return parts.server.prepare_certificate(); },
+       [&](const server::ServerOptions& next) {
+         return [&server = parts.server, next] { server.reload(next); };
+       },
+       [&](const server::ServerOptions& next) { return parts.log.prepare(next.log); }});
+}
+
+void log_report(const server::ReloadReport& report) {
+  for (const server::ConfigProblem& each : report.problems) {
+    spdlog::error("configuration not reloaded: {}", each.text());
+  }
+  if (report.problems.empty()) {
+    spdlog::info(
+        "configuration reloaded, changed: {}",
+        report.changed.empty() ? "nothing" : fmt::format("{}", fmt::join(report.changed, ", ")));
+  }
+  if (!report.need_restart.empty()) {
+    spdlog::warn("these need a restart: {}", fmt::join(report.need_restart, ", "));
+  }
+}
+
+/// A log that was rotated is let go of, whatever is wrong with the rest.
+void reopen_log(const Reloaded& parts) {
+  try {
+    parts.log.reopen(parts.options.current()->log);
+  } catch (const std::exception& error) {
+    spdlog::error("the log file is not opened again: {}", error.what());
+  }
+}
+
 /// What SIGHUP does. Never throws: whatever is wrong, the server goes on as it was.
 void reload_all(const server::ConfigSources& sources, const Reloaded& parts) {
   parts.notifier.reloading();
   bool well = false;
   try {
-    server::ConfigSources now = sources;
-    now.environment = server::own_environment();
-    const server::ReloadReport report = server::reload(now, parts.options);
-    for (const server::ConfigProblem& each : report.problems) {
-      spdlog::error("configuration not reloaded: {}", each.text());
-    }
-    parts.log.reopen(parts.options.current()->log);
-    parts.server.reload(*parts.options.current());
-    parts.server.reload_certificate();
+    const server::ReloadReport report = reload_parts(sources, parts);
     well = report.problems.empty();
-    if (report.problems.empty()) {
-      spdlog::info(
-          "configuration reloaded, changed: {}",
-          report.changed.empty() ? "nothing" : fmt::format("{}", fmt::join(report.changed, ", ")));
-    }
-    if (!report.need_restart.empty()) {
-      spdlog::warn("these need a restart: {}", fmt::join(report.need_restart, ", "));
-    }
+    if (!well) reopen_log(parts);
+    log_report(report);
   } catch (const std::exception& error) {
-    spdlog::error("not all reloaded: {}", error.what());
+    reopen_log(parts);
+    spdlog::error("configuration not reloaded, nothing has changed: {}", error.what());
   }
   parts.server.note_reload(well);
   parts.notifier.ready("configuration read again");
@@ -167,6 +191,11 @@ void bound_heaps() {
   mallopt(M_ARENA_MAX, 2 * static_cast<int>(std::thread::hardware_concurrency()));
 }
 
+void check_files(const server::ResolvedConfig& config) {
+  require_none(server::problems_of_files(config));
+  fmt::print("the configuration can be used\n");
+}
+
 void serve(const ServeArguments& arguments) {
   if (arguments.print_schema) return fmt::print("{}", server::config_schema());
   if (arguments.print_page) return fmt::print("{}", server::config_page());
@@ -174,7 +203,7 @@ void serve(const ServeArguments& arguments) {
   const server::ResolvedConfig config = server::resolve(sources);
   require_none(config.problems);
   if (arguments.print_config) return fmt::print("{}", server::config_listing(config));
-  if (arguments.check) return fmt::print("the configuration can be used\n");
+  if (arguments.check) return check_files(config);
   bound_heaps();
   run_server(sources, config.options);
 }

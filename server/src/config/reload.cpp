@@ -4,7 +4,8 @@
 
 namespace stillmap::server {
 
-ReloadReport reload(const ConfigSources& sources, OptionsHolder& holder) {
+ReloadReport reload(const ConfigSources& sources, OptionsHolder& holder,
+                    const std::vector<ReloadPreparation>& others) {
   ReloadReport report;
   ResolvedConfig config = resolve(sources);
   report.problems = std::move(config.problems);
@@ -25,11 +26,14 @@ ReloadReport reload(const ConfigSources& sources, OptionsHolder& holder) {
     report.problems.push_back(
         {"with what needs a restart", broken.key, broken.found, broken.expected});
   }
-  if (report.problems.empty()) {
-    holder.replace(next);
-  } else {
+  if (!report.problems.empty()) {
     report.changed.clear();
+    return report;
   }
+  std::vector<PreparedReload> prepared;
+  for (const ReloadPreparation& prepare : others) prepared.push_back(prepare(next));
+  holder.replace(next);
+  for (const PreparedReload& put_in_force : prepared) put_in_force();
   return report;
 }
 

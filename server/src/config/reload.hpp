@@ -4,6 +4,7 @@
 
 #include <stillmap/server/options_holder.hpp>
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -18,7 +19,16 @@ struct ReloadReport {
   std::vector<ConfigProblem> problems;
 };
 
-/// Reads `sources` again and puts in force what may change in a running server.
-[[nodiscard]] ReloadReport reload(const ConfigSources& sources, OptionsHolder& holder);
+/// Puts in force what was prepared. Cannot fail.
+using PreparedReload = std::function<void()>;
+/// Tries all that can fail for the options to come, and changes nothing yet. Throws what is wrong.
+using ReloadPreparation = std::function<PreparedReload(const ServerOptions& next)>;
+
+/// Reads `sources` again and puts in force what may change in a running server: all of it, or
+/// nothing.
+/// @param others  what goes with the options, asked in this order once these can be used.
+/// @throws what one of `others` throws, with all as it was.
+[[nodiscard]] ReloadReport reload(const ConfigSources& sources, OptionsHolder& holder,
+                                  const std::vector<ReloadPreparation>& others = {});
 
 }  // namespace stillmap::server

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <memory>
 #include <utility>
 
 namespace stillmap::server {
@@ -39,8 +40,8 @@ std::size_t scan_number(const std::string& name, std::size_t queries) {
 }
 
 /// The part `request` is in front. @throws ApiError.
-std::vector<MultipartPart> split_batch(const Context& context, const HttpRequest& request) {
-  const auto most_parts = static_cast<std::size_t>(context.live.current()->batch.max_scans) + 1;
+std::vector<MultipartPart> split_batch(const ServerOptions& options, const HttpRequest& request) {
+  const auto most_parts = static_cast<std::size_t>(options.batch.max_scans) + 1;
   std::vector<MultipartPart> parts =
       split_multipart(request.header("content-type"), request.body, most_parts);
   if (parts.empty() || parts.front().name != "request") {
@@ -50,9 +51,9 @@ std::vector<MultipartPart> split_batch(const Context& context, const HttpRequest
   return parts;
 }
 
-Batch read_multipart(const Context& context, const std::vector<MultipartPart>& parts) {
+Batch read_multipart(const ServerOptions& options, const std::vector<MultipartPart>& parts) {
   Batch batch;
-  batch.queries = read_batch_json(parts.front().content, JsonScan::kRawBeside, context.options);
+  batch.queries = read_batch_json(parts.front().content, JsonScan::kRawBeside, options);
   batch.scans.resize(batch.queries.items.size());
   for (std::size_t i = 1; i < parts.size(); ++i) {
     std::optional<ScanInBody>& scan = batch.scans[scan_number(parts[i].name, batch.scans.size())];
@@ -130,22 +131,23 @@ HttpResponse answer_batch(const Context& context, const HttpRequest& request,
     throw field_error(ErrorCode::kUnknownParameter, "query",
                       "'" + request.query.front().first + "'", "no query");
   }
+  const std::shared_ptr<const ServerOptions> options = context.live.current();
   const std::vector<MultipartPart> parts =
-      is_json ? std::vector<MultipartPart>{} : split_batch(context, request);
+      is_json ? std::vector<MultipartPart>{} : split_batch(*options, request);
   Batch batch;
   // JSON with points in it is work, and any long one takes memory: it waits for a worker, although
   // it may hold more scans and another deadline than is known then.
   const bool early = !is_json && parts.front().content.size() <= kMostQueryJson;
-  if (early) batch = read_multipart(context, parts);
+  if (early) batch = read_multipart(*options, parts);
   AlignmentQueue::Work work{.units = std::max(1, static_cast<int>(parts.size()) - 1),
                             .deadline = deadline_of(context, request, batch.queries.deadline)};
   {
     AlignmentQueue::Ticket ticket = context.queue.enter(reservation_of(request), work);
     context.metrics.queue_waited(1e-3 * milliseconds_since(request.received));
     if (is_json) {
-      batch.queries = read_batch_json(request.body, JsonScan::kInside, context.options);
+      batch.queries = read_batch_json(request.body, JsonScan::kInside, *options);
     } else if (!early) {
-      batch = read_multipart(context, parts);
+      batch = read_multipart(*options, parts);
     }
     work.deadline = deadline_of(context, request, batch.queries.deadline);
     answer_queries(context, request, map, work.deadline, batch, ticket);

@@ -48,7 +48,7 @@ HttpResponse answer_status(const Context& context) {
                                            .maps = context.catalog.active().size(),
                                            .uptime_s = uptime.count(),
                                            .workers = context.workers},
-                                          context.options));
+                                          *context.live.current()));
 }
 
 }  // namespace

@@ -21,6 +21,7 @@
 #include <atomic>
 #include <cerrno>
 #include <cstring>
+#include <functional>
 #include <mutex>
 #include <optional>
 #include <stdexcept>
@@ -114,7 +115,7 @@ class HttpServer::Listener {
             handler, metrics),
         threads_(endpoint.connections, [this](int socket) { serve(socket); }) {
     if (wake_ < 0) throw std::runtime_error("an event to wake up by cannot be made");
-    reload_certificate();
+    prepare_certificate()();
   }
   ~Listener() { ::close(wake_); }
   Listener(const Listener&) = delete;
@@ -152,13 +153,14 @@ class HttpServer::Listener {
     wake();
   }
 
-  void reload_certificate() {
-    if (!endpoint_.tls.enabled()) return;
-    auto fresh =
-        std::make_shared<const TlsIdentity>(endpoint_.tls.certificate_file, endpoint_.tls.key_file);
-    if (metrics_ != nullptr) metrics_->set_certificate_end(fresh->end_unix_s());
-    const std::lock_guard lock(identity_mutex_);
-    identity_ = std::move(fresh);
+  std::function<void()> prepare_certificate() {
+    if (!endpoint_.tls.enabled()) return [] {};
+    return [this, fresh = std::make_shared<const TlsIdentity>(endpoint_.tls.certificate_file,
+                                                              endpoint_.tls.key_file)] {
+      if (metrics_ != nullptr) metrics_->set_certificate_end(fresh->end_unix_s());
+      const std::lock_guard lock(identity_mutex_);
+      identity_ = fresh;
+    };
   }
 
   /// Serves one connected socket on the calling thread until the connection ends, and closes it.
@@ -309,6 +311,6 @@ void HttpServer::run() { listener_->run(); }
 void HttpServer::serve(int socket) { listener_->serve_given(socket); }
 void HttpServer::stop() { listener_->stop(); }
 void HttpServer::drain() { listener_->drain(); }
-void HttpServer::reload_certificate() { listener_->reload_certificate(); }
+std::function<void()> HttpServer::prepare_certificate() { return listener_->prepare_certificate(); }
 
 }  // namespace stillmap::server

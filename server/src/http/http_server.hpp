@@ -8,6 +8,7 @@
 
 #include <chrono>
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -62,9 +63,9 @@ class HttpServer {
   /// The same once `DrainOptions::delay_s` have passed; until then everything is answered, and each
   /// client told to open its next connection elsewhere. Returns at once, safe from any thread.
   void drain();
-  /// Reads certificate and key again, for connections to come. The old one stays when they cannot
-  /// be used. @throws maps::InputError then. Nothing without TLS.
-  void reload_certificate();
+  /// Reads certificate and key again. @return what puts them in force for connections to come, and
+  /// cannot fail; nothing to do without TLS. @throws maps::InputError when they cannot be used.
+  [[nodiscard]] std::function<void()> prepare_certificate();
 
  private:
   class Listener;

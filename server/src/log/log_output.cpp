@@ -98,18 +98,20 @@ class Destination {
 
 class LogOutput::Sink final : public spdlog::sinks::sink {
  public:
-  explicit Sink(const LogOptions& options) { reopen(options); }
+  explicit Sink(const LogOptions& options) { prepare(options)(); }
 
-  void reopen(const LogOptions& options) {
-    const bool json = is_json(options.format);
-    const spdlog::level::level_enum level = level_of(options.level);
-    Destination destination(options.file);
-    const std::lock_guard lock(mutex_);
-    json_ = json;
-    destination_ = std::move(destination);
-    // The logger's own level, which is what spdlog asks before it formats.
-    spdlog::set_level(level);
-    set_request_lines(options.requests);
+  std::function<void()> prepare(const LogOptions& options) {
+    return
+        [this, json = is_json(options.format), level = level_of(options.level),
+         // Shared, since a std::function can be copied.
+         destination = std::make_shared<Destination>(options.file), requests = options.requests] {
+          const std::lock_guard lock(mutex_);
+          json_ = json;
+          destination_ = std::move(*destination);
+          // The logger's own level, which is what spdlog asks before it formats.
+          spdlog::set_level(level);
+          set_request_lines(requests);
+        };
   }
 
   void log(const spdlog::details::log_msg& message) override {
@@ -151,6 +153,8 @@ LogOutput::LogOutput(const LogOptions& options) : sink_(std::make_shared<Sink>(o
 }
 LogOutput::~LogOutput() = default;
 
-void LogOutput::reopen(const LogOptions& options) { sink_->reopen(options); }
+std::function<void()> LogOutput::prepare(const LogOptions& options) {
+  return sink_->prepare(options);
+}
 
 }  // namespace stillmap::server

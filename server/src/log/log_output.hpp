@@ -2,6 +2,7 @@
 
 #include <stillmap/server/server_options.hpp>
 
+#include <functional>
 #include <memory>
 
 namespace stillmap::server {
@@ -19,7 +20,10 @@ class LogOutput {
 
   /// Takes other options, and opens the file again even when they are the same, for log rotation.
   /// Safe while others log. @throws as the constructor, with all as it was.
-  void reopen(const LogOptions& options);
+  void reopen(const LogOptions& options) { prepare(options)(); }
+  /// The first half of it: opens the file, and changes nothing yet.
+  /// @return the rest, which cannot fail. @throws as the constructor.
+  [[nodiscard]] std::function<void()> prepare(const LogOptions& options);
 
  private:
   class Sink;

@@ -113,6 +113,25 @@ TEST_F(Batch, IsBoundedInNumber) {
   EXPECT_EQ(ask(json_batch(three), 413)["code"], "PayloadTooLarge");
 }
 
+TEST_F(Batch, ItsNumberMayChangeWhileTheServerRuns) {
+  options_.batch.max_scans = 2;
+  start();
+  const json three = {{"queries", {query_at(1.0), query_at(2.0), query_at(3.0)}}};
+  const std::string scan = raw_scan(60);
+  const HttpRequest parts =
+      multipart_batch(three, {{"scan-0", scan}, {"scan-1", scan}, {"scan-2", scan}});
+  ask(parts, 400);
+  options_.batch.max_scans = 3;
+  service_->reload(options_);
+  EXPECT_EQ(ask(parts)["answers"].size(), 3U);
+  EXPECT_EQ(body(get("/v1/status"))["limits"]["max_batch"], 3);
+  // Without points each is refused on its own, and no longer the whole.
+  EXPECT_EQ(ask(json_batch(three))["answers"].size(), 3U);
+  options_.batch.max_scans = 2;
+  service_->reload(options_);
+  EXPECT_EQ(ask(json_batch(three), 413)["code"], "PayloadTooLarge");
+}
+
 TEST_F(Batch, LongJsonIsReadByAWorker) {
   options_.queue = 1;
   options_.default_deadline_ms = 300;

@@ -220,6 +220,34 @@ TEST_F(ConfigTest, BrokenFileLeavesWhatRuns) {
   }
 }
 
+TEST_F(ConfigTest, ReloadChangesAllOrNothing) {
+  OptionsHolder holder(ServerOptions{});
+  const auto before = holder.current();
+  const ConfigSources sources = with_file(R"({"log": {"level": "debug"}})");
+  std::vector<std::string> done;
+  const auto step = [&](const std::string& name) {
+    return [&done, name](const ServerOptions& next) {
+      done.push_back("try " + name + " at " + next.log.level);
+      return [&done, name] { done.push_back("do " + name); };
+    };
+  };
+  const auto broken = [&](const ServerOptions&) -> PreparedReload {
+    EXPECT_EQ(holder.current(), before);
+    throw std::runtime_error("it cannot be opened");
+  };
+  EXPECT_THROW(static_cast<void>(reload(sources, holder, {step("a"), broken, step("b")})),
+               std::runtime_error);
+  EXPECT_EQ(holder.current(), before);
+  EXPECT_THAT(done, ElementsAre("try a at debug"));
+  done.clear();
+  EXPECT_THAT(reload(sources, holder, {step("a"), step("b")}).changed, ElementsAre("log.level"));
+  EXPECT_EQ(holder.current()->log.level, "debug");
+  EXPECT_THAT(done, ElementsAre("try a at debug", "try b at debug", "do a", "do b"));
+  done.clear();
+  EXPECT_THAT(reload(with_file("{"), holder, {step("a")}).problems, SizeIs(1));
+  EXPECT_THAT(done, IsEmpty());
+}
+
 TEST(OptionsHolder, RefusesBrokenOnes) {
   ServerOptions broken;
   broken.workers = -1;

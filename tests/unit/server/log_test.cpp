@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <fstream>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <stillmap/maps/error.hpp>
@@ -171,6 +172,21 @@ TEST_F(LogOutputTest, ReopenFollowsARotationAndTakesOtherOptions) {
   EXPECT_THAT(lines("log.1"), SizeIs(2));
   ASSERT_THAT(lines(), SizeIs(1));
   EXPECT_EQ(lines()[0]["message"], "second");
+}
+
+TEST_F(LogOutputTest, WhatIsPreparedChangesNothingYet) {
+  LogOutput output(options());
+  LogOptions other = options("debug");
+  other.file = (folder_.path() / "other").string();
+  const std::function<void()> put_in_force = output.prepare(other);
+  spdlog::debug("not said");
+  spdlog::info("first");
+  EXPECT_THAT(lines(), SizeIs(1));
+  EXPECT_THAT(lines("other"), IsEmpty());
+  put_in_force();
+  spdlog::debug("second");
+  EXPECT_THAT(lines(), SizeIs(1));
+  EXPECT_THAT(lines("other"), SizeIs(1));
 }
 
 TEST_F(LogOutputTest, WhatCannotBeOpenedLeavesWhatRuns) {

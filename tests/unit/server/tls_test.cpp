@@ -123,10 +123,12 @@ TEST_F(TlsTest, CertificateIsReadAgainOrKept) {
   EXPECT_EQ(serial(), 1);
   write_identity(folder_.path(), 2);
   EXPECT_EQ(serial(), 1);
-  http_->reload_certificate();
+  const std::function<void()> put_in_force = http_->prepare_certificate();
+  EXPECT_EQ(serial(), 1);
+  put_in_force();
   EXPECT_EQ(serial(), 2);
   std::ofstream(folder_.path() / "cert.pem") << "nothing";
-  EXPECT_THROW(http_->reload_certificate(), maps::InputError);
+  EXPECT_THROW(static_cast<void>(http_->prepare_certificate()), maps::InputError);
   EXPECT_EQ(serial(), 2);
 }
 

@@ -3,6 +3,7 @@
 #include <stillmap/server/server_options.hpp>
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 
 namespace stillmap::server {
@@ -43,9 +44,10 @@ class Server {
   /// Puts those options in force that may change while it runs.
   /// @throws std::invalid_argument on broken options; those before stay in force.
   void reload(const ServerOptions& options);
-  /// Reads the TLS certificate and its key again, for connections to come.
-  /// @throws maps::InputError when they cannot be used; the old ones then stay.
-  void reload_certificate();
+  /// Reads the TLS certificate and its key again.
+  /// @return what puts them in force for connections to come, and cannot fail.
+  /// @throws maps::InputError when they cannot be used.
+  [[nodiscard]] std::function<void()> prepare_certificate();
 
  private:
   struct Parts;

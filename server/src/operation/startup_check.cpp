@@ -1,0 +1,89 @@
+#include "operation/startup_check.hpp"
+
+#include "http/tls.hpp"
+
+#include <unistd.h>
+
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/package_store.hpp>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace stillmap::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Trouble {
+  std::string found;
+  std::string expected;
+};
+
+/// @param mode  of access(2). @return why the path cannot be used so.
+std::optional<std::string> refused(const fs::path& path, int mode) {
+  if (::access(path.c_str(), mode) == 0) return std::nullopt;
+  return path.string() + " (" + std::strerror(errno) + ")";
+}
+
+/// @param path  empty: the working folder.
+std::optional<Trouble> folder_trouble(const fs::path& path, int mode, std::string_view expected) {
+  const fs::path folder = path.empty() ? fs::path(".") : path;
+  std::error_code error;
+  if (fs::exists(folder, error) && !fs::is_directory(folder, error)) {
+    return Trouble{folder.string() + " (no folder)", std::string(expected)};
+  }
+  if (const auto found = refused(folder, mode)) return Trouble{*found, std::string(expected)};
+  return std::nullopt;
+}
+
+/// A store is served too where it takes no writes; an empty folder must become one.
+std::optional<Trouble> store_trouble(const std::string& folder) {
+  const bool writes = !maps::PackageStore::is_store(folder);
+  return folder_trouble(folder, R_OK | X_OK | (writes ? W_OK : 0),
+                        writes ? "a folder that can be written to" : "a folder that can be read");
+}
+
+std::optional<Trouble> log_trouble(const fs::path& file) {
+  std::error_code error;
+  if (!fs::exists(file, error)) {
+    return folder_trouble(file.parent_path(), W_OK | X_OK,
+                          "a folder that the log file can be made in");
+  }
+  const std::string expected = "a file that can be written to";
+  if (fs::is_directory(file, error)) return Trouble{file.string() + " (a folder)", expected};
+  if (const auto found = refused(file, W_OK)) return Trouble{*found, expected};
+  return std::nullopt;
+}
+
+std::optional<Trouble> tls_trouble(const TlsOptions& tls) {
+  try {
+    static_cast<void>(TlsIdentity(tls.certificate_file, tls.key_file));
+    return std::nullopt;
+  } catch (const maps::InputError& error) {
+    return Trouble{error.what(), "a certificate and its key that can be used"};
+  }
+}
+
+}  // namespace
+
+std::vector<ConfigProblem> problems_of_files(const ResolvedConfig& config) {
+  std::vector<ConfigProblem> problems;
+  const auto add = [&](const std::string& key, const std::optional<Trouble>& trouble) {
+    if (!trouble) return;
+    const auto origin = config.origins.find(key);
+    const std::string source = origin == config.origins.end() ? "default" : origin->second;
+    problems.push_back({source, key, trouble->found, trouble->expected});
+  };
+  const ServerOptions& options = config.options;
+  if (!options.store.empty()) add("store", store_trouble(options.store));
+  if (options.tls.enabled()) add("tls.certificate_file", tls_trouble(options.tls));
+  if (!options.log.file.empty()) add("log.file", log_trouble(options.log.file));
+  return problems;
+}
+
+}  // namespace stillmap::server
