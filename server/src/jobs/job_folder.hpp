@@ -23,8 +23,12 @@ struct JobFolder {
   [[nodiscard]] std::filesystem::path report() const { return scratch() / "report.json"; }
   [[nodiscard]] std::filesystem::path gate() const { return scratch() / "gate.json"; }
   [[nodiscard]] std::filesystem::path edits() const { return scratch() / "edits.json"; }
-  /// How often its program crashed or was killed.
+  /// How often its program, or the server while it published, crashed or was killed.
   [[nodiscard]] std::filesystem::path crashes() const { return scratch() / "crashes"; }
+  /// There while it is published.
+  [[nodiscard]] std::filesystem::path publishing() const { return scratch() / "publishing"; }
+  /// Revision that the map had when its version was first to be made the active one.
+  [[nodiscard]] std::filesystem::path activation() const { return scratch() / "activation"; }
   /// Digest of the version that was active when it began.
   [[nodiscard]] std::filesystem::path previous() const { return scratch() / "previous"; }
 };

@@ -9,9 +9,26 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/store/store_refusal.hpp>
 
+#include <charconv>
 #include <exception>
+#include <filesystem>
+#include <system_error>
 
 namespace stillmap::server {
+namespace {
+
+/// The revision at which a job may make its version the active one: that of its first try. Whoever
+/// changed the map since, be it this job before a kill, has the last word.
+std::int64_t revision_to_change(const JobFolder& folder, const maps::StoredMap& map) {
+  const std::string noted = read_small_file(folder.activation()).value_or("");
+  std::int64_t revision = 0;
+  const char* const end = noted.data() + noted.size();
+  if (!noted.empty() && std::from_chars(noted.data(), end, revision).ptr == end) return revision;
+  write_small_file(folder.activation(), std::to_string(map.revision));
+  return map.revision;
+}
+
+}  // namespace
 
 /// Publishes what the mapper made. Again after a kill, it comes to the same.
 void JobRunner::publish(const maps::StoredJob& job) {
@@ -19,10 +36,13 @@ void JobRunner::publish(const maps::StoredJob& job) {
   note_progress(job, {.stage = "publish", .fraction = 1.0});
   JobOutcome outcome;
   try {
+    write_small_file(folder.publishing(), "");
     const maps::PackageStore::Added added =
         setup_.store.add(job.map, version_of(job), folder.map());
     outcome = activate(job, added.version);
     write_small_file(folder.outcome(), to_json(outcome));
+    std::error_code error;
+    std::filesystem::remove(folder.publishing(), error);
   } catch (const maps::StoreRefusal& error) {
     return ended(setup_.store.jobs().fail(job.id, error.what(), unix_ns()));
   } catch (const maps::InputError& error) {
@@ -55,12 +75,13 @@ JobOutcome JobRunner::activate(const maps::StoredJob& job, const maps::StoredVer
   const std::string judged_against = read_small_file(folder.previous()).value_or("");
   const std::string now =
       map.active ? setup_.store.state().version(map.name, *map.active).digest : std::string{};
-  if (!request.new_frame && judged_against != now) {
+  const std::int64_t revision = revision_to_change(folder, map);
+  if (map.revision != revision || (!request.new_frame && judged_against != now)) {
     outcome.not_activated_because.emplace_back("another version became the active one meanwhile");
     return outcome;
   }
   try {
-    setup_.catalog.activate(job.map, version.name, map.revision, request.new_frame);
+    setup_.catalog.activate(job.map, version.name, revision, request.new_frame);
     outcome.activated = true;
   } catch (const ApiError& error) {
     outcome.not_activated_because.emplace_back(error.what());

@@ -47,7 +47,8 @@ fs::path job_root(const JobOptions& options, const maps::PackageStore& store) {
   return options.work_dir.empty() ? store.folder() / "jobs" : fs::path(options.work_dir);
 }
 
-/// How often a job's program crashed, with this attempt; the same however often it is asked.
+/// How often a job's program, or the server while it published, crashed, with this attempt; the
+/// same however often it is asked.
 std::size_t count_crash(const JobFolder& folder, const maps::StoredJob& job) {
   std::size_t crashes = 0;
   std::int64_t last_attempt = 0;
@@ -57,6 +58,13 @@ std::size_t count_crash(const JobFolder& folder, const maps::StoredJob& job) {
   quietly("its crash could not be counted", job.id,
           [&] { write_small_file(folder.crashes(), fmt::format("{} {}", crashes, job.attempts)); });
   return crashes;
+}
+
+/// Whether the server that had the job before ended so. Counted as a crash, else a map that is too
+/// large for the memory would end every server that follows.
+bool ended_publishing(const JobFolder& folder) {
+  std::error_code error;
+  return fs::exists(folder.publishing(), error);
 }
 
 }  // namespace
@@ -146,7 +154,10 @@ void JobRunner::run(const maps::StoredJob& job, const std::stop_token& stop) {
     active_[job.id].progress = {};
   }
   note_progress(job, {.stage = "prepare"});
-  const AttemptEnd end = attempt(job, stop);
+  const AttemptEnd end =
+      ended_publishing(folder(job.id))
+          ? AttemptEnd{AttemptEnd::Kind::kCrashed, "the server ended while it published the map"}
+          : attempt(job, stop);
   // What the store cannot keep just now, as on a full disk, is tried until the server ends; at its
   // next start the job is put back.
   std::chrono::seconds pause = kLookAtStore;
@@ -264,6 +275,8 @@ void JobRunner::settle(const maps::StoredJob& job, const AttemptEnd& end) {
 /// As often as the options allow; then it has failed.
 void JobRunner::try_again(const maps::StoredJob& job, const std::string& why) {
   const std::size_t crashes = count_crash(folder(job.id), job);
+  std::error_code error;
+  fs::remove(folder(job.id).publishing(), error);
   const std::string words = without_places(why);
   maps::JobTable& jobs = setup_.store.jobs();
   if (crashes > static_cast<std::size_t>(setup_.live.current()->jobs.retries))
