@@ -37,6 +37,14 @@ class CommandLine(unittest.TestCase):
         self.assertIn(text, done.stderr)
         self.assertEqual(done.stdout, "")
 
+    def test_full_disks_are_3(self):
+        cloud = self.folder / "one.ply"
+        axes = "".join(f"property float {axis}\n" for axis in "xyz")
+        cloud.write_text(f"ply\nformat ascii 1.0\nelement vertex 1\n{axes}end_header\n1 2 3\n")
+        done = run("import", cloud, "-o", self.folder / "map", "--json", "/dev/full")
+        self.assertEqual(done.returncode, 3, done.stderr)
+        self.assertIn("No space left", done.stderr)
+
     def test_help_lists_every_command(self):
         text = run("--help").stdout
         for command in ("build", "rebuild", "import", "export", "simulate", "evaluate", "localize", "serve", "inspect", "store", "keys"):

@@ -61,14 +61,20 @@ void refuse_if_in_use(SqliteDatabase& database, std::string_view map) {
     throw StoreRefusal(Reason::kInUse, "job " + job.text(0) + " is for map " + in_quotes(map));
 }
 
+std::optional<std::string> retired_digest(SqliteDatabase& database, std::string_view map,
+                                          std::string_view version) {
+  SqliteStatement row(database, "SELECT digest FROM retired WHERE map = ? AND version = ?");
+  if (!row.bind(map).bind(version).step()) return std::nullopt;
+  return row.text(0);
+}
+
 /// Whoever has kept an answer about a version keeps it for ever, so its name means one thing for
 /// ever.
 void refuse_retired(SqliteDatabase& database, std::string_view map, const StoredVersion& version) {
-  SqliteStatement row(database, "SELECT digest FROM retired WHERE map = ? AND version = ?");
-  if (!row.bind(map).bind(version.name).step() || row.text(0) == version.digest) return;
+  const std::optional<std::string> digest = retired_digest(database, map, version.name);
+  if (!digest || *digest == version.digest) return;
   throw StoreRefusal(Reason::kOtherDigest, "version " + in_quotes(version.name) + " of map " +
-                                               in_quotes(map) + " was removed and was " +
-                                               row.text(0));
+                                               in_quotes(map) + " was removed and was " + *digest);
 }
 
 }  // namespace
@@ -135,6 +141,12 @@ std::optional<StoredVersion> StoreState::find_version(std::string_view map,
                                                       std::string_view version) const {
   const Reading reading(inner_->database);
   return maps::find_version(reading.database(), map, version);
+}
+
+std::optional<std::string> StoreState::retired(std::string_view map,
+                                               std::string_view version) const {
+  const Reading reading(inner_->database);
+  return retired_digest(reading.database(), map, version);
 }
 
 bool StoreState::uses(std::string_view digest) const {

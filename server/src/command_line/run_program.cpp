@@ -6,13 +6,16 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstring>
 #include <exception>
 #include <filesystem>
 #include <new>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 namespace stillmap::command_line {
 namespace {
@@ -42,6 +45,14 @@ extern "C" void end_now(int) {
   write_all(STDERR_FILENO, "stillmap: cancelled\n");
   if (last_line_fd >= 0) write_all(last_line_fd, last_line);
   ::_exit(kCancelled);
+}
+
+/// By its words: libraries and streams throw what they like, with the system's reason in it.
+int code_of(const std::exception& error) {
+  const std::string_view words = error.what();
+  for (const int full : {ENOSPC, EDQUOT})
+    if (words.find(std::strerror(full)) != std::string_view::npos) return kDiskFull;
+  return kFailed;
 }
 
 int report(std::string message, int exit_code) {
@@ -120,7 +131,7 @@ int run_program(CLI::App& app, int argc, char** argv) {
   } catch (const std::bad_alloc&) {
     return report("out of memory", kFailed);
   } catch (const std::exception& error) {
-    return cancelled ? report("cancelled", kCancelled) : report(error.what(), kFailed);
+    return cancelled ? report("cancelled", kCancelled) : report(error.what(), code_of(error));
   }
 }
 

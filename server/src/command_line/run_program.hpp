@@ -10,6 +10,8 @@ namespace stillmap::command_line {
 inline constexpr int kSucceeded = 0;
 inline constexpr int kFailed = 1;
 inline constexpr int kUsage = 2;
+/// Failed for want of room on the disk: with more of it, the same may do well.
+inline constexpr int kDiskFull = 3;
 inline constexpr int kCancelled = 130;
 
 /// Parses and runs the chosen subcommand's callback. What goes wrong is one line on stderr,

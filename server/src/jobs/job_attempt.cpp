@@ -84,6 +84,9 @@ class Watched {
 /// The mapper's exit codes for what would come out the same again; 130 is somebody's SIGTERM.
 bool is_verdict(const ProcessEnd& end) { return end.exit_code == 1 || end.exit_code == 2; }
 
+/// `command_line::kDiskFull`, which the mapper ends with.
+constexpr int kDiskFullExit = 3;
+
 AttemptEnd end_of(const ProcessEnd& end, std::optional<Kind> asked, const JobAttempt& attempt,
                   const std::string& said) {
   if (end.signal == 0 && end.exit_code == 0) return {Kind::kDone, {}};
@@ -91,6 +94,7 @@ AttemptEnd end_of(const ProcessEnd& end, std::optional<Kind> asked, const JobAtt
     return {Kind::kTimedOut, fmt::format("took longer than {} s", attempt.most.count())};
   if (asked) return {*asked, *asked == Kind::kCanceled ? "cancelled" : "the server was stopped"};
   if (is_verdict(end)) return {Kind::kFailed, said.empty() ? end.words() : said};
+  if (end.exit_code == kDiskFullExit) return {Kind::kDiskFull, said.empty() ? end.words() : said};
   return {Kind::kCrashed, end.words() + (said.empty() ? "" : "; its last words: " + said)};
 }
 

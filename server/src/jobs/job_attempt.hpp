@@ -28,9 +28,10 @@ struct JobAttempt {
 /// How it came out.
 struct AttemptEnd {
   enum class Kind {
-    kDone,     ///< with exit code 0
-    kFailed,   ///< the program said no, or cannot be run: it would say so again
-    kCrashed,  ///< a signal that we did not send, or an exit code that is none of the mapper's
+    kDone,      ///< with exit code 0
+    kFailed,    ///< the program said no, or cannot be run: it would say so again
+    kCrashed,   ///< a signal that we did not send, or an exit code that is none of the mapper's
+    kDiskFull,  ///< it would do well with more room
     kTimedOut,
     kCanceled,
     kStopped,  ///< with the server

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/disk_full.hpp>
 
 #include <cerrno>
 #include <cstdio>
@@ -21,6 +22,8 @@ namespace fs = std::filesystem;
 namespace {
 
 [[noreturn]] void fail(const fs::path& file) {
+  if (errno == ENOSPC || errno == EDQUOT)
+    throw maps::DiskFull(file.string(), std::string("cannot be written: ") + std::strerror(errno));
   throw maps::StorageError(file.string(),
                            std::string("cannot be written: ") + std::strerror(errno));
 }

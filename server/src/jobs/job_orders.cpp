@@ -113,6 +113,22 @@ void JobRunner::check_new_version(const std::string& map, const std::string& ver
                  fmt::format("map {} has a version {} already", map, version));
 }
 
+/// Told when it is asked for: hours later, when the map is made, it would be refused.
+void JobRunner::check_free_name(const std::string& map, const std::string& version) const {
+  check_new_version(map, version);
+  if (setup_.store.state().retired(map, version)) {
+    throw ApiError(ErrorCode::kOtherDigest,
+                   fmt::format("map {} had a version {}, which was removed: a new one needs a name "
+                               "that was never used",
+                               map, version));
+  }
+  for (const maps::StoredJob& job : unfinished()) {
+    if (job.map == map && version_of(job) == version)
+      throw ApiError(ErrorCode::kOtherDigest,
+                     fmt::format("job {} makes version {} already", job.id, version));
+  }
+}
+
 /// Then the room that it needs was looked at before, and is perhaps taken by itself now.
 bool JobRunner::is_known_request(const std::string& map, const Asker& asker) const {
   if (!asker.idempotency_key) return false;
@@ -150,7 +166,7 @@ maps::JobTable::Enqueued JobRunner::rebuild(const std::string& map, const Rebuil
   static_cast<void>(setup_.store.state().map(map));
   if (!is_known_request(map, asker)) {
     check_waiting();
-    if (!request.version.empty()) check_new_version(map, request.version);
+    if (!request.version.empty()) check_free_name(map, request.version);
     for (const std::int64_t id : job.drives) {
       const maps::StoredDrive drive = setup_.store.drives().drive(id);
       if (drive.map != map || drive.is_upload())
@@ -162,6 +178,10 @@ maps::JobTable::Enqueued JobRunner::rebuild(const std::string& map, const Rebuil
     fs::create_directories(root_);
     check_room(map, request, sources_of({.map = map}, request), [] { return false; });
   }
+  // Another one may have come during the estimate.
+  const std::scoped_lock lock(uploads_mutex_);
+  if (!request.version.empty() && !is_known_request(map, asker))
+    check_free_name(map, request.version);
   const maps::JobTable::Enqueued enqueued = setup_.store.jobs().enqueue(job, unix_ns());
   wake();
   return enqueued;

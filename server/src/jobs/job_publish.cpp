@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/disk_full.hpp>
 #include <stillmap/maps/store/store_refusal.hpp>
 
 #include <charconv>
@@ -31,7 +32,7 @@ std::int64_t revision_to_change(const JobFolder& folder, const maps::StoredMap& 
 }  // namespace
 
 /// Publishes what the mapper made. Again after a kill, it comes to the same.
-void JobRunner::publish(const maps::StoredJob& job) {
+void JobRunner::publish(const maps::StoredJob& job, const std::stop_token& stop) {
   const JobFolder folder = this->folder(job.id);
   note_progress(job, {.stage = "publish", .fraction = 1.0});
   JobOutcome outcome;
@@ -45,6 +46,8 @@ void JobRunner::publish(const maps::StoredJob& job) {
     std::filesystem::remove(folder.publishing(), error);
   } catch (const maps::StoreRefusal& error) {
     return ended(setup_.store.jobs().fail(job.id, error.what(), unix_ns()));
+  } catch (const maps::DiskFull& error) {
+    return try_again_with_room(job, error.what(), stop);
   } catch (const maps::InputError& error) {
     return ended(setup_.store.jobs().fail(job.id, without_places(error.what()), unix_ns()));
   } catch (const std::exception& error) {

@@ -11,6 +11,7 @@
 #include <sys/file.h>
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/store/disk_full.hpp>
 #include <stillmap/maps/store/store_refusal.hpp>
 
 #include <algorithm>
@@ -32,6 +33,10 @@ constexpr std::chrono::seconds kLookAtStore{1};
 constexpr std::chrono::seconds kLookAtLock{2};
 /// How soon the end of a job that could not be kept is tried again, at most.
 constexpr std::chrono::seconds kMostBetweenTries{30};
+
+/// How often a job waits for room on a full disk: with the pauses, for some 25 hours.
+constexpr int kMostTimesFull = 30;
+constexpr std::chrono::hours kMostPauseWhenFull{1};
 
 /// Runs what may throw where nobody could do anything about it.
 template <typename Work>
@@ -163,7 +168,7 @@ void JobRunner::run(const maps::StoredJob& job, const std::stop_token& stop) {
   std::chrono::seconds pause = kLookAtStore;
   do {
     try {
-      return settle(job, end);
+      return settle(job, end, stop);
     } catch (const std::exception& error) {
       spdlog::error("job {}: its end could not be kept: {}", job.id, error.what());
     }
@@ -189,6 +194,8 @@ AttemptEnd JobRunner::attempt(const maps::StoredJob& job, const std::stop_token&
     return run_attempt(attempt);
   } catch (const ProgramCrash& error) {
     unprepared = {Kind::kCrashed, error.what()};
+  } catch (const maps::DiskFull& error) {
+    unprepared = {Kind::kDiskFull, error.what()};
   } catch (const std::exception& error) {
     unprepared = {Kind::kFailed, error.what()};
   }
@@ -253,13 +260,14 @@ void JobRunner::note_progress(const maps::StoredJob& job, const JobProgress& pro
   });
 }
 
-void JobRunner::settle(const maps::StoredJob& job, const AttemptEnd& end) {
+void JobRunner::settle(const maps::StoredJob& job, const AttemptEnd& end,
+                       const std::stop_token& stop) {
   using Kind = AttemptEnd::Kind;
   maps::JobTable& jobs = setup_.store.jobs();
   switch (end.kind) {
     case Kind::kDone:
       if (wants_cancel(job.id)) return ended(jobs.end_canceled(job.id, unix_ns()));
-      return publish(job);
+      return publish(job, stop);
     case Kind::kFailed:
     case Kind::kTimedOut:
       return ended(jobs.fail(job.id, without_places(end.why), unix_ns()));
@@ -269,6 +277,8 @@ void JobRunner::settle(const maps::StoredJob& job, const AttemptEnd& end) {
       return ended(jobs.put_back(job.id, end.why, unix_ns()));
     case Kind::kCrashed:
       return try_again(job, end.why);
+    case Kind::kDiskFull:
+      return try_again_with_room(job, end.why, stop);
   }
 }
 
@@ -282,6 +292,35 @@ void JobRunner::try_again(const maps::StoredJob& job, const std::string& why) {
   if (crashes > static_cast<std::size_t>(setup_.live.current()->jobs.retries))
     return ended(jobs.fail(job.id, fmt::format("{}, {} times", words, crashes), unix_ns()));
   spdlog::warn("job {} is tried again: {}", job.id, words);
+  ended(jobs.put_back(job.id, words, unix_ns()));
+}
+
+/// After a pause, from its last checkpoint. It keeps its turn: jobs behind it would meet the same
+/// full disk.
+void JobRunner::try_again_with_room(const maps::StoredJob& job, const std::string& why,
+                                    const std::stop_token& stop) {
+  std::error_code error;
+  fs::remove(folder(job.id).publishing(), error);
+  const std::string words = without_places(why);
+  maps::JobTable& jobs = setup_.store.jobs();
+  std::unique_lock lock(mutex_);
+  const int times = ++active_[job.id].times_full;
+  lock.unlock();
+  if (times > kMostTimesFull)
+    return ended(jobs.fail(job.id, fmt::format("{}, {} times", words, times), unix_ns()));
+  spdlog::warn("job {} waits for room on the disk: {}", job.id, words);
+  note_progress(job, {.stage = "wait for room on the disk"});
+  const auto pause = std::min<std::chrono::milliseconds>(
+      kMostPauseWhenFull, setup_.first_pause_when_full * (1LL << std::min(times - 1, 20)));
+  const auto go_on = std::chrono::steady_clock::now() + pause;
+  while (std::chrono::steady_clock::now() < go_on && !stop.stop_requested() &&
+         !jobs.job(job.id).cancel_requested) {
+    lock.lock();
+    changed_.wait_until(lock, stop,
+                        std::min(go_on, std::chrono::steady_clock::now() + kLookAtStore),
+                        [] { return false; });
+    lock.unlock();
+  }
   ended(jobs.put_back(job.id, words, unix_ns()));
 }
 

@@ -14,6 +14,7 @@
 #include <stillmap/server/options_holder.hpp>
 
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <filesystem>
@@ -51,6 +52,8 @@ class JobRunner {
     Metrics& metrics;
     /// Program; empty when there is none: jobs then fail in words.
     std::filesystem::path mapper;
+    /// How long a job first waits for room on a full disk; then twice as long each time.
+    std::chrono::milliseconds first_pause_when_full = std::chrono::minutes(1);
   };
   explicit JobRunner(const Setup& setup);
   /// Ends what runs, within `kEndGrace` and some; it goes on at the next start.
@@ -64,8 +67,8 @@ class JobRunner {
     std::optional<std::string> idempotency_key;
   };
   /// @throws ApiError kDiskFull, kBusy when too many wait, kInvalidRequest for what the mapper
-  /// would refuse, kOtherDigest when the version is there; StoreRefusal as `JobTable::enqueue`, and
-  /// kOverQuota.
+  /// would refuse, kOtherDigest when the version is there, was removed, or another job makes it;
+  /// StoreRefusal as `JobTable::enqueue`, and kOverQuota.
   maps::JobTable::Enqueued rebuild(const std::string& map, const RebuildRequest& request,
                                    const Asker& asker);
   /// Of a file that `receive` took. @return the one that is under way for it, or has made this
@@ -97,6 +100,8 @@ class JobRunner {
   struct Active {
     JobProgress progress;
     bool cancel = false;
+    /// How often it has met a full disk.
+    int times_full = 0;
     std::shared_ptr<JobEvents> events = std::make_shared<JobEvents>();
   };
 
@@ -109,9 +114,11 @@ class JobRunner {
                                                  const std::function<bool()>& is_unwanted);
   [[nodiscard]] RebuildSources sources_of(const maps::StoredJob& job,
                                           const RebuildRequest& request) const;
-  void settle(const maps::StoredJob& job, const AttemptEnd& end);
+  void settle(const maps::StoredJob& job, const AttemptEnd& end, const std::stop_token& stop);
   void try_again(const maps::StoredJob& job, const std::string& why);
-  void publish(const maps::StoredJob& job);
+  void try_again_with_room(const maps::StoredJob& job, const std::string& why,
+                           const std::stop_token& stop);
+  void publish(const maps::StoredJob& job, const std::stop_token& stop);
   [[nodiscard]] JobOutcome activate(const maps::StoredJob& job, const maps::StoredVersion& version);
   void ended(const maps::StoredJob& job);
   void note_progress(const maps::StoredJob& job, const JobProgress& progress);
@@ -119,6 +126,7 @@ class JobRunner {
                   const RebuildSources& sources, const std::function<bool()>& is_unwanted);
   void check_waiting() const;
   void check_new_version(const std::string& map, const std::string& version) const;
+  void check_free_name(const std::string& map, const std::string& version) const;
   /// With the corrections that it is to use, as they are now.
   [[nodiscard]] RebuildRequest with_saved_edits(const std::string& map,
                                                 RebuildRequest request) const;
@@ -138,7 +146,8 @@ class JobRunner {
   Setup setup_;
   std::filesystem::path root_;
   std::string mapper_missing_;
-  /// Held while the files of uploads and the jobs that name them change together.
+  /// Held while the files of uploads and the jobs that name them change together, and from the look
+  /// whether a version is free to the job that makes it.
   std::mutex uploads_mutex_;
   std::uint64_t incoming_ = 0;
   /// Files that came and whose job is not there yet.

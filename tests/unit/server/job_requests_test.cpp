@@ -52,6 +52,25 @@ TEST_F(JobRequests, DrivesMustBeCompleteAndOfTheMap) {
   EXPECT_EQ(refused(R"({"drives": [1], "version": "v1"})")["code"], "OtherDigest");
 }
 
+TEST_F(JobRequests, VersionThatCannotBecomeItsOwnIsRefusedAtOnce) {
+  start_with("say 0.1 first; while [ ! -e $0.go ]; do sleep 0.05; done; publish");
+  test::write_package(scripts_.path() / "other", 8);
+  store_.open().add("town", "gone", scripts_.path() / "other");
+  store_.open().remove("town", "gone");
+  const nlohmann::json removed = refused(R"({"drives": [1], "version": "gone"})");
+  EXPECT_EQ(removed["status"], 409);
+  EXPECT_EQ(removed["code"], "OtherDigest");
+  EXPECT_THAT(removed["detail"].get<std::string>(), HasSubstr("was removed"));
+  const std::string json = R"({"drives": [1], "version": "v2"})";
+  EXPECT_EQ(send("POST", "/v1/maps/town/rebuild", json, "once").status, 202);
+  const nlohmann::json twice = refused(R"({"drives": [1], "version": "v2", "activate": true})");
+  EXPECT_EQ(twice["code"], "OtherDigest");
+  EXPECT_THAT(twice["detail"].get<std::string>(), HasSubstr("job 1"));
+  EXPECT_EQ(body(send("POST", "/v1/maps/town/rebuild", json, "once"))["id"], 1);
+  std::ofstream(mapper_.string() + ".go") << "x";
+  EXPECT_EQ(wait_for_end("/v1/jobs/1")["status"], "succeeded");
+}
+
 TEST_F(JobRequests, WhatTheDiskOrTheQuotaLacksIsRefusedBeforeItStarts) {
   start_with("publish", "1000000000000000000");
   EXPECT_EQ(refused(R"({"drives": [1]})")["code"], "DiskFull");

@@ -10,6 +10,7 @@
 #include "job_fixture.hpp"
 #include "jobs/housekeeping.hpp"
 #include "jobs/job_log.hpp"
+#include "support/disk_calls.hpp"
 
 namespace stillmap::server {
 namespace {
@@ -148,6 +149,68 @@ TEST_F(Jobs, CancelAndStopEndTheEstimateOfItsRoom) {
   service_.reset();
   EXPECT_EQ(store_.open().jobs().job(2).status, maps::JobStatus::kEnqueued);
   EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(25));
+}
+
+/// Its program ends so.
+constexpr const char* kMeetsAFullDisk =
+    "echo x >> $work/tries; [ $(wc -l < $work/tries) -gt 4 ] && publish && exit 0;"
+    " echo 'stillmap: /x: No space left on device'; exit 3";
+
+TEST_F(Jobs, OneThatMeetsAFullDiskKeepsItsWorkAndCanBeCancelledAndStopped) {
+  start_with(kMeetsAFullDisk);
+  const std::string job = rebuild();
+  wait_for_stage(job, "wait for room on the disk");
+  EXPECT_TRUE(std::filesystem::exists(job_folder(1) / "scratch" / "work" / "tries"));
+  service_.reset();
+  EXPECT_EQ(store_.open().jobs().job(1).status, maps::JobStatus::kEnqueued);
+  EXPECT_EQ(store_.open().jobs().job(1).error, "stillmap: /x: No space left on device");
+  start();
+  wait_for_stage(job, "wait for room on the disk");
+  EXPECT_EQ(send("POST", job + "/cancel").status, 202);
+  EXPECT_EQ(wait_for_end(job)["status"], "canceled");
+  expect_cleared(1);
+}
+
+/// A runner of jobs without a service around it, which waits only a moment for room.
+class JobsOnAFullDisk : public JobTest {
+ protected:
+  maps::StoredJob end_of_rebuild(maps::PackageStore& store) {
+    start();
+    make_drive();
+    service_.reset();
+    Metrics metrics("1");
+    MapCatalog catalog(store, [](const maps::MapPackage&) { return Aligners{}; });
+    maps::DriveStore drives(store);
+    const OptionsHolder live(options_);
+    const auto pause = std::chrono::milliseconds(1);
+    JobRunner jobs({live, store, drives, catalog, metrics, mapper_, pause});
+    RebuildRequest request;
+    request.drives = {1};
+    const std::int64_t id = jobs.rebuild("town", request, {}).job.id;
+    while (!maps::is_finished(jobs.view(id).job.status))
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    return jobs.view(id).job;
+  }
+};
+
+TEST_F(JobsOnAFullDisk, AreMappedWhenThereIsRoom) {
+  write_mapper(kMeetsAFullDisk);
+  const maps::StoredJob job = end_of_rebuild(store_.open());
+  EXPECT_EQ(job.status, maps::JobStatus::kSucceeded) << job.error;
+  EXPECT_EQ(job.attempts, 5) << "more than after crashes";
+}
+
+TEST_F(JobsOnAFullDisk, ArePublishedWhenThereIsRoom) {
+  write_mapper("[ -e $out ] || publish");
+  int fails = 4;
+  test::FailingCalls full(test::Fault::kNoSpace, [&](std::size_t, const maps::DiskCall& call) {
+    return call.kind == maps::DiskCall::Kind::kMakeFolder &&
+           call.path.string().find("/.incoming-") != std::string::npos && fails-- > 0;
+  });
+  maps::PackageStore store(store_.folder().path(), full);
+  const maps::StoredJob job = end_of_rebuild(store);
+  EXPECT_EQ(job.status, maps::JobStatus::kSucceeded) << job.error;
+  EXPECT_EQ(job.attempts, 5);
 }
 
 TEST_F(Jobs, GoesOnAfterARestartOfTheServer) {

@@ -1940,8 +1940,8 @@ export interface components {
                 "application/problem+json": components["schemas"]["Problem"];
             };
         };
-        /** @description `DriveNotComplete`, `OtherRequest` */
-        DriveNotCompleteOrOtherRequest: {
+        /** @description `DriveNotComplete`, `OtherDigest`, `OtherRequest` */
+        DriveNotCompleteOrOtherDigestOrOtherRequest: {
             headers: {
                 [name: string]: unknown;
             };
@@ -3468,7 +3468,7 @@ export interface operations {
             401: components["responses"]["MissingKeyOrRefusedKey"];
             403: components["responses"]["Forbidden"];
             404: components["responses"]["UnknownMapOrUnknownDrive"];
-            409: components["responses"]["DriveNotCompleteOrOtherRequest"];
+            409: components["responses"]["DriveNotCompleteOrOtherDigestOrOtherRequest"];
             411: components["responses"]["LengthRequired"];
             413: components["responses"]["PayloadTooLarge"];
             415: components["responses"]["UnsupportedMediaType"];

@@ -86,6 +86,9 @@ class StoreState {
   /// The same, or nothing.
   [[nodiscard]] std::optional<StoredVersion> find_version(std::string_view map,
                                                           std::string_view version) const;
+  /// The package of a removed version of that name, by digest: the name is good for no other.
+  [[nodiscard]] std::optional<std::string> retired(std::string_view map,
+                                                   std::string_view version) const;
   /// Whether any version of any map holds this package.
   [[nodiscard]] bool uses(std::string_view digest) const;
 
