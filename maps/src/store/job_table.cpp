@@ -271,6 +271,10 @@ StoredJob JobTable::request_cancel(std::int64_t id, std::int64_t now_ns) {
   if (is_finished(job.status))
     throw StoreRefusal(Reason::kJobFinished, "job " + std::to_string(id) + " has " +
                                                  std::string(name_of(job.status)) + " already");
+  if (job.result_version)
+    throw StoreRefusal(Reason::kJobFinished, "job " + std::to_string(id) +
+                                                 " has published version " +
+                                                 in_quotes(*job.result_version) + " already");
   if (job.status == JobStatus::kEnqueued)
     end(job, JobStatus::kCanceled, now_ns);
   else

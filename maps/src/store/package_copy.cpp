@@ -101,7 +101,7 @@ std::set<fs::path> folders_of(const MapManifest& manifest) {
 }  // namespace
 
 CopiedPackage copy_package(const fs::path& package, const fs::path& empty,
-                           const DurableFiles& files) {
+                           const DurableFiles& files, const std::function<void()>& before_each) {
   const fs::path manifest_file = package / kManifestName;
   const std::string text = read_text(manifest_file);
   const MapManifest manifest = parse_manifest(text, manifest_file.string());
@@ -109,6 +109,7 @@ CopiedPackage copy_package(const fs::path& package, const fs::path& empty,
   const std::set<fs::path> folders = folders_of(manifest);
   for (const fs::path& folder : folders) files.make_folder(empty / folder);
   for (const auto& [path, file] : manifest.files) {
+    if (before_each) before_each();
     copy_listed(package / path, empty / path, file, files);
     copied.bytes += file.bytes;
   }

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <string>
 
 #include "store/durable_files.hpp"
@@ -20,10 +21,12 @@ struct CopiedPackage {
 /// Copies what a package's manifest lists, the manifest and build.json into an empty folder, and
 /// syncs all of it. Sizes and checksums are those of the bytes written, so that nobody can change
 /// them in between.
+/// @param before_each  is called before each file; what it throws ends the copy.
 /// @throws InputError naming the file that is missing, no regular file, or not what the manifest
 /// says; StorageError.
 CopiedPackage copy_package(const std::filesystem::path& package, const std::filesystem::path& empty,
-                           const DurableFiles& files);
+                           const DurableFiles& files,
+                           const std::function<void()>& before_each = {});
 
 /// The same by hard links, which take no room; nothing is read, so the checksums are the caller's.
 /// @return false where the disk does not allow links; the folder is then in any state.

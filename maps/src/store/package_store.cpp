@@ -47,6 +47,13 @@ std::string problems_text(const std::vector<std::string>& files) {
   return text;
 }
 
+void refuse_unwanted(const std::optional<PackageStore::Maker>& maker) {
+  if (!maker || !maker->is_unwanted || !maker->is_unwanted()) return;
+  throw StoreRefusal(
+      StoreRefusal::Reason::kNotProcessing,
+      "the package of job " + std::to_string(maker->job) + " is not wanted any more");
+}
+
 }  // namespace
 
 /// A folder in `packages/` that is being filled, locked against `clear_leftovers`.
@@ -176,7 +183,7 @@ std::uint64_t PackageStore::copy_of(std::string_view map, std::string_view versi
 }
 
 PackageStore::Added PackageStore::add(std::string_view map, std::string_view version,
-                                      const fs::path& package) {
+                                      const fs::path& package, const std::optional<Maker>& maker) {
   check_name("map", map);
   check_name("version", version);
   const fs::path manifest_file = package / kManifestName;
@@ -192,19 +199,22 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
   if (known && known->digest != wanted.digest) state_->add_version(map, wanted);
   if (!known) state_->check_quota(quota(), map, wanted.bytes, wanted.digest);
   const bool whole = has_whole(wanted.digest);
-  if (known && whole) return {*known, false};
+  if (known && whole && !maker) return {*known, false};
   const DurableFiles files(*calls_);
   std::optional<FolderLock> lock(locked());
-  if (whole && is_there(package_folder(wanted.digest))) return commit(map, wanted);
+  const auto job = maker ? std::optional(maker->job) : std::nullopt;
+  if (whole && is_there(package_folder(wanted.digest))) return commit(map, wanted, job);
   Incoming incoming(packages_, files);
   lock.reset();
-  const CopiedPackage copied = copy_package(package, incoming.path(), files);
+  const CopiedPackage copied =
+      copy_package(package, incoming.path(), files, [&] { refuse_unwanted(maker); });
   if (copied.digest != wanted.digest)
     throw InputError(manifest_file.string(), "a file that changes", "one that does not");
   check_readable(incoming.path());
   lock.emplace(locked());
+  refuse_unwanted(maker);
   incoming.publish(incoming.path(), package_folder(wanted.digest));
-  return commit(map, wanted);
+  return commit(map, wanted, job);
 }
 
 PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_view version,
@@ -258,9 +268,10 @@ bool PackageStore::has_whole(const std::string& digest) const {
 }
 
 /// Under the lock, with the package in its place.
-PackageStore::Added PackageStore::commit(std::string_view map, const StoredVersion& version) {
+PackageStore::Added PackageStore::commit(std::string_view map, const StoredVersion& version,
+                                         std::optional<std::int64_t> job) {
   DurableFiles(*calls_).sync_folder(packages_);
-  const bool is_new = state_->add_version(map, version, quota());
+  const bool is_new = state_->add_version(map, version, quota(), job);
   return {state_->version(map, version.name), is_new};
 }
 

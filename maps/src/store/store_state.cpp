@@ -77,6 +77,19 @@ void refuse_retired(SqliteDatabase& database, std::string_view map, const Stored
                                                in_quotes(map) + " was removed and was " + *digest);
 }
 
+/// Beside the version itself: whoever cancels the job comes before both, or is refused.
+void note_published(SqliteDatabase& database, std::int64_t job, const std::string& version) {
+  SqliteStatement(database,
+                  "UPDATE jobs SET result_version = ? WHERE id = ? AND status = 'processing'"
+                  " AND cancel_requested = 0")
+      .bind(version)
+      .bind(job)
+      .step();
+  if (database.changes() > 0) return;
+  throw StoreRefusal(Reason::kNotProcessing,
+                     "job " + std::to_string(job) + " is cancelled: it publishes nothing");
+}
+
 }  // namespace
 
 struct StoreState::Inner {
@@ -203,11 +216,15 @@ void StoreState::remove_map(std::string_view name, WhenActive when_active) {
 }
 
 bool StoreState::add_version(std::string_view map, const StoredVersion& version,
-                             const StoreQuota& quota) {
+                             const StoreQuota& quota, std::optional<std::int64_t> job) {
   Writing writing(inner_->database);
   SqliteDatabase& database = writing.database();
+  if (job) note_published(database, *job, version.name);
   if (const auto known = maps::find_version(database, map, version.name)) {
-    if (known->digest == version.digest) return false;
+    if (known->digest == version.digest) {
+      writing.commit();
+      return false;
+    }
     throw StoreRefusal(Reason::kOtherDigest, "version " + in_quotes(version.name) + " of map " +
                                                  in_quotes(map) + " is " + known->digest);
   }

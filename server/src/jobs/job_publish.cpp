@@ -39,22 +39,51 @@ void JobRunner::publish(const maps::StoredJob& job, const std::stop_token& stop)
   try {
     write_small_file(folder.publishing(), "");
     const maps::PackageStore::Added added =
-        setup_.store.add(job.map, version_of(job), folder.map());
+        setup_.store.add(job.map, version_of(job), folder.map(),
+                         maps::PackageStore::Maker{
+                             job.id, [&] { return stop.stop_requested() || is_canceled(job); }});
     outcome = activate(job, added.version);
     write_small_file(folder.outcome(), to_json(outcome));
     std::error_code error;
     std::filesystem::remove(folder.publishing(), error);
   } catch (const maps::StoreRefusal& error) {
-    return ended(setup_.store.jobs().fail(job.id, error.what(), unix_ns()));
+    if (error.reason() == maps::StoreRefusal::Reason::kNotProcessing)
+      return give_up_publishing(job);
+    return fail(job, error.what());
   } catch (const maps::DiskFull& error) {
     return try_again_with_room(job, error.what(), stop);
   } catch (const maps::InputError& error) {
-    return ended(setup_.store.jobs().fail(job.id, without_places(error.what()), unix_ns()));
+    return fail(job, without_places(error.what()));
   } catch (const std::exception& error) {
     spdlog::error("job {}: {}", job.id, error.what());
     return try_again(job, "it could not be published: " + without_places(error.what()));
   }
   ended(setup_.store.jobs().succeed(job.id, outcome.version, unix_ns()));
+}
+
+/// Because it is cancelled, or to go on when the server starts again.
+void JobRunner::give_up_publishing(const maps::StoredJob& job) {
+  std::error_code error;
+  std::filesystem::remove(folder(job.id).publishing(), error);
+  maps::JobTable& jobs = setup_.store.jobs();
+  ended(is_canceled(job) ? jobs.end_canceled(job.id, unix_ns())
+                         : jobs.put_back(job.id, "the server was stopped", unix_ns()));
+}
+
+/// For good. One whose version is there has come that far, and says why it went no further.
+void JobRunner::fail(const maps::StoredJob& job, const std::string& why) {
+  maps::JobTable& jobs = setup_.store.jobs();
+  const std::optional<std::string> name = jobs.job(job.id).result_version;
+  const auto version = name ? setup_.store.state().find_version(job.map, *name) : std::nullopt;
+  if (!version) return ended(jobs.fail(job.id, why, unix_ns()));
+  JobOutcome outcome{.version = version->name, .digest = version->digest};
+  outcome.activated = setup_.store.state().map(job.map).active == version->name;
+  if (!outcome.activated) outcome.not_activated_because.push_back(why);
+  const JobFolder folder = this->folder(job.id);
+  const auto gate = read_report(read_small_file(folder.report()).value_or(""));
+  if (gate) outcome.gate = gate->json;
+  write_small_file(folder.outcome(), to_json(outcome));
+  ended(jobs.succeed(job.id, version->name, unix_ns()));
 }
 
 JobOutcome JobRunner::activate(const maps::StoredJob& job, const maps::StoredVersion& version) {

@@ -236,6 +236,11 @@ bool JobRunner::wants_cancel(std::int64_t id) {
   return found != active_.end() && found->second.cancel;
 }
 
+/// By whomever: another process may have written so into the store.
+bool JobRunner::is_canceled(const maps::StoredJob& job) const {
+  return setup_.store.jobs().job(job.id).cancel_requested;
+}
+
 void JobRunner::note_progress(const maps::StoredJob& job, const JobProgress& progress) {
   std::shared_ptr<JobEvents> events;
   bool is_new_stage = false;
@@ -270,7 +275,7 @@ void JobRunner::settle(const maps::StoredJob& job, const AttemptEnd& end,
       return publish(job, stop);
     case Kind::kFailed:
     case Kind::kTimedOut:
-      return ended(jobs.fail(job.id, without_places(end.why), unix_ns()));
+      return fail(job, without_places(end.why));
     case Kind::kCanceled:
       return ended(jobs.end_canceled(job.id, unix_ns()));
     case Kind::kStopped:
@@ -290,7 +295,7 @@ void JobRunner::try_again(const maps::StoredJob& job, const std::string& why) {
   const std::string words = without_places(why);
   maps::JobTable& jobs = setup_.store.jobs();
   if (crashes > static_cast<std::size_t>(setup_.live.current()->jobs.retries))
-    return ended(jobs.fail(job.id, fmt::format("{}, {} times", words, crashes), unix_ns()));
+    return fail(job, fmt::format("{}, {} times", words, crashes));
   spdlog::warn("job {} is tried again: {}", job.id, words);
   ended(jobs.put_back(job.id, words, unix_ns()));
 }
@@ -306,15 +311,13 @@ void JobRunner::try_again_with_room(const maps::StoredJob& job, const std::strin
   std::unique_lock lock(mutex_);
   const int times = ++active_[job.id].times_full;
   lock.unlock();
-  if (times > kMostTimesFull)
-    return ended(jobs.fail(job.id, fmt::format("{}, {} times", words, times), unix_ns()));
+  if (times > kMostTimesFull) return fail(job, fmt::format("{}, {} times", words, times));
   spdlog::warn("job {} waits for room on the disk: {}", job.id, words);
   note_progress(job, {.stage = "wait for room on the disk"});
   const auto pause = std::min<std::chrono::milliseconds>(
       kMostPauseWhenFull, setup_.first_pause_when_full * (1LL << std::min(times - 1, 20)));
   const auto go_on = std::chrono::steady_clock::now() + pause;
-  while (std::chrono::steady_clock::now() < go_on && !stop.stop_requested() &&
-         !jobs.job(job.id).cancel_requested) {
+  while (std::chrono::steady_clock::now() < go_on && !stop.stop_requested() && !is_canceled(job)) {
     lock.lock();
     changed_.wait_until(lock, stop,
                         std::min(go_on, std::chrono::steady_clock::now() + kLookAtStore),

@@ -83,7 +83,7 @@ class JobRunner {
   /// @throws InputError when they are others than was said; StorageError.
   std::string receive(const maps::ByteSource& source, std::uint64_t bytes,
                       const std::optional<std::string>& sha256, const std::string& name);
-  /// @throws StoreRefusal kUnknownJob, kJobFinished.
+  /// @throws StoreRefusal kUnknownJob; kJobFinished, also as soon as its version is published.
   maps::StoredJob cancel(std::int64_t id);
 
   /// @throws StoreRefusal kUnknownJob.
@@ -119,6 +119,9 @@ class JobRunner {
   void try_again_with_room(const maps::StoredJob& job, const std::string& why,
                            const std::stop_token& stop);
   void publish(const maps::StoredJob& job, const std::stop_token& stop);
+  void give_up_publishing(const maps::StoredJob& job);
+  [[nodiscard]] bool is_canceled(const maps::StoredJob& job) const;
+  void fail(const maps::StoredJob& job, const std::string& why);
   [[nodiscard]] JobOutcome activate(const maps::StoredJob& job, const maps::StoredVersion& version);
   void ended(const maps::StoredJob& job);
   void note_progress(const maps::StoredJob& job, const JobProgress& progress);

@@ -58,7 +58,7 @@ Json eta_of(const JobView& view) {
 }
 
 Json result_of(const JobView& view) {
-  if (!view.job.result_version) return {};
+  if (view.job.status != maps::JobStatus::kSucceeded) return {};
   Json result = Json::parse(view.outcome, nullptr, false);
   if (result.is_object()) return result;
   return {{"version", *view.job.result_version}};

@@ -130,6 +130,29 @@ TEST_F(JobTableTest, CancelsAWaitingJobAtOnceAndAsksARunningOneToEnd) {
   EXPECT_FALSE(ended.cancel_requested);
 }
 
+TEST_F(JobTableTest, IsPublishedOrCanceledAndNeverBoth) {
+  const std::int64_t canceled = enqueue(), published = enqueue();
+  const StoredVersion version{.name = "v2", .digest = std::string(64, 'a')};
+  expect_refused(Reason::kNotProcessing,
+                 [&] { state_.add_version("town", version, {}, canceled); });
+  jobs_.claim(1);
+  jobs_.claim(1);
+  jobs_.request_cancel(canceled, 2);
+  expect_refused(Reason::kNotProcessing,
+                 [&] { state_.add_version("town", version, {}, canceled); });
+  EXPECT_FALSE(state_.find_version("town", "v2"));
+  EXPECT_TRUE(state_.add_version("town", version, {}, published));
+  EXPECT_EQ(jobs_.job(published).result_version, "v2");
+  expect_refused(Reason::kJobFinished, [&] { jobs_.request_cancel(published, 3); });
+  // Nor when the server dies before it has ended.
+  jobs_.put_back_all("the server ended", 4);
+  EXPECT_EQ(jobs_.job(published).status, JobStatus::kEnqueued);
+  EXPECT_EQ(jobs_.job(canceled).status, JobStatus::kCanceled);
+  expect_refused(Reason::kJobFinished, [&] { jobs_.request_cancel(published, 5); });
+  jobs_.claim(6);
+  EXPECT_FALSE(state_.add_version("town", version, {}, published)) << "twice is once";
+}
+
 TEST_F(JobTableTest, PutsBackWhatARestartInterrupted) {
   const std::int64_t canceled = enqueue(), resumed = enqueue(), waiting = enqueue();
   jobs_.claim(1);

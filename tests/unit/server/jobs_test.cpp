@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <atomic>
+#include <functional>
+#include <optional>
 
 #include <sys/resource.h>
 
@@ -171,31 +173,104 @@ TEST_F(Jobs, OneThatMeetsAFullDiskKeepsItsWorkAndCanBeCancelledAndStopped) {
   expect_cleared(1);
 }
 
-/// A runner of jobs without a service around it, which waits only a moment for room.
-class JobsOnAFullDisk : public JobTest {
+/// Runs jobs without a service around it, and waits only a moment for room.
+class JobsOfARunner : public JobTest {
  protected:
-  maps::StoredJob end_of_rebuild(maps::PackageStore& store) {
+  void start_runner(maps::PackageStore& store) {
     start();
     make_drive();
     service_.reset();
-    Metrics metrics("1");
-    MapCatalog catalog(store, [](const maps::MapPackage&) { return Aligners{}; });
-    maps::DriveStore drives(store);
-    const OptionsHolder live(options_);
+    catalog_.emplace(store, [this](const maps::MapPackage& package) {
+      if (package.digest() != store_.digest() && on_load_) on_load_();
+      return Aligners{{"default", aligner_}};
+    });
+    drives_.emplace(store);
     const auto pause = std::chrono::milliseconds(1);
-    JobRunner jobs({live, store, drives, catalog, metrics, mapper_, pause});
+    jobs_.emplace(JobRunner::Setup{live_, store, *drives_, *catalog_, metrics_, mapper_, pause});
+  }
+  maps::StoredJob end_of_rebuild() {
     RebuildRequest request;
     request.drives = {1};
-    const std::int64_t id = jobs.rebuild("town", request, {}).job.id;
-    while (!maps::is_finished(jobs.view(id).job.status))
+    request.version = "v2";
+    request.activate = request.new_frame = true;
+    static_cast<void>(jobs_->rebuild("town", request, {}));
+    while (!maps::is_finished(jobs_->view(1).job.status))
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    return jobs.view(id).job;
+    return jobs_->view(1).job;
   }
+
+  /// When the version that a job made is loaded.
+  std::function<void()> on_load_;
+  OptionsHolder live_{options_};
+  Metrics metrics_{"1"};
+  std::optional<MapCatalog> catalog_;
+  std::optional<maps::DriveStore> drives_;
+  std::optional<JobRunner> jobs_;
 };
+
+/// Calls back when a package begins to come into the store.
+class CallsWhenCopied : public test::UnsyncedCalls {
+ public:
+  explicit CallsWhenCopied(std::function<void()> begin) : begin_(std::move(begin)) {}
+  std::int64_t pass(const maps::DiskCall& call, const Perform& perform) override {
+    if (call.kind == maps::DiskCall::Kind::kCreateFile &&
+        call.path.string().find("/.incoming-") != std::string::npos)
+      begin_();
+    return UnsyncedCalls::pass(call, perform);
+  }
+
+ private:
+  std::function<void()> begin_;
+};
+
+TEST_F(JobsOfARunner, LeaveNoVersionWhenTheyAreCancelledWhileItIsCopied) {
+  write_mapper("publish");
+  CallsWhenCopied calls([&] { EXPECT_TRUE(jobs_->cancel(1).cancel_requested); });
+  maps::PackageStore store(store_.folder().path(), calls);
+  start_runner(store);
+  EXPECT_EQ(end_of_rebuild().status, maps::JobStatus::kCanceled);
+  EXPECT_FALSE(store.state().find_version("town", "v2"));
+  EXPECT_TRUE(store.unnamed_packages().empty());
+  EXPECT_EQ(store.state().map("town").active, store_.version());
+  expect_cleared(1);
+}
+
+TEST_F(JobsOfARunner, CannotBeCancelledOnceTheirVersionIsThere) {
+  write_mapper("publish");
+  bool refused = false;
+  on_load_ = [&] {
+    try {
+      jobs_->cancel(1);
+    } catch (const maps::StoreRefusal& refusal) {
+      refused = refusal.reason() == maps::StoreRefusal::Reason::kJobFinished;
+    }
+  };
+  start_runner(store_.open());
+  EXPECT_EQ(end_of_rebuild().status, maps::JobStatus::kSucceeded);
+  EXPECT_TRUE(refused);
+  EXPECT_EQ(store_.open().state().map("town").active, "v2");
+}
+
+/// As after servers died of it.
+TEST_F(JobsOfARunner, SucceedWithoutActivationWhenOnlyThatFails) {
+  // Its outcome cannot be written when it is published, so that it is tried again, and crashes.
+  write_mapper(
+      "if [ -e $out ]; then rm -rf $work/../../outcome.json.new; kill -SEGV $$; fi;"
+      "publish; mkdir $work/../../outcome.json.new");
+  on_load_ = [] { throw std::runtime_error("too large"); };
+  start_runner(store_.open());
+  const maps::StoredJob job = end_of_rebuild();
+  EXPECT_EQ(job.status, maps::JobStatus::kSucceeded) << job.error;
+  EXPECT_THAT(jobs_->view(1).outcome, HasSubstr("signal 11"));
+  EXPECT_EQ(job.result_version, "v2");
+}
+
+class JobsOnAFullDisk : public JobsOfARunner {};
 
 TEST_F(JobsOnAFullDisk, AreMappedWhenThereIsRoom) {
   write_mapper(kMeetsAFullDisk);
-  const maps::StoredJob job = end_of_rebuild(store_.open());
+  start_runner(store_.open());
+  const maps::StoredJob job = end_of_rebuild();
   EXPECT_EQ(job.status, maps::JobStatus::kSucceeded) << job.error;
   EXPECT_EQ(job.attempts, 5) << "more than after crashes";
 }
@@ -208,7 +283,8 @@ TEST_F(JobsOnAFullDisk, ArePublishedWhenThereIsRoom) {
            call.path.string().find("/.incoming-") != std::string::npos && fails-- > 0;
   });
   maps::PackageStore store(store_.folder().path(), full);
-  const maps::StoredJob job = end_of_rebuild(store);
+  start_runner(store);
+  const maps::StoredJob job = end_of_rebuild();
   EXPECT_EQ(job.status, maps::JobStatus::kSucceeded) << job.error;
   EXPECT_EQ(job.attempts, 5);
 }

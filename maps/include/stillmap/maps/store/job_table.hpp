@@ -54,7 +54,7 @@ struct StoredJob {
   std::string stage{};
   /// Why it failed or is tried again; else empty.
   std::string error{};
-  /// What a job that succeeded published.
+  /// What it has published: from then on it cannot be cancelled. Of one that failed, too.
   std::optional<std::string> result_version{};
   /// Times that it was claimed.
   std::int64_t attempts = 0;
@@ -99,7 +99,8 @@ class JobTable {
   /// process that claims jobs. @return how many.
   std::size_t put_back_all(std::string_view error, std::int64_t now_ns);
   /// One that waits is canceled at once, one that is processing is marked so; asking twice is
-  /// asking once. @throws StoreRefusal kJobFinished when it succeeded or failed.
+  /// asking once. @throws StoreRefusal kJobFinished when it succeeded, failed, or has published its
+  /// version and is about to end.
   StoredJob request_cancel(std::int64_t id, std::int64_t now_ns);
 
   [[nodiscard]] StoredJob job(std::int64_t id) const;

@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -71,13 +72,21 @@ class PackageStore {
     /// False when it was there already, with the same digest.
     bool is_new = false;
   };
+  /// The job that has made a package.
+  struct Maker {
+    std::int64_t job = 0;
+    /// Asked again and again until it is published; then it is given up.
+    std::function<bool()> is_unwanted;
+  };
   /// Copies a package into the store, checks it (schema, presence, sizes, checksums, objects,
   /// trajectories) and publishes it under this name. The given folder is only read. A stored copy
   /// that is whole is kept, one that is damaged is replaced in one step, for all its versions.
   /// @throws std::invalid_argument for a name that is not `is_valid_map_name`; InputError naming
   /// what is wrong with the package; StoreRefusal kOtherDigest; kOverQuota, before bytes are
-  /// copied.
-  Added add(std::string_view map, std::string_view version, const std::filesystem::path& package);
+  /// copied; kNotProcessing for a maker that is cancelled or unwanted. Nothing is left then.
+  /// @param maker  may be cancelled until its version is there, and no longer.
+  Added add(std::string_view map, std::string_view version, const std::filesystem::path& package,
+            const std::optional<Maker>& maker = {});
   /// As `add`, of a package that comes as a tar, by itself or in one folder: unpacked straight into
   /// the store, hashed while it is written. Files that the manifest does not list are dropped.
   /// @param archive  what messages call it.
@@ -157,7 +166,8 @@ class PackageStore {
   [[nodiscard]] FolderLock locked() const;
   [[nodiscard]] std::string damage_of(const std::string& digest) const;
   [[nodiscard]] bool has_whole(const std::string& digest) const;
-  Added commit(std::string_view map, const StoredVersion& version);
+  Added commit(std::string_view map, const StoredVersion& version,
+               std::optional<std::int64_t> job = {});
   void clear_package(const std::string& digest);
   void clear_condemned();
   void clear_condemned_if_possible();

@@ -110,9 +110,11 @@ class StoreState {
 
   /// Makes the map with it when it is new. The name of a removed version is good for the same
   /// package only.
-  /// @return false when the same is there already. @throws StoreRefusal kOtherDigest, kOverQuota.
-  bool add_version(std::string_view map, const StoredVersion& version,
-                   const StoreQuota& quota = {});
+  /// @param job  made it: from then on it cannot be cancelled.
+  /// @return false when the same is there already. @throws StoreRefusal kOtherDigest, kOverQuota,
+  /// kNotProcessing when the job is cancelled.
+  bool add_version(std::string_view map, const StoredVersion& version, const StoreQuota& quota = {},
+                   std::optional<std::int64_t> job = {});
   /// What is active already stays so, with its revision.
   /// @param revision  only when the map is still at it. @return the map afterwards.
   /// @throws StoreRefusal kUnknownMap, kUnknownVersion, kOtherRevision.
