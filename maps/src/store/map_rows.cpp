@@ -97,12 +97,14 @@ std::uint64_t bytes_of(SqliteDatabase& database, const std::optional<std::string
 }
 
 void refuse_over_quota(SqliteDatabase& database, const StoreQuota& quota, std::string_view map,
-                       std::uint64_t more_bytes, std::string_view digest) {
+                       std::uint64_t more_bytes, std::string_view digest,
+                       const WaitingBytes& waiting) {
   if (quota.map_bytes && !has_package(database, map, digest))
-    refuse_over(quota.map_bytes, bytes_of(database, std::string(map)), more_bytes,
+    refuse_over(quota.map_bytes, bytes_of(database, std::string(map)) + waiting.of_map, more_bytes,
                 "map " + in_quotes(map));
   if (quota.store_bytes && !is_used(database, digest))
-    refuse_over(quota.store_bytes, bytes_of(database, {}), more_bytes, "the store");
+    refuse_over(quota.store_bytes, bytes_of(database, {}) + waiting.of_store, more_bytes,
+                "the store");
 }
 
 }  // namespace stillmap::maps

@@ -154,8 +154,9 @@ StoreQuota PackageStore::quota() const {
   return quota_;
 }
 
-void PackageStore::check_quota(std::string_view map, std::uint64_t more_bytes) const {
-  state_->check_quota(quota(), map, more_bytes);
+void PackageStore::check_quota(std::string_view map, std::uint64_t more_bytes,
+                               const WaitingBytes& waiting) const {
+  state_->check_quota(quota(), map, more_bytes, waiting);
 }
 
 void PackageStore::refuse_lost_state() const {
@@ -194,10 +195,9 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
   wanted.bytes += text.size();
   wanted.created_ns = now_ns();
 
+  // Before gigabytes are copied.
+  state_->check_version(map, wanted, quota());
   const auto known = state_->find_version(map, version);
-  // Both are told before gigabytes are copied.
-  if (known && known->digest != wanted.digest) state_->add_version(map, wanted);
-  if (!known) state_->check_quota(quota(), map, wanted.bytes, wanted.digest);
   const bool whole = has_whole(wanted.digest);
   if (known && whole && !maker) return {*known, false};
   const DurableFiles files(*calls_);
@@ -213,8 +213,7 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
   check_readable(incoming.path());
   lock.emplace(locked());
   refuse_unwanted(maker);
-  incoming.publish(incoming.path(), package_folder(wanted.digest));
-  return commit(map, wanted, job);
+  return publish(incoming, incoming.path(), map, wanted, job);
 }
 
 PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_view version,
@@ -238,12 +237,8 @@ PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_
   check_readable(package.folder);
   const bool whole = has_whole(wanted.digest);
   lock.emplace(locked());
-  const auto known = state_->find_version(map, version);
-  if (known && known->digest != wanted.digest) state_->add_version(map, wanted);
-  if (!known) state_->check_quota(quota(), map, wanted.bytes, wanted.digest);
-  const fs::path target = package_folder(wanted.digest);
-  if (!whole || !is_there(target)) incoming.publish(package.folder, target);
-  return commit(map, wanted);
+  if (whole && is_there(package_folder(wanted.digest))) return commit(map, wanted);
+  return publish(incoming, package.folder, map, wanted);
 }
 
 std::unique_ptr<PackageArchive> PackageStore::archive(std::string_view map,
@@ -265,6 +260,23 @@ std::string PackageStore::damage_of(const std::string& digest) const {
 
 bool PackageStore::has_whole(const std::string& digest) const {
   return is_there(package_folder(digest)) && damage_of(digest).empty();
+}
+
+/// Under the lock. What is refused leaves no package: without a row no quota would count it.
+PackageStore::Added PackageStore::publish(Incoming& incoming, const fs::path& package,
+                                          std::string_view map, const StoredVersion& version,
+                                          std::optional<std::int64_t> job) {
+  state_->check_version(map, version, quota());
+  const fs::path target = package_folder(version.digest);
+  const bool is_first = !is_there(target);
+  incoming.publish(package, target);
+  try {
+    return commit(map, version, job);
+  } catch (const StoreRefusal&) {
+    // A part of a drive has taken the last bytes meanwhile, or the job was cancelled.
+    if (is_first) clear_package(version.digest);
+    throw;
+  }
 }
 
 /// Under the lock, with the package in its place.

@@ -77,6 +77,19 @@ void refuse_retired(SqliteDatabase& database, std::string_view map, const Stored
                                                in_quotes(map) + " was removed and was " + *digest);
 }
 
+/// @return whether the same is there already.
+bool refuse_version(SqliteDatabase& database, std::string_view map, const StoredVersion& version,
+                    const StoreQuota& quota) {
+  if (const auto known = find_version(database, map, version.name)) {
+    if (known->digest == version.digest) return true;
+    throw StoreRefusal(Reason::kOtherDigest, "version " + in_quotes(version.name) + " of map " +
+                                                 in_quotes(map) + " is " + known->digest);
+  }
+  refuse_retired(database, map, version);
+  refuse_over_quota(database, quota, map, version.bytes, version.digest);
+  return false;
+}
+
 /// Beside the version itself: whoever cancels the job comes before both, or is refused.
 void note_published(SqliteDatabase& database, std::int64_t job, const std::string& version) {
   SqliteStatement(database,
@@ -179,9 +192,15 @@ std::uint64_t StoreState::bytes() const {
 }
 
 void StoreState::check_quota(const StoreQuota& quota, std::string_view map,
-                             std::uint64_t more_bytes, std::string_view digest) const {
+                             std::uint64_t more_bytes, const WaitingBytes& waiting) const {
   const Reading reading(inner_->database);
-  refuse_over_quota(reading.database(), quota, map, more_bytes, digest);
+  refuse_over_quota(reading.database(), quota, map, more_bytes, {}, waiting);
+}
+
+void StoreState::check_version(std::string_view map, const StoredVersion& version,
+                               const StoreQuota& quota) const {
+  const Reading reading(inner_->database);
+  refuse_version(reading.database(), map, version, quota);
 }
 
 bool StoreState::create_map(std::string_view name, std::int64_t now_ns) {
@@ -220,16 +239,10 @@ bool StoreState::add_version(std::string_view map, const StoredVersion& version,
   Writing writing(inner_->database);
   SqliteDatabase& database = writing.database();
   if (job) note_published(database, *job, version.name);
-  if (const auto known = maps::find_version(database, map, version.name)) {
-    if (known->digest == version.digest) {
-      writing.commit();
-      return false;
-    }
-    throw StoreRefusal(Reason::kOtherDigest, "version " + in_quotes(version.name) + " of map " +
-                                                 in_quotes(map) + " is " + known->digest);
+  if (refuse_version(database, map, version, quota)) {
+    writing.commit();
+    return false;
   }
-  refuse_retired(database, map, version);
-  refuse_over_quota(database, quota, map, version.bytes, version.digest);
   insert_map(database, map, version.created_ns);
   SqliteStatement(database, "INSERT INTO versions VALUES (?, ?, ?, ?, ?)")
       .bind(map)

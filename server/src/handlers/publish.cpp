@@ -43,7 +43,10 @@ std::string head_of(const maps::ByteSource& source) {
 
 /// 202 while it is converted, 200 when that was done before.
 HttpResponse convert(const Context& context, const Publication& wanted, const std::string& format) {
-  context.store.check_quota(wanted.map, wanted.bytes);
+  // Sent again, the file of a job that waits takes no more room; another one will be refused.
+  const auto before = context.jobs.newest_conversion(wanted.map, wanted.version);
+  if (!before || maps::is_finished(before->status))
+    context.jobs.check_upload_quota(wanted.map, wanted.bytes);
   const std::string name = wanted.map + "/" + wanted.version;
   const std::string head = head_of(wanted.source);
   maps::check_cloud_header(std::as_bytes(std::span(head)), format, name);

@@ -253,6 +253,7 @@ maps::JobTable::Enqueued JobRunner::enqueue_convert(const std::string& map,
   std::error_code error;
   if (!fs::exists(upload(request.sha256), error))
     throw maps::StorageError(upload(request.sha256).string(), "is gone");
+  check_upload_quota(map, fs::file_size(upload(request.sha256)));
   setup_.store.create_map(map);
   const maps::JobTable::Enqueued enqueued =
       setup_.store.jobs().enqueue({.kind = maps::JobKind::kConvert,
@@ -289,6 +290,25 @@ std::string JobRunner::receive(const maps::ByteSource& source, std::uint64_t byt
     fs::remove(half, error);
     throw;
   }
+}
+
+void JobRunner::check_upload_quota(const std::string& map, std::uint64_t bytes) const {
+  maps::WaitingBytes waiting;
+  std::set<std::string> of_map, of_store;
+  const auto count = [&](std::set<std::string>& counted, const std::string& sha256) {
+    std::error_code error;
+    // Several jobs may read one file.
+    const bool is_first = counted.insert(sha256).second;
+    const std::uintmax_t size = is_first ? fs::file_size(upload(sha256), error) : 0;
+    return error ? 0 : size;
+  };
+  for (const maps::StoredJob& job : unfinished()) {
+    const std::string sha256 = sha256_of(job);
+    if (sha256.empty()) continue;
+    waiting.of_store += count(of_store, sha256);
+    if (job.map == map) waiting.of_map += count(of_map, sha256);
+  }
+  setup_.store.check_quota(map, bytes, waiting);
 }
 
 std::vector<maps::StoredJob> JobRunner::unfinished() const {

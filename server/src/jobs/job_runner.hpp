@@ -73,12 +73,16 @@ class JobRunner {
                                    const Asker& asker);
   /// Of a file that `receive` took. @return the one that is under way for it, or has made this
   /// version of it, when there is one.
-  /// @throws ApiError kOtherDigest when the version is there or another file is on its way to it.
+  /// @throws ApiError kOtherDigest when the version is there or another file is on its way to it;
+  /// StoreRefusal kOverQuota.
   maps::JobTable::Enqueued convert(const std::string& map, const ConvertRequest& request,
                                    const Asker& asker);
   /// The newest job that was to convert a file to this version, however it ended.
   [[nodiscard]] std::optional<maps::StoredJob> newest_conversion(const std::string& map,
                                                                  const std::string& version) const;
+  /// Whether so many bytes of a map file may come beside those that wait for their jobs.
+  /// @throws StoreRefusal kOverQuota.
+  void check_upload_quota(const std::string& map, std::uint64_t bytes) const;
   /// Keeps the bytes of a map file for a job to come. @return their SHA-256.
   /// @throws InputError when they are others than was said; StorageError.
   std::string receive(const maps::ByteSource& source, std::uint64_t bytes,

@@ -273,6 +273,41 @@ TEST_F(PackageStoreTest, KeepsUnnamedPackagesUntilTheyAreAddedOrCleared) {
   EXPECT_THAT(listing(store_ / "packages"), ElementsAre(first_));
 }
 
+TEST_F(PackageStoreTest, LeavesNothingOfWhatItRefuses) {
+  PackageStore store(store_, calls_);
+  store.add("town", "1", folder_.path() / "first");
+  store.remove("town", "1");
+  const std::string tar = test::tar_of(folder_.path() / "second", "") + test::tar_end();
+  const auto add_tar = [&] { store.add_archive("town", "1", test::source_of(tar), "tar", {}); };
+  expect_refused(Reason::kOtherDigest, add_tar);
+  EXPECT_THAT(listing(store_ / "packages"), IsEmpty());
+  expect_refused(Reason::kOtherDigest, [&] { store.add("town", "1", folder_.path() / "second"); });
+  EXPECT_THAT(listing(store_ / "packages"), IsEmpty());
+  // Cancelled in the last moment.
+  const std::int64_t job = store.jobs().enqueue({.map = "town", .request = "{}"}, 1).job.id;
+  store.jobs().claim(1);
+  const auto cancel = [&] {
+    store.jobs().request_cancel(job, 2);
+    return false;
+  };
+  expect_refused(Reason::kNotProcessing, [&] {
+    store.add("town", "2", folder_.path() / "second", PackageStore::Maker{job, cancel});
+  });
+  EXPECT_THAT(listing(store_ / "packages"), IsEmpty());
+}
+
+TEST_F(PackageStoreTest, KeepsWhatOthersHoldOfWhatItRefuses) {
+  PackageStore store(store_, calls_);
+  store.add("town", "1", folder_.path() / "first");
+  store.add("town", "2", folder_.path() / "second");
+  store.remove("town", "1");
+  const std::string tar = test::tar_of(folder_.path() / "second", "") + test::tar_end();
+  expect_refused(Reason::kOtherDigest,
+                 [&] { store.add_archive("town", "1", test::source_of(tar), "tar", {}); });
+  EXPECT_THAT(store.verify(), IsEmpty());
+  EXPECT_THAT(listing(store_ / "packages"), ElementsAre(second_));
+}
+
 TEST_F(PackageStoreTest, RefusesPackagesWhoseStateIsGone) {
   { PackageStore(store_, calls_).add("town", "1", folder_.path() / "first"); }
   fs::remove(store_ / "state.db");

@@ -138,6 +138,24 @@ TEST_F(JobRequests, CloudFromElsewhereIsConvertedOnce) {
   EXPECT_TRUE(store_.open().state().find_version("new", "v1").has_value());
 }
 
+TEST_F(JobRequests, CloudsThatWaitForTheirConversionCountTowardsTheQuotas) {
+  start_with("while [ ! -e $0.go ]; do sleep 0.05; done; publish");
+  const std::uint64_t used = store_.open().state().bytes_of_map("town");
+  store_.open().set_quota({.map_bytes = used + 5000});
+  const auto cloud = [](char fill) { return pcd(std::string(3000, fill)); };
+  const std::string type = "application/vnd.pcd";
+  EXPECT_EQ(put("/v1/maps/town/versions/v2", cloud('a'), type).status, 202);
+  EXPECT_EQ(put("/v1/maps/town/versions/v2", cloud('a'), type).status, 202) << "the same again";
+  const HttpResponse refused = put("/v1/maps/town/versions/v3", cloud('b'), type);
+  EXPECT_EQ(body(refused)["code"], "OverQuota") << refused.body;
+  EXPECT_EQ(put("/v1/maps/other/versions/v1", cloud('b'), type).status, 202) << "its own quota";
+  store_.open().set_quota({.store_bytes = store_.open().state().bytes() + 8000});
+  EXPECT_EQ(body(put("/v1/maps/town/versions/v3", cloud('c'), type))["code"], "OverQuota");
+  send("POST", "/v1/jobs/1/cancel");
+  wait_for_end("/v1/jobs/1");
+  EXPECT_EQ(put("/v1/maps/town/versions/v3", cloud('c'), type).status, 202);
+}
+
 TEST_F(JobRequests, WritesAreAuditedAndReadsAreNot) {
   start_with("publish");
   wait_for_end(rebuild());

@@ -55,8 +55,10 @@ class PackageStore {
   [[nodiscard]] const std::string& read_only_because() const { return state_->read_only_because(); }
   /// For versions and drives to come; what is there already stays.
   void set_quota(const StoreQuota& quota);
-  /// Whether so many bytes of a drive may come. @throws StoreRefusal kOverQuota.
-  void check_quota(std::string_view map, std::uint64_t more_bytes) const;
+  /// Whether so many bytes may come, of a drive or of what becomes a package.
+  /// @param waiting  counts as if it were there. @throws StoreRefusal kOverQuota.
+  void check_quota(std::string_view map, std::uint64_t more_bytes,
+                   const WaitingBytes& waiting = {}) const;
   /// A version's package. One that is open stays usable when the version is removed, but what
   /// it reads at need (histories of the whole drive, objects) is gone then.
   /// @throws StoreRefusal kUnknownMap, kUnknownVersion; InputError when it is broken.
@@ -168,6 +170,8 @@ class PackageStore {
   [[nodiscard]] bool has_whole(const std::string& digest) const;
   Added commit(std::string_view map, const StoredVersion& version,
                std::optional<std::int64_t> job = {});
+  Added publish(Incoming& incoming, const std::filesystem::path& package, std::string_view map,
+                const StoredVersion& version, std::optional<std::int64_t> job = {});
   void clear_package(const std::string& digest);
   void clear_condemned();
   void clear_condemned_if_possible();

@@ -48,6 +48,12 @@ struct StoreQuota {
   std::optional<std::uint64_t> store_bytes{};
 };
 
+/// Bytes that no table of the store knows of: of files that wait to become packages.
+struct WaitingBytes {
+  std::uint64_t of_map = 0;
+  std::uint64_t of_store = 0;
+};
+
 /// What removing a map does when one of its versions is active.
 enum class WhenActive : std::uint8_t { kRefuse, kRemove };
 
@@ -104,10 +110,13 @@ class StoreState {
   [[nodiscard]] std::uint64_t bytes_of_map(std::string_view map) const;
   [[nodiscard]] std::uint64_t bytes() const;
   /// Whether so many bytes more may come. A map that is not there yet has none.
-  /// @param digest  of a package, which may be there already. @throws StoreRefusal kOverQuota.
+  /// @param waiting  counts as if it were there. @throws StoreRefusal kOverQuota.
   void check_quota(const StoreQuota& quota, std::string_view map, std::uint64_t more_bytes,
-                   std::string_view digest = {}) const;
+                   const WaitingBytes& waiting = {}) const;
 
+  /// Whether `add_version` would take it now. @throws as it does.
+  void check_version(std::string_view map, const StoredVersion& version,
+                     const StoreQuota& quota) const;
   /// Makes the map with it when it is new. The name of a removed version is good for the same
   /// package only.
   /// @param job  made it: from then on it cannot be cancelled.
