@@ -61,6 +61,16 @@ std::set<std::string> digests_of(const StoreState& state) {
   return digests;
 }
 
+/// "town/1, depot/1": those that hold a package.
+std::string versions_with(const StoreState& state, const std::string& digest) {
+  std::string names;
+  for (const StoredMap& map : state.maps())
+    for (const StoredVersion& version : state.versions(map.name))
+      if (version.digest == digest)
+        names += (names.empty() ? "" : ", ") + map.name + "/" + version.name;
+  return names;
+}
+
 /// The folder of a backup that is being written, locked.
 class BackupFolder {
  public:
@@ -110,6 +120,17 @@ class BackupFolder {
     files_.rename(incoming, packages_ / digest);
   }
 
+  /// @return why it cannot be brought; empty when it was.
+  std::string bring_unless_broken(const fs::path& package, const std::string& digest) {
+    try {
+      bring(package, digest);
+      return {};
+    } catch (const InputError& error) {
+      files_.remove_tree(packages_ / (kIncoming + digest));
+      return error.what();
+    }
+  }
+
   /// From here on it is the new backup.
   void commit(const std::set<std::string>& named) {
     files_.sync_folder(packages_);
@@ -149,6 +170,7 @@ PackageStore::BackedUp PackageStore::backup(const fs::path& folder) const {
   BackupFolder target(normal(folder), *calls_);
   while (true) {
     BackedUp done;
+    std::string broken;
     const std::set<std::string> named = target.write_state(*state_);
     bool vanished = false;
     for (const std::string& digest : named) {
@@ -164,12 +186,20 @@ PackageStore::BackedUp PackageStore::backup(const fs::path& folder) const {
         const FolderLock lock = locked();
         vanished = !state_->uses(digest);
         if (vanished) break;
-        target.bring(package_folder(digest), digest);
+        const std::string why = target.bring_unless_broken(package_folder(digest), digest);
+        if (!why.empty()) {
+          broken += "; " + versions_with(*state_, digest) + " (" + why + ")";
+          continue;
+        }
       }
       ++done.copied;
     }
     if (vanished) continue;
     target.commit(named);
+    // One that is broken must not keep the others from being saved.
+    if (!broken.empty())
+      throw InputError(folder_.string(), "broken packages" + broken,
+                       "whole ones; all else is in the backup");
     return done;
   }
 }
@@ -192,7 +222,12 @@ std::size_t PackageStore::restore(const fs::path& backup, const fs::path& folder
   const fs::path packages = target / kPackagesName;
   make_lasting_folder(packages, files);
   const std::set<std::string> digests = digests_of(state);
+  std::string missing;
   for (const std::string& digest : digests) {
+    if (!is_there(backup / kPackagesName / digest)) {
+      missing += "; " + versions_with(state, digest);
+      continue;
+    }
     const fs::path incoming = packages / (kIncoming + digest);
     files.make_folder(incoming);
     const CopiedPackage copied = copy_package(backup / kPackagesName / digest, incoming, files);
@@ -204,6 +239,9 @@ std::size_t PackageStore::restore(const fs::path& backup, const fs::path& folder
   state.write_backup(target / kNewStateName, now_ns(), calls);
   files.rename(target / kNewStateName, target / kStateName);
   files.sync_folder(target);
+  if (!missing.empty())
+    throw InputError(backup.string(), "no package" + missing,
+                     "one for each version; all else is restored");
   return digests.size();
 }
 

@@ -149,12 +149,21 @@ TEST_F(StoreBackupTest, RefusesABrokenPackage) {
   spoil(copy / tile);
   EXPECT_THAT([&] { PackageStore::restore(copy, folder_.path() / "new", calls_); },
               ThrowsSaying<InputError>({"0_0_0.bin"}));
-  spoil(folder_.path() / "store" / tile);
-  EXPECT_THAT([&] { store_->backup(folder_.path() / "other"); },
-              ThrowsSaying<InputError>({"0_0_0.bin", "manifest.json"}));
-  EXPECT_THAT(
-      [&] { PackageStore::restore(folder_.path() / "other", folder_.path() / "n", calls_); },
-      ThrowsSaying<InputError>({"no finished backup"}));
+}
+
+TEST_F(StoreBackupTest, SavesAllButABrokenPackage) {
+  store_->add("town", "2", folder_.path() / "second");
+  spoil(folder_.path() / "store/packages" / first_ / "tiles/0_0_0.bin");
+  EXPECT_THAT([&] { store_->backup(backup_); },
+              ThrowsSaying<InputError>({"town/1", "0_0_0.bin", "manifest.json"}));
+  EXPECT_EQ(std::distance(fs::directory_iterator(backup_ / "packages"), {}), 1);
+  EXPECT_THAT([&] { (void)restored(); }, ThrowsSaying<InputError>({"no package", "town/1"}));
+  const PackageStore again(folder_.path() / "restored0", calls_);
+  EXPECT_EQ(again.open("town", "2")->digest(), second_);
+  // Mended, it is brought with the next one.
+  store_->add("town", "1", folder_.path() / "first");
+  EXPECT_EQ(store_->backup(backup_).copied, 1U);
+  EXPECT_THAT(restored()->verify(), IsEmpty());
 }
 
 TEST_F(StoreBackupTest, NeverWritesOverAnythingElse) {

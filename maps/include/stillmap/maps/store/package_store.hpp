@@ -151,11 +151,13 @@ class PackageStore {
   /// more go. A crash leaves the earlier backup or the new one. Drives are not in it, so jobs that
   /// have not finished are failed in it.
   /// @param folder  new, empty or an earlier backup.
-  /// @throws InputError when it is something else or a package is broken; StorageError.
+  /// @throws InputError when it is something else; or names what is broken, once all else is saved;
+  /// StorageError.
   BackedUp backup(const std::filesystem::path& folder) const;
   /// Makes a store of a backup, with copies of its packages, whose checksums are recomputed.
   /// @param folder  new or empty. @return how many packages.
-  /// @throws InputError when it holds anything or the backup is none or broken; StorageError.
+  /// @throws InputError when it holds anything or the backup is none or broken; or names versions
+  /// whose package was broken when it was made, once all else is restored; StorageError.
   static std::size_t restore(const std::filesystem::path& backup,
                              const std::filesystem::path& folder,
                              DiskCalls& calls = DiskCalls::real());
