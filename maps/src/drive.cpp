@@ -37,9 +37,9 @@ constexpr std::array<LayoutReader, 6> kNamedLayouts{{
     {DriveLayout::kKittiRaw, is_kitti_raw, open_kitti_raw},
     {DriveLayout::kKittiOdometry, is_kitti_odometry, open_kitti_odometry},
     {DriveLayout::kKeyframes, is_keyframes, open_keyframes},
-    {kMulranLayout, is_mulran, open_mulran},
+    {DriveLayout::kMulran, is_mulran, open_mulran},
     {DriveLayout::kRosbag2, is_bag, nullptr},
-    {kRawlogLayout, is_rawlog, nullptr},
+    {DriveLayout::kRawlog, is_rawlog, nullptr},
 }};
 
 LayoutReader reader_for(const std::filesystem::path& root) {
@@ -113,9 +113,11 @@ std::string_view name_of(DriveLayout layout) {
       return "mcap";
     case DriveLayout::kRosbag2:
       return "rosbag2";
+    case DriveLayout::kMulran:
+      return "mulran";
+    case DriveLayout::kRawlog:
+      return "rawlog";
   }
-  if (layout == kMulranLayout) return "mulran";
-  if (layout == kRawlogLayout) return "rawlog";
   throw std::invalid_argument("name_of: unknown layout");
 }
 

@@ -13,6 +13,7 @@
 #include <stillmap/maps/map_package.hpp>
 
 #include <algorithm>
+#include <cctype>
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -150,14 +151,16 @@ class CloudImport {
     else
       frame_.place = place;
     frame_.projection.emplace(*frame_.place, *frame_.utm);
-    if (!is_wgs84(summary.coordinates))
-      take_as_wgs84(fmt::format("coordinates of '{}'", summary.coordinates),
-                    "those of WGS 84, which may be 2 m off");
+    const std::string coordinates = fmt::format("coordinates of '{}'", summary.coordinates);
+    if (!summary.coordinates.empty() && !summary.utm)
+      take_as_wgs84(coordinates, fmt::format("EPSG:{}, as the options say", frame_.utm->epsg()));
+    else if (!is_wgs84(summary.coordinates))
+      take_as_wgs84(coordinates, "those of WGS 84, which may be 2 m off");
     if (!summary.heights.empty())
       take_as_wgs84(fmt::format("heights of '{}'", summary.heights), "above the WGS 84 ellipsoid");
   }
 
-  void take_as_wgs84(const std::string& what, const char* as) {
+  void take_as_wgs84(const std::string& what, const std::string& as) {
     report_.warnings.push_back(fmt::format("{} are taken as {}", what, as));
     frame_.taken_as_wgs84 += (frame_.taken_as_wgs84.empty() ? "" : ", ") + what;
   }
@@ -178,10 +181,13 @@ class CloudImport {
                     kFarthestFromOriginM / 1000.0));
   }
 
-  /// Of the file's zone, by name or code. No name: the options say it.
-  static bool is_wgs84(const std::string& coordinates) {
-    return coordinates.empty() || coordinates.starts_with("WGS") ||
-           coordinates.starts_with("EPSG:32");
+  /// Of a zone of UTM, by its name or code; without either, the options say it.
+  static bool is_wgs84(std::string name) {
+    std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) {
+      return c == '_' ? ' ' : static_cast<char>(std::tolower(c));
+    });
+    return name.empty() || name.starts_with("wgs 84") || name.starts_with("wgs 1984") ||
+           name.starts_with("epsg:326") || name.starts_with("epsg:327");
   }
 
   [[nodiscard]] maps::GeodeticOrigin place_of(const Eigen::Vector3d& p_utm) const {

@@ -222,8 +222,9 @@ Candidates topics_of_poses(const Search& search, std::vector<std::string>& notes
   Candidates found;
   for (const auto& [topic, known] : search.survey.topics) {
     if (!is_pose_type(known.type) || known.messages == 0) continue;
+    const bool may_be_goals = known.type == kPoseStamped && !search.choice.pose_frame;
     if (known.messages >= kLeastPoses &&
-        known.messages * kMostScansAPose >= search.stamps_ns.size()) {
+        (!may_be_goals || known.messages * kMostScansAPose >= search.stamps_ns.size())) {
       found.add(topic, fmt::format("{} {}", known.messages, known.type));
       continue;
     }
@@ -236,21 +237,27 @@ Candidates topics_of_poses(const Search& search, std::vector<std::string>& notes
   return found;
 }
 
-/// Whether tf says the same as a topic: many who publish odometry send both.
-bool is_also_in_tf(const std::optional<PoseFrames>& frames,
+/// Whether tf says the same as a topic, but for constants: many who publish odometry send both, and
+/// put a map that does not move above it.
+bool is_also_in_tf(const FrameTree& tree, const std::optional<PoseFrames>& frames,
                    const std::vector<FrameTree::Step>& steps) {
-  return frames && frames->parent == steps.back().parent &&
-         std::any_of(steps.begin(), steps.end(),
-                     [&](const auto& step) { return step.child == frames->child; });
+  if (!frames || frames->child.empty()) return false;
+  const auto parent = std::find_if(steps.begin(), steps.end(),
+                                   [&](const auto& step) { return step.parent == frames->parent; });
+  if (parent == steps.end() || moves({std::next(parent), steps.end()})) return false;
+  return std::any_of(steps.begin(), std::next(parent), [&](const auto& step) {
+    return tree.T_between(frames->child, step.child).has_value();
+  });
 }
 
-/// Adds tf beside the one topic where a standing frame moves the clouds in it and the topic says
-/// something else.
+/// Adds tf where a standing frame moves the clouds in it and the one topic says something else.
 void add_tf(const Search& search, Candidates& found) {
-  if (found.topics.size() != 1) return;
+  if (found.topics.empty()) return;
   const std::vector<FrameTree::Step> steps = steps_to_map(search);
   if (!moves(steps) || !stands_still(steps.back().parent) ||
-      is_also_in_tf(search.survey.topics.at(found.topics.front()).pose_frames, steps))
+      (found.topics.size() == 1 &&
+       is_also_in_tf(search.survey.tree, search.survey.topics.at(found.topics.front()).pose_frames,
+                     steps)))
     return;
   for (const auto& [topic, known] : search.survey.topics)
     if (known.type == kTfMessage && !is_static_tf(topic) && known.messages > 0)

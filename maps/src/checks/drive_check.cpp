@@ -8,6 +8,7 @@
 #include "checks/drive_sample.hpp"
 #include "checks/duplicate_scans.hpp"
 #include "checks/viewpoint_check.hpp"
+#include "drives/layout.hpp"
 #include "formats/point_table.hpp"
 
 namespace stillmap::maps {
@@ -44,8 +45,8 @@ void check_periods(const Drive& drive, DriveCheck& check) {
   }
   check.periods = periods;
   const double share = static_cast<double>(periods.gaps) / static_cast<double>(periods_s.size());
-  const bool is_recording = drive.contents().entries.read != nullptr;
-  if (periods.gaps == 0 || (!is_recording && share > kMostGapShare)) return;
+  if (periods.gaps == 0 || (share > kMostGapShare && !is_recording(drive.contents().layout)))
+    return;
   check.findings.push_back(
       {"gaps",
        fmt::format(
@@ -208,8 +209,9 @@ void check_point_times(const Drive& drive, const std::vector<SampledScan>& sampl
            ? fmt::format("several fields may be the times of the points ({}): none is taken",
                          fmt::join(times, ", "))
            : fmt::format(
-                 "the field {} is not taken as the times of the points: in no unit do all of "
-                 "them lie within 1 s of their scan's stamp",
+                 "the field {} is not taken as the times of the points: these are one finite "
+                 "number a point that lies, in a unit known here, within 1 s of the scan's "
+                 "stamp",
                  times.front()),
        "let the driver write one, by the clock of the stamps: without, a scan that moved while it "
        "was taken stays bent. 'DRIVE?sensor=NAME' takes the times of a sensor's turn, where points "

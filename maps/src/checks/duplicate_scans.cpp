@@ -7,6 +7,10 @@
 #include <fstream>
 #include <string>
 #include <system_error>
+#include <utility>
+#include <vector>
+
+#include "drives/layout.hpp"
 
 namespace stillmap::maps {
 namespace {
@@ -38,26 +42,42 @@ bool same_bytes(const fs::path& a, const fs::path& b) {
   return !first && !second;
 }
 
-bool same_points(const Drive& drive, std::size_t a, std::size_t b) {
-  const std::vector<Eigen::Vector3f> first = drive.read(a).cloud.positions;
-  return !first.empty() && first == drive.read(b).cloud.positions;
+using Points = std::vector<Eigen::Vector3f>;
+
+/// None where the scan cannot be read: whoever needs it says so.
+Points points_of(const Drive& drive, std::size_t scan) {
+  try {
+    return drive.read(scan).cloud.positions;
+  } catch (const InputError&) {
+    return {};
+  }
+}
+
+/// Of messages, whose stamps differ, and that are read as a whole.
+DuplicateScans duplicates_in_recording(const Drive& drive) {
+  DuplicateScans found;
+  const std::size_t step = drive.size() / kMostPairs + 1;
+  Points before;
+  for (std::size_t i = 1; i < drive.size(); i += step) {
+    ++found.looked_at;
+    if (step > 1 || i == 1) before = points_of(drive, i - 1);
+    Points points = points_of(drive, i);
+    if (!points.empty() && points == before && found.count++ == 0) found.first = i;
+    before = std::move(points);
+  }
+  return found;
 }
 
 }  // namespace
 
 DuplicateScans duplicate_scans(const Drive& drive) {
+  if (is_recording(drive.contents().layout)) return duplicates_in_recording(drive);
   DuplicateScans found;
-  const Drive::Contents& contents = drive.contents();
-  const std::vector<fs::path>& files = contents.scan_files;
-  const bool is_recording = contents.entries.read != nullptr;
-  // Of files mostly the sizes are read; messages as a whole, and their stamps differ.
-  const std::size_t step = is_recording ? files.size() / kMostPairs + 1 : 1;
-  for (std::size_t i = 1; i < files.size(); i += step) {
+  const std::vector<fs::path>& files = drive.contents().scan_files;
+  for (std::size_t i = 1; i < files.size(); ++i) {
     ++found.looked_at;
-    const bool same = is_recording ? same_points(drive, i - 1, i)
-                                   : size_of(files[i]) == size_of(files[i - 1]) &&
-                                         same_bytes(files[i - 1], files[i]);
-    if (same && found.count++ == 0) found.first = i;
+    if (size_of(files[i]) != size_of(files[i - 1]) || !same_bytes(files[i - 1], files[i])) continue;
+    if (found.count++ == 0) found.first = i;
   }
   return found;
 }

@@ -16,7 +16,7 @@ struct DuplicateScans {
 /// Scans whose file has the same bytes as the one before. Files of other sizes are not read, and of
 /// equal ones no more than it takes. Of recordings up to 100 scans, spread over them, are compared,
 /// by their points.
-/// @throws as `Drive::read`.
+/// Those that cannot be read are passed over. @throws StorageError.
 [[nodiscard]] DuplicateScans duplicate_scans(const Drive& drive);
 
 }  // namespace stillmap::maps

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "checks/drive_sample.hpp"
+#include "drives/layout.hpp"
 #include "formats/pcd.hpp"
 
 namespace stillmap::maps {
@@ -48,7 +49,7 @@ bool is_other_than_identity(const Drive& drive, const std::vector<SamplePair>& p
 
 DriveFinding no_poses(const Drive& drive) {
   const bool pcd = drive.contents().scan_files.front().extension() == ".pcd";
-  if (drive.contents().entries.read)
+  if (is_recording(drive.contents().layout))
     return {"no_poses", "no poses: none are taken of the recording",
             "choose what it has (the notes say it), or give them with --poses FILE (KITTI or TUM) "
             "where there are any; without, odometry makes them of the scans"};

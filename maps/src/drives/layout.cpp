@@ -212,6 +212,11 @@ void set_labels(Drive::Contents& contents) {
   if (missing > 0) contents.notes.push_back(fmt::format("{} scans without labels", missing));
 }
 
+bool is_recording(DriveLayout layout) {
+  return layout == DriveLayout::kMcap || layout == DriveLayout::kRosbag2 ||
+         layout == DriveLayout::kRawlog;
+}
+
 void keep_scans(Drive::Contents& contents, const std::vector<std::size_t>& kept) {
   const auto keep = [&](auto& values) {
     if (values.empty()) return;

@@ -12,10 +12,6 @@
 /// What the openers of the layouts share.
 namespace stillmap::maps {
 
-/// Behind those that `DriveLayout` lists; `name_of` knows them.
-inline constexpr DriveLayout kMulranLayout{6};
-inline constexpr DriveLayout kRawlogLayout{7};
-
 /// Time between scans when no file tells it [ns]: 0.1 s, the turn of most sensors.
 inline constexpr std::int64_t kAssumedPeriodNs = 100'000'000;
 /// Stamps from here on count from the epoch: 1e8 s, March 1973.
@@ -72,6 +68,9 @@ void set_labels(Drive::Contents& contents);
 
 /// Keeps some of the scans with all that belongs to them. @param kept  ascending.
 void keep_scans(Drive::Contents& contents, const std::vector<std::size_t>& kept);
+
+/// Whether a layout is a recording of all that a sensor sent, in a file with other messages.
+[[nodiscard]] bool is_recording(DriveLayout layout);
 
 /// Leaves out the fewest scans without which stamps rise from each to the next, and says so. Call
 /// it last.

@@ -221,7 +221,7 @@ bool is_mulran(const fs::path& root) {
 
 Drive::Contents open_mulran(const fs::path& root, const std::optional<fs::path>& poses_file) {
   Drive::Contents contents;
-  contents.layout = kMulranLayout;
+  contents.layout = DriveLayout::kMulran;
   contents.root = root;
   set_scans(contents);
   note_missing_scans(contents);

@@ -189,7 +189,7 @@ Drive::Contents open_rawlog_drive(const fs::path& root, std::string_view words,
   const std::string& label = label_of(*scans->survey, choice, scans->name);
   scans->scans = &scans->survey->scans_of_label.at(label);
   Drive::Contents contents;
-  contents.layout = kRawlogLayout;
+  contents.layout = DriveLayout::kRawlog;
   contents.root = root;
   contents.notes = scans->survey->notes;
   set_scans(contents, scans, label, file);

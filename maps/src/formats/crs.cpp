@@ -76,8 +76,10 @@ class WktReader {
         word += c;
       }
     }
-    if (!has_code_ && projected_) system_.utm = zone_in_name(system_.name);
-    // Some surveys put the zone before the easting (EPSG:4647), and keep the name.
+    // Some surveys put the zone before the easting (EPSG:4647), and keep the name; and there are
+    // more codes of ordinary zones than are known here.
+    const bool is_utm_by_name = !has_code_ || false_easting_m_ == kUtmFalseEastingM;
+    if (!system_.utm && projected_ && is_utm_by_name) system_.utm = zone_in_name(system_.name);
     if (false_easting_m_ && *false_easting_m_ != kUtmFalseEastingM) system_.utm.reset();
     system_.is_geographic = geographic_ && !projected_;
     return system_;

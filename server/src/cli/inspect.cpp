@@ -68,7 +68,7 @@ void print_findings(const std::vector<maps::DriveFinding>& findings) {
     fmt::print("wrong? {}\n       {}\n", finding.what, finding.remedy);
 }
 
-/// What some twenty scans say of the drive.
+/// What some of the scans say of the drive.
 void add_check(const maps::DriveCheck& check, Table& table) {
   if (const auto& periods = check.periods)
     table.add("time between scans",

@@ -23,6 +23,19 @@ Eigen::Vector3d to_map(const std::array<float, 3>& p, const Eigen::Vector3d& ori
   return Eigen::Vector3d(p[0], p[1], p[2]) + origin;
 }
 
+/// Of a recording; what `?sensor=` put behind it is left out.
+std::string topic_of(const maps::Drive::Contents& contents) {
+  using enum maps::DriveLayout;
+  if (contents.layout != kMcap && contents.layout != kRosbag2 && contents.layout != kRawlog)
+    return {};
+  std::string topic = contents.entries.topic;
+  for (const maps::SensorPreset& sensor : maps::sensor_presets()) {
+    const std::string suffix = " " + std::string(sensor.name);
+    if (topic.ends_with(suffix)) topic.resize(topic.size() - suffix.size());
+  }
+  return topic;
+}
+
 /// Floats are 16 mm coarse from here on.
 constexpr double kTooCoarseFromM = 131072.0;
 constexpr double kLargestMapM = 200'000.0;
@@ -96,7 +109,7 @@ DriveSummary summarize(const maps::Drive& drive) {
   summary.relative_clock = contents.relative_clock;
   summary.has_poses = drive.has_poses();
   summary.has_labels = !contents.label_files.empty();
-  summary.topic = contents.entries.topic;
+  summary.topic = topic_of(contents);
   summary.frame_id = contents.entries.frame_id;
   summary.fields = contents.entries.fields;
   summary.path_length_m = path_length_m(contents.T_map_lidar);

@@ -84,7 +84,7 @@ struct TrajectorySummary {
 [[nodiscard]] bool is_map_package(const std::filesystem::path& folder);
 
 [[nodiscard]] MapSummary summarize(const maps::MapPackage& package);
-/// Reads the first scan and some twenty others. @throws as `maps::Drive::read`.
+/// Reads the first scan and those of `maps::check_drive`. @throws as `maps::Drive::read`.
 [[nodiscard]] DriveSummary summarize(const maps::Drive& drive);
 /// Reads the whole file, in pieces. @throws maps::InputError, maps::StorageError.
 [[nodiscard]] CloudFileSummary summarize_cloud(const std::filesystem::path& file);

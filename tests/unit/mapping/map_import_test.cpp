@@ -227,6 +227,11 @@ TEST_F(MapImport, OtherDatumsAreSaidByTheImportAndByExports) {
   EXPECT_THAT(report.warnings, ::testing::Contains(HasSubstr("'EPSG:25832' are taken as")));
   const auto said = "coordinates of 'EPSG:25832'";
   EXPECT_EQ(map()->manifest().options.at("taken_as_wgs84"), said);
+  // A datum that is farther off, which the options take for another.
+  options_.utm = maps::UtmZone{32, true};
+  EXPECT_THAT(import("ed50.las", las_of({{1, 2, 3}}, 23032).bytes(), "ed50").warnings,
+              ::testing::Contains("coordinates of 'EPSG:23032' are taken as EPSG:32632, as the "
+                                  "options say"));
   const auto exported = maps::export_map(*map(), "ply", folder_.path() / "out.ply");
   EXPECT_THAT(exported.notes, ::testing::Contains(HasSubstr(said)));
   std::ifstream file(folder_.path() / "out.ply");

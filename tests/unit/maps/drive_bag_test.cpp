@@ -289,6 +289,18 @@ TEST_F(BagDrive, ListsTfBesideATopicThatSaysSomethingElse) {
   add_tf("odom", "base_link", 0.0);
   // The same twice.
   EXPECT_THAT(open().contents().notes, ElementsAre("poses are those of /odom"));
+  // A map that stands still above it, and a frame beside the chain.
+  add_static("map", "odom", {7, 0, 0});
+  add_static("base_link", "base_footprint", {});
+  EXPECT_NEAR(xs(open())[1], 1.0, 1e-12);
+  std::erase_if(messages_, [](const Message& message) { return message.topic == "/odom"; });
+  add_odometry("/odom", "base_footprint");
+  EXPECT_THAT(open().contents().notes, Contains("poses are those of /odom"));
+  std::erase_if(messages_, [](const Message& message) {
+    return message.topic == "/odom" || message.topic == "/tf_static";
+  });
+  add_odometry("/odom", "base_link");
+  add_static("base_link", "lidar", {});
   // Wheels, and what corrects them.
   add_tf("map", "odom", 5.0);
   expect_error(
@@ -307,6 +319,7 @@ TEST_F(BagDrive, TakesNoGoalsForAPath) {
   EXPECT_THAT(drive.contents().notes,
               ElementsAre(HasSubstr("/goal_pose has 2 poses for 100 scans, which are no path")));
   EXPECT_TRUE(open("?poses=/goal_pose").has_poses());
+  EXPECT_TRUE(open("?pose_frame=lidar").has_poses());
   // Many of them are listed beside tf.
   for (const int i : {10, 20})
     add("/goal_pose", kPoseType, test::pose_stamped(kStart + i * kStep, {}));

@@ -327,6 +327,11 @@ TEST(CoordinateSystem, WktAsOthersWriteIt) {
        {R"(AUTHORITY["EPSG","4647"]])", R"(PARAMETER["false_easting",32500000]])"})
     EXPECT_EQ(read_wkt(prefixed + facts).utm, std::nullopt) << facts;
   EXPECT_EQ(read_wkt(prefixed + R"(PARAMETER["false_easting",500000]])").utm, (UtmZone{32, true}));
+  // A code that is not known here, of an ordinary zone (USGS).
+  EXPECT_EQ(read_wkt(R"_(PROJCS["NAD83(2011) / UTM zone 17N",PARAMETER["false_easting",500000],)_"
+                     R"_(UNIT["metre",1],AUTHORITY["EPSG","6346"]])_")
+                .utm,
+            (UtmZone{17, true}));
   // A base that is UTM's does not make it UTM.
   EXPECT_EQ(read_wkt(R"(PROJCS["x",GEOGCS["y",AUTHORITY["EPSG","32632"]]])").utm, std::nullopt);
 }

@@ -18,7 +18,16 @@
 namespace stillmap::maps {
 
 /// Native layouts that are told apart by content.
-enum class DriveLayout { kKittiRaw, kKittiOdometry, kKeyframes, kScanFolder, kMcap, kRosbag2 };
+enum class DriveLayout {
+  kKittiRaw,
+  kKittiOdometry,
+  kKeyframes,
+  kScanFolder,
+  kMcap,
+  kRosbag2,
+  kMulran,
+  kRawlog
+};
 [[nodiscard]] std::string_view name_of(DriveLayout layout);
 
 /// Geodetic place of the map frame's origin (WGS 84).
@@ -82,12 +91,12 @@ class Drive {
   /// Opens a drive of any layout, told apart by content: a folder, or the file of a bag.
   ///
   /// Of a bag (MCAP, rosbag2) its one topic of PointCloud2 is read, with the stamps of the
-  /// messages' headers. Poses are those of its one topic of Odometry or PoseStamped (with a pose
-  /// for 40 scans at least), brought to the clouds' frame by tf_static, or of tf from the highest
-  /// frame called map, odom or world, else from one called earth, interpolated to the scans; where
-  /// tf only repeats the topic, the topic counts. Scans at the ends without a pose are left out and
-  /// noted, and without poses there are none. Where there is more than one choice, it is made in
-  /// `topics.txt` of the bag's folder, or behind the path:
+  /// messages' headers. Poses are those of its one topic of Odometry or PoseStamped (of these
+  /// with one for 40 scans at least), brought to the clouds' frame by tf_static, or of tf from the
+  /// highest frame called map, odom or world, else from one called earth, interpolated to the
+  /// scans; where tf only repeats the topic, the topic counts. Scans at the ends without a pose are
+  /// left out and noted, and without poses there are none. Where there is more than one choice, it
+  /// is made in `topics.txt` of the bag's folder, or behind the path:
   /// `run.mcap?cloud=/points&poses=/odom&pose_frame=base_link`, any of the three; `poses` may be a
   /// topic of tf or `none`, and `pose_frame` is the frame that the poses are of where their
   /// messages do not say it, or say it wrong.

@@ -15,7 +15,7 @@ namespace stillmap::maps {
 struct DriveFinding {
   /// Stable: frame_of_poses, map_not_level, poses_stand_still, poses_jump, gaps, duplicates,
   /// sensor_upside_down, sensor_tilted, intensity_constant, millimetres, few_returns, no_poses,
-  /// viewpoints_not_applied, points_in_map_frame.
+  /// viewpoints_not_applied, points_in_map_frame, times_not_taken.
   std::string code;
   std::string what;
   std::string remedy;
@@ -65,8 +65,8 @@ struct DriveCheck {
   std::size_t scans_read = 0;
 };
 
-/// Looks for what commonly goes wrong with drives, in some twenty scans spread over it. The same
-/// for the same drive. @throws as `Drive::read`.
+/// Looks for what commonly goes wrong with drives, in some twenty scans spread over it, and of
+/// recordings in up to 200 more. The same for the same drive. @throws as `Drive::read`.
 [[nodiscard]] DriveCheck check_drive(const Drive& drive);
 
 }  // namespace stillmap::maps
