@@ -17,7 +17,6 @@
 #include <algorithm>
 #include <chrono>
 #include <exception>
-#include <sstream>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
@@ -34,10 +33,6 @@ constexpr std::chrono::seconds kLookAtLock{2};
 /// How soon the end of a job that could not be kept is tried again, at most.
 constexpr std::chrono::seconds kMostBetweenTries{30};
 
-/// How often a job waits for room on a full disk: with the pauses, for some 25 hours.
-constexpr int kMostTimesFull = 30;
-constexpr std::chrono::hours kMostPauseWhenFull{1};
-
 /// Runs what may throw where nobody could do anything about it.
 template <typename Work>
 void quietly(const char* what, std::int64_t id, Work&& work) {
@@ -50,19 +45,6 @@ void quietly(const char* what, std::int64_t id, Work&& work) {
 
 fs::path job_root(const JobOptions& options, const maps::PackageStore& store) {
   return options.work_dir.empty() ? store.folder() / "jobs" : fs::path(options.work_dir);
-}
-
-/// How often a job's program, or the server while it published, crashed, with this attempt; the
-/// same however often it is asked.
-std::size_t count_crash(const JobFolder& folder, const maps::StoredJob& job) {
-  std::size_t crashes = 0;
-  std::int64_t last_attempt = 0;
-  std::istringstream(read_small_file(folder.crashes()).value_or("")) >> crashes >> last_attempt;
-  if (last_attempt == job.attempts) return crashes;
-  ++crashes;
-  quietly("its crash could not be counted", job.id,
-          [&] { write_small_file(folder.crashes(), fmt::format("{} {}", crashes, job.attempts)); });
-  return crashes;
 }
 
 /// Whether the server that had the job before ended so. Counted as a crash, else a map that is too
@@ -285,46 +267,6 @@ void JobRunner::settle(const maps::StoredJob& job, const AttemptEnd& end,
     case Kind::kDiskFull:
       return try_again_with_room(job, end.why, stop);
   }
-}
-
-/// As often as the options allow; then it has failed.
-void JobRunner::try_again(const maps::StoredJob& job, const std::string& why) {
-  const std::size_t crashes = count_crash(folder(job.id), job);
-  std::error_code error;
-  fs::remove(folder(job.id).publishing(), error);
-  const std::string words = without_places(why);
-  maps::JobTable& jobs = setup_.store.jobs();
-  if (crashes > static_cast<std::size_t>(setup_.live.current()->jobs.retries))
-    return fail(job, fmt::format("{}, {} times", words, crashes));
-  spdlog::warn("job {} is tried again: {}", job.id, words);
-  ended(jobs.put_back(job.id, words, unix_ns()));
-}
-
-/// After a pause, from its last checkpoint. It keeps its turn: jobs behind it would meet the same
-/// full disk.
-void JobRunner::try_again_with_room(const maps::StoredJob& job, const std::string& why,
-                                    const std::stop_token& stop) {
-  std::error_code error;
-  fs::remove(folder(job.id).publishing(), error);
-  const std::string words = without_places(why);
-  maps::JobTable& jobs = setup_.store.jobs();
-  std::unique_lock lock(mutex_);
-  const int times = ++active_[job.id].times_full;
-  lock.unlock();
-  if (times > kMostTimesFull) return fail(job, fmt::format("{}, {} times", words, times));
-  spdlog::warn("job {} waits for room on the disk: {}", job.id, words);
-  note_progress(job, {.stage = "wait for room on the disk"});
-  const auto pause = std::min<std::chrono::milliseconds>(
-      kMostPauseWhenFull, setup_.first_pause_when_full * (1LL << std::min(times - 1, 20)));
-  const auto go_on = std::chrono::steady_clock::now() + pause;
-  while (std::chrono::steady_clock::now() < go_on && !stop.stop_requested() && !is_canceled(job)) {
-    lock.lock();
-    changed_.wait_until(lock, stop,
-                        std::min(go_on, std::chrono::steady_clock::now() + kLookAtStore),
-                        [] { return false; });
-    lock.unlock();
-  }
-  ended(jobs.put_back(job.id, words, unix_ns()));
 }
 
 /// After the store was told: nothing is left to do when it has ended for good.
