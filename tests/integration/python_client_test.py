@@ -327,11 +327,13 @@ class Restart(unittest.TestCase):
 class Faults(unittest.TestCase):
     """A server of the test's own that fails as it is told."""
 
-    def serve(self, *answers):
+    def serve(self, *answers, idle_s=None):
+        """@param idle_s  after which it ends a connection."""
         seen, script = [], list(answers)
 
         class Handler(http.server.BaseHTTPRequestHandler):
             protocol_version = "HTTP/1.1"
+            timeout = idle_s
 
             def log_message(self, *_):
                 pass
@@ -531,6 +533,15 @@ class Faults(unittest.TestCase):
             with self.assertRaises(ConnectionLost):
                 Client(url, slow_timeout_s=0.5).upload_version("a", "b", name)
             self.assertEqual(len(seen), 1)
+
+    def test_a_connection_that_idled_is_not_used_after_a_slow_call(self):
+        new = self.map_at("v2", 1)
+        url, seen = self.serve(self.MAPS, (new[0], {"X-Sleep": "1.5"}, new[2]), self.SESSION, idle_s=1.0)
+        client = Client(url)
+        client.maps()
+        client.activate("town", "v2")
+        # Not sent again: on the connection that the server has ended meanwhile it would be lost.
+        self.assertEqual(client.open_session("town").id, "s")
 
     def test_a_deadline_is_waited_for(self):
         url, seen = self.serve((200, {"X-Sleep": "1"}, self.POSE[2]))

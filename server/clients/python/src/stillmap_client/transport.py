@@ -154,7 +154,8 @@ class Transport:
         ours = getattr(self._local, "connection", None) is connection
         if not ours or response.raw.will_close or not response.raw.isclosed():
             self._forget(connection)
-        self._local.used = time.monotonic()
+        if ours:
+            self._local.used = time.monotonic()
 
     def _new(self) -> http.client.HTTPConnection:
         if self._tls is None:
