@@ -434,6 +434,16 @@ class Faults(unittest.TestCase):
                 self.assertIsInstance(errors[0][1], StillmapError)
                 self.assertEqual(answers, [1, 2] if again else [2])
 
+    def test_a_stream_does_not_wait_for_errors_that_it_did_not_wait_after(self):
+        bad = [(502, {}, b"<html>")] * 10
+        url, _ = self.serve(self.SESSION, *bad, None, self.POSE, (204, {}, b""))
+        answers = []
+        with SessionStream(Client(url), "a", on_answer=lambda stamp, _: answers.append(stamp)) as stream:
+            for stamp in range(11):
+                stream.put(bytes(32), stamp)
+                self.assertTrue(stream.drain(10))
+        self.assertEqual((answers, stream.failed), ([10], 11))
+
     def test_a_stream_whose_session_cannot_be_opened_tells_why(self):
         url, _ = self.serve((301, {"Location": "https://x/"}, self.PAGE), self.SESSION, self.POSE, (204, {}, b""))
         answers, errors = [], []

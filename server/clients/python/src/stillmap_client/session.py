@@ -160,8 +160,10 @@ class SessionStream:
                 assert self._waiting is not None
                 item, self._waiting, self._busy = self._waiting, None, True
             error = self._send(*item)
-            tries = 0 if error is None else tries + 1
-            if error is not None and not _is_final(error):
+            if error is None or _is_final(error):
+                tries = 0
+            else:
+                tries += 1
                 self._wait_and_keep(item, wait_s(tries, error if isinstance(error, Problem) else None))
             with self._changed:
                 self._busy = False
