@@ -6,12 +6,15 @@ usage: python_client_test.py STILLMAP STORE DRIVE PACKAGE
 
 import array
 import contextlib
+import errno
+import http.client
 import http.server
 import io
 import json
 import pathlib
 import re
 import shutil
+import socket
 import subprocess
 import sys
 import tarfile
@@ -19,6 +22,7 @@ import tempfile
 import threading
 import time
 import unittest
+import unittest.mock
 
 PROGRAM, STORE, DRIVE, PACKAGE = (pathlib.Path(x).resolve() for x in sys.argv[1:5])
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "server/clients/python/src"))
@@ -543,6 +547,55 @@ class Faults(unittest.TestCase):
             with self.assertRaises(ConnectionLost):
                 Client(url, slow_timeout_s=0.5).upload_version("a", "b", name)
             self.assertEqual(len(seen), 1)
+
+    @staticmethod
+    def fails_once(owner, name, error):
+        """`name` of `owner` raises `error`, and does afterwards what it did before. An answer is waited for in vain."""
+        real, errors = getattr(owner, name), [error]
+
+        def first_fails(*arguments, **named):
+            if errors and name == "getresponse":
+                real(*arguments, **named).close()
+            if errors:
+                raise errors.pop()
+            return real(*arguments, **named)
+
+        return unittest.mock.patch.object(owner, name, first_fails)
+
+    def test_a_server_that_is_gone_is_not_silent(self):
+        made = (201, {}, b'{"version": "b", "digest": "d", "bytes": 1, "created_ns": "1"}')
+        old, new = self.map_at("v1", 3), self.map_at("v2", 4)
+        for owner, name, error in ((socket, "create_connection", socket.timeout("timed out")),
+                                   (http.client.HTTPConnection, "getresponse", OSError(errno.ETIMEDOUT, "gone"))):
+            with self.subTest(at=name), tempfile.TemporaryDirectory() as folder:
+                (pathlib.Path(folder) / "a").write_bytes(b"y")
+                sent = [] if name == "create_connection" else [made]  # of the answer that nobody reads
+                url, _ = self.serve(*sent, made)
+                with self.fails_once(owner, name, error):
+                    self.assertEqual(Client(url).upload_version("a", "b", folder).name, "b")
+                url, seen = self.serve(*(new for _ in sent), *(old for _ in sent), new)
+                with self.fails_once(owner, name, error):
+                    self.assertEqual(Client(url).activate("town", "v2").version, "v2")
+                self.assertEqual([each[0] for each in seen], ["POST", "GET", "POST"] if sent else ["POST"])
+
+    def test_what_was_never_sent_is_tried_again(self):
+        url, seen = self.serve(self.map_at("v1", 4))
+        with self.fails_once(socket, "create_connection", socket.timeout("timed out")):
+            self.assertEqual(Client(url).roll_back("town").version, "v1")
+        self.assertEqual(len(seen), 1)
+
+    def test_who_takes_nothing_of_a_version_is_left_after_the_usual_time(self):
+        with tempfile.TemporaryDirectory() as name, socket.create_server(("127.0.0.1", 0)) as server:
+            with (pathlib.Path(name) / "a").open("wb") as file:
+                file.truncate(32 << 20)
+            began = time.monotonic()
+            with self.assertRaises(ConnectionLost):
+                Client(f"http://127.0.0.1:{server.getsockname()[1]}", timeout_s=0.5, slow_timeout_s=20.0,
+                       retries=1).upload_version("a", "b", name)
+            self.assertLess(time.monotonic() - began, 15)
+            server.settimeout(1)
+            for _ in range(2):
+                server.accept()[0].close()
 
     def test_a_connection_that_idled_is_not_used_after_a_slow_call(self):
         new = self.map_at("v2", 1)

@@ -7,7 +7,6 @@ import itertools
 import json
 import os
 import pathlib
-import socket
 import ssl
 import time
 import uuid
@@ -41,7 +40,7 @@ class Client:
 
     url          such as "http://127.0.0.1:8080"
     key          API key, when the server has any ("stillmap_...")
-    timeout_s    of connecting, and of silence within an answer
+    timeout_s    of connecting, of a server that takes nothing of what is sent, and of silence within an answer
     slow_timeout_s  of silence where the server says nothing until it is done: a version or drive that was sent is
                  unpacked and brought to the disk, a version that is activated gets its index
     retries      further tries of refused requests (429, 503, after `Retry-After`) and of idempotent ones whose
@@ -93,13 +92,13 @@ class Client:
                                                   timeout_s=self._transport.patience_s(deadline_ms)).json())
 
     def open_session(self, map: str, *, version: Optional[str] = None, prior: Optional[Prior] = None,
-                     gnss: Optional[Gnss] = None) -> Session:
+                     gnss: Optional[Gnss] = None, retries: Optional[int] = None) -> Session:
         """Follows one vehicle. A prior needs its sigma or covariance."""
         wanted: Dict[str, Any] = {"map": map}
         for name, value in (("version", version), ("prior", prior and prior.to_json()), ("gnss", gnss and gnss.to_json())):
             if value is not None:
                 wanted[name] = value
-        return Session(self._transport, self._json("POST", "/v1/sessions", wanted, idempotent=False))
+        return Session(self._transport, self._json("POST", "/v1/sessions", wanted, idempotent=False, retries=retries))
 
     # --- the server and its maps -------------------------------------------------------------------------
 
@@ -277,11 +276,12 @@ class Client:
     # --- in general --------------------------------------------------------------------------------------
 
     def _json(self, method: str, path: str, body: Optional[Mapping[str, Any]] = None, *,
-              idempotent: bool = True, timeout_s: Optional[float] = None) -> Dict[str, Any]:
+              idempotent: bool = True, retries: Optional[int] = None,
+              timeout_s: Optional[float] = None) -> Dict[str, Any]:
         headers = {} if body is None else {"Content-Type": "application/json"}
         data: Body = None if body is None else json.dumps(body).encode()
         return dict(self._transport.call(method, path, body=data, headers=headers, idempotent=idempotent,
-                                         timeout_s=timeout_s).json())
+                                         retries=retries, timeout_s=timeout_s).json())
 
     def _change(self, path: str, if_revision: Optional[int], new_frame: bool) -> MapInfo:
         headers = {} if if_revision is None else {"If-Match": f'"{if_revision}"'}
@@ -315,8 +315,7 @@ def _is_lost(error: Exception) -> bool:
 
 
 def _is_silence(error: Exception) -> bool:
-    # 3.9 knows no TimeoutError here.
-    return isinstance(error.__cause__, socket.timeout) or isinstance(error, Problem) and error.status == 504
+    return isinstance(error, ConnectionLost) and error.silent or isinstance(error, Problem) and error.status == 504
 
 
 def _copied(response: Response, write: Callable[[bytes], int]) -> int:

@@ -12,6 +12,9 @@ class StillmapError(Exception):
 class ConnectionLost(StillmapError):
     """The server could not be reached, or went away within an answer, also after the retries."""
 
+    #: All was sent and nothing came for as long as was agreed: the server may still be at it.
+    silent = False
+
 
 class Problem(StillmapError):
     """The server refused the request or failed at it (RFC 9457). Branch on `code`, which is stable."""

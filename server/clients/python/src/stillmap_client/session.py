@@ -173,7 +173,7 @@ class SessionStream:
               odometry: Optional[Odometry]) -> Optional[StillmapError]:
         try:
             if self._session is None:
-                self._session = self._client.open_session(self._map, prior=self._prior)
+                self._session = self._client.open_session(self._map, prior=self._prior, retries=0)
                 self._prior = None  # where it was at first says nothing of a later session
                 self.sessions += 1
             answer = self._session.track(scan, stamp_ns, odometry=odometry, layout=layout,

@@ -101,8 +101,8 @@ class Transport:
              headers: Optional[Mapping[str, str]] = None, idempotent: bool = True, retries: Optional[int] = None,
              timeout_s: Optional[float] = None, whole: bool = False) -> Iterator[Response]:
         """An answer that is read piece by piece, unless it is wanted `whole`: then its body is part of each try.
-        With a `timeout_s` (of silence, not of connecting) it has a connection of its own, so that other requests of the
-        thread may run meanwhile."""
+        With a `timeout_s` (of waiting for the answer, not of connecting and sending) it has a connection of its own, so
+        that other requests of the thread may run meanwhile."""
         target = self._prefix + urllib.parse.quote(path, safe="/")
         if query:
             target += "?" + urllib.parse.urlencode(query, safe=",")
@@ -110,11 +110,18 @@ class Transport:
         waited = 0
         while True:
             connection = self._connection() if timeout_s is None else self._new()
+            connected, sent = connection.sock is not None, False
             try:
-                if timeout_s is not None:
+                if not connected:
                     connection.connect()
-                    _bear_silence(connection.sock, timeout_s)
-                response = self._once(connection, method, target, body, headers or {})
+                    connected = True
+                if timeout_s is not None:
+                    _probe(connection.sock)
+                self._send(connection, method, target, body, headers or {})
+                sent = True
+                if timeout_s is not None:
+                    connection.sock.settimeout(timeout_s)
+                response = Response(connection.getresponse())
                 if 200 <= response.status < 300:
                     if whole:
                         response.read()
@@ -123,10 +130,11 @@ class Transport:
                 self._keep(connection, response)
             except (OSError, http.client.HTTPException) as error:
                 self._forget(connection)
+                lost = ConnectionLost(f"{method} {path}: {error or type(error).__name__}")
                 # Whoever was given so long may still be at it, and another would wait beside it.
-                silent = timeout_s is not None and isinstance(error, socket.timeout)
-                if left <= 0 or silent or not (idempotent or isinstance(error, ConnectionRefusedError)):
-                    raise ConnectionLost(f"{method} {path}: {error or type(error).__name__}") from error
+                lost.silent = sent and timeout_s is not None and _is_timeout(error)
+                if left <= 0 or lost.silent or connected and not idempotent:
+                    raise lost from error
                 problem = None
             if problem is not None and (left <= 0 or problem.status not in (429, 503) or problem.code in _FINAL):
                 raise problem
@@ -170,8 +178,8 @@ class Transport:
         self._local.connection = connection = self._new()
         return connection
 
-    def _once(self, connection: http.client.HTTPConnection, method: str, target: str, body: Body,
-              headers: Mapping[str, str]) -> Response:
+    def _send(self, connection: http.client.HTTPConnection, method: str, target: str, body: Body,
+              headers: Mapping[str, str]) -> None:
         sent: Dict[str, str] = dict(headers)
         if self._key is not None:
             sent["Authorization"] = f"Bearer {self._key}"
@@ -189,12 +197,15 @@ class Transport:
         except (BrokenPipeError, ConnectionResetError):
             # Refused before all of the body was sent: the answer is there, if anything is.
             pass
-        return Response(connection.getresponse())
 
 
-def _bear_silence(connection: socket.socket, timeout_s: float) -> None:
+def _is_timeout(error: Exception) -> bool:
+    """Nothing came; with an errno it is the probes that found nobody. 3.9 knows no TimeoutError here."""
+    return isinstance(error, socket.timeout) and error.errno is None
+
+
+def _probe(connection: socket.socket) -> None:
     """Probes tell a silent server from one that is gone, and keep the connection in the tables of what is between."""
-    connection.settimeout(timeout_s)
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for name, value in (("TCP_KEEPIDLE", 60), ("TCP_KEEPINTVL", 15), ("TCP_KEEPCNT", 4)):
         if hasattr(socket, name):
