@@ -365,7 +365,7 @@ class Faults(unittest.TestCase):
 
         server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
         server.daemon_threads = True
-        threading.Thread(target=server.serve_forever, daemon=True).start()
+        threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
         self.addCleanup(server.server_close)
         self.addCleanup(server.shutdown)
         return f"http://127.0.0.1:{server.server_port}", seen
@@ -623,6 +623,30 @@ class Faults(unittest.TestCase):
             with self.assertRaises(Problem) as raised:
                 Client(url).maps()
             self.assertEqual(raised.exception.status, status)
+
+    def test_json_of_another_shape_is_a_problem(self):
+        asked = {
+            "maps": lambda client: client.maps(), "map": lambda client: client.map("a"),
+            "create_map": lambda client: client.create_map("a"), "versions": lambda client: client.versions("a"),
+            "activate": lambda client: client.activate("a", "b"), "roll_back": lambda client: client.roll_back("a"),
+            "localize": lambda client: client.localize("a", bytes(32)), "open_session": lambda client: client.open_session("a"),
+            "drives": lambda client: client.drives("a"),
+            "upload_version": lambda client: client.upload_version("a", "b", PACKAGE),
+            "upload_drive": lambda client: client.upload_drive("a", PACKAGE), "job": lambda client: client.job(1),
+            "wait_for_job": lambda client: client.wait_for_job(1)}
+        for name, ask in asked.items():
+            for body in (b"{}", b"[]", b"null", b'{"maps": [1], "versions": {"a": 1}, "id": null, "drives": 1, "name": 1}'):
+                with self.subTest(asked=name, body=body):
+                    url, seen = self.serve((200, {}, body), (200, {}, body))
+                    with self.assertRaises(Problem) as raised:
+                        ask(Client(url))
+                    self.assertEqual(raised.exception.status, 200)
+                    self.assertIn("another answer than expected", str(raised.exception))
+                    self.assertEqual(len(seen), 1)
+        for name in ("status", "stats", "cancel_job"):
+            url, _ = self.serve((200, {}, b"[]"))
+            with self.subTest(asked=name), self.assertRaises(Problem):
+                getattr(Client(url), name)(*([] if name == "status" else ["1"]))
 
     def test_a_download_that_breaks_goes_on(self):
         data = bytes(range(256)) * 1000

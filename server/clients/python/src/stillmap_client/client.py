@@ -18,13 +18,21 @@ from .archive import Archive
 from .errors import ConnectionLost, DownloadChanged, Problem
 from .scan import Scan, scan_request
 from .session import Session
-from .transport import Body, Response, Transport, wait_s
+from .transport import Body, Response, Transport, as_object, wait_s
 from .types import Event, Gnss, MapInfo, MovableBox, Pose, PoseAnswer, Prior, Version
 
 Path = Union[str, "os.PathLike[str]"]
 _Found = TypeVar("_Found")
 _PART_BYTES = 64 << 20
 _FINISHED = frozenset({"succeeded", "failed", "canceled"})
+
+
+def _job(json: Any) -> Dict[str, Any]:
+    """A job that can be waited for. @raises TypeError, KeyError."""
+    found = as_object(json)
+    for name in ("status", "stage", "progress"):
+        found[name]
+    return found
 
 
 def _csv(values: Sequence[float]) -> str:
@@ -88,8 +96,8 @@ class Client:
                 keys["movable"] = [box.to_json() for box in movable]
         query, body, headers = scan_request(scan, layout, flat, keys)
         place = f"/v1/maps/{map}" + ("" if version is None else f"/versions/{version}")
-        return PoseAnswer.of(self._transport.call("POST", place + "/localize", query=query, body=body, headers=headers,
-                                                  timeout_s=self._transport.patience_s(deadline_ms)).json())
+        return self._transport.call("POST", place + "/localize", query=query, body=body, headers=headers,
+                                    timeout_s=self._transport.patience_s(deadline_ms)).json(PoseAnswer.of)
 
     def open_session(self, map: str, *, version: Optional[str] = None, prior: Optional[Prior] = None,
                      gnss: Optional[Gnss] = None, retries: Optional[int] = None) -> Session:
@@ -98,7 +106,8 @@ class Client:
         for name, value in (("version", version), ("prior", prior and prior.to_json()), ("gnss", gnss and gnss.to_json())):
             if value is not None:
                 wanted[name] = value
-        return Session(self._transport, self._json("POST", "/v1/sessions", wanted, idempotent=False, retries=retries))
+        return self._read(lambda json: Session(self._transport, json), "POST", "/v1/sessions", wanted, idempotent=False,
+                          retries=retries)
 
     # --- the server and its maps -------------------------------------------------------------------------
 
@@ -114,13 +123,13 @@ class Client:
         return self._json("GET", "/v1/status")
 
     def maps(self) -> List[MapInfo]:
-        return [MapInfo.of(each) for each in self._json("GET", "/v1/maps")["maps"]]
+        return self._read(lambda json: [MapInfo.of(each) for each in json["maps"]], "GET", "/v1/maps")
 
     def map(self, name: str) -> MapInfo:
-        return MapInfo.of(self._json("GET", f"/v1/maps/{name}"))
+        return self._read(MapInfo.of, "GET", f"/v1/maps/{name}")
 
     def create_map(self, name: str) -> MapInfo:
-        return MapInfo.of(self._json("PUT", f"/v1/maps/{name}"))
+        return self._read(MapInfo.of, "PUT", f"/v1/maps/{name}")
 
     def delete_map(self, name: str, *, active: bool = False) -> None:
         """@param active  also when a version of it is served."""
@@ -130,7 +139,7 @@ class Client:
         return self._json("GET", f"/v1/maps/{name}/stats")
 
     def versions(self, name: str) -> List[Version]:
-        return [Version.of(each) for each in self._json("GET", f"/v1/maps/{name}/versions")["versions"]]
+        return self._read(lambda json: [Version.of(each) for each in json["versions"]], "GET", f"/v1/maps/{name}/versions")
 
     def activate(self, map: str, version: str, *, if_revision: Optional[int] = None, new_frame: bool = False) -> MapInfo:
         """@param if_revision  only while the map is at it; else Problem `RevisionChanged`."""
@@ -154,8 +163,8 @@ class Client:
         """Publishes a map package: a folder, or its tar (plain, gzip, zstd), streamed with its SHA-256."""
         archive = Archive(pathlib.Path(path))
         headers = {"Content-Type": "application/octet-stream", "Content-Digest": _digest(archive.sha256().digest())}
-        return Version.of(self._transport.call("PUT", f"/v1/maps/{map}/versions/{version}", headers=headers,
-                                               body=(archive.size, archive.open), timeout_s=self._slow_timeout_s).json())
+        return self._transport.call("PUT", f"/v1/maps/{map}/versions/{version}", headers=headers,
+                                    body=(archive.size, archive.open), timeout_s=self._slow_timeout_s).json(Version.of)
 
     def download_version(self, map: str, version: str, path: Path) -> int:
         """Writes the package's tar to `path` and goes on where an earlier try ended. @return its bytes."""
@@ -207,7 +216,7 @@ class Client:
     # --- drives and jobs ---------------------------------------------------------------------------------
 
     def drives(self, map: str) -> List[Dict[str, Any]]:
-        return list(self._json("GET", f"/v1/maps/{map}/drives")["drives"])
+        return self._read(lambda json: list(json["drives"]), "GET", f"/v1/maps/{map}/drives")
 
     def upload_drive(self, map: str, path: Path, *, name: str = "", drive: Optional[int] = None,
                      part_bytes: int = _PART_BYTES, on_part: Optional[Callable[[int, int], None]] = None) -> int:
@@ -215,9 +224,10 @@ class Client:
         are there are not sent again. @param on_part  told how many of how many bytes are there. @return its id."""
         archive = Archive(pathlib.Path(path))
         if drive is None:
-            drive = int(self._json("POST", f"/v1/maps/{map}/drives", {"name": name}, idempotent=False)["id"])
+            drive = self._read(lambda json: int(json["id"]), "POST", f"/v1/maps/{map}/drives", {"name": name},
+                               idempotent=False)
         url = f"/v1/maps/{map}/drives/{drive}"
-        there = {int(part["n"]): str(part["sha256"]) for part in self._json("GET", url)["parts"]}
+        there = self._read(lambda json: {int(part["n"]): str(part["sha256"]) for part in json["parts"]}, "GET", url)
         for n, offset in enumerate(range(0, archive.size, part_bytes), start=1):
             size = min(part_bytes, archive.size - offset)
             sha256 = archive.sha256(offset, size)
@@ -229,8 +239,7 @@ class Client:
                 on_part(offset + size, archive.size)
 
         def look() -> Optional[Dict[str, Any]]:
-            found = self._json("GET", url)
-            return found if found["status"] == "complete" else None
+            return self._read(lambda json: as_object(json) if json["status"] == "complete" else None, "GET", url)
 
         self._settled(lambda: self._json("POST", f"{url}/complete", idempotent=False, timeout_s=self._slow_timeout_s), look)
         return drive
@@ -243,10 +252,10 @@ class Client:
         response = self._transport.call(
             "POST", f"/v1/maps/{map}/rebuild", body=json.dumps({"drives": list(drives), **wanted}).encode(),
             headers={"Content-Type": "application/json", "Idempotency-Key": uuid.uuid4().hex})
-        return dict(response.json())
+        return response.json(as_object)
 
     def job(self, job: int) -> Dict[str, Any]:
-        return self._json("GET", f"/v1/jobs/{job}")
+        return self._read(_job, "GET", f"/v1/jobs/{job}")
 
     def cancel_job(self, job: int) -> Dict[str, Any]:
         return self._json("POST", f"/v1/jobs/{job}/cancel")
@@ -276,18 +285,21 @@ class Client:
     # --- in general --------------------------------------------------------------------------------------
 
     def _json(self, method: str, path: str, body: Optional[Mapping[str, Any]] = None, *,
-              idempotent: bool = True, retries: Optional[int] = None,
-              timeout_s: Optional[float] = None) -> Dict[str, Any]:
+              idempotent: bool = True, timeout_s: Optional[float] = None) -> Dict[str, Any]:
+        return self._read(as_object, method, path, body, idempotent=idempotent, timeout_s=timeout_s)
+
+    def _read(self, read: Callable[[Any], _Found], method: str, path: str, body: Optional[Mapping[str, Any]] = None, *,
+              idempotent: bool = True, retries: Optional[int] = None, timeout_s: Optional[float] = None) -> _Found:
         headers = {} if body is None else {"Content-Type": "application/json"}
         data: Body = None if body is None else json.dumps(body).encode()
-        return dict(self._transport.call(method, path, body=data, headers=headers, idempotent=idempotent,
-                                         retries=retries, timeout_s=timeout_s).json())
+        return self._transport.call(method, path, body=data, headers=headers, idempotent=idempotent, retries=retries,
+                                    timeout_s=timeout_s).json(read)
 
     def _change(self, path: str, if_revision: Optional[int], new_frame: bool) -> MapInfo:
         headers = {} if if_revision is None else {"If-Match": f'"{if_revision}"'}
         query = {"new_frame": "true"} if new_frame else None
-        return MapInfo.of(self._transport.call("POST", path, query=query, headers=headers, idempotent=False,
-                                               timeout_s=self._slow_timeout_s).json())
+        return self._transport.call("POST", path, query=query, headers=headers, idempotent=False,
+                                    timeout_s=self._slow_timeout_s).json(MapInfo.of)
 
     def _settled(self, ask: Callable[[], _Found], look: Callable[[], Optional[_Found]]) -> _Found:
         """What `ask` answers. When that is lost the server may have done it, or be at it: it is asked again only when

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, Mapping, Option
 from . import events
 from .errors import ConnectionLost, Problem, StillmapError
 from .scan import Pcd, Scan, encoded, scan_request
-from .transport import Transport, wait_s
+from .transport import Transport, as_object, wait_s
 from .types import Event, Gnss, MapReference, MovableBox, Odometry, Pose, PoseAnswer, Prior
 
 if TYPE_CHECKING:
@@ -55,9 +55,9 @@ class Session:
             if movable:
                 keys["movable"] = [box.to_json() for box in movable]
         query, body, headers = scan_request(scan, layout, flat, keys)
-        return PoseAnswer.of(self._transport.call("POST", self._path + "/scans", query=query, body=body,
-                                                  headers=headers, idempotent=False, retries=retries,
-                                                  timeout_s=self._transport.patience_s(deadline_ms)).json())
+        return self._transport.call("POST", self._path + "/scans", query=query, body=body,
+                                    headers=headers, idempotent=False, retries=retries,
+                                    timeout_s=self._transport.patience_s(deadline_ms)).json(PoseAnswer.of)
 
     def initialize(self, prior: Optional[Prior] = None, *, gnss: Optional[Gnss] = None) -> None:
         """Forgets where the vehicle was. Without prior and gnss it may be anywhere."""
@@ -70,7 +70,7 @@ class Session:
                              headers={"Content-Type": "application/json"})
 
     def info(self) -> Dict[str, Any]:
-        return dict(self._transport.call("GET", self._path).json())
+        return self._transport.call("GET", self._path).json(as_object)
 
     def events(self, *, last_id: Optional[int] = None, patience_s: float = 60.0) -> Iterator[Event]:
         """`status`, `version_activated`, `gap`, up to `closed`. Goes on after lost connections."""

@@ -12,12 +12,13 @@ import threading
 import time
 import urllib.parse
 from contextlib import contextmanager, suppress
-from typing import Any, BinaryIO, Callable, Dict, Iterator, Mapping, Optional, Tuple, Union
+from typing import Any, BinaryIO, Callable, Dict, Iterator, Mapping, Optional, Tuple, TypeVar, Union
 
 from .errors import ConnectionLost, Problem
 
 #: Bytes, or something that opens a stream of the given length anew for each try.
 Body = Union[None, bytes, Tuple[int, Callable[[], BinaryIO]]]
+_Read = TypeVar("_Read")
 
 #: The server ends connections that idled for 2 s: older ones are not used again.
 _KEPT_S = 1.0
@@ -43,12 +44,18 @@ class Response:
             self._data = self.raw.read()
         return self._data
 
-    def json(self) -> Any:
-        """@raises Problem for what is no JSON: a proxy or another program has answered."""
+    def json(self, read: Callable[[Any], _Read]) -> _Read:
+        """What `read` makes of it. @raises Problem for what is no JSON, or is not what `read` looks for: a proxy or
+        another program has answered."""
         try:
-            return json.loads(self.read())
+            found = json.loads(self.read())
         except ValueError as error:
             raise Problem(self.status, {"detail": self._found("application/json")}) from error
+        try:
+            return read(found)
+        except (LookupError, TypeError, ValueError, AttributeError) as error:
+            detail = f"found another answer than expected: {type(error).__name__}: {error}"
+            raise Problem(self.status, {"detail": detail}) from error
 
     def _found(self, expected: str) -> str:
         leads = f" that leads to {self.headers['location']}" if "location" in self.headers else ""
@@ -210,6 +217,13 @@ def _probe(connection: socket.socket) -> None:
     for name, value in (("TCP_KEEPIDLE", 60), ("TCP_KEEPINTVL", 15), ("TCP_KEEPCNT", 4)):
         if hasattr(socket, name):
             connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+
+
+def as_object(json: Any) -> Dict[str, Any]:
+    """To be read by the caller. @raises TypeError."""
+    if not isinstance(json, dict):
+        raise TypeError(f"{type(json).__name__}, expected an object")
+    return json
 
 
 def _opener(body: Body) -> Tuple[int, Callable[[], BinaryIO]]:
