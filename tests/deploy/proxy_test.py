@@ -67,6 +67,7 @@ class StandIn(http.server.BaseHTTPRequestHandler):
         if length:
             self.rfile.read(1)
             self.server.began.set()
+            time.sleep(self.server.pause_s)
             self.rfile.read(length - 1)
         if self.path != "/readyz":
             self.server.asked.append((self.command, self.path))
@@ -85,7 +86,7 @@ class StandIn(http.server.BaseHTTPRequestHandler):
 @contextlib.contextmanager
 def stand_in(status):
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), StandIn)
-    server.status, server.asked, server.silence_s, server.began = status, [], 0, threading.Event()
+    server.status, server.asked, server.silence_s, server.pause_s, server.began = status, [], 0, 0, threading.Event()
     thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05})
     thread.start()
     try:
@@ -174,13 +175,16 @@ class BeforeStandIns(Proxy):
                 ("PUT", "/v1/maps/a/drives/1/parts/1")]
         others = [("GET", "/v1/maps/a"), ("GET", "/v1/jobs"), ("POST", "/v1/maps/a/localize")]
         shorter = {"haproxy": {"timeout client 60s": "timeout client 2s", "timeout server 60s": "timeout server 2s"},
-                   "nginx": {"proxy_read_timeout 60s": "proxy_read_timeout 2s"}}[KIND]
+                   "nginx": {"proxy_read_timeout 60s": "proxy_read_timeout 2s", "proxy_send_timeout 60s": "proxy_send_timeout 2s"}}[KIND]
         with stand_in(200) as first, stand_in(200) as second:
             self.proxy((first.server_port, first.server_port), (second.server_port, second.server_port), also=shorter)
             first.silence_s = second.silence_s = 5
             with concurrent.futures.ThreadPoolExecutor(len(slow + others)) as asking:
                 found = dict(zip(slow + others, asking.map(lambda each: self.ask(*each)[0], slow + others)))
-        self.assertEqual(found, {**dict.fromkeys(slow, 200), **dict.fromkeys(others, 504)})
+            self.assertEqual(found, {**dict.fromkeys(slow, 200), **dict.fromkeys(others, 504)})
+            # A server that takes nothing for as long: more than the buffers on the way hold.
+            first.silence_s, first.pause_s = 0, 5
+            self.assertEqual(self.ask("PUT", "/v1/maps/a/versions/b", bytes(32 << 20))[0], 200)
 
     def test_what_lives_in_one_store_finds_the_same_server(self):
         with stand_in(200) as first, stand_in(200) as second:
