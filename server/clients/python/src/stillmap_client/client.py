@@ -142,7 +142,8 @@ class Client:
         return self._read(lambda json: [Version.of(each) for each in json["versions"]], "GET", f"/v1/maps/{name}/versions")
 
     def activate(self, map: str, version: str, *, if_revision: Optional[int] = None, new_frame: bool = False) -> MapInfo:
-        """@param if_revision  only while the map is at it; else Problem `RevisionChanged`."""
+        """When the answer is lost the map is looked at, so a proxy of two servers must be called by the name of one.
+        @param if_revision  only while the map is at it; else Problem `RevisionChanged`."""
         def look() -> Optional[MapInfo]:
             found = self.map(map)
             # The revision stays when the version was active already.
