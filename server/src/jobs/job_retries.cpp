@@ -19,9 +19,9 @@ namespace fs = std::filesystem;
 
 /// How soon a cancel is seen that another process wrote into the store.
 constexpr std::chrono::seconds kLookAtStore{1};
-/// How often a job waits for room on a full disk: with the pauses, for some 25 hours.
-constexpr int kMostTimesFull = 30;
-constexpr std::chrono::hours kMostPauseWhenFull{1};
+/// How often a job waits for room on a full disk: with the pauses, for half an hour, in which what
+/// it has made so far takes room itself.
+constexpr int kMostTimesFull = 5;
 
 /// How often a job's program, or the server while it published, crashed, with this attempt; the
 /// same however often it is asked.
@@ -54,6 +54,15 @@ void JobRunner::try_again(const maps::StoredJob& job, const std::string& why) {
   ended(jobs.put_back(job.id, words, unix_ns()));
 }
 
+/// How many attempts have met a full disk, with this one; the same however often it is asked.
+int JobRunner::count_full(const maps::StoredJob& job) {
+  const std::scoped_lock lock(mutex_);
+  Active& active = active_[job.id];
+  if (active.full_at_attempt != job.attempts) ++active.times_full;
+  active.full_at_attempt = job.attempts;
+  return active.times_full;
+}
+
 /// After a pause, from its last checkpoint. It keeps its turn: jobs behind it would meet the same
 /// full disk.
 void JobRunner::try_again_with_room(const maps::StoredJob& job, const std::string& why,
@@ -62,15 +71,17 @@ void JobRunner::try_again_with_room(const maps::StoredJob& job, const std::strin
   fs::remove(folder(job.id).publishing(), error);
   const std::string words = without_places(why);
   maps::JobTable& jobs = setup_.store.jobs();
-  std::unique_lock lock(mutex_);
-  const int times = ++active_[job.id].times_full;
-  lock.unlock();
-  if (times > kMostTimesFull) return fail(job, fmt::format("{}, {} times", words, times));
+  const int times = count_full(job);
+  if (times > kMostTimesFull) {
+    // First of all: the end of a job takes room in the store as well.
+    fs::remove_all(folder(job.id).scratch(), error);
+    return fail(job, fmt::format("{}, {} times", words, times));
+  }
   spdlog::warn("job {} waits for room on the disk: {}", job.id, words);
   note_progress(job, {.stage = "wait for room on the disk"});
-  const auto pause = std::min<std::chrono::milliseconds>(
-      kMostPauseWhenFull, setup_.first_pause_when_full * (1LL << std::min(times - 1, 20)));
-  const auto go_on = std::chrono::steady_clock::now() + pause;
+  const auto go_on =
+      std::chrono::steady_clock::now() + setup_.first_pause_when_full * (1 << (times - 1));
+  std::unique_lock lock(mutex_, std::defer_lock);
   while (std::chrono::steady_clock::now() < go_on && !stop.stop_requested() && !is_canceled(job)) {
     lock.lock();
     changed_.wait_until(lock, stop,

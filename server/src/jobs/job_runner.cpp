@@ -15,6 +15,7 @@
 #include <stillmap/maps/store/store_refusal.hpp>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <exception>
 #include <stdexcept>
@@ -178,6 +179,10 @@ AttemptEnd JobRunner::attempt(const maps::StoredJob& job, const std::stop_token&
     unprepared = {Kind::kCrashed, error.what()};
   } catch (const maps::DiskFull& error) {
     unprepared = {Kind::kDiskFull, error.what()};
+  } catch (const fs::filesystem_error& error) {
+    const bool is_full = error.code() == std::errc::no_space_on_device ||
+                         error.code() == std::error_code(EDQUOT, std::generic_category());
+    unprepared = {is_full ? Kind::kDiskFull : Kind::kFailed, error.what()};
   } catch (const std::exception& error) {
     unprepared = {Kind::kFailed, error.what()};
   }

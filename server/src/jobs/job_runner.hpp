@@ -104,8 +104,9 @@ class JobRunner {
   struct Active {
     JobProgress progress;
     bool cancel = false;
-    /// How often it has met a full disk.
+    /// How often it has met a full disk, and at which attempt last.
     int times_full = 0;
+    std::int64_t full_at_attempt = 0;
     std::shared_ptr<JobEvents> events = std::make_shared<JobEvents>();
   };
 
@@ -120,6 +121,7 @@ class JobRunner {
                                           const RebuildRequest& request) const;
   void settle(const maps::StoredJob& job, const AttemptEnd& end, const std::stop_token& stop);
   void try_again(const maps::StoredJob& job, const std::string& why);
+  int count_full(const maps::StoredJob& job);
   void try_again_with_room(const maps::StoredJob& job, const std::string& why,
                            const std::stop_token& stop);
   void publish(const maps::StoredJob& job, const std::stop_token& stop);

@@ -44,7 +44,9 @@ export async function follow(
     } catch (error) {
       if (isAborted(error) || options.signal.aborted) throw error;
       const known = toApiError(error);
-      if (known.trouble === 'key' || (known.status !== undefined && known.status < 500)) throw known;
+      // 429: this key has its share of the places; one becomes free.
+      const isRefused = known.status !== undefined && known.status < 500 && known.status !== 429;
+      if (known.trouble === 'key' || isRefused) throw known;
       options.onTrouble?.(known);
     }
     await sleep(waitS, options.signal);
