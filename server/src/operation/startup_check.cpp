@@ -43,9 +43,15 @@ std::optional<Trouble> folder_trouble(const fs::path& path, int mode, std::strin
 
 /// A store is served too where it takes no writes; an empty folder must become one.
 std::optional<Trouble> store_trouble(const std::string& folder) {
-  const bool writes = !maps::PackageStore::is_store(folder);
-  return folder_trouble(folder, R_OK | X_OK | (writes ? W_OK : 0),
-                        writes ? "a folder that can be written to" : "a folder that can be read");
+  if (const auto found = folder_trouble(folder, R_OK | X_OK, "a folder that can be read")) {
+    return found;
+  }
+  try {
+    if (maps::PackageStore::is_store(folder)) return std::nullopt;
+  } catch (const maps::StorageError& error) {
+    return Trouble{error.what(), "a folder that can be read"};
+  }
+  return folder_trouble(folder, W_OK, "a folder that can be written to");
 }
 
 std::optional<Trouble> log_trouble(const fs::path& file) {

@@ -2,6 +2,9 @@
 
 #include <gmock/gmock.h>
 
+#include <unistd.h>
+
+#include <cstdlib>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -66,6 +69,42 @@ TEST_F(StartupCheck, FilesAreNoFoldersAndFoldersNoFiles) {
   config_.options.store = folder_.write("file", "").string();
   config_.options.log.file = folder_.path().string();
   EXPECT_THAT(found(), ElementsAre(HasSubstr("(no folder)"), HasSubstr("(a folder)")));
+}
+
+/// Nobody in particular, who may read only what all may, where root runs the tests.
+class AsNobody {
+ public:
+  AsNobody() : is_(::getuid() != 0 || ::setresuid(65534, 65534, 0) == 0) {}
+  ~AsNobody() {
+    if (was_root_ && ::setresuid(0, 0, 0) != 0) std::abort();
+  }
+  AsNobody(const AsNobody&) = delete;
+  AsNobody& operator=(const AsNobody&) = delete;
+  [[nodiscard]] bool is() const { return is_; }
+
+ private:
+  bool was_root_ = ::getuid() == 0;
+  bool is_;
+};
+
+TEST_F(StartupCheck, AStoreThatMayNotBeReadIsOneProblemAmongOthers) {
+  namespace fs = std::filesystem;
+  fs::permissions(folder_.path(), fs::perms::all);
+  fs::create_directory(path("store"));
+  fs::permissions(path("store"), fs::perms::none);
+  config_.options.store = path("store");
+  config_.options.log.file = path("logs/server.log");
+  {
+    const AsNobody nobody;
+    if (!nobody.is()) GTEST_SKIP() << "root may not become another user here";
+    EXPECT_THAT(found(), ElementsAre(AllOf(HasSubstr("store (Permission denied)"),
+                                           HasSubstr("expected a folder that can be read")),
+                                     HasSubstr("logs (No such file")));
+    config_.options.store = path("store/within");
+    EXPECT_THAT(found(), ElementsAre(HasSubstr("within (Permission denied)"),
+                                     HasSubstr("logs (No such file")));
+  }
+  fs::permissions(path("store"), fs::perms::owner_all);
 }
 
 }  // namespace
