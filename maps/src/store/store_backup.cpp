@@ -1,7 +1,9 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/store/backup_check.hpp>
+#include <stillmap/maps/store/disk_full.hpp>
 #include <stillmap/maps/store/package_store.hpp>
 
+#include <functional>
 #include <set>
 #include <stdexcept>
 #include <system_error>
@@ -120,15 +122,24 @@ class BackupFolder {
     files_.rename(incoming, packages_ / digest);
   }
 
+  /// @param is_damaged  whether the package is at fault where the disk fails, not this folder.
   /// @return why it cannot be brought; empty when it was.
-  std::string bring_unless_broken(const fs::path& package, const std::string& digest) {
+  std::string bring_unless_broken(const fs::path& package, const std::string& digest,
+                                  const std::function<bool()>& is_damaged) {
+    std::string why;
     try {
       bring(package, digest);
       return {};
     } catch (const InputError& error) {
-      files_.remove_tree(packages_ / (kIncoming + digest));
-      return error.what();
+      why = error.what();
+    } catch (const DiskFull&) {
+      throw;
+    } catch (const StorageError& error) {
+      if (!is_damaged()) throw;
+      why = error.what();
     }
+    files_.remove_tree(packages_ / (kIncoming + digest));
+    return why;
   }
 
   /// From here on it is the new backup.
@@ -186,7 +197,8 @@ PackageStore::BackedUp PackageStore::backup(const fs::path& folder) const {
         const FolderLock lock = locked();
         vanished = !state_->uses(digest);
         if (vanished) break;
-        const std::string why = target.bring_unless_broken(package_folder(digest), digest);
+        const std::string why = target.bring_unless_broken(
+            package_folder(digest), digest, [&] { return !damage_of(digest).empty(); });
         if (!why.empty()) {
           broken += "; " + versions_with(*state_, digest) + " (" + why + ")";
           continue;

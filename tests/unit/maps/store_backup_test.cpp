@@ -112,13 +112,15 @@ TEST_F(StoreBackupTest, TakesNoRoomOnTheSameDiskAndSharesNoFileWithARestoredStor
   EXPECT_TRUE(fs::exists(folder_.path() / "restored0/packages" / first_ / "build.json"));
 }
 
+class NoLinks : public UnsyncedCalls {
+ public:
+  std::int64_t pass(const DiskCall& call, const Perform& perform) override {
+    return call.kind == DiskCall::Kind::kLink ? -EXDEV : UnsyncedCalls::pass(call, perform);
+  }
+};
+
 TEST_F(StoreBackupTest, CopiesWhereTheDiskAllowsNoLinks) {
-  class NoLinks : public UnsyncedCalls {
-   public:
-    std::int64_t pass(const DiskCall& call, const Perform& perform) override {
-      return call.kind == DiskCall::Kind::kLink ? -EXDEV : UnsyncedCalls::pass(call, perform);
-    }
-  } no_links;
+  NoLinks no_links;
   const PackageStore store(folder_.path() / "store", no_links);
   EXPECT_EQ(store.backup(backup_).copied, 1U);
   EXPECT_THAT(restored()->verify(), IsEmpty());
@@ -164,6 +166,35 @@ TEST_F(StoreBackupTest, SavesAllButABrokenPackage) {
   store_->add("town", "1", folder_.path() / "first");
   EXPECT_EQ(store_->backup(backup_).copied, 1U);
   EXPECT_THAT(restored()->verify(), IsEmpty());
+}
+
+TEST_F(StoreBackupTest, SavesAllButAPackageThatTheDiskDoesNotRead) {
+  store_->add("town", "2", folder_.path() / "second");
+  const fs::path tile = folder_.path() / "store/packages" / first_ / "tiles/0_0_0.bin";
+  // Stands for a bad sector: opening a socket is an error of the system's (ENXIO) to root as well.
+  fs::remove(tile);
+  ASSERT_EQ(::mknod(tile.c_str(), S_IFSOCK | 0600, 0), 0);
+  NoLinks no_links;
+  const PackageStore store(folder_.path() / "store", no_links);
+  EXPECT_THAT([&] { store.backup(backup_); },
+              ThrowsSaying<InputError>({"town/1", "0_0_0.bin", "No such device", "all else"}));
+  EXPECT_EQ(std::distance(fs::directory_iterator(backup_ / "packages"), {}), 1);
+  EXPECT_THAT([&] { (void)restored(); }, ThrowsSaying<InputError>({"no package", "town/1"}));
+  const PackageStore again(folder_.path() / "restored0", calls_);
+  EXPECT_EQ(again.open("town", "2")->digest(), second_);
+}
+
+TEST_F(StoreBackupTest, ATargetThatTakesNothingIsNoBrokenPackage) {
+  for (const Fault fault : {Fault::kInputOutput, Fault::kNoSpace}) {
+    FailingCalls calls(fault, [&](std::size_t, const DiskCall& call) {
+      return call.kind == DiskCall::Kind::kMakeFolder &&
+             call.path.string().starts_with((backup_ / "packages/").string());
+    });
+    const PackageStore store(folder_.path() / "store", calls);
+    EXPECT_THAT([&] { store.backup(backup_); }, ThrowsSaying<StorageError>({"backup/packages"}));
+    EXPECT_FALSE(fs::exists(backup_ / "state.db")) << "not committed";
+    EXPECT_GE(calls.failed(), 2U);
+  }
 }
 
 TEST_F(StoreBackupTest, NeverWritesOverAnythingElse) {
