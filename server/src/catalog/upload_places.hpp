@@ -20,21 +20,23 @@ class UploadPlaces {
 
   /// A place until it is let go; this outlives it.
   /// @param most    at one time, this one included. @param key_id  of whoever asks: one key may
-  /// hold half of them; without one, all. @param what  takes them, for the refusal.
+  /// hold its share of them, at least one; without one, all. @param what  takes them, for the
+  /// refusal. @param share  in (0, 1].
   /// @throws ApiError kBusy, kTooManyRequests.
   [[nodiscard]] std::shared_ptr<void> take(int most, const std::string& key_id,
-                                           const std::string& what = "uploads") {
+                                           const std::string& what = "uploads",
+                                           double share = 0.5) {
     const std::scoped_lock lock(mutex_);
     if (taken_ >= most) {
       throw ApiError(ErrorCode::kBusy,
                      std::to_string(most) + " " + what + " are under way, and no more are taken")
           .with_header("Retry-After", "5");
     }
-    const int share = std::max(1, most / 2);
+    const int most_of_one = std::max(1, static_cast<int>(share * most));
     const auto own = taken_by_.find(key_id);
-    if (!key_id.empty() && own != taken_by_.end() && own->second >= share) {
-      throw ApiError(ErrorCode::kTooManyRequests,
-                     "this key has " + std::to_string(share) + " " + what + " under way, its share")
+    if (!key_id.empty() && own != taken_by_.end() && own->second >= most_of_one) {
+      throw ApiError(ErrorCode::kTooManyRequests, "this key has " + std::to_string(most_of_one) +
+                                                      " " + what + " under way, its share")
           .with_header("Retry-After", "5");
     }
     ++taken_;

@@ -107,8 +107,8 @@ std::vector<Option> admission_options() {
        .field = at(&S::client_share),
        .least = 0.001,
        .most = 1,
-       .text =
-           "Share of workers and queue, of sessions and of event streams that one key may hold."},
+       .text = "Share of workers and queue, of sessions, event streams and places for long "
+               "`tiles/diff` that one key may hold."},
       {.key = "connections",
        .field = at(&S::connections),
        .least = 1,

@@ -85,7 +85,8 @@ Route diff_route(const Context& context) {
   route.reserve = [&context, places = std::make_shared<UploadPlaces>()](
                       const HttpRequest& request, const PathParameters&) -> std::shared_ptr<void> {
     if (body_bytes(context, request) <= kSmallDiffBytes) return nullptr;
-    return places->take(kMostLargeDiffs, request.caller.key_id, "requests for many tiles");
+    return places->take(kMostLargeDiffs, request.caller.key_id, "requests for many tiles",
+                        context.options.client_share);
   };
   return route;
 }

@@ -188,6 +188,36 @@ TEST_F(MapRoutes, LongDiffsTakePlaces) {
   EXPECT_EQ(admitted("2097152"), std::nullopt);
 }
 
+TEST_F(MapRoutes, ACompressedDiffTakesAPlaceWhateverItsLength) {
+  start();
+  std::vector<HttpRequest> held(16, request("POST", "/v1/maps/town/tiles/diff"));
+  for (HttpRequest& each : held) {
+    each.headers["content-length"] = "20";
+    each.headers["content-encoding"] = "gzip";
+    static_cast<void>(service_->admit(each));
+  }
+  HttpRequest more = held.front();
+  EXPECT_THROW(static_cast<void>(service_->admit(more)), ApiError);
+}
+
+TEST(UploadPlaces, OneKeyHoldsItsShare) {
+  UploadPlaces places;
+  std::vector<std::shared_ptr<void>> held;
+  const auto taken = [&](const std::string& key, double share) {
+    int count = 0;
+    try {
+      for (;; ++count) held.push_back(places.take(16, key, "requests", share));
+    } catch (const ApiError& error) {
+      EXPECT_EQ(error.code(), held.size() < 16 ? ErrorCode::kTooManyRequests : ErrorCode::kBusy);
+    }
+    return count;
+  };
+  EXPECT_EQ(taken("a", 0.25), 4);
+  EXPECT_EQ(taken("b", 0.001), 1);
+  EXPECT_EQ(taken("c", 0.5), 8);
+  EXPECT_EQ(taken("d", 1.0), 3);
+}
+
 TEST_F(MapRoutes, StatsCountPosesByStatusAndRefusals) {
   start();
   const nlohmann::json before = body(get("/v1/maps/town/stats"));
