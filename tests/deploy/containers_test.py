@@ -91,7 +91,7 @@ class Containers(unittest.TestCase):
             self.assertIn(int(environment["STILLMAP_SERVE_JOBS_MEMORY_BYTES"]), range(1 << 30, limit_bytes // 2 + 1))
             self.assertIn("STILLMAP_SERVE_JOBS_CORES", environment)
             configuration = {"STILLMAP_SERVE_CONFIG": str(support.DEPLOY / "stillmap.json")}
-            done = subprocess.run([sys.argv[1], "serve", "--check"], env={**os.environ, **configuration, **environment},
+            done = subprocess.run([sys.argv[1], "serve", "--print-config"], env={**os.environ, **configuration, **environment},
                                   capture_output=True, text=True)
             self.assertEqual(done.returncode, 0, done.stderr)
 
