@@ -21,9 +21,8 @@ namespace stillmap::test {
 [[nodiscard]] inline std::string packed(std::string_view text, std::string_view compression) {
   if (compression.empty()) return std::string(text);
   const bool lz4 = compression == "lz4";
-  std::string out(lz4 ? LZ4F_compressFrameBound(text.size(), nullptr)
-                      : ZSTD_compressBound(text.size()),
-                  '\0');
+  std::string out(
+      lz4 ? LZ4F_compressFrameBound(text.size(), nullptr) : ZSTD_compressBound(text.size()), '\0');
   out.resize(lz4 ? LZ4F_compressFrame(out.data(), out.size(), text.data(), text.size(), nullptr)
                  : ZSTD_compress(out.data(), out.size(), text.data(), text.size(), 3));
   return out;
@@ -56,8 +55,8 @@ class McapBytes {
                          number(std::uint64_t{9}) + std::string(data));
   }
   static std::uint32_t crc(std::string_view bytes) {
-    return static_cast<std::uint32_t>(::crc32(
-        0, reinterpret_cast<const Bytef*>(bytes.data()), static_cast<uInt>(bytes.size())));
+    return static_cast<std::uint32_t>(
+        ::crc32(0, reinterpret_cast<const Bytef*>(bytes.data()), static_cast<uInt>(bytes.size())));
   }
   static std::string chunk(std::string_view records, std::string_view compression) {
     const std::string bytes = packed(records, compression);
@@ -77,11 +76,11 @@ class McapBytes {
     const std::string bytes = chunk(records, compression);
     std::string offsets;
     for (const std::uint16_t id : channels) offsets += number(id) + number(std::uint64_t{0});
-    index_ += record(8, number(std::uint64_t{1}) + number(std::uint64_t{2}) +
-                            number(std::uint64_t{bytes_.size()}) +
-                            number(std::uint64_t{bytes.size()}) + text(offsets) +
-                            number(std::uint64_t{0}) + text(compression) +
-                            number(std::uint64_t{0}) + number(std::uint64_t{records.size()}));
+    index_ +=
+        record(8, number(std::uint64_t{1}) + number(std::uint64_t{2}) +
+                      number(std::uint64_t{bytes_.size()}) + number(std::uint64_t{bytes.size()}) +
+                      text(offsets) + number(std::uint64_t{0}) + text(compression) +
+                      number(std::uint64_t{0}) + number(std::uint64_t{records.size()}));
     return add(bytes);
   }
   /// The data alone, as of a recorder that was killed.
@@ -136,9 +135,9 @@ class SqliteFile {
   SqliteFile& topic(int id, const std::string& name, const std::string& type) {
     return run("INSERT INTO topics (id, name, type, serialization_format" +
                std::string(schema_ > 1 ? ", offered_qos_profiles" : "") +
-               (schema_ > 3 ? ", type_description_hash" : "") + ") VALUES (" +
-               std::to_string(id) + ", '" + name + "', '" + type + "', 'cdr'" +
-               (schema_ > 1 ? ", ''" : "") + (schema_ > 3 ? ", 'RIHS01_0'" : "") + ")");
+               (schema_ > 3 ? ", type_description_hash" : "") + ") VALUES (" + std::to_string(id) +
+               ", '" + name + "', '" + type + "', 'cdr'" + (schema_ > 1 ? ", ''" : "") +
+               (schema_ > 3 ? ", 'RIHS01_0'" : "") + ")");
   }
   /// The tables of rosbag2's schema 1 to 4.
   SqliteFile& make_tables(int schema = 4) {

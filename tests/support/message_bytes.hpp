@@ -72,8 +72,7 @@ struct CloudMessage {
   std::uint32_t row_step = 12;
   std::string data;
 
-  [[nodiscard]] std::string str(
-      MessageBytes::Kind kind = MessageBytes::Kind::kLittleEndian) const {
+  [[nodiscard]] std::string str(MessageBytes::Kind kind = MessageBytes::Kind::kLittleEndian) const {
     MessageBytes message(kind);
     message.header(stamp_ns, frame).put(height).put(width);
     message.put(static_cast<std::uint32_t>(fields.size()));

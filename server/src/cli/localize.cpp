@@ -172,8 +172,9 @@ void add_localize(CLI::App& app) {
       ->required()
       ->check(command_line::existing_folder());
   command
-      ->add_option("SCAN", arguments->what,
-                   "Scan: .bin (float32 x y z intensity), .pcd or .ply; or a drive: its folder or bag")
+      ->add_option(
+          "SCAN", arguments->what,
+          "Scan: .bin (float32 x y z intensity), .pcd or .ply; or a drive: its folder or bag")
       ->required()
       ->check(command_line::existing_file() | command_line::existing_drive());
   command->add_option(

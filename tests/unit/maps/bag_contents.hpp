@@ -19,7 +19,8 @@ struct Visited {
 };
 
 /// @param bytes  of each message's head. @param topic  one alone, or all.
-inline Visited visit(const maps::Bag& bag, std::size_t bytes = 1000, const std::string& topic = "") {
+inline Visited visit(const maps::Bag& bag, std::size_t bytes = 1000,
+                     const std::string& topic = "") {
   std::vector<std::size_t> wanted;
   for (const maps::BagTopic& each : bag.topics())
     wanted.push_back(topic.empty() || each.name == topic ? bytes : 0);
