@@ -58,7 +58,7 @@ class Service final : public RequestHandler {
   mutable MapLayers layers_;
   mutable MapCatalog catalog_;
   mutable maps::DriveStore drives_;
-  mutable UploadPlaces uploads_;
+  mutable SharedPlaces uploads_;
   int workers_;
   mutable AlignmentQueue queue_;
   mutable SessionTable sessions_;

@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Of a recording: 200 scans of 2 MB take half a second.
+/// Of a recording, whose messages are read as a whole.
 constexpr std::size_t kMostPairs = 100;
 
 std::uintmax_t size_of(const fs::path& file) {

@@ -35,7 +35,7 @@ std::string plain(std::string name) {
   return name;
 }
 
-/// "WGS 84 / UTM zone 32N", "WGS_1984_UTM_Zone_32N": the zone, where no code is given.
+/// "WGS 84 / UTM zone 32N", "WGS_1984_UTM_Zone_32N": the zone.
 std::optional<UtmZone> zone_in_name(const std::string& given) {
   const std::string name = plain(given);
   const bool datum = name.starts_with("wgs 84") || name.starts_with("wgs 1984") ||
@@ -162,7 +162,7 @@ class WktReader {
   CoordinateSystem system_;
   bool projected_ = false;
   bool geographic_ = false;
-  /// Of EPSG: then the name says no more than it.
+  /// Of EPSG, known here or not.
   bool has_code_ = false;
   std::optional<double> false_easting_m_;
 };

@@ -1,8 +1,8 @@
 #pragma once
 
 #include "catalog/map_catalog.hpp"
-#include "catalog/upload_places.hpp"
 #include "http/router.hpp"
+#include "http/shared_places.hpp"
 #include "ids_and_times.hpp"
 #include "jobs/job_runner.hpp"
 #include "json/maps_json.hpp"
@@ -36,7 +36,7 @@ struct Context {
   int workers;
   maps::PackageStore& store;
   maps::DriveStore& drives;
-  UploadPlaces& uploads;
+  SharedPlaces& uploads;
   MapCatalog& catalog;
   MapViews& views;
   MapLayers& layers;

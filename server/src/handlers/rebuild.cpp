@@ -54,7 +54,7 @@ void add_rebuild_routes(std::vector<Route>& routes, const Context& context) {
               kMostRebuildJson};
   // Each runs the mapper for its estimate, beside the jobs and not counted among them.
   constexpr int kMostEstimates = 2;
-  route.reserve = [places = std::make_shared<UploadPlaces>()](const HttpRequest&,
+  route.reserve = [places = std::make_shared<SharedPlaces>()](const HttpRequest&,
                                                               const PathParameters&) {
     return places->take(kMostEstimates, {}, "requests for a rebuild");
   };

@@ -82,7 +82,7 @@ Route diff_route(const Context& context) {
               BodyKind::kWhole,
               kMostDiffBytes};
   // Not among the bodies with scans: whoever reads tiles must not keep vehicles from their poses.
-  route.reserve = [&context, places = std::make_shared<UploadPlaces>()](
+  route.reserve = [&context, places = std::make_shared<SharedPlaces>()](
                       const HttpRequest& request, const PathParameters&) -> std::shared_ptr<void> {
     if (body_bytes(context, request) <= kSmallDiffBytes) return nullptr;
     return places->take(kMostLargeDiffs, request.caller.key_id, "requests for many tiles",

@@ -2,13 +2,13 @@
 
 #include "errors/api_error.hpp"
 #include "errors/problem.hpp"
-#include "http/event_places.hpp"
 #include "http/header_text.hpp"
 #include "http/http_answer.hpp"
 #include "http/http_body.hpp"
 #include "http/http_range.hpp"
 #include "http/request_head.hpp"
 #include "http/request_id.hpp"
+#include "http/shared_places.hpp"
 #include "log/access_log.hpp"
 #include "log/log_context.hpp"
 #include "log/trace_context.hpp"
@@ -162,10 +162,7 @@ std::uint64_t size_of(const HttpResponse& response) {
 class HttpExchange::Library final : public httplib::Server {
  public:
   Library(const Limits& limits, const RequestHandler& handler, Metrics* metrics)
-      : limits_(limits),
-        handler_(handler),
-        metrics_(metrics),
-        event_places_(limits.event_streams, limits.client_share) {
+      : limits_(limits), handler_(handler), metrics_(metrics) {
     // Any number that is none of "not there": the library sends nothing piece by piece without.
     svr_sock_ = 0;
     set_pre_routing_handler([this](const httplib::Request& from, httplib::Response& to) {
@@ -273,7 +270,9 @@ class HttpExchange::Library final : public httplib::Server {
   }
 
   std::shared_ptr<void> take_event_slot(const Caller& caller) {
-    std::shared_ptr<void> place = event_places_.take(caller.key_id);
+    std::shared_ptr<void> place =
+        event_places_.take(static_cast<int>(limits_.event_streams), caller.key_id, "event streams",
+                           limits_.client_share, ErrorCode::kTooManyStreams);
     if (metrics_ == nullptr) return place;
     metrics_->event_stream_opened();
     return {this, [place = std::move(place)](void* self) mutable {
@@ -330,7 +329,7 @@ class HttpExchange::Library final : public httplib::Server {
   Limits limits_;
   const RequestHandler& handler_;
   Metrics* metrics_;
-  EventPlaces event_places_;
+  SharedPlaces event_places_;
   std::atomic<bool> closing_ = false;
   std::atomic<bool> stopping_ = false;
 };

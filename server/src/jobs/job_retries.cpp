@@ -73,8 +73,9 @@ void JobRunner::try_again_with_room(const maps::StoredJob& job, const std::strin
   maps::JobTable& jobs = setup_.store.jobs();
   const int times = count_full(job);
   if (times > kMostTimesFull) {
-    // First of all: the end of a job takes room in the store as well.
-    fs::remove_all(folder(job.id).scratch(), error);
+    // First of all: the end of a job takes room in the store as well. What the end says stays.
+    fs::remove_all(folder(job.id).work(), error);
+    fs::remove_all(folder(job.id).map(), error);
     return fail(job, fmt::format("{}, {} times", words, times));
   }
   spdlog::warn("job {} waits for room on the disk: {}", job.id, words);

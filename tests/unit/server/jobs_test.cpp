@@ -284,6 +284,16 @@ TEST_F(JobsOnAFullDisk, AreMappedWhenThereIsRoom) {
   EXPECT_EQ(job.attempts, 5) << "more than after crashes";
 }
 
+TEST_F(JobsOnAFullDisk, FailWhenNoRoomComesAndGiveBackWhatTheyTook) {
+  write_mapper("touch $work/large; echo 'stillmap: /x: No space left on device' >&2; exit 3");
+  start_runner(store_.open());
+  const maps::StoredJob job = end_of_rebuild();
+  EXPECT_EQ(job.status, maps::JobStatus::kFailed);
+  EXPECT_THAT(job.error, HasSubstr("No space left on device, 6 times"));
+  EXPECT_EQ(job.attempts, 6);
+  expect_cleared(1);
+}
+
 TEST_F(JobsOnAFullDisk, ArePublishedWhenThereIsRoom) {
   write_mapper("[ -e $out ] || publish");
   int fails = 4;

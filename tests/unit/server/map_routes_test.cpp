@@ -200,8 +200,8 @@ TEST_F(MapRoutes, ACompressedDiffTakesAPlaceWhateverItsLength) {
   EXPECT_THROW(static_cast<void>(service_->admit(more)), ApiError);
 }
 
-TEST(UploadPlaces, OneKeyHoldsItsShare) {
-  UploadPlaces places;
+TEST(SharedPlaces, OneKeyHoldsItsShare) {
+  SharedPlaces places;
   std::vector<std::shared_ptr<void>> held;
   const auto taken = [&](const std::string& key, double share) {
     int count = 0;

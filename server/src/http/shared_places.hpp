@@ -10,25 +10,25 @@
 
 namespace stillmap::server {
 
-/// Places for uploads that are under way, since each holds a connection, a buffer and the disk, and
-/// for whatever else must not run in any number at once. Safe from several threads.
-class UploadPlaces {
+/// Places for what must not run in any number at once, such as uploads and event streams, each of
+/// which holds a connection. Safe from several threads.
+class SharedPlaces {
  public:
-  UploadPlaces() = default;
-  UploadPlaces(const UploadPlaces&) = delete;
-  UploadPlaces& operator=(const UploadPlaces&) = delete;
+  SharedPlaces() = default;
+  SharedPlaces(const SharedPlaces&) = delete;
+  SharedPlaces& operator=(const SharedPlaces&) = delete;
 
   /// A place until it is let go; this outlives it.
   /// @param most    at one time, this one included. @param key_id  of whoever asks: one key may
   /// hold its share of them, at least one; without one, all. @param what  takes them, for the
-  /// refusal. @param share  in (0, 1].
-  /// @throws ApiError kBusy, kTooManyRequests.
+  /// refusal. @param share  in (0, 1]. @param full  what the refusal says when all are taken.
+  /// @throws ApiError `full`, kTooManyRequests.
   [[nodiscard]] std::shared_ptr<void> take(int most, const std::string& key_id,
-                                           const std::string& what = "uploads",
-                                           double share = 0.5) {
+                                           const std::string& what = "uploads", double share = 0.5,
+                                           ErrorCode full = ErrorCode::kBusy) {
     const std::scoped_lock lock(mutex_);
     if (taken_ >= most) {
-      throw ApiError(ErrorCode::kBusy,
+      throw ApiError(full,
                      std::to_string(most) + " " + what + " are under way, and no more are taken")
           .with_header("Retry-After", "5");
     }
@@ -41,7 +41,7 @@ class UploadPlaces {
     }
     ++taken_;
     ++taken_by_[key_id];
-    return {this, [key_id](void* self) { static_cast<UploadPlaces*>(self)->let_go(key_id); }};
+    return {this, [key_id](void* self) { static_cast<SharedPlaces*>(self)->let_go(key_id); }};
   }
 
  private:
