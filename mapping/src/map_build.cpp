@@ -46,7 +46,7 @@ struct Folders {
 /// Whole metres, so that the same place gets the same origin from slightly different poses.
 Eigen::Vector3d origin_of(const DriveSet& drives, const std::optional<BuildFrame>& frame) {
   if (frame) return frame->origin;
-  return drives.T_map_lidar(0).translation().array().round().matrix() +
+  return drives.T_map_scan(0).translation().array().round().matrix() +
          Eigen::Vector3d::Zero();  // turns -0 into 0
 }
 

@@ -12,6 +12,8 @@ namespace {
 
 /// No drive on Earth gets farther from its start [m]; cells around it are counted with 32 bits.
 constexpr double kFarthestM = 1e7;
+/// Ground is found, and networks were trained, within this of upright (12 degrees).
+constexpr double kUprightCosine = 0.9781;
 
 void keep_range(maps::PointCloud& cloud, const std::array<double, 2>& range_m,
                 std::map<std::string, std::uint64_t>& counts) {
@@ -86,9 +88,28 @@ std::string DriveSet::sha256(std::size_t scan) const {
   return drives_[at.drive].sha256(at.index);
 }
 
-maps::Scan DriveSet::read(std::size_t scan, std::map<std::string, std::uint64_t>& counts) const {
-  const Place at = place(scan);
-  return read_deskewed(drives_[at.drive], at.index, range_m_, counts);
+Eigen::Quaterniond DriveSet::R_scan_lidar(std::size_t scan) const {
+  const Eigen::Vector3d up_lidar = T_map_lidar(scan).linear().row(2);
+  if (up_lidar.z() >= kUprightCosine) return Eigen::Quaterniond::Identity();
+  return Eigen::Quaterniond::FromTwoVectors(up_lidar, Eigen::Vector3d::UnitZ());
+}
+
+Eigen::Isometry3d DriveSet::T_map_scan(std::size_t scan) const {
+  Eigen::Isometry3d T = T_map_lidar(scan);
+  const Eigen::Quaterniond R = R_scan_lidar(scan);
+  if (R.w() == 1.0) return T;
+  T.linear() *= R.conjugate().toRotationMatrix();
+  return T;
+}
+
+maps::Scan DriveSet::read(std::size_t number, std::map<std::string, std::uint64_t>& counts) const {
+  const Place at = place(number);
+  maps::Scan scan = read_deskewed(drives_[at.drive], at.index, range_m_, counts);
+  const Eigen::Quaterniond R = R_scan_lidar(number);
+  if (R.w() == 1.0) return scan;
+  const Eigen::Matrix3f turn = R.toRotationMatrix().cast<float>();
+  for (Eigen::Vector3f& p : scan.cloud.positions) p = turn * p;
+  return scan;
 }
 
 std::vector<maps::Trajectory> DriveSet::trajectories() const {

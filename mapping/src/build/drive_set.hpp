@@ -40,18 +40,24 @@ class DriveSet {
   [[nodiscard]] std::size_t size() const { return places_.size(); }
   [[nodiscard]] const std::vector<maps::Drive>& drives() const { return drives_; }
   [[nodiscard]] Place place(std::size_t scan) const { return places_.at(scan); }
-  [[nodiscard]] const Eigen::Isometry3d& T_map_lidar(std::size_t scan) const;
+  /// Pose of the frame that `read` gives a scan in: the lidar's, or, where that stands more than 12
+  /// degrees off the map's vertical (tilted, upside down, carried by hand), the lidar's frame
+  /// turned upright, since ground, detectors and ground heights expect z up.
+  [[nodiscard]] Eigen::Isometry3d T_map_scan(std::size_t scan) const;
+  /// The least rotation that turns a scan upright; the identity for a lidar within 12 degrees.
+  [[nodiscard]] Eigen::Quaterniond R_scan_lidar(std::size_t scan) const;
   [[nodiscard]] std::int64_t stamp_ns(std::size_t scan) const;
   /// As `maps::Drive::Contents::scan_name` and `maps::Drive::sha256`.
   [[nodiscard]] std::string name(std::size_t scan) const;
   [[nodiscard]] std::string sha256(std::size_t scan) const;
-  /// As `read_deskewed`.
+  /// As `read_deskewed`, in the frame of `T_map_scan`.
   [[nodiscard]] maps::Scan read(std::size_t scan,
                                 std::map<std::string, std::uint64_t>& counts) const;
-  /// One a drive.
+  /// One a drive, of the lidar itself.
   [[nodiscard]] std::vector<maps::Trajectory> trajectories() const;
 
  private:
+  [[nodiscard]] const Eigen::Isometry3d& T_map_lidar(std::size_t scan) const;
   void check_poses() const;
 
   std::vector<maps::Drive> drives_;

@@ -24,7 +24,7 @@ std::vector<DetectedScan> detected_scans(const DriveSet& drives, const Survey& s
   scans.reserve(drives.size());
   for (std::size_t i = 0; i < drives.size(); ++i)
     scans.push_back(
-        {drives.place(i).drive, drives.stamp_ns(i), drives.T_map_lidar(i), survey.scans[i].boxes});
+        {drives.place(i).drive, drives.stamp_ns(i), drives.T_map_scan(i), survey.scans[i].boxes});
   return scans;
 }
 
@@ -62,7 +62,7 @@ std::vector<EditScan> edit_scans_of(const DriveSet& drives) {
     const DriveSet::Place at = drives.place(i);
     const std::filesystem::path& root = drives.drives()[at.drive].contents().root;
     scans.push_back({std::filesystem::weakly_canonical(root).filename().string(), at.index,
-                     drives.T_map_lidar(i).translation()});
+                     drives.T_map_scan(i).translation()});
   }
   return scans;
 }
@@ -73,7 +73,7 @@ std::vector<std::vector<ScanObject>> scan_objects(const DriveSet& drives,
   for (std::size_t i = 0; i < objects.size(); ++i) {
     for (std::size_t k = 0; k < objects[i].placements.size(); ++k) {
       const ObjectPlacement& place = objects[i].placements[k];
-      const Eigen::Isometry3d T_lidar_map = drives.T_map_lidar(place.scan).inverse();
+      const Eigen::Isometry3d T_lidar_map = drives.T_map_scan(place.scan).inverse();
       by_scan[place.scan].push_back(
           {{moved_by(T_lidar_map, place.box), speed_mps(drives, objects[i], k)},
            static_cast<std::uint32_t>(i)});
@@ -110,7 +110,7 @@ BuildObjects objects_of(const DriveSet& drives, const Survey& survey,
   out.by_scan = scan_objects(drives, out.objects);
   out.kept_by_scan.resize(drives.size());
   for (std::size_t i = 0; i < drives.size(); ++i) {
-    const Eigen::Isometry3d T_lidar_map = drives.T_map_lidar(i).inverse();
+    const Eigen::Isometry3d T_lidar_map = drives.T_map_scan(i).inverse();
     for (const maps::Box& box : kept_regions(edits, edit_scans[i]))
       out.kept_by_scan[i].push_back(moved_by(T_lidar_map, box));
   }

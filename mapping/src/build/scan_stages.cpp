@@ -1,6 +1,7 @@
 #include "build/scan_stages.hpp"
 
 #include "build/boxes_files.hpp"
+#include "fusion/box_frames.hpp"
 
 #include <fmt/format.h>
 
@@ -104,7 +105,8 @@ ScanStages::ScanStages(const DriveSet& drives, const MapBuildOptions& options,
     : drives_(drives),
       options_(options),
       grid_(grid),
-      ground_(make_ground_segmenter(options.ground)) {
+      ground_(make_ground_segmenter(options.ground)),
+      boxes_are_given_(!boxes_files(options.detector).empty()) {
   for (std::size_t i = 0; i < drives.drives().size(); ++i)
     detectors_.push_back(make_detector(
         detector_of_drive(options.detector, i, drives.drives().size()), drives.drives()[i].size()));
@@ -158,6 +160,11 @@ SurveyedScan ScanStages::survey(std::size_t number) const {
   if (!scan.cloud.empty() && options_.detects()) {
     const StageTimer timer(out.stage_seconds, "detect");
     out.boxes = detectors_[drives_.place(number).drive]->detect(scan, ground);
+    // Given boxes are of the lidar's frame, found ones of the frame that the scan was looked at in.
+    if (boxes_are_given_) {
+      const Eigen::Isometry3d T_scan_lidar(drives_.R_scan_lidar(number));
+      for (maps::Box& box : out.boxes) box = to_map(box, T_scan_lidar);
+    }
   }
   {
     const StageTimer timer(out.stage_seconds, "fuse ground");
@@ -176,7 +183,7 @@ SurveyedScan ScanStages::survey(std::size_t number) const {
 }
 
 Eigen::Isometry3d ScanStages::T_local_lidar(std::size_t scan) const {
-  Eigen::Isometry3d T = drives_.T_map_lidar(scan);
+  Eigen::Isometry3d T = drives_.T_map_scan(scan);
   T.translation() -= grid_.origin();
   return T;
 }
@@ -211,7 +218,7 @@ PlacedScan ScanStages::place(std::size_t number, const std::vector<bool>& is_gro
   out.counts["deleted"] = projection.deleted;
   out.counts["without_ground"] = projection.without_ground;
   const StageTimer timer(out.stage_seconds, "reduce");
-  Placing(out, objects, drives_.T_map_lidar(number)).run(scan.cloud, projection);
+  Placing(out, objects, drives_.T_map_scan(number)).run(scan.cloud, projection);
   return out;
 }
 

@@ -95,6 +95,7 @@ class ScanStages {
   const MapBuildOptions& options_;
   const VoxelGrid& grid_;
   std::unique_ptr<GroundSegmenter> ground_;
+  bool boxes_are_given_;
   /// One a drive.
   std::vector<std::unique_ptr<Detector>> detectors_;
 };

@@ -28,7 +28,7 @@ class DriveScans final : public ScanSource {
 
   [[nodiscard]] std::size_t size() const override { return drives_.size(); }
   [[nodiscard]] Eigen::Isometry3d T_local_lidar(std::size_t scan) const override {
-    Eigen::Isometry3d T = drives_.T_map_lidar(scan);
+    Eigen::Isometry3d T = drives_.T_map_scan(scan);
     T.translation() -= origin_;
     return T;
   }
@@ -102,7 +102,7 @@ class TileStages {
              const VoxelGrid& grid, const MapBuildOptions& options, const maps::Edits& edits)
       : grid_(grid), options_(options), ground_(survey.ground) {
     for (std::size_t scan = 0; scan < drives.size(); ++scan) {
-      Eigen::Isometry3d T = drives.T_map_lidar(scan);
+      Eigen::Isometry3d T = drives.T_map_scan(scan);
       T.translation() -= grid.origin();
       views_.T_local_lidar.push_back(T);
     }

@@ -94,7 +94,7 @@ class FrameSearch {
     std::vector<std::size_t> near;
     std::optional<Eigen::Vector3d> last;
     for (std::size_t scan = 0; scan < drives_.size(); ++scan) {
-      const Eigen::Vector3d p_map = T_map_own * drives_.T_map_lidar(scan).translation();
+      const Eigen::Vector3d p_map = T_map_own * drives_.T_map_scan(scan).translation();
       if (last && (p_map - *last).norm() < kLeastApartM) continue;
       if (!is_near(p_map)) continue;
       last = p_map;
@@ -108,12 +108,12 @@ class FrameSearch {
       std::size_t scan, const std::optional<Eigen::Isometry3d>& T_map_own) const {
     std::map<std::string, std::uint64_t> counts;
     const maps::Scan read = drives_.read(scan, counts);
-    const Eigen::Isometry3d& T_own_lidar = drives_.T_map_lidar(scan);
+    const Eigen::Isometry3d& T_own_scan = drives_.T_map_scan(scan);
     std::optional<localization::Prior> prior;
-    if (T_map_own) prior.emplace().T_map_lidar = maps::renormalized(*T_map_own * T_own_lidar);
+    if (T_map_own) prior.emplace().T_map_lidar = maps::renormalized(*T_map_own * T_own_scan);
     const localization::AlignmentResult found = aligner_->align(read.cloud, prior);
     if (found.status != localization::PoseStatus::kOk) return std::nullopt;
-    return FrameSight{T_own_lidar, found.T_map_lidar, found.covariance};
+    return FrameSight{T_own_scan, found.T_map_lidar, found.covariance};
   }
 
   [[nodiscard]] bool is_near(const Eigen::Vector3d& p_map) const {
@@ -189,7 +189,7 @@ bool leaves_in_place(const Eigen::Isometry3d& T, const DriveSet& drives,
                      const Eigen::Isometry3d& T_map_own) {
   if (!(maps::rotation_angle_rad(T.linear()) <= kKept.rotation_rad)) return false;
   for (std::size_t scan = 0; scan < drives.size(); ++scan) {
-    const Eigen::Vector3d p = T_map_own * drives.T_map_lidar(scan).translation();
+    const Eigen::Vector3d p = T_map_own * drives.T_map_scan(scan).translation();
     if (!((T * p - p).norm() <= kKept.translation_m)) return false;
   }
   return true;

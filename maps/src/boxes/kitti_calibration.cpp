@@ -48,9 +48,11 @@ Eigen::Affine3d affine(const Eigen::Matrix3d& linear, const Eigen::Vector3d& tra
 }
 
 Eigen::Affine3d checked(const std::filesystem::path& file, const Eigen::Affine3d& T) {
-  // Published matrices have 7 digits; anything further from volume 1 is no rotation.
+  // Published matrices have 7 digits; anything further from volume 1 and right angles is no
+  // rotation.
   const double volume = T.linear().determinant();
-  if (!(std::abs(volume - 1.0) < 1e-2)) {
+  const bool is_rotation = std::abs(volume - 1.0) < 1e-2 && T.linear().isUnitary(1e-2);
+  if (!is_rotation || !T.matrix().allFinite()) {
     throw InputError(file.string(),
                      "a lidar to camera matrix of determinant " + std::to_string(volume),
                      "a rotation");

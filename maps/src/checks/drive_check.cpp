@@ -135,8 +135,9 @@ void check_mounting(const std::vector<SampledScan>& samples, DriveCheck& check) 
            upside_down ? "hangs upside down"
                        : fmt::format("is tilted by {:.1f} deg", degrees(mounting.tilt_rad)),
            degrees(roll), degrees(pitch), mounting.height_m, mounting.scans),
-       "turn the points by these angles before, so that z is up; or give poses that hold the tilt, "
-       "as a calibration to the vehicle does"});
+       "turn the points by these angles before, so that z is up; nothing needs to be done where "
+       "poses hold the tilt, as a calibration to the vehicle does, or come from odometry: a build "
+       "turns scans upright by them"});
 }
 
 /// The map's z against the ground's, over scans with poses.

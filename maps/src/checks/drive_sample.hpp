@@ -1,6 +1,7 @@
 #pragma once
 
 #include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/ground_plane.hpp>
 
 #include <array>
 #include <cstddef>
@@ -8,7 +9,6 @@
 #include <optional>
 #include <vector>
 
-#include "checks/ground_plane.hpp"
 #include "checks/pose_readings.hpp"
 
 namespace stillmap::maps {

@@ -1,4 +1,4 @@
-#include "checks/ground_plane.hpp"
+#include <stillmap/maps/ground_plane.hpp>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>

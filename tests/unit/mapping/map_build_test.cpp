@@ -6,6 +6,7 @@
 
 #include <fstream>
 #include <limits>
+#include <numbers>
 #include <set>
 
 #include "small_drive.hpp"
@@ -55,6 +56,36 @@ std::map<maps::PointKind, std::uint64_t> observations_by_kind(const maps::MapPac
       observations[point.kind] += point.observations;
   }
   return observations;
+}
+
+TEST_F(MapBuild, HasTheSameGroundAndObjectsHoweverTheSensorIsMounted) {
+  const auto counts = [&](const Eigen::Vector3d& axis, double angle_rad, bool boxes) {
+    const test::TemporaryFolder folder;
+    test::SmallDrive drive = small_;
+    drive.R_old_new = Eigen::AngleAxisd(angle_rad, axis).toRotationMatrix();
+    options_.detector = boxes ? "boxes:" + drive.write_car(folder).string() : "geometric";
+    const MapBuildReport report =
+        build_map({drive.write(folder)}, folder.path() / "map", options_, progress_, cancel_);
+    return std::pair(report.points.at("ground"),
+                     report.points.at("projected") + report.points.at("deleted"));
+  };
+  for (const bool boxes : {false, true}) {
+    const auto upright = counts(Eigen::Vector3d::UnitX(), 0.0, boxes);
+    ASSERT_GT(upright.first, 1000U);
+    ASSERT_GT(upright.second, 100U);
+    for (const auto& [axis, deg] : {std::pair(Eigen::Vector3d::UnitY().eval(), 25.0),
+                                    std::pair(Eigen::Vector3d::UnitX().eval(), -60.0),
+                                    std::pair(Eigen::Vector3d::UnitX().eval(), 180.0)}) {
+      const auto tilted = counts(axis, deg * std::numbers::pi / 180.0, boxes);
+      const auto near = [](std::uint64_t value) { return 0.05 * static_cast<double>(value); };
+      EXPECT_NEAR(static_cast<double>(tilted.first), static_cast<double>(upright.first),
+                  near(upright.first))
+          << deg;
+      EXPECT_NEAR(static_cast<double>(tilted.second), static_cast<double>(upright.second),
+                  near(upright.second))
+          << deg << (boxes ? " boxes" : " geometric");
+    }
+  }
 }
 
 TEST_F(MapBuild, CountsEveryPointOnceInTheManifest) {

@@ -4,6 +4,7 @@
 #include <stillmap/maps/box.hpp>
 
 #include <Eigen/Geometry>
+#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <string>
@@ -68,8 +69,10 @@ struct SmallDrive {
   std::filesystem::path write(const TemporaryFolder& folder) const {
     std::string poses;
     for (std::size_t i = 0; i < kScans; ++i) {
-      folder.write(fmt::format("drive/{:06}.bin", i), bin_of(scan(i)));
-      poses += kitti_line(T_map_lidar[i]);
+      maps::PointCloud cloud = scan(i);
+      for (Eigen::Vector3f& p : cloud.positions) p = R_old_new.transpose().cast<float>() * p;
+      folder.write(fmt::format("drive/{:06}.bin", i), bin_of(cloud));
+      poses += kitti_line(T_map_lidar[i] * Eigen::Isometry3d(Eigen::AngleAxisd(R_old_new)));
     }
     folder.write("drive/poses.txt", poses);
     return folder.path() / "drive";
@@ -78,7 +81,15 @@ struct SmallDrive {
   /// @return a boxes file with the car in every scan.
   [[nodiscard]] std::filesystem::path write_car(const TemporaryFolder& folder) const {
     maps::BoxSequence boxes;
-    for (std::size_t i = 0; i < kScans; ++i) boxes.by_scan[i] = {car_in(i)};
+    for (std::size_t i = 0; i < kScans; ++i) {
+      maps::Box box = car_in(i);
+      const Eigen::Matrix3d R_new_old = R_old_new.transpose();
+      const Eigen::Vector3d heading =
+          R_new_old * Eigen::Vector3d(std::cos(box.yaw_rad), std::sin(box.yaw_rad), 0.0);
+      box.centre = R_new_old * box.centre;
+      if (!R_new_old.isIdentity(0.0)) box.yaw_rad = std::atan2(heading.y(), heading.x());
+      boxes.by_scan[i] = {box};
+    }
     const std::filesystem::path file = folder.path() / "boxes.json";
     maps::write_boxes(file, boxes);
     return file;
@@ -87,6 +98,8 @@ struct SmallDrive {
   SyntheticWorld world;
   ScanPattern pattern;
   std::vector<Eigen::Isometry3d> T_map_lidar;
+  /// How the sensor that writes the files is mounted against that of `T_map_lidar`.
+  Eigen::Matrix3d R_old_new = Eigen::Matrix3d::Identity();
 };
 
 }  // namespace stillmap::test

@@ -153,16 +153,36 @@ TEST(DriveApart, FollowsChainsOfLoops) {
 TEST(Levelling, TurnsATiltedSensorUprightAndPutsTheGroundAtZero) {
   test::SyntheticWorld world;
   world.boxes = {{{-40.0, 9.0, 0.0}, {40.0, 10.0, 6.0}}, {{-40.0, -10.0, 0.0}, {40.0, -9.0, 6.0}}};
-  Eigen::Isometry3d T_world_lidar = Eigen::Isometry3d::Identity();
-  T_world_lidar.translation().z() = 1.8;
-  T_world_lidar.linear() = (Eigen::AngleAxisd(0.06, Eigen::Vector3d::UnitX()) *
-                            Eigen::AngleAxisd(-0.04, Eigen::Vector3d::UnitY()))
-                               .toRotationMatrix();
-  const Eigen::Isometry3d T = T_ground_lidar(world.scan(T_world_lidar, {.columns = 360}));
-  EXPECT_NEAR(T.translation().z(), 1.8, 0.02);
-  const Eigen::Vector3d up_lidar = T_world_lidar.linear().transpose() * Eigen::Vector3d::UnitZ();
-  EXPECT_NEAR((T.linear() * up_lidar).z(), 1.0, 1e-4);
-  EXPECT_NEAR((T.linear() * Eigen::Vector3d::UnitX()).y(), 0.0, 1e-9) << "x stays forward";
+  Eigen::Isometry3d T_world_upright = Eigen::Isometry3d::Identity();
+  T_world_upright.translation().z() = 1.8;
+  const maps::PointCloud upright = world.scan(T_world_upright, {.columns = 360});
+  // A little, two tilted mounts, and one that hangs.
+  for (const auto& [roll_rad, pitch_rad] : {std::pair(0.06, -0.04), std::pair(0.0, 0.44),
+                                            std::pair(-0.7, 0.1), std::pair(3.12, 0.02)}) {
+    const Eigen::Matrix3d R_world_lidar = (Eigen::AngleAxisd(roll_rad, Eigen::Vector3d::UnitX()) *
+                                           Eigen::AngleAxisd(pitch_rad, Eigen::Vector3d::UnitY()))
+                                              .toRotationMatrix();
+    maps::PointCloud scan = upright;
+    for (Eigen::Vector3f& p : scan.positions) p = R_world_lidar.transpose().cast<float>() * p;
+    const Eigen::Isometry3d T = T_ground_lidar(scan);
+    EXPECT_NEAR(T.translation().z(), 1.8, 0.02) << roll_rad;
+    const Eigen::Vector3d up_lidar = R_world_lidar.transpose() * Eigen::Vector3d::UnitZ();
+    EXPECT_NEAR((T.linear() * up_lidar).z(), 1.0, 1e-4) << roll_rad;
+    const Eigen::Vector3d forward = T.linear() * Eigen::Vector3d::UnitX();
+    EXPECT_NEAR(forward.y(), 0.0, 1e-9) << "x stays forward";
+    EXPECT_GT(forward.x(), 0.8) << roll_rad;
+  }
+}
+
+TEST(Levelling, AWallIsNoGround) {
+  test::SyntheticWorld world;
+  world.boxes = {{{-40.0, 9.0, 0.0}, {40.0, 10.0, 6.0}}};
+  maps::PointCloud scan = world.scan(Eigen::Isometry3d(Eigen::Translation3d(0.0, 0.0, 1.8)), {});
+  std::vector<std::uint8_t> on_wall;
+  for (const Eigen::Vector3f& p : scan.positions) on_wall.push_back(p.y() > 8.9F ? 1 : 0);
+  scan.keep_only(on_wall);
+  ASSERT_GT(scan.size(), 1000U);
+  EXPECT_TRUE(T_ground_lidar(scan).isApprox(Eigen::Isometry3d::Identity()));
 }
 
 TEST(Levelling, WithoutGroundNothingIsTurned) {
