@@ -188,22 +188,26 @@ test('a refusal ends it in the server’s words, and it can be tried again', asy
   assert.equal(transfer.view.get().state, 'done');
 });
 
-test('a pause sends nothing more until it goes on', async () => {
-  let transfer;
-  let pauses = 1;
-  let asked;
-  const target = memory((what) => {
-    if (what !== 2 || pauses-- <= 0) return;
-    transfer.pause();
-    asked = target.asked.length;
+for (const [when, isThen] of [['the first part', (what) => what !== 'begin'], ['the last part', (_, asked) => asked === 5]]) {
+  test(`a pause during ${when} sends nothing more until it goes on`, async () => {
+    let transfer;
+    let isToPause = true;
+    let asked;
+    const target = memory((what) => {
+      if (!isToPause || !isThen(what, target.asked.length)) return;
+      isToPause = false;
+      transfer.pause();
+      asked = target.asked.length;
+    });
+    transfer = new Transfer(new Blob([kContent]), target);
+    await transfer.run();
+    assert.equal(transfer.view.get().state, 'paused');
+    await new Promise((resolve) => setTimeout(resolve, 100));
+    assert.equal(target.asked.length, asked);
+    await transfer.run();
+    assert.equal(transfer.view.get().state, 'done');
+    assert.ok(target.whole().equals(kContent));
   });
-  transfer = new Transfer(new Blob([kContent]), target);
-  await transfer.run();
-  assert.equal(transfer.view.get().state, 'paused');
-  await new Promise((resolve) => setTimeout(resolve, 100));
-  assert.equal(target.asked.length, asked);
-  await transfer.run();
-  assert.equal(transfer.view.get().state, 'done');
-  assert.ok(target.whole().equals(kContent));
-  assert.equal(hex(new Uint8Array([0, 255])), '00ff');
-});
+}
+
+test('bytes are written in hexadecimal digits', () => assert.equal(hex(new Uint8Array([0, 255])), '00ff'));

@@ -53,6 +53,8 @@ export class Transfer {
       try {
         this.show({ state: 'starting', error: undefined });
         await this.sendMissing(await this.target_.begin(signal), signal);
+        // What was under way when it was paused may have come through whole.
+        signal.throwIfAborted();
         this.show({ state: 'checking', bytesPerS: undefined, etaS: undefined });
         const outcome = await this.target_.finish(signal);
         this.show({ state: 'done', sent: this.content_.size, outcome });
@@ -92,6 +94,7 @@ export class Transfer {
     if (partBytes === undefined) throw otherFile();
     const parts = cut(this.content_.size, partBytes);
     await this.compare(parts, listed, signal);
+    signal.throwIfAborted();
     this.arrived_ = listed.reduce((sum, { bytes }) => sum + bytes, 0);
     this.moving_.clear();
     this.speed_.reset();
