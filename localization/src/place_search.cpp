@@ -24,7 +24,19 @@ constexpr std::size_t kAfterMiddle = 30;
 constexpr std::size_t kPoints = 160;
 constexpr float kReachM = 35.0F;
 
-/// Upright frame at a place: z is the pose's own, x as near to the map's x as that allows.
+// Mounts that are tilted by less keep the lidar's z as their upward axis [rad].
+constexpr double kTiltedRad = 0.2;
+
+/// From the mean of the map's upward axis in the lidar: hills even out, mounts do not.
+Eigen::Matrix3d levelling(const std::vector<Eigen::Isometry3d>& T_map_lidar) {
+  Eigen::Vector3d up_lidar = Eigen::Vector3d::Zero();
+  for (const Eigen::Isometry3d& T : T_map_lidar) up_lidar += T.linear().row(2).transpose();
+  const double tilt_rad = std::atan2(up_lidar.head<2>().norm(), up_lidar.z());
+  if (!(tilt_rad > kTiltedRad)) return Eigen::Matrix3d::Identity();
+  return Eigen::Quaterniond::FromTwoVectors(up_lidar, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+}
+
+/// Upright frame at a place: z is the levelled pose's own, x as near to the map's x as that allows.
 Eigen::Isometry3f without_heading(const Eigen::Isometry3d& T) {
   const Eigen::Vector3d up = T.linear().col(2);
   // Along the map's x there is none nearer than another.
@@ -61,10 +73,10 @@ class PlacesApart {
   std::map<std::array<int, 3>, std::vector<Eigen::Vector3d>> taken_;
 };
 
-std::vector<Eigen::Vector3f> points_to_try(const Query& query) {
+std::vector<Eigen::Vector3f> points_to_try(const Query& query, const Eigen::Matrix3f& R) {
   std::vector<Eigen::Vector3f> near;
   for (const std::size_t i : query.standing) {
-    if (query.points[i].norm() < kReachM) near.push_back(query.points[i]);
+    if (query.points[i].norm() < kReachM) near.push_back(R * query.points[i]);
   }
   if (near.size() <= kPoints) return near;
   std::vector<Eigen::Vector3f> some;
@@ -87,7 +99,8 @@ Eigen::Isometry3f turned(const Eigen::Isometry3f& T_index_place, float yaw_rad) 
 }  // namespace
 
 PlaceSearch::PlaceSearch(const MapIndex& index, const std::vector<Eigen::Isometry3d>& seen_from)
-    : origin_(index.origin()),
+    : R_level_lidar_(levelling(seen_from)),
+      origin_(index.origin()),
       wide_(index.place_grids()[0]),
       middle_(index.place_grids()[1]),
       fine_(index.place_grids()[2]) {
@@ -97,8 +110,9 @@ PlaceSearch::PlaceSearch(const MapIndex& index, const std::vector<Eigen::Isometr
     T_index_lidar.translation() -= origin_;
     const Eigen::Array3d at = T_index_lidar.translation().array();
     const bool beside = (at > -kMarginM).all() && (at < index.extent().array() + kMarginM).all();
-    if (beside && apart.take(T_index_lidar.translation()))
-      places_.push_back(without_heading(T_index_lidar));
+    if (!beside || !apart.take(T_index_lidar.translation())) continue;
+    T_index_lidar.rotate(R_level_lidar_.transpose());
+    places_.push_back(without_heading(T_index_lidar));
   }
 }
 
@@ -118,7 +132,7 @@ std::vector<PlaceSearch::Hypothesis> PlaceSearch::all_in(
       const double away_rad = std::remainder(yaw_rad - region.yaw_rad, 2.0 * pi_v<double>);
       if (std::abs(away_rad) > region.yaw_window_rad + kHalfHeadingRad) continue;
       Hypothesis h{.place = place, .yaw_rad = static_cast<float>(yaw_rad)};
-      const Eigen::Isometry3f T = T_index_lidar(h);
+      const Eigen::Isometry3f T = T_index_level(h);
       for (std::size_t i = 0; i < points.size(); ++i) placed.set(i, T * points[i]);
       h.score = static_cast<float>(wide_.hits(placed, Eigen::Vector3f::Zero()));
       all.push_back(h);
@@ -144,7 +158,7 @@ void PlaceSearch::improve(std::vector<Hypothesis>& hypotheses,
     for (int turn = -steps.turns; turn <= steps.turns; ++turn) {
       Hypothesis tried = h;
       tried.yaw_rad += static_cast<float>(turn) * steps.turn_rad;
-      const Eigen::Isometry3f T = T_index_lidar(tried);
+      const Eigen::Isometry3f T = T_index_level(tried);
       for (std::size_t i = 0; i < points.size(); ++i) placed.set(i, T * points[i]);
       for (const Eigen::Vector3f& along : shifts) {
         tried.score = static_cast<float>(cells.hits(placed, places_[h.place].linear() * along));
@@ -158,19 +172,19 @@ void PlaceSearch::improve(std::vector<Hypothesis>& hypotheses,
   }
 }
 
-Eigen::Isometry3f PlaceSearch::T_index_lidar(const Hypothesis& h) const {
+Eigen::Isometry3f PlaceSearch::T_index_level(const Hypothesis& h) const {
   return turned(places_[h.place] * Eigen::Translation3f(h.x_m, h.y_m, 0.0F), h.yaw_rad);
 }
 
 bool PlaceSearch::same_place(const Hypothesis& a, const Hypothesis& b) const {
-  const Eigen::Isometry3f difference = T_index_lidar(a).inverse() * T_index_lidar(b);
+  const Eigen::Isometry3f difference = T_index_level(a).inverse() * T_index_level(b);
   return difference.translation().norm() < 2.5F &&
          std::abs(std::remainder(a.yaw_rad - b.yaw_rad, 2.0F * pi_v<float>)) < 0.15F;
 }
 
 std::vector<Eigen::Isometry3d> PlaceSearch::best_places(const Query& query, std::size_t count,
                                                         const Region& region) const {
-  const std::vector<Eigen::Vector3f> points = points_to_try(query);
+  const std::vector<Eigen::Vector3f> points = points_to_try(query, R_level_lidar_.cast<float>());
   if (points.empty()) return {};
   std::vector<Hypothesis> all = all_in(region, points);
   keep_best(all, std::max(kLeastAfterWide, all.size() / kWidePart));
@@ -193,7 +207,8 @@ std::vector<Eigen::Isometry3d> PlaceSearch::best_places(const Query& query, std:
                                    [&](const Hypothesis& other) { return same_place(h, other); });
     if (known) continue;
     kept.push_back(h);
-    Eigen::Isometry3d T = T_index_lidar(h).cast<double>();
+    Eigen::Isometry3d T = T_index_level(h).cast<double>();
+    T.rotate(R_level_lidar_);
     T.translation() += origin_;
     places.push_back(T);
   }

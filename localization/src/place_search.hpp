@@ -29,10 +29,14 @@ class PlaceSearch {
     /// In the map frame [m]; places farther from it on the ground than the radius are left out.
     Eigen::Vector2d centre_m = Eigen::Vector2d::Zero();
     double radius_m = std::numeric_limits<double>::infinity();
-    /// Heading of the lidar's x axis in the map, and how far from it is looked [rad].
+    /// Heading of the levelled lidar's x axis in the map, and how far from it is looked [rad].
     double yaw_rad = 0.0;
     double yaw_window_rad = std::numbers::pi;
   };
+
+  /// Attitude of the scans that are looked for, in a level frame: the lidar as it was mounted when
+  /// the map was made. The identity unless it was tilted.
+  [[nodiscard]] const Eigen::Matrix3d& R_level_lidar() const { return R_level_lidar_; }
 
   /// Best places first, the same place only once; empty when nothing stands in the scan, or nobody
   /// has been in the region.
@@ -60,11 +64,13 @@ class PlaceSearch {
   /// The best of the steps around each hypothesis.
   void improve(std::vector<Hypothesis>& hypotheses, const std::vector<Eigen::Vector3f>& points,
                const CellBits& cells, const Steps& steps) const;
-  [[nodiscard]] Eigen::Isometry3f T_index_lidar(const Hypothesis& hypothesis) const;
+  /// Of the levelled lidar.
+  [[nodiscard]] Eigen::Isometry3f T_index_level(const Hypothesis& hypothesis) const;
   [[nodiscard]] bool same_place(const Hypothesis& a, const Hypothesis& b) const;
 
+  Eigen::Matrix3d R_level_lidar_;
   Eigen::Vector3d origin_;
-  /// Relative to the index's origin, heading taken out: x and y level along the ground.
+  /// Relative to the index's origin, mount and heading taken out: x and y along the ground.
   std::vector<Eigen::Isometry3f> places_;
   CellBits wide_;
   CellBits middle_;

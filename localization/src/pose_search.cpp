@@ -13,6 +13,10 @@ constexpr int kCellsOfHeight = 64;
 /// Share of all points by which the far edge of the window is worse than the prior: breaks ties
 /// only.
 constexpr double kTieShare = 0.03;
+/// Share of the best place's score from which others are alike.
+constexpr double kAlikeShare = 0.9;
+/// Share of the best floor's hits from which another height is a floor too.
+constexpr double kFloorShare = 0.8;
 
 /// Occupied cells around a place: one 64-bit word a column, a bit a cell of height.
 class Columns {
@@ -68,10 +72,12 @@ struct Hypothesis {
   int hits = 0;
 };
 
-std::vector<Eigen::Vector3f> points_to_try(const Query& query, const Eigen::Matrix3d& R) {
+/// Some of the points that stand, or of those that do not, turned into the map's attitude.
+std::vector<Eigen::Vector3f> points_to_try(const Query& query, const Eigen::Matrix3d& R,
+                                           bool standing) {
   std::vector<Eigen::Vector3f> near;
-  for (const std::size_t i : query.standing) {
-    if (query.points[i].norm() < kMaxSearchRangeM)
+  for (std::size_t i = 0; i < query.points.size(); ++i) {
+    if ((query.stands[i] != 0) == standing && query.points[i].norm() < kMaxSearchRangeM)
       near.push_back(R.cast<float>() * query.points[i]);
   }
   if (near.size() <= kMaxSearchPoints) return near;
@@ -99,6 +105,29 @@ void count_hits(const Columns& columns, const std::vector<Eigen::Vector3f>& poin
   }
 }
 
+/// Heights above a hypothesis [cells], up to `most`, around which what does not stand finds a floor
+/// as well: every second one, as a cell of slack and the alignment reach the others.
+std::vector<int> other_floors(const Columns& columns, const std::vector<Eigen::Vector3f>& points,
+                              const Hypothesis& h, int most) {
+  std::vector<int> hits(static_cast<std::size_t>(most / 2 * 2) + 1, 0);
+  for (const Eigen::Vector3f& p : points) {
+    const Eigen::Array3i c = columns.cell_of(p) + Eigen::Array3i(h.x, h.y, -most / 2 * 2);
+    if (c.x() < 0 || c.x() >= columns.side() || c.y() < 0 || c.y() >= columns.side()) continue;
+    const std::uint64_t column = columns.row(c.x())[c.y()];
+    for (std::size_t k = 0; k < hits.size(); ++k) {
+      const int z = c.z() + 2 * static_cast<int>(k);
+      if (z >= 0 && z < kCellsOfHeight) hits[k] += static_cast<int>((column >> z) & 1U);
+    }
+  }
+  const double least = std::max(1.0, kFloorShare * *std::max_element(hits.begin(), hits.end()));
+  std::vector<int> floors;
+  for (std::size_t k = 0; k < hits.size(); ++k) {
+    const int up = 2 * static_cast<int>(k) - most / 2 * 2;
+    if (up != 0 && hits[k] >= least) floors.push_back(up);
+  }
+  return floors;
+}
+
 bool same_place(const Hypothesis& a, const Hypothesis& b) {
   return std::abs(a.yaw - b.yaw) <= 2 && std::abs(a.x - b.x) <= 1 && std::abs(a.y - b.y) <= 1;
 }
@@ -106,11 +135,13 @@ bool same_place(const Hypothesis& a, const Hypothesis& b) {
 /// Squared distance from the prior, in steps.
 double away2(const Hypothesis& h) { return h.x * h.x + h.y * h.y + h.yaw * h.yaw; }
 
+/// The best `count`, and up to twice as many more that are almost as good as the first.
 std::vector<Hypothesis> best_places(std::vector<Hypothesis>& all, std::size_t count) {
   std::vector<Hypothesis> best;
-  while (best.size() < count && !all.empty()) {
+  while (best.size() < 3 * count && !all.empty()) {
     const Hypothesis top = *std::max_element(
         all.begin(), all.end(), [](const auto& a, const auto& b) { return a.score < b.score; });
+    if (best.size() >= count && top.score < kAlikeShare * best.front().score) break;
     best.push_back(top);
     std::erase_if(all, [&](const Hypothesis& h) { return same_place(h, top); });
   }
@@ -124,7 +155,8 @@ std::vector<Eigen::Isometry3d> search_poses(const MapIndex::Level& level,
                                             const Eigen::Isometry3d& T_map_lidar_prior,
                                             const SearchWindow& window,
                                             std::size_t max_candidates) {
-  const std::vector<Eigen::Vector3f> points = points_to_try(query, T_map_lidar_prior.linear());
+  const std::vector<Eigen::Vector3f> points =
+      points_to_try(query, T_map_lidar_prior.linear(), true);
   if (points.empty()) return {T_map_lidar_prior};
   const Eigen::Vector3f centre = (T_map_lidar_prior.translation() - origin).cast<float>();
   const double edge_m = static_cast<double>(level.edge_m);
@@ -148,14 +180,25 @@ std::vector<Eigen::Isometry3d> search_poses(const MapIndex::Level& level,
       all.push_back(h);
     }
   }
+  const int floors = static_cast<int>(window.height_m / edge_m);
+  const std::vector<Eigen::Vector3f> level_points =
+      floors > 1 ? points_to_try(query, T_map_lidar_prior.linear(), false)
+                 : std::vector<Eigen::Vector3f>{};
   std::vector<Eigen::Isometry3d> candidates;
   for (const Hypothesis& h : best_places(all, max_candidates)) {
     Eigen::Isometry3d T = T_map_lidar_prior;
-    T.linear() =
-        Eigen::AngleAxisd(h.yaw * kYawStepRad, Eigen::Vector3d::UnitZ()).toRotationMatrix() *
-        T_map_lidar_prior.linear();
+    const Eigen::AngleAxisd R_yaw(h.yaw * kYawStepRad, Eigen::Vector3d::UnitZ());
+    T.linear() = R_yaw.toRotationMatrix() * T_map_lidar_prior.linear();
     T.translation() += edge_m * Eigen::Vector3d(h.x, h.y, 0.0);
     candidates.push_back(T);
+    if (level_points.empty()) continue;
+    turned.resize(level_points.size());
+    for (std::size_t i = 0; i < turned.size(); ++i) {
+      turned[i] = R_yaw.toRotationMatrix().cast<float>() * level_points[i] + centre;
+    }
+    for (const int up : other_floors(columns, turned, h, floors)) {
+      candidates.push_back(Eigen::Translation3d(0.0, 0.0, edge_m * up) * T);
+    }
   }
   return candidates;
 }

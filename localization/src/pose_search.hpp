@@ -15,6 +15,8 @@ struct SearchWindow {
   double radius_m = 6.0;
   /// Yaw to each side [rad], >= 0.
   double yaw_rad = 0.40;
+  /// Up and down to other floors that fit as well as the prior's own [m], >= 0.
+  double height_m = 0.0;
 };
 
 /// Counts hits of standing points in the map's occupied cells for every pose on a grid of the
@@ -23,10 +25,11 @@ struct SearchWindow {
 ///
 /// Correlative matching as in Olson, "Real-Time Correlative Scan Matching", ICRA 2009, on 3D cells.
 /// Needs no derivative, so it sees past the local optima that trap every gradient method from 2 m /
-/// 10 deg. Ties go to the pose nearest to the prior.
+/// 10 deg. Ties go to the pose nearest to the prior. Above and below a place each floor that what
+/// does not stand fits on is another one.
 /// @param level   about 1 m.  @param origin  the index's.
-/// @return T_map_lidar of between 1 and `max_candidates` places; the prior alone when nothing
-/// stands in the scan.
+/// @return T_map_lidar of between 1 and `max_candidates` places and those on other floors; the
+/// prior alone when nothing stands in the scan.
 [[nodiscard]] std::vector<Eigen::Isometry3d> search_poses(
     const MapIndex::Level& level, const Eigen::Vector3d& origin, const Query& query,
     const Eigen::Isometry3d& T_map_lidar_prior, const SearchWindow& window,

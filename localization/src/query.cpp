@@ -11,6 +11,8 @@ namespace stillmap::localization {
 namespace {
 
 constexpr float kCellM = 0.5F;
+/// With fewer than these, in a room, cells of half the size are taken.
+constexpr std::size_t kFewPoints = 1000;
 /// Columns whose lowest point is taken as ground.
 constexpr float kColumnM = 2.0F;
 /// Above kerbs and the lower part of slopes within a column, below bonnets, fences and low walls.
@@ -45,9 +47,10 @@ std::vector<char> standing_flags(const std::vector<Eigen::Vector3f>& points,
 }
 
 Query thin(const maps::PointCloud& scan_lidar, const Eigen::Matrix3d& R_map_lidar) {
+  std::vector<std::size_t> kept = one_point_a_cell(scan_lidar.positions, kCellM);
+  if (kept.size() < kFewPoints) kept = one_point_a_cell(scan_lidar.positions, 0.5F * kCellM);
   std::vector<Eigen::Vector3f> cells;
-  for (const std::size_t i : one_point_a_cell(scan_lidar.positions, kCellM))
-    cells.push_back(scan_lidar.positions[i]);
+  for (const std::size_t i : kept) cells.push_back(scan_lidar.positions[i]);
   const std::vector<char> stands = standing_flags(cells, R_map_lidar.cast<float>());
   const std::size_t count = std::min(cells.size(), kMaxQueryPoints);
   Query query;

@@ -22,4 +22,13 @@ struct Place {
 [[nodiscard]] Place settle(std::span<const MapIndex::Level> levels, const Query& query,
                            const Eigen::Isometry3d& T_index_lidar, float bend_share);
 
+/// Share of the scan that a pose explains, by every `stride`-th point: what places are compared by.
+[[nodiscard]] double support_at(std::span<const MapIndex::Level> levels, const Query& query,
+                                const Eigen::Isometry3d& T_index_lidar, std::size_t stride);
+
+/// Takes a settled place down to the finest level, with as few points, and measures its support
+/// anew: what repeats itself every metre or two looks alike on the coarser ones.
+void sharpen(std::span<const MapIndex::Level> levels, const Query& query, float bend_share,
+             Place& place);
+
 }  // namespace stillmap::localization

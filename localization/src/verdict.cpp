@@ -23,6 +23,9 @@ constexpr float kMaxSurface2 = 9.0F;
 /// How far a pose is moved to see whether the scan notices [m]: beyond the noise, past a post.
 constexpr double kProbeM = 1.0;
 constexpr float kProbeKernelM = 0.3F;
+/// A turn moves points at this many median ranges by `kProbeM`, at most those at `kLeverM`: within
+/// the walls of a room a turn over 15 m is less than the noise.
+constexpr float kLeverRanges = 1.5F;
 /// Deviations by which moving must worsen the fit. In a synthetic corridor the score along it stays
 /// within 2, on simulated highways with posts it is 4 to 7, in streets 11 and more.
 constexpr double kMinProbeScore = 4.0;
@@ -80,6 +83,16 @@ std::vector<float> costs_at(const MapIndex::Level& level, const Query& query,
                            costs[i] = distance2_m2 / (kKernel2 + distance2_m2);
                          });
   return costs;
+}
+
+/// Over what a turn is probed [m].
+double probe_lever_m(const Query& query) {
+  std::vector<float> ranges(query.points.size());
+  std::transform(query.points.begin(), query.points.end(), ranges.begin(),
+                 [](const Eigen::Vector3f& p) { return p.norm(); });
+  const auto middle = ranges.begin() + static_cast<std::ptrdiff_t>(ranges.size() / 2);
+  std::nth_element(ranges.begin(), middle, ranges.end());
+  return std::min(kLeverM, static_cast<double>(kLeverRanges * *middle));
 }
 
 /// Mean rise from some costs to others, in deviations of that mean.
@@ -155,11 +168,12 @@ Observability observability_of(const MapIndex::Level& level, const Query& query,
   const auto score_of = [&](const Vector6d& move) {
     return rise_score(here, costs_at(level, query, T_index_lidar * maps::exp_se3(move)));
   };
+  const double lever_m = probe_lever_m(query);
   Observability out;
   for (Eigen::Index k = 0; k < 6; ++k) {
     const Vector6d direction = solver.eigenvectors().col(k);
     Vector6d move = kProbeM * direction;
-    move.tail<3>() /= kLeverM;
+    move.tail<3>() /= lever_m;
     const double score = std::min(score_of(move), score_of(-move));
     if (!(score > kMinProbeScore)) out.degenerate.push_back(direction);
     // Eigenvalues ascend: once three directions in a row hold, the stronger ones do.

@@ -10,9 +10,12 @@
 
 #include <stillmap/maps/frames.hpp>
 
+#include <Eigen/Eigenvalues>
+
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 namespace stillmap::localization {
 namespace {
@@ -27,8 +30,18 @@ constexpr std::size_t kMaxPlaces = 5;
 /// A scan is found this far from where the map was seen [m].
 constexpr double kMaxFromPlaceM = 6.0;
 constexpr double kSearchCellM = 1.0;
+/// Storeys up and down to which the vehicle may belong, unless its prior knows better [m].
+constexpr double kStoreysM = 6.0;
+/// Share of the best place's support from which a second place is told apart from it on the finest
+/// level.
+constexpr double kRivalShare = 0.7;
 /// Share of the best place's support from which a second place makes the answer ambiguous.
 constexpr double kAmbiguousShare = 0.9;
+/// Poses along the weakest direction that are compared with the best, by so many points, and the
+/// share of its support from which they are looked at closely.
+constexpr double kRepeatStepM = 0.25;
+constexpr std::size_t kRepeatPoints = 150;
+constexpr double kRepeatShare = 0.75;
 constexpr double kDistinctM = 0.5;
 constexpr double kDistinctRad = 0.035;
 /// Last width of the robust kernel as a share of the finest voxel.
@@ -55,25 +68,32 @@ const MapIndex::Level& level_near(const MapIndex& index, double edge_m) {
 /// How far from the prior the scan may be, as its covariance says (three deviations).
 struct PriorReach {
   double radius_m = 0.0;
+  double height_m = 0.0;
   double yaw_rad = 0.0;
 };
-/// Where nothing is found around a prior that does not say how good it is: two seconds of driving
-/// late, or half a crossing.
-constexpr PriorReach kReachWhenLost{.radius_m = 30.0, .yaw_rad = 1.0};
+/// Cosine of the vehicle's tilt in a prior, up to which it may stand elsewhere in the map.
+constexpr double kLeastUpright = 0.7;
+/// Where nothing that fits well is found around a prior that does not say how good it is: two
+/// seconds of driving late, or half a crossing.
+constexpr PriorReach kReachWhenLost{.radius_m = 30.0, .height_m = kStoreysM, .yaw_rad = 1.0};
 
 std::optional<PriorReach> reach_of(const Prior& prior) {
   if (!prior.covariance) return std::nullopt;
   const Matrix6d& covariance = *prior.covariance;
+  const Eigen::Matrix3d& R = prior.T_map_lidar.linear();
+  const double up_m2 = R.row(2) * covariance.topLeftCorner<3, 3>() * R.row(2).transpose();
   return PriorReach{3.0 * std::sqrt(covariance.diagonal().head<3>().maxCoeff()),
+                    3.0 * std::sqrt(up_m2),
                     3.0 * std::sqrt(covariance.diagonal().tail<3>().maxCoeff())};
 }
 
 SearchWindow window_of(const std::optional<PriorReach>& reach) {
-  SearchWindow window;
+  SearchWindow window{.height_m = kStoreysM};
   if (!reach) return window;
   // A caller who knows where the vehicle is does not want its neighbour street.
   window.radius_m = std::min(window.radius_m, reach->radius_m);
   window.yaw_rad = std::min(window.yaw_rad, reach->yaw_rad);
+  window.height_m = std::min(window.height_m, reach->height_m);
   return window;
 }
 
@@ -83,8 +103,19 @@ bool is_wide(const PriorReach& reach) {
   return reach.radius_m > window.radius_m || reach.yaw_rad > window.yaw_rad;
 }
 
-PlaceSearch::Region region_of(const Prior& prior, const PriorReach& reach) {
-  const Eigen::Vector3d forward = prior.T_map_lidar.linear().col(0);
+/// Whether a scan may well have been taken elsewhere, in the attitude of those that made the map.
+bool may_be_farther(const AlignmentResult& result, const Prior& prior,
+                    const Eigen::Matrix3d& R_level_lidar) {
+  const Eigen::Matrix3d R_map_level = prior.T_map_lidar.linear() * R_level_lidar.transpose();
+  if (!(R_map_level(2, 2) > kLeastUpright)) return false;
+  return result.status == PoseStatus::kLost ||
+         std::find(result.reasons.begin(), result.reasons.end(), "low_inlier_ratio") !=
+             result.reasons.end();
+}
+
+PlaceSearch::Region region_of(const Prior& prior, const PriorReach& reach,
+                              const Eigen::Matrix3d& R_level_lidar) {
+  const Eigen::Vector3d forward = prior.T_map_lidar.linear() * R_level_lidar.row(0).transpose();
   PlaceSearch::Region region;
   region.centre_m = prior.T_map_lidar.translation().head<2>();
   region.radius_m = reach.radius_m + kMaxFromPlaceM;
@@ -150,20 +181,84 @@ bool distinct(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
          maps::rotation_angle_rad(difference.linear()) > kDistinctRad;
 }
 
-/// Refines each start coarse to fine, finishes the best of them and judges it.
-/// @param starts  `T_map_lidar`, at least one. @param prior  may be null.
-AlignmentResult align_among(const MapIndex& index, const Query& query,
-                            const std::vector<Eigen::Isometry3d>& starts, const Prior* prior) {
-  std::vector<Place> places;
+void sort_by_support(std::vector<Place>& places) {
+  std::stable_sort(places.begin(), places.end(),
+                   [](const Place& a, const Place& b) { return a.support > b.support; });
+}
+
+/// Settles each start and tells those apart that look much alike: the best first, each place once,
+/// and all Gauss-Newton steps counted with the first.
+/// @param starts  `T_map_lidar`, at least one.
+std::vector<Place> places_among(const MapIndex& index, const Query& query,
+                                const std::vector<Eigen::Isometry3d>& starts) {
+  std::vector<Place> settled;
   for (const Eigen::Isometry3d& T_map_lidar : starts) {
     // A prior is a rotation but for its last digits, a place found with floats but for a few more;
     // where nothing moves the pose it would be answered as it came.
     Eigen::Isometry3d T_index_lidar = maps::renormalized(T_map_lidar);
     T_index_lidar.translation() -= index.origin();
-    places.push_back(settle(index.levels(), query, T_index_lidar, kBendShare));
+    settled.push_back(settle(index.levels(), query, T_index_lidar, kBendShare));
   }
-  std::stable_sort(places.begin(), places.end(),
-                   [](const Place& a, const Place& b) { return a.support > b.support; });
+  sort_by_support(settled);
+  std::vector<Place> apart;
+  int steps = 0;
+  for (Place& place : settled) {
+    steps += std::exchange(place.iterations, 0);
+    const bool rivals = place.support >= kRivalShare * settled.front().support;
+    const bool known = std::any_of(apart.begin(), apart.end(), [&](const Place& other) {
+      return !distinct(place.T_index_lidar, other.T_index_lidar);
+    });
+    if (rivals && !known) apart.push_back(place);
+  }
+  if (apart.size() > 1) {
+    for (Place& place : apart) {
+      sharpen(index.levels(), query, kBendShare, place);
+      steps += std::exchange(place.iterations, 0);
+    }
+    sort_by_support(apart);
+  }
+  apart.front().iterations = steps;
+  return apart;
+}
+
+/// Whether the scan fits as well a little farther along the direction that holds it least: what
+/// repeats itself every metre or two leads the coarser levels between two repeats.
+/// @param H  at the pose.
+bool repeats_itself(const MapIndex& index, const Query& query,
+                    const Eigen::Isometry3d& T_index_lidar, const Matrix6d& H, double reach_m) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(
+      Eigen::Matrix3d(H.topLeftCorner<3, 3>()));
+  const Eigen::Vector3d along = solver.eigenvectors().col(0);
+  const std::size_t stride = std::max<std::size_t>(1, query.points.size() / kRepeatPoints);
+  const auto support = [&](const Eigen::Isometry3d& T) {
+    return support_at(index.levels(), query, T, stride);
+  };
+  const double least = kRepeatShare * support(T_index_lidar);
+  std::vector<Place> alike;
+  for (const double way : {-1.0, 1.0}) {
+    Place best{T_index_lidar, least};
+    for (double off_m = kDistinctM; off_m <= reach_m; off_m += kRepeatStepM) {
+      const Eigen::Isometry3d T = T_index_lidar * Eigen::Translation3d(way * off_m * along);
+      if (const double here = support(T); here > best.support) best = {T, here};
+    }
+    if (best.support > least) alike.push_back(best);
+  }
+  if (alike.empty()) return false;
+  Place own{T_index_lidar};
+  sharpen(index.levels(), query, kBendShare, own);
+  return std::any_of(alike.begin(), alike.end(), [&](Place& other) {
+    sharpen(index.levels(), query, kBendShare, other);
+    return other.support > kAmbiguousShare * own.support &&
+           distinct(other.T_index_lidar, T_index_lidar);
+  });
+}
+
+/// Refines each start coarse to fine, finishes the best of them and judges it.
+/// @param starts  `T_map_lidar`, at least one. @param prior  may be null.
+AlignmentResult align_among(const MapIndex& index, const Query& query,
+                            const std::vector<Eigen::Isometry3d>& starts, const Prior* prior) {
+  const std::optional<PriorReach> reach = prior != nullptr ? reach_of(*prior) : std::nullopt;
+  std::vector<Place> places = places_among(index, query, starts);
   Place& best = places.front();
   const Vector6d bend = finish(index, query, best);
 
@@ -180,10 +275,14 @@ AlignmentResult align_among(const MapIndex& index, const Query& query,
     return other.support > kAmbiguousShare * best.support &&
            distinct(other.T_index_lidar, best.T_index_lidar);
   });
+  if (!evidence.ambiguous && evidence.observability.degenerate.empty()) {
+    evidence.ambiguous =
+        repeats_itself(index, query, best.T_index_lidar, final.sums.H, window_of(reach).radius_m);
+  }
   AlignmentResult result;
   result.T_map_lidar = best.T_index_lidar;
   result.T_map_lidar.translation() += index.origin();
-  for (const Place& place : places) result.iterations += place.iterations;
+  result.iterations = best.iterations;
   result.covariance = covariance_of(final.rows, best.T_index_lidar, final.kernel_m, bend,
                                     evidence.observability.degenerate);
   evidence.contradicts_prior = prior != nullptr && contradicts(*prior, result);
@@ -223,22 +322,25 @@ AlignmentResult VoxelAligner::align_near(const maps::PointCloud& scan_lidar,
   const std::optional<PriorReach> reach = reach_of(prior);
   std::vector<Eigen::Isometry3d> starts;
   if (places_ && reach && is_wide(*reach))
-    starts = places_->best_places(query, kMaxPlaces, region_of(prior, *reach));
+    starts =
+        places_->best_places(query, kMaxPlaces, region_of(prior, *reach, places_->R_level_lidar()));
   for (const Eigen::Isometry3d& T_map_lidar :
        search_poses(level_near(*index_, kSearchCellM), index_->origin(), query, prior.T_map_lidar,
                     window_of(reach), kMaxCandidates)) {
     starts.push_back(T_map_lidar);
   }
-  AlignmentResult result = align_among(*index_, query, starts, &prior);
-  if (result.status != PoseStatus::kLost || reach || !places_) return result;
-  const std::vector<Eigen::Isometry3d> farther =
-      places_->best_places(query, kMaxPlaces, region_of(prior, kReachWhenLost));
-  return farther.empty() ? result : align_among(*index_, query, farther, &prior);
+  const AlignmentResult result = align_among(*index_, query, starts, &prior);
+  if (reach || !places_ || !may_be_farther(result, prior, places_->R_level_lidar())) return result;
+  const std::vector<Eigen::Isometry3d> farther = places_->best_places(
+      query, kMaxPlaces, region_of(prior, kReachWhenLost, places_->R_level_lidar()));
+  if (farther.empty()) return result;
+  starts.insert(starts.end(), farther.begin(), farther.end());
+  return align_among(*index_, query, starts, &prior);
 }
 
 AlignmentResult VoxelAligner::align_anywhere(const maps::PointCloud& scan_lidar) const {
   if (!places_) return lost("needs_prior");
-  const Query query = thin(scan_lidar, Eigen::Matrix3d::Identity());
+  const Query query = thin(scan_lidar, places_->R_level_lidar());
   if (query.points.size() < kMinQueryPoints) return lost("too_few_points");
   const std::vector<Eigen::Isometry3d> starts = places_->best_places(query, kMaxPlaces, {});
   if (starts.empty()) return lost("too_little_structure");

@@ -16,6 +16,12 @@ constexpr double kWideRad = 0.13;
 /// agrees with too much to confirm anything.
 constexpr double kWideShare = 1.5;
 constexpr double kVagueShare = 5.0;
+/// Places that look alike lie at least so far from each other [m], their headings [rad].
+constexpr double kApartM = 0.5;
+constexpr double kApartRad = 0.2;
+/// So many scans in a row, each newer than the one before and all older than what is kept, are
+/// right about the time, and it was the newest that was not.
+constexpr int kScansOfAnotherClock = 5;
 
 void add_reason(AlignmentResult& result, const char* reason) {
   if (std::find(result.reasons.begin(), result.reasons.end(), reason) == result.reasons.end()) {
@@ -44,6 +50,12 @@ bool is_ambiguous(const AlignmentResult& match) {
   return std::find(match.reasons.begin(), match.reasons.end(), "ambiguous") != match.reasons.end();
 }
 
+/// Whether a second place that looks alike may lie within three deviations of a pose.
+bool admits_another_place(const PosePdf& pose) {
+  return 3.0 * std::sqrt(pose.covariance.diagonal().head<3>().maxCoeff()) > kApartM ||
+         3.0 * std::sqrt(pose.covariance.diagonal().tail<3>().maxCoeff()) > kApartRad;
+}
+
 }  // namespace
 
 TrackingSession::TrackingSession(std::shared_ptr<const Aligner> aligner,
@@ -62,12 +74,28 @@ void TrackingSession::initialize(const PosePdf& T_map_lidar) {
 TrackedPose TrackingSession::track(std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
                                    const std::optional<OdometryStep>& odometry) {
   if (const TrackedPose* known = history_.answer_at(stamp_ns)) return *known;
+  const bool clock_set_back = is_of_another_clock(stamp_ns);
+  if (clock_set_back) {
+    belief_ = {};
+    history_ = TrackingHistory(options_.history_s);
+  }
   const auto newest_ns = history_.newest_ns();
   TrackedPose answer = newest_ns && stamp_ns <= *newest_ns
                            ? answer_late(stamp_ns, scan_lidar)
                            : answer_next(stamp_ns, scan_lidar, odometry);
+  if (clock_set_back) add_reason(answer.result, "clock_set_back");
   history_.add(answer);
   return answer;
+}
+
+bool TrackingSession::is_of_another_clock(std::int64_t stamp_ns) {
+  if (!history_.newest_ns() || history_.keeps(stamp_ns)) {
+    too_old_ = 0;
+    return false;
+  }
+  too_old_ = too_old_ > 0 && stamp_ns > too_old_ns_ ? too_old_ + 1 : 1;
+  too_old_ns_ = stamp_ns;
+  return too_old_ >= kScansOfAnotherClock;
 }
 
 TrackedPose TrackingSession::answer_next(std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
@@ -181,11 +209,18 @@ PosePdf TrackingSession::believed(const Step& step) {
 
 AlignmentResult TrackingSession::follow(Belief& belief, const Step& step) const {
   if (!step.agrees) return coast(belief, step);
-  belief.anchor = model_.moved_to(*belief.anchor, step.stamp_ns, believed(step));
   belief.matched_ns = step.stamp_ns;
-  belief.matched = true;
   belief.misses = 0;
   belief.contradictions = 0;
+  if (is_ambiguous(step.match) && admits_another_place(step.predicted->pose)) {
+    // Later scans tell which place it is, as long as all that look alike stay in reach.
+    if (step.from == SearchedFrom::kOdometry) belief.anchor = step.predicted;
+    return step.match;
+  }
+  // The way from a pose that was only given to the first match is no motion.
+  belief.anchor = belief.matched ? model_.moved_to(*belief.anchor, step.stamp_ns, believed(step))
+                                 : model_.at_unknown_velocity(step.stamp_ns, believed(step));
+  belief.matched = true;
   return step.match;
 }
 

@@ -56,6 +56,8 @@ class TrackingSession {
   [[nodiscard]] TrackedPose answer_late(std::int64_t stamp_ns,
                                         const maps::PointCloud& scan_lidar) const;
 
+  /// Counts scans that come too late; true when it is the newest stamp that was wrong.
+  [[nodiscard]] bool is_of_another_clock(std::int64_t stamp_ns);
   void predict(Belief& belief, Step& step, const std::optional<OdometryStep>& odometry) const;
   void choose_mode(Belief& belief, const Step& step) const;
   [[nodiscard]] std::optional<Prior> prior_of(const Belief& belief, const Step& step) const;
@@ -78,6 +80,9 @@ class TrackingSession {
   std::optional<PosePdf> given_;
   Belief belief_;
   TrackingHistory history_;
+  /// In a row, each newer than the one before: scans older than what is kept.
+  int too_old_ = 0;
+  std::int64_t too_old_ns_ = 0;
 };
 
 }  // namespace stillmap::localization

@@ -284,6 +284,50 @@ TEST_F(TrackerTest, AnAmbiguousPlaceConfirmsNothing) {
   EXPECT_EQ(follow(0.2).result.status, PoseStatus::kOk);
 }
 
+TEST_F(TrackerTest, AnAmbiguousPlaceLeavesTheGivenPoseAsVagueAsItWas) {
+  // Two places fit, 6 m apart; the given pose admits both, and a scan later on tells them apart.
+  tracker.initialize(pose_at(4.0, 0.0), 4.0 * Matrix6d::Identity());
+  const Matrix6d step = 1e-4 * Matrix6d::Identity();
+  for (int k = 0; k < 20; ++k) {
+    std::optional<OdometryStep> odometry;
+    if (k > 0) odometry = OdometryStep{at_s(0.1 * (k - 1)), pose_at(1.0, 0.0, 0.0, 0.0), step};
+    const Eigen::Isometry3d wrong = pose_at(6.0 + k, 0.0);
+    const TrackedPose answer =
+        track(0.1 * k, found_at(wrong, PoseStatus::kDegraded, {"ambiguous"}), odometry);
+    EXPECT_THAT(answer.result.reasons, ElementsAre("ambiguous")) << k;
+    EXPECT_GT(prior_deviation_m(), 1.9) << k;
+  }
+  for (int k = 20; k < 22; ++k) {
+    const OdometryStep odometry{at_s(0.1 * (k - 1)), pose_at(1.0, 0.0, 0.0, 0.0), step};
+    EXPECT_EQ(track(0.1 * k, found_at(truth_at(0.1 * k)), odometry).result.status, PoseStatus::kOk);
+  }
+  EXPECT_LT(prior_deviation_m(), 0.1);
+}
+
+TEST_F(TrackerTest, AnAmbiguousPlaceOfAVehicleWhosePlaceIsKnownIsBelieved) {
+  drive_to(1.0);
+  for (int k = 1; k <= 60; ++k) {
+    const double t = 1.0 + 0.1 * k;
+    const TrackedPose answer =
+        track(t, found_at(truth_at(t), PoseStatus::kDegraded, {"ambiguous"}));
+    EXPECT_THAT(answer.result.reasons, ElementsAre("ambiguous")) << k;
+    EXPECT_LT(prior_deviation_m(), 0.15) << k;
+  }
+}
+
+TEST_F(TrackerTest, AGivenPoseThatWasOffIsNoMotion) {
+  // Standing, given 1.5 m off with a deviation of 0.2 m.
+  tracker.initialize(pose_at(1.5, 0.0), 0.04 * Matrix6d::Identity());
+  EXPECT_EQ(track(0.0, found_at(pose_at(0.0, 0.0))).result.status, PoseStatus::kLost);
+  for (int k = 1; k <= 10; ++k) {
+    const TrackedPose answer = track(0.1 * k, found_at(pose_at(0.0, 0.0)));
+    EXPECT_EQ(answer.result.status, PoseStatus::kOk) << k;
+    if (k > 1) {
+      EXPECT_LT(aligner->last_prior->T_map_lidar.translation().head<2>().norm(), 0.1) << k;
+    }
+  }
+}
+
 TEST_F(TrackerTest, AnUnconfirmedPlaceIsForgottenWhenNothingAgreesForLong) {
   follow(0.0);
   for (int k = 1; k <= 3; ++k) EXPECT_EQ(track(0.1 * k, lost()).result.status, PoseStatus::kLost);
@@ -350,6 +394,32 @@ TEST_F(TrackerTest, OlderThanTheHistoryIsTooOldAndCostsNoSearch) {
   EXPECT_EQ(old.searched_from, SearchedFrom::kNowhere);
   EXPECT_EQ(aligner->calls, calls);
   EXPECT_THAT(track(-1e6, found_at(truth_at(0))).result.reasons, ElementsAre("too_old"));
+}
+
+TEST_F(TrackerTest, AStampFarAheadCostsFourScans) {
+  drive_to(1.0);
+  (void)track(3600.0, found_at(truth_at(1.1)));
+  for (int k = 2; k <= 5; ++k) {
+    EXPECT_THAT(follow(1.0 + 0.1 * k).result.reasons, ElementsAre("too_old")) << k;
+  }
+  const TrackedPose anew = follow(1.6);
+  EXPECT_EQ(anew.searched_from, SearchedFrom::kEverywhere);
+  EXPECT_THAT(anew.result.reasons, ElementsAre("unconfirmed", "clock_set_back"));
+  EXPECT_EQ(follow(1.7).result.status, PoseStatus::kOk);
+  EXPECT_EQ(follow(1.8).searched_from, SearchedFrom::kVelocity);
+}
+
+TEST_F(TrackerTest, OldScansAmongNewOnesAndTheSameOneAgainSetNoClockBack) {
+  drive_to(7.0);
+  for (int k = 1; k <= 12; ++k) {
+    EXPECT_THAT(follow(0.01 * k).result.reasons, ElementsAre("too_old")) << k;
+    if (k % 4 == 0) {
+      EXPECT_EQ(follow(7.0 + 0.05 * k).result.status, PoseStatus::kOk) << k;
+    }
+  }
+  for (int k = 1; k <= 12; ++k) {
+    EXPECT_THAT(follow(0.5).result.reasons, ElementsAre("too_old")) << k;
+  }
 }
 
 TEST_F(TrackerTest, TheSameStampIsAnsweredTheSameAgain) {
@@ -529,6 +599,44 @@ TEST(TrackerOnAStreet, FindsAVehicleThatWasCarriedAway) {
   }
   EXPECT_GE(recovered, 7);
   EXPECT_LE(recovered, 29);
+}
+
+TEST(TrackerInATerrace, IsNeverOkInFrontOfANeighboursHouse) {
+  // Equal houses, one every 6 m; a tower at the end.
+  test::SyntheticWorld world;
+  for (int k = 0; k < 30; ++k) {
+    world.boxes.push_back({{6.0 * k, 8.0, 0.0}, {6.0 * k + 4.5, 16.0, 7.0}});
+    world.boxes.push_back({{6.0 * k, -16.0, 0.0}, {6.0 * k + 4.5, -8.0, 7.0}});
+    world.boxes.push_back({{6.0 * k + 4.5, 11.0, 0.0}, {6.0 * k + 6.0, 12.0, 7.0}});
+    world.boxes.push_back({{6.0 * k + 4.5, -12.0, 0.0}, {6.0 * k + 6.0, -11.0, 7.0}});
+  }
+  test::ScanPattern pattern;
+  pattern.columns = 360;
+  pattern.noise_m = 0.02;
+  pattern.max_range_m = 40.0;
+  pattern.seed = 100;
+  std::vector<Eigen::Isometry3d> poses;
+  for (double x = 20.0; x <= 160.0; x += 3.0) poses.push_back(pose_at(x, 0.0));
+  const std::shared_ptr<const Aligner> aligner =
+      make_aligner("default", MapIndex::build(world.mapped_from(poses, pattern)), poses);
+  for (const double off_m : {-4.0, -2.0, 0.5, 3.0, 4.0}) {
+    Tracker tracker(aligner);
+    const auto truth = [](int k) { return pose_at(70.0 + 0.5 * k, 0.5); };
+    tracker.initialize(pose_at(70.0 + off_m, 0.5), 4.0 * Matrix6d::Identity());
+    for (int k = 0; k < 20; ++k) {
+      std::optional<OdometryStep> odometry;
+      if (k > 0) {
+        odometry = OdometryStep{at_s(0.1 * (k - 1)), pose_at(0.5, 0.0, 0.0, 0.0),
+                                1e-4 * Matrix6d::Identity()};
+      }
+      pattern.seed = 3000 + static_cast<std::uint64_t>(k);
+      const AlignmentResult result =
+          tracker.track(at_s(0.1 * k), world.scan(truth(k), pattern), odometry).result;
+      if (result.status != PoseStatus::kOk) continue;
+      EXPECT_LT((result.T_map_lidar.translation() - truth(k).translation()).norm(), 0.3)
+          << off_m << " " << k;
+    }
+  }
 }
 
 }  // namespace

@@ -247,5 +247,120 @@ TEST(Verdict, JudgeNamesEveryWeakness) {
   EXPECT_EQ(result.status, PoseStatus::kLost);
 }
 
+// --- where the world repeats itself --------------------------------------------------------------
+
+/// Both walls of a cutting, with ribs a period apart along it.
+test::SyntheticWorld ribbed(double period_m, double depth_m) {
+  test::SyntheticWorld world;
+  for (const double side : {-1.0, 1.0}) {
+    const auto wall = [&](double x0, double x1, double near, double far) {
+      world.boxes.push_back({{x0, std::min(side * near, side * far), 0.0},
+                             {x1, std::max(side * near, side * far), 5.0}});
+    };
+    wall(-40.0, 160.0, 6.0, 7.0);
+    for (double x = -40.0; x < 160.0; x += period_m)
+      wall(x, x + 0.5 * period_m, 6.0 - depth_m, 6.0);
+  }
+  return world;
+}
+
+TEST(Verdict, APeriodOffIsNeverOk) {
+  test::ScanPattern coarse = pattern(300);
+  coarse.columns = 360;
+  for (const double depth_m : {0.15, 0.3, 0.6}) {
+    const test::SyntheticWorld world = ribbed(2.0, depth_m);
+    const auto aligner = aligner_in(world, 20.0, 100.0);
+    test::Random random(5);
+    for (std::uint64_t k = 0; k < 16; ++k) {
+      coarse.seed = 300 + k;
+      const Eigen::Isometry3d T_map_lidar = pose_at(random.uniform(40.0, 80.0), 0.4);
+      Prior prior{T_map_lidar, std::nullopt};
+      prior.T_map_lidar.translation().x() += random.uniform(-2.0, 2.0);
+      const AlignmentResult result = aligner->align(world.scan(T_map_lidar, coarse), prior);
+      if (result.status != PoseStatus::kOk) continue;
+      EXPECT_LT((result.T_map_lidar.translation() - T_map_lidar.translation()).norm(), 0.3)
+          << depth_m << " " << k;
+    }
+  }
+}
+
+/// Two storeys, 3 m each, with the same walls and pillars.
+test::SyntheticWorld two_storeys() {
+  test::SyntheticWorld world;
+  world.has_ground = false;
+  for (const double z : {0.0, 3.0, 6.0}) {
+    world.boxes.push_back({{-16.0, -11.0, z - 0.2}, {16.0, 11.0, z}});
+  }
+  world.boxes.push_back({{-16.0, -11.0, 0.0}, {-15.0, 11.0, 6.0}});
+  world.boxes.push_back({{15.0, -11.0, 0.0}, {16.0, 11.0, 6.0}});
+  world.boxes.push_back({{-16.0, -11.0, 0.0}, {16.0, -10.0, 6.0}});
+  world.boxes.push_back({{-16.0, 10.0, 0.0}, {16.0, 11.0, 6.0}});
+  for (const Eigen::Vector2d& at : {Eigen::Vector2d(4, 3), {-9, -5}, {-2, 7}, {9, -6}, {-8, 4}}) {
+    world.boxes.push_back({{at.x(), at.y(), 0.0}, {at.x() + 1.0, at.y() + 0.6, 6.0}});
+  }
+  return world;
+}
+
+TEST(Verdict, TheOtherOfTwoEqualStoreysIsNeverOk) {
+  const test::SyntheticWorld world = two_storeys();
+  std::vector<Eigen::Isometry3d> poses;
+  for (double x = -12.0; x <= 12.0; x += 3.0) {
+    poses.push_back(pose_at(x, 0.5, 0.0, 1.2));
+    poses.push_back(pose_at(x, 0.5, 0.0, 4.2));
+  }
+  test::ScanPattern indoors = pattern(50);
+  indoors.lowest_rad = -0.6;
+  indoors.highest_rad = 0.6;
+  const auto aligner = make_aligner("default", MapIndex::build(world.mapped_from(poses, indoors)));
+  int right = 0;
+  for (std::uint64_t k = 0; k < 12; ++k) {
+    indoors.seed = 400 + k;
+    const Eigen::Isometry3d T_map_lidar =
+        pose_at(-10.0 + 1.7 * static_cast<double>(k), 1.0, 0.3, k % 2 == 0 ? 1.2 : 4.2);
+    const maps::PointCloud scan = world.scan(T_map_lidar, indoors);
+    for (const double off_m : {-1.6, 1.6}) {
+      Prior prior{T_map_lidar, std::nullopt};
+      prior.T_map_lidar.translation().z() += off_m;
+      const AlignmentResult result = aligner->align(scan, prior);
+      const double error_m = (result.T_map_lidar.translation() - T_map_lidar.translation()).norm();
+      if (result.status == PoseStatus::kOk) {
+        EXPECT_LT(error_m, 0.3) << k << " " << off_m;
+      }
+    }
+    Prior known{T_map_lidar, Matrix6d(0.01 * Matrix6d::Identity())};
+    known.T_map_lidar.translation().z() += 0.2;
+    const AlignmentResult result = aligner->align(scan, known);
+    EXPECT_LT((result.T_map_lidar.translation() - T_map_lidar.translation()).norm(), 0.05) << k;
+    if (result.status == PoseStatus::kOk) ++right;
+  }
+  EXPECT_EQ(right, 12);
+}
+
+TEST(Verdict, AScanWithinTheWallsOfASmallRoomIsOk) {
+  test::SyntheticWorld world;
+  world.has_ground = false;
+  world.boxes = {{{-3, -3, -0.2}, {3, 3, 0}},  {{-3, -3, 2.6}, {3, 3, 2.8}},
+                 {{-3, -3, 0}, {-2, 3, 2.6}},  {{2, -3, 0}, {3, 3, 2.6}},
+                 {{-3, -3, 0}, {3, -2, 2.6}},  {{-3, 2, 0}, {3, 3, 2.6}},
+                 {{-2, 0.5, 0}, {-1.4, 2, 2}}, {{0.6, 1.5, 0}, {1.8, 2, 0.8}}};
+  test::ScanPattern indoors = pattern(50);
+  indoors.lowest_rad = -0.6;
+  indoors.highest_rad = 0.6;
+  indoors.noise_m = 0.01;
+  const auto aligner = make_aligner(
+      "default",
+      MapIndex::build(world.mapped_from(
+          {pose_at(0, 0, 0, 1.2), pose_at(0.5, -0.5, 1, 1.2), pose_at(-0.6, -0.8, 2, 1.2)}, indoors,
+          0.05)));
+  for (std::uint64_t k = 0; k < 5; ++k) {
+    indoors.seed = 500 + k;
+    const Eigen::Isometry3d T_map_lidar = pose_at(0.2 * static_cast<double>(k), -0.3, 0.7, 1.2);
+    const AlignmentResult result =
+        aligner->align(world.scan(T_map_lidar, indoors), Prior{T_map_lidar, std::nullopt});
+    EXPECT_THAT(result.reasons, IsEmpty()) << k;
+    EXPECT_LT((result.T_map_lidar.translation() - T_map_lidar.translation()).norm(), 0.03) << k;
+  }
+}
+
 }  // namespace
 }  // namespace stillmap::localization

@@ -60,7 +60,10 @@ TEST(WithoutPrior, FindsTheScanInEveryHeading) {
 TEST(PlaceSearch, AnswersWithARotationAlsoWhereTheSensorLooksAlongTheMapsX) {
   Eigen::Isometry3d T_map_lidar = pose_at(60.0, 0.0);
   T_map_lidar.linear() << 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0;
-  const PlaceSearch places(*street().index, {T_map_lidar});
+  // The others are upright, so it is no tilted mount, and too far off to be places of the map.
+  std::vector<Eigen::Isometry3d> seen_from(9, pose_at(1e4, 0.0));
+  seen_from.push_back(T_map_lidar);
+  const PlaceSearch places(*street().index, seen_from);
   Query query;
   query.points = {{5.0F, 0.0F, 1.0F}, {0.0F, 5.0F, 1.0F}};
   query.stands = {1, 1};
@@ -70,6 +73,30 @@ TEST(PlaceSearch, AnswersWithARotationAlsoWhereTheSensorLooksAlongTheMapsX) {
   const Eigen::Matrix3d R = found.front().linear();
   EXPECT_LT((R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-5);
   EXPECT_LT((R.col(2) - Eigen::Vector3d::UnitX()).norm(), 1e-5);
+}
+
+TEST(WithoutPrior, FindsTheScanOfATiltedOrHangingSensorInEveryHeading) {
+  for (const double tilt_rad : {0.44, std::numbers::pi}) {
+    Eigen::Isometry3d T_base_lidar = Eigen::Isometry3d::Identity();
+    T_base_lidar.linear() =
+        Eigen::AngleAxisd(tilt_rad, Eigen::Vector3d(0.6, 0.8, 0.0)).toRotationMatrix();
+    test::ScanPattern wide = pattern(100);
+    wide.lowest_rad = -0.8;
+    wide.highest_rad = 0.8;
+    wide.rings = 64;
+    std::vector<Eigen::Isometry3d> poses;
+    for (const Eigen::Isometry3d& T : drive_through()) poses.push_back(T * T_base_lidar);
+    const auto aligner =
+        make_aligner("default", MapIndex::build(street().world.mapped_from(poses, wide)), poses);
+    for (double yaw = -3.0; yaw < 3.1; yaw += 1.1) {
+      const Eigen::Isometry3d T = pose_at(61.5, -0.7, yaw) * T_base_lidar;
+      const auto scan = street().world.scan(T, wide);
+      const AlignmentResult result = aligner->align(scan, std::nullopt);
+      EXPECT_EQ(result.status, PoseStatus::kOk) << tilt_rad << " " << yaw;
+      EXPECT_LT((T.inverse() * result.T_map_lidar).translation().norm(), 0.1)
+          << tilt_rad << " " << yaw;
+    }
+  }
 }
 
 TEST(WithoutPrior, FollowsTheSlopeOfThePlace) {
@@ -128,6 +155,21 @@ TEST(LatePrior, FindsTheScanAFewSecondsOfDrivingAhead) {
       street().aligner->align(scan, Prior{pose_at(53.0, 0.3, -0.2), std::nullopt});
   EXPECT_EQ(result.status, PoseStatus::kOk);
   EXPECT_LT((T.inverse() * result.T_map_lidar).translation().norm(), 0.1);
+}
+
+TEST(LatePrior, FindsTheScanWhereWhatIsNearThePriorFitsHalf) {
+  int found = 0;
+  for (const double off_m : {-14.0, -12.0, -10.0, 10.0, 12.0, 14.0}) {
+    const Eigen::Isometry3d T = pose_at(65.0, -0.7, 0.1);
+    const AlignmentResult result = street().aligner->align(
+        street().world.scan(T, pattern(7)), Prior{pose_at(65.0 + off_m, 0.3, -0.1), std::nullopt});
+    const double error_m = (T.inverse() * result.T_map_lidar).translation().norm();
+    if (result.status == PoseStatus::kOk) {
+      EXPECT_LT(error_m, 0.1) << off_m;
+      ++found;
+    }
+  }
+  EXPECT_EQ(found, 6);
 }
 
 TEST(WidePrior, DoesNotLookBeyondItsDeviations) {

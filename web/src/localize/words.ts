@@ -1,6 +1,7 @@
 /** The stable words of a pose's `reasons`, for people. */
 const kReasons: Record<string, string> = {
   ambiguous: 'Another place in the map fits this scan as well.',
+  clock_set_back: 'Stamps before this one were ahead of time; the session has begun anew.',
   coasting: 'The scan was not matched; this is where the vehicle should be by its motion.',
   contradicts_motion: 'The match contradicts how the vehicle moved before.',
   contradicts_prior: 'The match contradicts the prior and how sure it was.',

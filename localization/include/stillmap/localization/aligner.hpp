@@ -72,7 +72,7 @@ struct Prior {
   /// Same order and frame as the result's; when given, a pose that contradicts it is not `kOk`,
   /// and the search reaches as far as three deviations: where these are more than 6 m or 0.4 rad
   /// (GNSS), to all places in reach that the map was made from. Without it, 6 m and 0.4 rad,
-  /// and when nothing is found there, such places within 30 m and 1 rad.
+  /// and when nothing that fits well is found there, such places within 30 m and 1 rad.
   std::optional<Eigen::Matrix<double, 6, 6>> covariance;
 };
 
@@ -85,8 +85,8 @@ class Aligner {
   Aligner& operator=(const Aligner&) = delete;
 
   /// @param scan_lidar         N points [m] in the lidar frame, deskewed to one instant; finite.
-  /// @param prior              where the search starts; none = anywhere in the map. Then the scan's
-  ///                           z axis must be within some degrees of the vehicle's upward axis.
+  /// @param prior              where the search starts; none = anywhere in the map. Then the lidar
+  ///                           must be mounted within some degrees as the one that made the map.
   /// @return  `kLost` with a reason when the scan cannot be matched (also for an empty or tiny
   /// scan); `needs_prior` from a method, or for a map, that cannot be searched without one.
   /// @throws std::invalid_argument if a number is not finite, a rotation or a covariance is none.

@@ -77,7 +77,10 @@ struct TrackedPose {
   ///                        but the prediction's, or, while searching, a new place,
   ///   `unconfirmed`        found by a search; no later scan has agreed yet,
   ///   `not_tracked`        nothing predicts the pose any more,
-  ///   `too_old`            older than what is kept.
+  ///   `too_old`            older than what is kept,
+  ///   `clock_set_back`     the fifth such scan in a row, each newer than the one before: the
+  ///   stamps
+  ///                        that went ahead were wrong, and the session has begun anew with it.
   /// `ok` only for a match that agrees with the motion. The covariance is the match's own; the
   /// session does not make it smaller.
   AlignmentResult result;
@@ -114,8 +117,8 @@ class Tracker {
   ///
   /// A scan that is older than the newest is matched around the kept poses of its time and moves
   /// nothing (its odometry is not used); older than those it is lost, `too_old`. A stamp that was
-  /// answered is answered the same again, whatever comes with it. A clock that was set back needs
-  /// `initialize` or a new session.
+  /// answered is answered the same again, whatever comes with it. After a clock was set back, or a
+  /// stamp far ahead, the fifth scan begins anew (`clock_set_back`).
   /// @param stamp_ns    any clock, the same for all scans of the session.
   /// @param scan_lidar  points [m], finite. With `time_offsets_s` they are moved to the stamp by
   ///                    the velocity that is predicted; at one instant they come without.
