@@ -149,6 +149,24 @@ class Faults(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertIn("is tilted by", done.stderr)
 
+    def test_build_says_what_poses_leave_out_and_bridge(self):
+        """They start with scan 4, 0.2 s after scan 2, and pause for over a second."""
+        self.times = [0.1 * i for i in range(len(self.scans) - 2)] + [10.0, 10.1]
+        self.write()
+        path = [(time, T[:3, 3]) for i, (time, T) in enumerate(zip(self.times, self.poses)) if i >= 4 and time not in self.times[-4:-1]]
+        tum = self.folder.parent / "late.tum"
+        tum.write_text("".join(f"{time:.6f} {x} {y} {z} 0 0 0 1\n" for time, (x, y, z) in path))
+        report = self.folder.parent / "report.json"
+        done = run("build", self.folder, "-o", self.folder.parent / "map", "--poses", tum, "--select", ":2", "--detector", "geometric",
+                   "--json", report)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        notes = json.loads(report.read_text())["notes"]
+        self.assertEqual(len(notes), 2, notes)
+        self.assertIn("2 scans left out, which have no pose in late.tum", notes[0])
+        self.assertIn("3 scans lie in gaps of over 1 s between poses of late.tum, and are placed on a straight line", notes[1])
+        for note in notes:
+            self.assertIn("note: " + note, done.stderr)
+
 
 if __name__ == "__main__":
     unittest.main(argv=sys.argv[:1])

@@ -148,15 +148,11 @@ void set_bag_poses(Drive::Contents& contents, const BagPoses& poses) {
     contents.notes.push_back(
         fmt::format("{} scans left out, which have no pose of {}", without, poses.source));
   keep_scans(contents, kept);
-  const auto in_gaps = std::count_if(
-      contents.stamps_ns.begin(), contents.stamps_ns.end(), [&](std::int64_t stamp_ns) {
-        return std::any_of(
-            poses.factors.begin(), poses.factors.end(),
-            [&](const BagPoses::Factor& factor) { return lies_in_gap(factor.moving, stamp_ns); });
-      });
-  if (in_gaps > 0)
-    contents.notes.push_back(
-        fmt::format("{} scans lie in gaps of over 1 s between poses of {}", in_gaps, poses.source));
+  note_gaps(contents, poses.source, [&](std::int64_t stamp_ns) {
+    return std::any_of(
+        poses.factors.begin(), poses.factors.end(),
+        [&](const BagPoses::Factor& factor) { return lies_in_gap(factor.moving, stamp_ns); });
+  });
   contents.notes.insert(contents.notes.end(), poses.notes.begin(), poses.notes.end());
   contents.notes.push_back("poses are those of " + poses.source);
 }

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <system_error>
+#include <utility>
 
 #include "formats/text.hpp"
 
@@ -158,35 +159,52 @@ bool lies_in_gap(const Trajectory& trajectory, std::int64_t stamp_ns) {
              kMaxQuietGapNs;
 }
 
-std::vector<Eigen::Isometry3d> poses_at_stamps(const Trajectory& trajectory, const fs::path& source,
-                                               Drive::Contents& contents) {
+void set_poses_at_stamps(Drive::Contents& contents, const Trajectory& trajectory,
+                         const fs::path& source) {
   const std::vector<StampedPose>& path = trajectory.poses();
   if (path.empty()) throw InputError(source.string(), "no poses", "some");
+  const std::vector<std::int64_t>& stamps = contents.stamps_ns;
+  std::vector<std::size_t> kept;
   std::vector<Eigen::Isometry3d> poses;
-  std::size_t in_gaps = 0;
-  for (std::size_t i = 0; i < contents.stamps_ns.size(); ++i) {
-    const std::int64_t stamp = contents.stamps_ns[i];
-    const std::optional<Eigen::Isometry3d> pose = trajectory.at(stamp, kMaxExtrapolationS);
-    if (!pose) {
-      throw InputError(source.string(),
-                       "poses from " + seconds_text(path.front().stamp_ns) + " to " +
-                           seconds_text(path.back().stamp_ns),
-                       fmt::format("one within {} s of scan {} at {}", kMaxExtrapolationS,
-                                   contents.scan_name(i), seconds_text(stamp)));
-    }
+  for (std::size_t i = 0; i < stamps.size(); ++i) {
+    const std::optional<Eigen::Isometry3d> pose = trajectory.at(stamps[i], kMaxExtrapolationS);
+    if (!pose) continue;
+    kept.push_back(i);
     poses.push_back(*pose);
-    if (lies_in_gap(trajectory, stamp)) ++in_gaps;
   }
-  if (in_gaps > 0) {
-    contents.notes.push_back(fmt::format("{} scans lie in gaps of over 1 s between poses of {}",
-                                         in_gaps, source.filename().string()));
+  if (kept.empty()) {
+    throw InputError(source.string(),
+                     fmt::format("poses from {} to {}, no pose within {} s of any scan",
+                                 seconds_text(path.front().stamp_ns),
+                                 seconds_text(path.back().stamp_ns), kMaxExtrapolationS),
+                     fmt::format("poses of scans from {} to {}", seconds_text(stamps.front()),
+                                 seconds_text(stamps.back())));
   }
-  return poses;
+  const std::string name = source.filename().string();
+  if (const std::size_t without = stamps.size() - kept.size(); without > 0) {
+    contents.notes.push_back(fmt::format(
+        "{} scans left out, which have no pose in {}; the others count from 0", without, name));
+    keep_scans(contents, kept);
+  }
+  contents.T_map_lidar = std::move(poses);
+  note_gaps(contents, name,
+            [&](std::int64_t stamp_ns) { return lies_in_gap(trajectory, stamp_ns); });
+}
+
+void note_gaps(Drive::Contents& contents, const std::string& source,
+               const std::function<bool(std::int64_t stamp_ns)>& lies_in_gap) {
+  const auto in_gaps =
+      std::count_if(contents.stamps_ns.begin(), contents.stamps_ns.end(), lies_in_gap);
+  if (in_gaps == 0) return;
+  contents.notes.push_back(
+      fmt::format("{} scans lie in gaps of over 1 s between poses of {}, and are placed on a "
+                  "straight line across them",
+                  in_gaps, source));
 }
 
 void set_poses(Drive::Contents& contents, const fs::path& poses_file) {
   if (poses_format(poses_file) == PosesFormat::kTum) {
-    contents.T_map_lidar = poses_at_stamps(read_tum_trajectory(poses_file), poses_file, contents);
+    set_poses_at_stamps(contents, read_tum_trajectory(poses_file), poses_file);
     return;
   }
   const std::vector<Eigen::Isometry3d> poses = read_kitti_poses(poses_file);

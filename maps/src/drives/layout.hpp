@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -50,12 +51,16 @@ void assume_times(Drive::Contents& contents);
 enum class PosesFormat { kKitti, kTum };
 [[nodiscard]] PosesFormat poses_format(const std::filesystem::path& file);
 
-/// Poses of the trajectory at the scans' stamps, up to 0.2 s beyond its ends; gaps over a second
-/// are noted.
-/// @throws InputError naming the scan that lies farther out.
-[[nodiscard]] std::vector<Eigen::Isometry3d> poses_at_stamps(const Trajectory& trajectory,
-                                                             const std::filesystem::path& source,
-                                                             Drive::Contents& contents);
+/// Gives the scans the poses of the trajectory at their stamps, up to 0.2 s beyond its ends. Scans
+/// farther out are left out and noted (recorders of scans and poses start and end apart), and gaps
+/// over a second are noted.
+/// @throws InputError when no scan has a pose.
+void set_poses_at_stamps(Drive::Contents& contents, const Trajectory& trajectory,
+                         const std::filesystem::path& source);
+
+/// Notes how many scans lie in gaps of the poses of `source`, if any.
+void note_gaps(Drive::Contents& contents, const std::string& source,
+               const std::function<bool(std::int64_t stamp_ns)>& lies_in_gap);
 
 /// Whether a stamp lies between two poses that are over a second apart.
 [[nodiscard]] bool lies_in_gap(const Trajectory& trajectory, std::int64_t stamp_ns);

@@ -183,30 +183,13 @@ Trajectory path_in_map(const fs::path& file, Drive::Contents& contents) {
   return Trajectory(std::move(path));
 }
 
-/// The recorder of poses starts later and ends earlier than that of scans.
-void leave_out_without_pose(Drive::Contents& contents, const Trajectory& path,
-                            const fs::path& file) {
-  std::vector<std::size_t> kept;
-  for (std::size_t i = 0; i < contents.stamps_ns.size(); ++i)
-    if (path.at(contents.stamps_ns[i])) kept.push_back(i);
-  if (kept.empty())
-    throw InputError(file.string(), "no pose within 0.2 s of any scan", "poses of these scans");
-  const std::size_t without = contents.stamps_ns.size() - kept.size();
-  if (without == 0) return;
-  contents.notes.push_back(fmt::format("{} scans left out, which have no pose in {}", without,
-                                       file.filename().string()));
-  keep_scans(contents, kept);
-}
-
 void set_own_poses(Drive::Contents& contents) {
   const fs::path file = contents.root / "global_pose.csv";
   if (!fs::exists(file)) {
     contents.notes.emplace_back("no global_pose.csv: a drive without poses");
     return;
   }
-  const Trajectory path = path_in_map(file, contents);
-  leave_out_without_pose(contents, path, file);
-  contents.T_map_lidar = poses_at_stamps(path, file, contents);
+  set_poses_at_stamps(contents, path_in_map(file, contents), file);
   for (Eigen::Isometry3d& T : contents.T_map_lidar) T = T * T_base_lidar();
 }
 

@@ -38,9 +38,19 @@ struct BuildCommand {
   ProgressArguments progress;
 };
 
-std::string to_json_text(const mapping::MapBuildReport& report, const BuildArguments& arguments) {
+/// What is said of the drives before a build starts.
+struct Remarks {
+  /// What their readers assumed or left out.
+  std::vector<std::string> notes;
+  /// What looks wrong with them, as the build will use them.
+  std::vector<std::string> doubts;
+};
+
+std::string to_json_text(const mapping::MapBuildReport& report, const BuildArguments& arguments,
+                         const std::vector<std::string>& notes) {
   const mapping::MapBuildOptions options = mapping::completed(arguments.options);
   auto json = nlohmann::ordered_json::parse(mapping::to_json(report));
+  json["notes"] = notes;
   json["version"] = STILLMAP_VERSION;
   std::vector<std::string> drives;
   for (const std::filesystem::path& drive : arguments.drives) drives.push_back(drive.string());
@@ -128,21 +138,23 @@ void print_for_people(const mapping::MapBuildReport& report, const std::filesyst
   for (const std::string& warning : report.warnings) fmt::print("warning: {}\n", warning);
 }
 
-/// What looks wrong with the drives, as the build will use them.
-std::vector<std::string> doubts_about(const BuildArguments& arguments, bool estimates_poses) {
+Remarks remarks_on(const BuildArguments& arguments, bool estimates_poses) {
   const mapping::MapBuildOptions& options = arguments.options;
   const bool believes = options.trajectory.prior || options.trajectory.gnss_sigma_m;
-  std::vector<std::string> doubts;
+  Remarks remarks;
   for (const std::filesystem::path& folder : arguments.drives) {
     maps::Drive::Contents contents = maps::Drive::open(folder, options.poses_file).contents();
+    for (const std::string& note : contents.notes)
+      remarks.notes.push_back(fmt::format("{}: {}", folder.string(), note));
     // Who asks for odometry knows that there are no poses, or wants none.
     const bool wants_none = options.odometry.has_value() || !contents.T_map_lidar.empty();
     if (estimates_poses && !believes) contents.T_map_lidar.clear();
     for (const maps::DriveFinding& finding : maps::check_drive(maps::Drive(contents)).findings)
       if (finding.code != "no_poses" || !wants_none)
-        doubts.push_back(fmt::format("{}: {}; {}", folder.string(), finding.what, finding.remedy));
+        remarks.doubts.push_back(
+            fmt::format("{}: {}; {}", folder.string(), finding.what, finding.remedy));
   }
-  return doubts;
+  return remarks;
 }
 
 void build(BuildCommand& asked, const CLI::App& command) {
@@ -153,10 +165,12 @@ void build(BuildCommand& asked, const CLI::App& command) {
   std::string index;
   // Asked once: a large bag takes a while to be opened.
   const bool estimates_poses = mapping::estimates_poses(drives, options);
-  const std::vector<std::string> doubts = doubts_about(asked.arguments, estimates_poses);
+  const Remarks remarks = remarks_on(asked.arguments, estimates_poses);
   // Programs read what they are told on stderr, and the report.
-  if (asked.progress.form == "bar")
-    for (const std::string& doubt : doubts) fmt::print(stderr, "warning: {}\n", doubt);
+  if (asked.progress.form == "bar") {
+    for (const std::string& note : remarks.notes) fmt::print(stderr, "note: {}\n", note);
+    for (const std::string& doubt : remarks.doubts) fmt::print(stderr, "warning: {}\n", doubt);
+  }
   std::vector<mapping::StageShare> plan =
       mapping::build_stages(estimates_poses, options.register_to.has_value());
   plan.push_back({"index", 0.01});
@@ -168,8 +182,9 @@ void build(BuildCommand& asked, const CLI::App& command) {
     progress("index", 1, 1);
   });
   print_for_people(report, asked.map, index);
-  report.warnings.insert(report.warnings.end(), doubts.begin(), doubts.end());
-  if (asked.json) write_text_file(*asked.json, to_json_text(report, asked.arguments));
+  report.warnings.insert(report.warnings.end(), remarks.doubts.begin(), remarks.doubts.end());
+  if (asked.json)
+    write_text_file(*asked.json, to_json_text(report, asked.arguments, remarks.notes));
 }
 
 void add_method_options(CLI::App& command, BuildArguments& arguments) {

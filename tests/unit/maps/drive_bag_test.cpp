@@ -171,7 +171,8 @@ TEST_F(BagDrive, SaysHowManyScansLieInGapsOfThePoses) {
   const Drive drive = open();
   EXPECT_EQ(drive.size(), 30U);
   EXPECT_THAT(drive.contents().notes,
-              Contains("16 scans lie in gaps of over 1 s between poses of /odom"));
+              Contains("16 scans lie in gaps of over 1 s between poses of /odom, and are placed on "
+                       "a straight line across them"));
 }
 
 TEST_F(BagDrive, InterpolatesPosesToTheScans) {

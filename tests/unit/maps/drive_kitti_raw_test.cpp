@@ -214,9 +214,17 @@ TEST_F(KittiRawDrive, WithABrokenCalibrationNamesTheEntry) {
   expect_error("calib_imu_to_velo.txt", "no rotation");
 }
 
-TEST_F(KittiRawDrive, WhosePathEndsBeforeItsScansIsRefused) {
+TEST_F(KittiRawDrive, WhosePathEndsBeforeAllItsScansIsRefused) {
   write("oxts/timestamps.txt", stamp(5) + stamp(5.1) + stamp(5.2) + stamp(5.3));
-  expect_error("oxts", "scan 0000000000.bin");
+  expect_error("oxts", "no pose within 0.2 s of any scan");
+}
+
+TEST_F(KittiRawDrive, LeavesOutScansAfterTheEndOfItsPath) {
+  write("oxts/timestamps.txt", stamp(9.65) + stamp(9.75) + stamp(9.85) + stamp(9.95));
+  const Drive drive = Drive::open(root());
+  EXPECT_EQ(drive.size(), 2U);
+  EXPECT_EQ(drive.contents().spin_start_end_s.size(), 2U);
+  EXPECT_THAT(drive.contents().notes, Contains(HasSubstr("2 scans left out")));
 }
 
 TEST_F(KittiRawDrive, NamesWhatIsWrongInItsFiles) {

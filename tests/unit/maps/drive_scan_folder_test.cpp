@@ -101,6 +101,32 @@ TEST_F(ScanFolderDrive, InterpolatesATrajectoryToStampsInNames) {
   EXPECT_NEAR(drive.T_map_lidar(1).translation().x(), 0.75, 1e-9);
 }
 
+TEST_F(ScanFolderDrive, LeavesOutScansBeforeAndAfterTheTrajectory) {
+  for (int i = 0; i < 6; ++i) {
+    const std::string name = std::to_string(1624254610 + i) + "000000000";
+    folder_.write(name + ".bin", xyzi(static_cast<float>(i), 2, 3, 4));
+    folder_.write("labels/" + name + ".label", std::string{static_cast<char>(i), '\0', '\0', '\0'});
+  }
+  folder_.write("any.tum",
+                "1624254611.1 1 0 0 0 0 0 1\n1624254612 2 0 0 0 0 0 1\n"
+                "1624254612.9 3 0 0 0 0 0 1\n");
+  const Drive drive = open();
+  EXPECT_THAT(drive.contents().notes,
+              ElementsAre("3 scans left out, which have no pose in any.tum; the others count from "
+                          "0"));
+  ASSERT_EQ(drive.size(), 3U);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(drive.stamp_ns(i), 1624254611000000000 + static_cast<std::int64_t>(i) * 1000000000);
+    EXPECT_NEAR(drive.T_map_lidar(i).translation().x(), static_cast<double>(i + 1), 0.2);
+    EXPECT_EQ(drive.read(i).cloud.positions[0].x(), static_cast<float>(i + 1));
+    EXPECT_THAT(drive.read_labels(i), ElementsAre(i + 1));
+  }
+  folder_.write("any.tum", "1624254620 1 0 0 0 0 0 1\n1624254621 2 0 0 0 0 0 1\n");
+  expect_error("any.tum",
+               "no pose within 0.2 s of any scan, expected poses of scans from "
+               "1624254610.000 s to 1624254615.000 s");
+}
+
 TEST_F(ScanFolderDrive, ReadsStampsInNamesOfSecondsAndMicroseconds) {
   folder_.write("1624254615.5.pcd", kPcd);
   EXPECT_EQ(open().stamp_ns(0), 1624254615500000000);

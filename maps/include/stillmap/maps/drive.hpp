@@ -102,8 +102,10 @@ class Drive {
   /// messages do not say it, or say it wrong.
   /// @param poses_file  poses instead of the layout's own: KITTI (12 numbers, one line a scan) or
   /// TUM
-  ///                    (8 numbers, interpolated to the scans' stamps); `T_map_lidar`.
-  /// @throws InputError if the layout is unknown or contradictory, or poses are fewer than scans.
+  ///                    (8 numbers, interpolated to the scans' stamps; scans without one within
+  ///                    0.2 s are left out and noted); `T_map_lidar`.
+  /// @throws InputError if the layout is unknown or contradictory, KITTI poses are fewer than
+  /// scans, or no scan has a pose.
   [[nodiscard]] static Drive open(
       const std::filesystem::path& root,
       const std::optional<std::filesystem::path>& poses_file = std::nullopt);
