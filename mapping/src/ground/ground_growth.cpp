@@ -5,13 +5,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <optional>
 
 namespace stillmap::mapping {
 namespace {
 
-/// Patches and the plane under the sensor start cells up to here [m], where the plane is close.
+/// Patches and the plane under the sensor start cells up to here [m], where the plane is close; up
+/// to where the plane was found when there are few.
 constexpr double kStartRangeM = 12.0;
+/// Fewer are chance; ground that reaches nearer at all starts more.
+constexpr std::size_t kFewestStarts = 6;
 constexpr double kStartElevationM = 0.3;
 /// How far points may be off a patch's plane [m], as in the fit.
 constexpr double kPlaneM = 0.125;
@@ -28,8 +32,8 @@ class Growth {
   Growth(const CellPoints& points, const Patches& patches, HeightGrid& grid)
       : layout_(PatchLayout::instance()), points_(points), patches_(patches), grid_(grid) {}
 
-  void run() {
-    start();
+  void run(double plane_within_m) {
+    if (start(0.0, kStartRangeM) < kFewestStarts) start(kStartRangeM, plane_within_m);
     // The second round reaches what lies behind obstacles, from the side and from beyond.
     for (int round = 0; round < 2; ++round) grow();
     take_back_outliers();
@@ -52,13 +56,19 @@ class Growth {
                           slope, 1, 0.0};
   }
 
-  void start() {
+  /// Of cells whose range is in (from_m, to_m]. @return how many are ground.
+  std::size_t start(double from_m, double to_m) {
+    std::size_t started = 0;
     for (const int cell : points_.near_to_far()) {
-      if (range_of(cell) > kStartRangeM) break;
+      if (range_of(cell) > to_m) break;
+      if (range_of(cell) <= from_m) continue;
       const auto patch = from_patch(cell);
-      if (patch && std::abs(patch->z) < kStartElevationM && accept(cell, *patch, kPlaneM)) continue;
-      accept(cell, CellPrediction{0.0, Eigen::Vector2d::Zero(), 1, 0.0}, kPlaneM);
+      const bool on_patch =
+          patch && std::abs(patch->z) < kStartElevationM && accept(cell, *patch, kPlaneM);
+      const CellPrediction plane{0.0, Eigen::Vector2d::Zero(), 1, 0.0};
+      if (on_patch || accept(cell, plane, kPlaneM)) ++started;
     }
+    return started;
   }
 
   void grow() {
@@ -106,8 +116,9 @@ class Growth {
 
 }  // namespace
 
-void grow_ground(const CellPoints& points, const Patches& patches, HeightGrid& grid) {
-  Growth(points, patches, grid).run();
+void grow_ground(const CellPoints& points, const Patches& patches, double plane_within_m,
+                 HeightGrid& grid) {
+  Growth(points, patches, grid).run(plane_within_m);
 }
 
 }  // namespace stillmap::mapping

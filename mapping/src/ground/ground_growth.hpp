@@ -22,7 +22,10 @@ struct Patches {
 /// near the sensor, and carry the ground over gaps where they agree with it. From there cells are
 /// visited from near to far, each predicted from the ground already found around it, and are ground
 /// when points lie near that. Cells that disagree with all their neighbours are taken back.
-/// @param points  levelled.
-void grow_ground(const CellPoints& points, const Patches& patches, HeightGrid& grid);
+/// @param points          levelled.
+/// @param plane_within_m  how far the plane under the sensor was looked for: a sensor high up has
+/// no ground nearer, and cells start up to there.
+void grow_ground(const CellPoints& points, const Patches& patches, double plane_within_m,
+                 HeightGrid& grid);
 
 }  // namespace stillmap::mapping

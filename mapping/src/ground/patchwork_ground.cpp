@@ -104,7 +104,7 @@ GroundResult PatchworkGround::segment(const maps::PointCloud& cloud) const {
   result.is_ground.assign(cloud.size(), 0);
   auto grid = std::make_shared<HeightGrid>();
   if (const auto scan = fit_patches(cloud, height_prior())) {
-    grow_ground(scan->points, judged(*scan, likelihood_), *grid);
+    grow_ground(scan->points, judged(*scan, likelihood_), scan->plane.found_within_m, *grid);
     grid->fill(kFillReach);
     label_ground(scan->points, *grid, result.is_ground);
     grid->tilt(scan->plane);

@@ -11,6 +11,8 @@ namespace stillmap::mapping {
 struct SeedPlane {
   double height = 0.0;
   Eigen::Vector2d slope = Eigen::Vector2d::Zero();
+  /// Range up to which points were looked at to find it [m].
+  double found_within_m = 0.0;
 
   [[nodiscard]] double z_at(double x, double y) const {
     return height + slope.x() * x + slope.y() * y;

@@ -257,6 +257,24 @@ TEST(Ground, IsFoundFromAnyHeightOfTheSensor) {
   }
 }
 
+TEST(Ground, IsFoundWhereTheLowestBeamMeetsItFarAway) {
+  // A VLP-16 on a bus, a lorry, a mast: its first ring is 13 to 22 m away.
+  for (const double height_m : {3.6, 4.5, 6.0}) {
+    const Eigen::Isometry3d T_world_lidar = test::pose_at(40.0, 0.0, 0.0, height_m);
+    test::ScanPattern pattern;
+    pattern.rings = 16;
+    pattern.columns = 1800;
+    pattern.lowest_rad = -0.262;
+    pattern.highest_rad = 0.262;
+    pattern.noise_m = 0.01;
+    const maps::PointCloud cloud = test::street(7).scan(T_world_lidar, pattern);
+    const GroundResult ground = segment(cloud);
+    const Shares share = shares(cloud, ground, T_world_lidar, 0.01);
+    EXPECT_GT(share.found, 0.95) << height_m;
+    EXPECT_LT(share.taken, 0.03) << height_m;
+  }
+}
+
 TEST(Ground, IsNotFoundAtAHeightThatIsNotTheGivenOne) {
   const maps::PointCloud cloud = street_scan();
   EXPECT_GT(count(make_ground_segmenter({1.9})->segment(cloud)), cloud.size() / 5);
