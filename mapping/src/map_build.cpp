@@ -32,6 +32,9 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
+/// A vehicle takes less of a scan than this; what takes more is the world around it.
+constexpr double kMostTooNear = 0.2;
+
 /// In the package while it is written: what outlives a kill.
 constexpr const char* kJournalFolder = "journal";
 constexpr const char* kScratchFolder = "scratch";
@@ -106,6 +109,17 @@ void report_edits(const EditReport& edits, MapBuildReport& report) {
 void warn_of_discarded(const BuildJournal& journal, MapBuildReport& report) {
   if (!journal.discarded().empty())
     report.warnings.push_back("work of a killed build was thrown away: " + journal.discarded());
+}
+
+void warn_of_near_points(double min_range_m, MapBuildReport& report) {
+  const auto count = [&](const char* name) { return static_cast<double>(report.points.at(name)); };
+  const double returned = count("in") - count("dropped_non_finite") - count("dropped_zero_range");
+  const double too_near = count("dropped_too_near");
+  if (!(too_near > kMostTooNear * returned)) return;
+  report.warnings.push_back(fmt::format(
+      "{:.0f} % of the points are left out, nearer than --min-range {} m; it is meant for what "
+      "carries the sensor: give how far that reaches, or DRIVE?sensor=NAME",
+      100.0 * too_near / returned, min_range_m));
 }
 
 /// Estimated poses, or those that a killed build had estimated.
@@ -194,6 +208,7 @@ MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders
                                           cleaner, writer, progress, cancel);
     for (const Counts& counts : {survey->counts, placed->counts, tiles.counts})
       add_to(report.points, counts);
+    warn_of_near_points(options.min_range_m, report);
     add_to(report.stage_seconds, placed->stage_seconds);
     add_to(report.stage_seconds, tiles.stage_seconds);
     report.objects = object_counts(map_objects, *survey, stages);

@@ -88,6 +88,20 @@ TEST_F(MapBuild, HasTheSameGroundAndObjectsHoweverTheSensorIsMounted) {
   }
 }
 
+TEST_F(MapBuild, WarnsWhenManyPointsAreNearerThanWhatCarriesTheSensor) {
+  use_boxes();
+  EXPECT_THAT(build().warnings, IsEmpty());
+  options_.min_range_m = 12.0;
+  const MapBuildReport report = build("much");
+  const std::uint64_t in = report.points.at("in");
+  const std::uint64_t near = report.points.at("dropped_too_near");
+  ASSERT_GT(near, in / 5);
+  EXPECT_THAT(report.warnings,
+              ElementsAre(testing::StartsWith(
+                  fmt::format("{:.0f} % of the points are left out, nearer than --min-range 12 m",
+                              100.0 * static_cast<double>(near) / static_cast<double>(in)))));
+}
+
 TEST_F(MapBuild, CountsEveryPointOnceInTheManifest) {
   maps::PointCloud cloud = small_.scan(0);
   const std::size_t good = cloud.size();

@@ -55,8 +55,9 @@ struct MapBuildOptions {
   /// Edge of the voxels that merge points of the map [m], in [0.02, 2].
   double voxel_size_m = 0.1;
   /// Points nearer are the vehicle itself (bonnet and tail of a car reach 2.5 m from a sensor on
-  /// its roof), farther ones too sparse [m]; both are dropped and counted. In [0, 20] and [5, 300],
-  /// the second larger.
+  /// its roof), farther ones too sparse [m]; both are dropped and counted, and it is a warning when
+  /// more than a fifth are too near, as in a small room. In [0, 20] and [5, 300], the second
+  /// larger.
   double min_range_m = 2.7;
   double max_range_m = 80.0;
   /// In [0, 256], 0 = all cores.
@@ -107,7 +108,7 @@ struct MapBuildReport {
   /// Summed over threads; with what the resumed scans took in the build that was killed.
   std::map<std::string, double> stage_seconds;
   /// What a person should look at: edits that met nothing, work of a killed build that was thrown
-  /// away.
+  /// away, a `min_range_m` that leaves out much.
   std::vector<std::string> warnings;
   /// With `register_to`.
   std::optional<maps::Registration> registration;
