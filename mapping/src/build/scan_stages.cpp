@@ -171,11 +171,11 @@ SurveyedScan ScanStages::survey(std::size_t number) const {
     out.ground_cells =
         reduce_ground(scan.cloud.positions, ground.is_ground, out.boxes, T_local_lidar(number));
   }
-  {
+  // Only what goes by shapes in single scans is judged by them, see `objects_of`.
+  if (ground.surface && options_.detector == kGeometricDetector) {
     const StageTimer timer(out.stage_seconds, "obstacles");
-    if (ground.surface)
-      out.obstacles = reduce_obstacles(scan.cloud.positions, ground.is_ground, *ground.surface,
-                                       T_local_lidar(number));
+    out.obstacles = reduce_obstacles(scan.cloud.positions, ground.is_ground, *ground.surface,
+                                     T_local_lidar(number));
   }
   const StageTimer timer(out.stage_seconds, "view");
   out.view.emplace(scan.cloud.positions, ground.is_ground);

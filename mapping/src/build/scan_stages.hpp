@@ -36,6 +36,7 @@ struct SurveyedScan {
   std::vector<bool> is_ground;
   std::vector<maps::Box> boxes;
   GroundCells ground_cells;
+  /// Only with the detector `geometric`.
   ScanObstacles obstacles;
   std::optional<RangeView> view;
   Counts counts;

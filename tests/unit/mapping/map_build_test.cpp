@@ -9,6 +9,7 @@
 #include <numbers>
 #include <set>
 
+#include "build/scan_stages.hpp"
 #include "small_drive.hpp"
 #include "support/throws.hpp"
 
@@ -86,6 +87,18 @@ TEST_F(MapBuild, HasTheSameGroundAndObjectsHoweverTheSensorIsMounted) {
           << deg << (boxes ? " boxes" : " geometric");
     }
   }
+}
+
+TEST_F(MapBuild, KeepsObstaclesForTheDetectorThatIsJudgedByThem) {
+  const DriveSet drives({maps::Drive::open(drive_)}, options_);
+  const VoxelGrid grid(Eigen::Vector3d::Zero(), options_.voxel_size_m);
+  const auto obstacles = [&] {
+    return ScanStages(drives, options_, grid).survey(0).obstacles.voxels.size();
+  };
+  options_.detector = "geometric";
+  EXPECT_GT(obstacles(), 100U);
+  use_boxes();
+  EXPECT_EQ(obstacles(), 0U);
 }
 
 TEST_F(MapBuild, WarnsWhenManyPointsAreNearerThanWhatCarriesTheSensor) {
