@@ -160,5 +160,38 @@ TEST(GroundLevels, TellTheNearestGroundsHeight) {
   EXPECT_THROW(GroundLevels(points, {}), std::invalid_argument);
 }
 
+TEST(GroundLevels, TellStoreysApart) {
+  // Two decks 3 m apart; beyond x = 1 only the upper one was seen.
+  std::vector<Eigen::Vector3f> points;
+  for (int i = 0; i < 10; ++i) {
+    for (const float z : {3.1F, 0.1F, 2.9F, -0.1F}) points.emplace_back(0.5F, 0.5F, z);
+    points.emplace_back(1.5F, 0.5F, 3.0F);
+  }
+  const GroundLevels ground(points, std::vector<std::uint8_t>(points.size(), 1));
+  for (const float x : {0.5F, 1.5F}) {
+    EXPECT_NEAR(*ground.below({x, 0.5F, -0.1F}), 0.0F, 1e-6F) << x;
+    EXPECT_NEAR(*ground.below({x, 0.5F, 0.9F}), 0.0F, 1e-6F) << x;
+    EXPECT_NEAR(*ground.below({x, 0.5F, 2.9F}), 3.0F, 1e-6F) << x;
+    EXPECT_NEAR(*ground.below({x, 0.5F, 4.5F}), 3.0F, 1e-6F) << x;
+  }
+  // Nothing but ground above: it is what there is.
+  EXPECT_NEAR(*ground.below({4.4F, 0.5F, 0.5F}), 3.0F, 1e-6F);
+}
+
+TEST(GroundLevels, AreOneWhereLittleElseWasTakenForGround) {
+  std::vector<Eigen::Vector3f> points(90, {0.5F, 0.5F, 0.0F});
+  points.resize(99, {0.5F, 0.5F, 2.75F});
+  const GroundLevels ground(points, std::vector<std::uint8_t>(points.size(), 1));
+  for (const float z : {0.5F, 3.0F}) EXPECT_FLOAT_EQ(*ground.below({0.5F, 0.5F, z}), 0.25F);
+}
+
+TEST(GroundLevels, AreOneWhereGroundIsSteepWithoutAGap) {
+  std::vector<Eigen::Vector3f> points;
+  for (const float z : {0.0F, 4.0F, 2.0F, 1.0F, 3.0F}) points.emplace_back(0.5F, 0.5F, z);
+  const GroundLevels ground(points, std::vector<std::uint8_t>(points.size(), 1));
+  EXPECT_FLOAT_EQ(*ground.below({0.5F, 0.5F, 4.0F}), 2.0F);
+  EXPECT_FLOAT_EQ(*ground.below({0.5F, 0.5F, 1.0F}), 2.0F);
+}
+
 }  // namespace
 }  // namespace stillmap::mapping

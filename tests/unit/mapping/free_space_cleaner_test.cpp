@@ -11,6 +11,7 @@
 #include <map>
 #include <numbers>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "support/synthetic_world.hpp"
@@ -111,7 +112,10 @@ struct Cleaned {
   CleaningPoints points;
   std::vector<std::uint8_t> moved;
 
-  explicit Cleaned(const ChangingWorld& world, int threads = 1) : points(world.stacked()) {
+  explicit Cleaned(const ChangingWorld& world, int threads = 1)
+      : Cleaned(world, world.stacked(), threads) {}
+  Cleaned(const ChangingWorld& world, CleaningPoints asked, int threads)
+      : points(std::move(asked)) {
     const test::TemporaryFolder scratch;
     moved = FreeSpaceCleaner(scratch.path(), threads).moved(points, world, {}, false);
     EXPECT_TRUE(std::filesystem::is_empty(scratch.path()));
@@ -175,6 +179,21 @@ TEST(FreeSpaceCleaner, RemovesACarThatLeavesAndKeepsTheWallsBehind) {
   EXPECT_GT(car.all, 100U);
   EXPECT_GT(car.share(), 0.95);
   EXPECT_EQ(map.gone(), car.gone) << "and nothing else";
+}
+
+TEST(FreeSpaceCleaner, RemovesACarThatLeavesFromUnderADeck) {
+  const ChangingWorld drive = with_car([](std::size_t scan) { return scan < 5; });
+  CleaningPoints points = drive.stacked();
+  for (float x = 5.0F; x < 25.0F; x += 0.1F) {
+    for (float y = -8.0F; y < 8.0F; y += 0.1F) {
+      points.positions.emplace_back(x, y, 3.5F);
+      points.is_ground.push_back(1);
+      points.scans.push_back(1);
+    }
+  }
+  const Cleaned map(drive, points, 1);
+  EXPECT_GT(map.in(kCar).share(), 0.95);
+  EXPECT_EQ(map.gone(), map.in(kCar).gone) << "and nothing else";
 }
 
 TEST(FreeSpaceCleaner, KeepsACarThatStays) {
