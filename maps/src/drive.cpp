@@ -168,6 +168,15 @@ Drive Drive::with_poses(std::vector<Eigen::Isometry3d> T_map_lidar,
   return Drive(std::move(contents));
 }
 
+void Drive::require_own_numbers(const std::filesystem::path& file) const {
+  if (!contents_.counts_from_first_pose) return;
+  throw InputError(
+      contents_.root.string(),
+      "first scans without a pose, which are left out, so that the numbers of scans in " +
+          file.string() + " fit no longer",
+      "poses from the first scan on");
+}
+
 Scan Drive::read(std::size_t index) const {
   const std::filesystem::path& file = contents_.scan_files.at(index);
   const bool is_entry = !contents_.entries.numbers.empty();

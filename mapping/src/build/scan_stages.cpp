@@ -107,9 +107,12 @@ ScanStages::ScanStages(const DriveSet& drives, const MapBuildOptions& options,
       grid_(grid),
       ground_(make_ground_segmenter(options.ground)),
       boxes_are_given_(!boxes_files(options.detector).empty()) {
-  for (std::size_t i = 0; i < drives.drives().size(); ++i)
-    detectors_.push_back(make_detector(
-        detector_of_drive(options.detector, i, drives.drives().size()), drives.drives()[i].size()));
+  for (std::size_t i = 0; i < drives.drives().size(); ++i) {
+    const maps::Drive& drive = drives.drives()[i];
+    const std::string detector = detector_of_drive(options.detector, i, drives.drives().size());
+    if (boxes_are_given_) drive.require_own_numbers(detector);
+    detectors_.push_back(make_detector(detector, drive.size()));
+  }
 }
 
 std::map<std::string, std::size_t> ScanStages::dropped_boxes() const {

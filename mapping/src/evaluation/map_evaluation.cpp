@@ -192,6 +192,7 @@ MapEvaluation evaluate_map(const maps::MapPackage& map, const maps::Drive& drive
   const auto began = std::chrono::steady_clock::now();
   if (!drive.has_poses())
     throw maps::InputError(drive.contents().root.string(), "a drive without poses", "poses");
+  drive.require_own_numbers(options.boxes_file);
   maps::BoxSequence labels = maps::read_boxes(options.boxes_file, drive.size());
   const std::vector<std::size_t> mapped = mapped_scans(map, drive);
   const std::vector<std::size_t> labelled = labelled_scans(mapped, labels, options.boxes_file);

@@ -88,7 +88,8 @@ void set_oxts_poses(Drive::Contents& contents) {
   for (StampedPose& pose : path.T_map_imu) pose.T_map_lidar = pose.T_map_lidar * T_imu_lidar;
   contents.notes.insert(contents.notes.end(), path.notes.begin(), path.notes.end());
   contents.origin = path.origin;
-  set_poses_at_stamps(contents, Trajectory(std::move(path.T_map_imu)), oxts);
+  contents.counts_from_first_pose =
+      set_poses_at_stamps(contents, Trajectory(std::move(path.T_map_imu)), oxts);
 }
 
 }  // namespace

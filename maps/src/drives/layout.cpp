@@ -159,7 +159,7 @@ bool lies_in_gap(const Trajectory& trajectory, std::int64_t stamp_ns) {
              kMaxQuietGapNs;
 }
 
-void set_poses_at_stamps(Drive::Contents& contents, const Trajectory& trajectory,
+bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& trajectory,
                          const fs::path& source) {
   const std::vector<StampedPose>& path = trajectory.poses();
   if (path.empty()) throw InputError(source.string(), "no poses", "some");
@@ -189,6 +189,7 @@ void set_poses_at_stamps(Drive::Contents& contents, const Trajectory& trajectory
   contents.T_map_lidar = std::move(poses);
   note_gaps(contents, name,
             [&](std::int64_t stamp_ns) { return lies_in_gap(trajectory, stamp_ns); });
+  return kept.front() > 0;
 }
 
 void note_gaps(Drive::Contents& contents, const std::string& source,
@@ -204,7 +205,8 @@ void note_gaps(Drive::Contents& contents, const std::string& source,
 
 void set_poses(Drive::Contents& contents, const fs::path& poses_file) {
   if (poses_format(poses_file) == PosesFormat::kTum) {
-    set_poses_at_stamps(contents, read_tum_trajectory(poses_file), poses_file);
+    contents.counts_from_first_pose =
+        set_poses_at_stamps(contents, read_tum_trajectory(poses_file), poses_file);
     return;
   }
   const std::vector<Eigen::Isometry3d> poses = read_kitti_poses(poses_file);

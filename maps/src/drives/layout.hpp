@@ -55,7 +55,8 @@ enum class PosesFormat { kKitti, kTum };
 /// farther out are left out and noted (recorders of scans and poses start and end apart), and gaps
 /// over a second are noted.
 /// @throws InputError when no scan has a pose.
-void set_poses_at_stamps(Drive::Contents& contents, const Trajectory& trajectory,
+/// @return whether scans were left out before the first that has a pose.
+bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& trajectory,
                          const std::filesystem::path& source);
 
 /// Notes how many scans lie in gaps of the poses of `source`, if any.

@@ -172,7 +172,10 @@ void localize_drive(const LocalizeArguments& arguments,
         fmt::format("--select: '{}' takes none of {} scans", arguments.select, drive.size()));
   }
   maps::BoxSequence boxes;
-  if (arguments.boxes) boxes = maps::read_boxes(*arguments.boxes, drive.size());
+  if (arguments.boxes) {
+    drive.require_own_numbers(*arguments.boxes);
+    boxes = maps::read_boxes(*arguments.boxes, drive.size());
+  }
   const OpenMap map = open_map(arguments);
   localization::Tracker tracker(map.aligner);
   if (T_map_prior) start_at(*T_map_prior, tracker);

@@ -121,6 +121,10 @@ TEST_F(ScanFolderDrive, LeavesOutScansBeforeAndAfterTheTrajectory) {
     EXPECT_EQ(drive.read(i).cloud.positions[0].x(), static_cast<float>(i + 1));
     EXPECT_THAT(drive.read_labels(i), ElementsAre(i + 1));
   }
+  EXPECT_THAT([&] { drive.require_own_numbers("my.boxes.json"); },
+              ThrowsMessage<InputError>(HasSubstr("numbers of scans in my.boxes.json")));
+  folder_.write("any.tum", "1624254610 0 0 0 0 0 0 1\n1624254613 3 0 0 0 0 0 1\n");
+  open().require_own_numbers("my.boxes.json");
   folder_.write("any.tum", "1624254620 1 0 0 0 0 0 1\n1624254621 2 0 0 0 0 0 1\n");
   expect_error("any.tum",
                "no pose within 0.2 s of any scan, expected poses of scans from "

@@ -68,6 +68,9 @@ class Drive {
     /// One stamp a scan, increasing.
     std::vector<std::int64_t> stamps_ns;
     bool relative_clock = true;
+    /// Scans before the first were left out, as they have no pose: numbers that others give to the
+    /// scans, as labels and boxes do, do not fit.
+    bool counts_from_first_pose = false;
     /// One pose a scan (already in the lidar frame), or empty.
     std::vector<Eigen::Isometry3d> T_map_lidar;
     std::optional<GeodeticOrigin> origin;
@@ -117,6 +120,9 @@ class Drive {
 
   [[nodiscard]] std::size_t size() const { return contents_.scan_files.size(); }
   [[nodiscard]] const Contents& contents() const { return contents_; }
+  /// For files that tell scans by their numbers.
+  /// @throws InputError naming the drive and the file when `Contents::counts_from_first_pose`.
+  void require_own_numbers(const std::filesystem::path& file) const;
   [[nodiscard]] bool has_poses() const { return !contents_.T_map_lidar.empty(); }
   [[nodiscard]] bool relative_clock() const { return contents_.relative_clock; }
   [[nodiscard]] std::int64_t stamp_ns(std::size_t index) const {
