@@ -181,6 +181,16 @@ bool distinct(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
          maps::rotation_angle_rad(difference.linear()) > kDistinctRad;
 }
 
+/// Whether one pose is distinct from another by more than a motion along directions that are free
+/// anyway.
+bool is_elsewhere(const Eigen::Isometry3d& T, const Eigen::Isometry3d& T_from,
+                  const std::vector<Vector6d>& free_directions) {
+  Vector6d way = maps::log_se3(T_from.inverse() * T);
+  way.tail<3>() *= kLeverM;
+  for (const Vector6d& free : free_directions) way -= free.dot(way) * free;
+  return way.head<3>().norm() > kDistinctM || way.tail<3>().norm() > kLeverM * kDistinctRad;
+}
+
 void sort_by_support(std::vector<Place>& places) {
   std::stable_sort(places.begin(), places.end(),
                    [](const Place& a, const Place& b) { return a.support > b.support; });
@@ -273,7 +283,7 @@ AlignmentResult align_among(const MapIndex& index, const Query& query,
   evidence.observability = observability_of(level, query, best.T_index_lidar, final.sums.H);
   evidence.ambiguous = std::any_of(places.begin() + 1, places.end(), [&](const Place& other) {
     return other.support > kAmbiguousShare * best.support &&
-           distinct(other.T_index_lidar, best.T_index_lidar);
+           is_elsewhere(other.T_index_lidar, best.T_index_lidar, evidence.observability.degenerate);
   });
   if (!evidence.ambiguous && evidence.observability.degenerate.empty()) {
     evidence.ambiguous =

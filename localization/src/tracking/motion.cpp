@@ -58,11 +58,15 @@ MotionState MotionModel::predicted(const MotionState& state, std::int64_t stamp_
   const double t = seconds_between(state.stamp_ns, stamp_ns);
   MotionState next;
   next.stamp_ns = stamp_ns;
-  next.pose = composed(state.pose, {odometry.T_since_lidar, odometry.covariance});
+  next.odometry_steps = state.odometry_steps + 1;
+  // n^2 - (n - 1)^2 times the variance.
+  const double repeated = 2.0 * next.odometry_steps - 1.0;
+  next.pose = composed(state.pose, {odometry.T_since_lidar, repeated * odometry.covariance});
   next.twist = maps::log_se3(odometry.T_since_lidar) / t;
   // The mean velocity of an interval differs from the one at its end.
   next.twist_covariance = odometry.covariance / (t * t) + t / 3.0 * density_;
-  next.drift_m = std::hypot(state.drift_m, largest_deviation_m(odometry.covariance));
+  next.drift_m =
+      std::hypot(state.drift_m, std::sqrt(repeated) * largest_deviation_m(odometry.covariance));
   return next;
 }
 

@@ -18,6 +18,8 @@ struct MotionState {
   Matrix6d twist_covariance = Matrix6d::Identity();
   /// Deviation of the way since a scan was matched [m]: what the motion adds to the pose's error.
   double drift_m = 0.0;
+  /// Steps of odometry in a row since a scan told all directions.
+  int odometry_steps = 0;
 };
 
 /// Time from `from_ns` to `to_ns` [s], negative backwards; no overflow however far apart.
@@ -35,7 +37,9 @@ class MotionModel {
   /// Continues a state to a later or equal time. The errors of pose and velocity come from the same
   /// matches, so twice the sum of both covariances bounds theirs whatever their correlation.
   [[nodiscard]] MotionState predicted(const MotionState& state, std::int64_t stamp_ns) const;
-  /// The same with the vehicle's odometry, which is independent of the matches.
+  /// The same with the vehicle's odometry, which is independent of the matches. A wheel that is
+  /// taken for too large is so at every step, so errors of steps in a row add up as one that is
+  /// repeated: n of a deviation s have n s, not sqrt(n) s.
   /// @param stamp_ns  later than the state's.
   [[nodiscard]] MotionState predicted(const MotionState& state, std::int64_t stamp_ns,
                                       const OdometryStep& odometry) const;

@@ -220,6 +220,8 @@ AlignmentResult TrackingSession::follow(Belief& belief, const Step& step) const 
   // The way from a pose that was only given to the first match is no motion.
   belief.anchor = belief.matched ? model_.moved_to(*belief.anchor, step.stamp_ns, believed(step))
                                  : model_.at_unknown_velocity(step.stamp_ns, believed(step));
+  if (!step.match.degenerate_directions.empty())
+    belief.anchor->odometry_steps = step.predicted->odometry_steps;
   belief.matched = true;
   return step.match;
 }

@@ -222,6 +222,30 @@ TEST_F(TrackerTest, GoodOdometryCoastsForTheWholeTimeAllowed) {
   EXPECT_EQ(track(4.2, lost()).result.status, PoseStatus::kLost);
 }
 
+TEST_F(TrackerTest, OdometryThatIsLongIsNotBelievedToTheEndOfACorridor) {
+  tracker.initialize(truth_at(0.0), 1e-4 * Matrix6d::Identity());
+  follow(0.0);
+  // Odometry tells one part in a hundred too much, as its covariance admits; 100 m of corridor.
+  const auto step = [](int k) {
+    return OdometryStep{at_s(0.1 * (k - 1)), pose_at(1.01, 0.0, 0.0, 0.0),
+                        1e-4 * Matrix6d::Identity()};
+  };
+  for (int k = 1; k <= 100; ++k) {
+    AlignmentResult match =
+        found_at(pose_at(1.01 * k, 0.0), PoseStatus::kDegraded, {"unobservable_direction"});
+    match.covariance(0, 0) = 100.0;
+    match.degenerate_directions = {Eigen::Matrix<double, 6, 1>::Unit(0)};
+    EXPECT_THAT(track(0.1 * k, match, step(k)).result.reasons,
+                ElementsAre("unobservable_direction"))
+        << k;
+  }
+  EXPECT_GT(prior_deviation_m(), 0.9);
+  EXPECT_LT(prior_deviation_m(), 1.2);
+  EXPECT_EQ(track(10.1, found_at(truth_at(10.1)), step(101)).result.status, PoseStatus::kOk);
+  EXPECT_EQ(track(10.2, found_at(truth_at(10.2)), step(102)).result.status, PoseStatus::kOk);
+  EXPECT_LT(prior_deviation_m(), 0.1);
+}
+
 TEST_F(TrackerTest, MatchesThatGoOnContradictingMakeTheMotionDoubtful) {
   drive_to(1.0);
   int believed = 0;
