@@ -185,13 +185,15 @@ std::vector<Eigen::Isometry3d> search_poses(const MapIndex::Level& level,
       floors > 1 ? points_to_try(query, T_map_lidar_prior.linear(), false)
                  : std::vector<Eigen::Vector3f>{};
   std::vector<Eigen::Isometry3d> candidates;
+  std::size_t looked_up_and_down = 0;
   for (const Hypothesis& h : best_places(all, max_candidates)) {
     Eigen::Isometry3d T = T_map_lidar_prior;
     const Eigen::AngleAxisd R_yaw(h.yaw * kYawStepRad, Eigen::Vector3d::UnitZ());
     T.linear() = R_yaw.toRotationMatrix() * T_map_lidar_prior.linear();
     T.translation() += edge_m * Eigen::Vector3d(h.x, h.y, 0.0);
     candidates.push_back(T);
-    if (level_points.empty()) continue;
+    // Of the best alone: a query of a tower block has its bounds, too.
+    if (level_points.empty() || ++looked_up_and_down > max_candidates) continue;
     turned.resize(level_points.size());
     for (std::size_t i = 0; i < turned.size(); ++i) {
       turned[i] = R_yaw.toRotationMatrix().cast<float>() * level_points[i] + centre;
