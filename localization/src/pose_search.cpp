@@ -128,14 +128,18 @@ std::vector<int> other_floors(const Columns& columns, const std::vector<Eigen::V
   return floors;
 }
 
+bool are_near(const Hypothesis& a, const Hypothesis& b) {
+  return std::abs(a.x - b.x) <= 1 && std::abs(a.y - b.y) <= 1;
+}
+
 bool same_place(const Hypothesis& a, const Hypothesis& b) {
-  return std::abs(a.yaw - b.yaw) <= 2 && std::abs(a.x - b.x) <= 1 && std::abs(a.y - b.y) <= 1;
+  return std::abs(a.yaw - b.yaw) <= 2 && are_near(a, b);
 }
 
 /// Squared distance from the prior, in steps.
 double away2(const Hypothesis& h) { return h.x * h.x + h.y * h.y + h.yaw * h.yaw; }
 
-/// The best `count`, and up to twice as many more that are almost as good as the first.
+/// The best `count`, and up to twice as many elsewhere that are almost as good as the first.
 std::vector<Hypothesis> best_places(std::vector<Hypothesis>& all, std::size_t count) {
   std::vector<Hypothesis> best;
   while (best.size() < 3 * count && !all.empty()) {
@@ -144,6 +148,10 @@ std::vector<Hypothesis> best_places(std::vector<Hypothesis>& all, std::size_t co
     if (best.size() >= count && top.score < kAlikeShare * best.front().score) break;
     best.push_back(top);
     std::erase_if(all, [&](const Hypothesis& h) { return same_place(h, top); });
+    if (best.size() < count) continue;
+    std::erase_if(all, [&](const Hypothesis& h) {
+      return std::any_of(best.begin(), best.end(), [&](const auto& b) { return are_near(h, b); });
+    });
   }
   return best;
 }
