@@ -78,9 +78,8 @@ struct TrackedPose {
   ///   `unconfirmed`        found by a search; no later scan has agreed yet,
   ///   `not_tracked`        nothing predicts the pose any more,
   ///   `too_old`            older than what is kept,
-  ///   `clock_set_back`     the fifth such scan in a row, each newer than the one before: the
-  ///   stamps
-  ///                        that went ahead were wrong, and the session has begun anew with it.
+  ///   `clock_set_back`     the fifth such scan in a row, each newer than the one before: what went
+  ///                        ahead of it was wrong, and the session has begun anew.
   /// `ok` only for a match that agrees with the motion. The covariance is the match's own; the
   /// session does not make it smaller.
   AlignmentResult result;
