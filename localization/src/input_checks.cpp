@@ -2,20 +2,36 @@
 
 #include "tracking/pose_pdf.hpp"
 
+#include <fmt/format.h>
 #include <Eigen/Cholesky>
 
+#include <cmath>
 #include <stdexcept>
 #include <utility>
+#include <vector>
 
 namespace stillmap::localization {
 namespace {
 
 /// As for sessions: what products of matrices leave of a symmetry.
 constexpr double kSymmetryTolerance = 1e-6;
+/// Readers take no times beyond a second; a sweep takes 0.05 to 0.2 s.
+constexpr float kMaxTimeOffsetS = 10.0F;
 
 }  // namespace
 
-void require_finite(const maps::PointCloud& scan_lidar) {
+void require_usable(const maps::PointCloud& scan_lidar) {
+  const std::vector<float>& times = scan_lidar.time_offsets_s;
+  if (!times.empty() && times.size() != scan_lidar.size()) {
+    throw std::invalid_argument(
+        fmt::format("scan: found {} times, expected none or {}", times.size(), scan_lidar.size()));
+  }
+  for (const float t : times) {
+    if (!(std::abs(t) <= kMaxTimeOffsetS)) {
+      throw std::invalid_argument(fmt::format(
+          "scan: found a time of {} s, expected within {} s of the stamp", t, kMaxTimeOffsetS));
+    }
+  }
   bool finite = true;
   for (const Eigen::Vector3f& p : scan_lidar.positions) finite = finite && p.allFinite();
   if (!finite) throw std::invalid_argument("scan: a coordinate is not finite");

@@ -27,7 +27,7 @@ constexpr float kFinalKernelShare = 0.15F;
 constexpr std::size_t kCoarsePoints = 1000;
 constexpr std::size_t kMaxCandidates = 4;
 
-void require_finite(const Eigen::Isometry3d& T, const char* name) {
+void require_usable(const Eigen::Isometry3d& T, const char* name) {
   if (T.matrix().allFinite()) return;
   throw std::invalid_argument(fmt::format("{}: found numbers that are not finite", name));
 }
@@ -66,7 +66,7 @@ LocalMap& LocalMap::operator=(LocalMap&&) noexcept = default;
 
 void LocalMap::add(std::span<const Eigen::Vector3f> points_lidar,
                    const Eigen::Isometry3d& T_odom_lidar) {
-  require_finite(T_odom_lidar, "T_odom_lidar");
+  require_usable(T_odom_lidar, "T_odom_lidar");
   state_->voxels.add(points_lidar, T_odom_lidar, kReachM);
 }
 
@@ -79,7 +79,7 @@ std::size_t LocalMap::voxel_count() const {
 Eigen::Isometry3d LocalMap::refined(std::span<const Eigen::Vector3f> points_lidar,
                                     const Eigen::Isometry3d& T_odom_lidar_guess,
                                     double off_m) const {
-  require_finite(T_odom_lidar_guess, "T_odom_lidar_guess");
+  require_usable(T_odom_lidar_guess, "T_odom_lidar_guess");
   if (!(off_m > 0.0)) {
     throw std::invalid_argument(fmt::format("off_m: found {}, expected above 0", off_m));
   }
@@ -103,7 +103,7 @@ Eigen::Isometry3d LocalMap::refined(std::span<const Eigen::Vector3f> points_lida
 
 Eigen::Isometry3d LocalMap::searched(std::span<const Eigen::Vector3f> points_lidar,
                                      const Eigen::Isometry3d& T_odom_lidar_guess) const {
-  require_finite(T_odom_lidar_guess, "T_odom_lidar_guess");
+  require_usable(T_odom_lidar_guess, "T_odom_lidar_guess");
   const std::span<const MapIndex::Level> levels = state_->voxels.levels();
   if (levels.empty()) return T_odom_lidar_guess;
   const Query query = query_of(points_lidar, T_odom_lidar_guess.linear());
@@ -123,7 +123,7 @@ Eigen::Isometry3d LocalMap::searched(std::span<const Eigen::Vector3f> points_lid
 
 LocalAlignment LocalMap::judged(std::span<const Eigen::Vector3f> points_lidar,
                                 const Eigen::Isometry3d& T_odom_lidar) const {
-  require_finite(T_odom_lidar, "T_odom_lidar");
+  require_usable(T_odom_lidar, "T_odom_lidar");
   LocalAlignment result;
   result.T_odom_lidar = T_odom_lidar;
   const std::span<const MapIndex::Level> levels = state_->voxels.levels();

@@ -61,6 +61,8 @@ Query thin(const maps::PointCloud& scan_lidar, const Eigen::Matrix3d& R_map_lida
     if (stands[source] != 0) query.standing.push_back(i);
     query.points.push_back(cells[source]);
     query.stands.push_back(stands[source]);
+    if (!scan_lidar.time_offsets_s.empty())
+      query.time_offsets_s.push_back(scan_lidar.time_offsets_s[kept[source]]);
   }
   return query;
 }

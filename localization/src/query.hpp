@@ -18,6 +18,8 @@ struct Query {
   std::vector<char> stands;
   /// Indices of the standing points, ascending.
   std::vector<std::size_t> standing;
+  /// A time for each point, relative to the scan's stamp [s], or empty: all at the stamp.
+  std::vector<float> time_offsets_s;
 };
 
 inline constexpr std::size_t kMaxQueryPoints = 4000;

@@ -28,9 +28,7 @@ bool is_small(const Vector6d& step) {
 
 /// Rows and columns of the rotations divided by the lever.
 Matrix6d rotations_by_lever(const Matrix6d& matrix) {
-  Vector6d scale;
-  scale << 1.0, 1.0, 1.0, 1.0 / kLeverM, 1.0 / kLeverM, 1.0 / kLeverM;
-  return scale.asDiagonal() * matrix * scale.asDiagonal();
+  return kUnitsOfPose.asDiagonal() * matrix * kUnitsOfPose.asDiagonal();
 }
 
 /// @return steps taken; moves the pose until the held matches agree.

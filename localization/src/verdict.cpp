@@ -1,6 +1,6 @@
 #include "verdict.hpp"
 
-#include "voxel_table.hpp"
+#include "clustered_sums.hpp"
 
 #include <stillmap/localization/adjoint.hpp>
 #include <stillmap/maps/frames.hpp>
@@ -31,16 +31,7 @@ constexpr float kLeverRanges = 1.5F;
 constexpr double kMinProbeScore = 4.0;
 constexpr std::size_t kProbeStride = 2;
 
-constexpr double kBlockM = 4.0;
 constexpr double kUnknownM = 10.0;
-/// What blocks of 4 m still share with their neighbours.
-constexpr double kNeighbourFactor = 2.4;
-/// Root mean square thickness of the surfaces of a map with exact poses: noise of the sensor, and
-/// what half a metre of a wall is not flat. Simulated maps have 2.1 to 3.1 cm, real ones 3.9 to
-/// 4.4 cm. What is beyond it is the map's own disagreement, which no number of points averages out:
-/// a scan is worth so many independent surfaces then.
-constexpr double kUsualThicknessM = 0.032;
-constexpr double kIndependentSurfaces = 60.0;
 /// Share of the shift between near points and all alike that the error is.
 constexpr double kBendShareOfError = 0.2;
 /// Shared by all points of a scan: map registration, voxels that see a surface from one side,
@@ -114,15 +105,6 @@ Matrix6d unknown_covariance() {
   return variances.asDiagonal();
 }
 
-/// Inverse of a symmetric matrix with its smallest eigenvalues raised, so that a direction which
-/// nothing constrains does not divide by zero.
-Matrix6d bounded_inverse(const Matrix6d& matrix) {
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(matrix);
-  const Vector6d values = solver.eigenvalues().cwiseMax(1e-6 * solver.eigenvalues()[5]);
-  return solver.eigenvectors() * values.cwiseInverse().asDiagonal() *
-         solver.eigenvectors().transpose();
-}
-
 }  // namespace
 
 Support support_of(std::span<const MapIndex::Level> levels, const Query& query,
@@ -185,39 +167,14 @@ Observability observability_of(const MapIndex::Level& level, const Query& query,
 Matrix6d covariance_of(const ResidualRows& rows, const Eigen::Isometry3d& T_index_lidar,
                        float kernel_m, const Vector6d& bend,
                        const std::vector<Vector6d>& degenerate) {
-  VoxelTable blocks;
-  std::vector<Vector6d> sums;
-  Matrix6d H = Matrix6d::Zero();
-  Matrix6d geometry = Matrix6d::Zero();
-  double robust_sum = 0.0;
-  double thickness_sum = 0.0;
-  const double kernel = static_cast<double>(kernel_m);
+  ClusteredSums<6> sums(static_cast<double>(kernel_m));
   for (std::size_t i = 0; i < rows.count; ++i) {
     const Eigen::Vector3d point(rows.point_x[i], rows.point_y[i], rows.point_z[i]);
-    const Eigen::Array3i cell =
-        (T_index_lidar * point / kBlockM).array().floor().cast<int>() + 1024;
-    const auto [block, inserted] = blocks.insert(cell_key(cell.x(), cell.y(), cell.z()));
-    if (inserted) sums.emplace_back(Vector6d::Zero());
-    const auto [residual, J] = axis_residual(rows, i, T_index_lidar);
-    const double robust = robust_weight(residual * residual, kernel);
-    const auto variance = static_cast<double>(rows.variance_m2[i]);
-    const double weight = robust / (variance + kernel_variance_m2(kernel));
-    sums[block] += weight * residual * J;
-    const Matrix6d outer = J * J.transpose();
-    H += weight * outer;
-    geometry += robust * outer;
-    robust_sum += robust;
-    thickness_sum += robust * variance;
+    const auto [residual_m, J] = axis_residual(rows, i, T_index_lidar);
+    sums.add(T_index_lidar * point, residual_m, static_cast<double>(rows.variance_m2[i]), J);
   }
-  if (!(robust_sum > 0.0)) return unknown_covariance();
-  Matrix6d spread = Matrix6d::Zero();
-  for (const Vector6d& sum : sums) spread += sum * sum.transpose();
-  const Matrix6d inverse = bounded_inverse(in_metres(H));
-  const double disagreement_m2 =
-      std::max(0.0, thickness_sum / robust_sum - kUsualThicknessM * kUsualThicknessM);
-  Matrix6d covariance = kNeighbourFactor * inverse * in_metres(spread) * inverse;
-  covariance +=
-      disagreement_m2 / kIndependentSurfaces * bounded_inverse(in_metres(geometry / robust_sum));
+  if (!sums.any()) return unknown_covariance();
+  Matrix6d covariance = sums.covariance(kUnitsOfPose);
   for (const Vector6d& direction : degenerate) {
     covariance += kUnknownM * kUnknownM * direction * direction.transpose();
   }
@@ -248,6 +205,7 @@ void judge(const Evidence& evidence, const Matrix6d& covariance, AlignmentResult
   if (!result.degenerate_directions.empty()) result.reasons.emplace_back("unobservable_direction");
   if (evidence.ambiguous) result.reasons.emplace_back("ambiguous");
   if (evidence.contradicts_prior) result.reasons.emplace_back("contradicts_prior");
+  if (evidence.not_deskewed) result.reasons.emplace_back("not_deskewed");
   const double worst_m = std::sqrt(covariance.diagonal().head<3>().maxCoeff());
   const double worst_rad = std::sqrt(covariance.diagonal().tail<3>().maxCoeff());
   if (!(worst_m < kMaxOkDeviationM && worst_rad < kMaxOkDeviationRad)) {

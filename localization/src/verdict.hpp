@@ -65,6 +65,8 @@ struct Evidence {
   bool ambiguous = false;
   /// The prior's covariance speaks against the pose.
   bool contradicts_prior = false;
+  /// The scan was taken on the move and does not say when its points were.
+  bool not_deskewed = false;
 };
 /// Sets status and reasons. Lost: nothing to support a pose; degraded: something is weak; ok: all
 /// is well.

@@ -6,6 +6,7 @@
 #include "query.hpp"
 #include "registration.hpp"
 #include "settle.hpp"
+#include "sweep_motion.hpp"
 #include "verdict.hpp"
 
 #include <stillmap/maps/frames.hpp>
@@ -46,10 +47,7 @@ constexpr double kDistinctM = 0.5;
 constexpr double kDistinctRad = 0.035;
 /// Last width of the robust kernel as a share of the finest voxel.
 constexpr float kFinalKernelShare = 0.15F;
-/// Where the map is bent, what is near decides: a surface at range r was mapped from places up to r
-/// away, and GNSS-aided poses of a city drive slid sideways by 0.44 m in 11 m.
-constexpr float kBendShare = 0.015F;
-/// It decides when the pose by near points is farther than this from the one by all alike [m] ...
+/// Near points decide when the pose by them is farther than this from the one by all alike [m] ...
 constexpr double kLeastBendM = 0.02;
 /// ... and by more deviations of the first than this ...
 constexpr double kLeastBendDeviations = 2.5;
@@ -263,18 +261,36 @@ bool repeats_itself(const MapIndex& index, const Query& query,
   });
 }
 
+/// Measures the support of places that look alike anew, with the motion that each of them tells
+/// taken out of the scan: one that was taken on the move fits no place well as it came.
+void straighten_rivals(const MapIndex& index, const Query& query, std::vector<Place>& places) {
+  if (places.size() < 2 || !is_of_a_while(query)) return;
+  int steps = 0;
+  for (Place& place : places) {
+    Query straight = query;
+    (void)straighten(index.levels(), straight, place.T_index_lidar);
+    sharpen(index.levels(), straight, kBendShare, place);
+    steps += std::exchange(place.iterations, 0);
+  }
+  sort_by_support(places);
+  places.front().iterations = steps;
+}
+
 /// Refines each start coarse to fine, finishes the best of them and judges it.
 /// @param starts  `T_map_lidar`, at least one. @param prior  may be null.
-AlignmentResult align_among(const MapIndex& index, const Query& query,
+AlignmentResult align_among(const MapIndex& index, Query query,
                             const std::vector<Eigen::Isometry3d>& starts, const Prior* prior) {
   const std::optional<PriorReach> reach = prior != nullptr ? reach_of(*prior) : std::nullopt;
   std::vector<Place> places = places_among(index, query, starts);
+  Evidence evidence;
+  evidence.not_deskewed = take_times_of_a_turn(index.levels(), query, places.front().T_index_lidar);
+  straighten_rivals(index, query, places);
   Place& best = places.front();
+  const SweepMotion motion = straighten(index.levels(), query, best.T_index_lidar);
   const Vector6d bend = finish(index, query, best);
 
   const MapIndex::Level& level = index.levels().back();
   const FinalRows final(level, query, best.T_index_lidar);
-  Evidence evidence;
   evidence.support = support_of(index.levels(), query, best.T_index_lidar);
   if (final.rows.count < kMinQueryPoints) {
     return lost("little_overlap",
@@ -294,7 +310,8 @@ AlignmentResult align_among(const MapIndex& index, const Query& query,
   result.T_map_lidar.translation() += index.origin();
   result.iterations = best.iterations;
   result.covariance = covariance_of(final.rows, best.T_index_lidar, final.kernel_m, bend,
-                                    evidence.observability.degenerate);
+                                    evidence.observability.degenerate) +
+                      motion.pose_covariance;
   evidence.contradicts_prior = prior != nullptr && contradicts(*prior, result);
   judge(evidence, result.covariance, result);
   return result;
@@ -316,7 +333,7 @@ VoxelAligner::~VoxelAligner() = default;
 
 AlignmentResult VoxelAligner::align(const maps::PointCloud& scan_lidar,
                                     const std::optional<Prior>& prior) const {
-  require_finite(scan_lidar);
+  require_usable(scan_lidar);
   return prior ? align_near(scan_lidar, *prior) : align_anywhere(scan_lidar);
 }
 

@@ -27,6 +27,7 @@ void deskew(PointCloud& cloud, const Eigen::Matrix<double, 6, 1>& twist_lidar) {
            (one_minus_cosine / speed_rad_s) * axis_v + (t - sine / speed_rad_s) * axis_axis_v;
     }
     cloud.positions[i] = p.cast<float>();
+    cloud.time_offsets_s[i] = 0.0F;
   }
 }
 

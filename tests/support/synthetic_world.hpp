@@ -1,5 +1,6 @@
 #pragma once
 
+#include <stillmap/maps/frames.hpp>
 #include <stillmap/maps/scan.hpp>
 
 #include <Eigen/Core>
@@ -95,6 +96,37 @@ class SyntheticWorld {
         if (range < pattern.max_range_m) {
           cloud.positions.push_back(((range + noise) * direction).cast<float>());
         }
+      }
+    }
+    return cloud;
+  }
+
+  /// One sweep of a sensor that moves on meanwhile, clockwise from behind, with the times of its
+  /// points: p in the lidar frame of its own instant, T_world_lidar exp(twist t).
+  /// @param T_world_lidar  at the stamp. @param twist  (tx ty tz rx ry rz) [m/s, rad/s].
+  [[nodiscard]] maps::PointCloud sweep(const Eigen::Isometry3d& T_world_lidar,
+                                       const Eigen::Matrix<double, 6, 1>& twist,
+                                       const ScanPattern& pattern, double begin_s,
+                                       double end_s) const {
+    Random random(pattern.seed);
+    maps::PointCloud cloud;
+    for (int column = 0; column < pattern.columns; ++column) {
+      const double share = static_cast<double>(column) / pattern.columns;
+      const double t = begin_s + share * (end_s - begin_s);
+      const Eigen::Isometry3d T = T_world_lidar * maps::exp_se3(twist * t);
+      const double azimuth = std::numbers::pi * (1.0 - 2.0 * share);
+      for (int ring = 0; ring < pattern.rings; ++ring) {
+        const double elevation =
+            pattern.lowest_rad +
+            ring / std::max(1.0, pattern.rings - 1.0) * (pattern.highest_rad - pattern.lowest_rad);
+        const Eigen::Vector3d direction(std::cos(elevation) * std::cos(azimuth),
+                                        std::cos(elevation) * std::sin(azimuth),
+                                        std::sin(elevation));
+        const double range = cast(T.translation(), T.linear() * direction);
+        if (!(range < pattern.max_range_m)) continue;
+        cloud.positions.push_back(
+            ((range + pattern.noise_m * random.normal()) * direction).cast<float>());
+        cloud.time_offsets_s.push_back(static_cast<float>(t));
       }
     }
     return cloud;

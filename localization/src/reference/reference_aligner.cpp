@@ -26,7 +26,7 @@ ReferenceAligner::ReferenceAligner(std::shared_ptr<const MapPoints> map,
 
 AlignmentResult ReferenceAligner::align(const maps::PointCloud& scan_lidar,
                                         const std::optional<Prior>& prior) const {
-  require_finite(scan_lidar);
+  require_usable(scan_lidar);
   if (!prior) return lost("needs_prior");
   require_usable(*prior);
   const std::vector<Eigen::Vector3f> points = thinned(scan_lidar.positions, method_.scan_leaf_m);

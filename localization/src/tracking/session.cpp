@@ -19,6 +19,9 @@ constexpr double kVagueShare = 5.0;
 /// Places that look alike lie at least so far from each other [m], their headings [rad].
 constexpr double kApartM = 0.5;
 constexpr double kApartRad = 0.2;
+/// Deviations up to which a velocity is known: within a sweep they move points by some centimetres.
+constexpr double kKnownSpeedM_S = 2.0;
+constexpr double kKnownTurnRad_S = 0.2;
 /// So many scans in a row, each newer than the one before and all older than what is kept, are
 /// right about the time, and it was the newest that was not.
 constexpr int kScansOfAnotherClock = 5;
@@ -48,6 +51,13 @@ AlignmentResult in_place_of(const AlignmentResult& match, const MotionState& pre
 
 bool is_ambiguous(const AlignmentResult& match) {
   return std::find(match.reasons.begin(), match.reasons.end(), "ambiguous") != match.reasons.end();
+}
+
+/// Whether scans are deskewed better by the predicted velocity than by what one scan tells of it.
+bool knows_velocity(const MotionState& state) {
+  const Matrix6d& covariance = state.twist_covariance;
+  return covariance.diagonal().head<3>().maxCoeff() < kKnownSpeedM_S * kKnownSpeedM_S &&
+         covariance.diagonal().tail<3>().maxCoeff() < kKnownTurnRad_S * kKnownTurnRad_S;
 }
 
 /// Whether a second place that looks alike may lie within three deviations of a pose.
@@ -186,7 +196,8 @@ std::optional<Prior> TrackingSession::prior_of(const Belief& belief, const Step&
 
 void TrackingSession::match(Step& step, const maps::PointCloud& scan_lidar,
                             const std::optional<Prior>& prior) const {
-  if (step.predicted && !scan_lidar.time_offsets_s.empty()) {
+  // Where nothing has told the velocity, the aligner finds it.
+  if (step.predicted && knows_velocity(*step.predicted) && !scan_lidar.time_offsets_s.empty()) {
     maps::PointCloud at_stamp = scan_lidar;
     maps::deskew(at_stamp, step.predicted->twist);
     step.match = aligner_->align(at_stamp, prior);

@@ -100,11 +100,7 @@ void Tracker::initialize(const Eigen::Isometry3d& T_map_lidar,
 
 TrackedPose Tracker::track(std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
                            const std::optional<OdometryStep>& odometry) {
-  const std::size_t times = scan_lidar.time_offsets_s.size();
-  if (times != 0 && times != scan_lidar.size()) {
-    throw std::invalid_argument(
-        fmt::format("scan: found {} times, expected none or {}", times, scan_lidar.size()));
-  }
+  require_usable(scan_lidar);
   if (odometry) {
     require_rigid("odometry", odometry->T_since_lidar, kMaxMotionM);
     require_covariance("odometry", odometry->covariance);

@@ -197,6 +197,18 @@ PriorError median_prior_error(const std::vector<LocalizationQuery>& queries) {
 
 }  // namespace
 
+std::string_view name_of(QueryDeskew deskew) {
+  switch (deskew) {
+    case QueryDeskew::kVehicle:
+      return "vehicle";
+    case QueryDeskew::kMap:
+      return "map";
+    case QueryDeskew::kNone:
+      return "none";
+  }
+  throw std::invalid_argument("QueryDeskew out of range");
+}
+
 std::string_view name_of(PriorSource source) {
   switch (source) {
     case PriorSource::kDrawn:

@@ -76,6 +76,7 @@ std::string to_json(const LocalizationEvaluation& evaluation) {
   json["options"] = {{"select", text_of(evaluation.options.selection)},
                      {"prior", name_of(evaluation.options.prior)},
                      {"bias", name_of(evaluation.options.bias)},
+                     {"query_deskew", name_of(evaluation.options.query_deskew)},
                      {"query_movable", name_of(evaluation.options.query_movable)},
                      {"query_detector", evaluation.options.query_detector},
                      {"trials", evaluation.options.trials},

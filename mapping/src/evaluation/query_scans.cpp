@@ -32,27 +32,30 @@ maps::PointCloud apply(maps::PointCloud cloud, ProjectionResult projection, Quer
 
 QueryScans::QueryScans(const maps::Drive& drive, const LocalizationEvaluationOptions& options,
                        const std::vector<std::size_t>& scans, const CancelFlag& cancel)
-    : drive_(drive), movable_(options.query_movable) {
+    : drive_(drive), deskew_(options.query_deskew), movable_(options.query_movable) {
   if (movable_ == MovablePolicy::kKeep) return;
   detector_ = make_detector(options.query_detector, drive.size());
   ground_ = make_ground_segmenter();
   const std::size_t learned = std::min(kLearnedScans, scans.size());
   for (std::size_t i = 0; i < learned; ++i) {
     if (cancel) throw Cancelled();
-    const maps::Scan scan = deskewed(scans[i * scans.size() / learned]);
+    const maps::Scan scan = read_for_query(scans[i * scans.size() / learned]);
     if (!scan.cloud.empty()) ground_->learn(scan.cloud);
   }
 }
 
-maps::Scan QueryScans::deskewed(std::size_t index) const {
+maps::Scan QueryScans::read_for_query(std::size_t index) const {
   maps::Scan scan = drive_.read(index);
-  const std::optional<Eigen::Matrix<double, 6, 1>> twist = twist_at(drive_, index);
-  if (twist) deskew(scan.cloud, *twist);
+  if (deskew_ == QueryDeskew::kVehicle) {
+    const std::optional<Eigen::Matrix<double, 6, 1>> twist = twist_at(drive_, index);
+    if (twist) deskew(scan.cloud, *twist);
+  }
+  if (deskew_ == QueryDeskew::kNone) scan.cloud.time_offsets_s.clear();
   return scan;
 }
 
 maps::PointCloud QueryScans::read(std::size_t index, QueryPoints& points) const {
-  maps::Scan scan = deskewed(index);
+  maps::Scan scan = read_for_query(index);
   points.in += scan.cloud.size();
   if (movable_ == MovablePolicy::kKeep || scan.cloud.empty()) return std::move(scan.cloud);
   const GroundResult ground = ground_->segment(scan.cloud);

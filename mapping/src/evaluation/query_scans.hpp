@@ -12,12 +12,12 @@
 
 namespace stillmap::mapping {
 
-/// The scans of a drive as they are asked for: deskewed, and what could move deleted or put onto
-/// the scan's own ground where the options say so.
+/// The scans of a drive as they are asked for: deskewed as the options say, and what could move
+/// deleted or put onto the scan's own ground where they do.
 class QueryScans {
  public:
   /// @param drive    must outlive this.
-  /// @param options  as far as `query_movable` and `query_detector` go.
+  /// @param options  as far as `query_deskew`, `query_movable` and `query_detector` go.
   /// @param scans    those that will be asked for; some of them teach the ground stage.
   /// @throws as `make_detector`, and what reading a scan throws.
   QueryScans(const maps::Drive& drive, const LocalizationEvaluationOptions& options,
@@ -28,9 +28,10 @@ class QueryScans {
   [[nodiscard]] maps::PointCloud read(std::size_t index, QueryPoints& points) const;
 
  private:
-  [[nodiscard]] maps::Scan deskewed(std::size_t index) const;
+  [[nodiscard]] maps::Scan read_for_query(std::size_t index) const;
 
   const maps::Drive& drive_;
+  QueryDeskew deskew_;
   MovablePolicy movable_;
   /// None where everything is kept.
   std::unique_ptr<GroundSegmenter> ground_;

@@ -232,6 +232,11 @@ void add_evaluate_localization(CLI::App& evaluate_command) {
              {mapping::BiasCorrection::kFit, mapping::BiasCorrection::kNone},
              "fit: a constant difference between the drive's poses and the map is taken out; none: "
              "it is left in, for poses that are the truth");
+  add_choice(
+      *command, "--query-deskew", options.query_deskew,
+      {mapping::QueryDeskew::kVehicle, mapping::QueryDeskew::kMap, mapping::QueryDeskew::kNone},
+      "What takes the vehicle's own motion out of the scans that are asked for: its velocity "
+      "as the poses tell it, the method by the times of the points, or nothing");
   add_choice(*command, "--query-movable", options.query_movable,
              {mapping::MovablePolicy::kKeep, mapping::MovablePolicy::kDelete,
               mapping::MovablePolicy::kProject},

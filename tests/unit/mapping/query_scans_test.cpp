@@ -52,6 +52,23 @@ TEST_F(QueryScansTest, KeepsEveryPointUnlessToldOtherwise) {
   EXPECT_EQ(points_.deleted + points_.projected, 0U);
 }
 
+TEST_F(QueryScansTest, AreDeskewedByWhomTheOptionsSay) {
+  maps::Drive::Contents contents = drive_.contents();
+  contents.spin_start_end_s.assign(test::SmallDrive::kScans, {-0.05, 0.05});
+  drive_ = maps::Drive(contents);
+  options_.query_deskew = QueryDeskew::kNone;
+  const maps::PointCloud recorded = read(1);
+  EXPECT_TRUE(recorded.time_offsets_s.empty());
+  options_.query_deskew = QueryDeskew::kMap;
+  const maps::PointCloud timed = read(1);
+  EXPECT_EQ(timed.positions, recorded.positions);
+  EXPECT_THAT(timed.time_offsets_s, ::testing::Contains(::testing::Gt(0.04F)));
+  options_.query_deskew = QueryDeskew::kVehicle;
+  const maps::PointCloud deskewed = read(1);
+  EXPECT_NE(deskewed.positions, recorded.positions);
+  EXPECT_THAT(deskewed.time_offsets_s, ::testing::Each(0.0F));
+}
+
 TEST_F(QueryScansTest, DeletesWhatIsInABoxAndNothingElse) {
   const std::size_t car = in_car(read(1), 1);
   points_ = {};

@@ -61,6 +61,19 @@ class Localize : public ServiceTest {
   }
 };
 
+TEST_F(Localize, TimesOfAPcdsPointsReachTheLocalizer) {
+  std::string cloud =
+      "VERSION 0.7\nFIELDS x y z t\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\nWIDTH 60\n"
+      "HEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 60\nDATA ascii\n";
+  for (int i = 0; i < 60; ++i) cloud += "1 2 3 0." + std::to_string(100 + i) + "\n";
+  HttpRequest request = good_request();
+  request.headers["content-type"] = "application/vnd.pcd";
+  request.body = cloud;
+  (void)ask(request);
+  ASSERT_EQ(aligner_->last_scan.time_offsets_s.size(), 60U);
+  EXPECT_FLOAT_EQ(aligner_->last_scan.time_offsets_s.back(), 0.159F);
+}
+
 TEST_F(Localize, AnswersWithEveryKeyOfTheInterface) {
   HttpRequest request = with(good_request(), "stamp_ns", "9223372036854775807");
   json answer = ask(request);

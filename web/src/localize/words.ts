@@ -9,6 +9,7 @@ const kReasons: Record<string, string> = {
   little_overlap: 'Too little of what the scan sees is in the map.',
   low_inlier_ratio: 'Too little of the scan lies on surfaces of the map: much has changed, or it is another place.',
   needs_prior: 'This map, or this method, cannot be searched without a prior.',
+  not_deskewed: 'The scan was taken on the move and does not say when its points were; send their times, or deskew it.',
   not_converged: 'The alignment did not settle.',
   not_tracked: 'The vehicle was lost; the next scans look for it in a wider area.',
   outside_map: 'The prior lies outside the map.',

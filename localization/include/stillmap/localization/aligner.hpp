@@ -84,12 +84,18 @@ class Aligner {
   Aligner(const Aligner&) = delete;
   Aligner& operator=(const Aligner&) = delete;
 
-  /// @param scan_lidar         N points [m] in the lidar frame, deskewed to one instant; finite.
+  /// @param scan_lidar         N points [m] in the lidar frame, finite. With `time_offsets_s` the
+  ///                           method `default` finds the sensor's motion from the map and answers
+  ///                           with the pose at the stamp; otherwise, and for the other methods,
+  ///                           deskewed to one instant. Without times a scan that fits clearly
+  ///                           better as that of a moving, spinning sensor is `not_deskewed`: not
+  ///                           `kOk`, with the pose where that looked along +x.
   /// @param prior              where the search starts; none = anywhere in the map. Then the lidar
   ///                           must be mounted within some degrees as the one that made the map.
   /// @return  `kLost` with a reason when the scan cannot be matched (also for an empty or tiny
   /// scan); `needs_prior` from a method, or for a map, that cannot be searched without one.
-  /// @throws std::invalid_argument if a number is not finite, a rotation or a covariance is none.
+  /// @throws std::invalid_argument if a number is not finite, a rotation or a covariance is none,
+  ///         there are times but not one a point, or one is 10 s and more.
   /// @note   Safe from several threads. Same input, same bits.
   [[nodiscard]] virtual AlignmentResult align(const maps::PointCloud& scan_lidar,
                                               const std::optional<Prior>& prior) const = 0;

@@ -120,12 +120,15 @@ class Tracker {
   /// stamp far ahead, the fifth scan begins anew (`clock_set_back`).
   /// @param stamp_ns    any clock, the same for all scans of the session.
   /// @param scan_lidar  points [m], finite. With `time_offsets_s` they are moved to the stamp by
-  ///                    the velocity that is predicted; at one instant they come without.
+  ///                    the velocity that is predicted, where it is known within 2 m/s and
+  ///                    0.2 rad/s, else as the aligner does it.
   /// @param odometry    where `since_ns` is not a kept pose's stamp, the velocity is used instead;
   ///                    `searched_from` says so.
   /// @throws std::invalid_argument if a number is not finite, there are times but not one a point,
-  ///         the odometry's motion is not rigid or beyond 1e5 m, its covariance not positive
-  ///         definite, or `since_ns` not before `stamp_ns`; then nothing has changed.
+  /// or
+  ///         one is 10 s and more, the odometry's motion is not rigid or beyond 1e5 m, its
+  ///         covariance not positive definite, or `since_ns` not before `stamp_ns`; then nothing
+  ///         has changed.
   [[nodiscard]] TrackedPose track(std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
                                   const std::optional<OdometryStep>& odometry = std::nullopt);
 

@@ -42,6 +42,13 @@ enum class PriorSource {
 [[nodiscard]] std::string_view name_of(PriorSource source);
 
 /// What is done about a constant difference between the drive's poses and the map.
+enum class QueryDeskew {
+  kVehicle,  ///< by the vehicle's own velocity
+  kMap,      ///< left to the method: points keep their times
+  kNone,     ///< by nobody: points come as recorded, without times
+};
+[[nodiscard]] std::string_view name_of(QueryDeskew deskew);
+
 enum class BiasCorrection {
   kFit,   ///< taken out, see `evaluate_localization`
   kNone,  ///< left in: for poses that are the truth, as a simulated drive's are
@@ -65,6 +72,8 @@ struct LocalizationEvaluationOptions {
   /// Priors drawn for each scan, >= 1; 1 where none is drawn.
   int trials = 1;
   BiasCorrection bias = BiasCorrection::kFit;
+  /// How each scan is deskewed before it is asked for.
+  QueryDeskew query_deskew = QueryDeskew::kVehicle;
   /// What is done to points of movable objects in each scan before it is asked for: nothing, or
   /// they are deleted (as the paper did), or put onto the ground of that scan alone. Their time is
   /// not counted.
@@ -207,13 +216,13 @@ struct LocalizationEvaluation {
 /// Asks for the pose of each selected scan from priors with known errors, and compares with the
 /// drive's poses, or with `options.reference`.
 ///
-/// A query is deskewed with the vehicle's own velocity (`twist_at`, from the drive's poses before
-/// and after), because a vehicle knows it from its wheels; without neighbouring poses it is matched
-/// as it is. The constant bias (map and reference disagree about where the sensor sits) is one
-/// SE(3) in the lidar frame, the medians of the six components of log(T_reference^-1 T_answer):
-/// fitted on every other scan and applied to the rest, and the other way round, so that no answer
-/// is judged with a bias that it helped to fit. With fewer than two scans, or `BiasCorrection::
-/// kNone`, no bias is taken out.
+/// Unless `query_deskew` says otherwise a query is deskewed with the vehicle's own velocity
+/// (`twist_at`, from the drive's poses before and after), because a vehicle knows it from its
+/// wheels; without neighbouring poses it is matched as it is. The constant bias (map and reference
+/// disagree about where the sensor sits) is one SE(3) in the lidar frame, the medians of the six
+/// components of log(T_reference^-1 T_answer): fitted on every other scan and applied to the rest,
+/// and the other way round, so that no answer is judged with a bias that it helped to fit. With
+/// fewer than two scans, or `BiasCorrection:: kNone`, no bias is taken out.
 /// @throws std::invalid_argument (options, no poses to compare with, no scan to ask for, an unknown
 /// detector), maps::InputError,
 ///         maps::StorageError, Cancelled, and what the factory throws.

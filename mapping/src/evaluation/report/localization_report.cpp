@@ -219,6 +219,7 @@ class Report {
                                              selection.step)});
     html_ += table_row({"prior", std::string(name_of(options.prior))});
     html_ += table_row({"bias", std::string(name_of(options.bias))});
+    html_ += table_row({"queries deskewed by", std::string(name_of(options.query_deskew))});
     html_ += table_row({"movable objects in queries", std::string(name_of(options.query_movable))});
     if (options.query_movable != MovablePolicy::kKeep)
       html_ += table_row({"found by", escaped(options.query_detector)});

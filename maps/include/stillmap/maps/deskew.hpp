@@ -6,8 +6,8 @@
 
 namespace stillmap::maps {
 
-/// Moves every point to the scan's stamp: p <- exp(twist * time_offset) p. Does nothing without
-/// per-point times.
+/// Moves every point to the scan's stamp: p <- exp(twist * time_offset) p; its time is then 0. Does
+/// nothing without per-point times.
 /// @param twist_lidar  (tx ty tz rx ry rz) [m/s, rad/s] of the sensor, in its own frame.
 void deskew(PointCloud& cloud, const Eigen::Matrix<double, 6, 1>& twist_lidar);
 

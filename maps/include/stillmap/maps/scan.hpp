@@ -14,7 +14,8 @@ struct PointCloud {
   std::vector<Eigen::Vector3f> positions;
   /// N values in the sensor's own scale, or empty.
   std::vector<float> intensities;
-  /// N times [s] relative to the scan's stamp, or empty when the layout does not tell.
+  /// N times [s] relative to the scan's stamp, or empty when the layout does not tell. All zero:
+  /// taken at one instant, or deskewed.
   std::vector<float> time_offsets_s;
   /// N positions in the file, ascending; empty when nothing of the file was left out.
   std::vector<std::uint32_t> file_indices;
