@@ -26,13 +26,28 @@ ScanFormat format_of(const std::filesystem::path& file) {
 
 }  // namespace
 
+std::size_t raw_point_bytes(ScanFormat format) {
+  switch (format) {
+    case ScanFormat::kBinXyz:
+      return 3 * sizeof(float);
+    case ScanFormat::kBinXyzi:
+      return 4 * sizeof(float);
+    case ScanFormat::kBinXyzit:
+      return 5 * sizeof(float);
+    case ScanFormat::kPcd:
+    case ScanFormat::kPly:
+      break;
+  }
+  throw std::invalid_argument("raw_point_bytes: a format with a header");
+}
+
 DecodedScan decode_scan(std::span<const std::byte> bytes, ScanFormat format,
                         const std::string& name, std::size_t max_points) {
   switch (format) {
     case ScanFormat::kBinXyzi:
-      return decode_bin(bytes, true, name, max_points);
     case ScanFormat::kBinXyz:
-      return decode_bin(bytes, false, name, max_points);
+    case ScanFormat::kBinXyzit:
+      return decode_bin(bytes, format, name, max_points);
     case ScanFormat::kPcd:
       return decode_pcd(bytes, name, max_points);
     case ScanFormat::kPly:

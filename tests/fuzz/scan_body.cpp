@@ -5,12 +5,15 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   using namespace stillmap;
   if (size == 0) return 0;
   const std::string_view body = fuzz::text_of(data + 1, size - 1);
-  switch (data[0] % 3) {
+  switch (data[0] % 4) {
     case 0:
       fuzz::read_and_require("application/octet-stream", body);
       break;
     case 1:
       fuzz::read_and_require("application/octet-stream", body, {{"layout", "xyz"}});
+      break;
+    case 3:
+      fuzz::read_and_require("application/octet-stream", body, {{"layout", "xyzit"}});
       break;
     default:
       fuzz::read_and_require("application/vnd.pcd", body);

@@ -382,6 +382,7 @@ class Parts(unittest.TestCase):
     def test_scans_of_every_kind_are_the_same_bytes(self):
         floats = array.array("f", [1, 2, 3, 4, 5, 6])
         self.assertEqual(encoded(floats, "xyz"), (floats.tobytes(), "xyz"))
+        self.assertEqual(encoded([[1, 2, 3, 0.5, -0.05]]), (array.array("f", [1, 2, 3, 0.5, -0.05]).tobytes(), "xyzit"))
         self.assertEqual(encoded([(1, 2, 3), (4, 5, 6)]), (floats.tobytes(), "xyz"))
         self.assertEqual(encoded(memoryview(floats.tobytes()), "xyz"), (floats.tobytes(), "xyz"))
         with contextlib.suppress(ImportError):

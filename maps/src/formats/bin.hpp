@@ -4,9 +4,11 @@
 
 namespace stillmap::maps {
 
-/// Raw little-endian float32: x y z, and intensity with `with_intensity`.
-/// @throws InputError if the size is not a whole number of points, or there are too many.
-[[nodiscard]] DecodedScan decode_bin(std::span<const std::byte> bytes, bool with_intensity,
+/// Raw little-endian float32.
+/// @param format  one of the three of `raw_point_bytes`.
+/// @throws InputError if the size is not a whole number of points, there are too many, or a point's
+/// time is none.
+[[nodiscard]] DecodedScan decode_bin(std::span<const std::byte> bytes, ScanFormat format,
                                      const std::string& name, std::size_t max_points);
 
 }  // namespace stillmap::maps

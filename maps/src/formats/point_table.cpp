@@ -16,8 +16,6 @@ constexpr std::array<std::string_view, 5> kIntensityNames{"intensity", "i", "ref
                                                           "reflectance", "scalar_intensity"};
 constexpr std::array<std::string_view, 5> kTimeNames{"t", "time", "timestamp", "offset_time",
                                                      "time_stamp"};
-// A sweep takes 0.05 to 0.2 s; a second is beyond any.
-constexpr float kMaxTimeOffsetS = 1.0F;
 
 template <typename Number>
 double read_as(const std::byte* bytes, bool big_endian) {

@@ -10,6 +10,10 @@
 
 namespace stillmap::maps {
 
+/// Farthest a point's time may be from its scan's stamp [s]: a sweep takes 0.05 to 0.2 s, a second
+/// is beyond any.
+inline constexpr float kMaxTimeOffsetS = 1.0F;
+
 /// Kinds of numbers in PCD and PLY.
 enum class NumberType { kI8, kU8, kI16, kU16, kI32, kU32, kI64, kU64, kF32, kF64 };
 

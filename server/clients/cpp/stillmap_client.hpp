@@ -110,17 +110,19 @@ class Client {
     if (!key.empty()) http_.set_bearer_token_auth(key);
   }
 
-  /// @param xyzi  x y z [m] and intensity of each point in the lidar frame.
+  /// @param points  x y z [m] of each point in the lidar frame, intensity, and its time relative to
+  /// the scan's stamp [s], as `layout` has them: xyz, xyzi or xyzit.
   /// @param prior  nothing = anywhere in the map. @throws Problem, ConnectionLost.
-  PoseAnswer localize(const std::string& map, std::span<const float> xyzi,
-                      const std::optional<Prior>& prior = {}) {
-    httplib::Params query;
+  PoseAnswer localize(const std::string& map, std::span<const float> points,
+                      const std::optional<Prior>& prior = {}, const std::string& layout = "xyzi") {
+    httplib::Params query = {{"layout", layout}};
     if (prior) {
       query.emplace("prior_t", joined(prior->pose.position));
       query.emplace("prior_q", joined(prior->pose.quaternion));
       query.emplace("prior_sigma", joined(std::array{prior->sigma_m, prior->sigma_rad}));
     }
-    return read<PoseAnswer>(post_scan("/v1/maps/" + map + "/localize", query, xyzi, true), pose_of);
+    return read<PoseAnswer>(post_scan("/v1/maps/" + map + "/localize", query, points, true),
+                            pose_of);
   }
 
   /// @return the session's id.
@@ -142,11 +144,11 @@ class Client {
 
   /// The next scan of a session. Not sent again when the connection is lost: it may have counted.
   /// @throws Problem `Superseded` when a newer one came meanwhile.
-  PoseAnswer track(const std::string& session, std::span<const float> xyzi, std::int64_t stamp_ns,
-                   std::optional<int> retries = {}) {
-    const httplib::Params query = {{"stamp_ns", std::to_string(stamp_ns)}};
+  PoseAnswer track(const std::string& session, std::span<const float> points, std::int64_t stamp_ns,
+                   std::optional<int> retries = {}, const std::string& layout = "xyzi") {
+    const httplib::Params query = {{"stamp_ns", std::to_string(stamp_ns)}, {"layout", layout}};
     return read<PoseAnswer>(
-        post_scan("/v1/sessions/" + session + "/scans", query, xyzi, false, retries), pose_of);
+        post_scan("/v1/sessions/" + session + "/scans", query, points, false, retries), pose_of);
   }
 
   /// Also when it has ended already, or the server cannot be reached: it expires by itself.
@@ -188,13 +190,13 @@ class Client {
   }
 
   nlohmann::json post_scan(const std::string& path, const httplib::Params& query,
-                           std::span<const float> xyzi, bool again,
+                           std::span<const float> points, bool again,
                            std::optional<int> retries = {}) {
     // The server reads little-endian floats, as every machine that has a lidar writes them.
-    const auto* const bytes = reinterpret_cast<const char*>(xyzi.data());
+    const auto* const bytes = reinterpret_cast<const char*>(points.data());
     const std::string target = httplib::append_query_params(path, query);
     const auto send = [&] {
-      return http_.Post(target, bytes, xyzi.size_bytes(), "application/octet-stream");
+      return http_.Post(target, bytes, points.size_bytes(), "application/octet-stream");
     };
     return call(send, again, retries.value_or(retries_));
   }
@@ -254,7 +256,9 @@ class SessionStream {
  public:
   struct Scan {
     std::int64_t stamp_ns = 0;
-    std::vector<float> xyzi;
+    std::vector<float> points;
+    /// What each point has, a float a letter: xyz, xyzi or xyzit.
+    std::string layout = "xyzi";
   };
   struct Counts {
     std::uint64_t answered = 0;
@@ -282,9 +286,10 @@ class SessionStream {
 
   /// Takes the place of a scan that waits. @throws std::invalid_argument for what is no scan.
   void put(Scan scan) {
-    if (scan.xyzi.size() % 4 != 0)
-      throw std::invalid_argument("scan: found " + std::to_string(scan.xyzi.size()) +
-                                  " floats, expected a multiple of 4");
+    if (scan.layout.empty() || scan.points.size() % scan.layout.size() != 0)
+      throw std::invalid_argument("scan: found " + std::to_string(scan.points.size()) +
+                                  " floats, expected a multiple of those of layout '" +
+                                  scan.layout + "'");
     {
       const std::scoped_lock lock(mutex_);
       counts_.superseded += waiting_ ? 1 : 0;
@@ -333,7 +338,7 @@ class SessionStream {
     PoseAnswer answer;
     try {
       if (session_.empty()) open();
-      answer = client_.track(session_, scan.xyzi, scan.stamp_ns, 0);
+      answer = client_.track(session_, scan.points, scan.stamp_ns, 0, scan.layout);
     } catch (const Problem& problem) {
       const bool gone = problem.code == "UnknownSession";
       if (gone) session_.clear();

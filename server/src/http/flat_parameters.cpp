@@ -157,7 +157,7 @@ PoseParameters read_flat_parameters(const std::vector<std::pair<std::string, std
   if (const auto text = value_of("stamp_ns")) parameters.stamp_ns = read_integer("stamp_ns", *text);
   parameters.deadline = read_flat_deadline(query);
   if (const auto text = value_of("method")) parameters.method = *text;
-  if (const auto text = value_of("layout")) parameters.has_intensity = layout_has_intensity(*text);
+  if (const auto text = value_of("layout")) parameters.raw_format = raw_format_of(*text);
   return parameters;
 }
 

@@ -162,7 +162,7 @@ PoseParameters read_parameters(const json& request) {
     parameters.method = read_text(*found, "method");
   }
   if (const auto found = request.find("layout"); found != request.end()) {
-    parameters.has_intensity = layout_has_intensity(read_text(*found, "layout"));
+    parameters.raw_format = raw_format_of(read_text(*found, "layout"));
   }
   return parameters;
 }

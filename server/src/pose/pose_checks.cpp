@@ -118,11 +118,11 @@ std::int64_t read_integer(const std::string& path, std::string_view text) {
   return value;
 }
 
-bool layout_has_intensity(const std::string& layout) {
-  if (layout != "xyz" && layout != "xyzi") {
-    throw field_error(ErrorCode::kInvalidRequest, "layout", "'" + layout + "'", "xyz or xyzi");
-  }
-  return layout == "xyzi";
+maps::ScanFormat raw_format_of(const std::string& layout) {
+  if (layout == "xyz") return maps::ScanFormat::kBinXyz;
+  if (layout == "xyzi") return maps::ScanFormat::kBinXyzi;
+  if (layout == "xyzit") return maps::ScanFormat::kBinXyzit;
+  throw field_error(ErrorCode::kInvalidRequest, "layout", "'" + layout + "'", "xyz, xyzi or xyzit");
 }
 
 void check_scan(const maps::PointCloud& scan, const ServerOptions& options) {

@@ -70,8 +70,8 @@ void check_gnss(const GnssFix& fix, const std::string& path);
 /// Decimal int64. @throws ApiError kInvalidRequest.
 [[nodiscard]] std::int64_t read_integer(const std::string& path, std::string_view text);
 
-/// `xyz` or `xyzi` -> whether there is an intensity. @throws ApiError kInvalidRequest.
-[[nodiscard]] bool layout_has_intensity(const std::string& layout);
+/// `xyz`, `xyzi` or `xyzit`. @throws ApiError kInvalidRequest.
+[[nodiscard]] maps::ScanFormat raw_format_of(const std::string& layout);
 
 /// @throws ApiError kPayloadTooLarge, kTooFewPoints, or kInvalidPoints for a point that is too far.
 void check_scan(const maps::PointCloud& scan, const ServerOptions& options);

@@ -38,16 +38,14 @@ maps::PointCloud decode(std::string_view bytes, maps::ScanFormat format,
   return std::move(decoded.cloud);
 }
 
-maps::PointCloud decode_raw(std::string_view bytes, bool has_intensity,
+maps::PointCloud decode_raw(std::string_view bytes, maps::ScanFormat format,
                             const ServerOptions& options) {
-  const std::size_t stride = has_intensity ? 16 : 12;
-  if (bytes.size() / stride > options.max_scan_points) {
-    throw field_error(ErrorCode::kPayloadTooLarge, "scan",
-                      fmt::format("{} points", bytes.size() / stride),
+  const std::size_t points = bytes.size() / maps::raw_point_bytes(format);
+  if (points > options.max_scan_points) {
+    throw field_error(ErrorCode::kPayloadTooLarge, "scan", fmt::format("{} points", points),
                       fmt::format("at most {}", options.max_scan_points));
   }
-  return decode(bytes, has_intensity ? maps::ScanFormat::kBinXyzi : maps::ScanFormat::kBinXyz,
-                options);
+  return decode(bytes, format, options);
 }
 
 ScanInBody find_in_multipart(const HttpRequest& request, const ServerOptions& options,
@@ -130,7 +128,7 @@ PoseRequest decode_scan(ScanInBody&& from, const ServerOptions& options) {
   } else {
     request.scan_lidar = from.kind == ScanInBody::Kind::kPcd
                              ? decode(from.bytes, maps::ScanFormat::kPcd, options)
-                             : decode_raw(from.bytes, from.parameters.has_intensity, options);
+                             : decode_raw(from.bytes, from.parameters.raw_format, options);
     request.parameters = std::move(from.parameters);
   }
   check_scan(request.scan_lidar, options);

@@ -4,6 +4,7 @@
 #include <stillmap/localization/tracker.hpp>
 #include <stillmap/maps/box.hpp>
 #include <stillmap/maps/scan.hpp>
+#include <stillmap/maps/scan_file.hpp>
 #include <stillmap/server/server_options.hpp>
 
 #include "http/http_message.hpp"
@@ -47,8 +48,8 @@ struct PoseParameters {
   std::optional<std::chrono::milliseconds> deadline;
   /// Of a session's scan.
   std::optional<localization::OdometryStep> odometry;
-  /// Raw scans: whether a fourth float, the intensity, follows x y z.
-  bool has_intensity = true;
+  /// Of raw scans.
+  maps::ScanFormat raw_format = maps::ScanFormat::kBinXyzi;
 };
 
 struct PoseRequest {

@@ -18,6 +18,7 @@ using test::append_big_endian;
 using test::TemporaryFolder;
 using test::xyzi;
 using ::testing::AllOf;
+using ::testing::Each;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -82,6 +83,21 @@ TEST(BinScan, WithoutIntensityTakesThreeNumbersAPoint) {
   EXPECT_THAT(scan.cloud.positions,
               ElementsAre(Eigen::Vector3f(1, 2, 3), Eigen::Vector3f(4, 5, 6)));
   EXPECT_THAT(scan.cloud.intensities, IsEmpty());
+}
+
+TEST(BinScan, WithTimesTakesFiveNumbersAPoint) {
+  const auto of = [](float t) { return xyzi(1, 2, 3, 0.5F) + xyzi(t, 0, 0, 0).substr(0, 4); };
+  const DecodedScan scan = decode(of(-0.05F) + of(1.0F), ScanFormat::kBinXyzit);
+  EXPECT_THAT(scan.cloud.positions, Each(Eigen::Vector3f(1, 2, 3)));
+  EXPECT_THAT(scan.cloud.intensities, ElementsAre(0.5F, 0.5F));
+  EXPECT_THAT(scan.cloud.time_offsets_s, ElementsAre(-0.05F, 1.0F));
+  for (const float t : {kNan, kInf, 1.1F, -1e9F}) {
+    expect_error(of(0.0F) + of(t), ScanFormat::kBinXyzit, "found point 1 at ");
+  }
+  expect_error(of(0.0F).substr(0, 16), ScanFormat::kBinXyzit, "a multiple of 20");
+  // Of no return nobody reads the time.
+  EXPECT_TRUE(decode(xyzi(0, 0, 0, 0) + xyzi(kNan, 0, 0, 0).substr(0, 4), ScanFormat::kBinXyzit)
+                  .cloud.empty());
 }
 
 TEST(BinScan, DropsAndCountsWhatIsNoPoint) {

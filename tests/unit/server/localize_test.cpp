@@ -1,5 +1,6 @@
 #include <gmock/gmock.h>
 
+#include <array>
 #include <cmath>
 #include <latch>
 #include <limits>
@@ -72,6 +73,20 @@ TEST_F(Localize, TimesOfAPcdsPointsReachTheLocalizer) {
   (void)ask(request);
   ASSERT_EQ(aligner_->last_scan.time_offsets_s.size(), 60U);
   EXPECT_FLOAT_EQ(aligner_->last_scan.time_offsets_s.back(), 0.159F);
+}
+
+TEST_F(Localize, TimesOfARawScansPointsReachTheLocalizer) {
+  HttpRequest request = with(good_request(), "layout", "xyzit");
+  request.body.clear();
+  for (int i = 0; i < 60; ++i) {
+    const std::array<float, 5> point{1.0F, 2.0F, 3.0F, 0.5F, 0.001F * static_cast<float>(i)};
+    request.body.append(reinterpret_cast<const char*>(point.data()), sizeof(point));
+  }
+  (void)ask(request);
+  ASSERT_EQ(aligner_->last_scan.time_offsets_s.size(), 60U);
+  EXPECT_FLOAT_EQ(aligner_->last_scan.time_offsets_s.back(), 0.059F);
+  request.body.pop_back();
+  EXPECT_EQ(ask(request, 400)["code"], "InvalidScan");
 }
 
 TEST_F(Localize, AnswersWithEveryKeyOfTheInterface) {

@@ -1004,7 +1004,7 @@ export interface components {
             queries: {
                 gnss?: components["schemas"]["Gnss"];
                 /** @enum {string} */
-                layout?: "xyz" | "xyzi";
+                layout?: "xyz" | "xyzi" | "xyzit";
                 /** @description `default`, `icp` or `point_to_plane` */
                 method?: string;
                 movable?: components["schemas"]["MovableBox"][];
@@ -1525,7 +1525,7 @@ export interface components {
             deadline_ms?: number | string;
             gnss?: components["schemas"]["Gnss"];
             /** @enum {string} */
-            layout?: "xyz" | "xyzi";
+            layout?: "xyz" | "xyzi" | "xyzit";
             /** @description `default`, `icp` or `point_to_plane` */
             method?: string;
             movable?: components["schemas"]["MovableBox"][];
@@ -1619,7 +1619,7 @@ export interface components {
             /** @description From the complete request [ms] */
             deadline_ms?: number | string;
             /** @enum {string} */
-            layout?: "xyz" | "xyzi";
+            layout?: "xyz" | "xyzi" | "xyzit";
             movable?: components["schemas"]["MovableBox"][];
             odometry?: components["schemas"]["Odometry"];
             /** @description Time of the scan [ns] */
@@ -2414,7 +2414,7 @@ export interface components {
         last_event_id: string;
         layer: "coverage" | "localizability";
         /** @description Of raw scans */
-        layout: "xyz" | "xyzi";
+        layout: "xyz" | "xyzi" | "xyzit";
         /** @description Level of the grid, 0 the finest */
         level: number;
         /** @description Most in one answer */

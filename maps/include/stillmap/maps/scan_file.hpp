@@ -11,11 +11,15 @@ namespace stillmap::maps {
 
 /// Kinds of bytes that hold one scan.
 enum class ScanFormat {
-  kBinXyzi,  ///< little-endian float32 x y z intensity (KITTI)
-  kBinXyz,   ///< little-endian float32 x y z
-  kPcd,      ///< PCD 0.5 to 0.7: ascii, binary, binary_compressed; any field order and type
-  kPly,      ///< PLY 1.0: ascii, binary little and big endian
+  kBinXyzi,   ///< little-endian float32 x y z intensity (KITTI)
+  kBinXyz,    ///< little-endian float32 x y z
+  kBinXyzit,  ///< little-endian float32 x y z intensity time [s], relative to the scan's stamp
+  kPcd,       ///< PCD 0.5 to 0.7: ascii, binary, binary_compressed; any field order and type
+  kPly,       ///< PLY 1.0: ascii, binary little and big endian
 };
+
+/// Bytes of a point of the three kinds without a header. @throws std::invalid_argument for others.
+[[nodiscard]] std::size_t raw_point_bytes(ScanFormat format);
 
 /// Points, drops and count as in `Scan`.
 struct DecodedScan {
@@ -28,7 +32,8 @@ struct DecodedScan {
 /// scalar_intensity (the first that is there; not finite = 0); and a time when exactly one of t,
 /// time, timestamp, offset_time, time_stamp is there: seconds in floating types, nanoseconds in
 /// whole ones, relative to the scan's stamp. Times beyond 1 s of it (epochs, microseconds) have
-/// another zero or unit, and then all of them are left out. Names in any case.
+/// another zero or unit, and then all of them are left out; in `kBinXyzit` they are refused. Names
+/// in any case.
 ///
 /// Decodes bytes from anywhere, also hostile ones: memory stays below the decoded points plus the
 /// input, and never more than `max_points` are decoded.

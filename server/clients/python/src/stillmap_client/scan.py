@@ -1,4 +1,4 @@
-"""Scans as the server reads them: float32, little endian, x y z i or x y z."""
+"""Scans as the server reads them: float32, little endian, x y z i, x y z, or x y z i t."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Pcd(bytes):
 
 
 def encoded(scan: Scan, layout: Optional[str] = None) -> Tuple[bytes, str]:
-    """Bytes and layout ("xyz" or "xyzi") of a scan. @raises ValueError for what is none."""
+    """Bytes and layout ("xyz", "xyzi" or "xyzit") of a scan. @raises ValueError for what is none."""
     if isinstance(scan, (bytes, bytearray)):
         return _checked(bytes(scan), layout or "xyzi")
     if isinstance(scan, (list, tuple)):
@@ -38,7 +38,7 @@ def encoded(scan: Scan, layout: Optional[str] = None) -> Tuple[bytes, str]:
         return _checked(bytes(view), layout or "xyzi")
     if view.format not in ("f", "<f") or not view.c_contiguous:
         raise ValueError(f"scan: found a buffer of '{view.format}', expected contiguous float32")
-    shaped = {3: "xyz", 4: "xyzi"}.get(view.shape[-1]) if view.shape and view.ndim == 2 else None
+    shaped = {3: "xyz", 4: "xyzi", 5: "xyzit"}.get(view.shape[-1]) if view.shape and view.ndim == 2 else None
     floats = array.array("f")
     floats.frombytes(bytes(view.cast("B")))
     return _checked(_little(floats), layout or shaped or "xyzi")
@@ -46,9 +46,9 @@ def encoded(scan: Scan, layout: Optional[str] = None) -> Tuple[bytes, str]:
 
 def _of_points(points: Sequence[Sequence[float]], layout: Optional[str]) -> Tuple[bytes, str]:
     width = len(points[0]) if points else 0
-    found = {3: "xyz", 4: "xyzi"}.get(width)
+    found = {3: "xyz", 4: "xyzi", 5: "xyzit"}.get(width)
     if found is None or any(len(point) != width for point in points) or (layout or found) != found:
-        raise ValueError("scan: found points of other lengths, expected x y z or x y z i each")
+        raise ValueError("scan: found points of other lengths, expected x y z, x y z i or x y z i t each")
     return _little(array.array("f", [float(x) for point in points for x in point])), found
 
 
@@ -59,9 +59,9 @@ def _little(floats: "array.array[float]") -> bytes:
 
 
 def _checked(data: bytes, layout: str) -> Tuple[bytes, str]:
-    width = {"xyz": 12, "xyzi": 16}.get(layout)
+    width = {"xyz": 12, "xyzi": 16, "xyzit": 20}.get(layout)
     if width is None:
-        raise ValueError(f"layout: found '{layout}', expected xyz or xyzi")
+        raise ValueError(f"layout: found '{layout}', expected xyz, xyzi or xyzit")
     if len(data) % width:
         raise ValueError(f"scan: found {len(data)} bytes, expected a multiple of {width} for {layout}")
     return data, layout
