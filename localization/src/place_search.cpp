@@ -27,10 +27,16 @@ constexpr float kReachM = 35.0F;
 // Mounts that are tilted by less keep the lidar's z as their upward axis [rad].
 constexpr double kTiltedRad = 0.2;
 
+// Length of the mean of the upward axes of one sensor: hills of 10 degrees leave 0.985.
+constexpr double kLeastAlike = 0.97;
+
 /// From the mean of the map's upward axis in the lidar: hills even out, mounts do not.
 Eigen::Matrix3d levelling(const std::vector<Eigen::Isometry3d>& T_map_lidar) {
   Eigen::Vector3d up_lidar = Eigen::Vector3d::Zero();
   for (const Eigen::Isometry3d& T : T_map_lidar) up_lidar += T.linear().row(2).transpose();
+  // Sensors that are mounted in different ways share no frame; each pose has its own then.
+  if (up_lidar.norm() < kLeastAlike * static_cast<double>(T_map_lidar.size()))
+    return Eigen::Matrix3d::Identity();
   const double tilt_rad = std::atan2(up_lidar.head<2>().norm(), up_lidar.z());
   if (!(tilt_rad > kTiltedRad)) return Eigen::Matrix3d::Identity();
   return Eigen::Quaterniond::FromTwoVectors(up_lidar, Eigen::Vector3d::UnitZ()).toRotationMatrix();

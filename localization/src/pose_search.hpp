@@ -28,7 +28,8 @@ struct SearchWindow {
 /// 10 deg. Ties go to the pose nearest to the prior. Above and below a place each floor that what
 /// does not stand fits on is another one.
 /// @param level   about 1 m.  @param origin  the index's.
-/// @return T_map_lidar of between 1 and `max_candidates` places and those on other floors; the
+/// @return T_map_lidar of the best `max_candidates` places, up to twice as many elsewhere that are
+/// almost as good as the first, and those on other floors of the best; the
 /// prior alone when nothing stands in the scan.
 [[nodiscard]] std::vector<Eigen::Isometry3d> search_poses(
     const MapIndex::Level& level, const Eigen::Vector3d& origin, const Query& query,

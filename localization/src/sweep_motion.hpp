@@ -38,7 +38,7 @@ struct SweepMotion {
 /// it moved as such a one: taken as it came, the scan fits clearly worse. Its stamp is then where
 /// the sensor looked along +x. Which way it turned does not matter: the twist has the other sign.
 ///
-/// Walls bent by a map's own errors look like motion of up to 4 m/s, but fit little better so.
+/// Walls bent by a map's own errors look like motion, too, but fit little better so.
 /// @param T_index_lidar  where the scan fits best as it came.
 /// @return whether it did.
 [[nodiscard]] bool take_times_of_a_turn(std::span<const MapIndex::Level> levels, Query& query,

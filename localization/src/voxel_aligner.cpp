@@ -55,6 +55,10 @@ constexpr double kLeastBendDeviations = 2.5;
 /// draw near points as well, but leave 0.74 to 0.93 of them, bent maps 0.95 and more.
 constexpr double kLeastWeightShare = 0.94;
 
+/// Of a pose that was sharpened [m^2, rad^2].
+const Vector6d kSharpenedVariance =
+    (Vector6d() << Eigen::Vector3d::Constant(1e-3), Eigen::Vector3d::Constant(1e-5)).finished();
+
 const MapIndex::Level& level_near(const MapIndex& index, double edge_m) {
   return *std::min_element(index.levels().begin(), index.levels().end(),
                            [&](const auto& a, const auto& b) {
@@ -73,7 +77,7 @@ struct PriorReach {
 constexpr double kLeastUpright = 0.7;
 /// Where nothing that fits well is found around a prior that does not say how good it is: two
 /// seconds of driving late, or half a crossing.
-constexpr PriorReach kReachWhenLost{.radius_m = 30.0, .height_m = kStoreysM, .yaw_rad = 1.0};
+constexpr PriorReach kReachWhenLost{.radius_m = 30.0, .yaw_rad = 1.0};
 
 std::optional<PriorReach> reach_of(const Prior& prior) {
   if (!prior.covariance) return std::nullopt;
@@ -99,6 +103,15 @@ SearchWindow window_of(const std::optional<PriorReach>& reach) {
 bool is_wide(const PriorReach& reach) {
   const SearchWindow window;
   return reach.radius_m > window.radius_m || reach.yaw_rad > window.yaw_rad;
+}
+
+/// Takes `ok` and its protection back.
+void add_doubt(AlignmentResult& result, const char* reason) {
+  if (result.status == PoseStatus::kLost) return;
+  result.status = PoseStatus::kDegraded;
+  result.protection = {};
+  if (std::find(result.reasons.begin(), result.reasons.end(), reason) == result.reasons.end())
+    result.reasons.emplace_back(reason);
 }
 
 /// Whether a scan may well have been taken elsewhere, in the attitude of those that made the map.
@@ -229,10 +242,21 @@ std::vector<Place> places_among(const MapIndex& index, const Query& query,
   return apart;
 }
 
+/// Whether a prior's covariance admits a place, give or take what sharpening leaves.
+bool admits(const Prior* prior, const MapIndex& index, const Eigen::Isometry3d& T_index_lidar) {
+  if (prior == nullptr || !prior->covariance) return true;
+  AlignmentResult there;
+  there.T_map_lidar = T_index_lidar;
+  there.T_map_lidar.translation() += index.origin();
+  there.covariance = kSharpenedVariance.asDiagonal();
+  return !contradicts(*prior, there);
+}
+
 /// Whether the scan fits as well a little farther along the direction that holds it least: what
 /// repeats itself every metre or two leads the coarser levels between two repeats.
 /// @param H  at the pose.
-bool repeats_itself(const MapIndex& index, const Query& query,
+/// @param prior  may be null; repeats that it does not admit do not count.
+bool repeats_itself(const MapIndex& index, const Query& query, const Prior* prior,
                     const Eigen::Isometry3d& T_index_lidar, const Matrix6d& H, double reach_m) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(
       Eigen::Matrix3d(H.topLeftCorner<3, 3>()));
@@ -257,8 +281,19 @@ bool repeats_itself(const MapIndex& index, const Query& query,
   return std::any_of(alike.begin(), alike.end(), [&](Place& other) {
     sharpen(index.levels(), query, kBendShare, other);
     return other.support > kAmbiguousShare * own.support &&
+           admits(prior, index, other.T_index_lidar) &&
            distinct(other.T_index_lidar, T_index_lidar);
   });
+}
+
+/// Of places that fit about as well, takes those first that the prior admits.
+void put_admitted_first(const MapIndex& index, const Prior* prior, std::vector<Place>& places) {
+  const double least = kAmbiguousShare * places.front().support;
+  const int steps = std::exchange(places.front().iterations, 0);
+  std::stable_partition(places.begin(), places.end(), [&](const Place& place) {
+    return place.support > least && admits(prior, index, place.T_index_lidar);
+  });
+  places.front().iterations = steps;
 }
 
 /// Measures the support of places that look alike anew, with the motion that each of them tells
@@ -285,6 +320,7 @@ AlignmentResult align_among(const MapIndex& index, Query query,
   Evidence evidence;
   evidence.not_deskewed = take_times_of_a_turn(index.levels(), query, places.front().T_index_lidar);
   straighten_rivals(index, query, places);
+  put_admitted_first(index, prior, places);
   Place& best = places.front();
   const SweepMotion motion = straighten(index.levels(), query, best.T_index_lidar);
   const Vector6d bend = finish(index, query, best);
@@ -299,11 +335,12 @@ AlignmentResult align_among(const MapIndex& index, Query query,
   evidence.observability = observability_of(level, query, best.T_index_lidar, final.sums.H);
   evidence.ambiguous = std::any_of(places.begin() + 1, places.end(), [&](const Place& other) {
     return other.support > kAmbiguousShare * best.support &&
+           admits(prior, index, other.T_index_lidar) &&
            is_elsewhere(other.T_index_lidar, best.T_index_lidar, evidence.observability.degenerate);
   });
   if (!evidence.ambiguous && evidence.observability.degenerate.empty()) {
-    evidence.ambiguous =
-        repeats_itself(index, query, best.T_index_lidar, final.sums.H, window_of(reach).radius_m);
+    evidence.ambiguous = repeats_itself(index, query, prior, best.T_index_lidar, final.sums.H,
+                                        window_of(reach).radius_m);
   }
   AlignmentResult result;
   result.T_map_lidar = best.T_index_lidar;
@@ -362,7 +399,13 @@ AlignmentResult VoxelAligner::align_near(const maps::PointCloud& scan_lidar,
       query, kMaxPlaces, region_of(prior, kReachWhenLost, places_->R_level_lidar()));
   if (farther.empty()) return result;
   starts.insert(starts.end(), farther.begin(), farther.end());
-  return align_among(*index_, query, starts, &prior);
+  AlignmentResult wider = align_among(*index_, query, starts, &prior);
+  const double off_m = (wider.T_map_lidar.translation() - prior.T_map_lidar.translation()).norm();
+  if (result.status != PoseStatus::kLost && off_m > window_of(reach).radius_m) {
+    // A place that has changed fits half as well, and one that looks like it was before fits best.
+    add_doubt(wider, "ambiguous");
+  }
+  return wider;
 }
 
 AlignmentResult VoxelAligner::align_anywhere(const maps::PointCloud& scan_lidar) const {

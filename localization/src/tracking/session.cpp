@@ -1,5 +1,7 @@
 #include "session.hpp"
 
+#include "registration.hpp"
+
 #include <stillmap/maps/deskew.hpp>
 
 #include <algorithm>
@@ -19,6 +21,8 @@ constexpr double kVagueShare = 5.0;
 /// Places that look alike lie at least so far from each other [m], their headings [rad].
 constexpr double kApartM = 0.5;
 constexpr double kApartRad = 0.2;
+/// Deviation of what a scan tells along a direction that it does not constrain [m].
+constexpr double kNothingM = 1e3;
 /// Deviations up to which a velocity is known: within a sweep they move points by some centimetres.
 constexpr double kKnownSpeedM_S = 2.0;
 constexpr double kKnownTurnRad_S = 0.2;
@@ -84,16 +88,19 @@ void TrackingSession::initialize(const PosePdf& T_map_lidar) {
 TrackedPose TrackingSession::track(std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
                                    const std::optional<OdometryStep>& odometry) {
   if (const TrackedPose* known = history_.answer_at(stamp_ns)) return *known;
-  const bool clock_set_back = is_of_another_clock(stamp_ns);
-  if (clock_set_back) {
-    belief_ = {};
-    history_ = TrackingHistory(options_.history_s);
+  if (is_of_another_clock(stamp_ns)) {
+    // On a copy: the aligner may throw.
+    TrackingSession anew(aligner_, options_);
+    TrackedPose answer = anew.answer_next(stamp_ns, scan_lidar, odometry);
+    add_reason(answer.result, "clock_set_back");
+    anew.history_.add(answer);
+    *this = std::move(anew);
+    return answer;
   }
   const auto newest_ns = history_.newest_ns();
   TrackedPose answer = newest_ns && stamp_ns <= *newest_ns
                            ? answer_late(stamp_ns, scan_lidar)
                            : answer_next(stamp_ns, scan_lidar, odometry);
-  if (clock_set_back) add_reason(answer.result, "clock_set_back");
   history_.add(answer);
   return answer;
 }
@@ -213,7 +220,12 @@ void TrackingSession::match(Step& step, const maps::PointCloud& scan_lidar,
 }
 
 PosePdf TrackingSession::believed(const Step& step) {
-  const PosePdf matched{step.match.T_map_lidar, step.match.covariance};
+  PosePdf matched{step.match.T_map_lidar, step.match.covariance};
+  // Where a scan tells nothing, many of them do not tell more.
+  for (Vector6d direction : step.match.degenerate_directions) {
+    direction.tail<3>() /= kLeverM;
+    matched.covariance += kNothingM * kNothingM * direction * direction.transpose();
+  }
   // A weak match is no reason to forget what the motion tells about the directions it leaves open.
   return step.match.status == PoseStatus::kOk ? matched : fused(step.predicted->pose, matched);
 }

@@ -9,6 +9,7 @@
 
 #include <support/synthetic_world.hpp>
 
+#include <algorithm>
 #include <limits>
 #include <numbers>
 #include <optional>
@@ -99,6 +100,20 @@ TEST(WithoutPrior, FindsTheScanOfATiltedOrHangingSensorInEveryHeading) {
   }
 }
 
+TEST(WithoutPrior, FindsTheScansOfAnUprightSensorWhereATiltedOneDroveAsWell) {
+  std::vector<Eigen::Isometry3d> poses = drive_through();
+  const std::size_t upright = poses.size();
+  for (std::size_t i = 0; i < upright; ++i)
+    poses.push_back(poses[i] * Eigen::AngleAxisd(0.6, Eigen::Vector3d::UnitY()));
+  const auto aligner = make_aligner("default", street().index, poses);
+  for (double yaw = -3.0; yaw < 3.1; yaw += 1.1) {
+    const Eigen::Isometry3d T = pose_at(61.5, -0.7, yaw);
+    const AlignmentResult result = aligner->align(street().world.scan(T, pattern(7)), std::nullopt);
+    EXPECT_EQ(result.status, PoseStatus::kOk) << yaw;
+    EXPECT_LT((T.inverse() * result.T_map_lidar).translation().norm(), 0.1) << yaw;
+  }
+}
+
 TEST(WithoutPrior, FollowsTheSlopeOfThePlace) {
   // The same street on a hillside of 10 %: map, poses and scans turned together.
   Eigen::Isometry3d T_hill = Eigen::Isometry3d::Identity();
@@ -157,19 +172,18 @@ TEST(LatePrior, FindsTheScanAFewSecondsOfDrivingAhead) {
   EXPECT_LT((T.inverse() * result.T_map_lidar).translation().norm(), 0.1);
 }
 
-TEST(LatePrior, FindsTheScanWhereWhatIsNearThePriorFitsHalf) {
-  int found = 0;
+TEST(LatePrior, FindsTheScanWhereWhatIsNearThePriorFitsHalfAndDoubtsIt) {
+  std::ptrdiff_t doubted = 0;
   for (const double off_m : {-14.0, -12.0, -10.0, 10.0, 12.0, 14.0}) {
     const Eigen::Isometry3d T = pose_at(65.0, -0.7, 0.1);
     const AlignmentResult result = street().aligner->align(
         street().world.scan(T, pattern(7)), Prior{pose_at(65.0 + off_m, 0.3, -0.1), std::nullopt});
-    const double error_m = (T.inverse() * result.T_map_lidar).translation().norm();
-    if (result.status == PoseStatus::kOk) {
-      EXPECT_LT(error_m, 0.1) << off_m;
-      ++found;
-    }
+    EXPECT_NE(result.status, PoseStatus::kLost) << off_m;
+    // Near the prior it could be a place that has changed.
+    doubted += std::count(result.reasons.begin(), result.reasons.end(), "ambiguous");
+    EXPECT_LT((T.inverse() * result.T_map_lidar).translation().norm(), 0.1) << off_m;
   }
-  EXPECT_EQ(found, 6);
+  EXPECT_GE(doubted, 3);
 }
 
 TEST(WidePrior, DoesNotLookBeyondItsDeviations) {
