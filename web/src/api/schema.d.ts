@@ -2413,7 +2413,7 @@ export interface components {
         /** @description Go on after this event */
         last_event_id: string;
         layer: "coverage" | "localizability";
-        /** @description Of raw scans */
+        /** @description Of raw scans: i is the intensity, t the time of the point relative to the scan's stamp [s] */
         layout: "xyz" | "xyzi" | "xyzit";
         /** @description Level of the grid, 0 the finest */
         level: number;
@@ -3298,7 +3298,7 @@ export interface operations {
                 deadline_ms?: components["parameters"]["deadline_ms"];
                 /** @description latitude,longitude,altitude,sigma; the altitude may be empty */
                 gnss?: components["parameters"]["gnss"];
-                /** @description Of raw scans */
+                /** @description Of raw scans: i is the intensity, t the time of the point relative to the scan's stamp [s] */
                 layout?: components["parameters"]["layout"];
                 /** @description `default`, `icp` or `point_to_plane` */
                 method?: components["parameters"]["method"];
@@ -4514,7 +4514,7 @@ export interface operations {
                 deadline_ms?: components["parameters"]["deadline_ms"];
                 /** @description latitude,longitude,altitude,sigma; the altitude may be empty */
                 gnss?: components["parameters"]["gnss"];
-                /** @description Of raw scans */
+                /** @description Of raw scans: i is the intensity, t the time of the point relative to the scan's stamp [s] */
                 layout?: components["parameters"]["layout"];
                 /** @description `default`, `icp` or `point_to_plane` */
                 method?: components["parameters"]["method"];
@@ -4989,7 +4989,7 @@ export interface operations {
             query?: {
                 /** @description From the complete request [ms] */
                 deadline_ms?: components["parameters"]["deadline_ms"];
-                /** @description Of raw scans */
+                /** @description Of raw scans: i is the intensity, t the time of the point relative to the scan's stamp [s] */
                 layout?: components["parameters"]["layout"];
                 /** @description Odometry: quaternion x,y,z,w */
                 odom_q?: components["parameters"]["odom_q"];
