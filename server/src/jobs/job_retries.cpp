@@ -22,6 +22,7 @@ constexpr std::chrono::seconds kLookAtStore{1};
 /// How often a job waits for room on a full disk: with the pauses, for half an hour, in which what
 /// it has made so far takes room itself.
 constexpr int kMostTimesFull = 5;
+constexpr int kLongerWhenFull = 5;
 
 /// How often a job's program, or the server while it published, crashed, with this attempt; the
 /// same however often it is asked.
@@ -80,8 +81,9 @@ void JobRunner::try_again_with_room(const maps::StoredJob& job, const std::strin
   }
   spdlog::warn("job {} waits for room on the disk: {}", job.id, words);
   note_progress(job, {.stage = "wait for room on the disk"});
-  const auto go_on =
-      std::chrono::steady_clock::now() + setup_.first_pause_when_full * (1 << (times - 1));
+  auto pause = setup_.first_pause_when_full;
+  for (int i = 1; i < times; ++i) pause *= kLongerWhenFull;
+  const auto go_on = std::chrono::steady_clock::now() + pause;
   std::unique_lock lock(mutex_, std::defer_lock);
   while (std::chrono::steady_clock::now() < go_on && !stop.stop_requested() && !is_canceled(job)) {
     lock.lock();

@@ -52,8 +52,9 @@ class JobRunner {
     Metrics& metrics;
     /// Program; empty when there is none: jobs then fail in words.
     std::filesystem::path mapper;
-    /// How long a job first waits for room on a full disk; then twice as long each time.
-    std::chrono::milliseconds first_pause_when_full = std::chrono::minutes(1);
+    /// How long a job first waits for room on a full disk; then five times as long each time.
+    /// Short at first: what filled the disk may have been a file that is gone again.
+    std::chrono::milliseconds first_pause_when_full = std::chrono::seconds(2);
   };
   explicit JobRunner(const Setup& setup);
   /// Ends what runs, within `kEndGrace` and some; it goes on at the next start.
