@@ -46,6 +46,7 @@ class Order:
         self.activate = random.random() < 0.6
         self.job = None
         self.kills = 0  # of its processes, at most
+        self.published = 0  # how often the server was killed while it published the map, at most
         self.cancels = False
         self.previous = None  # digest of the active version when it was asked for
 
@@ -118,7 +119,9 @@ class Rebuilds:
         if job["status"] == "succeeded":
             self.succeeded(job)
         elif job["status"] == "failed":
-            expect(order.kills > RETRIES and "signal 9" in job["error"], "it failed, killed", order.kills, "times:", job["error"])
+            expect(order.kills + order.published > RETRIES and (
+                "signal 9" in job["error"] or "the server ended while it published" in job["error"]),
+                "it failed, killed", order.kills, "times, and", order.published, "while it was published:", job["error"])
         else:
             expect(job["status"] == "canceled" and order.cancels, "job", order.job, "is", job["status"])
         self.ended[order.job] = job["status"]
@@ -147,6 +150,11 @@ class Rebuilds:
                 os.kill(process, signal.SIGKILL)
             except ProcessLookupError:
                 pass
+
+    def note_publishing(self, store):
+        """To be called when a server was killed."""
+        if self.order and self.order.job and (store / "jobs" / str(self.order.job) / "scratch" / "publishing").exists():
+            self.order.published += 1
 
     def cancel(self, server):
         order = self.order
@@ -260,6 +268,7 @@ class Session:
         finally:
             if server.process.poll() is None:
                 server.kill()
+            self.rebuilds.note_publishing(self.store)
             self.journal.note("killed")
             wait_for(self.no_mapper, GONE_WITHIN_S, "outlives its server:")
 
