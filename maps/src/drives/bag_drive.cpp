@@ -18,6 +18,7 @@
 #include "bags/unpacked_bag.hpp"
 #include "drives/bag_files.hpp"
 #include "drives/layout.hpp"
+#include "drives/pose_gaps.hpp"
 
 namespace stillmap::maps {
 namespace {
@@ -128,11 +129,22 @@ void set_scans(Drive::Contents& contents, const std::shared_ptr<const BagScans>&
   contents.relative_clock = contents.stamps_ns.front() < kFirstEpochStampNs;
 }
 
+/// A place is as well known as its least known factor.
+PoseGaps::Place worst_place(const std::vector<PoseGaps>& gaps, std::int64_t stamp_ns) {
+  PoseGaps::Place worst = PoseGaps::Place::kKnown;
+  for (const PoseGaps& each : gaps) worst = std::max(worst, each.of(stamp_ns));
+  return worst;
+}
+
 /// Recorders of scans and poses start and end apart: scans at the ends may have no pose.
 void set_bag_poses(Drive::Contents& contents, const BagPoses& poses) {
+  std::vector<PoseGaps> gaps;
+  for (const BagPoses::Factor& factor : poses.factors) gaps.emplace_back(factor.moving);
+  ScansInGaps in_gaps;
   std::vector<std::size_t> kept;
   for (std::size_t i = 0; i < contents.stamps_ns.size(); ++i) {
-    if (const auto T = poses.T_map_lidar(contents.stamps_ns[i])) {
+    const auto T = poses.T_map_lidar(contents.stamps_ns[i]);
+    if (T && in_gaps.add(worst_place(gaps, contents.stamps_ns[i]))) {
       kept.push_back(i);
       contents.T_map_lidar.push_back(*T);
     } else {
@@ -143,16 +155,12 @@ void set_bag_poses(Drive::Contents& contents, const BagPoses& poses) {
     throw InputError(contents.root.string(),
                      fmt::format("no pose of {} within 0.2 s of any scan", poses.source),
                      "poses at the scans' stamps, or poses=none");
-  const std::size_t without = contents.stamps_ns.size() - kept.size();
+  const std::size_t without = contents.stamps_ns.size() - kept.size() - in_gaps.left_out;
   if (without > 0)
     contents.notes.push_back(
         fmt::format("{} scans left out, which have no pose of {}", without, poses.source));
   keep_scans(contents, kept);
-  note_gaps(contents, poses.source, [&](std::int64_t stamp_ns) {
-    return std::any_of(
-        poses.factors.begin(), poses.factors.end(),
-        [&](const BagPoses::Factor& factor) { return lies_in_gap(factor.moving, stamp_ns); });
-  });
+  in_gaps.note(contents, poses.source);
   contents.notes.insert(contents.notes.end(), poses.notes.begin(), poses.notes.end());
   contents.notes.push_back("poses are those of " + poses.source);
 }

@@ -8,6 +8,7 @@
 #include <system_error>
 #include <utility>
 
+#include "drives/pose_gaps.hpp"
 #include "formats/text.hpp"
 
 namespace stillmap::maps {
@@ -16,7 +17,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kMaxExtrapolationS = 0.2;
-constexpr std::uint64_t kMaxQuietGapNs = 1'000'000'000;
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
@@ -148,27 +148,18 @@ PosesFormat poses_format(const fs::path& file) {
                    "12 numbers (KITTI) or 8 (TUM)");
 }
 
-bool lies_in_gap(const Trajectory& trajectory, std::int64_t stamp_ns) {
-  const std::vector<StampedPose>& path = trajectory.poses();
-  const auto after = std::lower_bound(
-      path.begin(), path.end(), stamp_ns,
-      [](const StampedPose& pose, std::int64_t value) { return pose.stamp_ns < value; });
-  return after != path.begin() && after != path.end() && after->stamp_ns != stamp_ns &&
-         static_cast<std::uint64_t>(after->stamp_ns) -
-                 static_cast<std::uint64_t>((after - 1)->stamp_ns) >
-             kMaxQuietGapNs;
-}
-
 bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& trajectory,
                          const fs::path& source) {
   const std::vector<StampedPose>& path = trajectory.poses();
   if (path.empty()) throw InputError(source.string(), "no poses", "some");
   const std::vector<std::int64_t>& stamps = contents.stamps_ns;
+  const PoseGaps gaps(trajectory);
+  ScansInGaps in_gaps;
   std::vector<std::size_t> kept;
   std::vector<Eigen::Isometry3d> poses;
   for (std::size_t i = 0; i < stamps.size(); ++i) {
     const std::optional<Eigen::Isometry3d> pose = trajectory.at(stamps[i], kMaxExtrapolationS);
-    if (!pose) continue;
+    if (!pose || !in_gaps.add(gaps.of(stamps[i]))) continue;
     kept.push_back(i);
     poses.push_back(*pose);
   }
@@ -181,26 +172,13 @@ bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& trajectory
                                  seconds_text(stamps.back())));
   }
   const std::string name = source.filename().string();
-  if (const std::size_t without = stamps.size() - kept.size(); without > 0) {
+  if (const std::size_t without = stamps.size() - kept.size() - in_gaps.left_out; without > 0)
     contents.notes.push_back(fmt::format(
         "{} scans left out, which have no pose in {}; the others count from 0", without, name));
-    keep_scans(contents, kept);
-  }
+  keep_scans(contents, kept);
   contents.T_map_lidar = std::move(poses);
-  note_gaps(contents, name,
-            [&](std::int64_t stamp_ns) { return lies_in_gap(trajectory, stamp_ns); });
+  in_gaps.note(contents, name);
   return kept.front() > 0;
-}
-
-void note_gaps(Drive::Contents& contents, const std::string& source,
-               const std::function<bool(std::int64_t stamp_ns)>& lies_in_gap) {
-  const auto in_gaps =
-      std::count_if(contents.stamps_ns.begin(), contents.stamps_ns.end(), lies_in_gap);
-  if (in_gaps == 0) return;
-  contents.notes.push_back(
-      fmt::format("{} scans lie in gaps of over 1 s between poses of {}, and are placed on a "
-                  "straight line across them",
-                  in_gaps, source));
 }
 
 void set_poses(Drive::Contents& contents, const fs::path& poses_file) {

@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -52,19 +51,12 @@ enum class PosesFormat { kKitti, kTum };
 [[nodiscard]] PosesFormat poses_format(const std::filesystem::path& file);
 
 /// Gives the scans the poses of the trajectory at their stamps, up to 0.2 s beyond its ends. Scans
-/// farther out are left out and noted (recorders of scans and poses start and end apart), and gaps
-/// over a second are noted.
+/// farther out are left out and noted (recorders of scans and poses start and end apart), and so
+/// are those in gaps whose place is unknown (pose_gaps.hpp).
 /// @throws InputError when no scan has a pose.
 /// @return whether scans were left out before the first that has a pose.
 bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& trajectory,
                          const std::filesystem::path& source);
-
-/// Notes how many scans lie in gaps of the poses of `source`, if any.
-void note_gaps(Drive::Contents& contents, const std::string& source,
-               const std::function<bool(std::int64_t stamp_ns)>& lies_in_gap);
-
-/// Whether a stamp lies between two poses that are over a second apart.
-[[nodiscard]] bool lies_in_gap(const Trajectory& trajectory, std::int64_t stamp_ns);
 
 /// Gives the scans `T_map_lidar` from a KITTI or TUM file, instead of the layout's own.
 void set_poses(Drive::Contents& contents, const std::filesystem::path& poses_file);

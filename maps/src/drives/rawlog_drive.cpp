@@ -14,6 +14,7 @@
 #include "bags/bag_choice.hpp"
 #include "bags/poses_near_scans.hpp"
 #include "drives/layout.hpp"
+#include "drives/pose_gaps.hpp"
 #include "formats/point_table.hpp"
 #include "package/sha256.hpp"
 #include "pose_bounds.hpp"
@@ -111,11 +112,13 @@ void set_own_poses(Drive::Contents& contents, const RawlogScans& scans, RawlogPo
       source, [&](std::int64_t stamp_ns, const Eigen::Isometry3d& T) { near.add(stamp_ns, T); });
   const std::string_view what = kSources[static_cast<std::size_t>(source)];
   const Trajectory path = near.trajectory();
+  const PoseGaps gaps(path);
+  ScansInGaps in_gaps;
   std::vector<std::size_t> kept;
   contents.T_map_lidar.resize(contents.stamps_ns.size(), Eigen::Isometry3d::Identity());
   for (std::size_t i = 0; i < contents.stamps_ns.size(); ++i) {
     const auto T_odom_base = path.at(contents.stamps_ns[i]);
-    if (!T_odom_base) continue;
+    if (!T_odom_base || !in_gaps.add(gaps.of(contents.stamps_ns[i]))) continue;
     contents.T_map_lidar[i] = *T_odom_base * (*scans.scans)[i].T_base_lidar;
     const double farthest_m = contents.T_map_lidar[i].translation().cwiseAbs().maxCoeff();
     if (!(farthest_m <= kMaxPositionM))
@@ -126,10 +129,12 @@ void set_own_poses(Drive::Contents& contents, const RawlogScans& scans, RawlogPo
   if (kept.empty())
     throw InputError(scans.name, fmt::format("no pose of {} within 0.2 s of any scan", what),
                      "poses at the scans' stamps, or poses=none");
-  if (kept.size() < contents.stamps_ns.size())
-    contents.notes.push_back(fmt::format("{} scans left out, which have no pose of {}",
-                                         contents.stamps_ns.size() - kept.size(), what));
+  const std::size_t without = contents.stamps_ns.size() - kept.size() - in_gaps.left_out;
+  if (without > 0)
+    contents.notes.push_back(
+        fmt::format("{} scans left out, which have no pose of {}", without, what));
   keep_scans(contents, kept);
+  in_gaps.note(contents, std::string(what));
   contents.notes.push_back(fmt::format("poses are those of {}", what));
 }
 
