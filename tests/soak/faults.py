@@ -251,22 +251,33 @@ class Trials:
             if "an earlier sync failed" in self.log.read_text()[self.log_begin:]:
                 return None
             expect(time.monotonic() < end, "job", self.job, "does not end:", found, self.last_words())
-            time.sleep(0.02)
+            time.sleep(0.05)
         return None
 
     def check_jobs(self):
         """Each that was acknowledged is there, has ended as it was told, and has left nothing but what it said."""
         if self.job and self.job not in self.jobs:
             expect(self.job_ends(), "job", self.job, "has not ended after a start:", self.last_words())
+        listed = self.listed_jobs()
         for job, status in self.jobs.items():
-            response = self.server.ask("GET", f"/v1/jobs/{job}", headers=self.headers)
-            expect(response.status == 200 and response.json["status"] == status, "job", job, "had", status, response.body[:300])
-            expect(status != "succeeded" or response.json["result"], "job", job, "has lost its result")
+            found = listed.get(job)
+            expect(found and found["status"] == status, "job", job, "had", status, found)
+            expect(status != "succeeded" or found["result"], "job", job, "has lost its result")
         end = time.monotonic() + READY_WITHIN_S
         while left_of_jobs(self.store, self.jobs | self.refused_jobs()) and time.monotonic() < end:
             time.sleep(0.02)
         left = left_of_jobs(self.store, self.jobs | self.refused_jobs())
         expect(not left, "left of jobs:", left)
+
+    def listed_jobs(self):
+        """@return all that the server knows, by id."""
+        jobs, place = {}, "/v1/jobs?limit=1000"
+        while place:
+            response = self.server.ask("GET", place, headers=self.headers)
+            expect(response.status == 200, "jobs are answered", response.status, response.body[:300])
+            jobs |= {each["id"]: each for each in response.json["jobs"]}
+            place = response.json["next"] and f"/v1/jobs?limit=1000&before={response.json['next']}"
+        return jobs
 
     def refused_jobs(self):
         """Jobs that were refused and show after the start all the same, as documented, by id with how they ended."""
