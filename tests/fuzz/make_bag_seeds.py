@@ -67,6 +67,11 @@ def pose(tenths, odometry=True, order="<"):
     return message.bytes if not odometry else message.put("d", *[0.0] * 78).bytes
 
 
+def fix(tenths, order="<"):
+    message = Message(order).header(tenths, "gps").put("b", 0).put("H", 1).put("d", 48.1, 11.5, 519)
+    return message.put("d", *[0.0] * 9).put("B", 0).bytes
+
+
 def tf(tenths, parent, child, ros1=False):
     return Message(ros1=ros1).put("I", 1).header(tenths, parent).text(child).put("d", 0, 0, 1.5, 0, 0, 0, 1).bytes
 
@@ -148,6 +153,7 @@ def main():
     put("ros_message", "odometry", b"\2" + pose(0))
     put("ros_message", "pose", b"\4" + pose(0, False, ">"))
     put("ros_message", "tf", b"\6" + tf(0, "map", "base_link"))
+    put("ros_message", "fix", b"\10" + fix(0))
     put("ros_message", "tf_ros1", b"\7" + tf(0, "/map", "/base_link", True))
     for compression in (None, "lz4", "zstd"):
         put("mcap", f"indexed_{compression}", mcap(MESSAGES, compression))
@@ -162,6 +168,7 @@ def main():
     put("rosbag2", "zstd", rosbag2(few, "zstd"))
     put("rosbag2", "cut", rosbag2(few)[:2000])
     put("bag_choice", "words", "cloud=/points&poses=/odom&pose_frame=base_link")
+    put("bag_choice", "words_gnss", "gnss=/fix")
     put("bag_choice", "metadata", "rosbag2_bagfile_information:\n  version: 4\n  relative_file_paths:\n    - run_0.db3\n"
         "    - \"../run_1.db3.zstd\"\n  compression_format: zstd\n")
 

@@ -1,8 +1,9 @@
-// Messages of bags in CDR and ROS 1: clouds, poses, tf. The first byte says which of them, and how
-// they are written.
+// Messages of bags in CDR and ROS 1: clouds, poses, tf, fixes of GNSS. The first byte says which of
+// them, and how they are written.
 #include "scan_rules.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/geodesy.hpp>
 
 #include "bags/point_cloud2.hpp"
 
@@ -26,7 +27,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto serialization =
       data[0] % 2 == 0 ? maps::Serialization::kCdr : maps::Serialization::kRos1;
   const auto reader = [&] { return maps::MessageReader(bytes, serialization, "fuzz"); };
-  switch (data[0] / 2 % 4) {
+  const int kind = data[0] / 2;
+  switch (kind % 8 == 4 ? 4 : kind % 4) {
     case 0: {
       const auto scan = fuzz::taken<maps::InputError>([&] {
         maps::MessageReader message = reader();
@@ -39,10 +41,18 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     case 2: {
       const auto pose = fuzz::taken<maps::InputError>([&] {
         maps::MessageReader message = reader();
-        return maps::read_pose(message,
-                               data[0] / 2 % 4 == 1 ? maps::kOdometry : maps::kPoseStamped);
+        return maps::read_pose(message, kind % 4 == 1 ? maps::kOdometry : maps::kPoseStamped);
       });
       if (pose) require_rigid(*pose);
+      return 0;
+    }
+    case 4: {
+      const auto fix = fuzz::taken<maps::InputError>([&] {
+        maps::MessageReader message = reader();
+        return maps::read_fix(message);
+      });
+      if (fix && fix->place)
+        fuzz::require(maps::violations(*fix->place).empty(), "places are on the Earth");
       return 0;
     }
     default:

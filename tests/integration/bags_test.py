@@ -2,7 +2,9 @@
 (tests/oracles), and Python's sqlite3. What is in them, and the map made of them, is that of the same drive as a folder.
 With STILLMAP_REAL_DATA also scans of real drives. Ends with 77 when npm's packages cannot be had."""
 
+import calendar
 import json
+import math
 import os
 import pathlib
 import shutil
@@ -10,12 +12,13 @@ import sqlite3
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 PROGRAM, COMPARE, ORACLES = sys.argv[1], sys.argv[2], pathlib.Path(sys.argv[3])
 REAL = os.environ.get("STILLMAP_REAL_DATA")
-CLOUD, ODOMETRY, POSE, TF, IMU = ("sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped",
-                                  "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/Imu")
+CLOUD, ODOMETRY, POSE, TF, IMU, FIX = ("sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped",
+                                       "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/Imu", "sensor_msgs/msg/NavSatFix")
 PCD_TYPES = {("F", 4): 7, ("F", 8): 8, ("U", 1): 2, ("U", 2): 4, ("U", 4): 6, ("I", 1): 1, ("I", 2): 3, ("I", 4): 5}
 # What tells a map from another; the sources have names and checksums of their own.
 OF_THE_MAP = ("tiles", "objects.json", "trajectory.tum", "fates.bin")
@@ -86,6 +89,27 @@ def imu(ns):
     return {"header": header(ns, "imu"), "orientation": dict(zip("xyzw", (0, 0, 0, 1))),
             "orientation_covariance": [0] * 9, "angular_velocity": xyz((0, 0, 0)), "angular_velocity_covariance": [0] * 9,
             "linear_acceleration": xyz((0, 0, 9.81)), "linear_acceleration_covariance": [0] * 9}
+
+
+def fix(ns, latitude_deg, longitude_deg, altitude_m):
+    return {"header": header(ns, "imu"), "status": {"status": 2, "service": 1}, "latitude": latitude_deg,
+            "longitude": longitude_deg, "altitude": altitude_m, "position_covariance": [0] * 9, "position_covariance_type": 0}
+
+
+def east_north_up_m(origin, place):
+    """Of a place (degrees, degrees, metres) some hundred metres away, by the radii of WGS 84."""
+    latitude = math.radians(origin[0])
+    w = math.sqrt(1 - 0.00669437999014 * math.sin(latitude) ** 2)
+    east = 6378137 / w * math.cos(latitude) * math.radians(place[1] - origin[1])
+    north = 6378137 * (1 - 0.00669437999014) / w ** 3 * math.radians(place[0] - origin[0])
+    return east, north, place[2] - origin[2]
+
+
+def turned(yaw, values):
+    """A pose after a turn about z."""
+    (x, y, z, qx, qy, qz, qw), c, s = values, math.cos(yaw / 2), math.sin(yaw / 2)
+    return (x * math.cos(yaw) - y * math.sin(yaw), x * math.sin(yaw) + y * math.cos(yaw), z,
+            c * qx - s * qy, c * qy + s * qx, c * qz + s * qw, c * qw - s * qz)
 
 
 def stamp_ns(text):
@@ -258,6 +282,43 @@ class Bags(unittest.TestCase):
                 # A path of one pose has to be asked for.
                 self.expect_same_drive(f"{bag}?poses=/odom", drive)
                 shutil.rmtree(self.work / name)
+
+    @unittest.skipUnless(REAL, "STILLMAP_REAL_DATA is not set")
+    def test_gnss_of_a_real_drive(self):
+        """KITTI's own place on the Earth, and that of the same drive as a bag: odometry in axes of its own, and the fixes."""
+        day = pathlib.Path(REAL) / "kitti_raw" / "2011_09_26"
+        raw, work = day / "2011_09_26_drive_0013_sync", self.work / "gnss"
+
+        def placed(drive, name, *words):
+            run("build", drive, "-o", work / name, "--detector", "geometric", "--clean", "none", *words)
+            origin = json.loads((work / name / "manifest.json").read_text())["geodetic_origin"]
+            lines = (work / name / "trajectory.tum").read_text().splitlines()
+            return [origin[key] for key in ("latitude_deg", "longitude_deg", "altitude_m")], lines
+
+        work.mkdir()
+        origin, lines = placed(raw, "folder_map", "--select", "::5")
+        scans = sorted((raw / "velodyne_points" / "data").glob("*.bin"))[::5]
+        drive = Drive(work / "plain" / "real", scans, lines)
+        drive.poses = [turned(math.radians(40), values) for values in drive.poses]
+        rows = dict(line.partition(": ")[::2] for line in (day / "calib_imu_to_velo.txt").read_text().splitlines())
+        lever = [float(value) for value in rows["T"].split()]
+        spec = drive.spec("odometry")
+        spec["topics"] += [{"name": "/fix", "type": FIX}, {"name": "/tf_static", "type": TF}]
+        log = str(drive.stamps[0])
+        spec["messages"].append({"topic": 4, "log_ns": log, "value": transform(0, "lidar", "imu", [*lever, 0, 0, 0, 1])})
+        moments = (raw / "oxts" / "timestamps.txt").read_text().splitlines()
+        for file, moment in zip(sorted((raw / "oxts" / "data").glob("*.txt")), moments):
+            second, _, decimals = moment.partition(".")
+            ns = stamp_ns(f"{calendar.timegm(time.strptime(second, '%Y-%m-%d %H:%M:%S'))}.{decimals}")
+            place = [float(value) for value in file.read_text().split()[:3]]
+            spec["messages"].append({"topic": 3, "log_ns": log, "value": fix(ns, *place)})
+        bag = write(spec, work / "bag" / "real.mcap")
+        other, found = placed(f"{bag}?gnss=/fix&poses=/odom", "bag_map")
+        self.assertEqual(len(lines), len(found))
+        shift = east_north_up_m(origin, other)
+        for a, b in zip(lines, found):
+            a, b = ([float(value) for value in line.split()] for line in (a, b))
+            self.assertLess(math.dist([b[i + 1] + shift[i] for i in range(3)], a[1:4]), 0.02)
 
 
 def have_oracles():

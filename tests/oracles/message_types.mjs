@@ -27,6 +27,10 @@ export const DEFINITIONS = {
     `geometry_msgs/Transform transform` +
     `${LINE}MSG: geometry_msgs/Transform\ngeometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation` +
     VECTOR + QUATERNION + HEADER + TIME,
+  'sensor_msgs/msg/NavSatFix':
+    'std_msgs/Header header\nsensor_msgs/NavSatStatus status\nfloat64 latitude\nfloat64 longitude\nfloat64 altitude\n' +
+    'float64[9] position_covariance\nuint8 position_covariance_type' +
+    `${LINE}MSG: sensor_msgs/NavSatStatus\nint8 status\nuint16 service${HEADER}${TIME}`,
   'sensor_msgs/msg/Imu':
     'std_msgs/Header header\ngeometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n' +
     'geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n' +

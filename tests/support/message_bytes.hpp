@@ -129,6 +129,18 @@ inline void put_pose(MessageBytes& message, const PoseValues& pose) {
   return message.str();
 }
 
+/// sensor_msgs/NavSatFix. @param status  below 0 without a fix.
+[[nodiscard]] inline std::string nav_sat_fix(
+    std::int64_t stamp_ns, double latitude_deg, double longitude_deg, double altitude_m,
+    std::string_view frame = "gps", std::int8_t status = 0,
+    MessageBytes::Kind kind = MessageBytes::Kind::kLittleEndian) {
+  MessageBytes message(kind);
+  message.header(stamp_ns, frame).put(status).put(std::uint16_t{1});
+  message.put(latitude_deg).put(longitude_deg).put(altitude_m);
+  for (int i = 0; i < 9; ++i) message.put(0.0);
+  return message.put(std::uint8_t{0}).str();
+}
+
 /// tf2_msgs/TFMessage of one transform.
 [[nodiscard]] inline std::string transform(std::int64_t stamp_ns, std::string_view parent,
                                            std::string_view child, const PoseValues& pose) {

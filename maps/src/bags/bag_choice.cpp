@@ -9,11 +9,12 @@
 namespace stillmap::maps {
 namespace {
 
-constexpr std::string_view kExpected = "cloud=TOPIC, poses=TOPIC or pose_frame=FRAME";
+constexpr std::string_view kExpected = "cloud=TOPIC, poses=TOPIC, pose_frame=FRAME or gnss=TOPIC";
 
 std::optional<std::string>* find_word(BagChoice& choice, std::string_view word) {
   if (word == "cloud") return &choice.cloud;
   if (word == "poses") return &choice.poses;
+  if (word == "gnss") return &choice.gnss;
   return word == "pose_frame" ? &choice.pose_frame : nullptr;
 }
 
@@ -44,6 +45,7 @@ BagChoice with_choice_of_folder(BagChoice choice, const std::filesystem::path& f
   if (!choice.cloud) choice.cloud = own.cloud;
   if (!choice.poses) choice.poses = own.poses;
   if (!choice.pose_frame) choice.pose_frame = own.pose_frame;
+  if (!choice.gnss) choice.gnss = own.gnss;
   return choice;
 }
 

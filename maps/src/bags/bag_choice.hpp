@@ -15,11 +15,12 @@ struct BagChoice {
   std::optional<std::string> poses;
   /// Frame that the poses are of, instead of the one that their messages name.
   std::optional<std::string> pose_frame;
-
-  [[nodiscard]] bool empty() const { return !cloud && !poses && !pose_frame; }
+  /// Topic of NavSatFix that says where the poses lie on the Earth.
+  std::optional<std::string> gnss;
 };
 
-/// `cloud=/points&poses=/odom&pose_frame=base_link`, any of them, parted by `&` or newlines.
+/// `cloud=/points&poses=/odom&pose_frame=base_link&gnss=/fix`, any of them, parted by `&` or
+/// newlines.
 /// @param source  for messages. @throws InputError for anything else.
 [[nodiscard]] BagChoice parse_bag_choice(std::string_view text, const std::string& source);
 

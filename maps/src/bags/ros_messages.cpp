@@ -1,5 +1,7 @@
 #include "bags/ros_messages.hpp"
 
+#include <stillmap/maps/geodesy.hpp>
+
 #include <cmath>
 
 #include "pose_bounds.hpp"
@@ -71,6 +73,18 @@ void read_transforms(MessageReader& reader,
     transform.T_parent_child = read_rigid(reader);
     take(transform);
   }
+}
+
+GnssFix read_fix(MessageReader& reader) {
+  const RosHeader header = read_header(reader);
+  GnssFix fix{header.stamp_ns, header.frame_id, {}};
+  const bool has_fix = reader.number<std::int8_t>() >= 0;
+  (void)reader.number<std::uint16_t>();  // which satellites
+  GeodeticOrigin place;
+  for (double* const value : {&place.latitude_deg, &place.longitude_deg, &place.altitude_m})
+    *value = reader.number<double>();
+  if (has_fix && violations(place).empty()) fix.place = place;
+  return fix;
 }
 
 }  // namespace stillmap::maps

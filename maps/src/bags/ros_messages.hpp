@@ -1,5 +1,7 @@
 #pragma once
 
+#include <stillmap/maps/drive.hpp>
+
 #include <Eigen/Geometry>
 
 #include <cstdint>
@@ -16,6 +18,7 @@ inline constexpr std::string_view kPointCloud2 = "sensor_msgs/msg/PointCloud2";
 inline constexpr std::string_view kOdometry = "nav_msgs/msg/Odometry";
 inline constexpr std::string_view kPoseStamped = "geometry_msgs/msg/PoseStamped";
 inline constexpr std::string_view kTfMessage = "tf2_msgs/msg/TFMessage";
+inline constexpr std::string_view kNavSatFix = "sensor_msgs/msg/NavSatFix";
 
 /// std_msgs/Header.
 struct RosHeader {
@@ -47,5 +50,17 @@ struct StampedTransform {
 /// @throws InputError as above; what was before the break has been taken.
 void read_transforms(MessageReader& reader,
                      const std::function<void(const StampedTransform&)>& take);
+
+/// Where an antenna was.
+struct GnssFix {
+  std::int64_t stamp_ns = 0;
+  /// Of the antenna.
+  std::string frame_id;
+  /// Nothing where the receiver had no fix, or the place is none on Earth: no altitude is one.
+  std::optional<GeodeticOrigin> place;
+};
+
+/// sensor_msgs/NavSatFix up to its covariance. @throws InputError as above.
+[[nodiscard]] GnssFix read_fix(MessageReader& reader);
 
 }  // namespace stillmap::maps

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "bags/bag_choice.hpp"
+#include "bags/bag_gnss.hpp"
 #include "bags/bag_poses.hpp"
 #include "bags/bag_survey.hpp"
 #include "bags/point_cloud2.hpp"
@@ -202,6 +203,7 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
     set_bag_poses(contents, *poses);
   }
   leave_out_unordered(contents);
+  place_by_gnss(contents, scans->bags, found, choice, name);
   return contents;
 }
 

@@ -188,8 +188,9 @@ Drive::Contents open_rawlog_drive(const fs::path& root, std::string_view words,
   const bool in_folder = fs::is_directory(root);
   if (in_folder) choice = with_choice_of_folder(std::move(choice), root);
   const fs::path file = in_folder ? file_in(root) : root;
-  if (choice.pose_frame)
-    throw InputError(scans->name, "pose_frame", "cloud=LABEL or poses=SOURCE of a rawlog");
+  if (choice.pose_frame || choice.gnss)
+    throw InputError(scans->name, choice.gnss ? "gnss" : "pose_frame",
+                     "cloud=LABEL or poses=SOURCE of a rawlog");
   scans->survey = survey_rawlog(file);
   const std::string& label = label_of(*scans->survey, choice, scans->name);
   scans->scans = &scans->survey->scans_of_label.at(label);

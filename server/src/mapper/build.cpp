@@ -324,7 +324,7 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
           "KITTI raw or odometry, MulRan, key frame folder, a folder of .pcd, .ply or .bin scans, "
           "an "
           "MRPT rawlog, or a bag (MCAP, rosbag2; where it leaves a choice "
-          "'FILE?cloud=TOPIC&poses=TOPIC&pose_frame=FRAME'"
+          "'FILE?cloud=TOPIC&poses=TOPIC&pose_frame=FRAME&gnss=TOPIC'"
           "); 'DRIVE?sensor=NAME' gives points of scans without times those of that sensor's turn "
           "(`inspect` guesses names); several go into one map: by their poses where these are in "
           "one frame, else by places "

@@ -3,9 +3,11 @@
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/drive_check.hpp>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/geodesy.hpp>
 #include <stillmap/maps/store/archive.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <iterator>
@@ -35,6 +37,7 @@ const char* const kCloudType = "sensor_msgs/msg/PointCloud2";
 const char* const kOdometryType = "nav_msgs/msg/Odometry";
 const char* const kPoseType = "geometry_msgs/msg/PoseStamped";
 const char* const kTfType = "tf2_msgs/msg/TFMessage";
+const char* const kFixType = "sensor_msgs/msg/NavSatFix";
 
 struct Message {
   std::string topic;
@@ -309,6 +312,99 @@ TEST_F(BagDrive, ListsTfBesideATopicThatSaysSomethingElse) {
   EXPECT_NEAR(open("?poses=/tf").T_map_lidar(1).translation().y(), 5.0, 1e-12);
   EXPECT_NEAR(open("?poses=/odom").T_map_lidar(1).translation().y(), 0.0, 1e-12);
   EXPECT_NEAR(open("?pose_frame=base_link").T_map_lidar(1).translation().y(), 0.0, 1e-12);
+}
+
+/// A drive around a bend whose odometry starts at 0 facing 30 degrees off the east, and an antenna
+/// beside the lidar.
+class BagDriveWithGnss : public BagDrive {
+ protected:
+  static constexpr int kScans = 60;
+  BagDriveWithGnss() {
+    messages_.clear();
+    for (int i = 0; i < kScans; ++i) clouds("/points", i);
+    add_static("base_link", "lidar", {0, 0, 2});
+    for (int i = 0; i <= 2 * kScans; ++i) {
+      const double yaw = heading(0.5 * i);
+      const Eigen::Vector3d p = position(0.5 * i);
+      add("/odom", kOdometryType,
+          odometry(kStart + i * kStep / 2,
+                   {p.x(), p.y(), p.z(), 0, 0, std::sin(yaw / 2), std::cos(yaw / 2)}, "base_link"));
+    }
+  }
+  void add_fixes(int first = 0) {
+    for (int i = first; i < 2 * kScans; ++i) {
+      const double at = 0.5 * i + 0.2;
+      const Eigen::Vector3d p_odom_antenna =
+          position(at) + Eigen::AngleAxisd(heading(at), Eigen::Vector3d::UnitZ()) * antenna_;
+      const Eigen::Vector3d p_utm = utm_.to_utm(T_enu_odom() * p_odom_antenna);
+      const GeodeticOrigin place = geodetic_of(p_utm, utm_.zone());
+      add("/fix", kFixType,
+          test::nav_sat_fix(kStart + i * kStep / 2 + kStep / 5, place.latitude_deg,
+                            place.longitude_deg, place.altitude_m));
+    }
+  }
+  /// Of base_link in odom, 40 m a scan around a circle of 500 m.
+  static double heading(double scan) { return 40.0 * scan / 500.0; }
+  static Eigen::Vector3d position(double scan) {
+    return 500.0 * Eigen::Vector3d(std::sin(heading(scan)), 1.0 - std::cos(heading(scan)), 0.0);
+  }
+  static Eigen::Isometry3d T_enu_odom() {
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.linear() =
+        Eigen::AngleAxisd(std::numbers::pi / 6, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+    T.translation() = Eigen::Vector3d(3.0, 4.0, 0.0);
+    return T;
+  }
+
+  static constexpr GeodeticOrigin kPlace{-33.9, 18.4, 60.0};
+  UtmProjection utm_{kPlace, utm_zone_of(kPlace).value()};
+  Eigen::Vector3d antenna_{-1.0, 0.5, 1.5};
+};
+
+TEST_F(BagDriveWithGnss, TurnsTheMapToEastAndNorthWhereFixesAreChosen) {
+  add_static("base_link", "gps", {-1.0, 0.5, 1.5});
+  add("/fix", kFixType, test::nav_sat_fix(kStart, 0.0, 0.0, 0.0, "gps", -1));
+  add("/fix", kFixType, test::nav_sat_fix(kStart, -33.9, 18.4, std::nan("")));
+  add_fixes();
+  for (const std::string words : {"?gnss=/fix", "?gnss=/fix&poses=/odom"}) {
+    const Drive drive = open(words);
+    ASSERT_TRUE(drive.contents().origin);
+    const Eigen::Isometry3d T_enu_map = T_enu_enu(kPlace, *drive.contents().origin);
+    for (const std::size_t i : {0U, 17U, 59U}) {
+      const double scan = static_cast<double>(i);
+      const Eigen::Vector3d p_enu =
+          T_enu_odom() * (position(scan) + Eigen::Vector3d(0.0, 0.0, 2.0));
+      // Chords between the poses, and the Earth's curve.
+      EXPECT_NEAR((T_enu_map * drive.T_map_lidar(i).translation() - p_enu).norm(), 0.0, 0.3) << i;
+      const Eigen::Vector3d ahead = T_enu_map.linear() * drive.T_map_lidar(i).linear().col(0);
+      EXPECT_NEAR(
+          std::remainder(std::atan2(ahead.y(), ahead.x()) - heading(scan) - std::numbers::pi / 6,
+                         2 * std::numbers::pi),
+          0.0, 1e-3)
+          << i;
+    }
+    EXPECT_THAT(drive.contents().notes, AllOf(Contains(HasSubstr("turned by 30.0")),
+                                              Contains(HasSubstr("2 messages of /fix left out"))));
+  }
+}
+
+TEST_F(BagDriveWithGnss, LeavesTheMapWhereItIsWithoutAChoice) {
+  add_fixes();
+  const Drive drive = open();
+  EXPECT_FALSE(drive.contents().origin);
+  EXPECT_NEAR(drive.T_map_lidar(0).translation().head<2>().norm(), 0.0, 1e-9);
+  EXPECT_THAT(drive.contents().notes, Contains(HasSubstr("GNSS on /fix: not taken")));
+  EXPECT_THAT(open("?gnss=/fix").contents().notes,
+              Contains(HasSubstr("no place of 'gps' of /fix: taken as that of the lidar")));
+}
+
+TEST_F(BagDriveWithGnss, RefusesFixesThatPlaceNothing) {
+  expect_error({"no GNSS on /fix; there is none", "NavSatFix"}, "?gnss=/fix");
+  add_fixes(2 * kScans - 10);
+  expect_error({"no GNSS on /odom; there is /fix"}, "?gnss=/odom");
+  expect_error({"gnss without poses"}, "?gnss=/fix&poses=none");
+  // Behind the last scan there is no pose.
+  expect_error({"run.mcap /fix: found", "fixes beside the poses", "at least 10"}, "?gnss=/fix");
 }
 
 TEST_F(BagDrive, TakesNoGoalsForAPath) {

@@ -100,9 +100,9 @@ class Drive {
   /// scans; where tf only repeats the topic, the topic counts. Scans at the ends without a pose are
   /// left out and noted, and without poses there are none. Where there is more than one choice, it
   /// is made in `topics.txt` of the bag's folder, or behind the path:
-  /// `run.mcap?cloud=/points&poses=/odom&pose_frame=base_link`, any of the three; `poses` may be a
-  /// topic of tf or `none`, and `pose_frame` is the frame that the poses are of where their
-  /// messages do not say it, or say it wrong.
+  /// `run.mcap?cloud=/points&poses=/odom&pose_frame=base_link&gnss=/fix`, any of the four; `poses`
+  /// may be a topic of tf or `none`, `pose_frame` the frame that the poses are of where messages do
+  /// not say it or say it wrong, `gnss` a topic of NavSatFix that turns them to east-north-up.
   /// @param poses_file  poses instead of the layout's own: KITTI (12 numbers, one line a scan) or
   /// TUM
   ///                    (8 numbers, interpolated to the scans' stamps; scans without one within
