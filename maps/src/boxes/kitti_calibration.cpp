@@ -1,5 +1,6 @@
 #include "boxes/kitti_calibration.hpp"
 
+#include <fmt/format.h>
 #include <stillmap/maps/error.hpp>
 
 #include <array>
@@ -9,10 +10,14 @@
 #include <string>
 #include <vector>
 
+#include "drives/calibration.hpp"
 #include "formats/text.hpp"
 
 namespace stillmap::maps {
 namespace {
+
+/// Pixels, and pixels times metres, of a projection: KITTI's reach 1,242.
+constexpr double kMaxCameraValue = 1e6;
 
 /// `NAME: numbers` of a calibration file; KITTI's tracking files leave the colon out in places.
 std::vector<double> read_row(const std::filesystem::path& file,
@@ -57,7 +62,18 @@ Eigen::Affine3d checked(const std::filesystem::path& file, const Eigen::Affine3d
                      "a lidar to camera matrix of determinant " + std::to_string(volume),
                      "a rotation");
   }
+  check_lever_arm(T.translation(), file);
   return T;
+}
+
+/// Refuses what no camera has, and what would overflow where it is multiplied.
+void check_camera(const std::filesystem::path& file, std::string_view name,
+                  const std::vector<double>& values, double lowest) {
+  for (const double value : values) {
+    if (value >= lowest && value <= kMaxCameraValue) continue;
+    throw InputError(file.string(), fmt::format("{} in {}", value, name),
+                     fmt::format("{} to {}", lowest, kMaxCameraValue));
+  }
 }
 
 Eigen::Affine3d read_tracking_calibration(const std::filesystem::path& file) {
@@ -139,10 +155,13 @@ CameraView read_camera_view(const std::filesystem::path& label_file) {
   if (calibration.is_raw) {
     const std::filesystem::path file = calibration.place / "calib_cam_to_cam.txt";
     P = read_row(file, {"P_rect_02"}, 12);
+    check_camera(file, "P_rect_02", P, -kMaxCameraValue);
     const std::vector<double> size = read_row(file, {"S_rect_02"}, 2);
+    check_camera(file, "S_rect_02", size, 1.0);
     view.size_px = {size[0], size[1]};
   } else {
     P = read_row(calibration.place, {"P2"}, 12);
+    check_camera(calibration.place, "P2", P, -kMaxCameraValue);
     view.size_px = image_size_px(calibration.place, P[0]);
   }
   const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> P_image_rect(P.data());

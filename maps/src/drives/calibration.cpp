@@ -1,5 +1,6 @@
 #include "drives/calibration.hpp"
 
+#include <fmt/format.h>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/frames.hpp>
 
@@ -52,10 +53,20 @@ Eigen::Isometry3d checked(const Eigen::Matrix3d& R, const Eigen::Vector3d& t,
   if (!(off.cwiseAbs().maxCoeff() <= 1e-3) || R.determinant() < 0.0) {
     throw InputError(file.string(), "a 3x3 part that is no rotation", "a rigid transform");
   }
+  check_lever_arm(t, file);
   return renormalized(T);
 }
 
 }  // namespace
+
+void check_lever_arm(const Eigen::Vector3d& t_m, const std::filesystem::path& file) {
+  constexpr double kMaxLeverArmM = 1000.0;
+  // Written so that a NaN is refused too; no norm, which overflows.
+  if (t_m.cwiseAbs().maxCoeff() <= kMaxLeverArmM && t_m.allFinite()) return;
+  throw InputError(file.string(),
+                   fmt::format("sensors {}, {}, {} m apart", t_m.x(), t_m.y(), t_m.z()),
+                   fmt::format("up to {} m along each axis", kMaxLeverArmM));
+}
 
 Calibration read_calibration(const std::filesystem::path& file) {
   const std::string text = read_text(file);

@@ -15,6 +15,10 @@ namespace stillmap::maps {
 [[nodiscard]] std::map<std::string, std::vector<double>> read_calibration(
     const std::filesystem::path& file);
 
+/// @throws InputError naming `file` when two sensors of one vehicle would be further than 1000 m
+/// apart along an axis.
+void check_lever_arm(const Eigen::Vector3d& t_m, const std::filesystem::path& file);
+
 /// T_velo_imu of `calib_imu_to_velo.txt` (`R:` 9 numbers, `T:` 3). @throws InputError, also when it
 /// is missing.
 [[nodiscard]] Eigen::Isometry3d read_T_velo_imu(const std::filesystem::path& file);

@@ -212,6 +212,8 @@ TEST_F(KittiRawDrive, WithABrokenCalibrationNamesTheEntry) {
   expect_error("calib_imu_to_velo.txt", "no entry 'T'");
   folder_.write("2011_09_26/calib_imu_to_velo.txt", calibration("1 0 0 0 2 0 0 0 1"));
   expect_error("calib_imu_to_velo.txt", "no rotation");
+  folder_.write("2011_09_26/calib_imu_to_velo.txt", "R: 1 0 0 0 1 0 0 0 1\nT: -0.8 1e300 0\n");
+  expect_error("calib_imu_to_velo.txt", "sensors -0.8, 1e+300, 0 m apart");
 }
 
 TEST_F(KittiRawDrive, WhosePathEndsBeforeAllItsScansIsRefused) {

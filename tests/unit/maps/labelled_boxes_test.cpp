@@ -88,6 +88,11 @@ TEST_F(LabelledBoxesTest, TakesSizeAndLensOfARawDateFolder) {
                 "P_rect_02: 500 0 320 0 0 500 240 0 0 0 1 0\n");
   folder_.write("drive/tracking/label_02.txt", std::string("0 3 ") + kCar);
   EXPECT_EQ(read()->views.at(0).size_px, Eigen::Vector2d(640.0, 480.0));
+  folder_.write("calib_cam_to_cam.txt",
+                "R_rect_00: 1 0 0 0 1 0 0 0 1\nS_rect_02: 640 0\n"
+                "P_rect_02: 500 0 320 0 0 500 240 0 0 0 1 0\n");
+  EXPECT_THAT([&] { (void)read(); },
+              ThrowsSaying<InputError>({"calib_cam_to_cam.txt", "0 in S_rect_02"}));
 }
 
 TEST_F(LabelledBoxesTest, NamesWhatIsMissingOrWrong) {
@@ -101,6 +106,14 @@ TEST_F(LabelledBoxesTest, NamesWhatIsMissingOrWrong) {
   other.replace(other.find("721.5377"), 8, "700.0000");
   write_object("000007", kCar, other);
   EXPECT_THAT([&] { (void)read(); }, ThrowsSaying<InputError>({"000007.txt", "focal length"}));
+  other = kCalibration;
+  other.replace(other.find(" 600 "), 5, " 1e308 ");
+  write_object("000007", kCar, other);
+  EXPECT_THAT([&] { (void)read(); }, ThrowsSaying<InputError>({"000007.txt", "1e+308 in P2"}));
+  other = kCalibration;
+  other.replace(other.find("-0.3"), 4, "1e308");
+  write_object("000007", kCar, other);
+  EXPECT_THAT([&] { (void)read(); }, ThrowsSaying<InputError>({"000007.txt", "1e+308 m apart"}));
   write_object("000007", kCar, "R0_rect: 1 0 0 0 1 0 0 0 1\n");
   EXPECT_THAT([&] { (void)read(); }, ThrowsSaying<InputError>({"000007.txt", "Tr_velo_to_cam"}));
 }
