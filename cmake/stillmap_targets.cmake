@@ -3,6 +3,8 @@ add_library(stillmap_flags INTERFACE)
 target_compile_options(stillmap_flags INTERFACE -Wall -Wextra -Wconversion -Wshadow -Wpedantic -Werror
   # GCC 12 sees overlapping copies in std::string's operator+ at -O3 (GCC bug 105651).
   $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
+  # The compiler's own garbage collection costs a sixth of its time and spares a tenth of its memory.
+  "$<$<CXX_COMPILER_ID:GNU>:SHELL:--param ggc-min-heapsize=1048576 --param ggc-min-expand=200>"
   # Equal bits for equal input: no fused multiply-add that depends on the compiler's mood.
   -ffp-contract=off)
 if(STILLMAP_SANITIZE)
