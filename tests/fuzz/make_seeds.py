@@ -131,6 +131,9 @@ def make_packages():
                           for x, n in ((0, 2), (-1, 1))],
                 "files": {name: {"bytes": size, "sha256": digest} for name, size in tiles}}
     put("manifest", "whole", json.dumps(manifest, indent=1))
+    put("manifest", "registered", json.dumps({**manifest, "registration": {
+        "previous_digest": digest, "T_previous_map": POSE, "T_map_poses": POSE, "residual_m": 0.01, "residual_rad": 0.001,
+        "scans_used": 3, "scans_asked": 4}}))
     bare = {**manifest, "tiles": [], "files": {}}
     del bare["geodetic_origin"]
     put("manifest", "bare", json.dumps(bare))
@@ -147,7 +150,9 @@ def make_packages():
     fates = b"smfates1" + b"".join(runs) + struct.pack("<QQQQ", 8, 8 + len(runs[0]), 8 + len(runs[0]) + len(runs[1]), 2)
     tum = "# stamp x y z qx qy qz qw\n1500000000.100000001 1 2 3 0 0 0.6 0.8\n1.5e9 1 1 1 0 0 0 1\n"
     good_tum = "1500000000.1 1 2 3 0 0 0.6 0.8\n1500000000.2 2 2 3 0 0 0 1\n"
-    put("package_files", "whole", SEPARATOR.join([tile, history, good_tum.encode(), objects.encode(), fates]))
+    parts = [tile[:80], history[:64], good_tum.encode(), objects.encode(), fates]
+    assert SEPARATOR not in b"".join(parts)
+    put("package_files", "whole", SEPARATOR.join(parts))
     put("package_files", "empty", SEPARATOR.join([b"", b"", b"", b"{\"objects\": []}", b""]))
     put("boxes", "objects", objects)
     boxes = {"format": "stillmap-boxes", "version": 1, "scans": [{"scan": 3, "boxes": [
