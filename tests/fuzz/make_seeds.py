@@ -193,12 +193,39 @@ def make_index():
     put("index", "voxel", b"\2" + bytes([0, 0, 1, 3]) + struct.pack("<f", math.nan))
 
 
+def network(channels=1):
+    """The least network: @return its config and its tensors' shapes"""
+    config = {"name": "a", "range_m": [-1, -1, -1, 1, 1, 1], "voxel_m": [0.1, 0.1, 0.1], "z": "ground", "sensor_height_m": 0,
+              "features": ["x"], "stages": [{"channels": channels, "blocks": 0, "kernel": 1}] * 6, "pruning": [0] * 5,
+              "neck_channels": 1, "head_kernel": 1, "heads": [{"classes": ["car"]}], "yaw": "axis",
+              "branches": ["hm", "center", "center_z", "dim", "rot"], "iou_rectifier": [0], "calibration": [[1, 0]],
+              "nms": "fitted", "nms_iou": 0.2, "score_threshold": 0.2}
+    layers = {"input": (27, 1, channels), **{f"stage{i}.down": (1, channels, channels) for i in range(2, 7)},
+              "neck.out": (9, channels, 1), "neck.shared": (9, 1, 1)}
+    for branch, out in (("hm", 1), ("center", 2), ("center_z", 1), ("dim", 3), ("rot", 2)):
+        layers |= {f"head0.{branch}.0": (1, 1, 1), f"head0.{branch}.1": (1, 1, out)}
+    return config, layers
+
+
+def safetensors(config, layers, kind="F16"):
+    header, data, size = {"__metadata__": {"format": "stillmap-voxelnext", "version": "1",
+                                           "config": json.dumps(config, separators=(",", ":"))}}, b"", {"F16": 2, "F32": 4}[kind]
+    for name, shape in layers.items():
+        for tensor, sizes in ((f"{name}.weight", shape), (f"{name}.bias", shape[-1:])):
+            numbers = struct.pack(f"<{math.prod(sizes)}{'e' if size == 2 else 'f'}", *([0.5] * math.prod(sizes)))
+            header[tensor] = {"dtype": kind, "shape": sizes, "data_offsets": [len(data), len(data) + len(numbers)]}
+            data += numbers
+    text = json.dumps(header, separators=(",", ":")).encode()
+    return struct.pack("<Q", len(text)) + text + data
+
+
 def make_weights():
-    config = {"name": "a", "range_m": [-1, -1, -1, 1, 1, 1], "voxel_m": [0.1, 0.1, 0.1]}
-    header = json.dumps({"__metadata__": {"format": "stillmap-voxelnext", "version": "1", "config": json.dumps(config)},
-                         "input.weight": {"dtype": "F32", "shape": [2, 2], "data_offsets": [0, 16]}}).encode()
-    put("voxelnext_weights", "file", struct.pack("<Q", len(header)) + header + bytes(16))
-    put("voxelnext_weights", "header", header)
+    config, layers = network()
+    whole = safetensors(config, layers)
+    assert len(whole) <= 4096
+    put("voxelnext_weights", "whole", whole)
+    put("voxelnext_weights", "file", safetensors(config, {"input": (2, 2, 1)}, "F32"))
+    put("voxelnext_weights", "header", safetensors({"name": "a"}, {"input": (2, 2, 1)}, "F32")[8:-20])
     put("voxelnext_weights", "config", json.dumps(config))
 
 

@@ -11,8 +11,8 @@ usage: soak.py PROGRAMS STATE [--seconds N | --soak | --report | --keep] [--jobs
              them into learnt/NAME.zip
 --jobs N     so many targets at a time, one unless told
 
-STATE/NAME/corpus grows, from learnt/NAME.zip on; STATE/NAME/state.json counts, anew when the program is another;
-STATE/NAME/found/ holds inputs that broke something. The rules are those of the soak: 512 MiB, 5 s an input. Ends with 1
+STATE/NAME/corpus grows, from learnt/NAME.zip and (with --soak) what of variants.py reaches something new on;
+STATE/NAME/state.json counts, anew when the program is another; STATE/NAME/found/ holds inputs that broke something. The rules are those of the soak: 512 MiB, 5 s an input. Ends with 1
 when anything was found.
 """
 
@@ -24,10 +24,12 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 
 import learnt
+import variants
 
 HERE = pathlib.Path(__file__).resolve().parent
 README = HERE.parent / "README.md"
@@ -57,7 +59,8 @@ class Target:
         """What was counted of another program says nothing of this one."""
         digest = hashlib.sha256(self.program.read_bytes()).hexdigest()
         if self.state.get("program") != digest:
-            self.state |= {"inputs": 0, "cpu_s": 0.0, "cpu_s_at_last_edge": 0.0, "edges": 0, "program": digest}
+            self.state |= {"inputs": 0, "cpu_s": 0.0, "cpu_s_at_last_edge": 0.0, "edges": 0, "program": digest,
+                           "variants": False}
         self.state["commit"] = commit
         learnt.unpack(self.learnt, self.folder / "corpus")
 
@@ -76,6 +79,22 @@ class Target:
                    "-print_final_stats=1", "-reload=0", f"-artifact_prefix={self.folder}/found/"]
         options += [f"-dict={words}"] if words.exists() else []
         return [self.program, *options, self.folder / "corpus", *([self.seeds] if self.seeds.is_dir() else [])]
+
+    def take_variants(self):
+        """Once a program: what of them reaches something new joins the corpus. @return whether nothing was found"""
+        if self.state.get("variants"):
+            return True
+        before, folder = self.findings(), self.folder / "variants"
+        variants.write(self.name, folder)
+        # As in learnt.merged: all pass one process.
+        subprocess.run([self.program, "-merge=1", "-rss_limit_mb=2048", "-timeout=5", "-max_len=4096",
+                        f"-artifact_prefix={self.folder}/found/", self.folder / "corpus", folder], check=True,
+                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                       env=os.environ | {"ASAN_OPTIONS": "detect_leaks=0"})
+        shutil.rmtree(folder)
+        self.state["variants"] = True
+        self.save()
+        return self.findings() == before
 
     def run(self, seconds):
         """@return whether nothing was found"""
@@ -142,7 +161,7 @@ def report(targets):
 
 def run_once(target, asked):
     """@return its name when something was found"""
-    ok = target.run(SLICE_S if asked.soak else asked.seconds)
+    ok = (not asked.soak or target.take_variants()) and target.run(SLICE_S if asked.soak else asked.seconds)
     print(target.line(), flush=True)
     return None if ok else target.name
 
