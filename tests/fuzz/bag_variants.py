@@ -1,0 +1,159 @@
+"""Bags drawn at random whose messages can mostly be read: what frames, topics, times and columns mean is told apart only
+behind readers that hardly any changed byte gets through. For variants.py."""
+
+import math
+import random
+import struct
+
+import make_bag_seeds as bags
+
+DRAWS = 4000
+FRAMES = ["lidar", "/lidar", "base_link", "odom", "map", "world", "earth", "utm", "robot/map", "camera", "", "x" * 70]
+COLUMNS = ["x", "y", "z", "intensity", "reflectivity", "t", "time", "timestamp", "time_stamp", "ring", "rgb", "X", "_", ""]
+SIZES = {1: "b", 2: "B", 3: "h", 4: "H", 5: "i", 6: "I", 7: "f", 8: "d"}
+
+
+def rarely(rng, usual, others, share=0.04):
+    return rng.choice(others) if rng.random() < share else usual
+
+
+def drawn_columns(rng):
+    """@return (name, datatype, count)"""
+    axis = rng.choice((7, 7, 7, 8, 5, 3))
+    columns = [(name, rarely(rng, axis, (0, 1, 6, 9, 255)), rarely(rng, 1, (0, 2))) for name in "xyz"]
+    columns += [(name, rng.choice(range(1, 9)), rarely(rng, 1, (0, 3))) for name in rng.sample(COLUMNS, rng.randrange(5))]
+    if rng.random() < 0.1:
+        rng.shuffle(columns)
+    return rarely(rng, columns, (columns[1:], [], columns * 2))
+
+
+def drawn_number(rng, kind, name, stamp_s):
+    if kind in "fd":
+        time = name.startswith("t") and (stamp_s + rng.random() * 0.1, 1e9 * stamp_s, 1e6 * stamp_s, rng.random() * 0.1)
+        usual = rng.choice(time) if time else rng.gauss(0, 20)
+        return rarely(rng, usual, (math.nan, math.inf, 0.0, 1e30, -3e38, 1e-30))
+    low, high = (-(1 << 8 * struct.calcsize(kind) - 1), (1 << 8 * struct.calcsize(kind) - 1) - 1) if kind.islower() else (
+        0, (1 << 8 * struct.calcsize(kind)) - 1)
+    return rarely(rng, rng.randrange(max(low, -100), min(high, 10**8)), (low, high, 0))
+
+
+def drawn_header(rng, message, tenths, frame):
+    if message.ros1:
+        message.put("I", 7)
+    seconds = rarely(rng, bags.START_S + tenths // 10, (0, 1, -1, 2**31 - 1, -2**31) if not message.ros1 else (0, 2**32 - 1))
+    return message.put("I" if message.ros1 else "i", seconds).put(
+        "I", rarely(rng, tenths % 10 * 100_000_000, (0, 999_999_999, 2**32 - 1))).text(frame)
+
+
+def drawn_cloud(rng, tenths, order, ros1, frame, columns):
+    message = drawn_header(rng, bags.Message(order, ros1), tenths, frame)
+    height, width = rng.choice(((1, 3), (1, 3), (2, 2), (3, 1), (1, 0), (1, 20)))
+    offsets, step = [], 0
+    for _, kind, count in columns:
+        size = struct.calcsize(SIZES.get(kind, "f"))
+        offsets.append(step)
+        step += size * max(1, count)
+    step += rng.choice((0, 0, 4))
+    row_step = width * step + rarely(rng, 0, (8, -1), 0.1) if width * step else 0
+    message.put("I", rarely(rng, height, (0, 2**32 - 1))).put("I", rarely(rng, width, (0, 2**16, 2**32 - 1))).put("I", len(columns))
+    for (name, kind, count), offset in zip(columns, offsets):
+        message.text(name).put("I", rarely(rng, offset, (step, 2**32 - 1), 0.01)).put("B", kind).put("I", count)
+    big = rng.random() < 0.2
+    points = bytearray(max(0, height * row_step))
+    for i in range(height * width):
+        for (name, kind, _), offset in zip(columns, offsets):
+            letter = SIZES.get(kind, "f")
+            at = i // width * row_step + i % width * step + offset
+            if at + struct.calcsize(letter) <= len(points):
+                struct.pack_into((">" if big else "<") + letter, points, at,
+                                 drawn_number(rng, letter, name, bags.START_S + tenths // 10))
+    message.put("B", big).put("I", rarely(rng, step, (0, 2**32 - 1))).put("I", rarely(rng, row_step, (0, 1)))
+    message.put("I", rarely(rng, len(points), (len(points) + 1, 2**32 - 1), 0.01)).bytes += points
+    return message.put("B", 1).bytes
+
+
+def put_rigid(rng, message):
+    parts = [rng.gauss(0, 1) * rng.choice((1e-9, 1e-3, 1)) for _ in range(3)] + [1.0]
+    length = math.hypot(*parts) * rarely(rng, 1, (0.999, 1.1, 1e-300))
+    place = [rarely(rng, rng.gauss(0, 5), (math.nan, 1e9, -1e300, 0.0), 0.02) for _ in range(3)]
+    return message.put("d", *place, *[each / length for each in parts])
+
+
+def drawn_pose(rng, tenths, order, ros1, frames, odometry):
+    message = drawn_header(rng, bags.Message(order, ros1), tenths, frames[0])
+    if odometry:
+        message.text(frames[1])
+    # The covariances and the twist behind it are not read.
+    return put_rigid(rng, message).bytes
+
+
+def drawn_tf(rng, tenths, ros1, pairs):
+    message = bags.Message(ros1=ros1).put("I", rarely(rng, len(pairs), (0, 9, 2**32 - 1), 0.02))
+    for parent, child in pairs:
+        put_rigid(rng, drawn_header(rng, message, tenths, parent).text(child))
+    return message.bytes
+
+
+def drawn_messages(rng, ros1):
+    kinds = [kind.replace("/msg/", "/") if ros1 else kind for kind in (bags.CLOUD, bags.ODOMETRY, bags.POSE, bags.TF)]
+    order = rarely(rng, "<", (">",), 0.1) if not ros1 else "<"
+    frame, columns = rarely(rng, "lidar", FRAMES, 0.2), drawn_columns(rng)
+    pairs = [(rng.choice(FRAMES), rng.choice(FRAMES)) for _ in range(rng.randrange(3))]
+    odometry = [rarely(rng, usual, FRAMES, 0.2) for usual in ("odom", "base_link")]
+    has = {name: rng.random() < share for name, share in (("rigid", 0.7), ("odom", 0.5), ("pose", 0.2), ("tf", 0.5), ("two", 0.15))}
+    messages = []
+    if has["rigid"]:
+        messages.append(("/tf_static", kinds[3], drawn_tf(rng, 0, ros1, [("base_link", "lidar"), *pairs[:1]])))
+    for scan in range(rng.choice((1, 2, 3, 6))):
+        tenths = rarely(rng, scan, (0, scan + 40, 7), 0.1)
+        messages.append(("/points", kinds[0], drawn_cloud(rng, tenths, order, ros1, frame, columns)))
+        if has["two"]:
+            messages.append(("/other", kinds[rarely(rng, 0, (1, 3))],
+                             drawn_cloud(rng, tenths, order, ros1, rng.choice(FRAMES), columns)))
+        if has["odom"]:
+            messages.append(("/odom", kinds[1], drawn_pose(rng, tenths, order, ros1, odometry, True)))
+        if has["pose"]:
+            messages.append(("/pose", kinds[2], drawn_pose(rng, tenths, order, ros1, odometry, False)))
+        if has["tf"]:
+            chain = rng.choice(([("map", "base_link")], [("map", "odom"), ("odom", "base_link")], [("odom", "lidar")],
+                                [("earth", "map"), ("map", "base_link")], pairs))
+            messages.append(("/tf", kinds[3], drawn_tf(rng, tenths, ros1, chain)))
+    if rng.random() < 0.2:
+        rng.shuffle(messages)
+    return messages
+
+
+def mcap_bags():
+    rng = random.Random(1)
+    for _ in range(DRAWS):
+        ros1 = rng.random() < 0.15
+        chunks = rng.random() < 0.5
+        # Packed by the tools is a process each.
+        compression = rng.choice(("lz4", "zstd")) if chunks and rng.random() < 0.05 else None
+        yield bags.mcap(drawn_messages(rng, ros1), compression, chunks and rng.random() < 0.7, chunks,
+                        rarely(rng, "ros1" if ros1 else "cdr", ("", "json", "cdr")))
+
+
+def rosbag2_files():
+    rng = random.Random(2)
+    for _ in range(DRAWS):
+        yield bags.rosbag2(drawn_messages(rng, False), "zstd" if rng.random() < 0.03 else None)
+
+
+def ros_messages():
+    """As ros_message.cpp has them: the first byte's lowest bit says ROS 1, the others what it is."""
+    rng = random.Random(3)
+    for _ in range(5 * DRAWS):
+        ros1, order = rng.random() < 0.3, rng.choice("<<>")
+        order = "<" if ros1 else order
+        kind, frames = rng.randrange(4), rng.choices(FRAMES, k=2)
+        if kind == 0:
+            body = drawn_cloud(rng, rng.randrange(30), order, ros1, frames[0], drawn_columns(rng))
+        elif kind == 3:
+            body = drawn_tf(rng, rng.randrange(30), ros1, [rng.choices(FRAMES, k=2) for _ in range(rng.randrange(4))])
+        else:
+            body = drawn_pose(rng, rng.randrange(30), order, ros1, frames, kind == 1)
+        yield bytes([kind << 1 | ros1]) + body
+
+
+DRAWN = {"mcap": mcap_bags, "rosbag2": rosbag2_files, "ros_message": ros_messages}

@@ -1,0 +1,88 @@
+"""Requests for each route of the contract, with usual and odd names, queries, headers and bodies. For variants.py."""
+
+import itertools
+import json
+import pathlib
+import re
+import struct
+
+HERE = pathlib.Path(__file__).resolve().parent
+CONTRACT = HERE.parent.parent / "server" / "openapi.json"
+
+
+def request(method, path, headers="", content_type=None, body=b""):
+    lines = f"{method} {path} HTTP/1.1\r\nHost: a\r\n{headers}"
+    if content_type:
+        lines += f"Content-Type: {content_type}\r\n"
+    if body or method in ("POST", "PUT", "DELETE"):
+        lines += f"Content-Length: {len(body)}\r\n"
+    return lines.encode("latin-1") + b"\r\n" + body
+
+
+# What a route's parameters stand for in the target's store, then what is not there or no name.
+NAMES = {"map": ["town", "nomap", "a/b", "%2e%2e", "TOWN"], "version": ["v1", "v2", "x%00"], "level": ["0", "30", "-1", "a"],
+         "x": ["0", "-1", "99999999999"], "y": ["0", "1", "x"], "layer": ["coverage", "localizability", "x"],
+         "other": ["v1", "v2"], "part": ["0", "1", "-1"]}
+QUERIES = ["", "?layout=xyz&prior_t=0,0,0&prior_q=0,0,0,1&prior_sigma=1,0.1&stamp_ns=1500000000123456789&deadline_ms=500",
+           "?layout=xyzi", "?gnss=49,8.4,110", "?new_frame=true", "?limit=10&before=5", "?limit=0", "?status=failed&map=town",
+           "?active=true", "?tolerance_m=0.2", "?odom_since_ns=1&odom_t=0,0,0&odom_q=0,0,0,1&odom_sigma=0.1,0.01&stamp_ns=2",
+           "?method=icp", "?a=b&c", "?%00=%", "?layout=xyz&layout=xyz"]
+HEADERS = [each + "\r\n" for each in [
+    "Range: bytes=0-1", "Range: bytes=5-", "Range: bytes=-5", "Range: bytes=0-1,2-3", "Range: bytes=9999999-", "Range: bytes=a",
+    "Range: lines=1-2", "If-None-Match: *", 'If-None-Match: "a", W/"b"', 'If-Match: "1"', "If-Match: *", "If-Match: 0",
+    "Idempotency-Key: abc", "Idempotency-Key: " + "a" * 300, "Last-Event-ID: 1", "Last-Event-ID: x", "Authorization: Bearer abc",
+    "Authorization: Basic YQ==", "Accept-Encoding: gzip", "Accept: text/html", "X-Request-Id: abc", "X-Request-Id: " + "z" * 300,
+    "traceparent: 00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01", "traceparent: ff-",
+    "Content-Digest: sha-256=:47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU=:", "Content-Digest: sha-512=:a:",
+    "Content-Digest: x", "Expect: 100-continue", "Connection: close", "Content-Encoding: gzip", "Transfer-Encoding: chunked",
+    "Origin: http://a", "Host: b\r\nHost: c", "X-Forwarded-For: 1.2.3.4", "Content-Length: 5", "Content-Length: -1",
+    "Content-Length: 99999999999999999999", "A: " + "b" * 2000, "\r\n".join(f"H{i}: x" for i in range(150))]]
+
+
+def bodies_of_all_kinds():
+    def corpus(target, name):
+        return (HERE / "corpus" / target / f"seed_{name}").read_bytes()
+
+    yield None, b""
+    for content_type in ("application/octet-stream", "text/plain"):
+        yield content_type, struct.pack("<24f", *range(24))
+    yield "application/vnd.pcd", corpus("pcd", "ascii")
+    yield "application/vnd.ply", corpus("ply", "ascii")
+    for content_type in ("application/x-tar", "application/gzip"):
+        yield content_type, corpus("archive", "gzip")[1:]
+    yield 'multipart/form-data; boundary="xYz"', corpus("pose_multipart", "raw").split(b"\n", 1)[1]
+    pose = json.loads(corpus("pose_json", "full"))
+    for value in ({}, [], pose, {"scans": [pose, pose]}, {"prior": pose["prior"]}, pose["prior"],
+                  json.loads(corpus("edits", "both")), {"map": "town"}, {"drives": ["d"], "options": {}},
+                  {"map": "town", "version": "v1", "label": "car 7", "method": "default"},
+                  {"drives": [], "version": "v3", "activate": True}, {"center": [0, 0], "radius": 10, "cached_ids": ["0/0/0"]},
+                  {"center": [0, 0, 0], "radius": 1e9, "cached_ids": []}, {"scopes": ["read", "localize"], "name": "x"},
+                  {"name": "d", "files": []}):
+        yield "application/json", json.dumps(value).encode()
+    yield "application/json", b"{"
+
+
+def paths_of(template):
+    """@return the usual one, and those with one name changed"""
+    names = re.findall(r"{(\w+)}", template)
+    usual = {name: NAMES.get(name, ["0123456789abcdef", "x"])[0] for name in names}
+    changed = [template.format(**usual | {name: other})
+               for name in names for other in NAMES.get(name, ["0123456789abcdef", "x"])[1:]]
+    return template.format(**usual), changed
+
+
+def requests():
+    bodies = list(bodies_of_all_kinds())
+    for template, operations in json.loads(CONTRACT.read_text())["paths"].items():
+        usual, changed = paths_of(template)
+        for method, path in itertools.product(("GET", "HEAD", "POST", "PUT", "DELETE", "PATCH", "OPTIONS"), [usual, *changed]):
+            yield request(method, path)
+        for method in (name.upper() for name in operations if name in ("get", "put", "post", "delete")):
+            written = bodies if method in ("PUT", "POST") else bodies[:1]
+            for path, body in itertools.product(changed, written):
+                yield request(method, path, "", *body)
+            for body in written:
+                for query in QUERIES:
+                    yield request(method, usual + query, "", *body)
+                for headers in HEADERS:
+                    yield request(method, usual, headers, *body)
