@@ -1,0 +1,79 @@
+#!/usr/bin/env python3
+"""What variants.py writes is what it says; that targets take it is what fuzzing shows."""
+
+import itertools
+import json
+import math
+import random
+import struct
+import unittest
+
+import http_variants
+import json_variants
+import variants
+
+
+def seed(target, name):
+    return (variants.HERE / "corpus" / target / f"seed_{name}").read_bytes()
+
+
+class Json(unittest.TestCase):
+    def test_one_place_is_changed(self):
+        texts = set(json_variants.changed({"a": 1, "b": [2]}))
+        for expected in (b'{"a":null,"b":[2]}', b'{"a":1,"b":[null]}', b'{"b":[2]}', b'{"a":1,"b":[2],"a":1}', b'{"a":1,"b":[]}'):
+            self.assertIn(expected, texts)
+        self.assertNotIn(b'{"a":null,"b":[null]}', texts)
+
+    def test_strings_are_bytes_and_need_not_be_utf8(self):
+        self.assertIn(b'{"a":"\xc3("}', set(json_variants.changed({"a": 1})))
+
+    def test_drawn_rotations_are_such(self):
+        rng = random.Random(1)
+        for _ in range(100):
+            q = json_variants.drawn({"quaternion": [0, 0, 0, 1]}, rng, 10.0)["quaternion"]
+            self.assertAlmostEqual(math.hypot(*q), 1.0)
+
+    def test_drawn_covariances_are_symmetric_without_negative_variances(self):
+        rng = random.Random(1)
+        for _ in range(100):
+            c = json_variants.drawn({"covariance": [0.0] * 36}, rng, 10.0)["covariance"]
+            self.assertTrue(all(c[6 * i + j] == c[6 * j + i] for i in range(6) for j in range(6)))
+            self.assertTrue(all(c[7 * i] >= 0 for i in range(6)))
+
+    def test_words_stay_and_so_do_truths(self):
+        self.assertEqual(json_variants.drawn({"a": "x", "b": True, "c": None}, random.Random(1), 1.0),
+                         {"a": "x", "b": True, "c": None})
+
+
+class Inputs(unittest.TestCase):
+    def test_the_longest_text_is_found_within_others(self):
+        start, end, document = variants.json_within(b'x{"a":1}\x1e{"b":[1,2,3]}{')
+        self.assertEqual((start, end, document), (9, 22, {"b": [1, 2, 3]}))
+        self.assertIsNone(variants.json_within(b"{no json}"))
+
+    def test_lengths_before_a_text_follow_it(self):
+        whole = seed("voxelnext_weights", "whole")
+        start, end, _ = variants.json_within(whole)
+        changed = variants.put_in(whole, start, end, b"{}")
+        self.assertEqual(struct.unpack("<Q", changed[:8])[0], 2)
+        self.assertEqual(changed[8:], b"{}" + whole[end:])
+        request = http_variants.request("POST", "/", "", "application/json", b'{"a": 1}')
+        self.assertIn(b"Content-Length: 2\r\n", variants.put_in(request, len(request) - 8, len(request), b"{}"))
+
+    def test_each_target_has_some_and_they_are_the_same_again(self):
+        for folder in (variants.HERE / "corpus").iterdir():
+            with self.subTest(folder.name):
+                first, again = (list(itertools.islice(variants.variants(folder.name), 50)) for _ in range(2))
+                self.assertEqual(first, again)
+                self.assertEqual(len(first), 50)
+
+    def test_each_route_is_asked_for(self):
+        asked = b"".join(http_variants.requests())
+        paths = json.loads(http_variants.CONTRACT.read_text())["paths"]
+        self.assertGreater(len(paths), 40)
+        for template in paths:
+            self.assertIn(http_variants.paths_of(template)[0].encode() + b" HTTP/1.1", asked)
+
+
+if __name__ == "__main__":
+    unittest.main()
