@@ -245,6 +245,18 @@ def las(minor, point_format, point_bytes, records, wkt_bit=0):
     return bytes(head) + body + points
 
 
+def defaults_of(schema):
+    """An object of this JSON schema, with the default of each of its members."""
+    if "properties" in schema:
+        return {name: defaults_of(each) for name, each in schema["properties"].items()}
+    return schema["default"]
+
+
+def make_config():
+    schema = json.loads((CORPUS.parent.parent.parent / "server" / "config.schema.json").read_text())
+    put("config", "whole", json.dumps(defaults_of(schema)))
+
+
 def make_las():
     keys = struct.pack("<12H", 1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 32632)
     wkt = b'PROJCS["WGS 84 / UTM zone 32N",GEOGCS["WGS 84"],UNIT["metre",1],AUTHORITY["EPSG","32632"]]\0'
@@ -254,5 +266,5 @@ def make_las():
 
 
 if __name__ == "__main__":
-    for make in (make_las, make_scans, make_requests, make_http, make_packages, make_index, make_weights):
+    for make in (make_config, make_las, make_scans, make_requests, make_http, make_packages, make_index, make_weights):
         make()

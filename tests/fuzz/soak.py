@@ -12,8 +12,9 @@ usage: soak.py PROGRAMS STATE [--seconds N | --soak | --report | --keep] [--jobs
 --jobs N     so many targets at a time, one unless told
 
 STATE/NAME/corpus grows, from learnt/NAME.zip and (with --soak) what of variants.py reaches something new on;
-STATE/NAME/state.json counts, anew when the program is another; STATE/NAME/found/ holds inputs that broke something. The rules are those of the soak: 512 MiB, 5 s an input. Ends with 1
-when anything was found.
+STATE/NAME/state.json counts, anew when the program is another; STATE/NAME/edges.log tells where in the sources new edges
+lie; STATE/NAME/found/ holds inputs that broke something. The rules are those of the soak: 512 MiB, 5 s an input. Ends
+with 1 when anything was found.
 """
 
 import argparse
@@ -40,14 +41,20 @@ LEAST_INPUTS = 1_000_000
 SLICE_S = 300
 # AddressSanitizer keeps freed memory, by default half of what is allowed in all.
 ENVIRONMENT = {"ASAN_OPTIONS": "quarantine_size_mb=32:detect_leaks=1", "UBSAN_OPTIONS": "print_stacktrace=1"}
-LINE = re.compile(r"^#(\d+)\s+(\w+)\s+cov: (\d+)")
+if SYMBOLIZER := shutil.which("llvm-symbolizer-16"):
+    ENVIRONMENT["ASAN_SYMBOLIZER_PATH"] = SYMBOLIZER
+LINE = re.compile(r"^#(\d+)\s+\w+\s+cov: (\d+)")
+# Printed for what the inputs that are kept did not reach when they were read.
+EDGE = re.compile(r"^\s*NEW_PC: (0x[0-9a-f]+)(.*)")
+# Without it an edge had another address in each run, and could not be known again.
+NO_RANDOM_ADDRESSES = ["setarch", "-R"]
 
 
 class Target:
     def __init__(self, program, folder):
         self.name = program.name.removeprefix("fuzz_")
         self.program, self.folder = program, folder
-        self.state_file = folder / "state.json"
+        self.state_file, self.edges_file = folder / "state.json", folder / "edges.log"
         self.seeds, self.learnt = HERE / "corpus" / self.name, HERE / "learnt" / f"{self.name}.zip"
         self.state = {"inputs": 0, "cpu_s": 0.0, "cpu_s_at_last_edge": 0.0, "edges": 0, "commit": "", "date": ""}
         if self.state_file.exists():
@@ -61,6 +68,7 @@ class Target:
         if self.state.get("program") != digest:
             self.state |= {"inputs": 0, "cpu_s": 0.0, "cpu_s_at_last_edge": 0.0, "edges": 0, "program": digest,
                            "variants": False}
+            self.edges_file.unlink(missing_ok=True)
         self.state["commit"] = commit
         learnt.unpack(self.learnt, self.folder / "corpus")
 
@@ -76,9 +84,9 @@ class Target:
     def command(self, seconds):
         words = HERE / f"{self.name}.dict"
         options = [f"-max_total_time={seconds}", "-rss_limit_mb=512", "-timeout=5", "-max_len=4096",
-                   "-print_final_stats=1", "-reload=0", f"-artifact_prefix={self.folder}/found/"]
+                   "-print_final_stats=1", "-print_pcs=1", "-reload=0", f"-artifact_prefix={self.folder}/found/"]
         options += [f"-dict={words}"] if words.exists() else []
-        return [self.program, *options, self.folder / "corpus", *([self.seeds] if self.seeds.is_dir() else [])]
+        return [*NO_RANDOM_ADDRESSES, self.program, *options, self.folder / "corpus", *([self.seeds] if self.seeds.is_dir() else [])]
 
     def take_variants(self):
         """Once a program: what of them reaches something new joins the corpus. @return whether nothing was found"""
@@ -101,19 +109,17 @@ class Target:
         before_s, before_inputs = self.state["cpu_s"], self.state["inputs"]
         process = subprocess.Popen(self.command(seconds), stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
                                    errors="replace", env=os.environ | ENVIRONMENT)
-        edges, last = None, []
+        last = []
         for line in process.stderr:
             last = [*last[-60:], line]
+            if edge := EDGE.match(line):
+                self.take_edge(*edge.groups())
             self.state["cpu_s"] = max(self.state["cpu_s"], before_s + cpu_s(process.pid))
             match = LINE.match(line)
             if not match:
                 continue
             self.state["inputs"] = before_inputs + int(match[1])
-            # What the inputs that are kept reach anyway is not new.
-            if match[2] not in ("READ", "INITED") and edges is not None and int(match[3]) > edges:
-                self.state["cpu_s_at_last_edge"] = self.state["cpu_s"]
-            edges = int(match[3])
-            self.state["edges"] = max(self.state["edges"], edges)
+            self.state["edges"] = max(self.state["edges"], int(match[2]))
         # The kernel's last word on it; /proc was last looked at when it printed a line.
         _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
@@ -124,6 +130,15 @@ class Target:
             (self.folder / "last.log").write_text("".join(last))
             print(f"{self.name}: see {self.folder}/last.log and {self.folder}/found/", file=sys.stderr)
         return ok
+
+    def take_edge(self, address, place):
+        """New is what no run of this program has reached: some edges depend on what ran before, not on the input alone."""
+        known = {line.split(" ")[0] for line in self.edges_file.read_text().splitlines()} if self.edges_file.exists() else set()
+        if address in known:
+            return
+        self.state["cpu_s_at_last_edge"] = self.state["cpu_s"]
+        with self.edges_file.open("a") as log:
+            log.write(f"{address} at {self.state['cpu_s'] / 60:.1f} CPU-minutes{place}\n")
 
     def save(self):
         self.state["date"] = datetime.date.today().isoformat()

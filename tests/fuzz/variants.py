@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Writes variants of a target's seeds, one change each, which bytes changed at random become late or never: wherever an
-input holds a JSON text, what json_variants.py makes of it; each byte by a few others; the input cut at each byte. For
-`http` also a request for each route of the contract, for bags such with other messages.
+input holds a JSON text, what json_variants.py makes of it; other numbers in its lines; each byte by a few others; the
+input cut at each byte. For `http` also a request for each route of the contract, for bags and clouds such with other
+messages, columns and points.
 
 usage: tests/fuzz/variants.py TARGET FOLDER
 """
@@ -15,13 +16,15 @@ import struct
 import sys
 
 import bag_variants
+import cloud_variants
 import http_variants
 import json_variants
+import text_variants
 
 HERE = pathlib.Path(__file__).resolve().parent
 MOST_BYTES = 4096  # as soak.py tells libFuzzer
 MOST_PLACES = 300  # of a seed where its bytes are changed, about
-DRAWN = bag_variants.DRAWN | {"http": http_variants.requests}
+DRAWN = bag_variants.DRAWN | cloud_variants.DRAWN | {"http": http_variants.requests}
 
 
 def json_within(seed):
@@ -75,6 +78,8 @@ def variants(target):
             start, end, document = found
             for text in itertools.chain(json_variants.changed(document), json_variants.drawn_anew(document)):
                 yield put_in(seed, start, end, text)
+        else:
+            yield from text_variants.drawn_anew(seed)
 
 
 def write(target, folder):
