@@ -6,6 +6,8 @@ import pathlib
 import re
 import struct
 
+import json_variants
+
 HERE = pathlib.Path(__file__).resolve().parent
 CONTRACT = HERE.parent.parent / "server" / "openapi.json"
 
@@ -47,19 +49,52 @@ def bodies_of_all_kinds():
     for content_type in ("application/octet-stream", "text/plain"):
         yield content_type, struct.pack("<24f", *range(24))
     yield "application/vnd.pcd", corpus("pcd", "ascii")
-    yield "application/vnd.ply", corpus("ply", "ascii")
+    yield "application/ply", corpus("ply", "ascii")
+    yield "application/vnd.las", corpus("las", "wkt")
     for content_type in ("application/x-tar", "application/gzip"):
         yield content_type, corpus("archive", "gzip")[1:]
     yield 'multipart/form-data; boundary="xYz"', corpus("pose_multipart", "raw").split(b"\n", 1)[1]
-    pose = json.loads(corpus("pose_json", "full"))
-    for value in ({}, [], pose, {"scans": [pose, pose]}, {"prior": pose["prior"]}, pose["prior"],
-                  json.loads(corpus("edits", "both")), {"map": "town"}, {"drives": ["d"], "options": {}},
-                  {"map": "town", "version": "v1", "label": "car 7", "method": "default"},
-                  {"drives": [], "version": "v3", "activate": True}, {"center": [0, 0], "radius": 10, "cached_ids": ["0/0/0"]},
-                  {"center": [0, 0, 0], "radius": 1e9, "cached_ids": []}, {"scopes": ["read", "localize"], "name": "x"},
-                  {"name": "d", "files": []}):
-        yield "application/json", json.dumps(value).encode()
     yield "application/json", b"{"
+    yield "application/json", b"{}"
+    yield "application/json", b"[]"
+
+
+# Texts that only some words fit.
+TEXTS = {"map": "town", "version": "v1", "stamp_ns": "15", "deadline_ms": "500", "action": "keep", "drive": "d"}
+
+
+class Contract:
+    def __init__(self):
+        self.document = json.loads(CONTRACT.read_text())
+
+    def resolved(self, schema):
+        while "$ref" in schema:
+            found = self.document
+            for key in schema["$ref"].split("/")[1:]:
+                found = found[key]
+            schema = found
+        return schema
+
+    def example(self, schema, name=""):
+        """A value of this schema, with all members that it knows."""
+        schema = self.resolved(schema)
+        if "properties" in schema:
+            return {key: self.example(each, key) for key, each in schema["properties"].items()}
+        if "enum" in schema or "oneOf" in schema:
+            return schema["enum"][0] if "enum" in schema else self.example(schema["oneOf"][0], name)
+        if schema.get("type") == "array":
+            count = 36 if name == "covariance" else max(1, schema.get("minItems", 2))
+            return [self.example(schema["items"]) for _ in range(count)]
+        usual = {"string": TEXTS.get(name, "a"), "boolean": True, "integer": schema.get("minimum", 1), "number": 0.5}
+        return [0, 0, 0.6, 0.8] if name == "quaternion" else usual[schema["type"]]
+
+    def json_bodies(self):
+        """@return (method, path template, example) of each route that takes JSON"""
+        for template, operations in self.document["paths"].items():
+            for method, operation in operations.items():
+                content = self.resolved(operation.get("requestBody", {})).get("content", {}) if isinstance(operation, dict) else {}
+                if "application/json" in content:
+                    yield method.upper(), template, self.example(content["application/json"]["schema"])
 
 
 def paths_of(template):
@@ -71,9 +106,22 @@ def paths_of(template):
     return template.format(**usual), changed
 
 
+def changed_bodies(contract):
+    told = set()
+    for method, template, example in contract.json_bodies():
+        text = json.dumps(example)
+        yield request(method, paths_of(template)[0], "", "application/json", text.encode())
+        if text in told:
+            continue
+        told.add(text)
+        for body in itertools.chain(json_variants.changed(example), json_variants.drawn_anew(example)):
+            yield request(method, paths_of(template)[0], "", "application/json", body)
+
+
 def requests():
-    bodies = list(bodies_of_all_kinds())
-    for template, operations in json.loads(CONTRACT.read_text())["paths"].items():
+    bodies, contract = list(bodies_of_all_kinds()), Contract()
+    yield from changed_bodies(contract)
+    for template, operations in contract.document["paths"].items():
         usual, changed = paths_of(template)
         for method, path in itertools.product(("GET", "HEAD", "POST", "PUT", "DELETE", "PATCH", "OPTIONS"), [usual, *changed]):
             yield request(method, path)

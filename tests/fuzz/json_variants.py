@@ -137,7 +137,15 @@ def drawn(value, rng, scale, key=""):
     return rng.choice((rng.gauss(0, scale), rng.uniform(0, 1), round(rng.gauss(0, scale), 2), -0.0))
 
 
+def thinned(value, rng):
+    """Without some members, since some exclude each other."""
+    if isinstance(value, dict):
+        return {name: thinned(each, rng) for name, each in value.items() if rng.random() > 0.15}
+    return [thinned(each, rng) for each in value] if isinstance(value, list) else value
+
+
 def drawn_anew(document):
     rng = random.Random(1)
     for _ in range(DRAWS):
-        yield json_of(drawn(document, rng, 10 ** rng.uniform(-6, 9))).encode()
+        left = thinned(document, rng) if rng.random() < 0.4 else document
+        yield json_of(drawn(left, rng, 10 ** rng.uniform(-6, 9))).encode()
