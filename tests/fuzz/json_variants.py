@@ -126,7 +126,9 @@ def drawn(value, rng, scale, key=""):
         floor = rng.choice((0, 1e-6, 0.1))
         return [sum(c[i] * c[j] for c in columns) + floor * (i == j) for i in range(6) for j in range(6)]
     if isinstance(value, list) and len(value) == 4 and key == "quaternion":
-        parts = [rng.gauss(0, 10 ** rng.uniform(-9, 0)) for _ in range(3)] + [rng.choice((1, rng.gauss(0, 1)))]
+        # Next to none, half a turn about any axis, anything.
+        size, w = rng.choice(((10 ** rng.uniform(-9, 0), 1), (1, 0), (1, rng.gauss(0, 0.1)), (1, rng.gauss(0, 1))))
+        parts = [rng.gauss(0, size) * rng.choice((1, 1, 1e-6)) for _ in range(3)] + [w]
         return [each / math.hypot(*parts) for each in parts]
     if isinstance(value, list):
         return [drawn(each, rng, scale) for each in value]
