@@ -55,7 +55,8 @@ def drawn_cloud(rng, tenths, order, ros1, frame, columns):
         step += size * max(1, count)
     step += rng.choice((0, 0, 4))
     row_step = width * step + rarely(rng, 0, (8, -1), 0.1) if width * step else 0
-    message.put("I", rarely(rng, height, (0, 2**32 - 1))).put("I", rarely(rng, width, (0, 2**16, 2**32 - 1))).put("I", len(columns))
+    message.put("I", rarely(rng, height, (0, 2**32 - 1))).put("I", rarely(rng, width, (0, 2**16, 2**32 - 1)))
+    message.put("I", len(columns))
     for (name, kind, count), offset in zip(columns, offsets):
         message.text(name).put("I", rarely(rng, offset, (step, 2**32 - 1), 0.01)).put("B", kind).put("I", count)
     big = rng.random() < 0.2
@@ -100,7 +101,8 @@ def drawn_messages(rng, ros1):
     frame, columns = rarely(rng, "lidar", FRAMES, 0.2), drawn_columns(rng)
     pairs = [(rng.choice(FRAMES), rng.choice(FRAMES)) for _ in range(rng.randrange(3))]
     odometry = [rarely(rng, usual, FRAMES, 0.2) for usual in ("odom", "base_link")]
-    has = {name: rng.random() < share for name, share in (("rigid", 0.7), ("odom", 0.5), ("pose", 0.2), ("tf", 0.5), ("two", 0.15))}
+    has = {name: rng.random() < share
+           for name, share in (("rigid", 0.7), ("odom", 0.5), ("pose", 0.2), ("tf", 0.5), ("two", 0.15))}
     messages = []
     if has["rigid"]:
         messages.append(("/tf_static", kinds[3], drawn_tf(rng, 0, ros1, [("base_link", "lidar"), *pairs[:1]])))

@@ -72,7 +72,8 @@ def ply(rng):
     rows, form = rows_of(rng, letters, points), rng.choice(("ascii", "binary_little_endian", "binary_big_endian"))
     order = ">" if form.endswith("big_endian") else "<"
     body = text_of(rows) if form == "ascii" else binary_of(rows, letters, order)
-    vertices = [f"element vertex {rarely(rng, points, (0, points + 1, 2**32))}", *[f"property {kind} {name}" for name, kind in columns]]
+    vertices = [f"element vertex {rarely(rng, points, (0, points + 1, 2**32))}",
+                *[f"property {kind} {name}" for name, kind in columns]]
     faces, face = [], b""
     if rng.random() < 0.3:
         count = rng.choice(("uchar", "int", "uint8", "float"))
@@ -97,10 +98,12 @@ def las(rng):
     words = rng.choice(('PROJCS["WGS 84 / UTM zone 32N",GEOGCS["WGS 84"],UNIT["metre",1],AUTHORITY["EPSG","32632"]]',
                         'PROJCRS["ETRS89 / UTM zone 33N",ID["EPSG",25833]]', 'LOCAL_CS["yard",UNIT["metre",1]]',
                         'COMPD_CS["a",PROJCS["UTM zone 10, Northern Hemisphere"],VERT_CS["b"]]', 'GEOGCS["WGS 84"]', 'PROJCS["', ""))
-    records = [(34735, struct.pack(f"<{len(keys)}H", *keys))] * rng.randrange(2) + [(2112, words.encode() + b"\0")] * rng.randrange(2)
+    records = [(34735, struct.pack(f"<{len(keys)}H", *keys))] * rng.randrange(2)
+    records += [(2112, words.encode() + b"\0")] * rng.randrange(2)
     cloud = bytearray(seeds.las(minor, kind, sizes[kind] + rng.choice((0, 0, 3)), records, rng.choice((0, 16))))
-    struct.pack_into("<6d", cloud, 131, *[rarely(rng, 10 ** rng.uniform(-4, 0), (0, -1, float("nan"), 1e300)) for _ in range(3)],
-                     *[rarely(rng, rng.gauss(0, 1e5), (448000, 5427000, 1e300)) for _ in range(3)])
+    scales = [rarely(rng, 10 ** rng.uniform(-4, 0), (0, -1, float("nan"), 1e300)) for _ in range(3)]
+    offsets = [rarely(rng, rng.gauss(0, 1e5), (448000, 5427000, 1e300)) for _ in range(3)]
+    struct.pack_into("<6d", cloud, 131, *scales, *offsets)
     if rng.random() < 0.3:
         at = rng.randrange(4, min(len(cloud), 375))
         cloud[at] = rng.randrange(256)

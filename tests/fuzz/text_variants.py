@@ -24,7 +24,8 @@ def drawn_number(rng, old):
     if rng.random() < 0.05 or math.isinf(value):
         return rng.choice(ODD)
     if b"." in old or rng.random() < 0.3:
-        return repr(rng.choice((value + rng.gauss(0, 1), value * (1 + rng.gauss(0, 1e-9)), rng.gauss(0, 100), round(value, 1)))).encode()
+        near = (value + rng.gauss(0, 1), value * (1 + rng.gauss(0, 1e-9)), round(value, 1))
+        return repr(rng.choice((*near, rng.gauss(0, 100)))).encode()
     return str(round(rng.choice((value + rng.randrange(-3, 4), rng.gauss(0, 1000), rng.randrange(10))))).encode()
 
 
