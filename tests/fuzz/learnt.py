@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import zipfile
 
-MOST_BYTES = 100_000
+MOST_BYTES = 200_000
 SAME_TIME = (1980, 1, 1, 0, 0, 0)
 
 

@@ -7,7 +7,7 @@ usage: soak.py PROGRAMS STATE [--seconds N | --soak | --report | --keep] [--jobs
 --soak       each target until it has run 30 CPU-minutes behind its last new edge and a million inputs in all; a run that
              was cut off goes on where it was
 --report     writes the results into tests/README.md
---keep       leaves of each corpus in STATE the fewest inputs that reach what all reach, and packs what fits 100 kB of
+--keep       leaves of each corpus in STATE the fewest inputs that reach what all reach, and packs what fits 200 kB of
              them into learnt/NAME.zip
 --jobs N     so many targets at a time, one unless told
 
