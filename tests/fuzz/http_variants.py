@@ -118,9 +118,8 @@ def changed_bodies(contract):
             yield request(method, paths_of(template)[0], "", "application/json", body)
 
 
-def requests():
-    bodies, contract = list(bodies_of_all_kinds()), Contract()
-    yield from changed_bodies(contract)
+def requests_of_routes(contract):
+    bodies = list(bodies_of_all_kinds())
     for template, operations in contract.document["paths"].items():
         usual, changed = paths_of(template)
         for method, path in itertools.product(("GET", "HEAD", "POST", "PUT", "DELETE", "PATCH", "OPTIONS"), [usual, *changed]):
@@ -134,3 +133,9 @@ def requests():
                     yield request(method, usual + query, "", *body)
                 for headers in HEADERS:
                     yield request(method, usual, headers, *body)
+
+
+def requests():
+    contract = Contract()
+    yield from changed_bodies(contract)
+    yield from requests_of_routes(contract)

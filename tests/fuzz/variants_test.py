@@ -2,7 +2,6 @@
 """What variants.py writes is what it says; that targets take it is what fuzzing shows."""
 
 import itertools
-import json
 import math
 import random
 import struct
@@ -67,9 +66,15 @@ class Inputs(unittest.TestCase):
                 self.assertEqual(first, again)
                 self.assertEqual(len(first), 50)
 
+    def test_examples_have_what_their_schemas_ask_for(self):
+        examples = {template: example for _, template, example in http_variants.Contract().json_bodies()}
+        self.assertEqual(examples["/v1/sessions"]["map"], "town")
+        self.assertEqual(len(examples["/v1/sessions"]["prior"]["covariance"]), 36)
+        self.assertEqual(examples["/v1/maps/{map}/edits"]["format"], "stillmap-edits")
+
     def test_each_route_is_asked_for(self):
-        asked = b"".join(http_variants.requests())
-        paths = json.loads(http_variants.CONTRACT.read_text())["paths"]
+        contract = http_variants.Contract()
+        asked, paths = b"".join(http_variants.requests_of_routes(contract)), contract.document["paths"]
         self.assertGreater(len(paths), 40)
         for template in paths:
             self.assertIn(http_variants.paths_of(template)[0].encode() + b" HTTP/1.1", asked)
