@@ -8,6 +8,7 @@ import subprocess
 import zipfile
 
 MOST_BYTES = 200_000
+LONGEST_INPUT = 4096  # of what libFuzzer tries
 SAME_TIME = (1980, 1, 1, 0, 0, 0)
 
 
@@ -25,7 +26,7 @@ def merged(program, corpus, into, options=()):
     shutil.rmtree(into, ignore_errors=True)
     into.mkdir()
     # All inputs pass one process here, and what AddressSanitizer holds back of each adds up: no 512 MiB as for one.
-    subprocess.run([program, "-set_cover_merge=1", "-rss_limit_mb=2048", "-timeout=5", "-max_len=4096", *options, into, corpus],
+    subprocess.run([program, "-set_cover_merge=1", "-rss_limit_mb=2048", "-timeout=5", f"-max_len={LONGEST_INPUT}", *options, into, corpus],
                    stderr=subprocess.DEVNULL, check=True, env=os.environ | {"ASAN_OPTIONS": "detect_leaks=0"})
     return into
 

@@ -11,6 +11,8 @@ import math
 import pathlib
 import struct
 
+import learnt
+
 CORPUS = pathlib.Path(__file__).resolve().parent / "corpus"
 POINTS = [(1.0 + 0.5 * i, -2.0 + i, 0.25 * i, 0.125 * i) for i in range(8)]
 POSE = {"position": [1, 2, 0.5], "quaternion": [0, 0, 0.6, 0.8]}
@@ -193,15 +195,15 @@ def make_index():
     put("index", "voxel", b"\2" + bytes([0, 0, 1, 3]) + struct.pack("<f", math.nan))
 
 
-def network(channels=1):
+def network():
     """The least network: @return its config and its tensors' shapes"""
     config = {"name": "a", "range_m": [-1, -1, -1, 1, 1, 1], "voxel_m": [0.1, 0.1, 0.1], "z": "ground", "sensor_height_m": 0,
-              "features": ["x"], "stages": [{"channels": channels, "blocks": 0, "kernel": 1}] * 6, "pruning": [0] * 5,
+              "features": ["x"], "stages": [{"channels": 1, "blocks": 0, "kernel": 1}] * 6, "pruning": [0] * 5,
               "neck_channels": 1, "head_kernel": 1, "heads": [{"classes": ["car"]}], "yaw": "axis",
               "branches": ["hm", "center", "center_z", "dim", "rot"], "iou_rectifier": [0], "calibration": [[1, 0]],
               "nms": "fitted", "nms_iou": 0.2, "score_threshold": 0.2}
-    layers = {"input": (27, 1, channels), **{f"stage{i}.down": (1, channels, channels) for i in range(2, 7)},
-              "neck.out": (9, channels, 1), "neck.shared": (9, 1, 1)}
+    layers = {"input": (27, 1, 1), **{f"stage{i}.down": (1, 1, 1) for i in range(2, 7)}, "neck.out": (9, 1, 1),
+              "neck.shared": (9, 1, 1)}
     for branch, out in (("hm", 1), ("center", 2), ("center_z", 1), ("dim", 3), ("rot", 2)):
         layers |= {f"head0.{branch}.0": (1, 1, 1), f"head0.{branch}.1": (1, 1, out)}
     return config, layers
@@ -222,7 +224,7 @@ def safetensors(config, layers, kind="F16"):
 def make_weights():
     config, layers = network()
     whole = safetensors(config, layers)
-    assert len(whole) <= 4096
+    assert len(whole) <= learnt.LONGEST_INPUT
     put("voxelnext_weights", "whole", whole)
     put("voxelnext_weights", "file", safetensors(config, {"input": (2, 2, 1)}, "F32"))
     put("voxelnext_weights", "header", safetensors({"name": "a"}, {"input": (2, 2, 1)}, "F32")[8:-20])

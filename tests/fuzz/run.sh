@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Fuzzes every parser that meets bytes from outside with libFuzzer, AddressSanitizer and UndefinedBehaviorSanitizer.
 # usage: tests/fuzz/run.sh [--seconds N | --soak | --report | --keep] [--jobs N] [TARGET...]    (60 seconds each unless told)
-# Needs clang-16 and libclang-rt-16-dev (llvm-16 names the lines of what is found), see ./dev. What it learns stays in build/soak/fuzz; soak.py says more.
+# Needs clang-16 and libclang-rt-16-dev (llvm-16 names the lines of what is found), see ./dev. What it learns stays in
+# build/soak/fuzz; soak.py says more.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 export CCACHE_BASEDIR=$PWD CCACHE_NOHASHDIR=1 CCACHE_SLOPPINESS=pch_defines,time_macros

@@ -48,8 +48,10 @@ if SYMBOLIZER := shutil.which("llvm-symbolizer-16"):
 LINE = re.compile(r"^#(\d+)\s+\w+\s+cov: (\d+)")
 # Printed for what the inputs that are kept did not reach when they were read.
 EDGE = re.compile(r"^\s*NEW_PC: (0x[0-9a-f]+)(.*)")
-# Without it an edge had another address in each run, and could not be known again.
+# Without it an edge has another address in each run, and is not known again: as in a container that forbids it.
 NO_RANDOM_ADDRESSES = ["setarch", "-R"]
+if subprocess.run([*NO_RANDOM_ADDRESSES, "true"], stderr=subprocess.DEVNULL, check=False).returncode != 0:
+    NO_RANDOM_ADDRESSES = []
 
 
 class Target:
@@ -85,7 +87,7 @@ class Target:
 
     def command(self, seconds):
         words = HERE / f"{self.name}.dict"
-        options = [f"-max_total_time={seconds}", "-rss_limit_mb=512", "-timeout=5", "-max_len=4096",
+        options = [f"-max_total_time={seconds}", "-rss_limit_mb=512", "-timeout=5", f"-max_len={learnt.LONGEST_INPUT}",
                    "-print_final_stats=1", "-print_pcs=1", "-reload=0", f"-artifact_prefix={self.folder}/found/"]
         options += [f"-dict={words}"] if words.exists() else []
         seeds = [self.seeds] if self.seeds.is_dir() else []
@@ -98,7 +100,7 @@ class Target:
         before, folder = self.findings(), self.folder / "variants"
         variants.write(self.name, folder)
         # As in learnt.merged: all pass one process.
-        subprocess.run([self.program, "-merge=1", "-rss_limit_mb=2048", "-timeout=5", "-max_len=4096",
+        subprocess.run([self.program, "-merge=1", "-rss_limit_mb=2048", "-timeout=5", f"-max_len={learnt.LONGEST_INPUT}",
                         f"-artifact_prefix={self.folder}/found/", self.folder / "corpus", folder], check=True,
                        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                        env=os.environ | {"ASAN_OPTIONS": "detect_leaks=0"})
@@ -115,9 +117,9 @@ class Target:
         last = []
         for line in process.stderr:
             last = [*last[-60:], line]
+            self.state["cpu_s"] = max(self.state["cpu_s"], before_s + cpu_s(process.pid))
             if edge := EDGE.match(line):
                 self.take_edge(*edge.groups())
-            self.state["cpu_s"] = max(self.state["cpu_s"], before_s + cpu_s(process.pid))
             match = LINE.match(line)
             if not match:
                 continue
@@ -142,6 +144,8 @@ class Target:
         self.state["cpu_s_at_last_edge"] = self.state["cpu_s"]
         with self.edges_file.open("a") as log:
             log.write(f"{address} at {self.state['cpu_s'] / 60:.1f} CPU-minutes{place}\n")
+        # Known from now on, so that a run that is killed must not forget when it was new.
+        self.save()
 
     def save(self):
         self.state["date"] = datetime.date.today().isoformat()

@@ -19,10 +19,10 @@ import bag_variants
 import cloud_variants
 import http_variants
 import json_variants
+import learnt
 import text_variants
 
 HERE = pathlib.Path(__file__).resolve().parent
-MOST_BYTES = 4096  # as soak.py tells libFuzzer
 MOST_PLACES = 300  # of a seed where its bytes are changed, about
 DRAWN = bag_variants.DRAWN | cloud_variants.DRAWN | {"http": http_variants.requests}
 
@@ -88,7 +88,7 @@ def write(target, folder):
     written = set()
     for each in variants(target):
         name = hashlib.sha1(each).hexdigest()
-        if len(each) <= MOST_BYTES and name not in written:
+        if len(each) <= learnt.LONGEST_INPUT and name not in written:
             (folder / name).write_bytes(each)
             written.add(name)
     return len(written)
