@@ -74,19 +74,27 @@ def drawn_cloud(rng, tenths, order, ros1, frame, columns):
     return message.put("B", 1).bytes
 
 
-def put_rigid(rng, message):
+def put_rigid(rng, message, place=None):
     parts = [rng.gauss(0, 1) * rng.choice((1e-9, 1e-3, 1)) for _ in range(3)] + [1.0]
     length = math.hypot(*parts) * rarely(rng, 1, (0.999, 1.1, 1e-300))
-    place = [rarely(rng, rng.gauss(0, 5), (math.nan, 1e9, -1e300, 0.0), 0.02) for _ in range(3)]
+    place = place or [rarely(rng, rng.gauss(0, 5), (math.nan, 1e9, -1e300, 0.0), 0.02) for _ in range(3)]
     return message.put("d", *place, *[each / length for each in parts])
 
 
-def drawn_pose(rng, tenths, order, ros1, frames, odometry):
+def drawn_pose(rng, tenths, order, ros1, frames, odometry, place=None):
     message = drawn_header(rng, bags.Message(order, ros1), tenths, frames[0])
     if odometry:
         message.text(frames[1])
     # The covariances and the twist behind it are not read.
-    return put_rigid(rng, message).bytes
+    return put_rigid(rng, message, place).bytes
+
+
+def drawn_fix(rng, tenths, order, ros1, frame, east_m):
+    message = drawn_header(rng, bags.Message(order, ros1), tenths, frame)
+    message.put("b", rarely(rng, 0, (-1, 2, -128))).put("H", 1)
+    place = (48.1, 11.5 + east_m / 74_300, 519.0)
+    message.put("d", *[rarely(rng, each, (math.nan, math.inf, -91.0, 1e300, 0.0), 0.02) for each in place])
+    return message.put("d", *[0.0] * 9).put("B", rng.randrange(4)).bytes
 
 
 def drawn_tf(rng, tenths, ros1, pairs):
@@ -97,17 +105,19 @@ def drawn_tf(rng, tenths, ros1, pairs):
 
 
 def drawn_messages(rng, ros1):
-    kinds = [kind.replace("/msg/", "/") if ros1 else kind for kind in (bags.CLOUD, bags.ODOMETRY, bags.POSE, bags.TF)]
+    kinds = [kind.replace("/msg/", "/") if ros1 else kind for kind in bags.KINDS]
     order = rarely(rng, "<", (">",), 0.1) if not ros1 else "<"
     frame, columns = rarely(rng, "lidar", FRAMES, 0.2), drawn_columns(rng)
     pairs = [(rng.choice(FRAMES), rng.choice(FRAMES)) for _ in range(rng.randrange(3))]
     odometry = [rarely(rng, usual, FRAMES, 0.2) for usual in ("odom", "base_link")]
     has = {name: rng.random() < share
-           for name, share in (("rigid", 0.7), ("odom", 0.5), ("pose", 0.2), ("tf", 0.5), ("two", 0.15))}
+           for name, share in (("rigid", 0.7), ("odom", 0.5), ("pose", 0.2), ("tf", 0.5), ("two", 0.15), ("fix", 0.15))}
+    if has["fix"]:
+        has |= {"odom": False, "tf": False, "pose": True}
     messages = []
     if has["rigid"]:
         messages.append(("/tf_static", kinds[3], drawn_tf(rng, 0, ros1, [("base_link", "lidar"), *pairs[:1]])))
-    for scan in range(rng.choice((1, 2, 3, 6))):
+    for scan in range(rng.choice((3, 4)) if has["fix"] else rng.choice((1, 2, 3, 6))):
         tenths = rarely(rng, scan, (0, scan + 40, 7), 0.1)
         messages.append(("/points", kinds[0], drawn_cloud(rng, tenths, order, ros1, frame, columns)))
         if has["two"]:
@@ -116,7 +126,11 @@ def drawn_messages(rng, ros1):
         if has["odom"]:
             messages.append(("/odom", kinds[1], drawn_pose(rng, tenths, order, ros1, odometry, True)))
         if has["pose"]:
-            messages.append(("/pose", kinds[2], drawn_pose(rng, tenths, order, ros1, odometry, False)))
+            place = [20.0 * scan, 1, 2] if has["fix"] else None
+            messages.append(("/pose", kinds[2], drawn_pose(rng, tenths, order, ros1, odometry, False, place)))
+        for _ in range(4 if has["fix"] else 0):
+            antenna = rng.choice(("lidar", "gps"))
+            messages.append((bags.FIXES, kinds[4], drawn_fix(rng, tenths, order, ros1, antenna, 20.0 * scan)))
         if has["tf"]:
             chain = rng.choice(([("map", "base_link")], [("map", "odom"), ("odom", "base_link")], [("odom", "lidar")],
                                 [("earth", "map"), ("map", "base_link")], pairs))
@@ -149,11 +163,13 @@ def ros_messages():
     for _ in range(5 * DRAWS):
         ros1, order = rng.random() < 0.3, rng.choice("<<>")
         order = "<" if ros1 else order
-        kind, frames = rng.randrange(4), rng.choices(FRAMES, k=2)
+        kind, frames = rng.randrange(5), rng.choices(FRAMES, k=2)
         if kind == 0:
             body = drawn_cloud(rng, rng.randrange(30), order, ros1, frames[0], drawn_columns(rng))
         elif kind == 3:
             body = drawn_tf(rng, rng.randrange(30), ros1, [rng.choices(FRAMES, k=2) for _ in range(rng.randrange(4))])
+        elif kind == 4:
+            body = drawn_fix(rng, rng.randrange(30), order, ros1, frames[0], rng.gauss(0, 100))
         else:
             body = drawn_pose(rng, rng.randrange(30), order, ros1, frames, kind == 1)
         yield bytes([kind << 1 | ros1]) + body

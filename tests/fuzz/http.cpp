@@ -1,5 +1,7 @@
-// Bytes on a connection: the server's own loop over a socket pair, on this thread, with a stub
-// instead of an aligner. The client has sent everything and waits.
+// Bytes on a connection, the byte 0x1e behind them on the next one: the server's own loop over a
+// socket pair, on this thread, with a stub instead of an aligner. The client has sent everything
+// and waits. `{id}` and `{key}` stand for the last ones that an answer gave out. What was granted
+// is undone behind an input, so that none meets what those before have changed.
 #include "fuzz_folder.hpp"
 #include "fuzz_target.hpp"
 #include "http/http_server.hpp"
@@ -13,13 +15,19 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
+#include <map>
 #include <memory>
+#include <string>
+#include <string_view>
 #include <thread>
 
 namespace {
 
 using namespace stillmap;
+
+constexpr char kNextConnection = 0x1e;
 
 class StubAligner final : public localization::Aligner {
  public:
@@ -34,16 +42,36 @@ class StubAligner final : public localization::Aligner {
   }
 };
 
+/// Notes whether a request may have changed what those after it meet.
+class Watch final : public server::RequestHandler {
+ public:
+  explicit Watch(const server::Service& service) : service_(service) {}
+
+  [[nodiscard]] server::Router::Match admit(server::HttpRequest& request) const override {
+    return service_.admit(request);
+  }
+  [[nodiscard]] server::HttpResponse handle(const server::HttpRequest& request,
+                                            const server::Router::Match& match) const override {
+    server::HttpResponse response = service_.handle(request, match);
+    const server::Route& route = *match.route;
+    const bool only_asks =
+        route.method == "GET" || route.pattern.find("/localize") != std::string::npos;
+    changed_ |= !only_asks && response.status < 300;
+    return response;
+  }
+  [[nodiscard]] bool changed() const { return changed_; }
+
+ private:
+  const server::Service& service_;
+  mutable bool changed_ = false;
+};
+
 /// One map, `town`, ready when this is made.
 struct Served {
   Served() {
     spdlog::set_level(spdlog::level::off);
-    const std::filesystem::path folder = fuzz::folder().path() / "store";
-    const std::filesystem::path built = fuzz::folder().path() / "town";
-    std::filesystem::create_directory(folder);
-    test::write_package(built, 1, 3);
-    store = std::make_unique<maps::PackageStore>(folder);
-    store->add("town", "v1", built);
+    store = std::make_unique<maps::PackageStore>(folder.path());
+    store->add("town", "v1", package());
     store->activate("town", "v1");
     service = std::make_unique<server::Service>(
         options, *store,
@@ -56,13 +84,51 @@ struct Served {
     ready.path = "/readyz";
     while (service->handle(ready).status != 200)
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    http = std::make_unique<server::HttpServer>(server::main_endpoint(options), *service, nullptr);
+    watch = std::make_unique<Watch>(*service);
+    http = std::make_unique<server::HttpServer>(server::main_endpoint(options), *watch, nullptr);
   }
 
+  static const std::filesystem::path& package() {
+    static const std::filesystem::path built = [] {
+      std::filesystem::path town = fuzz::folder().path() / "town";
+      test::write_package(town, 1, 3);
+      return town;
+    }();
+    return built;
+  }
+
+  test::TemporaryFolder folder{test::memory_folder()};
   server::ServerOptions options = fuzz::small_options();
   std::unique_ptr<maps::PackageStore> store;
   std::unique_ptr<server::Service> service;
+  std::unique_ptr<Watch> watch;
   std::unique_ptr<server::HttpServer> http;
+};
+
+/// Names that the server gives out are drawn at random.
+struct GivenOut {
+  void read(std::string_view answers) {
+    for (auto& [name, value] : values) {
+      const std::string before = "\"" + name + "\":";
+      const std::size_t at = answers.rfind(before);
+      if (at == std::string_view::npos) continue;
+      const std::string_view rest = answers.substr(at + before.size());
+      const std::size_t begin = std::min(rest.find_first_not_of(" \""), rest.size());
+      value = rest.substr(begin, rest.find_first_of("\",\n}", begin) - begin);
+    }
+  }
+  [[nodiscard]] std::string put_into(std::string text) const {
+    // A stream of events would not end.
+    if (text.find("/events") != std::string::npos) return text;
+    for (const auto& [name, value] : values) {
+      const std::string place = "{" + name + "}";
+      for (std::size_t at = 0; (at = text.find(place, at)) != std::string::npos; at += value.size())
+        text.replace(at, place.size(), value);
+    }
+    return text;
+  }
+
+  std::map<std::string, std::string> values = {{"id", "none"}, {"key", "none"}};
 };
 
 std::string all_from(int socket) {
@@ -73,23 +139,37 @@ std::string all_from(int socket) {
   return all;
 }
 
-}  // namespace
-
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  static const Served served;
+std::string answers_to(std::string_view sent, server::HttpServer& http) {
   int ends[2];
   fuzz::require(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) == 0, "a socket pair");
   // What does not fit the socket's buffer is cut off, as by a client that goes away.
-  static_cast<void>(::send(ends[0], data, size, MSG_DONTWAIT | MSG_NOSIGNAL));
+  static_cast<void>(::send(ends[0], sent.data(), sent.size(), MSG_DONTWAIT | MSG_NOSIGNAL));
   ::shutdown(ends[0], SHUT_WR);
-  std::string answer;
-  std::thread client([&] { answer = all_from(ends[0]); });
-  served.http->serve(ends[1]);
+  std::string answers;
+  std::thread client([&] { answers = all_from(ends[0]); });
+  http.serve(ends[1]);
   client.join();
   ::close(ends[0]);
-  fuzz::require(answer.empty() || answer.starts_with("HTTP/1.1 "), "answers are HTTP");
-  // Quotation marks of a client's own text come back escaped, and the contract only lists the code.
-  fuzz::require(answer.find("\"code\":\"InternalError\"") == std::string::npos,
-                "nothing is unforeseen");
+  return answers;
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static auto served = std::make_unique<Served>();
+  std::string_view input = fuzz::text_of(data, size);
+  GivenOut given_out;
+  do {
+    const std::string sent =
+        given_out.put_into(std::string(fuzz::take_until(input, kNextConnection)));
+    const std::string answers = answers_to(sent, *served->http);
+    fuzz::require(answers.empty() || answers.starts_with("HTTP/1.1 "), "answers are HTTP");
+    // Quotation marks of a client's own text come back escaped, and the contract only lists the
+    // code.
+    fuzz::require(answers.find("\"code\":\"InternalError\"") == std::string::npos,
+                  "nothing is unforeseen");
+    given_out.read(answers);
+  } while (!input.empty());
+  if (served->watch->changed()) served = std::make_unique<Served>();
   return 0;
 }

@@ -13,7 +13,7 @@ CONTRACT = HERE.parent.parent / "server" / "openapi.json"
 
 
 def request(method, path, headers="", content_type=None, body=b""):
-    lines = f"{method} {path} HTTP/1.1\r\nHost: a\r\n{headers}"
+    lines = f"{method} {path} HTTP/1.1\r\nHost: localhost\r\n{headers}"
     if content_type:
         lines += f"Content-Type: {content_type}\r\n"
     if body or method in ("POST", "PUT", "DELETE"):
@@ -24,7 +24,10 @@ def request(method, path, headers="", content_type=None, body=b""):
 # What a route's parameters stand for in the target's store, then what is not there or no name.
 NAMES = {"map": ["town", "nomap", "a/b", "%2e%2e", "TOWN"], "version": ["v1", "v2", "x%00"], "level": ["0", "30", "-1", "a"],
          "x": ["0", "-1", "99999999999"], "y": ["0", "1", "x"], "layer": ["coverage", "localizability", "x"],
-         "other": ["v1", "v2"], "part": ["0", "1", "-1"]}
+         "other": ["v1", "v2"], "part": ["1", "0", "-1", "10001"]}
+# Names that the server gives out, as the target fills them in, and one that it did not.
+GIVEN_OUT = ["{id}", "0123456789abcdef"]
+NEXT_CONNECTION = b"\x1e"
 QUERIES = ["", "?layout=xyz&prior_t=0,0,0&prior_q=0,0,0,1&prior_sigma=1,0.1&stamp_ns=1500000000123456789&deadline_ms=500",
            "?layout=xyzi", "?gnss=49,8.4,110", "?new_frame=true", "?limit=10&before=5", "?limit=0", "?status=failed&map=town",
            "?active=true", "?tolerance_m=0.2", "?odom_since_ns=1&odom_t=0,0,0&odom_q=0,0,0,1&odom_sigma=0.1,0.01&stamp_ns=2",
@@ -33,6 +36,7 @@ HEADERS = [each + "\r\n" for each in [
     "Range: bytes=0-1", "Range: bytes=5-", "Range: bytes=-5", "Range: bytes=0-1,2-3", "Range: bytes=9999999-", "Range: bytes=a",
     "Range: lines=1-2", "If-None-Match: *", 'If-None-Match: "a", W/"b"', 'If-Match: "1"', "If-Match: *", "If-Match: 0",
     "Idempotency-Key: abc", "Idempotency-Key: " + "a" * 300, "Last-Event-ID: 1", "Last-Event-ID: x", "Authorization: Bearer abc",
+    "Authorization: Bearer {key}",
     "Authorization: Basic YQ==", "Accept-Encoding: gzip", "Accept: text/html", "X-Request-Id: abc", "X-Request-Id: " + "z" * 300,
     "traceparent: 00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01", "traceparent: ff-",
     "Content-Digest: sha-256=:47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU=:", "Content-Digest: sha-512=:a:",
@@ -41,10 +45,11 @@ HEADERS = [each + "\r\n" for each in [
     "Content-Length: 99999999999999999999", "A: " + "b" * 2000, "\r\n".join(f"H{i}: x" for i in range(150))]]
 
 
-def bodies_of_all_kinds():
-    def corpus(target, name):
-        return (HERE / "corpus" / target / f"seed_{name}").read_bytes()
+def corpus(target, name):
+    return (HERE / "corpus" / target / f"seed_{name}").read_bytes()
 
+
+def bodies_of_all_kinds():
     yield None, b""
     for content_type in ("application/octet-stream", "text/plain"):
         yield content_type, struct.pack("<24f", *range(24))
@@ -100,39 +105,63 @@ class Contract:
 def paths_of(template):
     """@return the usual one, and those with one name changed"""
     names = re.findall(r"{(\w+)}", template)
-    usual = {name: NAMES.get(name, ["0123456789abcdef", "x"])[0] for name in names}
-    changed = [template.format(**usual | {name: other})
-               for name in names for other in NAMES.get(name, ["0123456789abcdef", "x"])[1:]]
+    usual = {name: NAMES.get(name, GIVEN_OUT)[0] for name in names}
+    changed = [template.format(**usual | {name: other}) for name in names for other in NAMES.get(name, GIVEN_OUT)[1:]]
     return template.format(**usual), changed
+
+
+def asked_before(template):
+    """What a route needs on the connections before: somebody gives out the name in it, and has parts to complete."""
+    def post(path, document):
+        return request("POST", path, "", "application/json", json.dumps(document).encode()) + NEXT_CONNECTION
+
+    def conversion():
+        return request("PUT", "/v1/maps/town/versions/v2", "", "application/ply", corpus("ply", "ascii")) + NEXT_CONNECTION
+
+    def part(kind):
+        path = f"/v1/maps/town/{kind}/{{id}}/parts/1"
+        body = corpus("archive", "gzip")[1:]
+        return request("PUT", path, "", "application/octet-stream", body) + NEXT_CONNECTION
+
+    asked = {"{session}": lambda: post("/v1/sessions", {"map": "town"}),
+             "{upload}": lambda: post("/v1/maps/town/uploads", {"version": "v2", "content_type": "application/gzip"}),
+             "{drive}": lambda: post("/v1/maps/town/drives", {"name": "d"}),
+             "{job}": conversion,
+             "{key}": lambda: post("/v1/keys", {"name": "a", "scopes": ["read", "localize", "write", "admin"]}),
+             "uploads/{upload}/complete": lambda: part("uploads"),
+             "drives/{drive}/complete": lambda: part("drives")}
+    return b"".join(ask() for words, ask in asked.items() if words in template)
 
 
 def changed_bodies(contract):
     told = set()
     for method, template, example in contract.json_bodies():
-        text = json.dumps(example)
-        yield request(method, paths_of(template)[0], "", "application/json", text.encode())
+        before, (usual, _), text = asked_before(template), paths_of(template), json.dumps(example)
+        yield before + request(method, usual, "", "application/json", text.encode())
         if text in told:
             continue
         told.add(text)
-        for body in itertools.chain(json_variants.changed(example), json_variants.drawn_anew(example)):
-            yield request(method, paths_of(template)[0], "", "application/json", body)
+        # `edits`, `pose_json` and `prior` take more of what is within.
+        texts = itertools.chain(json_variants.changed(example), json_variants.drawn_anew(example))
+        for body in itertools.islice(texts, 0, None, 5):
+            yield before + request(method, usual, "", "application/json", body)
 
 
 def requests_of_routes(contract):
     bodies = list(bodies_of_all_kinds())
     for template, operations in contract.document["paths"].items():
-        usual, changed = paths_of(template)
+        before, (usual, changed) = asked_before(template), paths_of(template)
         for method, path in itertools.product(("GET", "HEAD", "POST", "PUT", "DELETE", "PATCH", "OPTIONS"), [usual, *changed]):
-            yield request(method, path)
+            yield before + request(method, path)
         for method in (name.upper() for name in operations if name in ("get", "put", "post", "delete")):
             written = bodies if method in ("PUT", "POST") else bodies[:1]
             for path, body in itertools.product(changed, written):
-                yield request(method, path, "", *body)
+                yield before + request(method, path, "", *body)
             for body in written:
                 for query in QUERIES:
-                    yield request(method, usual + query, "", *body)
+                    yield before + request(method, usual + query, "", *body)
                 for headers in HEADERS:
-                    yield request(method, usual, headers, *body)
+                    yield before + request(method, usual, headers, *body)
 
 
 def requests():

@@ -1,5 +1,6 @@
-// LAS files: `maps::read_cloud_file` and what it says of their coordinates.
-#include "fuzz_target.hpp"
+// LAS files: `maps::stream_las`, which hands points on, what it says of their coordinates, and
+// `maps::check_cloud_header`.
+#include "cloud_rules.hpp"
 
 #include <stillmap/maps/error.hpp>
 
@@ -7,15 +8,17 @@
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace stillmap;
+  const std::string_view text = fuzz::text_of(data, size);
   std::uint64_t points = 0;
   const auto summary = fuzz::taken<maps::InputError>([&] {
-    return maps::stream_las(fuzz::bytes_of(fuzz::text_of(data, size)), "fuzz",
+    return maps::stream_las(fuzz::bytes_of(text), "fuzz",
                             [&](std::span<const maps::CloudPoint> some) {
                               points += some.size();
                               for (const maps::CloudPoint& point : some)
                                 fuzz::require(point.position.allFinite(), "points are finite");
                             });
   });
+  fuzz::require_header(text, "las", summary.has_value());
   if (!summary) return 0;
   fuzz::require(points + summary->withheld == summary->points_in_file,
                 "every point is kept or counted");

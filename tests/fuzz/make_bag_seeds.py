@@ -14,8 +14,9 @@ import zlib
 
 CORPUS = pathlib.Path(__file__).resolve().parent / "corpus"
 START_S = 1_700_000_000
-CLOUD, ODOMETRY, POSE, TF = ("sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped",
-                             "tf2_msgs/msg/TFMessage")
+KINDS = CLOUD, ODOMETRY, POSE, TF, FIX = ("sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped",
+                                          "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/NavSatFix")
+FIXES = "/fix"  # which the targets ask for
 
 
 def put(target, name, content):
@@ -59,16 +60,16 @@ def cloud(tenths, order="<", ros1=False, frame="lidar"):
     return message.put("B", 1).bytes
 
 
-def pose(tenths, odometry=True, order="<"):
+def pose(tenths, odometry=True, order="<", x_m=None):
     message = Message(order).header(tenths, "odom")
     if odometry:
         message.text("base_link")
-    message.put("d", 0.1 * tenths, 2, 3, 0, 0, 0.6, 0.8)
+    message.put("d", 0.1 * tenths if x_m is None else x_m, 2, 3, 0, 0, 0.6, 0.8)
     return message.bytes if not odometry else message.put("d", *[0.0] * 78).bytes
 
 
-def fix(tenths, order="<"):
-    message = Message(order).header(tenths, "gps").put("b", 0).put("H", 1).put("d", 48.1, 11.5, 519)
+def fix(tenths, order="<", east_m=0.0):
+    message = Message(order).header(tenths, "gps").put("b", 0).put("H", 1).put("d", 48.1, 11.5 + east_m / 74_300, 519)
     return message.put("d", *[0.0] * 9).put("B", 0).bytes
 
 
@@ -81,6 +82,10 @@ for TENTHS in range(3):
     MESSAGES += [("/points", CLOUD, cloud(TENTHS)), ("/odom", ODOMETRY, pose(TENTHS))]
 OF_TF = [(topic, kind, data) for topic, kind, data in MESSAGES if kind != ODOMETRY]
 OF_TF += [("/tf", TF, tf(tenths, "map", "base_link")) for tenths in range(3)]
+
+PLACED = [("/points", CLOUD, cloud(0)), ("/points", CLOUD, cloud(10))]
+PLACED += [("/pose", POSE, pose(tenths, False, x_m=4.0 * tenths)) for tenths in (0, 10)]
+PLACED += [(FIXES, FIX, fix(tenths, east_m=4.0 * tenths)) for tenths in range(11)]
 
 
 def record(op, content):
@@ -161,10 +166,13 @@ def main():
     put("mcap", "loose", mcap(MESSAGES, index=False, chunks=False))
     put("mcap", "tf", mcap(OF_TF, "zstd", index=False))
     put("mcap", "ros1", mcap([("/points", "sensor_msgs/PointCloud2", cloud(0, ros1=True))], encoding="ros1"))
+    put("mcap", "placed", mcap(PLACED))
+    put("mcap", "packed", packed(mcap(MESSAGES, index=False), "zstd"))
     put("mcap", "cut", mcap(MESSAGES, index=False)[:900])
     few = [MESSAGES[0], ("/points", CLOUD, cloud(1)), *[("/pose", POSE, pose(tenths, False)) for tenths in (0, 2)]]
     put("rosbag2", "few", rosbag2(few))
     put("rosbag2", "tf", rosbag2(OF_TF))
+    put("rosbag2", "placed", rosbag2(PLACED))
     put("rosbag2", "zstd", rosbag2(few, "zstd"))
     put("rosbag2", "cut", rosbag2(few)[:2000])
     put("bag_choice", "words", "cloud=/points&poses=/odom&pose_frame=base_link")

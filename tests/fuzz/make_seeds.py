@@ -106,9 +106,9 @@ def make_requests():
 
 def make_http():
     scan = floats(POINTS)
-    localize = b"POST /v1/maps/town/localize?prior_t=0,0,0&prior_q=0,0,0,1 HTTP/1.1\r\nHost: a\r\n"
+    localize = b"POST /v1/maps/town/localize?prior_t=0,0,0&prior_q=0,0,0,1 HTTP/1.1\r\nHost: localhost\r\n"
     raw = b"Content-Type: application/octet-stream\r\nContent-Length: " + str(len(scan)).encode() + b"\r\n\r\n" + scan
-    put("http", "get", b"GET /v1/maps HTTP/1.1\r\nHost: a\r\nAccept-Encoding: gzip, br\r\nX-Request-Id: a-1\r\n\r\n"
+    put("http", "get", b"GET /v1/maps HTTP/1.1\r\nHost: localhost\r\nAccept-Encoding: gzip, br\r\nX-Request-Id: a-1\r\n\r\n"
         b"HEAD /livez HTTP/1.1\r\n\r\nGET /v1/maps/town HTTP/1.1\r\nRange: bytes=0-1\r\nConnection: close\r\n\r\n")
     put("http", "localize", localize + raw + b"GET /readyz HTTP/1.1\r\n\r\n")
     body = json.dumps(pose_object(points=[list(p[:3]) for p in POINTS])).encode()

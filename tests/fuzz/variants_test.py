@@ -79,6 +79,14 @@ class Inputs(unittest.TestCase):
         for template in paths:
             self.assertIn(http_variants.paths_of(template)[0].encode() + b" HTTP/1.1", asked)
 
+    def test_names_that_are_given_out_are_asked_for_before(self):
+        """And of a name that the server answers to: it refuses others where there are no keys."""
+        for template in http_variants.Contract().document["paths"]:
+            connections = (http_variants.asked_before(template) + http_variants.request("GET", template)).split(b"\x1e")
+            self.assertTrue(all(b"\r\nHost: localhost\r\n" in each for each in connections))
+            named = any("{" + name + "}" in template for name in ("session", "upload", "drive", "job", "key"))
+            self.assertEqual(len(connections) > 1, named, template)
+
 
 if __name__ == "__main__":
     unittest.main()
