@@ -113,7 +113,7 @@ def drawn_messages(rng, ros1):
     has = {name: rng.random() < share
            for name, share in (("rigid", 0.7), ("odom", 0.5), ("pose", 0.2), ("tf", 0.5), ("two", 0.15), ("fix", 0.15))}
     if has["fix"]:
-        has |= {"odom": False, "tf": False, "pose": True}
+        has |= {"rigid": False, "odom": False, "tf": False, "pose": True}
     messages = []
     if has["rigid"]:
         messages.append(("/tf_static", kinds[3], drawn_tf(rng, 0, ros1, [("base_link", "lidar"), *pairs[:1]])))
