@@ -39,6 +39,9 @@ QUIET_CPU_S = 30 * 60
 LEAST_INPUTS = 1_000_000
 # A scan is aligned with each of its inputs: half an hour for all variants, which are patches to bytes as any.
 SLOW = {"index"}
+# Threads of their own go on behind an input, and LeakSanitizer before LLVM 20 now and then overlooks one and takes what it
+# holds for lost (llvm/llvm-project#112807): looked for at the end of a run alone, when they have been joined.
+WITH_THREADS = {"http"}
 # Short, so that little is lost when a run is cut off; a fresh process also sheds what a leak check defers.
 SLICE_S = 300
 # AddressSanitizer keeps freed memory, by default half of what is allowed in all.
@@ -90,6 +93,7 @@ class Target:
         options = [f"-max_total_time={seconds}", "-rss_limit_mb=512", "-timeout=5", f"-max_len={learnt.LONGEST_INPUT}",
                    "-print_final_stats=1", "-print_pcs=1", "-reload=0", f"-artifact_prefix={self.folder}/found/"]
         options += [f"-dict={words}"] if words.exists() else []
+        options += ["-detect_leaks=0"] if self.name in WITH_THREADS else []
         seeds = [self.seeds] if self.seeds.is_dir() else []
         return [*NO_RANDOM_ADDRESSES, self.program, *options, self.folder / "corpus", *seeds]
 
