@@ -4,6 +4,7 @@
 
 #include <stdexcept>
 
+#include "store/drive_words.hpp"
 #include "store/map_rows.hpp"
 #include "store/store_database.hpp"
 
@@ -53,7 +54,7 @@ StoredDrive open_drive(SqliteDatabase& database, std::int64_t id) {
   StoredDrive drive = known_drive(database, id);
   if (drive.status != DriveStatus::kOpen)
     throw StoreRefusal(Reason::kDriveNotOpen,
-                       "drive " + std::to_string(id) + " is " + std::string(name_of(drive.status)));
+                       described(drive) + " is " + std::string(name_of(drive.status)));
   return drive;
 }
 
@@ -81,13 +82,13 @@ void check_part(const DrivePart& part) {
     throw std::invalid_argument("part: " + std::to_string(part.bytes) + " bytes");
 }
 
-void check_no_gap(SqliteDatabase& database, std::int64_t id) {
+void check_no_gap(SqliteDatabase& database, const StoredDrive& drive) {
   SqliteStatement row(database, "SELECT count(*), max(n) FROM drive_parts WHERE drive = ?");
-  row.bind(id).step();
+  row.bind(drive.id).step();
   const std::int64_t count = row.integer(0);
   if (count > 0 && count == row.integer(1)) return;
   throw StoreRefusal(Reason::kPartsMissing,
-                     "drive " + std::to_string(id) + " has " + std::to_string(count) +
+                     described(drive) + " has " + std::to_string(count) +
                          (count == 0 ? " parts" : " parts up to number " + row.text(1)));
 }
 
@@ -154,13 +155,13 @@ bool DriveTable::add_part(std::int64_t id, const DrivePart& part) {
   check_part(part);
   Writing writing(*database_);
   SqliteDatabase& database = writing.database();
-  (void)open_drive(database, id);
+  const StoredDrive drive = open_drive(database, id);
   {
     SqliteStatement row(database, "SELECT sha256 FROM drive_parts WHERE drive = ? AND n = ?");
     if (row.bind(id).bind(part.n).step()) {
       if (row.text(0) == part.sha256) return false;
-      throw StoreRefusal(Reason::kOtherDigest, "part " + std::to_string(part.n) + " of drive " +
-                                                   std::to_string(id) + " is " + row.text(0));
+      throw StoreRefusal(Reason::kOtherDigest, "part " + std::to_string(part.n) + " of " +
+                                                   described(drive) + " is " + row.text(0));
     }
   }
   SqliteStatement(database, "INSERT INTO drive_parts VALUES (?, ?, ?, ?)")
@@ -191,7 +192,7 @@ StoredDrive DriveTable::complete(std::int64_t id, std::int64_t now_ns) {
   const StoredDrive known = known_drive(database, id);
   if (known.status == DriveStatus::kComplete) return known;
   StoredDrive drive = open_drive(database, id);
-  check_no_gap(database, id);
+  check_no_gap(database, drive);
   drive = finish(database, std::move(drive), DriveStatus::kComplete, "", now_ns);
   writing.commit();
   return drive;

@@ -60,7 +60,9 @@ TEST_F(Uploads, PackageBecomesAVersionWhenItsPartsAreThere) {
   EXPECT_FALSE(body(made).contains("name"));
   const std::string path = path_of(body(made));
   EXPECT_EQ(put(path + "/parts/2", tar_.substr(700)).status, 201);
-  EXPECT_EQ(body(send("POST", path + "/complete"))["code"], "PartsMissing");
+  const json missing = body(send("POST", path + "/complete"));
+  EXPECT_EQ(missing["code"], "PartsMissing");
+  EXPECT_EQ(missing["detail"], "upload 1 has 1 parts up to number 2");
   EXPECT_EQ(put(path + "/parts/1", tar_.substr(0, 700)).status, 201);
   EXPECT_EQ(put(path + "/parts/1", tar_.substr(0, 700)).status, 200);
   EXPECT_EQ(body(put(path + "/parts/1", "other"))["code"], "OtherDigest");
