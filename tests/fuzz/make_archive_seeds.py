@@ -36,9 +36,9 @@ def files(contents):
     return [(entry(name, size=len(content)), content) for name, content in contents.items()]
 
 
-def package(prefix=""):
-    tile = bytes(20)
-    listed = {"tiles/0_0_0.bin": tile, "notes.txt": b"notes"}
+def package(prefix="", others=True):
+    listed = {"tiles/0_0_0.bin": bytes(20)} | ({"notes.txt": b"notes"} if others else {})
+    not_listed = {"build.json": b"{}", "stray/a": b"x"} if others else {}
     manifest = {"schema": 1, "frame_id": "map", "origin": [0, 0, 0], "voxel_size_m": 0.1, "relative_clock": True,
                 "software_version": "1", "options": {}, "counts": {}, "sources": {},
                 "tiles": [{"level": 0, "x": 0, "y": 0, "points": 1, "min": [0, 0, 0], "max": [0, 0, 0]}],
@@ -46,7 +46,7 @@ def package(prefix=""):
                           for name, content in listed.items()}}
     text = json.dumps(manifest, separators=(",", ":")).encode()
     return files({prefix + name: content for name, content in
-                  {"manifest.json": text, "build.json": b"{}", "stray/a": b"x", **listed}.items()})
+                  {"manifest.json": text, **not_listed, **listed}.items()})
 
 
 def put(name, flags, content):
@@ -57,6 +57,8 @@ def put(name, flags, content):
 def main():
     put("package", MEND, tar(package()))
     put("package_in_folder", PIECES, tar([(entry("town", tarfile.DIRTYPE), b"")] + package("town/")))
+    # Short enough for the inputs that fuzzing tries.
+    put("small", MEND | END, tar(package(others=False)).removesuffix(bytes(1024)))
     put("gzip", 0, gzip.compress(tar(package()), mtime=0))
     # zstd's own magic and one raw block, since Python 3.11 has no zstd.
     body = tar(files({"a": b"x"}))

@@ -2,7 +2,7 @@
 """Writes variants of a target's seeds, one change each, which bytes changed at random become late or never: wherever an
 input holds a JSON text, what json_variants.py makes of it; other numbers in its lines; each byte by a few others; the
 input cut at each byte. For `http` also a request for each route of the contract, for bags and clouds such with other
-messages, columns and points.
+messages, columns and points, for `archive` packages with the manifests that fuzzing has learnt.
 
 usage: tests/fuzz/variants.py TARGET FOLDER
 """
@@ -14,6 +14,7 @@ import pathlib
 import re
 import struct
 import sys
+import zipfile
 
 import bag_variants
 import cloud_variants
@@ -24,7 +25,7 @@ import text_variants
 
 HERE = pathlib.Path(__file__).resolve().parent
 MOST_PLACES = 300  # of a seed where its bytes are changed, about
-DRAWN = bag_variants.DRAWN | cloud_variants.DRAWN | {"http": http_variants.requests}
+TAR_BLOCK = 512
 
 
 def json_within(seed):
@@ -48,8 +49,24 @@ def put_in(seed, start, end, text):
     if start >= 8 and struct.unpack("<Q", head[-8:])[0] == end - start:
         head = head[:-8] + struct.pack("<Q", len(text))
     longer = len(text) - (end - start)
+    if head[257 - TAR_BLOCK:][:5] == b"ustar":
+        digits = len(head) - TAR_BLOCK + 124
+        head = head[:digits] + b"%011o" % len(text) + head[digits + 11:]
+        text += bytes(-len(text) % TAR_BLOCK)
+        end += (start - end) % TAR_BLOCK
     head = re.sub(rb"(Content-Length: )(\d+)", lambda m: m[1] + str(max(0, int(m[2]) + longer)).encode(), head)
     return head + text + seed[end:]
+
+
+def archives():
+    seed = (HERE / "corpus" / "archive" / "seed_small").read_bytes()
+    start, end, _ = json_within(seed)
+    with zipfile.ZipFile(HERE / "learnt" / "manifest.zip") as manifests:
+        for name in manifests.namelist():
+            yield put_in(seed, start, end, manifests.read(name))
+
+
+DRAWN = bag_variants.DRAWN | cloud_variants.DRAWN | {"archive": archives, "http": http_variants.requests}
 
 
 def byte_variants(seed):

@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
 """What variants.py writes is what it says; that targets take it is what fuzzing shows."""
 
+import io
 import itertools
 import math
 import random
 import struct
+import tarfile
 import unittest
 
 import http_variants
@@ -14,6 +16,15 @@ import variants
 
 def seed(target, name):
     return (variants.HERE / "corpus" / target / f"seed_{name}").read_bytes()
+
+
+def with_checksums(tar):
+    blocks = [tar[at:at + 512] for at in range(0, len(tar), 512)]
+    for i, block in enumerate(blocks):
+        if block[257:262] == b"ustar":
+            total = sum(block[:148]) + sum(block[156:]) + 8 * ord(" ")
+            blocks[i] = block[:148] + b"%06o\0 " % total + block[156:]
+    return b"".join(blocks)
 
 
 class Json(unittest.TestCase):
@@ -58,6 +69,16 @@ class Inputs(unittest.TestCase):
         self.assertEqual(changed[8:], b"{}" + whole[end:])
         request = http_variants.request("POST", "/", "", "application/json", b'{"a": 1}')
         self.assertIn(b"Content-Length: 2\r\n", variants.put_in(request, len(request) - 8, len(request), b"{}"))
+
+    def test_a_tar_stays_one(self):
+        small = seed("archive", "small")
+        start, end, _ = variants.json_within(small)
+        for text in (b"{}", b" " * 511, b" " * 512, b" " * 513):
+            changed = variants.put_in(small, start, end, text)[1:]
+            # Checksums are made right by the target.
+            with tarfile.open(fileobj=io.BytesIO(with_checksums(changed) + bytes(1024))) as tar:
+                self.assertEqual(tar.getnames(), ["manifest.json", "tiles/0_0_0.bin"])
+                self.assertEqual(tar.extractfile("manifest.json").read(), text)
 
     def test_each_target_has_some_and_they_are_the_same_again(self):
         for folder in (variants.HERE / "corpus").iterdir():
