@@ -9,6 +9,7 @@
 #include "service.hpp"
 #include "support/stored_packages.hpp"
 
+#include <stillmap/maps/map_levels.hpp>
 #include <stillmap/maps/store/package_store.hpp>
 
 #include <spdlog/spdlog.h>
@@ -66,13 +67,29 @@ class Watch final : public server::RequestHandler {
   mutable bool changed_ = false;
 };
 
-/// One map, `town`, ready when this is made.
+/// A store as each server finds it, copied since that takes less than to make it: with one map,
+/// `town`, and its levels of detail.
+const std::filesystem::path& stored_town() {
+  static const std::filesystem::path made = [] {
+    const std::filesystem::path package = fuzz::folder().path() / "package";
+    const std::filesystem::path folder = fuzz::folder().path() / "store";
+    test::write_package(package, 1, 3);
+    std::filesystem::create_directory(folder);
+    maps::PackageStore store(folder);
+    store.add("town", "v1", package);
+    store.activate("town", "v1");
+    maps::MapLevels::make(*store.open("town", "v1"));
+    return folder;
+  }();
+  return made;
+}
+
+/// A map that is ready when this is made.
 struct Served {
   Served() {
     spdlog::set_level(spdlog::level::off);
+    std::filesystem::copy(stored_town(), folder.path(), std::filesystem::copy_options::recursive);
     store = std::make_unique<maps::PackageStore>(folder.path());
-    store->add("town", "v1", package());
-    store->activate("town", "v1");
     service = std::make_unique<server::Service>(
         options, *store,
         [](const maps::MapPackage&) {
@@ -83,18 +100,9 @@ struct Served {
     ready.method = "GET";
     ready.path = "/readyz";
     while (service->handle(ready).status != 200)
-      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      std::this_thread::sleep_for(std::chrono::microseconds(50));
     watch = std::make_unique<Watch>(*service);
     http = std::make_unique<server::HttpServer>(server::main_endpoint(options), *watch, nullptr);
-  }
-
-  static const std::filesystem::path& package() {
-    static const std::filesystem::path built = [] {
-      std::filesystem::path town = fuzz::folder().path() / "town";
-      test::write_package(town, 1, 3);
-      return town;
-    }();
-    return built;
   }
 
   test::TemporaryFolder folder{test::memory_folder()};
