@@ -154,6 +154,33 @@ std::string subject_of(const Router::Match& match) {
   return subject;
 }
 
+/// The exception that is being handled, as the client is told of it. Paths of this machine stay in
+/// the log; that of the request does not get there, since the name of a session is its secret.
+ApiError caught(const HttpRequest& request, const Route& route) {
+  const auto logged = [&](ErrorCode code, const std::exception& error) {
+    spdlog::error("{} {} {}: {}", request.request_id, route.method, route.pattern, error.what());
+    const bool is_full = code == ErrorCode::kDiskFull;
+    return ApiError(code, is_full ? "there is no room left for it" : "the log says more");
+  };
+  try {
+    throw;
+  } catch (const ApiError& error) {
+    return error;
+  } catch (const maps::StoreRefusal& error) {
+    return {code_of(error.reason()), error.what()};
+  } catch (const maps::DiskFull& error) {
+    return logged(ErrorCode::kDiskFull, error);
+  } catch (const maps::StorageError& error) {
+    return logged(ErrorCode::kStorageError, error);
+  } catch (const maps::InputError& error) {
+    return logged(ErrorCode::kStorageError, error);
+  } catch (const std::filesystem::filesystem_error& error) {
+    return logged(is_disk_full(error) ? ErrorCode::kDiskFull : ErrorCode::kStorageError, error);
+  } catch (const std::exception& error) {
+    return logged(ErrorCode::kInternalError, error);
+  }
+}
+
 /// Whether the audit log tells of it.
 bool is_write(const Route& route) {
   const bool changes = route.access == Access::kWrite || route.access == Access::kAdmin;
@@ -212,16 +239,11 @@ Router::Match Service::admit(HttpRequest& request) const {
   Router::Match match = router_.match(request.method, request.path);
   try {
     gatekeeper_.admit(request, match.route->access, live_.current()->rate);
-  } catch (const ApiError& error) {
+    if (match.route->reserve) request.reservation = match.route->reserve(request, match.parameters);
+  } catch (const std::exception&) {
+    const ApiError error = caught(request, *match.route);
     note_refused(request, match, error);
-    throw;
-  }
-  if (match.route->reserve) {
-    try {
-      request.reservation = match.route->reserve(request, match.parameters);
-    } catch (const maps::StoreRefusal& error) {
-      throw ApiError(code_of(error.reason()), error.what());
-    }
+    throw ApiError(error);
   }
   return match;
 }
@@ -271,32 +293,12 @@ void Service::note_write(const HttpRequest& request, const Router::Match& match,
 }
 
 HttpResponse Service::answer(const HttpRequest& request, const Router::Match& match) const {
-  const auto problem = [&](const ApiError& error) {
-    metrics_.problem(error.code());
-    return problem_response(error, request.request_id);
-  };
-  const auto logged = [&](ErrorCode code, const std::exception& error,
-                          const char* detail = "the log says more") {
-    // Paths of this machine stay in the log; that of the request does not get there, since the name
-    // of a session is its secret.
-    spdlog::error("{} {} {}: {}", request.request_id, match.route->method, match.route->pattern,
-                  error.what());
-    return problem(ApiError(code, detail));
-  };
   try {
     return match.route->handler(request, match.parameters);
-  } catch (const ApiError& error) {
-    return problem(error);
-  } catch (const maps::StoreRefusal& error) {
-    return problem(ApiError(code_of(error.reason()), error.what()));
-  } catch (const maps::DiskFull& error) {
-    return logged(ErrorCode::kDiskFull, error, "there is no room left for it");
-  } catch (const maps::StorageError& error) {
-    return logged(ErrorCode::kStorageError, error);
-  } catch (const maps::InputError& error) {
-    return logged(ErrorCode::kStorageError, error);
-  } catch (const std::exception& error) {
-    return logged(ErrorCode::kInternalError, error);
+  } catch (const std::exception&) {
+    const ApiError error = caught(request, *match.route);
+    metrics_.problem(error.code());
+    return problem_response(error, request.request_id);
   }
 }
 

@@ -1,5 +1,8 @@
 #include "errors/refusal_codes.hpp"
 
+#include <cerrno>
+#include <system_error>
+
 namespace stillmap::server {
 
 ErrorCode code_of(maps::StoreRefusal::Reason reason) {
@@ -40,6 +43,11 @@ ErrorCode code_of(maps::StoreRefusal::Reason reason) {
       return ErrorCode::kPartsMissing;
   }
   return ErrorCode::kInternalError;
+}
+
+bool is_disk_full(const std::filesystem::filesystem_error& error) {
+  return error.code() == std::errc::no_space_on_device ||
+         error.code() == std::error_code(EDQUOT, std::generic_category());
 }
 
 }  // namespace stillmap::server

@@ -239,8 +239,7 @@ maps::JobTable::Enqueued JobRunner::enqueue_convert(const std::string& map,
                                                     const ConvertRequest& request,
                                                     const Asker& asker) {
   const std::scoped_lock lock(uploads_mutex_);
-  if (const auto arrived = arrived_.find(request.sha256); arrived != arrived_.end())
-    arrived_.erase(arrived);
+  if (const auto held = held_.find(request.sha256); held != held_.end()) held_.erase(held);
   for (const maps::StoredJob& job : unfinished()) {
     if (job.map != map || version_of(job) != request.version) continue;
     if (sha256_of(job) == request.sha256) return {job, false};
@@ -269,25 +268,29 @@ maps::JobTable::Enqueued JobRunner::enqueue_convert(const std::string& map,
 std::string JobRunner::receive(const maps::ByteSource& source, std::uint64_t bytes,
                                const std::optional<std::string>& sha256, const std::string& name) {
   const fs::path folder = root_ / kUploads;
-  fs::path half;
+  std::string half;
   {
     const std::scoped_lock lock(uploads_mutex_);
     fs::create_directories(folder);
     // Several servers may share the folder.
-    half = folder / fmt::format(".incoming-{}-{}", ::getpid(), incoming_++);
+    half = fmt::format(".incoming-{}-{}", ::getpid(), incoming_++);
+    held_.insert(half);
   }
   std::error_code error;
   try {
-    const std::string found = maps::receive_file(source, bytes, half, name);
+    const std::string found = maps::receive_file(source, bytes, folder / half, name);
     if (sha256 && *sha256 != found) throw maps::InputError(name, "SHA-256 " + found, *sha256);
     const std::scoped_lock lock(uploads_mutex_);
-    fs::rename(half, folder / found);
+    fs::rename(folder / half, folder / found);
     sync_folder(folder);
     sync_folder(root_);
-    arrived_.insert(found);
+    held_.insert(found);
+    held_.erase(half);
     return found;
   } catch (...) {
-    fs::remove(half, error);
+    const std::scoped_lock lock(uploads_mutex_);
+    fs::remove(folder / half, error);
+    held_.erase(half);
     throw;
   }
 }
@@ -320,10 +323,11 @@ std::vector<maps::StoredJob> JobRunner::unfinished() const {
   return jobs;
 }
 
-/// Files that no job will read. What comes in right now stays, unless it is said to be left over.
+/// Files that no job will read. What comes in right now stays; unless it is said to be left over,
+/// when it comes to another server.
 void JobRunner::clear_uploads(bool halves_too) {
   const std::scoped_lock lock(uploads_mutex_);
-  std::set<std::string> needed(arrived_.begin(), arrived_.end());
+  std::set<std::string> needed(held_.begin(), held_.end());
   for (const maps::StoredJob& job : unfinished()) needed.insert(sha256_of(job));
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(root_ / kUploads, error)) {

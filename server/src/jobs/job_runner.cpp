@@ -1,6 +1,7 @@
 #include "jobs/job_runner.hpp"
 
 #include "errors/api_error.hpp"
+#include "errors/refusal_codes.hpp"
 #include "errors/upload_errors.hpp"
 #include "ids_and_times.hpp"
 #include "jobs/program_crash.hpp"
@@ -15,7 +16,6 @@
 #include <stillmap/maps/store/store_refusal.hpp>
 
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
 #include <exception>
 #include <stdexcept>
@@ -180,9 +180,7 @@ AttemptEnd JobRunner::attempt(const maps::StoredJob& job, const std::stop_token&
   } catch (const maps::DiskFull& error) {
     unprepared = {Kind::kDiskFull, error.what()};
   } catch (const fs::filesystem_error& error) {
-    const bool is_full = error.code() == std::errc::no_space_on_device ||
-                         error.code() == std::error_code(EDQUOT, std::generic_category());
-    unprepared = {is_full ? Kind::kDiskFull : Kind::kFailed, error.what()};
+    unprepared = {is_disk_full(error) ? Kind::kDiskFull : Kind::kFailed, error.what()};
   } catch (const std::exception& error) {
     unprepared = {Kind::kFailed, error.what()};
   }

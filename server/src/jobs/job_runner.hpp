@@ -160,8 +160,8 @@ class JobRunner {
   /// whether a version is free to the job that makes it.
   std::mutex uploads_mutex_;
   std::uint64_t incoming_ = 0;
-  /// Files that came and whose job is not there yet.
-  std::multiset<std::string> arrived_;
+  /// Files that are coming, and those that came and whose job is not there yet.
+  std::multiset<std::string> held_;
   std::mutex take_over_mutex_;
   Descriptor lock_;
   mutable std::mutex mutex_;

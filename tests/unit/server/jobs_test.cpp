@@ -4,7 +4,12 @@
 #include <atomic>
 #include <functional>
 #include <optional>
+#include <span>
+#include <string>
+#include <string_view>
 
+#include <fcntl.h>
+#include <sys/file.h>
 #include <sys/resource.h>
 
 #include <stillmap/maps/edits.hpp>
@@ -272,6 +277,33 @@ TEST_F(JobsOfARunner, SucceedWithoutActivationWhenOnlyThatFails) {
   EXPECT_EQ(job.status, maps::JobStatus::kSucceeded) << job.error;
   EXPECT_THAT(outcome_, HasSubstr("signal 11"));
   EXPECT_EQ(job.result_version, "v2");
+}
+
+TEST_F(JobsOfARunner, LeaveAloneWhatIsBeingReceivedWhenTheyAreTakenFromAnotherServer) {
+  const std::filesystem::path root = store_.folder().path() / "jobs";
+  const std::filesystem::path left = root / "uploads" / ".incoming-1-0";
+  std::filesystem::create_directories(root / "uploads");
+  std::ofstream(left) << "half";
+  Descriptor lock(::open((root / ".lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640));
+  ASSERT_EQ(::flock(lock.get(), LOCK_EX | LOCK_NB), 0);
+  write_mapper("publish");
+  start_runner(store_.open());
+  const std::string bytes = kPly;
+  const std::string sha256 = jobs_->receive(
+      [&, sent = std::size_t{0}](std::span<char> to) mutable {
+        const std::size_t count =
+            std::string_view(bytes).substr(sent, 9).copy(to.data(), to.size());
+        if (sent > 0) lock = {};
+        const auto latest = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+        while (sent > 0 && std::filesystem::exists(left) &&
+               std::chrono::steady_clock::now() < latest)
+          std::this_thread::sleep_for(std::chrono::milliseconds(5));
+        sent += count;
+        return count;
+      },
+      bytes.size(), std::nullopt, "town/v2");
+  EXPECT_FALSE(std::filesystem::exists(left));
+  EXPECT_EQ(std::filesystem::file_size(root / "uploads" / sha256), bytes.size());
 }
 
 class JobsOnAFullDisk : public JobsOfARunner {};

@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "body_in_memory.hpp"
 #include "service_fixture.hpp"
 
 namespace stillmap::server {
@@ -14,6 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::Contains;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using ::testing::Pair;
 
 class Routes : public ServiceTest {};
@@ -225,7 +227,35 @@ TEST_F(Routes, MissingFileInThePackageIsAStorageErrorWithoutItsPath) {
   const HttpResponse response = get("/v1/maps/town/versions/" + store_.version() + "/trajectory");
   EXPECT_EQ(response.status, 500);
   EXPECT_EQ(body(response)["code"], "StorageError");
-  EXPECT_THAT(response.body, ::testing::Not(HasSubstr(store_.folder().path().string())));
+  EXPECT_THAT(response.body, Not(HasSubstr(store_.folder().path().string())));
+}
+
+TEST_F(Routes, WhatTheDiskRefusesIsAStorageErrorBeforeTheBodyIsReadAndBehindIt) {
+  start();
+  const fs::path folder = store_.folder().path();
+  HttpRequest cloud = request("PUT", "/v1/maps/town/versions/v2");
+  cloud.headers["content-type"] = "application/ply";
+  const std::string text =
+      "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+      "property float z\nend_header\n1 2 3\n";
+  BodyInMemory cloud_bytes(text);
+  cloud.stream = &cloud_bytes;
+  fs::create_directories(folder / "jobs");
+  std::ofstream(folder / "jobs/uploads") << "in the way";
+  HttpResponse response = service_->handle(cloud);
+  EXPECT_EQ(response.status, 500);
+  EXPECT_EQ(body(response)["code"], "StorageError") << response.body;
+  EXPECT_THAT(response.body, Not(HasSubstr(folder.string())));
+
+  HttpRequest part = request("PUT", "/v1/maps/town/drives/1/parts/1");
+  BodyInMemory part_bytes(text);
+  part.stream = &part_bytes;
+  for (const char* name : {"state.db", "state.db-wal"})
+    std::ofstream(folder / name) << std::string(8192, 'x');
+  response = service_->handle(part);
+  EXPECT_EQ(response.status, 500);
+  EXPECT_EQ(body(response)["code"], "StorageError") << response.body;
+  EXPECT_THAT(response.body, Not(HasSubstr(folder.string())));
 }
 
 TEST_F(Routes, PageIsServedFromTheListOnly) {
