@@ -62,13 +62,13 @@ void MapLayers::make(const std::string& key, const std::filesystem::path& packag
       made(*map, kind, [&] { return !work.go_on || work.go_on(0.0); });
   if (!layer) throw maps::WorkStopped();
   const auto shared = std::make_shared<const maps::TileLayer>(std::move(*layer));
-  kept_.put(key, shared);
   try {
     maps::write_layer(file_of(*map, kind), map->digest(), *shared);
   } catch (const maps::StorageError& error) {
     // It is served all the same, and made again when it is forgotten.
     spdlog::warn("a layer is kept in memory alone: {}", error.what());
   }
+  kept_.put(key, shared);
 }
 
 std::shared_ptr<const maps::TileLayer> MapLayers::layer(const ServedVersion& version,
