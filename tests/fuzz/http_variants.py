@@ -1,12 +1,15 @@
-"""Requests for each route of the contract, with usual and odd names, queries, headers and bodies. For variants.py."""
+"""Requests for each route of the contract, with usual and odd names, queries, headers and bodies, also those that other
+targets have learnt. For variants.py."""
 
 import itertools
 import json
 import pathlib
 import re
 import struct
+import urllib.parse
 
 import json_variants
+import learnt
 
 HERE = pathlib.Path(__file__).resolve().parent
 CONTRACT = HERE.parent.parent / "server" / "openapi.json"
@@ -164,7 +167,58 @@ def requests_of_routes(contract):
                     yield before + request(method, usual, headers, *body)
 
 
+def with_checksums(tar):
+    """Right in every block that says that it is a header."""
+    blocks = [tar[at:at + 512] for at in range(0, len(tar), 512)]
+    for i, block in enumerate(blocks):
+        if block[257:262] == b"ustar":
+            total = sum(block[:148]) + sum(block[156:]) + 8 * ord(" ")
+            blocks[i] = block[:148] + b"%06o\0 " % total + block[156:]
+    return b"".join(blocks)
+
+
+def learnt_bodies(target):
+    """@return (query, content type, body) of what another target has learnt that meets bytes of a client too"""
+    for text in learnt.inputs(HERE / "learnt" / f"{target}.zip"):
+        first, _, rest = text.partition(b"\n")
+        if target == "scan_body" and text:
+            kinds = [("", "application/octet-stream"), ("?layout=xyz", "application/octet-stream"), ("", "application/vnd.pcd"),
+                     ("?layout=xyzit", "application/octet-stream")]
+            yield *kinds[text[0] % 4], text[1:]
+        elif target == "archive":
+            yield "", "application/x-tar", with_checksums(text[1:]) if text and text[0] & 1 else text[1:]
+        elif target == "pose_multipart":
+            yield "", first.decode("latin-1"), rest
+        elif target == "query":
+            pairs = "&".join("=".join(urllib.parse.quote(word) for word in pair.split(b"=", 1)) for pair in first.split(b"&"))
+            yield "?" + pairs, "application/octet-stream", struct.pack("<3f", 1, 2, 3)
+        elif target == "cloud":
+            yield "", "application/ply" if text.startswith(b"ply") else "application/vnd.pcd", text
+        else:
+            types = {"pcd": "application/vnd.pcd", "ply": "application/ply", "las": "application/vnd.las"}
+            yield "", types.get(target, "application/json"), text
+
+
+POSES = [("POST", "/v1/maps/{map}/localize"), ("POST", "/v1/sessions/{session}/scans")]
+VERSIONS = [("PUT", "/v1/maps/{map}/versions/{version}")]
+PARTS = [("PUT", "/v1/maps/{map}/uploads/{upload}/parts/{part}"), ("PUT", "/v1/maps/{map}/drives/{drive}/parts/{part}")]
+LEARNT = {"scan_body": POSES, "pose_json": POSES, "pose_multipart": POSES, "query": POSES, "pcd": POSES + VERSIONS,
+          "ply": VERSIONS, "las": VERSIONS, "cloud": VERSIONS, "archive": VERSIONS + PARTS,
+          "edits": [("PUT", "/v1/maps/{map}/edits")]}
+
+
+def requests_with_learnt_bodies():
+    for target, routes in LEARNT.items():
+        for (method, template), (query, content_type, body) in itertools.product(routes, learnt_bodies(target)):
+            path, whole = paths_of(template)[0], template.replace("/parts/{part}", "/complete")
+            if template == VERSIONS[0][1]:
+                path = path.replace("/v1/maps/town/versions/v1", "/v1/maps/town/versions/v2")
+            asked = asked_before(template) + request(method, path + query, "", content_type, body)
+            yield asked if whole == template else asked + NEXT_CONNECTION + request("POST", paths_of(whole)[0])
+
+
 def requests():
     contract = Contract()
+    yield from requests_with_learnt_bodies()
     yield from changed_bodies(contract)
     yield from requests_of_routes(contract)

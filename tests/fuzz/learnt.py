@@ -21,6 +21,11 @@ def unpack(archive, corpus):
                 (corpus / name).write_bytes(packed.read(name))
 
 
+def inputs(archive):
+    with zipfile.ZipFile(archive) as packed:
+        return [packed.read(name) for name in packed.namelist()]
+
+
 def merged(program, corpus, into, options=()):
     """The fewest inputs of `corpus` that reach what all of it reaches, in the folder `into`, made anew."""
     shutil.rmtree(into, ignore_errors=True)

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Writes variants of a target's seeds, one change each, which bytes changed at random become late or never: wherever an
 input holds a JSON text, what json_variants.py makes of it; other numbers in its lines; each byte by a few others; the
-input cut at each byte. For `http` also a request for each route of the contract, for bags and clouds such with other
-messages, columns and points, for `archive` packages with the manifests that fuzzing has learnt.
+input cut at each byte. For `http` also a request for each route of the contract and what other targets have learnt as its
+body, for bags and clouds such with other messages, columns and points, for `archive` packages with the manifests that
+fuzzing has learnt.
 
 usage: tests/fuzz/variants.py TARGET FOLDER
 """
@@ -14,7 +15,6 @@ import pathlib
 import re
 import struct
 import sys
-import zipfile
 
 import bag_variants
 import cloud_variants
@@ -61,9 +61,8 @@ def put_in(seed, start, end, text):
 def archives():
     seed = (HERE / "corpus" / "archive" / "seed_small").read_bytes()
     start, end, _ = json_within(seed)
-    with zipfile.ZipFile(HERE / "learnt" / "manifest.zip") as manifests:
-        for name in manifests.namelist():
-            yield put_in(seed, start, end, manifests.read(name))
+    for manifest in learnt.inputs(HERE / "learnt" / "manifest.zip"):
+        yield put_in(seed, start, end, manifest)
 
 
 DRAWN = bag_variants.DRAWN | cloud_variants.DRAWN | {"archive": archives, "http": http_variants.requests}

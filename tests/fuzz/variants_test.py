@@ -18,15 +18,6 @@ def seed(target, name):
     return (variants.HERE / "corpus" / target / f"seed_{name}").read_bytes()
 
 
-def with_checksums(tar):
-    blocks = [tar[at:at + 512] for at in range(0, len(tar), 512)]
-    for i, block in enumerate(blocks):
-        if block[257:262] == b"ustar":
-            total = sum(block[:148]) + sum(block[156:]) + 8 * ord(" ")
-            blocks[i] = block[:148] + b"%06o\0 " % total + block[156:]
-    return b"".join(blocks)
-
-
 class Json(unittest.TestCase):
     def test_one_place_is_changed(self):
         texts = set(json_variants.changed({"a": 1, "b": [2]}))
@@ -76,7 +67,7 @@ class Inputs(unittest.TestCase):
         for text in (b"{}", b" " * 511, b" " * 512, b" " * 513):
             changed = variants.put_in(small, start, end, text)[1:]
             # Checksums are made right by the target.
-            with tarfile.open(fileobj=io.BytesIO(with_checksums(changed) + bytes(1024))) as tar:
+            with tarfile.open(fileobj=io.BytesIO(http_variants.with_checksums(changed) + bytes(1024))) as tar:
                 self.assertEqual(tar.getnames(), ["manifest.json", "tiles/0_0_0.bin"])
                 self.assertEqual(tar.extractfile("manifest.json").read(), text)
 
@@ -99,6 +90,15 @@ class Inputs(unittest.TestCase):
         self.assertGreater(len(paths), 40)
         for template in paths:
             self.assertIn(http_variants.paths_of(template)[0].encode() + b" HTTP/1.1", asked)
+
+    def test_what_others_have_learnt_is_a_body_of_its_length_and_parts_are_completed(self):
+        asked = list(http_variants.requests_with_learnt_bodies())
+        alone = [each for each in asked if each.startswith((b"POST /v1/maps/town/localize", b"PUT /v1/maps/town/versions/v2"))]
+        self.assertGreater(len(alone), 1000)
+        for head, _, body in (each.partition(b"\r\n\r\n") for each in alone):
+            self.assertIn(f"Content-Length: {len(body)}\r\n".encode() if body else b"", head + b"\r\n")
+        archives = list(http_variants.learnt_bodies("archive"))
+        self.assertEqual(sum(b"/{id}/complete HTTP/1.1" in each for each in asked), 2 * len(archives))
 
     def test_names_that_are_given_out_are_asked_for_before(self):
         """And of a name that the server answers to: it refuses others where there are no keys."""
