@@ -22,6 +22,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <thread>
 
 namespace {
@@ -88,7 +89,7 @@ const std::filesystem::path& stored_town() {
 struct Served {
   Served() {
     spdlog::set_level(spdlog::level::off);
-    std::filesystem::copy(stored_town(), folder.path(), std::filesystem::copy_options::recursive);
+    copy_town();
     store = std::make_unique<maps::PackageStore>(folder.path());
     service = std::make_unique<server::Service>(
         options, *store,
@@ -103,6 +104,17 @@ struct Served {
       std::this_thread::sleep_for(std::chrono::microseconds(50));
     watch = std::make_unique<Watch>(*service);
     http = std::make_unique<server::HttpServer>(server::main_endpoint(options), *watch, nullptr);
+  }
+
+  void copy_town() const {
+    using std::filesystem::copy_options;
+    std::error_code error;
+    // Again where libFuzzer looked at its clock.
+    do
+      std::filesystem::copy(stored_town(), folder.path(),
+                            copy_options::recursive | copy_options::overwrite_existing, error);
+    while (error == std::errc::interrupted);
+    fuzz::require(!error, "a store");
   }
 
   test::TemporaryFolder folder{test::memory_folder()};
