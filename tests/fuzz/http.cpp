@@ -9,6 +9,8 @@
 #include "service.hpp"
 #include "support/stored_packages.hpp"
 
+#include <stillmap/maps/layer_file.hpp>
+#include <stillmap/maps/map_difference.hpp>
 #include <stillmap/maps/map_levels.hpp>
 #include <stillmap/maps/store/package_store.hpp>
 
@@ -20,6 +22,7 @@
 #include <chrono>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -69,17 +72,30 @@ class Watch final : public server::RequestHandler {
 };
 
 /// A store as each server finds it, copied since that takes less than to make it: with one map,
-/// `town`, and its levels of detail.
+/// `town`, of two versions in one frame, and what is else made of them behind an input.
 const std::filesystem::path& stored_town() {
   static const std::filesystem::path made = [] {
-    const std::filesystem::path package = fuzz::folder().path() / "package";
     const std::filesystem::path folder = fuzz::folder().path() / "store";
-    test::write_package(package, 1, 3);
     std::filesystem::create_directory(folder);
     maps::PackageStore store(folder);
-    store.add("town", "v1", package);
-    store.activate("town", "v1");
-    maps::MapLevels::make(*store.open("town", "v1"));
+    std::shared_ptr<const maps::MapPackage> before;
+    for (int i = 0; i < 2; ++i) {
+      const std::string version = "v" + std::to_string(i);
+      const std::filesystem::path package = fuzz::folder().path() / version;
+      std::optional<maps::Registration> registration;
+      if (before) registration = {.previous_digest = before->digest()};
+      test::write_package(package, i, 3, registration);
+      store.add("town", version, package);
+      store.activate("town", version);
+      const auto map = store.open("town", version);
+      maps::MapLevels::make(*map);
+      maps::write_layer(map->folder() / "layers" / "coverage.layer", map->digest(),
+                        *maps::coverage_of(*map));
+      if (before)
+        maps::MapDifference::make(*map, *before,
+                                  maps::MapDifference::usual_tolerance_m(*map, *before));
+      before = map;
+    }
     return folder;
   }();
   return made;

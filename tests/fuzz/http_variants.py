@@ -25,9 +25,10 @@ def request(method, path, headers="", content_type=None, body=b""):
 
 
 # What a route's parameters stand for in the target's store, then what is not there or no name.
-NAMES = {"map": ["town", "nomap", "a/b", "%2e%2e", "TOWN"], "version": ["v1", "v2", "x%00"], "level": ["0", "30", "-1", "a"],
+NAMES = {"map": ["town", "nomap", "a/b", "%2e%2e", "TOWN"], "version": ["v1", "v0", "v2", "x%00"], "level": ["0", "30", "-1", "a"],
          "x": ["0", "-1", "99999999999"], "y": ["0", "1", "x"], "layer": ["coverage", "localizability", "x"],
-         "other": ["v1", "v2"], "part": ["1", "0", "-1", "10001"]}
+         "other": ["v0", "v1", "v2"], "part": ["1", "0", "-1", "10001"],
+         "side": ["version", "other", "x"], "band": ["height", "observations", "x"]}
 # Names that the server gives out, as the target fills them in, and one that it did not.
 GIVEN_OUT = ["{id}", "0123456789abcdef"]
 NEXT_CONNECTION = b"\x1e"

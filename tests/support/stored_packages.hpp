@@ -4,7 +4,9 @@
 
 #include <array>
 #include <filesystem>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace stillmap::test {
@@ -13,7 +15,8 @@ namespace stillmap::test {
 /// @param points  20 bytes each.
 /// @return its digest.
 inline std::string write_package(const std::filesystem::path& target, int seed,
-                                 std::size_t points = 100) {
+                                 std::size_t points = 100,
+                                 std::optional<maps::Registration> registration = {}) {
   maps::MapPackageWriter writer(target);
   std::vector<maps::MapPoint> tile(points);
   for (std::size_t i = 0; i < points; ++i)
@@ -27,6 +30,7 @@ inline std::string write_package(const std::filesystem::path& target, int seed,
   writer.add_tile({}, tile);
   maps::MapManifest manifest;
   manifest.frame_id = "map";
+  manifest.registration = std::move(registration);
   return writer.publish(manifest, "{}");
 }
 
