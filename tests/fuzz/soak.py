@@ -42,8 +42,8 @@ SLOW = {"index"}
 # Threads of their own go on behind an input, and LeakSanitizer before LLVM 20 now and then overlooks one and takes what it
 # holds for lost (llvm/llvm-project#112807): looked for at the end of a run alone, when they have been joined.
 WITH_THREADS = {"http"}
-# Short, so that little is lost when a run is cut off; a fresh process also sheds what a leak check defers.
-SLICE_S = 300
+# A fresh process sheds what a leak check defers, but first reads its whole corpus: that of `http` for over a minute.
+SLICE_S = 900
 # AddressSanitizer keeps freed memory, by default half of what is allowed in all.
 ENVIRONMENT = {"ASAN_OPTIONS": "quarantine_size_mb=32:detect_leaks=1", "UBSAN_OPTIONS": "print_stacktrace=1"}
 if SYMBOLIZER := shutil.which("llvm-symbolizer-16"):
@@ -129,6 +129,8 @@ class Target:
                 continue
             self.state["inputs"] = before_inputs + int(match[1])
             self.state["edges"] = max(self.state["edges"], int(match[2]))
+            # So that little is lost when it is cut off.
+            self.save()
         # The kernel's last word on it; /proc was last looked at when it printed a line.
         _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
