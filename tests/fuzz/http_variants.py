@@ -4,6 +4,7 @@ targets have learnt. For variants.py."""
 import itertools
 import json
 import pathlib
+import random
 import re
 import struct
 import urllib.parse
@@ -218,8 +219,43 @@ def requests_with_learnt_bodies():
             yield asked if whole == template else asked + NEXT_CONNECTION + request("POST", paths_of(whole)[0])
 
 
+def usual_requests(contract, rng):
+    """@return for each route some that it takes, of which those of sessions tell other times each"""
+    bodies = {(method, template): ("application/json", json.dumps(example).encode())
+              for method, template, example in contract.json_bodies()}
+    archive = ("application/x-tar", with_checksums(corpus("archive", "small")[1:]) + bytes(1024))
+    scan = ("application/octet-stream", struct.pack("<24f", *range(24)))
+    for template, operations in contract.document["paths"].items():
+        for method in (name.upper() for name in operations if name in ("get", "put", "post", "delete")):
+            path = paths_of(template)[0].replace("/versions/v1", rng.choice(["/versions/v0", "/versions/v1", "/versions/v2"]))
+            body = bodies.get((method, template), ())
+            if template.endswith(("/localize", "/scans")):
+                stamp_ns = rng.choice([1, 2, 10, 100, 2000]) * rng.choice([100_000_000, 1_000_000_000])
+                path += f"?layout=xyz&prior_t=0,0,0&prior_q=0,0,0,1&prior_sigma=1,0.1&stamp_ns={stamp_ns}"
+                body = scan
+            elif method == "PUT" and not body:
+                body = rng.choice([archive, ("application/ply", corpus("ply", "ascii"))])
+            if not template.endswith("/events"):
+                yield request(method, path, "", *body)
+
+
+def drawn_sequences(contract):
+    """What only shows when several have been: a session that goes on, jobs beside each other, versions beyond two."""
+    rng = random.Random(1)
+    for _ in range(120):
+        asked = list(usual_requests(contract, rng))
+        kinds = [[each for each in asked if words in each.split(b"\r\n")[0]]
+                 for words in (b"sessions", b"jobs", b"uploads", b"drives", b"keys", b"versions", b"maps", b"")]
+        for kind in kinds:
+            for _ in range(8):
+                sequence = [*rng.choices(kind, k=rng.randint(2, 8)), rng.choice(asked)]
+                makes = [each for each in kind if each.startswith(b"POST")]
+                yield NEXT_CONNECTION.join([rng.choice(makes)] * bool(makes) + sequence)
+
+
 def requests():
     contract = Contract()
+    yield from drawn_sequences(contract)
     yield from requests_with_learnt_bodies()
     yield from changed_bodies(contract)
     yield from requests_of_routes(contract)

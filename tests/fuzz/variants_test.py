@@ -5,6 +5,7 @@ import io
 import itertools
 import math
 import random
+import re
 import struct
 import tarfile
 import unittest
@@ -99,6 +100,12 @@ class Inputs(unittest.TestCase):
             self.assertIn(f"Content-Length: {len(body)}\r\n".encode() if body else b"", head + b"\r\n")
         archives = list(http_variants.learnt_bodies("archive"))
         self.assertEqual(sum(b"/{id}/complete HTTP/1.1" in each for each in asked), 2 * len(archives))
+
+    def test_drawn_sequences_are_whole_requests_that_one_input_holds(self):
+        for asked in itertools.islice(http_variants.drawn_sequences(http_variants.Contract()), 200):
+            requests = re.split(rb"\x1e(?=(?:GET|PUT|POST|DELETE) /)", asked)
+            self.assertTrue(2 <= len(requests) <= 16)
+            self.assertTrue(all(b" HTTP/1.1\r\nHost: localhost\r\n" in each for each in requests))
 
     def test_names_that_are_given_out_are_asked_for_before(self):
         """And of a name that the server answers to: it refuses others where there are no keys."""
