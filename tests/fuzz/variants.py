@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Writes variants of a target's seeds, one change each, which bytes changed at random become late or never: wherever an
 input holds a JSON text, what json_variants.py makes of it; other numbers in its lines; each byte by a few others; the
-input cut at each byte. For `http` also a request for each route of the contract and what other targets have learnt as its
-body, for bags and clouds such with other messages, columns and points, for `archive` packages with the manifests that
-fuzzing has learnt.
+input cut at each byte. For `http` also a request for each route of the contract, what other targets have learnt as its body,
+and drawn sequences of requests, for bags and clouds such with other messages, columns and points, for `archive` packages
+with the manifests that fuzzing has learnt.
 
 usage: tests/fuzz/variants.py TARGET FOLDER
 """
