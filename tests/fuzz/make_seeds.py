@@ -5,6 +5,7 @@
 usage: tests/fuzz/make_seeds.py
 """
 
+import gzip
 import hashlib
 import json
 import math
@@ -118,6 +119,45 @@ def make_http():
     put("http", "huge_range", b"GET /v1/maps HTTP/1.1\r\nRange: bytes=99999999999999999999-\r\n\r\n")
     put("http", "odd", b"PUT /v1/%6daps/../x?a=%00&b HTTP/1.0\r\nRange: bytes=1-2,3-4\r\nContent-Length: 1\r\n\r\nx"
         b"OPTIONS * HTTP/1.1\r\n\r\n")
+
+
+def make_heads():
+    def head(*fields, line="GET /v1/maps HTTP/1.1"):
+        return "\r\n".join([line, "Host: localhost", *fields, "", ""]).encode()
+
+    put("request_head", "range", head("Range: bytes=5-9", 'If-None-Match: "b", W/"a"', "Connection: close"))
+    put("request_head", "last_bytes", head("Range: bytes=-5", "If-None-Match: *", line="HEAD http://a/b HTTP/1.0"))
+    put("request_head", "digest", head("Content-Digest: sha-256=:47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU=:",
+                                       "Content-Length: 12", line="PUT /v1/maps/town/versions/v1 HTTP/1.1"))
+    put("request_head", "trace", head("traceparent: 00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01"))
+    packed = gzip.compress(b"0123456789" * 5, mtime=0)
+    put("request_head", "gzip", head("Content-Encoding: gzip", f"Content-Length: {len(packed)}",
+                                     line="POST /v1/maps/town/localize HTTP/1.1") + packed)
+
+
+def make_request_json():
+    prior = {**POSE, "covariance": COVARIANCE}
+    gnss = {"latitude_deg": 49, "longitude_deg": 8.4, "altitude_m": 110, "sigma_m": 3}
+    box = {"action": "remove", "box": {"centre": [1, 2, 3], "size": [4, 2, 1.5], "yaw": 0.5}}
+    scans = [{"prior": POSE, "points": [[1, 2, 3], [4, 5, 6]]}, {"gnss": gnss, "points": [[1, 2]]}]
+    beside = [{**pose_object(layout="xyzi"), "prior": prior}, {"layout": "xyz", "gnss": gnss}]
+    texts = [{"name": "a", "scopes": ["read", "localize", "write", "admin"], "expires_days": 30},
+             {"drives": [1, 2], "held_back": 3, "version": "v2", "activate": True, "new_frame": False,
+              "options": {"preset": "paper", "odometry": "loam", "movable": "delete", "clean": "removert", "fusion": "on",
+                          "detector": "geometric", "fill": "off", "loops": "on", "voxel": 0.1, "sensor-height": 1.73,
+                          "edits": {"format": "stillmap-edits", "version": 1, "edits": [box]}}},
+             {"name": "a drive"},
+             {"version": "v2", "content_type": "application/gzip"},
+             {"center": [10, -20.5], "radius_m": 100, "level": 2, "cached_ids": ["a", "b"]},
+             {"map": "town", "version": "v1", "label": "car 1", "prior": prior},
+             {"gnss": gnss},
+             {"queries": scans, "deadline_ms": 500},
+             {"queries": beside},
+             {"queries": [{"prior": POSE, "stamp_ns": "15"}]}]
+    for i, text in enumerate(texts):
+        put("request_json", str(i), bytes([i]) + json.dumps(text).encode())
+    put("request_json", "session_at_gnss", b"\5" + json.dumps({"map": "town", "gnss": gnss}).encode())
+    put("request_json", "no_edits", b"\1" + json.dumps({"drives": [7], "options": {"edits": None}}).encode())
 
 
 def make_packages():
@@ -268,5 +308,6 @@ def make_las():
 
 
 if __name__ == "__main__":
-    for make in (make_config, make_las, make_scans, make_requests, make_http, make_packages, make_index, make_weights):
+    for make in (make_config, make_las, make_scans, make_requests, make_http, make_heads, make_request_json, make_packages, make_index,
+                 make_weights):
         make()
