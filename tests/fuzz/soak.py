@@ -22,6 +22,7 @@ import concurrent.futures
 import datetime
 import hashlib
 import json
+import math
 import os
 import pathlib
 import re
@@ -44,6 +45,7 @@ SLOW = {"index"}
 WITH_THREADS = {"http"}
 # A fresh process sheds what a leak check defers, but first reads its whole corpus: that of `http` for over a minute.
 SLICE_S = 900
+LEAST_SLICE_S = 60
 # AddressSanitizer keeps freed memory, by default half of what is allowed in all.
 ENVIRONMENT = {"ASAN_OPTIONS": "quarantine_size_mb=32:detect_leaks=1", "UBSAN_OPTIONS": "print_stacktrace=1"}
 if SYMBOLIZER := shutil.which("llvm-symbolizer-16"):
@@ -84,6 +86,11 @@ class Target:
 
     def is_done(self):
         return self.quiet_s() >= QUIET_CPU_S and self.state["inputs"] >= LEAST_INPUTS
+
+    def slice_s(self):
+        """Until it is done, as far as that can be told: a new edge or too few inputs make it longer."""
+        left_s = QUIET_CPU_S - self.quiet_s() if self.state["inputs"] >= LEAST_INPUTS else SLICE_S
+        return min(max(math.ceil(left_s), LEAST_SLICE_S), SLICE_S)
 
     def findings(self):
         return sorted(path.name for path in (self.folder / "found").iterdir())
@@ -189,7 +196,7 @@ def report(targets):
 
 def run_once(target, asked):
     """@return its name when something was found"""
-    ok = (not asked.soak or target.take_variants()) and target.run(SLICE_S if asked.soak else asked.seconds)
+    ok = (not asked.soak or target.take_variants()) and target.run(target.slice_s() if asked.soak else asked.seconds)
     print(target.line(), flush=True)
     return None if ok else target.name
 

@@ -49,6 +49,16 @@ class Counting(unittest.TestCase):
         target.take_edge("0x1", " in f")
         self.assertTrue(json.loads(target.state_file.read_text())["date"])
 
+    def test_a_slice_ends_when_the_target_is_done(self):
+        target = self.target()
+        self.assertEqual(target.slice_s(), soak.SLICE_S)
+        target.state |= {"inputs": soak.LEAST_INPUTS, "cpu_s": soak.QUIET_CPU_S + 99.5, "cpu_s_at_last_edge": 199.0}
+        self.assertEqual(target.slice_s(), 100)
+        target.state["cpu_s"] += 98.0
+        self.assertEqual(target.slice_s(), soak.LEAST_SLICE_S)
+        target.state["inputs"] = 0
+        self.assertEqual(target.slice_s(), soak.SLICE_S)
+
     def test_counts_and_edges_of_another_program_say_nothing(self):
         target = self.target()
         target.begin("a")
