@@ -91,7 +91,9 @@ void read_session(std::string_view text, bool opens) {
     fuzz::require(std::abs(session->gnss->latitude_deg) <= 90.0 &&
                       std::abs(session->gnss->longitude_deg) <= 180.0,
                   "a place on the Earth");
-  fuzz::require_bounds(server::PoseParameters{.prior = session->prior});
+  server::PoseParameters parameters;
+  parameters.prior = session->prior;
+  fuzz::require_bounds(parameters);
 }
 
 void read_batch(std::string_view text, server::JsonScan scan) {
