@@ -1,10 +1,12 @@
 """Bags drawn at random whose messages can mostly be read: what frames, topics, times and columns mean is told apart only
-behind readers that hardly any changed byte gets through. Four in ten open as a drive, the others are refused for what they
-mean. For variants.py."""
+behind readers that hardly any changed byte gets through. Those that open as no drive are refused for what they mean. For
+variants.py."""
 
 import math
 import random
+import sqlite3
 import struct
+import zlib
 
 import make_bag_seeds as bags
 
@@ -104,6 +106,25 @@ def drawn_tf(rng, tenths, ros1, pairs):
     return message.bytes
 
 
+def drawn_chain(rng):
+    """@return (parent, child) of many frames, mostly one above the other, and the sensor below"""
+    frames = [rng.choice(("map", "odom", "a")), *[f"f{i}" for i in range(rng.randrange(2, 8))], "lidar"]
+    return [(frames[rarely(rng, i, range(i + 1), 0.15)], frames[i + 1]) for i in range(len(frames) - 1)]
+
+
+def drawn_others(rng, kinds, order, ros1, columns):
+    """Topics that a drive does not need, some of them by a name that others have too."""
+    for _ in range(rng.randrange(2, 12)):
+        topic, tenths, frames = f"/{rng.randrange(20)}", rng.randrange(9), rng.choices(FRAMES, k=2)
+        bodies = {0: lambda: drawn_cloud(rng, tenths, order, ros1, frames[0], columns),
+                  1: lambda: drawn_pose(rng, tenths, order, ros1, frames, True),
+                  2: lambda: drawn_pose(rng, tenths, order, ros1, frames, False),
+                  3: lambda: drawn_tf(rng, tenths, ros1, [frames]),
+                  4: lambda: drawn_fix(rng, tenths, order, ros1, frames[0], 0.0)}
+        kind = rng.choice(list(bodies))
+        yield topic, kinds[kind], bodies[kind]()
+
+
 def drawn_messages(rng, ros1):
     kinds = [kind.replace("/msg/", "/") if ros1 else kind for kind in bags.KINDS]
     order = rarely(rng, "<", (">",), 0.1) if not ros1 else "<"
@@ -111,12 +132,16 @@ def drawn_messages(rng, ros1):
     pairs = [(rng.choice(FRAMES), rng.choice(FRAMES)) for _ in range(rng.randrange(3))]
     odometry = [rarely(rng, usual, FRAMES, 0.2) for usual in ("odom", "base_link")]
     has = {name: rng.random() < share
-           for name, share in (("rigid", 0.7), ("odom", 0.5), ("pose", 0.2), ("tf", 0.5), ("two", 0.15), ("fix", 0.15))}
+           for name, share in (("rigid", 0.7), ("odom", 0.5), ("pose", 0.2), ("tf", 0.5), ("two", 0.15), ("fix", 0.15),
+                               ("chain", 0.2), ("others", 0.2))}
     if has["fix"]:
         has |= {"rigid": False, "odom": False, "tf": False, "pose": True}
-    messages = []
+    long_chain = drawn_chain(rng)
+    split = rng.randrange(len(long_chain) + 1)
+    messages = list(drawn_others(rng, kinds, order, ros1, columns)) if has["others"] else []
     if has["rigid"]:
-        messages.append(("/tf_static", kinds[3], drawn_tf(rng, 0, ros1, [("base_link", "lidar"), *pairs[:1]])))
+        rigid = long_chain[split:] if has["chain"] else [("base_link", "lidar"), *pairs[:1]]
+        messages.append(("/tf_static", kinds[3], drawn_tf(rng, 0, ros1, rigid)))
     for scan in range(rng.choice((3, 4)) if has["fix"] else rng.choice((1, 2, 3, 6))):
         tenths = rarely(rng, scan, (0, scan + 40, 7), 0.1)
         messages.append(("/points", kinds[0], drawn_cloud(rng, tenths, order, ros1, frame, columns)))
@@ -134,15 +159,80 @@ def drawn_messages(rng, ros1):
         if has["tf"]:
             chain = rng.choice(([("map", "base_link")], [("map", "odom"), ("odom", "base_link")], [("odom", "lidar")],
                                 [("earth", "map"), ("map", "base_link")], pairs))
-            messages.append(("/tf", kinds[3], drawn_tf(rng, tenths, ros1, chain)))
+            messages.append(("/tf", kinds[3], drawn_tf(rng, tenths, ros1, long_chain[:split] if has["chain"] else chain)))
     if rng.random() < 0.2:
         rng.shuffle(messages)
     return messages
 
 
+def drawn_records(rng, messages, encoding):
+    """@return those of MCAP without magic bytes and index, each channel told before its first message, mostly"""
+    topics = sorted({(topic, kind) for topic, kind, _ in messages})
+    channels = dict(zip(topics, rng.sample(range(1, 300), len(topics))))
+    one_schema_a_kind, told, records = rng.random() < 0.5, set(), []
+
+    def tell(topic, channel):
+        schema = 1 + bags.KINDS.index(topic[1]) if one_schema_a_kind and topic[1] in bags.KINDS else channel
+        schema = rarely(rng, schema, (0, 500), 0.02)
+        if rng.random() < 0.97:
+            records.append(bags.record(3, struct.pack("<H", schema) + bags.text(topic[1]) + bags.text("ros2msg") + bags.text("")))
+        values = rarely(rng, bags.text(""), (bags.text("x" * 9), b"", struct.pack("<I", 99)), 0.05)
+        records.append(bags.record(4, struct.pack("<HH", channel, schema) + bags.text(topic[0]) + bags.text(encoding) + values))
+
+    if rng.random() < 0.5:
+        for topic, channel in channels.items():
+            told.add(channel)
+            tell(topic, channel)
+    for topic, kind, body in messages:
+        channel = channels[topic, kind]
+        if channel not in told or rng.random() < 0.03:
+            told.add(channel)
+            tell((topic, kind), channel)
+        channel = rarely(rng, channel, (*channels.values(), 700), 0.03)
+        if rng.random() < 0.03:  # the same topic by another channel
+            channels[topic, kind] = rng.randrange(300, 600)
+        records.append(bags.record(5, struct.pack("<HIQQ", channel, 0, 1, 1) + rarely(rng, body, (body[:9], b""), 0.02)))
+        if rng.random() < 0.05:  # an attachment, metadata, an index of messages, private
+            records.append(bags.record(rng.choice((9, 12, 7, 0x80, 0)), bytes(rng.randrange(30))))
+    return records, len(channels)
+
+
+def drawn_mcap(rng, messages, encoding):
+    """Records in chunks of any number and beside them; an index that may not tell all."""
+    records, channels = drawn_records(rng, messages, encoding)
+    file, indexes, loose = b"\x89MCAP0\r\n" + bags.record(1, bags.text("ros2") + bags.text("")), [], rng.random() * 0.3
+    while records:
+        count = rng.choice((1, 2, 5, 20, 100))
+        part, records = b"".join(records[:count]), records[count:]
+        if rng.random() < loose:
+            file += part
+            continue
+        compression = rng.choice(("lz4", "zstd")) if rng.random() < 0.02 else ""
+        body = bags.packed(part, compression)
+        size = rarely(rng, len(part), (0, len(part) - 1, len(part) + 1, 2**40), 0.02)
+        chunk = bags.record(6, struct.pack("<QQQI", 1, 1, size, rarely(rng, zlib.crc32(part), (0, 0, 1), 0.2)) +
+                            bags.text(rarely(rng, compression, ("zstd", "x"), 0.01)) + struct.pack("<Q", len(body)) + body)
+        at = rarely(rng, len(file), (0, len(file) + 1), 0.01)
+        channel_bytes = rarely(rng, 0, (10, 99), 0.05)
+        indexes.append(bags.record(8, struct.pack("<QQQQIQ", 1, 1, at, len(chunk), channel_bytes, 0) + bags.text(compression) +
+                                   struct.pack("<QQ", len(body), size)))
+        file += chunk
+    file += bags.record(15, bytes(4))
+    names = [] if rng.random() < 0.2 else drawn_records(rng, messages, encoding)[0]
+    names = [each for each in names if each[0] in (3, 4)]
+    indexes = rarely(rng, indexes, (indexes[1:], indexes * 2, indexes[::-1], []), 0.15)
+    statistics = struct.pack("<QHIIIIQQ", len(messages), channels, rarely(rng, channels, (0, 9), 0.1), 0, 0,
+                             rarely(rng, len(indexes), (0, 9), 0.1), 1, 1) + bytes(4)
+    summary = b"".join(names + indexes + [bags.record(11, statistics)] * (rng.random() < 0.5))
+    footer = struct.pack("<BQQQ", 2, 20, len(file) if rng.random() < 0.8 else 0, 0)
+    crc = rarely(rng, zlib.crc32(summary + footer), (0, 1), 0.2)
+    return file + summary + footer + struct.pack("<I", crc) + b"\x89MCAP0\r\n"
+
+
 def mcap_bags():
     rng = random.Random(1)
     for _ in range(DRAWS):
+        yield drawn_mcap(rng, drawn_messages(rng, False), rarely(rng, "cdr", ("", "json")))
         ros1 = rng.random() < 0.15
         chunks = rng.random() < 0.5
         # Packed by the tools is a process each.
@@ -151,10 +241,48 @@ def mcap_bags():
                         rarely(rng, "ros1" if ros1 else "cdr", ("", "json", "cdr")))
 
 
+def drawn_rosbag2(rng, messages):
+    """Tables of every schema, some of which hold or are something else."""
+    topics = sorted({(topic, kind) for topic, kind, _ in messages})
+    ids = dict(zip(topics, rng.sample(range(1, 99), len(topics))))
+    columns = rarely(rng, "id INTEGER PRIMARY KEY, name, type, serialization_format", (
+        "id, name, type, serialization_format, offered_qos_profiles", "id INTEGER PRIMARY KEY, name, type",
+        "serialization_format, type, name, id INTEGER PRIMARY KEY, type_description_hash",
+        "id INTEGER PRIMARY KEY, name, type, serialization_format AS (type)",
+        "id INTEGER PRIMARY KEY, name, type, serialization_format) WITHOUT ROWID; --"), 0.1)
+    bag = sqlite3.connect(":memory:")
+    bag.executescript(f"PRAGMA page_size={rarely(rng, 512, (1024,), 0.2)}; CREATE TABLE topics({columns});\n"
+                      "CREATE TABLE rows(id INTEGER PRIMARY KEY, topic_id, timestamp, data);")
+    version = rarely(rng, rng.randrange(1, 5), (0, 5, -1, "four", None), 0.2)
+    if rng.random() < 0.3:
+        bag.execute("CREATE TABLE schema(schema_version, ros_distro)")
+        bag.executemany("INSERT INTO schema VALUES (?, 'a')", [(version,)] * rng.randrange(3))
+    for (name, kind), number in ids.items():
+        usual = (number, name, kind, rarely(rng, "cdr", ("", "cbor")))
+        kept = rarely(rng, usual, ((number, None, 7, b"cdr"), (None, name, "x" * 1025, "")))
+        if "serialization_format" in columns and " AS " not in columns:
+            bag.execute("INSERT OR IGNORE INTO topics (id, name, type, serialization_format) VALUES (?, ?, ?, ?)", kept)
+        else:
+            bag.execute("INSERT OR IGNORE INTO topics (id, name, type) VALUES (?, ?, ?)", kept[:3])
+    row = rng.choice((1, -5, 10**12))
+    for topic, kind, body in messages:
+        body = bags.packed(body, "zstd") if rng.random() < 0.02 else body
+        body = rarely(rng, body, (None, 7, "text", b"", body[:9], b"\x28\xb5\x2f\xfd", b"\x28\xb5\x2f\xfdxxx"), 0.03)
+        bag.execute("INSERT INTO rows VALUES (?, ?, 1, ?)", (row, rarely(rng, ids[topic, kind], (None, "x", 100), 0.02), body))
+        row += rarely(rng, 1, (2, 1000), 0.1)
+    bag.execute(rarely(rng, "ALTER TABLE rows RENAME TO messages", ("CREATE VIEW messages AS SELECT * FROM rows",)))
+    if rng.random() < 0.03:
+        bag.execute("DELETE FROM topics WHERE id % 2")
+    bag.commit()
+    file = bag.serialize()
+    bag.close()
+    return rarely(rng, file, (file[:rng.randrange(len(file))],), 0.03)
+
+
 def rosbag2_files():
     rng = random.Random(2)
     for _ in range(DRAWS):
-        yield bags.rosbag2(drawn_messages(rng, False), "zstd" if rng.random() < 0.03 else None)
+        yield drawn_rosbag2(rng, drawn_messages(rng, False))
 
 
 def ros_messages():

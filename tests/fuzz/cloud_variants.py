@@ -1,5 +1,5 @@
-"""Point clouds drawn at random, PCD, PLY and LAS, of columns of all types in any order. About half are taken (of LAS seven
-in ten), the others refused for one thing. For variants.py."""
+"""Point clouds drawn at random, PCD, PLY and LAS, of columns of all types in any order and in any coordinate system. Those
+that are not taken are refused for one thing. For variants.py."""
 
 import random
 import struct
@@ -12,6 +12,12 @@ PCD_TYPES = {("F", 4): "f", ("F", 8): "d", ("U", 1): "B", ("U", 2): "H", ("U", 4
              ("I", 2): "h", ("I", 4): "i", ("I", 8): "q"}
 PLY_TYPES = {"char": "b", "int8": "b", "uchar": "B", "uint8": "B", "short": "h", "int16": "h", "ushort": "H", "uint16": "H",
              "int": "i", "int32": "i", "uint": "I", "uint32": "I", "float": "f", "float32": "f", "double": "d", "float64": "d"}
+WKT_NAMES = ("WGS 84", "WGS 84 / UTM zone 32N", "UTM zone 10, Northern Hemisphere", "ETRS89 / UTM zone 61", "NAD83 / UTM zone 17S",
+             "false_easting", "False easting", "EPSG", "metre", "up", "")
+WKT_WITHIN = {"PROJCS": ("GEOGCS", "PARAMETER", "UNIT", "AUTHORITY", "AXIS"), "GEOGCS": ("UNIT", "AUTHORITY"), "CS": ("UNIT",),
+              "PROJCRS": ("CS", "LENGTHUNIT", "ID", "AXIS", "PARAMETER"), "GEOGCRS": ("ID",), "LOCAL_CS": ("UNIT",),
+              "COMPD_CS": ("PROJCS", "VERT_CS"), "COMPOUNDCRS": ("PROJCRS", "VERTCRS"), "VERT_CS": ("UNIT", "AXIS", "AUTHORITY"),
+              "VERTCRS": ("CS", "AXIS", "LENGTHUNIT"), "ENGCRS": ("CS", "LENGTHUNIT"), "AXIS": ("LENGTHUNIT", "UNIT")}
 
 
 def names(rng):
@@ -86,18 +92,42 @@ def ply(rng):
     return "\n".join(lines).encode() + b"\n" + (face + body if first else body + face)
 
 
+def drawn_code(rng):
+    """Of a projected system: zones of UTM under their four hundreds and the numbers about them, others, none."""
+    return rarely(rng, 100 * rng.choice((326, 327, 258, 269)) + rng.randrange(100), (2154, 4326, 0, 32767, 65535), 0.1)
+
+
+def drawn_wkt(rng, word="PROJCS"):
+    """A node and those within it; what can stand there mostly does."""
+    values = [f'"{rng.choice(WKT_NAMES)}"']
+    if word in ("AUTHORITY", "ID"):
+        code = drawn_code(rng)
+        values = [rarely(rng, '"EPSG"', ('"ESRI"', '""')), str(code) if word == "ID" else f'"{code}"']
+    elif word == "PARAMETER":
+        values = [rng.choice(('"false_easting"', '"False easting"', '"scale"')), rng.choice(("500000", "32500000", "0", "x"))]
+    elif word in ("UNIT", "LENGTHUNIT"):
+        values = ['"metre"', rarely(rng, "1", ("0.3048", "0", "-1", "nan", "x", "1e300"), 0.3)]
+    inner = WKT_WITHIN.get(word, ())
+    for each in rng.sample(inner, rng.randint(0, len(inner))):
+        values.append(drawn_wkt(rng, rarely(rng, each, tuple(WKT_WITHIN), 0.05)))
+    begin, end = rarely(rng, "[]", ("()", "[ ", "[)"), 0.1)
+    written, comma = rarely(rng, word, (word.lower(), word.title(), "X"), 0.05), rarely(rng, ",", (", ", ";"), 0.1)
+    return written + begin + comma.join(values) + end
+
+
 def las(rng):
     minor = rng.choice((2, 3, 4))
     kind = rng.choice((0, 1, 2, 3, 4, 5) if minor < 4 else range(0, 11))
     sizes = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
     keys = [1, 1, 0, 0]
-    for key, value in rng.sample([(1024, 1), (1024, 2), (3072, 32632), (3072, 32756), (3072, 25832), (3072, 32767), (3076, 9001),
-                                  (4096, 5703), (2048, 4326), (3072, 26910), (1024, 3), (3072, 2154)], rng.randrange(4)):
+    for key, value in rng.sample([(1024, 1), (1024, 2), (1024, 3), (3072, drawn_code(rng)), (3072, drawn_code(rng)), (3076, 9001),
+                                  (3076, 9003), (4099, rng.choice((9001, 9002, 9003, 9036, 0))), (4096, 5703), (2048, 4326)],
+                                 rng.randrange(4)):
         keys += [key, rarely(rng, 0, (34737,)), 1, value]
         keys[3] += 1
-    words = rng.choice(('PROJCS["WGS 84 / UTM zone 32N",GEOGCS["WGS 84"],UNIT["metre",1],AUTHORITY["EPSG","32632"]]',
-                        'PROJCRS["ETRS89 / UTM zone 33N",ID["EPSG",25833]]', 'LOCAL_CS["yard",UNIT["metre",1]]',
-                        'COMPD_CS["a",PROJCS["UTM zone 10, Northern Hemisphere"],VERT_CS["b"]]', 'GEOGCS["WGS 84"]', 'PROJCS["', ""))
+    keys[3] = rarely(rng, keys[3], (0, keys[3] + 1, 65535))
+    words = drawn_wkt(rng, rng.choice(("PROJCS", "PROJCRS", "COMPD_CS", "COMPOUNDCRS", "LOCAL_CS", "ENGCRS", "GEOGCS")))
+    words = rarely(rng, words, (words[:rng.randrange(len(words))], words + words, "", "[" * 40, "\0" + words), 0.1)
     records = [(34735, struct.pack(f"<{len(keys)}H", *keys))] * rng.randrange(2)
     records += [(2112, words.encode() + b"\0")] * rng.randrange(2)
     cloud = bytearray(seeds.las(minor, kind, sizes[kind] + rng.choice((0, 0, 3)), records, rng.choice((0, 16))))
