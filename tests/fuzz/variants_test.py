@@ -6,10 +6,12 @@ import itertools
 import math
 import random
 import re
+import sqlite3
 import struct
 import tarfile
 import unittest
 
+import bag_variants
 import http_variants
 import json_variants
 import variants
@@ -114,6 +116,27 @@ class Inputs(unittest.TestCase):
             self.assertTrue(all(b"\r\nHost: localhost\r\n" in each for each in connections))
             named = any("{" + name + "}" in template for name in ("session", "upload", "drive", "job", "key"))
             self.assertEqual(len(connections) > 1, named, template)
+
+    def test_frames_that_are_drawn_lead_from_the_sensor_to_one_above_all(self):
+        for number in range(100):
+            above = {child: parent for parent, child in bag_variants.drawn_chain(random.Random(number))}
+            frame = "lidar"
+            for _ in range(len(above)):
+                frame = above.get(frame, frame)
+            self.assertIn(frame, ("map", "odom", "a"))
+
+    def test_drawn_bags_are_databases_with_the_tables_of_rosbag2_and_files_of_mcap(self):
+        rng = random.Random(1)
+        for _ in range(50):
+            messages = bag_variants.drawn_messages(rng, False)
+            bag = sqlite3.connect(":memory:")
+            database = bag_variants.drawn_rosbag2(rng, messages)
+            if int.from_bytes(database[28:32], "big") * int.from_bytes(database[16:18], "big") == len(database):  # not cut off
+                bag.deserialize(database)
+                self.assertTrue(all(bag.execute("SELECT count(*) FROM messages").fetchone()))
+            bag.close()
+            file = bag_variants.drawn_mcap(rng, messages, "cdr")
+            self.assertTrue(file.startswith(b"\x89MCAP0\r\n\x01") and file.endswith(b"\x89MCAP0\r\n"))
 
 
 if __name__ == "__main__":
