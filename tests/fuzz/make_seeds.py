@@ -139,13 +139,16 @@ def make_request_json():
     prior = {**POSE, "covariance": COVARIANCE}
     gnss = {"latitude_deg": 49, "longitude_deg": 8.4, "altitude_m": 110, "sigma_m": 3}
     box = {"action": "remove", "box": {"centre": [1, 2, 3], "size": [4, 2, 1.5], "yaw": 0.5}}
+    of_drive = {**box, "drive": "a", "scans": [1, 2], "note": "b"}
+    whole = {**pose_object(prior=prior, gnss=gnss, T_base_lidar=POSE, movable=[box["box"], box["box"]], layout="xyz"),
+             "points": [[1, 2, 3], [4, 5, 6]], "odometry": {"since_ns": "5", **prior}}
     scans = [{"prior": POSE, "points": [[1, 2, 3], [4, 5, 6]]}, {"gnss": gnss, "points": [[1, 2]]}]
     beside = [{**pose_object(layout="xyzi"), "prior": prior}, {"layout": "xyz", "gnss": gnss}]
     texts = [{"name": "a", "scopes": ["read", "localize", "write", "admin"], "expires_days": 30},
              {"drives": [1, 2], "held_back": 3, "version": "v2", "activate": True, "new_frame": False,
               "options": {"preset": "paper", "odometry": "loam", "movable": "delete", "clean": "removert", "fusion": "on",
                           "detector": "geometric", "fill": "off", "loops": "on", "voxel": 0.1, "sensor-height": 1.73,
-                          "edits": {"format": "stillmap-edits", "version": 1, "edits": [box]}}},
+                          "edits": {"format": "stillmap-edits", "version": 1, "edits": [box, of_drive]}}},
              {"name": "a drive"},
              {"version": "v2", "content_type": "application/gzip"},
              {"center": [10, -20.5], "radius_m": 100, "level": 2, "cached_ids": ["a", "b"]},
@@ -153,9 +156,11 @@ def make_request_json():
              {"gnss": gnss},
              {"queries": scans, "deadline_ms": 500},
              {"queries": beside},
-             {"queries": [{"prior": POSE, "stamp_ns": "15"}]}]
+             {"queries": [{"prior": POSE, "stamp_ns": "15"}, whole]}]
     for i, text in enumerate(texts):
         put("request_json", str(i), bytes([i]) + json.dumps(text).encode())
+    put("request_json", "all", b"\7" + json.dumps({"queries": [whole, whole], "deadline_ms": 500}).encode())
+    put("request_json", "two_places", b"\5" + json.dumps({"map": "town", "prior": prior, "gnss": gnss}).encode())
     put("request_json", "session_at_gnss", b"\5" + json.dumps({"map": "town", "gnss": gnss}).encode())
     put("request_json", "no_edits", b"\1" + json.dumps({"drives": [7], "options": {"edits": None}}).encode())
 

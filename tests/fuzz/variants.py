@@ -21,6 +21,7 @@ import cloud_variants
 import http_variants
 import json_variants
 import learnt
+import request_variants
 import text_variants
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -65,7 +66,8 @@ def archives():
         yield put_in(seed, start, end, manifest)
 
 
-DRAWN = bag_variants.DRAWN | cloud_variants.DRAWN | {"archive": archives, "http": http_variants.requests}
+DRAWN = bag_variants.DRAWN | cloud_variants.DRAWN | {"archive": archives, "http": http_variants.requests,
+                                                          "request_json": request_variants.requests}
 
 
 def byte_variants(seed):
