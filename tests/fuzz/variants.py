@@ -2,8 +2,8 @@
 """Writes variants of a target's seeds, one change each, which bytes changed at random become late or never: wherever an
 input holds a JSON text, what json_variants.py makes of it; other numbers in its lines; each byte by a few others; the
 input cut at each byte. For `http` also a request for each route of the contract, what other targets have learnt as its body,
-and drawn sequences of requests, for bags and clouds such with other messages, columns and points, for `archive` packages
-with the manifests that fuzzing has learnt.
+and drawn sequences of requests, for `request_json` several changes at once, for bags and clouds such with other messages,
+columns and points, for `archive` packages with the manifests that fuzzing has learnt.
 
 usage: tests/fuzz/variants.py TARGET FOLDER
 """
@@ -66,8 +66,8 @@ def archives():
         yield put_in(seed, start, end, manifest)
 
 
-DRAWN = bag_variants.DRAWN | cloud_variants.DRAWN | {"archive": archives, "http": http_variants.requests,
-                                                          "request_json": request_variants.requests}
+DRAWN = bag_variants.DRAWN | cloud_variants.DRAWN | {
+    "archive": archives, "http": http_variants.requests, "request_json": request_variants.requests}
 
 
 def byte_variants(seed):
