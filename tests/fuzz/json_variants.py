@@ -139,11 +139,11 @@ def drawn(value, rng, scale, key=""):
     return rng.choice((rng.gauss(0, scale), rng.uniform(0, 1), round(rng.gauss(0, scale), 2), -0.0))
 
 
-def thinned(value, rng):
+def thinned(value, rng, share=0.15):
     """Without some members, since some exclude each other."""
     if isinstance(value, dict):
-        return {name: thinned(each, rng) for name, each in value.items() if rng.random() > 0.15}
-    return [thinned(each, rng) for each in value] if isinstance(value, list) else value
+        return {name: thinned(each, rng, share) for name, each in value.items() if rng.random() > share}
+    return [thinned(each, rng, share) for each in value] if isinstance(value, list) else value
 
 
 def drawn_anew(document):
