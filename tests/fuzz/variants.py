@@ -3,7 +3,7 @@
 input holds a JSON text, what json_variants.py makes of it; other numbers in its lines; each byte by a few others; the
 input cut at each byte. For `http` also a request for each route of the contract, what other targets have learnt as its body,
 and drawn sequences of requests, for `request_json` several changes at once, for bags and clouds such with other messages,
-columns and points, for `archive` packages with the manifests that fuzzing has learnt.
+columns and points, for `rosbag2` what `mcap` and `rawlog` have learnt, for `archive` packages with the manifests of fuzzing.
 
 usage: tests/fuzz/variants.py TARGET FOLDER
 """
@@ -66,8 +66,15 @@ def archives():
         yield put_in(seed, start, end, manifest)
 
 
+def bags_of_rosbag2():
+    for other in ("mcap", "rawlog"):  # told by their first bytes, whatever a file is called
+        yield from learnt.inputs(HERE / "learnt" / f"{other}.zip")
+    yield from bag_variants.rosbag2_files()
+
+
 DRAWN = bag_variants.DRAWN | cloud_variants.DRAWN | {
-    "archive": archives, "http": http_variants.requests, "request_json": request_variants.requests}
+    "archive": archives, "http": http_variants.requests, "request_json": request_variants.requests,
+    "rosbag2": bags_of_rosbag2}
 
 
 def byte_variants(seed):

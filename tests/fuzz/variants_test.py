@@ -138,6 +138,10 @@ class Inputs(unittest.TestCase):
             file = bag_variants.drawn_mcap(rng, messages, "cdr")
             self.assertTrue(file.startswith(b"\x89MCAP0\r\n\x01") and file.endswith(b"\x89MCAP0\r\n"))
 
+    def test_bags_of_another_kind_are_taken_under_the_name_of_a_database(self):
+        begins = {each[:5] for each in itertools.islice(variants.variants("rosbag2"), 1000)}
+        self.assertLessEqual({b"\x89MCAP", b"SQLit"}, begins)
+
 
 if __name__ == "__main__":
     unittest.main()
