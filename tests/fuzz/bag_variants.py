@@ -303,4 +303,4 @@ def ros_messages():
         yield bytes([kind << 1 | ros1]) + body
 
 
-DRAWN = {"mcap": mcap_bags, "rosbag2": rosbag2_files, "ros_message": ros_messages}
+DRAWN = {"mcap": mcap_bags, "ros_message": ros_messages}
