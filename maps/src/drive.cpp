@@ -133,6 +133,12 @@ bool Drive::is_at(const std::filesystem::path& root) {
   return std::filesystem::is_directory(place) || is_bag(place) || is_rawlog(place);
 }
 
+bool Drive::is_in(const std::filesystem::path& folder) {
+  const auto recognises = [&](const LayoutReader& reader) { return reader.recognises(folder); };
+  return std::any_of(kNamedLayouts.begin(), kNamedLayouts.end(), recognises) ||
+         is_scan_folder(folder);
+}
+
 std::string Drive::Contents::scan_name(std::size_t index) const {
   std::string name = scan_files.at(index).filename().string();
   if (!entries.numbers.empty())

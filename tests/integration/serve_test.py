@@ -4,6 +4,7 @@
 usage: serve_test.py STILLMAP
 """
 
+import fcntl
 import http.client
 import json
 import os
@@ -232,6 +233,28 @@ class Running(FolderTest):
         started = time.monotonic()
         self.assertEqual(self.finish(signal.SIGINT), 130)
         self.assertLess(time.monotonic() - started, 20)
+
+    def test_a_second_signal_ends_a_job_that_holds_up_the_end(self):
+        self.configure(drain={"timeout_s": 600})
+        self.start()
+        # As long as somebody else changes the store, a job cannot publish.
+        with open(self.store / ".lock", "w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            floor = "".join(f"{x / 4} {y / 4} 0\n" for x in range(80) for y in range(80))
+            cloud = ("ply\nformat ascii 1.0\nelement vertex 6400\nproperty float x\nproperty float y\n"
+                     f"property float z\nend_header\n{floor}")
+            connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
+            connection.request("PUT", "/v1/maps/town/versions/v1", cloud, {"Content-Type": "application/ply"})
+            self.assertEqual(connection.getresponse().status, 202)
+            connection.close()
+            self.wait(lambda: json.loads(self.get("/v1/jobs/1")[1])["stage"] == "publish", timeout=60)
+            self.program.send_signal(signal.SIGTERM)
+            self.message("stopping")
+            time.sleep(0.5)
+            self.assertIsNone(self.program.poll())
+            started = time.monotonic()
+            self.assertEqual(self.finish(signal.SIGINT), 130)
+            self.assertLess(time.monotonic() - started, 20)
 
     def test_what_never_ends_is_cut(self):
         self.configure(drain={"timeout_s": 1}, stall_timeout_s=60, transfer_timeout_s=60)

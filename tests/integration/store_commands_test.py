@@ -107,6 +107,18 @@ class StoreCommands(unittest.TestCase):
             self.assertEqual(made.read_bytes(), whole)
         self.assertEqual(self.json("store", "verify", self.store), {"problems": []})
 
+    def test_reindex_leaves_what_a_damaged_package_has_and_goes_on(self):
+        digest = self.publish()["digest"]
+        self.does("store", "reindex", self.store)
+        (index,) = (self.store / "packages" / digest / "index").iterdir()
+        tile = self.tile(digest)
+        tile.write_bytes(bytes(tile.stat().st_size))
+        done = run("store", "reindex", self.store, "--json")
+        self.assertEqual(done.returncode, 1)
+        (made,) = json.loads(done.stdout)["indexes"]
+        self.assertIn(tile.name, made["not_written_because"])
+        self.assertTrue(index.exists())
+
     def test_a_backup_becomes_a_store_again(self):
         digest = self.publish()["digest"]
         key = self.does_key("car")

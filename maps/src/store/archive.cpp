@@ -12,11 +12,6 @@
 #include <system_error>
 #include <utility>
 
-#include "drives/bag_drive.hpp"
-#include "drives/keyframes.hpp"
-#include "drives/kitti_odometry.hpp"
-#include "drives/kitti_raw.hpp"
-#include "drives/scan_folder.hpp"
 #include "store/archive_files.hpp"
 #include "store/durable_files.hpp"
 
@@ -57,16 +52,11 @@ class TargetFolder {
   bool kept_ = false;
 };
 
-bool is_drive(const fs::path& folder) {
-  return is_kitti_raw(folder) || is_kitti_odometry(folder) || is_keyframes(folder) ||
-         is_bag(folder) || is_scan_folder(folder);
-}
-
 /// Where the drive starts: an archive of a folder has that folder in it, KITTI's the day's above.
 /// @return the target itself when there is no drive.
 fs::path drive_root(const fs::path& target) {
   for (fs::path root = target;;) {
-    if (is_drive(root)) return root;
+    if (Drive::is_in(root)) return root;
     std::vector<fs::path> folders;
     std::error_code error;
     fs::directory_iterator entry(root, error);

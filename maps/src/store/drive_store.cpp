@@ -19,7 +19,8 @@ namespace fs = std::filesystem;
 
 constexpr const char* kDrivesName = "drives";
 constexpr const char* kPartsName = "parts";
-constexpr const char* kContentName = "drive";
+/// KITTI's, in the folder of a day above its drives.
+constexpr const char* kKittiCalibration = "calib_imu_to_velo.txt";
 /// Where an archive is unpacked, before it is known to be a drive.
 constexpr const char* kUnpackedName = ".incoming-drive";
 
@@ -102,7 +103,10 @@ DriveStore::DriveStore(PackageStore& store, DiskCalls& calls)
 }
 
 fs::path DriveStore::home(std::int64_t id) const { return drives_ / std::to_string(id); }
-fs::path DriveStore::folder(std::int64_t id) const { return home(id) / kContentName; }
+/// By the drive's number, since maps and edits tell drives apart by the names of their folders.
+fs::path DriveStore::folder(std::int64_t id) const {
+  return home(id) / ("drive-" + std::to_string(id));
+}
 
 /// A name that nothing has, in the folder of the drive's parts.
 fs::path DriveStore::make_incoming(std::int64_t id) {
@@ -139,16 +143,20 @@ DriveStore::Added DriveStore::add_part(std::int64_t id, std::int64_t n, std::uin
   const StoredDrive now = store_.drives().drive(id);
   refuse_if_not_open(now);
   const bool is_new = !has_part(store_.drives().parts(id), n);
+  const fs::path placed = home(id) / kPartsName / std::to_string(n);
   if (is_new) {
     // Others may have come meanwhile.
     refuse_if_too_large(now, bytes, limits.bytes, name);
-    store_.check_quota(now.map, bytes);
-    const fs::path parts = home(id) / kPartsName;
-    files.rename(incoming, parts / std::to_string(n));
-    files.sync_folder(parts);
+    files.rename(incoming, placed);
+    files.sync_folder(placed.parent_path());
   }
-  // Refuses another digest.
-  store_.drives().add_part(id, part);
+  try {
+    // Refuses another digest, and what passes the quota together with what came meanwhile.
+    store_.drives().add_part(id, part, store_.quota());
+  } catch (const StoreRefusal&) {
+    if (is_new) files.remove_file(placed);
+    throw;
+  }
   return {part, is_new};
 }
 
@@ -217,6 +225,10 @@ void DriveStore::extract(std::int64_t id, const Limits& limits) {
   if (is_there(unpacked)) files.remove_tree(unpacked);
   const ExtractedDrive drive = extract_drive(concatenated(parts), "drive " + std::to_string(id),
                                              unpacked, limits.archive, *calls_);
+  // What a drive has beside it stays beside it.
+  const fs::path beside = drive.root.parent_path() / kKittiCalibration;
+  if (drive.root != unpacked && is_there(beside))
+    files.rename(beside, home(id) / kKittiCalibration);
   files.rename(drive.root, folder(id));
   if (drive.root != unpacked) files.remove_tree(unpacked);
   files.sync_folder(home(id));
@@ -246,8 +258,9 @@ void DriveStore::clear_leftovers() {
     const bool open = drive->status == DriveStatus::kOpen;
     const fs::path parts = drives_ / name / kPartsName;
     if (!open && is_there(parts)) files.remove_tree(parts);
-    for (const char* half : {kUnpackedName, open ? kContentName : kUnpackedName})
-      if (is_there(drives_ / name / half)) files.remove_tree(drives_ / name / half);
+    const fs::path unpacked = drives_ / name / kUnpackedName;
+    if (is_there(unpacked)) files.remove_tree(unpacked);
+    if (open && is_there(folder(*id))) files.remove_tree(folder(*id));
     if (!open || !is_there(parts)) continue;
     for (const auto& entry : fs::directory_iterator(parts))
       if (entry.path().filename().string().starts_with(kIncoming)) files.remove_file(entry.path());

@@ -151,7 +151,7 @@ StoredDrive DriveTable::open_upload(std::string_view map, const UploadTarget& ta
   return upload;
 }
 
-bool DriveTable::add_part(std::int64_t id, const DrivePart& part) {
+bool DriveTable::add_part(std::int64_t id, const DrivePart& part, const StoreQuota& quota) {
   check_part(part);
   Writing writing(*database_);
   SqliteDatabase& database = writing.database();
@@ -164,6 +164,7 @@ bool DriveTable::add_part(std::int64_t id, const DrivePart& part) {
                                                    described(drive) + " is " + row.text(0));
     }
   }
+  refuse_over_quota(database, quota, drive.map, part.bytes, {});
   SqliteStatement(database, "INSERT INTO drive_parts VALUES (?, ?, ?, ?)")
       .bind(id)
       .bind(part.n)

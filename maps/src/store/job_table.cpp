@@ -23,6 +23,8 @@ constexpr std::array<std::pair<JobStatus, std::string_view>, 5> kStatusNames = {
     {JobStatus::kCanceled, "canceled"},
 }};
 constexpr std::size_t kLargestPage = 1000;
+/// Of the requests on a page: they may hold the corrections of a whole map.
+constexpr std::size_t kMostRequestBytes = std::size_t{4} << 20U;
 constexpr const char* kColumns =
     "SELECT id, kind, map, request, status, stage, error, result_version, attempts, enqueued_ns,"
     " started_ns, finished_ns, asker, idempotency_key, cancel_requested FROM jobs ";
@@ -323,18 +325,37 @@ JobTable::Page JobTable::list(const Filter& filter, std::size_t limit,
   if (before) row.bind(*before);
   row.bind(static_cast<std::int64_t>(limit) + 1);
   Page page;
-  while (row.step()) page.jobs.push_back(job_of(row));
-  if (page.jobs.size() > limit) {
-    page.jobs.pop_back();
-    page.next = page.jobs.back().id;
+  std::size_t bytes = 0;
+  while (row.step()) {
+    if (page.jobs.size() == limit || bytes > kMostRequestBytes) {
+      page.next = page.jobs.back().id;
+      break;
+    }
+    page.jobs.push_back(job_of(row));
+    bytes += page.jobs.back().request.size();
   }
   return page;
 }
 
-std::size_t JobTable::forget_finished_before(std::int64_t time_ns) {
+std::vector<StoredJob> JobTable::unfinished() const {
+  const Reading reading(*database_);
+  // One statement: what is put back between two of them would stand in neither.
+  SqliteStatement row(
+      reading.database(),
+      std::string(kColumns) + "WHERE status IN ('enqueued', 'processing') ORDER BY id DESC");
+  std::vector<StoredJob> jobs;
+  while (row.step()) jobs.push_back(job_of(row));
+  return jobs;
+}
+
+std::size_t JobTable::forget_finished_before(std::int64_t time_ns, std::int64_t of_drives_ns) {
   Writing writing(*database_);
-  SqliteStatement(writing.database(), "DELETE FROM jobs WHERE finished_ns < ?")
+  SqliteStatement(writing.database(),
+                  "DELETE FROM jobs WHERE finished_ns < ? AND (finished_ns < ? OR NOT EXISTS"
+                  " (SELECT 1 FROM job_drives JOIN drives ON drives.id = job_drives.drive"
+                  " WHERE job_drives.job = jobs.id))")
       .bind(time_ns)
+      .bind(of_drives_ns)
       .step();
   const std::int64_t gone = writing.database().changes();
   writing.commit();

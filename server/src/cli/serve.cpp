@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
+#include <mutex>
 #include <stillmap/server/options_holder.hpp>
 #include <stillmap/server/server.hpp>
 #include <string>
@@ -156,20 +157,23 @@ void run_server(const server::ConfigSources& sources, const server::ServerOption
   server::LogOutput log(started.log);
   const server::Notifier notifier = server::Notifier::of_process();
   server::OptionsHolder options(started);
-  server::Server server(started, started.store, find_beside("web", "share/stillmap/web"));
-  const int port = server.bind();
+  auto server = std::make_unique<server::Server>(started, started.store,
+                                                 find_beside("web", "share/stillmap/web"));
+  const int port = server->bind();
   const std::string address =
       fmt::format("http{}://{}:{}/", started.tls.enabled() ? "s" : "", started.host, port);
-  const auto watchdog = start_watchdog(notifier, started, port, server.management_port());
+  auto watchdog = start_watchdog(notifier, started, port, server->management_port());
+  std::mutex draining;
   const SignalLoop signals({.reload =
                                 [&] {
-                                  reload_all(sources, {options, log, server, notifier});
+                                  reload_all(sources, {options, log, *server, notifier});
                                 },
                             .drain =
                                 [&] {
                                   spdlog::info("stopping in {} s", started.drain.delay_s);
                                   notifier.stopping("waiting for requests in hand");
-                                  server.drain();
+                                  const std::scoped_lock lock(draining);
+                                  server->drain();
                                   // The server itself cuts what takes too long; this is for what
                                   // hangs.
                                   constexpr int kGrace_s = 5;
@@ -181,7 +185,11 @@ void run_server(const server::ConfigSources& sources, const server::ServerOption
   fmt::print("listening on {}\n", address);
   std::fflush(stdout);
   notifier.ready("listening on " + address);
-  server.run();
+  server->run();
+  // Its threads end while a second signal, and time, still count: one may be loading a large map.
+  { const std::scoped_lock lock(draining); }
+  watchdog.reset();
+  server.reset();
   spdlog::info("stopped");
 }
 

@@ -73,7 +73,11 @@ void gc(const StoreArguments& arguments) {
 }
 
 /// Makes index and levels of detail from the map's points, whatever lies there.
+/// @throws InputError for a damaged package, whose own then stay.
 server::MadeAnew make_anew(const maps::MapPackage& package) {
+  if (const auto problems = package.verify(); !problems.empty())
+    throw maps::InputError((package.folder() / problems.front()).string(), "other bytes",
+                           "those that the manifest states");
   std::error_code error;
   fs::remove_all(package.folder() / "index", error);
   const auto index = localization::MapIndex::open(package);
@@ -107,7 +111,12 @@ void reindex(const StoreArguments& arguments) {
     for (const maps::StoredVersion& version : store.state().versions(map.name)) {
       // Several versions may share one package.
       if (!done.insert(version.digest).second) continue;
-      all.push_back(make_anew(*store.open(map.name, version.name)));
+      try {
+        all.push_back(make_anew(*store.open(map.name, version.name)));
+      } catch (const std::runtime_error& error) {
+        // A broken package, or one that was removed meanwhile: the others are made all the same.
+        all.push_back({version.digest, error.what(), error.what()});
+      }
       text += fmt::format("{} {}: {}\n", map.name, version.name, text_of(all.back()));
     }
   }

@@ -18,7 +18,7 @@ std::vector<Option> store_options() {
        .least = 1,
        .most = 10'000'000,
        .unit = "files",
-       .text = "Most files in one package.",
+       .text = "Most files in one package, or in one drive.",
        .reloadable = true},
       {.key = "uploads.max_unpacked_ratio",
        .field = at(&S::uploads, &U::max_unpacked_ratio),
@@ -60,7 +60,8 @@ std::vector<Option> store_options() {
        .field = at(&S::retention, &R::job_days),
        .most = 36'500,
        .unit = "days",
-       .text = "How long a finished job and its log stay; 0 means for ever.",
+       .text = "How long a finished job and its log stay, retention.drive_days at least where it "
+               "read a drive; 0 means for ever.",
        .reloadable = true},
       {.key = "retention.audit_days",
        .field = at(&S::retention, &R::audit_days),

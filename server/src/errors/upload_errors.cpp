@@ -12,8 +12,8 @@ std::size_t number_in_front(std::string_view text) {
   return end != 0 && end != std::string_view::npos && text[end] == '/' ? end + 1 : 0;
 }
 
-/// @return bytes of a place that the store gave an upload or a job, as "drives/12/drive/"; 0 when
-/// the text does not begin with one.
+/// @return bytes of a place that the store gave an upload or a job, as "drives/12/drive-12/"; 0
+/// when the text does not begin with one.
 std::size_t inner_place(std::string_view text) {
   constexpr std::string_view kIncoming = "packages/.incoming-";
   if (text.starts_with(kIncoming)) {
@@ -22,14 +22,18 @@ std::size_t inner_place(std::string_view text) {
   }
   constexpr std::array<std::array<std::string_view, 2>, 4> kPlaces = {
       {{"drives/", ".incoming-drive/"},
-       {"drives/", "drive/"},
+       {"drives/", "drive-"},
        {"drives/", "parts/"},
        {"jobs/", "scratch/"}}};
   for (const auto& [folder, part] : kPlaces) {
     if (!text.starts_with(folder)) continue;
     const std::size_t number = number_in_front(text.substr(folder.size()));
     const std::size_t begin = folder.size() + number;
-    if (number > 0 && text.substr(begin).starts_with(part)) return begin + part.size();
+    if (number == 0 || !text.substr(begin).starts_with(part)) continue;
+    const std::size_t end = begin + part.size();
+    if (part.back() == '/') return end;
+    const std::size_t rest = number_in_front(text.substr(end));
+    if (rest > 0) return end + rest;
   }
   return 0;
 }

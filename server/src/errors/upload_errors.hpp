@@ -12,7 +12,8 @@
 namespace stillmap::server {
 
 /// A message without the store's own place on this machine, and without where in it an upload or
-/// the work of a job lies: of "FOLDER/drives/12/drive/scans/1.bin" the client knows "scans/1.bin".
+/// the work of a job lies: of "FOLDER/drives/12/drive-12/scans/1.bin" the client knows
+/// "scans/1.bin".
 [[nodiscard]] std::string without_folder(std::string text, const std::filesystem::path& folder);
 
 /// Runs what reads an upload: what is wrong with its bytes is the client's to know.

@@ -139,8 +139,9 @@ HttpResponse answer_batch(const Context& context, const HttpRequest& request,
   // it may hold more scans and another deadline than is known then.
   const bool early = !is_json && parts.front().content.size() <= kMostQueryJson;
   if (early) batch = read_multipart(*options, parts);
-  AlignmentQueue::Work work{.units = std::max(1, static_cast<int>(parts.size()) - 1),
-                            .deadline = deadline_of(context, request, batch.queries.deadline)};
+  const AlignmentQueue::Work work{
+      .units = std::max(1, static_cast<int>(parts.size()) - 1),
+      .deadline = deadline_of(context, request, batch.queries.deadline)};
   {
     AlignmentQueue::Ticket ticket = context.queue.enter(reservation_of(request), work);
     context.metrics.queue_waited(1e-3 * milliseconds_since(request.received));
@@ -149,8 +150,9 @@ HttpResponse answer_batch(const Context& context, const HttpRequest& request,
     } else if (!early) {
       batch = read_multipart(*options, parts);
     }
-    work.deadline = deadline_of(context, request, batch.queries.deadline);
-    answer_queries(context, request, map, work.deadline, batch, ticket);
+    const PoseClock::time_point deadline = deadline_of(context, request, batch.queries.deadline);
+    ticket.set_deadline(deadline);
+    answer_queries(context, request, map, deadline, batch, ticket);
   }
   return json_response(batch_answer_json(batch.answers, request.request_id));
 }

@@ -21,7 +21,8 @@ maps::DriveStore::Limits limits_of(const UploadOptions& options) {
   limits.archive.entries = static_cast<std::uint64_t>(options.max_entries);
   // Labels pack to a fortieth: what bounds packages would refuse good drives.
   limits.archive.ratio = std::max(limits.archive.ratio, options.max_unpacked_ratio);
-  limits.archive.total_bytes = limits.bytes;
+  // A recording is often a single file.
+  limits.archive.file_bytes = limits.archive.total_bytes = limits.bytes;
   return limits;
 }
 

@@ -67,14 +67,16 @@ void remove_old_versions(maps::PackageStore& store, std::size_t kept) {
 void keep_house(const RetentionOptions& options, maps::PackageStore& store,
                 maps::DriveStore& drives, JobRunner& jobs, std::int64_t now_ns) {
   if (!store.read_only_because().empty()) return;
+  // Drives that stay for good need no job that tells when they were used.
+  const std::int64_t drives_before =
+      options.drive_days > 0 ? now_ns - options.drive_days * kDay_ns : now_ns;
   // Before jobs are forgotten, which say when a drive was used.
-  if (options.drive_days > 0) {
-    attempt("drives",
-            [&] { remove_old_drives(store, drives, now_ns - options.drive_days * kDay_ns); });
-  }
+  if (options.drive_days > 0)
+    attempt("drives", [&] { remove_old_drives(store, drives, drives_before); });
   if (options.job_days > 0) {
-    attempt("jobs",
-            [&] { store.jobs().forget_finished_before(now_ns - options.job_days * kDay_ns); });
+    attempt("jobs", [&] {
+      store.jobs().forget_finished_before(now_ns - options.job_days * kDay_ns, drives_before);
+    });
   }
   attempt("folders of jobs", [&] { jobs.clear_forgotten(); });
   if (options.audit_days > 0)

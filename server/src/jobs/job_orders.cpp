@@ -28,8 +28,9 @@ namespace fs = std::filesystem;
 constexpr std::size_t kMostWaiting = 100;
 /// Of a page of the store's list.
 constexpr std::size_t kPage = 1000;
-/// It reads a few scans of each drive.
-constexpr std::chrono::seconds kMostForEstimate{60};
+/// While a client waits for it, which gives up after 30 s and more. It reads a few scans of each
+/// drive, and of a bag all that tells its topics and poses, which may be all of it.
+constexpr std::chrono::seconds kMostForEstimate{20};
 constexpr const char* kUploads = "uploads";
 
 /// What `stillmap rebuild --estimate` says [bytes].
@@ -80,12 +81,12 @@ std::string sha256_of(const maps::StoredJob& job) {
 fs::path JobRunner::upload(const std::string& sha256) const { return root_ / kUploads / sha256; }
 
 void JobRunner::check_room(const std::string& map, const RebuildRequest& request,
-                           const RebuildSources& sources,
+                           const RebuildSources& sources, std::chrono::seconds most,
                            const std::function<bool()>& is_unwanted) {
   if (setup_.mapper.empty())
     throw ApiError(ErrorCode::kNoMapper, "stillmap-mapper is not installed beside the server");
-  const ProgramOutput output = run_short(estimate_command(setup_.mapper, request, sources),
-                                         limits(), kMostForEstimate, is_unwanted);
+  const ProgramOutput output =
+      run_short(estimate_command(setup_.mapper, request, sources), limits(), most, is_unwanted);
   const std::optional<Estimate> estimate = read_estimate(output.text);
   if (output.timed_out || output.end.exit_code != 0 || !estimate) {
     const std::string said = without_places(last_line(output.text));
@@ -122,7 +123,7 @@ void JobRunner::check_free_name(const std::string& map, const std::string& versi
                                "that was never used",
                                map, version));
   }
-  for (const maps::StoredJob& job : unfinished()) {
+  for (const maps::StoredJob& job : setup_.store.jobs().unfinished()) {
     if (job.map == map && version_of(job) == version)
       throw ApiError(ErrorCode::kOtherDigest,
                      fmt::format("job {} makes version {} already", job.id, version));
@@ -176,7 +177,13 @@ maps::JobTable::Enqueued JobRunner::rebuild(const std::string& map, const Rebuil
                        fmt::format("drive {} is {}", id, maps::name_of(drive.status)));
     }
     fs::create_directories(root_);
-    check_room(map, request, sources_of({.map = map}, request), [] { return false; });
+    try {
+      check_room(map, request, sources_of({.map = map}, request), kMostForEstimate,
+                 [] { return false; });
+    } catch (const ProgramCrash& error) {
+      // The job looks for itself, has time, and says what is wrong.
+      spdlog::warn("a rebuild of {} begins without knowing its room: {}", map, error.what());
+    }
   }
   // Another one may have come during the estimate.
   const std::scoped_lock lock(uploads_mutex_);
@@ -240,7 +247,7 @@ maps::JobTable::Enqueued JobRunner::enqueue_convert(const std::string& map,
                                                     const Asker& asker) {
   const std::scoped_lock lock(uploads_mutex_);
   if (const auto held = held_.find(request.sha256); held != held_.end()) held_.erase(held);
-  for (const maps::StoredJob& job : unfinished()) {
+  for (const maps::StoredJob& job : setup_.store.jobs().unfinished()) {
     if (job.map != map || version_of(job) != request.version) continue;
     if (sha256_of(job) == request.sha256) return {job, false};
     throw ApiError(ErrorCode::kOtherDigest, fmt::format("job {} makes version {} of something else",
@@ -305,7 +312,7 @@ void JobRunner::check_upload_quota(const std::string& map, std::uint64_t bytes) 
     const std::uintmax_t size = is_first ? fs::file_size(upload(sha256), error) : 0;
     return error ? 0 : size;
   };
-  for (const maps::StoredJob& job : unfinished()) {
+  for (const maps::StoredJob& job : setup_.store.jobs().unfinished()) {
     const std::string sha256 = sha256_of(job);
     if (sha256.empty()) continue;
     waiting.of_store += count(of_store, sha256);
@@ -314,21 +321,12 @@ void JobRunner::check_upload_quota(const std::string& map, std::uint64_t bytes) 
   setup_.store.check_quota(map, bytes, waiting);
 }
 
-std::vector<maps::StoredJob> JobRunner::unfinished() const {
-  std::vector<maps::StoredJob> jobs;
-  for (const maps::JobStatus status : {maps::JobStatus::kEnqueued, maps::JobStatus::kProcessing}) {
-    const maps::JobTable::Page page = setup_.store.jobs().list({.status = status}, kPage);
-    jobs.insert(jobs.end(), page.jobs.begin(), page.jobs.end());
-  }
-  return jobs;
-}
-
 /// Files that no job will read. What comes in right now stays; unless it is said to be left over,
 /// when it comes to another server.
 void JobRunner::clear_uploads(bool halves_too) {
   const std::scoped_lock lock(uploads_mutex_);
   std::set<std::string> needed(held_.begin(), held_.end());
-  for (const maps::StoredJob& job : unfinished()) needed.insert(sha256_of(job));
+  for (const maps::StoredJob& job : setup_.store.jobs().unfinished()) needed.insert(sha256_of(job));
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(root_ / kUploads, error)) {
     const std::string name = entry.path().filename().string();

@@ -27,6 +27,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// In the store.
+constexpr const char* kJobs = "jobs";
 /// How soon a job is seen, or its cancel, that another process wrote into the store.
 constexpr std::chrono::seconds kLookAtStore{1};
 /// How soon the jobs of another server are taken over when it is gone.
@@ -45,7 +47,7 @@ void quietly(const char* what, std::int64_t id, Work&& work) {
 }
 
 fs::path job_root(const JobOptions& options, const maps::PackageStore& store) {
-  return options.work_dir.empty() ? store.folder() / "jobs" : fs::path(options.work_dir);
+  return options.work_dir.empty() ? store.folder() / kJobs : fs::path(options.work_dir);
 }
 
 /// Whether the server that had the job before ended so. Counted as a crash, else a map that is too
@@ -67,6 +69,12 @@ JobRunner::JobRunner(const Setup& setup)
 
 JobRunner::~JobRunner() {
   for (std::jthread& thread : threads_) thread.request_stop();
+  {
+    // Who does not wait for a map that is being loaded has not crashed.
+    const std::scoped_lock lock(mutex_);
+    std::error_code error;
+    for (const auto& [id, active] : active_) fs::remove(folder(id).publishing(), error);
+  }
   wake();
   threads_.clear();
   const std::scoped_lock lock(mutex_);
@@ -120,17 +128,27 @@ void JobRunner::work(const std::stop_token& stop) {
 /// Whether the jobs of this store are ours to do. What a server left that was killed is put back.
 bool JobRunner::take_over() {
   const std::scoped_lock lock(take_over_mutex_);
-  if (lock_.is_open()) return true;
+  if (!locks_.empty()) return true;
+  // Those of the store belong to one server, wherever each of them works; and a folder to work in
+  // to one store, as jobs are known there by their numbers.
+  const fs::path of_store = setup_.store.folder() / kJobs;
+  fs::create_directories(of_store);
   fs::create_directories(root_);
-  Descriptor file(::open((root_ / ".lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640));
-  if (!file.is_open() || ::flock(file.get(), LOCK_EX | LOCK_NB) != 0) return false;
+  std::vector<fs::path> folders = {of_store};
+  if (!fs::equivalent(of_store, root_)) folders.push_back(root_);
+  std::vector<Descriptor> held;
+  for (const fs::path& folder : folders) {
+    Descriptor file(::open((folder / ".lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640));
+    if (!file.is_open() || ::flock(file.get(), LOCK_EX | LOCK_NB) != 0) return false;
+    held.push_back(std::move(file));
+  }
   const std::size_t back =
       setup_.store.jobs().put_back_all("the server ended meanwhile", unix_ns());
   if (back > 0) spdlog::info("{} jobs go on that were interrupted", back);
   // Whoever held the lock before is gone, and what it was receiving with it.
   clear_uploads(true);
   clear_forgotten();
-  lock_ = std::move(file);
+  locks_ = std::move(held);
   return true;
 }
 
@@ -152,6 +170,10 @@ void JobRunner::run(const maps::StoredJob& job, const std::stop_token& stop) {
   do {
     try {
       return settle(job, end, stop);
+    } catch (const maps::StoreRefusal& refusal) {
+      // Somebody else has ended or forgotten it.
+      spdlog::error("job {}: {}", job.id, refusal.what());
+      return let_go(job.id);
     } catch (const std::exception& error) {
       spdlog::error("job {}: its end could not be kept: {}", job.id, error.what());
     }
@@ -209,7 +231,10 @@ std::vector<std::string> JobRunner::prepare(const maps::StoredJob& job,
   const RebuildRequest request = read_stored_rebuild(job.request);
   const RebuildSources sources = sources_of(job, request);
   // A second attempt has used some of it.
-  if (job.attempts == 1) check_room(job.map, request, sources, is_unwanted);
+  if (job.attempts == 1) {
+    check_room(job.map, request, sources,
+               std::chrono::seconds(setup_.live.current()->jobs.time_limit_s), is_unwanted);
+  }
   write_small_file(folder.gate(), gate_json(setup_.live.current()->gate));
   if (!request.edits.empty()) write_small_file(folder.edits(), request.edits);
   return rebuild_command(setup_.mapper, request, sources, folder, threads);
@@ -270,6 +295,15 @@ void JobRunner::settle(const maps::StoredJob& job, const AttemptEnd& end,
     case Kind::kDiskFull:
       return try_again_with_room(job, end.why, stop);
   }
+}
+
+/// Nothing is known here any more of a job that is not ours.
+void JobRunner::let_go(std::int64_t id) {
+  const std::scoped_lock lock(mutex_);
+  const auto found = active_.find(id);
+  if (found == active_.end()) return;
+  found->second.events->close();
+  active_.erase(found);
 }
 
 /// After the store was told: nothing is left to do when it has ended for good.

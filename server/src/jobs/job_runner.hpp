@@ -125,15 +125,18 @@ class JobRunner {
   int count_full(const maps::StoredJob& job);
   void try_again_with_room(const maps::StoredJob& job, const std::string& why,
                            const std::stop_token& stop);
+  [[nodiscard]] bool begins_to_publish(const JobFolder& folder, const std::stop_token& stop);
   void publish(const maps::StoredJob& job, const std::stop_token& stop);
   void give_up_publishing(const maps::StoredJob& job);
   [[nodiscard]] bool is_canceled(const maps::StoredJob& job) const;
   void fail(const maps::StoredJob& job, const std::string& why);
   [[nodiscard]] JobOutcome activate(const maps::StoredJob& job, const maps::StoredVersion& version);
   void ended(const maps::StoredJob& job);
+  void let_go(std::int64_t id);
   void note_progress(const maps::StoredJob& job, const JobProgress& progress);
   void check_room(const std::string& map, const RebuildRequest& request,
-                  const RebuildSources& sources, const std::function<bool()>& is_unwanted);
+                  const RebuildSources& sources, std::chrono::seconds most,
+                  const std::function<bool()>& is_unwanted);
   void check_waiting() const;
   void check_new_version(const std::string& map, const std::string& version) const;
   void check_free_name(const std::string& map, const std::string& version) const;
@@ -147,7 +150,6 @@ class JobRunner {
                                            const Asker& asker);
   [[nodiscard]] bool wants_cancel(std::int64_t id);
   void clear_uploads(bool halves_too);
-  [[nodiscard]] std::vector<maps::StoredJob> unfinished() const;
   [[nodiscard]] std::filesystem::path upload(const std::string& sha256) const;
   [[nodiscard]] ProcessLimits limits() const;
   [[nodiscard]] std::string without_places(std::string text) const;
@@ -163,7 +165,8 @@ class JobRunner {
   /// Files that are coming, and those that came and whose job is not there yet.
   std::multiset<std::string> held_;
   std::mutex take_over_mutex_;
-  Descriptor lock_;
+  /// Of the store's folder of jobs, and of the one to work in.
+  std::vector<Descriptor> locks_;
   mutable std::mutex mutex_;
   std::condition_variable_any changed_;
   /// Grows when there may be work.

@@ -264,6 +264,11 @@ void AlignmentQueue::Ticket::scan_done(WorkKind kind) {
   ++running.done;
 }
 
+void AlignmentQueue::Ticket::set_deadline(Clock::time_point deadline) {
+  const std::scoped_lock lock(queue_->mutex_);
+  queue_->running_.at(id_).work.deadline = deadline;
+}
+
 void AlignmentQueue::Ticket::give_way() {
   if (queue_ == nullptr) throw late();
   AlignmentQueue& queue = *queue_;

@@ -95,6 +95,8 @@ class AlignmentQueue {
     /// what such a scan costs. What broke off before tells nothing and is not counted.
     /// @param kind  as the body told it.
     void scan_done(WorkKind kind);
+    /// What the body says of it, where that is read by the worker.
+    void set_deadline(Clock::time_point deadline);
     /// Between two scans of one request: lets those run that have an earlier deadline.
     /// @throws ApiError kDeadlineExceeded when its own passes meanwhile; then it holds no worker.
     void give_way();

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <atomic>
 #include <fstream>
+#include <functional>
 #include <future>
 #include <iterator>
 #include <span>
@@ -134,6 +135,68 @@ TEST_F(DriveStoreTest, FailsForGoodWhenThePartsAreNoDrive) {
   expect_refused(Reason::kDriveNotOpen, [&] { drives_.complete(id_, {}); });
 }
 
+/// As the tar of a day's folder holds it.
+TEST_F(DriveStoreTest, KeepsTheCalibrationThatKittiHasBesideADrive) {
+  const std::string day = "2011_09_26/", drive = day + "2011_09_26_drive_0001_sync/";
+  std::string tar = tar_file(day + "calib_imu_to_velo.txt", "R: 1 0 0 0 1 0 0 0 1\nT: 0 0 1\n");
+  std::string times;
+  for (const std::string scan_number : {"0000000000", "0000000001"}) {
+    tar += tar_file(drive + "velodyne_points/data/" + scan_number + ".bin", scan());
+    std::string oxts = "49 8.4 110 0 0 0";
+    for (int i = 6; i < 30; ++i) oxts += " 0";
+    tar += tar_file(drive + "oxts/data/" + scan_number + ".txt", oxts + "\n");
+    times += "2011-09-26 13:00:0" + scan_number.substr(9) + ".000000000\n";
+  }
+  for (const char* folder : {"velodyne_points", "oxts"})
+    tar += tar_file(drive + folder + "/timestamps.txt", times);
+  for (const char* edge : {"start", "end"})
+    tar += tar_file(drive + "velodyne_points/timestamps_" + edge + ".txt", times);
+  add(1, tar + tar_end());
+  EXPECT_EQ(drives_.complete(id_, {}).status, DriveStatus::kComplete);
+  const Drive opened = Drive::open(drives_.folder(id_));
+  EXPECT_EQ(opened.contents().layout, DriveLayout::kKittiRaw);
+  EXPECT_TRUE(opened.has_poses());
+  EXPECT_FALSE(fs::exists(home() / ".incoming-drive"));
+}
+
+TEST_F(DriveStoreTest, KeepsWhatMulranHasAboveItsSensors) {
+  const std::string stamps[] = {"1561000444390857630", "1561000444490857630"};
+  std::string tar, poses;
+  for (const std::string& stamp : stamps) {
+    tar += tar_file("DCC01/sensor_data/Ouster/" + stamp + ".bin", scan());
+    poses += stamp + ",1,0,0,0,0,1,0,0,0,0,1,0\n";
+  }
+  add(1, tar + tar_file("DCC01/global_pose.csv", poses) + tar_end());
+  drives_.complete(id_, {});
+  const Drive opened = Drive::open(drives_.folder(id_));
+  EXPECT_EQ(opened.contents().layout, DriveLayout::kMulran);
+  EXPECT_TRUE(opened.has_poses());
+}
+
+/// Calls back once, when a part lies in its place.
+class CallsWhenPlaced : public UnsyncedCalls {
+ public:
+  std::function<void()> placed;
+  std::int64_t pass(const DiskCall& call, const Perform& perform) override {
+    const std::int64_t done = UnsyncedCalls::pass(call, perform);
+    if (call.kind == DiskCall::Kind::kRename && placed) std::exchange(placed, {})();
+    return done;
+  }
+};
+
+TEST_F(DriveStoreTest, PartsOfTwoDrivesDoNotPassTheQuotaTogether) {
+  const std::int64_t other = store_.drives().open("town", "tuesday", 1).id;
+  store_.set_quota({.map_bytes = 1000});
+  CallsWhenPlaced calls;
+  calls.placed = [&] { EXPECT_TRUE(add(1, std::string(600, 'x')).is_new); };
+  DriveStore drives(store_, calls);
+  expect_refused(Reason::kOverQuota,
+                 [&] { drives.add_part(other, 1, 600, source_of(std::string(600, 'y')), {}, {}); });
+  EXPECT_FALSE(fs::exists(folder_.path() / "drives" / std::to_string(other) / "parts" / "1"));
+  EXPECT_TRUE(store_.drives().parts(other).empty());
+  EXPECT_EQ(parts_on_disk(), 1U);
+}
+
 TEST_F(DriveStoreTest, StaysOpenWhilePartsAreMissing) {
   expect_refused(Reason::kPartsMissing, [&] { drives_.complete(id_, {}); });
   add(2, tar().substr(1000));
@@ -164,7 +227,7 @@ TEST_F(DriveStoreTest, ClearsWhatAKilledProcessLeft) {
   make(folder_.path() / "drives" / "77" / "parts");
   make(folder_.path() / "drives" / "not-a-drive");
   make(home() / ".incoming-drive");
-  make(home() / "drive");
+  make(drives_.folder(id_));
   std::ofstream(home() / "parts" / ".incoming-5") << "half";
   const DriveStore again(store_, calls_);
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_.path() / "drives"), {}), 1);

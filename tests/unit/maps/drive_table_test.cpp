@@ -64,6 +64,7 @@ TEST_F(DriveTableTest, TakesTheSamePartAgainAndRefusesAnother) {
   EXPECT_THAT([&] { drives_.add_part(id, part(2, 'Z')); },
               ThrowsSaying<std::invalid_argument>({"SHA-256"}));
   EXPECT_TRUE(drives_.add_part(id, part(10'000, 'a')));
+  expect_refused(Reason::kOverQuota, [&] { drives_.add_part(id, part(3, 'a'), {.map_bytes = 1}); });
 }
 
 TEST_F(DriveTableTest, FailsInWordsAndForGood) {

@@ -210,6 +210,31 @@ TEST_F(JobTableTest, ListsNewestFirstInPages) {
   EXPECT_THAT([&] { (void)jobs_.list({}, 1001); }, ThrowsSaying<std::invalid_argument>({"1001"}));
 }
 
+TEST_F(JobTableTest, EndsAPageWhereItsRequestsAreLong) {
+  std::vector<std::int64_t> newest_first;
+  for (int i = 0; i < 7; ++i)
+    newest_first.insert(newest_first.begin(), enqueue(std::string(std::size_t{3} << 20U, 'x')));
+  std::vector<std::int64_t> found;
+  std::optional<std::int64_t> before;
+  do {
+    const JobTable::Page page = jobs_.list({}, 1000, before);
+    EXPECT_LE(page.jobs.size(), 2U);
+    for (const StoredJob& job : page.jobs) found.push_back(job.id);
+    before = page.next;
+  } while (before);
+  EXPECT_EQ(found, newest_first);
+}
+
+TEST_F(JobTableTest, KnowsAllThatHaveNotEnded) {
+  const std::int64_t done = enqueue(), processing = enqueue(), waiting = enqueue();
+  jobs_.claim(1);
+  jobs_.fail(done, "x", 2);
+  jobs_.claim(3);
+  std::vector<std::int64_t> found;
+  for (const StoredJob& job : jobs_.unfinished()) found.push_back(job.id);
+  EXPECT_THAT(found, ElementsAre(waiting, processing));
+}
+
 TEST_F(JobTableTest, ForgetsOnlyWhatFinishedLongAgo) {
   const NewJob named{.map = "town", .request = "{}", .idempotency_key = "once"};
   const std::int64_t old = jobs_.enqueue(named, 1).job.id;
@@ -218,7 +243,7 @@ TEST_F(JobTableTest, ForgetsOnlyWhatFinishedLongAgo) {
   jobs_.claim(1);
   jobs_.fail(old, "x", 10);
   jobs_.fail(recent, "x", 20);
-  EXPECT_EQ(jobs_.forget_finished_before(20), 1U);
+  EXPECT_EQ(jobs_.forget_finished_before(20, 100), 1U);
   EXPECT_THAT(ids({}), ElementsAre(waiting, recent));
   const JobTable::Enqueued again = jobs_.enqueue(named, 30);
   EXPECT_TRUE(again.is_new);
@@ -240,9 +265,10 @@ TEST_F(JobTableTest, ReadsCompleteDrivesOfItsMap) {
   expect_refused(Reason::kInUse, [&] { drives.remove(drive); });
   expect_refused(Reason::kInUse, [&] { state_.remove_map("town"); });
   jobs_.request_cancel(id, 6);
+  EXPECT_EQ(jobs_.forget_finished_before(100, 6), 0U) << "it tells when its drive was used";
   drives.remove(drive);
   EXPECT_THAT(jobs_.drives(id), ElementsAre(drive)) << "what it was made of stays known";
-  jobs_.forget_finished_before(100);
+  jobs_.forget_finished_before(100, 6);
   EXPECT_THAT(ids({}), IsEmpty());
 }
 

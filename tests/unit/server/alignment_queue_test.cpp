@@ -296,6 +296,23 @@ TEST(AlignmentQueue, ABatchLetsTheUrgentThrough) {
   EXPECT_EQ(doors.ends(), (std::vector<std::string>{"urgent", "batch", "patient"}));
 }
 
+TEST(AlignmentQueue, ABatchWaitsUntilTheDeadlineThatItsBodyTells) {
+  Doors doors({.workers = 1, .waiting = 4});
+  const auto work = due_in(milliseconds(100));
+  const Reservation reservation = doors.queue.reserve("", 1, work);
+  Ticket batch = doors.queue.enter(reservation, work);
+  batch.set_deadline(Clock::now() + seconds(30));
+  std::jthread urgent([&] {
+    const auto sooner = due_in(seconds(10));
+    const Reservation room = doors.queue.reserve("", 1, sooner);
+    const Ticket ticket = doors.queue.enter(room, sooner);
+    std::this_thread::sleep_for(milliseconds(200));
+  });
+  doors.wait_for(1);
+  EXPECT_NO_THROW(batch.give_way());
+  EXPECT_EQ(doors.queue.figures().started, 3U);
+}
+
 TEST(AlignmentQueue, OnlyFinishedScansAreMeasured) {
   Clock::time_point now = Clock::now();
   AlignmentQueue queue({.workers = 1, .waiting = 0}, [&] { return now; });

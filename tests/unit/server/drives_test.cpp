@@ -134,6 +134,20 @@ TEST_F(Drives, SizeOfOneDriveIsBounded) {
   EXPECT_EQ(put(path + "/parts/1", std::string(1 << 20, 'a')).status, 200);
 }
 
+TEST_F(Drives, OneFileOfItMayBeAsLargeAsTheDrive) {
+  start();
+  const std::string path = open_one();
+  // 20 GiB, of which little comes.
+  std::string size(12, '\0');
+  size[0] = '\x80';
+  size[7] = 5;
+  put(path + "/parts/1",
+      test::tar_block({.name = "run.mcap", .size_field = size}) + std::string(600, '\x3f'));
+  const HttpResponse refused = send("POST", path + "/complete");
+  EXPECT_EQ(refused.status, 422);
+  EXPECT_THAT(refused.body, Not(HasSubstr("at most")));
+}
+
 TEST_F(Drives, UploadsBeyondTheBoundAreSentAway) {
   options_.uploads.max_open = 1;
   start();

@@ -22,6 +22,11 @@ inline constexpr const char* kPly =
     "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
     "property float z\nend_header\n1 2 3\n";
 
+/// A mapper that ends so.
+inline constexpr const char* kMeetsAFullDisk =
+    "echo x >> $work/tries; [ $(wc -l < $work/tries) -gt 4 ] && publish && exit 0;"
+    " echo 'stillmap: /x: No space left on device'; exit 3";
+
 /// A service with a script in place of the mapper, and one complete drive of `town`.
 class JobTest : public ServiceTest {
  protected:

@@ -115,6 +115,8 @@ class Drive {
 
   /// Whether a drive may be there, words behind `?` left out: a folder, or the file of a bag.
   [[nodiscard]] static bool is_at(const std::filesystem::path& root);
+  /// Whether this folder holds a drive of a layout that is known, itself and not one within it.
+  [[nodiscard]] static bool is_in(const std::filesystem::path& folder);
 
   explicit Drive(Contents contents);
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <stillmap/maps/store/store_quota.hpp>
 #include <stillmap/maps/store/store_refusal.hpp>
 
 #include <cstdint>
@@ -72,8 +73,8 @@ class DriveTable {
   /// @throws StoreRefusal kUnknownMap; std::invalid_argument.
   StoredDrive open_upload(std::string_view map, const UploadTarget& target, std::int64_t now_ns);
   /// @return false when the same part is there already. @throws StoreRefusal kDriveNotOpen,
-  /// kOtherDigest; std::invalid_argument for a number or digest that is none.
-  bool add_part(std::int64_t id, const DrivePart& part);
+  /// kOtherDigest, kOverQuota; std::invalid_argument for a number or digest that is none.
+  bool add_part(std::int64_t id, const DrivePart& part, const StoreQuota& quota = {});
   /// In order.
   [[nodiscard]] std::vector<DrivePart> parts(std::int64_t id) const;
   /// What is complete already stays so. @throws StoreRefusal kDriveNotOpen when it failed,

@@ -118,11 +118,16 @@ class JobTable {
     /// Pass as `before` for those that follow; nothing at the end.
     std::optional<std::int64_t> next;
   };
-  /// @param limit  1 to 1000. @param before  only older ones. @throws std::invalid_argument.
+  /// @param limit  1 to 1000; a page whose requests are long together ends before it.
+  /// @param before  only older ones. @throws std::invalid_argument.
   [[nodiscard]] Page list(const Filter& filter, std::size_t limit,
                           std::optional<std::int64_t> before = {}) const;
-  /// Removes those that finished before this time, with their idempotency keys. @return how many.
-  std::size_t forget_finished_before(std::int64_t time_ns);
+  /// All that wait or are processing, newest first, as they were at one instant.
+  [[nodiscard]] std::vector<StoredJob> unfinished() const;
+  /// Removes those that finished before this time, with their idempotency keys. Of those that read
+  /// a drive which is still there, only what finished before the other time too: they tell when it
+  /// was used. @return how many.
+  std::size_t forget_finished_before(std::int64_t time_ns, std::int64_t of_drives_ns);
 
  private:
   friend class StoreState;

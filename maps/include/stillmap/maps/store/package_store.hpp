@@ -55,6 +55,7 @@ class PackageStore {
   [[nodiscard]] const std::string& read_only_because() const { return state_->read_only_because(); }
   /// For versions and drives to come; what is there already stays.
   void set_quota(const StoreQuota& quota);
+  [[nodiscard]] StoreQuota quota() const;
   /// Whether so many bytes may come, of a drive or of what becomes a package.
   /// @param waiting  counts as if it were there. @throws StoreRefusal kOverQuota.
   void check_quota(std::string_view map, std::uint64_t more_bytes,
@@ -178,7 +179,6 @@ class PackageStore {
   void clear_condemned();
   void clear_condemned_if_possible();
   std::size_t clear_leftovers();
-  [[nodiscard]] StoreQuota quota() const;
 
   std::filesystem::path folder_;
   std::filesystem::path packages_;

@@ -6,6 +6,7 @@
 #include <stillmap/maps/store/edits_table.hpp>
 #include <stillmap/maps/store/job_table.hpp>
 #include <stillmap/maps/store/key_table.hpp>
+#include <stillmap/maps/store/store_quota.hpp>
 #include <stillmap/maps/store/store_refusal.hpp>
 
 #include <cstdint>
@@ -40,18 +41,6 @@ struct StoredMap {
   std::int64_t revision = 0;
   std::int64_t created_ns = 0;
   auto operator<=>(const StoredMap&) const = default;
-};
-
-/// Most bytes that packages and drives may take, each package once; nothing: no limit.
-struct StoreQuota {
-  std::optional<std::uint64_t> map_bytes{};
-  std::optional<std::uint64_t> store_bytes{};
-};
-
-/// Bytes that no table of the store knows of: of files that wait to become packages.
-struct WaitingBytes {
-  std::uint64_t of_map = 0;
-  std::uint64_t of_store = 0;
 };
 
 /// What removing a map does when one of its versions is active.

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+namespace stillmap::maps {
+
+/// Most bytes that packages and drives may take, each package once; nothing: no limit.
+struct StoreQuota {
+  std::optional<std::uint64_t> map_bytes{};
+  std::optional<std::uint64_t> store_bytes{};
+};
+
+/// Bytes that no table of the store knows of: of files that wait to become packages.
+struct WaitingBytes {
+  std::uint64_t of_map = 0;
+  std::uint64_t of_store = 0;
+};
+
+}  // namespace stillmap::maps

@@ -1,0 +1,275 @@
+#include <gmock/gmock.h>
+
+#include <fcntl.h>
+#include <sys/file.h>
+
+#include <functional>
+#include <latch>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <thread>
+
+#include "job_fixture.hpp"
+#include "jobs/housekeeping.hpp"
+#include "support/disk_calls.hpp"
+
+namespace stillmap::server {
+namespace {
+
+using ::testing::HasSubstr;
+
+/// Runs jobs without a service around it, and waits only a moment for room.
+class JobsOfARunner : public JobTest {
+ protected:
+  void start_runner(maps::PackageStore& store) {
+    start();
+    make_drive();
+    service_.reset();
+    catalog_.emplace(store, [this](const maps::MapPackage& package) {
+      if (package.digest() != store_.digest() && on_load_) on_load_();
+      return Aligners{{"default", aligner_}};
+    });
+    drives_.emplace(store);
+    run_jobs(store);
+  }
+  void run_jobs(maps::PackageStore& store) {
+    const auto pause = std::chrono::milliseconds(1);
+    jobs_.emplace(JobRunner::Setup{live_, store, *drives_, *catalog_, metrics_, mapper_, pause});
+  }
+  void ask_for_rebuild() {
+    RebuildRequest request;
+    request.drives = {1};
+    request.version = "v2";
+    request.activate = request.new_frame = true;
+    static_cast<void>(jobs_->rebuild("town", request, {}));
+  }
+  JobView end_of(std::int64_t job) {
+    const auto latest = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+    while (!maps::is_finished(jobs_->view(job).job.status)) {
+      if (std::chrono::steady_clock::now() > latest) throw std::runtime_error("the job has no end");
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    return jobs_->view(job);
+  }
+  /// The runner has ended, too: it uses the store, which a test may own.
+  maps::StoredJob end_of_rebuild() {
+    ask_for_rebuild();
+    const JobView end = end_of(1);
+    outcome_ = end.outcome;
+    jobs_.reset();
+    return end.job;
+  }
+
+  /// When the version that a job made is loaded.
+  std::function<void()> on_load_;
+  /// Of the job that has ended.
+  std::string outcome_;
+  OptionsHolder live_{options_};
+  Metrics metrics_{"1"};
+  std::optional<MapCatalog> catalog_;
+  std::optional<maps::DriveStore> drives_;
+  std::optional<JobRunner> jobs_;
+};
+
+/// Calls back when a package begins to come into the store.
+class CallsWhenCopied : public test::UnsyncedCalls {
+ public:
+  explicit CallsWhenCopied(std::function<void()> begin) : begin_(std::move(begin)) {}
+  std::int64_t pass(const maps::DiskCall& call, const Perform& perform) override {
+    if (call.kind == maps::DiskCall::Kind::kCreateFile &&
+        call.path.string().find("/.incoming-") != std::string::npos)
+      begin_();
+    return UnsyncedCalls::pass(call, perform);
+  }
+
+ private:
+  std::function<void()> begin_;
+};
+
+TEST_F(JobsOfARunner, LeaveNoVersionWhenTheyAreCancelledWhileItIsCopied) {
+  write_mapper("publish");
+  CallsWhenCopied calls([&] { EXPECT_TRUE(jobs_->cancel(1).cancel_requested); });
+  maps::PackageStore store(store_.folder().path(), calls);
+  start_runner(store);
+  EXPECT_EQ(end_of_rebuild().status, maps::JobStatus::kCanceled);
+  EXPECT_FALSE(store.state().find_version("town", "v2"));
+  EXPECT_TRUE(store.unnamed_packages().empty());
+  EXPECT_EQ(store.state().map("town").active, store_.version());
+  expect_cleared(1);
+}
+
+TEST_F(JobsOfARunner, CannotBeCancelledOnceTheirVersionIsThere) {
+  write_mapper("publish");
+  bool refused = false;
+  on_load_ = [&] {
+    try {
+      jobs_->cancel(1);
+    } catch (const maps::StoreRefusal& refusal) {
+      refused = refusal.reason() == maps::StoreRefusal::Reason::kJobFinished;
+    }
+  };
+  start_runner(store_.open());
+  EXPECT_EQ(end_of_rebuild().status, maps::JobStatus::kSucceeded);
+  EXPECT_TRUE(refused);
+  EXPECT_EQ(store_.open().state().map("town").active, "v2");
+}
+
+/// As after servers died of it.
+TEST_F(JobsOfARunner, SucceedWithoutActivationWhenOnlyThatFails) {
+  // Its outcome cannot be written when it is published, so that it is tried again, and crashes.
+  write_mapper(
+      "if [ -e $out ]; then rm -rf $work/../../outcome.json.new; kill -SEGV $$; fi;"
+      "publish; mkdir $work/../../outcome.json.new");
+  on_load_ = [] { throw std::runtime_error("too large"); };
+  start_runner(store_.open());
+  const maps::StoredJob job = end_of_rebuild();
+  EXPECT_EQ(job.status, maps::JobStatus::kSucceeded) << job.error;
+  EXPECT_THAT(outcome_, HasSubstr("signal 11"));
+  EXPECT_EQ(job.result_version, "v2");
+}
+
+TEST_F(JobsOfARunner, LeaveAloneWhatIsBeingReceivedWhenTheyAreTakenFromAnotherServer) {
+  const std::filesystem::path root = store_.folder().path() / "jobs";
+  const std::filesystem::path left = root / "uploads" / ".incoming-1-0";
+  std::filesystem::create_directories(root / "uploads");
+  std::ofstream(left) << "half";
+  Descriptor lock(::open((root / ".lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640));
+  ASSERT_EQ(::flock(lock.get(), LOCK_EX | LOCK_NB), 0);
+  write_mapper("publish");
+  start_runner(store_.open());
+  const std::string bytes = kPly;
+  const std::string sha256 = jobs_->receive(
+      [&, sent = std::size_t{0}](std::span<char> to) mutable {
+        const std::size_t count =
+            std::string_view(bytes).substr(sent, 9).copy(to.data(), to.size());
+        if (sent > 0) lock = {};
+        const auto latest = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+        while (sent > 0 && std::filesystem::exists(left) &&
+               std::chrono::steady_clock::now() < latest)
+          std::this_thread::sleep_for(std::chrono::milliseconds(5));
+        sent += count;
+        return count;
+      },
+      bytes.size(), std::nullopt, "town/v2");
+  EXPECT_FALSE(std::filesystem::exists(left));
+  EXPECT_EQ(std::filesystem::file_size(root / "uploads" / sha256), bytes.size());
+}
+
+class JobsOnAFullDisk : public JobsOfARunner {};
+
+TEST_F(JobsOnAFullDisk, AreMappedWhenThereIsRoom) {
+  write_mapper(kMeetsAFullDisk);
+  start_runner(store_.open());
+  const maps::StoredJob job = end_of_rebuild();
+  EXPECT_EQ(job.status, maps::JobStatus::kSucceeded) << job.error;
+  EXPECT_EQ(job.attempts, 5) << "more than after crashes";
+}
+
+TEST_F(JobsOnAFullDisk, FailWhenNoRoomComesAndGiveBackWhatTheyTook) {
+  write_mapper("touch $work/large; echo 'stillmap: /x: No space left on device' >&2; exit 3");
+  start_runner(store_.open());
+  const maps::StoredJob job = end_of_rebuild();
+  EXPECT_EQ(job.status, maps::JobStatus::kFailed);
+  EXPECT_THAT(job.error, HasSubstr("No space left on device, 6 times"));
+  EXPECT_EQ(job.attempts, 6);
+  expect_cleared(1);
+}
+
+TEST_F(JobsOnAFullDisk, ArePublishedWhenThereIsRoom) {
+  write_mapper("[ -e $out ] || publish");
+  int fails = 4;
+  test::FailingCalls full(test::Fault::kNoSpace, [&](std::size_t, const maps::DiskCall& call) {
+    return call.kind == maps::DiskCall::Kind::kMakeFolder &&
+           call.path.string().find("/.incoming-") != std::string::npos && fails-- > 0;
+  });
+  maps::PackageStore store(store_.folder().path(), full);
+  start_runner(store);
+  const maps::StoredJob job = end_of_rebuild();
+  EXPECT_EQ(job.status, maps::JobStatus::kSucceeded) << job.error;
+  EXPECT_EQ(job.attempts, 5);
+}
+
+TEST_F(JobsOfARunner, BelongToOneServerOfTheStoreWhereverEachOneWorks) {
+  const std::filesystem::path root = store_.folder().path() / "jobs";
+  std::filesystem::create_directories(root);
+  ServerOptions elsewhere = options_;
+  elsewhere.jobs.work_dir = scripts_.path() / "elsewhere";
+  live_.replace(elsewhere);
+  write_mapper("publish");
+  start_runner(store_.open());
+  jobs_.reset();
+  Descriptor lock(::open((root / ".lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640));
+  ASSERT_EQ(::flock(lock.get(), LOCK_EX | LOCK_NB), 0);
+  run_jobs(store_.open());
+  ask_for_rebuild();
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  EXPECT_EQ(jobs_->view(1).job.status, maps::JobStatus::kEnqueued);
+  lock = {};
+  EXPECT_EQ(end_of(1).job.status, maps::JobStatus::kSucceeded);
+}
+
+TEST_F(JobsOfARunner, GoOnBehindOneThatAnotherServerHasEnded) {
+  write_mapper(
+      "case $out in */1/*) touch $0.runs; while [ ! -e $0.go ]; do sleep 0.01; done;; esac; "
+      "publish");
+  start_runner(store_.open());
+  ask_for_rebuild();
+  while (!std::filesystem::exists(mapper_.string() + ".runs"))
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  store_.open().jobs().fail(1, "by another server", 1);
+  std::ofstream(mapper_.string() + ".go") << "x";
+  ask_for_rebuild();
+  EXPECT_EQ(end_of(2).job.status, maps::JobStatus::kSucceeded);
+  EXPECT_EQ(jobs_->view(1).job.error, "by another server");
+  EXPECT_EQ(jobs_->events(1), nullptr);
+}
+
+TEST_F(JobsOfARunner, WhoIsNotWaitedForWhileAMapIsLoadedHasNotCrashed) {
+  write_mapper("publish");
+  std::latch loading(1);
+  std::latch loaded(1);
+  on_load_ = [&] {
+    loading.count_down();
+    loaded.wait();
+  };
+  start_runner(store_.open());
+  ask_for_rebuild();
+  loading.wait();
+  const std::filesystem::path mark = job_folder(1) / "scratch" / "publishing";
+  EXPECT_TRUE(std::filesystem::exists(mark));
+  std::thread end([&] { jobs_.reset(); });
+  const auto latest = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  while (std::filesystem::exists(mark) && std::chrono::steady_clock::now() < latest)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  EXPECT_FALSE(std::filesystem::exists(mark));
+  loaded.count_down();
+  end.join();
+}
+
+/// A drive of which only a job tells that it was used later than it came.
+TEST_F(JobsOfARunner, TellWhenADriveWasUsedAsLongAsItIsThere) {
+  write_mapper("publish");
+  start_runner(store_.open());
+  jobs_.reset();
+  maps::JobTable& jobs = store_.open().jobs();
+  const std::int64_t came_ns = store_.open().drives().drive(1).created_ns;
+  const auto day = [&](int days) { return came_ns + days * std::int64_t{86'400'000'000'000}; };
+  jobs.enqueue({.map = "town", .request = "{}", .drives = {1}}, day(70));
+  jobs.claim(day(70));
+  jobs.fail(1, "x", day(80));
+  run_jobs(store_.open());
+  const RetentionOptions retention{
+      .versions = 0, .job_days = 30, .audit_days = 0, .drive_days = 90};
+  for (const int days : {111, 112, 169}) {
+    keep_house(retention, store_.open(), *drives_, *jobs_, day(days));
+    EXPECT_EQ(store_.open().drives().all().size(), 1U) << days;
+  }
+  keep_house(retention, store_.open(), *drives_, *jobs_, day(171));
+  EXPECT_TRUE(store_.open().drives().all().empty());
+  EXPECT_TRUE(jobs.list({}, 1).jobs.empty());
+}
+
+}  // namespace
+}  // namespace stillmap::server
