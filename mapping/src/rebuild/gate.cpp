@@ -28,7 +28,8 @@ class Checks {
          fmt::format("{}: {}, at most {}", what, percent(found), percent(limit))});
   }
   void at_least(const std::string& name, double found, double limit, const std::string& what) {
-    add({name, found, limit, found >= limit - kRounding,
+    // A limit of 0 asks for nothing.
+    add({name, found, limit, limit == 0.0 || found >= limit - kRounding,
          fmt::format("{}: {}, at least {}", what, percent(found), percent(limit))});
   }
   void count_at_most(const std::string& name, std::size_t found, std::size_t limit,

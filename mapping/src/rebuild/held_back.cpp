@@ -22,6 +22,13 @@ namespace {
 /// A scan farther from where the map was made from sees little of it, in any of the maps.
 constexpr double kNearM = 10.0;
 
+/// The drive to judge by, in the frame that the map's drives are said to be in.
+maps::Drive held_back_drive(const RebuildOptions& options) {
+  maps::Drive drive = maps::Drive::open(*options.held_back);
+  if (!options.build.geodetic_origin || !drive.has_poses() || drive.contents().origin) return drive;
+  return drive.with_poses(drive.contents().T_map_lidar, options.build.geodetic_origin);
+}
+
 /// Whether the map stands in the frame of the drives' own poses.
 bool is_in_own_frame(const std::vector<maps::Drive>& drives, const MapBuildOptions& options) {
   return odometry_of(drives, options) == "given" || options.trajectory.prior ||
@@ -80,7 +87,7 @@ void thin_out(std::vector<HeldBackDrive>& drives) {
 HeldBackDrive another_drive(const RebuildOptions& options, const std::vector<maps::Drive>& own,
                             const maps::MapPackage& map,
                             const std::vector<maps::Trajectory>& paths) {
-  const maps::Drive drive = maps::Drive::open(*options.held_back);
+  const maps::Drive drive = held_back_drive(options);
   const std::size_t first_scan = options.build.scans_of(own.front().size()).front();
   // With a prior or GNSS every pose moved a little of its own, and all by registration.
   const auto& registration = map.manifest().registration;
@@ -114,7 +121,7 @@ void add_answers(const LocalizationEvaluation& evaluation, HeldBackAnswers& answ
 
 void require_comparable(const RebuildOptions& options) {
   if (!options.held_back) return;
-  const maps::Drive drive = maps::Drive::open(*options.held_back);
+  const maps::Drive drive = held_back_drive(options);
   const std::string name = options.held_back->string();
   if (!drive.has_poses())
     throw maps::InputError(name, "a drive without poses", "poses in the frame of the map's drives");

@@ -83,10 +83,15 @@ Cells ground_of(const maps::MapPackage& map, const Eigen::Isometry3d& T, const C
   return cells;
 }
 
-/// The way along the poses, a point each cell.
+/// The way along the poses, a point each cell; of a map that no drive made, its places.
 Cells along(const maps::MapPackage& map, const Eigen::Isometry3d& T, double radius_m) {
   Cells cells;
-  for (const maps::Trajectory& path : map.trajectories()) {
+  const std::vector<maps::Trajectory> paths = map.trajectories();
+  if (paths.empty()) {
+    for (const Eigen::Isometry3d& place : map.places())
+      cells.insert_disc(T * place.translation(), radius_m);
+  }
+  for (const maps::Trajectory& path : paths) {
     for (std::size_t i = 0; i < path.size(); ++i) {
       const Eigen::Vector3d to = T * path.poses()[i].T_map_lidar.translation();
       cells.insert_disc(to, radius_m);

@@ -11,8 +11,8 @@ namespace stillmap::mapping {
 
 /// How much of one version's ground another one has, both seen from above, in cells of 1 m.
 struct GroundCoverage {
-  /// Shares of the cells with ground within 2 m, and within 15 m, of the path of the first; NaN
-  /// where it has none.
+  /// Shares of the cells with ground within 2 m, and within 15 m, of the path of the first, or of
+  /// the places of one that no drive made; NaN where it has none.
   double driven = 0.0;
   double near_path = 0.0;
   std::uint64_t driven_cells = 0;

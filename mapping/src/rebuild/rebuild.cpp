@@ -194,10 +194,11 @@ class Rebuild {
     return text;
   }
 
-  /// A package in the work folder. There it is whole, or not at all.
-  std::string package(const std::string& name, const MapBuildOptions& options) {
+  /// A package at its place. There it is whole, or not at all.
+  std::string package(const std::string& name, const fs::path& at, const MapBuildOptions& options) {
+    // Removed by somebody since.
+    if (!fs::exists(at)) work_.forget(name);
     return part(name, [&] {
-      const fs::path at = work_.path(name);
       if (!fs::exists(at))
         (void)build_map(options_.drives, at, options, under(name), cancel_, make_cleaner_);
       return maps::MapPackage::open(at)->digest();
@@ -220,16 +221,17 @@ class Rebuild {
     const bool published = work_.remembered("done").has_value() && fs::exists(options_.map);
     if (!published && fs::exists(fs::symlink_status(options_.map)))
       throw maps::InputError(options_.map.string(), "an existing path", "a new one");
-    const std::string digest = package("map", options_.build);
-    if (!published) return work_.path("map");
-    if (maps::MapPackage::open(options_.map)->digest() != digest)
-      throw maps::InputError(options_.map.string(), "another map", "a new path");
-    return options_.map;
+    const fs::path place = published ? options_.map : work_.path("map");
+    const std::string digest = package("map", place, options_.build);
+    if (published && maps::MapPackage::open(place)->digest() != digest)
+      throw maps::InputError(place.string(), "another map", "a new path");
+    return place;
   }
 
   std::shared_ptr<const maps::MapPackage> kept() {
-    (void)package("keep", keep_options(options_.build));
-    return maps::MapPackage::open(work_.path("keep"));
+    const fs::path place = work_.path("keep");
+    (void)package("keep", place, keep_options(options_.build));
+    return maps::MapPackage::open(place);
   }
 
   HeldBackAnswers answers_in(const std::string& name, const maps::MapPackage& in,

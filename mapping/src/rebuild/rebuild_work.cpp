@@ -91,6 +91,8 @@ RebuildWork::RebuildWork(fs::path folder, const std::string& key) : folder_(std:
     const std::string found = read_whole(key_file);
     if (found == key) return;
     if (!found.empty()) discarded_ = key_difference(found, key);
+    // Empty while the rest goes: who comes back under the old key finds no half of its work.
+    replace_file(key_file, "");
     clear();
     replace_file(key_file, key);
   } catch (...) {
@@ -123,6 +125,11 @@ std::optional<std::string> RebuildWork::remembered(const std::string& stage) con
 
 void RebuildWork::remember(const std::string& stage, const std::string& text) {
   replace_file(folder_ / (stage + kDone), maps::sha256_of(text) + "\n" + text);
+}
+
+void RebuildWork::forget(const std::string& stage) {
+  fs::remove(folder_ / (stage + kDone));
+  sync_folder(folder_);
 }
 
 std::uint64_t RebuildWork::bytes() const {

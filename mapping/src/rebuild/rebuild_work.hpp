@@ -28,6 +28,8 @@ class RebuildWork {
   [[nodiscard]] std::optional<std::string> remembered(const std::string& stage) const;
   /// On the disk when it returns. @throws maps::StorageError.
   void remember(const std::string& stage, const std::string& text);
+  /// So that it is done again.
+  void forget(const std::string& stage);
   /// Bytes in it now, as the disk counts them.
   [[nodiscard]] std::uint64_t bytes() const;
 

@@ -28,7 +28,8 @@ class MapComparison : public ::testing::Test {
  protected:
   std::shared_ptr<const maps::MapPackage> package(const std::vector<Point>& points,
                                                   const std::vector<maps::MapObject>& objects = {},
-                                                  bool with_history = true) {
+                                                  bool with_history = true,
+                                                  bool of_a_drive = true) {
     const std::filesystem::path target = folder_.path() / std::to_string(++packages_);
     maps::MapPackageWriter writer(target);
     std::map<maps::TileId, std::pair<std::vector<maps::MapPoint>, std::vector<maps::PointHistory>>>
@@ -46,7 +47,10 @@ class MapComparison : public ::testing::Test {
     std::vector<maps::StampedPose> path;
     for (int i = 0; i <= 40; ++i)
       path.push_back({100'000'000LL * i, test::pose_at(0.1 * i - 2.0, 0.0, 0.0)});
-    writer.write_trajectory(maps::Trajectory(path));
+    if (of_a_drive)
+      writer.write_trajectory(maps::Trajectory(path));
+    else
+      writer.write_places({path.front().T_map_lidar, path.back().T_map_lidar});
     writer.write_objects(objects);
     maps::MapManifest manifest;
     manifest.frame_id = "local";
@@ -145,6 +149,21 @@ TEST_F(MapComparison, CoversTheGroundThatTheOtherOneHas) {
       ground_coverage(*previous, *previous, Eigen::Isometry3d::Identity(), cancel_);
   EXPECT_EQ(itself.driven, 1.0);
   EXPECT_EQ(itself.near_path, 1.0);
+}
+
+TEST_F(MapComparison, CoversTheGroundAroundThePlacesOfAMapThatNoDriveMade) {
+  // Places at x = -2 and 2.
+  const std::vector<Point> ground{{{-2.5, 0.5, 0}, PointKind::kGround},
+                                  {{0.5, 0.5, 0}, PointKind::kGround},
+                                  {{3.5, 0.5, 0}, PointKind::kGround},
+                                  {{0.5, 30.5, 0}, PointKind::kGround}};
+  const auto previous = package(ground, {}, true, false);
+  const auto map = package({ground.front()});
+  const GroundCoverage found =
+      ground_coverage(*previous, *map, Eigen::Isometry3d::Identity(), cancel_);
+  EXPECT_EQ(found.driven_cells, 3U);
+  EXPECT_EQ(found.near_path_cells, 3U);
+  EXPECT_DOUBLE_EQ(found.driven, 1.0 / 3.0);
 }
 
 TEST_F(MapComparison, KnowsNoCoverageOfNothing) {

@@ -98,6 +98,12 @@ TEST(RebuildGate, DoesNotPassWhatWasNotMeasured) {
   EXPECT_THAT(decide(figures, {}).reasons.front(), HasSubstr("not measured"));
 }
 
+TEST(RebuildGate, ALeastShareOfNothingAsksForNothing) {
+  GateFigures figures = good();
+  figures.previous->driven_coverage = kNaN;
+  EXPECT_THAT(failed(figures, {.driven_coverage = 0.0}), IsEmpty());
+}
+
 TEST(RebuildGate, NeedsScansToJudgeBy) {
   GateFigures none;
   none.static_loss = 0.0;

@@ -158,6 +158,36 @@ TEST_F(RebuildTest, AsksForTheScansOfAnotherDrive) {
   EXPECT_THAT(report.warnings, IsEmpty());
 }
 
+TEST_F(RebuildTest, AsksForTheScansOfAnotherDriveAtAPlaceThatIsGiven) {
+  options_.held_back = write_drive("another", 0.7);
+  options_.build.geodetic_origin = maps::GeodeticOrigin{49.0, 8.4, 116.5};
+  const RebuildReport report = rebuild();
+  EXPECT_EQ(report.answers.found, kScans);
+}
+
+TEST_F(RebuildTest, MakesAgainWhatWasRemovedSince) {
+  const std::string whole = result(rebuild());
+  fs::remove_all(options_.map);
+  const RebuildReport again = rebuild();
+  EXPECT_EQ(result(again), whole);
+  EXPECT_THAT(again.resumed_stages, Not(Contains("map")));
+  EXPECT_THAT(again.resumed_stages, Contains("localize map"));
+  fs::remove_all(options_.map);
+  fs::remove_all(options_.work / "keep");
+  EXPECT_EQ(result(rebuild()), whole);
+}
+
+TEST_F(RebuildTest, HalfOfItsWorkIsNotTakenForTheWhole) {
+  const std::string whole = result(rebuild());
+  fs::remove_all(options_.map);
+  // Another rebuild was killed while it threw this one's work away.
+  std::ofstream(options_.work / "rebuild.key", std::ios::trunc);
+  fs::remove_all(options_.work / "keep");
+  const RebuildReport again = rebuild();
+  EXPECT_EQ(result(again), whole);
+  EXPECT_THAT(again.resumed_stages, IsEmpty());
+}
+
 TEST_F(RebuildTest, RefusesADriveToJudgeByWhosePosesMeanNothing) {
   options_.held_back = write_drive("another", 0.7);
   fs::remove(*options_.held_back / "poses.txt");

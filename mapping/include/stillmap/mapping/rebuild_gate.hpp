@@ -10,7 +10,8 @@
 namespace stillmap::mapping {
 
 /// What a new map is judged by. There is no truth here: all figures compare it with the map that
-/// keeps everything, and with the version before. NaN: could not be measured, and does not pass.
+/// keeps everything, and with the version before. NaN: could not be measured, and passes no limit
+/// but a least share of 0.
 struct GateFigures {
   /// Held-back scans that were asked for, in each map from the same priors.
   std::size_t queries = 0;
