@@ -4,6 +4,7 @@
 #include "query.hpp"
 #include "reference/evidence.hpp"
 
+#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
@@ -51,6 +52,10 @@ AlignmentResult ReferenceAligner::align(const maps::PointCloud& scan_lidar,
                  registration.T_local_lidar);
   evidence.observability.degenerate = uncertainty.degenerate;
   evidence.contradicts_prior = contradicts(*prior, result);
+  // These methods take a scan as one instant.
+  evidence.not_deskewed =
+      std::any_of(scan_lidar.time_offsets_s.begin(), scan_lidar.time_offsets_s.end(),
+                  [](float t) { return t != 0.0F; });
   judge(evidence, uncertainty.covariance, result);
   result.protection = ProtectionLevels{};
   if (result.status != PoseStatus::kLost && !(registration.last_step_m < kSettledM)) {

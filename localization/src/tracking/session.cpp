@@ -21,6 +21,7 @@ constexpr double kVagueShare = 5.0;
 /// Places that look alike lie at least so far from each other [m], their headings [rad].
 constexpr double kApartM = 0.5;
 constexpr double kApartRad = 0.2;
+constexpr double kSmallTurnRad = 0.5;
 /// Deviation of what a scan tells along a direction that it does not constrain [m].
 constexpr double kNothingM = 1e3;
 /// Deviations up to which a velocity is known: within a sweep they move points by some centimetres.
@@ -55,6 +56,18 @@ AlignmentResult in_place_of(const AlignmentResult& match, const MotionState& pre
 
 bool is_ambiguous(const AlignmentResult& match) {
   return std::find(match.reasons.begin(), match.reasons.end(), "ambiguous") != match.reasons.end();
+}
+
+/// A prediction that is turned far from the match, as one of unknown heading may be, with the
+/// match's rotation: what is said to first order about poses holds for small turns alone.
+PosePdf turned_to(const PosePdf& matched, const PosePdf& predicted) {
+  const Eigen::Matrix3d R = matched.T.linear().transpose() * predicted.T.linear();
+  if (Eigen::AngleAxisd(R).angle() <= kSmallTurnRad) return predicted;
+  Matrix6d turn = Matrix6d::Zero();
+  turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = R;
+  PosePdf turned{predicted.T, turn * predicted.covariance * turn.transpose()};
+  turned.T.linear() = matched.T.linear();
+  return turned;
 }
 
 /// Whether scans are deskewed better by the predicted velocity than by what one scan tells of it.
@@ -227,7 +240,8 @@ PosePdf TrackingSession::believed(const Step& step) {
     matched.covariance += kNothingM * kNothingM * direction * direction.transpose();
   }
   // A weak match is no reason to forget what the motion tells about the directions it leaves open.
-  return step.match.status == PoseStatus::kOk ? matched : fused(step.predicted->pose, matched);
+  if (step.match.status == PoseStatus::kOk) return matched;
+  return fused(turned_to(matched, step.predicted->pose), matched);
 }
 
 AlignmentResult TrackingSession::follow(Belief& belief, const Step& step) const {

@@ -4,6 +4,7 @@
 #include "errors/upload_errors.hpp"
 
 #include <spdlog/spdlog.h>
+#include <stillmap/localization/aligner.hpp>
 
 #include <algorithm>
 #include <chrono>
@@ -299,6 +300,9 @@ void MapCatalog::make_ready(ServedVersion& version) const {
   version.failure.clear();
   try {
     version.aligners = std::make_shared<const Aligners>(builder_(*version.package));
+    if (version.package->manifest().geodetic_origin)
+      version.seen_from = std::make_shared<const std::vector<Eigen::Isometry3d>>(
+          localization::seen_from(*version.package));
     version.state = MapState::kReady;
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
     if (metrics_ != nullptr) metrics_->map_loaded(version.map, took.count());

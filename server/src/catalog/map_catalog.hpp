@@ -6,6 +6,8 @@
 
 #include <stillmap/maps/store/package_store.hpp>
 
+#include <Eigen/Geometry>
+
 #include <condition_variable>
 #include <cstdint>
 #include <exception>
@@ -43,6 +45,8 @@ struct ServedVersion {
   std::string failure{};
   /// Filled when ready. Last: they use the package.
   std::shared_ptr<const Aligners> aligners{};
+  /// `localization::seen_from` of a map that has a place on the Earth, when ready.
+  std::shared_ptr<const std::vector<Eigen::Isometry3d>> seen_from{};
 
   /// Names what it holds, as no other content and no other copy of it does.
   [[nodiscard]] std::string content() const {

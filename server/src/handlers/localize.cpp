@@ -15,7 +15,9 @@ WorkKind kind_in_head(const HttpRequest& request) {
     return std::any_of(request.query.begin(), request.query.end(),
                        [&](const auto& each) { return each.first == name; });
   };
-  if (has("method")) return WorkKind::kReference;
+  const auto method = std::find_if(request.query.begin(), request.query.end(),
+                                   [](const auto& each) { return each.first == "method"; });
+  if (method != request.query.end() && is_reference(method->second)) return WorkKind::kReference;
   const bool flat = request.header("content-type").starts_with("application/octet-stream") ||
                     request.header("content-type").starts_with("application/vnd.pcd");
   return flat && !has("prior_t") && !has("gnss") ? WorkKind::kEverywhere : WorkKind::kNearPrior;

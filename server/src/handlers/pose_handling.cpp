@@ -52,13 +52,15 @@ std::optional<localization::Prior> prior_in(const ServedVersion& map,
     throw field_error(ErrorCode::kNoGeodeticOrigin, "gnss", "a map without geodetic_origin",
                       "a prior in the map's own frame");
   }
-  return prior_from(*gnss, *origin, localization::seen_from(*map.package));
+  return prior_from(*gnss, *origin, *map.seen_from);
+}
+
+bool is_reference(std::string_view method) {
+  return !method.empty() && method != localization::aligner_names().front();
 }
 
 WorkKind kind_of(const PoseParameters& parameters) {
-  if (!parameters.method.empty() && parameters.method != localization::aligner_names().front()) {
-    return WorkKind::kReference;
-  }
+  if (is_reference(parameters.method)) return WorkKind::kReference;
   return parameters.prior ? WorkKind::kNearPrior : WorkKind::kEverywhere;
 }
 

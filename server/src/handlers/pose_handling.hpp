@@ -30,6 +30,8 @@ void require_ready(const Context& context, const PathParameters& path);
     const ServedVersion& map, const std::optional<localization::Prior>& prior,
     const std::optional<GnssFix>& gnss);
 
+/// Whether a method is none of those that are made for the road. @param method  empty: the default.
+[[nodiscard]] bool is_reference(std::string_view method);
 [[nodiscard]] WorkKind kind_of(const PoseParameters& parameters);
 
 [[nodiscard]] PoseClock::time_point deadline_of(const Context& context, const HttpRequest& request,

@@ -36,8 +36,12 @@ localization::Prior prior_from(const GnssFix& fix, const maps::GeodeticOrigin& o
   const double vertical_m = (fix.altitude_m ? kVerticalFactor : 1.0) * fix.sigma_m;
   Eigen::Matrix<double, 6, 1> sigma;
   sigma << fix.sigma_m, fix.sigma_m, vertical_m, kTiltRad, kTiltRad, std::numbers::pi;
-  // The order of the covariance is that of the lidar's axes, of which z is upward but for the tilt.
-  prior.covariance = Eigen::Matrix<double, 6, 6>(sigma.cwiseAbs2().asDiagonal());
+  // Told in the map's axes, of which z is upward; the covariance is in the lidar's.
+  const Eigen::Matrix3d R_lidar_map = prior.T_map_lidar.linear().transpose();
+  prior.covariance.emplace().setZero();
+  for (const int block : {0, 3})
+    prior.covariance->block<3, 3>(block, block) =
+        R_lidar_map * sigma.segment<3>(block).cwiseAbs2().asDiagonal() * R_lidar_map.transpose();
   return prior;
 }
 

@@ -4,6 +4,7 @@
 
 #include <stillmap/maps/map_package.hpp>
 
+#include <algorithm>
 #include <utility>
 
 namespace stillmap::server {
@@ -29,13 +30,14 @@ Session::Session(Name name, ServedVersion map, AlignmentQueue& queue)
 localization::TrackedPose Session::track(
     std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
     const std::optional<localization::OdometryStep>& odometry) {
-  localization::TrackedPose pose;
-  {
-    const std::scoped_lock lock(tracker_mutex_);
-    pose = tracker_.track(stamp_ns, scan_lidar, odometry);
-  }
+  const std::scoped_lock tracking(tracker_mutex_);
+  localization::TrackedPose pose = tracker_.track(stamp_ns, scan_lidar, odometry);
   const std::scoped_lock lock(mutex_);
   ++summary_.scans;
+  const auto& reasons = pose.result.reasons;
+  // What was newest then was of another clock.
+  if (std::find(reasons.begin(), reasons.end(), "clock_set_back") != reasons.end())
+    summary_.stamp_ns.reset();
   // A late scan says nothing of where the vehicle is now.
   if (summary_.stamp_ns && *summary_.stamp_ns >= stamp_ns) return pose;
   summary_.stamp_ns = stamp_ns;
@@ -54,6 +56,7 @@ localization::TrackedPose Session::track(
 }
 
 void Session::initialize(const std::optional<localization::Prior>& prior) {
+  const SessionLine::Pause pause(line_);
   const std::scoped_lock lock(tracker_mutex_);
   if (prior) {
     tracker_.initialize(prior->T_map_lidar, prior->covariance.value());

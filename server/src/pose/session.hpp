@@ -50,7 +50,8 @@ class Session {
       std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
       const std::optional<localization::OdometryStep>& odometry);
   /// Forgets where the vehicle was. @param prior  with its covariance; none: the next scan is
-  /// looked for everywhere. Waits for the scan that is being aligned.
+  /// looked for everywhere. Waits for the scan that is being aligned; the one that waits behind it
+  /// was sent from where the vehicle is not, and ends with kSuperseded.
   void initialize(const std::optional<localization::Prior>& prior);
 
   /// The map serves this version now; one that differs from the last one noted becomes an event.

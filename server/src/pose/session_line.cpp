@@ -15,9 +15,7 @@ SessionLine::Scan::Scan(SessionLine& line, std::int64_t stamp_ns, Clock::time_po
       throw ApiError(ErrorCode::kSuperseded, "a newer scan of the session is waiting");
     }
     place_ = std::min(deadline_, other->place_);
-    other->superseded_ = true;
-    line_.queue_.cancel(other->cancel_);
-    line_.changed_.notify_all();
+    line_.supersede("a newer scan of the session took this one's place");
   }
   line_.waiting_ = this;
 }
@@ -34,9 +32,7 @@ SessionLine::Scan::~Scan() {
 /// The line's mutex is held.
 void SessionLine::Scan::check() const {
   if (line_.closed_) throw ApiError(ErrorCode::kUnknownSession, "the session has ended");
-  if (superseded_) {
-    throw ApiError(ErrorCode::kSuperseded, "a newer scan of the session took this one's place");
-  }
+  if (superseded_by_ != nullptr) throw ApiError(ErrorCode::kSuperseded, superseded_by_);
 }
 
 void SessionLine::Scan::require_place() const {
@@ -46,8 +42,9 @@ void SessionLine::Scan::require_place() const {
 
 void SessionLine::Scan::wait_for_turn() {
   std::unique_lock lock(line_.mutex_);
-  const bool in_time = line_.changed_.wait_until(
-      lock, deadline_, [this] { return !line_.aligning_ || superseded_ || line_.closed_; });
+  const bool in_time = line_.changed_.wait_until(lock, deadline_, [this] {
+    return (!line_.aligning_ && line_.pauses_ == 0) || superseded_by_ != nullptr || line_.closed_;
+  });
   check();
   if (!in_time) {
     throw ApiError(ErrorCode::kDeadlineExceeded,
@@ -65,6 +62,28 @@ void SessionLine::Scan::begin() {
   line_.waiting_ = nullptr;
   line_.aligning_ = true;
   begun_ = true;
+}
+
+SessionLine::Pause::Pause(SessionLine& line) : line_(line) {
+  std::unique_lock lock(line_.mutex_);
+  ++line_.pauses_;
+  line_.supersede("the session was told anew where it is");
+  line_.changed_.wait(lock, [this] { return !line_.aligning_; });
+}
+
+SessionLine::Pause::~Pause() {
+  const std::scoped_lock lock(line_.mutex_);
+  --line_.pauses_;
+  line_.changed_.notify_all();
+}
+
+/// The mutex is held. The scan that waits, if any, loses its place.
+void SessionLine::supersede(const char* by) {
+  if (waiting_ == nullptr) return;
+  waiting_->superseded_by_ = by;
+  queue_.cancel(waiting_->cancel_);
+  waiting_ = nullptr;
+  changed_.notify_all();
 }
 
 void SessionLine::close() {

@@ -53,19 +53,37 @@ class SessionLine {
     /// whose every scan is replaced would start over for ever.
     Clock::time_point place_;
     AlignmentQueue::Cancel cancel_;
-    bool superseded_ = false;
+    /// In words; null while it has its place.
+    const char* superseded_by_ = nullptr;
     bool begun_ = false;
+  };
+
+  /// While it lives no scan of the session is aligned.
+  class Pause {
+   public:
+    /// Ends the waiting of the scan that waits with kSuperseded, and waits for the one that is
+    /// being aligned.
+    explicit Pause(SessionLine& line);
+    ~Pause();
+    Pause(const Pause&) = delete;
+    Pause& operator=(const Pause&) = delete;
+
+   private:
+    SessionLine& line_;
   };
 
   /// Ends the waiting of the scan that waits; none is taken any more.
   void close();
 
  private:
+  void supersede(const char* by);
+
   AlignmentQueue& queue_;
   std::mutex mutex_;
   std::condition_variable changed_;
   Scan* waiting_ = nullptr;
   bool aligning_ = false;
+  int pauses_ = 0;
   bool closed_ = false;
 };
 

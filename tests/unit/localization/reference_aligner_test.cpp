@@ -205,6 +205,17 @@ TEST(MapPoints, OneCentroidACell) {
   EXPECT_LT((kept[1] - Eigen::Vector3f(-0.1F, 0.1F, 0.1F)).norm(), 1e-6F);
 }
 
+TEST(ReferenceAligner, SaysThatItTakesNoMotionOutOfAScan) {
+  const Eigen::Isometry3d T = pose_at(60.0, 0.5, 0.05);
+  maps::PointCloud scan = street().world.scan(T, pattern(7));
+  scan.time_offsets_s.assign(scan.size(), 0.0F);
+  const auto answer = [&] { return street().plane_aligner.align(scan, prior_at(T)); };
+  EXPECT_EQ(answer().status, PoseStatus::kOk);
+  scan.time_offsets_s.front() = -0.05F;
+  EXPECT_EQ(answer().status, PoseStatus::kDegraded);
+  EXPECT_THAT(answer().reasons, Contains("not_deskewed"));
+}
+
 TEST(MapPoints, TellPlanesUprightLinesAndLyingOnesApart) {
   std::vector<Eigen::Vector3d> points;
   for (int i = 0; i < 20; ++i) {

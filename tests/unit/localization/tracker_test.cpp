@@ -385,6 +385,19 @@ TEST_F(TrackerTest, AWeakMatchDoesNotWidenWhatTheMotionTells) {
             0.1);
 }
 
+TEST_F(TrackerTest, AWeakMatchIsBelievedWhereAGivenPoseKnewNoHeading) {
+  Matrix6d covariance = 0.04 * Matrix6d::Identity();
+  covariance.diagonal().head<3>().setConstant(25.0);
+  covariance(5, 5) = 9.8;
+  tracker.initialize(pose_at(3.0, 1.0, -1.2), covariance);
+  const Eigen::Isometry3d T = pose_at(6.0, -2.0, 1.7);
+  (void)track(0.0, found_at(T, PoseStatus::kDegraded, {"low_inlier_ratio"}));
+  (void)track(0.0 + 1e-3, found_at(T));
+  const Eigen::Isometry3d error = T.inverse() * aligner->last_prior->T_map_lidar;
+  EXPECT_LT(error.translation().norm(), 0.01);
+  EXPECT_LT(maps::rotation_angle_rad(error.linear()), 0.01);
+}
+
 TEST_F(TrackerTest, ALateScanIsAnsweredFromItsTimeAndMovesNothing) {
   drive_to(2.0);
   const TrackedPose late = track(1.23, found_at(truth_at(1.23)));

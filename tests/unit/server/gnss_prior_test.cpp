@@ -54,7 +54,25 @@ TEST(GnssPrior, WithoutAnAltitudeItStandsWhereTheMapWasDriven) {
               test::IsNearVector(Eigen::Vector3d(0.0, 0.0, 1.5), 1e-6));
   // Mounted as on the mapping vehicle.
   EXPECT_TRUE(prior.T_map_lidar.linear().isApprox(seen[1].linear()));
-  EXPECT_DOUBLE_EQ((*prior.covariance)(2, 2), 16.0);
+  EXPECT_NEAR((*prior.covariance)(2, 2), 16.0, 1e-9);
+}
+
+TEST(GnssPrior, DoesNotKnowTheHeadingOfATiltedLidarEither) {
+  const std::vector<Eigen::Isometry3d> seen = {pose_at(0.0, 0.0, 1.5, 0.5)};
+  const GnssFix fix{
+      .latitude_deg = 48.0, .longitude_deg = 11.0, .altitude_m = 501.5, .sigma_m = 0.1};
+  const localization::Prior prior = prior_from(fix, kOrigin, seen);
+  const Eigen::Matrix3d R = prior.T_map_lidar.linear();
+  const auto deviations = [&](const Eigen::Vector3d& of_map, int block) {
+    const Eigen::Vector3d of_lidar = R.transpose() * of_map;
+    const Eigen::Matrix3d covariance = prior.covariance->block<3, 3>(block, block);
+    return std::sqrt(of_lidar.dot(covariance.inverse() * of_lidar));
+  };
+  // Turned about the vertical by half a turn; and up by three deviations.
+  EXPECT_NEAR(deviations({0.0, 0.0, std::numbers::pi}, 3), 1.0, 1e-9);
+  EXPECT_NEAR(deviations({0.2, 0.0, 0.0}, 3), 1.0, 1e-9);
+  EXPECT_NEAR(deviations({0.0, 0.0, 0.45}, 0), 3.0, 1e-9);
+  EXPECT_NEAR(deviations({0.3, 0.0, 0.0}, 0), 3.0, 1e-9);
 }
 
 }  // namespace

@@ -111,6 +111,36 @@ TEST_F(SessionLineTest, WaitingForTheSessionEndsAtTheDeadline) {
   EXPECT_EQ(pass(2, milliseconds(20)), "DeadlineExceeded");
 }
 
+TEST_F(SessionLineTest, APauseEndsTheWaitingAndHoldsOffWhatComes) {
+  std::string end;
+  std::optional<SessionLine::Scan> first;
+  first.emplace(line_, 1, in(seconds(20)));
+  first->begin();
+  std::jthread waiting([&] { end = pass(2); });
+  wait_for_arrivals(1);
+  std::optional<SessionLine::Pause> pause;
+  std::jthread pausing([&] { pause.emplace(line_); });
+  waiting.join();
+  EXPECT_EQ(end, "Superseded");
+  first.reset();
+  pausing.join();
+  EXPECT_EQ(pass(3, milliseconds(20)), "DeadlineExceeded");
+  pause.reset();
+  EXPECT_EQ(pass(1), "taken");
+}
+
+TEST_F(SessionLineTest, APauseTakesTheWorkerFromTheScanThatWaitsForOne) {
+  const AlignmentQueue::Work other{.deadline = in(seconds(20))};
+  const auto reservation = queue_.reserve("", 1, other);
+  const auto busy = queue_.enter(reservation, other);
+  std::string end;
+  std::jthread waiting([&] { end = pass(2); });
+  while (queue_.figures().waiting != 1) std::this_thread::yield();
+  const SessionLine::Pause pause(line_);
+  waiting.join();
+  EXPECT_EQ(end, "Superseded");
+}
+
 TEST_F(SessionLineTest, ClosingEndsTheWaiting) {
   std::string end;
   SessionLine::Scan first(line_, 1, in(seconds(20)));

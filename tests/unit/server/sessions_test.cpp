@@ -366,6 +366,44 @@ TEST_F(Sessions, AFixNeedsAMapThatKnowsWhereItLies) {
             "NoGeodeticOrigin");
 }
 
+TEST_F(Sessions, AFixMovesTheVehicleAlsoOnceItsMapIsRemoved) {
+  const test::TemporaryFolder built;
+  maps::MapPackageWriter writer(built.path() / "map");
+  writer.add_tile({}, std::vector<maps::MapPoint>(3));
+  writer.write_trajectory(maps::Trajectory(std::vector<maps::StampedPose>{{.stamp_ns = 1}}));
+  maps::MapManifest manifest;
+  manifest.frame_id = "enu";
+  manifest.geodetic_origin = maps::GeodeticOrigin{48.0, 11.0, 500.0};
+  (void)writer.publish(manifest, "{}");
+  store_.open().add("placed", "v1", built.path() / "map");
+  store_.open().activate("placed", "v1");
+  start();
+  while (get("/v1/maps/placed/ready").status != 200) std::this_thread::yield();
+  const json fix = {{"latitude_deg", 48.0}, {"longitude_deg", 11.0}, {"sigma_m", 5.0}};
+  const json session = ask(json_post("/v1/sessions", {{"map", "placed"}, {"gnss", fix}}), 201);
+  HttpRequest removal = request("DELETE", "/v1/maps/placed");
+  removal.query = {{"active", "true"}};
+  EXPECT_EQ(send(removal).status, 204);
+  while (get("/v1/maps/placed/ready").status != 404) std::this_thread::yield();
+  std::filesystem::remove_all(store_.folder().path() / "packages");
+  const std::string path = "/v1/sessions/" + session["id"].get<std::string>();
+  ask(json_post(path + "/initialize", {{"gnss", fix}}));
+  EXPECT_EQ(ask(scan(path, "1"))["searched_from"], "given");
+}
+
+TEST_F(Sessions, AClockThatIsSetBackIsFollowed) {
+  const std::string session = open();
+  ask(scan(session, "1000000000"));
+  ask(scan(session, "3600000000000"));
+  json answer;
+  for (int i = 1; i <= 5; ++i)
+    answer = ask(scan(session, std::to_string(1'000'000'000 + 100'000'000 * i)));
+  EXPECT_THAT(answer["reasons"], Contains("clock_set_back"));
+  const json shown = ask(request("GET", session));
+  EXPECT_EQ(shown["stamp_ns"], "1500000000");
+  EXPECT_EQ(shown["reasons"], answer["reasons"]);
+}
+
 TEST_F(Sessions, AreBoundedInNumber) {
   options_.sessions.max = 2;
   start();
