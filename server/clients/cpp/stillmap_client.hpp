@@ -126,7 +126,8 @@ class Client {
   }
 
   /// @return the session's id.
-  std::string open_session(const std::string& map, const std::optional<Prior>& prior = {}) {
+  std::string open_session(const std::string& map, const std::optional<Prior>& prior = {},
+                           std::optional<int> retries = {}) {
     nlohmann::json wanted = {{"map", map}};
     if (prior) {
       std::array<double, 36> covariance{};
@@ -138,7 +139,7 @@ class Client {
     }
     const std::string body = wanted.dump();
     const auto send = [&] { return http_.Post("/v1/sessions", body, "application/json"); };
-    return read<std::string>(call(send, false, retries_),
+    return read<std::string>(call(send, false, retries.value_or(retries_)),
                              [](const nlohmann::json& json) { return json.at("id"); });
   }
 
@@ -359,7 +360,8 @@ class SessionStream {
   }
 
   void open() {
-    session_ = client_.open_session(map_, prior_);
+    // Not tried again here: meanwhile a newer scan may have come, and the stream may have ended.
+    session_ = client_.open_session(map_, prior_, 0);
     prior_.reset();  // where it was at first says nothing of a later session
     count(&Counts::sessions);
   }

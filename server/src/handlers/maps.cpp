@@ -1,4 +1,5 @@
 #include "context.hpp"
+#include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
 #include "handlers/tile_answer.hpp"
 #include "json/layers_json.hpp"
@@ -10,28 +11,51 @@
 #include <stillmap/maps/store/store_refusal.hpp>
 
 #include <algorithm>
+#include <chrono>
 #include <exception>
+#include <memory>
 #include <optional>
+#include <semaphore>
 #include <string>
 #include <utility>
 
 namespace stillmap::server {
 namespace {
 
+/// What is read of whole maps at one time: of a city's drives it takes some 100 MB each.
+constexpr int kMostReadAtOnce = 4;
+constexpr std::chrono::seconds kMostWait{10};
+
+class ReadPlaces {
+ public:
+  /// Waits for a place, which is held as long as what is returned. @throws ApiError kBusy.
+  static std::shared_ptr<void> take(const std::shared_ptr<ReadPlaces>& places) {
+    if (!places->free_.try_acquire_for(kMostWait))
+      throw ApiError(ErrorCode::kBusy, "others are reading such parts of maps")
+          .with_header("Retry-After", "5");
+    return {places.get(), [places](void*) { places->free_.release(); }};
+  }
+
+ private:
+  std::counting_semaphore<kMostReadAtOnce> free_{kMostReadAtOnce};
+};
+
 /// A route of what a version holds, which never changes; nothing is read for who has it already.
 /// @param form  counts up when the same content would be told in other words.
-Route part_route(const Context& context, const std::string& name, int form,
-                 std::string (*text)(const maps::MapPackage&)) {
-  return {"GET", "/v1/maps/{map}/versions/{version}/" + name,
-          [&context, name, form, text](const HttpRequest& request, const PathParameters& path) {
-            const ServedVersion map = find_version(context.catalog, path);
-            const std::string etag =
-                fmt::format("\"{}-{}-{}\"", map.package->digest().substr(0, 16), name, form);
-            return immutable_answer(request, etag, [&](HttpResponse& response) {
-              response.content_type = "application/json";
-              response.body = text(*map.package);
-            });
-          }};
+Route part_route(const Context& context, const std::shared_ptr<ReadPlaces>& places,
+                 const std::string& name, int form, std::string (*text)(const maps::MapPackage&)) {
+  return {
+      "GET", "/v1/maps/{map}/versions/{version}/" + name,
+      [&context, places, name, form, text](const HttpRequest& request, const PathParameters& path) {
+        const ServedVersion map = find_version(context.catalog, path);
+        const std::string etag =
+            fmt::format("\"{}-{}-{}\"", map.package->digest().substr(0, 16), name, form);
+        return immutable_answer(request, etag, [&](HttpResponse& response) {
+          const std::shared_ptr<void> place = ReadPlaces::take(places);
+          response.content_type = "application/json";
+          response.body = text(*map.package);
+        });
+      }};
 }
 
 HttpResponse answer_list(const Context& context) {
@@ -108,14 +132,14 @@ void add_map_routes(std::vector<Route>& routes, const Context& context) {
                     }});
   routes.push_back({"GET", "/v1/maps/{map}", one});
   routes.push_back({"GET", "/v1/maps/{map}/versions/{version}", one});
-  routes.push_back(part_route(context, "trajectory", 1, [](const maps::MapPackage& map) {
-    return trajectories_json(map.trajectories());
-  }));
-  routes.push_back(part_route(context, "objects", 1, [](const maps::MapPackage& map) {
-    return objects_json(map.objects());
-  }));
-  routes.push_back(part_route(
-      context, "graph", 1, [](const maps::MapPackage& map) { return graph_json(graph_of(map)); }));
+  const auto add_part = [&, places = std::make_shared<ReadPlaces>()](const char* name,
+                                                                     const auto& text) {
+    routes.push_back(part_route(context, places, name, 1, text));
+  };
+  add_part("trajectory",
+           [](const maps::MapPackage& map) { return trajectories_json(map.trajectories()); });
+  add_part("objects", [](const maps::MapPackage& map) { return objects_json(map.objects()); });
+  add_part("graph", [](const maps::MapPackage& map) { return graph_json(graph_of(map)); });
 }
 
 }  // namespace stillmap::server

@@ -27,10 +27,12 @@ std::string header_of(const HttpResponse& response, std::string_view name) {
 
 bool is_read(const RequestHead& head) { return head.method == "GET" || head.method == "HEAD"; }
 
-/// Whether the client has it already, RFC 9110, 13.1.2.
+/// Whether the client has these bytes already, RFC 9110, 13.1.2. Of a source alone: the tag of a
+/// map, say, is that of its revision, for If-Match, and other parts of the answer change without
+/// it.
 bool is_known_to_client(const HttpResponse& response, const RequestHead& head) {
   const std::string etag = header_of(response, "ETag");
-  return response.status == 200 && is_read(head) && !etag.empty() &&
+  return response.source && response.status == 200 && is_read(head) && !etag.empty() &&
          head.count("if-none-match") > 0 && lists_tag(head.value("if-none-match"), etag);
 }
 

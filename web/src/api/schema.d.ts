@@ -1133,7 +1133,7 @@ export interface components {
                     /** @description Counter-clockwise from +x [rad] */
                     yaw: number;
                 };
-                /** @description Name of a drive's folder: in its scans alone */
+                /** @description Name of a drive's folder (of an uploaded drive `drive-ID`): in its scans alone */
                 drive?: string;
                 /** @description For people */
                 note?: string;
@@ -4413,7 +4413,7 @@ export interface operations {
             403: components["responses"]["Forbidden"];
             404: components["responses"]["UnknownMapOrUnknownVersion"];
             429: components["responses"]["TooManyRequests"];
-            503: components["responses"]["MapUnusable"];
+            503: components["responses"]["BusyOrMapUnusable"];
             default: components["responses"]["Problem"];
         };
     };
@@ -4656,7 +4656,7 @@ export interface operations {
             403: components["responses"]["Forbidden"];
             404: components["responses"]["UnknownMapOrUnknownVersion"];
             429: components["responses"]["TooManyRequests"];
-            503: components["responses"]["MapUnusable"];
+            503: components["responses"]["BusyOrMapUnusable"];
             default: components["responses"]["Problem"];
         };
     };
@@ -4791,7 +4791,7 @@ export interface operations {
             403: components["responses"]["Forbidden"];
             404: components["responses"]["UnknownMapOrUnknownVersion"];
             429: components["responses"]["TooManyRequests"];
-            503: components["responses"]["MapUnusable"];
+            503: components["responses"]["BusyOrMapUnusable"];
             default: components["responses"]["Problem"];
         };
     };

@@ -1,4 +1,4 @@
-import { useState } from 'preact/hooks';
+import { useMemo, useState } from 'preact/hooks';
 import { ask, type Schema } from '../api/client.js';
 import { toApiError, type ApiError } from '../api/errors.js';
 import { watchJob } from '../jobs/watch.js';
@@ -57,6 +57,8 @@ function Form({ map, drives }: { map: string; drives: readonly DriveRow[] }) {
   const known = { ...kNoChoices, ...choices };
   const fault = faultOf(known, drives);
   const set = (change: Partial<RebuildChoices>): void => setChoices({ ...known, ...change });
+  // What is sent again, as after an answer that was lost, is the same job.
+  const key = useMemo(() => crypto.randomUUID?.() ?? String(Math.random()), [JSON.stringify(known)]);
   const submit = async (event: Event): Promise<void> => {
     event.preventDefault();
     if (fault !== undefined) return;
@@ -64,7 +66,7 @@ function Form({ map, drives }: { map: string; drives: readonly DriveRow[] }) {
     setError(undefined);
     try {
       const json = requestOf(known, drives) as Request;
-      const { data } = await ask('post', '/v1/maps/{map}/rebuild', { path: { map }, json, headers: { 'Idempotency-Key': crypto.randomUUID?.() ?? String(Math.random()) } });
+      const { data } = await ask('post', '/v1/maps/{map}/rebuild', { path: { map }, json, headers: { 'Idempotency-Key': key } });
       forget(slot);
       watchJob(data.id);
       go(linkTo('jobs', [String(data.id)]));

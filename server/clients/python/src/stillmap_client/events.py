@@ -15,8 +15,8 @@ from .types import Event
 _SILENCE_S = 45.0
 
 
-def parsed(response: Response) -> Iterator[Event]:
-    """Events of one connection (WHATWG HTML, 9.2.6, as far as this server uses it)."""
+def parsed(response: Response) -> Iterator[Optional[Event]]:
+    """Events of one connection (WHATWG HTML, 9.2.6, as far as this server uses it), and None for each comment."""
     number, kind, data = None, "message", []
     for line in iter(response.raw.readline, b""):
         text = line.decode("utf-8", "replace").rstrip("\r\n")
@@ -33,6 +33,7 @@ def parsed(response: Response) -> Iterator[Event]:
             yield Event(number, kind, json.loads("\n".join(data)))
             number, kind, data = None, "message", []
         else:
+            yield None
             number, kind = None, "message"
 
 
@@ -42,14 +43,16 @@ def stream(transport: Transport, path: str, last: str, last_id: Optional[int], p
     tries = 0
     lost_since = time.monotonic()
     while True:
-        problem = None
+        problem, heard = None, False
         try:
             headers = {"Accept": "text/event-stream", **({} if last_id is None else {"Last-Event-ID": str(last_id)})}
             with transport.open("GET", path, headers=headers, retries=0, timeout_s=_SILENCE_S) as response:
                 if response.status == 204:
                     return
                 for event in parsed(response):
-                    tries, lost_since = 0, time.monotonic()
+                    tries, heard = 0, True
+                    if event is None:
+                        continue
                     if event.type == "end" and event.id is None:
                         break  # the server stops; another may start
                     last_id = event.id if event.id is not None else last_id
@@ -62,6 +65,8 @@ def stream(transport: Transport, path: str, last: str, last_id: Optional[int], p
             problem = error
         except (ConnectionLost, OSError, http.client.HTTPException):
             pass
+        if heard:
+            lost_since = time.monotonic()
         if time.monotonic() - lost_since > patience_s:
             raise problem or ConnectionLost(f"GET {path}: no connection that holds for {patience_s:g} s")
         tries += 1
