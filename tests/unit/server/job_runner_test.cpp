@@ -53,12 +53,14 @@ class JobsOfARunner : public JobTest {
     }
     return jobs_->view(job);
   }
-  /// The runner has ended, too: it uses the store, which a test may own.
+  /// Runner and catalog have ended, too: they use the store, which a test may own.
   maps::StoredJob end_of_rebuild() {
     ask_for_rebuild();
     const JobView end = end_of(1);
     outcome_ = end.outcome;
     jobs_.reset();
+    drives_.reset();
+    catalog_.reset();
     return end.job;
   }
 
