@@ -231,6 +231,10 @@ std::size_t PackageStore::restore(const fs::path& backup, const fs::path& folder
   make_lasting_folder(target, files);
   if (!has_nothing(target))
     throw InputError(target.string(), "a folder with content", "an empty one");
+  // A server that is started meanwhile waits, and opens what is restored.
+  const FolderLock lock(target / kLockName);
+  if (is_there(target / kStateName))
+    throw InputError(target.string(), "a store that was made just now", "an empty folder");
   const fs::path packages = target / kPackagesName;
   make_lasting_folder(packages, files);
   const std::set<std::string> digests = digests_of(state);

@@ -5,10 +5,13 @@
 
 #include <sys/stat.h>
 
+#include <chrono>
 #include <fstream>
 #include <iterator>
+#include <memory>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "support/disk_calls.hpp"
@@ -59,6 +62,42 @@ class StoreBackupTest : public ::testing::Test {
   std::unique_ptr<PackageStore> store_;
   int restored_ = 0;
 };
+
+/// Opens the folder that is restored, as a server does that is started too early.
+class OpensEarly : public UnsyncedCalls {
+ public:
+  explicit OpensEarly(fs::path folder) : folder_(std::move(folder)) {}
+  std::int64_t pass(const DiskCall& call, const Perform& perform) override {
+    if (!opener_.joinable() && call.kind == DiskCall::Kind::kMakeFolder &&
+        call.path == folder_ / "packages") {
+      opener_ = std::jthread([this] { store_ = std::make_unique<PackageStore>(folder_, others_); });
+      // Time enough for one that does not wait.
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    }
+    return UnsyncedCalls::pass(call, perform);
+  }
+  [[nodiscard]] PackageStore& store() {
+    opener_.join();
+    return *store_;
+  }
+
+ private:
+  fs::path folder_;
+  UnsyncedCalls others_;
+  std::unique_ptr<PackageStore> store_;
+  std::jthread opener_;
+};
+
+TEST_F(StoreBackupTest, AServerThatIsStartedMeanwhileOpensWhatIsRestored) {
+  store_->backup(backup_);
+  const fs::path target = folder_.path() / "restored";
+  OpensEarly calls(target);
+  PackageStore::restore(backup_, target, calls);
+  PackageStore& early = calls.store();
+  EXPECT_EQ(early.state().map("town").active, "1");
+  early.add("town", "2", folder_.path() / "second");
+  EXPECT_EQ(PackageStore(target, calls_).state().versions("town").size(), 2U);
+}
 
 TEST_F(StoreBackupTest, BringsBackAllButDrives) {
   const std::string key = store_->keys().create("car", {.bits = 1}, {}, 1).text;
