@@ -58,9 +58,11 @@ bool is_ambiguous(const AlignmentResult& match) {
   return std::find(match.reasons.begin(), match.reasons.end(), "ambiguous") != match.reasons.end();
 }
 
-/// A prediction that is turned far from the match, as one of unknown heading may be, with the
-/// match's rotation: what is said to first order about poses holds for small turns alone.
+/// A prediction that knows no attitude and is turned far from the match, with the match's rotation:
+/// what is said to first order about poses holds for small turns alone.
 PosePdf turned_to(const PosePdf& matched, const PosePdf& predicted) {
+  const double most = predicted.covariance.diagonal().tail<3>().maxCoeff();
+  if (most <= kSmallTurnRad * kSmallTurnRad) return predicted;
   const Eigen::Matrix3d R = matched.T.linear().transpose() * predicted.T.linear();
   if (Eigen::AngleAxisd(R).angle() <= kSmallTurnRad) return predicted;
   Matrix6d turn = Matrix6d::Zero();

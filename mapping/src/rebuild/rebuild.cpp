@@ -21,6 +21,7 @@
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 #include <utility>
@@ -218,12 +219,13 @@ class Rebuild {
 
   /// @return where the new map lies: at its place when only the report was missing.
   fs::path built() {
-    const bool published = work_.remembered("done").has_value() && fs::exists(options_.map);
+    const std::optional<std::string> done = work_.remembered("done");
+    const bool published = done && fs::exists(options_.map);
     if (!published && fs::exists(fs::symlink_status(options_.map)))
       throw maps::InputError(options_.map.string(), "an existing path", "a new one");
     const fs::path place = published ? options_.map : work_.path("map");
     const std::string digest = package("map", place, options_.build);
-    if (published && maps::MapPackage::open(place)->digest() != digest)
+    if (published && (digest != *done || maps::MapPackage::open(place)->digest() != digest))
       throw maps::InputError(place.string(), "another map", "a new path");
     return place;
   }

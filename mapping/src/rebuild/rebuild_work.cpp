@@ -105,7 +105,7 @@ RebuildWork::~RebuildWork() { ::close(lock_); }
 
 void RebuildWork::clear() {
   std::error_code error;
-  // The key goes last: until then the folder is known to be a rebuild's.
+  // The key stays: by it the folder is known to be a rebuild's.
   for (const auto& entry : fs::directory_iterator(folder_)) {
     if (entry.path().filename() != kKeyName) fs::remove_all(entry.path(), error);
     if (error) throw maps::StorageError(entry.path().string(), error.message());

@@ -164,8 +164,8 @@ void PackageStore::refuse_lost_state() const {
   const fs::path file = folder_ / kStateName;
   if (is_there(file) && fs::file_size(file, error) > 0) return;
   if (!is_there(packages_)) return;
-  const std::vector<std::string> names = folders_in(packages_);
-  if (std::none_of(names.begin(), names.end(), is_digest)) return;
+  // Also what a restore left that came no further.
+  if (folders_in(packages_).empty()) return;
   throw InputError(file.string(), "nothing, though there are packages beside it",
                    "the state that names them: put it back, or move the packages away");
 }

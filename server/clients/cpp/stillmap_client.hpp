@@ -144,7 +144,7 @@ class Client {
   }
 
   /// The next scan of a session. Not sent again when the connection is lost: it may have counted.
-  /// @throws Problem `Superseded` when a newer one came meanwhile.
+  /// @throws Problem `Superseded` when a newer one, or `initialize`, came meanwhile.
   PoseAnswer track(const std::string& session, std::span<const float> points, std::int64_t stamp_ns,
                    std::optional<int> retries = {}, const std::string& layout = "xyzi") {
     const httplib::Params query = {{"stamp_ns", std::to_string(stamp_ns)}, {"layout", layout}};

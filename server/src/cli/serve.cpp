@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <memory>
 #include <mutex>
+#include <stillmap/maps/store/package_store.hpp>
 #include <stillmap/server/options_holder.hpp>
 #include <stillmap/server/server.hpp>
 #include <string>
@@ -153,6 +154,8 @@ std::unique_ptr<server::Watchdog> start_watchdog(const server::Notifier& notifie
 
 void run_server(const server::ConfigSources& sources, const server::ServerOptions& started) {
   require_store(started.store);
+  // Waits for who restores it, while signals still end this process.
+  { const maps::PackageStore restored(started.store); }
   SignalLoop::block();
   server::LogOutput log(started.log);
   const server::Notifier notifier = server::Notifier::of_process();

@@ -22,7 +22,8 @@
 namespace stillmap::server {
 namespace {
 
-/// What is read of whole maps at one time: of a city's drives it takes some 100 MB each.
+/// So many parts of whole maps are read and told at one time: of a city's drives each may take some
+/// 100 MB. The text waits for its client without a place.
 constexpr int kMostReadAtOnce = 4;
 constexpr std::chrono::seconds kMostWait{10};
 

@@ -25,17 +25,6 @@ std::string header_of(const HttpResponse& response, std::string_view name) {
   return {};
 }
 
-bool is_read(const RequestHead& head) { return head.method == "GET" || head.method == "HEAD"; }
-
-/// Whether the client has these bytes already, RFC 9110, 13.1.2. Of a source alone: the tag of a
-/// map, say, is that of its revision, for If-Match, and other parts of the answer change without
-/// it.
-bool is_known_to_client(const HttpResponse& response, const RequestHead& head) {
-  const std::string etag = header_of(response, "ETag");
-  return response.source && response.status == 200 && is_read(head) && !etag.empty() &&
-         head.count("if-none-match") > 0 && lists_tag(head.value("if-none-match"), etag);
-}
-
 /// The range that is to be served: of a GET alone, and only if the client's part is of the same
 /// bytes (RFC 9110, 13.1.5; a date is not compared, so it counts as another).
 std::optional<ByteRange> wanted_range(const HttpResponse& response, const RequestHead& head) {
@@ -144,12 +133,6 @@ void fill_from_events(httplib::Response& to, std::shared_ptr<EventSource> events
 }  // namespace
 
 void fill_answer(httplib::Response& to, HttpResponse&& from, const AnswerContext& context) {
-  if (is_known_to_client(from, context.head)) {
-    from.status = 304;
-    from.body.clear();
-    from.source.reset();
-    from.content_type.clear();
-  }
   BodyPart part;
   if (from.source) {
     part.size = from.source->size();

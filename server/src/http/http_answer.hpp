@@ -28,7 +28,7 @@ struct AnswerContext {
   std::shared_ptr<void> event_slot;
 };
 
-/// Puts an answer into the HTTP library's: conditions (If-None-Match, Range, If-Range), what is
+/// Puts an answer into the HTTP library's: ranges (Range, If-Range), what is
 /// sent piece by piece, headers of every answer.
 /// @throws ApiError kRangeNotSatisfiable; `to` is then untouched.
 void fill_answer(httplib::Response& to, HttpResponse&& from, const AnswerContext& context);

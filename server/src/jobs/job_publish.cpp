@@ -31,12 +31,13 @@ std::int64_t revision_to_change(const JobFolder& folder, const maps::StoredMap& 
 
 }  // namespace
 
-/// Marks it, unless the server ends, which takes marks away. @throws maps::StorageError.
-bool JobRunner::begins_to_publish(const JobFolder& folder, const std::stop_token& stop) {
+/// Marks it. @throws maps::StoreRefusal kNotProcessing when the server ends, which takes marks
+/// away; maps::StorageError.
+void JobRunner::begin_to_publish(const JobFolder& folder, const std::stop_token& stop) {
   const std::scoped_lock lock(mutex_);
-  if (stop.stop_requested()) return false;
+  if (stop.stop_requested())
+    throw maps::StoreRefusal(maps::StoreRefusal::Reason::kNotProcessing, "the server ends");
   write_small_file(folder.publishing(), "");
-  return true;
 }
 
 /// Publishes what the mapper made. Again after a kill, it comes to the same.
@@ -45,7 +46,7 @@ void JobRunner::publish(const maps::StoredJob& job, const std::stop_token& stop)
   note_progress(job, {.stage = "publish", .fraction = 1.0});
   JobOutcome outcome;
   try {
-    if (!begins_to_publish(folder, stop)) return give_up_publishing(job);
+    begin_to_publish(folder, stop);
     const maps::PackageStore::Added added =
         setup_.store.add(job.map, version_of(job), folder.map(),
                          maps::PackageStore::Maker{

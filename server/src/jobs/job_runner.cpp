@@ -73,7 +73,10 @@ JobRunner::~JobRunner() {
     // Who does not wait for a map that is being loaded has not crashed.
     const std::scoped_lock lock(mutex_);
     std::error_code error;
-    for (const auto& [id, active] : active_) fs::remove(folder(id).publishing(), error);
+    // Of another server's jobs events alone are known here.
+    const bool are_ours = !locks_.empty();
+    for (const auto& [id, active] : active_)
+      if (are_ours) fs::remove(folder(id).publishing(), error);
   }
   wake();
   threads_.clear();

@@ -125,7 +125,7 @@ class JobRunner {
   int count_full(const maps::StoredJob& job);
   void try_again_with_room(const maps::StoredJob& job, const std::string& why,
                            const std::stop_token& stop);
-  [[nodiscard]] bool begins_to_publish(const JobFolder& folder, const std::stop_token& stop);
+  void begin_to_publish(const JobFolder& folder, const std::stop_token& stop);
   void publish(const maps::StoredJob& job, const std::stop_token& stop);
   void give_up_publishing(const maps::StoredJob& job);
   [[nodiscard]] bool is_canceled(const maps::StoredJob& job) const;

@@ -35,9 +35,13 @@ localization::TrackedPose Session::track(
   const std::scoped_lock lock(mutex_);
   ++summary_.scans;
   const auto& reasons = pose.result.reasons;
-  // What was newest then was of another clock.
-  if (std::find(reasons.begin(), reasons.end(), "clock_set_back") != reasons.end())
+  // What was newest then was of another clock. Sent once more, a scan has the same answer.
+  const bool is_set_back =
+      std::find(reasons.begin(), reasons.end(), "clock_set_back") != reasons.end();
+  if (is_set_back && stamp_ns != clock_set_back_ns_) {
+    clock_set_back_ns_ = stamp_ns;
     summary_.stamp_ns.reset();
+  }
   // A late scan says nothing of where the vehicle is now.
   if (summary_.stamp_ns && *summary_.stamp_ns >= stamp_ns) return pose;
   summary_.stamp_ns = stamp_ns;
@@ -65,6 +69,7 @@ void Session::initialize(const std::optional<localization::Prior>& prior) {
   }
   const std::scoped_lock summary_lock(mutex_);
   // Stamps may start anew, as after a clock was set back.
+  clock_set_back_ns_.reset();
   summary_.stamp_ns.reset();
   summary_.status.reset();
   summary_.reasons.clear();

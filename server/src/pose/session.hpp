@@ -93,6 +93,8 @@ class Session {
   localization::Tracker tracker_;
   mutable std::mutex mutex_;
   Summary summary_;
+  /// Of the scan that was the last to tell so.
+  std::optional<std::int64_t> clock_set_back_ns_;
   Clock::time_point last_used_ = Clock::now();
 };
 

@@ -403,6 +403,19 @@ TEST_F(TrackerTest, AWeakMatchIsBelievedWhereAGivenPoseKnewNoHeading) {
   EXPECT_LT(maps::rotation_angle_rad(error.linear()), 0.02);
 }
 
+TEST_F(TrackerTest, AMatchThatKnowsNoHeadingTakesNoneFromAGivenPose) {
+  Matrix6d covariance = 0.01 * Matrix6d::Identity();
+  covariance(5, 5) = 0.09;
+  tracker.initialize(pose_at(3.0, 1.0, 0.2), covariance);
+  AlignmentResult weak =
+      found_at(pose_at(3.0, 1.0, 0.9), PoseStatus::kDegraded, {"unobservable_direction"});
+  weak.degenerate_directions = {Eigen::Matrix<double, 6, 1>::Unit(5)};
+  (void)track(0.0, weak);
+  (void)track(0.001, found_at(pose_at(3.0, 1.0, 0.2)));
+  const Eigen::Isometry3d& T = aligner->last_prior->T_map_lidar;
+  EXPECT_NEAR(std::atan2(T(1, 0), T(0, 0)), 0.2, 0.02);
+}
+
 TEST_F(TrackerTest, ALateScanIsAnsweredFromItsTimeAndMovesNothing) {
   drive_to(2.0);
   const TrackedPose late = track(1.23, found_at(truth_at(1.23)));

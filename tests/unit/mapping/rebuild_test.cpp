@@ -5,12 +5,16 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 
+#include <sys/resource.h>
+
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "rebuild/rebuild_work.hpp"
 #include "small_drive.hpp"
 #include "support/throws.hpp"
 
@@ -177,15 +181,50 @@ TEST_F(RebuildTest, MakesAgainWhatWasRemovedSince) {
   EXPECT_EQ(result(rebuild()), whole);
 }
 
-TEST_F(RebuildTest, HalfOfItsWorkIsNotTakenForTheWhole) {
-  const std::string whole = result(rebuild());
+TEST_F(RebuildTest, TakesNoOtherMapAtItsPlaceForItsOwn) {
+  (void)rebuild();
   fs::remove_all(options_.map);
-  // Another rebuild was killed while it threw this one's work away.
-  std::ofstream(options_.work / "rebuild.key", std::ios::trunc);
-  fs::remove_all(options_.work / "keep");
-  const RebuildReport again = rebuild();
-  EXPECT_EQ(result(again), whole);
-  EXPECT_THAT(again.resumed_stages, IsEmpty());
+  cancel_at("map: tiles");
+  RebuildOptions others = options_;
+  others.work = folder_.path() / "another work";
+  others.build.voxel_size_m = 0.3;
+  cancel_ = false;
+  (void)rebuild_map(others, {}, cancel_);
+  EXPECT_THAT([&] { (void)rebuild(); },
+              ThrowsSaying<maps::InputError>({options_.map.string(), "another map"}));
+}
+
+/// Opens no more files than so many while it lives.
+class FewFiles {
+ public:
+  explicit FewFiles(rlim_t most) {
+    getrlimit(RLIMIT_NOFILE, &before_);
+    const rlimit few{most, before_.rlim_max};
+    setrlimit(RLIMIT_NOFILE, &few);
+  }
+  ~FewFiles() { setrlimit(RLIMIT_NOFILE, &before_); }
+  FewFiles(const FewFiles&) = delete;
+  FewFiles& operator=(const FewFiles&) = delete;
+
+ private:
+  rlimit before_{};
+};
+
+TEST(RebuildWork, ThatWasThrownAwayByHalfIsNotTakenForTheWhole) {
+  const test::TemporaryFolder folder;
+  const auto open = [&](const char* key) { return RebuildWork(folder.path() / "work", key); };
+  open("a: 1\n").remember("map", "done");
+  EXPECT_EQ(open("a: 1\n").remembered("map"), "done");
+  // Too deep to be removed with few open files, wherever it comes in the order of the folder.
+  fs::path deep = folder.path() / "work" / "journal";
+  for (int i = 0; i < 200; ++i) deep /= "d";
+  fs::create_directories(deep);
+  {
+    const FewFiles few(100);
+    EXPECT_THAT([&] { (void)open("a: 2\n"); }, ThrowsSaying<maps::StorageError>({"journal"}));
+  }
+  EXPECT_EQ(open("a: 1\n").remembered("map"), std::nullopt);
+  EXPECT_FALSE(fs::exists(folder.path() / "work" / "journal"));
 }
 
 TEST_F(RebuildTest, RefusesADriveToJudgeByWhosePosesMeanNothing) {

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <iterator>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <utility>
@@ -97,6 +98,15 @@ TEST_F(StoreBackupTest, AServerThatIsStartedMeanwhileOpensWhatIsRestored) {
   EXPECT_EQ(early.state().map("town").active, "1");
   early.add("town", "2", folder_.path() / "second");
   EXPECT_EQ(PackageStore(target, calls_).state().versions("town").size(), 2U);
+}
+
+TEST_F(StoreBackupTest, WhatARestoreLeftThatFailedIsNoStore) {
+  store_->backup(backup_);
+  spoil(backup_ / "packages" / first_ / "manifest.json");
+  const fs::path target = folder_.path() / "restored";
+  EXPECT_THROW(PackageStore::restore(backup_, target, calls_), std::runtime_error);
+  EXPECT_THAT([&] { const PackageStore store(target, calls_); },
+              ThrowsSaying<InputError>({"restored/state.db"}));
 }
 
 TEST_F(StoreBackupTest, BringsBackAllButDrives) {

@@ -402,6 +402,9 @@ TEST_F(Sessions, AClockThatIsSetBackIsFollowed) {
   const json shown = ask(request("GET", session));
   EXPECT_EQ(shown["stamp_ns"], "1500000000");
   EXPECT_EQ(shown["reasons"], answer["reasons"]);
+  ask(scan(session, "1600000000"));
+  EXPECT_EQ(ask(scan(session, "1500000000"))["reasons"], answer["reasons"]) << "sent once more";
+  EXPECT_EQ(ask(request("GET", session))["stamp_ns"], "1600000000");
 }
 
 TEST_F(Sessions, AreBoundedInNumber) {

@@ -943,7 +943,7 @@ export interface paths {
         put?: never;
         /**
          * The next scan of a session
-         * @description Of scans that wait, only the newest is served: an older one is answered 429 `Superseded`.
+         * @description Of scans that wait, only the newest is served: an older one is answered 429 `Superseded`, as is one that waits when the session is initialized.
          */
         post: operations["trackScan"];
         delete?: never;

@@ -41,7 +41,7 @@ class Session:
               deadline_ms: Optional[int] = None, T_base_lidar: Optional[Pose] = None,
               movable: Sequence[MovableBox] = (), retries: Optional[int] = None) -> PoseAnswer:
         """The next scan. Not sent again after a lost connection: the server may have counted it.
-        @raises Problem (`Superseded` when a newer scan came meanwhile), ConnectionLost."""
+        @raises Problem (`Superseded` when a newer scan, or `initialize`, came meanwhile), ConnectionLost."""
         flat: Dict[str, str] = {"stamp_ns": str(stamp_ns)}
         keys: Dict[str, Any] = {}
         if deadline_ms is not None:
