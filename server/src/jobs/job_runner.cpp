@@ -71,7 +71,7 @@ JobRunner::~JobRunner() {
   for (std::jthread& thread : threads_) thread.request_stop();
   {
     // Who does not wait for a map that is being loaded has not crashed.
-    const std::scoped_lock lock(mutex_);
+    const std::scoped_lock lock(take_over_mutex_, mutex_);
     std::error_code error;
     // Of another server's jobs events alone are known here.
     const bool are_ours = !locks_.empty();
