@@ -165,7 +165,7 @@ class JobRunner {
   /// Files that are coming, and those that came and whose job is not there yet.
   std::multiset<std::string> held_;
   std::mutex take_over_mutex_;
-  /// Of the store's folder of jobs, and of the one to work in.
+  /// Of the store's folder of jobs, and of the one to work in; `take_over_mutex_` guards them.
   std::vector<Descriptor> locks_;
   mutable std::mutex mutex_;
   std::condition_variable_any changed_;
