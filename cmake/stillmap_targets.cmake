@@ -13,21 +13,39 @@ if(STILLMAP_SANITIZE)
   target_link_options(stillmap_flags INTERFACE -fsanitize=${STILLMAP_SANITIZE})
 endif()
 
-# GCC 12 no longer takes precompiled system headers for the system's, and finds more of bug 105651 in them.
-add_library(stillmap_precompiled INTERFACE)
-if(NOT CMAKE_DISABLE_PRECOMPILE_HEADERS)
-  target_compile_options(stillmap_precompiled INTERFACE
-    "$<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overflow;-Wno-stringop-overread;-Wno-array-bounds>")
-endif()
-
-# stillmap_precompile(TARGET [HEADER...]): what nearly every file of it includes is parsed once. The preset `dev` does
-# without, and so shows which file does not include what it uses.
-function(stillmap_precompile target)
-  target_precompile_headers(${target} PRIVATE <algorithm> <array> <atomic> <bit> <chrono> <cmath> <cstddef> <cstdint>
-    <cstring> <exception> <filesystem> <fstream> <functional> <limits> <map> <memory> <mutex> <numbers> <numeric> <optional>
-    <random> <set> <span> <sstream> <stdexcept> <string> <string_view> <system_error> <thread> <tuple> <unordered_map>
-    <utility> <variant> <vector> <Eigen/Geometry> ${ARGN})
-  target_link_libraries(${target} PRIVATE $<BUILD_INTERFACE:stillmap_precompiled>)
+# stillmap_unity(TARGET): the files of a folder are compiled together, at most 12 at once, so that their headers are
+# parsed once. What has compile options of its own is compiled alone.
+option(STILLMAP_UNITY "Compile the files of a folder together" ON)
+set(STILLMAP_UNITY_FILES 12 CACHE STRING "How many files at most are compiled together")
+function(stillmap_unity target)
+  if(NOT STILLMAP_UNITY)
+    return()
+  endif()
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
+  get_target_property(sources ${target} SOURCES)
+  list(FILTER sources INCLUDE REGEX "\\.cpp$")
+  list(TRANSFORM sources REPLACE "^([^/])" "${CMAKE_CURRENT_SOURCE_DIR}/\\1")
+  list(SORT sources)
+  set(folders "")
+  foreach(source IN LISTS sources)
+    get_filename_component(folder ${source} DIRECTORY)
+    list(APPEND folders ${folder})
+    list(APPEND files_${folder} ${source})
+  endforeach()
+  list(REMOVE_DUPLICATES folders)
+  foreach(folder IN LISTS folders)
+    list(LENGTH files_${folder} count)
+    math(EXPR groups "(${count} + ${STILLMAP_UNITY_FILES} - 1) / ${STILLMAP_UNITY_FILES}")
+    math(EXPR size "(${count} + ${groups} - 1) / ${groups}")
+    file(RELATIVE_PATH name ${PROJECT_SOURCE_DIR} ${folder})
+    string(MAKE_C_IDENTIFIER "${name}" name)
+    set(index 0)
+    foreach(source IN LISTS files_${folder})
+      math(EXPR part "${index} / ${size}")
+      set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${name}_${part})
+      math(EXPR index "${index} + 1")
+    endforeach()
+  endforeach()
 endfunction()
 
 # stillmap_library(NAME): sources in src/, public headers in include/ and nothing else reachable from outside.
@@ -37,7 +55,7 @@ function(stillmap_library name)
   target_include_directories(${name} PUBLIC ${CMAKE_CURRENT_SOURCE_DIR}/include
     PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/src)
   target_link_libraries(${name} PRIVATE $<BUILD_INTERFACE:stillmap_flags>)
-  stillmap_precompile(${name} <fmt/format.h>)
+  stillmap_unity(${name})
 endfunction()
 
 # stillmap_test(NAME SOURCES ... LIBRARIES ... LABEL ... [PRIVATE_OF folder] [TIMEOUT seconds]): one GoogleTest program,
@@ -50,10 +68,7 @@ function(stillmap_test name)
     target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/${ARG_PRIVATE_OF}/src)
   endif()
   target_link_libraries(${name} PRIVATE stillmap_flags)
-  list(LENGTH ARG_SOURCES files)
-  if(files GREATER 8) # not worth it for few files
-    stillmap_precompile(${name} <gmock/gmock.h> <gtest/gtest.h>)
-  endif()
+  stillmap_unity(${name})
   target_link_libraries(${name} PRIVATE ${ARG_LIBRARIES} GTest::gmock GTest::gtest_main)
   # What is tested keeps its optimisation; the tests themselves are compiled more often than their loops are long.
   target_compile_options(${name} PRIVATE -O1)

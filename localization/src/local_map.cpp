@@ -21,11 +21,11 @@ namespace {
 
 /// First kernel of a level as a share of its edge, as in `settle`, and the last one as in the
 /// aligner of whole maps.
-constexpr float kFirstKernelShare = 0.6F;
+constexpr float kFirstLocalKernelShare = 0.6F;
 constexpr float kCoarseKernelShare = 0.3F;
-constexpr float kFinalKernelShare = 0.15F;
+constexpr float kFinalLocalKernelShare = 0.15F;
 constexpr std::size_t kCoarsePoints = 1000;
-constexpr std::size_t kMaxCandidates = 4;
+constexpr std::size_t kMaxLocalCandidates = 4;
 
 void require_usable(const Eigen::Isometry3d& T, const char* name) {
   if (T.matrix().allFinite()) return;
@@ -88,9 +88,9 @@ Eigen::Isometry3d LocalMap::refined(std::span<const Eigen::Vector3f> points_lida
   const std::size_t stride = std::max<std::size_t>(1, points_lidar.size() / kCoarsePoints);
   for (const MapIndex::Level& level : state_->voxels.levels()) {
     const bool finest = &level == &state_->voxels.levels().back();
-    const float widest_m = kFirstKernelShare * level.edge_m;
+    const float widest_m = kFirstLocalKernelShare * level.edge_m;
     Schedule schedule;
-    schedule.last_kernel_m = (finest ? kFinalKernelShare : kCoarseKernelShare) * level.edge_m;
+    schedule.last_kernel_m = (finest ? kFinalLocalKernelShare : kCoarseKernelShare) * level.edge_m;
     // What the next finer level reaches needs no coarser one.
     if (!finest && off <= 0.5F * widest_m) continue;
     schedule.first_kernel_m = std::clamp(off, schedule.last_kernel_m, widest_m);
@@ -110,7 +110,7 @@ Eigen::Isometry3d LocalMap::searched(std::span<const Eigen::Vector3f> points_lid
   const Eigen::Isometry3d T_guess = maps::renormalized(T_odom_lidar_guess);
   const MapIndex::Level& searched_level = levels[levels.size() - 2];
   std::vector<Eigen::Isometry3d> starts = search_poses(
-      searched_level, state_->voxels.origin(), query, T_guess, SearchWindow{}, kMaxCandidates);
+      searched_level, state_->voxels.origin(), query, T_guess, SearchWindow{}, kMaxLocalCandidates);
   starts.push_back(T_guess);
   Place best;
   best.support = -1.0;
@@ -130,7 +130,7 @@ LocalAlignment LocalMap::judged(std::span<const Eigen::Vector3f> points_lidar,
   if (levels.empty()) return result;
   const Eigen::Isometry3d T = state_->to_local(T_odom_lidar);
   const MapIndex::Level& level = levels.back();
-  const float kernel_m = kFinalKernelShare * level.edge_m;
+  const float kernel_m = kFinalLocalKernelShare * level.edge_m;
   const Query query = query_of(points_lidar, T.linear());
   Matches matches(level, query.points);
   const ResidualRows& rows = matches.at(T, kernel_m);

@@ -17,7 +17,7 @@ constexpr std::uint32_t kMinPoints = 5;
 constexpr std::uint32_t kFullPoints = 100;
 /// The sensor's place relative to the origin: farther than what it sees, so that no cell's
 /// coordinate is negative.
-constexpr double kMarginM = 256.0;
+constexpr double kLocalMarginM = 256.0;
 /// The origin follows when the sensor has gone so far [m].
 constexpr double kFollowM = 20.0;
 
@@ -109,8 +109,8 @@ LocalVoxels::LocalVoxels() {
 void LocalVoxels::follow(const Eigen::Vector3d& sensor, double reach_m) {
   if (placed_ && (sensor - centre_).norm() < kFollowM) return;
   const Eigen::Vector3d steps =
-      ((sensor.array() - kMarginM - origin_.array()) / coarsest_m()).floor();
-  if (placed_ && !(steps.cwiseAbs().maxCoeff() * coarsest_m() < kMarginM)) {
+      ((sensor.array() - kLocalMarginM - origin_.array()) / coarsest_m()).floor();
+  if (placed_ && !(steps.cwiseAbs().maxCoeff() * coarsest_m() < kLocalMarginM)) {
     // What was seen is out of reach altogether.
     for (GrowingLevel& level : growing_) level = GrowingLevel(level.edge_m());
     placed_ = false;

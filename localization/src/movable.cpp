@@ -15,9 +15,9 @@ namespace {
 
 /// Boxes are found by columns of this edge, so that a scan costs one look-up a point however many
 /// boxes there are.
-constexpr double kColumnM = 4.0;
+constexpr double kMovableColumnM = 4.0;
 /// No box reaches farther along an axis [m].
-constexpr double kReachM = 2.0 * kMaxBoxCentreM;
+constexpr double kMovableReachM = 2.0 * kMaxBoxCentreM;
 constexpr double kMaxMarginM = 10.0;
 
 void require_usable(const maps::Box& box, std::size_t number) {
@@ -79,7 +79,7 @@ class BoxesByColumn {
 
   [[nodiscard]] bool contain(const Eigen::Vector3d& p) const {
     // Beyond it a cast would overflow; false for NaN.
-    if (!(std::abs(p.x()) < kReachM && std::abs(p.y()) < kReachM)) return false;
+    if (!(std::abs(p.x()) < kMovableReachM && std::abs(p.y()) < kMovableReachM)) return false;
     const std::uint32_t column = columns_.find(cell_key(cell(p.x()), cell(p.y()), 0));
     if (column == VoxelTable::kNone) return false;
     return std::any_of(boxes_of_[column].begin(), boxes_of_[column].end(),
@@ -88,7 +88,7 @@ class BoxesByColumn {
 
  private:
   [[nodiscard]] static std::int32_t cell(double coordinate_m) {
-    return static_cast<std::int32_t>(std::floor(coordinate_m / kColumnM)) + kCellsPerAxis / 2;
+    return static_cast<std::int32_t>(std::floor(coordinate_m / kMovableColumnM)) + kCellsPerAxis / 2;
   }
 
   std::vector<GrownBox> boxes_;

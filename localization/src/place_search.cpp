@@ -14,7 +14,7 @@ using std::numbers::pi_v;
 // Places are looked at this far apart [m].
 constexpr double kSpacingM = 3.0;
 // Poses farther than this outside the map's bounds saw nothing of it [m].
-constexpr double kMarginM = 100.0;
+constexpr double kPlaceMarginM = 100.0;
 constexpr int kHeadings = 60;
 // Share of all places and headings that the second round looks at, and the least number of them.
 // Less and the right one is lost among the many that fit as well on coarse cells.
@@ -22,7 +22,7 @@ constexpr std::size_t kWidePart = 6;
 constexpr std::size_t kLeastAfterWide = 900;
 constexpr std::size_t kAfterMiddle = 30;
 constexpr std::size_t kPoints = 160;
-constexpr float kReachM = 35.0F;
+constexpr float kPlaceReachM = 35.0F;
 
 // Mounts that are tilted by less keep the lidar's z as their upward axis [rad].
 constexpr double kTiltedRad = 0.2;
@@ -82,7 +82,7 @@ class PlacesApart {
 std::vector<Eigen::Vector3f> points_to_try(const Query& query, const Eigen::Matrix3f& R) {
   std::vector<Eigen::Vector3f> near;
   for (const std::size_t i : query.standing) {
-    if (query.points[i].norm() < kReachM) near.push_back(R * query.points[i]);
+    if (query.points[i].norm() < kPlaceReachM) near.push_back(R * query.points[i]);
   }
   if (near.size() <= kPoints) return near;
   std::vector<Eigen::Vector3f> some;
@@ -115,7 +115,7 @@ PlaceSearch::PlaceSearch(const MapIndex& index, const std::vector<Eigen::Isometr
     Eigen::Isometry3d T_index_lidar = T_map_lidar;
     T_index_lidar.translation() -= origin_;
     const Eigen::Array3d at = T_index_lidar.translation().array();
-    const bool beside = (at > -kMarginM).all() && (at < index.extent().array() + kMarginM).all();
+    const bool beside = (at > -kPlaceMarginM).all() && (at < index.extent().array() + kPlaceMarginM).all();
     if (!beside || !apart.take(T_index_lidar.translation())) continue;
     T_index_lidar.rotate(R_level_lidar_.transpose());
     places_.push_back(without_heading(T_index_lidar));

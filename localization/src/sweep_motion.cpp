@@ -24,10 +24,10 @@ using Matrix12d = Eigen::Matrix<double, 12, 12>;
 constexpr double kSpeedM_S = 15.0;
 constexpr double kTurnRad_S = 0.5;
 /// Kernels of a level as shares of its voxels.
-constexpr float kFirstKernelShare = 0.6F;
+constexpr float kFirstSweepKernelShare = 0.6F;
 constexpr float kLastKernelShare = 0.3F;
 constexpr float kFinestKernelShare = 0.15F;
-constexpr float kNarrowing = 0.6F;
+constexpr float kSweepNarrowing = 0.6F;
 constexpr int kMaxRounds = 8;
 /// Share of the largest on the diagonal by which steps are damped.
 constexpr double kDamping = 1e-4;
@@ -40,7 +40,7 @@ constexpr double kLeastTimeS = 1e-3;
 constexpr float kTurnS = 0.1F;
 constexpr float kTurnRad = 2.0F * std::numbers::pi_v<float>;
 /// About how many points tell whether a scan fits better with motion.
-constexpr std::size_t kFewPoints = 500;
+constexpr std::size_t kFewSweepPoints = 500;
 /// What a scan must gain by it: so much for each m/s, and no more than the second. Deskewed scans
 /// of simulated drives gain up to 1.06 and are never faster than 1 m/s, those of MulRan up to 1.16
 /// at 3.2 m/s, those of a real map that is bent by 0.4 m up to 1.25; as recorded they gain 1.1
@@ -153,7 +153,7 @@ Vector6d find_motion(std::span<const MapIndex::Level> levels, const Query& query
     const float last_m = (finest ? kFinestKernelShare : kLastKernelShare) * level.edge_m;
     const double still_m = finest ? kStillM : kCoarselyStillM;
     const float bend_share = finest ? 0.0F : kBendShare;
-    float kernel_m = kFirstKernelShare * level.edge_m;
+    float kernel_m = kFirstSweepKernelShare * level.edge_m;
     for (int round = 0; round < kMaxRounds; ++round) {
       kernel_m = std::max(kernel_m, last_m);
       sweep.move(twist);
@@ -162,7 +162,7 @@ Vector6d find_motion(std::span<const MapIndex::Level> levels, const Query& query
       T_index_lidar = maps::renormalized(T_index_lidar * maps::exp_se3(step.head<6>()));
       twist += step.tail<6>();
       if (kernel_m <= last_m && step.cwiseQuotient(units).norm() < still_m) break;
-      kernel_m *= kNarrowing;
+      kernel_m *= kSweepNarrowing;
     }
   }
   return twist;
@@ -186,7 +186,7 @@ struct BestFit {
 };
 BestFit best_fit(std::span<const MapIndex::Level> levels, const Query& query,
                  Eigen::Isometry3d T_index_lidar) {
-  const std::size_t stride = stride_for(query, kFewPoints);
+  const std::size_t stride = stride_for(query, kFewSweepPoints);
   const Vector6d twist = find_motion(levels, query, stride, T_index_lidar);
   BestFit fit{.speed_m_s = twist.head<3>().norm()};
   Sweep sweep(query, stride);

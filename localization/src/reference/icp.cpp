@@ -9,9 +9,9 @@
 namespace stillmap::localization {
 namespace {
 
-constexpr int kMaxIterations = 60;
+constexpr int kMaxIcpIterations = 60;
 /// ICP creeps: what is left to go is some 20 times the last step.
-constexpr double kStepM = 1e-5;
+constexpr double kIcpStepM = 1e-5;
 
 Eigen::Vector3d mean_of(std::span<const Eigen::Vector3d> points) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -40,8 +40,8 @@ Registration align_points(const MapPoints& map, std::span<const Eigen::Vector3f>
       out.terms.clear();
       return out;
     }
-    if (out.iterations == kMaxIterations) return out;
-    if (out.iterations > 0 && out.last_step_m < kStepM) return out;
+    if (out.iterations == kMaxIcpIterations) return out;
+    if (out.iterations > 0 && out.last_step_m < kIcpStepM) return out;
     const Eigen::Isometry3d next = step(out.terms);
     out.last_step_m = size_m(out.T_local_lidar.inverse() * next);
     out.T_local_lidar = next;

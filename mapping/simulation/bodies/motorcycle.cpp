@@ -15,13 +15,13 @@ using Eigen::Vector3d;
 using Style = Motorcycle::Style;
 
 /// Across a hull that runs along x [m].
-struct Section {
+struct HullSection {
   double x, z, half_width, half_height;
 };
 
-void add_hull(Mesh& mesh, const std::vector<Section>& sections, Material material, int sides = 10) {
+void add_hull(Mesh& mesh, const std::vector<HullSection>& sections, Material material, int sides = 10) {
   std::vector<Ring> rings;
-  for (const Section& s : sections)
+  for (const HullSection& s : sections)
     rings.push_back(
         {{s.x, 0.0, s.z}, Vector3d(0.0, 0.0, s.half_height), Vector3d(0.0, s.half_width, 0.0)});
   add_tube(mesh, rings, material, sides);

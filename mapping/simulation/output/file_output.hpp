@@ -19,6 +19,12 @@ void make_folder(const std::filesystem::path& folder);
 void write_file(const std::filesystem::path& file, std::span<const std::byte> bytes);
 void write_file(const std::filesystem::path& file, std::string_view text);
 
+/// Adds a number's own bytes.
+template <typename Number>
+void append(std::string& bytes, const Number& number) {
+  bytes.append(reinterpret_cast<const char*>(&number), sizeof(number));
+}
+
 /// A text file that grows piece by piece.
 class TextFile {
  public:

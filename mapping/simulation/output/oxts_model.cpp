@@ -13,7 +13,7 @@
 namespace stillmap::simulation {
 namespace {
 
-constexpr double kRadPerDeg = std::numbers::pi / 180.0;
+constexpr double kOxtsRadPerDeg = std::numbers::pi / 180.0;
 constexpr double kGravityMS2 = 9.81;
 
 // First packet of KITTI's 2011_09_26_drive_0013.
@@ -81,9 +81,9 @@ OxtsModel::OxtsModel(TruePath T_world_lidar, Eigen::Isometry3d T_lidar_imu, std:
       position_errors_{DriftingError(kHorizontalSigmaM, kPositionCorrelationS),
                        DriftingError(kHorizontalSigmaM, kPositionCorrelationS),
                        DriftingError(kVerticalSigmaM, kPositionCorrelationS)},
-      angle_errors_{DriftingError(kTiltSigmaDeg * kRadPerDeg, kAngleCorrelationS),
-                    DriftingError(kTiltSigmaDeg * kRadPerDeg, kAngleCorrelationS),
-                    DriftingError(kYawSigmaDeg * kRadPerDeg, kAngleCorrelationS)} {}
+      angle_errors_{DriftingError(kTiltSigmaDeg * kOxtsRadPerDeg, kAngleCorrelationS),
+                    DriftingError(kTiltSigmaDeg * kOxtsRadPerDeg, kAngleCorrelationS),
+                    DriftingError(kYawSigmaDeg * kOxtsRadPerDeg, kAngleCorrelationS)} {}
 
 Eigen::Isometry3d OxtsModel::T_world_imu(double time_s) const {
   return T_world_lidar_(time_s) * T_lidar_imu_;
@@ -116,7 +116,7 @@ Eigen::Vector3d OxtsModel::position_error(double elapsed_s) {
 }
 
 Eigen::Vector3d OxtsModel::angle_error(double elapsed_s) {
-  Eigen::Vector3d error = white(kAngleNoiseDeg * kRadPerDeg);
+  Eigen::Vector3d error = white(kAngleNoiseDeg * kOxtsRadPerDeg);
   for (int i = 0; i < 3; ++i) {
     error[i] += angle_errors_[static_cast<std::size_t>(i)].next(elapsed_s, random_);
   }

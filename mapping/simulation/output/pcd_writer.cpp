@@ -9,11 +9,6 @@
 namespace stillmap::simulation {
 namespace {
 
-template <typename Number>
-void append(std::string& bytes, const Number& number) {
-  bytes.append(reinterpret_cast<const char*>(&number), sizeof(number));
-}
-
 /// PCD 0.7, binary: x y z intensity, t [s] relative to the stamp, ring.
 std::string pcd_bytes(const LabelledPoints& points, const std::vector<Eigen::Vector3f>& positions) {
   std::string bytes = fmt::format(

@@ -11,7 +11,7 @@
 namespace stillmap::simulation {
 namespace {
 
-constexpr double kStepS = 0.001;
+constexpr double kTruthStepS = 0.001;
 
 constexpr std::string_view kReadme = R"(# Truth of a simulated drive
 
@@ -40,11 +40,6 @@ std::string readme_of(const LayoutWriter& layout) {
       fmt::format("its origin lies at ({:.3f}, {:.3f}, {:.3f}) m of the simulated world",
                   origin.x(), origin.y(), origin.z());
   return fmt::format(fmt::runtime(kReadme), convention, frame);
-}
-
-template <typename Number>
-void append(std::string& bytes, const Number& number) {
-  bytes.append(reinterpret_cast<const char*>(&number), sizeof(number));
 }
 
 std::string ply_bytes(const Mesh& mesh, const Eigen::Isometry3d& T_map_world) {
@@ -92,9 +87,9 @@ void TruthWriter::finish(const LayoutWriter& layout, const TruePath& T_world_lid
   TextFile trajectory(folder_ / "trajectory.txt");
   const double begin_s = first_stamp_s_ - 0.5 * period_s;
   const double length_s = any_ ? last_stamp_s_ - first_stamp_s_ + period_s : 0.0;
-  const auto steps = static_cast<std::size_t>(std::lround(length_s / kStepS));
+  const auto steps = static_cast<std::size_t>(std::lround(length_s / kTruthStepS));
   for (std::size_t step = 0; any_ && step <= steps; ++step) {
-    const double time_s = begin_s + kStepS * static_cast<double>(step);
+    const double time_s = begin_s + kTruthStepS * static_cast<double>(step);
     trajectory.append(tum_line_of(layout.stamp_ns(time_s), T_map_world * T_world_lidar(time_s)));
   }
   trajectory.close();

@@ -11,7 +11,7 @@ namespace {
 
 using std::numbers::pi;
 
-constexpr double kPiece = 4.0;
+constexpr double kBorderPieceM = 4.0;
 
 class HighwayFurnisher {
  public:
@@ -20,12 +20,12 @@ class HighwayFurnisher {
     Random of_day(day_key(spec, Stream::kPlants, 1));
     const double foliage = of_day.uniform(0.85, 1.0);
     rails_ = scenery.variants(2, 40, [](Random& r) {
-      return make_border_piece(BorderKind::kGuardRail, kPiece, 0.75, r);
+      return make_border_piece(BorderKind::kGuardRail, kBorderPieceM, 0.75, r);
     });
     noise_walls_ = scenery.variants(
-        2, 41, [](Random& r) { return make_border_piece(BorderKind::kNoiseWall, kPiece, 3.5, r); });
+        2, 41, [](Random& r) { return make_border_piece(BorderKind::kNoiseWall, kBorderPieceM, 3.5, r); });
     fences_ = scenery.variants(
-        2, 42, [](Random& r) { return make_border_piece(BorderKind::kMeshFence, kPiece, 1.6, r); });
+        2, 42, [](Random& r) { return make_border_piece(BorderKind::kMeshFence, kBorderPieceM, 1.6, r); });
     posts_ = scenery.variants(2, 43, make_bollard);
     signs_ = scenery.variants(5, 44, make_traffic_sign);
     lamps_ = scenery.variants(2, 45, make_lamp);
@@ -55,7 +55,7 @@ class HighwayFurnisher {
       const bool lit = random.chance(0.2);
       const double site = random.uniform(20.0, edge.length_m() - 40.0);
       const bool work = random.chance(0.3) && spec_.change;
-      for (double s = 0.0; s + kPiece <= edge.length_m(); s += kPiece) {
+      for (double s = 0.0; s + kBorderPieceM <= edge.length_m(); s += kBorderPieceM) {
         if (rail) piece(rails_, edge, side, s, 0.6, random);
         if (wall) piece(noise_walls_, edge, side, s, 3.0, random);
         if (fence && !(work && std::abs(s - site) < 30.0))
@@ -89,14 +89,14 @@ class HighwayFurnisher {
              double out, Random& random) {
     const std::size_t kind = kinds[random.index(kinds.size())];
     // On the left side of the line the frame's x leads along it, on the right side against it.
-    const double from = side == 0 ? station : station + kPiece;
+    const double from = side == 0 ? station : station + kBorderPieceM;
     scenery_.place(kind, T_world_roadside(*scenery_.world().terrain, edge, side, from, out));
   }
 
   void add_median(const RoadEdge& edge) {
     Random random(key_of(scenery_.seed(), Stream::kFurniture, 90));
     const double half = edge.half_width(0) - 0.5 * edge.section.median + 0.4;
-    for (double s = 0.0; s + kPiece <= edge.length_m(); s += kPiece) {
+    for (double s = 0.0; s + kBorderPieceM <= edge.length_m(); s += kBorderPieceM) {
       for (const int side : {0, 1}) piece(rails_, edge, side, s, -half, random);
     }
   }

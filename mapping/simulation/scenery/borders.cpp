@@ -12,7 +12,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kGround_m = -0.4;
+constexpr double kBorderGround_m = -0.4;
 
 struct Measures {
   double length_m, height_m;
@@ -27,7 +27,7 @@ Mesh make_wall(const Measures& size, Random& random) {
   constexpr double kThick_m = 0.24;
   const double coping_m = size.height_m - 0.06;
   Mesh mesh;
-  add_box(mesh, {0.0, 0.03, kGround_m}, {size.length_m, 0.03 + kThick_m, coping_m},
+  add_box(mesh, {0.0, 0.03, kBorderGround_m}, {size.length_m, 0.03 + kThick_m, coping_m},
           {Surface::kGardenWall, random.uniform(0.8, 1.2)});
   // The coping stands over and slopes to both sides.
   const Material stone(Surface::kGardenWall, 1.3);
@@ -46,7 +46,7 @@ Mesh make_wall(const Measures& size, Random& random) {
 void add_posts(Mesh& mesh, const Measures& size, int fields, double thick_m, Material material) {
   for (int i = 0; i < fields; ++i) {
     const double x = size.length_m * i / fields;
-    add_box(mesh, {x, 0.03, kGround_m}, {x + thick_m, 0.03 + thick_m, size.height_m}, material);
+    add_box(mesh, {x, 0.03, kBorderGround_m}, {x + thick_m, 0.03 + thick_m, size.height_m}, material);
   }
 }
 
@@ -105,7 +105,7 @@ Mesh make_mesh_fence(const Measures& size, Random& random) {
   Mesh mesh;
   for (int i = 0; i < fields; ++i) {
     const double x = 0.025 + size.length_m * i / fields;
-    mesh.add_column({x, kMiddle_m, kGround_m}, {0.0, 0.0, size.height_m - kGround_m},
+    mesh.add_column({x, kMiddle_m, kBorderGround_m}, {0.0, 0.0, size.height_m - kBorderGround_m},
                     {0.025, 0.025}, post, 8);
   }
   mesh.add_quad({0.0, kMiddle_m, 0.03}, {size.length_m, kMiddle_m, 0.03},
@@ -142,7 +142,7 @@ Mesh make_guard_rail(const Measures& size) {
   for (int i = 0; i < posts; ++i) {
     const double x = (i + 0.5) * size.length_m / posts;
     // C-shaped post, and the spacer between it and the beam.
-    add_box(mesh, {x - 0.03, 0.2, kGround_m}, {x + 0.03, 0.3, size.height_m - 0.06},
+    add_box(mesh, {x - 0.03, 0.2, kBorderGround_m}, {x + 0.03, 0.3, size.height_m - 0.06},
             Surface::kGuardRail);
     add_box(mesh, {x - 0.02, 0.08, low_m + 0.1}, {x + 0.02, 0.2, low_m + 0.21},
             Surface::kGuardRail);
@@ -160,8 +160,8 @@ Mesh make_noise_wall(const Measures& size, Random& random) {
   for (int i = 0; i < fields; ++i) {
     const double from_m = size.length_m * i / fields;
     const double to_m = size.length_m * (i + 1) / fields;
-    add_box(mesh, {from_m, 0.0, kGround_m}, {from_m + 0.16, 0.18, size.height_m}, steel);
-    add_box(mesh, {from_m + 0.16, 0.06, kGround_m}, {to_m, 0.16, size.height_m - 0.03}, panel);
+    add_box(mesh, {from_m, 0.0, kBorderGround_m}, {from_m + 0.16, 0.18, size.height_m}, steel);
+    add_box(mesh, {from_m + 0.16, 0.06, kBorderGround_m}, {to_m, 0.16, size.height_m - 0.03}, panel);
     for (int row = 0; row < rows; ++row) {
       // The upper part of each panel stands out, which leaves a groove below.
       const double low_m = (size.height_m - 0.03) * row / rows;

@@ -6,7 +6,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kGround_m = -0.3;
+constexpr double kShelterGround_m = -0.3;
 constexpr double kDepth_m = 1.45;
 constexpr double kRoof_m = 2.35;
 
@@ -36,13 +36,13 @@ Mesh make_bus_shelter(Random& random) {
   Mesh mesh;
   for (int i = 0; i <= fields; ++i) {
     const double x = -half_m + field_m * i;
-    add_box(mesh, {x - 0.04, kDepth_m - 0.08, kGround_m}, {x + 0.04, kDepth_m, kRoof_m}, frame);
+    add_box(mesh, {x - 0.04, kDepth_m - 0.08, kShelterGround_m}, {x + 0.04, kDepth_m, kRoof_m}, frame);
     if (i < fields) {
       add_pane(mesh, {x + 0.05, kDepth_m - 0.04, 0.2}, {field_m - 0.1, 0.0, 0.0}, 1.9, frame);
     }
   }
   for (const double x : {-half_m, half_m})
-    add_box(mesh, {x - 0.04, 0.25, kGround_m}, {x + 0.04, 0.33, kRoof_m}, frame);
+    add_box(mesh, {x - 0.04, 0.25, kShelterGround_m}, {x + 0.04, 0.33, kRoof_m}, frame);
   add_box(mesh, {-half_m - 0.15, 0.0, kRoof_m}, {half_m + 0.15, kDepth_m + 0.08, kRoof_m + 0.14},
           frame);
   add_pane(mesh, {-half_m, 0.35, 0.2}, {0.0, kDepth_m - 0.45, 0.0}, 1.9, frame);

@@ -13,7 +13,7 @@ void add_high_windows(const BuildingBody& body, const WallRect& piece, Random& r
              false, random);
 }
 
-void add_front(const BuildingBody& body, Random& random) {
+void add_hall_front(const BuildingBody& body, Random& random) {
   const int panels = std::max(2, static_cast<int>(std::lround(body.width / 5.0)));
   const double step = body.width / panels;
   const auto door_panel = static_cast<int>(random.index(static_cast<std::size_t>(panels)));
@@ -58,7 +58,7 @@ void add_hall(const WallPlane& front, const BuildingShape& shape, Random& random
   const WallPlane own = front.with(style.wall).moved({-0.5 * shape.width, 0.0, 0.0});
   const BuildingBody body{
       own, shape.width, shape.depth, {random.uniform(0.05, 0.2), height}, style};
-  add_front(body, random);
+  add_hall_front(body, random);
   add_relief(body, random);
   add_other_walls(body, {0.0, 0.0, 0.3}, random);
   add_rooms(body, random);

@@ -14,7 +14,7 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kGround_m = -0.4;
+constexpr double kHedgeGround_m = -0.4;
 /// The leaves reach this far out of the body.
 constexpr double kCoat_m = 0.09;
 constexpr double kBump_m = 0.05;
@@ -33,11 +33,11 @@ std::vector<OutlinePoint> outline_of(double height_m) {
   const double low = kCoat_m;
   const double high = width_m - kCoat_m;
   const double top = height_m - kCoat_m;
-  return {{{low + 0.04, kGround_m}, {-1.0, 0.0}},  {{low + 0.02, 0.15}, {-1.0, 0.0}},
+  return {{{low + 0.04, kHedgeGround_m}, {-1.0, 0.0}},  {{low + 0.02, 0.15}, {-1.0, 0.0}},
           {{low, 0.5 * top}, {-1.0, 0.0}},         {{low + 0.03, top - 0.12}, {-1.0, 0.2}},
           {{low + 0.12, top}, {-0.3, 1.0}},        {{high - 0.12, top}, {0.3, 1.0}},
           {{high - 0.03, top - 0.12}, {1.0, 0.2}}, {{high, 0.5 * top}, {1.0, 0.0}},
-          {{high - 0.02, 0.15}, {1.0, 0.0}},       {{high - 0.04, kGround_m}, {1.0, 0.0}}};
+          {{high - 0.02, 0.15}, {1.0, 0.0}},       {{high - 0.04, kHedgeGround_m}, {1.0, 0.0}}};
 }
 
 Vector3d lifted(double x, const Vector2d& across) { return {x, across.x(), across.y()}; }
@@ -109,7 +109,7 @@ Mesh make_hedge(double length_m, double height_m, Random& random) {
   Mesh mesh;
   add_body(mesh, draw_body(outline, length_m, random), random);
   const double width_m = outline.back().at.x() + 0.04 + kCoat_m;
-  const Eigen::AlignedBox3d room(Vector3d(0.0, 0.0, kGround_m),
+  const Eigen::AlignedBox3d room(Vector3d(0.0, 0.0, kHedgeGround_m),
                                  Vector3d(length_m, width_m, height_m));
   // The number of leaves is the same for all heights, so those of high hedges are larger.
   const double leaf_m = 0.13 * std::sqrt(std::max(0.5, height_m));

@@ -10,7 +10,7 @@ namespace {
 // Room for the eaves beside the walls, which must stay on the plot.
 constexpr double kInset = 0.45;
 
-void add_front(const BuildingBody& body, Random& random) {
+void add_house_front(const BuildingBody& body, Random& random) {
   const double plinth = random.uniform(0.3, 0.8);
   const int columns = std::clamp(static_cast<int>(std::lround(body.width / 2.8)), 2, 4);
   const double step = body.width / columns;
@@ -56,7 +56,7 @@ void add_garage(const WallPlane& corner, double width, double depth, const Facad
   corner.ledge({0.0, width, top - 0.2, top}, 0.15, style.trim);
 }
 
-void add_top(const BuildingBody& body, Random& random) {
+void add_house_top(const BuildingBody& body, Random& random) {
   const double slope = random.uniform(0.5, 0.95);
   const double u = random.uniform();
   const double out = random.uniform(0.2, 0.3);
@@ -89,10 +89,10 @@ void add_house(const WallPlane& front, const BuildingShape& shape, Random& rando
   const WallPlane own = front.with(style.wall);
   const BuildingBody body{own.moved({left + (garage_left ? garage_width : 0.0), 0.0, 0.0}), width,
                           shape.depth, floor_levels(heights, std::min(shape.floors, 2)), style};
-  add_front(body, random);
+  add_house_front(body, random);
   add_other_walls(body, {0.4, 0.4, 0.6}, random);
   add_rooms(body, random);
-  add_top(body, random);
+  add_house_top(body, random);
   add_rain_pipe(body.front, random.chance(0.5) ? 0.1 : width - 0.1, body.top_z() - 0.2, style);
   if (!garage) return;
   const double setting_back = random.uniform(0.0, 0.6);

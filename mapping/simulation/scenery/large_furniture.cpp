@@ -14,7 +14,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kGround_m = -0.3;
+constexpr double kLargeGround_m = -0.3;
 
 /// Lattice girder from y = 0 to y = -length: four chords, struts in zigzag on all sides.
 void add_girder(Mesh& mesh, double length_m, double low_m, const Eigen::Vector2d& size_m,
@@ -160,7 +160,7 @@ Mesh make_gantry(double width_m, Random& random) {
   const Material steel(Surface::kPole, random.uniform(0.8, 1.2));
   Mesh mesh;
   for (const double y : {0.0, -width_m}) {
-    add_box(mesh, {-0.5, y - 0.3, kGround_m}, {0.5, y + 0.3, 0.3}, {Surface::kPole, 0.8});
+    add_box(mesh, {-0.5, y - 0.3, kLargeGround_m}, {0.5, y + 0.3, 0.3}, {Surface::kPole, 0.8});
     for (const double x : {-0.4, 0.4}) {
       add_box(mesh, {x - 0.11, y - 0.11, 0.3}, {x + 0.11, y + 0.11, clear_m + size_m.y()}, steel);
     }

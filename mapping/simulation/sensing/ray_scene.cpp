@@ -13,13 +13,17 @@ using embree::Device;
 using embree::Geometry;
 using embree::Scene;
 
+}  // namespace
+
 /// One copy of a mesh in the world.
-struct Instance {
+struct MeshInstance {
   const Mesh* mesh = nullptr;
   std::optional<std::size_t> actor;
   /// Turns the mesh's normals to the world's frame, up to scale.
   Eigen::Matrix3f R_world_mesh = Eigen::Matrix3f::Identity();
 };
+
+namespace {
 
 using Columns = Eigen::Matrix<float, 3, 4>;
 
@@ -70,14 +74,14 @@ Found found_in(const RTCRayHit& p) {
 
 /// A body's sides are curved and of many triangles, so what lies on one side is one panel. Of what
 /// stands, each quad is one: its two triangles follow each other.
-std::uint64_t panel_of(const Found& found, const Instance& instance) {
+std::uint64_t panel_of(const Found& found, const MeshInstance& instance) {
   if (instance.actor) return side_of(found.normal);
   return (static_cast<std::uint64_t>(found.instance) << 32U) | (found.triangle / 2);
 }
 
-std::optional<Hit> hit_from(const Found& found, const std::vector<Instance>& instances) {
+std::optional<Hit> hit_from(const Found& found, const std::vector<MeshInstance>& instances) {
   if (found.geometry == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
-  const Instance& instance = instances[found.instance];
+  const MeshInstance& instance = instances[found.instance];
   const Eigen::Vector3f normal = instance.R_world_mesh * found.normal;
   const double cosine = static_cast<double>(std::abs(normal.dot(found.direction)) / normal.norm());
   return Hit{.range_m = static_cast<double>(found.range_m),
@@ -135,11 +139,11 @@ struct RayScene::Embree {
   Device device{embree::start_device()};
   Scene fixed{rtcNewScene(device.get())};
   std::vector<Scene> shapes;
-  std::vector<Instance> fixed_instances;
+  std::vector<MeshInstance> fixed_instances;
   /// A scene for each posture of each body.
   std::vector<std::vector<Scene>> bodies;
   std::optional<Scene> movable;
-  std::vector<Instance> movable_instances;
+  std::vector<MeshInstance> movable_instances;
 
   void add_fixed(RTCScene shape, const Mesh& mesh, const Eigen::Affine3d& T_world_mesh) {
     const Geometry geometry(rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_INSTANCE));

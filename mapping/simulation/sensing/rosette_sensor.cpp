@@ -6,7 +6,6 @@
 namespace stillmap::simulation {
 namespace {
 
-constexpr double kRadPerDeg = std::numbers::pi / 180.0;
 constexpr double kRadPerSecondPerRpm = 2.0 * std::numbers::pi / 60.0;
 
 // Livox Avia user manual 1.0: 240,000 points/s (first return), 70.4 x 77.2 degrees of view,

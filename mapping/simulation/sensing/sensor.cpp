@@ -4,7 +4,6 @@
 
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <stdexcept>
 #include <utility>
 
@@ -15,8 +14,6 @@
 
 namespace stillmap::simulation {
 namespace {
-
-constexpr double kRadPerDeg = std::numbers::pi / 180.0;
 
 /// Data sheets give the range for a sheet of 80 %; the light that comes back falls with the square
 /// of the range, hence the white sheet's.

@@ -5,12 +5,15 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <numbers>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 namespace stillmap::simulation {
+
+inline constexpr double kRadPerDeg = std::numbers::pi / 180.0;
 
 /// One ray of a sweep.
 struct Beam {

@@ -1,5 +1,7 @@
 #include "sensing/sensor_file.hpp"
 
+#include "sensing/sensor.hpp"
+
 #include <stillmap/maps/error.hpp>
 
 #include <fmt/format.h>
@@ -9,7 +11,6 @@
 #include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <set>
 #include <string>
 #include <utility>
@@ -17,7 +18,6 @@
 namespace stillmap::simulation {
 namespace {
 
-constexpr double kRadPerDeg = std::numbers::pi / 180.0;
 // The largest sensors on sale have 128 lasers and 4096 columns.
 constexpr std::size_t kMaxBeams = 256;
 constexpr double kMaxColumns = 8192.0;

@@ -68,9 +68,9 @@ struct Scene {
 };
 
 Scene scene_of(const maps::PointCloud& cloud, const GroundResult& ground) {
-  constexpr std::size_t kColumns = std::size_t{ColumnGrid::kSide} * ColumnGrid::kSide;
-  Scene scene{ColumnGrid(cloud, ground), Columns(kColumns), Columns(kColumns), Columns(kColumns)};
-  for (std::size_t c = 0; c < kColumns; ++c) {
+  constexpr std::size_t kColumnCount = std::size_t{ColumnGrid::kSide} * ColumnGrid::kSide;
+  Scene scene{ColumnGrid(cloud, ground), Columns(kColumnCount), Columns(kColumnCount), Columns(kColumnCount)};
+  for (std::size_t c = 0; c < kColumnCount; ++c) {
     bool low = false, tall = false;
     const int column = static_cast<int>(c);
     for (std::uint32_t i = scene.grid.first(column); i < scene.grid.first(column + 1); ++i) {

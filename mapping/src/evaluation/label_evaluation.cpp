@@ -140,7 +140,7 @@ class LabelJudge {
     }
   }
 
-  void add_ground_cell(std::optional<GroundCells>& cells, const Eigen::Vector3f& p,
+  void add_ground_cell(std::optional<FootprintGround>& cells, const Eigen::Vector3f& p,
                        maps::PointKind kind) {
     if (!cells || kind == maps::PointKind::kMeasured) return;
     cells->add(p.cast<double>(), kind == maps::PointKind::kFilled, *heights_);
@@ -313,7 +313,7 @@ class LabelJudge {
 
   static MapFigures figures_of(const ClassTally& tally, const ClassTally& uncleaned,
                                const std::array<ErasorScores, 2>& erasor,
-                               const std::optional<GroundCells>& cells);
+                               const std::optional<FootprintGround>& cells);
   static MapScores scores_of(const ClassTally& tally, const ClassTally& uncleaned,
                              const ErasorScores& erasor, TruthClasses classes);
 
@@ -327,7 +327,7 @@ class LabelJudge {
   std::optional<BeforeAndAfter> pictures_;
   std::vector<Footprint> footprints_;
   std::optional<TrueHeights> heights_;
-  std::optional<GroundCells> thinned_cells_, unthinned_cells_;
+  std::optional<FootprintGround> thinned_cells_, unthinned_cells_;
   std::optional<ThinnedMap> thinned_;
   ClassTally thinned_tally_, unthinned_tally_, uncleaned_tally_;
   std::array<ErasorScores, 2> erasor_thinned_, erasor_unthinned_;
@@ -365,7 +365,7 @@ MapScores LabelJudge::scores_of(const ClassTally& tally, const ClassTally& uncle
 
 MapFigures LabelJudge::figures_of(const ClassTally& tally, const ClassTally& uncleaned,
                                   const std::array<ErasorScores, 2>& erasor,
-                                  const std::optional<GroundCells>& cells) {
+                                  const std::optional<FootprintGround>& cells) {
   MapFigures figures;
   figures.scores = {scores_of(tally, uncleaned, erasor[0], TruthClasses::kMoving),
                     scores_of(tally, uncleaned, erasor[1], TruthClasses::kMovable)};

@@ -10,25 +10,25 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 /// Numbers that are not there (NaN) become null.
-Json number(double value) { return std::isnan(value) ? Json(nullptr) : Json(value); }
+Json nan_as_null(double value) { return std::isnan(value) ? Json(nullptr) : Json(value); }
 
 Json share(const Share& share) { return {{"count", share.count}, {"of", share.of}}; }
 
 void put_scores(Json& out, const MapScores& scores) {
-  out["SA"] = number(scores.SA);
-  out["DA"] = number(scores.DA);
-  out["AA"] = number(scores.AA);
-  out["HA"] = number(scores.HA);
-  out["PR"] = number(scores.PR);
-  out["RR"] = number(scores.RR);
-  out["F1"] = number(scores.F1);
+  out["SA"] = nan_as_null(scores.SA);
+  out["DA"] = nan_as_null(scores.DA);
+  out["AA"] = nan_as_null(scores.AA);
+  out["HA"] = nan_as_null(scores.HA);
+  out["PR"] = nan_as_null(scores.PR);
+  out["RR"] = nan_as_null(scores.RR);
+  out["F1"] = nan_as_null(scores.F1);
 }
 
 Json block(const MapScores& scores) {
   Json out;
   put_scores(out, scores);
-  out["DA_plain"] = number(scores.plain_removed.rate());
-  out["static_loss"] = number(scores.static_loss);
+  out["DA_plain"] = nan_as_null(scores.plain_removed.rate());
+  out["static_loss"] = nan_as_null(scores.static_loss);
   out["counts"] = {{"static_kept", share(scores.static_kept)},
                    {"dynamic_removed", share(scores.dynamic_removed)},
                    {"dynamic_removed_plain", share(scores.plain_removed)},
@@ -40,8 +40,8 @@ Json block(const MapScores& scores) {
 }
 
 void put_ground(Json& out, const MapFigures& figures) {
-  out["ground_completeness"] = number(figures.ground_under.filled.rate());
-  out["ground_completeness_projected"] = number(figures.ground_under.projected.rate());
+  out["ground_completeness"] = nan_as_null(figures.ground_under.filled.rate());
+  out["ground_completeness_projected"] = nan_as_null(figures.ground_under.projected.rate());
 }
 
 /// By distance from the path.
@@ -50,8 +50,8 @@ Json bands(const MapFigures& figures) {
   for (const GroundUnderBand& band : figures.ground_bands) {
     out.push_back({{"to_m", std::isfinite(band.to_m) ? Json(band.to_m) : Json(nullptr)},
                    {"cells", band.ground.filled.of},
-                   {"projected", number(band.ground.projected.rate())},
-                   {"filled", number(band.ground.filled.rate())},
+                   {"projected", nan_as_null(band.ground.projected.rate())},
+                   {"filled", nan_as_null(band.ground.filled.rate())},
                    {"wrong", band.ground.wrong}});
   }
   return out;
@@ -61,7 +61,7 @@ Json losses(const MapFigures& figures) {
   Json out = Json::object();
   for (const ClassLoss& loss : figures.losses) {
     out[loss.name] = {{"label", loss.label},
-                      {"loss", number(loss.loss)},
+                      {"loss", nan_as_null(loss.loss)},
                       {"lost", loss.lost.count},
                       {"lost_uncleaned", loss.lost_uncleaned.count},
                       {"points", loss.lost.of}};
@@ -73,15 +73,15 @@ Json figures(const MapFigures& figures) {
   Json out;
   out["moving"] = block(figures.of(TruthClasses::kMoving));
   out["movable"] = block(figures.of(TruthClasses::kMovable));
-  out["parked_removal"] = number(figures.parked_removed.rate());
+  out["parked_removal"] = nan_as_null(figures.parked_removed.rate());
   put_ground(out, figures);
   out["static_loss_by_class"] = losses(figures);
   return out;
 }
 
 Json heights(const HeightErrors& errors) {
-  return {{"median", number(errors.median_m)},
-          {"p95", number(errors.p95_m)},
+  return {{"median", nan_as_null(errors.median_m)},
+          {"p95", nan_as_null(errors.p95_m)},
           {"points", errors.points}};
 }
 
@@ -97,9 +97,9 @@ Json heights(const std::optional<GroundHeights>& known) {
 
 Json ground(const std::optional<GroundScores>& known) {
   if (!known) return {{"precision", nullptr}, {"recall", nullptr}, {"f1", nullptr}};
-  return {{"precision", number(known->precision())},
-          {"recall", number(known->recall())},
-          {"f1", number(known->f1())},
+  return {{"precision", nan_as_null(known->precision())},
+          {"recall", nan_as_null(known->recall())},
+          {"f1", nan_as_null(known->f1())},
           {"true_positives", known->true_positives},
           {"false_positives", known->false_positives},
           {"false_negatives", known->false_negatives}};
@@ -112,8 +112,8 @@ std::string to_json(const LabelEvaluation& evaluation, TruthClasses classes) {
   const MapFigures& best = e.figures();
   Json out;
   put_scores(out, best.of(classes));
-  out["parked_removal"] = number(best.parked_removed.rate());
-  out["static_loss"] = number(best.of(classes).static_loss);
+  out["parked_removal"] = nan_as_null(best.parked_removed.rate());
+  out["static_loss"] = nan_as_null(best.of(classes).static_loss);
   put_ground(out, best);
   out["ground_completeness_by_distance"] = bands(best);
   out["filled_height_error_m"] = heights(e.heights);

@@ -9,13 +9,13 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 void add_rate(Json& json, const std::string& name, const BoundedRate& rate) {
-  json[name] = number(rate.rate);
+  json[name] = finite_or_null(rate.rate);
   json[name + "_count"] = rate.count;
   json[name + "_of"] = rate.of;
-  json[name + "_upper_95"] = number(rate.upper_95);
+  json[name + "_upper_95"] = finite_or_null(rate.upper_95);
 }
 
 Json integrity_json(const Integrity& integrity) {
@@ -23,32 +23,32 @@ Json integrity_json(const Integrity& integrity) {
   add_rate(json, "misleading", integrity.misleading);
   add_rate(json, "hazardous", integrity.hazardous);
   add_rate(json, "availability", integrity.availability);
-  json["availability_lower_95"] = number(integrity.availability_lower_95);
-  json["level_over_error"] = number(integrity.level_over_error);
+  json["availability_lower_95"] = finite_or_null(integrity.availability_lower_95);
+  json["level_over_error"] = finite_or_null(integrity.level_over_error);
   return json;
 }
 
 Json level_json(const LocalizationLevel& level) {
   Json json;
-  json["prior_error_m"] = number(level.prior_error.metres);
-  json["prior_error_deg"] = number(level.prior_error.degrees);
+  json["prior_error_m"] = finite_or_null(level.prior_error.metres);
+  json["prior_error_deg"] = finite_or_null(level.prior_error.degrees);
   json["queries"] = level.queries;
-  json["success_rate"] = number(level.success_rate);
-  json["success_interval_95"] = {number(level.success_interval[0]),
-                                 number(level.success_interval[1])};
+  json["success_rate"] = finite_or_null(level.success_rate);
+  json["success_interval_95"] = {finite_or_null(level.success_interval[0]),
+                                 finite_or_null(level.success_interval[1])};
   json["status"] = {{"ok", level.ok}, {"degraded", level.degraded}, {"lost", level.lost}};
   json["reasons"] = Json::object();
   for (const auto& [reason, count] : level.reasons) json["reasons"][reason] = count;
-  json["false_ok_rate"] = number(level.false_ok_rate);
-  json["translation_error_m"] = {{"median", number(level.translation_m.median)},
-                                 {"p95", number(level.translation_m.p95)},
-                                 {"rmse_xy", number(level.translation_m.rmse_part)}};
-  json["rotation_error_deg"] = {{"median", number(level.rotation_deg.median)},
-                                {"p95", number(level.rotation_deg.p95)},
-                                {"rmse_yaw", number(level.rotation_deg.rmse_part)}};
-  json["cpu_ms"] = {{"p50", number(level.cpu_ms.p50)}, {"p95", number(level.cpu_ms.p95)}};
-  json["wall_ms"] = {{"p50", number(level.wall_ms.p50)}, {"p95", number(level.wall_ms.p95)}};
-  json["nees"] = {{"mean", number(level.nees_mean)}, {"inside_95", number(level.nees_inside_95)}};
+  json["false_ok_rate"] = finite_or_null(level.false_ok_rate);
+  json["translation_error_m"] = {{"median", finite_or_null(level.translation_m.median)},
+                                 {"p95", finite_or_null(level.translation_m.p95)},
+                                 {"rmse_xy", finite_or_null(level.translation_m.rmse_part)}};
+  json["rotation_error_deg"] = {{"median", finite_or_null(level.rotation_deg.median)},
+                                {"p95", finite_or_null(level.rotation_deg.p95)},
+                                {"rmse_yaw", finite_or_null(level.rotation_deg.rmse_part)}};
+  json["cpu_ms"] = {{"p50", finite_or_null(level.cpu_ms.p50)}, {"p95", finite_or_null(level.cpu_ms.p95)}};
+  json["wall_ms"] = {{"p50", finite_or_null(level.wall_ms.p50)}, {"p95", finite_or_null(level.wall_ms.p95)}};
+  json["nees"] = {{"mean", finite_or_null(level.nees_mean)}, {"inside_95", finite_or_null(level.nees_inside_95)}};
   json["integrity"] = integrity_json(level.integrity);
   return json;
 }

@@ -2,6 +2,7 @@
 
 #include "evaluation/integrity.hpp"
 #include "evaluation/resampling.hpp"
+#include "evaluation/share_of.hpp"
 
 #include <stillmap/maps/frames.hpp>
 
@@ -47,10 +48,6 @@ double root_mean_square(const std::vector<double>& values) {
   return values.empty() ? kNaN : std::sqrt(sum / static_cast<double>(values.size()));
 }
 
-double share(std::size_t part, std::size_t whole) {
-  return whole == 0 ? kNaN : static_cast<double>(part) / static_cast<double>(whole);
-}
-
 void count_status(const LocalizationQuery& query, LocalizationLevel& level) {
   switch (query.status) {
     case PoseStatus::kOk:
@@ -85,7 +82,7 @@ void set_errors(const std::vector<LocalizationQuery>& queries, LocalizationLevel
     if (value < kChiSquared95) ++inside;
   }
   level.nees_mean = nees.empty() ? kNaN : sum / static_cast<double>(nees.size());
-  level.nees_inside_95 = share(inside, nees.size());
+  level.nees_inside_95 = share_of(inside, nees.size());
 }
 
 }  // namespace
@@ -156,9 +153,9 @@ LocalizationLevel level_of(const std::vector<LocalizationQuery>& queries,
   const std::vector<ScanCount> success =
       counts_by_scan(queries, is_success, [](const LocalizationQuery&) { return true; });
   const std::vector<double> rates = resampled_rates(success, seed);
-  level.success_rate = share(successes, queries.size());
+  level.success_rate = share_of(successes, queries.size());
   level.success_interval = {percentile(rates, 0.025), percentile(rates, 0.975)};
-  level.false_ok_rate = share(false_ok, queries.size());
+  level.false_ok_rate = share_of(false_ok, queries.size());
   set_errors(queries, level);
   level.integrity = integrity_of(queries, seed);
   level.cpu_ms = {percentile(cpu_ms, 0.5), percentile(cpu_ms, 0.95)};

@@ -3,6 +3,7 @@
 #include "evaluation/labels/labelled_scans.hpp"
 #include "evaluation/labels/map_voxels.hpp"
 #include "evaluation/labels/thinned_map.hpp"
+#include "evaluation/share_of.hpp"
 #include "point_cells.hpp"
 #include "top_view.hpp"
 
@@ -178,12 +179,6 @@ class Judge {
   std::array<double, 2> range_m_;
 };
 
-/// NaN, which JSON has as null, where there is nothing to count: neither all nor none is gone.
-double share(std::size_t part, std::size_t whole) {
-  if (whole == 0) return std::numeric_limits<double>::quiet_NaN();
-  return static_cast<double>(part) / static_cast<double>(whole);
-}
-
 }  // namespace
 
 MapEvaluation evaluate_map(const maps::MapPackage& map, const maps::Drive& drive,
@@ -217,16 +212,16 @@ std::string to_json(const MapEvaluation& evaluation) {
       {"box_points",
        {{"before", e.box_points_before},
         {"after", e.box_points_after},
-        {"removed_share", 1.0 - share(e.box_points_after, e.box_points_before)},
+        {"removed_share", 1.0 - share_of(e.box_points_after, e.box_points_before)},
         {"in_map", e.box_points_in_map},
-        {"in_map_removed_share", 1.0 - share(e.box_points_in_map, e.box_points_before)}}},
+        {"in_map_removed_share", 1.0 - share_of(e.box_points_in_map, e.box_points_before)}}},
       {"outside",
        {{"points", e.outside_points},
         {"changed", e.outside_changed},
-        {"changed_share", share(e.outside_changed, e.outside_points)},
+        {"changed_share", share_of(e.outside_changed, e.outside_points)},
         {"fov_points", e.fov_points},
         {"fov_changed", e.fov_changed},
-        {"fov_changed_share", share(e.fov_changed, e.fov_points)}}}}
+        {"fov_changed_share", share_of(e.fov_changed, e.fov_points)}}}}
       .dump(2);
 }
 

@@ -1,5 +1,7 @@
 #include "evaluation/published_metrics.hpp"
 
+#include "evaluation/share_of.hpp"
+
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_reduce.h>
@@ -29,11 +31,6 @@ constexpr float kTileMarginM = 0.6F;
 /// `DETERMINISTIC_INLIER_THR` of `analysis.py`, 0.1732 m: half the diagonal of a voxel.
 constexpr double kInlierM = kVoxelM * std::numbers::sqrt3 / 2.0;
 
-double share(std::size_t part, std::size_t whole) {
-  if (whole == 0) return std::numeric_limits<double>::quiet_NaN();
-  return static_cast<double>(part) / static_cast<double>(whole);
-}
-
 double harmonic_mean(double a, double b) {
   const double sum = a + b;
   return sum == 0.0 ? 0.0 : 2.0 * a * b / sum;
@@ -56,8 +53,8 @@ std::vector<Eigen::Vector3f> means_of(const PointCells& cells) {
 
 BenchmarkScores benchmark_scores(const BenchmarkCounts& counts) {
   BenchmarkScores scores{counts};
-  scores.SA = share(scores.static_kept, scores.truth_static);
-  scores.DA = share(scores.dynamic_removed, scores.truth_dynamic);
+  scores.SA = share_of(scores.static_kept, scores.truth_static);
+  scores.DA = share_of(scores.dynamic_removed, scores.truth_dynamic);
   scores.AA = std::sqrt(scores.SA * scores.DA);
   scores.HA = harmonic_mean(scores.SA, scores.DA);
   return scores;
@@ -186,8 +183,8 @@ ErasorScores ErasorTruth::scores(const std::vector<Eigen::Vector3f>& map_means,
   for (const Eigen::Vector3f& p : map_means) map[tile_of(p)].push_back(p);
   ErasorScores scores;
   for (const auto& [tile, points] : means_) score_tile(tile, map, is_dynamic, scores);
-  scores.PR = share(scores.static_kept, scores.truth_static);
-  scores.RR = 1.0 - share(scores.dynamic_kept, scores.truth_dynamic);
+  scores.PR = share_of(scores.static_kept, scores.truth_static);
+  scores.RR = 1.0 - share_of(scores.dynamic_kept, scores.truth_dynamic);
   scores.F1 = harmonic_mean(scores.PR, scores.RR);
   return scores;
 }

@@ -14,7 +14,7 @@ namespace {
 /// A rebuild with other options moves an object by less [m].
 constexpr double kPlaceM = 1.0;
 /// As far as scans count for objects in the first place [m].
-constexpr double kReachM = 80.0;
+constexpr double kEditReachM = 80.0;
 
 bool in_scope(const ObjectPlacement& placement, const maps::Edit& edit,
               const std::vector<EditScan>& scans) {
@@ -73,7 +73,7 @@ bool keep_region(FusedObjects& fused, const maps::Edit& edit, const std::vector<
         kept);
   }
   // It holds for points too, so it meets something wherever a scan was near.
-  const double reach_m = kReachM + 0.5 * edit.box->size_m.norm();
+  const double reach_m = kEditReachM + 0.5 * edit.box->size_m.norm();
   return std::any_of(scans.begin(), scans.end(), [&](const EditScan& scan) {
     return edit.scope.holds(scan.drive, scan.index) &&
            (scan.sensor - edit.box->centre).norm() < reach_m;
@@ -100,7 +100,7 @@ bool remove_region(FusedObjects& fused, const maps::Edit& edit,
   FusedObject object;
   object.size_m = edit.box->size_m;
   object.existence = 1.0;
-  const double reach_m = kReachM + 0.5 * edit.box->size_m.norm();
+  const double reach_m = kEditReachM + 0.5 * edit.box->size_m.norm();
   for (std::size_t i = 0; i < scans.size(); ++i) {
     if (edit.scope.holds(scans[i].drive, scans[i].index) &&
         (scans[i].sensor - edit.box->centre).norm() < reach_m)

@@ -20,7 +20,7 @@ constexpr double kAlignedSigma = 0.6;
 /// Boxes this much off the way they go are of a corner, not of the whole [rad].
 constexpr double kMaxOffRad = 0.3;
 /// Scans to each side that a heading is averaged over.
-constexpr std::size_t kYawReach = 2;
+constexpr std::size_t kTurnReach = 2;
 /// So many hits for so long within so much are of something that stands [s, m].
 constexpr std::size_t kMinStandingHits = 4;
 constexpr double kMinStandingS = 0.5;
@@ -102,8 +102,8 @@ std::vector<double> yaws_of(const Track& track, const Span& span,
   for (std::size_t i = 0; i < yaws.size(); ++i) {
     double sum_rad = 0.0;
     int boxes = 0;
-    const std::size_t end = std::min(yaws.size(), i + kYawReach + 1);
-    for (std::size_t k = i - std::min(i, kYawReach); k < end; ++k) {
+    const std::size_t end = std::min(yaws.size(), i + kTurnReach + 1);
+    for (std::size_t k = i - std::min(i, kTurnReach); k < end; ++k) {
       if (!span.hits[k]) continue;
       const double off_rad = std::remainder(track.hits[*span.hits[k]].box.yaw_rad - courses[k],
                                             0.5 * std::numbers::pi);

@@ -9,7 +9,7 @@ namespace stillmap::mapping {
 namespace {
 
 /// Thickness of the layer on its lowest point [m]; a kerb's upper side is left out.
-constexpr float kLayerM = 0.1F;
+constexpr float kCellLayerM = 0.1F;
 /// Points this far off the layer's plane [m] are part of it.
 constexpr double kBandM = 0.08;
 /// The layer's slope may differ by as much from the predicted one.
@@ -100,7 +100,7 @@ std::optional<HeightGrid::Node> CellLayerFinder::find(std::span<const CellPoint>
   Plane plane;
   double count = 0.0;
   for (const NearPoint& p : near_) {
-    if (p.above < *lowest_m || p.above > *lowest_m + kLayerM) continue;
+    if (p.above < *lowest_m || p.above > *lowest_m + kCellLayerM) continue;
     plane.a += static_cast<double>(p.above);
     count += 1.0;
   }

@@ -7,8 +7,8 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr int kSide = HeightGrid::kCellsPerSide;
-constexpr auto kCellCount = static_cast<std::size_t>(kSide) * kSide;
+constexpr int kGridSide = HeightGrid::kCellsPerSide;
+constexpr auto kCellCount = static_cast<std::size_t>(kGridSide) * kGridSide;
 
 PatchLayout make_layout() {
   PatchLayout layout;
@@ -36,8 +36,8 @@ PatchLayout make_layout() {
   std::iota(layout.near_to_far.begin(), layout.near_to_far.end(), 0);
   const auto squared_range = [](int cell) {
     // Twice the centre's coordinates are integers, so equal ranges tie exactly.
-    const int x = 2 * (cell % kSide) + 1 - kSide;
-    const int y = 2 * (cell / kSide) + 1 - kSide;
+    const int x = 2 * (cell % kGridSide) + 1 - kGridSide;
+    const int y = 2 * (cell / kGridSide) + 1 - kGridSide;
     return x * x + y * y;
   };
   std::stable_sort(layout.near_to_far.begin(), layout.near_to_far.end(),

@@ -8,7 +8,7 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr int kSide = HeightGrid::kCellsPerSide;
+constexpr int kPredictionSide = HeightGrid::kCellsPerSide;
 /// Enough nodes for a plane; those farther out weigh next to nothing beside them.
 constexpr int kEnough = 6;
 
@@ -59,16 +59,16 @@ class WeightedPlane {
 };
 
 void add_if_known(const HeightGrid& grid, int x, int y, int dx, int dy, WeightedPlane& plane) {
-  if (x + dx < 0 || x + dx >= kSide || y + dy < 0 || y + dy >= kSide) return;
-  const HeightGrid::Node& node = grid.node((y + dy) * kSide + x + dx);
+  if (x + dx < 0 || x + dx >= kPredictionSide || y + dy < 0 || y + dy >= kPredictionSide) return;
+  const HeightGrid::Node& node = grid.node((y + dy) * kPredictionSide + x + dx);
   if (node.confidence > 0.0F) plane.add(dx, dy, node);
 }
 
 }  // namespace
 
 CellPrediction predict_from_neighbours(const HeightGrid& grid, int cell, double range_m) {
-  const int x = cell % kSide;
-  const int y = cell / kSide;
+  const int x = cell % kPredictionSide;
+  const int y = cell / kPredictionSide;
   const int reach = reach_at(range_m);
   WeightedPlane plane;
   for (int r = 1; r <= reach && (r <= 2 || plane.count() < kEnough); ++r) {

@@ -14,7 +14,7 @@ namespace {
 
 /// Corners of a query that agree within this belong to one surface [m]; beyond, a step lies
 /// between, and the nearest cell alone answers, so that steps stay steps.
-constexpr double kStepM = 0.04;
+constexpr double kFusedStepM = 0.04;
 /// Cells to the nearest measured one at which confidence would be 0: 12 m.
 constexpr double kFarCells = 48.0;
 
@@ -81,7 +81,7 @@ std::optional<GroundSurface::Sample> FusedGround::at(double x, double y,
     const GroundNode& node = sheets_.node(place);
     if (node.state == GroundState::kUnknown) continue;
     const Corner c = corner_of(node, dx - ix * kGroundCellM, dy - iy * kGroundCellM);
-    if (std::abs(c.z - nearest.z) > kStepM) continue;
+    if (std::abs(c.z - nearest.z) > kFusedStepM) continue;
     sum.weight += c.weight;
     sum.z += c.weight * c.z;
     sum.slope_x += c.weight * c.slope_x;

@@ -18,7 +18,7 @@ constexpr float kLayerM = 0.1F;
 /// must not become road.
 constexpr double kBoxMarginM = 0.2;
 
-struct CellPoint {
+struct LocalCellPoint {
   std::uint64_t key;
   float z;
   float offset_x;
@@ -28,7 +28,7 @@ struct CellPoint {
 };
 
 /// Sorts by block first, so that `FusedGround::add` meets each block once.
-std::uint64_t key_of(int x, int y) {
+std::uint64_t cell_key(int x, int y) {
   const auto ux = static_cast<std::uint64_t>(x + 2 * kMaxGroundCell);
   const auto uy = static_cast<std::uint64_t>(y + 2 * kMaxGroundCell);
   return (uy >> 4) << 30 | (ux >> 4) << 8 | (uy & 15U) << 4 | (ux & 15U);
@@ -41,7 +41,7 @@ int y_of(std::uint64_t key) {
   return static_cast<int>((key >> 30) << 4 | ((key >> 4) & 15U)) - 2 * kMaxGroundCell;
 }
 
-std::vector<CellPoint> cell_points(const std::vector<Eigen::Vector3f>& positions,
+std::vector<LocalCellPoint> cell_points(const std::vector<Eigen::Vector3f>& positions,
                                    const std::vector<std::uint8_t>& is_ground,
                                    std::span<const maps::Box> boxes,
                                    const Eigen::Isometry3d& T_local_lidar) {
@@ -50,7 +50,7 @@ std::vector<CellPoint> cell_points(const std::vector<Eigen::Vector3f>& positions
   ProjectionOptions grown;
   grown.margin_m = kBoxMarginM;
   const BoxColumns columns(movable, grown);
-  std::vector<CellPoint> points;
+  std::vector<LocalCellPoint> points;
   points.reserve(positions.size() / 2);
   for (std::size_t i = 0; i < positions.size(); ++i) {
     if (is_ground[i] == 0) continue;
@@ -60,13 +60,13 @@ std::vector<CellPoint> cell_points(const std::vector<Eigen::Vector3f>& positions
     if (std::abs(x) >= kMaxGroundCell || std::abs(y) >= kMaxGroundCell) continue;
     const float far2 = kSigmaPerMetre * kSigmaPerMetre * positions[i].squaredNorm();
     constexpr float kNear2 = kNearSigmaM * kNearSigmaM;
-    points.push_back({key_of(x, y), static_cast<float>(p.z()),
+    points.push_back({cell_key(x, y), static_cast<float>(p.z()),
                       static_cast<float>(p.x() - ground_cell_centre(x)),
                       static_cast<float>(p.y() - ground_cell_centre(y)), kNear2 / (kNear2 + far2),
                       columns.first_with(positions[i]) >= 0});
   }
   // Offsets part equal heights, so that the sums below have one order.
-  std::sort(points.begin(), points.end(), [](const CellPoint& a, const CellPoint& b) {
+  std::sort(points.begin(), points.end(), [](const LocalCellPoint& a, const LocalCellPoint& b) {
     if (a.key != b.key) return a.key < b.key;
     if (a.z != b.z) return a.z < b.z;
     if (a.offset_x != b.offset_x) return a.offset_x < b.offset_x;
@@ -77,12 +77,12 @@ std::vector<CellPoint> cell_points(const std::vector<Eigen::Vector3f>& positions
 
 /// The mean of a layer. Points of one scan share the errors of its pose, so more of them add
 /// ever less.
-GroundCells::Cell mean_of(std::span<const CellPoint> layer) {
+GroundCells::Cell mean_of(std::span<const LocalCellPoint> layer) {
   GroundCells::Cell cell;
   cell.x = x_of(layer.front().key);
   cell.y = y_of(layer.front().key);
   double sum = 0.0, z = 0.0, x = 0.0, y = 0.0;
-  for (const CellPoint& p : layer) {
+  for (const LocalCellPoint& p : layer) {
     const auto w = static_cast<double>(p.weight);
     sum += w;
     z += w * static_cast<double>(p.z);
@@ -108,7 +108,7 @@ GroundCells reduce_ground(const std::vector<Eigen::Vector3f>& positions,
     throw std::invalid_argument(fmt::format("ground flags: {}, expected one a point ({})",
                                             is_ground.size(), positions.size()));
   }
-  const std::vector<CellPoint> points = cell_points(positions, is_ground, boxes, T_local_lidar);
+  const std::vector<LocalCellPoint> points = cell_points(positions, is_ground, boxes, T_local_lidar);
   GroundCells result;
   std::size_t first = 0;
   for (std::size_t i = 1; i <= points.size(); ++i) {

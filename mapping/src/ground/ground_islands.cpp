@@ -8,7 +8,7 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr int kSide = GroundSheets::kSide;
+constexpr int kIslandSide = GroundSheets::kSide;
 /// Neighbours that differ by more from the street's slope are not joined [m].
 constexpr float kJoinM = 0.12F;
 /// 3 m^2 [cells].
@@ -58,7 +58,7 @@ class Islands {
     // All is decided before anything is dropped.
     std::vector<std::pair<GroundSheets::Place, float>> dropped;
     each_measured([&](std::uint32_t s, int x, int y) {
-      const GroundSheets::Place here{s, y * kSide + x};
+      const GroundSheets::Place here{s, y * kIslandSide + x};
       if (regions_.size_of(number_of(here)) >= kIslandCells) return;
       tell(here, x, y);
     });
@@ -66,7 +66,7 @@ class Islands {
       if (vote.weight > 0.0F) stands_out_[root] = std::abs(vote.sum / vote.weight) > kStandsOutM;
     }
     each_measured([&](std::uint32_t s, int x, int y) {
-      const GroundSheets::Place here{s, y * kSide + x};
+      const GroundSheets::Place here{s, y * kIslandSide + x};
       const auto found = stands_out_.find(regions_.root(number_of(here)));
       if (found == stands_out_.end() || !found->second) return;
       if (const auto around = height_around(here, x, y))
@@ -92,7 +92,7 @@ class Islands {
     for (std::uint32_t s = 0; s < ground_.piles.size(); ++s) {
       for (int k = 0; k < GroundSheets::kNodes; ++k) {
         if (ground_.sheets[s].nodes[static_cast<std::size_t>(k)].measured())
-          use(s, k % kSide, k / kSide);
+          use(s, k % kIslandSide, k / kIslandSide);
       }
     }
   }
@@ -100,7 +100,7 @@ class Islands {
   void join(std::uint32_t sheet, int x, int y, int to_x, int to_y) {
     const GroundSheets::Place there = ground_.sheets.beside(sheet, to_x, to_y);
     if (there.sheet == GroundSheets::kNone || !ground_.sheets.node(there).measured()) return;
-    const GroundSheets::Place here{sheet, y * kSide + x};
+    const GroundSheets::Place here{sheet, y * kIslandSide + x};
     const Eigen::Vector2f step(static_cast<float>(to_x - x), static_cast<float>(to_y - y));
     const float rise = ground_.sheets.node(there).z - ground_.sheets.node(here).z -
                        static_cast<float>(kGroundCellM) * ground_.slopes[sheet].dot(step);

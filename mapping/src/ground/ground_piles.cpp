@@ -8,7 +8,7 @@ namespace stillmap::mapping {
 namespace {
 
 /// Scans within this agree on a layer [m]: poses that drift, not the two sides of a kerb.
-constexpr float kLayerM = 0.08F;
+constexpr float kPileLayerM = 0.08F;
 /// Heights of one pile [m]; the lowest bridges and parking decks are higher than that.
 constexpr float kPileM = 2.0F;
 /// A tyre in front of the camera must not outweigh the road that another scan saw there.
@@ -17,7 +17,7 @@ constexpr float kInBoxWeight = 0.1F;
 constexpr int kLevelCells = 64;
 constexpr float kLevelWeight = 0.1F;
 
-std::uint64_t key_of(std::int32_t block_x, std::int32_t block_y) {
+std::uint64_t pile_key(std::int32_t block_x, std::int32_t block_y) {
   return static_cast<std::uint64_t>(static_cast<std::uint32_t>(block_y)) << 32 |
          static_cast<std::uint32_t>(block_x);
 }
@@ -70,7 +70,7 @@ void join(std::vector<PilePointer> block, std::vector<PilePointer>& sheets) {
 void GroundCellSum::add(const GroundCells::Cell& cell) {
   const float w = cell.in_box ? kInBoxWeight * cell.weight : cell.weight;
   const float trust = cell.in_box ? 0.0F : w;
-  if (weight == 0.0F || std::abs(cell.z - z) <= kLayerM) {
+  if (weight == 0.0F || std::abs(cell.z - z) <= kPileLayerM) {
     const float share = w / (weight + w);
     z += share * (cell.z - z);
     offset_x += share * (cell.offset_x - offset_x);
@@ -79,7 +79,7 @@ void GroundCellSum::add(const GroundCells::Cell& cell) {
     trusted += trust;
     return;
   }
-  if (other_weight > 0.0F && std::abs(cell.z - other_z) <= kLayerM) {
+  if (other_weight > 0.0F && std::abs(cell.z - other_z) <= kPileLayerM) {
     other_z += w / (other_weight + w) * (cell.z - other_z);
     other_weight += w;
     other_trusted += trust;
@@ -100,7 +100,7 @@ void GroundCellSum::add(const GroundCells::Cell& cell) {
 
 GroundPile& GroundPiles::pile_for(std::int32_t block_x, std::int32_t block_y, float z) {
   const auto number = static_cast<std::uint32_t>(piles_.size());
-  const auto [first, fresh] = first_.try_emplace(key_of(block_x, block_y), number);
+  const auto [first, fresh] = first_.try_emplace(pile_key(block_x, block_y), number);
   if (!fresh) {
     for (std::uint32_t p = first->second; p != GroundSheets::kNone; p = next_[p]) {
       if (std::abs(piles_[p]->anchor_z - z) <= kPileM) return *piles_[p];

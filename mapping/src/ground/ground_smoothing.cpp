@@ -7,13 +7,13 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr int kSide = GroundSheets::kSide;
-constexpr auto kCell = static_cast<float>(kGroundCellM);
+constexpr int kSheetSide = GroundSheets::kSide;
+constexpr auto kSmoothingCellM = static_cast<float>(kGroundCellM);
 /// Pairs of cells this far apart tell the slope of a street [cells].
 constexpr int kPairCells = 4;
 constexpr std::size_t kMinPairs = 16;
 /// Slopes beyond are none of a street and its banks.
-constexpr float kMaxSlope = 1.0F;
+constexpr float kMaxGroundSlope = 1.0F;
 
 const GroundCellSum* sum_at(const MeasuredSheets& ground, GroundSheets::Place place) {
   if (place.sheet >= ground.piles.size()) return nullptr;
@@ -23,9 +23,9 @@ const GroundCellSum* sum_at(const MeasuredSheets& ground, GroundSheets::Place pl
 /// Median rise over 1 m along one axis: where a kerb crosses, most pairs do not cross it.
 std::optional<float> rise_along(const MeasuredSheets& ground, std::uint32_t sheet, int dx, int dy) {
   std::vector<float> rises;
-  for (int y = 0; y < kSide; ++y) {
-    for (int x = 0; x < kSide; ++x) {
-      const GroundSheets::Place here{sheet, y * kSide + x};
+  for (int y = 0; y < kSheetSide; ++y) {
+    for (int x = 0; x < kSheetSide; ++x) {
+      const GroundSheets::Place here{sheet, y * kSheetSide + x};
       const auto there = ground.sheets.beside(sheet, x + dx, y + dy);
       if (there.sheet == GroundSheets::kNone) continue;
       const GroundCellSum* a = sum_at(ground, here);
@@ -37,8 +37,8 @@ std::optional<float> rise_along(const MeasuredSheets& ground, std::uint32_t shee
   if (rises.size() < kMinPairs) return std::nullopt;
   const auto middle = rises.begin() + static_cast<std::ptrdiff_t>(rises.size() / 2);
   std::nth_element(rises.begin(), middle, rises.end());
-  constexpr float kPairM = kPairCells * kCell;
-  return std::clamp(*middle / kPairM, -kMaxSlope, kMaxSlope);
+  constexpr float kPairM = kPairCells * kSmoothingCellM;
+  return std::clamp(*middle / kPairM, -kMaxGroundSlope, kMaxGroundSlope);
 }
 
 /// Slopes of the sheets that have enough of their own; the others take the mean of those around.
@@ -84,7 +84,7 @@ struct PlaneSums {
 };
 
 void smooth(MeasuredSheets& ground, std::uint32_t sheet, int x, int y) {
-  const GroundCellSum& cell = ground.piles[sheet]->cells[static_cast<std::size_t>(y * kSide + x)];
+  const GroundCellSum& cell = ground.piles[sheet]->cells[static_cast<std::size_t>(y * kSheetSide + x)];
   const Eigen::Vector2f slope = ground.slopes[sheet];
   const Eigen::Vector2f at(cell.offset_x, cell.offset_y);
   PlaneSums sums;
@@ -95,8 +95,8 @@ void smooth(MeasuredSheets& ground, std::uint32_t sheet, int x, int y) {
       if (there.sheet == GroundSheets::kNone) continue;
       if (ground.sheets.node(there).state != GroundState::kKnown) continue;
       const GroundCellSum& other = *sum_at(ground, there);
-      const Eigen::Vector2f p(kCell * static_cast<float>(dx) + other.offset_x,
-                              kCell * static_cast<float>(dy) + other.offset_y);
+      const Eigen::Vector2f p(kSmoothingCellM * static_cast<float>(dx) + other.offset_x,
+                              kSmoothingCellM * static_cast<float>(dy) + other.offset_y);
       const float d2 = (p - at).squaredNorm();
       const float rise = other.z - cell.z - slope.dot(p - at);
       if (std::abs(rise) > 0.04F + 0.1F * std::sqrt(d2)) continue;
@@ -113,7 +113,7 @@ void smooth(MeasuredSheets& ground, std::uint32_t sheet, int x, int y) {
   sums.A(2, 2) += pull;
   sums.b.tail<2>() += pull * slope.cast<double>();
   const Eigen::Vector3f plane = sums.A.ldlt().solve(sums.b).cast<float>();
-  GroundNode& node = ground.sheets[sheet].nodes[static_cast<std::size_t>(y * kSide + x)];
+  GroundNode& node = ground.sheets[sheet].nodes[static_cast<std::size_t>(y * kSheetSide + x)];
   node.z = plane.x();
   node.slope_x = plane.y();
   node.slope_y = plane.z();
@@ -155,7 +155,7 @@ void smooth_measured(MeasuredSheets& ground) {
   for (std::uint32_t s = 0; s < ground.piles.size(); ++s) {
     for (int k = 0; k < GroundSheets::kNodes; ++k) {
       if (ground.sheets[s].nodes[static_cast<std::size_t>(k)].state == GroundState::kKnown)
-        smooth(ground, s, k % kSide, k / kSide);
+        smooth(ground, s, k % kSheetSide, k / kSheetSide);
     }
   }
 }

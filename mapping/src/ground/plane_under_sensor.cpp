@@ -9,9 +9,9 @@ namespace {
 
 /// Points of a cell that are looked at, spread over it.
 constexpr std::size_t kSampled = 40;
-constexpr std::size_t kLowest = 8;
+constexpr std::size_t kLowestUnderSensor = 8;
 /// Three points within this height [m] are a layer; reflections are scattered in depth.
-constexpr float kLayerM = 0.1F;
+constexpr float kSensorLayerM = 0.1F;
 /// Fewer cells than this are no ground to stand on while there are farther ones.
 constexpr std::size_t kFewCells = 40;
 /// Cells lie on a plane up to this far from it [m], as in its search.
@@ -25,13 +25,13 @@ constexpr double kLowerM = 0.5;
   scratch.clear();
   const std::size_t stride = (points.size() + kSampled - 1) / kSampled;
   for (std::size_t i = 0; i < points.size(); i += stride) scratch.push_back(points[i]);
-  const std::size_t lowest = std::min(kLowest, scratch.size());
+  const std::size_t lowest = std::min(kLowestUnderSensor, scratch.size());
   std::partial_sort(scratch.begin(), scratch.begin() + static_cast<std::ptrdiff_t>(lowest),
                     scratch.end(),
                     [](const CellPoint& a, const CellPoint& b) { return a.z < b.z; });
   std::size_t at = scratch.size() >= 4 ? 1 : 0;
   for (std::size_t i = 0; i + 2 < lowest; ++i) {
-    if (scratch[i + 2].z - scratch[i].z > kLayerM) continue;
+    if (scratch[i + 2].z - scratch[i].z > kSensorLayerM) continue;
     at = i + 1;
     break;
   }

@@ -11,11 +11,11 @@ constexpr std::size_t kMinPoints = 10;
 constexpr int kIterations = 3;
 constexpr std::size_t kLowest = 20;
 constexpr float kSeedM = 0.125F;
-constexpr float kPlaneM = 0.125F;
+constexpr float kRegionPlaneM = 0.125F;
 constexpr float kVerticalSeedM = 0.25F;
 constexpr float kVerticalPlaneM = 0.1F;
 /// cos 45 degrees.
-constexpr double kUpright = 0.707;
+constexpr double kRegionUpright = 0.707;
 
 /// Mean height of the lowest points. Moves points about.
 [[nodiscard]] std::optional<float> low_height(std::vector<CellPoint>& points, float deepest_m) {
@@ -65,7 +65,7 @@ int set_verticals_aside(std::vector<CellPoint>& points, float deepest_m) {
     const auto low_m = low_height(points, deepest_m);
     if (!low_m) break;
     const auto plane = seed_plane(points, *low_m, kVerticalSeedM);
-    if (!plane || plane->uprightness() >= kUpright) break;
+    if (!plane || plane->uprightness() >= kRegionUpright) break;
     const Distance distance(*plane);
     std::erase_if(points,
                   [&](const CellPoint& p) { return std::abs(distance(p)) < kVerticalPlaneM; });
@@ -89,7 +89,7 @@ std::optional<RegionFit> fit_region(std::span<const CellPoint> points, double de
     const Distance distance(*plane);
     PlaneSums sums;
     for (const CellPoint& p : scratch) {
-      if (std::abs(distance(p)) < kPlaneM)
+      if (std::abs(distance(p)) < kRegionPlaneM)
         sums.add(static_cast<double>(p.x), static_cast<double>(p.y), static_cast<double>(p.z));
     }
     if (sums.points() < 3) return std::nullopt;

@@ -14,7 +14,7 @@ constexpr double kBinM = 0.125;
 constexpr double kPullSamples = 3.0;
 /// Residuals beyond this lose their say [m].
 constexpr double kScaleM = 0.04;
-constexpr int kRounds = 3;
+constexpr int kStepRounds = 3;
 constexpr double kLowestStepM = 0.04;
 constexpr double kHighestStepM = 0.35;
 /// How much better two planes must be than one.
@@ -82,7 +82,7 @@ class StepSearch {
 
   SteppedPlane run() {
     SteppedPlane best;
-    for (int round = 0; round < kRounds; ++round) {
+    for (int round = 0; round < kStepRounds; ++round) {
       best = best_now();
       for (std::size_t k = 0; k < samples_.size(); ++k) {
         const double r = (samples_[k].z - best.z_at(samples_[k].p)) / kScaleM;

@@ -8,7 +8,7 @@ namespace stillmap::mapping {
 namespace {
 
 constexpr float kCellM = 0.25F;
-constexpr float kReachM = 150.0F;
+constexpr float kKeyframeReachM = 150.0F;
 /// 150 m are 30,000 steps, so that 16 bits hold a coordinate.
 constexpr float kStepM = 0.005F;
 
@@ -25,7 +25,7 @@ std::vector<Stored> thinned(const std::vector<Eigen::Vector3f>& points) {
   std::unordered_set<std::uint64_t> taken;
   taken.reserve(points.size() / 4);
   for (const Eigen::Vector3f& p : points) {
-    if (!(p.array().abs() < kReachM).all()) continue;
+    if (!(p.array().abs() < kKeyframeReachM).all()) continue;
     if (!taken.insert(cell_key(p)).second) continue;
     const auto step = [&](int axis) {
       return static_cast<std::int16_t>(std::lround(p[axis] / kStepM));

@@ -6,10 +6,8 @@
 #include <utility>
 
 namespace stillmap::mapping {
-namespace {
-
 /// What nanoflann reads the keys from.
-struct Keys {
+struct RingKeyTable {
   std::vector<RingKey> keys;
 
   [[nodiscard]] std::size_t kdtree_get_point_count() const { return keys.size(); }
@@ -21,6 +19,8 @@ struct Keys {
     return false;
   }
 };
+
+namespace {
 
 /// The nearest so many of those that are allowed, in the form that nanoflann fills.
 class Nearest {
@@ -61,12 +61,12 @@ class Nearest {
 }  // namespace
 
 struct RingKeys::Tree {
-  using Index = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Adaptor<float, Keys>, Keys,
+  using Index = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Adaptor<float, RingKeyTable>, RingKeyTable,
                                                     kContextRings, std::size_t>;
   explicit Tree(std::vector<RingKey> keys)
       : data{std::move(keys)}, index(kContextRings, data, {10}) {}
 
-  Keys data;
+  RingKeyTable data;
   Index index;
 };
 

@@ -25,6 +25,8 @@ void store(const NodePose& node, double* parameters) {
   Eigen::Map<Eigen::Vector3d>{parameters + 4} = node.t_map_node;
 }
 
+}  // namespace
+
 /// Steps of `NodePose`. Cost functions give their slope along the six of a step in the first six
 /// columns, so the slope of the seven numbers themselves never needs to be known.
 class NodeManifold final : public ceres::Manifold {
@@ -48,6 +50,8 @@ class NodeManifold final : public ceres::Manifold {
     return true;
   }
 };
+
+namespace {
 
 /// The inverse of the covariance's Cholesky factor: W^T W is the information.
 template <typename Matrix>
@@ -126,6 +130,8 @@ class PositionCost final : public ceres::SizedCostFunction<3, 7> {
 constexpr double kPoseBound = 22.46;
 constexpr double kPositionBound = 16.27;
 
+}  // namespace
+
 class GraduatedLoss final : public ceres::LossFunction {
  public:
   GraduatedLoss(double bound, const double& mu) : bound_(bound), mu_(mu) {}
@@ -163,6 +169,8 @@ struct Measurement {
     return loss == nullptr ? 1.0 : loss->weight(chi_squared());
   }
 };
+
+namespace {
 
 std::vector<double> weights_of(const std::vector<Measurement>& measurements) {
   std::vector<double> out;

@@ -1,5 +1,7 @@
 #include <stillmap/mapping/rebuild_gate.hpp>
 
+#include "evaluation/share_of.hpp"
+
 #include <fmt/format.h>
 
 #include <stdexcept>
@@ -11,10 +13,6 @@ namespace {
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 /// 0.98 is not 0.99 - 0.01 in doubles.
 constexpr double kRounding = 1e-9;
-
-double share(std::size_t part, std::size_t whole) {
-  return whole == 0 ? kNone : static_cast<double>(part) / static_cast<double>(whole);
-}
 
 std::string percent(double value) {
   return value == value ? fmt::format("{:.4g} %", 100.0 * value) : "not measured";
@@ -89,8 +87,8 @@ GateVerdict decide(const GateFigures& figures, const GateLimits& limits) {
   if (const auto broken = limits.violations(); !broken.empty())
     throw std::invalid_argument("gate limits: " + broken.front());
   require_counts(figures);
-  const double found = share(figures.found, figures.queries);
-  const double in_keep = share(figures.found_in_keep, figures.queries);
+  const double found = share_of(figures.found, figures.queries);
+  const double in_keep = share_of(figures.found_in_keep, figures.queries);
   Checks checks;
   checks.count_at_least("least_queries", figures.queries, limits.least_queries,
                         "held-back scans asked for");

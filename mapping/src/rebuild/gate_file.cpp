@@ -10,7 +10,7 @@
 namespace stillmap::mapping {
 namespace {
 
-using Json = nlohmann::json;
+using GateJson = nlohmann::json;
 
 /// A file of a few lines; one that is longer is none.
 constexpr std::streamsize kMostBytes = 64 * 1024;
@@ -30,13 +30,13 @@ std::string read_some(const std::filesystem::path& file) {
 }  // namespace
 
 GateLimits read_gate_limits(const std::filesystem::path& file) {
-  const Json json = Json::parse(read_some(file), nullptr, false);
+  const GateJson json = GateJson::parse(read_some(file), nullptr, false);
   if (!json.is_object())
     throw maps::InputError(file.string(), "something else", "a JSON object of limits");
   GateLimits limits;
   const auto refuse = [&](const std::string& name, const std::string& expected) {
     throw maps::InputError(fmt::format("{} at .{}", file.string(), name),
-                           json.at(name).dump(-1, ' ', false, Json::error_handler_t::replace),
+                           json.at(name).dump(-1, ' ', false, GateJson::error_handler_t::replace),
                            expected);
   };
   const auto share = [&](const std::string& name, double& limit) {

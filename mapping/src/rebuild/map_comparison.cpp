@@ -1,3 +1,4 @@
+#include "evaluation/share_of.hpp"
 #include "rebuild/map_comparison.hpp"
 
 #include "point_cells.hpp"
@@ -27,11 +28,6 @@ constexpr std::int64_t kStandsNs = 1'000'000'000;
 constexpr double kGrownM = 0.3;
 constexpr double kFarM = 0.2;
 constexpr double kFarVoxels = 2.0;
-
-double share(std::uint64_t part, std::uint64_t whole) {
-  return whole == 0 ? std::numeric_limits<double>::quiet_NaN()
-                    : static_cast<double>(part) / static_cast<double>(whole);
-}
 
 /// Cells of a plane, each by its two numbers.
 class Cells {
@@ -174,7 +170,7 @@ bool stood(const maps::PointHistory& history, const std::vector<ScanTime>& times
 
 }  // namespace
 
-double StaticLoss::rate() const { return share(lost, points); }
+double StaticLoss::rate() const { return share_of(lost, points); }
 
 GroundCoverage ground_coverage(const maps::MapPackage& previous, const maps::MapPackage& map,
                                const Eigen::Isometry3d& T_map_previous, const CancelFlag& cancel) {
@@ -193,8 +189,8 @@ GroundCoverage ground_coverage(const maps::MapPackage& previous, const maps::Map
     ++coverage.driven_cells;
     driven_found += has ? 1 : 0;
   }
-  coverage.driven = share(driven_found, coverage.driven_cells);
-  coverage.near_path = share(near_found, coverage.near_path_cells);
+  coverage.driven = share_of(driven_found, coverage.driven_cells);
+  coverage.near_path = share_of(near_found, coverage.near_path_cells);
   return coverage;
 }
 

@@ -10,15 +10,15 @@ using Json = nlohmann::ordered_json;
 
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
-Json share(std::size_t part, std::size_t whole) {
+Json share_json(std::size_t part, std::size_t whole) {
   return whole == 0 ? Json(nullptr) : Json(static_cast<double>(part) / static_cast<double>(whole));
 }
 
 Json answers_json(const HeldBackAnswers& answers) {
   return {{"queries", answers.queries},
           {"found", answers.found},
-          {"success_rate", share(answers.found, answers.queries)},
-          {"false_ok_rate", share(answers.false_ok, answers.queries)},
+          {"success_rate", share_json(answers.found, answers.queries)},
+          {"false_ok_rate", share_json(answers.false_ok, answers.queries)},
           {"status", {{"ok", answers.ok}, {"degraded", answers.degraded}, {"lost", answers.lost}}}};
 }
 

@@ -20,31 +20,31 @@ class NoCleaner : public Cleaner {
 };
 
 template <typename Method>
-std::unique_ptr<Cleaner> make() {
+std::unique_ptr<Cleaner> make_method() {
   return std::make_unique<Method>();
 }
 
-struct Reference {
+struct CleanerEntry {
   const char* name;
   std::unique_ptr<Cleaner> (*make)();
 };
 
-constexpr std::array kReferences{
-    Reference{"none", make<NoCleaner>},         Reference{"removert", make<Removert>},
-    Reference{"erasor", make<Erasor>},          Reference{"octomap", make<OctomapCleaner>},
-    Reference{"dufomap", make<DufomapCleaner>},
+constexpr std::array kCleaners{
+    CleanerEntry{"none", make_method<NoCleaner>},         CleanerEntry{"removert", make_method<Removert>},
+    CleanerEntry{"erasor", make_method<Erasor>},          CleanerEntry{"octomap", make_method<OctomapCleaner>},
+    CleanerEntry{"dufomap", make_method<DufomapCleaner>},
 };
 
 }  // namespace
 
 std::vector<std::string> reference_cleaner_names() {
   std::vector<std::string> names;
-  for (const Reference& reference : kReferences) names.emplace_back(reference.name);
+  for (const CleanerEntry& reference : kCleaners) names.emplace_back(reference.name);
   return names;
 }
 
 std::unique_ptr<Cleaner> make_reference_cleaner(const std::string& name) {
-  for (const Reference& reference : kReferences) {
+  for (const CleanerEntry& reference : kCleaners) {
     if (name == reference.name) return reference.make();
   }
   return nullptr;

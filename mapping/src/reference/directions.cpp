@@ -10,7 +10,7 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr float kPi = std::numbers::pi_v<float>;
+constexpr float kFloatPi = std::numbers::pi_v<float>;
 
 /// Odd polynomial on [-1, 1], error below 3e-7 rad.
 float atan_of(float t) {
@@ -25,12 +25,12 @@ float atan_of(float t) {
 /// atan2 of two numbers >= 0; pi/4 when both are 0.
 float quadrant_angle(float y, float x) {
   constexpr float kSmallest = 1e-30F;
-  return 0.25F * kPi + atan_of((y - x) / std::max(x + y, kSmallest));
+  return 0.25F * kFloatPi + atan_of((y - x) / std::max(x + y, kSmallest));
 }
 
 float azimuth_of(float x, float y) {
-  const float from_y_axis = 0.5F * kPi - quadrant_angle(std::abs(y), std::abs(x));
-  return std::copysign(0.5F * kPi - std::copysign(from_y_axis, x), y);
+  const float from_y_axis = 0.5F * kFloatPi - quadrant_angle(std::abs(y), std::abs(x));
+  return std::copysign(0.5F * kFloatPi - std::copysign(from_y_axis, x), y);
 }
 
 float elevation_of(float flat, float z) {

@@ -29,7 +29,7 @@ constexpr float kTallestMapM = PolarBins::kMaxHeightM - PolarBins::kMinHeightM;
 /// Ground that tells the height of the sensor [m]: nearer than any slope matters.
 constexpr float kNearGroundM = 10.0F;
 /// Smaller blocks are culled better, larger ones are fewer [m].
-constexpr double kBlockM = 2.0;
+constexpr double kErasorBlockM = 2.0;
 
 using BinFlags = std::array<std::uint8_t, PolarBins::kBins>;
 
@@ -101,7 +101,7 @@ std::uint64_t voxel_key(const Eigen::Vector3f& p, double inverse_voxel) {
 class Comparison {
  public:
   explicit Comparison(const CleaningPoints& points)
-      : map_(MapBlocks::of(points.positions, kBlockM)),
+      : map_(MapBlocks::of(points.positions, kErasorBlockM)),
         gone_(points.positions.size(), 0),
         bin_of_point_(points.positions.size(), -1),
         inverse_voxel_(1.0 / points.voxel_size_m) {}

@@ -33,7 +33,7 @@ struct BlockUpdate {
 using ScanUpdate = std::vector<BlockUpdate>;
 
 /// What one thread works in.
-struct Workspace {
+struct OctomapWorkspace {
   reference::ScanSpace space;
   reference::ScanRays rays;
 };
@@ -153,7 +153,7 @@ void expect_flags(const char* of, std::size_t flags, std::size_t points) {
       fmt::format("octomap: {}: found {} ground flags, expected {}", of, flags, points));
 }
 
-void look(const PosedScan& scan, double voxel_m, Workspace& work) {
+void look(const PosedScan& scan, double voxel_m, OctomapWorkspace& work) {
   expect_flags("scan", scan.is_ground.size(), scan.positions.size());
   work.space.clear();
   const auto ground = [&](std::size_t i) { return scan.is_ground[i] != 0; };
@@ -196,7 +196,7 @@ std::vector<std::uint8_t> OctomapCleaner::moved(const CleaningPoints& points,
   expect_flags("map", points.is_ground.size(), points.positions.size());
   if (points.positions.empty()) return {};
   OccupiedMap map(points, options_);
-  tbb::enumerable_thread_specific<Workspace> workspaces;
+  tbb::enumerable_thread_specific<OctomapWorkspace> workspaces;
   std::size_t next = 0, done = 0;
   const auto source = [&](tbb::flow_control& control) -> std::size_t {
     if (next == scans.size()) {
@@ -207,7 +207,7 @@ std::vector<std::uint8_t> OctomapCleaner::moved(const CleaningPoints& points,
     return next++;
   };
   const auto cast = [&](std::size_t scan) {
-    Workspace& work = workspaces.local();
+    OctomapWorkspace& work = workspaces.local();
     look(scans.read(scan), options_.voxel_m, work);
     return std::make_shared<const ScanUpdate>(map.update_of(work.space));
   };

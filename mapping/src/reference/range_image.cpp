@@ -10,7 +10,7 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr float kPi = std::numbers::pi_v<float>;
+constexpr float kImagePi = std::numbers::pi_v<float>;
 /// Pixels in a segment of a row.
 constexpr int kSegment = 8;
 
@@ -22,7 +22,7 @@ RangeImage::RangeImage(const std::vector<Spherical>& scan, double pixel_rad) {
                                 ", must be in (0, pi/4]");
   }
   columns_ = static_cast<int>(std::lround(2.0 * std::numbers::pi / pixel_rad));
-  columns_per_rad_ = static_cast<float>(columns_) / (2.0F * kPi);
+  columns_per_rad_ = static_cast<float>(columns_) / (2.0F * kImagePi);
   rows_per_rad_ = static_cast<float>(1.0 / pixel_rad);
   if (scan.empty()) return;
   const auto [low, high] = std::minmax_element(
@@ -39,11 +39,11 @@ RangeImage::RangeImage(const std::vector<Spherical>& scan, double pixel_rad) {
 }
 
 int RangeImage::row_of(float elevation_rad) const {
-  return static_cast<int>((elevation_rad + 0.5F * kPi) * rows_per_rad_);
+  return static_cast<int>((elevation_rad + 0.5F * kImagePi) * rows_per_rad_);
 }
 
 int RangeImage::column_of(float azimuth_rad) const {
-  return std::min(static_cast<int>((azimuth_rad + kPi) * columns_per_rad_), columns_ - 1);
+  return std::min(static_cast<int>((azimuth_rad + kImagePi) * columns_per_rad_), columns_ - 1);
 }
 
 int RangeImage::pixel_of(const Spherical& direction) const {
@@ -98,7 +98,7 @@ float RangeImage::farthest_behind(const Eigen::Vector3f& centre,
   const int row_begin = row_of(lowest - kRoundingRad) - first_row_;
   const int row_last = row_of(highest + kRoundingRad) - first_row_;
   if (row_last < 0 || row_begin >= rows_) return 0.0F;
-  const float middle = spherical_of({centre.x(), centre.y(), 0.0F}).azimuth_rad + kPi;
+  const float middle = spherical_of({centre.x(), centre.y(), 0.0F}).azimuth_rad + kImagePi;
   const float half_rad = 1.05F * radius_m / flat_m + kRoundingRad;
   return largest_in(std::max(row_begin, 0), std::min(row_last, rows_ - 1),
                     static_cast<int>(std::floor((middle - half_rad) * columns_per_rad_)),
@@ -108,15 +108,15 @@ float RangeImage::farthest_behind(const Eigen::Vector3f& centre,
 double ring_spacing_rad(const std::vector<Spherical>& scan) {
   constexpr double kDefault = 0.4 * std::numbers::pi / 180.0;
   // Wide enough that every ring has a shot in it; nearer together is noise of one ring.
-  constexpr float kColumnRad = 0.4F * kPi / 180.0F;
-  constexpr float kSameRingRad = 0.05F * kPi / 180.0F;
+  constexpr float kColumnRad = 0.4F * kImagePi / 180.0F;
+  constexpr float kSameRingRad = 0.05F * kImagePi / 180.0F;
   // A gap in what is seen, not between rings.
-  constexpr float kFarRad = 5.0F * kPi / 180.0F;
+  constexpr float kFarRad = 5.0F * kImagePi / 180.0F;
   constexpr std::size_t kFewestGaps = 100;
   std::vector<std::pair<int, float>> points;
   points.reserve(scan.size());
   for (const Spherical& point : scan) {
-    points.emplace_back(static_cast<int>((point.azimuth_rad + kPi) / kColumnRad),
+    points.emplace_back(static_cast<int>((point.azimuth_rad + kImagePi) / kColumnRad),
                         point.elevation_rad);
   }
   std::sort(points.begin(), points.end());

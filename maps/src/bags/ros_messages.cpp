@@ -9,7 +9,7 @@
 namespace stillmap::maps {
 namespace {
 
-constexpr std::int64_t kSecondNs = 1'000'000'000;
+constexpr std::int64_t kRosSecondNs = 1'000'000'000;
 
 std::string frame(std::string name) {
   if (name.starts_with('/')) name.erase(0, 1);
@@ -40,7 +40,7 @@ RosHeader read_header(MessageReader& reader) {
   // ROS 1 counts seconds without a sign.
   const std::int64_t seconds = reader.is_ros1() ? std::int64_t{reader.number<std::uint32_t>()}
                                                 : std::int64_t{reader.number<std::int32_t>()};
-  header.stamp_ns = seconds * kSecondNs + reader.number<std::uint32_t>();
+  header.stamp_ns = seconds * kRosSecondNs + reader.number<std::uint32_t>();
   header.frame_id = frame(reader.text());
   return header;
 }

@@ -15,7 +15,7 @@ namespace {
 
 constexpr const char* kFormat = "stillmap-boxes";
 constexpr int kVersion = 1;
-constexpr std::int64_t kMaxTrack = 1'000'000'000;
+constexpr std::int64_t kMaxBoxTrack = 1'000'000'000;
 
 Box box_from(const JsonField& field) {
   Box box;
@@ -34,7 +34,7 @@ Box box_from(const JsonField& field) {
   box.object_class = *object_class;
   if (field.has("score")) box.score = field.at("score").number(0.0, 1.0);
   if (field.has("track")) {
-    box.track = static_cast<int>(field.at("track").integer(-1, kMaxTrack));
+    box.track = static_cast<int>(field.at("track").integer(-1, kMaxBoxTrack));
   }
   return box;
 }

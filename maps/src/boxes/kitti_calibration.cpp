@@ -119,7 +119,7 @@ Calibration find_calibration(const std::filesystem::path& label_file) {
                    "calib_cam_to_cam.txt above it");
 }
 
-Eigen::Affine3d read_T_rect_lidar(const Calibration& calibration) {
+Eigen::Affine3d T_rect_lidar_of(const Calibration& calibration) {
   return calibration.is_raw ? read_raw_calibration(calibration.place)
                             : read_tracking_calibration(calibration.place);
 }
@@ -145,7 +145,7 @@ Eigen::Vector2d image_size_px(const std::filesystem::path& file, double focal_px
 }  // namespace
 
 Eigen::Affine3d read_T_rect_lidar(const std::filesystem::path& label_file) {
-  return read_T_rect_lidar(find_calibration(label_file));
+  return T_rect_lidar_of(find_calibration(label_file));
 }
 
 CameraView read_camera_view(const std::filesystem::path& label_file) {
@@ -165,7 +165,7 @@ CameraView read_camera_view(const std::filesystem::path& label_file) {
     view.size_px = image_size_px(calibration.place, P[0]);
   }
   const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> P_image_rect(P.data());
-  view.P_image_lidar = P_image_rect * read_T_rect_lidar(calibration).matrix();
+  view.P_image_lidar = P_image_rect * T_rect_lidar_of(calibration).matrix();
   return view;
 }
 

@@ -42,10 +42,10 @@ bool same_bytes(const fs::path& a, const fs::path& b) {
   return !first && !second;
 }
 
-using Points = std::vector<Eigen::Vector3f>;
+using ScanPoints = std::vector<Eigen::Vector3f>;
 
 /// None where the scan cannot be read: whoever needs it says so.
-Points points_of(const Drive& drive, std::size_t scan) {
+ScanPoints points_of(const Drive& drive, std::size_t scan) {
   try {
     return drive.read(scan).cloud.positions;
   } catch (const InputError&) {
@@ -57,11 +57,11 @@ Points points_of(const Drive& drive, std::size_t scan) {
 DuplicateScans duplicates_in_recording(const Drive& drive) {
   DuplicateScans found;
   const std::size_t step = drive.size() / kMostPairs + 1;
-  Points before;
+  ScanPoints before;
   for (std::size_t i = 1; i < drive.size(); i += step) {
     ++found.looked_at;
     if (step > 1 || i == 1) before = points_of(drive, i - 1);
-    Points points = points_of(drive, i);
+    ScanPoints points = points_of(drive, i);
     if (!points.empty() && points == before && found.count++ == 0) found.first = i;
     before = std::move(points);
   }

@@ -10,7 +10,7 @@
 namespace stillmap::maps {
 namespace {
 
-constexpr std::size_t kMostPoints = 3000;
+constexpr std::size_t kMostPlanePoints = 3000;
 constexpr int kDraws = 300;
 constexpr double kNearM = 2.0;
 constexpr double kFarM = 20.0;
@@ -22,16 +22,16 @@ constexpr double kLeastShare = 0.12;
 constexpr double kLeastShareAnywhere = 0.35;
 constexpr double kNearLevelCos = 0.866;
 
-using Points = std::vector<Eigen::Vector3d>;
+using GroundPoints = std::vector<Eigen::Vector3d>;
 
-Points near_ones(std::span<const Eigen::Vector3f> points) {
-  Points near;
+GroundPoints near_ones(std::span<const Eigen::Vector3f> points) {
+  GroundPoints near;
   for (const Eigen::Vector3f& p : points) {
     const double range_m = p.cast<double>().norm();
     if (range_m >= kNearM && range_m <= kFarM) near.push_back(p.cast<double>());
   }
-  const std::size_t step = near.size() / kMostPoints + 1;
-  Points some;
+  const std::size_t step = near.size() / kMostPlanePoints + 1;
+  GroundPoints some;
   for (std::size_t i = 0; i < near.size(); i += step) some.push_back(near[i]);
   return some;
 }
@@ -55,7 +55,7 @@ double distance(const GroundPlane& plane, const Eigen::Vector3d& p) {
 }
 
 /// Share of points on the plane; 0 when too many are behind it.
-double share_on(const GroundPlane& plane, const Points& points) {
+double share_on(const GroundPlane& plane, const GroundPoints& points) {
   std::size_t on = 0, behind = 0;
   for (const Eigen::Vector3d& p : points) {
     const double d = distance(plane, p);
@@ -78,7 +78,7 @@ std::optional<GroundPlane> through(const Eigen::Vector3d& a, const Eigen::Vector
 }
 
 /// Least squares over the points on it.
-GroundPlane refined(const GroundPlane& plane, const Points& points) {
+GroundPlane refined(const GroundPlane& plane, const GroundPoints& points) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   Eigen::Matrix3d moments = Eigen::Matrix3d::Zero();
   double count = 0.0;
@@ -99,7 +99,7 @@ GroundPlane refined(const GroundPlane& plane, const Points& points) {
 }  // namespace
 
 std::optional<GroundPlane> find_ground_plane(std::span<const Eigen::Vector3f> points) {
-  const Points near = near_ones(points);
+  const GroundPoints near = near_ones(points);
   if (near.size() < 100) return std::nullopt;
   Draws draws;
   double best_level = kLeastShare, best_anywhere = kLeastShareAnywhere;

@@ -9,7 +9,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::optional<fs::path> own_poses(const fs::path& root) {
+std::optional<fs::path> keyframe_poses(const fs::path& root) {
   for (const char* name : {"optimized_poses.txt", "odom_poses.txt"}) {
     if (fs::exists(root / name)) return root / name;
   }
@@ -31,7 +31,7 @@ std::vector<fs::path> list_scans(const fs::path& root) {
 }  // namespace
 
 bool is_keyframes(const fs::path& root) {
-  return own_poses(root) && (!list_files(root / "Scans", ".pcd").empty() ||
+  return keyframe_poses(root) && (!list_files(root / "Scans", ".pcd").empty() ||
                              !list_files(root / "scans", ".pcd").empty());
 }
 
@@ -45,7 +45,7 @@ Drive::Contents open_keyframes(const fs::path& root, const std::optional<fs::pat
   } else {
     assume_times(contents);
   }
-  const fs::path poses = poses_file ? *poses_file : own_poses(root).value();
+  const fs::path poses = poses_file ? *poses_file : keyframe_poses(root).value();
   if (!poses_file && poses.filename() != "optimized_poses.txt") {
     contents.notes.emplace_back("no optimized_poses.txt: poses are those of odometry");
   }

@@ -13,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::optional<fs::path> own_poses(const fs::path& root) {
+std::optional<fs::path> odometry_poses(const fs::path& root) {
   const fs::path inside = root / "poses.txt";
   if (fs::exists(inside)) return inside;
   const fs::path sequence = fs::canonical(root);
@@ -51,7 +51,7 @@ Drive::Contents open_kitti_odometry(const fs::path& root,
     assume_times(contents);
   }
   set_labels(contents);
-  const std::optional<fs::path> own = own_poses(root);
+  const std::optional<fs::path> own = odometry_poses(root);
   if (poses_file) {
     set_poses(contents, *poses_file);
   } else if (own) {

@@ -56,7 +56,7 @@ std::vector<fs::path> folders_with_scans(const fs::path& root) {
   return folders;
 }
 
-std::optional<fs::path> own_poses(const fs::path& root) {
+std::optional<fs::path> folder_poses(const fs::path& root) {
   std::vector<fs::path> candidates = list_files(root, ".tum");
   if (fs::exists(root / "poses.txt")) candidates.push_back(root / "poses.txt");
   if (candidates.size() > 1) {
@@ -131,8 +131,8 @@ Drive::Contents open_scan_folder(const fs::path& root, const std::optional<fs::p
   set_labels(contents);
   const bool with_stamps = set_stamps_from_names(contents);
   // Beside the scans when the folder around them has none, as in an archive of a drive's folder.
-  std::optional<fs::path> poses = poses_file ? poses_file : own_poses(root);
-  if (!poses) poses = own_poses(folders.front());
+  std::optional<fs::path> poses = poses_file ? poses_file : folder_poses(root);
+  if (!poses) poses = folder_poses(folders.front());
   if (!with_stamps && poses && poses_format(*poses) == PosesFormat::kTum) {
     set_stamps_and_poses(contents, *poses);
   } else {

@@ -2,16 +2,24 @@
 
 #include <stillmap/maps/cloud_file.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <functional>
 #include <limits>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "formats/point_table.hpp"
 
 namespace stillmap::maps {
+
+/// What of a cloud's bytes may be its header.
+inline std::string_view header_part(std::span<const std::byte> bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()),
+          std::min(bytes.size(), kMostCloudHeaderBytes)};
+}
 
 /// As `PointTable`, for points that are handed on as they come.
 class CloudStream {

@@ -186,11 +186,6 @@ auto read_points(std::span<const std::byte> bytes, const PcdHeader& header,
   throw std::logic_error("unknown PCD encoding");
 }
 
-std::string_view header_part(std::span<const std::byte> bytes) {
-  return {reinterpret_cast<const char*>(bytes.data()),
-          std::min(bytes.size(), kMostCloudHeaderBytes)};
-}
-
 }  // namespace
 
 DecodedScan decode_pcd(std::span<const std::byte> bytes, const std::string& name,

@@ -35,8 +35,6 @@ std::optional<NumberType> number_type(std::string_view type, std::string_view si
   return std::nullopt;
 }
 
-std::string quoted(std::string_view text) { return "'" + std::string(text.substr(0, 64)) + "'"; }
-
 std::uint64_t parse_side(const Fields& line, const std::string& name) {
   const std::optional<std::uint64_t> value = line.size() == 2 ? parse_count(line[1]) : std::nullopt;
   if (!value || *value > kMostPcdPoints) {

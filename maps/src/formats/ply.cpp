@@ -28,15 +28,13 @@ struct Element {
   std::vector<Property> properties;
 };
 
-enum class Encoding { kAscii, kLittleEndian, kBigEndian };
+enum class PlyEncoding { kAscii, kLittleEndian, kBigEndian };
 
-struct Header {
-  Encoding encoding = Encoding::kAscii;
+struct PlyHeader {
+  PlyEncoding encoding = PlyEncoding::kAscii;
   std::vector<Element> elements;
   std::size_t body = 0;
 };
-
-std::string quoted(std::string_view text) { return "'" + std::string(text.substr(0, 64)) + "'"; }
 
 NumberType number_type(std::string_view text, const std::string& name) {
   struct Name {
@@ -65,11 +63,11 @@ NumberType number_type(std::string_view text, const std::string& name) {
   throw InputError(name, "property type " + quoted(text), "a PLY number type");
 }
 
-Encoding parse_encoding(const Fields& line, const std::string& name) {
+PlyEncoding parse_ply_encoding(const Fields& line, const std::string& name) {
   if (line.size() == 3 && line[2] == "1.0") {
-    if (line[1] == "ascii") return Encoding::kAscii;
-    if (line[1] == "binary_little_endian") return Encoding::kLittleEndian;
-    if (line[1] == "binary_big_endian") return Encoding::kBigEndian;
+    if (line[1] == "ascii") return PlyEncoding::kAscii;
+    if (line[1] == "binary_little_endian") return PlyEncoding::kLittleEndian;
+    if (line[1] == "binary_big_endian") return PlyEncoding::kBigEndian;
   }
   throw InputError(name, "format " + quoted(line.size() > 1 ? line[1] : std::string_view()),
                    "ascii, binary_little_endian or binary_big_endian 1.0");
@@ -98,19 +96,19 @@ Property parse_property(const Fields& line, const std::string& name) {
   return property;
 }
 
-Header parse_header(std::string_view text, const std::string& name) {
+PlyHeader parse_ply_header(std::string_view text, const std::string& name) {
   std::string_view rest = text;
   const Fields magic = split_fields(take_line(rest).value_or(""), 2);
   if (magic.size() != 1 || magic[0] != "ply") {
     throw InputError(name, "a first line that is not 'ply'", "a PLY file");
   }
-  Header header;
+  PlyHeader header;
   bool with_encoding = false;
   while (const std::optional<std::string_view> line = take_line(rest)) {
     const Fields fields = split_fields(*line);
     if (fields.empty() || fields[0] == "comment" || fields[0] == "obj_info") continue;
     if (fields[0] == "format") {
-      header.encoding = parse_encoding(fields, name);
+      header.encoding = parse_ply_encoding(fields, name);
       with_encoding = true;
     } else if (fields[0] == "element") {
       header.elements.push_back(parse_element(fields, name));
@@ -130,24 +128,24 @@ Header parse_header(std::string_view text, const std::string& name) {
 /// Numbers of the body one after the other, in either encoding.
 class NumberStream {
  public:
-  NumberStream(std::span<const std::byte> body, Encoding encoding, const std::string& name)
+  NumberStream(std::span<const std::byte> body, PlyEncoding encoding, const std::string& name)
       : body_(body), encoding_(encoding), name_(name) {}
 
   [[nodiscard]] std::size_t bytes_left() const { return body_.size(); }
   /// Fewest bytes that a number takes: in text a digit and a blank.
   [[nodiscard]] std::size_t min_bytes(NumberType type) const {
-    return encoding_ == Encoding::kAscii ? 2 : size_of(type);
+    return encoding_ == PlyEncoding::kAscii ? 2 : size_of(type);
   }
 
   double next(NumberType type) {
-    if (encoding_ == Encoding::kAscii) return next_text();
+    if (encoding_ == PlyEncoding::kAscii) return next_text();
     const double value =
-        read_number(cut(size_of(type)).data(), type, encoding_ == Encoding::kBigEndian);
+        read_number(cut(size_of(type)).data(), type, encoding_ == PlyEncoding::kBigEndian);
     return value;
   }
   void skip(NumberType type, std::uint64_t count) {
     if (count > body_.size()) broken_off();
-    if (encoding_ != Encoding::kAscii) {
+    if (encoding_ != PlyEncoding::kAscii) {
       (void)cut(count * size_of(type));
       return;
     }
@@ -180,7 +178,7 @@ class NumberStream {
   }
 
   std::span<const std::byte> body_;
-  Encoding encoding_;
+  PlyEncoding encoding_;
   const std::string& name_;
 };
 
@@ -263,7 +261,7 @@ struct Vertices {
   NumberStream stream;
 };
 
-Vertices find_vertices(std::span<const std::byte> bytes, const Header& header,
+Vertices find_vertices(std::span<const std::byte> bytes, const PlyHeader& header,
                        const std::string& name) {
   NumberStream stream(bytes.subspan(header.body), header.encoding, name);
   for (const Element& element : header.elements) {
@@ -273,16 +271,11 @@ Vertices find_vertices(std::span<const std::byte> bytes, const Header& header,
   throw InputError(name, "no element 'vertex'", "one");
 }
 
-std::string_view header_part(std::span<const std::byte> bytes) {
-  return {reinterpret_cast<const char*>(bytes.data()),
-          std::min(bytes.size(), kMostCloudHeaderBytes)};
-}
-
 }  // namespace
 
 DecodedScan decode_ply(std::span<const std::byte> bytes, const std::string& name,
                        std::size_t max_points) {
-  const Header header = parse_header(header_part(bytes), name);
+  const PlyHeader header = parse_ply_header(header_part(bytes), name);
   auto [element, stream] = find_vertices(bytes, header, name);
   check_point_count(element->count, max_points, name);
   const std::size_t points = element->count;
@@ -295,7 +288,7 @@ DecodedScan decode_ply(std::span<const std::byte> bytes, const std::string& name
 
 CloudSummary stream_ply(std::span<const std::byte> bytes, const std::string& name,
                         const CloudStream::Take& take) {
-  const Header header = parse_header(header_part(bytes), name);
+  const PlyHeader header = parse_ply_header(header_part(bytes), name);
   auto [element, stream] = find_vertices(bytes, header, name);
   const std::size_t held = std::min<std::size_t>(element->count, kRowsAtOnce);
   CloudSummary summary =
@@ -303,12 +296,12 @@ CloudSummary stream_ply(std::span<const std::byte> bytes, const std::string& nam
         return CloudStream(fields, roles, held, take);
       }).summary();
   // Text has as many digits as it was written with.
-  if (header.encoding == Encoding::kAscii) summary.single_precision = false;
+  if (header.encoding == PlyEncoding::kAscii) summary.single_precision = false;
   return summary;
 }
 
 void check_ply_header(std::span<const std::byte> head, const std::string& name) {
-  const Header header = parse_header(header_part(head), name);
+  const PlyHeader header = parse_ply_header(header_part(head), name);
   const auto vertex = std::find_if(header.elements.begin(), header.elements.end(),
                                    [](const Element& each) { return each.name == "vertex"; });
   if (vertex == header.elements.end()) throw InputError(name, "no element 'vertex'", "one");

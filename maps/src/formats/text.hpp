@@ -50,4 +50,9 @@ struct NumberLine {
 void parse_finite(const std::filesystem::path& file, const NumberLine& line,
                   std::span<double> values);
 
+/// The beginning of a text from a file between quotes, for messages.
+[[nodiscard]] inline std::string quoted(std::string_view text) {
+  return "'" + std::string(text.substr(0, 64)) + "'";
+}
+
 }  // namespace stillmap::maps

@@ -5,7 +5,6 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -16,6 +15,8 @@
 #include <utility>
 #include <vector>
 
+#include "storage/synced.hpp"
+
 namespace stillmap::maps {
 namespace {
 
@@ -25,15 +26,6 @@ constexpr const char* kPartial = ".partial";
 
 [[noreturn]] void fail(const fs::path& file) {
   throw StorageError(file.string(), std::strerror(errno));
-}
-
-/// Whether the open file is still the one of that name: another writer may have published it
-/// between our open and our lock.
-bool is_same(int descriptor, const fs::path& file) {
-  struct stat opened {};
-  struct stat named {};
-  return ::fstat(descriptor, &opened) == 0 && ::stat(file.c_str(), &named) == 0 &&
-         opened.st_dev == named.st_dev && opened.st_ino == named.st_ino;
 }
 
 int open_locked(const fs::path& partial, const fs::path& target) {
@@ -67,15 +59,6 @@ void write_all(int descriptor, std::uint64_t offset, std::span<const std::byte> 
     offset += static_cast<std::uint64_t>(written);
     bytes = bytes.subspan(static_cast<std::size_t>(written));
   }
-}
-
-void sync_folder(const fs::path& folder) {
-  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (descriptor < 0) fail(folder);
-  const int result = ::fsync(descriptor);
-  const int reason = errno;
-  ::close(descriptor);
-  if (result != 0) throw StorageError(folder.string(), std::strerror(reason));
 }
 
 }  // namespace
@@ -127,7 +110,7 @@ void DerivedFile::publish() {
   if (::fsync(descriptor_) != 0) fail(partial_);
   if (std::rename(partial_.c_str(), target_.c_str()) != 0) fail(target_);
   published_ = true;
-  sync_folder(target_.parent_path());
+  sync(target_.parent_path());
 }
 
 std::size_t clear_derived_leftovers(const fs::path& folder) {

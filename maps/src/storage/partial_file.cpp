@@ -7,20 +7,10 @@
 #include <cstdio>
 #include <cstring>
 
+#include "storage/synced.hpp"
+
 namespace stillmap::maps {
-namespace {
-
 namespace fs = std::filesystem;
-
-void sync(const fs::path& path) {
-  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  const bool synced = descriptor >= 0 && ::fsync(descriptor) == 0;
-  const int reason = errno;
-  if (descriptor >= 0) ::close(descriptor);
-  if (!synced) throw StorageError(path.string(), std::strerror(reason));
-}
-
-}  // namespace
 
 PartialFile::PartialFile(const fs::path& target)
     : folder_(target), path_(folder_.path() / folder_.target().filename()) {}

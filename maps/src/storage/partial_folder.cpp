@@ -13,6 +13,8 @@
 #include <system_error>
 #include <utility>
 
+#include "storage/synced.hpp"
+
 namespace stillmap::maps {
 namespace {
 
@@ -21,15 +23,6 @@ namespace fs = std::filesystem;
 fs::path without_trailing_slash(const fs::path& path) {
   const fs::path whole = fs::absolute(path).lexically_normal();
   return whole.has_filename() ? whole : whole.parent_path();
-}
-
-/// Whether the open folder is still the one of that name: another process may have published or
-/// removed it between our open and our lock.
-bool is_same(int descriptor, const fs::path& path) {
-  struct stat opened {};
-  struct stat named {};
-  return ::fstat(descriptor, &opened) == 0 && ::stat(path.c_str(), &named) == 0 &&
-         opened.st_dev == named.st_dev && opened.st_ino == named.st_ino;
 }
 
 /// Makes the folder if needed and locks it. The lock is on the folder itself, so it ends with the
@@ -57,15 +50,6 @@ int open_locked(const fs::path& path) {
     ::close(descriptor);
   }
   throw StorageError(path.string(), "cannot be locked");
-}
-
-void sync(const fs::path& path) {
-  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (descriptor < 0) throw StorageError(path.string(), std::strerror(errno));
-  const int result = ::fsync(descriptor);
-  const int reason = errno;
-  ::close(descriptor);
-  if (result != 0) throw StorageError(path.string(), std::strerror(reason));
 }
 
 /// A survivor is a folder, never a link to one.

@@ -7,7 +7,7 @@
 namespace stillmap::maps {
 namespace {
 
-constexpr const char* kExpected = "a relative path of printable ASCII without \\, . and ..";
+constexpr const char* kExpectedPath = "a relative path of printable ASCII without \\, . and ..";
 
 bool is_printable(char c) { return c >= 0x20 && c <= 0x7e; }
 
@@ -15,7 +15,7 @@ void check_part(std::string_view part, const std::string& place) {
   // Of Linux file systems.
   constexpr std::size_t kLongestName = 255;
   if (part.empty() || part == "." || part == "..")
-    throw InputError(place, "'" + std::string(part) + "' in its path", kExpected);
+    throw InputError(place, "'" + std::string(part) + "' in its path", kExpectedPath);
   if (part.size() > kLongestName)
     throw InputError(place, "a name of " + std::to_string(part.size()) + " bytes",
                      std::to_string(kLongestName) + " at most");
@@ -41,8 +41,8 @@ std::string checked_path(std::string_view path, bool is_folder, std::size_t most
       std::find_if(path.begin(), path.end(), [](char c) { return !is_printable(c) || c == '\\'; });
   if (refused != path.end())
     throw InputError(place, "byte " + std::to_string(static_cast<unsigned char>(*refused)),
-                     kExpected);
-  if (path.starts_with('/')) throw InputError(place, "an absolute path", kExpected);
+                     kExpectedPath);
+  if (path.starts_with('/')) throw InputError(place, "an absolute path", kExpectedPath);
   while (path.starts_with("./")) path.remove_prefix(2);
   if (is_folder && path.ends_with('/')) path.remove_suffix(1);
   if (is_folder && (path.empty() || path == ".")) return {};

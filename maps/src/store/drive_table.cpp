@@ -15,7 +15,7 @@ using Reading = StoreDatabase::Reading;
 using Reason = StoreRefusal::Reason;
 using Writing = StoreDatabase::Writing;
 
-constexpr const char* kColumns =
+constexpr const char* kSelectDrives =
     "SELECT id, map, name, status, error, created_ns, finished_ns,"
     " (SELECT coalesce(sum(bytes), 0) FROM drive_parts WHERE drive = id), version, content_type"
     " FROM drives ";
@@ -44,7 +44,7 @@ std::vector<StoredDrive> drives_of(SqliteStatement& row) {
 }
 
 StoredDrive known_drive(SqliteDatabase& database, std::int64_t id) {
-  SqliteStatement row(database, std::string(kColumns) + "WHERE id = ?");
+  SqliteStatement row(database, std::string(kSelectDrives) + "WHERE id = ?");
   if (!row.bind(id).step())
     throw StoreRefusal(Reason::kUnknownDrive, "there is no drive " + std::to_string(id));
   return drive_of(row);
@@ -216,7 +216,7 @@ std::vector<StoredDrive> DriveTable::of_map(std::string_view map) const {
   const Reading reading(*database_);
   (void)known_map(reading.database(), map);
   SqliteStatement row(reading.database(),
-                      std::string(kColumns) + "WHERE map = ? AND version IS NULL ORDER BY id");
+                      std::string(kSelectDrives) + "WHERE map = ? AND version IS NULL ORDER BY id");
   return drives_of(row.bind(map));
 }
 
@@ -224,13 +224,13 @@ std::vector<StoredDrive> DriveTable::uploads_of_map(std::string_view map) const 
   const Reading reading(*database_);
   (void)known_map(reading.database(), map);
   SqliteStatement row(reading.database(),
-                      std::string(kColumns) + "WHERE map = ? AND version IS NOT NULL ORDER BY id");
+                      std::string(kSelectDrives) + "WHERE map = ? AND version IS NOT NULL ORDER BY id");
   return drives_of(row.bind(map));
 }
 
 std::vector<StoredDrive> DriveTable::all() const {
   const Reading reading(*database_);
-  SqliteStatement row(reading.database(), std::string(kColumns) + "ORDER BY id");
+  SqliteStatement row(reading.database(), std::string(kSelectDrives) + "ORDER BY id");
   return drives_of(row);
 }
 

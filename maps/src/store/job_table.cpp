@@ -25,7 +25,7 @@ constexpr std::array<std::pair<JobStatus, std::string_view>, 5> kStatusNames = {
 constexpr std::size_t kLargestPage = 1000;
 /// Of the requests on a page: they may hold the corrections of a whole map.
 constexpr std::size_t kMostRequestBytes = std::size_t{4} << 20U;
-constexpr const char* kColumns =
+constexpr const char* kSelectJobs =
     "SELECT id, kind, map, request, status, stage, error, result_version, attempts, enqueued_ns,"
     " started_ns, finished_ns, asker, idempotency_key, cancel_requested FROM jobs ";
 
@@ -47,7 +47,7 @@ StoredJob job_of(const SqliteStatement& row) {
 }
 
 StoredJob known_job(SqliteDatabase& database, std::int64_t id) {
-  SqliteStatement row(database, std::string(kColumns) + "WHERE id = ?");
+  SqliteStatement row(database, std::string(kSelectJobs) + "WHERE id = ?");
   if (!row.bind(id).step())
     throw StoreRefusal(Reason::kUnknownJob, "there is no job " + std::to_string(id));
   return job_of(row);
@@ -191,7 +191,7 @@ std::optional<StoredJob> JobTable::claim(std::int64_t now_ns) {
   StoredJob job;
   {
     SqliteStatement row(database,
-                        std::string(kColumns) + "WHERE status = 'enqueued' ORDER BY id LIMIT 1");
+                        std::string(kSelectJobs) + "WHERE status = 'enqueued' ORDER BY id LIMIT 1");
     if (!row.step()) return std::nullopt;
     job = job_of(row);
   }
@@ -255,7 +255,7 @@ std::size_t JobTable::put_back_all(std::string_view error, std::int64_t now_ns) 
   Writing writing(*database_);
   std::vector<StoredJob> jobs;
   {
-    SqliteStatement row(writing.database(), std::string(kColumns) + "WHERE status = 'processing'");
+    SqliteStatement row(writing.database(), std::string(kSelectJobs) + "WHERE status = 'processing'");
     while (row.step()) jobs.push_back(job_of(row));
   }
   for (StoredJob& job : jobs) {
@@ -313,7 +313,7 @@ JobTable::Page JobTable::list(const Filter& filter, std::size_t limit,
                               std::optional<std::int64_t> before) const {
   if (limit < 1 || limit > kLargestPage)
     throw std::invalid_argument("limit: " + std::to_string(limit) + ", 1 to 1000 expected");
-  std::string sql = std::string(kColumns) + "WHERE 1";
+  std::string sql = std::string(kSelectJobs) + "WHERE 1";
   if (filter.status) sql += " AND status = ?";
   if (filter.map) sql += " AND map = ?";
   if (before) sql += " AND id < ?";
@@ -342,7 +342,7 @@ std::vector<StoredJob> JobTable::unfinished() const {
   // One statement: what is put back between two of them would stand in neither.
   SqliteStatement row(
       reading.database(),
-      std::string(kColumns) + "WHERE status IN ('enqueued', 'processing') ORDER BY id DESC");
+      std::string(kSelectJobs) + "WHERE status IN ('enqueued', 'processing') ORDER BY id DESC");
   std::vector<StoredJob> jobs;
   while (row.step()) jobs.push_back(job_of(row));
   return jobs;

@@ -22,7 +22,7 @@ constexpr std::string_view kPrefix = "stillmap_";
 /// Hex digits: 64 bits tell keys apart, 256 bits cannot be guessed.
 constexpr std::size_t kIdDigits = 16;
 constexpr std::size_t kSecretDigits = 64;
-constexpr const char* kColumns =
+constexpr const char* kSelectKeys =
     "SELECT id, name, scopes, created_ns, expires_ns, revoked_ns, secret_sha256 FROM keys ";
 
 ApiKey key_of(const SqliteStatement& row) {
@@ -109,7 +109,7 @@ KeyTable::Created KeyTable::create(std::string_view name, KeyScopes scopes,
 
 std::vector<ApiKey> KeyTable::list() const {
   const ReadingBeside reading(*database_);
-  SqliteStatement row(reading.database(), std::string(kColumns) + "ORDER BY created_ns, id");
+  SqliteStatement row(reading.database(), std::string(kSelectKeys) + "ORDER BY created_ns, id");
   std::vector<ApiKey> keys;
   while (row.step()) keys.push_back(key_of(row));
   return keys;
@@ -117,7 +117,7 @@ std::vector<ApiKey> KeyTable::list() const {
 
 ApiKey KeyTable::revoke(std::string_view id, std::int64_t now_ns) {
   Writing writing(*database_);
-  SqliteStatement row(writing.database(), std::string(kColumns) + "WHERE id = ?");
+  SqliteStatement row(writing.database(), std::string(kSelectKeys) + "WHERE id = ?");
   if (!row.bind(id).step())
     throw StoreRefusal(StoreRefusal::Reason::kUnknownKey,
                        "there is no key '" + std::string(id) + "'");
@@ -144,7 +144,7 @@ KeyCheck KeyTable::check(std::string_view text, std::int64_t now_ns) const {
   std::optional<ApiKey> key;
   {
     const ReadingBeside reading(*database_);
-    SqliteStatement row(reading.database(), std::string(kColumns) + "WHERE id = ?");
+    SqliteStatement row(reading.database(), std::string(kSelectKeys) + "WHERE id = ?");
     if (row.bind(id).step()) {
       key = key_of(row);
       kept = row.text(6);

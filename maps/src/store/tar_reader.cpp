@@ -14,13 +14,13 @@
 namespace stillmap::maps {
 namespace {
 
-constexpr const char* kExpected = "files and folders of a tar";
+constexpr const char* kExpectedTar = "files and folders of a tar";
 constexpr std::size_t kBlock = 512;
 constexpr std::uint64_t padded(std::uint64_t bytes) {
   return (bytes + kBlock - 1) / kBlock * kBlock;
 }
 
-ArchiveReader new_reader() {
+ArchiveReader new_tar_reader() {
   ArchiveReader reader(archive_read_new());
   if (!reader || archive_read_support_format_tar(reader.get()) != ARCHIVE_OK)
     throw std::runtime_error("libarchive without tar");
@@ -60,12 +60,12 @@ void check_records(std::string_view records, const std::string& place) {
     const std::size_t blank = std::min(records.find(' '), records.size());
     const auto length = parse_count(records.substr(0, blank));
     if (!length || *length <= blank || *length > records.size())
-      throw InputError(place, "a broken pax header", kExpected);
+      throw InputError(place, "a broken pax header", kExpectedTar);
     const std::string_view record = records.substr(blank + 1, *length - blank - 1);
     const std::string_view key = record.substr(0, record.find('='));
-    if (key == "linkpath") throw InputError(place, "a link", kExpected);
+    if (key == "linkpath") throw InputError(place, "a link", kExpectedTar);
     if (key.starts_with("GNU.sparse.") || key == "SCHILY.realsize" || key == "SUN.holesdata")
-      throw InputError(place, "a sparse file", kExpected);
+      throw InputError(place, "a sparse file", kExpectedTar);
     records.remove_prefix(*length);
   }
 }
@@ -89,7 +89,7 @@ TarReader::TarReader(Unpacker& unpacker, std::string name, const ArchiveLimits& 
       name_(std::move(name)),
       limits_(&limits),
       place_(name_),
-      reader_(new_reader()) {
+      reader_(new_tar_reader()) {
   check(archive_read_open(reader_.get(), this, nullptr, &TarReader::give_for, nullptr), place_);
 }
 
@@ -151,7 +151,7 @@ void TarReader::check(int result, const std::string& place) {
   const char* reason = archive_error_string(reader_.get());
   // An owner's name beyond the locale's letters; paths are held to ASCII anyway.
   if (result == ARCHIVE_WARN && reason && std::strstr(reason, "to current locale")) return;
-  throw InputError(place, reason ? reason : "damage", kExpected);
+  throw InputError(place, reason ? reason : "damage", kExpectedTar);
 }
 
 std::optional<TarEntry> TarReader::next() {
@@ -177,15 +177,15 @@ std::optional<TarEntry> TarReader::next() {
 
 TarEntry TarReader::checked(archive_entry* entry) {
   const char* path = archive_entry_pathname(entry);
-  if (!path) throw InputError(name_, "an entry without a name", kExpected);
+  if (!path) throw InputError(name_, "an entry without a name", kExpectedTar);
   place_ = place(path);
   check_headers(place_);
   if (archive_entry_hardlink(entry) || archive_entry_symlink(entry))
-    throw InputError(place_, "a link", kExpected);
-  if (archive_entry_sparse_count(entry) > 0) throw InputError(place_, "a sparse file", kExpected);
+    throw InputError(place_, "a link", kExpectedTar);
+  if (archive_entry_sparse_count(entry) > 0) throw InputError(place_, "a sparse file", kExpectedTar);
   const auto type = archive_entry_filetype(entry);
   if (type != AE_IFREG && type != AE_IFDIR)
-    throw InputError(place_, "neither file nor folder", kExpected);
+    throw InputError(place_, "neither file nor folder", kExpectedTar);
   TarEntry found{.path = {}, .is_folder = type == AE_IFDIR};
   const la_int64_t bytes = archive_entry_size(entry);
   if (bytes < 0 || (found.is_folder && bytes > 0))
@@ -208,18 +208,18 @@ void TarReader::check_headers(const std::string& place) const {
   while (rest.size() >= kBlock && is_special(rest[kTypeAt])) {
     const auto bytes = octal(rest.substr(kSizeAt, kSizeDigits));
     if (!bytes || *bytes > rest.size() - kBlock)
-      throw InputError(place, "a header with no sensible size", kExpected);
+      throw InputError(place, "a header with no sensible size", kExpectedTar);
     const std::string_view body = rest.substr(kBlock, *bytes);
     // libarchive would cut a name there; other readers might not.
     if (rest[kTypeAt] != 'L' && body.find('\0') != body.npos)
-      throw InputError(place, "a NUL in its headers", kExpected);
+      throw InputError(place, "a NUL in its headers", kExpectedTar);
     if (rest[kTypeAt] != 'L') check_records(body, place);
     rest.remove_prefix(std::min<std::size_t>(kBlock + padded(*bytes), rest.size()));
   }
-  if (rest.size() < kBlock) throw InputError(place, "no header", kExpected);
+  if (rest.size() < kBlock) throw InputError(place, "no header", kExpectedTar);
   if (const char* refused = refused_type(rest[kTypeAt]))
-    throw InputError(place, refused, kExpected);
-  if (rest.size() > kBlock) throw InputError(place, "a header of several blocks", kExpected);
+    throw InputError(place, refused, kExpectedTar);
+  if (rest.size() > kBlock) throw InputError(place, "a header of several blocks", kExpectedTar);
 }
 
 std::string_view TarReader::read() {

@@ -11,12 +11,12 @@
 namespace stillmap::maps {
 namespace {
 
-constexpr const char* kExpected = "a tar, plain or packed once by gzip or zstd";
+constexpr const char* kExpectedPacked = "a tar, plain or packed once by gzip or zstd";
 constexpr std::size_t kBufferBytes = std::size_t{1} << 16U;
 /// The padding alone of a tar of empty files packs by more than any sane ratio.
 constexpr std::uint64_t kFreeOfRatio = std::uint64_t{16} << 20U;
 
-ArchiveReader new_reader() {
+ArchiveReader new_unpacking_reader() {
   ArchiveReader reader(archive_read_new());
   if (!reader || archive_read_support_format_raw(reader.get()) != ARCHIVE_OK ||
       archive_read_support_filter_gzip(reader.get()) != ARCHIVE_OK ||
@@ -33,12 +33,12 @@ Unpacker::Unpacker(const ByteSource& source, std::string name, const ArchiveLimi
       name_(std::move(name)),
       limits_(&limits),
       buffer_(kBufferBytes),
-      reader_(new_reader()) {
+      reader_(new_unpacking_reader()) {
   check(archive_read_open(reader_.get(), this, nullptr, &Unpacker::pull_for, nullptr));
   // Further layers would be undone as well, each with a ratio of its own.
   constexpr int kSourceAndOneFilter = 2;
   if (archive_filter_count(reader_.get()) > kSourceAndOneFilter)
-    throw InputError(name_, "packed more than once", kExpected);
+    throw InputError(name_, "packed more than once", kExpectedPacked);
   archive_entry* entry = nullptr;
   check(archive_read_next_header(reader_.get(), &entry));
 }
@@ -68,9 +68,9 @@ std::size_t Unpacker::pull() {
 void Unpacker::check(int result) {
   if (thrown_) std::rethrow_exception(std::exchange(thrown_, nullptr));
   if (result == ARCHIVE_OK) return;
-  if (packed_ == 0) throw InputError(name_, "nothing", kExpected);
+  if (packed_ == 0) throw InputError(name_, "nothing", kExpectedPacked);
   const char* reason = archive_error_string(reader_.get());
-  throw InputError(name_, reason ? reason : "damage", kExpected);
+  throw InputError(name_, reason ? reason : "damage", kExpectedPacked);
 }
 
 std::string_view Unpacker::next() {

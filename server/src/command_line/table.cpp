@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cmath>
 
 namespace stillmap::command_line {
 
@@ -10,6 +11,14 @@ void Table::print() const {
   std::size_t width = 0;
   for (const auto& [name, value] : rows_) width = std::max(width, name.size());
   for (const auto& [name, value] : rows_) fmt::print("{:<{}}  {}\n", name, width, value);
+}
+
+std::string number_text(double value, int digits) {
+  return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "-";
+}
+
+std::string percent_text(double share, int digits) {
+  return std::isnan(share) ? "-" : fmt::format("{:.{}f} %", 100.0 * share, digits);
 }
 
 std::string grouped(unsigned long long number) {

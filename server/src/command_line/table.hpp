@@ -19,6 +19,10 @@ class Table {
   std::vector<std::pair<std::string, std::string>> rows_;
 };
 
+/// The value, or a dash where it is not finite.
+[[nodiscard]] std::string number_text(double value, int digits);
+/// A share of 1 as "98.25 %", or a dash for NaN.
+[[nodiscard]] std::string percent_text(double share, int digits);
 /// 1234567 -> "1 234 567".
 [[nodiscard]] std::string grouped(unsigned long long number);
 

@@ -11,10 +11,10 @@
 namespace stillmap::server {
 namespace {
 
-using json = nlohmann::ordered_json;
+using Json = nlohmann::ordered_json;
 
-json schema_of(const Option& option) {
-  json schema;
+Json schema_of(const Option& option) {
+  Json schema;
   schema["description"] = option.unit.empty() ? std::string(option.text)
                                               : fmt::format("{} [{}]", option.text, option.unit);
   const OptionKind kind = option.kind();
@@ -46,11 +46,11 @@ json schema_of(const Option& option) {
   return schema;
 }
 
-json empty_object() {
-  json schema;
+Json empty_object() {
+  Json schema;
   schema["type"] = "object";
   schema["additionalProperties"] = false;
-  schema["properties"] = json::object();
+  schema["properties"] = Json::object();
   return schema;
 }
 
@@ -79,14 +79,14 @@ std::string table_row(const Option& option) {
 }  // namespace
 
 std::string config_schema() {
-  json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
+  Json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
                  {"title", "Configuration of stillmap serve"}};
   schema.update(empty_object());
   for (const Option& option : all_options()) {
-    json& top = schema["properties"];
+    Json& top = schema["properties"];
     const std::string group(group_of(option.key));
     if (!group.empty() && !top.contains(group)) top[group] = empty_object();
-    json& place = group.empty() ? top : top[group]["properties"];
+    Json& place = group.empty() ? top : top[group]["properties"];
     place[std::string(name_of(option.key))] = schema_of(option);
   }
   return schema.dump(2) + "\n";

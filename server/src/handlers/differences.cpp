@@ -57,7 +57,7 @@ DifferenceState difference_of(const Context& context, const ComparedVersions& pa
   return context.views.difference(pair);
 }
 
-std::string etag_of(const ComparedVersions& pair, const std::string& what) {
+std::string difference_etag(const ComparedVersions& pair, const std::string& what) {
   return fmt::format("\"{}-{}-{}-{}\"", pair.version.package->digest().substr(0, 16),
                      pair.other.package->digest().substr(0, 16),
                      MapDifference::tolerance_mm(pair.tolerance_m), what);
@@ -72,7 +72,7 @@ HttpResponse get_difference(const Context& context, const HttpRequest& request,
     response.headers = {{"Retry-After", "1"}, {"Cache-Control", "no-store"}};
     return response;
   }
-  const std::string etag = etag_of(pair, "difference-1");
+  const std::string etag = difference_etag(pair, "difference-1");
   HttpResponse response = json_response({});
   response.headers = {{"ETag", etag}, {"Cache-Control", "no-cache"}};
   if (is_known_to_client(request.header("if-none-match"), etag)) {
@@ -105,7 +105,7 @@ HttpResponse get_tile(const Context& context, const HttpRequest& request,
   const maps::DifferenceTile* tile = state.ready->find(side, x, y);
   if (tile == nullptr)
     throw ApiError(ErrorCode::kUnknownTile, "the versions do not differ at " + request.path);
-  const std::string etag = etag_of(pair, fmt::format("{}-{}-{}-glb-1", path.at("side"), x, y));
+  const std::string etag = difference_etag(pair, fmt::format("{}-{}-{}-glb-1", path.at("side"), x, y));
   return immutable_answer(request, etag, [&](HttpResponse& response) {
     fill_with_glb(response, tile->entry,
                   held(context.views.difference_points(pair, *state.ready, *tile)));

@@ -12,13 +12,13 @@
 namespace stillmap::server {
 namespace {
 
-std::string etag_of(const maps::SavedEdits& edits) {
+std::string edits_etag(const maps::SavedEdits& edits) {
   return "\"" + edits.sha256.substr(0, 16) + "\"";
 }
 
 HttpResponse answer(const maps::SavedEdits& edits) {
   HttpResponse response = json_response(edits.text);
-  response.headers = {{"ETag", etag_of(edits)}, {"Cache-Control", "no-cache"}};
+  response.headers = {{"ETag", edits_etag(edits)}, {"Cache-Control", "no-cache"}};
   return response;
 }
 
@@ -26,7 +26,7 @@ HttpResponse get_edits(const Context& context, const HttpRequest& request,
                        const PathParameters& path) {
   const maps::SavedEdits edits = context.store.edits().of_map(path.at("map"));
   HttpResponse response = answer(edits);
-  if (!is_known_to_client(request.header("if-none-match"), etag_of(edits))) return response;
+  if (!is_known_to_client(request.header("if-none-match"), edits_etag(edits))) return response;
   response.status = 304;
   response.body.clear();
   return response;
@@ -57,7 +57,7 @@ std::optional<std::string> wanted_before(const Context& context, const HttpReque
   const std::string tag = request.header("if-match");
   const maps::SavedEdits known = context.store.edits().of_map(map);
   if (tag.empty() || tag == "*") return std::nullopt;
-  if (tag == etag_of(known)) return known.sha256;
+  if (tag == edits_etag(known)) return known.sha256;
   throw maps::StoreRefusal(maps::StoreRefusal::Reason::kOtherRevision,
                            "the corrections of map '" + map + "' were changed meanwhile");
 }

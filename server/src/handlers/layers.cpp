@@ -22,7 +22,7 @@ LayerKind kind_in(const PathParameters& path) {
                  fmt::format("'{}' is no layer: coverage, localizability", name));
 }
 
-std::string etag_of(const ServedVersion& version, const std::string& name) {
+std::string layer_etag(const ServedVersion& version, const std::string& name) {
   return fmt::format("\"{}-{}-1\"", version.package->digest().substr(0, 16), name);
 }
 
@@ -34,7 +34,7 @@ HttpResponse get_layer(const Context& context, const HttpRequest& request,
   const std::string url =
       fmt::format("/v1/maps/{}/versions/{}/layers/{}", version.map, version.version, name);
   const auto layer = context.layers.layer(version, kind);
-  return immutable_answer(request, etag_of(version, name), [&](HttpResponse& response) {
+  return immutable_answer(request, layer_etag(version, name), [&](HttpResponse& response) {
     response.content_type = "application/json";
     response.body = layer_json(name, *layer, version.package->manifest().origin, url);
   });
@@ -51,7 +51,7 @@ HttpResponse get_band(const Context& context, const HttpRequest& request,
   if (band == layer->bands.end())
     throw ApiError(ErrorCode::kUnknownLayer,
                    fmt::format("the layer {} has no band '{}'", name_of(kind), name));
-  const std::string etag = etag_of(version, fmt::format("{}-{}", name_of(kind), name));
+  const std::string etag = layer_etag(version, fmt::format("{}-{}", name_of(kind), name));
   return immutable_answer(request, etag, [&](HttpResponse& response) {
     response.content_type = "application/octet-stream";
     response.body.assign(reinterpret_cast<const char*>(band->values.data()),

@@ -17,8 +17,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// How soon a cancel is seen that another process wrote into the store.
-constexpr std::chrono::seconds kLookAtStore{1};
 /// How often a job waits for room on a full disk: with the pauses, for half an hour, in which what
 /// it has made so far takes room itself.
 constexpr int kMostTimesFull = 5;

@@ -29,8 +29,6 @@ namespace fs = std::filesystem;
 
 /// In the store.
 constexpr const char* kJobs = "jobs";
-/// How soon a job is seen, or its cancel, that another process wrote into the store.
-constexpr std::chrono::seconds kLookAtStore{1};
 /// How soon the jobs of another server are taken over when it is gone.
 constexpr std::chrono::seconds kLookAtLock{2};
 /// How soon the end of a job that could not be kept is tried again, at most.

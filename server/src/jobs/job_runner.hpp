@@ -29,6 +29,9 @@
 
 namespace stillmap::server {
 
+/// How soon a job is seen, or its cancel, that another process wrote into the store.
+inline constexpr std::chrono::seconds kLookAtStore{1};
+
 /// A job as clients see it.
 struct JobView {
   maps::StoredJob job;

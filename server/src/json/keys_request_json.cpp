@@ -7,17 +7,17 @@
 namespace stillmap::server {
 namespace {
 
-using nlohmann::json;
+using RequestJson = nlohmann::json;
 
 /// A century, as on the command line.
 constexpr std::int64_t kMostDays = 36'500;
 
-maps::KeyScopes read_scopes(const json& request) {
-  const json names = request.value("scopes", json());
+maps::KeyScopes read_scopes(const RequestJson& request) {
+  const RequestJson names = request.value("scopes", RequestJson());
   if (!names.is_array() || names.empty())
     refuse("scopes", names, "some of read, localize, write, admin");
   maps::KeyScopes scopes;
-  for (const json& name : names) {
+  for (const RequestJson& name : names) {
     const auto& all = maps::all_key_scopes();
     const auto found = std::find_if(all.begin(), all.end(), [&](const maps::KeyScope scope) {
       return name.is_string() && name.get<std::string>() == maps::name_of(scope);
@@ -31,10 +31,10 @@ maps::KeyScopes read_scopes(const json& request) {
 }  // namespace
 
 KeyRequest read_key_request(std::string_view text) {
-  const json request = parse_request_json(text, kMostKeyJson);
+  const RequestJson request = parse_request_json(text, kMostKeyJson);
   require_keys(request, "", {"name", "scopes", "expires_days"});
   KeyRequest result;
-  const json name = request.value("name", json());
+  const RequestJson name = request.value("name", RequestJson());
   if (name.is_string()) result.name = name.get<std::string>();
   const bool control = std::any_of(result.name.begin(), result.name.end(), [](char byte) {
     return static_cast<unsigned char>(byte) < 0x20 || byte == 0x7f;

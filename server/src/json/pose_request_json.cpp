@@ -18,14 +18,14 @@
 namespace stillmap::server {
 namespace {
 
-using nlohmann::json;
+using RequestJson = nlohmann::json;
 
-json parse(std::string_view text, const ServerOptions& options) {
+RequestJson parse(std::string_view text, const ServerOptions& options) {
   return parse_request_json(text, options.max_json_bytes);
 }
 
 template <std::size_t kCount>
-std::array<double, kCount> read_numbers(const json& object, const char* key,
+std::array<double, kCount> read_numbers(const RequestJson& object, const char* key,
                                         const std::string& path) {
   const std::string here = path + "." + key;
   const std::string expected = fmt::format("{} numbers", kCount);
@@ -35,20 +35,20 @@ std::array<double, kCount> read_numbers(const json& object, const char* key,
   if (!found->is_array() || found->size() != kCount) refuse(here, *found, expected);
   std::array<double, kCount> numbers{};
   for (std::size_t i = 0; i < kCount; ++i) {
-    const json& number = (*found)[i];
+    const RequestJson& number = (*found)[i];
     if (!number.is_number()) refuse(here, *found, expected);
     numbers[i] = number.get<double>();
   }
   return numbers;
 }
 
-Eigen::Isometry3d read_pose(const json& object, ErrorCode code, const std::string& path) {
+Eigen::Isometry3d read_pose(const RequestJson& object, ErrorCode code, const std::string& path) {
   return checked_pose(read_numbers<3>(object, "position", path),
                       read_numbers<4>(object, "quaternion", path),
                       {code, path + ".position", path + ".quaternion"});
 }
 
-std::optional<localization::Prior> read_prior(const json& request) {
+std::optional<localization::Prior> read_prior(const RequestJson& request) {
   const auto found = request.find("prior");
   if (found == request.end()) return std::nullopt;
   require_keys(*found, "prior", {"position", "quaternion", "covariance"});
@@ -61,7 +61,7 @@ std::optional<localization::Prior> read_prior(const json& request) {
   return prior;
 }
 
-double read_number(const json& object, const char* key, const std::string& path) {
+double read_number(const RequestJson& object, const char* key, const std::string& path) {
   const std::string here = path + "." + key;
   const auto found = object.find(key);
   if (found == object.end())
@@ -70,7 +70,7 @@ double read_number(const json& object, const char* key, const std::string& path)
   return found->get<double>();
 }
 
-std::optional<GnssFix> read_gnss(const json& request) {
+std::optional<GnssFix> read_gnss(const RequestJson& request) {
   const auto found = request.find("gnss");
   if (found == request.end()) return std::nullopt;
   require_keys(*found, "gnss", {"latitude_deg", "longitude_deg", "altitude_m", "sigma_m"});
@@ -83,14 +83,14 @@ std::optional<GnssFix> read_gnss(const json& request) {
   return fix;
 }
 
-std::vector<maps::Box> read_movable(const json& list) {
+std::vector<maps::Box> read_movable(const RequestJson& list) {
   if (!list.is_array()) refuse("movable", list, "an array");
   if (list.size() > kMaxMovableBoxes) {
     throw field_error(ErrorCode::kInvalidBoxes, "movable", fmt::format("{} boxes", list.size()),
                       fmt::format("at most {}", kMaxMovableBoxes));
   }
   std::vector<maps::Box> boxes;
-  for (const json& each : list) {
+  for (const RequestJson& each : list) {
     const std::string path = fmt::format("movable[{}]", boxes.size());
     require_keys(each, path, {"centre", "size", "yaw"});
     const auto yaw = each.find("yaw");
@@ -105,7 +105,7 @@ std::vector<maps::Box> read_movable(const json& list) {
 }
 
 /// An integer, or the decimal string that JSON needs beyond 2^53.
-std::int64_t read_integer_key(const json& value, const char* key) {
+std::int64_t read_integer_key(const RequestJson& value, const char* key) {
   if (value.is_string()) return read_integer(key, value.get_ref<const std::string&>());
   const bool fits = value.is_number_integer() &&
                     !(value.is_number_unsigned() && value.get<std::uint64_t>() > INT64_MAX);
@@ -113,7 +113,7 @@ std::int64_t read_integer_key(const json& value, const char* key) {
   return value.get<std::int64_t>();
 }
 
-localization::OdometryStep read_odometry(const json& step) {
+localization::OdometryStep read_odometry(const RequestJson& step) {
   require_keys(step, "odometry", {"since_ns", "position", "quaternion", "covariance"});
   const auto since = step.find("since_ns");
   if (since == step.end()) {
@@ -126,7 +126,7 @@ localization::OdometryStep read_odometry(const json& step) {
                                            "odometry.covariance", ErrorCode::kInvalidOdometry)};
 }
 
-std::string read_text(const json& value, const char* key) {
+std::string read_text(const RequestJson& value, const char* key) {
   if (!value.is_string()) refuse(key, value, "a string");
   return value.get<std::string>();
 }
@@ -137,7 +137,7 @@ void require_one_place(const std::optional<localization::Prior>& prior,
   throw field_error(ErrorCode::kInvalidRequest, "gnss", "a prior beside it", "one of the two");
 }
 
-PoseParameters read_parameters(const json& request) {
+PoseParameters read_parameters(const RequestJson& request) {
   PoseParameters parameters;
   parameters.prior = read_prior(request);
   parameters.gnss = read_gnss(request);
@@ -167,7 +167,7 @@ PoseParameters read_parameters(const json& request) {
   return parameters;
 }
 
-maps::PointCloud read_points(const json& request, const ServerOptions& options) {
+maps::PointCloud read_points(const RequestJson& request, const ServerOptions& options) {
   const auto points = request.find("points");
   if (points == request.end())
     throw field_error(ErrorCode::kInvalidRequest, "points", "nothing", "an array");
@@ -180,7 +180,7 @@ maps::PointCloud read_points(const json& request, const ServerOptions& options) 
   maps::PointCloud cloud;
   cloud.positions.reserve(points->size());
   for (std::size_t place = 0; place < points->size(); ++place) {
-    const json& point = (*points)[place];
+    const RequestJson& point = (*points)[place];
     bool usable = point.is_array() && point.size() == 3;
     for (std::size_t i = 0; usable && i < 3; ++i) usable = point[i].is_number();
     if (!usable) refuse(fmt::format("points[{}]", place), point, "[x, y, z]");
@@ -205,7 +205,7 @@ std::vector<std::string_view> known_keys(JsonScan scan, ScanPurpose purpose) {
   return keys;
 }
 
-JsonPoseRequest read_request(const json& request, JsonScan scan, ScanPurpose purpose,
+JsonPoseRequest read_request(const RequestJson& request, JsonScan scan, ScanPurpose purpose,
                              const ServerOptions& options) {
   require_keys(request, "", known_keys(scan, purpose));
   JsonPoseRequest result;
@@ -222,7 +222,7 @@ JsonPoseRequest read_pose_request_json(std::string_view text, JsonScan scan, Sca
 }
 
 JsonBatch read_batch_json(std::string_view text, JsonScan scan, const ServerOptions& options) {
-  const json batch = parse(text, options);
+  const RequestJson batch = parse(text, options);
   require_keys(batch, "", {"queries", "deadline_ms"});
   JsonBatch result;
   if (const auto found = batch.find("deadline_ms"); found != batch.end()) {
@@ -238,7 +238,7 @@ JsonBatch read_batch_json(std::string_view text, JsonScan scan, const ServerOpti
                       "queries", fmt::format("{} queries", queries->size()),
                       fmt::format("1 to {}", most));
   }
-  for (const json& each : *queries) {
+  for (const RequestJson& each : *queries) {
     JsonBatch::Item& item = result.items.emplace_back();
     try {
       item.request = read_request(each, scan, ScanPurpose::kBatchItem, options);
@@ -252,7 +252,7 @@ JsonBatch read_batch_json(std::string_view text, JsonScan scan, const ServerOpti
 namespace {
 
 /// It is shown to people, and stands in no log.
-std::string read_label(const json& value) {
+std::string read_label(const RequestJson& value) {
   constexpr std::size_t kMostBytes = 64;
   const std::string label = value.is_string() ? value.get<std::string>() : std::string{};
   const bool printable =
@@ -265,7 +265,7 @@ std::string read_label(const json& value) {
 }  // namespace
 
 SessionRequest read_session_json(std::string_view text, bool opens, const ServerOptions& options) {
-  const json request = parse(text.empty() ? std::string_view("{}") : text, options);
+  const RequestJson request = parse(text.empty() ? std::string_view("{}") : text, options);
   SessionRequest result;
   if (opens) {
     require_keys(request, "", {"map", "version", "label", "prior", "gnss"});

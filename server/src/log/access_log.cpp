@@ -9,7 +9,7 @@
 namespace stillmap::server {
 namespace {
 
-thread_local const AccessRecord* current = nullptr;
+thread_local const AccessRecord* current_record = nullptr;
 std::atomic<bool> request_lines = true;
 
 bool is_probe(std::string_view route) {
@@ -27,13 +27,13 @@ spdlog::level::level_enum level_of(const AccessRecord& record) {
 }  // namespace
 
 void log_access(const AccessRecord& record) {
-  current = &record;
+  current_record = &record;
   spdlog::log(level_of(record), "request");
-  current = nullptr;
+  current_record = nullptr;
 }
 
 void set_request_lines(bool wanted) { request_lines = wanted; }
 
-const AccessRecord* current_access_record() { return current; }
+const AccessRecord* current_access_record() { return current_record; }
 
 }  // namespace stillmap::server

@@ -49,23 +49,25 @@ bool is_json(const std::string& format) {
   throw std::invalid_argument(fmt::format("log.format: {}, one of text, json", format));
 }
 
+}  // namespace
+
 /// stderr, or a file that is ours to close.
-class Destination {
+class LogDestination {
  public:
-  Destination() = default;
-  explicit Destination(const std::string& file) {
+  LogDestination() = default;
+  explicit LogDestination(const std::string& file) {
     if (file.empty()) return;
     // Two processes that append, as during a rotation, do not overwrite each other.
     constexpr int kMode = 0640;
     handle_ = ::open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NOCTTY, kMode);
     if (handle_ < 0) throw maps::StorageError(file, std::strerror(errno));
   }
-  Destination(Destination&& other) noexcept { swap(other); }
-  Destination& operator=(Destination&& other) noexcept {
+  LogDestination(LogDestination&& other) noexcept { swap(other); }
+  LogDestination& operator=(LogDestination&& other) noexcept {
     swap(other);
     return *this;
   }
-  ~Destination() {
+  ~LogDestination() {
     if (handle_ != STDERR_FILENO && handle_ >= 0) ::close(handle_);
   }
 
@@ -85,7 +87,7 @@ class Destination {
   }
 
  private:
-  void swap(Destination& other) {
+  void swap(LogDestination& other) {
     std::swap(handle_, other.handle_);
     std::swap(torn_, other.torn_);
   }
@@ -93,8 +95,6 @@ class Destination {
   int handle_ = STDERR_FILENO;
   bool torn_ = false;
 };
-
-}  // namespace
 
 class LogOutput::Sink final : public spdlog::sinks::sink {
  public:
@@ -104,7 +104,7 @@ class LogOutput::Sink final : public spdlog::sinks::sink {
     return
         [this, json = is_json(options.format), level = level_of(options.level),
          // Shared, since a std::function can be copied.
-         destination = std::make_shared<Destination>(options.file), requests = options.requests] {
+         destination = std::make_shared<LogDestination>(options.file), requests = options.requests] {
           const std::lock_guard lock(mutex_);
           json_ = json;
           destination_ = std::move(*destination);
@@ -142,7 +142,7 @@ class LogOutput::Sink final : public spdlog::sinks::sink {
 
   std::mutex mutex_;
   bool json_ = false;
-  Destination destination_;
+  LogDestination destination_;
   std::size_t lost_ = 0;
 };
 

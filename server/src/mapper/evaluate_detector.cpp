@@ -22,7 +22,7 @@ using command_line::grouped;
 using mapping::DetectorEvaluation;
 using mapping::Share;
 
-struct EvaluateArguments {
+struct DetectorArguments {
   std::filesystem::path drive;
   std::string select = "::";
   std::optional<std::filesystem::path> json;
@@ -30,20 +30,16 @@ struct EvaluateArguments {
   mapping::DetectorEvaluationOptions options;
 };
 
-std::string percent(double rate, int digits = 1) {
-  return std::isnan(rate) ? "-" : fmt::format("{:.{}f} %", 100.0 * rate, digits);
-}
-
 std::string counted(const Share& share) {
   if (share.of == 0) return "none to count";
   return fmt::format("{} of {} ({})", grouped(share.count), grouped(share.of),
-                     percent(share.rate()));
+                     command_line::percent_text(share.rate(), 1));
 }
 
 std::string by_track(const mapping::CentreRecall& recall) {
   if (recall.found.of == 0) return "none to count";
   return fmt::format("{}, {} tracks {}", counted(recall.found), recall.tracks.size(),
-                     percent(recall.by_track()));
+                     command_line::percent_text(recall.by_track(), 1));
 }
 
 /// Inside of the boxes, and of those that a build grows.
@@ -52,7 +48,7 @@ void add_points(command_line::Table& table, const DetectorEvaluation& result) {
   const mapping::PointDetection& built = *result.points_as_built;
   const auto add = [&](const std::string& name, const Share& inside, const Share& grown) {
     table.add(name, fmt::format("{}; boxes grown by {:g} m {}", counted(inside),
-                                result.build_margin_m, percent(grown.rate())));
+                                result.build_margin_m, command_line::percent_text(grown.rate(), 1)));
   };
   add("movable points inside of boxes", plain.movable, built.movable);
   for (std::size_t i = 0; i < plain.classes.size(); ++i) {
@@ -70,7 +66,7 @@ void print_boxes(const mapping::BoxDetection& boxes) {
     fmt::print("{:<14}", each.name);
     for (std::size_t i = 0; i < 3; ++i) {
       const bool asked = i < each.average_precision.size();
-      fmt::print("{:>9}", asked ? percent(each.average_precision[i].value) : "");
+      fmt::print("{:>9}", asked ? command_line::percent_text(each.average_precision[i].value, 1) : "");
     }
     fmt::print("{:>28}{:>42}\n", counted(each.all.found), by_track(each.well_seen));
   }
@@ -79,11 +75,11 @@ void print_boxes(const mapping::BoxDetection& boxes) {
   for (const mapping::DistanceDetection& band : boxes.distances) {
     fmt::print("{:<14}{:>28}{:>9}{:>16.2f}\n",
                fmt::format("{:g} to {:g} m", band.from_m, band.to_m), counted(band.found),
-               percent(band.average_precision), band.false_boxes_per_scan);
+               command_line::percent_text(band.average_precision, 1), band.false_boxes_per_scan);
   }
   for (const mapping::VisibilityDetection& each : boxes.visibilities) {
     fmt::print("{:<14}{:>28}{:>9}\n", fmt::format("{}+ points", each.min_points),
-               counted(each.found), percent(each.average_precision));
+               counted(each.found), command_line::percent_text(each.average_precision, 1));
   }
 }
 
@@ -105,7 +101,7 @@ void print_for_people(const DetectorEvaluation& result) {
   if (result.boxes) print_boxes(*result.boxes);
 }
 
-std::string to_json_text(const DetectorEvaluation& result, const EvaluateArguments& arguments) {
+std::string to_json_text(const DetectorEvaluation& result, const DetectorArguments& arguments) {
   auto json = nlohmann::ordered_json::parse(mapping::to_json(result));
   json["version"] = STILLMAP_VERSION;
   json["options"]["drive"] = arguments.drive.string();
@@ -113,7 +109,7 @@ std::string to_json_text(const DetectorEvaluation& result, const EvaluateArgumen
   return json.dump(2) + "\n";
 }
 
-void evaluate(EvaluateArguments& arguments, const CLI::App& command) {
+void evaluate(DetectorArguments& arguments, const CLI::App& command) {
   arguments.options.selection = maps::Selection::parse(arguments.select);
   const maps::Drive drive = maps::Drive::open(arguments.drive);
   DetectorEvaluation result;
@@ -137,7 +133,7 @@ void evaluate(EvaluateArguments& arguments, const CLI::App& command) {
 }  // namespace
 
 void add_evaluate_detector(CLI::App& evaluate_command) {
-  auto arguments = std::make_shared<EvaluateArguments>();
+  auto arguments = std::make_shared<DetectorArguments>();
   mapping::DetectorEvaluationOptions& options = arguments->options;
   CLI::App* command = evaluate_command.add_subcommand(
       "detector", "Compare the boxes that a detector finds with labelled boxes and points");

@@ -24,7 +24,7 @@
 namespace stillmap::mapper {
 namespace {
 
-struct EvaluateArguments {
+struct LocalizationArguments {
   std::filesystem::path map;
   std::filesystem::path drive;
   std::optional<std::filesystem::path> poses;
@@ -57,7 +57,7 @@ void add_choice(CLI::App& command, const std::string& name, Value& chosen,
 }
 
 std::string to_json_text(const mapping::LocalizationEvaluation& evaluation,
-                         const EvaluateArguments& arguments) {
+                         const LocalizationArguments& arguments) {
   auto json = nlohmann::ordered_json::parse(mapping::to_json(evaluation));
   json["version"] = STILLMAP_VERSION;
   json["options"]["map"] = arguments.map.string();
@@ -126,7 +126,7 @@ void print_for_people(const mapping::LocalizationEvaluation& evaluation) {
 }
 
 /// The drive, with poses to compare with.
-maps::Drive open_drive(EvaluateArguments& arguments) {
+maps::Drive open_drive(LocalizationArguments& arguments) {
   if (!arguments.poses) return maps::Drive::open(arguments.drive);
   maps::Drive own = maps::Drive::open(arguments.drive);
   auto reference = maps::poses_of_some_scans(own, *arguments.poses);
@@ -135,7 +135,7 @@ maps::Drive open_drive(EvaluateArguments& arguments) {
   return own;
 }
 
-void evaluate(EvaluateArguments& arguments, const CLI::App& command) {
+void evaluate(LocalizationArguments& arguments, const CLI::App& command) {
   mapping::LocalizationEvaluationOptions& options = arguments.options;
   options.selection = maps::Selection::parse(arguments.select);
   if (!arguments.prior_errors.empty()) options.prior_errors.clear();
@@ -182,7 +182,7 @@ void evaluate(EvaluateArguments& arguments, const CLI::App& command) {
 }  // namespace
 
 void add_evaluate_localization(CLI::App& evaluate_command) {
-  auto arguments = std::make_shared<EvaluateArguments>();
+  auto arguments = std::make_shared<LocalizationArguments>();
   mapping::LocalizationEvaluationOptions& options = arguments->options;
   CLI::App* command = evaluate_command.add_subcommand(
       "localization",

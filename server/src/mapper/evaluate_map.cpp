@@ -31,7 +31,7 @@ using mapping::MapScores;
 using mapping::Share;
 using mapping::TruthClasses;
 
-struct EvaluateArguments {
+struct MapArguments {
   std::filesystem::path map;
   std::filesystem::path drive;
   std::optional<std::filesystem::path> poses;
@@ -62,14 +62,10 @@ void print_for_people(const mapping::MapEvaluation& result) {
   table.print();
 }
 
-std::string percent(double rate, int digits = 2) {
-  return std::isnan(rate) ? "-" : fmt::format("{:.{}f} %", 100.0 * rate, digits);
-}
-
 /// With the number of what was counted.
 std::string percent_of(const Share& share) {
   if (share.of == 0) return "none to count";
-  return fmt::format("{} of {}", percent(share.rate()), grouped(share.of));
+  return fmt::format("{} of {}", command_line::percent_text(share.rate(), 2), grouped(share.of));
 }
 
 void print_summary(const LabelEvaluation& result) {
@@ -106,24 +102,24 @@ void print_scores(const LabelEvaluation& result) {
   const auto line = [&](const std::string& name, const auto& value) {
     print_scores_line(result, name, value);
   };
-  line("SA", [](const MapScores& s) { return percent(s.SA); });
-  line("DA, projected not matched", [](const MapScores& s) { return percent(s.DA); });
-  line("DA, plain", [](const MapScores& s) { return percent(s.plain_removed.rate()); });
-  line("AA", [](const MapScores& s) { return percent(s.AA); });
-  line("HA", [](const MapScores& s) { return percent(s.HA); });
+  line("SA", [](const MapScores& s) { return command_line::percent_text(s.SA, 2); });
+  line("DA, projected not matched", [](const MapScores& s) { return command_line::percent_text(s.DA, 2); });
+  line("DA, plain", [](const MapScores& s) { return command_line::percent_text(s.plain_removed.rate(), 2); });
+  line("AA", [](const MapScores& s) { return command_line::percent_text(s.AA, 2); });
+  line("HA", [](const MapScores& s) { return command_line::percent_text(s.HA, 2); });
   line("  static points", [](const MapScores& s) { return grouped(s.static_kept.of); });
   line("  dynamic points", [](const MapScores& s) { return grouped(s.dynamic_removed.of); });
-  line("PR", [](const MapScores& s) { return percent(s.PR); });
-  line("RR", [](const MapScores& s) { return percent(s.RR); });
-  line("F1", [](const MapScores& s) { return percent(s.F1); });
+  line("PR", [](const MapScores& s) { return command_line::percent_text(s.PR, 2); });
+  line("RR", [](const MapScores& s) { return command_line::percent_text(s.RR, 2); });
+  line("F1", [](const MapScores& s) { return command_line::percent_text(s.F1, 2); });
   line("  static voxels", [](const MapScores& s) { return grouped(s.static_voxels_kept.of); });
   line("  dynamic voxels", [](const MapScores& s) { return grouped(s.dynamic_voxels_kept.of); });
-  line("static points lost", [](const MapScores& s) { return percent(s.static_lost.rate(), 3); });
+  line("static points lost", [](const MapScores& s) { return command_line::percent_text(s.static_lost.rate(), 3); });
   line("  with nothing removed", [](const MapScores& s) {
     return s.static_lost_uncleaned.of == 0 ? std::string("0")
-                                           : percent(s.static_lost_uncleaned.rate(), 3);
+                                           : command_line::percent_text(s.static_lost_uncleaned.rate(), 3);
   });
-  line("static loss", [](const MapScores& s) { return percent(s.static_loss, 3); });
+  line("static loss", [](const MapScores& s) { return command_line::percent_text(s.static_loss, 3); });
   line("  of points", [](const MapScores& s) { return grouped(s.static_lost.of); });
   fmt::print(
       "movable: parked objects should be gone; moving: they should be there, and count as static\n"
@@ -136,8 +132,8 @@ void print_losses(const LabelEvaluation& result) {
   const std::vector<mapping::ClassLoss>& losses = result.figures().losses;
   for (std::size_t i = 0; i < losses.size(); ++i) {
     fmt::print("  {:<30}{:>12}{:>12}{:>14}{:>14}\n", losses[i].name,
-               result.unthinned ? percent(losses[i].loss, 3) : "-",
-               percent(result.thinned.losses.at(i).loss, 3), grouped(losses[i].lost.count),
+               result.unthinned ? command_line::percent_text(losses[i].loss, 3) : "-",
+               command_line::percent_text(result.thinned.losses.at(i).loss, 3), grouped(losses[i].lost.count),
                grouped(losses[i].lost.of));
   }
 }
@@ -156,7 +152,7 @@ void print_ground(const LabelEvaluation& result) {
             result.true_ground == mapping::TrueGround::kNone
                 ? "no true ground"
                 : fmt::format("{}, thinned {}", percent_of(figures.parked_removed),
-                              percent(result.thinned.parked_removed.rate())));
+                              command_line::percent_text(result.thinned.parked_removed.rate(), 2)));
   if (result.heights) {
     const mapping::GroundUnder& under = figures.ground_under;
     table.add("ground under objects, projected", percent_of(under.projected) + " cells");
@@ -166,7 +162,7 @@ void print_ground(const LabelEvaluation& result) {
       table.add(std::isfinite(band.to_m) ? fmt::format("  up to {:g} m from the path", band.to_m)
                                          : std::string("  beyond"),
                 fmt::format("{}, projected {}", percent_of(band.ground.filled),
-                            percent(band.ground.projected.rate())));
+                            command_line::percent_text(band.ground.projected.rate(), 2)));
     }
     table.add("height error of it, median", text_of(result.heights->all));
     table.add("  projected", text_of(result.heights->projected));
@@ -178,8 +174,8 @@ void print_ground(const LabelEvaluation& result) {
   }
   if (result.ground) {
     table.add("ground points",
-              fmt::format("precision {}, recall {}, F1 {}", percent(result.ground->precision()),
-                          percent(result.ground->recall()), percent(result.ground->f1())));
+              fmt::format("precision {}, recall {}, F1 {}", command_line::percent_text(result.ground->precision(), 2),
+                          command_line::percent_text(result.ground->recall(), 2), command_line::percent_text(result.ground->f1(), 2)));
   }
   table.print();
 }
@@ -191,7 +187,7 @@ void print_for_people(const LabelEvaluation& result) {
   print_ground(result);
 }
 
-std::string to_json_text(const std::string& text, const EvaluateArguments& arguments) {
+std::string to_json_text(const std::string& text, const MapArguments& arguments) {
   auto json = nlohmann::ordered_json::parse(text);
   json["version"] = STILLMAP_VERSION;
   json["options"] = {{"map", arguments.map.string()}, {"truth", arguments.drive.string()}};
@@ -205,7 +201,7 @@ std::string to_json_text(const std::string& text, const EvaluateArguments& argum
 }
 
 /// Against labelled boxes.
-void evaluate_boxes(const EvaluateArguments& arguments, const maps::MapPackage& map,
+void evaluate_boxes(const MapArguments& arguments, const maps::MapPackage& map,
                     const maps::Drive& drive, const mapping::ProgressCallback& progress,
                     const std::function<void()>& done) {
   if (arguments.report)
@@ -220,7 +216,7 @@ void evaluate_boxes(const EvaluateArguments& arguments, const maps::MapPackage& 
 }
 
 /// Against labelled points.
-void evaluate_points(const EvaluateArguments& arguments, const CLI::App& command,
+void evaluate_points(const MapArguments& arguments, const CLI::App& command,
                      const maps::MapPackage& map, const maps::Drive& drive,
                      const mapping::ProgressCallback& progress, const std::function<void()>& done) {
   const bool draw = arguments.report || arguments.pictures;
@@ -244,7 +240,7 @@ void evaluate_points(const EvaluateArguments& arguments, const CLI::App& command
                     to_json_text(mapping::to_json(result, arguments.classes), arguments));
 }
 
-void evaluate(const EvaluateArguments& arguments, const CLI::App& command) {
+void evaluate(const MapArguments& arguments, const CLI::App& command) {
   const auto map = maps::MapPackage::open(arguments.map);
   const maps::Drive drive = maps::Drive::open(arguments.drive, arguments.poses);
   auto bar = std::make_unique<command_line::ProgressBar>();
@@ -263,7 +259,7 @@ void evaluate(const EvaluateArguments& arguments, const CLI::App& command) {
 }  // namespace
 
 void add_evaluate_map(CLI::App& evaluate_command) {
-  auto arguments = std::make_shared<EvaluateArguments>();
+  auto arguments = std::make_shared<MapArguments>();
   CLI::App* command = evaluate_command.add_subcommand(
       "map", "Count what a map kept of what can move, what it lost beside, and how it put ground");
   command->add_option("MAP", arguments->map, "Map package")

@@ -28,7 +28,7 @@ using command_line::grouped;
 using mapping::OdometryEvaluation;
 using mapping::TrajectoryErrors;
 
-struct EvaluateArguments {
+struct OdometryArguments {
   std::filesystem::path drive;
   std::optional<std::filesystem::path> poses;
   std::string select = "::";
@@ -40,21 +40,17 @@ struct EvaluateArguments {
   mapping::OdometryEvaluationOptions options;
 };
 
-std::string number(double value, int digits) {
-  return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "-";
-}
-
 void print_errors(const OdometryEvaluation& result) {
   constexpr const char* kRow = "{:<16}{:>11}{:>13}{:>10}{:>10}{:>16}{:>10}{:>12}\n";
   fmt::print("\n");
   fmt::print(fmt::runtime(kRow), "", "KITTI [%]", "[deg/100 m]", "APE [m]", "ATE [m]",
              "from start [m]", "10 m [%]", "10 m [deg]");
   const auto print = [&](const char* name, const TrajectoryErrors& errors) {
-    fmt::print(fmt::runtime(kRow), name, number(errors.kitti.translation_percent, 3),
-               number(errors.kitti.rotation_deg_per_100m, 4), number(errors.aligned_m.mean, 3),
-               number(errors.aligned_m.rmse, 3), number(errors.from_start_m.rmse, 3),
-               number(errors.relative.translation_percent_10m, 3),
-               number(errors.relative.rotation_deg_10m, 4));
+    fmt::print(fmt::runtime(kRow), name, command_line::number_text(errors.kitti.translation_percent, 3),
+               command_line::number_text(errors.kitti.rotation_deg_per_100m, 4), command_line::number_text(errors.aligned_m.mean, 3),
+               command_line::number_text(errors.aligned_m.rmse, 3), command_line::number_text(errors.from_start_m.rmse, 3),
+               command_line::number_text(errors.relative.translation_percent_10m, 3),
+               command_line::number_text(errors.relative.rotation_deg_10m, 4));
   };
   print("odometry alone", result.odometry);
   if (result.corrected) print("with loops", *result.corrected);
@@ -96,7 +92,7 @@ void print_for_people(const OdometryEvaluation& result) {
   print_errors(result);
 }
 
-std::string to_json_text(const OdometryEvaluation& result, const EvaluateArguments& arguments) {
+std::string to_json_text(const OdometryEvaluation& result, const OdometryArguments& arguments) {
   auto json = nlohmann::ordered_json::parse(mapping::to_json(result));
   json["version"] = STILLMAP_VERSION;
   json["options"]["drive"] = arguments.drive.string();
@@ -114,7 +110,7 @@ maps::Trajectory trajectory_of(const OdometryEvaluation& result) {
 }
 
 /// The drive, with poses to compare with.
-maps::Drive open_drive(EvaluateArguments& arguments) {
+maps::Drive open_drive(OdometryArguments& arguments) {
   if (!arguments.poses) return maps::Drive::open(arguments.drive);
   maps::Drive own = maps::Drive::open(arguments.drive);
   auto reference = maps::poses_of_some_scans(own, *arguments.poses);
@@ -123,7 +119,7 @@ maps::Drive open_drive(EvaluateArguments& arguments) {
   return own;
 }
 
-void evaluate(EvaluateArguments& arguments, const CLI::App& command) {
+void evaluate(OdometryArguments& arguments, const CLI::App& command) {
   mapping::OdometryEvaluationOptions& options = arguments.options;
   options.selection = maps::Selection::parse(arguments.select);
   options.loops = arguments.loops == "on";
@@ -153,7 +149,7 @@ void evaluate(EvaluateArguments& arguments, const CLI::App& command) {
   if (arguments.json) write_text_file(*arguments.json, to_json_text(result, arguments));
 }
 
-void add_outputs(CLI::App& command, EvaluateArguments& arguments) {
+void add_outputs(CLI::App& command, OdometryArguments& arguments) {
   command
       .add_option("--trajectory", arguments.trajectory,
                   "Write the path there (TUM); its frame is the estimate's own")
@@ -167,7 +163,7 @@ void add_outputs(CLI::App& command, EvaluateArguments& arguments) {
 }  // namespace
 
 void add_evaluate_odometry(CLI::App& evaluate_command) {
-  auto arguments = std::make_shared<EvaluateArguments>();
+  auto arguments = std::make_shared<OdometryArguments>();
   mapping::OdometryEvaluationOptions& options = arguments->options;
   CLI::App* command = evaluate_command.add_subcommand(
       "odometry",

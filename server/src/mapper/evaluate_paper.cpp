@@ -39,7 +39,7 @@ std::vector<std::string> cleaners() {
   return names;
 }
 
-void simulate(const mapping::PaperEvaluationOptions& options, std::uint64_t seed, int day,
+void simulate_paper_drive(const mapping::PaperEvaluationOptions& options, std::uint64_t seed, int day,
               const std::filesystem::path& target, const mapping::ProgressCallback& progress,
               const mapping::CancelFlag& cancel) {
   simulation::SimulationOptions simulated;
@@ -54,7 +54,7 @@ void simulate(const mapping::PaperEvaluationOptions& options, std::uint64_t seed
 }
 
 mapping::PaperParts parts() {
-  return {.simulate = simulate,
+  return {.simulate = simulate_paper_drive,
           .make_aligner = mapping::make_map_aligner,
           .make_cleaner = mapping::make_reference_cleaner,
           .cleaners = cleaners()};

@@ -32,7 +32,7 @@ struct TableArguments {
   mapping::OdometryTableOptions options;
 };
 
-void simulate(const mapping::OdometryTableOptions& options, std::uint64_t seed,
+void simulate_table_drive(const mapping::OdometryTableOptions& options, std::uint64_t seed,
               const std::filesystem::path& target, const mapping::ProgressCallback& progress,
               const mapping::CancelFlag& cancel) {
   simulation::SimulationOptions simulated;
@@ -45,19 +45,15 @@ void simulate(const mapping::OdometryTableOptions& options, std::uint64_t seed,
   (void)simulation::simulate_drive(target, simulated, progress, cancel);
 }
 
-std::string number(double value, int digits) {
-  return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "-";
-}
-
 constexpr const char* kRow = "{:<10} {:<10} {:<6} {:>9} {:>9} {:>10} {:>12} {:>9} {:>16}\n";
 
 void print_path(const OdometryTableRun& run, bool loops, const PathFigures& figures) {
   const std::string found =
       loops ? fmt::format("{} of {} right", run.loops_right, run.loops_found) : "";
   fmt::print(fmt::runtime(kRow), run.method, mapping::points_name(run.points), loops ? "on" : "off",
-             number(figures.ape_mean_m, 3), number(figures.ate_rmse_m, 3),
-             number(figures.kitti_percent, 3), number(figures.kitti_deg_per_100m, 4),
-             number(figures.percent_10m, 3), found);
+             command_line::number_text(figures.ape_mean_m, 3), command_line::number_text(figures.ate_rmse_m, 3),
+             command_line::number_text(figures.kitti_percent, 3), command_line::number_text(figures.kitti_deg_per_100m, 4),
+             command_line::number_text(figures.percent_10m, 3), found);
 }
 
 void print_drive(const OdometryTable& table, const mapping::OdometryTableDrive& drive) {
@@ -125,7 +121,7 @@ void evaluate(TableArguments& arguments, const CLI::App& command) {
     const WorkFolder work(arguments.work);
     command_line::ProgressBar bar;
     table = mapping::evaluate_odometry_table(
-        arguments.options, simulate, work.path(), work.keep(),
+        arguments.options, simulate_table_drive, work.path(), work.keep(),
         [&bar](std::string_view stage, std::size_t done, std::size_t total) {
           bar.update("table", done, total, stage);
         },

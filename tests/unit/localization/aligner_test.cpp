@@ -13,7 +13,7 @@
 #include <stdexcept>
 
 namespace stillmap::localization {
-namespace {
+namespace aligner_test {
 
 using test::pose_at;
 using ::testing::HasSubstr;
@@ -170,5 +170,5 @@ TEST(Contradicts, APoseBeyondBothCovariancesAndACovarianceThatIsNoNumber) {
   EXPECT_TRUE(contradicts(prior, result));
 }
 
-}  // namespace
+}  // namespace aligner_test
 }  // namespace stillmap::localization

@@ -26,7 +26,7 @@
 #include <vector>
 
 namespace stillmap::localization {
-namespace {
+namespace bad_input_test {
 
 using test::pose_at;
 
@@ -418,5 +418,5 @@ TEST(BadInput, NonsenseOfBothKindsIsNotOk) {
   }
 }
 
-}  // namespace
+}  // namespace bad_input_test
 }  // namespace stillmap::localization

@@ -10,7 +10,7 @@
 #include <vector>
 
 namespace stillmap::localization {
-namespace {
+namespace cell_bits_test {
 
 const Eigen::Vector3d kExtent(200.0, 100.0, 30.0);
 
@@ -94,5 +94,5 @@ TEST(CellBits, AMapOfAHundredKilometresTakesNoMemoryForWhatLiesBetween) {
   EXPECT_EQ(hit(bits, Eigen::Vector3f(50'000.0F, 50'000.0F, 3.5F)), 0U);
 }
 
-}  // namespace
+}  // namespace cell_bits_test
 }  // namespace stillmap::localization

@@ -10,7 +10,7 @@
 #include <support/synthetic_world.hpp>
 
 namespace stillmap::localization {
-namespace {
+namespace cell_blocks_test {
 
 using Cell = std::tuple<std::int32_t, std::int32_t, std::int32_t>;
 
@@ -86,5 +86,5 @@ TEST(CellBlocks, EmptyOnesHoldNothing) {
   EXPECT_EQ(blocks.eight(0, 0, 0).count, 0U);
 }
 
-}  // namespace
+}  // namespace cell_blocks_test
 }  // namespace stillmap::localization

@@ -34,7 +34,7 @@
 #include <vector>
 
 namespace stillmap::localization {
-namespace {
+namespace index_file_test {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
@@ -483,5 +483,5 @@ TEST(IndexPages, OnlyThoseNearTheQueriesAreRead) {
   EXPECT_LT(after, 0.3 * size);
 }
 
-}  // namespace
+}  // namespace index_file_test
 }  // namespace stillmap::localization

@@ -14,7 +14,7 @@
 #include <stdexcept>
 
 namespace stillmap::localization {
-namespace {
+namespace local_map_test {
 
 using test::pose_at;
 using ::testing::IsEmpty;
@@ -138,5 +138,5 @@ TEST(LocalMap, AnEmptyMapAnswersTheGuess) {
   EXPECT_EQ(map.judged(slope(1), T).matched, 0U);
 }
 
-}  // namespace
+}  // namespace local_map_test
 }  // namespace stillmap::localization

@@ -14,7 +14,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::localization {
-namespace {
+namespace localizability_test {
 
 using maps::MapPoint;
 using maps::PointKind;
@@ -189,5 +189,5 @@ TEST_F(Localizability, StopsWhenToldTo) {
   EXPECT_EQ(asked, 6);
 }
 
-}  // namespace
+}  // namespace localizability_test
 }  // namespace stillmap::localization

@@ -14,7 +14,7 @@
 #include <stdexcept>
 
 namespace stillmap::localization {
-namespace {
+namespace map_index_test {
 
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -156,5 +156,5 @@ TEST(VoxelTable, FindsWhatWasInsertedAndNothingElse) {
   }
 }
 
-}  // namespace
+}  // namespace map_index_test
 }  // namespace stillmap::localization

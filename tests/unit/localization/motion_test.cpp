@@ -11,7 +11,7 @@
 #include <numbers>
 
 namespace stillmap::localization {
-namespace {
+namespace motion_test {
 
 using test::pose_at;
 
@@ -182,5 +182,5 @@ TEST(Motion, InterpolationLiesBetweenAndIsSureAtTheEnds) {
   EXPECT_GT(middle.pose.covariance(0, 0), 0.05);
 }
 
-}  // namespace
+}  // namespace motion_test
 }  // namespace stillmap::localization

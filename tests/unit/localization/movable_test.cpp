@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace stillmap::localization {
-namespace {
+namespace movable_test {
 
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
@@ -130,5 +130,5 @@ TEST(Movable, BrokenBoxesAreNamed) {
   }
 }
 
-}  // namespace
+}  // namespace movable_test
 }  // namespace stillmap::localization

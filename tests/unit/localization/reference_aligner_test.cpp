@@ -17,7 +17,7 @@
 #include <stdexcept>
 
 namespace stillmap::localization {
-namespace {
+namespace reference_aligner_test {
 
 using test::pose_at;
 using ::testing::Contains;
@@ -246,5 +246,5 @@ TEST(MapPoints, WantAPointAndAnEdge) {
   EXPECT_EQ(MapPoints::build({Eigen::Vector3d::Zero()}, 0.5)->points().size(), 1U);
 }
 
-}  // namespace
+}  // namespace reference_aligner_test
 }  // namespace stillmap::localization

@@ -9,7 +9,7 @@
 #include <support/synthetic_world.hpp>
 
 namespace stillmap::localization {
-namespace {
+namespace registration_test {
 
 using test::pose_at;
 
@@ -143,5 +143,5 @@ TEST(Registration, RefineLeavesThePoseAloneWhereNothingMatches) {
   EXPECT_TRUE(T.isApprox(before));
 }
 
-}  // namespace
+}  // namespace registration_test
 }  // namespace stillmap::localization

@@ -15,7 +15,7 @@
 
 /// Scans that were taken on the move.
 namespace stillmap::localization {
-namespace {
+namespace sweep_motion_test {
 
 using test::pose_at;
 using ::testing::Contains;
@@ -157,5 +157,5 @@ TEST(SweepMotion, RefusesTimesThatDoNotGoWithThePoints) {
   }
 }
 
-}  // namespace
+}  // namespace sweep_motion_test
 }  // namespace stillmap::localization

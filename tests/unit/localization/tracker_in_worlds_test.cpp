@@ -10,7 +10,7 @@
 
 /// Sessions with the real aligner in synthetic worlds.
 namespace stillmap::localization {
-namespace {
+namespace tracker_in_worlds_test {
 
 using test::pose_at;
 using ::testing::Contains;
@@ -157,5 +157,5 @@ TEST(TrackerInATerrace, IsNeverOkInFrontOfANeighboursHouse) {
   }
 }
 
-}  // namespace
+}  // namespace tracker_in_worlds_test
 }  // namespace stillmap::localization

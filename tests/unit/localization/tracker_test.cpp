@@ -13,7 +13,7 @@
 #include <stdexcept>
 
 namespace stillmap::localization {
-namespace {
+namespace tracker_test {
 
 using test::pose_at;
 using ::testing::Contains;
@@ -575,5 +575,5 @@ TEST_F(TrackerTest, StampsAtBothEndsOfTimeAreAnswered) {
   EXPECT_THAT(tracker.track(0, {}).result.reasons, ElementsAre("too_old"));
 }
 
-}  // namespace
+}  // namespace tracker_test
 }  // namespace stillmap::localization

@@ -9,7 +9,7 @@
 #include <support/synthetic_world.hpp>
 
 namespace stillmap::localization {
-namespace {
+namespace verdict_test {
 
 using test::pose_at;
 using ::testing::Contains;
@@ -362,5 +362,5 @@ TEST(Verdict, AScanWithinTheWallsOfASmallRoomIsOk) {
   }
 }
 
-}  // namespace
+}  // namespace verdict_test
 }  // namespace stillmap::localization

@@ -16,7 +16,7 @@
 #include <stdexcept>
 
 namespace stillmap::localization {
-namespace {
+namespace without_prior_test {
 
 using test::pose_at;
 
@@ -222,5 +222,5 @@ TEST(WithoutPrior, SaysThatAMapWithoutPosesNeedsOne) {
   EXPECT_THAT(aligner->align(scan, std::nullopt).reasons, testing::ElementsAre("needs_prior"));
 }
 
-}  // namespace
+}  // namespace without_prior_test
 }  // namespace stillmap::localization

@@ -12,7 +12,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace apply_edits_test {
 
 using test::IsNearVector;
 using test::ThrowsSaying;
@@ -179,5 +179,5 @@ TEST(ApplyEdits, RefusesPlacementsOfUnknownScans) {
   EXPECT_THROW(static_cast<void>(apply_edits(fused, {}, ten_scans())), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace apply_edits_test
 }  // namespace stillmap::mapping

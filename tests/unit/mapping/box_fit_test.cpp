@@ -8,7 +8,7 @@
 #include <numbers>
 
 namespace stillmap::mapping {
-namespace {
+namespace box_fit_test {
 
 using maps::Box;
 using maps::ObjectClass;
@@ -156,5 +156,5 @@ TEST(BoxFit, FollowsATurnOfTheScan) {
   EXPECT_LT(turn_deg(first[0].yaw_rad + 70.0 * kDeg, second[0].yaw_rad), 1e-6);
 }
 
-}  // namespace
+}  // namespace box_fit_test
 }  // namespace stillmap::mapping

@@ -9,7 +9,7 @@
 #include "support/synthetic_world.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace box_frames_test {
 
 using test::IsNearVector;
 
@@ -63,5 +63,5 @@ TEST(BoxFrames, OverlapIsOfBothAndOfTheSmaller) {
   EXPECT_NEAR(overlap.of_smaller, 1.0, 1e-12);
 }
 
-}  // namespace
+}  // namespace box_frames_test
 }  // namespace stillmap::mapping

@@ -8,7 +8,7 @@
 #include "evaluation/detector/precision_recall.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace box_matching_test {
 
 using maps::ObjectClass;
 using ::testing::ElementsAre;
@@ -190,5 +190,5 @@ TEST(PrecisionRecall, NothingFoundIsZeroAndNothingToFindIsUnknown) {
   EXPECT_TRUE(std::isnan(average_precision({}, vehicle(), {}, 0.5).value));
 }
 
-}  // namespace
+}  // namespace box_matching_test
 }  // namespace stillmap::mapping

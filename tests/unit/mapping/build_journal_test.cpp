@@ -12,7 +12,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace build_journal_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -202,5 +202,5 @@ TEST_F(Journal, NamesAFolderThatCannotBeMade) {
   EXPECT_THAT([&] { (void)open(); }, test::ThrowsSaying<maps::StorageError>({"journal"}));
 }
 
-}  // namespace
+}  // namespace build_journal_test
 }  // namespace stillmap::mapping

@@ -10,7 +10,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace build_resume_test {
 
 namespace fs = std::filesystem;
 using ::testing::ElementsAre;
@@ -223,5 +223,5 @@ TEST_F(BuildResume, LeavesNothingBehindWhenTheResumedBuildFails) {
   EXPECT_TRUE(fs::is_empty(maps_));
 }
 
-}  // namespace
+}  // namespace build_resume_test
 }  // namespace stillmap::mapping

@@ -7,7 +7,7 @@
 #include <map>
 
 namespace stillmap::mapping {
-namespace {
+namespace column_ground_test {
 
 using Points = std::vector<Eigen::Vector3f>;
 
@@ -90,5 +90,5 @@ TEST(ColumnGround, NothingIsNoGround) {
   EXPECT_TRUE(ground.places().empty());
 }
 
-}  // namespace
+}  // namespace column_ground_test
 }  // namespace stillmap::mapping

@@ -6,7 +6,7 @@
 #include "support/matchers.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace deskew_test {
 
 using test::IsNearVector;
 using Twist = Eigen::Matrix<double, 6, 1>;
@@ -104,5 +104,5 @@ TEST(Twist, IsUnknownWithoutNeighboursOrPosesOrBeyondTheDrive) {
   EXPECT_FALSE(twist_at(maps::Drive(std::move(contents)), 0));
 }
 
-}  // namespace
+}  // namespace deskew_test
 }  // namespace stillmap::mapping

@@ -13,7 +13,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace detector_evaluation_test {
 
 using maps::InputError;
 using test::ThrowsSaying;
@@ -267,5 +267,5 @@ TEST(BoxFigures, TracksCountAlikeHoweverLongTheyAreSeen) {
   EXPECT_DOUBLE_EQ(recall.by_track(), 0.25);
 }
 
-}  // namespace
+}  // namespace detector_evaluation_test
 }  // namespace stillmap::mapping

@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace stillmap::mapping {
-namespace {
+namespace direct_odometry_test {
 
 using test::pose_at;
 using ::testing::ElementsAre;
@@ -323,5 +323,5 @@ TEST(RunOdometry, SameBitsForAnyNumberOfThreadsAndInOrder) {
   EXPECT_THROW((void)run_odometry(drive, 0, 3, "default", 1, {}, CancelFlag{true}), Cancelled);
 }
 
-}  // namespace
+}  // namespace direct_odometry_test
 }  // namespace stillmap::mapping

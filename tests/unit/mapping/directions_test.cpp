@@ -9,7 +9,7 @@
 #include <vector>
 
 namespace stillmap::mapping {
-namespace {
+namespace directions_test {
 
 TEST(Spherical, AgreesWithTheFormula) {
   test::Random random(3);
@@ -72,5 +72,5 @@ TEST(Directions, AreTheSameBitsInAnyCompany) {
   }
 }
 
-}  // namespace
+}  // namespace directions_test
 }  // namespace stillmap::mapping

@@ -16,7 +16,7 @@
 #include <vector>
 
 namespace stillmap::mapping {
-namespace {
+namespace dufomap_test {
 
 using test::ScanPattern;
 using test::ScansInMemory;
@@ -219,5 +219,5 @@ TEST(Dufomap, RefusesPointsThatNoMapHas) {
   EXPECT_THROW((void)clean(points, drive()), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace dufomap_test
 }  // namespace stillmap::mapping

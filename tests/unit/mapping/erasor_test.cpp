@@ -11,7 +11,7 @@
 #include <utility>
 
 namespace stillmap::mapping {
-namespace {
+namespace erasor_test {
 
 using Kind = test::DrivenPast::Kind;
 
@@ -118,5 +118,5 @@ TEST(Erasor, ReportsItsScansAndCanBeCancelled) {
   EXPECT_THROW((void)Erasor().moved(drive().map, drive(), nullptr, cancelled), Cancelled);
 }
 
-}  // namespace
+}  // namespace erasor_test
 }  // namespace stillmap::mapping

@@ -6,7 +6,7 @@
 #include "support/synthetic_world.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace frame_fit_test {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
@@ -104,5 +104,5 @@ TEST(FrameFit, NoMotionStartsItWithoutAMajority) {
   EXPECT_FALSE(most_agreed(sights_of(2, 0.0, 0.0), tolerance, 3)) << "fewer than asked for";
 }
 
-}  // namespace
+}  // namespace frame_fit_test
 }  // namespace stillmap::mapping

@@ -12,7 +12,7 @@
 #include "support/synthetic_world.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace free_evidence_test {
 
 using test::pose_at;
 
@@ -193,5 +193,5 @@ TEST(GroundLevels, AreOneWhereGroundIsSteepWithoutAGap) {
   EXPECT_FLOAT_EQ(*ground.below({0.5F, 0.5F, 1.0F}), 2.0F);
 }
 
-}  // namespace
+}  // namespace free_evidence_test
 }  // namespace stillmap::mapping

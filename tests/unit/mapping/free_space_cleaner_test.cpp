@@ -18,7 +18,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace free_space_cleaner_test {
 
 using test::pose_at;
 using test::ScanPattern;
@@ -394,5 +394,5 @@ TEST(FreeSpaceCleaner, TellsHowFarItIs) {
   EXPECT_EQ(done, total);
 }
 
-}  // namespace
+}  // namespace free_space_cleaner_test
 }  // namespace stillmap::mapping

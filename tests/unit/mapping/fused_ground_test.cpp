@@ -14,7 +14,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace fused_ground_test {
 
 using test::ThrowsSaying;
 
@@ -329,5 +329,5 @@ TEST(BelowFused, TakesNoBridgeAboveForTheGroundOfWhatIsBelow) {
   EXPECT_NEAR(foot->height_m, -0.2, 0.001);
 }
 
-}  // namespace
+}  // namespace fused_ground_test
 }  // namespace stillmap::mapping

@@ -11,7 +11,7 @@
 #include "support/synthetic_world.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace geometric_detector_test {
 
 using test::IsNearVector;
 using ::testing::IsEmpty;
@@ -111,5 +111,5 @@ TEST(GeometricDetector, FindsNothingInAnEmptyScan) {
               IsEmpty());
 }
 
-}  // namespace
+}  // namespace geometric_detector_test
 }  // namespace stillmap::mapping

@@ -9,7 +9,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace ground_fill_test {
 
 using test::ThrowsSaying;
 using ::testing::IsEmpty;
@@ -162,5 +162,5 @@ TEST_F(GroundFill, RefusesOtherLevelsAndVoxelsWithoutSize) {
   }
 }
 
-}  // namespace
+}  // namespace ground_fill_test
 }  // namespace stillmap::mapping

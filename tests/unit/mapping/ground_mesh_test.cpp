@@ -12,7 +12,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace ground_mesh_test {
 
 using maps::InputError;
 using test::ThrowsSaying;
@@ -110,5 +110,5 @@ TEST_F(ReadGroundMesh, RefusesBrokenFilesByName) {
   EXPECT_THROW((void)read_ground_mesh(folder_.path() / "none.ply"), maps::StorageError);
 }
 
-}  // namespace
+}  // namespace ground_mesh_test
 }  // namespace stillmap::mapping

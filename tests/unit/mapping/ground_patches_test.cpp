@@ -13,7 +13,7 @@
 #include "support/synthetic_world.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace ground_patches_test {
 
 using testing::ElementsAre;
 
@@ -294,5 +294,5 @@ TEST(ReflectedNoise, BearsIntensitiesThatAreNotNumbers) {
   EXPECT_EQ(find_reflected_noise(cloud, SeedPlane{-1.8, {0.0, 0.0}})[320], 0);
 }
 
-}  // namespace
+}  // namespace ground_patches_test
 }  // namespace stillmap::mapping

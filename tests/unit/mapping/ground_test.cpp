@@ -13,7 +13,7 @@
 #include "support/synthetic_world.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace ground_test {
 
 constexpr double kSensorM = 1.8;
 
@@ -454,5 +454,5 @@ TEST(Ground, IsFoundInTheNarrowViewOfASolidStateSensor) {
   expect_finite(*ground.surface);
 }
 
-}  // namespace
+}  // namespace ground_test
 }  // namespace stillmap::mapping

@@ -9,7 +9,7 @@
 #include <numbers>
 
 namespace stillmap::mapping {
-namespace {
+namespace integrity_test {
 
 using localization::PoseStatus;
 
@@ -140,5 +140,5 @@ TEST(BoundedRate, GrowsWhenTheSameEventsComeFromFewerScans) {
   EXPECT_GT(b.upper_95, 0.05);
 }
 
-}  // namespace
+}  // namespace integrity_test
 }  // namespace stillmap::mapping

@@ -7,7 +7,7 @@
 #include <numbers>
 
 namespace stillmap::mapping {
-namespace {
+namespace kerb_run_test {
 
 using Height = std::function<double(const Eigen::Vector2d& p_local)>;
 using Keep = std::function<bool(const Eigen::Vector2d& p_local)>;
@@ -141,5 +141,5 @@ TEST_F(KerbRun, OfNothingIsNothing) {
   EXPECT_FALSE(unknown[0].planes);
 }
 
-}  // namespace
+}  // namespace kerb_run_test
 }  // namespace stillmap::mapping

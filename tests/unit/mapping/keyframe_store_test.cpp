@@ -15,7 +15,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace keyframe_store_test {
 
 using test::TemporaryFolder;
 using Points = std::vector<Eigen::Vector3f>;
@@ -103,5 +103,5 @@ TEST(KeyframeStore, NamesAFileThatCannotBeMadeOrEndsTooEarly) {
   EXPECT_THROW(static_cast<void>(store.read(0)), maps::StorageError);
 }
 
-}  // namespace
+}  // namespace keyframe_store_test
 }  // namespace stillmap::mapping

@@ -13,7 +13,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace label_evaluation_test {
 
 using maps::PointFate;
 using test::Handled;
@@ -445,5 +445,5 @@ TEST(LabelEvaluation, EndsWhenCancelled) {
       Cancelled);
 }
 
-}  // namespace
+}  // namespace label_evaluation_test
 }  // namespace stillmap::mapping

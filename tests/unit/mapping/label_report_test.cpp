@@ -6,7 +6,7 @@
 #include <string>
 
 namespace stillmap::mapping {
-namespace {
+namespace label_report_test {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -74,5 +74,5 @@ TEST(LabelReport, SaysWhatIsNotKnown) {
   EXPECT_THAT(page, HasSubstr("No true ground"));
 }
 
-}  // namespace
+}  // namespace label_report_test
 }  // namespace stillmap::mapping

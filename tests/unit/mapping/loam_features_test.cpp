@@ -11,7 +11,7 @@
 #include <tuple>
 
 namespace stillmap::mapping::loam {
-namespace {
+namespace loam_features_test {
 
 using Ring = std::vector<Eigen::Vector3f>;
 
@@ -133,5 +133,5 @@ TEST(LoamFeatures, OfNothingAreNone) {
   EXPECT_TRUE(features.less_flat.empty());
 }
 
-}  // namespace
+}  // namespace loam_features_test
 }  // namespace stillmap::mapping::loam

@@ -10,7 +10,7 @@
 #include <cmath>
 
 namespace stillmap::mapping::loam {
-namespace {
+namespace loam_fit_test {
 
 using Vector3 = Eigen::Vector3d;
 
@@ -206,5 +206,5 @@ TEST(LoamFeatureMap, KeepsAMeanAVoxelAndForgetsWhatIsFar) {
   EXPECT_EQ(map.nearest({0.2, 0.1, 0.1}).count, 1U);
 }
 
-}  // namespace
+}  // namespace loam_fit_test
 }  // namespace stillmap::mapping::loam

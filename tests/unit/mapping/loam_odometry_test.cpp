@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace stillmap::mapping {
-namespace {
+namespace loam_odometry_test {
 
 using test::IsNearPose;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
@@ -214,5 +214,5 @@ TEST(LoamOdometry, RefusesASensorWithoutRingsByName) {
               test::ThrowsSaying<maps::InputError>({"walk/000001.pcd", "3000 points", "spins"}));
 }
 
-}  // namespace
+}  // namespace loam_odometry_test
 }  // namespace stillmap::mapping

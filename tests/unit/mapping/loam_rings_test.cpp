@@ -11,7 +11,7 @@
 #include <numeric>
 
 namespace stillmap::mapping::loam {
-namespace {
+namespace loam_rings_test {
 
 /// A scan with the ring of every point.
 struct Known {
@@ -136,5 +136,5 @@ TEST(LoamRings, OfASensorWithoutAnyAreRefusedByName) {
   }
 }
 
-}  // namespace
+}  // namespace loam_rings_test
 }  // namespace stillmap::mapping::loam

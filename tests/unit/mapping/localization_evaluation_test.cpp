@@ -21,7 +21,7 @@
 #include "small_drive.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace localization_evaluation_test {
 
 using localization::PoseStatus;
 using ::testing::SizeIs;
@@ -337,5 +337,5 @@ TEST(LocalizationEvaluation, AsksOnlyForSelectedScansThatTheReferenceHasPosesOf)
   EXPECT_THROW((void)evaluate(), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace localization_evaluation_test
 }  // namespace stillmap::mapping

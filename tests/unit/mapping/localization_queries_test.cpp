@@ -16,7 +16,7 @@
 #include "small_drive.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace localization_queries_test {
 
 using localization::PoseStatus;
 using ::testing::ElementsAre;
@@ -176,5 +176,5 @@ TEST(LocalizationCsv, LeavesAFieldEmptyWhereThereIsNoNumber) {
   EXPECT_EQ(fields(lines[1]).size(), fields(lines[0]).size());
 }
 
-}  // namespace
+}  // namespace localization_queries_test
 }  // namespace stillmap::mapping

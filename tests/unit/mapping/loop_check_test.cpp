@@ -11,7 +11,7 @@
 #include "support/synthetic_world.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace loop_check_test {
 
 using testing::Each;
 using testing::ElementsAre;
@@ -86,5 +86,5 @@ TEST(AgreedLoops, MayLeadToOneOdometryFrameFromAnother) {
   EXPECT_THAT(agreed_loops(loops, moved), Each(1));
 }
 
-}  // namespace
+}  // namespace loop_check_test
 }  // namespace stillmap::mapping

@@ -15,7 +15,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace loop_finder_test {
 
 using std::numbers::pi;
 using testing::IsEmpty;
@@ -164,5 +164,5 @@ TEST(LoopFinder, EndsWhenItIsCancelled) {
   EXPECT_THROW(static_cast<void>(finder.find(1, {}, cancel)), Cancelled);
 }
 
-}  // namespace
+}  // namespace loop_finder_test
 }  // namespace stillmap::mapping

@@ -9,7 +9,7 @@
 #include "evaluation/odometry/trajectory_errors.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace loop_scores_test {
 
 using Poses = std::vector<Eigen::Isometry3d>;
 
@@ -105,5 +105,5 @@ TEST(LoopScores, RejectsKeyframesThatAreNotThere) {
   EXPECT_THROW((void)score_loops(path, std::vector<double>{1.0}, {}), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace loop_scores_test
 }  // namespace stillmap::mapping

@@ -15,7 +15,7 @@
 #include <stdexcept>
 
 namespace stillmap::mapping {
-namespace {
+namespace map_aligners_test {
 
 using test::pose_at;
 using ::testing::ElementsAre;
@@ -117,5 +117,5 @@ TEST(PclGicp, AMapTooSmallForCovariancesIsRefused) {
   EXPECT_THROW(PclGicpAligner({Eigen::Vector3d::Zero()}, {}), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace map_aligners_test
 }  // namespace stillmap::mapping

@@ -14,7 +14,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace map_build_test {
 
 using maps::InputError;
 using test::ThrowsSaying;
@@ -530,5 +530,5 @@ TEST_F(MapBuild, RefusesEmptyRangesOfPoints) {
   EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<std::invalid_argument>({"max_range_m"}));
 }
 
-}  // namespace
+}  // namespace map_build_test
 }  // namespace stillmap::mapping

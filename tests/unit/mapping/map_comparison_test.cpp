@@ -13,7 +13,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace map_comparison_test {
 
 using maps::PointKind;
 
@@ -182,5 +182,5 @@ TEST_F(MapComparison, StopsWhenCancelled) {
                Cancelled);
 }
 
-}  // namespace
+}  // namespace map_comparison_test
 }  // namespace stillmap::mapping

@@ -11,7 +11,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace map_evaluation_test {
 
 using maps::InputError;
 using test::ThrowsSaying;
@@ -168,5 +168,5 @@ TEST_F(EvaluateMap, EndsWhenCancelled) {
   EXPECT_THROW((void)evaluate(), Cancelled);
 }
 
-}  // namespace
+}  // namespace map_evaluation_test
 }  // namespace stillmap::mapping

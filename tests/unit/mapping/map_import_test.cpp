@@ -19,7 +19,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace map_import_test {
 
 namespace fs = std::filesystem;
 using maps::InputError;
@@ -277,5 +277,5 @@ TEST_F(MapImport, SameBytesForAnyNumberOfThreads) {
   EXPECT_EQ(import("cloud.pcd", cloud, "many").digest, digest);
 }
 
-}  // namespace
+}  // namespace map_import_test
 }  // namespace stillmap::mapping

@@ -14,7 +14,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace map_registration_test {
 
 namespace fs = std::filesystem;
 using maps::InputError;
@@ -173,5 +173,5 @@ TEST_F(MapRegistration, SameBitsForAnyNumberOfThreads) {
   EXPECT_EQ(registered(drive).frame.registration.T_map_poses.matrix(), alone.matrix());
 }
 
-}  // namespace
+}  // namespace map_registration_test
 }  // namespace stillmap::mapping

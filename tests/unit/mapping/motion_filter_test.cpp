@@ -8,7 +8,7 @@
 #include "support/matchers.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace motion_filter_test {
 
 using test::IsNearVector;
 
@@ -75,5 +75,5 @@ TEST(MotionFilter, NeedsAMeasurement) {
   EXPECT_THROW(static_cast<void>(smoothed_path({}, kNoise)), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace motion_filter_test
 }  // namespace stillmap::mapping

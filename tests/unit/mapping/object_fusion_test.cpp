@@ -17,7 +17,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace object_fusion_test {
 
 using test::IsNearVector;
 using test::ThrowsSaying;
@@ -495,5 +495,5 @@ TEST(ObjectFusion, AsksOnlyScansNearAPlace) {
   EXPECT_LT(queries(600), 20 * queries(60));
 }
 
-}  // namespace
+}  // namespace object_fusion_test
 }  // namespace stillmap::mapping

@@ -13,7 +13,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace obstacle_store_test {
 
 using maps::StorageError;
 using test::TemporaryFolder;
@@ -97,5 +97,5 @@ TEST(ObstacleStore, NamesAFolderThatIsNotThereAndAFileThatWasCutShort) {
               ThrowsSaying<StorageError>({"obstacles", "ends at byte 50"}));
 }
 
-}  // namespace
+}  // namespace obstacle_store_test
 }  // namespace stillmap::mapping

@@ -18,7 +18,7 @@
 #include <vector>
 
 namespace stillmap::mapping {
-namespace {
+namespace octomap_cleaner_test {
 
 using test::ScanPattern;
 using test::ScansInMemory;
@@ -240,5 +240,5 @@ TEST(Octomap, RefusesMapsAndScansThatCannotBe) {
   EXPECT_THAT([&] { (void)clean(at_four_metres(), scans); }, ThrowsSaying<Wrong>({"scan"}));
 }
 
-}  // namespace
+}  // namespace octomap_cleaner_test
 }  // namespace stillmap::mapping

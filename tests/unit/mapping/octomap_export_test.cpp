@@ -12,7 +12,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace octomap_export_test {
 
 using test::ThrowsSaying;
 using enum maps::PointKind;
@@ -77,5 +77,5 @@ TEST_F(OctomapExport, MapsBeyondTheTreeAreRefusedWithTheRemedy) {
               ThrowsSaying<std::invalid_argument>({"kinds", "octomap"}));
 }
 
-}  // namespace
+}  // namespace octomap_export_test
 }  // namespace stillmap::mapping

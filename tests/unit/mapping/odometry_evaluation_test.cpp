@@ -14,7 +14,7 @@
 #include "small_drive.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace odometry_evaluation_test {
 
 /// The small drive with something at its ends and sides: between two walls alone nothing tells how
 /// far it went.
@@ -190,5 +190,5 @@ TEST_F(TreatedScansTest, DeletesThePointsThatItWouldProject) {
   EXPECT_EQ(cloud.size() + points_.deleted, points_.in);
 }
 
-}  // namespace
+}  // namespace odometry_evaluation_test
 }  // namespace stillmap::mapping

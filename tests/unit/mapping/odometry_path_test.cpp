@@ -9,7 +9,7 @@
 #include "support/synthetic_world.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace odometry_path_test {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
@@ -100,5 +100,5 @@ TEST(ChiSquared, WeighsWhatLiesBetweenByBothCovariances) {
   EXPECT_TRUE(std::isinf(chi_squared(a, b)));
 }
 
-}  // namespace
+}  // namespace odometry_path_test
 }  // namespace stillmap::mapping

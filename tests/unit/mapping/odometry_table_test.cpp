@@ -16,7 +16,7 @@
 #include "small_drive.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace odometry_table_test {
 
 OdometryTableRun run(const std::string& drive, MovablePolicy points, double ape_m,
                      double with_loops_m = 0.1) {
@@ -181,5 +181,5 @@ TEST(OdometryTableOptions, NamesEveryBrokenBound) {
   EXPECT_EQ(options.violations().size(), 4U);
 }
 
-}  // namespace
+}  // namespace odometry_table_test
 }  // namespace stillmap::mapping

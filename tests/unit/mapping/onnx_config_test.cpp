@@ -12,7 +12,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace onnx_config_test {
 
 using nlohmann::json;
 using test::ThrowsSaying;
@@ -114,5 +114,5 @@ TEST(OnnxConfig, RefusesWhatIsNoJsonAndAFileThatIsNotThere) {
               ThrowsSaying<maps::InputError>({"/nowhere/network.json", "no file"}));
 }
 
-}  // namespace
+}  // namespace onnx_config_test
 }  // namespace stillmap::mapping

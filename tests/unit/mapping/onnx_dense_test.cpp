@@ -15,7 +15,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace onnx_dense_test {
 
 using test::IsNearVector;
 using test::ThrowsSaying;
@@ -209,5 +209,5 @@ TEST(DecodeDense, KeepsTheBestOfTooMany) {
   EXPECT_THAT(boxes.back().centre.head<2>(), IsNearVector(Eigen::Vector2d(-0.5, 99.5), 1e-6));
 }
 
-}  // namespace
+}  // namespace onnx_dense_test
 }  // namespace stillmap::mapping

@@ -19,7 +19,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace onnx_detector_test {
 
 using nlohmann::json;
 using test::IsNearVector;
@@ -260,5 +260,5 @@ TEST(OnnxDetector, NamesAModelThatIsMissing) {
               ThrowsSaying<maps::InputError>({"other.onnx", "no file"}));
 }
 
-}  // namespace
+}  // namespace onnx_detector_test
 }  // namespace stillmap::mapping

@@ -15,7 +15,7 @@
 #include "small_drive.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace paper_evaluation_test {
 
 using localization::PoseStatus;
 using ::testing::ElementsAre;
@@ -317,5 +317,5 @@ TEST(PaperAnswersFile, ALostAnswerHasItsPriorsError) {
   EXPECT_FALSE(read_answers(folder.write("broken", "{\"key\": \"key\"}"), "key"));
 }
 
-}  // namespace
+}  // namespace paper_evaluation_test
 }  // namespace stillmap::mapping

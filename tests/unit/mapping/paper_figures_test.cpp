@@ -10,7 +10,7 @@
 #include "support/synthetic_world.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace paper_figures_test {
 
 using localization::PoseStatus;
 
@@ -160,5 +160,5 @@ TEST(PaperReport, IsOnePageWithoutScriptsAndEscapesWhatItIsTold) {
   EXPECT_EQ(page, to_html(result, "stillmap evaluate paper --work 'a&b'"));
 }
 
-}  // namespace
+}  // namespace paper_figures_test
 }  // namespace stillmap::mapping

@@ -16,7 +16,7 @@
 #include <vector>
 
 namespace stillmap::mapping {
-namespace {
+namespace pcl_icp_test {
 
 using test::pose_at;
 
@@ -105,5 +105,5 @@ TEST(MapAligner, OurIcpAndPclsLandAtTheSamePose) {
   }
 }
 
-}  // namespace
+}  // namespace pcl_icp_test
 }  // namespace stillmap::mapping

@@ -9,7 +9,7 @@
 #include <limits>
 
 namespace stillmap::mapping {
-namespace {
+namespace point_cells_test {
 
 std::vector<Eigen::Vector3f> cloud(std::size_t size, double half_m, std::uint64_t seed) {
   test::Random random(seed);
@@ -90,5 +90,5 @@ TEST(PointCells, RefusesWhatItCannotHold) {
   EXPECT_THROW(PointCells({}, std::nan("")), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace point_cells_test
 }  // namespace stillmap::mapping

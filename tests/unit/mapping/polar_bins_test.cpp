@@ -10,7 +10,7 @@
 #include <numbers>
 
 namespace stillmap::mapping {
-namespace {
+namespace polar_bins_test {
 
 Eigen::Vector3f polar(double range_m, double azimuth_deg, double z_m) {
   const double azimuth = azimuth_deg * std::numbers::pi / 180.0;
@@ -118,5 +118,5 @@ TEST(RegionGround, OfLessThanAPlaneIsNothing) {
   EXPECT_EQ(region_ground({{0, 0, 0}, {1, 0, 0}}), (std::vector<std::uint8_t>{0, 0}));
 }
 
-}  // namespace
+}  // namespace polar_bins_test
 }  // namespace stillmap::mapping

@@ -11,7 +11,7 @@
 #include <vector>
 
 namespace stillmap::mapping {
-namespace {
+namespace pose_graph_anchors_test {
 
 using test::IsNearPose;
 
@@ -162,5 +162,5 @@ TEST(PoseGraphAnchors, DrivesAreJoinedByTheLoopsThatAgree) {
   EXPECT_EQ(believed, 15U);
 }
 
-}  // namespace
+}  // namespace pose_graph_anchors_test
 }  // namespace stillmap::mapping

@@ -14,7 +14,7 @@
 #include <vector>
 
 namespace stillmap::mapping {
-namespace {
+namespace pose_graph_test {
 
 using test::IsNearPose;
 using test::ThrowsSaying;
@@ -287,5 +287,5 @@ TEST(PoseGraph, EndsWhenCancelled) {
   EXPECT_THROW((void)solve(square(), CancelFlag(true)), Cancelled);
 }
 
-}  // namespace
+}  // namespace pose_graph_test
 }  // namespace stillmap::mapping

@@ -9,7 +9,7 @@
 #include <numbers>
 
 namespace stillmap::mapping {
-namespace {
+namespace pose_residuals_test {
 
 using test::IsNearPose;
 using test::IsNearVector;
@@ -94,5 +94,5 @@ TEST(PoseResiduals, PositionIsThatOfTheLeversEnd) {
               IsNearVector(Eigen::Vector3d::Zero().eval(), 1e-12));
 }
 
-}  // namespace
+}  // namespace pose_residuals_test
 }  // namespace stillmap::mapping

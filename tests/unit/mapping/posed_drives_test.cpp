@@ -12,7 +12,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace posed_drives_test {
 
 using maps::InputError;
 using test::ThrowsSaying;
@@ -149,5 +149,5 @@ TEST_F(PosedDrivesTest, GraphSpeaksOfThePosesOfTheMap) {
   EXPECT_EQ(found.loops[0], (maps::MapGraph::Loop{.from = each + 1, .to = 0, .weight = 0.5}));
 }
 
-}  // namespace
+}  // namespace posed_drives_test
 }  // namespace stillmap::mapping

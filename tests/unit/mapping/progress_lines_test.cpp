@@ -7,7 +7,7 @@
 #include <vector>
 
 namespace stillmap::mapping {
-namespace {
+namespace progress_lines_test {
 
 using ::testing::DoubleNear;
 using ::testing::ElementsAre;
@@ -87,5 +87,5 @@ TEST_F(ProgressLinesTest, KnowsNoDivisionByZero) {
   EXPECT_EQ(nlohmann::json::parse(cancelled_line()).at("outcome"), "cancelled");
 }
 
-}  // namespace
+}  // namespace progress_lines_test
 }  // namespace stillmap::mapping

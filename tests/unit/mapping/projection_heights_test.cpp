@@ -10,7 +10,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace projection_heights_test {
 
 using test::ThrowsSaying;
 using ::testing::Each;
@@ -227,5 +227,5 @@ TEST(BoxColumns, OfNoBoxFindNothing) {
   EXPECT_EQ(columns.first_with({0.0F, 0.0F, 0.0F}), -1);
 }
 
-}  // namespace
+}  // namespace projection_heights_test
 }  // namespace stillmap::mapping

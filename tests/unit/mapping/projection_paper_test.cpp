@@ -8,7 +8,7 @@
 
 /// What "as the paper does" means: its text, where the printed equations say something else.
 namespace stillmap::mapping {
-namespace {
+namespace projection_paper_test {
 
 using test::ThrowsSaying;
 using ::testing::Each;
@@ -104,5 +104,5 @@ TEST(GroundHeight, HasANameThatReadsBack) {
               ThrowsSaying<std::invalid_argument>({"'Mean'", "local or mean"}));
 }
 
-}  // namespace
+}  // namespace projection_paper_test
 }  // namespace stillmap::mapping

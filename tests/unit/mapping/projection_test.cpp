@@ -9,7 +9,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace projection_test {
 
 using test::ThrowsSaying;
 using ::testing::ElementsAre;
@@ -188,5 +188,5 @@ TEST(MovablePolicy, HasANameThatReadsBack) {
               ThrowsSaying<std::invalid_argument>({"'Project'", "project, delete or keep"}));
 }
 
-}  // namespace
+}  // namespace projection_test
 }  // namespace stillmap::mapping

@@ -10,7 +10,7 @@
 #include <limits>
 
 namespace stillmap::mapping {
-namespace {
+namespace published_metrics_test {
 
 struct Truth {
   std::vector<Eigen::Vector3f> positions;
@@ -229,5 +229,5 @@ TEST(ErasorTruth, SaysForEachMapWhichKindsAreDynamic) {
   EXPECT_EQ(truth.scores({}, movable).PR, 0.0);
 }
 
-}  // namespace
+}  // namespace published_metrics_test
 }  // namespace stillmap::mapping

@@ -13,7 +13,7 @@
 #include "small_drive.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace query_scans_test {
 
 /// The small drive, with the true boxes of its car.
 class QueryScansTest : public ::testing::Test {
@@ -153,5 +153,5 @@ TEST_F(QueryScansTest, AreWhatAMethodIsAskedWith) {
   }
 }
 
-}  // namespace
+}  // namespace query_scans_test
 }  // namespace stillmap::mapping

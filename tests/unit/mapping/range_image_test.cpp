@@ -8,7 +8,7 @@
 #include <numbers>
 
 namespace stillmap::mapping {
-namespace {
+namespace range_image_test {
 
 constexpr double kDeg = std::numbers::pi / 180.0;
 
@@ -113,5 +113,5 @@ TEST(RingSpacing, IsThatOfAnHdl64WithoutRings) {
   EXPECT_DOUBLE_EQ(ring_spacing_rad({at(0, 0, 1), at(0, 2, 1)}), 0.4 * kDeg);
 }
 
-}  // namespace
+}  // namespace range_image_test
 }  // namespace stillmap::mapping

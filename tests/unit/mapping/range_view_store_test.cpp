@@ -17,7 +17,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace range_view_store_test {
 
 using maps::StorageError;
 using test::TemporaryFolder;
@@ -117,5 +117,5 @@ TEST(RangeViewStore, NamesAFullDiskAndKeepsWhatItHas) {
   EXPECT_EQ(*store.read(1), view_from(2.0));
 }
 
-}  // namespace
+}  // namespace range_view_store_test
 }  // namespace stillmap::mapping

@@ -13,7 +13,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace range_view_test {
 
 using test::pose_at;
 using test::ScanPattern;
@@ -274,5 +274,5 @@ TEST(BoxRays, AreNoneForABoxThatIsBrokenOrHoldsTheSensor) {
   EXPECT_EQ(all(flat), 0U);
 }
 
-}  // namespace
+}  // namespace range_view_test
 }  // namespace stillmap::mapping

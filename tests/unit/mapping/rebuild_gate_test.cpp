@@ -11,7 +11,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace rebuild_gate_test {
 
 using test::ThrowsSaying;
 using ::testing::ElementsAre;
@@ -185,5 +185,5 @@ TEST(RebuildGate, RefusesAFileOfOtherThingsByName) {
               ThrowsSaying<maps::InputError>({"none.json"}));
 }
 
-}  // namespace
+}  // namespace rebuild_gate_test
 }  // namespace stillmap::mapping

@@ -19,7 +19,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace rebuild_test {
 
 namespace fs = std::filesystem;
 using test::ThrowsSaying;
@@ -276,5 +276,5 @@ TEST_F(RebuildTest, EstimatesFromScansAndPoints) {
   EXPECT_THROW((void)estimate_rebuild(1, 1, 0.0), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace rebuild_test
 }  // namespace stillmap::mapping

@@ -9,7 +9,7 @@
 #include "support/matchers.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace rectangle_fit_test {
 
 using test::IsNearVector;
 using Points = std::vector<Eigen::Vector2d>;
@@ -64,5 +64,5 @@ TEST(RectangleFit, OfOneOrEqualPointsHasNoExtent) {
   }
 }
 
-}  // namespace
+}  // namespace rectangle_fit_test
 }  // namespace stillmap::mapping

@@ -9,7 +9,7 @@
 #include <vector>
 
 namespace stillmap::mapping {
-namespace {
+namespace reference_cleaners_test {
 
 using ::testing::IsSupersetOf;
 
@@ -30,5 +30,5 @@ TEST(ReferenceCleaners, NoneKeepsAll) {
             std::vector<std::uint8_t>(1, 0));
 }
 
-}  // namespace
+}  // namespace reference_cleaners_test
 }  // namespace stillmap::mapping

@@ -7,7 +7,7 @@
 #include "support/synthetic_world.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace removed_points_test {
 
 std::map<int, int> met_by_tag(const RemovedPoints& removed) {
   std::map<int, int> met;
@@ -89,5 +89,5 @@ TEST(RemovedPoints, MayBeNone) {
   EXPECT_TRUE(removed.points().empty());
 }
 
-}  // namespace
+}  // namespace removed_points_test
 }  // namespace stillmap::mapping

@@ -10,7 +10,7 @@
 #include <numbers>
 
 namespace stillmap::mapping {
-namespace {
+namespace removert_test {
 
 using Kind = test::DrivenPast::Kind;
 
@@ -149,5 +149,5 @@ TEST(Removert, ReportsEveryScanOfEveryPassAndCanBeCancelled) {
   EXPECT_THROW((void)Removert().moved(drive().map, drive(), nullptr, cancelled), Cancelled);
 }
 
-}  // namespace
+}  // namespace removert_test
 }  // namespace stillmap::mapping

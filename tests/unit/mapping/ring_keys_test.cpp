@@ -11,7 +11,7 @@
 #include "support/synthetic_world.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace ring_keys_test {
 
 using testing::ElementsAre;
 using testing::IsEmpty;
@@ -59,5 +59,5 @@ TEST(RingKeys, GivesWhatThereIs) {
   EXPECT_THAT(RingKeys({}).nearest(key, 3, any), IsEmpty());
 }
 
-}  // namespace
+}  // namespace ring_keys_test
 }  // namespace stillmap::mapping

@@ -10,7 +10,7 @@
 #include "weights_in_memory.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace safetensors_test {
 
 using maps::InputError;
 using test::as_bytes;
@@ -198,5 +198,5 @@ TEST(Safetensors, KeepsMessagesOnOneLineAndShort) {
   }
 }
 
-}  // namespace
+}  // namespace safetensors_test
 }  // namespace stillmap::mapping

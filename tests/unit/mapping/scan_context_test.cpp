@@ -9,7 +9,7 @@
 #include "support/synthetic_world.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace scan_context_test {
 
 using std::numbers::pi;
 using Points = std::vector<Eigen::Vector3f>;
@@ -131,5 +131,5 @@ TEST(ScanContext, OfThePlaceDrivenBackIsTurnedByHalfACircle) {
   EXPECT_LT(found.distance, 0.7 * distance_between(there, far).distance);
 }
 
-}  // namespace
+}  // namespace scan_context_test
 }  // namespace stillmap::mapping

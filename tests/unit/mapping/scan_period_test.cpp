@@ -8,7 +8,7 @@
 #include <support/throws.hpp>
 
 namespace stillmap::mapping {
-namespace {
+namespace scan_period_test {
 
 constexpr std::int64_t kMs = 1'000'000;
 
@@ -60,5 +60,5 @@ TEST(ScanPeriod, RefusesStampsThatDoNotIncrease) {
   EXPECT_TRUE(period.step_to(std::numeric_limits<std::int64_t>::max(), "scan")->is_gap);
 }
 
-}  // namespace
+}  // namespace scan_period_test
 }  // namespace stillmap::mapping

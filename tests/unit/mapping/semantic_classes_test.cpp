@@ -5,7 +5,7 @@
 #include <set>
 
 namespace stillmap::mapping {
-namespace {
+namespace semantic_classes_test {
 
 std::set<int> labels_of(ClassKind kind) {
   std::set<int> labels;
@@ -42,5 +42,5 @@ TEST(SemanticClasses, GroundIsWhatPatchworkCounts) {
   EXPECT_EQ(left_out, (std::set<int>{0, 1, 70}));
 }
 
-}  // namespace
+}  // namespace semantic_classes_test
 }  // namespace stillmap::mapping

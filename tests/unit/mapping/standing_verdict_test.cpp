@@ -10,7 +10,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace standing_verdict_test {
 
 /// Flat ground 1.8 m below the sensor.
 class Floor final : public GroundSurface {
@@ -234,5 +234,5 @@ TEST_F(JudgeStanding, LeavesWhatMovedAlone) {
   EXPECT_EQ(fused_.objects.size(), 1U);
 }
 
-}  // namespace
+}  // namespace standing_verdict_test
 }  // namespace stillmap::mapping

@@ -8,7 +8,7 @@
 #include "support/synthetic_world.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace step_fit_test {
 
 using Height = std::function<double(const Eigen::Vector2d& p)>;
 
@@ -103,5 +103,5 @@ TEST(StepFit, NeedsADozenSamples) {
   EXPECT_FALSE(fit_stepped_plane({}, kBounds));
 }
 
-}  // namespace
+}  // namespace step_fit_test
 }  // namespace stillmap::mapping

@@ -8,7 +8,7 @@
 #include "support/synthetic_world.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace street_draws_test {
 
 using Weights = StreetDraws::Weights;
 
@@ -115,5 +115,5 @@ TEST(StreetDraws, RefusesWhatHasNoScans) {
   EXPECT_THROW(StreetDraws({3, 0}, 1), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace street_draws_test
 }  // namespace stillmap::mapping

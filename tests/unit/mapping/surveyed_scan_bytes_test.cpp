@@ -10,7 +10,7 @@
 #include <tuple>
 
 namespace stillmap::mapping {
-namespace {
+namespace surveyed_scan_bytes_test {
 
 constexpr std::size_t kPoints = 13;
 
@@ -138,5 +138,5 @@ TEST(SurveyedScanBytes, RefuseWhatIsNoClassAndNoFlag) {
   EXPECT_THROW((void)surveyed_scan_from(to_bytes(scan)), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace surveyed_scan_bytes_test
 }  // namespace stillmap::mapping

@@ -14,7 +14,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace tile_stack_test {
 
 using maps::MapPoint;
 using maps::PointKind;
@@ -245,5 +245,5 @@ TEST(TilePoints, OfFilledGroundAreMarkedAndHaveNoObservation) {
   EXPECT_EQ(tile.history[0].object, 4U);
 }
 
-}  // namespace
+}  // namespace tile_stack_test
 }  // namespace stillmap::mapping

@@ -10,7 +10,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace top_view_test {
 
 constexpr Colour kDark{18, 20, 26};
 constexpr Colour kLowest{68, 1, 84};
@@ -124,5 +124,5 @@ TEST(TopView, RefusesAnAreaOrASizeThatIsNone) {
   EXPECT_THROW(TopView({0.0, 0.0}, {1.0, 1.0}, 8193), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace top_view_test
 }  // namespace stillmap::mapping

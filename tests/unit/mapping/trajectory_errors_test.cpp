@@ -10,7 +10,7 @@
 #include <string>
 
 namespace stillmap::mapping {
-namespace {
+namespace trajectory_errors_test {
 
 constexpr double kDeg = std::numbers::pi / 180.0;
 
@@ -225,5 +225,5 @@ TEST(ErrorFigures, AreMeanRootMeanSquareMedianAndLargest) {
   EXPECT_NEAR(figures_of({1.0, 2.0}).median, 1.5, 1e-12);
 }
 
-}  // namespace
+}  // namespace trajectory_errors_test
 }  // namespace stillmap::mapping

@@ -14,7 +14,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace trajectory_estimate_test {
 
 using maps::InputError;
 using test::ThrowsSaying;
@@ -230,5 +230,5 @@ TEST(TrajectoryOptions, NameWhatIsOutOfBounds) {
   EXPECT_EQ(options.violations().size(), 5U);
 }
 
-}  // namespace
+}  // namespace trajectory_estimate_test
 }  // namespace stillmap::mapping

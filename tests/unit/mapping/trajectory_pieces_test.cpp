@@ -13,7 +13,7 @@
 #include "trajectory/trajectory_graph.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace trajectory_pieces_test {
 
 using ::testing::ElementsAre;
 using ::testing::Optional;
@@ -233,5 +233,5 @@ TEST(TrajectoryGraph, GivenPosesCountAtTheEndsOfADriveAndEveryTenMetres) {
   EXPECT_DOUBLE_EQ(with_prior.absolute_poses[1].covariance(5, 5), 4e-4);
 }
 
-}  // namespace
+}  // namespace trajectory_pieces_test
 }  // namespace stillmap::mapping

@@ -15,7 +15,7 @@
 #include <vector>
 
 namespace stillmap::mapping::reference {
-namespace {
+namespace void_region_test {
 
 using Voxel = std::tuple<int, int, int>;
 using test::Random;
@@ -258,5 +258,5 @@ TEST(ScanRays, RefusesPosesBeyondTheVoxels) {
   }
 }
 
-}  // namespace
+}  // namespace void_region_test
 }  // namespace stillmap::mapping::reference

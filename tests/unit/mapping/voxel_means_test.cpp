@@ -9,7 +9,7 @@
 #include "support/synthetic_world.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace voxel_means_test {
 
 TEST(VoxelMeans, AreTheMeansOfWhatFellIntoEachVoxel) {
   VoxelMeans voxels(0.1);
@@ -52,5 +52,5 @@ TEST(VoxelMeans, RefuseAnEdgeThatIsNone) {
   EXPECT_THROW(VoxelMeans(std::numeric_limits<double>::quiet_NaN()), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace voxel_means_test
 }  // namespace stillmap::mapping

@@ -19,7 +19,7 @@
 #include <stdexcept>
 
 namespace stillmap::test {
-namespace {
+namespace voxelnext_detector_test {
 
 using mapping::FeatureRows;
 using mapping::SiteSet;
@@ -565,5 +565,5 @@ TEST(MakeDetector, SaysWhatIsWrongWithWeights) {
   EXPECT_THROW(static_cast<void>(mapping::make_detector("voxelnext:", 1)), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace voxelnext_detector_test
 }  // namespace stillmap::test

@@ -14,7 +14,7 @@
 #include <stdexcept>
 
 namespace stillmap::test {
-namespace {
+namespace voxelnext_layers_test {
 
 using mapping::Convolution;
 using mapping::FeatureRows;
@@ -294,5 +294,5 @@ TEST(Rulebook, WorksWithoutAnyCell) {
   EXPECT_EQ(out.rows(), 0U);
 }
 
-}  // namespace
+}  // namespace voxelnext_layers_test
 }  // namespace stillmap::test

@@ -17,7 +17,7 @@
 /// The network against a dense one in PyTorch with OpenPCDet's layers; see
 /// tests/data/voxelnext/README.md.
 namespace stillmap::mapping {
-namespace {
+namespace voxelnext_openpcdet_test {
 
 constexpr double kTolerance = 1e-4;
 
@@ -166,5 +166,5 @@ TEST(VoxelNextOfOpenPcdet, ReadsTheConfigThatWasConverted) {
   EXPECT_EQ(config.nms_iou, 0.3);
 }
 
-}  // namespace
+}  // namespace voxelnext_openpcdet_test
 }  // namespace stillmap::mapping

@@ -11,7 +11,7 @@
 #include "weights_in_memory.hpp"
 
 namespace stillmap::mapping {
-namespace {
+namespace voxelnext_weights_test {
 
 using maps::InputError;
 using nlohmann::ordered_json;
@@ -228,5 +228,5 @@ TEST(VoxelNextWeights, SurvivesRandomDamage) {
   EXPECT_GT(refused, 200);
 }
 
-}  // namespace
+}  // namespace voxelnext_weights_test
 }  // namespace stillmap::mapping

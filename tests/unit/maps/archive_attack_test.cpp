@@ -12,7 +12,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace archive_attack_test {
 
 namespace fs = std::filesystem;
 using namespace ::stillmap::test;
@@ -260,5 +260,5 @@ TEST_F(ArchiveAttackTest, RefusesAHundredThousandEntriesAtTheLimit) {
   expect_nothing_left();
 }
 
-}  // namespace
+}  // namespace archive_attack_test
 }  // namespace stillmap::maps

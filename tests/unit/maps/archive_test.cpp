@@ -17,7 +17,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace archive_test {
 
 namespace fs = std::filesystem;
 using namespace ::stillmap::test;
@@ -243,5 +243,5 @@ TEST_F(DriveArchiveTest, RefusesWhatIsNoDrive) {
   EXPECT_FALSE(fs::exists(target_));
 }
 
-}  // namespace
+}  // namespace archive_test
 }  // namespace stillmap::maps

@@ -9,7 +9,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace audit_log_test {
 
 using ::stillmap::test::TemporaryFolder;
 using ::stillmap::test::ThrowsSaying;
@@ -81,5 +81,5 @@ TEST_F(AuditLogTest, KeepsSoManyDays) {
               ThrowsSaying<std::invalid_argument>({"days"}));
 }
 
-}  // namespace
+}  // namespace audit_log_test
 }  // namespace stillmap::maps

@@ -13,7 +13,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace box_file_test {
 
 using ::stillmap::test::IsNearVector;
 using ::stillmap::test::TemporaryFolder;
@@ -195,5 +195,5 @@ TEST(BoxFile, RealLabelsHoldTheScansPoints) {
   EXPECT_GT(static_cast<double>(inside), 0.97 * static_cast<double>(around));
 }
 
-}  // namespace
+}  // namespace box_file_test
 }  // namespace stillmap::maps

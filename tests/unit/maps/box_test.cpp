@@ -7,7 +7,7 @@
 #include <numbers>
 
 namespace stillmap::maps {
-namespace {
+namespace box_test {
 
 Box turned_car() {
   Box box;
@@ -61,5 +61,5 @@ TEST(ObjectClass, NamesReadBack) {
   EXPECT_EQ(object_class_from("Car"), std::nullopt);
 }
 
-}  // namespace
+}  // namespace box_test
 }  // namespace stillmap::maps

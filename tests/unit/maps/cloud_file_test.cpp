@@ -14,7 +14,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace cloud_file_test {
 
 using test::TemporaryFolder;
 using test::ThrowsSaying;
@@ -230,5 +230,5 @@ TEST(CloudFile, WhatCannotBeReadIsRefusedInWords) {
   EXPECT_THROW((void)read_cloud_file(folder.path() / "none.pcd", {}), StorageError);
 }
 
-}  // namespace
+}  // namespace cloud_file_test
 }  // namespace stillmap::maps

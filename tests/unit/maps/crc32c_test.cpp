@@ -8,7 +8,7 @@
 #include <vector>
 
 namespace stillmap::maps {
-namespace {
+namespace crc32c_test {
 
 TEST(Crc32c, IsCastagnolis) {
   const std::string text = "123456789";
@@ -21,5 +21,5 @@ TEST(Crc32c, IsCastagnolis) {
   EXPECT_EQ(crc32c(std::vector<std::byte>(32)), 0x8A9136AAU);
 }
 
-}  // namespace
+}  // namespace crc32c_test
 }  // namespace stillmap::maps

@@ -30,7 +30,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace cut_files_test {
 
 namespace fs = std::filesystem;
 using test::append;
@@ -397,5 +397,5 @@ INSTANTIATE_TEST_SUITE_P(OfEveryReader, CutFiles, ::testing::ValuesIn(all_sample
                            return name;
                          });
 
-}  // namespace
+}  // namespace cut_files_test
 }  // namespace stillmap::maps

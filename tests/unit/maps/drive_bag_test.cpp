@@ -19,7 +19,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace drive_bag_test {
 
 using test::McapBytes;
 using test::odometry;
@@ -649,5 +649,5 @@ TEST_F(BagDrive, IsToldFromScansByItsFirstBytes) {
               ThrowsSaying<InputError>({"'?cloud=/a'", "no bag"}));
 }
 
-}  // namespace
+}  // namespace drive_bag_test
 }  // namespace stillmap::maps

@@ -12,7 +12,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace drive_check_test {
 
 using ::testing::Contains;
 using ::testing::ElementsAre;
@@ -298,5 +298,5 @@ TEST_F(DriveChecks, WithoutPosesOrWithFewScansLessIsSaid) {
   EXPECT_TRUE(one.mounting);
 }
 
-}  // namespace
+}  // namespace drive_check_test
 }  // namespace stillmap::maps

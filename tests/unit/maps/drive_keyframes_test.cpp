@@ -8,7 +8,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace drive_keyframes_test {
 
 using test::TemporaryFolder;
 using ::testing::AllOf;
@@ -113,5 +113,5 @@ TEST(KeyframesRealDrives, OpenWhole) {
   EXPECT_EQ(mulran.read(0).points_in_file, 62'082U);
 }
 
-}  // namespace
+}  // namespace drive_keyframes_test
 }  // namespace stillmap::maps

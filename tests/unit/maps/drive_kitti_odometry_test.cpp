@@ -10,7 +10,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace drive_kitti_odometry_test {
 
 using test::IsNearVector;
 using test::TemporaryFolder;
@@ -189,5 +189,5 @@ TEST(KittiOdometryRealScan, OpensWithLabelsAlone) {
   EXPECT_EQ(drive.read_labels(0).size(), drive.read(0).points_in_file);
 }
 
-}  // namespace
+}  // namespace drive_kitti_odometry_test
 }  // namespace stillmap::maps

@@ -14,7 +14,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace drive_kitti_raw_test {
 
 using test::IsNearPose;
 using test::IsNearVector;
@@ -327,5 +327,5 @@ TEST(KittiRawRealDrive, GoesForwardAtTheSpeedThatOxtsReports) {
   EXPECT_EQ(scan.cloud.time_offsets_s.size(), scan.cloud.size());
 }
 
-}  // namespace
+}  // namespace drive_kitti_raw_test
 }  // namespace stillmap::maps

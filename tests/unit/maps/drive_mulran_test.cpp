@@ -12,7 +12,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace drive_mulran_test {
 
 using test::TemporaryFolder;
 using ::testing::AllOf;
@@ -202,5 +202,5 @@ TEST_F(MulranDrive, WhatIsBrokenIsNamed) {
   expect_error("front.bin", "nanoseconds");
 }
 
-}  // namespace
+}  // namespace drive_mulran_test
 }  // namespace stillmap::maps

@@ -8,7 +8,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace drive_scan_folder_test {
 
 using test::TemporaryFolder;
 using test::xyzi;
@@ -217,5 +217,5 @@ TEST_F(ScanFolderDrive, ATrajectoryOfSomeScansGivesPosesToTheseAlone) {
   EXPECT_FALSE(poses_in(kTwoKitti));
 }
 
-}  // namespace
+}  // namespace drive_scan_folder_test
 }  // namespace stillmap::maps

@@ -20,7 +20,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace drive_store_test {
 
 namespace fs = std::filesystem;
 using ::stillmap::test::expect_refused;
@@ -255,5 +255,5 @@ TEST_F(DriveStoreTest, OthersGoOnWhileOneDriveIsSlow) {
   EXPECT_TRUE(taken.get());
 }
 
-}  // namespace
+}  // namespace drive_store_test
 }  // namespace stillmap::maps

@@ -8,7 +8,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace drive_table_test {
 
 using ::stillmap::test::expect_refused;
 using ::stillmap::test::TemporaryFolder;
@@ -98,5 +98,5 @@ TEST_F(DriveTableTest, RemovesADriveWithItsPartsAndNeverGivesItsIdAgain) {
   expect_refused(Reason::kUnknownMap, [&] { (void)drives_.of_map("nowhere"); });
 }
 
-}  // namespace
+}  // namespace drive_table_test
 }  // namespace stillmap::maps

@@ -11,7 +11,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace durable_files_test {
 
 using ::stillmap::test::FailingCalls;
 using ::stillmap::test::Fault;
@@ -92,5 +92,5 @@ TEST(DurableFiles, WritesNoFileThatIsThereAndFollowsNoLink) {
   EXPECT_EQ(text_of(folder.path() / "outside/kept"), "kept");
 }
 
-}  // namespace
+}  // namespace durable_files_test
 }  // namespace stillmap::maps

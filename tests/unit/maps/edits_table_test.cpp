@@ -11,7 +11,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace edits_table_test {
 
 using ::stillmap::test::expect_refused;
 using ::stillmap::test::TemporaryFolder;
@@ -70,5 +70,5 @@ TEST_F(EditsTableTest, AreBounded) {
               ThrowsSaying<std::invalid_argument>({"edits", "1048577"}));
 }
 
-}  // namespace
+}  // namespace edits_table_test
 }  // namespace stillmap::maps

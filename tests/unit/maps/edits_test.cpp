@@ -10,7 +10,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace edits_test {
 
 using test::IsNearVector;
 using test::ThrowsSaying;
@@ -102,5 +102,5 @@ TEST(Edits, OfATextAreNamedAsTheCallerSays) {
               ThrowsSaying<InputError>({"options.edits", "an object"}));
 }
 
-}  // namespace
+}  // namespace edits_test
 }  // namespace stillmap::maps

@@ -8,7 +8,7 @@
 #include "support/matchers.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace frames_test {
 
 using test::IsNearPose;
 using test::IsNearVector;
@@ -127,5 +127,5 @@ TEST(IsNearPoseMatcher, FailsOnNanAndOnEitherTolerance) {
   EXPECT_THAT(T, IsNearPose(identity, 0.11, 0.11));
 }
 
-}  // namespace
+}  // namespace frames_test
 }  // namespace stillmap::maps

@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 namespace stillmap::maps {
-namespace {
+namespace geodesy_test {
 
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
@@ -83,5 +83,5 @@ TEST(Geodesy, PlacesOffTheEarthAreNamed) {
   EXPECT_THAT(violations({91.0, 181.0, std::nan("")}), SizeIs(3));
 }
 
-}  // namespace
+}  // namespace geodesy_test
 }  // namespace stillmap::maps

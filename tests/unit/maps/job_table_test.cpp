@@ -12,7 +12,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace job_table_test {
 
 using ::stillmap::test::expect_refused;
 using ::stillmap::test::TemporaryFolder;
@@ -278,5 +278,5 @@ TEST_F(JobTableTest, NamesEveryStatus) {
   EXPECT_FALSE(job_status_of("done"));
 }
 
-}  // namespace
+}  // namespace job_table_test
 }  // namespace stillmap::maps

@@ -13,7 +13,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace key_table_test {
 
 using ::stillmap::test::expect_refused;
 using ::stillmap::test::TemporaryFolder;
@@ -150,5 +150,5 @@ TEST_F(KeyTableTest, RefusesKeysThatMakeNoSense) {
   EXPECT_THAT(state_.keys().list(), ElementsAre());
 }
 
-}  // namespace
+}  // namespace key_table_test
 }  // namespace stillmap::maps

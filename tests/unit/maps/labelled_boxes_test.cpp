@@ -11,7 +11,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace labelled_boxes_test {
 
 using ::stillmap::test::IsNearVector;
 using ::stillmap::test::TemporaryFolder;
@@ -129,5 +129,5 @@ TEST_F(LabelledBoxesTest, ReadsTheRealObjectFolder) {
   EXPECT_EQ(labels->views.at(1).dont_care.size(), 4U);
 }
 
-}  // namespace
+}  // namespace labelled_boxes_test
 }  // namespace stillmap::maps

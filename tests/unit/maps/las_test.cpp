@@ -20,7 +20,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace las_test {
 
 using test::LasBytes;
 using test::ThrowsSaying;
@@ -349,5 +349,5 @@ TEST(CoordinateSystem, AnyBytesAreSurvived) {
   EXPECT_EQ(read_geo_keys(std::as_bytes(std::span(longer))).utm, (UtmZone{32, true}));
 }
 
-}  // namespace
+}  // namespace las_test
 }  // namespace stillmap::maps

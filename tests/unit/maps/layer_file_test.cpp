@@ -14,7 +14,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace layer_file_test {
 
 using ::stillmap::test::TemporaryFolder;
 using ::stillmap::test::ThrowsSaying;
@@ -84,5 +84,5 @@ TEST_F(LayerFileTest, LayersThatDoNotFitThemselvesAreNotWritten) {
   EXPECT_THROW(write_layer(file_, "short", sample()), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace layer_file_test
 }  // namespace stillmap::maps

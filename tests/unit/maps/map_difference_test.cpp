@@ -16,7 +16,7 @@
 #include "support/tiled_map.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace map_difference_test {
 
 namespace fs = std::filesystem;
 using test::map_point;
@@ -228,5 +228,5 @@ TEST_F(Difference, DamageIsFoundAndMadeAnew) {
   EXPECT_EQ(all(*made(*one, *other), kVersion).size(), all(*difference, kVersion).size());
 }
 
-}  // namespace
+}  // namespace map_difference_test
 }  // namespace stillmap::maps

@@ -16,7 +16,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace map_export_test {
 
 namespace fs = std::filesystem;
 using test::published;
@@ -436,5 +436,5 @@ TEST_F(MapExport, PointsBeyondTheirTilesBoundsAreRefused) {
                 ThrowsSaying<InputError>({"tile 0 0", "outside its bounds"}));
 }
 
-}  // namespace
+}  // namespace map_export_test
 }  // namespace stillmap::maps

@@ -11,7 +11,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace map_graph_test {
 
 using ::stillmap::test::TemporaryFolder;
 using ::stillmap::test::ThrowsSaying;
@@ -94,5 +94,5 @@ TEST(DerivedKeyFrames, AreAMetreOrTenDegreesApart) {
   EXPECT_THAT(derived_key_frames({Trajectory(turning)}), ElementsAre(0U, 2U));
 }
 
-}  // namespace
+}  // namespace map_graph_test
 }  // namespace stillmap::maps

@@ -23,7 +23,7 @@
 #include "support/tiled_map.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace map_levels_test {
 
 namespace fs = std::filesystem;
 using test::map_point;
@@ -348,5 +348,5 @@ TEST_F(Levels, MapThatDoesNotSayItsVoxelsCountsAsOneOfTenCentimetres) {
   EXPECT_DOUBLE_EQ(MapLevels::voxel_m(manifest, 1), 0.002);
 }
 
-}  // namespace
+}  // namespace map_levels_test
 }  // namespace stillmap::maps

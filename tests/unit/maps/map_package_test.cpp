@@ -15,7 +15,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace map_package_test {
 
 namespace fs = std::filesystem;
 using ::stillmap::test::IsNearPose;
@@ -319,5 +319,5 @@ TEST(MapPackageWriter, RefusesWhatNoReaderCouldUse) {
               ThrowsSaying<std::invalid_argument>({"twice"}));
 }
 
-}  // namespace
+}  // namespace map_package_test
 }  // namespace stillmap::maps

@@ -10,7 +10,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps::mcap {
-namespace {
+namespace mcap_bag_test {
 
 using test::contents;
 using test::McapBytes;
@@ -228,5 +228,5 @@ TEST_F(McapBagTest, NamesWhatItCannotRead) {
   EXPECT_THAT(visit(*open(bytes)).damage.first, HasSubstr("'brot'"));
 }
 
-}  // namespace
+}  // namespace mcap_bag_test
 }  // namespace stillmap::maps::mcap

@@ -7,7 +7,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace message_reader_test {
 
 using test::as_bytes;
 using test::MessageBytes;
@@ -121,5 +121,5 @@ TEST(RosMessages, RefuseEveryCut) {
   }
 }
 
-}  // namespace
+}  // namespace message_reader_test
 }  // namespace stillmap::maps

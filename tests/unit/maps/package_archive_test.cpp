@@ -19,7 +19,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace package_archive_test {
 
 namespace fs = std::filesystem;
 using namespace ::stillmap::test;
@@ -261,5 +261,5 @@ TEST_F(StoreArchiveTest, ADownloadSaysThatItsVersionWasRemoved) {
   EXPECT_THAT([&] { all_of(*download); }, ThrowsSaying<StorageError>({"packages", "No such file"}));
 }
 
-}  // namespace
+}  // namespace package_archive_test
 }  // namespace stillmap::maps

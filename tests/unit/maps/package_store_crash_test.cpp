@@ -19,7 +19,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace package_store_crash_test {
 
 namespace fs = std::filesystem;
 using ::stillmap::test::contents_of;
@@ -351,5 +351,5 @@ INSTANTIATE_TEST_SUITE_P(Faults, DiskFaultTest,
                          ::testing::Values(Fault::kNoSpace, Fault::kInputOutput,
                                            Fault::kShortWrite));
 
-}  // namespace
+}  // namespace package_store_crash_test
 }  // namespace stillmap::maps

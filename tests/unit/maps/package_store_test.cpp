@@ -21,7 +21,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace package_store_test {
 
 namespace fs = std::filesystem;
 using ::stillmap::test::TemporaryFolder;
@@ -340,5 +340,5 @@ TEST_F(PackageStoreTest, AddsFromSeveralThreadsAndStores) {
   EXPECT_THAT(listing(store_ / "packages"), ElementsAre(first_));
 }
 
-}  // namespace
+}  // namespace package_store_test
 }  // namespace stillmap::maps

@@ -7,7 +7,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace partial_folder_test {
 
 namespace fs = std::filesystem;
 using ::stillmap::test::TemporaryFolder;
@@ -115,5 +115,5 @@ TEST(PartialFolder, NamesAParentThatIsMissing) {
               ThrowsSaying<StorageError>({"none", "No such file"}));
 }
 
-}  // namespace
+}  // namespace partial_folder_test
 }  // namespace stillmap::maps

@@ -10,7 +10,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace place_on_earth_test {
 
 using test::ThrowsSaying;
 
@@ -102,5 +102,5 @@ TEST(PlaceOnEarth, RefusesWhatTellsNoHeading) {
               ThrowsSaying<InputError>({"off the poses at the median", "at most 2 %"}));
 }
 
-}  // namespace
+}  // namespace place_on_earth_test
 }  // namespace stillmap::maps

@@ -11,7 +11,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace point_cloud2_test {
 
 using test::append;
 using test::append_big_endian;
@@ -212,5 +212,5 @@ TEST(PointCloud2, RefusesEveryCut) {
   }
 }
 
-}  // namespace
+}  // namespace point_cloud2_test
 }  // namespace stillmap::maps

@@ -12,7 +12,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace point_fates_test {
 
 using test::ThrowsSaying;
 
@@ -103,5 +103,5 @@ TEST_F(PointFates, NeverReadBeyondTheirBytesWhateverIsFlipped) {
   }
 }
 
-}  // namespace
+}  // namespace point_fates_test
 }  // namespace stillmap::maps

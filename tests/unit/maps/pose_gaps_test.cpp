@@ -9,7 +9,7 @@
 #include <vector>
 
 namespace stillmap::maps {
-namespace {
+namespace pose_gaps_test {
 
 using ::testing::ElementsAre;
 using Place = PoseGaps::Place;
@@ -93,5 +93,5 @@ TEST(ScansInGaps, AreSaidByWhatBecomesOfThem) {
                           "on a straight line across them"));
 }
 
-}  // namespace
+}  // namespace pose_gaps_test
 }  // namespace stillmap::maps

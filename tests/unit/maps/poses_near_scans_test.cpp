@@ -6,7 +6,7 @@
 #include <random>
 
 namespace stillmap::maps {
-namespace {
+namespace poses_near_scans_test {
 
 StampedPose pose_at(std::int64_t stamp_ns) {
   StampedPose pose{stamp_ns, Eigen::Isometry3d::Identity()};
@@ -51,5 +51,5 @@ TEST(PosesNearScans, MayBeNone) {
   EXPECT_TRUE(PosesNearScans({}).trajectory().empty());
 }
 
-}  // namespace
+}  // namespace poses_near_scans_test
 }  // namespace stillmap::maps

@@ -12,7 +12,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace rosbag2_database_test {
 
 using test::contents;
 using test::SqliteFile;
@@ -203,5 +203,5 @@ TEST_F(Rosbag2DatabaseTest, RefusesOrReadsWhatIsThereOfACutFile) {
   EXPECT_GT(read_some, 100U);
 }
 
-}  // namespace
+}  // namespace rosbag2_database_test
 }  // namespace stillmap::maps

@@ -11,7 +11,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace scan_file_test {
 
 using test::append;
 using test::append_big_endian;
@@ -556,5 +556,5 @@ TEST(ScanFile, OfAMapsSizeIsRefusedBeforeItIsRead) {
                   AllOf(HasSubstr("map.pcd"), HasSubstr("1073741825 bytes"), HasSubstr("import"))));
 }
 
-}  // namespace
+}  // namespace scan_file_test
 }  // namespace stillmap::maps

@@ -5,7 +5,7 @@
 #include <stdexcept>
 
 namespace stillmap::maps {
-namespace {
+namespace selection_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -43,5 +43,5 @@ TEST(Selection, RefusesWhatIsNoSelectionByName) {
   }
 }
 
-}  // namespace
+}  // namespace selection_test
 }  // namespace stillmap::maps

@@ -11,7 +11,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace sensor_preset_test {
 
 using ::testing::Contains;
 using ::testing::ElementsAre;
@@ -161,5 +161,5 @@ TEST(SensorPresetsRealDrives, AreGuessed) {
   EXPECT_THAT(guess("hku_1"), ElementsAre("avia"));
 }
 
-}  // namespace
+}  // namespace sensor_preset_test
 }  // namespace stillmap::maps

@@ -21,7 +21,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace store_backup_test {
 
 namespace fs = std::filesystem;
 using ::stillmap::test::FailingCalls;
@@ -313,5 +313,5 @@ TEST_F(StoreBackupTest, LeavesTheEarlierBackupWhicheverCallFails) {
   }
 }
 
-}  // namespace
+}  // namespace store_backup_test
 }  // namespace stillmap::maps

@@ -14,7 +14,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace store_state_test {
 
 using ::stillmap::test::FailingCalls;
 using ::stillmap::test::Fault;
@@ -216,5 +216,5 @@ TEST_F(StoreStateTest, WritesNothingMoreAfterAFailedSync) {
               ThrowsSaying<StorageError>({"sync failed", "open the store again"}));
 }
 
-}  // namespace
+}  // namespace store_state_test
 }  // namespace stillmap::maps

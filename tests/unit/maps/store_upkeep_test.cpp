@@ -16,7 +16,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace store_upkeep_test {
 
 namespace fs = std::filesystem;
 using ::stillmap::test::expect_refused;
@@ -296,5 +296,5 @@ TEST_F(ReadOnlyStoreTest, TellsTheFirstReasonWhereNothingCanBeRead) {
               ThrowsSaying<StorageError>({"packages", "No space left"}));
 }
 
-}  // namespace
+}  // namespace store_upkeep_test
 }  // namespace stillmap::maps

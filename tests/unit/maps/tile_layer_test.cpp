@@ -7,7 +7,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace tile_layer_test {
 
 using ::stillmap::test::TemporaryFolder;
 using ::testing::ElementsAre;
@@ -115,5 +115,5 @@ TEST(TileLayer, PointsOnTheEdgeOfATileStayInIt) {
   EXPECT_EQ(cell_of({0, 3, -2}, 4, 66.0F, -21.0F), 13U);
 }
 
-}  // namespace
+}  // namespace tile_layer_test
 }  // namespace stillmap::maps

@@ -18,7 +18,7 @@
 #include "support/tiled_map.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace tileset_export_test {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -135,5 +135,5 @@ TEST_F(Export, WhatExistsIsNotTouchedAndWhatFailsLeavesNothing) {
   EXPECT_FALSE(fs::exists(folder_.path() / ".out.partial"));
 }
 
-}  // namespace
+}  // namespace tileset_export_test
 }  // namespace stillmap::maps

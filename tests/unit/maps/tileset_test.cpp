@@ -16,7 +16,7 @@
 #include "support/tiled_map.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace tileset_test {
 
 using nlohmann::json;
 using test::map_point;
@@ -256,5 +256,5 @@ TEST_F(TilesetTest, TransformIsThatOfTheOriginColumnByColumn) {
               ElementsAre(1, 2, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 7.5, 0, 0, 1));
 }
 
-}  // namespace
+}  // namespace tileset_test
 }  // namespace stillmap::maps

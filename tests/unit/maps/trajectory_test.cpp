@@ -14,7 +14,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace trajectory_test {
 
 using test::IsNearPose;
 using test::TemporaryFolder;
@@ -207,5 +207,5 @@ TEST(TumTrajectory, ThatCannotBeWrittenIsAStorageError) {
   EXPECT_THROW(write_tum_trajectory("/nowhere/a.tum", two_poses()), StorageError);
 }
 
-}  // namespace
+}  // namespace trajectory_test
 }  // namespace stillmap::maps

@@ -30,7 +30,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace rawlog_test {
 
 using namespace mrpt::obs;
 using mrpt::poses::CPose2D;
@@ -364,5 +364,5 @@ TEST_F(Rawlog, CutOffGivesADriveOrSaysWhy) {
   EXPECT_GT(drives, 3U);
 }
 
-}  // namespace
+}  // namespace rawlog_test
 }  // namespace stillmap::maps

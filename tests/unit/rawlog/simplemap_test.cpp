@@ -30,7 +30,7 @@
 #include "times.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace simplemap_test {
 
 namespace fs = std::filesystem;
 using test::SmallMap;
@@ -277,5 +277,5 @@ TEST_F(Simplemap, OfRecordsThatBreakOffIsRefused) {
   EXPECT_NO_THROW(rawlog::write_simplemap(records(2).get(), target));
 }
 
-}  // namespace
+}  // namespace simplemap_test
 }  // namespace stillmap::maps

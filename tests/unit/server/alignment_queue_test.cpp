@@ -12,7 +12,7 @@
 #include "errors/api_error.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace alignment_queue_test {
 
 using std::chrono::milliseconds;
 using std::chrono::seconds;
@@ -349,5 +349,5 @@ TEST(ServiceTimes, KeepsItsFiguresFromNonsense) {
   EXPECT_DOUBLE_EQ(times.mean_s(WorkKind::kEverywhere), 0.15);
 }
 
-}  // namespace
+}  // namespace alignment_queue_test
 }  // namespace stillmap::server

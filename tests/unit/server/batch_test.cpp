@@ -10,7 +10,7 @@
 #include "service_fixture.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace batch_test {
 
 using nlohmann::json;
 using ::testing::HasSubstr;
@@ -169,5 +169,5 @@ TEST_F(Batch, PastItsDeadlineTheRestIsRefused) {
   EXPECT_EQ(answers[1]["problem"]["code"], "DeadlineExceeded");
 }
 
-}  // namespace
+}  // namespace batch_test
 }  // namespace stillmap::server

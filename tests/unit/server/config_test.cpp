@@ -11,7 +11,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace config_test {
 
 using ::testing::AllOf;
 using ::testing::ElementsAre;
@@ -268,5 +268,5 @@ TEST(OwnEnvironment, HoldsOurVariablesAloneAndNotTheFilesName) {
   }
 }
 
-}  // namespace
+}  // namespace config_test
 }  // namespace stillmap::server

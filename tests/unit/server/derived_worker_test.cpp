@@ -13,7 +13,7 @@
 #include <vector>
 
 namespace stillmap::server {
-namespace {
+namespace derived_worker_test {
 
 using State = DerivedWorker::State;
 using Turn = DerivedWorker::Turn;
@@ -151,5 +151,5 @@ TEST(DerivedWorker, WhatGoesFirstIsMadeBeforeWhatWaitedLonger) {
   EXPECT_THAT(made, ::testing::ElementsAre("levels", "other levels", "difference"));
 }
 
-}  // namespace
+}  // namespace derived_worker_test
 }  // namespace stillmap::server

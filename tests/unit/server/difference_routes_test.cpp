@@ -8,7 +8,7 @@
 #include "view_fixture.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace difference_routes_test {
 
 namespace fs = std::filesystem;
 using ::testing::Contains;
@@ -205,5 +205,5 @@ TEST_F(DifferenceRoutes, DamagedOneIsMadeAnew) {
   EXPECT_EQ(sent(made(tile)), whole);
 }
 
-}  // namespace
+}  // namespace difference_routes_test
 }  // namespace stillmap::server

@@ -6,7 +6,7 @@
 #include "support/tar_bytes.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace drives_test {
 
 using ::testing::Contains;
 using ::testing::HasSubstr;
@@ -165,5 +165,5 @@ TEST_F(Drives, UploadsBeyondTheBoundAreSentAway) {
   EXPECT_NO_THROW(static_cast<void>(service_->admit(second)));
 }
 
-}  // namespace
+}  // namespace drives_test
 }  // namespace stillmap::server

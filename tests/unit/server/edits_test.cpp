@@ -6,7 +6,7 @@
 #include "job_fixture.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace edits_test {
 
 using nlohmann::json;
 using ::testing::Contains;
@@ -206,5 +206,5 @@ TEST(StoredRebuild, IsReadAsItWasWritten) {
   }
 }
 
-}  // namespace
+}  // namespace edits_test
 }  // namespace stillmap::server

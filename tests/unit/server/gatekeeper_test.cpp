@@ -8,7 +8,7 @@
 #include "service_fixture.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace gatekeeper_test {
 
 using maps::KeyScope;
 using maps::KeyScopes;
@@ -338,5 +338,5 @@ TEST(RateLimits, FillsWithTimeUpToTheBurst) {
   EXPECT_EQ(limits.take("a", {.requests_per_s = 0.0, .burst = 1}, later), 0.0);
 }
 
-}  // namespace
+}  // namespace gatekeeper_test
 }  // namespace stillmap::server

@@ -9,7 +9,7 @@
 #include "support/matchers.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace gnss_prior_test {
 
 const maps::GeodeticOrigin kOrigin{
     .latitude_deg = 48.0, .longitude_deg = 11.0, .altitude_m = 500.0};
@@ -75,5 +75,5 @@ TEST(GnssPrior, DoesNotKnowTheHeadingOfATiltedLidarEither) {
   EXPECT_NEAR(deviations({0.3, 0.0, 0.0}, 0), 3.0, 1e-9);
 }
 
-}  // namespace
+}  // namespace gnss_prior_test
 }  // namespace stillmap::server

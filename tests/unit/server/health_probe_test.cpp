@@ -11,7 +11,7 @@
 #include <thread>
 
 namespace stillmap::server {
-namespace {
+namespace health_probe_test {
 
 /// Listens on loopback; answers nothing by itself.
 class Listening {
@@ -70,5 +70,5 @@ TEST(HealthProbe, AServerThatHangsOrIsGoneIsNot) {
   EXPECT_FALSE(answers_livez("no.such.host.invalid", port, std::chrono::milliseconds(50)));
 }
 
-}  // namespace
+}  // namespace health_probe_test
 }  // namespace stillmap::server

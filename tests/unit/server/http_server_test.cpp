@@ -11,7 +11,7 @@
 #include <httplib.h>
 
 namespace stillmap::server {
-namespace {
+namespace http_server_test {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -238,5 +238,5 @@ TEST(HttpServerLife, AddressOfNobodyHereIsAnError) {
   EXPECT_THROW(second.bind(), std::runtime_error);
 }
 
-}  // namespace
+}  // namespace http_server_test
 }  // namespace stillmap::server

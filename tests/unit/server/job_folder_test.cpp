@@ -10,7 +10,7 @@
 #include <filesystem>
 
 namespace stillmap::server {
-namespace {
+namespace job_folder_test {
 
 using test::ThrowsSaying;
 
@@ -37,5 +37,5 @@ TEST(JobFolder, NamesTheFileAndTheReasonOfAFailure) {
               ThrowsSaying<maps::StorageError>({"crashes", "directory"}));
 }
 
-}  // namespace
+}  // namespace job_folder_test
 }  // namespace stillmap::server

@@ -3,7 +3,7 @@
 #include "job_fixture.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace job_requests_test {
 
 using ::testing::HasSubstr;
 
@@ -202,5 +202,5 @@ TEST_F(JobRequests, BadKeysAreRefusedByField) {
     EXPECT_EQ(body(send("POST", "/v1/keys", json))["errors"][0]["path"], path);
 }
 
-}  // namespace
+}  // namespace job_requests_test
 }  // namespace stillmap::server

@@ -16,7 +16,7 @@
 #include "support/disk_calls.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace job_runner_test {
 
 using ::testing::HasSubstr;
 
@@ -273,5 +273,5 @@ TEST_F(JobsOfARunner, TellWhenADriveWasUsedAsLongAsItIsThere) {
   EXPECT_TRUE(jobs.list({}, 1).jobs.empty());
 }
 
-}  // namespace
+}  // namespace job_runner_test
 }  // namespace stillmap::server

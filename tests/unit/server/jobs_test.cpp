@@ -20,7 +20,7 @@
 #include "support/disk_calls.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace jobs_test {
 
 using ::testing::Contains;
 using ::testing::ElementsAre;
@@ -424,5 +424,5 @@ TEST_F(Jobs, HousekeepingForgetsWhatIsOld) {
   EXPECT_TRUE(store_.open().drives().all().empty());
 }
 
-}  // namespace
+}  // namespace jobs_test
 }  // namespace stillmap::server

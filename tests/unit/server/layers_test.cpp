@@ -8,7 +8,7 @@
 #include "service_fixture.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace layers_test {
 
 using nlohmann::json;
 using ::testing::Contains;
@@ -147,5 +147,5 @@ TEST_F(Layers, WhatIsNotThereIsNamed) {
   EXPECT_EQ(body(get("/v1/maps/nowhere/versions/v1/layers/coverage"))["code"], "UnknownMap");
 }
 
-}  // namespace
+}  // namespace layers_test
 }  // namespace stillmap::server

@@ -12,7 +12,7 @@
 #include <thread>
 
 namespace stillmap::server {
-namespace {
+namespace lazy_aligner_test {
 
 using ::testing::Contains;
 using ::testing::HasSubstr;
@@ -166,5 +166,5 @@ TEST(Aligners, ReferenceMethodsOfAMapAreMadeWhenTheyAreAskedFor) {
   }
 }
 
-}  // namespace
+}  // namespace lazy_aligner_test
 }  // namespace stillmap::server

@@ -14,7 +14,7 @@
 #include "support/matchers.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace localize_test {
 
 using nlohmann::json;
 using ::testing::Contains;
@@ -609,5 +609,5 @@ TEST_F(Localize, UnforeseenFailureIsSaidWithoutItsDetails) {
   ask(good_request());
 }
 
-}  // namespace
+}  // namespace localize_test
 }  // namespace stillmap::server

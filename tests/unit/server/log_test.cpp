@@ -16,7 +16,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace log_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -247,5 +247,5 @@ TEST_F(LogOutputTest, RequestsAreLoggedByTheirRouteAndProbesAtDebug) {
   EXPECT_FALSE(lines().back().contains("status"));
 }
 
-}  // namespace
+}  // namespace log_test
 }  // namespace stillmap::server

@@ -18,7 +18,7 @@
 #include <thread>
 
 namespace stillmap::server {
-namespace {
+namespace map_catalog_test {
 
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -388,5 +388,5 @@ TEST_F(MapCatalogTest, ManyThreadsSeeOneVersionOrTheOther) {
   EXPECT_EQ(store_.state().map("town").revision, 31);
 }
 
-}  // namespace
+}  // namespace map_catalog_test
 }  // namespace stillmap::server

@@ -8,7 +8,7 @@
 #include "service_fixture.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace map_routes_test {
 
 using ::testing::Contains;
 using ::testing::HasSubstr;
@@ -285,5 +285,5 @@ TEST(MapStats, PercentilesAreOfTheNearestRankAndOfTheNewest) {
   EXPECT_FALSE(stats.figures("a").last.has_value());
 }
 
-}  // namespace
+}  // namespace map_routes_test
 }  // namespace stillmap::server

@@ -8,7 +8,7 @@
 #include <string>
 
 namespace stillmap::server {
-namespace {
+namespace metrics_test {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -124,5 +124,5 @@ TEST(Metrics, ProcessFiguresAreOfThisProcess) {
   EXPECT_LE(value("process_start_time_seconds"), now + 2.0);
 }
 
-}  // namespace
+}  // namespace metrics_test
 }  // namespace stillmap::server

@@ -9,7 +9,7 @@
 #include "http/request_id.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace multipart_test {
 
 constexpr const char* kType = "multipart/form-data; boundary=b";
 
@@ -59,5 +59,5 @@ TEST(RequestId, FreshOnesDiffer) {
   EXPECT_EQ(printable("a\nb\x7f"), "a?b?");
 }
 
-}  // namespace
+}  // namespace multipart_test
 }  // namespace stillmap::server

@@ -13,7 +13,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace notify_test {
 
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
@@ -127,5 +127,5 @@ TEST_F(WatchdogVariables, AreForThisProcessAlone) {
   }
 }
 
-}  // namespace
+}  // namespace notify_test
 }  // namespace stillmap::server

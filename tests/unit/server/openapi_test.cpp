@@ -12,7 +12,7 @@
 #include "service_fixture.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace openapi_test {
 
 using nlohmann::json;
 
@@ -189,5 +189,5 @@ TEST_F(OpenApi, DocumentIsServedAndKept) {
   EXPECT_EQ(document()["openapi"], "3.1.0");
 }
 
-}  // namespace
+}  // namespace openapi_test
 }  // namespace stillmap::server

@@ -13,7 +13,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace option_table_test {
 
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -210,5 +210,5 @@ TEST(BrokenOptions, WhatDoesNotGoTogetherIsNamedWithBoth) {
   EXPECT_THAT(broken_options({}), IsEmpty());
 }
 
-}  // namespace
+}  // namespace option_table_test
 }  // namespace stillmap::server

@@ -19,7 +19,7 @@
 #include <httplib.h>
 
 namespace stillmap::server {
-namespace {
+namespace package_routes_test {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -240,5 +240,5 @@ TEST(FullDisk, UploadIsAnswered507AndLeavesNothing) {
   EXPECT_EQ(put().status, 201);
 }
 
-}  // namespace
+}  // namespace package_routes_test
 }  // namespace stillmap::server

@@ -10,7 +10,7 @@
 #include "service_fixture.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace routes_test {
 
 namespace fs = std::filesystem;
 using ::testing::Contains;
@@ -288,5 +288,5 @@ TEST_F(Routes, WithoutAPageTheRootSaysSo) {
   EXPECT_THAT(get("/").body, HasSubstr("not built"));
 }
 
-}  // namespace
+}  // namespace routes_test
 }  // namespace stillmap::server

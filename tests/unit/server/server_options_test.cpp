@@ -8,7 +8,7 @@
 #include "service_fixture.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace server_options_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -59,5 +59,5 @@ TEST(ErrorCodes, TextsAreUniqueAndStatusesAreErrors) {
   }
 }
 
-}  // namespace
+}  // namespace server_options_test
 }  // namespace stillmap::server

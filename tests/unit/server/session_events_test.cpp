@@ -7,7 +7,7 @@
 #include "pose/clock_skew.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace session_events_test {
 
 using std::chrono::milliseconds;
 using std::chrono::seconds;
@@ -84,5 +84,5 @@ TEST(ClockSkew, RelativeClocksAreLeftAlone) {
   }
 }
 
-}  // namespace
+}  // namespace session_events_test
 }  // namespace stillmap::server

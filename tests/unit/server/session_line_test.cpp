@@ -10,7 +10,7 @@
 #include "errors/api_error.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace session_line_test {
 
 using std::chrono::milliseconds;
 using std::chrono::seconds;
@@ -153,5 +153,5 @@ TEST_F(SessionLineTest, ClosingEndsTheWaiting) {
   EXPECT_EQ(pass(3), "UnknownSession");
 }
 
-}  // namespace
+}  // namespace session_line_test
 }  // namespace stillmap::server

@@ -9,7 +9,7 @@
 #include "service_fixture.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace sessions_test {
 
 using nlohmann::json;
 using ::testing::Contains;
@@ -494,5 +494,5 @@ TEST_F(SessionTableTest, AnotherVersionOfTheMapBecomesAnEventOnce) {
   EXPECT_EQ(read.events[0].data, R"({"map":"town","version":"0123456789ab"})");
 }
 
-}  // namespace
+}  // namespace sessions_test
 }  // namespace stillmap::server

@@ -12,7 +12,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace startup_check_test {
 
 using ::testing::AllOf;
 using ::testing::ElementsAre;
@@ -107,5 +107,5 @@ TEST_F(StartupCheck, AStoreThatMayNotBeReadIsOneProblemAmongOthers) {
   fs::permissions(path("store"), fs::perms::owner_all);
 }
 
-}  // namespace
+}  // namespace startup_check_test
 }  // namespace stillmap::server

@@ -10,7 +10,7 @@
 #include "view_fixture.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace tileset_routes_test {
 
 namespace fs = std::filesystem;
 using ::testing::Contains;
@@ -167,5 +167,5 @@ TEST_F(TilesetRoutes, ServerEndsWhileSomethingIsBeingMade) {
   EXPECT_FALSE(fs::exists(city_folder() / "levels" / ".levels.tiles.partial"));
 }
 
-}  // namespace
+}  // namespace tileset_routes_test
 }  // namespace stillmap::server

@@ -15,7 +15,7 @@
 #include <httplib.h>
 
 namespace stillmap::server {
-namespace {
+namespace tls_test {
 
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
@@ -163,5 +163,5 @@ TEST_F(TlsTest, StopsSoonWithOpenConnections) {
   EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(3));
 }
 
-}  // namespace
+}  // namespace tls_test
 }  // namespace stillmap::server

@@ -5,7 +5,7 @@
 #include <set>
 
 namespace stillmap::server {
-namespace {
+namespace trace_context_test {
 
 constexpr const char* kGood = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01";
 
@@ -79,5 +79,5 @@ TEST(TraceContext, ChildrenShareTheTraceAndHaveIdsOfTheirOwn) {
   }
 }
 
-}  // namespace
+}  // namespace trace_context_test
 }  // namespace stillmap::server

@@ -6,7 +6,7 @@
 #include <vector>
 
 namespace stillmap::server {
-namespace {
+namespace transport_attack_test {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -200,5 +200,5 @@ TEST_F(TransportAttack, ReaderThatNeverReadsIsGivenUp) {
   EXPECT_TRUE(is_over());
 }
 
-}  // namespace
+}  // namespace transport_attack_test
 }  // namespace stillmap::server

@@ -6,7 +6,7 @@
 #include <string>
 
 namespace stillmap::server {
-namespace {
+namespace transport_load_test {
 
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
@@ -214,5 +214,5 @@ TEST_F(TransportLoad, StopOverridesADrain) {
   EXPECT_LT(stop_seconds(), 3.0);
 }
 
-}  // namespace
+}  // namespace transport_load_test
 }  // namespace stillmap::server

@@ -7,7 +7,7 @@
 #include <string>
 
 namespace stillmap::server {
-namespace {
+namespace transport_test {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -208,5 +208,5 @@ TEST_F(TransportSmall, RequestsAreCounted) {
   EXPECT_THAT(text, HasSubstr("stillmap_connections_total 4"));
 }
 
-}  // namespace
+}  // namespace transport_test
 }  // namespace stillmap::server

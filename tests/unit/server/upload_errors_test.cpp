@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 
 namespace stillmap::server {
-namespace {
+namespace upload_errors_test {
 
 TEST(UploadErrors, MessagesNameNoPlaceOfTheStore) {
   const auto shown = [](const std::string& text) { return without_folder(text, "/srv/maps"); };
@@ -25,5 +25,5 @@ TEST(UploadErrors, MessagesNameNoPlaceOfTheStore) {
   EXPECT_EQ(shown("/srv/maps/"), "");
 }
 
-}  // namespace
+}  // namespace upload_errors_test
 }  // namespace stillmap::server

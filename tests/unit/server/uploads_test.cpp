@@ -5,7 +5,7 @@
 #include "support/store_contents.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace uploads_test {
 
 using nlohmann::json;
 using ::testing::Contains;
@@ -242,5 +242,5 @@ TEST_F(Uploads, CountTowardsTheQuotaUntilTheyAreComplete) {
             before + store_.open().state().version("town", "v2").bytes);
 }
 
-}  // namespace
+}  // namespace uploads_test
 }  // namespace stillmap::server

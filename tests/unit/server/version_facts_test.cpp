@@ -14,7 +14,7 @@
 #include "support/stored_packages.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace version_facts_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -193,5 +193,5 @@ TEST_F(Graph, IsDerivedWhereTheVersionDoesNotSay) {
   EXPECT_EQ(body(get("/v1/maps/town/versions/v9/graph"))["code"], "UnknownVersion");
 }
 
-}  // namespace
+}  // namespace version_facts_test
 }  // namespace stillmap::server

@@ -11,7 +11,7 @@
 #include <string>
 
 namespace stillmap::simulation {
-namespace {
+namespace buildings_test {
 
 using Eigen::Vector3d;
 
@@ -219,5 +219,5 @@ TEST(Balconies, LetRaysThroughTheirRailings) {
   EXPECT_GT(between, on_a_bar);
 }
 
-}  // namespace
+}  // namespace buildings_test
 }  // namespace stillmap::simulation

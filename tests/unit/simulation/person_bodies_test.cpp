@@ -11,7 +11,7 @@
 #include "bodies/two_wheeler_bodies.hpp"
 
 namespace stillmap::simulation {
-namespace {
+namespace person_bodies_test {
 
 /// A kind of body, and what it may measure [m].
 struct Case {
@@ -203,5 +203,5 @@ TEST(Bicycle, LetsRaysThroughItsWheels) {
   EXPECT_LT(0.5 * area, 0.35 * size.x() * size.z());
 }
 
-}  // namespace
+}  // namespace person_bodies_test
 }  // namespace stillmap::simulation

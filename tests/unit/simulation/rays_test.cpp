@@ -10,10 +10,10 @@
 #include "small_world.hpp"
 
 namespace stillmap::simulation {
-namespace {
+namespace rays_test {
 
-using test::ExactSensor;
-using test::flat_world;
+using small_world::ExactSensor;
+using small_world::flat_world;
 
 Mesh upright_wall(double x, double half_width, Surface surface) {
   Mesh mesh;
@@ -64,7 +64,7 @@ TEST(Rays, AnObjectIsMetWhereItIsAtTheRaysTime) {
   plate.add_box(Eigen::Isometry3d::Identity(), {-0.5, -2.0, 0.0}, {0.5, 2.0, 3.0}, Surface::kPaint);
   Actor actor = parked(world, plate, {0.0, 0.0, 0.0}, 252);
   // At x = 20 at time 0, going on at 10 m/s: its rear is at 19.5, and at 20.5 a tenth later.
-  actor.motion = test::straight_motion(20.0 - 10.0 - 1.0, 0.0, 10.0, 3.0);
+  actor.motion = small_world::straight_motion(20.0 - 10.0 - 1.0, 0.0, 10.0, 3.0);
   world.actors.push_back(actor);
   RayScene scene(world);
   scene.place_actors(0.0, 0.1, Eigen::Vector3d::Zero(), 50.0);
@@ -241,5 +241,5 @@ TEST(Scanner, OurOwnVehicleIsSeenBeyondTheShortestRangeAndHidesWhatIsBehindIt) {
   EXPECT_EQ(scanner.take(0).points.size(), 0U);
 }
 
-}  // namespace
+}  // namespace rays_test
 }  // namespace stillmap::simulation

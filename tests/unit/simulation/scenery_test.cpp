@@ -12,7 +12,7 @@
 #include "scenery/plants.hpp"
 
 namespace stillmap::simulation {
-namespace {
+namespace scenery_test {
 
 using Eigen::Vector3d;
 
@@ -275,5 +275,5 @@ TEST(Furniture, NothingHangsTooLowOverTheCarriageway) {
   }
 }
 
-}  // namespace
+}  // namespace scenery_test
 }  // namespace stillmap::simulation

@@ -16,7 +16,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::simulation {
-namespace {
+namespace sensor_test {
 
 constexpr double kDegPerRad = 180.0 / std::numbers::pi;
 
@@ -285,5 +285,5 @@ TEST(Sensor, RefusesAnUnknownNameByNamingTheKnownOnes) {
   EXPECT_EQ(sensor_names(), "hdl64 os1-64 os1-128 vlp16 avia");
 }
 
-}  // namespace
+}  // namespace sensor_test
 }  // namespace stillmap::simulation

@@ -18,7 +18,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::simulation {
-namespace {
+namespace simulate_test {
 
 constexpr std::size_t kScans = 3;
 
@@ -171,5 +171,5 @@ TEST(Simulation, LeavesNothingWhenCancelledOrRefused) {
   EXPECT_THROW(simulate(folder, "no/such/parent", small_drive()), maps::StorageError);
 }
 
-}  // namespace
+}  // namespace simulate_test
 }  // namespace stillmap::simulation

@@ -7,7 +7,7 @@
 #include "sensing/scanner.hpp"
 
 /// A flat, straight street of 400 m along x, built by hand, with nothing on it but its ground.
-namespace stillmap::simulation::test {
+namespace stillmap::simulation::small_world {
 
 inline Motion straight_motion(double from_x, double y, double speed_mps, double duration_s) {
   Motion motion{.path = std::make_shared<Path>(std::vector<Eigen::Vector2d>{
@@ -63,4 +63,4 @@ class ExactSensor : public Sensor {
   std::vector<Beam> beams_;
 };
 
-}  // namespace stillmap::simulation::test
+}  // namespace stillmap::simulation::small_world

@@ -14,7 +14,7 @@
 #include "small_world.hpp"
 
 namespace stillmap::simulation {
-namespace {
+namespace world_test {
 
 WorldSpec short_drive(const std::string& scenario, std::uint64_t seed = 1) {
   return {.scenario = scenario,
@@ -26,7 +26,7 @@ WorldSpec short_drive(const std::string& scenario, std::uint64_t seed = 1) {
 }
 
 TEST(RoadNetwork, GivesPlacesOnAStraightRoad) {
-  const World world = test::flat_world(0.0);
+  const World world = small_world::flat_world(0.0);
   const RoadEdge& edge = world.network->edges().front();
   EXPECT_NEAR(edge.length_m(), 400.0, 1e-9);
   EXPECT_NEAR(edge.half_width(0), 4.3, 1e-12);
@@ -39,7 +39,7 @@ TEST(RoadNetwork, GivesPlacesOnAStraightRoad) {
 }
 
 TEST(Terrain, HasACrownAKerbAndAPavement) {
-  const World world = test::flat_world(0.0);
+  const World world = small_world::flat_world(0.0);
   const RoadSection& section = world.network->edges().front().section;
   // Kerbs vary along the street; here they have their mean height (station 7 * 9 * pi).
   const double x = 63.0 * std::numbers::pi - 200.0;
@@ -217,7 +217,7 @@ TEST(Boxes, ContainTheirPointsToACentimetre) {
                          .ring = 0});
       }
     }
-    test::ExactSensor sensor(beams);
+    small_world::ExactSensor sensor(beams);
     const EgoMotion ego(world, 1.73);
     Scanner scanner(world, ego, sensor, {.key = 1, .behind = true});
     const SimulatedScan scan = scanner.take(20);
@@ -244,5 +244,5 @@ TEST(Boxes, ContainTheirPointsToACentimetre) {
   }
 }
 
-}  // namespace
+}  // namespace world_test
 }  // namespace stillmap::simulation

@@ -28,7 +28,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::simulation {
-namespace {
+namespace writer_test {
 
 namespace fs = std::filesystem;
 
@@ -468,5 +468,5 @@ TEST(Oxts, PosesComeBackWithinTheirStatedErrors) {
   EXPECT_NEAR(std::sqrt(square_rad2), OxtsModel::kYawSigmaDeg * kRadPerDeg, 0.04 * kRadPerDeg);
 }
 
-}  // namespace
+}  // namespace writer_test
 }  // namespace stillmap::simulation

@@ -59,10 +59,12 @@ OnnxElement element_of(int type) {
   }
 }
 
+}  // namespace
+
 /// Calls into the table, with a failed status as an exception.
-class Calls {
+class OnnxCalls {
  public:
-  Calls(const ort::Api& api, std::string name) : api_(api), name_(std::move(name)) {}
+  OnnxCalls(const ort::Api& api, std::string name) : api_(api), name_(std::move(name)) {}
 
   void check(ort::Status* status, std::string_view expected) const {
     if (status == nullptr) return;
@@ -87,10 +89,12 @@ class Calls {
   std::string name_;
 };
 
+namespace {
+
 using GetType = ort::Status* (*)(const ort::Session*, std::size_t, ort::TypeInfo**);
 using GetName = ort::Status* (*)(const ort::Session*, std::size_t, ort::Allocator*, char**);
 
-std::vector<OnnxTensorType> types_of(const Calls& calls, const ort::Session* session,
+std::vector<OnnxTensorType> types_of(const OnnxCalls& calls, const ort::Session* session,
                                      std::size_t count, GetType get_type, GetName get_name) {
   const ort::Api& api = calls.api();
   ort::Allocator* allocator = nullptr;
@@ -101,7 +105,7 @@ std::vector<OnnxTensorType> types_of(const Calls& calls, const ort::Session* ses
     calls.check(get_type(session, i, &info), "a typed tensor");
     const Owned<ort::TypeInfo> owned(info, api.ReleaseTypeInfo);
     const ort::TensorInfo* tensor = nullptr;
-    calls.check(api.CastTypeInfoToTensorInfo(info, &tensor), Calls::kTensor);
+    calls.check(api.CastTypeInfoToTensorInfo(info, &tensor), OnnxCalls::kTensor);
     OnnxTensorType type = tensor == nullptr ? OnnxTensorType{} : calls.type_of(tensor);
     char* name = nullptr;
     calls.check(get_name(session, i, allocator, &name), "a name");
@@ -129,7 +133,7 @@ std::string text_of(OnnxElement element, const std::vector<std::int64_t>& shape)
 }
 
 struct OnnxSession::Handles {
-  Calls calls;
+  OnnxCalls calls;
   Owned<ort::Env> env{nullptr, calls.api().ReleaseEnv};
   Owned<ort::Session> session{nullptr, calls.api().ReleaseSession};
   Owned<ort::MemoryInfo> memory{nullptr, calls.api().ReleaseMemoryInfo};
@@ -172,7 +176,7 @@ struct OnnxSession::Handles {
           calls.check(calls.api().CreateTensorWithDataAsOrtValue(
                           memory.get(), values.data(), values.size() * sizeof(T),
                           tensor.shape.data(), tensor.shape.size(), element, &value),
-                      Calls::kTensor);
+                      OnnxCalls::kTensor);
         },
         tensor.values);
     return {value, calls.api().ReleaseValue};
@@ -181,7 +185,7 @@ struct OnnxSession::Handles {
   [[nodiscard]] OnnxTensor tensor_of(ort::Value* value, const std::string& model,
                                      const std::string& name) const {
     ort::TensorInfo* info = nullptr;
-    calls.check(calls.api().GetTensorTypeAndShape(value, &info), Calls::kTensor);
+    calls.check(calls.api().GetTensorTypeAndShape(value, &info), OnnxCalls::kTensor);
     const Owned<ort::TensorInfo> owned(info, calls.api().ReleaseTensorInfo);
     OnnxTensorType type = calls.type_of(info);
     if (type.element != OnnxElement::kFloat)
@@ -200,9 +204,9 @@ OnnxSession::OnnxSession(const std::string& library, const std::filesystem::path
     : name_(model.string()) {
   // The library's own message for this differs from version to version.
   if (!std::filesystem::is_regular_file(model)) throw InputError(name_, "no file", "an ONNX model");
-  handles_ = std::make_unique<Handles>(Handles{Calls(load_api(library), name_)});
+  handles_ = std::make_unique<Handles>(Handles{OnnxCalls(load_api(library), name_)});
   handles_->open(name_);
-  const Calls& calls = handles_->calls;
+  const OnnxCalls& calls = handles_->calls;
   const ort::Session* const session = handles_->session.get();
   std::size_t count = 0;
   calls.check(calls.api().SessionGetInputCount(session, &count), "inputs");

@@ -11,7 +11,7 @@ namespace {
 
 /// Poses that differ by less are the same [m or rad]: what is written with 9 decimals.
 constexpr double kSamePose = 1e-6;
-constexpr double kCellM = 0.25;
+constexpr double kFootprintCellM = 0.25;
 constexpr double kSameHeightM = 0.05;
 constexpr double kStepM = 0.08;
 constexpr double kSampleM = 0.1;
@@ -31,7 +31,7 @@ std::int64_t cell_along(double x, double edge) {
   return static_cast<std::int64_t>(std::floor(x / edge));
 }
 
-std::uint64_t key_of(std::int64_t x, std::int64_t y) {
+std::uint64_t footprint_key(std::int64_t x, std::int64_t y) {
   return static_cast<std::uint64_t>(x) << 32U | (static_cast<std::uint64_t>(y) & 0xFFFFFFFFU);
 }
 
@@ -149,7 +149,7 @@ FootprintIndex::FootprintIndex(std::vector<Footprint> footprints)
     : footprints_(std::move(footprints)) {
   for (std::size_t i = 0; i < footprints_.size(); ++i) {
     for_each_cell(footprints_[i], kMostMarginM, kIndexCellM, [&](std::int64_t x, std::int64_t y) {
-      cells_[key_of(x, y)].push_back(static_cast<std::uint32_t>(i));
+      cells_[footprint_key(x, y)].push_back(static_cast<std::uint32_t>(i));
     });
   }
 }
@@ -157,29 +157,29 @@ FootprintIndex::FootprintIndex(std::vector<Footprint> footprints)
 void FootprintIndex::for_each_at(const Eigen::Vector2d& p, double margin_m,
                                  const std::function<void(std::size_t)>& visit) const {
   const auto found =
-      cells_.find(key_of(cell_along(p.x(), kIndexCellM), cell_along(p.y(), kIndexCellM)));
+      cells_.find(footprint_key(cell_along(p.x(), kIndexCellM), cell_along(p.y(), kIndexCellM)));
   if (found == cells_.end()) return;
   for (const std::uint32_t i : found->second) {
     if (footprints_[i].contains(p, margin_m)) visit(i);
   }
 }
 
-GroundCells::GroundCells(const std::vector<Footprint>& footprints, const TrueHeights& heights) {
+FootprintGround::FootprintGround(const std::vector<Footprint>& footprints, const TrueHeights& heights) {
   for (const Footprint& footprint : footprints) {
     if (footprint.moving) continue;
-    for_each_cell(footprint, 0.0, kCellM, [&](std::int64_t x, std::int64_t y) {
-      const Eigen::Vector2d middle((static_cast<double>(x) + 0.5) * kCellM,
-                                   (static_cast<double>(y) + 0.5) * kCellM);
+    for_each_cell(footprint, 0.0, kFootprintCellM, [&](std::int64_t x, std::int64_t y) {
+      const Eigen::Vector2d middle((static_cast<double>(x) + 0.5) * kFootprintCellM,
+                                   (static_cast<double>(y) + 0.5) * kFootprintCellM);
       const Eigen::Vector3d p(middle.x(), middle.y(), footprint.bottom);
       if (!footprint.contains(middle) || !heights.over_surface(p)) return;
       const auto band = std::lower_bound(kBandsM.begin(), kBandsM.end(), heights.path_distance(p));
-      cells_.emplace(key_of(x, y), Cell{static_cast<std::uint8_t>(band - kBandsM.begin()), 0});
+      cells_.emplace(footprint_key(x, y), Cell{static_cast<std::uint8_t>(band - kBandsM.begin()), 0});
     });
   }
 }
 
-void GroundCells::add(const Eigen::Vector3d& p, bool filled, const TrueHeights& heights) {
-  const auto found = cells_.find(key_of(cell_along(p.x(), kCellM), cell_along(p.y(), kCellM)));
+void FootprintGround::add(const Eigen::Vector3d& p, bool filled, const TrueHeights& heights) {
+  const auto found = cells_.find(footprint_key(cell_along(p.x(), kFootprintCellM), cell_along(p.y(), kFootprintCellM)));
   const std::uint8_t bit = filled ? kFilledBit : kProjectedBit;
   if (found == cells_.end() || (found->second.met & bit) != 0) return;
   const auto over = heights.over_surface(p);
@@ -188,7 +188,7 @@ void GroundCells::add(const Eigen::Vector3d& p, bool filled, const TrueHeights& 
   found->second.met = static_cast<std::uint8_t>(found->second.met | (right ? bit : kWrongBit));
 }
 
-std::vector<GroundUnderBand> GroundCells::bands() const {
+std::vector<GroundUnderBand> FootprintGround::bands() const {
   std::vector<GroundUnderBand> bands;
   for (const double to_m : kBandsM) bands.push_back({to_m, {}});
   for (const auto& [key, cell] : cells_) {
@@ -202,7 +202,7 @@ std::vector<GroundUnderBand> GroundCells::bands() const {
   return bands;
 }
 
-GroundUnder GroundCells::all() const {
+GroundUnder FootprintGround::all() const {
   GroundUnder sum;
   for (const GroundUnderBand& band : bands()) {
     const GroundUnder& ground = band.ground;

@@ -79,11 +79,11 @@ class FootprintIndex {
 };
 
 /// Counts the cells of parked objects' footprints that have ground at its true height.
-class GroundCells {
+class FootprintGround {
  public:
   /// Cells whose middle lies in a footprint of an object that was not moving, and on the true
   /// surface.
-  GroundCells(const std::vector<Footprint>& footprints, const TrueHeights& heights);
+  FootprintGround(const std::vector<Footprint>& footprints, const TrueHeights& heights);
 
   /// @param p  a ground point of the map, from its origin [m].
   void add(const Eigen::Vector3d& p, bool filled, const TrueHeights& heights);

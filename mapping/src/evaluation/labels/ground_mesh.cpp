@@ -19,7 +19,7 @@ namespace stillmap::mapping {
 namespace {
 
 /// Some 20 of the simulator's triangles.
-constexpr double kCellM = 4.0;
+constexpr double kMeshCellM = 4.0;
 constexpr double kMostM = 1e5;
 constexpr double kMostExtentM = 5e4;
 /// A place on an edge belongs to both sides, whatever rounding says.
@@ -54,14 +54,14 @@ GroundMesh::GroundMesh(std::vector<Eigen::Vector3f> vertices, std::vector<Triang
   if (!((max - min).maxCoeff() < kMostExtentM))
     throw std::invalid_argument("ground mesh: wider than 50 km");
   min_ = min;
-  columns_ = static_cast<std::int64_t>((max - min).x() / kCellM) + 1;
-  rows_ = static_cast<std::int64_t>((max - min).y() / kCellM) + 1;
+  columns_ = static_cast<std::int64_t>((max - min).x() / kMeshCellM) + 1;
+  rows_ = static_cast<std::int64_t>((max - min).y() / kMeshCellM) + 1;
   sort_into_cells();
 }
 
 std::array<std::int64_t, 2> GroundMesh::cell_of(double x, double y) const {
-  return {static_cast<std::int64_t>(std::floor((x - min_.x()) / kCellM)),
-          static_cast<std::int64_t>(std::floor((y - min_.y()) / kCellM))};
+  return {static_cast<std::int64_t>(std::floor((x - min_.x()) / kMeshCellM)),
+          static_cast<std::int64_t>(std::floor((y - min_.y()) / kMeshCellM))};
 }
 
 /// Every cell that the triangle's bounding rectangle touches.

@@ -10,14 +10,14 @@ namespace {
 
 /// Edge of a cell [m]: the largest distance and a little for rounding, so that neighbours of a cell
 /// are enough.
-constexpr float kCellM = 1.02F * RemovedPoints::kNearM;
+constexpr float kRemovedCellM = 1.02F * RemovedPoints::kNearM;
 /// Cells to a block of the coarse look.
 constexpr int kBlockShift = 2;
 constexpr std::size_t kReachBits = std::size_t{1} << 25U;
 
-std::int32_t cell_along(float x) { return static_cast<std::int32_t>(std::floor(x / kCellM)); }
+std::int32_t cell_along(float x) { return static_cast<std::int32_t>(std::floor(x / kRemovedCellM)); }
 
-std::uint64_t key_of(const std::array<std::int32_t, 3>& cell) {
+std::uint64_t removed_key(const std::array<std::int32_t, 3>& cell) {
   std::uint64_t key = 0;
   for (const std::int32_t axis : cell)
     key = (key << 21U) | (static_cast<std::uint64_t>(axis) & 0x1FFFFFU);
@@ -28,7 +28,7 @@ std::uint64_t key_of(const std::array<std::int32_t, 3>& cell) {
 std::uint64_t mixed(std::uint64_t key) { return key * 0x9E3779B97F4A7C15ULL; }
 
 std::size_t reach_bit(const std::array<std::int32_t, 3>& block) {
-  return mixed(key_of(block)) >> (64U - static_cast<unsigned>(std::countr_zero(kReachBits)));
+  return mixed(removed_key(block)) >> (64U - static_cast<unsigned>(std::countr_zero(kReachBits)));
 }
 
 }  // namespace
@@ -59,7 +59,7 @@ bool RemovedPoints::may_be_near(const Cell& cell) const {
 
 void RemovedPoints::sort() {
   const auto key_at = [](const Point& point) {
-    return key_of({cell_along(point.position.x()), cell_along(point.position.y()),
+    return removed_key({cell_along(point.position.x()), cell_along(point.position.y()),
                    cell_along(point.position.z())});
   };
   {
@@ -117,7 +117,7 @@ void RemovedPoints::meet(const Eigen::Vector3f& position, bool measured) {
   for (std::int32_t x = own[0] - 1; x <= own[0] + 1; ++x) {
     for (std::int32_t y = own[1] - 1; y <= own[1] + 1; ++y) {
       for (std::int32_t z = own[2] - 1; z <= own[2] + 1; ++z) {
-        Slot& slot = slot_of(key_of({x, y, z}));
+        Slot& slot = slot_of(removed_key({x, y, z}));
         if (slot.key != kFree) meet_in(slot, position, same, near);
       }
     }

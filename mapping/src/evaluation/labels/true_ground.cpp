@@ -8,11 +8,11 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr double kCellM = 0.5;
+constexpr double kGroundTruthCellM = 0.5;
 /// Cells to look around for labelled ground: 2 m, half a car.
 constexpr std::int64_t kReach = 4;
 
-std::int64_t cell_along(double x) { return static_cast<std::int64_t>(std::floor(x / kCellM)); }
+std::int64_t cell_along(double x) { return static_cast<std::int64_t>(std::floor(x / kGroundTruthCellM)); }
 
 std::uint64_t key_of(std::int64_t x, std::int64_t y) {
   return static_cast<std::uint64_t>(x) << 32U | (static_cast<std::uint64_t>(y) & 0xFFFFFFFFU);

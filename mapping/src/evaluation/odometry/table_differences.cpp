@@ -10,7 +10,7 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNoFigure = std::numeric_limits<double>::quiet_NaN();
 /// 97.5 % point of a normal distribution, which `stretch_of` stretches.
 constexpr double kNormal = 1.959964;
 
@@ -48,11 +48,11 @@ OdometryTableDifference difference(const std::vector<OdometryTableRun>& runs,
 }  // namespace
 
 Interval mean_interval(const std::vector<double>& values) {
-  if (values.empty()) return {kNaN, kNaN, kNaN};
+  if (values.empty()) return {kNoFigure, kNoFigure, kNoFigure};
   const auto count = static_cast<double>(values.size());
   double mean = 0.0;
   for (const double value : values) mean += value / count;
-  if (values.size() < 2) return {mean, kNaN, kNaN};
+  if (values.size() < 2) return {mean, kNoFigure, kNoFigure};
   double variance = 0.0;
   for (const double value : values) variance += (value - mean) * (value - mean) / count;
   const double half = kNormal * stretch_of(values.size()) * std::sqrt(variance / count);

@@ -11,7 +11,7 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr std::string_view kOwnStyle = R"(
+constexpr std::string_view kDetectorStyle = R"(
 .views { display: grid; grid-template-columns: repeat(3, 1fr); gap: 14px; } .views img { width: 100%; border-radius: 6px; display: block; }
 .views figcaption { padding: 4px 0 0; } @media (max-width: 800px) { .views { grid-template-columns: 1fr; } }
 .pair { display: grid; grid-template-columns: 1fr 360px; gap: 24px; align-items: start; } .pair figure { width: 360px; max-width: 100%; }
@@ -26,14 +26,10 @@ std::string counted(const Share& share) {
                      grouped_text(share.count), grouped_text(share.of));
 }
 
-std::string key(std::string_view style, std::string_view name) {
-  return fmt::format("<span class=\"key {}\"></span>{}", style, name);
-}
-
 /// Writes the page part by part, in the order in which it is read.
-class Report {
+class DetectorPage {
  public:
-  Report(const DetectorEvaluation& evaluation, const DetectorReportHeading& heading)
+  DetectorPage(const DetectorEvaluation& evaluation, const DetectorReportHeading& heading)
       : evaluation_(evaluation), heading_(heading) {}
 
   [[nodiscard]] std::string page() {
@@ -41,7 +37,7 @@ class Report {
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
         "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
         "<title>Detector report</title><style>{}{}</style></head><body>\n",
-        kReportStyle, kOwnStyle);
+        kReportStyle, kDetectorStyle);
     add_heading();
     add_tiles();
     add_pictures();
@@ -92,10 +88,10 @@ class Report {
 
   void add_pictures() {
     if (evaluation_.pictures.empty()) return;
-    html_ += "<h2>Scans from above</h2>\n<p>Labels: " + key("found", "found, ") +
-             key("missed", "missed, ") + key("uncounted", "not counting. ") +
-             "Boxes: " + key("true", "on a label, ") + key("false", "false, ") +
-             key("silent", "saying nothing.") + "</p>\n<div class=\"views\">";
+    html_ += "<h2>Scans from above</h2>\n<p>Labels: " + key_of_style("found", "found, ") +
+             key_of_style("missed", "missed, ") + key_of_style("uncounted", "not counting. ") +
+             "Boxes: " + key_of_style("true", "on a label, ") + key_of_style("false", "false, ") +
+             key_of_style("silent", "saying nothing.") + "</p>\n<div class=\"views\">";
     for (const ScanPicture& picture : evaluation_.pictures)
       html_ += picture_of(picture.png, fmt::format("Scan {}", picture.scan));
     html_ += "</div>\n";
@@ -126,8 +122,8 @@ class Report {
                        counted(each.well_seen.found), percent_text(each.well_seen.by_track(), 1)});
     }
     html_ += "</table></div>\n<figure>" + curves(boxes.classes.front()) +
-             "<figcaption>Vehicles at an overlap of " + key("c0", "0.3, ") + key("c1", "0.5, ") +
-             key("c2", "0.7") + "</figcaption></figure></div>\n";
+             "<figcaption>Vehicles at an overlap of " + key_of_style("c0", "0.3, ") + key_of_style("c1", "0.5, ") +
+             key_of_style("c2", "0.7") + "</figcaption></figure></div>\n";
     add_distances(boxes);
     add_visibilities(boxes);
     add_thresholds(boxes);
@@ -219,7 +215,7 @@ class Report {
 }  // namespace
 
 std::string to_html(const DetectorEvaluation& evaluation, const DetectorReportHeading& heading) {
-  return Report(evaluation, heading).page();
+  return DetectorPage(evaluation, heading).page();
 }
 
 }  // namespace stillmap::mapping

@@ -12,7 +12,7 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr std::string_view kOwnStyle = R"(
+constexpr std::string_view kLabelStyle = R"(
 .views { display: grid; grid-template-columns: 1fr 1fr; gap: 14px; } .views img { width: 100%; border-radius: 6px; display: block; }
 .views figcaption { padding: 4px 0 0; } @media (max-width: 800px) { .views { grid-template-columns: 1fr; } }
 .pair { display: grid; grid-template-columns: 1fr 360px; gap: 24px; align-items: start; } .pair figure { width: 360px; max-width: 100%; }
@@ -25,16 +25,16 @@ std::string centimetres(double metres) {
   return std::isnan(metres) ? "–" : fmt::format("{:.1f} cm", 100.0 * metres);
 }
 
-std::string counted(const Share& share, int digits = 2) {
+std::string counted_share(const Share& share, int digits = 2) {
   if (share.of == 0) return "–";
   return fmt::format("{}<br><small>{} of {}</small>", percent_text(share.rate(), digits),
                      grouped_text(share.count), grouped_text(share.of));
 }
 
 /// Writes the page part by part, in the order in which it is read.
-class Report {
+class LabelPage {
  public:
-  Report(const LabelEvaluation& evaluation, const LabelReportHeading& heading)
+  LabelPage(const LabelEvaluation& evaluation, const LabelReportHeading& heading)
       : evaluation_(evaluation), heading_(heading) {}
 
   [[nodiscard]] std::string page() {
@@ -42,7 +42,7 @@ class Report {
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
         "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
         "<title>Map report</title><style>{}{}</style></head><body>\n",
-        kReportStyle, kOwnStyle);
+        kReportStyle, kLabelStyle);
     add_heading();
     add_tiles();
     add_views();
@@ -116,16 +116,16 @@ class Report {
         evaluation_.unthinned
             ? row_of({"", "movable, unthinned", "thinned", "moving, unthinned", "thinned"}, "th")
             : row_of({"", "movable, thinned", "moving, thinned"}, "th");
-    add_score("SA", [](const MapScores& s) { return counted(s.static_kept); });
-    add_score("DA", [](const MapScores& s) { return counted(s.dynamic_removed); });
+    add_score("SA", [](const MapScores& s) { return counted_share(s.static_kept); });
+    add_score("DA", [](const MapScores& s) { return counted_share(s.dynamic_removed); });
     add_score("DA with projected and filled points",
-              [](const MapScores& s) { return counted(s.plain_removed); });
+              [](const MapScores& s) { return counted_share(s.plain_removed); });
     add_score("AA", [](const MapScores& s) { return percent_text(s.AA); });
     add_score("HA", [](const MapScores& s) { return percent_text(s.HA); });
-    add_score("PR", [](const MapScores& s) { return counted(s.static_voxels_kept); });
+    add_score("PR", [](const MapScores& s) { return counted_share(s.static_voxels_kept); });
     add_score("RR", [](const MapScores& s) { return percent_text(s.RR); });
     add_score("F1", [](const MapScores& s) { return percent_text(s.F1); });
-    add_score("static points lost", [](const MapScores& s) { return counted(s.static_lost, 3); });
+    add_score("static points lost", [](const MapScores& s) { return counted_share(s.static_lost, 3); });
     add_score("the same, nothing removed", [](const MapScores& s) {
       return s.static_lost_uncleaned.of == 0 ? "0"
                                              : percent_text(s.static_lost_uncleaned.rate(), 3);
@@ -246,7 +246,7 @@ class Report {
 }  // namespace
 
 std::string to_html(const LabelEvaluation& evaluation, const LabelReportHeading& heading) {
-  return Report(evaluation, heading).page();
+  return LabelPage(evaluation, heading).page();
 }
 
 }  // namespace stillmap::mapping

@@ -2,6 +2,7 @@
 
 #include "evaluation/localization_metrics.hpp"
 #include "evaluation/report/figures.hpp"
+#include "evaluation/report/page_parts.hpp"
 #include "evaluation/report/style.hpp"
 #include "evaluation/report/svg_plot.hpp"
 
@@ -14,14 +15,6 @@
 namespace stillmap::mapping {
 namespace {
 
-std::string percent(double share, int digits = 2) {
-  return std::isnan(share) ? "–" : fmt::format("{:.{}f} %", 100.0 * share, digits);
-}
-
-std::string number(double value, int digits) {
-  return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "–";
-}
-
 /// A rate that should be zero, with its count and bound.
 std::string rare(const BoundedRate& rate) {
   if (rate.of == 0) return "–";
@@ -30,20 +23,14 @@ std::string rare(const BoundedRate& rate) {
                      100.0 * rate.upper_95);
 }
 
-std::string table_row(std::initializer_list<std::string> cells, std::string_view tag = "td") {
-  std::string row = "<tr>";
-  for (const std::string& cell : cells) row += fmt::format("<{0}>{1}</{0}>", tag, cell);
-  return row + "</tr>\n";
-}
-
 std::string figure(const std::string& svg, std::string_view caption) {
   return fmt::format("<figure>{}<figcaption>{}</figcaption></figure>\n", svg, caption);
 }
 
 /// Writes the page part by part, in the order in which it is read.
-class Report {
+class LocalizationPage {
  public:
-  explicit Report(const LocalizationEvaluation& evaluation) : evaluation_(evaluation) {}
+  explicit LocalizationPage(const LocalizationEvaluation& evaluation) : evaluation_(evaluation) {}
 
   [[nodiscard]] std::string page(const LocalizationReportHeading& heading) {
     html_ = fmt::format(
@@ -80,23 +67,23 @@ class Report {
 
   void add_levels() {
     html_ += "<div class=\"scroll\"><table>" +
-             table_row({"prior off by", "queries", "success", "95 % interval", "false ok",
+             row_of({"prior off by", "queries", "success", "95 % interval", "false ok",
                         "error, median", "95 %", "rmse x-y", "turn, median", "95 %", "rmse yaw",
                         "CPU, median", "95 %"},
                        "th");
     for (std::size_t i = 0; i < evaluation_.levels.size(); ++i) {
       const LocalizationLevel& level = evaluation_.levels[i];
-      const std::string false_ok = percent(level.false_ok_rate);
-      html_ += table_row(
-          {title_of(i), fmt::format("{}", level.queries), percent(level.success_rate),
-           percent(level.success_interval[0], 1) + " to " + percent(level.success_interval[1], 1),
+      const std::string false_ok = percent_text(level.false_ok_rate);
+      html_ += row_of(
+          {title_of(i), fmt::format("{}", level.queries), percent_text(level.success_rate),
+           percent_text(level.success_interval[0], 1) + " to " + percent_text(level.success_interval[1], 1),
            level.false_ok_rate > 0.0 ? "<span class=\"bad\">" + false_ok + "</span>" : false_ok,
-           number(100.0 * level.translation_m.median, 1) + " cm",
-           number(100.0 * level.translation_m.p95, 1) + " cm",
-           number(100.0 * level.translation_m.rmse_part, 1) + " cm",
-           number(level.rotation_deg.median, 2) + "°", number(level.rotation_deg.p95, 2) + "°",
-           number(level.rotation_deg.rmse_part, 2) + "°", number(level.cpu_ms.p50, 1) + " ms",
-           number(level.cpu_ms.p95, 1) + " ms"});
+           number_text(100.0 * level.translation_m.median, 1) + " cm",
+           number_text(100.0 * level.translation_m.p95, 1) + " cm",
+           number_text(100.0 * level.translation_m.rmse_part, 1) + " cm",
+           number_text(level.rotation_deg.median, 2) + "°", number_text(level.rotation_deg.p95, 2) + "°",
+           number_text(level.rotation_deg.rmse_part, 2) + "°", number_text(level.cpu_ms.p50, 1) + " ms",
+           number_text(level.cpu_ms.p95, 1) + " ms"});
     }
     html_ +=
         "</table></div>\n<p>Success: not lost, and within 0.2 m and 1°. False ok: ok, but off by "
@@ -118,16 +105,16 @@ class Report {
         "(Stanford diagram). Below the diagonal the error is beyond its level: misleading, in "
         "red. The dashed line is the alert limit of street driving, 0.29 m and 0.5°.</p>\n"
         "<div class=\"scroll\"><table>" +
-        table_row({"prior off by", "misleading", "hazardous", "available", "95 % bounds",
+        row_of({"prior off by", "misleading", "hazardous", "available", "95 % bounds",
                    "median of level over error"},
                   "th");
     for (std::size_t i = 0; i < evaluation_.levels.size(); ++i) {
       const Integrity& integrity = evaluation_.levels[i].integrity;
-      html_ += table_row({title_of(i), rare(integrity.misleading), rare(integrity.hazardous),
-                          percent(integrity.availability.rate, 1),
-                          percent(integrity.availability_lower_95, 1) + " to " +
-                              percent(integrity.availability.upper_95, 1),
-                          number(integrity.level_over_error, 1)});
+      html_ += row_of({title_of(i), rare(integrity.misleading), rare(integrity.hazardous),
+                          percent_text(integrity.availability.rate, 1),
+                          percent_text(integrity.availability_lower_95, 1) + " to " +
+                              percent_text(integrity.availability.upper_95, 1),
+                          number_text(integrity.level_over_error, 1)});
     }
     html_ += "</table></div>\n";
     for (std::size_t i = 0; i < evaluation_.levels.size(); ++i) {
@@ -148,7 +135,7 @@ class Report {
       const LocalizationLevel& level = evaluation_.levels[i];
       html_ += figure(nees_figure(evaluation_.queries[i]),
                       fmt::format("{}: mean {}, {} below 12.59", title_of(i),
-                                  number(level.nees_mean, 2), percent(level.nees_inside_95, 1)));
+                                  number_text(level.nees_mean, 2), percent_text(level.nees_inside_95, 1)));
     }
     html_ += "</div>\n";
   }
@@ -159,7 +146,7 @@ class Report {
         "<div class=\"row\">" +
         figure(latency_figure(evaluation_), "Share of queries that took less") +
         "<div style=\"grid-column: span 2\" class=\"scroll\"><table>" +
-        table_row({"prior off by", "ms", "50 %", "90 %", "95 %", "99 %", "most"}, "th");
+        row_of({"prior off by", "ms", "50 %", "90 %", "95 %", "99 %", "most"}, "th");
     for (std::size_t i = 0; i < evaluation_.levels.size(); ++i) {
       std::vector<double> cpu, wall;
       for (const LocalizationQuery& query : evaluation_.queries[i]) {
@@ -167,9 +154,9 @@ class Report {
         wall.push_back(query.wall_ms);
       }
       for (const auto& [name, times] : {std::pair{"CPU", cpu}, std::pair{"wall", wall}}) {
-        html_ += table_row({title_of(i), name, number(percentile(times, 0.5), 1),
-                            number(percentile(times, 0.9), 1), number(percentile(times, 0.95), 1),
-                            number(percentile(times, 0.99), 1), number(percentile(times, 1.0), 1)});
+        html_ += row_of({title_of(i), name, number_text(percentile(times, 0.5), 1),
+                            number_text(percentile(times, 0.9), 1), number_text(percentile(times, 0.95), 1),
+                            number_text(percentile(times, 0.99), 1), number_text(percentile(times, 1.0), 1)});
       }
     }
     html_ += "</table></div></div>\n";
@@ -214,19 +201,19 @@ class Report {
     const LocalizationEvaluationOptions& options = evaluation_.options;
     const maps::Selection& selection = options.selection;
     html_ += "<h2>Options</h2>\n<table class=\"narrow\">";
-    html_ += table_row({"scans", fmt::format("{}:{}:{}", selection.begin,
+    html_ += row_of({"scans", fmt::format("{}:{}:{}", selection.begin,
                                              selection.end ? std::to_string(*selection.end) : "",
                                              selection.step)});
-    html_ += table_row({"prior", std::string(name_of(options.prior))});
-    html_ += table_row({"bias", std::string(name_of(options.bias))});
-    html_ += table_row({"queries deskewed by", std::string(name_of(options.query_deskew))});
-    html_ += table_row({"movable objects in queries", std::string(name_of(options.query_movable))});
+    html_ += row_of({"prior", std::string(name_of(options.prior))});
+    html_ += row_of({"bias", std::string(name_of(options.bias))});
+    html_ += row_of({"queries deskewed by", std::string(name_of(options.query_deskew))});
+    html_ += row_of({"movable objects in queries", std::string(name_of(options.query_movable))});
     if (options.query_movable != MovablePolicy::kKeep)
-      html_ += table_row({"found by", escaped(options.query_detector)});
-    html_ += table_row({"trials", std::to_string(options.trials)});
-    html_ += table_row({"seed", std::to_string(options.seed)});
-    html_ += table_row({"threads", std::to_string(options.threads)});
-    html_ += table_row({"took", number(evaluation_.seconds, 1) + " s"});
+      html_ += row_of({"found by", escaped(options.query_detector)});
+    html_ += row_of({"trials", std::to_string(options.trials)});
+    html_ += row_of({"seed", std::to_string(options.seed)});
+    html_ += row_of({"threads", std::to_string(options.threads)});
+    html_ += row_of({"took", number_text(evaluation_.seconds, 1) + " s"});
     html_ += "</table>\n<pre>" + escaped(heading.command) + "</pre>\n";
   }
 
@@ -238,7 +225,7 @@ class Report {
 
 std::string to_html(const LocalizationEvaluation& evaluation,
                     const LocalizationReportHeading& heading) {
-  return Report(evaluation).page(heading);
+  return LocalizationPage(evaluation).page(heading);
 }
 
 }  // namespace stillmap::mapping

@@ -25,7 +25,7 @@ constexpr double kSmallest = 1e-3;
 /// Steps along a path that no one sees, of the extent.
 constexpr double kInvisible = 1.0 / 2000.0;
 
-constexpr const char* kOdometryStyle = "c0";
+constexpr const char* kOdometryCurve = "c0";
 constexpr const char* kCorrectedStyle = "c2";
 
 using Points = std::vector<SvgPlot::Point>;
@@ -60,7 +60,7 @@ DrawnPath truth_path(const OdometryEvaluation& evaluation) {
 /// The truth first, what is asked for last, so on top.
 std::vector<DrawnPath> paths_of(const OdometryEvaluation& evaluation) {
   std::vector<DrawnPath> paths{truth_path(evaluation)};
-  DrawnPath& odometry = paths.emplace_back(DrawnPath{.style = kOdometryStyle, .places = {}});
+  DrawnPath& odometry = paths.emplace_back(DrawnPath{.style = kOdometryCurve, .places = {}});
   for (const FollowedScan& scan : evaluation.path)
     odometry.places[scan.scan] =
         evaluation.odometry.T_truth_estimate * scan.T_odom_lidar.translation();
@@ -157,7 +157,7 @@ Points column_of(const TrajectoryErrors& errors, std::size_t column) {
 
 std::string distance_figure(const OdometryEvaluation& evaluation, std::size_t column,
                             const std::string& title) {
-  std::vector<Course> courses{{kOdometryStyle, column_of(evaluation.odometry, column)}};
+  std::vector<Course> courses{{kOdometryCurve, column_of(evaluation.odometry, column)}};
   if (evaluation.corrected)
     courses.push_back({kCorrectedStyle, column_of(*evaluation.corrected, column)});
   return course_figure(courses, "distance from the truth [m]", title, true);
@@ -172,7 +172,7 @@ std::string length_figure(const OdometryEvaluation& evaluation, const std::strin
     for (const LengthErrors& each : errors.kitti.lengths)
       course.points.emplace_back(each.length_m, error(each));
   };
-  add(kOdometryStyle, evaluation.odometry);
+  add(kOdometryCurve, evaluation.odometry);
   if (evaluation.corrected) add(kCorrectedStyle, *evaluation.corrected);
   double most = kSmallest;
   for (const Course& course : courses) {

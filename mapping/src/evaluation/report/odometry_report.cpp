@@ -14,7 +14,7 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr std::string_view kOwnStyle = R"(
+constexpr std::string_view kOdometryStyle = R"(
 .wide { max-width: 860px; } .truth { color: #9aa3ae; } svg .truth { stroke-width: 3.2; }
 .loop { color: #e69f00; } svg .loop { stroke-width: 1.1; } .dot { fill: #e69f00; }
 .wrongloop { color: #b3261e; } svg .wrongloop { stroke-width: 1.4; }
@@ -27,14 +27,10 @@ std::string text_of(double value, int digits, std::string_view unit) {
   return std::isfinite(value) ? fmt::format("{:.{}f}\u202f{}", value, digits, unit) : "–";
 }
 
-std::string key(std::string_view style, std::string_view name) {
-  return fmt::format("<span class=\"key {}\"></span>{}", style, name);
-}
-
 /// Writes the page part by part, in the order in which it is read.
-class Report {
+class OdometryPage {
  public:
-  Report(const OdometryEvaluation& evaluation, const OdometryReportHeading& heading)
+  OdometryPage(const OdometryEvaluation& evaluation, const OdometryReportHeading& heading)
       : evaluation_(evaluation), heading_(heading) {}
 
   [[nodiscard]] std::string page() {
@@ -42,7 +38,7 @@ class Report {
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
         "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
         "<title>Odometry report</title><style>{}{}</style></head><body>\n",
-        kReportStyle, kOwnStyle);
+        kReportStyle, kOdometryStyle);
     add_heading();
     add_tiles();
     add_figures();
@@ -86,10 +82,10 @@ class Report {
   }
 
   void add_figures() {
-    html_ += "<h2>From above</h2>\n<p>" + key("truth", "truth, ") + key("c0", "odometry alone");
+    html_ += "<h2>From above</h2>\n<p>" + key_of_style("truth", "truth, ") + key_of_style("c0", "odometry alone");
     if (evaluation_.corrected)
-      html_ += ", " + key("c2", "with loops. ") + key("loop", "Loops, ") +
-               key("wrongloop", "wrong ones");
+      html_ += ", " + key_of_style("c2", "with loops. ") + key_of_style("loop", "Loops, ") +
+               key_of_style("wrongloop", "wrong ones");
     html_ +=
         ". Each path is laid onto the truth by the rigid motion that fits best.</p>\n"
         "<figure class=\"wide\">" +
@@ -122,8 +118,8 @@ class Report {
              row_of({"", "KITTI translation", "rotation in 100 m", "APE mean", "ATE rmse",
                      "farthest", "rmse from the start", "over 10 m", "turn in 10 m"},
                     "th");
-    add_row(key("c0", "odometry alone"), evaluation_.odometry);
-    if (evaluation_.corrected) add_row(key("c2", "with loops"), *evaluation_.corrected);
+    add_row(key_of_style("c0", "odometry alone"), evaluation_.odometry);
+    if (evaluation_.corrected) add_row(key_of_style("c2", "with loops"), *evaluation_.corrected);
     html_ +=
         "</table></div>\n<p>APE and ATE are distances of positions after the rigid motion, "
         "without scale, that fits best; from the start, with nothing but the first poses in "
@@ -223,7 +219,7 @@ class Report {
 }  // namespace
 
 std::string to_html(const OdometryEvaluation& evaluation, const OdometryReportHeading& heading) {
-  return Report(evaluation, heading).page();
+  return OdometryPage(evaluation, heading).page();
 }
 
 }  // namespace stillmap::mapping

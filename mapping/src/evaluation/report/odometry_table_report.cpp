@@ -12,13 +12,6 @@
 namespace stillmap::mapping {
 namespace {
 
-/// So that bars do not end on the frame.
-constexpr double kHeadroom = 1.08;
-
-std::string number(double value, int digits) {
-  return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "–";
-}
-
 std::string drives_text(std::size_t drives) {
   return fmt::format("{} {}", drives, drives == 1 ? "drive" : "drives");
 }
@@ -53,9 +46,9 @@ const PathFigures& figures_of(const OdometryTableRun& run, bool loops) {
 }
 
 /// Writes the page part by part, in the order in which it is read.
-class Report {
+class OdometryTablePage {
  public:
-  explicit Report(const OdometryTable& table) : table_(table) {}
+  explicit OdometryTablePage(const OdometryTable& table) : table_(table) {}
 
   [[nodiscard]] std::string page(const std::string& command) {
     html_ = fmt::format(
@@ -136,9 +129,9 @@ class Report {
   void add_path(const OdometryTableRun& run, bool loops) {
     const PathFigures& figures = figures_of(run, loops);
     html_ += row_of({escaped(run.method), points_name(run.points), loops ? "on" : "off",
-                     "<b>" + number(figures.ape_mean_m, 3) + "</b>", number(figures.ate_rmse_m, 3),
-                     number(figures.kitti_percent, 3), number(figures.kitti_deg_per_100m, 4),
-                     number(figures.percent_10m, 3), number(figures.deg_10m, 4),
+                     "<b>" + number_text(figures.ape_mean_m, 3) + "</b>", number_text(figures.ate_rmse_m, 3),
+                     number_text(figures.kitti_percent, 3), number_text(figures.kitti_deg_per_100m, 4),
+                     number_text(figures.percent_10m, 3), number_text(figures.deg_10m, 4),
                      loops ? fmt::format("{} of {}", run.loops_right, run.loops_found) : "",
                      loops ? fmt::format("{} of {}", run.revisits_found, run.revisits) : ""});
   }
@@ -185,7 +178,7 @@ class Report {
 }  // namespace
 
 std::string to_html(const OdometryTable& table, const std::string& command) {
-  return Report(table).page(command);
+  return OdometryTablePage(table).page(command);
 }
 
 }  // namespace stillmap::mapping

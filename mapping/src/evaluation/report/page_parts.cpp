@@ -39,6 +39,14 @@ std::string grouped_text(std::size_t number) {
   return text;
 }
 
+std::string number_text(double value, int digits) {
+  return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "–";
+}
+
+std::string key_of_style(std::string_view style, std::string_view name) {
+  return fmt::format("<span class=\"key {}\"></span>{}", style, name);
+}
+
 std::string row_of(std::initializer_list<std::string> cells, std::string_view tag) {
   std::string text = "<tr>";
   for (const std::string& cell : cells) text += fmt::format("<{0}>{1}</{0}>", tag, cell);

@@ -1,6 +1,7 @@
 #include <stillmap/mapping/paper_evaluation.hpp>
 
 #include "evaluation/paper/paper_figures.hpp"
+#include "evaluation/report/page_parts.hpp"
 #include "evaluation/report/style.hpp"
 #include "evaluation/report/svg_plot.hpp"
 
@@ -17,16 +18,10 @@ namespace {
 
 constexpr double kCentimetres = 100.0;
 constexpr double kDegrees = 180.0 / std::numbers::pi;
-/// So that whiskers do not end on the frame.
-constexpr double kHeadroom = 1.08;
-
-std::string number(double value, int digits) {
-  return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "–";
-}
 
 std::string text_of(const Interval& interval, double scale, int digits) {
-  return fmt::format("<b>{}</b> <small>{} to {}</small>", number(scale * interval.value, digits),
-                     number(scale * interval.low, digits), number(scale * interval.high, digits));
+  return fmt::format("<b>{}</b> <small>{} to {}</small>", number_text(scale * interval.value, digits),
+                     number_text(scale * interval.low, digits), number_text(scale * interval.high, digits));
 }
 
 /// Green where all of the interval is below zero, red where all of it is above.
@@ -39,12 +34,6 @@ std::string difference_text(const Interval& interval, double scale, int digits) 
                               : "",
                      scale * interval.value, digits, scale * interval.low, digits,
                      scale * interval.high, digits);
-}
-
-std::string table_row(std::initializer_list<std::string> cells, std::string_view tag = "td") {
-  std::string row = "<tr>";
-  for (const std::string& cell : cells) row += fmt::format("<{0}>{1}</{0}>", tag, cell);
-  return row + "</tr>\n";
 }
 
 /// Bars with their intervals, a map each.
@@ -74,9 +63,9 @@ std::string bars(const std::vector<const PaperRow*>& rows, const std::string& la
 }
 
 /// Writes the page part by part, in the order in which it is read.
-class Report {
+class PaperPage {
  public:
-  explicit Report(const PaperEvaluation& evaluation) : evaluation_(evaluation) {}
+  explicit PaperPage(const PaperEvaluation& evaluation) : evaluation_(evaluation) {}
 
   [[nodiscard]] std::string page(const std::string& command) {
     html_ = fmt::format(
@@ -128,17 +117,17 @@ class Report {
   void add_block(const std::vector<const PaperRow*>& rows) {
     html_ += fmt::format("<h2>{}</h2>\n<div class=\"scroll\"><table>",
                          title_of(rows.front()->method, rows.front()->query));
-    html_ += table_row({"map", "rmse x-y [cm]", "rmse yaw [mrad]", "[deg]", "success [%]",
+    html_ += row_of({"map", "rmse x-y [cm]", "rmse yaw [mrad]", "[deg]", "success [%]",
                         "degraded", "lost", "of", "answered: x-y [cm]", "yaw [deg]"},
                        "th");
     for (const PaperRow* row : rows) {
-      html_ += table_row({escaped(row->map), text_of(row->rmse_xy_m, kCentimetres, 2),
+      html_ += row_of({escaped(row->map), text_of(row->rmse_xy_m, kCentimetres, 2),
                           text_of(row->rmse_yaw_rad, 1e3, 2),
-                          number(row->rmse_yaw_rad.value * kDegrees, 3),
+                          number_text(row->rmse_yaw_rad.value * kDegrees, 3),
                           text_of(row->success_rate, 100.0, 1), std::to_string(row->degraded),
                           std::to_string(row->lost), std::to_string(row->queries),
-                          number(kCentimetres * row->answered_rmse_xy_m, 2),
-                          number(row->answered_rmse_yaw_rad * kDegrees, 3)});
+                          number_text(kCentimetres * row->answered_rmse_xy_m, 2),
+                          number_text(row->answered_rmse_yaw_rad * kDegrees, 3)});
     }
     html_ += "</table></div>\n<div class=\"row\" style=\"grid-template-columns: 1fr 1fr\">";
     html_ += "<figure>" +
@@ -156,11 +145,11 @@ class Report {
         "<h2>Differences</h2>\n<p>Of the same scans from the same priors. Below zero the first "
         "map is better. In colour where the whole interval is on one side of zero.</p>\n"
         "<div class=\"scroll\"><table>" +
-        table_row({"method and scans", "map", "less map", "rmse x-y [cm]", "better in streets",
+        row_of({"method and scans", "map", "less map", "rmse x-y [cm]", "better in streets",
                    "rmse yaw [mrad]", "better in streets"},
                   "th");
     for (const PaperDifference& each : evaluation_.differences)
-      html_ += table_row({title_of(each.method, each.query), escaped(each.map),
+      html_ += row_of({title_of(each.method, each.query), escaped(each.map),
                           escaped(each.against), difference_text(each.rmse_xy_m, kCentimetres, 2),
                           fmt::format("{} of {}", each.better_xy, each.streets),
                           difference_text(each.rmse_yaw_rad, 1e3, 2),
@@ -179,8 +168,8 @@ class Report {
                            escaped(row.map));
       for (const PaperAnswers& street : row.streets)
         html_ += fmt::format("<td>{}</td><td>{}</td>",
-                             number(kCentimetres * street_rmse_xy_m(street), 2),
-                             number(1e3 * street_rmse_yaw_rad(street), 2));
+                             number_text(kCentimetres * street_rmse_xy_m(street), 2),
+                             number_text(1e3 * street_rmse_yaw_rad(street), 2));
       html_ += "</tr>\n";
     }
     html_ += "</table></div>\n";
@@ -193,7 +182,7 @@ class Report {
 }  // namespace
 
 std::string to_html(const PaperEvaluation& evaluation, const std::string& command) {
-  return Report(evaluation).page(command);
+  return PaperPage(evaluation).page(command);
 }
 
 }  // namespace stillmap::mapping

@@ -6,7 +6,7 @@ namespace stillmap::mapping::loam {
 namespace {
 
 /// Fewer correspondences do not make a pose.
-constexpr std::size_t kMinCorrespondences = 50;
+constexpr std::size_t kMinMapCorrespondences = 50;
 /// Reach of the weights [m]: what the match with the sweep before may be off by.
 constexpr double kReachM = 0.3;
 
@@ -18,7 +18,7 @@ Surface seen_from(const Surface& surface, const Eigen::Isometry3d& T_odom_lidar)
   return out;
 }
 
-std::vector<Correspondence> correspondences(const std::vector<Feature>& edges,
+std::vector<Correspondence> map_correspondences(const std::vector<Feature>& edges,
                                             const std::vector<Feature>& planes,
                                             const FeatureMaps& maps,
                                             const Eigen::Isometry3d& T_odom_lidar) {
@@ -42,8 +42,8 @@ std::vector<Correspondence> correspondences(const std::vector<Feature>& edges,
 MapMatch match_map(const std::vector<Feature>& edges, const std::vector<Feature>& planes,
                    const FeatureMaps& maps, const MapMatch& before) {
   MapMatch match = before;
-  const auto found = correspondences(edges, planes, maps, before.T_odom_lidar);
-  if (found.size() < kMinCorrespondences) {
+  const auto found = map_correspondences(edges, planes, maps, before.T_odom_lidar);
+  if (found.size() < kMinMapCorrespondences) {
     match.settled = true;
     return match;
   }

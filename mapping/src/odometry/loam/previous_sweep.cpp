@@ -19,8 +19,8 @@ constexpr float kMaxDistanceM = 3.0F;
 /// Rings on either side that count as beside.
 constexpr std::uint32_t kRingsBeside = 2;
 constexpr std::uint32_t kNoPoint = std::numeric_limits<std::uint32_t>::max();
-constexpr float kTurnRad = 2.0F * std::numbers::pi_v<float>;
-constexpr float kRightAngleRad = 0.25F * kTurnRad;
+constexpr float kFullTurnRad = 2.0F * std::numbers::pi_v<float>;
+constexpr float kRightAngleRad = 0.25F * kFullTurnRad;
 
 float azimuth_of(const Eigen::Vector3f& p) { return std::atan2(p.y(), p.x()); }
 
@@ -106,7 +106,7 @@ std::optional<RingSearch::Found> RingSearch::nearest_in_ring(const Eigen::Vector
     std::uint32_t k = direction > 0 ? middle % count : (middle + count - 1) % count;
     for (std::uint32_t steps = 0; steps < count; ++steps) {
       const std::uint32_t i = first + k;
-      const float off = std::abs(std::remainder(azimuths_[i] - azimuth, kTurnRad));
+      const float off = std::abs(std::remainder(azimuths_[i] - azimuth, kFullTurnRad));
       const float across = off < kRightAngleRad ? level * std::sin(off) : level;
       if (across * across > best.squared) break;
       const float squared = (point(i) - X).squaredNorm();
