@@ -1,7 +1,9 @@
 // Uploads: a package, a drive that breaks off in every way and goes on, a folder, and what is refused.
 
+import { execFileSync } from 'node:child_process';
 import { readFileSync, statSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
+import { fileURLToPath } from 'node:url';
 import { main } from './harness.mjs';
 
 const kPart = 8 * 1024 * 1024;
@@ -186,7 +188,9 @@ async function folder(run) {
   await page.click('dialog button[type=submit]');
   await page.waitForSelector('tr[data-drive]', { state: 'detached' });
   run.expect(true, 'a drive is deleted');
-  const bag = readFileSync(new URL('../fuzz/corpus/mcap/seed_indexed_zstd', import.meta.url));
+  const seeds = join(run.scratch, 'seeds');
+  execFileSync('python3', ['-B', fileURLToPath(new URL('../fuzz/seeds.py', import.meta.url)), seeds]);
+  const bag = readFileSync(join(seeds, 'mcap', 'seed_indexed_zstd'));
   await choose(page, { name: 'run.mcap', mimeType: 'application/octet-stream', buffer: bag });
   await page.click('dialog button[type=submit]');
   await page.waitForSelector('tr[data-drive]:has-text("run") >> text=Complete');

@@ -8,7 +8,7 @@ import sqlite3
 import struct
 import zlib
 
-import make_bag_seeds as bags
+import bag_seeds as bags
 
 DRAWS = 4000
 FRAMES = ["lidar", "/lidar", "base_link", "odom", "map", "world", "earth", "utm", "robot/map", "camera", "", "x" * 70]

@@ -4,7 +4,7 @@ that are not taken are refused for one thing. For variants.py."""
 import random
 import struct
 
-import make_seeds as seeds
+import seeds
 from bag_variants import COLUMNS, drawn_number, rarely
 
 DRAWS = 6000

@@ -1,5 +1,5 @@
-"""Requests for each route of the contract, with usual and odd names, queries, headers and bodies, also those that other
-targets have learnt. For variants.py."""
+"""Requests for each route of the contract, with usual and odd names, queries, headers and bodies, also
+seeds of other targets. For variants.py."""
 
 import itertools
 import json
@@ -10,10 +10,9 @@ import struct
 import urllib.parse
 
 import json_variants
-import learnt
+import seeds
 
-HERE = pathlib.Path(__file__).resolve().parent
-CONTRACT = HERE.parent.parent / "server" / "openapi.json"
+CONTRACT = pathlib.Path(__file__).resolve().parents[2] / "server" / "openapi.json"
 
 
 def request(method, path, headers="", content_type=None, body=b""):
@@ -50,20 +49,16 @@ HEADERS = [each + "\r\n" for each in [
     "Content-Length: 99999999999999999999", "A: " + "b" * 2000, "\r\n".join(f"H{i}: x" for i in range(150))]]
 
 
-def corpus(target, name):
-    return (HERE / "corpus" / target / f"seed_{name}").read_bytes()
-
-
 def bodies_of_all_kinds():
     yield None, b""
     for content_type in ("application/octet-stream", "text/plain"):
         yield content_type, struct.pack("<24f", *range(24))
-    yield "application/vnd.pcd", corpus("pcd", "ascii")
-    yield "application/ply", corpus("ply", "ascii")
-    yield "application/vnd.las", corpus("las", "wkt")
+    yield "application/vnd.pcd", seeds.seed("pcd", "ascii")
+    yield "application/ply", seeds.seed("ply", "ascii")
+    yield "application/vnd.las", seeds.seed("las", "wkt")
     for content_type in ("application/x-tar", "application/gzip"):
-        yield content_type, corpus("archive", "gzip")[1:]
-    yield 'multipart/form-data; boundary="xYz"', corpus("pose_multipart", "raw").split(b"\n", 1)[1]
+        yield content_type, seeds.seed("archive", "gzip")[1:]
+    yield 'multipart/form-data; boundary="xYz"', seeds.seed("pose_multipart", "raw").split(b"\n", 1)[1]
     yield "application/json", b"{"
     yield "application/json", b"{}"
     yield "application/json", b"[]"
@@ -121,11 +116,11 @@ def asked_before(template):
         return request("POST", path, "", "application/json", json.dumps(document).encode()) + NEXT_CONNECTION
 
     def conversion():
-        return request("PUT", "/v1/maps/town/versions/v2", "", "application/ply", corpus("ply", "ascii")) + NEXT_CONNECTION
+        return request("PUT", "/v1/maps/town/versions/v2", "", "application/ply", seeds.seed("ply", "ascii")) + NEXT_CONNECTION
 
     def part(kind):
         path = f"/v1/maps/town/{kind}/{{id}}/parts/1"
-        body = corpus("archive", "gzip")[1:]
+        body = seeds.seed("archive", "gzip")[1:]
         return request("PUT", path, "", "application/octet-stream", body) + NEXT_CONNECTION
 
     asked = {"{session}": lambda: post("/v1/sessions", {"map": "town"}),
@@ -179,9 +174,9 @@ def with_checksums(tar):
     return b"".join(blocks)
 
 
-def learnt_bodies(target):
-    """@return (query, content type, body) of what another target has learnt that meets bytes of a client too"""
-    for text in learnt.inputs(HERE / "learnt" / f"{target}.zip"):
+def seed_bodies(target):
+    """@return (query, content type, body) of each seed of another target that reads bytes of a client too"""
+    for text in seeds.of(target):
         first, _, rest = text.partition(b"\n")
         if target == "scan_body" and text:
             kinds = [("", "application/octet-stream"), ("?layout=xyz", "application/octet-stream"), ("", "application/vnd.pcd"),
@@ -204,14 +199,14 @@ def learnt_bodies(target):
 POSES = [("POST", "/v1/maps/{map}/localize"), ("POST", "/v1/sessions/{session}/scans")]
 VERSIONS = [("PUT", "/v1/maps/{map}/versions/{version}")]
 PARTS = [("PUT", "/v1/maps/{map}/uploads/{upload}/parts/{part}"), ("PUT", "/v1/maps/{map}/drives/{drive}/parts/{part}")]
-LEARNT = {"scan_body": POSES, "pose_json": POSES, "pose_multipart": POSES, "query": POSES, "pcd": POSES + VERSIONS,
-          "ply": VERSIONS, "las": VERSIONS, "cloud": VERSIONS, "archive": VERSIONS + PARTS,
-          "edits": [("PUT", "/v1/maps/{map}/edits")]}
+ROUTES_OF_TARGETS = {
+    "scan_body": POSES, "pose_json": POSES, "pose_multipart": POSES, "query": POSES, "pcd": POSES + VERSIONS, "ply": VERSIONS,
+    "las": VERSIONS, "cloud": VERSIONS, "archive": VERSIONS + PARTS, "edits": [("PUT", "/v1/maps/{map}/edits")]}
 
 
-def requests_with_learnt_bodies():
-    for target, routes in LEARNT.items():
-        for (method, template), (query, content_type, body) in itertools.product(routes, learnt_bodies(target)):
+def requests_with_seeds_as_bodies():
+    for target, routes in ROUTES_OF_TARGETS.items():
+        for (method, template), (query, content_type, body) in itertools.product(routes, seed_bodies(target)):
             path, whole = paths_of(template)[0], template.replace("/parts/{part}", "/complete")
             if template == VERSIONS[0][1]:
                 path = path.replace("/v1/maps/town/versions/v1", "/v1/maps/town/versions/v2")
@@ -223,7 +218,7 @@ def usual_requests(contract, rng):
     """@return for each route some that it takes, of which those of sessions tell other times each"""
     bodies = {(method, template): ("application/json", json.dumps(example).encode())
               for method, template, example in contract.json_bodies()}
-    archive = ("application/x-tar", with_checksums(corpus("archive", "small")[1:]) + bytes(1024))
+    archive = ("application/x-tar", with_checksums(seeds.seed("archive", "small")[1:]) + bytes(1024))
     scan = ("application/octet-stream", struct.pack("<24f", *range(24)))
     for template, operations in contract.document["paths"].items():
         for method in (name.upper() for name in operations if name in ("get", "put", "post", "delete")):
@@ -234,7 +229,7 @@ def usual_requests(contract, rng):
                 path += f"?layout=xyz&prior_t=0,0,0&prior_q=0,0,0,1&prior_sigma=1,0.1&stamp_ns={stamp_ns}"
                 body = scan
             elif method == "PUT" and not body:
-                body = rng.choice([archive, ("application/ply", corpus("ply", "ascii"))])
+                body = rng.choice([archive, ("application/ply", seeds.seed("ply", "ascii"))])
             if not template.endswith("/events"):
                 yield request(method, path, "", *body)
 
@@ -256,6 +251,6 @@ def drawn_sequences(contract):
 def requests():
     contract = Contract()
     yield from drawn_sequences(contract)
-    yield from requests_with_learnt_bodies()
+    yield from requests_with_seeds_as_bodies()
     yield from changed_bodies(contract)
     yield from requests_of_routes(contract)

@@ -7,6 +7,7 @@ import random
 import re
 
 import json_variants
+import seeds
 
 HERE = pathlib.Path(__file__).resolve().parent
 DRAWS = 40_000
@@ -46,9 +47,8 @@ def changed(value, rng, known):
 
 def requests():
     rng, known = random.Random(1), words()
-    seeds = [file.read_bytes() for file in sorted((HERE / "corpus" / "request_json").glob("seed_*"))]
     for _ in range(DRAWS):
-        seed = rng.choice(seeds)
+        seed = rng.choice(seeds.of("request_json"))
         left = json_variants.thinned(json.loads(seed[1:]), rng, rng.choice((0, 0.1, 0.2, 0.4)))
         document = changed(left, rng, known)
         if rng.random() < 0.5:

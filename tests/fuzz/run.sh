@@ -1,15 +1,12 @@
 #!/usr/bin/env bash
 # Fuzzes every parser that meets bytes from outside with libFuzzer, AddressSanitizer and UndefinedBehaviorSanitizer.
-# usage: tests/fuzz/run.sh [--seconds N | --soak | --report | --keep] [--jobs N] [TARGET...]    (60 seconds each unless told)
-# Needs clang-16 and libclang-rt-16-dev (llvm-16 names the lines of what is found), see ./dev. What it learns stays in
-# build/soak/fuzz; soak.py says more.
+# usage: tests/fuzz/run.sh [--seconds N | --soak] [--jobs N] [TARGET...]
+# Needs clang-16 and libclang-rt-16-dev (llvm-16 names the lines of what is found), see ./dev. Its corpora and findings are in
+# build/soak/fuzz; soak.py describes the options.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 export CCACHE_BASEDIR=$PWD CCACHE_NOHASHDIR=1 CCACHE_SLOPPINESS=pch_defines,time_macros
 mkdir -p build/soak/fuzz
-if [[ " $* " != *" --report "* ]]; then
-  cmake --preset fuzz >build/soak/fuzz.configure.log || { cat build/soak/fuzz.configure.log; exit 1; }
-  cmake --build build/fuzz -j "$(nproc)" --target fuzzers
-  echo "$(git rev-parse --short=10 HEAD)$(git diff --quiet HEAD -- ':!*.md' || echo '+')" >build/fuzz/commit
-fi
+cmake --preset fuzz >build/soak/fuzz.configure.log || { cat build/soak/fuzz.configure.log; exit 1; }
+cmake --build build/fuzz -j "$(nproc)" --target fuzzers
 exec python3 tests/fuzz/soak.py build/fuzz build/soak/fuzz "$@"

@@ -1,25 +1,21 @@
 #!/usr/bin/env python3
 """Runs libFuzzer's programs and keeps what they found and how long they ran.
 
-usage: soak.py PROGRAMS STATE [--seconds N | --soak | --report | --keep] [--jobs N] [TARGET...]
+usage: soak.py PROGRAMS STATE [--seconds N | --soak] [--jobs N] [TARGET...]
 
---seconds N  each target for N seconds
---soak       each target until it has run 30 CPU-minutes behind its last new edge and a million inputs in all; a run that
-             was cut off goes on where it was
---report     writes the results into tests/README.md
---keep       leaves of each corpus in STATE the fewest inputs that reach what all reach, and packs what fits 200 kB of
-             them into learnt/NAME.zip
---jobs N     so many targets at a time, one unless told
+--seconds N  each target for N seconds, 60 by default
+--soak       each target until it has run a million inputs, and 30 CPU-minutes since its last new edge; continues a run that
+             was interrupted
+--jobs N     targets at a time, 1 by default
 
-STATE/NAME/corpus grows, from learnt/NAME.zip and (with --soak) what of variants.py reaches something new on;
-STATE/NAME/state.json counts, anew when the program is another; STATE/NAME/edges.log tells where in the sources new edges
-lie; STATE/NAME/found/ holds inputs that broke something. The rules are those of the soak: 512 MiB, 5 s an input. Ends
-with 1 when anything was found.
+STATE/NAME/seeds is written by seeds.py; STATE/NAME/corpus holds the inputs that reached something new, with --soak also of
+those that variants.py makes; STATE/NAME/state.json counts, anew when the program is another; STATE/NAME/edges.log tells where
+in the sources new edges lie; STATE/NAME/found/ holds inputs that broke something. An input may take 5 s and 512 MiB. Ends with
+1 when anything was found.
 """
 
 import argparse
 import concurrent.futures
-import datetime
 import hashlib
 import json
 import math
@@ -30,12 +26,10 @@ import shutil
 import subprocess
 import sys
 
-import learnt
+import seeds
 import variants
 
 HERE = pathlib.Path(__file__).resolve().parent
-README = HERE.parent / "README.md"
-BEGIN, END = "<!-- fuzz: written by tests/fuzz/run.sh --report -->", "<!-- fuzz: end -->"
 QUIET_CPU_S = 30 * 60
 LEAST_INPUTS = 1_000_000
 # A scan is aligned with each of its inputs: half an hour for all variants, which are patches to bytes as any.
@@ -64,22 +58,20 @@ class Target:
         self.name = program.name.removeprefix("fuzz_")
         self.program, self.folder = program, folder
         self.state_file, self.edges_file = folder / "state.json", folder / "edges.log"
-        self.seeds, self.learnt = HERE / "corpus" / self.name, HERE / "learnt" / f"{self.name}.zip"
-        self.state = {"inputs": 0, "cpu_s": 0.0, "cpu_s_at_last_edge": 0.0, "edges": 0, "commit": "", "date": ""}
+        self.state = {"inputs": 0, "cpu_s": 0.0, "cpu_s_at_last_edge": 0.0, "edges": 0}
         if self.state_file.exists():
             self.state |= json.loads(self.state_file.read_text())
         for each in ("corpus", "found"):
             (folder / each).mkdir(parents=True, exist_ok=True)
 
-    def begin(self, commit):
+    def begin(self):
         """What was counted of another program says nothing of this one."""
         digest = hashlib.sha256(self.program.read_bytes()).hexdigest()
         if self.state.get("program") != digest:
             self.state |= {"inputs": 0, "cpu_s": 0.0, "cpu_s_at_last_edge": 0.0, "edges": 0, "program": digest,
                            "variants": False}
             self.edges_file.unlink(missing_ok=True)
-        self.state["commit"] = commit
-        learnt.unpack(self.learnt, self.folder / "corpus")
+        seeds.write(self.name, self.folder / "seeds")
 
     def quiet_s(self):
         return self.state["cpu_s"] - self.state["cpu_s_at_last_edge"]
@@ -97,12 +89,11 @@ class Target:
 
     def command(self, seconds):
         words = HERE / f"{self.name}.dict"
-        options = [f"-max_total_time={seconds}", "-rss_limit_mb=512", "-timeout=5", f"-max_len={learnt.LONGEST_INPUT}",
+        options = [f"-max_total_time={seconds}", "-rss_limit_mb=512", "-timeout=5", f"-max_len={seeds.LONGEST_INPUT}",
                    "-print_final_stats=1", "-print_pcs=1", "-reload=0", f"-artifact_prefix={self.folder}/found/"]
         options += [f"-dict={words}"] if words.exists() else []
         options += ["-detect_leaks=0"] if self.name in WITH_THREADS else []
-        seeds = [self.seeds] if self.seeds.is_dir() else []
-        return [*NO_RANDOM_ADDRESSES, self.program, *options, self.folder / "corpus", *seeds]
+        return [*NO_RANDOM_ADDRESSES, self.program, *options, self.folder / "corpus", self.folder / "seeds"]
 
     def take_variants(self):
         """Once a program: what of them reaches something new joins the corpus. @return whether nothing was found"""
@@ -110,8 +101,8 @@ class Target:
             return True
         before, folder = self.findings(), self.folder / "variants"
         variants.write(self.name, folder)
-        # As in learnt.merged: all pass one process.
-        subprocess.run([self.program, "-merge=1", "-rss_limit_mb=2048", "-timeout=5", f"-max_len={learnt.LONGEST_INPUT}",
+        # All inputs pass one process here, and what AddressSanitizer holds back of each adds up: no 512 MiB as for one.
+        subprocess.run([self.program, "-merge=1", "-rss_limit_mb=2048", "-timeout=5", f"-max_len={seeds.LONGEST_INPUT}",
                         f"-artifact_prefix={self.folder}/found/", self.folder / "corpus", folder], check=True,
                        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                        env=os.environ | {"ASAN_OPTIONS": "detect_leaks=0"})
@@ -161,7 +152,6 @@ class Target:
         self.save()
 
     def save(self):
-        self.state["date"] = datetime.date.today().isoformat()
         partial = self.state_file.with_suffix(".partial")
         partial.write_text(json.dumps(self.state, indent=1))
         partial.rename(self.state_file)
@@ -180,20 +170,6 @@ def cpu_s(pid):
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def report(targets):
-    """Rows of targets that did not run here stay as they are."""
-    old = README.read_text()
-    head, rest = old.split(BEGIN, 1)
-    table, tail = rest.split(END, 1)
-    rows = {line.split(" ")[1]: line for line in table.strip().splitlines()[2:]}
-    for t in (t for t in targets if t.state["inputs"] > 0):
-        rows[t.name] = (f"| {t.name} | {t.state['inputs']:,} | {t.state['edges']:,} | {t.state['cpu_s'] / 60:.1f} | "
-                        f"{t.quiet_s() / 60:.1f} | {len(t.findings())} | {t.state['date']} | {t.state['commit']} |")
-    text = "\n".join([BEGIN, "| target | inputs | edges | CPU-minutes | since the last new edge | open findings | date | commit |",
-                      "|---|---|---|---|---|---|---|---|", *(rows[name] for name in sorted(rows)), END])
-    README.write_text(head + text + tail)
-
-
 def run_once(target, asked):
     """@return its name when something was found"""
     ok = (not asked.soak or target.take_variants()) and target.run(target.slice_s() if asked.soak else asked.seconds)
@@ -207,8 +183,6 @@ def main():
     parser.add_argument("state", type=pathlib.Path)
     parser.add_argument("--seconds", type=int, default=60)
     parser.add_argument("--soak", action="store_true")
-    parser.add_argument("--report", action="store_true")
-    parser.add_argument("--keep", action="store_true")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("targets", nargs="*")
     asked = parser.parse_intermixed_args()
@@ -219,16 +193,8 @@ def main():
             sys.exit(f"{name}: expected one of {' '.join(known)}")
     targets = [Target(path, asked.state / name) for name, path in zip(known, programs)
                if not asked.targets or name in asked.targets]
-    if asked.report:
-        report(targets)
-        return 0
-    if asked.keep:
-        for target in targets:
-            print(f"{target.name}: {learnt.keep(target.program, target.folder, target.learnt)}")
-        return 0
-    commit = (asked.programs / "commit").read_text().strip()
     for target in targets:
-        target.begin(commit)
+        target.begin()
     broken = set()
     # Turn by turn, so that all have run when time is short.
     while left := [t for t in targets if t.name not in broken and not (asked.soak and t.is_done())]:

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Writes variants of a target's seeds, one change each, which bytes changed at random become late or never: wherever an
 input holds a JSON text, what json_variants.py makes of it; other numbers in its lines; each byte by a few others; the
-input cut at each byte. For `http` also a request for each route of the contract, what other targets have learnt as its body,
-and drawn sequences of requests, for `request_json` several changes at once, for bags and clouds such with other messages,
-columns and points, for `rosbag2` what `mcap` and `rawlog` have learnt, for `archive` packages with the manifests of fuzzing.
+input cut at each byte. For `http` also a request for each route of the contract, seeds of other targets as bodies, and drawn
+sequences of requests, for `request_json` several changes at once, for bags and clouds such with other messages, columns and
+points, for `rosbag2` the seeds of `mcap` and `rawlog`, for `archive` packages with the manifests of `manifest`.
 
 usage: tests/fuzz/variants.py TARGET FOLDER
 """
@@ -20,11 +20,10 @@ import bag_variants
 import cloud_variants
 import http_variants
 import json_variants
-import learnt
 import request_variants
+import seeds
 import text_variants
 
-HERE = pathlib.Path(__file__).resolve().parent
 MOST_PLACES = 300  # of a seed where its bytes are changed, about
 TAR_BLOCK = 512
 
@@ -60,15 +59,15 @@ def put_in(seed, start, end, text):
 
 
 def archives():
-    seed = (HERE / "corpus" / "archive" / "seed_small").read_bytes()
+    seed = seeds.seed("archive", "small")
     start, end, _ = json_within(seed)
-    for manifest in learnt.inputs(HERE / "learnt" / "manifest.zip"):
+    for manifest in seeds.of("manifest"):
         yield put_in(seed, start, end, manifest)
 
 
 def bags_of_rosbag2():
     for other in ("mcap", "rawlog"):  # told by their first bytes, whatever a file is called
-        yield from learnt.inputs(HERE / "learnt" / f"{other}.zip")
+        yield from seeds.of(other)
     yield from bag_variants.rosbag2_files()
 
 
@@ -96,8 +95,7 @@ def byte_variants(seed):
 def variants(target):
     if target in DRAWN:
         yield from DRAWN[target]()
-    for file in sorted((HERE / "corpus" / target).iterdir()):
-        seed = file.read_bytes()
+    for seed in seeds.of(target):
         yield from byte_variants(seed)
         if found := json_within(seed):
             start, end, document = found
@@ -113,7 +111,7 @@ def write(target, folder):
     written = set()
     for each in variants(target):
         name = hashlib.sha1(each).hexdigest()
-        if len(each) <= learnt.LONGEST_INPUT and name not in written:
+        if len(each) <= seeds.LONGEST_INPUT and name not in written:
             (folder / name).write_bytes(each)
             written.add(name)
     return len(written)

@@ -38,7 +38,6 @@ street() { # street SEED: map from day 1, queries from day 2
 }
 
 step fuzz tests/fuzz/run.sh --soak --jobs "$(nproc)"
-tests/fuzz/run.sh --report
 step asan sanitized asan
 step tsan sanitized tsan
 ./dev build release

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Writes bev.onnx and pillars.onnx beside this file: networks of a few nodes with weights that make their answers
+"""Writes bev.onnx and pillars.onnx: networks of a few nodes with weights that make their answers
 computable by hand (see onnx_detector_test.cpp). They are encoded without the onnx package, after onnx.proto
 (https://github.com/onnx/onnx/blob/main/onnx/onnx.proto; numbers of fields stand at their use), operator set 11.
 
-usage: make_networks.py [--check]    --check: exit with 1 where a file differs from what would be written
+usage: make_networks.py FOLDER
 """
 
 import math
@@ -133,16 +133,12 @@ def pillars():
 
 
 def main():
-    folder = pathlib.Path(__file__).parent
-    differs = False
-    for name, data in [("bev.onnx", bev()), ("pillars.onnx", pillars())]:
-        if sys.argv[1:] == ["--check"]:
-            if (folder / name).read_bytes() != data:
-                print(f"{name}: found other bytes than make_networks.py writes")
-                differs = True
-        else:
-            (folder / name).write_bytes(data)
-    sys.exit(1 if differs else 0)
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
+    folder = pathlib.Path(sys.argv[1])
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "bev.onnx").write_bytes(bev())
+    (folder / "pillars.onnx").write_bytes(pillars())
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ class FlatGround final : public GroundSurface {
 
 inline GroundResult flat_ground() { return {{}, std::make_shared<FlatGround>()}; }
 
-/// Description of tests/data/onnx/bev.onnx.
+/// Description of the bev.onnx that tests/data/onnx/make_networks.py writes.
 inline nlohmann::json bev_description() {
   return {{"format", "stillmap-onnx"},
           {"version", 1},
@@ -52,7 +52,7 @@ inline nlohmann::json bev_description() {
           {"nms_iou", 0.2}};
 }
 
-/// Description of tests/data/onnx/pillars.onnx.
+/// Description of the pillars.onnx that tests/data/onnx/make_networks.py writes.
 inline nlohmann::json pillars_description() {
   nlohmann::json text = bev_description();
   text["model"] = "pillars.onnx";

@@ -1,30 +1,32 @@
 #!/usr/bin/env python3
-"""Writes the seeds of the corpora: small whole inputs of each target, by hand. Regressions, which lie beside them as
-`found_*`, are left as they are.
+"""The inputs that fuzzing starts from, for each target: small whole ones, made here, in bag_seeds.py and in
+archive_seeds.py, and the committed ones in corpus/, each of which broke something once. Needs the tools lz4 and zstd.
 
-usage: tests/fuzz/make_seeds.py
+usage: tests/fuzz/seeds.py FOLDER    writes FOLDER/TARGET/NAME; other files of FOLDER/TARGET are removed
 """
 
+import collections
+import functools
 import gzip
 import hashlib
 import json
 import math
 import pathlib
+import shutil
 import struct
+import sys
 
-import learnt
+import archive_seeds
+import bag_seeds
 
-CORPUS = pathlib.Path(__file__).resolve().parent / "corpus"
+HERE = pathlib.Path(__file__).resolve().parent
+CORPUS = HERE / "corpus"
+CONFIG_SCHEMA = HERE.parent.parent / "server" / "config.schema.json"
+LONGEST_INPUT = 4096  # of what libFuzzer tries
 POINTS = [(1.0 + 0.5 * i, -2.0 + i, 0.25 * i, 0.125 * i) for i in range(8)]
 POSE = {"position": [1, 2, 0.5], "quaternion": [0, 0, 0.6, 0.8]}
 COVARIANCE = [(0.5 if row == column else 0.0) for row in range(6) for column in range(6)]
 SEPARATOR = b"\x1e"
-
-
-def put(target, name, content):
-    folder = CORPUS / target
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / f"seed_{name}").write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 def floats(rows, columns=4):
@@ -44,7 +46,12 @@ def lzf_literals(data):
     return b"".join(bytes([len(data[i:i + 32]) - 1]) + data[i:i + 32] for i in range(0, len(data), 32))
 
 
-def make_scans():
+def make_scans(put):
+    def put_cloud(form, name, content):
+        put(form, name, content)
+        # The same as a map, which is handed on in pieces.
+        put("cloud", f"{form}_{name}", content)
+
     text = "\n".join(" ".join(map(str, p)) for p in POINTS).encode() + b"\n"
     planes = b"".join(struct.pack("<8f", *column) for column in zip(*POINTS))
     # The second half once more, as a match of 8 bytes at distance 1.
@@ -52,35 +59,31 @@ def make_scans():
     put("scan_body", "xyzi", b"\0" + floats(POINTS))
     put("scan_body", "xyz", b"\1" + floats(POINTS, 3))
     put("scan_body", "pcd", b"\2" + pcd("binary", body=floats(POINTS)))
-    put("pcd", "ascii", pcd("ascii", body=text))
-    put("pcd", "binary", pcd("binary", body=floats(POINTS)))
-    put("pcd", "compressed", pcd("binary_compressed", body=struct.pack("<II", len(packed), len(planes)) + packed))
+    put_cloud("pcd", "ascii", pcd("ascii", body=text))
+    put_cloud("pcd", "binary", pcd("binary", body=floats(POINTS)))
+    put_cloud("pcd", "compressed", pcd("binary_compressed", body=struct.pack("<II", len(packed), len(planes)) + packed))
     run = b"\0\x01" + b"\xe0\x76\x00"  # one byte, then 127 times the one before
-    put("pcd", "run", pcd("binary_compressed", body=struct.pack("<II", len(run), 128) + run))
+    put_cloud("pcd", "run", pcd("binary_compressed", body=struct.pack("<II", len(run), 128) + run))
     timed = b"".join(struct.pack("<3dHI", *p[:3], 7, i * 1000) for i, p in enumerate(POINTS))
-    put("pcd", "timed", pcd("binary", ("x", "y", "z", "reflectivity", "t"), [8, 8, 8, 2, 4],
-                            ["F", "F", "F", "U", "U"], timed))
+    put_cloud("pcd", "timed", pcd("binary", ("x", "y", "z", "reflectivity", "t"), [8, 8, 8, 2, 4],
+                                  ["F", "F", "F", "U", "U"], timed))
     head = (f"element vertex {len(POINTS)}\nproperty float x\nproperty float y\nproperty float z\n"
             "property float intensity\nend_header\n").encode()
-    put("ply", "ascii", b"ply\nformat ascii 1.0\ncomment by hand\n" + head + text)
-    put("ply", "little", b"ply\nformat binary_little_endian 1.0\n" + head + floats(POINTS))
-    put("ply", "big", b"ply\nformat binary_big_endian 1.0\n" + head +
+    put_cloud("ply", "ascii", b"ply\nformat ascii 1.0\ncomment by hand\n" + head + text)
+    put_cloud("ply", "little", b"ply\nformat binary_little_endian 1.0\n" + head + floats(POINTS))
+    put_cloud("ply", "big", b"ply\nformat binary_big_endian 1.0\n" + head +
         b"".join(struct.pack(">4f", *p) for p in POINTS))
     listed = (b"ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\nelement vertex 1\n"
               b"property double x\nproperty double y\nproperty double z\nproperty list uchar float extra\n"
               b"property uint t\nend_header\n3 0 1 2\n1 2 3 2 0.5 0.25 100\n")
-    put("ply", "lists", listed)
-    # The same as maps, which are handed on in pieces.
-    for form in ("pcd", "ply"):
-        for seed in sorted((CORPUS / form).glob("seed_*")):
-            put("cloud", f"{form}_{seed.name.removeprefix('seed_')}", seed.read_bytes())
+    put_cloud("ply", "lists", listed)
 
 
 def pose_object(**more):
     return {"prior": POSE, "stamp_ns": "1500000000123456789", "deadline_ms": 500, "method": "default", **more}
 
 
-def make_requests():
+def make_requests(put):
     points = [list(p[:3]) for p in POINTS]
     box = {"centre": [1, 2, 3], "size": [4, 2, 1.5], "yaw": 0.5}
     put("pose_json", "plain", json.dumps({"points": points}))
@@ -105,7 +108,7 @@ def make_requests():
     put("prior", "tight", struct.pack("<50d", -1e8, 1e8, 0, 0, 0, 0, 1, *tight, 1e5, 2, 3, 100, 1e-9, 1, math.pi))
 
 
-def make_http():
+def make_http(put):
     scan = floats(POINTS)
     localize = b"POST /v1/maps/town/localize?prior_t=0,0,0&prior_q=0,0,0,1 HTTP/1.1\r\nHost: localhost\r\n"
     raw = b"Content-Type: application/octet-stream\r\nContent-Length: " + str(len(scan)).encode() + b"\r\n\r\n" + scan
@@ -121,7 +124,7 @@ def make_http():
         b"OPTIONS * HTTP/1.1\r\n\r\n")
 
 
-def make_heads():
+def make_heads(put):
     def head(*fields, line="GET /v1/maps HTTP/1.1"):
         return "\r\n".join([line, "Host: localhost", *fields, "", ""]).encode()
 
@@ -135,7 +138,7 @@ def make_heads():
                                      line="POST /v1/maps/town/localize HTTP/1.1") + packed)
 
 
-def make_request_json():
+def make_request_json(put):
     prior = {**POSE, "covariance": COVARIANCE}
     gnss = {"latitude_deg": 49, "longitude_deg": 8.4, "altitude_m": 110, "sigma_m": 3}
     box = {"action": "remove", "box": {"centre": [1, 2, 3], "size": [4, 2, 1.5], "yaw": 0.5}}
@@ -165,7 +168,7 @@ def make_request_json():
     put("request_json", "no_edits", b"\1" + json.dumps({"drives": [7], "options": {"edits": None}}).encode())
 
 
-def make_packages():
+def make_packages(put):
     tiles = [("tiles/0_0_0.bin", 40), ("tiles/0_0_0.history", 32), ("tiles/0_-1_0.bin", 20), ("trajectory.tum", 32),
              ("objects.json", 16)]
     assert len("1 0 0 0 0 0 0 1\n2 1 0 0 0 0 0 1\n") == 32 and len('{"objects": []}\n') == 16
@@ -232,7 +235,7 @@ def make_packages():
         b"S_rect_02: 1242 375\n")
 
 
-def make_index():
+def make_index(put):
     for name, first in (("looked_up", 0), ("damaged", 1), ("aligned", 2), ("searched", 4)):
         put("index", name, bytes([first]))
     # Into the header, the section table, and a voxel.
@@ -266,10 +269,10 @@ def safetensors(config, layers, kind="F16"):
     return struct.pack("<Q", len(text)) + text + data
 
 
-def make_weights():
+def make_weights(put):
     config, layers = network()
     whole = safetensors(config, layers)
-    assert len(whole) <= learnt.LONGEST_INPUT
+    assert len(whole) <= LONGEST_INPUT
     put("voxelnext_weights", "whole", whole)
     put("voxelnext_weights", "file", safetensors(config, {"input": (2, 2, 1)}, "F32"))
     put("voxelnext_weights", "header", safetensors({"name": "a"}, {"input": (2, 2, 1)}, "F32")[8:-20])
@@ -299,12 +302,16 @@ def defaults_of(schema):
     return schema["default"]
 
 
-def make_config():
-    schema = json.loads((CORPUS.parent.parent.parent / "server" / "config.schema.json").read_text())
-    put("config", "whole", json.dumps(defaults_of(schema)))
+def make_config(put):
+    put("config", "whole", json.dumps(defaults_of(json.loads(CONFIG_SCHEMA.read_text()))))
+    put("config", "usual", '// a comment\n{"host": "127.0.0.1", "port": 8080, "workers": 2, "log": {"format": "json", "requests": false}}\n')
+    put("config", "numbers", '{"gate": {"min_coverage": 0.5, "max_new_lost": 1e2}, "uploads": {"max_package_bytes": 1e9}, '
+        '"rate": {"requests_per_s": 1.5}}')
+    put("config", "wrong", '{"prot": 1, "port": "x", "jobs": {"nice": 20, "nice": [{}]}, "log": null, "log.level": 1, '
+        '"tls": {"a": {"b": 1}}}')
 
 
-def make_las():
+def make_las(put):
     keys = struct.pack("<12H", 1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 32632)
     wkt = b'PROJCS["WGS 84 / UTM zone 32N",GEOGCS["WGS 84"],UNIT["metre",1],AUTHORITY["EPSG","32632"]]\0'
     put("las", "geo_keys", las(2, 0, 20, [(34735, keys)]))
@@ -312,7 +319,45 @@ def make_las():
     put("las", "wkt", las(4, 6, 30, [(2112, wkt)], 16))
 
 
+@functools.cache
+def of_all_targets():
+    """@return for each target the content of each seed by its name"""
+    seeds = collections.defaultdict(dict)
+
+    def put(target, name, content):
+        seeds[target][f"seed_{name}"] = content.encode() if isinstance(content, str) else content
+
+    for make in (make_config, make_las, make_scans, make_requests, make_http, make_heads, make_request_json, make_packages,
+                 make_index, make_weights, bag_seeds.make_all, archive_seeds.make_all):
+        make(put)
+    for file in CORPUS.glob("*/*"):
+        seeds[file.parent.name][file.name] = file.read_bytes()
+    return {target: dict(sorted(of_target.items())) for target, of_target in sorted(seeds.items())}
+
+
+def of(target):
+    """@return their contents, in the order of their names"""
+    return list(of_all_targets().get(target, {}).values())
+
+
+def seed(target, name):
+    return of_all_targets()[target][f"seed_{name}"]
+
+
+def write(target, folder):
+    """The folder holds nothing else afterwards."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    for name, content in of_all_targets().get(target, {}).items():
+        (folder / name).write_bytes(content)
+
+
+def main():
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
+    for target in of_all_targets():
+        write(target, pathlib.Path(sys.argv[1]) / target)
+
+
 if __name__ == "__main__":
-    for make in (make_config, make_las, make_scans, make_requests, make_http, make_heads, make_request_json, make_packages, make_index,
-                 make_weights):
-        make()
+    main()

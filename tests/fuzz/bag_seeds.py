@@ -1,9 +1,5 @@
-#!/usr/bin/env python3
-"""Writes the seeds of `ros_message`, `mcap`, `rosbag2`, `bag_choice` and `rawlog`: small whole inputs, by hand, packed by the tools
-lz4 and zstd. Regressions, which lie beside them as `found_*`, are left as they are.
-
-usage: tests/fuzz/make_bag_seeds.py
-"""
+"""Small whole inputs of `ros_message`, `mcap`, `rosbag2`, `bag_choice` and `rawlog`, packed by the tools lz4 and zstd. For
+seeds.py."""
 
 import pathlib
 import sqlite3
@@ -12,17 +8,10 @@ import subprocess
 import tempfile
 import zlib
 
-CORPUS = pathlib.Path(__file__).resolve().parent / "corpus"
 START_S = 1_700_000_000
 KINDS = CLOUD, ODOMETRY, POSE, TF, FIX = ("sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped",
                                           "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/NavSatFix")
 FIXES = "/fix"  # which the targets ask for
-
-
-def put(target, name, content):
-    folder = CORPUS / target
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / f"seed_{name}").write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 class Message:
@@ -146,7 +135,7 @@ def rawlog_record(kind, stamp_ns=0, text=b"", points=(), flags=0, objects=0, unu
     return head + text + b"".join(struct.pack("<5f", *point) for point in points)
 
 
-def main():
+def make_all(put):
     scan = rawlog_record(1, 1_561_000_444_000_000_000, b"lidar", [(1, 2, 3, 0.5, 0.01), (4, 5, 6, 0.7, 0.02)], 3)
     robot = rawlog_record(2, 1_561_000_444_000_000_000, flags=2)
     put("rawlog", "whole", scan + robot + rawlog_record(3, objects=2, unusable=1))
@@ -179,7 +168,3 @@ def main():
     put("bag_choice", "words_gnss", "gnss=/fix")
     put("bag_choice", "metadata", "rosbag2_bagfile_information:\n  version: 4\n  relative_file_paths:\n    - run_0.db3\n"
         "    - \"../run_1.db3.zstd\"\n  compression_format: zstd\n")
-
-
-if __name__ == "__main__":
-    main()

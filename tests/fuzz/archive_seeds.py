@@ -1,17 +1,11 @@
-#!/usr/bin/env python3
-"""Writes the seeds of corpus/archive: small tars of each kind, each behind the byte that archive.cpp explains.
-
-usage: tests/fuzz/make_archive_seeds.py
-"""
+"""Small tars of each kind, each behind the byte that archive.cpp explains. For seeds.py."""
 
 import gzip
 import hashlib
 import io
 import json
-import pathlib
 import tarfile
 
-CORPUS = pathlib.Path(__file__).resolve().parent / "corpus" / "archive"
 MEND, END, PIECES = 1, 2, 4
 
 
@@ -49,12 +43,10 @@ def package(prefix="", others=True):
                   {"manifest.json": text, **not_listed, **listed}.items()})
 
 
-def put(name, flags, content):
-    CORPUS.mkdir(parents=True, exist_ok=True)
-    (CORPUS / f"seed_{name}").write_bytes(bytes([flags]) + content)
+def make_all(put_input):
+    def put(name, flags, content):
+        put_input("archive", name, bytes([flags]) + content)
 
-
-def main():
     put("package", MEND, tar(package()))
     put("package_in_folder", PIECES, tar([(entry("town", tarfile.DIRTYPE), b"")] + package("town/")))
     # Short enough for the inputs that fuzzing tries.
@@ -74,7 +66,3 @@ def main():
                             tarfile.PAX_FORMAT))
     put("devices", MEND, tar([(entry("c", tarfile.CHRTYPE), b""), (entry("p", tarfile.FIFOTYPE), b"")]))
     put("twice", MEND, tar(files({"a": b"x", "./a": b"y", "a/b": b"z"})))
-
-
-if __name__ == "__main__":
-    main()
