@@ -254,6 +254,19 @@ class CommandLine(unittest.TestCase):
         drive = json.loads(run("inspect", DRIVE, "--json").stdout)
         self.assertEqual((drive["kind"], drive["layout"], drive["has_poses"]), ("drive", "kitti_odometry", True))
 
+    def test_content_is_the_same_of_maps_that_hold_the_same(self):
+        for name, options in (("one", []), ("other", ["--threads", 1]), ("less", ["--max-range", 20])):
+            done = run("build", DRIVE, "-o", self.folder / name, "--select", ":1", *options)
+            self.assertEqual(done.returncode, 0, done.stderr)
+        one, other, less = (run("inspect", self.folder / name, "--content").stdout for name in ("one", "other", "less"))
+        self.assertRegex(one, r"\A[0-9a-f]{64}\n\Z")
+        self.assertEqual(one, other)
+        self.assertNotEqual(one, less)
+        summary = json.loads(run("inspect", self.folder / "one", "--content", "--json").stdout)
+        self.assertEqual((summary["kind"], summary["content_digest"]), ("map", one.strip()))
+        self.assertNotIn("content_digest", json.loads(run("inspect", self.folder / "one", "--json").stdout))
+        self.fails(2, "no map package", "inspect", DRIVE, "--content")
+
     def test_evaluate_writes_its_keys(self):
         file = self.folder / "result.json"
         done = run("evaluate", "localization", MAP, DRIVE, "--select", "1::8", "--prior-error", "0.5,2", "--prior-error",
