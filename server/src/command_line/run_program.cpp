@@ -91,6 +91,23 @@ CLI::Validator existing_folder() {
   });
 }
 
+CLI::Validator folder_or_new() {
+  return CLI::Validator(
+      [](const std::string& path) {
+        const std::filesystem::path folder = std::filesystem::absolute(path).lexically_normal();
+        if (std::filesystem::exists(folder))
+          return std::filesystem::is_directory(folder)
+                     ? std::string()
+                     : fmt::format("{}: found something else, expected a folder", path);
+        const std::filesystem::path above =
+            folder.has_filename() ? folder.parent_path() : folder.parent_path().parent_path();
+        if (std::filesystem::is_directory(above)) return std::string();
+        return fmt::format("{0}: found nothing, and no folder {1} to make it in; mkdir -p {1}",
+                           path, above.string());
+      },
+      "folder");
+}
+
 CLI::Validator existing_file() {
   return existing("file", [](const std::filesystem::path& path) {
     return std::filesystem::is_regular_file(path);

@@ -22,6 +22,8 @@ inline constexpr int kCancelled = 130;
 /// For arguments that must be there; say what was found in the words of every other error.
 [[nodiscard]] CLI::Validator existing_folder();
 [[nodiscard]] CLI::Validator existing_file();
+/// A folder, or the name of a new one in a folder that exists.
+[[nodiscard]] CLI::Validator folder_or_new();
 /// A folder, or a bag's file with what is chosen of it (`maps::Drive::open`).
 [[nodiscard]] CLI::Validator existing_drive();
 [[nodiscard]] CLI::Validator existing_path();
