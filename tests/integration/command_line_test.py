@@ -268,6 +268,15 @@ class CommandLine(unittest.TestCase):
         self.assertNotIn("content_digest", json.loads(run("inspect", self.folder / "one", "--json").stdout))
         self.fails(2, "no map package", "inspect", DRIVE, "--content")
 
+    def test_build_ends_with_what_it_made_and_what_to_do_next(self):
+        made, report = self.folder / "the map", self.folder / "report.json"
+        done = run("build", DRIVE, "-o", made, "--select", ":1", "--json", report)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        last = [line.split(None, 1) for line in done.stdout.splitlines()[-4:]]
+        self.assertEqual(last, [["made", str(made)], ["picture", str(made / "preview.png")], ["report", str(report)],
+                                ["next", f"{PROGRAM} serve '{made}'"]])
+        self.assertTrue((made / "preview.png").exists())
+
     def test_evaluate_writes_its_keys(self):
         file = self.folder / "result.json"
         done = run("evaluate", "localization", MAP, DRIVE, "--select", "1::8", "--prior-error", "0.5,2", "--prior-error",

@@ -23,6 +23,8 @@ namespace {
 std::atomic<bool> cancelled = false;
 static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may set it");
 
+std::string called_as = "stillmap";
+
 /// Written before `ends_soon`, which is written before any signal that reads them.
 int last_line_fd = -1;
 std::string_view last_line;
@@ -133,6 +135,8 @@ CLI::Validator in_existing_folder() {
 }
 
 int run_program(CLI::App& app, int argc, char** argv) {
+  // The mapper may also be called by its own name, which knows fewer commands.
+  if (argc > 0 && std::filesystem::path(argv[0]).filename() == called_as) called_as = argv[0];
   try {
     require_known_subcommand(app, argc, argv);
     app.parse(argc, argv);
@@ -151,6 +155,8 @@ int run_program(CLI::App& app, int argc, char** argv) {
     return cancelled ? report("cancelled", kCancelled) : report(error.what(), code_of(error));
   }
 }
+
+const std::string& program_name() { return called_as; }
 
 std::atomic<bool>& cancel_flag() { return cancelled; }
 

@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 
 #include <atomic>
+#include <string>
 #include <string_view>
 
 namespace stillmap::command_line {
@@ -18,6 +19,9 @@ inline constexpr int kCancelled = 130;
 /// `stillmap: ...`.
 /// @return the exit code.
 [[nodiscard]] int run_program(CLI::App& app, int argc, char** argv);
+
+/// How a person called `stillmap`, such as `build/release/stillmap`: for commands to type next.
+[[nodiscard]] const std::string& program_name();
 
 /// For arguments that must be there; say what was found in the words of every other error.
 [[nodiscard]] CLI::Validator existing_folder();
