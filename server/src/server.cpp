@@ -15,11 +15,11 @@ namespace stillmap::server {
 
 struct Server::Parts {
   Parts(const ServerOptions& options, const std::filesystem::path& folder,
-        const std::filesystem::path& web)
+        const std::filesystem::path& web, StoreChanges changes)
       : store(folder),
         host(options.host),
         allow_without_keys(options.allow_without_keys),
-        service(options, store, build_aligners, read_web_assets(web), find_mapper()),
+        service(options, store, build_aligners, read_web_assets(web), find_mapper(), changes),
         http(main_endpoint(options), service, &service.metrics()),
         management(service) {
     if (options.management.enabled()) {
@@ -46,8 +46,8 @@ struct Server::Parts {
 };
 
 Server::Server(const ServerOptions& options, const std::filesystem::path& store,
-               const std::filesystem::path& web)
-    : parts_(std::make_unique<Parts>(options, store, web)) {}
+               const std::filesystem::path& web, StoreChanges changes)
+    : parts_(std::make_unique<Parts>(options, store, web, changes)) {}
 Server::~Server() = default;
 
 int Server::bind() {

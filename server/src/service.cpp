@@ -190,10 +190,12 @@ bool is_write(const Route& route) {
 }  // namespace
 
 Service::Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
-                 const std::vector<WebAsset>& web, const std::filesystem::path& mapper)
+                 const std::vector<WebAsset>& web, const std::filesystem::path& mapper,
+                 StoreChanges changes)
     : options_(checked(options)),
       live_(options_),
       store_(store),
+      changes_(changes),
       metrics_(STILLMAP_VERSION),
       gatekeeper_(store.keys(), is_loopback(options_.host)),
       views_(store.folder()),
@@ -239,6 +241,10 @@ Router::Match Service::admit(HttpRequest& request) const {
   Router::Match match = router_.match(request.method, request.path);
   try {
     gatekeeper_.admit(request, match.route->access, live_.current()->rate);
+    if (changes_ == StoreChanges::kRefused && is_write(*match.route))
+      throw ApiError(ErrorCode::kReadOnly,
+                     "it serves one map from its folder; to publish, rebuild or make keys, start "
+                     "it with a store: stillmap serve --store DIR");
     if (match.route->reserve) request.reservation = match.route->reserve(request, match.parameters);
   } catch (const std::exception&) {
     const ApiError error = caught(request, *match.route);

@@ -10,6 +10,8 @@
 #include "security/gatekeeper.hpp"
 #include "web_assets.hpp"
 
+#include <stillmap/server/server.hpp>
+
 #include <atomic>
 #include <filesystem>
 
@@ -21,7 +23,8 @@ class Service final : public RequestHandler {
   /// @param store   outlives this. @param mapper  program that does the jobs; empty when there is
   /// none. @throws std::invalid_argument on broken options.
   Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
-          const std::vector<WebAsset>& web, const std::filesystem::path& mapper = {});
+          const std::vector<WebAsset>& web, const std::filesystem::path& mapper = {},
+          StoreChanges changes = StoreChanges::kTaken);
   Service(const Service&) = delete;
   Service& operator=(const Service&) = delete;
 
@@ -49,6 +52,7 @@ class Service final : public RequestHandler {
   ServerOptions options_;
   OptionsHolder live_;
   maps::PackageStore& store_;
+  StoreChanges changes_;
   mutable Metrics metrics_;
   std::atomic<bool> stopping_ = false;
   mutable Gatekeeper gatekeeper_;

@@ -4,6 +4,7 @@
 usage: command_line_test.py STILLMAP MAP DRIVE
 """
 
+import http.client
 import json
 import os
 import pathlib
@@ -254,6 +255,28 @@ class CommandLine(unittest.TestCase):
         drive = json.loads(run("inspect", DRIVE, "--json").stdout)
         self.assertEqual((drive["kind"], drive["layout"], drive["has_poses"]), ("drive", "kitti_odometry", True))
 
+    def test_content_is_the_same_of_maps_that_hold_the_same(self):
+        for name, options in (("one", []), ("other", ["--threads", 1]), ("less", ["--max-range", 20])):
+            done = run("build", DRIVE, "-o", self.folder / name, "--select", ":1", *options)
+            self.assertEqual(done.returncode, 0, done.stderr)
+        one, other, less = (run("inspect", self.folder / name, "--content").stdout for name in ("one", "other", "less"))
+        self.assertRegex(one, r"\A[0-9a-f]{64}\n\Z")
+        self.assertEqual(one, other)
+        self.assertNotEqual(one, less)
+        summary = json.loads(run("inspect", self.folder / "one", "--content", "--json").stdout)
+        self.assertEqual((summary["kind"], summary["content_digest"]), ("map", one.strip()))
+        self.assertNotIn("content_digest", json.loads(run("inspect", self.folder / "one", "--json").stdout))
+        self.fails(2, "no map package", "inspect", DRIVE, "--content")
+
+    def test_build_ends_with_what_it_made_and_what_to_do_next(self):
+        made, report = self.folder / "the map", self.folder / "report.json"
+        done = run("build", DRIVE, "-o", made, "--select", ":1", "--json", report)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        last = [line.split(None, 1) for line in done.stdout.splitlines()[-4:]]
+        self.assertEqual(last, [["made", str(made)], ["picture", str(made / "preview.png")], ["report", str(report)],
+                                ["next", f"{PROGRAM} serve '{made}'"]])
+        self.assertTrue((made / "preview.png").exists())
+
     def test_evaluate_writes_its_keys(self):
         file = self.folder / "result.json"
         done = run("evaluate", "localization", MAP, DRIVE, "--select", "1::8", "--prior-error", "0.5,2", "--prior-error",
@@ -327,6 +350,80 @@ class CommandLine(unittest.TestCase):
         program.send_signal(signal.SIGTERM)
         rest, _ = program.communicate(timeout=30)
         self.assertEqual((program.returncode, rest), (0, ""))
+
+
+class ServesOneMap(unittest.TestCase):
+    def setUp(self):
+        temporary = tempfile.TemporaryDirectory()
+        self.addCleanup(temporary.cleanup)
+        self.folder = pathlib.Path(temporary.name)
+        self.temporary = self.folder / "tmp"
+        self.temporary.mkdir()
+        self.map = self.folder / "My Yard"
+        shutil.copytree(MAP, self.map)
+
+    def serve(self, *arguments):
+        environment = {key: value for key, value in os.environ.items() if not key.startswith("STILLMAP_SERVE_")}
+        return subprocess.Popen([PROGRAM, "serve", *map(str, arguments), "--port", "0"], stdout=subprocess.PIPE,
+                                stderr=subprocess.PIPE, text=True,
+                                env={**environment, "TMPDIR": str(self.temporary)})
+
+    def refused(self, text, *arguments):
+        program = self.serve(*arguments)
+        out, errors = program.communicate(timeout=30)
+        self.assertEqual((program.returncode in (1, 2), out), (True, ""), errors)
+        self.assertIn(text, errors)
+        self.assertEqual(list(self.temporary.iterdir()), [])
+
+    def send(self, method, path, body=None, **headers):
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
+        connection.request(method, path, body, headers)
+        answer = connection.getresponse()
+        text = answer.read()
+        connection.close()
+        return answer.status, text
+
+    def test_poses_and_tiles_come_from_the_folder_and_changes_are_refused(self):
+        files = sorted(file.relative_to(self.map) for file in self.map.rglob("*") if "index" not in file.parts)
+        program = self.serve(self.map)
+        self.addCleanup(program.kill)
+        line = program.stdout.readline()
+        self.port = int(re.fullmatch(r"listening on http://127\.0\.0\.1:(\d+)/\n", line)[1])
+        for _ in range(300):
+            if self.send("GET", "/readyz")[0] == 200:
+                break
+            time.sleep(0.1)
+        (served,) = json.loads(self.send("GET", "/v1/maps")[1])["maps"]
+        self.assertEqual((served["name"], served["version"], served["state"]), ("my-yard", "v1", "ready"))
+        status, page = self.send("GET", "/")
+        self.assertEqual((status, b"<!doctype html>" in page.lower()), (200, True))
+        status, answer = self.send("POST", "/v1/maps/my-yard/localize?prior_t=0,0,0&prior_q=0,0,0,1", SCAN.read_bytes(),
+                                   **{"Content-Type": "application/octet-stream"})
+        self.assertEqual((status, json.loads(answer)["status"]), (200, "ok"))
+        self.assertEqual(served["digest"], json.loads(run("inspect", MAP, "--json").stdout)["digest"])
+        status, archive = self.send("GET", "/v1/maps/my-yard/versions/v1/content")
+        self.assertEqual(status, 200)
+        for method, path, body in (("PUT", "/v1/maps/my-yard/versions/v2", archive), ("DELETE", "/v1/maps/my-yard", None),
+                                   ("POST", "/v1/keys", "{}"), ("POST", "/v1/maps/my-yard/rebuild", "{}")):
+            status, answer = self.send(method, path, body)
+            self.assertEqual((status, json.loads(answer)["code"]), (403, "ReadOnly"), path)
+            self.assertIn("stillmap serve --store", json.loads(answer)["detail"])
+        self.assertEqual(len(list(self.temporary.iterdir())), 1)
+        program.send_signal(signal.SIGTERM)
+        _, errors = program.communicate(timeout=30)
+        self.assertEqual(program.returncode, 0, errors)
+        self.assertIn("for reading only", errors)
+        self.assertEqual(list(self.temporary.iterdir()), [])
+        # Nothing of the map has gone; what is derived from it is kept for the next time.
+        self.assertLessEqual(set(files), {file.relative_to(self.map) for file in self.map.rglob("*")})
+        self.assertTrue((self.map / "index").is_dir())
+
+    def test_what_is_no_map_is_refused_and_nothing_stays(self):
+        self.refused("stillmap build", self.folder / "none")
+        self.refused("unpack", SCAN)
+        self.refused("manifest.json", DRIVE)
+        self.refused("--store", STORE)
+        self.refused("expected one of them", self.map, "--store", STORE)
 
 
 if __name__ == "__main__":

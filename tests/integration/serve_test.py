@@ -62,7 +62,10 @@ class Configuration(FolderTest):
         self.write(store=str(self.store), log={"file": str(self.log)})
         self.assertEqual(run("--check", "--config", self.config).returncode, 0)
         self.assertEqual((self.log.exists(), list(self.store.iterdir())), (False, []))
-        self.write(store=str(self.folder / "none"), log={"file": str(self.folder / "logs" / "server.log")},
+        self.write(store=str(self.folder / "none"))
+        self.assertEqual(run("--check", "--config", self.config).returncode, 0)
+        self.assertFalse((self.folder / "none").exists())
+        self.write(store=str(self.folder / "none" / "store"), log={"file": str(self.folder / "logs" / "server.log")},
                    tls={"certificate_file": str(self.folder / "c.pem"), "key_file": str(self.folder / "k.pem")})
         done = run("--check", "--config", self.config)
         self.assertEqual((done.returncode, done.stdout), (2, ""))
@@ -91,9 +94,15 @@ class Configuration(FolderTest):
         done = run("--port", "0")
         self.assertEqual(done.returncode, 2)
         self.assertIn("--store", done.stderr)
-        done = run("--port", "0", "--store", self.folder / "none")
+        none = self.folder / "none"
+        done = run("--port", "0", "--store", none / "store")
         self.assertEqual((done.returncode, done.stdout), (2, ""))
-        self.assertIn("found nothing, expected a folder", done.stderr)
+        self.assertIn(f"mkdir -p {none}", done.stderr)
+        self.assertFalse(none.exists())
+        self.config.write_text("{}")
+        done = run("--port", "0", "--store", self.config)
+        self.assertEqual((done.returncode, done.stdout), (2, ""))
+        self.assertIn("expected a folder", done.stderr)
 
 
 class Running(FolderTest):
@@ -207,6 +216,15 @@ class Running(FolderTest):
         self.wait(self.log.exists)
         self.message("configuration reloaded")
         self.assertEqual(self.finish(), 0)
+
+    def test_a_missing_folder_becomes_a_store(self):
+        self.store = self.folder / "new"
+        self.configure()
+        self.start()
+        self.assertIn(str(self.store), self.message("made the folder")["message"])
+        self.assertEqual(json.loads(self.get("/v1/maps")[1])["maps"], [])
+        self.assertEqual(self.finish(), 0)
+        self.assertTrue((self.store / "state.db").exists())
 
     def test_the_log_tells_of_the_start_and_the_end(self):
         self.configure()

@@ -59,6 +59,18 @@ class StoreCommands(unittest.TestCase):
         self.fails(1, "no version '3'", "store", "activate", self.store, "town", "3")
         self.fails(2, "'Town'", "store", "add", self.store, "Town", "1", MAP)
 
+    def test_a_missing_store_is_made_in_a_folder_that_exists(self):
+        for name, command in (("a", ("store", "add", self.folder / "a", "town", "1", MAP)),
+                              ("b", ("keys", "create", "bob", "--scope", "read", "--store", self.folder / "b"))):
+            self.assertEqual(run(*command).returncode, 0)
+            self.assertTrue((self.folder / name / "state.db").exists())
+        nowhere = self.folder / "none" / "store"
+        self.fails(2, f"mkdir -p {nowhere.parent}", "store", "add", nowhere, "town", "1", MAP)
+        self.fails(2, f"mkdir -p {nowhere.parent}", "keys", "create", "bob", "--scope", "read", "--store", nowhere)
+        # What looks into a store makes none.
+        self.fails(2, "found nothing", "store", "verify", self.folder / "c")
+        self.assertEqual(sorted(each.name for each in self.folder.iterdir()), ["a", "b", "store"])
+
     def test_verify_names_the_broken_file_and_fails(self):
         digest = self.publish()["digest"]
         self.assertEqual(self.json("store", "verify", self.store), {"problems": []})

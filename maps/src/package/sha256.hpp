@@ -14,6 +14,8 @@ namespace stillmap::maps {
 /// SHA-256 of bytes that come in pieces.
 class Sha256 {
  public:
+  using Digest = std::array<unsigned char, 32>;
+
   Sha256() {
     if (!context_ || EVP_DigestInit_ex(context_.get(), EVP_sha256(), nullptr) != 1) {
       throw std::runtime_error("SHA-256 is not available");
@@ -24,20 +26,29 @@ class Sha256 {
       throw std::runtime_error("SHA-256 failed");
     }
   }
-  /// Lower-case hex. Once only.
-  std::string hex() {
-    std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
-    unsigned int size = 0;
-    if (EVP_DigestFinal_ex(context_.get(), digest.data(), &size) != 1) {
+  /// Ends it: only `restart` may follow.
+  Digest bytes() {
+    Digest digest{};
+    if (EVP_DigestFinal_ex(context_.get(), digest.data(), nullptr) != 1) {
       throw std::runtime_error("SHA-256 failed");
     }
+    return digest;
+  }
+  /// The same as lower-case hex.
+  std::string hex() {
     constexpr std::string_view kDigits = "0123456789abcdef";
     std::string text;
-    for (unsigned int i = 0; i < size; ++i) {
-      text += kDigits[digest[i] >> 4U];
-      text += kDigits[digest[i] & 15U];
+    for (const unsigned char byte : bytes()) {
+      text += kDigits[byte >> 4U];
+      text += kDigits[byte & 15U];
     }
     return text;
+  }
+  /// For other bytes; much cheaper than a new one.
+  void restart() {
+    if (EVP_DigestInit_ex(context_.get(), nullptr, nullptr) != 1) {
+      throw std::runtime_error("SHA-256 failed");
+    }
   }
 
  private:

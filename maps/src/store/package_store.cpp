@@ -132,6 +132,18 @@ PackageStore::PackageStore(fs::path folder, DiskCalls& calls)
 
 PackageStore::~PackageStore() = default;
 
+bool PackageStore::make_folder(const fs::path& folder, DiskCalls& calls) {
+  std::error_code error;
+  if (fs::is_directory(folder, error)) return false;
+  fs::path path = fs::absolute(folder).lexically_normal();
+  // Of `maps/`, the part before the slash.
+  if (!path.has_filename()) path = path.parent_path();
+  const DurableFiles files(calls);
+  if (!files.make_folder(path)) return false;
+  files.sync_folder(path.parent_path());
+  return true;
+}
+
 bool PackageStore::is_store(const fs::path& folder) { return is_there(folder / kStateName); }
 
 /// A disk on which not even the lock's file can be made may still hold all that is to be served.

@@ -2,6 +2,8 @@
 
 #include <memory>
 #include <numbers>
+#include <stdexcept>
+#include <stillmap/maps/content_digest.hpp>
 #include <string>
 #include <vector>
 
@@ -154,6 +156,19 @@ void print(const Summary& summary, bool json) {
   }
 }
 
+void print_content_digest(const std::filesystem::path& path, bool json) {
+  if (!server::is_map_package(path))
+    throw std::invalid_argument(
+        fmt::format("--content: {} is no map package; leave --content out for drives and files",
+                    path.string()));
+  const auto package = maps::MapPackage::open(path);
+  const std::string digest = maps::content_digest(*package);
+  if (!json) return fmt::print("{}\n", digest);
+  server::MapSummary summary = server::summarize(*package);
+  summary.content_digest = digest;
+  print(summary, json);
+}
+
 /// Told apart by what is there; of a file by its extension.
 void inspect(const std::filesystem::path& path, bool json) {
   if (server::is_map_package(path))
@@ -172,6 +187,7 @@ void add_inspect(CLI::App& app) {
   struct Arguments {
     std::filesystem::path path;
     bool json = false;
+    bool content = false;
   };
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
@@ -184,7 +200,14 @@ void add_inspect(CLI::App& app) {
       ->required()
       ->check(command_line::existing_path());
   command->add_flag("--json", arguments->json, "Print JSON");
-  command->callback([arguments] { inspect(arguments->path, arguments->json); });
+  command->add_flag("--content", arguments->content,
+                    "Of a map: print only the SHA-256 of its points, objects and poses. Maps with "
+                    "the same content have the same one, whatever their tiles, options, sources, "
+                    "program and time of build are");
+  command->callback([arguments] {
+    if (arguments->content) return print_content_digest(arguments->path, arguments->json);
+    inspect(arguments->path, arguments->json);
+  });
 }
 
 }  // namespace stillmap::cli

@@ -45,6 +45,7 @@ void create(const KeyArguments& arguments) {
   std::optional<std::int64_t> expires;
   if (arguments.expires_days)
     expires = now + *arguments.expires_days * std::int64_t{86'400'000'000'000};
+  maps::PackageStore::make_folder(arguments.store);
   maps::PackageStore store(arguments.store);
   const maps::KeyTable::Created created = store.keys().create(arguments.name, scopes, expires, now);
   // The key alone stands on stdout, so that a script can take it.
@@ -97,18 +98,20 @@ void add_keys(CLI::App& app) {
   auto arguments = std::make_shared<KeyArguments>();
   CLI::App* group = app.add_subcommand("keys", "Keys of those who may use a store's server");
   group->require_subcommand(1);
-  const auto add = [&](const char* name, const char* help, void (*run)(const KeyArguments&)) {
+  const auto add = [&](const char* name, const char* help, void (*run)(const KeyArguments&),
+                       const CLI::Validator& check = command_line::existing_folder()) {
     CLI::App* command = group->add_subcommand(name, help);
     command->add_option("--store", arguments->store, "Folder of the store")
         ->required()
-        ->check(command_line::existing_folder());
+        ->check(check);
     command->add_flag("--json", arguments->json, "Print JSON");
     command->callback([arguments, run] { run(*arguments); });
     return command;
   };
   // A century; more is meant to be for ever.
   constexpr int kMostDays = 36'500;
-  CLI::App* creates = add("create", "Make a key and show it, once", create);
+  CLI::App* creates =
+      add("create", "Make a key and show it, once", create, command_line::folder_or_new());
   creates->add_option("NAME", arguments->name, "Whose it is")->required();
   creates
       ->add_option("--scope", arguments->scopes,

@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <stillmap/maps/store/package_store.hpp>
+#include <stillmap/maps/store/single_map_store.hpp>
 #include <stillmap/server/options_holder.hpp>
 #include <stillmap/server/server.hpp>
 #include <string>
@@ -37,6 +38,8 @@ struct ServeArguments {
   bool print_config = false;
   bool print_schema = false;
   bool print_page = false;
+  /// Of a package that is served by itself.
+  std::string map;
 };
 
 server::ConfigSources sources_of(const ServeArguments& arguments) {
@@ -63,10 +66,14 @@ void require_none(const std::vector<server::ConfigProblem>& problems) {
   throw command_line::ExitCode{command_line::kUsage};
 }
 
-void require_store(const std::string& store) {
-  if (store.empty()) throw std::invalid_argument("--store: found nothing, expected a folder");
-  const std::string trouble = command_line::existing_folder()(store);
-  if (!trouble.empty()) throw std::invalid_argument(trouble);
+/// @return whether its folder was made.
+bool make_store(const std::string& store) {
+  if (store.empty())
+    throw std::invalid_argument(
+        "nothing to serve: name a map package (stillmap serve MAP) or a store (--store DIR)");
+  const std::string trouble = command_line::folder_or_new()(store);
+  if (!trouble.empty()) throw std::invalid_argument("--store: " + trouble);
+  return maps::PackageStore::make_folder(store);
 }
 
 struct Reloaded {
@@ -152,16 +159,20 @@ std::unique_ptr<server::Watchdog> start_watchdog(const server::Notifier& notifie
       });
 }
 
-void run_server(const server::ConfigSources& sources, const server::ServerOptions& started) {
-  require_store(started.store);
+/// @param single  what is served instead of a store of the user's; null when there is one.
+void run_server(const server::ConfigSources& sources, const server::ServerOptions& started,
+                const maps::SingleMapStore* single) {
+  const bool made_store = single == nullptr && make_store(started.store);
   // Waits for who restores it, while signals still end this process.
   { const maps::PackageStore restored(started.store); }
   SignalLoop::block();
   server::LogOutput log(started.log);
+  if (made_store) spdlog::info("made the folder {} for a new store", started.store);
   const server::Notifier notifier = server::Notifier::of_process();
   server::OptionsHolder options(started);
-  auto server = std::make_unique<server::Server>(started, started.store,
-                                                 find_beside("web", "share/stillmap/web"));
+  auto server = std::make_unique<server::Server>(
+      started, started.store, find_beside("web", "share/stillmap/web"),
+      single == nullptr ? server::StoreChanges::kTaken : server::StoreChanges::kRefused);
   const int port = server->bind();
   const std::string address =
       fmt::format("http{}://{}:{}/", started.tls.enabled() ? "s" : "", started.host, port);
@@ -183,7 +194,11 @@ void run_server(const server::ConfigSources& sources, const server::ServerOption
                                   return std::chrono::seconds(started.drain.delay_s +
                                                               started.drain.timeout_s + kGrace_s);
                                 }});
-  spdlog::info("stillmap {} serves {} at {}", STILLMAP_VERSION, started.store, address);
+  const std::string served = single == nullptr
+                                 ? started.store
+                                 : fmt::format("{} as map {}, for reading only,",
+                                               single->package().string(), single->map());
+  spdlog::info("stillmap {} serves {} at {}", STILLMAP_VERSION, served, address);
   // stdout carries the address and nothing else.
   fmt::print("listening on {}\n", address);
   std::fflush(stdout);
@@ -207,6 +222,20 @@ void check_files(const server::ResolvedConfig& config) {
   fmt::print("the configuration can be used\n");
 }
 
+/// As if `--store` named the temporary store.
+void serve_map(const std::string& map, server::ConfigSources sources,
+               server::ServerOptions options) {
+  if (!options.store.empty())
+    throw std::invalid_argument(fmt::format(
+        "found the map {} and the store {}, expected one of them: leave out MAP, or --store and "
+        "what the configuration says of a store",
+        map, options.store));
+  const maps::SingleMapStore single(map);
+  sources.flags["store"] = single.folder().string();
+  options.store = single.folder().string();
+  run_server(sources, options, &single);
+}
+
 void serve(const ServeArguments& arguments) {
   if (arguments.print_schema) return fmt::print("{}", server::config_schema());
   if (arguments.print_page) return fmt::print("{}", server::config_page());
@@ -216,7 +245,8 @@ void serve(const ServeArguments& arguments) {
   if (arguments.print_config) return fmt::print("{}", server::config_listing(config));
   if (arguments.check) return check_files(config);
   bound_heaps();
-  run_server(sources, config.options);
+  if (!arguments.map.empty()) return serve_map(arguments.map, sources, config.options);
+  run_server(sources, config.options, nullptr);
 }
 
 void add_option(CLI::App& command, const server::Option& option, ServeArguments& arguments) {
@@ -236,8 +266,12 @@ void add_option(CLI::App& command, const server::Option& option, ServeArguments&
 
 void add_serve(CLI::App& app) {
   auto arguments = std::make_shared<ServeArguments>();
-  CLI::App* command =
-      app.add_subcommand("serve", "Serve a folder of maps over HTTP (see server/README.md)");
+  CLI::App* command = app.add_subcommand(
+      "serve", "Serve one map, or a store of maps, over HTTP (see server/README.md)");
+  command->add_option("MAP", arguments->map,
+                      "Folder of one map package to serve without a store: poses, tiles and the "
+                      "page, for reading only. Its index is kept in the folder; uploads, rebuilds "
+                      "and keys need --store");
   command->add_option("--config", arguments->config,
                       "Configuration file, JSON with comments; else what " +
                           std::string(server::kConfigVariable) + " names");

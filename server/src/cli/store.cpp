@@ -141,6 +141,7 @@ void restore(const StoreArguments& arguments) {
 }
 
 void add(const StoreArguments& arguments) {
+  PackageStore::make_folder(arguments.store);
   PackageStore store(arguments.store);
   const PackageStore::Added added = store.add(arguments.map, arguments.version, arguments.folder);
   if (arguments.activate) store.activate(arguments.map, arguments.version);
@@ -168,13 +169,12 @@ void remove(const StoreArguments& arguments) {
 
 using Arguments = std::shared_ptr<StoreArguments>;
 
-/// A subcommand of `stillmap store` that works on an existing store.
+/// A subcommand of `stillmap store` that works on a store.
 CLI::App* add_command(CLI::App& group, const Arguments& arguments, const char* name,
-                      const char* help, void (*run)(const StoreArguments&)) {
+                      const char* help, void (*run)(const StoreArguments&),
+                      const CLI::Validator& check = command_line::existing_folder()) {
   CLI::App* command = group.add_subcommand(name, help);
-  command->add_option("STORE", arguments->store, "Folder of the store")
-      ->required()
-      ->check(command_line::existing_folder());
+  command->add_option("STORE", arguments->store, "Folder of the store")->required()->check(check);
   command->add_flag("--json", arguments->json, "Print JSON");
   command->callback([arguments, run] { run(*arguments); });
   return command;
@@ -219,7 +219,10 @@ void add_store(CLI::App& app) {
                   "Recompute the checksums of what an earlier backup brought; what is damaged is "
                   "brought again");
   add_restore(*group, arguments);
-  CLI::App* adds = add_command(*group, arguments, "add", "Publish a map package as a version", add);
+  CLI::App* adds =
+      add_command(*group, arguments, "add",
+                  "Publish a map package as a version; makes the store's folder if it is missing",
+                  add, command_line::folder_or_new());
   CLI::App* activates =
       add_command(*group, arguments, "activate", "Make a version the served one", activate);
   CLI::App* removes = add_command(*group, arguments, "remove", "Remove a version", remove);

@@ -23,6 +23,8 @@ namespace {
 std::atomic<bool> cancelled = false;
 static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may set it");
 
+std::string called_as = "stillmap";
+
 /// Written before `ends_soon`, which is written before any signal that reads them.
 int last_line_fd = -1;
 std::string_view last_line;
@@ -91,6 +93,23 @@ CLI::Validator existing_folder() {
   });
 }
 
+CLI::Validator folder_or_new() {
+  return CLI::Validator(
+      [](const std::string& path) {
+        const std::filesystem::path folder = std::filesystem::absolute(path).lexically_normal();
+        if (std::filesystem::exists(folder))
+          return std::filesystem::is_directory(folder)
+                     ? std::string()
+                     : fmt::format("{}: found something else, expected a folder", path);
+        const std::filesystem::path above =
+            folder.has_filename() ? folder.parent_path() : folder.parent_path().parent_path();
+        if (std::filesystem::is_directory(above)) return std::string();
+        return fmt::format("{0}: found nothing, and no folder {1} to make it in; mkdir -p {1}",
+                           path, above.string());
+      },
+      "folder");
+}
+
 CLI::Validator existing_file() {
   return existing("file", [](const std::filesystem::path& path) {
     return std::filesystem::is_regular_file(path);
@@ -116,6 +135,8 @@ CLI::Validator in_existing_folder() {
 }
 
 int run_program(CLI::App& app, int argc, char** argv) {
+  // The mapper may also be called by its own name, which knows fewer commands.
+  if (argc > 0 && std::filesystem::path(argv[0]).filename() == called_as) called_as = argv[0];
   try {
     require_known_subcommand(app, argc, argv);
     app.parse(argc, argv);
@@ -134,6 +155,8 @@ int run_program(CLI::App& app, int argc, char** argv) {
     return cancelled ? report("cancelled", kCancelled) : report(error.what(), code_of(error));
   }
 }
+
+const std::string& program_name() { return called_as; }
 
 std::atomic<bool>& cancel_flag() { return cancelled; }
 

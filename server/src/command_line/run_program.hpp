@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 
 #include <atomic>
+#include <string>
 #include <string_view>
 
 namespace stillmap::command_line {
@@ -19,9 +20,14 @@ inline constexpr int kCancelled = 130;
 /// @return the exit code.
 [[nodiscard]] int run_program(CLI::App& app, int argc, char** argv);
 
+/// How a person called `stillmap`, such as `build/release/stillmap`: for commands to type next.
+[[nodiscard]] const std::string& program_name();
+
 /// For arguments that must be there; say what was found in the words of every other error.
 [[nodiscard]] CLI::Validator existing_folder();
 [[nodiscard]] CLI::Validator existing_file();
+/// A folder, or the name of a new one in a folder that exists.
+[[nodiscard]] CLI::Validator folder_or_new();
 /// A folder, or a bag's file with what is chosen of it (`maps::Drive::open`).
 [[nodiscard]] CLI::Validator existing_drive();
 [[nodiscard]] CLI::Validator existing_path();

@@ -6,7 +6,9 @@ std::vector<Option> listening_options() {
   using S = ServerOptions;
   using M = ManagementOptions;
   return {
-      {.key = "store", .field = at(&S::store), .text = "Folder of the store."},
+      {.key = "store",
+       .field = at(&S::store),
+       .text = "Folder of the store; made if it is missing, in a folder that exists."},
       {.key = "host",
        .field = at(&S::host),
        .text = "Address to listen on; anything but loopback needs `allow_remote`."},

@@ -15,6 +15,7 @@ enum class ErrorCode {
   kMissingKey,
   kRefusedKey,
   kForbidden,
+  kReadOnly,
   kUnknownRoute,
   kUnknownMap,
   kUnknownVersion,

@@ -86,6 +86,7 @@ std::string inspection_json(const MapSummary& summary) {
   json["kind"] = "map";
   json["digest"] = summary.digest;
   json["version"] = summary.digest.substr(0, 12);
+  if (summary.content_digest) json["content_digest"] = *summary.content_digest;
   json["schema"] = manifest.schema;
   json["software_version"] = manifest.software_version;
   json["frame_id"] = manifest.frame_id;

@@ -138,6 +138,18 @@ void print_for_people(const mapping::MapBuildReport& report, const std::filesyst
   for (const std::string& warning : report.warnings) fmt::print("warning: {}\n", warning);
 }
 
+void print_what_was_made(const BuildCommand& asked) {
+  command_line::Table table;
+  table.add("made", asked.map.string());
+  const std::filesystem::path picture = asked.map / "preview.png";
+  if (std::filesystem::exists(picture)) table.add("picture", picture.string());
+  if (asked.json) table.add("report", asked.json->string());
+  table.add("next", fmt::format("{} serve {}", shell_word(command_line::program_name()),
+                                shell_word(asked.map.string())));
+  fmt::print("\n");
+  table.print();
+}
+
 Remarks remarks_on(const BuildArguments& arguments, bool estimates_poses) {
   const mapping::MapBuildOptions& options = arguments.options;
   const bool believes = options.trajectory.prior || options.trajectory.gnss_sigma_m;
@@ -185,6 +197,7 @@ void build(BuildCommand& asked, const CLI::App& command) {
   report.warnings.insert(report.warnings.end(), remarks.doubts.begin(), remarks.doubts.end());
   if (asked.json)
     write_text_file(*asked.json, to_json_text(report, asked.arguments, remarks.notes));
+  print_what_was_made(asked);
 }
 
 void add_method_options(CLI::App& command, BuildArguments& arguments) {

@@ -13,6 +13,9 @@ namespace stillmap::mapper {
 /// of the help.
 [[nodiscard]] std::string command_of(const CLI::App& command);
 
+/// A word of a command as a shell reads it: in quotes where it needs them.
+[[nodiscard]] std::string shell_word(const std::string& word);
+
 /// `METRES,DEGREES`. @throws std::invalid_argument naming the option and the text.
 [[nodiscard]] std::array<double, 2> metres_and_degrees(const std::string& option,
                                                        const std::string& text);

@@ -19,6 +19,8 @@ namespace stillmap::server {
 /// What a map package holds.
 struct MapSummary {
   std::string digest;
+  /// `maps::content_digest`, where it was asked for.
+  std::optional<std::string> content_digest;
   maps::MapManifest manifest;
   std::uint64_t points = 0;
   /// In the map frame [m].

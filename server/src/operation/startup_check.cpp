@@ -41,8 +41,16 @@ std::optional<Trouble> folder_trouble(const fs::path& path, int mode, std::strin
   return std::nullopt;
 }
 
-/// A store is served too where it takes no writes; an empty folder must become one.
+/// A store is served too where it takes no writes; an empty folder must become one, and one that is
+/// missing is made in the folder above it.
 std::optional<Trouble> store_trouble(const std::string& folder) {
+  std::error_code unreadable;
+  if (fs::status(folder, unreadable).type() == fs::file_type::not_found) {
+    fs::path path = fs::absolute(folder).lexically_normal();
+    if (!path.has_filename()) path = path.parent_path();
+    return folder_trouble(path.parent_path(), W_OK | X_OK,
+                          "a folder to make the store's folder in");
+  }
   if (const auto found = folder_trouble(folder, R_OK | X_OK, "a folder that can be read")) {
     return found;
   }

@@ -51,9 +51,17 @@ TEST_F(StartupCheck, NothingIsMadeOfWhatCanBeUsed) {
   EXPECT_EQ(std::filesystem::file_size(path("server.log")), 8U);
 }
 
+TEST_F(StartupCheck, AStoreThatIsMissingCanBeMade) {
+  for (const char* name : {"none", "none/"}) {
+    config_.options.store = path(name);
+    EXPECT_THAT(found(), IsEmpty()) << name;
+  }
+  EXPECT_EQ(entries(), 0);
+}
+
 TEST_F(StartupCheck, EveryProblemIsNamedWithItsOrigin) {
   config_.origins = {{"store", "f.json"}, {"log.file", "--log-file"}};
-  config_.options.store = path("none");
+  config_.options.store = path("none/store");
   config_.options.tls = {.certificate_file = path("c.pem"), .key_file = path("k.pem")};
   config_.options.log.file = path("logs/server.log");
   EXPECT_THAT(

@@ -154,7 +154,7 @@ class MapPackageWriter {
   /// Hashes all files, writes manifest.json and `build_json` (outside the digest: times, host,
   /// timings) as build.json, syncs, renames. The manifest's `tiles` and `files` are filled here.
   /// Once only.
-  /// @return the content digest (SHA-256 of manifest.json, hex).
+  /// @return the package's digest (SHA-256 of manifest.json, hex); `content_digest` is another one.
   std::string publish(MapManifest manifest, const std::string& build_json);
 
  private:

@@ -2,11 +2,16 @@
 
 #include <stillmap/server/server_options.hpp>
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <memory>
 
 namespace stillmap::server {
+
+/// Whether a server takes requests that change its store. One that does not answers them 403
+/// `ReadOnly`; poses, tiles and all that is read stay.
+enum class StoreChanges : std::uint8_t { kTaken, kRefused };
 
 /// The HTTP server over one folder of maps. The routes stand in `server/README.md`.
 ///
@@ -20,7 +25,7 @@ class Server {
   /// @throws std::invalid_argument on broken options, maps::StorageError if a folder cannot be
   /// read.
   Server(const ServerOptions& options, const std::filesystem::path& store,
-         const std::filesystem::path& web);
+         const std::filesystem::path& web, StoreChanges changes = StoreChanges::kTaken);
   ~Server();
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;

@@ -38,6 +38,9 @@ class PackageStore {
   PackageStore(const PackageStore&) = delete;
   PackageStore& operator=(const PackageStore&) = delete;
 
+  /// Makes an empty folder for a store, in a folder that exists. @return false when it is there.
+  static bool make_folder(const std::filesystem::path& folder,
+                          DiskCalls& calls = DiskCalls::real());
   /// Whether a folder holds a store already.
   [[nodiscard]] static bool is_store(const std::filesystem::path& folder);
 
