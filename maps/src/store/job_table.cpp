@@ -22,7 +22,7 @@ constexpr std::array<std::pair<JobStatus, std::string_view>, 5> kStatusNames = {
     {JobStatus::kFailed, "failed"},
     {JobStatus::kCanceled, "canceled"},
 }};
-constexpr std::size_t kLargestPage = 1000;
+constexpr std::size_t kLargestJobPage = 1000;
 /// Of the requests on a page: they may hold the corrections of a whole map.
 constexpr std::size_t kMostRequestBytes = std::size_t{4} << 20U;
 constexpr const char* kSelectJobs =
@@ -311,7 +311,7 @@ std::size_t JobTable::count(JobStatus status) const {
 
 JobTable::Page JobTable::list(const Filter& filter, std::size_t limit,
                               std::optional<std::int64_t> before) const {
-  if (limit < 1 || limit > kLargestPage)
+  if (limit < 1 || limit > kLargestJobPage)
     throw std::invalid_argument("limit: " + std::to_string(limit) + ", 1 to 1000 expected");
   std::string sql = std::string(kSelectJobs) + "WHERE 1";
   if (filter.status) sql += " AND status = ?";

@@ -15,7 +15,7 @@
 #include "support/temporary_folder.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace content_digest_test {
 
 using ::stillmap::test::memory_folder;
 using ::stillmap::test::TemporaryFolder;
@@ -234,5 +234,5 @@ TEST(ContentDigest, TellsWhereADriveEnds) {
   EXPECT_NE(digest_of(one), digest_of(two));
 }
 
-}  // namespace
+}  // namespace content_digest_test
 }  // namespace stillmap::maps

@@ -12,7 +12,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::maps {
-namespace {
+namespace single_map_store_test {
 
 namespace fs = std::filesystem;
 using ::stillmap::test::memory_folder;
@@ -86,5 +86,5 @@ TEST(StoreFolder, IsMadeInAFolderThatExists) {
               ThrowsSaying<StorageError>({"no/store", "No such file"}));
 }
 
-}  // namespace
+}  // namespace single_map_store_test
 }  // namespace stillmap::maps

@@ -3,7 +3,7 @@
 #include "service_fixture.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace read_only_test {
 
 using ::testing::HasSubstr;
 
@@ -66,5 +66,5 @@ TEST_F(ReadOnlyTest, KeepsNoRouteThatChangesTheStore) {
   EXPECT_GE(refused, 15U);
 }
 
-}  // namespace
+}  // namespace read_only_test
 }  // namespace stillmap::server
