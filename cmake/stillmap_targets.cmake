@@ -68,7 +68,6 @@ function(stillmap_test name)
     target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/${ARG_PRIVATE_OF}/src)
   endif()
   target_link_libraries(${name} PRIVATE stillmap_flags)
-  stillmap_unity(${name})
   target_link_libraries(${name} PRIVATE ${ARG_LIBRARIES} GTest::gmock GTest::gtest_main)
   # What is tested keeps its optimisation; the tests themselves are compiled more often than their loops are long.
   target_compile_options(${name} PRIVATE -O1)

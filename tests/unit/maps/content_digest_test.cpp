@@ -2,6 +2,8 @@
 
 #include <stillmap/maps/map_graph.hpp>
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <cmath>
 #include <functional>
