@@ -1,11 +1,12 @@
 #pragma once
 
 #include "registration.hpp"
+
+#include <stillmap/maps/small_matrices.hpp>
 #include "residual_rows.hpp"
 #include "voxel_table.hpp"
 
 #include <Eigen/Core>
-#include <Eigen/Eigenvalues>
 
 #include <algorithm>
 #include <vector>
@@ -76,10 +77,9 @@ class ClusteredSums {
   /// Inverse of a symmetric matrix with its smallest eigenvalues raised, so that a direction which
   /// nothing constrains does not divide by zero.
   static Matrix bounded_inverse(const Matrix& matrix) {
-    const Eigen::SelfAdjointEigenSolver<Matrix> solver(matrix);
-    const Vector values = solver.eigenvalues().cwiseMax(1e-6 * solver.eigenvalues()[N - 1]);
-    return solver.eigenvectors() * values.cwiseInverse().asDiagonal() *
-           solver.eigenvectors().transpose();
+    const maps::SymmetricEigen<N> eigen = maps::eigen_of(matrix);
+    const Vector values = eigen.values.cwiseMax(1e-6 * eigen.values[N - 1]);
+    return eigen.vectors * values.cwiseInverse().asDiagonal() * eigen.vectors.transpose();
   }
 
   double kernel_m_;

@@ -1,9 +1,10 @@
 #include "input_checks.hpp"
 
+#include <stillmap/maps/small_matrices.hpp>
+
 #include "tracking/pose_pdf.hpp"
 
 #include <fmt/format.h>
-#include <Eigen/Cholesky>
 
 #include <cmath>
 #include <stdexcept>
@@ -58,8 +59,8 @@ void require_usable(const Prior& prior) {
 }
 
 bool is_positive_definite(const Eigen::Matrix<double, 6, 6>& covariance) {
-  const Eigen::LLT<Matrix6d> llt(covariance);
-  return llt.info() == Eigen::Success && llt.matrixLLT().allFinite();
+  const std::optional<Matrix6d> factor = maps::cholesky(covariance);
+  return factor && factor->allFinite() && covariance.allFinite();
 }
 
 bool contradicts(const Prior& prior, const AlignmentResult& result) {

@@ -1,10 +1,10 @@
 #include <stillmap/localization/localizability.hpp>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include "map_level.hpp"
 #include "noise_information.hpp"
 
 #include <Eigen/Core>
-#include <Eigen/Eigenvalues>
 
 #include <algorithm>
 #include <array>
@@ -234,9 +234,9 @@ Told told_by(const std::vector<Sight>& sights) {
       feigned += weight * tilt * J_other * J_other.transpose();
     }
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(measured);
-  const Eigen::Vector3d weakest = solver.eigenvectors().col(0);
-  const double told = solver.eigenvalues()[0] - kLeastOverNoise * weakest.dot(feigned * weakest);
+  const maps::SymmetricEigen<3> eigen = maps::eigen_of(measured);
+  const Eigen::Vector3d weakest = eigen.vectors.col(0);
+  const double told = eigen.values[0] - kLeastOverNoise * weakest.dot(feigned * weakest);
   Told result;
   result.localizability = static_cast<float>(
       std::clamp(3.0 * told / std::max(measured.trace(), 3.0 * kWhole), 0.0, 1.0));

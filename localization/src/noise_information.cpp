@@ -1,8 +1,8 @@
 #include "noise_information.hpp"
 
-#include "registration.hpp"
+#include <stillmap/maps/small_matrices.hpp>
 
-#include <Eigen/Eigenvalues>
+#include "registration.hpp"
 
 #include <algorithm>
 #include <array>
@@ -60,13 +60,13 @@ NoiseInformation noise_information_of(const MapIndex::Level& level, const Query&
 }
 
 std::vector<Vector6d> untold_directions(const NoiseInformation& information) {
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(in_metres(information.measured));
+  const maps::SymmetricEigen<6> eigen = maps::eigen_of(in_metres(information.measured));
   const Matrix6d feigned = in_metres(information.feigned);
   std::vector<Vector6d> untold;
   for (Eigen::Index k = 0; k < 6; ++k) {
-    const Vector6d direction = solver.eigenvectors().col(k);
+    const Vector6d direction = eigen.vectors.col(k);
     const double by_noise = direction.dot(feigned * direction);
-    if (!(solver.eigenvalues()[k] > kLeastOverNoise * by_noise)) untold.push_back(direction);
+    if (!(eigen.values[k] > kLeastOverNoise * by_noise)) untold.push_back(direction);
   }
   return untold;
 }

@@ -1,5 +1,7 @@
 #include "place_search.hpp"
 
+#include <stillmap/maps/small_matrices.hpp>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -39,7 +41,7 @@ Eigen::Matrix3d levelling(const std::vector<Eigen::Isometry3d>& T_map_lidar) {
     return Eigen::Matrix3d::Identity();
   const double tilt_rad = std::atan2(up_lidar.head<2>().norm(), up_lidar.z());
   if (!(tilt_rad > kTiltedRad)) return Eigen::Matrix3d::Identity();
-  return Eigen::Quaterniond::FromTwoVectors(up_lidar, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  return maps::turn_between(up_lidar, Eigen::Vector3d::UnitZ()).toRotationMatrix();
 }
 
 /// Upright frame at a place: z is the levelled pose's own, x as near to the map's x as that allows.
@@ -115,7 +117,8 @@ PlaceSearch::PlaceSearch(const MapIndex& index, const std::vector<Eigen::Isometr
     Eigen::Isometry3d T_index_lidar = T_map_lidar;
     T_index_lidar.translation() -= origin_;
     const Eigen::Array3d at = T_index_lidar.translation().array();
-    const bool beside = (at > -kPlaceMarginM).all() && (at < index.extent().array() + kPlaceMarginM).all();
+    const bool beside =
+        (at > -kPlaceMarginM).all() && (at < index.extent().array() + kPlaceMarginM).all();
     if (!beside || !apart.take(T_index_lidar.translation())) continue;
     T_index_lidar.rotate(R_level_lidar_.transpose());
     places_.push_back(without_heading(T_index_lidar));

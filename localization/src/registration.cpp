@@ -1,8 +1,7 @@
 #include "registration.hpp"
 
 #include <stillmap/maps/frames.hpp>
-
-#include <Eigen/Eigenvalues>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <algorithm>
 
@@ -123,15 +122,15 @@ Matrix6d in_metres(const Matrix6d& H) { return rotations_by_lever(H); }
 Matrix6d out_of_metres(const Matrix6d& covariance) { return rotations_by_lever(covariance); }
 
 Vector6d bounded_step(const NormalEquations& system, double min_eigenvalue_share) {
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(in_metres(system.H));
-  const Vector6d& values = solver.eigenvalues();
+  const maps::SymmetricEigen<6> eigen = maps::eigen_of(in_metres(system.H));
+  const Vector6d& values = eigen.values;
   Vector6d gradient = system.gradient;
   gradient.tail<3>() /= kLeverM;
-  Vector6d along = solver.eigenvectors().transpose() * gradient;
+  Vector6d along = eigen.vectors.transpose() * gradient;
   for (Eigen::Index k = 0; k < 6; ++k) {
     along[k] = values[k] > min_eigenvalue_share * values[5] ? -along[k] / values[k] : 0.0;
   }
-  Vector6d step = solver.eigenvectors() * along;
+  Vector6d step = eigen.vectors * along;
   step.tail<3>() /= kLeverM;
   return step;
 }

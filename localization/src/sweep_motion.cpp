@@ -4,8 +4,7 @@
 
 #include <stillmap/maps/deskew.hpp>
 #include <stillmap/maps/frames.hpp>
-
-#include <Eigen/Cholesky>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -139,7 +138,7 @@ Vector12d step_of(const Sweep& sweep, const MapIndex::Level& level,
   Matrix12d scaled = H.selfadjointView<Eigen::Lower>();
   scaled = units.asDiagonal() * scaled * units.asDiagonal();
   scaled.diagonal().array() += kDamping * scaled.diagonal().maxCoeff();
-  return -units.cwiseProduct(scaled.ldlt().solve(units.cwiseProduct(gradient)));
+  return -units.cwiseProduct(maps::ldlt_solve(scaled, units.cwiseProduct(gradient)));
 }
 
 /// Finds twist and pose, by every `stride`-th point. @return the twist.
@@ -173,7 +172,8 @@ Matrix6d pose_covariance_of(const ClusteredSums<12>& sums, const Vector12d& unit
   const Matrix6d twist = sums.covariance(units, known()).bottomRightCorner<6, 6>();
   const Matrix12d H = units.asDiagonal() * sums.H() * units.asDiagonal();
   // One that is off by x draws the pose by -H_pp^-1 H_pt x.
-  const Matrix6d draw = H.topLeftCorner<6, 6>().ldlt().solve(H.topRightCorner<6, 6>());
+  const Matrix6d draw =
+      maps::ldlt_solve(Matrix6d(H.topLeftCorner<6, 6>()), Matrix6d(H.topRightCorner<6, 6>()));
   const Matrix6d pose = draw * twist * draw.transpose();
   return kUnitsOfPose.asDiagonal() * pose * kUnitsOfPose.asDiagonal();
 }

@@ -4,9 +4,7 @@
 
 #include <stillmap/localization/adjoint.hpp>
 #include <stillmap/maps/frames.hpp>
-
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -145,7 +143,7 @@ Support support_of(std::span<const MapIndex::Level> levels, const Query& query,
 
 Observability observability_of(const MapIndex::Level& level, const Query& query,
                                const Eigen::Isometry3d& T_index_lidar, const Matrix6d& H) {
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(in_metres(H));
+  const maps::SymmetricEigen<6> eigen = maps::eigen_of(in_metres(H));
   const std::vector<float> here = costs_at(level, query, T_index_lidar);
   const auto score_of = [&](const Vector6d& move) {
     return rise_score(here, costs_at(level, query, T_index_lidar * maps::exp_se3(move)));
@@ -153,7 +151,7 @@ Observability observability_of(const MapIndex::Level& level, const Query& query,
   const double lever_m = probe_lever_m(query);
   Observability out;
   for (Eigen::Index k = 0; k < 6; ++k) {
-    const Vector6d direction = solver.eigenvectors().col(k);
+    const Vector6d direction = eigen.vectors.col(k);
     Vector6d move = kProbeM * direction;
     move.tail<3>() /= lever_m;
     const double score = std::min(score_of(move), score_of(-move));

@@ -10,8 +10,7 @@
 #include "verdict.hpp"
 
 #include <stillmap/maps/frames.hpp>
-
-#include <Eigen/Eigenvalues>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -258,9 +257,8 @@ bool admits(const Prior* prior, const MapIndex& index, const Eigen::Isometry3d& 
 /// @param prior  may be null; repeats that it does not admit do not count.
 bool repeats_itself(const MapIndex& index, const Query& query, const Prior* prior,
                     const Eigen::Isometry3d& T_index_lidar, const Matrix6d& H, double reach_m) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(
-      Eigen::Matrix3d(H.topLeftCorner<3, 3>()));
-  const Eigen::Vector3d along = solver.eigenvectors().col(0);
+  const maps::SymmetricEigen<3> eigen = maps::eigen_of(Eigen::Matrix3d(H.topLeftCorner<3, 3>()));
+  const Eigen::Vector3d along = eigen.vectors.col(0);
   const std::size_t stride = std::max<std::size_t>(1, query.points.size() / kRepeatPoints);
   const auto support = [&](const Eigen::Isometry3d& T) {
     return support_at(index.levels(), query, T, stride);

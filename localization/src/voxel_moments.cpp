@@ -1,6 +1,6 @@
 #include "voxel_moments.hpp"
 
-#include <Eigen/Eigenvalues>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -35,9 +35,9 @@ Voxel voxel_of(const Moments& moments, double edge_m) {
   const Eigen::Vector3d mean = moments.sum / moments.weight;
   const Eigen::Matrix3d covariance =
       (moments.outer / moments.weight - mean * mean.transpose()) * (n / (n - 1.0));
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
-  const Eigen::Vector3d variances = solver.eigenvalues().cwiseMax(0.0);
-  const Eigen::Matrix3d& axes = solver.eigenvectors();
+  const maps::SymmetricEigen<3> eigen = maps::eigen_of(covariance);
+  const Eigen::Vector3d variances = eigen.values.cwiseMax(0.0);
+  const Eigen::Matrix3d& axes = eigen.vectors;
   Voxel voxel{};
   voxel.mean = mean.cast<float>();
   voxel.axis0 = axes.col(0).cast<float>();

@@ -8,7 +8,7 @@
 namespace stillmap::maps {
 namespace {
 
-constexpr std::array<std::pair<ObjectClass, std::string_view>, 10> kNames{{
+constexpr std::array<std::pair<ObjectClass, std::string_view>, 10> kClassNames{{
     {ObjectClass::kCar, "car"},
     {ObjectClass::kVan, "van"},
     {ObjectClass::kTruck, "truck"},
@@ -30,14 +30,14 @@ constexpr std::array<std::pair<ObjectMotion, std::string_view>, 3> kMotions{{
 }  // namespace
 
 std::string_view name_of(ObjectClass object_class) {
-  for (const auto& [value, name] : kNames) {
+  for (const auto& [value, name] : kClassNames) {
     if (value == object_class) return name;
   }
   return "unknown";
 }
 
 std::optional<ObjectClass> object_class_from(std::string_view name) {
-  for (const auto& [value, known] : kNames) {
+  for (const auto& [value, known] : kClassNames) {
     if (known == name) return value;
   }
   return std::nullopt;

@@ -19,8 +19,8 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr const char* kFormat = "stillmap-edits";
-constexpr int kVersion = 1;
+constexpr const char* kEditsFormat = "stillmap-edits";
+constexpr int kEditsVersion = 1;
 /// Larger than any map [m].
 constexpr double kMaxCoordinateM = 1e8;
 constexpr double kMaxSizeM = 10'000.0;
@@ -185,8 +185,8 @@ Edits parse_edits(std::string_view text, const std::string& name) {
   const Json json = parsed(text, name);
   const Field root{json, name};
   root.check_keys({"format", "version", "edits"});
-  if (root.at("format").text() != kFormat) root.at("format").refuse(kFormat);
-  if (root.at("version").count() != kVersion) root.at("version").refuse("1");
+  if (root.at("format").text() != kEditsFormat) root.at("format").refuse(kEditsFormat);
+  if (root.at("version").count() != kEditsVersion) root.at("version").refuse("1");
   const Field list = root.at("edits");
   if (!list.value.is_array()) list.refuse("an array");
   Edits edits;

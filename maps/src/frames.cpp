@@ -1,6 +1,6 @@
 #include <stillmap/maps/frames.hpp>
+#include <stillmap/maps/small_matrices.hpp>
 
-#include <Eigen/SVD>
 #include <cmath>
 
 namespace stillmap::maps {
@@ -40,12 +40,11 @@ double inverse_coupling(double a) {
 
 Eigen::Isometry3d renormalized(const Eigen::Isometry3d& T) {
   // The nearest rotation in the Frobenius norm; a quaternion would favour some of the nine numbers.
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(T.linear(),
-                                              Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Matrix3d U = svd.matrixU();
-  if (U.determinant() * svd.matrixV().determinant() < 0.0) U.col(2) = -U.col(2);
+  const SingularValues svd = svd_of(T.linear());
+  Eigen::Matrix3d U = svd.U;
+  if (U.determinant() * svd.V.determinant() < 0.0) U.col(2) = -U.col(2);
   Eigen::Isometry3d result = T;
-  result.linear() = U * svd.matrixV().transpose();
+  result.linear() = U * svd.V.transpose();
   return result;
 }
 

@@ -22,12 +22,12 @@ sanitized() { # sanitized PRESET
 }
 
 load() { # ten minutes of overload; one that others disturbed has not passed
-  ctest --test-dir build/release -R '^load.soak$' -V | tee "$marks/load.txt"
+  ctest --test-dir build/bench -R '^load.soak$' -V | tee "$marks/load.txt"
   ! grep -q 'not judged' "$marks/load.txt"
 }
 
 street() { # street SEED: map from day 1, queries from day 2
-  local folder=$marks/street_$1 program=build/release/stillmap
+  local folder=$marks/street_$1 program=build/bench/stillmap
   rm -rf "$folder" && mkdir "$folder"
   "$program" simulate town -o "$folder/day1" --seed "$1" --scans 80
   "$program" simulate town -o "$folder/day2" --seed "$1" --day 2 --scans 80
@@ -40,20 +40,19 @@ street() { # street SEED: map from day 1, queries from day 2
 step fuzz tests/fuzz/run.sh --soak --jobs "$(nproc)"
 step asan sanitized asan
 step tsan sanitized tsan
-./dev build release
-program=build/release/stillmap packages=build/release/tiny_packages
-step power_cuts build/release/power_cuts 1 10 "$marks/power_cuts"
+program=build/bench/stillmap packages=build/bench/tiny_packages
+step power_cuts build/bench/power_cuts 1 10 "$marks/power_cuts"
 step kills tests/soak/kills.py --program "$program" --packages "$packages" --seeds 1-20 --results "$marks/kills"
 step rebuild_kills tests/soak/rebuild_kills.py --program "$program" --packages "$packages" --seeds 1-10 --kills 30 \
   --results "$marks/rebuild_kills"
 for operation in add activate roll_back remove mend "add by command" "activate by command" "make a key" start import \
   "short rebuild"; do
   step "faults_${operation// /_}" tests/soak/faults.py --program "$program" --packages "$packages" \
-    --injector build/release/libnth_call.so --operation "$operation"
+    --injector build/bench/libnth_call.so --operation "$operation"
 done
 # Of a whole rebuild's some 4,900 calls a part; each takes as long as a rebuild.
 step faults_rebuild tests/soak/faults.py --program "$program" --packages "$packages" \
-  --injector build/release/libnth_call.so --operation rebuild --sample 400
+  --injector build/bench/libnth_call.so --operation rebuild --sample 400
 step load load
 for seed in $(seq 100 119); do
   step "street_$seed" street "$seed"

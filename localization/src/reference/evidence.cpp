@@ -1,8 +1,8 @@
 #include "reference/evidence.hpp"
 
-#include "voxel_table.hpp"
+#include <stillmap/maps/small_matrices.hpp>
 
-#include <Eigen/Eigenvalues>
+#include "voxel_table.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -117,10 +117,10 @@ Uncertainty uncertainty_of(const std::vector<Term>& terms, const Eigen::Isometry
   Matrix6d spread = Matrix6d::Zero();
   for (const Vector6d& g : sums.gradients) spread += g * g.transpose();
   const double weight = std::max(sums.weight, 1.0);
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(sums.H / weight);
-  const Matrix6d& directions = solver.eigenvectors();
+  const maps::SymmetricEigen<6> eigen = maps::eigen_of(Matrix6d(sums.H / weight));
+  const Matrix6d& directions = eigen.vectors;
   // What is open is not divided by; its variance is set below.
-  const Vector6d inverses = solver.eigenvalues().unaryExpr(
+  const Vector6d inverses = eigen.values.unaryExpr(
       [](double value) { return value > kMinInformation ? 1.0 / value : 0.0; });
   const Matrix6d inverse = directions * inverses.asDiagonal() * directions.transpose();
   Matrix6d covariance =

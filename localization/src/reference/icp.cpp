@@ -1,8 +1,9 @@
 #include "reference/icp.hpp"
 
+#include <stillmap/maps/small_matrices.hpp>
+
 #include <fmt/format.h>
 #include <Eigen/LU>
-#include <Eigen/SVD>
 
 #include <stdexcept>
 
@@ -64,11 +65,11 @@ Eigen::Isometry3d best_rigid(std::span<const Eigen::Vector3d> from,
   for (std::size_t i = 0; i < from.size(); ++i) {
     cross += (to[i] - to_mean) * (from[i] - from_mean).transpose();
   }
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(cross, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const maps::SingularValues svd = maps::svd_of(cross);
   Eigen::Vector3d signs = Eigen::Vector3d::Ones();
-  if (svd.matrixU().determinant() * svd.matrixV().determinant() < 0.0) signs.z() = -1.0;
+  if (svd.U.determinant() * svd.V.determinant() < 0.0) signs.z() = -1.0;
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.linear() = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+  T.linear() = svd.U * signs.asDiagonal() * svd.V.transpose();
   T.translation() = to_mean - T.linear() * from_mean;
   return T;
 }

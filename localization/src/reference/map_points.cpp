@@ -4,9 +4,9 @@
 #include "voxel_table.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
 #include <nanoflann.hpp>
 
 #include <algorithm>
@@ -144,13 +144,12 @@ void MapPoints::find_surfaces() {
       sum += offset;
       outer += offset * offset.transpose();
     }
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(
-        outer / kNeighbours - sum * sum.transpose() / (kNeighbours * kNeighbours));
-    const Eigen::Vector3d& variances = solver.eigenvalues();
-    point.axes = {solver.eigenvectors().col(0).cast<float>(),
-                  solver.eigenvectors().col(1).cast<float>()};
+    const maps::SymmetricEigen<3> eigen = maps::eigen_of(
+        Eigen::Matrix3d(outer / kNeighbours - sum * sum.transpose() / (kNeighbours * kNeighbours)));
+    const Eigen::Vector3d& variances = eigen.values;
+    point.axes = {eigen.vectors.col(0).cast<float>(), eigen.vectors.col(1).cast<float>()};
     if (variances[1] < kSharpShare * variances[2]) {
-      point.sharp_axes = std::abs(solver.eigenvectors()(2, 2)) > kUprightCosine ? 2 : 0;
+      point.sharp_axes = std::abs(eigen.vectors(2, 2)) > kUprightCosine ? 2 : 0;
     } else {
       point.sharp_axes = variances[0] < kSharpShare * variances[1] ? 1 : 0;
     }

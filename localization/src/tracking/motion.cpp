@@ -1,8 +1,7 @@
 #include "motion.hpp"
 
 #include <stillmap/maps/frames.hpp>
-
-#include <Eigen/Cholesky>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <cmath>
 
@@ -79,7 +78,7 @@ MotionState MotionModel::moved_to(const MotionState& before, std::int64_t stamp_
   const Vector6d measured = maps::log_se3(before.pose.T.inverse() * pose.T) / t;
   const Matrix6d noise = (before.pose.covariance + pose.covariance) / (t * t) + t / 3.0 * density_;
   // Symmetric matrices, so (S^-1 P)^T = P S^-1.
-  const Matrix6d gain = Matrix6d(predicted + noise).ldlt().solve(predicted).transpose();
+  const Matrix6d gain = maps::ldlt_solve(predicted + noise, predicted).transpose();
   next.twist += gain * (measured - before.twist);
   next.twist_covariance = symmetric((Matrix6d::Identity() - gain) * predicted);
   return next;

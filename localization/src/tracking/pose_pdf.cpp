@@ -1,8 +1,7 @@
 #include "pose_pdf.hpp"
 
 #include <stillmap/maps/frames.hpp>
-
-#include <Eigen/Cholesky>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <mrpt/poses/CPose3DPDFGaussian.h>
 
@@ -71,8 +70,7 @@ PosePdf composed(const PosePdf& T_a_b, const PosePdf& T_b_c) {
 PosePdf fused(const PosePdf& a, const PosePdf& b) {
   // MRPT's bayesianFusion throws "TO DO" for 3D poses.
   const Vector6d apart = maps::log_se3(a.T.inverse() * b.T);
-  const Eigen::LDLT<Matrix6d> sum(Matrix6d(a.covariance + b.covariance));
-  const Matrix6d gain = sum.solve(a.covariance).transpose();
+  const Matrix6d gain = maps::ldlt_solve(a.covariance + b.covariance, a.covariance).transpose();
   const Matrix6d covariance = a.covariance - gain * a.covariance;
   return {maps::renormalized(a.T * maps::exp_se3(gain * apart)),
           0.5 * (covariance + covariance.transpose())};
@@ -83,7 +81,7 @@ double chi_squared(const PosePdf& a, const PosePdf& b) {
   const Matrix6d sum = a.covariance + b.covariance;
   // Eigen's factorization takes NaN for a pivot of zero and answers 0.
   if (!sum.allFinite() || !difference.allFinite()) return std::nan("");
-  const double squares = difference.dot(sum.ldlt().solve(difference));
+  const double squares = difference.dot(maps::ldlt_solve(sum, difference));
   return squares >= 0.0 ? squares : std::nan("");
 }
 

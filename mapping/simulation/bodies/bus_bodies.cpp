@@ -19,7 +19,7 @@ struct Bus {
   Hull hull;
 };
 
-Bus draw_measures(Random& random) {
+Bus draw_bus(Random& random) {
   Bus bus;
   bus.length = random.uniform(11.6, 12.3);
   bus.half_width = random.uniform(1.25, 1.275);
@@ -149,7 +149,7 @@ void add_outside(Mesh& mesh, const Bus& bus, Random& random) {
 }  // namespace
 
 Mesh make_bus(Random& random) {
-  Bus bus = draw_measures(random);
+  Bus bus = draw_bus(random);
   draw_openings(bus, random);
   shape_hull(bus, random);
   Mesh mesh;

@@ -70,7 +70,7 @@ struct Car {
   Hull hull;
 };
 
-Car draw_measures(BodyKind kind, Random& random) {
+Car draw_car(BodyKind kind, Random& random) {
   const CarFamily& family = family_of(kind);
   Car car;
   car.kind = kind;
@@ -243,7 +243,7 @@ void add_outside(Mesh& mesh, const Car& car, Random& random) {
 }  // namespace
 
 Mesh make_car(BodyKind kind, Random& random) {
-  Car car = draw_measures(kind, random);
+  Car car = draw_car(kind, random);
   draw_top(car, random);
   draw_belt(car, random);
   draw_panes(car, random);

@@ -20,7 +20,7 @@ struct Van {
   Hull hull;
 };
 
-Van draw_measures(Random& random) {
+Van draw_van(Random& random) {
   // About the mean of the vans labelled in KITTI: 5.1 m x 1.9 m x 2.2 m, mirrors with it.
   constexpr Spread kLength{5.10, 0.45, 4.30, 6.20};
   constexpr Spread kWidth{1.83, 0.06, 1.68, 1.98};
@@ -160,7 +160,7 @@ void add_outside(Mesh& mesh, const Van& van, Random& random) {
 }  // namespace
 
 Mesh make_van(Random& random) {
-  Van van = draw_measures(random);
+  Van van = draw_van(random);
   draw_top(van, random);
   draw_panes(van, random);
   shape_hull(van, random);

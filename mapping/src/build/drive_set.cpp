@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <utility>
 
@@ -91,7 +92,7 @@ std::string DriveSet::sha256(std::size_t scan) const {
 Eigen::Quaterniond DriveSet::R_scan_lidar(std::size_t scan) const {
   const Eigen::Vector3d up_lidar = T_map_lidar(scan).linear().row(2);
   if (up_lidar.z() >= kUprightCosine) return Eigen::Quaterniond::Identity();
-  return Eigen::Quaterniond::FromTwoVectors(up_lidar, Eigen::Vector3d::UnitZ());
+  return maps::turn_between(up_lidar, Eigen::Vector3d::UnitZ());
 }
 
 Eigen::Isometry3d DriveSet::T_map_scan(std::size_t scan) const {

@@ -51,7 +51,7 @@ constexpr ShapeRule kVanRule{
 using Columns = std::vector<std::uint8_t>;
 
 /// A cluster with what the rules look at.
-struct Shape {
+struct ClusterShape {
   std::vector<RaisedPoint> points;
   Rectangle rectangle;
   double top_m = 0.0;
@@ -69,7 +69,8 @@ struct Scene {
 
 Scene scene_of(const maps::PointCloud& cloud, const GroundResult& ground) {
   constexpr std::size_t kColumnCount = std::size_t{ColumnGrid::kSide} * ColumnGrid::kSide;
-  Scene scene{ColumnGrid(cloud, ground), Columns(kColumnCount), Columns(kColumnCount), Columns(kColumnCount)};
+  Scene scene{ColumnGrid(cloud, ground), Columns(kColumnCount), Columns(kColumnCount),
+              Columns(kColumnCount)};
   for (std::size_t c = 0; c < kColumnCount; ++c) {
     bool low = false, tall = false;
     const int column = static_cast<int>(c);
@@ -115,8 +116,8 @@ std::vector<Eigen::Vector2d> outline_points(const std::vector<RaisedPoint>& poin
 }
 
 /// @param max_height_m  points above it are of something else, such as a crown over a car.
-Shape shape_of(const Scene& scene, const std::vector<int>& cluster, float max_height_m) {
-  Shape shape;
+ClusterShape shape_of(const Scene& scene, const std::vector<int>& cluster, float max_height_m) {
+  ClusterShape shape;
   std::size_t touching = 0;
   for (const int column : cluster) {
     if (has_tall_neighbour(scene, column)) ++touching;
@@ -137,7 +138,7 @@ bool within(double value, const std::array<double, 2>& bounds) {
   return value >= bounds[0] && value <= bounds[1];
 }
 
-bool obeys(const Shape& shape, const ShapeRule& rule) {
+bool obeys(const ClusterShape& shape, const ShapeRule& rule) {
   const Eigen::Vector2d size = shape.rectangle.size();
   return shape.points.size() >= rule.points && within(size.maxCoeff(), rule.longer_m) &&
          within(size.minCoeff(), rule.shorter_m) && within(shape.top_m, rule.top_m) &&
@@ -191,7 +192,7 @@ Eigen::Index complete(const Scene& scene, const ShapeRule& rule, Rectangle& r) {
   return length_axis;
 }
 
-maps::Box box_of(const Shape& shape, const Rectangle& r, Eigen::Index length_axis,
+maps::Box box_of(const ClusterShape& shape, const Rectangle& r, Eigen::Index length_axis,
                  const ShapeRule& rule) {
   double top_z = -std::numeric_limits<double>::max();
   double bottom_z = std::numeric_limits<double>::max();
@@ -216,7 +217,7 @@ maps::Box box_of(const Shape& shape, const Rectangle& r, Eigen::Index length_axi
 /// Cars and people: clusters of columns that nothing at head height stands in.
 void detect_low(const Scene& scene, std::vector<maps::Box>& boxes) {
   for (const std::vector<int>& cluster : scene.grid.clusters(scene.low, 1)) {
-    const Shape shape = shape_of(scene, cluster, kHeadBandM[0]);
+    const ClusterShape shape = shape_of(scene, cluster, kHeadBandM[0]);
     if (shape.touching_tall > kMaxTouching) continue;
     for (const ShapeRule& rule : kLowRules) {
       if (!obeys(shape, rule)) continue;
@@ -232,7 +233,7 @@ void detect_low(const Scene& scene, std::vector<maps::Box>& boxes) {
 /// nothing in them may be higher than a truck.
 void detect_vans(const Scene& scene, std::vector<maps::Box>& boxes) {
   for (const std::vector<int>& cluster : scene.grid.clusters(scene.any, 1)) {
-    const Shape shape = shape_of(scene, cluster, ColumnGrid::kMaxHeightM);
+    const ClusterShape shape = shape_of(scene, cluster, ColumnGrid::kMaxHeightM);
     if (obeys(shape, kVanRule))
       boxes.push_back(box_of(shape, shape.rectangle, longer_axis(shape.rectangle), kVanRule));
   }

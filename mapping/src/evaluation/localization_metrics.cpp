@@ -5,8 +5,7 @@
 #include "evaluation/share_of.hpp"
 
 #include <stillmap/maps/frames.hpp>
-
-#include <Eigen/Cholesky>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <algorithm>
 #include <array>
@@ -38,8 +37,7 @@ bool is_within(const LocalizationQuery& query, double metres, double degrees) {
 }
 
 double nees_of(const Vector6d& error, const Eigen::Matrix<double, 6, 6>& covariance) {
-  const Eigen::LLT<Eigen::Matrix<double, 6, 6>> factor(covariance);
-  return factor.info() == Eigen::Success ? error.dot(factor.solve(error)) : kNaN;
+  return maps::mahalanobis_squared(error, covariance).value_or(kNaN);
 }
 
 double root_mean_square(const std::vector<double>& values) {

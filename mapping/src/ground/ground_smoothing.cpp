@@ -1,5 +1,7 @@
 #include "ground/ground_smoothing.hpp"
 
+#include <stillmap/maps/small_matrices.hpp>
+
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
@@ -72,7 +74,7 @@ void find_slopes(MeasuredSheets& ground) {
 }
 
 /// Weighted normal equations of z = a + b x + c y.
-struct PlaneSums {
+struct NodeSums {
   Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
 
@@ -84,10 +86,11 @@ struct PlaneSums {
 };
 
 void smooth(MeasuredSheets& ground, std::uint32_t sheet, int x, int y) {
-  const GroundCellSum& cell = ground.piles[sheet]->cells[static_cast<std::size_t>(y * kSheetSide + x)];
+  const GroundCellSum& cell =
+      ground.piles[sheet]->cells[static_cast<std::size_t>(y * kSheetSide + x)];
   const Eigen::Vector2f slope = ground.slopes[sheet];
   const Eigen::Vector2f at(cell.offset_x, cell.offset_y);
-  PlaneSums sums;
+  NodeSums sums;
   double weight = 0.0;
   for (int dy = -2; dy <= 2; ++dy) {
     for (int dx = -2; dx <= 2; ++dx) {
@@ -112,7 +115,7 @@ void smooth(MeasuredSheets& ground, std::uint32_t sheet, int x, int y) {
   sums.A(1, 1) += pull;
   sums.A(2, 2) += pull;
   sums.b.tail<2>() += pull * slope.cast<double>();
-  const Eigen::Vector3f plane = sums.A.ldlt().solve(sums.b).cast<float>();
+  const Eigen::Vector3f plane = maps::ldlt_solve(sums.A, sums.b).cast<float>();
   GroundNode& node = ground.sheets[sheet].nodes[static_cast<std::size_t>(y * kSheetSide + x)];
   node.z = plane.x();
   node.slope_x = plane.y();

@@ -1,6 +1,6 @@
 #include "ground/plane_fit.hpp"
 
-#include <Eigen/Eigenvalues>
+#include <stillmap/maps/small_matrices.hpp>
 
 namespace stillmap::mapping {
 namespace {
@@ -19,12 +19,11 @@ PlaneFit PlaneSums::fit() const {
   Eigen::Matrix3d covariance;
   covariance << xx_, xy_, xz_, xy_, yy_, yz_, xz_, yz_, zz_;
   covariance = covariance / n - plane.mean * plane.mean.transpose();
-  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
-  solver.computeDirect(covariance);
-  plane.variances = solver.eigenvalues().reverse().cwiseMax(0.0);
-  plane.normal = solver.eigenvectors().col(0);
+  const maps::SymmetricEigen<3> eigen = maps::eigen_directly_of(covariance);
+  plane.variances = eigen.values.reverse().cwiseMax(0.0);
+  plane.normal = eigen.vectors.col(0);
   if (plane.variances[1] < kLineVariance) {
-    const Eigen::Vector3d line = solver.eigenvectors().col(2);
+    const Eigen::Vector3d line = eigen.vectors.col(2);
     const Eigen::Vector3d level = Eigen::Vector3d::UnitZ() - line.z() * line;
     if (level.norm() > 1e-6) plane.normal = level.normalized();
   }

@@ -1,5 +1,7 @@
 #include "ground/seed_plane.hpp"
 
+#include <stillmap/maps/small_matrices.hpp>
+
 #include <Eigen/Dense>
 #include <cmath>
 #include <cstdint>
@@ -64,7 +66,7 @@ class Picker {
     A += row * row.transpose();
     b += row * above;
   }
-  const Eigen::Vector3d step = A.ldlt().solve(b);
+  const Eigen::Vector3d step = maps::ldlt_solve(A, b);
   return SeedPlane{plane.height + step.x(), plane.slope + step.tail<2>()};
 }
 

@@ -1,5 +1,7 @@
 #include "ground/step_fit.hpp"
 
+#include <stillmap/maps/small_matrices.hpp>
+
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
@@ -67,7 +69,7 @@ Solved solve(const Sums& sums, const Eigen::Vector2d& slope) {
   A(1, 1) += kPullSamples;
   A(2, 2) += kPullSamples;
   b.tail<2>() += kPullSamples * slope;
-  const Eigen::Vector3d plane = A.ldlt().solve(b);
+  const Eigen::Vector3d plane = maps::ldlt_solve(A, b);
   const double pulled = kPullSamples * (plane.tail<2>() - slope).squaredNorm();
   const double cost = sums.zz - 2.0 * plane.dot(sums.b) + plane.dot(sums.A * plane) + pulled;
   return {plane, std::max(0.0, cost)};

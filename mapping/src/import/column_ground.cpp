@@ -1,5 +1,7 @@
 #include "import/column_ground.hpp"
 
+#include <stillmap/maps/small_matrices.hpp>
+
 #include <Eigen/Cholesky>
 
 #include <algorithm>
@@ -172,7 +174,7 @@ Eigen::Isometry3d ColumnGround::place_at(const Cell& cell) const {
   const Eigen::Vector3d plane = H.llt().solve(g);
   const Eigen::Vector3d up = Eigen::Vector3d(-plane.x(), -plane.y(), 1.0).normalized();
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.linear() = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), up).toRotationMatrix();
+  T.linear() = maps::turn_between(Eigen::Vector3d::UnitZ(), up).toRotationMatrix();
   T.translation() << centre_of(cell), static_cast<double>(middle.height_m) + plane.z();
   T.translation() += kSensorHeightM * up;
   return T;

@@ -20,7 +20,7 @@ std::uint64_t cell_key(const Eigen::Vector3f& p) {
          static_cast<std::uint64_t>(cell.z());
 }
 
-std::vector<Stored> thinned(const std::vector<Eigen::Vector3f>& points) {
+std::vector<Stored> packed_voxels(const std::vector<Eigen::Vector3f>& points) {
   std::vector<Stored> out;
   std::unordered_set<std::uint64_t> taken;
   taken.reserve(points.size() / 4);
@@ -40,7 +40,7 @@ std::vector<Stored> thinned(const std::vector<Eigen::Vector3f>& points) {
 KeyframeStore::KeyframeStore(const std::filesystem::path& folder) : file_(folder, "keyframes") {}
 
 void KeyframeStore::append(const std::vector<Eigen::Vector3f>& points_lidar) {
-  const std::vector<Stored> points = thinned(points_lidar);
+  const std::vector<Stored> points = packed_voxels(points_lidar);
   places_.push_back({file_.append(points.data(), points.size() * sizeof(Stored)), points.size()});
 }
 

@@ -3,8 +3,7 @@
 #include <stillmap/localization/adjoint.hpp>
 
 #include <stillmap/maps/frames.hpp>
-
-#include <Eigen/Cholesky>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -40,9 +39,8 @@ UncertainMotion inverted(const UncertainMotion& motion) {
 double chi_squared(const UncertainMotion& a, const UncertainMotion& b) {
   const Vector6d between = maps::log_se3(maps::renormalized(a.T.inverse() * b.T));
   const Matrix6d covariance = carried((a.T.inverse() * b.T).inverse(), a.covariance) + b.covariance;
-  const Eigen::LLT<Matrix6d> factor(covariance);
-  if (factor.info() != Eigen::Success) return std::numeric_limits<double>::infinity();
-  return between.dot(factor.solve(between));
+  return maps::mahalanobis_squared(between, covariance)
+      .value_or(std::numeric_limits<double>::infinity());
 }
 
 void OdometryPath::append(const Eigen::Isometry3d& T_odom_lidar, const Matrix6d& motion_covariance,

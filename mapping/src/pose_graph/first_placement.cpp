@@ -1,8 +1,8 @@
 #include "pose_graph/first_placement.hpp"
 
-#include "pose_graph/graph_checks.hpp"
+#include <stillmap/maps/small_matrices.hpp>
 
-#include <Eigen/SVD>
+#include "pose_graph/graph_checks.hpp"
 
 #include <algorithm>
 #include <cstddef>
@@ -62,11 +62,11 @@ Eigen::Isometry3d fitted(const std::vector<const Anchor*>& anchors) {
     spread += part.squaredNorm();
   }
   H(2, 2) += kUpShare * std::max(spread, 1e-6);
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(H, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const maps::SingularValues svd = maps::svd_of(H);
   Eigen::Vector3d signs = Eigen::Vector3d::Ones();
-  if ((svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0) signs.z() = -1.0;
+  if ((svd.U * svd.V.transpose()).determinant() < 0.0) signs.z() = -1.0;
   Eigen::Isometry3d out = Eigen::Isometry3d::Identity();
-  out.linear() = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+  out.linear() = svd.U * signs.asDiagonal() * svd.V.transpose();
   out.translation() = mean_map - out.linear() * mean_part;
   return out;
 }

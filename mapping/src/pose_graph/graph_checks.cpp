@@ -1,6 +1,6 @@
 #include "pose_graph/graph_checks.hpp"
 
-#include <Eigen/Cholesky>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <fmt/format.h>
 
@@ -50,9 +50,8 @@ struct Subject {
     const Matrix correlation = scale.asDiagonal() * covariance * scale.asDiagonal();
     if (!((correlation - correlation.transpose()).cwiseAbs().maxCoeff() <= kSymmetryTolerance))
       refuse("covariance is not symmetric");
-    const Eigen::LLT<Matrix> factor(correlation);
-    if (factor.info() != Eigen::Success ||
-        !(Matrix(factor.matrixL()).diagonal().array().square().minCoeff() >= kMinCorrelationPivot))
+    const std::optional<Matrix> factor = maps::cholesky(correlation);
+    if (!factor || !(factor->diagonal().array().square().minCoeff() >= kMinCorrelationPivot))
       refuse("covariance is not positive definite");
   }
 };

@@ -1,6 +1,6 @@
 #include "pose_graph/graph_problem.hpp"
 
-#include <Eigen/Cholesky>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <ceres/ceres.h>
 
@@ -53,12 +53,6 @@ class NodeManifold final : public ceres::Manifold {
 
 namespace {
 
-/// The inverse of the covariance's Cholesky factor: W^T W is the information.
-template <typename Matrix>
-Matrix whitening(const Matrix& covariance) {
-  return Eigen::LLT<Matrix>(covariance).matrixL().solve(Matrix::Identity());
-}
-
 template <typename Whitening, typename Jacobian>
 void write_jacobian(double* out, const Whitening& W, const Jacobian& J) {
   JacobianMap map(out, W.rows(), 7);
@@ -69,7 +63,8 @@ void write_jacobian(double* out, const Whitening& W, const Jacobian& J) {
 class RelativeCost final : public ceres::SizedCostFunction<6, 7, 7> {
  public:
   explicit RelativeCost(const RelativePose& edge)
-      : T_from_to_(node_pose(edge.T_from_to)), whitening_(whitening(edge.covariance)) {}
+      : T_from_to_(node_pose(edge.T_from_to)),
+        whitening_(maps::inverse_cholesky(edge.covariance)) {}
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override {
     const RelativeResidual residual =
@@ -89,7 +84,8 @@ class RelativeCost final : public ceres::SizedCostFunction<6, 7, 7> {
 class AbsoluteCost final : public ceres::SizedCostFunction<6, 7> {
  public:
   explicit AbsoluteCost(const AbsolutePose& pose)
-      : T_map_node_(node_pose(pose.T_map_node)), whitening_(whitening(pose.covariance)) {}
+      : T_map_node_(node_pose(pose.T_map_node)),
+        whitening_(maps::inverse_cholesky(pose.covariance)) {}
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override {
     const AbsoluteResidual residual = absolute_residual(node_at(parameters[0]), T_map_node_);
@@ -109,7 +105,7 @@ class PositionCost final : public ceres::SizedCostFunction<3, 7> {
   explicit PositionCost(const AbsolutePosition& position)
       : position_map_m_(position.position_map_m),
         lever_node_m_(position.lever_node_m),
-        whitening_(whitening(position.covariance)) {}
+        whitening_(maps::inverse_cholesky(position.covariance)) {}
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override {
     const PositionResidual residual =

@@ -10,15 +10,6 @@
 namespace stillmap::mapping {
 namespace {
 
-class NoCleaner : public Cleaner {
- public:
-  [[nodiscard]] std::vector<std::uint8_t> moved(const CleaningPoints& points, const ScanSource&,
-                                                const ProgressCallback&,
-                                                const CancelFlag&) const override {
-    return std::vector<std::uint8_t>(points.positions.size(), 0);
-  }
-};
-
 template <typename Method>
 std::unique_ptr<Cleaner> make_method() {
   return std::make_unique<Method>();
@@ -30,8 +21,9 @@ struct CleanerEntry {
 };
 
 constexpr std::array kCleaners{
-    CleanerEntry{"none", make_method<NoCleaner>},         CleanerEntry{"removert", make_method<Removert>},
-    CleanerEntry{"erasor", make_method<Erasor>},          CleanerEntry{"octomap", make_method<OctomapCleaner>},
+    CleanerEntry{"removert", make_method<Removert>},
+    CleanerEntry{"erasor", make_method<Erasor>},
+    CleanerEntry{"octomap", make_method<OctomapCleaner>},
     CleanerEntry{"dufomap", make_method<DufomapCleaner>},
 };
 

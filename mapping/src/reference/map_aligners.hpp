@@ -10,7 +10,8 @@
 
 namespace stillmap::mapping {
 
-/// Names for `make_map_aligner`: those of the product, the default first, then the references.
+/// Names for `make_map_aligner`: those of the product, the default first, then the references,
+/// of which there are none where STILLMAP_REFERENCE is off.
 [[nodiscard]] std::vector<std::string> map_aligner_names();
 
 /// An aligner for one map. @throws std::invalid_argument naming the method and the choices.

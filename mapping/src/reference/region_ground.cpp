@@ -1,6 +1,6 @@
 #include "reference/region_ground.hpp"
 
-#include <Eigen/Eigenvalues>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <algorithm>
 #include <cstddef>
@@ -51,9 +51,9 @@ Plane fit_plane(const std::vector<Eigen::Vector3f>& points,
     const Eigen::Vector3d centred = points[i].cast<double>() - mean;
     scatter += centred * centred.transpose();
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scatter);
+  const maps::SymmetricEigen<3> eigen = maps::eigen_of(scatter);
   Plane plane;
-  plane.normal = solver.eigenvectors().col(0);
+  plane.normal = eigen.vectors.col(0);
   if (plane.normal.z() < 0.0) plane.normal = -plane.normal;
   plane.offset = -plane.normal.dot(mean);
   return plane;

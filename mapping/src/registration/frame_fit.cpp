@@ -2,8 +2,8 @@
 
 #include <stillmap/localization/adjoint.hpp>
 
-#include <Eigen/Cholesky>
 #include <stillmap/maps/frames.hpp>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -35,7 +35,7 @@ Matrix6d information_of(const FrameSight& sight) {
   Matrix6d covariance = sight.covariance;
   covariance.diagonal().head<3>().array() += kPoseSigmaM * kPoseSigmaM;
   covariance.diagonal().tail<3>().array() += kPoseSigmaRad * kPoseSigmaRad;
-  return covariance.llt().solve(Matrix6d::Identity());
+  return maps::inverse_of(covariance);
 }
 
 /// The sights around the middle of their positions, so that a turn far from the origin of either
@@ -59,7 +59,7 @@ Vector6d step_of(std::span<const FrameSight> sights, const std::vector<Matrix6d>
     H += weighted * J;
     g += weighted * miss;
   }
-  return -H.ldlt().solve(g);
+  return -maps::ldlt_solve(H, g);
 }
 
 void judge(std::span<const FrameSight> sights, const FrameTolerance& tolerance, FrameFit& fit) {

@@ -1,6 +1,6 @@
 #include "stacking/normals.hpp"
 
-#include <Eigen/Eigenvalues>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -9,7 +9,7 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr float kCellM = 0.2F;
+constexpr float kNormalCellM = 0.2F;
 constexpr std::uint32_t kLeastPoints = 6;
 
 struct Moments {
@@ -34,10 +34,10 @@ std::uint64_t key_of(const Cell& cell) {
   return key;
 }
 
-class Cells {
+class NormalCells {
  public:
   /// Points are counted from the first one, so that squares keep their digits.
-  explicit Cells(const std::vector<Eigen::Vector3f>& positions) {
+  explicit NormalCells(const std::vector<Eigen::Vector3f>& positions) {
     cells_.reserve(positions.size() / 2);
     for (const Eigen::Vector3f& p : positions) {
       Moments& cell = cells_[key_of(cell_of(p))];
@@ -49,7 +49,7 @@ class Cells {
   }
 
   [[nodiscard]] static Cell cell_of(const Eigen::Vector3f& p) {
-    return (p / kCellM).array().floor().cast<int>();
+    return (p / kNormalCellM).array().floor().cast<int>();
   }
 
   [[nodiscard]] Moments around(const Cell& cell) const {
@@ -70,13 +70,12 @@ SurfaceNormal normal_of(const Moments& m) {
   if (m.count < kLeastPoints) return {};
   const Eigen::Vector3d mean = m.sum / m.count;
   const Eigen::Matrix3d covariance = m.squares / m.count - mean * mean.transpose();
-  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
-  solver.computeDirect(covariance);
-  const Eigen::Vector3d values = solver.eigenvalues().cwiseMax(0.0);
+  const maps::SymmetricEigen<3> eigen = maps::eigen_directly_of(covariance);
+  const Eigen::Vector3d values = eigen.values.cwiseMax(0.0);
   // A line has no normal: its middle extent is that of the noise [m^2].
   if (!(values[1] > 1e-4)) return {};
   const double planarity = (values[1] - values[0]) / values[1];
-  return {solver.eigenvectors().col(0).cast<float>(),
+  return {eigen.vectors.col(0).cast<float>(),
           static_cast<std::uint8_t>(std::lround(255.0 * planarity))};
 }
 
@@ -86,10 +85,10 @@ std::vector<SurfaceNormal> estimate_normals(const std::vector<Eigen::Vector3f>& 
                                             const std::vector<Eigen::Vector3f>& seen_from) {
   std::vector<SurfaceNormal> normals(positions.size());
   if (positions.empty()) return normals;
-  const Cells cells(positions);
+  const NormalCells cells(positions);
   std::unordered_map<std::uint64_t, SurfaceNormal> of_cell;
   for (std::size_t i = 0; i < positions.size(); ++i) {
-    const Cell cell = Cells::cell_of(positions[i]);
+    const Cell cell = NormalCells::cell_of(positions[i]);
     const auto [at, is_new] = of_cell.try_emplace(key_of(cell));
     if (is_new) at->second = normal_of(cells.around(cell));
     normals[i] = at->second;

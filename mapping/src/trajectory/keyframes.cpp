@@ -9,7 +9,7 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr double kApartM = 1.0;
+constexpr double kKeyframesApartM = 1.0;
 constexpr double kApartRad = 10.0 * std::numbers::pi / 180.0;
 /// Drift as a random walk, deviations after a metre: 0.2 m and 0.2 deg after 100 m.
 constexpr double kDriftM = 0.02;
@@ -42,7 +42,7 @@ std::optional<KeyframeChooser::Chosen> KeyframeChooser::add(const OdometryPose& 
 
   const Eigen::Isometry3d T_before_this = T_odom_keyframe_.inverse() * pose.T_odom_lidar;
   const double way_m = T_before_this.translation().norm();
-  if (way_m < kApartM && maps::rotation_angle_rad(T_before_this.linear()) < kApartRad)
+  if (way_m < kKeyframesApartM && maps::rotation_angle_rad(T_before_this.linear()) < kApartRad)
     return std::nullopt;
   const Chosen chosen{T_before_this, covariance_ + drift_over(way_m)};
   T_odom_keyframe_ = pose.T_odom_lidar;

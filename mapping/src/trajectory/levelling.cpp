@@ -2,8 +2,7 @@
 
 #include <stillmap/mapping/ground.hpp>
 #include <stillmap/maps/ground_plane.hpp>
-
-#include <Eigen/Eigenvalues>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <cmath>
 #include <vector>
@@ -30,9 +29,9 @@ Plane plane_of(const std::vector<Eigen::Vector3d>& points) {
   mean /= static_cast<double>(points.size());
   Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
   for (const Eigen::Vector3d& p : points) spread += (p - mean) * (p - mean).transpose();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(spread);
+  const maps::SymmetricEigen<3> eigen = maps::eigen_of(spread);
   Plane plane;
-  plane.normal = solver.eigenvectors().col(0);
+  plane.normal = eigen.vectors.col(0);
   if (plane.normal.z() < 0.0) plane.normal = -plane.normal;
   plane.below_m = -plane.normal.dot(mean);
   return plane;
@@ -58,7 +57,7 @@ Eigen::Isometry3d T_ground_lidar(const maps::PointCloud& scan_lidar) {
     const auto stood_over = maps::find_ground_plane(scan_lidar.positions);
     if (!stood_over || std::abs(stood_over->up.z()) < kSteepestCosine)
       return Eigen::Isometry3d::Identity();
-    R_upright_lidar = Eigen::Quaterniond::FromTwoVectors(stood_over->up, Eigen::Vector3d::UnitZ());
+    R_upright_lidar = maps::turn_between(stood_over->up, Eigen::Vector3d::UnitZ());
     maps::PointCloud upright = scan_lidar;
     const Eigen::Matrix3f turn = R_upright_lidar.toRotationMatrix().cast<float>();
     for (Eigen::Vector3f& p : upright.positions) p = turn * p;

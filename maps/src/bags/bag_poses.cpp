@@ -294,10 +294,11 @@ std::optional<BagPoses> find_poses(const Bags& bags, const BagSurvey& survey,
       return find_tf(search, true, notes);
     if (asked != survey.topics.end() && is_pose_type(asked->second.type))
       return poses_of_topic(search, asked->first);
-    throw InputError(name,
-                     fmt::format("no poses on {}; there are {}", *choice.poses,
-                                 candidates.listed.empty() ? "none" : candidates.listed),
-                     fmt::format("a topic of {}, {} or {}", kOdometry, kPoseStamped, kTfMessage));
+    throw InputError(
+        name,
+        fmt::format("no poses on {}; there are {}", *choice.poses,
+                    candidates.listed.empty() ? "none" : candidates.listed),
+        fmt::format("a topic of {}, {} or {}", kNavOdometry, kPoseStamped, kTfMessage));
   }
   // Whoever says the frame that they are of speaks of a topic.
   if (!choice.pose_frame) add_tf(search, candidates);

@@ -107,7 +107,7 @@ class Surveyor {
 
 }  // namespace
 
-bool is_pose_type(const std::string& type) { return type == kOdometry || type == kPoseStamped; }
+bool is_pose_type(const std::string& type) { return type == kNavOdometry || type == kPoseStamped; }
 bool is_static_tf(const std::string& topic) { return topic.ends_with("tf_static"); }
 
 BagSurvey survey(const Bags& bags) { return Surveyor(bags).survey(); }

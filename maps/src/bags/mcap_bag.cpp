@@ -15,7 +15,7 @@
 namespace stillmap::maps::mcap {
 namespace {
 
-constexpr std::size_t kPieceBytes = std::size_t{64} << 10U;
+constexpr std::size_t kChecksumBytes = std::size_t{64} << 10U;
 /// Chunks that stay unpacked halfway, one for each of some threads that read scans.
 constexpr std::size_t kMostOpen = 4;
 /// 48 MB of index: 10 KB each of 20 GB. With more of them the index is not used.
@@ -51,7 +51,7 @@ std::optional<Footer> read_footer(const FileReader& file) {
 
 std::uint32_t crc_of(const FileReader& file, std::uint64_t begin, std::uint64_t end) {
   FileStream stream(file, begin, end);
-  std::vector<std::byte> piece(kPieceBytes);
+  std::vector<std::byte> piece(kChecksumBytes);
   uLong crc = 0;
   while (const std::size_t got = stream.read(piece))
     crc = ::crc32_z(crc, reinterpret_cast<const Bytef*>(piece.data()), got);

@@ -12,8 +12,8 @@ namespace stillmap::maps::mcap {
 namespace {
 
 /// Nothing a sensor sends is packed so well, but bytes made to cost time are.
-constexpr std::uint64_t kMostRatio = 1000;
-constexpr std::uint64_t kAlwaysTakenBytes = std::uint64_t{16} << 20U;
+constexpr std::uint64_t kMostChunkRatio = 1000;
+constexpr std::uint64_t kAlwaysUnpackedBytes = std::uint64_t{16} << 20U;
 
 }  // namespace
 
@@ -26,11 +26,11 @@ Chunk::Chunk(const FileReader& file, std::uint64_t offset, std::uint64_t length,
   if (!head || head->packed_bytes > record.left())
     throw InputError(name, "a chunk whose head is cut off", "a whole one");
   head_ = *head;
-  if (head_.unpacked_bytes > kAlwaysTakenBytes &&
-      head_.unpacked_bytes / kMostRatio > head_.packed_bytes)
+  if (head_.unpacked_bytes > kAlwaysUnpackedBytes &&
+      head_.unpacked_bytes / kMostChunkRatio > head_.packed_bytes)
     throw InputError(
         name, fmt::format("a chunk of {} bytes in {}", head_.unpacked_bytes, head_.packed_bytes),
-        fmt::format("at most {} times as many", kMostRatio));
+        fmt::format("at most {} times as many", kMostChunkRatio));
   records_offset_ = stream.position();
   const std::uint64_t records_end = std::min(end, records_offset_ + head_.packed_bytes);
   auto packed = std::make_unique<FileStream>(file, records_offset_, records_end);

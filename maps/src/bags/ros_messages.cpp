@@ -48,11 +48,11 @@ RosHeader read_header(MessageReader& reader) {
 StampedTransform read_pose_frames(MessageReader& reader, std::string_view type) {
   const RosHeader header = read_header(reader);
   StampedTransform pose{header.stamp_ns, header.frame_id, {}, {}};
-  if (type == kOdometry) {
+  if (type == kNavOdometry) {
     pose.child = frame(reader.text());
   } else if (type != kPoseStamped) {
     throw InputError(reader.name(), std::string(type),
-                     std::string(kOdometry) + " or " + std::string(kPoseStamped));
+                     std::string(kNavOdometry) + " or " + std::string(kPoseStamped));
   }
   return pose;
 }

@@ -15,7 +15,7 @@
 namespace stillmap::maps {
 
 inline constexpr std::string_view kPointCloud2 = "sensor_msgs/msg/PointCloud2";
-inline constexpr std::string_view kOdometry = "nav_msgs/msg/Odometry";
+inline constexpr std::string_view kNavOdometry = "nav_msgs/msg/Odometry";
 inline constexpr std::string_view kPoseStamped = "geometry_msgs/msg/PoseStamped";
 inline constexpr std::string_view kTfMessage = "tf2_msgs/msg/TFMessage";
 inline constexpr std::string_view kNavSatFix = "sensor_msgs/msg/NavSatFix";

@@ -27,7 +27,7 @@ namespace fs = std::filesystem;
 /// Points are packed to half or a third of their bytes, text to a tenth.
 constexpr std::uint64_t kMostRatio = 100;
 constexpr std::uint64_t kAlwaysTakenBytes = std::uint64_t{16} << 20U;
-constexpr std::size_t kPieceBytes = std::size_t{1} << 20U;
+constexpr std::size_t kCopiedBytes = std::size_t{1} << 20U;
 
 [[noreturn]] void refuse(const fs::path& packed, const std::string& what, int code) {
   throw StorageError(packed.string(), fmt::format("{}: {}; unpack it where there is room (zstd -d)",
@@ -92,7 +92,7 @@ void UnpackedBag::unpack(const fs::path& packed) {
   const std::uint64_t most = kAlwaysTakenBytes + kMostRatio * reader.size();
   const auto stream =
       unpacked(std::make_unique<FileStream>(reader, 0, reader.size()), "zstd", packed.string());
-  std::vector<std::byte> piece(kPieceBytes);
+  std::vector<std::byte> piece(kCopiedBytes);
   while (const std::size_t got = stream->read(piece)) {
     if (size_ + got > most)
       throw InputError(packed.string(), fmt::format("more than {} unpacked bytes", most),

@@ -13,8 +13,8 @@
 namespace stillmap::maps {
 namespace {
 
-constexpr const char* kFormat = "stillmap-boxes";
-constexpr int kVersion = 1;
+constexpr const char* kBoxesFormat = "stillmap-boxes";
+constexpr int kBoxesVersion = 1;
 constexpr std::int64_t kMaxBoxTrack = 1'000'000'000;
 
 Box box_from(const JsonField& field) {
@@ -43,8 +43,8 @@ BoxSequence parse_json_boxes(const std::filesystem::path& file, std::string_view
                              std::size_t scan_count) {
   const nlohmann::json json = parse_json(text, file.string());
   const JsonField root(json, file.string());
-  if (root.at("format").text() != kFormat) root.at("format").refuse("stillmap-boxes");
-  if (root.at("version").count() != kVersion) root.at("version").refuse("1");
+  if (root.at("format").text() != kBoxesFormat) root.at("format").refuse("stillmap-boxes");
+  if (root.at("version").count() != kBoxesVersion) root.at("version").refuse("1");
   BoxSequence sequence;
   root.at("scans").each([&](const JsonField& scan) {
     const std::size_t index = scan.at("scan").count();
@@ -86,7 +86,7 @@ void write_boxes(const std::filesystem::path& file, const BoxSequence& boxes) {
     for (const Box& box : of_scan) list.push_back(to_json(box));
     scans.push_back({{"scan", index}, {"boxes", std::move(list)}});
   }
-  const nlohmann::json json{{"format", kFormat}, {"version", kVersion}, {"scans", scans}};
+  const nlohmann::json json{{"format", kBoxesFormat}, {"version", kBoxesVersion}, {"scans", scans}};
   write_file(file, json.dump() + "\n");
 }
 

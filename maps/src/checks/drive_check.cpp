@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 #include <stillmap/maps/drive_check.hpp>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -116,8 +117,7 @@ void check_mounting(const std::vector<SampledScan>& samples, DriveCheck& check) 
   if (2 * x.size() <= samples.size() || x.empty()) return;
   const Eigen::Vector3d up = Eigen::Vector3d(median(x), median(y), median(z)).normalized();
   SensorMounting mounting;
-  mounting.R_level_lidar =
-      Eigen::Quaterniond::FromTwoVectors(up, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  mounting.R_level_lidar = turn_between(up, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   mounting.height_m = median(heights_m);
   mounting.tilt_rad = std::acos(std::clamp(up.z(), -1.0, 1.0));
   mounting.scans = x.size();

@@ -1,6 +1,6 @@
 #include <stillmap/maps/ground_plane.hpp>
+#include <stillmap/maps/small_matrices.hpp>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
 #include <cmath>
@@ -90,8 +90,8 @@ GroundPlane refined(const GroundPlane& plane, const GroundPoints& points) {
   }
   mean /= count;
   const Eigen::Matrix3d covariance = moments / count - mean * mean.transpose();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
-  Eigen::Vector3d up = solver.eigenvectors().col(0);
+  const SymmetricEigen<3> eigen = eigen_of(covariance);
+  Eigen::Vector3d up = eigen.vectors.col(0);
   if (up.dot(plane.up) < 0.0) up = -up;
   return {up, -up.dot(mean)};
 }

@@ -16,7 +16,7 @@ std::optional<fs::path> keyframe_poses(const fs::path& root) {
   return std::nullopt;
 }
 
-std::vector<fs::path> list_scans(const fs::path& root) {
+std::vector<fs::path> keyframe_scans(const fs::path& root) {
   const std::vector<fs::path> upper = list_files(root / "Scans", ".pcd");
   const std::vector<fs::path> lower = list_files(root / "scans", ".pcd");
   // One folder under two names where the file system ignores case.
@@ -32,14 +32,14 @@ std::vector<fs::path> list_scans(const fs::path& root) {
 
 bool is_keyframes(const fs::path& root) {
   return keyframe_poses(root) && (!list_files(root / "Scans", ".pcd").empty() ||
-                             !list_files(root / "scans", ".pcd").empty());
+                                  !list_files(root / "scans", ".pcd").empty());
 }
 
 Drive::Contents open_keyframes(const fs::path& root, const std::optional<fs::path>& poses_file) {
   Drive::Contents contents;
   contents.layout = DriveLayout::kKeyframes;
   contents.root = root;
-  contents.scan_files = list_scans(root);
+  contents.scan_files = keyframe_scans(root);
   if (fs::exists(root / "times.txt")) {
     set_times(contents, root / "times.txt");
   } else {

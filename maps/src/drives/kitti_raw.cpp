@@ -36,7 +36,7 @@ std::vector<std::int64_t> stamps_of(const std::vector<fs::path>& scan_files,
   return stamps;
 }
 
-void note_missing_scans(Drive::Contents& contents) {
+void note_missing_numbers(Drive::Contents& contents) {
   std::size_t expected = 0;
   for (const fs::path& file : contents.scan_files) {
     const std::size_t number = number_of(file).value_or(expected);
@@ -107,7 +107,7 @@ Drive::Contents open_kitti_raw(const fs::path& root, const std::optional<fs::pat
   }
   contents.stamps_ns = stamps_of(contents.scan_files, velodyne / "timestamps.txt");
   contents.relative_clock = false;
-  note_missing_scans(contents);
+  note_missing_numbers(contents);
   set_spin(contents, velodyne);
   set_labels(contents);
   if (poses_file) {

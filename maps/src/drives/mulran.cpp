@@ -103,7 +103,7 @@ void set_scans(Drive::Contents& contents) {
   };
 }
 
-void note_missing_scans(Drive::Contents& contents) {
+void note_missing_stamps(Drive::Contents& contents) {
   const fs::path file = place_of(contents.root, "ouster_front_stamp.csv");
   if (!fs::exists(file)) return;
   const std::string text = read_csv(file);
@@ -207,7 +207,7 @@ Drive::Contents open_mulran(const fs::path& root, const std::optional<fs::path>&
   contents.layout = DriveLayout::kMulran;
   contents.root = root;
   set_scans(contents);
-  note_missing_scans(contents);
+  note_missing_stamps(contents);
   if (poses_file) {
     set_poses(contents, *poses_file);
   } else {

@@ -17,13 +17,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array<std::string_view, 3> kExtensions{".pcd", ".ply", ".bin"};
+constexpr std::array<std::string_view, 3> kScanExtensions{".pcd", ".ply", ".bin"};
 
 /// Scans of one folder. @throws InputError when there is more than one kind.
 std::vector<fs::path> list_scans(const fs::path& folder) {
   std::vector<fs::path> scans;
   std::string_view kind;
-  for (const std::string_view extension : kExtensions) {
+  for (const std::string_view extension : kScanExtensions) {
     std::vector<fs::path> files = list_files(folder, extension);
     if (files.empty()) continue;
     if (!scans.empty()) {
@@ -37,9 +37,9 @@ std::vector<fs::path> list_scans(const fs::path& folder) {
 }
 
 bool holds_scans(const fs::path& folder) {
-  return std::any_of(kExtensions.begin(), kExtensions.end(), [&](std::string_view extension) {
-    return !list_files(folder, extension).empty();
-  });
+  return std::any_of(
+      kScanExtensions.begin(), kScanExtensions.end(),
+      [&](std::string_view extension) { return !list_files(folder, extension).empty(); });
 }
 
 /// The folder itself and the folders in it that hold scans.

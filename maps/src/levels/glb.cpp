@@ -17,7 +17,7 @@ static_assert(offsetof(MapPoint, intensity) == 12 && offsetof(MapPoint, observat
                   offsetof(MapPoint, object) == 19,
               "as the accessors say");
 
-constexpr std::uint32_t kMagic = 0x46546C67;        // "glTF"
+constexpr std::uint32_t kGltfMagic = 0x46546C67;    // "glTF"
 constexpr std::uint32_t kJsonChunk = 0x4E4F534A;    // "JSON"
 constexpr std::uint32_t kBinaryChunk = 0x004E4942;  // "BIN"
 
@@ -56,7 +56,7 @@ std::string glb_head(const TileEntry& tile) {
   json.resize((json.size() + 3) / 4 * 4, ' ');
   const std::size_t length = 12 + 8 + json.size() + 8 + bytes;
   std::string head;
-  put(head, kMagic);
+  put(head, kGltfMagic);
   put(head, 2);
   put(head, static_cast<std::uint32_t>(length));
   put(head, static_cast<std::uint32_t>(json.size()));

@@ -22,11 +22,11 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "tile files are little endian");
 
 /// Counts up whenever a reader, or what the same map is made into, would differ.
-constexpr std::uint32_t kFormat = 1;
+constexpr std::uint32_t kTileFormat = 1;
 
 struct Header {
   std::array<char, 8> magic = {'s', 't', 'i', 'l', 'l', 't', 'l', 's'};
-  std::uint32_t format = kFormat;
+  std::uint32_t format = kTileFormat;
   /// CRC-32C of header and table, this field taken as 0.
   std::uint32_t crc = 0;
   std::uint64_t file_bytes = 0;
@@ -152,8 +152,8 @@ void TileFile::load(const std::string& key) {
   if (!S_ISREG(status.st_mode) || bytes < sizeof(header)) refuse("no tile file", "one");
   read_all(0, std::as_writable_bytes(std::span(&header, 1)));
   if (header.magic != wanted.magic) refuse("no tile file", "one");
-  if (header.format != kFormat)
-    refuse("format " + std::to_string(header.format), std::to_string(kFormat));
+  if (header.format != kTileFormat)
+    refuse("format " + std::to_string(header.format), std::to_string(kTileFormat));
   if (header.file_bytes != bytes)
     refuse(std::to_string(bytes) + " bytes", std::to_string(header.file_bytes));
   if (header.table_offset < sizeof(header) || header.table_offset > bytes ||

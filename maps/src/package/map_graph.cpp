@@ -19,7 +19,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr const char* kFormat = "stillmap-graph";
+constexpr const char* kGraphFormat = "stillmap-graph";
 
 std::size_t pose_from(const JsonField& field, std::size_t poses) {
   const std::uint64_t number = field.count();
@@ -28,7 +28,7 @@ std::size_t pose_from(const JsonField& field, std::size_t poses) {
 }
 
 MapGraph graph_from(const JsonField& field, std::size_t poses) {
-  if (field.at("format").text() != kFormat) field.at("format").refuse(kFormat);
+  if (field.at("format").text() != kGraphFormat) field.at("format").refuse(kGraphFormat);
   if (field.at("version").count() != 1) field.at("version").refuse("1");
   MapGraph graph;
   field.at("key_frames").each([&](const JsonField& each) {
@@ -61,7 +61,7 @@ void write_map_graph(const std::filesystem::path& package, const MapGraph& graph
     loops.push_back({{"from", loop.from}, {"to", loop.to}, {"weight", loop.weight}});
   const std::filesystem::path file = package / kGraphName;
   std::ofstream out(file, std::ios::binary);
-  out << json{{"format", kFormat},
+  out << json{{"format", kGraphFormat},
               {"version", 1},
               {"key_frames", graph.key_frames},
               {"loops", std::move(loops)}}

@@ -14,7 +14,7 @@ namespace {
 /// Layout, little endian: magic; for each scan its number of points and then its runs, all as
 /// variable length integers of 7 bits a byte: length << 3 | fate, and for moved points the object;
 /// offsets of the scans and of the end of the last one (u64 each); number of scans (u64).
-constexpr std::string_view kMagic = "smfates1";
+constexpr std::string_view kFatesMagic = "smfates1";
 /// No sensor gives more in one scan; a broken file must not make us reserve more.
 constexpr std::uint64_t kMostPoints = 1U << 26U;
 
@@ -109,7 +109,7 @@ std::uint64_t number_at(std::ifstream& in, std::uint64_t offset, const std::stri
 FatesWriter::FatesWriter(std::filesystem::path file)
     : file_(std::move(file)), stream_(std::fopen(file_.c_str(), "wb")) {
   if (!stream_) throw StorageError(file_.string(), std::strerror(errno));
-  write(kMagic.data(), kMagic.size());
+  write(kFatesMagic.data(), kFatesMagic.size());
 }
 
 void FatesWriter::write(const void* bytes, std::size_t count) {
@@ -141,17 +141,18 @@ ScanFates read_fates(const std::filesystem::path& file, std::size_t scan) {
   if (!in) throw StorageError(name, std::strerror(errno));
   const auto size = static_cast<std::uint64_t>(in.tellg());
   constexpr std::uint64_t kNumber = sizeof(std::uint64_t);
-  if (size < kMagic.size() + 2 * kNumber || read_at(in, 0, kMagic.size(), name) != kMagic)
+  if (size < kFatesMagic.size() + 2 * kNumber ||
+      read_at(in, 0, kFatesMagic.size(), name) != kFatesMagic)
     throw InputError(name, "another file", "fates of points as stillmap writes them");
   const std::uint64_t scans = number_at(in, size - kNumber, name);
-  if (scans >= (size - kMagic.size()) / kNumber - 1)
+  if (scans >= (size - kFatesMagic.size()) / kNumber - 1)
     throw InputError(name, std::to_string(scans) + " scans", "as many as the file can hold");
   if (scan >= scans)
     throw InputError(name, std::to_string(scans) + " scans", "more than " + std::to_string(scan));
   const std::uint64_t table = size - (scans + 2) * kNumber;
   const std::uint64_t begin = number_at(in, table + scan * kNumber, name);
   const std::uint64_t end = number_at(in, table + (scan + 1) * kNumber, name);
-  if (!(kMagic.size() <= begin && begin < end && end <= table))
+  if (!(kFatesMagic.size() <= begin && begin < end && end <= table))
     throw InputError(name, "scan from byte " + std::to_string(begin) + " to " + std::to_string(end),
                      "bytes before the table at " + std::to_string(table));
   return parse(Runs(read_at(in, begin, end - begin, name), name));

@@ -18,16 +18,16 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "a layer is little endian as it lies");
 
-constexpr std::array<char, 8> kMagic = {'s', 't', 'i', 'l', 'l', 'l', 'y', 'r'};
+constexpr std::array<char, 8> kLayerMagic = {'s', 't', 'i', 'l', 'l', 'l', 'y', 'r'};
 /// Counts up whenever a reader, or the same map's values, would differ.
-constexpr std::uint32_t kFormat = 1;
+constexpr std::uint32_t kLayerFormat = 1;
 constexpr std::uint32_t kMostBands = 16;
 constexpr std::uint32_t kMostPerSide = 64;
 constexpr std::uint64_t kMostTiles = std::uint64_t{1} << 26U;
 
 struct Header {
-  std::array<char, 8> magic = kMagic;
-  std::uint32_t format = kFormat;
+  std::array<char, 8> magic = kLayerMagic;
+  std::uint32_t format = kLayerFormat;
   std::uint32_t cells_per_side = 0;
   std::uint64_t tiles = 0;
   std::uint32_t bands = 0;
@@ -109,9 +109,9 @@ Header checked_header(std::span<const std::byte> content, const std::string& dig
                       const std::string& name) {
   Header header;
   std::memcpy(&header, content.data(), sizeof(header));
-  if (header.magic != kMagic) throw InputError(name, "other bytes", "a layer of a map");
-  if (header.format != kFormat)
-    throw InputError(name, "format " + std::to_string(header.format), std::to_string(kFormat));
+  if (header.magic != kLayerMagic) throw InputError(name, "other bytes", "a layer of a map");
+  if (header.format != kLayerFormat)
+    throw InputError(name, "format " + std::to_string(header.format), std::to_string(kLayerFormat));
   Header without_crc = header;
   without_crc.crc = 0;
   if (crc32c(content.subspan(sizeof(header)), crc32c(bytes_of(without_crc))) != header.crc)

@@ -15,7 +15,7 @@
 namespace stillmap::server {
 namespace {
 
-maps::DriveStore::Limits limits_of(const UploadOptions& options) {
+maps::DriveStore::Limits drive_limits(const UploadOptions& options) {
   maps::DriveStore::Limits limits;
   limits.bytes = static_cast<std::uint64_t>(options.max_drive_bytes);
   limits.archive.entries = static_cast<std::uint64_t>(options.max_entries);
@@ -69,7 +69,7 @@ HttpResponse complete_drive(const Context& context, const PathParameters& path) 
   const maps::StoredDrive drive = find_drive(context, path);
   return with_upload_errors(context.store.folder(), [&] {
     return answer_drive(
-        context, context.drives.complete(drive.id, limits_of(context.live.current()->uploads)));
+        context, context.drives.complete(drive.id, drive_limits(context.live.current()->uploads)));
   });
 }
 
@@ -79,7 +79,7 @@ HttpResponse remove_drive(const Context& context, const PathParameters& path) {
 }
 
 /// Parts are large, and unpacking is slow: both take a place.
-void add_byte_routes(std::vector<Route>& routes, const Context& context) {
+void add_drive_byte_routes(std::vector<Route>& routes, const Context& context) {
   const auto reserve = [&context](const HttpRequest& request, const PathParameters& path) {
     static_cast<void>(find_drive(context, path));
     return context.uploads.take(context.live.current()->uploads.max_open, request.caller.key_id);
@@ -125,7 +125,7 @@ void add_drive_routes(std::vector<Route>& routes, const Context& context) {
                       return remove_drive(context, path);
                     },
                     Access::kWrite});
-  add_byte_routes(routes, context);
+  add_drive_byte_routes(routes, context);
 }
 
 }  // namespace stillmap::server

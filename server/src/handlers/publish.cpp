@@ -13,7 +13,7 @@
 namespace stillmap::server {
 namespace {
 
-maps::ArchiveLimits limits_of(const UploadOptions& options) {
+maps::ArchiveLimits archive_limits(const UploadOptions& options) {
   maps::ArchiveLimits limits;
   limits.entries = static_cast<std::uint64_t>(options.max_entries);
   limits.ratio = options.max_unpacked_ratio;
@@ -87,7 +87,7 @@ HttpResponse publish_bytes(const Context& context, const Publication& wanted) {
     return convert(context, wanted, *format);
   const maps::PackageStore::Added added = context.store.add_archive(
       wanted.map, wanted.version, wanted.source, wanted.map + "/" + wanted.version,
-      limits_of(context.live.current()->uploads), wanted.sha256);
+      archive_limits(context.live.current()->uploads), wanted.sha256);
   HttpResponse response = json_response(version_json(added.version), added.is_new ? 201 : 200);
   if (added.is_new) {
     response.headers.emplace_back("Location",

@@ -97,7 +97,7 @@ HttpResponse remove_upload(const Context& context, const PathParameters& path) {
 }
 
 /// Parts are large, and unpacking is slow: both take a place.
-void add_byte_routes(std::vector<Route>& routes, const Context& context) {
+void add_part_routes(std::vector<Route>& routes, const Context& context) {
   const auto reserve = [&context](const HttpRequest& request, const PathParameters& path) {
     static_cast<void>(find_upload(context, path));
     return context.uploads.take(context.live.current()->uploads.max_open, request.caller.key_id);
@@ -143,7 +143,7 @@ void add_upload_routes(std::vector<Route>& routes, const Context& context) {
                       return remove_upload(context, path);
                     },
                     Access::kWrite});
-  add_byte_routes(routes, context);
+  add_part_routes(routes, context);
 }
 
 }  // namespace stillmap::server

@@ -8,10 +8,6 @@
 namespace stillmap::server {
 namespace {
 
-Json time_of(const std::optional<std::int64_t>& time_ns) {
-  return time_ns ? Json(std::to_string(*time_ns)) : Json();
-}
-
 /// Corrections can be as long as the map has objects: they are counted, not repeated.
 struct ShownRequest {
   Json request{};

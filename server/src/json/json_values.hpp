@@ -3,7 +3,10 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include <cstdint>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
 
 namespace stillmap::server {
 
@@ -28,6 +31,12 @@ template <typename Derived>
   pose["position"] = to_json_array(T.translation());
   pose["quaternion"] = to_json_array(q.normalized().coeffs());
   return pose;
+}
+
+/// Nanoseconds exceed what a JSON number holds exactly.
+[[nodiscard]] inline Json time_of(std::int64_t time_ns) { return std::to_string(time_ns); }
+[[nodiscard]] inline Json time_of(const std::optional<std::int64_t>& time_ns) {
+  return time_ns ? time_of(*time_ns) : Json();
 }
 
 /// Text that is valid UTF-8 whatever bytes file names and clients brought in.

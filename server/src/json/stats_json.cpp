@@ -10,7 +10,7 @@ Json times(const std::optional<MapStats::Percentiles>& percentiles) {
   return {{"p50", percentiles->p50_ms}, {"p95", percentiles->p95_ms}};
 }
 
-Json time_of(const std::optional<MapStats::Clock::time_point>& time) {
+Json moment_of(const std::optional<MapStats::Clock::time_point>& time) {
   if (!time) return {};
   const auto since_epoch =
       std::chrono::duration_cast<std::chrono::nanoseconds>(time->time_since_epoch());
@@ -25,7 +25,7 @@ std::string map_stats_json(const std::string& map, const MapStats::Figures& figu
       {"map", map},
       {"queries", {{"ok", figures.ok}, {"degraded", figures.degraded}, {"lost", figures.lost}}},
       {"refused", figures.refused},
-      {"last_query_ns", time_of(figures.last)},
+      {"last_query_ns", moment_of(figures.last)},
       {"latency_ms",
        {{"queries", figures.timed},
         {"localizer", times(figures.localizer)},

@@ -7,13 +7,6 @@ namespace {
 
 constexpr int kIndent = 2;
 
-/// Nanoseconds exceed what a JSON number holds exactly.
-Json time_of(std::int64_t time_ns) { return std::to_string(time_ns); }
-
-Json time_of(const std::optional<std::int64_t>& time_ns) {
-  return time_ns ? time_of(*time_ns) : Json();
-}
-
 Json key_of(const maps::ApiKey& key) {
   Json scopes = Json::array();
   for (const maps::KeyScope scope : maps::all_key_scopes())

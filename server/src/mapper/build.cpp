@@ -231,11 +231,11 @@ void add_method_options(CLI::App& command, BuildArguments& arguments) {
       ->capture_default_str()
       ->check(on_off);
   std::vector<std::string> methods = mapping::reference_cleaner_names();
-  methods.insert(methods.begin(), options.clean);
+  methods.insert(methods.begin(), {"free-space", "none"});
   command
       .add_option("--clean", options.clean,
                   "What removes movers that no detector found: free-space, none, or a published "
-                  "method to compare with")
+                  "method to compare with, where the program is built with them")
       ->capture_default_str()
       ->check(CLI::IsMember(methods));
   command.add_option("--sensor-height", options.ground.sensor_height_m,

@@ -33,15 +33,10 @@ struct PaperArguments {
   mapping::PaperEvaluationOptions options;
 };
 
-std::vector<std::string> cleaners() {
-  std::vector<std::string> names = mapping::reference_cleaner_names();
-  std::erase(names, "none");
-  return names;
-}
-
-void simulate_paper_drive(const mapping::PaperEvaluationOptions& options, std::uint64_t seed, int day,
-              const std::filesystem::path& target, const mapping::ProgressCallback& progress,
-              const mapping::CancelFlag& cancel) {
+void simulate_paper_drive(const mapping::PaperEvaluationOptions& options, std::uint64_t seed,
+                          int day, const std::filesystem::path& target,
+                          const mapping::ProgressCallback& progress,
+                          const mapping::CancelFlag& cancel) {
   simulation::SimulationOptions simulated;
   simulated.scenario = "town";
   simulated.seed = seed;
@@ -57,7 +52,7 @@ mapping::PaperParts parts() {
   return {.simulate = simulate_paper_drive,
           .make_aligner = mapping::make_map_aligner,
           .make_cleaner = mapping::make_reference_cleaner,
-          .cleaners = cleaners()};
+          .cleaners = mapping::reference_cleaner_names()};
 }
 
 std::string text_of(const mapping::Interval& interval, double scale, const char* form) {
@@ -196,11 +191,13 @@ void add_evaluate_paper(CLI::App& evaluate_command) {
                    "boxes.json)")
       ->capture_default_str();
   command
-      ->add_option("--maps", options.maps,
-                   fmt::format("Maps to compare, default all: {}",
-                               fmt::join(mapping::paper_map_names(cleaners()), ", ")))
+      ->add_option(
+          "--maps", options.maps,
+          fmt::format(
+              "Maps to compare, default all: {}",
+              fmt::join(mapping::paper_map_names(mapping::reference_cleaner_names()), ", ")))
       ->delimiter(',')
-      ->check(CLI::IsMember(mapping::paper_map_names(cleaners())));
+      ->check(CLI::IsMember(mapping::paper_map_names(mapping::reference_cleaner_names())));
   command->add_option("--methods", options.methods, "Alignment methods")
       ->delimiter(',')
       ->capture_default_str()

@@ -1,3 +1,4 @@
+#include <stillmap/mapping/octomap_export.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_export.hpp>
 
@@ -18,7 +19,6 @@
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
 #include "mapper/commands.hpp"
-#include "reference/octomap_export.hpp"
 
 namespace stillmap::mapper {
 namespace {

@@ -3,11 +3,11 @@
 #include "errors/api_error.hpp"
 
 #include <stillmap/localization/movable.hpp>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <Eigen/Cholesky>
 #include <charconv>
 #include <cmath>
 
@@ -43,9 +43,9 @@ Eigen::Matrix<double, 6, 6> checked_covariance(std::span<const double, 36> value
   const double scale = covariance.cwiseAbs().maxCoeff();
   const bool symmetric =
       (covariance - covariance.transpose()).cwiseAbs().maxCoeff() <= 1e-9 * scale;
-  const Eigen::LLT<Matrix6> llt(covariance);
+  const std::optional<Matrix6> factor = maps::cholesky(covariance);
   // A NaN on the way, of an overflow, passes for success.
-  if (!symmetric || llt.info() != Eigen::Success || !llt.matrixLLT().allFinite()) {
+  if (!symmetric || !factor || !factor->allFinite()) {
     throw field_error(
         code, path,
         symmetric ? "a matrix that is not positive definite" : "a matrix that is not symmetric",

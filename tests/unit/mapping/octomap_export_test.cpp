@@ -1,4 +1,4 @@
-#include "reference/octomap_export.hpp"
+#include <stillmap/mapping/octomap_export.hpp>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -78,7 +78,7 @@ TEST(RosMessages, ReadsPosesAndTransforms) {
   const std::string odometry =
       test::odometry(7'000'000'001, {1, 2, 3, 0, 0, 0.6, 0.8}, "/base", "/odom");
   MessageReader reader = reader_of(odometry, Serialization::kCdr);
-  const StampedTransform pose = read_pose(reader, kOdometry);
+  const StampedTransform pose = read_pose(reader, kNavOdometry);
   EXPECT_EQ(pose.stamp_ns, 7'000'000'001);
   EXPECT_EQ(pose.parent, "odom");
   EXPECT_EQ(pose.child, "base");
@@ -114,7 +114,7 @@ TEST(RosMessages, RefuseEveryCut) {
     EXPECT_THROW(
         {
           MessageReader reader = reader_of(bytes, Serialization::kCdr);
-          (void)read_pose(reader, kOdometry);
+          (void)read_pose(reader, kNavOdometry);
         },
         InputError)
         << size;

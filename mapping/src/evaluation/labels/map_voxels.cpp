@@ -10,7 +10,7 @@ namespace {
 constexpr double kRoundingM = 1e-4;
 
 /// Never 0. Tiles beyond 2^11 share keys with others, 40 km away.
-std::uint64_t key_of(const VoxelGrid::Place& place) {
+std::uint64_t place_key(const VoxelGrid::Place& place) {
   const auto tile = [](std::int32_t axis) { return static_cast<std::uint64_t>(axis) & 0x7FFU; };
   return ((tile(place.tile.x) << 11U | tile(place.tile.y)) << 41U | place.voxel) + 1;
 }
@@ -42,9 +42,9 @@ void MapVoxels::insert(const Eigen::Vector3d& p_map) {
   const auto place = grid_.find(p_map);
   if (!place) return;
   const auto insert_place = [this](const VoxelGrid::Place& at) {
-    std::uint64_t& slot = slots_[slot_of(key_of(at))];
+    std::uint64_t& slot = slots_[slot_of(place_key(at))];
     if (slot == 0) ++size_;
-    slot = key_of(at);
+    slot = place_key(at);
     if (4 * size_ < 3 * slots_.size()) return;
     std::vector<std::uint64_t> old(2 * slots_.size(), 0);
     std::swap(old, slots_);
@@ -67,7 +67,7 @@ void MapVoxels::insert(const Eigen::Vector3d& p_map) {
 
 bool MapVoxels::hold(const Eigen::Vector3d& p_map) const {
   const auto place = grid_.find(p_map);
-  return place && slots_[slot_of(key_of(*place))] != 0;
+  return place && slots_[slot_of(place_key(*place))] != 0;
 }
 
 }  // namespace stillmap::mapping

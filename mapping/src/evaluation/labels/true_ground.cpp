@@ -12,22 +12,24 @@ constexpr double kGroundTruthCellM = 0.5;
 /// Cells to look around for labelled ground: 2 m, half a car.
 constexpr std::int64_t kReach = 4;
 
-std::int64_t cell_along(double x) { return static_cast<std::int64_t>(std::floor(x / kGroundTruthCellM)); }
+std::int64_t cell_along(double x) {
+  return static_cast<std::int64_t>(std::floor(x / kGroundTruthCellM));
+}
 
-std::uint64_t key_of(std::int64_t x, std::int64_t y) {
+std::uint64_t column_key(std::int64_t x, std::int64_t y) {
   return static_cast<std::uint64_t>(x) << 32U | (static_cast<std::uint64_t>(y) & 0xFFFFFFFFU);
 }
 
 }  // namespace
 
 void LabelledGround::add(const Eigen::Vector3d& p) {
-  Mean& mean = cells_[key_of(cell_along(p.x()), cell_along(p.y()))];
+  Mean& mean = cells_[column_key(cell_along(p.x()), cell_along(p.y()))];
   mean.sum += p.z();
   ++mean.points;
 }
 
 const LabelledGround::Mean* LabelledGround::cell(std::int64_t x, std::int64_t y) const {
-  const auto found = cells_.find(key_of(x, y));
+  const auto found = cells_.find(column_key(x, y));
   return found == cells_.end() ? nullptr : &found->second;
 }
 

@@ -1,8 +1,9 @@
 #include "evaluation/odometry/trajectory_errors.hpp"
 
+#include <stillmap/maps/small_matrices.hpp>
+
 #include <fmt/format.h>
 #include <Eigen/LU>
-#include <Eigen/SVD>
 
 #include <algorithm>
 #include <array>
@@ -152,16 +153,15 @@ Eigen::Isometry3d alignment_of(Path truth, Path estimate) {
   for (std::size_t i = 0; i < truth.size(); ++i)
     products += (truth[i].translation() - truth_mean) *
                 (R_start * (estimate[i].translation() - estimate_mean)).transpose();
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(products, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const Eigen::Vector3d& spread = svd.singularValues();
+  const maps::SingularValues svd = maps::svd_of(products);
+  const Eigen::Vector3d& spread = svd.values;
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
   if (spread[1] > kNoSpread * spread[0]) {
     Eigen::Vector3d signs(1.0, 1.0, 1.0);
-    if (svd.matrixU().determinant() * svd.matrixV().determinant() < 0.0) signs[2] = -1.0;
-    R = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+    if (svd.U.determinant() * svd.V.determinant() < 0.0) signs[2] = -1.0;
+    R = svd.U * signs.asDiagonal() * svd.V.transpose();
   } else if (spread[0] > 0.0) {
-    R = Eigen::Quaterniond::FromTwoVectors(svd.matrixV().col(0), svd.matrixU().col(0))
-            .toRotationMatrix();
+    R = maps::turn_between(svd.V.col(0), svd.U.col(0)).toRotationMatrix();
   }
   Eigen::Isometry3d T_truth_estimate = Eigen::Isometry3d::Identity();
   T_truth_estimate.linear() = R * R_start;

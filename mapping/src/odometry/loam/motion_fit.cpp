@@ -1,7 +1,8 @@
 #include "odometry/loam/motion_fit.hpp"
 
+#include <stillmap/maps/small_matrices.hpp>
+
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 
 #include <algorithm>
 #include <cmath>
@@ -124,15 +125,15 @@ std::size_t inliers(std::span<const Correspondence> correspondences, const Motio
 Told told_by(std::span<const Correspondence> correspondences, const Motion& T) {
   const Vector6 s = scale();
   const Matrix6 H = s.asDiagonal() * linearize(correspondences, T, nullptr).H * s.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(H);
+  const maps::SymmetricEigen<6> eigen = maps::eigen_of(H);
   const double least = kMinEigenvalueShare * static_cast<double>(correspondences.size());
   Told told;
   Eigen::Index first = 0;
-  while (first < 6 && !(eigen.eigenvalues()[first] > least)) {
-    told.untold.emplace_back(eigen.eigenvectors().col(first));
+  while (first < 6 && !(eigen.values[first] > least)) {
+    told.untold.emplace_back(eigen.vectors.col(first));
     ++first;
   }
-  told.directions = eigen.eigenvectors().rightCols(6 - first);
+  told.directions = eigen.vectors.rightCols(6 - first);
   return told;
 }
 

@@ -1,6 +1,7 @@
 #include "odometry/loam/surfaces.hpp"
 
-#include <Eigen/Eigenvalues>
+#include <stillmap/maps/small_matrices.hpp>
+
 #include <Eigen/Geometry>
 
 #include <cmath>
@@ -32,7 +33,7 @@ Surface line(const Eigen::Vector3d& point, const Eigen::Vector3d& direction) {
 
 struct Spread {
   Eigen::Vector3d mean;
-  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
+  maps::SymmetricEigen<3> eigen;
 };
 
 Spread spread_of(std::span<const Eigen::Vector3f> neighbours) {
@@ -45,7 +46,7 @@ Spread spread_of(std::span<const Eigen::Vector3f> neighbours) {
     const Eigen::Vector3d d = p.cast<double>() - spread.mean;
     covariance += d * d.transpose() / n;
   }
-  spread.eigen.computeDirect(covariance);
+  spread.eigen = maps::eigen_directly_of(covariance);
   return spread;
 }
 
@@ -77,21 +78,21 @@ std::optional<Surface> plane_through(const Eigen::Vector3d& j, const Eigen::Vect
 std::optional<Surface> line_of(std::span<const Eigen::Vector3f> neighbours,
                                const Eigen::Vector3d& centre) {
   const Spread spread = spread_of(neighbours);
-  const Eigen::Vector3d& values = spread.eigen.eigenvalues();
+  const Eigen::Vector3d& values = spread.eigen.values;
   if (!(values[2] > kMinSpanM * kMinSpanM && values[2] > kLineRatio * values[1])) {
     return std::nullopt;
   }
-  return line(centre + spread.mean, spread.eigen.eigenvectors().col(2));
+  return line(centre + spread.mean, spread.eigen.vectors.col(2));
 }
 
 std::optional<Surface> plane_of(std::span<const Eigen::Vector3f> neighbours,
                                 const Eigen::Vector3d& centre) {
   const Spread spread = spread_of(neighbours);
-  const Eigen::Vector3d& values = spread.eigen.eigenvalues();
+  const Eigen::Vector3d& values = spread.eigen.values;
   if (!(values[1] > kPlaneRatio * values[0] && values[1] > kMinPlaneWidth * values[2])) {
     return std::nullopt;
   }
-  const Eigen::Vector3d n = spread.eigen.eigenvectors().col(0);
+  const Eigen::Vector3d n = spread.eigen.vectors.col(0);
   for (const Eigen::Vector3f& p : neighbours) {
     if (!(std::abs(n.dot(p.cast<double>() - spread.mean)) < kMaxOffPlaneM)) return std::nullopt;
   }

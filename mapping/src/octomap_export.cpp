@@ -1,4 +1,4 @@
-#include "reference/octomap_export.hpp"
+#include <stillmap/mapping/octomap_export.hpp>
 
 #include <fmt/format.h>
 #include <octomap/OcTree.h>
