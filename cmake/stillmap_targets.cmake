@@ -16,7 +16,7 @@ endif()
 # stillmap_unity(TARGET): the files of a folder are compiled together, so that their headers are parsed once; small
 # folders with their neighbours, large ones in parts. What has compile options of its own is compiled alone.
 option(STILLMAP_UNITY "Compile the files of a folder together" ON)
-set(STILLMAP_UNITY_KB 130 CACHE STRING "How much source is compiled together [kB]")
+set(STILLMAP_UNITY_KB 200 CACHE STRING "How much source is compiled together [kB]")
 function(stillmap_unity target)
   if(NOT STILLMAP_UNITY)
     return()

@@ -3,6 +3,7 @@
 
 #include "map_level.hpp"
 #include "noise_information.hpp"
+#include "registration.hpp"
 
 #include <Eigen/Core>
 
@@ -24,8 +25,6 @@ constexpr double kPi = std::numbers::pi;
 constexpr std::size_t kFinestPerSide = 4;
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 constexpr double kRangeM = 50.0;
-/// Metres that a turn counts as, as in `in_metres`.
-constexpr double kLeverM = 15.0;
 /// Edge of the voxels [m].
 constexpr float kEdgeM = 1.0F;
 /// Of a sensor with 1024 columns and 64 rings over 45 degrees.

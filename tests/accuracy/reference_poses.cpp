@@ -16,7 +16,7 @@
 
 #include "accuracy/point_to_plane.hpp"
 #include "build/drive_set.hpp"
-#include "evaluation/localization_metrics.hpp"
+#include "evaluation/localization/localization_metrics.hpp"
 
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/frames.hpp>

@@ -41,7 +41,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     case 2: {
       const auto pose = fuzz::taken<maps::InputError>([&] {
         maps::MessageReader message = reader();
-        return maps::read_pose(message, kind % 4 == 1 ? maps::kOdometry : maps::kPoseStamped);
+        return maps::read_pose(message, kind % 4 == 1 ? maps::kNavOdometry : maps::kPoseStamped);
       });
       if (pose) require_rigid(*pose);
       return 0;

@@ -5,7 +5,7 @@
 # build/soak/fuzz; soak.py describes the options.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
-export CCACHE_BASEDIR=$PWD CCACHE_NOHASHDIR=1 CCACHE_SLOPPINESS=pch_defines,time_macros
+export CCACHE_BASEDIR=$PWD CCACHE_NOHASHDIR=1 CCACHE_SLOPPINESS=time_macros CCACHE_DEPEND=1
 mkdir -p build/soak/fuzz
 cmake --preset fuzz >build/soak/fuzz.configure.log || { cat build/soak/fuzz.configure.log; exit 1; }
 cmake --build build/fuzz -j "$(nproc)" --target fuzzers

@@ -54,6 +54,7 @@ done
 step faults_rebuild tests/soak/faults.py --program "$program" --packages "$packages" \
   --injector build/bench/libnth_call.so --operation rebuild --sample 400
 step load load
+step realism ctest --test-dir build/bench -R '^accuracy.realism$' --output-on-failure
 for seed in $(seq 100 119); do
   step "street_$seed" street "$seed"
 done

@@ -17,7 +17,7 @@ constexpr double kSurfaceM = 0.2;
 /// [m].
 constexpr double kScatterM = 0.3;
 constexpr double kBlockM = 4.0;
-constexpr double kUnknownM = 10.0;
+constexpr double kOpenDirectionM = 10.0;
 /// Mean squared cosine between normals and a direction, below which noise of the normals alone may
 /// have made it.
 constexpr double kMinInformation = 0.01;
@@ -130,7 +130,8 @@ Uncertainty uncertainty_of(const std::vector<Term>& terms, const Eigen::Isometry
   for (Eigen::Index k = 0; k < 6; ++k) {
     if (inverses[k] > 0.0) continue;
     out.degenerate.emplace_back(directions.col(k));
-    covariance += kUnknownM * kUnknownM * directions.col(k) * directions.col(k).transpose();
+    covariance +=
+        kOpenDirectionM * kOpenDirectionM * directions.col(k) * directions.col(k).transpose();
   }
   covariance = out_of_metres(covariance);
   covariance.diagonal().head<3>().array() += kFloorM * kFloorM;

@@ -18,16 +18,16 @@
 namespace stillmap::localization {
 namespace {
 
-constexpr float kMaxRangeM = 500.0F;
-constexpr std::size_t kMaxRead = 400'000;
+constexpr float kFarthestM = 500.0F;
+constexpr std::size_t kMostRead = 400'000;
 /// Neighbours that a surface is fitted to, the point itself among them.
 constexpr std::uint32_t kNeighbours = 16;
 constexpr std::size_t kLeafPoints = 10;
 /// An axis is sharp when its variance is below this share of the next one's.
-constexpr double kSharpShare = 0.2;
+constexpr double kLineShare = 0.2;
 /// Cosine of 25 degrees: a line that lies is usually one ring of the sensor, and its place across
 /// tells nothing.
-constexpr float kUprightCosine = 0.9F;
+constexpr float kUprightAxis = 0.9F;
 
 /// Sums by cell.
 class CentroidGrid {
@@ -69,10 +69,10 @@ void require_edge(double leaf_m) {
 std::vector<Eigen::Vector3f> thinned(std::span<const Eigen::Vector3f> points_lidar, double leaf_m) {
   require_edge(leaf_m);
   CentroidGrid grid(leaf_m);
-  const std::size_t step = points_lidar.size() / kMaxRead + 1;
+  const std::size_t step = points_lidar.size() / kMostRead + 1;
   for (std::size_t i = 0; i < points_lidar.size(); i += step) {
     const Eigen::Vector3f& p = points_lidar[i];
-    if (p.squaredNorm() < kMaxRangeM * kMaxRangeM) grid.add(p.cast<double>());
+    if (p.squaredNorm() < kFarthestM * kFarthestM) grid.add(p.cast<double>());
   }
   std::vector<Eigen::Vector3f> centroids(std::min(grid.size(), kMaxThinnedPoints));
   for (std::size_t i = 0; i < centroids.size(); ++i) {
@@ -148,10 +148,10 @@ void MapPoints::find_surfaces() {
         Eigen::Matrix3d(outer / kNeighbours - sum * sum.transpose() / (kNeighbours * kNeighbours)));
     const Eigen::Vector3d& variances = eigen.values;
     point.axes = {eigen.vectors.col(0).cast<float>(), eigen.vectors.col(1).cast<float>()};
-    if (variances[1] < kSharpShare * variances[2]) {
-      point.sharp_axes = std::abs(eigen.vectors(2, 2)) > kUprightCosine ? 2 : 0;
+    if (variances[1] < kLineShare * variances[2]) {
+      point.sharp_axes = std::abs(eigen.vectors(2, 2)) > kUprightAxis ? 2 : 0;
     } else {
-      point.sharp_axes = variances[0] < kSharpShare * variances[1] ? 1 : 0;
+      point.sharp_axes = variances[0] < kLineShare * variances[1] ? 1 : 0;
     }
   }
 }

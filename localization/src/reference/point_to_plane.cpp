@@ -12,11 +12,11 @@ namespace {
 /// Widths of the robust kernel [m], and rounds with each.
 constexpr std::array<double, 3> kKernelsM = {1.0, 0.5, 0.2};
 constexpr int kMaxIterations = 20;
-constexpr double kStepM = 1e-3;
+constexpr double kStillStepM = 1e-3;
 /// The last kernel goes on until the answer stands still.
 constexpr double kLastStepM = 1e-4;
 /// Directions with less than this share of the largest eigenvalue are not moved along.
-constexpr double kMinEigenvalueShare = 1e-4;
+constexpr double kLeastEigenvalueShare = 1e-4;
 
 /// Pairs with a surface, weighted by a Geman-McClure kernel.
 std::vector<Term> weighted_pairs(const MapPoints& map,
@@ -57,7 +57,7 @@ Registration align_surfaces(const MapPoints& map, std::span<const Eigen::Vector3
                             const Eigen::Isometry3d& T_local_lidar) {
   Registration out{.T_local_lidar = T_local_lidar, .terms = {}};
   for (const double kernel_m : kKernelsM) {
-    const double enough_m = kernel_m == kKernelsM.back() ? kLastStepM : kStepM;
+    const double enough_m = kernel_m == kKernelsM.back() ? kLastStepM : kStillStepM;
     for (int round = 0; round < kMaxIterations; ++round) {
       out.terms = weighted_pairs(map, points_lidar, out.T_local_lidar, kernel_m);
       if (out.terms.size() < kMinPairs) {
@@ -65,7 +65,7 @@ Registration align_surfaces(const MapPoints& map, std::span<const Eigen::Vector3
         return out;
       }
       const NormalEquations system = system_of(out.terms, out.T_local_lidar);
-      const Eigen::Isometry3d move = maps::exp_se3(bounded_step(system, kMinEigenvalueShare));
+      const Eigen::Isometry3d move = maps::exp_se3(bounded_step(system, kLeastEigenvalueShare));
       out.last_step_m = size_m(move);
       out.T_local_lidar = maps::renormalized(out.T_local_lidar * move);
       ++out.iterations;

@@ -11,9 +11,9 @@
 namespace stillmap::localization {
 namespace {
 
-constexpr std::size_t kMinPoints = 50;
+constexpr std::size_t kFewestPoints = 50;
 /// A prior farther than this outside the map's bounds is no place that the map knows [m].
-constexpr double kMarginM = 100.0;
+constexpr double kPointsMarginM = 100.0;
 /// A method that still takes such steps has some centimetres to go [m].
 constexpr double kSettledM = 2e-3;
 
@@ -31,10 +31,10 @@ AlignmentResult ReferenceAligner::align(const maps::PointCloud& scan_lidar,
   if (!prior) return lost("needs_prior");
   require_usable(*prior);
   const std::vector<Eigen::Vector3f> points = thinned(scan_lidar.positions, method_.scan_leaf_m);
-  if (points.size() < kMinPoints) return lost("too_few_points", prior->T_map_lidar);
+  if (points.size() < kFewestPoints) return lost("too_few_points", prior->T_map_lidar);
   Eigen::Isometry3d T_start = prior->T_map_lidar;
   T_start.translation() -= map_->origin();
-  if (!map_->within_bounds(T_start.translation(), kMarginM)) {
+  if (!map_->within_bounds(T_start.translation(), kPointsMarginM)) {
     return lost("outside_map", prior->T_map_lidar);
   }
   const Registration registration = method_.align(*map_, points, T_start);

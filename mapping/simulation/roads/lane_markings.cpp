@@ -7,7 +7,7 @@ namespace {
 
 constexpr double kLineWidth = 0.12;
 constexpr double kAbove = 0.003;
-constexpr double kPiece = 1.0;
+constexpr double kMarkPiece = 1.0;
 // Dashes of 3 m every 9 m, as on European roads outside motorways.
 constexpr double kDash = 3.0;
 constexpr double kDashEvery = 9.0;
@@ -20,8 +20,8 @@ class Painter {
 
   /// Stripe between two stations and two offsets, in short pieces that follow the road.
   void stripe(double begin, double end, double low, double high) {
-    for (double s = begin; s < end - 1e-6; s += kPiece) {
-      const double next = std::min(s + kPiece, end);
+    for (double s = begin; s < end - 1e-6; s += kMarkPiece) {
+      const double next = std::min(s + kMarkPiece, end);
       if (!terrain_.covers(edge_.point(s, low)) || !terrain_.covers(edge_.point(next, high)))
         continue;
       mesh_.add_quad(at(s, low), at(next, low), at(next, high), at(s, high), Surface::kLaneMarking);
@@ -30,7 +30,7 @@ class Painter {
   void line(double begin, double end, double offset, bool dashed) {
     const double every = dashed ? kDashEvery : end - begin;
     const double length = dashed ? kDash : end - begin;
-    for (double s = begin; s < end - kPiece; s += every) {
+    for (double s = begin; s < end - kMarkPiece; s += every) {
       stripe(s, std::min(s + length, end), offset - 0.5 * kLineWidth, offset + 0.5 * kLineWidth);
     }
   }

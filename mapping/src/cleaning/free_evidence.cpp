@@ -18,7 +18,7 @@ constexpr float kSamePlaceWeight = 0.25F;
 /// Nearer than this a view meets its own vehicle [m].
 constexpr float kNearestM = 2.0F;
 /// Views that a cell is given for granted not to have moved.
-constexpr float kDoubt = 2.0F;
+constexpr float kDoubtfulShare = 2.0F;
 /// What a thin thing lets through of the rays that head for its cell.
 constexpr double kLetsThrough = 0.85;
 
@@ -154,7 +154,8 @@ std::vector<FreeEvidence> find_free_evidence(std::span<const Eigen::Vector3f> po
   }
   records = asker.ask(doubtful, keyframes);
   for (std::size_t k = 0; k < doubtful.size(); ++k)
-    evidence[doubtful[k]] = {records[k].best_run / (kDoubt + records[k].spoken), records[k].hits};
+    evidence[doubtful[k]] = {records[k].best_run / (kDoubtfulShare + records[k].spoken),
+                             records[k].hits};
   return evidence;
 }
 

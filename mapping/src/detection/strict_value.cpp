@@ -8,7 +8,6 @@
 namespace stillmap::mapping {
 
 using maps::InputError;
-using nlohmann::json;
 
 void StrictValue::refuse(const std::string& expected) const {
   throw InputError(path_, described(value_), expected);
@@ -51,7 +50,7 @@ double StrictValue::number(double low, double high) const {
   const double found =
       value_.is_number() ? value_.get<double>() : std::numeric_limits<double>::quiet_NaN();
   if (!(found >= low && found <= high))
-    refuse("a number from " + json(low).dump() + " to " + json(high).dump());
+    refuse("a number from " + nlohmann::json(low).dump() + " to " + nlohmann::json(high).dump());
   return found;
 }
 

@@ -12,7 +12,7 @@ using Json = nlohmann::ordered_json;
 /// Numbers that are not there (NaN) become null.
 Json nan_as_null(double value) { return std::isnan(value) ? Json(nullptr) : Json(value); }
 
-Json share(const Share& share) { return {{"count", share.count}, {"of", share.of}}; }
+Json counted(const Share& share) { return {{"count", share.count}, {"of", share.of}}; }
 
 void put_scores(Json& out, const MapScores& scores) {
   out["SA"] = nan_as_null(scores.SA);
@@ -29,13 +29,13 @@ Json block(const MapScores& scores) {
   put_scores(out, scores);
   out["DA_plain"] = nan_as_null(scores.plain_removed.rate());
   out["static_loss"] = nan_as_null(scores.static_loss);
-  out["counts"] = {{"static_kept", share(scores.static_kept)},
-                   {"dynamic_removed", share(scores.dynamic_removed)},
-                   {"dynamic_removed_plain", share(scores.plain_removed)},
-                   {"static_voxels_kept", share(scores.static_voxels_kept)},
-                   {"dynamic_voxels_kept", share(scores.dynamic_voxels_kept)},
-                   {"static_lost", share(scores.static_lost)},
-                   {"static_lost_uncleaned", share(scores.static_lost_uncleaned)}};
+  out["counts"] = {{"static_kept", counted(scores.static_kept)},
+                   {"dynamic_removed", counted(scores.dynamic_removed)},
+                   {"dynamic_removed_plain", counted(scores.plain_removed)},
+                   {"static_voxels_kept", counted(scores.static_voxels_kept)},
+                   {"dynamic_voxels_kept", counted(scores.dynamic_voxels_kept)},
+                   {"static_lost", counted(scores.static_lost)},
+                   {"static_lost_uncleaned", counted(scores.static_lost_uncleaned)}};
   return out;
 }
 
@@ -130,9 +130,9 @@ std::string to_json(const LabelEvaluation& evaluation, TruthClasses classes) {
   out["counts"] = {{"points", e.points},
                    {"ignored", e.ignored},
                    {"dropped", e.dropped},
-                   {"parked_removed", share(best.parked_removed)},
-                   {"ground_cells_projected", share(best.ground_under.projected)},
-                   {"ground_cells_filled", share(best.ground_under.filled)},
+                   {"parked_removed", counted(best.parked_removed)},
+                   {"ground_cells_projected", counted(best.ground_under.projected)},
+                   {"ground_cells_filled", counted(best.ground_under.filled)},
                    {"ground_cells_wrong", best.ground_under.wrong},
                    {"parked_objects", e.parked_objects},
                    {"moving_objects", e.moving_objects}};

@@ -3,7 +3,7 @@
 #include "evaluation/labels/labelled_scans.hpp"
 #include "evaluation/labels/map_voxels.hpp"
 #include "evaluation/labels/thinned_map.hpp"
-#include "evaluation/share_of.hpp"
+#include "evaluation/localization/share_of.hpp"
 #include "point_cells.hpp"
 #include "top_view.hpp"
 

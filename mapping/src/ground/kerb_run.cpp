@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kSeenM = 0.5;
 constexpr double kSeenWeight = 1.5;
-constexpr double kReachM = 12.0;
+constexpr double kRunReachM = 12.0;
 constexpr int kRounds = 3;
 /// A sample nearer to the line tells nothing about its sides [m].
 constexpr double kLineM = 0.25;
@@ -80,7 +80,7 @@ constexpr double kMinWeight = 1.0;
 [[nodiscard]] const Kerb* nearest(const std::vector<Kerb>& kerbs,
                                   const GroundFootprint& footprint) {
   const Kerb* best = nullptr;
-  double least = kReachM;
+  double least = kRunReachM;
   for (const Kerb& kerb : kerbs) {
     const double away = (kerb.foot - footprint.centre.head<2>()).norm();
     if (away > least || !runs_through(kerb, footprint)) continue;
@@ -98,7 +98,7 @@ std::optional<Kerb> continue_under(const GroundFootprint& footprint, const std::
   if (kerb == nullptr) return std::nullopt;
   const Eigen::Vector2d normal = to_footprint(footprint, kerb->normal);
   const double offset = kerb->normal.dot(kerb->foot - footprint.centre.head<2>());
-  const auto weight = weight_beside(fitted.samples, normal, offset, 0.0, kReachM);
+  const auto weight = weight_beside(fitted.samples, normal, offset, 0.0, kRunReachM);
   const std::size_t seen_side = weight[1] > weight[0] ? 1 : 0;
   const SteppedPlane stepped = with_step(*fitted.planes, footprint, *kerb, seen_side);
   if (!agrees(fitted.samples, *fitted.planes, stepped, 1 - seen_side)) return std::nullopt;

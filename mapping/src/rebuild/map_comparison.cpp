@@ -1,5 +1,5 @@
-#include "evaluation/share_of.hpp"
 #include "rebuild/map_comparison.hpp"
+#include "evaluation/localization/share_of.hpp"
 
 #include "point_cells.hpp"
 

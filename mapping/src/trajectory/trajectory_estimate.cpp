@@ -1,6 +1,7 @@
 #include "loops/loop_finder.hpp"
 #include "odometry/run_odometry.hpp"
 #include "pose_graph/pose_graph.hpp"
+#include "seconds_since.hpp"
 #include "trajectory/common_frame.hpp"
 #include "trajectory/corrected_poses.hpp"
 #include "trajectory/keyframes.hpp"
@@ -21,10 +22,6 @@ namespace stillmap::mapping {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point began) {
-  return std::chrono::duration<double>(Clock::now() - began).count();
-}
 
 /// What odometry leaves behind.
 struct Odometries {

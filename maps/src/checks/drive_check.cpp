@@ -11,6 +11,7 @@
 #include "checks/viewpoint_check.hpp"
 #include "drives/layout.hpp"
 #include "formats/point_table.hpp"
+#include "median.hpp"
 
 namespace stillmap::maps {
 namespace {
@@ -24,13 +25,6 @@ constexpr double kMostSlopeRad = 20.0 * std::numbers::pi / 180.0;
 constexpr double kMillimetresFromM = 400.0;
 
 double degrees(double rad) { return rad * 180.0 / std::numbers::pi; }
-
-template <typename Number>
-Number median(std::vector<Number> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 void check_periods(const Drive& drive, DriveCheck& check) {
   if (drive.size() < 3) return;

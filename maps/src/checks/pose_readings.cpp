@@ -1,4 +1,5 @@
 #include "checks/pose_readings.hpp"
+#include "median.hpp"
 
 #include <algorithm>
 #include <array>
@@ -100,12 +101,6 @@ Eigen::Isometry3d motion(const std::array<PosedScan, 2>& pair, const Reading& re
   const Eigen::Isometry3d T = reading.is_inverse ? a * b.inverse() : a.inverse() * b;
   const Eigen::Isometry3d T_pose_lidar(reading.R_pose_lidar);
   return T_pose_lidar.inverse() * T * T_pose_lidar;
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 }  // namespace

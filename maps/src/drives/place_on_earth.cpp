@@ -1,4 +1,5 @@
 #include "drives/place_on_earth.hpp"
+#include "median.hpp"
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/geodesy.hpp>
@@ -15,13 +16,6 @@ constexpr std::size_t kLeastFixes = 10;
 constexpr double kLeastReachM = 10.0;
 constexpr double kMostResidual = 0.02;
 constexpr int kRounds = 50;
-
-/// Of a copy; the upper of two in the middle.
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 GeodeticOrigin middle_of(const std::vector<FixOnPath>& fixes) {
   const auto median_of = [&](double GeodeticOrigin::*value) {
@@ -117,7 +111,7 @@ PlaceOnEarth place_on_earth(const std::vector<FixOnPath>& fixes, const std::stri
                     found.residual_m, reach),
         fmt::format("at most {} % of that, or no heading is known", 100.0 * kMostResidual));
   const Eigen::VectorXd heights = (pairs.enu - found.T_enu_map * pairs.map).row(2);
-  found.T_enu_map.translation().z() = median({heights.begin(), heights.end()});
+  found.T_enu_map.translation().z() = median(std::vector<double>(heights.begin(), heights.end()));
   return found;
 }
 

@@ -17,21 +17,21 @@ namespace {
   throw StorageError(file.string(), std::strerror(errno));
 }
 
-struct Descriptor {
-  explicit Descriptor(const std::filesystem::path& file)
+struct OpenFile {
+  explicit OpenFile(const std::filesystem::path& file)
       : number(::open(file.c_str(), O_RDONLY | O_CLOEXEC)) {}
-  ~Descriptor() {
+  ~OpenFile() {
     if (number >= 0) ::close(number);
   }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
+  OpenFile(const OpenFile&) = delete;
+  OpenFile& operator=(const OpenFile&) = delete;
   int number;
 };
 
 }  // namespace
 
 MappedFile::MappedFile(const std::filesystem::path& file) {
-  const Descriptor opened(file);
+  const OpenFile opened(file);
   struct stat status {};
   if (opened.number < 0 || ::fstat(opened.number, &status) != 0) refuse(file);
   if (!S_ISREG(status.st_mode)) throw StorageError(file.string(), "not a regular file");

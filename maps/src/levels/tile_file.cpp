@@ -24,7 +24,7 @@ static_assert(std::endian::native == std::endian::little, "tile files are little
 /// Counts up whenever a reader, or what the same map is made into, would differ.
 constexpr std::uint32_t kTileFormat = 1;
 
-struct Header {
+struct TileHeader {
   std::array<char, 8> magic = {'s', 't', 'i', 'l', 'l', 't', 'l', 's'};
   std::uint32_t format = kTileFormat;
   /// CRC-32C of header and table, this field taken as 0.
@@ -34,17 +34,17 @@ struct Header {
   std::uint64_t tiles = 0;
   std::array<char, TileFile::kMostKeyBytes> key{};
 };
-static_assert(sizeof(Header) == 256);
+static_assert(sizeof(TileHeader) == 256);
 
-std::uint32_t crc_of(Header header, std::span<const TileRow> rows) {
+std::uint32_t crc_of(TileHeader header, std::span<const TileRow> rows) {
   header.crc = 0;
   return crc32c(std::as_bytes(rows), crc32c(std::as_bytes(std::span(&header, 1))));
 }
 
-Header header_for(const std::string& key) {
+TileHeader header_for(const std::string& key) {
   if (key.size() > TileFile::kMostKeyBytes)
     throw std::invalid_argument("key of " + std::to_string(key.size()) + " bytes");
-  Header header;
+  TileHeader header;
   std::copy(key.begin(), key.end(), header.key.begin());
   return header;
 }
@@ -86,7 +86,7 @@ bool before(const TileRow& row, TileId id) { return row.id() < id; }
 
 TileFileWriter::TileFileWriter(const std::filesystem::path& file, std::string key)
     : file_(file), key_(std::move(key)) {
-  const Header header = header_for(key_);
+  const TileHeader header = header_for(key_);
   file_.append(std::as_bytes(std::span(&header, 1)));
 }
 
@@ -106,7 +106,7 @@ std::vector<MapPoint> TileFileWriter::read(const TileRow& row) const {
 }
 
 void TileFileWriter::publish() {
-  Header header = header_for(key_);
+  TileHeader header = header_for(key_);
   header.table_offset = file_.size();
   header.tiles = rows_.size();
   header.file_bytes = file_.size() + rows_.size() * sizeof(TileRow);
@@ -147,8 +147,8 @@ void TileFile::load(const std::string& key) {
   struct stat status {};
   if (::fstat(descriptor_, &status) != 0) throw StorageError(file_.string(), std::strerror(errno));
   const auto bytes = static_cast<std::uint64_t>(status.st_size);
-  Header header;
-  const Header wanted = header_for(key);
+  TileHeader header;
+  const TileHeader wanted = header_for(key);
   if (!S_ISREG(status.st_mode) || bytes < sizeof(header)) refuse("no tile file", "one");
   read_all(0, std::as_writable_bytes(std::span(&header, 1)));
   if (header.magic != wanted.magic) refuse("no tile file", "one");

@@ -25,7 +25,7 @@ constexpr std::uint32_t kMostBands = 16;
 constexpr std::uint32_t kMostPerSide = 64;
 constexpr std::uint64_t kMostTiles = std::uint64_t{1} << 26U;
 
-struct Header {
+struct LayerHeader {
   std::array<char, 8> magic = kLayerMagic;
   std::uint32_t format = kLayerFormat;
   std::uint32_t cells_per_side = 0;
@@ -36,7 +36,7 @@ struct Header {
   /// Content digest of the map, hex.
   std::array<char, 64> map_digest{};
 };
-static_assert(sizeof(Header) == 96);
+static_assert(sizeof(LayerHeader) == 96);
 
 struct BandName {
   std::array<char, 24> name{}, unit{};
@@ -63,8 +63,8 @@ std::string text_of(const std::array<char, N>& array) {
   return {array.data(), ::strnlen(array.data(), N)};
 }
 
-Header header_of(const std::string& digest, const TileLayer& layer) {
-  Header header;
+LayerHeader header_of(const std::string& digest, const TileLayer& layer) {
+  LayerHeader header;
   header.cells_per_side = static_cast<std::uint32_t>(layer.cells_per_side);
   header.tiles = layer.tiles.size();
   header.bands = static_cast<std::uint32_t>(layer.bands.size());
@@ -95,7 +95,7 @@ std::vector<std::byte> content_of(const std::filesystem::path& file) {
   if (!in) throw StorageError(file.string(), std::strerror(errno));
   const std::streamoff size = in.tellg();
   constexpr std::streamoff kMost = std::streamoff{1} << 31U;
-  if (size < static_cast<std::streamoff>(sizeof(Header)) || size > kMost)
+  if (size < static_cast<std::streamoff>(sizeof(LayerHeader)) || size > kMost)
     throw InputError(file.string(), std::to_string(size) + " bytes", "a layer of a map");
   std::vector<std::byte> content(static_cast<std::size_t>(size));
   in.seekg(0);
@@ -105,14 +105,14 @@ std::vector<std::byte> content_of(const std::filesystem::path& file) {
 }
 
 /// @throws InputError for what is not this map's layer, whole and of this format.
-Header checked_header(std::span<const std::byte> content, const std::string& digest,
-                      const std::string& name) {
-  Header header;
+LayerHeader checked_header(std::span<const std::byte> content, const std::string& digest,
+                           const std::string& name) {
+  LayerHeader header;
   std::memcpy(&header, content.data(), sizeof(header));
   if (header.magic != kLayerMagic) throw InputError(name, "other bytes", "a layer of a map");
   if (header.format != kLayerFormat)
     throw InputError(name, "format " + std::to_string(header.format), std::to_string(kLayerFormat));
-  Header without_crc = header;
+  LayerHeader without_crc = header;
   without_crc.crc = 0;
   if (crc32c(content.subspan(sizeof(header)), crc32c(bytes_of(without_crc))) != header.crc)
     throw InputError(name, "other bytes", "those of its checksum");
@@ -121,7 +121,7 @@ Header checked_header(std::span<const std::byte> content, const std::string& dig
   const bool fits = header.bands <= kMostBands && header.tiles <= kMostTiles &&
                     header.cells_per_side >= 1 && header.cells_per_side <= kMostPerSide;
   const std::uint64_t cells = std::uint64_t{header.cells_per_side} * header.cells_per_side;
-  if (!fits || content.size() != sizeof(Header) + header.bands * sizeof(BandName) +
+  if (!fits || content.size() != sizeof(LayerHeader) + header.bands * sizeof(BandName) +
                                      header.tiles * sizeof(TilePlace) +
                                      header.bands * header.tiles * cells * sizeof(float))
     throw InputError(name, std::to_string(content.size()) + " bytes", "as many as it says");
@@ -132,7 +132,7 @@ Header checked_header(std::span<const std::byte> content, const std::string& dig
 
 void write_layer(const std::filesystem::path& file, const std::string& digest,
                  const TileLayer& layer) {
-  Header header = header_of(digest, layer);
+  LayerHeader header = header_of(digest, layer);
   const std::vector<std::byte> body = body_of(layer);
   header.crc = crc32c(body, crc32c(bytes_of(header)));
   DerivedFile derived(file);
@@ -143,9 +143,9 @@ void write_layer(const std::filesystem::path& file, const std::string& digest,
 
 TileLayer read_layer(const std::filesystem::path& file, const std::string& digest) {
   const std::vector<std::byte> content = content_of(file);
-  const Header header = checked_header(content, digest, file.string());
+  const LayerHeader header = checked_header(content, digest, file.string());
   TileLayer layer{.cells_per_side = header.cells_per_side, .tiles = {}, .bands = {}};
-  std::size_t at = sizeof(Header);
+  std::size_t at = sizeof(LayerHeader);
   const auto take = [&](void* to, std::size_t size) {
     std::memcpy(to, content.data() + at, size);
     at += size;

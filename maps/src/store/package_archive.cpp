@@ -24,11 +24,7 @@ namespace fs = std::filesystem;
 
 /// Part of the entity tag: to be raised with every change of what the bytes of the archive are.
 constexpr const char* kLayout = "tar1";
-constexpr std::uint64_t kBlock = 512;
-constexpr std::uint64_t kEndBytes = 2 * kBlock;
-constexpr std::uint64_t padded(std::uint64_t bytes) {
-  return (bytes + kBlock - 1) / kBlock * kBlock;
-}
+constexpr std::uint64_t kEndBytes = 2 * kTarBlock;
 
 }  // namespace
 
@@ -55,7 +51,7 @@ std::string PackageArchive::etag() const { return '"' + digest_ + "-" + kLayout 
 void PackageArchive::append(const std::string& path, std::uint64_t bytes) {
   (void)checked_path(path, false, SIZE_MAX, SIZE_MAX, (package_ / printable(path)).string());
   entries_.push_back({path, size_, tar_header_bytes(path, bytes), bytes});
-  size_ += entries_.back().header_bytes + padded(bytes);
+  size_ += entries_.back().header_bytes + in_tar_blocks(bytes);
 }
 
 std::size_t PackageArchive::read(std::uint64_t offset, std::span<char> into) {

@@ -10,15 +10,12 @@
 
 #include "formats/text.hpp"
 #include "store/archive_path.hpp"
+#include "store/tar_header.hpp"
 
 namespace stillmap::maps {
 namespace {
 
 constexpr const char* kExpectedTar = "files and folders of a tar";
-constexpr std::size_t kBlock = 512;
-constexpr std::uint64_t padded(std::uint64_t bytes) {
-  return (bytes + kBlock - 1) / kBlock * kBlock;
-}
 
 ArchiveReader new_tar_reader() {
   ArchiveReader reader(archive_read_new());
@@ -119,7 +116,7 @@ std::string_view TarReader::give() {
   }
   // A path and an owner take two blocks; libarchive takes the square of the time for some
   // attributes.
-  constexpr std::size_t kMostHeaderBytes = 16 * kBlock;
+  constexpr std::size_t kMostHeaderBytes = 16 * kTarBlock;
   const std::string_view block = take_block();
   headers_.append(block);
   if (headers_.size() > kMostHeaderBytes)
@@ -171,7 +168,7 @@ std::optional<TarEntry> TarReader::next() {
   headers_.clear();
   in_header_ = false;
   left_ = found.bytes;
-  padded_left_ = padded(found.bytes);
+  padded_left_ = in_tar_blocks(found.bytes);
   return found;
 }
 
@@ -182,7 +179,8 @@ TarEntry TarReader::checked(archive_entry* entry) {
   check_headers(place_);
   if (archive_entry_hardlink(entry) || archive_entry_symlink(entry))
     throw InputError(place_, "a link", kExpectedTar);
-  if (archive_entry_sparse_count(entry) > 0) throw InputError(place_, "a sparse file", kExpectedTar);
+  if (archive_entry_sparse_count(entry) > 0)
+    throw InputError(place_, "a sparse file", kExpectedTar);
   const auto type = archive_entry_filetype(entry);
   if (type != AE_IFREG && type != AE_IFDIR)
     throw InputError(place_, "neither file nor folder", kExpectedTar);
@@ -205,21 +203,21 @@ void TarReader::check_headers(const std::string& place) const {
   constexpr std::size_t kSizeAt = 124;
   constexpr std::size_t kSizeDigits = 12;
   std::string_view rest = headers_;
-  while (rest.size() >= kBlock && is_special(rest[kTypeAt])) {
+  while (rest.size() >= kTarBlock && is_special(rest[kTypeAt])) {
     const auto bytes = octal(rest.substr(kSizeAt, kSizeDigits));
-    if (!bytes || *bytes > rest.size() - kBlock)
+    if (!bytes || *bytes > rest.size() - kTarBlock)
       throw InputError(place, "a header with no sensible size", kExpectedTar);
-    const std::string_view body = rest.substr(kBlock, *bytes);
+    const std::string_view body = rest.substr(kTarBlock, *bytes);
     // libarchive would cut a name there; other readers might not.
     if (rest[kTypeAt] != 'L' && body.find('\0') != body.npos)
       throw InputError(place, "a NUL in its headers", kExpectedTar);
     if (rest[kTypeAt] != 'L') check_records(body, place);
-    rest.remove_prefix(std::min<std::size_t>(kBlock + padded(*bytes), rest.size()));
+    rest.remove_prefix(std::min<std::size_t>(kTarBlock + in_tar_blocks(*bytes), rest.size()));
   }
-  if (rest.size() < kBlock) throw InputError(place, "no header", kExpectedTar);
+  if (rest.size() < kTarBlock) throw InputError(place, "no header", kExpectedTar);
   if (const char* refused = refused_type(rest[kTypeAt]))
     throw InputError(place, refused, kExpectedTar);
-  if (rest.size() > kBlock) throw InputError(place, "a header of several blocks", kExpectedTar);
+  if (rest.size() > kTarBlock) throw InputError(place, "a header of several blocks", kExpectedTar);
 }
 
 std::string_view TarReader::read() {
@@ -243,7 +241,7 @@ void TarReader::check_end() {
   const auto is_zero = [](std::string_view bytes) {
     return std::all_of(bytes.begin(), bytes.end(), [](char byte) { return byte == 0; });
   };
-  if (headers_.size() != 2 * kBlock || !is_zero(headers_))
+  if (headers_.size() != 2 * kTarBlock || !is_zero(headers_))
     throw InputError(name_, "no end, or something behind it", "two blocks of zeros at the end");
   for (std::string_view piece = take(SIZE_MAX); !piece.empty(); piece = take(SIZE_MAX))
     if (!is_zero(piece)) throw InputError(name_, "something behind its end", "zeros only");

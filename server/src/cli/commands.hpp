@@ -3,7 +3,7 @@
 #include <CLI/CLI.hpp>
 
 #include <filesystem>
-#include <string>
+#include <string_view>
 
 namespace stillmap::cli {
 
@@ -13,16 +13,16 @@ void add_serve(CLI::App& app);
 void add_inspect(CLI::App& app);
 void add_store(CLI::App& app);
 void add_keys(CLI::App& app);
-/// Names what `stillmap-mapper` does, so that the help lists it.
-void add_mapper_commands(CLI::App& app);
+/// Names what other programs of ours do, so that the help lists it.
+void add_offline_commands(CLI::App& app);
 
 /// @throws maps::InputError when the folder is no store, which opening it would make it.
 void require_store(const std::filesystem::path& folder);
 
-/// Whether a subcommand is the mapper's.
-[[nodiscard]] bool is_mapper_command(const std::string& name);
-/// Becomes `stillmap-mapper` with the same arguments. Returns only by throwing std::runtime_error.
-[[noreturn]] void exec_mapper(char** argv);
+/// `stillmap-mapper` or `stillmap-evaluate` for a subcommand that is theirs, else null.
+[[nodiscard]] const char* offline_program(std::string_view command);
+/// Becomes that program with the same arguments. Returns only by throwing std::runtime_error.
+[[noreturn]] void exec_offline(const char* program, char** argv);
 
 /// `name` beside this program, or at `installed` relative to the folder above it; empty when there
 /// is neither.

@@ -7,9 +7,9 @@
 
 int main(int argc, char** argv) {
   namespace cli = stillmap::cli;
-  if (argc > 1 && cli::is_mapper_command(argv[1])) {
+  if (const char* program = argc > 1 ? cli::offline_program(argv[1]) : nullptr) {
     try {
-      cli::exec_mapper(argv);
+      cli::exec_offline(program, argv);
     } catch (const std::exception& error) {
       fmt::print(stderr, "stillmap: {}\n", error.what());
       return stillmap::command_line::kFailed;
@@ -20,7 +20,7 @@ int main(int argc, char** argv) {
       "stillmap");
   app.set_version_flag("--version", STILLMAP_VERSION);
   app.require_subcommand(1);
-  cli::add_mapper_commands(app);
+  cli::add_offline_commands(app);
   cli::add_localize(app);
   cli::add_serve(app);
   cli::add_inspect(app);

@@ -8,7 +8,7 @@
 namespace stillmap::server {
 namespace {
 
-[[noreturn]] void refuse(const std::string& why) {
+[[noreturn]] void refuse_head(const std::string& why) {
   throw ApiError(ErrorCode::kInvalidRequest, "the request is not understood as HTTP/1.1: " + why);
 }
 
@@ -28,10 +28,10 @@ bool is_control(char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x
 std::string_view next_line(std::string_view& rest) {
   const std::size_t end = rest.find('\n');
   if (end == std::string_view::npos || end == 0 || rest[end - 1] != '\r')
-    refuse("a bare line feed");
+    refuse_head("a bare line feed");
   const std::string_view line = rest.substr(0, end - 1);
   rest.remove_prefix(end + 1);
-  if (line.find('\r') != std::string_view::npos) refuse("a bare carriage return");
+  if (line.find('\r') != std::string_view::npos) refuse_head("a bare carriage return");
   return line;
 }
 
@@ -48,39 +48,40 @@ std::string_view without_authority(std::string_view target) {
 void parse_request_line(std::string_view line, RequestHead& head) {
   const std::size_t first = line.find(' ');
   const std::size_t last = line.rfind(' ');
-  if (first == std::string_view::npos || first == last) refuse("the request line");
+  if (first == std::string_view::npos || first == last) refuse_head("the request line");
   head.method = line.substr(0, first);
   head.target = without_authority(line.substr(first + 1, last - first - 1));
   const std::string_view version = line.substr(last + 1);
-  if (!is_token(head.method)) refuse("the method");
+  if (!is_token(head.method)) refuse_head("the method");
   const auto unfit = [](char c) { return is_control(c) || c == ' '; };
   if ((!head.target.starts_with('/') && head.target != "*") ||
       std::any_of(head.target.begin(), head.target.end(), unfit)) {
-    refuse("the target");
+    refuse_head("the target");
   }
-  if (version != "HTTP/1.1" && version != "HTTP/1.0") refuse("the version");
+  if (version != "HTTP/1.1" && version != "HTTP/1.0") refuse_head("the version");
   head.old_version = version == "HTTP/1.0";
 }
 
 void parse_field(std::string_view line, RequestHead& head) {
   const std::size_t colon = line.find(':');
   if (colon == std::string_view::npos || !is_token(line.substr(0, colon))) {
-    refuse("the name of a header");
+    refuse_head("the name of a header");
   }
   const std::string_view value = trimmed(line.substr(colon + 1));
   const auto unfit = [](char c) { return is_control(c) && c != '\t'; };
-  if (std::any_of(value.begin(), value.end(), unfit)) refuse("a control character in a header");
+  if (std::any_of(value.begin(), value.end(), unfit))
+    refuse_head("a control character in a header");
   head.fields.emplace_back(lower(line.substr(0, colon)), value);
 }
 
 void check_framing(const RequestHead& head) {
   const std::size_t lengths = head.count("content-length");
-  if (lengths > 1) refuse("more than one Content-Length");
+  if (lengths > 1) refuse_head("more than one Content-Length");
   if (lengths > 0 && head.count("transfer-encoding") > 0) {
-    refuse("both Content-Length and Transfer-Encoding");
+    refuse_head("both Content-Length and Transfer-Encoding");
   }
   const std::size_t hosts = head.count("host");
-  if (hosts > 1 || (hosts == 0 && !head.old_version)) refuse("not one Host");
+  if (hosts > 1 || (hosts == 0 && !head.old_version)) refuse_head("not one Host");
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t kLongestLine = 300;
 
-std::string printable(std::string_view line) {
+std::string ascii_line(std::string_view line) {
   std::string text;
   for (const char byte : line.substr(0, kLongestLine))
     text += byte >= ' ' && byte != 0x7f ? byte : '?';
@@ -46,7 +46,7 @@ std::string JobLog::last_line() const {
   while (!text.empty()) {
     const std::size_t begin = text.find_last_of("\r\n");
     const std::string_view line = begin == std::string_view::npos ? text : text.substr(begin + 1);
-    if (line.find_first_not_of(" \t") != std::string_view::npos) return printable(line);
+    if (line.find_first_not_of(" \t") != std::string_view::npos) return ascii_line(line);
     if (begin == std::string_view::npos) break;
     text = text.substr(0, begin);
   }

@@ -17,10 +17,10 @@
 #include <string>
 #include <vector>
 
+#include "command_line/command_text.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
 #include "mapper/build_arguments.hpp"
-#include "mapper/command_text.hpp"
 #include "mapper/commands.hpp"
 #include "mapper/map_index.hpp"
 #include "mapper/progress_output.hpp"
@@ -144,8 +144,9 @@ void print_what_was_made(const BuildCommand& asked) {
   const std::filesystem::path picture = asked.map / "preview.png";
   if (std::filesystem::exists(picture)) table.add("picture", picture.string());
   if (asked.json) table.add("report", asked.json->string());
-  table.add("next", fmt::format("{} serve {}", shell_word(command_line::program_name()),
-                                shell_word(asked.map.string())));
+  table.add("next",
+            fmt::format("{} serve {}", command_line::shell_word(command_line::program_name()),
+                        command_line::shell_word(asked.map.string())));
   fmt::print("\n");
   table.print();
 }
@@ -196,7 +197,8 @@ void build(BuildCommand& asked, const CLI::App& command) {
   print_for_people(report, asked.map, index);
   report.warnings.insert(report.warnings.end(), remarks.doubts.begin(), remarks.doubts.end());
   if (asked.json)
-    write_text_file(*asked.json, to_json_text(report, asked.arguments, remarks.notes));
+    command_line::write_text_file(*asked.json,
+                                  to_json_text(report, asked.arguments, remarks.notes));
   print_what_was_made(asked);
 }
 
@@ -311,9 +313,10 @@ void read_words(BuildArguments& arguments, const CLI::App& command) {
             options.max_range_m);
   options.trajectory.loops = arguments.loops == "on";
   if (!arguments.geo_origin.empty())
-    options.geodetic_origin = parse_geo_origin(arguments.geo_origin);
+    options.geodetic_origin = command_line::parse_geo_origin(arguments.geo_origin);
   if (arguments.pose_sigma) {
-    const auto [metres, degrees] = metres_and_degrees("--pose-sigma", *arguments.pose_sigma);
+    const auto [metres, degrees] =
+        command_line::metres_and_degrees("--pose-sigma", *arguments.pose_sigma);
     options.trajectory.prior = {.sigma_m = metres, .sigma_rad = degrees * std::numbers::pi / 180};
   }
   const auto given = [&](const char* name) { return command.count(name) > 0; };

@@ -9,10 +9,10 @@
 #include <optional>
 #include <string>
 
+#include "command_line/command_text.hpp"
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
-#include "mapper/command_text.hpp"
 #include "mapper/commands.hpp"
 #include "mapper/map_index.hpp"
 
@@ -76,7 +76,8 @@ void import_cloud(const ImportArguments& arguments) {
     bar.update("index", 1, 1);
   }
   print_for_people(report, arguments, index);
-  if (arguments.json) write_text_file(*arguments.json, to_json_text(report, arguments));
+  if (arguments.json)
+    command_line::write_text_file(*arguments.json, to_json_text(report, arguments));
 }
 
 }  // namespace
@@ -113,8 +114,9 @@ void add_import(CLI::App& app) {
       ->check(command_line::in_existing_folder());
   command->callback([arguments] {
     if (!arguments->geo_origin.empty())
-      arguments->options.geodetic_origin = parse_geo_origin(arguments->geo_origin);
-    if (!arguments->utm.empty()) arguments->options.utm = parse_utm_zone(arguments->utm);
+      arguments->options.geodetic_origin = command_line::parse_geo_origin(arguments->geo_origin);
+    if (!arguments->utm.empty())
+      arguments->options.utm = command_line::parse_utm_zone(arguments->utm);
     import_cloud(*arguments);
   });
 }

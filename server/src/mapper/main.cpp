@@ -3,7 +3,7 @@
 
 int main(int argc, char** argv) {
   // People reach this program through `stillmap`, so it goes by that name.
-  CLI::App app("The part of stillmap that makes and measures maps.", "stillmap");
+  CLI::App app("The part of stillmap that makes maps.", "stillmap");
   app.set_version_flag("--version", STILLMAP_VERSION);
   app.require_subcommand(1);
   stillmap::mapper::add_build(app);
@@ -11,7 +11,6 @@ int main(int argc, char** argv) {
   stillmap::mapper::add_import(app);
   stillmap::mapper::add_export(app);
   stillmap::mapper::add_simulate(app);
-  stillmap::mapper::add_evaluate(app);
   stillmap::command_line::cancel_on_signals();
   return stillmap::command_line::run_program(app, argc, argv);
 }

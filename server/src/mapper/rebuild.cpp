@@ -84,7 +84,7 @@ void rebuild(RebuildCommand& asked, const CLI::App& command) {
                                                     mapping::make_reference_cleaner);
                       auto json = nlohmann::ordered_json::parse(mapping::to_json(report, options));
                       json["version"] = STILLMAP_VERSION;
-                      write_text_file(asked.report, json.dump(2) + "\n");
+                      command_line::write_text_file(asked.report, json.dump(2) + "\n");
                     });
   print_for_people(report, asked);
 }

@@ -26,7 +26,7 @@ class Program:
         """Of the binaries that answers depend on."""
         sum_ = hashlib.sha256()
         for file in sorted(self.path.parent.glob("stillmap*")):
-            if file.name in ("stillmap", "stillmap-mapper"):
+            if file.name in ("stillmap", "stillmap-mapper", "stillmap-evaluate"):
                 sum_.update(file.read_bytes())
         return sum_.hexdigest()
 

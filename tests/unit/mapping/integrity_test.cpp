@@ -1,6 +1,6 @@
-#include "evaluation/integrity.hpp"
+#include "evaluation/localization/integrity.hpp"
 
-#include "evaluation/resampling.hpp"
+#include "evaluation/localization/resampling.hpp"
 
 #include <gtest/gtest.h>
 

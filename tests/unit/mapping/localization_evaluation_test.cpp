@@ -1,7 +1,7 @@
 #include <stillmap/mapping/localization_evaluation.hpp>
 
-#include "evaluation/localization_metrics.hpp"
-#include "evaluation/prior_draws.hpp"
+#include "evaluation/localization/localization_metrics.hpp"
+#include "evaluation/localization/prior_draws.hpp"
 
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/maps/frames.hpp>

@@ -1,4 +1,4 @@
-#include "evaluation/query_scans.hpp"
+#include "evaluation/localization/query_scans.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

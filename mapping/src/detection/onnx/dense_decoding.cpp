@@ -12,9 +12,9 @@ namespace stillmap::mapping {
 namespace {
 
 /// Of the log of a size: 0.7 cm to 148 m, as CenterPoint's decoder has it.
-constexpr double kMostLogSize = 5.0;
+constexpr double kMostLogEdge = 5.0;
 
-struct Candidate {
+struct Peak {
   std::size_t cell = 0;
   std::size_t head_class = 0;
   double score = 0.0;
@@ -47,9 +47,9 @@ double score_of(const OnnxConfig& config, const OnnxHead& head, double value) {
   return value;
 }
 
-std::vector<Candidate> candidates_of(const OnnxConfig& config, const OnnxHead& head,
-                                     const HeadGrid& grid, std::span<const float> heat_map) {
-  std::vector<Candidate> out;
+std::vector<Peak> candidates_of(const OnnxConfig& config, const OnnxHead& head,
+                                const HeadGrid& grid, std::span<const float> heat_map) {
+  std::vector<Peak> out;
   for (std::size_t c = 0; c < head.classes.size(); ++c) {
     if (!head.classes[c]) continue;
     const std::span<const float> heat = heat_map.subspan(c * grid.cells, grid.cells);
@@ -59,12 +59,12 @@ std::vector<Candidate> candidates_of(const OnnxConfig& config, const OnnxHead& h
       if (!config.peaks_only || is_peak(grid, heat, cell)) out.push_back({cell, c, score});
     }
   }
-  const auto by_place = [](const Candidate& a, const Candidate& b) {
+  const auto by_place = [](const Peak& a, const Peak& b) {
     return a.cell != b.cell ? a.cell < b.cell : a.head_class < b.head_class;
   };
   if (out.size() > kMostBoxesOfHead) {
     std::nth_element(out.begin(), out.begin() + kMostBoxesOfHead, out.end(),
-                     [&](const Candidate& a, const Candidate& b) {
+                     [&](const Peak& a, const Peak& b) {
                        return a.score != b.score ? a.score > b.score : by_place(a, b);
                      });
     out.resize(kMostBoxesOfHead);
@@ -89,7 +89,7 @@ std::optional<maps::Box> decode(const OnnxConfig& config, const HeadGrid& grid,
   for (Eigen::Index k = 0; k < 3; ++k) {
     const double size = value(outputs.size, static_cast<std::size_t>(k));
     box.size_m[k] =
-        config.sizes_are_logs ? std::exp(std::clamp(size, -kMostLogSize, kMostLogSize)) : size;
+        config.sizes_are_logs ? std::exp(std::clamp(size, -kMostLogEdge, kMostLogEdge)) : size;
   }
   const double first = value(outputs.rotation, 0), second = value(outputs.rotation, 1);
   box.yaw_rad = config.cosine_first ? std::atan2(second, first) : std::atan2(first, second);
@@ -109,7 +109,7 @@ std::vector<maps::Box> decode_dense(const OnnxConfig& config, const OnnxHead& he
                                     const HeadOutputs& outputs, const NetworkHeight& z) {
   const HeadGrid grid(config);
   std::vector<maps::Box> boxes;
-  for (const Candidate& candidate : candidates_of(config, head, grid, outputs.heat_map)) {
+  for (const Peak& candidate : candidates_of(config, head, grid, outputs.heat_map)) {
     std::optional<maps::Box> box = decode(config, grid, outputs, candidate.cell, z);
     if (!box) continue;
     box->score = candidate.score;

@@ -19,10 +19,9 @@ namespace stillmap::mapping {
 namespace {
 
 using maps::InputError;
-using nlohmann::json;
 
 /// Beyond a kilometre no LiDAR returns; a cell below 1 cm is finer than its noise.
-constexpr double kMaxRange_m = 1000.0;
+constexpr double kFarthestM = 1000.0;
 constexpr double kMinCell_m = 0.01;
 constexpr double kMaxCell_m = 10.0;
 /// Cells along an axis: four times what published networks of this kind have.
@@ -61,14 +60,14 @@ int cells_along(const StrictValue& cell, double extent_m, double cell_m, int str
   const bool fits = std::abs(cells * cell_m - extent_m) <= 1e-6;
   if (!(fits && cells >= 1.0 && cells <= kMaxCells) || static_cast<int>(cells) % stride != 0)
     cell.refuse("a multiple of the stride " + std::to_string(stride) + ", up to " +
-                std::to_string(kMaxCells) + ", of them in " + json(extent_m).dump() + " m");
+                std::to_string(kMaxCells) + ", of them in " + nlohmann::json(extent_m).dump() +
+                " m");
   return static_cast<int>(cells);
 }
 
 void read_grid(const StrictValue& root, OnnxConfig& config) {
   const auto range = root.at("range_m").elements(6, 6);
-  for (std::size_t i = 0; i < 6; ++i)
-    config.range_m[i] = range[i].number(-kMaxRange_m, kMaxRange_m);
+  for (std::size_t i = 0; i < 6; ++i) config.range_m[i] = range[i].number(-kFarthestM, kFarthestM);
   if (!(config.range_m[2] < config.range_m[5])) range[5].refuse("more than the least z");
   const auto cell = root.at("cell_m").elements(2, 2);
   config.stride = root.at("stride").whole(1, kMaxStride);
@@ -132,7 +131,7 @@ OnnxHead read_head(const StrictValue& value) {
 
 OnnxConfig read_onnx_config(const std::filesystem::path& file) {
   const std::string name = file.string();
-  const json parsed = parse_strict_json(read_text(file), name);
+  const nlohmann::json parsed = parse_strict_json(read_text(file), name);
   const StrictValue root(parsed, name + " at config");
   root.only({"format", "version", "model", "range_m", "cell_m", "z", "sensor_height_m", "input",
              "stride", "scores", "sizes", "rotation", "heads", "score_threshold", "nms",

@@ -16,7 +16,6 @@ namespace stillmap::mapping {
 namespace {
 
 using maps::InputError;
-using nlohmann::json;
 
 template <typename Meaning>
 using Names = std::initializer_list<std::pair<std::string_view, Meaning>>;
@@ -61,7 +60,7 @@ void read_grid(const StrictValue& config, VoxelNextConfig& result) {
     const double cells = std::round(extent_m / result.voxel_m[i]);
     if (!(cells >= 1.0 && cells <= kMaxVoxelNextCells)) {
       voxel[i].refuse("1 to " + std::to_string(kMaxVoxelNextCells) + " of them in " +
-                      json(extent_m).dump() + " m");
+                      nlohmann::json(extent_m).dump() + " m");
     }
     grid *= i == 2 ? cells + 1.0 : cells;  // one more in z, see voxel_grid
   }
@@ -147,7 +146,7 @@ void read_scores(const StrictValue& config, std::size_t classes, VoxelNextConfig
 
 VoxelNextConfig parse_voxelnext_config(std::string_view text, const std::string& name) {
   const std::string at = name + " at config";
-  const json parsed = parse_strict_json(text, at);
+  const nlohmann::json parsed = parse_strict_json(text, at);
   const StrictValue config(parsed, at);
   config.only({"name", "range_m", "voxel_m", "z", "sensor_height_m", "features", "stages",
                "pruning", "neck_channels", "head_kernel", "heads", "yaw", "branches",

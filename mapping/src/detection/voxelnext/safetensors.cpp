@@ -16,7 +16,6 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "numbers are copied as they lie");
 
 using maps::InputError;
-using nlohmann::json;
 
 constexpr std::size_t kLengthBytes = 8;
 /// More than any shape of a network; a bound keeps a hostile one from being long.
@@ -27,7 +26,7 @@ std::size_t bytes_per_number(TensorType type) { return type == TensorType::kF32 
 /// Reads one entry of the header, with messages that name file and tensor.
 class Entry {
  public:
-  Entry(const std::string& file, const std::string& tensor, const json& value)
+  Entry(const std::string& file, const std::string& tensor, const nlohmann::json& value)
       : name_(file + " at tensor " + in_quotes(tensor)), value_(value) {
     constexpr auto kExpected = "an object with dtype, shape and data_offsets";
     if (!value.is_object()) throw InputError(name_, described(value), kExpected);
@@ -40,26 +39,26 @@ class Entry {
   }
 
   [[nodiscard]] TensorType type() const {
-    const json& found = at("dtype");
+    const nlohmann::json& found = at("dtype");
     if (found == "F32") return TensorType::kF32;
     if (found == "F16") return TensorType::kF16;
     throw InputError(name_, "dtype " + described(found), "F32 or F16");
   }
 
   [[nodiscard]] std::vector<std::size_t> shape() const {
-    const json& found = at("shape");
+    const nlohmann::json& found = at("shape");
     if (!found.is_array() || found.size() > kMaxDimensions) {
       throw InputError(name_, "shape " + described(found),
                        "at most " + std::to_string(kMaxDimensions) + " whole numbers");
     }
     std::vector<std::size_t> shape;
-    for (const json& size : found) shape.push_back(whole("shape", size));
+    for (const nlohmann::json& size : found) shape.push_back(whole("shape", size));
     return shape;
   }
 
   /// First byte and the one past the last, from the end of the header on, within `size`.
   [[nodiscard]] std::pair<std::size_t, std::size_t> range(std::size_t size) const {
-    const json& found = at("data_offsets");
+    const nlohmann::json& found = at("data_offsets");
     if (!found.is_array() || found.size() != 2) {
       throw InputError(name_, "data_offsets " + described(found), "two whole numbers");
     }
@@ -90,14 +89,14 @@ class Entry {
   }
 
  private:
-  [[nodiscard]] const json& at(const char* key) const {
+  [[nodiscard]] const nlohmann::json& at(const char* key) const {
     const auto found = value_.find(key);
     if (found == value_.end()) {
       throw InputError(name_, std::string("no ") + key, "dtype, shape and data_offsets");
     }
     return *found;
   }
-  [[nodiscard]] std::size_t whole(const char* key, const json& value) const {
+  [[nodiscard]] std::size_t whole(const char* key, const nlohmann::json& value) const {
     if (!value.is_number_unsigned()) {
       throw InputError(name_, std::string(key) + " with " + described(value),
                        "whole numbers >= 0 below 2^64");
@@ -106,7 +105,7 @@ class Entry {
   }
 
   std::string name_;
-  const json& value_;
+  const nlohmann::json& value_;
 };
 
 /// The header's text; leaves the tensors' bytes in `bytes`.
@@ -132,7 +131,7 @@ std::string_view split_header(std::span<const std::byte>& bytes, const std::stri
   return text;
 }
 
-void read_metadata(const json& value, const std::string& name, Safetensors& result) {
+void read_metadata(const nlohmann::json& value, const std::string& name, Safetensors& result) {
   const std::string at = name + " at __metadata__";
   if (!value.is_object()) throw InputError(at, described(value), "an object of texts");
   for (auto member = value.begin(); member != value.end(); ++member) {
@@ -189,7 +188,8 @@ std::vector<float> TensorView::floats() const {
 }
 
 Safetensors parse_safetensors(std::span<const std::byte> bytes, const std::string& name) {
-  const json header = parse_strict_json(split_header(bytes, name), name + " in its header");
+  const nlohmann::json header =
+      parse_strict_json(split_header(bytes, name), name + " in its header");
   Safetensors result;
   for (auto member = header.begin(); member != header.end(); ++member) {
     if (member.key() == "__metadata__") {

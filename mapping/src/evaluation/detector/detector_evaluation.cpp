@@ -3,6 +3,7 @@
 #include "build/drive_set.hpp"
 #include "evaluation/detector/box_figures.hpp"
 #include "evaluation/detector/point_tally.hpp"
+#include "seconds_since.hpp"
 #include "top_view.hpp"
 
 #include <fmt/format.h>
@@ -40,10 +41,6 @@ constexpr int kPicturePixels = 800;
 
 constexpr Colour kFoundTruth{60, 220, 90}, kMissedTruth{255, 60, 60}, kIgnoredTruth{130, 130, 130};
 constexpr Colour kTrueBox{90, 170, 255}, kFalseBox{255, 150, 40}, kIgnoredBox{50, 80, 130};
-
-double seconds_since(Clock::time_point began) {
-  return std::chrono::duration<double>(Clock::now() - began).count();
-}
 
 std::size_t points_in(const maps::Box& box, const maps::PointCloud& cloud) {
   const double reach_m = 0.5 * box.size_m.norm();

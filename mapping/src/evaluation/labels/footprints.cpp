@@ -19,7 +19,8 @@ constexpr double kSampleM = 0.1;
 constexpr double kIndexCellM = 4.0;
 constexpr double kMostMarginM = 0.5;
 /// Ends of the bands of distance from the path [m].
-constexpr std::array<double, 4> kBandsM{10.0, 25.0, 50.0, std::numeric_limits<double>::infinity()};
+constexpr std::array<double, 4> kDistancesM{10.0, 25.0, 50.0,
+                                            std::numeric_limits<double>::infinity()};
 /// What a cell met.
 constexpr std::uint8_t kProjectedBit = 1;
 constexpr std::uint8_t kFilledBit = 2;
@@ -164,7 +165,8 @@ void FootprintIndex::for_each_at(const Eigen::Vector2d& p, double margin_m,
   }
 }
 
-FootprintGround::FootprintGround(const std::vector<Footprint>& footprints, const TrueHeights& heights) {
+FootprintGround::FootprintGround(const std::vector<Footprint>& footprints,
+                                 const TrueHeights& heights) {
   for (const Footprint& footprint : footprints) {
     if (footprint.moving) continue;
     for_each_cell(footprint, 0.0, kFootprintCellM, [&](std::int64_t x, std::int64_t y) {
@@ -172,14 +174,17 @@ FootprintGround::FootprintGround(const std::vector<Footprint>& footprints, const
                                    (static_cast<double>(y) + 0.5) * kFootprintCellM);
       const Eigen::Vector3d p(middle.x(), middle.y(), footprint.bottom);
       if (!footprint.contains(middle) || !heights.over_surface(p)) return;
-      const auto band = std::lower_bound(kBandsM.begin(), kBandsM.end(), heights.path_distance(p));
-      cells_.emplace(footprint_key(x, y), Cell{static_cast<std::uint8_t>(band - kBandsM.begin()), 0});
+      const auto band =
+          std::lower_bound(kDistancesM.begin(), kDistancesM.end(), heights.path_distance(p));
+      cells_.emplace(footprint_key(x, y),
+                     Cell{static_cast<std::uint8_t>(band - kDistancesM.begin()), 0});
     });
   }
 }
 
 void FootprintGround::add(const Eigen::Vector3d& p, bool filled, const TrueHeights& heights) {
-  const auto found = cells_.find(footprint_key(cell_along(p.x(), kFootprintCellM), cell_along(p.y(), kFootprintCellM)));
+  const auto found = cells_.find(
+      footprint_key(cell_along(p.x(), kFootprintCellM), cell_along(p.y(), kFootprintCellM)));
   const std::uint8_t bit = filled ? kFilledBit : kProjectedBit;
   if (found == cells_.end() || (found->second.met & bit) != 0) return;
   const auto over = heights.over_surface(p);
@@ -190,7 +195,7 @@ void FootprintGround::add(const Eigen::Vector3d& p, bool filled, const TrueHeigh
 
 std::vector<GroundUnderBand> FootprintGround::bands() const {
   std::vector<GroundUnderBand> bands;
-  for (const double to_m : kBandsM) bands.push_back({to_m, {}});
+  for (const double to_m : kDistancesM) bands.push_back({to_m, {}});
   for (const auto& [key, cell] : cells_) {
     GroundUnder& ground = bands[cell.band].ground;
     ++ground.projected.of;

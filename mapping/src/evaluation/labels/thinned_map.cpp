@@ -8,7 +8,7 @@ namespace stillmap::mapping {
 namespace {
 
 constexpr double kSameM = 0.05;
-constexpr double kNearM = 0.1;
+constexpr double kSameVoxelM = 0.1;
 /// Projected points lie below where they were; this much above says that it is another floor [m].
 constexpr float kMostRiseM = 0.3F;
 
@@ -36,8 +36,8 @@ ThinnedMap::ThinnedMap(const maps::MapPackage& map) : ThinnedMap(parts_of(map)) 
 
 ThinnedMap::ThinnedMap(Parts parts)
     : voxel_size_m_(parts.voxel_size_m),
-      measured_(std::move(parts.measured), kNearM),
-      moved_(std::move(parts.moved), kNearM),
+      measured_(std::move(parts.measured), kSameVoxelM),
+      moved_(std::move(parts.moved), kSameVoxelM),
       projected_(std::move(parts.projected), parts.voxel_size_m),
       projected_heights_(std::move(parts.heights)) {}
 
@@ -45,9 +45,9 @@ unsigned ThinnedMap::met(const Eigen::Vector3f& p) const {
   // Most truth points have a measured point this near, and a short search finds it.
   if (measured_.any_within(p, kSameM)) return RemovedPoints::kAll;
   unsigned met = 0;
-  if (measured_.any_within(p, kNearM))
+  if (measured_.any_within(p, kSameVoxelM))
     met |= RemovedPoints::kMeasuredNear | RemovedPoints::kAnyNear;
-  if (const auto nearest = moved_.nearest(p, kNearM)) {
+  if (const auto nearest = moved_.nearest(p, kSameVoxelM)) {
     met |= RemovedPoints::kAnyNear;
     if (nearest->squared_distance_m2 <= kSameM * kSameM) met |= RemovedPoints::kAnySame;
   }

@@ -17,7 +17,7 @@ constexpr double kFoundWithinPathM = 5.0;
 constexpr double kRightM = 0.5;
 constexpr double kRightDeg = 2.0;
 
-double share_of(std::size_t count, std::size_t of) {
+double share_or_nan(std::size_t count, std::size_t of) {
   return of == 0 ? std::numeric_limits<double>::quiet_NaN()
                  : static_cast<double>(count) / static_cast<double>(of);
 }
@@ -65,8 +65,8 @@ LoopScores score_loops(std::span<const Eigen::Isometry3d> path, std::span<const 
   }
   scores.found = loops.size();
   scores.right = right_at_m.size();
-  scores.precision = share_of(scores.right, scores.found);
-  scores.recall = share_of(scores.revisits_found, scores.revisits);
+  scores.precision = share_or_nan(scores.right, scores.found);
+  scores.recall = share_or_nan(scores.revisits_found, scores.revisits);
   return scores;
 }
 

@@ -3,6 +3,7 @@
 #include "evaluation/odometry/loop_scores.hpp"
 #include "evaluation/odometry/trajectory_errors.hpp"
 #include "evaluation/odometry/treated_scans.hpp"
+#include "seconds_since.hpp"
 
 #include <fmt/format.h>
 #include <stillmap/mapping/trajectory.hpp>
@@ -18,10 +19,6 @@ namespace stillmap::mapping {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point began) {
-  return std::chrono::duration<double>(Clock::now() - began).count();
-}
 
 std::optional<Eigen::Isometry3d> truth_of(const maps::Drive& drive,
                                           const OdometryEvaluationOptions& options,

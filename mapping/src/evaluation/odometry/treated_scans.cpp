@@ -10,7 +10,7 @@ namespace stillmap::mapping {
 namespace {
 
 /// Scans that the ground stage learns from, as a build does.
-constexpr std::size_t kLearnedScans = 10;
+constexpr std::size_t kScansToLearn = 10;
 
 }  // namespace
 
@@ -21,7 +21,7 @@ TreatedScans::TreatedScans(const maps::Drive& drive, MovablePolicy policy,
   if (policy_ == MovablePolicy::kKeep) return;
   detector_ = make_detector(detector, drive.size());
   ground_ = make_ground_segmenter();
-  const std::size_t learned = std::min(kLearnedScans, scans.size());
+  const std::size_t learned = std::min(kScansToLearn, scans.size());
   for (std::size_t i = 0; i < learned; ++i) {
     if (cancel) throw Cancelled();
     const maps::Scan scan = drive_.read(scans[i * scans.size() / learned]);

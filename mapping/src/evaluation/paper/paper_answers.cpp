@@ -1,6 +1,6 @@
 #include "evaluation/paper/paper_answers.hpp"
 
-#include "evaluation/localization_metrics.hpp"
+#include "evaluation/localization/localization_metrics.hpp"
 
 #include <stillmap/maps/error.hpp>
 

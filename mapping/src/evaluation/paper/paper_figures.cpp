@@ -1,7 +1,7 @@
 #include "evaluation/paper/paper_figures.hpp"
 
+#include "evaluation/localization/resampling.hpp"
 #include "evaluation/paper/street_draws.hpp"
-#include "evaluation/resampling.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,7 +1,7 @@
 #include "evaluation/paper/street_draws.hpp"
 
-#include "evaluation/localization_metrics.hpp"
-#include "evaluation/prior_draws.hpp"
+#include "evaluation/localization/localization_metrics.hpp"
+#include "evaluation/localization/prior_draws.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "evaluation/integrity.hpp"
+#include "evaluation/localization/integrity.hpp"
 
 #include <stillmap/mapping/localization_evaluation.hpp>
 

@@ -1,6 +1,6 @@
 #include <stillmap/mapping/localization_report.hpp>
 
-#include "evaluation/localization_metrics.hpp"
+#include "evaluation/localization/localization_metrics.hpp"
 #include "evaluation/report/figures.hpp"
 #include "evaluation/report/page_parts.hpp"
 #include "evaluation/report/style.hpp"
@@ -66,24 +66,26 @@ class LocalizationPage {
   }
 
   void add_levels() {
-    html_ += "<div class=\"scroll\"><table>" +
-             row_of({"prior off by", "queries", "success", "95 % interval", "false ok",
-                        "error, median", "95 %", "rmse x-y", "turn, median", "95 %", "rmse yaw",
-                        "CPU, median", "95 %"},
-                       "th");
+    html_ +=
+        "<div class=\"scroll\"><table>" +
+        row_of({"prior off by", "queries", "success", "95 % interval", "false ok", "error, median",
+                "95 %", "rmse x-y", "turn, median", "95 %", "rmse yaw", "CPU, median", "95 %"},
+               "th");
     for (std::size_t i = 0; i < evaluation_.levels.size(); ++i) {
       const LocalizationLevel& level = evaluation_.levels[i];
       const std::string false_ok = percent_text(level.false_ok_rate);
       html_ += row_of(
           {title_of(i), fmt::format("{}", level.queries), percent_text(level.success_rate),
-           percent_text(level.success_interval[0], 1) + " to " + percent_text(level.success_interval[1], 1),
+           percent_text(level.success_interval[0], 1) + " to " +
+               percent_text(level.success_interval[1], 1),
            level.false_ok_rate > 0.0 ? "<span class=\"bad\">" + false_ok + "</span>" : false_ok,
            number_text(100.0 * level.translation_m.median, 1) + " cm",
            number_text(100.0 * level.translation_m.p95, 1) + " cm",
            number_text(100.0 * level.translation_m.rmse_part, 1) + " cm",
-           number_text(level.rotation_deg.median, 2) + "°", number_text(level.rotation_deg.p95, 2) + "°",
-           number_text(level.rotation_deg.rmse_part, 2) + "°", number_text(level.cpu_ms.p50, 1) + " ms",
-           number_text(level.cpu_ms.p95, 1) + " ms"});
+           number_text(level.rotation_deg.median, 2) + "°",
+           number_text(level.rotation_deg.p95, 2) + "°",
+           number_text(level.rotation_deg.rmse_part, 2) + "°",
+           number_text(level.cpu_ms.p50, 1) + " ms", number_text(level.cpu_ms.p95, 1) + " ms"});
     }
     html_ +=
         "</table></div>\n<p>Success: not lost, and within 0.2 m and 1°. False ok: ok, but off by "
@@ -106,15 +108,15 @@ class LocalizationPage {
         "red. The dashed line is the alert limit of street driving, 0.29 m and 0.5°.</p>\n"
         "<div class=\"scroll\"><table>" +
         row_of({"prior off by", "misleading", "hazardous", "available", "95 % bounds",
-                   "median of level over error"},
-                  "th");
+                "median of level over error"},
+               "th");
     for (std::size_t i = 0; i < evaluation_.levels.size(); ++i) {
       const Integrity& integrity = evaluation_.levels[i].integrity;
       html_ += row_of({title_of(i), rare(integrity.misleading), rare(integrity.hazardous),
-                          percent_text(integrity.availability.rate, 1),
-                          percent_text(integrity.availability_lower_95, 1) + " to " +
-                              percent_text(integrity.availability.upper_95, 1),
-                          number_text(integrity.level_over_error, 1)});
+                       percent_text(integrity.availability.rate, 1),
+                       percent_text(integrity.availability_lower_95, 1) + " to " +
+                           percent_text(integrity.availability.upper_95, 1),
+                       number_text(integrity.level_over_error, 1)});
     }
     html_ += "</table></div>\n";
     for (std::size_t i = 0; i < evaluation_.levels.size(); ++i) {
@@ -133,9 +135,10 @@ class LocalizationPage {
         "Answers that are not lost.</p>\n<div class=\"row\">";
     for (std::size_t i = 0; i < evaluation_.levels.size(); ++i) {
       const LocalizationLevel& level = evaluation_.levels[i];
-      html_ += figure(nees_figure(evaluation_.queries[i]),
-                      fmt::format("{}: mean {}, {} below 12.59", title_of(i),
-                                  number_text(level.nees_mean, 2), percent_text(level.nees_inside_95, 1)));
+      html_ += figure(
+          nees_figure(evaluation_.queries[i]),
+          fmt::format("{}: mean {}, {} below 12.59", title_of(i), number_text(level.nees_mean, 2),
+                      percent_text(level.nees_inside_95, 1)));
     }
     html_ += "</div>\n";
   }
@@ -154,9 +157,10 @@ class LocalizationPage {
         wall.push_back(query.wall_ms);
       }
       for (const auto& [name, times] : {std::pair{"CPU", cpu}, std::pair{"wall", wall}}) {
-        html_ += row_of({title_of(i), name, number_text(percentile(times, 0.5), 1),
-                            number_text(percentile(times, 0.9), 1), number_text(percentile(times, 0.95), 1),
-                            number_text(percentile(times, 0.99), 1), number_text(percentile(times, 1.0), 1)});
+        html_ += row_of(
+            {title_of(i), name, number_text(percentile(times, 0.5), 1),
+             number_text(percentile(times, 0.9), 1), number_text(percentile(times, 0.95), 1),
+             number_text(percentile(times, 0.99), 1), number_text(percentile(times, 1.0), 1)});
       }
     }
     html_ += "</table></div></div>\n";
@@ -202,8 +206,8 @@ class LocalizationPage {
     const maps::Selection& selection = options.selection;
     html_ += "<h2>Options</h2>\n<table class=\"narrow\">";
     html_ += row_of({"scans", fmt::format("{}:{}:{}", selection.begin,
-                                             selection.end ? std::to_string(*selection.end) : "",
-                                             selection.step)});
+                                          selection.end ? std::to_string(*selection.end) : "",
+                                          selection.step)});
     html_ += row_of({"prior", std::string(name_of(options.prior))});
     html_ += row_of({"bias", std::string(name_of(options.bias))});
     html_ += row_of({"queries deskewed by", std::string(name_of(options.query_deskew))});

@@ -26,14 +26,14 @@ constexpr double kLeverM = 15.0;
 /// Fewer points of a scan tell nothing.
 constexpr std::size_t kMinPoints = 100;
 /// Least and most that a prediction counts as off [m].
-constexpr double kLeastOffM = 0.12;
+constexpr double kLeastMissM = 0.12;
 constexpr double kMostOffM = 3.0;
 /// How far a place that was searched for may be off [m].
 constexpr double kSearchedOffM = 0.6;
 /// Deviations that the search reaches.
-constexpr double kOffDeviations = 3.0;
+constexpr double kMissDeviations = 3.0;
 /// Weight of the newest deviation in their mean square.
-constexpr double kNewest = 0.15;
+constexpr double kNewestShare = 0.15;
 /// Deviation of speeds before any was seen [m/s].
 constexpr double kUnknownOffRate = 3.0;
 /// The same where the speed at the first scan is told [m/s].
@@ -162,8 +162,8 @@ class DirectOdometry : public Odometry {
   /// to that of the whole stretch although one wrong speed is in all of them.
   [[nodiscard]] Matrix6d covariance_of_prediction(double dt_s) const {
     const double t_s = std::min(dt_s, ScanPeriod::kMaxGapS);
-    const double variance_m2 = kLeastOffM * kLeastOffM / 9.0 + variance_after_m2(untold_s_ + t_s) -
-                               variance_after_m2(untold_s_);
+    const double variance_m2 = kLeastMissM * kLeastMissM / 9.0 +
+                               variance_after_m2(untold_s_ + t_s) - variance_after_m2(untold_s_);
     return rotations_times(variance_m2 * Matrix6d::Identity(), 1.0 / kLeverM);
   }
   void take(const ThinnedScan& scan, const OdometryPose& pose);
@@ -221,7 +221,7 @@ DirectOdometry::Found DirectOdometry::aligned(const ThinnedScan& scan, const Vec
   Eigen::Isometry3d T = map_.refined(points, T_start, off_m);
   if (!scan.sparse.time_offsets_s.empty()) {
     points = deskewed(scan.sparse, twist_to(T, step));
-    T = map_.refined(points, T, kLeastOffM);
+    T = map_.refined(points, T, kLeastMissM);
   }
   return {T, map_.judged(points, T)};
 }
@@ -282,7 +282,7 @@ DirectOdometry::Found DirectOdometry::found_over(const ThinnedScan& scan,
                                                  const ScanPeriod::Step& step,
                                                  Eigen::Isometry3d& T_predicted) const {
   const double off_m = std::clamp(
-      kLeastOffM + kOffDeviations * std::sqrt(off_rate2_) * step.seconds, kLeastOffM, kMostOffM);
+      kLeastMissM + kMissDeviations * std::sqrt(off_rate2_) * step.seconds, kLeastMissM, kMostOffM);
   Found found = best_of_widening(scan, T_predicted, off_m, step);
   if (!step.is_gap) return found;
   // Where the clock alone has jumped, the sensor has gone on as ever.
@@ -340,8 +340,8 @@ void DirectOdometry::place(const ThinnedScan& scan, const ScanPeriod::Step& step
   if (steady_.size() > kSteadyScans) steady_.pop_front();
   if (!step.is_gap) learn(deviation, step.seconds);
   ++placed_;
-  usual_known_ += kNewest * (match.known_inlier_ratio - usual_known_);
-  usual_standing_ += kNewest * (match.standing_ratio - usual_standing_);
+  usual_known_ += kNewestShare * (match.known_inlier_ratio - usual_known_);
+  usual_standing_ += kNewestShare * (match.standing_ratio - usual_standing_);
 }
 
 /// Directions that are kept as predicted. By chance one scan of a tunnel in thirty seems to tell
@@ -362,7 +362,7 @@ void DirectOdometry::learn(const Vector6d& deviation, double dt_s) {
   const double rate = in_metres(deviation).norm() / dt_s;
   // What is not told may be off by more.
   if (!lost_.empty() && rate * rate < off_rate2_) return;
-  off_rate2_ += kNewest * (rate * rate - off_rate2_);
+  off_rate2_ += kNewestShare * (rate * rate - off_rate2_);
 }
 
 void DirectOdometry::take(const ThinnedScan& scan, const OdometryPose& pose) {

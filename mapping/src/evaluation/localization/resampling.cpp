@@ -1,7 +1,7 @@
-#include "evaluation/resampling.hpp"
+#include "evaluation/localization/resampling.hpp"
 
-#include "evaluation/localization_metrics.hpp"
-#include "evaluation/prior_draws.hpp"
+#include "evaluation/localization/localization_metrics.hpp"
+#include "evaluation/localization/prior_draws.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -12,7 +12,7 @@ namespace stillmap::mapping {
 namespace {
 
 constexpr std::size_t kResamplings = 2000;
-constexpr double kOutside = 0.05;
+constexpr double kOutsideShare = 0.05;
 
 ScanCount sum_of(const std::vector<ScanCount>& scans) {
   ScanCount sum;
@@ -78,7 +78,7 @@ double binomial_upper_95(std::size_t count, std::size_t whole) {
   // Halving to the last bits of a double.
   for (int i = 0; i < 52; ++i) {
     const double middle = 0.5 * (low + high);
-    (binomial_at_most(count, whole, middle) > kOutside ? low : high) = middle;
+    (binomial_at_most(count, whole, middle) > kOutsideShare ? low : high) = middle;
   }
   return high;
 }
@@ -93,7 +93,7 @@ BoundedRate bounded_rate(const std::vector<ScanCount>& scans, std::uint64_t seed
   // Rounded up, so that what happened once counts as once.
   const auto independent =
       static_cast<std::size_t>(std::ceil(rate.rate * static_cast<double>(scans.size()) - 1e-9));
-  rate.upper_95 = std::max(percentile(resampled_rates(scans, seed), 1.0 - kOutside),
+  rate.upper_95 = std::max(percentile(resampled_rates(scans, seed), 1.0 - kOutsideShare),
                            binomial_upper_95(independent, scans.size()));
   return rate;
 }

@@ -1,8 +1,8 @@
 #include <stillmap/mapping/localization_evaluation.hpp>
 
-#include "evaluation/localization_metrics.hpp"
-#include "evaluation/prior_draws.hpp"
-#include "evaluation/query_scans.hpp"
+#include "evaluation/localization/localization_metrics.hpp"
+#include "evaluation/localization/prior_draws.hpp"
+#include "evaluation/localization/query_scans.hpp"
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>

@@ -1,4 +1,4 @@
-#include "mapper/command_text.hpp"
+#include "command_line/command_text.hpp"
 
 #include <charconv>
 #include <optional>
@@ -7,7 +7,7 @@
 #include <system_error>
 #include <vector>
 
-namespace stillmap::mapper {
+namespace stillmap::command_line {
 namespace {
 
 std::optional<std::vector<double>> numbers_of(const std::string& text, std::size_t count) {
@@ -75,4 +75,4 @@ maps::UtmZone parse_utm_zone(const std::string& text) {
   return zone;
 }
 
-}  // namespace stillmap::mapper
+}  // namespace stillmap::command_line

@@ -15,13 +15,14 @@
 #include <string>
 #include <vector>
 
+#include "command_line/command_text.hpp"
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
-#include "mapper/command_text.hpp"
-#include "mapper/commands.hpp"
+#include "command_line/text_file.hpp"
+#include "evaluate/commands.hpp"
 
-namespace stillmap::mapper {
+namespace stillmap::evaluate {
 namespace {
 
 using command_line::grouped;
@@ -103,8 +104,10 @@ void print_scores(const LabelEvaluation& result) {
     print_scores_line(result, name, value);
   };
   line("SA", [](const MapScores& s) { return command_line::percent_text(s.SA, 2); });
-  line("DA, projected not matched", [](const MapScores& s) { return command_line::percent_text(s.DA, 2); });
-  line("DA, plain", [](const MapScores& s) { return command_line::percent_text(s.plain_removed.rate(), 2); });
+  line("DA, projected not matched",
+       [](const MapScores& s) { return command_line::percent_text(s.DA, 2); });
+  line("DA, plain",
+       [](const MapScores& s) { return command_line::percent_text(s.plain_removed.rate(), 2); });
   line("AA", [](const MapScores& s) { return command_line::percent_text(s.AA, 2); });
   line("HA", [](const MapScores& s) { return command_line::percent_text(s.HA, 2); });
   line("  static points", [](const MapScores& s) { return grouped(s.static_kept.of); });
@@ -114,12 +117,15 @@ void print_scores(const LabelEvaluation& result) {
   line("F1", [](const MapScores& s) { return command_line::percent_text(s.F1, 2); });
   line("  static voxels", [](const MapScores& s) { return grouped(s.static_voxels_kept.of); });
   line("  dynamic voxels", [](const MapScores& s) { return grouped(s.dynamic_voxels_kept.of); });
-  line("static points lost", [](const MapScores& s) { return command_line::percent_text(s.static_lost.rate(), 3); });
+  line("static points lost",
+       [](const MapScores& s) { return command_line::percent_text(s.static_lost.rate(), 3); });
   line("  with nothing removed", [](const MapScores& s) {
-    return s.static_lost_uncleaned.of == 0 ? std::string("0")
-                                           : command_line::percent_text(s.static_lost_uncleaned.rate(), 3);
+    return s.static_lost_uncleaned.of == 0
+               ? std::string("0")
+               : command_line::percent_text(s.static_lost_uncleaned.rate(), 3);
   });
-  line("static loss", [](const MapScores& s) { return command_line::percent_text(s.static_loss, 3); });
+  line("static loss",
+       [](const MapScores& s) { return command_line::percent_text(s.static_loss, 3); });
   line("  of points", [](const MapScores& s) { return grouped(s.static_lost.of); });
   fmt::print(
       "movable: parked objects should be gone; moving: they should be there, and count as static\n"
@@ -133,8 +139,8 @@ void print_losses(const LabelEvaluation& result) {
   for (std::size_t i = 0; i < losses.size(); ++i) {
     fmt::print("  {:<30}{:>12}{:>12}{:>14}{:>14}\n", losses[i].name,
                result.unthinned ? command_line::percent_text(losses[i].loss, 3) : "-",
-               command_line::percent_text(result.thinned.losses.at(i).loss, 3), grouped(losses[i].lost.count),
-               grouped(losses[i].lost.of));
+               command_line::percent_text(result.thinned.losses.at(i).loss, 3),
+               grouped(losses[i].lost.count), grouped(losses[i].lost.of));
   }
 }
 
@@ -174,8 +180,10 @@ void print_ground(const LabelEvaluation& result) {
   }
   if (result.ground) {
     table.add("ground points",
-              fmt::format("precision {}, recall {}, F1 {}", command_line::percent_text(result.ground->precision(), 2),
-                          command_line::percent_text(result.ground->recall(), 2), command_line::percent_text(result.ground->f1(), 2)));
+              fmt::format("precision {}, recall {}, F1 {}",
+                          command_line::percent_text(result.ground->precision(), 2),
+                          command_line::percent_text(result.ground->recall(), 2),
+                          command_line::percent_text(result.ground->f1(), 2)));
   }
   table.print();
 }
@@ -212,7 +220,8 @@ void evaluate_boxes(const MapArguments& arguments, const maps::MapPackage& map,
   done();
   print_for_people(result);
   if (arguments.json)
-    write_text_file(*arguments.json, to_json_text(mapping::to_json(result), arguments));
+    command_line::write_text_file(*arguments.json,
+                                  to_json_text(mapping::to_json(result), arguments));
 }
 
 /// Against labelled points.
@@ -226,18 +235,20 @@ void evaluate_points(const MapArguments& arguments, const CLI::App& command,
   print_for_people(result);
   if (arguments.pictures) {
     std::filesystem::create_directories(*arguments.pictures);
-    write_text_file(*arguments.pictures / "before.png", result.pictures->before_png);
-    write_text_file(*arguments.pictures / "after.png", result.pictures->after_png);
+    command_line::write_text_file(*arguments.pictures / "before.png", result.pictures->before_png);
+    command_line::write_text_file(*arguments.pictures / "after.png", result.pictures->after_png);
   }
   if (arguments.report) {
-    write_text_file(*arguments.report, mapping::to_html(result, {.map = arguments.map.string(),
-                                                                 .drive = arguments.drive.string(),
-                                                                 .classes = arguments.classes,
-                                                                 .command = command_of(command)}));
+    command_line::write_text_file(
+        *arguments.report,
+        mapping::to_html(result, {.map = arguments.map.string(),
+                                  .drive = arguments.drive.string(),
+                                  .classes = arguments.classes,
+                                  .command = command_line::command_of(command)}));
   }
   if (arguments.json)
-    write_text_file(*arguments.json,
-                    to_json_text(mapping::to_json(result, arguments.classes), arguments));
+    command_line::write_text_file(
+        *arguments.json, to_json_text(mapping::to_json(result, arguments.classes), arguments));
 }
 
 void evaluate(const MapArguments& arguments, const CLI::App& command) {
@@ -258,7 +269,7 @@ void evaluate(const MapArguments& arguments, const CLI::App& command) {
 
 }  // namespace
 
-void add_evaluate_map(CLI::App& evaluate_command) {
+void add_map(CLI::App& evaluate_command) {
   auto arguments = std::make_shared<MapArguments>();
   CLI::App* command = evaluate_command.add_subcommand(
       "map", "Count what a map kept of what can move, what it lost beside, and how it put ground");
@@ -296,4 +307,4 @@ void add_evaluate_map(CLI::App& evaluate_command) {
   command->callback([arguments, command] { evaluate(*arguments, *command); });
 }
 
-}  // namespace stillmap::mapper
+}  // namespace stillmap::evaluate

@@ -1,4 +1,4 @@
-#include "evaluation/prior_draws.hpp"
+#include "evaluation/localization/prior_draws.hpp"
 
 #include <cmath>
 #include <numbers>

@@ -15,13 +15,14 @@
 #include <string>
 #include <vector>
 
+#include "command_line/command_text.hpp"
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
-#include "mapper/command_text.hpp"
-#include "mapper/commands.hpp"
+#include "command_line/text_file.hpp"
+#include "evaluate/commands.hpp"
 #include "reference/map_aligners.hpp"
 
-namespace stillmap::mapper {
+namespace stillmap::evaluate {
 namespace {
 
 struct LocalizationArguments {
@@ -39,7 +40,7 @@ struct LocalizationArguments {
 };
 
 mapping::PriorError read_prior_error(const std::string& option, const std::string& text) {
-  const auto [metres, degrees] = metres_and_degrees(option, text);
+  const auto [metres, degrees] = command_line::metres_and_degrees(option, text);
   return {.metres = metres, .degrees = degrees};
 }
 
@@ -168,20 +169,22 @@ void evaluate(LocalizationArguments& arguments, const CLI::App& command) {
         command_line::cancel_flag());
   }
   print_for_people(evaluation);
-  if (arguments.csv) write_text_file(*arguments.csv, mapping::to_csv(evaluation));
+  if (arguments.csv) command_line::write_text_file(*arguments.csv, mapping::to_csv(evaluation));
   if (arguments.report) {
-    write_text_file(*arguments.report,
-                    mapping::to_html(evaluation, {.map = arguments.map.string(),
-                                                  .drive = arguments.drive.string(),
-                                                  .method = arguments.method,
-                                                  .command = command_of(command)}));
+    command_line::write_text_file(
+        *arguments.report,
+        mapping::to_html(evaluation, {.map = arguments.map.string(),
+                                      .drive = arguments.drive.string(),
+                                      .method = arguments.method,
+                                      .command = command_line::command_of(command)}));
   }
-  if (arguments.json) write_text_file(*arguments.json, to_json_text(evaluation, arguments));
+  if (arguments.json)
+    command_line::write_text_file(*arguments.json, to_json_text(evaluation, arguments));
 }
 
 }  // namespace
 
-void add_evaluate_localization(CLI::App& evaluate_command) {
+void add_localization(CLI::App& evaluate_command) {
   auto arguments = std::make_shared<LocalizationArguments>();
   mapping::LocalizationEvaluationOptions& options = arguments->options;
   CLI::App* command = evaluate_command.add_subcommand(
@@ -255,4 +258,4 @@ void add_evaluate_localization(CLI::App& evaluate_command) {
   command->callback([arguments, command] { evaluate(*arguments, *command); });
 }
 
-}  // namespace stillmap::mapper
+}  // namespace stillmap::evaluate

@@ -1,4 +1,4 @@
-#include "mapper/work_folder.hpp"
+#include "evaluate/work_folder.hpp"
 
 #include <stillmap/maps/error.hpp>
 
@@ -6,7 +6,7 @@
 #include <string>
 #include <system_error>
 
-namespace stillmap::mapper {
+namespace stillmap::evaluate {
 
 WorkFolder::WorkFolder(const std::optional<std::filesystem::path>& given) {
   if (given) {
@@ -24,4 +24,4 @@ WorkFolder::~WorkFolder() {
   if (temporary_) std::filesystem::remove_all(path_, ignored);
 }
 
-}  // namespace stillmap::mapper
+}  // namespace stillmap::evaluate

@@ -14,14 +14,15 @@
 #include <utility>
 #include <vector>
 
+#include "command_line/command_text.hpp"
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
-#include "mapper/command_text.hpp"
-#include "mapper/commands.hpp"
-#include "mapper/work_folder.hpp"
+#include "command_line/text_file.hpp"
+#include "evaluate/commands.hpp"
+#include "evaluate/work_folder.hpp"
 
-namespace stillmap::mapper {
+namespace stillmap::evaluate {
 namespace {
 
 using command_line::grouped;
@@ -46,9 +47,12 @@ void print_errors(const OdometryEvaluation& result) {
   fmt::print(fmt::runtime(kRow), "", "KITTI [%]", "[deg/100 m]", "APE [m]", "ATE [m]",
              "from start [m]", "10 m [%]", "10 m [deg]");
   const auto print = [&](const char* name, const TrajectoryErrors& errors) {
-    fmt::print(fmt::runtime(kRow), name, command_line::number_text(errors.kitti.translation_percent, 3),
-               command_line::number_text(errors.kitti.rotation_deg_per_100m, 4), command_line::number_text(errors.aligned_m.mean, 3),
-               command_line::number_text(errors.aligned_m.rmse, 3), command_line::number_text(errors.from_start_m.rmse, 3),
+    fmt::print(fmt::runtime(kRow), name,
+               command_line::number_text(errors.kitti.translation_percent, 3),
+               command_line::number_text(errors.kitti.rotation_deg_per_100m, 4),
+               command_line::number_text(errors.aligned_m.mean, 3),
+               command_line::number_text(errors.aligned_m.rmse, 3),
+               command_line::number_text(errors.from_start_m.rmse, 3),
                command_line::number_text(errors.relative.translation_percent_10m, 3),
                command_line::number_text(errors.relative.rotation_deg_10m, 4));
   };
@@ -143,10 +147,13 @@ void evaluate(OdometryArguments& arguments, const CLI::App& command) {
   if (arguments.trajectory)
     maps::write_tum_trajectory(*arguments.trajectory, trajectory_of(result));
   if (arguments.report) {
-    write_text_file(*arguments.report, mapping::to_html(result, {.drive = arguments.drive.string(),
-                                                                 .command = command_of(command)}));
+    command_line::write_text_file(
+        *arguments.report,
+        mapping::to_html(result, {.drive = arguments.drive.string(),
+                                  .command = command_line::command_of(command)}));
   }
-  if (arguments.json) write_text_file(*arguments.json, to_json_text(result, arguments));
+  if (arguments.json)
+    command_line::write_text_file(*arguments.json, to_json_text(result, arguments));
 }
 
 void add_outputs(CLI::App& command, OdometryArguments& arguments) {
@@ -162,7 +169,7 @@ void add_outputs(CLI::App& command, OdometryArguments& arguments) {
 
 }  // namespace
 
-void add_evaluate_odometry(CLI::App& evaluate_command) {
+void add_odometry(CLI::App& evaluate_command) {
   auto arguments = std::make_shared<OdometryArguments>();
   mapping::OdometryEvaluationOptions& options = arguments->options;
   CLI::App* command = evaluate_command.add_subcommand(
@@ -203,4 +210,4 @@ void add_evaluate_odometry(CLI::App& evaluate_command) {
   command->callback([arguments, command] { evaluate(*arguments, *command); });
 }
 
-}  // namespace stillmap::mapper
+}  // namespace stillmap::evaluate

@@ -14,15 +14,16 @@
 #include <string>
 #include <vector>
 
+#include "command_line/command_text.hpp"
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
-#include "mapper/command_text.hpp"
-#include "mapper/commands.hpp"
-#include "mapper/work_folder.hpp"
+#include "command_line/text_file.hpp"
+#include "evaluate/commands.hpp"
+#include "evaluate/work_folder.hpp"
 #include "reference/cleaners.hpp"
 #include "reference/map_aligners.hpp"
 
-namespace stillmap::mapper {
+namespace stillmap::evaluate {
 namespace {
 
 struct PaperArguments {
@@ -145,11 +146,12 @@ void evaluate(PaperArguments& arguments, const CLI::App& command) {
   }
   print_for_people(evaluation);
   if (arguments.report)
-    write_text_file(*arguments.report, mapping::to_html(evaluation, command_of(command)));
+    command_line::write_text_file(*arguments.report,
+                                  mapping::to_html(evaluation, command_line::command_of(command)));
   if (!arguments.json) return;
   auto json = nlohmann::ordered_json::parse(mapping::to_json(evaluation));
   json["version"] = STILLMAP_VERSION;
-  write_text_file(*arguments.json, json.dump(2) + "\n");
+  command_line::write_text_file(*arguments.json, json.dump(2) + "\n");
 }
 
 void add_streets(CLI::App& command, PaperArguments& arguments) {
@@ -177,7 +179,7 @@ void add_streets(CLI::App& command, PaperArguments& arguments) {
 
 }  // namespace
 
-void add_evaluate_paper(CLI::App& evaluate_command) {
+void add_paper(CLI::App& evaluate_command) {
   auto arguments = std::make_shared<PaperArguments>();
   mapping::PaperEvaluationOptions& options = arguments->options;
   CLI::App* command = evaluate_command.add_subcommand(
@@ -215,4 +217,4 @@ void add_evaluate_paper(CLI::App& evaluate_command) {
   command->callback([arguments, command] { evaluate(*arguments, *command); });
 }
 
-}  // namespace stillmap::mapper
+}  // namespace stillmap::evaluate

@@ -1,4 +1,4 @@
-#include "evaluation/query_scans.hpp"
+#include "evaluation/localization/query_scans.hpp"
 
 #include <stillmap/mapping/deskew.hpp>
 #include <stillmap/mapping/projection.hpp>

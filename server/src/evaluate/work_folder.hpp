@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <optional>
 
-namespace stillmap::mapper {
+namespace stillmap::evaluate {
 
 /// A folder to work in: the one that was given, or one of its own that goes at the end.
 class WorkFolder {
@@ -22,4 +22,4 @@ class WorkFolder {
   bool temporary_ = false;
 };
 
-}  // namespace stillmap::mapper
+}  // namespace stillmap::evaluate

@@ -1,7 +1,7 @@
-#include "evaluation/integrity.hpp"
+#include "evaluation/localization/integrity.hpp"
 
-#include "evaluation/localization_metrics.hpp"
-#include "evaluation/resampling.hpp"
+#include "evaluation/localization/localization_metrics.hpp"
+#include "evaluation/localization/resampling.hpp"
 
 #include <algorithm>
 #include <array>

@@ -9,13 +9,14 @@
 #include <optional>
 #include <string>
 
+#include "command_line/command_text.hpp"
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
-#include "mapper/command_text.hpp"
-#include "mapper/commands.hpp"
+#include "command_line/text_file.hpp"
+#include "evaluate/commands.hpp"
 
-namespace stillmap::mapper {
+namespace stillmap::evaluate {
 namespace {
 
 using command_line::grouped;
@@ -47,8 +48,9 @@ void add_points(command_line::Table& table, const DetectorEvaluation& result) {
   const mapping::PointDetection& plain = *result.points;
   const mapping::PointDetection& built = *result.points_as_built;
   const auto add = [&](const std::string& name, const Share& inside, const Share& grown) {
-    table.add(name, fmt::format("{}; boxes grown by {:g} m {}", counted(inside),
-                                result.build_margin_m, command_line::percent_text(grown.rate(), 1)));
+    table.add(name,
+              fmt::format("{}; boxes grown by {:g} m {}", counted(inside), result.build_margin_m,
+                          command_line::percent_text(grown.rate(), 1)));
   };
   add("movable points inside of boxes", plain.movable, built.movable);
   for (std::size_t i = 0; i < plain.classes.size(); ++i) {
@@ -66,7 +68,8 @@ void print_boxes(const mapping::BoxDetection& boxes) {
     fmt::print("{:<14}", each.name);
     for (std::size_t i = 0; i < 3; ++i) {
       const bool asked = i < each.average_precision.size();
-      fmt::print("{:>9}", asked ? command_line::percent_text(each.average_precision[i].value, 1) : "");
+      fmt::print("{:>9}",
+                 asked ? command_line::percent_text(each.average_precision[i].value, 1) : "");
     }
     fmt::print("{:>28}{:>42}\n", counted(each.all.found), by_track(each.well_seen));
   }
@@ -124,15 +127,18 @@ void evaluate(DetectorArguments& arguments, const CLI::App& command) {
   }
   print_for_people(result);
   if (arguments.report) {
-    write_text_file(*arguments.report, mapping::to_html(result, {.drive = arguments.drive.string(),
-                                                                 .command = command_of(command)}));
+    command_line::write_text_file(
+        *arguments.report,
+        mapping::to_html(result, {.drive = arguments.drive.string(),
+                                  .command = command_line::command_of(command)}));
   }
-  if (arguments.json) write_text_file(*arguments.json, to_json_text(result, arguments));
+  if (arguments.json)
+    command_line::write_text_file(*arguments.json, to_json_text(result, arguments));
 }
 
 }  // namespace
 
-void add_evaluate_detector(CLI::App& evaluate_command) {
+void add_detector(CLI::App& evaluate_command) {
   auto arguments = std::make_shared<DetectorArguments>();
   mapping::DetectorEvaluationOptions& options = arguments->options;
   CLI::App* command = evaluate_command.add_subcommand(
@@ -163,4 +169,4 @@ void add_evaluate_detector(CLI::App& evaluate_command) {
   command->callback([arguments, command] { evaluate(*arguments, *command); });
 }
 
-}  // namespace stillmap::mapper
+}  // namespace stillmap::evaluate

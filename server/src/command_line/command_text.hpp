@@ -7,7 +7,7 @@
 #include <array>
 #include <string>
 
-namespace stillmap::mapper {
+namespace stillmap::command_line {
 
 /// The call of a subcommand of `evaluate` that was given, quoted for a shell, options in the order
 /// of the help.
@@ -26,4 +26,4 @@ namespace stillmap::mapper {
 /// `32N` of `--utm`. @throws std::invalid_argument naming the text.
 [[nodiscard]] maps::UtmZone parse_utm_zone(const std::string& text);
 
-}  // namespace stillmap::mapper
+}  // namespace stillmap::command_line

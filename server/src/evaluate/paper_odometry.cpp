@@ -12,13 +12,14 @@
 #include <stdexcept>
 #include <string>
 
+#include "command_line/command_text.hpp"
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
-#include "mapper/command_text.hpp"
-#include "mapper/commands.hpp"
-#include "mapper/work_folder.hpp"
+#include "command_line/text_file.hpp"
+#include "evaluate/commands.hpp"
+#include "evaluate/work_folder.hpp"
 
-namespace stillmap::mapper {
+namespace stillmap::evaluate {
 namespace {
 
 using mapping::OdometryTable;
@@ -33,8 +34,9 @@ struct TableArguments {
 };
 
 void simulate_table_drive(const mapping::OdometryTableOptions& options, std::uint64_t seed,
-              const std::filesystem::path& target, const mapping::ProgressCallback& progress,
-              const mapping::CancelFlag& cancel) {
+                          const std::filesystem::path& target,
+                          const mapping::ProgressCallback& progress,
+                          const mapping::CancelFlag& cancel) {
   simulation::SimulationOptions simulated;
   simulated.scenario = "town";
   simulated.seed = seed;
@@ -51,8 +53,10 @@ void print_path(const OdometryTableRun& run, bool loops, const PathFigures& figu
   const std::string found =
       loops ? fmt::format("{} of {} right", run.loops_right, run.loops_found) : "";
   fmt::print(fmt::runtime(kRow), run.method, mapping::points_name(run.points), loops ? "on" : "off",
-             command_line::number_text(figures.ape_mean_m, 3), command_line::number_text(figures.ate_rmse_m, 3),
-             command_line::number_text(figures.kitti_percent, 3), command_line::number_text(figures.kitti_deg_per_100m, 4),
+             command_line::number_text(figures.ape_mean_m, 3),
+             command_line::number_text(figures.ate_rmse_m, 3),
+             command_line::number_text(figures.kitti_percent, 3),
+             command_line::number_text(figures.kitti_deg_per_100m, 4),
              command_line::number_text(figures.percent_10m, 3), found);
 }
 
@@ -129,11 +133,12 @@ void evaluate(TableArguments& arguments, const CLI::App& command) {
   }
   print_for_people(table);
   if (arguments.report)
-    write_text_file(*arguments.report, mapping::to_html(table, command_of(command)));
+    command_line::write_text_file(*arguments.report,
+                                  mapping::to_html(table, command_line::command_of(command)));
   if (!arguments.json) return;
   auto json = nlohmann::ordered_json::parse(mapping::to_json(table));
   json["version"] = STILLMAP_VERSION;
-  write_text_file(*arguments.json, json.dump(2) + "\n");
+  command_line::write_text_file(*arguments.json, json.dump(2) + "\n");
 }
 
 void add_drives(CLI::App& command, mapping::OdometryTableOptions& options) {
@@ -168,7 +173,7 @@ void add_drives(CLI::App& command, mapping::OdometryTableOptions& options) {
 
 }  // namespace
 
-void add_evaluate_paper_odometry(CLI::App& evaluate_command) {
+void add_paper_odometry(CLI::App& evaluate_command) {
   auto arguments = std::make_shared<TableArguments>();
   mapping::OdometryTableOptions& options = arguments->options;
   CLI::App* command = evaluate_command.add_subcommand(
@@ -195,4 +200,4 @@ void add_evaluate_paper_odometry(CLI::App& evaluate_command) {
   command->callback([arguments, command] { evaluate(*arguments, *command); });
 }
 
-}  // namespace stillmap::mapper
+}  // namespace stillmap::evaluate
