@@ -6,7 +6,7 @@ import { kPatienceMs, main } from './harness.mjs';
 
 const kCanvas = 'canvas.viewer-canvas';
 /** Rendering in software takes as long as there are pixels. */
-const kSize = { width: 1000, height: 600 };
+const kSize = { width: 700, height: 420 };
 /** Least share of the picture that a street from above covers. */
 const kLeastDrawn = 0.04;
 

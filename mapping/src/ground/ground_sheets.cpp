@@ -11,7 +11,7 @@ constexpr float kSameSheetM = 2.0F;
 /// How far a place may lie above the point that asks [m]: tyres that sank in, wrong poses.
 constexpr double kAboveM = 0.5;
 
-std::uint64_t key_of(std::int32_t block_x, std::int32_t block_y) {
+std::uint64_t sheet_key(std::int32_t block_x, std::int32_t block_y) {
   return static_cast<std::uint64_t>(static_cast<std::uint32_t>(block_y)) << 32 |
          static_cast<std::uint32_t>(block_x);
 }
@@ -25,14 +25,14 @@ std::uint32_t GroundSheets::add(std::int32_t block_x, std::int32_t block_y) {
   sheet.block_y = block_y;
   sheet.around.fill(kNone);
   sheet.around[4] = number;
-  const auto [first, fresh] = first_.try_emplace(key_of(block_x, block_y), number);
+  const auto [first, fresh] = first_.try_emplace(sheet_key(block_x, block_y), number);
   next_.push_back(fresh ? kNone : first->second);
   first->second = number;
   return number;
 }
 
 std::uint32_t GroundSheets::nearest_in(std::int32_t block_x, std::int32_t block_y, float z) const {
-  const auto found = first_.find(key_of(block_x, block_y));
+  const auto found = first_.find(sheet_key(block_x, block_y));
   if (found == first_.end()) return kNone;
   std::uint32_t nearest = kNone;
   float least = kSameSheetM;
@@ -71,7 +71,7 @@ void GroundSheets::join() {
 
 std::optional<GroundSheets::Place> GroundSheets::find(int cell_x, int cell_y,
                                                       std::optional<double> z) const {
-  const auto found = first_.find(key_of(cell_x >> 4, cell_y >> 4));
+  const auto found = first_.find(sheet_key(cell_x >> 4, cell_y >> 4));
   if (found == first_.end()) return std::nullopt;
   const int number = (cell_y & 15) * kSide + (cell_x & 15);
   std::optional<Place> best;

@@ -36,7 +36,7 @@ struct PlyHeader {
   std::size_t body = 0;
 };
 
-NumberType number_type(std::string_view text, const std::string& name) {
+NumberType ply_type(std::string_view text, const std::string& name) {
   struct Name {
     std::string_view text;
     NumberType type;
@@ -82,13 +82,13 @@ Element parse_element(const Fields& line, const std::string& name) {
 Property parse_property(const Fields& line, const std::string& name) {
   Property property;
   if (line.size() == 5 && line[1] == "list") {
-    property.length_type = number_type(line[2], name);
-    property.field = {std::string(line[4]), number_type(line[3], name), 0};
+    property.length_type = ply_type(line[2], name);
+    property.field = {std::string(line[4]), ply_type(line[3], name), 0};
     if (!is_whole(*property.length_type)) {
       throw InputError(name, "list length of type " + quoted(line[2]), "a whole number type");
     }
   } else if (line.size() == 3) {
-    property.field = {std::string(line[2]), number_type(line[1], name), 1};
+    property.field = {std::string(line[2]), ply_type(line[1], name), 1};
   } else {
     throw InputError(name, "a property line of " + std::to_string(line.size()) + " words",
                      "property TYPE NAME, or property list TYPE TYPE NAME");

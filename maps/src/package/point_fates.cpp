@@ -18,7 +18,7 @@ constexpr std::string_view kFatesMagic = "smfates1";
 /// No sensor gives more in one scan; a broken file must not make us reserve more.
 constexpr std::uint64_t kMostPoints = 1U << 26U;
 
-void put(std::string& bytes, std::uint64_t value) {
+void put_varint(std::string& bytes, std::uint64_t value) {
   for (; value >= 0x80U; value >>= 7U) bytes += static_cast<char>(0x80U | (value & 0x7FU));
   bytes += static_cast<char>(value);
 }
@@ -29,14 +29,14 @@ bool has_object(PointFate fate) {
 
 std::string runs_of(const ScanFates& scan) {
   std::string bytes;
-  put(bytes, scan.size());
+  put_varint(bytes, scan.size());
   for (std::size_t i = 0; i < scan.size();) {
     std::size_t end = i + 1;
     while (end < scan.size() && scan.fates[end] == scan.fates[i] &&
            (scan.objects[end] == scan.objects[i] || !has_object(scan.fates[i])))
       ++end;
-    put(bytes, (end - i) << 3U | static_cast<std::uint64_t>(scan.fates[i]));
-    if (has_object(scan.fates[i])) put(bytes, scan.objects[i]);
+    put_varint(bytes, (end - i) << 3U | static_cast<std::uint64_t>(scan.fates[i]));
+    if (has_object(scan.fates[i])) put_varint(bytes, scan.objects[i]);
     i = end;
   }
   return bytes;

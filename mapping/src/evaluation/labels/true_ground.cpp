@@ -12,7 +12,7 @@ constexpr double kGroundTruthCellM = 0.5;
 /// Cells to look around for labelled ground: 2 m, half a car.
 constexpr std::int64_t kReach = 4;
 
-std::int64_t cell_along(double x) {
+std::int64_t column_along(double x) {
   return static_cast<std::int64_t>(std::floor(x / kGroundTruthCellM));
 }
 
@@ -23,7 +23,7 @@ std::uint64_t column_key(std::int64_t x, std::int64_t y) {
 }  // namespace
 
 void LabelledGround::add(const Eigen::Vector3d& p) {
-  Mean& mean = cells_[column_key(cell_along(p.x()), cell_along(p.y()))];
+  Mean& mean = cells_[column_key(column_along(p.x()), column_along(p.y()))];
   mean.sum += p.z();
   ++mean.points;
 }
@@ -34,8 +34,8 @@ const LabelledGround::Mean* LabelledGround::cell(std::int64_t x, std::int64_t y)
 }
 
 std::optional<double> LabelledGround::height(double x, double y) const {
-  const std::int64_t column = cell_along(x);
-  const std::int64_t row = cell_along(y);
+  const std::int64_t column = column_along(x);
+  const std::int64_t row = column_along(y);
   for (std::int64_t ring = 0; ring <= kReach; ++ring) {
     double sum = 0.0;
     std::size_t cells = 0;
