@@ -87,7 +87,7 @@ def listed_lines(listed):
             for line in listed]
 
 
-# A rate of 1 in 1,000 shows twice in a quick run's 200 queries in one of 60 runs.
+# A rate of 1 in 1,000 shows twice in a quick run's 100 queries in one of 200 runs.
 QUICK_LISTED = 1
 QUICK_ALLOWANCE = 0.1
 
