@@ -88,7 +88,8 @@ class BoxesByColumn {
 
  private:
   [[nodiscard]] static std::int32_t cell(double coordinate_m) {
-    return static_cast<std::int32_t>(std::floor(coordinate_m / kMovableColumnM)) + kCellsPerAxis / 2;
+    return static_cast<std::int32_t>(std::floor(coordinate_m / kMovableColumnM)) +
+           kCellsPerAxis / 2;
   }
 
   std::vector<GrownBox> boxes_;

@@ -19,7 +19,8 @@ struct HullSection {
   double x, z, half_width, half_height;
 };
 
-void add_hull(Mesh& mesh, const std::vector<HullSection>& sections, Material material, int sides = 10) {
+void add_hull(Mesh& mesh, const std::vector<HullSection>& sections, Material material,
+              int sides = 10) {
   std::vector<Ring> rings;
   for (const HullSection& s : sections)
     rings.push_back(

@@ -43,7 +43,8 @@ class Traffic {
   std::vector<Driven> run(const Route& own) {
     add_own(own);
     populate(own);
-    const auto steps = static_cast<int>(std::ceil((kSettle_s + duration_s_ + kMargin_s) / kTrafficStepS));
+    const auto steps =
+        static_cast<int>(std::ceil((kSettle_s + duration_s_ + kMargin_s) / kTrafficStepS));
     for (int i = 0; i <= steps; ++i) {
       if (cancel_ != nullptr && cancel_->load()) throw mapping::Cancelled();
       time_ = kTrafficStepS * i - kSettle_s;
@@ -229,7 +230,8 @@ class Traffic {
       // Where to drive is thought over a few times a second, each at its own time.
       constexpr int kThinkEvery = 4;
       if (v.present && (number + static_cast<int>(i)) % kThinkEvery == 0) steer(v);
-      speeds.push_back(v.present ? std::max(0.0, v.speed + kTrafficStepS * acceleration(v)) : v.speed);
+      speeds.push_back(v.present ? std::max(0.0, v.speed + kTrafficStepS * acceleration(v))
+                                 : v.speed);
     }
     for (std::size_t i = 0; i < vehicles_.size(); ++i) move(vehicles_[i], speeds[i]);
   }
@@ -245,8 +247,8 @@ class Traffic {
     v.waited_s = speed < 0.1 ? v.waited_s + kTrafficStepS : 0.0;
     if (v.waited_s > kOwnWait_s) v.released_stop = v.next_stop + 1;
     v.speed = speed;
-    const double change =
-        std::clamp(v.wanted_offset - v.offset, -kSwerve_mps * kTrafficStepS, kSwerve_mps * kTrafficStepS);
+    const double change = std::clamp(v.wanted_offset - v.offset, -kSwerve_mps * kTrafficStepS,
+                                     kSwerve_mps * kTrafficStepS);
     v.offset += change * std::min(1.0, speed / 2.0);
     skip_passed_stops(v);
     if (v.station > v.route.path->length_m() - 4.0) v.present = false;

@@ -22,10 +22,12 @@ class HighwayFurnisher {
     rails_ = scenery.variants(2, 40, [](Random& r) {
       return make_border_piece(BorderKind::kGuardRail, kBorderPieceM, 0.75, r);
     });
-    noise_walls_ = scenery.variants(
-        2, 41, [](Random& r) { return make_border_piece(BorderKind::kNoiseWall, kBorderPieceM, 3.5, r); });
-    fences_ = scenery.variants(
-        2, 42, [](Random& r) { return make_border_piece(BorderKind::kMeshFence, kBorderPieceM, 1.6, r); });
+    noise_walls_ = scenery.variants(2, 41, [](Random& r) {
+      return make_border_piece(BorderKind::kNoiseWall, kBorderPieceM, 3.5, r);
+    });
+    fences_ = scenery.variants(2, 42, [](Random& r) {
+      return make_border_piece(BorderKind::kMeshFence, kBorderPieceM, 1.6, r);
+    });
     posts_ = scenery.variants(2, 43, make_bollard);
     signs_ = scenery.variants(5, 44, make_traffic_sign);
     lamps_ = scenery.variants(2, 45, make_lamp);

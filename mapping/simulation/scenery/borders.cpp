@@ -46,7 +46,8 @@ Mesh make_wall(const Measures& size, Random& random) {
 void add_posts(Mesh& mesh, const Measures& size, int fields, double thick_m, Material material) {
   for (int i = 0; i < fields; ++i) {
     const double x = size.length_m * i / fields;
-    add_box(mesh, {x, 0.03, kBorderGround_m}, {x + thick_m, 0.03 + thick_m, size.height_m}, material);
+    add_box(mesh, {x, 0.03, kBorderGround_m}, {x + thick_m, 0.03 + thick_m, size.height_m},
+            material);
   }
 }
 
@@ -161,7 +162,8 @@ Mesh make_noise_wall(const Measures& size, Random& random) {
     const double from_m = size.length_m * i / fields;
     const double to_m = size.length_m * (i + 1) / fields;
     add_box(mesh, {from_m, 0.0, kBorderGround_m}, {from_m + 0.16, 0.18, size.height_m}, steel);
-    add_box(mesh, {from_m + 0.16, 0.06, kBorderGround_m}, {to_m, 0.16, size.height_m - 0.03}, panel);
+    add_box(mesh, {from_m + 0.16, 0.06, kBorderGround_m}, {to_m, 0.16, size.height_m - 0.03},
+            panel);
     for (int row = 0; row < rows; ++row) {
       // The upper part of each panel stands out, which leaves a groove below.
       const double low_m = (size.height_m - 0.03) * row / rows;

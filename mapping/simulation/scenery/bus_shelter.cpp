@@ -36,7 +36,8 @@ Mesh make_bus_shelter(Random& random) {
   Mesh mesh;
   for (int i = 0; i <= fields; ++i) {
     const double x = -half_m + field_m * i;
-    add_box(mesh, {x - 0.04, kDepth_m - 0.08, kShelterGround_m}, {x + 0.04, kDepth_m, kRoof_m}, frame);
+    add_box(mesh, {x - 0.04, kDepth_m - 0.08, kShelterGround_m}, {x + 0.04, kDepth_m, kRoof_m},
+            frame);
     if (i < fields) {
       add_pane(mesh, {x + 0.05, kDepth_m - 0.04, 0.2}, {field_m - 0.1, 0.0, 0.0}, 1.9, frame);
     }

@@ -33,11 +33,16 @@ std::vector<OutlinePoint> outline_of(double height_m) {
   const double low = kCoat_m;
   const double high = width_m - kCoat_m;
   const double top = height_m - kCoat_m;
-  return {{{low + 0.04, kHedgeGround_m}, {-1.0, 0.0}},  {{low + 0.02, 0.15}, {-1.0, 0.0}},
-          {{low, 0.5 * top}, {-1.0, 0.0}},         {{low + 0.03, top - 0.12}, {-1.0, 0.2}},
-          {{low + 0.12, top}, {-0.3, 1.0}},        {{high - 0.12, top}, {0.3, 1.0}},
-          {{high - 0.03, top - 0.12}, {1.0, 0.2}}, {{high, 0.5 * top}, {1.0, 0.0}},
-          {{high - 0.02, 0.15}, {1.0, 0.0}},       {{high - 0.04, kHedgeGround_m}, {1.0, 0.0}}};
+  return {{{low + 0.04, kHedgeGround_m}, {-1.0, 0.0}},
+          {{low + 0.02, 0.15}, {-1.0, 0.0}},
+          {{low, 0.5 * top}, {-1.0, 0.0}},
+          {{low + 0.03, top - 0.12}, {-1.0, 0.2}},
+          {{low + 0.12, top}, {-0.3, 1.0}},
+          {{high - 0.12, top}, {0.3, 1.0}},
+          {{high - 0.03, top - 0.12}, {1.0, 0.2}},
+          {{high, 0.5 * top}, {1.0, 0.0}},
+          {{high - 0.02, 0.15}, {1.0, 0.0}},
+          {{high - 0.04, kHedgeGround_m}, {1.0, 0.0}}};
 }
 
 Vector3d lifted(double x, const Vector2d& across) { return {x, across.x(), across.y()}; }

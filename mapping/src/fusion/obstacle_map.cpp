@@ -45,7 +45,8 @@ ScanObstacles reduce_obstacles(const std::vector<Eigen::Vector3f>& positions,
   std::vector<std::pair<std::uint64_t, Eigen::Vector3f>> keyed;
   for (std::size_t i = 0; i < positions.size(); ++i) {
     const Eigen::Vector3f& p = positions[i];
-    if (is_ground[i] != 0 || p.head<2>().squaredNorm() > kObstacleReachM * kObstacleReachM) continue;
+    if (is_ground[i] != 0 || p.head<2>().squaredNorm() > kObstacleReachM * kObstacleReachM)
+      continue;
     const auto ground = surface.at(static_cast<double>(p.x()), static_cast<double>(p.y()));
     if (!ground) continue;
     const float height_m = p.z() - static_cast<float>(ground->z);

@@ -42,9 +42,9 @@ int y_of(std::uint64_t key) {
 }
 
 std::vector<LocalCellPoint> cell_points(const std::vector<Eigen::Vector3f>& positions,
-                                   const std::vector<std::uint8_t>& is_ground,
-                                   std::span<const maps::Box> boxes,
-                                   const Eigen::Isometry3d& T_local_lidar) {
+                                        const std::vector<std::uint8_t>& is_ground,
+                                        std::span<const maps::Box> boxes,
+                                        const Eigen::Isometry3d& T_local_lidar) {
   std::vector<MovableBox> movable;
   for (const maps::Box& box : boxes) movable.push_back({box, 0.0});
   ProjectionOptions grown;
@@ -108,7 +108,8 @@ GroundCells reduce_ground(const std::vector<Eigen::Vector3f>& positions,
     throw std::invalid_argument(fmt::format("ground flags: {}, expected one a point ({})",
                                             is_ground.size(), positions.size()));
   }
-  const std::vector<LocalCellPoint> points = cell_points(positions, is_ground, boxes, T_local_lidar);
+  const std::vector<LocalCellPoint> points =
+      cell_points(positions, is_ground, boxes, T_local_lidar);
   GroundCells result;
   std::size_t first = 0;
   for (std::size_t i = 1; i <= points.size(); ++i) {

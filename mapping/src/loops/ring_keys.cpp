@@ -61,8 +61,8 @@ class Nearest {
 }  // namespace
 
 struct RingKeys::Tree {
-  using Index = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Adaptor<float, RingKeyTable>, RingKeyTable,
-                                                    kContextRings, std::size_t>;
+  using Index = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Adaptor<float, RingKeyTable>,
+                                                    RingKeyTable, kContextRings, std::size_t>;
   explicit Tree(std::vector<RingKey> keys)
       : data{std::move(keys)}, index(kContextRings, data, {10}) {}
 

@@ -9,7 +9,6 @@
 #include <cerrno>
 #include <cstring>
 
-
 namespace stillmap::maps {
 
 void sync(const std::filesystem::path& path) {

@@ -223,8 +223,8 @@ std::vector<StoredDrive> DriveTable::of_map(std::string_view map) const {
 std::vector<StoredDrive> DriveTable::uploads_of_map(std::string_view map) const {
   const Reading reading(*database_);
   (void)known_map(reading.database(), map);
-  SqliteStatement row(reading.database(),
-                      std::string(kSelectDrives) + "WHERE map = ? AND version IS NOT NULL ORDER BY id");
+  SqliteStatement row(reading.database(), std::string(kSelectDrives) +
+                                              "WHERE map = ? AND version IS NOT NULL ORDER BY id");
   return drives_of(row.bind(map));
 }
 

@@ -255,7 +255,8 @@ std::size_t JobTable::put_back_all(std::string_view error, std::int64_t now_ns) 
   Writing writing(*database_);
   std::vector<StoredJob> jobs;
   {
-    SqliteStatement row(writing.database(), std::string(kSelectJobs) + "WHERE status = 'processing'");
+    SqliteStatement row(writing.database(),
+                        std::string(kSelectJobs) + "WHERE status = 'processing'");
     while (row.step()) jobs.push_back(job_of(row));
   }
   for (StoredJob& job : jobs) {

@@ -105,7 +105,8 @@ HttpResponse get_tile(const Context& context, const HttpRequest& request,
   const maps::DifferenceTile* tile = state.ready->find(side, x, y);
   if (tile == nullptr)
     throw ApiError(ErrorCode::kUnknownTile, "the versions do not differ at " + request.path);
-  const std::string etag = difference_etag(pair, fmt::format("{}-{}-{}-glb-1", path.at("side"), x, y));
+  const std::string etag =
+      difference_etag(pair, fmt::format("{}-{}-{}-glb-1", path.at("side"), x, y));
   return immutable_answer(request, etag, [&](HttpResponse& response) {
     fill_with_glb(response, tile->entry,
                   held(context.views.difference_points(pair, *state.ready, *tile)));

@@ -16,13 +16,15 @@ constexpr int kMaxDepth = 8;
 
 /// Each value has one of these.
 bool begins_value(RequestJson::parse_event_t event) {
-  return event == RequestJson::parse_event_t::value || event == RequestJson::parse_event_t::array_start ||
+  return event == RequestJson::parse_event_t::value ||
+         event == RequestJson::parse_event_t::array_start ||
          event == RequestJson::parse_event_t::object_start;
 }
 
 }  // namespace
 
-RequestJson parse_request_json(std::string_view text, std::size_t max_bytes, std::size_t max_values) {
+RequestJson parse_request_json(std::string_view text, std::size_t max_bytes,
+                               std::size_t max_values) {
   if (text.size() > max_bytes) {
     throw field_error(ErrorCode::kPayloadTooLarge, "JSON", fmt::format("{} bytes", text.size()),
                       fmt::format("at most {}", max_bytes));

@@ -101,17 +101,17 @@ class LogOutput::Sink final : public spdlog::sinks::sink {
   explicit Sink(const LogOptions& options) { prepare(options)(); }
 
   std::function<void()> prepare(const LogOptions& options) {
-    return
-        [this, json = is_json(options.format), level = level_of(options.level),
-         // Shared, since a std::function can be copied.
-         destination = std::make_shared<LogDestination>(options.file), requests = options.requests] {
-          const std::lock_guard lock(mutex_);
-          json_ = json;
-          destination_ = std::move(*destination);
-          // The logger's own level, which is what spdlog asks before it formats.
-          spdlog::set_level(level);
-          set_request_lines(requests);
-        };
+    return [this, json = is_json(options.format), level = level_of(options.level),
+            // Shared, since a std::function can be copied.
+            destination = std::make_shared<LogDestination>(options.file),
+            requests = options.requests] {
+      const std::lock_guard lock(mutex_);
+      json_ = json;
+      destination_ = std::move(*destination);
+      // The logger's own level, which is what spdlog asks before it formats.
+      spdlog::set_level(level);
+      set_request_lines(requests);
+    };
   }
 
   void log(const spdlog::details::log_msg& message) override {

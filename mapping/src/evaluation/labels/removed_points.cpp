@@ -15,7 +15,9 @@ constexpr float kRemovedCellM = 1.02F * RemovedPoints::kNearM;
 constexpr int kBlockShift = 2;
 constexpr std::size_t kReachBits = std::size_t{1} << 25U;
 
-std::int32_t cell_along(float x) { return static_cast<std::int32_t>(std::floor(x / kRemovedCellM)); }
+std::int32_t cell_along(float x) {
+  return static_cast<std::int32_t>(std::floor(x / kRemovedCellM));
+}
 
 std::uint64_t removed_key(const std::array<std::int32_t, 3>& cell) {
   std::uint64_t key = 0;
@@ -60,7 +62,7 @@ bool RemovedPoints::may_be_near(const Cell& cell) const {
 void RemovedPoints::sort() {
   const auto key_at = [](const Point& point) {
     return removed_key({cell_along(point.position.x()), cell_along(point.position.y()),
-                   cell_along(point.position.z())});
+                        cell_along(point.position.z())});
   };
   {
     // Keys are sorted instead of points: comparisons would compute them again and again.

@@ -46,9 +46,12 @@ Json level_json(const LocalizationLevel& level) {
   json["rotation_error_deg"] = {{"median", finite_or_null(level.rotation_deg.median)},
                                 {"p95", finite_or_null(level.rotation_deg.p95)},
                                 {"rmse_yaw", finite_or_null(level.rotation_deg.rmse_part)}};
-  json["cpu_ms"] = {{"p50", finite_or_null(level.cpu_ms.p50)}, {"p95", finite_or_null(level.cpu_ms.p95)}};
-  json["wall_ms"] = {{"p50", finite_or_null(level.wall_ms.p50)}, {"p95", finite_or_null(level.wall_ms.p95)}};
-  json["nees"] = {{"mean", finite_or_null(level.nees_mean)}, {"inside_95", finite_or_null(level.nees_inside_95)}};
+  json["cpu_ms"] = {{"p50", finite_or_null(level.cpu_ms.p50)},
+                    {"p95", finite_or_null(level.cpu_ms.p95)}};
+  json["wall_ms"] = {{"p50", finite_or_null(level.wall_ms.p50)},
+                     {"p95", finite_or_null(level.wall_ms.p95)}};
+  json["nees"] = {{"mean", finite_or_null(level.nees_mean)},
+                  {"inside_95", finite_or_null(level.nees_inside_95)}};
   json["integrity"] = integrity_json(level.integrity);
   return json;
 }

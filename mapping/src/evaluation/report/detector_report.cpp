@@ -122,8 +122,9 @@ class DetectorPage {
                        counted(each.well_seen.found), percent_text(each.well_seen.by_track(), 1)});
     }
     html_ += "</table></div>\n<figure>" + curves(boxes.classes.front()) +
-             "<figcaption>Vehicles at an overlap of " + key_of_style("c0", "0.3, ") + key_of_style("c1", "0.5, ") +
-             key_of_style("c2", "0.7") + "</figcaption></figure></div>\n";
+             "<figcaption>Vehicles at an overlap of " + key_of_style("c0", "0.3, ") +
+             key_of_style("c1", "0.5, ") + key_of_style("c2", "0.7") +
+             "</figcaption></figure></div>\n";
     add_distances(boxes);
     add_visibilities(boxes);
     add_thresholds(boxes);

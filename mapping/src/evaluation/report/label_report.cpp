@@ -125,7 +125,8 @@ class LabelPage {
     add_score("PR", [](const MapScores& s) { return counted_share(s.static_voxels_kept); });
     add_score("RR", [](const MapScores& s) { return percent_text(s.RR); });
     add_score("F1", [](const MapScores& s) { return percent_text(s.F1); });
-    add_score("static points lost", [](const MapScores& s) { return counted_share(s.static_lost, 3); });
+    add_score("static points lost",
+              [](const MapScores& s) { return counted_share(s.static_lost, 3); });
     add_score("the same, nothing removed", [](const MapScores& s) {
       return s.static_lost_uncleaned.of == 0 ? "0"
                                              : percent_text(s.static_lost_uncleaned.rate(), 3);

@@ -82,7 +82,8 @@ class OdometryPage {
   }
 
   void add_figures() {
-    html_ += "<h2>From above</h2>\n<p>" + key_of_style("truth", "truth, ") + key_of_style("c0", "odometry alone");
+    html_ += "<h2>From above</h2>\n<p>" + key_of_style("truth", "truth, ") +
+             key_of_style("c0", "odometry alone");
     if (evaluation_.corrected)
       html_ += ", " + key_of_style("c2", "with loops. ") + key_of_style("loop", "Loops, ") +
                key_of_style("wrongloop", "wrong ones");

@@ -129,8 +129,9 @@ class OdometryTablePage {
   void add_path(const OdometryTableRun& run, bool loops) {
     const PathFigures& figures = figures_of(run, loops);
     html_ += row_of({escaped(run.method), points_name(run.points), loops ? "on" : "off",
-                     "<b>" + number_text(figures.ape_mean_m, 3) + "</b>", number_text(figures.ate_rmse_m, 3),
-                     number_text(figures.kitti_percent, 3), number_text(figures.kitti_deg_per_100m, 4),
+                     "<b>" + number_text(figures.ape_mean_m, 3) + "</b>",
+                     number_text(figures.ate_rmse_m, 3), number_text(figures.kitti_percent, 3),
+                     number_text(figures.kitti_deg_per_100m, 4),
                      number_text(figures.percent_10m, 3), number_text(figures.deg_10m, 4),
                      loops ? fmt::format("{} of {}", run.loops_right, run.loops_found) : "",
                      loops ? fmt::format("{} of {}", run.revisits_found, run.revisits) : ""});

@@ -20,8 +20,9 @@ constexpr double kCentimetres = 100.0;
 constexpr double kDegrees = 180.0 / std::numbers::pi;
 
 std::string text_of(const Interval& interval, double scale, int digits) {
-  return fmt::format("<b>{}</b> <small>{} to {}</small>", number_text(scale * interval.value, digits),
-                     number_text(scale * interval.low, digits), number_text(scale * interval.high, digits));
+  return fmt::format(
+      "<b>{}</b> <small>{} to {}</small>", number_text(scale * interval.value, digits),
+      number_text(scale * interval.low, digits), number_text(scale * interval.high, digits));
 }
 
 /// Green where all of the interval is below zero, red where all of it is above.
@@ -117,17 +118,17 @@ class PaperPage {
   void add_block(const std::vector<const PaperRow*>& rows) {
     html_ += fmt::format("<h2>{}</h2>\n<div class=\"scroll\"><table>",
                          title_of(rows.front()->method, rows.front()->query));
-    html_ += row_of({"map", "rmse x-y [cm]", "rmse yaw [mrad]", "[deg]", "success [%]",
-                        "degraded", "lost", "of", "answered: x-y [cm]", "yaw [deg]"},
-                       "th");
+    html_ += row_of({"map", "rmse x-y [cm]", "rmse yaw [mrad]", "[deg]", "success [%]", "degraded",
+                     "lost", "of", "answered: x-y [cm]", "yaw [deg]"},
+                    "th");
     for (const PaperRow* row : rows) {
       html_ += row_of({escaped(row->map), text_of(row->rmse_xy_m, kCentimetres, 2),
-                          text_of(row->rmse_yaw_rad, 1e3, 2),
-                          number_text(row->rmse_yaw_rad.value * kDegrees, 3),
-                          text_of(row->success_rate, 100.0, 1), std::to_string(row->degraded),
-                          std::to_string(row->lost), std::to_string(row->queries),
-                          number_text(kCentimetres * row->answered_rmse_xy_m, 2),
-                          number_text(row->answered_rmse_yaw_rad * kDegrees, 3)});
+                       text_of(row->rmse_yaw_rad, 1e3, 2),
+                       number_text(row->rmse_yaw_rad.value * kDegrees, 3),
+                       text_of(row->success_rate, 100.0, 1), std::to_string(row->degraded),
+                       std::to_string(row->lost), std::to_string(row->queries),
+                       number_text(kCentimetres * row->answered_rmse_xy_m, 2),
+                       number_text(row->answered_rmse_yaw_rad * kDegrees, 3)});
     }
     html_ += "</table></div>\n<div class=\"row\" style=\"grid-template-columns: 1fr 1fr\">";
     html_ += "<figure>" +
@@ -146,14 +147,14 @@ class PaperPage {
         "map is better. In colour where the whole interval is on one side of zero.</p>\n"
         "<div class=\"scroll\"><table>" +
         row_of({"method and scans", "map", "less map", "rmse x-y [cm]", "better in streets",
-                   "rmse yaw [mrad]", "better in streets"},
-                  "th");
+                "rmse yaw [mrad]", "better in streets"},
+               "th");
     for (const PaperDifference& each : evaluation_.differences)
-      html_ += row_of({title_of(each.method, each.query), escaped(each.map),
-                          escaped(each.against), difference_text(each.rmse_xy_m, kCentimetres, 2),
-                          fmt::format("{} of {}", each.better_xy, each.streets),
-                          difference_text(each.rmse_yaw_rad, 1e3, 2),
-                          fmt::format("{} of {}", each.better_yaw, each.streets)});
+      html_ += row_of({title_of(each.method, each.query), escaped(each.map), escaped(each.against),
+                       difference_text(each.rmse_xy_m, kCentimetres, 2),
+                       fmt::format("{} of {}", each.better_xy, each.streets),
+                       difference_text(each.rmse_yaw_rad, 1e3, 2),
+                       fmt::format("{} of {}", each.better_yaw, each.streets)});
     html_ += "</table></div>\n";
   }
 

@@ -19,9 +19,9 @@ Surface seen_from(const Surface& surface, const Eigen::Isometry3d& T_odom_lidar)
 }
 
 std::vector<Correspondence> map_correspondences(const std::vector<Feature>& edges,
-                                            const std::vector<Feature>& planes,
-                                            const FeatureMaps& maps,
-                                            const Eigen::Isometry3d& T_odom_lidar) {
+                                                const std::vector<Feature>& planes,
+                                                const FeatureMaps& maps,
+                                                const Eigen::Isometry3d& T_odom_lidar) {
   std::vector<Correspondence> out;
   out.reserve(edges.size() + planes.size());
   const auto add = [&](const Feature& f, const FeatureMap& map, const auto& fit) {
