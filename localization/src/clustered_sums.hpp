@@ -1,8 +1,8 @@
 #pragma once
 
-#include "registration.hpp"
-
 #include <stillmap/maps/small_matrices.hpp>
+
+#include "registration.hpp"
 #include "residual_rows.hpp"
 #include "voxel_table.hpp"
 

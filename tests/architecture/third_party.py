@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Writes THIRD_PARTY.md from what is really linked, or checks that the file says the same.
 
-usage: third_party.py REPOSITORY STILLMAP MAPPER [--write]
+usage: third_party.py REPOSITORY STILLMAP MAPPER EVALUATE [--write]
 
 Libraries come from ldd and dpkg, header-only packages from the list below, the page's from web/package.json. Licences
 are the short names of each package's Debian copyright file or package.json.

@@ -5,8 +5,7 @@ import { readFileSync } from 'node:fs';
 import { kPatienceMs, main } from './harness.mjs';
 
 const kCanvas = 'canvas.viewer-canvas';
-/** Rendering in software takes as long as there are pixels. */
-/** Small, since a processor draws it. */
+/** Small: rendering in software takes as long as there are pixels. */
 const kSize = { width: 800, height: 480 };
 /** Where buttons of a fixed size must not count. */
 const kLargeSize = { width: 1000, height: 600 };
