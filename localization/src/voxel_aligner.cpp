@@ -391,7 +391,7 @@ AlignmentResult VoxelAligner::align_near(const maps::PointCloud& scan_lidar,
                     window_of(reach), kMaxCandidates)) {
     starts.push_back(T_map_lidar);
   }
-  const AlignmentResult result = align_among(*index_, query, starts, &prior);
+  AlignmentResult result = align_among(*index_, query, starts, &prior);
   if (reach || !places_ || !may_be_farther(result, prior, places_->R_level_lidar())) return result;
   const std::vector<Eigen::Isometry3d> farther = places_->best_places(
       query, kMaxPlaces, region_of(prior, kReachWhenLost, places_->R_level_lidar()));

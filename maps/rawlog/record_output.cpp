@@ -14,8 +14,9 @@ void set_pose(RawlogRecord& record, const mrpt::poses::CPose3D& pose) {
   const auto& R = pose.getRotationMatrix();
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column)
-      record.pose[static_cast<std::size_t>(4 * row + column)] = R(row, column);
-    record.pose[static_cast<std::size_t>(4 * row + 3)] = pose.m_coords[row];
+      record.pose[4 * static_cast<std::size_t>(row) + static_cast<std::size_t>(column)] =
+          R(row, column);
+    record.pose[4 * static_cast<std::size_t>(row) + 3] = pose.m_coords[row];
   }
 }
 

@@ -71,6 +71,7 @@ export class Run {
   /** Console errors that the part under way brings about itself, as those of requests that are refused; with their addresses. */
   expectedErrors = [];
   #servers = [];
+  #shared;
 
   constructor(program, sample, screenshots) {
     this.program = program;
@@ -94,6 +95,11 @@ export class Run {
     const server = new Server(this.program, store, options);
     this.#servers.push(server);
     return server.start();
+  }
+
+  /** The server on the sample store that the parts of a test share: a part leaves it as it was. */
+  async shared() {
+    return (this.#shared ??= await this.server());
   }
 
   /** Runs the program; its stdout, trimmed. @throws Error when it fails */
@@ -174,12 +180,14 @@ export async function main(parts) {
     for (const [name, part] of Object.entries(parts).filter(([one]) => only?.includes(one) ?? true)) {
       console.log(`-- ${name}`);
       run.expectedErrors = [/Failed to load resource/];
+      const begin = performance.now();
       await part(run).catch(async (error) => {
         run.expect(false, `${name}: ${error.stack}`);
         await run.screenshot(run.latest, `failed_${name}`).catch(() => undefined);
       });
       // Windows left open would go on asking for their server, and keep their graphics.
       for (const context of run.browser.contexts()) await context.close();
+      console.log(`   ${name}: ${((performance.now() - begin) / 1000).toFixed(1)} s`);
     }
   } finally {
     await run.close();

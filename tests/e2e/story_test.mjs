@@ -84,16 +84,13 @@ async function publish(run, page, server) {
 async function story(run) {
   // Nothing is refused on this way; a tileset that is still being made is waited for.
   run.expectedErrors = [/status of 503 .*tileset\.json$/];
-  const server = await run.server();
+  const server = await run.shared();
   const page = await run.open(server);
   await upload(run, page);
   await rebuild(run, page, server);
   await compare(run, page, server);
   await publish(run, page, server);
   await localize(run, page, server);
-  // Its next look at the server would be an error.
-  await page.context().close();
-  await server.stop();
 }
 
 async function localize(run, page, server) {
@@ -124,7 +121,7 @@ async function localize(run, page, server) {
 }
 
 async function everyView(run) {
-  const server = await run.server();
+  const server = await run.shared();
   for (const colorScheme of ['dark', 'light']) {
     const page = await run.open(server, '', { colorScheme });
     for (const [view, sign] of [
@@ -137,7 +134,6 @@ async function everyView(run) {
     }
     await page.context().close();
   }
-  await server.stop();
 }
 
 async function size(run) {

@@ -79,7 +79,7 @@ async function mapPoints(server) {
 }
 
 async function pictures(run) {
-  const server = await run.server();
+  const server = await run.shared();
   const page = await openView(run, server, '', kLargeSize);
   const share = await drawn(page);
   run.expect(share > kLeastDrawn, `the map is drawn: ${share.toFixed(3)} of the picture`);
@@ -101,11 +101,10 @@ async function pictures(run) {
   await page.check('input[name=ground]');
   await page.waitForTimeout(400);
   run.expect((await drawn(page)) > 0.2 * share, 'one layer comes back alone');
-  await server.stop();
 }
 
 async function idle(run) {
-  const server = await run.server();
+  const server = await run.shared();
   const page = await openView(run, server);
   // On a busy machine the last pictures come late; one that drew on and on would show within 2 s.
   const stands = async () => {
@@ -118,11 +117,10 @@ async function idle(run) {
   run.expect(still, 'a page left open draws nothing');
   const script = await page.evaluate(() => document.querySelector('[data-stat=script]').textContent);
   console.log(`       script a frame: ${script}`);
-  await server.stop();
 }
 
 async function coordinates(run) {
-  const server = await run.server();
+  const server = await run.shared();
   const { points } = await mapPoints(server);
   const page = await openView(run, server);
   const { x, y } = await middle(page);
@@ -148,11 +146,10 @@ async function coordinates(run) {
   run.expect((await page.locator('.viewer-measures tbody tr').count()) === 1, 'and takes it back');
   await page.keyboard.press('Escape');
   await page.waitForSelector('role=radio[name="Look"][checked]');
-  await server.stop();
 }
 
 async function clipAndExport(run) {
-  const server = await run.server();
+  const server = await run.shared();
   const { points } = await mapPoints(server);
   const page = await openView(run, server);
   const { x, y } = await middle(page);
@@ -183,11 +180,10 @@ async function clipAndExport(run) {
   run.expect(/^town-.*-clip\.ply$/.test(download.suggestedFilename()), `its name: ${download.suggestedFilename()}`);
   await other.click('text="Remove the box"');
   run.expect((await other.locator('section[aria-label="Clip box"]').count()) === 0, 'the box can be removed');
-  await server.stop();
 }
 
 async function section(run) {
-  const server = await run.server();
+  const server = await run.shared();
   const page = await openView(run, server);
   const { x, y } = await middle(page);
   await page.click('role=radio[name="Section"]');
@@ -201,7 +197,6 @@ async function section(run) {
   await run.accessible(page, 'the viewer with a section');
   await page.click('button[aria-label="Close the section"]');
   run.expect((await page.locator('.viewer-plot').count()) === 0, 'it can be closed');
-  await server.stop();
 }
 
 /** A view of one object from a little above. */
@@ -210,7 +205,7 @@ function cameraAt([x, y, z]) {
 }
 
 async function objects(run) {
-  const server = await run.server();
+  const server = await run.shared();
   const { objects: list } = await (await fetch(`${server.origin}/v1/maps/town/versions/v1/objects`)).json();
   const target = list.find(({ motion }) => motion === 'parked') ?? list[0];
   const page = await openView(run, server, cameraAt(target.centre));
@@ -232,11 +227,10 @@ async function objects(run) {
   await page.click('.viewer-card button:text-is("Take back")');
   await page.waitForSelector('.viewer-card button[aria-pressed=true]', { state: 'detached' });
   run.expect((await (await fetch(`${server.origin}/v1/maps/town/edits`)).json()).edits.length === 0, 'and can be taken back');
-  await server.stop();
 }
 
 async function painted(run) {
-  const server = await run.server();
+  const server = await run.shared();
   const page = await openView(run, server);
   for (const grid of ['coverage', 'localizability']) {
     const before = (await page.locator(kCanvas).screenshot()).toString('base64');
@@ -247,11 +241,10 @@ async function painted(run) {
     run.expect(before !== after, `the ground is painted by ${grid}`);
     await run.screenshot(page, `view_${grid}`);
   }
-  await server.stop();
 }
 
 async function sharing(run) {
-  const server = await run.server();
+  const server = await run.shared();
   const page = await openView(run, server);
   await page.focus(kCanvas);
   await page.keyboard.press('t');
@@ -270,11 +263,10 @@ async function sharing(run) {
   const third = await openView(run, server, address.slice(address.indexOf('?')));
   const [a, b] = await Promise.all([other, third].map((one) => one.locator(kCanvas).screenshot()));
   run.expect(a.equals(b), 'two that open it see the same picture, pixel by pixel');
-  await server.stop();
 }
 
 async function trouble(run) {
-  const server = await run.server();
+  const server = await run.shared();
   const page = await run.open(server, '#/maps');
   const said = (words) => page.waitForSelector(`.viewer-message:has-text("${words}")`).then(
     () => run.expect(true, `said: ${words}`), () => run.expect(false, `said: ${words}`));
@@ -297,7 +289,6 @@ async function trouble(run) {
   await page.goto(`${server.origin}/#/view/nowhere`);
   await page.waitForSelector('.trouble:has-text("cannot be shown")');
   run.expect(true, 'a map that is not there is said');
-  await server.stop();
 }
 
 /** Eye and target of the view that the address names. */
@@ -308,7 +299,7 @@ const cameraOf = (page) => page.evaluate(() => {
 const apart = (a, b) => Math.hypot(...a.map((value, i) => value - b[i]));
 
 async function clipped(run) {
-  const server = await run.server();
+  const server = await run.shared();
   const page = await openView(run, server);
   // A box over the middle third of the map, with the ground and no more than the feet of what stands on it.
   const { tiles, origin } = await (await fetch(`${server.origin}/v1/maps/town`)).json();
@@ -360,7 +351,6 @@ async function clipped(run) {
   run.expect(apart((await cameraOf(page)).eye, eye) < 0.05, 'and the camera stands still');
   await page.waitForFunction((length) => Math.abs(Number(location.hash.split('clip=')[1]?.split(/,|%2C/)[4]) - length) < 0.01, after[3]);
   run.expect(true, 'the address has the box as it is');
-  await server.stop();
 }
 
 /** Fingers on the picture: places of each, at each step. */
@@ -376,7 +366,7 @@ async function fingers(page, ...steps) {
 }
 
 async function touch(run) {
-  const server = await run.server();
+  const server = await run.shared();
   const page = await run.open(server, '#/view/town', { hasTouch: true, viewport: { width: 400, height: 800 } });
   await page.waitForSelector(kCanvas);
   await settled(page);
@@ -407,7 +397,6 @@ async function touch(run) {
   run.expect((await page.locator('section[aria-label="Measured"]').count()) === 0, 'two fingers set no place');
   await fingers(page, [[x, y]]);
   run.expect((await page.locator('section[aria-label="Measured"]').count()) === 1, 'one that taps does');
-  await server.stop();
 }
 
 async function revoked(run) {
@@ -448,7 +437,7 @@ async function revoked(run) {
 }
 
 async function graphics(run) {
-  const server = await run.server();
+  const server = await run.shared();
   const page = await openView(run, server);
   await page.evaluate((canvas) => {
     globalThis.lost = document.querySelector(canvas).getContext('webgl2').getExtension('WEBGL_lose_context');
@@ -472,7 +461,6 @@ async function graphics(run) {
   await without.goto(`${server.origin}/?again#/view/town`);
   await without.waitForSelector('.viewer-message:has-text("WebGL 2 is missing")');
   run.expect(true, 'a browser without WebGL is told so');
-  await server.stop();
 }
 
 await main({ pictures, idle, coordinates, clipAndExport, section, objects, painted, sharing, clipped, touch, trouble, revoked, graphics });

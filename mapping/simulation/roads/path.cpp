@@ -91,7 +91,7 @@ double Path::heading_rad(double station_m) const {
 }
 
 Eigen::Vector2d Path::point(double station_m, double offset_m) const {
-  const Eigen::Vector2d p(spline_value(x_, station_m), spline_value(y_, station_m));
+  Eigen::Vector2d p(spline_value(x_, station_m), spline_value(y_, station_m));
   if (offset_m == 0.0) return p;
   const double heading = heading_rad(station_m);
   return p + offset_m * Eigen::Vector2d(-std::sin(heading), std::cos(heading));

@@ -172,7 +172,7 @@ class Parker {
 
   Actor draw_fitting(double room, Random& random) {
     for (int i = 0; i < 4; ++i) {
-      const Actor actor = stock_.draw(plan_.parked_mix, random);
+      Actor actor = stock_.draw(plan_.parked_mix, random);
       if (length_of(actor) <= room) return actor;
     }
     return stock_.draw(BodyKind::kSmallCar, random);

@@ -35,6 +35,7 @@ Scene scene_of(RTCDevice device, const Mesh& mesh) {
         rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                 sizeof(mesh.triangles[0]), mesh.triangles.size());
     if (vertices == nullptr || triangles == nullptr) throw std::bad_alloc();
+    // NOLINTNEXTLINE(bugprone-undefined-memory-manipulation): an Eigen vector is its three floats
     std::memcpy(vertices, mesh.vertices.data(), mesh.vertices.size() * sizeof(Eigen::Vector3f));
     std::memcpy(triangles, mesh.triangles.data(),
                 mesh.triangles.size() * sizeof(mesh.triangles[0]));

@@ -27,6 +27,7 @@ std::string build_id_of(const dl_phdr_info& object) {
   for (int i = 0; i < object.dlpi_phnum; ++i) {
     const ElfW(Phdr)& segment = object.dlpi_phdr[i];
     if (segment.p_type != PT_NOTE) continue;
+    // NOLINTNEXTLINE(performance-no-int-to-ptr): the loader tells addresses as numbers
     std::string_view notes(reinterpret_cast<const char*>(object.dlpi_addr + segment.p_vaddr),
                            segment.p_memsz);
     while (notes.size() >= kHead) {
@@ -35,7 +36,7 @@ std::string build_id_of(const dl_phdr_info& object) {
       const std::size_t all = kHead + padded(note.n_namesz) + padded(note.n_descsz);
       if (all > notes.size()) break;
       if (note.n_type == NT_GNU_BUILD_ID &&
-          notes.substr(kHead, note.n_namesz) == std::string_view("GNU", 4))
+          notes.substr(kHead, note.n_namesz) == std::string_view("GNU\0", 4))
         return std::string(notes.substr(kHead + padded(note.n_namesz), note.n_descsz));
       notes.remove_prefix(all);
     }

@@ -220,7 +220,7 @@ TileCounts finish_tiles(const DriveSet& drives, const Survey& survey, const Buil
   TileWindow window(placed.stack, grid);
   TopView preview = empty_picture(ids);
   std::size_t done = 0;
-  const auto take = [&](FinishedTile finished) {
+  const auto take = [&](const FinishedTile& finished) {
     add_to(out.counts, finished.counts);
     add_to(out.stage_seconds, finished.stage_seconds);
     const TilePoints& tile = finished.tile;

@@ -58,8 +58,8 @@ std::vector<GroundSheets::Place> ring_around(const MeasuredSheets& ground,
     for (int k = 0; k < 9; ++k) {
       const auto there = ground.sheets.beside(place.sheet, x + k % 3 - 1, y + k / 3 - 1);
       if (there.sheet == GroundSheets::kNone || is_source(ground.sheets.node(there))) continue;
-      std::uint8_t& mark =
-          seen[there.sheet * GroundSheets::kNodes + static_cast<std::size_t>(there.node)];
+      std::uint8_t& mark = seen[std::size_t{there.sheet} * GroundSheets::kNodes +
+                                static_cast<std::size_t>(there.node)];
       if (mark != 0) continue;
       mark = 1;
       ring.push_back(there);

@@ -112,11 +112,10 @@ class CloudImport {
  private:
   template <typename Visit>
   maps::CloudSummary read(const char* stage, const Visit& visit) {
-    const auto summary =
-        maps::read_cloud_file(file_, [&](std::span<const maps::CloudPoint> points) {
-          for (const maps::CloudPoint& point : points) visit(point);
-          tell(stage, points.size());
-        });
+    auto summary = maps::read_cloud_file(file_, [&](std::span<const maps::CloudPoint> points) {
+      for (const maps::CloudPoint& point : points) visit(point);
+      tell(stage, points.size());
+    });
     done_ = 0;
     return summary;
   }

@@ -123,7 +123,7 @@ class Search {
       const std::size_t submap = submaps_.around(proposal.place);
       return std::find(query.tried.begin(), query.tried.end(), submap) == query.tried.end();
     };
-    const std::optional<Proposal> by_path = known.of(query.keyframe);
+    std::optional<Proposal> by_path = known.of(query.keyframe);
     if (by_path && is_new(*by_path)) return by_path;
     for (const Proposal& proposal : query.alike) {
       if (is_new(proposal) && known.plausible(query.keyframe, proposal.place)) return proposal;

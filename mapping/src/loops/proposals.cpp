@@ -143,7 +143,7 @@ std::optional<Proposal> PathProposals::by_odometry(std::size_t query) const {
 std::optional<Proposal> PathProposals::of(std::size_t query) const {
   const std::vector<const Loop*> near = loops_near(query);
   for (const Loop* loop : near) {
-    if (const auto found = through(*loop, query)) return found;
+    if (auto found = through(*loop, query)) return found;
   }
   return near.empty() ? by_odometry(query) : std::nullopt;
 }

@@ -187,7 +187,7 @@ class Rebuild {
     }
     if (cancel_) throw Cancelled();
     const Clock::time_point began = Clock::now();
-    const std::string text = work();
+    std::string text = work();
     const double seconds = std::chrono::duration<double>(Clock::now() - began).count();
     report_.stage_seconds[name] = seconds;
     report_.work_bytes = std::max(report_.work_bytes, work_.bytes());
@@ -223,7 +223,7 @@ class Rebuild {
     const bool published = done && fs::exists(options_.map);
     if (!published && fs::exists(fs::symlink_status(options_.map)))
       throw maps::InputError(options_.map.string(), "an existing path", "a new one");
-    const fs::path place = published ? options_.map : work_.path("map");
+    fs::path place = published ? options_.map : work_.path("map");
     const std::string digest = package("map", place, options_.build);
     if (published && (digest != *done || maps::MapPackage::open(place)->digest() != digest))
       throw maps::InputError(place.string(), "another map", "a new path");
@@ -257,7 +257,7 @@ class Rebuild {
     report_.previous_digest = previous->digest();
     report_.previous_answers =
         answers_in("localize previous", *previous, drives, T_previous_map(map));
-    figures.previous.emplace();
+    figures.previous = GateFigures::Previous{};
     figures.previous->ok = report_.previous_answers->ok;
     figures.previous->new_lost =
         newly_lost(report_.previous_answers->status, report_.answers.status);

@@ -312,7 +312,7 @@ BagDamage Rosbag2Database::visit(std::span<const std::size_t> head_bytes, const 
   Blob blob(*this);
   std::vector<std::byte> head;
   std::optional<std::int64_t> last;
-  for (int code = SQLITE_OK; (code = sqlite3_step(rows.get())) == SQLITE_ROW;) {
+  while (sqlite3_step(rows.get()) == SQLITE_ROW) {
     const std::int64_t row = sqlite3_column_int64(rows.get(), 0);
     if (last && row <= *last) {
       damage.add(fmt::format("rows that go in circles behind {}", *last));

@@ -53,10 +53,10 @@ fs::path existing(const fs::path& folder, const std::string& file) {
   std::error_code error;
   // Unpacked by hand.
   if (file.ends_with(kPacked)) {
-    const fs::path unpacked_file = folder / file.substr(0, file.size() - kPacked.size());
+    fs::path unpacked_file = folder / file.substr(0, file.size() - kPacked.size());
     if (fs::is_regular_file(unpacked_file, error)) return unpacked_file;
   }
-  const fs::path path = folder / file;
+  fs::path path = folder / file;
   if (fs::is_regular_file(path, error)) return path;
   throw InputError((folder / kMetadata).string(), "'" + file + "', which is not there",
                    "the files of the whole bag");

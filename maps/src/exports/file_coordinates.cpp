@@ -39,7 +39,7 @@ FileCoordinates::FileCoordinates(const MapPackage& map, ExportFrame frame)
 }
 
 Eigen::Vector3d FileCoordinates::operator()(const MapPoint& point) const {
-  const Eigen::Vector3d p = Eigen::Vector3f(point.x, point.y, point.z).cast<double>();
+  Eigen::Vector3d p = Eigen::Vector3f(point.x, point.y, point.z).cast<double>();
   if (frame_ == ExportFrame::kLocal) return p;
   return utm_ ? utm_->to_utm(p + origin_) : Eigen::Vector3d(p + origin_);
 }

@@ -8,12 +8,11 @@
 
 #include <cerrno>
 #include <cstring>
-#include <utility>
 
 namespace stillmap::maps {
 
-FileReader::FileReader(const std::filesystem::path& file, std::filesystem::path shown_as)
-    : file_(shown_as.empty() ? file : std::move(shown_as)) {
+FileReader::FileReader(const std::filesystem::path& file, const std::filesystem::path& shown_as)
+    : file_(shown_as.empty() ? file : shown_as) {
   descriptor_ = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
   struct stat status {};
   if (descriptor_ < 0 || ::fstat(descriptor_, &status) != 0) {

@@ -13,7 +13,8 @@ class FileReader {
  public:
   /// @param shown_as  what messages call it, where that is another. @throws StorageError naming the
   /// file and the system's reason.
-  explicit FileReader(const std::filesystem::path& file, std::filesystem::path shown_as = {});
+  explicit FileReader(const std::filesystem::path& file,
+                      const std::filesystem::path& shown_as = {});
   ~FileReader();
   FileReader(const FileReader&) = delete;
   FileReader& operator=(const FileReader&) = delete;

@@ -62,11 +62,13 @@ class Nearness {
     bool is_found = false;
     [[nodiscard]] std::size_t size() const { return is_found ? 1 : 0; }
     [[nodiscard]] bool full() const { return true; }
+    // NOLINTBEGIN(readability-identifier-naming): nanoflann's names
     [[nodiscard]] float worstDist() const { return distance2; }
     bool addPoint(float found2, std::uint32_t /*index*/) {
       is_found = is_found || found2 <= distance2;
       return !is_found;
     }
+    // NOLINTEND(readability-identifier-naming)
   };
   /// What nanoflann reads.
   struct View {
@@ -171,7 +173,7 @@ std::uint32_t MapDifference::tolerance_mm(double tolerance_m) {
 fs::path MapDifference::make(const MapPackage& version, const MapPackage& other, double tolerance_m,
                              const DerivedWork& work) {
   const double rounded_m = tolerance_mm(tolerance_m) / 1000.0;
-  const fs::path file = file_of(version, other, tolerance_m);
+  fs::path file = file_of(version, other, tolerance_m);
   TileFileWriter writer(file, key_of(version, other, tolerance_m));
   const ShiftedPoints first(version, version.manifest().origin);
   const ShiftedPoints second(other, version.manifest().origin);

@@ -56,8 +56,8 @@ std::map<std::string, MapManifest::File> hashed_files(const std::filesystem::pat
 
 }  // namespace
 
-MapPackageWriter::MapPackageWriter(std::filesystem::path target, std::string survivor)
-    : folder_(std::move(target), survivor), survivor_(std::move(survivor)) {
+MapPackageWriter::MapPackageWriter(const std::filesystem::path& target, std::string survivor)
+    : folder_(target, survivor), survivor_(std::move(survivor)) {
   std::filesystem::create_directory(folder_.path() / "tiles");
 }
 

@@ -74,7 +74,7 @@ void refuse_existing(const fs::path& target) {
 
 }  // namespace
 
-PartialFolder::PartialFolder(fs::path target, std::string survivor)
+PartialFolder::PartialFolder(const fs::path& target, std::string survivor)
     : target_(without_trailing_slash(target)), survivor_(std::move(survivor)) {
   refuse_existing(target_);
   path_ = target_.parent_path() / ("." + target_.filename().string() + ".partial");

@@ -175,7 +175,7 @@ StoredDrive DriveStore::complete(std::int64_t id, const Limits& limits) {
       throw;
     }
   }
-  const StoredDrive done = store_.drives().complete(id, now_ns());
+  StoredDrive done = store_.drives().complete(id, now_ns());
   const fs::path parts = home(id) / kPartsName;
   if (is_there(parts)) DurableFiles(*calls_).remove_tree(parts);
   return done;
@@ -199,7 +199,7 @@ StoredDrive DriveStore::complete_upload(std::int64_t id, const Take& take) {
       }
     }
   }
-  const StoredDrive done = store_.drives().complete(id, now_ns());
+  StoredDrive done = store_.drives().complete(id, now_ns());
   if (is_there(home(id))) DurableFiles(*calls_).remove_tree(home(id));
   return done;
 }

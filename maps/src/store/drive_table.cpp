@@ -190,7 +190,7 @@ std::vector<DrivePart> DriveTable::parts(std::int64_t id) const {
 StoredDrive DriveTable::complete(std::int64_t id, std::int64_t now_ns) {
   Writing writing(*database_);
   SqliteDatabase& database = writing.database();
-  const StoredDrive known = known_drive(database, id);
+  StoredDrive known = known_drive(database, id);
   if (known.status == DriveStatus::kComplete) return known;
   StoredDrive drive = open_drive(database, id);
   check_no_gap(database, drive);

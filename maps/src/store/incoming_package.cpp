@@ -3,6 +3,8 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 
+#include <fmt/format.h>
+
 #include <set>
 #include <vector>
 
@@ -84,7 +86,7 @@ IncomingPackage keep_package(const fs::path& unpacked, const ArchiveFiles& found
     check_listed(path, listed, root, found, name);
     const bool is_text =
         path == kObjectsName || path == kGraphName || path.starts_with("trajectory");
-    if (is_text) check_size(name + ": " + path, listed.bytes, kLargestText);
+    if (is_text) check_size(fmt::format("{}: {}", name, path), listed.bytes, kLargestText);
     kept.insert(root + path);
     package.bytes += listed.bytes;
   }

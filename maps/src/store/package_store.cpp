@@ -102,7 +102,7 @@ class PackageStore::Incoming {
   bool stays_ = false;
 };
 
-PackageStore::PackageStore(fs::path folder, DiskCalls& calls)
+PackageStore::PackageStore(const fs::path& folder, DiskCalls& calls)
     : folder_(fs::absolute(folder).lexically_normal()),
       packages_(folder_ / kPackagesName),
       calls_(&calls) {

@@ -22,7 +22,7 @@ fs::path folder_of_package(const fs::path& package) {
   if (fs::is_regular_file(package, error))
     throw InputError(package.string(), "a file",
                      "the folder of a map package; unpack an archive first: tar xf");
-  const fs::path path = fs::canonical(package, error);
+  fs::path path = fs::canonical(package, error);
   if (error)
     throw InputError(package.string(), "nothing",
                      "the folder of a map package; make one: stillmap build DRIVE -o MAP");

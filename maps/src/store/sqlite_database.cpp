@@ -38,7 +38,7 @@ std::string uri_of(const std::filesystem::path& file) {
 
 }  // namespace
 
-SqliteDatabase::SqliteDatabase(std::filesystem::path file, DiskCalls& calls, Mode mode)
+SqliteDatabase::SqliteDatabase(const std::filesystem::path& file, DiskCalls& calls, Mode mode)
     : file_(std::filesystem::absolute(file).lexically_normal()), vfs_(calls) {
   const int code =
       sqlite3_open_v2(file_.c_str(), &connection_, flags_of(mode), vfs_.name().c_str());

@@ -34,7 +34,7 @@ class SqliteDatabase {
     kNewFile,  ///< for a copy: without a log, so that one file is all there is
   };
   /// @param calls  outlives this.
-  SqliteDatabase(std::filesystem::path file, DiskCalls& calls, Mode mode = Mode::kChange);
+  SqliteDatabase(const std::filesystem::path& file, DiskCalls& calls, Mode mode = Mode::kChange);
   /// Reads a file into memory without a lock or any change beside it: for a disk that allows
   /// neither. No-one may be writing it, else it may be found broken.
   static std::unique_ptr<SqliteDatabase> in_memory(const std::filesystem::path& file);

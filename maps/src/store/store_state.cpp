@@ -260,7 +260,7 @@ StoredMap StoreState::activate(std::string_view map, std::string_view version,
                                std::optional<std::int64_t> revision) {
   Writing writing(inner_->database);
   SqliteDatabase& database = writing.database();
-  const StoredMap now = known_map(database, map);
+  StoredMap now = known_map(database, map);
   check_revision(now, revision);
   (void)known_version(database, map, version);
   if (now.active == version) return now;

@@ -93,7 +93,7 @@ std::optional<ServedVersion> MapCatalog::known(std::string_view map,
 }
 
 ServedVersion MapCatalog::ready(std::string_view map, std::optional<std::string_view> version) {
-  const ServedVersion served = version ? find(map, *version) : find(map);
+  ServedVersion served = version ? find(map, *version) : find(map);
   if (served.state == MapState::kReady) return served;
   if (served.state == MapState::kFailed) throw unusable(served);
   {
@@ -128,8 +128,7 @@ maps::StoredMap MapCatalog::activate(std::string_view map, std::string_view vers
     }
   }
   // What was compared is what must be active still.
-  const maps::StoredMap after =
-      store_.activate(map, version, revision ? revision : before.revision);
+  maps::StoredMap after = store_.activate(map, version, revision ? revision : before.revision);
   serve(key);
   return after;
 }

@@ -63,7 +63,7 @@ std::span<const maps::MapPoint> MapViews::own_tile(const ServedVersion& version,
 
 DerivedWorker::Answer MapViews::ask_for_levels(const maps::MapPackage& package) {
   // The package may be closed or removed before its turn comes; then this fails.
-  const std::filesystem::path folder = package.folder();
+  const std::filesystem::path& folder = package.folder();
   return worker_.ask("levels of " + package.digest(), [this, folder](const auto& work) {
     const auto map = maps::MapPackage::open(folder);
     if (opened_levels(*map)) return;

@@ -223,7 +223,9 @@ void add_localization(CLI::App& evaluate_command) {
       ->add_option("--threads", options.threads,
                    "Threads; 0 = all cores. More make the times longer")
       ->capture_default_str();
-  command->add_option("--method", arguments->method, "Alignment method")
+  command
+      ->add_option("--method", arguments->method,
+                   "Alignment method; a build with -DSTILLMAP_REFERENCE=ON has those of PCL too")
       ->capture_default_str()
       ->check(CLI::IsMember(mapping::map_aligner_names()));
   add_choice(

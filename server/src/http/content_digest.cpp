@@ -49,7 +49,7 @@ std::optional<std::string> wanted_sha256(const HttpRequest& request) {
   const std::size_t from = begin + kName.size();
   const std::size_t end = text.find(':', from);
   if (end == std::string::npos || end - from != kBase64Bytes) throw unreadable(text);
-  const auto hex = hex_of(std::string_view(text).substr(from, kBase64Bytes));
+  auto hex = hex_of(std::string_view(text).substr(from, kBase64Bytes));
   if (!hex) throw unreadable(text);
   return hex;
 }

@@ -62,7 +62,8 @@ std::string full_answer(std::size_t connections) {
       "HTTP/1.1 503 Service Unavailable\r\nContent-Type: {}\r\nContent-Length: {}\r\n"
       "Connection: close\r\nRetry-After: 1\r\nX-Request-Id: {}\r\nDate: {}\r\n",
       response.content_type, response.body.size(), id, http_date());
-  for (const auto& [name, value] : default_headers(false)) text += name + ": " + value + "\r\n";
+  for (const auto& [name, value] : default_headers(false))
+    text += fmt::format("{}: {}\r\n", name, value);
   return text + "\r\n" + response.body;
 }
 

@@ -112,6 +112,7 @@ void close_others() {
 
 /// In a function of its own: nothing that vfork's second return could find changed.
 [[gnu::noinline]] pid_t start(Plan& plan) {
+  // NOLINTNEXTLINE(clang-analyzer-security.insecureAPI.vfork): posix_spawn sets no limits
   const pid_t pid = ::vfork();
   if (pid == 0) become(plan);
   return pid;

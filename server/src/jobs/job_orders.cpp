@@ -189,7 +189,7 @@ maps::JobTable::Enqueued JobRunner::rebuild(const std::string& map, const Rebuil
   const std::scoped_lock lock(uploads_mutex_);
   if (!request.version.empty() && !is_known_request(map, asker))
     check_free_name(map, request.version);
-  const maps::JobTable::Enqueued enqueued = setup_.store.jobs().enqueue(job, unix_ns());
+  maps::JobTable::Enqueued enqueued = setup_.store.jobs().enqueue(job, unix_ns());
   wake();
   return enqueued;
 }
@@ -233,7 +233,7 @@ maps::JobTable::Enqueued JobRunner::convert(const std::string& map, const Conver
     }
   };
   try {
-    const maps::JobTable::Enqueued enqueued = enqueue_convert(map, request, asker);
+    maps::JobTable::Enqueued enqueued = enqueue_convert(map, request, asker);
     if (maps::is_finished(enqueued.job.status)) clear();
     return enqueued;
   } catch (...) {
@@ -261,13 +261,12 @@ maps::JobTable::Enqueued JobRunner::enqueue_convert(const std::string& map,
     throw maps::StorageError(upload(request.sha256).string(), "is gone");
   check_upload_quota(map, fs::file_size(upload(request.sha256)));
   setup_.store.create_map(map);
-  const maps::JobTable::Enqueued enqueued =
-      setup_.store.jobs().enqueue({.kind = maps::JobKind::kConvert,
-                                   .map = map,
-                                   .request = to_json(request),
-                                   .asker = asker.key_id,
-                                   .idempotency_key = std::nullopt},
-                                  unix_ns());
+  maps::JobTable::Enqueued enqueued = setup_.store.jobs().enqueue({.kind = maps::JobKind::kConvert,
+                                                                   .map = map,
+                                                                   .request = to_json(request),
+                                                                   .asker = asker.key_id,
+                                                                   .idempotency_key = std::nullopt},
+                                                                  unix_ns());
   wake();
   return enqueued;
 }
@@ -285,7 +284,7 @@ std::string JobRunner::receive(const maps::ByteSource& source, std::uint64_t byt
   }
   std::error_code error;
   try {
-    const std::string found = maps::receive_file(source, bytes, folder / half, name);
+    std::string found = maps::receive_file(source, bytes, folder / half, name);
     if (sha256 && *sha256 != found) throw maps::InputError(name, "SHA-256 " + found, *sha256);
     const std::scoped_lock lock(uploads_mutex_);
     fs::rename(folder / half, folder / found);

@@ -65,7 +65,7 @@ std::string read_option(const std::string& name, const json& value) {
   const std::string path = "options." + name;
   for (const Words& option : kWords) {
     if (option.name != name) continue;
-    const std::string word = value.is_string() ? value.get<std::string>() : std::string{};
+    std::string word = value.is_string() ? value.get<std::string>() : std::string{};
     if (word.empty() ||
         std::find(option.words.begin(), option.words.end(), word) == option.words.end())
       refuse(path, value, "one of " + list_of(option));
@@ -136,7 +136,7 @@ bool read_flag(const json& request, const char* key) {
 std::string read_version(const json& request) {
   const auto found = request.find("version");
   if (found == request.end()) return {};
-  const std::string name = found->is_string() ? found->get<std::string>() : std::string{};
+  std::string name = found->is_string() ? found->get<std::string>() : std::string{};
   if (!maps::is_valid_map_name(name)) refuse("version", *found, "[a-z0-9][a-z0-9._-]{0,62}");
   return name;
 }
@@ -237,9 +237,9 @@ std::string to_json(const ConvertRequest& request) {
 }
 
 std::string version_of(const maps::StoredJob& job) {
-  const std::string wanted = job.kind == maps::JobKind::kConvert
-                                 ? read_convert_request(job.request).version
-                                 : read_stored_rebuild(job.request).version;
+  std::string wanted = job.kind == maps::JobKind::kConvert
+                           ? read_convert_request(job.request).version
+                           : read_stored_rebuild(job.request).version;
   if (!wanted.empty()) return wanted;
   const auto seconds = static_cast<std::time_t>(job.enqueued_ns / 1'000'000'000);
   return fmt::format("{:%Y%m%d}-job{}", fmt::gmtime(seconds), job.id);

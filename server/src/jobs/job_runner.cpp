@@ -331,7 +331,7 @@ void JobRunner::ended(const maps::StoredJob& job) {
 
 maps::StoredJob JobRunner::cancel(std::int64_t id) {
   const std::int64_t now_ns = unix_ns();
-  const maps::StoredJob job = setup_.store.jobs().request_cancel(id, now_ns);
+  maps::StoredJob job = setup_.store.jobs().request_cancel(id, now_ns);
   if (job.status == maps::JobStatus::kCanceled) {
     // Else it had ended before, and was told of and counted then.
     if (job.finished_ns == now_ns) ended(job);

@@ -53,7 +53,7 @@ std::string read_drive_json(std::string_view text) {
   require_keys(request, "", {"name"});
   if (!request.contains("name")) return {};
   const nlohmann::json& found = request["name"];
-  const std::string name = found.is_string() ? found.get<std::string>() : std::string{};
+  std::string name = found.is_string() ? found.get<std::string>() : std::string{};
   if (!found.is_string() || name.size() > kLongestName ||
       std::any_of(name.begin(), name.end(), is_control))
     refuse("name", found, "text of at most 200 bytes without control characters");

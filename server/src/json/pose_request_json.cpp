@@ -254,7 +254,7 @@ namespace {
 /// It is shown to people, and stands in no log.
 std::string read_label(const RequestJson& value) {
   constexpr std::size_t kMostBytes = 64;
-  const std::string label = value.is_string() ? value.get<std::string>() : std::string{};
+  std::string label = value.is_string() ? value.get<std::string>() : std::string{};
   const bool printable =
       std::all_of(label.begin(), label.end(), [](char byte) { return byte >= ' ' && byte <= '~'; });
   if (label.empty() || label.size() > kMostBytes || !printable)

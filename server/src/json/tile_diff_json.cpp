@@ -55,7 +55,7 @@ Eigen::Vector2d read_center(const nlohmann::json& request) {
   if (!found.is_array() || found.size() != 2 || !found[0].is_number() || !found[1].is_number()) {
     refuse("center", found, expected);
   }
-  const Eigen::Vector2d centre(found[0].get<double>(), found[1].get<double>());
+  Eigen::Vector2d centre(found[0].get<double>(), found[1].get<double>());
   if (!(centre.cwiseAbs().maxCoeff() <= kMaxCentreM)) refuse("center", found, expected);
   return centre;
 }

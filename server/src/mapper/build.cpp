@@ -236,8 +236,8 @@ void add_method_options(CLI::App& command, BuildArguments& arguments) {
   methods.insert(methods.begin(), {"free-space", "none"});
   command
       .add_option("--clean", options.clean,
-                  "What removes movers that no detector found: free-space, none, or a published "
-                  "method to compare with, where the program is built with them")
+                  "What removes movers that no detector found: free-space, none; a build with "
+                  "-DSTILLMAP_REFERENCE=ON has erasor, octomap and dufomap too, to compare with")
       ->capture_default_str()
       ->check(CLI::IsMember(methods));
   command.add_option("--sensor-height", options.ground.sensor_height_m,

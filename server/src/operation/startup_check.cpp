@@ -51,7 +51,7 @@ std::optional<Trouble> store_trouble(const std::string& folder) {
     return folder_trouble(path.parent_path(), W_OK | X_OK,
                           "a folder to make the store's folder in");
   }
-  if (const auto found = folder_trouble(folder, R_OK | X_OK, "a folder that can be read")) {
+  if (auto found = folder_trouble(folder, R_OK | X_OK, "a folder that can be read")) {
     return found;
   }
   try {

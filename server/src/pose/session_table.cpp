@@ -88,7 +88,7 @@ SessionTable::Sessions::iterator SessionTable::find_locked(const std::string& id
 
 std::shared_ptr<Session> SessionTable::find(const std::string& id, const std::string& owner) {
   const std::scoped_lock lock(mutex_);
-  const std::shared_ptr<Session> session = find_locked(id, owner)->second;
+  std::shared_ptr<Session> session = find_locked(id, owner)->second;
   session->touch(now_());
   return session;
 }

@@ -39,6 +39,7 @@ inline constexpr int kInt64 = 7;
 
 using Unused = void (*)();
 
+// NOLINTBEGIN(readability-identifier-naming): names of ONNX Runtime's C API
 struct Api {
   Unused unused_0[2];
   const char* (*GetErrorMessage)(const Status*);
@@ -102,6 +103,7 @@ struct ApiBase {
   const Api* (*GetApi)(std::uint32_t version);
   const char* (*GetVersionString)();
 };
+// NOLINTEND(readability-identifier-naming)
 
 /// Place of an entry by its offset.
 constexpr std::size_t place(std::size_t offset) { return offset / sizeof(Unused); }

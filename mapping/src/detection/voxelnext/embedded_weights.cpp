@@ -14,10 +14,12 @@ asm(".pushsection .rodata\n"
     ".byte 0\n"
     ".popsection\n");
 
+// NOLINTBEGIN(readability-identifier-naming): names of the assembler's symbols
 extern "C" {
 extern const std::byte stillmap_voxelnext_weights_begin[];
 extern const std::byte stillmap_voxelnext_weights_end[];
 }
+// NOLINTEND(readability-identifier-naming)
 
 namespace stillmap::mapping {
 

@@ -20,16 +20,16 @@ bool ClassGroup::holds(maps::ObjectClass object_class) const {
 }
 
 std::span<const ClassGroup> kinds() {
-  static const std::array<ClassGroup, 3> kKinds{{
+  static const std::array<ClassGroup, 3> groups{{
       {"vehicle", {kCar, kVan, kTruck, kBus, kTrailer, kTram}, kVehicleIous},
       {"two_wheeler", {kCyclist, kMotorcycle}, kSmallIous},
       {"pedestrian", {kPedestrian}, kSmallIous},
   }};
-  return kKinds;
+  return groups;
 }
 
 std::span<const ClassGroup> single_classes() {
-  static const std::vector<ClassGroup> kSingle = [] {
+  static const std::vector<ClassGroup> groups = [] {
     std::vector<ClassGroup> single;
     for (const ClassGroup& kind : kinds()) {
       if (kind.members.size() == 1) continue;
@@ -38,7 +38,7 @@ std::span<const ClassGroup> single_classes() {
     }
     return single;
   }();
-  return kSingle;
+  return groups;
 }
 
 const ClassGroup& kind_of(const ClassGroup& group) {

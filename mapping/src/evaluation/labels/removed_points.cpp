@@ -46,7 +46,7 @@ void RemovedPoints::mark_near(const Cell& cell) {
   // Every block with a cell beside this one.
   for (int corner = 0; corner < 8; ++corner) {
     Cell block = cell;
-    for (int axis = 0; axis < 3; ++axis)
+    for (std::size_t axis = 0; axis < 3; ++axis)
       block[axis] = (cell[axis] + ((corner >> axis & 1) != 0 ? 1 : -1)) >> kBlockShift;
     const std::size_t bit = reach_bit(block);
     reach_[bit / 64] |= std::uint64_t{1} << (bit % 64);

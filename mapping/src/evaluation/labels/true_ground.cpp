@@ -63,7 +63,7 @@ DriveTruth::DriveTruth(const maps::Drive& drive) : drive_(drive) {
 
 std::optional<Eigen::Isometry3d> DriveTruth::T_truth_lidar(std::size_t index) const {
   if (!path_.empty()) {
-    if (const auto T_truth_lidar = path_.at(drive_.stamp_ns(index))) return T_truth_lidar;
+    if (auto T_truth_lidar = path_.at(drive_.stamp_ns(index))) return T_truth_lidar;
     throw maps::InputError(
         (drive_.contents().root / "truth" / "trajectory.txt").string(),
         fmt::format("no pose near scan {} at {} ns", index, drive_.stamp_ns(index)),

@@ -40,7 +40,7 @@ std::vector<SvgPlot::Point> steps_of(std::vector<double> values, const PlotAxis&
   return points;
 }
 
-std::string distribution(const LocalizationEvaluation& evaluation, PlotAxis x,
+std::string distribution(const LocalizationEvaluation& evaluation, const PlotAxis& x,
                          const std::vector<double>& marks, const std::string& title,
                          const std::function<double(const LocalizationQuery&)>& value) {
   SvgPlot plot(x, percent_axis("share of queries [%]"));

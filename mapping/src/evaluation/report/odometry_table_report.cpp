@@ -22,7 +22,7 @@ std::string difference_text(const Interval& interval, int digits) {
   std::string_view style;
   if (interval.low > 0.0) style = "bad";
   if (interval.high < 0.0) style = "good";
-  const std::string value =
+  std::string value =
       fmt::format("<span class=\"{}\">{:+.{}f}</span>", style, interval.value, digits);
   if (!std::isfinite(interval.low)) return value;
   return fmt::format("{} <small>{:+.{}f} to {:+.{}f}</small>", value, interval.low, digits,

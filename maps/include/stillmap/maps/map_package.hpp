@@ -132,7 +132,7 @@ class MapPackageWriter {
  public:
   /// @param survivor  see `PartialFolder`.
   /// @throws InputError if `target` exists, StorageError if its folder cannot be written.
-  explicit MapPackageWriter(std::filesystem::path target, std::string survivor = {});
+  explicit MapPackageWriter(const std::filesystem::path& target, std::string survivor = {});
   ~MapPackageWriter();
 
   /// Folder to put further files in (trajectory.tum, objects.json, preview.png, ...); all are

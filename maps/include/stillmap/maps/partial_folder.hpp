@@ -15,7 +15,7 @@ class PartialFolder {
   /// @throws InputError if `target` exists or another process fills it right now, StorageError if
   /// its
   ///         parent cannot be written.
-  explicit PartialFolder(std::filesystem::path target, std::string survivor = {});
+  explicit PartialFolder(const std::filesystem::path& target, std::string survivor = {});
   /// Removes what was not published, all but a survivor that exists.
   ~PartialFolder();
   PartialFolder(const PartialFolder&) = delete;

@@ -33,7 +33,7 @@ class PackageStore {
   /// StorageError.
   /// @param calls  outlives this.
   /// @throws InputError when there are packages but no state that names them, or as `StoreState`.
-  explicit PackageStore(std::filesystem::path folder, DiskCalls& calls = DiskCalls::real());
+  explicit PackageStore(const std::filesystem::path& folder, DiskCalls& calls = DiskCalls::real());
   ~PackageStore();
   PackageStore(const PackageStore&) = delete;
   PackageStore& operator=(const PackageStore&) = delete;
