@@ -83,7 +83,7 @@ endfunction()
 # stillmap_test(NAME SOURCES ... LIBRARIES ... LABEL ... [PRIVATE_OF folder] [TIMEOUT seconds]): one GoogleTest program,
 # a test of CTest for each of its suites. PRIVATE_OF lets unit tests reach the private headers of the folder they test.
 function(stillmap_test name)
-  cmake_parse_arguments(ARG "" "LABEL;PRIVATE_OF;TIMEOUT" "SOURCES;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "" "PRIVATE_OF;TIMEOUT" "SOURCES;LIBRARIES;LABEL" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
   if(ARG_PRIVATE_OF)

@@ -27,10 +27,10 @@ def arguments():
     parser.add_argument("--queries", type=int, default=10000, help="of each set, about")
     parser.add_argument("--scans", type=int, default=300, help="of each simulated drive")
     parser.add_argument("--jobs", type=int, default=2, help="drives at the same time")
-    parser.add_argument("--quick", action="store_true", help="what CI runs: of each set 2 seeds, some 100 queries, short drives")
+    parser.add_argument("--quick", action="store_true", help="what CI runs: of each set one seed, some 100 queries, a short drive")
     options = parser.parse_args()
     if options.quick:
-        options.seeds, options.queries, options.scans = 2, 100, 60
+        options.seeds, options.queries, options.scans = 1, 100, 60
     for name in ("seeds", "queries", "scans", "jobs"):
         if getattr(options, name) < 1:
             parser.error(f"--{name}: {getattr(options, name)}, >= 1")
