@@ -52,9 +52,9 @@ function(stillmap_unity target)
     math(EXPR in_part "(${count} + ${parts} - 1) / ${parts}")
     set(index 0)
     foreach(source IN LISTS files_${folder})
-      # Highway compiles such a file once more for each instruction set, by itself.
-      file(STRINGS ${source} per_target REGEX "hwy/foreach_target.h")
-      if(per_target)
+      # Highway compiles such a file once more for each instruction set, by itself; a pragma is for its own file.
+      file(STRINGS ${source} alone REGEX "hwy/foreach_target.h|^#pragma GCC")
+      if(alone)
         set_source_files_properties(${source} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
       endif()
       math(EXPR part "${group} + ${index} / ${in_part}")
