@@ -2,14 +2,13 @@
 
 #include <stillmap/maps/error.hpp>
 
-#include <functional>
 #include <set>
 #include <vector>
 
 namespace stillmap::mapping {
 namespace {
 
-constexpr int kMaxDepth = 8;
+constexpr std::size_t kMaxDepth = 8;
 constexpr std::size_t kLongestText = 60;
 
 std::string one_line(std::string_view text) {
@@ -21,42 +20,60 @@ std::string one_line(std::string_view text) {
   return text.size() > kLongestText ? line + "..." : line;
 }
 
-/// Refuses depth and doubled keys while the text is read, before anything is built of it.
-class Guard {
+/// Refuses depth and doubled keys while the text is read, before anything is built of it. Not as a
+/// callback of `json::parse`, which looks at all of a parent after each of its objects.
+class Guard final : public nlohmann::json::json_sax_t {
  public:
   explicit Guard(const std::string& name) : name_(name) {}
 
-  bool operator()(int depth, nlohmann::json::parse_event_t event, nlohmann::json& value) {
-    using Event = nlohmann::json::parse_event_t;
-    if (depth > kMaxDepth) {
-      throw maps::InputError(name_, "JSON nested more than " + std::to_string(kMaxDepth) + " deep",
-                             "at most that");
-    }
-    if (event == Event::object_start) {
-      keys_.emplace_back();
-    } else if (event == Event::object_end) {
-      keys_.pop_back();
-    } else if (event == Event::key && !keys_.back().insert(value.get<std::string>()).second) {
-      throw maps::InputError(name_, "key " + in_quotes(value.get<std::string>()) + " twice",
-                             "it once");
-    }
-    return true;
+  bool null() override { return true; }
+  bool boolean(bool /*value*/) override { return true; }
+  bool number_integer(number_integer_t /*value*/) override { return true; }
+  bool number_unsigned(number_unsigned_t /*value*/) override { return true; }
+  bool number_float(number_float_t /*value*/, const string_t& /*text*/) override { return true; }
+  bool string(string_t& /*value*/) override { return true; }
+  bool binary(binary_t& /*value*/) override { return true; }
+
+  bool start_object(std::size_t /*unknown*/) override { return open(); }
+  bool end_object() override { return close(); }
+  bool start_array(std::size_t /*unknown*/) override { return open(); }
+  bool end_array() override { return close(); }
+
+  bool key(string_t& key) override {
+    if (keys_.back().insert(key).second) return true;
+    throw maps::InputError(name_, "key " + in_quotes(key) + " twice", "it once");
+  }
+
+  bool parse_error(std::size_t /*at*/, const std::string& /*token*/,
+                   const nlohmann::json::exception& error) override {
+    throw maps::InputError(name_, "no JSON (" + one_line(error.what()) + ")", "JSON");
   }
 
  private:
+  bool open() {
+    if (keys_.size() == kMaxDepth)
+      throw maps::InputError(name_, "JSON nested more than " + std::to_string(kMaxDepth) + " deep",
+                             "at most that");
+    keys_.emplace_back();
+    return true;
+  }
+
+  bool close() {
+    keys_.pop_back();
+    return true;
+  }
+
   const std::string& name_;
+  /// Of each array or object that has not ended; an array has none.
   std::vector<std::set<std::string>> keys_;
 };
 
 }  // namespace
 
 nlohmann::json parse_strict_json(std::string_view text, const std::string& name) {
-  try {
-    Guard guard(name);
-    return nlohmann::json::parse(text, std::ref(guard));
-  } catch (const nlohmann::json::exception& error) {
-    throw maps::InputError(name, "no JSON (" + one_line(error.what()) + ")", "JSON");
-  }
+  Guard guard(name);
+  nlohmann::json::sax_parse(text, &guard);
+  return nlohmann::json::parse(text);
 }
 
 std::string in_quotes(std::string_view text) { return "\"" + one_line(text) + "\""; }

@@ -52,9 +52,7 @@ bool ProgressReader::append(std::string_view bytes) {
 }
 
 bool ProgressReader::read_line(std::string_view text) {
-  // Lines of the mapper are flat.
-  const auto flat = [](int depth, json::parse_event_t, const json&) { return depth <= 1; };
-  const json line = json::parse(text, flat, false);
+  const json line = json::parse(text, nullptr, false);
   const std::optional<double> fraction =
       line.is_object() ? number_in(line, "fraction") : std::nullopt;
   if (!fraction || *fraction > 1.0) {
