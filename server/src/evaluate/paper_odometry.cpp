@@ -15,6 +15,7 @@
 #include "command_line/command_text.hpp"
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
+#include "command_line/table.hpp"
 #include "command_line/text_file.hpp"
 #include "evaluate/commands.hpp"
 #include "evaluate/work_folder.hpp"
