@@ -7,7 +7,7 @@ target_compile_options(stillmap_flags INTERFACE -Wall -Wextra -Wconversion -Wsha
   "$<$<CXX_COMPILER_ID:GNU>:SHELL:--param ggc-min-heapsize=1048576 --param ggc-min-expand=200>"
   # Equal bits for equal input: no fused multiply-add that depends on the compiler's mood.
   -ffp-contract=off
-  # With it poses changed by up to 4 mm with which files were compiled together (GCC 12, -O2; not at -O1 or -O3).
+  # With GCC 12 and -O2, this pass made poses depend on which files are compiled together, by up to 4 mm.
   $<$<CXX_COMPILER_ID:GNU>:-fno-tree-slp-vectorize>)
 if(STILLMAP_SANITIZE)
   target_compile_options(stillmap_flags INTERFACE -fsanitize=${STILLMAP_SANITIZE} -fno-sanitize-recover=all

@@ -97,7 +97,7 @@ export class Run {
     return server.start();
   }
 
-  /** The server on the sample store that the parts of a test share: a part leaves it as it was. */
+  /** One server on the sample store for all parts of a test that ask for it: a part finds what those before it left. */
   async shared() {
     return (this.#shared ??= await this.server());
   }

@@ -3,14 +3,15 @@
 
 usage: request_growth_test.py STILLMAP STORE
 
-The server's processor time is compared at a quarter of the bytes and at all of them, least of three each: above 6 times it
-grows faster than the input. The routes are those of the OpenAPI document.
+The server's processor time is compared at a quarter of the bytes and at all of them: above 6 times it grows faster than the
+input. What does not hold is asked up to three times, and the least counts. The routes are those of the OpenAPI document.
 """
 
 import functools
 import gzip
 import http.client
 import json
+import math
 import os
 import pathlib
 import re
@@ -18,6 +19,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 PROGRAM, STORE = sys.argv[1:3]
@@ -56,7 +58,7 @@ class Growth(unittest.TestCase):
         self.port = int(re.search(r":(\d+)/", self.server.stdout.readline())[1])
         self.connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=120)
         while self.ask("GET", "/readyz")[0] != 200:
-            pass
+            time.sleep(0.05)
 
     def end(self):
         self.connection.close()
@@ -79,14 +81,9 @@ class Growth(unittest.TestCase):
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def cost_s(self, route, body, headers):
-        least, status = 1e9, 0
-        for _ in range(3):
-            begin = self.cpu_s()
-            status, _ = self.ask(*route, body, {"Content-Type": "application/json", **headers})
-            least = min(least, self.cpu_s() - begin)
-            if status == 413:
-                break  # refused by its bytes, or by its values on the way
-        return least, status
+        begin = self.cpu_s()
+        status, _ = self.ask(*route, body, {"Content-Type": "application/json", **headers})
+        return self.cpu_s() - begin, status
 
     def routes(self):
         paths = json.loads(self.ask("GET", "/openapi.json")[1])["paths"]
@@ -98,12 +95,17 @@ class Growth(unittest.TestCase):
 
     def grows_as_bytes(self, route, made, size, headers=None, packed=False):
         pack = gzip.compress if packed else bytes
-        quarter, _ = self.cost_s(route, pack(made(size // 4)), headers or {})
-        whole, status = self.cost_s(route, pack(made(size)), headers or {})
-        self.assertNotIn(status, (0, 500, 503, 504), route)
-        self.assertLess(whole, MOST_S, route)
-        self.assertLess(whole, MOST_GROWTH * max(quarter, LEAST_S), f"{route}: {quarter:.2f} s, then {whole:.2f} s")
-        return whole
+        small, large = pack(made(size // 4)), pack(made(size))
+        quarter = whole = math.inf
+        for _ in range(3):
+            quarter = min(quarter, self.cost_s(route, small, headers or {})[0])
+            cost, status = self.cost_s(route, large, headers or {})
+            whole = min(whole, cost)
+            self.assertNotIn(status, (0, 500, 503, 504), route)
+            most = min(MOST_S, MOST_GROWTH * max(quarter, LEAST_S))
+            if whole < most:
+                return whole
+        self.fail(f"{route}: {quarter:.2f} s for a quarter, then {whole:.2f} s, at most {most:.2f}")
 
     def test_every_route_and_element(self):
         routes = list(self.routes())

@@ -13,7 +13,7 @@ namespace {
 using GateJson = nlohmann::json;
 
 /// A file of a few lines; one that is longer is none.
-constexpr std::streamsize kMostBytes = 65536;
+constexpr std::streamsize kMostBytes = std::streamsize{64} * 1024;
 
 std::string read_some(const std::filesystem::path& file) {
   std::ifstream stream(file, std::ios::binary);

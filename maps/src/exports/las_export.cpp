@@ -77,7 +77,7 @@ void put_header(OutputFile& file, const LasSummary& summary, const std::string& 
   file.put(summary.points);
   // All are first returns of one.
   file.put(summary.points);
-  put_text(file, "", 112);
+  put_text(file, "", std::size_t{14} * 8);
 }
 
 void put_wkt(OutputFile& file, const std::string& wkt) {

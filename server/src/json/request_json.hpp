@@ -11,9 +11,10 @@
 
 namespace stillmap::server {
 
-/// Reads a request's JSON text; an empty one is no JSON.
+/// Reads a request's JSON text, in time that grows as its bytes do; an empty one is no JSON.
 /// @param max_values  in it, arrays and objects counted too: `[]` takes some 20 times its bytes.
-/// @throws ApiError kPayloadTooLarge, kInvalidRequest for what is no JSON or nested deeper than 8.
+/// @throws ApiError kPayloadTooLarge, kInvalidRequest for what is no JSON, is nested deeper than 8
+///   or has a key twice in one object.
 [[nodiscard]] nlohmann::json parse_request_json(
     std::string_view text, std::size_t max_bytes,
     std::size_t max_values = std::numeric_limits<std::size_t>::max());
