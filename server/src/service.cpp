@@ -2,6 +2,7 @@
 
 #include "errors/api_error.hpp"
 #include "errors/refusal_codes.hpp"
+#include "http/header_text.hpp"
 #include "security/guarded_events.hpp"
 
 #include <fmt/format.h>
@@ -14,6 +15,7 @@
 
 #include <algorithm>
 #include <exception>
+#include <span>
 #include <stdexcept>
 #include <thread>
 #include <utility>
@@ -63,8 +65,25 @@ void add_page_headers(HttpResponse& response) {
   response.headers.emplace_back("Referrer-Policy", "no-referrer");
 }
 
-HttpResponse asset_response(const WebAsset& asset) {
-  HttpResponse response{.content_type = asset.content_type, .body = asset.body, .headers = {}};
+/// Bytes that several answers share.
+class SharedBytes final : public BodySource {
+ public:
+  explicit SharedBytes(std::shared_ptr<const std::string> bytes) : bytes_(std::move(bytes)) {}
+  [[nodiscard]] std::uint64_t size() const override { return bytes_->size(); }
+  void read(std::uint64_t offset, std::span<char> to) override {
+    bytes_->copy(to.data(), to.size(), offset);
+  }
+
+ private:
+  std::shared_ptr<const std::string> bytes_;
+};
+
+HttpResponse asset_response(const WebAsset& asset, const HttpRequest& request) {
+  HttpResponse response{.content_type = asset.content_type, .body = {}, .headers = {}};
+  const bool packed = asset.packed && takes_gzip(request.header("accept-encoding"));
+  response.source = std::make_shared<SharedBytes>(packed ? asset.packed : asset.body);
+  if (asset.packed) response.headers.emplace_back("Vary", "Accept-Encoding");
+  if (packed) response.headers.emplace_back("Content-Encoding", "gzip");
   response.headers.emplace_back("Cache-Control",
                                 asset.hashed ? "public, max-age=31536000, immutable" : "no-cache");
   add_page_headers(response);
@@ -108,10 +127,11 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   for (const WebAsset& asset : web) {
     // In a pattern a brace would stand for any name.
     if (asset.path.find('{') != std::string::npos) continue;
-    routes.push_back(
-        {"GET", asset.path,
-         [asset](const HttpRequest&, const PathParameters&) { return asset_response(asset); },
-         Access::kOpen});
+    routes.push_back({"GET", asset.path,
+                      [asset](const HttpRequest& request, const PathParameters&) {
+                        return asset_response(asset, request);
+                      },
+                      Access::kOpen});
   }
   const auto is_page = [](const WebAsset& asset) { return asset.path == "/"; };
   if (std::none_of(web.begin(), web.end(), is_page))

@@ -1,5 +1,7 @@
 #include "web_assets.hpp"
 
+#include "http/gzip.hpp"
+
 #include <stillmap/maps/error.hpp>
 
 #include <array>
@@ -46,10 +48,15 @@ void add_asset(const fs::directory_entry& entry, const std::string& name,
                std::vector<WebAsset>& assets) {
   const std::string_view type = content_type_of(entry.path());
   if (entry.is_symlink() || !entry.is_regular_file() || type.empty()) return;
-  assets.push_back({.path = name == "index.html" ? "/" : "/" + name,
-                    .content_type = std::string(type),
-                    .body = read_file(entry.path()),
-                    .hashed = name.starts_with("assets/")});
+  WebAsset asset{.path = name == "index.html" ? "/" : "/" + name,
+                 .content_type = std::string(type),
+                 .body = std::make_shared<const std::string>(read_file(entry.path())),
+                 .packed = {},
+                 .hashed = name.starts_with("assets/")};
+  std::string packed = pack_gzip(*asset.body);
+  if (packed.size() < asset.body->size())
+    asset.packed = std::make_shared<const std::string>(std::move(packed));
+  assets.push_back(std::move(asset));
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -11,7 +12,10 @@ struct WebAsset {
   /// Such as `/assets/index-4f2a.js`; `/` for index.html.
   std::string path;
   std::string content_type;
-  std::string body;
+  /// Each connection sends from these bytes, so that many at one time take no more memory than one.
+  std::shared_ptr<const std::string> body;
+  /// The same in gzip; null where that saves nothing.
+  std::shared_ptr<const std::string> packed;
   /// Its name changes with its content, so clients may keep it for ever.
   bool hashed = false;
 };

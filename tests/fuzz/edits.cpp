@@ -40,8 +40,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto edits =
       fuzz::taken<maps::InputError>([&] { return maps::parse_edits(text, "edits"); });
   if (edits) require_bounds(*edits);
-  const auto json = fuzz::taken<server::ApiError>(
-      [&] { return server::parse_request_json(text, std::size_t{1} << 20U); });
+  const auto json = fuzz::taken<server::ApiError>([&] {
+    return server::parse_request_json(text,
+                                      {.max_bytes = std::size_t{1} << 20U, .max_values = 300'000});
+  });
   if (!json) return 0;
   // What the store keeps is read as what was sent.
   const std::string kept = json->dump();

@@ -4,7 +4,7 @@
 #include "errors/api_error.hpp"
 #include "fuzz_target.hpp"
 #include "http/content_digest.hpp"
-#include "http/gunzip.hpp"
+#include "http/gzip.hpp"
 #include "http/http_body.hpp"
 #include "http/http_range.hpp"
 #include "log/trace_context.hpp"
@@ -95,7 +95,8 @@ void read_body_rules(const server::RequestHead& head) {
     const server::Route route{
         .method = "PUT", .pattern = "/", .handler = {}, .body = kind, .max_body_bytes = 5000};
     const auto checked = fuzz::taken<server::ApiError>([&] {
-      server::check_body(head, *length, route, kMostUnpacked);
+      server::check_body(head, *length, route,
+                         {.bytes = kMostUnpacked, .json_bytes = kMostUnpacked});
       return true;
     });
     if (checked && kind != server::BodyKind::kNone)

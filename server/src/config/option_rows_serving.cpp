@@ -98,7 +98,9 @@ std::vector<Option> admission_options() {
        .least = kKiB,
        .most = 1024.0 * kGiB,
        .unit = "bytes",
-       .text = "Their bodies together, at least `max_payload_bytes`; one in gzip counts as that."},
+       .text =
+           "Their bodies together, at least `max_payload_bytes`. JSON counts as eight times its "
+           "bytes, a body in gzip as the largest that it may become."},
       {.key = "default_deadline_ms",
        .field = at(&S::default_deadline_ms),
        .least = 1,

@@ -63,6 +63,7 @@ constexpr std::array kErrors = {
     ErrorInfo{ErrorCode::kTooManyRequests, "TooManyRequests", "More than this client's share", 429},
     ErrorInfo{ErrorCode::kHeaderTooLarge, "HeaderTooLarge", "The request's header is too large",
               431},
+    ErrorInfo{ErrorCode::kClientGone, "ClientGone", "The client has left", 499},
     ErrorInfo{ErrorCode::kInternalError, "InternalError", "The server failed", 500},
     ErrorInfo{ErrorCode::kStorageError, "StorageError", "The server could not read its store", 500},
     ErrorInfo{ErrorCode::kNoMapper, "NoMapper", "This server cannot make maps", 501},

@@ -54,6 +54,7 @@ enum class ErrorCode {
   kSuperseded,
   kTooManyRequests,
   kHeaderTooLarge,
+  kClientGone,
   kInternalError,
   kStorageError,
   kNoMapper,

@@ -105,6 +105,7 @@ std::string answer_query(const Context& context, const HttpRequest& request,
 void answer_queries(const Context& context, const HttpRequest& request, const ServedVersion& map,
                     PoseClock::time_point deadline, Batch& batch, AlignmentQueue::Ticket& ticket) {
   for (std::size_t i = 0; i < batch.queries.items.size(); ++i) {
+    require_client(request);
     try {
       batch.answers.push_back({200, counting_refusals(context, map.map, [&] {
                                  if (i > 0) ticket.give_way();
@@ -146,7 +147,8 @@ HttpResponse answer_batch(const Context& context, const HttpRequest& request,
     AlignmentQueue::Ticket ticket = context.queue.enter(reservation_of(request), work);
     context.metrics.queue_waited(1e-3 * milliseconds_since(request.received));
     if (is_json) {
-      batch.queries = read_batch_json(request.body, JsonScan::kInside, *options);
+      batch.queries = read_batch_json(request.body, JsonScan::kInside, *options,
+                                      [&] { require_wanted(request, work.deadline); });
     } else if (!early) {
       batch = read_multipart(*options, parts);
     }

@@ -1,6 +1,7 @@
 #include "context.hpp"
 #include "errors/api_error.hpp"
 #include "http/header_text.hpp"
+#include "jobs/job_request.hpp"
 #include "json/request_json.hpp"
 
 #include <stillmap/maps/edits.hpp>
@@ -39,7 +40,9 @@ std::string read_edits(const HttpRequest& request) {
     throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
                       "application/json");
   }
-  std::string text = parse_request_json(request.body, maps::EditsTable::kMostBytes).dump();
+  std::string text = parse_request_json(request.body, {.max_bytes = maps::EditsTable::kMostBytes,
+                                                       .max_values = kMostEditValues})
+                         .dump();
   try {
     static_cast<void>(maps::parse_edits(text, "edits"));
   } catch (const maps::InputError& error) {

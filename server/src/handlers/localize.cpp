@@ -24,11 +24,10 @@ WorkKind kind_in_head(const HttpRequest& request) {
 }
 
 void align(const Context& context, const ServedVersion& map, PoseRequest& request,
-           PoseClock::time_point deadline, PoseAnswer& answer) {
+           PoseAnswer& answer) {
   PoseParameters& parameters = request.parameters;
   const localization::Aligner& aligner = choose_aligner(*map.aligners, parameters.method);
   parameters.prior = prior_in(map, parameters.prior, parameters.gnss);
-  check_deadline(deadline);
   const PoseClock::time_point begin = PoseClock::now();
   leave_movable_out(request, answer);
   answer.result = aligner.align(request.scan_lidar, parameters.prior);
@@ -54,10 +53,13 @@ HttpResponse answer_localize(const Context& context, const HttpRequest& request,
     answer.timing.wait_ms = milliseconds_since(request.received);
     context.metrics.queue_waited(1e-3 * answer.timing.wait_ms);
     const PoseClock::time_point begin = PoseClock::now();
-    PoseRequest pose_request = decode_scan(std::move(found), context.options);
+    const auto wanted = [&] { require_wanted(request, deadline); };
+    wanted();
+    PoseRequest pose_request = decode_scan(std::move(found), context.options, wanted);
     answer.timing.decode_ms = milliseconds_since(begin);
     deadline = deadline_of(context, request, pose_request.parameters.deadline);
-    align(context, map, pose_request, deadline, answer);
+    wanted();
+    align(context, map, pose_request, answer);
     ticket.scan_done(kind_of(answer.parameters));
   }
   check_deadline(deadline);

@@ -75,16 +75,33 @@ void check_deadline(PoseClock::time_point deadline) {
   throw ApiError(ErrorCode::kDeadlineExceeded, "the deadline passed before the answer was there");
 }
 
+void require_client(const HttpRequest& request) {
+  if (request.client_gone && request.client_gone())
+    throw ApiError(ErrorCode::kClientGone, "the client closed the connection before the answer");
+}
+
+void require_wanted(const HttpRequest& request, PoseClock::time_point deadline) {
+  check_deadline(deadline);
+  require_client(request);
+}
+
 std::size_t body_bytes(const Context& context, const HttpRequest& request) {
-  const std::size_t most = context.options.max_payload_bytes;
+  // A JSON text, the values that are read from it and the points: see `JsonBounds`.
+  constexpr std::size_t kJsonFactor = 8;
+  const ServerOptions& options = context.options;
+  const bool is_json = media_type(request.header("content-type")) == "application/json";
+  const std::size_t most = is_json ? options.max_json_bytes : options.max_payload_bytes;
+  std::size_t bytes = most;
   const std::string encoding = lower(request.header("content-encoding"));
   // Deflate packs up to a thousand to one, so the packed length bounds nothing.
-  if (!encoding.empty() && encoding != "identity") return most;
-  const std::string text = request.header("content-length");
-  std::size_t bytes = request.body.size();
-  std::from_chars(text.data(), text.data() + text.size(), bytes);
+  if (encoding.empty() || encoding == "identity") {
+    const std::string text = request.header("content-length");
+    bytes = request.body.size();
+    std::from_chars(text.data(), text.data() + text.size(), bytes);
+  }
   // A longer one is refused right after.
-  return std::min(bytes, most);
+  bytes = std::min(bytes, most);
+  return is_json ? std::min(kJsonFactor * bytes, options.max_bodies_bytes) : bytes;
 }
 
 std::shared_ptr<void> reserve_room(const Context& context, const HttpRequest& request,

@@ -38,6 +38,11 @@ void require_ready(const Context& context, const PathParameters& path);
                                                 std::optional<std::chrono::milliseconds> deadline);
 /// @throws ApiError kDeadlineExceeded.
 void check_deadline(PoseClock::time_point deadline);
+/// @throws ApiError kClientGone.
+void require_client(const HttpRequest& request);
+/// Looks whether work for a request is still of use: call it between steps that take long.
+/// @throws ApiError kDeadlineExceeded, kClientGone.
+void require_wanted(const HttpRequest& request, PoseClock::time_point deadline);
 
 /// Room for a request with a scan, by its head alone; goes into `HttpRequest::reservation`.
 /// @param units  scans in it. @throws ApiError kBusy, kTooManyRequests.

@@ -138,6 +138,7 @@ HttpResponse track_scan(const Context& context, const HttpRequest& request,
     answer.timing.wait_ms = milliseconds_since(request.received);
     context.metrics.queue_waited(1e-3 * answer.timing.wait_ms);
     const PoseClock::time_point begin = PoseClock::now();
+    require_wanted(request, deadline);
     PoseRequest pose_request = decode_scan(std::move(found), context.options);
     answer.timing.decode_ms = milliseconds_since(begin);
     const PoseClock::time_point aligning = PoseClock::now();

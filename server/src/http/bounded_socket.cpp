@@ -1,11 +1,16 @@
 #include "http/bounded_socket.hpp"
 
+#include <linux/sockios.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <poll.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <thread>
 
 namespace stillmap::server {
 namespace {
@@ -133,6 +138,7 @@ long BoundedSocket::write(const char* from, std::size_t size) {
     sending_ = true;
     send_until_ = Clock::now() + limits_.transfer;
   }
+  failed_ = true;  // until all is written
   std::size_t sent = 0;
   while (sent < size) {
     const Moved moved = send_some(from + sent, size - sent);
@@ -144,6 +150,7 @@ long BoundedSocket::write(const char* from, std::size_t size) {
       return -1;
     }
   }
+  failed_ = false;
   return static_cast<long>(sent);
 }
 
@@ -154,16 +161,48 @@ bool BoundedSocket::peer_left() const {
   return ::poll(&entry, 1, 0) > 0;
 }
 
-void BoundedSocket::linger() {
+/// What the peer's machine has not acknowledged, the end of the connection (1) included.
+int BoundedSocket::untaken_bytes() const {
+  int bytes = 0;
+  return ::ioctl(socket_, SIOCOUTQ, &bytes) == 0 ? bytes : 0;
+}
+
+void BoundedSocket::reset_at_close() const {
+  const linger at_once{.l_onoff = 1, .l_linger = 0};
+  ::setsockopt(socket_, SOL_SOCKET, SO_LINGER, &at_once, sizeof(at_once));
+}
+
+void BoundedSocket::finish() {
   constexpr std::size_t kMostBytes = std::size_t{16} << 20U;
+  constexpr std::chrono::milliseconds kLookEvery(50);
+  constexpr int kEnd = 1;
+  if (failed_) return reset_at_close();
   if (tls_) tls_->end();
   ::shutdown(socket_, SHUT_WR);
-  const Clock::time_point until = Clock::now() + std::chrono::seconds(1);
-  for (std::size_t taken = 0; taken < kMostBytes && wait(POLLIN, until);) {
-    const ssize_t got = ::recv(socket_, buffer_.data(), buffer_.size(), MSG_DONTWAIT);
-    if (got <= 0) return;
-    taken += static_cast<std::size_t>(got);
+  const Clock::time_point receive_until = Clock::now() + std::chrono::seconds(1);
+  int untaken = untaken_bytes();
+  Clock::time_point stall_until = Clock::now() + limits_.stall;
+  for (std::size_t received = 0; received < kMostBytes;) {
+    const Clock::time_point now = Clock::now();
+    if (now > receive_until && untaken <= kEnd) return;
+    if (wait(POLLIN, now + kLookEvery)) {
+      const ssize_t got = ::recv(socket_, buffer_.data(), buffer_.size(), MSG_DONTWAIT);
+      if (got < 0 && (errno == EAGAIN || errno == EINTR)) continue;
+      // After the peer's own end it may still take what was sent to it.
+      if (got < 0 || (got == 0 && untaken_bytes() <= kEnd)) return;
+      if (got == 0) std::this_thread::sleep_for(kLookEvery);
+      received += static_cast<std::size_t>(got);
+    }
+    const int left = untaken_bytes();
+    if (left < untaken) stall_until = Clock::now() + limits_.stall;
+    if (left > kEnd && Clock::now() > std::min(stall_until, send_until_)) return reset_at_close();
+    untaken = left;
   }
+  if (untaken > kEnd) reset_at_close();
+}
+
+void BoundedSocket::finish_idle() {
+  if (failed_ || untaken_bytes() > 0) finish();
 }
 
 }  // namespace stillmap::server

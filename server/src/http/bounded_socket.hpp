@@ -57,11 +57,15 @@ class BoundedSocket {
   /// The next piece of an answer that goes on as long as both want has the time of a whole one.
   void restart_send() { sending_ = false; }
   [[nodiscard]] bool can_write() const;
-  /// Says that no more is written and takes what is still under way, so that the peer reads the
-  /// last answer instead of a reset. Short: a bounded number of bytes and one second.
-  void linger();
+  /// Says that no more is written, and waits while the peer takes what was. It takes what is still
+  /// under way, so that the peer reads the last answer instead of a reset: a bounded number of
+  /// bytes and one second. A peer that does not take its answer within the limits is reset when the
+  /// socket is closed, since the kernel would keep the answer for it long after.
+  void finish();
+  /// The same where no answer is under way, without waiting for the peer.
+  void finish_idle();
 
-  /// Whether the peer sends no more, which of a client that listens to events means that it went.
+  /// Whether the peer sends no more, which of a client that waits for an answer means that it went.
   [[nodiscard]] bool peer_left() const;
 
   [[nodiscard]] bool is_tls() const { return tls_ != nullptr; }
@@ -75,6 +79,8 @@ class BoundedSocket {
   [[nodiscard]] bool fill(Clock::time_point until);
   [[nodiscard]] long receive(char* to, std::size_t size, Clock::time_point until);
   [[nodiscard]] HeadState take_head(std::string& head);
+  [[nodiscard]] int untaken_bytes() const;
+  void reset_at_close() const;
 
   int socket_;
   ConnectionLimits limits_;
@@ -86,6 +92,8 @@ class BoundedSocket {
   /// Of the line of the head that is being read.
   std::size_t line_bytes_ = 0;
   bool sending_ = false;
+  /// An answer broke off.
+  bool failed_ = false;
   Clock::time_point receive_until_;
   Clock::time_point send_until_;
 };

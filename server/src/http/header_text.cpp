@@ -47,4 +47,16 @@ std::string parameter_of(std::string_view header, std::string_view name) {
   return {};
 }
 
+bool takes_gzip(std::string_view accept_encoding) {
+  for (std::size_t begin = 0; begin < accept_encoding.size();) {
+    const std::size_t end = std::min(accept_encoding.find(',', begin), accept_encoding.size());
+    const std::string_view item = accept_encoding.substr(begin, end - begin);
+    const std::string weight = parameter_of(item, "q");
+    const bool refused = !weight.empty() && weight.find_first_not_of("0.") == std::string::npos;
+    if (media_type(item) == "gzip") return !refused;
+    begin = end + 1;
+  }
+  return false;
+}
+
 }  // namespace stillmap::server

@@ -14,4 +14,7 @@ namespace stillmap::server {
 /// escapes.
 [[nodiscard]] std::string parameter_of(std::string_view header, std::string_view name);
 
+/// Whether a client takes gzip. @param accept_encoding  value of its header.
+[[nodiscard]] bool takes_gzip(std::string_view accept_encoding);
+
 }  // namespace stillmap::server

@@ -1,7 +1,7 @@
 #include "http/http_body.hpp"
 
 #include "errors/api_error.hpp"
-#include "http/gunzip.hpp"
+#include "http/gzip.hpp"
 #include "http/header_text.hpp"
 
 #include <fmt/format.h>
@@ -49,21 +49,23 @@ std::optional<std::uint64_t> announced_length(const RequestHead& head) {
   return length;
 }
 
-std::size_t most_whole_bytes(const Route& route, std::size_t max_whole_bytes) {
-  if (route.max_body_bytes == 0) return max_whole_bytes;
-  return static_cast<std::size_t>(std::min<std::uint64_t>(route.max_body_bytes, max_whole_bytes));
+std::size_t most_whole_bytes(const RequestHead& head, const Route& route,
+                             const WholeBodyLimits& limits) {
+  const bool is_json = media_type(head.value("content-type")) == "application/json";
+  const std::size_t most = is_json ? limits.json_bytes : limits.bytes;
+  if (route.max_body_bytes == 0) return most;
+  return static_cast<std::size_t>(std::min<std::uint64_t>(route.max_body_bytes, most));
 }
 
 void check_body(const RequestHead& head, std::optional<std::uint64_t> length, const Route& route,
-                std::size_t max_whole_bytes) {
+                const WholeBodyLimits& limits) {
   if (route.body == BodyKind::kNone) return;
   // A body whose length is not known could not be refused before it is there.
   if (!length) {
     throw ApiError(ErrorCode::kLengthRequired, "send Content-Length; chunks are not taken");
   }
   const bool whole = route.body == BodyKind::kWhole;
-  const std::uint64_t most =
-      whole ? most_whole_bytes(route, max_whole_bytes) : route.max_body_bytes;
+  const std::uint64_t most = whole ? most_whole_bytes(head, route, limits) : route.max_body_bytes;
   if (*length > most) throw too_large(fmt::format("{} bytes", *length), most);
   // What is streamed carries its own packing.
   const std::string encoding = content_encoding(head);

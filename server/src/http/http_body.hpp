@@ -34,14 +34,20 @@ class SocketBody final : public BodyStream {
 /// @throws ApiError for a length that is none.
 [[nodiscard]] std::optional<std::uint64_t> announced_length(const RequestHead& head);
 
+/// Largest bodies that are held as a whole, unpacked.
+struct WholeBodyLimits {
+  std::size_t bytes = 0;
+  /// Of JSON.
+  std::size_t json_bytes = 0;
+};
+
 /// What a route takes at most of a body that is held as a whole, unpacked.
-/// @param max_whole_bytes  of any route.
-[[nodiscard]] std::size_t most_whole_bytes(const Route& route, std::size_t max_whole_bytes);
+[[nodiscard]] std::size_t most_whole_bytes(const RequestHead& head, const Route& route,
+                                           const WholeBodyLimits& limits);
 
 /// @throws ApiError when a route takes no body of this length or encoding.
-/// @param max_whole_bytes  of a body that is held as a whole.
 void check_body(const RequestHead& head, std::optional<std::uint64_t> length, const Route& route,
-                std::size_t max_whole_bytes);
+                const WholeBodyLimits& limits);
 
 /// Reads all of a body, and unpacks it when it comes in gzip.
 /// @throws ApiError when it is larger than `most` once unpacked, ends early or cannot be unpacked.

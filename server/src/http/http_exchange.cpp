@@ -47,21 +47,10 @@ struct Exchange {
   bool reusable = false;
   /// What the client is told of it.
   bool keeps = false;
+  /// Memory for the answer.
+  std::shared_ptr<void> answer_place{};
 };
 thread_local Exchange* current_exchange = nullptr;
-
-bool takes_gzip(const RequestHead& head) {
-  const std::string text = head.value("accept-encoding");
-  for (std::size_t begin = 0; begin < text.size();) {
-    const std::size_t end = std::min(text.find(',', begin), text.size());
-    const std::string_view item = std::string_view(text).substr(begin, end - begin);
-    const std::string weight = parameter_of(item, "q");
-    const bool refused = !weight.empty() && weight.find_first_not_of("0.") == std::string::npos;
-    if (media_type(item) == "gzip") return !refused;
-    begin = end + 1;
-  }
-  return false;
-}
 
 /// What the library sees of a request: the target, whose decoding is its work, and whether the
 /// answer may be packed. Its own reading of headers decodes percent signs in them, its ranges and
@@ -69,9 +58,10 @@ bool takes_gzip(const RequestHead& head) {
 /// take a second for each megabyte.
 std::string head_for_library(const Exchange& exchange) {
   if (exchange.refusal) return "GET / HTTP/1.1\r\n\r\n";
-  return fmt::format("{} {} HTTP/1.1\r\n{}\r\n", exchange.head.method == "HEAD" ? "HEAD" : "GET",
-                     exchange.head.target,
-                     takes_gzip(exchange.head) ? "Accept-Encoding: gzip\r\n" : "");
+  return fmt::format(
+      "{} {} HTTP/1.1\r\n{}\r\n", exchange.head.method == "HEAD" ? "HEAD" : "GET",
+      exchange.head.target,
+      takes_gzip(exchange.head.value("accept-encoding")) ? "Accept-Encoding: gzip\r\n" : "");
 }
 
 /// Reads from a head in memory, writes to the connection.
@@ -135,6 +125,7 @@ void complete_request(Exchange& exchange, const httplib::Request& from) {
   request.path = from.path;
   request.query.assign(from.params.begin(), from.params.end());
   for (const auto& [name, value] : exchange.head.fields) request.headers.emplace(name, value);
+  request.client_gone = [&socket = exchange.socket] { return socket.peer_left(); };
 }
 
 void invite_body(Exchange& exchange, std::uint64_t length) {
@@ -222,7 +213,7 @@ class HttpExchange::Library final : public httplib::Server {
     exchange.log->context().key_id = exchange.request.caller.key_id;
     const Route& route = *exchange.match.route;
     if (exchange.head.method == "GET") static_cast<void>(parse_range(exchange.head.value("range")));
-    check_body(exchange.head, length, route, limits_.max_body_bytes);
+    check_body(exchange.head, length, route, limits_.bodies);
     if (route.body != BodyKind::kNone) return respond_to_body(exchange, length.value_or(0));
     exchange.received();
     return handler_.handle(exchange.request, exchange.match);
@@ -233,8 +224,9 @@ class HttpExchange::Library final : public httplib::Server {
     invite_body(exchange, length);
     SocketBody body(exchange.socket, length);
     if (exchange.match.route->body == BodyKind::kWhole) {
-      request.body = read_whole(body, exchange.head,
-                                most_whole_bytes(*exchange.match.route, limits_.max_body_bytes));
+      request.body =
+          read_whole(body, exchange.head,
+                     most_whole_bytes(exchange.head, *exchange.match.route, limits_.bodies));
       request.received = std::chrono::steady_clock::now();
     } else {
       request.stream = &body;
@@ -261,12 +253,25 @@ class HttpExchange::Library final : public httplib::Server {
     const std::uint64_t size = size_of(response);
     try {
       if (response.events) context.event_slot = take_event_slot(exchange.request.caller);
+      exchange.answer_place = take_answer_place(response.body.size());
       fill_answer(to, std::move(response), context);
     } catch (const ApiError& error) {
       fill_answer(to, refuse(exchange, error), context);
     }
     note(exchange, to.status, size);
     exchange.socket.restart_send();
+  }
+
+  /// Clients that take their answers slowly must not fill the memory.
+  std::shared_ptr<void> take_answer_place(std::size_t bytes) {
+    constexpr std::size_t kSmall = std::size_t{64} << 10U;
+    if (bytes <= kSmall) return {};
+    std::shared_ptr<void> place(
+        this, [bytes](void* self) { static_cast<Library*>(self)->answers_bytes_ -= bytes; });
+    if ((answers_bytes_ += bytes) > limits_.answers_bytes)
+      throw ApiError(ErrorCode::kBusy, "too many large answers are being sent; ask again later")
+          .with_header("Retry-After", "1");
+    return place;
   }
 
   std::shared_ptr<void> take_event_slot(const Caller& caller) {
@@ -330,6 +335,7 @@ class HttpExchange::Library final : public httplib::Server {
   const RequestHandler& handler_;
   Metrics* metrics_;
   SharedPlaces event_places_;
+  std::atomic<std::size_t> answers_bytes_ = 0;
   std::atomic<bool> closing_ = false;
   std::atomic<bool> stopping_ = false;
 };

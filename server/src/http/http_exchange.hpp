@@ -1,6 +1,7 @@
 #pragma once
 
 #include "http/bounded_socket.hpp"
+#include "http/http_body.hpp"
 #include "http/request_handler.hpp"
 #include "operation/metrics.hpp"
 
@@ -15,8 +16,10 @@ namespace stillmap::server {
 class HttpExchange {
  public:
   struct Limits {
-    /// Of a body that is held as a whole, unpacked.
-    std::size_t max_body_bytes = 0;
+    WholeBodyLimits bodies = {};
+    /// Of the answers that are held in memory while they are sent, together; small ones are not
+    /// counted.
+    std::size_t answers_bytes = 0;
     std::size_t event_streams = 0;
     /// Share of them that one key may hold, in (0, 1].
     double client_share = 0.5;

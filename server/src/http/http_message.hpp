@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -65,6 +66,9 @@ struct HttpRequest {
   BodyStream* stream = nullptr;
   std::string request_id;
   Caller caller;
+  /// Whether whoever asked has closed the connection, so that the answer is of no use; safe from
+  /// the handler's thread. None = there is no connection.
+  std::function<bool()> client_gone;
   /// What the route's `reserve` returned; given back once the request is answered.
   std::shared_ptr<void> reservation;
   std::chrono::steady_clock::time_point received = std::chrono::steady_clock::now();

@@ -81,8 +81,9 @@ Endpoint main_endpoint(const ServerOptions& options) {
           .tls = options.tls,
           .connections = static_cast<std::size_t>(options.connections),
           .event_streams = static_cast<std::size_t>(options.event_streams),
+          .answers_bytes = options.max_bodies_bytes,
           .client_share = options.client_share,
-          .max_body_bytes = options.max_payload_bytes,
+          .bodies = {.bytes = options.max_payload_bytes, .json_bytes = options.max_json_bytes},
           .limits = {.keep_alive = std::chrono::seconds(options.keep_alive_s),
                      .stall = std::chrono::seconds(options.stall_timeout_s),
                      .transfer = std::chrono::seconds(options.transfer_timeout_s),
@@ -109,7 +110,8 @@ class HttpServer::Listener {
         metrics_(metrics),
         wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
         exchange_(
-            {.max_body_bytes = endpoint.max_body_bytes,
+            {.bodies = endpoint.bodies,
+             .answers_bytes = endpoint.answers_bytes,
              .event_streams = endpoint.event_streams,
              .client_share = endpoint.client_share,
              .keep_alive = std::chrono::floor<std::chrono::seconds>(endpoint.limits.keep_alive)},
@@ -253,11 +255,11 @@ class HttpServer::Listener {
     for (int left = kMostRequests; left > 0; --left) {
       connections_.set(handle, Connections::State::kIdle);
       // Looked at after the state is set: a stop first says that it stops, then wakes the idle.
-      if (closed_ || !socket.wait_for_request()) return;
+      if (closed_ || !socket.wait_for_request()) return socket.finish_idle();
       connections_.set(handle, Connections::State::kReceiving);
       const bool goes_on = exchange_.serve(
           socket, left == 1, [&] { connections_.set(handle, Connections::State::kAnswering); });
-      if (!goes_on) return socket.linger();
+      if (!goes_on) return socket.finish();
     }
   }
 

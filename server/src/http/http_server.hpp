@@ -1,6 +1,7 @@
 #pragma once
 
 #include "http/bounded_socket.hpp"
+#include "http/http_body.hpp"
 #include "http/request_handler.hpp"
 #include "operation/metrics.hpp"
 
@@ -23,10 +24,11 @@ struct Endpoint {
   /// At one time.
   std::size_t connections = 1;
   std::size_t event_streams = 0;
+  /// Of the answers that are being sent from memory, together.
+  std::size_t answers_bytes = std::size_t{64} << 20U;
   /// Share of them that one key may hold, in (0, 1].
   double client_share = 0.5;
-  /// Of a body that is held as a whole, unpacked.
-  std::size_t max_body_bytes = 0;
+  WholeBodyLimits bodies = {};
   ConnectionLimits limits;
   DrainOptions drain;
 };

@@ -4,6 +4,7 @@
 #include "http/header_text.hpp"
 
 #include <algorithm>
+#include <array>
 
 namespace stillmap::server {
 namespace {
@@ -35,22 +36,36 @@ std::string_view next_line(std::string_view& rest) {
   return line;
 }
 
-/// "http://host/path", which every server has to take, means "/path".
-std::string_view without_authority(std::string_view target) {
+/// Takes the host off "http://host/path", which every server has to take and which means "/path".
+/// @return the host; empty when the target has none.
+std::string_view take_authority(std::string_view& target) {
   for (const std::string_view scheme : {"http://", "https://"}) {
     if (!lower(target.substr(0, scheme.size())).starts_with(scheme)) continue;
-    const std::size_t path = target.find('/', scheme.size());
-    return path == std::string_view::npos ? "/" : target.substr(path);
+    const std::size_t begin = scheme.size();
+    const std::size_t end = std::min(target.find_first_of("/?", begin), target.size());
+    const std::string_view authority = target.substr(begin, end - begin);
+    if (authority.empty()) refuse_head("a target without a host");
+    target = end == target.size() ? "/" : target.substr(end);
+    return authority;
   }
-  return target;
+  return {};
 }
 
-void parse_request_line(std::string_view line, RequestHead& head) {
+/// Proxies differ in whether they decode these before they compare paths with their rules.
+bool has_encoded_separator(std::string_view target) {
+  const std::string path = lower(target.substr(0, target.find('?')));
+  return path.find("%2f") != std::string::npos || path.find("%5c") != std::string::npos;
+}
+
+/// @return the host in the target, if there is one.
+std::string parse_request_line(std::string_view line, RequestHead& head) {
   const std::size_t first = line.find(' ');
   const std::size_t last = line.rfind(' ');
   if (first == std::string_view::npos || first == last) refuse_head("the request line");
   head.method = line.substr(0, first);
-  head.target = without_authority(line.substr(first + 1, last - first - 1));
+  std::string_view target = line.substr(first + 1, last - first - 1);
+  std::string authority(take_authority(target));
+  head.target = target;
   const std::string_view version = line.substr(last + 1);
   if (!is_token(head.method)) refuse_head("the method");
   const auto unfit = [](char c) { return is_control(c) || c == ' '; };
@@ -58,8 +73,11 @@ void parse_request_line(std::string_view line, RequestHead& head) {
       std::any_of(head.target.begin(), head.target.end(), unfit)) {
     refuse_head("the target");
   }
+  if (has_encoded_separator(head.target))
+    refuse_head("an encoded slash or backslash in the path; send it as it is, or leave it out");
   if (version != "HTTP/1.1" && version != "HTTP/1.0") refuse_head("the version");
   head.old_version = version == "HTTP/1.0";
+  return authority;
 }
 
 void parse_field(std::string_view line, RequestHead& head) {
@@ -74,14 +92,26 @@ void parse_field(std::string_view line, RequestHead& head) {
   head.fields.emplace_back(lower(line.substr(0, colon)), value);
 }
 
-void check_framing(const RequestHead& head) {
-  const std::size_t lengths = head.count("content-length");
-  if (lengths > 1) refuse_head("more than one Content-Length");
-  if (lengths > 0 && head.count("transfer-encoding") > 0) {
+/// Headers that the server acts on and that may stand once: of two, another reader might take the
+/// other one.
+constexpr std::array<std::string_view, 14> kOnce = {
+    "authorization", "content-digest",  "content-encoding", "content-length",
+    "content-type",  "expect",          "if-match",         "if-none-match",
+    "if-range",      "idempotency-key", "last-event-id",    "origin",
+    "range",         "sec-fetch-site"};
+
+/// @param authority  the host in the target; empty when it has none.
+void check_fields(const RequestHead& head, const std::string& authority) {
+  for (const std::string_view name : kOnce)
+    if (head.count(name) > 1) refuse_head("more than one " + std::string(name));
+  if (head.count("content-length") > 0 && head.count("transfer-encoding") > 0) {
     refuse_head("both Content-Length and Transfer-Encoding");
   }
   const std::size_t hosts = head.count("host");
   if (hosts > 1 || (hosts == 0 && !head.old_version)) refuse_head("not one Host");
+  // RFC 9112, 3.2.2 has the target's host count; a proxy may have gone by the other.
+  if (!authority.empty() && lower(authority) != lower(head.value("host")))
+    refuse_head("a target whose host is not that of Host");
 }
 
 }  // namespace
@@ -105,11 +135,11 @@ bool RequestHead::wants_close() const {
 
 RequestHead parse_head(std::string_view head) {
   RequestHead result;
-  parse_request_line(next_line(head), result);
+  const std::string authority = parse_request_line(next_line(head), result);
   for (std::string_view line = next_line(head); !line.empty(); line = next_line(head)) {
     parse_field(line, result);
   }
-  check_framing(result);
+  check_fields(result, authority);
   return result;
 }
 

@@ -27,8 +27,9 @@ struct RequestHead {
 
 /// Reads a head as RFC 9112 has it. Whatever two readers could take for different requests is
 /// refused, since a proxy in front might be the other reader: bare line feeds, folded lines, blanks
-/// before a colon, control characters, a body length next to a transfer coding, two lengths, no or
-/// two hosts.
+/// before a colon, control characters, a body length next to a transfer coding, no or two hosts,
+/// another host in the target, encoded slashes in its path, and twice one of the headers that the
+/// server acts on.
 /// @param head  from the request line up to and including the empty line.
 /// @throws ApiError kInvalidRequest.
 [[nodiscard]] RequestHead parse_head(std::string_view head);

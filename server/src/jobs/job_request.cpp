@@ -20,6 +20,8 @@ namespace {
 
 using nlohmann::json;
 
+const JsonBounds kRebuildBounds{.max_bytes = kMostRebuildJson, .max_values = kMostEditValues};
+
 /// Drives of one rebuild.
 constexpr std::size_t kMostDrives = 100;
 
@@ -190,7 +192,7 @@ std::string_view name_of(RebuildRequest::EditsFrom from) {
 }
 
 RebuildRequest read_rebuild_request(std::string_view text) {
-  return read_request(parse_request_json(text, kMostRebuildJson));
+  return read_request(parse_request_json(text, kRebuildBounds));
 }
 
 std::string to_json(const RebuildRequest& request) { return as_asked(request).dump(); }
@@ -225,7 +227,7 @@ RebuildRequest read_stored_rebuild(std::string_view text) {
 }
 
 ConvertRequest read_convert_request(std::string_view text) {
-  const json request = parse_request_json(text, kMostRebuildJson);
+  const json request = parse_request_json(text, kRebuildBounds);
   return {.version = request.at("version"),
           .sha256 = request.at("sha256"),
           .format = request.at("format")};

@@ -47,6 +47,8 @@ struct ConvertRequest {
 
 /// Most bytes of a rebuild's JSON: edits are some 200 bytes for each object.
 inline constexpr std::size_t kMostRebuildJson = std::size_t{1} << 20U;
+/// Of corrections, and so of a rebuild that brings some.
+inline constexpr std::size_t kMostEditValues = 300'000;
 
 /// Without `options.edits` they are to come from those saved.
 /// @throws ApiError with the path of what is wrong; unknown keys are refused.

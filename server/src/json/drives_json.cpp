@@ -10,6 +10,8 @@
 namespace stillmap::server {
 namespace {
 
+const JsonBounds kDriveBounds{.max_bytes = kMostDriveJson, .max_values = 100};
+
 constexpr std::size_t kLongestName = 200;
 
 Json to_json(const maps::DrivePart& part) {
@@ -49,7 +51,7 @@ bool is_control(char byte) { return static_cast<unsigned char>(byte) < 0x20 || b
 
 std::string read_drive_json(std::string_view text) {
   if (text.empty()) return {};
-  const nlohmann::json request = parse_request_json(text, kMostDriveJson);
+  const nlohmann::json request = parse_request_json(text, kDriveBounds);
   require_keys(request, "", {"name"});
   if (!request.contains("name")) return {};
   const nlohmann::json& found = request["name"];
@@ -61,7 +63,7 @@ std::string read_drive_json(std::string_view text) {
 }
 
 UploadRequest read_upload_json(std::string_view text) {
-  const nlohmann::json request = parse_request_json(text, kMostDriveJson);
+  const nlohmann::json request = parse_request_json(text, kDriveBounds);
   require_keys(request, "", {"version", "content_type"});
   UploadRequest result{.version = text_at(request, "version"),
                        .content_type = text_at(request, "content_type")};

@@ -31,7 +31,8 @@ maps::KeyScopes read_scopes(const RequestJson& request) {
 }  // namespace
 
 KeyRequest read_key_request(std::string_view text) {
-  const RequestJson request = parse_request_json(text, kMostKeyJson);
+  const RequestJson request =
+      parse_request_json(text, {.max_bytes = kMostKeyJson, .max_values = 100});
   require_keys(request, "", {"name", "scopes", "expires_days"});
   KeyRequest result;
   const RequestJson name = request.value("name", RequestJson());

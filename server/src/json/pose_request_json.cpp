@@ -20,9 +20,8 @@ namespace {
 
 using RequestJson = nlohmann::json;
 
-RequestJson parse(std::string_view text, const ServerOptions& options) {
-  return parse_request_json(text, options.max_json_bytes);
-}
+/// Of one query without its points: 500 boxes of 10 values each, and some 100 for the rest.
+constexpr std::size_t kMostQueryValues = 6'000;
 
 template <std::size_t kCount>
 std::array<double, kCount> read_numbers(const RequestJson& object, const char* key,
@@ -167,27 +166,15 @@ PoseParameters read_parameters(const RequestJson& request) {
   return parameters;
 }
 
-maps::PointCloud read_points(const RequestJson& request, const ServerOptions& options) {
-  const auto points = request.find("points");
-  if (points == request.end())
+/// @param lists  those of the whole text; the request's own is moved out.
+maps::PointCloud take_points(const RequestJson& request, std::vector<JsonPoints>& lists) {
+  const auto found = request.find("points");
+  if (found == request.end())
     throw field_error(ErrorCode::kInvalidRequest, "points", "nothing", "an array");
-  if (!points->is_array()) refuse("points", *points, "an array");
-  if (points->size() > options.max_scan_points) {
-    throw field_error(ErrorCode::kPayloadTooLarge, "points",
-                      fmt::format("{} points", points->size()),
-                      fmt::format("at most {}", options.max_scan_points));
-  }
+  JsonPoints& list = lists.at(found->get<std::size_t>());
+  if (list.error) throw ApiError(*list.error);
   maps::PointCloud cloud;
-  cloud.positions.reserve(points->size());
-  for (std::size_t place = 0; place < points->size(); ++place) {
-    const RequestJson& point = (*points)[place];
-    bool usable = point.is_array() && point.size() == 3;
-    for (std::size_t i = 0; usable && i < 3; ++i) usable = point[i].is_number();
-    if (!usable) refuse(fmt::format("points[{}]", place), point, "[x, y, z]");
-    const Eigen::Vector3f p(point[0].get<float>(), point[1].get<float>(), point[2].get<float>());
-    // "No return", as in the other formats.
-    if (p != Eigen::Vector3f::Zero()) cloud.positions.push_back(p);
-  }
+  cloud.positions = std::move(list.positions);
   return cloud;
 }
 
@@ -206,23 +193,45 @@ std::vector<std::string_view> known_keys(JsonScan scan, ScanPurpose purpose) {
 }
 
 JsonPoseRequest read_request(const RequestJson& request, JsonScan scan, ScanPurpose purpose,
-                             const ServerOptions& options) {
+                             std::vector<JsonPoints>& lists) {
   require_keys(request, "", known_keys(scan, purpose));
   JsonPoseRequest result;
   result.parameters = read_parameters(request);
-  if (scan == JsonScan::kInside) result.scan_lidar = read_points(request, options);
+  if (scan == JsonScan::kInside) result.scan_lidar = take_points(request, lists);
   return result;
+}
+
+/// @param depth  of the objects that are queries.
+JsonWithPoints parse(std::string_view text, JsonScan scan, const ServerOptions& options,
+                     const JsonBounds& bounds, std::size_t depth) {
+  if (scan != JsonScan::kInside) return {parse_request_json(text, bounds), {}};
+  return parse_json_with_points(text, bounds, depth, options.max_scan_points);
 }
 
 }  // namespace
 
 JsonPoseRequest read_pose_request_json(std::string_view text, JsonScan scan, ScanPurpose purpose,
-                                       const ServerOptions& options) {
-  return read_request(parse(text, options), scan, purpose, options);
+                                       const ServerOptions& options,
+                                       std::function<void()> require_wanted) {
+  JsonWithPoints parsed = parse(text, scan, options,
+                                {.max_bytes = options.max_json_bytes,
+                                 .max_values = kMostQueryValues,
+                                 .require_wanted = std::move(require_wanted)},
+                                1);
+  return read_request(parsed.json, scan, purpose, parsed.lists);
 }
 
-JsonBatch read_batch_json(std::string_view text, JsonScan scan, const ServerOptions& options) {
-  const RequestJson batch = parse(text, options);
+JsonBatch read_batch_json(std::string_view text, JsonScan scan, const ServerOptions& options,
+                          std::function<void()> require_wanted) {
+  const auto most = static_cast<std::size_t>(options.batch.max_scans);
+  // A query stands in the array of queries, which stands in the request.
+  constexpr std::size_t kQueryDepth = 3;
+  JsonWithPoints parsed = parse(text, scan, options,
+                                {.max_bytes = options.max_json_bytes,
+                                 .max_values = kMostQueryValues * most,
+                                 .require_wanted = std::move(require_wanted)},
+                                kQueryDepth);
+  const RequestJson& batch = parsed.json;
   require_keys(batch, "", {"queries", "deadline_ms"});
   JsonBatch result;
   if (const auto found = batch.find("deadline_ms"); found != batch.end()) {
@@ -232,7 +241,6 @@ JsonBatch read_batch_json(std::string_view text, JsonScan scan, const ServerOpti
   if (queries == batch.end() || !queries->is_array()) {
     throw field_error(ErrorCode::kInvalidRequest, "queries", "no array", "an array");
   }
-  const auto most = static_cast<std::size_t>(options.batch.max_scans);
   if (queries->empty() || queries->size() > most) {
     throw field_error(queries->empty() ? ErrorCode::kInvalidRequest : ErrorCode::kPayloadTooLarge,
                       "queries", fmt::format("{} queries", queries->size()),
@@ -241,7 +249,7 @@ JsonBatch read_batch_json(std::string_view text, JsonScan scan, const ServerOpti
   for (const RequestJson& each : *queries) {
     JsonBatch::Item& item = result.items.emplace_back();
     try {
-      item.request = read_request(each, scan, ScanPurpose::kBatchItem, options);
+      item.request = read_request(each, scan, ScanPurpose::kBatchItem, parsed.lists);
     } catch (const ApiError& error) {
       item.error = error;
     }
@@ -265,7 +273,9 @@ std::string read_label(const RequestJson& value) {
 }  // namespace
 
 SessionRequest read_session_json(std::string_view text, bool opens, const ServerOptions& options) {
-  const RequestJson request = parse(text.empty() ? std::string_view("{}") : text, options);
+  const RequestJson request =
+      parse_request_json(text.empty() ? std::string_view("{}") : text,
+                         {.max_bytes = options.max_json_bytes, .max_values = kMostQueryValues});
   SessionRequest result;
   if (opens) {
     require_keys(request, "", {"map", "version", "label", "prior", "gnss"});

@@ -4,6 +4,7 @@
 #include "pose/pose_request.hpp"
 
 #include <chrono>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -28,10 +29,12 @@ struct JsonPoseRequest {
 /// altitude_m?, sigma_m}`, `T_base_lidar {position, quaternion}`, `movable [{centre, size, yaw}]`,
 /// `stamp_ns`, `method`, `deadline_ms`, `odometry {since_ns, position, quaternion, covariance}` and
 /// `points` or `layout`, as far as the purpose has them.
+/// @param require_wanted  as in `JsonBounds`.
 /// @throws ApiError with the path of what is wrong; unknown keys are refused.
 [[nodiscard]] JsonPoseRequest read_pose_request_json(std::string_view text, JsonScan scan,
                                                      ScanPurpose purpose,
-                                                     const ServerOptions& options);
+                                                     const ServerOptions& options,
+                                                     std::function<void()> require_wanted = {});
 
 struct JsonBatch {
   std::optional<std::chrono::milliseconds> deadline;
@@ -46,7 +49,8 @@ struct JsonBatch {
 /// Reads `queries [...]`, each as above, and `deadline_ms`.
 /// @throws ApiError for the whole; what is wrong with one query stays with it.
 [[nodiscard]] JsonBatch read_batch_json(std::string_view text, JsonScan scan,
-                                        const ServerOptions& options);
+                                        const ServerOptions& options,
+                                        std::function<void()> require_wanted = {});
 
 /// What a session is opened with: `map`, `version?`, and `prior` (with covariance) or `gnss`.
 struct SessionRequest {

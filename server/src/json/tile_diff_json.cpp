@@ -73,7 +73,8 @@ double read_radius_m(const nlohmann::json& request, std::uint32_t level) {
 }  // namespace
 
 TileDiffRequest read_tile_diff_json(std::string_view text, const ServerOptions& options) {
-  const nlohmann::json request = parse_request_json(text, options.max_json_bytes, kMaxDiffValues);
+  const nlohmann::json request =
+      parse_request_json(text, {.max_bytes = options.max_json_bytes, .max_values = kMaxDiffValues});
   require_keys(request, "", {"center", "radius_m", "level", "cached_ids"});
   TileDiffRequest result;
   result.centre_map = read_center(request);

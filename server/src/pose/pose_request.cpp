@@ -119,11 +119,12 @@ ScanInBody find_scan(const HttpRequest& request, const ServerOptions& options,
                                 purpose == ScanPurpose::kQuery ? ", application/json" : ""));
 }
 
-PoseRequest decode_scan(ScanInBody&& from, const ServerOptions& options) {
+PoseRequest decode_scan(ScanInBody&& from, const ServerOptions& options,
+                        std::function<void()> require_wanted) {
   PoseRequest request;
   if (from.kind == ScanInBody::Kind::kJson) {
-    JsonPoseRequest json =
-        read_pose_request_json(from.bytes, JsonScan::kInside, ScanPurpose::kQuery, options);
+    JsonPoseRequest json = read_pose_request_json(
+        from.bytes, JsonScan::kInside, ScanPurpose::kQuery, options, std::move(require_wanted));
     request = {std::move(json.parameters), std::move(json.scan_lidar)};
   } else {
     request.scan_lidar = from.kind == ScanInBody::Kind::kPcd

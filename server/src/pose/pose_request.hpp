@@ -14,6 +14,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -78,8 +79,10 @@ struct ScanInBody {
 [[nodiscard]] ScanInBody find_scan(const HttpRequest& request, const ServerOptions& options,
                                    ScanPurpose purpose);
 
-/// @throws ApiError for what is no scan, or too small or large a one.
-[[nodiscard]] PoseRequest decode_scan(ScanInBody&& from, const ServerOptions& options);
+/// @param require_wanted  called now and then, while a long JSON text is read.
+/// @throws ApiError for what is no scan, or too small or large a one; what `require_wanted` throws.
+[[nodiscard]] PoseRequest decode_scan(ScanInBody&& from, const ServerOptions& options,
+                                      std::function<void()> require_wanted = {});
 
 /// Raw or PCD bytes of a multipart part. @throws ApiError kUnsupportedMediaType.
 [[nodiscard]] ScanInBody::Kind scan_kind_of(const std::string& part, const std::string& type);

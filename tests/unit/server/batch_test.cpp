@@ -48,6 +48,31 @@ class Batch : public ServiceTest {
   }
 };
 
+TEST_F(Batch, EndsWhenItsClientHasGone) {
+  HttpRequest batch = multipart_batch({{"queries", {query_at(1.0), query_at(2.0), query_at(3.0)}}},
+                                      {{"scan-0", raw_scan(60)}, {"scan-1", raw_scan(60)}});
+  int aligned = 0;
+  aligner_->answer = [&](const auto&) {
+    ++aligned;
+    return localization::AlignmentResult{};
+  };
+  batch.client_gone = [&] { return aligned > 0; };
+  EXPECT_EQ(ask(batch, 499)["code"], "ClientGone");
+  EXPECT_EQ(aligned, 1);
+}
+
+TEST_F(Batch, PointsOfOneQueryMayBeUnusable) {
+  json queries = {query_at(1.0), query_at(2.0), query_at(3.0)};
+  for (int i = 0; i < 60; ++i)
+    for (json& query : queries) query["points"].push_back({i % 7, i % 5, i});
+  queries[1]["points"][30] = {1, 2, "3"};
+  queries[2]["points"] = 5;
+  const json answers = ask(json_batch({{"queries", queries}}))["answers"];
+  EXPECT_EQ(answers[0]["status"], 200);
+  EXPECT_THAT(answers[1]["problem"]["detail"].get<std::string>(), HasSubstr("points[30]"));
+  EXPECT_THAT(answers[2]["problem"]["detail"].get<std::string>(), HasSubstr("found 5"));
+}
+
 TEST_F(Batch, AnswersInTheOrderOfTheQueries) {
   const json content = {{"queries", {query_at(1.0), query_at(2.0), query_at(3.0)}}};
   // The parts may come in any order.

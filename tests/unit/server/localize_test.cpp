@@ -596,6 +596,29 @@ TEST_F(Localize, AnswerThatComesAfterItsDeadlineIsNotSent) {
   EXPECT_EQ(ask(with(good_request(), "deadline_ms", "10"), 504)["code"], "DeadlineExceeded");
 }
 
+TEST_F(Localize, WorkEndsWhenItsClientHasGone) {
+  HttpRequest gone = good_request();
+  gone.client_gone = [] { return true; };
+  aligner_->answer = [](const auto&) -> localization::AlignmentResult {
+    ADD_FAILURE() << "aligned for nobody";
+    return {};
+  };
+  EXPECT_EQ(ask(gone, 499)["code"], "ClientGone");
+}
+
+// The text itself is not read to its end: it breaks off at a point that is none.
+TEST_F(Localize, JsonIsReadNoLongerThanItsClientWaits) {
+  HttpRequest long_text = request("POST", "/v1/maps/town/localize");
+  long_text.headers["content-type"] = "application/json";
+  long_text.body = "{\"points\":[[1,2,3]";
+  for (int i = 0; i < 20'000; ++i) long_text.body += ",[1,2,3]";
+  long_text.body += "!";
+  int looks = 0;
+  long_text.client_gone = [&] { return ++looks > 5; };
+  EXPECT_EQ(ask(long_text, 499)["code"], "ClientGone");
+  EXPECT_EQ(looks, 6);
+}
+
 TEST_F(Localize, UnforeseenFailureIsSaidWithoutItsDetails) {
   aligner_->answer = [](const auto&) -> localization::AlignmentResult {
     throw std::runtime_error("secret");

@@ -8,13 +8,13 @@
 
 #include <algorithm>
 #include <ctime>
-#include <limits>
 #include <string>
+#include <vector>
 
 namespace stillmap::server {
 namespace {
 
-constexpr std::size_t kMaxBytes = 64 * 1024 * 1024;
+const JsonBounds kLoose{.max_bytes = 64 * 1024 * 1024, .max_values = 100'000'000};
 
 std::string repeated(const std::string& element, std::size_t count) {
   std::string text = "{\"points\":[";
@@ -40,16 +40,16 @@ double reading_s(const std::string& text) {
   double least = 1e9;
   for (int i = 0; i < 5; ++i) {
     const double begin = cpu_s();
-    EXPECT_TRUE(parse_request_json(text, kMaxBytes).is_object());
+    EXPECT_TRUE(parse_request_json(text, kLoose).is_object());
     least = std::min(least, cpu_s() - begin);
   }
   return least;
 }
 
-std::string refused(const std::string& text,
-                    std::size_t max_values = std::numeric_limits<std::size_t>::max()) {
+std::string refused(const std::string& text, std::size_t max_values = kLoose.max_values) {
   try {
-    static_cast<void>(parse_request_json(text, kMaxBytes, max_values));
+    static_cast<void>(
+        parse_request_json(text, {.max_bytes = kLoose.max_bytes, .max_values = max_values}));
   } catch (const ApiError& error) {
     return error.what();
   }
@@ -89,8 +89,8 @@ TEST(RequestJson, GrowsWithItsMembersAsWithItsElements) { expect_linear(members)
 TEST(RequestJson, IsWhatTheTextSays) {
   const std::string text =
       R"({"a": [1, -2, 3.5, "x", null, true, {"b": []}, [[]]], "c": 18446744073709551615})";
-  EXPECT_EQ(parse_request_json(text, kMaxBytes), nlohmann::json::parse(text));
-  EXPECT_EQ(parse_request_json("7", kMaxBytes), 7);
+  EXPECT_EQ(parse_request_json(text, kLoose), nlohmann::json::parse(text));
+  EXPECT_EQ(parse_request_json("7", kLoose), 7);
 }
 
 TEST(RequestJson, EndsWhereItsBoundsEnd) {
@@ -110,6 +110,80 @@ TEST(RequestJson, SaysWhereTheTextBreaksOff) {
   EXPECT_NE(refused(R"({"a": [1, )").find("JSON: "), std::string::npos);
   EXPECT_NE(refused("").find("JSON: "), std::string::npos);
   EXPECT_NE(refused("{} {}").find("JSON: "), std::string::npos);
+}
+
+JsonWithPoints with_points(const std::string& text, std::size_t depth = 1) {
+  return parse_json_with_points(text, {.max_bytes = kLoose.max_bytes, .max_values = 20}, depth, 3);
+}
+
+TEST(JsonPoints, AreReadBesideTheJson) {
+  const JsonWithPoints read =
+      with_points(R"({"a": [1], "points": [[1, -2.5, 3e1], [0, 0, 0.0], [7, 8, 9]], "b": 2})");
+  EXPECT_EQ(read.json, nlohmann::json::parse(R"({"a": [1], "points": 0, "b": 2})"));
+  ASSERT_EQ(read.lists.size(), 1U);
+  EXPECT_FALSE(read.lists[0].error);
+  EXPECT_EQ(read.lists[0].positions,
+            (std::vector<Eigen::Vector3f>{{1.0F, -2.5F, 30.0F}, {7.0F, 8.0F, 9.0F}}));
+}
+
+TEST(JsonPoints, AreNoValuesThatTheBoundCounts) {
+  EXPECT_EQ(
+      with_points(R"({"points": [[1, 2, 3], [4, 5, 6], [7, 8, 9]]})").lists[0].positions.size(),
+      3U);
+  EXPECT_THROW(with_points(R"({"other": [[1, 2, 3], [4, 5, 6], [7, 8, 9], [1, 2, 3], [4, 5, 6]]})"),
+               ApiError);
+}
+
+TEST(JsonPoints, StayWithTheirQuery) {
+  const JsonWithPoints read = with_points(
+      R"({"queries": [{"points": [[1, 2]]}, {"points": 5}, {"points": [[1, 2, 3]]}], "points": 8})",
+      3);
+  ASSERT_EQ(read.lists.size(), 3U);
+  EXPECT_STREQ(read.lists[0].error->what(), "points[0]: found something else, expected [x, y, z]");
+  EXPECT_STREQ(read.lists[1].error->what(), "points: found 5, expected an array");
+  EXPECT_FALSE(read.lists[2].error);
+  EXPECT_EQ(read.lists[2].positions.size(), 1U);
+  EXPECT_EQ(read.json["queries"][2]["points"], 2);
+  EXPECT_EQ(read.json["points"], 8);
+}
+
+class UnusablePoints : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(UnusablePoints, AreNamedAndTheRestIsRead) {
+  const JsonWithPoints read =
+      with_points(R"({"points": )" + std::string(GetParam()) + R"(, "behind": {"a": [1]}})");
+  ASSERT_EQ(read.lists.size(), 1U);
+  ASSERT_TRUE(read.lists[0].error) << GetParam();
+  EXPECT_TRUE(read.lists[0].positions.empty());
+  EXPECT_EQ(read.json["behind"], nlohmann::json::parse(R"({"a": [1]})"));
+}
+
+INSTANTIATE_TEST_SUITE_P(Lists, UnusablePoints,
+                         ::testing::Values("{}", R"({"points": [[1, 2, 3]]})", "null", R"("abc")",
+                                           "[1, 2, 3]", "[[1, 2]]", "[[1, 2, 3, 4]]",
+                                           "[[1, 2, null]]",
+                                           R"([[1, 2, 3], {"x": 1, "y": 2, "z": 3}])",
+                                           "[[[1, 2, 3]]]", "[[1, 2, [3]]]", "[[1, 2, 3], 7]",
+                                           "[[1, 2, 3], [1, 2, 3], [1, 2, 3], [1, 2, 3]]",
+                                           R"([[1, 2, 3, {"points": [[1]]}], [1, 2, 3]])"));
+
+TEST(JsonPoints, AreNestedNoDeeperThanOtherValues) {
+  EXPECT_THROW(with_points(R"({"points": )" + std::string(1'000'000, '[')), ApiError);
+}
+
+TEST(RequestJson, IsGivenUpWhenNobodyWaitsForIt) {
+  const std::string text = repeated("{}", 100'000);
+  const std::string points = repeated("[1,2,3]", 100'000);
+  int calls = 0;
+  JsonBounds bounds = kLoose;
+  bounds.require_wanted = [&] {
+    if (++calls == 3) throw ApiError(ErrorCode::kDeadlineExceeded, "late");
+  };
+  EXPECT_THROW(static_cast<void>(parse_request_json(text, bounds)), ApiError);
+  EXPECT_EQ(calls, 3);
+  calls = 0;
+  EXPECT_THROW(static_cast<void>(parse_json_with_points(points, bounds, 1, 1'000'000)), ApiError);
+  EXPECT_EQ(calls, 3);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 
 #include "body_in_memory.hpp"
 #include "service_fixture.hpp"
+#include "view_fixture.hpp"
 
 namespace stillmap::server {
 namespace routes_test {
@@ -261,7 +262,7 @@ TEST_F(Routes, WhatTheDiskRefusesIsAStorageErrorBeforeTheBodyIsReadAndBehindIt) 
 TEST_F(Routes, PageIsServedFromTheListOnly) {
   const test::TemporaryFolder web;
   web.write("index.html", "<p>page");
-  web.write("assets/index-1a2b.js", "code");
+  web.write("assets/index-1a2b.js", std::string(1000, 'c'));
   web.write("assets/deep/hidden.js", "no");
   web.write("notes.cmake", "no");
   std::filesystem::create_symlink("/etc/passwd", web.path() / "assets/link.js");
@@ -270,12 +271,17 @@ TEST_F(Routes, PageIsServedFromTheListOnly) {
         return Aligners{{"default", aligner_}};
       },
       read_web_assets(web.path()));
-  EXPECT_EQ(get("/").body, "<p>page");
+  EXPECT_EQ(sent(get("/")), "<p>page");
   EXPECT_EQ(get("/").content_type, "text/html; charset=utf-8");
   EXPECT_THAT(get("/").headers, Contains(Pair("Content-Security-Policy", "default-src 'self'")));
   EXPECT_EQ(get("/assets/index-1a2b.js").content_type, "text/javascript; charset=utf-8");
   EXPECT_THAT(get("/assets/index-1a2b.js").headers,
               Contains(Pair("Cache-Control", HasSubstr("immutable"))));
+  EXPECT_EQ(sent(get("/assets/index-1a2b.js")), std::string(1000, 'c'));
+  HttpRequest packed = request("GET", "/assets/index-1a2b.js");
+  packed.headers["accept-encoding"] = "br, gzip";
+  EXPECT_LT(sent(service_->handle(packed)).size(), 100U);
+  EXPECT_THAT(service_->handle(packed).headers, Contains(Pair("Content-Encoding", "gzip")));
   for (const char* path : {"/index.html/..", "/assets/deep/hidden.js", "/notes.cmake",
                            "/assets/link.js", "/assets/../index.html", "//etc/passwd"}) {
     EXPECT_EQ(get(path).status, 404) << path;

@@ -145,7 +145,7 @@ class TransportTest : public ::testing::Test {
             .tls = {},
             .connections = 16,
             .event_streams = 2,
-            .max_body_bytes = 4096,
+            .bodies = {.bytes = 4096, .json_bytes = 4096},
             .limits = {.keep_alive = std::chrono::seconds(1),
                        .head = std::chrono::seconds(2),
                        .stall = std::chrono::seconds(1),

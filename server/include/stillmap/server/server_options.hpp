@@ -149,8 +149,7 @@ struct ServerOptions {
   bool allow_without_keys = false;
   /// Largest request body, unpacked [bytes], but for uploads of maps and drives.
   std::size_t max_payload_bytes = std::size_t{64} << 20U;
-  /// Largest JSON text [bytes], up to max_payload_bytes; JSON takes some 20 times its size in
-  /// memory.
+  /// Largest JSON text [bytes], up to max_payload_bytes.
   std::size_t max_json_bytes = std::size_t{8} << 20U;
   /// Most points of one scan, at least min_scan_points.
   std::size_t max_scan_points = 2'000'000;
@@ -167,8 +166,9 @@ struct ServerOptions {
   int queue = 16;
   /// Requests with a body that are received, wait or are served at one time.
   int max_requests = 256;
-  /// Their bodies together [bytes], at least max_payload_bytes; one in gzip counts as
-  /// max_payload_bytes, since that is what it may become.
+  /// Their bodies together [bytes], at least max_payload_bytes. JSON counts as eight times its
+  /// bytes for the values read from it; a body in gzip as max_payload_bytes or max_json_bytes,
+  /// which is what it may become.
   std::size_t max_bodies_bytes = std::size_t{512} << 20U;
   /// Of a pose request that names none [ms].
   int default_deadline_ms = 10'000;

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <span>
 #include <string>
+#include <string_view>
 
 namespace stillmap::server {
 
@@ -25,5 +26,8 @@ class Gunzip {
   z_stream stream_{};
   int state_ = Z_OK;
 };
+
+/// @return the bytes as one gzip member.
+[[nodiscard]] std::string pack_gzip(std::string_view bytes);
 
 }  // namespace stillmap::server

@@ -1,6 +1,7 @@
-#include "http/gunzip.hpp"
+#include "http/gzip.hpp"
 
 #include <array>
+#include <memory>
 #include <new>
 
 namespace stillmap::server {
@@ -27,6 +28,25 @@ void Gunzip::unpack(std::span<const char> piece, std::size_t most, std::string& 
   }
   // No more input: the next piece goes on.
   if (state_ == Z_BUF_ERROR && stream_.avail_in == 0) state_ = Z_OK;
+}
+
+std::string pack_gzip(std::string_view bytes) {
+  constexpr int kGzip = 16 + MAX_WBITS;
+  constexpr int kUsualMemory = 8;
+  z_stream stream{};
+  if (deflateInit2(&stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, kGzip, kUsualMemory,
+                   Z_DEFAULT_STRATEGY) != Z_OK)
+    throw std::bad_alloc();
+  const std::unique_ptr<z_stream, decltype(&deflateEnd)> owner(&stream, deflateEnd);
+  std::string packed(deflateBound(&stream, static_cast<uLong>(bytes.size())), '\0');
+  // zlib does not write to what it reads.
+  stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data()));
+  stream.avail_in = static_cast<uInt>(bytes.size());
+  stream.next_out = reinterpret_cast<Bytef*>(packed.data());
+  stream.avail_out = static_cast<uInt>(packed.size());
+  if (deflate(&stream, Z_FINISH) != Z_STREAM_END) throw std::bad_alloc();
+  packed.resize(stream.total_out);
+  return packed;
 }
 
 }  // namespace stillmap::server
