@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What takes long: every test under the sanitizers, power cuts, kills and failing calls, ten minutes of overload, then the localizer
+# What takes long: every test under the sanitizers, power cuts, kills, attackers and failing calls, ten minutes of overload, then the localizer
 # on many streets. Each step leaves a mark in build/soak, so that a run that was cut off goes on where it was; `rm -r build/soak` starts
 # afresh.
 set -euo pipefail
@@ -45,6 +45,9 @@ step power_cuts build/bench/power_cuts 1 10 "$marks/power_cuts"
 step kills tests/soak/kills.py --program "$program" --packages "$packages" --seeds 1-20 --results "$marks/kills"
 step rebuild_kills tests/soak/rebuild_kills.py --program "$program" --packages "$packages" --seeds 1-10 --kills 30 \
   --results "$marks/rebuild_kills"
+sample() { tests/integration/sample_map.sh "$program" "$marks/sample"; }
+step sample sample
+step shut_out tests/soak/shut_out.py --program "$program" --sample "$marks/sample"
 for operation in add activate roll_back remove mend "add by command" "activate by command" "make a key" start import \
   "short rebuild"; do
   step "faults_${operation// /_}" tests/soak/faults.py --program "$program" --packages "$packages" \

@@ -145,13 +145,19 @@ long BoundedSocket::write(const char* from, std::size_t size) {
     if (moved.bytes > 0) {
       sent += static_cast<std::size_t>(moved.bytes);
       send_until_ += earned(static_cast<std::size_t>(moved.bytes));
-    } else if (moved.wait_for == 0 ||
-               !wait(moved.wait_for, std::min(send_until_, Clock::now() + limits_.stall))) {
+    } else if (moved.wait_for == 0 || !wait_for_taker(moved.wait_for)) {
       return -1;
     }
   }
   failed_ = false;
   return static_cast<long>(sent);
+}
+
+bool BoundedSocket::wait_for_taker(short events) const {
+  if (stalls_) stalls_(true);
+  const bool taken = wait(events, std::min(send_until_, Clock::now() + limits_.stall));
+  if (stalls_) stalls_(false);
+  return taken;
 }
 
 bool BoundedSocket::can_write() const { return wait(POLLOUT, Clock::now() + limits_.stall); }

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
@@ -37,8 +38,11 @@ class BoundedSocket {
   static constexpr std::int64_t kLeastBytesPerSecond = 128 << 10;
 
   /// @param socket  non-blocking; stays the caller's.  @param tls  none = plain.
-  BoundedSocket(int socket, const ConnectionLimits& limits, std::unique_ptr<TlsSession> tls = {})
-      : socket_(socket), limits_(limits), tls_(std::move(tls)) {}
+  /// @param stalls  called with true when the peer takes no more of what is written, and with false
+  /// when it does again.
+  BoundedSocket(int socket, const ConnectionLimits& limits, std::unique_ptr<TlsSession> tls = {},
+                std::function<void(bool)> stalls = {})
+      : socket_(socket), limits_(limits), tls_(std::move(tls)), stalls_(std::move(stalls)) {}
 
   /// Of TLS; nothing to do without. @return false when it fails or takes too long.
   [[nodiscard]] bool handshake();
@@ -79,12 +83,14 @@ class BoundedSocket {
   [[nodiscard]] bool fill(Clock::time_point until);
   [[nodiscard]] long receive(char* to, std::size_t size, Clock::time_point until);
   [[nodiscard]] HeadState take_head(std::string& head);
+  [[nodiscard]] bool wait_for_taker(short events) const;
   [[nodiscard]] int untaken_bytes() const;
   void reset_at_close() const;
 
   int socket_;
   ConnectionLimits limits_;
   std::unique_ptr<TlsSession> tls_;
+  std::function<void(bool)> stalls_;
   // Not set to zero: an idle connection then does not touch it.
   std::array<char, 16384> buffer_;
   std::size_t begin_ = 0;

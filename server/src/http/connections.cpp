@@ -29,16 +29,22 @@ void Connections::interrupt(State state) {
   }
 }
 
-void Connections::interrupt_longest_idle() {
+void Connections::make_room() {
+  // A client far away, or on a poor link, takes nothing for a moment.
+  constexpr std::chrono::milliseconds kMoment(500);
   const std::lock_guard lock(mutex_);
+  const auto now = std::chrono::steady_clock::now();
   auto longest = entries_.end();
   for (auto entry = entries_.begin(); entry != entries_.end(); ++entry) {
-    if (entry->second.state != State::kIdle || entry->second.interrupted) continue;
-    if (longest == entries_.end() || entry->second.since < longest->second.since) longest = entry;
+    const auto& [state, since, interrupted] = entry->second;
+    const bool is_stalled = state == State::kStalled && now - since > kMoment;
+    if (interrupted || !(state == State::kIdle || is_stalled)) continue;
+    if (longest == entries_.end() || since < longest->second.since) longest = entry;
   }
   if (longest == entries_.end()) return;
   longest->second.interrupted = true;
-  ::shutdown(longest->first, SHUT_RD);
+  // An idle one may have been sent a request meanwhile, which can still be read.
+  ::shutdown(longest->first, longest->second.state == State::kIdle ? SHUT_RD : SHUT_RDWR);
 }
 
 void Connections::cut() {

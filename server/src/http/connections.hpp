@@ -16,6 +16,7 @@ class Connections {
     kIdle,       ///< between requests
     kReceiving,  ///< a head, or a body that is held as a whole
     kAnswering,
+    kStalled,  ///< in an answer that the client does not take
   };
 
   void add(int socket);
@@ -25,8 +26,8 @@ class Connections {
 
   /// Those in this state read an end of the connection instead of waiting.
   void interrupt(State state);
-  /// The same for the one that has been idle for longest, if any.
-  void interrupt_longest_idle();
+  /// Ends the one that has been idle or stalled for longest, if any.
+  void make_room();
   /// Ends all, also what is being sent.
   void cut();
   [[nodiscard]] std::size_t count() const;

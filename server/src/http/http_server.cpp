@@ -169,7 +169,10 @@ class HttpServer::Listener {
   /// Serves one connected socket on the calling thread until the connection ends, and closes it.
   void serve(int handle) {
     try {
-      BoundedSocket socket(handle, endpoint_.limits, session(handle));
+      const auto stalls = [this, handle](bool stalled) {
+        connections_.set(handle, stalled ? Connections::State::kStalled : Connections::State::kAnswering);
+      };
+      BoundedSocket socket(handle, endpoint_.limits, session(handle), stalls);
       converse(socket, handle);
     } catch (const std::exception& error) {
       spdlog::error("a connection ends: {}", error.what());
@@ -231,7 +234,7 @@ class HttpServer::Listener {
 
   void admit(int socket) {
     // Before the places are gone, whoever holds one without using it makes room.
-    if (threads_.busy() * 4 >= endpoint_.connections * 3) connections_.interrupt_longest_idle();
+    if (threads_.busy() * 4 >= endpoint_.connections * 3) connections_.make_room();
     connections_.add(socket);
     if (metrics_ != nullptr) metrics_->connection_opened();
     if (threads_.offer(socket)) return;

@@ -97,16 +97,22 @@ std::string AlignmentQueue::retry_after(Clock::time_point now) const {
   return fmt::format("{}", std::clamp(std::ceil(work / limits_.workers), 1.0, 60.0));
 }
 
-void AlignmentQueue::require_client_share(const std::string& client, Clock::time_point now) {
+void AlignmentQueue::require_client_share(const std::string& client, std::size_t bytes,
+                                          Clock::time_point now) {
   if (client.empty()) return;
   const int most = std::max(
       1, static_cast<int>(std::floor(limits_.client_share * (limits_.workers + limits_.waiting))));
+  const auto most_bytes =
+      static_cast<std::size_t>(limits_.client_share * static_cast<double>(limits_.body_bytes));
   const auto held = held_.find(client);
-  if (held == held_.end() || held->second < most) return;
+  if (held == held_.end()) return;
+  const auto& [requests, held_bytes] = held->second;
+  if (requests < most && held_bytes + bytes <= most_bytes) return;
   ++totals_.refused_client;
   throw ApiError(ErrorCode::kTooManyRequests,
-                 fmt::format("{} requests of this key are being served or wait, which is its share",
-                             held->second))
+                 fmt::format("{} requests of this key, with {} bytes, are being served or wait; "
+                             "its share is {} requests and {} bytes",
+                             requests, held_bytes, most, most_bytes))
       .with_header("Retry-After", retry_after(now));
 }
 
@@ -140,7 +146,7 @@ AlignmentQueue::Reservation AlignmentQueue::reserve(const std::string& client, s
                                                     const Work& work) {
   const std::scoped_lock lock(mutex_);
   const Clock::time_point now = now_();
-  require_client_share(client, now);
+  require_client_share(client, bytes, now);
   int coming = 0;
   const double imminent = imminent_s(now, coming);
   const bool full = coming + static_cast<int>(waiting_.size()) >= limits_.waiting + free_;
@@ -159,7 +165,11 @@ AlignmentQueue::Reservation AlignmentQueue::reserve(const std::string& client, s
   reserved_.emplace(
       reservation.id_,
       Reserved{.client = client, .bytes = bytes, .cost_s = cost_s(work), .since = now});
-  if (!client.empty()) ++held_[client];
+  if (!client.empty()) {
+    Held& held = held_[client];
+    ++held.requests;
+    held.bytes += bytes;
+  }
   body_bytes_ += bytes;
   return reservation;
 }
@@ -169,7 +179,10 @@ void AlignmentQueue::release(std::uint64_t id) {
   const auto found = reserved_.find(id);
   body_bytes_ -= found->second.bytes;
   const auto held = held_.find(found->second.client);
-  if (held != held_.end() && --held->second == 0) held_.erase(held);
+  if (held != held_.end()) {
+    held->second.bytes -= found->second.bytes;
+    if (--held->second.requests == 0) held_.erase(held);
+  }
   reserved_.erase(found);
 }
 

@@ -26,7 +26,8 @@ struct QueueLimits {
   int requests = 64;
   /// Their bodies together [bytes].
   std::size_t body_bytes = std::size_t{256} << 20U;
-  /// Share of the running and waiting that one client may hold, in (0, 1]; at least one request.
+  /// Share of the running and waiting, and of the bytes, that one client may hold, in (0, 1]; at
+  /// least one request.
   double client_share = 0.5;
 };
 
@@ -150,6 +151,10 @@ class AlignmentQueue {
     Clock::time_point since;
     bool entered = false;
   };
+  struct Held {
+    int requests = 0;
+    std::size_t bytes = 0;
+  };
   struct Waiting {
     Clock::time_point order;
     std::uint64_t id;
@@ -177,7 +182,7 @@ class AlignmentQueue {
   [[nodiscard]] bool fits(const Work& work, Clock::time_point order, double ahead_s,
                           Clock::time_point now) const;
   [[nodiscard]] std::string retry_after(Clock::time_point now) const;
-  void require_client_share(const std::string& client, Clock::time_point now);
+  void require_client_share(const std::string& client, std::size_t bytes, Clock::time_point now);
   void require_fit(const Work& work, Clock::time_point order, double imminent,
                    Clock::time_point now);
   void wait_for_worker(std::unique_lock<std::mutex>& lock, Waiting& waiting);
@@ -193,7 +198,8 @@ class AlignmentQueue {
   int free_;
   std::uint64_t next_id_ = 1;
   std::map<std::uint64_t, Reserved> reserved_;
-  std::map<std::string, int> held_;
+  /// Of clients that hold any.
+  std::map<std::string, Held> held_;
   std::size_t body_bytes_ = 0;
   std::set<Waiting*, Earlier> waiting_;
   std::map<std::uint64_t, Running> running_;

@@ -218,9 +218,21 @@ TEST(AlignmentQueue, AClientHoldsNoMoreThanItsShare) {
   held.push_back(queue.reserve("fleet", 1, work));
 }
 
+TEST(AlignmentQueue, AClientsBodiesAreNoMoreThanItsShare) {
+  AlignmentQueue queue({.workers = 4, .waiting = 16, .body_bytes = 100, .client_share = 0.5});
+  const auto work = due_in(seconds(5));
+  std::vector<Reservation> held;
+  held.push_back(queue.reserve("fleet", 30, work));
+  EXPECT_EQ(refusal([&] { return queue.reserve("fleet", 21, work); }), ErrorCode::kTooManyRequests);
+  held.push_back(queue.reserve("fleet", 20, work));
+  held.push_back(queue.reserve("other", 50, work));
+  held.erase(held.begin());
+  held.push_back(queue.reserve("fleet", 30, work));
+}
+
 TEST(AlignmentQueue, AShareIsAtLeastOneRequest) {
   AlignmentQueue queue({.workers = 1, .waiting = 0, .client_share = 0.1});
-  const Reservation one = queue.reserve("fleet", 1, due_in(seconds(5)));
+  const Reservation one = queue.reserve("fleet", std::size_t{256} << 20U, due_in(seconds(5)));
 }
 
 /// What is guessed before anything was measured: 20 ms a scan near a prior, 40 ms at most.

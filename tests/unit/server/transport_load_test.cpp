@@ -94,6 +94,27 @@ TEST_F(TransportLoad, IdleConnectionsMakeRoom) {
   EXPECT_TRUE(answered);
 }
 
+TEST_F(TransportLoad, ReadersThatNeverReadMakeRoom) {
+  Endpoint endpoint = small_endpoint();
+  // So that it is not these times that end them.
+  endpoint.limits.stall = std::chrono::seconds(60);
+  endpoint.limits.transfer = std::chrono::seconds(60);
+  endpoint.drain.timeout_s = 0;
+  start(endpoint);
+  std::vector<std::unique_ptr<RawClient>> attackers;
+  for (int i = 0; i < 16; ++i) {
+    attackers.push_back(std::make_unique<RawClient>(port_));
+    for (int k = 0; k < 50; ++k)
+      attackers.back()->send("GET /source HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  }
+  bool answered = false;
+  for (int i = 0; i < 100 && !answered; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    answered = alive();
+  }
+  EXPECT_TRUE(answered);
+}
+
 TEST_F(TransportLoad, ClientThatVanishesGivesItsStreamBack) {
   Endpoint endpoint = small_endpoint();
   // So that it is this time that ends it and none of the others.
