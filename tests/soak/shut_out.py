@@ -70,8 +70,15 @@ def poses(options, store):
     """@return whether every request of the victim is answered."""
     attacker, victim = (make_key(options.program, store, name) for name in ("attacker", "victim"))
     server = Server(options.program, store, options.log)
-    server.listen()
-    server.wait_ready(30)
+    try:
+        server.listen()
+        server.wait_ready(30)
+        return poses_beside(server, attacker, victim, options)
+    finally:
+        server.stop()
+
+
+def poses_beside(server, attacker, victim, options):
     stop = threading.Event()
     bodies, counts, lock = costly_bodies(), {}, threading.Lock()
 
@@ -92,7 +99,7 @@ def poses(options, store):
             with lock:
                 counts[status] = counts.get(status, 0) + 1
 
-    threads = [threading.Thread(target=attack, args=(i,)) for i in range(24)]
+    threads = [threading.Thread(target=attack, args=(i,), daemon=True) for i in range(24)]
     for thread in threads:
         thread.start()
     path, body = scan_request(options.sample)
@@ -109,7 +116,6 @@ def poses(options, store):
     stop.set()
     for thread in threads:
         thread.join()
-    server.stop()
     print(f"        attackers got {counts}; the victim waited {longest_s:.2f} s at most")
     return expect(answered == asked, f"{answered} of {asked} poses beside 24 attackers")
 
