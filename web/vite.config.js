@@ -36,5 +36,5 @@ export default defineConfig({
     // three.js is one piece of some 600 kB before compression, fetched with the first view in 3D.
     chunkSizeWarningLimit: 900,
   },
-  server: { proxy: Object.fromEntries(['/v1', '/livez', '/openapi.json'].map((path) => [path, 'http://127.0.0.1:8080'])) },
+  server: { proxy: Object.fromEntries(['/v1', '/livez', '/openapi.json'].map((path) => [path, { target: 'http://127.0.0.1:8080', changeOrigin: false }])) },
 });

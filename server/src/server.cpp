@@ -19,6 +19,7 @@ struct Server::Parts {
       : store(folder),
         host(options.host),
         allow_without_keys(options.allow_without_keys),
+        takes_changes(changes == StoreChanges::kTaken),
         service(options, store, build_aligners, read_web_assets(web), find_mapper(), changes),
         http(main_endpoint(options), service, &service.metrics()),
         management(service) {
@@ -35,9 +36,24 @@ struct Server::Parts {
                                 "(stillmap keys create), or --allow-without-keys");
   }
 
+  void warn_without_keys(int port) const {
+    if (is_loopback(host) || !store.keys().list().empty()) return;
+    if (takes_changes)
+      spdlog::warn(
+          "the store has no key: every machine that reaches {}:{} can read, change and delete "
+          "everything; make a key: stillmap keys create NAME --store {} --scope admin",
+          host, port, store.folder().string());
+    else
+      spdlog::warn(
+          "no key is asked for: every machine that reaches {}:{} can read the map and ask for "
+          "poses; to ask for keys, serve a store: stillmap serve --store DIR",
+          host, port);
+  }
+
   mutable maps::PackageStore store;
   std::string host;
   bool allow_without_keys;
+  bool takes_changes;
   Service service;
   HttpServer http;
   Management management;
@@ -53,6 +69,7 @@ Server::~Server() = default;
 int Server::bind() {
   parts_->require_keys();
   const int port = parts_->http.bind();
+  parts_->warn_without_keys(port);
   if (parts_->management_http) parts_->management_port = parts_->management_http->bind();
   return port;
 }

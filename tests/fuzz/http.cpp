@@ -198,6 +198,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   std::string_view input = fuzz::text_of(data, size);
   GivenOut given_out;
   int connections = 0;
+  // The first key is not made over HTTP.
+  const bool with_key = input.find("{key}") != std::string_view::npos;
+  if (with_key) given_out.values["key"] = served->store->keys().create("first", {15}, {}, 1).text;
   do {
     const std::string sent =
         given_out.put_into(std::string(fuzz::take_until(input, kNextConnection)));
@@ -209,6 +212,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                   "nothing is unforeseen");
     given_out.read(answers);
   } while (!input.empty() && ++connections < kMostConnections);
-  if (served->watch->changed()) served = std::make_unique<Served>();
+  if (with_key || served->watch->changed()) served = std::make_unique<Served>();
   return 0;
 }

@@ -127,7 +127,8 @@ def asked_before(template):
              "{upload}": lambda: post("/v1/maps/town/uploads", {"version": "v2", "content_type": "application/gzip"}),
              "{drive}": lambda: post("/v1/maps/town/drives", {"name": "d"}),
              "{job}": conversion,
-             "{key}": lambda: post("/v1/keys", {"name": "a", "scopes": ["read", "localize", "write", "admin"]}),
+             "{key}": lambda: request("POST", "/v1/keys", "Authorization: Bearer {key}\r\n", "application/json",
+                                      json.dumps({"name": "a", "scopes": ["read", "localize", "write", "admin"]}).encode()) + NEXT_CONNECTION,
              "uploads/{upload}/complete": lambda: part("uploads"),
              "drives/{drive}/complete": lambda: part("drives")}
     return b"".join(ask() for words, ask in asked.items() if words in template)

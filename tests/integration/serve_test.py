@@ -112,7 +112,7 @@ class Running(FolderTest):
             stderr=subprocess.PIPE, text=True, env={**os.environ, **environment})
         self.addCleanup(self.end)
         line = self.program.stdout.readline()
-        self.assertRegex(line, r"\Alistening on http://127\.0\.0\.1:\d+/\n\Z")
+        self.assertRegex(line, r"\Alistening on http://(127\.0\.0\.1|0\.0\.0\.0):\d+/\n\Z")
         self.port = int(line.split(":")[2].rstrip("/\n"))
 
     def end(self):
@@ -225,6 +225,21 @@ class Running(FolderTest):
         self.assertEqual(json.loads(self.get("/v1/maps")[1])["maps"], [])
         self.assertEqual(self.finish(), 0)
         self.assertTrue((self.store / "state.db").exists())
+
+    def test_it_warns_where_other_machines_need_no_key(self):
+        self.configure(host="0.0.0.0", allow_remote=True, allow_without_keys=True)
+        self.start()
+        warning = self.message("can read, change and delete everything")
+        self.assertEqual(warning["level"], "warning")
+        self.assertIn(f"0.0.0.0:{self.port}", warning["message"])
+        self.assertIn(f"stillmap keys create NAME --store {self.store} --scope admin", warning["message"])
+        self.assertEqual(self.finish(), 0)
+        subprocess.run([PROGRAM, "keys", "create", "boss", "--store", self.store, "--scope", "admin"], check=True, capture_output=True)
+        self.log.unlink()
+        self.start()
+        self.message("serves")
+        self.assertNotIn("delete everything", self.log.read_text())
+        self.assertEqual(self.finish(), 0)
 
     def test_the_log_tells_of_the_start_and_the_end(self):
         self.configure()

@@ -1,6 +1,7 @@
 #include "context.hpp"
 
 #include "errors/api_error.hpp"
+#include "http/header_text.hpp"
 
 #include <stillmap/maps/store/map_name.hpp>
 
@@ -13,6 +14,17 @@ void check_name(const PathParameters& path, const std::string& part) {
   if (maps::is_valid_map_name(name)) return;
   throw field_error(ErrorCode::kInvalidRequest, part, "'" + name + "'",
                     "[a-z0-9][a-z0-9._-]{0,62}");
+}
+
+void require_json(const HttpRequest& request) {
+  const std::string type = media_type(request.header("content-type"));
+  if (type == "application/json") return;
+  throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
+                    "application/json");
+}
+
+void require_json_if_any(const HttpRequest& request) {
+  if (!request.body.empty()) require_json(request);
 }
 
 bool is_known_to_client(const std::string& if_none_match, const std::string& etag) {

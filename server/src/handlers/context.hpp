@@ -80,6 +80,11 @@ void add_openapi_routes(std::vector<Route>& routes);
 
 /// Whether the path's part of this name may name a map or a version. @throws ApiError if not.
 void check_name(const PathParameters& path, const std::string& part);
+/// @throws ApiError kUnsupportedMediaType unless Content-Type is application/json, so that no
+/// HTML form of another site can send it.
+void require_json(const HttpRequest& request);
+/// The same where a body may be missing.
+void require_json_if_any(const HttpRequest& request);
 /// 202, with the place of the job.
 [[nodiscard]] HttpResponse accepted(const JobView& job);
 /// Whether one of the tags of If-None-Match is ours; `*` means any.

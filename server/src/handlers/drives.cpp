@@ -2,7 +2,6 @@
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
 #include "handlers/parts.hpp"
-#include "http/header_text.hpp"
 #include "json/drives_json.hpp"
 
 #include <fmt/format.h>
@@ -46,11 +45,7 @@ HttpResponse answer_drive(const Context& context, const maps::StoredDrive& drive
 
 HttpResponse open_drive(const Context& context, const HttpRequest& request,
                         const PathParameters& path) {
-  const std::string type = media_type(request.header("content-type"));
-  if (!request.body.empty() && type != "application/json") {
-    throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
-                      "application/json");
-  }
+  require_json_if_any(request);
   const std::string name = read_drive_json(request.body);
   const maps::StoredDrive drive = context.store.drives().open(path.at("map"), name, unix_ns());
   HttpResponse response = answer_drive(context, drive, 201);

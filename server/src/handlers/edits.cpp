@@ -1,6 +1,5 @@
 #include "context.hpp"
 #include "errors/api_error.hpp"
-#include "http/header_text.hpp"
 #include "jobs/job_request.hpp"
 #include "json/request_json.hpp"
 
@@ -35,11 +34,6 @@ HttpResponse get_edits(const Context& context, const HttpRequest& request,
 
 /// As the store keeps it: equal corrections have equal texts. @throws ApiError kInvalidRequest.
 std::string read_edits(const HttpRequest& request) {
-  const std::string type = media_type(request.header("content-type"));
-  if (type != "application/json") {
-    throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
-                      "application/json");
-  }
   std::string text = parse_request_json(request.body, {.max_bytes = maps::EditsTable::kMostBytes,
                                                        .max_values = kMostEditValues})
                          .dump();
@@ -67,6 +61,7 @@ std::optional<std::string> wanted_before(const Context& context, const HttpReque
 
 HttpResponse put_edits(const Context& context, const HttpRequest& request,
                        const PathParameters& path) {
+  require_json(request);
   const std::string& map = path.at("map");
   const std::optional<std::string> before = wanted_before(context, request, map);
   return answer(context.store.edits().save(map, read_edits(request), request.caller.key_id,

@@ -1,4 +1,5 @@
 #include "context.hpp"
+#include "errors/api_error.hpp"
 #include "json/keys_request_json.hpp"
 #include "json/store_json.hpp"
 
@@ -7,8 +8,19 @@ namespace {
 
 constexpr std::int64_t kDay_ns = std::int64_t{86'400} * 1'000'000'000;
 
+/// A caller without a key was let in because there is no key. Whoever makes the first one locks all
+/// others out, so that needs access to the machine.
+void refuse_first_key(const HttpRequest& request) {
+  if (!request.caller.key_id.empty()) return;
+  throw ApiError(ErrorCode::kForbidden,
+                 "the store has no key yet, and the first one is made on the server's machine: "
+                 "stillmap keys create NAME --store DIR --scope admin");
+}
+
 /// The secret is in this answer and nowhere else.
 HttpResponse create_key(const Context& context, const HttpRequest& request) {
+  refuse_first_key(request);
+  require_json(request);
   const KeyRequest wanted = read_key_request(request.body);
   const std::int64_t now = unix_ns();
   std::optional<std::int64_t> expires;

@@ -1,6 +1,5 @@
 #include "context.hpp"
 #include "errors/api_error.hpp"
-#include "http/header_text.hpp"
 #include "json/jobs_json.hpp"
 
 #include <algorithm>
@@ -24,11 +23,7 @@ std::optional<std::string> idempotency_key(const HttpRequest& request) {
 
 HttpResponse rebuild(const Context& context, const HttpRequest& request,
                      const PathParameters& path) {
-  const std::string type = media_type(request.header("content-type"));
-  if (type != "application/json") {
-    throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
-                      "application/json");
-  }
+  require_json(request);
   const maps::JobTable::Enqueued enqueued =
       context.jobs.rebuild(path.at("map"), read_rebuild_request(request.body),
                            {request.caller.key_id, idempotency_key(request)});

@@ -1,5 +1,4 @@
 #include "errors/api_error.hpp"
-#include "http/header_text.hpp"
 #include "json/answers_json.hpp"
 #include "json/pose_request_json.hpp"
 #include "json/session_json.hpp"
@@ -55,20 +54,13 @@ class SessionStream final : public EventSource {
   bool ended_ = false;
 };
 
-void require_json(const HttpRequest& request) {
-  const std::string type = media_type(request.header("content-type"));
-  if (request.body.empty() || type == "application/json") return;
-  throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
-                    "application/json");
-}
-
 std::shared_ptr<Session> find_session(const Context& context, const HttpRequest& request,
                                       const PathParameters& path) {
   return context.sessions.find(path.at("session"), request.caller.key_id);
 }
 
 HttpResponse open_session(const Context& context, const HttpRequest& request) {
-  require_json(request);
+  require_json_if_any(request);
   const SessionRequest wanted = read_session_json(request.body, true, context.options);
   ServedVersion map = context.catalog.ready(
       wanted.map,
@@ -85,7 +77,7 @@ HttpResponse open_session(const Context& context, const HttpRequest& request) {
 
 HttpResponse initialize_session(const Context& context, const HttpRequest& request,
                                 const PathParameters& path) {
-  require_json(request);
+  require_json_if_any(request);
   const std::shared_ptr<Session> session = find_session(context, request, path);
   const SessionRequest wanted = read_session_json(request.body, false, context.options);
   session->initialize(prior_in(session->map(), wanted.prior, wanted.gnss));

@@ -4,7 +4,6 @@
 #include "handlers/pose_handling.hpp"
 #include "handlers/tile_answer.hpp"
 #include "handlers/tile_path.hpp"
-#include "http/header_text.hpp"
 #include "json/tile_diff_json.hpp"
 
 #include <fmt/format.h>
@@ -62,11 +61,7 @@ HttpResponse redirect_tile(const MapCatalog& catalog, const PathParameters& path
 
 HttpResponse answer_diff(const Context& context, const HttpRequest& request,
                          const PathParameters& path) {
-  if (const std::string type = media_type(request.header("content-type"));
-      type != "application/json") {
-    throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
-                      "application/json");
-  }
+  require_json(request);
   const TileDiffRequest wanted = read_tile_diff_json(request.body, context.options);
   const ServedVersion map = std::as_const(context.catalog).find(path.at("map"));
   return json_response(tile_diff_json(tile_diff(map, wanted)));

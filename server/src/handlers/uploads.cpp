@@ -3,7 +3,6 @@
 #include "errors/upload_errors.hpp"
 #include "handlers/parts.hpp"
 #include "handlers/publish.hpp"
-#include "http/header_text.hpp"
 #include "json/drives_json.hpp"
 
 #include <fmt/format.h>
@@ -39,11 +38,7 @@ HttpResponse answer_upload(const Context& context, const maps::StoredDrive& uplo
 HttpResponse open_upload(const Context& context, const HttpRequest& request,
                          const PathParameters& path) {
   check_name(path, "map");
-  const std::string type = media_type(request.header("content-type"));
-  if (type != "application/json") {
-    throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
-                      "application/json");
-  }
+  require_json(request);
   const UploadRequest wanted = read_upload_json(request.body);
   check_publication_type("content_type", wanted.content_type);
   const std::string& map = path.at("map");

@@ -16,13 +16,36 @@ ApiError unauthorized(ErrorCode code, const std::string& detail) {
   return ApiError(code, detail).with_header("WWW-Authenticate", "Bearer realm=\"stillmap\"");
 }
 
-/// Browsers send simple requests to any address without asking it. A key they would not add.
+/// Whether `Origin` (`scheme://host[:port]`) names the server that `Host` (`host[:port]`) names.
+/// The default port of the scheme may be missing in either. Both in lower case.
+bool is_same_origin(std::string_view origin, std::string_view host) {
+  const std::size_t scheme_end = origin.find("://");
+  if (scheme_end == std::string_view::npos) return false;  // `null`: the browser hides the origin
+  const std::string_view default_port = origin.starts_with("https://") ? ":443" : ":80";
+  const auto without_port = [&](std::string_view authority) {
+    if (authority.ends_with(default_port)) authority.remove_suffix(default_port.size());
+    return authority;
+  };
+  const std::string_view name = without_port(origin.substr(scheme_end + 3));
+  return !name.empty() && name == without_port(host);
+}
+
+/// A browser sends simple requests of any page to any address, without asking the server first. It
+/// does not add a key to them, so this is needed only where no key is asked for. `Sec-Fetch-Site`
+/// is missing for plain HTTP to other machines and in old browsers; `Origin` comes with every
+/// request of a page that changes something.
 void refuse_other_sites(const HttpRequest& request) {
   if (request.method == "GET" || request.method == "HEAD") return;
+  constexpr std::string_view kExpected =
+      "a page of this server: use its own page, or make a key (stillmap keys create)";
   const std::string site = lower(request.header("sec-fetch-site"));
-  if (site != "cross-site" && site != "same-site") return;
-  throw field_error(ErrorCode::kForbidden, "Sec-Fetch-Site", site,
-                    "same-origin, or a key: without one other sites' pages change nothing");
+  if (site == "cross-site" || site == "same-site")
+    throw field_error(ErrorCode::kForbidden, "Sec-Fetch-Site", site, std::string(kExpected));
+  const auto origin = request.headers.find("origin");
+  if (origin == request.headers.end()) return;
+  if (is_same_origin(lower(origin->second), lower(request.header("host")))) return;
+  throw field_error(ErrorCode::kForbidden, "Origin", "'" + origin->second + "'",
+                    std::string(kExpected));
 }
 
 /// A browser that was told by DNS that another site lies here names that site.

@@ -17,10 +17,10 @@ namespace stillmap::server {
 /// Says who may do what, before a request's body is read. Keys that were made or revoked meanwhile
 /// count at once. Safe from several threads.
 ///
-/// Without a single key in the store everyone may do everything: the server then listens where
-/// only this machine reaches it, unless told otherwise in words. A browser on this machine may show
-/// anybody's page, though: what it sends for another site changes nothing, and a name that somebody
-/// points to this machine (DNS rebinding) is not answered.
+/// Without a single key in the store everyone may do everything but make the first key: the server
+/// then listens where only this machine reaches it, unless the options say otherwise. A browser may
+/// show anybody's page, though: what it sends for another site changes nothing. On loopback a name
+/// that somebody points to this machine (DNS rebinding) is not answered.
 class Gatekeeper {
  public:
   /// @param keys  outlives this. @param on_loopback  whether only this machine reaches the server.

@@ -200,6 +200,93 @@ TEST_F(GatekeeperTest, PagesOfOtherSitesChangeNothingWhereNoKeyIsAskedFor) {
   EXPECT_EQ(from("cross-site", "GET"), std::nullopt);
 }
 
+TEST_F(GatekeeperTest, OriginsOfOtherSitesChangeNothingWhereNoKeyIsAskedFor) {
+  start();
+  const auto from = [&](const std::string& origin, const std::string& host = "localhost:8080",
+                        const std::string& method = "POST") {
+    HttpRequest asked =
+        request(method, "/v1/maps/town" + std::string(method == "POST" ? "/rollback" : ""));
+    asked.headers["origin"] = origin;
+    asked.headers["host"] = host;
+    return refusal(asked, "");
+  };
+  for (const char* other :
+       {"http://evil.example", "http://localhost", "http://localhost:8081", "https://localhost",
+        "null", "", "localhost:8080", "://", "http://", "http://localhost:8080.evil.example"}) {
+    EXPECT_EQ(from(other), ErrorCode::kForbidden) << other;
+    EXPECT_EQ(from(other, "localhost:8080", "DELETE"), ErrorCode::kForbidden) << other;
+    EXPECT_EQ(from(other, "localhost:8080", "GET"), std::nullopt) << other;
+  }
+  EXPECT_EQ(from("http://"), ErrorCode::kForbidden);
+  EXPECT_EQ(from("http://localhost:8080"), std::nullopt);
+  EXPECT_EQ(from("HTTP://LOCALHOST:8080"), std::nullopt);
+  EXPECT_EQ(from("http://localhost", "localhost"), std::nullopt);
+  EXPECT_EQ(from("http://localhost", "localhost:80"), std::nullopt);
+  EXPECT_EQ(from("https://localhost:443", "localhost"), std::nullopt);
+  EXPECT_EQ(from("http://localhost:443", "localhost"), ErrorCode::kForbidden);
+  EXPECT_EQ(from("http://[::1]:8080", "[::1]:8080"), std::nullopt);
+  // Scripts and our clients send none.
+  EXPECT_EQ(refusal(request("POST", "/v1/maps/town/rollback"), ""), std::nullopt);
+}
+
+TEST_F(GatekeeperTest, PagesOfOtherSitesChangeNothingWhereOtherMachinesNeedNoKeyEither) {
+  options_.host = "0.0.0.0";
+  options_.allow_remote = true;
+  options_.allow_without_keys = true;
+  start();
+  HttpRequest asked = request("POST", "/v1/maps/town/rollback");
+  asked.headers["host"] = "maps.example.org";
+  asked.headers["origin"] = "http://evil.example";
+  EXPECT_EQ(refusal(asked, ""), ErrorCode::kForbidden);
+  asked.headers["origin"] = "http://maps.example.org";
+  EXPECT_EQ(refusal(asked, ""), std::nullopt);
+  asked.headers["sec-fetch-site"] = "cross-site";
+  EXPECT_EQ(refusal(asked, ""), ErrorCode::kForbidden);
+}
+
+/// A form of another site's page can send text/plain, not JSON.
+TEST_F(GatekeeperTest, RoutesThatTakeJsonTakeItsTypeAlone) {
+  options_.sessions.max = 10;
+  start();
+  const std::string key = "Bearer " + make_key({15});
+  const std::set<std::string> with_optional_body = {"/v1/maps/{map}/drives", "/v1/sessions",
+                                                    "/v1/sessions/{session}/initialize"};
+  int tried = 0;
+  for (const Route* route : service_->routes()) {
+    // Poses take other types too, and streamed bodies are bytes.
+    const bool is_pose =
+        route->pattern.find("/localize") != std::string::npos || route->pattern.ends_with("/scans");
+    if (route->body != BodyKind::kWhole || is_pose) continue;
+    ++tried;
+    for (const char* type : {"text/plain", "application/x-www-form-urlencoded",
+                             "multipart/form-data; boundary=a", "", "application/jsonp"}) {
+      HttpRequest asked = request_to(*route);
+      asked.headers["authorization"] = key;
+      asked.headers["content-type"] = type;
+      asked.body = "{}";
+      EXPECT_EQ(service_->handle(asked).status, 415) << route->pattern << " " << type;
+      asked.body.clear();
+      if (!with_optional_body.contains(route->pattern)) {
+        EXPECT_EQ(service_->handle(asked).status, 415) << route->pattern << " " << type;
+      }
+    }
+  }
+  EXPECT_GE(tried, 7);
+}
+
+TEST_F(GatekeeperTest, TheFirstKeyIsNotMadeOverHttp) {
+  start();
+  HttpRequest asked = request("POST", "/v1/keys");
+  asked.headers["content-type"] = "application/json";
+  asked.body = R"({"name": "mine", "scopes": ["admin"]})";
+  const HttpResponse refused = service_->handle(asked);
+  EXPECT_EQ(refused.status, 403);
+  EXPECT_THAT(refused.body, ::testing::HasSubstr("stillmap keys create"));
+  EXPECT_TRUE(store_.open().keys().list().empty());
+  asked.headers["authorization"] = "Bearer " + make_key(only(KeyScope::kAdmin));
+  EXPECT_EQ(service_->handle(asked).status, 201);
+}
+
 TEST_F(GatekeeperTest, NamesThatAreNotOfThisMachineAreNotAnsweredWithoutKeys) {
   start();
   const auto asked_as = [&](const std::string& host, const std::string& path = "/v1/maps") {

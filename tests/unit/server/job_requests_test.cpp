@@ -12,6 +12,9 @@ class JobRequests : public JobTest {
   nlohmann::json refused(const std::string& json) const {
     return body(send("POST", "/v1/maps/town/rebuild", json));
   }
+  std::string make_admin_key() const {
+    return store_.open().keys().create("admin", {8}, {}, unix_ns()).text;
+  }
 };
 
 TEST_F(JobRequests, BadOnesAreRefusedByField) {
@@ -174,15 +177,20 @@ TEST_F(JobRequests, WritesAreAuditedAndReadsAreNot) {
 
 TEST_F(JobRequests, KeysAreMadeShownOnceAndRevoked) {
   start();
-  const HttpResponse made =
-      send("POST", "/v1/keys", R"({"name": "boss", "scopes": ["admin"], "expires_days": 1})");
+  HttpRequest asked = request("POST", "/v1/keys");
+  asked.headers["authorization"] = "Bearer " + make_admin_key();
+  asked.headers["content-type"] = "application/json";
+  asked.body = R"({"name": "boss", "scopes": ["admin"], "expires_days": 1})";
+  const HttpResponse made = service_->handle(asked);
   ASSERT_EQ(made.status, 201);
   const std::string id = body(made)["id"];
   HttpRequest list = request("GET", "/v1/keys");
-  EXPECT_EQ(service_->handle(list).status, 401) << "from now on";
+  EXPECT_EQ(service_->handle(list).status, 401);
   list.headers["authorization"] = "Bearer " + body(made)["key"].get<std::string>();
-  EXPECT_EQ(body(service_->handle(list))["keys"][0]["name"], "boss");
-  EXPECT_FALSE(body(service_->handle(list))["keys"][0].contains("key"));
+  const nlohmann::json keys = body(service_->handle(list))["keys"];
+  ASSERT_EQ(keys.size(), 2U);
+  for (const nlohmann::json& key : keys) EXPECT_FALSE(key.contains("key"));
+  EXPECT_TRUE(keys[0]["name"] == "boss" || keys[1]["name"] == "boss");
   HttpRequest revoke = list;
   revoke.method = "DELETE";
   revoke.path = "/v1/keys/nobody";
@@ -194,12 +202,18 @@ TEST_F(JobRequests, KeysAreMadeShownOnceAndRevoked) {
 
 TEST_F(JobRequests, BadKeysAreRefusedByField) {
   start();
+  const std::string key = make_admin_key();
   for (const auto& [json, path] : std::vector<std::pair<std::string, std::string>>{
            {R"({"scopes": ["read"]})", "name"},
            {R"({"name": "a", "scopes": []})", "scopes"},
            {R"({"name": "a", "scopes": ["root"]})", "scopes"},
-           {R"({"name": "a", "scopes": ["read"], "expires_days": 0})", "expires_days"}})
-    EXPECT_EQ(body(send("POST", "/v1/keys", json))["errors"][0]["path"], path);
+           {R"({"name": "a", "scopes": ["read"], "expires_days": 0})", "expires_days"}}) {
+    HttpRequest asked = request("POST", "/v1/keys");
+    asked.headers["authorization"] = "Bearer " + key;
+    asked.headers["content-type"] = "application/json";
+    asked.body = json;
+    EXPECT_EQ(body(service_->handle(asked))["errors"][0]["path"], path);
+  }
 }
 
 }  // namespace job_requests_test

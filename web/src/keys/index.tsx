@@ -22,18 +22,18 @@ export default function KeysView(_: ViewProps) {
       <div class="heading">
         <h1>Keys</h1>
         <span class="grow" />
-        <button type="button" class="primary" onClick={() => setOpen('new')}><Icon name="plus" /> New key</button>
+        {data !== undefined && data.length > 0 && <button type="button" class="primary" onClick={() => setOpen('new')}><Icon name="plus" /> New key</button>}
       </div>
       {error !== undefined && <Trouble error={error} title={error.status === 403 ? 'Keys are for administrators' : undefined} onRetry={reload} />}
       {data === undefined && loading && <p class="waiting" role="status">Asking the server for its keys…</p>}
       {data?.length === 0 && (
         <p class="remark">
-          The server has no keys: whoever reaches it may do everything. From the first key on every request needs one, so let that
-          one have the scope “admin”. This tab then uses it.
+          The server has no keys: whoever reaches it can do everything. Make the first key on the server’s machine:{' '}
+          <code>stillmap keys create NAME --store DIR --scope admin</code>. From then on every request needs a key, and this page makes further ones.
         </p>
       )}
       {data !== undefined && data.length > 0 && <KeyTable keys={data} onRevoke={setOpen} />}
-      {open === 'new' && <NewKeyDialog first={data?.length === 0} onClose={close} onMade={reload} />}
+      {open === 'new' && <NewKeyDialog onClose={close} onMade={reload} />}
       {typeof open === 'object' && <Revoke of={open} onClose={close} onDone={reload} />}
     </>
   );

@@ -1,7 +1,6 @@
 import { useState } from 'preact/hooks';
 import { ask, type Schema } from '../api/client.js';
 import { toApiError, type ApiError } from '../api/errors.js';
-import { setKey } from '../api/keys.js';
 import { Dialog } from '../ui/dialog.js';
 import { useKept, forget } from '../ui/kept.js';
 import { CopyButton, Field, Trouble } from '../ui/parts.js';
@@ -16,28 +15,24 @@ const kScopes: [Scope, string][] = [
 ];
 
 export interface NewKeyDialogProps {
-  /** No other key is there: from now on every request needs one. */
-  first: boolean;
   onClose: () => void;
   onMade: () => void;
 }
 
 /** Makes a key, and shows it the one time that it can be seen. */
-export function NewKeyDialog({ first, onClose, onMade }: NewKeyDialogProps) {
+export function NewKeyDialog({ onClose, onMade }: NewKeyDialogProps) {
   const [made, setMade] = useState<Schema<'CreatedKey'>>();
-  if (made !== undefined) return <Made made={made} first={first} onClose={onClose} />;
+  if (made !== undefined) return <Made made={made} onClose={onClose} />;
   const done = (key: Schema<'CreatedKey'>): void => {
-    // The page itself would be locked out by the first key.
-    if (first && key.scopes.includes('admin')) setKey(key.key);
     setMade(key);
     forget('new_key');
     onMade();
   };
-  return <Form first={first} onClose={onClose} onMade={done} />;
+  return <Form onClose={onClose} onMade={done} />;
 }
 
-function Form({ first, onClose, onMade }: { first: boolean; onClose: () => void; onMade: (key: Schema<'CreatedKey'>) => void }) {
-  const [form, setForm] = useKept('new_key', { name: '', scopes: (first ? kScopes.map(([scope]) => scope) : ['read']) as Scope[], days: '' });
+function Form({ onClose, onMade }: { onClose: () => void; onMade: (key: Schema<'CreatedKey'>) => void }) {
+  const [form, setForm] = useKept('new_key', { name: '', scopes: ['read'] as Scope[], days: '' });
   const [error, setError] = useState<ApiError>();
   const [tried, setTried] = useState(false);
   const days = form.days === '' ? undefined : Number(form.days);
@@ -79,7 +74,6 @@ function Form({ first, onClose, onMade }: { first: boolean; onClose: () => void;
         <Field label="Ends after [days]" hint="Empty: never." fault={tried ? faults.days : undefined}>
           {(props) => <input {...props} inputMode="numeric" value={form.days} onInput={(event) => setForm({ ...form, days: event.currentTarget.value })} />}
         </Field>
-        {first && !form.scopes.includes('admin') && <p class="remark">Without “admin” no further key can be made here, only at the server’s command line.</p>}
         {error !== undefined && <Trouble error={error} />}
         <div class="actions">
           <span class="grow" />
@@ -91,12 +85,11 @@ function Form({ first, onClose, onMade }: { first: boolean; onClose: () => void;
   );
 }
 
-function Made({ made, first, onClose }: { made: Schema<'CreatedKey'>; first: boolean; onClose: () => void }) {
+function Made({ made, onClose }: { made: Schema<'CreatedKey'>; onClose: () => void }) {
   return (
     <Dialog title={`The key “${made.name}”`} onClose={onClose}>
       <p>Copy it now: it is shown this one time, and only its hash is kept.</p>
       <code class="secret" data-secret>{made.key}</code>
-      {first && made.scopes.includes('admin') && <p class="quiet">This tab uses it from now on.</p>}
       <div class="actions">
         <CopyButton text={made.key} label="Copy the key" />
         <span class="grow" />
