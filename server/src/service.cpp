@@ -257,8 +257,17 @@ void Service::reload(const ServerOptions& options) {
   store_.set_quota(quota_of(options.quotas));
 }
 
+Router::Match Service::find(const HttpRequest& request) const {
+  return router_.match(request.method, request.path);
+}
+
 Router::Match Service::admit(HttpRequest& request) const {
-  Router::Match match = router_.match(request.method, request.path);
+  Router::Match match = find(request);
+  admit(request, match);
+  return match;
+}
+
+void Service::admit(HttpRequest& request, const Router::Match& match) const {
   try {
     gatekeeper_.admit(request, match.route->access, live_.current()->rate);
     if (changes_ == StoreChanges::kRefused && is_write(*match.route))
@@ -271,7 +280,6 @@ Router::Match Service::admit(HttpRequest& request) const {
     note_refused(request, match, error);
     throw ApiError(error);
   }
-  return match;
 }
 
 HttpResponse Service::handle(HttpRequest request) const {
@@ -307,6 +315,8 @@ void Service::note_write(const HttpRequest& request, const Router::Match& match,
   try {
     context_.store.audit().append({.time_ns = unix_ns(),
                                    .request_id = request.request_id,
+                                   .server_request_id = request.server_request_id,
+                                   .source = request.remote_address,
                                    .key_id = request.caller.key_id,
                                    .method = request.method,
                                    .route = match.route->pattern,

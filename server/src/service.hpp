@@ -28,10 +28,13 @@ class Service final : public RequestHandler {
   Service(const Service&) = delete;
   Service& operator=(const Service&) = delete;
 
-  [[nodiscard]] Router::Match admit(HttpRequest& request) const override;
+  [[nodiscard]] Router::Match find(const HttpRequest& request) const override;
+  void admit(HttpRequest& request, const Router::Match& match) const override;
+  /// Both at once.
+  [[nodiscard]] Router::Match admit(HttpRequest& request) const;
   [[nodiscard]] HttpResponse handle(const HttpRequest& request,
                                     const Router::Match& match) const override;
-  /// Both at once, for a request that is complete.
+  /// All at once, for a request that is complete.
   [[nodiscard]] HttpResponse handle(HttpRequest request) const;
   /// Everything that is served, in the order of the table.
   [[nodiscard]] std::vector<const Route*> routes() const { return router_.routes(); }

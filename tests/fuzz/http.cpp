@@ -54,8 +54,11 @@ class Watch final : public server::RequestHandler {
  public:
   explicit Watch(const server::Service& service) : service_(service) {}
 
-  [[nodiscard]] server::Router::Match admit(server::HttpRequest& request) const override {
-    return service_.admit(request);
+  [[nodiscard]] server::Router::Match find(const server::HttpRequest& request) const override {
+    return service_.find(request);
+  }
+  void admit(server::HttpRequest& request, const server::Router::Match& match) const override {
+    service_.admit(request, match);
   }
   [[nodiscard]] server::HttpResponse handle(const server::HttpRequest& request,
                                             const server::Router::Match& match) const override {

@@ -34,7 +34,7 @@ void read_header(std::string_view text) {
 }
 
 void read_id(std::string_view text) {
-  const std::string id = server::request_id_from(text);
+  const std::string id = server::request_id_from(text, server::new_request_id());
   fuzz::require(!id.empty() && id.size() <= 64, "an id of 1 to 64 letters");
   for (const char c : server::printable(text))
     fuzz::require(static_cast<unsigned char>(c) >= 0x20 && c != 0x7f, "no control characters");

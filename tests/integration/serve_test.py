@@ -171,6 +171,49 @@ class Running(FolderTest):
         self.assertNotIn("hush", self.log.read_text())
         self.assertEqual(self.finish(), 0)
 
+    def test_refused_requests_are_logged_with_route_source_and_key(self):
+        made = subprocess.run([PROGRAM, "keys", "create", "display", "--store", self.store, "--scope", "read", "--json"],
+                              check=True, capture_output=True, text=True)
+        key = json.loads(made.stdout)
+        bearer = {"Authorization": f"Bearer {key['key']}"}
+        wrong = {"Authorization": f"Bearer {key['key'][:-1]}{'1' if key['key'][-1] == '0' else '0'}"}
+        self.configure(rate={"requests_per_s": 0.001, "burst": 2})
+        self.start()
+        for path, headers in (("/v1/audit", {}), ("/v1/audit", wrong), ("/v1/audit", bearer),
+                              ("/v1/maps", bearer), ("/v1/maps", bearer), ("/v1/maps", bearer)):
+            self.get(path, **headers)
+        subprocess.run([PROGRAM, "keys", "revoke", key["id"], "--store", self.store], check=True, capture_output=True)
+        self.get("/v1/maps", **bearer)
+        self.get("/v1/nothing", **bearer)
+        requests = self.wait(lambda: [line for line in self.lines() if line["message"] == "request"][7:] and
+                             [line for line in self.lines() if line["message"] == "request"])
+        self.assertEqual([(line["status"], line.get("route"), line.get("key_id")) for line in requests],
+                         [(401, "/v1/audit", None), (401, "/v1/audit", None), (403, "/v1/audit", key["id"]),
+                          (200, "/v1/maps", key["id"]), (200, "/v1/maps", key["id"]), (429, "/v1/maps", key["id"]),
+                          (401, "/v1/maps", key["id"]), (404, None, None)])
+        self.assertEqual({line["source"] for line in requests}, {"127.0.0.1"})
+        self.assertEqual(self.finish(), 0)
+
+    def test_a_client_s_request_id_that_comes_twice_is_told_apart(self):
+        key = subprocess.run([PROGRAM, "keys", "create", "boss", "--store", self.store, "--scope", "admin"],
+                             check=True, capture_output=True, text=True).stdout.strip()
+        self.configure()
+        self.start()
+        for name in ("mine", "mine", "no id"):
+            connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
+            connection.request("DELETE", "/v1/keys/none", headers={"Authorization": f"Bearer {key}", "X-Request-Id": name})
+            answered = connection.getresponse().getheader("X-Request-Id")
+            connection.close()
+            self.assertEqual(answered == name, name == "mine")
+        records = json.loads(self.get("/v1/audit", Authorization=f"Bearer {key}")[1])["records"]
+        self.assertEqual([record["request_id"] for record in records], [answered, "mine", "mine"])
+        self.assertEqual(records[0]["server_request_id"], answered)
+        self.assertEqual(len({record["server_request_id"] for record in records}), 3)
+        self.assertEqual({record["source"] for record in records}, {"127.0.0.1"})
+        lines = [line for line in self.lines() if line.get("request_id") == "mine"]
+        self.assertEqual([line["server_request_id"] for line in lines], [record["server_request_id"] for record in records[:0:-1]])
+        self.assertEqual(self.finish(), 0)
+
     def test_sighup_reloads_and_says_what_needs_a_restart(self):
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))

@@ -20,10 +20,12 @@ constexpr std::int64_t kMostDays = INT64_MAX / kDayNs;
 std::int64_t AuditLog::append(const AuditRecord& record) {
   Writing writing(*database_);
   SqliteStatement(writing.database(),
-                  "INSERT INTO audit (time_ns, request_id, key_id, method, route, subject, status)"
-                  " VALUES (?, ?, ?, ?, ?, ?, ?)")
+                  "INSERT INTO audit (time_ns, request_id, server_request_id, source, key_id,"
+                  " method, route, subject, status) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)")
       .bind(record.time_ns)
       .bind(record.request_id)
+      .bind(record.server_request_id)
+      .bind(record.source)
       .bind(record.key_id)
       .bind(record.method)
       .bind(record.route)
@@ -41,13 +43,14 @@ AuditLog::Page AuditLog::list(std::size_t limit, std::optional<std::int64_t> bef
   const Reading reading(*database_);
   // One more tells whether there are others.
   SqliteStatement row(reading.database(),
-                      "SELECT id, time_ns, request_id, key_id, method, route, subject, status"
-                      " FROM audit WHERE id < ? ORDER BY id DESC LIMIT ?");
+                      "SELECT id, time_ns, request_id, server_request_id, source, key_id, method,"
+                      " route, subject, status FROM audit WHERE id < ? ORDER BY id DESC LIMIT ?");
   row.bind(before.value_or(INT64_MAX)).bind(static_cast<std::int64_t>(limit) + 1);
   Page page;
   while (row.step())
     page.records.push_back({row.integer(0), row.integer(1), row.text(2), row.text(3), row.text(4),
-                            row.text(5), row.text(6), static_cast<int>(row.integer(7))});
+                            row.text(5), row.text(6), row.text(7), row.text(8),
+                            static_cast<int>(row.integer(9))});
   if (page.records.size() > limit) {
     page.records.pop_back();
     page.next = page.records.back().id;

@@ -12,7 +12,7 @@ namespace {
 constexpr std::int64_t kApplicationId = 0x53544d50;
 
 /// Step n takes version n to n + 1. A published step is never changed, only followed by others.
-constexpr std::array<const char*, 4> kSteps = {
+constexpr std::array<const char*, 5> kSteps = {
     R"(
 CREATE TABLE maps (
   name TEXT PRIMARY KEY NOT NULL,
@@ -128,6 +128,10 @@ CREATE TABLE saved_edits (
 ) STRICT, WITHOUT ROWID;
 ALTER TABLE drives ADD COLUMN version TEXT;
 ALTER TABLE drives ADD COLUMN content_type TEXT;
+)",
+    R"(
+ALTER TABLE audit ADD COLUMN server_request_id TEXT NOT NULL DEFAULT '';
+ALTER TABLE audit ADD COLUMN source TEXT NOT NULL DEFAULT '';
 )",
 };
 

@@ -99,6 +99,9 @@ ApiError head_too_large() {
 LogContext log_context(const Exchange& exchange) {
   LogContext context;
   context.request_id = exchange.request.request_id;
+  if (exchange.request.server_request_id != context.request_id)
+    context.server_request_id = exchange.request.server_request_id;
+  context.source = exchange.request.remote_address;
   if (exchange.head.count("traceparent") != 1) return context;
   const std::optional<Span> caller = parse_traceparent(exchange.head.value("traceparent"));
   if (!caller) return context;
@@ -115,7 +118,10 @@ void read_into(Exchange& exchange, BoundedSocket::HeadState state, const std::st
   } catch (const ApiError& error) {
     exchange.refusal = error;
   }
-  exchange.request.request_id = request_id_from(exchange.head.value("x-request-id"));
+  HttpRequest& request = exchange.request;
+  request.server_request_id = new_request_id();
+  request.request_id =
+      request_id_from(exchange.head.value("x-request-id"), request.server_request_id);
   exchange.log.emplace(log_context(exchange));
 }
 
@@ -166,11 +172,13 @@ class HttpExchange::Library final : public httplib::Server {
         [this](const httplib::Request&, httplib::Response& to) { tell_connection(to); });
   }
 
-  bool serve(BoundedSocket& socket, bool last, const std::function<void()>& received) {
+  bool serve(BoundedSocket& socket, const std::string& peer, bool last,
+             const std::function<void()>& received) {
     std::string text;
     const BoundedSocket::HeadState state = socket.read_head(text);
     if (state == BoundedSocket::HeadState::kEnded) return false;
     Exchange exchange{.socket = socket, .received = received, .last = last};
+    exchange.request.remote_address = peer;
     read_into(exchange, state, text);
     HeadStream stream(socket, head_for_library(exchange));
     current_exchange = &exchange;
@@ -209,7 +217,8 @@ class HttpExchange::Library final : public httplib::Server {
     complete_request(exchange, from);
     const std::optional<std::uint64_t> length = announced_length(exchange.head);
     exchange.reusable = length.value_or(0) == 0 && exchange.head.count("transfer-encoding") == 0;
-    exchange.match = handler_.admit(exchange.request);
+    exchange.match = handler_.find(exchange.request);
+    handler_.admit(exchange.request, exchange.match);
     exchange.log->context().key_id = exchange.request.caller.key_id;
     const Route& route = *exchange.match.route;
     if (exchange.head.method == "GET") static_cast<void>(parse_range(exchange.head.value("range")));
@@ -286,8 +295,10 @@ class HttpExchange::Library final : public httplib::Server {
             }};
   }
 
-  void note(const Exchange& exchange, int status, std::uint64_t size) const {
+  void note(Exchange& exchange, int status, std::uint64_t size) const {
     const HttpRequest& request = exchange.request;
+    // Also of one that was refused by its head.
+    exchange.log->context().key_id = request.caller.key_id;
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - exchange.begun;
     log_access({.method = request.method,
                 .route = route_label(exchange.match),
@@ -344,8 +355,9 @@ HttpExchange::HttpExchange(const Limits& limits, const RequestHandler& handler, 
     : library_(std::make_unique<Library>(limits, handler, metrics)) {}
 HttpExchange::~HttpExchange() = default;
 
-bool HttpExchange::serve(BoundedSocket& socket, bool last, const std::function<void()>& received) {
-  return library_->serve(socket, last, received);
+bool HttpExchange::serve(BoundedSocket& socket, const std::string& peer, bool last,
+                         const std::function<void()>& received) {
+  return library_->serve(socket, peer, last, received);
 }
 void HttpExchange::close_after_answers() { library_->close_after_answers(); }
 void HttpExchange::end_streams() { library_->end_streams(); }

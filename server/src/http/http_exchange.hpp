@@ -33,10 +33,12 @@ class HttpExchange {
   HttpExchange(const HttpExchange&) = delete;
   HttpExchange& operator=(const HttpExchange&) = delete;
 
-  /// Reads one request and answers it. @param last  tells the client to close.
+  /// Reads one request and answers it. @param peer  address of whoever is connected.
+  /// @param last  tells the client to close.
   /// @param received  called once nothing more has to come from the client but a streamed body.
   /// @return whether the connection is at the start of a next request.
-  [[nodiscard]] bool serve(BoundedSocket& socket, bool last, const std::function<void()>& received);
+  [[nodiscard]] bool serve(BoundedSocket& socket, const std::string& peer, bool last,
+                           const std::function<void()>& received);
   /// From now on every answer is the last of its connection.
   void close_after_answers();
   /// Ends event streams, with a last event.

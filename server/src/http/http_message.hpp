@@ -64,7 +64,12 @@ struct HttpRequest {
   std::string body;
   /// Of routes with BodyKind::kStreamed; valid during the handler.
   BodyStream* stream = nullptr;
+  /// As the answer's X-Request-Id: the client's own where it sent one, which may come twice.
   std::string request_id;
+  /// Made by this server, never twice. Equal to `request_id` where the client sent none.
+  std::string server_request_id;
+  /// Address of the client, without the port; empty where it has none.
+  std::string remote_address;
   Caller caller;
   /// Whether whoever asked has closed the connection, so that the answer is of no use; safe from
   /// the handler's thread. None = there is no connection.

@@ -7,6 +7,7 @@
 #include "http/http_answer.hpp"
 #include "http/http_exchange.hpp"
 #include "http/listening_socket.hpp"
+#include "http/remote_address.hpp"
 #include "http/request_id.hpp"
 #include "http/turned_away.hpp"
 
@@ -55,7 +56,7 @@ void allow_files(std::size_t connections) {
 
 /// For a connection that is not read.
 std::string full_answer(std::size_t connections) {
-  const std::string id = request_id_from("");
+  const std::string id = new_request_id();
   const HttpResponse response = problem_response(
       ApiError(ErrorCode::kBusy, fmt::format("{} connections are open", connections)), id);
   std::string text = fmt::format(
@@ -255,13 +256,15 @@ class HttpServer::Listener {
       if (metrics_ != nullptr) metrics_->connection_refused("tls");
       return;
     }
+    const std::string peer = peer_address(handle);
     for (int left = kMostRequests; left > 0; --left) {
       connections_.set(handle, Connections::State::kIdle);
       // Looked at after the state is set: a stop first says that it stops, then wakes the idle.
       if (closed_ || !socket.wait_for_request()) return socket.finish_idle();
       connections_.set(handle, Connections::State::kReceiving);
-      const bool goes_on = exchange_.serve(
-          socket, left == 1, [&] { connections_.set(handle, Connections::State::kAnswering); });
+      const bool goes_on = exchange_.serve(socket, peer, left == 1, [&] {
+        connections_.set(handle, Connections::State::kAnswering);
+      });
       if (!goes_on) return socket.finish();
     }
   }

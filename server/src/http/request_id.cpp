@@ -17,15 +17,18 @@ std::uint64_t random_start() {
 
 }  // namespace
 
-std::string request_id_from(std::string_view client_id) {
+std::string new_request_id() {
+  // Counting up from a random start.
+  static std::atomic<std::uint64_t> next{random_start()};
+  return fmt::format("{:016x}", next.fetch_add(1));
+}
+
+std::string request_id_from(std::string_view client_id, const std::string& own) {
   constexpr std::string_view kAllowed =
       "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._-";
   const bool usable = !client_id.empty() && client_id.size() <= 64 &&
                       client_id.find_first_not_of(kAllowed) == std::string_view::npos;
-  if (usable) return std::string(client_id);
-  // Counting up from a random start: unique within a process and in practice over all of them.
-  static std::atomic<std::uint64_t> next{random_start()};
-  return fmt::format("{:016x}", next.fetch_add(1));
+  return usable ? std::string(client_id) : own;
 }
 
 std::string printable(std::string_view text) {

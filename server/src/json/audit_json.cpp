@@ -11,6 +11,8 @@ std::string audit_json(const maps::AuditLog::Page& page) {
     json["records"].push_back({{"id", record.id},
                                {"time_ns", std::to_string(record.time_ns)},
                                {"request_id", record.request_id},
+                               {"server_request_id", record.server_request_id},
+                               {"source", record.source},
                                {"key_id", record.key_id},
                                {"method", record.method},
                                {"route", record.route},

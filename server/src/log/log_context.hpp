@@ -8,8 +8,12 @@ namespace stillmap::server {
 /// left out.
 struct LogContext {
   std::string request_id;
+  /// Where the client gave `request_id`, which may come twice: the server's own.
+  std::string server_request_id{};
   std::string trace_id;
   std::string span_id;
+  /// Address of the client.
+  std::string source{};
   /// Public id of the API key, never the key.
   std::string key_id;
 };

@@ -53,8 +53,10 @@ void for_each_field(const LogEntry& entry, const Add& add) {
   };
   if (entry.context != nullptr) {
     add_text("request_id", entry.context->request_id);
+    add_text("server_request_id", entry.context->server_request_id);
     add_text("trace_id", entry.context->trace_id);
     add_text("span_id", entry.context->span_id);
+    add_text("source", entry.context->source);
     add_text("key_id", entry.context->key_id);
   }
   if (entry.access == nullptr) return;

@@ -26,9 +26,13 @@ bool is_health(const std::string& path) {
 
 Management::Management(const Service& service) : service_(service), router_(own_routes(service)) {}
 
-Router::Match Management::admit(HttpRequest& request) const {
-  return is_health(request.path) ? service_.admit(request)
+Router::Match Management::find(const HttpRequest& request) const {
+  return is_health(request.path) ? service_.find(request)
                                  : router_.match(request.method, request.path);
+}
+
+void Management::admit(HttpRequest& request, const Router::Match& match) const {
+  if (is_health(request.path)) service_.admit(request, match);
 }
 
 HttpResponse Management::handle(const HttpRequest& request, const Router::Match& match) const {

@@ -11,7 +11,8 @@ class Management final : public RequestHandler {
   /// @param service  outlives this.
   explicit Management(const Service& service);
 
-  [[nodiscard]] Router::Match admit(HttpRequest& request) const override;
+  [[nodiscard]] Router::Match find(const HttpRequest& request) const override;
+  void admit(HttpRequest& request, const Router::Match& match) const override;
   [[nodiscard]] HttpResponse handle(const HttpRequest& request,
                                     const Router::Match& match) const override;
 

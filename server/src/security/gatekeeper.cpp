@@ -89,7 +89,8 @@ void require_scope(const maps::ApiKey& key, Access access) {
 }  // namespace
 
 void Gatekeeper::admit(HttpRequest& request, Access access, const RateOptions& rate) {
-  const std::optional<maps::ApiKey> key = key_of(request.header("authorization"), access);
+  const std::optional<maps::ApiKey> key =
+      key_of(request.header("authorization"), access, request.caller.key_id);
   if (!key) {
     if (on_loopback_ && access != Access::kOpen) refuse_other_hosts(request);
     request.caller.is_admin = access != Access::kOpen;
@@ -105,17 +106,20 @@ void Gatekeeper::admit(HttpRequest& request, Access access, const RateOptions& r
 
 bool Gatekeeper::still_admits(const std::string& authorization, Access access) {
   try {
-    if (const auto key = key_of(authorization, access)) require_scope(*key, access);
+    std::string key_id;
+    if (const auto key = key_of(authorization, access, key_id)) require_scope(*key, access);
     return true;
   } catch (const ApiError&) {
     return false;
   }
 }
 
-/// @return the key; nothing where none is asked for.
-std::optional<maps::ApiKey> Gatekeeper::key_of(const std::string& authorization, Access access) {
+/// @param key_id  becomes the key's, also where the key is refused because it was revoked or has
+/// expired. @return the key; nothing where none is asked for.
+std::optional<maps::ApiKey> Gatekeeper::key_of(const std::string& authorization, Access access,
+                                               std::string& key_id) {
   if (access == Access::kOpen || !has_keys()) return std::nullopt;
-  return checked(authorization);
+  return checked(authorization, key_id);
 }
 
 /// Asked for each request, so the list is read again only after a key was made or revoked.
@@ -129,7 +133,7 @@ bool Gatekeeper::has_keys() {
   return has_keys_;
 }
 
-maps::ApiKey Gatekeeper::checked(const std::string& authorization) {
+maps::ApiKey Gatekeeper::checked(const std::string& authorization, std::string& key_id) {
   constexpr std::string_view kScheme = "bearer ";
   if (authorization.empty()) {
     throw unauthorized(ErrorCode::kMissingKey, "send Authorization: Bearer with a key");
@@ -139,6 +143,7 @@ maps::ApiKey Gatekeeper::checked(const std::string& authorization) {
   }
   const maps::KeyCheck check =
       keys_.check(trimmed(std::string_view(authorization).substr(kScheme.size())), unix_ns());
+  if (check.key) key_id = check.key->id;
   switch (check.verdict) {
     case maps::KeyCheck::Verdict::kGood:
       return *check.key;

@@ -27,16 +27,18 @@ class Gatekeeper {
   Gatekeeper(const maps::KeyTable& keys, bool on_loopback)
       : keys_(keys), on_loopback_(on_loopback) {}
 
-  /// Fills the request's caller, also when its key is good and the request is refused.
+  /// Fills the request's caller. Where the request is refused, `key_id` is that of the key that was
+  /// sent, if its secret is right.
   /// @throws ApiError kMissingKey, kRefusedKey, kForbidden; kTooManyRequests with Retry-After.
   void admit(HttpRequest& request, Access access, const RateOptions& rate);
   /// Whether whoever was admitted with this header would be still, but for the rate.
   [[nodiscard]] bool still_admits(const std::string& authorization, Access access);
 
  private:
-  [[nodiscard]] std::optional<maps::ApiKey> key_of(const std::string& authorization, Access access);
+  [[nodiscard]] std::optional<maps::ApiKey> key_of(const std::string& authorization, Access access,
+                                                   std::string& key_id);
   [[nodiscard]] bool has_keys();
-  [[nodiscard]] maps::ApiKey checked(const std::string& authorization);
+  [[nodiscard]] maps::ApiKey checked(const std::string& authorization, std::string& key_id);
 
   const maps::KeyTable& keys_;
   bool on_loopback_;

@@ -211,7 +211,8 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheThirdSchemaUpToDate) {
   }
   run_sql(store_ / "state.db",
           "DROP TABLE saved_edits; ALTER TABLE drives DROP COLUMN version;"
-          "ALTER TABLE drives DROP COLUMN content_type; PRAGMA user_version=3");
+          "ALTER TABLE drives DROP COLUMN content_type; ALTER TABLE audit DROP COLUMN source;"
+          "ALTER TABLE audit DROP COLUMN server_request_id; PRAGMA user_version=3");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.jobs().count(JobStatus::kEnqueued), 1U);
   EXPECT_FALSE(store.edits().of_map("town").saved_ns);
@@ -224,7 +225,7 @@ TEST_F(StoreUpkeepTest, RefusesToGoBackToAnOlderSchema) {
   { const PackageStore store(store_, calls_); }
   run_sql(store_ / "state.db", "PRAGMA user_version=9");
   EXPECT_THAT([&] { const PackageStore store(store_, calls_); },
-              ThrowsSaying<InputError>({"schema version 9", "at most 4", "newer stillmap"}));
+              ThrowsSaying<InputError>({"schema version 9", "at most 5", "newer stillmap"}));
 }
 
 class ReadOnlyStoreTest : public StoreUpkeepTest {

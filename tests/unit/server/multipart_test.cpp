@@ -54,8 +54,10 @@ TEST(HeaderText, ParametersArePlainOrQuoted) {
 }
 
 TEST(RequestId, FreshOnesDiffer) {
-  EXPECT_NE(request_id_from(""), request_id_from(""));
-  EXPECT_NE(request_id_from(std::string(65, 'a')), std::string(65, 'a'));
+  EXPECT_NE(new_request_id(), new_request_id());
+  EXPECT_EQ(request_id_from("", "own"), "own");
+  EXPECT_EQ(request_id_from(std::string(65, 'a'), "own"), "own");
+  EXPECT_EQ(request_id_from("client-1", "own"), "client-1");
   EXPECT_EQ(printable("a\nb\x7f"), "a?b?");
 }
 

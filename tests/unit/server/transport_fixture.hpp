@@ -62,12 +62,13 @@ class ScriptedHandler final : public RequestHandler {
  public:
   ScriptedHandler() : router_(routes()) {}
 
-  Router::Match admit(HttpRequest& request) const override {
-    Router::Match match = router_.match(request.method, request.path);
+  Router::Match find(const HttpRequest& request) const override {
+    return router_.match(request.method, request.path);
+  }
+  void admit(HttpRequest& request, const Router::Match&) const override {
     request.caller.key_id = request.header("authorization");
     if (request.header("authorization") == "Bearer wrong")
       throw ApiError(ErrorCode::kBusy, "refused by its head").with_header("Retry-After", "1");
-    return match;
   }
   HttpResponse handle(const HttpRequest& request, const Router::Match& match) const override {
     ++handled;

@@ -15,7 +15,12 @@ struct AuditRecord {
   /// Given by the log, growing; 0 in what is appended.
   std::int64_t id = 0;
   std::int64_t time_ns = 0;
+  /// As it was answered: the client's own where it sent one, which may come twice.
   std::string request_id{};
+  /// The server's own, never twice. Empty in rows of older versions.
+  std::string server_request_id{};
+  /// Address of the client. Empty in rows of older versions.
+  std::string source{};
   /// Empty without keys.
   std::string key_id{};
   std::string method{};
