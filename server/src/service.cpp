@@ -171,6 +171,9 @@ std::string subject_of(const Router::Match& match) {
     const std::string name = pattern.substr(begin + 1, pattern.find('}', begin) - begin - 1);
     subject += (subject.empty() ? "" : "/") + match.parameters.at(name);
   }
+  // Of a name that no map can have: the audit log stays text that any JSON holds as it is.
+  std::replace_if(
+      subject.begin(), subject.end(), [](char byte) { return byte < ' ' || byte > '~'; }, '?');
   return subject;
 }
 

@@ -4,7 +4,9 @@
 usage: serve_test.py STILLMAP
 """
 
+import contextlib
 import fcntl
+import hashlib
 import http.client
 import json
 import os
@@ -12,6 +14,7 @@ import pathlib
 import re
 import signal
 import socket
+import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -213,6 +216,31 @@ class Running(FolderTest):
         lines = [line for line in self.lines() if line.get("request_id") == "mine"]
         self.assertEqual([line["server_request_id"] for line in lines], [record["server_request_id"] for record in records[:0:-1]])
         self.assertEqual(self.finish(), 0)
+        self.check_audit(len(records))
+
+    def check_audit(self, count):
+        """The chain as maps/store.md describes it."""
+        def audit(*arguments):
+            return subprocess.run([PROGRAM, "audit", *arguments, "--store", self.store], capture_output=True, text=True)
+
+        records = [json.loads(line) for line in audit("export").stdout.splitlines()]
+        self.assertEqual(len(records), count)
+        before = "0" * 64
+        for record in records:
+            fields = ("id", "time_ns", "request_id", "server_request_id", "source", "key_id", "method", "route", "subject", "status")
+            text = "".join(f"{len(str(record[name]).encode())}:{record[name]}\n" for name in fields)
+            self.assertEqual(record["previous_sha256"], before)
+            before = hashlib.sha256(f"{before}\n{text}".encode()).hexdigest()
+            self.assertEqual(record["sha256"], before)
+        done = audit("verify", "--json")
+        self.assertEqual((done.returncode, json.loads(done.stdout)),
+                         (0, {"records": count, "newest_id": count, "newest_sha256": before, "first_wrong_id": None}))
+        self.assertIn(before, audit("verify").stdout)
+        with contextlib.closing(sqlite3.connect(self.store / "state.db")) as database, database:
+            database.execute("DELETE FROM audit WHERE id = 2")
+        done = audit("verify")
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("record 3 does not fit", done.stdout)
 
     def test_sighup_reloads_and_says_what_needs_a_restart(self):
         with socket.socket() as free:

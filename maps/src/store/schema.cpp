@@ -5,6 +5,8 @@
 #include <array>
 #include <string>
 
+#include "store/audit_chain.hpp"
+
 namespace stillmap::maps {
 namespace {
 
@@ -12,6 +14,7 @@ namespace {
 constexpr std::int64_t kApplicationId = 0x53544d50;
 
 /// Step n takes version n to n + 1. A published step is never changed, only followed by others.
+/// The fifth goes on in `chain_old_audit_records`.
 constexpr std::array<const char*, 5> kSteps = {
     R"(
 CREATE TABLE maps (
@@ -132,6 +135,17 @@ ALTER TABLE drives ADD COLUMN content_type TEXT;
     R"(
 ALTER TABLE audit ADD COLUMN server_request_id TEXT NOT NULL DEFAULT '';
 ALTER TABLE audit ADD COLUMN source TEXT NOT NULL DEFAULT '';
+ALTER TABLE audit ADD COLUMN sha256 TEXT NOT NULL DEFAULT '';
+CREATE TABLE audit_start (
+  id INTEGER NOT NULL,
+  sha256 TEXT NOT NULL CHECK (length(sha256) = 64)
+) STRICT;
+INSERT INTO audit_start SELECT
+  coalesce((SELECT min(id) - 1 FROM audit), (SELECT seq FROM sqlite_sequence WHERE name = 'audit'), 0),
+  '0000000000000000000000000000000000000000000000000000000000000000';
+DROP TRIGGER audit_is_append_only;
+CREATE TRIGGER audit_is_append_only BEFORE UPDATE ON audit WHEN old.sha256 <> ''
+  BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;
 )",
 };
 
@@ -160,7 +174,9 @@ void migrate(SqliteDatabase& database) {
     SqliteTransaction transaction(database);
     // Another process may have been first.
     if (database.pragma("user_version") == version) {
+      constexpr std::int64_t kChain = 4;
       database.execute(kSteps.at(static_cast<std::size_t>(version)));
+      if (version == kChain) chain_old_audit_records(database);
       database.execute("PRAGMA application_id=" + std::to_string(kApplicationId) +
                        "; PRAGMA user_version=" + std::to_string(version + 1));
     }

@@ -13,6 +13,7 @@ void add_serve(CLI::App& app);
 void add_inspect(CLI::App& app);
 void add_store(CLI::App& app);
 void add_keys(CLI::App& app);
+void add_audit(CLI::App& app);
 /// Names what other programs of ours do, so that the help lists it.
 void add_offline_commands(CLI::App& app);
 

@@ -26,5 +26,6 @@ int main(int argc, char** argv) {
   cli::add_inspect(app);
   cli::add_store(app);
   cli::add_keys(app);
+  cli::add_audit(app);
   return stillmap::command_line::run_program(app, argc, argv);
 }

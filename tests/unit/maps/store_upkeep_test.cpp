@@ -192,7 +192,7 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheFirstSchemaUpToDate) {
   }
   const fs::path file = store_ / "state.db";
   run_sql(file,
-          "DROP TABLE saved_edits; DROP TABLE audit; DROP TABLE job_drives;"
+          "DROP TABLE saved_edits; DROP TABLE audit; DROP TABLE audit_start; DROP TABLE job_drives;"
           "DROP TABLE drive_parts; DROP TABLE drives; DROP TABLE jobs; DROP TABLE keys;"
           "DROP TABLE retired; DROP TABLE retired_maps; PRAGMA user_version=1");
   PackageStore store(store_, calls_);
@@ -208,10 +208,15 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheThirdSchemaUpToDate) {
     PackageStore store(store_, calls_);
     store.add("town", "1", source("first"));
     store.jobs().enqueue({.map = "town"}, 1);
+    for (const char* subject : {"a", "b", "c"}) store.audit().append({.subject = subject});
   }
   run_sql(store_ / "state.db",
           "DROP TABLE saved_edits; ALTER TABLE drives DROP COLUMN version;"
-          "ALTER TABLE drives DROP COLUMN content_type; ALTER TABLE audit DROP COLUMN source;"
+          "ALTER TABLE drives DROP COLUMN content_type; DROP TRIGGER audit_is_append_only;"
+          "CREATE TRIGGER audit_is_append_only BEFORE UPDATE ON audit"
+          " BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;"
+          "DROP TABLE audit_start; ALTER TABLE audit DROP COLUMN sha256;"
+          "ALTER TABLE audit DROP COLUMN source;"
           "ALTER TABLE audit DROP COLUMN server_request_id; PRAGMA user_version=3");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.jobs().count(JobStatus::kEnqueued), 1U);
@@ -219,6 +224,9 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheThirdSchemaUpToDate) {
   EXPECT_TRUE(store.drives().open_upload("town", {.version = "v"}, 1).is_upload());
   EXPECT_EQ(store.edits().save("town", "some", "", 1).text, "some");
   EXPECT_THAT(store.verify(), IsEmpty());
+  EXPECT_EQ(store.audit().append({.subject = "d"}), 4);
+  EXPECT_EQ(store.audit().check().records, 4U);
+  EXPECT_FALSE(store.audit().check().first_wrong_id) << "older records are chained too";
 }
 
 TEST_F(StoreUpkeepTest, RefusesToGoBackToAnOlderSchema) {

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -30,11 +31,17 @@ struct AuditRecord {
   std::string subject{};
   /// HTTP's.
   int status = 0;
+  /// Of the record before and this one, in hex: see `AuditLog`. Empty in what is appended.
+  std::string sha256{};
   auto operator<=>(const AuditRecord&) const = default;
 };
 
 /// Append-only record of writes; the database itself refuses to change a row. What returned is
-/// kept. Safe from several threads. Throws StorageError when the disk fails.
+/// kept. Safe from several threads and processes. Throws StorageError when the disk fails.
+///
+/// The records are chained: the SHA-256 of each covers that of the record before and its own text
+/// (maps/store.md), so that one which was changed, removed or put in between no longer fits.
+/// Whoever can write the file can compute the whole chain anew: keep the newest hash elsewhere.
 class AuditLog {
  public:
   /// @return its id.
@@ -48,7 +55,23 @@ class AuditLog {
   };
   /// @param limit  1 to 1000. @throws std::invalid_argument.
   [[nodiscard]] Page list(std::size_t limit, std::optional<std::int64_t> before = {}) const;
-  /// The one way in which records go. @param days  1 or more. @return how many went.
+  /// Calls for every record, oldest first, as of one instant. @param visit  gets the record and the
+  /// SHA-256 of the one before it, which may be removed already; 64 zeros before the first.
+  void for_each(
+      const std::function<void(const AuditRecord&, const std::string& before)>& visit) const;
+
+  struct Check {
+    std::size_t records = 0;
+    /// Of the newest record; of the last removed one where there is none.
+    std::int64_t newest_id = 0;
+    std::string newest_sha256{};
+    /// The first record that does not fit to the one before it, or that is missing at the end.
+    std::optional<std::int64_t> first_wrong_id{};
+  };
+  /// Recomputes the chain.
+  [[nodiscard]] Check check() const;
+  /// The one way in which records go: from the oldest on, up to the first that is younger.
+  /// @param days  1 or more. @return how many went.
   /// @throws std::invalid_argument.
   std::size_t remove_older_than(std::int64_t days, std::int64_t now_ns);
 

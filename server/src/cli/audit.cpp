@@ -1,0 +1,65 @@
+#include <stillmap/maps/store/package_store.hpp>
+
+#include <fmt/core.h>
+
+#include <memory>
+#include <string>
+
+#include "command_line/run_program.hpp"
+#include "commands.hpp"
+#include "json/audit_json.hpp"
+
+namespace stillmap::cli {
+namespace {
+
+struct AuditArguments {
+  std::filesystem::path store;
+  bool json = false;
+};
+
+std::string text_of(const maps::AuditLog::Check& check) {
+  if (check.first_wrong_id)
+    return fmt::format(
+        "record {} does not fit to the one before it: it, or one before it, was changed or "
+        "removed; compare with an earlier `stillmap audit export` or a backup",
+        *check.first_wrong_id);
+  return fmt::format("{} records fit together; the newest is {} with SHA-256 {}", check.records,
+                     check.newest_id, check.newest_sha256);
+}
+
+void verify(const AuditArguments& arguments) {
+  require_store(arguments.store);
+  maps::PackageStore store(arguments.store);
+  const maps::AuditLog::Check check = store.audit().check();
+  fmt::print("{}\n", arguments.json ? server::audit_check_json(check) : text_of(check));
+  if (check.first_wrong_id) throw command_line::ExitCode{command_line::kFailed};
+}
+
+void export_lines(const AuditArguments& arguments) {
+  require_store(arguments.store);
+  maps::PackageStore store(arguments.store);
+  store.audit().for_each([](const maps::AuditRecord& record, const std::string& before) {
+    fmt::print("{}\n", server::audit_line(record, before));
+  });
+}
+
+}  // namespace
+
+void add_audit(CLI::App& app) {
+  auto arguments = std::make_shared<AuditArguments>();
+  CLI::App* group = app.add_subcommand("audit", "Check and export a store's audit log");
+  group->require_subcommand(1);
+  const auto add = [&](const char* name, const char* help, void (*run)(const AuditArguments&)) {
+    CLI::App* command = group->add_subcommand(name, help);
+    command->add_option("--store", arguments->store, "Folder of the store")
+        ->required()
+        ->check(command_line::existing_folder());
+    command->callback([arguments, run] { run(*arguments); });
+    return command;
+  };
+  add("verify", "Name the first record that was changed, removed or put in between", verify)
+      ->add_flag("--json", arguments->json, "Print JSON");
+  add("export", "Print every record, oldest first, a line of JSON each", export_lines);
+}
+
+}  // namespace stillmap::cli
