@@ -7,6 +7,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <exception>
 #include <memory>
 #include <set>
 #include <system_error>
@@ -31,7 +32,7 @@ class TargetFolder {
     if (kept_) return;
     try {
       disk_->remove_tree(folder_);
-    } catch (const StorageError&) {
+    } catch (const std::exception&) {
       // The error that brought us here says more.
     }
   }

@@ -67,8 +67,12 @@ class Extraction {
       file.append(piece);
       written.bytes += piece.size();
     }
-    file.finish();
-    if (hashed) written.sha256 = hash.hex();
+    if (hashed) {
+      written.sha256 = hash.hex();
+      file.close();
+    } else {
+      file.finish();
+    }
     found_->archive.bytes += written.bytes;
     ++found_->archive.files;
     found_->files.emplace(path, std::move(written));

@@ -18,8 +18,10 @@ struct ArchiveFiles {
   ExtractedArchive archive;
 };
 
-/// Unpacks into an empty folder as `extract_archive` does. Files are synced, folders are not; what
-/// is there when it throws stays.
+/// Unpacks into an empty folder as `extract_archive` does. What is there when it throws stays.
+/// Folders are not synced.
+/// @param hashed  whether the files' SHA-256 is taken. Then they are not synced either: whoever
+/// looks at the hashes knows which files stay (`keep_package`).
 ArchiveFiles unpack_archive(const ByteSource& source, const std::string& name,
                             const std::filesystem::path& empty, const ArchiveLimits& limits,
                             const DurableFiles& disk, bool hashed);

@@ -1,5 +1,6 @@
 #include <stillmap/maps/store/audit_log.hpp>
 
+#include <exception>
 #include <stdexcept>
 #include <string_view>
 
@@ -36,7 +37,7 @@ class Snapshot {
   ~Snapshot() {
     try {
       database_.execute("ROLLBACK");
-    } catch (const StorageError&) {
+    } catch (const std::exception&) {
       // Nothing was written.
     }
   }

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <exception>
 #include <vector>
 
 #include "store/drive_words.hpp"
@@ -55,7 +56,7 @@ class Leftover {
   ~Leftover() {
     try {
       if (is_there(path_)) files_->remove_file(path_);
-    } catch (const StorageError&) {
+    } catch (const std::exception&) {
       // The next open clears it.
     }
   }

@@ -33,8 +33,8 @@ void pass(DiskCalls& calls, const DiskCall& call, const DiskCalls::Perform& perf
   if (result < 0) fail(call.path, result);
 }
 
-std::int64_t sync_path(const fs::path& folder) {
-  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+std::int64_t sync_path(const fs::path& path, int kind) {
+  const int descriptor = ::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | kind);
   if (descriptor < 0) return -errno;
   const std::int64_t result = result_of(::fsync(descriptor));
   ::close(descriptor);
@@ -80,6 +80,10 @@ void DurableFiles::NewFile::append(std::string_view bytes) {
 void DurableFiles::NewFile::finish() {
   pass(*calls_, {.kind = Kind::kSyncFile, .path = path_},
        [&](std::size_t) { return result_of(::fsync(descriptor_)); });
+  close();
+}
+
+void DurableFiles::NewFile::close() {
   const int descriptor = std::exchange(descriptor_, -1);
   // Network file systems may say only here that the quota is used up.
   if (::close(descriptor) != 0) fail(path_, -errno);
@@ -92,6 +96,11 @@ DurableFiles::NewFile DurableFiles::create(const fs::path& file) const {
     return descriptor < 0 ? -errno : 0;
   });
   return {*calls_, file, descriptor};
+}
+
+void DurableFiles::sync_file(const fs::path& file) const {
+  pass(*calls_, {.kind = Kind::kSyncFile, .path = file},
+       [&](std::size_t) { return sync_path(file, 0); });
 }
 
 bool DurableFiles::make_folder(const fs::path& folder) const {
@@ -108,7 +117,7 @@ bool DurableFiles::make_folder(const fs::path& folder) const {
 
 void DurableFiles::sync_folder(const fs::path& folder) const {
   pass(*calls_, {.kind = Kind::kSyncFolder, .path = folder},
-       [&](std::size_t) { return sync_path(folder); });
+       [&](std::size_t) { return sync_path(folder, O_DIRECTORY); });
 }
 
 void DurableFiles::rename(const fs::path& from, const fs::path& to) const {

@@ -27,6 +27,8 @@ class DurableFiles {
     void append(std::string_view bytes);
     /// Syncs and closes. Once only, and nothing may be appended after it.
     void finish();
+    /// The same without syncing: `sync_file` does it later, where the file is to last.
+    void close();
 
    private:
     friend class DurableFiles;
@@ -39,6 +41,8 @@ class DurableFiles {
 
   /// Refuses an existing path, links included.
   [[nodiscard]] NewFile create(const std::filesystem::path& file) const;
+  /// Makes the bytes of a file last.
+  void sync_file(const std::filesystem::path& file) const;
   /// @return false when the folder was there already.
   bool make_folder(const std::filesystem::path& folder) const;
   /// Makes the folder's entries last: what was created, renamed and removed in it.

@@ -95,8 +95,9 @@ IncomingPackage keep_package(const fs::path& unpacked, const ArchiveFiles& found
     check_size(name + ": " + kBuildName, build->second.bytes, kLargestBuildJson);
     kept.insert(build->first);
   }
-  for (const std::string& folder : drop_others(unpacked, found, kept, root, disk))
-    disk.sync_folder(unpacked / folder);
+  const std::set<std::string> folders = drop_others(unpacked, found, kept, root, disk);
+  for (const std::string& path : kept) disk.sync_file(unpacked / path);
+  for (const std::string& folder : folders) disk.sync_folder(unpacked / folder);
   disk.sync_folder(unpacked);
   return {root.empty() ? unpacked : (unpacked / root).parent_path(), std::move(package)};
 }

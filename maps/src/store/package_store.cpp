@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <exception>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
@@ -70,7 +71,7 @@ class PackageStore::Incoming {
     if (!lock_ || stays_) return;
     try {
       files_.remove_tree(path_);
-    } catch (const StorageError&) {
+    } catch (const std::exception&) {
       // The error that brought us here says more; the next open clears the folder.
     }
   }

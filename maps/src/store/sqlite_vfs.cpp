@@ -86,8 +86,18 @@ struct SqliteVfs::Methods {
     return code;
   }
 
+  /// A database holds hashes of keys and who did what: its owner alone reads it, whatever the
+  /// umask says. SQLite gives its log the same mode. An error is met again by whoever opens it.
+  static void create_private(const char* name) {
+    const int descriptor = ::open(name, O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600);
+    if (descriptor >= 0) ::close(descriptor);
+  }
+
   static int open(sqlite3_vfs* vfs, const char* name, sqlite3_file* file, int flags, int* got) {
     const auto perform = [&] {
+      if ((flags & SQLITE_OPEN_CREATE) != 0 && (flags & SQLITE_OPEN_MAIN_DB) != 0 &&
+          name != nullptr)
+        create_private(name);
       return inner(vfs)->xOpen(inner(vfs), name, inner(file), flags, got);
     };
     File& opened = *new (file) File{{nullptr}, &owner(vfs), name, false};

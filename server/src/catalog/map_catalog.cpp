@@ -23,7 +23,8 @@ std::string described(const std::string& map, const std::string& version) {
 }
 
 ApiError unusable(const ServedVersion& version) {
-  return {ErrorCode::kMapUnusable, described(version.map, version.version) + " cannot be used"};
+  return {ErrorCode::kMapUnusable,
+          described(version.map, version.version) + " cannot be used: " + version.failure};
 }
 
 /// 0 also when the version is gone.
@@ -114,8 +115,10 @@ maps::StoredMap MapCatalog::activate(std::string_view map, std::string_view vers
   const maps::StoredMap before = store_.state().map(map);
   const ServedVersion next = load(key);
   if (next.state != MapState::kReady) {
-    throw ApiError(ErrorCode::kMapUnusable, described(key.first, key.second) +
-                                                " cannot be loaded; what was active stays so");
+    throw ApiError(
+        ErrorCode::kVersionUnusable,
+        described(key.first, key.second) + " cannot be loaded: " + next.failure +
+            "; what was active stays so. Publish a version that loads, or mend this one");
   }
   if (before.active && *before.active != key.second && !new_frame) {
     const ServedVersion present = open({key.first, *before.active}).served;

@@ -92,7 +92,7 @@ class MapCatalog {
   /// loaded nothing changes.
   /// @param revision   as in `StoreState::activate`.
   /// @param new_frame  whether its map frame may differ from that of the active version.
-  /// @throws ApiError kMapUnusable, kOtherFrame; StoreRefusal as `PackageStore::activate`.
+  /// @throws ApiError kVersionUnusable, kOtherFrame; StoreRefusal as `PackageStore::activate`.
   maps::StoredMap activate(std::string_view map, std::string_view version,
                            std::optional<std::int64_t> revision = {}, bool new_frame = false);
   /// The same with the version that was active before. @throws also StoreRefusal kNoPrevious.

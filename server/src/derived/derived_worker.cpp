@@ -68,7 +68,13 @@ void DerivedWorker::run(const std::stop_token& stop) {
       making_ = next.first;
       progress_ = 0.0;
     }
-    make(next.first, next.second, stop);
+    try {
+      make(next.first, next.second, stop);
+    } catch (const std::exception&) {
+      // No memory to note why it failed: as if nobody had asked for it.
+      const std::scoped_lock lock(mutex_);
+      making_.clear();
+    }
   }
 }
 

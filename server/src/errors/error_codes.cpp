@@ -31,6 +31,7 @@ constexpr std::array kErrors = {
     ErrorInfo{ErrorCode::kOtherDigest, "OtherDigest", "Something else is there under this name",
               409},
     ErrorInfo{ErrorCode::kVersionActive, "VersionActive", "The version is active", 409},
+    ErrorInfo{ErrorCode::kVersionUnusable, "VersionUnusable", "The version cannot be loaded", 409},
     ErrorInfo{ErrorCode::kNoPrevious, "NoPrevious", "There is no version to go back to", 409},
     ErrorInfo{ErrorCode::kOtherFrame, "OtherFrame", "The version is in another map frame", 409},
     ErrorInfo{ErrorCode::kInUse, "InUse", "Something that has not ended needs it", 409},

@@ -30,6 +30,7 @@ enum class ErrorCode {
   kNoActiveVersion,
   kOtherDigest,
   kVersionActive,
+  kVersionUnusable,
   kNoPrevious,
   kOtherFrame,
   kInUse,

@@ -4,9 +4,11 @@
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/store/package_store.hpp>
 
+#include <algorithm>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
+#include <new>
 #include <random>
 #include <string>
 #include <vector>
@@ -195,6 +197,57 @@ TEST_F(StoreArchiveTest, TakesBackWhatItGives) {
   EXPECT_EQ(store_.unnamed_packages().size(), 0U);
   EXPECT_EQ(store_.gc().leftovers, 0U);
   EXPECT_THAT([&] { (void)store_.archive("town", "9"); }, ::testing::Throws<StoreRefusal>());
+}
+
+/// Has no memory left when something is removed.
+class NoMemoryCalls : public UnsyncedCalls {
+ public:
+  std::int64_t pass(const DiskCall& call, const Perform& perform) override {
+    if (call.kind == DiskCall::Kind::kRemoveFile && call.path.string().ends_with("notes"))
+      throw std::bad_alloc();
+    return UnsyncedCalls::pass(call, perform);
+  }
+};
+
+TEST_F(StoreArchiveTest, RefusesWithoutMemoryToTidyUp) {
+  NoMemoryCalls calls;
+  PackageStore store(made(folder_.path() / "crowded"), calls);
+  const std::string none = tar_file("notes", "none") + tar_end();
+  EXPECT_THAT([&] { store.add_archive("town", "1", source_of(none), "body", {}); },
+              ThrowsSaying<InputError>({"no manifest.json"}));
+  EXPECT_TRUE(store.add_archive("town", "1", source_of(tar()), "body", {}).is_new);
+}
+
+// Each sync of a file waits for the disk, and a small archive holds many files.
+TEST_F(StoreArchiveTest, WaitsForTheDiskForFilesOfThePackageAlone) {
+  test::RecordingCalls calls;
+  PackageStore store(made(folder_.path() / "recorded"), calls);
+  std::string files;
+  for (int i = 0; i < 100; ++i) files += tar_file("stray/" + std::to_string(i), "");
+  const auto is_stray = [](const test::RecordedCall& call) {
+    return call.path.string().find("/stray") != std::string::npos;
+  };
+  const auto syncs = [&] {
+    return std::count_if(calls.calls().begin(), calls.calls().end(), [&](const auto& call) {
+      return is_stray(call) &&
+             (call.kind == DiskCall::Kind::kSyncFile || call.kind == DiskCall::Kind::kSyncFolder);
+    });
+  };
+  EXPECT_THROW(store.add_archive("town", "1", source_of(files + tar_end()), "body", {}),
+               InputError);
+  store.add_archive("town", "1", source_of(files + tar()), "body", {});
+  EXPECT_GT(std::count_if(calls.calls().begin(), calls.calls().end(), is_stray), 200);
+  EXPECT_EQ(syncs(), 0);
+  for (const auto& entry : fs::recursive_directory_iterator(town_)) {
+    const std::string path = "/" + entry.path().lexically_relative(town_).string();
+    EXPECT_TRUE(!entry.is_regular_file() || path == "/build.json" ||
+                std::any_of(calls.calls().begin(), calls.calls().end(),
+                            [&](const auto& call) {
+                              return call.kind == DiskCall::Kind::kSyncFile &&
+                                     call.path.string().ends_with(path);
+                            }))
+        << path;
+  }
 }
 
 TEST_F(StoreArchiveTest, TakesAPackageInAFolderAndDropsTheRest) {

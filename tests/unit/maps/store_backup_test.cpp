@@ -89,6 +89,23 @@ class OpensEarly : public UnsyncedCalls {
   std::jthread opener_;
 };
 
+// Its state holds hashes of keys and the audit log.
+TEST_F(StoreBackupTest, StateOfAStoreAndItsBackupIsReadByItsOwnerAlone) {
+  const mode_t before = ::umask(022);
+  const fs::path made = folder_.path() / "made";
+  fs::create_directory(made);
+  {
+    const PackageStore store(made, calls_);
+    for (const char* name : {"state.db", "state.db-wal"})
+      EXPECT_EQ(fs::status(made / name).permissions(), fs::perms{0600}) << name;
+    store.backup(backup_);
+  }
+  EXPECT_EQ(fs::status(backup_ / "state.db").permissions(), fs::perms{0600});
+  PackageStore::restore(backup_, folder_.path() / "again", calls_);
+  EXPECT_EQ(fs::status(folder_.path() / "again" / "state.db").permissions(), fs::perms{0600});
+  ::umask(before);
+}
+
 TEST_F(StoreBackupTest, AServerThatIsStartedMeanwhileOpensWhatIsRestored) {
   store_->backup(backup_);
   const fs::path target = folder_.path() / "restored";

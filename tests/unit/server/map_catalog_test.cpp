@@ -173,7 +173,8 @@ TEST_F(MapCatalogTest, MendsAMapThatCouldNotBeOpened) {
 TEST_F(MapCatalogTest, VersionThatFailsToLoadLeavesTheOldOneServing) {
   MapCatalog& catalog = start();
   builder_.set_broken(digests_[2], true);
-  EXPECT_EQ(code_of([&] { catalog.activate("town", "v2", {}, true); }), ErrorCode::kMapUnusable);
+  EXPECT_EQ(code_of([&] { catalog.activate("town", "v2", {}, true); }),
+            ErrorCode::kVersionUnusable);
   EXPECT_EQ(catalog.ready("town", {}).version, "v1");
   EXPECT_EQ(store_.state().map("town").active, "v1");
   EXPECT_EQ(store_.state().map("town").revision, 1);
@@ -187,7 +188,8 @@ TEST_F(MapCatalogTest, VersionThatFailsToLoadLeavesTheOldOneServing) {
 TEST_F(MapCatalogTest, PackageThatVanishedLeavesTheOldOneServing) {
   MapCatalog& catalog = start();
   std::filesystem::remove(store_folder_.path() / "packages" / digests_[2] / "manifest.json");
-  EXPECT_EQ(code_of([&] { catalog.activate("town", "v2", {}, true); }), ErrorCode::kMapUnusable);
+  EXPECT_EQ(code_of([&] { catalog.activate("town", "v2", {}, true); }),
+            ErrorCode::kVersionUnusable);
   EXPECT_EQ(catalog.ready("town", {}).version, "v1");
 }
 
@@ -257,7 +259,7 @@ TEST_F(MapCatalogTest, RollingBackToWhatCannotBeLoadedChangesNothing) {
   store_.activate("town", "v2");
   store_.activate("town", "v1");
   MapCatalog& catalog = start();
-  EXPECT_EQ(code_of([&] { catalog.roll_back("town", {}, true); }), ErrorCode::kMapUnusable);
+  EXPECT_EQ(code_of([&] { catalog.roll_back("town", {}, true); }), ErrorCode::kVersionUnusable);
   EXPECT_EQ(served(), "v1");
   EXPECT_EQ(store_.state().map("town").active, "v1");
 }

@@ -53,6 +53,13 @@ TEST_F(Routes, MapThatCannotBeIndexedIsNamedAndLeavesTheServerReady) {
   const HttpResponse response = service_->handle(good_request());
   EXPECT_EQ(response.status, 503);
   EXPECT_EQ(body(response)["code"], "MapUnusable");
+  EXPECT_THAT(body(response)["detail"].get<std::string>(), HasSubstr("too few voxels"));
+  // Nothing that would be another time it is sent.
+  const HttpResponse activated =
+      service_->handle(request("POST", "/v1/maps/town/versions/v1/activate"));
+  EXPECT_EQ(activated.status, 409);
+  EXPECT_EQ(body(activated)["code"], "VersionUnusable");
+  EXPECT_THAT(body(activated)["detail"].get<std::string>(), HasSubstr("too few voxels"));
 }
 
 TEST_F(Routes, StatusTellsTheLimits) {
