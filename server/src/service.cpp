@@ -29,11 +29,23 @@ ServerOptions checked(const ServerOptions& options) {
   return options;
 }
 
-/// 0 means none.
-maps::StoreQuota quota_of(const QuotaOptions& options) {
+/// So much is kept free of a disk of this size unless told otherwise.
+std::uint64_t usual_disk_reserve(std::uint64_t disk_bytes) {
+  constexpr std::uint64_t kLeast = std::uint64_t{256} << 20U;
+  return std::min(disk_bytes / 10, std::max(kLeast, disk_bytes / 50));
+}
+
+/// @param store  its folder.
+maps::StoreQuota quota_of(const QuotaOptions& options, const std::filesystem::path& store) {
   maps::StoreQuota quota;
   if (options.map_bytes > 0) quota.map_bytes = static_cast<std::uint64_t>(options.map_bytes);
   if (options.store_bytes > 0) quota.store_bytes = static_cast<std::uint64_t>(options.store_bytes);
+  std::error_code error;
+  const std::filesystem::space_info disk = std::filesystem::space(store, error);
+  if (options.disk_reserve_bytes > 0)
+    quota.disk_reserve = static_cast<std::uint64_t>(options.disk_reserve_bytes);
+  else if (options.disk_reserve_bytes < 0 && !error)
+    quota.disk_reserve = usual_disk_reserve(disk.capacity);
   return quota;
 }
 
@@ -210,6 +222,11 @@ bool is_write(const Route& route) {
   return changes && route.method != "GET";
 }
 
+/// Whether it is for making room, or for ending what somebody does: possible on a full disk too.
+bool removes(const Route& route) {
+  return route.method == "DELETE" || route.pattern.ends_with("/cancel");
+}
+
 }  // namespace
 
 Service::Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
@@ -237,8 +254,8 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
                layers_,  queue_,   sessions_, jobs_,
                metrics_, stats_,   stopping_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)),
-      housekeeping_(live_, store, drives_, jobs_) {
-  store_.set_quota(quota_of(options_.quotas));
+      housekeeping_(live_, store, drives_, jobs_, changes != StoreChanges::kRefused) {
+  store_.set_quota(quota_of(options_.quotas, store_.folder()));
   add_metrics();
 }
 
@@ -257,7 +274,7 @@ void Service::add_metrics() {
 
 void Service::reload(const ServerOptions& options) {
   live_.replace(options);
-  store_.set_quota(quota_of(options.quotas));
+  store_.set_quota(quota_of(options.quotas, store_.folder()));
 }
 
 Router::Match Service::find(const HttpRequest& request) const {
@@ -316,15 +333,21 @@ void Service::note_refused(const HttpRequest& request, const Router::Match& matc
 
 void Service::note_write(const HttpRequest& request, const Router::Match& match, int status) const {
   try {
-    context_.store.audit().append({.time_ns = unix_ns(),
-                                   .request_id = request.request_id,
-                                   .server_request_id = request.server_request_id,
-                                   .source = request.remote_address,
-                                   .key_id = request.caller.key_id,
-                                   .method = request.method,
-                                   .route = match.route->pattern,
-                                   .subject = subject_of(match),
-                                   .status = status});
+    const auto append = [&] {
+      context_.store.audit().append({.time_ns = unix_ns(),
+                                     .request_id = request.request_id,
+                                     .server_request_id = request.server_request_id,
+                                     .source = request.remote_address,
+                                     .key_id = request.caller.key_id,
+                                     .method = request.method,
+                                     .route = match.route->pattern,
+                                     .subject = subject_of(match),
+                                     .status = status});
+    };
+    if (status < 300 && removes(*match.route))
+      context_.store.even_when_full(append);
+    else
+      append();
   } catch (const std::exception& error) {
     // What was done is done, and its answer is true.
     spdlog::error("{} is not in the audit log: {}", request.request_id, error.what());

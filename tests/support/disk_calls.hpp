@@ -2,6 +2,7 @@
 
 #include <stillmap/maps/store/disk_calls.hpp>
 
+#include <atomic>
 #include <cerrno>
 #include <cstddef>
 #include <cstdint>
@@ -51,6 +52,25 @@ class RecordingCalls : public UnsyncedCalls {
  private:
   std::mutex mutex_;
   std::vector<RecordedCall> calls_;
+};
+
+/// A disk that can be filled up. Nothing is written then until room is made by removing the file
+/// that a store keeps for that.
+class FullDisk : public UnsyncedCalls {
+ public:
+  std::int64_t pass(const maps::DiskCall& call, const Perform& perform) override {
+    using Kind = maps::DiskCall::Kind;
+    if (full_ && (call.kind == Kind::kWrite || call.kind == Kind::kAllocate)) return -ENOSPC;
+    const std::int64_t result = UnsyncedCalls::pass(call, perform);
+    if (call.kind == Kind::kRemoveFile && call.path.filename() == ".ballast" && result == 0)
+      full_ = false;
+    return result;
+  }
+  void fill() { full_ = true; }
+  [[nodiscard]] bool is_full() const { return full_; }
+
+ private:
+  std::atomic<bool> full_ = false;
 };
 
 /// What goes wrong at one call. A short write does half of it and says so.

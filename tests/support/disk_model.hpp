@@ -42,6 +42,7 @@ class DiskModel {
         return link({{call.path, nullptr}});
       case Kind::kWrite:
       case Kind::kTruncate:
+      case Kind::kAllocate:
         return at(call.path)->pending_bytes.push_back(call);
       case Kind::kSyncFile:
         return sync_bytes(*at(call.path));
@@ -128,7 +129,7 @@ class DiskModel {
 
   static void sync_bytes(Node& file) {
     for (const RecordedCall& call : file.pending_bytes) {
-      if (call.kind == maps::DiskCall::Kind::kTruncate)
+      if (call.kind != maps::DiskCall::Kind::kWrite)
         file.synced_bytes.resize(call.offset);
       else
         put(file.synced_bytes, call.offset, call.bytes);
@@ -160,7 +161,7 @@ class DiskModel {
   static std::string bytes_of(const Node& file, Unsynced unsynced, std::mt19937& random) {
     std::string bytes = file.synced_bytes;
     for (const RecordedCall& call : file.pending_bytes) {
-      if (call.kind != maps::DiskCall::Kind::kTruncate)
+      if (call.kind == maps::DiskCall::Kind::kWrite)
         tear(bytes, call, unsynced, random);
       else if (lasts(unsynced, random))
         bytes.resize(call.offset);

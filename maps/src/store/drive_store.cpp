@@ -137,7 +137,9 @@ DriveStore::Added DriveStore::add_part(std::int64_t id, std::int64_t n, std::uin
   const fs::path incoming = make_incoming(id);
   const Leftover leftover(incoming, files);
   const DrivePart part{
-      .n = n, .sha256 = receive_file(source, bytes, incoming, name, *calls_), .bytes = bytes};
+      .n = n,
+      .sha256 = receive_file(store_.leaving_reserve(source), bytes, incoming, name, *calls_),
+      .bytes = bytes};
   if (sha256 && *sha256 != part.sha256)
     throw InputError(name, "SHA-256 " + part.sha256, *sha256 + " as announced");
   const Busy busy(*this, id);
@@ -224,8 +226,9 @@ void DriveStore::extract(std::int64_t id, const Limits& limits) {
   if (is_there(folder(id))) files.remove_tree(folder(id));
   const fs::path unpacked = home(id) / kUnpackedName;
   if (is_there(unpacked)) files.remove_tree(unpacked);
-  const ExtractedDrive drive = extract_drive(concatenated(parts), "drive " + std::to_string(id),
-                                             unpacked, limits.archive, *calls_);
+  const ExtractedDrive drive =
+      extract_drive(store_.leaving_reserve(concatenated(parts)), "drive " + std::to_string(id),
+                    unpacked, limits.archive, *calls_);
   // What a drive has beside it stays beside it.
   const fs::path beside = drive.root.parent_path() / kKittiCalibration;
   if (drive.root != unpacked && is_there(beside))

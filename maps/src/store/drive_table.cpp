@@ -200,11 +200,13 @@ StoredDrive DriveTable::complete(std::int64_t id, std::int64_t now_ns) {
 }
 
 StoredDrive DriveTable::fail(std::int64_t id, std::string_view error, std::int64_t now_ns) {
-  Writing writing(*database_);
-  StoredDrive drive = open_drive(writing.database(), id);
-  drive = finish(writing.database(), std::move(drive), DriveStatus::kFailed, error, now_ns);
-  writing.commit();
-  return drive;
+  return database_->even_when_full([&] {
+    Writing writing(*database_);
+    StoredDrive drive = open_drive(writing.database(), id);
+    drive = finish(writing.database(), std::move(drive), DriveStatus::kFailed, error, now_ns);
+    writing.commit();
+    return drive;
+  });
 }
 
 StoredDrive DriveTable::drive(std::int64_t id) const {
@@ -246,14 +248,16 @@ std::vector<std::int64_t> DriveTable::jobs_using(std::int64_t id) const {
 }
 
 void DriveTable::remove(std::int64_t id) {
-  Writing writing(*database_);
-  SqliteDatabase& database = writing.database();
-  (void)known_drive(database, id);
-  refuse_if_read(database, id);
-  for (const char* sql :
-       {"DELETE FROM drive_parts WHERE drive = ?", "DELETE FROM drives WHERE id = ?"})
-    SqliteStatement(database, sql).bind(id).step();
-  writing.commit();
+  database_->even_when_full([&] {
+    Writing writing(*database_);
+    SqliteDatabase& database = writing.database();
+    (void)known_drive(database, id);
+    refuse_if_read(database, id);
+    for (const char* sql :
+         {"DELETE FROM drive_parts WHERE drive = ?", "DELETE FROM drives WHERE id = ?"})
+      SqliteStatement(database, sql).bind(id).step();
+    writing.commit();
+  });
 }
 
 }  // namespace stillmap::maps

@@ -77,6 +77,14 @@ void DurableFiles::NewFile::append(std::string_view bytes) {
   }
 }
 
+void DurableFiles::NewFile::allocate(std::uint64_t bytes) {
+  pass(*calls_, {.kind = Kind::kAllocate, .path = path_, .offset = bytes},
+       [&](std::size_t) -> std::int64_t {
+         return -::posix_fallocate(descriptor_, 0, static_cast<off_t>(bytes));
+       });
+  size_ = bytes;
+}
+
 void DurableFiles::NewFile::finish() {
   pass(*calls_, {.kind = Kind::kSyncFile, .path = path_},
        [&](std::size_t) { return result_of(::fsync(descriptor_)); });

@@ -2,6 +2,7 @@
 
 #include <stillmap/maps/store/disk_calls.hpp>
 
+#include <cstdint>
 #include <filesystem>
 #include <string_view>
 
@@ -25,6 +26,8 @@ class DurableFiles {
     NewFile& operator=(const NewFile&) = delete;
 
     void append(std::string_view bytes);
+    /// Of an empty file: makes it so long that its room on the disk is taken.
+    void allocate(std::uint64_t bytes);
     /// Syncs and closes. Once only, and nothing may be appended after it.
     void finish();
     /// The same without syncing: `sync_file` does it later, where the file is to last.

@@ -224,22 +224,26 @@ StoredJob JobTable::succeed(std::int64_t id, std::string_view result_version, st
 }
 
 StoredJob JobTable::fail(std::int64_t id, std::string_view error, std::int64_t now_ns) {
-  Writing writing(*database_);
-  StoredJob job = processing_job(writing.database(), id);
-  end(job, JobStatus::kFailed, now_ns);
-  job.error = error;
-  update(writing.database(), job);
-  writing.commit();
-  return job;
+  return database_->even_when_full([&] {
+    Writing writing(*database_);
+    StoredJob job = processing_job(writing.database(), id);
+    end(job, JobStatus::kFailed, now_ns);
+    job.error = error;
+    update(writing.database(), job);
+    writing.commit();
+    return job;
+  });
 }
 
 StoredJob JobTable::end_canceled(std::int64_t id, std::int64_t now_ns) {
-  Writing writing(*database_);
-  StoredJob job = processing_job(writing.database(), id);
-  end(job, JobStatus::kCanceled, now_ns);
-  update(writing.database(), job);
-  writing.commit();
-  return job;
+  return database_->even_when_full([&] {
+    Writing writing(*database_);
+    StoredJob job = processing_job(writing.database(), id);
+    end(job, JobStatus::kCanceled, now_ns);
+    update(writing.database(), job);
+    writing.commit();
+    return job;
+  });
 }
 
 StoredJob JobTable::put_back(std::int64_t id, std::string_view error, std::int64_t now_ns) {
@@ -268,23 +272,25 @@ std::size_t JobTable::put_back_all(std::string_view error, std::int64_t now_ns) 
 }
 
 StoredJob JobTable::request_cancel(std::int64_t id, std::int64_t now_ns) {
-  Writing writing(*database_);
-  StoredJob job = known_job(writing.database(), id);
-  if (job.status == JobStatus::kCanceled) return job;
-  if (is_finished(job.status))
-    throw StoreRefusal(Reason::kJobFinished, "job " + std::to_string(id) + " has " +
-                                                 std::string(name_of(job.status)) + " already");
-  if (job.result_version)
-    throw StoreRefusal(Reason::kJobFinished, "job " + std::to_string(id) +
-                                                 " has published version " +
-                                                 in_quotes(*job.result_version) + " already");
-  if (job.status == JobStatus::kEnqueued)
-    end(job, JobStatus::kCanceled, now_ns);
-  else
-    job.cancel_requested = true;
-  update(writing.database(), job);
-  writing.commit();
-  return job;
+  return database_->even_when_full([&] {
+    Writing writing(*database_);
+    StoredJob job = known_job(writing.database(), id);
+    if (job.status == JobStatus::kCanceled) return job;
+    if (is_finished(job.status))
+      throw StoreRefusal(Reason::kJobFinished, "job " + std::to_string(id) + " has " +
+                                                   std::string(name_of(job.status)) + " already");
+    if (job.result_version)
+      throw StoreRefusal(Reason::kJobFinished, "job " + std::to_string(id) +
+                                                   " has published version " +
+                                                   in_quotes(*job.result_version) + " already");
+    if (job.status == JobStatus::kEnqueued)
+      end(job, JobStatus::kCanceled, now_ns);
+    else
+      job.cancel_requested = true;
+    update(writing.database(), job);
+    writing.commit();
+    return job;
+  });
 }
 
 StoredJob JobTable::job(std::int64_t id) const {
@@ -350,17 +356,19 @@ std::vector<StoredJob> JobTable::unfinished() const {
 }
 
 std::size_t JobTable::forget_finished_before(std::int64_t time_ns, std::int64_t of_drives_ns) {
-  Writing writing(*database_);
-  SqliteStatement(writing.database(),
-                  "DELETE FROM jobs WHERE finished_ns < ? AND (finished_ns < ? OR NOT EXISTS"
-                  " (SELECT 1 FROM job_drives JOIN drives ON drives.id = job_drives.drive"
-                  " WHERE job_drives.job = jobs.id))")
-      .bind(time_ns)
-      .bind(of_drives_ns)
-      .step();
-  const std::int64_t gone = writing.database().changes();
-  writing.commit();
-  return static_cast<std::size_t>(gone);
+  return database_->even_when_full([&] {
+    Writing writing(*database_);
+    SqliteStatement(writing.database(),
+                    "DELETE FROM jobs WHERE finished_ns < ? AND (finished_ns < ? OR NOT EXISTS"
+                    " (SELECT 1 FROM job_drives JOIN drives ON drives.id = job_drives.drive"
+                    " WHERE job_drives.job = jobs.id))")
+        .bind(time_ns)
+        .bind(of_drives_ns)
+        .step();
+    const std::int64_t gone = writing.database().changes();
+    writing.commit();
+    return static_cast<std::size_t>(gone);
+  });
 }
 
 }  // namespace stillmap::maps

@@ -116,20 +116,22 @@ std::vector<ApiKey> KeyTable::list() const {
 }
 
 ApiKey KeyTable::revoke(std::string_view id, std::int64_t now_ns) {
-  Writing writing(*database_);
-  SqliteStatement row(writing.database(), std::string(kSelectKeys) + "WHERE id = ?");
-  if (!row.bind(id).step())
-    throw StoreRefusal(StoreRefusal::Reason::kUnknownKey,
-                       "there is no key '" + std::string(id) + "'");
-  ApiKey key = key_of(row);
-  if (key.revoked_ns) return key;
-  key.revoked_ns = now_ns;
-  SqliteStatement(writing.database(), "UPDATE keys SET revoked_ns = ? WHERE id = ?")
-      .bind(now_ns)
-      .bind(id)
-      .step();
-  writing.commit();
-  return key;
+  return database_->even_when_full([&] {
+    Writing writing(*database_);
+    SqliteStatement row(writing.database(), std::string(kSelectKeys) + "WHERE id = ?");
+    if (!row.bind(id).step())
+      throw StoreRefusal(StoreRefusal::Reason::kUnknownKey,
+                         "there is no key '" + std::string(id) + "'");
+    ApiKey key = key_of(row);
+    if (key.revoked_ns) return key;
+    key.revoked_ns = now_ns;
+    SqliteStatement(writing.database(), "UPDATE keys SET revoked_ns = ? WHERE id = ?")
+        .bind(now_ns)
+        .bind(id)
+        .step();
+    writing.commit();
+    return key;
+  });
 }
 
 KeyCheck KeyTable::check(std::string_view text, std::int64_t now_ns) const {

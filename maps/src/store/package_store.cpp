@@ -170,6 +170,27 @@ StoreQuota PackageStore::quota() const {
 void PackageStore::check_quota(std::string_view map, std::uint64_t more_bytes,
                                const WaitingBytes& waiting) const {
   state_->check_quota(quota(), map, more_bytes, waiting);
+  check_disk_reserve(more_bytes);
+}
+
+void PackageStore::check_disk_reserve(const fs::path& folder, std::uint64_t more_bytes) const {
+  const std::uint64_t reserve = quota().disk_reserve.value_or(0);
+  if (reserve == 0) return;
+  const std::uint64_t free = fs::space(folder).available;
+  if (free >= reserve && more_bytes <= free - reserve) return;
+  throw StoreRefusal(
+      StoreRefusal::Reason::kDiskReserve,
+      "the disk has " + std::to_string(free) + " bytes free, of which " + std::to_string(reserve) +
+          " are reserved so that keys can be revoked and maps removed; there is no "
+          "room for " +
+          std::to_string(more_bytes) + " more: remove versions or drives, or enlarge the disk");
+}
+
+ByteSource PackageStore::leaving_reserve(const ByteSource& source) const {
+  return [this, source](std::span<char> to) {
+    check_disk_reserve(0);
+    return source(to);
+  };
 }
 
 void PackageStore::refuse_lost_state() const {
@@ -240,7 +261,8 @@ PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_
   Incoming incoming(packages_, files);
   lock.reset();
   const ArchiveFiles found =
-      unpack_archive(source, archive, incoming.path(), limits, files, /*hashed=*/true);
+      unpack_archive(leaving_reserve(source), archive, incoming.path(), limits, files,
+                     /*hashed=*/true);
   if (sha256 && *sha256 != found.archive.sha256)
     throw InputError(archive, "SHA-256 " + found.archive.sha256, *sha256 + " as announced");
   const IncomingPackage package = keep_package(incoming.path(), found, archive, files);

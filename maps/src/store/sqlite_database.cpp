@@ -4,6 +4,7 @@
 
 #include <sqlite3.h>
 
+#include <cerrno>
 #include <cstring>
 #include <string>
 #include <system_error>
@@ -101,7 +102,9 @@ void SqliteDatabase::fail() {
   const int changing = vfs_.take_failure();
   const int failure = changing != 0 ? changing : sqlite3_system_errno(connection_);
   if (of_disk && failure != 0) reason += std::string(" (") + std::strerror(failure) + ")";
-  if (code == SQLITE_FULL) throw DiskFull(file_.string(), reason);
+  // Where the log's index finds no room, SQLite speaks of a failure.
+  const bool full = code == SQLITE_FULL || failure == ENOSPC || failure == EDQUOT;
+  if (of_disk && full) throw DiskFull(file_.string(), reason);
   if (of_disk || code == SQLITE_READONLY) throw DiskRefused(file_.string(), reason);
   throw StorageError(file_.string(), reason);
 }

@@ -52,6 +52,7 @@ class SqliteDatabase {
   /// Overwrites another with all that is in this, as of one instant.
   void copy_to(SqliteDatabase& other);
   [[nodiscard]] const std::filesystem::path& file() const { return file_; }
+  [[nodiscard]] bool sync_failed() const { return vfs_.sync_failed(); }
   [[noreturn]] void fail();
 
  private:

@@ -2,19 +2,22 @@
 
 #include <stillmap/maps/store/disk_full.hpp>
 
+#include <algorithm>
 #include <system_error>
 #include <utility>
 
+#include "store/durable_files.hpp"
 #include "store/schema.hpp"
+#include "store/store_folder.hpp"
 
 namespace stillmap::maps {
 
 namespace fs = std::filesystem;
 using Mode = SqliteDatabase::Mode;
 
-StoreDatabase::StoreDatabase(const fs::path& file, DiskCalls& calls) : file_(file) {
+StoreDatabase::StoreDatabase(const fs::path& file, DiskCalls& calls) : file_(file), calls_(&calls) {
   try {
-    open(calls);
+    even_when_full([&] { open(); });
   } catch (const DiskRefused& refused) {
     only_read(refused);
   } catch (const DiskFull& full) {
@@ -35,14 +38,14 @@ void StoreDatabase::only_read(const StorageError& because) {
 }
 
 StoreDatabase::StoreDatabase(const fs::path& file, std::string read_only_because)
-    : file_(file), read_only_because_(std::move(read_only_because)) {
+    : file_(file), calls_(&DiskCalls::real()), read_only_because_(std::move(read_only_because)) {
   read_into_memory();
 }
 
-void StoreDatabase::open(DiskCalls& calls) {
-  database_ = std::make_unique<SqliteDatabase>(file_, calls);
+void StoreDatabase::open() {
+  database_ = std::make_unique<SqliteDatabase>(file_, *calls_);
   migrate(*database_);
-  reader_ = std::make_unique<SqliteDatabase>(file_, calls, Mode::kRead);
+  reader_ = std::make_unique<SqliteDatabase>(file_, *calls_, Mode::kRead);
 }
 
 void StoreDatabase::read_into_memory() {
@@ -51,6 +54,51 @@ void StoreDatabase::read_into_memory() {
     throw StorageError(file_.string(), "nothing there to read");
   database_ = SqliteDatabase::in_memory(file_);
   migrate(*database_);
+}
+
+fs::path StoreDatabase::ballast() const { return file_.parent_path() / kBallastName; }
+
+void StoreDatabase::keep_ballast() const {
+  if (!read_only_because_.empty()) return;
+  // A removal takes some pages of 4 KiB in the log.
+  constexpr std::uintmax_t kUsual = std::uintmax_t{8} << 20U;
+  constexpr std::uintmax_t kShareOfDisk = 32;
+  std::error_code error;
+  const fs::space_info disk = fs::space(file_.parent_path(), error);
+  if (error) return;
+  const std::uintmax_t wanted = std::min(kUsual, disk.capacity / kShareOfDisk);
+  const std::uintmax_t there = fs::file_size(ballast(), error);
+  // A process that was killed may have left a shorter one.
+  if (!error && there == wanted) return;
+  if (error && disk.available < 2 * wanted) return;
+  const DurableFiles files(*calls_);
+  try {
+    if (!error) files.remove_file(ballast());
+    DurableFiles::NewFile file = files.create(ballast());
+    try {
+      file.allocate(wanted);
+    } catch (const StorageError&) {
+      files.remove_file(ballast());
+      throw;
+    }
+  } catch (const StorageError&) {
+    // Another process was first, or the disk has filled up meanwhile: the next call tries again.
+  }
+}
+
+void StoreDatabase::drop_ballast() {
+  try {
+    DurableFiles(*calls_).remove_file(ballast());
+  } catch (const StorageError&) {
+    // There is none. Emptying the log may be enough.
+  }
+  const std::scoped_lock lock(mutex_);
+  if (!database_) return;
+  try {
+    database_->execute("PRAGMA wal_checkpoint(TRUNCATE)");
+  } catch (const StorageError&) {
+    // The change that is tried again says what is wrong.
+  }
 }
 
 SqliteDatabase& StoreDatabase::writable() {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <stillmap/maps/store/disk_calls.hpp>
+#include <stillmap/maps/store/disk_full.hpp>
 
 #include <filesystem>
 #include <memory>
@@ -59,13 +60,33 @@ class StoreDatabase {
     SqliteTransaction transaction_;
   };
 
+  /// For what removes or revokes: on a full disk the ballast is removed, and it is tried once more.
+  /// @param change  has changed nothing when it throws DiskFull.
+  template <typename Change>
+  auto even_when_full(const Change& change) {
+    try {
+      return change();
+    } catch (const DiskFull&) {
+      drop_ballast();
+    }
+    return change();
+  }
+  /// Makes the ballast, a file that holds some room of the disk for `even_when_full`, unless it is
+  /// there, or there is no room for it or the disk takes no writes.
+  void keep_ballast() const;
+  /// Whether an earlier sync has failed, so that nothing more is written.
+  [[nodiscard]] bool sync_failed() const { return database_->sync_failed(); }
+
  private:
-  void open(DiskCalls& calls);
+  void open();
+  void drop_ballast();
+  [[nodiscard]] std::filesystem::path ballast() const;
   void only_read(const StorageError& because);
   void read_into_memory();
   [[nodiscard]] SqliteDatabase& writable();
 
   std::filesystem::path file_;
+  DiskCalls* calls_;
   std::string read_only_because_;
   std::mutex mutex_, reader_mutex_;
   std::unique_ptr<SqliteDatabase> database_;

@@ -13,6 +13,8 @@ namespace stillmap::maps {
 
 constexpr const char* kStateName = "state.db";
 constexpr const char* kLockName = ".lock";
+/// Room on the disk, for removals when it is full.
+constexpr const char* kBallastName = ".ballast";
 constexpr const char* kPackagesName = "packages";
 /// In a backup, so that nobody takes it for a store or a store for it.
 constexpr const char* kBackupMark = ".stillmap-backup";

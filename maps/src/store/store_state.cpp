@@ -213,25 +213,27 @@ bool StoreState::create_map(std::string_view name, std::int64_t now_ns) {
 }
 
 void StoreState::remove_map(std::string_view name, WhenActive when_active) {
-  Writing writing(inner_->database);
-  SqliteDatabase& database = writing.database();
-  const StoredMap map = known_map(database, name);
-  if (map.active && when_active == WhenActive::kRefuse)
-    throw StoreRefusal(Reason::kActive, "version " + in_quotes(*map.active) + " of map " +
-                                            in_quotes(name) + " is active");
-  refuse_if_in_use(database, name);
-  std::set<std::string> digests;
-  for (const StoredVersion& version : versions_of(database, name)) digests.insert(version.digest);
-  for (const char* sql :
-       {"UPDATE maps SET active = NULL, previous = NULL WHERE name = ?",
-        "INSERT OR IGNORE INTO retired SELECT map, name, digest FROM versions WHERE map = ?",
-        "INSERT OR REPLACE INTO retired_maps SELECT name, revision FROM maps WHERE name = ?",
-        "DELETE FROM versions WHERE map = ?", "DELETE FROM saved_edits WHERE map = ?",
-        "DELETE FROM drive_parts WHERE drive IN (SELECT id FROM drives WHERE map = ?)",
-        "DELETE FROM drives WHERE map = ?", "DELETE FROM maps WHERE name = ?"})
-    SqliteStatement(database, sql).bind(name).step();
-  for (const std::string& digest : digests) condemn_unused(database, digest);
-  writing.commit();
+  inner_->database.even_when_full([&] {
+    Writing writing(inner_->database);
+    SqliteDatabase& database = writing.database();
+    const StoredMap map = known_map(database, name);
+    if (map.active && when_active == WhenActive::kRefuse)
+      throw StoreRefusal(Reason::kActive, "version " + in_quotes(*map.active) + " of map " +
+                                              in_quotes(name) + " is active");
+    refuse_if_in_use(database, name);
+    std::set<std::string> digests;
+    for (const StoredVersion& version : versions_of(database, name)) digests.insert(version.digest);
+    for (const char* sql :
+         {"UPDATE maps SET active = NULL, previous = NULL WHERE name = ?",
+          "INSERT OR IGNORE INTO retired SELECT map, name, digest FROM versions WHERE map = ?",
+          "INSERT OR REPLACE INTO retired_maps SELECT name, revision FROM maps WHERE name = ?",
+          "DELETE FROM versions WHERE map = ?", "DELETE FROM saved_edits WHERE map = ?",
+          "DELETE FROM drive_parts WHERE drive IN (SELECT id FROM drives WHERE map = ?)",
+          "DELETE FROM drives WHERE map = ?", "DELETE FROM maps WHERE name = ?"})
+      SqliteStatement(database, sql).bind(name).step();
+    for (const std::string& digest : digests) condemn_unused(database, digest);
+    writing.commit();
+  });
 }
 
 bool StoreState::add_version(std::string_view map, const StoredVersion& version,
@@ -283,23 +285,36 @@ StoredMap StoreState::roll_back(std::string_view map, std::optional<std::int64_t
 }
 
 void StoreState::remove_version(std::string_view map, std::string_view version) {
-  Writing writing(inner_->database);
-  SqliteDatabase& database = writing.database();
-  const StoredMap now = known_map(database, map);
-  const StoredVersion gone = known_version(database, map, version);
-  if (now.active == version)
-    throw StoreRefusal(Reason::kActive, "version " + in_quotes(version) + " of map " +
-                                            in_quotes(map) + " is active");
-  SqliteStatement(database, "UPDATE maps SET previous = NULL WHERE name = ? AND previous = ?")
-      .bind(map)
-      .bind(version)
-      .step();
-  for (const char* sql : {"INSERT OR IGNORE INTO retired SELECT map, name, digest FROM versions "
-                          "WHERE map = ? AND name = ?",
-                          "DELETE FROM versions WHERE map = ? AND name = ?"})
-    SqliteStatement(database, sql).bind(map).bind(version).step();
-  condemn_unused(database, gone.digest);
-  writing.commit();
+  inner_->database.even_when_full([&] {
+    Writing writing(inner_->database);
+    SqliteDatabase& database = writing.database();
+    const StoredMap now = known_map(database, map);
+    const StoredVersion gone = known_version(database, map, version);
+    if (now.active == version)
+      throw StoreRefusal(Reason::kActive, "version " + in_quotes(version) + " of map " +
+                                              in_quotes(map) + " is active");
+    SqliteStatement(database, "UPDATE maps SET previous = NULL WHERE name = ? AND previous = ?")
+        .bind(map)
+        .bind(version)
+        .step();
+    for (const char* sql : {"INSERT OR IGNORE INTO retired SELECT map, name, digest FROM versions "
+                            "WHERE map = ? AND name = ?",
+                            "DELETE FROM versions WHERE map = ? AND name = ?"})
+      SqliteStatement(database, sql).bind(map).bind(version).step();
+    condemn_unused(database, gone.digest);
+    writing.commit();
+  });
+}
+
+void StoreState::even_when_full(const std::function<void()>& change) {
+  inner_->database.even_when_full(change);
+}
+
+void StoreState::keep_ballast() const { inner_->database.keep_ballast(); }
+
+std::string StoreState::not_writable_because() const {
+  if (!read_only_because().empty()) return "it is open for reading only: " + read_only_because();
+  return inner_->database.sync_failed() ? "a sync of its disk has failed" : "";
 }
 
 std::vector<std::string> StoreState::condemned() const {
@@ -311,10 +326,12 @@ std::vector<std::string> StoreState::condemned() const {
 }
 
 void StoreState::forget_condemned(std::string_view digest) {
-  Writing writing(inner_->database);
-  SqliteDatabase& database = writing.database();
-  SqliteStatement(database, "DELETE FROM condemned WHERE digest = ?").bind(digest).step();
-  writing.commit();
+  inner_->database.even_when_full([&] {
+    Writing writing(inner_->database);
+    SqliteDatabase& database = writing.database();
+    SqliteStatement(database, "DELETE FROM condemned WHERE digest = ?").bind(digest).step();
+    writing.commit();
+  });
 }
 
 std::vector<std::string> StoreState::problems() const {

@@ -52,7 +52,7 @@ std::vector<std::string> PackageStore::keep_newest(std::string_view map, std::si
 /// The rows are removed, which must not look like a failure; the rest stays noted.
 void PackageStore::clear_condemned_if_possible() {
   try {
-    clear_condemned();
+    state_->even_when_full([&] { clear_condemned(); });
   } catch (const StorageError&) {
     // The next `gc` or open tries again.
   }
@@ -107,11 +107,15 @@ std::vector<std::string> PackageStore::unnamed_packages() const {
 
 PackageStore::Cleared PackageStore::gc() {
   const FolderLock lock = locked();
-  clear_condemned();
-  Cleared cleared{.packages = unnamed_packages()};
-  for (const std::string& digest : cleared.packages) clear_package(digest);
-  cleared.leftovers = clear_leftovers();
-  DurableFiles(*calls_).sync_folder(packages_);
+  Cleared cleared;
+  // A folder may need a block more for the name of what is on its way out.
+  state_->even_when_full([&] {
+    clear_condemned();
+    if (cleared.packages.empty()) cleared.packages = unnamed_packages();
+    for (const std::string& digest : cleared.packages) clear_package(digest);
+    cleared.leftovers += clear_leftovers();
+    DurableFiles(*calls_).sync_folder(packages_);
+  });
   return cleared;
 }
 

@@ -51,6 +51,15 @@ std::vector<Option> store_options() {
        .unit = "bytes",
        .text = "All versions of one map; 0 means no bound of its own.",
        .reloadable = true},
+      {.key = "quotas.disk_reserve_bytes",
+       .field = at(&S::quotas, &QuotaOptions::disk_reserve_bytes),
+       .least = -1,
+       .most = kMostBytes,
+       .unit = "bytes",
+       .text = "What uploads and rebuilds leave free of the store's disk, beyond it the answer is "
+               "507; 0 means nothing, -1 means 256 MiB, or 2 % of the disk where that is more, but "
+               "at most 10 % of it.",
+       .reloadable = true},
       {.key = "retention.versions",
        .field = at(&S::retention, &R::versions),
        .most = 100'000,

@@ -22,6 +22,8 @@ ErrorCode code_of(maps::StoreRefusal::Reason reason) {
       return ErrorCode::kRevisionChanged;
     case Reason::kOverQuota:
       return ErrorCode::kOverQuota;
+    case Reason::kDiskReserve:
+      return ErrorCode::kDiskFull;
     case Reason::kInUse:
       return ErrorCode::kInUse;
     case Reason::kUnknownKey:

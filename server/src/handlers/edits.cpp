@@ -64,6 +64,7 @@ HttpResponse put_edits(const Context& context, const HttpRequest& request,
   require_json(request);
   const std::string& map = path.at("map");
   const std::optional<std::string> before = wanted_before(context, request, map);
+  context.store.check_disk_reserve(request.body.size());
   return answer(context.store.edits().save(map, read_edits(request), request.caller.key_id,
                                            unix_ns(), before));
 }

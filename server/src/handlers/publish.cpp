@@ -83,6 +83,7 @@ void check_publication_type(const std::string& field, const std::string& media_t
 }
 
 HttpResponse publish_bytes(const Context& context, const Publication& wanted) {
+  context.store.check_disk_reserve(wanted.bytes);
   if (const auto format = cloud_format(wanted.content_type))
     return convert(context, wanted, *format);
   const maps::PackageStore::Added added = context.store.add_archive(

@@ -80,7 +80,9 @@ void keep_house(const RetentionOptions& options, maps::PackageStore& store,
   }
   attempt("folders of jobs", [&] { jobs.clear_forgotten(); });
   if (options.audit_days > 0)
-    attempt("the audit log", [&] { store.audit().remove_older_than(options.audit_days, now_ns); });
+    attempt("the audit log", [&] {
+      store.even_when_full([&] { store.audit().remove_older_than(options.audit_days, now_ns); });
+    });
   if (options.versions > 0) {
     attempt("versions",
             [&] { remove_old_versions(store, static_cast<std::size_t>(options.versions)); });
@@ -88,19 +90,23 @@ void keep_house(const RetentionOptions& options, maps::PackageStore& store,
 }
 
 Housekeeping::Housekeeping(const OptionsHolder& live, maps::PackageStore& store,
-                           maps::DriveStore& drives, JobRunner& jobs) {
-  thread_ = std::jthread([this, &live, &store, &drives, &jobs](const std::stop_token& stop) {
-    std::chrono::minutes pause{1};
-    while (true) {
-      {
-        std::unique_lock lock(mutex_);
-        ended_.wait_for(lock, stop, pause, [] { return false; });
-      }
-      if (stop.stop_requested()) return;
-      keep_house(live.current()->retention, store, drives, jobs, unix_ns());
-      pause = std::chrono::hours{1};
-    }
-  });
+                           maps::DriveStore& drives, JobRunner& jobs, bool keeps_ballast) {
+  thread_ = std::jthread(
+      [this, &live, &store, &drives, &jobs, keeps_ballast](const std::stop_token& stop) {
+        constexpr int kMinutesBetween = 60;
+        int minutes_left = 1;
+        while (true) {
+          if (keeps_ballast) attempt("the ballast", [&] { store.state().keep_ballast(); });
+          {
+            std::unique_lock lock(mutex_);
+            ended_.wait_for(lock, stop, std::chrono::minutes{1}, [] { return false; });
+          }
+          if (stop.stop_requested()) return;
+          if (--minutes_left > 0) continue;
+          keep_house(live.current()->retention, store, drives, jobs, unix_ns());
+          minutes_left = kMinutesBetween;
+        }
+      });
 }
 
 }  // namespace stillmap::server

@@ -19,12 +19,13 @@ namespace stillmap::server {
 void keep_house(const RetentionOptions& options, maps::PackageStore& store,
                 maps::DriveStore& drives, JobRunner& jobs, std::int64_t now_ns);
 
-/// Does so a minute after the start, and then once an hour.
+/// Does so a minute after the start, and then once an hour; makes the store's ballast at the start,
+/// and within a minute after it was given up and there is room.
 class Housekeeping {
  public:
   /// All of it outlives this.
   Housekeeping(const OptionsHolder& live, maps::PackageStore& store, maps::DriveStore& drives,
-               JobRunner& jobs);
+               JobRunner& jobs, bool keeps_ballast);
   Housekeeping(const Housekeeping&) = delete;
   Housekeeping& operator=(const Housekeeping&) = delete;
   /// Waits for what it is at.

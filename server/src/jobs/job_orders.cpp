@@ -63,9 +63,9 @@ bool on_one_disk(const fs::path& a, const fs::path& b) {
          first.st_dev == second.st_dev;
 }
 
-void require_room(const fs::path& folder, std::uint64_t bytes) {
+void require_room(const maps::PackageStore& store, const fs::path& folder, std::uint64_t bytes) {
   const std::uint64_t room = free_bytes(folder);
-  if (bytes <= room) return;
+  if (bytes <= room) return store.check_disk_reserve(folder, bytes);
   throw ApiError(ErrorCode::kDiskFull,
                  fmt::format("it needs about {} bytes, and {} are free", bytes, room));
 }
@@ -98,8 +98,8 @@ void JobRunner::check_room(const std::string& map, const RebuildRequest& request
   setup_.store.check_quota(map, estimate->package);
   // The map is copied into the store before the job's folder is cleared.
   const bool shared = on_one_disk(root_, setup_.store.folder());
-  require_room(root_, estimate->work + estimate->package * (shared ? 2 : 1));
-  if (!shared) require_room(setup_.store.folder(), estimate->package);
+  require_room(setup_.store, root_, estimate->work + estimate->package * (shared ? 2 : 1));
+  if (!shared) require_room(setup_.store, setup_.store.folder(), estimate->package);
 }
 
 void JobRunner::check_waiting() const {
@@ -284,7 +284,8 @@ std::string JobRunner::receive(const maps::ByteSource& source, std::uint64_t byt
   }
   std::error_code error;
   try {
-    std::string found = maps::receive_file(source, bytes, folder / half, name);
+    std::string found =
+        maps::receive_file(setup_.store.leaving_reserve(source), bytes, folder / half, name);
     if (sha256 && *sha256 != found) throw maps::InputError(name, "SHA-256 " + found, *sha256);
     const std::scoped_lock lock(uploads_mutex_);
     fs::rename(folder / half, folder / found);

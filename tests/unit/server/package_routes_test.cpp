@@ -4,14 +4,12 @@
 #include <gmock/gmock.h>
 #include <openssl/sha.h>
 
-#include <atomic>
 #include <filesystem>
 #include <thread>
 
 #include "body_in_memory.hpp"
 #include "raw_client.hpp"
 #include "service_fixture.hpp"
-#include "support/disk_calls.hpp"
 #include "support/store_contents.hpp"
 #include "support/stored_packages.hpp"
 
@@ -210,34 +208,6 @@ TEST_F(PackageRoutesTest, ChangeOfTheActiveVersionMayAskForARevision) {
   EXPECT_EQ(code(post("versions/v2/activate?newframe=true")), "UnknownParameter");
   EXPECT_EQ(code(post("versions/v2/activate?new_frame=1")), "InvalidRequest");
   EXPECT_EQ(code(post("versions/v9/activate")), "UnknownVersion");
-}
-
-TEST(FullDisk, UploadIsAnswered507AndLeavesNothing) {
-  const test::TemporaryFolder built(test::memory_folder()), folder(test::memory_folder());
-  test::write_package(built.path() / "new", 7);
-  const std::string tar = test::tar_of(built.path() / "new", "") + test::tar_end();
-  std::atomic<bool> full = false;
-  test::FailingCalls calls(test::Fault::kNoSpace, [&](std::size_t, const maps::DiskCall& call) {
-    return full && call.kind == maps::DiskCall::Kind::kWrite;
-  });
-  maps::PackageStore store(folder.path(), calls);
-  const Service service({}, store, [](const maps::MapPackage&) { return Aligners{}; }, {});
-  const auto put = [&] {
-    HttpRequest request;
-    request.method = "PUT";
-    request.path = "/v1/maps/town/versions/v1";
-    BodyInMemory body(tar);
-    request.stream = &body;
-    return service.handle(std::move(request));
-  };
-  full = true;
-  const HttpResponse refused = put();
-  EXPECT_EQ(refused.status, 507);
-  EXPECT_THAT(refused.body, HasSubstr("DiskFull"));
-  EXPECT_THAT(refused.body, Not(HasSubstr(folder.path().string())));
-  EXPECT_TRUE(std::filesystem::is_empty(folder.path() / "packages"));
-  full = false;
-  EXPECT_EQ(put().status, 201);
 }
 
 }  // namespace package_routes_test

@@ -60,6 +60,9 @@ struct QuotaOptions {
   std::int64_t store_bytes = 0;
   /// All versions of one map [bytes]; 0 = no bound of its own.
   std::int64_t map_bytes = 0;
+  /// Of the store's disk, what uploads and rebuilds leave free [bytes]; 0 = nothing; -1 = 256 MiB,
+  /// or 2 % of the disk where that is more, but at most 10 % of it.
+  std::int64_t disk_reserve_bytes = -1;
 };
 
 /// What `stillmap store gc` and the server keep.

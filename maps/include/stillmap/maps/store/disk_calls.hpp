@@ -15,6 +15,7 @@ struct DiskCall {
     kCreateFile,
     kWrite,
     kTruncate,
+    kAllocate,
     kSyncFile,
     kSyncFolder,
     kRename,
@@ -28,7 +29,7 @@ struct DiskCall {
   std::filesystem::path path;
   /// Target of a rename or of a hard link, the other one of an exchange.
   std::filesystem::path to{};
-  /// Where bytes are written, or the new size when truncating.
+  /// Where bytes are written, or the new size when truncating or allocating.
   std::uint64_t offset = 0;
   /// What is written; valid during the call.
   std::string_view bytes{};

@@ -60,9 +60,19 @@ class PackageStore {
   void set_quota(const StoreQuota& quota);
   [[nodiscard]] StoreQuota quota() const;
   /// Whether so many bytes may come, of a drive or of what becomes a package.
-  /// @param waiting  counts as if it were there. @throws StoreRefusal kOverQuota.
+  /// @param waiting  counts as if it were there. @throws StoreRefusal kOverQuota, kDiskReserve.
   void check_quota(std::string_view map, std::uint64_t more_bytes,
                    const WaitingBytes& waiting = {}) const;
+  /// Whether the disk keeps its reserve when so many bytes come into this folder.
+  /// @throws StoreRefusal kDiskReserve.
+  void check_disk_reserve(const std::filesystem::path& folder, std::uint64_t more_bytes) const;
+  void check_disk_reserve(std::uint64_t more_bytes) const {
+    check_disk_reserve(folder_, more_bytes);
+  }
+  /// The same bytes, until they would reach into the disk's reserve: of what is unpacked nobody
+  /// knows before how much it takes.
+  [[nodiscard]] ByteSource leaving_reserve(const ByteSource& source) const;
+  void even_when_full(const std::function<void()>& change) { state_->even_when_full(change); }
   /// A version's package. One that is open stays usable when the version is removed, but what
   /// it reads at need (histories of the whole drive, objects) is gone then.
   /// @throws StoreRefusal kUnknownMap, kUnknownVersion; InputError when it is broken.

@@ -17,6 +17,7 @@ class StoreRefusal : public std::runtime_error {
     kNoPrevious,     ///< nothing to roll back to
     kOtherRevision,  ///< the map has changed since the caller looked
     kOverQuota,      ///< it would take more bytes than allowed
+    kDiskReserve,    ///< it would take bytes of the disk that are to stay free
     kInUse,          ///< an unfinished job or a drive needs it
     kUnknownKey,
     kUnknownJob,

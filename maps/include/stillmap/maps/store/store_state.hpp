@@ -11,6 +11,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -124,6 +125,16 @@ class StoreState {
   /// A package that no version holds any more is noted as `condemned`.
   /// @throws StoreRefusal kUnknownMap, kUnknownVersion, kActive.
   void remove_version(std::string_view map, std::string_view version);
+
+  /// For what removes or revokes, which all of the tables do by themselves: on a full disk the room
+  /// that `keep_ballast` holds is given up, and it is tried once more.
+  /// @param change  has changed nothing when it throws DiskFull.
+  void even_when_full(const std::function<void()>& change);
+  /// Makes a file of some MiB beside the database that holds room for that, unless it is there or
+  /// there is no room for it.
+  void keep_ballast() const;
+  /// Why no change is possible; empty when changes are.
+  [[nodiscard]] std::string not_writable_because() const;
 
   /// Packages whose last version was removed, and which may lie on the disk still.
   [[nodiscard]] std::vector<std::string> condemned() const;
