@@ -163,11 +163,13 @@ void set_map_figures(Metrics& metrics, const MapCatalog& catalog) {
 }
 
 void set_store_figures(Metrics& metrics, const maps::PackageStore& store) {
+  metrics.set_store_disk(free_bytes(store.folder()), store.quota().disk_reserve.value_or(0),
+                         store.state().not_writable_because().empty());
   try {
     const maps::JobTable& jobs = store.state().jobs();
     for (const maps::JobStatus status : {maps::JobStatus::kEnqueued, maps::JobStatus::kProcessing})
       metrics.set_jobs(maps::name_of(status), jobs.count(status));
-    metrics.set_store(store.state().bytes(), free_bytes(store.folder()));
+    metrics.set_store_bytes(store.state().bytes());
   } catch (const maps::StorageError& error) {
     // The other figures are there all the same; the last ones of the store stay.
     spdlog::error("figures of the store: {}", error.what());
@@ -263,6 +265,7 @@ void Service::add_metrics() {
   metrics_.add_reader([this] {
     const AlignmentQueue::Figures figures = queue_.figures();
     metrics_.set_workers(static_cast<std::size_t>(figures.running),
+                         static_cast<std::size_t>(figures.stuck),
                          static_cast<std::size_t>(workers_));
     metrics_.set_queue(static_cast<std::size_t>(figures.waiting),
                        static_cast<std::size_t>(options_.queue));

@@ -139,6 +139,7 @@ def lives_on_a_full_disk(life):
         began = life.ask("PUT", f"{place}/parts/9", b"x" * 9000)
         expect(began.status == 507, "a part was taken of a full disk:", began.status)
         expect(life.localizes() == 200, "no pose on a full disk")
+        expect("reserve" in json.dumps(life.ask("GET", "/readyz").json["reasons"]), "/readyz does not name the disk")
         try:
             remove(place)
         except AssertionError as error:

@@ -1,13 +1,41 @@
 #include "context.hpp"
+#include "errors/upload_errors.hpp"
+#include "jobs/job_folder.hpp"
 #include "json/answers_json.hpp"
 
+#include <fmt/format.h>
+
+#include <cstdint>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace stillmap::server {
 namespace {
 
 std::string described(const ServedVersion& version) {
   return "map " + version.map + " version " + version.version;
+}
+
+/// What keeps nobody from being localized and yet needs somebody soon.
+std::vector<std::string> complaints(const Context& context) {
+  std::vector<std::string> all;
+  if (const std::string why = context.store.state().not_writable_because(); !why.empty())
+    all.push_back("the store takes no changes: " + without_folder(why, context.store.folder()) +
+                  "; mend its disk, then start the server again");
+  const std::uint64_t free = free_bytes(context.store.folder());
+  const std::uint64_t reserve = context.store.quota().disk_reserve.value_or(0);
+  if (free < reserve)
+    all.push_back(
+        fmt::format("the disk of the store has {} bytes free, fewer than its reserve of "
+                    "{}, so uploads are refused; remove versions or drives, or enlarge it",
+                    free, reserve));
+  if (const int stuck = context.queue.figures().stuck; stuck > 0)
+    all.push_back(
+        fmt::format("{} of {} workers are stuck: more than {} s beyond the deadline of "
+                    "what they align; start the server again, and report it with its log",
+                    stuck, context.workers, AlignmentQueue::kStuckAfter.count()));
+  return all;
 }
 
 /// Ready means that no active version is still being loaded: one that failed does not take the
@@ -27,6 +55,7 @@ HttpResponse answer_ready(const Context& context) {
     if (map.state == MapState::kFailed)
       failed.push_back(described(map) + ": " + map.failure + "; the one before goes on");
   if (!loading.empty()) return json_response(status_json("loading", loading), 503);
+  for (std::string& complaint : complaints(context)) failed.push_back(std::move(complaint));
   return json_response(status_json("ready", failed));
 }
 

@@ -166,7 +166,8 @@ void Metrics::queue_waited(double seconds) {
   parts_->histogram(Metric::kQueueWait).Observe(seconds);
 }
 void Metrics::scan_superseded() { parts_->counter(Metric::kSuperseded).Increment(); }
-void Metrics::set_workers(std::size_t busy, std::size_t all) {
+void Metrics::set_workers(std::size_t busy, std::size_t stuck, std::size_t all) {
+  parts_->gauge(Metric::kWorkersStuck).Set(static_cast<double>(stuck));
   parts_->gauge(Metric::kWorkersBusy).Set(static_cast<double>(busy));
   parts_->gauge(Metric::kWorkers).Set(static_cast<double>(all));
 }
@@ -198,9 +199,13 @@ void Metrics::job_ended(std::string_view status, double seconds) {
   parts_->histogram(Metric::kJobDuration).Observe(seconds);
 }
 
-void Metrics::set_store(std::uint64_t used_bytes, std::uint64_t free_bytes) {
+void Metrics::set_store_bytes(std::uint64_t used_bytes) {
   parts_->gauge(Metric::kStoreBytes).Set(static_cast<double>(used_bytes));
+}
+void Metrics::set_store_disk(std::uint64_t free_bytes, std::uint64_t reserve_bytes, bool writable) {
   parts_->gauge(Metric::kStoreFreeBytes).Set(static_cast<double>(free_bytes));
+  parts_->gauge(Metric::kStoreReserveBytes).Set(static_cast<double>(reserve_bytes));
+  parts_->gauge(Metric::kStoreWritable).Set(writable ? 1.0 : 0.0);
 }
 void Metrics::set_certificate_end(double unix_s) {
   parts_->gauge(Metric::kCertificateEnd).Set(unix_s);

@@ -60,7 +60,7 @@ class Metrics {
   void queue_waited(double seconds);
   /// A scan of a session that was dropped since a newer one came.
   void scan_superseded();
-  void set_workers(std::size_t busy, std::size_t all);
+  void set_workers(std::size_t busy, std::size_t stuck, std::size_t all);
   void set_queue(std::size_t waiting, std::size_t places);
   void set_sessions(std::size_t open);
 
@@ -73,7 +73,9 @@ class Metrics {
   /// @param status  `succeeded`, `failed` or `canceled`.
   void job_ended(std::string_view status, double seconds);
 
-  void set_store(std::uint64_t used_bytes, std::uint64_t free_bytes);
+  /// Of the store's disk, and whether the store takes changes.
+  void set_store_disk(std::uint64_t free_bytes, std::uint64_t reserve_bytes, bool writable);
+  void set_store_bytes(std::uint64_t used_bytes);
   /// When the certificate in use ends [s since 1970, UTC].
   void set_certificate_end(double unix_s);
   /// Of keys, certificate or configuration, on SIGHUP.

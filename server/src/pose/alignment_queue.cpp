@@ -316,6 +316,9 @@ AlignmentQueue::Figures AlignmentQueue::figures() const {
   const std::scoped_lock lock(mutex_);
   Figures figures = totals_;
   figures.running = static_cast<int>(running_.size());
+  const Clock::time_point now = now_();
+  for (const auto& [id, running] : running_)
+    if (now - running.work.deadline > kStuckAfter) ++figures.stuck;
   figures.waiting = static_cast<int>(waiting_.size());
   figures.requests = static_cast<int>(reserved_.size());
   figures.body_bytes = body_bytes_;

@@ -44,6 +44,8 @@ struct QueueLimits {
 class AlignmentQueue {
  public:
   using Clock = std::chrono::steady_clock;
+  /// No alignment takes nearly as long: a worker that is so late will not come back by itself.
+  static constexpr std::chrono::seconds kStuckAfter{60};
 
   /// Takes a waiting request out of the queue from another thread. Lives longer than the wait.
   class Cancel {
@@ -113,6 +115,8 @@ class AlignmentQueue {
   /// What stands in it now, and what it did since it was made.
   struct Figures {
     int running = 0;
+    /// Of those, how many are more than `kStuckAfter` beyond their deadline.
+    int stuck = 0;
     int waiting = 0;
     int requests = 0;
     std::size_t body_bytes = 0;

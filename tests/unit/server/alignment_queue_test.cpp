@@ -361,5 +361,20 @@ TEST(ServiceTimes, KeepsItsFiguresFromNonsense) {
   EXPECT_DOUBLE_EQ(times.mean_s(WorkKind::kEverywhere), 0.15);
 }
 
+TEST(AlignmentQueue, SaysWhichWorkersAreFarBeyondTheirDeadline) {
+  Clock::time_point now = Clock::now();
+  AlignmentQueue queue({.workers = 2}, [&] { return now; });
+  const AlignmentQueue::Work short_work{.deadline = now + seconds(1)};
+  const AlignmentQueue::Work long_work{.deadline = now + seconds(600)};
+  const Reservation first = queue.reserve("", 1, short_work);
+  const Reservation second = queue.reserve("", 1, long_work);
+  const Ticket never_ends = queue.enter(first, short_work);
+  const Ticket in_time = queue.enter(second, long_work);
+  now += seconds(1) + AlignmentQueue::kStuckAfter;
+  EXPECT_EQ(queue.figures().stuck, 0);
+  now += milliseconds(1);
+  EXPECT_EQ(queue.figures().stuck, 1);
+}
+
 }  // namespace alignment_queue_test
 }  // namespace stillmap::server

@@ -34,7 +34,7 @@ void use_all(Metrics& metrics) {
   metrics.aligned("town", "default", "ok", 0.03);
   metrics.queue_waited(0.1);
   metrics.scan_superseded();
-  metrics.set_workers(1, 2);
+  metrics.set_workers(1, 0, 2);
   metrics.set_queue(3, 16);
   metrics.set_sessions(4);
   metrics.set_maps(1, 0, 0);
@@ -42,7 +42,8 @@ void use_all(Metrics& metrics) {
   metrics.map_load_failed("depot");
   metrics.set_jobs("enqueued", 1);
   metrics.job_ended("failed", 100.0);
-  metrics.set_store(1000, 2000);
+  metrics.set_store_bytes(1000);
+  metrics.set_store_disk(2000, 100, true);
   metrics.set_certificate_end(2e9);
   metrics.reloaded(true);
 }
