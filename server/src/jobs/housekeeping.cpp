@@ -1,20 +1,26 @@
 #include "jobs/housekeeping.hpp"
 
 #include "ids_and_times.hpp"
+#include "jobs/job_folder.hpp"
 
 #include <spdlog/spdlog.h>
 
 #include <stillmap/maps/store/store_refusal.hpp>
 
 #include <algorithm>
+#include <charconv>
 #include <chrono>
 #include <exception>
+#include <string>
+#include <system_error>
 #include <utility>
 
 namespace stillmap::server {
 namespace {
 
 constexpr std::int64_t kDay_ns = std::int64_t{86'400} * 1'000'000'000;
+/// In the store's folder: nanoseconds since 1970.
+constexpr const char* kRetentionClock = "retention-clock";
 
 template <typename Work>
 void attempt(const char* what, Work&& work) {
@@ -89,12 +95,65 @@ void keep_house(const RetentionOptions& options, maps::PackageStore& store,
   }
 }
 
+RetentionClock::RetentionClock(std::filesystem::path file, std::int64_t newest_ns)
+    : file_(std::move(file)), known_ns_(newest_ns) {
+  const std::optional<std::string> text = read_small_file(file_);
+  if (!text) return;
+  std::int64_t kept = 0;
+  const auto [end, error] = std::from_chars(text->data(), text->data() + text->size(), kept);
+  if (error == std::errc{} && end == text->data() + text->size()) known_ns_ = kept;
+}
+
+std::int64_t RetentionClock::now_ns(std::int64_t wall_ns,
+                                    std::chrono::steady_clock::time_point steady) {
+  if (counted_until_)
+    known_ns_ +=
+        std::chrono::duration_cast<std::chrono::nanoseconds>(steady - *counted_until_).count();
+  counted_until_ = steady;
+  // A store without anything has nothing to lose.
+  if (known_ns_ == 0 || (wall_ns > known_ns_ && wall_ns - known_ns_ <= kDay_ns))
+    known_ns_ = wall_ns;
+  if (wall_ns > known_ns_) warn(wall_ns);
+  try {
+    write_small_file(file_, std::to_string(known_ns_));
+  } catch (const std::exception& error) {
+    // The next one begins where the last one that was written ended.
+    spdlog::warn("{}", error.what());
+  }
+  return std::min(known_ns_, wall_ns);
+}
+
+void RetentionClock::warn(std::int64_t wall_ns) {
+  if (std::exchange(warned_, true)) return;
+  spdlog::warn(
+      "the clock is {} days ahead of when this store was last in use: retention does not count "
+      "them, so nothing is removed for being old by the clock alone. If the clock is wrong, set "
+      "it; "
+      "if it is right, what is old stays so much longer, or is removed by hand",
+      (wall_ns - known_ns_) / kDay_ns);
+}
+
+std::int64_t newest_time_ns(const maps::PackageStore& store) {
+  std::int64_t newest = 0;
+  for (const maps::AuditRecord& row : store.state().audit().list(1).records)
+    newest = std::max(newest, row.time_ns);
+  for (const maps::StoredJob& job : store.state().jobs().list({}, 1).jobs)
+    newest = std::max(newest, job.finished_ns.value_or(job.enqueued_ns));
+  for (const maps::StoredDrive& drive : store.state().drives().all())
+    newest = std::max(newest, drive.finished_ns.value_or(drive.created_ns));
+  for (const maps::StoredMap& map : store.state().maps())
+    for (const maps::StoredVersion& version : store.state().versions(map.name))
+      newest = std::max(newest, version.created_ns);
+  return newest;
+}
+
 Housekeeping::Housekeeping(const OptionsHolder& live, maps::PackageStore& store,
                            maps::DriveStore& drives, JobRunner& jobs, bool keeps_ballast) {
   thread_ = std::jthread(
       [this, &live, &store, &drives, &jobs, keeps_ballast](const std::stop_token& stop) {
         constexpr int kMinutesBetween = 60;
         int minutes_left = 1;
+        std::optional<RetentionClock> clock;
         while (true) {
           if (keeps_ballast) attempt("the ballast", [&] { store.state().keep_ballast(); });
           {
@@ -103,7 +162,12 @@ Housekeeping::Housekeeping(const OptionsHolder& live, maps::PackageStore& store,
           }
           if (stop.stop_requested()) return;
           if (--minutes_left > 0) continue;
-          keep_house(live.current()->retention, store, drives, jobs, unix_ns());
+          attempt("the clock", [&] {
+            if (!store.read_only_because().empty()) return;
+            if (!clock) clock.emplace(store.folder() / kRetentionClock, newest_time_ns(store));
+            keep_house(live.current()->retention, store, drives, jobs,
+                       clock->now_ns(unix_ns(), std::chrono::steady_clock::now()));
+          });
           minutes_left = kMinutesBetween;
         }
       });

@@ -6,9 +6,12 @@
 #include <stillmap/maps/store/package_store.hpp>
 #include <stillmap/server/options_holder.hpp>
 
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
+#include <filesystem>
 #include <mutex>
+#include <optional>
 #include <thread>
 
 namespace stillmap::server {
@@ -18,6 +21,30 @@ namespace stillmap::server {
 /// @param now_ns  since 1970.
 void keep_house(const RetentionOptions& options, maps::PackageStore& store,
                 maps::DriveStore& drives, JobRunner& jobs, std::int64_t now_ns);
+
+/// What retention takes for now: the wall clock, as long as it goes on from when the store was last
+/// in use. Where it is more than a day ahead of that, it may be wrong (a clock without a battery,
+/// before it is set), so then only the time counts that a server runs: nothing is removed that has
+/// not been there for as long as it says.
+class RetentionClock {
+ public:
+  /// @param file  keeps the time over restarts. @param newest_ns  of what the store holds, where
+  /// there is no such file yet; 0 = nothing.
+  RetentionClock(std::filesystem::path file, std::int64_t newest_ns);
+  /// @return never later than `wall_ns`.
+  std::int64_t now_ns(std::int64_t wall_ns, std::chrono::steady_clock::time_point steady);
+
+ private:
+  void warn(std::int64_t wall_ns);
+
+  std::filesystem::path file_;
+  std::int64_t known_ns_;
+  std::optional<std::chrono::steady_clock::time_point> counted_until_;
+  bool warned_ = false;
+};
+
+/// The newest time that a row of the store tells; 0 without any.
+[[nodiscard]] std::int64_t newest_time_ns(const maps::PackageStore& store);
 
 /// Does so a minute after the start, and then once an hour; makes the store's ballast at the start,
 /// and within a minute after it was given up and there is room.
