@@ -4,6 +4,7 @@
 #include "errors/refusal_codes.hpp"
 #include "http/header_text.hpp"
 #include "security/guarded_events.hpp"
+#include "security/map_limits.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -293,6 +294,7 @@ Router::Match Service::admit(HttpRequest& request) const {
 void Service::admit(HttpRequest& request, const Router::Match& match) const {
   try {
     gatekeeper_.admit(request, match.route->access, live_.current()->rate);
+    require_maps_of_path(request, match, store_);
     if (changes_ == StoreChanges::kRefused && is_write(*match.route))
       throw ApiError(ErrorCode::kReadOnly,
                      "it serves one map from its folder; to publish, rebuild or make keys, start "

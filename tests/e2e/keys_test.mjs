@@ -25,9 +25,11 @@ async function keys(run) {
 
   await page.getByRole('button', { name: 'New key' }).click();
   await page.fill('dialog input:not([type=checkbox])', 'display');
+  await page.locator('dialog').getByLabel('Maps').fill('to*, depot');
   await page.click('dialog button[type=submit]');
   const display = await page.locator('[data-secret]').innerText();
   await page.click('text=I have it');
+  run.expect((await page.locator('tr[data-key=display]').innerText()).includes('to*, depot'), 'the list says for which maps a key is');
   await run.accessible(page, 'the list of keys');
   await scopes(run, server, display);
   await page.locator('tr[data-key=display]').getByRole('button').click();

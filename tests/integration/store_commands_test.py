@@ -169,6 +169,13 @@ class StoreCommands(unittest.TestCase):
         self.assertEqual(created["scopes"], ["read", "write"])
         self.assertTrue(created["key"].startswith("stillmap_" + created["id"]))
 
+    def test_a_key_is_limited_to_maps(self):
+        made = self.json("keys", "create", "car", "--store", self.store, "--scope", "localize", "--map", "town-*", "--map", "b")
+        self.assertEqual(made["maps"], ["town-*", "b"])
+        self.assertIn("car (localize) for maps town-* b, made", self.does("keys", "list", "--store", self.store))
+        self.fails(2, "leave out the scope admin", "keys", "create", "x", "--store", self.store, "--scope", "admin", "--map", "*")
+        self.fails(2, "'Town'", "keys", "create", "x", "--store", self.store, "--scope", "read", "--map", "Town")
+
     def test_a_key_is_revoked_for_good(self):
         identity = self.does_key("car").split("_")[1]
         revoked = self.json("keys", "revoke", identity, "--store", self.store)

@@ -323,12 +323,16 @@ JobTable::Page JobTable::list(const Filter& filter, std::size_t limit,
   std::string sql = std::string(kSelectJobs) + "WHERE 1";
   if (filter.status) sql += " AND status = ?";
   if (filter.map) sql += " AND map = ?";
+  for (std::size_t i = 0; i < filter.maps.size(); ++i)
+    sql += i == 0 ? " AND (map GLOB ?" : " OR map GLOB ?";
+  if (!filter.maps.empty()) sql += ")";
   if (before) sql += " AND id < ?";
   const Reading reading(*database_);
   // One more tells whether there are others.
   SqliteStatement row(reading.database(), sql + " ORDER BY id DESC LIMIT ?");
   if (filter.status) row.bind(name_of(*filter.status));
   if (filter.map) row.bind(*filter.map);
+  for (const std::string& pattern : filter.maps) row.bind(pattern);
   if (before) row.bind(*before);
   row.bind(static_cast<std::int64_t>(limit) + 1);
   Page page;

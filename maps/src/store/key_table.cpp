@@ -23,7 +23,25 @@ constexpr std::string_view kPrefix = "stillmap_";
 constexpr std::size_t kIdDigits = 16;
 constexpr std::size_t kSecretDigits = 64;
 constexpr const char* kSelectKeys =
-    "SELECT id, name, scopes, created_ns, expires_ns, revoked_ns, secret_sha256 FROM keys ";
+    "SELECT id, name, scopes, created_ns, expires_ns, revoked_ns, secret_sha256, maps FROM keys ";
+/// Patterns are kept as one text, a line each.
+constexpr char kBetweenMaps = '\n';
+
+std::vector<std::string> maps_of(const std::string& text) {
+  std::vector<std::string> maps;
+  for (std::size_t begin = 0; begin < text.size();) {
+    const std::size_t end = std::min(text.find(kBetweenMaps, begin), text.size());
+    maps.push_back(text.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return maps;
+}
+
+std::string text_of(const std::vector<std::string>& maps) {
+  std::string text;
+  for (const std::string& map : maps) text += map + kBetweenMaps;
+  return text;
+}
 
 ApiKey key_of(const SqliteStatement& row) {
   return {row.text(0),
@@ -31,7 +49,8 @@ ApiKey key_of(const SqliteStatement& row) {
           {static_cast<std::uint8_t>(row.integer(2))},
           row.integer(3),
           row.optional_integer(4),
-          row.optional_integer(5)};
+          row.optional_integer(5),
+          maps_of(row.text(7))};
 }
 
 std::string random_hex(std::size_t digits) {
@@ -66,7 +85,52 @@ void check_new_key(std::string_view name, KeyScopes scopes, std::optional<std::i
     throw std::invalid_argument("expiry of a key: a time to come expected");
 }
 
+void check_maps(const std::vector<std::string>& maps, KeyScopes scopes) {
+  constexpr std::size_t kMost = 32;
+  if (maps.size() > kMost)
+    throw std::invalid_argument("maps of a key: found " + std::to_string(maps.size()) +
+                                ", at most 32 patterns expected");
+  for (const std::string& map : maps)
+    if (!is_map_pattern(map))
+      throw std::invalid_argument("map of a key: found '" + map +
+                                  "', 1 to 63 of [a-z0-9._-] and * expected");
+  if (!maps.empty() && scopes.has(KeyScope::kAdmin))
+    throw std::invalid_argument(
+        "maps of a key: a key with the scope admin makes keys for any map and reads the audit log "
+        "of all, so it cannot be limited to maps: leave out the scope admin, or the maps");
+}
+
 }  // namespace
+
+bool is_map_pattern(std::string_view text) {
+  constexpr std::string_view kAllowed = "abcdefghijklmnopqrstuvwxyz0123456789._-*";
+  constexpr std::size_t kLongest = 63;
+  return !text.empty() && text.size() <= kLongest &&
+         text.find_first_not_of(kAllowed) == std::string_view::npos;
+}
+
+bool matches_map_pattern(std::string_view name, std::string_view pattern) {
+  std::size_t at = 0;
+  std::size_t in_pattern = 0;
+  // Where the latest star was, and the first place behind what it stands for.
+  std::size_t star = std::string_view::npos;
+  std::size_t behind = 0;
+  while (at < name.size()) {
+    if (in_pattern < pattern.size() && pattern[in_pattern] == '*') {
+      star = in_pattern++;
+      behind = at;
+    } else if (in_pattern < pattern.size() && pattern[in_pattern] == name[at]) {
+      ++in_pattern;
+      ++at;
+    } else if (star != std::string_view::npos) {
+      in_pattern = star + 1;
+      at = ++behind;
+    } else {
+      return false;
+    }
+  }
+  return pattern.find_first_not_of('*', in_pattern) == std::string_view::npos;
+}
 
 std::string_view name_of(KeyScope scope) {
   switch (scope) {
@@ -89,19 +153,23 @@ const std::vector<KeyScope>& all_key_scopes() {
 }
 
 KeyTable::Created KeyTable::create(std::string_view name, KeyScopes scopes,
-                                   std::optional<std::int64_t> expires_ns, std::int64_t now_ns) {
+                                   std::optional<std::int64_t> expires_ns, std::int64_t now_ns,
+                                   const std::vector<std::string>& maps) {
   check_new_key(name, scopes, expires_ns, now_ns);
+  check_maps(maps, scopes);
   const std::string secret = random_hex(kSecretDigits);
-  Created created{{random_hex(kIdDigits), std::string(name), scopes, now_ns, expires_ns, {}}, {}};
+  Created created{{random_hex(kIdDigits), std::string(name), scopes, now_ns, expires_ns, {}, maps},
+                  {}};
   created.text = std::string(kPrefix) + created.key.id + "_" + secret;
   Writing writing(*database_);
-  SqliteStatement(writing.database(), "INSERT INTO keys VALUES (?, ?, ?, ?, ?, ?, NULL)")
+  SqliteStatement(writing.database(), "INSERT INTO keys VALUES (?, ?, ?, ?, ?, ?, NULL, ?)")
       .bind(created.key.id)
       .bind(name)
       .bind(static_cast<std::int64_t>(scopes.bits))
       .bind(sha256_of_secret(secret))
       .bind(now_ns)
       .bind(expires_ns)
+      .bind(text_of(maps))
       .step();
   writing.commit();
   return created;

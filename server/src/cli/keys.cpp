@@ -22,7 +22,7 @@ namespace {
 struct KeyArguments {
   std::filesystem::path store;
   std::string name, id;
-  std::vector<std::string> scopes;
+  std::vector<std::string> scopes, maps;
   std::optional<int> expires_days;
   bool json = false;
 };
@@ -47,7 +47,8 @@ void create(const KeyArguments& arguments) {
     expires = now + *arguments.expires_days * std::int64_t{86'400'000'000'000};
   maps::PackageStore::make_folder(arguments.store);
   maps::PackageStore store(arguments.store);
-  const maps::KeyTable::Created created = store.keys().create(arguments.name, scopes, expires, now);
+  const maps::KeyTable::Created created =
+      store.keys().create(arguments.name, scopes, expires, now, arguments.maps);
   // The key alone stands on stdout, so that a script can take it.
   if (arguments.json) {
     fmt::print("{}\n", server::created_key_json(created));
@@ -62,7 +63,10 @@ std::string text_of(const maps::ApiKey& key) {
   for (const maps::KeyScope scope : maps::all_key_scopes())
     if (key.scopes.has(scope))
       text += (text.back() == '(' ? "" : " ") + std::string(name_of(scope));
-  text += "), made " + date_of(key.created_ns);
+  text += ")";
+  for (const std::string& map : key.maps)
+    text += (&map == &key.maps.front() ? " for maps " : " ") + map;
+  text += ", made " + date_of(key.created_ns);
   if (key.revoked_ns) return text + ", revoked " + date_of(*key.revoked_ns);
   if (!key.expires_ns) return text;
   return text + (*key.expires_ns <= server::unix_ns() ? ", expired " : ", until ") +
@@ -118,6 +122,9 @@ void add_keys(CLI::App& app) {
                    "What it allows: read, localize, write, admin; several may be given")
       ->required()
       ->check(CLI::IsMember({"read", "localize", "write", "admin"}));
+  creates->add_option("--map", arguments->maps,
+                      "Names of the maps that it may be used for, * for any text; several may be "
+                      "given; none: all maps");
   creates->add_option("--expires-days", arguments->expires_days, "Refused after so many days")
       ->check(CLI::Range(1, kMostDays));
   add("list", "Say which keys there are", list);

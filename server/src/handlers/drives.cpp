@@ -28,10 +28,13 @@ maps::DriveStore::Limits drive_limits(const UploadOptions& options) {
 /// The drive that the path names, of the map that it names.
 maps::StoredDrive find_drive(const Context& context, const PathParameters& path) {
   const std::string& text = path.at("drive");
-  const std::optional<std::int64_t> id = id_in(text);
-  if (id) {
-    maps::StoredDrive drive = context.store.drives().drive(*id);
-    if (drive.map == path.at("map") && !drive.is_upload()) return drive;
+  if (const std::optional<std::int64_t> id = id_in(text)) {
+    try {
+      maps::StoredDrive drive = context.store.drives().drive(*id);
+      if (drive.map == path.at("map") && !drive.is_upload()) return drive;
+    } catch (const maps::StoreRefusal&) {
+      // Not there: the answer is that for a drive of another map, which tells nothing of it.
+    }
   }
   throw ApiError(ErrorCode::kUnknownDrive,
                  fmt::format("map {} has no drive '{}'", path.at("map"), text));

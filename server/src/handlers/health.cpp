@@ -2,9 +2,11 @@
 #include "errors/upload_errors.hpp"
 #include "jobs/job_folder.hpp"
 #include "json/answers_json.hpp"
+#include "security/map_limits.hpp"
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <string>
 #include <utility>
@@ -71,13 +73,17 @@ HttpResponse answer_map_ready(const MapCatalog& catalog, const std::string& name
   return json_response(status_json("loading", {}), 503);
 }
 
-HttpResponse answer_status(const Context& context) {
+HttpResponse answer_status(const Context& context, const Caller& caller) {
+  const std::vector<ServedVersion> active = context.catalog.active();
   const std::chrono::duration<double> uptime = std::chrono::steady_clock::now() - context.started;
-  return json_response(server_status_json({.version = STILLMAP_VERSION,
-                                           .maps = context.catalog.active().size(),
-                                           .uptime_s = uptime.count(),
-                                           .workers = context.workers},
-                                          *context.live.current()));
+  return json_response(server_status_json(
+      {.version = STILLMAP_VERSION,
+       .maps = static_cast<std::size_t>(
+           std::count_if(active.begin(), active.end(),
+                         [&](const ServedVersion& each) { return may_use_map(caller, each.map); })),
+       .uptime_s = uptime.count(),
+       .workers = context.workers},
+      *context.live.current()));
 }
 
 }  // namespace
@@ -97,9 +103,13 @@ void add_health_routes(std::vector<Route>& routes, const Context& context) {
                       return answer_map_ready(context.catalog, path.at("map"));
                     },
                     Access::kOpen});
-  routes.push_back({"GET", "/v1/status", [&context](const HttpRequest&, const PathParameters&) {
-                      return answer_status(context);
-                    }});
+  routes.push_back({.method = "GET",
+                    .pattern = "/v1/status",
+                    .handler =
+                        [&context](const HttpRequest& request, const PathParameters&) {
+                          return answer_status(context, request.caller);
+                        },
+                    .limits_maps = true});
 }
 
 }  // namespace stillmap::server

@@ -2,6 +2,7 @@
 #include "errors/api_error.hpp"
 #include "json/jobs_json.hpp"
 #include "page_query.hpp"
+#include "security/map_limits.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -101,9 +102,11 @@ HttpResponse list_jobs(const Context& context, const HttpRequest& request) {
   const PageQuery page = read_page(values);
   maps::JobTable::Filter filter;
   if (const auto map = values.find("map"); map != values.end()) {
+    require_map(request.caller, map->second);
     static_cast<void>(context.store.state().map(map->second));
     filter.map = map->second;
   }
+  filter.maps = request.caller.maps;
   if (const auto status = values.find("status"); status != values.end()) {
     filter.status = maps::job_status_of(status->second);
     if (!filter.status)
@@ -151,9 +154,11 @@ HttpResponse job_log(const Context& context, const PathParameters& path) {
 
 void add_job_routes(std::vector<Route>& routes, const Context& context) {
   routes.push_back(
-      {"GET", "/v1/jobs", [&context](const HttpRequest& request, const PathParameters&) {
-         return list_jobs(context, request);
-       }});
+      {.method = "GET",
+       .pattern = "/v1/jobs",
+       .handler = [&context](const HttpRequest& request,
+                             const PathParameters&) { return list_jobs(context, request); },
+       .limits_maps = true});
   routes.push_back(
       {"GET", "/v1/jobs/{job}", [&context](const HttpRequest&, const PathParameters& path) {
          return json_response(job_json(context.jobs.view(job_id(path))));

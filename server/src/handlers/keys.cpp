@@ -25,8 +25,9 @@ HttpResponse create_key(const Context& context, const HttpRequest& request) {
   const std::int64_t now = unix_ns();
   std::optional<std::int64_t> expires;
   if (wanted.expires_days) expires = now + *wanted.expires_days * kDay_ns;
-  HttpResponse response = json_response(
-      created_key_json(context.store.keys().create(wanted.name, wanted.scopes, expires, now)), 201);
+  HttpResponse response = json_response(created_key_json(context.store.keys().create(
+                                            wanted.name, wanted.scopes, expires, now, wanted.maps)),
+                                        201);
   response.headers.emplace_back("Cache-Control", "no-store");
   return response;
 }

@@ -4,6 +4,7 @@
 #include "handlers/tile_answer.hpp"
 #include "json/layers_json.hpp"
 #include "json/maps_json.hpp"
+#include "security/map_limits.hpp"
 
 #include <fmt/format.h>
 
@@ -59,10 +60,11 @@ Route part_route(const Context& context, const std::shared_ptr<ReadPlaces>& plac
       }};
 }
 
-HttpResponse answer_list(const Context& context) {
+HttpResponse answer_list(const Context& context, const Caller& caller) {
   const std::vector<ServedVersion> active = context.catalog.active();
   std::vector<ListedMap> maps;
   for (maps::StoredMap& map : context.store.state().maps()) {
+    if (!may_use_map(caller, map.name)) continue;
     const auto served = std::find_if(active.begin(), active.end(),
                                      [&](const auto& each) { return each.map == map.name; });
     ListedMap& listed = maps.emplace_back(ListedMap{std::move(map), std::nullopt, std::nullopt});
@@ -71,7 +73,9 @@ HttpResponse answer_list(const Context& context) {
     const auto stored = context.store.state().find_version(served->map, served->version);
     if (stored) listed.described = described(context, served->map, *stored);
   }
-  return json_response(map_list_json(maps, context.catalog.waiting()));
+  std::vector<ServedVersion> waiting = context.catalog.waiting();
+  std::erase_if(waiting, [&](const auto& each) { return !may_use_map(caller, each.map); });
+  return json_response(map_list_json(maps, waiting));
 }
 
 /// What the build wrote down, else what its poses tell.
@@ -128,9 +132,13 @@ void add_map_routes(std::vector<Route>& routes, const Context& context) {
     response.headers.emplace_back("ETag", etag_of(map));
     return response;
   };
-  routes.push_back({"GET", "/v1/maps", [&context](const HttpRequest&, const PathParameters&) {
-                      return answer_list(context);
-                    }});
+  routes.push_back({.method = "GET",
+                    .pattern = "/v1/maps",
+                    .handler =
+                        [&context](const HttpRequest& request, const PathParameters&) {
+                          return answer_list(context, request.caller);
+                        },
+                    .limits_maps = true});
   routes.push_back({"GET", "/v1/maps/{map}", one});
   routes.push_back({"GET", "/v1/maps/{map}/versions/{version}", one});
   const auto add_part = [&, places = std::make_shared<ReadPlaces>()](const char* name,

@@ -4,6 +4,7 @@
 #include "json/session_json.hpp"
 #include "page_query.hpp"
 #include "pose_handling.hpp"
+#include "security/map_limits.hpp"
 
 #include <fmt/format.h>
 
@@ -62,6 +63,7 @@ std::shared_ptr<Session> find_session(const Context& context, const HttpRequest&
 HttpResponse open_session(const Context& context, const HttpRequest& request) {
   require_json_if_any(request);
   const SessionRequest wanted = read_session_json(request.body, true, context.options);
+  require_map(request.caller, wanted.map);
   ServedVersion map = context.catalog.ready(
       wanted.map,
       wanted.version.empty() ? std::nullopt : std::optional<std::string_view>(wanted.version));
@@ -214,6 +216,8 @@ void add_session_routes(std::vector<Route>& routes, const Context& context) {
                         return answer(context, request, path);
                       },
                       Access::kLocalize, body, kMostSessionJson});
+    // A session is found only by the key that opened it, on a map that this key may use.
+    routes.back().limits_maps = true;
   };
   add("POST", "/v1/sessions", BodyKind::kWhole,
       [](const Context& in, const HttpRequest& request, const PathParameters&) {
@@ -224,6 +228,7 @@ void add_session_routes(std::vector<Route>& routes, const Context& context) {
                       return list_sessions(context, request);
                     },
                     Access::kLocalizeOrAdmin});
+  routes.back().limits_maps = true;
   add("GET", "/v1/sessions/{session}", BodyKind::kNone, show_session);
   add("DELETE", "/v1/sessions/{session}", BodyKind::kNone,
       [](const Context& in, const HttpRequest& request, const PathParameters& path) {

@@ -49,6 +49,8 @@ struct Caller {
   std::string key_id;
   /// Whether it has the scope admin; also where the server has no keys.
   bool is_admin = false;
+  /// Patterns of the maps that its key is limited to; none: all maps.
+  std::vector<std::string> maps{};
 };
 
 /// A request as the handlers see it: no HTTP library, no socket.

@@ -168,13 +168,15 @@ maps::JobTable::Enqueued JobRunner::rebuild(const std::string& map, const Rebuil
   if (!is_known_request(map, asker)) {
     check_waiting();
     if (!request.version.empty()) check_free_name(map, request.version);
+    const std::vector<maps::StoredDrive> drives = setup_.store.drives().of_map(map);
     for (const std::int64_t id : job.drives) {
-      const maps::StoredDrive drive = setup_.store.drives().drive(id);
-      if (drive.map != map || drive.is_upload())
+      const auto drive = std::find_if(drives.begin(), drives.end(),
+                                      [&](const auto& each) { return each.id == id; });
+      if (drive == drives.end())
         throw ApiError(ErrorCode::kUnknownDrive, fmt::format("map {} has no drive {}", map, id));
-      if (drive.status != maps::DriveStatus::kComplete)
+      if (drive->status != maps::DriveStatus::kComplete)
         throw ApiError(ErrorCode::kDriveNotComplete,
-                       fmt::format("drive {} is {}", id, maps::name_of(drive.status)));
+                       fmt::format("drive {} is {}", id, maps::name_of(drive->status)));
     }
     fs::create_directories(root_);
     try {

@@ -28,12 +28,30 @@ maps::KeyScopes read_scopes(const RequestJson& request) {
   return scopes;
 }
 
+std::vector<std::string> read_maps(const RequestJson& request, maps::KeyScopes scopes) {
+  std::vector<std::string> patterns;
+  const auto maps = request.find("maps");
+  if (maps == request.end()) return patterns;
+  constexpr std::size_t kMost = 32;
+  if (!maps->is_array() || maps->empty() || maps->size() > kMost)
+    refuse("maps", *maps, "1 to 32 patterns; leave it out for all maps");
+  if (scopes.has(maps::KeyScope::kAdmin))
+    refuse("maps", *maps,
+           "no maps beside the scope admin, which makes keys for any map and reads the audit log "
+           "of all: leave one of them out");
+  for (const RequestJson& map : *maps) {
+    patterns.push_back(map.is_string() ? map.get<std::string>() : std::string{});
+    if (!maps::is_map_pattern(patterns.back())) refuse("maps", map, "1 to 63 of [a-z0-9._-] and *");
+  }
+  return patterns;
+}
+
 }  // namespace
 
 KeyRequest read_key_request(std::string_view text) {
   const RequestJson request =
-      parse_request_json(text, {.max_bytes = kMostKeyJson, .max_values = 100});
-  require_keys(request, "", {"name", "scopes", "expires_days"});
+      parse_request_json(text, {.max_bytes = kMostKeyJson, .max_values = 200});
+  require_keys(request, "", {"name", "scopes", "expires_days", "maps"});
   KeyRequest result;
   const RequestJson name = request.value("name", RequestJson());
   if (name.is_string()) result.name = name.get<std::string>();
@@ -43,6 +61,7 @@ KeyRequest read_key_request(std::string_view text) {
   if (result.name.empty() || result.name.size() > 100 || control)
     refuse("name", name, "text of 1 to 100 bytes without control characters");
   result.scopes = read_scopes(request);
+  result.maps = read_maps(request, result.scopes);
   if (const auto days = request.find("expires_days"); days != request.end()) {
     if (!days->is_number_integer() || *days < 1 || *days > kMostDays)
       refuse("expires_days", *days, "1 to 36500");

@@ -16,7 +16,8 @@ Json key_of(const maps::ApiKey& key) {
           {"scopes", scopes},
           {"created_ns", time_of(key.created_ns)},
           {"expires_ns", time_of(key.expires_ns)},
-          {"revoked_ns", time_of(key.revoked_ns)}};
+          {"revoked_ns", time_of(key.revoked_ns)},
+          {"maps", key.maps.empty() ? Json() : Json(key.maps)}};
 }
 
 }  // namespace

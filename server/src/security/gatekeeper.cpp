@@ -96,7 +96,8 @@ void Gatekeeper::admit(HttpRequest& request, Access access, const RateOptions& r
     request.caller.is_admin = access != Access::kOpen;
     return refuse_other_sites(request);
   }
-  request.caller = {.key_id = key->id, .is_admin = key->scopes.has(maps::KeyScope::kAdmin)};
+  request.caller = {
+      .key_id = key->id, .is_admin = key->scopes.has(maps::KeyScope::kAdmin), .maps = key->maps};
   require_scope(*key, access);
   if (const double wait_s = rates_.take(key->id, rate); wait_s > 0.0) {
     throw ApiError(ErrorCode::kTooManyRequests, "the key's rate is used up")

@@ -45,6 +45,53 @@ class KeyTableTest : public ::testing::Test {
   KeyScopes read_ = scopes({KeyScope::kRead});
 };
 
+TEST(MapPattern, StarStandsForAnyText) {
+  for (const auto& [name, pattern] :
+       std::vector<std::pair<const char*, const char*>>{{"town", "town"},
+                                                        {"town", "*"},
+                                                        {"town", "t*n"},
+                                                        {"town", "town*"},
+                                                        {"town", "*town"},
+                                                        {"town", "**o*"},
+                                                        {"abcbcd", "a*bcd"},
+                                                        {"", "*"},
+                                                        {"a.b", "a.b"}})
+    EXPECT_TRUE(matches_map_pattern(name, pattern)) << name << " " << pattern;
+  for (const auto& [name, pattern] :
+       std::vector<std::pair<const char*, const char*>>{{"town", "tow"},
+                                                        {"town", "own"},
+                                                        {"town", "t*m"},
+                                                        {"town", "town-*"},
+                                                        {"town", ""},
+                                                        {"axb", "a.b"},
+                                                        {"abcbc", "a*bcd"},
+                                                        {"town", "t?wn"},
+                                                        {"town", "[t]own"}})
+    EXPECT_FALSE(matches_map_pattern(name, pattern)) << name << " " << pattern;
+  const std::string stars = "*a*a*a*a*a*a*a*a*a*a*a*a*a*a*a*b";
+  EXPECT_FALSE(matches_map_pattern(std::string(63, 'a'), stars)) << "and at once";
+}
+
+TEST_F(KeyTableTest, AKeyMayBeLimitedToMaps) {
+  const auto limited = state_.keys().create("a", read_, {}, kNow, {"town-*", "village"});
+  EXPECT_THAT(limited.key.maps, ElementsAre("town-*", "village"));
+  EXPECT_EQ(state_.keys().check(limited.text, kNow).key, limited.key);
+  EXPECT_TRUE(
+      state_.keys().check(state_.keys().create("b", read_, {}, kNow).text, kNow).key->maps.empty());
+  const auto refused = [&](const std::vector<std::string>& maps, KeyScopes scopes,
+                           const char* words) {
+    EXPECT_THAT([&] { state_.keys().create("c", scopes, {}, kNow, maps); },
+                ThrowsSaying<std::invalid_argument>({words}));
+  };
+  refused({"Town"}, read_, "'Town'");
+  refused({"a\nb"}, read_, "map of a key");
+  refused({""}, read_, "map of a key");
+  refused({std::string(64, 'a')}, read_, "map of a key");
+  refused(std::vector<std::string>(33, "a"), read_, "at most 32");
+  refused({"*"}, scopes({KeyScope::kRead, KeyScope::kAdmin}), "leave out the scope admin");
+  EXPECT_EQ(state_.keys().list().size(), 2U);
+}
+
 TEST_F(KeyTableTest, KnowsAKeyByItsWholeTextOnly) {
   const KeyTable::Created car =
       state_.keys().create("car 7", scopes({KeyScope::kRead, KeyScope::kLocalize}), {}, kNow);

@@ -216,7 +216,7 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheThirdSchemaUpToDate) {
           "CREATE TRIGGER audit_is_append_only BEFORE UPDATE ON audit"
           " BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;"
           "DROP TABLE audit_start; ALTER TABLE audit DROP COLUMN sha256;"
-          "ALTER TABLE audit DROP COLUMN source;"
+          "ALTER TABLE audit DROP COLUMN source; ALTER TABLE keys DROP COLUMN maps;"
           "ALTER TABLE audit DROP COLUMN server_request_id; PRAGMA user_version=3");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.jobs().count(JobStatus::kEnqueued), 1U);

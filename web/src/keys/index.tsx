@@ -45,7 +45,7 @@ function KeyTable({ keys, onRevoke }: { keys: readonly Key[]; onRevoke: (key: Ke
       <table>
         <thead>
           <tr>
-            <th scope="col">Name</th><th scope="col">Id</th><th scope="col">Scopes</th><th scope="col">Made</th>
+            <th scope="col">Name</th><th scope="col">Id</th><th scope="col">Scopes</th><th scope="col">Maps</th><th scope="col">Made</th>
             <th scope="col">State</th><th scope="col"><span class="unseen">Actions</span></th>
           </tr>
         </thead>
@@ -55,6 +55,7 @@ function KeyTable({ keys, onRevoke }: { keys: readonly Key[]; onRevoke: (key: Ke
               <th scope="row" class="name">{key.name}</th>
               <td><code>{key.id}</code></td>
               <td><span class="scopes">{key.scopes.map((scope) => <Badge key={scope} tone="plain">{scope}</Badge>)}</span></td>
+              <td>{key.maps === null ? 'all' : key.maps.join(', ')}</td>
               <td title={date(key.created_ns)}>{age(key.created_ns)}</td>
               <td><State of={key} /></td>
               <td class="end">

@@ -32,14 +32,17 @@ export function NewKeyDialog({ onClose, onMade }: NewKeyDialogProps) {
 }
 
 function Form({ onClose, onMade }: { onClose: () => void; onMade: (key: Schema<'CreatedKey'>) => void }) {
-  const [form, setForm] = useKept('new_key', { name: '', scopes: ['read'] as Scope[], days: '' });
+  const [form, setForm] = useKept('new_key', { name: '', scopes: ['read'] as Scope[], maps: '', days: '' });
   const [error, setError] = useState<ApiError>();
   const [tried, setTried] = useState(false);
+  const maps = form.maps.split(/[\s,]+/).filter((pattern) => pattern !== '');
   const days = form.days === '' ? undefined : Number(form.days);
   const faults = {
     name: form.name.trim() === '' ? 'A name is needed, to tell keys apart.' : form.name.length > 100 ? 'At most 100 letters.' : undefined,
     days: days !== undefined && !(Number.isInteger(days) && days >= 1 && days <= 36500) ? '1 to 36500 days, or empty for ever.' : undefined,
     scopes: form.scopes.length === 0 ? 'Choose at least one.' : undefined,
+    maps: maps.length > 32 || maps.some((pattern) => !/^[a-z0-9._*-]{1,63}$/.test(pattern)) ? 'At most 32 names of a-z, 0-9, . _ - and *.'
+      : maps.length > 0 && form.scopes.includes('admin') ? 'A key with “admin” is for all maps.' : undefined,
   };
   const submit = async (event: Event): Promise<void> => {
     event.preventDefault();
@@ -47,7 +50,7 @@ function Form({ onClose, onMade }: { onClose: () => void; onMade: (key: Schema<'
     setError(undefined);
     if (Object.values(faults).some((fault) => fault !== undefined)) return;
     try {
-      const json = { name: form.name.trim(), scopes: form.scopes, ...(days === undefined ? {} : { expires_days: days }) };
+      const json = { name: form.name.trim(), scopes: form.scopes, ...(days === undefined ? {} : { expires_days: days }), ...(maps.length === 0 ? {} : { maps }) };
       onMade((await ask('post', '/v1/keys', { json })).data);
     } catch (reason) {
       setError(toApiError(reason));
@@ -71,6 +74,9 @@ function Form({ onClose, onMade }: { onClose: () => void; onMade: (key: Schema<'
           ))}
           {tried && faults.scopes !== undefined && <p class="fault" role="alert">{faults.scopes}</p>}
         </fieldset>
+        <Field label="Maps" hint="Names apart by commas, * for any text: town, depot-*. Empty: all maps." fault={tried ? faults.maps : undefined}>
+          {(props) => <input {...props} value={form.maps} onInput={(event) => setForm({ ...form, maps: event.currentTarget.value })} />}
+        </Field>
         <Field label="Ends after [days]" hint="Empty: never." fault={tried ? faults.days : undefined}>
           {(props) => <input {...props} inputMode="numeric" value={form.days} onInput={(event) => setForm({ ...form, days: event.currentTarget.value })} />}
         </Field>

@@ -111,6 +111,8 @@ class JobTable {
   struct Filter {
     std::optional<JobStatus> status{};
     std::optional<std::string> map{};
+    /// Patterns, of which the map's name matches one; none: all maps.
+    std::vector<std::string> maps{};
   };
   struct Page {
     /// Newest first.

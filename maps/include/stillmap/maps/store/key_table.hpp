@@ -32,6 +32,12 @@ struct KeyScopes {
   auto operator<=>(const KeyScopes&) const = default;
 };
 
+/// Whether it is 1 to 63 of `[a-z0-9._-]` and `*`.
+[[nodiscard]] bool is_map_pattern(std::string_view text);
+/// Whether a name is what a pattern says: `*` stands for any text, also none, and everything else
+/// for itself.
+[[nodiscard]] bool matches_map_pattern(std::string_view name, std::string_view pattern);
+
 /// What is known of a key; never its secret.
 struct ApiKey {
   /// Public and random.
@@ -43,6 +49,8 @@ struct ApiKey {
   /// From then on it is refused; nothing: never.
   std::optional<std::int64_t> expires_ns{};
   std::optional<std::int64_t> revoked_ns{};
+  /// Patterns of names of the maps that it may be used for; none: all maps.
+  std::vector<std::string> maps{};
   auto operator<=>(const ApiKey&) const = default;
 };
 
@@ -64,10 +72,12 @@ class KeyTable {
     /// What the client sends. Told here only.
     std::string text;
   };
+  /// @param maps  patterns of names of maps; none: all maps.
   /// @throws std::invalid_argument when the name is empty, longer than 100 bytes or has control
-  /// characters, there is no scope, or it would have expired already.
+  /// characters, there is no scope, it would have expired already, a pattern is none, there are
+  /// more than 32, or there are some beside the scope admin.
   Created create(std::string_view name, KeyScopes scopes, std::optional<std::int64_t> expires_ns,
-                 std::int64_t now_ns);
+                 std::int64_t now_ns, const std::vector<std::string>& maps = {});
   /// Oldest first, with those that are revoked or expired.
   [[nodiscard]] std::vector<ApiKey> list() const;
   /// For good. One that is revoked already stays as it is. @throws StoreRefusal kUnknownKey.
