@@ -60,22 +60,29 @@ Route part_route(const Context& context, const std::shared_ptr<ReadPlaces>& plac
       }};
 }
 
+/// As it is served, or will be as soon as it is loaded. @param version  the active one by the
+/// store.
+ServedVersion loading_unless_known(ServedVersion version) {
+  if (version.state == MapState::kOpened) version.state = MapState::kLoading;
+  return version;
+}
+
+/// What is told of a map is of one state of the store: where another process has made a version the
+/// active one, that is told, though this server serves the one before until it has loaded it.
 HttpResponse answer_list(const Context& context, const Caller& caller) {
-  const std::vector<ServedVersion> active = context.catalog.active();
   std::vector<ListedMap> maps;
   for (maps::StoredMap& map : context.store.state().maps()) {
     if (!may_use_map(caller, map.name)) continue;
-    const auto served = std::find_if(active.begin(), active.end(),
-                                     [&](const auto& each) { return each.map == map.name; });
     ListedMap& listed = maps.emplace_back(ListedMap{std::move(map), std::nullopt, std::nullopt});
-    if (served == active.end()) continue;
-    listed.served = *served;
-    const auto stored = context.store.state().find_version(served->map, served->version);
-    if (stored) listed.described = described(context, served->map, *stored);
+    if (!listed.stored.active) continue;
+    const std::string& name = listed.stored.name;
+    const std::string& version = *listed.stored.active;
+    const ServedVersion unknown{.map = name, .version = version, .state = MapState::kLoading};
+    listed.served = loading_unless_known(context.catalog.known(name, version).value_or(unknown));
+    const auto stored = context.store.state().find_version(name, version);
+    if (stored) listed.described = described(context, name, *stored);
   }
-  std::vector<ServedVersion> waiting = context.catalog.waiting();
-  std::erase_if(waiting, [&](const auto& each) { return !may_use_map(caller, each.map); });
-  return json_response(map_list_json(maps, waiting));
+  return json_response(map_list_json(maps));
 }
 
 /// What the build wrote down, else what its poses tell.
@@ -94,9 +101,13 @@ ShownGraph graph_of(const maps::MapPackage& map) {
   return shown;
 }
 
+/// @param map  as the store has it now; the version is the one that the path names, else its active
+/// one, so that the revision of the answer is that of its version.
 std::string one_version(const Context& context, const maps::StoredMap& map,
                         const PathParameters& path) {
-  const ServedVersion version = find_version(context.catalog, path);
+  const ServedVersion version =
+      version_in(path) ? find_version(context.catalog, path)
+                       : loading_unless_known(context.catalog.find(map.name, *map.active));
   const auto stored = context.store.state().find_version(version.map, version.version);
   return map_json(map, version,
                   stored ? described(context, version.map, *stored) : DescribedVersion{});

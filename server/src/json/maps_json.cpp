@@ -54,9 +54,7 @@ Json listed(const ListedMap& map) {
   Json entry = stored(map.stored);
   entry["state"] = map.served ? name_of(map.served->state) : "empty";
   if (!map.served || !map.served->package) return entry;
-  const maps::MapPackage& package = *map.served->package;
-  entry["version"] = map.served->version;
-  entry["digest"] = package.digest();
+  entry["digest"] = map.served->package->digest();
   if (!map.described || !map.described->facts) return entry;
   const VersionFacts& facts = *map.described->facts;
   entry["points"] = facts.points;
@@ -86,8 +84,7 @@ std::string_view name_of(MapState state) {
   return "failed";
 }
 
-std::string map_list_json(const std::vector<ListedMap>& maps,
-                          const std::vector<ServedVersion>& waiting) {
+std::string map_list_json(const std::vector<ListedMap>& maps) {
   Json json;
   json["maps"] = Json::array();
   json["refused"] = Json::array();
@@ -96,8 +93,6 @@ std::string map_list_json(const std::vector<ListedMap>& maps,
     if (map.served && map.served->state == MapState::kFailed)
       json["refused"].push_back(refusal(*map.served));
   }
-  for (const ServedVersion& version : waiting)
-    if (version.state == MapState::kFailed) json["refused"].push_back(refusal(version));
   return to_text(json);
 }
 

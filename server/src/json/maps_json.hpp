@@ -30,16 +30,16 @@ struct DescribedVersion {
 /// A map of the store with the version that is served of it, if any is.
 struct ListedMap {
   maps::StoredMap stored;
+  /// The version that is active by `stored`.
   std::optional<ServedVersion> served;
-  /// The one that is served, where the store still has it.
+  /// The same, where the store still has it.
   std::optional<DescribedVersion> described;
 };
 
 /// What a client calls it.
 [[nodiscard]] std::string_view name_of(MapState state);
 
-[[nodiscard]] std::string map_list_json(const std::vector<ListedMap>& maps,
-                                        const std::vector<ServedVersion>& waiting);
+[[nodiscard]] std::string map_list_json(const std::vector<ListedMap>& maps);
 [[nodiscard]] std::string stored_map_json(const maps::StoredMap& map);
 [[nodiscard]] std::string map_json(const maps::StoredMap& map, const ServedVersion& version,
                                    const DescribedVersion& described);

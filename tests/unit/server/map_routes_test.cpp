@@ -1,11 +1,13 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <future>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "service_fixture.hpp"
+#include "support/stored_packages.hpp"
 
 namespace stillmap::server {
 namespace map_routes_test {
@@ -41,6 +43,37 @@ TEST_F(MapRoutes, MapIsMadeOnceAndFoundAgain) {
   EXPECT_TRUE(body(made)["version"].is_null());
   EXPECT_EQ(send("PUT", "/v1/maps/yard").status, 200);
   EXPECT_EQ(get("/v1/maps/yard").status, 200);
+}
+
+TEST_F(MapRoutes, AnswersAreOfOneStateOfTheStoreThatAnotherProcessHasChanged) {
+  std::promise<void> loaded;
+  start([this, release = loaded.get_future().share()](const maps::MapPackage& package) {
+    if (package.digest() != store_.digest()) release.wait();
+    return Aligners{{"default", aligner_}};
+  });
+  wait_until_loaded();
+  const test::TemporaryFolder built(test::memory_folder());
+  const std::string digest = test::write_package(built.path() / "new", 7);
+  maps::PackageStore beside(store_.folder().path());
+  beside.add("town", "v2", built.path() / "new");
+  EXPECT_THAT(get("/v1/maps/town").headers, Contains(Pair("ETag", "\"1\"")));
+  beside.activate("town", "v2");
+  const HttpResponse answer = get("/v1/maps/town");
+  EXPECT_THAT(answer.headers, Contains(Pair("ETag", "\"2\"")));
+  EXPECT_EQ(body(answer)["revision"], 2);
+  EXPECT_EQ(body(answer)["version"], "v2");
+  EXPECT_EQ(body(answer)["previous_version"], "v1");
+  EXPECT_EQ(body(answer)["digest"], digest);
+  EXPECT_EQ(body(answer)["state"], "loading");
+  const nlohmann::json listed = body(get("/v1/maps"))["maps"][0];
+  EXPECT_EQ(listed["revision"], 2);
+  EXPECT_EQ(listed["version"], "v2");
+  EXPECT_EQ(listed["state"], "loading");
+  HttpRequest stale = request("POST", "/v1/maps/town/rollback");
+  stale.headers["if-match"] = "\"1\"";
+  EXPECT_EQ(service_->handle(stale).status, 412);
+  EXPECT_EQ(service_->handle(good_request()).status, 200) << "the version before serves meanwhile";
+  loaded.set_value();
 }
 
 TEST_F(MapRoutes, NamesThatCouldBePathsAreRefused) {
