@@ -8,12 +8,14 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <utility>
 
 #include "formats/text.hpp"
 #include "package/manifest_json.hpp"
+#include "package/sha256.hpp"
 #include "store/archive_path.hpp"
 #include "store/tar_header.hpp"
 
@@ -34,8 +36,8 @@ PackageArchive::PackageArchive(const fs::path& package) : package_(package) {
   const MapManifest manifest = parse_manifest(text, manifest_file.string());
   digest_ = sha256_of(text);
   // In front, so that whoever reads the archive knows early what is to come.
-  append(kManifestName, text.size());
-  for (const auto& [path, file] : manifest.files) append(path, file.bytes);
+  append(kManifestName, text.size(), digest_);
+  for (const auto& [path, file] : manifest.files) append(path, file.bytes, file.sha256);
   size_ += kEndBytes;
   folder_ = ::open(package_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (folder_ < 0) throw StorageError(package_.string(), std::strerror(errno));
@@ -48,10 +50,35 @@ PackageArchive::~PackageArchive() {
 
 std::string PackageArchive::etag() const { return '"' + digest_ + "-" + kLayout + '"'; }
 
-void PackageArchive::append(const std::string& path, std::uint64_t bytes) {
+void PackageArchive::append(const std::string& path, std::uint64_t bytes,
+                            const std::string& sha256) {
   (void)checked_path(path, false, SIZE_MAX, SIZE_MAX, (package_ / printable(path)).string());
-  entries_.push_back({path, size_, tar_header_bytes(path, bytes), bytes});
+  entries_.push_back({path, size_, tar_header_bytes(path, bytes), bytes, sha256});
   size_ += entries_.back().header_bytes + in_tar_blocks(bytes);
+}
+
+std::string PackageArchive::files_state() const {
+  Sha256 hash;
+  for (const Entry& entry : entries_) {
+    struct stat found {};
+    std::array<std::int64_t, 4> is{};
+    if (::fstatat(folder_, entry.path.c_str(), &found, AT_SYMLINK_NOFOLLOW) == 0)
+      is = {static_cast<std::int64_t>(found.st_ino), found.st_size, found.st_mtim.tv_sec,
+            found.st_mtim.tv_nsec};
+    hash.add(is.data(), sizeof is);
+  }
+  return hash.hex();
+}
+
+std::string PackageArchive::first_damaged() const {
+  for (const Entry& entry : entries_) {
+    try {
+      if (sha256_of_file(package_ / entry.path) != entry.sha256) return entry.path;
+    } catch (const StorageError&) {
+      return entry.path;
+    }
+  }
+  return {};
 }
 
 std::size_t PackageArchive::read(std::uint64_t offset, std::span<char> into) {

@@ -281,6 +281,17 @@ std::unique_ptr<PackageArchive> PackageStore::archive(std::string_view map,
   return std::make_unique<PackageArchive>(package_folder(state_->version(map, version).digest));
 }
 
+std::string PackageStore::damage_of(const PackageArchive& archive) const {
+  const std::scoped_lock one_at_a_time(compared_mutex_);
+  const std::string state = archive.files_state();
+  const auto known = compared_.find(archive.digest());
+  if (known != compared_.end() && known->second.files_state == state)
+    return known->second.first_damaged;
+  const std::string damaged = archive.first_damaged();
+  compared_.insert_or_assign(archive.digest(), Compared{state, damaged});
+  return damaged;
+}
+
 /// What is wrong with the package in the place of this digest; empty when it is whole. Reads all.
 std::string PackageStore::damage_of(const std::string& digest) const {
   try {

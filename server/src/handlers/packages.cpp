@@ -8,6 +8,7 @@
 #include "json/maps_json.hpp"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <stillmap/maps/error.hpp>
 
@@ -56,6 +57,17 @@ HttpResponse put_version(const Context& context, const HttpRequest& request,
                            .sha256 = wanted_sha256(request)});
 }
 
+/// Of a file that is not what the manifest says. What is sent may be kept for ever.
+ApiError damaged(const PathParameters& path, const std::string& file) {
+  const std::string text = fmt::format(
+      "version '{}' of map '{}' is damaged on the disk: {} is not what its manifest says; publish "
+      "the "
+      "same package again, which mends it",
+      path.at("version"), path.at("map"), file);
+  spdlog::error("{}", text);
+  return {ErrorCode::kStorageError, text};
+}
+
 HttpResponse get_content(const Context& context, const HttpRequest& request,
                          const PathParameters& path) {
   auto archive = context.store.archive(path.at("map"), path.at("version"));
@@ -68,12 +80,15 @@ HttpResponse get_content(const Context& context, const HttpRequest& request,
     response.status = 304;
     return response;
   }
+  if (const std::string file = context.store.damage_of(*archive); !file.empty())
+    throw damaged(path, file);
   response.source = std::make_shared<PackageSource>(std::move(archive));
   return response;
 }
 
-/// Reads the picture that the package lists, if it does. @throws ApiError kUnknownRoute.
-std::string preview_of(const maps::MapPackage& package) {
+/// Reads the picture that the package lists, if it does.
+/// @throws ApiError kUnknownRoute, kStorageError.
+std::string preview_of(const maps::MapPackage& package, const PathParameters& names) {
   const auto& files = package.manifest().files;
   const auto listed = files.find("preview.png");
   if (listed == files.end())
@@ -84,8 +99,9 @@ std::string preview_of(const maps::MapPackage& package) {
                            fmt::format("at most {}", kMaxPreviewBytes));
   std::string bytes(listed->second.bytes, '\0');
   std::ifstream file(path, std::ios::binary);
-  if (!file.read(bytes.data(), static_cast<std::streamsize>(bytes.size())))
-    throw maps::InputError(path.string(), "a shorter file", "the bytes that the manifest states");
+  if (!file.read(bytes.data(), static_cast<std::streamsize>(bytes.size())) ||
+      maps::sha256_of(bytes) != listed->second.sha256)
+    throw damaged(names, "preview.png");
   return bytes;
 }
 
@@ -98,7 +114,7 @@ HttpResponse get_preview(const Context& context, const HttpRequest& request,
   if (is_known_to_client(request.header("if-none-match"), etag)) {
     response.status = 304;
   } else {
-    response.body = preview_of(*map.package);
+    response.body = preview_of(*map.package, path);
   }
   return response;
 }

@@ -5,7 +5,9 @@
 #include <openssl/sha.h>
 
 #include <filesystem>
+#include <fstream>
 #include <thread>
+#include <vector>
 
 #include "body_in_memory.hpp"
 #include "raw_client.hpp"
@@ -95,6 +97,53 @@ TEST_F(PackageRoutesTest, UploadBecomesAVersionOnce) {
   EXPECT_THAT(listed()["versions"], SizeIs(3));
   EXPECT_EQ(packages(), 2);
   EXPECT_TRUE(store_.open().verify().empty());
+}
+
+TEST_F(PackageRoutesTest, DamagedBytesAreNeverSentAndMendedOnesAre) {
+  ASSERT_EQ(put("v2", tar_).status, 201);
+  const std::filesystem::path package = store_.folder().path() / "packages" / digest_;
+  const std::string content = "/v1/maps/town/versions/v2/content";
+  const auto refused = [&](const httplib::Headers& headers) {
+    const auto answer = client().Get(content.c_str(), headers);
+    return answer->status == 500 && code(*answer) == "StorageError" &&
+           answer->body.find("version 'v2' of map 'town'") != std::string::npos &&
+           answer->body.find("publish the same package again") != std::string::npos;
+  };
+  const auto flip_a_bit = [&] {
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(package / "tiles")) {
+      if (!entry.is_regular_file()) continue;
+      std::fstream file(entry.path(), std::ios::in | std::ios::out | std::ios::binary);
+      file.seekg(9);
+      const char was = static_cast<char>(file.get());
+      file.seekp(9);
+      file.put(static_cast<char>(was ^ 1));
+      return;
+    }
+  };
+  flip_a_bit();
+  EXPECT_TRUE(refused({}));
+  EXPECT_TRUE(refused({{"Range", "bytes=0-99"}})) << "a part that is whole belongs to no package";
+  EXPECT_EQ(put("v2", tar_).status, 200);
+  EXPECT_EQ(client().Get(content.c_str())->status, 200) << "mended by publishing it again";
+  EXPECT_EQ(client().Get(content.c_str(), {{"Range", "bytes=0-99"}})->status, 206);
+  flip_a_bit();
+  EXPECT_TRUE(refused({})) << "though it was whole when it was sent before";
+}
+
+TEST_F(PackageRoutesTest, ADamagedPreviewIsNotSent) {
+  const std::filesystem::path built = folder_.path() / "drawn";
+  maps::MapPackageWriter writer(built);
+  writer.add_tile({}, std::vector<maps::MapPoint>(1));
+  std::ofstream(writer.folder() / "preview.png") << "a picture";
+  maps::MapManifest manifest;
+  manifest.frame_id = "map";
+  const std::string digest = writer.publish(manifest, "{}");
+  ASSERT_EQ(put("v2", test::tar_of(built, "") + test::tar_end()).status, 201);
+  const auto ask = [&] { return client().Get("/v1/maps/town/versions/v2/preview"); };
+  EXPECT_EQ(ask()->body, "a picture");
+  std::ofstream(store_.folder().path() / "packages" / digest / "preview.png") << "a pictura";
+  EXPECT_EQ(ask()->status, 500);
+  EXPECT_EQ(code(*ask()), "StorageError");
 }
 
 TEST_F(PackageRoutesTest, AnotherPackageUnderAKnownNameIsRefused) {

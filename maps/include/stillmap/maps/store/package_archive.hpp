@@ -34,13 +34,20 @@ class PackageArchive {
   /// another size, or cannot be read.
   std::size_t read(std::uint64_t offset, std::span<char> into);
 
+  /// Of all files as they lie now: another text when one of them was written or replaced.
+  [[nodiscard]] std::string files_state() const;
+  /// Reads all files and compares them with their checksums. @return the path of the first that
+  /// differs or cannot be read; empty when there is none.
+  [[nodiscard]] std::string first_damaged() const;
+
  private:
   /// Header, bytes and padding follow each other from `offset` on.
   struct Entry {
     std::string path;
     std::uint64_t offset, header_bytes, bytes;
+    std::string sha256;
   };
-  void append(const std::string& path, std::uint64_t bytes);
+  void append(const std::string& path, std::uint64_t bytes, const std::string& sha256);
   std::size_t read_entry(std::size_t index, std::uint64_t from, std::span<char> into);
   void open_file(std::size_t index);
   void read_file(std::size_t index, std::uint64_t from, std::span<char> into);
