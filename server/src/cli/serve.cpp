@@ -147,6 +147,11 @@ std::unique_ptr<server::Watchdog> start_watchdog(const server::Notifier& notifie
     throw std::invalid_argument(
         "management.port: found -1, expected a port, since the watchdog asks without TLS");
   }
+  if (options.forwarded == "proxy" && !apart) {
+    throw std::invalid_argument(
+        "management.port: found -1, expected a port, since the watchdog asks without a PROXY "
+        "header");
+  }
   // A quarter for the answer and a half between the questions stay within the interval.
   const auto timeout = std::chrono::duration_cast<std::chrono::milliseconds>(*interval / 4);
   return std::make_unique<server::Watchdog>(

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include "http/remote_address.hpp"
 #include "option_table.hpp"
 #include "value_text.hpp"
 
@@ -47,6 +48,8 @@ void check_together(const ServerOptions& o, Together together) {
                   "at least min_scan_points");
   together.unless(o.max_head_bytes >= o.max_head_line_bytes, "max_head_bytes",
                   "max_head_line_bytes", "at least max_head_line_bytes");
+  together.unless(o.forwarded == "none" || !o.trusted_proxies.empty(), "forwarded",
+                  "trusted_proxies", "none unless proxies are trusted");
   together.unless(o.event_streams < o.connections, "event_streams", "connections",
                   "below connections");
   together.unless(o.transfer_timeout_s >= o.stall_timeout_s, "transfer_timeout_s",
@@ -65,6 +68,9 @@ std::vector<BrokenOption> broken_options(const ServerOptions& options) {
     if (option.set(scratch, value)) continue;
     broken.push_back({std::string(option.key), "", value_text(value), option.expected()});
   }
+  if (!TrustedProxies::parse(options.trusted_proxies))
+    broken.push_back({"trusted_proxies", "", value_text(options.trusted_proxies),
+                      "addresses and networks such as 10.0.0.0/8 with commas between them"});
   check_together(options, Together(options, broken));
   return broken;
 }

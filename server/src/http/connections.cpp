@@ -9,9 +9,23 @@ void Connections::add(int socket) {
   entries_[socket] = {.since = std::chrono::steady_clock::now()};
 }
 
+bool Connections::claim(int socket, const std::string& client, std::size_t most) {
+  const std::lock_guard lock(mutex_);
+  const auto count = of_clients_.try_emplace(client, 0).first;
+  if (count->second >= most) return false;
+  ++count->second;
+  entries_[socket].client = client;
+  return true;
+}
+
 void Connections::remove(int socket) {
   const std::lock_guard lock(mutex_);
-  entries_.erase(socket);
+  const auto entry = entries_.find(socket);
+  if (entry == entries_.end()) return;
+  if (const auto count = of_clients_.find(entry->second.client);
+      count != of_clients_.end() && --count->second == 0)
+    of_clients_.erase(count);
+  entries_.erase(entry);
 }
 
 void Connections::set(int socket, State state) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <mutex>
+#include <string>
 
 namespace stillmap::server {
 
@@ -20,6 +21,9 @@ class Connections {
   };
 
   void add(int socket);
+  /// Counts the connection to a client. @param client  as `IpAddress::client_network`.
+  /// @return false, and does not count it, when the client has `most` already.
+  [[nodiscard]] bool claim(int socket, const std::string& client, std::size_t most);
   /// Call before the socket is closed.
   void remove(int socket);
   void set(int socket, State state);
@@ -37,10 +41,14 @@ class Connections {
     State state = State::kIdle;
     std::chrono::steady_clock::time_point since;
     bool interrupted = false;
+    /// Empty where it is not counted.
+    std::string client{};
   };
 
   mutable std::mutex mutex_;
   std::map<int, Entry> entries_;
+  /// Connections of each client that has any.
+  std::map<std::string, std::size_t> of_clients_;
 };
 
 }  // namespace stillmap::server

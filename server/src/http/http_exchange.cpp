@@ -122,7 +122,6 @@ void read_into(Exchange& exchange, BoundedSocket::HeadState state, const std::st
   request.server_request_id = new_request_id();
   request.request_id =
       request_id_from(exchange.head.value("x-request-id"), request.server_request_id);
-  exchange.log.emplace(log_context(exchange));
 }
 
 void complete_request(Exchange& exchange, const httplib::Request& from) {
@@ -172,14 +171,19 @@ class HttpExchange::Library final : public httplib::Server {
         [this](const httplib::Request&, httplib::Response& to) { tell_connection(to); });
   }
 
-  bool serve(BoundedSocket& socket, const std::string& peer, bool last,
+  bool serve(BoundedSocket& socket, const std::optional<IpAddress>& peer, bool last,
              const std::function<void()>& received) {
     std::string text;
     const BoundedSocket::HeadState state = socket.read_head(text);
     if (state == BoundedSocket::HeadState::kEnded) return false;
     Exchange exchange{.socket = socket, .received = received, .last = last};
-    exchange.request.remote_address = peer;
     read_into(exchange, state, text);
+    if (peer) {
+      exchange.request.remote_address =
+          forwarded_address(*peer, exchange.head.values("x-forwarded-for"), limits_.forwarding)
+              .text();
+    }
+    exchange.log.emplace(log_context(exchange));
     HeadStream stream(socket, head_for_library(exchange));
     current_exchange = &exchange;
     bool closed = false;
@@ -355,7 +359,7 @@ HttpExchange::HttpExchange(const Limits& limits, const RequestHandler& handler, 
     : library_(std::make_unique<Library>(limits, handler, metrics)) {}
 HttpExchange::~HttpExchange() = default;
 
-bool HttpExchange::serve(BoundedSocket& socket, const std::string& peer, bool last,
+bool HttpExchange::serve(BoundedSocket& socket, const std::optional<IpAddress>& peer, bool last,
                          const std::function<void()>& received) {
   return library_->serve(socket, peer, last, received);
 }

@@ -2,6 +2,7 @@
 
 #include "http/bounded_socket.hpp"
 #include "http/http_body.hpp"
+#include "http/remote_address.hpp"
 #include "http/request_handler.hpp"
 #include "operation/metrics.hpp"
 
@@ -9,6 +10,7 @@
 #include <cstddef>
 #include <functional>
 #include <memory>
+#include <optional>
 
 namespace stillmap::server {
 
@@ -25,6 +27,8 @@ class HttpExchange {
     double client_share = 0.5;
     /// Told to clients.
     std::chrono::seconds keep_alive{0};
+    /// Proxies whose X-Forwarded-For is believed.
+    TrustedProxies forwarding{};
   };
 
   /// @param handler  outlives this.  @param metrics  may be null; outlives this.
@@ -37,7 +41,7 @@ class HttpExchange {
   /// @param last  tells the client to close.
   /// @param received  called once nothing more has to come from the client but a streamed body.
   /// @return whether the connection is at the start of a next request.
-  [[nodiscard]] bool serve(BoundedSocket& socket, const std::string& peer, bool last,
+  [[nodiscard]] bool serve(BoundedSocket& socket, const std::optional<IpAddress>& peer, bool last,
                            const std::function<void()>& received);
   /// From now on every answer is the last of its connection.
   void close_after_answers();

@@ -7,7 +7,7 @@
 #include "http/http_answer.hpp"
 #include "http/http_exchange.hpp"
 #include "http/listening_socket.hpp"
-#include "http/remote_address.hpp"
+#include "http/proxy_protocol.hpp"
 #include "http/request_id.hpp"
 #include "http/turned_away.hpp"
 
@@ -21,6 +21,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <functional>
 #include <mutex>
@@ -55,17 +56,23 @@ void allow_files(std::size_t connections) {
 }
 
 /// For a connection that is not read.
-std::string full_answer(std::size_t connections) {
+std::string answer_unread(const ApiError& error) {
   const std::string id = new_request_id();
-  const HttpResponse response = problem_response(
-      ApiError(ErrorCode::kBusy, fmt::format("{} connections are open", connections)), id);
+  const HttpResponse response = problem_response(error, id);
   std::string text = fmt::format(
-      "HTTP/1.1 503 Service Unavailable\r\nContent-Type: {}\r\nContent-Length: {}\r\n"
+      "HTTP/1.1 {}\r\nContent-Type: {}\r\nContent-Length: {}\r\n"
       "Connection: close\r\nRetry-After: 1\r\nX-Request-Id: {}\r\nDate: {}\r\n",
+      response.status == 429 ? "429 Too Many Requests" : "503 Service Unavailable",
       response.content_type, response.body.size(), id, http_date());
   for (const auto& [name, value] : default_headers(false))
     text += fmt::format("{}: {}\r\n", name, value);
   return text + "\r\n" + response.body;
+}
+
+Endpoint::Forwarded forwarded_of(const ServerOptions& options) {
+  if (options.forwarded == "x-forwarded-for") return Endpoint::Forwarded::kHeader;
+  if (options.forwarded == "proxy") return Endpoint::Forwarded::kProxyProtocol;
+  return Endpoint::Forwarded::kNone;
 }
 
 /// A client whose machine answers may take as little as `stall_timeout_s` allows.
@@ -91,7 +98,11 @@ Endpoint main_endpoint(const ServerOptions& options) {
                      .unacknowledged = longest_unacknowledged(options),
                      .max_head_bytes = options.max_head_bytes,
                      .max_line_bytes = options.max_head_line_bytes},
-          .drain = options.drain};
+          .drain = options.drain,
+          .connections_of_address = static_cast<std::size_t>(
+              std::max(1.0, std::ceil(options.address_share * options.connections))),
+          .proxies = TrustedProxies::parse(options.trusted_proxies).value_or(TrustedProxies{}),
+          .forwarded = forwarded_of(options)};
 }
 
 Endpoint management_endpoint(const ServerOptions& options) {
@@ -115,7 +126,9 @@ class HttpServer::Listener {
              .answers_bytes = endpoint.answers_bytes,
              .event_streams = endpoint.event_streams,
              .client_share = endpoint.client_share,
-             .keep_alive = std::chrono::floor<std::chrono::seconds>(endpoint.limits.keep_alive)},
+             .keep_alive = std::chrono::floor<std::chrono::seconds>(endpoint.limits.keep_alive),
+             .forwarding = endpoint.forwarded == Endpoint::Forwarded::kHeader ? endpoint.proxies
+                                                                              : TrustedProxies{}},
             handler, metrics),
         threads_(endpoint.connections, [this](int socket) { serve(socket); }) {
     if (wake_ < 0) throw std::runtime_error("an event to wake up by cannot be made");
@@ -238,10 +251,56 @@ class HttpServer::Listener {
     if (threads_.busy() * 4 >= endpoint_.connections * 3) connections_.make_room();
     connections_.add(socket);
     if (metrics_ != nullptr) metrics_->connection_opened();
-    if (threads_.offer(socket)) return;
+    const std::optional<IpAddress> peer = peer_address(socket);
+    if (peer && is_counted(*peer) && !claim(socket, *peer)) {
+      turn_away(socket, "address", too_many_of_address());
+    } else if (!threads_.offer(socket)) {
+      turn_away(socket, "full",
+                ApiError(ErrorCode::kBusy,
+                         fmt::format("{} connections are open", endpoint_.connections)));
+    }
+  }
+
+  void turn_away(int socket, std::string_view why, const ApiError& error) {
     forget(socket);
-    if (metrics_ != nullptr) metrics_->connection_refused("full");
-    turned_away_.add(socket, endpoint_.tls.enabled() ? "" : full_answer(endpoint_.connections));
+    if (metrics_ != nullptr) metrics_->connection_refused(why);
+    turned_away_.add(socket, endpoint_.tls.enabled() ? "" : answer_unread(error));
+  }
+
+  ApiError too_many_of_address() const {
+    return {ErrorCode::kTooManyRequests, fmt::format("this address has {} connections open already",
+                                                     endpoint_.connections_of_address)};
+  }
+
+  /// Proxies bring the connections of many. Loopback is this machine, or a proxy on it.
+  bool is_counted(const IpAddress& peer) const {
+    if (endpoint_.connections_of_address == 0 || endpoint_.proxies.contain(peer)) return false;
+    return !peer.is_loopback() || endpoint_.forwarded != Endpoint::Forwarded::kNone;
+  }
+
+  bool claim(int socket, const IpAddress& client) {
+    return connections_.claim(socket, client.client_network(), endpoint_.connections_of_address);
+  }
+
+  /// @param client  becomes what the proxy says. @return false when the connection must end.
+  bool read_proxy_word(int handle, std::optional<IpAddress>& client) {
+    if (endpoint_.forwarded != Endpoint::Forwarded::kProxyProtocol || !client ||
+        !endpoint_.proxies.contain(*client))
+      return true;
+    const std::optional<ProxyHeader> header = read_proxy_header(handle, endpoint_.limits.head);
+    if (!header) {
+      if (metrics_ != nullptr) metrics_->connection_refused("proxy");
+      spdlog::warn(
+          "{}: found no PROXY header, expected one, as forwarded says: set send-proxy in "
+          "the proxy, or take the address out of trusted_proxies",
+          client->text());
+      return false;
+    }
+    if (!header->source) return true;
+    client = header->source;
+    if (!is_counted(*client) || claim(handle, *client)) return true;
+    if (metrics_ != nullptr) metrics_->connection_refused("address");
+    return false;
   }
 
   void forget(int socket) {
@@ -252,11 +311,12 @@ class HttpServer::Listener {
   void converse(BoundedSocket& socket, int handle) {
     // So that no client keeps the server from balancing connections anew.
     constexpr int kMostRequests = 10'000;
+    std::optional<IpAddress> peer = peer_address(handle);
+    if (!read_proxy_word(handle, peer)) return;
     if (!socket.handshake()) {
       if (metrics_ != nullptr) metrics_->connection_refused("tls");
       return;
     }
-    const std::string peer = peer_address(handle);
     for (int left = kMostRequests; left > 0; --left) {
       connections_.set(handle, Connections::State::kIdle);
       // Looked at after the state is set: a stop first says that it stops, then wakes the idle.

@@ -2,6 +2,7 @@
 
 #include "http/bounded_socket.hpp"
 #include "http/http_body.hpp"
+#include "http/remote_address.hpp"
 #include "http/request_handler.hpp"
 #include "operation/metrics.hpp"
 
@@ -9,6 +10,7 @@
 
 #include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -31,6 +33,12 @@ struct Endpoint {
   WholeBodyLimits bodies = {};
   ConnectionLimits limits;
   DrainOptions drain;
+  /// Most connections of one address; 0 = as many as there are.
+  std::size_t connections_of_address = 0;
+  TrustedProxies proxies{};
+  /// How they say a client's address.
+  enum class Forwarded : std::uint8_t { kNone, kHeader, kProxyProtocol };
+  Forwarded forwarded = Forwarded::kNone;
 };
 
 /// @return where vehicles and people ask, out of the options.

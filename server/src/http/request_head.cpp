@@ -121,6 +121,13 @@ std::size_t RequestHead::count(std::string_view name) const {
       fields.begin(), fields.end(), [&](const auto& field) { return field.first == name; }));
 }
 
+std::vector<std::string> RequestHead::values(std::string_view name) const {
+  std::vector<std::string> values;
+  for (const auto& [key, value] : fields)
+    if (key == name) values.push_back(value);
+  return values;
+}
+
 std::string RequestHead::value(std::string_view name) const {
   const auto found = std::find_if(fields.begin(), fields.end(),
                                   [&](const auto& field) { return field.first == name; });

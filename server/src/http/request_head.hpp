@@ -21,6 +21,8 @@ struct RequestHead {
   [[nodiscard]] std::size_t count(std::string_view name) const;
   /// @return the first value; empty when there is none. @param name  in lower case.
   [[nodiscard]] std::string value(std::string_view name) const;
+  /// All of them, in their order.
+  [[nodiscard]] std::vector<std::string> values(std::string_view name) const;
   /// Whether the client wants the connection to end after the answer.
   [[nodiscard]] bool wants_close() const;
 };

@@ -2,6 +2,7 @@
 
 #include "errors/api_error.hpp"
 #include "http/header_text.hpp"
+#include "http/remote_address.hpp"
 #include "ids_and_times.hpp"
 
 #include <cmath>
@@ -86,23 +87,36 @@ void require_scope(const maps::ApiKey& key, Access access) {
   throw field_error(ErrorCode::kForbidden, "Authorization", "a key without this scope", names);
 }
 
+ApiError beyond_rate(const std::string& what, double wait_s) {
+  return ApiError(ErrorCode::kTooManyRequests, what)
+      .with_header("Retry-After", std::to_string(std::lround(std::ceil(wait_s))));
+}
+
 }  // namespace
 
 void Gatekeeper::admit(HttpRequest& request, Access access, const RateOptions& rate) {
   const std::optional<maps::ApiKey> key =
       key_of(request.header("authorization"), access, request.caller.key_id);
   if (!key) {
-    if (on_loopback_ && access != Access::kOpen) refuse_other_hosts(request);
-    request.caller.is_admin = access != Access::kOpen;
-    return refuse_other_sites(request);
+    if (access == Access::kOpen) return refuse_other_sites(request);
+    if (on_loopback_) refuse_other_hosts(request);
+    request.caller.is_admin = true;
+    refuse_other_sites(request);
+    return count_address(request.remote_address, rate);
   }
   request.caller = {
       .key_id = key->id, .is_admin = key->scopes.has(maps::KeyScope::kAdmin), .maps = key->maps};
   require_scope(*key, access);
-  if (const double wait_s = rates_.take(key->id, rate); wait_s > 0.0) {
-    throw ApiError(ErrorCode::kTooManyRequests, "the key's rate is used up")
-        .with_header("Retry-After", std::to_string(std::lround(std::ceil(wait_s))));
-  }
+  if (const double wait_s = rates_.take(key->id, rate); wait_s > 0.0)
+    throw beyond_rate("the key's rate is used up", wait_s);
+}
+
+/// Without a key all that tells clients apart is where they come from. This machine is not counted.
+void Gatekeeper::count_address(const std::string& remote_address, const RateOptions& rate) {
+  const std::optional<IpAddress> address = IpAddress::parse(remote_address);
+  if (!address || address->is_loopback()) return;
+  if (const double wait_s = address_rates_.take(address->client_network(), rate); wait_s > 0.0)
+    throw beyond_rate("the rate of this address is used up", wait_s);
 }
 
 bool Gatekeeper::still_admits(const std::string& authorization, Access access) {

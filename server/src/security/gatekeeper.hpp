@@ -38,6 +38,7 @@ class Gatekeeper {
   [[nodiscard]] std::optional<maps::ApiKey> key_of(const std::string& authorization, Access access,
                                                    std::string& key_id);
   [[nodiscard]] bool has_keys();
+  void count_address(const std::string& remote_address, const RateOptions& rate);
   [[nodiscard]] maps::ApiKey checked(const std::string& authorization, std::string& key_id);
 
   const maps::KeyTable& keys_;
@@ -47,6 +48,7 @@ class Gatekeeper {
   std::int64_t seen_ = -1;
   bool has_keys_ = false;
   RateLimits rates_;
+  AddressRates address_rates_;
 };
 
 }  // namespace stillmap::server

@@ -407,6 +407,44 @@ TEST_F(GatekeeperTest, KeyBeyondItsRateWaitsAndTheOthersDoNot) {
   for (int i = 0; i < 10; ++i) EXPECT_EQ(get("/livez").status, 200);
 }
 
+TEST_F(GatekeeperTest, AddressBeyondItsRateWaitsWhereThereAreNoKeys) {
+  options_.rate = {.requests_per_s = 0.01, .burst = 2};
+  options_.host = "0.0.0.0";
+  options_.allow_remote = true;
+  start();
+  const auto ask = [&](const std::string& from, const std::string& path = "/v1/maps") {
+    HttpRequest asked = request("GET", path);
+    asked.remote_address = from;
+    return service_->handle(asked).status;
+  };
+  for (const int status : {200, 200, 429}) EXPECT_EQ(ask("192.0.2.1"), status);
+  EXPECT_EQ(ask("192.0.2.1", "/livez"), 200);
+  for (const int status : {200, 200, 429}) EXPECT_EQ(ask("192.0.2.2"), status);
+  // Who has one address of IPv6 has 2^64 of them.
+  for (const int status : {200, 200, 429})
+    EXPECT_EQ(ask("2001:db8::" + std::to_string(status)), status);
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_EQ(ask("127.0.0.1"), 200);
+    EXPECT_EQ(ask("::1"), 200);
+    EXPECT_EQ(ask(""), 200);
+  }
+  const std::string key = "Bearer " + make_key(only(KeyScope::kRead));
+  HttpRequest with_key = request("GET", "/v1/maps");
+  with_key.headers["authorization"] = key;
+  with_key.remote_address = "192.0.2.1";
+  EXPECT_EQ(service_->handle(with_key).status, 200) << "the key's rate counts";
+}
+
+TEST(AddressRates, TakeNoMoreMemoryForMoreAddresses) {
+  AddressRates rates;
+  const RateOptions rate{.requests_per_s = 1.0, .burst = 1};
+  const TokenBucket::Clock::time_point start{};
+  std::size_t let_in = 0;
+  for (std::size_t i = 0; i < 20 * AddressRates::kBuckets; ++i)
+    let_in += rates.take(std::to_string(i), rate, start) == 0.0 ? 1 : 0;
+  EXPECT_EQ(let_in, AddressRates::kBuckets);
+}
+
 TEST(RateLimits, FillsWithTimeUpToTheBurst) {
   RateLimits limits;
   const RateOptions rate{.requests_per_s = 10.0, .burst = 2};

@@ -26,6 +26,22 @@ TEST(ServerOptions, EveryBrokenBoundIsNamedAtOnce) {
                           HasSubstr("max_scan_points"), HasSubstr("event_streams")));
 }
 
+TEST(ServerOptions, ProxiesAreNamedWhereTheyAreBelieved) {
+  ServerOptions options;
+  options.trusted_proxies = "10.0.0.0/8, ::1";
+  EXPECT_THAT(options.violations(), IsEmpty());
+  for (const char* forwarded : {"x-forwarded-for", "proxy"}) {
+    options.forwarded = forwarded;
+    options.trusted_proxies = "10.0.0.0/8, ::1";
+    EXPECT_THAT(options.violations(), IsEmpty());
+    options.trusted_proxies = "";
+    EXPECT_THAT(options.violations(), ElementsAre(HasSubstr("forwarded: ")));
+  }
+  options.forwarded = "none";
+  options.trusted_proxies = "proxy.example.org";
+  EXPECT_THAT(options.violations(), ElementsAre(HasSubstr("trusted_proxies: ")));
+}
+
 TEST(ServerOptions, AddressesThatOthersReachNeedLeave) {
   ServerOptions options;
   for (const char* host : {"0.0.0.0", "192.168.1.2", "::", "127.example.org", ""}) {

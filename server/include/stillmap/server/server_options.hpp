@@ -181,6 +181,16 @@ struct ServerOptions {
   /// Connections served at one time; every idle keep-alive connection holds one of them, some 30
   /// KiB of memory each. Beyond it the answer is 503.
   int connections = 512;
+  /// Share of `connections` that one address may hold (of IPv6 one network of 64 bits); beyond it
+  /// the answer is 429. Trusted proxies are not counted, nor is loopback unless `forwarded` says
+  /// that proxies are there.
+  double address_share = 0.25;
+  /// Addresses and networks of proxies whose word on a client's address is believed, with commas
+  /// between them: `10.0.0.0/8, 2001:db8::1`.
+  std::string trusted_proxies = {};
+  /// How they say it: `none`, `x-forwarded-for` (the header), or `proxy` (the PROXY protocol,
+  /// version 1 or 2, which every connection of theirs must then begin with).
+  std::string forwarded = "none";
   /// Event streams open at one time, below `connections`, since each holds one of them.
   int event_streams = 64;
   /// How long a connection may idle between requests [s].
