@@ -123,14 +123,15 @@ def poses_beside(server, attacker, victim, options):
 def attack_connections(port, path, count):
     """Keeps `count` connections open that ask and read nothing, until it is killed."""
     resource.setrlimit(resource.RLIMIT_NOFILE, (count + 100, count + 100))
-    asks = (f"GET {path} HTTP/1.1\r\nHost: {NEAR}\r\n\r\n" * 50).encode()
+    # On loopback, where an address has no share of the connections of its own.
+    asks = (f"GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n" * 50).encode()
     selector = selectors.DefaultSelector()
     opened = 0
 
     def open_one():
         one = socket.socket()
         one.setblocking(False)
-        one.connect_ex((NEAR, port))
+        one.connect_ex(("127.0.0.1", port))
         selector.register(one, selectors.EVENT_WRITE)
         return 1
 

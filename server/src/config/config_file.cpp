@@ -13,7 +13,7 @@
 namespace stillmap::server {
 namespace {
 
-using nlohmann::json;
+using ConfigJson = nlohmann::json;
 
 /// A file with more mistakes than this is another kind of file, and naming each costs time.
 constexpr std::size_t kMostProblems = 50;
@@ -26,7 +26,7 @@ bool is_group(const std::string& path) {
 
 /// Takes the parser's events, so that doubled keys are seen and nothing is built from a hostile
 /// file. The parser keeps no stack of its own calls: depth costs a bit a level.
-class ConfigReader final : public json::json_sax_t {
+class ConfigReader final : public ConfigJson::json_sax_t {
  public:
   ConfigReader(std::string name, ConfigText& result) : name_(std::move(name)), result_(result) {}
 
@@ -60,7 +60,7 @@ class ConfigReader final : public json::json_sax_t {
     return add(path_, "it twice", "it once");
   }
 
-  bool parse_error(std::size_t, const std::string&, const json::exception& error) override {
+  bool parse_error(std::size_t, const std::string&, const ConfigJson::exception& error) override {
     // "[json.exception.parse_error.101] parse error at line 1, column 2: syntax error while ..."
     const std::string_view text = error.what();
     const std::size_t start = text.find("] ");
@@ -179,7 +179,8 @@ ConfigText parse_config(std::string_view text, const std::string& name) {
   ConfigReader reader(name, result);
   constexpr bool kWhole = true;
   constexpr bool kComments = true;
-  json::sax_parse(text.begin(), text.end(), &reader, json::input_format_t::json, kWhole, kComments);
+  ConfigJson::sax_parse(text.begin(), text.end(), &reader, ConfigJson::input_format_t::json, kWhole,
+                        kComments);
   return result;
 }
 

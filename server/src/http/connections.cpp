@@ -50,10 +50,10 @@ void Connections::make_room() {
   const auto now = std::chrono::steady_clock::now();
   auto longest = entries_.end();
   for (auto entry = entries_.begin(); entry != entries_.end(); ++entry) {
-    const auto& [state, since, interrupted] = entry->second;
-    const bool is_stalled = state == State::kStalled && now - since > kMoment;
-    if (interrupted || !(state == State::kIdle || is_stalled)) continue;
-    if (longest == entries_.end() || since < longest->second.since) longest = entry;
+    const Entry& each = entry->second;
+    const bool is_stalled = each.state == State::kStalled && now - each.since > kMoment;
+    if (each.interrupted || !(each.state == State::kIdle || is_stalled)) continue;
+    if (longest == entries_.end() || each.since < longest->second.since) longest = entry;
   }
   if (longest == entries_.end()) return;
   longest->second.interrupted = true;

@@ -184,7 +184,8 @@ class HttpServer::Listener {
   void serve(int handle) {
     try {
       const auto stalls = [this, handle](bool stalled) {
-        connections_.set(handle, stalled ? Connections::State::kStalled : Connections::State::kAnswering);
+        connections_.set(handle,
+                         stalled ? Connections::State::kStalled : Connections::State::kAnswering);
       };
       BoundedSocket socket(handle, endpoint_.limits, session(handle), stalls);
       converse(socket, handle);

@@ -7,12 +7,12 @@
 namespace stillmap::server {
 namespace {
 
-using nlohmann::json;
+using RequestJson = nlohmann::json;
 
 constexpr std::size_t kLongestText = 200;
 
 /// Cut and without what cannot be printed.
-std::string text_in(const json& line, const char* key) {
+std::string text_in(const RequestJson& line, const char* key) {
   const auto found = line.find(key);
   if (found == line.end() || !found->is_string()) return {};
   std::string text = found->get<std::string>().substr(0, kLongestText);
@@ -22,7 +22,7 @@ std::string text_in(const json& line, const char* key) {
 }
 
 /// Not negative; nothing for anything else.
-std::optional<double> number_in(const json& line, const char* key) {
+std::optional<double> number_in(const RequestJson& line, const char* key) {
   const auto found = line.find(key);
   if (found == line.end() || !found->is_number()) return std::nullopt;
   const double value = found->get<double>();
@@ -52,7 +52,7 @@ bool ProgressReader::append(std::string_view bytes) {
 }
 
 bool ProgressReader::read_line(std::string_view text) {
-  const json line = json::parse(text, nullptr, false);
+  const RequestJson line = RequestJson::parse(text, nullptr, false);
   const std::optional<double> fraction =
       line.is_object() ? number_in(line, "fraction") : std::nullopt;
   if (!fraction || *fraction > 1.0) {

@@ -18,7 +18,7 @@
 namespace stillmap::server {
 namespace {
 
-using nlohmann::json;
+using RequestJson = nlohmann::json;
 
 const JsonBounds kRebuildBounds{.max_bytes = kMostRebuildJson, .max_values = kMostEditValues};
 
@@ -63,7 +63,7 @@ std::string option_names() {
   return text;
 }
 
-std::string read_option(const std::string& name, const json& value) {
+std::string read_option(const std::string& name, const RequestJson& value) {
   const std::string path = "options." + name;
   for (const Words& option : kWords) {
     if (option.name != name) continue;
@@ -84,7 +84,7 @@ std::string read_option(const std::string& name, const json& value) {
 }
 
 /// Null says that there are to be none.
-void read_edits(const json& value, RebuildRequest& request) {
+void read_edits(const RequestJson& value, RebuildRequest& request) {
   request.edits_from = RebuildRequest::EditsFrom::kNone;
   if (value.is_null()) return;
   if (!value.is_object()) refuse("options.edits", value, "an object or null");
@@ -98,7 +98,7 @@ void read_edits(const json& value, RebuildRequest& request) {
   }
 }
 
-void read_options(const json& options, RebuildRequest& request) {
+void read_options(const RequestJson& options, RebuildRequest& request) {
   if (!options.is_object()) refuse("options", options, "an object");
   for (const auto& [name, value] : options.items()) {
     if (name == "edits") {
@@ -109,18 +109,18 @@ void read_options(const json& options, RebuildRequest& request) {
   }
 }
 
-std::int64_t read_id(const json& value, const std::string& path) {
+std::int64_t read_id(const RequestJson& value, const std::string& path) {
   if (!value.is_number_integer() || value.get<std::int64_t>() < 1)
     refuse(path, value, "the id of a drive");
   return value.get<std::int64_t>();
 }
 
-std::vector<std::int64_t> read_drives(const json& request) {
-  const json drives = request.value("drives", json());
+std::vector<std::int64_t> read_drives(const RequestJson& request) {
+  const RequestJson drives = request.value("drives", RequestJson());
   if (!drives.is_array() || drives.empty() || drives.size() > kMostDrives)
     refuse("drives", drives, fmt::format("1 to {} ids of drives", kMostDrives));
   std::vector<std::int64_t> ids;
-  for (const json& each : drives) {
+  for (const RequestJson& each : drives) {
     const std::string path = fmt::format("drives[{}]", ids.size());
     ids.push_back(read_id(each, path));
     if (std::count(ids.begin(), ids.end(), ids.back()) > 1) refuse(path, each, "each drive once");
@@ -128,14 +128,14 @@ std::vector<std::int64_t> read_drives(const json& request) {
   return ids;
 }
 
-bool read_flag(const json& request, const char* key) {
+bool read_flag(const RequestJson& request, const char* key) {
   const auto found = request.find(key);
   if (found == request.end()) return false;
   if (!found->is_boolean()) refuse(key, *found, "true or false");
   return found->get<bool>();
 }
 
-std::string read_version(const json& request) {
+std::string read_version(const RequestJson& request) {
   const auto found = request.find("version");
   if (found == request.end()) return {};
   std::string name = found->is_string() ? found->get<std::string>() : std::string{};
@@ -143,7 +143,7 @@ std::string read_version(const json& request) {
   return name;
 }
 
-RebuildRequest read_request(const json& request) {
+RebuildRequest read_request(const RequestJson& request) {
   require_keys(request, "", {"drives", "held_back", "options", "version", "activate", "new_frame"});
   RebuildRequest result;
   result.edits_from = RebuildRequest::EditsFrom::kSaved;
@@ -160,17 +160,18 @@ RebuildRequest read_request(const json& request) {
   return result;
 }
 
-json as_asked(const RebuildRequest& request) {
+RequestJson as_asked(const RebuildRequest& request) {
   // Keys are sorted, and what was left out stays out: equal requests have equal texts.
-  json result{{"drives", request.drives}};
+  RequestJson result{{"drives", request.drives}};
   if (request.held_back) result["held_back"] = *request.held_back;
   for (const auto& [name, value] : request.options) {
     const bool is_length = std::any_of(kLengths.begin(), kLengths.end(),
                                        [&](const Length& each) { return each.name == name; });
-    result["options"][name] = is_length ? json::parse(value) : json(value);
+    result["options"][name] = is_length ? RequestJson::parse(value) : RequestJson(value);
   }
-  if (!request.edits.empty()) result["options"]["edits"] = json::parse(request.edits);
-  if (request.edits_from == RebuildRequest::EditsFrom::kNone) result["options"]["edits"] = json();
+  if (!request.edits.empty()) result["options"]["edits"] = RequestJson::parse(request.edits);
+  if (request.edits_from == RebuildRequest::EditsFrom::kNone)
+    result["options"]["edits"] = RequestJson();
   if (!request.version.empty()) result["version"] = request.version;
   if (request.activate) result["activate"] = true;
   if (request.new_frame) result["new_frame"] = true;
@@ -207,13 +208,13 @@ bool takes_saved_edits(const RebuildRequest& request) {
 }
 
 std::string to_stored_json(const RebuildRequest& request) {
-  json result = as_asked(request);
+  RequestJson result = as_asked(request);
   result["edits_from"] = name_of(request.edits_from);
   return result.dump();
 }
 
 RebuildRequest read_stored_rebuild(std::string_view text) {
-  json request = json::parse(text);
+  RequestJson request = RequestJson::parse(text);
   const std::string from = request.value("edits_from", "");
   request.erase("edits_from");
   RebuildRequest result = read_request(request);
@@ -227,14 +228,15 @@ RebuildRequest read_stored_rebuild(std::string_view text) {
 }
 
 ConvertRequest read_convert_request(std::string_view text) {
-  const json request = parse_request_json(text, kRebuildBounds);
+  const RequestJson request = parse_request_json(text, kRebuildBounds);
   return {.version = request.at("version"),
           .sha256 = request.at("sha256"),
           .format = request.at("format")};
 }
 
 std::string to_json(const ConvertRequest& request) {
-  return json{{"version", request.version}, {"sha256", request.sha256}, {"format", request.format}}
+  return RequestJson{
+      {"version", request.version}, {"sha256", request.sha256}, {"format", request.format}}
       .dump();
 }
 

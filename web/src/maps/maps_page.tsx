@@ -13,12 +13,14 @@ import { NewMapDialog } from './new_map_dialog.js';
 import { stateOf, type JobRow, type MapRow, type Refused } from './facts.js';
 
 const kEveryS = 4;
+const kHealthEveryS = 20;
 const kFilterFrom = 8;
 
 /** The list of maps, kept fresh. */
 export function MapsPage() {
   const maps = useLoad((signal) => ask('get', '/v1/maps', { signal }), [], { everyS: kEveryS });
   const jobs = useLoad((signal) => ask('get', '/v1/jobs', { query: { status: 'processing', limit: 50 }, signal }), [], { everyS: kEveryS });
+  const health = useLoad((signal) => ask('get', '/readyz', { signal, patience: 0 }), [], { everyS: kHealthEveryS });
   const [dialog, setDialog] = useState<'upload' | 'new' | { chosen: Chosen }>();
   const [filter, setFilter] = useState('');
   const close = (): void => setDialog(undefined);
@@ -39,6 +41,7 @@ export function MapsPage() {
         <button type="button" onClick={() => setDialog('new')}><Icon name="plus" /> New map</button>
         <button type="button" class="primary" onClick={() => setDialog('upload')}><Icon name="upload" /> Upload</button>
       </div>
+      {health.data?.data.reasons.filter(ofTheServer).map((reason) => <p key={reason} class="server-trouble" role="status">{sentence(reason)}</p>)}
       {maps.error !== undefined && <Trouble error={maps.error} onRetry={maps.reload} />}
       {list === undefined && maps.loading && <p class="waiting" role="status">Asking the server for its maps…</p>}
       {shown !== undefined && list !== undefined && (shown.length > 0
@@ -49,6 +52,15 @@ export function MapsPage() {
       {typeof dialog === 'object' && <UploadDialog chosen={dialog.chosen} onClose={close} />}
     </DropZone>
   );
+}
+
+/** What is wrong with a map stands beside it in the list. */
+function ofTheServer(reason: string): boolean {
+  return !reason.startsWith('map ');
+}
+
+function sentence(text: string): string {
+  return `${text.charAt(0).toUpperCase()}${text.slice(1)}.`;
 }
 
 function NoMaps({ filtered }: { filtered: boolean }) {
