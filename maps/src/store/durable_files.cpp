@@ -111,10 +111,10 @@ void DurableFiles::sync_file(const fs::path& file) const {
        [&](std::size_t) { return sync_path(file, 0); });
 }
 
-bool DurableFiles::make_folder(const fs::path& folder) const {
+bool DurableFiles::make_folder(const fs::path& folder, unsigned mode) const {
   const std::int64_t result =
       calls_->pass({.kind = Kind::kMakeFolder, .path = folder},
-                   [&](std::size_t) { return result_of(::mkdir(folder.c_str(), 0777)); });
+                   [&](std::size_t) { return result_of(::mkdir(folder.c_str(), mode)); });
   if (result == -EEXIST) {
     std::error_code error;
     if (fs::is_directory(folder, error)) return false;

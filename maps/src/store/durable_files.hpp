@@ -8,6 +8,9 @@
 
 namespace stillmap::maps {
 
+/// Of a folder with what its owner alone may read: hashes of keys, the audit log.
+inline constexpr unsigned kOwnersFolder = 0700;
+
 /// Changes to files and folders that outlive a power cut once synced. All throw StorageError with
 /// the path and the system's reason; nothing is retried but interrupted and short writes.
 class DurableFiles {
@@ -46,8 +49,8 @@ class DurableFiles {
   [[nodiscard]] NewFile create(const std::filesystem::path& file) const;
   /// Makes the bytes of a file last.
   void sync_file(const std::filesystem::path& file) const;
-  /// @return false when the folder was there already.
-  bool make_folder(const std::filesystem::path& folder) const;
+  /// @param mode  before the umask. @return false when the folder was there already.
+  bool make_folder(const std::filesystem::path& folder, unsigned mode = 0777) const;
   /// Makes the folder's entries last: what was created, renamed and removed in it.
   void sync_folder(const std::filesystem::path& folder) const;
   void rename(const std::filesystem::path& from, const std::filesystem::path& to) const;

@@ -140,7 +140,7 @@ bool PackageStore::make_folder(const fs::path& folder, DiskCalls& calls) {
   // Of `maps/`, the part before the slash.
   if (!path.has_filename()) path = path.parent_path();
   const DurableFiles files(calls);
-  if (!files.make_folder(path)) return false;
+  if (!files.make_folder(path, kOwnersFolder)) return false;
   files.sync_folder(path.parent_path());
   return true;
 }

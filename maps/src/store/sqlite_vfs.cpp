@@ -174,6 +174,16 @@ struct SqliteVfs::Methods {
            ~SQLITE_IOCAP_POWERSAFE_OVERWRITE;
   }
 
+  /// Nothing may be thrown through SQLite, and what is said of a call takes memory.
+  template <auto kMethod, typename... Arguments>
+  static int nothing_thrown(Arguments... arguments) {
+    try {
+      return kMethod(arguments...);
+    } catch (...) {
+      return SQLITE_IOERR_NOMEM;
+    }
+  }
+
   static const sqlite3_io_methods* methods() {
     static const sqlite3_io_methods all = make_methods();
     return &all;
@@ -187,9 +197,9 @@ struct SqliteVfs::Methods {
     m.xRead = [](sqlite3_file* f, void* to, int n, sqlite3_int64 at) {
       return inner(f)->pMethods->xRead(inner(f), to, n, at);
     };
-    m.xWrite = write;
-    m.xTruncate = truncate;
-    m.xSync = sync;
+    m.xWrite = nothing_thrown<write>;
+    m.xTruncate = nothing_thrown<truncate>;
+    m.xSync = nothing_thrown<sync>;
     m.xFileSize = [](sqlite3_file* f, sqlite3_int64* size) {
       return inner(f)->pMethods->xFileSize(inner(f), size);
     };
@@ -216,8 +226,8 @@ struct SqliteVfs::Methods {
 
   /// Clock, sleep, randomness and the like stay the inner layer's functions, called with it.
   static void fill(sqlite3_vfs& v) {
-    v.xOpen = open;
-    v.xDelete = remove;
+    v.xOpen = nothing_thrown<open>;
+    v.xDelete = nothing_thrown<remove>;
     v.xGetLastError = [](sqlite3_vfs* s, int size, char* text) {
       return inner(s)->xGetLastError(inner(s), size, text);
     };

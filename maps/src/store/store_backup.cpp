@@ -36,7 +36,7 @@ bool has_nothing(const fs::path& folder) {
 
 /// Makes the folder itself, not those above it, last.
 void make_lasting_folder(const fs::path& folder, const DurableFiles& files) {
-  if (files.make_folder(folder)) files.sync_folder(folder.parent_path());
+  if (files.make_folder(folder, kOwnersFolder)) files.sync_folder(folder.parent_path());
 }
 
 void check_package(const fs::path& folder, const std::string& digest) {

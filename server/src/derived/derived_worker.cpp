@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <new>
 #include <utility>
 
 namespace stillmap::server {
@@ -68,18 +69,20 @@ void DerivedWorker::run(const std::stop_token& stop) {
       making_ = next.first;
       progress_ = 0.0;
     }
-    try {
-      make(next.first, next.second, stop);
-    } catch (const std::exception&) {
-      // No memory to note why it failed: as if nobody had asked for it.
-      const std::scoped_lock lock(mutex_);
-      making_.clear();
-    }
+    make(next.first, next.second, stop);
   }
 }
 
 void DerivedWorker::make(const std::string& key, const Work& work, const std::stop_token& stop) {
   std::string failure;
+  const auto note = [&](const char* why) noexcept {
+    try {
+      failure = why;
+      spdlog::error("{}: {}", key, why);
+    } catch (...) {
+      // No memory for the words: it is made again when it is asked for again.
+    }
+  };
   try {
     work({.threads = 1, .go_on = [&](double share) {
             const std::scoped_lock lock(mutex_);
@@ -88,12 +91,17 @@ void DerivedWorker::make(const std::string& key, const Work& work, const std::st
           }});
   } catch (const maps::WorkStopped&) {
   } catch (const std::exception& error) {
-    spdlog::error("{}: {}", key, error.what());
-    failure = error.what();
+    note(error.what());
+  } catch (...) {
+    note("an unknown error");
   }
   const std::scoped_lock lock(mutex_);
   making_.clear();
-  if (!failure.empty()) failures_.insert_or_assign(key, Failure{Clock::now(), failure});
+  try {
+    if (!failure.empty()) failures_.insert_or_assign(key, Failure{Clock::now(), failure});
+  } catch (const std::bad_alloc&) {
+    // As above.
+  }
 }
 
 }  // namespace stillmap::server

@@ -8,7 +8,6 @@
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
-#include <new>
 #include <random>
 #include <string>
 #include <vector>
@@ -197,25 +196,6 @@ TEST_F(StoreArchiveTest, TakesBackWhatItGives) {
   EXPECT_EQ(store_.unnamed_packages().size(), 0U);
   EXPECT_EQ(store_.gc().leftovers, 0U);
   EXPECT_THAT([&] { (void)store_.archive("town", "9"); }, ::testing::Throws<StoreRefusal>());
-}
-
-/// Has no memory left when something is removed.
-class NoMemoryCalls : public UnsyncedCalls {
- public:
-  std::int64_t pass(const DiskCall& call, const Perform& perform) override {
-    if (call.kind == DiskCall::Kind::kRemoveFile && call.path.string().ends_with("notes"))
-      throw std::bad_alloc();
-    return UnsyncedCalls::pass(call, perform);
-  }
-};
-
-TEST_F(StoreArchiveTest, RefusesWithoutMemoryToTidyUp) {
-  NoMemoryCalls calls;
-  PackageStore store(made(folder_.path() / "crowded"), calls);
-  const std::string none = tar_file("notes", "none") + tar_end();
-  EXPECT_THAT([&] { store.add_archive("town", "1", source_of(none), "body", {}); },
-              ThrowsSaying<InputError>({"no manifest.json"}));
-  EXPECT_TRUE(store.add_archive("town", "1", source_of(tar()), "body", {}).is_new);
 }
 
 // Each sync of a file waits for the disk, and a small archive holds many files.

@@ -5,6 +5,7 @@
 #include <stillmap/maps/store/package_hold.hpp>
 
 #include <algorithm>
+#include <new>
 #include <fstream>
 #include <functional>
 #include <map>
@@ -66,6 +67,41 @@ class PackageStoreTest : public ::testing::Test {
   std::string first_ = write_package(folder_.path() / "first", 1);
   std::string second_ = write_package(folder_.path() / "second", 2);
 };
+
+/// Memory that runs out at some calls.
+class NoMemory : public UnsyncedCalls {
+ public:
+  std::int64_t pass(const DiskCall& call, const Perform& perform) override {
+    const bool removes = call.kind == DiskCall::Kind::kRemoveFile && call.path.filename() == "a";
+    const bool writes = state_too_ && call.kind == DiskCall::Kind::kWrite;
+    if (removes || writes) throw std::bad_alloc();
+    return UnsyncedCalls::pass(call, perform);
+  }
+  void at_the_state_too(bool fails) { state_too_ = fails; }
+
+ private:
+  bool state_too_ = false;
+};
+
+TEST_F(PackageStoreTest, SurvivesThatMemoryRunsOutWhileWhatWasRefusedIsRemoved) {
+  const std::string no_package = test::tar_file("a", "x") + test::tar_end();
+  NoMemory calls;
+  {
+    PackageStore store(store_, calls);
+    EXPECT_THROW(store.add_archive("town", "1", test::source_of(no_package), "town/1", {}),
+                 InputError);
+    EXPECT_FALSE(fs::is_empty(store_ / "packages"));
+    EXPECT_THROW(
+        extract_drive(test::source_of(no_package), "drive", folder_.path() / "drive", {}, calls),
+        InputError);
+    calls.at_the_state_too(true);
+    EXPECT_THROW(store.create_map("yard"), StorageError);
+    calls.at_the_state_too(false);
+    EXPECT_TRUE(store.create_map("yard"));
+  }
+  const PackageStore again(store_);
+  EXPECT_TRUE(fs::is_empty(store_ / "packages")) << "the next open clears it";
+}
 
 TEST_F(PackageStoreTest, HeldPackageStaysWhenItsVersionGoes) {
   PackageStore store(store_, calls_);

@@ -101,6 +101,7 @@ TEST_F(StoreBackupTest, StateOfAStoreAndItsBackupIsReadByItsOwnerAlone) {
     store.backup(backup_);
   }
   EXPECT_EQ(fs::status(backup_ / "state.db").permissions(), fs::perms{0600});
+  EXPECT_EQ(fs::status(backup_).permissions(), fs::perms{0700});
   PackageStore::restore(backup_, folder_.path() / "again", calls_);
   EXPECT_EQ(fs::status(folder_.path() / "again" / "state.db").permissions(), fs::perms{0600});
   ::umask(before);

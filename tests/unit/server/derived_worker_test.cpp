@@ -98,6 +98,16 @@ TEST(DerivedWorker, WhatFailedIsNotTriedAgainBeforeItsPauseIsOver) {
   }
 }
 
+TEST(DerivedWorker, GoesOnWhateverIsThrown) {
+  DerivedWorker worker;
+  const auto throws = [](const maps::DerivedWork&) { throw 7; };  // NOLINT: no exception of ours
+  while (worker.ask("odd", throws).state != DerivedWorker::State::kFailed)
+    std::this_thread::yield();
+  std::atomic<bool> made = false;
+  (void)worker.ask("next", [&](const maps::DerivedWork&) { made = true; });
+  while (!made) std::this_thread::yield();
+}
+
 TEST(DerivedWorker, EndStopsWhatIsUnderWayAndForgetsTheRest) {
   std::atomic<bool> stopped = false;
   std::atomic<bool> begun = false;
