@@ -19,8 +19,9 @@ std::string described(const ServedVersion& version) {
   return "map " + version.map + " version " + version.version;
 }
 
-/// What keeps nobody from being localized and yet needs somebody soon.
-std::vector<std::string> complaints(const Context& context) {
+/// What keeps nobody from being localized and yet needs somebody soon. Figures of the machine are
+/// for callers who may read.
+std::vector<std::string> complaints(const Context& context, const Caller& caller) {
   std::vector<std::string> all;
   if (const std::string why = context.store.state().not_writable_because(); !why.empty())
     all.push_back("the store takes no changes: " + without_folder(why, context.store.folder()) +
@@ -37,28 +38,56 @@ std::vector<std::string> complaints(const Context& context) {
         fmt::format("{} of {} workers are stuck: more than {} s beyond the deadline of "
                     "what they align; start the server again, and report it with its log",
                     stuck, context.workers, AlignmentQueue::kStuckAfter.count()));
-  return all;
+  if (all.empty() || caller.may_read) return all;
+  return {"the server needs attention: a key of the scope read, or the management port, tells more"};
 }
+
+/// What stands in the way of some maps. Those that the caller may not see are only counted.
+class MapReasons {
+ public:
+  explicit MapReasons(const Caller& caller) : caller_(caller) {}
+
+  void add(const ServedVersion& version, const std::string& what) {
+    if (caller_.may_read && may_use_map(caller_, version.map))
+      named_.push_back(described(version) + ": " + what);
+    else
+      ++others_;
+  }
+  [[nodiscard]] bool empty() const { return named_.empty() && others_ == 0; }
+  /// @param of_others  what they have in common, such as "loading".
+  [[nodiscard]] std::vector<std::string> texts(const std::string& of_others) const {
+    std::vector<std::string> texts = named_;
+    if (others_ > 0)
+      texts.push_back(std::to_string(others_) + (others_ == 1 ? " map: " : " maps: ") + of_others);
+    return texts;
+  }
+
+ private:
+  const Caller& caller_;
+  std::vector<std::string> named_;
+  std::size_t others_ = 0;
+};
 
 /// Ready means that no active version is still being loaded: one that failed does not take the
 /// others down.
-HttpResponse answer_ready(const Context& context) {
+HttpResponse answer_ready(const Context& context, const Caller& caller) {
   if (context.stopping) return json_response(status_json("stopping", {"stopping"}), 503);
-  std::vector<std::string> loading;
-  std::vector<std::string> failed;
+  MapReasons loading(caller);
+  MapReasons failed(caller);
   for (const ServedVersion& map : context.catalog.active()) {
     if (map.state == MapState::kFailed) {
-      failed.push_back(described(map) + ": " + map.failure);
+      failed.add(map, map.failure);
     } else if (map.state != MapState::kReady) {
-      loading.push_back(described(map) + ": loading");
+      loading.add(map, "loading");
     }
   }
   for (const ServedVersion& map : context.catalog.waiting())
-    if (map.state == MapState::kFailed)
-      failed.push_back(described(map) + ": " + map.failure + "; the one before goes on");
-  if (!loading.empty()) return json_response(status_json("loading", loading), 503);
-  for (std::string& complaint : complaints(context)) failed.push_back(std::move(complaint));
-  return json_response(status_json("ready", failed));
+    if (map.state == MapState::kFailed) failed.add(map, map.failure + "; the one before goes on");
+  if (!loading.empty()) return json_response(status_json("loading", loading.texts("loading")), 503);
+  std::vector<std::string> reasons = failed.texts("cannot be used");
+  for (std::string& complaint : complaints(context, caller))
+    reasons.push_back(std::move(complaint));
+  return json_response(status_json("ready", reasons));
 }
 
 HttpResponse answer_map_ready(const MapCatalog& catalog, const std::string& name) {
@@ -94,15 +123,16 @@ void add_health_routes(std::vector<Route>& routes, const Context& context) {
   };
   routes.push_back({"GET", "/livez", alive, Access::kOpen});
   routes.push_back({"GET", "/healthz", alive, Access::kOpen});
-  routes.push_back(
-      {"GET", "/readyz",
-       [&context](const HttpRequest&, const PathParameters&) { return answer_ready(context); },
-       Access::kOpen});
+  routes.push_back({"GET", "/readyz",
+                    [&context](const HttpRequest& request, const PathParameters&) {
+                      return answer_ready(context, request.caller);
+                    },
+                    Access::kOpenWithNames});
   routes.push_back({"GET", "/v1/maps/{map}/ready",
                     [&context](const HttpRequest&, const PathParameters& path) {
                       return answer_map_ready(context.catalog, path.at("map"));
                     },
-                    Access::kOpen});
+                    Access::kReadOrLocalize});
   routes.push_back({.method = "GET",
                     .pattern = "/v1/status",
                     .handler =

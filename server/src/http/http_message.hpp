@@ -46,9 +46,11 @@ class EventSource {
 /// Whoever sent a request, once its key was looked at.
 struct Caller {
   /// Public part of the key; empty without keys.
-  std::string key_id;
+  std::string key_id{};
   /// Whether it has the scope admin; also where the server has no keys.
   bool is_admin = false;
+  /// Of `Access::kOpenWithNames`: whether it may be told names of maps, as far as its key goes.
+  bool may_read = false;
   /// Patterns of the maps that its key is limited to; none: all maps.
   std::vector<std::string> maps{};
 };

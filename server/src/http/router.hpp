@@ -18,13 +18,19 @@ using Handler = std::function<HttpResponse(const HttpRequest&, const PathParamet
 
 /// What a key must be allowed to do.
 enum class Access : std::uint8_t {
-  kOpen,  ///< no key is asked for: health, the page
+  kOpen,           ///< no key is asked for: health, the page
+  kOpenWithNames,  ///< the same, but `Caller::may_read` alone is told names of maps
   kRead,
   kLocalize,
   kWrite,
   kAdmin,
+  kReadOrLocalize,   ///< either
   kLocalizeOrAdmin,  ///< either; `Caller::is_admin` tells which answer
 };
+
+[[nodiscard]] constexpr bool is_open(Access access) {
+  return access == Access::kOpen || access == Access::kOpenWithNames;
+}
 
 /// How a request's body reaches the handler.
 enum class BodyKind : std::uint8_t {

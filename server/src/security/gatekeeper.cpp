@@ -69,9 +69,12 @@ std::vector<maps::KeyScope> scopes_of(Access access) {
       return {maps::KeyScope::kWrite};
     case Access::kAdmin:
       return {maps::KeyScope::kAdmin};
+    case Access::kReadOrLocalize:
+      return {maps::KeyScope::kRead, maps::KeyScope::kLocalize};
     case Access::kLocalizeOrAdmin:
       return {maps::KeyScope::kLocalize, maps::KeyScope::kAdmin};
     case Access::kOpen:
+    case Access::kOpenWithNames:
     case Access::kRead:
       break;
   }
@@ -98,7 +101,8 @@ void Gatekeeper::admit(HttpRequest& request, Access access, const RateOptions& r
   const std::optional<maps::ApiKey> key =
       key_of(request.header("authorization"), access, request.caller.key_id);
   if (!key) {
-    if (access == Access::kOpen) return refuse_other_sites(request);
+    if (access == Access::kOpenWithNames) find_reader(request);
+    if (is_open(access)) return refuse_other_sites(request);
     if (on_loopback_) refuse_other_hosts(request);
     request.caller.is_admin = true;
     refuse_other_sites(request);
@@ -109,6 +113,22 @@ void Gatekeeper::admit(HttpRequest& request, Access access, const RateOptions& r
   require_scope(*key, access);
   if (const double wait_s = rates_.take(key->id, rate); wait_s > 0.0)
     throw beyond_rate("the key's rate is used up", wait_s);
+}
+
+/// A key that is not good is as none: a probe goes on when its key has expired.
+void Gatekeeper::find_reader(HttpRequest& request) {
+  try {
+    if (!has_keys()) {
+      if (on_loopback_) refuse_other_hosts(request);
+      request.caller.may_read = true;
+      return;
+    }
+    const maps::ApiKey key = checked(request.header("authorization"), request.caller.key_id);
+    request.caller.may_read = key.scopes.has(maps::KeyScope::kRead);
+    request.caller.maps = key.maps;
+  } catch (const ApiError&) {
+    request.caller.may_read = false;
+  }
 }
 
 /// Without a key all that tells clients apart is where they come from. This machine is not counted.
@@ -133,7 +153,7 @@ bool Gatekeeper::still_admits(const std::string& authorization, Access access) {
 /// expired. @return the key; nothing where none is asked for.
 std::optional<maps::ApiKey> Gatekeeper::key_of(const std::string& authorization, Access access,
                                                std::string& key_id) {
-  if (access == Access::kOpen || !has_keys()) return std::nullopt;
+  if (is_open(access) || !has_keys()) return std::nullopt;
   return checked(authorization, key_id);
 }
 

@@ -38,6 +38,7 @@ class Gatekeeper {
   [[nodiscard]] std::optional<maps::ApiKey> key_of(const std::string& authorization, Access access,
                                                    std::string& key_id);
   [[nodiscard]] bool has_keys();
+  void find_reader(HttpRequest& request);
   void count_address(const std::string& remote_address, const RateOptions& rate);
   [[nodiscard]] maps::ApiKey checked(const std::string& authorization, std::string& key_id);
 

@@ -32,7 +32,7 @@ void require_map(const Caller& caller, std::string_view map) {
 void require_maps_of_path(const HttpRequest& request, const Router::Match& match,
                           maps::PackageStore& store) {
   const Caller& caller = request.caller;
-  if (caller.maps.empty() || match.route->access == Access::kOpen) return;
+  if (caller.maps.empty() || is_open(match.route->access)) return;
   if (const auto map = match.parameters.find("map"); map != match.parameters.end())
     return require_map(caller, map->second);
   if (const auto job = match.parameters.find("job"); job != match.parameters.end()) {

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <set>
 
+#include "operation/management.hpp"
 #include "service_fixture.hpp"
 
 namespace stillmap::server {
@@ -67,10 +68,9 @@ TEST_F(GatekeeperTest, OnlyHealthAndThePageAreOpen) {
   start();
   std::set<std::string> open;
   for (const Route* route : service_->routes())
-    if (route->access == Access::kOpen) open.insert(route->method + " " + route->pattern);
+    if (is_open(route->access)) open.insert(route->method + " " + route->pattern);
   EXPECT_THAT(open, IsSubsetOf(std::set<std::string>{"GET /livez", "GET /healthz", "GET /readyz",
-                                                     "GET /v1/maps/{map}/ready", "GET /",
-                                                     "GET /openapi.json"}));
+                                                     "GET /", "GET /openapi.json"}));
 }
 
 TEST_F(GatekeeperTest, NoRouteThatChangesTheStoreIsForReaders) {
@@ -79,7 +79,7 @@ TEST_F(GatekeeperTest, NoRouteThatChangesTheStoreIsForReaders) {
     // Tells what has changed, and changes nothing; its question is too long for a query.
     const bool asks = route->method == "GET" || route->pattern == "/v1/maps/{map}/tiles/diff";
     if (asks) continue;
-    EXPECT_NE(route->access, Access::kOpen) << route->pattern;
+    EXPECT_FALSE(is_open(route->access)) << route->pattern;
     EXPECT_NE(route->access, Access::kRead) << route->pattern;
   }
 }
@@ -90,7 +90,7 @@ TEST_F(GatekeeperTest, EveryRouteButTheOpenOnesNeedsAKeyOnceThereIsOne) {
   make_key(only(KeyScope::kRead));
   for (const Route* route : service_->routes()) {
     const auto refused = refusal(request_to(*route), "");
-    if (route->access == Access::kOpen)
+    if (is_open(route->access))
       EXPECT_NE(refused, ErrorCode::kMissingKey) << route->pattern;
     else
       EXPECT_EQ(refused, ErrorCode::kMissingKey) << route->method << " " << route->pattern;
@@ -110,14 +110,65 @@ TEST_F(GatekeeperTest, KeyOpensTheRoutesOfItsScopeAndNoOthers) {
     const std::string key = "Bearer " + make_key(only(scope));
     for (const Route* route : service_->routes()) {
       const auto refused = refusal(request_to(*route), key);
-      const bool either = route->access == Access::kLocalizeOrAdmin &&
-                          (scope == KeyScope::kLocalize || scope == KeyScope::kAdmin);
-      const bool fits = route->access == access || route->access == Access::kOpen || either;
+      const bool either = (route->access == Access::kLocalizeOrAdmin &&
+                           (scope == KeyScope::kLocalize || scope == KeyScope::kAdmin)) ||
+                          (route->access == Access::kReadOrLocalize &&
+                           (scope == KeyScope::kLocalize || scope == KeyScope::kRead));
+      const bool fits = route->access == access || is_open(route->access) || either;
       EXPECT_EQ(refused == ErrorCode::kForbidden, !fits)
           << name_of(scope) << ": " << route->method << " " << route->pattern;
       EXPECT_NE(refused, ErrorCode::kRefusedKey);
     }
   }
+}
+
+TEST_F(GatekeeperTest, ReadinessTellsNamesOnlyToWhoeverMayReadThem) {
+  start([](const maps::MapPackage&) -> Aligners { throw std::runtime_error("too few voxels"); });
+  wait_until_loaded();
+  const auto asked = [&](const std::string& key, const std::string& host = "localhost") {
+    HttpRequest ready = request("GET", "/readyz");
+    ready.headers["host"] = host;
+    if (!key.empty()) ready.headers["authorization"] = "Bearer " + key;
+    const HttpResponse response = service_->handle(ready);
+    EXPECT_EQ(response.status, 200);
+    return body(response)["reasons"].dump();
+  };
+  const std::string names = R"(["map town version v1: too few voxels"])";
+  const std::string counts = R"(["1 map: cannot be used"])";
+  EXPECT_EQ(asked(""), names) << "without keys whoever reaches it may read";
+  EXPECT_EQ(asked("", "evil.example"), counts) << "a name that somebody points to this machine";
+  maps::KeyTable& keys = store_.open().keys();
+  const auto reader = keys.create("a", only(KeyScope::kRead), {}, now_ns());
+  EXPECT_EQ(asked(""), counts);
+  EXPECT_EQ(asked(reader.text), names);
+  EXPECT_EQ(asked(make_key(only(KeyScope::kLocalize))), counts);
+  EXPECT_EQ(asked(keys.create("b", only(KeyScope::kRead), {}, now_ns(), {"to*"}).text), names);
+  EXPECT_EQ(asked(keys.create("c", only(KeyScope::kRead), {}, now_ns(), {"other"}).text), counts);
+  keys.revoke(reader.key.id, now_ns());
+  EXPECT_EQ(asked(reader.text), counts) << "a probe goes on when its key has ended";
+  const Management management(*service_);
+  HttpRequest watcher = request("GET", "/readyz");
+  const Router::Match match = management.find(watcher);
+  management.admit(watcher, match);
+  EXPECT_EQ(body(management.handle(watcher, match))["reasons"].dump(), names);
+}
+
+TEST_F(GatekeeperTest, WhetherAMapIsReadyIsToldWithAKey) {
+  start();
+  const auto asked = [&](const std::string& map, const std::string& key) {
+    HttpRequest ready = request("GET", "/v1/maps/" + map + "/ready");
+    if (!key.empty()) ready.headers["authorization"] = "Bearer " + key;
+    return service_->handle(ready).status;
+  };
+  EXPECT_EQ(asked("town", ""), 200);
+  for (const KeyScope scope : {KeyScope::kRead, KeyScope::kLocalize}) {
+    const std::string key = make_key(only(scope));
+    EXPECT_EQ(asked("town", key), 200);
+    EXPECT_EQ(asked("nowhere", key), 404);
+  }
+  EXPECT_EQ(asked("town", ""), 401);
+  EXPECT_EQ(asked("nowhere", ""), 401);
+  EXPECT_EQ(asked("town", make_key(only(KeyScope::kWrite))), 403);
 }
 
 TEST_F(GatekeeperTest, KeyIsRefusedOnceItHasExpiredOrWasRevoked) {

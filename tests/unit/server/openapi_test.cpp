@@ -63,6 +63,7 @@ json scopes_of(Access access) {
   const auto key = [](const char* scope) { return json{{"key", {scope}}}; };
   switch (access) {
     case Access::kOpen:
+    case Access::kOpenWithNames:
       return json::array();
     case Access::kRead:
       return json::array({key("read")});
@@ -70,6 +71,8 @@ json scopes_of(Access access) {
       return json::array({key("localize")});
     case Access::kWrite:
       return json::array({key("write")});
+    case Access::kReadOrLocalize:
+      return json::array({key("read"), key("localize")});
     case Access::kLocalizeOrAdmin:
       return json::array({key("localize"), key("admin")});
     case Access::kAdmin:

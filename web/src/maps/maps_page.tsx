@@ -56,7 +56,7 @@ export function MapsPage() {
 
 /** What is wrong with a map stands beside it in the list. */
 function ofTheServer(reason: string): boolean {
-  return !reason.startsWith('map ');
+  return !/^(map |\d+ maps?: )/.test(reason);
 }
 
 function sentence(text: string): string {
