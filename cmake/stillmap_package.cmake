@@ -29,6 +29,7 @@ install(FILES ${deploy}/package/copyright ${package}/changelog.gz ${package}/cha
 # As they lie in the repository, so that their links hold.
 install(FILES ${PROJECT_SOURCE_DIR}/server/configuration.md ${PROJECT_SOURCE_DIR}/server/README.md
   DESTINATION share/doc/stillmap/server ${only_packages})
+install(FILES ${PROJECT_SOURCE_DIR}/server/docs/security.md DESTINATION share/doc/stillmap/server/docs ${only_packages})
 install(FILES ${deploy}/README.md DESTINATION share/doc/stillmap/server/deploy ${only_packages})
 install(DIRECTORY ${deploy}/proxy ${deploy}/monitoring ${deploy}/containers DESTINATION share/doc/stillmap/server/deploy
   ${only_packages})
