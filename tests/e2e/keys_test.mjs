@@ -25,7 +25,7 @@ async function keys(run) {
 
   await page.getByRole('button', { name: 'New key' }).click();
   await page.fill('dialog input:not([type=checkbox])', 'display');
-  await page.locator('dialog').getByLabel('Maps').fill('to*, depot');
+  await page.locator('dialog').getByRole('textbox', { name: 'Maps' }).fill('to*, depot');
   await page.click('dialog button[type=submit]');
   const display = await page.locator('[data-secret]').innerText();
   await page.click('text=I have it');

@@ -64,10 +64,8 @@ inline constexpr std::array kMetricTable = {
                "Refused and failed requests by the code of their problem document."},
     MetricInfo{"stillmap_connections", "gauge", "", "Open connections."},
     MetricInfo{"stillmap_connections_total", "counter", "", "Accepted connections."},
-    MetricInfo{
-        "stillmap_connections_refused_total", "counter", "reason",
-        "Connections turned away: full, address (it holds its share), tls (no handshake), or "
-        "proxy (no PROXY header)."},
+    MetricInfo{"stillmap_connections_refused_total", "counter", "reason",
+               "Connections turned away: full, address (its share), tls, proxy (no header)."},
     MetricInfo{"stillmap_event_streams", "gauge", "", "Open streams of server-sent events."},
     MetricInfo{"stillmap_alignments_total", "counter", "map,method,status",
                "Poses: ok, degraded or lost."},
