@@ -39,7 +39,8 @@ std::vector<std::string> complaints(const Context& context, const Caller& caller
                     "what they align; start the server again, and report it with its log",
                     stuck, context.workers, AlignmentQueue::kStuckAfter.count()));
   if (all.empty() || caller.may_read) return all;
-  return {"the server needs attention: a key of the scope read, or the management port, tells more"};
+  return {
+      "the server needs attention: a key of the scope read, or the management port, tells more"};
 }
 
 /// What stands in the way of some maps. Those that the caller may not see are only counted.

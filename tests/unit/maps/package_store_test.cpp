@@ -5,10 +5,10 @@
 #include <stillmap/maps/store/package_hold.hpp>
 
 #include <algorithm>
-#include <new>
 #include <fstream>
 #include <functional>
 #include <map>
+#include <new>
 #include <string>
 #include <thread>
 #include <vector>
