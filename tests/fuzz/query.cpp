@@ -1,10 +1,15 @@
 // Lines of a request, as the server's own code reads them: `name=value` pairs joined by `&` (what
-// the HTTP library has decoded), then a header's value, a client's request id, and a path.
+// the HTTP library has decoded), then a header's value, which is also read as what a proxy says of
+// a client, a client's request id, and a path, which is also read as a PROXY header.
 #include "http/flat_parameters.hpp"
 #include "http/header_text.hpp"
+#include "http/proxy_protocol.hpp"
+#include "http/remote_address.hpp"
 #include "http/request_id.hpp"
 #include "http/router.hpp"
 #include "pose_rules.hpp"
+
+#include <cstring>
 
 namespace {
 
@@ -40,6 +45,29 @@ void read_id(std::string_view text) {
     fuzz::require(static_cast<unsigned char>(c) >= 0x20 && c != 0x7f, "no control characters");
 }
 
+void check(const server::IpAddress& address) {
+  const auto again = server::IpAddress::parse(address.text());
+  fuzz::require(again && again->text() == address.text(), "an address is what its text says");
+}
+
+void read_forwarded(std::string_view text) {
+  const auto peer = server::IpAddress::parse("10.0.0.1");
+  check(server::forwarded_address(*peer, {std::string(text), std::string(text)},
+                                  *server::TrustedProxies::parse("10.0.0.0/8, 2001:db8::/32")));
+  if (const auto trusted = server::TrustedProxies::parse(text))
+    static_cast<void>(trusted->contain(*peer));
+}
+
+void read_proxy(std::string_view text) {
+  const auto header = server::read_proxy_header([&text](std::span<char> to) {
+    if (text.size() < to.size()) return false;
+    std::memcpy(to.data(), text.data(), to.size());
+    text.remove_prefix(to.size());
+    return true;
+  });
+  if (header && header->source) check(*header->source);
+}
+
 void route(std::string_view text) {
   const auto handler = [](const server::HttpRequest&, const server::PathParameters&) {
     return server::HttpResponse{};
@@ -61,8 +89,11 @@ void route(std::string_view text) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   std::string_view text = fuzz::text_of(data, size);
   read_query(fuzz::take_until(text, '\n'));
-  read_header(fuzz::take_until(text, '\n'));
+  const std::string_view value = fuzz::take_until(text, '\n');
+  read_header(value);
+  read_forwarded(value);
   read_id(fuzz::take_until(text, '\n'));
   route(text);
+  read_proxy(text);
   return 0;
 }

@@ -102,6 +102,8 @@ def make_requests(put):
     put("query", "full", query + "\nmultipart/form-data; boundary=\"xYz\"; charset=utf-8\nrequest-1._-\n"
         "/v1/maps/town/versions/0123456789ab/tiles/0/-1/2")
     put("query", "short", "prior_t=nan,inf,-1e9&prior_q=0,0,0,1\ntext/HTML ; name = plain \n\x01\n/v1/maps/town")
+    put("query", "proxy_1", "a=b\n198.51.100.1, [2001:db8::1]:80 ,10.0.0.0/8,10.0.0.2:5\n\nPROXY TCP4 192.0.2.1 192.0.2.2 5000 443\r\n")
+    put("query", "proxy_2", "a=b\n::1\n\n\r\n\r\n\0\r\nQUIT\n\x21\x11\0\x0cabcdefghijkl")
     put("query", "post", "stamp_ns=-9223372036854775808\n;;=;\n\n/v1/maps/town/localize")
     put("prior", "usual", struct.pack("<50d", 1, 2, 3, 0, 0, 0.6, 0.8, *COVARIANCE, 1, 2, 3, 4, 2, 1.5, 0.5))
     tight = [(1e-18 if row == column else 0.0) for row in range(6) for column in range(6)]
