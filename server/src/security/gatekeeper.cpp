@@ -110,9 +110,10 @@ void Gatekeeper::admit(HttpRequest& request, Access access, const RateOptions& r
   }
   request.caller = {
       .key_id = key->id, .is_admin = key->scopes.has(maps::KeyScope::kAdmin), .maps = key->maps};
-  require_scope(*key, access);
+  // What the key may not do counts too.
   if (const double wait_s = rates_.take(key->id, rate); wait_s > 0.0)
     throw beyond_rate("the key's rate is used up", wait_s);
+  require_scope(*key, access);
 }
 
 /// A key that is not good is as none: a probe goes on when its key has expired.
