@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_graph.hpp>
 #include <stillmap/maps/store/store_refusal.hpp>
 
@@ -42,6 +43,19 @@ class ReadPlaces {
   std::counting_semaphore<kMostReadAtOnce> free_{kMostReadAtOnce};
 };
 
+/// Of the files that such a part is told from: what was damaged must not be kept by clients for
+/// ever.
+/// @throws maps::InputError naming the file.
+void require_whole_texts(const maps::MapPackage& map) {
+  for (const auto& [path, file] : map.manifest().files) {
+    if (!path.ends_with(".json") && !path.ends_with(".tum")) continue;
+    const std::string found = maps::sha256_of_file(map.folder() / path);
+    if (found != file.sha256)
+      throw maps::InputError((map.folder() / path).string(), "SHA-256 " + found,
+                             file.sha256 + " as in manifest.json; publish the package again");
+  }
+}
+
 /// A route of what a version holds, which never changes; nothing is read for who has it already.
 /// @param form  counts up when the same content would be told in other words.
 Route part_route(const Context& context, const std::shared_ptr<ReadPlaces>& places,
@@ -54,6 +68,7 @@ Route part_route(const Context& context, const std::shared_ptr<ReadPlaces>& plac
             fmt::format("\"{}-{}-{}\"", map.package->digest().substr(0, 16), name, form);
         return immutable_answer(request, etag, [&](HttpResponse& response) {
           const std::shared_ptr<void> place = ReadPlaces::take(places);
+          require_whole_texts(*map.package);
           response.content_type = "application/json";
           response.body = text(*map.package);
         });

@@ -1,7 +1,9 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <fstream>
 #include <future>
+#include <iterator>
 #include <optional>
 #include <string>
 #include <vector>
@@ -74,6 +76,26 @@ TEST_F(MapRoutes, AnswersAreOfOneStateOfTheStoreThatAnotherProcessHasChanged) {
   EXPECT_EQ(service_->handle(stale).status, 412);
   EXPECT_EQ(service_->handle(good_request()).status, 200) << "the version before serves meanwhile";
   loaded.set_value();
+}
+
+TEST_F(MapRoutes, PartsOfAVersionAreNotToldFromDamagedFiles) {
+  start();
+  const std::string version = "/v1/maps/town/versions/v1";
+  for (const char* part : {"/trajectory", "/objects", "/graph"})
+    EXPECT_EQ(get(version + part).status, 200) << part;
+  {
+    std::fstream file(store_.package() / "trajectory.tum", std::ios::in | std::ios::out);
+    const std::string text{std::istreambuf_iterator<char>(file), {}};
+    const std::size_t at = text.find("0.5");
+    ASSERT_NE(at, std::string::npos) << text;
+    file.seekp(static_cast<std::streamoff>(at));
+    file << "0.7";
+  }
+  for (const char* part : {"/trajectory", "/graph"}) {
+    const HttpResponse refused = get(version + part);
+    EXPECT_EQ(refused.status, 500) << part;
+    EXPECT_EQ(body(refused)["code"], "StorageError") << part;
+  }
 }
 
 TEST_F(MapRoutes, NamesThatCouldBePathsAreRefused) {
