@@ -50,6 +50,11 @@ maps::StoreQuota quota_of(const QuotaOptions& options, const std::filesystem::pa
   return quota;
 }
 
+/// What is derived comes after what is uploaded, so it leaves the reserve too.
+std::uint64_t left_by_views(const ServerOptions& options, const std::filesystem::path& store) {
+  return std::max(MapViews::kLeftFree, quota_of(options.quotas, store).disk_reserve.value_or(0));
+}
+
 int worker_count(const ServerOptions& options) {
   if (options.workers > 0) return options.workers;
   return static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
@@ -241,7 +246,7 @@ Service::Service(const ServerOptions& options, maps::PackageStore& store, Aligne
       changes_(changes),
       metrics_(STILLMAP_VERSION),
       gatekeeper_(store.keys(), is_loopback(options_.host)),
-      views_(store.folder()),
+      views_(store.folder(), left_by_views(options_, store.folder())),
       layers_(store.folder()),
       catalog_(store, warming(std::move(builder), views_), &metrics_),
       drives_(store),

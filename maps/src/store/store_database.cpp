@@ -60,6 +60,8 @@ fs::path StoreDatabase::ballast() const { return file_.parent_path() / kBallastN
 
 void StoreDatabase::keep_ballast() const {
   if (!read_only_because_.empty()) return;
+  // Half made by another thread, it would look like one that a killed process has left.
+  const std::scoped_lock one_at_a_time(ballast_mutex_);
   // A removal takes some pages of 4 KiB in the log.
   constexpr std::uintmax_t kUsual = std::uintmax_t{8} << 20U;
   constexpr std::uintmax_t kShareOfDisk = 32;
@@ -88,6 +90,7 @@ void StoreDatabase::keep_ballast() const {
 
 void StoreDatabase::drop_ballast() {
   try {
+    const std::scoped_lock one_at_a_time(ballast_mutex_);
     DurableFiles(*calls_).remove_file(ballast());
   } catch (const StorageError&) {
     // There is none. Emptying the log may be enough.

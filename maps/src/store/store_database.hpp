@@ -89,6 +89,7 @@ class StoreDatabase {
   DiskCalls* calls_;
   std::string read_only_because_;
   std::mutex mutex_, reader_mutex_;
+  mutable std::mutex ballast_mutex_;
   std::unique_ptr<SqliteDatabase> database_;
   /// Closed first: the last one open folds the log into the file, and this one may not. Null where
   /// the database is in memory.

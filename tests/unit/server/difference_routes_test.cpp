@@ -189,6 +189,14 @@ TEST_F(DifferenceRoutes, AreNotMadeWhereTheDiskWouldBeFull) {
   EXPECT_TRUE(std::filesystem::is_empty(store_.package() / "differences"));
 }
 
+TEST_F(DifferenceRoutes, LeaveTheReserveOfTheDiskToo) {
+  options_.quotas.disk_reserve_bytes = std::int64_t{1} << 50U;
+  start();
+  const HttpResponse response = computed(kDifference);
+  EXPECT_EQ(response.status, 503) << response.body;
+  EXPECT_EQ(body(response)["code"], "DerivedUnavailable");
+}
+
 TEST_F(DifferenceRoutes, DamagedOneIsMadeAnew) {
   start();
   (void)computed(kDifference);
