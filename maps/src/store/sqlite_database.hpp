@@ -52,7 +52,9 @@ class SqliteDatabase {
   /// Overwrites another with all that is in this, as of one instant.
   void copy_to(SqliteDatabase& other);
   [[nodiscard]] const std::filesystem::path& file() const { return file_; }
+  /// As those of `SqliteVfs`.
   [[nodiscard]] bool sync_failed() const { return vfs_.sync_failed(); }
+  [[nodiscard]] int refused() const { return vfs_.refused(); }
   [[noreturn]] void fail();
 
  private:

@@ -60,8 +60,10 @@ struct SqliteVfs::Methods {
   static void note(SqliteVfs& self, int code, std::int64_t result) {
     if (result >= 0) return;
     sqlite3_vfs* inner = self.registration_->inner;
-    self.failure_ =
+    const int failure =
         code == SQLITE_OK ? static_cast<int>(-result) : inner->xGetLastError(inner, 0, nullptr);
+    self.failure_ = failure;
+    if (failure != ENOSPC && failure != EDQUOT) self.refused_ = failure;
   }
 
   /// Passes a call on; `perform` gives SQLite's code. @return SQLite's code.
@@ -159,6 +161,7 @@ struct SqliteVfs::Methods {
       self.folder_unsynced = code != SQLITE_OK;
     }
     if (code != SQLITE_OK) self.owner->sync_failed_ = true;
+    if (code == SQLITE_OK) self.owner->refused_ = 0;
     return code;
   }
 

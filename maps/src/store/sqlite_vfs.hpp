@@ -24,6 +24,9 @@ class SqliteVfs {
   [[nodiscard]] const std::string& name() const { return name_; }
   /// Whether a sync has ever failed: what lies on the disk is not known any more.
   [[nodiscard]] bool sync_failed() const { return sync_failed_; }
+  /// The errno of the latest change that failed but for want of room, until one is synced again; 0
+  /// = none did. A disk that has become read-only says so here.
+  [[nodiscard]] int refused() const { return refused_; }
   /// The errno of the latest change that failed, told once; 0 = none failed.
   int take_failure() { return failure_.exchange(0); }
 
@@ -34,7 +37,7 @@ class SqliteVfs {
   std::string name_;
   std::unique_ptr<Registration> registration_;
   std::atomic<bool> sync_failed_{false};
-  std::atomic<int> failure_{0};
+  std::atomic<int> failure_{0}, refused_{0};
 };
 
 }  // namespace stillmap::maps

@@ -3,6 +3,7 @@
 #include <stillmap/maps/store/disk_full.hpp>
 
 #include <algorithm>
+#include <cstring>
 #include <system_error>
 #include <utility>
 
@@ -102,6 +103,14 @@ void StoreDatabase::drop_ballast() {
   } catch (const StorageError&) {
     // The change that is tried again says what is wrong.
   }
+}
+
+std::string StoreDatabase::not_writable_because() const {
+  if (!read_only_because_.empty()) return "it is open for reading only: " + read_only_because_;
+  if (database_->sync_failed()) return "a sync of its disk has failed";
+  const int refused = database_->refused();
+  return refused == 0 ? ""
+                      : std::string("its disk refused the latest one: ") + std::strerror(refused);
 }
 
 SqliteDatabase& StoreDatabase::writable() {

@@ -74,8 +74,8 @@ class StoreDatabase {
   /// Makes the ballast, a file that holds some room of the disk for `even_when_full`, unless it is
   /// there, or there is no room for it or the disk takes no writes.
   void keep_ballast() const;
-  /// Whether an earlier sync has failed, so that nothing more is written.
-  [[nodiscard]] bool sync_failed() const { return database_->sync_failed(); }
+  /// Why no change is possible, as far as is known; empty when changes are.
+  [[nodiscard]] std::string not_writable_because() const;
 
  private:
   void open();

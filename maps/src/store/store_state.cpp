@@ -313,8 +313,7 @@ void StoreState::even_when_full(const std::function<void()>& change) {
 void StoreState::keep_ballast() const { inner_->database.keep_ballast(); }
 
 std::string StoreState::not_writable_because() const {
-  if (!read_only_because().empty()) return "it is open for reading only: " + read_only_because();
-  return inner_->database.sync_failed() ? "a sync of its disk has failed" : "";
+  return inner_->database.not_writable_because();
 }
 
 std::vector<std::string> StoreState::condemned() const {

@@ -50,6 +50,25 @@ TEST(HealthReasons, SayThatTheStoreTakesNoChangesAfterAFailedSync) {
   EXPECT_THAT(service.metrics().text(), HasSubstr("stillmap_store_writable 0"));
 }
 
+TEST(HealthReasons, SayThatTheStoreTakesNoChangesUntilItsDiskTakesThemAgain) {
+  const test::TemporaryFolder folder(test::memory_folder());
+  std::atomic<bool> broken = false;
+  test::FailingCalls disk(test::Fault::kInputOutput, [&](std::size_t, const maps::DiskCall& call) {
+    return broken && call.kind == maps::DiskCall::Kind::kWrite;
+  });
+  maps::PackageStore store(folder.path(), disk);
+  Service service({}, store, [](const maps::MapPackage&) { return Aligners{}; }, {});
+  broken = true;
+  EXPECT_EQ(ask(service, "PUT", "/v1/maps/town").status, 500);
+  EXPECT_THAT(reasons(service),
+              ElementsAre(HasSubstr("refused the latest one: Input/output error")));
+  EXPECT_THAT(service.metrics().text(), HasSubstr("stillmap_store_writable 0"));
+  broken = false;
+  EXPECT_EQ(ask(service, "PUT", "/v1/maps/town").status, 201);
+  EXPECT_THAT(reasons(service), IsEmpty());
+  EXPECT_THAT(service.metrics().text(), HasSubstr("stillmap_store_writable 1"));
+}
+
 class DiskBelowItsReserve : public ServiceTest {};
 
 TEST_F(DiskBelowItsReserve, IsAReasonAndAMetric) {
