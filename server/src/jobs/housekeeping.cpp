@@ -128,8 +128,7 @@ void RetentionClock::warn(std::int64_t wall_ns) {
   spdlog::warn(
       "the clock is {} days ahead of when this store was last in use: retention does not count "
       "them, so nothing is removed for being old by the clock alone. If the clock is wrong, set "
-      "it; "
-      "if it is right, what is old stays so much longer, or is removed by hand",
+      "it; if it is right, old rows and drives stay so much longer, or are removed by hand",
       (wall_ns - known_ns_) / kDay_ns);
 }
 
@@ -154,6 +153,12 @@ Housekeeping::Housekeeping(const OptionsHolder& live, maps::PackageStore& store,
         constexpr int kMinutesBetween = 60;
         int minutes_left = 1;
         std::optional<RetentionClock> clock;
+        const auto find_clock = [&] {
+          if (clock || !store.read_only_because().empty()) return;
+          clock.emplace(store.folder() / kRetentionClock, newest_time_ns(store));
+        };
+        // Before rows are written by a clock that may be wrong.
+        attempt("the clock", find_clock);
         while (true) {
           if (keeps_ballast) attempt("the ballast", [&] { store.state().keep_ballast(); });
           {
@@ -163,8 +168,8 @@ Housekeeping::Housekeeping(const OptionsHolder& live, maps::PackageStore& store,
           if (stop.stop_requested()) return;
           if (--minutes_left > 0) continue;
           attempt("the clock", [&] {
-            if (!store.read_only_because().empty()) return;
-            if (!clock) clock.emplace(store.folder() / kRetentionClock, newest_time_ns(store));
+            find_clock();
+            if (!clock) return;
             keep_house(live.current()->retention, store, drives, jobs,
                        clock->now_ns(unix_ns(), std::chrono::steady_clock::now()));
           });
