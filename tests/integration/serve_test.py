@@ -180,7 +180,8 @@ class Running(FolderTest):
         key = json.loads(made.stdout)
         bearer = {"Authorization": f"Bearer {key['key']}"}
         wrong = {"Authorization": f"Bearer {key['key'][:-1]}{'1' if key['key'][-1] == '0' else '0'}"}
-        self.configure(rate={"requests_per_s": 0.001, "burst": 2})
+        # One request is refused for its scope and counts too.
+        self.configure(rate={"requests_per_s": 0.001, "burst": 3})
         self.start()
         for path, headers in (("/v1/audit", {}), ("/v1/audit", wrong), ("/v1/audit", bearer),
                               ("/v1/maps", bearer), ("/v1/maps", bearer), ("/v1/maps", bearer)):
