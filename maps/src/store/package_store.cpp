@@ -287,7 +287,7 @@ std::string PackageStore::damage_of(const PackageArchive& archive) const {
   const auto known = compared_.find(archive.digest());
   if (known != compared_.end() && known->second.files_state == state)
     return known->second.first_damaged;
-  const std::string damaged = archive.first_damaged();
+  std::string damaged = archive.first_damaged();
   compared_.insert_or_assign(archive.digest(), Compared{state, damaged});
   return damaged;
 }

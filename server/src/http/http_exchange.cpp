@@ -281,7 +281,8 @@ class HttpExchange::Library final : public httplib::Server {
     if (bytes <= kSmall) return {};
     std::shared_ptr<void> place(
         this, [bytes](void* self) { static_cast<Library*>(self)->answers_bytes_ -= bytes; });
-    if ((answers_bytes_ += bytes) > limits_.answers_bytes)
+    answers_bytes_ += bytes;
+    if (answers_bytes_ > limits_.answers_bytes)
       throw ApiError(ErrorCode::kBusy, "too many large answers are being sent; ask again later")
           .with_header("Retry-After", "1");
     return place;
