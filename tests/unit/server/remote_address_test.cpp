@@ -2,7 +2,7 @@
 
 #include <gmock/gmock.h>
 
-#include <cstring>
+#include <algorithm>
 #include <thread>
 
 #include "http/http_server.hpp"
@@ -78,7 +78,7 @@ TEST(ForwardedAddress, IsTheRightmostThatIsNoTrustedProxy) {
 std::string source_in(std::string bytes, std::size_t left = 0) {
   const auto header = read_proxy_header([&bytes](std::span<char> to) {
     if (bytes.size() < to.size()) return false;
-    std::memcpy(to.data(), bytes.data(), to.size());
+    std::copy_n(bytes.begin(), to.size(), to.begin());
     bytes.erase(0, to.size());
     return true;
   });
