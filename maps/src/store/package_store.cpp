@@ -282,12 +282,19 @@ std::unique_ptr<PackageArchive> PackageStore::archive(std::string_view map,
 }
 
 std::string PackageStore::damage_of(const PackageArchive& archive) const {
-  const std::scoped_lock one_at_a_time(compared_mutex_);
   const std::string state = archive.files_state();
-  const auto known = compared_.find(archive.digest());
-  if (known != compared_.end() && known->second.files_state == state)
-    return known->second.first_damaged;
+  const auto known = [&]() -> std::optional<std::string> {
+    const std::scoped_lock lock(compared_mutex_);
+    const auto found = compared_.find(archive.digest());
+    if (found == compared_.end() || found->second.files_state != state) return std::nullopt;
+    return found->second.first_damaged;
+  };
+  // What is known waits for no other package.
+  if (const auto damaged = known()) return *damaged;
+  const std::scoped_lock one_at_a_time(comparing_mutex_);
+  if (const auto damaged = known()) return *damaged;
   std::string damaged = archive.first_damaged();
+  const std::scoped_lock lock(compared_mutex_);
   compared_.insert_or_assign(archive.digest(), Compared{state, damaged});
   return damaged;
 }

@@ -144,6 +144,8 @@ CREATE TABLE audit_start (
 INSERT INTO audit_start SELECT
   coalesce((SELECT min(id) - 1 FROM audit), (SELECT seq FROM sqlite_sequence WHERE name = 'audit'), 0),
   '0000000000000000000000000000000000000000000000000000000000000000';
+UPDATE sqlite_sequence SET seq = (SELECT max(id) FROM audit)
+  WHERE name = 'audit' AND EXISTS (SELECT 1 FROM audit);
 DROP TRIGGER audit_is_append_only;
 CREATE TRIGGER audit_is_append_only BEFORE UPDATE ON audit WHEN old.sha256 <> ''
   BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;

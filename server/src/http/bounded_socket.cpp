@@ -153,18 +153,41 @@ long BoundedSocket::write(const char* from, std::size_t size) {
   return static_cast<long>(sent);
 }
 
+/// Whoever takes a little of it again and again is slow, and has not stalled: the kernel says that
+/// there is room only when there is much of it.
 bool BoundedSocket::wait_for_taker(short events) const {
-  if (stalls_) stalls_(true);
-  const bool taken = wait(events, std::min(send_until_, Clock::now() + limits_.stall));
-  if (stalls_) stalls_(false);
+  constexpr std::chrono::milliseconds kLookEvery(250);
+  tell_stalled(true);
+  int untaken = untaken_bytes();
+  Clock::time_point stall_until = Clock::now() + limits_.stall;
+  bool taken = false;
+  for (;;) {
+    const Clock::time_point until = std::min(send_until_, stall_until);
+    taken = wait(events, std::min(until, Clock::now() + kLookEvery));
+    if (taken || Clock::now() >= until) break;
+    const int left = untaken_bytes();
+    if (left < untaken) {
+      stall_until = Clock::now() + limits_.stall;
+      tell_stalled(true);
+    }
+    untaken = left;
+  }
+  tell_stalled(false);
   return taken;
+}
+
+void BoundedSocket::tell_stalled(bool stalled) const {
+  if (watcher_.stalls) watcher_.stalls(stalled);
 }
 
 bool BoundedSocket::can_write() const { return wait(POLLOUT, Clock::now() + limits_.stall); }
 
 bool BoundedSocket::peer_left() const {
-  pollfd entry{.fd = socket_, .events = POLLRDHUP, .revents = 0};
-  return ::poll(&entry, 1, 0) > 0;
+  // Not by POLLRDHUP, which also says that another thread of ours has ended the reading.
+  tcp_info info{};
+  socklen_t size = sizeof(info);
+  if (::getsockopt(socket_, IPPROTO_TCP, TCP_INFO, &info, &size) != 0) return false;
+  return info.tcpi_state != TCP_ESTABLISHED;
 }
 
 /// What the peer's machine has not acknowledged, the end of the connection (1) included.
@@ -186,8 +209,10 @@ void BoundedSocket::finish() {
   if (tls_) tls_->end();
   ::shutdown(socket_, SHUT_WR);
   const Clock::time_point receive_until = Clock::now() + std::chrono::seconds(1);
-  int untaken = untaken_bytes();
   Clock::time_point stall_until = Clock::now() + limits_.stall;
+  const Clock::time_point send_until = sending_ ? send_until_ : stall_until;
+  int untaken = untaken_bytes();
+  if (untaken > kEnd) tell_stalled(true);
   for (std::size_t received = 0; received < kMostBytes;) {
     const Clock::time_point now = Clock::now();
     if (now > receive_until && untaken <= kEnd) return;
@@ -200,8 +225,13 @@ void BoundedSocket::finish() {
       received += static_cast<std::size_t>(got);
     }
     const int left = untaken_bytes();
-    if (left < untaken) stall_until = Clock::now() + limits_.stall;
-    if (left > kEnd && Clock::now() > std::min(stall_until, send_until_)) return reset_at_close();
+    if (left > kEnd && left < untaken) {
+      stall_until = Clock::now() + limits_.stall;
+      tell_stalled(true);
+    }
+    const bool is_cut = watcher_.is_cut && watcher_.is_cut();
+    if (left > kEnd && (is_cut || Clock::now() > std::min(stall_until, send_until)))
+      return reset_at_close();
     untaken = left;
   }
   if (untaken > kEnd) reset_at_close();

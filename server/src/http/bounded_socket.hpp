@@ -37,12 +37,20 @@ class BoundedSocket {
   /// A client that stays below it runs into `ConnectionLimits::transfer` [bytes/s].
   static constexpr std::int64_t kLeastBytesPerSecond = 128 << 10;
 
+  /// Whoever looks after all connections.
+  struct Watcher {
+    /// Called with true when the peer takes no more of what is written, again when it took some
+    /// meanwhile, and with false when it takes all again.
+    std::function<void(bool)> stalls;
+    /// Whether the connection is to end at once.
+    std::function<bool()> is_cut;
+  };
+
   /// @param socket  non-blocking; stays the caller's.  @param tls  none = plain.
-  /// @param stalls  called with true when the peer takes no more of what is written, and with false
-  /// when it does again.
+  /// @param watcher  may leave its functions empty.
   BoundedSocket(int socket, const ConnectionLimits& limits, std::unique_ptr<TlsSession> tls = {},
-                std::function<void(bool)> stalls = {})
-      : socket_(socket), limits_(limits), tls_(std::move(tls)), stalls_(std::move(stalls)) {}
+                Watcher watcher = {})
+      : socket_(socket), limits_(limits), tls_(std::move(tls)), watcher_(std::move(watcher)) {}
 
   /// Of TLS; nothing to do without. @return false when it fails or takes too long.
   [[nodiscard]] bool handshake();
@@ -84,13 +92,14 @@ class BoundedSocket {
   [[nodiscard]] long receive(char* to, std::size_t size, Clock::time_point until);
   [[nodiscard]] HeadState take_head(std::string& head);
   [[nodiscard]] bool wait_for_taker(short events) const;
+  void tell_stalled(bool stalled) const;
   [[nodiscard]] int untaken_bytes() const;
   void reset_at_close() const;
 
   int socket_;
   ConnectionLimits limits_;
   std::unique_ptr<TlsSession> tls_;
-  std::function<void(bool)> stalls_;
+  Watcher watcher_;
   // Not set to zero: an idle connection then does not touch it.
   std::array<char, 16384> buffer_;
   std::size_t begin_ = 0;

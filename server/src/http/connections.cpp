@@ -57,13 +57,23 @@ void Connections::make_room() {
   }
   if (longest == entries_.end()) return;
   longest->second.interrupted = true;
+  longest->second.cut = longest->second.state == State::kStalled;
   // An idle one may have been sent a request meanwhile, which can still be read.
   ::shutdown(longest->first, longest->second.state == State::kIdle ? SHUT_RD : SHUT_RDWR);
 }
 
 void Connections::cut() {
   const std::lock_guard lock(mutex_);
-  for (const auto& [socket, entry] : entries_) ::shutdown(socket, SHUT_RDWR);
+  for (auto& [socket, entry] : entries_) {
+    entry.cut = true;
+    ::shutdown(socket, SHUT_RDWR);
+  }
+}
+
+bool Connections::is_cut(int socket) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = entries_.find(socket);
+  return found != entries_.end() && found->second.cut;
 }
 
 std::size_t Connections::count() const {

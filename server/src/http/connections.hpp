@@ -32,6 +32,8 @@ class Connections {
   void interrupt(State state);
   /// Ends the one that has been idle or stalled for longest, if any.
   void make_room();
+  /// Whether it was ended without waiting for what it is at.
+  [[nodiscard]] bool is_cut(int socket) const;
   /// Ends all, also what is being sent.
   void cut();
   [[nodiscard]] std::size_t count() const;
@@ -41,6 +43,7 @@ class Connections {
     State state = State::kIdle;
     std::chrono::steady_clock::time_point since;
     bool interrupted = false;
+    bool cut = false;
     /// Empty where it is not counted.
     std::string client{};
   };

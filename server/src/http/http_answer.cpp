@@ -146,7 +146,8 @@ void fill_answer(httplib::Response& to, HttpResponse&& from, const AnswerContext
     }
   }
   fill_headers(to, from, context);
-  if (from.source) {
+  // Of a source without a byte the HTTP library would ask for more for ever.
+  if (from.source && part.size > 0) {
     fill_from_source(to, from.source, part, from.content_type, context.request_id);
   } else if (from.events) {
     fill_from_events(to, std::move(from.events), context);

@@ -10,6 +10,7 @@
 #include "http/proxy_protocol.hpp"
 #include "http/request_id.hpp"
 #include "http/turned_away.hpp"
+#include "security/rate_limits.hpp"
 
 #include <fmt/format.h>
 #include <poll.h>
@@ -183,11 +184,14 @@ class HttpServer::Listener {
   /// Serves one connected socket on the calling thread until the connection ends, and closes it.
   void serve(int handle) {
     try {
-      const auto stalls = [this, handle](bool stalled) {
-        connections_.set(handle,
-                         stalled ? Connections::State::kStalled : Connections::State::kAnswering);
-      };
-      BoundedSocket socket(handle, endpoint_.limits, session(handle), stalls);
+      BoundedSocket::Watcher watcher{
+          .stalls =
+              [this, handle](bool stalled) {
+                connections_.set(handle, stalled ? Connections::State::kStalled
+                                                 : Connections::State::kAnswering);
+              },
+          .is_cut = [this, handle] { return connections_.is_cut(handle); }};
+      BoundedSocket socket(handle, endpoint_.limits, session(handle), std::move(watcher));
       converse(socket, handle);
     } catch (const std::exception& error) {
       spdlog::error("a connection ends: {}", error.what());
@@ -248,14 +252,15 @@ class HttpServer::Listener {
   }
 
   void admit(int socket) {
-    // Before the places are gone, whoever holds one without using it makes room.
-    if (threads_.busy() * 4 >= endpoint_.connections * 3) connections_.make_room();
     connections_.add(socket);
     if (metrics_ != nullptr) metrics_->connection_opened();
     const std::optional<IpAddress> peer = peer_address(socket);
     if (peer && is_counted(*peer) && !claim(socket, *peer)) {
-      turn_away(socket, "address", too_many_of_address());
-    } else if (!threads_.offer(socket)) {
+      return turn_away(socket, "address", too_many_of_address());
+    }
+    // Before the places are gone, whoever holds one without using it makes room.
+    if (threads_.busy() * 4 >= endpoint_.connections * 3) connections_.make_room();
+    if (!threads_.offer(socket)) {
       turn_away(socket, "full",
                 ApiError(ErrorCode::kBusy,
                          fmt::format("{} connections are open", endpoint_.connections)));
@@ -291,6 +296,7 @@ class HttpServer::Listener {
     const std::optional<ProxyHeader> header = read_proxy_header(handle, endpoint_.limits.head);
     if (!header) {
       if (metrics_ != nullptr) metrics_->connection_refused("proxy");
+      if (proxy_warnings_.take({}, {.requests_per_s = 1.0 / 60.0, .burst = 1}) > 0.0) return false;
       spdlog::warn(
           "{}: found no PROXY header, expected one, as forwarded says: set send-proxy in "
           "the proxy, or take the address out of trusted_proxies",
@@ -365,6 +371,8 @@ class HttpServer::Listener {
   std::shared_ptr<const TlsIdentity> identity_;
   HttpExchange exchange_;
   Connections connections_;
+  /// A proxy may open connections only to see whether it can.
+  RateLimits proxy_warnings_;
   TurnedAway turned_away_;
   /// Last: its threads use all of the above.
   ConnectionThreads threads_;

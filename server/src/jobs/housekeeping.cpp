@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <charconv>
 #include <chrono>
+#include <cstdlib>
 #include <exception>
 #include <string>
 #include <system_error>
@@ -109,7 +110,15 @@ std::int64_t RetentionClock::now_ns(std::int64_t wall_ns,
   if (counted_until_)
     known_ns_ +=
         std::chrono::duration_cast<std::chrono::nanoseconds>(steady - *counted_until_).count();
+  constexpr std::int64_t kJump_ns = kDay_ns / 24;
+  constexpr std::chrono::hours kBelievedAfter{72};
+  const auto agreed = std::chrono::duration_cast<std::chrono::nanoseconds>(steady - agreed_since_);
+  if (!counted_until_ || std::abs(wall_ns - agreed_wall_ns_ - agreed.count()) > kJump_ns) {
+    agreed_since_ = steady;
+    agreed_wall_ns_ = wall_ns;
+  }
   counted_until_ = steady;
+  if (steady - agreed_since_ >= kBelievedAfter) known_ns_ = wall_ns;
   // A store without anything has nothing to lose.
   if (known_ns_ == 0 || (wall_ns > known_ns_ && wall_ns - known_ns_ <= kDay_ns))
     known_ns_ = wall_ns;
@@ -128,8 +137,9 @@ void RetentionClock::warn(std::int64_t wall_ns) {
   spdlog::warn(
       "the clock is {} days ahead of when this store was last in use: retention does not count "
       "them, so nothing is removed for being old by the clock alone. If the clock is wrong, set "
-      "it; if it is right, old rows and drives stay so much longer, or are removed by hand",
-      (wall_ns - known_ns_) / kDay_ns);
+      "it. If it is right, it is believed after three days without a stop, or at once when {} is "
+      "removed while the server is stopped",
+      (wall_ns - known_ns_) / kDay_ns, file_.string());
 }
 
 std::int64_t newest_time_ns(const maps::PackageStore& store) {

@@ -25,7 +25,8 @@ void keep_house(const RetentionOptions& options, maps::PackageStore& store,
 /// What retention takes for now: the wall clock, as long as it goes on from when the store was last
 /// in use. Where it is more than a day ahead of that, it may be wrong (a clock without a battery,
 /// before it is set), so then only the time counts that a server runs: nothing is removed that has
-/// not been there for as long as it says.
+/// not been there for as long as it says. A clock that has gone on without a jump for three days of
+/// one run is right.
 class RetentionClock {
  public:
   /// @param file  keeps the time over restarts. @param newest_ns  of what the store holds, where
@@ -40,6 +41,9 @@ class RetentionClock {
   std::filesystem::path file_;
   std::int64_t known_ns_;
   std::optional<std::chrono::steady_clock::time_point> counted_until_;
+  /// Since when the wall clock goes on without a jump, and where it stood then.
+  std::chrono::steady_clock::time_point agreed_since_;
+  std::int64_t agreed_wall_ns_ = 0;
   bool warned_ = false;
 };
 

@@ -127,7 +127,8 @@ void Gatekeeper::find_reader(HttpRequest& request) {
     const maps::ApiKey key = checked(request.header("authorization"), request.caller.key_id);
     request.caller.may_read = key.scopes.has(maps::KeyScope::kRead);
     request.caller.maps = key.maps;
-  } catch (const ApiError&) {
+  } catch (const std::exception&) {
+    // Nor does a store that cannot be read keep health from being told.
     request.caller.may_read = false;
   }
 }

@@ -57,6 +57,17 @@ TEST_F(RetentionClockTest, DoesNotFollowAClockThatJumpsWhileItRuns) {
   EXPECT_EQ(clock.now_ns(kToday + 3 * kHour_ns, steady_ + hours(3)), kToday + 3 * kHour_ns);
 }
 
+// A server that was off for some days, or began before its clock was set.
+TEST_F(RetentionClockTest, BelievesAClockThatGoesOnForThreeDays) {
+  RetentionClock clock(file_, kToday - 30 * kDay_ns);
+  for (int hour = 0; hour < 72; ++hour)
+    EXPECT_EQ(clock.now_ns(kToday + hour * kHour_ns, steady_ + hours(hour)),
+              kToday - 30 * kDay_ns + hour * kHour_ns);
+  EXPECT_EQ(clock.now_ns(kToday + 72 * kHour_ns, steady_ + hours(72)), kToday + 72 * kHour_ns);
+  EXPECT_EQ(clock.now_ns(kToday + 800 * kDay_ns, steady_ + hours(73)), kToday + 73 * kHour_ns)
+      << "a jump is looked at anew";
+}
+
 TEST_F(RetentionClockTest, BeginsAtTheNewestRowOfAStoreThatHadNone) {
   RetentionClock clock(file_, kToday - 30 * kDay_ns);
   EXPECT_EQ(clock.now_ns(kToday, steady_), kToday - 30 * kDay_ns);

@@ -87,6 +87,11 @@ class ScriptedHandler final : public RequestHandler {
   static HttpResponse text(std::string body) {
     return {.content_type = "text/plain", .body = std::move(body), .headers = {}};
   }
+  static HttpResponse empty_source() {
+    HttpResponse response{.content_type = "text/css", .body = {}, .headers = {}};
+    response.source = std::make_shared<PatternSource>(0, ~std::uint64_t{0});
+    return response;
+  }
   static HttpResponse source(std::uint64_t broken_from) {
     HttpResponse response{.content_type = "application/octet-stream", .body = {}, .headers = {}};
     response.headers = {{"ETag", "\"v1\""}, {"Cache-Control", "private, immutable"}};
@@ -110,6 +115,7 @@ class ScriptedHandler final : public RequestHandler {
     return {
         {"GET", "/livez", [](Request, Path) { return text("alive"); }},
         {"GET", "/source", [](Request, Path) { return source(~std::uint64_t{0}); }},
+        {"GET", "/empty", [](Request, Path) { return empty_source(); }},
         {"GET", "/broken", [](Request, Path) { return source(100'000); }},
         {"GET", "/events", [](Request, Path) { return events(std::make_shared<QuietEvents>()); }},
         {"GET", "/ticks", [](Request, Path) { return events(std::make_shared<TickingEvents>()); }},

@@ -1,10 +1,14 @@
 #include "transport_fixture.hpp"
 
 #include "http/http_range.hpp"
+#include "http/listening_socket.hpp"
 
 #include <gmock/gmock.h>
 
+#include <chrono>
+#include <memory>
 #include <string>
+#include <thread>
 
 namespace stillmap::server {
 namespace transport_test {
@@ -38,6 +42,34 @@ TEST_F(TransportSmall, SourceTravelsWholeAndByOneRange) {
   const std::string beyond = ask("GET", "/source", "Range: bytes=300000-\r\n");
   EXPECT_THAT(beyond, StartsWith("HTTP/1.1 416"));
   EXPECT_THAT(beyond, HasSubstr("Content-Range: bytes */300000\r\n"));
+}
+
+TEST_F(TransportSmall, SourceWithoutAByteEnds) {
+  const std::string answer = ask("GET", "/empty");
+  EXPECT_THAT(answer, StartsWith("HTTP/1.1 200"));
+  EXPECT_THAT(answer, HasSubstr("Content-Length: 0\r\n"));
+  EXPECT_THAT(answer, HasSubstr("Content-Type: text/css\r\n"));
+}
+
+// A server that stops, or makes room, ends the reading of idle connections: that is not the client.
+TEST(BoundedSocket, PeerHasLeftOnceItClosesByItself) {
+  const ListeningSocket listening("127.0.0.1", 0);
+  auto client = std::make_unique<RawClient>(listening.port());
+  int handle = -1;
+  for (int i = 0; i < 1000 && handle < 0; ++i) {
+    handle = listening.accept(std::chrono::seconds(1));
+    if (handle < 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  ASSERT_GE(handle, 0);
+  const BoundedSocket socket(handle, {});
+  EXPECT_FALSE(socket.peer_left());
+  ::shutdown(handle, SHUT_RD);
+  EXPECT_FALSE(socket.peer_left());
+  client.reset();
+  for (int i = 0; i < 1000 && !socket.peer_left(); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  EXPECT_TRUE(socket.peer_left());
+  ::close(handle);
 }
 
 TEST_F(TransportSmall, HeadOfASourceHasItsLengthAndNoBody) {

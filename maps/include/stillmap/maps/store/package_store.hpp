@@ -207,6 +207,8 @@ class PackageStore {
   struct Compared {
     std::string files_state, first_damaged;
   };
+  /// One package is compared at a time. Before `compared_mutex_`.
+  mutable std::mutex comparing_mutex_;
   mutable std::mutex compared_mutex_;
   mutable std::map<std::string, Compared, std::less<>> compared_;
   mutable std::mutex quota_mutex_;
