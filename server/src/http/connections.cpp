@@ -43,7 +43,7 @@ void Connections::interrupt(State state) {
   }
 }
 
-void Connections::make_room() {
+void Connections::make_room(int socket) {
   // A client far away, or on a poor link, takes nothing for a moment.
   constexpr std::chrono::milliseconds kMoment(500);
   const std::lock_guard lock(mutex_);
@@ -52,7 +52,8 @@ void Connections::make_room() {
   for (auto entry = entries_.begin(); entry != entries_.end(); ++entry) {
     const Entry& each = entry->second;
     const bool is_stalled = each.state == State::kStalled && now - each.since > kMoment;
-    if (each.interrupted || !(each.state == State::kIdle || is_stalled)) continue;
+    if (entry->first == socket || each.interrupted || !(each.state == State::kIdle || is_stalled))
+      continue;
     if (longest == entries_.end() || each.since < longest->second.since) longest = entry;
   }
   if (longest == entries_.end()) return;

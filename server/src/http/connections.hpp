@@ -30,8 +30,9 @@ class Connections {
 
   /// Those in this state read an end of the connection instead of waiting.
   void interrupt(State state);
-  /// Ends the one that has been idle or stalled for longest, if any.
-  void make_room();
+  /// Ends the one that has been idle or stalled for longest, if any. @param socket  has just come
+  /// and stays.
+  void make_room(int socket);
   /// Whether it was ended without waiting for what it is at.
   [[nodiscard]] bool is_cut(int socket) const;
   /// Ends all, also what is being sent.

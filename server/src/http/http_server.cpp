@@ -259,7 +259,7 @@ class HttpServer::Listener {
       return turn_away(socket, "address", too_many_of_address());
     }
     // Before the places are gone, whoever holds one without using it makes room.
-    if (threads_.busy() * 4 >= endpoint_.connections * 3) connections_.make_room();
+    if (threads_.busy() * 4 >= endpoint_.connections * 3) connections_.make_room(socket);
     if (!threads_.offer(socket)) {
       turn_away(socket, "full",
                 ApiError(ErrorCode::kBusy,
