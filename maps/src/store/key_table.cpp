@@ -86,10 +86,9 @@ void check_new_key(std::string_view name, KeyScopes scopes, std::optional<std::i
 }
 
 void check_maps(const std::vector<std::string>& maps, KeyScopes scopes) {
-  constexpr std::size_t kMost = 32;
-  if (maps.size() > kMost)
+  if (maps.size() > kMostMapPatterns)
     throw std::invalid_argument("maps of a key: found " + std::to_string(maps.size()) +
-                                ", at most 32 patterns expected");
+                                " patterns, expected at most " + std::to_string(kMostMapPatterns));
   for (const std::string& map : maps)
     if (!is_map_pattern(map))
       throw std::invalid_argument("map of a key: found '" + map +

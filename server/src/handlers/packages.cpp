@@ -57,12 +57,12 @@ HttpResponse put_version(const Context& context, const HttpRequest& request,
                            .sha256 = wanted_sha256(request)});
 }
 
-/// Of a file that is not what the manifest says. What is sent may be kept for ever.
+/// The refusal for a package with a damaged file. It is logged too.
 ApiError damaged(const PathParameters& path, const std::string& file) {
   const std::string text = fmt::format(
-      "version '{}' of map '{}' is damaged on the disk: {} is not what its manifest says; publish "
-      "the "
-      "same package again, which mends it",
+      "version '{}' of map '{}' is damaged on the disk: {} is not what its manifest says; to mend "
+      "it, "
+      "publish the same package again",
       path.at("version"), path.at("map"), file);
   spdlog::error("{}", text);
   return {ErrorCode::kStorageError, text};

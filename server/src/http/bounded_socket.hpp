@@ -69,15 +69,16 @@ class BoundedSocket {
   /// The next piece of an answer that goes on as long as both want has the time of a whole one.
   void restart_send() { sending_ = false; }
   [[nodiscard]] bool can_write() const;
-  /// Says that no more is written, and waits while the peer takes what was. It takes what is still
-  /// under way, so that the peer reads the last answer instead of a reset: a bounded number of
-  /// bytes and one second. A peer that does not take its answer within the limits is reset when the
-  /// socket is closed, since the kernel would keep the answer for it long after.
+  /// Ends the sending and waits until the peer has taken the last answer. Meanwhile it reads and
+  /// drops what the peer still sends, for a second and a bounded number of bytes: closing with
+  /// unread bytes would reset the connection before the peer has read the answer. A peer that does
+  /// not take the answer within the limits is reset, since the kernel would keep the answer for
+  /// long.
   void finish();
-  /// The same where no answer is under way, without waiting for the peer.
+  /// The same between two requests: returns at once when the peer has taken all answers.
   void finish_idle();
 
-  /// Whether the peer sends no more, which of a client that waits for an answer means that it went.
+  /// Whether the peer has closed the connection, or its sending side.
   [[nodiscard]] bool peer_left() const;
 
   [[nodiscard]] bool is_tls() const { return tls_ != nullptr; }

@@ -263,7 +263,8 @@ class HttpServer::Listener {
     if (!threads_.offer(socket)) {
       turn_away(socket, "full",
                 ApiError(ErrorCode::kBusy,
-                         fmt::format("{} connections are open", endpoint_.connections)));
+                         fmt::format("{} connections are open, as many as may be; try again later",
+                                     endpoint_.connections)));
     }
   }
 
@@ -274,8 +275,11 @@ class HttpServer::Listener {
   }
 
   ApiError too_many_of_address() const {
-    return {ErrorCode::kTooManyRequests, fmt::format("this address has {} connections open already",
-                                                     endpoint_.connections_of_address)};
+    return {ErrorCode::kTooManyRequests,
+            fmt::format("this address has {} connections open, its share: close some. If it is a "
+                        "proxy, name it in the server's trusted_proxies; if a fleet stands behind "
+                        "it, raise address_share",
+                        endpoint_.connections_of_address)};
   }
 
   /// Proxies bring the connections of many. Loopback is this machine, or a proxy on it.

@@ -73,8 +73,9 @@ int ListeningSocket::accept(std::chrono::milliseconds unacknowledged) const {
   ::setsockopt(connection, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof(yes));
   // By default the kernel goes on trying for a quarter of an hour. SO_KEEPALIVE would add nothing:
   // whatever waits for bytes has its own time, and event streams are never silent for long.
-  // Of what a client does not take so much waits in the kernel's memory; what is on its way to a
-  // client that does take it is not bounded by this.
+  // A client that takes nothing holds so much of the kernel's memory. Bytes that are on their way
+  // to a client that does take them are not bounded by this, so downloads over long links stay
+  // fast.
   const int most_unsent_bytes = 64 << 10;
   ::setsockopt(connection, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &most_unsent_bytes,
                sizeof(most_unsent_bytes));

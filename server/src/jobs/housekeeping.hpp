@@ -22,11 +22,11 @@ namespace stillmap::server {
 void keep_house(const RetentionOptions& options, maps::PackageStore& store,
                 maps::DriveStore& drives, JobRunner& jobs, std::int64_t now_ns);
 
-/// What retention takes for now: the wall clock, as long as it goes on from when the store was last
-/// in use. Where it is more than a day ahead of that, it may be wrong (a clock without a battery,
-/// before it is set), so then only the time counts that a server runs: nothing is removed that has
-/// not been there for as long as it says. A clock that has gone on without a jump for three days of
-/// one run is right.
+/// The time by which retention tells what is old. This is the wall clock while it is at most a day
+/// ahead of the time that was kept when the store was last in use. A clock that is further ahead
+/// may be wrong (no battery, not set yet). Then only the time counts for which a server runs, so
+/// that nothing is removed too early. A clock that goes on without a jump for three days of one run
+/// is believed.
 class RetentionClock {
  public:
   /// @param file  keeps the time over restarts. @param newest_ns  of what the store holds, where

@@ -32,9 +32,10 @@ std::vector<std::string> read_maps(const RequestJson& request, maps::KeyScopes s
   std::vector<std::string> patterns;
   const auto maps = request.find("maps");
   if (maps == request.end()) return patterns;
-  constexpr std::size_t kMost = 32;
-  if (!maps->is_array() || maps->empty() || maps->size() > kMost)
-    refuse("maps", *maps, "1 to 32 patterns; leave it out for all maps");
+  if (!maps->is_array() || maps->empty() || maps->size() > maps::kMostMapPatterns)
+    refuse(
+        "maps", *maps,
+        "1 to " + std::to_string(maps::kMostMapPatterns) + " patterns; leave it out for all maps");
   if (scopes.has(maps::KeyScope::kAdmin))
     refuse("maps", *maps,
            "no maps beside the scope admin, which makes keys for any map and reads the audit log "

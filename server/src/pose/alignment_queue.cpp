@@ -109,10 +109,11 @@ void AlignmentQueue::require_client_share(const std::string& client, std::size_t
   const auto& [requests, held_bytes] = held->second;
   if (requests < most && held_bytes + bytes <= most_bytes) return;
   ++totals_.refused_client;
-  throw ApiError(ErrorCode::kTooManyRequests,
-                 fmt::format("{} requests of this key, with {} bytes, are being served or wait; "
-                             "its share is {} requests and {} bytes",
-                             requests, held_bytes, most, most_bytes))
+  throw ApiError(
+      ErrorCode::kTooManyRequests,
+      fmt::format("{} requests of this key, with {} bytes, are being served or wait; "
+                  "its share is {} requests and {} bytes; send again when some are answered",
+                  requests, held_bytes, most, most_bytes))
       .with_header("Retry-After", retry_after(now));
 }
 

@@ -128,7 +128,7 @@ void Gatekeeper::find_reader(HttpRequest& request) {
     request.caller.may_read = key.scopes.has(maps::KeyScope::kRead);
     request.caller.maps = key.maps;
   } catch (const std::exception&) {
-    // Nor does a store that cannot be read keep health from being told.
+    // Health is told also when the store cannot be read.
     request.caller.may_read = false;
   }
 }

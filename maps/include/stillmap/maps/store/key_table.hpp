@@ -32,6 +32,8 @@ struct KeyScopes {
   auto operator<=>(const KeyScopes&) const = default;
 };
 
+/// Most patterns of maps that one key is limited to.
+inline constexpr std::size_t kMostMapPatterns = 32;
 /// Whether it is 1 to 63 of `[a-z0-9._-]` and `*`.
 [[nodiscard]] bool is_map_pattern(std::string_view text);
 /// Whether a name is what a pattern says: `*` stands for any text, also none, and everything else
@@ -75,7 +77,7 @@ class KeyTable {
   /// @param maps  patterns of names of maps; none: all maps.
   /// @throws std::invalid_argument when the name is empty, longer than 100 bytes or has control
   /// characters, there is no scope, it would have expired already, a pattern is none, there are
-  /// more than 32, or there are some beside the scope admin.
+  /// more than `kMostMapPatterns`, or there are some beside the scope admin.
   Created create(std::string_view name, KeyScopes scopes, std::optional<std::int64_t> expires_ns,
                  std::int64_t now_ns, const std::vector<std::string>& maps = {});
   /// Oldest first, with those that are revoked or expired.

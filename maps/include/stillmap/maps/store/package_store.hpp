@@ -70,9 +70,10 @@ class PackageStore {
   void check_disk_reserve(std::uint64_t more_bytes) const {
     check_disk_reserve(folder_, more_bytes);
   }
-  /// The same bytes, until they would reach into the disk's reserve: of what is unpacked nobody
-  /// knows before how much it takes.
+  /// The same bytes. Reading them throws StoreRefusal kDiskReserve once the disk has less than its
+  /// reserve free: how much an archive takes is only known while it is unpacked.
   [[nodiscard]] ByteSource leaving_reserve(const ByteSource& source) const;
+  /// As `StoreState::even_when_full`.
   void even_when_full(const std::function<void()>& change) { state_->even_when_full(change); }
   /// A version's package. One that is open stays usable when the version is removed, but what
   /// it reads at need (histories of the whole drive, objects) is gone then.
