@@ -105,7 +105,7 @@ async function trouble(run) {
   // More than any disk has, so that it is below its reserve.
   const server = await run.server({ options: ['--quotas-disk-reserve-bytes', '1000000000000000'] });
   const page = await run.open(server);
-  await page.waitForSelector('.server-trouble:has-text("fewer than its reserve")');
+  await page.waitForSelector('.server-trouble:has-text("less than its reserve")');
   run.expect(true, 'what is wrong with the server is said above the list');
   await run.accessible(page, 'the list of a server in trouble');
   await run.screenshot(page, 'server_trouble');

@@ -30,9 +30,9 @@ std::vector<std::string> complaints(const Context& context, const Caller& caller
   const std::uint64_t reserve = context.store.quota().disk_reserve.value_or(0);
   if (free < reserve)
     all.push_back(
-        fmt::format("the disk of the store has {} bytes free, fewer than its reserve of "
-                    "{}, so uploads are refused; remove versions or drives, or enlarge it",
-                    free, reserve));
+        fmt::format("the disk of the store has {:.0f} MB free, less than its reserve of {:.0f} MB, "
+                    "so uploads are refused: remove versions or drives, or enlarge the disk",
+                    1e-6 * static_cast<double>(free), 1e-6 * static_cast<double>(reserve)));
   if (const int stuck = context.queue.figures().stuck; stuck > 0)
     all.push_back(
         fmt::format("{} of {} workers are stuck: more than {} s beyond the deadline of "

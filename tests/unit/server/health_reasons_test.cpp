@@ -77,7 +77,7 @@ TEST_F(DiskBelowItsReserve, IsAReasonAndAMetric) {
   options_.quotas.disk_reserve_bytes = std::int64_t{1} << 50U;
   service_->reload(options_);
   EXPECT_THAT(reasons(*service_),
-              ElementsAre(AllOf(HasSubstr("fewer than its reserve of 1125899906842624"),
+              ElementsAre(AllOf(HasSubstr("less than its reserve of 1125899907 MB"),
                                 HasSubstr("remove versions or drives"))));
   EXPECT_THAT(service_->metrics().text(),
               HasSubstr("stillmap_store_reserve_bytes 1125899906842624"));
