@@ -106,8 +106,9 @@ void report_edits(const EditReport& edits, MapBuildReport& report) {
     report.warnings.push_back("edit met nothing: " + edit);
 }
 
+/// What threw the poses away throws the survey away too, and is said once.
 void warn_of_discarded(const BuildJournal& journal, MapBuildReport& report) {
-  if (!journal.discarded().empty())
+  if (!journal.discarded().empty() && report.warnings.empty())
     report.warnings.push_back("work of a killed build was thrown away: " + journal.discarded());
 }
 
@@ -122,7 +123,23 @@ void warn_of_near_points(double min_range_m, MapBuildReport& report) {
       100.0 * too_near / returned, min_range_m));
 }
 
-/// Estimated poses, or those that a killed build had estimated.
+/// Counts neighbours that are apart; exact poses that are not exact make a map whose walls stand
+/// twice.
+void warn_of_given_poses(double voxel_size_m, MapBuildReport& report) {
+  auto& given = report.given_poses;
+  if (!given) return;
+  given->neighbours_apart = static_cast<std::size_t>(std::ranges::count_if(
+      given->errors.neighbours_m, [&](double apart_m) { return apart_m > voxel_size_m; }));
+  if (given->use != GivenPosesUse::kExact || given->neighbours_apart == 0) return;
+  const GivenPoseErrors::Apart& neighbours = given->errors.by_way.front();
+  report.warnings.push_back(fmt::format(
+      "{} of {} scans lie more than a voxel ({} m) from where the scan before them says, by the "
+      "given poses: {:.2f} m at most, {:.3f} m in the median; build with --given-poses refine",
+      given->neighbours_apart, neighbours.pairs, voxel_size_m, neighbours.max_m,
+      neighbours.median_m));
+}
+
+/// Poses of all drives in one frame, or those that a killed build had found.
 PosedDrives with_journaled_poses(const std::vector<maps::Drive>& drives,
                                  const MapBuildOptions& options, const std::string& odometry,
                                  const Folders& folders, MapBuildReport& report,
@@ -139,7 +156,9 @@ PosedDrives with_journaled_poses(const std::vector<maps::Drive>& drives,
   warn_of_discarded(journal, report);
   const StageTimer timer(report.stage_seconds, "trajectory");
   PosedDrives posed =
-      with_estimated_poses(drives, options, odometry, folders.scratch, progress, cancel);
+      odometry == "given"
+          ? with_given_poses(drives, options, folders.scratch, progress, cancel)
+          : with_estimated_poses(drives, options, odometry, folders.scratch, progress, cancel);
   journal.append(to_bytes(posed));
   journal.complete();
   return posed;
@@ -170,10 +189,11 @@ MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders
   const std::filesystem::path& scratch = folders.scratch;
   std::filesystem::create_directory(scratch);
   MapBuildReport report;
-  PosedDrives posed = odometry == "given" ? with_given_poses(opened)
-                                          : with_journaled_poses(opened, options, odometry, folders,
-                                                                 report, progress, cancel);
+  PosedDrives posed =
+      with_journaled_poses(opened, options, odometry, folders, report, progress, cancel);
   report.trajectory = std::move(posed.counts);
+  report.given_poses = posed.given;
+  warn_of_given_poses(options.voxel_size_m, report);
   const std::optional<BuildFrame> frame =
       register_drives(posed, options, odometry, report, progress, cancel);
   const DriveSet drives(std::move(posed.drives), options);
@@ -226,6 +246,10 @@ MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders
 }
 
 }  // namespace
+
+std::string_view name_of(GivenPosesUse use) {
+  return use == GivenPosesUse::kRefine ? "refine" : "exact";
+}
 
 std::vector<std::string> MapBuildOptions::violations() const {
   std::vector<std::string> broken = projection.violations();
@@ -284,6 +308,7 @@ void apply_paper_preset(MapBuildOptions& options) {
   options.fusion = false;
   options.fill = false;
   options.clean = "none";
+  options.given_poses = GivenPosesUse::kExact;
   options.projection.ground_height = GroundHeight::kMean;
 }
 

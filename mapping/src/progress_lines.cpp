@@ -15,12 +15,10 @@ constexpr double kLeastForEta = 0.01;
 
 }  // namespace
 
-std::vector<StageShare> build_stages(bool estimates_poses, bool registers) {
+std::vector<StageShare> build_stages(bool registers) {
   // Of a build with the shipped network on two cores; odometry runs at about its speed.
-  std::vector<StageShare> stages;
-  if (estimates_poses)
-    stages = {
-        {"odometry", 0.60}, {"describe places", 0.03}, {"check loops", 0.10}, {"pose graph", 0.02}};
+  std::vector<StageShare> stages{
+      {"odometry", 0.60}, {"describe places", 0.03}, {"check loops", 0.10}, {"pose graph", 0.02}};
   if (registers) stages.push_back({"register", 0.05});
   const std::vector<StageShare> passes{{"resume", 0.0},  {"survey", 0.75}, {"fuse", 0.03},
                                        {"place", 0.12},  {"clean", 0.0},   {"tiles", 0.08},

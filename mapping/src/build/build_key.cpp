@@ -154,6 +154,7 @@ std::string survey_key(const DriveSet& drives, const MapBuildOptions& options,
 std::string trajectory_key(const std::vector<maps::Drive>& drives, const MapBuildOptions& options,
                            const std::string& odometry) {
   std::string key = program() + fmt::format("odometry: {}\n", odometry);
+  if (odometry == "given") key += fmt::format("given poses: {}\n", name_of(options.given_poses));
   for (const auto& [name, text] : texts_of(options.trajectory))
     key += fmt::format("{}: {}\n", name, text);
   if (const auto& place = options.geodetic_origin)

@@ -8,8 +8,11 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+#include <cstdint>
 #include <filesystem>
 #include <map>
+#include <numbers>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -51,6 +54,22 @@ std::string detector_text(const MapBuildOptions& options) {
   for (const std::filesystem::path& file : files)
     text += (text.back() == ':' ? "" : ",") + file.filename().string();
   return text;
+}
+
+/// Counts are whole numbers, so lengths are in millimetres and angles in thousandths of a degree.
+std::map<std::string, std::uint64_t> counts_of(const GivenPosesReport& given) {
+  const auto thousandths = [](double value) {
+    return static_cast<std::uint64_t>(std::llround(1e3 * value));
+  };
+  constexpr double kDegrees = 180.0 / std::numbers::pi;
+  std::map<std::string, std::uint64_t> counts{{"poses_neighbours_apart", given.neighbours_apart}};
+  if (given.use != GivenPosesUse::kRefine) return counts;
+  counts["poses_denied"] = given.errors.denied;
+  counts["poses_moved_median_mm"] = thousandths(given.moved_median_m);
+  counts["poses_moved_max_mm"] = thousandths(given.moved_max_m);
+  counts["poses_moved_median_mdeg"] = thousandths(kDegrees * given.moved_median_rad);
+  counts["poses_moved_max_mdeg"] = thousandths(kDegrees * given.moved_max_rad);
+  return counts;
 }
 
 }  // namespace
@@ -128,12 +147,16 @@ maps::MapManifest manifest_of(const DriveSet& drives, const MapBuildOptions& opt
   if (options.held_back_every > 0)
     manifest.options["held_back_every"] = fmt::format("{}", options.held_back_every);
   manifest.options["odometry"] = odometry;
-  if (odometry != "given") {
+  if (odometry == "given")
+    manifest.options["given_poses"] = std::string(name_of(options.given_poses));
+  if (odometry != "given" || options.given_poses == GivenPosesUse::kRefine) {
     for (auto& [name, text] : texts_of(options.trajectory)) manifest.options[name] = text;
   }
   manifest.counts = report.points;
   for (const auto& [name, count] : report.objects) manifest.counts["objects_" + name] = count;
   for (const auto& [name, count] : report.trajectory) manifest.counts[name] = count;
+  if (const auto& given = report.given_poses)
+    for (const auto& [name, count] : counts_of(*given)) manifest.counts[name] = count;
   manifest.counts["scans"] = report.scans;
   manifest.sources = sources_of(drives.drives(), options);
   if (frame) {

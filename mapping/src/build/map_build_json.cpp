@@ -10,6 +10,34 @@ nlohmann::json to_json(const Eigen::Isometry3d& T) {
   return {{"position", {p.x(), p.y(), p.z()}}, {"quaternion", {q.x(), q.y(), q.z(), q.w()}}};
 }
 
+nlohmann::json to_json(const GivenPosesReport& report) {
+  nlohmann::json apart = nlohmann::json::array();
+  for (const GivenPoseErrors::Apart& each : report.errors.by_way)
+    if (each.pairs > 0)
+      apart.push_back({{"way_m", each.way_m},
+                       {"pairs", each.pairs},
+                       {"median_m", each.median_m},
+                       {"p95_m", each.p95_m},
+                       {"max_m", each.max_m},
+                       {"median_rad", each.median_rad},
+                       {"p95_rad", each.p95_rad},
+                       {"max_rad", each.max_rad}});
+  return {{"use", name_of(report.use)},
+          {"apart_from_scans", apart},
+          {"neighbours_apart", report.neighbours_apart},
+          {"sigma_m", report.errors.sigma_m},
+          {"sigma_rad", report.errors.sigma_rad},
+          {"asked", report.errors.asked},
+          {"denied", report.errors.denied},
+          {"moved",
+           {{"median_m", report.moved_median_m},
+            {"p95_m", report.moved_p95_m},
+            {"max_m", report.moved_max_m},
+            {"median_rad", report.moved_median_rad},
+            {"p95_rad", report.moved_p95_rad},
+            {"max_rad", report.moved_max_rad}}}};
+}
+
 }  // namespace
 
 std::string to_json(const MapBuildReport& report) {
@@ -25,6 +53,7 @@ std::string to_json(const MapBuildReport& report) {
                       {"warnings", report.warnings},
                       {"digest", report.digest},
                       {"version", STILLMAP_VERSION}};
+  if (report.given_poses) json["given_poses"] = to_json(*report.given_poses);
   if (const auto& registration = report.registration)
     json["registration"] = {{"previous_digest", registration->previous_digest},
                             {"T_previous_map", to_json(registration->T_previous_map)},

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/frames.hpp>
 
 #include <algorithm>
 #include <limits>
@@ -67,6 +68,53 @@ maps::Drive placed(const maps::Drive& drive, const MapBuildOptions& options) {
   return drive.with_poses(drive.contents().T_map_lidar, options.geodetic_origin);
 }
 
+/// Scans before the estimated ones and after them have poses of no use.
+std::vector<maps::Drive> posed_by(const TrajectoryEstimate& estimate,
+                                  const std::vector<maps::Drive>& drives) {
+  std::vector<maps::Drive> posed;
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    const EstimatedDrive& estimated = estimate.drives[i];
+    std::vector<Eigen::Isometry3d> poses(drives[i].size(), estimated.T_map_lidar.front());
+    std::copy(estimated.T_map_lidar.begin(), estimated.T_map_lidar.end(),
+              poses.begin() + static_cast<std::ptrdiff_t>(estimated.begin));
+    posed.push_back(drives[i].with_poses(std::move(poses), estimate.origin));
+  }
+  return posed;
+}
+
+/// What lies between two poses of each scan that was estimated.
+struct Moves {
+  std::vector<double> lengths_m, angles_rad;
+
+  void add(const Eigen::Isometry3d& from, const Eigen::Isometry3d& to) {
+    const Eigen::Isometry3d T = from.inverse() * to;
+    lengths_m.push_back(T.translation().norm());
+    angles_rad.push_back(maps::rotation_angle_rad(T.linear()));
+  }
+};
+
+/// Of values that are not empty; they are put in order.
+double quantile(std::vector<double>& values, double share) {
+  std::sort(values.begin(), values.end());
+  return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
+}
+
+void add_moves(const std::vector<maps::Drive>& given, const std::vector<maps::Drive>& refined,
+               const TrajectoryEstimate& estimate, GivenPosesReport& report) {
+  Moves moves;
+  for (std::size_t i = 0; i < given.size(); ++i) {
+    const std::size_t begin = estimate.drives[i].begin;
+    for (std::size_t scan = begin; scan < begin + estimate.drives[i].odometry.size(); ++scan)
+      moves.add(given[i].T_map_lidar(scan), refined[i].T_map_lidar(scan));
+  }
+  report.moved_median_m = quantile(moves.lengths_m, 0.5);
+  report.moved_p95_m = quantile(moves.lengths_m, 0.95);
+  report.moved_max_m = moves.lengths_m.back();
+  report.moved_median_rad = quantile(moves.angles_rad, 0.5);
+  report.moved_p95_rad = quantile(moves.angles_rad, 0.95);
+  report.moved_max_rad = moves.angles_rad.back();
+}
+
 }  // namespace
 
 std::vector<maps::Drive> open_drives(const std::vector<std::filesystem::path>& folders,
@@ -104,18 +152,42 @@ std::string odometry_of(const std::vector<maps::Drive>& drives, const MapBuildOp
   return method;
 }
 
-PosedDrives with_given_poses(const std::vector<maps::Drive>& drives) {
-  PosedDrives posed;
+std::vector<maps::Drive> in_one_frame(const std::vector<maps::Drive>& drives) {
+  std::vector<maps::Drive> moved;
   for (const maps::Drive& drive : drives) {
     const Eigen::Isometry3d T = T_first_own(drives.front(), drive);
     if (T.matrix().isIdentity(0.0)) {
-      posed.drives.push_back(drive);
+      moved.push_back(drive);
       continue;
     }
     std::vector<Eigen::Isometry3d> poses = drive.contents().T_map_lidar;
     for (Eigen::Isometry3d& pose : poses) pose = T * pose;
-    posed.drives.push_back(drive.with_poses(std::move(poses), drives.front().contents().origin));
+    moved.push_back(drive.with_poses(std::move(poses), drives.front().contents().origin));
   }
+  return moved;
+}
+
+PosedDrives with_given_poses(const std::vector<maps::Drive>& drives, const MapBuildOptions& options,
+                             const std::filesystem::path& scratch, const ProgressCallback& progress,
+                             const CancelFlag& cancel) {
+  PosedDrives posed;
+  posed.drives = in_one_frame(drives);
+  const bool refines = options.given_poses == GivenPosesUse::kRefine;
+  TrajectoryOptions trajectory = options_of(options, odometry_names().front());
+  trajectory.refine_given = true;
+  trajectory.loops = refines && trajectory.loops;
+  const TrajectoryEstimate estimate =
+      estimate_trajectories(posed.drives, trajectory, scratch, progress, cancel);
+  GivenPosesReport report;
+  report.use = options.given_poses;
+  report.errors = estimate.given_errors.value();
+  if (refines) {
+    posed.counts = counts_of(estimate);
+    posed.graph = drive_graph_of(estimate);
+    const std::vector<maps::Drive> given = std::exchange(posed.drives, posed_by(estimate, drives));
+    add_moves(given, posed.drives, estimate, report);
+  }
+  posed.given = report;
   return posed;
 }
 
@@ -126,15 +198,9 @@ PosedDrives with_estimated_poses(const std::vector<maps::Drive>& drives,
   const TrajectoryEstimate estimate =
       estimate_trajectories(drives, options_of(options, method), scratch, progress, cancel);
   PosedDrives posed;
+  posed.drives = posed_by(estimate, drives);
   posed.counts = counts_of(estimate);
   posed.graph = drive_graph_of(estimate);
-  for (std::size_t i = 0; i < drives.size(); ++i) {
-    const EstimatedDrive& estimated = estimate.drives[i];
-    std::vector<Eigen::Isometry3d> poses(drives[i].size(), estimated.T_map_lidar.front());
-    std::copy(estimated.T_map_lidar.begin(), estimated.T_map_lidar.end(),
-              poses.begin() + static_cast<std::ptrdiff_t>(estimated.begin));
-    posed.drives.push_back(drives[i].with_poses(std::move(poses), estimate.origin));
-  }
   return posed;
 }
 

@@ -29,13 +29,25 @@ namespace stillmap::mapping {
 struct PosedDrives {
   std::vector<maps::Drive> drives;
   std::map<std::string, std::uint64_t> counts;
-  /// Of poses that were estimated.
+  /// Of poses that were estimated or refined.
   std::optional<DriveGraph> graph{};
+  /// Of poses that the drives bring.
+  std::optional<GivenPosesReport> given{};
 };
 
 /// The drives' own poses, brought to the frame of the first drive's by their geodetic origins.
 /// @throws maps::InputError where only some have an origin.
-[[nodiscard]] PosedDrives with_given_poses(const std::vector<maps::Drive>& drives);
+[[nodiscard]] std::vector<maps::Drive> in_one_frame(const std::vector<maps::Drive>& drives);
+
+/// The drives' own poses in one frame, compared with the scans' own motion, and refined where the
+/// options say so.
+/// @param scratch  existing folder.
+/// @throws as `in_one_frame`, Cancelled.
+[[nodiscard]] PosedDrives with_given_poses(const std::vector<maps::Drive>& drives,
+                                           const MapBuildOptions& options,
+                                           const std::filesystem::path& scratch,
+                                           const ProgressCallback& progress,
+                                           const CancelFlag& cancel);
 
 /// Poses by odometry, loops and graph. Scans before the selection and after it have none of use.
 /// @param method   of `odometry_of`.

@@ -67,6 +67,50 @@ DriveGraph graph_from(ByteReader& reader, const std::vector<maps::Drive>& drives
   return graph;
 }
 
+void put_report(std::string& bytes, const GivenPosesReport& report) {
+  put_number(bytes, static_cast<std::uint8_t>(report.use == GivenPosesUse::kExact));
+  put_number(bytes, report.errors.by_way.size());
+  for (const GivenPoseErrors::Apart& apart : report.errors.by_way) {
+    put_number(bytes, apart.pairs);
+    for (const double value : {apart.way_m, apart.median_m, apart.p95_m, apart.max_m,
+                               apart.median_rad, apart.p95_rad, apart.max_rad})
+      put_number(bytes, value);
+  }
+  put_number(bytes, report.errors.sigma_m);
+  put_number(bytes, report.errors.sigma_rad);
+  put_number(bytes, report.errors.correlated_m);
+  put_number(bytes, report.errors.asked);
+  put_number(bytes, report.errors.denied);
+  put_number(bytes, report.errors.neighbours_m.size());
+  for (const double apart_m : report.errors.neighbours_m) put_number(bytes, apart_m);
+  for (const double moved : {report.moved_median_m, report.moved_p95_m, report.moved_max_m,
+                             report.moved_median_rad, report.moved_p95_rad, report.moved_max_rad})
+    put_number(bytes, moved);
+}
+
+GivenPosesReport report_from(ByteReader& reader) {
+  GivenPosesReport report;
+  report.use = reader.number<std::uint8_t>() != 0 ? GivenPosesUse::kExact : GivenPosesUse::kRefine;
+  for (auto left = reader.count(8 * sizeof(double)); left > 0; --left) {
+    GivenPoseErrors::Apart& apart = report.errors.by_way.emplace_back();
+    apart.pairs = reader.number<std::size_t>();
+    for (double* value : {&apart.way_m, &apart.median_m, &apart.p95_m, &apart.max_m,
+                          &apart.median_rad, &apart.p95_rad, &apart.max_rad})
+      *value = reader.number<double>();
+  }
+  report.errors.sigma_m = reader.number<double>();
+  report.errors.sigma_rad = reader.number<double>();
+  report.errors.correlated_m = reader.number<double>();
+  report.errors.asked = reader.number<std::size_t>();
+  report.errors.denied = reader.number<std::size_t>();
+  report.errors.neighbours_m.resize(reader.count(sizeof(double)));
+  for (double& apart_m : report.errors.neighbours_m) apart_m = reader.number<double>();
+  for (double* moved : {&report.moved_median_m, &report.moved_p95_m, &report.moved_max_m,
+                        &report.moved_median_rad, &report.moved_p95_rad, &report.moved_max_rad})
+    *moved = reader.number<double>();
+  return report;
+}
+
 }  // namespace
 
 std::string to_bytes(const PosedDrives& posed) {
@@ -79,6 +123,8 @@ std::string to_bytes(const PosedDrives& posed) {
   }
   put_number(bytes, static_cast<std::uint8_t>(posed.graph.has_value()));
   if (posed.graph) put_graph(bytes, *posed.graph);
+  put_number(bytes, static_cast<std::uint8_t>(posed.given.has_value()));
+  if (posed.given) put_report(bytes, *posed.given);
   put_number(bytes, posed.drives.size());
   for (const maps::Drive& drive : posed.drives) {
     const auto& origin = drive.contents().origin;
@@ -106,6 +152,7 @@ PosedDrives posed_drives_from(std::string_view bytes, const std::vector<maps::Dr
     posed.counts[name] = reader.number<std::uint64_t>();
   }
   if (reader.number<std::uint8_t>() != 0) posed.graph = graph_from(reader, drives);
+  if (reader.number<std::uint8_t>() != 0) posed.given = report_from(reader);
   if (reader.number<std::size_t>() != drives.size()) reader.refuse("of another number of drives");
   for (const maps::Drive& drive : drives) posed.drives.push_back(drive_from(reader, drive));
   reader.end();

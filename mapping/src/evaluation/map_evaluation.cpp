@@ -6,6 +6,7 @@
 #include "evaluation/localization/share_of.hpp"
 #include "point_cells.hpp"
 #include "top_view.hpp"
+#include "trajectory/drive_of_map.hpp"
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -48,15 +49,21 @@ std::vector<Eigen::Vector3f> measured_of(const maps::MapPackage& map) {
   return points;
 }
 
+/// The map's only path.
+maps::Trajectory path_of(const maps::MapPackage& map) {
+  std::vector<maps::Trajectory> paths = map.trajectories();
+  if (paths.size() != 1)
+    throw maps::InputError(map.folder().string(), fmt::format("a map of {} drives", paths.size()),
+                           "a map of one, with labels as boxes");
+  return std::move(paths.front());
+}
+
 /// Scans of the drive that the map was made of.
-std::vector<std::size_t> mapped_scans(const maps::MapPackage& map, const maps::Drive& drive) {
+std::vector<std::size_t> mapped_scans(const maps::MapPackage& map, const maps::Trajectory& path,
+                                      const maps::Drive& drive) {
   std::vector<std::size_t> indices =
       maps::Selection::parse(option_of(map, "select")).indices(drive.size());
-  const std::vector<maps::Trajectory> drives = map.trajectories();
-  if (drives.size() != 1)
-    throw maps::InputError(map.folder().string(), fmt::format("a map of {} drives", drives.size()),
-                           "a map of one, with labels as boxes");
-  const std::vector<maps::StampedPose> poses = drives.front().poses();
+  const std::vector<maps::StampedPose>& poses = path.poses();
   if (poses.size() != indices.size()) {
     throw maps::InputError(drive.contents().root.string(),
                            fmt::format("{} scans for the map's selection", indices.size()),
@@ -189,9 +196,11 @@ MapEvaluation evaluate_map(const maps::MapPackage& map, const maps::Drive& drive
     throw maps::InputError(drive.contents().root.string(), "a drive without poses", "poses");
   drive.require_own_numbers(options.boxes_file);
   maps::BoxSequence labels = maps::read_boxes(options.boxes_file, drive.size());
-  const std::vector<std::size_t> mapped = mapped_scans(map, drive);
+  const maps::Trajectory path = path_of(map);
+  const std::vector<std::size_t> mapped = mapped_scans(map, path, drive);
   const std::vector<std::size_t> labelled = labelled_scans(mapped, labels, options.boxes_file);
-  const Judge judge(map, drive, std::move(labels));
+  const maps::Drive posed = on_path(drive, path);
+  const Judge judge(map, posed, std::move(labels));
   MapEvaluation result;
   for (const std::size_t index : labelled) {
     if (cancel) throw Cancelled();

@@ -43,12 +43,14 @@ std::vector<std::size_t> queries_along(const OdometryPath& path) {
 class Search {
  public:
   Search(const KeyframeStore& keyframes, const OdometryPath& path, int threads,
-         const ProgressCallback& progress, const CancelFlag& cancel)
+         const ProgressCallback& progress, const CancelFlag& cancel,
+         const std::optional<GivenPlaces>& given)
       : path_(path),
         submaps_(keyframes, path),
         threads_(threads),
         progress_(progress),
-        cancel_(cancel) {}
+        cancel_(cancel),
+        given_(given) {}
 
   [[nodiscard]] std::vector<Loop> run() {
     look_for_alike();
@@ -102,7 +104,7 @@ class Search {
   /// What each query without a loop is compared with next, by submap, so that each is made once.
   [[nodiscard]] std::map<std::size_t, std::vector<Proposal>> next_tries() {
     const std::vector<Loop> loops = believed();
-    const PathProposals known(path_, submaps_, loops);
+    const PathProposals known(path_, submaps_, loops, given_);
     std::set<std::size_t> done;
     for (const Loop& loop : loops) done.insert(loop.to);
     std::map<std::size_t, std::vector<Proposal>> work;
@@ -157,6 +159,7 @@ class Search {
   int threads_;
   const ProgressCallback& progress_;
   const CancelFlag& cancel_;
+  const std::optional<GivenPlaces>& given_;
   std::vector<Query> queries_;
   std::vector<Loop> found_;
 };
@@ -186,8 +189,11 @@ void LoopFinder::add(const Keyframe& keyframe) {
 }
 
 std::vector<Loop> LoopFinder::find(int threads, const ProgressCallback& progress,
-                                   const CancelFlag& cancel) {
-  return Search(state_->keyframes, state_->path, threads, progress, cancel).run();
+                                   const CancelFlag& cancel,
+                                   const std::optional<GivenPlaces>& given) {
+  if (given && given->T_map_lidar.size() != state_->path.size())
+    throw std::invalid_argument("given places: expected one a keyframe");
+  return Search(state_->keyframes, state_->path, threads, progress, cancel, given).run();
 }
 
 }  // namespace stillmap::mapping

@@ -9,6 +9,8 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -38,6 +40,15 @@ struct Loop {
   double rmse_m = 0.0;
 };
 
+/// Where all keyframes were taken, as something else tells, in one frame for all drives.
+struct GivenPlaces {
+  /// One a keyframe.
+  std::span<const Eigen::Isometry3d> T_map_lidar;
+  /// Of each in every direction [m, rad].
+  double sigma_m = 0.0;
+  double sigma_rad = 0.0;
+};
+
 /// Finds loops among keyframes, in the order in which they come.
 ///
 /// Candidates: places whose Scan Context looks alike (Kim and Kim, IROS 2018), and places that
@@ -54,8 +65,10 @@ class LoopFinder {
 
   void add(const Keyframe& keyframe);
   /// All loops between the keyframes added so far; the same for any number of threads.
+  /// @param given  of these keyframes: loops are looked for where they say.
   [[nodiscard]] std::vector<Loop> find(int threads, const ProgressCallback& progress,
-                                       const CancelFlag& cancel);
+                                       const CancelFlag& cancel,
+                                       const std::optional<GivenPlaces>& given = {});
 
  private:
   struct State;

@@ -24,6 +24,9 @@ constexpr double kAlikeM = 15.0;
 /// Deviations.
 constexpr double kProposed = 2.0;
 constexpr double kPlausible = 4.0;
+/// Given places are looked for this far around at least, as deviations [m, rad].
+constexpr double kLeastGivenM = 0.3;
+constexpr double kLeastGivenRad = 0.02;
 /// A drift beyond it tells too little: looks must [m].
 constexpr double kMostDriftM = 8.0;
 
@@ -80,8 +83,9 @@ std::vector<Proposal> ContextProposals::of(std::size_t query) const {
 }
 
 PathProposals::PathProposals(const OdometryPath& path, const Submaps& submaps,
-                             const std::vector<Loop>& loops)
-    : path_(path), submaps_(submaps), loops_(loops) {
+                             const std::vector<Loop>& loops,
+                             const std::optional<GivenPlaces>& given)
+    : path_(path), submaps_(submaps), loops_(loops), given_(given) {
   std::stable_sort(loops_.begin(), loops_.end(),
                    [](const Loop& a, const Loop& b) { return a.to < b.to; });
 }
@@ -140,11 +144,41 @@ std::optional<Proposal> PathProposals::by_odometry(std::size_t query) const {
   return best;
 }
 
+UncertainMotion PathProposals::given_motion(std::size_t from, std::size_t to) const {
+  const Eigen::Isometry3d T = given_->T_map_lidar[from].inverse() * given_->T_map_lidar[to];
+  // Of both ends; an error of the turn at the far end moves what is near.
+  const double sigma_m = std::max(kLeastGivenM, 2.0 * given_->sigma_m) +
+                         2.0 * given_->sigma_rad * T.translation().norm();
+  const double sigma_rad = std::max(kLeastGivenRad, 2.0 * given_->sigma_rad);
+  Eigen::Matrix<double, 6, 1> variances;
+  variances.head<3>().setConstant(sigma_m * sigma_m);
+  variances.tail<3>().setConstant(sigma_rad * sigma_rad);
+  return {T, variances.asDiagonal()};
+}
+
+std::optional<Proposal> PathProposals::by_given(std::size_t query) const {
+  std::optional<Proposal> best;
+  double best_m = kRevisitM + kProposed * std::min(given_->sigma_m, kMostDriftM);
+  for (std::size_t submap = 0; submap < submaps_.size(); ++submap) {
+    const std::size_t place = submaps_.centre(submap);
+    if (!may_loop(path_, place, query)) continue;
+    const double away_m =
+        (given_->T_map_lidar[place].translation() - given_->T_map_lidar[query].translation())
+            .norm();
+    if (!(away_m < best_m)) continue;
+    const UncertainMotion motion = given_motion(place, query);
+    best = Proposal{query, place, motion.T, motion.covariance};
+    best_m = away_m;
+  }
+  return best;
+}
+
 std::optional<Proposal> PathProposals::of(std::size_t query) const {
   const std::vector<const Loop*> near = loops_near(query);
   for (const Loop* loop : near) {
     if (auto found = through(*loop, query)) return found;
   }
+  if (given_) return by_given(query);
   return near.empty() ? by_odometry(query) : std::nullopt;
 }
 
@@ -159,6 +193,7 @@ bool PathProposals::plausible(std::size_t query, std::size_t place) const {
                  composed({loop->T_from_to, loop->covariance}, path_.motion(loop->to, query)));
     if (!agrees(found)) return false;
   }
+  if (given_ && !agrees(given_motion(place, query))) return false;
   return path_.drive(place) != path_.drive(query) || agrees(path_.motion(place, query));
 }
 

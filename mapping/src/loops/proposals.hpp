@@ -47,11 +47,13 @@ class ContextProposals {
 /// tell.
 class PathProposals {
  public:
-  /// @param loops  believed ones, of any order. All outlive this.
-  PathProposals(const OdometryPath& path, const Submaps& submaps, const std::vector<Loop>& loops);
+  /// @param loops  believed ones, of any order. @param given  may be none. All outlive this.
+  PathProposals(const OdometryPath& path, const Submaps& submaps, const std::vector<Loop>& loops,
+                const std::optional<GivenPlaces>& given = {});
 
   /// The nearest place that the query may have come back to, through the loops next to it; else by
-  /// odometry alone, where that still tells something. Safe from several threads.
+  /// given places, or by odometry alone, where that still tells something. Safe from several
+  /// threads.
   [[nodiscard]] std::optional<Proposal> of(std::size_t query) const;
 
   /// Whether nothing known speaks against a query's having been taken within some metres of a
@@ -62,11 +64,15 @@ class PathProposals {
   [[nodiscard]] std::vector<const Loop*> loops_near(std::size_t query) const;
   [[nodiscard]] std::optional<Proposal> through(const Loop& loop, std::size_t query) const;
   [[nodiscard]] std::optional<Proposal> by_odometry(std::size_t query) const;
+  [[nodiscard]] std::optional<Proposal> by_given(std::size_t query) const;
+  /// Between two keyframes, by given places.
+  [[nodiscard]] UncertainMotion given_motion(std::size_t from, std::size_t to) const;
 
   const OdometryPath& path_;
   const Submaps& submaps_;
   /// By `to`.
   std::vector<Loop> loops_;
+  std::optional<GivenPlaces> given_;
 };
 
 }  // namespace stillmap::mapping

@@ -42,24 +42,24 @@ std::optional<Eigen::Matrix<double, 6, 1>> start_twist(std::size_t scans, const 
 
 }  // namespace
 
-std::vector<OdometryPose> run_odometry(const maps::Drive& drive, std::size_t begin, std::size_t end,
-                                       std::string_view method, int threads,
-                                       const ProgressCallback& progress, const CancelFlag& cancel,
-                                       const ReadScan& read, const TakePlacedScan& take) {
-  if (begin > end || end > drive.size()) {
-    throw std::invalid_argument(
-        fmt::format("scans: found {} to {}, expected some of 0 to {}", begin, end, drive.size()));
-  }
-  const std::unique_ptr<Odometry> odometry = make_odometry(method);
+std::vector<OdometryPose> run_odometry(const FollowedDrive& followed, int threads,
+                                       const ProgressCallback& progress, const CancelFlag& cancel) {
+  const std::size_t all = followed.drive.size();
+  if (followed.begin > followed.end || followed.end > all)
+    throw std::invalid_argument(fmt::format("scans: found {} to {}, expected some of 0 to {}",
+                                            followed.begin, followed.end, all));
+  const std::size_t scans = followed.end - followed.begin;
+  const std::unique_ptr<Odometry> odometry = make_odometry(followed.method);
   const auto read_scan = [&](std::size_t i) {
-    return read ? read(begin + i) : drive.read(begin + i);
+    const std::size_t scan = followed.begin + i;
+    return followed.read ? followed.read(scan) : followed.drive.read(scan);
   };
   if (cancel) throw Cancelled();
-  if (const auto twist = start_twist(end - begin, read_scan)) odometry->start_with(*twist);
+  if (const auto twist = start_twist(scans, read_scan)) odometry->start_with(*twist);
   std::vector<OdometryPose> poses;
-  poses.reserve(end - begin);
+  poses.reserve(scans);
   process_in_order(
-      end - begin, threads,
+      scans, threads,
       [&](std::size_t i) {
         PreparedScan out;
         out.scan = read_scan(i);
@@ -67,9 +67,13 @@ std::vector<OdometryPose> run_odometry(const maps::Drive& drive, std::size_t beg
         return out;
       },
       [&](const PreparedScan& scan) {
+        const std::size_t index = followed.begin + poses.size();
+        if (followed.expects_given_poses && !poses.empty())
+          odometry->expect(followed.drive.T_map_lidar(index - 1).inverse() *
+                           followed.drive.T_map_lidar(index));
         poses.push_back(odometry->add(*scan.prepared));
-        if (take) take(begin + poses.size() - 1, scan.scan, poses.back());
-        if (progress) progress("odometry", poses.size(), end - begin);
+        if (followed.take) followed.take(index, scan.scan, poses.back());
+        if (progress) progress("odometry", poses.size(), scans);
       },
       cancel);
   return poses;

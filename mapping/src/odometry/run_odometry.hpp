@@ -17,21 +17,30 @@ using ReadScan = std::function<maps::Scan(std::size_t index)>;
 using TakePlacedScan =
     std::function<void(std::size_t index, const maps::Scan& scan, const OdometryPose& pose)>;
 
-/// Follows a drive through its scans [begin, end), reading and preparing several at once.
-/// @param end       past the last scan, at most the drive's size.
-/// @param method    one of `odometry_names()`.
+/// A drive to follow through its scans [begin, end).
+struct FollowedDrive {
+  const maps::Drive& drive;
+  std::size_t begin = 0;
+  /// Past the last scan, at most the drive's size.
+  std::size_t end = 0;
+  /// One of `odometry_names()`.
+  std::string_view method = "default";
+  /// Each scan is looked for where the drive's given poses say that it was taken.
+  bool expects_given_poses = false;
+  /// Instead of `drive.read`, e.g. with projected points; must keep the stamps.
+  ReadScan read{};
+  /// May be empty.
+  TakePlacedScan take{};
+};
+
+/// Reads and prepares several scans at once.
 /// @param threads   0 = all cores; the poses are the same bits for any number.
 /// @param progress  may be empty; stage "odometry".
-/// @param read      instead of `drive.read`, e.g. with projected points; must keep the stamps.
-/// @param take      may be empty.
 /// @return one pose a scan, those of [begin, end).
 /// @throws std::invalid_argument for a range outside the drive or an unknown method, Cancelled, and
 /// what reading, the method and `take` throw.
-[[nodiscard]] std::vector<OdometryPose> run_odometry(const maps::Drive& drive, std::size_t begin,
-                                                     std::size_t end, std::string_view method,
-                                                     int threads, const ProgressCallback& progress,
-                                                     const CancelFlag& cancel,
-                                                     const ReadScan& read = {},
-                                                     const TakePlacedScan& take = {});
+[[nodiscard]] std::vector<OdometryPose> run_odometry(const FollowedDrive& followed, int threads,
+                                                     const ProgressCallback& progress,
+                                                     const CancelFlag& cancel);
 
 }  // namespace stillmap::mapping

@@ -243,7 +243,8 @@ GraphProblem::GraphProblem(const PoseGraph& graph, const std::vector<Eigen::Isom
     state.relative_poses.push_back(state.add(
         new RelativeCost(edge), edge.doubtful ? &state.pose_loss : nullptr, edge.from, edge.to));
   for (const AbsolutePose& pose : graph.absolute_poses)
-    state.absolute_poses.push_back(state.add(new AbsoluteCost(pose), nullptr, pose.node));
+    state.absolute_poses.push_back(
+        state.add(new AbsoluteCost(pose), pose.doubtful ? &state.pose_loss : nullptr, pose.node));
   for (const AbsolutePosition& position : graph.absolute_positions)
     state.positions.push_back(state.add(new PositionCost(position),
                                         position.doubtful ? &state.position_loss : nullptr,
@@ -273,7 +274,8 @@ void GraphProblem::set_mu(double mu) { state_->mu = mu; }
 
 double GraphProblem::worst_doubt() const {
   double out = 0.0;
-  for (const std::vector<Measurement>* list : {&state_->relative_poses, &state_->positions}) {
+  for (const std::vector<Measurement>* list :
+       {&state_->relative_poses, &state_->absolute_poses, &state_->positions}) {
     for (const Measurement& measurement : *list) {
       if (measurement.loss == nullptr) continue;
       out = std::max(out, measurement.loss->doubt(measurement.chi_squared()));
@@ -284,6 +286,10 @@ double GraphProblem::worst_doubt() const {
 
 std::vector<double> GraphProblem::relative_weights() const {
   return weights_of(state_->relative_poses);
+}
+
+std::vector<double> GraphProblem::absolute_weights() const {
+  return weights_of(state_->absolute_poses);
 }
 
 std::vector<double> GraphProblem::position_weights() const { return weights_of(state_->positions); }

@@ -38,6 +38,7 @@ class GraphProblem {
   [[nodiscard]] double worst_doubt() const;
   /// The loss' slope at each measurement, (mu c^2 / (mu c^2 + s))^2; 1 when it is not doubtful.
   [[nodiscard]] std::vector<double> relative_weights() const;
+  [[nodiscard]] std::vector<double> absolute_weights() const;
   [[nodiscard]] std::vector<double> position_weights() const;
   /// As in `PoseGraphSolution`.
   [[nodiscard]] double cost() const;

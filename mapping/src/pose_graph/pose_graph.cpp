@@ -18,6 +18,7 @@ PoseGraphSolution solve(const PoseGraph& graph, const CancelFlag& cancel) {
   PoseGraphSolution out;
   out.nodes = problem.nodes();
   out.relative_weights = problem.relative_weights();
+  out.absolute_weights = problem.absolute_weights();
   out.position_weights = problem.position_weights();
   out.cost = problem.cost();
   out.iterations = outcome.iterations;

@@ -27,6 +27,8 @@ struct AbsolutePose {
   std::size_t node = 0;
   Eigen::Isometry3d T_map_node = Eigen::Isometry3d::Identity();
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Identity();
+  /// May be plainly wrong (a jump of a trajectory).
+  bool doubtful = false;
 };
 
 /// A measured position alone, as of GNSS.
@@ -56,6 +58,8 @@ struct PoseGraphSolution {
   /// Noise as its covariance tells leaves 0.6 on average, seldom less than 0.25; errors that
   /// nothing agrees with are near 0.
   std::vector<double> relative_weights;
+  /// One an absolute pose, the same.
+  std::vector<double> absolute_weights;
   /// One an absolute position, the same.
   std::vector<double> position_weights;
   /// Sum of the squared whitened residuals, doubtful ones by their weights.

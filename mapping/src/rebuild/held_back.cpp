@@ -2,6 +2,7 @@
 
 #include "build/posed_drives.hpp"
 #include "trajectory/common_frame.hpp"
+#include "trajectory/drive_of_map.hpp"
 
 #include <stillmap/localization/aligner.hpp>
 #include <stillmap/mapping/localization_evaluation.hpp>
@@ -35,27 +36,9 @@ bool is_in_own_frame(const std::vector<maps::Drive>& drives, const MapBuildOptio
          options.trajectory.gnss_sigma_m;
 }
 
-/// What the poses of the map's first drive were moved by until they were the map's.
-Eigen::Isometry3d T_map_own(const maps::Drive& drive, std::size_t first_scan,
-                            const maps::Trajectory& path) {
-  return path.poses().front().T_map_lidar * drive.T_map_lidar(first_scan).inverse();
-}
-
 maps::Drive moved_by(const Eigen::Isometry3d& T, const maps::Drive& drive) {
   std::vector<Eigen::Isometry3d> poses = drive.contents().T_map_lidar;
   for (Eigen::Isometry3d& pose : poses) pose = T * pose;
-  return drive.with_poses(std::move(poses), std::nullopt);
-}
-
-/// Scans before the first and behind the last of the path get these's; nobody asks for them.
-maps::Drive on_path(const maps::Drive& drive, const maps::Trajectory& path) {
-  std::vector<Eigen::Isometry3d> poses;
-  const auto& known = path.poses();
-  for (std::size_t scan = 0; scan < drive.size(); ++scan) {
-    const std::int64_t stamp_ns =
-        std::clamp(drive.stamp_ns(scan), known.front().stamp_ns, known.back().stamp_ns);
-    poses.push_back(path.at(stamp_ns).value());
-  }
   return drive.with_poses(std::move(poses), std::nullopt);
 }
 
@@ -88,13 +71,11 @@ HeldBackDrive another_drive(const RebuildOptions& options, const std::vector<map
                             const maps::MapPackage& map,
                             const std::vector<maps::Trajectory>& paths) {
   const maps::Drive drive = held_back_drive(options);
-  const std::size_t first_scan = options.build.scans_of(own.front().size()).front();
-  // With a prior or GNSS every pose moved a little of its own, and all by registration.
+  // Refined, or with a prior or GNSS, every pose moved a little of its own, and all by
+  // registration.
   const auto& registration = map.manifest().registration;
-  const bool given = odometry_of(own, options.build) == "given";
   const Eigen::Isometry3d T_map_first =
-      given ? T_map_own(own.front(), first_scan, paths.front())
-            : (registration ? registration->T_map_poses : Eigen::Isometry3d::Identity());
+      registration ? registration->T_map_poses : Eigen::Isometry3d::Identity();
   HeldBackDrive out{moved_by(T_map_first * T_first_own(own.front(), drive), drive), {}};
   for (std::size_t scan = 0; scan < out.drive.size(); ++scan) {
     if (is_near(out.drive.T_map_lidar(scan), paths)) out.scans.push_back(scan);
@@ -143,13 +124,8 @@ std::vector<HeldBackDrive> held_back_drives(const RebuildOptions& options,
   if (options.held_back) {
     drives.push_back(another_drive(options, own, map, paths));
   } else {
-    const bool given = odometry_of(own, options.build) == "given";
-    for (std::size_t i = 0; i < own.size(); ++i) {
-      const std::size_t first_scan = options.build.scans_of(own[i].size()).front();
-      drives.push_back({given ? moved_by(T_map_own(own[i], first_scan, paths[i]), own[i])
-                              : on_path(own[i], paths[i]),
-                        options.build.held_back_of(own[i].size())});
-    }
+    for (std::size_t i = 0; i < own.size(); ++i)
+      drives.push_back({on_path(own[i], paths[i]), options.build.held_back_of(own[i].size())});
   }
   thin_out(drives);
   return drives;

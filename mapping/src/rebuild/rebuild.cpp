@@ -14,6 +14,7 @@
 #include <stillmap/maps/map_package.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <chrono>
 #include <cstdio>
@@ -328,9 +329,13 @@ std::vector<StageShare> rebuild_stages(const RebuildOptions& options) {
   };
   // Of a drive of 1 km on two cores; the second build takes the first pass over.
   const bool registers = options.previous || options.build.register_to;
-  add("map", 0.70, build_stages(estimates_poses(options.drives, options.build), registers));
-  std::vector<StageShare> second = build_stages(false, registers);
-  std::erase_if(second, [](const StageShare& each) { return each.stage == "survey"; });
+  add("map", 0.70, build_stages(registers));
+  std::vector<StageShare> second = build_stages(registers);
+  std::erase_if(second, [](const StageShare& each) {
+    constexpr std::array kTakenOver{"odometry", "describe places", "check loops", "pose graph",
+                                    "survey"};
+    return std::ranges::find(kTakenOver, each.stage) != kTakenOver.end();
+  });
   for (StageShare& each : second) {
     if (each.stage == "resume") each.share = 0.10;
   }

@@ -11,22 +11,18 @@ namespace {
 
 constexpr double kKeyframesApartM = 1.0;
 constexpr double kApartRad = 10.0 * std::numbers::pi / 180.0;
-/// Drift as a random walk, deviations after a metre: 0.2 m and 0.2 deg after 100 m.
-constexpr double kDriftM = 0.02;
-constexpr double kDriftRad = 3.5e-4;
-/// What two scans at one place are off from each other.
-constexpr double kFloorM = 0.005;
-constexpr double kFloorRad = 2e-4;
-
-Eigen::Matrix<double, 6, 6> drift_over(double way_m) {
-  const double variance_m2 = kDriftM * kDriftM * way_m + kFloorM * kFloorM;
-  const double variance_rad2 = kDriftRad * kDriftRad * way_m + kFloorRad * kFloorRad;
-  Eigen::Matrix<double, 6, 1> variances;
-  variances << variance_m2, variance_m2, variance_m2, variance_rad2, variance_rad2, variance_rad2;
-  return variances.asDiagonal();
-}
 
 }  // namespace
+
+Eigen::Matrix<double, 6, 6> OdometryDrift::over(double way_m) const {
+  const auto variance = [way_m](double after_a_metre, double floor) {
+    return after_a_metre * after_a_metre * way_m + floor * floor;
+  };
+  Eigen::Matrix<double, 6, 1> variances;
+  variances.head<3>().setConstant(variance(after_a_metre_m, floor_m));
+  variances.tail<3>().setConstant(variance(after_a_metre_rad, floor_rad));
+  return variances.asDiagonal();
+}
 
 std::optional<KeyframeChooser::Chosen> KeyframeChooser::add(const OdometryPose& pose) {
   if (!begun_) {
@@ -44,7 +40,7 @@ std::optional<KeyframeChooser::Chosen> KeyframeChooser::add(const OdometryPose& 
   const double way_m = T_before_this.translation().norm();
   if (way_m < kKeyframesApartM && maps::rotation_angle_rad(T_before_this.linear()) < kApartRad)
     return std::nullopt;
-  const Chosen chosen{T_before_this, covariance_ + drift_over(way_m)};
+  const Chosen chosen{T_before_this, covariance_};
   T_odom_keyframe_ = pose.T_odom_lidar;
   covariance_.setZero();
   return chosen;

@@ -4,6 +4,7 @@
 #include "seconds_since.hpp"
 #include "trajectory/common_frame.hpp"
 #include "trajectory/corrected_poses.hpp"
+#include "trajectory/given_pose_errors.hpp"
 #include "trajectory/keyframes.hpp"
 #include "trajectory/levelling.hpp"
 #include "trajectory/trajectory_graph.hpp"
@@ -15,6 +16,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <stdexcept>
 #include <utility>
 
@@ -22,6 +24,13 @@ namespace stillmap::mapping {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+
+/// Of `default` where given poses hold the whole: measured were 0.5 to 1 cm and 0.01 deg over 10 m
+/// (mapping/odometry.md). Alone it is believed less, so that a right loop is not given up.
+constexpr OdometryDrift kHeldDrift{0.004, 1e-4, 0.003, 1e-4};
+
+/// Noise as it is told leaves hardly any measurement less weight.
+constexpr double kDenied = 0.1;
 
 /// What odometry leaves behind.
 struct Odometries {
@@ -37,6 +46,7 @@ void follow(const maps::Drive& drive, std::size_t number, const TrajectoryOption
   const std::size_t end = std::min(options.end.value_or(drive.size()), drive.size());
   EstimatedDrive estimated;
   estimated.begin = options.begin;
+  const OdometryDrift drift = options.refine_given ? kHeldDrift : OdometryDrift{};
   KeyframeChooser chooser;
   const auto take = [&](std::size_t index, const maps::Scan& scan, const OdometryPose& pose) {
     const auto chosen = chooser.add(pose);
@@ -49,28 +59,68 @@ void follow(const maps::Drive& drive, std::size_t number, const TrajectoryOption
                              .scan = index,
                              .T_odom_lidar = pose.T_odom_lidar,
                              .T_before_this = chosen->T_before_this,
-                             .covariance = chosen->covariance});
+                             .covariance = chosen->covariance(drift)});
     if (finder == nullptr) return;
     finder->add({.points = std::move(cloud.positions),
                  .T_odom_lidar = pose.T_odom_lidar,
-                 .covariance = chosen->covariance,
+                 .covariance = chosen->covariance(),
                  .drive = static_cast<std::uint32_t>(number)});
   };
-  ReadScan read_scan;
-  if (read) read_scan = [&](std::size_t index) { return read(drive, index); };
-  estimated.odometry = run_odometry(drive, options.begin, end, options.odometry, options.threads,
-                                    progress, cancel, read_scan, take);
+  FollowedDrive followed{.drive = drive,
+                         .begin = options.begin,
+                         .end = end,
+                         .method = options.odometry,
+                         .expects_given_poses = options.refine_given,
+                         .take = take};
+  if (read) followed.read = [&](std::size_t index) { return read(drive, index); };
+  estimated.odometry = run_odometry(followed, options.threads, progress, cancel);
   out.drives.push_back(std::move(estimated));
 }
 
-GivenPoses given_poses(const std::vector<maps::Drive>& drives,
-                       std::span<const DriveKeyframe> keyframes, const TrajectoryOptions& options) {
-  GivenPoses given;
-  if (!options.prior && !options.gnss_sigma_m) return given;
+bool asks_given(const TrajectoryOptions& options) {
+  return options.prior || options.gnss_sigma_m || options.refine_given;
+}
+
+/// One a key frame, in the frame of the first drive's.
+std::vector<Eigen::Isometry3d> given_of(const std::vector<maps::Drive>& drives,
+                                        std::span<const DriveKeyframe> keyframes) {
+  std::vector<Eigen::Isometry3d> given;
   for (const DriveKeyframe& keyframe : keyframes) {
     const maps::Drive& drive = drives[keyframe.drive];
     given.push_back(T_first_own(drives.front(), drive) * drive.T_map_lidar(keyframe.scan));
   }
+  return given;
+}
+
+GivenPoseErrors errors_of(const std::vector<maps::Drive>& drives, const Odometries& odometries) {
+  std::vector<TwicePosed> posed;
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    const EstimatedDrive& estimated = odometries.drives[i];
+    posed.push_back({estimated.odometry, std::span(drives[i].contents().T_map_lidar)
+                                             .subspan(estimated.begin, estimated.odometry.size())});
+  }
+  return given_pose_errors(posed);
+}
+
+/// What the graph is told of the drives' own poses.
+GivenPoses given_poses(std::vector<Eigen::Isometry3d> T_map_keyframe,
+                       const TrajectoryOptions& options,
+                       const std::optional<GivenPoseErrors>& errors) {
+  GivenPoses given;
+  if (options.gnss_sigma_m) {
+    given.sigma_m = *options.gnss_sigma_m;
+    given.doubtful = true;
+  } else if (options.prior) {
+    given.sigma_m = options.prior->sigma_m;
+    given.sigma_rad = options.prior->sigma_rad;
+  } else if (errors) {
+    // So many neighbours repeat one error.
+    const double repeated = std::sqrt(std::max(1.0, errors->correlated_m / kGivenApartM));
+    given.sigma_m = repeated * errors->sigma_m;
+    given.sigma_rad = repeated * errors->sigma_rad;
+    given.doubtful = true;
+  }
+  given.T_map_keyframe = std::move(T_map_keyframe);
   return given;
 }
 
@@ -80,6 +130,12 @@ void require_joined(const std::vector<maps::Drive>& drives,
     throw maps::InputError(drives[*apart].contents().root.string(),
                            "no place that the other drives have seen too",
                            "drives that overlap, or poses of all of them as a prior");
+}
+
+/// Given poses that the rest of the graph denies.
+std::size_t denied_in(const PoseGraphSolution& solution) {
+  return static_cast<std::size_t>(std::ranges::count_if(
+      solution.absolute_weights, [](double weight) { return weight < kDenied; }));
 }
 
 void correct(Odometries& odometries, const std::vector<Eigen::Isometry3d>& T_map_keyframe) {
@@ -115,7 +171,7 @@ void check(const std::vector<maps::Drive>& drives, const TrajectoryOptions& opti
   if (drives.empty()) throw std::invalid_argument("drives: none, expected at least one");
   if (const auto broken = options.violations(); !broken.empty())
     throw std::invalid_argument("trajectory options: " + broken.front());
-  if (drives.size() > 1 && !options.loops && !options.prior && !options.gnss_sigma_m)
+  if (drives.size() > 1 && !options.loops && !asks_given(options))
     throw std::invalid_argument(
         "loops: found off with several drives, expected on, or poses of all drives as a prior or "
         "as "
@@ -125,7 +181,7 @@ void check(const std::vector<maps::Drive>& drives, const TrajectoryOptions& opti
       throw maps::InputError(drive.contents().root.string(),
                              fmt::format("{} scans, none selected", drive.size()),
                              "at least one selected scan");
-    if ((options.prior || options.gnss_sigma_m) && !drive.has_poses())
+    if (asks_given(options) && !drive.has_poses())
       throw maps::InputError(drive.contents().root.string(), "a drive without poses",
                              "poses to take as a prior or as GNSS");
   }
@@ -146,6 +202,8 @@ std::vector<std::string> TrajectoryOptions::violations() const {
   if (gnss_sigma_m) check_positive("gnss_sigma_m", *gnss_sigma_m, 1e4);
   if (prior && gnss_sigma_m)
     broken.emplace_back("gnss_sigma_m: found beside a prior, expected one of them");
+  if (refine_given && (prior || gnss_sigma_m))
+    broken.emplace_back("refine_given: found beside a prior or GNSS, expected one of them");
   if (threads < 0 || threads > 256)
     broken.push_back(fmt::format("threads: {}, expected in [0, 256]", threads));
   return broken;
@@ -167,23 +225,41 @@ TrajectoryEstimate estimate_trajectories(const std::vector<maps::Drive>& drives,
   estimate.odometry_seconds = seconds_since(began);
 
   began = Clock::now();
+  std::vector<Eigen::Isometry3d> T_map_given;
+  if (asks_given(options)) T_map_given = given_of(drives, odometries.keyframes);
+  if (options.refine_given) estimate.given_errors = errors_of(drives, odometries);
   std::vector<Loop> loops;
-  if (finder) loops = finder->find(options.threads, progress, cancel);
+  if (finder) {
+    std::optional<GivenPlaces> places;
+    if (const auto& errors = estimate.given_errors)
+      places = GivenPlaces{T_map_given, errors->sigma_m, errors->sigma_rad};
+    loops = finder->find(options.threads, progress, cancel, places);
+    if (estimate.given_errors) widen_by_loops(loops, T_map_given, *estimate.given_errors);
+  }
   estimate.loop_seconds = seconds_since(began);
 
   began = Clock::now();
   if (progress) progress("pose graph", 0, 1);
-  const GivenPoses given = given_poses(drives, odometries.keyframes, options);
-  if (given.empty()) require_joined(drives, odometries.keyframes, loops);
-  const PoseGraph graph =
-      graph_of(odometries.keyframes, loops, given, odometries.T_ground_odom, options);
-  const PoseGraphSolution solution = solve(graph, cancel);
+  if (T_map_given.empty()) require_joined(drives, odometries.keyframes, loops);
+  const GivenPoses given = given_poses(std::move(T_map_given), options, estimate.given_errors);
+  PoseGraph graph = graph_of(odometries.keyframes, loops, given, odometries.T_ground_odom);
+  PoseGraphSolution solution = solve(graph, cancel);
+  if (2 * denied_in(solution) > solution.absolute_weights.size()) {
+    // Not a few of them are wrong: then it is not known which, and they hold the frame.
+    for (AbsolutePose& pose : graph.absolute_poses) pose.doubtful = false;
+    solution = solve(graph, cancel);
+  }
   estimate.graph_seconds = seconds_since(began);
+
+  if (auto& errors = estimate.given_errors) {
+    errors->asked = solution.absolute_weights.size();
+    errors->denied = denied_in(solution);
+  }
 
   correct(odometries, solution.nodes);
   const auto loop_weights = std::span(solution.relative_weights).last(loops.size());
   estimate.loops = named(loops, odometries.keyframes, loop_weights);
-  if (!given.empty()) estimate.origin = drives.front().contents().origin;
+  if (asks_given(options)) estimate.origin = drives.front().contents().origin;
   estimate.drives = std::move(odometries.drives);
   return estimate;
 }

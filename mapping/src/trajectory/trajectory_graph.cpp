@@ -5,8 +5,6 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr double kGivenApartM = 10.0;
-
 /// Key frames whose given pose counts: the first and the last of each drive, and some between.
 std::vector<std::size_t> anchors_of(std::span<const DriveKeyframe> keyframes) {
   std::vector<std::size_t> anchors;
@@ -22,31 +20,33 @@ std::vector<std::size_t> anchors_of(std::span<const DriveKeyframe> keyframes) {
   return anchors;
 }
 
-void add_given(PoseGraph& graph, std::span<const DriveKeyframe> keyframes, const GivenPoses& given,
-               const TrajectoryOptions& options) {
-  if (given.empty()) return;
+void add_given(PoseGraph& graph, std::span<const DriveKeyframe> keyframes,
+               const GivenPoses& given) {
+  if (given.T_map_keyframe.empty()) return;
+  const double variance_m2 = given.sigma_m * given.sigma_m;
   for (const std::size_t k : anchors_of(keyframes)) {
-    if (options.gnss_sigma_m) {
-      const double variance_m2 = *options.gnss_sigma_m * *options.gnss_sigma_m;
+    const Eigen::Isometry3d& T = given.T_map_keyframe[k];
+    if (!given.sigma_rad) {
       graph.absolute_positions.push_back({.node = k,
-                                          .position_map_m = given[k].translation(),
+                                          .position_map_m = T.translation(),
                                           .covariance = variance_m2 * Eigen::Matrix3d::Identity(),
-                                          .doubtful = true});
+                                          .doubtful = given.doubtful});
       continue;
     }
-    Eigen::Matrix<double, 6, 1> sigmas;
-    sigmas.head<3>().setConstant(options.prior->sigma_m);
-    sigmas.tail<3>().setConstant(options.prior->sigma_rad);
-    graph.absolute_poses.push_back(
-        {.node = k, .T_map_node = given[k], .covariance = sigmas.cwiseAbs2().asDiagonal()});
+    Eigen::Matrix<double, 6, 1> variances;
+    variances.head<3>().setConstant(variance_m2);
+    variances.tail<3>().setConstant(*given.sigma_rad * *given.sigma_rad);
+    graph.absolute_poses.push_back({.node = k,
+                                    .T_map_node = T,
+                                    .covariance = variances.asDiagonal(),
+                                    .doubtful = given.doubtful});
   }
 }
 
 }  // namespace
 
 PoseGraph graph_of(std::span<const DriveKeyframe> keyframes, std::span<const Loop> loops,
-                   const GivenPoses& given, const std::vector<Eigen::Isometry3d>& T_ground_odom,
-                   const TrajectoryOptions& options) {
+                   const GivenPoses& given, const std::vector<Eigen::Isometry3d>& T_ground_odom) {
   PoseGraph graph;
   for (std::size_t k = 0; k < keyframes.size(); ++k) {
     const DriveKeyframe& keyframe = keyframes[k];
@@ -64,7 +64,7 @@ PoseGraph graph_of(std::span<const DriveKeyframe> keyframes, std::span<const Loo
                                     .covariance = loop.covariance,
                                     .doubtful = true});
   }
-  add_given(graph, keyframes, given, options);
+  add_given(graph, keyframes, given);
   return graph;
 }
 

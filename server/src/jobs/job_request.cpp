@@ -34,6 +34,7 @@ struct Words {
 constexpr std::array kWords = {
     Words{"preset", {"default", "paper"}},
     Words{"odometry", {"default", "loam", "given"}},
+    Words{"given-poses", {"refine", "exact"}},
     Words{"movable", {"project", "delete", "keep"}},
     Words{"clean", {"free-space", "none", "removert", "erasor", "octomap", "dufomap"}},
     Words{"detector", {"geometric", "voxelnext"}},

@@ -60,6 +60,7 @@ std::string to_json_text(const mapping::MapBuildReport& report, const BuildArgum
                      {"poses", options.poses_file ? options.poses_file->string() : ""},
                      {"geo_origin", arguments.geo_origin},
                      {"odometry", options.odometry.value_or("")},
+                     {"given_poses", name_of(options.given_poses)},
                      {"loops", options.trajectory.loops},
                      {"register_to", options.register_to ? options.register_to->string() : ""},
                      {"pose_sigma", arguments.pose_sigma.value_or("")},
@@ -117,6 +118,20 @@ std::string registration_text(const maps::Registration& registration) {
       T.translation().norm(), in_degrees(maps::rotation_angle_rad(T.linear())));
 }
 
+void add_given_poses(const mapping::GivenPosesReport& given, command_line::Table& table) {
+  const mapping::GivenPoseErrors::Apart& neighbours = given.errors.by_way.front();
+  if (neighbours.pairs > 0)
+    table.add("given poses", fmt::format("neighbouring scans disagree by {:.3f} m, {:.2f} deg in "
+                                         "the median, {:.3f} m, {:.2f} deg at most",
+                                         neighbours.median_m, in_degrees(neighbours.median_rad),
+                                         neighbours.max_m, in_degrees(neighbours.max_rad)));
+  if (given.use == mapping::GivenPosesUse::kRefine)
+    table.add("moved by", fmt::format("{:.3f} m, {:.2f} deg in the median, {:.3f} m, {:.2f} deg at "
+                                      "most",
+                                      given.moved_median_m, in_degrees(given.moved_median_rad),
+                                      given.moved_max_m, in_degrees(given.moved_max_rad)));
+}
+
 void print_for_people(const mapping::MapBuildReport& report, const std::filesystem::path& map,
                       const std::string& index) {
   command_line::Table table;
@@ -131,6 +146,7 @@ void print_for_people(const mapping::MapBuildReport& report, const std::filesyst
   table.add("peak memory", fmt::format("{:.0f} MiB", report.peak_rss_mib));
   for (const auto& [name, count] : report.trajectory)
     table.add(trajectory_label(name), grouped(count));
+  if (report.given_poses) add_given_poses(*report.given_poses, table);
   if (report.registration) table.add("registered", registration_text(*report.registration));
   for (const auto& [name, count] : report.points) table.add(points_label(name), grouped(count));
   for (const auto& [name, count] : report.objects) table.add(objects_label(name), grouped(count));
@@ -184,8 +200,7 @@ void build(BuildCommand& asked, const CLI::App& command) {
     for (const std::string& note : remarks.notes) fmt::print(stderr, "note: {}\n", note);
     for (const std::string& doubt : remarks.doubts) fmt::print(stderr, "warning: {}\n", doubt);
   }
-  std::vector<mapping::StageShare> plan =
-      mapping::build_stages(estimates_poses, options.register_to.has_value());
+  std::vector<mapping::StageShare> plan = mapping::build_stages(options.register_to.has_value());
   plan.push_back({"index", 0.01});
   run_with_progress(asked.progress, plan, [&](const mapping::ProgressCallback& progress) {
     report = mapping::build_map(drives, asked.map, options, progress, command_line::cancel_flag(),
@@ -263,9 +278,14 @@ void add_pose_options(CLI::App& command, BuildArguments& arguments) {
   methods.insert(methods.begin(), "given");
   command
       .add_option("--odometry", options.odometry,
-                  "Where poses come from: given (the drive's own or --poses, as they are), or a "
-                  "method of odometry with loops (default: given where there are poses)")
+                  "Where poses come from: given (the drive's own or --poses), or a method of "
+                  "odometry with loops (default: given where there are poses)")
       ->check(CLI::IsMember(methods));
+  command
+      .add_option("--given-poses", arguments.given_poses,
+                  "What happens to given poses: refine (neighbouring scans are registered, the "
+                  "frame stays) or exact (of a survey: taken as they are, and checked)")
+      ->check(CLI::IsMember({"refine", "exact"}));
   command
       .add_option("--loops", arguments.loops,
                   "With odometry: join places that were seen again, also between drives")
@@ -320,6 +340,10 @@ void read_words(BuildArguments& arguments, const CLI::App& command) {
     options.trajectory.prior = {.sigma_m = metres, .sigma_rad = degrees * std::numbers::pi / 180};
   }
   const auto given = [&](const char* name) { return command.count(name) > 0; };
+  if (given("--given-poses"))
+    options.given_poses = arguments.given_poses == name_of(mapping::GivenPosesUse::kExact)
+                              ? mapping::GivenPosesUse::kExact
+                              : mapping::GivenPosesUse::kRefine;
   if (given("--fusion")) options.fusion = arguments.fusion == "on";
   if (given("--fill")) options.fill = arguments.fill == "on";
   if (given("--clean")) options.clean = clean;

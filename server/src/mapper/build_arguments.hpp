@@ -21,6 +21,8 @@ struct BuildArguments {
   std::string fusion = "on";
   std::string fill = "on";
   std::string loops = "on";
+  /// Empty: as the preset has it.
+  std::string given_poses;
   std::optional<std::string> pose_sigma;
   std::string geo_origin;
   mapping::MapBuildOptions options;

@@ -184,6 +184,35 @@ TEST(DirectOdometry, KeepsItsSpeedInATunnelAndSaysSo) {
   EXPECT_LT(std::sqrt(variance_m2), 6.0);
 }
 
+TEST(DirectOdometry, LooksWhereItIsToldAndAlsoWhereTheSpeedLeads) {
+  // Turns round on the spot at once: nothing that was seen before tells it.
+  auto truth = curve(14);
+  for (std::size_t i = 12; i < truth.size(); ++i)
+    truth[i].rotate(Eigen::AngleAxisd(2.6, Eigen::Vector3d::UnitZ()));
+  const std::vector<maps::Scan> scans = scans_from(test::street(41), truth);
+  const auto told = [&] {
+    const std::unique_ptr<Odometry> odometry = make_odometry("default");
+    std::vector<OdometryPose> poses;
+    for (std::size_t i = 0; i < scans.size(); ++i) {
+      if (i > 0) odometry->expect(truth[i - 1].inverse() * truth[i]);
+      poses.push_back(odometry->add(*odometry->prepare(scans[i])));
+    }
+    return off_m(truth.front(), truth.back(), poses.back());
+  };
+  EXPECT_LT(told(), 0.05);
+  EXPECT_GT(off_m(truth.front(), truth.back(), follow(scans).back()), 0.3);
+  // What is told is wrong: as without a word.
+  truth = curve(14);
+  const std::vector<maps::Scan> straight = scans_from(test::street(41), truth);
+  const std::unique_ptr<Odometry> odometry = make_odometry("default");
+  std::vector<OdometryPose> poses;
+  for (std::size_t i = 0; i < straight.size(); ++i) {
+    if (i > 11) odometry->expect(pose_at(-6.0, 3.0, 0.5));
+    poses.push_back(odometry->add(*odometry->prepare(straight[i])));
+  }
+  EXPECT_LT(off_m(truth.front(), truth.back(), poses.back()), 0.05);
+}
+
 TEST(DirectOdometry, GoesOnThroughEmptyScansAndGapsInTime) {
   const auto truth = curve(30);
   std::vector<maps::Scan> scans = scans_from(test::street(43), truth);
@@ -305,10 +334,13 @@ TEST(RunOdometry, SameBitsForAnyNumberOfThreadsAndInOrder) {
   const maps::Drive drive(contents);
   const auto run = [&](int threads) {
     std::vector<std::size_t> order;
-    std::vector<OdometryPose> poses = run_odometry(
-        drive, 2, 12, "default", threads, {}, CancelFlag{false},
-        [&](std::size_t i) { return scans[i]; },
-        [&](std::size_t i, const maps::Scan&, const OdometryPose&) { order.push_back(i); });
+    const FollowedDrive followed{
+        .drive = drive,
+        .begin = 2,
+        .end = 12,
+        .read = [&](std::size_t i) { return scans[i]; },
+        .take = [&](std::size_t i, const maps::Scan&, const OdometryPose&) { order.push_back(i); }};
+    std::vector<OdometryPose> poses = run_odometry(followed, threads, {}, CancelFlag{false});
     EXPECT_THAT(order, ElementsAre(2, 3, 4, 5, 6, 7, 8, 9, 10, 11));
     return poses;
   };
@@ -318,9 +350,8 @@ TEST(RunOdometry, SameBitsForAnyNumberOfThreadsAndInOrder) {
     EXPECT_EQ(one[i].T_odom_lidar.matrix(), four[i].T_odom_lidar.matrix());
     EXPECT_EQ(one[i].covariance, four[i].covariance);
   }
-  EXPECT_THROW((void)run_odometry(drive, 5, 13, "default", 1, {}, CancelFlag{false}),
-               std::invalid_argument);
-  EXPECT_THROW((void)run_odometry(drive, 0, 3, "default", 1, {}, CancelFlag{true}), Cancelled);
+  EXPECT_THROW((void)run_odometry({drive, 5, 13}, 1, {}, CancelFlag{false}), std::invalid_argument);
+  EXPECT_THROW((void)run_odometry({drive, 0, 3}, 1, {}, CancelFlag{true}), Cancelled);
 }
 
 }  // namespace direct_odometry_test

@@ -45,7 +45,9 @@ class Echo : public localization::Aligner {
 class EvaluateLocalization : public ::testing::Test {
  protected:
   EvaluateLocalization() : drive_(small_.write(folder_)) {
-    (void)build_map({drive_}, folder_.path() / "map", MapBuildOptions(), {}, cancel_);
+    MapBuildOptions options;
+    options.given_poses = GivenPosesUse::kExact;
+    (void)build_map({drive_}, folder_.path() / "map", options, {}, cancel_);
   }
   [[nodiscard]] LocalizationEvaluation evaluate() const {
     return evaluate_localization(

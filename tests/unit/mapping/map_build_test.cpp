@@ -4,6 +4,8 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 
+#include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <limits>
 #include <numbers>
@@ -23,7 +25,11 @@ using ::testing::IsEmpty;
 
 class MapBuild : public ::testing::Test {
  protected:
-  MapBuild() : drive_(small_.write(folder_)) { options_.threads = 1; }
+  MapBuild() : drive_(small_.write(folder_)) {
+    options_.threads = 1;
+    // Four scans between smooth walls tell little of the way along them, and these poses are true.
+    options_.given_poses = GivenPosesUse::kExact;
+  }
 
   MapBuildReport build(const std::string& name = "map") {
     return build_map({drive_}, folder_.path() / "maps" / name, options_, progress_, cancel_);
@@ -528,6 +534,69 @@ TEST_F(MapBuild, RefusesEmptyRangesOfPoints) {
   options_.min_range_m = 20.0;
   options_.max_range_m = 10.0;
   EXPECT_THAT([&] { (void)build(); }, ThrowsSaying<std::invalid_argument>({"max_range_m"}));
+}
+
+/// Twenty scans of a street whose given poses are off by 0.1 m in every direction.
+class GivenPosesOfABuild : public MapBuild {
+ protected:
+  GivenPosesOfABuild() {
+    const test::SyntheticWorld world = test::street(41);
+    test::ScanPattern pattern{.rings = 24, .columns = 360, .noise_m = 0.02};
+    test::Random random(7);
+    std::string poses;
+    for (std::size_t i = 0; i < 20; ++i) {
+      const double way_m = static_cast<double>(i);
+      truth_.push_back(test::pose_at(20.0 + way_m, 0.4 * std::sin(0.2 * way_m), 0.0));
+      pattern.seed = i + 1;
+      folder_.write(fmt::format("street/{:06}.bin", i),
+                    test::bin_of(world.scan(truth_.back(), pattern)));
+      Eigen::Isometry3d T = truth_.back();
+      for (double& value : T.translation()) value += 0.1 * random.normal();
+      poses += test::kitti_line(T);
+    }
+    folder_.write("street/poses.txt", poses);
+    drive_ = folder_.path() / "street";
+    options_.detector = "geometric";
+  }
+  /// What neighbouring scans of the map are off from each other, at most.
+  [[nodiscard]] double worst_m() const {
+    const maps::Trajectory path = open()->trajectories().front();
+    double worst = 0.0;
+    for (std::size_t i = 1; i < truth_.size(); ++i) {
+      const Eigen::Isometry3d T_true = truth_[i - 1].inverse() * truth_[i];
+      const Eigen::Isometry3d T =
+          path.poses()[i - 1].T_map_lidar.inverse() * path.poses()[i].T_map_lidar;
+      worst = std::max(worst, (T_true.inverse() * T).translation().norm());
+    }
+    return worst;
+  }
+
+  std::vector<Eigen::Isometry3d> truth_;
+};
+
+TEST_F(GivenPosesOfABuild, AreRefinedAndItIsSaidByHowMuch) {
+  options_.given_poses = GivenPosesUse::kRefine;
+  const MapBuildReport report = build();
+  EXPECT_LT(worst_m(), 0.05);
+  ASSERT_TRUE(report.given_poses);
+  EXPECT_GT(report.given_poses->moved_median_m, 0.05);
+  EXPECT_LT(report.given_poses->moved_median_m, 0.3);
+  EXPECT_GT(report.given_poses->neighbours_apart, 10U);
+  EXPECT_THAT(report.warnings, IsEmpty());
+  EXPECT_EQ(open()->manifest().options.at("given_poses"), "refine");
+  EXPECT_GE(open()->manifest().counts.at("key_frames"), 15U);
+  EXPECT_EQ(open()->manifest().counts.at("poses_moved_median_mm"),
+            std::llround(1e3 * report.given_poses->moved_median_m));
+}
+
+TEST_F(GivenPosesOfABuild, ThatAreSaidToBeExactStayAndAreChecked) {
+  const MapBuildReport report = build();
+  EXPECT_GT(worst_m(), 0.2);
+  EXPECT_EQ(report.given_poses.value().moved_max_m, 0.0);
+  EXPECT_THAT(report.warnings, ElementsAre(::testing::AllOf(
+                                   ::testing::HasSubstr("of 19 scans lie more than a voxel"),
+                                   ::testing::HasSubstr("build with --given-poses refine"))));
+  EXPECT_EQ(open()->manifest().options.at("given_poses"), "exact");
 }
 
 }  // namespace map_build_test

@@ -25,6 +25,7 @@ class EvaluateMap : public ::testing::Test {
     options.detector = "boxes:" + boxes_.string();
     options.projection.policy = policy;
     options.selection = selection_;
+    options.given_poses = GivenPosesUse::kExact;
     (void)build_map({drive_}, folder_.path() / "map", options, {}, cancel_);
   }
   [[nodiscard]] MapEvaluation evaluate() const {

@@ -56,16 +56,16 @@ TEST_F(PosedDrivesTest, ContradictionsAreRefusedInWords) {
 TEST_F(PosedDrivesTest, OriginsAreBroughtTogetherByGeodesy) {
   // A hundred-thousandth of a degree of latitude is 1.11 m to the north.
   const maps::GeodeticOrigin first{49.0, 8.0, 110.0}, second{49.00001, 8.0, 112.0};
-  const PosedDrives posed = with_given_poses({at(first), at(second)});
+  const std::vector<maps::Drive> posed = in_one_frame({at(first), at(second)});
   for (std::size_t i = 0; i < drive_.size(); ++i) {
     const Eigen::Vector3d way =
-        posed.drives[1].T_map_lidar(i).translation() - posed.drives[0].T_map_lidar(i).translation();
+        posed[1].T_map_lidar(i).translation() - posed[0].T_map_lidar(i).translation();
     EXPECT_NEAR((way - Eigen::Vector3d(0.0, 1.112, 2.0)).norm(), 0.0, 2e-3) << i;
   }
-  EXPECT_DOUBLE_EQ(posed.drives[1].contents().origin->latitude_deg, 49.0);
+  EXPECT_DOUBLE_EQ(posed[1].contents().origin->latitude_deg, 49.0);
   EXPECT_THAT(
       [&] {
-        (void)with_given_poses({at(first), drive_});
+        (void)in_one_frame({at(first), drive_});
       },
       ThrowsSaying<InputError>({"without a geodetic origin"}));
 }
@@ -94,6 +94,12 @@ class PosedDrivesBytes : public PosedDrivesTest {
   PosedDrivesBytes() {
     posed_.drives = {at({49.0, 8.0, 110.0}), drive_};
     posed_.counts = {{"key_frames", 7}, {"loops_found", 0}};
+    GivenPosesReport given;
+    given.use = GivenPosesUse::kExact;
+    given.errors.by_way = {{.way_m = 0.0, .pairs = 3, .median_m = 0.02, .max_rad = 0.5}};
+    given.errors.denied = 2;
+    given.moved_max_m = 0.25;
+    posed_.given = given;
     posed_.graph = DriveGraph{.key_frames = {{0, 0}, {1, 1}}, .loops = {{{1, 1}, {0, 0}, 0.75}}};
   }
   PosedDrives posed_;
@@ -110,6 +116,14 @@ TEST_F(PosedDrivesBytes, ComeBackToTheLastBit) {
   EXPECT_EQ(back.graph->loops[0].from.drive, 1U);
   EXPECT_EQ(back.graph->loops[0].to.drive, 0U);
   EXPECT_EQ(back.graph->loops[0].weight, 0.75);
+  ASSERT_TRUE(back.given);
+  EXPECT_EQ(back.given->use, GivenPosesUse::kExact);
+  ASSERT_EQ(back.given->errors.by_way.size(), 1U);
+  EXPECT_EQ(back.given->errors.by_way[0].pairs, 3U);
+  EXPECT_EQ(back.given->errors.by_way[0].median_m, 0.02);
+  EXPECT_EQ(back.given->errors.by_way[0].max_rad, 0.5);
+  EXPECT_EQ(back.given->errors.denied, 2U);
+  EXPECT_EQ(back.given->moved_max_m, 0.25);
   for (std::size_t d = 0; d < 2; ++d) {
     ASSERT_EQ(back.drives[d].contents().origin.has_value(), d == 0);
     for (std::size_t i = 0; i < drive_.size(); ++i)

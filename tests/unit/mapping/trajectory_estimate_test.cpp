@@ -208,6 +208,108 @@ TEST_F(AroundTheBlock, PosesThatAreTrustedToTheMillimetreAreKept) {
         0.05);
 }
 
+/// Given poses that are off, and what becomes of them.
+class GivenPosesAround : public AroundTheBlock {
+ protected:
+  GivenPosesAround() { options_.refine_given = true; }
+
+  /// Errors in every direction: of each pose on its own, or waves of some 15 m of way.
+  static maps::Drive disturbed(const maps::Drive& drive, double sigma_m, double sigma_rad,
+                               bool smooth) {
+    test::Random random(11);
+    Eigen::Matrix<double, 6, 1> phases;
+    for (double& phase : phases) phase = random.uniform(0.0, 2.0 * std::numbers::pi);
+    std::vector<Eigen::Isometry3d> poses;
+    for (std::size_t i = 0; i < drive.size(); ++i) {
+      Eigen::Matrix<double, 6, 1> error;
+      for (Eigen::Index k = 0; k < 6; ++k)
+        error[k] = smooth ? std::numbers::sqrt2 * std::sin(0.4 * static_cast<double>(i) + phases[k])
+                          : random.normal();
+      error.head<3>() *= sigma_m;
+      error.tail<3>() *= sigma_rad;
+      poses.push_back(drive.T_map_lidar(i) * maps::exp_se3(error));
+    }
+    return drive.with_poses(poses, std::nullopt);
+  }
+  /// What scans three metres apart are off from each other, at most. The very first, which have no
+  /// map to be found in yet, tell no more than their given poses.
+  static double worst_near_m(const std::vector<Eigen::Isometry3d>& poses,
+                             const maps::Drive& truth) {
+    double worst = 0.0;
+    for (std::size_t i = 8; i < poses.size(); ++i) {
+      const Eigen::Isometry3d T_true = truth.T_map_lidar(i - 3).inverse() * truth.T_map_lidar(i);
+      worst = std::max(
+          worst, (T_true.inverse() * (poses[i - 3].inverse() * poses[i])).translation().norm());
+    }
+    return worst;
+  }
+  static Eigen::Vector3d mean_offset_m(const std::vector<Eigen::Isometry3d>& poses,
+                                       const maps::Drive& truth) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (std::size_t i = 0; i < poses.size(); ++i)
+      sum += poses[i].translation() - truth.T_map_lidar(i).translation();
+    return sum / static_cast<double>(poses.size());
+  }
+};
+
+TEST_F(GivenPosesAround, NeighboursAreBroughtTogetherAndTheFrameStays) {
+  const maps::Drive truth = open("first");
+  for (const bool smooth : {false, true}) {
+    const maps::Drive given = disturbed(truth, 0.1, 0.002, smooth);
+    ASSERT_GT(worst_near_m(given.contents().T_map_lidar, truth), 0.25);
+    const TrajectoryEstimate found = estimate({given});
+    const auto& poses = found.drives[0].T_map_lidar;
+    EXPECT_LT(worst_near_m(poses, truth), 0.035) << smooth;
+    EXPECT_LT(mean_offset_m(poses, truth).norm(), 0.06) << smooth;
+    ASSERT_TRUE(found.given_errors);
+    // Half a wave apart errors of waves are twice as far apart as their own size.
+    EXPECT_NEAR(found.given_errors->sigma_m, 0.1, smooth ? 0.06 : 0.03);
+    EXPECT_EQ(found.given_errors->denied, 0U) << smooth;
+    EXPECT_FALSE(found.loops.empty());
+  }
+}
+
+TEST_F(GivenPosesAround, PosesThatAreRightStay) {
+  const maps::Drive truth = open("first");
+  const TrajectoryEstimate found = estimate({truth});
+  for (std::size_t i = 0; i < truth.size(); ++i)
+    ASSERT_LT(
+        (found.drives[0].T_map_lidar[i].translation() - truth.T_map_lidar(i).translation()).norm(),
+        0.025)
+        << i;
+  EXPECT_LT(found.given_errors->sigma_m, 0.02);
+}
+
+TEST_F(GivenPosesAround, AJumpIsDenied) {
+  const maps::Drive truth = open("first");
+  std::vector<Eigen::Isometry3d> poses = truth.contents().T_map_lidar;
+  // Some of them are asked: one key frame in ten metres.
+  for (std::size_t i = 30; i < 45; ++i) poses[i].translation() += Eigen::Vector3d(3.0, -2.0, 0.5);
+  const TrajectoryEstimate found = estimate({truth.with_poses(poses, std::nullopt)});
+  EXPECT_LT(worst_near_m(found.drives[0].T_map_lidar, truth), 0.035);
+  EXPECT_LT(mean_offset_m(found.drives[0].T_map_lidar, truth).norm(), 0.03);
+  EXPECT_GE(found.given_errors->denied, 1U);
+}
+
+TEST_F(GivenPosesAround, DrivesOfTwoDaysAreJoinedWhereTheirFramesAreApart) {
+  const maps::Drive first = open("first"), second = open("second");
+  std::vector<Eigen::Isometry3d> poses = second.contents().T_map_lidar;
+  for (Eigen::Isometry3d& T : poses) T.translation() += Eigen::Vector3d(0.4, -0.3, 0.1);
+  const TrajectoryEstimate found = estimate({first, second.with_poses(poses, std::nullopt)});
+  ASSERT_TRUE(std::any_of(found.loops.begin(), found.loops.end(), [](const EstimatedLoop& loop) {
+    return loop.from_drive != loop.to_drive;
+  }));
+  const Eigen::Vector3d apart = mean_offset_m(found.drives[1].T_map_lidar, second) -
+                                mean_offset_m(found.drives[0].T_map_lidar, first);
+  EXPECT_LT(apart.norm(), 0.06);
+}
+
+TEST_F(GivenPosesAround, AreNoPriorOfAnotherKindToo) {
+  options_.prior = {.sigma_m = 0.1, .sigma_rad = 0.1};
+  EXPECT_THAT([&] { (void)estimate({open("first")}); },
+              ThrowsSaying<std::invalid_argument>({"refine_given", "expected one of them"}));
+}
+
 TEST_F(AroundTheBlock, AskingForPosesThatAreNotThereIsRefused) {
   maps::Drive::Contents contents = open("first").contents();
   contents.T_map_lidar.clear();

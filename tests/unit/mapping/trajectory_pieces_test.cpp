@@ -60,7 +60,7 @@ TEST(KeyframeChooser, CarriesTheErrorOfATurnToWhereItShows) {
   const auto with = chooser.add(pose_of(turned(1.0, 0.0, 0.0)));
   const auto without = other.add(pose_of(turned(1.0, 0.0, 0.0)));
   ASSERT_TRUE(with && without);
-  const Matrix6d added = with->covariance - without->covariance;
+  const Matrix6d added = with->covariance() - without->covariance();
   EXPECT_NEAR(std::sqrt(added(1, 1)), std::numbers::pi / 180.0, 1e-9);
   EXPECT_NEAR(added(0, 0), 0.0, 1e-12);
 }
@@ -192,7 +192,7 @@ TEST(Levelling, WithoutGroundNothingIsTurned) {
 TEST(TrajectoryGraph, JoinsOnlyKeyFramesOfOneDriveAndDoubtsLoops) {
   const ThreeDrives drives;
   const PoseGraph graph =
-      graph_of(drives.keyframes, std::vector{drives.loop(0, 3)}, {}, drives.frames, {});
+      graph_of(drives.keyframes, std::vector{drives.loop(0, 3)}, {}, drives.frames);
   EXPECT_EQ(graph.nodes.size(), 6U);
   ASSERT_EQ(graph.relative_poses.size(), 4U);
   for (std::size_t i = 0; i < 3; ++i) {
@@ -214,11 +214,11 @@ TEST(TrajectoryGraph, GivenPosesCountAtTheEndsOfADriveAndEveryTenMetres) {
                          .T_odom_lidar = turned(x, 0.0, 0.0),
                          .T_before_this = turned(i == 0 ? 0.0 : 1.0, 0.0, 0.0),
                          .covariance = Matrix6d::Identity()});
-    given.push_back(turned(100.0 + x, 0.0, 0.0));
+    given.T_map_keyframe.push_back(turned(100.0 + x, 0.0, 0.0));
   }
-  TrajectoryOptions options;
-  options.gnss_sigma_m = 0.5;
-  const PoseGraph graph = graph_of(keyframes, {}, given, {turned(100.0, 0.0, 0.0)}, options);
+  given.sigma_m = 0.5;
+  given.doubtful = true;
+  const PoseGraph graph = graph_of(keyframes, {}, given, {turned(100.0, 0.0, 0.0)});
   std::vector<std::size_t> nodes;
   for (const AbsolutePosition& position : graph.absolute_positions) {
     nodes.push_back(position.node);
@@ -226,9 +226,9 @@ TEST(TrajectoryGraph, GivenPosesCountAtTheEndsOfADriveAndEveryTenMetres) {
     EXPECT_TRUE(position.doubtful);
   }
   EXPECT_THAT(nodes, ElementsAre(0, 10, 20, 25));
-  options.gnss_sigma_m.reset();
-  options.prior = {.sigma_m = 0.1, .sigma_rad = 0.02};
-  const PoseGraph with_prior = graph_of(keyframes, {}, given, {turned(100.0, 0.0, 0.0)}, options);
+  given.sigma_m = 0.1;
+  given.sigma_rad = 0.02;
+  const PoseGraph with_prior = graph_of(keyframes, {}, given, {turned(100.0, 0.0, 0.0)});
   ASSERT_EQ(with_prior.absolute_poses.size(), 4U);
   EXPECT_DOUBLE_EQ(with_prior.absolute_poses[1].covariance(5, 5), 4e-4);
 }

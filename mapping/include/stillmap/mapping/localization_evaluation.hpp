@@ -86,7 +86,8 @@ struct LocalizationEvaluationOptions {
   /// memory bandwidth.
   int threads = 1;
   /// Poses to compare with instead of the drive's, `T_map_lidar`, one entry a scan: selected scans
-  /// without one are not asked for. Empty: the drive's own.
+  /// without one are not asked for. Empty: where the map has the drive when it was made of it
+  /// (builds refine given poses), else the drive's own.
   std::vector<std::optional<Eigen::Isometry3d>> reference;
 
   /// Every broken bound as "name: value, bound"; empty when usable.

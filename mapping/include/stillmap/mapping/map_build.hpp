@@ -14,9 +14,20 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace stillmap::mapping {
+
+/// What is done with the drives' own poses.
+enum class GivenPosesUse {
+  /// Neighbouring scans are registered with the given poses as a prior as wide as they disagree;
+  /// the frame stays theirs (`TrajectoryOptions::refine_given`).
+  kRefine,
+  /// Taken as they are, and compared with the scans' own motion.
+  kExact,
+};
+[[nodiscard]] std::string_view name_of(GivenPosesUse use);
 
 struct MapBuildOptions {
   /// Of each drive.
@@ -28,9 +39,10 @@ struct MapBuildOptions {
   std::optional<std::filesystem::path> poses_file;
   /// Where the frame of the given poses lies (x east, y north), for drives that do not say it.
   std::optional<maps::GeodeticOrigin> geodetic_origin;
-  /// `given`: the drives' own poses as they are; or one of `odometry_names()`. None: `given` where
-  /// every drive has poses, else the first of these.
+  /// `given`: the drives' own poses, see `given_poses`; or one of `odometry_names()`. None: `given`
+  /// where every drive has poses, else the first of these.
   std::optional<std::string> odometry;
+  GivenPosesUse given_poses = GivenPosesUse::kRefine;
   /// With odometry: loops, a prior, GNSS. Its method, scans and threads are set by the build.
   TrajectoryOptions trajectory;
   /// A map package whose frame the new one is to stand in: poses are moved there by localizing
@@ -91,6 +103,17 @@ struct MapBuildOptions {
 /// so do edits, which are then refused with `fusion` off.
 void apply_paper_preset(MapBuildOptions& options);
 
+/// How far given poses were from the scans' own motion, and what was done about it.
+struct GivenPosesReport {
+  GivenPosesUse use = GivenPosesUse::kRefine;
+  GivenPoseErrors errors;
+  /// Neighbouring scans that disagree by more than a voxel.
+  std::size_t neighbours_apart = 0;
+  /// What scans were moved by; 0 where poses are exact [m, rad].
+  double moved_median_m = 0.0, moved_p95_m = 0.0, moved_max_m = 0.0;
+  double moved_median_rad = 0.0, moved_p95_rad = 0.0, moved_max_rad = 0.0;
+};
+
 /// What a build did; the same numbers stand in the manifest (`counts`) and in build.json.
 struct MapBuildReport {
   std::size_t scans = 0;
@@ -105,6 +128,8 @@ struct MapBuildReport {
   std::map<std::string, std::uint64_t> objects;
   /// With odometry: key_frames, loops_found, loops_believed, scans_predicted (by motion alone).
   std::map<std::string, std::uint64_t> trajectory;
+  /// Of poses that the drives bring.
+  std::optional<GivenPosesReport> given_poses;
   /// Summed over threads; with what the resumed scans took in the build that was killed.
   std::map<std::string, double> stage_seconds;
   /// What a person should look at: edits that met nothing, work of a killed build that was thrown
@@ -138,7 +163,7 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& drives,
                          const ProgressCallback& progress, const CancelFlag& cancel,
                          const CleanerFactory& make_cleaner = {});
 
-/// Whether a build would estimate the poses of these drives, rather than take them as they are.
+/// Whether a build would estimate the poses of these drives, rather than take or refine them.
 /// @throws as `build_map`.
 [[nodiscard]] bool estimates_poses(const std::vector<std::filesystem::path>& drives,
                                    const MapBuildOptions& options);

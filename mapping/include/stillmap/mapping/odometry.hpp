@@ -60,6 +60,10 @@ class Odometry {
   /// alone is thin, and rings of ground around a sensor look like one that stands.
   /// @param twist_lidar  (tx ty tz rx ry rz) [m/s, rad/s], lidar frame; finite.
   virtual void start_with(const Eigen::Matrix<double, 6, 1>& twist_lidar) = 0;
+  /// How the sensor moved since the scan before, where something else tells (given poses), before
+  /// the next `add`: the scan is looked for there, and stays there along what it does not tell.
+  /// A method may leave it unused. @param T_before_this  finite.
+  virtual void expect(const Eigen::Isometry3d& T_before_this) { (void)T_before_this; }
   /// The next scan. @param prepared  by this object. Stamps must increase.
   /// @throws std::invalid_argument naming a stamp that does not increase.
   [[nodiscard]] virtual OdometryPose add(const Prepared& prepared) = 0;

@@ -19,9 +19,8 @@ struct StageShare {
 };
 
 /// The stages that `build_map` tells of, in order.
-/// @param estimates_poses  whether odometry runs.
-/// @param registers        whether the map is brought into another one's frame.
-[[nodiscard]] std::vector<StageShare> build_stages(bool estimates_poses, bool registers);
+/// @param registers  whether the map is brought into another one's frame.
+[[nodiscard]] std::vector<StageShare> build_stages(bool registers);
 
 /// Progress for programs: one JSON object a line, with the keys
 ///

@@ -98,7 +98,7 @@ inline constexpr std::size_t kMostHeldBackScans = 300;
 RebuildReport rebuild_map(const RebuildOptions& options, const ProgressCallback& progress,
                           const CancelFlag& cancel, const CleanerFactory& make_cleaner = {});
 
-/// The stages that `rebuild_map` tells of, in order. @throws as `estimates_poses`.
+/// The stages that `rebuild_map` tells of, in order.
 [[nodiscard]] std::vector<StageShare> rebuild_stages(const RebuildOptions& options);
 
 /// What a rebuild needs on the disk at most, roughly.

@@ -32,6 +32,10 @@ struct TrajectoryOptions {
   /// Only the positions of the drive's own poses are believed, to within this deviation [m], > 0:
   /// GNSS. Not together with `prior`.
   std::optional<double> gnss_sigma_m;
+  /// The drive's own poses are taken as good as they show themselves to be: scans are looked for
+  /// where they say, and they are a prior as wide as they are apart from odometry and loops
+  /// (`GivenPoseErrors`). Not together with `prior` or `gnss_sigma_m`.
+  bool refine_given = false;
   /// Scans of a drive that take part: [begin, end), end cut to the drive's size.
   std::size_t begin = 0;
   std::optional<std::size_t> end;
@@ -39,6 +43,30 @@ struct TrajectoryOptions {
   int threads = 0;
 
   [[nodiscard]] std::vector<std::string> violations() const;
+};
+
+/// How far given poses are from the scans' own motion.
+struct GivenPoseErrors {
+  /// Between pairs of scans of one drive.
+  struct Apart {
+    /// Way between the two [m]; 0 = neighbours.
+    double way_m = 0.0;
+    std::size_t pairs = 0;
+    double median_m = 0.0, p95_m = 0.0, max_m = 0.0;
+    double median_rad = 0.0, p95_rad = 0.0, max_rad = 0.0;
+  };
+  /// Neighbours first. Scans that odometry placed by motion alone do not count.
+  std::vector<Apart> by_way;
+  /// Of all pairs of neighbours that count [m].
+  std::vector<double> neighbours_m;
+  /// Deviation of a given pose in each direction, as these medians and loops tell [m, rad].
+  double sigma_m = 0.0;
+  double sigma_rad = 0.0;
+  /// Errors of poses so near to each other along the way go together [m].
+  double correlated_m = 0.0;
+  /// Given poses that were asked, and those of them that the rest denies.
+  std::size_t asked = 0;
+  std::size_t denied = 0;
 };
 
 /// A place that was seen twice.
@@ -66,6 +94,8 @@ struct TrajectoryEstimate {
   std::vector<EstimatedLoop> loops;
   /// Of the map frame, where priors or GNSS gave it.
   std::optional<maps::GeodeticOrigin> origin;
+  /// With `refine_given`.
+  std::optional<GivenPoseErrors> given_errors;
   double odometry_seconds = 0.0;
   double loop_seconds = 0.0;
   double graph_seconds = 0.0;

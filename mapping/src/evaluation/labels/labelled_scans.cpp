@@ -2,16 +2,14 @@
 
 #include "build/drive_set.hpp"
 #include "evaluation/published_metrics.hpp"
+#include "trajectory/drive_of_map.hpp"
 
 #include <fmt/format.h>
 #include <stillmap/maps/error.hpp>
 
 #include <algorithm>
 #include <charconv>
-#include <fstream>
-#include <iterator>
 #include <limits>
-#include <map>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -21,31 +19,6 @@ namespace {
 
 std::string manifest_of(const maps::MapPackage& map) {
   return (map.folder() / "manifest.json").string();
-}
-
-/// Lines "SHA-256  NAME" of all scans of the map, in their order; empty when it lists none.
-std::vector<std::string> scan_sources(const maps::MapPackage& map) {
-  std::ifstream in(map.folder() / "sources.sha256");
-  std::vector<std::string> lines;
-  for (std::string line; std::getline(in, line);) lines.push_back(line);
-  return lines;
-}
-
-std::string source_line(const maps::Drive& drive, std::size_t index) {
-  return drive.sha256(index) + "  " + drive.contents().scan_name(index);
-}
-
-/// Index in the drive of each pose; empty when one has no scan.
-std::vector<std::size_t> indices_of(const maps::Trajectory& path, const maps::Drive& drive) {
-  std::map<std::int64_t, std::size_t> by_stamp;
-  for (std::size_t i = 0; i < drive.size(); ++i) by_stamp.emplace(drive.stamp_ns(i), i);
-  std::vector<std::size_t> indices;
-  for (const maps::StampedPose& pose : path.poses()) {
-    const auto found = by_stamp.find(pose.stamp_ns);
-    if (found == by_stamp.end()) return {};
-    indices.push_back(found->second);
-  }
-  return indices;
 }
 
 InMap state_of(maps::PointFate fate, bool voxel_holds) {
@@ -90,33 +63,20 @@ LabelledScans::LabelledScans(const maps::MapPackage& map, const maps::Drive& dri
     throw maps::InputError(drive.contents().root.string(), "a drive without labels",
                            "SemanticKITTI labels of its points, or --boxes FILE");
   }
-  scans_ = find_in_map();
+  scans_ = scans_in_map();
   in_map_ = !scans_.empty();
   if (!in_map_) scans_ = all_scans();
   if (!truth.has_surface()) collect_labelled_ground();
 }
 
-std::vector<LabelledScans::Entry> LabelledScans::find_in_map() const {
-  const std::vector<std::string> sources = scan_sources(map_);
-  std::size_t ordinal = 0;
-  for (const maps::Trajectory& path : map_.trajectories()) {
-    const std::vector<std::size_t> indices = indices_of(path, drive_);
-    bool same = !indices.empty();
-    // Days of one world have the same stamps and names; three scans tell them apart.
-    for (const std::size_t at : {std::size_t{0}, indices.size() / 2, indices.size() - 1}) {
-      if (!same || sources.empty()) break;
-      same = ordinal + at < sources.size() &&
-             sources[ordinal + at] == source_line(drive_, indices[at]);
-    }
-    if (same) {
-      std::vector<Entry> entries;
-      for (std::size_t i = 0; i < indices.size(); ++i)
-        entries.push_back({indices[i], ordinal + i, path.poses()[i].T_map_lidar});
-      return entries;
-    }
-    ordinal += path.size();
+std::vector<LabelledScans::Entry> LabelledScans::scans_in_map() const {
+  std::vector<Entry> entries;
+  if (const auto found = find_in_map(map_, drive_)) {
+    for (std::size_t i = 0; i < found->scans.size(); ++i)
+      entries.push_back(
+          {found->scans[i], found->first_ordinal + i, found->path.poses()[i].T_map_lidar});
   }
-  return {};
+  return entries;
 }
 
 std::vector<LabelledScans::Entry> LabelledScans::all_scans() const {

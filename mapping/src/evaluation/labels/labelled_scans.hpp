@@ -78,7 +78,7 @@ class LabelledScans {
     std::size_t ordinal = 0;
     Eigen::Isometry3d T_map_lidar = Eigen::Isometry3d::Identity();
   };
-  [[nodiscard]] std::vector<Entry> find_in_map() const;
+  [[nodiscard]] std::vector<Entry> scans_in_map() const;
   [[nodiscard]] std::vector<Entry> all_scans() const;
   [[nodiscard]] std::vector<maps::PointFate> fates_of(const Entry& entry,
                                                       const maps::Scan& scan) const;

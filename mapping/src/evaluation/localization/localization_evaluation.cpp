@@ -3,6 +3,7 @@
 #include "evaluation/localization/localization_metrics.hpp"
 #include "evaluation/localization/prior_draws.hpp"
 #include "evaluation/localization/query_scans.hpp"
+#include "trajectory/drive_of_map.hpp"
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
@@ -93,6 +94,12 @@ void require_usable(const maps::Drive& drive, const LocalizationEvaluationOption
                     options.reference.empty() ? "" : " has a pose",
                     options.prior == PriorSource::kPrevious ? " that has one before it" : ""));
   }
+}
+
+/// A map's own drive lies in it where the build placed it.
+maps::Drive as_in_map(const maps::MapPackage& map, const maps::Drive& drive) {
+  const auto found = find_in_map(map, drive);
+  return found ? on_path(drive, found->path) : drive;
 }
 
 /// As in the definition of a drawn error: horizontal distance and yaw.
@@ -255,12 +262,13 @@ std::vector<std::string> LocalizationEvaluationOptions::violations() const {
   return broken;
 }
 
-LocalizationEvaluation evaluate_localization(const maps::MapPackage& map, const maps::Drive& drive,
+LocalizationEvaluation evaluate_localization(const maps::MapPackage& map, const maps::Drive& given,
                                              const LocalizationEvaluationOptions& options,
                                              const AlignerFactory& make_aligner,
                                              const ProgressCallback& progress,
                                              const CancelFlag& cancel) {
-  require_usable(drive, options);
+  require_usable(given, options);
+  const maps::Drive drive = options.reference.empty() ? as_in_map(map, given) : given;
   const double start_ms = wall_ms();
   const std::unique_ptr<localization::Aligner> aligner = make_aligner(map);
   Questions questions(drive, options, *aligner, cancel);

@@ -114,12 +114,19 @@ class DirectOdometry : public Odometry {
     steady_.assign(kSteadyScans, twist_lidar);
     off_rate2_ = kStartOffRate * kStartOffRate;
   }
+  void expect(const Eigen::Isometry3d& T_before_this) override { expected_ = T_before_this; }
   [[nodiscard]] OdometryPose add(const Prepared& prepared) override;
 
  private:
   struct Last {
     Eigen::Isometry3d T_odom_lidar = Eigen::Isometry3d::Identity();
     Vector6d twist = Vector6d::Zero();
+  };
+  /// Where a scan is looked for, how far off that may be, and how the sensor moved meanwhile.
+  struct Prediction {
+    Eigen::Isometry3d T_odom_lidar;
+    double off_m;
+    Vector6d twist;
   };
   /// Where the points of a scan lie, and how sure that is.
   struct Found {
@@ -133,25 +140,46 @@ class DirectOdometry : public Odometry {
   [[nodiscard]] Found searched(const ThinnedScan& scan, const Vector6d& twist,
                                const Eigen::Isometry3d& T_start,
                                const ScanPeriod::Step& step) const;
-  [[nodiscard]] Found best_of_widening(const ThinnedScan& scan,
-                                       const Eigen::Isometry3d& T_predicted, double off_m,
+  [[nodiscard]] Found best_of_widening(const ThinnedScan& scan, const Prediction& prediction,
                                        const ScanPeriod::Step& step) const;
+  [[nodiscard]] bool explains_as_usual(const Found& found) const {
+    return found.match.known_inlier_ratio >=
+               std::max(kLeastInliers, kKnownOfUsual * usual_known_) &&
+           found.match.standing_ratio >= kStandingOfUsual * usual_standing_;
+  }
   /// Motion of the sensor since the last scan as a rate; as it was, over a gap.
   [[nodiscard]] Vector6d twist_to(const Eigen::Isometry3d& T_odom_lidar,
                                   const ScanPeriod::Step& step) const {
     if (step.is_gap) return last_.twist;
     return maps::log_se3(last_.T_odom_lidar.inverse() * T_odom_lidar) / step.seconds;
   }
-  /// Where the sensor is after so long.
-  [[nodiscard]] Eigen::Isometry3d predicted(double seconds) const {
-    return maps::renormalized(last_.T_odom_lidar *
-                              maps::exp_se3(last_.twist * std::min(seconds, ScanPeriod::kMaxGapS)));
+  /// Where the speed leads in so long.
+  [[nodiscard]] Prediction by_speed(double seconds, double step_s) const {
+    return {
+        maps::renormalized(last_.T_odom_lidar *
+                           maps::exp_se3(last_.twist * std::min(seconds, ScanPeriod::kMaxGapS))),
+        off_after(step_s, off_rate2_), last_.twist};
+  }
+  /// Where the sensor is said to have moved.
+  [[nodiscard]] std::optional<Prediction> as_expected(const ScanPeriod::Step& step) const {
+    if (!expected_) return std::nullopt;
+    const Eigen::Isometry3d T = maps::renormalized(last_.T_odom_lidar * *expected_);
+    return Prediction{T, off_after(step.seconds, expected_off_rate2_), twist_to(T, step)};
+  }
+  [[nodiscard]] static double off_after(double seconds, double off_rate2) {
+    return std::clamp(kLeastMissM + kMissDeviations * std::sqrt(off_rate2) * seconds, kLeastMissM,
+                      kMostOffM);
   }
   void place(const ThinnedScan& scan, const ScanPeriod::Step& step, OdometryPose& pose);
   [[nodiscard]] Found found_over(const ThinnedScan& scan, const ScanPeriod::Step& step,
-                                 Eigen::Isometry3d& T_predicted) const;
+                                 Prediction& prediction) const;
+  [[nodiscard]] Prediction predicted(const std::optional<Prediction>& expected,
+                                     const ScanPeriod::Step& step) const;
+  [[nodiscard]] bool is_denied(const Found& found, const Prediction& expected,
+                               const ThinnedScan& scan) const;
   void start_anew(const ThinnedScan& first, const ThinnedScan& scan, const ScanPeriod::Step& step);
-  void learn(const Vector6d& deviation, double dt_s);
+  /// @param off_rate2  of what predicted so, see `off_rate2_`.
+  void learn(const Vector6d& deviation, double dt_s, double& off_rate2) const;
   [[nodiscard]] std::vector<Vector6d> untold(const LocalAlignment& match);
   /// Of where a prediction ends after so long without a word, along any direction [m^2].
   [[nodiscard]] double variance_after_m2(double t_s) const {
@@ -177,6 +205,9 @@ class DirectOdometry : public Odometry {
   std::size_t scans_in_map_ = 0;
   /// Mean square of how fast predictions went astray [m^2/s^2].
   double off_rate2_ = kUnknownOffRate * kUnknownOffRate;
+  /// See `expect`, and the mean square of how fast that went astray.
+  std::optional<Eigen::Isometry3d> expected_;
+  double expected_off_rate2_ = kStartOffRate * kStartOffRate;
   /// How long some direction has not been told.
   double untold_s_ = 0.0;
   /// Directions that the last scans did not tell, and how many since do.
@@ -211,6 +242,7 @@ OdometryPose DirectOdometry::add(const Prepared& prepared) {
   take(scan, pose);
   last_ = Last{pose.T_odom_lidar, pose.twist_lidar};
   has_last_ = true;
+  expected_.reset();
   return pose;
 }
 
@@ -236,27 +268,22 @@ DirectOdometry::Found DirectOdometry::searched(const ThinnedScan& scan, const Ve
 /// Wide kernels on coarse voxels lead sparse scans astray, narrow ones do not see far: the narrow
 /// try comes first, and is enough when it explains as much as usual.
 DirectOdometry::Found DirectOdometry::best_of_widening(const ThinnedScan& scan,
-                                                       const Eigen::Isometry3d& T_predicted,
-                                                       double off_m,
+                                                       const Prediction& prediction,
                                                        const ScanPeriod::Step& step) const {
-  const auto explains_as_usual = [&](const Found& found) {
-    return found.match.known_inlier_ratio >=
-               std::max(kLeastInliers, kKnownOfUsual * usual_known_) &&
-           found.match.standing_ratio >= kStandingOfUsual * usual_standing_;
-  };
-  Found best = aligned(scan, last_.twist, T_predicted, std::min(off_m, kSearchedOffM), step);
-  const bool follows = placed_ > kFirstScans || start_twist_;
+  const auto& [T_predicted, off_m, twist] = prediction;
+  Found best = aligned(scan, twist, T_predicted, std::min(off_m, kSearchedOffM), step);
+  const bool follows = placed_ > kFirstScans || start_twist_ || expected_;
   if (follows && off_m <= kSearchedOffM && explains_as_usual(best)) return best;
   const auto try_too = [&](Found found) {
     if (found.match.fit > best.match.fit) best = std::move(found);
   };
-  try_too(aligned(scan, last_.twist, T_predicted, kMostOffM, step));
-  try_too(searched(scan, last_.twist, T_predicted, step));
+  try_too(aligned(scan, twist, T_predicted, kMostOffM, step));
+  try_too(searched(scan, twist, T_predicted, step));
   if (placed_ <= kFirstScans || explains_as_usual(best)) return best;
   for (const double turn_rad : {-kSuddenTurnRad, kSuddenTurnRad}) {
     Eigen::Isometry3d T_turned = T_predicted;
     T_turned.rotate(Eigen::AngleAxisd(turn_rad, Eigen::Vector3d::UnitZ()));
-    try_too(searched(scan, last_.twist, T_turned, step));
+    try_too(searched(scan, twist, T_turned, step));
   }
   return best;
 }
@@ -276,23 +303,52 @@ void DirectOdometry::start_anew(const ThinnedScan& first, const ThinnedScan& sca
   last_.twist = twist_to(T, step);
 }
 
-/// Where the scan lies from what the last one predicts. @param T_predicted  for this step; becomes
-/// that for a usual one where this fits better.
+/// Where the scan lies from what is predicted. @param prediction  for this step; becomes that from
+/// which this fits better.
 DirectOdometry::Found DirectOdometry::found_over(const ThinnedScan& scan,
                                                  const ScanPeriod::Step& step,
-                                                 Eigen::Isometry3d& T_predicted) const {
-  const double off_m = std::clamp(
-      kLeastMissM + kMissDeviations * std::sqrt(off_rate2_) * step.seconds, kLeastMissM, kMostOffM);
-  Found found = best_of_widening(scan, T_predicted, off_m, step);
-  if (!step.is_gap) return found;
+                                                 Prediction& prediction) const {
+  Found found = best_of_widening(scan, prediction, step);
+  const auto try_too = [&](const Prediction& other) {
+    Found from_other = best_of_widening(scan, other, step);
+    if (!(from_other.match.fit > found.match.fit)) return;
+    found = std::move(from_other);
+    prediction = other;
+  };
   // Where the clock alone has jumped, the sensor has gone on as ever.
-  const Eigen::Isometry3d T_jumped = predicted(period_.usual_s());
-  Found jumped = best_of_widening(scan, T_jumped, off_m, step);
-  if (jumped.match.fit > found.match.fit) {
-    found = std::move(jumped);
-    T_predicted = T_jumped;
+  if (step.is_gap) try_too(by_speed(period_.usual_s(), step.seconds));
+  // Given poses jump at times, and speeds change.
+  if (expected_ && placed_ > kFirstScans && !explains_as_usual(found)) {
+    try_too(by_speed(step.seconds, step.seconds));
+    try_too(*as_expected(step));
   }
   return found;
+}
+
+/// Whether a match far from what is expected is none: sparse scans of a bare street agree with
+/// many places along it, and best with where their own rings lie as before. What is expected is
+/// right then, and explains the scan nearly as well; after a jump of given poses it does not.
+bool DirectOdometry::is_denied(const Found& found, const Prediction& expected,
+                               const ThinnedScan& scan) const {
+  const double off_m =
+      (found.T_odom_lidar.translation() - expected.T_odom_lidar.translation()).norm();
+  if (off_m <= std::max(expected.off_m, kSearchedOffM)) return false;
+  const std::vector<Eigen::Vector3f> points = deskewed(scan.sparse, expected.twist);
+  const LocalAlignment there = map_.judged(points, expected.T_odom_lidar);
+  return there.known_inlier_ratio >= kKnownOfUsual * found.match.known_inlier_ratio &&
+         there.standing_ratio >= kStandingOfUsual * found.match.standing_ratio;
+}
+
+/// By what was nearer lately. At first by the speed, which is that of several scans, unless it is
+/// far from what is expected: then it is that of a match as in `is_denied`.
+DirectOdometry::Prediction DirectOdometry::predicted(const std::optional<Prediction>& expected,
+                                                     const ScanPeriod::Step& step) const {
+  Prediction speed = by_speed(step.seconds, step.seconds);
+  if (!expected) return speed;
+  const double apart_m =
+      (speed.T_odom_lidar.translation() - expected->T_odom_lidar.translation()).norm();
+  const bool is_first = placed_ <= kFirstScans && apart_m > kSearchedOffM;
+  return is_first || expected_off_rate2_ < off_rate2_ ? *expected : speed;
 }
 
 void DirectOdometry::place(const ThinnedScan& scan, const ScanPeriod::Step& step,
@@ -302,19 +358,28 @@ void DirectOdometry::place(const ThinnedScan& scan, const ScanPeriod::Step& step
     start_anew(*first_, scan, step);
     first_.reset();
   }
-  Eigen::Isometry3d T_predicted = predicted(step.seconds);
-  pose.T_odom_lidar = T_predicted;
-  pose.twist_lidar = last_.twist;
+  const std::optional<Prediction> expected = as_expected(step);
+  Prediction prediction = predicted(expected, step);
+  pose.T_odom_lidar = prediction.T_odom_lidar;
+  pose.twist_lidar = prediction.twist;
   pose.covariance = covariance_of_prediction(step.seconds);
   const double untold_s = untold_s_ + std::min(step.seconds, ScanPeriod::kMaxGapS);
   if (!enough) {
     untold_s_ = untold_s;
     return;
   }
-  const Found found = found_over(scan, step, T_predicted);
+  const Found found = found_over(scan, step, prediction);
   const LocalAlignment& match = found.match;
   pose.inlier_ratio = match.inlier_ratio;
-  if (match.matched < LocalAlignment::kMinMatched || match.known_inlier_ratio < kLeastInliers) {
+  const bool matches =
+      match.matched >= LocalAlignment::kMinMatched && match.known_inlier_ratio >= kLeastInliers;
+  if (expected && matches && is_denied(found, *expected, scan)) {
+    pose.T_odom_lidar = expected->T_odom_lidar;
+    pose.twist_lidar = expected->twist;
+    untold_s_ = untold_s;
+    return;
+  }
+  if (!matches) {
     untold_s_ = untold_s;
     return;
   }
@@ -322,33 +387,42 @@ void DirectOdometry::place(const ThinnedScan& scan, const ScanPeriod::Step& step
   const std::vector<Vector6d> kept = untold(match);
   pose.degenerate_directions = kept.empty() ? match.degenerate_directions : kept;
   if (!was_lost && !lost_.empty()) {
-    const Vector6d steady = median_of(steady_);
-    last_.twist = steady + without(last_.twist - steady, lost_);
-    T_predicted = predicted(step.seconds);
+    if (!steady_.empty()) {
+      const Vector6d steady = median_of(steady_);
+      last_.twist = steady + without(last_.twist - steady, lost_);
+    }
+    prediction = predicted(expected, step);
   }
-  const Vector6d deviation =
-      without(maps::log_se3(T_predicted.inverse() * found.T_odom_lidar), kept);
+  const auto deviation_from = [&](const Prediction& from) {
+    return without(maps::log_se3(from.T_odom_lidar.inverse() * found.T_odom_lidar), kept);
+  };
+  const Vector6d deviation = deviation_from(prediction);
   pose.covariance = with_predicted(match.covariance, pose.degenerate_directions,
                                    covariance_of_prediction(step.seconds));
   const bool all_told = pose.degenerate_directions.empty();
   pose.status = all_told ? OdometryStatus::kMatched : OdometryStatus::kPartly;
-  pose.T_odom_lidar = kept.empty() ? found.T_odom_lidar
-                                   : maps::renormalized(T_predicted * maps::exp_se3(deviation));
+  pose.T_odom_lidar = kept.empty()
+                          ? found.T_odom_lidar
+                          : maps::renormalized(prediction.T_odom_lidar * maps::exp_se3(deviation));
   untold_s_ = all_told ? 0.0 : untold_s;
   pose.twist_lidar = twist_to(pose.T_odom_lidar, step);
   if (all_told) steady_.push_back(pose.twist_lidar);
   if (steady_.size() > kSteadyScans) steady_.pop_front();
-  if (!step.is_gap) learn(deviation, step.seconds);
+  if (!step.is_gap)
+    learn(deviation_from(by_speed(step.seconds, step.seconds)), step.seconds, off_rate2_);
+  if (expected) learn(deviation_from(*expected), step.seconds, expected_off_rate2_);
   ++placed_;
-  usual_known_ += kNewestShare * (match.known_inlier_ratio - usual_known_);
-  usual_standing_ += kNewestShare * (match.standing_ratio - usual_standing_);
+  // The mean of all until there are many, so that the first ones are not doubted less than others.
+  const double share = std::max(kNewestShare, 1.0 / static_cast<double>(placed_));
+  usual_known_ += share * (match.known_inlier_ratio - usual_known_);
+  usual_standing_ += share * (match.standing_ratio - usual_standing_);
 }
 
 /// Directions that are kept as predicted. By chance one scan of a tunnel in thirty seems to tell
-/// where along it one is, so they stay lost for a while. Before any speed is known a match, be it
-/// weak, is better than to stand still.
+/// where along it one is, so they stay lost for a while. Before any speed is known, and nothing
+/// else tells, a match, be it weak, is better than to stand still.
 std::vector<Vector6d> DirectOdometry::untold(const LocalAlignment& match) {
-  if (steady_.size() < kSteadyScans) return {};
+  if (steady_.size() < kSteadyScans && !expected_) return {};
   if (!match.degenerate_directions.empty()) {
     lost_ = match.degenerate_directions;
     told_again_ = 0;
@@ -358,11 +432,11 @@ std::vector<Vector6d> DirectOdometry::untold(const LocalAlignment& match) {
   return lost_;
 }
 
-void DirectOdometry::learn(const Vector6d& deviation, double dt_s) {
+void DirectOdometry::learn(const Vector6d& deviation, double dt_s, double& off_rate2) const {
   const double rate = in_metres(deviation).norm() / dt_s;
   // What is not told may be off by more.
-  if (!lost_.empty() && rate * rate < off_rate2_) return;
-  off_rate2_ += kNewestShare * (rate * rate - off_rate2_);
+  if (!lost_.empty() && rate * rate < off_rate2) return;
+  off_rate2 += kNewestShare * (rate * rate - off_rate2);
 }
 
 void DirectOdometry::take(const ThinnedScan& scan, const OdometryPose& pose) {

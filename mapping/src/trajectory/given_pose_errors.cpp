@@ -1,0 +1,123 @@
+#include "trajectory/given_pose_errors.hpp"
+
+#include <stillmap/maps/frames.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+namespace stillmap::mapping {
+namespace {
+
+constexpr std::array kWaysM{0.0, 3.0, 10.0, 30.0, 100.0};
+/// Where nothing tells [m, rad]: as of a good GNSS.
+constexpr double kUntoldSigmaM = 0.1;
+constexpr double kUntoldSigmaRad = 2e-3;
+/// Median length of a normal vector of three directions, for a deviation of 1 in each.
+constexpr double kMedianLength = 1.538;
+/// Matches are not better [m, rad].
+constexpr double kLeastSigmaM = 0.005;
+constexpr double kLeastSigmaRad = 2e-4;
+/// Errors go together up to the way on which so much of the largest difference shows.
+constexpr double kShown = 0.7;
+
+/// Lengths of differences between motions.
+struct Differences {
+  std::vector<double> lengths_m, angles_rad;
+
+  void add(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+    const Eigen::Isometry3d T = a.inverse() * b;
+    lengths_m.push_back(T.translation().norm());
+    angles_rad.push_back(maps::rotation_angle_rad(T.linear()));
+  }
+};
+
+double quantile(std::vector<double>& values, double share) {
+  const auto at =
+      values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+GivenPoseErrors::Apart summary(double way_m, Differences& found) {
+  GivenPoseErrors::Apart apart;
+  apart.way_m = way_m;
+  apart.pairs = found.lengths_m.size();
+  if (apart.pairs == 0) return apart;
+  apart.median_m = quantile(found.lengths_m, 0.5);
+  apart.p95_m = quantile(found.lengths_m, 0.95);
+  apart.max_m = quantile(found.lengths_m, 1.0);
+  apart.median_rad = quantile(found.angles_rad, 0.5);
+  apart.p95_rad = quantile(found.angles_rad, 0.95);
+  apart.max_rad = quantile(found.angles_rad, 1.0);
+  return apart;
+}
+
+double sigma_of(double median_length) { return median_length / (kMedianLength * std::sqrt(2.0)); }
+
+/// Pairs of scans that are so far apart along the way, each scan once as the first of a pair; 0 =
+/// neighbours.
+void add_pairs(const TwicePosed& drive, double way_m, Differences& found) {
+  const auto& odometry = drive.odometry;
+  std::vector<double> ways(odometry.size());
+  std::vector<std::size_t> predicted(odometry.size());
+  for (std::size_t i = 1; i < odometry.size(); ++i) {
+    ways[i] = ways[i - 1] +
+              (odometry[i].T_odom_lidar.translation() - odometry[i - 1].T_odom_lidar.translation())
+                  .norm();
+    predicted[i] = predicted[i - 1] + (odometry[i].status == OdometryStatus::kPredicted ? 1U : 0U);
+  }
+  std::size_t to = 0;
+  for (std::size_t from = 0; from < odometry.size(); ++from) {
+    to = std::max(to, from + 1);
+    while (to < odometry.size() && ways[to] - ways[from] < way_m) ++to;
+    if (to == odometry.size()) return;
+    if (predicted[to] != predicted[from]) continue;
+    found.add(odometry[from].T_odom_lidar.inverse() * odometry[to].T_odom_lidar,
+              drive.T_map_given[from].inverse() * drive.T_map_given[to]);
+  }
+}
+
+}  // namespace
+
+GivenPoseErrors given_pose_errors(std::span<const TwicePosed> drives) {
+  GivenPoseErrors errors;
+  errors.sigma_m = kLeastSigmaM;
+  errors.sigma_rad = kLeastSigmaRad;
+  double most_m = 0.0;
+  for (const double way_m : kWaysM) {
+    Differences found;
+    for (const TwicePosed& drive : drives) add_pairs(drive, way_m, found);
+    if (errors.by_way.empty()) errors.neighbours_m = found.lengths_m;
+    const GivenPoseErrors::Apart apart = summary(way_m, found);
+    errors.by_way.push_back(apart);
+    if (apart.pairs == 0) continue;
+    errors.sigma_m = std::max(errors.sigma_m, sigma_of(apart.median_m));
+    errors.sigma_rad = std::max(errors.sigma_rad, sigma_of(apart.median_rad));
+    most_m = std::max(most_m, apart.median_m);
+  }
+  if (errors.neighbours_m.empty()) {
+    errors.sigma_m = kUntoldSigmaM;
+    errors.sigma_rad = kUntoldSigmaRad;
+  }
+  for (const GivenPoseErrors::Apart& apart : errors.by_way) {
+    if (apart.pairs == 0 || apart.median_m < kShown * most_m) continue;
+    errors.correlated_m = apart.way_m;
+    break;
+  }
+  return errors;
+}
+
+void widen_by_loops(std::span<const Loop> loops, std::span<const Eigen::Isometry3d> T_map_given,
+                    GivenPoseErrors& errors) {
+  Differences found;
+  for (const Loop& loop : loops)
+    found.add(loop.T_from_to, T_map_given[loop.from].inverse() * T_map_given[loop.to]);
+  const GivenPoseErrors::Apart apart = summary(0.0, found);
+  if (apart.pairs == 0) return;
+  errors.sigma_m = std::max(errors.sigma_m, sigma_of(apart.median_m));
+  errors.sigma_rad = std::max(errors.sigma_rad, sigma_of(apart.median_rad));
+}
+
+}  // namespace stillmap::mapping

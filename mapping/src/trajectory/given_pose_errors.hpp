@@ -1,0 +1,33 @@
+#pragma once
+
+#include "loops/loop_finder.hpp"
+#include "trajectory/trajectory_graph.hpp"
+
+#include <stillmap/mapping/trajectory.hpp>
+
+#include <Eigen/Geometry>
+
+#include <span>
+#include <vector>
+
+namespace stillmap::mapping {
+
+/// What odometry and the drive's own poses say of the same scans.
+struct TwicePosed {
+  std::span<const OdometryPose> odometry;
+  std::span<const Eigen::Isometry3d> T_map_given;
+};
+
+/// Compares motions between scans that are 0 (neighbours), 3, 10, 30 and 100 m of way apart. A
+/// deviation of a pose in each direction follows from the median length of such a difference, which
+/// holds two poses' errors in three directions: median = 1.538 sqrt(2) sigma for normal ones. The
+/// largest of all ways counts. Odometry's own drift is in it: given poses that are better than
+/// odometry are believed a little less than they could be.
+[[nodiscard]] GivenPoseErrors given_pose_errors(std::span<const TwicePosed> drives);
+
+/// Loops tell of errors that go together over longer ways than these, or differ between drives.
+/// @param given  one a key frame.
+void widen_by_loops(std::span<const Loop> loops, std::span<const Eigen::Isometry3d> T_map_given,
+                    GivenPoseErrors& errors);
+
+}  // namespace stillmap::mapping
