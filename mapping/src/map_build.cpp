@@ -231,6 +231,7 @@ MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders
     warn_of_near_points(options.min_range_m, report);
     add_to(report.stage_seconds, placed->stage_seconds);
     add_to(report.stage_seconds, tiles.stage_seconds);
+    report.consistency = tiles.consistency;
     report.objects = object_counts(map_objects, *survey, stages);
     report_edits(objects.edits, report);
     write_sources(writer, drives, *survey, map_objects);

@@ -106,6 +106,19 @@ PointCells::Range PointCells::find(const Cell& cell) const {
   return {};
 }
 
+std::array<PointCells::Range, 27> PointCells::around(std::size_t cell) const {
+  const Cell middle = cell_of(points_[begins_[cell]]);
+  std::array<Range, 27> ranges;
+  std::size_t next = 0;
+  for (std::int64_t x = -1; x <= 1; ++x) {
+    for (std::int64_t y = -1; y <= 1; ++y) {
+      for (std::int64_t z = -1; z <= 1; ++z)
+        ranges[next++] = find({middle[0] + x, middle[1] + y, middle[2] + z});
+    }
+  }
+  return ranges;
+}
+
 void PointCells::search_cell(const Cell& cell, const Eigen::Vector3d& p, bool any,
                              std::optional<Neighbour>& best, double& limit_m2) const {
   const Range range = find(cell);

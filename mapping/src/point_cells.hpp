@@ -39,6 +39,9 @@ class PointCells {
   [[nodiscard]] std::size_t cells() const { return begins_.empty() ? 0 : begins_.size() - 1; }
   /// Cells in the order of their place, 0 <= cell < cells().
   [[nodiscard]] Range cell(std::size_t cell) const { return {begins_[cell], begins_[cell + 1]}; }
+  /// A cell and the 26 around it, empty where there is none: everything within the edge of a cell
+  /// of any point in it.
+  [[nodiscard]] std::array<Range, 27> around(std::size_t cell) const;
   /// Sorted by cell, in a cell as they were given.
   [[nodiscard]] const std::vector<Eigen::Vector3f>& in_cell_order() const { return points_; }
   /// Where each of in_cell_order() was in the points as they were given.

@@ -288,6 +288,31 @@ class CommandLine(unittest.TestCase):
         for key in ("scans", "seconds", "options", "version"):
             self.assertIn(key, result)
 
+    def test_evaluate_map_measures_without_truth_what_the_build_reported(self):
+        made, report, file = self.folder / "made", self.folder / "build.json", self.folder / "result.json"
+        build = run("build", DRIVE, "-o", made, "--select", ":4", "--detector", "geometric", "--json", report)
+        self.assertEqual(build.returncode, 0, build.stderr)
+        built = json.loads(report.read_text())
+        done = run("evaluate", "map", made, "--json", file)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        result = json.loads(file.read_text())
+        self.assertEqual(list(result), ["consistency", "version", "options"])
+        self.assertEqual(result["consistency"], built["consistency"])
+        self.assertEqual(result["consistency"], json.loads((made / "build.json").read_text())["consistency"])
+        self.assertGreater(result["consistency"]["walls"]["planar_cells"], 100)
+        for line in ("mean map entropy", "thickness of walls, median", "thickness of ground, median"):
+            self.assertIn(line, build.stdout)
+            self.assertIn(line, done.stdout)
+        done = run("evaluate", "map", made, "--truth", DRIVE, "--json", file)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        judged = json.loads(file.read_text())
+        self.assertEqual(judged["consistency"], built["consistency"])
+        self.assertIn("static_loss", judged)
+        self.assertIn("thickness of walls, median", done.stdout)
+        for option in (["--boxes", SCAN], ["--poses", SCAN], ["--truth-classes", "moving"], ["--pictures", "p"],
+                       ["--report", self.folder / "page.html"]):
+            self.fails(2, "--truth", "evaluate", "map", made, *option)
+
     def test_evaluate_localization_without_movable_objects(self):
         file = self.folder / "result.json"
         done = run("evaluate", "localization", MAP, DRIVE, "--select", "1::16", "--query-movable", "delete", "--json", file)

@@ -49,6 +49,7 @@ std::string to_json(const MapBuildReport& report) {
                       {"points", report.points},
                       {"objects", report.objects},
                       {"trajectory", report.trajectory},
+                      {"consistency", nlohmann::json::parse(to_json(report.consistency))},
                       {"stage_seconds", report.stage_seconds},
                       {"warnings", report.warnings},
                       {"digest", report.digest},

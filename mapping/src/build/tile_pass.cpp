@@ -3,6 +3,7 @@
 #include "build/ordered_pipeline.hpp"
 #include "build/tile_window.hpp"
 #include "cleaning/free_space_cleaner.hpp"
+#include "consistency/surface_cells.hpp"
 #include "ground/ground_fill.hpp"
 #include "top_view.hpp"
 
@@ -93,6 +94,7 @@ struct FinishedTile {
   TilePoints tile;
   Counts counts;
   StageSeconds stage_seconds;
+  ConsistencySum consistency;
 };
 
 /// What is done to one tile. Safe from several threads, for different tiles.
@@ -142,6 +144,10 @@ class TileStages {
     }
     if (!footprints_.empty()) fill(out);
     open.sums = {};
+    {
+      const StageTimer timer(out.stage_seconds, "consistency");
+      out.consistency.add(surface_cells(surface_points(id, out.tile.points), grid_.voxel_size_m()));
+    }
     return out;
   }
 
@@ -204,7 +210,7 @@ TileCounts finish_tiles(const DriveSet& drives, const Survey& survey, const Buil
                         const maps::Edits& edits, const Cleaner* cleaner,
                         maps::MapPackageWriter& writer, const ProgressCallback& progress,
                         const CancelFlag& cancel) {
-  TileCounts out{{{"cleaned", 0}, {"filled", 0}}, {}};
+  TileCounts out{{{"cleaned", 0}, {"filled", 0}}, {}, {}};
   const std::vector<maps::TileId> ids = placed.stack.tiles();
   if (ids.empty())
     throw maps::InputError(drives.drives().front().contents().root.string(),
@@ -219,8 +225,10 @@ TileCounts finish_tiles(const DriveSet& drives, const Survey& survey, const Buil
   const TileStages stages(drives, survey, objects, grid, options, edits);
   TileWindow window(placed.stack, grid);
   TopView preview = empty_picture(ids);
+  ConsistencySum consistency;
   std::size_t done = 0;
   const auto take = [&](const FinishedTile& finished) {
+    consistency.add(finished.consistency);
     add_to(out.counts, finished.counts);
     add_to(out.stage_seconds, finished.stage_seconds);
     const TilePoints& tile = finished.tile;
@@ -244,6 +252,7 @@ TileCounts finish_tiles(const DriveSet& drives, const Survey& survey, const Buil
     begin = end;
   }
   preview.write_png(writer.folder() / "preview.png");
+  out.consistency = consistency.result();
   return out;
 }
 

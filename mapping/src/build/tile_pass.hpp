@@ -21,6 +21,7 @@ namespace stillmap::mapping {
 struct TileCounts {
   Counts counts;
   StageSeconds stage_seconds;
+  MapConsistency consistency;
 };
 
 /// Cleans, fills and finishes all tiles, several at once, and writes them and the preview to the

@@ -1,4 +1,5 @@
 #include <stillmap/mapping/label_evaluation.hpp>
+#include <stillmap/mapping/map_consistency.hpp>
 #include <stillmap/mapping/map_evaluation.hpp>
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/map_package.hpp>
@@ -16,6 +17,7 @@
 #include <vector>
 
 #include "command_line/command_text.hpp"
+#include "command_line/consistency_rows.hpp"
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
@@ -34,7 +36,8 @@ using mapping::TruthClasses;
 
 struct MapArguments {
   std::filesystem::path map;
-  std::filesystem::path drive;
+  /// None: only what needs no truth is evaluated.
+  std::optional<std::filesystem::path> drive;
   std::optional<std::filesystem::path> poses;
   std::optional<std::filesystem::path> boxes;
   std::optional<std::filesystem::path> pictures;
@@ -195,23 +198,34 @@ void print_for_people(const LabelEvaluation& result) {
   print_ground(result);
 }
 
-std::string to_json_text(const std::string& text, const MapArguments& arguments) {
+/// @param text  the object of what the truth says.
+std::string to_json_text(const std::string& text, const mapping::MapConsistency& consistency,
+                         const MapArguments& arguments) {
   auto json = nlohmann::ordered_json::parse(text);
+  json["consistency"] = nlohmann::ordered_json::parse(mapping::to_json(consistency));
   json["version"] = STILLMAP_VERSION;
-  json["options"] = {{"map", arguments.map.string()}, {"truth", arguments.drive.string()}};
+  json["options"] = {{"map", arguments.map.string()}};
+  if (arguments.drive) json["options"]["truth"] = arguments.drive->string();
   if (arguments.boxes) {
     json["options"]["boxes"] = arguments.boxes->string();
-  } else {
+  } else if (arguments.drive) {
     json["options"]["truth_classes"] = name_of(arguments.classes);
   }
   if (arguments.poses) json["options"]["poses"] = arguments.poses->string();
   return json.dump(2) + "\n";
 }
 
+void print_consistency(const mapping::MapConsistency& consistency) {
+  command_line::Table table;
+  command_line::add_consistency(table, consistency);
+  table.print();
+}
+
 /// Against labelled boxes.
-void evaluate_boxes(const MapArguments& arguments, const maps::MapPackage& map,
-                    const maps::Drive& drive, const mapping::ProgressCallback& progress,
-                    const std::function<void()>& done) {
+/// @return the object of `--json`.
+std::string evaluate_boxes(const MapArguments& arguments, const maps::MapPackage& map,
+                           const maps::Drive& drive, const mapping::ProgressCallback& progress,
+                           const std::function<void()>& done) {
   if (arguments.report)
     throw std::invalid_argument(
         "--report: found with --boxes, expected a drive of labelled points");
@@ -219,15 +233,15 @@ void evaluate_boxes(const MapArguments& arguments, const maps::MapPackage& map,
       map, drive, {*arguments.boxes, arguments.pictures}, progress, command_line::cancel_flag());
   done();
   print_for_people(result);
-  if (arguments.json)
-    command_line::write_text_file(*arguments.json,
-                                  to_json_text(mapping::to_json(result), arguments));
+  return mapping::to_json(result);
 }
 
 /// Against labelled points.
-void evaluate_points(const MapArguments& arguments, const CLI::App& command,
-                     const maps::MapPackage& map, const maps::Drive& drive,
-                     const mapping::ProgressCallback& progress, const std::function<void()>& done) {
+/// @return the object of `--json`.
+std::string evaluate_points(const MapArguments& arguments, const CLI::App& command,
+                            const maps::MapPackage& map, const maps::Drive& drive,
+                            const mapping::ProgressCallback& progress,
+                            const std::function<void()>& done) {
   const bool draw = arguments.report || arguments.pictures;
   const LabelEvaluation result =
       mapping::evaluate_with_labels(map, drive, draw, progress, command_line::cancel_flag());
@@ -242,45 +256,55 @@ void evaluate_points(const MapArguments& arguments, const CLI::App& command,
     command_line::write_text_file(
         *arguments.report,
         mapping::to_html(result, {.map = arguments.map.string(),
-                                  .drive = arguments.drive.string(),
+                                  .drive = arguments.drive->string(),
                                   .classes = arguments.classes,
                                   .command = command_line::command_of(command)}));
   }
-  if (arguments.json)
-    command_line::write_text_file(
-        *arguments.json, to_json_text(mapping::to_json(result, arguments.classes), arguments));
+  return mapping::to_json(result, arguments.classes);
 }
 
 void evaluate(const MapArguments& arguments, const CLI::App& command) {
   const auto map = maps::MapPackage::open(arguments.map);
-  const maps::Drive drive = maps::Drive::open(arguments.drive, arguments.poses);
+  std::optional<maps::Drive> drive;
+  if (arguments.drive) drive = maps::Drive::open(*arguments.drive, arguments.poses);
   auto bar = std::make_unique<command_line::ProgressBar>();
   const auto progress = [&bar](std::string_view stage, std::size_t done, std::size_t total) {
     bar->update(stage, done, total);
   };
   // The bar goes before anything else is printed.
   const auto done = [&bar] { bar.reset(); };
-  if (arguments.boxes) {
-    evaluate_boxes(arguments, *map, drive, progress, done);
+  const mapping::MapConsistency consistency =
+      mapping::map_consistency(*map, 0, progress, command_line::cancel_flag());
+  std::string json = "{}";
+  if (!drive) {
+    done();
+  } else if (arguments.boxes) {
+    json = evaluate_boxes(arguments, *map, *drive, progress, done);
   } else {
-    evaluate_points(arguments, command, *map, drive, progress, done);
+    json = evaluate_points(arguments, command, *map, *drive, progress, done);
   }
+  print_consistency(consistency);
+  if (arguments.json)
+    command_line::write_text_file(*arguments.json, to_json_text(json, consistency, arguments));
 }
 
 }  // namespace
 
 void add_map(CLI::App& evaluate_command) {
   auto arguments = std::make_shared<MapArguments>();
-  CLI::App* command = evaluate_command.add_subcommand(
-      "map", "Count what a map kept of what can move, what it lost beside, and how it put ground");
+  CLI::App* command =
+      evaluate_command.add_subcommand("map",
+                                      "Measure how well a map's scans agree with each other; with "
+                                      "--truth, count what it kept of what "
+                                      "can move, what it lost beside, and how it put ground");
   command->add_option("MAP", arguments->map, "Map package")
       ->required()
       ->check(command_line::existing_folder());
-  command
-      ->add_option("--truth", arguments->drive,
-                   "A drive that the map was made from, its points labelled (SemanticKITTI)")
-      ->required()
-      ->check(command_line::existing_drive());
+  CLI::Option* truth =
+      command
+          ->add_option("--truth", arguments->drive,
+                       "A drive that the map was made from, its points labelled (SemanticKITTI)")
+          ->check(command_line::existing_drive());
   const std::map<std::string, TruthClasses> classes{{"moving", TruthClasses::kMoving},
                                                     {"movable", TruthClasses::kMovable}};
   command
@@ -289,21 +313,27 @@ void add_map(CLI::App& evaluate_command) {
           [arguments, classes](const std::string& name) { arguments->classes = classes.at(name); },
           "What should not be in the map: moving, or movable (parked too)")
       ->default_str(std::string(name_of(arguments->classes)))
-      ->check(CLI::IsMember(classes));
+      ->check(CLI::IsMember(classes))
+      ->needs(truth);
   command
       ->add_option("--poses", arguments->poses,
                    "The poses that the map was made with, when not the drive's own")
-      ->check(command_line::existing_file());
+      ->check(command_line::existing_file())
+      ->needs(truth);
   command
       ->add_option("--boxes", arguments->boxes,
                    "For a drive without labelled points: boxes, KITTI tracking or our JSON")
-      ->check(command_line::existing_file());
-  command->add_option("--pictures", arguments->pictures,
-                      "Draw before.png and after.png, seen from above, there");
+      ->check(command_line::existing_file())
+      ->needs(truth);
+  command
+      ->add_option("--pictures", arguments->pictures,
+                   "Draw before.png and after.png, seen from above, there")
+      ->needs(truth);
   command->add_option("--json", arguments->json, "Write the result there")
       ->check(command_line::in_existing_folder());
   command->add_option("--report", arguments->report, "Write a page with pictures (HTML) there")
-      ->check(command_line::in_existing_folder());
+      ->check(command_line::in_existing_folder())
+      ->needs(truth);
   command->callback([arguments, command] { evaluate(*arguments, *command); });
 }
 

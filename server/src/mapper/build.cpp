@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "command_line/command_text.hpp"
+#include "command_line/consistency_rows.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
 #include "mapper/build_arguments.hpp"
@@ -150,6 +151,7 @@ void print_for_people(const mapping::MapBuildReport& report, const std::filesyst
   if (report.registration) table.add("registered", registration_text(*report.registration));
   for (const auto& [name, count] : report.points) table.add(points_label(name), grouped(count));
   for (const auto& [name, count] : report.objects) table.add(objects_label(name), grouped(count));
+  command_line::add_consistency(table, report.consistency);
   table.print();
   for (const std::string& warning : report.warnings) fmt::print("warning: {}\n", warning);
 }

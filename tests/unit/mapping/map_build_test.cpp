@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <stillmap/mapping/map_build.hpp>
+#include <stillmap/mapping/map_consistency.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 
@@ -8,6 +9,7 @@
 #include <cmath>
 #include <fstream>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <numbers>
 #include <set>
 
@@ -119,6 +121,17 @@ TEST_F(MapBuild, WarnsWhenManyPointsAreNearerThanWhatCarriesTheSensor) {
               ElementsAre(testing::StartsWith(
                   fmt::format("{:.0f} % of the points are left out, nearer than --min-range 12 m",
                               100.0 * static_cast<double>(near) / static_cast<double>(in)))));
+}
+
+TEST_F(MapBuild, ReportsTheConsistencyThatIsFoundInThePackage) {
+  options_.threads = 2;
+  const MapBuildReport report = build();
+  const std::string found = to_json(map_consistency(*open(), 1, {}, cancel_));
+  EXPECT_EQ(to_json(report.consistency), found);
+  EXPECT_GT(report.consistency.walls.planar_cells, 20U);
+  EXPECT_GT(report.consistency.entropy_points, 1000U);
+  std::ifstream stream(open()->folder() / "build.json");
+  EXPECT_EQ(nlohmann::json::parse(stream).at("consistency"), nlohmann::json::parse(found));
 }
 
 TEST_F(MapBuild, CountsEveryPointOnceInTheManifest) {

@@ -2,6 +2,7 @@
 
 #include <stillmap/mapping/cleaning.hpp>
 #include <stillmap/mapping/ground.hpp>
+#include <stillmap/mapping/map_consistency.hpp>
 #include <stillmap/mapping/progress.hpp>
 #include <stillmap/mapping/projection.hpp>
 #include <stillmap/mapping/trajectory.hpp>
@@ -130,6 +131,8 @@ struct MapBuildReport {
   std::map<std::string, std::uint64_t> trajectory;
   /// Of poses that the drives bring.
   std::optional<GivenPosesReport> given_poses;
+  /// Of the finished map, as `map_consistency` finds in the package.
+  MapConsistency consistency;
   /// Summed over threads; with what the resumed scans took in the build that was killed.
   std::map<std::string, double> stage_seconds;
   /// What a person should look at: edits that met nothing, work of a killed build that was thrown
