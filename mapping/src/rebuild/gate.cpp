@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
@@ -11,6 +12,10 @@ namespace stillmap::mapping {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+/// Of what two versions have in common; fewer say nothing of how well their scans agree.
+constexpr std::uint64_t kLeastCommonCells = 50;
+/// Thinner walls are those of a sensor without noise.
+constexpr double kThinWallM = 0.02;
 /// 0.98 is not 0.99 - 0.01 in doubles.
 constexpr double kRounding = 1e-9;
 
@@ -40,6 +45,18 @@ class Checks {
     add({name, static_cast<double>(found), static_cast<double>(limit), found >= limit,
          fmt::format("{}: {}, at least {}", what, found, limit)});
   }
+  /// Of what two versions have in common.
+  /// @param cells  in common; of too few nothing is asked.
+  void no_more_than(const std::string& name, std::uint64_t cells, double found, double limit,
+                    const std::string& what) {
+    if (cells < kLeastCommonCells) {
+      add({name, kNone, limit, true,
+           fmt::format("{} cells are in both versions, too few to compare them (at least {})",
+                       cells, kLeastCommonCells)});
+      return;
+    }
+    add({name, found, limit, found <= limit + kRounding, what});
+  }
   GateVerdict verdict() && {
     verdict_.passed = verdict_.reasons.empty();
     return std::move(verdict_);
@@ -52,6 +69,25 @@ class Checks {
   }
   GateVerdict verdict_;
 };
+
+void check_consistency(const GateFigures::Previous& previous, const GateLimits& limits,
+                       Checks& checks) {
+  const MapConsistency& before = previous.consistency_before;
+  const MapConsistency& now = previous.consistency_now;
+  const double was_m = before.walls.median_m, is_m = now.walls.median_m;
+  const double thickening = (is_m - was_m) / std::max(was_m, kThinWallM);
+  checks.no_more_than("wall_thickening", now.walls.planar_cells, thickening, limits.wall_thickening,
+                      fmt::format("walls are {:.1f} cm thick, {:.1f} cm in the previous version: "
+                                  "{} thicker, at most {}",
+                                  100.0 * is_m, 100.0 * was_m, percent(thickening),
+                                  percent(limits.wall_thickening)));
+  const double rise = now.mean_map_entropy - before.mean_map_entropy;
+  checks.no_more_than(
+      "entropy_rise", now.entropy_points, rise, limits.entropy_rise,
+      fmt::format("mean map entropy is {:.2f} nat, {:.2f} nat in the previous version: higher by "
+                  "{:.2f}, at most {:.4g}",
+                  now.mean_map_entropy, before.mean_map_entropy, rise, limits.entropy_rise));
+}
 
 void require_counts(const GateFigures& figures) {
   const auto require = [](const char* name, std::size_t part, std::size_t whole) {
@@ -79,6 +115,9 @@ std::vector<std::string> GateLimits::violations() const {
   check("driven_coverage", driven_coverage);
   check("ground_coverage", ground_coverage);
   check("first_found", first_found);
+  check("wall_thickening", wall_thickening);
+  if (!(entropy_rise >= 0.0 && entropy_rise <= 10.0))
+    broken.push_back(fmt::format("entropy_rise: {}, expected in [0, 10]", entropy_rise));
   if (least_queries < 1) broken.emplace_back("least_queries: 0, expected at least 1");
   return broken;
 }
@@ -104,6 +143,7 @@ GateVerdict decide(const GateFigures& figures, const GateLimits& limits) {
                     "the previous version's driven ground that is covered");
     checks.at_least("ground_coverage", previous->ground_coverage, limits.ground_coverage,
                     "the previous version's ground near its path that is covered");
+    check_consistency(*previous, limits, checks);
   } else {
     checks.at_least("first_found", found, limits.first_found,
                     "held-back scans found in a first version");

@@ -39,11 +39,13 @@ GateLimits read_gate_limits(const std::filesystem::path& file) {
                            json.at(name).dump(-1, ' ', false, GateJson::error_handler_t::replace),
                            expected);
   };
-  const auto share = [&](const std::string& name, double& limit) {
-    if (!json.at(name).is_number()) refuse(name, "a number in [0, 1]");
+  const auto number = [&](const std::string& name, double most, double& limit) {
+    const std::string expected = fmt::format("a number in [0, {}]", most);
+    if (!json.at(name).is_number()) refuse(name, expected);
     limit = json.at(name).get<double>();
-    if (!(limit >= 0.0 && limit <= 1.0)) refuse(name, "a number in [0, 1]");
+    if (!(limit >= 0.0 && limit <= most)) refuse(name, expected);
   };
+  const auto share = [&](const std::string& name, double& limit) { number(name, 1.0, limit); };
   const auto count = [&](const std::string& name, std::size_t least, std::size_t& limit) {
     if (!json.at(name).is_number_unsigned() || json.at(name).get<std::size_t>() < least)
       refuse(name, fmt::format("a whole number >= {}", least));
@@ -66,10 +68,14 @@ GateLimits read_gate_limits(const std::filesystem::path& file) {
       share(name, limits.ground_coverage);
     } else if (name == "first_found") {
       share(name, limits.first_found);
+    } else if (name == "wall_thickening") {
+      share(name, limits.wall_thickening);
+    } else if (name == "entropy_rise") {
+      number(name, 10.0, limits.entropy_rise);
     } else {
       refuse(name,
              "one of least_queries, least_found_in_keep, found_below_keep, new_lost, static_loss, "
-             "driven_coverage, ground_coverage, first_found");
+             "driven_coverage, ground_coverage, wall_thickening, entropy_rise, first_found");
     }
   }
   return limits;

@@ -1,6 +1,8 @@
 #include "rebuild/map_comparison.hpp"
-#include "evaluation/localization/share_of.hpp"
 
+#include "build/ordered_pipeline.hpp"
+#include "consistency/surface_cells.hpp"
+#include "evaluation/localization/share_of.hpp"
 #include "point_cells.hpp"
 
 #include <stillmap/maps/error.hpp>
@@ -168,6 +170,89 @@ bool stood(const maps::PointHistory& history, const std::vector<ScanTime>& times
   return first.drive != last.drive || last.stamp_ns - first.stamp_ns >= kStandsNs;
 }
 
+/// Tiles of a previous version by the tiles of the new one that they reach into.
+std::map<maps::TileId, std::vector<maps::TileId>> tiles_under(
+    const maps::MapPackage& previous, const maps::MapPackage& map,
+    const Eigen::Isometry3d& T_map_previous) {
+  std::map<maps::TileId, std::vector<maps::TileId>> under;
+  const auto number = [](double metres) {
+    return static_cast<std::int32_t>(std::floor(metres / maps::kTileSizeM));
+  };
+  for (const maps::TileEntry& tile : previous.manifest().tiles) {
+    if (tile.id.level != 0) continue;
+    Eigen::AlignedBox3d box;
+    for (unsigned corner = 0; corner < 8; ++corner) {
+      Eigen::Vector3d p;
+      for (unsigned axis = 0; axis < 3; ++axis)
+        p[axis] = static_cast<double>((corner >> axis & 1U) == 0 ? tile.min[axis] : tile.max[axis]);
+      box.extend(T_map_previous * (p + previous.manifest().origin) - map.manifest().origin);
+    }
+    for (std::int32_t x = number(box.min().x()); x <= number(box.max().x()); ++x) {
+      for (std::int32_t y = number(box.min().y()); y <= number(box.max().y()); ++y)
+        under[{0, x, y}].push_back(tile.id);
+    }
+  }
+  return under;
+}
+
+/// Of what a previous version has in a tile of the new one.
+std::vector<SurfacePoint> previous_points(const maps::MapPackage& previous,
+                                          const std::vector<maps::TileId>& tiles,
+                                          const Eigen::Isometry3d& T_map_previous,
+                                          const Eigen::Vector3d& map_origin, maps::TileId into) {
+  std::vector<maps::MapPoint> moved;
+  for (const maps::TileId tile : tiles) {
+    for (maps::MapPoint point : previous.tile(tile)) {
+      const Eigen::Vector3d p = T_map_previous * (Eigen::Vector3d(point.x, point.y, point.z) +
+                                                  previous.manifest().origin) -
+                                map_origin;
+      if (std::floor(p.x() / maps::kTileSizeM) != into.x ||
+          std::floor(p.y() / maps::kTileSizeM) != into.y)
+        continue;
+      const Eigen::Vector3f p_local = p.cast<float>();
+      point.x = p_local.x();
+      point.y = p_local.y();
+      point.z = p_local.z();
+      moved.push_back(point);
+    }
+  }
+  return surface_points(into, moved);
+}
+
+/// What two versions have in common.
+struct ConsistencyPair {
+  ConsistencySum previous, map;
+};
+
+/// @param previous, map  cells of one tile, by key.
+ConsistencyPair paired(const std::vector<SurfaceCell>& previous,
+                       const std::vector<SurfaceCell>& map) {
+  std::vector<SurfaceCell> before, now;
+  for (auto a = previous.begin(), b = map.begin(); a != previous.end() && b != map.end();) {
+    if (a->key != b->key) {
+      a->key < b->key ? ++a : ++b;
+      continue;
+    }
+    const bool either_is_planar = a->is_planar || b->is_planar;
+    const bool both_have_entropy = a->entropy_points > 0 && b->entropy_points > 0;
+    const auto as_one_of_a_pair = [&](SurfaceCell cell, const SurfaceCell& other) {
+      cell.is_planar = either_is_planar;
+      if (!other.has_thickness()) cell.thickness_m = other.thickness_m;
+      cell.entropy_sum = both_have_entropy ? cell.entropy_sum / cell.entropy_points : 0.0;
+      cell.entropy_points = both_have_entropy ? 1 : 0;
+      return cell;
+    };
+    before.push_back(as_one_of_a_pair(*a, *b));
+    now.push_back(as_one_of_a_pair(*b, *a));
+    ++a;
+    ++b;
+  }
+  ConsistencyPair pair;
+  pair.previous.add(before);
+  pair.map.add(now);
+  return pair;
+}
+
 }  // namespace
 
 double StaticLoss::rate() const { return share_of(lost, points); }
@@ -224,6 +309,38 @@ StaticLoss static_loss(const maps::MapPackage& keep, const maps::MapPackage& map
     if (progress) progress("compare", ++done, keep.manifest().tiles.size());
   }
   return loss;
+}
+
+ConsistencyChange consistency_change(const maps::MapPackage& previous, const maps::MapPackage& map,
+                                     const Eigen::Isometry3d& T_map_previous, int threads,
+                                     const ProgressCallback& progress, const CancelFlag& cancel) {
+  const double voxel_size_m = map.manifest().voxel_size_m;
+  if (previous.manifest().voxel_size_m != voxel_size_m) return {};
+  const auto under = tiles_under(previous, map, T_map_previous);
+  std::vector<maps::TileId> common;
+  for (const maps::TileEntry& tile : map.manifest().tiles) {
+    if (tile.id.level == 0 && under.contains(tile.id)) common.push_back(tile.id);
+  }
+  ConsistencyPair sum;
+  std::size_t done = 0;
+  process_in_order(
+      common.size(), threads,
+      [&](std::size_t i) {
+        const maps::TileId id = common[i];
+        const auto cells = [&](const std::vector<SurfacePoint>& points) {
+          return surface_cells(points, voxel_size_m);
+        };
+        return paired(cells(previous_points(previous, under.at(id), T_map_previous,
+                                            map.manifest().origin, id)),
+                      cells(surface_points(id, map.tile(id))));
+      },
+      [&](const ConsistencyPair& pair) {
+        sum.previous.add(pair.previous);
+        sum.map.add(pair.map);
+        if (progress) progress("compare", ++done, common.size());
+      },
+      cancel);
+  return {sum.previous.result(), sum.map.result()};
 }
 
 }  // namespace stillmap::mapping

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <stillmap/mapping/map_consistency.hpp>
 #include <stillmap/mapping/progress.hpp>
 #include <stillmap/maps/map_package.hpp>
 
@@ -46,5 +47,23 @@ struct StaticLoss {
 [[nodiscard]] StaticLoss static_loss(const maps::MapPackage& keep, const maps::MapPackage& map,
                                      const Eigen::Isometry3d& T_map_keep,
                                      const ProgressCallback& progress, const CancelFlag& cancel);
+
+/// How well the scans of two versions agree, where both have points.
+struct ConsistencyChange {
+  /// Over the same cells. Thickness: of those that are planar in either, so that a wall that became
+  /// too thick for a plane is not left out. Entropy: mean of the cells' means.
+  MapConsistency previous, map;
+};
+
+/// Nothing is compared of maps of different voxels, since these decide how much of the thickness is
+/// averaged away.
+/// @param T_map_previous  takes points of the previous version to the new one's frame.
+/// @param threads         0 = all cores. The result is the same bits for any number.
+/// @throws maps::InputError for a broken package, Cancelled.
+[[nodiscard]] ConsistencyChange consistency_change(const maps::MapPackage& previous,
+                                                   const maps::MapPackage& map,
+                                                   const Eigen::Isometry3d& T_map_previous,
+                                                   int threads, const ProgressCallback& progress,
+                                                   const CancelFlag& cancel);
 
 }  // namespace stillmap::mapping

@@ -134,6 +134,38 @@ GroundCoverage coverage_from(const std::string& text) {
   return coverage;
 }
 
+std::string text_of(const ConsistencyChange& change) {
+  std::string text;
+  for (const MapConsistency* each : {&change.previous, &change.map}) {
+    text += fmt::format("{:.17g} {} ", each->mean_map_entropy, each->entropy_points);
+    for (const SurfaceThickness* surface : {&each->walls, &each->ground})
+      text += fmt::format("{} {} {:.17g} {:.17g} ", surface->cells, surface->planar_cells,
+                          surface->median_m, surface->p95_m);
+  }
+  return text;
+}
+
+ConsistencyChange change_from(const std::string& text) {
+  ConsistencyChange change;
+  std::istringstream stream(text);
+  const auto read = [&](double& value) {
+    std::string word;
+    stream >> word;
+    // A stream does not read "nan".
+    value = std::stod(word);
+  };
+  for (MapConsistency* each : {&change.previous, &change.map}) {
+    read(each->mean_map_entropy);
+    stream >> each->entropy_points;
+    for (SurfaceThickness* surface : {&each->walls, &each->ground}) {
+      stream >> surface->cells >> surface->planar_cells;
+      read(surface->median_m);
+      read(surface->p95_m);
+    }
+  }
+  return change;
+}
+
 /// One rebuild from stage to stage.
 class Rebuild {
  public:
@@ -278,6 +310,14 @@ class Rebuild {
     }));
     report_.figures.previous->driven_coverage = coverage.driven;
     report_.figures.previous->ground_coverage = coverage.near_path;
+    const ConsistencyChange change = change_from(part("compare consistency", [&] {
+      const auto previous = maps::MapPackage::open(*options_.previous);
+      return text_of(consistency_change(*previous, map, T_previous_map(map).inverse(),
+                                        options_.build.threads, under("compare consistency"),
+                                        cancel_));
+    }));
+    report_.figures.previous->consistency_before = change.previous;
+    report_.figures.previous->consistency_now = change.map;
   }
 
   void decide_gate() {
@@ -344,6 +384,7 @@ std::vector<StageShare> rebuild_stages(const RebuildOptions& options) {
   add("localize keep", 0.06, {{"localize", 1.0}});
   if (options.previous) add("localize previous", 0.06, {{"localize", 1.0}});
   add("compare keep", 0.03, {{"compare", 1.0}});
+  if (options.previous) add("compare consistency", 0.02, {{"compare", 1.0}});
   return stages;
 }
 

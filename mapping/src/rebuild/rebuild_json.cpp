@@ -34,6 +34,11 @@ Json figures_json(const RebuildReport& report) {
   json["new_lost"] = previous ? Json(previous->new_lost) : Json();
   json["driven_coverage"] = previous ? number(previous->driven_coverage) : Json();
   json["ground_coverage"] = previous ? number(previous->ground_coverage) : Json();
+  json["consistency"] = Json();
+  if (previous) {
+    json["consistency"] = {{"map", Json::parse(to_json(previous->consistency_now))},
+                           {"previous", Json::parse(to_json(previous->consistency_before))}};
+  }
   return json;
 }
 
@@ -45,6 +50,8 @@ Json limits_json(const GateLimits& limits) {
           {"static_loss", limits.static_loss},
           {"driven_coverage", limits.driven_coverage},
           {"ground_coverage", limits.ground_coverage},
+          {"wall_thickening", limits.wall_thickening},
+          {"entropy_rise", limits.entropy_rise},
           {"first_found", limits.first_found}};
 }
 

@@ -155,6 +155,19 @@ std::vector<Option> job_options() {
        .most = 1,
        .text = "Least share of the active version's ground that a rebuilt map covers.",
        .reloadable = true},
+      {.key = "gate.max_wall_thickening",
+       .field = at(&S::gate, &Q::max_wall_thickening),
+       .most = 1,
+       .text = "How much thicker walls may be in a rebuilt map than in the active version, as a "
+               "share.",
+       .reloadable = true},
+      {.key = "gate.max_entropy_rise",
+       .field = at(&S::gate, &Q::max_entropy_rise),
+       .most = 10,
+       .unit = "nat",
+       .text = "How much higher the mean map entropy of a rebuilt map may be than the active "
+               "version's.",
+       .reloadable = true},
   };
 }
 

@@ -76,11 +76,11 @@ std::vector<std::string> convert_command(const fs::path& mapper, const fs::path&
 }
 
 std::string gate_json(const QualityGateOptions& gate) {
-  return nlohmann::ordered_json{{"found_below_keep", gate.max_success_loss},
-                                {"new_lost", gate.max_new_lost},
-                                {"static_loss", gate.max_static_loss},
-                                {"driven_coverage", gate.min_coverage},
-                                {"first_found", gate.min_success_rate}}
+  return nlohmann::ordered_json{
+      {"found_below_keep", gate.max_success_loss},   {"new_lost", gate.max_new_lost},
+      {"static_loss", gate.max_static_loss},         {"driven_coverage", gate.min_coverage},
+      {"wall_thickening", gate.max_wall_thickening}, {"entropy_rise", gate.max_entropy_rise},
+      {"first_found", gate.min_success_rate}}
       .dump();
 }
 

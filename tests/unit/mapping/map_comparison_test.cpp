@@ -23,6 +23,16 @@ struct Point {
   std::uint32_t first_scan = 0, last_scan = 40;
 };
 
+/// A wall of 10 x 2 m along x with normal noise across.
+std::vector<Point> noisy_wall(double from_x_m, double sigma_m, std::uint64_t seed) {
+  test::Random random(seed);
+  std::vector<Point> points;
+  for (int i = 0; i < 6000; ++i)
+    points.push_back({{random.uniform(from_x_m, from_x_m + 10.0), 3.25 + sigma_m * random.normal(),
+                       random.uniform(0.0, 2.0)}});
+  return points;
+}
+
 /// Packages of some points, made from a path of 41 scans, 0.1 s apart, along x from -2 to 2.
 class MapComparison : public ::testing::Test {
  protected:
@@ -174,9 +184,63 @@ TEST_F(MapComparison, KnowsNoCoverageOfNothing) {
   EXPECT_TRUE(std::isnan(found.near_path));
 }
 
+TEST_F(MapComparison, TellsThatWallsBecameThickerWhereBothVersionsHaveThem) {
+  // The first was built from x = 0 to 30, the second from 10 to 40; what is in one of them alone is
+  // of another thickness.
+  std::vector<Point> before = noisy_wall(10.0, 0.02, 1), now = noisy_wall(10.0, 0.05, 2);
+  for (const Point& point : noisy_wall(20.0, 0.02, 3)) before.push_back(point);
+  for (const Point& point : noisy_wall(20.0, 0.05, 4)) now.push_back(point);
+  for (const Point& point : noisy_wall(0.0, 0.07, 5)) before.push_back(point);
+  for (const Point& point : noisy_wall(30.0, 0.005, 6)) now.push_back(point);
+  const auto previous = package(before), map = package(now);
+  const Eigen::Isometry3d same = Eigen::Isometry3d::Identity();
+  const ConsistencyChange change = consistency_change(*previous, *map, same, 1, {}, cancel_);
+  // 40 cells along, 4 up.
+  EXPECT_EQ(change.map.walls.cells, change.previous.walls.cells);
+  EXPECT_EQ(change.map.walls.planar_cells, change.previous.walls.planar_cells);
+  EXPECT_NEAR(static_cast<double>(change.map.walls.planar_cells), 160.0, 8.0);
+  EXPECT_NEAR(change.previous.walls.median_m, 0.02, 0.001);
+  EXPECT_NEAR(change.map.walls.median_m, 0.05, 0.0025);
+  EXPECT_EQ(change.map.entropy_points, change.previous.entropy_points);
+  // ln(0.05 / 0.02), less at the ends of the wall.
+  EXPECT_NEAR(change.map.mean_map_entropy - change.previous.mean_map_entropy, 0.9, 0.1);
+  const ConsistencyChange none = consistency_change(*map, *map, same, 3, {}, cancel_);
+  EXPECT_EQ(none.map.walls.median_m, none.previous.walls.median_m);
+  EXPECT_EQ(none.map.mean_map_entropy, none.previous.mean_map_entropy);
+}
+
+TEST_F(MapComparison, ComparesWallsOfAVersionInAnotherFrame) {
+  const Eigen::Isometry3d T = test::pose_at(37.3, -20.9, 0.4, 1.0);
+  const std::vector<Point> wall = noisy_wall(0.0, 0.03, 1);
+  std::vector<Point> moved = wall;
+  for (Point& point : moved) point.p_map = T * point.p_map;
+  const auto previous = package(wall), map = package(moved);
+  const ConsistencyChange change = consistency_change(*previous, *map, T, 2, {}, cancel_);
+  EXPECT_GT(change.map.walls.planar_cells, 80U);
+  EXPECT_NEAR(change.map.walls.median_m, change.previous.walls.median_m, 1e-4);
+  EXPECT_NEAR(change.map.mean_map_entropy, change.previous.mean_map_entropy, 0.02);
+  // Nothing is where the other one has something.
+  const ConsistencyChange apart =
+      consistency_change(*previous, *map, Eigen::Isometry3d::Identity(), 1, {}, cancel_);
+  EXPECT_EQ(apart.map.walls.cells, 0U);
+  EXPECT_TRUE(std::isnan(apart.map.walls.median_m));
+}
+
+TEST_F(MapComparison, CountsACellThatIsTooThickForAPlaneInOneVersion) {
+  const auto previous = package(noisy_wall(10.0, 0.02, 1));
+  const auto map = package(noisy_wall(10.0, 0.09, 2));
+  const ConsistencyChange change =
+      consistency_change(*previous, *map, Eigen::Isometry3d::Identity(), 1, {}, cancel_);
+  EXPECT_GT(change.map.walls.planar_cells, 70U);
+  EXPECT_GT(change.map.walls.median_m, 0.07);
+}
+
 TEST_F(MapComparison, StopsWhenCancelled) {
   const auto keep = package({{{3, 0, 1}}});
   cancel_ = true;
+  EXPECT_THROW(
+      (void)consistency_change(*keep, *keep, Eigen::Isometry3d::Identity(), 1, {}, cancel_),
+      Cancelled);
   EXPECT_THROW((void)loss(*keep, *keep), Cancelled);
   EXPECT_THROW((void)ground_coverage(*keep, *keep, Eigen::Isometry3d::Identity(), cancel_),
                Cancelled);

@@ -14,11 +14,20 @@ namespace stillmap::mapping {
 namespace rebuild_gate_test {
 
 using test::ThrowsSaying;
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+MapConsistency consistency(double walls_m, double entropy) {
+  MapConsistency consistency;
+  consistency.mean_map_entropy = entropy;
+  consistency.entropy_points = 5000;
+  consistency.walls = {.cells = 900, .planar_cells = 600, .median_m = walls_m, .p95_m = 0.06};
+  return consistency;
+}
 
 GateFigures good() {
   GateFigures figures;
@@ -26,7 +35,12 @@ GateFigures good() {
   figures.found = 199;
   figures.found_in_keep = 200;
   figures.static_loss = 0.001;
-  figures.previous = {.ok = 190, .new_lost = 0, .driven_coverage = 0.99, .ground_coverage = 0.97};
+  figures.previous = {.ok = 190,
+                      .new_lost = 0,
+                      .driven_coverage = 0.99,
+                      .ground_coverage = 0.97,
+                      .consistency_before = consistency(0.03, -3.9),
+                      .consistency_now = consistency(0.031, -3.85)};
   return figures;
 }
 
@@ -104,6 +118,53 @@ TEST(RebuildGate, ALeastShareOfNothingAsksForNothing) {
   EXPECT_THAT(failed(figures, {.driven_coverage = 0.0}), IsEmpty());
 }
 
+TEST(RebuildGate, DoesNotPassWallsThatAreAQuarterThicker) {
+  GateFigures figures = good();
+  const auto thick = [&](double before_m, double now_m) {
+    figures.previous->consistency_before.walls.median_m = before_m;
+    figures.previous->consistency_now.walls.median_m = now_m;
+    return failed(figures);
+  };
+  EXPECT_THAT(thick(0.04, 0.05), IsEmpty());
+  EXPECT_THAT(thick(0.04, 0.0501), ElementsAre("wall_thickening"));
+  EXPECT_THAT(thick(0.04, 0.02), IsEmpty());
+  // Of a sensor without noise half a centimetre is much, and says little.
+  EXPECT_THAT(thick(0.001, 0.006), IsEmpty());
+  EXPECT_THAT(thick(0.001, 0.0061), ElementsAre("wall_thickening"));
+  EXPECT_THAT(failed(figures, {.wall_thickening = 0.5}), IsEmpty());
+}
+
+TEST(RebuildGate, DoesNotPassAnEntropyThatIsClearlyHigher) {
+  GateFigures figures = good();
+  figures.previous->consistency_now.mean_map_entropy = -3.7;
+  EXPECT_THAT(failed(figures), IsEmpty());
+  figures.previous->consistency_now.mean_map_entropy = -3.69;
+  EXPECT_THAT(failed(figures), ElementsAre("entropy_rise"));
+  EXPECT_THAT(failed(figures, {.entropy_rise = 0.3}), IsEmpty());
+  EXPECT_THAT(
+      decide(figures, {}).reasons,
+      ElementsAre("mean map entropy is -3.69 nat, -3.90 nat in the previous version: higher "
+                  "by 0.21, at most 0.2"));
+  figures.previous->consistency_now.mean_map_entropy = -5.0;
+  EXPECT_THAT(failed(figures), IsEmpty());
+}
+
+TEST(RebuildGate, SaysThatTooFewCellsAreInBothVersions) {
+  GateFigures figures = good();
+  for (MapConsistency* each :
+       {&figures.previous->consistency_before, &figures.previous->consistency_now}) {
+    each->walls.planar_cells = 49;
+    each->entropy_points = 0;
+    each->mean_map_entropy = kNaN;
+  }
+  figures.previous->consistency_now.walls.median_m = 0.2;
+  EXPECT_THAT(failed(figures), IsEmpty());
+  std::vector<std::string> words;
+  for (const GateCheck& check : decide(figures, {}).checks) words.push_back(check.words);
+  EXPECT_THAT(words, Contains(HasSubstr("49 cells are in both versions, too few")));
+  EXPECT_THAT(words, Contains(HasSubstr("0 cells are in both versions, too few")));
+}
+
 TEST(RebuildGate, NeedsScansToJudgeBy) {
   GateFigures none;
   none.static_loss = 0.0;
@@ -145,6 +206,9 @@ TEST(RebuildGate, RefusesLimitsAndCountsThatCannotBe) {
     EXPECT_THROW((void)decide(good(), {.static_loss = bad}), std::invalid_argument) << bad;
   }
   EXPECT_THROW((void)decide(good(), {.least_queries = 0}), std::invalid_argument);
+  EXPECT_THROW((void)decide(good(), {.wall_thickening = 1.1}), std::invalid_argument);
+  for (const double bad : {-0.1, 10.1, kNaN})
+    EXPECT_THROW((void)decide(good(), {.entropy_rise = bad}), std::invalid_argument) << bad;
   GateFigures figures = good();
   figures.found = 201;
   EXPECT_THROW((void)decide(figures, {}), std::invalid_argument);
@@ -155,10 +219,14 @@ TEST(RebuildGate, RefusesLimitsAndCountsThatCannotBe) {
 
 TEST(RebuildGate, ReadsLimitsFromAFile) {
   const test::TemporaryFolder folder;
-  folder.write("gate.json", R"({"static_loss": 0.05, "new_lost": 2})");
+  folder.write(
+      "gate.json",
+      R"({"static_loss": 0.05, "new_lost": 2, "wall_thickening": 0.5, "entropy_rise": 1.5})");
   const GateLimits limits = read_gate_limits(folder.path() / "gate.json");
   EXPECT_EQ(limits.static_loss, 0.05);
   EXPECT_EQ(limits.new_lost, 2U);
+  EXPECT_EQ(limits.wall_thickening, 0.5);
+  EXPECT_EQ(limits.entropy_rise, 1.5);
   EXPECT_EQ(limits.found_below_keep, GateLimits{}.found_below_keep);
 }
 
@@ -171,6 +239,8 @@ TEST(RebuildGate, RefusesAFileOfOtherThingsByName) {
       {R"({"static_los": 0.05})", "static_los"},
       {R"({"static_loss": "0.05"})", ".static_loss"},
       {R"({"static_loss": 1.5})", "1.5"},
+      {R"({"wall_thickening": 2})", "[0, 1]"},
+      {R"({"entropy_rise": 11})", "[0, 10]"},
       {R"({"new_lost": -1})", ".new_lost"},
       {R"({"new_lost": 0.5})", ".new_lost"},
       {R"({"least_queries": 0})", ".least_queries"},

@@ -54,12 +54,16 @@ class RebuildTest : public ::testing::Test {
     options_.limits.least_queries = 1;
   }
 
-  fs::path write_drive(const std::string& name, double y_m) const {
+  /// @param pose_sigma_m  how far off the written poses are, from scan to scan.
+  fs::path write_drive(const std::string& name, double y_m, double pose_sigma_m = 0.0) const {
+    test::Random random(1);
     std::string poses;
     for (std::size_t i = 0; i < kScans; ++i) {
-      const Eigen::Isometry3d T = test::pose_at(0.6 * static_cast<double>(i), y_m, 0.0);
+      Eigen::Isometry3d T = test::pose_at(0.6 * static_cast<double>(i), y_m, 0.0);
       folder_.write(fmt::format("{}/{:06}.bin", name, i),
                     test::bin_of(small_.world.scan(T, small_.pattern)));
+      T.translation() +=
+          pose_sigma_m * Eigen::Vector3d(random.normal(), random.normal(), random.normal());
       poses += test::kitti_line(T);
     }
     folder_.write(name + "/poses.txt", poses);
@@ -151,8 +155,27 @@ TEST_F(RebuildTest, ComparesWithThePreviousVersion) {
   EXPECT_EQ(second.figures.previous->driven_coverage, 1.0);
   EXPECT_EQ(second.figures.previous->ground_coverage, 1.0);
   EXPECT_EQ(second.figures.previous->new_lost, 0U);
+  // Nothing but the registration is new.
+  const MapConsistency& before = second.figures.previous->consistency_before;
+  const MapConsistency& now = second.figures.previous->consistency_now;
+  EXPECT_GT(now.walls.planar_cells, 50U);
+  EXPECT_GT(now.entropy_points, 50U);
+  EXPECT_NEAR(now.walls.median_m, before.walls.median_m, 0.001);
+  EXPECT_NEAR(now.mean_map_entropy, before.mean_map_entropy, 0.05);
   EXPECT_TRUE(second.verdict.passed) << to_json(second, options_);
   EXPECT_THAT(second.warnings, Contains(HasSubstr("work of another rebuild was thrown away")));
+}
+
+TEST_F(RebuildTest, DoesNotPassAMapWhosePosesBecameWorse) {
+  options_.build.voxel_size_m = 0.1;
+  (void)rebuild();
+  options_.previous = options_.map;
+  options_.map = folder_.path() / "newer";
+  options_.drives = {write_drive("shaken", 0.0, 0.05)};
+  const RebuildReport report = rebuild();
+  EXPECT_FALSE(report.verdict.passed);
+  EXPECT_THAT(report.verdict.reasons, Contains(HasSubstr("walls are")));
+  EXPECT_THAT(report.verdict.reasons, Contains(HasSubstr("mean map entropy is")));
 }
 
 TEST_F(RebuildTest, AsksForTheScansOfAnotherDrive) {

@@ -61,6 +61,8 @@ TEST_F(Jobs, VersionIsNamedByDayAndJobWhereNobodyDoes) {
 
 TEST_F(Jobs, CommandHoldsWhatWasAskedForAndTheGateOfTheOptions) {
   options_.gate.max_new_lost = 3;
+  options_.gate.max_wall_thickening = 0.5;
+  options_.gate.max_entropy_rise = 0.75;
   options_.jobs.cores = 1;
   start_with("echo \"$0\"; cat $gate $edits; tr '\\0' ' ' < /proc/$$/cmdline; publish");
   make_drive();
@@ -69,6 +71,7 @@ TEST_F(Jobs, CommandHoldsWhatWasAskedForAndTheGateOfTheOptions) {
   EXPECT_EQ(wait_for_end(job)["status"], "succeeded");
   const std::string log = log_of(job);
   EXPECT_THAT(log, HasSubstr("\"new_lost\":3"));
+  EXPECT_THAT(log, HasSubstr("\"wall_thickening\":0.5,\"entropy_rise\":0.75"));
   EXPECT_THAT(log, HasSubstr(std::string(maps::kNoEdits)));
   EXPECT_THAT(log, HasSubstr("/drives/1/drive-1 --detector geometric --preset paper --output "));
   EXPECT_THAT(log, HasSubstr("/drives/2/drive-2 --previous "));

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <stillmap/mapping/map_consistency.hpp>
+
 #include <cstddef>
 #include <filesystem>
 #include <limits>
@@ -29,6 +31,8 @@ struct GateFigures {
     /// Shares of its ground that the new one has: where it was driven, and beside.
     double driven_coverage = std::numeric_limits<double>::quiet_NaN();
     double ground_coverage = std::numeric_limits<double>::quiet_NaN();
+    /// How well the scans agree with each other, in it and in the new one, where both have points.
+    MapConsistency consistency_before, consistency_now;
   };
   /// None for a first version.
   std::optional<Previous> previous;
@@ -47,6 +51,11 @@ struct GateLimits {
   double static_loss = 0.02;
   double driven_coverage = 0.95;
   double ground_coverage = 0.85;
+  /// How much thicker the median wall is, as a share of what it was, or of 2 cm, the noise of a
+  /// sensor, where it was thinner.
+  double wall_thickening = 0.25;
+  /// How much higher the mean map entropy is [nat], in [0, 10].
+  double entropy_rise = 0.2;
   /// Share found, for a first version: there is none before that would be missed.
   double first_found = 0.9;
 

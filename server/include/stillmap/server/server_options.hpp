@@ -108,6 +108,10 @@ struct QualityGateOptions {
   double max_static_loss = 0.02;
   /// Least share of the active version's ground cells that the new one covers.
   double min_coverage = 0.95;
+  /// How much thicker the median wall may be than in the active version, as a share.
+  double max_wall_thickening = 0.25;
+  /// How much higher the mean map entropy may be than that of the active version [nat].
+  double max_entropy_rise = 0.2;
 };
 
 /// For each key, a token bucket; beyond it the answer is 429 with `Retry-After`.
