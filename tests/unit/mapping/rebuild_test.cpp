@@ -172,6 +172,7 @@ TEST_F(RebuildTest, DoesNotPassAMapWhosePosesBecameWorse) {
   options_.previous = options_.map;
   options_.map = folder_.path() / "newer";
   options_.drives = {write_drive("shaken", 0.0, 0.05)};
+  options_.build.given_poses = GivenPosesUse::kExact;
   const RebuildReport report = rebuild();
   EXPECT_FALSE(report.verdict.passed);
   EXPECT_THAT(report.verdict.reasons, Contains(HasSubstr("walls are")));
