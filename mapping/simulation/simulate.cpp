@@ -133,6 +133,7 @@ SimulationReport simulate_drive(const std::filesystem::path& target,
                                   .change = options.change,
                                   .parked_share = options.parked_share,
                                   .duration_s = duration_s,
+                                  .standing = options.standing,
                                   .reach_m = properties.max_range_m,
                                   .cancel = &cancel});
   T_world_start = world.T_world_start;

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -27,6 +28,18 @@ std::vector<Eigen::Vector2d> way_points(const Motion& own) {
     points.push_back(own.path->point(s));
   }
   return points;
+}
+
+/// Beside the lane [m], to the right of its middle: in the parking strip or on the pavement.
+constexpr double kBesideLaneM = 2.9;
+/// What is parked nearer to us than this would stand in our vehicle [m].
+constexpr double kOwnRoomM = 5.5;
+
+/// Traffic behaves as if we drove; nobody meets us beside the lane.
+void stand_beside_lane(Motion& own) {
+  const double station_m = own.station(0.0);
+  std::fill(own.stations_m.begin(), own.stations_m.end(), station_m);
+  std::fill(own.offsets_m.begin(), own.offsets_m.end(), -kBesideLaneM);
 }
 
 void furnish(World& world, const Plan& plan, const WorldSpec& spec) {
@@ -75,6 +88,7 @@ World make_world(const WorldSpec& spec) {
   World world;
   world.own_motion = std::move(driven.front().motion);
   driven.erase(driven.begin());
+  if (spec.standing) stand_beside_lane(world.own_motion);
   world.terrain = std::make_unique<Terrain>(*plan.network, plan.relief, spec.seed,
                                             way_points(world.own_motion), spec.reach_m + 5.0);
   world.ground = make_ground(*world.terrain, *plan.network, plan.cover, spec.seed);
@@ -87,6 +101,11 @@ World make_world(const WorldSpec& spec) {
   furnish(world, plan, spec);
   world.own_body = make_own_body();
   park_vehicles(world, plan, spec);
+  if (spec.standing) {
+    std::erase_if(world.actors, [own = world.own_motion.point(0.0)](const Actor& actor) {
+      return (actor.T_world_body.translation().head<2>() - own).norm() < kOwnRoomM;
+    });
+  }
   add_traffic(world, spec, std::move(driven));
   add_walkers(world, plan, spec);
   return world;

@@ -78,6 +78,8 @@ struct WorldSpec {
   /// Share of the parking places along the roads that are taken; none = the scenario's own.
   std::optional<double> parked_share = std::nullopt;
   double duration_s = 10.0;
+  /// Our vehicle stands beside the lane that it would drive on, at one pose.
+  bool standing = false;
   /// How far a sensor sees [m]; nothing farther from our way is made.
   double reach_m = 120.0;
   /// May be none.

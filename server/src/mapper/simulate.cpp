@@ -65,6 +65,8 @@ void add_simulate(CLI::App& app) {
                       "(default: the scenario's own)");
   command->add_flag("--change", options.change,
                     "Building sites where there were none, some fences gone");
+  command->add_flag("--standing", options.standing,
+                    "Stand beside the lane instead of driving: a fixed sensor with traffic");
   command
       ->add_option("--sensor", options.sensor,
                    "hdl64, os1-64, os1-128, vlp16, avia, or a file that describes one")

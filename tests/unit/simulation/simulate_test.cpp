@@ -141,6 +141,20 @@ TEST(Simulation, TheSensorStandsAtItsHeightOverTheRoad) {
   EXPECT_NEAR(height, 1.73, 0.15);
 }
 
+TEST(Simulation, AStandingVehicleHasOnePoseAndTrafficPassesIt) {
+  const test::TemporaryFolder folder;
+  SimulationOptions options = small_drive();
+  options.standing = true;
+  const auto drive = maps::Drive::open(simulate(folder, "standing", options));
+  for (std::size_t i = 1; i < drive.size(); ++i)
+    EXPECT_EQ(drive.T_map_lidar(i).matrix(), drive.T_map_lidar(0).matrix());
+  const mapping::CancelFlag cancel{false};
+  const SimulationReport report = simulate_drive(folder.path() / "again", options, {}, cancel);
+  EXPECT_EQ(report.distance_m, 0.0);
+  EXPECT_GT(report.moving, 0U);
+  EXPECT_GT(report.parked, 0U);
+}
+
 TEST(Simulation, NamesEveryBrokenOption) {
   const test::TemporaryFolder folder;
   const auto message = [&](auto change) {

@@ -27,6 +27,9 @@ struct SimulationOptions {
   std::optional<double> parked_share;
   /// Name of a sensor, or a file that describes one (see mapping/simulation/README.md).
   std::string sensor = "hdl64";
+  /// The vehicle stands beside the lane where it would begin to drive, for the whole drive: all
+  /// poses are equal.
+  bool standing = false;
   /// Scans taken; 1 to 10000.
   std::size_t scans = 100;
   /// `kitti-odometry`, `kitti-raw` or `pcd`.
