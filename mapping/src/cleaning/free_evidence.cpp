@@ -22,6 +22,11 @@ constexpr float kDoubtfulShare = 2.0F;
 /// What a thin thing lets through of the rays that head for its cell.
 constexpr double kLetsThrough = 0.85;
 
+/// A run counts without a second place when this many views follow each other (10 s) and nothing
+/// was ever said about the cell from elsewhere: then what hit it was seen from the same place, so
+/// no fence stands before some views and not before others.
+constexpr std::uint32_t kLongRunViews = 5;
+
 /// Most cells are walls and the like: hit by every view, seen free by none. So every fourth view is
 /// asked first, and cells that are hit by this many of them, and free to none, are left alone.
 constexpr std::size_t kFirstStep = 4;
@@ -36,6 +41,18 @@ struct Record {
   bool ever_free = false;
   std::uint32_t first_place = 0;  ///< of the run
   bool several_places = false;    ///< in the run
+
+  /// The same for a cell that one place alone spoke of, where each view weighs as much as the
+  /// first: they differ in time.
+  std::uint32_t only_place = 0;
+  bool elsewhere = false;
+  float timed_spoken = 0.0F, timed_run = 0.0F, best_timed_run = 0.0F;
+  std::uint32_t run_views = 0;
+
+  [[nodiscard]] float score() const {
+    return elsewhere ? best_run / (kDoubtfulShare + spoken)
+                     : best_timed_run / (kDoubtfulShare + timed_spoken);
+  }
 };
 
 using Weights = std::array<float, 64>;
@@ -48,16 +65,29 @@ Weights free_weights() {
   return weights;
 }
 
-void add_free(Record& record, const Keyframe& keyframe, float weight) {
+/// @param seen  1, or less for a free view with few rays.
+void add_spoken(Record& record, const Keyframe& keyframe, float seen) {
+  if (record.timed_spoken <= 0.0F) record.only_place = keyframe.place;
+  if (keyframe.place != record.only_place) record.elsewhere = true;
+  record.spoken += keyframe.weight * seen;
+  record.timed_spoken += seen;
+}
+
+void add_free(Record& record, const Keyframe& keyframe, float seen) {
   if (record.run <= 0.0F) {
     record.first_place = keyframe.place;
     record.several_places = false;
+    record.timed_run = 0.0F;
+    record.run_views = 0;
   }
-  record.run += weight;
+  record.run += keyframe.weight * seen;
+  record.timed_run += seen;
   record.ever_free = true;
-  record.spoken += weight;
+  add_spoken(record, keyframe, seen);
   if (keyframe.place != record.first_place) record.several_places = true;
   if (record.several_places) record.best_run = std::max(record.best_run, record.run);
+  if (++record.run_views >= kLongRunViews)
+    record.best_timed_run = std::max(record.best_timed_run, record.timed_run);
 }
 
 void add(Record& record, const Look& look, const Keyframe& keyframe, const Weights& weights) {
@@ -68,14 +98,14 @@ void add(Record& record, const Look& look, const Keyframe& keyframe, const Weigh
     case Sight::kHit:
       record.run = 0.0F;
       record.hits += keyframe.weight;
-      record.spoken += keyframe.weight;
+      add_spoken(record, keyframe, 1.0F);
       return;
     case Sight::kMixed:
-      record.spoken += keyframe.weight;
+      add_spoken(record, keyframe, 1.0F);
       return;
     case Sight::kFree: {
       const auto rays = std::min(static_cast<std::size_t>(look.rays), weights.size() - 1);
-      add_free(record, keyframe, keyframe.weight * weights[rays]);
+      add_free(record, keyframe, weights[rays]);
       return;
     }
   }
@@ -154,8 +184,7 @@ std::vector<FreeEvidence> find_free_evidence(std::span<const Eigen::Vector3f> po
   }
   records = asker.ask(doubtful, keyframes);
   for (std::size_t k = 0; k < doubtful.size(); ++k)
-    evidence[doubtful[k]] = {records[k].best_run / (kDoubtfulShare + records[k].spoken),
-                             records[k].hits};
+    evidence[doubtful[k]] = {records[k].score(), records[k].hits};
   return evidence;
 }
 

@@ -1,26 +1,16 @@
 #pragma once
 
-#include "views/range_view.hpp"
+#include "views/posed_views.hpp"
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
 #include <cstddef>
 #include <cstdint>
-#include <functional>
-#include <memory>
 #include <span>
 #include <vector>
 
 namespace stillmap::mapping {
-
-/// The range views of scans with their poses, in the order of the scans.
-struct PosedViews {
-  /// One a scan; "local" as in `PosedScan`.
-  std::vector<Eigen::Isometry3d> T_local_lidar;
-  /// The view of a scan by ordinal; called from several threads at once.
-  std::function<std::shared_ptr<const RangeView>(std::size_t scan)> read;
-};
 
 /// A scan whose view is looked at.
 struct Keyframe {
@@ -54,7 +44,8 @@ struct FreeEvidence {
 /// however long it stood. What stays and is seen through now and then (a fence, a tree, a pole
 /// between two rays) has its hits among them. A free view weighs 1 - 0.85^n for n rays around the
 /// cell: the chance to meet something there that stops only 15 % of the rays. A run from a single
-/// place counts nothing.
+/// place counts nothing, unless all views that say anything about the cell are from there (a fixed
+/// sensor) and the run is long.
 /// @param positions  M points, local frame [m]. @param radius_m  of the cell around each.
 /// @param keyframes  in the order of the scans.
 /// @return M answers. Same input, same bits; each follows from its own position alone.

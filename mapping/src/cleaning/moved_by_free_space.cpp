@@ -1,6 +1,7 @@
 #include "cleaning/free_space_cleaner.hpp"
 #include "cleaning/ground_levels.hpp"
 #include "cleaning/moved_cells.hpp"
+#include "cleaning/seldom_hit.hpp"
 
 #include <algorithm>
 #include <stdexcept>
@@ -59,8 +60,8 @@ std::vector<std::uint8_t> moved_by_free_space(const CleaningPoints& points,
   const std::vector<FreeEvidence> evidence =
       find_free_evidence(positions, radius_m, views, keyframes);
   const std::vector<std::uint8_t> moved = moved_cells(positions, evidence, ball_m);
-  std::vector<std::uint8_t> flags(points.positions.size());
-  for (std::size_t k = 0; k < asked.size(); ++k) flags[asked[k]] = moved[k];
+  std::vector<std::uint8_t> flags = seldom_hit(points, reached, views, keyframes);
+  for (std::size_t k = 0; k < asked.size(); ++k) flags[asked[k]] |= moved[k];
   return flags;
 }
 
