@@ -200,9 +200,11 @@ MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders
   const VoxelGrid grid(origin_of(drives, frame), options.voxel_size_m);
   ScanStages stages(drives, options, grid);
   stages.learn(cancel);
-  BuildJournal journal(
-      folders.journal, "survey",
-      survey_key(drives, options, odometry, frame, ScanStages::learned_scans(drives)));
+  std::vector<std::size_t> learned = ScanStages::learned_scans(drives);
+  for (const auto& [scan, before] : ScanStages::vehicle_samples(drives))
+    learned.insert(learned.end(), {scan, before});
+  BuildJournal journal(folders.journal, "survey",
+                       survey_key(drives, options, odometry, frame, learned));
 
   std::vector<maps::MapObject> map_objects;
   {

@@ -20,11 +20,12 @@ std::unique_ptr<Placed> place_scans(const DriveSet& drives, const ScanStages& st
                                     const std::filesystem::path& scratch, int threads,
                                     const ProgressCallback& progress, const CancelFlag& cancel) {
   auto placed = std::make_unique<Placed>(scratch);
+  const PosedViews views = posed_views(drives, survey.views, stages.origin());
   process_in_order(
       drives.size(), threads,
       [&](std::size_t scan) {
-        return stages.place(scan, survey.scans[scan].is_ground, objects.by_scan[scan],
-                            objects.kept_by_scan[scan], ground);
+        return stages.place(scan, survey.scans[scan], objects.by_scan[scan],
+                            objects.kept_by_scan[scan], ground, views);
       },
       [&](PlacedScan scan) {
         {

@@ -1,7 +1,10 @@
 #include "build/scan_stages.hpp"
 
 #include "build/boxes_files.hpp"
+#include "cleaning/buried_points.hpp"
+#include "cleaning/unconfirmed_points.hpp"
 #include "fusion/box_frames.hpp"
+#include "views/weather_returns.hpp"
 
 #include <fmt/format.h>
 
@@ -62,6 +65,44 @@ std::size_t put_back(const maps::PointCloud& cloud, const std::vector<bool>& is_
   return count;
 }
 
+/// Takes points out of a scan. @param out  N flags, true = goes.
+void take_out(const std::vector<bool>& out, maps::Scan& scan) {
+  std::vector<std::uint8_t> keep(out.size());
+  for (std::size_t i = 0; i < keep.size(); ++i) keep[i] = out[i] ? 0 : 1;
+  scan.cloud.keep_only(keep);
+}
+
+void take_out_weather(maps::Scan& scan) {
+  const std::vector<bool> weather = find_weather_returns(scan.cloud.positions);
+  if (!weather.empty()) take_out(weather, scan);
+}
+
+/// @param flags  of the points that were not taken out. @param out  as given to `take_out`.
+/// @return flags of all points, false for those that were taken out.
+std::vector<bool> spread(const std::vector<std::uint8_t>& flags, const std::vector<bool>& out) {
+  std::vector<bool> all(out.size());
+  auto flag = flags.begin();
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (!out[i]) all[i] = *flag++ != 0;
+  }
+  return all;
+}
+
+/// Deletes flagged points where nothing can be, but for those that belong to an object.
+/// @param flags  N flags, or empty = none.
+std::uint64_t delete_flagged(const std::vector<std::uint8_t>& flags, ProjectionResult& projection) {
+  std::uint64_t count = 0;
+  for (std::size_t i = 0; i < flags.size(); ++i) {
+    PointFate& fate = projection.fates[i];
+    if (flags[i] == 0 || (fate != PointFate::kKept && fate != PointFate::kGround)) continue;
+    --(fate == PointFate::kGround ? projection.ground : projection.kept);
+    ++projection.deleted;
+    fate = PointFate::kDeleted;
+    ++count;
+  }
+  return count;
+}
+
 /// What becomes of the points of one scan, in the order of its file and in the map.
 class Placing {
  public:
@@ -74,13 +115,13 @@ class Placing {
     for (std::size_t i = 0; i < cloud.size(); ++i) {
       const PointFate fate = projection.fates[i];
       const bool moved = fate == PointFate::kProjected || fate == PointFate::kDeleted;
-      const std::uint32_t object =
-          moved ? objects_[projection.object_of_point[i] - 1].object + 1 : 0;
+      const std::uint32_t box = projection.object_of_point[i];
+      const std::uint32_t object = moved && box != 0 ? objects_[box - 1].object + 1 : 0;
       const std::size_t at = cloud.file_index(i);
       out_.fates.fates[at] = fate;
       out_.fates.objects[at] = object;
       out_.in_object[i] = moved;
-      if (moved) ++out_.points_removed[object];
+      if (object != 0) ++out_.points_removed[object];
       if (fate == PointFate::kDeleted) continue;
       const bool inside = out_.voxels.add({T_map_lidar_ * projection.positions[i].cast<double>(),
                                            cloud.intensities.empty() ? 0.0F : cloud.intensities[i],
@@ -128,13 +169,45 @@ std::vector<std::size_t> ScanStages::learned_scans(const DriveSet& drives) {
   return scans;
 }
 
+std::vector<std::pair<std::size_t, std::size_t>> ScanStages::vehicle_samples(
+    const DriveSet& drives) {
+  std::vector<std::pair<std::size_t, std::size_t>> all;
+  for (std::size_t begin = 0; begin < drives.size();) {
+    std::vector<Eigen::Isometry3d> T_map_scan;
+    for (std::size_t i = begin;
+         i < drives.size() && drives.place(i).drive == drives.place(begin).drive; ++i)
+      T_map_scan.push_back(drives.T_map_scan(i));
+    for (const auto& [scan, before] : OwnVehicle::choose_samples(T_map_scan))
+      all.emplace_back(begin + scan, begin + before);
+    begin += T_map_scan.size();
+  }
+  return all;
+}
+
 void ScanStages::learn(const CancelFlag& cancel) {
+  Counts unused;
   for (const std::size_t ordinal : learned_scans(drives_)) {
     if (cancel) throw Cancelled();
-    Counts unused;
-    const maps::Scan scan = drives_.read(ordinal, unused);
+    maps::Scan scan = drives_.read(ordinal, unused);
+    take_out_weather(scan);
     if (!scan.cloud.empty()) ground_->learn(scan.cloud);
   }
+  std::vector<std::vector<OwnVehicle::Sample>> samples(drives_.drives().size());
+  for (const auto& [number, before] : vehicle_samples(drives_)) {
+    if (cancel) throw Cancelled();
+    maps::Scan scan = drives_.read(number, unused), earlier = drives_.read(before, unused);
+    for (maps::Scan* each : {&scan, &earlier}) take_out_weather(*each);
+    const std::vector<std::uint8_t> is_ground = ground_->segment(scan.cloud).is_ground;
+    std::vector<Eigen::Vector3f> standing;
+    for (std::size_t i = 0; i < is_ground.size(); ++i) {
+      if (is_ground[i] == 0) standing.push_back(scan.cloud.positions[i]);
+    }
+    samples[drives_.place(number).drive].push_back(
+        {std::move(standing),
+         RangeView(earlier.cloud.positions, ground_->segment(earlier.cloud).is_ground),
+         drives_.T_map_scan(before).inverse() * drives_.T_map_scan(number)});
+  }
+  for (const auto& each : samples) vehicles_.emplace_back(each);
 }
 
 maps::Scan ScanStages::read(std::size_t scan, Counts& counts, StageSeconds& seconds) const {
@@ -145,7 +218,7 @@ maps::Scan ScanStages::read(std::size_t scan, Counts& counts, StageSeconds& seco
 SurveyedScan ScanStages::survey(std::size_t number) const {
   SurveyedScan out;
   out.scan = number;
-  const maps::Scan scan = read(number, out.counts, out.stage_seconds);
+  maps::Scan scan = read(number, out.counts, out.stage_seconds);
   {
     const StageTimer timer(out.stage_seconds, "checksum");
     out.sha256 = drives_.sha256(number);
@@ -154,11 +227,22 @@ SurveyedScan ScanStages::survey(std::size_t number) const {
   out.counts["dropped_non_finite"] = scan.dropped.non_finite;
   out.counts["dropped_zero_range"] = scan.dropped.zero_range;
   out.counts["scans_empty"] = scan.cloud.empty() ? 1 : 0;
+  // Ground, detectors and views see what they would see in clear weather and without a trailer.
+  std::vector<bool> unseen(scan.cloud.size());
+  {
+    const StageTimer timer(out.stage_seconds, "weather");
+    out.weather = find_weather_returns(scan.cloud.positions);
+    if (!out.weather.empty()) unseen = out.weather;
+    const OwnVehicle* vehicle = vehicle_of(number);
+    for (std::size_t i = 0; vehicle != nullptr && i < unseen.size(); ++i)
+      unseen[i] = unseen[i] || vehicle->holds(scan.cloud.positions[i]);
+    take_out(unseen, scan);
+  }
   GroundResult ground;
   {
     const StageTimer timer(out.stage_seconds, "ground");
     ground = ground_->segment(scan.cloud);
-    out.is_ground.assign(ground.is_ground.begin(), ground.is_ground.end());
+    out.is_ground = spread(ground.is_ground, unseen);
   }
   if (!scan.cloud.empty() && options_.detects()) {
     const StageTimer timer(out.stage_seconds, "detect");
@@ -191,9 +275,17 @@ Eigen::Isometry3d ScanStages::T_local_lidar(std::size_t scan) const {
   return T;
 }
 
-PlacedScan ScanStages::place(std::size_t number, const std::vector<bool>& is_ground,
+const OwnVehicle* ScanStages::vehicle_of(std::size_t scan) const {
+  if (vehicles_.empty()) return nullptr;
+  const OwnVehicle& vehicle = vehicles_[drives_.place(scan).drive];
+  return vehicle.empty() ? nullptr : &vehicle;
+}
+
+PlacedScan ScanStages::place(std::size_t number, const FoundInScan& found,
                              const std::vector<ScanObject>& objects,
-                             const std::vector<maps::Box>& kept, const FusedGround* fused) const {
+                             const std::vector<maps::Box>& kept, const FusedGround* fused,
+                             const PosedViews& views) const {
+  const std::vector<bool>& is_ground = found.is_ground;
   PlacedScan out(grid_, static_cast<std::uint32_t>(number));
   Counts counted_before;
   const maps::Scan scan = read(number, counted_before, out.stage_seconds);
@@ -214,6 +306,22 @@ PlacedScan ScanStages::place(std::size_t number, const std::vector<bool>& is_gro
                                        boxes, options_.projection)
                      : project_objects(scan.cloud, flags, BelowLocal(*local.surface), boxes,
                                        options_.projection);
+  }
+  out.counts["buried"] = out.counts["weather"] = out.counts["own_vehicle"] = 0;
+  if (options_.clean == "free-space") {
+    const StageTimer timer(out.stage_seconds, "clean");
+    const std::vector<Eigen::Vector3f>& positions = scan.cloud.positions;
+    if (fused != nullptr)
+      out.counts["buried"] = delete_flagged(
+          find_buried_points(positions, is_ground, T_local_lidar(number), *fused), projection);
+    out.counts["weather"] = delete_flagged(
+        find_unconfirmed_points(positions, found.weather, number, views), projection);
+    if (const OwnVehicle* vehicle = vehicle_of(number)) {
+      std::vector<std::uint8_t> flags(positions.size());
+      for (std::size_t i = 0; i < flags.size(); ++i)
+        flags[i] = vehicle->holds(positions[i]) ? 1 : 0;
+      out.counts["own_vehicle"] = delete_flagged(flags, projection);
+    }
   }
   out.counts["kept_by_edits"] = put_back(scan.cloud, is_ground, kept, projection);
   out.counts["ground"] = projection.ground;

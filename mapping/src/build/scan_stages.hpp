@@ -6,6 +6,8 @@
 #include "ground/fused_ground.hpp"
 #include "stacking/tile_stack.hpp"
 #include "stacking/voxel_grid.hpp"
+#include "views/own_vehicle.hpp"
+#include "views/posed_views.hpp"
 #include "views/range_view.hpp"
 
 #include <stillmap/mapping/detector.hpp>
@@ -21,6 +23,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -34,6 +37,8 @@ struct SurveyedScan {
   std::string sha256;
   /// One a point of the scan as `DriveSet::read` gives it.
   std::vector<bool> is_ground;
+  /// As many, true = rain, snow or spray; empty in clear weather.
+  std::vector<bool> weather;
   std::vector<maps::Box> boxes;
   GroundCells ground_cells;
   /// Only with the detector `geometric`.
@@ -41,6 +46,12 @@ struct SurveyedScan {
   std::optional<RangeView> view;
   Counts counts;
   StageSeconds stage_seconds;
+};
+
+/// Flags of a scan's points that pass 2 takes from pass 1; as in `SurveyedScan`.
+struct FoundInScan {
+  std::vector<bool> is_ground;
+  std::vector<bool> weather;
 };
 
 /// An object as it lies in one scan.
@@ -73,16 +84,24 @@ class ScanStages {
 
   /// Ordinals of the scans that `learn` takes.
   [[nodiscard]] static std::vector<std::size_t> learned_scans(const DriveSet& drives);
-  /// Adapts the ground stage to some scans of all drives.
+  /// Scans that `learn` compares to find what travels with the sensor, and an earlier one of each.
+  [[nodiscard]] static std::vector<std::pair<std::size_t, std::size_t>> vehicle_samples(
+      const DriveSet& drives);
+  /// Adapts the ground stage to some scans of all drives, and finds what each drive's vehicle
+  /// carries or tows.
   void learn(const CancelFlag& cancel);
+
+  /// Of the map.
+  [[nodiscard]] const Eigen::Vector3d& origin() const { return grid_.origin(); }
 
   [[nodiscard]] SurveyedScan survey(std::size_t scan) const;
   /// @param kept    regions in which every point stays; lidar frame.
   /// @param ground  the fused surface; none = that of the scan alone.
-  [[nodiscard]] PlacedScan place(std::size_t scan, const std::vector<bool>& is_ground,
+  /// @param views   of all scans.
+  [[nodiscard]] PlacedScan place(std::size_t scan, const FoundInScan& found,
                                  const std::vector<ScanObject>& objects,
-                                 const std::vector<maps::Box>& kept,
-                                 const FusedGround* ground) const;
+                                 const std::vector<maps::Box>& kept, const FusedGround* ground,
+                                 const PosedViews& views) const;
 
   /// Boxes that were given but belong to no scan or are no object, by reason.
   [[nodiscard]] std::map<std::string, std::size_t> dropped_boxes() const;
@@ -92,6 +111,9 @@ class ScanStages {
   /// "Local" as in `PosedScan`.
   [[nodiscard]] Eigen::Isometry3d T_local_lidar(std::size_t scan) const;
 
+  /// None when nothing travels with the sensor.
+  [[nodiscard]] const OwnVehicle* vehicle_of(std::size_t scan) const;
+
   const DriveSet& drives_;
   const MapBuildOptions& options_;
   const VoxelGrid& grid_;
@@ -99,6 +121,8 @@ class ScanStages {
   bool boxes_are_given_;
   /// One a drive.
   std::vector<std::unique_ptr<Detector>> detectors_;
+  /// One a drive once `learn` is done.
+  std::vector<OwnVehicle> vehicles_;
 };
 
 }  // namespace stillmap::mapping

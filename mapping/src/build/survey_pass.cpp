@@ -79,7 +79,8 @@ class Surveying {
     survey_->sources += fmt::format("{}  {}\n", scan.sha256, drives_.name(scan.scan));
     add_to(survey_->counts, scan.counts);
     add_to(survey_->stage_seconds, scan.stage_seconds);
-    survey_->scans.push_back({std::move(scan.is_ground), std::move(scan.boxes)});
+    survey_->scans.push_back(
+        {{std::move(scan.is_ground), std::move(scan.weather)}, std::move(scan.boxes)});
     tell_progress(resumed);
   }
 
@@ -107,6 +108,18 @@ class Surveying {
 };
 
 }  // namespace
+
+PosedViews posed_views(const DriveSet& drives, const RangeViewStore& views,
+                       const Eigen::Vector3d& origin) {
+  PosedViews posed;
+  for (std::size_t scan = 0; scan < drives.size(); ++scan) {
+    Eigen::Isometry3d T = drives.T_map_scan(scan);
+    T.translation() -= origin;
+    posed.T_local_lidar.push_back(T);
+  }
+  posed.read = [&views](std::size_t scan) { return views.read(scan); };
+  return posed;
+}
 
 std::unique_ptr<Survey> survey_scans(const DriveSet& drives, const ScanStages& stages,
                                      const std::filesystem::path& scratch, int threads,

@@ -4,6 +4,7 @@
 #include "build/scan_stages.hpp"
 #include "fusion/obstacle_store.hpp"
 #include "ground/fused_ground.hpp"
+#include "views/posed_views.hpp"
 #include "views/range_view_store.hpp"
 
 #include <stillmap/mapping/progress.hpp>
@@ -18,8 +19,7 @@ namespace stillmap::mapping {
 
 /// What pass 1 leaves behind for all that follows.
 struct Survey {
-  struct Scan {
-    std::vector<bool> is_ground;
+  struct Scan : FoundInScan {
     std::vector<maps::Box> boxes;
   };
   /// `scratch` is a folder.
@@ -38,6 +38,10 @@ struct Survey {
   /// Of such scans too: what they took in the build that was killed.
   StageSeconds stage_seconds;
 };
+
+/// The views of all scans with their poses. @param views  must outlive what is returned.
+[[nodiscard]] PosedViews posed_views(const DriveSet& drives, const RangeViewStore& views,
+                                     const Eigen::Vector3d& origin);
 
 /// Pass 1 over all scans: several at once, taken in their order.
 /// @param scratch  folder for what does not stay in memory.

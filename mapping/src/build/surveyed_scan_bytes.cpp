@@ -141,11 +141,12 @@ class Reader : public ByteReader {
 }  // namespace
 
 std::string to_bytes(const SurveyedScan& surveyed) {
-  const auto& [scan, sha256, is_ground, boxes, ground, obstacles, view, counts, seconds] = surveyed;
+  const auto& [scan, sha256, is_ground, weather, boxes, ground, obstacles, view, counts, seconds] =
+      surveyed;
   const auto& [cells] = ground;
   const auto& [voxels] = obstacles;
   std::string bytes;
-  put_each(bytes, scan, std::string_view(sha256), is_ground);
+  put_each(bytes, scan, std::string_view(sha256), is_ground, weather);
   put_all(bytes, boxes);
   put_all(bytes, cells);
   put_all(bytes, voxels);
@@ -159,7 +160,7 @@ SurveyedScan surveyed_scan_from(std::string_view bytes) {
   Reader reader(bytes);
   SurveyedScan scan;
   std::string view;
-  reader.get_each(scan.scan, scan.sha256, scan.is_ground);
+  reader.get_each(scan.scan, scan.sha256, scan.is_ground, scan.weather);
   reader.get_all(scan.boxes);
   reader.get_all(scan.ground_cells.cells);
   reader.get_all(scan.obstacles.voxels);

@@ -102,13 +102,10 @@ class TileStages {
  public:
   TileStages(const DriveSet& drives, const Survey& survey, const BuildObjects& objects,
              const VoxelGrid& grid, const MapBuildOptions& options, const maps::Edits& edits)
-      : grid_(grid), options_(options), ground_(survey.ground) {
-    for (std::size_t scan = 0; scan < drives.size(); ++scan) {
-      Eigen::Isometry3d T = drives.T_map_scan(scan);
-      T.translation() -= grid.origin();
-      views_.T_local_lidar.push_back(T);
-    }
-    views_.read = [&survey](std::size_t scan) { return survey.views.read(scan); };
+      : grid_(grid),
+        options_(options),
+        ground_(survey.ground),
+        views_(posed_views(drives, survey.views, grid.origin())) {
     if (options.clean == "free-space") keyframes_ = select_keyframes(views_.T_local_lidar);
     for (const maps::Edit& edit : edits) {
       if (edit.action != maps::EditAction::kKeep || !edit.box) continue;

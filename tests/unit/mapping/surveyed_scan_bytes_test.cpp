@@ -31,6 +31,7 @@ SurveyedScan odd_scan() {
   scan.scan = 1234567890123;
   scan.sha256 = std::string(64, 'a') + '\0' + "b";
   for (std::size_t i = 0; i < kPoints; ++i) scan.is_ground.push_back(i % 3 == 1 || i == 12);
+  for (std::size_t i = 0; i < kPoints; ++i) scan.weather.push_back(i % 5 == 2);
   scan.boxes = {odd_box(), maps::Box()};
   scan.ground_cells.cells = {{-5, 7, 0.1F, -0.02F, 0.03F, 0.9F, true},
                              {1 << 20, -(1 << 20), -3.0F, 1e-30F, -0.0F, 1.0F, false}};
@@ -55,6 +56,7 @@ void expect_equal(const SurveyedScan& a, const SurveyedScan& b) {
   EXPECT_EQ(a.scan, b.scan);
   EXPECT_EQ(a.sha256, b.sha256);
   EXPECT_EQ(a.is_ground, b.is_ground);
+  EXPECT_EQ(a.weather, b.weather);
   ASSERT_EQ(a.boxes.size(), b.boxes.size());
   for (std::size_t i = 0; i < a.boxes.size(); ++i) EXPECT_TRUE(a.boxes[i] == b.boxes[i]) << i;
   ASSERT_EQ(a.ground_cells.cells.size(), b.ground_cells.cells.size());

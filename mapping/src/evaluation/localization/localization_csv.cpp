@@ -8,7 +8,7 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr std::string_view kColumns =
+constexpr std::string_view kCsvColumns =
     "scan,trial,prior_error_m,prior_error_deg,status,reasons,"
     "error_x_m,error_y_m,error_z_m,error_roll_rad,error_pitch_rad,error_yaw_rad,"
     "level_longitudinal_m,level_lateral_m,level_vertical_m,level_yaw_rad,"
@@ -39,7 +39,7 @@ void append_query(std::string& text, const LocalizationQuery& query) {
 }  // namespace
 
 std::string to_csv(const LocalizationEvaluation& evaluation) {
-  std::string text(kColumns);
+  std::string text(kCsvColumns);
   for (const std::vector<LocalizationQuery>& queries : evaluation.queries) {
     for (const LocalizationQuery& query : queries) append_query(text, query);
   }
