@@ -15,6 +15,9 @@ constexpr float kHighestM = 4.5F;
 
 /// What lies together within this belongs together [m], at least two voxels.
 constexpr double kBallM = 0.3;
+/// Share of the views.
+constexpr float kMostlyHit = 0.5F;
+
 /// Of a cell, as a share of the voxel: a little more than half its edge.
 constexpr double kCellRadius = 0.6;
 
@@ -61,7 +64,14 @@ std::vector<std::uint8_t> moved_by_free_space(const CleaningPoints& points,
       find_free_evidence(positions, radius_m, views, keyframes);
   const std::vector<std::uint8_t> moved = moved_cells(positions, evidence, ball_m);
   std::vector<std::uint8_t> flags = seldom_hit(points, reached, views, keyframes);
-  for (std::size_t k = 0; k < asked.size(); ++k) flags[asked[k]] |= moved[k];
+  float weight = 0.0F;
+  for (const Keyframe& keyframe : keyframes) weight += keyframe.weight;
+  for (std::size_t k = 0; k < asked.size(); ++k) {
+    // Hit seldom in the map, since detections took most of what was hit there, but not by the
+    // views.
+    const bool stays = evidence[k].hits >= kMostlyHit * weight;
+    flags[asked[k]] = moved[k] != 0 || (flags[asked[k]] != 0 && !stays) ? 1 : 0;
+  }
   return flags;
 }
 

@@ -7,8 +7,8 @@ namespace stillmap::mapping {
 namespace {
 
 constexpr std::size_t kFewestScans = 200;
-constexpr double kOftenShare = 0.05;
-constexpr float kCompanyM = 0.15F;
+constexpr double kOftenShare = 0.03;
+constexpr float kCompanyM = 0.2F;
 
 /// In cubes as wide as the company, so that it is in 27 of them.
 std::uint64_t company_key(const Eigen::Vector3i& cube) {

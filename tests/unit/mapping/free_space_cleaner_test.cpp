@@ -333,7 +333,7 @@ TEST(FreeSpaceCleaner, AFixedSensorHasTimeInsteadOfPlaces) {
     world.boxes.push_back(standing);
     if (scan < 60) world.boxes.push_back(leaving);
     // It comes twice, and neither time in a scan that is a keyframe.
-    if (scan % 100 > 42 && scan % 100 < 46) world.boxes.push_back(passing);
+    if (scan % 100 > 43 && scan % 100 < 46) world.boxes.push_back(passing);
     return world;
   };
   const Cleaned map(drive);
