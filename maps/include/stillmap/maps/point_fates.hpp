@@ -13,7 +13,7 @@ enum class PointFate : std::uint8_t {
   kKept = 0,       ///< into the map as it was measured
   kGround = 1,     ///< the same, as ground
   kProjected = 2,  ///< of an object, into the map on the ground below
-  kDeleted = 3,    ///< of an object, not in the map
+  kDeleted = 3,    ///< not in the map: of an object, or where nothing can be (no object)
   kDropped = 4,    ///< unusable, out of range or the vehicle itself
 };
 inline constexpr std::uint8_t kPointFates = 5;
@@ -21,7 +21,7 @@ inline constexpr std::uint8_t kPointFates = 5;
 /// Of the points of one scan, in the order of its file.
 struct ScanFates {
   std::vector<PointFate> fates;
-  /// As many: index into objects.json plus 1 for projected and deleted points, else 0.
+  /// As many: index into objects.json plus 1 for points of an object, else 0.
   std::vector<std::uint32_t> objects;
 
   [[nodiscard]] std::size_t size() const { return fates.size(); }
