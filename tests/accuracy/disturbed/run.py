@@ -7,7 +7,8 @@ usage: run.py STILLMAP FOLDER [--kinds mirror,rain,dust,trailer,fixed] [--seed 1
 
 A point is left when a measured map point lies within 0.1 m of it, and the map of the undisturbed drive has none there.
 Prints, for each world, the points that were added, how many of them are left, and static loss, DA and parked removal of
-its map; the same of the undisturbed drive. --every: each so many of the scans. --drives: where drives are kept and found again, for another program.
+its map; the same of the undisturbed drive. --every: each so many of the scans. --drives: where drives are kept and
+found again, for another program.
 --quick: counts only. --limits: exit code 1 when more is left or lost than LIMITS allow. Needs numpy (else exit 77).
 """
 

@@ -82,7 +82,8 @@ def at_range(points, chosen, new_ranges, intensity):
 def direction_keys(points):
     azimuth = np.arctan2(points[:, 1], points[:, 0])
     elevation = np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1]))
-    return (np.floor(azimuth / DIRECTION_RAD).astype(np.int64) * 4096 + np.floor(elevation / DIRECTION_RAD).astype(np.int64))
+    column, row = (np.floor(angle / DIRECTION_RAD).astype(np.int64) for angle in (azimuth, elevation))
+    return column * 4096 + row
 
 
 def mirror(drive, target, seed, share=0.05):
@@ -141,8 +142,8 @@ def rain(drive, target, seed, drops=2500):
         rest = drops - len(chosen)
         azimuth, elevation = random.uniform(-np.pi, np.pi, rest), random.uniform(max(low, -0.1), high, rest)
         range_m = np.clip(2.0 + random.gamma(2.2, 3.2, rest), 2.0, 25.0)
-        range_m = np.where(elevation < -0.02, np.minimum(range_m, 0.95 * HEIGHT_M / -np.sin(np.minimum(elevation, -0.02))),
-                           range_m)
+        to_ground = 0.95 * HEIGHT_M / -np.sin(np.minimum(elevation, -0.02))
+        range_m = np.where(elevation < -0.02, np.minimum(range_m, to_ground), range_m)
         flat = range_m * np.cos(elevation)
         air = np.c_[flat * np.cos(azimuth), flat * np.sin(azimuth), range_m * np.sin(elevation), np.full(rest, 0.02)]
         return np.vstack([points, air.astype(np.float32)]), np.r_[labels, np.full(rest, OUTLIER, np.uint32)]
