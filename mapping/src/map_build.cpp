@@ -196,7 +196,7 @@ MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders
   warn_of_given_poses(options.voxel_size_m, report);
   const std::optional<BuildFrame> frame =
       register_drives(posed, options, odometry, report, progress, cancel);
-  const DriveSet drives(std::move(posed.drives), options);
+  const DriveSet drives(std::move(posed.drives), options, std::move(posed.doubts));
   const VoxelGrid grid(origin_of(drives, frame), options.voxel_size_m);
   ScanStages stages(drives, options, grid);
   stages.learn(cancel);

@@ -44,8 +44,11 @@ maps::Scan read_deskewed(const maps::Drive& drive, std::size_t index,
   return scan;
 }
 
-DriveSet::DriveSet(std::vector<maps::Drive> drives, const MapBuildOptions& options)
-    : drives_(std::move(drives)), range_m_{options.min_range_m, options.max_range_m} {
+DriveSet::DriveSet(std::vector<maps::Drive> drives, const MapBuildOptions& options,
+                   std::vector<std::vector<PoseDoubt>> doubts)
+    : drives_(std::move(drives)),
+      doubts_(std::move(doubts)),
+      range_m_{options.min_range_m, options.max_range_m} {
   for (std::size_t i = 0; i < drives_.size(); ++i) {
     const std::vector<std::size_t> indices = options.scans_of(drives_[i].size());
     if (indices.empty())
@@ -72,6 +75,10 @@ void DriveSet::check_poses() const {
 const Eigen::Isometry3d& DriveSet::T_map_lidar(std::size_t scan) const {
   const Place at = place(scan);
   return drives_[at.drive].T_map_lidar(at.index);
+}
+
+PoseDoubt DriveSet::doubt(std::size_t scan) const {
+  return doubts_.empty() ? PoseDoubt{} : doubts_.at(places_[scan].drive).at(places_[scan].index);
 }
 
 std::int64_t DriveSet::stamp_ns(std::size_t scan) const {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include "views/posed_views.hpp"
+
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/scan.hpp>
@@ -34,8 +36,10 @@ class DriveSet {
   };
 
   /// @param drives  with poses in one frame.
+  /// @param doubts  one a scan of each drive, or none.
   /// @throws maps::InputError for no selected scan, or a pose beyond 1e7 m from the first.
-  DriveSet(std::vector<maps::Drive> drives, const MapBuildOptions& options);
+  DriveSet(std::vector<maps::Drive> drives, const MapBuildOptions& options,
+           std::vector<std::vector<PoseDoubt>> doubts = {});
 
   [[nodiscard]] std::size_t size() const { return places_.size(); }
   [[nodiscard]] const std::vector<maps::Drive>& drives() const { return drives_; }
@@ -46,6 +50,7 @@ class DriveSet {
   [[nodiscard]] Eigen::Isometry3d T_map_scan(std::size_t scan) const;
   /// The least rotation that turns a scan upright; the identity for a lidar within 12 degrees.
   [[nodiscard]] Eigen::Quaterniond R_scan_lidar(std::size_t scan) const;
+  [[nodiscard]] PoseDoubt doubt(std::size_t scan) const;
   [[nodiscard]] std::int64_t stamp_ns(std::size_t scan) const;
   /// As `maps::Drive::Contents::scan_name` and `maps::Drive::sha256`.
   [[nodiscard]] std::string name(std::size_t scan) const;
@@ -61,6 +66,7 @@ class DriveSet {
   void check_poses() const;
 
   std::vector<maps::Drive> drives_;
+  std::vector<std::vector<PoseDoubt>> doubts_;
   std::vector<Place> places_;
   std::array<double, 2> range_m_;
 };

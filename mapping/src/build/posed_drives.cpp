@@ -1,6 +1,7 @@
 #include "build/posed_drives.hpp"
 
 #include "trajectory/common_frame.hpp"
+#include "trajectory/given_pose_errors.hpp"
 
 #include <stillmap/mapping/odometry.hpp>
 #include <stillmap/mapping/trajectory.hpp>
@@ -12,6 +13,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <span>
 #include <stdexcept>
 #include <utility>
 
@@ -80,6 +82,23 @@ std::vector<maps::Drive> posed_by(const TrajectoryEstimate& estimate,
     posed.push_back(drives[i].with_poses(std::move(poses), estimate.origin));
   }
   return posed;
+}
+
+/// @param of_given  of the drives' own poses, or of the estimate.
+std::vector<std::vector<PoseDoubt>> doubts_in(const std::vector<maps::Drive>& drives,
+                                              const TrajectoryEstimate& estimate, bool of_given) {
+  std::vector<std::vector<PoseDoubt>> doubts;
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    const EstimatedDrive& estimated = estimate.drives[i];
+    const std::span<const OdometryPose> odometry = estimated.odometry;
+    std::vector<PoseDoubt> found =
+        of_given ? doubts_of({odometry, std::span(drives[i].contents().T_map_lidar)
+                                            .subspan(estimated.begin, odometry.size())})
+                 : doubts_of(odometry);
+    doubts.emplace_back(drives[i].size());
+    std::ranges::copy(found, doubts.back().begin() + static_cast<std::ptrdiff_t>(estimated.begin));
+  }
+  return doubts;
 }
 
 /// What lies between two poses of each scan that was estimated.
@@ -181,6 +200,7 @@ PosedDrives with_given_poses(const std::vector<maps::Drive>& drives, const MapBu
   GivenPosesReport report;
   report.use = options.given_poses;
   report.errors = estimate.given_errors.value();
+  posed.doubts = doubts_in(posed.drives, estimate, !refines);
   if (refines) {
     posed.counts = counts_of(estimate);
     posed.graph = drive_graph_of(estimate);
@@ -201,6 +221,7 @@ PosedDrives with_estimated_poses(const std::vector<maps::Drive>& drives,
   posed.drives = posed_by(estimate, drives);
   posed.counts = counts_of(estimate);
   posed.graph = drive_graph_of(estimate);
+  posed.doubts = doubts_in(drives, estimate, false);
   return posed;
 }
 

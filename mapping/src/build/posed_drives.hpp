@@ -1,6 +1,7 @@
 #pragma once
 
 #include "build/graph_of_poses.hpp"
+#include "views/posed_views.hpp"
 
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/maps/drive.hpp>
@@ -33,6 +34,8 @@ struct PosedDrives {
   std::optional<DriveGraph> graph{};
   /// Of poses that the drives bring.
   std::optional<GivenPosesReport> given{};
+  /// One a scan of each drive; 0 outside of the selection.
+  std::vector<std::vector<PoseDoubt>> doubts{};
 };
 
 /// The drives' own poses, brought to the frame of the first drive's by their geodetic origins.

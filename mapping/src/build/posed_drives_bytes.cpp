@@ -125,6 +125,14 @@ std::string to_bytes(const PosedDrives& posed) {
   if (posed.graph) put_graph(bytes, *posed.graph);
   put_number(bytes, static_cast<std::uint8_t>(posed.given.has_value()));
   if (posed.given) put_report(bytes, *posed.given);
+  put_number(bytes, posed.doubts.size());
+  for (const std::vector<PoseDoubt>& of_drive : posed.doubts) {
+    put_number(bytes, of_drive.size());
+    for (const PoseDoubt& doubt : of_drive) {
+      put_number(bytes, doubt.m);
+      put_number(bytes, doubt.rad);
+    }
+  }
   put_number(bytes, posed.drives.size());
   for (const maps::Drive& drive : posed.drives) {
     const auto& origin = drive.contents().origin;
@@ -153,6 +161,14 @@ PosedDrives posed_drives_from(std::string_view bytes, const std::vector<maps::Dr
   }
   if (reader.number<std::uint8_t>() != 0) posed.graph = graph_from(reader, drives);
   if (reader.number<std::uint8_t>() != 0) posed.given = report_from(reader);
+  for (auto left = reader.count(sizeof(std::size_t)); left > 0; --left) {
+    std::vector<PoseDoubt>& of_drive = posed.doubts.emplace_back();
+    of_drive.resize(reader.count(2 * sizeof(float)));
+    for (PoseDoubt& doubt : of_drive) {
+      doubt.m = reader.number<float>();
+      doubt.rad = reader.number<float>();
+    }
+  }
   if (reader.number<std::size_t>() != drives.size()) reader.refuse("of another number of drives");
   for (const maps::Drive& drive : drives) posed.drives.push_back(drive_from(reader, drive));
   reader.end();

@@ -116,6 +116,7 @@ PosedViews posed_views(const DriveSet& drives, const RangeViewStore& views,
     Eigen::Isometry3d T = drives.T_map_scan(scan);
     T.translation() -= origin;
     posed.T_local_lidar.push_back(T);
+    posed.doubts.push_back(drives.doubt(scan));
   }
   posed.read = [&views](std::size_t scan) { return views.read(scan); };
   return posed;

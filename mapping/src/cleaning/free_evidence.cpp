@@ -130,11 +130,12 @@ struct Asker {
       if (!(bounds.squaredExteriorDistance(sensor) < kViewReachM * kViewReachM)) continue;
       const std::shared_ptr<const RangeView> view = views.read(keyframe.scan);
       const Eigen::Isometry3f T_lidar_local = T.inverse().cast<float>();
+      const PoseDoubt doubt = views.doubts.empty() ? PoseDoubt{} : views.doubts[keyframe.scan];
       for (std::size_t k = 0; k < cells.size(); ++k) {
         const Eigen::Vector3f p = T_lidar_local * positions[cells[k]];
         const float range2 = p.squaredNorm();
         if (range2 > kViewReachM * kViewReachM || range2 < kNearestM * kNearestM) continue;
-        add(records[k], view->look(p, radius_m), keyframe, weights);
+        add(records[k], view->look(p, radius_m, doubt.at(std::sqrt(range2))), keyframe, weights);
       }
     }
     return records;

@@ -1,23 +1,27 @@
 #include "cleaning/moved_cells.hpp"
 
+#include "cleaning/thin_upright.hpp"
+
 #include <algorithm>
 #include <cstddef>
 #include <stdexcept>
 #include <unordered_map>
 #include <unordered_set>
+#include <utility>
 
 namespace stillmap::mapping {
 namespace {
 
-/// Mean score from which on a cell goes.
+/// Mean score from which on a cell goes, and one of something thin that stands upright.
 constexpr float kMoved = 0.15F;
+constexpr float kMovedThin = 0.45F;
 /// Share of the ball that must go too.
 constexpr float kLonely = 0.3F;
 /// Share of the ball that takes a cell with it, unless more views than this hit it.
 constexpr float kCompany = 0.5F;
 constexpr float kFewHits = 10.0F;
 constexpr std::size_t kBallOfOthers = 3;
-constexpr int kGrowSteps = kMovedReachBalls - 2;
+constexpr int kGrowSteps = kMovedReachBalls - 3;
 
 /// Space in cubes as wide as a ball, so that the points within a ball are in 27 of them.
 class Cubes {
@@ -106,16 +110,29 @@ bool share_goes(std::span<const std::uint32_t> ball, const std::vector<std::uint
   return static_cast<float>(going(ball, moved)) >= share * static_cast<float>(ball.size());
 }
 
-std::vector<std::uint8_t> high_on_average(std::span<const FreeEvidence> evidence,
-                                          const Balls& balls) {
+/// What goes by its own mean, and what stays because it is thin.
+struct Judged {
+  std::vector<std::uint8_t> moved;
+  std::vector<std::uint8_t> spared;
+};
+
+Judged high_on_average(std::span<const Eigen::Vector3f> positions,
+                       std::span<const FreeEvidence> evidence, const Balls& balls) {
   std::vector<std::uint8_t> moved(evidence.size());
+  std::vector<float> mean(evidence.size());
   for (std::size_t i = 0; i < moved.size(); ++i) {
     const auto ball = balls.of(i);
     float sum = evidence[i].score;
     for (const std::uint32_t j : ball) sum += evidence[j].score;
-    moved[i] = sum > kMoved * static_cast<float>(ball.size() + 1) ? 1 : 0;
+    mean[i] = sum / static_cast<float>(ball.size() + 1);
+    moved[i] = mean[i] > kMoved ? 1 : 0;
   }
-  return moved;
+  std::vector<std::uint8_t> spared = thin_upright(positions, moved);
+  for (std::size_t i = 0; i < moved.size(); ++i) {
+    if (mean[i] > kMovedThin) spared[i] = 0;
+    if (spared[i] != 0) moved[i] = 0;
+  }
+  return {std::move(moved), std::move(spared)};
 }
 
 void leave_lonely(std::vector<std::uint8_t>& moved, const Balls& balls) {
@@ -125,11 +142,11 @@ void leave_lonely(std::vector<std::uint8_t>& moved, const Balls& balls) {
   }
 }
 
-void grow(std::vector<std::uint8_t>& moved, std::span<const FreeEvidence> evidence,
-          const Balls& balls) {
+void grow(Judged& judged, std::span<const FreeEvidence> evidence, const Balls& balls) {
+  auto& [moved, spared] = judged;
   const std::vector<std::uint8_t> before = moved;
   for (std::size_t i = 0; i < moved.size(); ++i) {
-    if (moved[i] != 0 || evidence[i].hits > kFewHits) continue;
+    if (moved[i] != 0 || spared[i] != 0 || evidence[i].hits > kFewHits) continue;
     const auto ball = balls.of(i);
     if (ball.size() >= kBallOfOthers && share_goes(ball, before, kCompany)) moved[i] = 1;
   }
@@ -148,10 +165,10 @@ std::vector<std::uint8_t> moved_cells(std::span<const Eigen::Vector3f> positions
   for (std::size_t i = 0; i < concerned.size(); ++i) concerned[i] = evidence[i].score > 0.0F;
   for (int step = 0; step <= kGrowSteps; ++step) concerned = cubes.near(concerned);
   const Balls balls(cubes, concerned);
-  std::vector<std::uint8_t> moved = high_on_average(evidence, balls);
-  leave_lonely(moved, balls);
-  for (int step = 0; step < kGrowSteps; ++step) grow(moved, evidence, balls);
-  return moved;
+  Judged judged = high_on_average(positions, evidence, balls);
+  leave_lonely(judged.moved, balls);
+  for (int step = 0; step < kGrowSteps; ++step) grow(judged, evidence, balls);
+  return judged.moved;
 }
 
 }  // namespace stillmap::mapping

@@ -178,7 +178,7 @@ LoopFinder::LoopFinder(const std::filesystem::path& scratch)
 
 LoopFinder::~LoopFinder() = default;
 
-void LoopFinder::add(const Keyframe& keyframe) {
+void LoopFinder::add(const LoopKeyframe& keyframe) {
   if (!keyframe.T_odom_lidar.matrix().allFinite() || !keyframe.covariance.allFinite())
     throw std::invalid_argument("keyframe: its pose or covariance is not finite");
   const OdometryPath& path = state_->path;

@@ -17,7 +17,7 @@
 namespace stillmap::mapping {
 
 /// A scan that loops may lead to.
-struct Keyframe {
+struct LoopKeyframe {
   /// Deskewed [m], lidar frame; thinned or not.
   std::vector<Eigen::Vector3f> points;
   /// As odometry has it; keyframes of one drive follow each other.
@@ -63,7 +63,7 @@ class LoopFinder {
   LoopFinder(const LoopFinder&) = delete;
   LoopFinder& operator=(const LoopFinder&) = delete;
 
-  void add(const Keyframe& keyframe);
+  void add(const LoopKeyframe& keyframe);
   /// All loops between the keyframes added so far; the same for any number of threads.
   /// @param given  of these keyframes: loops are looked for where they say.
   [[nodiscard]] std::vector<Loop> find(int threads, const ProgressCallback& progress,

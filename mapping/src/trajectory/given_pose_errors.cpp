@@ -6,11 +6,15 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <numbers>
 
 namespace stillmap::mapping {
 namespace {
 
 constexpr std::array kWaysM{0.0, 3.0, 10.0, 30.0, 100.0};
+/// What a scan's doubt is taken from.
+constexpr double kDoubtWayM = 10.0;
+constexpr std::size_t kDoubtScans = 5;
 /// Where nothing tells [m, rad]: as of a good GNSS.
 constexpr double kUntoldSigmaM = 0.1;
 constexpr double kUntoldSigmaRad = 2e-3;
@@ -30,6 +34,10 @@ struct Differences {
     const Eigen::Isometry3d T = a.inverse() * b;
     lengths_m.push_back(T.translation().norm());
     angles_rad.push_back(maps::rotation_angle_rad(T.linear()));
+  }
+  void append(const Differences& other) {
+    lengths_m.insert(lengths_m.end(), other.lengths_m.begin(), other.lengths_m.end());
+    angles_rad.insert(angles_rad.end(), other.angles_rad.begin(), other.angles_rad.end());
   }
 };
 
@@ -56,9 +64,10 @@ GivenPoseErrors::Apart summary(double way_m, Differences& found) {
 
 double sigma_of(double median_length) { return median_length / (kMedianLength * std::sqrt(2.0)); }
 
-/// Pairs of scans that are so far apart along the way, each scan once as the first of a pair; 0 =
-/// neighbours.
-void add_pairs(const TwicePosed& drive, double way_m, Differences& found) {
+/// Calls with pairs of scans that are so far apart along the way, each scan once as the first of a
+/// pair; 0 = neighbours.
+template <typename Visit>
+void for_each_pair(const TwicePosed& drive, double way_m, const Visit& visit) {
   const auto& odometry = drive.odometry;
   std::vector<double> ways(odometry.size());
   std::vector<std::size_t> predicted(odometry.size());
@@ -74,8 +83,8 @@ void add_pairs(const TwicePosed& drive, double way_m, Differences& found) {
     while (to < odometry.size() && ways[to] - ways[from] < way_m) ++to;
     if (to == odometry.size()) return;
     if (predicted[to] != predicted[from]) continue;
-    found.add(odometry[from].T_odom_lidar.inverse() * odometry[to].T_odom_lidar,
-              drive.T_map_given[from].inverse() * drive.T_map_given[to]);
+    visit(from, odometry[from].T_odom_lidar.inverse() * odometry[to].T_odom_lidar,
+          drive.T_map_given[from].inverse() * drive.T_map_given[to]);
   }
 }
 
@@ -88,7 +97,10 @@ GivenPoseErrors given_pose_errors(std::span<const TwicePosed> drives) {
   double most_m = 0.0;
   for (const double way_m : kWaysM) {
     Differences found;
-    for (const TwicePosed& drive : drives) add_pairs(drive, way_m, found);
+    for (const TwicePosed& drive : drives)
+      for_each_pair(drive, way_m,
+                    [&](std::size_t, const Eigen::Isometry3d& T_odometry,
+                        const Eigen::Isometry3d& T_given) { found.add(T_odometry, T_given); });
     if (errors.by_way.empty()) errors.neighbours_m = found.lengths_m;
     const GivenPoseErrors::Apart apart = summary(way_m, found);
     errors.by_way.push_back(apart);
@@ -107,6 +119,39 @@ GivenPoseErrors given_pose_errors(std::span<const TwicePosed> drives) {
     break;
   }
   return errors;
+}
+
+std::vector<PoseDoubt> doubts_of(const TwicePosed& drive) {
+  std::vector<PoseDoubt> doubts(drive.odometry.size());
+  for (const double way_m : {0.0, kDoubtWayM}) {
+    std::vector<Differences> of_scan(doubts.size());
+    for_each_pair(
+        drive, way_m,
+        [&](std::size_t from, const Eigen::Isometry3d& T_odometry,
+            const Eigen::Isometry3d& T_given) { of_scan[from].add(T_odometry, T_given); });
+    for (std::size_t scan = 0; scan < doubts.size(); ++scan) {
+      Differences around;
+      const std::size_t begin = scan > kDoubtScans ? scan - kDoubtScans : 0;
+      const std::size_t end = std::min(scan + kDoubtScans + 1, doubts.size());
+      for (std::size_t near = begin; near < end; ++near) around.append(of_scan[near]);
+      const GivenPoseErrors::Apart apart = summary(way_m, around);
+      const double of_each = 1.0 / std::numbers::sqrt2;
+      doubts[scan].m = std::max(doubts[scan].m, static_cast<float>(of_each * apart.median_m));
+      doubts[scan].rad = std::max(doubts[scan].rad, static_cast<float>(of_each * apart.median_rad));
+    }
+  }
+  return doubts;
+}
+
+std::vector<PoseDoubt> doubts_of(std::span<const OdometryPose> odometry) {
+  std::vector<PoseDoubt> doubts(odometry.size());
+  for (std::size_t scan = 1; scan < odometry.size(); ++scan) {
+    if (odometry[scan].status != OdometryStatus::kPredicted) continue;
+    const auto& variances = odometry[scan].covariance.diagonal();
+    doubts[scan] = {static_cast<float>(std::sqrt(variances.head<3>().maxCoeff())),
+                    static_cast<float>(std::sqrt(variances.tail<3>().maxCoeff()))};
+  }
+  return doubts;
 }
 
 void widen_by_loops(std::span<const Loop> loops, std::span<const Eigen::Isometry3d> T_map_given,

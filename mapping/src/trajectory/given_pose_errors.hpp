@@ -2,6 +2,7 @@
 
 #include "loops/loop_finder.hpp"
 #include "trajectory/trajectory_graph.hpp"
+#include "views/posed_views.hpp"
 
 #include <stillmap/mapping/trajectory.hpp>
 
@@ -24,6 +25,13 @@ struct TwicePosed {
 /// largest of all ways counts. Odometry's own drift is in it: given poses that are better than
 /// odometry are believed a little less than they could be.
 [[nodiscard]] GivenPoseErrors given_pose_errors(std::span<const TwicePosed> drives);
+
+/// How far each given pose disagrees with those around it, by the same differences to neighbours
+/// and to scans 10 m on: the median over those of 5 scans before and after, of which each of the
+/// two poses has its part.
+[[nodiscard]] std::vector<PoseDoubt> doubts_of(const TwicePosed& drive);
+/// Poses as odometry found them agree, but for those that it placed by motion alone.
+[[nodiscard]] std::vector<PoseDoubt> doubts_of(std::span<const OdometryPose> odometry);
 
 /// Loops tell of errors that go together over longer ways than these, or differ between drives.
 /// @param given  one a key frame.

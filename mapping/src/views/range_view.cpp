@@ -22,6 +22,10 @@ constexpr float kGuardRad = 0.0035F;
 /// thing that others saw in it.
 constexpr float kWanderM = 0.3F;
 
+/// A view whose pose is in doubt says nothing about what it sees so many times that far from a
+/// cell.
+constexpr float kDoubts = 2.0F;
+
 /// A surface counts as beyond a cell from here on [m]; grows with range, since surfaces seen at a
 /// grazing angle cover a longer way within a bin.
 constexpr float kBeyondM = 0.3F;
@@ -91,13 +95,14 @@ RangeView::RangeView(std::span<const Eigen::Vector3f> positions,
   }
 }
 
-bool RangeView::any_near(const Eigen::Vector3f& p, float radius_m) const {
+bool RangeView::any_near(const Eigen::Vector3f& p, float radius_m, float doubt_m) const {
   const float range_m = p.norm();
+  const float wander_m = kWanderM + kDoubts * doubt_m;
   const float beyond_m = kBeyondM + kBeyondPerM * range_m;
   const Window around =
-      Aim(p, range_m).cone((radius_m + kWanderM) / range_m + kGuardRad, first_row_, end_row());
-  const auto before = static_cast<int>((range_m - beyond_m - kWanderM) / kQuantumM);
-  const auto after = static_cast<int>((range_m + beyond_m + kWanderM) / kQuantumM);
+      Aim(p, range_m).cone((radius_m + wander_m) / range_m + kGuardRad, first_row_, end_row());
+  const auto before = static_cast<int>((range_m - beyond_m - wander_m) / kQuantumM);
+  const auto after = static_cast<int>((range_m + beyond_m + wander_m) / kQuantumM);
   for (int row = around.row_begin; row < around.row_end; ++row) {
     for (int column = around.column_begin; column < around.column_end; ++column) {
       const Bin& b = bin(row, column);
@@ -107,7 +112,7 @@ bool RangeView::any_near(const Eigen::Vector3f& p, float radius_m) const {
   return false;
 }
 
-Look RangeView::look(const Eigen::Vector3f& p, float radius_m) const {
+Look RangeView::look(const Eigen::Vector3f& p, float radius_m, float doubt_m) const {
   const float range_m = p.norm();
   if (!(range_m > radius_m)) return {};
   const float beyond_m = kBeyondM + kBeyondPerM * range_m;
@@ -129,7 +134,8 @@ Look RangeView::look(const Eigen::Vector3f& p, float radius_m) const {
   }
   if (!any) return {};
   if (!passed) return {Sight::kHidden};
-  const Window outer = aim.cone((radius_m + kGuardM) / range_m + kGuardRad, first_row_, end_row());
+  const Window outer =
+      aim.cone((radius_m + kGuardM + doubt_m) / range_m + kGuardRad, first_row_, end_row());
   int rays = 0;
   for (int row = outer.row_begin; row < outer.row_end; ++row) {
     for (int column = outer.column_begin; column < outer.column_end; ++column) {
@@ -139,7 +145,7 @@ Look RangeView::look(const Eigen::Vector3f& p, float radius_m) const {
     }
   }
   // Says nothing either way: against the cell it would shield all that moves along a wall.
-  if (any_near(p, radius_m)) return {};
+  if (any_near(p, radius_m, doubt_m)) return {};
   return {Sight::kFree, rays};
 }
 

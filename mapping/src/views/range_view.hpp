@@ -54,7 +54,8 @@ class RangeView {
   /// @return see `Sight`. `kFree` needs a ray through the cell that ends well beyond it, and no
   /// return from anything but the ground before that in all directions within the cell's radius
   /// and a guard around it (pose, beam, bins).
-  [[nodiscard]] Look look(const Eigen::Vector3f& p, float radius_m) const;
+  /// @param doubt_m  how far off the view's pose may put the cell; widens the guard.
+  [[nodiscard]] Look look(const Eigen::Vector3f& p, float radius_m, float doubt_m = 0.0F) const;
 
   /// What the rays towards a box met, counted in directions that have a return. Those that pass or
   /// end before it are counted where they head for its middle, since a car leaves the corners of
@@ -85,7 +86,7 @@ class RangeView {
 
   RangeView() = default;
   /// Whether a return from anything but the ground lies within some decimetres of a cell.
-  [[nodiscard]] bool any_near(const Eigen::Vector3f& p, float radius_m) const;
+  [[nodiscard]] bool any_near(const Eigen::Vector3f& p, float radius_m, float doubt_m) const;
   [[nodiscard]] const Bin& bin(int row, int column) const {
     return bins_[static_cast<std::size_t>((row - first_row_) * ViewGrid::kColumns +
                                           ViewGrid::wrapped(column))];

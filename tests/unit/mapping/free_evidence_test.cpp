@@ -3,12 +3,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <memory>
 #include <vector>
 
 #include "cleaning/ground_levels.hpp"
 #include "cleaning/moved_cells.hpp"
+#include "cleaning/thin_upright.hpp"
 #include "support/synthetic_world.hpp"
 
 namespace stillmap::mapping {
@@ -81,11 +84,75 @@ TEST(FreeEvidence, IsNoneWithoutAnOpenView) {
   EXPECT_EQ(Board({}).evidence().score, 0.0F);
 }
 
+TEST(FreeEvidence, IsNoneFromAViewWhosePoseIsInDoubtOfSomethingNear) {
+  // The board stands 0.8 m behind the cell.
+  Board board({1, 1, 1, 1, 1, 1});
+  const std::vector<Eigen::Vector3f> cell = {{4.0F, 4.2F, 1.5F}};
+  const auto score = [&] {
+    return find_free_evidence(cell, 0.06F, board.views, board.keyframes).front().score;
+  };
+  const float believed = score();
+  EXPECT_GT(believed, 0.5F);
+  board.views.doubts.assign(6, {.m = 0.2F, .rad = 0.0F});
+  EXPECT_EQ(score(), 0.0F);
+  // Five metres away a hundredth of a radian is little.
+  board.views.doubts.assign(6, {.m = 0.0F, .rad = 0.001F});
+  EXPECT_NEAR(score(), believed, 0.01F);
+}
+
 std::vector<Eigen::Vector3f> row_of(std::size_t count, float step_m) {
   std::vector<Eigen::Vector3f> row;
   for (std::size_t i = 0; i < count; ++i)
     row.emplace_back(step_m * static_cast<float>(i), 0.0F, 1.0F);
   return row;
+}
+
+/// Cells on a vertical line.
+std::vector<Eigen::Vector3f> pole_of(double height_m) {
+  std::vector<Eigen::Vector3f> pole;
+  for (double z = 0.2; z < height_m; z += 0.1) pole.emplace_back(2.0F, 3.0F, static_cast<float>(z));
+  return pole;
+}
+
+TEST(ThinUpright, ArePolesAndNeitherWallsNorBushesNorStumps) {
+  const auto share = [](const std::vector<Eigen::Vector3f>& cells) {
+    const std::vector<std::uint8_t> all(cells.size(), 1);
+    const auto thin = thin_upright(cells, all);
+    return static_cast<double>(std::count(thin.begin(), thin.end(), 1)) /
+           static_cast<double>(cells.size());
+  };
+  EXPECT_EQ(share(pole_of(2.5)), 1.0);
+  EXPECT_EQ(share(pole_of(0.7)), 0.0);
+  std::vector<Eigen::Vector3f> wall;
+  for (int x = 0; x < 30; ++x)
+    for (const Eigen::Vector3f& p : pole_of(2.5))
+      wall.emplace_back(p + Eigen::Vector3f(0.1F * static_cast<float>(x), 0.0F, 0.0F));
+  EXPECT_EQ(share(wall), 0.0);
+  test::Random random(3);
+  std::vector<Eigen::Vector3f> bush;
+  for (int i = 0; i < 400; ++i)
+    bush.emplace_back(static_cast<float>(random.uniform(0.0, 1.5)),
+                      static_cast<float>(random.uniform(0.0, 1.5)),
+                      static_cast<float>(random.uniform(0.2, 2.0)));
+  EXPECT_LT(share(bush), 0.02);
+  // Only those that are asked for.
+  std::vector<std::uint8_t> some(pole_of(2.5).size());
+  some[4] = 1;
+  const auto thin = thin_upright(pole_of(2.5), some);
+  EXPECT_EQ(thin[4], 1);
+  EXPECT_EQ(std::count(thin.begin(), thin.end(), 1), 1);
+}
+
+TEST(MovedCells, OfAPoleNeedMoreAgainstThem) {
+  const std::vector<Eigen::Vector3f> pole = pole_of(2.5);
+  const auto moved = [&](float score) {
+    return moved_cells(pole, std::vector<FreeEvidence>(pole.size(), {score, 3.0F}), 0.3F);
+  };
+  EXPECT_THAT(moved(0.3F), testing::Each(0));
+  EXPECT_THAT(moved(0.7F), testing::Each(1)) << "somebody who stood there and went";
+  const std::vector<Eigen::Vector3f> row = row_of(20, 0.1F);
+  EXPECT_THAT(moved_cells(row, std::vector<FreeEvidence>(row.size(), {0.3F, 3.0F}), 0.3F),
+              testing::Each(1));
 }
 
 TEST(MovedCells, GoTogetherWhenMostOfThemGo) {

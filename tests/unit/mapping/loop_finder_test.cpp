@@ -22,7 +22,7 @@ using testing::IsEmpty;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
 struct Driven {
-  std::vector<Keyframe> keyframes;
+  std::vector<LoopKeyframe> keyframes;
   std::vector<Eigen::Isometry3d> T_world_lidar;
 };
 
@@ -43,7 +43,7 @@ Driven drive(std::uint64_t seed, bool back, std::uint32_t number = 0, double len
     if (i > 0) {
       T_odom_lidar = T_odom_lidar * (poses[i - 1].inverse() * poses[i]) * maps::exp_se3(drift);
     }
-    Keyframe keyframe;
+    LoopKeyframe keyframe;
     keyframe.points =
         world.scan(poses[i], {.rings = 24, .columns = 360, .noise_m = 0.01, .seed = i + 1})
             .positions;
@@ -62,10 +62,10 @@ const Driven& out_and_back() {
   return driven;
 }
 
-std::vector<Loop> loops_of(const std::vector<Keyframe>& keyframes, int threads = 1) {
+std::vector<Loop> loops_of(const std::vector<LoopKeyframe>& keyframes, int threads = 1) {
   const test::TemporaryFolder folder;
   LoopFinder finder(folder.path());
-  for (const Keyframe& keyframe : keyframes) finder.add(keyframe);
+  for (const LoopKeyframe& keyframe : keyframes) finder.add(keyframe);
   const CancelFlag cancel = false;
   return finder.find(threads, {}, cancel);
 }
@@ -107,7 +107,7 @@ TEST(LoopFinder, GivesTheSameForAnyNumberOfThreads) {
 TEST(LoopFinder, JoinsDrivesWhoseFramesHaveNothingInCommon) {
   const Driven first = drive(5, false, 0, 36.0);
   Driven second = drive(5, false, 3, 36.0);
-  for (Keyframe& keyframe : second.keyframes)
+  for (LoopKeyframe& keyframe : second.keyframes)
     keyframe.T_odom_lidar = test::pose_at(-300.0, 40.0, 2.0) * keyframe.T_odom_lidar;
   Driven both = first;
   both.keyframes.insert(both.keyframes.end(), second.keyframes.begin(), second.keyframes.end());
@@ -123,8 +123,8 @@ TEST(LoopFinder, JoinsDrivesWhoseFramesHaveNothingInCommon) {
 }
 
 TEST(LoopFinder, FindsNoneBetweenDifferentStreets) {
-  std::vector<Keyframe> keyframes = drive(5, false, 0, 36.0).keyframes;
-  for (Keyframe& keyframe : drive(6, false, 1, 36.0).keyframes)
+  std::vector<LoopKeyframe> keyframes = drive(5, false, 0, 36.0).keyframes;
+  for (LoopKeyframe& keyframe : drive(6, false, 1, 36.0).keyframes)
     keyframes.push_back(std::move(keyframe));
   EXPECT_THAT(loops_of(keyframes), IsEmpty());
 }
@@ -134,8 +134,8 @@ TEST(LoopFinder, FindsNoneOnAStraightWay) {
 }
 
 TEST(LoopFinder, GoesOnWhereNothingIsSeen) {
-  std::vector<Keyframe> keyframes = out_and_back().keyframes;
-  for (Keyframe& keyframe : keyframes) keyframe.points.clear();
+  std::vector<LoopKeyframe> keyframes = out_and_back().keyframes;
+  for (LoopKeyframe& keyframe : keyframes) keyframe.points.clear();
   EXPECT_THAT(loops_of(keyframes), IsEmpty());
   EXPECT_THAT(loops_of({}), IsEmpty());
 }
@@ -143,10 +143,10 @@ TEST(LoopFinder, GoesOnWhereNothingIsSeen) {
 TEST(LoopFinder, RefusesWhatIsNotFiniteAndDrivesOutOfOrder) {
   const test::TemporaryFolder folder;
   LoopFinder finder(folder.path());
-  Keyframe keyframe;
+  LoopKeyframe keyframe;
   keyframe.drive = 1;
   finder.add(keyframe);
-  Keyframe broken = keyframe;
+  LoopKeyframe broken = keyframe;
   broken.T_odom_lidar.translation().y() = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THROW(finder.add(broken), std::invalid_argument);
   broken = keyframe;

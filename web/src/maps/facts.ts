@@ -23,10 +23,10 @@ export function stateOf(map: Pick<MapRow, 'state'>): { tone: Tone; text: string 
 
 /** Options whose usual value says nothing to a person. */
 const kUsual: Record<string, string> = {
-  preset: 'default', odometry: 'default', movable: 'project', clean: 'free-space', fusion: 'on', fill: 'on', loops: 'on', edits: 'none',
+  preset: 'default', odometry: 'default', given_poses: 'refine', movable: 'project', clean: 'free-space', fusion: 'on', fill: 'on', loops: 'on', edits: 'none',
 };
 /** Those that people choose, in the order in which they are told. */
-const kTold = ['preset', 'detector', 'clean', 'movable', 'odometry', 'fusion', 'fill', 'loops', 'edits'];
+const kTold = ['preset', 'detector', 'clean', 'movable', 'odometry', 'given_poses', 'fusion', 'fill', 'loops', 'edits'];
 
 /** What of a build's options differs from the usual, as short words: "detector voxelnext". */
 export function tellingOptions(options: Record<string, string> | undefined): string[] {

@@ -14,6 +14,7 @@ const kChoices: Choice[] = [
   { name: 'movable', label: 'Points of objects', hint: 'What happens to points of what could move.', values: [['', 'go to the ground below'], ['delete', 'are dropped'], ['keep', 'stay']] },
   { name: 'clean', label: 'Cleaning', hint: 'Movers that no detector knows.', values: [['', 'by free space'], ['none', 'none'], ['removert', 'Removert'], ['erasor', 'ERASOR'], ['octomap', 'OctoMap'], ['dufomap', 'DUFOMap']] },
   { name: 'odometry', label: 'Poses', hint: 'Where the scans were taken.', values: [['', 'as it suits the drive'], ['loam', 'by LOAM'], ['given', 'as the drive gives them']] },
+  { name: 'given-poses', label: 'Poses of the drive', hint: 'Neighbouring scans are registered, the frame stays; a survey needs none of it.', values: [['', 'refined'], ['exact', 'as they are']] },
   { name: 'fusion', label: 'Objects over time', hint: 'An object seen in many scans is taken out of all.', values: [['', 'fused'], ['off', 'each scan by itself']] },
   { name: 'fill', label: 'Ground below objects', hint: 'Filled where it was hidden, and marked so.', values: [['', 'filled'], ['off', 'left open']] },
   { name: 'loops', label: 'Loops', hint: 'Places that were passed twice are joined.', values: [['', 'closed'], ['off', 'left open']] },
