@@ -2,8 +2,8 @@
 """Accuracy on real scans, from the command line as a user would, against limits that stand here with their reasons.
 
 usage: real_drives.py STILLMAP CASE MAPS [PATH_CLOSURE]
-(CASE: kitti_map | mulran_map | kitti_localization | mulran_localization | kitti_removal | odometry |
-closure)
+(CASE: kitti_map | mulran_map | kitti_localization | mulran_localization | kitti_poles | mulran_poles |
+kitti_removal | odometry | closure)
 
 `kitti_map` and `mulran_map` build a map into MAPS/kitti and MAPS/mulran, which other cases and map_content.py read.
 Needs STILLMAP_REAL_DATA; without it the test is skipped (exit code 77). Exit code 1 when a limit is broken.
@@ -83,6 +83,31 @@ def mulran_localization(program, data, folder, check):
     check("every query within 0.2 m / 1 deg", level["success_rate"], level["success_rate"] == 1)
 
 
+def poles_kept(program, drive, made, folder, check):
+    """What cleaning and refined poses do to thin things and to walls; made: the default map and its report."""
+    import poles  # needs numpy
+
+    for name, options in (("kept", ["--clean", "none"]), ("odometry", ["--odometry", "default"])):
+        run(program, "build", drive, "-o", folder / name, "--select", "::2", *options, "--json", folder / f"{name}.json")
+    kept = poles.Package(folder / "kept")
+    found = poles.poles_of(kept)
+    check("poles found", len(found), len(found) >= 50)
+    lost, gone = poles.loss_of(kept, found, poles.Package(made / "map"))
+    check("share of their points lost", lost, lost <= 0.01)
+    check("poles that lose more than half", gone, gone == 0)
+    refined, followed = (json.loads(file.read_text())["consistency"]["walls"]["median_m"]
+                         for file in (made / "build.json", folder / "odometry.json"))
+    check("walls, thickness over that with odometry", refined / followed, refined <= 1.1 * followed)
+
+
+def kitti_poles(program, data, folder, check):
+    poles_kept(program, data / KITTI, MAPS / "kitti", folder, check)
+
+
+def mulran_poles(program, data, folder, check):
+    poles_kept(program, data / MULRAN, MAPS / "mulran", folder, check)
+
+
 def kitti_removal(program, data, folder, check):
     drive = data / KITTI
     labels = drive / "tracking/label_02.txt"
@@ -145,7 +170,7 @@ def main():
     check = Checks()
     with tempfile.TemporaryDirectory() as folder:
         cases = {each.__name__: each for each in (kitti_map, mulran_map, kitti_localization, mulran_localization,
-                                                  kitti_removal, odometry, closure)}
+                                                  kitti_poles, mulran_poles, kitti_removal, odometry, closure)}
         cases[case](program, pathlib.Path(data), pathlib.Path(folder), check)
     return 1 if check.broken else 0
 

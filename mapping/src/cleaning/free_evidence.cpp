@@ -32,6 +32,9 @@ constexpr std::uint32_t kLongRunViews = 5;
 constexpr std::size_t kFirstStep = 4;
 constexpr float kSurelyHit = 3.0F;
 
+/// A hit so many places after the last one is of another pass: 40 m of way and more.
+constexpr std::uint32_t kPassPlaces = 60;
+
 /// All that the views before the current one said about a cell.
 struct Record {
   float spoken = 0.0F;  ///< free, hit and mixed
@@ -49,9 +52,13 @@ struct Record {
   float timed_spoken = 0.0F, timed_run = 0.0F, best_timed_run = 0.0F;
   std::uint32_t run_views = 0;
 
+  /// Stretches of the way from which it was hit.
+  std::uint32_t passes = 0;
+  std::uint32_t last_hit_place = 0;
+
   [[nodiscard]] float score() const {
-    return elsewhere ? best_run / (kDoubtfulShare + spoken)
-                     : best_timed_run / (kDoubtfulShare + timed_spoken);
+    if (!elsewhere) return best_timed_run / (kDoubtfulShare + timed_spoken);
+    return best_run / (kDoubtfulShare + spoken) / static_cast<float>(std::max(passes, 1U));
   }
 };
 
@@ -98,6 +105,9 @@ void add(Record& record, const Look& look, const Keyframe& keyframe, const Weigh
     case Sight::kHit:
       record.run = 0.0F;
       record.hits += keyframe.weight;
+      if (record.passes == 0 || keyframe.place > record.last_hit_place + kPassPlaces)
+        ++record.passes;
+      record.last_hit_place = keyframe.place;
       add_spoken(record, keyframe, 1.0F);
       return;
     case Sight::kMixed:

@@ -40,6 +40,9 @@ struct FreeEvidence {
 ///
 ///     score = run / (kDoubt + free + hit + mixed)
 ///
+/// and that over the passes that hit it, each 40 m of way and more after the last: what several of
+/// them saw at one place stays.
+///
 /// What moved was there for a while and not before or after, so its free views follow each other,
 /// however long it stood. What stays and is seen through now and then (a fence, a tree, a pole
 /// between two rays) has its hits among them. A free view weighs 1 - 0.85^n for n rays around the

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstddef>
 #include <numbers>
+#include <ranges>
 
 namespace stillmap::mapping {
 namespace {
@@ -108,6 +109,13 @@ GivenPoseErrors given_pose_errors(std::span<const TwicePosed> drives) {
     errors.sigma_m = std::max(errors.sigma_m, sigma_of(apart.median_m));
     errors.sigma_rad = std::max(errors.sigma_rad, sigma_of(apart.median_rad));
     most_m = std::max(most_m, apart.median_m);
+  }
+  // A sensor that looks aside of where its poses say turns all of them alike, which no difference
+  // of turns shows: its way leads aside then.
+  for (const GivenPoseErrors::Apart& apart : errors.by_way | std::views::reverse) {
+    if (apart.pairs == 0 || apart.way_m == 0.0) continue;
+    errors.sigma_rad = std::max(errors.sigma_rad, apart.median_m / apart.way_m);
+    break;
   }
   if (errors.neighbours_m.empty()) {
     errors.sigma_m = kUntoldSigmaM;

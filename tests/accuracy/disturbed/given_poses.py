@@ -2,15 +2,15 @@
 """What maps lose when given poses are off: simulated streets whose poses are made worse on purpose.
 
 usage: given_poses.py STILLMAP FOLDER [--seeds 141,142] [--scans 100] [--parked 0.9] [--levels 0.02:0.05,0.1:0.1,...]
-                      [--kinds white,smooth] [--noise DATE] [--reference STILLMAP] [--exact] [--limits]
+                      [--kinds white,smooth] [--noise DATE] [--reference STILLMAP] [--exact] [--limits] [--anew]
 
 A level is METRES:DEGREES, the deviation of a pose in each direction. White errors are of each scan on its own; smooth
 ones are sums of 24 waves of 2 to 10 s. --noise: a number, today's date for one, that draws them. --reference: another
 program that builds the same drives. --exact: build with `--given-poses exact`, so that cleaning alone has to cope.
 --limits: exit code 1 when a limit is broken: of levels up to 0.1 m and 0.1 deg thin things (poles, signs, trunks) lose
 at most 1 %, all that stays at most 0.15 %, parked removal and DA fall by at most 0.3 points against true poses; beyond,
-at most a tenth of what the reference loses. Results are kept in FOLDER; a run that was ended goes on. Needs numpy (else
-exit 77).
+at most a tenth of what the reference loses. Results are kept in FOLDER, so that a run that was ended goes on; --anew
+measures again. Needs numpy (else exit 77).
 """
 
 import argparse
@@ -85,7 +85,7 @@ class Street:
         """Figures of the map of a program by these poses."""
         tag = f"{name}_{self.seed}_{kind}_{level}_{self.options.noise}".replace(":", "_")
         result, made = self.options.folder / f"{tag}.json", self.options.folder / f"{tag}_map"
-        if not result.exists():
+        if self.options.anew or not result.exists():
             shutil.rmtree(made, ignore_errors=True)
             run(program, "build", self.folder, "-o", made, *self.poses(kind, level, tag),
                 *(["--given-poses", "exact"] if self.options.exact and name == "new" else []))
@@ -149,6 +149,7 @@ def main():
     parser.add_argument("--reference")
     parser.add_argument("--exact", action="store_true")
     parser.add_argument("--limits", action="store_true")
+    parser.add_argument("--anew", action="store_true")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     check = Checks()

@@ -107,6 +107,13 @@ std::vector<Eigen::Vector3f> row_of(std::size_t count, float step_m) {
   return row;
 }
 
+TEST(FreeEvidence, CountsLessAgainstWhatSeveralPassesHit) {
+  Board board({1, 1, 1, 0, 0, 0});
+  const float one_pass = board.evidence().score;
+  for (std::size_t k = 2; k < board.keyframes.size(); ++k) board.keyframes[k].place += 100;
+  EXPECT_NEAR(board.evidence().score, 0.5F * one_pass, 1e-6F);
+}
+
 /// Cells on a vertical line.
 std::vector<Eigen::Vector3f> pole_of(double height_m) {
   std::vector<Eigen::Vector3f> pole;
