@@ -22,9 +22,9 @@ constexpr float kGuardRad = 0.0035F;
 /// thing that others saw in it.
 constexpr float kWanderM = 0.3F;
 
-/// A view whose pose is in doubt says nothing about what it sees so many times that far from a
-/// cell.
-constexpr float kDoubts = 2.0F;
+/// A view whose pose is in doubt says nothing about what it sees so many times that far from a cell,
+/// where that is more.
+constexpr float kDoubts = 3.0F;
 
 /// A surface counts as beyond a cell from here on [m]; grows with range, since surfaces seen at a
 /// grazing angle cover a longer way within a bin.
@@ -97,7 +97,7 @@ RangeView::RangeView(std::span<const Eigen::Vector3f> positions,
 
 bool RangeView::any_near(const Eigen::Vector3f& p, float radius_m, float doubt_m) const {
   const float range_m = p.norm();
-  const float wander_m = kWanderM + kDoubts * doubt_m;
+  const float wander_m = std::max(kWanderM, kDoubts * doubt_m);
   const float beyond_m = kBeyondM + kBeyondPerM * range_m;
   const Window around =
       Aim(p, range_m).cone((radius_m + wander_m) / range_m + kGuardRad, first_row_, end_row());
@@ -135,7 +135,7 @@ Look RangeView::look(const Eigen::Vector3f& p, float radius_m, float doubt_m) co
   if (!any) return {};
   if (!passed) return {Sight::kHidden};
   const Window outer =
-      aim.cone((radius_m + kGuardM + doubt_m) / range_m + kGuardRad, first_row_, end_row());
+      aim.cone((radius_m + std::max(kGuardM, doubt_m)) / range_m + kGuardRad, first_row_, end_row());
   int rays = 0;
   for (int row = outer.row_begin; row < outer.row_end; ++row) {
     for (int column = outer.column_begin; column < outer.column_end; ++column) {
