@@ -95,7 +95,7 @@ def poles_kept(program, drive, made, folder, check):
     lost, gone = poles.loss_of(kept, found, poles.Package(made / "map"))
     check("share of their points lost", lost, lost <= 0.01)
     check("poles that lose more than half", gone, gone == 0)
-    refined, followed = (json.loads(file.read_text())["consistency"]["walls"]["median_m"]
+    refined, followed = (json.loads(file.read_text())["consistency"]["walls"]["thickness_median_m"]
                          for file in (made / "build.json", folder / "odometry.json"))
     check("walls, thickness over that with odometry", refined / followed, refined <= 1.1 * followed)
 

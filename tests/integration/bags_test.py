@@ -290,7 +290,8 @@ class Bags(unittest.TestCase):
         raw, work = day / "2011_09_26_drive_0013_sync", self.work / "gnss"
 
         def placed(drive, name, *words):
-            run("build", drive, "-o", work / name, "--detector", "geometric", "--clean", "none", *words)
+            run("build", drive, "-o", work / name, "--detector", "geometric", "--clean", "none", "--given-poses",
+                "exact", *words)
             origin = json.loads((work / name / "manifest.json").read_text())["geodetic_origin"]
             lines = (work / name / "trajectory.tum").read_text().splitlines()
             return [origin[key] for key in ("latitude_deg", "longitude_deg", "altitude_m")], lines

@@ -10,20 +10,20 @@ nlohmann::json to_json(const Eigen::Isometry3d& T) {
   return {{"position", {p.x(), p.y(), p.z()}}, {"quaternion", {q.x(), q.y(), q.z(), q.w()}}};
 }
 
+nlohmann::json to_json(const GivenPoseErrors::Apart& apart) {
+  return {{"way_m", apart.way_m},     {"pairs", apart.pairs},    {"median_m", apart.median_m},
+          {"p95_m", apart.p95_m},     {"max_m", apart.max_m},    {"median_rad", apart.median_rad},
+          {"p95_rad", apart.p95_rad}, {"max_rad", apart.max_rad}};
+}
+
 nlohmann::json to_json(const GivenPosesReport& report) {
   nlohmann::json apart = nlohmann::json::array();
   for (const GivenPoseErrors::Apart& each : report.errors.by_way)
-    if (each.pairs > 0)
-      apart.push_back({{"way_m", each.way_m},
-                       {"pairs", each.pairs},
-                       {"median_m", each.median_m},
-                       {"p95_m", each.p95_m},
-                       {"max_m", each.max_m},
-                       {"median_rad", each.median_rad},
-                       {"p95_rad", each.p95_rad},
-                       {"max_rad", each.max_rad}});
+    if (each.pairs > 0) apart.push_back(to_json(each));
   return {{"use", name_of(report.use)},
           {"apart_from_scans", apart},
+          {"apart_at_loops",
+           report.errors.loops.pairs > 0 ? to_json(report.errors.loops) : nlohmann::json()},
           {"neighbours_apart", report.neighbours_apart},
           {"sigma_m", report.errors.sigma_m},
           {"sigma_rad", report.errors.sigma_rad},

@@ -200,8 +200,9 @@ PosedDrives with_given_poses(const std::vector<maps::Drive>& drives, const MapBu
   GivenPosesReport report;
   report.use = options.given_poses;
   report.errors = estimate.given_errors.value();
-  posed.doubts = doubts_in(posed.drives, estimate, !refines);
-  if (refines) {
+  const bool moves = refines && !report.errors.agree();
+  posed.doubts = doubts_in(posed.drives, estimate, !moves);
+  if (moves) {
     posed.counts = counts_of(estimate);
     posed.graph = drive_graph_of(estimate);
     const std::vector<maps::Drive> given = std::exchange(posed.drives, posed_by(estimate, drives));

@@ -67,15 +67,27 @@ DriveGraph graph_from(ByteReader& reader, const std::vector<maps::Drive>& drives
   return graph;
 }
 
+void put_apart(std::string& bytes, const GivenPoseErrors::Apart& apart) {
+  put_number(bytes, apart.pairs);
+  for (const double value : {apart.way_m, apart.median_m, apart.p95_m, apart.max_m,
+                             apart.median_rad, apart.p95_rad, apart.max_rad})
+    put_number(bytes, value);
+}
+
+GivenPoseErrors::Apart apart_from(ByteReader& reader) {
+  GivenPoseErrors::Apart apart;
+  apart.pairs = reader.number<std::size_t>();
+  for (double* value : {&apart.way_m, &apart.median_m, &apart.p95_m, &apart.max_m,
+                        &apart.median_rad, &apart.p95_rad, &apart.max_rad})
+    *value = reader.number<double>();
+  return apart;
+}
+
 void put_report(std::string& bytes, const GivenPosesReport& report) {
   put_number(bytes, static_cast<std::uint8_t>(report.use == GivenPosesUse::kExact));
   put_number(bytes, report.errors.by_way.size());
-  for (const GivenPoseErrors::Apart& apart : report.errors.by_way) {
-    put_number(bytes, apart.pairs);
-    for (const double value : {apart.way_m, apart.median_m, apart.p95_m, apart.max_m,
-                               apart.median_rad, apart.p95_rad, apart.max_rad})
-      put_number(bytes, value);
-  }
+  for (const GivenPoseErrors::Apart& apart : report.errors.by_way) put_apart(bytes, apart);
+  put_apart(bytes, report.errors.loops);
   put_number(bytes, report.errors.sigma_m);
   put_number(bytes, report.errors.sigma_rad);
   put_number(bytes, report.errors.correlated_m);
@@ -91,13 +103,9 @@ void put_report(std::string& bytes, const GivenPosesReport& report) {
 GivenPosesReport report_from(ByteReader& reader) {
   GivenPosesReport report;
   report.use = reader.number<std::uint8_t>() != 0 ? GivenPosesUse::kExact : GivenPosesUse::kRefine;
-  for (auto left = reader.count(8 * sizeof(double)); left > 0; --left) {
-    GivenPoseErrors::Apart& apart = report.errors.by_way.emplace_back();
-    apart.pairs = reader.number<std::size_t>();
-    for (double* value : {&apart.way_m, &apart.median_m, &apart.p95_m, &apart.max_m,
-                          &apart.median_rad, &apart.p95_rad, &apart.max_rad})
-      *value = reader.number<double>();
-  }
+  for (auto left = reader.count(8 * sizeof(double)); left > 0; --left)
+    report.errors.by_way.push_back(apart_from(reader));
+  report.errors.loops = apart_from(reader);
   report.errors.sigma_m = reader.number<double>();
   report.errors.sigma_rad = reader.number<double>();
   report.errors.correlated_m = reader.number<double>();
@@ -169,6 +177,9 @@ PosedDrives posed_drives_from(std::string_view bytes, const std::vector<maps::Dr
       doubt.rad = reader.number<float>();
     }
   }
+  for (std::size_t i = 0; i < posed.doubts.size(); ++i)
+    if (posed.doubts.size() != drives.size() || posed.doubts[i].size() != drives[i].size())
+      reader.refuse("of other scans than the drives'");
   if (reader.number<std::size_t>() != drives.size()) reader.refuse("of another number of drives");
   for (const maps::Drive& drive : drives) posed.drives.push_back(drive_from(reader, drive));
   reader.end();

@@ -94,7 +94,9 @@ std::uint64_t delete_flagged(const std::vector<std::uint8_t>& flags, ProjectionR
   std::uint64_t count = 0;
   for (std::size_t i = 0; i < flags.size(); ++i) {
     PointFate& fate = projection.fates[i];
-    if (flags[i] == 0 || (fate != PointFate::kKept && fate != PointFate::kGround)) continue;
+    if (flags[i] == 0 || (fate != PointFate::kKept && fate != PointFate::kGround) ||
+        projection.object_of_point[i] != 0)
+      continue;
     --(fate == PointFate::kGround ? projection.ground : projection.kept);
     ++projection.deleted;
     fate = PointFate::kDeleted;

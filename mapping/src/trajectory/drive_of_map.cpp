@@ -12,6 +12,9 @@
 namespace stillmap::mapping {
 namespace {
 
+/// Between poses so near in time a path is smooth, and better known than the drive's own poses.
+constexpr std::int64_t kNearNs = 500'000'000;
+
 /// Lines "SHA-256  NAME" of all scans of the map, in their order; empty when it lists none.
 std::vector<std::string> scan_sources(const maps::MapPackage& map) {
   std::ifstream in(map.folder() / "sources.sha256");
@@ -65,7 +68,9 @@ maps::Drive on_path(const maps::Drive& drive, const maps::Trajectory& path) {
         std::clamp(stamp_ns, known.front().stamp_ns, known.back().stamp_ns);
     const auto after = std::ranges::lower_bound(known, within_ns, {}, &maps::StampedPose::stamp_ns);
     if (after->stamp_ns == stamp_ns) return after->T_map_lidar;
-    if (!drive.has_poses()) return path.at(within_ns).value();
+    const auto next_before = after == known.begin() ? after : after - 1;
+    const bool is_near = after->stamp_ns - next_before->stamp_ns <= kNearNs;
+    if (!drive.has_poses() || is_near) return path.at(within_ns).value();
     // Its own motion from a scan of the path that stamps find again.
     const auto followed = [&](const maps::StampedPose& pose) -> std::optional<Eigen::Isometry3d> {
       const auto& stamps = drive.contents().stamps_ns;

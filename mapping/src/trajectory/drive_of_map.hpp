@@ -24,9 +24,9 @@ struct DriveOfMap {
                                                     const maps::Drive& drive);
 
 /// The drive where a map has it, which need not be where its own poses say: scans of the path get
-/// the path's poses; a scan between two of them keeps its own motion to both, where the drive has
-/// poses, and lies between them by its time where it has none. Scans before the first and behind
-/// the last follow these, or get their poses.
+/// the path's poses; a scan between two of them lies there by its time where they are half a second
+/// apart or less, or the drive has no poses; else it keeps its own motion to both. Scans before the
+/// first and behind the last follow these, or get their poses.
 [[nodiscard]] maps::Drive on_path(const maps::Drive& drive, const maps::Trajectory& path);
 
 }  // namespace stillmap::mapping

@@ -67,6 +67,8 @@ double sigma_of(double median_length) { return median_length / (kMedianLength * 
 
 /// Calls with pairs of scans that are so far apart along the way, each scan once as the first of a
 /// pair; 0 = neighbours.
+/// Scans that were predicted, be it along one direction, do not count: that may be the given
+/// motion.
 template <typename Visit>
 void for_each_pair(const TwicePosed& drive, double way_m, const Visit& visit) {
   const auto& odometry = drive.odometry;
@@ -76,7 +78,7 @@ void for_each_pair(const TwicePosed& drive, double way_m, const Visit& visit) {
     ways[i] = ways[i - 1] +
               (odometry[i].T_odom_lidar.translation() - odometry[i - 1].T_odom_lidar.translation())
                   .norm();
-    predicted[i] = predicted[i - 1] + (odometry[i].status == OdometryStatus::kPredicted ? 1U : 0U);
+    predicted[i] = predicted[i - 1] + (odometry[i].status == OdometryStatus::kMatched ? 0U : 1U);
   }
   std::size_t to = 0;
   for (std::size_t from = 0; from < odometry.size(); ++from) {
@@ -84,12 +86,36 @@ void for_each_pair(const TwicePosed& drive, double way_m, const Visit& visit) {
     while (to < odometry.size() && ways[to] - ways[from] < way_m) ++to;
     if (to == odometry.size()) return;
     if (predicted[to] != predicted[from]) continue;
-    visit(from, odometry[from].T_odom_lidar.inverse() * odometry[to].T_odom_lidar,
+    visit(from, to, odometry[from].T_odom_lidar.inverse() * odometry[to].T_odom_lidar,
           drive.T_map_given[from].inverse() * drive.T_map_given[to]);
   }
 }
 
+/// What odometry is off from true poses on simulated streets (mapping/odometry.md), with some room:
+/// medians to neighbours, over ways and at loops, and no neighbour that is far off.
+constexpr double kAgreeNeighboursM = 0.01;
+constexpr double kAgreeWaysM = 0.02;
+constexpr double kAgreeWaysUpToM = 10.0;
+constexpr double kAgreeLoopsM = 0.03;
+constexpr double kAgreeMostM = 0.05;
+constexpr double kAgreeNeighboursRad = 1e-3;
+constexpr double kAgreeWaysRad = 2e-3;
+
 }  // namespace
+
+bool GivenPoseErrors::agree() const {
+  if (neighbours_m.empty()) return false;
+  const auto within = [](const Apart& apart, double most_m, double most_rad) {
+    return apart.pairs == 0 || (apart.median_m <= most_m && apart.median_rad <= most_rad);
+  };
+  if (!within(by_way.front(), kAgreeNeighboursM, kAgreeNeighboursRad) ||
+      by_way.front().max_m > kAgreeMostM)
+    return false;
+  return within(loops, kAgreeLoopsM, kAgreeWaysRad) &&
+         std::ranges::all_of(by_way, [&](const Apart& apart) {
+           return apart.way_m > kAgreeWaysUpToM || within(apart, kAgreeWaysM, kAgreeWaysRad);
+         });
+}
 
 GivenPoseErrors given_pose_errors(std::span<const TwicePosed> drives) {
   GivenPoseErrors errors;
@@ -100,7 +126,7 @@ GivenPoseErrors given_pose_errors(std::span<const TwicePosed> drives) {
     Differences found;
     for (const TwicePosed& drive : drives)
       for_each_pair(drive, way_m,
-                    [&](std::size_t, const Eigen::Isometry3d& T_odometry,
+                    [&](std::size_t, std::size_t, const Eigen::Isometry3d& T_odometry,
                         const Eigen::Isometry3d& T_given) { found.add(T_odometry, T_given); });
     if (errors.by_way.empty()) errors.neighbours_m = found.lengths_m;
     const GivenPoseErrors::Apart apart = summary(way_m, found);
@@ -133,16 +159,22 @@ std::vector<PoseDoubt> doubts_of(const TwicePosed& drive) {
   std::vector<PoseDoubt> doubts(drive.odometry.size());
   for (const double way_m : {0.0, kDoubtWayM}) {
     std::vector<Differences> of_scan(doubts.size());
-    for_each_pair(
-        drive, way_m,
-        [&](std::size_t from, const Eigen::Isometry3d& T_odometry,
-            const Eigen::Isometry3d& T_given) { of_scan[from].add(T_odometry, T_given); });
+    for_each_pair(drive, way_m,
+                  [&](std::size_t from, std::size_t to, const Eigen::Isometry3d& T_odometry,
+                      const Eigen::Isometry3d& T_given) {
+                    of_scan[from].add(T_odometry, T_given);
+                    of_scan[to].add(T_odometry, T_given);
+                  });
     for (std::size_t scan = 0; scan < doubts.size(); ++scan) {
       Differences around;
       const std::size_t begin = scan > kDoubtScans ? scan - kDoubtScans : 0;
       const std::size_t end = std::min(scan + kDoubtScans + 1, doubts.size());
       for (std::size_t near = begin; near < end; ++near) around.append(of_scan[near]);
-      const GivenPoseErrors::Apart apart = summary(way_m, around);
+      GivenPoseErrors::Apart apart = summary(way_m, around);
+      if (apart.pairs == 0 && way_m == 0.0) {
+        apart.median_m = kUntoldSigmaM;
+        apart.median_rad = kUntoldSigmaRad;
+      }
       const double of_each = 1.0 / std::numbers::sqrt2;
       doubts[scan].m = std::max(doubts[scan].m, static_cast<float>(of_each * apart.median_m));
       doubts[scan].rad = std::max(doubts[scan].rad, static_cast<float>(of_each * apart.median_rad));
@@ -168,6 +200,7 @@ void widen_by_loops(std::span<const Loop> loops, std::span<const Eigen::Isometry
   for (const Loop& loop : loops)
     found.add(loop.T_from_to, T_map_given[loop.from].inverse() * T_map_given[loop.to]);
   const GivenPoseErrors::Apart apart = summary(0.0, found);
+  errors.loops = apart;
   if (apart.pairs == 0) return;
   errors.sigma_m = std::max(errors.sigma_m, sigma_of(apart.median_m));
   errors.sigma_rad = std::max(errors.sigma_rad, sigma_of(apart.median_rad));

@@ -244,7 +244,8 @@ TrajectoryEstimate estimate_trajectories(const std::vector<maps::Drive>& drives,
   const GivenPoses given = given_poses(std::move(T_map_given), options, estimate.given_errors);
   PoseGraph graph = graph_of(odometries.keyframes, loops, given, odometries.T_ground_odom);
   PoseGraphSolution solution = solve(graph, cancel);
-  if (2 * denied_in(solution) > solution.absolute_weights.size()) {
+  const std::size_t denied = denied_in(solution);
+  if (2 * denied > solution.absolute_weights.size()) {
     // Not a few of them are wrong: then it is not known which, and they hold the frame.
     for (AbsolutePose& pose : graph.absolute_poses) pose.doubtful = false;
     solution = solve(graph, cancel);
@@ -253,7 +254,7 @@ TrajectoryEstimate estimate_trajectories(const std::vector<maps::Drive>& drives,
 
   if (auto& errors = estimate.given_errors) {
     errors->asked = solution.absolute_weights.size();
-    errors->denied = denied_in(solution);
+    errors->denied = denied;
   }
 
   correct(odometries, solution.nodes);

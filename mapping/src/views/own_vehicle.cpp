@@ -9,6 +9,7 @@ namespace {
 
 constexpr float kCubeM = 0.25F;
 constexpr float kVehicleReachM = 12.0F;
+constexpr std::size_t kFewestSamples = 6;
 constexpr std::size_t kSamples = 12;
 constexpr double kBeforeM = 10.0;
 constexpr double kLeastWayM = 40.0;
@@ -67,8 +68,12 @@ std::vector<std::pair<std::size_t, std::size_t>> OwnVehicle::choose_samples(
     const auto scan = std::lower_bound(way_m.begin(), way_m.end(), at_m);
     const auto before = std::upper_bound(way_m.begin(), scan, *scan - kBeforeM);
     if (before == way_m.begin()) continue;
-    samples.emplace_back(scan - way_m.begin(), before - way_m.begin() - 1);
+    const std::pair<std::size_t, std::size_t> sample(scan - way_m.begin(),
+                                                     before - way_m.begin() - 1);
+    if (samples.empty() || samples.back() != sample) samples.push_back(sample);
   }
+  // One that is asked several times tells no more than once.
+  if (samples.size() < kFewestSamples) samples.clear();
   return samples;
 }
 

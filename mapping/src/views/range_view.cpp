@@ -22,9 +22,11 @@ constexpr float kGuardRad = 0.0035F;
 /// thing that others saw in it.
 constexpr float kWanderM = 0.3F;
 
-/// A view whose pose is in doubt says nothing about what it sees so many times that far from a cell,
-/// where that is more.
+/// A view says "free" only where it saw nothing within so many times the uncertainty of its pose.
 constexpr float kDoubts = 3.0F;
+
+/// Beyond it a view can say nothing of a place [m]; it also bounds what has to be looked at.
+constexpr float kMostDoubtM = 2.0F;
 
 /// A surface counts as beyond a cell from here on [m]; grows with range, since surfaces seen at a
 /// grazing angle cover a longer way within a bin.
@@ -134,8 +136,9 @@ Look RangeView::look(const Eigen::Vector3f& p, float radius_m, float doubt_m) co
   }
   if (!any) return {};
   if (!passed) return {Sight::kHidden};
-  const Window outer =
-      aim.cone((radius_m + std::max(kGuardM, doubt_m)) / range_m + kGuardRad, first_row_, end_row());
+  if (kDoubts * doubt_m > kMostDoubtM) return {};
+  const Window outer = aim.cone((radius_m + std::max(kGuardM, doubt_m)) / range_m + kGuardRad,
+                                first_row_, end_row());
   int rays = 0;
   for (int row = outer.row_begin; row < outer.row_end; ++row) {
     for (int column = outer.column_begin; column < outer.column_end; ++column) {

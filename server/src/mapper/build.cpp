@@ -126,7 +126,9 @@ void add_given_poses(const mapping::GivenPosesReport& given, command_line::Table
                                          "the median, {:.3f} m, {:.2f} deg at most",
                                          neighbours.median_m, in_degrees(neighbours.median_rad),
                                          neighbours.max_m, in_degrees(neighbours.max_rad)));
-  if (given.use == mapping::GivenPosesUse::kRefine)
+  if (given.use == mapping::GivenPosesUse::kRefine && given.moved_max_m == 0.0)
+    table.add("moved by", "0 m: they agree with the scans' own motion");
+  else if (given.use == mapping::GivenPosesUse::kRefine)
     table.add("moved by", fmt::format("{:.3f} m, {:.2f} deg in the median, {:.3f} m, {:.2f} deg at "
                                       "most",
                                       given.moved_median_m, in_degrees(given.moved_median_rad),

@@ -278,6 +278,7 @@ TEST_F(GivenPosesAround, PosesThatAreRightStay) {
         0.025)
         << i;
   EXPECT_LT(found.given_errors->sigma_m, 0.02);
+  EXPECT_FALSE(GivenPoseErrors{}.agree()) << "nothing tells";
 }
 
 TEST_F(GivenPosesAround, AJumpIsDenied) {

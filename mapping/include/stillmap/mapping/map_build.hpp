@@ -23,7 +23,8 @@ namespace stillmap::mapping {
 /// What is done with the drives' own poses.
 enum class GivenPosesUse {
   /// Neighbouring scans are registered with the given poses as a prior as wide as they disagree;
-  /// the frame stays theirs (`TrajectoryOptions::refine_given`).
+  /// the frame stays theirs (`TrajectoryOptions::refine_given`). Poses that agree with the scans'
+  /// own motion stay as they are.
   kRefine,
   /// Taken as they are, and compared with the scans' own motion.
   kExact,

@@ -55,10 +55,13 @@ struct GivenPoseErrors {
     double median_m = 0.0, p95_m = 0.0, max_m = 0.0;
     double median_rad = 0.0, p95_rad = 0.0, max_rad = 0.0;
   };
-  /// Neighbours first. Scans that odometry placed by motion alone do not count.
+  /// Neighbours first. Scans that odometry placed by motion, be it along one direction, do not
+  /// count.
   std::vector<Apart> by_way;
   /// Of all pairs of neighbours that count [m].
   std::vector<double> neighbours_m;
+  /// Between the two ends of loops.
+  Apart loops;
   /// Deviation of a given pose in each direction, as these medians and loops tell [m, rad].
   double sigma_m = 0.0;
   double sigma_rad = 0.0;
@@ -67,6 +70,10 @@ struct GivenPoseErrors {
   /// Given poses that were asked, and those of them that the rest denies.
   std::size_t asked = 0;
   std::size_t denied = 0;
+
+  /// Whether given poses agree with the scans as well as odometry does with itself, over 10 m and
+  /// at loops: then nothing is gained by moving them.
+  [[nodiscard]] bool agree() const;
 };
 
 /// A place that was seen twice.

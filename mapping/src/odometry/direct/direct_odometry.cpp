@@ -176,7 +176,7 @@ class DirectOdometry : public Odometry {
   [[nodiscard]] Prediction predicted(const std::optional<Prediction>& expected,
                                      const ScanPeriod::Step& step) const;
   [[nodiscard]] bool is_denied(const Found& found, const Prediction& expected,
-                               const ThinnedScan& scan) const;
+                               const ThinnedScan& scan, const ScanPeriod::Step& step) const;
   void start_anew(const ThinnedScan& first, const ThinnedScan& scan, const ScanPeriod::Step& step);
   /// @param off_rate2  of what predicted so, see `off_rate2_`.
   void learn(const Vector6d& deviation, double dt_s, double& off_rate2) const;
@@ -319,8 +319,9 @@ DirectOdometry::Found DirectOdometry::found_over(const ThinnedScan& scan,
   if (step.is_gap) try_too(by_speed(period_.usual_s(), step.seconds));
   // Given poses jump at times, and speeds change.
   if (expected_ && placed_ > kFirstScans && !explains_as_usual(found)) {
-    try_too(by_speed(step.seconds, step.seconds));
-    try_too(*as_expected(step));
+    const Prediction speed = by_speed(step.seconds, step.seconds);
+    const bool tried_speed = prediction.T_odom_lidar.isApprox(speed.T_odom_lidar, 0.0);
+    try_too(tried_speed ? *as_expected(step) : speed);
   }
   return found;
 }
@@ -329,10 +330,15 @@ DirectOdometry::Found DirectOdometry::found_over(const ThinnedScan& scan,
 /// many places along it, and best with where their own rings lie as before. What is expected is
 /// right then, and explains the scan nearly as well; after a jump of given poses it does not.
 bool DirectOdometry::is_denied(const Found& found, const Prediction& expected,
-                               const ThinnedScan& scan) const {
+                               const ThinnedScan& scan, const ScanPeriod::Step& step) const {
   const double off_m =
       (found.T_odom_lidar.translation() - expected.T_odom_lidar.translation()).norm();
   if (off_m <= std::max(expected.off_m, kSearchedOffM)) return false;
+  // Where the speed has led for a while is no chance; poses that stand still are a receiver's.
+  const Prediction speed = by_speed(step.seconds, step.seconds);
+  const double off_speed_m =
+      (found.T_odom_lidar.translation() - speed.T_odom_lidar.translation()).norm();
+  if (placed_ > kFirstScans && off_speed_m <= kSearchedOffM) return false;
   const std::vector<Eigen::Vector3f> points = deskewed(scan.sparse, expected.twist);
   const LocalAlignment there = map_.judged(points, expected.T_odom_lidar);
   return there.known_inlier_ratio >= kKnownOfUsual * found.match.known_inlier_ratio &&
@@ -373,7 +379,7 @@ void DirectOdometry::place(const ThinnedScan& scan, const ScanPeriod::Step& step
   pose.inlier_ratio = match.inlier_ratio;
   const bool matches =
       match.matched >= LocalAlignment::kMinMatched && match.known_inlier_ratio >= kLeastInliers;
-  if (expected && matches && is_denied(found, *expected, scan)) {
+  if (expected && matches && is_denied(found, *expected, scan, step)) {
     pose.T_odom_lidar = expected->T_odom_lidar;
     pose.twist_lidar = expected->twist;
     untold_s_ = untold_s;
