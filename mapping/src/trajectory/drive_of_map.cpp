@@ -69,7 +69,8 @@ maps::Drive on_path(const maps::Drive& drive, const maps::Trajectory& path) {
     const auto after = std::ranges::lower_bound(known, within_ns, {}, &maps::StampedPose::stamp_ns);
     if (after->stamp_ns == stamp_ns) return after->T_map_lidar;
     const auto next_before = after == known.begin() ? after : after - 1;
-    const bool is_near = after->stamp_ns - next_before->stamp_ns <= kNearNs;
+    const bool is_near =
+        stamp_ns == within_ns && after->stamp_ns - next_before->stamp_ns <= kNearNs;
     if (!drive.has_poses() || is_near) return path.at(within_ns).value();
     // Its own motion from a scan of the path that stamps find again.
     const auto followed = [&](const maps::StampedPose& pose) -> std::optional<Eigen::Isometry3d> {

@@ -91,10 +91,11 @@ void for_each_pair(const TwicePosed& drive, double way_m, const Visit& visit) {
   }
 }
 
-/// What odometry is off from true poses on simulated streets (mapping/odometry.md), with some room:
+/// What odometry is off from true poses on streets (0.5 cm over 10 m on simulated ones, 2 cm on a
+/// real one, mapping/odometry.md), with some room:
 /// medians to neighbours, over ways and at loops, and no neighbour that is far off.
 constexpr double kAgreeNeighboursM = 0.01;
-constexpr double kAgreeWaysM = 0.02;
+constexpr double kAgreeWaysM = 0.03;
 constexpr double kAgreeWaysUpToM = 10.0;
 constexpr double kAgreeLoopsM = 0.03;
 constexpr double kAgreeMostM = 0.05;

@@ -10,6 +10,7 @@
 #include "small_drive.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"
+#include "trajectory/drive_of_map.hpp"
 
 namespace stillmap::mapping {
 namespace posed_drives_test {
@@ -147,6 +148,32 @@ TEST_F(PosedDrivesBytes, OfScansThatAreNotThereAreRefused) {
   EXPECT_THROW((void)posed_drives_from(to_bytes(posed_), posed_.drives), std::invalid_argument);
   posed_.graph.reset();
   EXPECT_FALSE(posed_drives_from(to_bytes(posed_), posed_.drives).graph);
+}
+
+/// The drive where a map has it.
+class OnPath : public PosedDrivesTest {
+ protected:
+  /// The drive's scans 0 and 2, a metre to the side of where its own poses are.
+  [[nodiscard]] maps::Trajectory path() const {
+    std::vector<maps::StampedPose> poses;
+    for (const std::size_t scan : {0U, 2U}) poses.push_back({drive_.stamp_ns(scan), aside(scan)});
+    return maps::Trajectory(poses);
+  }
+  [[nodiscard]] Eigen::Isometry3d aside(std::size_t scan) const {
+    return Eigen::Translation3d(0.0, 1.0, 0.0) * drive_.T_map_lidar(scan);
+  }
+  static double apart_m(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+    return (a.translation() - b.translation()).norm();
+  }
+};
+
+TEST_F(OnPath, ScansBetweenAndBehindFollow) {
+  const maps::Drive found = on_path(drive_, path());
+  for (const std::size_t scan : {0U, 2U})
+    EXPECT_EQ(found.T_map_lidar(scan).matrix(), aside(scan).matrix());
+  // Between by its time, behind by its own motion.
+  EXPECT_LT(apart_m(found.T_map_lidar(1), aside(1)), 0.02);
+  EXPECT_LT(apart_m(found.T_map_lidar(3), aside(3)), 0.02);
 }
 
 // Every third scan is in the map: poses 0, 1, 2, ... are scans 0, 3, 6, ...
