@@ -22,8 +22,9 @@ struct TwicePosed {
 /// Compares motions between scans that are 0 (neighbours), 3, 10, 30 and 100 m of way apart. A
 /// deviation of a pose in each direction follows from the median length of such a difference, which
 /// holds two poses' errors in three directions: median = 1.538 sqrt(2) sigma for normal ones. The
-/// largest of all ways counts, and the direction of the longest way counts as an angle. Odometry's own drift is in it: given poses that are better than
-/// odometry are believed a little less than they could be.
+/// largest of all ways counts, and the direction of the longest way counts as an angle. Odometry's
+/// own drift is in it: given poses that are better than odometry are believed a little less than
+/// they could be.
 [[nodiscard]] GivenPoseErrors given_pose_errors(std::span<const TwicePosed> drives);
 
 /// How far each given pose disagrees with those around it, by the same differences to neighbours
