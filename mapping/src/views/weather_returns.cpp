@@ -39,9 +39,8 @@ class NeighbourRanges {
       highest = std::max(highest, row);
     }
     // A margin of empty rows, so that no window ends at a border.
-    const std::size_t count =
-        static_cast<std::size_t>(std::max(0, highest - lowest + 1)) + 2 * kAround;
-    bins_.resize(count * ViewGrid::kColumns);
+    const int count = std::max(0, highest - lowest + 1) + 2 * kAround;
+    bins_.resize(static_cast<std::size_t>(count) * ViewGrid::kColumns);
     for (std::size_t i = 0; i < positions.size(); ++i) {
       const int column = ViewGrid::wrapped(ViewGrid::column_of(ViewGrid::azimuth(positions[i])));
       bin_of_[i] = (rows[i] - lowest + kAround) * ViewGrid::kColumns + column;
