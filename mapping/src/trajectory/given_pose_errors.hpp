@@ -35,7 +35,7 @@ struct TwicePosed {
 [[nodiscard]] std::vector<PoseDoubt> doubts_of(std::span<const OdometryPose> odometry);
 
 /// Loops tell of errors that go together over longer ways than these, or differ between drives.
-/// @param given  one a key frame.
+/// @param T_map_given  one a key frame.
 void widen_by_loops(std::span<const Loop> loops, std::span<const Eigen::Isometry3d> T_map_given,
                     GivenPoseErrors& errors);
 
