@@ -131,11 +131,11 @@ void warn_of_given_poses(double voxel_size_m, MapBuildReport& report) {
   given->neighbours_apart = static_cast<std::size_t>(std::ranges::count_if(
       given->errors.neighbours_m, [&](double apart_m) { return apart_m > voxel_size_m; }));
   if (given->use == GivenPosesUse::kRefine && given->errors.denied > 0)
-    report.warnings.push_back(fmt::format(
-        "{} of {} given poses that were asked, one in 10 m, are not where the scans and the others "
-        "say; look at the drive's poses there, or build with --odometry default --gnss-sigma "
-        "METRES",
-        given->errors.denied, given->errors.asked));
+    report.warnings.push_back(
+        fmt::format("{} of {} given poses (one in 10 m was compared) disagree with the scans; "
+                    "check the drive's "
+                    "trajectory, or build with --odometry default --gnss-sigma METRES",
+                    given->errors.denied, given->errors.asked));
   if (given->use != GivenPosesUse::kExact || given->neighbours_apart == 0) return;
   const GivenPoseErrors::Apart& neighbours = given->errors.by_way.front();
   report.warnings.push_back(fmt::format(
