@@ -137,7 +137,7 @@ void warn_of_given_poses(double voxel_size_m, MapBuildReport& report) {
                     "trajectory, or build with --odometry default --gnss-sigma METRES",
                     given->errors.denied, given->errors.asked));
   if (given->use != GivenPosesUse::kExact || given->neighbours_apart == 0) return;
-  const GivenPoseErrors::Apart& neighbours = given->errors.by_way.front();
+  const PoseDifferences& neighbours = given->errors.by_way.front();
   report.warnings.push_back(fmt::format(
       "{} of {} scans lie more than a voxel ({} m) from where the scan before them says, by the "
       "given poses: {:.2f} m at most, {:.3f} m in the median; build with --given-poses refine",

@@ -65,10 +65,10 @@ std::map<std::string, std::uint64_t> counts_of(const GivenPosesReport& given) {
   std::map<std::string, std::uint64_t> counts{{"poses_neighbours_apart", given.neighbours_apart}};
   if (given.use != GivenPosesUse::kRefine) return counts;
   counts["poses_denied"] = given.errors.denied;
-  counts["poses_moved_median_mm"] = thousandths(given.moved_median_m);
-  counts["poses_moved_max_mm"] = thousandths(given.moved_max_m);
-  counts["poses_moved_median_mdeg"] = thousandths(kDegrees * given.moved_median_rad);
-  counts["poses_moved_max_mdeg"] = thousandths(kDegrees * given.moved_max_rad);
+  counts["poses_moved_median_mm"] = thousandths(given.moved.median_m);
+  counts["poses_moved_max_mm"] = thousandths(given.moved.max_m);
+  counts["poses_moved_median_mdeg"] = thousandths(kDegrees * given.moved.median_rad);
+  counts["poses_moved_max_mdeg"] = thousandths(kDegrees * given.moved.max_rad);
   return counts;
 }
 

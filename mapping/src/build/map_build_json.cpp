@@ -10,32 +10,32 @@ nlohmann::json to_json(const Eigen::Isometry3d& T) {
   return {{"position", {p.x(), p.y(), p.z()}}, {"quaternion", {q.x(), q.y(), q.z(), q.w()}}};
 }
 
-nlohmann::json to_json(const GivenPoseErrors::Apart& apart) {
-  return {{"way_m", apart.way_m},     {"pairs", apart.pairs},    {"median_m", apart.median_m},
-          {"p95_m", apart.p95_m},     {"max_m", apart.max_m},    {"median_rad", apart.median_rad},
-          {"p95_rad", apart.p95_rad}, {"max_rad", apart.max_rad}};
+nlohmann::json to_json(const PoseDifferences& found) {
+  return {{"median_m", found.median_m},     {"p95_m", found.p95_m},     {"max_m", found.max_m},
+          {"median_rad", found.median_rad}, {"p95_rad", found.p95_rad}, {"max_rad", found.max_rad}};
+}
+
+nlohmann::json of_motions(const PoseDifferences& found) {
+  nlohmann::json json = to_json(found);
+  json["way_m"] = found.way_m;
+  json["pairs"] = found.pairs;
+  return json;
 }
 
 nlohmann::json to_json(const GivenPosesReport& report) {
   nlohmann::json apart = nlohmann::json::array();
-  for (const GivenPoseErrors::Apart& each : report.errors.by_way)
-    if (each.pairs > 0) apart.push_back(to_json(each));
+  for (const PoseDifferences& each : report.errors.by_way)
+    if (each.pairs > 0) apart.push_back(of_motions(each));
   return {{"use", name_of(report.use)},
           {"apart_from_scans", apart},
           {"apart_at_loops",
-           report.errors.loops.pairs > 0 ? to_json(report.errors.loops) : nlohmann::json()},
+           report.errors.loops.pairs > 0 ? of_motions(report.errors.loops) : nlohmann::json()},
           {"neighbours_apart", report.neighbours_apart},
           {"sigma_m", report.errors.sigma_m},
           {"sigma_rad", report.errors.sigma_rad},
           {"asked", report.errors.asked},
           {"denied", report.errors.denied},
-          {"moved",
-           {{"median_m", report.moved_median_m},
-            {"p95_m", report.moved_p95_m},
-            {"max_m", report.moved_max_m},
-            {"median_rad", report.moved_median_rad},
-            {"p95_rad", report.moved_p95_rad},
-            {"max_rad", report.moved_max_rad}}}};
+          {"moved", to_json(report.moved)}};
 }
 
 }  // namespace

@@ -9,7 +9,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/frames.hpp>
 
 #include <algorithm>
 #include <limits>
@@ -101,37 +100,16 @@ std::vector<std::vector<PoseDoubt>> doubts_in(const std::vector<maps::Drive>& dr
   return doubts;
 }
 
-/// What lies between two poses of each scan that was estimated.
-struct Moves {
-  std::vector<double> lengths_m, angles_rad;
-
-  void add(const Eigen::Isometry3d& from, const Eigen::Isometry3d& to) {
-    const Eigen::Isometry3d T = from.inverse() * to;
-    lengths_m.push_back(T.translation().norm());
-    angles_rad.push_back(maps::rotation_angle_rad(T.linear()));
-  }
-};
-
-/// Of values that are not empty; they are put in order.
-double quantile(std::vector<double>& values, double share) {
-  std::sort(values.begin(), values.end());
-  return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
-}
-
-void add_moves(const std::vector<maps::Drive>& given, const std::vector<maps::Drive>& refined,
-               const TrajectoryEstimate& estimate, GivenPosesReport& report) {
-  Moves moves;
+PoseDifferences moves_of(const std::vector<maps::Drive>& given,
+                         const std::vector<maps::Drive>& refined,
+                         const TrajectoryEstimate& estimate) {
+  DifferenceList moves;
   for (std::size_t i = 0; i < given.size(); ++i) {
     const std::size_t begin = estimate.drives[i].begin;
     for (std::size_t scan = begin; scan < begin + estimate.drives[i].odometry.size(); ++scan)
       moves.add(given[i].T_map_lidar(scan), refined[i].T_map_lidar(scan));
   }
-  report.moved_median_m = quantile(moves.lengths_m, 0.5);
-  report.moved_p95_m = quantile(moves.lengths_m, 0.95);
-  report.moved_max_m = moves.lengths_m.back();
-  report.moved_median_rad = quantile(moves.angles_rad, 0.5);
-  report.moved_p95_rad = quantile(moves.angles_rad, 0.95);
-  report.moved_max_rad = moves.angles_rad.back();
+  return summary(moves);
 }
 
 }  // namespace
@@ -206,7 +184,7 @@ PosedDrives with_given_poses(const std::vector<maps::Drive>& drives, const MapBu
     posed.counts = counts_of(estimate);
     posed.graph = drive_graph_of(estimate);
     const std::vector<maps::Drive> given = std::exchange(posed.drives, posed_by(estimate, drives));
-    add_moves(given, posed.drives, estimate, report);
+    report.moved = moves_of(given, posed.drives, estimate);
   }
   posed.given = report;
   return posed;

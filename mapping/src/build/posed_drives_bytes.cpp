@@ -67,15 +67,15 @@ DriveGraph graph_from(ByteReader& reader, const std::vector<maps::Drive>& drives
   return graph;
 }
 
-void put_apart(std::string& bytes, const GivenPoseErrors::Apart& apart) {
+void put_differences(std::string& bytes, const PoseDifferences& apart) {
   put_number(bytes, apart.pairs);
   for (const double value : {apart.way_m, apart.median_m, apart.p95_m, apart.max_m,
                              apart.median_rad, apart.p95_rad, apart.max_rad})
     put_number(bytes, value);
 }
 
-GivenPoseErrors::Apart apart_from(ByteReader& reader) {
-  GivenPoseErrors::Apart apart;
+PoseDifferences differences_from(ByteReader& reader) {
+  PoseDifferences apart;
   apart.pairs = reader.number<std::size_t>();
   for (double* value : {&apart.way_m, &apart.median_m, &apart.p95_m, &apart.max_m,
                         &apart.median_rad, &apart.p95_rad, &apart.max_rad})
@@ -86,8 +86,8 @@ GivenPoseErrors::Apart apart_from(ByteReader& reader) {
 void put_report(std::string& bytes, const GivenPosesReport& report) {
   put_number(bytes, static_cast<std::uint8_t>(report.use == GivenPosesUse::kExact));
   put_number(bytes, report.errors.by_way.size());
-  for (const GivenPoseErrors::Apart& apart : report.errors.by_way) put_apart(bytes, apart);
-  put_apart(bytes, report.errors.loops);
+  for (const PoseDifferences& apart : report.errors.by_way) put_differences(bytes, apart);
+  put_differences(bytes, report.errors.loops);
   put_number(bytes, report.errors.sigma_m);
   put_number(bytes, report.errors.sigma_rad);
   put_number(bytes, report.errors.correlated_m);
@@ -95,17 +95,15 @@ void put_report(std::string& bytes, const GivenPosesReport& report) {
   put_number(bytes, report.errors.denied);
   put_number(bytes, report.errors.neighbours_m.size());
   for (const double apart_m : report.errors.neighbours_m) put_number(bytes, apart_m);
-  for (const double moved : {report.moved_median_m, report.moved_p95_m, report.moved_max_m,
-                             report.moved_median_rad, report.moved_p95_rad, report.moved_max_rad})
-    put_number(bytes, moved);
+  put_differences(bytes, report.moved);
 }
 
 GivenPosesReport report_from(ByteReader& reader) {
   GivenPosesReport report;
   report.use = reader.number<std::uint8_t>() != 0 ? GivenPosesUse::kExact : GivenPosesUse::kRefine;
   for (auto left = reader.count(8 * sizeof(double)); left > 0; --left)
-    report.errors.by_way.push_back(apart_from(reader));
-  report.errors.loops = apart_from(reader);
+    report.errors.by_way.push_back(differences_from(reader));
+  report.errors.loops = differences_from(reader);
   report.errors.sigma_m = reader.number<double>();
   report.errors.sigma_rad = reader.number<double>();
   report.errors.correlated_m = reader.number<double>();
@@ -113,9 +111,7 @@ GivenPosesReport report_from(ByteReader& reader) {
   report.errors.denied = reader.number<std::size_t>();
   report.errors.neighbours_m.resize(reader.count(sizeof(double)));
   for (double& apart_m : report.errors.neighbours_m) apart_m = reader.number<double>();
-  for (double* moved : {&report.moved_median_m, &report.moved_p95_m, &report.moved_max_m,
-                        &report.moved_median_rad, &report.moved_p95_rad, &report.moved_max_rad})
-    *moved = reader.number<double>();
+  report.moved = differences_from(reader);
   return report;
 }
 

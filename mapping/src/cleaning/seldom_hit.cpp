@@ -7,8 +7,11 @@ namespace stillmap::mapping {
 namespace {
 
 constexpr std::size_t kFewestScans = 200;
-constexpr double kOftenShare = 0.03;
+constexpr double kOftenShare = 0.04;
+/// Height, and way along the ground, which noise spreads a surface over that is seen at a grazing
+/// angle.
 constexpr float kCompanyM = 0.2F;
+constexpr float kCompanyPerM = 0.005F;
 
 /// In cubes as wide as the company, so that it is in 27 of them.
 std::uint64_t company_key(const Eigen::Vector3i& cube) {
@@ -37,16 +40,21 @@ std::vector<std::uint8_t> seldom_hit(const CleaningPoints& points, const Eigen::
     if (points.scans[i] >= kOftenShare * static_cast<double>(scans))
       often[company_key(company_cube(points.positions[i]))].push_back(points.positions[i]);
   }
+  const Eigen::Vector3f sensor = views.T_local_lidar.front().translation().cast<float>();
   const auto in_company = [&](const Eigen::Vector3f& p) {
-    const Eigen::Vector3i cube = company_cube(p);
-    for (int n = 0; n < 27; ++n) {
-      const auto found =
-          often.find(company_key(cube + Eigen::Vector3i(n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1)));
-      if (found == often.end()) continue;
-      for (const Eigen::Vector3f& other : found->second) {
-        if ((other - p).squaredNorm() <= kCompanyM * kCompanyM) return true;
-      }
-    }
+    const float reach_m = kCompanyM + kCompanyPerM * (p - sensor).norm();
+    const Eigen::Vector3f reach(reach_m, reach_m, kCompanyM);
+    const Eigen::Vector3i low = company_cube(p - reach), high = company_cube(p + reach);
+    const Eigen::Array3f scale = 1.0F / reach.array();
+    for (int x = low.x(); x <= high.x(); ++x)
+      for (int y = low.y(); y <= high.y(); ++y)
+        for (int z = low.z(); z <= high.z(); ++z) {
+          const auto found = often.find(company_key({x, y, z}));
+          if (found == often.end()) continue;
+          for (const Eigen::Vector3f& other : found->second) {
+            if (((other - p).array() * scale).matrix().squaredNorm() <= 1.0F) return true;
+          }
+        }
     return false;
   };
   for (std::size_t i = 0; i < flags.size(); ++i) {

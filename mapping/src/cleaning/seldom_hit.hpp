@@ -17,9 +17,10 @@ namespace stillmap::mapping {
 ///
 /// All scans look the same ways from the same place, so what stays is hit again and again, and what
 /// passes is hit by a scan or two, also where there is nothing behind it that a view could see it
-/// free against. A cell goes when no cell within 0.2 m was hit by 3 % of the scans; ground too,
+/// free against. A cell goes when no cell within 0.2 m of height and 0.2 m + 0.5 % of the
+/// range of way was hit by 4 % of the scans; ground too,
 /// since single scans take parts of vehicles for ground.
-/// @param area  flags of points outside of it, less 0.2 m, mean nothing.
+/// @param area  flags of points outside of it, less that reach, mean nothing.
 /// @return a flag a point, 1 = goes; none unless all keyframes are of one place and there are 200
 /// scans or more (20 s).
 [[nodiscard]] std::vector<std::uint8_t> seldom_hit(const CleaningPoints& points,

@@ -27,40 +27,11 @@ constexpr double kLeastSigmaRad = 2e-4;
 /// Errors go together up to the way on which so much of the largest difference shows.
 constexpr double kShown = 0.7;
 
-/// Lengths of differences between motions.
-struct Differences {
-  std::vector<double> lengths_m, angles_rad;
-
-  void add(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
-    const Eigen::Isometry3d T = a.inverse() * b;
-    lengths_m.push_back(T.translation().norm());
-    angles_rad.push_back(maps::rotation_angle_rad(T.linear()));
-  }
-  void append(const Differences& other) {
-    lengths_m.insert(lengths_m.end(), other.lengths_m.begin(), other.lengths_m.end());
-    angles_rad.insert(angles_rad.end(), other.angles_rad.begin(), other.angles_rad.end());
-  }
-};
-
 double quantile(std::vector<double>& values, double share) {
   const auto at =
       values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), at, values.end());
   return *at;
-}
-
-GivenPoseErrors::Apart summary(double way_m, Differences& found) {
-  GivenPoseErrors::Apart apart;
-  apart.way_m = way_m;
-  apart.pairs = found.lengths_m.size();
-  if (apart.pairs == 0) return apart;
-  apart.median_m = quantile(found.lengths_m, 0.5);
-  apart.p95_m = quantile(found.lengths_m, 0.95);
-  apart.max_m = quantile(found.lengths_m, 1.0);
-  apart.median_rad = quantile(found.angles_rad, 0.5);
-  apart.p95_rad = quantile(found.angles_rad, 0.95);
-  apart.max_rad = quantile(found.angles_rad, 1.0);
-  return apart;
 }
 
 double sigma_of(double median_length) { return median_length / (kMedianLength * std::sqrt(2.0)); }
@@ -104,16 +75,41 @@ constexpr double kAgreeWaysRad = 2e-3;
 
 }  // namespace
 
+void DifferenceList::add(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+  const Eigen::Isometry3d T = a.inverse() * b;
+  lengths_m.push_back(T.translation().norm());
+  angles_rad.push_back(maps::rotation_angle_rad(T.linear()));
+}
+
+void DifferenceList::append(const DifferenceList& other) {
+  lengths_m.insert(lengths_m.end(), other.lengths_m.begin(), other.lengths_m.end());
+  angles_rad.insert(angles_rad.end(), other.angles_rad.begin(), other.angles_rad.end());
+}
+
+PoseDifferences summary(DifferenceList& list, double way_m) {
+  PoseDifferences found;
+  found.way_m = way_m;
+  found.pairs = list.lengths_m.size();
+  if (found.pairs == 0) return found;
+  found.median_m = quantile(list.lengths_m, 0.5);
+  found.p95_m = quantile(list.lengths_m, 0.95);
+  found.max_m = quantile(list.lengths_m, 1.0);
+  found.median_rad = quantile(list.angles_rad, 0.5);
+  found.p95_rad = quantile(list.angles_rad, 0.95);
+  found.max_rad = quantile(list.angles_rad, 1.0);
+  return found;
+}
+
 bool GivenPoseErrors::agree() const {
   if (neighbours_m.empty()) return false;
-  const auto within = [](const Apart& apart, double most_m, double most_rad) {
+  const auto within = [](const PoseDifferences& apart, double most_m, double most_rad) {
     return apart.pairs == 0 || (apart.median_m <= most_m && apart.median_rad <= most_rad);
   };
   if (!within(by_way.front(), kAgreeNeighboursM, kAgreeNeighboursRad) ||
       by_way.front().max_m > kAgreeMostM)
     return false;
   return within(loops, kAgreeLoopsM, kAgreeWaysRad) &&
-         std::ranges::all_of(by_way, [&](const Apart& apart) {
+         std::ranges::all_of(by_way, [&](const PoseDifferences& apart) {
            return apart.way_m > kAgreeWaysUpToM || within(apart, kAgreeWaysM, kAgreeWaysRad);
          });
 }
@@ -124,13 +120,13 @@ GivenPoseErrors given_pose_errors(std::span<const TwicePosed> drives) {
   errors.sigma_rad = kLeastSigmaRad;
   double most_m = 0.0;
   for (const double way_m : kWaysM) {
-    Differences found;
+    DifferenceList found;
     for (const TwicePosed& drive : drives)
       for_each_pair(drive, way_m,
                     [&](std::size_t, std::size_t, const Eigen::Isometry3d& T_odometry,
                         const Eigen::Isometry3d& T_given) { found.add(T_odometry, T_given); });
     if (errors.by_way.empty()) errors.neighbours_m = found.lengths_m;
-    const GivenPoseErrors::Apart apart = summary(way_m, found);
+    const PoseDifferences apart = summary(found, way_m);
     errors.by_way.push_back(apart);
     if (apart.pairs == 0) continue;
     errors.sigma_m = std::max(errors.sigma_m, sigma_of(apart.median_m));
@@ -139,7 +135,7 @@ GivenPoseErrors given_pose_errors(std::span<const TwicePosed> drives) {
   }
   // A sensor that looks aside of where its poses say turns all of them alike, which no difference
   // of turns shows: its way leads aside then.
-  for (const GivenPoseErrors::Apart& apart : errors.by_way | std::views::reverse) {
+  for (const PoseDifferences& apart : errors.by_way | std::views::reverse) {
     if (apart.pairs == 0 || apart.way_m == 0.0) continue;
     errors.sigma_rad = std::max(errors.sigma_rad, apart.median_m / apart.way_m);
     break;
@@ -148,7 +144,7 @@ GivenPoseErrors given_pose_errors(std::span<const TwicePosed> drives) {
     errors.sigma_m = kUntoldSigmaM;
     errors.sigma_rad = kUntoldSigmaRad;
   }
-  for (const GivenPoseErrors::Apart& apart : errors.by_way) {
+  for (const PoseDifferences& apart : errors.by_way) {
     if (apart.pairs == 0 || apart.median_m < kShown * most_m) continue;
     errors.correlated_m = apart.way_m;
     break;
@@ -159,7 +155,7 @@ GivenPoseErrors given_pose_errors(std::span<const TwicePosed> drives) {
 std::vector<PoseDoubt> doubts_of(const TwicePosed& drive) {
   std::vector<PoseDoubt> doubts(drive.odometry.size());
   for (const double way_m : {0.0, kDoubtWayM}) {
-    std::vector<Differences> of_scan(doubts.size());
+    std::vector<DifferenceList> of_scan(doubts.size());
     for_each_pair(drive, way_m,
                   [&](std::size_t from, std::size_t to, const Eigen::Isometry3d& T_odometry,
                       const Eigen::Isometry3d& T_given) {
@@ -167,11 +163,11 @@ std::vector<PoseDoubt> doubts_of(const TwicePosed& drive) {
                     of_scan[to].add(T_odometry, T_given);
                   });
     for (std::size_t scan = 0; scan < doubts.size(); ++scan) {
-      Differences around;
+      DifferenceList around;
       const std::size_t begin = scan > kDoubtScans ? scan - kDoubtScans : 0;
       const std::size_t end = std::min(scan + kDoubtScans + 1, doubts.size());
       for (std::size_t near = begin; near < end; ++near) around.append(of_scan[near]);
-      GivenPoseErrors::Apart apart = summary(way_m, around);
+      PoseDifferences apart = summary(around, way_m);
       if (apart.pairs == 0 && way_m == 0.0) {
         apart.median_m = kUntoldSigmaM;
         apart.median_rad = kUntoldSigmaRad;
@@ -197,10 +193,10 @@ std::vector<PoseDoubt> doubts_of(std::span<const OdometryPose> odometry) {
 
 void widen_by_loops(std::span<const Loop> loops, std::span<const Eigen::Isometry3d> T_map_given,
                     GivenPoseErrors& errors) {
-  Differences found;
+  DifferenceList found;
   for (const Loop& loop : loops)
     found.add(loop.T_from_to, T_map_given[loop.from].inverse() * T_map_given[loop.to]);
-  const GivenPoseErrors::Apart apart = summary(0.0, found);
+  const PoseDifferences apart = summary(found);
   errors.loops = apart;
   if (apart.pairs == 0) return;
   errors.sigma_m = std::max(errors.sigma_m, sigma_of(apart.median_m));

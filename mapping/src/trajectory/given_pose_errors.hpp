@@ -13,6 +13,18 @@
 
 namespace stillmap::mapping {
 
+/// Lengths of differences between poses, or between motions.
+struct DifferenceList {
+  std::vector<double> lengths_m, angles_rad;
+
+  void add(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b);
+  void append(const DifferenceList& other);
+};
+
+/// @param list   is reordered.
+/// @param way_m  as it is passed on.
+[[nodiscard]] PoseDifferences summary(DifferenceList& list, double way_m = 0.0);
+
 /// What odometry and the drive's own poses say of the same scans.
 struct TwicePosed {
   std::span<const OdometryPose> odometry;

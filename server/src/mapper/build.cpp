@@ -120,19 +120,19 @@ std::string registration_text(const maps::Registration& registration) {
 }
 
 void add_given_poses(const mapping::GivenPosesReport& given, command_line::Table& table) {
-  const mapping::GivenPoseErrors::Apart& neighbours = given.errors.by_way.front();
+  const mapping::PoseDifferences& neighbours = given.errors.by_way.front();
   if (neighbours.pairs > 0)
     table.add("given poses", fmt::format("neighbouring scans disagree by {:.3f} m, {:.2f} deg in "
                                          "the median, {:.3f} m, {:.2f} deg at most",
                                          neighbours.median_m, in_degrees(neighbours.median_rad),
                                          neighbours.max_m, in_degrees(neighbours.max_rad)));
-  if (given.use == mapping::GivenPosesUse::kRefine && given.moved_max_m == 0.0)
+  if (given.use == mapping::GivenPosesUse::kRefine && given.moved.pairs == 0)
     table.add("moved by", "0 m: they agree with the scans' own motion");
   else if (given.use == mapping::GivenPosesUse::kRefine)
     table.add("moved by", fmt::format("{:.3f} m, {:.2f} deg in the median, {:.3f} m, {:.2f} deg at "
                                       "most",
-                                      given.moved_median_m, in_degrees(given.moved_median_rad),
-                                      given.moved_max_m, in_degrees(given.moved_max_rad)));
+                                      given.moved.median_m, in_degrees(given.moved.median_rad),
+                                      given.moved.max_m, in_degrees(given.moved.max_rad)));
 }
 
 void print_for_people(const mapping::MapBuildReport& report, const std::filesystem::path& map,

@@ -3,14 +3,16 @@
 
 usage: given_poses.py STILLMAP FOLDER [--seeds 141,142] [--scans 100] [--parked 0.9] [--levels 0.02:0.05,0.1:0.1,...]
                       [--kinds white,smooth] [--noise DATE] [--reference STILLMAP] [--exact] [--limits] [--anew]
+                      [--scenario town] [--relative]
 
 A level is METRES:DEGREES, the deviation of a pose in each direction. White errors are of each scan on its own; smooth
 ones are sums of 24 waves of 2 to 10 s. --noise: a number, today's date for one, that draws them. --reference: another
 program that builds the same drives. --exact: build with `--given-poses exact`, so that cleaning alone has to cope.
 --limits: exit code 1 when a limit is broken: of levels up to 0.1 m and 0.1 deg thin things (poles, signs, trunks) lose
 at most 1 %, all that stays at most 0.15 %, parked removal and DA fall by at most 0.3 points against true poses; beyond,
-at most a tenth of what the reference loses. Results are kept in FOLDER, so that a run that was ended goes on; --anew
-measures again. Needs numpy (else exit 77).
+at most a tenth of what the reference loses. --relative: instead of what maps lose, how far motions between scans that
+are 10, 30 and 100 m of way apart are off, of the poses as given and of those of the map. Results are kept in FOLDER, so
+that a run that was ended goes on; --anew measures again. Needs numpy (else exit 77).
 """
 
 import argparse
@@ -33,6 +35,7 @@ THIN = ("pole", "traffic sign", "trunk")
 LEVELS = "0.02:0.05,0.05:0.05,0.1:0.1,0.2:0.3"
 RATE_HZ = 9.65
 WAVES = 24
+WAYS_M = (10, 30, 100)
 
 
 def run(program, *arguments):
@@ -73,25 +76,69 @@ def disturbed(T_map_lidar, kind, metres, degrees, noise, seed):
     return poses
 
 
+def read_kitti(file):
+    return [worlds.matrix(row) for row in np.loadtxt(file, ndmin=2)]
+
+
+def read_tum(file):
+    poses = []
+    for row in np.loadtxt(file, ndmin=2):
+        x, y, z, w = row[4:]
+        T = np.eye(4)
+        T[:3, 3] = row[1:4]
+        T[:3, :3] = [[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]]
+        poses.append(T)
+    return poses
+
+
+def relative_errors_m(true, poses, way_m):
+    """Median and largest error of motions between scans so far apart along the way; None where the drive is shorter."""
+    positions = np.array([T[:3, 3] for T in true])
+    way = np.r_[0, np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1))]
+    errors_m = []
+    for i in range(len(true)):
+        j = int(np.searchsorted(way, way[i] + way_m))
+        if j == len(true):
+            break
+        right, found = np.linalg.inv(true[i]) @ true[j], np.linalg.inv(poses[i]) @ poses[j]
+        errors_m.append(np.linalg.norm((np.linalg.inv(right) @ found)[:3, 3]))
+    return [float(np.median(errors_m)), float(np.max(errors_m))] if errors_m else None
+
+
 class Street:
     def __init__(self, options, seed):
         self.options, self.seed = options, seed
-        self.folder = options.folder / f"street_{seed}"
+        self.folder = options.folder / f"{options.scenario}_{seed}"
         if not self.folder.exists():
-            run(options.program, "simulate", "town", "-o", self.folder, "--seed", seed, "--scans", options.scans,
-                "--parked", options.parked, "--truth")
+            run(options.program, "simulate", options.scenario, "-o", self.folder, "--seed", seed, "--scans",
+                options.scans, "--parked", options.parked, "--truth")
 
     def measured(self, program, name, kind, level):
         """Figures of the map of a program by these poses."""
-        tag = f"{name}_{self.seed}_{kind}_{level}_{self.options.noise}".replace(":", "_")
+        tag = f"{self.options.scenario}_{name}_{self.seed}_{kind}_{level}_{self.options.noise}".replace(":", "_")
+        if self.options.relative:
+            tag += "_relative"
         result, made = self.options.folder / f"{tag}.json", self.options.folder / f"{tag}_map"
         if self.options.anew or not result.exists():
             shutil.rmtree(made, ignore_errors=True)
             run(program, "build", self.folder, "-o", made, *self.poses(kind, level, tag),
                 *(["--given-poses", "exact"] if self.options.exact and name == "new" else []))
-            run(program, "evaluate", "map", made, "--truth", self.folder, "--json", result)
+            if self.options.relative:
+                result.write_text(json.dumps(self.relative_errors(made, tag)))
+            else:
+                run(program, "evaluate", "map", made, "--truth", self.folder, "--json", result)
             shutil.rmtree(made)
-        return figures_of(json.loads(result.read_text()))
+        return json.loads(result.read_text())
+
+    def relative_errors(self, made, tag):
+        true = worlds.Drive(self.folder).T_map_lidar
+        file = self.options.folder / f"{tag}.txt"
+        given = read_kitti(file) if file.exists() else true
+        refined = read_tum(made / "trajectory.tum")
+        return {str(way_m): {name: relative_errors_m(true, poses, way_m)
+                             for name, poses in (("given", given), ("map", refined))} for way_m in WAYS_M}
 
     def poses(self, kind, level, tag):
         if kind == "true":
@@ -131,9 +178,30 @@ class Checks:
             self(f"{name}: {figure} a tenth of the reference's", found[figure] <= 0.1 * reference[figure])
 
 
-def row(name, figures, note=""):
-    print(f"| {name} | " + " | ".join(f"{100 * figures[key]:.3f}" for key in
-                                      ("thin_loss", "static_loss", "parked_removal", "DA")) + f" |{note}", flush=True)
+def row(name, cells):
+    print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
+
+
+def relative_row(name, errors):
+    for poses in ("given", "map"):
+        row(f"{name}, {poses}", ["-" if each[poses] is None else "{:.1f}, {:.1f}".format(*np.multiply(100, each[poses]))
+                                 for each in errors.values()])
+
+
+def losses_row(name, figures):
+    row(name, [f"{100 * figures[key]:.3f}" for key in ("thin_loss", "static_loss", "parked_removal", "DA")])
+
+
+def compare_relative(options):
+    print("| poses | " + " | ".join(f"{way_m} m: median, largest cm" for way_m in WAYS_M) + " |\n|---"
+          + "|---" * len(WAYS_M) + "|")
+    for seed in map(int, options.seeds.split(",")):
+        street = Street(options, seed)
+        relative_row(f"{options.scenario} {seed}, true", street.measured(options.program, "new", "true", "0"))
+        for level in options.levels.split(","):
+            for kind in options.kinds.split(","):
+                relative_row(f"{options.scenario} {seed}, {kind} {level.replace(':', ' m, ')} deg",
+                             street.measured(options.program, "new", kind, level))
 
 
 def main():
@@ -150,25 +218,30 @@ def main():
     parser.add_argument("--exact", action="store_true")
     parser.add_argument("--limits", action="store_true")
     parser.add_argument("--anew", action="store_true")
+    parser.add_argument("--scenario", default="town")
+    parser.add_argument("--relative", action="store_true")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
+    if options.relative:
+        compare_relative(options)
+        return 0
     check = Checks()
     print("| poses | poles, signs, trunks lost % | static loss % | parked removal % | DA % |\n|---|---|---|---|---|")
     for seed in map(int, options.seeds.split(",")):
         street = Street(options, seed)
-        true = street.measured(options.program, "new", "true", "0")
-        row(f"street {seed}, true", true)
+        true = figures_of(street.measured(options.program, "new", "true", "0"))
+        losses_row(f"street {seed}, true", true)
         for level in options.levels.split(","):
             for kind in options.kinds.split(","):
                 name = f"street {seed}, {kind} {level.replace(':', ' m, ')} deg"
-                found = street.measured(options.program, "new", kind, level)
-                row(name, found)
+                found = figures_of(street.measured(options.program, "new", kind, level))
+                losses_row(name, found)
                 metres, degrees = map(float, level.split(":"))
                 if metres <= 0.1 and degrees <= 0.1:
                     check.small(name, found, true)
                 if options.reference:
-                    reference = street.measured(options.reference, "reference", kind, level)
-                    row(f"{name}, reference", reference)
+                    reference = figures_of(street.measured(options.reference, "reference", kind, level))
+                    losses_row(f"{name}, reference", reference)
                     if metres > 0.1 or degrees > 0.1:
                         check.large(name, found, reference)
     return 1 if options.limits and check.broken else 0

@@ -592,20 +592,20 @@ TEST_F(GivenPosesOfABuild, AreRefinedAndItIsSaidByHowMuch) {
   const MapBuildReport report = build();
   EXPECT_LT(worst_m(), 0.05);
   ASSERT_TRUE(report.given_poses);
-  EXPECT_GT(report.given_poses->moved_median_m, 0.05);
-  EXPECT_LT(report.given_poses->moved_median_m, 0.3);
+  EXPECT_GT(report.given_poses->moved.median_m, 0.05);
+  EXPECT_LT(report.given_poses->moved.median_m, 0.3);
   EXPECT_GT(report.given_poses->neighbours_apart, 10U);
   EXPECT_THAT(report.warnings, IsEmpty());
   EXPECT_EQ(open()->manifest().options.at("given_poses"), "refine");
   EXPECT_GE(open()->manifest().counts.at("key_frames"), 15U);
   EXPECT_EQ(open()->manifest().counts.at("poses_moved_median_mm"),
-            std::llround(1e3 * report.given_poses->moved_median_m));
+            std::llround(1e3 * report.given_poses->moved.median_m));
 }
 
 TEST_F(GivenPosesOfABuild, ThatAreSaidToBeExactStayAndAreChecked) {
   const MapBuildReport report = build();
   EXPECT_GT(worst_m(), 0.2);
-  EXPECT_EQ(report.given_poses.value().moved_max_m, 0.0);
+  EXPECT_EQ(report.given_poses.value().moved.max_m, 0.0);
   EXPECT_THAT(report.warnings, ElementsAre(::testing::AllOf(
                                    ::testing::HasSubstr("of 19 scans lie more than a voxel"),
                                    ::testing::HasSubstr("build with --given-poses refine"))));

@@ -99,7 +99,7 @@ class PosedDrivesBytes : public PosedDrivesTest {
     given.use = GivenPosesUse::kExact;
     given.errors.by_way = {{.way_m = 0.0, .pairs = 3, .median_m = 0.02, .max_rad = 0.5}};
     given.errors.denied = 2;
-    given.moved_max_m = 0.25;
+    given.moved.max_m = 0.25;
     posed_.given = given;
     posed_.graph = DriveGraph{.key_frames = {{0, 0}, {1, 1}}, .loops = {{{1, 1}, {0, 0}, 0.75}}};
   }
@@ -124,7 +124,7 @@ TEST_F(PosedDrivesBytes, ComeBackToTheLastBit) {
   EXPECT_EQ(back.given->errors.by_way[0].median_m, 0.02);
   EXPECT_EQ(back.given->errors.by_way[0].max_rad, 0.5);
   EXPECT_EQ(back.given->errors.denied, 2U);
-  EXPECT_EQ(back.given->moved_max_m, 0.25);
+  EXPECT_EQ(back.given->moved.max_m, 0.25);
   for (std::size_t d = 0; d < 2; ++d) {
     ASSERT_EQ(back.drives[d].contents().origin.has_value(), d == 0);
     for (std::size_t i = 0; i < drive_.size(); ++i)

@@ -111,9 +111,8 @@ struct GivenPosesReport {
   GivenPoseErrors errors;
   /// Neighbouring scans that disagree by more than a voxel.
   std::size_t neighbours_apart = 0;
-  /// What scans were moved by; 0 where poses are exact [m, rad].
-  double moved_median_m = 0.0, moved_p95_m = 0.0, moved_max_m = 0.0;
-  double moved_median_rad = 0.0, moved_p95_rad = 0.0, moved_max_rad = 0.0;
+  /// What scans were moved by; no pairs where their poses stay.
+  PoseDifferences moved;
 };
 
 /// What a build did; the same numbers stand in the manifest (`counts`) and in build.json.

@@ -45,23 +45,24 @@ struct TrajectoryOptions {
   [[nodiscard]] std::vector<std::string> violations() const;
 };
 
+/// How far poses, or motions between two of them, differ.
+struct PoseDifferences {
+  /// Of motions: way between the two poses [m]; 0 = neighbours.
+  double way_m = 0.0;
+  std::size_t pairs = 0;
+  double median_m = 0.0, p95_m = 0.0, max_m = 0.0;
+  double median_rad = 0.0, p95_rad = 0.0, max_rad = 0.0;
+};
+
 /// How far given poses are from the scans' own motion.
 struct GivenPoseErrors {
-  /// Between pairs of scans of one drive.
-  struct Apart {
-    /// Way between the two [m]; 0 = neighbours.
-    double way_m = 0.0;
-    std::size_t pairs = 0;
-    double median_m = 0.0, p95_m = 0.0, max_m = 0.0;
-    double median_rad = 0.0, p95_rad = 0.0, max_rad = 0.0;
-  };
   /// Neighbours first. Scans that odometry placed by motion, be it along one direction, do not
   /// count.
-  std::vector<Apart> by_way;
+  std::vector<PoseDifferences> by_way;
   /// Of all pairs of neighbours that count [m].
   std::vector<double> neighbours_m;
   /// Between the two ends of loops.
-  Apart loops;
+  PoseDifferences loops;
   /// Deviation of a given pose in each direction, as these medians and loops tell [m, rad].
   double sigma_m = 0.0;
   double sigma_rad = 0.0;
