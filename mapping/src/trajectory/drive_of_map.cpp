@@ -15,6 +15,29 @@ namespace {
 /// Between poses so near in time a path is smooth, and better known than the drive's own poses.
 constexpr std::int64_t kNearNs = 500'000'000;
 
+/// Motions of the path and of the drive's own poses that differ by less are the same [m, rad].
+constexpr double kSameMotionM = 1e-3;
+constexpr double kSameMotionRad = 1e-4;
+
+std::optional<std::size_t> index_at(const maps::Drive& drive, std::int64_t stamp_ns) {
+  const auto& stamps = drive.contents().stamps_ns;
+  const auto at = std::ranges::lower_bound(stamps, stamp_ns);
+  if (at == stamps.end() || *at != stamp_ns) return std::nullopt;
+  return static_cast<std::size_t>(at - stamps.begin());
+}
+
+/// Whether the path moves between two of its poses as the drive's own poses do.
+bool keeps_motion(const maps::Drive& drive, const maps::StampedPose& from,
+                  const maps::StampedPose& to) {
+  const auto own_from = index_at(drive, from.stamp_ns), own_to = index_at(drive, to.stamp_ns);
+  if (!own_from || !own_to) return false;
+  const Eigen::Isometry3d T_own =
+      drive.T_map_lidar(*own_from).inverse() * drive.T_map_lidar(*own_to);
+  const Eigen::Isometry3d T = T_own.inverse() * (from.T_map_lidar.inverse() * to.T_map_lidar);
+  return T.translation().norm() < kSameMotionM &&
+         maps::rotation_angle_rad(T.linear()) < kSameMotionRad;
+}
+
 /// Lines "SHA-256  NAME" of all scans of the map, in their order; empty when it lists none.
 std::vector<std::string> scan_sources(const maps::MapPackage& map) {
   std::ifstream in(map.folder() / "sources.sha256");
@@ -71,14 +94,13 @@ maps::Drive on_path(const maps::Drive& drive, const maps::Trajectory& path) {
     const auto next_before = after == known.begin() ? after : after - 1;
     const bool is_near =
         stamp_ns == within_ns && after->stamp_ns - next_before->stamp_ns <= kNearNs;
-    if (!drive.has_poses() || is_near) return path.at(within_ns).value();
+    if (!drive.has_poses() || (is_near && !keeps_motion(drive, *next_before, *after)))
+      return path.at(within_ns).value();
     // Its own motion from a scan of the path that stamps find again.
     const auto followed = [&](const maps::StampedPose& pose) -> std::optional<Eigen::Isometry3d> {
-      const auto& stamps = drive.contents().stamps_ns;
-      const auto at = std::ranges::lower_bound(stamps, pose.stamp_ns);
-      if (at == stamps.end() || *at != pose.stamp_ns) return std::nullopt;
-      const auto index = static_cast<std::size_t>(at - stamps.begin());
-      return pose.T_map_lidar * (drive.T_map_lidar(index).inverse() * drive.T_map_lidar(scan));
+      const auto index = index_at(drive, pose.stamp_ns);
+      if (!index) return std::nullopt;
+      return pose.T_map_lidar * (drive.T_map_lidar(*index).inverse() * drive.T_map_lidar(scan));
     };
     const auto before = after == known.begin() || after->stamp_ns <= stamp_ns ? after : after - 1;
     const auto from_before = followed(*before);

@@ -25,8 +25,9 @@ struct DriveOfMap {
 
 /// The drive where a map has it, which need not be where its own poses say: scans of the path get
 /// the path's poses; a scan between two of them lies there by its time where they are half a second
-/// apart or less, or the drive has no poses; else it keeps its own motion to both. Scans before the
-/// first and behind the last follow these, or get their poses.
+/// apart or less and the path does not move between them as the drive's own poses do, or the drive
+/// has no poses; else it keeps its own motion to both. Scans before the first and behind the last
+/// follow these, or get their poses.
 [[nodiscard]] maps::Drive on_path(const maps::Drive& drive, const maps::Trajectory& path);
 
 }  // namespace stillmap::mapping
