@@ -13,6 +13,21 @@
 
 namespace stillmap::localization {
 
+/// Root mean square thickness of the surfaces of a map with exact poses: noise of the sensor, and
+/// what half a metre of a wall is not flat. Simulated maps have 2.1 to 3.1 cm, real ones 3.9 to
+/// 4.4 cm. What is beyond it is the map's own disagreement.
+inline constexpr double kUsualThicknessM = 0.032;
+
+/// Inverse of a symmetric matrix with its smallest eigenvalues raised, so that a direction which
+/// nothing constrains does not divide by zero.
+template <int N>
+[[nodiscard]] Eigen::Matrix<double, N, N> bounded_inverse(
+    const Eigen::Matrix<double, N, N>& matrix) {
+  const maps::SymmetricEigen<N> eigen = maps::eigen_of(matrix);
+  const Eigen::Matrix<double, N, 1> values = eigen.values.cwiseMax(1e-6 * eigen.values[N - 1]);
+  return eigen.vectors * values.cwiseInverse().asDiagonal() * eigen.vectors.transpose();
+}
+
 /// Sums of residuals with N unknowns, and what they tell about the error of those: errors that
 /// neighbours share (a voxel's mean, a bent wall, a car that moved) count once, H^-1 (sum_b g_b
 /// g_b^T) H^-1 over blocks of space (Huber's sandwich, clustered), and more where the map's
@@ -54,12 +69,13 @@ class ClusteredSums {
     const Matrix own = known.asDiagonal();
     Matrix spread = Matrix::Zero();
     for (const Vector& sum : sums_) spread += sum * sum.transpose();
-    const Matrix inverse = bounded_inverse(in_units(H_ + own));
+    const Matrix inverse = bounded_inverse<N>(in_units(H_ + own));
     const double disagreement_m2 =
         std::max(0.0, thickness_sum_ / robust_sum_ - kUsualThicknessM * kUsualThicknessM);
     const double shared_m2 = disagreement_m2 / kIndependentSurfaces;
     Matrix covariance = kNeighbourFactor * inverse * in_units(spread + own) * inverse;
-    covariance += shared_m2 * bounded_inverse(in_units(geometry_ / robust_sum_ + shared_m2 * own));
+    covariance +=
+        shared_m2 * bounded_inverse<N>(in_units(geometry_ / robust_sum_ + shared_m2 * own));
     return covariance;
   }
 
@@ -67,20 +83,9 @@ class ClusteredSums {
   static constexpr double kBlockM = 4.0;
   /// What blocks of 4 m still share with their neighbours.
   static constexpr double kNeighbourFactor = 2.4;
-  /// Root mean square thickness of the surfaces of a map with exact poses: noise of the sensor, and
-  /// what half a metre of a wall is not flat. Simulated maps have 2.1 to 3.1 cm, real ones 3.9 to
-  /// 4.4 cm. What is beyond it is the map's own disagreement, which no number of points averages
-  /// out: a scan is worth so many independent surfaces then.
-  static constexpr double kUsualThicknessM = 0.032;
+  /// What is beyond `kUsualThicknessM` no number of points averages out: a scan is worth so many
+  /// independent surfaces then.
   static constexpr double kIndependentSurfaces = 60.0;
-
-  /// Inverse of a symmetric matrix with its smallest eigenvalues raised, so that a direction which
-  /// nothing constrains does not divide by zero.
-  static Matrix bounded_inverse(const Matrix& matrix) {
-    const maps::SymmetricEigen<N> eigen = maps::eigen_of(matrix);
-    const Vector values = eigen.values.cwiseMax(1e-6 * eigen.values[N - 1]);
-    return eigen.vectors * values.cwiseInverse().asDiagonal() * eigen.vectors.transpose();
-  }
 
   double kernel_m_;
   VoxelTable blocks_;

@@ -180,6 +180,7 @@ Matrix6d pose_covariance_of(const ClusteredSums<12>& sums, const Vector12d& unit
 
 /// How a scan with some times fits best.
 struct BestFit {
+  /// Of points at the lever, when the sensor turns faster than it goes.
   double speed_m_s = 0.0;
   /// Sum of the weights of standing points, each up to 1: ground hardly tells of motion.
   double weight = 0.0;
@@ -188,7 +189,7 @@ BestFit best_fit(std::span<const MapIndex::Level> levels, const Query& query,
                  Eigen::Isometry3d T_index_lidar) {
   const std::size_t stride = stride_for(query, kFewSweepPoints);
   const Vector6d twist = find_motion(levels, query, stride, T_index_lidar);
-  BestFit fit{.speed_m_s = twist.head<3>().norm()};
+  BestFit fit{.speed_m_s = std::max(twist.head<3>().norm(), kLeverM * twist.tail<3>().norm())};
   Sweep sweep(query, stride);
   sweep.move(twist);
   const float kernel_m = kFinestKernelShare * levels.back().edge_m;

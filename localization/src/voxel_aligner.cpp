@@ -6,6 +6,7 @@
 #include "query.hpp"
 #include "registration.hpp"
 #include "settle.hpp"
+#include "shared_errors.hpp"
 #include "sweep_motion.hpp"
 #include "verdict.hpp"
 
@@ -309,6 +310,11 @@ void straighten_rivals(const MapIndex& index, const Query& query, std::vector<Pl
   places.front().iterations = steps;
 }
 
+MotionLeft motion_left_in(const Query& query) {
+  if (query.time_offsets_s.empty()) return MotionLeft::kPossible;
+  return is_of_a_while(query) ? MotionLeft::kNone : MotionLeft::kLittle;
+}
+
 /// Refines each start coarse to fine, finishes the best of them and judges it.
 /// @param starts  `T_map_lidar`, at least one. @param prior  may be null.
 AlignmentResult align_among(const MapIndex& index, Query query,
@@ -347,6 +353,8 @@ AlignmentResult align_among(const MapIndex& index, Query query,
   result.covariance = covariance_of(final.rows, best.T_index_lidar, final.kernel_m, bend,
                                     evidence.observability.degenerate) +
                       motion.pose_covariance;
+  result.covariance += covariance_of_shared_errors(final.rows, best.T_index_lidar, final.kernel_m,
+                                                   motion_left_in(query));
   evidence.contradicts_prior = prior != nullptr && contradicts(*prior, result);
   judge(evidence, result.covariance, result);
   return result;
