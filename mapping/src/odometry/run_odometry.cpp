@@ -1,11 +1,13 @@
 #include "odometry/run_odometry.hpp"
 
 #include "build/ordered_pipeline.hpp"
+#include "odometry/hidden_gaps.hpp"
 
 #include <fmt/format.h>
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -28,16 +30,63 @@ maps::Scan reversed(maps::Scan scan) {
   return scan;
 }
 
-/// Motion at the first scan: the drive's first scans are followed backward by `default`, so that
-/// there is a map and a speed when the first one's turn comes.
-std::optional<Eigen::Matrix<double, 6, 1>> start_twist(std::size_t scans, const ReadScan& read) {
-  if (scans < kStartScans) return std::nullopt;
+maps::Scan without_points(const maps::Scan& scan) {
+  maps::Scan empty;
+  empty.index = scan.index;
+  empty.stamp_ns = scan.stamp_ns;
+  empty.source = scan.source;
+  return empty;
+}
+
+/// How a drive starts.
+struct DriveStart {
+  /// At the first scan.
+  std::optional<Eigen::Matrix<double, 6, 1>> twist_lidar;
+  /// The first scan shows nothing of what those after it see.
+  bool first_is_hidden = false;
+};
+
+/// The scans of a drive's start, the last one first.
+/// @param matched  how many of the scans fitted the others.
+DriveStart followed_backward(std::span<const maps::Scan> scans, std::size_t& matched) {
   const std::unique_ptr<Odometry> backward = make_odometry(odometry_names().front());
-  OdometryPose pose;
-  for (std::size_t i = kStartScans; i-- > 0;)
-    pose = backward->add(*backward->prepare(reversed(read(i))));
-  if (pose.status == OdometryStatus::kPredicted) return std::nullopt;
-  return -pose.twist_lidar;
+  DriveStart start;
+  matched = 0;
+  for (std::size_t i = scans.size(); i-- > 0;) {
+    maps::Scan scan = reversed(scans[i]);
+    // Sent again: it was taken when the scan before it was.
+    const bool is_again =
+        i > 0 && !scan.cloud.empty() && scan.cloud.positions == scans[i - 1].cloud.positions;
+    if (is_again) scan.cloud = {};
+    const OdometryPose pose = backward->add(*backward->prepare(scan));
+    if (pose.status != OdometryStatus::kPredicted) {
+      ++matched;
+      start.twist_lidar = -pose.twist_lidar;
+    } else if (!pose.hidden && !is_again) {
+      start.twist_lidar.reset();
+    }
+    start.first_is_hidden = pose.hidden;
+  }
+  return start;
+}
+
+/// The drive's first scans are followed backward by `default`, so that there is a map and a speed
+/// when the first one's turn comes. The last of them may be the hidden one, which none of the
+/// others fits; then the one before it comes first.
+DriveStart start_of(std::size_t scans, const ReadScan& read) {
+  if (scans < kStartScans) return {};
+  std::vector<maps::Scan> first;
+  for (std::size_t i = 0; i < kStartScans; ++i) first.push_back(read(i));
+  DriveStart best;
+  std::size_t most = 0;
+  for (std::size_t size = kStartScans; size > kStartScans / 2 && most < size / 2; --size) {
+    std::size_t matched = 0;
+    DriveStart start = followed_backward(std::span(first).first(size), matched);
+    if (size < kStartScans && matched <= most) continue;
+    best = std::move(start);
+    most = matched;
+  }
+  return best;
 }
 
 }  // namespace
@@ -55,7 +104,8 @@ std::vector<OdometryPose> run_odometry(const FollowedDrive& followed, int thread
     return followed.read ? followed.read(scan) : followed.drive.read(scan);
   };
   if (cancel) throw Cancelled();
-  if (const auto twist = start_twist(scans, read_scan)) odometry->start_with(*twist);
+  const DriveStart start = start_of(scans, read_scan);
+  if (start.twist_lidar) odometry->start_with(*start.twist_lidar);
   std::vector<OdometryPose> poses;
   poses.reserve(scans);
   process_in_order(
@@ -63,7 +113,9 @@ std::vector<OdometryPose> run_odometry(const FollowedDrive& followed, int thread
       [&](std::size_t i) {
         PreparedScan out;
         out.scan = read_scan(i);
-        out.prepared = odometry->prepare(out.scan);
+        // As one that saw nothing: the scans after it tell more.
+        const bool is_hidden = i == 0 && start.first_is_hidden;
+        out.prepared = odometry->prepare(is_hidden ? without_points(out.scan) : out.scan);
         return out;
       },
       [&](const PreparedScan& scan) {
@@ -72,10 +124,15 @@ std::vector<OdometryPose> run_odometry(const FollowedDrive& followed, int thread
           odometry->expect(followed.drive.T_map_lidar(index - 1).inverse() *
                            followed.drive.T_map_lidar(index));
         poses.push_back(odometry->add(*scan.prepared));
+        if (poses.size() == 1 && start.first_is_hidden) poses.front().hidden = true;
         if (followed.take) followed.take(index, scan.scan, poses.back());
         if (progress) progress("odometry", poses.size(), scans);
       },
       cancel);
+  std::vector<std::int64_t> stamps_ns;
+  for (std::size_t i = 0; i < scans; ++i)
+    stamps_ns.push_back(followed.drive.stamp_ns(followed.begin + i));
+  join_over_hidden(stamps_ns, poses);
   return poses;
 }
 

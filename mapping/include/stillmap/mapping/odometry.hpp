@@ -36,6 +36,12 @@ struct OdometryPose {
   std::vector<Eigen::Matrix<double, 6, 1>> degenerate_directions;
   /// Share of the thinned scan's points that lie on what the scans before it saw, in [0, 1].
   double inlier_ratio = 0.0;
+  /// The scan shows next to nothing of what the scans before it saw: a covered sensor, dust, a
+  /// frame that was sent again. Status `kPredicted`; the scan tells nothing to those after it.
+  bool hidden = false;
+  /// After hidden scans nothing of what was seen before them was found again: followed anew from
+  /// here. Status `kPredicted`, and the motion over the gap is a guess.
+  bool begins_anew = false;
 };
 
 /// Follows one sensor from scan to scan. Memory does not grow with the drive.

@@ -1,5 +1,6 @@
 #include "odometry/direct/direct_odometry.hpp"
 
+#include "odometry/direct/seen_again.hpp"
 #include "odometry/direct/thinned_scan.hpp"
 #include "odometry/scan_period.hpp"
 
@@ -10,8 +11,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <deque>
 #include <optional>
+#include <ranges>
+#include <utility>
 
 namespace stillmap::mapping {
 namespace {
@@ -59,6 +63,25 @@ constexpr std::size_t kToldAgainScans = 3;
 constexpr std::size_t kSteadyScans = 5;
 /// Deviation of the acceleration that nothing tells [m/s^2].
 constexpr double kUntoldAcceleration = 0.5;
+/// The same through hidden scans, where vehicles brake and turn as anywhere.
+constexpr double kHiddenAcceleration = 2.0;
+/// A scan is hidden when less than this share of the usual of its points lie on the map, of those
+/// that fall where the map knows anything: in clean drives it is 0.78 and more (0.9 once there is a
+/// map), of dust and shells 0.3 to 0.55.
+constexpr double kHiddenOfUsual = 0.65;
+/// Or when it sees less than this share of what the scan before saw again: in clean drives 0.73 and
+/// more, with shells 0.1 and less.
+constexpr double kHiddenSeenAgain = 0.35;
+/// But for a scan that the map explains as it usually does, where posts and walls tell.
+constexpr double kToldStanding = 0.9;
+constexpr double kStandingTells = 0.3;
+/// A frame that is sent again matches where it was taken; it is one while the sensor moves by more
+/// than this from scan to scan.
+constexpr double kStuckMoveM = 0.02;
+/// As many scans back are compared.
+constexpr std::size_t kFramesKept = 8;
+/// Hidden scans that fit each other are another place: after so many on end it is begun anew there.
+constexpr std::size_t kAnewScans = 5;
 
 Vector6d in_metres(Vector6d motion) {
   motion.tail<3>() *= kLeverM;
@@ -104,18 +127,20 @@ Matrix6d with_predicted(const Matrix6d& match, const std::vector<Vector6d>& dire
   return rotations_times(0.5 * (in_m + in_m.transpose()), 1.0 / kLeverM);
 }
 
-class DirectOdometry : public Odometry {
+/// Follows a sensor through one map.
+class DirectFollower {
  public:
-  [[nodiscard]] std::unique_ptr<Prepared> prepare(const maps::Scan& scan) const override {
-    return std::make_unique<ThinnedScan>(thinned(scan));
-  }
-  void start_with(const Vector6d& twist_lidar) override {
+  DirectFollower() = default;
+  /// @param T_odom_first  where the first scan was taken.
+  explicit DirectFollower(const Eigen::Isometry3d& T_odom_first) : T_odom_first_(T_odom_first) {}
+
+  void start_with(const Vector6d& twist_lidar) {
     start_twist_ = twist_lidar;
     steady_.assign(kSteadyScans, twist_lidar);
     off_rate2_ = kStartOffRate * kStartOffRate;
   }
-  void expect(const Eigen::Isometry3d& T_before_this) override { expected_ = T_before_this; }
-  [[nodiscard]] OdometryPose add(const Prepared& prepared) override;
+  void expect(const Eigen::Isometry3d& T_before_this) { expected_ = T_before_this; }
+  [[nodiscard]] OdometryPose add(const ThinnedScan& scan);
 
  private:
   struct Last {
@@ -147,10 +172,12 @@ class DirectOdometry : public Odometry {
                std::max(kLeastInliers, kKnownOfUsual * usual_known_) &&
            found.match.standing_ratio >= kStandingOfUsual * usual_standing_;
   }
-  /// Motion of the sensor since the last scan as a rate; as it was, over a gap.
+  /// Motion of the sensor since the last scan that was not hidden as a rate; as it was, over a gap.
   [[nodiscard]] Vector6d twist_to(const Eigen::Isometry3d& T_odom_lidar,
                                   const ScanPeriod::Step& step) const {
     if (step.is_gap) return last_.twist;
+    if (hidden_s_ > 0.0)
+      return maps::log_se3(T_odom_seen_.inverse() * T_odom_lidar) / (hidden_s_ + step.seconds);
     return maps::log_se3(last_.T_odom_lidar.inverse() * T_odom_lidar) / step.seconds;
   }
   /// Where the speed leads in so long.
@@ -158,18 +185,23 @@ class DirectOdometry : public Odometry {
     return {
         maps::renormalized(last_.T_odom_lidar *
                            maps::exp_se3(last_.twist * std::min(seconds, ScanPeriod::kMaxGapS))),
-        off_after(step_s, off_rate2_), last_.twist};
+        off_after(step_s + hidden_s_, off_rate2_), last_.twist};
   }
   /// Where the sensor is said to have moved.
   [[nodiscard]] std::optional<Prediction> as_expected(const ScanPeriod::Step& step) const {
     if (!expected_) return std::nullopt;
     const Eigen::Isometry3d T = maps::renormalized(last_.T_odom_lidar * *expected_);
-    return Prediction{T, off_after(step.seconds, expected_off_rate2_), twist_to(T, step)};
+    return Prediction{T, off_after(step.seconds + hidden_s_, expected_off_rate2_),
+                      twist_to(T, step)};
   }
-  [[nodiscard]] static double off_after(double seconds, double off_rate2) {
-    return std::clamp(kLeastMissM + kMissDeviations * std::sqrt(off_rate2) * seconds, kLeastMissM,
-                      kMostOffM);
+  [[nodiscard]] double off_after(double seconds, double off_rate2) const {
+    const double hidden_m = kHiddenAcceleration * hidden_s_ * hidden_s_;
+    return std::clamp(kLeastMissM + kMissDeviations * std::sqrt(off_rate2) * seconds + hidden_m,
+                      kLeastMissM, kMostOffM);
   }
+  [[nodiscard]] bool is_frame_again(const ThinnedScan& scan, const Prediction& prediction) const;
+  [[nodiscard]] bool is_hidden(const ThinnedScan& scan, const Found& found) const;
+  void keep_as_hidden(const ScanPeriod::Step& step, OdometryPose& pose);
   void place(const ThinnedScan& scan, const ScanPeriod::Step& step, OdometryPose& pose);
   [[nodiscard]] Found found_over(const ThinnedScan& scan, const ScanPeriod::Step& step,
                                  Prediction& prediction) const;
@@ -183,7 +215,8 @@ class DirectOdometry : public Odometry {
   [[nodiscard]] std::vector<Vector6d> untold(const LocalAlignment& match);
   /// Of where a prediction ends after so long without a word, along any direction [m^2].
   [[nodiscard]] double variance_after_m2(double t_s) const {
-    const double by_acceleration_m = 0.5 * kUntoldAcceleration * t_s * t_s;
+    const double acceleration = hidden_s_ > 0.0 ? kHiddenAcceleration : kUntoldAcceleration;
+    const double by_acceleration_m = 0.5 * acceleration * t_s * t_s;
     return off_rate2_ * t_s * t_s + by_acceleration_m * by_acceleration_m;
   }
   /// Of one step: what it adds to the variance since all was told, so that the steps' own add up
@@ -201,6 +234,14 @@ class DirectOdometry : public Odometry {
   /// Of the scan before, once there is one.
   Last last_;
   bool has_last_ = false;
+  Eigen::Isometry3d T_odom_first_ = Eigen::Isometry3d::Identity();
+  /// Of the last scan that was not hidden, how long ago that was when the last one was hidden (else
+  /// 0), and what it saw.
+  Eigen::Isometry3d T_odom_seen_ = Eigen::Isometry3d::Identity();
+  double hidden_s_ = 0.0;
+  SeenAgain seen_;
+  /// `ThinnedScan::content` of the last scans.
+  std::deque<std::uint64_t> frames_;
   std::optional<Eigen::Isometry3d> T_odom_mapped_;
   std::size_t scans_in_map_ = 0;
   /// Mean square of how fast predictions went astray [m^2/s^2].
@@ -229,24 +270,33 @@ std::vector<Eigen::Vector3f> deskewed(maps::PointCloud cloud, const Vector6d& tw
   return std::move(cloud.positions);
 }
 
-OdometryPose DirectOdometry::add(const Prepared& prepared) {
-  const auto& scan = dynamic_cast<const ThinnedScan&>(prepared);
+OdometryPose DirectFollower::add(const ThinnedScan& scan) {
   OdometryPose pose;
-  if (const auto step = period_.step_to(scan.stamp_ns, scan.source)) place(scan, *step, pose);
-  if (!has_last_) {
-    if (start_twist_)
-      pose.twist_lidar = *start_twist_;
-    else if (scan.dense.size() >= kMinPoints)
-      first_ = scan;
+  const auto step = period_.step_to(scan.stamp_ns, scan.source);
+  if (step) {
+    place(scan, *step, pose);
+  } else {
+    pose.T_odom_lidar = T_odom_first_;
+    pose.hidden = scan.shell;
+    if (start_twist_) pose.twist_lidar = *start_twist_;
   }
-  take(scan, pose);
+  if (!pose.hidden) {
+    if (!start_twist_ && scans_in_map_ == 0 && scan.dense.size() >= kMinPoints) first_ = scan;
+    take(scan, pose);
+    hidden_s_ = 0.0;
+    T_odom_seen_ = pose.T_odom_lidar;
+    if (scan.sparse.size() >= kMinPoints)
+      seen_.remember(deskewed(scan.sparse, pose.twist_lidar), pose.T_odom_lidar);
+  }
   last_ = Last{pose.T_odom_lidar, pose.twist_lidar};
   has_last_ = true;
   expected_.reset();
+  frames_.push_back(scan.content);
+  if (frames_.size() > kFramesKept) frames_.pop_front();
   return pose;
 }
 
-DirectOdometry::Found DirectOdometry::aligned(const ThinnedScan& scan, const Vector6d& twist,
+DirectFollower::Found DirectFollower::aligned(const ThinnedScan& scan, const Vector6d& twist,
                                               const Eigen::Isometry3d& T_start, double off_m,
                                               const ScanPeriod::Step& step) const {
   std::vector<Eigen::Vector3f> points = deskewed(scan.sparse, twist);
@@ -258,7 +308,7 @@ DirectOdometry::Found DirectOdometry::aligned(const ThinnedScan& scan, const Vec
   return {T, map_.judged(points, T)};
 }
 
-DirectOdometry::Found DirectOdometry::searched(const ThinnedScan& scan, const Vector6d& twist,
+DirectFollower::Found DirectFollower::searched(const ThinnedScan& scan, const Vector6d& twist,
                                                const Eigen::Isometry3d& T_start,
                                                const ScanPeriod::Step& step) const {
   const Eigen::Isometry3d T = map_.searched(deskewed(scan.sparse, twist), T_start);
@@ -267,7 +317,7 @@ DirectOdometry::Found DirectOdometry::searched(const ThinnedScan& scan, const Ve
 
 /// Wide kernels on coarse voxels lead sparse scans astray, narrow ones do not see far: the narrow
 /// try comes first, and is enough when it explains as much as usual.
-DirectOdometry::Found DirectOdometry::best_of_widening(const ThinnedScan& scan,
+DirectFollower::Found DirectFollower::best_of_widening(const ThinnedScan& scan,
                                                        const Prediction& prediction,
                                                        const ScanPeriod::Step& step) const {
   const auto& [T_predicted, off_m, twist] = prediction;
@@ -290,14 +340,14 @@ DirectOdometry::Found DirectOdometry::best_of_widening(const ThinnedScan& scan,
 
 /// The first scan could not be deskewed. With the same skew in both the motion from it to the
 /// second is nearly right, which deskews both.
-void DirectOdometry::start_anew(const ThinnedScan& first, const ThinnedScan& scan,
+void DirectFollower::start_anew(const ThinnedScan& first, const ThinnedScan& scan,
                                 const ScanPeriod::Step& step) {
   Eigen::Isometry3d T = last_.T_odom_lidar;
   T = map_.searched(scan.sparse.positions, T);
   T = map_.refined(scan.sparse.positions, T, kSearchedOffM);
   for (int round = 0; round < (first.dense.time_offsets_s.empty() ? 0 : 2); ++round) {
     map_ = LocalMap();
-    map_.add(deskewed(first.dense, twist_to(T, step)), last_.T_odom_lidar);
+    map_.add(deskewed(first.dense, twist_to(T, step)), T_odom_seen_);
     T = map_.refined(deskewed(scan.sparse, twist_to(T, step)), T, kSearchedOffM);
   }
   last_.twist = twist_to(T, step);
@@ -305,7 +355,7 @@ void DirectOdometry::start_anew(const ThinnedScan& first, const ThinnedScan& sca
 
 /// Where the scan lies from what is predicted. @param prediction  for this step; becomes that from
 /// which this fits better.
-DirectOdometry::Found DirectOdometry::found_over(const ThinnedScan& scan,
+DirectFollower::Found DirectFollower::found_over(const ThinnedScan& scan,
                                                  const ScanPeriod::Step& step,
                                                  Prediction& prediction) const {
   Found found = best_of_widening(scan, prediction, step);
@@ -329,7 +379,7 @@ DirectOdometry::Found DirectOdometry::found_over(const ThinnedScan& scan,
 /// Whether a match far from what is expected is none: sparse scans of a bare street agree with
 /// many places along it, and best with where their own rings lie as before. What is expected is
 /// right then, and explains the scan nearly as well; after a jump of given poses it does not.
-bool DirectOdometry::is_denied(const Found& found, const Prediction& expected,
+bool DirectFollower::is_denied(const Found& found, const Prediction& expected,
                                const ThinnedScan& scan, const ScanPeriod::Step& step) const {
   const double off_m =
       (found.T_odom_lidar.translation() - expected.T_odom_lidar.translation()).norm();
@@ -347,7 +397,7 @@ bool DirectOdometry::is_denied(const Found& found, const Prediction& expected,
 
 /// By what was nearer lately. At first by the speed, which is that of several scans, unless it is
 /// far from what is expected: then it is that of a match as in `is_denied`.
-DirectOdometry::Prediction DirectOdometry::predicted(const std::optional<Prediction>& expected,
+DirectFollower::Prediction DirectFollower::predicted(const std::optional<Prediction>& expected,
                                                      const ScanPeriod::Step& step) const {
   Prediction speed = by_speed(step.seconds, step.seconds);
   if (!expected) return speed;
@@ -357,19 +407,50 @@ DirectOdometry::Prediction DirectOdometry::predicted(const std::optional<Predict
   return is_first || expected_off_rate2_ < off_rate2_ ? *expected : speed;
 }
 
-void DirectOdometry::place(const ThinnedScan& scan, const ScanPeriod::Step& step,
+/// Whether a frame came before and the sensor has moved since.
+bool DirectFollower::is_frame_again(const ThinnedScan& scan, const Prediction& prediction) const {
+  if (scan.content == 0 || std::ranges::find(frames_, scan.content) == frames_.end()) return false;
+  const Eigen::Isometry3d moved = last_.T_odom_lidar.inverse() * prediction.T_odom_lidar;
+  return in_metres(maps::log_se3(moved)).norm() > kStuckMoveM;
+}
+
+/// Whether the best match that was found is none: the scan does not lie on the map where that knows
+/// something, or shows nothing of what the one before saw.
+bool DirectFollower::is_hidden(const ThinnedScan& scan, const Found& found) const {
+  const LocalAlignment& match = found.match;
+  const double usual = placed_ == 0 ? 1.0 : usual_known_;
+  if (match.matched < LocalAlignment::kMinMatched ||
+      match.known_inlier_ratio < std::max(kLeastInliers, kHiddenOfUsual * usual))
+    return true;
+  if (match.standing_ratio >= kToldStanding * usual_standing_ &&
+      usual_standing_ >= kStandingTells && explains_as_usual(found))
+    return false;
+  return seen_.share(scan.sparse.positions, found.T_odom_lidar) < kHiddenSeenAgain;
+}
+
+/// Placed as predicted, and of no effect on what follows.
+void DirectFollower::keep_as_hidden(const ScanPeriod::Step& step, OdometryPose& pose) {
+  const double t_s = std::min(step.seconds, ScanPeriod::kMaxGapS);
+  hidden_s_ += t_s;
+  pose.covariance = covariance_of_prediction(step.seconds);
+  untold_s_ += t_s;
+  pose.hidden = true;
+}
+
+void DirectFollower::place(const ThinnedScan& scan, const ScanPeriod::Step& step,
                            OdometryPose& pose) {
   const bool enough = scan.sparse.size() >= kMinPoints && map_.voxel_count() > 0;
-  if (first_ && enough) {
-    start_anew(*first_, scan, step);
-    first_.reset();
-  }
+  const bool covered = scan.shell || is_frame_again(scan, predicted(as_expected(step), step));
+  const Last before = last_;
+  const bool is_second = first_ && enough && !covered;
+  if (is_second) start_anew(*first_, scan, step);
   const std::optional<Prediction> expected = as_expected(step);
   Prediction prediction = predicted(expected, step);
   pose.T_odom_lidar = prediction.T_odom_lidar;
   pose.twist_lidar = prediction.twist;
   pose.covariance = covariance_of_prediction(step.seconds);
   const double untold_s = untold_s_ + std::min(step.seconds, ScanPeriod::kMaxGapS);
+  if (covered) return keep_as_hidden(step, pose);
   if (!enough) {
     untold_s_ = untold_s;
     return;
@@ -377,15 +458,22 @@ void DirectOdometry::place(const ThinnedScan& scan, const ScanPeriod::Step& step
   const Found found = found_over(scan, step, prediction);
   const LocalAlignment& match = found.match;
   pose.inlier_ratio = match.inlier_ratio;
-  const bool matches =
-      match.matched >= LocalAlignment::kMinMatched && match.known_inlier_ratio >= kLeastInliers;
-  if (expected && matches && is_denied(found, *expected, scan, step)) {
+  if (is_hidden(scan, found)) {
+    if (is_second) {
+      // It has told nothing of how the first was skewed.
+      map_ = LocalMap();
+      map_.add(first_->dense.positions, T_odom_seen_);
+      last_ = before;
+      prediction = predicted(as_expected(step), step);
+      pose.T_odom_lidar = prediction.T_odom_lidar;
+      pose.twist_lidar = prediction.twist;
+    }
+    return keep_as_hidden(step, pose);
+  }
+  first_.reset();
+  if (expected && is_denied(found, *expected, scan, step)) {
     pose.T_odom_lidar = expected->T_odom_lidar;
     pose.twist_lidar = expected->twist;
-    untold_s_ = untold_s;
-    return;
-  }
-  if (!matches) {
     untold_s_ = untold_s;
     return;
   }
@@ -414,9 +502,10 @@ void DirectOdometry::place(const ThinnedScan& scan, const ScanPeriod::Step& step
   pose.twist_lidar = twist_to(pose.T_odom_lidar, step);
   if (all_told) steady_.push_back(pose.twist_lidar);
   if (steady_.size() > kSteadyScans) steady_.pop_front();
+  const double predicted_s = step.seconds + hidden_s_;
   if (!step.is_gap)
-    learn(deviation_from(by_speed(step.seconds, step.seconds)), step.seconds, off_rate2_);
-  if (expected) learn(deviation_from(*expected), step.seconds, expected_off_rate2_);
+    learn(deviation_from(by_speed(step.seconds, step.seconds)), predicted_s, off_rate2_);
+  if (expected) learn(deviation_from(*expected), predicted_s, expected_off_rate2_);
   ++placed_;
   // The mean of all until there are many, so that the first ones are not doubted less than others.
   const double share = std::max(kNewestShare, 1.0 / static_cast<double>(placed_));
@@ -427,7 +516,7 @@ void DirectOdometry::place(const ThinnedScan& scan, const ScanPeriod::Step& step
 /// Directions that are kept as predicted. By chance one scan of a tunnel in thirty seems to tell
 /// where along it one is, so they stay lost for a while. Before any speed is known, and nothing
 /// else tells, a match, be it weak, is better than to stand still.
-std::vector<Vector6d> DirectOdometry::untold(const LocalAlignment& match) {
+std::vector<Vector6d> DirectFollower::untold(const LocalAlignment& match) {
   if (steady_.size() < kSteadyScans && !expected_) return {};
   if (!match.degenerate_directions.empty()) {
     lost_ = match.degenerate_directions;
@@ -438,14 +527,14 @@ std::vector<Vector6d> DirectOdometry::untold(const LocalAlignment& match) {
   return lost_;
 }
 
-void DirectOdometry::learn(const Vector6d& deviation, double dt_s, double& off_rate2) const {
+void DirectFollower::learn(const Vector6d& deviation, double dt_s, double& off_rate2) const {
   const double rate = in_metres(deviation).norm() / dt_s;
   // What is not told may be off by more.
   if (!lost_.empty() && rate * rate < off_rate2) return;
   off_rate2 += kNewestShare * (rate * rate - off_rate2);
 }
 
-void DirectOdometry::take(const ThinnedScan& scan, const OdometryPose& pose) {
+void DirectFollower::take(const ThinnedScan& scan, const OdometryPose& pose) {
   if (scan.dense.size() < kMinPoints) return;
   if (T_odom_mapped_ && scans_in_map_ >= kFirstScans) {
     const Eigen::Isometry3d moved = T_odom_mapped_->inverse() * pose.T_odom_lidar;
@@ -457,6 +546,52 @@ void DirectOdometry::take(const ThinnedScan& scan, const OdometryPose& pose) {
   map_.add(deskewed(scan.dense, pose.twist_lidar), pose.T_odom_lidar);
   T_odom_mapped_ = pose.T_odom_lidar;
   ++scans_in_map_;
+}
+
+/// Follows a sensor through its map; and, where scans do not fit there, through one of their own,
+/// which is the map once it has proved to be one.
+class DirectOdometry : public Odometry {
+ public:
+  [[nodiscard]] std::unique_ptr<Prepared> prepare(const maps::Scan& scan) const override {
+    return std::make_unique<ThinnedScan>(thinned(scan));
+  }
+  void start_with(const Vector6d& twist_lidar) override { follower_.start_with(twist_lidar); }
+  void expect(const Eigen::Isometry3d& T_before_this) override {
+    follower_.expect(T_before_this);
+    if (aside_) aside_->expect(T_before_this);
+  }
+  [[nodiscard]] OdometryPose add(const Prepared& prepared) override;
+
+ private:
+  DirectFollower follower_;
+  std::optional<DirectFollower> aside_;
+  /// Scans on end that fit the map aside.
+  std::size_t fitting_ = 0;
+};
+
+OdometryPose DirectOdometry::add(const Prepared& prepared) {
+  const auto& scan = dynamic_cast<const ThinnedScan&>(prepared);
+  OdometryPose pose = follower_.add(scan);
+  if (!pose.hidden) aside_.reset();
+  if (!pose.hidden || scan.shell || scan.sparse.size() < kMinPoints) return pose;
+  if (aside_) {
+    const OdometryPose beside = aside_->add(scan);
+    if (beside.status != OdometryStatus::kPredicted) {
+      if (++fitting_ < kAnewScans) return pose;
+      follower_ = std::move(*aside_);
+      aside_.reset();
+      pose.T_odom_lidar = beside.T_odom_lidar;
+      pose.twist_lidar = beside.twist_lidar;
+      pose.hidden = false;
+      pose.begins_anew = true;
+      return pose;
+    }
+  }
+  aside_.emplace(pose.T_odom_lidar);
+  aside_->start_with(pose.twist_lidar);
+  (void)aside_->add(scan);
+  fitting_ = 0;
+  return pose;
 }
 
 }  // namespace

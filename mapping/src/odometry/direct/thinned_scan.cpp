@@ -1,5 +1,7 @@
 #include "odometry/direct/thinned_scan.hpp"
 
+#include "odometry/hidden_scan.hpp"
+
 #include <stillmap/localization/thinning.hpp>
 
 #include <algorithm>
@@ -46,6 +48,8 @@ ThinnedScan thinned(const maps::Scan& scan) {
   const std::size_t count = std::min(cells.size(), kMostSparse);
   for (std::size_t i = 0; i < count; ++i)
     append(out.dense, cells[i * cells.size() / count], out.sparse);
+  out.shell = is_shell(out.dense.positions);
+  out.content = content_of(scan.cloud);
   return out;
 }
 

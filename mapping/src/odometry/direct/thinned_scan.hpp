@@ -16,6 +16,9 @@ struct ThinnedScan : Odometry::Prepared {
   maps::PointCloud dense;
   /// What is aligned.
   maps::PointCloud sparse;
+  /// See `is_shell` and `content_of`.
+  bool shell = false;
+  std::uint64_t content = 0;
 };
 
 [[nodiscard]] ThinnedScan thinned(const maps::Scan& scan);

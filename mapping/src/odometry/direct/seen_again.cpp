@@ -1,0 +1,67 @@
+#include "odometry/direct/seen_again.hpp"
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+
+namespace stillmap::mapping {
+namespace {
+
+constexpr double kCellM = 1.0;
+constexpr double kNearM = 30.0;
+constexpr std::size_t kMostRemembered = 600;
+/// Fewer tell nothing.
+constexpr std::size_t kFewest = 50;
+
+/// Relative to the sensor, so that it stays small. Points farther than 60 m share cells with
+/// others, which no point within 30 m is near to.
+std::uint32_t cell_key(const Eigen::Vector3d& p) {
+  constexpr int kHalf = 1 << 9;
+  const Eigen::Vector3i c = (p / kCellM).array().floor().cast<int>();
+  const auto part = [](int i) {
+    return static_cast<std::uint32_t>(std::clamp(i + kHalf, 0, 1023));
+  };
+  return part(c.x()) << 20U | part(c.y()) << 10U | part(c.z());
+}
+
+/// Whether a point lies in one of the cells or within half a cell of one.
+bool is_near(const std::vector<std::uint32_t>& cells, const Eigen::Vector3d& p) {
+  for (unsigned corner = 0; corner < 8; ++corner) {
+    const Eigen::Vector3d side((corner & 1U) != 0 ? 0.5 : -0.5, (corner & 2U) != 0 ? 0.5 : -0.5,
+                               (corner & 4U) != 0 ? 0.5 : -0.5);
+    if (std::binary_search(cells.begin(), cells.end(), cell_key(p + kCellM * side))) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+void SeenAgain::remember(std::span<const Eigen::Vector3f> points_lidar,
+                         const Eigen::Isometry3d& T_odom_lidar) {
+  points_odom_.clear();
+  const std::size_t stride = points_lidar.size() / kMostRemembered + 1;
+  for (std::size_t i = 0; i < points_lidar.size(); i += stride)
+    points_odom_.push_back(T_odom_lidar * points_lidar[i].cast<double>());
+}
+
+double SeenAgain::share(std::span<const Eigen::Vector3f> points_lidar,
+                        const Eigen::Isometry3d& T_odom_lidar) const {
+  std::vector<std::uint32_t> cells;
+  cells.reserve(points_lidar.size());
+  for (const Eigen::Vector3f& p : points_lidar) {
+    if (p.squaredNorm() < 4.0 * kNearM * kNearM) cells.push_back(cell_key(p.cast<double>()));
+  }
+  std::sort(cells.begin(), cells.end());
+  cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
+  const Eigen::Isometry3d T_lidar_odom = T_odom_lidar.inverse();
+  std::size_t near = 0, again = 0;
+  for (const Eigen::Vector3d& p_odom : points_odom_) {
+    const Eigen::Vector3d p = T_lidar_odom * p_odom;
+    if (p.squaredNorm() > kNearM * kNearM) continue;
+    ++near;
+    if (is_near(cells, p)) ++again;
+  }
+  return near < kFewest ? 1.0 : static_cast<double>(again) / static_cast<double>(near);
+}
+
+}  // namespace stillmap::mapping
