@@ -9,20 +9,20 @@ namespace stillmap::mapping {
 namespace {
 
 /// Of the ranges, what lies between these shares of them; the rest may be stray.
-constexpr double kLeastShare = 0.05;
-constexpr double kMostShare = 0.95;
+constexpr double kShellLeast = 0.05;
+constexpr double kShellMost = 0.95;
 /// How far apart they may lie [m], and as a share of their median.
-constexpr float kSpreadM = 0.35F;
-constexpr float kSpreadOfMedian = 0.15F;
+constexpr float kShellSpreadM = 0.35F;
+constexpr float kShellSpreadOfMedian = 0.15F;
 /// No place is seen from so near [m].
-constexpr float kCoverM = 1.0F;
+constexpr float kShellCoverM = 1.0F;
 /// What covers a sensor is near [m].
 constexpr float kFarthestShellM = 15.0F;
 /// Length of the mean direction: 0 for all around evenly, 0.8 and more for a sensor that looks to
 /// one side.
 constexpr float kAllAround = 0.5F;
 
-float quantile(std::vector<float>& values, double share) {
+float range_quantile(std::vector<float>& values, double share) {
   const auto at =
       values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), at, values.end());
@@ -40,12 +40,13 @@ bool is_shell(std::span<const Eigen::Vector3f> points_lidar) {
     ranges.push_back(p.norm());
     directions += p.normalized();
   }
-  const float least = quantile(ranges, kLeastShare), most = quantile(ranges, kMostShare);
+  const float least = range_quantile(ranges, kShellLeast),
+              most = range_quantile(ranges, kShellMost);
   if (most > kFarthestShellM ||
-      most - least > std::max(kSpreadM, kSpreadOfMedian * quantile(ranges, 0.5)))
+      most - least > std::max(kShellSpreadM, kShellSpreadOfMedian * range_quantile(ranges, 0.5)))
     return false;
   const float turned = directions.norm() / static_cast<float>(points_lidar.size());
-  return most < kCoverM || turned < kAllAround;
+  return most < kShellCoverM || turned < kAllAround;
 }
 
 std::uint64_t content_of(const maps::PointCloud& cloud) {

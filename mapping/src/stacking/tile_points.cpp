@@ -19,12 +19,12 @@ maps::PointKind kind_of(const VoxelSum& sum) {
 }
 
 maps::MapPoint point_of(const Eigen::Vector3f& p, const VoxelSum& sum) {
-  constexpr std::uint32_t kMost = std::numeric_limits<std::uint16_t>::max();
+  constexpr std::uint32_t kMostCounted = std::numeric_limits<std::uint16_t>::max();
   return {p.x(),
           p.y(),
           p.z(),
           sum.intensity / static_cast<float>(sum.observations),
-          static_cast<std::uint16_t>(std::min(sum.observations, kMost)),
+          static_cast<std::uint16_t>(std::min(sum.observations, kMostCounted)),
           kind_of(sum),
           short_number(sum.object)};
 }

@@ -69,12 +69,21 @@ constexpr double kHiddenAcceleration = 2.0;
 /// that fall where the map knows anything: in clean drives it is 0.78 and more (0.9 once there is a
 /// map), of dust and shells 0.3 to 0.55.
 constexpr double kHiddenOfUsual = 0.65;
+/// Or when those that stand lie there less than usual, and all fit worse, both as shares of the
+/// usual and in the mean less than this: 0.37 and more, also where a sparse sensor that turns
+/// misses a scan; of dust 0.23 and less.
+constexpr double kHiddenFitOfUsual = 0.3;
 /// Or when it sees less than this share of what the scan before saw again: in clean drives 0.73 and
 /// more, with shells 0.1 and less.
 constexpr double kHiddenSeenAgain = 0.35;
 /// But for a scan that the map explains as it usually does, where posts and walls tell.
 constexpr double kToldStanding = 0.9;
 constexpr double kStandingTells = 0.3;
+/// On surfaces points fit, as a share of those that lie there, better than this: 0.58 and more. In
+/// dust the map has cells full of points and no surfaces: 0.35 and less.
+constexpr double kFitOfInliers = 0.5;
+/// What narrow kernels find after wide ones fits as well, but for this.
+constexpr double kSettledFit = 0.98;
 /// A frame that is sent again matches where it was taken; it is one while the sensor moves by more
 /// than this from scan to scan.
 constexpr double kStuckMoveM = 0.02;
@@ -141,6 +150,8 @@ class DirectFollower {
   }
   void expect(const Eigen::Isometry3d& T_before_this) { expected_ = T_before_this; }
   [[nodiscard]] OdometryPose add(const ThinnedScan& scan);
+  /// Whether the last scan lay on surfaces.
+  [[nodiscard]] bool on_surfaces() const { return on_surfaces_; }
 
  private:
   struct Last {
@@ -240,6 +251,7 @@ class DirectFollower {
   Eigen::Isometry3d T_odom_seen_ = Eigen::Isometry3d::Identity();
   double hidden_s_ = 0.0;
   SeenAgain seen_;
+  bool on_surfaces_ = false;
   /// `ThinnedScan::content` of the last scans.
   std::deque<std::uint64_t> frames_;
   std::optional<Eigen::Isometry3d> T_odom_mapped_;
@@ -259,6 +271,7 @@ class DirectFollower {
   std::size_t placed_ = 0;
   double usual_known_ = 0.0;
   double usual_standing_ = 0.0;
+  double usual_fit_ = 0.0;
   /// See `start_with`.
   std::optional<Vector6d> start_twist_;
   /// Without it the first scan, until the second tells how the sensor moved meanwhile.
@@ -367,6 +380,12 @@ DirectFollower::Found DirectFollower::found_over(const ThinnedScan& scan,
   };
   // Where the clock alone has jumped, the sensor has gone on as ever.
   if (step.is_gap) try_too(by_speed(period_.usual_s(), step.seconds));
+  // Wide kernels stop short of the place, which the next scan would be off by, too.
+  if (hidden_s_ > 0.0) {
+    const Vector6d twist = twist_to(found.T_odom_lidar, step);
+    Found settled = aligned(scan, twist, found.T_odom_lidar, kLeastMissM, step);
+    if (settled.match.fit >= kSettledFit * found.match.fit) found = std::move(settled);
+  }
   // Given poses jump at times, and speeds change.
   if (expected_ && placed_ > kFirstScans && !explains_as_usual(found)) {
     const Prediction speed = by_speed(step.seconds, step.seconds);
@@ -422,8 +441,12 @@ bool DirectFollower::is_hidden(const ThinnedScan& scan, const Found& found) cons
   if (match.matched < LocalAlignment::kMinMatched ||
       match.known_inlier_ratio < std::max(kLeastInliers, kHiddenOfUsual * usual))
     return true;
-  if (match.standing_ratio >= kToldStanding * usual_standing_ &&
-      usual_standing_ >= kStandingTells && explains_as_usual(found))
+  const bool standing_tells = usual_standing_ >= kStandingTells;
+  if (standing_tells &&
+      0.5 * (match.standing_ratio / usual_standing_ + match.fit / usual_fit_) < kHiddenFitOfUsual)
+    return true;
+  if (standing_tells && match.standing_ratio >= kToldStanding * usual_standing_ &&
+      explains_as_usual(found))
     return false;
   return seen_.share(scan.sparse.positions, found.T_odom_lidar) < kHiddenSeenAgain;
 }
@@ -506,11 +529,13 @@ void DirectFollower::place(const ThinnedScan& scan, const ScanPeriod::Step& step
   if (!step.is_gap)
     learn(deviation_from(by_speed(step.seconds, step.seconds)), predicted_s, off_rate2_);
   if (expected) learn(deviation_from(*expected), predicted_s, expected_off_rate2_);
+  on_surfaces_ = match.fit >= kFitOfInliers * match.inlier_ratio;
   ++placed_;
   // The mean of all until there are many, so that the first ones are not doubted less than others.
   const double share = std::max(kNewestShare, 1.0 / static_cast<double>(placed_));
   usual_known_ += share * (match.known_inlier_ratio - usual_known_);
   usual_standing_ += share * (match.standing_ratio - usual_standing_);
+  usual_fit_ += share * (match.fit - usual_fit_);
 }
 
 /// Directions that are kept as predicted. By chance one scan of a tunnel in thirty seems to tell
@@ -576,7 +601,7 @@ OdometryPose DirectOdometry::add(const Prepared& prepared) {
   if (!pose.hidden || scan.shell || scan.sparse.size() < kMinPoints) return pose;
   if (aside_) {
     const OdometryPose beside = aside_->add(scan);
-    if (beside.status != OdometryStatus::kPredicted) {
+    if (beside.status != OdometryStatus::kPredicted && aside_->on_surfaces()) {
       if (++fitting_ < kAnewScans) return pose;
       follower_ = std::move(*aside_);
       aside_.reset();

@@ -7,17 +7,17 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr double kCellM = 1.0;
-constexpr double kNearM = 30.0;
+constexpr double kSeenCellM = 1.0;
+constexpr double kSeenNearM = 30.0;
 constexpr std::size_t kMostRemembered = 600;
 /// Fewer tell nothing.
-constexpr std::size_t kFewest = 50;
+constexpr std::size_t kFewestSeen = 50;
 
 /// Relative to the sensor, so that it stays small. Points farther than 60 m share cells with
 /// others, which no point within 30 m is near to.
-std::uint32_t cell_key(const Eigen::Vector3d& p) {
+std::uint32_t seen_cell(const Eigen::Vector3d& p) {
   constexpr int kHalf = 1 << 9;
-  const Eigen::Vector3i c = (p / kCellM).array().floor().cast<int>();
+  const Eigen::Vector3i c = (p / kSeenCellM).array().floor().cast<int>();
   const auto part = [](int i) {
     return static_cast<std::uint32_t>(std::clamp(i + kHalf, 0, 1023));
   };
@@ -25,11 +25,12 @@ std::uint32_t cell_key(const Eigen::Vector3d& p) {
 }
 
 /// Whether a point lies in one of the cells or within half a cell of one.
-bool is_near(const std::vector<std::uint32_t>& cells, const Eigen::Vector3d& p) {
+bool is_near_seen(const std::vector<std::uint32_t>& cells, const Eigen::Vector3d& p) {
   for (unsigned corner = 0; corner < 8; ++corner) {
     const Eigen::Vector3d side((corner & 1U) != 0 ? 0.5 : -0.5, (corner & 2U) != 0 ? 0.5 : -0.5,
                                (corner & 4U) != 0 ? 0.5 : -0.5);
-    if (std::binary_search(cells.begin(), cells.end(), cell_key(p + kCellM * side))) return true;
+    if (std::binary_search(cells.begin(), cells.end(), seen_cell(p + kSeenCellM * side)))
+      return true;
   }
   return false;
 }
@@ -49,7 +50,8 @@ double SeenAgain::share(std::span<const Eigen::Vector3f> points_lidar,
   std::vector<std::uint32_t> cells;
   cells.reserve(points_lidar.size());
   for (const Eigen::Vector3f& p : points_lidar) {
-    if (p.squaredNorm() < 4.0 * kNearM * kNearM) cells.push_back(cell_key(p.cast<double>()));
+    if (p.squaredNorm() < 4.0 * kSeenNearM * kSeenNearM)
+      cells.push_back(seen_cell(p.cast<double>()));
   }
   std::sort(cells.begin(), cells.end());
   cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
@@ -57,11 +59,11 @@ double SeenAgain::share(std::span<const Eigen::Vector3f> points_lidar,
   std::size_t near = 0, again = 0;
   for (const Eigen::Vector3d& p_odom : points_odom_) {
     const Eigen::Vector3d p = T_lidar_odom * p_odom;
-    if (p.squaredNorm() > kNearM * kNearM) continue;
+    if (p.squaredNorm() > kSeenNearM * kSeenNearM) continue;
     ++near;
-    if (is_near(cells, p)) ++again;
+    if (is_near_seen(cells, p)) ++again;
   }
-  return near < kFewest ? 1.0 : static_cast<double>(again) / static_cast<double>(near);
+  return near < kFewestSeen ? 1.0 : static_cast<double>(again) / static_cast<double>(near);
 }
 
 }  // namespace stillmap::mapping
