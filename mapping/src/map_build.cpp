@@ -25,6 +25,7 @@
 #include <chrono>
 #include <fstream>
 #include <new>
+#include <span>
 #include <stdexcept>
 
 namespace stillmap::mapping {
@@ -145,6 +146,35 @@ void warn_of_given_poses(double voxel_size_m, MapBuildReport& report) {
       neighbours.median_m));
 }
 
+/// Numbers of scans in their drive, the first ones of them.
+std::string first_scans(const DriveSet& drives, std::span<const std::size_t> scans) {
+  constexpr std::size_t kNamed = 5;
+  std::string text = scans.size() == 1 ? "scan " : "scans ";
+  for (std::size_t i = 0; i < std::min(scans.size(), kNamed); ++i)
+    text += fmt::format("{}{} ({})", i == 0 ? "" : ", ", drives.place(scans[i]).index,
+                        drives.name(scans[i]));
+  return scans.size() > kNamed ? text + ", ..." : text;
+}
+
+void warn_of_hidden_scans(const DriveSet& drives, MapBuildReport& report) {
+  std::vector<std::size_t> hidden, anew;
+  for (std::size_t scan = 0; scan < drives.size(); ++scan) {
+    if (drives.note(scan) == ScanNote::kHidden) hidden.push_back(scan);
+    if (drives.note(scan) == ScanNote::kBeginsAnew) anew.push_back(scan);
+  }
+  if (!hidden.empty())
+    report.warnings.push_back(fmt::format(
+        "{} of {} scans show nothing of what the scans around them show, as of a covered sensor, "
+        "of dust, or of a frame that was sent again; they are left out of the map, and placed by "
+        "motion where no poses are given; look at {}, and clean or repair the sensor",
+        hidden.size(), drives.size(), first_scans(drives, hidden)));
+  if (!anew.empty())
+    report.warnings.push_back(fmt::format(
+        "nothing that was seen before is found again from {} on, so the way to there is a guess; "
+        "build what lies before and after as two drives with --select, or give poses",
+        first_scans(drives, anew)));
+}
+
 /// Poses of all drives in one frame, or those that a killed build had found.
 PosedDrives with_journaled_poses(const std::vector<maps::Drive>& drives,
                                  const MapBuildOptions& options, const std::string& odometry,
@@ -202,7 +232,9 @@ MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders
   warn_of_given_poses(options.voxel_size_m, report);
   const std::optional<BuildFrame> frame =
       register_drives(posed, options, odometry, report, progress, cancel);
-  const DriveSet drives(std::move(posed.drives), options, std::move(posed.doubts));
+  const DriveSet drives(std::move(posed.drives), options, std::move(posed.doubts),
+                        std::move(posed.notes));
+  warn_of_hidden_scans(drives, report);
   const VoxelGrid grid(origin_of(drives, frame), options.voxel_size_m);
   ScanStages stages(drives, options, grid);
   stages.learn(cancel);

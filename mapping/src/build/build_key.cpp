@@ -146,6 +146,9 @@ std::string survey_key(const DriveSet& drives, const MapBuildOptions& options,
     const maps::Drive& drive = drives.drives()[i];
     key += text_of(drive, i);
   }
+  for (std::size_t scan = 0; scan < drives.size(); ++scan) {
+    if (drives.note(scan) == ScanNote::kHidden) key += fmt::format("hidden: {}\n", scan);
+  }
   for (const std::size_t scan : learned)
     key += fmt::format("{}: {}\n", drives.name(scan), drives.sha256(scan));
   return key;

@@ -45,9 +45,11 @@ maps::Scan read_deskewed(const maps::Drive& drive, std::size_t index,
 }
 
 DriveSet::DriveSet(std::vector<maps::Drive> drives, const MapBuildOptions& options,
-                   std::vector<std::vector<PoseDoubt>> doubts)
+                   std::vector<std::vector<PoseDoubt>> doubts,
+                   std::vector<std::vector<ScanNote>> notes)
     : drives_(std::move(drives)),
       doubts_(std::move(doubts)),
+      notes_(std::move(notes)),
       range_m_{options.min_range_m, options.max_range_m} {
   for (std::size_t i = 0; i < drives_.size(); ++i) {
     const std::vector<std::size_t> indices = options.scans_of(drives_[i].size());
@@ -81,6 +83,10 @@ PoseDoubt DriveSet::doubt(std::size_t scan) const {
   return doubts_.empty() ? PoseDoubt{} : doubts_.at(places_[scan].drive).at(places_[scan].index);
 }
 
+ScanNote DriveSet::note(std::size_t scan) const {
+  return notes_.empty() ? ScanNote::kNone : notes_.at(places_[scan].drive).at(places_[scan].index);
+}
+
 std::int64_t DriveSet::stamp_ns(std::size_t scan) const {
   const Place at = place(scan);
   return drives_[at.drive].stamp_ns(at.index);
@@ -112,6 +118,12 @@ Eigen::Isometry3d DriveSet::T_map_scan(std::size_t scan) const {
 
 maps::Scan DriveSet::read(std::size_t number, std::map<std::string, std::uint64_t>& counts) const {
   const Place at = place(number);
+  if (note(number) == ScanNote::kHidden) {
+    maps::Scan hidden = drives_[at.drive].read(at.index);
+    counts["dropped_hidden"] += hidden.cloud.size();
+    hidden.cloud = {};
+    return hidden;
+  }
   maps::Scan scan = read_deskewed(drives_[at.drive], at.index, range_m_, counts);
   const Eigen::Quaterniond R = R_scan_lidar(number);
   if (R.w() == 1.0) return scan;

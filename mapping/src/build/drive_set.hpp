@@ -26,6 +26,9 @@ namespace stillmap::mapping {
                                        const std::array<double, 2>& range_m,
                                        std::map<std::string, std::uint64_t>& counts);
 
+/// What odometry says of a scan beside its pose, see `OdometryPose`.
+enum class ScanNote : std::uint8_t { kNone, kHidden, kBeginsAnew };
+
 /// The selected scans of all drives of a build, numbered through in order.
 class DriveSet {
  public:
@@ -36,10 +39,11 @@ class DriveSet {
   };
 
   /// @param drives  with poses in one frame.
-  /// @param doubts  one a scan of each drive, or none.
+  /// @param doubts, notes  one a scan of each drive, or none.
   /// @throws maps::InputError for no selected scan, or a pose beyond 1e7 m from the first.
   DriveSet(std::vector<maps::Drive> drives, const MapBuildOptions& options,
-           std::vector<std::vector<PoseDoubt>> doubts = {});
+           std::vector<std::vector<PoseDoubt>> doubts = {},
+           std::vector<std::vector<ScanNote>> notes = {});
 
   [[nodiscard]] std::size_t size() const { return places_.size(); }
   [[nodiscard]] const std::vector<maps::Drive>& drives() const { return drives_; }
@@ -51,11 +55,13 @@ class DriveSet {
   /// The least rotation that turns a scan upright; the identity for a lidar within 12 degrees.
   [[nodiscard]] Eigen::Quaterniond R_scan_lidar(std::size_t scan) const;
   [[nodiscard]] PoseDoubt doubt(std::size_t scan) const;
+  [[nodiscard]] ScanNote note(std::size_t scan) const;
   [[nodiscard]] std::int64_t stamp_ns(std::size_t scan) const;
   /// As `maps::Drive::Contents::scan_name` and `maps::Drive::sha256`.
   [[nodiscard]] std::string name(std::size_t scan) const;
   [[nodiscard]] std::string sha256(std::size_t scan) const;
-  /// As `read_deskewed`, in the frame of `T_map_scan`.
+  /// As `read_deskewed`, in the frame of `T_map_scan`. A hidden scan comes without its points.
+  /// @param counts  with hidden scans, `dropped_hidden` is added to.
   [[nodiscard]] maps::Scan read(std::size_t scan,
                                 std::map<std::string, std::uint64_t>& counts) const;
   /// One a drive, of the lidar itself.
@@ -67,6 +73,7 @@ class DriveSet {
 
   std::vector<maps::Drive> drives_;
   std::vector<std::vector<PoseDoubt>> doubts_;
+  std::vector<std::vector<ScanNote>> notes_;
   std::vector<Place> places_;
   std::array<double, 2> range_m_;
 };

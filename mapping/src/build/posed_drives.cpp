@@ -100,6 +100,22 @@ std::vector<std::vector<PoseDoubt>> doubts_in(const std::vector<maps::Drive>& dr
   return doubts;
 }
 
+/// @param is_joined  where poses are given, nothing begins anew.
+std::vector<std::vector<ScanNote>> notes_in(const std::vector<maps::Drive>& drives,
+                                            const TrajectoryEstimate& estimate, bool is_joined) {
+  std::vector<std::vector<ScanNote>> notes;
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    std::vector<ScanNote>& of_drive = notes.emplace_back(drives[i].size(), ScanNote::kNone);
+    const EstimatedDrive& estimated = estimate.drives[i];
+    for (std::size_t k = 0; k < estimated.odometry.size(); ++k) {
+      const OdometryPose& pose = estimated.odometry[k];
+      if (pose.hidden) of_drive[estimated.begin + k] = ScanNote::kHidden;
+      if (pose.begins_anew && !is_joined) of_drive[estimated.begin + k] = ScanNote::kBeginsAnew;
+    }
+  }
+  return notes;
+}
+
 PoseDifferences moves_of(const std::vector<maps::Drive>& given,
                          const std::vector<maps::Drive>& refined,
                          const TrajectoryEstimate& estimate) {
@@ -180,6 +196,7 @@ PosedDrives with_given_poses(const std::vector<maps::Drive>& drives, const MapBu
   report.errors = estimate.given_errors.value();
   const bool moves = refines && !report.errors.agree();
   posed.doubts = doubts_in(posed.drives, estimate, !moves);
+  posed.notes = notes_in(posed.drives, estimate, true);
   if (moves) {
     posed.counts = counts_of(estimate);
     posed.graph = drive_graph_of(estimate);
@@ -201,6 +218,8 @@ PosedDrives with_estimated_poses(const std::vector<maps::Drive>& drives,
   posed.counts = counts_of(estimate);
   posed.graph = drive_graph_of(estimate);
   posed.doubts = doubts_in(drives, estimate, false);
+  const bool asks_given = options.trajectory.prior || options.trajectory.gnss_sigma_m;
+  posed.notes = notes_in(drives, estimate, asks_given);
   return posed;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "build/drive_set.hpp"
 #include "build/graph_of_poses.hpp"
 #include "views/posed_views.hpp"
 
@@ -36,6 +37,8 @@ struct PosedDrives {
   std::optional<GivenPosesReport> given{};
   /// One a scan of each drive; 0 outside of the selection.
   std::vector<std::vector<PoseDoubt>> doubts{};
+  /// As many; none outside of the selection.
+  std::vector<std::vector<ScanNote>> notes{};
 };
 
 /// The drives' own poses, brought to the frame of the first drive's by their geodetic origins.

@@ -115,6 +115,15 @@ GivenPosesReport report_from(ByteReader& reader) {
   return report;
 }
 
+/// @param lists  one a drive, or none.
+template <typename Each>
+void require_one_a_scan(const ByteReader& reader, const std::vector<std::vector<Each>>& lists,
+                        const std::vector<maps::Drive>& drives) {
+  for (std::size_t i = 0; i < lists.size(); ++i)
+    if (lists.size() != drives.size() || lists[i].size() != drives[i].size())
+      reader.refuse("of other scans than the drives'");
+}
+
 }  // namespace
 
 std::string to_bytes(const PosedDrives& posed) {
@@ -136,6 +145,11 @@ std::string to_bytes(const PosedDrives& posed) {
       put_number(bytes, doubt.m);
       put_number(bytes, doubt.rad);
     }
+  }
+  put_number(bytes, posed.notes.size());
+  for (const std::vector<ScanNote>& of_drive : posed.notes) {
+    put_number(bytes, of_drive.size());
+    for (const ScanNote note : of_drive) put_number(bytes, note);
   }
   put_number(bytes, posed.drives.size());
   for (const maps::Drive& drive : posed.drives) {
@@ -173,9 +187,13 @@ PosedDrives posed_drives_from(std::string_view bytes, const std::vector<maps::Dr
       doubt.rad = reader.number<float>();
     }
   }
-  for (std::size_t i = 0; i < posed.doubts.size(); ++i)
-    if (posed.doubts.size() != drives.size() || posed.doubts[i].size() != drives[i].size())
-      reader.refuse("of other scans than the drives'");
+  for (auto left = reader.count(sizeof(std::size_t)); left > 0; --left) {
+    std::vector<ScanNote>& of_drive = posed.notes.emplace_back();
+    of_drive.resize(reader.count(sizeof(ScanNote)));
+    for (ScanNote& note : of_drive) note = reader.number<ScanNote>();
+  }
+  require_one_a_scan(reader, posed.doubts, drives);
+  require_one_a_scan(reader, posed.notes, drives);
   if (reader.number<std::size_t>() != drives.size()) reader.refuse("of another number of drives");
   for (const maps::Drive& drive : drives) posed.drives.push_back(drive_from(reader, drive));
   reader.end();

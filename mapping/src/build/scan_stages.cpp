@@ -197,6 +197,8 @@ void ScanStages::learn(const CancelFlag& cancel) {
   std::vector<std::vector<OwnVehicle::Sample>> samples(drives_.drives().size());
   for (const auto& [number, before] : vehicle_samples(drives_)) {
     if (cancel) throw Cancelled();
+    if (drives_.note(number) == ScanNote::kHidden || drives_.note(before) == ScanNote::kHidden)
+      continue;
     maps::Scan scan = drives_.read(number, unused), earlier = drives_.read(before, unused);
     for (maps::Scan* each : {&scan, &earlier}) take_out_weather(*each);
     const std::vector<std::uint8_t> is_ground = ground_->segment(scan.cloud).is_ground;
@@ -228,7 +230,10 @@ SurveyedScan ScanStages::survey(std::size_t number) const {
   out.counts["in"] = scan.points_in_file;
   out.counts["dropped_non_finite"] = scan.dropped.non_finite;
   out.counts["dropped_zero_range"] = scan.dropped.zero_range;
-  out.counts["scans_empty"] = scan.cloud.empty() ? 1 : 0;
+  const bool is_hidden = drives_.note(number) == ScanNote::kHidden;
+  out.counts["scans_empty"] = scan.cloud.empty() && !is_hidden ? 1 : 0;
+  // Only where there are any: maps of earlier versions keep their digests.
+  if (is_hidden) out.counts["scans_hidden"] = 1;
   // Ground, detectors and views see what they would see in clear weather and without a trailer.
   std::vector<bool> unseen(scan.cloud.size());
   {

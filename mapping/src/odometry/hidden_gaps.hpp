@@ -8,9 +8,11 @@
 
 namespace stillmap::mapping {
 
-/// Bends the poses of hidden scans, which were predicted from those before them, so that they lead
-/// to the scan after them. What a prediction by speed is off by grows with the square of time, as
-/// under an even acceleration. Poses of hidden scans at the end stay.
+/// Places hidden scans, which were predicted from those before them alone, by those after them too.
+///
+/// Between two that are seen, predictions are bent to lead to the second: an error of the speed
+/// grows with time, one of an acceleration with its square. Hidden scans that a drive begins with
+/// follow, backward, from the first two that are seen; those that it ends with stay.
 /// @param stamps_ns  one a pose, ascending.
 void join_over_hidden(std::span<const std::int64_t> stamps_ns, std::vector<OdometryPose>& poses);
 

@@ -26,7 +26,7 @@ std::vector<double> ways_from(std::span<const OdometryPose> odometry, std::size_
 std::vector<Eigen::Isometry3d> corrected_poses(std::span<const OdometryPose> odometry,
                                                std::span<const std::size_t> keyframes,
                                                std::span<const Eigen::Isometry3d> T_map_keyframe) {
-  if (keyframes.size() != T_map_keyframe.size() || keyframes.empty() || keyframes.front() != 0 ||
+  if (keyframes.size() != T_map_keyframe.size() || keyframes.empty() ||
       keyframes.back() >= odometry.size())
     throw std::invalid_argument("corrected_poses: key frames that do not fit the scans");
   const auto after = [&](std::size_t k, std::size_t scan) {
@@ -36,6 +36,8 @@ std::vector<Eigen::Isometry3d> corrected_poses(std::span<const OdometryPose> odo
   };
   std::vector<Eigen::Isometry3d> poses;
   poses.reserve(odometry.size());
+  for (std::size_t scan = 0; scan < keyframes.front(); ++scan)
+    poses.push_back(maps::renormalized(after(0, scan)));
   for (std::size_t k = 0; k + 1 < keyframes.size(); ++k) {
     const std::vector<double> ways = ways_from(odometry, keyframes[k], keyframes[k + 1]);
     poses.push_back(T_map_keyframe[k]);

@@ -25,15 +25,22 @@ Eigen::Matrix<double, 6, 6> OdometryDrift::over(double way_m) const {
 }
 
 std::optional<KeyframeChooser::Chosen> KeyframeChooser::add(const OdometryPose& pose) {
+  if (pose.hidden) {
+    hidden_ += pose.covariance;
+    return std::nullopt;
+  }
   if (!begun_) {
     begun_ = true;
     T_odom_keyframe_ = T_odom_last_ = pose.T_odom_lidar;
+    hidden_.setZero();
     return Chosen{};
   }
   // An error before the last step, seen from after it.
   const Eigen::Isometry3d T_last_this = T_odom_last_.inverse() * pose.T_odom_lidar;
   const Eigen::Matrix<double, 6, 6> carry = localization::adjoint(T_last_this.inverse());
   covariance_ = carry * covariance_ * carry.transpose() + pose.covariance;
+  if (pose.begins_anew) covariance_ += hidden_;
+  hidden_.setZero();
   T_odom_last_ = pose.T_odom_lidar;
 
   const Eigen::Isometry3d T_before_this = T_odom_keyframe_.inverse() * pose.T_odom_lidar;

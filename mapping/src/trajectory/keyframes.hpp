@@ -38,7 +38,8 @@ class KeyframeChooser {
       return by_matches + drift.over(T_before_this.translation().norm());
     }
   };
-  /// The next scan's pose. @return nothing unless it becomes a key frame. The first scan does.
+  /// The next scan's pose. @return nothing unless it becomes a key frame. The first scan that is
+  /// not hidden does.
   [[nodiscard]] std::optional<Chosen> add(const OdometryPose& pose);
 
  private:
@@ -46,6 +47,9 @@ class KeyframeChooser {
   Eigen::Isometry3d T_odom_keyframe_ = Eigen::Isometry3d::Identity();
   Eigen::Isometry3d T_odom_last_ = Eigen::Isometry3d::Identity();
   Eigen::Matrix<double, 6, 6> covariance_ = Eigen::Matrix<double, 6, 6>::Zero();
+  /// Of the hidden scans since the last one that was not: what counts where nothing was found again
+  /// after them.
+  Eigen::Matrix<double, 6, 6> hidden_ = Eigen::Matrix<double, 6, 6>::Zero();
 };
 
 }  // namespace stillmap::mapping

@@ -36,7 +36,7 @@ constexpr double kDenied = 0.1;
 struct Odometries {
   std::vector<EstimatedDrive> drives;
   std::vector<DriveKeyframe> keyframes;
-  /// Of each drive, see `T_ground_lidar`; odometry starts at the identity.
+  /// Of each drive, by its first key frame, see `T_ground_lidar`.
   std::vector<Eigen::Isometry3d> T_ground_odom;
 };
 
@@ -53,7 +53,11 @@ void follow(const maps::Drive& drive, std::size_t number, const TrajectoryOption
     if (!chosen) return;
     maps::PointCloud cloud = scan.cloud;
     maps::deskew(cloud, pose.twist_lidar);
-    if (estimated.keyframes.empty()) out.T_ground_odom.push_back(T_ground_lidar(cloud));
+    if (estimated.keyframes.empty()) {
+      Eigen::Isometry3d T_ground_odom = T_ground_lidar(cloud);
+      if (index > options.begin) T_ground_odom = T_ground_odom * pose.T_odom_lidar.inverse();
+      out.T_ground_odom.push_back(T_ground_odom);
+    }
     estimated.keyframes.push_back(index);
     out.keyframes.push_back({.drive = number,
                              .scan = index,
@@ -74,6 +78,11 @@ void follow(const maps::Drive& drive, std::size_t number, const TrajectoryOption
                          .take = take};
   if (read) followed.read = [&](std::size_t index) { return read(drive, index); };
   estimated.odometry = run_odometry(followed, options.threads, progress, cancel);
+  if (estimated.keyframes.empty())
+    throw maps::InputError(drive.contents().root.string(),
+                           fmt::format("{} scans that show nothing but what covers the sensor",
+                                       estimated.odometry.size()),
+                           "scans that see the surroundings");
   out.drives.push_back(std::move(estimated));
 }
 

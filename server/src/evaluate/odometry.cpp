@@ -5,6 +5,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -82,6 +83,13 @@ void print_for_people(const OdometryEvaluation& result) {
   table.add("odometry", fmt::format("{:.1f} scans/s, reading included", result.scans_per_second));
   table.add("matched", fmt::format("{}, partly {}, predicted {}", grouped(result.matched),
                                    grouped(result.partly), grouped(result.predicted)));
+  const auto hidden = std::ranges::count_if(result.path, &mapping::FollowedScan::hidden);
+  if (hidden > 0)
+    table.add("hidden", fmt::format("{} scans that show nothing of what those around them show",
+                                    grouped(static_cast<std::size_t>(hidden))));
+  const auto anew = std::ranges::find_if(result.path, &mapping::FollowedScan::begins_anew);
+  if (anew != result.path.end())
+    table.add("begun anew", fmt::format("at scan {}: the way to there is a guess", anew->scan));
   if (result.options.movable != mapping::MovablePolicy::kKeep)
     table.add("points",
               fmt::format("{}, projected {}, deleted {}", grouped(result.points.in),

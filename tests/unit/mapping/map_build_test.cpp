@@ -22,8 +22,13 @@ namespace map_build_test {
 
 using maps::InputError;
 using test::ThrowsSaying;
+using ::testing::AllOf;
+using ::testing::Contains;
 using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Key;
+using ::testing::Not;
 
 class MapBuild : public ::testing::Test {
  protected:
@@ -290,6 +295,39 @@ TEST_F(MapBuild, TellsProgressScanByScan) {
 TEST_F(MapBuild, CountsAnEmptyScanAndGoesOn) {
   folder_.write("drive/000002.bin", "");
   EXPECT_EQ(build().points.at("scans_empty"), 1U);
+}
+
+TEST_F(MapBuild, KeepsAHiddenScanOutAndSaysSo) {
+  const std::uint64_t points = small_.scan(2).size();
+  (void)build("clean");
+  EXPECT_THAT(open("clean")->manifest().counts, Not(Contains(Key("scans_hidden"))));
+  // Beyond the range that is left out near the sensor.
+  maps::PointCloud shell = small_.scan(2);
+  for (Eigen::Vector3f& p : shell.positions) p *= 4.0F / p.norm();
+  folder_.write("drive/000002.bin", test::bin_of(shell));
+  use_boxes();
+  options_.clean = "none";
+  for (const GivenPosesUse use : {GivenPosesUse::kExact, GivenPosesUse::kRefine}) {
+    options_.given_poses = use;
+    const std::string name(name_of(use));
+    const MapBuildReport report = build(name);
+    EXPECT_EQ(report.points.at("scans_hidden"), 1U);
+    EXPECT_EQ(report.points.at("dropped_hidden"), points);
+    EXPECT_EQ(report.points.at("scans_empty"), 0U);
+    EXPECT_EQ(report.objects.at("boxes"), 3U) << "nothing is detected in it";
+    EXPECT_THAT(report.warnings,
+                Contains(AllOf(HasSubstr("1 of 4 scans"), HasSubstr("scan 2 (000002.bin)"))));
+    const auto map = open(name);
+    EXPECT_EQ(map->manifest().counts.at("scans_hidden"), 1U);
+    // Nothing in the air between the walls but the car.
+    for (const maps::TileEntry& tile : map->manifest().tiles) {
+      for (const maps::MapPoint& p : map->tile(tile.id)) {
+        const Eigen::Vector3d q =
+            Eigen::Vector3f(p.x, p.y, p.z).cast<double>() + map->manifest().origin;
+        EXPECT_FALSE(q.z() > 0.3 && q.y() > -7.5 && q.y() < 2.5) << q.transpose();
+      }
+    }
+  }
 }
 
 TEST_F(MapBuild, LeavesNothingBehindWhenAScanIsTruncated) {

@@ -101,6 +101,8 @@ class PosedDrivesBytes : public PosedDrivesTest {
     given.errors.denied = 2;
     given.moved.max_m = 0.25;
     posed_.given = given;
+    posed_.notes.assign(2, std::vector<ScanNote>(drive_.size(), ScanNote::kNone));
+    posed_.notes[1][2] = ScanNote::kHidden;
     posed_.graph = DriveGraph{.key_frames = {{0, 0}, {1, 1}}, .loops = {{{1, 1}, {0, 0}, 0.75}}};
   }
   PosedDrives posed_;
@@ -109,6 +111,7 @@ class PosedDrivesBytes : public PosedDrivesTest {
 TEST_F(PosedDrivesBytes, ComeBackToTheLastBit) {
   const PosedDrives back = posed_drives_from(to_bytes(posed_), {without_poses(), without_poses()});
   EXPECT_EQ(back.counts, posed_.counts);
+  EXPECT_EQ(back.notes, posed_.notes);
   ASSERT_TRUE(back.graph);
   ASSERT_EQ(back.graph->key_frames.size(), 2U);
   EXPECT_EQ(back.graph->key_frames[1].drive, 1U);

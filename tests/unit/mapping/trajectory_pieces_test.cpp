@@ -48,6 +48,24 @@ TEST(KeyframeChooser, TakesTheFirstScanAndThenOneAMetreOrTenDegrees) {
   EXPECT_TRUE(chooser.add(pose_of(turned(1.2, 0.0, 0.18))));
 }
 
+TEST(KeyframeChooser, HiddenScansAreNoneAndCountWhereNothingIsFoundAgain) {
+  OdometryPose hidden = pose_of(turned(2.0, 0.0, 0.0));
+  hidden.hidden = true;
+  hidden.covariance = Matrix6d::Identity();
+  for (const bool anew : {false, true}) {
+    KeyframeChooser chooser;
+    EXPECT_FALSE(chooser.add(hidden));
+    EXPECT_TRUE(chooser.add(pose_of(turned(0.0, 0.0, 0.0)))) << "the first one that sees";
+    EXPECT_FALSE(chooser.add(hidden));
+    OdometryPose after = pose_of(turned(4.0, 0.0, 0.0));
+    after.begins_anew = anew;
+    const auto chosen = chooser.add(after);
+    ASSERT_TRUE(chosen);
+    EXPECT_DOUBLE_EQ(chosen->T_before_this.translation().x(), 4.0);
+    EXPECT_NEAR(chosen->by_matches(0, 0), anew ? 1.0 : 0.0, 1e-12);
+  }
+}
+
 TEST(KeyframeChooser, CarriesTheErrorOfATurnToWhereItShows) {
   // One degree of yaw that is not known at the start is 17 mm to the side a metre on.
   KeyframeChooser chooser;
@@ -104,12 +122,21 @@ TEST_F(CorrectedPoses, SpreadACorrectionOverTheWayBetweenKeyFrames) {
   EXPECT_NEAR(poses[6].translation().z(), 0.3, 1e-3) << "what comes after the last one follows it";
 }
 
+TEST_F(CorrectedPoses, ScansBeforeTheFirstKeyFrameFollowIt) {
+  const Eigen::Isometry3d T_map_odom = turned(30.0, -4.0, 1.0);
+  const auto poses = corrected_poses(
+      odometry_, std::vector<std::size_t>{2, 5},
+      std::vector{T_map_odom * odometry_[2].T_odom_lidar, T_map_odom * odometry_[5].T_odom_lidar});
+  ASSERT_EQ(poses.size(), odometry_.size());
+  for (std::size_t i = 0; i < poses.size(); ++i)
+    EXPECT_LT(distance(poses[i], T_map_odom * odometry_[i].T_odom_lidar), 1e-12);
+}
+
 TEST_F(CorrectedPoses, RefuseKeyFramesThatAreNoScans) {
   const std::vector<Eigen::Isometry3d> three(3, Eigen::Isometry3d::Identity());
   EXPECT_THROW((void)corrected_poses(odometry_, std::vector<std::size_t>{0, 2, 7}, three),
                std::invalid_argument);
-  EXPECT_THROW((void)corrected_poses(odometry_, std::vector<std::size_t>{1, 2, 5}, three),
-               std::invalid_argument);
+  EXPECT_THROW((void)corrected_poses(odometry_, {}, {}), std::invalid_argument);
 }
 
 /// Three drives of two key frames each; frames as wanted.

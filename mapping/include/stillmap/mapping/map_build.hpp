@@ -123,7 +123,8 @@ struct MapBuildReport {
   double seconds = 0.0;
   double scans_per_second = 0.0;
   double peak_rss_mib = 0.0;
-  /// in, ground, projected, deleted, cleaned, filled, static, ...
+  /// in, ground, projected, deleted, cleaned, filled, static, ...; where scans are hidden
+  /// (`OdometryPose::hidden`), scans_hidden and dropped_hidden, their points, too.
   std::map<std::string, std::uint64_t> points;
   /// parked, moving, unknown, boxes, "dropped: REASON", ...
   std::map<std::string, std::uint64_t> objects;
@@ -136,7 +137,7 @@ struct MapBuildReport {
   /// Summed over threads; with what the resumed scans took in the build that was killed.
   std::map<std::string, double> stage_seconds;
   /// What a person should look at: edits that met nothing, work of a killed build that was thrown
-  /// away, a `min_range_m` that leaves out much.
+  /// away, a `min_range_m` that leaves out much, hidden scans.
   std::vector<std::string> warnings;
   /// With `register_to`.
   std::optional<maps::Registration> registration;

@@ -24,7 +24,8 @@ enum class OdometryStatus {
 /// Where a scan was taken, as far as the scans before it tell.
 struct OdometryPose {
   OdometryStatus status = OdometryStatus::kPredicted;
-  /// At the scan's stamp. `odom` is the lidar frame of the first scan.
+  /// At the scan's stamp. `odom` is the lidar frame of the first scan; near it where that is
+  /// hidden.
   Eigen::Isometry3d T_odom_lidar = Eigen::Isometry3d::Identity();
   /// Of the motion since the scan before, rows tx ty tz [m], rx ry rz [rad]; perturbation on the
   /// right, in the lidar frame. Zero for the first scan.

@@ -122,6 +122,9 @@ struct FollowedScan {
   std::size_t scan = 0;
   std::int64_t stamp_ns = 0;
   OdometryStatus status = OdometryStatus::kPredicted;
+  /// As in `OdometryPose`.
+  bool hidden = false;
+  bool begins_anew = false;
   /// By odometry alone; the frame is that of the first scan.
   Eigen::Isometry3d T_odom_lidar = Eigen::Isometry3d::Identity();
   /// After loops and pose graph, in a frame of the estimate's; the same as odometry's but for the
@@ -176,7 +179,8 @@ struct OdometryEvaluation {
 
 /// The object of `--json`: `kitti {translation_percent, rotation_deg_per_100m}`, `ape_mean_m`,
 /// `ate_rmse_m`, `rpe {translation_percent_10m, rotation_deg_10m}` of the path that was asked for,
-/// `loops {found, precision, recall}`, `scans_per_second`, and the same for odometry alone and with
+/// `loops {found, precision, recall}`, `scans_per_second`, `scans_hidden` and `scans_begun_anew`
+/// (numbers of scans), and the same for odometry alone and with
 /// loops. What could not be known is null.
 [[nodiscard]] std::string to_json(const OdometryEvaluation& evaluation);
 

@@ -117,12 +117,14 @@ using ScanReader = std::function<maps::Scan(const maps::Drive& drive, std::size_
 ///
 /// Key frames are a metre or 10 degrees apart; the poses of the scans between them follow their
 /// corrections. The map frame is that of the drives' poses where these are a prior or GNSS; else
-/// the ground below the first scan, z its normal, x forward.
+/// the ground below the first scan that is not hidden, z its normal, x forward. Hidden scans have
+/// poses, but are no key frames.
 /// @param drives   at least one.
 /// @param scratch  existing folder for what does not stay in memory.
 /// @param read     none = `Drive::read`.
 /// @throws std::invalid_argument (options), maps::InputError (also for a drive that shares no place
-/// with the others, or poses that are asked for and absent), maps::StorageError, Cancelled.
+/// with the others, one of hidden scans alone, or poses that are asked for and absent),
+/// maps::StorageError, Cancelled.
 [[nodiscard]] TrajectoryEstimate estimate_trajectories(const std::vector<maps::Drive>& drives,
                                                        const TrajectoryOptions& options,
                                                        const std::filesystem::path& scratch,

@@ -54,6 +54,8 @@ std::vector<FollowedScan> path_of(const maps::Drive& drive,
     path.push_back({.scan = scan,
                     .stamp_ns = drive.stamp_ns(scan),
                     .status = estimated.odometry[i].status,
+                    .hidden = estimated.odometry[i].hidden,
+                    .begins_anew = estimated.odometry[i].begins_anew,
                     .T_odom_lidar = estimated.odometry[i].T_odom_lidar,
                     .T_map_lidar = estimated.T_map_lidar.at(i),
                     .T_truth_lidar = truth_of(drive, options, scan)});

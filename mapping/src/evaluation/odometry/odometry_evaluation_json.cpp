@@ -45,6 +45,12 @@ std::string to_json(const OdometryEvaluation& evaluation) {
   json["status"] = {{"matched", evaluation.matched},
                     {"partly", evaluation.partly},
                     {"predicted", evaluation.predicted}};
+  Json &hidden = json["scans_hidden"] = Json::array(),
+       &anew = json["scans_begun_anew"] = Json::array();
+  for (const FollowedScan& scan : evaluation.path) {
+    if (scan.hidden) hidden.push_back(scan.scan);
+    if (scan.begins_anew) anew.push_back(scan.scan);
+  }
   json["points"] = {{"in", evaluation.points.in},
                     {"projected", evaluation.points.projected},
                     {"deleted", evaluation.points.deleted}};
