@@ -69,15 +69,16 @@ constexpr double kHiddenAcceleration = 2.0;
 /// that fall where the map knows anything: in clean drives it is 0.78 and more (0.9 once there is a
 /// map), of dust and shells 0.3 to 0.55.
 constexpr double kHiddenOfUsual = 0.65;
-/// Or when those that stand lie there less than usual, and all fit worse, both as shares of the
-/// usual and in the mean less than this: 0.37 and more, also where a sparse sensor that turns
-/// misses a scan; of dust 0.23 and less.
-constexpr double kHiddenFitOfUsual = 0.3;
+/// Or when its fit, and in the geometric mean of both also those of its points that stand and lie
+/// on the map, are less than these shares of the usual. The mean is 0.36 and more, also where a
+/// sparse sensor that turns misses a scan; of dust 0.26 and less. Where next to nothing stands, the
+/// fit tells.
+constexpr double kHiddenFitOfUsual = 0.6;
+constexpr double kHiddenMeanOfUsual = 0.3;
 /// Or when it sees less than this share of what the scan before saw again: in clean drives 0.73 and
 /// more, with shells 0.1 and less.
 constexpr double kHiddenSeenAgain = 0.35;
-/// But for a scan that the map explains as it usually does, where posts and walls tell.
-constexpr double kToldStanding = 0.9;
+/// Where less than this share of what stands usually lies on the map, its share tells nothing.
 constexpr double kStandingTells = 0.3;
 /// On surfaces points fit, as a share of those that lie there, better than this: 0.58 and more. In
 /// dust the map has cells full of points and no surfaces: 0.35 and less.
@@ -441,13 +442,10 @@ bool DirectFollower::is_hidden(const ThinnedScan& scan, const Found& found) cons
   if (match.matched < LocalAlignment::kMinMatched ||
       match.known_inlier_ratio < std::max(kLeastInliers, kHiddenOfUsual * usual))
     return true;
-  const bool standing_tells = usual_standing_ >= kStandingTells;
-  if (standing_tells &&
-      0.5 * (match.standing_ratio / usual_standing_ + match.fit / usual_fit_) < kHiddenFitOfUsual)
+  const double fit = match.fit / usual_fit_, standing = match.standing_ratio / usual_standing_;
+  if (usual_standing_ >= kStandingTells && fit < kHiddenFitOfUsual &&
+      fit * standing < kHiddenMeanOfUsual * kHiddenMeanOfUsual)
     return true;
-  if (standing_tells && match.standing_ratio >= kToldStanding * usual_standing_ &&
-      explains_as_usual(found))
-    return false;
   return seen_.share(scan.sparse.positions, found.T_odom_lidar) < kHiddenSeenAgain;
 }
 
