@@ -17,7 +17,12 @@ constexpr double kSpeedOff = 0.3;
 constexpr double kAccelerationOff = 2.0;
 
 double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
-  return std::min(1e-9 * static_cast<double>(to_ns - from_ns), ScanPeriod::kMaxGapS);
+  return 1e-9 * static_cast<double>(to_ns - from_ns);
+}
+
+/// As far as speeds are believed to lead.
+double led_s(std::int64_t from_ns, std::int64_t to_ns) {
+  return std::min(seconds_between(from_ns, to_ns), ScanPeriod::kMaxGapS);
 }
 
 /// How much of what a prediction is off by after `all_s` it was off by before, at a share of that
@@ -37,7 +42,7 @@ void place_before(std::size_t first, std::span<const std::int64_t> stamps_ns,
   const Eigen::Matrix<double, 6, 1> twist =
       maps::log_se3(T_first_next) / seconds_between(stamps_ns[first], stamps_ns[first + 1]);
   for (std::size_t i = 0; i < first; ++i) {
-    const double before_s = seconds_between(stamps_ns[i], stamps_ns[first]);
+    const double before_s = led_s(stamps_ns[i], stamps_ns[first]);
     poses[i].T_odom_lidar =
         maps::renormalized(poses[first].T_odom_lidar * maps::exp_se3(-before_s * twist));
     poses[i].twist_lidar = twist;
@@ -61,14 +66,14 @@ void join_over_hidden(std::span<const std::int64_t> stamps_ns, std::vector<Odome
     const OdometryPose& last = poses[end - 1];
     const Eigen::Isometry3d T_predicted =
         last.T_odom_lidar *
-        maps::exp_se3(seconds_between(stamps_ns[end - 1], stamps_ns[end]) * last.twist_lidar);
+        maps::exp_se3(led_s(stamps_ns[end - 1], stamps_ns[end]) * last.twist_lidar);
     const Eigen::Matrix<double, 6, 1> off =
         maps::log_se3(T_predicted.inverse() * poses[end].T_odom_lidar);
     const double all_s = seconds_between(stamps_ns[begin - 1], stamps_ns[end]);
     for (std::size_t i = begin; i < end; ++i) {
       const double share = seconds_between(stamps_ns[begin - 1], stamps_ns[i]) / all_s;
-      poses[i].T_odom_lidar = maps::renormalized(
-          poses[i].T_odom_lidar * maps::exp_se3(off_share(std::min(share, 1.0), all_s) * off));
+      poses[i].T_odom_lidar =
+          maps::renormalized(poses[i].T_odom_lidar * maps::exp_se3(off_share(share, all_s) * off));
     }
     begin = end;
   }
