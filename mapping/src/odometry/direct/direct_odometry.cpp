@@ -14,7 +14,6 @@
 #include <cstdint>
 #include <deque>
 #include <optional>
-#include <ranges>
 #include <utility>
 
 namespace stillmap::mapping {
@@ -88,8 +87,6 @@ constexpr double kSettledFit = 0.98;
 /// A frame that is sent again matches where it was taken; it is one while the sensor moves by more
 /// than this from scan to scan.
 constexpr double kStuckMoveM = 0.02;
-/// As many scans back are compared.
-constexpr std::size_t kFramesKept = 8;
 /// Hidden scans that fit each other are another place: after so many on end it is begun anew there.
 constexpr std::size_t kAnewScans = 5;
 
@@ -253,8 +250,8 @@ class DirectFollower {
   double hidden_s_ = 0.0;
   SeenAgain seen_;
   bool on_surfaces_ = false;
-  /// `ThinnedScan::content` of the last scans.
-  std::deque<std::uint64_t> frames_;
+  /// `ThinnedScan::content` of the scan before.
+  std::uint64_t last_content_ = 0;
   std::optional<Eigen::Isometry3d> T_odom_mapped_;
   std::size_t scans_in_map_ = 0;
   /// Mean square of how fast predictions went astray [m^2/s^2].
@@ -305,8 +302,7 @@ OdometryPose DirectFollower::add(const ThinnedScan& scan) {
   last_ = Last{pose.T_odom_lidar, pose.twist_lidar};
   has_last_ = true;
   expected_.reset();
-  frames_.push_back(scan.content);
-  if (frames_.size() > kFramesKept) frames_.pop_front();
+  last_content_ = scan.content;
   return pose;
 }
 
@@ -427,9 +423,9 @@ DirectFollower::Prediction DirectFollower::predicted(const std::optional<Predict
   return is_first || expected_off_rate2_ < off_rate2_ ? *expected : speed;
 }
 
-/// Whether a frame came before and the sensor has moved since.
+/// Whether it is the scan before once more, and the sensor has moved since.
 bool DirectFollower::is_frame_again(const ThinnedScan& scan, const Prediction& prediction) const {
-  if (scan.content == 0 || std::ranges::find(frames_, scan.content) == frames_.end()) return false;
+  if (scan.content == 0 || scan.content != last_content_) return false;
   const Eigen::Isometry3d moved = last_.T_odom_lidar.inverse() * prediction.T_odom_lidar;
   return in_metres(maps::log_se3(moved)).norm() > kStuckMoveM;
 }
