@@ -63,8 +63,9 @@ class HiddenScan : public ::testing::Test {
     std::normal_distribution<double> noise(radius_m, noise_m);
     replace(index, [&](double) { return noise(random_); });
   }
-  void fill_with_dust(std::size_t index) {
-    std::exponential_distribution<double> depth(1.0 / 2.5);
+  /// Of a mean depth [m]. A third of the rays get through five metres to the nearest ground.
+  void fill_with_dust(std::size_t index, double depth_m = 2.5) {
+    std::exponential_distribution<double> depth(1.0 / depth_m);
     replace(index, [&](double true_m) { return std::clamp(depth(random_), 0.3, true_m); });
   }
 
@@ -168,7 +169,7 @@ TEST_F(HiddenScan, TenOnEndAreBridged) {
   for (std::size_t i = 11; i <= 20; ++i) cover(i, 3.0, 0.01);
   expect_bridged("shell");
   scans_ = clean;
-  for (std::size_t i = 11; i <= 20; ++i) fill_with_dust(i);
+  for (std::size_t i = 11; i <= 20; ++i) fill_with_dust(i, 5.0);
   expect_bridged("dust");
   scans_ = clean;
   for (std::size_t i = 11; i <= 20; ++i) scans_[i].cloud = scans_[10].cloud;
