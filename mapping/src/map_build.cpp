@@ -175,6 +175,24 @@ void warn_of_hidden_scans(const DriveSet& drives, MapBuildReport& report) {
         first_scans(drives, anew)));
 }
 
+void warn_of_pose_faults(std::vector<maps::DriveFinding> faults, MapBuildReport& report) {
+  for (const maps::DriveFinding& fault : faults)
+    report.warnings.push_back(fault.what + "; " + fault.remedy);
+  report.pose_faults = std::move(faults);
+}
+
+/// Says what was added.
+void warn_of_found_offsets(const std::vector<maps::Drive>& drives, MapBuildReport& report) {
+  for (std::size_t i = 0; i < report.found_pose_time_offsets_s.size(); ++i) {
+    const double offset_s = report.found_pose_time_offsets_s[i];
+    if (offset_s == 0.0) continue;
+    report.warnings.push_back(fmt::format(
+        "{}: {:.3f} s were added to the stamps of the poses, as the scans' motion tells "
+        "(--pose-time-offset auto)",
+        drives[i].contents().root.string(), offset_s));
+  }
+}
+
 /// Poses of all drives in one frame, or those that a killed build had found.
 PosedDrives with_journaled_poses(const std::vector<maps::Drive>& drives,
                                  const MapBuildOptions& options, const std::string& odometry,
@@ -214,22 +232,42 @@ std::optional<BuildFrame> register_drives(PosedDrives& posed, const MapBuildOpti
   return std::move(registered.frame);
 }
 
+/// Drives as they were opened, and what was done to their poses.
+struct OpenedDrives {
+  std::vector<maps::Drive> drives;
+  std::vector<double> found_offsets_s{};
+};
+
+OpenedDrives opened_for(const std::vector<std::filesystem::path>& folders,
+                        const MapBuildOptions& options, const ProgressCallback& progress,
+                        const CancelFlag& cancel) {
+  OpenedDrives opened{open_drives(folders, options)};
+  if (options.finds_pose_time_offset)
+    opened.drives = with_found_offsets(folders, opened.drives, options, opened.found_offsets_s,
+                                       progress, cancel);
+  return opened;
+}
+
 MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders,
-                          const std::vector<maps::Drive>& opened, const MapBuildOptions& options,
+                          const OpenedDrives& given, const MapBuildOptions& options,
                           const Cleaner* cleaner, const ProgressCallback& progress,
                           const CancelFlag& cancel) {
   const Clock::time_point began = Clock::now();
+  const std::vector<maps::Drive>& opened = given.drives;
   const std::string odometry = odometry_of(opened, options);
   const maps::Edits edits =
       options.edits_file ? maps::read_edits(*options.edits_file) : maps::Edits{};
   const std::filesystem::path& scratch = folders.scratch;
   std::filesystem::create_directory(scratch);
   MapBuildReport report;
+  report.found_pose_time_offsets_s = given.found_offsets_s;
   PosedDrives posed =
       with_journaled_poses(opened, options, odometry, folders, report, progress, cancel);
   report.trajectory = std::move(posed.counts);
   report.given_poses = posed.given;
+  warn_of_found_offsets(opened, report);
   warn_of_given_poses(options.voxel_size_m, report);
+  warn_of_pose_faults(std::move(posed.faults), report);
   const std::optional<BuildFrame> frame =
       register_drives(posed, options, odometry, report, progress, cancel);
   const DriveSet drives(std::move(posed.drives), options, std::move(posed.doubts),
@@ -302,6 +340,7 @@ std::vector<std::string> MapBuildOptions::violations() const {
   check("min_range_m", min_range_m, 0.0, 20.0);
   check("max_range_m", max_range_m, 5.0, 300.0);
   check("threads", threads, 0, 256);
+  check("pose_time_offset_s", pose_time_offset_s, -1e9, 1e9);
   if (geodetic_origin)
     for (const std::string& each : maps::violations(*geodetic_origin)) broken.push_back(each);
   if (held_back_every == 1)
@@ -366,7 +405,7 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
   if (const auto broken = options.violations(); !broken.empty())
     throw std::invalid_argument("build options: " + broken.front());
   const std::unique_ptr<Cleaner> cleaner = cleaner_of(options.clean, make_cleaner);
-  const std::vector<maps::Drive> opened = open_drives(folders, options);
+  const OpenedDrives opened = opened_for(folders, options, progress, cancel);
   maps::MapPackageWriter writer(target, options.journal_folder ? "" : kJournalFolder);
   const Folders at{options.journal_folder.value_or(writer.folder() / kJournalFolder),
                    writer.folder() / kScratchFolder};

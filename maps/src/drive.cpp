@@ -28,8 +28,7 @@ namespace {
 struct LayoutReader {
   DriveLayout layout;
   bool (*recognises)(const std::filesystem::path&);
-  Drive::Contents (*open)(const std::filesystem::path&,
-                          const std::optional<std::filesystem::path>&);
+  Drive::Contents (*open)(const std::filesystem::path&, const PosesChoice&);
 };
 
 // Layouts with folders of fixed names; a plain folder of scans is what is left.
@@ -80,21 +79,21 @@ void set_spin_times(PointCloud& cloud, const std::array<double, 2>& start_end_s)
   }
 }
 
-Drive open_place(const Address& address, const std::optional<std::filesystem::path>& poses_file) {
+Drive::Contents open_place(const Address& address, const PosesChoice& poses) {
   const auto& [place, words, sensor] = address;
   if (std::filesystem::is_directory(place)) {
     const LayoutReader reader = reader_for(place);
     if (reader.open != nullptr && !words.empty())
       throw InputError(place.string(), "'?" + words + "' behind a drive that is no bag",
                        "its folder alone, or '?sensor=NAME'");
-    if (reader.open != nullptr) return Drive(reader.open(place, poses_file));
+    if (reader.open != nullptr) return reader.open(place, poses);
   }
-  if (is_rawlog(place)) return Drive(open_rawlog_drive(place, words, poses_file));
+  if (is_rawlog(place)) return open_rawlog_drive(place, words, poses);
   if (!std::filesystem::is_directory(place) && !is_bag(place)) {
     throw InputError(place.string(), std::filesystem::exists(place) ? "a file" : "nothing",
                      "the folder of a drive, a bag (MCAP, SQLite of rosbag2) or an MRPT rawlog");
   }
-  return Drive(open_bag_drive(place, words, poses_file));
+  return open_bag_drive(place, words, poses);
 }
 
 }  // namespace
@@ -122,9 +121,13 @@ std::string_view name_of(DriveLayout layout) {
 }
 
 Drive Drive::open(const std::filesystem::path& root,
-                  const std::optional<std::filesystem::path>& poses_file) {
+                  const std::optional<std::filesystem::path>& poses_file,
+                  std::int64_t pose_offset_ns) {
   const Address address = address_of(root);
-  Drive drive = open_place(address, poses_file);
+  Contents contents = open_place(address, {poses_file, pose_offset_ns});
+  if (pose_offset_ns != 0 && !contents.path && !contents.T_map_lidar.empty())
+    shift_poses_of_scans(contents, pose_offset_ns);
+  Drive drive(std::move(contents));
   return address.sensor.empty() ? drive : with_sensor(drive, sensor_preset(address.sensor));
 }
 
@@ -170,6 +173,8 @@ Drive Drive::with_poses(std::vector<Eigen::Isometry3d> T_map_lidar,
                                 " poses for " + std::to_string(size()) + " scans");
   Contents contents = contents_;
   contents.T_map_lidar = std::move(T_map_lidar);
+  contents.path.reset();
+  contents.position_step_m.setZero();
   contents.origin = origin;
   return Drive(std::move(contents));
 }

@@ -19,8 +19,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   std::string_view text = fuzz::text_of(data, size);
   fuzz::put("ouster_front_stamp.csv", fuzz::take_until(text, 0x1e));
   fuzz::put("global_pose.csv", text);
-  const auto contents = fuzz::taken<maps::InputError>(
-      [&] { return maps::open_mulran(fuzz::folder().path(), std::nullopt); });
+  const auto contents =
+      fuzz::taken<maps::InputError>([&] { return maps::open_mulran(fuzz::folder().path(), {}); });
   if (!contents) return 0;
   fuzz::require(contents->T_map_lidar.size() == contents->scan_files.size() &&
                     contents->stamps_ns.size() == contents->scan_files.size(),

@@ -7,7 +7,9 @@
 #include <stillmap/mapping/detector.hpp>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
@@ -131,6 +133,16 @@ std::map<std::string, std::string> texts_of(const TrajectoryOptions& options) {
   return texts;
 }
 
+/// What was added to the stamps of poses, one a drive; empty for nothing.
+std::string pose_time_offsets_of(const DriveSet& drives, const MapBuildOptions& options,
+                                 const MapBuildReport& report) {
+  std::vector<double> offsets_s = report.found_pose_time_offsets_s;
+  offsets_s.resize(drives.drives().size(), 0.0);
+  for (double& offset_s : offsets_s) offset_s += options.pose_time_offset_s;
+  const bool none = std::ranges::all_of(offsets_s, [](double offset_s) { return offset_s == 0.0; });
+  return none ? "" : fmt::format("{:.4f}", fmt::join(offsets_s, ", "));
+}
+
 maps::MapManifest manifest_of(const DriveSet& drives, const MapBuildOptions& options,
                               const std::string& odometry, const std::optional<BuildFrame>& frame,
                               const Eigen::Vector3d& origin, const MapBuildReport& report) {
@@ -146,6 +158,8 @@ maps::MapManifest manifest_of(const DriveSet& drives, const MapBuildOptions& opt
   // Only where it is asked for: maps of earlier versions keep their digests.
   if (options.held_back_every > 0)
     manifest.options["held_back_every"] = fmt::format("{}", options.held_back_every);
+  if (const std::string offsets = pose_time_offsets_of(drives, options, report); !offsets.empty())
+    manifest.options["pose_time_offset_s"] = offsets;
   manifest.options["odometry"] = odometry;
   if (odometry == "given")
     manifest.options["given_poses"] = std::string(name_of(options.given_poses));

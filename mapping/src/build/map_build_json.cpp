@@ -38,6 +38,13 @@ nlohmann::json to_json(const GivenPosesReport& report) {
           {"moved", to_json(report.moved)}};
 }
 
+nlohmann::json to_json(const std::vector<maps::DriveFinding>& faults) {
+  nlohmann::json json = nlohmann::json::array();
+  for (const maps::DriveFinding& fault : faults)
+    json.push_back({{"code", fault.code}, {"what", fault.what}, {"remedy", fault.remedy}});
+  return json;
+}
+
 }  // namespace
 
 std::string to_json(const MapBuildReport& report) {
@@ -52,8 +59,11 @@ std::string to_json(const MapBuildReport& report) {
                       {"consistency", nlohmann::json::parse(to_json(report.consistency))},
                       {"stage_seconds", report.stage_seconds},
                       {"warnings", report.warnings},
+                      {"pose_faults", to_json(report.pose_faults)},
                       {"digest", report.digest},
                       {"version", STILLMAP_VERSION}};
+  if (!report.found_pose_time_offsets_s.empty())
+    json["found_pose_time_offsets_s"] = report.found_pose_time_offsets_s;
   if (report.given_poses) json["given_poses"] = to_json(*report.given_poses);
   if (const auto& registration = report.registration)
     json["registration"] = {{"previous_digest", registration->previous_digest},

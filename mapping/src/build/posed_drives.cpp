@@ -1,6 +1,8 @@
 #include "build/posed_drives.hpp"
 
+#include "odometry/run_odometry.hpp"
 #include "trajectory/common_frame.hpp"
+#include "trajectory/drive_pose_faults.hpp"
 #include "trajectory/given_pose_errors.hpp"
 
 #include <stillmap/mapping/odometry.hpp>
@@ -11,6 +13,7 @@
 #include <stillmap/maps/error.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <span>
 #include <stdexcept>
@@ -66,7 +69,30 @@ maps::Drive placed(const maps::Drive& drive, const MapBuildOptions& options) {
                            "poses in a frame whose x is east and y is north");
   if (drive.contents().origin)
     throw maps::InputError(name, "a drive that says where its poses lie", "no --geo-origin");
-  return drive.with_poses(drive.contents().T_map_lidar, options.geodetic_origin);
+  maps::Drive::Contents contents = drive.contents();
+  contents.origin = options.geodetic_origin;
+  return maps::Drive(std::move(contents));
+}
+
+std::vector<maps::DriveFinding> faults_in(const std::vector<maps::Drive>& drives,
+                                          const TrajectoryEstimate& estimate) {
+  std::vector<maps::DriveFinding> faults;
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    const EstimatedDrive& estimated = estimate.drives[i];
+    for (maps::DriveFinding& fault :
+         findings_of(faults_of(drives[i], estimated.begin, estimated.odometry))) {
+      fault.what = drives[i].contents().root.string() + ": " + fault.what;
+      faults.push_back(std::move(fault));
+    }
+  }
+  return faults;
+}
+
+maps::Drive open_drive(const std::filesystem::path& folder, const MapBuildOptions& options,
+                       double found_offset_s) {
+  const double offset_s = options.pose_time_offset_s + found_offset_s;
+  return placed(maps::Drive::open(folder, options.poses_file, std::llround(1e9 * offset_s)),
+                options);
 }
 
 /// Scans before the estimated ones and after them have poses of no use.
@@ -137,8 +163,32 @@ std::vector<maps::Drive> open_drives(const std::vector<std::filesystem::path>& f
     throw std::invalid_argument("poses file: found with several drives, expected one drive");
   std::vector<maps::Drive> drives;
   for (const std::filesystem::path& folder : folders)
-    drives.push_back(placed(maps::Drive::open(folder, options.poses_file), options));
+    drives.push_back(open_drive(folder, options, 0.0));
   return drives;
+}
+
+std::vector<maps::Drive> with_found_offsets(const std::vector<std::filesystem::path>& folders,
+                                            const std::vector<maps::Drive>& drives,
+                                            const MapBuildOptions& options,
+                                            std::vector<double>& offsets_s,
+                                            const ProgressCallback& progress,
+                                            const CancelFlag& cancel) {
+  std::vector<maps::Drive> shifted;
+  offsets_s.clear();
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    const maps::Drive& drive = drives[i];
+    offsets_s.push_back(0.0);
+    if (drive.has_poses()) {
+      const std::size_t end = std::min(options.selection.end.value_or(drive.size()), drive.size());
+      const std::size_t begin = std::min(options.selection.begin, end);
+      const std::vector<OdometryPose> odometry = run_odometry(
+          {.drive = drive, .begin = begin, .end = end}, options.threads, progress, cancel);
+      offsets_s.back() = faults_of(drive, begin, odometry).offset_s.value_or(0.0);
+    }
+    shifted.push_back(offsets_s.back() == 0.0 ? drive
+                                              : open_drive(folders[i], options, offsets_s.back()));
+  }
+  return shifted;
 }
 
 std::string odometry_of(const std::vector<maps::Drive>& drives, const MapBuildOptions& options) {
@@ -194,6 +244,7 @@ PosedDrives with_given_poses(const std::vector<maps::Drive>& drives, const MapBu
   GivenPosesReport report;
   report.use = options.given_poses;
   report.errors = estimate.given_errors.value();
+  posed.faults = faults_in(drives, estimate);
   const bool moves = refines && !report.errors.agree();
   posed.doubts = doubts_in(posed.drives, estimate, !moves);
   posed.notes = notes_in(posed.drives, estimate, true);
@@ -220,6 +271,7 @@ PosedDrives with_estimated_poses(const std::vector<maps::Drive>& drives,
   posed.doubts = doubts_in(drives, estimate, false);
   const bool asks_given = options.trajectory.prior || options.trajectory.gnss_sigma_m;
   posed.notes = notes_in(drives, estimate, asks_given);
+  if (asks_given) posed.faults = faults_in(drives, estimate);
   return posed;
 }
 

@@ -6,6 +6,7 @@
 
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/drive_check.hpp>
 
 #include <cstdint>
 #include <filesystem>
@@ -21,6 +22,16 @@ namespace stillmap::mapping {
 [[nodiscard]] std::vector<maps::Drive> open_drives(
     const std::vector<std::filesystem::path>& folders, const MapBuildOptions& options);
 
+/// The drives with their poses shifted in time by what the scans' motion tells; those that it tells
+/// nothing of stay.
+/// @param drives     as `open_drives` gives them.
+/// @param offsets_s  becomes what was added to the stamps of each drive's poses [s].
+/// @throws as `open_drives`, Cancelled.
+[[nodiscard]] std::vector<maps::Drive> with_found_offsets(
+    const std::vector<std::filesystem::path>& folders, const std::vector<maps::Drive>& drives,
+    const MapBuildOptions& options, std::vector<double>& offsets_s,
+    const ProgressCallback& progress, const CancelFlag& cancel);
+
 /// `given`, or the method of odometry that the build uses.
 /// @throws std::invalid_argument for an unknown method, and for a prior or GNSS beside `given`;
 /// maps::InputError for `given` and a drive without poses.
@@ -35,6 +46,8 @@ struct PosedDrives {
   std::optional<DriveGraph> graph{};
   /// Of poses that the drives bring.
   std::optional<GivenPosesReport> given{};
+  /// Of poses that the drives bring and that were used.
+  std::vector<maps::DriveFinding> faults{};
   /// One a scan of each drive; 0 outside of the selection.
   std::vector<std::vector<PoseDoubt>> doubts{};
   /// As many; none outside of the selection.

@@ -124,20 +124,32 @@ void require_one_a_scan(const ByteReader& reader, const std::vector<std::vector<
       reader.refuse("of other scans than the drives'");
 }
 
+void put_text(std::string& bytes, const std::string& text) {
+  put_number(bytes, text.size());
+  bytes.append(text);
+}
+
+std::string text_from(ByteReader& reader) {
+  return std::string(reader.take(reader.number<std::size_t>()));
+}
+
 }  // namespace
 
 std::string to_bytes(const PosedDrives& posed) {
   std::string bytes;
   put_number(bytes, posed.counts.size());
   for (const auto& [name, count] : posed.counts) {
-    put_number(bytes, name.size());
-    bytes.append(name);
+    put_text(bytes, name);
     put_number(bytes, count);
   }
   put_number(bytes, static_cast<std::uint8_t>(posed.graph.has_value()));
   if (posed.graph) put_graph(bytes, *posed.graph);
   put_number(bytes, static_cast<std::uint8_t>(posed.given.has_value()));
   if (posed.given) put_report(bytes, *posed.given);
+  put_number(bytes, posed.faults.size());
+  for (const maps::DriveFinding& fault : posed.faults)
+    for (const std::string* text : {&fault.code, &fault.what, &fault.remedy})
+      put_text(bytes, *text);
   put_number(bytes, posed.doubts.size());
   for (const std::vector<PoseDoubt>& of_drive : posed.doubts) {
     put_number(bytes, of_drive.size());
@@ -174,11 +186,15 @@ PosedDrives posed_drives_from(std::string_view bytes, const std::vector<maps::Dr
   ByteReader reader(bytes, "poses of drives");
   PosedDrives posed;
   for (auto left = reader.number<std::size_t>(); left > 0; --left) {
-    const std::string name(reader.take(reader.number<std::size_t>()));
+    const std::string name = text_from(reader);
     posed.counts[name] = reader.number<std::uint64_t>();
   }
   if (reader.number<std::uint8_t>() != 0) posed.graph = graph_from(reader, drives);
   if (reader.number<std::uint8_t>() != 0) posed.given = report_from(reader);
+  for (auto left = reader.count(3 * sizeof(std::size_t)); left > 0; --left) {
+    maps::DriveFinding& fault = posed.faults.emplace_back();
+    for (std::string* text : {&fault.code, &fault.what, &fault.remedy}) *text = text_from(reader);
+  }
   for (auto left = reader.count(sizeof(std::size_t)); left > 0; --left) {
     std::vector<PoseDoubt>& of_drive = posed.doubts.emplace_back();
     of_drive.resize(reader.count(2 * sizeof(float)));

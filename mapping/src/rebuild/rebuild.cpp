@@ -56,6 +56,9 @@ void require_usable(const RebuildOptions& options) {
   if (!options.held_back && options.held_back_every < 2)
     throw std::invalid_argument(
         fmt::format("held_back_every: {}, expected at least 2", options.held_back_every));
+  if (options.build.finds_pose_time_offset)
+    throw std::invalid_argument(
+        "pose time offset: found auto in a rebuild, expected the seconds that a build names");
   if (options.previous && options.build.register_to)
     throw std::invalid_argument(
         "register_to: found beside a previous version, expected one of them");

@@ -22,6 +22,7 @@ constexpr double kMostGapShare = 0.05;
 constexpr double kFastestMps = 120.0;
 constexpr double kMostTiltRad = 2.0 * std::numbers::pi / 180.0;
 constexpr double kMostSlopeRad = 20.0 * std::numbers::pi / 180.0;
+constexpr double kCoarseStepM = 0.05;
 constexpr double kMillimetresFromM = 400.0;
 
 double degrees(double rad) { return rad * 180.0 / std::numbers::pi; }
@@ -74,6 +75,24 @@ void check_path(const Drive& drive, DriveCheck& check) {
                      kFastestMps, first_jump),
          "look for lost fixes, or for poses of other scans; --odometry default makes poses of the "
          "scans, with --gnss-sigma held by these"});
+}
+
+/// Positions as they were written, against where the sensor was at each scan.
+void check_digits(const Drive& drive, std::vector<DriveFinding>& findings) {
+  if (!drive.has_poses()) return;
+  const Eigen::Vector3d& steps_m = drive.contents().position_step_m;
+  Eigen::Index axis = 0;
+  const double step_m = steps_m.maxCoeff(&axis);
+  if (step_m < kCoarseStepM) return;
+  constexpr std::array kAxes{"x", "y", "z"};
+  findings.push_back(
+      {"coarse_positions",
+       fmt::format("positions of the poses lie on steps of {:.3g} m along {}: they were written "
+                   "with too few digits, or as 32-bit floats",
+                   step_m, kAxes[static_cast<std::size_t>(axis)]),
+       fmt::format("write them with millimetres (as doubles, or from an origin nearby); else build "
+                   "with --odometry default --gnss-sigma {:.2g}",
+                   0.3 * step_m)});
 }
 
 void check_readings(const DriveCheck& check, std::vector<DriveFinding>& findings) {
@@ -219,6 +238,7 @@ DriveCheck check_drive(const Drive& drive) {
   DriveCheck check;
   check_periods(drive, check);
   check_path(drive, check);
+  check_digits(drive, check.findings);
   if (auto finding = check_viewpoints(drive)) check.findings.push_back(*std::move(finding));
   if (const auto duplicates = duplicate_scans(drive); duplicates.count > 0)
     check.findings.push_back(

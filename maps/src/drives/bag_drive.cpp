@@ -130,6 +130,13 @@ void set_scans(Drive::Contents& contents, const std::shared_ptr<const BagScans>&
   contents.relative_clock = contents.stamps_ns.front() < kFirstEpochStampNs;
 }
 
+/// When the scans were taken, by the clock of the poses.
+std::vector<std::int64_t> taken_at(const Drive::Contents& contents, std::int64_t offset_ns) {
+  std::vector<std::int64_t> stamps_ns = contents.stamps_ns;
+  for (std::int64_t& stamp_ns : stamps_ns) stamp_ns -= offset_ns;
+  return stamps_ns;
+}
+
 /// A place is as well known as its least known factor.
 PoseGaps::Place worst_place(const std::vector<PoseGaps>& gaps, std::int64_t stamp_ns) {
   PoseGaps::Place worst = PoseGaps::Place::kKnown;
@@ -138,14 +145,15 @@ PoseGaps::Place worst_place(const std::vector<PoseGaps>& gaps, std::int64_t stam
 }
 
 /// Recorders of scans and poses start and end apart: scans at the ends may have no pose.
-void set_bag_poses(Drive::Contents& contents, const BagPoses& poses) {
+void set_bag_poses(Drive::Contents& contents, const BagPoses& poses, std::int64_t offset_ns) {
   std::vector<PoseGaps> gaps;
   for (const BagPoses::Factor& factor : poses.factors) gaps.emplace_back(factor.moving);
   ScansInGaps in_gaps;
   std::vector<std::size_t> kept;
   for (std::size_t i = 0; i < contents.stamps_ns.size(); ++i) {
-    const auto T = poses.T_map_lidar(contents.stamps_ns[i]);
-    if (T && in_gaps.add(worst_place(gaps, contents.stamps_ns[i]))) {
+    const std::int64_t stamp_ns = contents.stamps_ns[i] - offset_ns;
+    const auto T = poses.T_map_lidar(stamp_ns);
+    if (T && in_gaps.add(worst_place(gaps, stamp_ns))) {
       kept.push_back(i);
       contents.T_map_lidar.push_back(*T);
     } else {
@@ -164,6 +172,9 @@ void set_bag_poses(Drive::Contents& contents, const BagPoses& poses) {
   in_gaps.note(contents, poses.source);
   contents.notes.insert(contents.notes.end(), poses.notes.begin(), poses.notes.end());
   contents.notes.push_back("poses are those of " + poses.source);
+  for (const BagPoses::Factor& factor : poses.factors)
+    if (factor.is_moving() && contents.position_step_m.isZero())
+      set_position_step(contents, factor.moving);
 }
 
 }  // namespace
@@ -174,7 +185,7 @@ bool is_bag(const fs::path& root) {
 }
 
 Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
-                               const std::optional<fs::path>& poses_file) {
+                               const PosesChoice& choice_of_poses) {
   const std::string name = root.string();
   BagChoice choice = parse_bag_choice(words, name);
   if (fs::is_directory(root)) choice = with_choice_of_folder(std::move(choice), root);
@@ -196,13 +207,15 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
   set_notes(contents, *scans, found);
   set_scans(contents, scans);
   contents.entries.frame_id = clouds.frames.front();
-  if (poses_file) {
-    set_poses(contents, *poses_file);
-  } else if (const auto poses = find_poses(scans->bags, found, choice, clouds.frames.front(),
-                                           contents.stamps_ns, name, contents.notes)) {
-    set_bag_poses(contents, *poses);
+  if (choice_of_poses.file) {
+    set_poses(contents, *choice_of_poses.file, choice_of_poses.offset_ns);
+  } else if (const auto poses =
+                 find_poses(scans->bags, found, choice, clouds.frames.front(),
+                            taken_at(contents, choice_of_poses.offset_ns), name, contents.notes)) {
+    set_bag_poses(contents, *poses, choice_of_poses.offset_ns);
   }
   leave_out_unordered(contents);
+  set_path_of_scans(contents);
   place_by_gnss(contents, scans->bags, found, choice, name);
   return contents;
 }

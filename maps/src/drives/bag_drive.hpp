@@ -2,6 +2,8 @@
 
 #include <stillmap/maps/drive.hpp>
 
+#include "drives/layout.hpp"
+
 #include <filesystem>
 #include <optional>
 #include <string_view>
@@ -15,8 +17,7 @@ namespace stillmap::maps {
 /// An MCAP file, a SQLite file of rosbag2, or a folder of one bag, also split: its parts in the
 /// order of `metadata.yaml`, else of their names. `Drive::open` says what is taken of it.
 /// @param words  what is chosen of it, as behind `?` of `Drive::open`.
-[[nodiscard]] Drive::Contents open_bag_drive(
-    const std::filesystem::path& root, std::string_view words,
-    const std::optional<std::filesystem::path>& poses_file);
+[[nodiscard]] Drive::Contents open_bag_drive(const std::filesystem::path& root,
+                                             std::string_view words, const PosesChoice& poses);
 
 }  // namespace stillmap::maps

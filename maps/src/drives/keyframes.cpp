@@ -35,7 +35,7 @@ bool is_keyframes(const fs::path& root) {
                                   !list_files(root / "scans", ".pcd").empty());
 }
 
-Drive::Contents open_keyframes(const fs::path& root, const std::optional<fs::path>& poses_file) {
+Drive::Contents open_keyframes(const fs::path& root, const PosesChoice& choice) {
   Drive::Contents contents;
   contents.layout = DriveLayout::kKeyframes;
   contents.root = root;
@@ -45,11 +45,11 @@ Drive::Contents open_keyframes(const fs::path& root, const std::optional<fs::pat
   } else {
     assume_times(contents);
   }
-  const fs::path poses = poses_file ? *poses_file : keyframe_poses(root).value();
-  if (!poses_file && poses.filename() != "optimized_poses.txt") {
+  const fs::path poses = choice.file ? *choice.file : keyframe_poses(root).value();
+  if (!choice.file && poses.filename() != "optimized_poses.txt") {
     contents.notes.emplace_back("no optimized_poses.txt: poses are those of odometry");
   }
-  set_poses(contents, poses);
+  set_poses(contents, poses, choice.offset_ns);
   leave_out_unordered(contents);
   return contents;
 }

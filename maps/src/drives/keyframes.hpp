@@ -2,6 +2,8 @@
 
 #include <stillmap/maps/drive.hpp>
 
+#include "drives/layout.hpp"
+
 #include <filesystem>
 #include <optional>
 
@@ -12,8 +14,8 @@ namespace stillmap::maps {
 /// Key frames of a SLAM run: `Scans/*.pcd` (or `scans/`) with `optimized_poses.txt` (else
 /// `odom_poses.txt`), 12 numbers a line, and `times.txt` in seconds. Points are taken as deskewed
 /// by whoever chose the key frames.
-/// @param poses_file  instead of those of the folder.
-[[nodiscard]] Drive::Contents open_keyframes(
-    const std::filesystem::path& root, const std::optional<std::filesystem::path>& poses_file);
+/// @param choice      instead of those of the folder.
+[[nodiscard]] Drive::Contents open_keyframes(const std::filesystem::path& root,
+                                             const PosesChoice& choice);
 
 }  // namespace stillmap::maps

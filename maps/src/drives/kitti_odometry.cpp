@@ -27,6 +27,7 @@ void set_camera_poses(Drive::Contents& contents, const fs::path& poses_file) {
   const Eigen::Isometry3d T_cam_velo = read_T_cam_velo(contents.root / "calib.txt");
   const Eigen::Isometry3d T_velo_cam = T_cam_velo.inverse();
   const std::vector<Eigen::Isometry3d> T_world_cam = read_kitti_poses(poses_file);
+  set_position_step(contents, T_world_cam);
   for (const std::size_t line :
        lines_of_scans(contents.scan_files, T_world_cam.size(), poses_file, "poses")) {
     contents.T_map_lidar.push_back(renormalized(T_velo_cam * T_world_cam[line] * T_cam_velo));
@@ -39,8 +40,7 @@ bool is_kitti_odometry(const fs::path& root) {
   return !list_files(root / "velodyne", ".bin").empty();
 }
 
-Drive::Contents open_kitti_odometry(const fs::path& root,
-                                    const std::optional<fs::path>& poses_file) {
+Drive::Contents open_kitti_odometry(const fs::path& root, const PosesChoice& choice) {
   Drive::Contents contents;
   contents.layout = DriveLayout::kKittiOdometry;
   contents.root = root;
@@ -52,8 +52,8 @@ Drive::Contents open_kitti_odometry(const fs::path& root,
   }
   set_labels(contents);
   const std::optional<fs::path> own = odometry_poses(root);
-  if (poses_file) {
-    set_poses(contents, *poses_file);
+  if (choice.file) {
+    set_poses(contents, *choice.file, choice.offset_ns);
   } else if (own) {
     set_camera_poses(contents, *own);
   } else {

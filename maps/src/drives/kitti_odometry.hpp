@@ -2,6 +2,8 @@
 
 #include <stillmap/maps/drive.hpp>
 
+#include "drives/layout.hpp"
+
 #include <filesystem>
 #include <optional>
 
@@ -14,8 +16,8 @@ namespace stillmap::maps {
 /// scans may be missing, the calibration only when there are no poses. The map frame is the first
 /// scan's lidar frame when the first pose is the identity, as it is in KITTI. KITTI's own sweeps
 /// are motion-compensated, so points have no times.
-/// @param poses_file  instead of those of the sequence, `T_map_lidar`.
-[[nodiscard]] Drive::Contents open_kitti_odometry(
-    const std::filesystem::path& root, const std::optional<std::filesystem::path>& poses_file);
+/// @param choice      instead of those of the sequence, `T_map_lidar`.
+[[nodiscard]] Drive::Contents open_kitti_odometry(const std::filesystem::path& root,
+                                                  const PosesChoice& choice);
 
 }  // namespace stillmap::maps

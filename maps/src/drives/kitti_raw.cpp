@@ -76,7 +76,7 @@ void set_spin(Drive::Contents& contents, const fs::path& velodyne) {
   }
 }
 
-void set_oxts_poses(Drive::Contents& contents) {
+void set_oxts_poses(Drive::Contents& contents, std::int64_t offset_ns) {
   const fs::path oxts = contents.root / "oxts";
   if (!fs::exists(oxts)) {
     contents.notes.emplace_back("no oxts folder: a drive without poses");
@@ -89,14 +89,14 @@ void set_oxts_poses(Drive::Contents& contents) {
   contents.notes.insert(contents.notes.end(), path.notes.begin(), path.notes.end());
   contents.origin = path.origin;
   contents.counts_from_first_pose =
-      set_poses_at_stamps(contents, Trajectory(std::move(path.T_map_imu)), oxts);
+      set_poses_at_stamps(contents, Trajectory(std::move(path.T_map_imu)), oxts, offset_ns);
 }
 
 }  // namespace
 
 bool is_kitti_raw(const fs::path& root) { return fs::is_directory(root / "velodyne_points"); }
 
-Drive::Contents open_kitti_raw(const fs::path& root, const std::optional<fs::path>& poses_file) {
+Drive::Contents open_kitti_raw(const fs::path& root, const PosesChoice& choice) {
   const fs::path velodyne = root / "velodyne_points";
   Drive::Contents contents;
   contents.layout = DriveLayout::kKittiRaw;
@@ -110,10 +110,10 @@ Drive::Contents open_kitti_raw(const fs::path& root, const std::optional<fs::pat
   note_missing_numbers(contents);
   set_spin(contents, velodyne);
   set_labels(contents);
-  if (poses_file) {
-    set_poses(contents, *poses_file);
+  if (choice.file) {
+    set_poses(contents, *choice.file, choice.offset_ns);
   } else {
-    set_oxts_poses(contents);
+    set_oxts_poses(contents, choice.offset_ns);
   }
   leave_out_unordered(contents);
   return contents;

@@ -5,10 +5,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <memory>
 #include <system_error>
 #include <utility>
 
 #include "drives/pose_gaps.hpp"
+#include "drives/value_step.hpp"
 #include "formats/text.hpp"
 
 namespace stillmap::maps {
@@ -49,6 +51,20 @@ bool naturally_before(std::string_view a, std::string_view b) {
   }
   if (a.empty() != b.empty()) return a.empty();
   return whole_a < whole_b;  // "01" and "1"
+}
+
+Trajectory path_of_scans(const Drive::Contents& contents) {
+  std::vector<StampedPose> path;
+  for (std::size_t i = 0; i < contents.stamps_ns.size(); ++i)
+    path.push_back({contents.stamps_ns[i], contents.T_map_lidar[i]});
+  return Trajectory(std::move(path));
+}
+
+Trajectory shifted(const Trajectory& trajectory, std::int64_t offset_ns) {
+  if (offset_ns == 0) return trajectory;
+  std::vector<StampedPose> poses = trajectory.poses();
+  for (StampedPose& pose : poses) pose.stamp_ns += offset_ns;
+  return Trajectory(std::move(poses));
 }
 
 std::string seconds_text(std::int64_t stamp_ns) {
@@ -148,8 +164,9 @@ PosesFormat poses_format(const fs::path& file) {
                    "12 numbers (KITTI) or 8 (TUM)");
 }
 
-bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& trajectory,
-                         const fs::path& source) {
+bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& own, const fs::path& source,
+                         std::int64_t offset_ns) {
+  const Trajectory trajectory = shifted(own, offset_ns);
   const std::vector<StampedPose>& path = trajectory.poses();
   if (path.empty()) throw InputError(source.string(), "no poses", "some");
   const std::vector<std::int64_t>& stamps = contents.stamps_ns;
@@ -178,21 +195,51 @@ bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& trajectory
   keep_scans(contents, kept);
   contents.T_map_lidar = std::move(poses);
   in_gaps.note(contents, name);
+  contents.path = std::make_shared<const Trajectory>(trajectory);
   return kept.front() > 0;
 }
 
-void set_poses(Drive::Contents& contents, const fs::path& poses_file) {
+void set_poses(Drive::Contents& contents, const fs::path& poses_file, std::int64_t offset_ns) {
   if (poses_format(poses_file) == PosesFormat::kTum) {
+    const Trajectory trajectory = read_tum_trajectory(poses_file);
+    set_position_step(contents, trajectory);
     contents.counts_from_first_pose =
-        set_poses_at_stamps(contents, read_tum_trajectory(poses_file), poses_file);
+        set_poses_at_stamps(contents, trajectory, poses_file, offset_ns);
     return;
   }
   const std::vector<Eigen::Isometry3d> poses = read_kitti_poses(poses_file);
+  set_position_step(contents, poses);
   contents.T_map_lidar.clear();
   for (const std::size_t line :
        lines_of_scans(contents.scan_files, poses.size(), poses_file, "poses")) {
     contents.T_map_lidar.push_back(poses[line]);
   }
+}
+
+void set_path_of_scans(Drive::Contents& contents) {
+  if (contents.T_map_lidar.empty() || contents.path) return;
+  contents.path = std::make_shared<const Trajectory>(path_of_scans(contents));
+}
+
+void shift_poses_of_scans(Drive::Contents& contents, std::int64_t offset_ns) {
+  const bool before =
+      set_poses_at_stamps(contents, path_of_scans(contents), contents.root, offset_ns);
+  contents.counts_from_first_pose = contents.counts_from_first_pose || before;
+}
+
+void set_position_step(Drive::Contents& contents, std::span<const Eigen::Isometry3d> poses) {
+  for (Eigen::Index axis = 0; axis < 3; ++axis) {
+    std::vector<double> values;
+    values.reserve(poses.size());
+    for (const Eigen::Isometry3d& T : poses) values.push_back(T.translation()[axis]);
+    contents.position_step_m[axis] = step_of(values);
+  }
+}
+
+void set_position_step(Drive::Contents& contents, const Trajectory& trajectory) {
+  std::vector<Eigen::Isometry3d> poses;
+  for (const StampedPose& pose : trajectory.poses()) poses.push_back(pose.T_map_lidar);
+  set_position_step(contents, poses);
 }
 
 void set_labels(Drive::Contents& contents) {

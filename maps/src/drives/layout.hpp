@@ -5,12 +5,21 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
 /// What the openers of the layouts share.
 namespace stillmap::maps {
+
+/// Which poses a drive gets.
+struct PosesChoice {
+  /// Instead of the layout's own.
+  std::optional<std::filesystem::path> file;
+  /// Added to the stamps of poses that have their own [ns].
+  std::int64_t offset_ns = 0;
+};
 
 /// Time between scans when no file tells it [ns]: 0.1 s, the turn of most sensors.
 inline constexpr std::int64_t kAssumedPeriodNs = 100'000'000;
@@ -52,14 +61,29 @@ enum class PosesFormat { kKitti, kTum };
 
 /// Gives the scans the poses of the trajectory at their stamps, up to 0.2 s beyond its ends. Scans
 /// farther out are left out and noted (recorders of scans and poses start and end apart), and so
-/// are those in gaps whose place is unknown (pose_gaps.hpp).
+/// are those in gaps whose place is unknown (pose_gaps.hpp). The trajectory becomes the contents'
+/// path.
+/// @param offset_ns  added to the stamps of the poses.
 /// @throws InputError when no scan has a pose.
 /// @return whether scans were left out before the first that has a pose.
 bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& trajectory,
-                         const std::filesystem::path& source);
+                         const std::filesystem::path& source, std::int64_t offset_ns);
 
 /// Gives the scans `T_map_lidar` from a KITTI or TUM file, instead of the layout's own.
-void set_poses(Drive::Contents& contents, const std::filesystem::path& poses_file);
+/// @param offset_ns  added to the stamps of TUM.
+void set_poses(Drive::Contents& contents, const std::filesystem::path& poses_file,
+               std::int64_t offset_ns);
+
+/// Shifts poses that have the scans' stamps, one each, in time, as if they had come with stamps of
+/// their own. Stamps increase. @throws as `set_poses_at_stamps`.
+void shift_poses_of_scans(Drive::Contents& contents, std::int64_t offset_ns);
+
+/// Says that the poses that the scans got were taken by a clock of their own. Stamps increase.
+void set_path_of_scans(Drive::Contents& contents);
+
+/// Looks how coarsely positions were written. @param poses  as they stand in the file.
+void set_position_step(Drive::Contents& contents, std::span<const Eigen::Isometry3d> poses);
+void set_position_step(Drive::Contents& contents, const Trajectory& trajectory);
 
 /// SemanticKITTI labels of the scans, `labels/NAME.label` each; scans without one are noted.
 void set_labels(Drive::Contents& contents);

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <numbers>
 #include <set>
 
@@ -163,6 +164,9 @@ Trajectory path_in_map(const fs::path& file, Drive::Contents& contents) {
   auto first = poses.lower_bound(contents.stamps_ns.front());
   if (first == poses.end()) first = poses.begin();
   const Eigen::Vector3d start = first->second.translation();
+  std::vector<Eigen::Isometry3d> as_written;
+  for (const auto& [stamp_ns, T] : poses) as_written.push_back(T);
+  set_position_step(contents, as_written);
   std::vector<StampedPose> path;
   if (is_of_zone(start)) {
     contents.origin = geodetic_of(start, kZone);
@@ -183,14 +187,17 @@ Trajectory path_in_map(const fs::path& file, Drive::Contents& contents) {
   return Trajectory(std::move(path));
 }
 
-void set_own_poses(Drive::Contents& contents) {
+void set_own_poses(Drive::Contents& contents, std::int64_t offset_ns) {
   const fs::path file = contents.root / "global_pose.csv";
   if (!fs::exists(file)) {
     contents.notes.emplace_back("no global_pose.csv: a drive without poses");
     return;
   }
-  set_poses_at_stamps(contents, path_in_map(file, contents), file);
+  set_poses_at_stamps(contents, path_in_map(file, contents), file, offset_ns);
   for (Eigen::Isometry3d& T : contents.T_map_lidar) T = T * T_base_lidar();
+  std::vector<StampedPose> path = contents.path->poses();
+  for (StampedPose& pose : path) pose.T_map_lidar = pose.T_map_lidar * T_base_lidar();
+  contents.path = std::make_shared<const Trajectory>(std::move(path));
 }
 
 }  // namespace
@@ -202,16 +209,16 @@ bool is_mulran(const fs::path& root) {
   return says_so && !list_files(root / "Ouster", ".bin").empty();
 }
 
-Drive::Contents open_mulran(const fs::path& root, const std::optional<fs::path>& poses_file) {
+Drive::Contents open_mulran(const fs::path& root, const PosesChoice& choice) {
   Drive::Contents contents;
   contents.layout = DriveLayout::kMulran;
   contents.root = root;
   set_scans(contents);
   note_missing_stamps(contents);
-  if (poses_file) {
-    set_poses(contents, *poses_file);
+  if (choice.file) {
+    set_poses(contents, *choice.file, choice.offset_ns);
   } else {
-    set_own_poses(contents);
+    set_own_poses(contents, choice.offset_ns);
   }
   leave_out_unordered(contents);
   return contents;

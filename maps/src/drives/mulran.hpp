@@ -2,6 +2,8 @@
 
 #include <stillmap/maps/drive.hpp>
 
+#include "drives/layout.hpp"
+
 #include <filesystem>
 #include <optional>
 
@@ -23,8 +25,8 @@ namespace stillmap::maps {
 /// its file player (RPM-Robotics-Lab/file_player_mulran), whose rings are a point's number modulo
 /// 64; the extrinsics of its calibration page. Which instant of the sweep is its stamp stands
 /// nowhere: the middle is taken, as by MOLA's reader, at most half a turn off.
-/// @param poses_file  instead of those of the sequence, `T_map_lidar`.
+/// @param choice      instead of those of the sequence, `T_map_lidar`.
 [[nodiscard]] Drive::Contents open_mulran(const std::filesystem::path& root,
-                                          const std::optional<std::filesystem::path>& poses_file);
+                                          const PosesChoice& choice);
 
 }  // namespace stillmap::maps

@@ -106,19 +106,23 @@ std::optional<RawlogPoseSource> source_of(const RawlogSurvey& survey, const BagC
 }
 
 /// Sets them, and leaves out scans at the ends that have none.
-void set_own_poses(Drive::Contents& contents, const RawlogScans& scans, RawlogPoseSource source) {
-  PosesNearScans near(contents.stamps_ns);
+void set_own_poses(Drive::Contents& contents, const RawlogScans& scans, RawlogPoseSource source,
+                   std::int64_t offset_ns) {
+  std::vector<std::int64_t> stamps_ns = contents.stamps_ns;
+  for (std::int64_t& stamp_ns : stamps_ns) stamp_ns -= offset_ns;
+  PosesNearScans near(stamps_ns);
   scans.survey->for_each_pose(
       source, [&](std::int64_t stamp_ns, const Eigen::Isometry3d& T) { near.add(stamp_ns, T); });
   const std::string_view what = kSources[static_cast<std::size_t>(source)];
   const Trajectory path = near.trajectory();
+  set_position_step(contents, path);
   const PoseGaps gaps(path);
   ScansInGaps in_gaps;
   std::vector<std::size_t> kept;
   contents.T_map_lidar.resize(contents.stamps_ns.size(), Eigen::Isometry3d::Identity());
   for (std::size_t i = 0; i < contents.stamps_ns.size(); ++i) {
-    const auto T_odom_base = path.at(contents.stamps_ns[i]);
-    if (!T_odom_base || !in_gaps.add(gaps.of(contents.stamps_ns[i]))) continue;
+    const auto T_odom_base = path.at(stamps_ns[i]);
+    if (!T_odom_base || !in_gaps.add(gaps.of(stamps_ns[i]))) continue;
     contents.T_map_lidar[i] = *T_odom_base * (*scans.scans)[i].T_base_lidar;
     const double farthest_m = contents.T_map_lidar[i].translation().cwiseAbs().maxCoeff();
     if (!(farthest_m <= kMaxPositionM))
@@ -181,7 +185,7 @@ bool is_rawlog(const fs::path& root) {
 }
 
 Drive::Contents open_rawlog_drive(const fs::path& root, std::string_view words,
-                                  const std::optional<fs::path>& poses_file) {
+                                  const PosesChoice& poses) {
   auto scans = std::make_shared<RawlogScans>();
   scans->name = root.string();
   BagChoice choice = parse_bag_choice(words, scans->name);
@@ -203,12 +207,13 @@ Drive::Contents open_rawlog_drive(const fs::path& root, std::string_view words,
                                   [](std::int64_t stamp) { return stamp == kNoRawlogStamp; });
   if (!timed) assume_times(contents);
   const auto source = timed ? source_of(*scans->survey, choice, scans->name) : std::nullopt;
-  if (poses_file) {
-    set_poses(contents, *poses_file);
+  if (poses.file) {
+    set_poses(contents, *poses.file, poses.offset_ns);
   } else if (source) {
-    set_own_poses(contents, *scans, *source);
+    set_own_poses(contents, *scans, *source, poses.offset_ns);
   }
   leave_out_unordered(contents);
+  if (timed) set_path_of_scans(contents);
   return contents;
 }
 

@@ -2,6 +2,8 @@
 
 #include <stillmap/maps/drive.hpp>
 
+#include "drives/layout.hpp"
+
 #include <filesystem>
 #include <optional>
 #include <string_view>
@@ -27,8 +29,7 @@ namespace stillmap::maps {
 /// @param words  `cloud=LABEL` where there are several, `poses=none|robot_pose|odometry|actions`;
 /// in a folder also from its `topics.txt`.
 /// @throws InputError, StorageError.
-[[nodiscard]] Drive::Contents open_rawlog_drive(
-    const std::filesystem::path& root, std::string_view words,
-    const std::optional<std::filesystem::path>& poses_file);
+[[nodiscard]] Drive::Contents open_rawlog_drive(const std::filesystem::path& root,
+                                                std::string_view words, const PosesChoice& poses);
 
 }  // namespace stillmap::maps

@@ -105,6 +105,7 @@ void set_stamps_and_poses(Drive::Contents& contents, const fs::path& tum_file) {
                     "16 of us, or 10 with decimals of s)",
                     contents.scan_files.size()));
   }
+  set_position_step(contents, trajectory);
   for (const StampedPose& pose : trajectory.poses()) {
     contents.stamps_ns.push_back(pose.stamp_ns);
     contents.T_map_lidar.push_back(pose.T_map_lidar);
@@ -116,7 +117,7 @@ void set_stamps_and_poses(Drive::Contents& contents, const fs::path& tum_file) {
 
 bool is_scan_folder(const fs::path& root) { return !folders_with_scans(root).empty(); }
 
-Drive::Contents open_scan_folder(const fs::path& root, const std::optional<fs::path>& poses_file) {
+Drive::Contents open_scan_folder(const fs::path& root, const PosesChoice& choice) {
   const std::vector<fs::path> folders = folders_with_scans(root);
   if (folders.size() != 1) {
     std::string found;
@@ -131,13 +132,13 @@ Drive::Contents open_scan_folder(const fs::path& root, const std::optional<fs::p
   set_labels(contents);
   const bool with_stamps = set_stamps_from_names(contents);
   // Beside the scans when the folder around them has none, as in an archive of a drive's folder.
-  std::optional<fs::path> poses = poses_file ? poses_file : folder_poses(root);
+  std::optional<fs::path> poses = choice.file ? choice.file : folder_poses(root);
   if (!poses) poses = folder_poses(folders.front());
   if (!with_stamps && poses && poses_format(*poses) == PosesFormat::kTum) {
     set_stamps_and_poses(contents, *poses);
   } else {
     if (!with_stamps) assume_times(contents);
-    if (poses) set_poses(contents, *poses);
+    if (poses) set_poses(contents, *poses, choice.offset_ns);
   }
   leave_out_unordered(contents);
   return contents;

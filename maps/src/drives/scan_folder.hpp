@@ -2,6 +2,8 @@
 
 #include <stillmap/maps/drive.hpp>
 
+#include "drives/layout.hpp"
+
 #include <filesystem>
 #include <optional>
 
@@ -16,8 +18,8 @@ namespace stillmap::maps {
 ///
 /// Stamps: from the names if all are of 19 digits (ns since the epoch), 16 (us) or 10 with decimals
 /// (s); else from a TUM file with as many lines as there are scans, in order; else 0.1 s apart.
-/// @param poses_file  instead of the folder's own.
-[[nodiscard]] Drive::Contents open_scan_folder(
-    const std::filesystem::path& root, const std::optional<std::filesystem::path>& poses_file);
+/// @param choice      instead of the folder's own.
+[[nodiscard]] Drive::Contents open_scan_folder(const std::filesystem::path& root,
+                                               const PosesChoice& choice);
 
 }  // namespace stillmap::maps

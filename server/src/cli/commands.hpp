@@ -2,8 +2,11 @@
 
 #include <CLI/CLI.hpp>
 
+#include <stillmap/maps/drive_check.hpp>
+
 #include <filesystem>
 #include <string_view>
+#include <vector>
 
 namespace stillmap::cli {
 
@@ -24,6 +27,11 @@ void require_store(const std::filesystem::path& folder);
 [[nodiscard]] const char* offline_program(std::string_view command);
 /// Becomes that program with the same arguments. Returns only by throwing std::runtime_error.
 [[noreturn]] void exec_offline(const char* program, char** argv);
+
+/// What looks wrong with a drive's poses by the scans' motion: `stillmap-mapper check-poses` in a
+/// process of its own. @throws std::runtime_error with what it said when it failed.
+[[nodiscard]] std::vector<maps::DriveFinding> findings_by_motion(
+    const std::filesystem::path& drive);
 
 /// `name` beside this program, or at `installed` relative to the folder above it; empty when there
 /// is neither.

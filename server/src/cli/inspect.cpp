@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <stillmap/maps/content_digest.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "command_line/run_program.hpp"
@@ -169,11 +170,22 @@ void print_content_digest(const std::filesystem::path& path, bool json) {
   print(summary, json);
 }
 
+server::DriveSummary summary_of(const std::filesystem::path& path, bool by_motion) {
+  server::DriveSummary summary = server::summarize(maps::Drive::open(path));
+  if (!by_motion) return summary;
+  for (maps::DriveFinding& finding : findings_by_motion(path))
+    summary.check.findings.push_back(std::move(finding));
+  return summary;
+}
+
 /// Told apart by what is there; of a file by its extension.
-void inspect(const std::filesystem::path& path, bool json) {
+void inspect(const std::filesystem::path& path, bool json, bool by_motion) {
+  if (by_motion && (server::is_map_package(path) || !maps::Drive::is_at(path)))
+    throw std::invalid_argument(fmt::format(
+        "--motion: {} is no drive; leave --motion out for maps and files", path.string()));
   if (server::is_map_package(path))
     return print(server::summarize(*maps::MapPackage::open(path)), json);
-  if (maps::Drive::is_at(path)) return print(server::summarize(maps::Drive::open(path)), json);
+  if (maps::Drive::is_at(path)) return print(summary_of(path, by_motion), json);
   const std::string extension = path.extension().string();
   if (extension == ".txt" || extension == ".tum")
     return print(server::summarize_trajectory(path), json);
@@ -188,6 +200,7 @@ void add_inspect(CLI::App& app) {
     std::filesystem::path path;
     bool json = false;
     bool content = false;
+    bool motion = false;
   };
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
@@ -200,13 +213,16 @@ void add_inspect(CLI::App& app) {
       ->required()
       ->check(command_line::existing_path());
   command->add_flag("--json", arguments->json, "Print JSON");
+  command->add_flag("--motion", arguments->motion,
+                    "Of a drive with poses: compare them with the motion that odometry finds in "
+                    "the scans, as `build` does; takes as long as odometry");
   command->add_flag("--content", arguments->content,
                     "Of a map: print only the SHA-256 of its points, objects and poses. Maps with "
                     "the same content have the same one, whatever their tiles, options, sources, "
                     "program and time of build are");
   command->callback([arguments] {
     if (arguments->content) return print_content_digest(arguments->path, arguments->json);
-    inspect(arguments->path, arguments->json);
+    inspect(arguments->path, arguments->json, arguments->motion);
   });
 }
 

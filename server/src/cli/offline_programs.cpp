@@ -2,11 +2,15 @@
 #include <unistd.h>
 
 #include <array>
+#include <cstdio>
 #include <cstring>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
+#include <string>
 #include <string_view>
 #include <system_error>
 
+#include "command_line/command_text.hpp"
 #include "commands.hpp"
 
 namespace stillmap::cli {
@@ -20,21 +24,36 @@ struct OfflineCommand {
   const char* program;
 };
 constexpr const char* kMapper = "stillmap-mapper";
-constexpr std::array<OfflineCommand, 6> kOfflineCommands = {{
+/// Not for people: has no description and no place in the help.
+constexpr std::string_view kCheckPoses = "check-poses";
+constexpr std::array<OfflineCommand, 7> kOfflineCommands = {{
     {"build", "Make a map package from a drive", kMapper},
     {"rebuild", "Make a new version of a map and judge it against the one before", kMapper},
     {"import", "Make a map package from a point cloud map (PCD, PLY, LAS)", kMapper},
     {"export", "Write a map for other programs", kMapper},
     {"simulate", "Make a drive in a simulated world, with the truth beside it", kMapper},
+    {kCheckPoses, "", kMapper},
     {"evaluate", "Measure localization, a map, odometry or a detector against a drive's truth",
      "stillmap-evaluate"},
 }};
+
+fs::path offline_path(const char* program) {
+  fs::path found = find_beside(program, fs::path("libexec/stillmap") / program);
+  if (found.empty())
+    throw std::runtime_error(
+        fmt::format("{}: found none, expected it beside stillmap or in ../libexec/stillmap. "
+                    "`./dev build` makes it, the Debian package brings it",
+                    program));
+  return found;
+}
 
 }  // namespace
 
 void add_offline_commands(CLI::App& app) {
   for (const OfflineCommand& command : kOfflineCommands) {
-    app.add_subcommand(std::string(command.name), std::string(command.description));
+    CLI::App* added =
+        app.add_subcommand(std::string(command.name), std::string(command.description));
+    if (command.description.empty()) added->group("");
   }
 }
 
@@ -53,14 +72,27 @@ fs::path find_beside(const fs::path& name, const fs::path& installed) {
   return {};
 }
 
+std::vector<maps::DriveFinding> findings_by_motion(const fs::path& drive) {
+  const std::string command =
+      fmt::format("{} {} {}", command_line::shell_word(offline_path(kMapper).string()), kCheckPoses,
+                  command_line::shell_word(drive.string()));
+  FILE* output = ::popen(command.c_str(), "r");
+  if (output == nullptr) throw std::runtime_error(fmt::format("{}: cannot be started", kMapper));
+  std::string text;
+  std::array<char, 4096> piece{};
+  while (const std::size_t read = std::fread(piece.data(), 1, piece.size(), output))
+    text.append(piece.data(), read);
+  // What went wrong stands on stderr already.
+  if (::pclose(output) != 0)
+    throw std::runtime_error("--motion: odometry failed; leave it out for what needs none");
+  std::vector<maps::DriveFinding> findings;
+  for (const auto& finding : nlohmann::json::parse(text).at(0))
+    findings.push_back({finding.at("code"), finding.at("what"), finding.at("remedy")});
+  return findings;
+}
+
 void exec_offline(const char* program, char** argv) {
-  const fs::path found = find_beside(program, fs::path("libexec/stillmap") / program);
-  if (found.empty()) {
-    throw std::runtime_error(
-        fmt::format("{}: found none, expected it beside stillmap or in ../libexec/stillmap. "
-                    "`./dev build` makes it, the Debian package brings it",
-                    program));
-  }
+  const fs::path found = offline_path(program);
   ::execv(found.c_str(), argv);
   throw std::runtime_error(
       fmt::format("{}: {}", found.string(), std::generic_category().message(errno)));

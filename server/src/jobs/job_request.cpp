@@ -43,12 +43,14 @@ constexpr std::array kWords = {
     Words{"loops", {"on", "off"}},
 };
 
-/// A length that a client may give [m].
-struct Length {
-  std::string_view name;
+/// A number that a client may give.
+struct Number {
+  std::string_view name, unit;
   double least, most;
 };
-constexpr std::array kLengths = {Length{"voxel", 0.02, 2.0}, Length{"sensor-height", 0.1, 10.0}};
+constexpr std::array kNumbers = {Number{"voxel", "m", 0.02, 2.0},
+                                 Number{"sensor-height", "m", 0.1, 10.0},
+                                 Number{"pose-time-offset", "s", -1e9, 1e9}};
 
 std::string list_of(const Words& option) {
   std::string text;
@@ -60,7 +62,7 @@ std::string list_of(const Words& option) {
 std::string option_names() {
   std::string text = "edits";
   for (const Words& each : kWords) text += ", " + std::string(each.name);
-  for (const Length& each : kLengths) text += ", " + std::string(each.name);
+  for (const Number& each : kNumbers) text += ", " + std::string(each.name);
   return text;
 }
 
@@ -74,12 +76,12 @@ std::string read_option(const std::string& name, const RequestJson& value) {
       refuse(path, value, "one of " + list_of(option));
     return word;
   }
-  for (const Length& option : kLengths) {
+  for (const Number& option : kNumbers) {
     if (option.name != name) continue;
-    const double length = value.is_number() ? value.get<double>() : std::nan("");
-    if (!(length >= option.least && length <= option.most))
-      refuse(path, value, fmt::format("{} to {} [m]", option.least, option.most));
-    return fmt::format("{}", length);
+    const double number = value.is_number() ? value.get<double>() : std::nan("");
+    if (!(number >= option.least && number <= option.most))
+      refuse(path, value, fmt::format("{} to {} [{}]", option.least, option.most, option.unit));
+    return fmt::format("{}", number);
   }
   throw field_error(ErrorCode::kUnknownParameter, path, "an unknown option", option_names());
 }
@@ -166,9 +168,9 @@ RequestJson as_asked(const RebuildRequest& request) {
   RequestJson result{{"drives", request.drives}};
   if (request.held_back) result["held_back"] = *request.held_back;
   for (const auto& [name, value] : request.options) {
-    const bool is_length = std::any_of(kLengths.begin(), kLengths.end(),
-                                       [&](const Length& each) { return each.name == name; });
-    result["options"][name] = is_length ? RequestJson::parse(value) : RequestJson(value);
+    const bool is_number = std::any_of(kNumbers.begin(), kNumbers.end(),
+                                       [&](const Number& each) { return each.name == name; });
+    result["options"][name] = is_number ? RequestJson::parse(value) : RequestJson(value);
   }
   if (!request.edits.empty()) result["options"]["edits"] = RequestJson::parse(request.edits);
   if (request.edits_from == RebuildRequest::EditsFrom::kNone)

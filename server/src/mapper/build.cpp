@@ -4,6 +4,8 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <charconv>
+#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -15,6 +17,7 @@
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/sensor_preset.hpp>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "command_line/command_text.hpp"
@@ -59,6 +62,7 @@ std::string to_json_text(const mapping::MapBuildReport& report, const BuildArgum
                      {"preset", arguments.preset},
                      {"select", arguments.select},
                      {"poses", options.poses_file ? options.poses_file->string() : ""},
+                     {"pose_time_offset", arguments.pose_time_offset},
                      {"geo_origin", arguments.geo_origin},
                      {"odometry", options.odometry.value_or("")},
                      {"given_poses", name_of(options.given_poses)},
@@ -176,7 +180,10 @@ Remarks remarks_on(const BuildArguments& arguments, bool estimates_poses) {
   const bool believes = options.trajectory.prior || options.trajectory.gnss_sigma_m;
   Remarks remarks;
   for (const std::filesystem::path& folder : arguments.drives) {
-    maps::Drive::Contents contents = maps::Drive::open(folder, options.poses_file).contents();
+    maps::Drive::Contents contents =
+        maps::Drive::open(folder, options.poses_file,
+                          std::llround(1e9 * options.pose_time_offset_s))
+            .contents();
     for (const std::string& note : contents.notes)
       remarks.notes.push_back(fmt::format("{}: {}", folder.string(), note));
     // Who asks for odometry knows that there are no poses, or wants none.
@@ -290,6 +297,9 @@ void add_pose_options(CLI::App& command, BuildArguments& arguments) {
                   "What happens to given poses: refine (neighbouring scans are registered, the "
                   "frame stays) or exact (of a survey: taken as they are, and checked)")
       ->check(CLI::IsMember({"refine", "exact"}));
+  command.add_option("--pose-time-offset", arguments.pose_time_offset,
+                     "SECONDS to add to the stamps of the given poses, or auto: what the scans' "
+                     "motion says, which costs odometry once more (default: it is only said)");
   command
       .add_option("--loops", arguments.loops,
                   "With odometry: join places that were seen again, also between drives")
@@ -323,6 +333,16 @@ void set_range(const BuildArguments& arguments, const CLI::App& command, const c
   range_m = range.value_or(range_m);
 }
 
+void read_pose_time_offset(const std::string& word, mapping::MapBuildOptions& options) {
+  options.finds_pose_time_offset = word == "auto";
+  if (word.empty() || options.finds_pose_time_offset) return;
+  const char* end = word.data() + word.size();
+  const auto [parsed, error] = std::from_chars(word.data(), end, options.pose_time_offset_s);
+  if (error != std::errc() || parsed != end || !(std::abs(options.pose_time_offset_s) <= 1e9))
+    throw std::invalid_argument(fmt::format(
+        "--pose-time-offset: found '{}', expected seconds in [-1e9, 1e9] or auto", word));
+}
+
 }  // namespace
 
 void read_words(BuildArguments& arguments, const CLI::App& command) {
@@ -343,6 +363,7 @@ void read_words(BuildArguments& arguments, const CLI::App& command) {
         command_line::metres_and_degrees("--pose-sigma", *arguments.pose_sigma);
     options.trajectory.prior = {.sigma_m = metres, .sigma_rad = degrees * std::numbers::pi / 180};
   }
+  read_pose_time_offset(arguments.pose_time_offset, options);
   const auto given = [&](const char* name) { return command.count(name) > 0; };
   if (given("--given-poses"))
     options.given_poses = arguments.given_poses == name_of(mapping::GivenPosesUse::kExact)

@@ -24,6 +24,8 @@ struct BuildArguments {
   /// Empty: as the preset has it.
   std::string given_poses;
   std::optional<std::string> pose_sigma;
+  /// `auto` or seconds; empty: none.
+  std::string pose_time_offset;
   std::string geo_origin;
   mapping::MapBuildOptions options;
 };

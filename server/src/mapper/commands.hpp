@@ -14,6 +14,8 @@ void add_rebuild(CLI::App& app);
 void add_import(CLI::App& app);
 void add_export(CLI::App& app);
 void add_simulate(CLI::App& app);
+/// Not for people, who call `inspect --motion`.
+void add_check_poses(CLI::App& app);
 
 using command_line::write_text_file;
 

@@ -11,6 +11,7 @@ int main(int argc, char** argv) {
   stillmap::mapper::add_import(app);
   stillmap::mapper::add_export(app);
   stillmap::mapper::add_simulate(app);
+  stillmap::mapper::add_check_poses(app);
   stillmap::command_line::cancel_on_signals();
   return stillmap::command_line::run_program(app, argc, argv);
 }

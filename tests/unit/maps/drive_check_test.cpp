@@ -243,6 +243,20 @@ TEST_F(DriveChecks, PosesThatJumpOrStandStill) {
               ElementsAre("poses_stand_still"));
 }
 
+TEST_F(DriveChecks, PositionsWrittenWithTooFewDigitsAreSaid) {
+  write();
+  Drive::Contents contents;
+  contents.root = folder_.path() / "drive";
+  contents.scan_files = names_;
+  contents.T_map_lidar = T_map_lidar_;
+  for (std::size_t i = 0; i < names_.size(); ++i) contents.stamps_ns.push_back(stamp_ns(i));
+  contents.position_step_m = Eigen::Vector3d(0.001, 0.01, 0.0);
+  EXPECT_THAT(codes(check_drive(Drive(contents))), ::testing::Not(Contains("coarse_positions")));
+  contents.position_step_m.y() = 0.5;
+  const DriveCheck coarse = check_drive(Drive(contents));
+  EXPECT_THAT(what(coarse, "coarse_positions"), HasSubstr("steps of 0.5 m along y"));
+}
+
 TEST_F(DriveChecks, PosesBeyondAllMeasureAreSurvived) {
   write();
   std::size_t i = 0;

@@ -101,6 +101,33 @@ TEST_F(ScanFolderDrive, InterpolatesATrajectoryToStampsInNames) {
   EXPECT_NEAR(drive.T_map_lidar(1).translation().x(), 0.75, 1e-9);
 }
 
+TEST_F(ScanFolderDrive, ShiftsATrajectoryInTime) {
+  folder_.write("1624254615500000000.pcd", kPcd);
+  folder_.write("1624254615750000000.pcd", kPcd);
+  folder_.write("1624254652750000000.pcd", kPcd);
+  folder_.write("any.tum",
+                "1624254615 0 0 0 0 0 0 1\n1624254616 1 0 0 0 0 0 1\n"
+                "1624254617 2 0 0 0 0 0 1\n");
+  const Drive drive = Drive::open(folder_.path(), std::nullopt, 37'000'000'000);
+  ASSERT_EQ(drive.size(), 1U);
+  EXPECT_EQ(drive.stamp_ns(0), 1624254652750000000);
+  EXPECT_NEAR(drive.T_map_lidar(0).translation().x(), 0.75, 1e-9);
+  EXPECT_EQ(drive.contents().path->poses().front().stamp_ns, 1624254652000000000);
+  EXPECT_EQ(drive.contents().path->size(), 3U);
+}
+
+TEST_F(ScanFolderDrive, ShiftsPosesThatComeOneAScan) {
+  for (const char* name : {"1624254615.0.pcd", "1624254615.1.pcd", "1624254615.2.pcd"})
+    folder_.write(name, kPcd);
+  folder_.write("poses.txt",
+                "1 0 0 5 0 1 0 0 0 0 1 0\n1 0 0 6 0 1 0 0 0 0 1 0\n1 0 0 7 0 1 0 0 0 0 1 0\n");
+  EXPECT_FALSE(open().contents().path) << "such poses have no clock of their own";
+  const Drive drive = Drive::open(folder_.path(), std::nullopt, 50'000'000);
+  ASSERT_EQ(drive.size(), 3U);
+  EXPECT_NEAR(drive.T_map_lidar(1).translation().x(), 5.5, 1e-6);
+  EXPECT_NEAR(drive.T_map_lidar(0).translation().x(), 4.5, 1e-6);
+}
+
 TEST_F(ScanFolderDrive, LeavesOutScansBeforeAndAfterTheTrajectory) {
   for (int i = 0; i < 6; ++i) {
     const std::string name = std::to_string(1624254610 + i) + "000000000";

@@ -7,6 +7,7 @@
 #include <stillmap/mapping/projection.hpp>
 #include <stillmap/mapping/trajectory.hpp>
 #include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/drive_check.hpp>
 #include <stillmap/maps/map_package.hpp>
 
 #include <cstddef>
@@ -39,6 +40,11 @@ struct MapBuildOptions {
   std::size_t held_back_every = 0;
   /// Poses instead of the drive's own; with one drive only.
   std::optional<std::filesystem::path> poses_file;
+  /// Added to the stamps of the given poses [s], in [-1e9, 1e9].
+  double pose_time_offset_s = 0.0;
+  /// Besides, what the scans' own motion says is added for each drive, where it is more than 0.05 s
+  /// (mapping/odometry.md#faults-of-given-poses); costs odometry once more.
+  bool finds_pose_time_offset = false;
   /// Where the frame of the given poses lies (x east, y north), for drives that do not say it.
   std::optional<maps::GeodeticOrigin> geodetic_origin;
   /// `given`: the drives' own poses, see `given_poses`; or one of `odometry_names()`. None: `given`
@@ -132,6 +138,11 @@ struct MapBuildReport {
   std::map<std::string, std::uint64_t> trajectory;
   /// Of poses that the drives bring.
   std::optional<GivenPosesReport> given_poses;
+  /// What looks wrong with the drives' own poses by the scans' motion, with the drive's name; also
+  /// among the warnings.
+  std::vector<maps::DriveFinding> pose_faults;
+  /// Of each drive, what `finds_pose_time_offset` added [s]; empty without it.
+  std::vector<double> found_pose_time_offsets_s;
   /// Of the finished map, as `map_consistency` finds in the package.
   MapConsistency consistency;
   /// Summed over threads; with what the resumed scans took in the build that was killed.

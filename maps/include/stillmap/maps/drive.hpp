@@ -73,6 +73,12 @@ class Drive {
     bool counts_from_first_pose = false;
     /// One pose a scan (already in the lidar frame), or empty.
     std::vector<Eigen::Isometry3d> T_map_lidar;
+    /// The poses at their own stamps, where these are not the scans': also those beyond the scans.
+    /// Null where each scan brings its pose.
+    std::shared_ptr<const Trajectory> path;
+    /// Step that the positions are multiples apart of on each axis, as they were written [m]; 0
+    /// where there is none.
+    Eigen::Vector3d position_step_m = Eigen::Vector3d::Zero();
     std::optional<GeodeticOrigin> origin;
     /// When a spinning sensor's sweep starts and ends: {start_s < 0, end_s > 0} [s] relative to the
     /// stamp, one pair a scan; {0, 0} when the scan's points count as taken at once. The sensor
@@ -107,11 +113,14 @@ class Drive {
   /// TUM
   ///                    (8 numbers, interpolated to the scans' stamps; scans without one within
   ///                    0.2 s are left out and noted); `T_map_lidar`.
+  /// @param pose_offset_ns  added to the stamps of the poses [ns], in [-1e18, 1e18], whoever gives
+  /// them; poses that come one a scan have the scans' stamps.
   /// @throws InputError if the layout is unknown or contradictory, KITTI poses are fewer than
   /// scans, or no scan has a pose.
   [[nodiscard]] static Drive open(
       const std::filesystem::path& root,
-      const std::optional<std::filesystem::path>& poses_file = std::nullopt);
+      const std::optional<std::filesystem::path>& poses_file = std::nullopt,
+      std::int64_t pose_offset_ns = 0);
 
   /// Whether a drive may be there, words behind `?` left out: a folder, or the file of a bag.
   [[nodiscard]] static bool is_at(const std::filesystem::path& root);

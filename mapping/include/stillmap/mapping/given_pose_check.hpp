@@ -1,0 +1,24 @@
+#pragma once
+
+#include <stillmap/mapping/progress.hpp>
+#include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/drive_check.hpp>
+
+#include <span>
+#include <vector>
+
+namespace stillmap::mapping {
+
+/// What looks wrong with given poses by the motion that odometry finds in the scans: clocks that
+/// are apart, mirrored axes, a scale, a frame that is not the lidar's (mapping/odometry.md).
+/// @param scans   of which odometry runs over all, without a look at the poses.
+/// @param posed   the same drive with poses, which may have fewer of these scans.
+/// @param guided  instead, odometry runs for each of `posed`, and looks where its poses say, as in
+/// a build.
+/// @return one list of findings for each of `posed`; empty for those without poses.
+/// @throws what reading the scans throws, Cancelled.
+[[nodiscard]] std::vector<std::vector<maps::DriveFinding>> check_given_poses(
+    const maps::Drive& scans, std::span<const maps::Drive> posed, bool guided,
+    const ProgressCallback& progress, const CancelFlag& cancel);
+
+}  // namespace stillmap::mapping

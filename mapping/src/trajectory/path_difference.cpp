@@ -1,0 +1,492 @@
+#include "trajectory/path_difference.hpp"
+
+#include <stillmap/maps/small_matrices.hpp>
+
+#include <Eigen/Cholesky>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <functional>
+#include <utility>
+
+namespace stillmap::mapping {
+namespace {
+
+/// Poses are smoothed over so long, or so many steps of the slower path.
+constexpr double kLeastBoxS = 0.5;
+constexpr double kBoxSteps = 4.0;
+/// Motions last so long, or twice the box.
+constexpr double kLeastMotionS = 1.0;
+constexpr std::size_t kMostMotions = 800;
+constexpr std::size_t kFewestMotions = 20;
+constexpr double kFewestIndependent = 3.0;
+constexpr double kMostLagS = 120.0;
+/// Within this lag least squares find the way alone.
+constexpr double kNearLagS = 0.3;
+/// Another lag counts where the logarithm of its likelihood is larger by this, in all and for each
+/// independent stretch; and larger than everywhere else.
+constexpr double kLagGain = 10.0;
+constexpr double kLagGainEach = 0.35;
+constexpr double kLagUnlikeOthers = 5.0;
+/// Least deviations of one direction of a motion: odometry's own [m, rad].
+constexpr double kLeastLeftM = 0.005;
+constexpr double kLeastLeftRad = 3e-4;
+/// What a length and a turn over a motion may differ by for other reasons [m, rad].
+constexpr double kFloorM = 0.02;
+constexpr double kFloorRad = 2e-3;
+/// A residual of so many deviations has half its weight.
+constexpr double kRobust = 3.0;
+/// So many deviations in all directions are no noise.
+constexpr double kAstray = 5.0;
+constexpr int kFitRounds = 25;
+
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+/// Offset of the clocks, turn (3), lever (3), logarithm of the scale.
+constexpr int kUnknowns = 8;
+using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
+using Information = Eigen::Matrix<double, kUnknowns, kUnknowns>;
+using Jacobian = Eigen::Matrix<double, 6, kUnknowns>;
+
+Eigen::Vector3d turn_of(const Eigen::Matrix3d& R) {
+  const Eigen::AngleAxisd turn(R);
+  return turn.angle() * turn.axis();
+}
+
+Eigen::Matrix3d turned_by(const Eigen::Vector3d& turn) {
+  const double angle = turn.norm();
+  return angle > 0.0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix()
+                     : Eigen::Matrix3d::Identity();
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+double usual_step_s(const std::vector<SmoothPath::Pose>& poses) {
+  std::vector<double> steps_s;
+  for (std::size_t i = 1; i < poses.size(); ++i) steps_s.push_back(poses[i].t_s - poses[i - 1].t_s);
+  return median(std::move(steps_s));
+}
+
+/// Of y, from the left and the right: motions as the mirrored sensor sees them.
+Eigen::Isometry3d mirrored(Eigen::Isometry3d T) {
+  T.matrix().row(1) *= -1.0;
+  T.matrix().col(1) *= -1.0;
+  return T;
+}
+
+/// Scans' motions, how they would look a little earlier and later, and when they began.
+struct Motion {
+  double t_s = 0.0;
+  Eigen::Isometry3d T, T_earlier, T_later;
+};
+
+struct Motions {
+  double length_s = 0.0;
+  double box_s = 0.0;
+  /// Of `T_earlier` and `T_later`.
+  double aside_s = 0.0;
+  std::vector<Motion> all;
+
+  /// Stretches that are independent, by their count or by the time that they cover.
+  [[nodiscard]] double independent(std::size_t motions, double step_s) const {
+    return static_cast<double>(motions) * step_s / (length_s + box_s);
+  }
+};
+
+/// A motion's length and angle.
+struct Amount {
+  double length_m = 0.0;
+  double angle_rad = 0.0;
+};
+
+Amount amount_of(const Eigen::Isometry3d& T) {
+  return {T.translation().norm(), turn_of(T.linear()).norm()};
+}
+
+/// Mean log-likelihood of one path's amounts given the other's, where their noise is not known.
+class Likeness {
+ public:
+  void add(const Amount& a, const Amount& b) {
+    ++count_;
+    const std::array<std::array<double, 2>, 2> values{
+        {{a.length_m, b.length_m}, {a.angle_rad, b.angle_rad}}};
+    for (std::size_t i = 0; i < 2; ++i) {
+      const auto& [x, y] = values[i];
+      const std::array<double, 5> terms{x, y, x * x, y * y, x * y};
+      for (std::size_t k = 0; k < terms.size(); ++k) sums_[i][k] += terms[k];
+    }
+  }
+  [[nodiscard]] std::size_t count() const { return count_; }
+  [[nodiscard]] double value() const { return of(sums_[0], kFloorM) + of(sums_[1], kFloorRad); }
+
+ private:
+  [[nodiscard]] double of(const std::array<double, 5>& sums, double floor) const {
+    const auto n = static_cast<double>(count_);
+    const double xx = sums[2] / n - sums[0] * sums[0] / (n * n);
+    const double yy = sums[3] / n - sums[1] * sums[1] / (n * n);
+    const double xy = std::max(0.0, sums[4] / n - sums[0] * sums[1] / (n * n));
+    const double unexplained = std::max(0.0, yy - (xx > 0.0 ? xy * xy / xx : 0.0));
+    return -0.5 * std::log((unexplained + floor * floor) / (yy + floor * floor));
+  }
+
+  std::size_t count_ = 0;
+  std::array<std::array<double, 5>, 2> sums_{};
+};
+
+/// Which lag of the given poses' clock makes them move and turn as the scans do: 0, or another
+/// where that explains much more. A given pose of t + lag belongs to the scan of t.
+class LagSearch {
+ public:
+  LagSearch(const Motions& motions, const SmoothPath& given, double step_s)
+      : motions_(motions), step_s_(step_s) {
+    for (double t_s = given.begin_s(); t_s <= given.end_s(); t_s += step_s_) {
+      const auto T = given.motion(t_s, t_s + motions.length_s);
+      given_.push_back(T ? std::optional(amount_of(*T)) : std::nullopt);
+    }
+    begin_s_ = given.begin_s();
+    for (const Motion& motion : motions.all) of_scans_.push_back(amount_of(motion.T));
+  }
+
+  [[nodiscard]] double best_s() const {
+    const auto most = static_cast<long>(kMostLagS / step_s_);
+    std::vector<std::pair<double, double>> likely;  // lag [s], likelihood
+    for (long lag = -most; lag <= most; ++lag) {
+      const double lag_s = static_cast<double>(lag) * step_s_;
+      const Likeness likeness = at(lag_s);
+      if (3 * likeness.count() >= of_scans_.size() && likeness.count() >= kFewestMotions)
+        likely.emplace_back(lag_s, likeness.value());
+    }
+    const auto best_where = [&](const auto& takes) {
+      std::pair<double, double> best{0.0, 0.0};
+      for (const auto& each : likely)
+        if (takes(each.first) && each.second > best.second) best = each;
+      return best;
+    };
+    const auto best = best_where([](double) { return true; });
+    const auto near = best_where([](double lag_s) { return std::abs(lag_s) <= kNearLagS; });
+    const auto other = best_where([&](double lag_s) {
+      return std::abs(lag_s - best.first) > motions_.length_s + motions_.box_s;
+    });
+    const double span_s = motions_.all.back().t_s - motions_.all.front().t_s;
+    const double independent = span_s / (motions_.length_s + motions_.box_s);
+    const double gain = best.second - near.second;
+    const bool is_better = gain > kLagGainEach && independent * gain > kLagGain &&
+                           independent * (best.second - other.second) > kLagUnlikeOthers;
+    return is_better ? best.first : 0.0;
+  }
+
+ private:
+  [[nodiscard]] Likeness at(double lag_s) const {
+    Likeness likeness;
+    for (std::size_t i = 0; i < of_scans_.size(); ++i) {
+      const double at = std::round((motions_.all[i].t_s + lag_s - begin_s_) / step_s_);
+      if (at < 0.0 || at >= static_cast<double>(given_.size())) continue;
+      const auto& amount = given_[static_cast<std::size_t>(at)];
+      if (amount) likeness.add(of_scans_[i], *amount);
+    }
+    return likeness;
+  }
+
+  const Motions& motions_;
+  double step_s_;
+  double begin_s_ = 0.0;
+  std::vector<std::optional<Amount>> given_;
+  std::vector<Amount> of_scans_;
+};
+
+/// What the fit knows of the two paths.
+struct State {
+  double lag_s = 0.0;
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d lever_m = Eigen::Vector3d::Zero();
+  double log_scale = 0.0;
+
+  [[nodiscard]] State plus(const Unknowns& step) const {
+    return {lag_s + step[0], R * turned_by(step.segment<3>(1)), lever_m + step.segment<3>(4),
+            log_scale + step[7]};
+  }
+  /// The given motion that belongs to a motion of the lidar.
+  [[nodiscard]] Eigen::Isometry3d motion_of(const Eigen::Isometry3d& T_lidar) const {
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.linear() = R * T_lidar.linear() * R.transpose();
+    T.translation() =
+        std::exp(log_scale) * (R * T_lidar.translation()) + lever_m - T.linear() * lever_m;
+    return T;
+  }
+};
+
+Vector6d between(const Eigen::Isometry3d& expected, const Eigen::Isometry3d& T) {
+  Vector6d difference;
+  difference << T.translation() - expected.translation(),
+      turn_of(expected.linear().transpose() * T.linear());
+  return difference;
+}
+
+/// Derivatives of the given motion that is expected. The clocks' are those of the scans' motion,
+/// which has little noise: with the given poses' own, noise would look like motion.
+Jacobian jacobian_of(const State& state, const Motion& motion, double aside_s) {
+  constexpr double kStep = 1e-5;
+  Jacobian jacobian;
+  jacobian.col(0) =
+      between(state.motion_of(motion.T_earlier), state.motion_of(motion.T_later)) / (2.0 * aside_s);
+  for (int k = 1; k < kUnknowns; ++k) {
+    const Unknowns step = kStep * Unknowns::Unit(k);
+    jacobian.col(k) =
+        between(state.plus(-step).motion_of(motion.T), state.plus(step).motion_of(motion.T)) /
+        (2.0 * kStep);
+  }
+  return jacobian;
+}
+
+struct Residual {
+  const Motion* motion = nullptr;
+  Eigen::Isometry3d T_given;
+  Vector6d value;
+};
+
+class Fit {
+ public:
+  Fit(const Motions& motions, const SmoothPath& given, State start)
+      : motions_(motions), given_(given), state_(start) {}
+
+  /// @return whether it settled with enough motions in common.
+  [[nodiscard]] bool solve() {
+    for (int round = 0; round < kFitRounds; ++round) {
+      if (!look()) return false;
+      if (round == 0) align();
+      const Unknowns step = step_of();
+      if (!step.allFinite()) return false;
+      state_ = state_.plus(step);
+      if (std::abs(step[0]) < 1e-5 && step.tail<7>().norm() < 1e-6) return look();
+    }
+    return look();
+  }
+
+  [[nodiscard]] PathDifference result() {
+    const Information A = information() + prior();
+    const Information A_inverse = A.ldlt().solve(Information::Identity());
+    const Information covariance = covariance_of(A_inverse);
+    const auto sigma = [&](int k) { return std::sqrt(covariance(k, k)); };
+    PathDifference found;
+    found.offset_s = {-state_.lag_s, sigma(0)};
+    found.scale = {std::exp(state_.log_scale), std::exp(state_.log_scale) * sigma(7)};
+    found.R_given_lidar = state_.R;
+    found.lever_m = state_.lever_m;
+    for (int k = 0; k < 3; ++k) {
+      found.R_sigma_rad[k] = sigma(1 + k);
+      found.lever_sigma_m[k] = sigma(4 + k);
+    }
+    found.residual_m = sigma_m_;
+    found.residual_rad = sigma_rad_;
+    found.explained_m = explained(0, sigma_m_);
+    found.explained_rad = explained(3, sigma_rad_);
+    found.independent = independent_;
+    found.astray = astray();
+    found.usual_m = usual_m();
+    return found;
+  }
+
+ private:
+  /// Residuals and their deviations.
+  bool look() {
+    residuals_.clear();
+    for (const Motion& motion : motions_.all) {
+      const double t_s = motion.t_s + state_.lag_s;
+      const auto T = given_.motion(t_s, t_s + motions_.length_s);
+      if (T) residuals_.push_back({&motion, *T, between(state_.motion_of(motion.T), *T)});
+    }
+    if (residuals_.size() < kFewestMotions) return false;
+    const double step_s = (motions_.all.back().t_s - motions_.all.front().t_s) /
+                          static_cast<double>(motions_.all.size() - 1);
+    independent_ = motions_.independent(residuals_.size(), step_s);
+    sigma_m_ = std::max(kLeastLeftM, deviation(0));
+    sigma_rad_ = std::max(kLeastLeftRad, deviation(3));
+    return independent_ >= kFewestIndependent;
+  }
+
+  [[nodiscard]] double deviation(int first) const {
+    std::vector<double> sizes;
+    for (const Residual& residual : residuals_)
+      for (int k = first; k < first + 3; ++k) sizes.push_back(std::abs(residual.value[k]));
+    return 1.4826 * median(std::move(sizes));
+  }
+
+  /// The turn that brings the directions of both paths together, to start with.
+  void align() {
+    Eigen::Matrix3d together = Eigen::Matrix3d::Zero();
+    for (const Residual& residual : residuals_) {
+      const Eigen::Vector3d turn = turn_of(residual.T_given.linear()),
+                            lidar_turn = turn_of(residual.motion->T.linear());
+      const Eigen::Vector3d& way = residual.T_given.translation();
+      const Eigen::Vector3d& lidar_way = residual.motion->T.translation();
+      // A turn of a degree counts as much as a metre.
+      constexpr double kMetresPerRad = 57.0;
+      together += kMetresPerRad * kMetresPerRad * turn * lidar_turn.transpose() +
+                  way * lidar_way.transpose();
+    }
+    const maps::SingularValues svd = maps::svd_of(together);
+    Eigen::Vector3d signs = Eigen::Vector3d::Ones();
+    signs.z() = (svd.U * svd.V.transpose()).determinant() > 0.0 ? 1.0 : -1.0;
+    // Where motions do not tell a turn, as along a straight line, it stays none.
+    if (!(svd.values[1] > 1e-3 * svd.values[0])) return;
+    state_.R = svd.U * signs.asDiagonal() * svd.V.transpose();
+    static_cast<void>(look());
+  }
+
+  [[nodiscard]] Vector6d weights_of(const Residual& residual) const {
+    Vector6d weights;
+    weights.head<3>().setConstant(1.0 / (sigma_m_ * sigma_m_));
+    weights.tail<3>().setConstant(1.0 / (sigma_rad_ * sigma_rad_));
+    const auto robust = [](double squared) { return 1.0 / (1.0 + squared / (kRobust * kRobust)); };
+    weights.head<3>() *=
+        robust(residual.value.head<3>().squaredNorm() / (3.0 * sigma_m_ * sigma_m_));
+    weights.tail<3>() *=
+        robust(residual.value.tail<3>().squaredNorm() / (3.0 * sigma_rad_ * sigma_rad_));
+    return weights;
+  }
+
+  /// Nothing is known before but that it is no world away.
+  [[nodiscard]] static Information prior() {
+    Unknowns sigma;
+    sigma << 5.0, 3.0, 3.0, 3.0, 10.0, 10.0, 10.0, 2.0;
+    return sigma.array().square().inverse().matrix().asDiagonal();
+  }
+
+  void for_each(const std::function<void(std::size_t, const Jacobian&, const Vector6d&,
+                                         const Vector6d&)>& visit) const {
+    for (std::size_t i = 0; i < residuals_.size(); ++i)
+      visit(i, jacobian_of(state_, *residuals_[i].motion, motions_.aside_s),
+            weights_of(residuals_[i]), residuals_[i].value);
+  }
+
+  [[nodiscard]] Information information() const {
+    Information A = Information::Zero();
+    for_each([&](std::size_t, const Jacobian& J, const Vector6d& weights, const Vector6d&) {
+      A += J.transpose() * weights.asDiagonal() * J;
+    });
+    return A;
+  }
+
+  [[nodiscard]] Unknowns step_of() const {
+    Information A = prior();
+    Unknowns b = Unknowns::Zero();
+    for_each([&](std::size_t, const Jacobian& J, const Vector6d& weights, const Vector6d& value) {
+      A += J.transpose() * weights.asDiagonal() * J;
+      b += J.transpose() * weights.asDiagonal() * value;
+    });
+    Unknowns step = A.ldlt().solve(b);
+    // The given motion at a later time is that which is expected of a later scan.
+    step[0] = -std::clamp(step[0], -kNearLagS, kNearLagS);
+    const double turn = step.segment<3>(1).norm();
+    if (turn > 0.5) step.segment<3>(1) *= 0.5 / turn;
+    return step;
+  }
+
+  /// Motions that overlap share their errors, and errors of poses last: from how differently
+  /// stretches pull, and no less than if each stretch were one motion.
+  [[nodiscard]] Information covariance_of(const Information& A_inverse) const {
+    const double per_stretch = static_cast<double>(residuals_.size()) / independent_;
+    const double stretches_a_part = std::max(1.0, independent_ / 30.0);
+    const auto motions_a_part =
+        std::max<std::size_t>(1, static_cast<std::size_t>(2.0 * per_stretch * stretches_a_part));
+    std::vector<Unknowns> pulls(residuals_.size() / motions_a_part + 1, Unknowns::Zero());
+    for_each([&](std::size_t i, const Jacobian& J, const Vector6d& weights, const Vector6d& value) {
+      pulls[i / motions_a_part] += J.transpose() * weights.asDiagonal() * value;
+    });
+    Information spread = Information::Zero();
+    for (const Unknowns& pull : pulls) spread += pull * pull.transpose();
+    const Information by_stretches = A_inverse * spread * A_inverse;
+    Information covariance = per_stretch * A_inverse;
+    for (int k = 0; k < kUnknowns; ++k)
+      covariance(k, k) = std::max(covariance(k, k), by_stretches(k, k));
+    return covariance;
+  }
+
+  [[nodiscard]] double astray() const {
+    const auto count = std::ranges::count_if(residuals_, [&](const Residual& residual) {
+      return residual.value.head<3>().norm() > kAstray * std::sqrt(3.0) * sigma_m_ ||
+             residual.value.tail<3>().norm() > kAstray * std::sqrt(3.0) * sigma_rad_;
+    });
+    return static_cast<double>(count) / static_cast<double>(residuals_.size());
+  }
+
+  [[nodiscard]] double usual_m() const {
+    std::vector<double> lengths_m;
+    for (const Residual& residual : residuals_)
+      lengths_m.push_back(residual.T_given.translation().norm());
+    return median(std::move(lengths_m));
+  }
+
+  [[nodiscard]] double explained(int first, double left) const {
+    Vector6d sum = Vector6d::Zero(), squares = Vector6d::Zero();
+    const Eigen::Isometry3d none = Eigen::Isometry3d::Identity();
+    for (const Residual& residual : residuals_) {
+      const Vector6d given = between(none, residual.T_given);
+      sum += given;
+      squares += given.cwiseProduct(given);
+    }
+    const auto n = static_cast<double>(residuals_.size());
+    const Vector6d variances = squares / n - (sum / n).cwiseProduct(sum / n);
+    return 1.0 - left * left / std::max(variances.segment<3>(first).mean(), 1e-12);
+  }
+
+  const Motions& motions_;
+  const SmoothPath& given_;
+  State state_;
+  std::vector<Residual> residuals_;
+  double sigma_m_ = kLeastLeftM;
+  double sigma_rad_ = kLeastLeftRad;
+  double independent_ = 0.0;
+};
+
+Motions motions_of(const SmoothPath& path, double box_s, double step_s) {
+  Motions motions{.length_s = std::max(kLeastMotionS, 2.0 * box_s),
+                  .box_s = box_s,
+                  .aside_s = 0.25 * box_s,
+                  .all = {}};
+  const double span_s = path.end_s() - path.begin_s();
+  const double apart_s = std::max(step_s, span_s / static_cast<double>(kMostMotions));
+  for (double t_s = path.begin_s(); t_s < path.end_s(); t_s += apart_s) {
+    const auto seen = [&](double aside_s) {
+      return path.motion(t_s + aside_s, t_s + aside_s + motions.length_s, true);
+    };
+    const auto T = seen(0.0), earlier = seen(-motions.aside_s), later = seen(motions.aside_s);
+    if (T && earlier && later) motions.all.push_back({t_s, *T, *earlier, *later});
+  }
+  return motions;
+}
+
+}  // namespace
+
+std::optional<PathDifference> path_difference(const PathPair& paths, bool is_mirrored) {
+  if (paths.odometry.size() < kFewestMotions || paths.given.size() < kFewestMotions)
+    return std::nullopt;
+  const double step_s = usual_step_s(paths.odometry);
+  const double slower_s = std::max(step_s, usual_step_s(paths.given));
+  const double box_s = std::max(kLeastBoxS, kBoxSteps * slower_s);
+  std::vector<SmoothPath::Pose> seen = paths.odometry;
+  if (is_mirrored)
+    for (SmoothPath::Pose& pose : seen) pose.T = mirrored(pose.T);
+  const Motions motions = motions_of(SmoothPath(seen, box_s), box_s, step_s);
+  if (motions.all.size() < kFewestMotions) return std::nullopt;
+  const SmoothPath given(paths.given, box_s);
+  State start;
+  start.lag_s = LagSearch(motions, given, 0.2 * box_s).best_s();
+  Fit fit(motions, given, start);
+  if (!fit.solve()) return std::nullopt;
+  return fit.result();
+}
+
+PathPair part_of(const PathPair& paths, double begin_s, double end_s) {
+  PathPair part{.odometry = {}, .given = paths.given};
+  for (const SmoothPath::Pose& pose : paths.odometry)
+    if (pose.t_s >= begin_s && pose.t_s < end_s) part.odometry.push_back(pose);
+  return part;
+}
+
+}  // namespace stillmap::mapping

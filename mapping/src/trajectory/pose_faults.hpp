@@ -1,0 +1,52 @@
+#pragma once
+
+#include "trajectory/path_difference.hpp"
+
+#include <stillmap/maps/drive_check.hpp>
+
+#include <Eigen/Geometry>
+
+#include <array>
+#include <functional>
+#include <optional>
+#include <vector>
+
+namespace stillmap::mapping {
+
+/// Faults of given poses that motion tells, each by what mends it; nothing where motion does not
+/// tell, or tells that there is none.
+struct PoseFaults {
+  /// To be added to the stamps of the poses [s].
+  std::optional<double> offset_s;
+  /// The same of the first and the second half, where they differ.
+  std::optional<std::array<double, 2>> offsets_of_halves_s;
+  /// Axis of the scans that is turned round: 0 x, 1 y, 2 z.
+  std::optional<int> mirrored_axis;
+  /// Motion does not tell mirrored scans from poses of a frame whose z is down.
+  bool may_be_z_down = false;
+  /// Given lengths over true ones.
+  std::optional<double> scale;
+  /// Place of the lidar in the frame that the poses are of: what they are to be multiplied by from
+  /// the right. Its translation is zero where that is not told, or too small.
+  std::optional<Eigen::Isometry3d> T_given_lidar;
+};
+
+/// The ground as one scan sees it.
+struct GroundSeen {
+  /// Pose that was given for the scan.
+  Eigen::Matrix3d R_map_given = Eigen::Matrix3d::Identity();
+  /// Its normal, towards the sensor.
+  Eigen::Vector3d up_lidar = Eigen::Vector3d::UnitZ();
+};
+/// Asked where motion alone leaves open whether axes are mirrored.
+using SeeGround = std::function<std::optional<GroundSeen>()>;
+
+/// Offsets of 0.05 s, scales of 1 %, turns of 3 degrees and levers of 0.5 m, of five times their
+/// deviations. @param see_ground  may be empty.
+[[nodiscard]] PoseFaults pose_faults(const PathPair& paths, const SeeGround& see_ground);
+
+/// In words, with their remedies. Codes: pose_clock, pose_clocks, mirrored_axis, pose_scale,
+/// pose_frame.
+[[nodiscard]] std::vector<maps::DriveFinding> findings_of(const PoseFaults& faults);
+
+}  // namespace stillmap::mapping
