@@ -12,7 +12,7 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr float kLayerM = 0.15F;
+constexpr float kColumnLayerM = 0.15F;
 constexpr float kMostStepM = 0.2F;
 constexpr std::size_t kLeastPart = 200;  // 50 m^2
 constexpr float kTakenFromM = 0.35F;
@@ -30,11 +30,11 @@ std::int64_t floor_div(std::int64_t a, std::int64_t b) {
 /// Mean of the lowest layer. A single point below everything else is a reflection.
 float lowest_layer(const std::vector<float>& heights_m) {
   std::size_t first = 0;
-  if (heights_m.size() > 1 && heights_m[1] - heights_m[0] > kLayerM) first = 1;
+  if (heights_m.size() > 1 && heights_m[1] - heights_m[0] > kColumnLayerM) first = 1;
   double sum = 0.0;
   std::size_t count = 0;
-  for (std::size_t i = first; i < heights_m.size() && heights_m[i] - heights_m[first] <= kLayerM;
-       ++i, ++count)
+  for (std::size_t i = first;
+       i < heights_m.size() && heights_m[i] - heights_m[first] <= kColumnLayerM; ++i, ++count)
     sum += static_cast<double>(heights_m[i]);
   return static_cast<float>(sum / static_cast<double>(count));
 }

@@ -10,7 +10,7 @@ namespace {
 constexpr float kCellM = 0.25F;
 constexpr float kKeyframeReachM = 150.0F;
 /// 150 m are 30,000 steps, so that 16 bits hold a coordinate.
-constexpr float kStepM = 0.005F;
+constexpr float kStoredStepM = 0.005F;
 
 using Stored = std::array<std::int16_t, 3>;
 
@@ -28,7 +28,7 @@ std::vector<Stored> packed_voxels(const std::vector<Eigen::Vector3f>& points) {
     if (!(p.array().abs() < kKeyframeReachM).all()) continue;
     if (!taken.insert(cell_key(p)).second) continue;
     const auto step = [&](int axis) {
-      return static_cast<std::int16_t>(std::lround(p[axis] / kStepM));
+      return static_cast<std::int16_t>(std::lround(p[axis] / kStoredStepM));
     };
     out.push_back({step(0), step(1), step(2)});
   }
@@ -53,7 +53,7 @@ std::vector<Eigen::Vector3f> KeyframeStore::read(std::size_t keyframe) const {
   for (const Stored& each : stored) {
     points.emplace_back(static_cast<float>(each[0]), static_cast<float>(each[1]),
                         static_cast<float>(each[2]));
-    points.back() *= kStepM;
+    points.back() *= kStoredStepM;
   }
   return points;
 }

@@ -9,9 +9,9 @@
 namespace stillmap::mapping {
 namespace {
 
-using Columns = Eigen::Matrix<float, kContextRings, kContextSectors>;
+using ContextColumns = Eigen::Matrix<float, kContextRings, kContextSectors>;
 
-using Bins = Columns;
+using Bins = ContextColumns;
 
 /// The ground is looked for in so many rings (20 m).
 constexpr int kNearRings = 5;
@@ -46,8 +46,8 @@ float ground_height_m(const Bins& lowest_m, int rings) {
 }
 
 /// Columns of length one, or zero where nothing stands.
-Columns unit_columns(const ScanContext& context) {
-  Columns out = context.heights_m;
+ContextColumns unit_columns(const ScanContext& context) {
+  ContextColumns out = context.heights_m;
   for (int j = 0; j < kContextSectors; ++j) {
     const float norm = out.col(j).norm();
     if (norm > 0.0F) out.col(j) /= norm;
@@ -85,8 +85,8 @@ ScanContext describe(const std::vector<Eigen::Vector3f>& points_level) {
 RingKey ring_key(const ScanContext& context) { return context.heights_m.rowwise().mean(); }
 
 ContextDistance distance_between(const ScanContext& a, const ScanContext& b) {
-  const Columns unit_a = unit_columns(a);
-  const Columns unit_b = unit_columns(b);
+  const ContextColumns unit_a = unit_columns(a);
+  const ContextColumns unit_b = unit_columns(b);
   const Eigen::Matrix<float, kContextSectors, kContextSectors> cosines =
       unit_a.transpose() * unit_b;
   const Eigen::Array<bool, 1, kContextSectors> seen_a =
