@@ -144,7 +144,8 @@ TEST(RebuildGate, DoesNotPassAnEntropyThatIsClearlyHigher) {
   EXPECT_THAT(
       decide(figures, {}).reasons,
       ElementsAre("mean map entropy is -3.69 nat, -3.90 nat in the previous version: higher "
-                  "by 0.21, at most 0.2"));
+                  "by 0.21, at most 0.2; check the poses of the new drives (`given_poses` in the "
+                  "report says how far they are off)"));
   figures.previous->consistency_now.mean_map_entropy = -5.0;
   EXPECT_THAT(failed(figures), IsEmpty());
 }
