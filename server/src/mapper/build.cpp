@@ -95,6 +95,7 @@ std::string points_label(std::string name) {
   if (name == "static") return "map points";
   if (name == "cleaned" || name == "filled") return "map points " + name;
   if (name == "scans_empty") return "scans without points";
+  if (name == "scans_hidden") return "scans hidden, left out";
   std::replace(name.begin(), name.end(), '_', ' ');
   return "scanned points " + name;
 }

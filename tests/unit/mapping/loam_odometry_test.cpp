@@ -150,6 +150,20 @@ TEST(LoamOdometry, GoesOnOverEmptyAndMissingScansAndJumpsOfTheClock) {
   expect_at(12, 12 * kPeriodNs + 3'600'000'000'000);
 }
 
+TEST(LoamOdometry, GoesOnOverACoveredSensor) {
+  const test::SyntheticWorld room = test::room();
+  const auto odometry = make_odometry("loam");
+  for (int k = 0; k < 7; ++k) {
+    maps::Scan scan = scan_from(room, on_path(k), k * kPeriodNs);
+    if (k == 4) {
+      for (Eigen::Vector3f& p : scan.cloud.positions) p *= 2.0F / p.norm();
+    }
+    const OdometryPose pose = added(*odometry, scan);
+    EXPECT_EQ(pose.hidden, k == 4) << k;
+    EXPECT_THAT(pose.T_odom_lidar, IsNearPose(on_path(0).inverse() * on_path(k), 0.02, 2e-3)) << k;
+  }
+}
+
 TEST(LoamOdometry, StartsWithEmptyScans) {
   const test::SyntheticWorld room = test::room();
   const auto odometry = make_odometry("loam");

@@ -1,5 +1,6 @@
 #include "odometry/loam/loam_odometry.hpp"
 
+#include "odometry/hidden_scan.hpp"
 #include "odometry/loam/loam_covariance.hpp"
 #include "odometry/loam/map_match.hpp"
 #include "odometry/loam/sweep_match.hpp"
@@ -56,6 +57,8 @@ constexpr double kNewest = 0.15;
 struct PreparedFeatures : Odometry::Prepared {
   std::int64_t stamp_ns = 0;
   std::string source;
+  /// Has no features then.
+  bool shell = false;
   loam::Features features;
   /// Thinned ones, for the map.
   std::vector<Feature> edges, planes;
@@ -122,6 +125,8 @@ std::unique_ptr<Odometry::Prepared> LoamOdometry::prepare(const maps::Scan& scan
   auto prepared = std::make_unique<PreparedFeatures>();
   prepared->stamp_ns = scan.stamp_ns;
   prepared->source = scan.source;
+  prepared->shell = is_shell(scan.cloud.positions);
+  if (prepared->shell) return prepared;
   prepared->features = loam::find_features(scan.cloud, loam::find_rings(scan));
   prepared->edges = loam::thinned(prepared->features.less_sharp, kMatchedEdgeVoxelM);
   prepared->planes = loam::thinned(prepared->features.less_flat, kMatchedPlaneVoxelM);
@@ -139,6 +144,7 @@ OdometryPose LoamOdometry::add(const Prepared& prepared) {
     if (step->is_gap) pose.twist_lidar = twist_before;
   }
   if (!last_ && start_twist_) pose.twist_lidar = *start_twist_;
+  pose.hidden = scan.shell;
   take(scan, pose);
   last_ = Last{pose.T_odom_lidar, pose.twist_lidar};
   return pose;
