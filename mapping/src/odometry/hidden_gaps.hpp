@@ -10,9 +10,10 @@ namespace stillmap::mapping {
 
 /// Places hidden scans, which were predicted from those before them alone, by those after them too.
 ///
-/// Between two that are seen, predictions are bent to lead to the second: an error of the speed
-/// grows with time, one of an acceleration with its square. Hidden scans that a drive begins with
-/// follow, backward, from the first two that are seen; those that it ends with stay.
+/// Between two that are seen they lie on the even motion from one to the other, bent by the mean
+/// acceleration: from the motion before the first to that behind the second. Hidden scans that a
+/// drive begins with follow, backward, from the first two that are seen; those that it ends with
+/// stay.
 /// @param stamps_ns  one a pose, ascending.
 void join_over_hidden(std::span<const std::int64_t> stamps_ns, std::vector<OdometryPose>& poses);
 

@@ -171,8 +171,10 @@ def measure(program, drive, work, options):
         told = "those" if hidden == numbers else f"{hidden}"
         print(f"{world:28} {kind:6} {radius_m or '':>6} {noise_m or '':>6} {count:5} {own_m:9.3f} {later_m:9.3f}  {told}"
               + (f"; begun anew at {anew}" if anew else ""), flush=True)
+        # A drive that ends before five scans fit each other cannot be begun anew: all that is left is called hidden.
+        said = count > 1 and (bool(anew) or hidden == list(range(numbers[0], len(clean))))
         most_m = AFTER_GAP_M if count > 1 else LATER_HIGHWAY_M if "highway" in world else LATER_M
-        broken |= (hidden != numbers and not anew) or (later_m > most_m and not (anew and count > 1))
+        broken |= (hidden != numbers or later_m > most_m) and not said
         broken |= count == 1 and own_m > OWN_M
     return broken
 

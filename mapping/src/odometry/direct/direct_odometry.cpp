@@ -64,6 +64,9 @@ constexpr std::size_t kSteadyScans = 5;
 constexpr double kUntoldAcceleration = 0.5;
 /// The same through hidden scans, where vehicles brake and turn as anywhere.
 constexpr double kHiddenAcceleration = 2.0;
+/// A map of fewer scans has too few shapes to tell by them what lies on it: of a sparse sensor half
+/// of the second scan does not.
+constexpr std::size_t kThinScans = 3;
 /// A scan is hidden when less than this share of the usual of its points lie on the map, of those
 /// that fall where the map knows anything: in clean drives it is 0.78 and more (0.9 once there is a
 /// map), of dust and shells 0.3 to 0.55.
@@ -219,6 +222,7 @@ class DirectFollower {
   [[nodiscard]] bool is_denied(const Found& found, const Prediction& expected,
                                const ThinnedScan& scan, const ScanPeriod::Step& step) const;
   void start_anew(const ThinnedScan& first, const ThinnedScan& scan, const ScanPeriod::Step& step);
+  void learn_usual(const LocalAlignment& match);
   /// @param off_rate2  of what predicted so, see `off_rate2_`.
   void learn(const Vector6d& deviation, double dt_s, double& off_rate2) const;
   [[nodiscard]] std::vector<Vector6d> untold(const LocalAlignment& match);
@@ -434,14 +438,15 @@ bool DirectFollower::is_frame_again(const ThinnedScan& scan, const Prediction& p
 /// something, or shows nothing of what the one before saw.
 bool DirectFollower::is_hidden(const ThinnedScan& scan, const Found& found) const {
   const LocalAlignment& match = found.match;
-  const double usual = placed_ == 0 ? 1.0 : usual_known_;
-  if (match.matched < LocalAlignment::kMinMatched ||
-      match.known_inlier_ratio < std::max(kLeastInliers, kHiddenOfUsual * usual))
-    return true;
-  const double fit = match.fit / usual_fit_, standing = match.standing_ratio / usual_standing_;
-  if (usual_standing_ >= kStandingTells && fit < kHiddenFitOfUsual &&
-      fit * standing < kHiddenMeanOfUsual * kHiddenMeanOfUsual)
-    return true;
+  if (placed_ >= kThinScans) {
+    if (match.matched < LocalAlignment::kMinMatched ||
+        match.known_inlier_ratio < std::max(kLeastInliers, kHiddenOfUsual * usual_known_))
+      return true;
+    const double fit = match.fit / usual_fit_, standing = match.standing_ratio / usual_standing_;
+    if (usual_standing_ >= kStandingTells && fit < kHiddenFitOfUsual &&
+        fit * standing < kHiddenMeanOfUsual * kHiddenMeanOfUsual)
+      return true;
+  }
   return seen_.share(scan.sparse.positions, found.T_odom_lidar) < kHiddenSeenAgain;
 }
 
@@ -488,9 +493,15 @@ void DirectFollower::place(const ThinnedScan& scan, const ScanPeriod::Step& step
     return keep_as_hidden(step, pose);
   }
   first_.reset();
-  if (expected && is_denied(found, *expected, scan, step)) {
+  const bool matches =
+      match.matched >= LocalAlignment::kMinMatched && match.known_inlier_ratio >= kLeastInliers;
+  if (expected && matches && is_denied(found, *expected, scan, step)) {
     pose.T_odom_lidar = expected->T_odom_lidar;
     pose.twist_lidar = expected->twist;
+    untold_s_ = untold_s;
+    return;
+  }
+  if (!matches) {
     untold_s_ = untold_s;
     return;
   }
@@ -523,6 +534,10 @@ void DirectFollower::place(const ThinnedScan& scan, const ScanPeriod::Step& step
   if (!step.is_gap)
     learn(deviation_from(by_speed(step.seconds, step.seconds)), predicted_s, off_rate2_);
   if (expected) learn(deviation_from(*expected), predicted_s, expected_off_rate2_);
+  learn_usual(match);
+}
+
+void DirectFollower::learn_usual(const LocalAlignment& match) {
   on_surfaces_ = match.fit >= kFitOfInliers * match.inlier_ratio;
   ++placed_;
   // The mean of all until there are many, so that the first ones are not doubted less than others.
