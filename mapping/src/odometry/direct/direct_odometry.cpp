@@ -381,17 +381,17 @@ DirectFollower::Found DirectFollower::found_over(const ThinnedScan& scan,
   };
   // Where the clock alone has jumped, the sensor has gone on as ever.
   if (step.is_gap) try_too(by_speed(period_.usual_s(), step.seconds));
-  // Wide kernels stop short of the place, which the next scan would be off by, too.
-  if (hidden_s_ > 0.0) {
-    const Vector6d twist = twist_to(found.T_odom_lidar, step);
-    Found settled = aligned(scan, twist, found.T_odom_lidar, kLeastMissM, step);
-    if (settled.match.fit >= kSettledFit * found.match.fit) found = std::move(settled);
-  }
   // Given poses jump at times, and speeds change.
   if (expected_ && placed_ > kFirstScans && !explains_as_usual(found)) {
     const Prediction speed = by_speed(step.seconds, step.seconds);
     const bool tried_speed = prediction.T_odom_lidar.isApprox(speed.T_odom_lidar, 0.0);
     try_too(tried_speed ? *as_expected(step) : speed);
+  }
+  // Wide kernels stop short of the place, which the next scan would be off by, too.
+  if (hidden_s_ > 0.0) {
+    const Vector6d twist = twist_to(found.T_odom_lidar, step);
+    Found settled = aligned(scan, twist, found.T_odom_lidar, kLeastMissM, step);
+    if (settled.match.fit >= kSettledFit * found.match.fit) found = std::move(settled);
   }
   return found;
 }
