@@ -103,6 +103,7 @@ class PosedDrivesBytes : public PosedDrivesTest {
     posed_.given = given;
     posed_.notes.assign(2, std::vector<ScanNote>(drive_.size(), ScanNote::kNone));
     posed_.notes[1][2] = ScanNote::kHidden;
+    posed_.faults = {{"pose_clock", "apart", "shift"}, {"pose_scale", "feet", ""}};
     posed_.graph = DriveGraph{.key_frames = {{0, 0}, {1, 1}}, .loops = {{{1, 1}, {0, 0}, 0.75}}};
   }
   PosedDrives posed_;
@@ -128,6 +129,9 @@ TEST_F(PosedDrivesBytes, ComeBackToTheLastBit) {
   EXPECT_EQ(back.given->errors.by_way[0].max_rad, 0.5);
   EXPECT_EQ(back.given->errors.denied, 2U);
   EXPECT_EQ(back.given->moved.max_m, 0.25);
+  ASSERT_EQ(back.faults.size(), 2U);
+  EXPECT_EQ(back.faults[0].remedy, "shift");
+  EXPECT_EQ(back.faults[1].code, "pose_scale");
   for (std::size_t d = 0; d < 2; ++d) {
     ASSERT_EQ(back.drives[d].contents().origin.has_value(), d == 0);
     for (std::size_t i = 0; i < drive_.size(); ++i)

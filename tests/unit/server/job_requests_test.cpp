@@ -30,6 +30,7 @@ TEST_F(JobRequests, BadOnesAreRefusedByField) {
       {R"({"drives": [1], "options": {"detector": "onnx:/etc/passwd"}})", "options.detector"},
       {R"({"drives": [1], "options": {"movable": ""}})", "options.movable"},
       {R"({"drives": [1], "options": {"voxel": 0.001}})", "options.voxel"},
+      {R"({"drives": [1], "options": {"pose-time-offset": "auto"}})", "options.pose-time-offset"},
       {R"({"drives": [1], "options": {"edits": "/etc/passwd"}})", "options.edits"},
       {R"({"drives": [1], "options": {"poses": "/etc/passwd"}})", "options.poses"},
       {R"({"drives": [1], "work": "/tmp"})", "work"}};

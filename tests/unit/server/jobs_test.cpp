@@ -36,7 +36,8 @@ TEST_F(Jobs, RebuildBecomesAVersionAndLeavesItsLogAlone) {
   start_with("say 0.5 'map: survey'; echo working; publish");
   const HttpResponse accepted = send("POST", "/v1/maps/town/rebuild",
                                      R"({"drives": [1], "version": "v2",
-                                         "options": {"movable": "delete", "voxel": 0.2}})");
+                                         "options": {"movable": "delete", "voxel": 0.2,
+                                                     "pose-time-offset": -37.5}})");
   ASSERT_EQ(accepted.status, 202);
   EXPECT_THAT(accepted.headers, Contains(Pair("Location", "/v1/jobs/1")));
   const nlohmann::json job = wait_for_end("/v1/jobs/1");
@@ -46,6 +47,7 @@ TEST_F(Jobs, RebuildBecomesAVersionAndLeavesItsLogAlone) {
   EXPECT_EQ(job["result"]["activated"], false);
   EXPECT_EQ(job["result"]["gate"]["verdict"], "pass");
   EXPECT_EQ(job["request"]["options"]["voxel"], 0.2);
+  EXPECT_EQ(job["request"]["options"]["pose-time-offset"], -37.5);
   EXPECT_EQ(store_.open().state().version("town", "v2").digest, job["result"]["digest"]);
   EXPECT_EQ(store_.open().state().map("town").active, store_.version());
   EXPECT_EQ(log_of("/v1/jobs/1"), "working\n");
