@@ -251,7 +251,7 @@ struct Residual {
 
 class Fit {
  public:
-  Fit(const Motions& motions, const SmoothPath& given, State start)
+  Fit(const Motions& motions, const SmoothPath& given, const State& start)
       : motions_(motions), given_(given), state_(start) {}
 
   /// @return whether it settled with enough motions in common.
@@ -277,10 +277,8 @@ class Fit {
     found.scale = {std::exp(state_.log_scale), std::exp(state_.log_scale) * sigma(7)};
     found.R_given_lidar = state_.R;
     found.lever_m = state_.lever_m;
-    for (int k = 0; k < 3; ++k) {
-      found.R_sigma_rad[k] = sigma(1 + k);
-      found.lever_sigma_m[k] = sigma(4 + k);
-    }
+    found.R_covariance = covariance.block<3, 3>(1, 1);
+    for (int k = 0; k < 3; ++k) found.lever_sigma_m[k] = sigma(4 + k);
     found.residual_m = sigma_m_;
     found.residual_rad = sigma_rad_;
     found.explained_m = explained(0, sigma_m_);
@@ -401,10 +399,11 @@ class Fit {
     Information spread = Information::Zero();
     for (const Unknowns& pull : pulls) spread += pull * pull.transpose();
     const Information by_stretches = A_inverse * spread * A_inverse;
-    Information covariance = per_stretch * A_inverse;
+    const Information covariance = per_stretch * A_inverse;
+    Unknowns wider;
     for (int k = 0; k < kUnknowns; ++k)
-      covariance(k, k) = std::max(covariance(k, k), by_stretches(k, k));
-    return covariance;
+      wider[k] = std::sqrt(std::max(1.0, by_stretches(k, k) / covariance(k, k)));
+    return wider.asDiagonal() * covariance * wider.asDiagonal();
   }
 
   [[nodiscard]] double astray() const {

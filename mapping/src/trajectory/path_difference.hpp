@@ -36,8 +36,8 @@ struct PathDifference {
   Measured scale{1.0};
   /// The given poses are of a frame that lies so to the lidar: takes directions of the lidar there.
   Eigen::Matrix3d R_given_lidar = Eigen::Matrix3d::Identity();
-  /// Of turns about x, y and z of the lidar [rad].
-  Eigen::Vector3d R_sigma_rad = Eigen::Vector3d::Zero();
+  /// Of a turn in the axes of the lidar [rad^2].
+  Eigen::Matrix3d R_covariance = Eigen::Matrix3d::Zero();
   /// Place of the lidar in that frame [m], with the deviation on each axis.
   Eigen::Vector3d lever_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d lever_sigma_m = Eigen::Vector3d::Zero();

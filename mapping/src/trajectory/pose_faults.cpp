@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <stillmap/maps/frames.hpp>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -15,6 +16,7 @@ namespace {
 constexpr double kLeastOffsetS = 0.05;
 constexpr double kLeastScale = 0.01;
 constexpr double kLeastTurnRad = 3.0 * std::numbers::pi / 180.0;
+constexpr double kSmallTurnRad = 0.35;
 constexpr double kLeastLeverM = 0.5;
 /// A fault is so many deviations large.
 constexpr double kDeviations = 5.0;
@@ -111,16 +113,35 @@ std::optional<double> scale_of(const PathDifference& apart) {
   return is_fault ? std::optional(scale.value) : std::nullopt;
 }
 
+/// The turn that is a fault, the identity for none. Of a small one the part that is told: straight
+/// on nothing tells a turn about the way.
+Eigen::Matrix3d turn_of_frame(const Eigen::Matrix3d& R_given_lidar, const PathDifference& apart) {
+  Eigen::Matrix3d none = Eigen::Matrix3d::Identity();
+  if (apart.residual_rad > kMostLeftOfFrameRad) return none;
+  const maps::SymmetricEigen<3> spread = maps::eigen_of(apart.R_covariance);
+  const Eigen::AngleAxisd turn(R_given_lidar);
+  Eigen::Vector3d told = Eigen::Vector3d::Zero();
+  double sigma_rad = 0.0;
+  for (int k = 0; k < 3; ++k) {
+    const double sigma_of_axis_rad = std::sqrt(std::max(0.0, spread.values[k]));
+    if (sigma_of_axis_rad > kToldTurnRad) {
+      if (turn.angle() > kSmallTurnRad) return none;
+      continue;
+    }
+    const Eigen::Vector3d axis = spread.vectors.col(k);
+    told += turn.angle() * turn.axis().dot(axis) * axis;
+    sigma_rad = std::max(sigma_rad, sigma_of_axis_rad);
+  }
+  const double angle_rad = told.norm();
+  if (!(angle_rad > std::max(kLeastTurnRad, kDeviations * sigma_rad))) return none;
+  return Eigen::AngleAxisd(angle_rad, told / angle_rad).toRotationMatrix();
+}
+
 /// @param R_given_lidar  the turn that is left.
 std::optional<Eigen::Isometry3d> frame_of(const PathDifference& apart,
                                           const Eigen::Matrix3d& R_given_lidar) {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  const double sigma_rad = apart.R_sigma_rad.maxCoeff();
-  const double turn_rad = maps::rotation_angle_rad(R_given_lidar);
-  const bool is_turned = apart.residual_rad < kMostLeftOfFrameRad &&
-                         turn_rad > std::max(kLeastTurnRad, kDeviations * sigma_rad) &&
-                         sigma_rad < kToldTurnRad;
-  if (is_turned) T.linear() = R_given_lidar;
+  T.linear() = turn_of_frame(R_given_lidar, apart);
   // Upright the height of a sensor does not show; what is told stands alone then.
   Eigen::Vector3d lever_m = Eigen::Vector3d::Zero();
   for (int axis = 0; axis < 3; ++axis)

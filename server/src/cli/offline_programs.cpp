@@ -86,7 +86,8 @@ std::vector<maps::DriveFinding> findings_by_motion(const fs::path& drive) {
   if (::pclose(output) != 0)
     throw std::runtime_error("--motion: odometry failed; leave it out for what needs none");
   std::vector<maps::DriveFinding> findings;
-  for (const auto& finding : nlohmann::json::parse(text).at(0))
+  const nlohmann::json found = nlohmann::json::parse(text);
+  for (const auto& finding : found.at(0))
     findings.push_back({finding.at("code"), finding.at("what"), finding.at("remedy")});
   return findings;
 }

@@ -162,8 +162,6 @@ def faults_of(times, poses):
               lambda file: write_tum(file, times - np.where(times < middle, 0.5, 0.1), poses)),
         Fault("two clocks, a drift of 1 %", "pose_clocks", (0.0025 * times[-1], 0.0075 * times[-1]), 0.1,
               lambda file: write_tum(file, times - 0.01 * times, poses)),
-        Fault("two clocks, a drift of 0.3 %", "pose_clocks", (0.00075 * times[-1], 0.00225 * times[-1]), 0.05,
-              lambda file: write_tum(file, times - 0.003 * times, poses)),
         Fault("UTM with 6 digits", "coarse_positions", 10.0, STEP,
               lambda file: write_tum(file, times, moved(poses, utm), "{:.6g}")),
         Fault("UTM as 32-bit floats", "coarse_positions", 0.5, STEP, as_floats),
@@ -171,6 +169,10 @@ def faults_of(times, poses):
         Fault("feet", "pose_scale", FEET, SCALE, lambda file: write_tum(file, times, scaled(poses, FEET))),
         Fault("wheels, 2 % too long", "pose_scale", 1.02, SCALE,
               lambda file: write_tum(file, times, scaled(poses, 1.02)))]
+    # Halves of a short drive differ too little.
+    if times[-1] > 50:
+        faults.append(Fault("two clocks, a drift of 0.3 %", "pose_clocks", (0.00075 * times[-1], 0.00225 * times[-1]),
+                            0.05, lambda file: write_tum(file, times - 0.003 * times, poses)))
     for name, place in (("lidar turned by 90 deg", (0, 0, 90)), ("lidar turned by 180 deg", (0, 0, 180)),
                         ("poses of a camera", (90, -90, 0)), ("lidar pitched by 5 deg", (0, 5, 0)),
                         ("poses of the rear axle", (0, 0, 0, 1.5, 0, 0)),

@@ -295,6 +295,18 @@ TEST(PoseFaults, TellsHowTheLidarLiesInTheFrameOfThePoses) {
   }
 }
 
+TEST(PoseFaults, StraightOnTellsPitchAndYawButNoRoll) {
+  Recorded recorded;
+  recorded.street = Street({.turn_radps = 0.0, .nod_rad = 0.0});
+  recorded.T_given_lidar = isometry(kDegree * Eigen::Vector3d(0.0, 5.0, -4.0), {0.0, 0.0, 0.0});
+  const PoseFaults faults = recorded.faults();
+  ASSERT_TRUE(faults.T_given_lidar);
+  EXPECT_TRUE(
+      faults.T_given_lidar->linear().col(0).isApprox(recorded.T_given_lidar.linear().col(0), 2e-3));
+  recorded.T_given_lidar = isometry(kDegree * Eigen::Vector3d(6.0, 0.0, 0.0), {0.0, 0.0, 0.0});
+  expect_none(recorded.faults(), "roll");
+}
+
 TEST(PoseFaults, TellsALever) {
   Recorded recorded;
   recorded.T_given_lidar.translation() = Eigen::Vector3d(1.5, 0.0, 0.0);
