@@ -132,7 +132,7 @@ Vector12d step_of(const Sweep& sweep, const MapIndex::Level& level,
                      [&](std::size_t, double residual_m, double variance_m2, const Vector12d& J) {
                        const double weight = robust_weight(residual_m * residual_m, kernel) /
                                              (variance_m2 + kernel_variance_m2(kernel));
-                       H.selfadjointView<Eigen::Lower>().rankUpdate(J, weight);
+                       H += J * (weight * J).transpose();
                        gradient += weight * residual_m * J;
                      });
   Matrix12d scaled = H.selfadjointView<Eigen::Lower>();
