@@ -276,9 +276,9 @@ class Fit {
     found.offset_s = {-state_.lag_s, sigma(0)};
     found.scale = {std::exp(state_.log_scale), std::exp(state_.log_scale) * sigma(7)};
     found.R_given_lidar = state_.R;
-    found.lever_m = state_.lever_m;
+    found.lever_m = state_.lever_m / found.scale.value;
     found.R_covariance = covariance.block<3, 3>(1, 1);
-    for (int k = 0; k < 3; ++k) found.lever_sigma_m[k] = sigma(4 + k);
+    for (int k = 0; k < 3; ++k) found.lever_sigma_m[k] = sigma(4 + k) / found.scale.value;
     found.residual_m = sigma_m_;
     found.residual_rad = sigma_rad_;
     found.explained_m = explained(0, sigma_m_);
@@ -462,7 +462,8 @@ Motions motions_of(const SmoothPath& path, double box_s, double step_s) {
 
 }  // namespace
 
-std::optional<PathDifference> path_difference(const PathPair& paths, bool is_mirrored) {
+std::optional<PathDifference> path_difference(const PathPair& paths, bool is_mirrored,
+                                              std::optional<double> offset_s) {
   if (paths.odometry.size() < kFewestMotions || paths.given.size() < kFewestMotions)
     return std::nullopt;
   const double step_s = usual_step_s(paths.odometry);
@@ -475,7 +476,7 @@ std::optional<PathDifference> path_difference(const PathPair& paths, bool is_mir
   if (motions.all.size() < kFewestMotions) return std::nullopt;
   const SmoothPath given(paths.given, box_s);
   State start;
-  start.lag_s = LagSearch(motions, given, 0.2 * box_s).best_s();
+  start.lag_s = offset_s ? -*offset_s : LagSearch(motions, given, 0.2 * box_s).best_s();
   Fit fit(motions, given, start);
   if (!fit.solve()) return std::nullopt;
   return fit.result();

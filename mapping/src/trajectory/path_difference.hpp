@@ -38,7 +38,7 @@ struct PathDifference {
   Eigen::Matrix3d R_given_lidar = Eigen::Matrix3d::Identity();
   /// Of a turn in the axes of the lidar [rad^2].
   Eigen::Matrix3d R_covariance = Eigen::Matrix3d::Zero();
-  /// Place of the lidar in that frame [m], with the deviation on each axis.
+  /// Place of the lidar in that frame [m, less the scale], with the deviation on each axis.
   Eigen::Vector3d lever_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d lever_sigma_m = Eigen::Vector3d::Zero();
   /// Deviation of a motion in each direction that is left.
@@ -61,9 +61,11 @@ struct PathDifference {
 /// moves and turns, up to 120 s, which needs no frame; then offset, turn, lever and scale are
 /// fitted to motions by least squares.
 /// @param mirrored  the y of the lidar counts as turned round, as in scans with left-handed axes.
+/// @param offset_s  where least squares begin, instead of what is found at all lags.
 /// @return nothing where too little is common (6 s, and motions of four box lengths).
 [[nodiscard]] std::optional<PathDifference> path_difference(const PathPair& paths,
-                                                            bool mirrored = false);
+                                                            bool mirrored = false,
+                                                            std::optional<double> offset_s = {});
 
 /// The part of the drive whose scans lie in [begin_s, end_s); all given poses.
 [[nodiscard]] PathPair part_of(const PathPair& paths, double begin_s, double end_s);

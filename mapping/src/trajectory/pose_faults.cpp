@@ -91,12 +91,24 @@ std::optional<double> offset_of(const PathDifference& apart) {
   return is_fault ? std::optional(apart.offset_s.value) : std::nullopt;
 }
 
+/// Short parts tell less: where what fits the whole drive fits better than what is found, it
+/// counts.
+std::optional<PathDifference> difference_of_part(const PathPair& part, bool mirrored,
+                                                 double offset_of_whole_s) {
+  const auto found = path_difference(part, mirrored);
+  const auto as_whole = path_difference(part, mirrored, offset_of_whole_s);
+  return !found || (as_whole && gain_of(*as_whole, *found) > 0.0) ? as_whole : found;
+}
+
 /// Of the two halves of the drive, where they differ.
-std::optional<std::array<double, 2>> offsets_of_halves(const PathPair& paths, bool mirrored) {
+std::optional<std::array<double, 2>> offsets_of_halves(const PathPair& paths, bool mirrored,
+                                                       double offset_of_whole_s) {
   const double begin_s = paths.odometry.front().t_s, end_s = paths.odometry.back().t_s;
   const double middle_s = 0.5 * (begin_s + end_s);
-  const auto first = path_difference(part_of(paths, begin_s, middle_s), mirrored);
-  const auto second = path_difference(part_of(paths, middle_s, end_s), mirrored);
+  const auto first =
+      difference_of_part(part_of(paths, begin_s, middle_s), mirrored, offset_of_whole_s);
+  const auto second =
+      difference_of_part(part_of(paths, middle_s, end_s), mirrored, offset_of_whole_s);
   if (!first || !second || !tells_time(*first) || !tells_time(*second)) return std::nullopt;
   if (!belongs(*first, kMostAstrayOfHalf) || !belongs(*second, kMostAstrayOfHalf))
     return std::nullopt;
@@ -202,7 +214,8 @@ PoseFaults pose_faults(const PathPair& paths, const SeeGround& see_ground) {
   }
   // A clock that runs too fast looks like longer ways as well; one that is set lets the whole drive
   // fit less.
-  faults.offsets_of_halves_s = offsets_of_halves(paths, faults.mirrored_axis.has_value());
+  faults.offsets_of_halves_s =
+      offsets_of_halves(paths, faults.mirrored_axis.has_value(), apart.offset_s.value);
   if (faults.offsets_of_halves_s) return faults;
   if (!belongs(apart)) return faults;
   faults.offset_s = offset_of(apart);

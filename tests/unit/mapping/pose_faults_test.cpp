@@ -191,6 +191,22 @@ TEST(PoseFaults, TellsByHowMuchClocksAreApart) {
   }
 }
 
+// Of 60 s of scans and of poses 23 s are left, whose halves tell less than all of them.
+TEST(PoseFaults, ShortHalvesDoNotContradictTheWhole) {
+  for (const double begin_s : {22.0, 32.0, 42.0}) {
+    Recorded recorded;
+    recorded.street = Street({.change_mps = 1.0, .turn_radps = 0.05});
+    recorded.begin_s = begin_s;
+    recorded.end_s = begin_s + 23.0;
+    recorded.pose_begin_s = begin_s - 0.2;
+    recorded.pose_end_s = begin_s + 60.0;
+    recorded.early_s = [](double) { return 37.0; };
+    const PoseFaults faults = recorded.faults();
+    ASSERT_TRUE(faults.offset_s) << begin_s;
+    EXPECT_NEAR(*faults.offset_s, 37.0, 0.02);
+  }
+}
+
 TEST(PoseFaults, TellsHowFarClocksAreApartByNoisyPoses) {
   for (const bool smooth : {false, true}) {
     for (const double early_s : {0.1, 0.5, 3.0}) {
@@ -274,6 +290,8 @@ TEST(PoseFaults, TellsTheScale) {
   }
   Recorded feet;
   feet.scale = 3.28084;
+  feet.T_given_lidar.translation() = Eigen::Vector3d(0.3, 0.0, 0.0);
+  EXPECT_FALSE(feet.faults().T_given_lidar) << "a lever of 0.3 m is none of 0.98 feet";
   EXPECT_THAT(findings_of(feet.faults()).at(0).what, ::testing::HasSubstr("feet"));
 }
 
