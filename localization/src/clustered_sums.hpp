@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 
 #include <algorithm>
+#include <cstdint>
 #include <vector>
 
 namespace stillmap::localization {
@@ -17,6 +18,15 @@ namespace stillmap::localization {
 /// what half a metre of a wall is not flat. Simulated maps have 2.1 to 3.1 cm, real ones 3.9 to
 /// 4.4 cm. What is beyond it is the map's own disagreement.
 inline constexpr double kUsualThicknessM = 0.032;
+
+/// Points within a block of this edge share their error [m], and blocks still share some with their
+/// neighbours: so many times the variance of independent ones.
+inline constexpr double kErrorBlockM = 4.0;
+inline constexpr double kNeighbourFactor = 2.4;
+[[nodiscard]] inline std::uint64_t error_block(const Eigen::Vector3d& at_m) {
+  const Eigen::Array3i cell = (at_m / kErrorBlockM).array().floor().cast<int>() + 1024;
+  return cell_key(cell.x(), cell.y(), cell.z());
+}
 
 /// Inverse of a symmetric matrix with its smallest eigenvalues raised, so that a direction which
 /// nothing constrains does not divide by zero.
@@ -43,8 +53,7 @@ class ClusteredSums {
 
   /// @param at_m  of the point, in the map. @param J  derivative of the residual.
   void add(const Eigen::Vector3d& at_m, double residual_m, double variance_m2, const Vector& J) {
-    const Eigen::Array3i cell = (at_m / kBlockM).array().floor().cast<int>() + 1024;
-    const auto [block, inserted] = blocks_.insert(cell_key(cell.x(), cell.y(), cell.z()));
+    const auto [block, inserted] = blocks_.insert(error_block(at_m));
     if (inserted) sums_.emplace_back(Vector::Zero());
     const double robust = robust_weight(residual_m * residual_m, kernel_m_);
     const double weight = robust / (variance_m2 + kernel_variance_m2(kernel_m_));
@@ -80,9 +89,6 @@ class ClusteredSums {
   }
 
  private:
-  static constexpr double kBlockM = 4.0;
-  /// What blocks of 4 m still share with their neighbours.
-  static constexpr double kNeighbourFactor = 2.4;
   /// What is beyond `kUsualThicknessM` no number of points averages out: a scan is worth so many
   /// independent surfaces then.
   static constexpr double kIndependentSurfaces = 60.0;

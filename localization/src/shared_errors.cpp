@@ -23,12 +23,13 @@ using Matrix63d = Eigen::Matrix<double, 6, 3>;
 /// Rows that are asked: every second one is enough.
 constexpr std::size_t kSharedStride = 2;
 
-/// Directions whose surfaces are shifted together, and of how many surfaces each of them is worth.
+/// Number of sectors of azimuth; the surfaces of one are shifted together. One sector is worth so
+/// many independent surfaces.
 constexpr std::size_t kDirections = 8;
 constexpr double kSurfacesOfSector = 4.0;
 
-/// Weight of how the sectors pull against each other, and what of it their blocks' own noise
-/// explains.
+/// Weight of the variance that the sectors' pulls against each other tell, once so many times what
+/// the noise of their blocks explains is taken off.
 constexpr double kPullWeight = 2.0;
 constexpr double kPullOfNoise = 1.5;
 
@@ -39,15 +40,13 @@ constexpr double kCalibrationM = 1.2e-3;
 /// (`take_times_of_a_turn`).
 constexpr double kSpeedLeftM_S = 0.6;
 constexpr double kTurnLeftRad_S = 0.15;
-/// Share of these in a scan that is said to be deskewed.
+/// The same of a scan whose sender says that it was deskewed, as a share.
 constexpr double kLittleShare = 0.5;
-/// Share of what the motion that fits best does to the pose, as a deviation.
+/// The best-fitting twist is not applied; this share of its effect on the pose counts as a standard
+/// deviation.
 constexpr double kFoundShare = 0.5;
+/// How long the sensor takes to turn once [s].
 constexpr double kSharedTurnS = 0.1;
-/// As in `ClusteredSums`: what follows each other within a block shares its error.
-constexpr float kSharedBlockM = 4.0F;
-constexpr double kSharedNeighbours = 2.4;
-constexpr double kSharedDamping = 1e-6;
 
 struct Sector {
   /// Derivative of the gradient of all by a shift of this sector's surfaces.
@@ -92,10 +91,7 @@ class SharedErrors {
 
  private:
   Vector12d& block_of(const Eigen::Vector3d& at_m) {
-    const Eigen::Array3i cell =
-        (at_m / static_cast<double>(kSharedBlockM)).array().floor().cast<int>();
-    const auto [block, inserted] =
-        blocks_.insert(cell_key(cell.x() + 1024, cell.y() + 1024, cell.z() + 1024));
+    const auto [block, inserted] = blocks_.insert(error_block(at_m));
     if (inserted) gradients_.emplace_back(Vector12d::Zero());
     return gradients_[block];
   }
@@ -136,19 +132,19 @@ class SharedErrors {
     H.bottomRightCorner<6, 6>() += H_time2_;
     Vector12d gradient = Vector12d::Zero();
     for (const Vector12d& block : gradients_) {
-      spread += kSharedNeighbours * block * block.transpose();
+      spread += kNeighbourFactor * block * block.transpose();
       gradient += block;
     }
-    Matrix12d scaled = units.asDiagonal() * H * units.asDiagonal();
-    scaled.diagonal().array() += kSharedDamping * scaled.diagonal().maxCoeff();
-    const Eigen::LDLT<Matrix12d> solver(scaled);
-    const Matrix12d inverse = solver.solve(Matrix12d::Identity());
+    const auto in_units = [&](const Matrix12d& matrix) -> Matrix12d {
+      return units.asDiagonal() * matrix * units.asDiagonal();
+    };
+    const Matrix12d scaled = in_units(H);
+    const Matrix12d inverse = bounded_inverse<12>(scaled);
     const Vector6d found = (inverse * units.cwiseProduct(gradient)).tail<6>();
-    const Matrix12d whole = inverse * (units.asDiagonal() * spread * units.asDiagonal()) * inverse;
-    const Matrix6d twist =
-        whole.bottomRightCorner<6, 6>() + kFoundShare * kFoundShare * found * found.transpose();
-    const Matrix6d draw = maps::ldlt_solve(Matrix6d(scaled.topLeftCorner<6, 6>()),
-                                           Matrix6d(scaled.topRightCorner<6, 6>()));
+    const Matrix6d twist = (inverse * in_units(spread) * inverse).bottomRightCorner<6, 6>() +
+                           kFoundShare * kFoundShare * found * found.transpose();
+    const Matrix6d draw =
+        bounded_inverse<6>(scaled.topLeftCorner<6, 6>()) * scaled.topRightCorner<6, 6>();
     return out_of_metres(draw * twist * draw.transpose());
   }
 
