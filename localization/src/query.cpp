@@ -47,8 +47,9 @@ std::vector<char> standing_flags(const std::vector<Eigen::Vector3f>& points,
 }
 
 Query thin(const maps::PointCloud& scan_lidar, const Eigen::Matrix3d& R_map_lidar) {
-  std::vector<std::size_t> kept = one_point_a_cell(scan_lidar.positions, kCellM);
-  if (kept.size() < kFewPoints) kept = one_point_a_cell(scan_lidar.positions, 0.5F * kCellM);
+  std::vector<std::size_t> kept = one_point_a_cell(scan_lidar.positions, kCellM, Lone::kLeftOut);
+  if (kept.size() < kFewPoints)
+    kept = one_point_a_cell(scan_lidar.positions, 0.5F * kCellM, Lone::kLeftOut);
   std::vector<Eigen::Vector3f> cells;
   for (const std::size_t i : kept) cells.push_back(scan_lidar.positions[i]);
   const std::vector<char> stands = standing_flags(cells, R_map_lidar.cast<float>());

@@ -4,6 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <numeric>
+#include <utility>
 
 namespace stillmap::localization {
 namespace {
@@ -26,25 +29,100 @@ float nearest_range_m(std::span<const Eigen::Vector3f> positions) {
   return share < kMostOwnShare ? kOwnVehicleM : 0.0F;
 }
 
+/// Lone points are looked for in cells whose edge is at least one of so many parts of the range: a
+/// surface seen by a lidar of 0.7 degrees a column has two points or more in each.
+constexpr float kEdgesPerRange = 32.0F;
+/// They double with the range, up to so many edges of the first; what is farther is sparse anyway.
+constexpr float kMostLoneEdges = 4.0F;
+/// Where more of the points are lone the scan was thinned before, and it is no noise.
+constexpr double kMostLoneShare = 0.35;
+
+/// One point of each cell, and how many different points the cell has.
+struct Cells {
+  float edge_m;
+  std::vector<std::size_t> points;
+  std::vector<std::uint32_t> counts;
+};
+
+std::uint64_t key_of(const Eigen::Vector3f& p, float edge_m) {
+  const auto cell_of = [&](float coordinate_m) {
+    return static_cast<std::int32_t>(std::floor(coordinate_m / edge_m)) + kCellsPerAxis / 2;
+  };
+  return cell_key(cell_of(p.x()), cell_of(p.y()), cell_of(p.z()));
+}
+
+/// Numbers of the cells within a range whose point is the only one in a cell of the edge `edge_m`.
+std::vector<std::size_t> lone_cells(std::span<const Eigen::Vector3f> positions, const Cells& cells,
+                                    float edge_m, float from_m, float to_m) {
+  constexpr float kDiagonal = 1.74F;
+  const auto is_within = [&](std::size_t i, float near_m, float far_m) {
+    const float range2 = positions[cells.points[i]].squaredNorm();
+    return range2 >= near_m * near_m && range2 < far_m * far_m;
+  };
+  const auto key = [&](std::size_t i) { return key_of(positions[cells.points[i]], edge_m); };
+  std::vector<std::size_t> single;
+  for (std::size_t i = 0; i < cells.points.size(); ++i)
+    if (cells.counts[i] == 1 && is_within(i, from_m, to_m)) single.push_back(i);
+  if (edge_m == cells.edge_m) return single;
+  VoxelTable coarse(single.size());
+  std::vector<std::uint32_t> counts;
+  for (const std::size_t i : single)
+    if (coarse.insert(key(i)).second) counts.push_back(0);
+  const float margin_m = kDiagonal * edge_m;
+  for (std::size_t i = 0; i < cells.points.size(); ++i) {
+    if (!is_within(i, from_m - margin_m, to_m + margin_m)) continue;
+    const std::uint32_t cell = coarse.find(key(i));
+    if (cell != VoxelTable::kNone) counts[cell] += cells.counts[i];
+  }
+  std::erase_if(single, [&](std::size_t i) { return counts[coarse.find(key(i))] > 1; });
+  return single;
+}
+
+/// Leaves out the cells whose point is the only one around it, as rain, dust and crosstalk give
+/// them.
+void leave_out_lone(std::span<const Eigen::Vector3f> positions, Cells& cells) {
+  std::vector<char> lone(cells.points.size(), 0);
+  std::size_t found = 0;
+  float from_m = 0.0F;
+  for (float edge_m = cells.edge_m; edge_m <= kMostLoneEdges * cells.edge_m; edge_m *= 2.0F) {
+    const float to_m = kEdgesPerRange * edge_m;
+    for (const std::size_t i : lone_cells(positions, cells, edge_m, from_m, to_m)) {
+      lone[i] = 1;
+      ++found;
+    }
+    from_m = to_m;
+  }
+  const auto all = std::accumulate(cells.counts.begin(), cells.counts.end(), std::size_t{0});
+  if (static_cast<double>(found) > kMostLoneShare * static_cast<double>(all)) return;
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < cells.points.size(); ++i)
+    if (lone[i] == 0) cells.points[kept++] = cells.points[i];
+  cells.points.resize(kept);
+}
+
 }  // namespace
 
-std::vector<std::size_t> one_point_a_cell(std::span<const Eigen::Vector3f> positions,
-                                          float cell_m) {
+std::vector<std::size_t> one_point_a_cell(std::span<const Eigen::Vector3f> positions, float cell_m,
+                                          Lone lone) {
   const float nearest_m = nearest_range_m(positions);
-  std::vector<std::size_t> kept;
-  VoxelTable cells(positions.size() / 8);
-  const auto cell_of = [&](float coordinate_m) {
-    return static_cast<std::int32_t>(std::floor(coordinate_m / cell_m)) + kCellsPerAxis / 2;
-  };
+  Cells cells{.edge_m = cell_m, .points = {}, .counts = {}};
+  VoxelTable table(positions.size() / 8);
   const std::size_t step = positions.size() / kMaxRead + 1;
   for (std::size_t i = 0; i < positions.size(); i += step) {
     const Eigen::Vector3f& p = positions[i];
     const float range2 = p.squaredNorm();
     if (!(range2 < kMaxRangeM * kMaxRangeM) || range2 < nearest_m * nearest_m) continue;
-    if (cells.insert(cell_key(cell_of(p.x()), cell_of(p.y()), cell_of(p.z()))).second)
-      kept.push_back(i);
+    const auto [cell, inserted] = table.insert(key_of(p, cell_m));
+    if (inserted) {
+      cells.points.push_back(i);
+      cells.counts.push_back(1);
+    } else if (cells.counts[cell] > 1 || p != positions[cells.points[cell]]) {
+      // A point that is sent twice is alone still.
+      ++cells.counts[cell];
+    }
   }
-  return kept;
+  if (lone == Lone::kLeftOut) leave_out_lone(positions, cells);
+  return std::move(cells.points);
 }
 
 }  // namespace stillmap::localization

@@ -8,6 +8,10 @@
 
 namespace stillmap::localization {
 
+/// What happens to points that no other is near, as rain, dust and crosstalk give them. A scan with
+/// more than a third of them was thinned before, and keeps them.
+enum class Lone { kKept, kLeftOut };
+
 /// Which points of a scan stand for all of it: the first in each cell, those left out that lie
 /// beyond 500 m (no lidar of ours sees so far, and they would overflow the grid) or on the vehicle
 /// itself, which no map holds: nearer than 2.7 m, unless a quarter of the scan is.
@@ -15,6 +19,6 @@ namespace stillmap::localization {
 /// @param cell_m     edge of a cell, above 0.
 /// @return indices, ascending.
 [[nodiscard]] std::vector<std::size_t> one_point_a_cell(std::span<const Eigen::Vector3f> positions,
-                                                        float cell_m);
+                                                        float cell_m, Lone lone = Lone::kKept);
 
 }  // namespace stillmap::localization

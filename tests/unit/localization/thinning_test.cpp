@@ -1,0 +1,76 @@
+#include <stillmap/localization/thinning.hpp>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <vector>
+
+namespace stillmap::localization {
+namespace thinning_test {
+
+/// A wall 10 m ahead, 20 m wide, points 2 cm apart across and 0.2 m up.
+std::vector<Eigen::Vector3f> wall() {
+  std::vector<Eigen::Vector3f> points;
+  for (int i = -500; i < 500; ++i) {
+    for (int k = 0; k < 10; ++k)
+      points.emplace_back(10.0F, 0.02F * static_cast<float>(i), 0.2F * static_cast<float>(k));
+  }
+  return points;
+}
+
+/// Anywhere within 30 m of the sensor, but 5 m and more away and not near the wall.
+std::vector<Eigen::Vector3f> rain(std::size_t count) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<float> coordinate(-30.0F, 30.0F);
+  std::vector<Eigen::Vector3f> points;
+  while (points.size() < count) {
+    const Eigen::Vector3f p(coordinate(random), coordinate(random),
+                            3.0F + 0.1F * coordinate(random));
+    if (p.norm() > 5.0F && p.x() < 8.0F) points.push_back(p);
+  }
+  return points;
+}
+
+std::size_t beside_the_wall(const std::vector<Eigen::Vector3f>& points,
+                            const std::vector<std::size_t>& kept) {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(kept, [&](std::size_t i) { return points[i].x() < 9.0F; }));
+}
+
+TEST(OnePointACell, LeavesLonePointsOutAndKeepsSurfaces) {
+  std::vector<Eigen::Vector3f> points = wall();
+  const std::size_t of_wall = one_point_a_cell(points, 0.5F).size();
+  const std::vector<Eigen::Vector3f> drops = rain(1000);
+  points.insert(points.end(), drops.begin(), drops.end());
+  const auto all = one_point_a_cell(points, 0.5F);
+  const auto seen = one_point_a_cell(points, 0.5F, Lone::kLeftOut);
+  EXPECT_GT(beside_the_wall(points, all), 900U);
+  EXPECT_LT(beside_the_wall(points, seen), 200U);
+  EXPECT_EQ(seen.size() - beside_the_wall(points, seen), of_wall);
+  EXPECT_TRUE(std::ranges::is_sorted(seen));
+}
+
+TEST(OnePointACell, KeepsAScanThatWasThinnedBefore) {
+  std::vector<Eigen::Vector3f> points;
+  for (const Eigen::Vector3f& p : wall()) points.push_back(p);
+  std::vector<Eigen::Vector3f> thinned;
+  for (const std::size_t i : one_point_a_cell(points, 0.5F)) thinned.push_back(points[i]);
+  EXPECT_EQ(one_point_a_cell(thinned, 0.5F, Lone::kLeftOut).size(), thinned.size());
+}
+
+TEST(OnePointACell, KeepsAPoleFarAway) {
+  std::vector<Eigen::Vector3f> points = wall();
+  // 0.7 degrees a column, 2 degrees a ring: two points a ring on 0.6 m.
+  for (int ring = 0; ring < 4; ++ring) {
+    for (const float y : {0.0F, 0.5F})
+      points.emplace_back(-40.0F, y, 1.4F * static_cast<float>(ring));
+  }
+  const auto seen = one_point_a_cell(points, 0.5F, Lone::kLeftOut);
+  EXPECT_EQ(beside_the_wall(points, seen), beside_the_wall(points, one_point_a_cell(points, 0.5F)));
+}
+
+}  // namespace thinning_test
+}  // namespace stillmap::localization
