@@ -2,6 +2,7 @@
 
 #include "index/index_bytes.hpp"
 #include "index/index_file.hpp"
+#include "index/own_error.hpp"
 #include "index/voxel_build.hpp"
 #include "map_level.hpp"
 
@@ -49,7 +50,7 @@ struct MapIndex::Storage {
 
 MapIndex::MapIndex(std::unique_ptr<const Storage> storage, const IndexKey& key,
                    const std::string& name)
-    : storage_(std::move(storage)) {
+    : storage_(std::move(storage)), own_error_(std::make_unique<const OwnError>()) {
   IndexView view = view_of(storage_->bytes(), key, name);
   origin_ = view.origin;
   extent_ = view.extent;
@@ -80,6 +81,13 @@ std::shared_ptr<MapIndex> MapIndex::map_file(const std::filesystem::path& file,
 std::shared_ptr<const MapIndex> MapIndex::open(const maps::MapPackage& map,
                                                const MapIndexOptions& options) {
   require_usable(options);
+  std::shared_ptr<MapIndex> index = open_voxels(map, options);
+  index->own_error_ = std::make_unique<const OwnError>(map);
+  return index;
+}
+
+std::shared_ptr<MapIndex> MapIndex::open_voxels(const maps::MapPackage& map,
+                                                const MapIndexOptions& options) {
   const IndexKey key{map.digest(), options};
   const std::filesystem::path file = index_file_of(map.folder(), options);
   std::string rebuilt_because;
@@ -116,9 +124,11 @@ std::shared_ptr<const MapIndex> MapIndex::build(const maps::MapPackage& map,
                                                 const MapIndexOptions& options) {
   require_usable(options);
   const IndexKey key{map.digest(), options};
-  return std::shared_ptr<const MapIndex>(
+  std::shared_ptr<MapIndex> index(
       new MapIndex(std::make_unique<const Storage>(to_bytes(key, build_voxels(map, options))), key,
                    "map index"));
+  index->own_error_ = std::make_unique<const OwnError>(map);
+  return index;
 }
 
 std::shared_ptr<const MapIndex> MapIndex::build(const std::vector<Eigen::Vector3d>& points_map,

@@ -1,6 +1,8 @@
 #include "voxel_aligner.hpp"
 
+#include "index/own_error.hpp"
 #include "input_checks.hpp"
+#include "near_rivals.hpp"
 #include "place_search.hpp"
 #include "pose_search.hpp"
 #include "query.hpp"
@@ -54,6 +56,11 @@ constexpr double kLeastBendDeviations = 2.5;
 /// ... and leaves all points at least this share of their weights: parked cars that moved by 0.1 m
 /// draw near points as well, but leave 0.74 to 0.93 of them, bent maps 0.95 and more.
 constexpr double kLeastWeightShare = 0.94;
+
+/// Share of the disagreement around a place by which an answer may be off, and how far away the
+/// surfaces are that such a shift turns it by.
+constexpr double kOwnErrorShare = 0.25;
+constexpr double kOwnErrorArmM = 20.0;
 
 /// Of a pose that was sharpened [m^2, rad^2].
 const Vector6d kSharpenedVariance =
@@ -315,6 +322,16 @@ MotionLeft motion_left_in(const Query& query) {
   return is_of_a_while(query) ? MotionLeft::kNone : MotionLeft::kLittle;
 }
 
+/// Of a place where the map is bent or torn: near surfaces and far ones are off by parts of that.
+Matrix6d covariance_of_own_error(const maps::PoseDisagreement& own) {
+  const double off_m = kOwnErrorShare * static_cast<double>(own.m);
+  const double turn_rad = kOwnErrorShare * static_cast<double>(own.rad) + off_m / kOwnErrorArmM;
+  Vector6d variances;
+  variances << Eigen::Vector3d::Constant(off_m * off_m),
+      Eigen::Vector3d::Constant(turn_rad * turn_rad);
+  return variances.asDiagonal();
+}
+
 /// Refines each start coarse to fine, finishes the best of them and judges it.
 /// @param starts  `T_map_lidar`, at least one. @param prior  may be null.
 AlignmentResult align_among(const MapIndex& index, Query query,
@@ -355,6 +372,10 @@ AlignmentResult align_among(const MapIndex& index, Query query,
                       motion.pose_covariance;
   result.covariance += covariance_of_shared_errors(final.rows, best.T_index_lidar, final.kernel_m,
                                                    motion_left_in(query));
+  result.covariance +=
+      covariance_of_own_error(index.own_error().near(result.T_map_lidar.translation()));
+  result.covariance +=
+      covariance_of_near_rivals(level, query, best.T_index_lidar, final.sums.H, final.kernel_m);
   evidence.contradicts_prior = prior != nullptr && contradicts(*prior, result);
   judge(evidence, result.covariance, result);
   return result;

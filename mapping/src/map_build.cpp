@@ -20,8 +20,10 @@
 #include <stillmap/maps/geodesy.hpp>
 #include <stillmap/maps/map_graph.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/pose_disagreement.hpp>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <fstream>
 #include <new>
@@ -175,6 +177,31 @@ void warn_of_hidden_scans(const DriveSet& drives, MapBuildReport& report) {
         first_scans(drives, anew)));
 }
 
+/// One a pose of the map.
+std::vector<maps::PoseDisagreement> of_poses(
+    const DriveSet& drives, const std::vector<std::vector<maps::PoseDisagreement>>& of_drives) {
+  std::vector<maps::PoseDisagreement> found(drives.size());
+  for (std::size_t scan = 0; scan < found.size() && !of_drives.empty(); ++scan)
+    found[scan] = of_drives.at(drives.place(scan).drive).at(drives.place(scan).index);
+  return found;
+}
+
+void warn_of_bent_places(const DriveSet& drives,
+                         std::span<const maps::PoseDisagreement> disagreements,
+                         MapBuildReport& report) {
+  const maps::BentPlaces bent = maps::bent_places(disagreements);
+  const bool is_exact = report.given_poses && report.given_poses->use == GivenPosesUse::kExact;
+  const bool is_said = is_exact && report.given_poses->neighbours_apart > 0;
+  if (bent.poses == 0 || is_said) return;
+  report.warnings.push_back(fmt::format(
+      "the map is bent or torn around {} of {} scans, most around {}: poses there disagree by "
+      "{:.2f} "
+      "m with the motion that the scans show over 10 m; {}",
+      bent.poses, disagreements.size(), first_scans(drives, std::array{bent.worst}), bent.worst_m,
+      is_exact ? "build with --given-poses refine"
+               : "look at the map there, and drive there again where walls stand twice"));
+}
+
 void warn_of_pose_faults(std::vector<maps::DriveFinding> faults, MapBuildReport& report) {
   for (const maps::DriveFinding& fault : faults)
     report.warnings.push_back(fault.what + "; " + fault.remedy);
@@ -273,6 +300,8 @@ MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders
   const DriveSet drives(std::move(posed.drives), options, std::move(posed.doubts),
                         std::move(posed.notes));
   warn_of_hidden_scans(drives, report);
+  const std::vector<maps::PoseDisagreement> disagreements = of_poses(drives, posed.disagreements);
+  warn_of_bent_places(drives, disagreements, report);
   const VoxelGrid grid(origin_of(drives, frame), options.voxel_size_m);
   ScanStages stages(drives, options, grid);
   stages.learn(cancel);
@@ -314,6 +343,7 @@ MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders
     report_edits(objects.edits, report);
     write_sources(writer, drives, *survey, map_objects);
     if (posed.graph) maps::write_map_graph(writer.folder(), map_graph_of(drives, *posed.graph));
+    maps::write_pose_disagreements(writer.folder(), disagreements);
   }
   std::filesystem::remove_all(scratch);
   if (cancel) throw Cancelled();

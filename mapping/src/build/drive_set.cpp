@@ -45,7 +45,7 @@ maps::Scan read_deskewed(const maps::Drive& drive, std::size_t index,
 }
 
 DriveSet::DriveSet(std::vector<maps::Drive> drives, const MapBuildOptions& options,
-                   std::vector<std::vector<PoseDoubt>> doubts,
+                   std::vector<std::vector<maps::PoseDisagreement>> doubts,
                    std::vector<std::vector<ScanNote>> notes)
     : drives_(std::move(drives)),
       doubts_(std::move(doubts)),
@@ -79,8 +79,9 @@ const Eigen::Isometry3d& DriveSet::T_map_lidar(std::size_t scan) const {
   return drives_[at.drive].T_map_lidar(at.index);
 }
 
-PoseDoubt DriveSet::doubt(std::size_t scan) const {
-  return doubts_.empty() ? PoseDoubt{} : doubts_.at(places_[scan].drive).at(places_[scan].index);
+maps::PoseDisagreement DriveSet::doubt(std::size_t scan) const {
+  return doubts_.empty() ? maps::PoseDisagreement{}
+                         : doubts_.at(places_[scan].drive).at(places_[scan].index);
 }
 
 ScanNote DriveSet::note(std::size_t scan) const {

@@ -42,7 +42,7 @@ class DriveSet {
   /// @param doubts, notes  one a scan of each drive, or none.
   /// @throws maps::InputError for no selected scan, or a pose beyond 1e7 m from the first.
   DriveSet(std::vector<maps::Drive> drives, const MapBuildOptions& options,
-           std::vector<std::vector<PoseDoubt>> doubts = {},
+           std::vector<std::vector<maps::PoseDisagreement>> doubts = {},
            std::vector<std::vector<ScanNote>> notes = {});
 
   [[nodiscard]] std::size_t size() const { return places_.size(); }
@@ -54,7 +54,7 @@ class DriveSet {
   [[nodiscard]] Eigen::Isometry3d T_map_scan(std::size_t scan) const;
   /// The least rotation that turns a scan upright; the identity for a lidar within 12 degrees.
   [[nodiscard]] Eigen::Quaterniond R_scan_lidar(std::size_t scan) const;
-  [[nodiscard]] PoseDoubt doubt(std::size_t scan) const;
+  [[nodiscard]] maps::PoseDisagreement doubt(std::size_t scan) const;
   [[nodiscard]] ScanNote note(std::size_t scan) const;
   [[nodiscard]] std::int64_t stamp_ns(std::size_t scan) const;
   /// As `maps::Drive::Contents::scan_name` and `maps::Drive::sha256`.
@@ -72,7 +72,7 @@ class DriveSet {
   void check_poses() const;
 
   std::vector<maps::Drive> drives_;
-  std::vector<std::vector<PoseDoubt>> doubts_;
+  std::vector<std::vector<maps::PoseDisagreement>> doubts_;
   std::vector<std::vector<ScanNote>> notes_;
   std::vector<Place> places_;
   std::array<double, 2> range_m_;

@@ -109,21 +109,44 @@ std::vector<maps::Drive> posed_by(const TrajectoryEstimate& estimate,
   return posed;
 }
 
-/// @param of_given  of the drives' own poses, or of the estimate.
-std::vector<std::vector<PoseDoubt>> doubts_in(const std::vector<maps::Drive>& drives,
-                                              const TrajectoryEstimate& estimate, bool of_given) {
-  std::vector<std::vector<PoseDoubt>> doubts;
+using Disagreements = std::vector<std::vector<maps::PoseDisagreement>>;
+
+/// One a scan of each drive. @param of  takes an estimated drive and its number.
+template <typename Of>
+Disagreements in_drives(const std::vector<maps::Drive>& drives, const TrajectoryEstimate& estimate,
+                        const Of& of) {
+  Disagreements all;
   for (std::size_t i = 0; i < drives.size(); ++i) {
-    const EstimatedDrive& estimated = estimate.drives[i];
-    const std::span<const OdometryPose> odometry = estimated.odometry;
-    std::vector<PoseDoubt> found =
-        of_given ? doubts_of({odometry, std::span(drives[i].contents().T_map_lidar)
-                                            .subspan(estimated.begin, odometry.size())})
-                 : doubts_of(odometry);
-    doubts.emplace_back(drives[i].size());
-    std::ranges::copy(found, doubts.back().begin() + static_cast<std::ptrdiff_t>(estimated.begin));
+    const std::vector<maps::PoseDisagreement> found = of(estimate.drives[i], i);
+    all.emplace_back(drives[i].size());
+    std::ranges::copy(found,
+                      all.back().begin() + static_cast<std::ptrdiff_t>(estimate.drives[i].begin));
   }
-  return doubts;
+  return all;
+}
+
+/// The drives' own poses, and odometry's.
+TwicePosed twice_posed(const maps::Drive& drive, const EstimatedDrive& estimated) {
+  return {
+      estimated.odometry,
+      std::span(drive.contents().T_map_lidar).subspan(estimated.begin, estimated.odometry.size())};
+}
+
+/// What cleaning allows for. @param given  whether the drives' own poses are used.
+Disagreements doubts_in(const std::vector<maps::Drive>& drives, const TrajectoryEstimate& estimate,
+                        bool given) {
+  return in_drives(drives, estimate, [&](const EstimatedDrive& drive, std::size_t i) {
+    return given ? doubts_of(twice_posed(drives[i], drive)) : doubts_of(drive.odometry);
+  });
+}
+
+/// Loops and given poses may have pulled an estimate elsewhere than odometry.
+Disagreements disagreements_in(const std::vector<maps::Drive>& drives,
+                               const TrajectoryEstimate& estimate, bool given) {
+  return in_drives(drives, estimate, [&](const EstimatedDrive& drive, std::size_t i) {
+    return disagreements_of(given ? twice_posed(drives[i], drive)
+                                  : TwicePosed{drive.odometry, drive.T_map_lidar});
+  });
 }
 
 /// @param is_joined  where poses are given, nothing begins anew.
@@ -247,6 +270,7 @@ PosedDrives with_given_poses(const std::vector<maps::Drive>& drives, const MapBu
   posed.faults = faults_in(drives, estimate);
   const bool moves = refines && !report.errors.agree();
   posed.doubts = doubts_in(posed.drives, estimate, !moves);
+  posed.disagreements = disagreements_in(posed.drives, estimate, !moves);
   posed.notes = notes_in(posed.drives, estimate, true);
   if (moves) {
     posed.counts = counts_of(estimate);
@@ -269,6 +293,7 @@ PosedDrives with_estimated_poses(const std::vector<maps::Drive>& drives,
   posed.counts = counts_of(estimate);
   posed.graph = drive_graph_of(estimate);
   posed.doubts = doubts_in(drives, estimate, false);
+  posed.disagreements = disagreements_in(drives, estimate, false);
   const bool asks_given = options.trajectory.prior || options.trajectory.gnss_sigma_m;
   posed.notes = notes_in(drives, estimate, asks_given);
   if (asks_given) posed.faults = faults_in(drives, estimate);

@@ -48,8 +48,10 @@ struct PosedDrives {
   std::optional<GivenPosesReport> given{};
   /// Of poses that the drives bring and that were used.
   std::vector<maps::DriveFinding> faults{};
-  /// One a scan of each drive; 0 outside of the selection.
-  std::vector<std::vector<PoseDoubt>> doubts{};
+  /// One a scan of each drive, 0 outside of the selection: what cleaning allows for.
+  std::vector<std::vector<maps::PoseDisagreement>> doubts{};
+  /// As many: of the poses as they are used, with the scans' own motion.
+  std::vector<std::vector<maps::PoseDisagreement>> disagreements{};
   /// As many; none outside of the selection.
   std::vector<std::vector<ScanNote>> notes{};
 };

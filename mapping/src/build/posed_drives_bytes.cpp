@@ -150,12 +150,14 @@ std::string to_bytes(const PosedDrives& posed) {
   for (const maps::DriveFinding& fault : posed.faults)
     for (const std::string* text : {&fault.code, &fault.what, &fault.remedy})
       put_text(bytes, *text);
-  put_number(bytes, posed.doubts.size());
-  for (const std::vector<PoseDoubt>& of_drive : posed.doubts) {
-    put_number(bytes, of_drive.size());
-    for (const PoseDoubt& doubt : of_drive) {
-      put_number(bytes, doubt.m);
-      put_number(bytes, doubt.rad);
+  for (const auto* disagreements : {&posed.doubts, &posed.disagreements}) {
+    put_number(bytes, disagreements->size());
+    for (const std::vector<maps::PoseDisagreement>& of_drive : *disagreements) {
+      put_number(bytes, of_drive.size());
+      for (const maps::PoseDisagreement& each : of_drive) {
+        put_number(bytes, each.m);
+        put_number(bytes, each.rad);
+      }
     }
   }
   put_number(bytes, posed.notes.size());
@@ -195,12 +197,14 @@ PosedDrives posed_drives_from(std::string_view bytes, const std::vector<maps::Dr
     maps::DriveFinding& fault = posed.faults.emplace_back();
     for (std::string* text : {&fault.code, &fault.what, &fault.remedy}) *text = text_from(reader);
   }
-  for (auto left = reader.count(sizeof(std::size_t)); left > 0; --left) {
-    std::vector<PoseDoubt>& of_drive = posed.doubts.emplace_back();
-    of_drive.resize(reader.count(2 * sizeof(float)));
-    for (PoseDoubt& doubt : of_drive) {
-      doubt.m = reader.number<float>();
-      doubt.rad = reader.number<float>();
+  for (auto* disagreements : {&posed.doubts, &posed.disagreements}) {
+    for (auto left = reader.count(sizeof(std::size_t)); left > 0; --left) {
+      std::vector<maps::PoseDisagreement>& of_drive = disagreements->emplace_back();
+      of_drive.resize(reader.count(2 * sizeof(float)));
+      for (maps::PoseDisagreement& each : of_drive) {
+        each.m = reader.number<float>();
+        each.rad = reader.number<float>();
+      }
     }
   }
   for (auto left = reader.count(sizeof(std::size_t)); left > 0; --left) {
@@ -209,6 +213,7 @@ PosedDrives posed_drives_from(std::string_view bytes, const std::vector<maps::Dr
     for (ScanNote& note : of_drive) note = reader.number<ScanNote>();
   }
   require_one_a_scan(reader, posed.doubts, drives);
+  require_one_a_scan(reader, posed.disagreements, drives);
   require_one_a_scan(reader, posed.notes, drives);
   if (reader.number<std::size_t>() != drives.size()) reader.refuse("of another number of drives");
   for (const maps::Drive& drive : drives) posed.drives.push_back(drive_from(reader, drive));

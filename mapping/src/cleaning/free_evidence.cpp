@@ -140,7 +140,8 @@ struct Asker {
       if (!(bounds.squaredExteriorDistance(sensor) < kViewReachM * kViewReachM)) continue;
       const std::shared_ptr<const RangeView> view = views.read(keyframe.scan);
       const Eigen::Isometry3f T_lidar_local = T.inverse().cast<float>();
-      const PoseDoubt doubt = views.doubts.empty() ? PoseDoubt{} : views.doubts[keyframe.scan];
+      const maps::PoseDisagreement doubt =
+          views.doubts.empty() ? maps::PoseDisagreement{} : views.doubts[keyframe.scan];
       for (std::size_t k = 0; k < cells.size(); ++k) {
         const Eigen::Vector3f p = T_lidar_local * positions[cells[k]];
         const float range2 = p.squaredNorm();

@@ -152,8 +152,8 @@ GivenPoseErrors given_pose_errors(std::span<const TwicePosed> drives) {
   return errors;
 }
 
-std::vector<PoseDoubt> doubts_of(const TwicePosed& drive) {
-  std::vector<PoseDoubt> doubts(drive.odometry.size());
+std::vector<maps::PoseDisagreement> doubts_of(const TwicePosed& drive) {
+  std::vector<maps::PoseDisagreement> doubts(drive.odometry.size());
   for (const double way_m : {0.0, kDoubtWayM}) {
     std::vector<DifferenceList> of_scan(doubts.size());
     for_each_pair(drive, way_m,
@@ -180,8 +180,22 @@ std::vector<PoseDoubt> doubts_of(const TwicePosed& drive) {
   return doubts;
 }
 
-std::vector<PoseDoubt> doubts_of(std::span<const OdometryPose> odometry) {
-  std::vector<PoseDoubt> doubts(odometry.size());
+std::vector<maps::PoseDisagreement> disagreements_of(const TwicePosed& drive) {
+  std::vector<maps::PoseDisagreement> found = doubts_of(drive.odometry);
+  for_each_pair(drive, kDoubtWayM,
+                [&](std::size_t from, std::size_t to, const Eigen::Isometry3d& T_odometry,
+                    const Eigen::Isometry3d& T_given) {
+                  const Eigen::Isometry3d apart = T_odometry.inverse() * T_given;
+                  const auto m = static_cast<float>(apart.translation().norm());
+                  const auto rad = static_cast<float>(maps::rotation_angle_rad(apart.linear()));
+                  for (const std::size_t scan : {from, to})
+                    found[scan] = {std::max(found[scan].m, m), std::max(found[scan].rad, rad)};
+                });
+  return found;
+}
+
+std::vector<maps::PoseDisagreement> doubts_of(std::span<const OdometryPose> odometry) {
+  std::vector<maps::PoseDisagreement> doubts(odometry.size());
   for (std::size_t scan = 1; scan < odometry.size(); ++scan) {
     if (odometry[scan].status != OdometryStatus::kPredicted) continue;
     const auto& variances = odometry[scan].covariance.diagonal();

@@ -42,9 +42,13 @@ struct TwicePosed {
 /// How far each given pose disagrees with those around it, by the same differences to neighbours
 /// and to scans 10 m on: the median over those of 5 scans before and after, of which each of the
 /// two poses has its part.
-[[nodiscard]] std::vector<PoseDoubt> doubts_of(const TwicePosed& drive);
+[[nodiscard]] std::vector<maps::PoseDisagreement> doubts_of(const TwicePosed& drive);
 /// Poses as odometry found them agree, but for those that it placed by motion alone.
-[[nodiscard]] std::vector<PoseDoubt> doubts_of(std::span<const OdometryPose> odometry);
+[[nodiscard]] std::vector<maps::PoseDisagreement> doubts_of(std::span<const OdometryPose> odometry);
+
+/// How far the map is bent or torn at each scan: the largest difference over 10 m of way from it or
+/// to it. A fast drive crosses a tear in few scans, which a median would not show.
+[[nodiscard]] std::vector<maps::PoseDisagreement> disagreements_of(const TwicePosed& drive);
 
 /// Loops tell of errors that go together over longer ways than these, or differ between drives.
 /// @param T_map_given  one a key frame.

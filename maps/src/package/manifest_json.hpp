@@ -15,6 +15,7 @@ inline constexpr const char* kGraphName = "graph.json";
 inline constexpr const char* kFatesName = "fates.bin";
 /// 12 numbers a line, 3x4 row-major.
 inline constexpr const char* kPlacesName = "places.txt";
+inline constexpr const char* kDisagreementName = "disagreement.txt";
 
 /// `tiles/<level>_<x>_<y>.bin`
 [[nodiscard]] std::string tile_path(TileId id);

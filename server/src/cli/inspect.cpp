@@ -61,6 +61,11 @@ void print_for_people(const server::MapSummary& map) {
   table.add("bounds", text_of(map.bounds_map));
   table.add("trajectory", fmt::format("{} poses, {:.1f} m, {} clock", map.poses, map.path_length_m,
                                       map.manifest.relative_clock ? "relative" : "Unix"));
+  if (map.bent)
+    table.add("bent or torn",
+              fmt::format("at {} poses; pose {} disagrees most with the scans' motion over 10 m: "
+                          "{:.3f} m",
+                          map.bent->poses, map.bent->worst, map.bent->worst_m));
   table.add("removed objects", grouped(map.objects));
   for (const auto& [name, count] : map.manifest.counts) table.add("  " + name, grouped(count));
   table.print();

@@ -101,6 +101,9 @@ std::string inspection_json(const MapSummary& summary) {
   json["objects"] = summary.objects;
   json["poses"] = summary.poses;
   json["path_length_m"] = summary.path_length_m;
+  if (const auto& bent = summary.bent)
+    json["bent"] = {
+        {"poses", bent->poses}, {"worst_pose", bent->worst}, {"worst_m", bent->worst_m}};
   json["counts"] = manifest.counts;
   json["options"] = manifest.options;
   json["sources"] = manifest.sources;

@@ -98,6 +98,8 @@ MapSummary summarize(const maps::MapPackage& package) {
     summary.poses += path.size();
     summary.path_length_m += path_length_m(path);
   }
+  const auto disagreements = maps::read_pose_disagreements(package);
+  if (!disagreements.empty()) summary.bent = maps::bent_places(disagreements);
   return summary;
 }
 

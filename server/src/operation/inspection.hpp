@@ -4,6 +4,7 @@
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/drive_check.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/pose_disagreement.hpp>
 
 #include <Eigen/Geometry>
 
@@ -28,6 +29,8 @@ struct MapSummary {
   std::size_t objects = 0;
   std::size_t poses = 0;
   double path_length_m = 0.0;
+  /// Nothing where the package does not say.
+  std::optional<maps::BentPlaces> bent;
 };
 
 /// What a drive holds.

@@ -8,6 +8,7 @@
 #include <stillmap/localization/adjoint.hpp>
 #include "support/synthetic_world.hpp"
 #include "trajectory/corrected_poses.hpp"
+#include "trajectory/given_pose_errors.hpp"
 #include "trajectory/keyframes.hpp"
 #include "trajectory/levelling.hpp"
 #include "trajectory/trajectory_graph.hpp"
@@ -35,6 +36,26 @@ OdometryPose pose_of(const Eigen::Isometry3d& T_odom_lidar) {
 
 double distance(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
   return maps::log_se3(a.inverse() * b).norm();
+}
+
+TEST(DisagreementsOf, ATearShowsTenMetresBeforeAndAfterItHoweverFastTheDrive) {
+  for (const double step_m : {0.5, 2.5}) {
+    std::vector<OdometryPose> odometry;
+    std::vector<Eigen::Isometry3d> given;
+    for (double x = 0.0; x < 100.0; x += step_m) {
+      OdometryPose pose = pose_of(turned(x, 0.0, 0.0));
+      pose.status = OdometryStatus::kMatched;
+      odometry.push_back(pose);
+      given.push_back(turned(x, x > 50.0 ? 0.3 : 0.0, 0.0));
+    }
+    const auto found = disagreements_of({odometry, given});
+    ASSERT_EQ(found.size(), given.size());
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      const double from_tear_m = std::abs(step_m * static_cast<double>(i) - 50.0);
+      if (std::abs(from_tear_m - 10.0) <= step_m) continue;
+      EXPECT_NEAR(found[i].m, from_tear_m < 10.0 ? 0.3F : 0.0F, 1e-5F) << step_m << " " << i;
+    }
+  }
 }
 
 TEST(KeyframeChooser, TakesTheFirstScanAndThenOneAMetreOrTenDegrees) {

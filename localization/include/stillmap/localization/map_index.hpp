@@ -25,6 +25,7 @@ struct MapIndexOptions {
 };
 
 class CellBits;
+class OwnError;
 struct IndexKey;
 
 /// Voxels with mean, covariance and normal at several resolutions; what every aligner of ours
@@ -61,6 +62,8 @@ class MapIndex {
   [[nodiscard]] const std::vector<Level>& levels() const { return levels_; }
   /// Occupied columns for the search without a prior, from wide to fine.
   [[nodiscard]] const std::vector<CellBits>& place_grids() const { return place_grids_; }
+  /// How far the map is bent or torn, by place; of points alone nothing is known.
+  [[nodiscard]] const OwnError& own_error() const { return *own_error_; }
   [[nodiscard]] std::size_t voxel_count() const;
 
   /// The mapped file; empty when the index is kept in memory.
@@ -82,6 +85,8 @@ class MapIndex {
   MapIndex(std::unique_ptr<const Storage> storage, const IndexKey& key, const std::string& name);
   [[nodiscard]] static std::shared_ptr<MapIndex> map_file(const std::filesystem::path& file,
                                                           const IndexKey& key);
+  [[nodiscard]] static std::shared_ptr<MapIndex> open_voxels(const maps::MapPackage& map,
+                                                             const MapIndexOptions& options);
   [[nodiscard]] std::string name() const;
 
   std::unique_ptr<const Storage> storage_;
@@ -89,6 +94,7 @@ class MapIndex {
   Eigen::Vector3d extent_;
   std::vector<Level> levels_;
   std::vector<CellBits> place_grids_;
+  std::unique_ptr<const OwnError> own_error_;
   std::filesystem::path file_;
   std::string rebuilt_because_;
   std::string kept_in_memory_because_;
