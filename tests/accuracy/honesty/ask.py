@@ -16,9 +16,9 @@ def run(program, *arguments):
 
 
 class Asker:
-    def __init__(self, program, folder, drive, map_=None, ask_drive=None):
-        """@param map_  another map than that of the even scans. @param ask_drive  another drive to ask with."""
-        self.program, self.folder, self.drive = program, pathlib.Path(folder), pathlib.Path(ask_drive or drive)
+    def __init__(self, program, folder, drive, map_=None, method="default"):
+        """@param map_  another map than that of the even scans."""
+        self.program, self.folder, self.drive, self.method = program, pathlib.Path(folder), pathlib.Path(drive), method
         self.folder.mkdir(parents=True, exist_ok=True)
         self.map = map_ or self.folder / "map"
         if not self.map.exists():
@@ -33,7 +33,7 @@ class Asker:
                                lambda records, index: change(records, index, lambda i: scans.read(files[i])[1]), chosen)
         file = self.folder / f"{name}.csv"
         run(self.program, "evaluate", "localization", self.map, derived, "--select", select, "--prior-error", prior,
-            "--trials", trials, "--seed", seed, "--bias", "none", "--csv", file,
+            "--trials", trials, "--seed", seed, "--bias", "none", "--csv", file, "--method", self.method,
             *(["--poses", poses_file] if poses_file else []))
         shutil.rmtree(derived)
         return answers.read(file)
