@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstddef>
 #include <functional>
+#include <unordered_map>
 #include <utility>
 
 namespace stillmap::mapping {
@@ -143,12 +144,7 @@ class Likeness {
 class LagSearch {
  public:
   LagSearch(const Motions& motions, const SmoothPath& given, double step_s)
-      : motions_(motions), step_s_(step_s) {
-    for (double t_s = given.begin_s(); t_s <= given.end_s(); t_s += step_s_) {
-      const auto T = given.motion(t_s, t_s + motions.length_s);
-      given_.push_back(T ? std::optional(amount_of(*T)) : std::nullopt);
-    }
-    begin_s_ = given.begin_s();
+      : motions_(motions), path_(given), step_s_(step_s) {
     for (const Motion& motion : motions.all) of_scans_.push_back(amount_of(motion.T));
   }
 
@@ -184,18 +180,27 @@ class LagSearch {
   [[nodiscard]] Likeness at(double lag_s) const {
     Likeness likeness;
     for (std::size_t i = 0; i < of_scans_.size(); ++i) {
-      const double at = std::round((motions_.all[i].t_s + lag_s - begin_s_) / step_s_);
-      if (at < 0.0 || at >= static_cast<double>(given_.size())) continue;
-      const auto& amount = given_[static_cast<std::size_t>(at)];
+      const auto& amount =
+          given_at(std::lround((motions_.all[i].t_s + lag_s - path_.begin_s()) / step_s_));
       if (amount) likeness.add(of_scans_[i], *amount);
     }
     return likeness;
   }
+  /// Of the given motion so many steps behind the begin of its path. Only those that are asked for
+  /// are taken: a path may reach for years beyond the scans.
+  [[nodiscard]] const std::optional<Amount>& given_at(long step) const {
+    const auto [at, is_new] = given_.try_emplace(step);
+    if (is_new) {
+      const double t_s = path_.begin_s() + static_cast<double>(step) * step_s_;
+      if (const auto T = path_.motion(t_s, t_s + motions_.length_s)) at->second = amount_of(*T);
+    }
+    return at->second;
+  }
 
   const Motions& motions_;
+  const SmoothPath& path_;
   double step_s_;
-  double begin_s_ = 0.0;
-  std::vector<std::optional<Amount>> given_;
+  mutable std::unordered_map<long, std::optional<Amount>> given_;
   std::vector<Amount> of_scans_;
 };
 

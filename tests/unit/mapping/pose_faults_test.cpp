@@ -191,6 +191,18 @@ TEST(PoseFaults, TellsByHowMuchClocksAreApart) {
   }
 }
 
+// As in a file whose first line has no stamp and whose others count from the epoch.
+TEST(PoseFaults, OneStampThatIsFarOffCostsNothing) {
+  Recorded recorded;
+  recorded.early_s = [](double) { return 0.5; };
+  PathPair paths = recorded.paths();
+  paths.given.insert(paths.given.begin(), Pose{-1.7e9, Eigen::Isometry3d::Identity()});
+  paths.given[1].follows = false;
+  const PoseFaults faults = pose_faults(paths, {});
+  ASSERT_TRUE(faults.offset_s);
+  EXPECT_NEAR(*faults.offset_s, 0.5, 0.005);
+}
+
 // Of 60 s of scans and of poses 23 s are left, whose halves tell less than all of them.
 TEST(PoseFaults, ShortHalvesDoNotContradictTheWhole) {
   for (const double begin_s : {22.0, 32.0, 42.0}) {
