@@ -91,11 +91,13 @@ struct Motions {
   double box_s = 0.0;
   /// Of `T_earlier` and `T_later`.
   double aside_s = 0.0;
+  /// From each to the next, but for pauses.
+  double apart_s = 0.0;
   std::vector<Motion> all;
 
-  /// Stretches that are independent, by their count or by the time that they cover.
-  [[nodiscard]] double independent(std::size_t motions, double step_s) const {
-    return static_cast<double>(motions) * step_s / (length_s + box_s);
+  /// Stretches among so many motions that are independent.
+  [[nodiscard]] double independent(std::size_t motions) const {
+    return static_cast<double>(motions) * std::min(1.0, apart_s / (length_s + box_s));
   }
 };
 
@@ -150,30 +152,31 @@ class LagSearch {
 
   [[nodiscard]] double best_s() const {
     const auto most = static_cast<long>(kMostLagS / step_s_);
-    std::vector<std::pair<double, double>> likely;  // lag [s], likelihood
+    struct Likely {
+      double lag_s = 0.0, value = 0.0, independent = 0.0;
+    };
+    std::vector<Likely> likely;
     for (long lag = -most; lag <= most; ++lag) {
       const double lag_s = static_cast<double>(lag) * step_s_;
       const Likeness likeness = at(lag_s);
       if (3 * likeness.count() >= of_scans_.size() && likeness.count() >= kFewestMotions)
-        likely.emplace_back(lag_s, likeness.value());
+        likely.push_back({lag_s, likeness.value(), motions_.independent(likeness.count())});
     }
     const auto best_where = [&](const auto& takes) {
-      std::pair<double, double> best{0.0, 0.0};
-      for (const auto& each : likely)
-        if (takes(each.first) && each.second > best.second) best = each;
+      Likely best;
+      for (const Likely& each : likely)
+        if (takes(each.lag_s) && each.value > best.value) best = each;
       return best;
     };
     const auto best = best_where([](double) { return true; });
     const auto near = best_where([](double lag_s) { return std::abs(lag_s) <= kNearLagS; });
     const auto other = best_where([&](double lag_s) {
-      return std::abs(lag_s - best.first) > motions_.length_s + motions_.box_s;
+      return std::abs(lag_s - best.lag_s) > motions_.length_s + motions_.box_s;
     });
-    const double span_s = motions_.all.back().t_s - motions_.all.front().t_s;
-    const double independent = span_s / (motions_.length_s + motions_.box_s);
-    const double gain = best.second - near.second;
-    const bool is_better = gain > kLagGainEach && independent * gain > kLagGain &&
-                           independent * (best.second - other.second) > kLagUnlikeOthers;
-    return is_better ? best.first : 0.0;
+    const double gain = best.value - near.value;
+    const bool is_better = gain > kLagGainEach && best.independent * gain > kLagGain &&
+                           best.independent * (best.value - other.value) > kLagUnlikeOthers;
+    return is_better ? best.lag_s : 0.0;
   }
 
  private:
@@ -304,9 +307,7 @@ class Fit {
       if (T) residuals_.push_back({&motion, *T, between(state_.motion_of(motion.T), *T)});
     }
     if (residuals_.size() < kFewestMotions) return false;
-    const double step_s = (motions_.all.back().t_s - motions_.all.front().t_s) /
-                          static_cast<double>(motions_.all.size() - 1);
-    independent_ = motions_.independent(residuals_.size(), step_s);
+    independent_ = motions_.independent(residuals_.size());
     sigma_m_ = std::max(kLeastLeftM, deviation(0));
     sigma_rad_ = std::max(kLeastLeftRad, deviation(3));
     return independent_ >= kFewestIndependent;
@@ -448,14 +449,17 @@ class Fit {
   double independent_ = 0.0;
 };
 
-Motions motions_of(const SmoothPath& path, double box_s, double step_s) {
+/// From every pose, or every so many: pauses hold none.
+Motions motions_of(const std::vector<SmoothPath::Pose>& poses, double box_s, double step_s) {
+  const SmoothPath path(poses, box_s);
+  const std::size_t stride = (poses.size() + kMostMotions - 1) / kMostMotions;
   Motions motions{.length_s = std::max(kLeastMotionS, 2.0 * box_s),
                   .box_s = box_s,
                   .aside_s = 0.25 * box_s,
+                  .apart_s = static_cast<double>(stride) * step_s,
                   .all = {}};
-  const double span_s = path.end_s() - path.begin_s();
-  const double apart_s = std::max(step_s, span_s / static_cast<double>(kMostMotions));
-  for (double t_s = path.begin_s(); t_s < path.end_s(); t_s += apart_s) {
+  for (std::size_t i = 0; i < poses.size(); i += stride) {
+    const double t_s = poses[i].t_s;
     const auto seen = [&](double aside_s) {
       return path.motion(t_s + aside_s, t_s + aside_s + motions.length_s, true);
     };
@@ -477,7 +481,7 @@ std::optional<PathDifference> path_difference(const PathPair& paths, bool is_mir
   std::vector<SmoothPath::Pose> seen = paths.odometry;
   if (is_mirrored)
     for (SmoothPath::Pose& pose : seen) pose.T = mirrored(pose.T);
-  const Motions motions = motions_of(SmoothPath(seen, box_s), box_s, step_s);
+  const Motions motions = motions_of(seen, box_s, step_s);
   if (motions.all.size() < kFewestMotions) return std::nullopt;
   const SmoothPath given(paths.given, box_s);
   State start;

@@ -151,6 +151,11 @@ void expect_none(const PoseFaults& faults, const std::string& what) {
     ADD_FAILURE() << what << ": " << finding.what;
 }
 
+void expect_offset(const PoseFaults& faults, double offset_s) {
+  ASSERT_TRUE(faults.offset_s);
+  EXPECT_NEAR(*faults.offset_s, offset_s, 0.005);
+}
+
 TEST(PoseFaults, NothingIsSaidOfPosesThatAreRight) {
   expect_none(Recorded{}.faults(), "exact");
   Recorded with_far_ends;
@@ -198,9 +203,20 @@ TEST(PoseFaults, OneStampThatIsFarOffCostsNothing) {
   PathPair paths = recorded.paths();
   paths.given.insert(paths.given.begin(), Pose{-1.7e9, Eigen::Isometry3d::Identity()});
   paths.given[1].follows = false;
-  const PoseFaults faults = pose_faults(paths, {});
-  ASSERT_TRUE(faults.offset_s);
-  EXPECT_NEAR(*faults.offset_s, 0.5, 0.005);
+  expect_offset(pose_faults(paths, {}), 0.5);
+}
+
+TEST(PoseFaults, APauseOfADayHidesNothing) {
+  Recorded recorded;
+  recorded.early_s = [](double) { return 0.5; };
+  PathPair paths = recorded.paths();
+  expect_offset(pose_faults(paths, {}), 0.5);
+  for (std::vector<Pose>* poses : {&paths.odometry, &paths.given}) {
+    const std::size_t half = poses->size() / 2;
+    (*poses)[half].follows = false;
+    for (std::size_t i = half; i < poses->size(); ++i) (*poses)[i].t_s += 86'400.0;
+  }
+  expect_offset(pose_faults(paths, {}), 0.5);
 }
 
 // Of 60 s of scans and of poses 23 s are left, whose halves tell less than all of them.
