@@ -42,6 +42,8 @@ constexpr double kRobust = 3.0;
 /// So many deviations in all directions are no noise.
 constexpr double kAstray = 5.0;
 constexpr int kFitRounds = 25;
+/// Steps that are still longer after all rounds, in deviations, are no convergence.
+constexpr double kSmallStep = 0.01;
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 /// Offset of the clocks, turn (3), lever (3), logarithm of the scale.
@@ -262,7 +264,7 @@ class Fit {
   Fit(const Motions& motions, const SmoothPath& given, const State& start)
       : motions_(motions), given_(given), state_(start) {}
 
-  /// @return whether it settled with enough motions in common.
+  /// @return false without convergence, or without enough motions in common.
   [[nodiscard]] bool solve() {
     for (int round = 0; round < kFitRounds; ++round) {
       if (!look()) return false;
@@ -272,7 +274,7 @@ class Fit {
       state_ = state_.plus(step);
       if (std::abs(step[0]) < 1e-5 && step.tail<7>().norm() < 1e-6) return look();
     }
-    return look();
+    return last_step_ < kSmallStep && look();
   }
 
   [[nodiscard]] PathDifference result() {
@@ -376,7 +378,7 @@ class Fit {
     return A;
   }
 
-  [[nodiscard]] Unknowns step_of() const {
+  [[nodiscard]] Unknowns step_of() {
     Information A = prior();
     Unknowns b = Unknowns::Zero();
     for_each([&](std::size_t, const Jacobian& J, const Vector6d& weights, const Vector6d& value) {
@@ -384,6 +386,7 @@ class Fit {
       b += J.transpose() * weights.asDiagonal() * value;
     });
     Unknowns step = A.ldlt().solve(b);
+    last_step_ = std::sqrt(std::max(0.0, b.dot(step)));
     // The given motion at a later time is that which is expected of a later scan.
     step[0] = -std::clamp(step[0], -kNearLagS, kNearLagS);
     const double turn = step.segment<3>(1).norm();
@@ -444,6 +447,8 @@ class Fit {
   const SmoothPath& given_;
   State state_;
   std::vector<Residual> residuals_;
+  /// Length of the last step, in deviations.
+  double last_step_ = 0.0;
   double sigma_m_ = kLeastLeftM;
   double sigma_rad_ = kLeastLeftRad;
   double independent_ = 0.0;
