@@ -193,11 +193,25 @@ void warn_of_found_offsets(const std::vector<maps::Drive>& drives, MapBuildRepor
   }
 }
 
+/// Drives as they were opened, and what was done to their poses.
+struct OpenedDrives {
+  std::vector<maps::Drive> drives;
+  std::vector<double> found_offsets_s{};
+
+  /// Added to the stamps of each drive's poses.
+  [[nodiscard]] std::vector<double> applied_offsets_s(const MapBuildOptions& options) const {
+    std::vector<double> applied_s(drives.size(), options.pose_time_offset_s);
+    for (std::size_t i = 0; i < found_offsets_s.size(); ++i) applied_s[i] += found_offsets_s[i];
+    return applied_s;
+  }
+};
+
 /// Poses of all drives in one frame, or those that a killed build had found.
-PosedDrives with_journaled_poses(const std::vector<maps::Drive>& drives,
-                                 const MapBuildOptions& options, const std::string& odometry,
-                                 const Folders& folders, MapBuildReport& report,
-                                 const ProgressCallback& progress, const CancelFlag& cancel) {
+PosedDrives with_journaled_poses(const OpenedDrives& opened, const MapBuildOptions& options,
+                                 const std::string& odometry, const Folders& folders,
+                                 MapBuildReport& report, const ProgressCallback& progress,
+                                 const CancelFlag& cancel) {
+  const std::vector<maps::Drive>& drives = opened.drives;
   BuildJournal journal(folders.journal, "trajectory", trajectory_key(drives, options, odometry));
   if (journal.is_complete()) {
     try {
@@ -209,10 +223,12 @@ PosedDrives with_journaled_poses(const std::vector<maps::Drive>& drives,
   journal.keep(0);
   warn_of_discarded(journal, report);
   const StageTimer timer(report.stage_seconds, "trajectory");
+  const std::vector<double> applied_s = opened.applied_offsets_s(options);
   PosedDrives posed =
       odometry == "given"
-          ? with_given_poses(drives, options, folders.scratch, progress, cancel)
-          : with_estimated_poses(drives, options, odometry, folders.scratch, progress, cancel);
+          ? with_given_poses(drives, options, applied_s, folders.scratch, progress, cancel)
+          : with_estimated_poses(drives, options, odometry, applied_s, folders.scratch, progress,
+                                 cancel);
   journal.append(to_bytes(posed));
   journal.complete();
   return posed;
@@ -231,12 +247,6 @@ std::optional<BuildFrame> register_drives(PosedDrives& posed, const MapBuildOpti
   report.registration = registered.frame.registration;
   return std::move(registered.frame);
 }
-
-/// Drives as they were opened, and what was done to their poses.
-struct OpenedDrives {
-  std::vector<maps::Drive> drives;
-  std::vector<double> found_offsets_s{};
-};
 
 OpenedDrives opened_for(const std::vector<std::filesystem::path>& folders,
                         const MapBuildOptions& options, const ProgressCallback& progress,
@@ -262,7 +272,7 @@ MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders
   MapBuildReport report;
   report.found_pose_time_offsets_s = given.found_offsets_s;
   PosedDrives posed =
-      with_journaled_poses(opened, options, odometry, folders, report, progress, cancel);
+      with_journaled_poses(given, options, odometry, folders, report, progress, cancel);
   report.trajectory = std::move(posed.counts);
   report.given_poses = posed.given;
   warn_of_found_offsets(opened, report);

@@ -74,13 +74,16 @@ maps::Drive placed(const maps::Drive& drive, const MapBuildOptions& options) {
   return maps::Drive(std::move(contents));
 }
 
+/// @param applied_offsets_s  to the poses of each drive.
 std::vector<maps::DriveFinding> faults_in(const std::vector<maps::Drive>& drives,
-                                          const TrajectoryEstimate& estimate) {
+                                          const TrajectoryEstimate& estimate,
+                                          std::span<const double> applied_offsets_s) {
   std::vector<maps::DriveFinding> faults;
   for (std::size_t i = 0; i < drives.size(); ++i) {
     const EstimatedDrive& estimated = estimate.drives[i];
     for (maps::DriveFinding& fault :
-         findings_of(faults_of(drives[i], estimated.begin, estimated.odometry))) {
+         findings_of(faults_of(drives[i], estimated.begin, estimated.odometry),
+                     {applied_offsets_s[i], drives.size() > 1})) {
       fault.what = drives[i].contents().root.string() + ": " + fault.what;
       faults.push_back(std::move(fault));
     }
@@ -231,6 +234,7 @@ std::vector<maps::Drive> in_one_frame(const std::vector<maps::Drive>& drives) {
 }
 
 PosedDrives with_given_poses(const std::vector<maps::Drive>& drives, const MapBuildOptions& options,
+                             std::span<const double> applied_offsets_s,
                              const std::filesystem::path& scratch, const ProgressCallback& progress,
                              const CancelFlag& cancel) {
   PosedDrives posed;
@@ -244,7 +248,7 @@ PosedDrives with_given_poses(const std::vector<maps::Drive>& drives, const MapBu
   GivenPosesReport report;
   report.use = options.given_poses;
   report.errors = estimate.given_errors.value();
-  posed.faults = faults_in(drives, estimate);
+  posed.faults = faults_in(drives, estimate, applied_offsets_s);
   const bool moves = refines && !report.errors.agree();
   posed.doubts = doubts_in(posed.drives, estimate, !moves);
   posed.notes = notes_in(posed.drives, estimate, true);
@@ -260,6 +264,7 @@ PosedDrives with_given_poses(const std::vector<maps::Drive>& drives, const MapBu
 
 PosedDrives with_estimated_poses(const std::vector<maps::Drive>& drives,
                                  const MapBuildOptions& options, const std::string& method,
+                                 std::span<const double> applied_offsets_s,
                                  const std::filesystem::path& scratch,
                                  const ProgressCallback& progress, const CancelFlag& cancel) {
   const TrajectoryEstimate estimate =
@@ -271,7 +276,7 @@ PosedDrives with_estimated_poses(const std::vector<maps::Drive>& drives,
   posed.doubts = doubts_in(drives, estimate, false);
   const bool asks_given = options.trajectory.prior || options.trajectory.gnss_sigma_m;
   posed.notes = notes_in(drives, estimate, asks_given);
-  if (asks_given) posed.faults = faults_in(drives, estimate);
+  if (asks_given) posed.faults = faults_in(drives, estimate, applied_offsets_s);
   return posed;
 }
 

@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -60,20 +61,24 @@ struct PosedDrives {
 
 /// The drives' own poses in one frame, compared with the scans' own motion, and refined where the
 /// options say so.
+/// @param applied_offsets_s  what was added to the stamps of each drive's poses.
 /// @param scratch  existing folder.
 /// @throws as `in_one_frame`, Cancelled.
 [[nodiscard]] PosedDrives with_given_poses(const std::vector<maps::Drive>& drives,
                                            const MapBuildOptions& options,
+                                           std::span<const double> applied_offsets_s,
                                            const std::filesystem::path& scratch,
                                            const ProgressCallback& progress,
                                            const CancelFlag& cancel);
 
 /// Poses by odometry, loops and graph. Scans before the selection and after it have none of use.
 /// @param method   of `odometry_of`.
+/// @param applied_offsets_s  as in `with_given_poses`.
 /// @param scratch  existing folder.
 [[nodiscard]] PosedDrives with_estimated_poses(const std::vector<maps::Drive>& drives,
                                                const MapBuildOptions& options,
                                                const std::string& method,
+                                               std::span<const double> applied_offsets_s,
                                                const std::filesystem::path& scratch,
                                                const ProgressCallback& progress,
                                                const CancelFlag& cancel);

@@ -224,22 +224,30 @@ PoseFaults pose_faults(const PathPair& paths, const SeeGround& see_ground) {
   return faults;
 }
 
-std::vector<maps::DriveFinding> findings_of(const PoseFaults& faults) {
+std::vector<maps::DriveFinding> findings_of(const PoseFaults& faults,
+                                            const AppliedOffset& applied) {
   std::vector<maps::DriveFinding> findings;
   if (const auto& offset_s = faults.offset_s)
     findings.push_back(
         {"pose_clock",
          fmt::format(
-             "the stamps of the poses are {:.3f} s {} those of the scans, by how the sensor "
+             "the stamps of the poses{} are {:.3f} s {} those of the scans, by how the sensor "
              "moves and turns",
+             applied.seconds == 0.0
+                 ? ""
+                 : fmt::format(", with {} s added,", signed_text(applied.seconds, 3)),
              std::abs(*offset_s), *offset_s > 0.0 ? "behind" : "ahead of"),
-         fmt::format("build with --pose-time-offset {} (or auto)", signed_text(*offset_s, 3))});
+         applied.several_drives
+             ? "build with --pose-time-offset auto: a number shifts the poses of all drives"
+             : fmt::format("build with --pose-time-offset {} (or auto)",
+                           signed_text(applied.seconds + *offset_s, 3))});
   if (const auto& halves_s = faults.offsets_of_halves_s)
     findings.push_back(
         {"pose_clocks",
          fmt::format("two clocks: the stamps of the poses fit the scans with {} s added in the "
                      "first half of the drive, with {} s in the second",
-                     signed_text((*halves_s)[0], 3), signed_text((*halves_s)[1], 3)),
+                     signed_text(applied.seconds + (*halves_s)[0], 3),
+                     signed_text(applied.seconds + (*halves_s)[1], 3)),
          "record scans and poses by one clock, or build the parts with --select, each with its own "
          "--pose-time-offset; --odometry default needs no poses"});
   if (const auto& axis = faults.mirrored_axis)

@@ -45,8 +45,17 @@ using SeeGround = std::function<std::optional<GroundSeen>()>;
 /// deviations. @param see_ground  may be empty.
 [[nodiscard]] PoseFaults pose_faults(const PathPair& paths, const SeeGround& see_ground);
 
+/// How the poses were shifted in time before faults were looked for.
+struct AppliedOffset {
+  /// Added to their stamps [s].
+  double seconds = 0.0;
+  /// Whether the same option shifts the poses of other drives, too.
+  bool several_drives = false;
+};
+
 /// In words, with their remedies. Codes: pose_clock, pose_clocks, mirrored_axis, pose_scale,
 /// pose_frame.
-[[nodiscard]] std::vector<maps::DriveFinding> findings_of(const PoseFaults& faults);
+[[nodiscard]] std::vector<maps::DriveFinding> findings_of(const PoseFaults& faults,
+                                                          const AppliedOffset& applied = {});
 
 }  // namespace stillmap::mapping

@@ -15,6 +15,8 @@ namespace stillmap::mapping {
 namespace {
 
 using Pose = SmoothPath::Pose;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
 
 constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kScanS = 0.1;
@@ -219,6 +221,23 @@ TEST(PoseFaults, APauseOfADayHidesNothing) {
   expect_offset(pose_faults(paths, {}), 0.5);
 }
 
+TEST(PoseFaults, TheRemedyCountsWhatWasAdded) {
+  const auto first = [](const PoseFaults& faults, const AppliedOffset& applied) {
+    return findings_of(faults, applied).at(0);
+  };
+  PoseFaults faults;
+  faults.offset_s = 0.1;
+  EXPECT_THAT(first(faults, {}).remedy, HasSubstr("--pose-time-offset 0.100 (or auto)"));
+  EXPECT_THAT(first(faults, {0.5, false}).remedy, HasSubstr("--pose-time-offset 0.600"));
+  EXPECT_THAT(first(faults, {0.5, false}).what,
+              HasSubstr("with 0.500 s added, are 0.100 s behind"));
+  EXPECT_THAT(first(faults, {0.5, true}).remedy, HasSubstr("--pose-time-offset auto:"));
+  faults = {};
+  faults.offsets_of_halves_s = {0.1, -0.7};
+  EXPECT_THAT(first(faults, {0.5, false}).what,
+              AllOf(HasSubstr("with 0.600 s added"), HasSubstr("with -0.200 s in")));
+}
+
 // Of 60 s of scans and of poses 23 s are left, whose halves tell less than all of them.
 TEST(PoseFaults, ShortHalvesDoNotContradictTheWhole) {
   for (const double begin_s : {22.0, 32.0, 42.0}) {
@@ -320,7 +339,7 @@ TEST(PoseFaults, TellsTheScale) {
   feet.scale = 3.28084;
   feet.T_given_lidar.translation() = Eigen::Vector3d(0.3, 0.0, 0.0);
   EXPECT_FALSE(feet.faults().T_given_lidar) << "a lever of 0.3 m is none of 0.98 feet";
-  EXPECT_THAT(findings_of(feet.faults()).at(0).what, ::testing::HasSubstr("feet"));
+  EXPECT_THAT(findings_of(feet.faults()).at(0).what, HasSubstr("feet"));
 }
 
 TEST(PoseFaults, TellsHowTheLidarLiesInTheFrameOfThePoses) {
