@@ -215,7 +215,8 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
     set_bag_poses(contents, *poses, choice_of_poses.offset_ns);
   }
   leave_out_unordered(contents);
-  set_path_of_scans(contents);
+  // A file without stamps leaves the shift to `Drive::open`.
+  if (!choice_of_poses.file) set_path_of_scans(contents);
   place_by_gnss(contents, scans->bags, found, choice, name);
   return contents;
 }

@@ -213,7 +213,8 @@ Drive::Contents open_rawlog_drive(const fs::path& root, std::string_view words,
     set_own_poses(contents, *scans, *source, poses.offset_ns);
   }
   leave_out_unordered(contents);
-  if (timed) set_path_of_scans(contents);
+  // A file without stamps leaves the shift to `Drive::open`.
+  if (timed && !poses.file) set_path_of_scans(contents);
   return contents;
 }
 
