@@ -74,7 +74,7 @@ std::string key_of(const RebuildOptions& options) {
   if (const auto& map = options.build.register_to)
     key += fmt::format("registered to: {}\n", maps::MapPackage::open(*map)->digest());
   if (options.held_back) {
-    const std::vector<maps::Drive> judge{maps::Drive::open(*options.held_back)};
+    const std::vector<maps::Drive> judge{held_back_drive(options)};
     const MapBuildOptions whole;
     key += trajectory_key(judge, whole, "held back");
   }
