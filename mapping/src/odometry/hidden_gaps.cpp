@@ -49,9 +49,11 @@ void place_between(std::size_t begin, std::size_t end, std::span<const std::int6
   const double gap_s = seconds(begin - 1, end);
   const double step_s = begin > 1 ? seconds(begin - 2, begin - 1) : gap_s;
   const Vector6d way = maps::log_se3(before.T_odom_lidar.inverse() * poses[end].T_odom_lidar);
-  // Speeds over a time are those in its middle.
+  // Speeds over a time are those in its middle. Over a pause they tell nothing.
   Vector6d acceleration = (way / gap_s - before.twist_lidar) / (0.5 * (step_s + gap_s));
-  if (end + 1 < poses.size() && poses[end + 1].status != OdometryStatus::kPredicted) {
+  if (gap_s > ScanPeriod::kMaxGapS) {
+    acceleration.setZero();
+  } else if (end + 1 < poses.size() && poses[end + 1].status != OdometryStatus::kPredicted) {
     const Vector6d twist =
         maps::log_se3(poses[end].T_odom_lidar.inverse() * poses[end + 1].T_odom_lidar) /
         seconds(end, end + 1);
@@ -63,6 +65,7 @@ void place_between(std::size_t begin, std::size_t end, std::span<const std::int6
     poses[i].T_odom_lidar = maps::renormalized(
         before.T_odom_lidar *
         maps::exp_se3(t_s / gap_s * way - 0.5 * t_s * (gap_s - t_s) * acceleration));
+    poses[i].twist_lidar = way / gap_s + (t_s - 0.5 * gap_s) * acceleration;
   }
 }
 

@@ -11,7 +11,8 @@ namespace stillmap::mapping {
 /// Places hidden scans, which were predicted from those before them alone, by those after them too.
 ///
 /// Between two that are seen they lie on the even motion from one to the other, bent by the mean
-/// acceleration: from the motion before the first to that behind the second. Hidden scans that a
+/// acceleration: from the motion before the first to that behind the second. Over more than 3 s it
+/// is even. Hidden scans that a
 /// drive begins with follow, backward, from the first two that are seen; those that it ends with
 /// stay.
 /// @param stamps_ns  one a pose, ascending.

@@ -270,6 +270,39 @@ TEST(IsShell, IsAllAroundOrWithinAMetre) {
   EXPECT_FALSE(is_shell({}));
 }
 
+/// Of scans at these times and places along x, at 10 m/s where they are seen.
+std::vector<OdometryPose> joined(const std::vector<double>& t_s, const std::vector<double>& x_m,
+                                 const std::vector<std::size_t>& hidden) {
+  std::vector<OdometryPose> poses(t_s.size());
+  std::vector<std::int64_t> stamps_ns;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    stamps_ns.push_back(std::llround(1e9 * t_s[i]));
+    poses[i].T_odom_lidar = pose_at(x_m[i], 0.0);
+    poses[i].twist_lidar[0] = 10.0;
+    poses[i].hidden = std::ranges::count(hidden, i) > 0;
+    poses[i].status = poses[i].hidden ? OdometryStatus::kPredicted : OdometryStatus::kMatched;
+  }
+  join_over_hidden(stamps_ns, poses);
+  return poses;
+}
+
+TEST(JoinOverHidden, OverAPauseMotionIsEven) {
+  for (const bool stands : {false, true}) {
+    const auto poses = stands ? joined({0.0, 0.1, 60.1, 120.1, 120.2}, {0, 1, 31, 1, 1}, {2})
+                              : joined({0.0, 0.1, 60.1, 120.1}, {0, 1, 31, 1}, {2});
+    EXPECT_NEAR(poses[2].T_odom_lidar.translation().x(), 1.0, 1e-6) << stands;
+    EXPECT_NEAR(poses[2].twist_lidar[0], 0.0, 1e-6) << stands;
+  }
+}
+
+TEST(JoinOverHidden, AtTheEndAndWhereAllAreHiddenNothingMoves) {
+  const auto end = joined({0.0, 0.1, 0.2, 0.3}, {0, 1, 2, 7}, {2, 3});
+  EXPECT_DOUBLE_EQ(end[2].T_odom_lidar.translation().x(), 2.0);
+  EXPECT_DOUBLE_EQ(end[3].T_odom_lidar.translation().x(), 7.0);
+  const auto all = joined({0.0, 0.1, 0.2}, {0, 5, 2}, {0, 1, 2});
+  EXPECT_DOUBLE_EQ(all[1].T_odom_lidar.translation().x(), 5.0);
+}
+
 TEST(JoinOverHidden, LeadsToTheScanAfterThemAndBackFromTheFirstOnes) {
   // From 10 m/s on with 2 m/s^2, but predicted at 10 m/s from scan 2 on.
   std::vector<OdometryPose> poses(8);
