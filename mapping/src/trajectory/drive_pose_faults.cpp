@@ -84,7 +84,8 @@ std::vector<std::vector<maps::DriveFinding>> check_given_poses(const maps::Drive
                                                                const ProgressCallback& progress,
                                                                const CancelFlag& cancel) {
   std::vector<OdometryPose> of_scans;
-  if (!guided) of_scans = run_odometry({.drive = scans, .end = scans.size()}, 0, progress, cancel);
+  if (!guided && std::ranges::any_of(posed, &maps::Drive::has_poses))
+    of_scans = run_odometry({.drive = scans, .end = scans.size()}, 0, progress, cancel);
   std::vector<std::vector<maps::DriveFinding>> found;
   for (const maps::Drive& drive : posed) {
     if (!drive.has_poses()) {
