@@ -12,6 +12,7 @@
 #include "registration/map_registration.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <sys/resource.h>
 #include <stillmap/mapping/detector.hpp>
 #include <stillmap/mapping/map_build.hpp>
@@ -24,8 +25,10 @@
 #include <algorithm>
 #include <chrono>
 #include <fstream>
+#include <iterator>
 #include <new>
 #include <span>
+#include <sstream>
 #include <stdexcept>
 
 namespace stillmap::mapping {
@@ -42,6 +45,7 @@ constexpr const char* kScratchFolder = "scratch";
 
 /// Where a build works.
 struct Folders {
+  std::vector<std::filesystem::path> drives;
   std::filesystem::path journal;
   /// In the package while it is written.
   std::filesystem::path scratch;
@@ -248,34 +252,68 @@ std::optional<BuildFrame> register_drives(PosedDrives& posed, const MapBuildOpti
   return std::move(registered.frame);
 }
 
-OpenedDrives opened_for(const std::vector<std::filesystem::path>& folders,
-                        const MapBuildOptions& options, const ProgressCallback& progress,
-                        const CancelFlag& cancel) {
-  OpenedDrives opened{open_drives(folders, options)};
-  if (options.finds_pose_time_offset)
-    opened.drives = with_found_offsets(folders, opened.drives, options, opened.found_offsets_s,
-                                       progress, cancel);
-  return opened;
+/// What motion says of the clocks, or a killed build had found.
+std::vector<double> journaled_offsets_s(const std::vector<maps::Drive>& drives,
+                                        const MapBuildOptions& options, const Folders& folders,
+                                        MapBuildReport& report, const ProgressCallback& progress,
+                                        const CancelFlag& cancel) {
+  BuildJournal journal(folders.journal, "pose_time_offset",
+                       trajectory_key(drives, options, "pose time offset"));
+  if (const auto known = journal.is_complete() ? journal.read(0) : std::nullopt) {
+    std::istringstream stream(*known);
+    const std::vector<double> offsets_s{std::istream_iterator<double>(stream), {}};
+    if (offsets_s.size() == drives.size()) return offsets_s;
+    journal.discard("not one offset a drive");
+  }
+  journal.keep(0);
+  const StageTimer timer(report.stage_seconds, "pose time offset");
+  const std::vector<double> offsets_s = found_pose_time_offsets(drives, options, progress, cancel);
+  journal.append(fmt::format("{}", fmt::join(offsets_s, " ")));
+  journal.complete();
+  return offsets_s;
+}
+
+/// Shifts poses in time where the options ask for it and poses are used.
+OpenedDrives shifted_in_time(const std::vector<maps::Drive>& drives, const MapBuildOptions& options,
+                             const std::string& odometry, const Folders& folders,
+                             MapBuildReport& report, const ProgressCallback& progress,
+                             const CancelFlag& cancel) {
+  if (!options.finds_pose_time_offset || !uses_given_poses(odometry, options)) return {drives};
+  const std::vector<double> offsets_s =
+      journaled_offsets_s(drives, options, folders, report, progress, cancel);
+  return {shifted_by(offsets_s, folders.drives, drives, options), offsets_s};
+}
+
+void warn_of_useless_offset(const MapBuildOptions& options, const std::string& odometry,
+                            MapBuildReport& report) {
+  const bool is_asked = options.finds_pose_time_offset || options.pose_time_offset_s != 0.0;
+  if (!is_asked || uses_given_poses(odometry, options)) return;
+  report.warnings.push_back(
+      fmt::format("--pose-time-offset has no effect: --odometry {} does not use the given poses; "
+                  "leave it out, or give --pose-sigma or --gnss-sigma",
+                  odometry));
 }
 
 MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders,
-                          const OpenedDrives& given, const MapBuildOptions& options,
+                          const std::vector<maps::Drive>& unshifted, const MapBuildOptions& options,
                           const Cleaner* cleaner, const ProgressCallback& progress,
                           const CancelFlag& cancel) {
   const Clock::time_point began = Clock::now();
-  const std::vector<maps::Drive>& opened = given.drives;
-  const std::string odometry = odometry_of(opened, options);
+  const std::string odometry = odometry_of(unshifted, options);
   const maps::Edits edits =
       options.edits_file ? maps::read_edits(*options.edits_file) : maps::Edits{};
   const std::filesystem::path& scratch = folders.scratch;
   std::filesystem::create_directory(scratch);
   MapBuildReport report;
-  report.found_pose_time_offsets_s = given.found_offsets_s;
+  const OpenedDrives opened =
+      shifted_in_time(unshifted, options, odometry, folders, report, progress, cancel);
+  report.found_pose_time_offsets_s = opened.found_offsets_s;
   PosedDrives posed =
-      with_journaled_poses(given, options, odometry, folders, report, progress, cancel);
+      with_journaled_poses(opened, options, odometry, folders, report, progress, cancel);
   report.trajectory = std::move(posed.counts);
   report.given_poses = posed.given;
-  warn_of_found_offsets(opened, report);
+  warn_of_useless_offset(options, odometry, report);
+  warn_of_found_offsets(unshifted, report);
   warn_of_given_poses(options.voxel_size_m, report);
   warn_of_pose_faults(std::move(posed.faults), report);
   const std::optional<BuildFrame> frame =
@@ -415,12 +453,12 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
   if (const auto broken = options.violations(); !broken.empty())
     throw std::invalid_argument("build options: " + broken.front());
   const std::unique_ptr<Cleaner> cleaner = cleaner_of(options.clean, make_cleaner);
-  const OpenedDrives opened = opened_for(folders, options, progress, cancel);
+  const std::vector<maps::Drive> drives = open_drives(folders, options);
   maps::MapPackageWriter writer(target, options.journal_folder ? "" : kJournalFolder);
-  const Folders at{options.journal_folder.value_or(writer.folder() / kJournalFolder),
+  const Folders at{folders, options.journal_folder.value_or(writer.folder() / kJournalFolder),
                    writer.folder() / kScratchFolder};
   try {
-    return build_into(writer, at, opened, options, cleaner.get(), progress, cancel);
+    return build_into(writer, at, drives, options, cleaner.get(), progress, cancel);
   } catch (const Cancelled&) {
     throw;
   } catch (const std::bad_alloc&) {

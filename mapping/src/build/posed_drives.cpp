@@ -98,6 +98,22 @@ maps::Drive open_drive(const std::filesystem::path& folder, const MapBuildOption
                 options);
 }
 
+/// A shift may leave out scans before those that were measured: a selection would be of others.
+void require_same_numbers(const maps::Drive& drive, const maps::Drive& shifted,
+                          const MapBuildOptions& options, double found_offset_s) {
+  const maps::Selection& selection = options.selection;
+  const bool is_whole =
+      selection.begin == 0 && selection.end.value_or(drive.size()) >= drive.size();
+  if (is_whole || drive.stamp_ns(0) == shifted.stamp_ns(0)) return;
+  throw maps::InputError(
+      drive.contents().root.string(),
+      fmt::format("another first scan with a pose, from which --select counts, once {:.3f} s are "
+                  "added to the stamps of the poses (--pose-time-offset auto)",
+                  found_offset_s),
+      fmt::format("--pose-time-offset {:.3f} and --select counted from that scan, or no --select",
+                  options.pose_time_offset_s + found_offset_s));
+}
+
 /// Scans before the estimated ones and after them have poses of no use.
 std::vector<maps::Drive> posed_by(const TrajectoryEstimate& estimate,
                                   const std::vector<maps::Drive>& drives) {
@@ -170,26 +186,35 @@ std::vector<maps::Drive> open_drives(const std::vector<std::filesystem::path>& f
   return drives;
 }
 
-std::vector<maps::Drive> with_found_offsets(const std::vector<std::filesystem::path>& folders,
-                                            const std::vector<maps::Drive>& drives,
+std::vector<double> found_pose_time_offsets(const std::vector<maps::Drive>& drives,
                                             const MapBuildOptions& options,
-                                            std::vector<double>& offsets_s,
                                             const ProgressCallback& progress,
                                             const CancelFlag& cancel) {
-  std::vector<maps::Drive> shifted;
-  offsets_s.clear();
+  std::vector<double> offsets_s(drives.size(), 0.0);
   for (std::size_t i = 0; i < drives.size(); ++i) {
     const maps::Drive& drive = drives[i];
-    offsets_s.push_back(0.0);
-    if (drive.has_poses()) {
-      const std::size_t end = std::min(options.selection.end.value_or(drive.size()), drive.size());
-      const std::size_t begin = std::min(options.selection.begin, end);
-      const std::vector<OdometryPose> odometry = run_odometry(
-          {.drive = drive, .begin = begin, .end = end}, options.threads, progress, cancel);
-      offsets_s.back() = faults_of(drive, begin, odometry).offset_s.value_or(0.0);
+    if (!drive.has_poses()) continue;
+    const std::size_t end = std::min(options.selection.end.value_or(drive.size()), drive.size());
+    const std::size_t begin = std::min(options.selection.begin, end);
+    const std::vector<OdometryPose> odometry = run_odometry(
+        {.drive = drive, .begin = begin, .end = end}, options.threads, progress, cancel);
+    offsets_s[i] = faults_of(drive, begin, odometry).offset_s.value_or(0.0);
+  }
+  return offsets_s;
+}
+
+std::vector<maps::Drive> shifted_by(const std::vector<double>& offsets_s,
+                                    const std::vector<std::filesystem::path>& folders,
+                                    const std::vector<maps::Drive>& drives,
+                                    const MapBuildOptions& options) {
+  std::vector<maps::Drive> shifted;
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    if (offsets_s[i] == 0.0) {
+      shifted.push_back(drives[i]);
+      continue;
     }
-    shifted.push_back(offsets_s.back() == 0.0 ? drive
-                                              : open_drive(folders[i], options, offsets_s.back()));
+    shifted.push_back(open_drive(folders[i], options, offsets_s[i]));
+    require_same_numbers(drives[i], shifted.back(), options, offsets_s[i]);
   }
   return shifted;
 }
@@ -216,6 +241,10 @@ std::string odometry_of(const std::vector<maps::Drive>& drives, const MapBuildOp
     throw std::invalid_argument(fmt::format("odometry: found '{}', expected {} or {}", method,
                                             kGiven, fmt::join(names, ", ")));
   return method;
+}
+
+bool uses_given_poses(const std::string& odometry, const MapBuildOptions& options) {
+  return odometry == kGiven || options.trajectory.prior || options.trajectory.gnss_sigma_m;
 }
 
 std::vector<maps::Drive> in_one_frame(const std::vector<maps::Drive>& drives) {
@@ -274,7 +303,7 @@ PosedDrives with_estimated_poses(const std::vector<maps::Drive>& drives,
   posed.counts = counts_of(estimate);
   posed.graph = drive_graph_of(estimate);
   posed.doubts = doubts_in(drives, estimate, false);
-  const bool asks_given = options.trajectory.prior || options.trajectory.gnss_sigma_m;
+  const bool asks_given = uses_given_poses(method, options);
   posed.notes = notes_in(drives, estimate, asks_given);
   if (asks_given) posed.faults = faults_in(drives, estimate, applied_offsets_s);
   return posed;

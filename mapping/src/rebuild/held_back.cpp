@@ -25,8 +25,7 @@ constexpr double kNearM = 10.0;
 
 /// Whether the map stands in the frame of the drives' own poses.
 bool is_in_own_frame(const std::vector<maps::Drive>& drives, const MapBuildOptions& options) {
-  return odometry_of(drives, options) == "given" || options.trajectory.prior ||
-         options.trajectory.gnss_sigma_m;
+  return uses_given_poses(odometry_of(drives, options), options);
 }
 
 maps::Drive moved_by(const Eigen::Isometry3d& T, const maps::Drive& drive) {

@@ -249,7 +249,8 @@ std::vector<maps::DriveFinding> findings_of(const PoseFaults& faults,
                      signed_text(applied.seconds + (*halves_s)[0], 3),
                      signed_text(applied.seconds + (*halves_s)[1], 3)),
          "record scans and poses by one clock, or build the parts with --select, each with its own "
-         "--pose-time-offset; --odometry default needs no poses"});
+         "--pose-time-offset (which may leave out first scans: --select counts from the first that "
+         "has a pose); --odometry default needs no poses"});
   if (const auto& axis = faults.mirrored_axis)
     findings.push_back(
         {"mirrored_axis",
