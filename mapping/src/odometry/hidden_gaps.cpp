@@ -4,6 +4,7 @@
 
 #include <stillmap/maps/deskew.hpp>
 #include <stillmap/maps/frames.hpp>
+#include <stillmap/maps/trajectory.hpp>
 
 #include <algorithm>
 #include <cstddef>
@@ -14,13 +15,9 @@ namespace {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
-  return 1e-9 * static_cast<double>(to_ns - from_ns);
-}
-
 /// As far as speeds are believed to lead.
 double led_s(std::int64_t from_ns, std::int64_t to_ns) {
-  return std::min(seconds_between(from_ns, to_ns), ScanPeriod::kMaxGapS);
+  return std::min(maps::seconds_between(from_ns, to_ns), ScanPeriod::kMaxGapS);
 }
 
 /// @param first  the first scan that is seen.
@@ -30,7 +27,7 @@ void place_before(std::size_t first, std::span<const std::int64_t> stamps_ns,
   const Eigen::Isometry3d T_first_next =
       poses[first].T_odom_lidar.inverse() * poses[first + 1].T_odom_lidar;
   const Vector6d twist =
-      maps::log_se3(T_first_next) / seconds_between(stamps_ns[first], stamps_ns[first + 1]);
+      maps::log_se3(T_first_next) / maps::seconds_between(stamps_ns[first], stamps_ns[first + 1]);
   for (std::size_t i = 0; i < first; ++i) {
     const double before_s = led_s(stamps_ns[i], stamps_ns[first]);
     poses[i].T_odom_lidar =
@@ -43,7 +40,7 @@ void place_before(std::size_t first, std::span<const std::int64_t> stamps_ns,
 void place_between(std::size_t begin, std::size_t end, std::span<const std::int64_t> stamps_ns,
                    std::vector<OdometryPose>& poses) {
   const auto seconds = [&](std::size_t from, std::size_t to) {
-    return seconds_between(stamps_ns[from], stamps_ns[to]);
+    return maps::seconds_between(stamps_ns[from], stamps_ns[to]);
   };
   const OdometryPose& before = poses[begin - 1];
   const double gap_s = seconds(begin - 1, end);

@@ -4,6 +4,7 @@
 #include "trajectory/levelling.hpp"
 
 #include <stillmap/mapping/given_pose_check.hpp>
+#include <stillmap/maps/trajectory.hpp>
 
 #include <algorithm>
 #include <cstdint>
@@ -38,7 +39,7 @@ PathPair paths_of(const maps::Drive& drive, std::size_t begin,
                   std::span<const OdometryPose> odometry) {
   const std::int64_t zero_ns = drive.stamp_ns(begin);
   const auto seconds = [&](std::int64_t stamp_ns) {
-    return 1e-9 * static_cast<double>(stamp_ns - zero_ns);
+    return maps::seconds_between(zero_ns, stamp_ns);
   };
   const auto mark_gaps = [](std::vector<SmoothPath::Pose>& poses) {
     if (poses.size() < 2) return;

@@ -133,7 +133,8 @@ void set_scans(Drive::Contents& contents, const std::shared_ptr<const BagScans>&
 /// When the scans were taken, by the clock of the poses.
 std::vector<std::int64_t> taken_at(const Drive::Contents& contents, std::int64_t offset_ns) {
   std::vector<std::int64_t> stamps_ns = contents.stamps_ns;
-  for (std::int64_t& stamp_ns : stamps_ns) stamp_ns -= offset_ns;
+  for (std::int64_t& stamp_ns : stamps_ns)
+    stamp_ns = shifted_stamp(stamp_ns, -offset_ns, contents.root);
   return stamps_ns;
 }
 
