@@ -1,4 +1,5 @@
 #include "trajectory/pose_faults.hpp"
+#include "trajectory/drive_pose_faults.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -388,6 +389,28 @@ TEST(PoseFaults, PosesOfAnotherDriveAreNotExplained) {
     paths.given = other.paths().given;
     expect_none(pose_faults(paths, {}), "another drive");
   }
+}
+
+TEST(PathsOf, KnowNoWayOverPausesNorWhereOdometryWasLost) {
+  maps::Drive::Contents contents;
+  std::vector<OdometryPose> odometry(8);
+  for (std::size_t i = 0; i < odometry.size(); ++i) {
+    contents.scan_files.emplace_back("scan");
+    contents.stamps_ns.push_back(100'000'000 * static_cast<std::int64_t>(i));
+    odometry[i].status = i == 4 ? OdometryStatus::kPredicted : OdometryStatus::kMatched;
+  }
+  contents.stamps_ns.back() += 2'000'000'000;
+  contents.T_map_lidar.resize(odometry.size(), Eigen::Isometry3d::Identity());
+  const PathPair paths = paths_of(maps::Drive(contents), 0, odometry);
+  const auto followers = [](const std::vector<Pose>& poses) {
+    std::string text;
+    for (const Pose& pose : poses) text += pose.follows ? '1' : '0';
+    return text;
+  };
+  // The first one has nothing to follow.
+  EXPECT_EQ(followers(paths.odometry).substr(1), "1110010");
+  EXPECT_EQ(followers(paths.given).substr(1), "1111110");
+  EXPECT_NEAR(paths.odometry.back().t_s, 2.7, 1e-9);
 }
 
 }  // namespace
