@@ -607,7 +607,12 @@ OdometryPose DirectOdometry::add(const Prepared& prepared) {
   const auto& scan = dynamic_cast<const ThinnedScan&>(prepared);
   OdometryPose pose = follower_.add(scan);
   if (!pose.hidden) aside_.reset();
-  if (!pose.hidden || scan.shell || scan.sparse.size() < kMinPoints) return pose;
+  if (!pose.hidden) return pose;
+  if (scan.shell || scan.sparse.size() < kMinPoints) {
+    // It is placed by motion there too, so that the next one is looked for from there.
+    if (aside_) (void)aside_->add(scan);
+    return pose;
+  }
   if (aside_) {
     const OdometryPose beside = aside_->add(scan);
     if (beside.status != OdometryStatus::kPredicted && aside_->on_surfaces()) {
