@@ -212,7 +212,8 @@ class DirectFollower {
                       kLeastMissM, kMostOffM);
   }
   [[nodiscard]] bool is_frame_again(const ThinnedScan& scan, const Prediction& prediction) const;
-  [[nodiscard]] bool is_hidden(const ThinnedScan& scan, const Found& found) const;
+  [[nodiscard]] bool is_hidden(const ThinnedScan& scan, const Found& found,
+                               const ScanPeriod::Step& step) const;
   void keep_as_hidden(const ScanPeriod::Step& step, OdometryPose& pose);
   void place(const ThinnedScan& scan, const ScanPeriod::Step& step, OdometryPose& pose);
   [[nodiscard]] Found found_over(const ThinnedScan& scan, const ScanPeriod::Step& step,
@@ -436,7 +437,8 @@ bool DirectFollower::is_frame_again(const ThinnedScan& scan, const Prediction& p
 
 /// Whether the best match that was found is none: the scan does not lie on the map where that knows
 /// something, or shows nothing of what the one before saw.
-bool DirectFollower::is_hidden(const ThinnedScan& scan, const Found& found) const {
+bool DirectFollower::is_hidden(const ThinnedScan& scan, const Found& found,
+                               const ScanPeriod::Step& step) const {
   const LocalAlignment& match = found.match;
   if (placed_ >= kThinScans) {
     if (match.matched < LocalAlignment::kMinMatched ||
@@ -447,7 +449,8 @@ bool DirectFollower::is_hidden(const ThinnedScan& scan, const Found& found) cons
         fit * standing < kHiddenMeanOfUsual * kHiddenMeanOfUsual)
       return true;
   }
-  return seen_.share(scan.sparse.positions, found.T_odom_lidar) < kHiddenSeenAgain;
+  const Vector6d twist = twist_to(found.T_odom_lidar, step);
+  return seen_.share(deskewed(scan.sparse, twist), found.T_odom_lidar) < kHiddenSeenAgain;
 }
 
 /// Placed as predicted, and of no effect on what follows.
@@ -480,7 +483,7 @@ void DirectFollower::place(const ThinnedScan& scan, const ScanPeriod::Step& step
   const Found found = found_over(scan, step, prediction);
   const LocalAlignment& match = found.match;
   pose.inlier_ratio = match.inlier_ratio;
-  if (is_hidden(scan, found)) {
+  if (is_hidden(scan, found, step)) {
     if (is_second) {
       // It has told nothing of how the first was skewed.
       map_ = LocalMap();

@@ -12,7 +12,7 @@ namespace stillmap::mapping {
 /// most of it again; one of a covered sensor, or of dust, next to nothing, wherever it is laid.
 class SeenAgain {
  public:
-  /// @param points_lidar  deskewed [m].
+  /// @param points_lidar  deskewed [m], here and in `share`.
   void remember(std::span<const Eigen::Vector3f> points_lidar,
                 const Eigen::Isometry3d& T_odom_lidar);
   /// Share of the remembered points within 30 m of the sensor that have a point of this scan within
