@@ -277,7 +277,7 @@ class Fit {
     return last_step_ < kSmallStep && look();
   }
 
-  [[nodiscard]] PathDifference result() {
+  [[nodiscard]] PathDifference result() const {
     const Information A = information() + prior();
     const Information A_inverse = A.ldlt().solve(Information::Identity());
     const Information covariance = covariance_of(A_inverse);
@@ -341,7 +341,7 @@ class Fit {
     // Where motions do not tell a turn, as along a straight line, it stays none.
     if (!(svd.values[1] > 1e-3 * svd.values[0])) return;
     state_.R = svd.U * signs.asDiagonal() * svd.V.transpose();
-    static_cast<void>(look());
+    look();
   }
 
   [[nodiscard]] Vector6d weights_of(const Residual& residual) const {

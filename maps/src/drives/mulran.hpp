@@ -5,7 +5,6 @@
 #include "drives/layout.hpp"
 
 #include <filesystem>
-#include <optional>
 
 namespace stillmap::maps {
 

@@ -247,7 +247,6 @@ class DirectFollower {
   ScanPeriod period_;
   /// Of the scan before, once there is one.
   Last last_;
-  bool has_last_ = false;
   Eigen::Isometry3d T_odom_first_ = Eigen::Isometry3d::Identity();
   /// Of the last scan that was not hidden, how long ago that was when the last one was hidden (else
   /// 0), and what it saw.
@@ -305,7 +304,6 @@ OdometryPose DirectFollower::add(const ThinnedScan& scan) {
       seen_.remember(deskewed(scan.sparse, pose.twist_lidar), pose.T_odom_lidar);
   }
   last_ = Last{pose.T_odom_lidar, pose.twist_lidar};
-  has_last_ = true;
   expected_.reset();
   last_content_ = scan.content;
   return pose;
