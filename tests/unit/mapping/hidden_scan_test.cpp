@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <numbers>
 #include <random>
 #include <vector>
 
@@ -189,6 +190,29 @@ TEST_F(HiddenScan, WhoStandsInAQueueSeesTheSameAndIsNotHidden) {
   EXPECT_THAT(hidden_in(run()), IsEmpty());
   // Even without noise, while nothing says that it moves.
   for (std::size_t i = 20; i < kScans; ++i) scans_[i].cloud = scans_[19].cloud;
+  EXPECT_THAT(hidden_in(run()), IsEmpty());
+}
+
+// From its middle the walls look like a shell. The sensor has seen them from beside before.
+TEST_F(HiddenScan, ARoundTankThatWasSeenFromBesideIsNone) {
+  test::SyntheticWorld tank;
+  for (int k = 0; k < 72; ++k) {
+    const double azimuth = k * std::numbers::pi / 36.0;
+    const double radius_m = 6.0 + 0.1 * (7 * k % 4);
+    tank.cylinders.push_back(
+        {{30.0 + radius_m * std::cos(azimuth), radius_m * std::sin(azimuth)}, 0.4, 9.0});
+  }
+  tank.boxes = {{{29.5, 5.0, 0.0}, {30.5, 6.0, 2.0}}};
+  test::ScanPattern pattern{
+      .rings = 20, .columns = 360, .lowest_rad = -0.2, .highest_rad = 0.1, .noise_m = 0.02};
+  for (std::size_t i = 0; i < kScans; ++i) {
+    truth_[i] = pose_at(25.5 + 0.25 * static_cast<double>(i), 0.0);
+    pattern.seed = i + 1;
+    scans_[i].cloud = tank.scan(truth_[i], pattern);
+  }
+  const auto shells = std::ranges::count_if(
+      scans_, [](const maps::Scan& scan) { return is_shell(scan.cloud.positions); });
+  EXPECT_GE(shells, 2);
   EXPECT_THAT(hidden_in(run()), IsEmpty());
 }
 

@@ -211,6 +211,12 @@ class DirectFollower {
     return std::clamp(kLeastMissM + kMissDeviations * std::sqrt(off_rate2) * seconds + hidden_m,
                       kLeastMissM, kMostOffM);
   }
+  /// Whether it sees the surroundings of the last scan that was not hidden; nothing where there are
+  /// too few to tell.
+  [[nodiscard]] std::optional<bool> sees_again(const ThinnedScan& scan,
+                                               const Eigen::Isometry3d& T_odom_lidar,
+                                               const Vector6d& twist) const;
+  [[nodiscard]] bool is_covered(const ThinnedScan& scan, const Prediction& prediction) const;
   [[nodiscard]] bool is_frame_again(const ThinnedScan& scan, const Prediction& prediction) const;
   [[nodiscard]] bool is_hidden(const ThinnedScan& scan, const Found& found,
                                const ScanPeriod::Step& step) const;
@@ -433,6 +439,18 @@ bool DirectFollower::is_frame_again(const ThinnedScan& scan, const Prediction& p
   return in_metres(maps::log_se3(moved)).norm() > kStuckMoveM;
 }
 
+std::optional<bool> DirectFollower::sees_again(const ThinnedScan& scan,
+                                               const Eigen::Isometry3d& T_odom_lidar,
+                                               const Vector6d& twist) const {
+  const auto share = seen_.share(deskewed(scan.sparse, twist), T_odom_lidar);
+  return share ? std::optional(*share >= kHiddenSeenAgain) : std::nullopt;
+}
+
+/// A shell, unless what it is of was seen before, as the walls of a round room are.
+bool DirectFollower::is_covered(const ThinnedScan& scan, const Prediction& prediction) const {
+  return scan.shell && !sees_again(scan, prediction.T_odom_lidar, prediction.twist).value_or(false);
+}
+
 /// Whether the best match that was found is none: the scan does not lie on the map where that knows
 /// something, or shows nothing of what the one before saw.
 bool DirectFollower::is_hidden(const ThinnedScan& scan, const Found& found,
@@ -448,7 +466,7 @@ bool DirectFollower::is_hidden(const ThinnedScan& scan, const Found& found,
       return true;
   }
   const Vector6d twist = twist_to(found.T_odom_lidar, step);
-  return seen_.share(deskewed(scan.sparse, twist), found.T_odom_lidar) < kHiddenSeenAgain;
+  return !sees_again(scan, found.T_odom_lidar, twist).value_or(true);
 }
 
 /// Placed as predicted, and of no effect on what follows.
@@ -463,7 +481,8 @@ void DirectFollower::keep_as_hidden(const ScanPeriod::Step& step, OdometryPose& 
 void DirectFollower::place(const ThinnedScan& scan, const ScanPeriod::Step& step,
                            OdometryPose& pose) {
   const bool enough = scan.sparse.size() >= kMinPoints && map_.voxel_count() > 0;
-  const bool covered = scan.shell || is_frame_again(scan, predicted(as_expected(step), step));
+  const Prediction at_first = predicted(as_expected(step), step);
+  const bool covered = is_covered(scan, at_first) || is_frame_again(scan, at_first);
   const Last before = last_;
   const bool is_second = first_ && enough && !covered;
   if (is_second) start_anew(*first_, scan, step);

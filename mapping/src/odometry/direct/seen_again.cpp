@@ -45,8 +45,8 @@ void SeenAgain::remember(std::span<const Eigen::Vector3f> points_lidar,
     points_odom_.push_back(T_odom_lidar * points_lidar[i].cast<double>());
 }
 
-double SeenAgain::share(std::span<const Eigen::Vector3f> points_lidar,
-                        const Eigen::Isometry3d& T_odom_lidar) const {
+std::optional<double> SeenAgain::share(std::span<const Eigen::Vector3f> points_lidar,
+                                       const Eigen::Isometry3d& T_odom_lidar) const {
   std::vector<std::uint32_t> cells;
   cells.reserve(points_lidar.size());
   for (const Eigen::Vector3f& p : points_lidar) {
@@ -63,7 +63,8 @@ double SeenAgain::share(std::span<const Eigen::Vector3f> points_lidar,
     ++near;
     if (is_near_seen(cells, p)) ++again;
   }
-  return near < kFewestSeen ? 1.0 : static_cast<double>(again) / static_cast<double>(near);
+  if (near < kFewestSeen) return std::nullopt;
+  return static_cast<double>(again) / static_cast<double>(near);
 }
 
 }  // namespace stillmap::mapping
