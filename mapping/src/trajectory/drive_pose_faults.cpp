@@ -4,12 +4,14 @@
 #include "trajectory/levelling.hpp"
 
 #include <stillmap/mapping/given_pose_check.hpp>
+#include <stillmap/maps/median.hpp>
 #include <stillmap/maps/trajectory.hpp>
 
 #include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -56,8 +58,8 @@ PathPair paths_of(const maps::Drive& drive, std::size_t begin,
     std::vector<double> steps_s;
     for (std::size_t i = 1; i < poses.size(); ++i)
       steps_s.push_back(poses[i].t_s - poses[i - 1].t_s);
-    std::ranges::nth_element(steps_s, steps_s.begin() + static_cast<long>(steps_s.size() / 2));
-    const double longest_s = std::max(kLongestStepS, kStepsOfGap * steps_s[steps_s.size() / 2]);
+    const double longest_s =
+        std::max(kLongestStepS, kStepsOfGap * maps::median(std::move(steps_s)));
     for (std::size_t i = 1; i < poses.size(); ++i)
       if (poses[i].t_s - poses[i - 1].t_s > longest_s) poses[i].follows = false;
   };

@@ -1,5 +1,7 @@
 #include "trajectory/path_difference.hpp"
 
+#include <stillmap/maps/frames.hpp>
+#include <stillmap/maps/median.hpp>
 #include <stillmap/maps/small_matrices.hpp>
 
 #include <Eigen/Cholesky>
@@ -52,27 +54,10 @@ using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
 using Information = Eigen::Matrix<double, kUnknowns, kUnknowns>;
 using Jacobian = Eigen::Matrix<double, 6, kUnknowns>;
 
-Eigen::Vector3d turn_of(const Eigen::Matrix3d& R) {
-  const Eigen::AngleAxisd turn(R);
-  return turn.angle() * turn.axis();
-}
-
-Eigen::Matrix3d turned_by(const Eigen::Vector3d& turn) {
-  const double angle = turn.norm();
-  return angle > 0.0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix()
-                     : Eigen::Matrix3d::Identity();
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 double usual_step_s(const std::vector<SmoothPath::Pose>& poses) {
   std::vector<double> steps_s;
   for (std::size_t i = 1; i < poses.size(); ++i) steps_s.push_back(poses[i].t_s - poses[i - 1].t_s);
-  return median(std::move(steps_s));
+  return maps::median(std::move(steps_s));
 }
 
 /// Of y, from the left and the right: motions as the mirrored sensor sees them.
@@ -110,7 +95,7 @@ struct Amount {
 };
 
 Amount amount_of(const Eigen::Isometry3d& T) {
-  return {T.translation().norm(), turn_of(T.linear()).norm()};
+  return {T.translation().norm(), maps::log_so3(T.linear()).norm()};
 }
 
 /// Mean log-likelihood of one path's amounts given the other's, where their noise is not known.
@@ -217,7 +202,7 @@ struct State {
   double log_scale = 0.0;
 
   [[nodiscard]] State plus(const Unknowns& step) const {
-    return {lag_s + step[0], R * turned_by(step.segment<3>(1)), lever_m + step.segment<3>(4),
+    return {lag_s + step[0], R * maps::exp_so3(step.segment<3>(1)), lever_m + step.segment<3>(4),
             log_scale + step[7]};
   }
   /// The given motion that belongs to a motion of the lidar.
@@ -233,7 +218,7 @@ struct State {
 Vector6d between(const Eigen::Isometry3d& expected, const Eigen::Isometry3d& T) {
   Vector6d difference;
   difference << T.translation() - expected.translation(),
-      turn_of(expected.linear().transpose() * T.linear());
+      maps::log_so3(expected.linear().transpose() * T.linear());
   return difference;
 }
 
@@ -319,15 +304,15 @@ class Fit {
     std::vector<double> sizes;
     for (const Residual& residual : residuals_)
       for (int k = first; k < first + 3; ++k) sizes.push_back(std::abs(residual.value[k]));
-    return 1.4826 * median(std::move(sizes));
+    return maps::kMedianToDeviation * maps::median(std::move(sizes));
   }
 
   /// The turn that brings the directions of both paths together, to start with.
   void align() {
     Eigen::Matrix3d together = Eigen::Matrix3d::Zero();
     for (const Residual& residual : residuals_) {
-      const Eigen::Vector3d turn = turn_of(residual.T_given.linear()),
-                            lidar_turn = turn_of(residual.motion->T.linear());
+      const Eigen::Vector3d turn = maps::log_so3(residual.T_given.linear()),
+                            lidar_turn = maps::log_so3(residual.motion->T.linear());
       const Eigen::Vector3d& way = residual.T_given.translation();
       const Eigen::Vector3d& lidar_way = residual.motion->T.translation();
       // A turn of a degree counts as much as a metre.
@@ -427,7 +412,7 @@ class Fit {
     std::vector<double> lengths_m;
     for (const Residual& residual : residuals_)
       lengths_m.push_back(residual.T_given.translation().norm());
-    return median(std::move(lengths_m));
+    return maps::median(std::move(lengths_m));
   }
 
   [[nodiscard]] double explained(int first, double left) const {

@@ -172,21 +172,13 @@ bool is_head_over(const PathDifference& apart, const SeeGround& see_ground) {
   return ground && (ground->R_map_given * apart.R_given_lidar * ground->up_lidar).z() < -0.5;
 }
 
-std::string signed_text(double value, int digits) {
-  return fmt::format("{}{:.{}f}", value < 0.0 ? "-" : "", std::abs(value), digits);
-}
-
 std::string frame_text(const Eigen::Isometry3d& T) {
-  const Eigen::Matrix3d R = T.linear();
-  const double roll = std::atan2(R(2, 1), R(2, 2));
-  const double pitch = -std::asin(std::clamp(R(2, 0), -1.0, 1.0));
-  const double yaw = std::atan2(R(1, 0), R(0, 0));
-  std::string text = fmt::format("roll pitch yaw {} {} {} deg", signed_text(degrees(roll), 1),
-                                 signed_text(degrees(pitch), 1), signed_text(degrees(yaw), 1));
-  const Eigen::Vector3d& p = T.translation();
-  if (!p.isZero(0.0))
-    text += fmt::format(", x y z {} {} {} m", signed_text(p.x(), 2), signed_text(p.y(), 2),
-                        signed_text(p.z(), 2));
+  // Zero turns -0 into 0.
+  const Eigen::Vector3d turn_rad = maps::roll_pitch_yaw_rad(T.linear()) + Eigen::Vector3d::Zero();
+  std::string text = fmt::format("roll pitch yaw {:.1f} {:.1f} {:.1f} deg", degrees(turn_rad.x()),
+                                 degrees(turn_rad.y()), degrees(turn_rad.z()));
+  const Eigen::Vector3d p = T.translation() + Eigen::Vector3d::Zero();
+  if (!p.isZero(0.0)) text += fmt::format(", x y z {:.2f} {:.2f} {:.2f} m", p.x(), p.y(), p.z());
   return text;
 }
 
@@ -233,21 +225,18 @@ std::vector<maps::DriveFinding> findings_of(const PoseFaults& faults,
          fmt::format(
              "the stamps of the poses{} are {:.3f} s {} those of the scans, by how the sensor "
              "moves and turns",
-             applied.seconds == 0.0
-                 ? ""
-                 : fmt::format(", with {} s added,", signed_text(applied.seconds, 3)),
+             applied.seconds == 0.0 ? "" : fmt::format(", with {:.3f} s added,", applied.seconds),
              std::abs(*offset_s), *offset_s > 0.0 ? "behind" : "ahead of"),
          applied.several_drives
              ? "build with --pose-time-offset auto: a number shifts the poses of all drives"
-             : fmt::format("build with --pose-time-offset {} (or auto)",
-                           signed_text(applied.seconds + *offset_s, 3))});
+             : fmt::format("build with --pose-time-offset {:.3f} (or auto)",
+                           applied.seconds + *offset_s)});
   if (const auto& halves_s = faults.offsets_of_halves_s)
     findings.push_back(
         {"pose_clocks",
-         fmt::format("two clocks: the stamps of the poses fit the scans with {} s added in the "
-                     "first half of the drive, with {} s in the second",
-                     signed_text(applied.seconds + (*halves_s)[0], 3),
-                     signed_text(applied.seconds + (*halves_s)[1], 3)),
+         fmt::format("two clocks: the stamps of the poses fit the scans with {:.3f} s added in "
+                     "the first half of the drive, with {:.3f} s in the second",
+                     applied.seconds + (*halves_s)[0], applied.seconds + (*halves_s)[1]),
          "record scans and poses by one clock, or build the parts with --select, each with its own "
          "--pose-time-offset (which may leave out first scans: --select counts from the first that "
          "has a pose); --odometry default needs no poses"});

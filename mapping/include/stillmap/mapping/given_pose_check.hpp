@@ -5,6 +5,7 @@
 #include <stillmap/maps/drive_check.hpp>
 
 #include <span>
+#include <string>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -20,5 +21,8 @@ namespace stillmap::mapping {
 [[nodiscard]] std::vector<std::vector<maps::DriveFinding>> check_given_poses(
     const maps::Drive& scans, std::span<const maps::Drive> posed, bool guided,
     const ProgressCallback& progress, const CancelFlag& cancel);
+
+/// A list of objects with code, what and remedy.
+[[nodiscard]] std::string to_json(std::span<const maps::DriveFinding> findings);
 
 }  // namespace stillmap::mapping

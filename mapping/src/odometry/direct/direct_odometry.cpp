@@ -2,11 +2,13 @@
 
 #include "odometry/direct/seen_again.hpp"
 #include "odometry/direct/thinned_scan.hpp"
+#include "odometry/lever.hpp"
 #include "odometry/scan_period.hpp"
 
 #include <stillmap/localization/local_map.hpp>
 #include <stillmap/maps/deskew.hpp>
 #include <stillmap/maps/frames.hpp>
+#include <stillmap/maps/median.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -24,8 +26,6 @@ using localization::LocalMap;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-/// Rotations count as metres at this distance, as in `AlignmentResult`.
-constexpr double kLeverM = 15.0;
 /// Fewer points of a scan tell nothing.
 constexpr std::size_t kMinPoints = 100;
 /// Least and most that a prediction counts as off [m].
@@ -93,20 +93,13 @@ constexpr double kStuckMoveM = 0.02;
 /// Hidden scans that fit each other are another place: after so many on end it is begun anew there.
 constexpr std::size_t kAnewScans = 5;
 
-Vector6d in_metres(Vector6d motion) {
-  motion.tail<3>() *= kLeverM;
-  return motion;
-}
-
 /// Of each component.
 Vector6d median_of(const std::deque<Vector6d>& twists) {
   Vector6d median;
   for (Eigen::Index k = 0; k < 6; ++k) {
     std::vector<double> values;
     for (const Vector6d& twist : twists) values.push_back(twist[k]);
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    median[k] = *middle;
+    median[k] = maps::median(std::move(values));
   }
   return median;
 }
@@ -117,13 +110,6 @@ Vector6d without(const Vector6d& motion, const std::vector<Vector6d>& directions
   for (const Vector6d& direction : directions) left -= direction.dot(left) * direction;
   left.tail<3>() /= kLeverM;
   return left;
-}
-
-/// Rows and columns of the rotations times a factor.
-Matrix6d rotations_times(Matrix6d matrix, double factor) {
-  matrix.bottomRows<3>() *= factor;
-  matrix.rightCols<3>() *= factor;
-  return matrix;
 }
 
 /// Covariance of a match, but along some directions that of the prediction.

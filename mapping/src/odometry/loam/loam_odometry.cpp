@@ -235,7 +235,7 @@ void LoamOdometry::place(const PreparedFeatures& scan, double period_s, Odometry
 }
 
 void LoamOdometry::learn(Vector6 deviation, bool matched) {
-  deviation.tail<3>() *= loam::kLeverM;
+  deviation.tail<3>() *= kLeverM;
   const double squared = matched ? deviation.squaredNorm() : kFirstOffM * kFirstOffM;
   off2_m2_ += (matched ? kNewest : 1.0) * (squared - off2_m2_);
 }
