@@ -78,7 +78,7 @@ void check_path(const Drive& drive, DriveCheck& check) {
          "scans, with --gnss-sigma held by these"});
 }
 
-/// Positions as they were written, against where the sensor was at each scan.
+/// Steps of the positions as they were written.
 void check_digits(const Drive& drive, std::vector<DriveFinding>& findings) {
   if (!drive.has_poses()) return;
   const Eigen::Vector3d& steps_m = drive.contents().position_step_m;

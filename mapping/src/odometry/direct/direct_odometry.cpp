@@ -73,14 +73,13 @@ constexpr std::size_t kThinScans = 3;
 constexpr double kHiddenOfUsual = 0.65;
 /// Or when its fit, and in the geometric mean of both also those of its points that stand and lie
 /// on the map, are less than these shares of the usual. The mean is 0.36 and more, also where a
-/// sparse sensor that turns misses a scan; of dust 0.26 and less. Where next to nothing stands, the
-/// fit tells.
+/// sparse sensor that turns misses a scan; of dust 0.26 and less.
 constexpr double kHiddenFitOfUsual = 0.6;
 constexpr double kHiddenMeanOfUsual = 0.3;
 /// Or when it sees less than this share of what the scan before saw again: in clean drives 0.73 and
-/// more, with shells 0.1 and less.
+/// more, with shells 0.15 and less.
 constexpr double kHiddenSeenAgain = 0.35;
-/// Where less than this share of what stands usually lies on the map, its share tells nothing.
+/// This is not asked where less than this share of what stands usually lies on the map.
 constexpr double kStandingTells = 0.3;
 /// On surfaces points fit, as a share of those that lie there, better than this: 0.58 and more. In
 /// dust the map has cells full of points and no surfaces: 0.35 and less.

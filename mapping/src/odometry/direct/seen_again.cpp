@@ -13,8 +13,7 @@ constexpr std::size_t kMostRemembered = 600;
 /// Fewer tell nothing.
 constexpr std::size_t kFewestSeen = 50;
 
-/// Relative to the sensor, so that it stays small. Points farther than 60 m share cells with
-/// others, which no point within 30 m is near to.
+/// Cell of a point near the sensor, 10 bits an axis.
 std::uint32_t seen_cell(const Eigen::Vector3d& p) {
   constexpr int kHalf = 1 << 9;
   const Eigen::Vector3i c = (p / kSeenCellM).array().floor().cast<int>();
