@@ -174,8 +174,8 @@ void warn_of_hidden_scans(const DriveSet& drives, MapBuildReport& report) {
         hidden.size(), drives.size(), first_scans(drives, hidden)));
   if (!anew.empty())
     report.warnings.push_back(fmt::format(
-        "nothing that was seen before is found again from {} on, so the way to there is a guess; "
-        "build what lies before and after as two drives with --select, or give poses",
+        "odometry lost the place and restarted at {}: the motion before it is a guess; build the "
+        "scans before and after as two drives (--select), or give poses",
         first_scans(drives, anew)));
 }
 

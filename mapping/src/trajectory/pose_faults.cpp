@@ -244,7 +244,7 @@ std::vector<maps::DriveFinding> findings_of(const PoseFaults& faults,
     findings.push_back(
         {"mirrored_axis",
          fmt::format(
-             "the axes of the scans are left-handed: their {} is turned round{}",
+             "the scans have left-handed axes: {} points the wrong way{}",
              kAxes[static_cast<std::size_t>(*axis)],
              faults.may_be_z_down ? ", or the poses are of a frame whose z is down (NED)" : ""),
          fmt::format("negate the {} of all points{}", kAxes[static_cast<std::size_t>(*axis)],
@@ -261,10 +261,11 @@ std::vector<maps::DriveFinding> findings_of(const PoseFaults& faults,
   if (const auto& T = faults.T_given_lidar)
     findings.push_back(
         {"pose_frame",
-         fmt::format("the poses are not of the lidar: it lies at {} in the frame that they are of",
-                     frame_text(*T)),
-         "multiply each pose by this from the right, or give poses T_map_lidar (of a bag "
-         "'FILE?pose_frame=FRAME' names the frame)"});
+         fmt::format(
+             "the poses are of another frame than the lidar's; in that frame the lidar is at {}",
+             frame_text(*T)),
+         "give T_map_lidar = T_given * T, where T is this transform; for a bag add "
+         "?pose_frame=FRAME"});
   return findings;
 }
 
