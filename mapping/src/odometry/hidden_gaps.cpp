@@ -15,7 +15,7 @@ namespace {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-/// As far as speeds are believed to lead.
+/// Extrapolation time, at most kMaxGapS.
 double led_s(std::int64_t from_ns, std::int64_t to_ns) {
   return std::min(maps::seconds_between(from_ns, to_ns), ScanPeriod::kMaxGapS);
 }

@@ -10,7 +10,7 @@
 
 namespace stillmap::mapping {
 
-/// A value, and its standard deviation where errors of poses go together for a while.
+/// A value and its standard deviation; errors of neighbouring poses count as correlated.
 struct Measured {
   double value = 0.0;
   double sigma = std::numeric_limits<double>::infinity();

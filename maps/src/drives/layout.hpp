@@ -82,7 +82,7 @@ void set_poses(Drive::Contents& contents, const std::filesystem::path& poses_fil
 /// their own. Stamps increase. @throws as `set_poses_at_stamps`.
 void shift_poses_of_scans(Drive::Contents& contents, std::int64_t offset_ns);
 
-/// Says that the poses that the scans got were taken by a clock of their own. Stamps increase.
+/// Marks the poses as already shifted in time. Stamps increase.
 void set_path_of_scans(Drive::Contents& contents);
 
 /// Looks how coarsely positions were written. @param poses  as they stand in the file.

@@ -55,7 +55,7 @@ constexpr double kMapStepM = 0.5;
 constexpr double kMapStepRad = 0.05;
 /// At first the map takes all, so that it gets shapes.
 constexpr std::size_t kFirstScans = 10;
-/// A direction that was lost is told again once so many scans on end say so.
+/// A direction that was lost is told again once so many scans in a row say so.
 constexpr std::size_t kToldAgainScans = 3;
 /// Along a direction that gets lost the speed stays the median of as many scans that told it: the
 /// last one sees little, and by a wrong speed of it all that follow would go astray.
@@ -64,8 +64,8 @@ constexpr std::size_t kSteadyScans = 5;
 constexpr double kUntoldAcceleration = 0.5;
 /// The same through hidden scans, where vehicles brake and turn as anywhere.
 constexpr double kHiddenAcceleration = 2.0;
-/// A map of fewer scans has too few shapes to tell by them what lies on it: of a sparse sensor half
-/// of the second scan does not.
+/// With fewer matched scans the map is too thin for these tests: half of a sparse sensor's second
+/// scan falls on no voxel.
 constexpr std::size_t kThinScans = 3;
 /// A scan is hidden when less than this share of the usual of its points lie on the map, of those
 /// that fall where the map knows anything: in clean drives it is 0.78 and more (0.9 once there is a
@@ -84,12 +84,12 @@ constexpr double kStandingTells = 0.3;
 /// On surfaces points fit, as a share of those that lie there, better than this: 0.58 and more. In
 /// dust the map has cells full of points and no surfaces: 0.35 and less.
 constexpr double kFitOfInliers = 0.5;
-/// What narrow kernels find after wide ones fits as well, but for this.
-constexpr double kSettledFit = 0.98;
-/// A frame that is sent again matches where it was taken; it is one while the sensor moves by more
-/// than this from scan to scan.
+/// The refined pose is taken if its fit is at least this share of the coarse one.
+constexpr double kRefinedFit = 0.98;
+/// An identical scan counts as sent twice only if the prediction moved more than this.
 constexpr double kStuckMoveM = 0.02;
-/// Hidden scans that fit each other are another place: after so many on end it is begun anew there.
+/// After this many hidden scans in a row that match the map of the one before them, odometry
+/// restarts with that map.
 constexpr std::size_t kAnewScans = 5;
 
 /// Of each component.
@@ -239,10 +239,11 @@ class DirectFollower {
   /// Of the scan before, once there is one.
   Last last_;
   Eigen::Isometry3d T_odom_first_ = Eigen::Isometry3d::Identity();
-  /// Of the last scan that was not hidden, how long ago that was when the last one was hidden (else
-  /// 0), and what it saw.
+  /// Pose of the last visible scan.
   Eigen::Isometry3d T_odom_seen_ = Eigen::Isometry3d::Identity();
+  /// Time hidden since then [s].
   double hidden_s_ = 0.0;
+  /// Points of that scan.
   SeenAgain seen_;
   bool on_surfaces_ = false;
   /// `ThinnedScan::content` of the scan before.
@@ -377,11 +378,11 @@ DirectFollower::Found DirectFollower::found_over(const ThinnedScan& scan,
     const bool tried_speed = prediction.T_odom_lidar.isApprox(speed.T_odom_lidar, 0.0);
     try_too(tried_speed ? *as_expected(step) : speed);
   }
-  // Wide kernels stop short of the place, which the next scan would be off by, too.
+  // After a gap, refine once more with narrow kernels: wide ones stop early.
   if (hidden_s_ > 0.0) {
     const Vector6d twist = twist_to(found.T_odom_lidar, step);
-    Found settled = aligned(scan, twist, found.T_odom_lidar, kLeastMissM, step);
-    if (settled.match.fit >= kSettledFit * found.match.fit) found = std::move(settled);
+    Found refined = aligned(scan, twist, found.T_odom_lidar, kLeastMissM, step);
+    if (refined.match.fit >= kRefinedFit * found.match.fit) found = std::move(refined);
   }
   return found;
 }
@@ -436,8 +437,8 @@ bool DirectFollower::is_covered(const ThinnedScan& scan, const Prediction& predi
   return scan.shell && !sees_again(scan, prediction.T_odom_lidar, prediction.twist).value_or(false);
 }
 
-/// Whether the best match that was found is none: the scan does not lie on the map where that knows
-/// something, or shows nothing of what the one before saw.
+/// True if even the best match does not explain the scan: it does not lie on the map where that
+/// knows something, or shows nothing of what the one before saw.
 bool DirectFollower::is_hidden(const ThinnedScan& scan, const Found& found,
                                const ScanPeriod::Step& step) const {
   const LocalAlignment& match = found.match;
@@ -454,7 +455,7 @@ bool DirectFollower::is_hidden(const ThinnedScan& scan, const Found& found,
   return !sees_again(scan, found.T_odom_lidar, twist).value_or(true);
 }
 
-/// Placed as predicted, and of no effect on what follows.
+/// The scan keeps its predicted pose and is not added to the map.
 void DirectFollower::keep_as_hidden(const ScanPeriod::Step& step, OdometryPose& pose) {
   const double t_s = std::min(step.seconds, ScanPeriod::kMaxGapS);
   hidden_s_ += t_s;
@@ -487,7 +488,7 @@ void DirectFollower::place(const ThinnedScan& scan, const ScanPeriod::Step& step
   pose.inlier_ratio = match.inlier_ratio;
   if (is_hidden(scan, found, step)) {
     if (is_second) {
-      // It has told nothing of how the first was skewed.
+      // Undo start_anew: this scan says nothing about the first one's motion.
       map_ = LocalMap();
       map_.add(first_->dense.positions, T_odom_seen_);
       last_ = before;
@@ -604,7 +605,7 @@ class DirectOdometry : public Odometry {
  private:
   DirectFollower follower_;
   std::optional<DirectFollower> aside_;
-  /// Scans on end that fit the map aside.
+  /// Scans in a row that fit its map.
   std::size_t fitting_ = 0;
 };
 
