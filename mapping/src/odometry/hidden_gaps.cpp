@@ -68,7 +68,7 @@ void place_between(std::size_t begin, std::size_t end, std::span<const std::int6
 
 }  // namespace
 
-void join_over_hidden(std::span<const std::int64_t> stamps_ns, std::vector<OdometryPose>& poses) {
+void interpolate_hidden(std::span<const std::int64_t> stamps_ns, std::vector<OdometryPose>& poses) {
   const auto seen_from = [&](std::size_t begin) {
     const auto at = std::find_if(poses.begin() + static_cast<std::ptrdiff_t>(begin), poses.end(),
                                  [](const OdometryPose& pose) { return !pose.hidden; });

@@ -14,6 +14,6 @@ namespace stillmap::mapping {
 /// constant velocity alone. Before the first visible scan: extrapolated backward from the first
 /// two. After the last: unchanged.
 /// @param stamps_ns  one a pose, ascending.
-void join_over_hidden(std::span<const std::int64_t> stamps_ns, std::vector<OdometryPose>& poses);
+void interpolate_hidden(std::span<const std::int64_t> stamps_ns, std::vector<OdometryPose>& poses);
 
 }  // namespace stillmap::mapping

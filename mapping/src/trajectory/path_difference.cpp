@@ -42,7 +42,7 @@ constexpr double kFloorRad = 2e-3;
 /// A residual of so many deviations has half its weight.
 constexpr double kRobust = 3.0;
 /// So many deviations in all directions are no noise.
-constexpr double kAstray = 5.0;
+constexpr double kOutlierDeviations = 5.0;
 constexpr int kFitRounds = 25;
 /// Steps that are still longer after all rounds, in deviations, are no convergence.
 constexpr double kSmallStep = 0.01;
@@ -99,7 +99,7 @@ Amount amount_of(const Eigen::Isometry3d& T) {
 }
 
 /// Mean log-likelihood of one path's amounts given the other's, where their noise is not known.
-class Likeness {
+class LagScore {
  public:
   void add(const Amount& a, const Amount& b) {
     ++count_;
@@ -145,9 +145,9 @@ class LagSearch {
     std::vector<Likely> likely;
     for (long lag = -most; lag <= most; ++lag) {
       const double lag_s = static_cast<double>(lag) * step_s_;
-      const Likeness likeness = at(lag_s);
-      if (3 * likeness.count() >= of_scans_.size() && likeness.count() >= kFewestMotions)
-        likely.push_back({lag_s, likeness.value(), motions_.independent(likeness.count())});
+      const LagScore score = at(lag_s);
+      if (3 * score.count() >= of_scans_.size() && score.count() >= kFewestMotions)
+        likely.push_back({lag_s, score.value(), motions_.independent(score.count())});
     }
     const auto best_where = [&](const auto& takes) {
       Likely best;
@@ -167,14 +167,14 @@ class LagSearch {
   }
 
  private:
-  [[nodiscard]] Likeness at(double lag_s) const {
-    Likeness likeness;
+  [[nodiscard]] LagScore at(double lag_s) const {
+    LagScore score;
     for (std::size_t i = 0; i < of_scans_.size(); ++i) {
       const auto& amount =
           given_at(std::lround((motions_.all[i].t_s + lag_s - path_.begin_s()) / step_s_));
-      if (amount) likeness.add(of_scans_[i], *amount);
+      if (amount) score.add(of_scans_[i], *amount);
     }
-    return likeness;
+    return score;
   }
   /// Of the given motion so many steps behind the begin of its path. Only those that are asked for
   /// are taken: a path may reach for years beyond the scans.
@@ -252,14 +252,14 @@ class Fit {
   /// @return false without convergence, or without enough motions in common.
   [[nodiscard]] bool solve() {
     for (int round = 0; round < kFitRounds; ++round) {
-      if (!look()) return false;
+      if (!update_residuals()) return false;
       if (round == 0) align();
       const Unknowns step = step_of();
       if (!step.allFinite()) return false;
       state_ = state_.plus(step);
-      if (std::abs(step[0]) < 1e-5 && step.tail<7>().norm() < 1e-6) return look();
+      if (std::abs(step[0]) < 1e-5 && step.tail<7>().norm() < 1e-6) return update_residuals();
     }
-    return last_step_ < kSmallStep && look();
+    return last_step_ < kSmallStep && update_residuals();
   }
 
   [[nodiscard]] PathDifference result() const {
@@ -279,14 +279,14 @@ class Fit {
     found.explained_m = explained(0, sigma_m_);
     found.explained_rad = explained(3, sigma_rad_);
     found.independent = independent_;
-    found.astray = astray();
+    found.outlier_share = outlier_share();
     found.usual_m = usual_m();
     return found;
   }
 
  private:
   /// Residuals and their deviations.
-  bool look() {
+  bool update_residuals() {
     residuals_.clear();
     for (const Motion& motion : motions_.all) {
       const double t_s = motion.t_s + state_.lag_s;
@@ -313,12 +313,12 @@ class Fit {
     for (const Residual& residual : residuals_) {
       const Eigen::Vector3d turn = maps::log_so3(residual.T_given.linear()),
                             lidar_turn = maps::log_so3(residual.motion->T.linear());
-      const Eigen::Vector3d& way = residual.T_given.translation();
-      const Eigen::Vector3d& lidar_way = residual.motion->T.translation();
+      const Eigen::Vector3d& translation = residual.T_given.translation();
+      const Eigen::Vector3d& lidar_translation = residual.motion->T.translation();
       // A turn of a degree counts as much as a metre.
       constexpr double kMetresPerRad = 57.0;
       together += kMetresPerRad * kMetresPerRad * turn * lidar_turn.transpose() +
-                  way * lidar_way.transpose();
+                  translation * lidar_translation.transpose();
     }
     const maps::SingularValues svd = maps::svd_of(together);
     Eigen::Vector3d signs = Eigen::Vector3d::Ones();
@@ -326,7 +326,7 @@ class Fit {
     // Where motions do not tell a turn, as along a straight line, it stays none.
     if (!(svd.values[1] > 1e-3 * svd.values[0])) return;
     state_.R = svd.U * signs.asDiagonal() * svd.V.transpose();
-    look();
+    update_residuals();
   }
 
   [[nodiscard]] Vector6d weights_of(const Residual& residual) const {
@@ -386,12 +386,12 @@ class Fit {
     const double stretches_a_part = std::max(1.0, independent_ / 30.0);
     const auto motions_a_part =
         std::max<std::size_t>(1, static_cast<std::size_t>(2.0 * per_stretch * stretches_a_part));
-    std::vector<Unknowns> pulls(residuals_.size() / motions_a_part + 1, Unknowns::Zero());
+    std::vector<Unknowns> gradients(residuals_.size() / motions_a_part + 1, Unknowns::Zero());
     for_each([&](std::size_t i, const Jacobian& J, const Vector6d& weights, const Vector6d& value) {
-      pulls[i / motions_a_part] += J.transpose() * weights.asDiagonal() * value;
+      gradients[i / motions_a_part] += J.transpose() * weights.asDiagonal() * value;
     });
     Information spread = Information::Zero();
-    for (const Unknowns& pull : pulls) spread += pull * pull.transpose();
+    for (const Unknowns& gradient : gradients) spread += gradient * gradient.transpose();
     const Information by_stretches = A_inverse * spread * A_inverse;
     const Information covariance = per_stretch * A_inverse;
     Unknowns wider;
@@ -400,10 +400,10 @@ class Fit {
     return wider.asDiagonal() * covariance * wider.asDiagonal();
   }
 
-  [[nodiscard]] double astray() const {
+  [[nodiscard]] double outlier_share() const {
     const auto count = std::ranges::count_if(residuals_, [&](const Residual& residual) {
-      return residual.value.head<3>().norm() > kAstray * std::sqrt(3.0) * sigma_m_ ||
-             residual.value.tail<3>().norm() > kAstray * std::sqrt(3.0) * sigma_rad_;
+      return residual.value.head<3>().norm() > kOutlierDeviations * std::sqrt(3.0) * sigma_m_ ||
+             residual.value.tail<3>().norm() > kOutlierDeviations * std::sqrt(3.0) * sigma_rad_;
     });
     return static_cast<double>(count) / static_cast<double>(residuals_.size());
   }

@@ -46,7 +46,7 @@ struct PathDifference {
   double residual_rad = 0.0;
   /// Of motions, those that are more than 5 deviations off, by way or turn: where odometry has lost
   /// its way, or poses jump.
-  double astray = 0.0;
+  double outlier_share = 0.0;
   /// Median length of a given motion [m].
   double usual_m = 0.0;
   /// Of given motions about their mean, the share that the turned and shifted ones explain: of

@@ -312,11 +312,11 @@ std::vector<OdometryPose> joined(const std::vector<double>& t_s, const std::vect
     poses[i].hidden = std::ranges::count(hidden, i) > 0;
     poses[i].status = poses[i].hidden ? OdometryStatus::kPredicted : OdometryStatus::kMatched;
   }
-  join_over_hidden(stamps_ns, poses);
+  interpolate_hidden(stamps_ns, poses);
   return poses;
 }
 
-TEST(JoinOverHidden, OverAPauseMotionIsEven) {
+TEST(InterpolateHidden, OverAPauseMotionIsEven) {
   for (const bool stands : {false, true}) {
     const auto poses = stands ? joined({0.0, 0.1, 60.1, 120.1, 120.2}, {0, 1, 31, 1, 1}, {2})
                               : joined({0.0, 0.1, 60.1, 120.1}, {0, 1, 31, 1}, {2});
@@ -325,7 +325,7 @@ TEST(JoinOverHidden, OverAPauseMotionIsEven) {
   }
 }
 
-TEST(JoinOverHidden, AtTheEndAndWhereAllAreHiddenNothingMoves) {
+TEST(InterpolateHidden, AtTheEndAndWhereAllAreHiddenNothingMoves) {
   const auto end = joined({0.0, 0.1, 0.2, 0.3}, {0, 1, 2, 7}, {2, 3});
   EXPECT_DOUBLE_EQ(end[2].T_odom_lidar.translation().x(), 2.0);
   EXPECT_DOUBLE_EQ(end[3].T_odom_lidar.translation().x(), 7.0);
@@ -333,7 +333,7 @@ TEST(JoinOverHidden, AtTheEndAndWhereAllAreHiddenNothingMoves) {
   EXPECT_DOUBLE_EQ(all[1].T_odom_lidar.translation().x(), 5.0);
 }
 
-TEST(JoinOverHidden, LeadsToTheScanAfterThemAndBackFromTheFirstOnes) {
+TEST(InterpolateHidden, LeadsToTheScanAfterThemAndBackFromTheFirstOnes) {
   // From 10 m/s on with 2 m/s^2, but predicted at 10 m/s from scan 2 on.
   std::vector<OdometryPose> poses(8);
   std::vector<std::int64_t> stamps_ns;
@@ -350,7 +350,7 @@ TEST(JoinOverHidden, LeadsToTheScanAfterThemAndBackFromTheFirstOnes) {
   }
   poses[0].T_odom_lidar = pose_at(0.7, 0.3);
   const double z_m = poses[1].T_odom_lidar.translation().z();
-  join_over_hidden(stamps_ns, poses);
+  interpolate_hidden(stamps_ns, poses);
   for (std::size_t i = 0; i < poses.size(); ++i)
     EXPECT_LT((poses[i].T_odom_lidar.translation() -
                Eigen::Vector3d(x_m(0.1 * static_cast<double>(i)), 0.0, z_m))

@@ -598,13 +598,13 @@ class DirectOdometry : public Odometry {
   void start_with(const Vector6d& twist_lidar) override { follower_.start_with(twist_lidar); }
   void expect(const Eigen::Isometry3d& T_before_this) override {
     follower_.expect(T_before_this);
-    if (aside_) aside_->expect(T_before_this);
+    if (candidate_) candidate_->expect(T_before_this);
   }
   [[nodiscard]] OdometryPose add(const Prepared& prepared) override;
 
  private:
   DirectFollower follower_;
-  std::optional<DirectFollower> aside_;
+  std::optional<DirectFollower> candidate_;
   /// Scans in a row that fit its map.
   std::size_t fitting_ = 0;
 };
@@ -612,19 +612,19 @@ class DirectOdometry : public Odometry {
 OdometryPose DirectOdometry::add(const Prepared& prepared) {
   const auto& scan = dynamic_cast<const ThinnedScan&>(prepared);
   OdometryPose pose = follower_.add(scan);
-  if (!pose.hidden) aside_.reset();
+  if (!pose.hidden) candidate_.reset();
   if (!pose.hidden) return pose;
   if (scan.shell || scan.sparse.size() < kMinPoints) {
     // It is placed by motion there too, so that the next one is looked for from there.
-    if (aside_) (void)aside_->add(scan);
+    if (candidate_) (void)candidate_->add(scan);
     return pose;
   }
-  if (aside_) {
-    const OdometryPose beside = aside_->add(scan);
-    if (beside.status != OdometryStatus::kPredicted && aside_->on_surfaces()) {
+  if (candidate_) {
+    const OdometryPose beside = candidate_->add(scan);
+    if (beside.status != OdometryStatus::kPredicted && candidate_->on_surfaces()) {
       if (++fitting_ < kAnewScans) return pose;
-      follower_ = std::move(*aside_);
-      aside_.reset();
+      follower_ = std::move(*candidate_);
+      candidate_.reset();
       pose.T_odom_lidar = beside.T_odom_lidar;
       pose.twist_lidar = beside.twist_lidar;
       pose.hidden = false;
@@ -632,9 +632,9 @@ OdometryPose DirectOdometry::add(const Prepared& prepared) {
       return pose;
     }
   }
-  aside_.emplace(pose.T_odom_lidar);
-  aside_->start_with(pose.twist_lidar);
-  (void)aside_->add(scan);
+  candidate_.emplace(pose.T_odom_lidar);
+  candidate_->start_with(pose.twist_lidar);
+  (void)candidate_->add(scan);
   fitting_ = 0;
   return pose;
 }
