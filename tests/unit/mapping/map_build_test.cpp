@@ -650,6 +650,42 @@ TEST_F(GivenPosesOfABuild, ThatAreSaidToBeExactStayAndAreChecked) {
   EXPECT_EQ(open()->manifest().options.at("given_poses"), "exact");
 }
 
+TEST_F(MapBuild, RefusesADriveWhoseScansAreAllHidden) {
+  maps::PointCloud shell = small_.scan(2);
+  for (Eigen::Vector3f& p : shell.positions) p *= 0.5F / p.norm();
+  for (int i = 0; i < 4; ++i) folder_.write(fmt::format("drive/{:06}.bin", i), test::bin_of(shell));
+  options_.odometry = "default";
+  EXPECT_THAT([&] { (void)build(); },
+              ThrowsSaying<InputError>({"4 scans, all hidden", "leave this drive out"}));
+}
+
+TEST_F(MapBuild, SaysWhereOdometryRestarted) {
+  // Carried, covered, from the street into a hall in which nothing is as there.
+  const test::SyntheticWorld street = test::street(41);
+  test::SyntheticWorld hall;
+  hall.boxes = {{{-6.0, -4.0, -3.0}, {-5.5, 4.0, 3.0}}, {{5.5, -4.0, -3.0}, {6.0, 4.0, 3.0}},
+                {{-6.0, 3.5, -3.0}, {6.0, 4.0, 3.0}},   {{-6.0, -4.0, -3.0}, {6.0, -3.5, 3.0}},
+                {{2.0, 1.0, 0.0}, {3.0, 2.0, 3.0}},     {{-3.0, -2.5, 0.0}, {-2.4, -2.0, 3.0}},
+                {{-6.0, -4.0, 2.9}, {6.0, 4.0, 3.4}}};
+  test::ScanPattern pattern{.rings = 20, .columns = 360, .noise_m = 0.02};
+  for (std::size_t i = 0; i < 32; ++i) {
+    const double s = static_cast<double>(i);
+    pattern.seed = i + 1;
+    maps::PointCloud cloud = i < 16 ? street.scan(test::pose_at(20.0 + 0.9 * s, 0.0), pattern)
+                                    : hall.scan(test::pose_at(0.2 * s - 7.2, 0.0), pattern);
+    if (i >= 12 && i < 16)
+      for (Eigen::Vector3f& p : cloud.positions) p *= 0.3F / p.norm();
+    folder_.write(fmt::format("carried/{:06}.bin", i), test::bin_of(cloud));
+  }
+  drive_ = folder_.path() / "carried";
+  options_.detector = "geometric";
+  const MapBuildReport report = build();
+  EXPECT_GE(report.points.at("scans_hidden"), 4U);
+  EXPECT_THAT(report.warnings,
+              Contains(AllOf(HasSubstr("odometry lost the place and restarted at scan 2"),
+                             HasSubstr("as two drives (--select)"))));
+}
+
 /// 11 s along the street, faster and slower; the stamps of the poses are 0.3 s too early.
 class ClockOfPosesOfABuild : public MapBuild {
  protected:

@@ -265,6 +265,12 @@ TEST(RebuildWork, ThatWasThrownAwayByHalfIsNotTakenForTheWhole) {
   EXPECT_FALSE(fs::exists(folder.path() / "work" / "journal"));
 }
 
+TEST_F(RebuildTest, RefusesToLookForTheOffsetOfPoses) {
+  options_.build.finds_pose_time_offset = true;
+  EXPECT_THAT([&] { (void)rebuild(); },
+              ThrowsSaying<std::invalid_argument>({"auto is not possible", "--motion"}));
+}
+
 TEST_F(RebuildTest, RefusesADriveToJudgeByWhosePosesMeanNothing) {
   options_.held_back = write_drive("another", 0.7);
   fs::remove(*options_.held_back / "poses.txt");
