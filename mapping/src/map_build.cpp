@@ -245,8 +245,8 @@ std::optional<BuildFrame> register_drives(PosedDrives& posed, const MapBuildOpti
                                           const CancelFlag& cancel) {
   if (!options.register_to) return std::nullopt;
   const StageTimer timer(report.stage_seconds, "register");
-  RegisteredDrives registered =
-      registered_to(*options.register_to, posed.drives, options, odometry, progress, cancel);
+  RegisteredDrives registered = registered_to(*options.register_to, posed.drives, options, odometry,
+                                              posed.notes, progress, cancel);
   posed.drives = std::move(registered.drives);
   report.registration = registered.frame.registration;
   return std::move(registered.frame);
