@@ -70,7 +70,8 @@ class HiddenScan : public ::testing::Test {
     replace(index, [&](double true_m) { return std::clamp(depth(random_), 0.3, true_m); });
   }
 
-  [[nodiscard]] std::vector<OdometryPose> run(bool expects_given = false) const {
+  [[nodiscard]] std::vector<OdometryPose> run(bool expects_given = false,
+                                              const std::string& method = "default") const {
     maps::Drive::Contents contents;
     for (const maps::Scan& scan : scans_) {
       contents.scan_files.emplace_back(scan.source);
@@ -81,6 +82,7 @@ class HiddenScan : public ::testing::Test {
     const FollowedDrive followed{.drive = drive,
                                  .begin = 0,
                                  .end = scans_.size(),
+                                 .method = method,
                                  .expects_given_poses = expects_given,
                                  .read = [&](std::size_t i) { return scans_[i]; }};
     return run_odometry(followed, 1, {}, CancelFlag{false});
@@ -126,6 +128,17 @@ TEST_F(HiddenScan, AShellIsPlacedByMotionAndForgotten) {
           0.02)
           << radius_m << ", scan " << i;
   }
+}
+
+TEST_F(HiddenScan, AShellIsPlacedByMotionByLoamToo) {
+  const std::vector<OdometryPose> without = run(false, "loam");
+  cover(16, 2.0, 0.02);
+  const std::vector<OdometryPose> poses = run(false, "loam");
+  EXPECT_THAT(hidden_in(poses), ElementsAre(16));
+  for (std::size_t i = 16; i < kScans; ++i)
+    EXPECT_LT((poses[i].T_odom_lidar.translation() - without[i].T_odom_lidar.translation()).norm(),
+              0.05)
+        << i;
 }
 
 TEST_F(HiddenScan, OneOfASensorThatLooksToOneSideToo) {

@@ -241,7 +241,11 @@ void LoamOdometry::learn(Vector6 deviation, bool matched) {
 }
 
 void LoamOdometry::take(const PreparedFeatures& scan, const OdometryPose& pose) {
-  if (scan.features.less_flat.empty()) return;
+  if (scan.features.less_flat.empty()) {
+    // The sweep before is two periods old for the next one: the map alone matches that.
+    previous_.reset();
+    return;
+  }
   previous_ = searchable(scan.features, pose.twist_lidar);
   if (!last_ && !start_twist_) {
     first_ = scan.features;
