@@ -214,10 +214,9 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
                  find_poses(scans->bags, found, choice, clouds.frames.front(),
                             taken_at(contents, choice_of_poses.offset_ns), name, contents.notes)) {
     set_bag_poses(contents, *poses, choice_of_poses.offset_ns);
+    contents.poses_have_stamps = true;
   }
   leave_out_unordered(contents);
-  // A file without stamps leaves the shift to `Drive::open`.
-  if (!choice_of_poses.file) set_path_of_scans(contents);
   place_by_gnss(contents, scans->bags, found, choice, name);
   return contents;
 }

@@ -196,6 +196,7 @@ bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& own, const
   contents.T_map_lidar = std::move(poses);
   in_gaps.note(contents, name);
   contents.path = std::make_shared<const Trajectory>(trajectory);
+  contents.poses_have_stamps = true;
   return kept.front() > 0;
 }
 
@@ -224,11 +225,6 @@ std::int64_t shifted_stamp(std::int64_t stamp_ns, std::int64_t offset_ns, const 
         fmt::format("the stamp {} ns, which leaves 64 bits with --pose-time-offset", stamp_ns),
         "a smaller --pose-time-offset");
   return shifted_ns;
-}
-
-void set_path_of_scans(Drive::Contents& contents) {
-  if (contents.T_map_lidar.empty() || contents.path) return;
-  contents.path = std::make_shared<const Trajectory>(path_of_scans(contents));
 }
 
 void shift_poses_of_scans(Drive::Contents& contents, std::int64_t offset_ns) {

@@ -82,9 +82,6 @@ void set_poses(Drive::Contents& contents, const std::filesystem::path& poses_fil
 /// their own. Stamps increase. @throws as `set_poses_at_stamps`.
 void shift_poses_of_scans(Drive::Contents& contents, std::int64_t offset_ns);
 
-/// Marks the poses as already shifted in time. Stamps increase.
-void set_path_of_scans(Drive::Contents& contents);
-
 /// Looks how coarsely positions were written. @param poses  as they stand in the file.
 void set_position_step(Drive::Contents& contents, std::span<const Eigen::Isometry3d> poses);
 void set_position_step(Drive::Contents& contents, const Trajectory& trajectory);

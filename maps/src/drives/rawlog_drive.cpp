@@ -212,10 +212,9 @@ Drive::Contents open_rawlog_drive(const fs::path& root, std::string_view words,
     set_poses(contents, *poses.file, poses.offset_ns);
   } else if (source) {
     set_own_poses(contents, *scans, *source, poses.offset_ns);
+    contents.poses_have_stamps = true;
   }
   leave_out_unordered(contents);
-  // A file without stamps leaves the shift to `Drive::open`.
-  if (timed && !poses.file) set_path_of_scans(contents);
   return contents;
 }
 

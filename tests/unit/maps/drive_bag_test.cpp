@@ -574,6 +574,7 @@ TEST_F(BagDrive, ShiftsPosesInTime) {
   const auto poses = folder_.write("poses.txt",
                                    "1 0 0 7 0 1 0 0 0 0 1 0\n1 0 0 8 0 1 0 0 0 0 1 0\n"
                                    "1 0 0 9 0 1 0 0 0 0 1 0\n1 0 0 6 0 1 0 0 0 0 1 0\n");
+  EXPECT_FALSE(Drive::open(file).contents().path) << "its scans' poses tell the motion";
   EXPECT_THAT(xs(Drive::open(file, poses, kStep)),
               ElementsAre(DoubleNear(6.0, 1e-6), DoubleNear(7.0, 1e-6), DoubleNear(8.0, 1e-6),
                           DoubleNear(9.0, 1e-6)));
