@@ -41,13 +41,6 @@ nlohmann::json to_json(const GivenPosesReport& report) {
 
 }  // namespace
 
-std::string to_json(std::span<const maps::DriveFinding> findings) {
-  nlohmann::json json = nlohmann::json::array();
-  for (const maps::DriveFinding& finding : findings)
-    json.push_back({{"code", finding.code}, {"what", finding.what}, {"remedy", finding.remedy}});
-  return json.dump();
-}
-
 std::string to_json(const MapBuildReport& report) {
   nlohmann::json json{{"scans", report.scans},
                       {"resumed_scans", report.resumed_scans},

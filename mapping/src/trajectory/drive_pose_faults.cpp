@@ -1,16 +1,13 @@
 #include "trajectory/drive_pose_faults.hpp"
 
-#include "odometry/run_odometry.hpp"
 #include "trajectory/levelling.hpp"
 
-#include <stillmap/mapping/given_pose_check.hpp>
 #include <stillmap/maps/median.hpp>
 #include <stillmap/maps/trajectory.hpp>
 
 #include <algorithm>
 #include <cstdint>
 #include <optional>
-#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -20,20 +17,6 @@ namespace {
 /// Steps longer than this and as many usual ones are gaps.
 constexpr double kLongestStepS = 1.0;
 constexpr double kStepsOfGap = 5.0;
-
-/// Of the scans that the posed drive has, too.
-std::vector<OdometryPose> odometry_at(const maps::Drive& posed, const maps::Drive& scans,
-                                      const std::vector<OdometryPose>& odometry) {
-  std::vector<OdometryPose> found;
-  std::size_t scan = 0;
-  for (const std::int64_t stamp_ns : posed.contents().stamps_ns) {
-    while (scan < scans.size() && scans.stamp_ns(scan) < stamp_ns) ++scan;
-    if (scan == scans.size() || scans.stamp_ns(scan) != stamp_ns)
-      throw std::invalid_argument("check_given_poses: a scan that is not in the drive");
-    found.push_back(odometry[scan]);
-  }
-  return found;
-}
 
 /// A scan that is not matched may be of dust or of a cover.
 std::optional<std::size_t> matched_nearest_to_middle(std::span<const OdometryPose> odometry) {
@@ -95,29 +78,6 @@ PoseFaults faults_of(const maps::Drive& drive, std::size_t begin,
     return GroundSeen{drive.T_map_lidar(scan).linear(), T.linear().transpose().col(2)};
   };
   return pose_faults(paths_of(drive, begin, odometry), see_ground);
-}
-
-std::vector<std::vector<maps::DriveFinding>> check_given_poses(const maps::Drive& scans,
-                                                               std::span<const maps::Drive> posed,
-                                                               bool guided,
-                                                               const ProgressCallback& progress,
-                                                               const CancelFlag& cancel) {
-  std::vector<OdometryPose> of_scans;
-  if (!guided && std::ranges::any_of(posed, &maps::Drive::has_poses))
-    of_scans = run_odometry({.drive = scans, .end = scans.size()}, 0, progress, cancel);
-  std::vector<std::vector<maps::DriveFinding>> found;
-  for (const maps::Drive& drive : posed) {
-    if (!drive.has_poses()) {
-      found.emplace_back();
-      continue;
-    }
-    const std::vector<OdometryPose> odometry =
-        guided ? run_odometry({.drive = drive, .end = drive.size(), .expects_given_poses = true}, 0,
-                              progress, cancel)
-               : odometry_at(drive, scans, of_scans);
-    found.push_back(findings_of(faults_of(drive, 0, odometry)));
-  }
-  return found;
 }
 
 }  // namespace stillmap::mapping
