@@ -1,5 +1,8 @@
 #include "trajectory/path_difference.hpp"
 
+#include "trajectory/lag_search.hpp"
+#include "trajectory/path_motions.hpp"
+
 #include <stillmap/maps/frames.hpp>
 #include <stillmap/maps/median.hpp>
 #include <stillmap/maps/small_matrices.hpp>
@@ -7,11 +10,9 @@
 #include <Eigen/Cholesky>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <functional>
-#include <unordered_map>
 #include <utility>
 
 namespace stillmap::mapping {
@@ -20,25 +21,10 @@ namespace {
 /// Poses are smoothed over so long, or so many steps of the slower path.
 constexpr double kLeastBoxS = 0.5;
 constexpr double kBoxSteps = 4.0;
-/// Motions last so long, or twice the box.
-constexpr double kLeastMotionS = 1.0;
-constexpr std::size_t kMostMotions = 800;
-constexpr std::size_t kFewestMotions = 20;
 constexpr double kFewestIndependent = 3.0;
-constexpr double kMostLagS = 120.0;
-/// Within this lag least squares find the way alone.
-constexpr double kNearLagS = 0.3;
-/// Another lag counts where the logarithm of its likelihood is larger by this, in all and for each
-/// independent stretch; and larger than everywhere else.
-constexpr double kLagGain = 10.0;
-constexpr double kLagGainEach = 0.35;
-constexpr double kLagUnlikeOthers = 5.0;
 /// Least deviations of one direction of a motion: odometry's own [m, rad].
 constexpr double kLeastLeftM = 0.005;
 constexpr double kLeastLeftRad = 3e-4;
-/// What a length and a turn over a motion may differ by for other reasons [m, rad].
-constexpr double kFloorM = 0.02;
-constexpr double kFloorRad = 2e-3;
 /// A residual of so many deviations has half its weight.
 constexpr double kRobust = 3.0;
 /// So many deviations in all directions are no noise.
@@ -66,133 +52,6 @@ Eigen::Isometry3d mirrored(Eigen::Isometry3d T) {
   T.matrix().col(1) *= -1.0;
   return T;
 }
-
-/// Scans' motions, how they would look a little earlier and later, and when they began.
-struct Motion {
-  double t_s = 0.0;
-  Eigen::Isometry3d T, T_earlier, T_later;
-};
-
-struct Motions {
-  double length_s = 0.0;
-  double box_s = 0.0;
-  /// Of `T_earlier` and `T_later`.
-  double aside_s = 0.0;
-  /// From each to the next, but for pauses.
-  double apart_s = 0.0;
-  std::vector<Motion> all;
-
-  /// Stretches among so many motions that are independent.
-  [[nodiscard]] double independent(std::size_t motions) const {
-    return static_cast<double>(motions) * std::min(1.0, apart_s / (length_s + box_s));
-  }
-};
-
-/// A motion's length and angle.
-struct Amount {
-  double length_m = 0.0;
-  double angle_rad = 0.0;
-};
-
-Amount amount_of(const Eigen::Isometry3d& T) {
-  return {T.translation().norm(), maps::log_so3(T.linear()).norm()};
-}
-
-/// Mean log-likelihood of one path's amounts given the other's, where their noise is not known.
-class LagScore {
- public:
-  void add(const Amount& a, const Amount& b) {
-    ++count_;
-    const std::array<std::array<double, 2>, 2> values{
-        {{a.length_m, b.length_m}, {a.angle_rad, b.angle_rad}}};
-    for (std::size_t i = 0; i < 2; ++i) {
-      const auto& [x, y] = values[i];
-      const std::array<double, 5> terms{x, y, x * x, y * y, x * y};
-      for (std::size_t k = 0; k < terms.size(); ++k) sums_[i][k] += terms[k];
-    }
-  }
-  [[nodiscard]] std::size_t count() const { return count_; }
-  [[nodiscard]] double value() const { return of(sums_[0], kFloorM) + of(sums_[1], kFloorRad); }
-
- private:
-  [[nodiscard]] double of(const std::array<double, 5>& sums, double floor) const {
-    const auto n = static_cast<double>(count_);
-    const double xx = sums[2] / n - sums[0] * sums[0] / (n * n);
-    const double yy = sums[3] / n - sums[1] * sums[1] / (n * n);
-    const double xy = std::max(0.0, sums[4] / n - sums[0] * sums[1] / (n * n));
-    const double unexplained = std::max(0.0, yy - (xx > 0.0 ? xy * xy / xx : 0.0));
-    return -0.5 * std::log((unexplained + floor * floor) / (yy + floor * floor));
-  }
-
-  std::size_t count_ = 0;
-  std::array<std::array<double, 5>, 2> sums_{};
-};
-
-/// Which lag of the given poses' clock makes them move and turn as the scans do: 0, or another
-/// where that explains much more. A given pose of t + lag belongs to the scan of t.
-class LagSearch {
- public:
-  LagSearch(const Motions& motions, const SmoothPath& given, double step_s)
-      : motions_(motions), path_(given), step_s_(step_s) {
-    for (const Motion& motion : motions.all) of_scans_.push_back(amount_of(motion.T));
-  }
-
-  [[nodiscard]] double best_s() const {
-    const auto most = static_cast<long>(kMostLagS / step_s_);
-    struct Likely {
-      double lag_s = 0.0, value = 0.0, independent = 0.0;
-    };
-    std::vector<Likely> likely;
-    for (long lag = -most; lag <= most; ++lag) {
-      const double lag_s = static_cast<double>(lag) * step_s_;
-      const LagScore score = at(lag_s);
-      if (3 * score.count() >= of_scans_.size() && score.count() >= kFewestMotions)
-        likely.push_back({lag_s, score.value(), motions_.independent(score.count())});
-    }
-    const auto best_where = [&](const auto& takes) {
-      Likely best;
-      for (const Likely& each : likely)
-        if (takes(each.lag_s) && each.value > best.value) best = each;
-      return best;
-    };
-    const auto best = best_where([](double) { return true; });
-    const auto near = best_where([](double lag_s) { return std::abs(lag_s) <= kNearLagS; });
-    const auto other = best_where([&](double lag_s) {
-      return std::abs(lag_s - best.lag_s) > motions_.length_s + motions_.box_s;
-    });
-    const double gain = best.value - near.value;
-    const bool is_better = gain > kLagGainEach && best.independent * gain > kLagGain &&
-                           best.independent * (best.value - other.value) > kLagUnlikeOthers;
-    return is_better ? best.lag_s : 0.0;
-  }
-
- private:
-  [[nodiscard]] LagScore at(double lag_s) const {
-    LagScore score;
-    for (std::size_t i = 0; i < of_scans_.size(); ++i) {
-      const auto& amount =
-          given_at(std::lround((motions_.all[i].t_s + lag_s - path_.begin_s()) / step_s_));
-      if (amount) score.add(of_scans_[i], *amount);
-    }
-    return score;
-  }
-  /// Of the given motion so many steps behind the begin of its path. Only those that are asked for
-  /// are taken: a path may reach for years beyond the scans.
-  [[nodiscard]] const std::optional<Amount>& given_at(long step) const {
-    const auto [at, is_new] = given_.try_emplace(step);
-    if (is_new) {
-      const double t_s = path_.begin_s() + static_cast<double>(step) * step_s_;
-      if (const auto T = path_.motion(t_s, t_s + motions_.length_s)) at->second = amount_of(*T);
-    }
-    return at->second;
-  }
-
-  const Motions& motions_;
-  const SmoothPath& path_;
-  double step_s_;
-  mutable std::unordered_map<long, std::optional<Amount>> given_;
-  std::vector<Amount> of_scans_;
-};
 
 /// What the fit knows of the two paths.
 struct State {
@@ -224,7 +83,7 @@ Vector6d between(const Eigen::Isometry3d& expected, const Eigen::Isometry3d& T) 
 
 /// Derivatives of the given motion that is expected. The clocks' are those of the scans' motion,
 /// which has little noise: with the given poses' own, noise would look like motion.
-Jacobian jacobian_of(const State& state, const Motion& motion, double aside_s) {
+Jacobian jacobian_of(const State& state, const PathMotion& motion, double aside_s) {
   constexpr double kStep = 1e-5;
   Jacobian jacobian;
   jacobian.col(0) =
@@ -239,14 +98,14 @@ Jacobian jacobian_of(const State& state, const Motion& motion, double aside_s) {
 }
 
 struct Residual {
-  const Motion* motion = nullptr;
+  const PathMotion* motion = nullptr;
   Eigen::Isometry3d T_given;
   Vector6d value;
 };
 
 class Fit {
  public:
-  Fit(const Motions& motions, const SmoothPath& given, const State& start)
+  Fit(const PathMotions& motions, const SmoothPath& given, const State& start)
       : motions_(motions), given_(given), state_(start) {}
 
   /// @return false without convergence, or without enough motions in common.
@@ -288,7 +147,7 @@ class Fit {
   /// Residuals and their deviations.
   bool update_residuals() {
     residuals_.clear();
-    for (const Motion& motion : motions_.all) {
+    for (const PathMotion& motion : motions_.all) {
       const double t_s = motion.t_s + state_.lag_s;
       const auto T = given_.motion(t_s, t_s + motions_.length_s);
       if (T) residuals_.push_back({&motion, *T, between(state_.motion_of(motion.T), *T)});
@@ -428,7 +287,7 @@ class Fit {
     return 1.0 - left * left / std::max(variances.segment<3>(first).mean(), 1e-12);
   }
 
-  const Motions& motions_;
+  const PathMotions& motions_;
   const SmoothPath& given_;
   State state_;
   std::vector<Residual> residuals_;
@@ -438,26 +297,6 @@ class Fit {
   double sigma_rad_ = kLeastLeftRad;
   double independent_ = 0.0;
 };
-
-/// From every pose, or every so many: pauses hold none.
-Motions motions_of(const std::vector<SmoothPath::Pose>& poses, double box_s, double step_s) {
-  const SmoothPath path(poses, box_s);
-  const std::size_t stride = (poses.size() + kMostMotions - 1) / kMostMotions;
-  Motions motions{.length_s = std::max(kLeastMotionS, 2.0 * box_s),
-                  .box_s = box_s,
-                  .aside_s = 0.25 * box_s,
-                  .apart_s = static_cast<double>(stride) * step_s,
-                  .all = {}};
-  for (std::size_t i = 0; i < poses.size(); i += stride) {
-    const double t_s = poses[i].t_s;
-    const auto seen = [&](double aside_s) {
-      return path.motion(t_s + aside_s, t_s + aside_s + motions.length_s, true);
-    };
-    const auto T = seen(0.0), earlier = seen(-motions.aside_s), later = seen(motions.aside_s);
-    if (T && earlier && later) motions.all.push_back({t_s, *T, *earlier, *later});
-  }
-  return motions;
-}
 
 }  // namespace
 
@@ -471,11 +310,11 @@ std::optional<PathDifference> path_difference(const PathPair& paths, bool is_mir
   std::vector<SmoothPath::Pose> seen = paths.odometry;
   if (is_mirrored)
     for (SmoothPath::Pose& pose : seen) pose.T = mirrored(pose.T);
-  const Motions motions = motions_of(seen, box_s, step_s);
+  const PathMotions motions = motions_of(seen, box_s, step_s);
   if (motions.all.size() < kFewestMotions) return std::nullopt;
   const SmoothPath given(paths.given, box_s);
   State start;
-  start.lag_s = offset_s ? -*offset_s : LagSearch(motions, given, 0.2 * box_s).best_s();
+  start.lag_s = offset_s ? -*offset_s : best_lag_s(motions, given, 0.2 * box_s);
   Fit fit(motions, given, start);
   if (!fit.solve()) return std::nullopt;
   return fit.result();
