@@ -29,9 +29,9 @@ constexpr double kLeastLeftRad = 3e-4;
 constexpr double kRobust = 3.0;
 /// So many deviations in all directions are no noise.
 constexpr double kOutlierDeviations = 5.0;
-constexpr int kFitRounds = 25;
-/// Steps that are still longer after all rounds, in deviations, are no convergence.
-constexpr double kSmallStep = 0.01;
+constexpr int kFitRounds = 100;
+/// A fit whose last step is longer, in deviations without overlap, has not converged.
+constexpr double kSmallStep = 0.1;
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 /// Offset of the clocks, turn (3), lever (3), logarithm of the scale.
@@ -108,7 +108,7 @@ class Fit {
   Fit(const PathMotions& motions, const SmoothPath& given, const State& start)
       : motions_(motions), given_(given), state_(start) {}
 
-  /// @return false without convergence, or without enough motions in common.
+  /// @return false without enough motions in common.
   [[nodiscard]] bool solve() {
     for (int round = 0; round < kFitRounds; ++round) {
       if (!update_residuals()) return false;
@@ -118,7 +118,7 @@ class Fit {
       state_ = state_.plus(step);
       if (std::abs(step[0]) < 1e-5 && step.tail<7>().norm() < 1e-6) return update_residuals();
     }
-    return last_step_ < kSmallStep && update_residuals();
+    return update_residuals();
   }
 
   [[nodiscard]] PathDifference result() const {
@@ -127,6 +127,7 @@ class Fit {
     const Information covariance = covariance_of(A_inverse);
     const auto sigma = [&](int k) { return std::sqrt(covariance(k, k)); };
     PathDifference found;
+    found.converged = last_step_ < kSmallStep;
     found.offset_s = {-state_.lag_s, sigma(0)};
     found.scale = {std::exp(state_.log_scale), std::exp(state_.log_scale) * sigma(7)};
     found.R_given_lidar = state_.R;

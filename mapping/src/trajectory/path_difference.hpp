@@ -30,6 +30,8 @@ struct PathPair {
 
 /// What turns the motion that odometry found into that of the given poses.
 struct PathDifference {
+  /// Else numbers are those of the last step, and their deviations mean nothing.
+  bool converged = false;
   /// To be added to the stamps of the given poses [s].
   Measured offset_s;
   /// Given lengths over those of odometry.

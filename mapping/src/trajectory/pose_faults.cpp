@@ -53,8 +53,8 @@ bool observes_offset(const PathDifference& apart) {
 
 /// Whether both are paths of one drive, and odometry has not lost its way.
 bool belongs(const PathDifference& apart, double most_outliers = kMostOutliers) {
-  return apart.outlier_share < most_outliers && apart.residual_m < kMostLeft * apart.usual_m &&
-         apart.residual_rad < kMostLeftRad;
+  return apart.converged && apart.outlier_share < most_outliers &&
+         apart.residual_m < kMostLeft * apart.usual_m && apart.residual_rad < kMostLeftRad;
 }
 
 /// Logarithm of how much likelier one explanation is.
