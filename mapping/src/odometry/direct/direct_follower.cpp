@@ -13,7 +13,6 @@
 namespace stillmap::mapping {
 namespace {
 
-using localization::LocalAlignment;
 using localization::LocalMap;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
