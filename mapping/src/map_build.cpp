@@ -12,6 +12,7 @@
 #include "registration/map_registration.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <sys/resource.h>
 #include <stillmap/mapping/detector.hpp>
 #include <stillmap/mapping/map_build.hpp>
@@ -26,8 +27,10 @@
 #include <array>
 #include <chrono>
 #include <fstream>
+#include <iterator>
 #include <new>
 #include <span>
+#include <sstream>
 #include <stdexcept>
 
 namespace stillmap::mapping {
@@ -44,6 +47,7 @@ constexpr const char* kScratchFolder = "scratch";
 
 /// Where a build works.
 struct Folders {
+  std::vector<std::filesystem::path> drives;
   std::filesystem::path journal;
   /// In the package while it is written.
   std::filesystem::path scratch;
@@ -172,8 +176,8 @@ void warn_of_hidden_scans(const DriveSet& drives, MapBuildReport& report) {
         hidden.size(), drives.size(), first_scans(drives, hidden)));
   if (!anew.empty())
     report.warnings.push_back(fmt::format(
-        "nothing that was seen before is found again from {} on, so the way to there is a guess; "
-        "build what lies before and after as two drives with --select, or give poses",
+        "odometry lost the place and restarted at {}: the motion before it is a guess; build the "
+        "scans before and after as two drives (--select), or give poses",
         first_scans(drives, anew)));
 }
 
@@ -220,11 +224,25 @@ void warn_of_found_offsets(const std::vector<maps::Drive>& drives, MapBuildRepor
   }
 }
 
+/// Drives as they were opened, and what was done to their poses.
+struct OpenedDrives {
+  std::vector<maps::Drive> drives;
+  std::vector<double> found_offsets_s{};
+
+  /// Added to the stamps of each drive's poses.
+  [[nodiscard]] std::vector<double> applied_offsets_s(const MapBuildOptions& options) const {
+    std::vector<double> applied_s(drives.size(), options.pose_time_offset_s);
+    for (std::size_t i = 0; i < found_offsets_s.size(); ++i) applied_s[i] += found_offsets_s[i];
+    return applied_s;
+  }
+};
+
 /// Poses of all drives in one frame, or those that a killed build had found.
-PosedDrives with_journaled_poses(const std::vector<maps::Drive>& drives,
-                                 const MapBuildOptions& options, const std::string& odometry,
-                                 const Folders& folders, MapBuildReport& report,
-                                 const ProgressCallback& progress, const CancelFlag& cancel) {
+PosedDrives with_journaled_poses(const OpenedDrives& opened, const MapBuildOptions& options,
+                                 const std::string& odometry, const Folders& folders,
+                                 MapBuildReport& report, const ProgressCallback& progress,
+                                 const CancelFlag& cancel) {
+  const std::vector<maps::Drive>& drives = opened.drives;
   BuildJournal journal(folders.journal, "trajectory", trajectory_key(drives, options, odometry));
   if (journal.is_complete()) {
     try {
@@ -236,10 +254,12 @@ PosedDrives with_journaled_poses(const std::vector<maps::Drive>& drives,
   journal.keep(0);
   warn_of_discarded(journal, report);
   const StageTimer timer(report.stage_seconds, "trajectory");
+  const std::vector<double> applied_s = opened.applied_offsets_s(options);
   PosedDrives posed =
       odometry == "given"
-          ? with_given_poses(drives, options, folders.scratch, progress, cancel)
-          : with_estimated_poses(drives, options, odometry, folders.scratch, progress, cancel);
+          ? with_given_poses(drives, options, applied_s, folders.scratch, progress, cancel)
+          : with_estimated_poses(drives, options, odometry, applied_s, folders.scratch, progress,
+                                 cancel);
   journal.append(to_bytes(posed));
   journal.complete();
   return posed;
@@ -252,47 +272,75 @@ std::optional<BuildFrame> register_drives(PosedDrives& posed, const MapBuildOpti
                                           const CancelFlag& cancel) {
   if (!options.register_to) return std::nullopt;
   const StageTimer timer(report.stage_seconds, "register");
-  RegisteredDrives registered =
-      registered_to(*options.register_to, posed.drives, options, odometry, progress, cancel);
+  RegisteredDrives registered = registered_to(*options.register_to, posed.drives, options, odometry,
+                                              posed.notes, progress, cancel);
   posed.drives = std::move(registered.drives);
   report.registration = registered.frame.registration;
   return std::move(registered.frame);
 }
 
-/// Drives as they were opened, and what was done to their poses.
-struct OpenedDrives {
-  std::vector<maps::Drive> drives;
-  std::vector<double> found_offsets_s{};
-};
+/// What motion says of the clocks, or a killed build had found.
+std::vector<double> journaled_offsets_s(const std::vector<maps::Drive>& drives,
+                                        const MapBuildOptions& options, const Folders& folders,
+                                        MapBuildReport& report, const ProgressCallback& progress,
+                                        const CancelFlag& cancel) {
+  BuildJournal journal(folders.journal, "pose_time_offset",
+                       trajectory_key(drives, options, "pose time offset"));
+  if (const auto known = journal.is_complete() ? journal.read(0) : std::nullopt) {
+    std::istringstream stream(*known);
+    const std::vector<double> offsets_s{std::istream_iterator<double>(stream), {}};
+    if (offsets_s.size() == drives.size()) return offsets_s;
+    journal.discard("not one offset a drive");
+  }
+  journal.keep(0);
+  const StageTimer timer(report.stage_seconds, "pose time offset");
+  const std::vector<double> offsets_s = found_pose_time_offsets(drives, options, progress, cancel);
+  journal.append(fmt::format("{}", fmt::join(offsets_s, " ")));
+  journal.complete();
+  return offsets_s;
+}
 
-OpenedDrives opened_for(const std::vector<std::filesystem::path>& folders,
-                        const MapBuildOptions& options, const ProgressCallback& progress,
-                        const CancelFlag& cancel) {
-  OpenedDrives opened{open_drives(folders, options)};
-  if (options.finds_pose_time_offset)
-    opened.drives = with_found_offsets(folders, opened.drives, options, opened.found_offsets_s,
-                                       progress, cancel);
-  return opened;
+/// Shifts poses in time where the options ask for it and poses are used.
+OpenedDrives shifted_in_time(const std::vector<maps::Drive>& drives, const MapBuildOptions& options,
+                             const std::string& odometry, const Folders& folders,
+                             MapBuildReport& report, const ProgressCallback& progress,
+                             const CancelFlag& cancel) {
+  if (!options.finds_pose_time_offset || !uses_given_poses(odometry, options)) return {drives};
+  const std::vector<double> offsets_s =
+      journaled_offsets_s(drives, options, folders, report, progress, cancel);
+  return {shifted_by(offsets_s, folders.drives, drives, options), offsets_s};
+}
+
+void warn_of_useless_offset(const MapBuildOptions& options, const std::string& odometry,
+                            MapBuildReport& report) {
+  const bool is_asked = options.finds_pose_time_offset || options.pose_time_offset_s != 0.0;
+  if (!is_asked || uses_given_poses(odometry, options)) return;
+  report.warnings.push_back(
+      fmt::format("--pose-time-offset has no effect: --odometry {} does not use the given poses; "
+                  "leave it out, or give --pose-sigma or --gnss-sigma",
+                  odometry));
 }
 
 MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders,
-                          const OpenedDrives& given, const MapBuildOptions& options,
+                          const std::vector<maps::Drive>& unshifted, const MapBuildOptions& options,
                           const Cleaner* cleaner, const ProgressCallback& progress,
                           const CancelFlag& cancel) {
   const Clock::time_point began = Clock::now();
-  const std::vector<maps::Drive>& opened = given.drives;
-  const std::string odometry = odometry_of(opened, options);
+  const std::string odometry = odometry_of(unshifted, options);
   const maps::Edits edits =
       options.edits_file ? maps::read_edits(*options.edits_file) : maps::Edits{};
   const std::filesystem::path& scratch = folders.scratch;
   std::filesystem::create_directory(scratch);
   MapBuildReport report;
-  report.found_pose_time_offsets_s = given.found_offsets_s;
+  const OpenedDrives opened =
+      shifted_in_time(unshifted, options, odometry, folders, report, progress, cancel);
+  report.found_pose_time_offsets_s = opened.found_offsets_s;
   PosedDrives posed =
       with_journaled_poses(opened, options, odometry, folders, report, progress, cancel);
   report.trajectory = std::move(posed.counts);
   report.given_poses = posed.given;
-  warn_of_found_offsets(opened, report);
+  warn_of_useless_offset(options, odometry, report);
+  warn_of_found_offsets(unshifted, report);
   warn_of_given_poses(options.voxel_size_m, report);
   warn_of_pose_faults(std::move(posed.faults), report);
   const std::optional<BuildFrame> frame =
@@ -435,12 +483,12 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
   if (const auto broken = options.violations(); !broken.empty())
     throw std::invalid_argument("build options: " + broken.front());
   const std::unique_ptr<Cleaner> cleaner = cleaner_of(options.clean, make_cleaner);
-  const OpenedDrives opened = opened_for(folders, options, progress, cancel);
+  const std::vector<maps::Drive> drives = open_drives(folders, options);
   maps::MapPackageWriter writer(target, options.journal_folder ? "" : kJournalFolder);
-  const Folders at{options.journal_folder.value_or(writer.folder() / kJournalFolder),
+  const Folders at{folders, options.journal_folder.value_or(writer.folder() / kJournalFolder),
                    writer.folder() / kScratchFolder};
   try {
-    return build_into(writer, at, opened, options, cleaner.get(), progress, cancel);
+    return build_into(writer, at, drives, options, cleaner.get(), progress, cancel);
   } catch (const Cancelled&) {
     throw;
   } catch (const std::bad_alloc&) {

@@ -125,7 +125,7 @@ Drive Drive::open(const std::filesystem::path& root,
                   std::int64_t pose_offset_ns) {
   const Address address = address_of(root);
   Contents contents = open_place(address, {poses_file, pose_offset_ns});
-  if (pose_offset_ns != 0 && !contents.path && !contents.T_map_lidar.empty())
+  if (pose_offset_ns != 0 && !contents.poses_have_stamps && !contents.T_map_lidar.empty())
     shift_poses_of_scans(contents, pose_offset_ns);
   Drive drive(std::move(contents));
   return address.sensor.empty() ? drive : with_sensor(drive, sensor_preset(address.sensor));

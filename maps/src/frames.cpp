@@ -1,6 +1,7 @@
 #include <stillmap/maps/frames.hpp>
 #include <stillmap/maps/small_matrices.hpp>
 
+#include <algorithm>
 #include <cmath>
 
 namespace stillmap::maps {
@@ -36,6 +37,11 @@ double inverse_coupling(double a) {
   return 1.0 / 12.0 + s * (1.0 / 720.0 + s * (1.0 / 30240.0 + s / 1209600.0));
 }
 
+/// Through the quaternion: its vector part still tells the axis at pi, where R - R^T has vanished.
+Eigen::AngleAxisd angle_axis_of(const Eigen::Matrix3d& R) {
+  return Eigen::AngleAxisd(Eigen::Quaterniond(R).normalized());
+}
+
 }  // namespace
 
 Eigen::Isometry3d renormalized(const Eigen::Isometry3d& T) {
@@ -62,9 +68,20 @@ Eigen::Isometry3d exp_se3(const Eigen::Matrix<double, 6, 1>& twist) {
   return T;
 }
 
+Eigen::Matrix3d exp_so3(const Eigen::Vector3d& rotation) {
+  const double angle = rotation.norm();
+  const Eigen::Matrix3d W = skew(rotation);
+  const double sinc = 1.0 - angle * angle * a_minus_sin_over_cube(angle);
+  return Eigen::Matrix3d::Identity() + sinc * W + one_minus_cos_over_square(angle) * W * W;
+}
+
+Eigen::Vector3d log_so3(const Eigen::Matrix3d& R) {
+  const Eigen::AngleAxisd angle_axis = angle_axis_of(R);
+  return angle_axis.angle() * angle_axis.axis();
+}
+
 Eigen::Matrix<double, 6, 1> log_se3(const Eigen::Isometry3d& T) {
-  // Through the quaternion: its vector part still tells the axis at pi, where R - R^T has vanished.
-  const Eigen::AngleAxisd angle_axis(Eigen::Quaterniond(T.linear()).normalized());
+  const Eigen::AngleAxisd angle_axis = angle_axis_of(T.linear());
   const Eigen::Vector3d rotation = angle_axis.angle() * angle_axis.axis();
   const Eigen::Matrix3d W = skew(rotation);
   const Eigen::Matrix3d V_inverse =
@@ -72,6 +89,11 @@ Eigen::Matrix<double, 6, 1> log_se3(const Eigen::Isometry3d& T) {
   Eigen::Matrix<double, 6, 1> twist;
   twist << V_inverse * T.translation(), rotation;
   return twist;
+}
+
+Eigen::Vector3d roll_pitch_yaw_rad(const Eigen::Matrix3d& R) {
+  return {std::atan2(R(2, 1), R(2, 2)), -std::asin(std::clamp(R(2, 0), -1.0, 1.0)),
+          std::atan2(R(1, 0), R(0, 0))};
 }
 
 double rotation_angle_rad(const Eigen::Matrix3d& R) {

@@ -8,14 +8,6 @@
 namespace stillmap::maps {
 namespace {
 
-/// Seconds from `from` to `to`, exact to the nanosecond for neighbours; no overflow for any two
-/// stamps.
-double seconds_between(std::int64_t from, std::int64_t to) {
-  if (to < from) return -seconds_between(to, from);
-  return 1e-9 *
-         static_cast<double>(static_cast<std::uint64_t>(to) - static_cast<std::uint64_t>(from));
-}
-
 /// Pose on the line through two poses: 0 at `a`, 1 at `b`, continued outside.
 Eigen::Isometry3d along(const StampedPose& a, const StampedPose& b, double fraction) {
   const Eigen::AngleAxisd turn(
@@ -29,6 +21,12 @@ Eigen::Isometry3d along(const StampedPose& a, const StampedPose& b, double fract
 }
 
 }  // namespace
+
+double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
+  if (to_ns < from_ns) return -seconds_between(to_ns, from_ns);
+  return 1e-9 * static_cast<double>(static_cast<std::uint64_t>(to_ns) -
+                                    static_cast<std::uint64_t>(from_ns));
+}
 
 Trajectory::Trajectory(std::vector<StampedPose> poses) : poses_(std::move(poses)) {
   for (std::size_t i = 0; i < poses_.size(); ++i) {

@@ -76,6 +76,14 @@ class Faults(unittest.TestCase):
         self.assertIn(found[0]["remedy"], text)
         return found[0]
 
+    def test_motion_needs_poses(self):
+        self.write()
+        (self.folder / "poses.txt").unlink()
+        done = run("inspect", self.folder, "--motion")
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn("no poses to compare with motion; leave out --motion, or put a poses file beside the scans", done.stderr)
+        self.assertNotIn("odometry", done.stderr)
+
     def test_good_drive(self):
         drive = self.inspected()
         self.assertEqual(drive["findings"], [])

@@ -40,11 +40,7 @@ Eigen::Isometry3d frame_from(const std::vector<double>& row_major, const Eigen::
   return T;
 }
 
-/// Roll, pitch, yaw of R = Rz(yaw) Ry(pitch) Rx(roll).
-Eigen::Vector3d angles_of(const Eigen::Matrix3d& R) {
-  return {std::atan2(R(2, 1), R(2, 2)), std::asin(-R(2, 0)), std::atan2(R(1, 0), R(0, 0))};
-}
-
+/// Inverse of `maps::roll_pitch_yaw_rad`.
 Eigen::Matrix3d rotation_of(const Eigen::Vector3d& angles) {
   return (Eigen::AngleAxisd(angles.z(), Eigen::Vector3d::UnitZ()) *
           Eigen::AngleAxisd(angles.y(), Eigen::Vector3d::UnitY()) *
@@ -136,7 +132,7 @@ std::string OxtsModel::packet(double time_s) {
   // East, north, up at the place itself, which are not those at the world's origin.
   const Eigen::Matrix3d R_here_world = frame_from(m, p).linear().transpose();
   const Eigen::Vector3d angles =
-      angles_of(R_here_world * motion.T_world_imu.linear()) + angle_error(elapsed_s);
+      maps::roll_pitch_yaw_rad(R_here_world * motion.T_world_imu.linear()) + angle_error(elapsed_s);
   const Eigen::Matrix3d R_here_imu = rotation_of(angles);
   const Eigen::Matrix3d R_ahead_here = rotation_of({0.0, 0.0, -angles.z()});
   const Eigen::Vector3d v = R_here_world * motion.velocity_m_s + white(kVelocityNoiseMS);

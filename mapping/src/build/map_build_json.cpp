@@ -1,4 +1,5 @@
 #include <nlohmann/json.hpp>
+#include <stillmap/mapping/given_pose_check.hpp>
 #include <stillmap/mapping/map_build.hpp>
 
 namespace stillmap::mapping {
@@ -38,13 +39,6 @@ nlohmann::json to_json(const GivenPosesReport& report) {
           {"moved", to_json(report.moved)}};
 }
 
-nlohmann::json to_json(const std::vector<maps::DriveFinding>& faults) {
-  nlohmann::json json = nlohmann::json::array();
-  for (const maps::DriveFinding& fault : faults)
-    json.push_back({{"code", fault.code}, {"what", fault.what}, {"remedy", fault.remedy}});
-  return json;
-}
-
 }  // namespace
 
 std::string to_json(const MapBuildReport& report) {
@@ -59,7 +53,7 @@ std::string to_json(const MapBuildReport& report) {
                       {"consistency", nlohmann::json::parse(to_json(report.consistency))},
                       {"stage_seconds", report.stage_seconds},
                       {"warnings", report.warnings},
-                      {"pose_faults", to_json(report.pose_faults)},
+                      {"pose_faults", nlohmann::json::parse(to_json(report.pose_faults))},
                       {"digest", report.digest},
                       {"version", STILLMAP_VERSION}};
   if (!report.found_pose_time_offsets_s.empty())

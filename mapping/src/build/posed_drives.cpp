@@ -74,13 +74,16 @@ maps::Drive placed(const maps::Drive& drive, const MapBuildOptions& options) {
   return maps::Drive(std::move(contents));
 }
 
+/// @param applied_offsets_s  to the poses of each drive.
 std::vector<maps::DriveFinding> faults_in(const std::vector<maps::Drive>& drives,
-                                          const TrajectoryEstimate& estimate) {
+                                          const TrajectoryEstimate& estimate,
+                                          std::span<const double> applied_offsets_s) {
   std::vector<maps::DriveFinding> faults;
   for (std::size_t i = 0; i < drives.size(); ++i) {
     const EstimatedDrive& estimated = estimate.drives[i];
     for (maps::DriveFinding& fault :
-         findings_of(faults_of(drives[i], estimated.begin, estimated.odometry))) {
+         findings_of(faults_of(drives[i], estimated.begin, estimated.odometry),
+                     {applied_offsets_s[i], drives.size() > 1})) {
       fault.what = drives[i].contents().root.string() + ": " + fault.what;
       faults.push_back(std::move(fault));
     }
@@ -93,6 +96,22 @@ maps::Drive open_drive(const std::filesystem::path& folder, const MapBuildOption
   const double offset_s = options.pose_time_offset_s + found_offset_s;
   return placed(maps::Drive::open(folder, options.poses_file, std::llround(1e9 * offset_s)),
                 options);
+}
+
+/// A shift may leave out scans before those that were measured: a selection would be of others.
+void require_same_numbers(const maps::Drive& drive, const maps::Drive& shifted,
+                          const MapBuildOptions& options, double found_offset_s) {
+  const maps::Selection& selection = options.selection;
+  const bool is_whole =
+      selection.begin == 0 && selection.end.value_or(drive.size()) >= drive.size();
+  if (is_whole || drive.stamp_ns(0) == shifted.stamp_ns(0)) return;
+  throw maps::InputError(
+      drive.contents().root.string(),
+      fmt::format("another first scan with a pose, from which --select counts, once {:.3f} s are "
+                  "added to the stamps of the poses (--pose-time-offset auto)",
+                  found_offset_s),
+      fmt::format("--pose-time-offset {:.3f} and --select counted from that scan, or no --select",
+                  options.pose_time_offset_s + found_offset_s));
 }
 
 /// Scans before the estimated ones and after them have poses of no use.
@@ -190,26 +209,35 @@ std::vector<maps::Drive> open_drives(const std::vector<std::filesystem::path>& f
   return drives;
 }
 
-std::vector<maps::Drive> with_found_offsets(const std::vector<std::filesystem::path>& folders,
-                                            const std::vector<maps::Drive>& drives,
+std::vector<double> found_pose_time_offsets(const std::vector<maps::Drive>& drives,
                                             const MapBuildOptions& options,
-                                            std::vector<double>& offsets_s,
                                             const ProgressCallback& progress,
                                             const CancelFlag& cancel) {
-  std::vector<maps::Drive> shifted;
-  offsets_s.clear();
+  std::vector<double> offsets_s(drives.size(), 0.0);
   for (std::size_t i = 0; i < drives.size(); ++i) {
     const maps::Drive& drive = drives[i];
-    offsets_s.push_back(0.0);
-    if (drive.has_poses()) {
-      const std::size_t end = std::min(options.selection.end.value_or(drive.size()), drive.size());
-      const std::size_t begin = std::min(options.selection.begin, end);
-      const std::vector<OdometryPose> odometry = run_odometry(
-          {.drive = drive, .begin = begin, .end = end}, options.threads, progress, cancel);
-      offsets_s.back() = faults_of(drive, begin, odometry).offset_s.value_or(0.0);
+    if (!drive.has_poses()) continue;
+    const std::size_t end = std::min(options.selection.end.value_or(drive.size()), drive.size());
+    const std::size_t begin = std::min(options.selection.begin, end);
+    const std::vector<OdometryPose> odometry = run_odometry(
+        {.drive = drive, .begin = begin, .end = end}, options.threads, progress, cancel);
+    offsets_s[i] = faults_of(drive, begin, odometry).offset_s.value_or(0.0);
+  }
+  return offsets_s;
+}
+
+std::vector<maps::Drive> shifted_by(const std::vector<double>& offsets_s,
+                                    const std::vector<std::filesystem::path>& folders,
+                                    const std::vector<maps::Drive>& drives,
+                                    const MapBuildOptions& options) {
+  std::vector<maps::Drive> shifted;
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    if (offsets_s[i] == 0.0) {
+      shifted.push_back(drives[i]);
+      continue;
     }
-    shifted.push_back(offsets_s.back() == 0.0 ? drive
-                                              : open_drive(folders[i], options, offsets_s.back()));
+    shifted.push_back(open_drive(folders[i], options, offsets_s[i]));
+    require_same_numbers(drives[i], shifted.back(), options, offsets_s[i]);
   }
   return shifted;
 }
@@ -238,6 +266,10 @@ std::string odometry_of(const std::vector<maps::Drive>& drives, const MapBuildOp
   return method;
 }
 
+bool uses_given_poses(const std::string& odometry, const MapBuildOptions& options) {
+  return odometry == kGiven || options.trajectory.prior || options.trajectory.gnss_sigma_m;
+}
+
 std::vector<maps::Drive> in_one_frame(const std::vector<maps::Drive>& drives) {
   std::vector<maps::Drive> moved;
   for (const maps::Drive& drive : drives) {
@@ -254,6 +286,7 @@ std::vector<maps::Drive> in_one_frame(const std::vector<maps::Drive>& drives) {
 }
 
 PosedDrives with_given_poses(const std::vector<maps::Drive>& drives, const MapBuildOptions& options,
+                             std::span<const double> applied_offsets_s,
                              const std::filesystem::path& scratch, const ProgressCallback& progress,
                              const CancelFlag& cancel) {
   PosedDrives posed;
@@ -267,7 +300,7 @@ PosedDrives with_given_poses(const std::vector<maps::Drive>& drives, const MapBu
   GivenPosesReport report;
   report.use = options.given_poses;
   report.errors = estimate.given_errors.value();
-  posed.faults = faults_in(drives, estimate);
+  posed.faults = faults_in(drives, estimate, applied_offsets_s);
   const bool moves = refines && !report.errors.agree();
   posed.doubts = doubts_in(posed.drives, estimate, !moves);
   posed.disagreements = disagreements_in(posed.drives, estimate, !moves);
@@ -284,6 +317,7 @@ PosedDrives with_given_poses(const std::vector<maps::Drive>& drives, const MapBu
 
 PosedDrives with_estimated_poses(const std::vector<maps::Drive>& drives,
                                  const MapBuildOptions& options, const std::string& method,
+                                 std::span<const double> applied_offsets_s,
                                  const std::filesystem::path& scratch,
                                  const ProgressCallback& progress, const CancelFlag& cancel) {
   const TrajectoryEstimate estimate =
@@ -294,9 +328,9 @@ PosedDrives with_estimated_poses(const std::vector<maps::Drive>& drives,
   posed.graph = drive_graph_of(estimate);
   posed.doubts = doubts_in(drives, estimate, false);
   posed.disagreements = disagreements_in(drives, estimate, false);
-  const bool asks_given = options.trajectory.prior || options.trajectory.gnss_sigma_m;
+  const bool asks_given = uses_given_poses(method, options);
   posed.notes = notes_in(drives, estimate, asks_given);
-  if (asks_given) posed.faults = faults_in(drives, estimate);
+  if (asks_given) posed.faults = faults_in(drives, estimate, applied_offsets_s);
   return posed;
 }
 

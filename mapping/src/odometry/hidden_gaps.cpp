@@ -4,6 +4,7 @@
 
 #include <stillmap/maps/deskew.hpp>
 #include <stillmap/maps/frames.hpp>
+#include <stillmap/maps/trajectory.hpp>
 
 #include <algorithm>
 #include <cstddef>
@@ -14,13 +15,9 @@ namespace {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
-  return 1e-9 * static_cast<double>(to_ns - from_ns);
-}
-
-/// As far as speeds are believed to lead.
+/// Extrapolation time, at most kMaxGapS.
 double led_s(std::int64_t from_ns, std::int64_t to_ns) {
-  return std::min(seconds_between(from_ns, to_ns), ScanPeriod::kMaxGapS);
+  return std::min(maps::seconds_between(from_ns, to_ns), ScanPeriod::kMaxGapS);
 }
 
 /// @param first  the first scan that is seen.
@@ -30,7 +27,7 @@ void place_before(std::size_t first, std::span<const std::int64_t> stamps_ns,
   const Eigen::Isometry3d T_first_next =
       poses[first].T_odom_lidar.inverse() * poses[first + 1].T_odom_lidar;
   const Vector6d twist =
-      maps::log_se3(T_first_next) / seconds_between(stamps_ns[first], stamps_ns[first + 1]);
+      maps::log_se3(T_first_next) / maps::seconds_between(stamps_ns[first], stamps_ns[first + 1]);
   for (std::size_t i = 0; i < first; ++i) {
     const double before_s = led_s(stamps_ns[i], stamps_ns[first]);
     poses[i].T_odom_lidar =
@@ -43,15 +40,17 @@ void place_before(std::size_t first, std::span<const std::int64_t> stamps_ns,
 void place_between(std::size_t begin, std::size_t end, std::span<const std::int64_t> stamps_ns,
                    std::vector<OdometryPose>& poses) {
   const auto seconds = [&](std::size_t from, std::size_t to) {
-    return seconds_between(stamps_ns[from], stamps_ns[to]);
+    return maps::seconds_between(stamps_ns[from], stamps_ns[to]);
   };
   const OdometryPose& before = poses[begin - 1];
   const double gap_s = seconds(begin - 1, end);
   const double step_s = begin > 1 ? seconds(begin - 2, begin - 1) : gap_s;
   const Vector6d way = maps::log_se3(before.T_odom_lidar.inverse() * poses[end].T_odom_lidar);
-  // Speeds over a time are those in its middle.
+  // Speeds over a time are those in its middle. Over a pause they tell nothing.
   Vector6d acceleration = (way / gap_s - before.twist_lidar) / (0.5 * (step_s + gap_s));
-  if (end + 1 < poses.size() && poses[end + 1].status != OdometryStatus::kPredicted) {
+  if (gap_s > ScanPeriod::kMaxGapS) {
+    acceleration.setZero();
+  } else if (end + 1 < poses.size() && poses[end + 1].status != OdometryStatus::kPredicted) {
     const Vector6d twist =
         maps::log_se3(poses[end].T_odom_lidar.inverse() * poses[end + 1].T_odom_lidar) /
         seconds(end, end + 1);
@@ -63,12 +62,13 @@ void place_between(std::size_t begin, std::size_t end, std::span<const std::int6
     poses[i].T_odom_lidar = maps::renormalized(
         before.T_odom_lidar *
         maps::exp_se3(t_s / gap_s * way - 0.5 * t_s * (gap_s - t_s) * acceleration));
+    poses[i].twist_lidar = way / gap_s + (t_s - 0.5 * gap_s) * acceleration;
   }
 }
 
 }  // namespace
 
-void join_over_hidden(std::span<const std::int64_t> stamps_ns, std::vector<OdometryPose>& poses) {
+void interpolate_hidden(std::span<const std::int64_t> stamps_ns, std::vector<OdometryPose>& poses) {
   const auto seen_from = [&](std::size_t begin) {
     const auto at = std::find_if(poses.begin() + static_cast<std::ptrdiff_t>(begin), poses.end(),
                                  [](const OdometryPose& pose) { return !pose.hidden; });

@@ -10,11 +10,10 @@ namespace stillmap::mapping {
 
 /// Places hidden scans, which were predicted from those before them alone, by those after them too.
 ///
-/// Between two that are seen they lie on the even motion from one to the other, bent by the mean
-/// acceleration: from the motion before the first to that behind the second. Hidden scans that a
-/// drive begins with follow, backward, from the first two that are seen; those that it ends with
-/// stay.
+/// Between two visible scans: constant velocity plus the mean acceleration, over more than 3 s
+/// constant velocity alone. Before the first visible scan: extrapolated backward from the first
+/// two. After the last: unchanged.
 /// @param stamps_ns  one a pose, ascending.
-void join_over_hidden(std::span<const std::int64_t> stamps_ns, std::vector<OdometryPose>& poses);
+void interpolate_hidden(std::span<const std::int64_t> stamps_ns, std::vector<OdometryPose>& poses);
 
 }  // namespace stillmap::mapping

@@ -1,8 +1,10 @@
 #include "odometry/hidden_scan.hpp"
 
+#include <stillmap/maps/median.hpp>
+
 #include <algorithm>
-#include <bit>
-#include <cstddef>
+#include <functional>
+#include <string_view>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -22,13 +24,6 @@ constexpr float kFarthestShellM = 15.0F;
 /// one side.
 constexpr float kAllAround = 0.5F;
 
-float range_quantile(std::vector<float>& values, double share) {
-  const auto at =
-      values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
-
 }  // namespace
 
 bool is_shell(std::span<const Eigen::Vector3f> points_lidar) {
@@ -40,10 +35,10 @@ bool is_shell(std::span<const Eigen::Vector3f> points_lidar) {
     ranges.push_back(p.norm());
     directions += p.normalized();
   }
-  const float least = range_quantile(ranges, kShellLeast),
-              most = range_quantile(ranges, kShellMost);
+  const float least = maps::quantile(ranges, kShellLeast),
+              most = maps::quantile(ranges, kShellMost);
   if (most > kFarthestShellM ||
-      most - least > std::max(kShellSpreadM, kShellSpreadOfMedian * range_quantile(ranges, 0.5)))
+      most - least > std::max(kShellSpreadM, kShellSpreadOfMedian * maps::quantile(ranges, 0.5)))
     return false;
   const float turned = directions.norm() / static_cast<float>(points_lidar.size());
   return most < kShellCoverM || turned < kAllAround;
@@ -51,15 +46,9 @@ bool is_shell(std::span<const Eigen::Vector3f> points_lidar) {
 
 std::uint64_t content_of(const maps::PointCloud& cloud) {
   if (cloud.empty()) return 0;
-  std::uint64_t hash = 0xcbf29ce484222325ULL;
-  for (const Eigen::Vector3f& p : cloud.positions) {
-    for (const float value : p) {
-      hash ^= std::bit_cast<std::uint32_t>(value);
-      hash *= 0x100000001b3ULL;
-      hash ^= hash >> 29U;
-    }
-  }
-  return hash;
+  const auto& positions = cloud.positions;
+  return std::hash<std::string_view>{}({reinterpret_cast<const char*>(positions.data()),
+                                        positions.size() * sizeof positions.front()});
 }
 
 }  // namespace stillmap::mapping

@@ -9,9 +9,9 @@
 
 namespace stillmap::mapping {
 
-/// Whether points lie all around the sensor at one and the same short range, or all within a metre
-/// of it: what covers a sensor, and no place that one could be in. For a sensor that looks to one
-/// side, the latter alone: a wall before it is a place.
+/// True if nearly all points are within 1 m, or lie all around the sensor at one short range
+/// (< 15 m): the sensor is covered. A sensor that looks to one side is tested for 1 m only, because
+/// a wall looks the same.
 /// @param points_lidar  [m], finite.
 [[nodiscard]] bool is_shell(std::span<const Eigen::Vector3f> points_lidar);
 

@@ -132,7 +132,7 @@ std::vector<OdometryPose> run_odometry(const FollowedDrive& followed, int thread
   std::vector<std::int64_t> stamps_ns;
   for (std::size_t i = 0; i < scans; ++i)
     stamps_ns.push_back(followed.drive.stamp_ns(followed.begin + i));
-  join_over_hidden(stamps_ns, poses);
+  interpolate_hidden(stamps_ns, poses);
   return poses;
 }
 

@@ -13,7 +13,8 @@ namespace stillmap::mapping {
 
 /// Reads a scan of the drive; called from several threads at once.
 using ReadScan = std::function<maps::Scan(std::size_t index)>;
-/// Is handed each scan as it was read, in order, once it is placed.
+/// Is handed each scan as it was read, in order, once it is placed. Hidden scans are moved again at
+/// the end: their poses are those that are returned.
 using TakePlacedScan =
     std::function<void(std::size_t index, const maps::Scan& scan, const OdometryPose& pose)>;
 

@@ -23,17 +23,9 @@ namespace {
 /// A scan farther from where the map was made from sees little of it, in any of the maps.
 constexpr double kNearM = 10.0;
 
-/// The drive to judge by, in the frame that the map's drives are said to be in.
-maps::Drive held_back_drive(const RebuildOptions& options) {
-  maps::Drive drive = maps::Drive::open(*options.held_back);
-  if (!options.build.geodetic_origin || !drive.has_poses() || drive.contents().origin) return drive;
-  return drive.with_poses(drive.contents().T_map_lidar, options.build.geodetic_origin);
-}
-
 /// Whether the map stands in the frame of the drives' own poses.
 bool is_in_own_frame(const std::vector<maps::Drive>& drives, const MapBuildOptions& options) {
-  return odometry_of(drives, options) == "given" || options.trajectory.prior ||
-         options.trajectory.gnss_sigma_m;
+  return uses_given_poses(odometry_of(drives, options), options);
 }
 
 maps::Drive moved_by(const Eigen::Isometry3d& T, const maps::Drive& drive) {
@@ -99,6 +91,13 @@ void add_answers(const LocalizationEvaluation& evaluation, HeldBackAnswers& answ
 }
 
 }  // namespace
+
+maps::Drive held_back_drive(const RebuildOptions& options) {
+  maps::Drive drive = maps::Drive::open(*options.held_back, std::nullopt,
+                                        std::llround(1e9 * options.build.pose_time_offset_s));
+  if (!options.build.geodetic_origin || !drive.has_poses() || drive.contents().origin) return drive;
+  return drive.with_poses(drive.contents().T_map_lidar, options.build.geodetic_origin);
+}
 
 void require_comparable(const RebuildOptions& options) {
   if (!options.held_back) return;

@@ -19,6 +19,10 @@ struct HeldBackDrive {
   std::vector<std::size_t> scans;
 };
 
+/// The drive to judge by: its poses shifted in time as those of the map's drives are, in the frame
+/// that these are said to be in. @throws as `maps::Drive::open`.
+[[nodiscard]] maps::Drive held_back_drive(const RebuildOptions& options);
+
 /// Refuses, before anything is built, a drive to hold back whose poses cannot be compared with the
 /// map's.
 /// @throws maps::InputError naming it.

@@ -58,7 +58,8 @@ void require_usable(const RebuildOptions& options) {
         fmt::format("held_back_every: {}, expected at least 2", options.held_back_every));
   if (options.build.finds_pose_time_offset)
     throw std::invalid_argument(
-        "pose time offset: found auto in a rebuild, expected the seconds that a build names");
+        "--pose-time-offset: auto is not possible in a rebuild; run 'stillmap inspect DRIVE "
+        "--motion' and pass the seconds that it names");
   if (options.previous && options.build.register_to)
     throw std::invalid_argument(
         "register_to: found beside a previous version, expected one of them");
@@ -74,7 +75,7 @@ std::string key_of(const RebuildOptions& options) {
   if (const auto& map = options.build.register_to)
     key += fmt::format("registered to: {}\n", maps::MapPackage::open(*map)->digest());
   if (options.held_back) {
-    const std::vector<maps::Drive> judge{maps::Drive::open(*options.held_back)};
+    const std::vector<maps::Drive> judge{held_back_drive(options)};
     const MapBuildOptions whole;
     key += trajectory_key(judge, whole, "held back");
   }

@@ -84,8 +84,9 @@ class FrameSearch {
   }
 
   [[nodiscard]] std::vector<std::size_t> to_find() const {
-    std::vector<std::size_t> all(drives_.size());
-    for (std::size_t i = 0; i < all.size(); ++i) all[i] = i;
+    std::vector<std::size_t> all;
+    for (std::size_t i = 0; i < drives_.size(); ++i)
+      if (drives_.note(i) != ScanNote::kHidden) all.push_back(i);
     return spread(all, kScansToFind);
   }
 
@@ -94,6 +95,7 @@ class FrameSearch {
     std::vector<std::size_t> near;
     std::optional<Eigen::Vector3d> last;
     for (std::size_t scan = 0; scan < drives_.size(); ++scan) {
+      if (drives_.note(scan) == ScanNote::kHidden) continue;
       const Eigen::Vector3d p_map = T_map_own * drives_.T_map_scan(scan).translation();
       if (last && (p_map - *last).norm() < kLeastApartM) continue;
       if (!is_near(p_map)) continue;
@@ -214,9 +216,10 @@ std::vector<maps::Drive> moved(const std::vector<maps::Drive>& drives, const Eig
 RegisteredDrives registered_to(const std::filesystem::path& folder,
                                const std::vector<maps::Drive>& drives,
                                const MapBuildOptions& options, const std::string& odometry,
+                               const std::vector<std::vector<ScanNote>>& notes,
                                const ProgressCallback& progress, const CancelFlag& cancel) {
   const auto map = maps::MapPackage::open(folder);
-  const DriveSet scans(drives, options);
+  const DriveSet scans(drives, options, {}, notes);
   const FrameSearch search(map, scans, options.threads, progress, cancel);
   const auto claim = claimed(map->manifest(), drives.front(), odometry);
   const Eigen::Isometry3d start = find(folder, search, claim);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "build/drive_set.hpp"
 #include "build/manifest.hpp"
 
 #include <stillmap/mapping/map_build.hpp>
@@ -30,6 +31,7 @@ struct RegisteredDrives {
 /// deg, any of them, are kept as they are, and the motion is only told.
 /// @param drives    with poses in one frame.
 /// @param odometry  `given`, or the method that made them.
+/// @param notes     one a scan of each drive, or none. Hidden scans are not looked for.
 /// @throws maps::InputError naming the map where fewer than 8 scans that span 10 m, or less than
 /// three quarters of those found, agree with one motion within 0.3 m and 1 deg; as
 /// `MapPackage::open`; Cancelled.
@@ -38,6 +40,7 @@ struct RegisteredDrives {
                                              const std::vector<maps::Drive>& drives,
                                              const MapBuildOptions& options,
                                              const std::string& odometry,
+                                             const std::vector<std::vector<ScanNote>>& notes,
                                              const ProgressCallback& progress,
                                              const CancelFlag& cancel);
 

@@ -1,14 +1,14 @@
 #include "trajectory/drive_pose_faults.hpp"
 
-#include "odometry/run_odometry.hpp"
 #include "trajectory/levelling.hpp"
 
-#include <stillmap/mapping/given_pose_check.hpp>
+#include <stillmap/maps/median.hpp>
+#include <stillmap/maps/trajectory.hpp>
 
 #include <algorithm>
 #include <cstdint>
 #include <optional>
-#include <stdexcept>
+#include <utility>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -18,18 +18,14 @@ namespace {
 constexpr double kLongestStepS = 1.0;
 constexpr double kStepsOfGap = 5.0;
 
-/// Of the scans that the posed drive has, too.
-std::vector<OdometryPose> odometry_at(const maps::Drive& posed, const maps::Drive& scans,
-                                      const std::vector<OdometryPose>& odometry) {
-  std::vector<OdometryPose> found;
-  std::size_t scan = 0;
-  for (const std::int64_t stamp_ns : posed.contents().stamps_ns) {
-    while (scan < scans.size() && scans.stamp_ns(scan) < stamp_ns) ++scan;
-    if (scan == scans.size() || scans.stamp_ns(scan) != stamp_ns)
-      throw std::invalid_argument("check_given_poses: a scan that is not in the drive");
-    found.push_back(odometry[scan]);
+/// A scan that is not matched may be of dust or of a cover.
+std::optional<std::size_t> matched_nearest_to_middle(std::span<const OdometryPose> odometry) {
+  const std::size_t middle = odometry.size() / 2;
+  for (std::size_t away = 0; away <= middle; ++away) {
+    for (const std::size_t i : {middle - away, middle + away})
+      if (i < odometry.size() && odometry[i].status == OdometryStatus::kMatched) return i;
   }
-  return found;
+  return std::nullopt;
 }
 
 }  // namespace
@@ -38,22 +34,26 @@ PathPair paths_of(const maps::Drive& drive, std::size_t begin,
                   std::span<const OdometryPose> odometry) {
   const std::int64_t zero_ns = drive.stamp_ns(begin);
   const auto seconds = [&](std::int64_t stamp_ns) {
-    return 1e-9 * static_cast<double>(stamp_ns - zero_ns);
+    return maps::seconds_between(zero_ns, stamp_ns);
   };
   const auto mark_gaps = [](std::vector<SmoothPath::Pose>& poses) {
     if (poses.size() < 2) return;
     std::vector<double> steps_s;
     for (std::size_t i = 1; i < poses.size(); ++i)
       steps_s.push_back(poses[i].t_s - poses[i - 1].t_s);
-    std::ranges::nth_element(steps_s, steps_s.begin() + static_cast<long>(steps_s.size() / 2));
-    const double longest_s = std::max(kLongestStepS, kStepsOfGap * steps_s[steps_s.size() / 2]);
+    const double longest_s =
+        std::max(kLongestStepS, kStepsOfGap * maps::median(std::move(steps_s)));
     for (std::size_t i = 1; i < poses.size(); ++i)
       if (poses[i].t_s - poses[i - 1].t_s > longest_s) poses[i].follows = false;
   };
   PathPair paths;
+  // After a stretch that odometry lost, what it was off by shows in the step to the first match.
+  const auto matched = [&](std::size_t i) {
+    return odometry[i].status == OdometryStatus::kMatched;
+  };
   for (std::size_t i = 0; i < odometry.size(); ++i)
     paths.odometry.push_back({seconds(drive.stamp_ns(begin + i)), odometry[i].T_odom_lidar,
-                              odometry[i].status == OdometryStatus::kMatched});
+                              i > 0 && matched(i) && matched(i - 1)});
   if (const auto& path = drive.contents().path) {
     for (const maps::StampedPose& pose : path->poses())
       paths.given.push_back({seconds(pose.stamp_ns), pose.T_map_lidar});
@@ -70,34 +70,14 @@ PoseFaults faults_of(const maps::Drive& drive, std::size_t begin,
                      std::span<const OdometryPose> odometry) {
   if (!drive.has_poses() || odometry.empty()) return {};
   const auto see_ground = [&]() -> std::optional<GroundSeen> {
-    const std::size_t scan = begin + odometry.size() / 2;
+    const auto matched = matched_nearest_to_middle(odometry);
+    if (!matched) return std::nullopt;
+    const std::size_t scan = begin + *matched;
     const Eigen::Isometry3d T = T_ground_lidar(drive.read(scan).cloud);
     if (T.matrix().isIdentity(0.0)) return std::nullopt;
     return GroundSeen{drive.T_map_lidar(scan).linear(), T.linear().transpose().col(2)};
   };
   return pose_faults(paths_of(drive, begin, odometry), see_ground);
-}
-
-std::vector<std::vector<maps::DriveFinding>> check_given_poses(const maps::Drive& scans,
-                                                               std::span<const maps::Drive> posed,
-                                                               bool guided,
-                                                               const ProgressCallback& progress,
-                                                               const CancelFlag& cancel) {
-  std::vector<OdometryPose> of_scans;
-  if (!guided) of_scans = run_odometry({.drive = scans, .end = scans.size()}, 0, progress, cancel);
-  std::vector<std::vector<maps::DriveFinding>> found;
-  for (const maps::Drive& drive : posed) {
-    if (!drive.has_poses()) {
-      found.emplace_back();
-      continue;
-    }
-    const std::vector<OdometryPose> odometry =
-        guided ? run_odometry({.drive = drive, .end = drive.size(), .expects_given_poses = true}, 0,
-                              progress, cancel)
-               : odometry_at(drive, scans, of_scans);
-    found.push_back(findings_of(faults_of(drive, 0, odometry)));
-  }
-  return found;
 }
 
 }  // namespace stillmap::mapping

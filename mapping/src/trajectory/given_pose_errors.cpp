@@ -1,6 +1,7 @@
 #include "trajectory/given_pose_errors.hpp"
 
 #include <stillmap/maps/frames.hpp>
+#include <stillmap/maps/median.hpp>
 
 #include <algorithm>
 #include <array>
@@ -26,13 +27,6 @@ constexpr double kLeastSigmaM = 0.005;
 constexpr double kLeastSigmaRad = 2e-4;
 /// Errors go together up to the way on which so much of the largest difference shows.
 constexpr double kShown = 0.7;
-
-double quantile(std::vector<double>& values, double share) {
-  const auto at =
-      values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
 
 double sigma_of(double median_length) { return median_length / (kMedianLength * std::sqrt(2.0)); }
 
@@ -91,12 +85,12 @@ PoseDifferences summary(DifferenceList& list, double way_m) {
   found.way_m = way_m;
   found.pairs = list.lengths_m.size();
   if (found.pairs == 0) return found;
-  found.median_m = quantile(list.lengths_m, 0.5);
-  found.p95_m = quantile(list.lengths_m, 0.95);
-  found.max_m = quantile(list.lengths_m, 1.0);
-  found.median_rad = quantile(list.angles_rad, 0.5);
-  found.p95_rad = quantile(list.angles_rad, 0.95);
-  found.max_rad = quantile(list.angles_rad, 1.0);
+  found.median_m = maps::quantile(list.lengths_m, 0.5);
+  found.p95_m = maps::quantile(list.lengths_m, 0.95);
+  found.max_m = maps::quantile(list.lengths_m, 1.0);
+  found.median_rad = maps::quantile(list.angles_rad, 0.5);
+  found.p95_rad = maps::quantile(list.angles_rad, 0.95);
+  found.max_rad = maps::quantile(list.angles_rad, 1.0);
   return found;
 }
 

@@ -39,7 +39,8 @@ std::optional<KeyframeChooser::Chosen> KeyframeChooser::add(const OdometryPose& 
   const Eigen::Isometry3d T_last_this = T_odom_last_.inverse() * pose.T_odom_lidar;
   const Eigen::Matrix<double, 6, 6> carry = localization::adjoint(T_last_this.inverse());
   covariance_ = carry * covariance_ * carry.transpose() + pose.covariance;
-  if (pose.begins_anew) covariance_ += hidden_;
+  // A scan that is matched tells the way over the hidden ones.
+  if (pose.status != OdometryStatus::kMatched) covariance_ += hidden_;
   hidden_.setZero();
   T_odom_last_ = pose.T_odom_lidar;
 

@@ -1,11 +1,15 @@
 #include "trajectory/path_difference.hpp"
 
+#include "trajectory/lag_search.hpp"
+#include "trajectory/path_motions.hpp"
+
+#include <stillmap/maps/frames.hpp>
+#include <stillmap/maps/median.hpp>
 #include <stillmap/maps/small_matrices.hpp>
 
 #include <Eigen/Cholesky>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <functional>
@@ -17,30 +21,17 @@ namespace {
 /// Poses are smoothed over so long, or so many steps of the slower path.
 constexpr double kLeastBoxS = 0.5;
 constexpr double kBoxSteps = 4.0;
-/// Motions last so long, or twice the box.
-constexpr double kLeastMotionS = 1.0;
-constexpr std::size_t kMostMotions = 800;
-constexpr std::size_t kFewestMotions = 20;
 constexpr double kFewestIndependent = 3.0;
-constexpr double kMostLagS = 120.0;
-/// Within this lag least squares find the way alone.
-constexpr double kNearLagS = 0.3;
-/// Another lag counts where the logarithm of its likelihood is larger by this, in all and for each
-/// independent stretch; and larger than everywhere else.
-constexpr double kLagGain = 10.0;
-constexpr double kLagGainEach = 0.35;
-constexpr double kLagUnlikeOthers = 5.0;
 /// Least deviations of one direction of a motion: odometry's own [m, rad].
 constexpr double kLeastLeftM = 0.005;
 constexpr double kLeastLeftRad = 3e-4;
-/// What a length and a turn over a motion may differ by for other reasons [m, rad].
-constexpr double kFloorM = 0.02;
-constexpr double kFloorRad = 2e-3;
 /// A residual of so many deviations has half its weight.
 constexpr double kRobust = 3.0;
 /// So many deviations in all directions are no noise.
-constexpr double kAstray = 5.0;
-constexpr int kFitRounds = 25;
+constexpr double kOutlierDeviations = 5.0;
+constexpr int kFitRounds = 100;
+/// A fit whose last step is longer, in deviations without overlap, has not converged.
+constexpr double kSmallStep = 0.1;
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 /// Offset of the clocks, turn (3), lever (3), logarithm of the scale.
@@ -49,27 +40,10 @@ using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
 using Information = Eigen::Matrix<double, kUnknowns, kUnknowns>;
 using Jacobian = Eigen::Matrix<double, 6, kUnknowns>;
 
-Eigen::Vector3d turn_of(const Eigen::Matrix3d& R) {
-  const Eigen::AngleAxisd turn(R);
-  return turn.angle() * turn.axis();
-}
-
-Eigen::Matrix3d turned_by(const Eigen::Vector3d& turn) {
-  const double angle = turn.norm();
-  return angle > 0.0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix()
-                     : Eigen::Matrix3d::Identity();
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 double usual_step_s(const std::vector<SmoothPath::Pose>& poses) {
   std::vector<double> steps_s;
   for (std::size_t i = 1; i < poses.size(); ++i) steps_s.push_back(poses[i].t_s - poses[i - 1].t_s);
-  return median(std::move(steps_s));
+  return maps::median(std::move(steps_s));
 }
 
 /// Of y, from the left and the right: motions as the mirrored sensor sees them.
@@ -79,126 +53,6 @@ Eigen::Isometry3d mirrored(Eigen::Isometry3d T) {
   return T;
 }
 
-/// Scans' motions, how they would look a little earlier and later, and when they began.
-struct Motion {
-  double t_s = 0.0;
-  Eigen::Isometry3d T, T_earlier, T_later;
-};
-
-struct Motions {
-  double length_s = 0.0;
-  double box_s = 0.0;
-  /// Of `T_earlier` and `T_later`.
-  double aside_s = 0.0;
-  std::vector<Motion> all;
-
-  /// Stretches that are independent, by their count or by the time that they cover.
-  [[nodiscard]] double independent(std::size_t motions, double step_s) const {
-    return static_cast<double>(motions) * step_s / (length_s + box_s);
-  }
-};
-
-/// A motion's length and angle.
-struct Amount {
-  double length_m = 0.0;
-  double angle_rad = 0.0;
-};
-
-Amount amount_of(const Eigen::Isometry3d& T) {
-  return {T.translation().norm(), turn_of(T.linear()).norm()};
-}
-
-/// Mean log-likelihood of one path's amounts given the other's, where their noise is not known.
-class Likeness {
- public:
-  void add(const Amount& a, const Amount& b) {
-    ++count_;
-    const std::array<std::array<double, 2>, 2> values{
-        {{a.length_m, b.length_m}, {a.angle_rad, b.angle_rad}}};
-    for (std::size_t i = 0; i < 2; ++i) {
-      const auto& [x, y] = values[i];
-      const std::array<double, 5> terms{x, y, x * x, y * y, x * y};
-      for (std::size_t k = 0; k < terms.size(); ++k) sums_[i][k] += terms[k];
-    }
-  }
-  [[nodiscard]] std::size_t count() const { return count_; }
-  [[nodiscard]] double value() const { return of(sums_[0], kFloorM) + of(sums_[1], kFloorRad); }
-
- private:
-  [[nodiscard]] double of(const std::array<double, 5>& sums, double floor) const {
-    const auto n = static_cast<double>(count_);
-    const double xx = sums[2] / n - sums[0] * sums[0] / (n * n);
-    const double yy = sums[3] / n - sums[1] * sums[1] / (n * n);
-    const double xy = std::max(0.0, sums[4] / n - sums[0] * sums[1] / (n * n));
-    const double unexplained = std::max(0.0, yy - (xx > 0.0 ? xy * xy / xx : 0.0));
-    return -0.5 * std::log((unexplained + floor * floor) / (yy + floor * floor));
-  }
-
-  std::size_t count_ = 0;
-  std::array<std::array<double, 5>, 2> sums_{};
-};
-
-/// Which lag of the given poses' clock makes them move and turn as the scans do: 0, or another
-/// where that explains much more. A given pose of t + lag belongs to the scan of t.
-class LagSearch {
- public:
-  LagSearch(const Motions& motions, const SmoothPath& given, double step_s)
-      : motions_(motions), step_s_(step_s) {
-    for (double t_s = given.begin_s(); t_s <= given.end_s(); t_s += step_s_) {
-      const auto T = given.motion(t_s, t_s + motions.length_s);
-      given_.push_back(T ? std::optional(amount_of(*T)) : std::nullopt);
-    }
-    begin_s_ = given.begin_s();
-    for (const Motion& motion : motions.all) of_scans_.push_back(amount_of(motion.T));
-  }
-
-  [[nodiscard]] double best_s() const {
-    const auto most = static_cast<long>(kMostLagS / step_s_);
-    std::vector<std::pair<double, double>> likely;  // lag [s], likelihood
-    for (long lag = -most; lag <= most; ++lag) {
-      const double lag_s = static_cast<double>(lag) * step_s_;
-      const Likeness likeness = at(lag_s);
-      if (3 * likeness.count() >= of_scans_.size() && likeness.count() >= kFewestMotions)
-        likely.emplace_back(lag_s, likeness.value());
-    }
-    const auto best_where = [&](const auto& takes) {
-      std::pair<double, double> best{0.0, 0.0};
-      for (const auto& each : likely)
-        if (takes(each.first) && each.second > best.second) best = each;
-      return best;
-    };
-    const auto best = best_where([](double) { return true; });
-    const auto near = best_where([](double lag_s) { return std::abs(lag_s) <= kNearLagS; });
-    const auto other = best_where([&](double lag_s) {
-      return std::abs(lag_s - best.first) > motions_.length_s + motions_.box_s;
-    });
-    const double span_s = motions_.all.back().t_s - motions_.all.front().t_s;
-    const double independent = span_s / (motions_.length_s + motions_.box_s);
-    const double gain = best.second - near.second;
-    const bool is_better = gain > kLagGainEach && independent * gain > kLagGain &&
-                           independent * (best.second - other.second) > kLagUnlikeOthers;
-    return is_better ? best.first : 0.0;
-  }
-
- private:
-  [[nodiscard]] Likeness at(double lag_s) const {
-    Likeness likeness;
-    for (std::size_t i = 0; i < of_scans_.size(); ++i) {
-      const double at = std::round((motions_.all[i].t_s + lag_s - begin_s_) / step_s_);
-      if (at < 0.0 || at >= static_cast<double>(given_.size())) continue;
-      const auto& amount = given_[static_cast<std::size_t>(at)];
-      if (amount) likeness.add(of_scans_[i], *amount);
-    }
-    return likeness;
-  }
-
-  const Motions& motions_;
-  double step_s_;
-  double begin_s_ = 0.0;
-  std::vector<std::optional<Amount>> given_;
-  std::vector<Amount> of_scans_;
-};
-
 /// What the fit knows of the two paths.
 struct State {
   double lag_s = 0.0;
@@ -207,7 +61,7 @@ struct State {
   double log_scale = 0.0;
 
   [[nodiscard]] State plus(const Unknowns& step) const {
-    return {lag_s + step[0], R * turned_by(step.segment<3>(1)), lever_m + step.segment<3>(4),
+    return {lag_s + step[0], R * maps::exp_so3(step.segment<3>(1)), lever_m + step.segment<3>(4),
             log_scale + step[7]};
   }
   /// The given motion that belongs to a motion of the lidar.
@@ -223,13 +77,13 @@ struct State {
 Vector6d between(const Eigen::Isometry3d& expected, const Eigen::Isometry3d& T) {
   Vector6d difference;
   difference << T.translation() - expected.translation(),
-      turn_of(expected.linear().transpose() * T.linear());
+      maps::log_so3(expected.linear().transpose() * T.linear());
   return difference;
 }
 
 /// Derivatives of the given motion that is expected. The clocks' are those of the scans' motion,
 /// which has little noise: with the given poses' own, noise would look like motion.
-Jacobian jacobian_of(const State& state, const Motion& motion, double aside_s) {
+Jacobian jacobian_of(const State& state, const PathMotion& motion, double aside_s) {
   constexpr double kStep = 1e-5;
   Jacobian jacobian;
   jacobian.col(0) =
@@ -244,35 +98,36 @@ Jacobian jacobian_of(const State& state, const Motion& motion, double aside_s) {
 }
 
 struct Residual {
-  const Motion* motion = nullptr;
+  const PathMotion* motion = nullptr;
   Eigen::Isometry3d T_given;
   Vector6d value;
 };
 
 class Fit {
  public:
-  Fit(const Motions& motions, const SmoothPath& given, const State& start)
+  Fit(const PathMotions& motions, const SmoothPath& given, const State& start)
       : motions_(motions), given_(given), state_(start) {}
 
-  /// @return whether it settled with enough motions in common.
+  /// @return false without enough motions in common.
   [[nodiscard]] bool solve() {
     for (int round = 0; round < kFitRounds; ++round) {
-      if (!look()) return false;
+      if (!update_residuals()) return false;
       if (round == 0) align();
       const Unknowns step = step_of();
       if (!step.allFinite()) return false;
       state_ = state_.plus(step);
-      if (std::abs(step[0]) < 1e-5 && step.tail<7>().norm() < 1e-6) return look();
+      if (std::abs(step[0]) < 1e-5 && step.tail<7>().norm() < 1e-6) return update_residuals();
     }
-    return look();
+    return update_residuals();
   }
 
-  [[nodiscard]] PathDifference result() {
+  [[nodiscard]] PathDifference result() const {
     const Information A = information() + prior();
     const Information A_inverse = A.ldlt().solve(Information::Identity());
     const Information covariance = covariance_of(A_inverse);
     const auto sigma = [&](int k) { return std::sqrt(covariance(k, k)); };
     PathDifference found;
+    found.converged = last_step_ < kSmallStep;
     found.offset_s = {-state_.lag_s, sigma(0)};
     found.scale = {std::exp(state_.log_scale), std::exp(state_.log_scale) * sigma(7)};
     found.R_given_lidar = state_.R;
@@ -284,24 +139,22 @@ class Fit {
     found.explained_m = explained(0, sigma_m_);
     found.explained_rad = explained(3, sigma_rad_);
     found.independent = independent_;
-    found.astray = astray();
+    found.outlier_share = outlier_share();
     found.usual_m = usual_m();
     return found;
   }
 
  private:
   /// Residuals and their deviations.
-  bool look() {
+  bool update_residuals() {
     residuals_.clear();
-    for (const Motion& motion : motions_.all) {
+    for (const PathMotion& motion : motions_.all) {
       const double t_s = motion.t_s + state_.lag_s;
       const auto T = given_.motion(t_s, t_s + motions_.length_s);
       if (T) residuals_.push_back({&motion, *T, between(state_.motion_of(motion.T), *T)});
     }
     if (residuals_.size() < kFewestMotions) return false;
-    const double step_s = (motions_.all.back().t_s - motions_.all.front().t_s) /
-                          static_cast<double>(motions_.all.size() - 1);
-    independent_ = motions_.independent(residuals_.size(), step_s);
+    independent_ = motions_.independent(residuals_.size());
     sigma_m_ = std::max(kLeastLeftM, deviation(0));
     sigma_rad_ = std::max(kLeastLeftRad, deviation(3));
     return independent_ >= kFewestIndependent;
@@ -311,21 +164,21 @@ class Fit {
     std::vector<double> sizes;
     for (const Residual& residual : residuals_)
       for (int k = first; k < first + 3; ++k) sizes.push_back(std::abs(residual.value[k]));
-    return 1.4826 * median(std::move(sizes));
+    return maps::kMedianToDeviation * maps::median(std::move(sizes));
   }
 
   /// The turn that brings the directions of both paths together, to start with.
   void align() {
     Eigen::Matrix3d together = Eigen::Matrix3d::Zero();
     for (const Residual& residual : residuals_) {
-      const Eigen::Vector3d turn = turn_of(residual.T_given.linear()),
-                            lidar_turn = turn_of(residual.motion->T.linear());
-      const Eigen::Vector3d& way = residual.T_given.translation();
-      const Eigen::Vector3d& lidar_way = residual.motion->T.translation();
+      const Eigen::Vector3d turn = maps::log_so3(residual.T_given.linear()),
+                            lidar_turn = maps::log_so3(residual.motion->T.linear());
+      const Eigen::Vector3d& translation = residual.T_given.translation();
+      const Eigen::Vector3d& lidar_translation = residual.motion->T.translation();
       // A turn of a degree counts as much as a metre.
       constexpr double kMetresPerRad = 57.0;
       together += kMetresPerRad * kMetresPerRad * turn * lidar_turn.transpose() +
-                  way * lidar_way.transpose();
+                  translation * lidar_translation.transpose();
     }
     const maps::SingularValues svd = maps::svd_of(together);
     Eigen::Vector3d signs = Eigen::Vector3d::Ones();
@@ -333,7 +186,7 @@ class Fit {
     // Where motions do not tell a turn, as along a straight line, it stays none.
     if (!(svd.values[1] > 1e-3 * svd.values[0])) return;
     state_.R = svd.U * signs.asDiagonal() * svd.V.transpose();
-    static_cast<void>(look());
+    update_residuals();
   }
 
   [[nodiscard]] Vector6d weights_of(const Residual& residual) const {
@@ -370,7 +223,7 @@ class Fit {
     return A;
   }
 
-  [[nodiscard]] Unknowns step_of() const {
+  [[nodiscard]] Unknowns step_of() {
     Information A = prior();
     Unknowns b = Unknowns::Zero();
     for_each([&](std::size_t, const Jacobian& J, const Vector6d& weights, const Vector6d& value) {
@@ -378,6 +231,7 @@ class Fit {
       b += J.transpose() * weights.asDiagonal() * value;
     });
     Unknowns step = A.ldlt().solve(b);
+    last_step_ = std::sqrt(std::max(0.0, b.dot(step)));
     // The given motion at a later time is that which is expected of a later scan.
     step[0] = -std::clamp(step[0], -kNearLagS, kNearLagS);
     const double turn = step.segment<3>(1).norm();
@@ -392,12 +246,12 @@ class Fit {
     const double stretches_a_part = std::max(1.0, independent_ / 30.0);
     const auto motions_a_part =
         std::max<std::size_t>(1, static_cast<std::size_t>(2.0 * per_stretch * stretches_a_part));
-    std::vector<Unknowns> pulls(residuals_.size() / motions_a_part + 1, Unknowns::Zero());
+    std::vector<Unknowns> gradients(residuals_.size() / motions_a_part + 1, Unknowns::Zero());
     for_each([&](std::size_t i, const Jacobian& J, const Vector6d& weights, const Vector6d& value) {
-      pulls[i / motions_a_part] += J.transpose() * weights.asDiagonal() * value;
+      gradients[i / motions_a_part] += J.transpose() * weights.asDiagonal() * value;
     });
     Information spread = Information::Zero();
-    for (const Unknowns& pull : pulls) spread += pull * pull.transpose();
+    for (const Unknowns& gradient : gradients) spread += gradient * gradient.transpose();
     const Information by_stretches = A_inverse * spread * A_inverse;
     const Information covariance = per_stretch * A_inverse;
     Unknowns wider;
@@ -406,10 +260,10 @@ class Fit {
     return wider.asDiagonal() * covariance * wider.asDiagonal();
   }
 
-  [[nodiscard]] double astray() const {
+  [[nodiscard]] double outlier_share() const {
     const auto count = std::ranges::count_if(residuals_, [&](const Residual& residual) {
-      return residual.value.head<3>().norm() > kAstray * std::sqrt(3.0) * sigma_m_ ||
-             residual.value.tail<3>().norm() > kAstray * std::sqrt(3.0) * sigma_rad_;
+      return residual.value.head<3>().norm() > kOutlierDeviations * std::sqrt(3.0) * sigma_m_ ||
+             residual.value.tail<3>().norm() > kOutlierDeviations * std::sqrt(3.0) * sigma_rad_;
     });
     return static_cast<double>(count) / static_cast<double>(residuals_.size());
   }
@@ -418,7 +272,7 @@ class Fit {
     std::vector<double> lengths_m;
     for (const Residual& residual : residuals_)
       lengths_m.push_back(residual.T_given.translation().norm());
-    return median(std::move(lengths_m));
+    return maps::median(std::move(lengths_m));
   }
 
   [[nodiscard]] double explained(int first, double left) const {
@@ -434,31 +288,16 @@ class Fit {
     return 1.0 - left * left / std::max(variances.segment<3>(first).mean(), 1e-12);
   }
 
-  const Motions& motions_;
+  const PathMotions& motions_;
   const SmoothPath& given_;
   State state_;
   std::vector<Residual> residuals_;
+  /// Length of the last step, in deviations.
+  double last_step_ = 0.0;
   double sigma_m_ = kLeastLeftM;
   double sigma_rad_ = kLeastLeftRad;
   double independent_ = 0.0;
 };
-
-Motions motions_of(const SmoothPath& path, double box_s, double step_s) {
-  Motions motions{.length_s = std::max(kLeastMotionS, 2.0 * box_s),
-                  .box_s = box_s,
-                  .aside_s = 0.25 * box_s,
-                  .all = {}};
-  const double span_s = path.end_s() - path.begin_s();
-  const double apart_s = std::max(step_s, span_s / static_cast<double>(kMostMotions));
-  for (double t_s = path.begin_s(); t_s < path.end_s(); t_s += apart_s) {
-    const auto seen = [&](double aside_s) {
-      return path.motion(t_s + aside_s, t_s + aside_s + motions.length_s, true);
-    };
-    const auto T = seen(0.0), earlier = seen(-motions.aside_s), later = seen(motions.aside_s);
-    if (T && earlier && later) motions.all.push_back({t_s, *T, *earlier, *later});
-  }
-  return motions;
-}
 
 }  // namespace
 
@@ -472,11 +311,11 @@ std::optional<PathDifference> path_difference(const PathPair& paths, bool is_mir
   std::vector<SmoothPath::Pose> seen = paths.odometry;
   if (is_mirrored)
     for (SmoothPath::Pose& pose : seen) pose.T = mirrored(pose.T);
-  const Motions motions = motions_of(SmoothPath(seen, box_s), box_s, step_s);
+  const PathMotions motions = motions_of(seen, box_s, step_s);
   if (motions.all.size() < kFewestMotions) return std::nullopt;
   const SmoothPath given(paths.given, box_s);
   State start;
-  start.lag_s = offset_s ? -*offset_s : LagSearch(motions, given, 0.2 * box_s).best_s();
+  start.lag_s = offset_s ? -*offset_s : best_lag_s(motions, given, 0.2 * box_s);
   Fit fit(motions, given, start);
   if (!fit.solve()) return std::nullopt;
   return fit.result();

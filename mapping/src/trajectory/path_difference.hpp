@@ -10,7 +10,7 @@
 
 namespace stillmap::mapping {
 
-/// A value, and its standard deviation where errors of poses go together for a while.
+/// A value and its standard deviation; errors of neighbouring poses count as correlated.
 struct Measured {
   double value = 0.0;
   double sigma = std::numeric_limits<double>::infinity();
@@ -30,6 +30,8 @@ struct PathPair {
 
 /// What turns the motion that odometry found into that of the given poses.
 struct PathDifference {
+  /// Else numbers are those of the last step, and their deviations mean nothing.
+  bool converged = false;
   /// To be added to the stamps of the given poses [s].
   Measured offset_s;
   /// Given lengths over those of odometry.
@@ -46,7 +48,7 @@ struct PathDifference {
   double residual_rad = 0.0;
   /// Of motions, those that are more than 5 deviations off, by way or turn: where odometry has lost
   /// its way, or poses jump.
-  double astray = 0.0;
+  double outlier_share = 0.0;
   /// Median length of a given motion [m].
   double usual_m = 0.0;
   /// Of given motions about their mean, the share that the turned and shifted ones explain: of

@@ -21,11 +21,11 @@ constexpr double kLeastLeverM = 0.5;
 /// A fault is so many deviations large.
 constexpr double kDeviations = 5.0;
 /// A turn is told to within this, else it is not named [rad].
-constexpr double kToldTurnRad = 1.5 * std::numbers::pi / 180.0;
-constexpr double kToldLeverM = 0.2;
+constexpr double kObservableTurnRad = 1.5 * std::numbers::pi / 180.0;
+constexpr double kObservableLeverM = 0.2;
 /// An offset is told to within the first, and where scans are called mirrored the second [s].
-constexpr double kToldOffsetS = 0.02;
-constexpr double kToldOffsetOfMirroredS = 0.05;
+constexpr double kObservableOffsetS = 0.02;
+constexpr double kObservableOffsetOfMirroredS = 0.05;
 /// Poses that belong to the scans at all: so much of what varies in their motion is explained, and
 /// so small a part of it is left.
 constexpr double kExplained = 0.5;
@@ -33,9 +33,9 @@ constexpr double kMostLeft = 0.2;
 constexpr double kMostLeftRad = 0.01;
 /// The same where a turn of the frame is to be named.
 constexpr double kMostLeftOfFrameRad = 0.005;
-constexpr double kMostAstray = 0.25;
+constexpr double kMostOutliers = 0.25;
 /// A clock that drifts leads motions at both ends of a half astray.
-constexpr double kMostAstrayOfHalf = 0.5;
+constexpr double kMostOutliersOfHalf = 0.5;
 /// Mirrored scans explain the poses' turns so well; those of another drive do not.
 constexpr double kExplainedMirrored = 0.8;
 /// Of two explanations one counts where the logarithm of its likelihood is larger by so much.
@@ -47,14 +47,14 @@ constexpr std::array<const char*, 3> kAxes{"x", "y", "z"};
 
 double degrees(double rad) { return rad * 180.0 / std::numbers::pi; }
 
-bool tells_time(const PathDifference& apart) {
+bool observes_offset(const PathDifference& apart) {
   return std::max(apart.explained_m, apart.explained_rad) > kExplained;
 }
 
 /// Whether both are paths of one drive, and odometry has not lost its way.
-bool belongs(const PathDifference& apart, double most_astray = kMostAstray) {
-  return apart.astray < most_astray && apart.residual_m < kMostLeft * apart.usual_m &&
-         apart.residual_rad < kMostLeftRad;
+bool belongs(const PathDifference& apart, double most_outliers = kMostOutliers) {
+  return apart.converged && apart.outlier_share < most_outliers &&
+         apart.residual_m < kMostLeft * apart.usual_m && apart.residual_rad < kMostLeftRad;
 }
 
 /// Logarithm of how much likelier one explanation is.
@@ -85,7 +85,7 @@ int mirrored_axis(const PathDifference& apart) {
 }
 
 std::optional<double> offset_of(const PathDifference& apart) {
-  const bool is_fault = tells_time(apart) && apart.offset_s.sigma < kToldOffsetS &&
+  const bool is_fault = observes_offset(apart) && apart.offset_s.sigma < kObservableOffsetS &&
                         std::abs(apart.offset_s.value) > kLeastOffsetS &&
                         apart.offset_s.is_off(0.0, kDeviations);
   return is_fault ? std::optional(apart.offset_s.value) : std::nullopt;
@@ -109,8 +109,9 @@ std::optional<std::array<double, 2>> offsets_of_halves(const PathPair& paths, bo
       difference_of_part(part_of(paths, begin_s, middle_s), mirrored, offset_of_whole_s);
   const auto second =
       difference_of_part(part_of(paths, middle_s, end_s), mirrored, offset_of_whole_s);
-  if (!first || !second || !tells_time(*first) || !tells_time(*second)) return std::nullopt;
-  if (!belongs(*first, kMostAstrayOfHalf) || !belongs(*second, kMostAstrayOfHalf))
+  if (!first || !second || !observes_offset(*first) || !observes_offset(*second))
+    return std::nullopt;
+  if (!belongs(*first, kMostOutliersOfHalf) || !belongs(*second, kMostOutliersOfHalf))
     return std::nullopt;
   const double apart_s = std::abs(first->offset_s.value - second->offset_s.value);
   const double sigma_s = std::hypot(first->offset_s.sigma, second->offset_s.sigma);
@@ -136,7 +137,7 @@ Eigen::Matrix3d turn_of_frame(const Eigen::Matrix3d& R_given_lidar, const PathDi
   double sigma_rad = 0.0;
   for (int k = 0; k < 3; ++k) {
     const double sigma_of_axis_rad = std::sqrt(std::max(0.0, spread.values[k]));
-    if (sigma_of_axis_rad > kToldTurnRad) {
+    if (sigma_of_axis_rad > kObservableTurnRad) {
       if (turn.angle() > kSmallTurnRad) return none;
       continue;
     }
@@ -157,7 +158,7 @@ std::optional<Eigen::Isometry3d> frame_of(const PathDifference& apart,
   // Upright the height of a sensor does not show; what is told stands alone then.
   Eigen::Vector3d lever_m = Eigen::Vector3d::Zero();
   for (int axis = 0; axis < 3; ++axis)
-    if (apart.lever_sigma_m[axis] < kToldLeverM) lever_m[axis] = apart.lever_m[axis];
+    if (apart.lever_sigma_m[axis] < kObservableLeverM) lever_m[axis] = apart.lever_m[axis];
   double sigma_m = 0.0;
   for (int axis = 0; axis < 3; ++axis)
     if (lever_m[axis] != 0.0) sigma_m = std::max(sigma_m, apart.lever_sigma_m[axis]);
@@ -167,26 +168,18 @@ std::optional<Eigen::Isometry3d> frame_of(const PathDifference& apart,
 }
 
 /// Whether a fit by scans as they are puts the ground above them.
-bool is_head_over(const PathDifference& apart, const SeeGround& see_ground) {
+bool puts_ground_above_sensor(const PathDifference& apart, const SeeGround& see_ground) {
   const auto ground = see_ground ? see_ground() : std::nullopt;
   return ground && (ground->R_map_given * apart.R_given_lidar * ground->up_lidar).z() < -0.5;
 }
 
-std::string signed_text(double value, int digits) {
-  return fmt::format("{}{:.{}f}", value < 0.0 ? "-" : "", std::abs(value), digits);
-}
-
 std::string frame_text(const Eigen::Isometry3d& T) {
-  const Eigen::Matrix3d R = T.linear();
-  const double roll = std::atan2(R(2, 1), R(2, 2));
-  const double pitch = -std::asin(std::clamp(R(2, 0), -1.0, 1.0));
-  const double yaw = std::atan2(R(1, 0), R(0, 0));
-  std::string text = fmt::format("roll pitch yaw {} {} {} deg", signed_text(degrees(roll), 1),
-                                 signed_text(degrees(pitch), 1), signed_text(degrees(yaw), 1));
-  const Eigen::Vector3d& p = T.translation();
-  if (!p.isZero(0.0))
-    text += fmt::format(", x y z {} {} {} m", signed_text(p.x(), 2), signed_text(p.y(), 2),
-                        signed_text(p.z(), 2));
+  // Zero turns -0 into 0.
+  const Eigen::Vector3d turn_rad = maps::roll_pitch_yaw_rad(T.linear()) + Eigen::Vector3d::Zero();
+  std::string text = fmt::format("roll pitch yaw {:.1f} {:.1f} {:.1f} deg", degrees(turn_rad.x()),
+                                 degrees(turn_rad.y()), degrees(turn_rad.z()));
+  const Eigen::Vector3d p = T.translation() + Eigen::Vector3d::Zero();
+  if (!p.isZero(0.0)) text += fmt::format(", x y z {:.2f} {:.2f} {:.2f} m", p.x(), p.y(), p.z());
   return text;
 }
 
@@ -197,15 +190,15 @@ PoseFaults pose_faults(const PathPair& paths, const SeeGround& see_ground) {
   const auto as_is = path_difference(paths);
   if (!as_is) return faults;
   std::optional<PathDifference> turned_round;
-  const bool may_be_mirrored = tells_time(*as_is) || as_is->explained_rad < 0.0;
+  const bool may_be_mirrored = observes_offset(*as_is) || as_is->explained_rad < 0.0;
   if (may_be_mirrored) turned_round = path_difference(paths, true);
   PathDifference apart = *as_is;
   Eigen::Matrix3d R_left = apart.R_given_lidar;
   if (turned_round && belongs(*turned_round) && turned_round->explained_rad > kExplainedMirrored &&
-      turned_round->offset_s.sigma < kToldOffsetOfMirroredS &&
+      turned_round->offset_s.sigma < kObservableOffsetOfMirroredS &&
       !is_likelier(*as_is, *turned_round)) {
     const bool by_motion = is_likelier(*turned_round, *as_is);
-    if (by_motion || is_head_over(*as_is, see_ground)) {
+    if (by_motion || puts_ground_above_sensor(*as_is, see_ground)) {
       apart = *turned_round;
       faults.mirrored_axis = mirrored_axis(apart);
       faults.may_be_z_down = !by_motion;
@@ -224,29 +217,35 @@ PoseFaults pose_faults(const PathPair& paths, const SeeGround& see_ground) {
   return faults;
 }
 
-std::vector<maps::DriveFinding> findings_of(const PoseFaults& faults) {
+std::vector<maps::DriveFinding> findings_of(const PoseFaults& faults,
+                                            const AppliedOffset& applied) {
   std::vector<maps::DriveFinding> findings;
   if (const auto& offset_s = faults.offset_s)
     findings.push_back(
         {"pose_clock",
          fmt::format(
-             "the stamps of the poses are {:.3f} s {} those of the scans, by how the sensor "
+             "the stamps of the poses{} are {:.3f} s {} those of the scans, by how the sensor "
              "moves and turns",
+             applied.seconds == 0.0 ? "" : fmt::format(", with {:.3f} s added,", applied.seconds),
              std::abs(*offset_s), *offset_s > 0.0 ? "behind" : "ahead of"),
-         fmt::format("build with --pose-time-offset {} (or auto)", signed_text(*offset_s, 3))});
+         applied.several_drives
+             ? "build with --pose-time-offset auto: a number shifts the poses of all drives"
+             : fmt::format("build with --pose-time-offset {:.3f} (or auto)",
+                           applied.seconds + *offset_s)});
   if (const auto& halves_s = faults.offsets_of_halves_s)
     findings.push_back(
         {"pose_clocks",
-         fmt::format("two clocks: the stamps of the poses fit the scans with {} s added in the "
-                     "first half of the drive, with {} s in the second",
-                     signed_text((*halves_s)[0], 3), signed_text((*halves_s)[1], 3)),
+         fmt::format("two clocks: the stamps of the poses fit the scans with {:.3f} s added in "
+                     "the first half of the drive, with {:.3f} s in the second",
+                     applied.seconds + (*halves_s)[0], applied.seconds + (*halves_s)[1]),
          "record scans and poses by one clock, or build the parts with --select, each with its own "
-         "--pose-time-offset; --odometry default needs no poses"});
+         "--pose-time-offset (which may leave out first scans: --select counts from the first that "
+         "has a pose); --odometry default needs no poses"});
   if (const auto& axis = faults.mirrored_axis)
     findings.push_back(
         {"mirrored_axis",
          fmt::format(
-             "the axes of the scans are left-handed: their {} is turned round{}",
+             "the scans have left-handed axes: {} points the wrong way{}",
              kAxes[static_cast<std::size_t>(*axis)],
              faults.may_be_z_down ? ", or the poses are of a frame whose z is down (NED)" : ""),
          fmt::format("negate the {} of all points{}", kAxes[static_cast<std::size_t>(*axis)],
@@ -263,10 +262,11 @@ std::vector<maps::DriveFinding> findings_of(const PoseFaults& faults) {
   if (const auto& T = faults.T_given_lidar)
     findings.push_back(
         {"pose_frame",
-         fmt::format("the poses are not of the lidar: it lies at {} in the frame that they are of",
-                     frame_text(*T)),
-         "multiply each pose by this from the right, or give poses T_map_lidar (of a bag "
-         "'FILE?pose_frame=FRAME' names the frame)"});
+         fmt::format(
+             "the poses are of another frame than the lidar's; in that frame the lidar is at {}",
+             frame_text(*T)),
+         "give T_map_lidar = T_given * T, where T is this transform; for a bag add "
+         "?pose_frame=FRAME"});
   return findings;
 }
 

@@ -41,12 +41,21 @@ struct GroundSeen {
 /// Asked where motion alone leaves open whether axes are mirrored.
 using SeeGround = std::function<std::optional<GroundSeen>()>;
 
-/// Offsets of 0.05 s, scales of 1 %, turns of 3 degrees and levers of 0.5 m, of five times their
-/// deviations. @param see_ground  may be empty.
+/// Reports offsets over 0.05 s, scales off by over 1 %, rotations over 3 degrees and lever arms
+/// over 0.5 m, each if over 5 standard deviations. @param see_ground  may be empty.
 [[nodiscard]] PoseFaults pose_faults(const PathPair& paths, const SeeGround& see_ground);
+
+/// How the poses were shifted in time before faults were looked for.
+struct AppliedOffset {
+  /// Added to their stamps [s].
+  double seconds = 0.0;
+  /// Whether the same option shifts the poses of other drives, too.
+  bool several_drives = false;
+};
 
 /// In words, with their remedies. Codes: pose_clock, pose_clocks, mirrored_axis, pose_scale,
 /// pose_frame.
-[[nodiscard]] std::vector<maps::DriveFinding> findings_of(const PoseFaults& faults);
+[[nodiscard]] std::vector<maps::DriveFinding> findings_of(const PoseFaults& faults,
+                                                          const AppliedOffset& applied = {});
 
 }  // namespace stillmap::mapping

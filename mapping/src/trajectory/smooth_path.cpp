@@ -17,7 +17,10 @@ SmoothPath::SmoothPath(const std::vector<Pose>& poses, double box_s) : box_s_(bo
     integrals_.push_back(Values::Zero());
     unknown_.push_back(0);
     if (i > 0) {
-      integrals_[i] = integrals_[i - 1] + 0.5 * (t_s_[i] - t_s_[i - 1]) * (values + values_.back());
+      // Not over a way that is not known: one of years would cost the digits of all that follows.
+      integrals_[i] = integrals_[i - 1];
+      if (poses[i].follows)
+        integrals_[i] += 0.5 * (t_s_[i] - t_s_[i - 1]) * (values + values_.back());
       unknown_[i] = unknown_[i - 1] + (poses[i].follows ? 0 : 1);
     }
     values_.push_back(values);

@@ -79,10 +79,10 @@ void follow(const maps::Drive& drive, std::size_t number, const TrajectoryOption
   if (read) followed.read = [&](std::size_t index) { return read(drive, index); };
   estimated.odometry = run_odometry(followed, options.threads, progress, cancel);
   if (estimated.keyframes.empty())
-    throw maps::InputError(drive.contents().root.string(),
-                           fmt::format("{} scans that show nothing but what covers the sensor",
-                                       estimated.odometry.size()),
-                           "scans that see the surroundings");
+    throw maps::InputError(
+        drive.contents().root.string(),
+        fmt::format("{} scans, all hidden (covered sensor or dust)", estimated.odometry.size()),
+        "a drive whose sensor is not covered; leave this drive out of the build");
   out.drives.push_back(std::move(estimated));
 }
 

@@ -6,8 +6,11 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <memory>
 #include <numbers>
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include "bags/ros_messages.hpp"
 #include "drives/place_on_earth.hpp"
@@ -123,6 +126,11 @@ void place_by_gnss(Drive::Contents& contents, const Bags& bags, const BagSurvey&
   read_fixes(bags, topic->first, fixes);
   const PlaceOnEarth place = place_on_earth(fixes.fixes(), name + " " + topic->first);
   for (Eigen::Isometry3d& T : contents.T_map_lidar) T = place.T_enu_map * T;
+  if (contents.path) {
+    std::vector<StampedPose> poses = contents.path->poses();
+    for (StampedPose& pose : poses) pose.T_map_lidar = place.T_enu_map * pose.T_map_lidar;
+    contents.path = std::make_shared<const Trajectory>(std::move(poses));
+  }
   contents.origin = place.origin;
   const Eigen::Matrix3d turn = place.T_enu_map.linear();
   contents.notes.push_back(fmt::format(

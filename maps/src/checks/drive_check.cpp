@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 #include <stillmap/maps/drive_check.hpp>
+#include <stillmap/maps/frames.hpp>
+#include <stillmap/maps/median.hpp>
 #include <stillmap/maps/small_matrices.hpp>
 
 #include <algorithm>
@@ -11,7 +13,6 @@
 #include "checks/viewpoint_check.hpp"
 #include "drives/layout.hpp"
 #include "formats/point_table.hpp"
-#include "median.hpp"
 
 namespace stillmap::maps {
 namespace {
@@ -77,7 +78,7 @@ void check_path(const Drive& drive, DriveCheck& check) {
          "scans, with --gnss-sigma held by these"});
 }
 
-/// Positions as they were written, against where the sensor was at each scan.
+/// Steps of the positions as they were written.
 void check_digits(const Drive& drive, std::vector<DriveFinding>& findings) {
   if (!drive.has_poses()) return;
   const Eigen::Vector3d& steps_m = drive.contents().position_step_m;
@@ -136,9 +137,7 @@ void check_mounting(const std::vector<SampledScan>& samples, DriveCheck& check) 
   mounting.scans = x.size();
   check.mounting = mounting;
   if (mounting.tilt_rad <= kMostTiltRad) return;
-  const Eigen::Matrix3d& R = mounting.R_level_lidar;
-  const double roll = std::atan2(R(2, 1), R(2, 2)),
-               pitch = -std::asin(std::clamp(R(2, 0), -1., 1.));
+  const Eigen::Vector3d turn_rad = roll_pitch_yaw_rad(mounting.R_level_lidar);
   const bool upside_down = up.z() < 0.0;
   check.findings.push_back(
       {upside_down ? "sensor_upside_down" : "sensor_tilted",
@@ -147,7 +146,7 @@ void check_mounting(const std::vector<SampledScan>& samples, DriveCheck& check) 
            "it, by {} scans",
            upside_down ? "hangs upside down"
                        : fmt::format("is tilted by {:.1f} deg", degrees(mounting.tilt_rad)),
-           degrees(roll), degrees(pitch), mounting.height_m, mounting.scans),
+           degrees(turn_rad.x()), degrees(turn_rad.y()), mounting.height_m, mounting.scans),
        "turn the points by these angles before, so that z is up; nothing needs to be done where "
        "poses hold the tilt, as a calibration to the vehicle does, or come from odometry: a build "
        "turns scans upright by them"});

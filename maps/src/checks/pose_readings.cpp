@@ -1,5 +1,6 @@
 #include "checks/pose_readings.hpp"
-#include "median.hpp"
+
+#include <stillmap/maps/median.hpp>
 
 #include <algorithm>
 #include <array>

@@ -133,7 +133,8 @@ void set_scans(Drive::Contents& contents, const std::shared_ptr<const BagScans>&
 /// When the scans were taken, by the clock of the poses.
 std::vector<std::int64_t> taken_at(const Drive::Contents& contents, std::int64_t offset_ns) {
   std::vector<std::int64_t> stamps_ns = contents.stamps_ns;
-  for (std::int64_t& stamp_ns : stamps_ns) stamp_ns -= offset_ns;
+  for (std::int64_t& stamp_ns : stamps_ns)
+    stamp_ns = shifted_stamp(stamp_ns, -offset_ns, contents.root);
   return stamps_ns;
 }
 
@@ -213,9 +214,9 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
                  find_poses(scans->bags, found, choice, clouds.frames.front(),
                             taken_at(contents, choice_of_poses.offset_ns), name, contents.notes)) {
     set_bag_poses(contents, *poses, choice_of_poses.offset_ns);
+    contents.poses_have_stamps = true;
   }
   leave_out_unordered(contents);
-  set_path_of_scans(contents);
   place_by_gnss(contents, scans->bags, found, choice, name);
   return contents;
 }

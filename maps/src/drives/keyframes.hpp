@@ -5,7 +5,6 @@
 #include "drives/layout.hpp"
 
 #include <filesystem>
-#include <optional>
 
 namespace stillmap::maps {
 
@@ -14,7 +13,7 @@ namespace stillmap::maps {
 /// Key frames of a SLAM run: `Scans/*.pcd` (or `scans/`) with `optimized_poses.txt` (else
 /// `odom_poses.txt`), 12 numbers a line, and `times.txt` in seconds. Points are taken as deskewed
 /// by whoever chose the key frames.
-/// @param choice      instead of those of the folder.
+/// @param choice      its file, if any, replaces the folder's own poses.
 [[nodiscard]] Drive::Contents open_keyframes(const std::filesystem::path& root,
                                              const PosesChoice& choice);
 

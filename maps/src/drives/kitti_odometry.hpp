@@ -5,7 +5,6 @@
 #include "drives/layout.hpp"
 
 #include <filesystem>
-#include <optional>
 
 namespace stillmap::maps {
 
@@ -16,7 +15,7 @@ namespace stillmap::maps {
 /// scans may be missing, the calibration only when there are no poses. The map frame is the first
 /// scan's lidar frame when the first pose is the identity, as it is in KITTI. KITTI's own sweeps
 /// are motion-compensated, so points have no times.
-/// @param choice      instead of those of the sequence, `T_map_lidar`.
+/// @param choice      its file, if any, replaces the sequence's own poses.
 [[nodiscard]] Drive::Contents open_kitti_odometry(const std::filesystem::path& root,
                                                   const PosesChoice& choice);
 

@@ -5,7 +5,6 @@
 #include "drives/layout.hpp"
 
 #include <filesystem>
-#include <optional>
 
 namespace stillmap::maps {
 
@@ -18,7 +17,8 @@ namespace stillmap::maps {
 /// The map frame is east-north-up with its origin at the first oxts position (recorded as
 /// `origin`). Stamps carry no zone; they are taken as UTC. Sweeps are as recorded, so
 /// `spin_start_end_s` is filled.
-/// @param choice      instead of oxts, which then need not be there, nor the calibration.
+/// @param choice      its file, if any, replaces oxts, which then need not be there, nor the
+///                    calibration.
 [[nodiscard]] Drive::Contents open_kitti_raw(const std::filesystem::path& root,
                                              const PosesChoice& choice);
 

@@ -60,10 +60,10 @@ Trajectory path_of_scans(const Drive::Contents& contents) {
   return Trajectory(std::move(path));
 }
 
-Trajectory shifted(const Trajectory& trajectory, std::int64_t offset_ns) {
+Trajectory shifted(const Trajectory& trajectory, std::int64_t offset_ns, const fs::path& file) {
   if (offset_ns == 0) return trajectory;
   std::vector<StampedPose> poses = trajectory.poses();
-  for (StampedPose& pose : poses) pose.stamp_ns += offset_ns;
+  for (StampedPose& pose : poses) pose.stamp_ns = shifted_stamp(pose.stamp_ns, offset_ns, file);
   return Trajectory(std::move(poses));
 }
 
@@ -166,7 +166,7 @@ PosesFormat poses_format(const fs::path& file) {
 
 bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& own, const fs::path& source,
                          std::int64_t offset_ns) {
-  const Trajectory trajectory = shifted(own, offset_ns);
+  const Trajectory trajectory = shifted(own, offset_ns, source);
   const std::vector<StampedPose>& path = trajectory.poses();
   if (path.empty()) throw InputError(source.string(), "no poses", "some");
   const std::vector<std::int64_t>& stamps = contents.stamps_ns;
@@ -196,6 +196,7 @@ bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& own, const
   contents.T_map_lidar = std::move(poses);
   in_gaps.note(contents, name);
   contents.path = std::make_shared<const Trajectory>(trajectory);
+  contents.poses_have_stamps = true;
   return kept.front() > 0;
 }
 
@@ -216,9 +217,14 @@ void set_poses(Drive::Contents& contents, const fs::path& poses_file, std::int64
   }
 }
 
-void set_path_of_scans(Drive::Contents& contents) {
-  if (contents.T_map_lidar.empty() || contents.path) return;
-  contents.path = std::make_shared<const Trajectory>(path_of_scans(contents));
+std::int64_t shifted_stamp(std::int64_t stamp_ns, std::int64_t offset_ns, const fs::path& file) {
+  std::int64_t shifted_ns = 0;
+  if (__builtin_add_overflow(stamp_ns, offset_ns, &shifted_ns))
+    throw InputError(
+        file.string(),
+        fmt::format("the stamp {} ns, which leaves 64 bits with --pose-time-offset", stamp_ns),
+        "a smaller --pose-time-offset");
+  return shifted_ns;
 }
 
 void shift_poses_of_scans(Drive::Contents& contents, std::int64_t offset_ns) {

@@ -74,12 +74,13 @@ bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& trajectory
 void set_poses(Drive::Contents& contents, const std::filesystem::path& poses_file,
                std::int64_t offset_ns);
 
+/// A stamp with so much added. @throws InputError for `file` where that takes more than 64 bits.
+[[nodiscard]] std::int64_t shifted_stamp(std::int64_t stamp_ns, std::int64_t offset_ns,
+                                         const std::filesystem::path& file);
+
 /// Shifts poses that have the scans' stamps, one each, in time, as if they had come with stamps of
 /// their own. Stamps increase. @throws as `set_poses_at_stamps`.
 void shift_poses_of_scans(Drive::Contents& contents, std::int64_t offset_ns);
-
-/// Says that the poses that the scans got were taken by a clock of their own. Stamps increase.
-void set_path_of_scans(Drive::Contents& contents);
 
 /// Looks how coarsely positions were written. @param poses  as they stand in the file.
 void set_position_step(Drive::Contents& contents, std::span<const Eigen::Isometry3d> poses);

@@ -5,7 +5,6 @@
 #include "drives/layout.hpp"
 
 #include <filesystem>
-#include <optional>
 
 namespace stillmap::maps {
 
@@ -25,7 +24,7 @@ namespace stillmap::maps {
 /// its file player (RPM-Robotics-Lab/file_player_mulran), whose rings are a point's number modulo
 /// 64; the extrinsics of its calibration page. Which instant of the sweep is its stamp stands
 /// nowhere: the middle is taken, as by MOLA's reader, at most half a turn off.
-/// @param choice      instead of those of the sequence, `T_map_lidar`.
+/// @param choice      its file, if any, replaces the sequence's own poses.
 [[nodiscard]] Drive::Contents open_mulran(const std::filesystem::path& root,
                                           const PosesChoice& choice);
 

@@ -1,8 +1,8 @@
 #include "drives/place_on_earth.hpp"
-#include "median.hpp"
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/geodesy.hpp>
+#include <stillmap/maps/median.hpp>
 
 #include <fmt/format.h>
 

@@ -109,7 +109,8 @@ std::optional<RawlogPoseSource> source_of(const RawlogSurvey& survey, const BagC
 void set_own_poses(Drive::Contents& contents, const RawlogScans& scans, RawlogPoseSource source,
                    std::int64_t offset_ns) {
   std::vector<std::int64_t> stamps_ns = contents.stamps_ns;
-  for (std::int64_t& stamp_ns : stamps_ns) stamp_ns -= offset_ns;
+  for (std::int64_t& stamp_ns : stamps_ns)
+    stamp_ns = shifted_stamp(stamp_ns, -offset_ns, scans.name);
   PosesNearScans near(stamps_ns);
   scans.survey->for_each_pose(
       source, [&](std::int64_t stamp_ns, const Eigen::Isometry3d& T) { near.add(stamp_ns, T); });
@@ -211,9 +212,9 @@ Drive::Contents open_rawlog_drive(const fs::path& root, std::string_view words,
     set_poses(contents, *poses.file, poses.offset_ns);
   } else if (source) {
     set_own_poses(contents, *scans, *source, poses.offset_ns);
+    contents.poses_have_stamps = true;
   }
   leave_out_unordered(contents);
-  if (timed) set_path_of_scans(contents);
   return contents;
 }
 

@@ -5,7 +5,6 @@
 #include "drives/layout.hpp"
 
 #include <filesystem>
-#include <optional>
 #include <string_view>
 
 namespace stillmap::maps {

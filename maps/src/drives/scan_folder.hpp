@@ -5,7 +5,6 @@
 #include "drives/layout.hpp"
 
 #include <filesystem>
-#include <optional>
 
 namespace stillmap::maps {
 
@@ -18,7 +17,7 @@ namespace stillmap::maps {
 ///
 /// Stamps: from the names if all are of 19 digits (ns since the epoch), 16 (us) or 10 with decimals
 /// (s); else from a TUM file with as many lines as there are scans, in order; else 0.1 s apart.
-/// @param choice      instead of the folder's own.
+/// @param choice      its file, if any, replaces the folder's own poses.
 [[nodiscard]] Drive::Contents open_scan_folder(const std::filesystem::path& root,
                                                const PosesChoice& choice);
 

@@ -4,8 +4,8 @@
 
 namespace stillmap::maps {
 
-/// The step that all values are multiples apart of, as numbers written with too few digits or
-/// rounded to 32-bit floats are; 0 where there is none, or no more than even motion tells.
+/// Largest step such that all values differ by whole multiples of it: found in numbers that were
+/// rounded. 0 if there is none, or if even motion explains it.
 /// @param values  in the order in which they were taken; finite.
 [[nodiscard]] double step_of(std::span<const double> values);
 

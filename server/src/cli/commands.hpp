@@ -29,7 +29,7 @@ void require_store(const std::filesystem::path& folder);
 [[noreturn]] void exec_offline(const char* program, char** argv);
 
 /// What looks wrong with a drive's poses by the scans' motion: `stillmap-mapper check-poses` in a
-/// process of its own. @throws std::runtime_error with what it said when it failed.
+/// process of its own. @throws std::runtime_error when it failed; what it said is on stderr.
 [[nodiscard]] std::vector<maps::DriveFinding> findings_by_motion(
     const std::filesystem::path& drive);
 

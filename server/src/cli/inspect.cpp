@@ -178,6 +178,10 @@ void print_content_digest(const std::filesystem::path& path, bool json) {
 server::DriveSummary summary_of(const std::filesystem::path& path, bool by_motion) {
   server::DriveSummary summary = server::summarize(maps::Drive::open(path));
   if (!by_motion) return summary;
+  if (!summary.has_poses)
+    throw std::invalid_argument(path.string() +
+                                ": no poses to compare with motion; leave out --motion, or put a "
+                                "poses file beside the scans");
   for (maps::DriveFinding& finding : findings_by_motion(path))
     summary.check.findings.push_back(std::move(finding));
   return summary;

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdio>
 #include <cstring>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
@@ -76,17 +77,23 @@ std::vector<maps::DriveFinding> findings_by_motion(const fs::path& drive) {
   const std::string command =
       fmt::format("{} {} {}", command_line::shell_word(offline_path(kMapper).string()), kCheckPoses,
                   command_line::shell_word(drive.string()));
-  FILE* output = ::popen(command.c_str(), "r");
-  if (output == nullptr) throw std::runtime_error(fmt::format("{}: cannot be started", kMapper));
+  std::unique_ptr<FILE, int (*)(FILE*)> output(::popen(command.c_str(), "r"), ::pclose);
+  if (!output)
+    throw std::runtime_error(fmt::format("{}: {}; free memory or processes, or leave out --motion",
+                                         kMapper, std::generic_category().message(errno)));
   std::string text;
   std::array<char, 4096> piece{};
-  while (const std::size_t read = std::fread(piece.data(), 1, piece.size(), output))
+  while (const std::size_t read = std::fread(piece.data(), 1, piece.size(), output.get()))
     text.append(piece.data(), read);
+  const bool failed = ::pclose(output.release()) != 0;
+  const nlohmann::json found = nlohmann::json::parse(text, nullptr, false);
   // What went wrong stands on stderr already.
-  if (::pclose(output) != 0)
-    throw std::runtime_error("--motion: odometry failed; leave it out for what needs none");
+  if (failed || !found.is_array() || found.empty())
+    throw std::runtime_error(fmt::format(
+        "--motion: {} {} failed, see the lines above; without --motion the other checks "
+        "still run",
+        kMapper, kCheckPoses));
   std::vector<maps::DriveFinding> findings;
-  const nlohmann::json found = nlohmann::json::parse(text);
   for (const auto& finding : found.at(0))
     findings.push_back({finding.at("code"), finding.at("what"), finding.at("remedy")});
   return findings;

@@ -22,13 +22,6 @@ struct CheckArguments {
   bool guided = false;
 };
 
-nlohmann::ordered_json to_json(const std::vector<maps::DriveFinding>& findings) {
-  nlohmann::ordered_json json = nlohmann::ordered_json::array();
-  for (const maps::DriveFinding& finding : findings)
-    json.push_back({{"code", finding.code}, {"what", finding.what}, {"remedy", finding.remedy}});
-  return json;
-}
-
 /// Prints a list of findings for the drive's own poses, or for each file of poses.
 void check_poses(const CheckArguments& arguments) {
   const maps::Drive own = maps::Drive::open(arguments.drive);
@@ -43,8 +36,9 @@ void check_poses(const CheckArguments& arguments) {
   };
   const auto found = mapping::check_given_poses(own, posed, arguments.guided, progress,
                                                 command_line::cancel_flag());
-  nlohmann::ordered_json json = nlohmann::ordered_json::array();
-  for (const auto& findings : found) json.push_back(to_json(findings));
+  nlohmann::json json = nlohmann::json::array();
+  for (const auto& findings : found)
+    json.push_back(nlohmann::json::parse(mapping::to_json(findings)));
   fmt::print("{}\n", json.dump(2));
 }
 

@@ -13,8 +13,8 @@ Prints one table: what was replaced, how far its scans and the largest of all la
 as it was [m], and which scans were called hidden; `none` is the drive as it was, where none may be. With the first
 scans replaced, the two paths are laid on each other first. --limits: exit code 1 where a scan is called hidden that is
 not, or not where it is; where one scan is off by more than 0.1 m, or later ones by more than 0.02 m (0.04 m on the
-highway, whose length little tells of: two runs of it differ by that much); after 3 and more by more than 0.05 m without
-a word. Needs numpy (else exit 77).
+highway, whose length little tells of: two runs of it differ by that much); after 3 and more by more than 0.05 m. Of
+DIRS, whose key frames may be far apart, 3 and more may also lose the place, if that is said. Needs numpy (else exit 77).
 """
 
 import argparse
@@ -152,8 +152,8 @@ def cases_of(options):
                 yield kind, radius_m, noise_m, count
 
 
-def measure(program, drive, work, options):
-    """Prints the drive's rows. @return whether limits are broken."""
+def measure(program, drive, work, options, may_lose):
+    """Prints the drive's rows. @param may_lose  the place, after 3 and more. @return whether limits are broken."""
     world = drive.name
     clean, hidden, anew = follow(program, drive, work)
     broken = bool(hidden or anew)
@@ -172,9 +172,9 @@ def measure(program, drive, work, options):
         print(f"{world:28} {kind:6} {radius_m or '':>6} {noise_m or '':>6} {count:5} {own_m:9.3f} {later_m:9.3f}  {told}"
               + (f"; begun anew at {anew}" if anew else ""), flush=True)
         # A drive that ends before five scans fit each other cannot be begun anew: all that is left is called hidden.
-        said = count > 1 and (bool(anew) or hidden == list(range(numbers[0], len(clean))))
+        said = may_lose and count > 1 and (bool(anew) or hidden == list(range(numbers[0], len(clean))))
         most_m = AFTER_GAP_M if count > 1 else LATER_HIGHWAY_M if "highway" in world else LATER_M
-        broken |= (hidden != numbers or later_m > most_m) and not said
+        broken |= (hidden != numbers or bool(anew) or later_m > most_m) and not said
         broken |= count == 1 and own_m > OWN_M
     return broken
 
@@ -199,7 +199,7 @@ def main():
         if not drives[-1].exists():
             run(options.program, "simulate", world, "--seed", seed, "--scans", options.scans, "-o", drives[-1])
     print(f"{'world':28} {'kind':6} {'radius':>6} {'noise':>6} {'count':>5} {'own':>9} {'later':>9}  called hidden")
-    broken = [drive.name for drive in drives if measure(options.program, drive, options.folder, options)]
+    broken = [drive.name for drive in drives if measure(options.program, drive, options.folder, options, bool(options.drives))]
     if broken and options.limits:
         print(f"limits are broken: {', '.join(broken)}")
         return 1

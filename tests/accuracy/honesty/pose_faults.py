@@ -289,7 +289,7 @@ def compare_faults(options, seed, table):
             ways[", guided"] = checked(options, drive, [], True)[0]
         for way, findings in ways.items():
             finding = told(findings, "mirrored_axis")
-            found = finding and re.search(r"their (\w)", finding["what"]).group(1)
+            found = finding and re.search(r"axes: (\w) ", finding["what"]).group(1)
             table.row(f"town {seed}", f"{axis} turned round{way}", axis, found, findings,
                       found == axis and len(findings) == 1)
 

@@ -650,5 +650,126 @@ TEST_F(GivenPosesOfABuild, ThatAreSaidToBeExactStayAndAreChecked) {
   EXPECT_EQ(open()->manifest().options.at("given_poses"), "exact");
 }
 
+TEST_F(MapBuild, RefusesADriveWhoseScansAreAllHidden) {
+  maps::PointCloud shell = small_.scan(2);
+  for (Eigen::Vector3f& p : shell.positions) p *= 0.5F / p.norm();
+  for (int i = 0; i < 4; ++i) folder_.write(fmt::format("drive/{:06}.bin", i), test::bin_of(shell));
+  options_.odometry = "default";
+  EXPECT_THAT([&] { (void)build(); },
+              ThrowsSaying<InputError>({"4 scans, all hidden", "leave this drive out"}));
+}
+
+TEST_F(MapBuild, SaysWhereOdometryRestarted) {
+  // Carried, covered, from the street into a hall in which nothing is as there.
+  const test::SyntheticWorld street = test::street(41);
+  test::SyntheticWorld hall;
+  hall.boxes = {{{-6.0, -4.0, -3.0}, {-5.5, 4.0, 3.0}}, {{5.5, -4.0, -3.0}, {6.0, 4.0, 3.0}},
+                {{-6.0, 3.5, -3.0}, {6.0, 4.0, 3.0}},   {{-6.0, -4.0, -3.0}, {6.0, -3.5, 3.0}},
+                {{2.0, 1.0, 0.0}, {3.0, 2.0, 3.0}},     {{-3.0, -2.5, 0.0}, {-2.4, -2.0, 3.0}},
+                {{-6.0, -4.0, 2.9}, {6.0, 4.0, 3.4}}};
+  test::ScanPattern pattern{.rings = 20, .columns = 360, .noise_m = 0.02};
+  for (std::size_t i = 0; i < 32; ++i) {
+    const double s = static_cast<double>(i);
+    pattern.seed = i + 1;
+    maps::PointCloud cloud = i < 16 ? street.scan(test::pose_at(20.0 + 0.9 * s, 0.0), pattern)
+                                    : hall.scan(test::pose_at(0.2 * s - 7.2, 0.0), pattern);
+    if (i >= 12 && i < 16)
+      for (Eigen::Vector3f& p : cloud.positions) p *= 0.3F / p.norm();
+    folder_.write(fmt::format("carried/{:06}.bin", i), test::bin_of(cloud));
+  }
+  drive_ = folder_.path() / "carried";
+  options_.detector = "geometric";
+  const MapBuildReport report = build();
+  EXPECT_GE(report.points.at("scans_hidden"), 4U);
+  EXPECT_THAT(report.warnings,
+              Contains(AllOf(HasSubstr("odometry lost the place and restarted at scan 2"),
+                             HasSubstr("as two drives (--select)"))));
+}
+
+/// 11 s along the street, faster and slower; the stamps of the poses are 0.3 s too early.
+class ClockOfPosesOfABuild : public MapBuild {
+ protected:
+  ClockOfPosesOfABuild() {
+    const test::SyntheticWorld world = test::street(41);
+    test::ScanPattern pattern{.rings = 24, .columns = 360, .noise_m = 0.02};
+    std::string poses;
+    for (std::size_t i = 0; i < 110; ++i) {
+      pattern.seed = i + 1;
+      folder_.write(fmt::format("street/{:06}.bin", i),
+                    test::bin_of(world.scan(truth(i), pattern)));
+      poses += test::kitti_line(truth(i + 3));
+    }
+    folder_.write("street/poses.txt", poses);
+    drive_ = folder_.path() / "street";
+    options_.detector = "geometric";
+    options_.threads = 2;
+  }
+  static Eigen::Isometry3d truth(std::size_t scan) {
+    const double t_s = 0.1 * static_cast<double>(scan);
+    return test::pose_at(10.0 + 6.0 * t_s - 3.0 * std::cos(1.1 * t_s), std::sin(0.6 * t_s),
+                         0.1 * std::cos(0.6 * t_s));
+  }
+  static double off_m(const maps::Trajectory& path, std::size_t pose, std::size_t scan) {
+    return (path.poses()[pose].T_map_lidar.inverse() * truth(scan)).translation().norm();
+  }
+};
+
+TEST_F(ClockOfPosesOfABuild, IsSaidWithWhatMendsIt) {
+  const MapBuildReport report = build();
+  ASSERT_EQ(report.pose_faults.size(), 1U);
+  EXPECT_EQ(report.pose_faults[0].code, "pose_clock");
+  EXPECT_THAT(report.warnings, Contains(AllOf(HasSubstr("s behind those of the scans"),
+                                              HasSubstr("build with --pose-time-offset 0."))));
+  EXPECT_THAT(report.found_pose_time_offsets_s, IsEmpty());
+  EXPECT_THAT(open()->manifest().options, Not(Contains(Key("pose_time_offset_s"))));
+}
+
+TEST_F(ClockOfPosesOfABuild, IsSetWhereAskedFor) {
+  options_.finds_pose_time_offset = true;
+  const MapBuildReport report = build();
+  ASSERT_EQ(report.found_pose_time_offsets_s.size(), 1U);
+  const double found_s = report.found_pose_time_offsets_s[0];
+  EXPECT_NEAR(found_s, 0.3, 0.02);
+  EXPECT_THAT(report.pose_faults, IsEmpty());
+  EXPECT_THAT(report.warnings, Contains(HasSubstr("s were added to the stamps of the poses")));
+  EXPECT_EQ(open()->manifest().options.at("pose_time_offset_s"), fmt::format("{:.4f}", found_s));
+  EXPECT_GT(report.stage_seconds.at("pose time offset"), 0.0);
+  EXPECT_GT(report.seconds, report.stage_seconds.at("pose time offset"));
+  // No pose reaches back to the first scans.
+  const maps::Trajectory path = open()->trajectories().front();
+  const std::size_t without = 110 - path.size();
+  EXPECT_GE(without, 1U);
+  EXPECT_LE(without, 2U);
+  for (std::size_t i = 5; i < 100; ++i) EXPECT_LT(off_m(path, i, i + without), 0.15) << i;
+}
+
+TEST_F(ClockOfPosesOfABuild, IsNotMeasuredTwice) {
+  options_.finds_pose_time_offset = true;
+  progress_ = [&](std::string_view stage, std::size_t, std::size_t) {
+    if (stage == "survey") cancel_ = true;
+  };
+  EXPECT_THROW((void)build(), Cancelled);
+  cancel_ = false;
+  progress_ = {};
+  const MapBuildReport report = build();
+  EXPECT_NEAR(report.found_pose_time_offsets_s.at(0), 0.3, 0.02);
+  EXPECT_THAT(report.stage_seconds, Not(Contains(Key("pose time offset"))));
+}
+
+TEST_F(ClockOfPosesOfABuild, IsNotSetWhereASelectionWouldCountOtherScans) {
+  options_.finds_pose_time_offset = true;
+  options_.selection.begin = 10;
+  EXPECT_THAT([&] { (void)build(); },
+              ThrowsSaying<InputError>({"--select counts", "--pose-time-offset 0."}));
+}
+
+TEST_F(MapBuild, SaysThatAnOffsetOfPosesHasNoEffectWhereTheyAreNotUsed) {
+  options_.odometry = "default";
+  options_.finds_pose_time_offset = true;
+  const MapBuildReport report = build();
+  EXPECT_THAT(report.warnings, Contains(HasSubstr("--pose-time-offset has no effect")));
+  EXPECT_THAT(report.found_pose_time_offsets_s, IsEmpty());
+}
+
 }  // namespace map_build_test
 }  // namespace stillmap::mapping

@@ -77,8 +77,9 @@ class MapRegistration : public ::testing::Test {
     return test::pose_at(8.0 + 2.5 * s, -0.4 + 0.05 * s, 0.02 * s);
   }
 
-  RegisteredDrives registered(const maps::Drive& drive, const std::string& odometry = "given") {
-    return registered_to(folder_.path() / "map", {drive}, options_, odometry, {}, cancel_);
+  RegisteredDrives registered(const maps::Drive& drive, const std::string& odometry = "given",
+                              const std::vector<std::vector<ScanNote>>& notes = {}) {
+    return registered_to(folder_.path() / "map", {drive}, options_, odometry, notes, {}, cancel_);
   }
 
   static inline const Eigen::Vector3d kTileOrigin{3.0, -2.0, 1.0};
@@ -103,6 +104,15 @@ TEST_F(MapRegistration, PosesThatAreOffAreMovedIntoTheMapsFrame) {
   EXPECT_LT(registration.residual_m, 0.05);
   EXPECT_EQ(found.frame.frame_id, "depot-2");
   EXPECT_EQ(found.frame.origin, kTileOrigin);
+}
+
+TEST_F(MapRegistration, HiddenScansAreNotLookedFor) {
+  write_map();
+  const maps::Drive drive = write_drive(Eigen::Isometry3d::Identity(), world_);
+  const std::size_t all = registered(drive).frame.registration.scans_asked;
+  std::vector<std::vector<ScanNote>> notes(1, std::vector<ScanNote>(kScans, ScanNote::kNone));
+  notes[0][3] = notes[0][4] = ScanNote::kHidden;
+  EXPECT_EQ(registered(drive, "given", notes).frame.registration.scans_asked, all - 2);
 }
 
 TEST_F(MapRegistration, PosesThatAgreeAreKeptAndTheMotionIsTold) {

@@ -1,4 +1,5 @@
 #include "trajectory/pose_faults.hpp"
+#include "trajectory/drive_pose_faults.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -15,6 +16,8 @@ namespace stillmap::mapping {
 namespace {
 
 using Pose = SmoothPath::Pose;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
 
 constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kScanS = 0.1;
@@ -151,6 +154,11 @@ void expect_none(const PoseFaults& faults, const std::string& what) {
     ADD_FAILURE() << what << ": " << finding.what;
 }
 
+void expect_offset(const PoseFaults& faults, double offset_s) {
+  ASSERT_TRUE(faults.offset_s);
+  EXPECT_NEAR(*faults.offset_s, offset_s, 0.005);
+}
+
 TEST(PoseFaults, NothingIsSaidOfPosesThatAreRight) {
   expect_none(Recorded{}.faults(), "exact");
   Recorded with_far_ends;
@@ -189,6 +197,46 @@ TEST(PoseFaults, TellsByHowMuchClocksAreApart) {
                  faults.mirrored_axis)
         << early_s;
   }
+}
+
+// As in a file whose first line has no stamp and whose others count from the epoch.
+TEST(PoseFaults, OneStampThatIsFarOffCostsNothing) {
+  Recorded recorded;
+  recorded.early_s = [](double) { return 0.5; };
+  PathPair paths = recorded.paths();
+  paths.given.insert(paths.given.begin(), Pose{-1.7e9, Eigen::Isometry3d::Identity()});
+  paths.given[1].follows = false;
+  expect_offset(pose_faults(paths, {}), 0.5);
+}
+
+TEST(PoseFaults, APauseOfADayHidesNothing) {
+  Recorded recorded;
+  recorded.early_s = [](double) { return 0.5; };
+  PathPair paths = recorded.paths();
+  expect_offset(pose_faults(paths, {}), 0.5);
+  for (std::vector<Pose>* poses : {&paths.odometry, &paths.given}) {
+    const std::size_t half = poses->size() / 2;
+    (*poses)[half].follows = false;
+    for (std::size_t i = half; i < poses->size(); ++i) (*poses)[i].t_s += 86'400.0;
+  }
+  expect_offset(pose_faults(paths, {}), 0.5);
+}
+
+TEST(PoseFaults, TheRemedyCountsWhatWasAdded) {
+  const auto first = [](const PoseFaults& faults, const AppliedOffset& applied) {
+    return findings_of(faults, applied).at(0);
+  };
+  PoseFaults faults;
+  faults.offset_s = 0.1;
+  EXPECT_THAT(first(faults, {}).remedy, HasSubstr("--pose-time-offset 0.100 (or auto)"));
+  EXPECT_THAT(first(faults, {0.5, false}).remedy, HasSubstr("--pose-time-offset 0.600"));
+  EXPECT_THAT(first(faults, {0.5, false}).what,
+              HasSubstr("with 0.500 s added, are 0.100 s behind"));
+  EXPECT_THAT(first(faults, {0.5, true}).remedy, HasSubstr("--pose-time-offset auto:"));
+  faults = {};
+  faults.offsets_of_halves_s = {0.1, -0.7};
+  EXPECT_THAT(first(faults, {0.5, false}).what,
+              AllOf(HasSubstr("with 0.600 s added"), HasSubstr("with -0.200 s in")));
 }
 
 // Of 60 s of scans and of poses 23 s are left, whose halves tell less than all of them.
@@ -292,7 +340,7 @@ TEST(PoseFaults, TellsTheScale) {
   feet.scale = 3.28084;
   feet.T_given_lidar.translation() = Eigen::Vector3d(0.3, 0.0, 0.0);
   EXPECT_FALSE(feet.faults().T_given_lidar) << "a lever of 0.3 m is none of 0.98 feet";
-  EXPECT_THAT(findings_of(feet.faults()).at(0).what, ::testing::HasSubstr("feet"));
+  EXPECT_THAT(findings_of(feet.faults()).at(0).what, HasSubstr("feet"));
 }
 
 TEST(PoseFaults, TellsHowTheLidarLiesInTheFrameOfThePoses) {
@@ -341,6 +389,28 @@ TEST(PoseFaults, PosesOfAnotherDriveAreNotExplained) {
     paths.given = other.paths().given;
     expect_none(pose_faults(paths, {}), "another drive");
   }
+}
+
+TEST(PathsOf, KnowNoWayOverPausesNorWhereOdometryWasLost) {
+  maps::Drive::Contents contents;
+  std::vector<OdometryPose> odometry(8);
+  for (std::size_t i = 0; i < odometry.size(); ++i) {
+    contents.scan_files.emplace_back("scan");
+    contents.stamps_ns.push_back(100'000'000 * static_cast<std::int64_t>(i));
+    odometry[i].status = i == 4 ? OdometryStatus::kPredicted : OdometryStatus::kMatched;
+  }
+  contents.stamps_ns.back() += 2'000'000'000;
+  contents.T_map_lidar.resize(odometry.size(), Eigen::Isometry3d::Identity());
+  const PathPair paths = paths_of(maps::Drive(contents), 0, odometry);
+  const auto followers = [](const std::vector<Pose>& poses) {
+    std::string text;
+    for (const Pose& pose : poses) text += pose.follows ? '1' : '0';
+    return text;
+  };
+  // The first one has nothing to follow.
+  EXPECT_EQ(followers(paths.odometry).substr(1), "1110010");
+  EXPECT_EQ(followers(paths.given).substr(1), "1111110");
+  EXPECT_NEAR(paths.odometry.back().t_s, 2.7, 1e-9);
 }
 
 }  // namespace

@@ -55,13 +55,16 @@ class RebuildTest : public ::testing::Test {
   }
 
   /// @param pose_sigma_m  how far off the written poses are, from scan to scan.
-  fs::path write_drive(const std::string& name, double y_m, double pose_sigma_m = 0.0) const {
+  /// @param late_scans    each pose is written for the scan so many before its own.
+  fs::path write_drive(const std::string& name, double y_m, double pose_sigma_m = 0.0,
+                       int late_scans = 0) const {
     test::Random random(1);
     std::string poses;
     for (std::size_t i = 0; i < kScans; ++i) {
       Eigen::Isometry3d T = test::pose_at(0.6 * static_cast<double>(i), y_m, 0.0);
       folder_.write(fmt::format("{}/{:06}.bin", name, i),
                     test::bin_of(small_.world.scan(T, small_.pattern)));
+      T.translation().x() += 0.6 * late_scans;
       T.translation() +=
           pose_sigma_m * Eigen::Vector3d(random.normal(), random.normal(), random.normal());
       poses += test::kitti_line(T);
@@ -195,6 +198,15 @@ TEST_F(RebuildTest, AsksForTheScansOfAnotherDriveAtAPlaceThatIsGiven) {
   EXPECT_EQ(report.answers.found, kScans);
 }
 
+TEST_F(RebuildTest, ShiftsThePosesOfAnotherDriveAsThoseOfTheMap) {
+  options_.drives = {write_drive("late", 0.0, 0.0, 4)};
+  options_.held_back = write_drive("another", 0.7, 0.0, 4);
+  options_.build.pose_time_offset_s = 0.4;
+  const RebuildReport report = rebuild();
+  EXPECT_GE(report.answers.queries, kScans - 4);
+  EXPECT_EQ(report.answers.found, report.answers.queries);
+}
+
 TEST_F(RebuildTest, MakesAgainWhatWasRemovedSince) {
   const std::string whole = result(rebuild());
   fs::remove_all(options_.map);
@@ -251,6 +263,12 @@ TEST(RebuildWork, ThatWasThrownAwayByHalfIsNotTakenForTheWhole) {
   }
   EXPECT_EQ(open("a: 1\n").remembered("map"), std::nullopt);
   EXPECT_FALSE(fs::exists(folder.path() / "work" / "journal"));
+}
+
+TEST_F(RebuildTest, RefusesToLookForTheOffsetOfPoses) {
+  options_.build.finds_pose_time_offset = true;
+  EXPECT_THAT([&] { (void)rebuild(); },
+              ThrowsSaying<std::invalid_argument>({"auto is not possible", "--motion"}));
 }
 
 TEST_F(RebuildTest, RefusesADriveToJudgeByWhosePosesMeanNothing) {

@@ -69,21 +69,22 @@ TEST(KeyframeChooser, TakesTheFirstScanAndThenOneAMetreOrTenDegrees) {
   EXPECT_TRUE(chooser.add(pose_of(turned(1.2, 0.0, 0.18))));
 }
 
-TEST(KeyframeChooser, HiddenScansAreNoneAndCountWhereNothingIsFoundAgain) {
+TEST(KeyframeChooser, HiddenScansAreNoneAndCountUntilOneIsMatched) {
   OdometryPose hidden = pose_of(turned(2.0, 0.0, 0.0));
   hidden.hidden = true;
   hidden.covariance = Matrix6d::Identity();
-  for (const bool anew : {false, true}) {
+  for (const OdometryStatus status :
+       {OdometryStatus::kMatched, OdometryStatus::kPartly, OdometryStatus::kPredicted}) {
     KeyframeChooser chooser;
     EXPECT_FALSE(chooser.add(hidden));
     EXPECT_TRUE(chooser.add(pose_of(turned(0.0, 0.0, 0.0)))) << "the first one that sees";
     EXPECT_FALSE(chooser.add(hidden));
     OdometryPose after = pose_of(turned(4.0, 0.0, 0.0));
-    after.begins_anew = anew;
+    after.status = status;
     const auto chosen = chooser.add(after);
     ASSERT_TRUE(chosen);
     EXPECT_DOUBLE_EQ(chosen->T_before_this.translation().x(), 4.0);
-    EXPECT_NEAR(chosen->by_matches(0, 0), anew ? 1.0 : 0.0, 1e-12);
+    EXPECT_NEAR(chosen->by_matches(0, 0), status == OdometryStatus::kMatched ? 0.0 : 1.0, 1e-12);
   }
 }
 

@@ -26,6 +26,7 @@ using test::odometry;
 using test::one_point;
 using test::ThrowsSaying;
 using ::testing::Contains;
+using ::testing::DoubleNear;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -562,6 +563,21 @@ TEST_F(BagDrive, TakesGivenPosesInsteadOfItsOwn) {
                                    "1 0 0 7 0 1 0 0 0 0 1 0\n1 0 0 8 0 1 0 0 0 0 1 0\n"
                                    "1 0 0 9 0 1 0 0 0 0 1 0\n1 0 0 6 0 1 0 0 0 0 1 0\n");
   EXPECT_THAT(xs(Drive::open(file, poses)), ElementsAre(7.0, 8.0, 9.0, 6.0));
+}
+
+TEST_F(BagDrive, ShiftsPosesInTime) {
+  add_odometry();
+  const auto file = folder_.write("run.mcap", mcap_of(messages_));
+  EXPECT_THAT(xs(Drive::open(file, std::nullopt, kStep / 2)),
+              ElementsAre(DoubleNear(-0.5, 1e-6), DoubleNear(0.5, 1e-6), DoubleNear(1.5, 1e-6),
+                          DoubleNear(2.5, 1e-6)));
+  const auto poses = folder_.write("poses.txt",
+                                   "1 0 0 7 0 1 0 0 0 0 1 0\n1 0 0 8 0 1 0 0 0 0 1 0\n"
+                                   "1 0 0 9 0 1 0 0 0 0 1 0\n1 0 0 6 0 1 0 0 0 0 1 0\n");
+  EXPECT_FALSE(Drive::open(file).contents().path) << "its scans' poses tell the motion";
+  EXPECT_THAT(xs(Drive::open(file, poses, kStep)),
+              ElementsAre(DoubleNear(6.0, 1e-6), DoubleNear(7.0, 1e-6), DoubleNear(8.0, 1e-6),
+                          DoubleNear(9.0, 1e-6)));
 }
 
 TEST_F(BagDrive, LeavesOutScansThatGoBackInTime) {

@@ -6,6 +6,7 @@
 #include "drives/layout.hpp"
 #include "scan_bytes.hpp"
 #include "support/temporary_folder.hpp"
+#include "support/throws.hpp"
 
 namespace stillmap::maps {
 namespace drive_scan_folder_test {
@@ -114,6 +115,14 @@ TEST_F(ScanFolderDrive, ShiftsATrajectoryInTime) {
   EXPECT_NEAR(drive.T_map_lidar(0).translation().x(), 0.75, 1e-9);
   EXPECT_EQ(drive.contents().path->poses().front().stamp_ns, 1624254652000000000);
   EXPECT_EQ(drive.contents().path->size(), 3U);
+}
+
+TEST_F(ScanFolderDrive, RefusesAShiftBeyondAllStamps) {
+  folder_.write("1624254615500000000.pcd", kPcd);
+  folder_.write("any.tum", "1624254615 0 0 0 0 0 0 1\n9000000000 1 0 0 0 0 0 1\n");
+  EXPECT_THAT([&] { (void)Drive::open(folder_.path(), std::nullopt, 1'000'000'000'000'000'000); },
+              test::ThrowsSaying<InputError>(
+                  {"any.tum", "9000000000000000000 ns", "a smaller --pose-time-offset"}));
 }
 
 TEST_F(ScanFolderDrive, ShiftsPosesThatComeOneAScan) {

@@ -48,8 +48,8 @@ TEST(ValueStep, IsFoundInFewValuesByTheirDigits) {
 
 TEST(ValueStep, IsSmallOrNoneInNumbersWithAllDigits) {
   EXPECT_EQ(step_of(rounded(200, [](double value) { return value; })), 0.0);
-  EXPECT_LT(step_of(rounded(200, [](double value) { return std::round(1e3 * value) / 1e3; })),
-            0.01);
+  EXPECT_NEAR(step_of(rounded(200, [](double value) { return std::round(1e3 * value) / 1e3; })),
+              0.001, 1e-6);
 }
 
 TEST(ValueStep, EvenMotionAndStandingTellNone) {

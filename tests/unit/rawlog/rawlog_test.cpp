@@ -136,6 +136,17 @@ TEST_F(Rawlog, PosesOfOdometryAreBroughtToTheSensorAndTheScansStamps) {
                   .isApprox(Eigen::Vector3d::UnitY(), 1e-12));
 }
 
+TEST_F(Rawlog, PosesOfAFileAreShiftedInTime) {
+  const auto file = write({cloud(0), cloud(1), cloud(2)});
+  const auto poses = folder_.write("poses.txt",
+                                   "1 0 0 7 0 1 0 0 0 0 1 0\n1 0 0 8 0 1 0 0 0 0 1 0\n"
+                                   "1 0 0 9 0 1 0 0 0 0 1 0\n");
+  const Drive drive = Drive::open(file, poses, kTenth);
+  ASSERT_EQ(drive.size(), 3U);
+  for (std::size_t i = 0; i < 3; ++i)
+    EXPECT_NEAR(drive.T_map_lidar(i).translation().x(), 6.0 + static_cast<double>(i), 1e-6);
+}
+
 TEST_F(Rawlog, PosesBeyondAnyPlaceAreRefused) {
   const auto file = write({odometry(kStart, 2e9), cloud(0), odometry(kStart + kTenth, 2e9)});
   EXPECT_THAT([&] { (void)Drive::open(file); },

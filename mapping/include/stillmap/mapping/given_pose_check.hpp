@@ -5,6 +5,7 @@
 #include <stillmap/maps/drive_check.hpp>
 
 #include <span>
+#include <string>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -16,9 +17,13 @@ namespace stillmap::mapping {
 /// @param guided  instead, odometry runs for each of `posed`, and looks where its poses say, as in
 /// a build.
 /// @return one list of findings for each of `posed`; empty for those without poses.
-/// @throws what reading the scans throws, Cancelled.
+/// @throws what reading the scans throws; maps::InputError for a scan of `posed` that is not in
+/// `scans`; Cancelled.
 [[nodiscard]] std::vector<std::vector<maps::DriveFinding>> check_given_poses(
     const maps::Drive& scans, std::span<const maps::Drive> posed, bool guided,
     const ProgressCallback& progress, const CancelFlag& cancel);
+
+/// A list of objects with code, what and remedy.
+[[nodiscard]] std::string to_json(std::span<const maps::DriveFinding> findings);
 
 }  // namespace stillmap::mapping

@@ -40,7 +40,8 @@ struct MapBuildOptions {
   std::size_t held_back_every = 0;
   /// Poses instead of the drive's own; with one drive only.
   std::optional<std::filesystem::path> poses_file;
-  /// Added to the stamps of the given poses [s], in [-1e9, 1e9].
+  /// Added to the stamps of the given poses [s], in [-1e9, 1e9]. A rebuild adds it to those of the
+  /// drive that is held back, too.
   double pose_time_offset_s = 0.0;
   /// Besides, what the scans' own motion says is added for each drive, where it is more than 0.05 s
   /// (mapping/odometry.md#faults-of-given-poses); costs odometry once more.

@@ -13,8 +13,7 @@ constexpr std::size_t kMostRemembered = 600;
 /// Fewer tell nothing.
 constexpr std::size_t kFewestSeen = 50;
 
-/// Relative to the sensor, so that it stays small. Points farther than 60 m share cells with
-/// others, which no point within 30 m is near to.
+/// Cell of a point near the sensor, 10 bits an axis.
 std::uint32_t seen_cell(const Eigen::Vector3d& p) {
   constexpr int kHalf = 1 << 9;
   const Eigen::Vector3i c = (p / kSeenCellM).array().floor().cast<int>();
@@ -45,8 +44,8 @@ void SeenAgain::remember(std::span<const Eigen::Vector3f> points_lidar,
     points_odom_.push_back(T_odom_lidar * points_lidar[i].cast<double>());
 }
 
-double SeenAgain::share(std::span<const Eigen::Vector3f> points_lidar,
-                        const Eigen::Isometry3d& T_odom_lidar) const {
+std::optional<double> SeenAgain::share(std::span<const Eigen::Vector3f> points_lidar,
+                                       const Eigen::Isometry3d& T_odom_lidar) const {
   std::vector<std::uint32_t> cells;
   cells.reserve(points_lidar.size());
   for (const Eigen::Vector3f& p : points_lidar) {
@@ -63,7 +62,8 @@ double SeenAgain::share(std::span<const Eigen::Vector3f> points_lidar,
     ++near;
     if (is_near_seen(cells, p)) ++again;
   }
-  return near < kFewestSeen ? 1.0 : static_cast<double>(again) / static_cast<double>(near);
+  if (near < kFewestSeen) return std::nullopt;
+  return static_cast<double>(again) / static_cast<double>(near);
 }
 
 }  // namespace stillmap::mapping

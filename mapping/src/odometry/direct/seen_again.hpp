@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -12,13 +13,13 @@ namespace stillmap::mapping {
 /// most of it again; one of a covered sensor, or of dust, next to nothing, wherever it is laid.
 class SeenAgain {
  public:
-  /// @param points_lidar  deskewed [m].
+  /// @param points_lidar  deskewed [m], here and in `share`.
   void remember(std::span<const Eigen::Vector3f> points_lidar,
                 const Eigen::Isometry3d& T_odom_lidar);
   /// Share of the remembered points within 30 m of the sensor that have a point of this scan within
-  /// 0.5 to 1 m, in [0, 1]; 1 where there are too few to tell.
-  [[nodiscard]] double share(std::span<const Eigen::Vector3f> points_lidar,
-                             const Eigen::Isometry3d& T_odom_lidar) const;
+  /// 0.5 to 1 m, in [0, 1]; nothing where there are too few to tell.
+  [[nodiscard]] std::optional<double> share(std::span<const Eigen::Vector3f> points_lidar,
+                                            const Eigen::Isometry3d& T_odom_lidar) const;
 
  private:
   std::vector<Eigen::Vector3d> points_odom_;

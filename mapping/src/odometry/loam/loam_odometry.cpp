@@ -235,13 +235,17 @@ void LoamOdometry::place(const PreparedFeatures& scan, double period_s, Odometry
 }
 
 void LoamOdometry::learn(Vector6 deviation, bool matched) {
-  deviation.tail<3>() *= loam::kLeverM;
+  deviation.tail<3>() *= kLeverM;
   const double squared = matched ? deviation.squaredNorm() : kFirstOffM * kFirstOffM;
   off2_m2_ += (matched ? kNewest : 1.0) * (squared - off2_m2_);
 }
 
 void LoamOdometry::take(const PreparedFeatures& scan, const OdometryPose& pose) {
-  if (scan.features.less_flat.empty()) return;
+  if (scan.features.less_flat.empty()) {
+    // The sweep before is two periods old for the next one: the map alone matches that.
+    previous_.reset();
+    return;
+  }
   previous_ = searchable(scan.features, pose.twist_lidar);
   if (!last_ && !start_twist_) {
     first_ = scan.features;

@@ -1,5 +1,6 @@
 #include "odometry/loam/motion_fit.hpp"
 
+#include <stillmap/maps/median.hpp>
 #include <stillmap/maps/small_matrices.hpp>
 
 #include <Eigen/Cholesky>
@@ -23,8 +24,6 @@ constexpr double kSettledM = 5e-4;
 constexpr double kSettledRad = 5e-5;
 /// Tuning constant of the bisquare for 95 % efficiency on Gaussian noise.
 constexpr double kBisquare = 4.685;
-/// From a median of absolute values to a deviation.
-constexpr double kMedianToDeviation = 1.4826;
 /// The weights reach at most so far [m].
 constexpr double kMaxReachM = 3.0;
 
@@ -46,10 +45,8 @@ std::vector<double> distances(std::span<const Correspondence> all, const Motion&
 
 std::vector<double> bisquare_weights(std::span<const Correspondence> all,
                                      const std::vector<double>& d, double least_m) {
-  std::vector<double> sorted = d;
-  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-  std::nth_element(sorted.begin(), middle, sorted.end());
-  const double reach = std::clamp(kBisquare * kMedianToDeviation * *middle, least_m, kMaxReachM);
+  const double reach =
+      std::clamp(kBisquare * maps::kMedianToDeviation * maps::median(d), least_m, kMaxReachM);
   std::vector<double> weights(d.size());
   for (std::size_t i = 0; i < d.size(); ++i) {
     const double u = d[i] / reach;

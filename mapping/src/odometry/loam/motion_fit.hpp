@@ -1,5 +1,6 @@
 #pragma once
 
+#include "odometry/lever.hpp"
 #include "odometry/loam/surfaces.hpp"
 #include "odometry/loam/sweep_motion.hpp"
 
@@ -30,9 +31,6 @@ struct Told {
   Eigen::Matrix<double, 6, Eigen::Dynamic> directions = Matrix6::Identity();
   std::vector<Eigen::Matrix<double, 6, 1>> untold;
 };
-
-/// As the aligner's (`localization::AlignmentResult`) [m].
-inline constexpr double kLeverM = 15.0;
 
 struct MotionFit {
   Motion T = Motion::Zero();

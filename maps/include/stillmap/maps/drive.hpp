@@ -74,8 +74,10 @@ class Drive {
     /// One pose a scan (already in the lidar frame), or empty.
     std::vector<Eigen::Isometry3d> T_map_lidar;
     /// The poses at their own stamps, where these are not the scans': also those beyond the scans.
-    /// Null where each scan brings its pose.
+    /// Null where each scan brings its pose, and for recordings.
     std::shared_ptr<const Trajectory> path;
+    /// Whether the poses came with stamps of their own: an offset was added to these.
+    bool poses_have_stamps = false;
     /// Step that the positions are multiples apart of on each axis, as they were written [m]; 0
     /// where there is none.
     Eigen::Vector3d position_step_m = Eigen::Vector3d::Zero();

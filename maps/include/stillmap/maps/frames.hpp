@@ -33,6 +33,13 @@ namespace stillmap::maps {
 /// Inverse of `exp_se3`; rotation angle in [0, pi].
 [[nodiscard]] Eigen::Matrix<double, 6, 1> log_se3(const Eigen::Isometry3d& T);
 
+/// Rotation about a vector by its length [rad], and its inverse with a length in [0, pi].
+[[nodiscard]] Eigen::Matrix3d exp_so3(const Eigen::Vector3d& rotation);
+[[nodiscard]] Eigen::Vector3d log_so3(const Eigen::Matrix3d& R);
+
+/// Roll, pitch and yaw of R = Rz(yaw) Ry(pitch) Rx(roll) [rad].
+[[nodiscard]] Eigen::Vector3d roll_pitch_yaw_rad(const Eigen::Matrix3d& R);
+
 /// Angle of a rotation [rad], in [0, pi].
 [[nodiscard]] double rotation_angle_rad(const Eigen::Matrix3d& R);
 

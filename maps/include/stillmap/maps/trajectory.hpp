@@ -9,6 +9,10 @@
 
 namespace stillmap::maps {
 
+/// Time from `from_ns` to `to_ns` [s], negative backwards: exact to the nanosecond for neighbours,
+/// without overflow however far apart.
+[[nodiscard]] double seconds_between(std::int64_t from_ns, std::int64_t to_ns);
+
 /// One pose of a path.
 struct StampedPose {
   std::int64_t stamp_ns = 0;
