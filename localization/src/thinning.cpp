@@ -34,8 +34,12 @@ float nearest_range_m(std::span<const Eigen::Vector3f> positions) {
 constexpr float kEdgesPerRange = 32.0F;
 /// They double with the range, up to so many edges of the first; what is farther is sparse anyway.
 constexpr float kMostLoneEdges = 4.0F;
-/// Where more of the points are lone the scan was thinned before, and it is no noise.
-constexpr double kMostLoneShare = 0.35;
+/// In sparse scans surfaces have lone points, too: of 2,000 to 5,000 points of a hand-held sensor a
+/// fifth of the near cells.
+constexpr std::size_t kSparsePoints = 10'000;
+/// Where more of the points are lone, and more of those in a range, the scan was thinned before.
+constexpr double kMostLoneShare = 0.15;
+constexpr double kMostLoneShareOfRange = 0.35;
 
 /// One point of each cell, and how many different points the cell has.
 struct Cells {
@@ -51,9 +55,15 @@ std::uint64_t key_of(const Eigen::Vector3f& p, float edge_m) {
   return cell_key(cell_of(p.x()), cell_of(p.y()), cell_of(p.z()));
 }
 
-/// Numbers of the cells within a range whose point is the only one in a cell of the edge `edge_m`.
-std::vector<std::size_t> lone_cells(std::span<const Eigen::Vector3f> positions, const Cells& cells,
-                                    float edge_m, float from_m, float to_m) {
+/// Numbers of the cells within a range whose point is the only one in a cell of the edge `edge_m`,
+/// and the share of the points there that these are.
+struct LoneCells {
+  std::vector<std::size_t> cells;
+  double share = 0.0;
+};
+
+LoneCells lone_cells(std::span<const Eigen::Vector3f> positions, const Cells& cells, float edge_m,
+                     float from_m, float to_m) {
   constexpr float kDiagonal = 1.74F;
   const auto is_within = [&](std::size_t i, float near_m, float far_m) {
     const float range2 = positions[cells.points[i]].squaredNorm();
@@ -61,39 +71,47 @@ std::vector<std::size_t> lone_cells(std::span<const Eigen::Vector3f> positions, 
   };
   const auto key = [&](std::size_t i) { return key_of(positions[cells.points[i]], edge_m); };
   std::vector<std::size_t> single;
-  for (std::size_t i = 0; i < cells.points.size(); ++i)
-    if (cells.counts[i] == 1 && is_within(i, from_m, to_m)) single.push_back(i);
-  if (edge_m == cells.edge_m) return single;
+  std::size_t points = 0;
+  for (std::size_t i = 0; i < cells.points.size(); ++i) {
+    if (!is_within(i, from_m, to_m)) continue;
+    points += cells.counts[i];
+    if (cells.counts[i] == 1) single.push_back(i);
+  }
   VoxelTable coarse(single.size());
   std::vector<std::uint32_t> counts;
   for (const std::size_t i : single)
     if (coarse.insert(key(i)).second) counts.push_back(0);
-  const float margin_m = kDiagonal * edge_m;
+  const float margin_m = edge_m > cells.edge_m ? kDiagonal * edge_m : 0.0F;
   for (std::size_t i = 0; i < cells.points.size(); ++i) {
     if (!is_within(i, from_m - margin_m, to_m + margin_m)) continue;
     const std::uint32_t cell = coarse.find(key(i));
     if (cell != VoxelTable::kNone) counts[cell] += cells.counts[i];
   }
   std::erase_if(single, [&](std::size_t i) { return counts[coarse.find(key(i))] > 1; });
-  return single;
+  const double share =
+      static_cast<double>(single.size()) / std::max(1.0, static_cast<double>(points));
+  return {std::move(single), share};
 }
 
 /// Leaves out the cells whose point is the only one around it, as rain, dust and crosstalk give
 /// them.
 void leave_out_lone(std::span<const Eigen::Vector3f> positions, Cells& cells) {
-  std::vector<char> lone(cells.points.size(), 0);
+  std::vector<LoneCells> by_range;
   std::size_t found = 0;
   float from_m = 0.0F;
   for (float edge_m = cells.edge_m; edge_m <= kMostLoneEdges * cells.edge_m; edge_m *= 2.0F) {
     const float to_m = kEdgesPerRange * edge_m;
-    for (const std::size_t i : lone_cells(positions, cells, edge_m, from_m, to_m)) {
-      lone[i] = 1;
-      ++found;
-    }
+    by_range.push_back(lone_cells(positions, cells, edge_m, from_m, to_m));
+    found += by_range.back().cells.size();
     from_m = to_m;
   }
   const auto all = std::accumulate(cells.counts.begin(), cells.counts.end(), std::size_t{0});
-  if (static_cast<double>(found) > kMostLoneShare * static_cast<double>(all)) return;
+  const bool many = static_cast<double>(found) > kMostLoneShare * static_cast<double>(all);
+  std::vector<char> lone(cells.points.size(), 0);
+  for (const LoneCells& in_range : by_range) {
+    if (many && in_range.share > kMostLoneShareOfRange) continue;
+    for (const std::size_t i : in_range.cells) lone[i] = 1;
+  }
   std::size_t kept = 0;
   for (std::size_t i = 0; i < cells.points.size(); ++i)
     if (lone[i] == 0) cells.points[kept++] = cells.points[i];
@@ -121,7 +139,7 @@ std::vector<std::size_t> one_point_a_cell(std::span<const Eigen::Vector3f> posit
       ++cells.counts[cell];
     }
   }
-  if (lone == Lone::kLeftOut) leave_out_lone(positions, cells);
+  if (lone == Lone::kLeftOut && positions.size() >= kSparsePoints) leave_out_lone(positions, cells);
   return std::move(cells.points);
 }
 

@@ -14,7 +14,7 @@ constexpr double kOwnErrorColumnM = 8.0;
 /// A tear turns scans from which it is seen.
 constexpr int kReachColumns = 5;
 /// What odometry itself is off by over 10 m, at most.
-constexpr float kOdometryM = 0.035F;
+constexpr float kOdometryM = 0.04F;
 constexpr float kOdometryRad = 1.5e-3F;
 
 std::int32_t column_at(double coordinate_m) {

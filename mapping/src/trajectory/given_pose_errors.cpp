@@ -67,6 +67,9 @@ constexpr double kAgreeMostM = 0.05;
 constexpr double kAgreeNeighboursRad = 1e-3;
 constexpr double kAgreeWaysRad = 2e-3;
 
+/// On the first metres of a drive odometry of sparse sensors turns by a degree and more.
+constexpr double kStartM = 15.0;
+
 }  // namespace
 
 void DifferenceList::add(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
@@ -175,16 +178,34 @@ std::vector<maps::PoseDisagreement> doubts_of(const TwicePosed& drive) {
 }
 
 std::vector<maps::PoseDisagreement> disagreements_of(const TwicePosed& drive) {
-  std::vector<maps::PoseDisagreement> found = doubts_of(drive.odometry);
+  struct Pair {
+    std::size_t from, to;
+    float m, rad;
+  };
+  std::vector<Pair> pairs;
   for_each_pair(drive, kDoubtWayM,
                 [&](std::size_t from, std::size_t to, const Eigen::Isometry3d& T_odometry,
                     const Eigen::Isometry3d& T_given) {
+                  const Eigen::Isometry3d& T_start = drive.odometry.front().T_odom_lidar;
+                  const Eigen::Isometry3d& T_from = drive.odometry[from].T_odom_lidar;
+                  if ((T_start.inverse() * T_from).translation().norm() < kStartM) return;
                   const Eigen::Isometry3d apart = T_odometry.inverse() * T_given;
-                  const auto m = static_cast<float>(apart.translation().norm());
-                  const auto rad = static_cast<float>(maps::rotation_angle_rad(apart.linear()));
-                  for (const std::size_t scan : {from, to})
-                    found[scan] = {std::max(found[scan].m, m), std::max(found[scan].rad, rad)};
+                  pairs.push_back({from, to, static_cast<float>(apart.translation().norm()),
+                                   static_cast<float>(maps::rotation_angle_rad(apart.linear()))});
                 });
+  std::vector<maps::PoseDisagreement> found = doubts_of(drive.odometry);
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    // The second largest of three in a row: one alone is odometry's.
+    const Pair& before = pairs[i > 0 ? i - 1 : i + 1 < pairs.size() ? i + 1 : i];
+    const Pair& after = pairs[i + 1 < pairs.size() ? i + 1 : i > 0 ? i - 1 : i];
+    const auto confirmed = [&](float Pair::*value) {
+      const float most = std::max(before.*value, after.*value);
+      return std::max(std::min(pairs[i].*value, most), std::min(before.*value, after.*value));
+    };
+    for (const std::size_t scan : {pairs[i].from, pairs[i].to})
+      found[scan] = {std::max(found[scan].m, confirmed(&Pair::m)),
+                     std::max(found[scan].rad, confirmed(&Pair::rad))};
+  }
   return found;
 }
 

@@ -47,7 +47,8 @@ struct TwicePosed {
 [[nodiscard]] std::vector<maps::PoseDisagreement> doubts_of(std::span<const OdometryPose> odometry);
 
 /// How far the map is bent or torn at each scan: the largest difference over 10 m of way from it or
-/// to it. A fast drive crosses a tear in few scans, which a median would not show.
+/// to it that the pair before or after confirms. A fast drive crosses a tear in few scans, which a
+/// median would not show. Within 15 m of a drive's start odometry tells nothing of that.
 [[nodiscard]] std::vector<maps::PoseDisagreement> disagreements_of(const TwicePosed& drive);
 
 /// Loops tell of errors that go together over longer ways than these, or differ between drives.

@@ -1,17 +1,21 @@
 #!/usr/bin/env python3
 """Whether answers contradict each other: a scan whole and in parts, each asked from the same prior.
 
-usage: pairs.py STILLMAP FOLDER DRIVE... [--prior-error 1,5] [--limits]
+usage: pairs.py STILLMAP FOLDER [DRIVE...] [--prior-error 1,5] [--limits]
 
 A map of each drive's even scans is made in FOLDER; odd scans are asked for whole, as halves and as quarters by azimuth.
 Where two answers for one scan are both `ok`, their poses differ by at most the sum of their levels along each axis of
 the lidar and in yaw, or one of the two is beyond its level: no truth is needed. Prints, for each drive, how many pairs
 there are, how many are apart by more than that, the largest difference in sums of levels and in metres, and how many
-answers are `ok`. --limits: exit code 1 when more than 0.5 % of all pairs are apart. Needs numpy (else exit 77).
+answers are `ok`. --limits: exit code 1 when more than 0.5 % of all pairs are apart. Without a drive the real ones of
+STILLMAP_REAL_DATA are taken. Needs numpy (else exit 77).
+--anew: what FOLDER holds of an earlier run is made again.
 """
 
 import argparse
+import os
 import pathlib
+import shutil
 import sys
 
 try:
@@ -28,6 +32,7 @@ import scans
 from ask import Asker
 
 MOST_APART = 0.005
+REAL = ("mulran_seosan01", "kitti_raw/2011_09_26/2011_09_26_drive_0013_sync", "hku_1")
 
 
 def parts_of(asker, prior):
@@ -61,12 +66,18 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("program")
     parser.add_argument("folder", type=pathlib.Path)
-    parser.add_argument("drives", nargs="+", type=pathlib.Path)
+    parser.add_argument("drives", nargs="*", type=pathlib.Path)
     parser.add_argument("--prior-error", default="1,5")
     parser.add_argument("--limits", action="store_true")
+    parser.add_argument("--anew", action="store_true")
     options = parser.parse_args()
+    if options.anew:
+        shutil.rmtree(options.folder, ignore_errors=True)
+    if not options.drives and not os.environ.get("STILLMAP_REAL_DATA"):
+        print("skipped: STILLMAP_REAL_DATA is not set")
+        return 77
     total = beyond = 0
-    for drive in options.drives:
+    for drive in options.drives or [pathlib.Path(os.environ["STILLMAP_REAL_DATA"]) / name for name in REAL]:
         asker = Asker(options.program, options.folder / drive.name, drive)
         parts = parts_of(asker, options.prior_error)
         rows = compare(parts)

@@ -17,11 +17,13 @@ by the nearer of them; the row below counts by the asked one alone.
 --every: asks each so many of the odd scans. --method: ndt, gicp and pcl-icp where STILLMAP was built with PCL (`./dev
 bench`). --limits: exit code 1 when one `ok` is beyond 0.5 m, more than a tenth of a row's `ok` beyond their level, a
 scan that no pose explains is `ok`, or fewer scans with noise are `ok` than 0.8 of clean ones.
+--anew: what FOLDER holds of an earlier run is made again.
 """
 
 import argparse
 import json
 import pathlib
+import shutil
 import sys
 
 try:
@@ -186,7 +188,10 @@ def main():
     parser.add_argument("--drives", default="", help="real ones, instead of simulated")
     parser.add_argument("--method", default="default")
     parser.add_argument("--limits", action="store_true")
+    parser.add_argument("--anew", action="store_true")
     options = parser.parse_args()
+    if options.anew:
+        shutil.rmtree(options.folder, ignore_errors=True)
     if options.drives:
         worlds = [real(options, pathlib.Path(drive)) for drive in options.drives.split(",")]
     else:

@@ -11,12 +11,12 @@
 namespace stillmap::localization {
 namespace thinning_test {
 
-/// A wall 10 m ahead, 20 m wide, points 2 cm apart across and 0.2 m up.
+/// A wall 10 m ahead, 20 m wide, points 1 cm apart across and 0.2 m up.
 std::vector<Eigen::Vector3f> wall() {
   std::vector<Eigen::Vector3f> points;
-  for (int i = -500; i < 500; ++i) {
+  for (int i = -1000; i < 1000; ++i) {
     for (int k = 0; k < 10; ++k)
-      points.emplace_back(10.0F, 0.02F * static_cast<float>(i), 0.2F * static_cast<float>(k));
+      points.emplace_back(10.0F, 0.01F * static_cast<float>(i), 0.2F * static_cast<float>(k));
   }
   return points;
 }
@@ -54,11 +54,23 @@ TEST(OnePointACell, LeavesLonePointsOutAndKeepsSurfaces) {
 }
 
 TEST(OnePointACell, KeepsAScanThatWasThinnedBefore) {
-  std::vector<Eigen::Vector3f> points;
-  for (const Eigen::Vector3f& p : wall()) points.push_back(p);
+  std::vector<Eigen::Vector3f> ground;
+  for (int i = -150; i < 150; ++i) {
+    for (int k = -150; k < 150; ++k)
+      ground.emplace_back(0.2F * static_cast<float>(i), 0.2F * static_cast<float>(k), -1.8F);
+  }
   std::vector<Eigen::Vector3f> thinned;
-  for (const std::size_t i : one_point_a_cell(points, 0.5F)) thinned.push_back(points[i]);
-  EXPECT_EQ(one_point_a_cell(thinned, 0.5F, Lone::kLeftOut).size(), thinned.size());
+  for (const std::size_t i : one_point_a_cell(ground, 0.5F)) thinned.push_back(ground[i]);
+  ASSERT_GT(thinned.size(), 10'000U);
+  // But what lies on the vehicle.
+  EXPECT_EQ(one_point_a_cell(thinned, 0.5F, Lone::kLeftOut).size(),
+            one_point_a_cell(thinned, 0.5F).size());
+}
+
+TEST(OnePointACell, KeepsASparseScan) {
+  const std::vector<Eigen::Vector3f> drops = rain(1000);
+  EXPECT_EQ(one_point_a_cell(drops, 0.5F, Lone::kLeftOut).size(),
+            one_point_a_cell(drops, 0.5F).size());
 }
 
 TEST(OnePointACell, KeepsAPoleFarAway) {

@@ -58,6 +58,19 @@ TEST(DisagreementsOf, ATearShowsTenMetresBeforeAndAfterItHoweverFastTheDrive) {
   }
 }
 
+TEST(DisagreementsOf, OneScanThatOdometryMisplacesIsNoTear) {
+  std::vector<OdometryPose> odometry;
+  std::vector<Eigen::Isometry3d> given;
+  for (int i = 0; i < 60; ++i) {
+    const bool misplaced = i < 5 || i == 30;
+    odometry.push_back(pose_of(turned(i, misplaced ? 0.2 : 0.0, 0.0)));
+    odometry.back().status = OdometryStatus::kMatched;
+    given.push_back(turned(i, 0.0, 0.0));
+  }
+  for (const maps::PoseDisagreement& each : disagreements_of({odometry, given}))
+    EXPECT_NEAR(each.m, 0.0F, 1e-5F);
+}
+
 TEST(KeyframeChooser, TakesTheFirstScanAndThenOneAMetreOrTenDegrees) {
   KeyframeChooser chooser;
   EXPECT_TRUE(chooser.add(pose_of(turned(0.0, 0.0, 0.0))));

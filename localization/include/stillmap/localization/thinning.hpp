@@ -8,8 +8,9 @@
 
 namespace stillmap::localization {
 
-/// What happens to points that no other is near, as rain, dust and crosstalk give them. A scan with
-/// more than a third of them was thinned before, and keeps them.
+/// What happens to points that no other is near, as rain, dust and crosstalk give them. A scan of
+/// fewer than 10,000 points, and one that was thinned before (many lone ones near the sensor),
+/// keeps them.
 enum class Lone { kKept, kLeftOut };
 
 /// Which points of a scan stand for all of it: the first in each cell, those left out that lie
