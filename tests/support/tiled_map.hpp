@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -21,9 +22,10 @@ inline maps::MapPoint map_point(float x, float y, float z,
 }
 
 /// A map package of these points (relative to its origin), each in its tile of level 0.
-inline std::shared_ptr<const maps::MapPackage> write_map(const std::filesystem::path& target,
-                                                         const std::vector<maps::MapPoint>& points,
-                                                         maps::MapManifest manifest = {}) {
+/// @param add  writes further files.
+inline std::shared_ptr<const maps::MapPackage> write_map(
+    const std::filesystem::path& target, const std::vector<maps::MapPoint>& points,
+    maps::MapManifest manifest = {}, const std::function<void(maps::MapPackageWriter&)>& add = {}) {
   std::map<maps::TileId, std::vector<maps::MapPoint>> tiles;
   for (const maps::MapPoint& p : points) {
     const auto index = [](float value) {
@@ -35,6 +37,7 @@ inline std::shared_ptr<const maps::MapPackage> write_map(const std::filesystem::
   for (const auto& [id, tile] : tiles) writer.add_tile(id, tile);
   if (manifest.frame_id.empty()) manifest.frame_id = "map";
   if (manifest.voxel_size_m == 0.0) manifest.voxel_size_m = 0.1;
+  if (add) add(writer);
   writer.publish(manifest, "{}");
   return maps::MapPackage::open(target);
 }

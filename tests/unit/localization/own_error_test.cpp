@@ -8,9 +8,8 @@
 
 #include <support/synthetic_world.hpp>
 #include <support/temporary_folder.hpp>
+#include <support/tiled_map.hpp>
 
-#include <cmath>
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -37,24 +36,17 @@ class Street {
     std::vector<maps::StampedPose> stamped;
     for (const Eigen::Isometry3d& T : poses_)
       stamped.push_back({static_cast<std::int64_t>(stamped.size()), T});
-    std::map<maps::TileId, std::vector<maps::MapPoint>> tiles;
-    for (const Eigen::Vector3d& p : world_.mapped_from(poses_, pattern(50))) {
-      const auto tile = [](double c) {
-        return static_cast<std::int32_t>(std::floor(c / maps::kTileSizeM));
-      };
-      tiles[{.level = 0, .x = tile(p.x()), .y = tile(p.y())}].push_back(
-          {static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(p.z()), 0.0F, 1,
-           maps::PointKind::kMeasured, 0});
+    std::vector<maps::MapPoint> points;
+    for (const Eigen::Vector3d& at : world_.mapped_from(poses_, pattern(50))) {
+      const Eigen::Vector3f p = at.cast<float>();
+      points.push_back(test::map_point(p.x(), p.y(), p.z()));
     }
-    const std::filesystem::path target = folder_.path() / std::to_string(count_++);
-    maps::MapPackageWriter writer(target);
-    for (const auto& [id, points] : tiles) writer.add_tile(id, points);
-    writer.write_trajectory(maps::Trajectory(std::move(stamped)));
-    if (!disagreements.empty()) maps::write_pose_disagreements(writer.folder(), disagreements);
-    maps::MapManifest manifest;
-    manifest.frame_id = "map";
-    writer.publish(manifest, "{}");
-    return maps::MapPackage::open(target);
+    return test::write_map(folder_.path() / std::to_string(count_++), points, {},
+                           [&](maps::MapPackageWriter& writer) {
+                             writer.write_trajectory(maps::Trajectory(std::move(stamped)));
+                             if (!disagreements.empty())
+                               maps::write_pose_disagreements(writer.folder(), disagreements);
+                           });
   }
   [[nodiscard]] std::size_t poses() const { return poses_.size(); }
   [[nodiscard]] AlignmentResult asked(const maps::MapPackage& map) const {
