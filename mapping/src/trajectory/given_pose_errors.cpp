@@ -193,7 +193,7 @@ std::vector<maps::PoseDisagreement> disagreements_of(const TwicePosed& drive) {
                   pairs.push_back({from, to, static_cast<float>(apart.translation().norm()),
                                    static_cast<float>(maps::rotation_angle_rad(apart.linear()))});
                 });
-  std::vector<maps::PoseDisagreement> found = doubts_of(drive.odometry);
+  std::vector<maps::PoseDisagreement> found(drive.odometry.size());
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     // The second largest of three in a row: one alone is odometry's.
     const Pair& before = pairs[i > 0 ? i - 1 : i + 1 < pairs.size() ? i + 1 : i];
