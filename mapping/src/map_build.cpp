@@ -288,13 +288,13 @@ std::vector<double> journaled_offsets_s(const std::vector<maps::Drive>& drives,
                        trajectory_key(drives, options, "pose time offset"));
   if (const auto known = journal.is_complete() ? journal.read(0) : std::nullopt) {
     std::istringstream stream(*known);
-    const std::vector<double> offsets_s{std::istream_iterator<double>(stream), {}};
+    std::vector<double> offsets_s{std::istream_iterator<double>(stream), {}};
     if (offsets_s.size() == drives.size()) return offsets_s;
     journal.discard("not one offset a drive");
   }
   journal.keep(0);
   const StageTimer timer(report.stage_seconds, "pose time offset");
-  const std::vector<double> offsets_s = found_pose_time_offsets(drives, options, progress, cancel);
+  std::vector<double> offsets_s = found_pose_time_offsets(drives, options, progress, cancel);
   journal.append(fmt::format("{}", fmt::join(offsets_s, " ")));
   journal.complete();
   return offsets_s;
