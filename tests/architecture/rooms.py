@@ -105,7 +105,6 @@ KNOWN = {
     "comparisons of two maps": [
         ("maps/include/stillmap/maps/map_difference.hpp", "MapDifference", "points"),
         ("mapping/src/rebuild/map_comparison.hpp", "ConsistencyChange", "gate"),
-        ("server/src/catalog/tile_diff.hpp", "TileDiff", "tiles"),
     ],
 }
 # What shows that a file may hold another one.
@@ -147,7 +146,8 @@ SEEN = {
         "mapping/include/stillmap/mapping/trajectory.hpp", "mapping/src/rebuild/held_back.cpp",
         "mapping/src/rebuild/rebuild.cpp", "mapping/src/reference/erasor.cpp",
         "mapping/src/trajectory/given_pose_errors.hpp", "mapping/src/trajectory/path_difference.hpp",
-        "maps/include/stillmap/maps/store/package_store.hpp", "server/src/derived/map_views.hpp",
+        "maps/include/stillmap/maps/store/package_store.hpp", "server/src/catalog/tile_diff.hpp",
+        "server/src/derived/map_views.hpp",
         "web/src/compare/compare_scene.ts"],
 }
 
