@@ -138,8 +138,7 @@ def row(name, tables):
 def rows_of(name, worlds, options):
     """Prints the rows of a set. @return counts by row."""
     if name in ("bent", "torn"):
-        parts = {part: distortions.PARTS[part] for part in ("whole", "front", "left", "back", "right")}
-        parts.update(distortions.BLOCKED)
+        parts = {"whole": distortions.whole, **distortions.BLOCKED}
         return {f"{name} by {size_m} m, {part}": row(
             f"{name} by {size_m} m, {part}",
             [judged(world.ask(part, change, name, size_m), world.T_map_lidar) for world in worlds])
