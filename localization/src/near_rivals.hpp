@@ -8,7 +8,7 @@
 
 namespace stillmap::localization {
 
-/// Looks for second optima that explain the scan about as well, 0.1 to 0.6 m away: the other face
+/// Looks for second optima that explain the scan about as well, 0.1 to 0.7 m away: the other face
 /// of a thin wall, the next fold of what repeats itself. An answer may be that of the wrong one.
 /// @param H         of all points at the pose. @param kernel_m  of the final rows.
 /// @return covariance that reaches them; zero where there is none.

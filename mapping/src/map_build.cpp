@@ -199,8 +199,7 @@ void warn_of_bent_places(const DriveSet& drives,
   if (bent.poses == 0 || is_said) return;
   report.warnings.push_back(fmt::format(
       "the map is bent or torn around {} of {} scans, most around {}: poses there disagree by "
-      "{:.2f} "
-      "m with the motion that the scans show over 10 m; {}",
+      "{:.2f} m with the motion that the scans show over 10 m; {}",
       bent.poses, disagreements.size(), first_scans(drives, std::array{bent.worst}), bent.worst_m,
       is_exact ? "build with --given-poses refine"
                : "look at the map there, and drive there again where walls stand twice"));
