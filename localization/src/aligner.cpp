@@ -1,9 +1,9 @@
 #include <stillmap/localization/aligner.hpp>
 
+#include "align/voxel_aligner.hpp"
 #include "reference/icp.hpp"
 #include "reference/point_to_plane.hpp"
 #include "reference/reference_aligner.hpp"
-#include "voxel_aligner.hpp"
 
 #include <fmt/format.h>
 

@@ -15,7 +15,7 @@
 // counted; they are the harder ones, so what is measured on the rest flatters every method.
 
 #include "accuracy/point_to_plane.hpp"
-#include "build/drive_set.hpp"
+#include "drives/drive_set.hpp"
 #include "evaluation/localization/localization_metrics.hpp"
 
 #include <stillmap/maps/drive.hpp>

@@ -30,16 +30,16 @@ HELPERS = ["quoted", "described", "one_line", "seconds_between", "median", "quan
 # What exists more than once: kind -> (file, class or function, one word on what it is).
 KNOWN = {
     "spatial hashes": [
-        ("localization/src/voxel_table.hpp", "VoxelTable", "table"),
-        ("localization/src/cell_blocks.hpp", "CellBlockTable", "mapped"),
-        ("localization/src/cell_bits.hpp", "CellBitsTable", "bits"),
-        ("localization/src/place_search.cpp", "PlacesApart", "tree"),
-        ("localization/src/localizability.cpp", "TellingVoxels", "tree"),
+        ("localization/src/index/voxel_table.hpp", "VoxelTable", "table"),
+        ("localization/src/index/cell_blocks.hpp", "CellBlockTable", "mapped"),
+        ("localization/src/index/cell_bits.hpp", "CellBitsTable", "bits"),
+        ("localization/src/align/place_search.cpp", "PlacesApart", "tree"),
+        ("localization/src/align/localizability.cpp", "TellingVoxels", "tree"),
         ("maps/src/checks/pose_readings.cpp", "Cells", "set"),
         ("maps/src/levels/voxel_thinning.cpp", "Voxels", "sorted"),
         ("maps/src/levels/tile_file.cpp", "squares_of", "tree"),
         ("maps/src/exports/autoware_export.cpp", "squares", "tree"),
-        ("mapping/src/point_cells.hpp", "PointCells", "table"),
+        ("mapping/src/core/point_cells.hpp", "PointCells", "table"),
         ("mapping/src/stacking/voxel_sums.hpp", "VoxelSums", "table"),
         ("mapping/src/stacking/normals.cpp", "NormalCells", "map"),
         ("mapping/src/ground/ground_sheets.hpp", "GroundSheets", "map"),
@@ -79,7 +79,7 @@ KNOWN = {
         ("maps/src/storage/layer_file.cpp", "LayerHeader", "layer"),
         ("maps/src/levels/tile_file.cpp", "TileHeader", "levels"),
         ("maps/src/package/point_fates.cpp", "kFatesMagic", "fates"),
-        ("mapping/src/build/build_journal.cpp", "Head", "journal"),
+        ("mapping/src/pipeline/build_journal.cpp", "Head", "journal"),
     ],
     "strict JSON readers": [
         ("maps/src/json_fields.hpp", "JsonField", "packages"),
@@ -123,9 +123,9 @@ CANDIDATE = {
 # Read, and something else: grids in arrays, users of a table that is listed, numbers at random, formats of others.
 SEEN = {
     "spatial hashes": [
-        "localization/src/local_voxels.hpp", "localization/src/pose_search.cpp",
-        "localization/src/reference/map_points.cpp", "localization/src/thinning.cpp",
-        "localization/src/voxel_moments.hpp", "mapping/simulation/geometry/random.hpp",
+        "localization/src/index/local_voxels.hpp", "localization/src/align/pose_search.cpp",
+        "localization/src/reference/map_points.cpp", "localization/src/align/thinning.cpp",
+        "localization/src/index/voxel_moments.hpp", "mapping/simulation/geometry/random.hpp",
         "mapping/simulation/scenarios/grid_plan.cpp", "mapping/src/detection/column_grid.hpp",
         "mapping/src/detection/onnx/dense_decoding.cpp", "mapping/src/detection/voxelnext/voxels.hpp",
         "mapping/src/evaluation/localization/prior_draws.cpp", "mapping/src/evaluation/report/stanford_figure.cpp",

@@ -1,8 +1,8 @@
 #pragma once
 
+#include "align/input_checks.hpp"
 #include "errors/api_error.hpp"
 #include "fuzz_target.hpp"
-#include "input_checks.hpp"
 #include "pose/pose_checks.hpp"
 #include "pose/pose_request.hpp"
 #include "scan_rules.hpp"

@@ -2,7 +2,7 @@
 
 #include <stillmap/maps/small_matrices.hpp>
 
-#include "voxel_table.hpp"
+#include "index/voxel_table.hpp"
 
 #include <algorithm>
 #include <cmath>

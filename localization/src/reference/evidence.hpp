@@ -1,7 +1,7 @@
 #pragma once
 
+#include "align/verdict.hpp"
 #include "reference/terms.hpp"
-#include "verdict.hpp"
 
 #include <vector>
 

@@ -1,7 +1,7 @@
 #include "reference/map_points.hpp"
 
-#include "measured_points.hpp"
-#include "voxel_table.hpp"
+#include "index/measured_points.hpp"
+#include "index/voxel_table.hpp"
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/small_matrices.hpp>

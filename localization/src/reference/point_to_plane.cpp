@@ -1,6 +1,6 @@
 #include "reference/point_to_plane.hpp"
 
-#include "registration.hpp"
+#include "align/registration.hpp"
 
 #include <stillmap/maps/frames.hpp>
 

@@ -1,7 +1,7 @@
 #include "reference/reference_aligner.hpp"
 
-#include "input_checks.hpp"
-#include "query.hpp"
+#include "align/input_checks.hpp"
+#include "align/query.hpp"
 #include "reference/evidence.hpp"
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 #include "reference/terms.hpp"
 
-#include "registration.hpp"
+#include "align/registration.hpp"
 
 #include <stillmap/maps/frames.hpp>
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "pose_pdf.hpp"
+#include "align/pose_pdf.hpp"
 
 #include <stillmap/localization/tracker.hpp>
 

@@ -1,6 +1,6 @@
 #include "session.hpp"
 
-#include "registration.hpp"
+#include "align/registration.hpp"
 
 #include <stillmap/maps/deskew.hpp>
 

@@ -1,6 +1,6 @@
 #include <stillmap/localization/tracker.hpp>
 
-#include "input_checks.hpp"
+#include "align/input_checks.hpp"
 #include "session.hpp"
 
 #include <fmt/format.h>

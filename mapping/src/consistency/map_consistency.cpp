@@ -1,8 +1,8 @@
 #include <stillmap/mapping/map_consistency.hpp>
 
-#include "build/ordered_pipeline.hpp"
 #include "consistency/surface_cells.hpp"
-#include "evaluation/localization/share_of.hpp"
+#include "core/ordered_pipeline.hpp"
+#include "core/share_of.hpp"
 
 #include <cmath>
 #include <nlohmann/json.hpp>

@@ -1,6 +1,6 @@
 #include "consistency/surface_cells.hpp"
 
-#include "point_cells.hpp"
+#include "core/point_cells.hpp"
 
 #include <stillmap/maps/small_matrices.hpp>
 

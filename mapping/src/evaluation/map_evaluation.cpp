@@ -1,11 +1,11 @@
-#include "build/scan_stages.hpp"
+#include "core/point_cells.hpp"
+#include "core/share_of.hpp"
+#include "core/top_view.hpp"
 #include "evaluation/labels/before_and_after.hpp"
 #include "evaluation/labels/labelled_scans.hpp"
 #include "evaluation/labels/map_voxels.hpp"
 #include "evaluation/labels/thinned_map.hpp"
-#include "evaluation/localization/share_of.hpp"
-#include "point_cells.hpp"
-#include "top_view.hpp"
+#include "pipeline/scan_stages.hpp"
 #include "trajectory/drive_of_map.hpp"
 
 #include <fmt/format.h>

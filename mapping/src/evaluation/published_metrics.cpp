@@ -1,6 +1,6 @@
 #include "evaluation/published_metrics.hpp"
 
-#include "evaluation/localization/share_of.hpp"
+#include "core/share_of.hpp"
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>

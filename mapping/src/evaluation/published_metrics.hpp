@@ -1,6 +1,6 @@
 #pragma once
 
-#include "point_cells.hpp"
+#include "core/point_cells.hpp"
 
 #include <Eigen/Core>
 

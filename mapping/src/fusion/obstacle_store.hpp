@@ -1,7 +1,7 @@
 #pragma once
 
+#include "core/scratch_file.hpp"
 #include "fusion/obstacle_map.hpp"
-#include "scratch_file.hpp"
 
 #include <cstddef>
 #include <cstdint>

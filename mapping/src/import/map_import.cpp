@@ -1,8 +1,8 @@
-#include "build/ordered_pipeline.hpp"
+#include "core/ordered_pipeline.hpp"
+#include "core/top_view.hpp"
 #include "import/column_ground.hpp"
 #include "stacking/tile_points.hpp"
 #include "stacking/tile_stack.hpp"
-#include "top_view.hpp"
 
 #include <fmt/format.h>
 #include <sys/resource.h>

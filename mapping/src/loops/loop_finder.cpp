@@ -1,6 +1,6 @@
 #include "loops/loop_finder.hpp"
 
-#include "build/ordered_pipeline.hpp"
+#include "core/ordered_pipeline.hpp"
 #include "loops/keyframe_store.hpp"
 #include "loops/loop_check.hpp"
 #include "loops/odometry_path.hpp"

@@ -1,6 +1,6 @@
 #include "odometry/run_odometry.hpp"
 
-#include "build/ordered_pipeline.hpp"
+#include "core/ordered_pipeline.hpp"
 #include "odometry/hidden_gaps.hpp"
 
 #include <fmt/format.h>

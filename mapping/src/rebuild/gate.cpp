@@ -1,6 +1,6 @@
 #include <stillmap/mapping/rebuild_gate.hpp>
 
-#include "evaluation/localization/share_of.hpp"
+#include "core/share_of.hpp"
 
 #include <fmt/format.h>
 

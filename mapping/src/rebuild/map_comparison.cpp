@@ -1,9 +1,9 @@
 #include "rebuild/map_comparison.hpp"
 
-#include "build/ordered_pipeline.hpp"
 #include "consistency/surface_cells.hpp"
-#include "evaluation/localization/share_of.hpp"
-#include "point_cells.hpp"
+#include "core/ordered_pipeline.hpp"
+#include "core/point_cells.hpp"
+#include "core/share_of.hpp"
 
 #include <stillmap/maps/error.hpp>
 

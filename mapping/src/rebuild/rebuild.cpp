@@ -1,8 +1,8 @@
 #include <stillmap/mapping/rebuild.hpp>
 
-#include "build/build_key.hpp"
-#include "build/posed_drives.hpp"
-#include "build/stage_timer.hpp"
+#include "core/stage_timer.hpp"
+#include "pipeline/build_key.hpp"
+#include "pipeline/posed_drives.hpp"
 #include "rebuild/held_back.hpp"
 #include "rebuild/map_comparison.hpp"
 #include "rebuild/rebuild_work.hpp"

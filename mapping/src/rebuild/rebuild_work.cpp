@@ -1,6 +1,6 @@
 #include "rebuild/rebuild_work.hpp"
 
-#include "build/build_key.hpp"
+#include "pipeline/build_key.hpp"
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>

@@ -1,6 +1,6 @@
 #include "reference/erasor.hpp"
 
-#include "point_cells.hpp"
+#include "core/point_cells.hpp"
 #include "reference/map_blocks.hpp"
 #include "reference/polar_bins.hpp"
 #include "reference/region_ground.hpp"

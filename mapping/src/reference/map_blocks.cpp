@@ -1,6 +1,6 @@
 #include "reference/map_blocks.hpp"
 
-#include "point_cells.hpp"
+#include "core/point_cells.hpp"
 
 #include <algorithm>
 

@@ -1,7 +1,7 @@
 #include "registration/map_registration.hpp"
 
-#include "build/drive_set.hpp"
-#include "build/ordered_pipeline.hpp"
+#include "core/ordered_pipeline.hpp"
+#include "drives/drive_set.hpp"
 #include "registration/frame_fit.hpp"
 
 #include <fmt/format.h>

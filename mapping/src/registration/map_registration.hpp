@@ -1,7 +1,7 @@
 #pragma once
 
-#include "build/drive_set.hpp"
-#include "build/manifest.hpp"
+#include "drives/drive_set.hpp"
+#include "registration/build_frame.hpp"
 
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/maps/drive.hpp>

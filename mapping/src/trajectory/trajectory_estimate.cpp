@@ -1,7 +1,7 @@
+#include "core/seconds_since.hpp"
 #include "loops/loop_finder.hpp"
 #include "odometry/run_odometry.hpp"
 #include "pose_graph/pose_graph.hpp"
-#include "seconds_since.hpp"
 #include "trajectory/common_frame.hpp"
 #include "trajectory/corrected_poses.hpp"
 #include "trajectory/given_pose_errors.hpp"

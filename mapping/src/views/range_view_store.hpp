@@ -1,6 +1,6 @@
 #pragma once
 
-#include "scratch_file.hpp"
+#include "core/scratch_file.hpp"
 #include "views/range_view.hpp"
 
 #include <cstddef>

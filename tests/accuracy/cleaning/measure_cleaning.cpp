@@ -12,8 +12,8 @@
 // unthinned map within 0.05 m. Static loss: share of points of what stays with no point of the
 // thinned map within 0.1 m, less the same of the map before cleaning.
 
-#include "build/scan_stages.hpp"
 #include "cleaning/free_space_cleaner.hpp"
+#include "pipeline/scan_stages.hpp"
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>

@@ -1,5 +1,5 @@
-#include "input_checks.hpp"
-#include "registration.hpp"
+#include "align/input_checks.hpp"
+#include "align/registration.hpp"
 
 #include <stillmap/localization/aligner.hpp>
 #include <stillmap/maps/frames.hpp>

@@ -1,5 +1,5 @@
 // Scans and priors that make no sense: every method says so, in bounded time.
-#include "query.hpp"
+#include "align/query.hpp"
 #include "reference/map_points.hpp"
 
 #include <stillmap/localization/aligner.hpp>

@@ -1,4 +1,4 @@
-#include "cell_bits.hpp"
+#include "index/cell_bits.hpp"
 
 #include <gtest/gtest.h>
 

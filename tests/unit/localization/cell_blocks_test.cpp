@@ -1,4 +1,4 @@
-#include "cell_blocks.hpp"
+#include "index/cell_blocks.hpp"
 
 #include <gtest/gtest.h>
 

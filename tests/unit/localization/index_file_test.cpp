@@ -1,6 +1,6 @@
 #include "index/index_file.hpp"
 #include "index/index_format.hpp"
-#include "map_level.hpp"
+#include "index/map_level.hpp"
 #include "reference/map_points.hpp"
 
 #include <stillmap/localization/map_index.hpp>

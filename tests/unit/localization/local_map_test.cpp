@@ -1,6 +1,6 @@
 #include <stillmap/localization/local_map.hpp>
 
-#include "local_voxels.hpp"
+#include "index/local_voxels.hpp"
 
 #include <stillmap/localization/map_index.hpp>
 #include <stillmap/maps/frames.hpp>

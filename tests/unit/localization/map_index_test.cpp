@@ -1,4 +1,4 @@
-#include "map_level.hpp"
+#include "index/map_level.hpp"
 
 #include <stillmap/localization/map_index.hpp>
 #include <stillmap/maps/error.hpp>

@@ -1,8 +1,8 @@
 #include "reference/reference_aligner.hpp"
 
+#include "align/registration.hpp"
 #include "reference/icp.hpp"
 #include "reference/point_to_plane.hpp"
-#include "registration.hpp"
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/frames.hpp>

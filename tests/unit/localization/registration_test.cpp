@@ -1,4 +1,4 @@
-#include "registration.hpp"
+#include "align/registration.hpp"
 
 #include <stillmap/maps/frames.hpp>
 

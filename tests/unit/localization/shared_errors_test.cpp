@@ -1,4 +1,4 @@
-#include "shared_errors.hpp"
+#include "align/shared_errors.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "sweep_motion.hpp"
+#include "align/sweep_motion.hpp"
 
 #include <stillmap/localization/aligner.hpp>
 #include <stillmap/maps/frames.hpp>

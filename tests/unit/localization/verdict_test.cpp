@@ -1,4 +1,4 @@
-#include "verdict.hpp"
+#include "align/verdict.hpp"
 
 #include <stillmap/localization/aligner.hpp>
 #include <stillmap/maps/frames.hpp>

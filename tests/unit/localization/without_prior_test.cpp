@@ -1,4 +1,4 @@
-#include "place_search.hpp"
+#include "align/place_search.hpp"
 
 #include <stillmap/localization/aligner.hpp>
 

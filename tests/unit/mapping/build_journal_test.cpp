@@ -1,4 +1,4 @@
-#include "build/build_journal.hpp"
+#include "pipeline/build_journal.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

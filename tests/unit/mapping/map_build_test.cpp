@@ -13,7 +13,7 @@
 #include <numbers>
 #include <set>
 
-#include "build/scan_stages.hpp"
+#include "pipeline/scan_stages.hpp"
 #include "small_drive.hpp"
 #include "support/throws.hpp"
 

@@ -1,4 +1,4 @@
-#include "point_cells.hpp"
+#include "core/point_cells.hpp"
 
 #include "support/synthetic_world.hpp"
 

@@ -5,8 +5,8 @@
 
 #include <string>
 
-#include "build/posed_drives.hpp"
-#include "build/posed_drives_bytes.hpp"
+#include "pipeline/posed_drives.hpp"
+#include "pipeline/posed_drives_bytes.hpp"
 #include "small_drive.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"

@@ -1,4 +1,4 @@
-#include "build/surveyed_scan_bytes.hpp"
+#include "pipeline/surveyed_scan_bytes.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "top_view.hpp"
+#include "core/top_view.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,10 +1,10 @@
 #include <stillmap/mapping/detector_evaluation.hpp>
 
-#include "build/drive_set.hpp"
+#include "core/seconds_since.hpp"
+#include "core/top_view.hpp"
+#include "drives/drive_set.hpp"
 #include "evaluation/detector/box_figures.hpp"
 #include "evaluation/detector/point_tally.hpp"
-#include "seconds_since.hpp"
-#include "top_view.hpp"
 
 #include <fmt/format.h>
 #include <stillmap/mapping/detector.hpp>

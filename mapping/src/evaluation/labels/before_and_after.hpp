@@ -1,6 +1,6 @@
 #pragma once
 
-#include "top_view.hpp"
+#include "core/top_view.hpp"
 
 #include <stillmap/mapping/label_evaluation.hpp>
 #include <stillmap/maps/map_package.hpp>

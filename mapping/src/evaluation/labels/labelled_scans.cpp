@@ -1,6 +1,6 @@
 #include "evaluation/labels/labelled_scans.hpp"
 
-#include "build/drive_set.hpp"
+#include "drives/drive_set.hpp"
 #include "evaluation/published_metrics.hpp"
 #include "trajectory/drive_of_map.hpp"
 

@@ -1,8 +1,8 @@
 #include "evaluation/localization/localization_metrics.hpp"
 
+#include "core/share_of.hpp"
 #include "evaluation/localization/integrity.hpp"
 #include "evaluation/localization/resampling.hpp"
-#include "evaluation/localization/share_of.hpp"
 
 #include <stillmap/maps/frames.hpp>
 #include <stillmap/maps/small_matrices.hpp>

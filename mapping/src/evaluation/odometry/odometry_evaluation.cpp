@@ -1,9 +1,9 @@
 #include <stillmap/mapping/odometry_evaluation.hpp>
 
+#include "core/seconds_since.hpp"
 #include "evaluation/odometry/loop_scores.hpp"
 #include "evaluation/odometry/trajectory_errors.hpp"
 #include "evaluation/odometry/treated_scans.hpp"
-#include "seconds_since.hpp"
 
 #include <fmt/format.h>
 #include <stillmap/mapping/trajectory.hpp>

@@ -1,0 +1,47 @@
+#pragma once
+
+#include "drives/drive_set.hpp"
+#include "fusion/apply_edits.hpp"
+#include "fusion/object_fusion.hpp"
+#include "ground/ground_footprint.hpp"
+#include "pipeline/scan_stages.hpp"
+#include "pipeline/survey_pass.hpp"
+
+#include <stillmap/maps/edits.hpp>
+#include <stillmap/maps/map_object.hpp>
+
+#include <cstdint>
+#include <map>
+#include <vector>
+
+namespace stillmap::mapping {
+
+/// The objects of a build, and where they are in each scan.
+struct BuildObjects {
+  std::vector<FusedObject> objects;
+  /// By ordinal of the scan.
+  std::vector<std::vector<ScanObject>> by_scan;
+  /// By ordinal: regions in which a user wants every point to stay; lidar frame of the scan.
+  std::vector<std::vector<maps::Box>> kept_by_scan;
+  EditReport edits;
+};
+
+/// Where objects stood still, in the local frame.
+[[nodiscard]] std::vector<GroundFootprint> footprints_of(const std::vector<FusedObject>& objects,
+                                                         const Eigen::Vector3d& origin);
+
+/// Joins the boxes of all scans (`options.fusion`), or makes an object of each; then a user's
+/// corrections.
+/// @param origin  of the map.
+[[nodiscard]] BuildObjects objects_of(const DriveSet& drives, const Survey& survey,
+                                      const MapBuildOptions& options, const Eigen::Vector3d& origin,
+                                      const maps::Edits& edits, const CancelFlag& cancel);
+
+/// As the package holds them.
+/// @param points_removed  by number of the object plus 1.
+/// @param fused           false: nothing is known of their motion.
+[[nodiscard]] std::vector<maps::MapObject> to_map_objects(
+    const DriveSet& drives, const std::vector<FusedObject>& objects,
+    const std::map<std::uint32_t, std::uint64_t>& points_removed, bool fused);
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,153 @@
+#include "pipeline/survey_pass.hpp"
+
+#include "core/ordered_pipeline.hpp"
+#include "pipeline/surveyed_scan_bytes.hpp"
+
+#include <fmt/format.h>
+
+#include <stillmap/maps/map_package.hpp>
+
+#include <optional>
+#include <stdexcept>
+#include <utility>
+
+namespace stillmap::mapping {
+namespace {
+
+/// A record cannot be used; the survey begins again with those before it.
+struct UnusableRecord : std::runtime_error {
+  /// @param why  empty: broken bytes, as a power cut leaves them.
+  UnusableRecord(std::size_t keep_records, const std::string& why)
+      : std::runtime_error(why), keep(keep_records) {}
+  std::size_t keep;
+};
+
+struct Journaled {
+  SurveyedScan scan;
+  /// For the journal; empty when it is there already.
+  std::string record;
+};
+
+SurveyedScan from_journal(const BuildJournal& journal, const DriveSet& drives, std::size_t scan) {
+  const std::optional<std::string> bytes = journal.read(scan);
+  if (!bytes) throw UnusableRecord(scan, {});
+  try {
+    SurveyedScan surveyed = surveyed_scan_from(*bytes);
+    if (surveyed.scan != scan) throw UnusableRecord(scan, {});
+    const std::string sha256 = drives.sha256(scan);
+    if (surveyed.sha256 == sha256) return surveyed;
+  } catch (const std::invalid_argument&) {
+    throw UnusableRecord(scan, {});
+  }
+  throw UnusableRecord(0, drives.name(scan) + " has changed");
+}
+
+Journaled journaled(SurveyedScan scan) {
+  Journaled out{std::move(scan), {}};
+  const StageTimer timer(out.scan.stage_seconds, "journal");
+  out.record = to_bytes(out.scan);
+  return out;
+}
+
+class Surveying {
+ public:
+  Surveying(const DriveSet& drives, BuildJournal& journal, const std::filesystem::path& scratch,
+            const ProgressCallback& progress)
+      : drives_(drives),
+        journal_(journal),
+        progress_(progress),
+        survey_(std::make_unique<Survey>(scratch)) {
+    survey_->resumed = journal.size();
+  }
+
+  void take(Journaled next) {
+    SurveyedScan& scan = next.scan;
+    const bool resumed = next.record.empty();
+    {
+      const StageTimer timer(scan.stage_seconds, "fuse ground");
+      survey_->ground.add(scan.ground_cells);
+    }
+    {
+      const StageTimer timer(scan.stage_seconds, "obstacles");
+      survey_->obstacles.add(drives_.place(scan.scan).drive, scan.obstacles);
+    }
+    survey_->views.append(*scan.view);
+    if (!resumed) {
+      const StageTimer timer(scan.stage_seconds, "journal");
+      journal_.append(next.record);
+    }
+    survey_->sources += fmt::format("{}  {}\n", scan.sha256, drives_.name(scan.scan));
+    add_to(survey_->counts, scan.counts);
+    add_to(survey_->stage_seconds, scan.stage_seconds);
+    survey_->scans.push_back(
+        {{std::move(scan.is_ground), std::move(scan.weather)}, std::move(scan.boxes)});
+    tell_progress(resumed);
+  }
+
+  std::unique_ptr<Survey> finish() {
+    survey_->obstacles.finish();
+    return std::move(survey_);
+  }
+
+ private:
+  /// Taking over is a stage of its own: it is far faster, and would spoil the estimate of the time
+  /// that is left.
+  void tell_progress(bool resumed) const {
+    if (!progress_) return;
+    const std::size_t before = survey_->resumed;
+    if (resumed)
+      progress_("resume", survey_->scans.size(), before);
+    else
+      progress_("survey", survey_->scans.size() - before, drives_.size() - before);
+  }
+
+  const DriveSet& drives_;
+  BuildJournal& journal_;
+  const ProgressCallback& progress_;
+  std::unique_ptr<Survey> survey_;
+};
+
+}  // namespace
+
+PosedViews posed_views(const DriveSet& drives, const RangeViewStore& views,
+                       const Eigen::Vector3d& origin) {
+  PosedViews posed;
+  for (std::size_t scan = 0; scan < drives.size(); ++scan) {
+    Eigen::Isometry3d T = drives.T_map_scan(scan);
+    T.translation() -= origin;
+    posed.T_local_lidar.push_back(T);
+    posed.doubts.push_back(drives.doubt(scan));
+  }
+  posed.read = [&views](std::size_t scan) { return views.read(scan); };
+  return posed;
+}
+
+std::unique_ptr<Survey> survey_scans(const DriveSet& drives, const ScanStages& stages,
+                                     const std::filesystem::path& scratch, int threads,
+                                     BuildJournal& journal, const ProgressCallback& progress,
+                                     const CancelFlag& cancel) {
+  while (true) {
+    try {
+      journal.keep(drives.size());
+      const std::size_t found = journal.size();
+      Surveying surveying(drives, journal, scratch, progress);
+      process_in_order(
+          drives.size(), threads,
+          [&](std::size_t scan) -> Journaled {
+            if (scan < found) return {from_journal(journal, drives, scan), {}};
+            return journaled(stages.survey(scan));
+          },
+          [&](Journaled scan) { surveying.take(std::move(scan)); }, cancel);
+      journal.complete();
+      return surveying.finish();
+    } catch (const UnusableRecord& unusable) {
+      const std::string why = unusable.what();
+      if (why.empty())
+        journal.keep(unusable.keep);
+      else
+        journal.discard(why);
+    }
+  }
+}
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,57 @@
+#pragma once
+
+#include "fusion/obstacle_store.hpp"
+#include "ground/fused_ground.hpp"
+#include "pipeline/build_journal.hpp"
+#include "pipeline/scan_stages.hpp"
+#include "views/posed_views.hpp"
+#include "views/range_view_store.hpp"
+
+#include <stillmap/mapping/progress.hpp>
+
+#include <cstddef>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace stillmap::mapping {
+
+/// What pass 1 leaves behind for all that follows.
+struct Survey {
+  struct Scan : FoundInScan {
+    std::vector<maps::Box> boxes;
+  };
+  /// `scratch` is a folder.
+  explicit Survey(const std::filesystem::path& scratch) : obstacles(scratch), views(scratch) {}
+
+  /// By ordinal.
+  std::vector<Scan> scans;
+  FusedGround ground;
+  ObstacleStore obstacles;
+  RangeViewStore views;
+  /// SHA-256 and name of every scan's file, a line each as `sha256sum` prints it.
+  std::string sources;
+  /// Scans that were taken from the journal.
+  std::size_t resumed = 0;
+  Counts counts;
+  /// Of such scans too: what they took in the build that was killed.
+  StageSeconds stage_seconds;
+};
+
+/// The views of all scans with their poses. @param views  must outlive what is returned.
+[[nodiscard]] PosedViews posed_views(const DriveSet& drives, const RangeViewStore& views,
+                                     const Eigen::Vector3d& origin);
+
+/// Pass 1 over all scans: several at once, taken in their order.
+/// @param scratch  folder for what does not stay in memory.
+/// @param journal  a record a scan: those that are there are not computed again, those that are
+/// not are appended. When a scan's file is another one than its record says, all records are
+/// thrown away: another drive would be mixed in.
+[[nodiscard]] std::unique_ptr<Survey> survey_scans(const DriveSet& drives, const ScanStages& stages,
+                                                   const std::filesystem::path& scratch,
+                                                   int threads, BuildJournal& journal,
+                                                   const ProgressCallback& progress,
+                                                   const CancelFlag& cancel);
+
+}  // namespace stillmap::mapping

@@ -1,0 +1,256 @@
+#include "pipeline/tile_pass.hpp"
+
+#include "cleaning/free_space_cleaner.hpp"
+#include "consistency/surface_cells.hpp"
+#include "core/ordered_pipeline.hpp"
+#include "core/top_view.hpp"
+#include "ground/ground_fill.hpp"
+#include "pipeline/tile_window.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <algorithm>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <utility>
+
+namespace stillmap::mapping {
+namespace {
+
+constexpr int kPictureSide = 1600;
+
+/// The drives' scans for cleaning methods that read them again.
+class DriveScans final : public ScanSource {
+ public:
+  DriveScans(const DriveSet& drives, const Survey& survey, const Placed& placed,
+             const Eigen::Vector3d& origin)
+      : drives_(drives), survey_(survey), placed_(placed), origin_(origin) {}
+
+  [[nodiscard]] std::size_t size() const override { return drives_.size(); }
+  [[nodiscard]] Eigen::Isometry3d T_local_lidar(std::size_t scan) const override {
+    Eigen::Isometry3d T = drives_.T_map_scan(scan);
+    T.translation() -= origin_;
+    return T;
+  }
+  [[nodiscard]] PosedScan read(std::size_t scan) const override {
+    Counts unused;
+    const std::vector<bool>& ground = survey_.scans.at(scan).is_ground;
+    const std::vector<bool>& object = placed_.in_object.at(scan);
+    return {T_local_lidar(scan),
+            drives_.read(scan, unused).cloud.positions,
+            {ground.begin(), ground.end()},
+            {object.begin(), object.end()}};
+  }
+
+ private:
+  const DriveSet& drives_;
+  const Survey& survey_;
+  const Placed& placed_;
+  Eigen::Vector3d origin_;
+};
+
+/// Drops the voxels that a cleaner flagged. @param numbers  of the flags' voxels in `sums`.
+std::size_t drop(std::vector<VoxelSum>& sums, const std::vector<std::size_t>& numbers,
+                 const std::uint8_t* moved) {
+  std::vector<std::uint8_t> goes(sums.size(), 0);
+  for (std::size_t i = 0; i < numbers.size(); ++i) goes[numbers[i]] = moved[i];
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < sums.size(); ++i) {
+    if (goes[i] == 0) sums[kept++] = sums[i];
+  }
+  const std::size_t dropped = sums.size() - kept;
+  sums.resize(kept);
+  return dropped;
+}
+
+/// What a method that needs the whole map at once says, tile by tile.
+std::map<maps::TileId, std::vector<std::uint8_t>> moved_in_whole(
+    const VoxelGrid& grid, const Cleaner& cleaner, const ScanSource& scans, const TileStack& stack,
+    const ProgressCallback& progress, const CancelFlag& cancel) {
+  CleaningPoints all;
+  all.voxel_size_m = grid.voxel_size_m();
+  std::map<maps::TileId, std::size_t> sizes;
+  for (const maps::TileId id : stack.tiles()) {
+    std::vector<std::size_t> unused;
+    const CleaningPoints points = cleaning_points(grid, id, stack.read(id), unused);
+    all.positions.insert(all.positions.end(), points.positions.begin(), points.positions.end());
+    all.is_ground.insert(all.is_ground.end(), points.is_ground.begin(), points.is_ground.end());
+    all.scans.insert(all.scans.end(), points.scans.begin(), points.scans.end());
+    sizes[id] = points.positions.size();
+  }
+  const std::vector<std::uint8_t> moved = cleaner.moved(all, scans, progress, cancel);
+  std::map<maps::TileId, std::vector<std::uint8_t>> by_tile;
+  auto at = moved.begin();
+  for (const auto& [id, size] : sizes) {
+    const auto end = at + static_cast<std::ptrdiff_t>(size);
+    by_tile[id].assign(at, end);
+    at = end;
+  }
+  return by_tile;
+}
+
+struct FinishedTile {
+  TilePoints tile;
+  Counts counts;
+  StageSeconds stage_seconds;
+  ConsistencySum consistency;
+};
+
+/// What is done to one tile. Safe from several threads, for different tiles.
+class TileStages {
+ public:
+  TileStages(const DriveSet& drives, const Survey& survey, const BuildObjects& objects,
+             const VoxelGrid& grid, const MapBuildOptions& options, const maps::Edits& edits)
+      : grid_(grid),
+        options_(options),
+        ground_(survey.ground),
+        views_(posed_views(drives, survey.views, grid.origin())) {
+    if (options.clean == "free-space") keyframes_ = select_keyframes(views_.T_local_lidar);
+    for (const maps::Edit& edit : edits) {
+      if (edit.action != maps::EditAction::kKeep || !edit.box) continue;
+      kept_.push_back(*edit.box);
+      kept_.back().centre -= grid.origin();
+    }
+    if (!options.fills_ground()) return;
+    footprints_ = footprints_of(objects.objects, grid.origin());
+    for (std::size_t i = 0; i < objects.objects.size(); ++i) {
+      if (!objects.objects[i].moving) numbers_.push_back(static_cast<std::uint32_t>(i + 1));
+    }
+  }
+
+  /// @param moved  what a method for the whole map said; nullptr = ours or none.
+  [[nodiscard]] FinishedTile finish(maps::TileId id, TileWindow& window,
+                                    const std::vector<std::uint8_t>* moved) const {
+    FinishedTile out;
+    OpenTile& open = window.tile(id);
+    if (moved != nullptr) {
+      clean(open, *moved, out);
+    } else if (options_.clean == "free-space") {
+      const StageTimer timer(out.stage_seconds, "clean");
+      clean(open,
+            moved_by_free_space(window.with_rim(id, free_space_rim_m(grid_.voxel_size_m())),
+                                area_of(id), views_, keyframes_),
+            out);
+    }
+    {
+      const StageTimer timer(out.stage_seconds, "finish");
+      out.tile = to_points(grid_, id, open.sums, [this](std::uint32_t scan) {
+        return Eigen::Vector3f(views_.T_local_lidar[scan].translation().cast<float>());
+      });
+    }
+    if (!footprints_.empty()) fill(out);
+    open.sums = {};
+    {
+      const StageTimer timer(out.stage_seconds, "consistency");
+      out.consistency.add(surface_cells(surface_points(id, out.tile.points), grid_.voxel_size_m()));
+    }
+    return out;
+  }
+
+ private:
+  /// @param moved  a flag for each of the tile's points, more are passed over.
+  void clean(OpenTile& open, std::vector<std::uint8_t> moved, FinishedTile& out) const {
+    for (std::size_t i = 0; !kept_.empty() && i < open.numbers.size(); ++i) {
+      const Eigen::Vector3d p = open.points.positions[i].cast<double>();
+      if (std::any_of(kept_.begin(), kept_.end(),
+                      [&](const maps::Box& box) { return box.contains(p); }))
+        moved[i] = 0;
+    }
+    out.counts["cleaned"] = drop(open.sums, open.numbers, moved.data());
+  }
+
+  void fill(FinishedTile& out) const {
+    const StageTimer timer(out.stage_seconds, "fill");
+    const std::vector<Eigen::Vector3f> filled =
+        fill_ground(out.tile.id, out.tile.points, footprints_, ground_, grid_.voxel_size_m());
+    for (const Eigen::Vector3f& p : filled) {
+      const auto under = std::find_if(footprints_.begin(), footprints_.end(),
+                                      [&](const GroundFootprint& footprint) {
+                                        return footprint.covers(p.head<2>().cast<double>());
+                                      });
+      const bool known = under != footprints_.end();
+      add_filled(p, known ? numbers_[static_cast<std::size_t>(under - footprints_.begin())] : 0,
+                 out.tile);
+    }
+    out.counts["filled"] = filled.size();
+  }
+
+  const VoxelGrid& grid_;
+  const MapBuildOptions& options_;
+  const FusedGround& ground_;
+  /// Regions in which nothing is cleaned; local frame.
+  std::vector<maps::Box> kept_;
+  PosedViews views_;
+  std::vector<Keyframe> keyframes_;
+  std::vector<GroundFootprint> footprints_;
+  /// Number of each footprint's object plus 1.
+  std::vector<std::uint32_t> numbers_;
+};
+
+/// Of whole tiles, since what is in them is not known before.
+TopView empty_picture(const std::vector<maps::TileId>& tiles) {
+  Eigen::Vector2d min = Eigen::Vector2d::Constant(std::numeric_limits<double>::max());
+  Eigen::Vector2d max = -min;
+  for (const maps::TileId& id : tiles) {
+    const Eigen::Vector2d corner(id.x * maps::kTileSizeM, id.y * maps::kTileSizeM);
+    min = min.cwiseMin(corner);
+    max = max.cwiseMax(corner + Eigen::Vector2d::Constant(maps::kTileSizeM));
+  }
+  return {min, max, kPictureSide};
+}
+
+}  // namespace
+
+TileCounts finish_tiles(const DriveSet& drives, const Survey& survey, const BuildObjects& objects,
+                        Placed& placed, const VoxelGrid& grid, const MapBuildOptions& options,
+                        const maps::Edits& edits, const Cleaner* cleaner,
+                        maps::MapPackageWriter& writer, const ProgressCallback& progress,
+                        const CancelFlag& cancel) {
+  TileCounts out{{{"cleaned", 0}, {"filled", 0}}, {}, {}};
+  const std::vector<maps::TileId> ids = placed.stack.tiles();
+  if (ids.empty())
+    throw maps::InputError(drives.drives().front().contents().root.string(),
+                           "no usable point in any selected scan",
+                           "at least one scan with points in range");
+  std::map<maps::TileId, std::vector<std::uint8_t>> whole;
+  if (cleaner != nullptr) {
+    const StageTimer timer(out.stage_seconds, "clean");
+    const DriveScans scans(drives, survey, placed, grid.origin());
+    whole = moved_in_whole(grid, *cleaner, scans, placed.stack, progress, cancel);
+  }
+  const TileStages stages(drives, survey, objects, grid, options, edits);
+  TileWindow window(placed.stack, grid);
+  TopView preview = empty_picture(ids);
+  ConsistencySum consistency;
+  std::size_t done = 0;
+  const auto take = [&](const FinishedTile& finished) {
+    consistency.add(finished.consistency);
+    add_to(out.counts, finished.counts);
+    add_to(out.stage_seconds, finished.stage_seconds);
+    const TilePoints& tile = finished.tile;
+    out.counts["static"] += tile.points.size();
+    for (const maps::MapPoint& p : tile.points)
+      preview.add_point(Eigen::Vector3f(p.x, p.y, p.z).cast<double>());
+    if (!tile.points.empty()) writer.add_tile(tile.id, tile.points, tile.history);
+    if (progress) progress("tiles", ++done, ids.size());
+  };
+  for (auto begin = ids.begin(); begin != ids.end();) {
+    const std::int32_t x = begin->x;
+    const auto end = std::find_if(begin, ids.end(), [x](const auto& id) { return id.x != x; });
+    window.move_to(x, options.threads);
+    process_in_order(
+        static_cast<std::size_t>(end - begin), options.threads,
+        [&](std::size_t i) {
+          const maps::TileId id = begin[static_cast<std::ptrdiff_t>(i)];
+          return stages.finish(id, window, cleaner != nullptr ? &whole.at(id) : nullptr);
+        },
+        take, cancel);
+    begin = end;
+  }
+  preview.write_png(writer.folder() / "preview.png");
+  out.consistency = consistency.result();
+  return out;
+}
+
+}  // namespace stillmap::mapping
