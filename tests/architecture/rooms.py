@@ -82,8 +82,8 @@ KNOWN = {
         ("mapping/src/pipeline/build_journal.cpp", "Head", "journal"),
     ],
     "strict JSON readers": [
-        ("maps/src/json_fields.hpp", "JsonField", "packages"),
-        ("maps/src/edits.cpp", "Field", "edits"),
+        ("maps/src/core/json_fields.hpp", "JsonField", "packages"),
+        ("maps/src/package/edits.cpp", "Field", "edits"),
         ("mapping/src/detection/strict_value.hpp", "StrictValue", "networks"),
         ("mapping/src/detection/voxelnext/safetensors.cpp", "Entry", "tensors"),
         ("mapping/simulation/sensing/sensor_file.cpp", "Keys", "sensors"),

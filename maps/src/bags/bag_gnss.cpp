@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include "bags/place_on_earth.hpp"
 #include "bags/ros_messages.hpp"
-#include "drives/place_on_earth.hpp"
 
 namespace stillmap::maps {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "pose_bounds.hpp"
+#include "core/pose_bounds.hpp"
 
 namespace stillmap::maps {
 namespace {

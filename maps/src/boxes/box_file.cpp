@@ -6,8 +6,8 @@
 #include <numbers>
 
 #include "boxes/kitti_labels.hpp"
+#include "core/json_fields.hpp"
 #include "formats/text.hpp"
-#include "json_fields.hpp"
 #include "storage/write_file.hpp"
 
 namespace stillmap::maps {

@@ -13,11 +13,11 @@
 
 #include "bags/bag_choice.hpp"
 #include "bags/poses_near_scans.hpp"
+#include "core/pose_bounds.hpp"
+#include "core/sha256.hpp"
 #include "drives/layout.hpp"
 #include "drives/pose_gaps.hpp"
 #include "formats/point_table.hpp"
-#include "package/sha256.hpp"
-#include "pose_bounds.hpp"
 #include "rawlogs/rawlog_survey.hpp"
 
 namespace stillmap::maps {

@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "json_fields.hpp"
+#include "core/json_fields.hpp"
 
 namespace stillmap::maps {
 namespace {

@@ -6,12 +6,12 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <string>
 
-#include "json_fields.hpp"
+#include "core/json_fields.hpp"
+#include "formats/text.hpp"
 #include "package/manifest_json.hpp"
 
 namespace stillmap::maps {
@@ -45,14 +45,6 @@ MapGraph graph_from(const JsonField& field, std::size_t poses) {
   return graph;
 }
 
-std::string text_of(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-  if (!in.is_open() || in.bad())
-    throw InputError(file.string(), "nothing", "what the manifest lists");
-  return text;
-}
-
 }  // namespace
 
 void write_map_graph(const std::filesystem::path& package, const MapGraph& graph) {
@@ -76,7 +68,7 @@ std::optional<MapGraph> read_map_graph(const MapPackage& map) {
   std::size_t poses = 0;
   for (const Trajectory& drive : map.trajectories()) poses += drive.size();
   const std::filesystem::path file = map.folder() / kGraphName;
-  const json document = parse_json(text_of(file), file.string());
+  const json document = parse_json(read_text(file), file.string());
   return graph_from(JsonField(document, file.string()), poses);
 }
 

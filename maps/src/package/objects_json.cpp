@@ -4,7 +4,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "json_fields.hpp"
+#include "core/json_fields.hpp"
 
 namespace stillmap::maps {
 namespace {

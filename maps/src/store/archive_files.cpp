@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-#include "package/sha256.hpp"
+#include "core/sha256.hpp"
 #include "store/tar_reader.hpp"
 
 namespace stillmap::maps {

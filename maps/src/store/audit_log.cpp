@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "package/sha256.hpp"
+#include "core/sha256.hpp"
 #include "store/audit_chain.hpp"
 #include "store/store_database.hpp"
 

@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "package/sha256.hpp"
+#include "core/sha256.hpp"
 #include "store/map_rows.hpp"
 #include "store/store_database.hpp"
 

@@ -7,7 +7,7 @@
 #include <array>
 #include <stdexcept>
 
-#include "package/sha256.hpp"
+#include "core/sha256.hpp"
 #include "store/store_database.hpp"
 
 namespace stillmap::maps {

@@ -13,9 +13,9 @@
 #include <cstring>
 #include <utility>
 
+#include "core/sha256.hpp"
 #include "formats/text.hpp"
 #include "package/manifest_json.hpp"
-#include "package/sha256.hpp"
 #include "store/archive_path.hpp"
 #include "store/tar_header.hpp"
 

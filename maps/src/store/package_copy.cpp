@@ -13,9 +13,9 @@
 #include <set>
 #include <vector>
 
+#include "core/sha256.hpp"
 #include "formats/text.hpp"
 #include "package/manifest_json.hpp"
-#include "package/sha256.hpp"
 
 namespace stillmap::maps {
 namespace {

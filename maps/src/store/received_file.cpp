@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "package/sha256.hpp"
+#include "core/sha256.hpp"
 #include "store/durable_files.hpp"
 
 namespace stillmap::maps {

@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "package/sha256.hpp"
+#include "core/sha256.hpp"
 
 namespace stillmap::maps {
 

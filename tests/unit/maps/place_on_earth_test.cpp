@@ -1,4 +1,4 @@
-#include "drives/place_on_earth.hpp"
+#include "bags/place_on_earth.hpp"
 
 #include <gtest/gtest.h>
 #include <stillmap/maps/error.hpp>

@@ -8,7 +8,7 @@
 #include <cstring>
 #include <vector>
 
-#include "package/sha256.hpp"
+#include "core/sha256.hpp"
 
 namespace stillmap::maps {
 

@@ -4,15 +4,14 @@
 #include <fmt/ranges.h>
 #include <stillmap/maps/error.hpp>
 
-#include <cerrno>
 #include <cmath>
 #include <cstring>
-#include <fstream>
 #include <initializer_list>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <string_view>
+
+#include "formats/text.hpp"
 
 namespace stillmap::maps {
 namespace {
@@ -147,14 +146,6 @@ Edit edit_from(const Field& field) {
   return edit;
 }
 
-std::string text_of(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) throw StorageError(file.string(), std::strerror(errno));
-  std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-  if (in.bad()) throw StorageError(file.string(), "cannot be read");
-  return text;
-}
-
 Json parsed(std::string_view text, const std::string& name) {
   try {
     return Json::parse(text);
@@ -178,7 +169,7 @@ std::string Edit::description() const {
 }
 
 Edits read_edits(const std::filesystem::path& file) {
-  return parse_edits(text_of(file), file.string());
+  return parse_edits(read_text(file), file.string());
 }
 
 Edits parse_edits(std::string_view text, const std::string& name) {
