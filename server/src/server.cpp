@@ -50,7 +50,7 @@ struct Server::Parts {
           host, port);
   }
 
-  mutable maps::PackageStore store;
+  mutable PackageStore store;
   std::string host;
   bool allow_without_keys;
   bool takes_changes;

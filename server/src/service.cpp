@@ -11,8 +11,8 @@
 #include <spdlog/spdlog.h>
 
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/store/disk_full.hpp>
-#include <stillmap/maps/store/store_refusal.hpp>
+#include "store/disk_full.hpp"
+#include "store/store_refusal.hpp"
 
 #include <algorithm>
 #include <exception>
@@ -37,8 +37,8 @@ std::uint64_t usual_disk_reserve(std::uint64_t disk_bytes) {
 }
 
 /// @param store  its folder.
-maps::StoreQuota quota_of(const QuotaOptions& options, const std::filesystem::path& store) {
-  maps::StoreQuota quota;
+StoreQuota quota_of(const QuotaOptions& options, const std::filesystem::path& store) {
+  StoreQuota quota;
   if (options.map_bytes > 0) quota.map_bytes = static_cast<std::uint64_t>(options.map_bytes);
   if (options.store_bytes > 0) quota.store_bytes = static_cast<std::uint64_t>(options.store_bytes);
   std::error_code error;
@@ -168,13 +168,13 @@ void set_map_figures(Metrics& metrics, const MapCatalog& catalog) {
   metrics.set_maps(ready, maps.size() - ready - failed, failed);
 }
 
-void set_store_figures(Metrics& metrics, const maps::PackageStore& store) {
+void set_store_figures(Metrics& metrics, const PackageStore& store) {
   metrics.set_store_disk(free_bytes(store.folder()), store.quota().disk_reserve.value_or(0),
                          store.state().not_writable_because().empty());
   try {
-    const maps::JobTable& jobs = store.state().jobs();
-    for (const maps::JobStatus status : {maps::JobStatus::kEnqueued, maps::JobStatus::kProcessing})
-      metrics.set_jobs(maps::name_of(status), jobs.count(status));
+    const JobTable& jobs = store.state().jobs();
+    for (const JobStatus status : {JobStatus::kEnqueued, JobStatus::kProcessing})
+      metrics.set_jobs(name_of(status), jobs.count(status));
     metrics.set_store_bytes(store.state().bytes());
   } catch (const maps::StorageError& error) {
     // The other figures are there all the same; the last ones of the store stay.
@@ -209,9 +209,9 @@ ApiError caught(const HttpRequest& request, const Route& route) {
     throw;
   } catch (const ApiError& error) {
     return error;
-  } catch (const maps::StoreRefusal& error) {
+  } catch (const StoreRefusal& error) {
     return {code_of(error.reason()), error.what()};
-  } catch (const maps::DiskFull& error) {
+  } catch (const DiskFull& error) {
     return logged(ErrorCode::kDiskFull, error);
   } catch (const maps::StorageError& error) {
     return logged(ErrorCode::kStorageError, error);
@@ -237,7 +237,7 @@ bool removes(const Route& route) {
 
 }  // namespace
 
-Service::Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
+Service::Service(const ServerOptions& options, PackageStore& store, AlignerBuilder builder,
                  const std::vector<WebAsset>& web, const std::filesystem::path& mapper,
                  StoreChanges changes)
     : options_(checked(options)),

@@ -22,7 +22,7 @@ class Service final : public RequestHandler {
  public:
   /// @param store   outlives this. @param mapper  program that does the jobs; empty when there is
   /// none. @throws std::invalid_argument on broken options.
-  Service(const ServerOptions& options, maps::PackageStore& store, AlignerBuilder builder,
+  Service(const ServerOptions& options, PackageStore& store, AlignerBuilder builder,
           const std::vector<WebAsset>& web, const std::filesystem::path& mapper = {},
           StoreChanges changes = StoreChanges::kTaken);
   Service(const Service&) = delete;
@@ -54,7 +54,7 @@ class Service final : public RequestHandler {
 
   ServerOptions options_;
   OptionsHolder live_;
-  maps::PackageStore& store_;
+  PackageStore& store_;
   StoreChanges changes_;
   mutable Metrics metrics_;
   std::atomic<bool> stopping_ = false;
@@ -64,7 +64,7 @@ class Service final : public RequestHandler {
   mutable MapViews views_;
   mutable MapLayers layers_;
   mutable MapCatalog catalog_;
-  mutable maps::DriveStore drives_;
+  mutable DriveStore drives_;
   mutable SharedPlaces uploads_;
   int workers_;
   mutable AlignmentQueue queue_;

@@ -146,7 +146,7 @@ SEEN = {
         "mapping/include/stillmap/mapping/trajectory.hpp", "mapping/src/rebuild/held_back.cpp",
         "mapping/src/rebuild/rebuild.cpp", "mapping/src/reference/erasor.cpp",
         "mapping/src/trajectory/given_pose_errors.hpp", "mapping/src/trajectory/path_difference.hpp",
-        "maps/include/stillmap/maps/store/package_store.hpp", "server/src/catalog/tile_diff.hpp",
+        "server/src/store/package_store.hpp", "server/src/catalog/tile_diff.hpp",
         "server/src/derived/map_views.hpp",
         "web/src/compare/compare_scene.ts"],
 }

@@ -23,11 +23,11 @@ namespace fs = std::filesystem;
 using namespace stillmap;
 
 constexpr std::size_t kBlock = 512;
-constexpr maps::ArchiveLimits kLimits{.entries = 50,
-                                      .file_bytes = 1U << 16U,
-                                      .total_bytes = 1U << 18U,
-                                      .path_bytes = 200,
-                                      .depth = 5};
+constexpr server::ArchiveLimits kLimits{.entries = 50,
+                                        .file_bytes = 1U << 16U,
+                                        .total_bytes = 1U << 18U,
+                                        .path_bytes = 200,
+                                        .depth = 5};
 
 void require(bool holds, const char* rule) {
   if (holds) return;
@@ -48,7 +48,7 @@ void mend_checksums(std::string& tar) {
   }
 }
 
-maps::ByteSource source_of(std::string_view bytes, std::size_t piece) {
+server::ByteSource source_of(std::string_view bytes, std::size_t piece) {
   return [bytes, piece](std::span<char> into) mutable {
     const std::size_t size = std::min({into.size(), piece, bytes.size()});
     std::copy_n(bytes.begin(), size, into.begin());
@@ -58,7 +58,7 @@ maps::ByteSource source_of(std::string_view bytes, std::size_t piece) {
 }
 
 /// What is said to be there is there, as regular files and folders, and nothing else.
-void require_found(const fs::path& folder, const maps::ArchiveFiles& found) {
+void require_found(const fs::path& folder, const server::ArchiveFiles& found) {
   std::size_t files = 0;
   std::size_t folders = 0;
   for (const auto& entry : fs::recursive_directory_iterator(folder)) {
@@ -96,13 +96,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
 
   const fs::path folder = scratch.path() / "target";
   fs::create_directory(folder);
-  const maps::DurableFiles disk(calls);
+  const server::DurableFiles disk(calls);
   try {
-    const maps::ArchiveFiles found =
-        maps::unpack_archive(source_of(bytes, piece), "fuzz", folder, kLimits, disk, true);
+    const server::ArchiveFiles found =
+        server::unpack_archive(source_of(bytes, piece), "fuzz", folder, kLimits, disk, true);
     require(found.archive.packed_bytes == bytes.size(), "all is read");
     require_found(folder, found);
-    const maps::IncomingPackage package = maps::keep_package(folder, found, "fuzz", disk);
+    const server::IncomingPackage package = server::keep_package(folder, found, "fuzz", disk);
     require(fs::exists(package.folder / "manifest.json"), "a package has a manifest");
   } catch (const maps::InputError&) {
   }

@@ -12,7 +12,7 @@
 #include <stillmap/maps/layer_file.hpp>
 #include <stillmap/maps/map_difference.hpp>
 #include <stillmap/maps/map_levels.hpp>
-#include <stillmap/maps/store/package_store.hpp>
+#include "store/package_store.hpp"
 
 #include <spdlog/spdlog.h>
 #include <sys/socket.h>
@@ -82,7 +82,7 @@ const std::filesystem::path& stored_town() {
   static const std::filesystem::path made = [] {
     const std::filesystem::path folder = fuzz::folder().path() / "store";
     std::filesystem::create_directory(folder);
-    maps::PackageStore store(folder);
+    server::PackageStore store(folder);
     std::shared_ptr<const maps::MapPackage> before;
     for (int i = 0; i < 2; ++i) {
       const std::string version = "v" + std::to_string(i);
@@ -111,7 +111,7 @@ struct Served {
   Served() {
     spdlog::set_level(spdlog::level::off);
     copy_town();
-    store = std::make_unique<maps::PackageStore>(folder.path());
+    store = std::make_unique<server::PackageStore>(folder.path());
     service = std::make_unique<server::Service>(
         options, *store,
         [](const maps::MapPackage&) {
@@ -140,7 +140,7 @@ struct Served {
 
   test::TemporaryFolder folder{test::memory_folder()};
   server::ServerOptions options = fuzz::small_options();
-  std::unique_ptr<maps::PackageStore> store;
+  std::unique_ptr<server::PackageStore> store;
   std::unique_ptr<server::Service> service;
   std::unique_ptr<Watch> watch;
   std::unique_ptr<server::HttpServer> http;

@@ -5,7 +5,7 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 
-#include "package/manifest_json.hpp"
+#include <stillmap/maps/package_files.hpp>
 
 namespace {
 

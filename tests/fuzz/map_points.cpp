@@ -9,7 +9,7 @@
 
 #include <algorithm>
 
-#include "package/manifest_json.hpp"
+#include <stillmap/maps/package_files.hpp>
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace stillmap;

@@ -8,7 +8,7 @@
 
 #include <cmath>
 
-#include "package/manifest_json.hpp"
+#include <stillmap/maps/package_files.hpp>
 
 namespace {
 

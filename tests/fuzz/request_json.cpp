@@ -6,7 +6,7 @@
 #include "json/tile_diff_json.hpp"
 #include "pose_rules.hpp"
 
-#include <stillmap/maps/store/map_name.hpp>
+#include "store/map_name.hpp"
 
 #include <algorithm>
 #include <set>
@@ -24,7 +24,7 @@ void read_key(std::string_view text) {
   const auto key = fuzz::taken<server::ApiError>([&] { return server::read_key_request(text); });
   if (!key) return;
   fuzz::require(!key->name.empty() && key->name.size() <= 100 && is_printed(key->name), "a name");
-  const auto& all = maps::all_key_scopes();
+  const auto& all = server::all_key_scopes();
   fuzz::require(
       std::any_of(all.begin(), all.end(), [&](auto scope) { return key->scopes.has(scope); }),
       "a key is allowed something");
@@ -40,7 +40,7 @@ void read_rebuild(std::string_view text) {
   std::set<std::int64_t> drives(asked->drives.begin(), asked->drives.end());
   fuzz::require(*drives.begin() >= 1 && drives.size() == asked->drives.size(), "each drive once");
   if (asked->held_back) fuzz::require(drives.insert(*asked->held_back).second, "held back");
-  fuzz::require(asked->version.empty() || maps::is_valid_map_name(asked->version), "a version");
+  fuzz::require(asked->version.empty() || server::is_valid_map_name(asked->version), "a version");
   static_cast<void>(server::takes_saved_edits(*asked));
   const std::string shown = server::to_json(*asked);
   fuzz::require(server::to_json(server::read_rebuild_request(shown)) == shown, "shown as asked");
@@ -61,7 +61,7 @@ void read_drive(std::string_view text) {
 void read_upload(std::string_view text) {
   const auto upload = fuzz::taken<server::ApiError>([&] { return server::read_upload_json(text); });
   if (!upload) return;
-  fuzz::require(maps::is_valid_map_name(upload->version), "a version");
+  fuzz::require(server::is_valid_map_name(upload->version), "a version");
   fuzz::require(!upload->content_type.empty(), "a media type");
 }
 

@@ -4,9 +4,9 @@
 
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/maps/drive.hpp>
-#include <stillmap/maps/store/package_store.hpp>
 #include <stillmap/server/server.hpp>
 #include <stillmap/simulation/simulate.hpp>
+#include "store/package_store.hpp"
 
 #include <chrono>
 #include <cstring>
@@ -45,7 +45,7 @@ class PoseOverHttp : public ::testing::Test {
     mapping::MapBuildOptions build;
     build.selection = maps::Selection::parse("::2");
     mapping::build_map({folder_->path() / "drive"}, folder_->path() / "map", build, {}, cancel);
-    maps::PackageStore store(folder_->path() / "store");
+    server::PackageStore store(folder_->path() / "store");
     store.add("town", "v1", folder_->path() / "map");
     store.activate("town", "v1");
   }

@@ -7,8 +7,8 @@
 // there are not run again
 
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/store/drive_store.hpp>
-#include <stillmap/maps/store/package_store.hpp>
+#include "store/drive_store.hpp"
+#include "store/package_store.hpp"
 
 #include <array>
 #include <cstdint>
@@ -35,8 +35,8 @@ namespace stillmap::test {
 namespace {
 
 namespace fs = std::filesystem;
-using maps::DriveStatus;
-using Kind = maps::DiskCall::Kind;
+using server::DriveStatus;
+using Kind = server::DiskCall::Kind;
 
 constexpr int kSources = 5;
 constexpr int kSteps = 45;
@@ -61,7 +61,7 @@ class RandomLife {
     for (int step = 0; step < kSteps; ++step) {
       try {
         one_step();
-      } catch (const maps::StoreRefusal&) {
+      } catch (const server::StoreRefusal&) {
         // Nothing was changed, and that too must last.
       }
       recording.returned.push_back(calls_.calls().size());
@@ -91,8 +91,8 @@ class RandomLife {
   void open() {
     drives_.reset();
     store_.reset();
-    store_ = std::make_unique<maps::PackageStore>(folder_, calls_);
-    drives_ = std::make_unique<maps::DriveStore>(*store_, calls_);
+    store_ = std::make_unique<server::PackageStore>(folder_, calls_);
+    drives_ = std::make_unique<server::DriveStore>(*store_, calls_);
   }
 
   void publish() {
@@ -117,7 +117,7 @@ class RandomLife {
       case 2:
         return (void)store_->gc();
       case 3:
-        return store_->remove_map(map, maps::WhenActive::kRemove);
+        return store_->remove_map(map, server::WhenActive::kRemove);
       case 4:
       case 5:
         return (void)store_->activate(map, some_version());
@@ -127,7 +127,7 @@ class RandomLife {
   }
 
   void change_drives() {
-    const std::vector<maps::StoredDrive> all = store_->drives().all();
+    const std::vector<server::StoredDrive> all = store_->drives().all();
     if (all.empty() || chance(5)) {
       if (store_->create_map("town")) return;
       store_->drives().open("town", "drive" + std::to_string(count_++), 1);
@@ -155,7 +155,7 @@ class RandomLife {
   }
 
   void change_keys() {
-    const std::vector<maps::ApiKey> keys = store_->keys().list();
+    const std::vector<server::ApiKey> keys = store_->keys().list();
     if (keys.empty() || chance(2))
       store_->keys().create("key" + std::to_string(count_++), {.bits = 1}, {}, 1);
     else
@@ -167,7 +167,7 @@ class RandomLife {
     if (jobs.empty() || chance(4)) {
       if (store_->create_map("town")) return;
       std::vector<std::int64_t> complete;
-      for (const maps::StoredDrive& drive : store_->drives().of_map("town"))
+      for (const server::StoredDrive& drive : store_->drives().of_map("town"))
         if (drive.status == DriveStatus::kComplete) complete.push_back(drive.id);
       store_->jobs().enqueue({.map = "town", .drives = complete}, 1);
       return;
@@ -201,8 +201,8 @@ class RandomLife {
   std::mt19937 random_;
   fs::path sources_, folder_;
   RecordingCalls calls_;
-  std::unique_ptr<maps::PackageStore> store_;
-  std::unique_ptr<maps::DriveStore> drives_;
+  std::unique_ptr<server::PackageStore> store_;
+  std::unique_ptr<server::DriveStore> drives_;
   int count_ = 0;
 };
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <stillmap/maps/store/disk_calls.hpp>
+#include "store/disk_calls.hpp"
 
 #include <atomic>
 #include <cerrno>
@@ -17,7 +17,7 @@ namespace stillmap::test {
 
 /// A change to the disk as it was made, with bytes of its own.
 struct RecordedCall {
-  maps::DiskCall::Kind kind;
+  server::DiskCall::Kind kind;
   std::filesystem::path path;
   std::filesystem::path to;
   std::uint64_t offset = 0;
@@ -25,11 +25,11 @@ struct RecordedCall {
 };
 
 /// Lets every change pass but the syncs, which only cost time where no power is ever cut.
-class UnsyncedCalls : public maps::DiskCalls {
+class UnsyncedCalls : public server::DiskCalls {
  public:
-  std::int64_t pass(const maps::DiskCall& call, const Perform& perform) override {
-    const bool syncs = call.kind == maps::DiskCall::Kind::kSyncFile ||
-                       call.kind == maps::DiskCall::Kind::kSyncFolder;
+  std::int64_t pass(const server::DiskCall& call, const Perform& perform) override {
+    const bool syncs = call.kind == server::DiskCall::Kind::kSyncFile ||
+                       call.kind == server::DiskCall::Kind::kSyncFolder;
     return syncs ? 0 : perform(call.bytes.size());
   }
 };
@@ -37,11 +37,11 @@ class UnsyncedCalls : public maps::DiskCalls {
 /// Keeps what was changed on the disk, in order; what failed is left out.
 class RecordingCalls : public UnsyncedCalls {
  public:
-  std::int64_t pass(const maps::DiskCall& call, const Perform& perform) override {
+  std::int64_t pass(const server::DiskCall& call, const Perform& perform) override {
     const std::scoped_lock lock(mutex_);
     const std::int64_t result = UnsyncedCalls::pass(call, perform);
     if (result < 0) return result;
-    const bool writes = call.kind == maps::DiskCall::Kind::kWrite;
+    const bool writes = call.kind == server::DiskCall::Kind::kWrite;
     calls_.push_back(
         {call.kind, call.path, call.to, call.offset,
          std::string(call.bytes.substr(0, writes ? static_cast<std::size_t>(result) : 0))});
@@ -58,8 +58,8 @@ class RecordingCalls : public UnsyncedCalls {
 /// that a store keeps for that.
 class FullDisk : public UnsyncedCalls {
  public:
-  std::int64_t pass(const maps::DiskCall& call, const Perform& perform) override {
-    using Kind = maps::DiskCall::Kind;
+  std::int64_t pass(const server::DiskCall& call, const Perform& perform) override {
+    using Kind = server::DiskCall::Kind;
     if (full_ && (call.kind == Kind::kWrite || call.kind == Kind::kAllocate)) return -ENOSPC;
     const std::int64_t result = UnsyncedCalls::pass(call, perform);
     if (call.kind == Kind::kRemoveFile && call.path.filename() == ".ballast" && result == 0)
@@ -79,14 +79,14 @@ enum class Fault { kNoSpace, kInputOutput, kShortWrite };
 /// Lets every call pass but those that fail. Counts from 0.
 class FailingCalls : public UnsyncedCalls {
  public:
-  using Picks = std::function<bool(std::size_t n, const maps::DiskCall& call)>;
+  using Picks = std::function<bool(std::size_t n, const server::DiskCall& call)>;
   FailingCalls(Fault fault, Picks fails) : fault_(fault), fails_(std::move(fails)) {}
 
-  std::int64_t pass(const maps::DiskCall& call, const Perform& perform) override {
+  std::int64_t pass(const server::DiskCall& call, const Perform& perform) override {
     const std::scoped_lock lock(mutex_);
     if (!fails_(count_++, call)) return UnsyncedCalls::pass(call, perform);
     ++failed_;
-    const bool writes = call.kind == maps::DiskCall::Kind::kWrite;
+    const bool writes = call.kind == server::DiskCall::Kind::kWrite;
     if (fault_ == Fault::kShortWrite && writes && call.bytes.size() > 1)
       return perform(call.bytes.size() / 2);
     return fault_ == Fault::kInputOutput ? -EIO : -ENOSPC;

@@ -26,7 +26,7 @@ class DiskModel {
   explicit DiskModel(std::filesystem::path root) : root_path_(std::move(root)) {}
 
   void apply(const RecordedCall& call) {
-    using Kind = maps::DiskCall::Kind;
+    using Kind = server::DiskCall::Kind;
     switch (call.kind) {
       case Kind::kMakeFolder:
       case Kind::kCreateFile:
@@ -129,7 +129,7 @@ class DiskModel {
 
   static void sync_bytes(Node& file) {
     for (const RecordedCall& call : file.pending_bytes) {
-      if (call.kind != maps::DiskCall::Kind::kWrite)
+      if (call.kind != server::DiskCall::Kind::kWrite)
         file.synced_bytes.resize(call.offset);
       else
         put(file.synced_bytes, call.offset, call.bytes);
@@ -161,7 +161,7 @@ class DiskModel {
   static std::string bytes_of(const Node& file, Unsynced unsynced, std::mt19937& random) {
     std::string bytes = file.synced_bytes;
     for (const RecordedCall& call : file.pending_bytes) {
-      if (call.kind == maps::DiskCall::Kind::kWrite)
+      if (call.kind == server::DiskCall::Kind::kWrite)
         tear(bytes, call, unsynced, random);
       else if (lasts(unsynced, random))
         bytes.resize(call.offset);

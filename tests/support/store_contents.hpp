@@ -1,8 +1,8 @@
 #pragma once
 
 #include <stillmap/maps/drive.hpp>
-#include <stillmap/maps/store/drive_store.hpp>
-#include <stillmap/maps/store/package_store.hpp>
+#include "store/drive_store.hpp"
+#include "store/package_store.hpp"
 
 #include <cstddef>
 #include <exception>
@@ -18,31 +18,31 @@
 namespace stillmap::test {
 
 /// All that a store has acknowledged, as text.
-inline std::string contents_of(const maps::PackageStore& store) {
+inline std::string contents_of(const server::PackageStore& store) {
   constexpr std::size_t kMost = 1000;
   std::string text;
-  for (const maps::StoredMap& map : store.state().maps()) {
+  for (const server::StoredMap& map : store.state().maps()) {
     text += map.name + "@" + std::to_string(map.revision) + " active " +
             map.active.value_or("none") + " previous " + map.previous.value_or("none");
-    for (const maps::StoredVersion& version : store.state().versions(map.name))
+    for (const server::StoredVersion& version : store.state().versions(map.name))
       text += " " + version.name + "=" + version.digest.substr(0, 6);
     text += "\n";
-    for (const maps::StoredDrive& drive : store.state().drives().of_map(map.name))
+    for (const server::StoredDrive& drive : store.state().drives().of_map(map.name))
       text += "drive " + drive.name + " " + std::string(name_of(drive.status)) + " " +
               std::to_string(drive.bytes) + "\n";
-    for (const maps::StoredDrive& upload : store.state().drives().uploads_of_map(map.name))
+    for (const server::StoredDrive& upload : store.state().drives().uploads_of_map(map.name))
       text += "upload " + upload.target.version + " " + std::string(name_of(upload.status)) + " " +
               std::to_string(upload.bytes) + "\n";
-    const maps::SavedEdits edits = store.state().edits().of_map(map.name);
+    const server::SavedEdits edits = store.state().edits().of_map(map.name);
     if (edits.saved_ns) text += "edits " + edits.text + " by " + edits.saver + "\n";
   }
-  for (const maps::ApiKey& key : store.state().keys().list())
+  for (const server::ApiKey& key : store.state().keys().list())
     text += "key " + key.name + (key.revoked_ns ? " revoked\n" : "\n");
-  for (const maps::StoredJob& job : store.state().jobs().list({}, kMost).jobs)
+  for (const server::StoredJob& job : store.state().jobs().list({}, kMost).jobs)
     text += "job " + std::to_string(job.id) + " " + std::string(name_of(job.status)) + " " +
             job.stage + " " + std::to_string(job.attempts) +
             (job.cancel_requested ? " asked\n" : "\n");
-  for (const maps::AuditRecord& record : store.state().audit().list(kMost).records)
+  for (const server::AuditRecord& record : store.state().audit().list(kMost).records)
     text += "audit " + record.subject + "\n";
   return text;
 }
@@ -61,16 +61,16 @@ inline std::string tar_of(const std::filesystem::path& folder, const std::string
 
 /// Whether the bytes of every drive are there, and nothing else.
 /// @return what is wrong; empty when all is well.
-inline std::string drive_problem_of(const maps::PackageStore& store,
-                                    const maps::DriveStore& drives) {
+inline std::string drive_problem_of(const server::PackageStore& store,
+                                    const server::DriveStore& drives) {
   std::size_t known = 0;
-  for (const maps::StoredDrive& drive : store.state().drives().all()) {
+  for (const server::StoredDrive& drive : store.state().drives().all()) {
     const std::filesystem::path home = drives.folder(drive.id).parent_path();
     known += std::filesystem::exists(home) ? 1U : 0U;
-    if (drive.status == maps::DriveStatus::kComplete && !drive.is_upload())
+    if (drive.status == server::DriveStatus::kComplete && !drive.is_upload())
       (void)maps::Drive::open(drives.folder(drive.id));
-    if (drive.status != maps::DriveStatus::kOpen) continue;
-    for (const maps::DrivePart& part : store.state().drives().parts(drive.id))
+    if (drive.status != server::DriveStatus::kOpen) continue;
+    for (const server::DrivePart& part : store.state().drives().parts(drive.id))
       if (std::filesystem::file_size(home / "parts" / std::to_string(part.n)) != part.bytes)
         return drive.name + ": a part of another size";
   }
@@ -88,13 +88,13 @@ inline std::string problem_of(const std::filesystem::path& folder, const std::st
                               const std::string& next, const std::filesystem::path& later) {
   UnsyncedCalls calls;
   try {
-    maps::PackageStore store(folder, calls);
+    server::PackageStore store(folder, calls);
     const std::string contents = contents_of(store);
     if (contents != acknowledged && contents != next)
       return "found\n" + contents + "expected\n" + acknowledged;
     if (!store.verify().empty()) return store.verify().front().what;
     if (!store.not_cleared_because().empty()) return store.not_cleared_because();
-    const maps::DriveStore drives(store, calls);
+    const server::DriveStore drives(store, calls);
     if (std::string problem = drive_problem_of(store, drives); !problem.empty()) return problem;
     store.gc();
     if (!store.unnamed_packages().empty()) return "packages that no version names";

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <stillmap/maps/store/archive.hpp>
+#include "store/archive.hpp"
 
 #include <archive.h>
 #include <archive_entry.h>
@@ -125,7 +125,7 @@ inline std::string packed(const std::string& bytes, Packing packing) {
 }
 
 /// Gives bytes in pieces of at most this size.
-inline maps::ByteSource source_of(std::string bytes, std::size_t piece = SIZE_MAX) {
+inline server::ByteSource source_of(std::string bytes, std::size_t piece = SIZE_MAX) {
   return [bytes = std::move(bytes), piece, at = std::size_t{0}](std::span<char> into) mutable {
     const std::size_t size = std::min({into.size(), piece, bytes.size() - at});
     std::copy_n(bytes.begin() + static_cast<std::ptrdiff_t>(at), size, into.begin());

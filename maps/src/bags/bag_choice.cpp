@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "formats/text.hpp"
+#include <stillmap/maps/text.hpp>
 
 namespace stillmap::maps {
 namespace {

@@ -5,9 +5,9 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
+#include <stillmap/maps/text.hpp>
 #include "boxes/kitti_labels.hpp"
 #include "core/json_fields.hpp"
-#include "formats/text.hpp"
 #include "storage/write_file.hpp"
 
 namespace stillmap::maps {

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
+#include <stillmap/maps/text.hpp>
 #include "drives/calibration.hpp"
-#include "formats/text.hpp"
 
 namespace stillmap::maps {
 namespace {

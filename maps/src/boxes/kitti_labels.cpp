@@ -11,8 +11,8 @@
 #include <string>
 #include <utility>
 
+#include <stillmap/maps/text.hpp>
 #include "boxes/kitti_calibration.hpp"
-#include "formats/text.hpp"
 
 namespace stillmap::maps {
 namespace {

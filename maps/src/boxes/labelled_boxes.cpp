@@ -3,9 +3,9 @@
 
 #include <utility>
 
+#include <stillmap/maps/text.hpp>
 #include "boxes/kitti_calibration.hpp"
 #include "boxes/kitti_labels.hpp"
-#include "formats/text.hpp"
 
 namespace stillmap::maps {
 namespace {

@@ -8,8 +8,8 @@
 #include <system_error>
 #include <utility>
 
+#include <stillmap/maps/text.hpp>
 #include "drives/layout.hpp"
-#include "formats/text.hpp"
 
 namespace stillmap::maps {
 namespace {

@@ -9,7 +9,7 @@
 #include <optional>
 #include <string_view>
 
-#include "formats/text.hpp"
+#include <stillmap/maps/text.hpp>
 
 namespace stillmap::maps {
 namespace {

@@ -9,9 +9,9 @@
 #include <system_error>
 #include <utility>
 
+#include <stillmap/maps/text.hpp>
 #include "drives/pose_gaps.hpp"
 #include "drives/value_step.hpp"
-#include "formats/text.hpp"
 
 namespace stillmap::maps {
 namespace {

@@ -14,9 +14,9 @@
 #include <numbers>
 #include <set>
 
+#include <stillmap/maps/text.hpp>
 #include "drives/layout.hpp"
 #include "formats/kitti_pose.hpp"
-#include "formats/text.hpp"
 
 namespace stillmap::maps {
 namespace {

@@ -10,8 +10,8 @@
 #include <cmath>
 #include <optional>
 
+#include <stillmap/maps/text.hpp>
 #include "drives/layout.hpp"
-#include "formats/text.hpp"
 
 namespace stillmap::maps {
 namespace {

@@ -11,10 +11,10 @@
 #include <memory>
 #include <utility>
 
+#include <stillmap/maps/sha256.hpp>
 #include "bags/bag_choice.hpp"
 #include "bags/poses_near_scans.hpp"
 #include "core/pose_bounds.hpp"
-#include "core/sha256.hpp"
 #include "drives/layout.hpp"
 #include "drives/pose_gaps.hpp"
 #include "formats/point_table.hpp"

@@ -9,8 +9,8 @@
 #include <string_view>
 #include <system_error>
 
+#include <stillmap/maps/text.hpp>
 #include "drives/layout.hpp"
-#include "formats/text.hpp"
 
 namespace stillmap::maps {
 namespace {

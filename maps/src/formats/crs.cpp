@@ -5,8 +5,8 @@
 #include <cctype>
 #include <vector>
 
+#include <stillmap/maps/text.hpp>
 #include "formats/point_table.hpp"
-#include "formats/text.hpp"
 
 namespace stillmap::maps {
 namespace {

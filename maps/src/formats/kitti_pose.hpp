@@ -4,7 +4,7 @@
 
 #include <filesystem>
 
-#include "formats/text.hpp"
+#include <stillmap/maps/text.hpp>
 
 namespace stillmap::maps {
 

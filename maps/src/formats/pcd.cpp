@@ -10,12 +10,12 @@
 #include <utility>
 #include <vector>
 
+#include <stillmap/maps/text.hpp>
 #include "formats/cloud_stream.hpp"
 #include "formats/file_reader.hpp"
 #include "formats/lzf.hpp"
 #include "formats/pcd_header.hpp"
 #include "formats/point_table.hpp"
-#include "formats/text.hpp"
 
 namespace stillmap::maps {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "formats/text.hpp"
+#include <stillmap/maps/text.hpp>
 
 namespace stillmap::maps {
 namespace {

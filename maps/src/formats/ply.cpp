@@ -7,9 +7,9 @@
 #include <cmath>
 #include <optional>
 
+#include <stillmap/maps/text.hpp>
 #include "formats/cloud_stream.hpp"
 #include "formats/point_table.hpp"
-#include "formats/text.hpp"
 
 namespace stillmap::maps {
 namespace {

@@ -1,4 +1,4 @@
-#include "formats/text.hpp"
+#include <stillmap/maps/text.hpp>
 
 #include <stillmap/maps/error.hpp>
 

@@ -11,9 +11,9 @@
 #include <memory>
 #include <system_error>
 
+#include <stillmap/maps/text.hpp>
 #include "core/pose_bounds.hpp"
 #include "formats/kitti_pose.hpp"
-#include "formats/text.hpp"
 
 namespace stillmap::maps {
 namespace {

@@ -8,7 +8,7 @@
 #include <span>
 #include <string_view>
 
-#include "core/sha256.hpp"
+#include <stillmap/maps/sha256.hpp>
 
 namespace stillmap::maps {
 namespace {

@@ -11,7 +11,7 @@
 #include <numbers>
 #include <string_view>
 
-#include "formats/text.hpp"
+#include <stillmap/maps/text.hpp>
 
 namespace stillmap::maps {
 namespace {

@@ -10,9 +10,9 @@
 #include <numbers>
 #include <string>
 
+#include <stillmap/maps/package_files.hpp>
+#include <stillmap/maps/text.hpp>
 #include "core/json_fields.hpp"
-#include "formats/text.hpp"
-#include "package/manifest_json.hpp"
 
 namespace stillmap::maps {
 namespace {

@@ -9,8 +9,8 @@
 #include <cerrno>
 #include <cstring>
 
-#include "formats/text.hpp"
-#include "package/manifest_json.hpp"
+#include <stillmap/maps/package_files.hpp>
+#include <stillmap/maps/text.hpp>
 #include "package/objects_json.hpp"
 
 namespace stillmap::maps {

@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "package/manifest_json.hpp"
+#include <stillmap/maps/package_files.hpp>
 #include "package/objects_json.hpp"
 #include "storage/write_file.hpp"
 

@@ -11,7 +11,7 @@
 #include <sstream>
 #include <string>
 
-#include "package/manifest_json.hpp"
+#include <stillmap/maps/package_files.hpp>
 
 namespace stillmap::maps {
 

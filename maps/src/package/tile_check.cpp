@@ -5,8 +5,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "core/sha256.hpp"
-#include "package/manifest_json.hpp"
+#include <stillmap/maps/package_files.hpp>
+#include <stillmap/maps/sha256.hpp>
 
 namespace stillmap::maps {
 

@@ -28,18 +28,18 @@ ApiError unusable(const ServedVersion& version) {
 }
 
 /// 0 also when the version is gone.
-std::uint64_t copy_of(const maps::PackageStore& store, const std::string& map,
+std::uint64_t copy_of(const PackageStore& store, const std::string& map,
                       const std::string& version) {
   try {
     return store.copy_of(map, version);
-  } catch (const maps::StoreRefusal&) {
+  } catch (const StoreRefusal&) {
     return 0;
   }
 }
 
 }  // namespace
 
-MapCatalog::MapCatalog(maps::PackageStore& store, AlignerBuilder builder, Metrics* metrics)
+MapCatalog::MapCatalog(PackageStore& store, AlignerBuilder builder, Metrics* metrics)
     : store_(store), facts_(store), builder_(std::move(builder)), metrics_(metrics) {
   follow_store();
   thread_ = std::jthread([this](const std::stop_token& stop) { work(stop); });
@@ -109,10 +109,10 @@ ServedVersion MapCatalog::ready(std::string_view map, std::optional<std::string_
       .with_header("Retry-After", "1");
 }
 
-maps::StoredMap MapCatalog::activate(std::string_view map, std::string_view version,
-                                     std::optional<std::int64_t> revision, bool new_frame) {
+StoredMap MapCatalog::activate(std::string_view map, std::string_view version,
+                               std::optional<std::int64_t> revision, bool new_frame) {
   const Key key(map, version);
-  const maps::StoredMap before = store_.state().map(map);
+  const StoredMap before = store_.state().map(map);
   const ServedVersion next = load(key);
   if (next.state != MapState::kReady) {
     throw ApiError(
@@ -131,14 +131,14 @@ maps::StoredMap MapCatalog::activate(std::string_view map, std::string_view vers
     }
   }
   // What was compared is what must be active still.
-  maps::StoredMap after = store_.activate(map, version, revision ? revision : before.revision);
+  StoredMap after = store_.activate(map, version, revision ? revision : before.revision);
   serve(key);
   return after;
 }
 
-maps::StoredMap MapCatalog::roll_back(std::string_view map, std::optional<std::int64_t> revision,
-                                      bool new_frame) {
-  const maps::StoredMap seen = store_.state().map(map);
+StoredMap MapCatalog::roll_back(std::string_view map, std::optional<std::int64_t> revision,
+                                bool new_frame) {
+  const StoredMap seen = store_.state().map(map);
   if (!seen.previous) return store_.roll_back(map, revision);  // refuses in the store's words
   if (revision.value_or(seen.revision) != seen.revision) return store_.roll_back(map, revision);
   return activate(map, *seen.previous, seen.revision, new_frame);
@@ -188,7 +188,7 @@ void MapCatalog::work(const std::stop_token& stop) {
 void MapCatalog::follow_store() {
   const std::scoped_lock what_was_read_holds(follow_mutex_);
   std::map<std::string, std::string, std::less<>> wanted;
-  for (const maps::StoredMap& map : store_.state().maps())
+  for (const StoredMap& map : store_.state().maps())
     if (map.active) wanted.emplace(map.name, *map.active);
   {
     const std::scoped_lock lock(mutex_);
@@ -249,7 +249,7 @@ MapCatalog::Slot MapCatalog::opened(const Key& key) const {
   slot.served.copy = store_.copy_of(key.first, key.second);
   try {
     slot.served.package = store_.open(key.first, key.second);
-  } catch (const maps::StoreRefusal&) {
+  } catch (const StoreRefusal&) {
     throw;
   } catch (const std::exception& error) {
     spdlog::error("{} cannot be opened: {}", described(key.first, key.second), error.what());
@@ -320,7 +320,7 @@ void MapCatalog::make_ready(ServedVersion& version) const {
 void MapCatalog::serve(const Key& key) {
   const std::string& map = key.first;
   const std::scoped_lock what_was_read_holds(follow_mutex_);
-  const maps::StoredMap stored = store_.state().map(map);
+  const StoredMap stored = store_.state().map(map);
   const std::scoped_lock lock(mutex_);
   if (!stored.active || *stored.active != key.second || !slots_.contains(key)) return;
   active_.insert_or_assign(map, Active{.serving = key.second, .wanted = key.second});

@@ -4,7 +4,7 @@
 #include "catalog/version_facts.hpp"
 #include "operation/metrics.hpp"
 
-#include <stillmap/maps/store/package_store.hpp>
+#include "store/package_store.hpp"
 
 #include <Eigen/Geometry>
 
@@ -61,7 +61,7 @@ struct ServedVersion {
 class MapCatalog {
  public:
   /// @param store  outlives this. @param metrics  counts loads when there; outlives this.
-  MapCatalog(maps::PackageStore& store, AlignerBuilder builder, Metrics* metrics = nullptr);
+  MapCatalog(PackageStore& store, AlignerBuilder builder, Metrics* metrics = nullptr);
   MapCatalog(const MapCatalog&) = delete;
   MapCatalog& operator=(const MapCatalog&) = delete;
   /// Waits for the version that is being prepared.
@@ -93,11 +93,11 @@ class MapCatalog {
   /// @param revision   as in `StoreState::activate`.
   /// @param new_frame  whether its map frame may differ from that of the active version.
   /// @throws ApiError kVersionUnusable, kOtherFrame; StoreRefusal as `PackageStore::activate`.
-  maps::StoredMap activate(std::string_view map, std::string_view version,
-                           std::optional<std::int64_t> revision = {}, bool new_frame = false);
+  StoredMap activate(std::string_view map, std::string_view version,
+                     std::optional<std::int64_t> revision = {}, bool new_frame = false);
   /// The same with the version that was active before. @throws also StoreRefusal kNoPrevious.
-  maps::StoredMap roll_back(std::string_view map, std::optional<std::int64_t> revision = {},
-                            bool new_frame = false);
+  StoredMap roll_back(std::string_view map, std::optional<std::int64_t> revision = {},
+                      bool new_frame = false);
   /// Whether two versions are known to be in one map frame: the same, registered to one another
   /// (over others), or at one place on Earth. @param a, b  of one map, both open.
   [[nodiscard]] bool in_one_frame(const ServedVersion& a, const ServedVersion& b) const;
@@ -133,7 +133,7 @@ class MapCatalog {
   [[nodiscard]] std::optional<Key> next_to_load() const;
   [[nodiscard]] bool is_served(const Key& key) const;
 
-  maps::PackageStore& store_;
+  PackageStore& store_;
   VersionFactsTable facts_;
   AlignerBuilder builder_;
   Metrics* metrics_;

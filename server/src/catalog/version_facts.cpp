@@ -61,8 +61,8 @@ std::string frame_name(std::string digest, std::size_t steps, const FactsOf& fac
   return digest;
 }
 
-std::shared_ptr<const VersionFacts> VersionFactsTable::of(
-    const std::string& map, const maps::StoredVersion& version) const {
+std::shared_ptr<const VersionFacts> VersionFactsTable::of(const std::string& map,
+                                                          const StoredVersion& version) const {
   {
     const std::scoped_lock lock(mutex_);
     const auto found = by_digest_.find(version.digest);
@@ -76,7 +76,7 @@ std::shared_ptr<const VersionFacts> VersionFactsTable::of(
 }
 
 std::string VersionFactsTable::frame_of(const std::string& map, const std::string& digest) const {
-  const std::vector<maps::StoredVersion> versions = store_.state().versions(map);
+  const std::vector<StoredVersion> versions = store_.state().versions(map);
   const FactsOf facts = [&](const std::string& each) -> std::shared_ptr<const VersionFacts> {
     const auto found = std::find_if(versions.begin(), versions.end(),
                                     [&](const auto& version) { return version.digest == each; });

@@ -1,7 +1,7 @@
 #pragma once
 
 #include <stillmap/maps/map_package.hpp>
-#include <stillmap/maps/store/package_store.hpp>
+#include "store/package_store.hpp"
 
 #include <cstddef>
 #include <cstdint>
@@ -50,17 +50,17 @@ using FactsOf = std::function<std::shared_ptr<const VersionFacts>(const std::str
 class VersionFactsTable {
  public:
   /// @param store  outlives this.
-  explicit VersionFactsTable(const maps::PackageStore& store) : store_(store) {}
+  explicit VersionFactsTable(const PackageStore& store) : store_(store) {}
 
   /// @throws StoreRefusal kUnknownMap, kUnknownVersion; InputError when its package is broken.
   [[nodiscard]] std::shared_ptr<const VersionFacts> of(const std::string& map,
-                                                       const maps::StoredVersion& version) const;
+                                                       const StoredVersion& version) const;
   /// `frame_name` of a version among those of its map.
   /// @throws InputError when one of the packages that it goes back to is broken.
   [[nodiscard]] std::string frame_of(const std::string& map, const std::string& digest) const;
 
  private:
-  const maps::PackageStore& store_;
+  const PackageStore& store_;
   mutable std::mutex mutex_;
   mutable std::map<std::string, std::shared_ptr<const VersionFacts>> by_digest_;
 };

@@ -1,4 +1,4 @@
-#include <stillmap/maps/store/package_store.hpp>
+#include "store/package_store.hpp"
 
 #include <fmt/core.h>
 
@@ -17,7 +17,7 @@ struct AuditArguments {
   bool json = false;
 };
 
-std::string text_of(const maps::AuditLog::Check& check) {
+std::string text_of(const server::AuditLog::Check& check) {
   if (check.first_wrong_id)
     return fmt::format(
         "record {} does not fit to the one before it: it, or one before it, was changed or "
@@ -29,16 +29,16 @@ std::string text_of(const maps::AuditLog::Check& check) {
 
 void verify(const AuditArguments& arguments) {
   require_store(arguments.store);
-  maps::PackageStore store(arguments.store);
-  const maps::AuditLog::Check check = store.audit().check();
+  server::PackageStore store(arguments.store);
+  const server::AuditLog::Check check = store.audit().check();
   fmt::print("{}\n", arguments.json ? server::audit_check_json(check) : text_of(check));
   if (check.first_wrong_id) throw command_line::ExitCode{command_line::kFailed};
 }
 
 void export_lines(const AuditArguments& arguments) {
   require_store(arguments.store);
-  maps::PackageStore store(arguments.store);
-  store.audit().for_each([](const maps::AuditRecord& record, const std::string& before) {
+  server::PackageStore store(arguments.store);
+  store.audit().for_each([](const server::AuditRecord& record, const std::string& before) {
     fmt::print("{}\n", server::audit_line(record, before));
   });
 }

@@ -1,4 +1,4 @@
-#include <stillmap/maps/store/package_store.hpp>
+#include "store/package_store.hpp"
 
 #include <fmt/chrono.h>
 #include <fmt/core.h>
@@ -32,22 +32,23 @@ std::string date_of(std::int64_t time_ns) {
                      fmt::gmtime(static_cast<std::time_t>(time_ns / 1'000'000'000)));
 }
 
-std::map<std::string, maps::KeyScope> scopes_by_name() {
-  std::map<std::string, maps::KeyScope> scopes;
-  for (const maps::KeyScope scope : maps::all_key_scopes()) scopes.emplace(name_of(scope), scope);
+std::map<std::string, server::KeyScope> scopes_by_name() {
+  std::map<std::string, server::KeyScope> scopes;
+  for (const server::KeyScope scope : server::all_key_scopes())
+    scopes.emplace(name_of(scope), scope);
   return scopes;
 }
 
 void create(const KeyArguments& arguments) {
-  maps::KeyScopes scopes;
+  server::KeyScopes scopes;
   for (const std::string& name : arguments.scopes) scopes.add(scopes_by_name().at(name));
   const std::int64_t now = server::unix_ns();
   std::optional<std::int64_t> expires;
   if (arguments.expires_days)
     expires = now + *arguments.expires_days * std::int64_t{86'400'000'000'000};
-  maps::PackageStore::make_folder(arguments.store);
-  maps::PackageStore store(arguments.store);
-  const maps::KeyTable::Created created =
+  server::PackageStore::make_folder(arguments.store);
+  server::PackageStore store(arguments.store);
+  const server::KeyTable::Created created =
       store.keys().create(arguments.name, scopes, expires, now, arguments.maps);
   // The key alone stands on stdout, so that a script can take it.
   if (arguments.json) {
@@ -58,9 +59,9 @@ void create(const KeyArguments& arguments) {
   }
 }
 
-std::string text_of(const maps::ApiKey& key) {
+std::string text_of(const server::ApiKey& key) {
   std::string text = key.name + " (";
-  for (const maps::KeyScope scope : maps::all_key_scopes())
+  for (const server::KeyScope scope : server::all_key_scopes())
     if (key.scopes.has(scope))
       text += (text.back() == '(' ? "" : " ") + std::string(name_of(scope));
   text += ")";
@@ -75,21 +76,21 @@ std::string text_of(const maps::ApiKey& key) {
 
 void list(const KeyArguments& arguments) {
   require_store(arguments.store);
-  maps::PackageStore store(arguments.store);
-  const std::vector<maps::ApiKey> keys = store.keys().list();
+  server::PackageStore store(arguments.store);
+  const std::vector<server::ApiKey> keys = store.keys().list();
   if (arguments.json) {
     fmt::print("{}\n", server::keys_json(keys));
     return;
   }
   command_line::Table table;
-  for (const maps::ApiKey& key : keys) table.add(key.id, text_of(key));
+  for (const server::ApiKey& key : keys) table.add(key.id, text_of(key));
   table.print();
 }
 
 void revoke(const KeyArguments& arguments) {
   require_store(arguments.store);
-  maps::PackageStore store(arguments.store);
-  const maps::ApiKey key = store.keys().revoke(arguments.id, server::unix_ns());
+  server::PackageStore store(arguments.store);
+  const server::ApiKey key = store.keys().revoke(arguments.id, server::unix_ns());
   if (arguments.json)
     fmt::print("{}\n", server::key_json(key));
   else

@@ -7,12 +7,12 @@
 #include <cstdlib>
 #include <memory>
 #include <mutex>
-#include <stillmap/maps/store/package_store.hpp>
-#include <stillmap/maps/store/single_map_store.hpp>
 #include <stillmap/server/options_holder.hpp>
 #include <stillmap/server/server.hpp>
 #include <string>
 #include <thread>
+#include "store/package_store.hpp"
+#include "store/single_map_store.hpp"
 
 #include "command_line/run_program.hpp"
 #include "commands.hpp"
@@ -73,7 +73,7 @@ bool make_store(const std::string& store) {
         "nothing to serve: name a map package (stillmap serve MAP) or a store (--store DIR)");
   const std::string trouble = command_line::folder_or_new()(store);
   if (!trouble.empty()) throw std::invalid_argument("--store: " + trouble);
-  return maps::PackageStore::make_folder(store);
+  return server::PackageStore::make_folder(store);
 }
 
 struct Reloaded {
@@ -166,10 +166,10 @@ std::unique_ptr<server::Watchdog> start_watchdog(const server::Notifier& notifie
 
 /// @param single  what is served instead of a store of the user's; null when there is one.
 void run_server(const server::ConfigSources& sources, const server::ServerOptions& started,
-                const maps::SingleMapStore* single) {
+                const server::SingleMapStore* single) {
   const bool made_store = single == nullptr && make_store(started.store);
   // Waits for who restores it, while signals still end this process.
-  { const maps::PackageStore restored(started.store); }
+  { const server::PackageStore restored(started.store); }
   SignalLoop::block();
   server::LogOutput log(started.log);
   if (made_store) spdlog::info("made the folder {} for a new store", started.store);
@@ -235,7 +235,7 @@ void serve_map(const std::string& map, server::ConfigSources sources,
         "found the map {} and the store {}, expected one of them: leave out MAP, or --store and "
         "what the configuration says of a store",
         map, options.store));
-  const maps::SingleMapStore single(map);
+  const server::SingleMapStore single(map);
   sources.flags["store"] = single.folder().string();
   options.store = single.folder().string();
   run_server(sources, options, &single);

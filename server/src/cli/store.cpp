@@ -1,8 +1,8 @@
 #include <stillmap/localization/map_index.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_levels.hpp>
-#include <stillmap/maps/store/backup_check.hpp>
-#include <stillmap/maps/store/package_store.hpp>
+#include "store/backup_check.hpp"
+#include "store/package_store.hpp"
 
 #include <fmt/core.h>
 
@@ -24,7 +24,7 @@ namespace stillmap::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using maps::PackageStore;
+using server::PackageStore;
 
 /// Those of all subcommands; each uses some.
 struct StoreArguments {
@@ -58,7 +58,7 @@ void gc(const StoreArguments& arguments) {
   PackageStore store(arguments.store);
   std::vector<server::RemovedVersion> removed;
   if (arguments.keep)
-    for (const maps::StoredMap& map : store.state().maps())
+    for (const server::StoredMap& map : store.state().maps())
       for (const std::string& version : store.keep_newest(map.name, *arguments.keep))
         removed.push_back({map.name, version});
   const PackageStore::Cleared cleared = store.gc();
@@ -107,8 +107,8 @@ void reindex(const StoreArguments& arguments) {
   std::set<std::string> done;
   std::vector<server::MadeAnew> all;
   std::string text;
-  for (const maps::StoredMap& map : store.state().maps()) {
-    for (const maps::StoredVersion& version : store.state().versions(map.name)) {
+  for (const server::StoredMap& map : store.state().maps()) {
+    for (const server::StoredVersion& version : store.state().versions(map.name)) {
       // Several versions may share one package.
       if (!done.insert(version.digest).second) continue;
       try {
@@ -128,7 +128,7 @@ void reindex(const StoreArguments& arguments) {
 void backup(const StoreArguments& arguments) {
   require_store(arguments.store);
   const PackageStore store(arguments.store);
-  if (arguments.reread) maps::drop_damaged_of_backup(arguments.folder);
+  if (arguments.reread) server::drop_damaged_of_backup(arguments.folder);
   const PackageStore::BackedUp done = store.backup(arguments.folder);
   print(arguments.json, server::backup_json(done),
         fmt::format("{} packages copied, {} kept from an earlier backup", done.copied, done.kept));
@@ -153,7 +153,7 @@ void add(const StoreArguments& arguments) {
 void activate(const StoreArguments& arguments) {
   require_store(arguments.store);
   PackageStore store(arguments.store);
-  const maps::StoredMap map = store.activate(arguments.map, arguments.version);
+  const server::StoredMap map = store.activate(arguments.map, arguments.version);
   print(arguments.json, server::stored_map_json(map),
         fmt::format("{} {} is active, revision {}", map.name, *map.active, map.revision));
 }
@@ -194,7 +194,7 @@ void add_restore(CLI::App& group, const Arguments& arguments) {
 }  // namespace
 
 void require_store(const fs::path& folder) {
-  if (maps::PackageStore::is_store(folder)) return;
+  if (server::PackageStore::is_store(folder)) return;
   throw maps::InputError(folder.string(), "no state.db",
                          "a store, as `stillmap store add` and `stillmap keys create` make one");
 }

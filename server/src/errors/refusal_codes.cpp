@@ -5,8 +5,8 @@
 
 namespace stillmap::server {
 
-ErrorCode code_of(maps::StoreRefusal::Reason reason) {
-  using Reason = maps::StoreRefusal::Reason;
+ErrorCode code_of(StoreRefusal::Reason reason) {
+  using Reason = StoreRefusal::Reason;
   switch (reason) {
     case Reason::kUnknownMap:
       return ErrorCode::kUnknownMap;

@@ -3,7 +3,7 @@
 #include "errors/api_error.hpp"
 #include "http/header_text.hpp"
 
-#include <stillmap/maps/store/map_name.hpp>
+#include "store/map_name.hpp"
 
 #include <utility>
 
@@ -11,7 +11,7 @@ namespace stillmap::server {
 
 void check_name(const PathParameters& path, const std::string& part) {
   const std::string& name = path.find(part)->second;
-  if (maps::is_valid_map_name(name)) return;
+  if (is_valid_map_name(name)) return;
   throw field_error(ErrorCode::kInvalidRequest, part, "'" + name + "'",
                     "[a-z0-9][a-z0-9._-]{0,62}");
 }
@@ -45,9 +45,7 @@ bool flag_in_query(const HttpRequest& request, std::string_view flag) {
   return wanted;
 }
 
-std::string etag_of(const maps::StoredMap& map) {
-  return "\"" + std::to_string(map.revision) + "\"";
-}
+std::string etag_of(const StoredMap& map) { return "\"" + std::to_string(map.revision) + "\""; }
 
 std::optional<std::string_view> version_in(const PathParameters& path) {
   const auto version = path.find("version");

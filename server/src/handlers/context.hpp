@@ -11,8 +11,8 @@
 #include "pose/map_stats.hpp"
 #include "pose/session_table.hpp"
 
-#include <stillmap/maps/store/drive_store.hpp>
 #include <stillmap/server/options_holder.hpp>
+#include "store/drive_store.hpp"
 
 #include <atomic>
 #include <chrono>
@@ -34,8 +34,8 @@ struct Context {
   /// In force now, for those that a reload changes.
   const OptionsHolder& live;
   int workers;
-  maps::PackageStore& store;
-  maps::DriveStore& drives;
+  PackageStore& store;
+  DriveStore& drives;
   SharedPlaces& uploads;
   MapCatalog& catalog;
   MapViews& views;
@@ -92,12 +92,12 @@ void require_json_if_any(const HttpRequest& request);
 /// Whether the query says `FLAG=true`. @throws ApiError for anything else in it.
 [[nodiscard]] bool flag_in_query(const HttpRequest& request, std::string_view flag);
 /// The state of a map's active pointer, for If-Match.
-[[nodiscard]] std::string etag_of(const maps::StoredMap& map);
+[[nodiscard]] std::string etag_of(const StoredMap& map);
 /// What stands in the path's place of a version, if it has one.
 [[nodiscard]] std::optional<std::string_view> version_in(const PathParameters& path);
 /// A version as lists show it; one that cannot be read says why.
 [[nodiscard]] DescribedVersion described(const Context& context, const std::string& map,
-                                         const maps::StoredVersion& version);
+                                         const StoredVersion& version);
 /// The version that the path names; the one that is served when it names none.
 /// @throws as `MapCatalog::find`.
 [[nodiscard]] ServedVersion find_version(MapCatalog& catalog, const PathParameters& path);

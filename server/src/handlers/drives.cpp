@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include <stillmap/maps/store/store_refusal.hpp>
+#include "store/store_refusal.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -14,8 +14,8 @@
 namespace stillmap::server {
 namespace {
 
-maps::DriveStore::Limits drive_limits(const UploadOptions& options) {
-  maps::DriveStore::Limits limits;
+DriveStore::Limits drive_limits(const UploadOptions& options) {
+  DriveStore::Limits limits;
   limits.bytes = static_cast<std::uint64_t>(options.max_drive_bytes);
   limits.archive.entries = static_cast<std::uint64_t>(options.max_entries);
   // Labels pack to a fortieth: what bounds packages would refuse good drives.
@@ -26,13 +26,13 @@ maps::DriveStore::Limits drive_limits(const UploadOptions& options) {
 }
 
 /// The drive that the path names, of the map that it names.
-maps::StoredDrive find_drive(const Context& context, const PathParameters& path) {
+StoredDrive find_drive(const Context& context, const PathParameters& path) {
   const std::string& text = path.at("drive");
   if (const std::optional<std::int64_t> id = id_in(text)) {
     try {
-      maps::StoredDrive drive = context.store.drives().drive(*id);
+      StoredDrive drive = context.store.drives().drive(*id);
       if (drive.map == path.at("map") && !drive.is_upload()) return drive;
-    } catch (const maps::StoreRefusal&) {
+    } catch (const StoreRefusal&) {
       // Not there: the answer is that for a drive of another map, which tells nothing of it.
     }
   }
@@ -40,8 +40,7 @@ maps::StoredDrive find_drive(const Context& context, const PathParameters& path)
                  fmt::format("map {} has no drive '{}'", path.at("map"), text));
 }
 
-HttpResponse answer_drive(const Context& context, const maps::StoredDrive& drive,
-                          int status = 200) {
+HttpResponse answer_drive(const Context& context, const StoredDrive& drive, int status = 200) {
   return json_response(drive_json(shown(context, drive), context.store.drives().parts(drive.id)),
                        status);
 }
@@ -50,7 +49,7 @@ HttpResponse open_drive(const Context& context, const HttpRequest& request,
                         const PathParameters& path) {
   require_json_if_any(request);
   const std::string name = read_drive_json(request.body);
-  const maps::StoredDrive drive = context.store.drives().open(path.at("map"), name, unix_ns());
+  const StoredDrive drive = context.store.drives().open(path.at("map"), name, unix_ns());
   HttpResponse response = answer_drive(context, drive, 201);
   response.headers.emplace_back("Location",
                                 fmt::format("/v1/maps/{}/drives/{}", drive.map, drive.id));
@@ -58,13 +57,13 @@ HttpResponse open_drive(const Context& context, const HttpRequest& request,
 }
 
 HttpResponse list_drives(const Context& context, const PathParameters& path) {
-  std::vector<maps::StoredDrive> drives = context.store.drives().of_map(path.at("map"));
-  for (maps::StoredDrive& drive : drives) drive = shown(context, std::move(drive));
+  std::vector<StoredDrive> drives = context.store.drives().of_map(path.at("map"));
+  for (StoredDrive& drive : drives) drive = shown(context, std::move(drive));
   return json_response(drive_list_json(drives));
 }
 
 HttpResponse complete_drive(const Context& context, const PathParameters& path) {
-  const maps::StoredDrive drive = find_drive(context, path);
+  const StoredDrive drive = find_drive(context, path);
   return with_upload_errors(context.store.folder(), [&] {
     return answer_drive(
         context, context.drives.complete(drive.id, drive_limits(context.live.current()->uploads)));

@@ -5,18 +5,16 @@
 
 #include <stillmap/maps/edits.hpp>
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/store/store_refusal.hpp>
+#include "store/store_refusal.hpp"
 
 #include <utility>
 
 namespace stillmap::server {
 namespace {
 
-std::string edits_etag(const maps::SavedEdits& edits) {
-  return "\"" + edits.sha256.substr(0, 16) + "\"";
-}
+std::string edits_etag(const SavedEdits& edits) { return "\"" + edits.sha256.substr(0, 16) + "\""; }
 
-HttpResponse answer(const maps::SavedEdits& edits) {
+HttpResponse answer(const SavedEdits& edits) {
   HttpResponse response = json_response(edits.text);
   response.headers = {{"ETag", edits_etag(edits)}, {"Cache-Control", "no-cache"}};
   return response;
@@ -24,7 +22,7 @@ HttpResponse answer(const maps::SavedEdits& edits) {
 
 HttpResponse get_edits(const Context& context, const HttpRequest& request,
                        const PathParameters& path) {
-  const maps::SavedEdits edits = context.store.edits().of_map(path.at("map"));
+  const SavedEdits edits = context.store.edits().of_map(path.at("map"));
   HttpResponse response = answer(edits);
   if (!is_known_to_client(request.header("if-none-match"), edits_etag(edits))) return response;
   response.status = 304;
@@ -34,7 +32,7 @@ HttpResponse get_edits(const Context& context, const HttpRequest& request,
 
 /// As the store keeps it: equal corrections have equal texts. @throws ApiError kInvalidRequest.
 std::string read_edits(const HttpRequest& request) {
-  std::string text = parse_request_json(request.body, {.max_bytes = maps::EditsTable::kMostBytes,
+  std::string text = parse_request_json(request.body, {.max_bytes = EditsTable::kMostBytes,
                                                        .max_values = kMostEditValues})
                          .dump();
   try {
@@ -43,20 +41,20 @@ std::string read_edits(const HttpRequest& request) {
     throw ApiError(ErrorCode::kInvalidRequest, error.what());
   }
   // Numbers can be longer than they came.
-  if (text.size() <= maps::EditsTable::kMostBytes) return text;
+  if (text.size() <= EditsTable::kMostBytes) return text;
   throw field_error(ErrorCode::kPayloadTooLarge, "edits", std::to_string(text.size()) + " bytes",
-                    "at most " + std::to_string(maps::EditsTable::kMostBytes));
+                    "at most " + std::to_string(EditsTable::kMostBytes));
 }
 
 /// SHA-256 of what the client means to replace. @throws StoreRefusal kOtherRevision.
 std::optional<std::string> wanted_before(const Context& context, const HttpRequest& request,
                                          const std::string& map) {
   const std::string tag = request.header("if-match");
-  const maps::SavedEdits known = context.store.edits().of_map(map);
+  const SavedEdits known = context.store.edits().of_map(map);
   if (tag.empty() || tag == "*") return std::nullopt;
   if (tag == edits_etag(known)) return known.sha256;
-  throw maps::StoreRefusal(maps::StoreRefusal::Reason::kOtherRevision,
-                           "the corrections of map '" + map + "' were changed meanwhile");
+  throw StoreRefusal(StoreRefusal::Reason::kOtherRevision,
+                     "the corrections of map '" + map + "' were changed meanwhile");
 }
 
 HttpResponse put_edits(const Context& context, const HttpRequest& request,
@@ -80,7 +78,7 @@ void add_edit_routes(std::vector<Route>& routes, const Context& context) {
                     [&context](const HttpRequest& request, const PathParameters& path) {
                       return put_edits(context, request, path);
                     },
-                    Access::kWrite, BodyKind::kWhole, maps::EditsTable::kMostBytes});
+                    Access::kWrite, BodyKind::kWhole, EditsTable::kMostBytes});
 }
 
 }  // namespace stillmap::server

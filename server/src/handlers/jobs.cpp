@@ -9,7 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <stillmap/maps/store/store_refusal.hpp>
+#include "store/store_refusal.hpp"
 
 #include <cerrno>
 #include <stdexcept>
@@ -46,14 +46,14 @@ class JobStream final : public EventSource {
 
   std::optional<std::string> if_ended_elsewhere() {
     try {
-      if (!maps::is_finished(jobs_.view(id_).job.status)) return std::string{};
+      if (!is_finished(jobs_.view(id_).job.status)) return std::string{};
       // Unless its last event came in between.
       SessionEvents::Read read = events_->after(last_id_, std::chrono::milliseconds(0));
       if (read.events.empty()) return last_of_finished();
       ended_ = read.closed;
       last_id_ = read.events.back().id;
       return to_stream(read);
-    } catch (const maps::StoreRefusal&) {
+    } catch (const StoreRefusal&) {
       ended_ = true;
       return std::nullopt;
     }
@@ -100,7 +100,7 @@ std::int64_t job_id(const PathParameters& path) {
 HttpResponse list_jobs(const Context& context, const HttpRequest& request) {
   const auto values = read_query(request, {"status", "map", "limit", "before"});
   const PageQuery page = read_page(values);
-  maps::JobTable::Filter filter;
+  JobTable::Filter filter;
   if (const auto map = values.find("map"); map != values.end()) {
     require_map(request.caller, map->second);
     static_cast<void>(context.store.state().map(map->second));
@@ -108,31 +108,30 @@ HttpResponse list_jobs(const Context& context, const HttpRequest& request) {
   }
   filter.maps = request.caller.maps;
   if (const auto status = values.find("status"); status != values.end()) {
-    filter.status = maps::job_status_of(status->second);
+    filter.status = job_status_of(status->second);
     if (!filter.status)
       throw field_error(ErrorCode::kInvalidRequest, "status", "'" + status->second + "'",
                         "enqueued, processing, succeeded, failed or canceled");
   }
-  const maps::JobTable::Page found = context.store.jobs().list(filter, page.limit, page.before);
+  const JobTable::Page found = context.store.jobs().list(filter, page.limit, page.before);
   std::vector<JobView> views;
-  for (const maps::StoredJob& job : found.jobs) views.push_back(context.jobs.view(job));
+  for (const StoredJob& job : found.jobs) views.push_back(context.jobs.view(job));
   return json_response(job_list_json(views, found.next));
 }
 
 HttpResponse cancel_job(const Context& context, const PathParameters& path) {
-  const maps::StoredJob job = context.jobs.cancel(job_id(path));
+  const StoredJob job = context.jobs.cancel(job_id(path));
   // What is processing ends within two seconds.
-  return json_response(job_json(context.jobs.view(job.id)),
-                       maps::is_finished(job.status) ? 200 : 202);
+  return json_response(job_json(context.jobs.view(job.id)), is_finished(job.status) ? 200 : 202);
 }
 
 HttpResponse stream_job(const Context& context, const HttpRequest& request,
                         const PathParameters& path) {
   const std::int64_t id = job_id(path);
-  const maps::StoredJob job = context.store.jobs().job(id);
+  const StoredJob job = context.store.jobs().job(id);
   const std::uint64_t last_id = last_event_id(request.header("last-event-id"));
   // Told so, a browser stops asking for more.
-  if (maps::is_finished(job.status) && last_id >= event_id_at(*job.finished_ns))
+  if (is_finished(job.status) && last_id >= event_id_at(*job.finished_ns))
     return {.status = 204, .content_type = {}, .body = {}, .headers = {}};
   HttpResponse response;
   response.events = std::make_shared<JobStream>(context.jobs, id, last_id);

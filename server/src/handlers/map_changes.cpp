@@ -9,7 +9,7 @@ HttpResponse put_map(const Context& context, const PathParameters& path) {
   check_name(path, "map");
   const std::string& name = path.at("map");
   const bool is_new = context.store.create_map(name);
-  const maps::StoredMap map = context.store.state().map(name);
+  const StoredMap map = context.store.state().map(name);
   HttpResponse response = json_response(stored_map_json(map), is_new ? 201 : 200);
   response.headers.emplace_back("ETag", etag_of(map));
   if (is_new) response.headers.emplace_back("Location", "/v1/maps/" + name);
@@ -19,8 +19,8 @@ HttpResponse put_map(const Context& context, const PathParameters& path) {
 HttpResponse remove_map(const Context& context, const HttpRequest& request,
                         const PathParameters& path) {
   const std::string& name = path.at("map");
-  context.store.remove_map(name, flag_in_query(request, "active") ? maps::WhenActive::kRemove
-                                                                  : maps::WhenActive::kRefuse);
+  context.store.remove_map(
+      name, flag_in_query(request, "active") ? WhenActive::kRemove : WhenActive::kRefuse);
   context.stats.forget(name);
   context.catalog.refresh();
   return {.status = 204, .content_type = {}, .body = {}, .headers = {}};

@@ -10,7 +10,7 @@
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_graph.hpp>
-#include <stillmap/maps/store/store_refusal.hpp>
+#include "store/store_refusal.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -86,7 +86,7 @@ ServedVersion loading_unless_known(ServedVersion version) {
 /// active one, that is told, though this server serves the one before until it has loaded it.
 HttpResponse answer_list(const Context& context, const Caller& caller) {
   std::vector<ListedMap> maps;
-  for (maps::StoredMap& map : context.store.state().maps()) {
+  for (StoredMap& map : context.store.state().maps()) {
     if (!may_use_map(caller, map.name)) continue;
     ListedMap& listed = maps.emplace_back(ListedMap{std::move(map), std::nullopt, std::nullopt});
     if (!listed.stored.active) continue;
@@ -118,8 +118,7 @@ ShownGraph graph_of(const maps::MapPackage& map) {
 
 /// @param map  as the store has it now; the version is the one that the path names, else its active
 /// one, so that the revision of the answer is that of its version.
-std::string one_version(const Context& context, const maps::StoredMap& map,
-                        const PathParameters& path) {
+std::string one_version(const Context& context, const StoredMap& map, const PathParameters& path) {
   const ServedVersion version =
       version_in(path) ? find_version(context.catalog, path)
                        : loading_unless_known(context.catalog.find(map.name, *map.active));
@@ -131,7 +130,7 @@ std::string one_version(const Context& context, const maps::StoredMap& map,
 }  // namespace
 
 DescribedVersion described(const Context& context, const std::string& map,
-                           const maps::StoredVersion& version) {
+                           const StoredVersion& version) {
   DescribedVersion found{.stored = version, .state = "stored"};
   if (const auto open = context.catalog.known(map, version.name)) {
     found.state = name_of(open->state);
@@ -140,7 +139,7 @@ DescribedVersion described(const Context& context, const std::string& map,
   try {
     found.facts = context.catalog.facts().of(map, version);
     found.frame = context.catalog.facts().frame_of(map, version.digest);
-  } catch (const maps::StoreRefusal&) {
+  } catch (const StoreRefusal&) {
     // Removed just now.
   } catch (const std::exception& error) {
     found.state = name_of(MapState::kFailed);
@@ -151,7 +150,7 @@ DescribedVersion described(const Context& context, const std::string& map,
 
 void add_map_routes(std::vector<Route>& routes, const Context& context) {
   const Handler one = [&context](const HttpRequest&, const PathParameters& path) {
-    const maps::StoredMap map = context.store.state().map(path.at("map"));
+    const StoredMap map = context.store.state().map(path.at("map"));
     // A map without an active version is there all the same.
     HttpResponse response = json_response(
         !map.active && !version_in(path) ? stored_map_json(map) : one_version(context, map, path));

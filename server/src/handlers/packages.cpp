@@ -29,8 +29,7 @@ constexpr std::uint64_t kMaxPreviewBytes = 16U << 20U;
 /// A package on its way to a client.
 class PackageSource final : public BodySource {
  public:
-  explicit PackageSource(std::unique_ptr<maps::PackageArchive> archive)
-      : archive_(std::move(archive)) {}
+  explicit PackageSource(std::unique_ptr<PackageArchive> archive) : archive_(std::move(archive)) {}
   [[nodiscard]] std::uint64_t size() const override { return archive_->size(); }
   void read(std::uint64_t offset, std::span<char> to) override {
     if (archive_->read(offset, to) != to.size())
@@ -38,7 +37,7 @@ class PackageSource final : public BodySource {
   }
 
  private:
-  std::unique_ptr<maps::PackageArchive> archive_;
+  std::unique_ptr<PackageArchive> archive_;
 };
 
 HttpResponse put_version(const Context& context, const HttpRequest& request,

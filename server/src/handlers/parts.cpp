@@ -19,12 +19,12 @@ namespace {
 std::int64_t part_number(const PathParameters& path) {
   const std::string& text = path.at("part");
   const std::optional<std::int64_t> n = id_in(text);
-  if (n && *n >= 1 && *n <= maps::DriveTable::kMostParts) return *n;
+  if (n && *n >= 1 && *n <= DriveTable::kMostParts) return *n;
   throw field_error(ErrorCode::kInvalidRequest, "part", "'" + text + "'",
-                    fmt::format("1 to {}", maps::DriveTable::kMostParts));
+                    fmt::format("1 to {}", DriveTable::kMostParts));
 }
 
-void check_size(const maps::StoredDrive& drive, std::uint64_t more, std::uint64_t most) {
+void check_size(const StoredDrive& drive, std::uint64_t more, std::uint64_t most) {
   if (more <= most && drive.bytes <= most - more) return;
   throw field_error(ErrorCode::kPayloadTooLarge, drive.is_upload() ? "upload" : "drive",
                     fmt::format("{} bytes and {} more", drive.bytes, more),
@@ -33,24 +33,23 @@ void check_size(const maps::StoredDrive& drive, std::uint64_t more, std::uint64_
 
 }  // namespace
 
-maps::StoredDrive shown(const Context& context, maps::StoredDrive drive) {
+StoredDrive shown(const Context& context, StoredDrive drive) {
   drive.error = without_folder(std::move(drive.error), context.store.folder());
   return drive;
 }
 
 HttpResponse put_part(const Context& context, const HttpRequest& request,
-                      const PathParameters& path, const maps::StoredDrive& drive,
-                      std::uint64_t most) {
+                      const PathParameters& path, const StoredDrive& drive, std::uint64_t most) {
   const std::int64_t n = part_number(path);
   const std::optional<std::string> sha256 = wanted_sha256(request);
   BodyStream& body = *request.stream;
-  const std::vector<maps::DrivePart> parts = context.store.drives().parts(drive.id);
+  const std::vector<DrivePart> parts = context.store.drives().parts(drive.id);
   const bool known =
       std::any_of(parts.begin(), parts.end(), [&](const auto& part) { return part.n == n; });
   if (!known) check_size(drive, body.size(), most);
   const auto source = [&body](std::span<char> to) { return body.read(to); };
   return with_upload_errors(context.store.folder(), [&] {
-    const maps::DriveStore::Added added =
+    const DriveStore::Added added =
         context.drives.add_part(drive.id, n, body.size(), source, sha256, {.bytes = most});
     return json_response(part_json(added.part), added.is_new ? 201 : 200);
   });

@@ -7,12 +7,12 @@
 namespace stillmap::server {
 
 /// As clients see it: what went wrong was said with places of this machine.
-[[nodiscard]] maps::StoredDrive shown(const Context& context, maps::StoredDrive drive);
+[[nodiscard]] StoredDrive shown(const Context& context, StoredDrive drive);
 
 /// Keeps one part of a drive or of an upload. @param most  bytes of all parts.
 /// @throws ApiError for a number that is none, kPayloadTooLarge, kInvalidUpload; StoreRefusal.
 [[nodiscard]] HttpResponse put_part(const Context& context, const HttpRequest& request,
-                                    const PathParameters& path, const maps::StoredDrive& drive,
+                                    const PathParameters& path, const StoredDrive& drive,
                                     std::uint64_t most);
 
 }  // namespace stillmap::server

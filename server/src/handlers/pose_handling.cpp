@@ -25,7 +25,7 @@ void require_ready(const Context& context, const PathParameters& path) {
     static_cast<void>(context.catalog.ready(path.at("map"), version_in(path)));
   } catch (const ApiError&) {
     throw;
-  } catch (const maps::StoreRefusal& error) {
+  } catch (const StoreRefusal& error) {
     throw ApiError(code_of(error.reason()), error.what());
   } catch (const std::exception&) {
     // The handler meets it again, where it is logged.

@@ -13,8 +13,8 @@
 namespace stillmap::server {
 namespace {
 
-maps::ArchiveLimits archive_limits(const UploadOptions& options) {
-  maps::ArchiveLimits limits;
+ArchiveLimits archive_limits(const UploadOptions& options) {
+  ArchiveLimits limits;
   limits.entries = static_cast<std::uint64_t>(options.max_entries);
   limits.ratio = options.max_unpacked_ratio;
   return limits;
@@ -29,7 +29,7 @@ std::optional<std::string> cloud_format(const std::string& content_type) {
 }
 
 /// What the bytes begin with, as far as a header of a point cloud may reach.
-std::string head_of(const maps::ByteSource& source) {
+std::string head_of(const ByteSource& source) {
   std::string head(maps::kMostCloudHeaderBytes, '\0');
   std::size_t have = 0;
   while (have < head.size()) {
@@ -45,7 +45,7 @@ std::string head_of(const maps::ByteSource& source) {
 HttpResponse convert(const Context& context, const Publication& wanted, const std::string& format) {
   // Sent again, the file of a job that waits takes no more room; another one will be refused.
   const auto before = context.jobs.newest_conversion(wanted.map, wanted.version);
-  if (!before || maps::is_finished(before->status))
+  if (!before || is_finished(before->status))
     context.jobs.check_upload_quota(wanted.map, wanted.bytes);
   const std::string name = wanted.map + "/" + wanted.version;
   const std::string head = head_of(wanted.source);
@@ -57,10 +57,10 @@ HttpResponse convert(const Context& context, const Publication& wanted, const st
     return count;
   };
   const std::string sha256 = context.jobs.receive(source, wanted.bytes, wanted.sha256, name);
-  const maps::JobTable::Enqueued enqueued = context.jobs.convert(
+  const JobTable::Enqueued enqueued = context.jobs.convert(
       wanted.map, {.version = wanted.version, .sha256 = sha256, .format = format},
       {wanted.key_id, std::nullopt});
-  if (enqueued.job.status != maps::JobStatus::kSucceeded)
+  if (enqueued.job.status != JobStatus::kSucceeded)
     return accepted(context.jobs.view(enqueued.job));
   return json_response(version_json(context.store.state().version(wanted.map, wanted.version)));
 }
@@ -86,7 +86,7 @@ HttpResponse publish_bytes(const Context& context, const Publication& wanted) {
   context.store.check_disk_reserve(wanted.bytes);
   if (const auto format = cloud_format(wanted.content_type))
     return convert(context, wanted, *format);
-  const maps::PackageStore::Added added = context.store.add_archive(
+  const PackageStore::Added added = context.store.add_archive(
       wanted.map, wanted.version, wanted.source, wanted.map + "/" + wanted.version,
       archive_limits(context.live.current()->uploads), wanted.sha256);
   HttpResponse response = json_response(version_json(added.version), added.is_new ? 201 : 200);

@@ -2,7 +2,7 @@
 
 #include "handlers/context.hpp"
 
-#include <stillmap/maps/store/archive.hpp>
+#include "store/archive.hpp"
 
 #include <cstdint>
 #include <optional>
@@ -19,7 +19,7 @@ struct Publication {
   std::string content_type;
   /// Key of who sends them.
   std::string key_id;
-  maps::ByteSource source;
+  ByteSource source;
   std::uint64_t bytes = 0;
   /// Of the bytes, where that is known.
   std::optional<std::string> sha256{};

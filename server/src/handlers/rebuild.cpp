@@ -24,7 +24,7 @@ std::optional<std::string> idempotency_key(const HttpRequest& request) {
 HttpResponse rebuild(const Context& context, const HttpRequest& request,
                      const PathParameters& path) {
   require_json(request);
-  const maps::JobTable::Enqueued enqueued =
+  const JobTable::Enqueued enqueued =
       context.jobs.rebuild(path.at("map"), read_rebuild_request(request.body),
                            {request.caller.key_id, idempotency_key(request)});
   return accepted(context.jobs.view(enqueued.job));

@@ -8,7 +8,7 @@
 
 #include <fmt/format.h>
 
-#include <stillmap/maps/store/store_refusal.hpp>
+#include "store/store_refusal.hpp"
 
 #include <map>
 #include <optional>
@@ -43,7 +43,7 @@ class SessionStream final : public EventSource {
       session.note_active_version(catalog.find(session.map().map).version);
     } catch (const ApiError&) {
       // No version is active, or the active one is broken; the session keeps its own.
-    } catch (const maps::StoreRefusal&) {
+    } catch (const StoreRefusal&) {
       // The map is gone; the session keeps its version.
     }
   }
@@ -181,7 +181,7 @@ HttpResponse list_sessions(const Context& context, const HttpRequest& request) {
   if (const auto map = query.find("map"); map != query.end())
     std::erase_if(list.sessions,
                   [&](const auto& session) { return session->map().map != map->second; });
-  for (const maps::ApiKey& key : context.store.keys().list()) list.key_names[key.id] = key.name;
+  for (const ApiKey& key : context.store.keys().list()) list.key_names[key.id] = key.name;
   return json_response(session_list_json(list, context.sessions.limits().idle));
 }
 

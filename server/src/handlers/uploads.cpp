@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include <stillmap/maps/store/store_refusal.hpp>
+#include "store/store_refusal.hpp"
 
 #include <algorithm>
 
@@ -19,18 +19,17 @@ std::uint64_t most_bytes(const Context& context) {
 }
 
 /// The upload that the path names, of the map that it names.
-maps::StoredDrive find_upload(const Context& context, const PathParameters& path) {
+StoredDrive find_upload(const Context& context, const PathParameters& path) {
   const std::string& text = path.at("upload");
   if (const std::optional<std::int64_t> id = id_in(text)) {
-    for (maps::StoredDrive& upload : context.store.drives().uploads_of_map(path.at("map")))
+    for (StoredDrive& upload : context.store.drives().uploads_of_map(path.at("map")))
       if (upload.id == *id) return upload;
   }
   throw ApiError(ErrorCode::kUnknownUpload,
                  fmt::format("map {} has no upload '{}'", path.at("map"), text));
 }
 
-HttpResponse answer_upload(const Context& context, const maps::StoredDrive& upload,
-                           int status = 200) {
+HttpResponse answer_upload(const Context& context, const StoredDrive& upload, int status = 200) {
   return json_response(upload_json(shown(context, upload), context.store.drives().parts(upload.id)),
                        status);
 }
@@ -43,7 +42,7 @@ HttpResponse open_upload(const Context& context, const HttpRequest& request,
   check_publication_type("content_type", wanted.content_type);
   const std::string& map = path.at("map");
   context.store.create_map(map);
-  const maps::StoredDrive upload = context.store.drives().open_upload(
+  const StoredDrive upload = context.store.drives().open_upload(
       map, {.version = wanted.version, .content_type = wanted.content_type}, unix_ns());
   HttpResponse response = answer_upload(context, upload, 201);
   response.headers.emplace_back("Location", fmt::format("/v1/maps/{}/uploads/{}", map, upload.id));
@@ -51,13 +50,13 @@ HttpResponse open_upload(const Context& context, const HttpRequest& request,
 }
 
 HttpResponse list_uploads(const Context& context, const PathParameters& path) {
-  std::vector<maps::StoredDrive> uploads = context.store.drives().uploads_of_map(path.at("map"));
-  for (maps::StoredDrive& upload : uploads) upload = shown(context, std::move(upload));
+  std::vector<StoredDrive> uploads = context.store.drives().uploads_of_map(path.at("map"));
+  for (StoredDrive& upload : uploads) upload = shown(context, std::move(upload));
   return json_response(upload_list_json(uploads));
 }
 
 /// What came of one that was completed before.
-HttpResponse answer_completed(const Context& context, const maps::StoredDrive& upload) {
+HttpResponse answer_completed(const Context& context, const StoredDrive& upload) {
   const auto version = context.store.state().find_version(upload.map, upload.target.version);
   if (version) return json_response(version_json(*version));
   if (const auto job = context.jobs.newest_conversion(upload.map, upload.target.version))
@@ -68,19 +67,18 @@ HttpResponse answer_completed(const Context& context, const maps::StoredDrive& u
 
 HttpResponse complete_upload(const Context& context, const HttpRequest& request,
                              const PathParameters& path) {
-  const maps::StoredDrive upload = find_upload(context, path);
-  if (upload.status == maps::DriveStatus::kComplete) return answer_completed(context, upload);
+  const StoredDrive upload = find_upload(context, path);
+  if (upload.status == DriveStatus::kComplete) return answer_completed(context, upload);
   return with_upload_errors(context.store.folder(), [&] {
     std::optional<HttpResponse> response;
-    context.drives.complete_upload(
-        upload.id, [&](const maps::ByteSource& source, std::uint64_t bytes) {
-          response = publish_bytes(context, {.map = upload.map,
-                                             .version = upload.target.version,
-                                             .content_type = upload.target.content_type,
-                                             .key_id = request.caller.key_id,
-                                             .source = source,
-                                             .bytes = bytes});
-        });
+    context.drives.complete_upload(upload.id, [&](const ByteSource& source, std::uint64_t bytes) {
+      response = publish_bytes(context, {.map = upload.map,
+                                         .version = upload.target.version,
+                                         .content_type = upload.target.content_type,
+                                         .key_id = request.caller.key_id,
+                                         .source = source,
+                                         .bytes = bytes});
+    });
     // Somebody else was first.
     return response ? std::move(*response) : answer_completed(context, upload);
   });

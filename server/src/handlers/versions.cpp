@@ -23,7 +23,7 @@ std::optional<std::int64_t> wanted_revision(const HttpRequest& request) {
                     "the ETag of the map, such as \"3\"");
 }
 
-HttpResponse answer_map(const maps::StoredMap& map, int status = 200) {
+HttpResponse answer_map(const StoredMap& map, int status = 200) {
   HttpResponse response = json_response(stored_map_json(map), status);
   response.headers.emplace_back("ETag", etag_of(map));
   return response;
@@ -48,10 +48,10 @@ HttpResponse remove_version(const Context& context, const PathParameters& path) 
 }
 
 HttpResponse list_versions(const Context& context, const PathParameters& path) {
-  const maps::StoreState& state = context.store.state();
-  const maps::StoredMap map = state.map(path.at("map"));
+  const StoreState& state = context.store.state();
+  const StoredMap map = state.map(path.at("map"));
   std::vector<DescribedVersion> versions;
-  for (const maps::StoredVersion& version : state.versions(map.name))
+  for (const StoredVersion& version : state.versions(map.name))
     versions.push_back(described(context, map.name, version));
   HttpResponse response = json_response(version_list_json(map, versions));
   response.headers.emplace_back("ETag", etag_of(map));

@@ -5,7 +5,7 @@
 
 #include <spdlog/spdlog.h>
 
-#include <stillmap/maps/store/store_refusal.hpp>
+#include "store/store_refusal.hpp"
 
 #include <algorithm>
 #include <charconv>
@@ -33,35 +33,35 @@ void attempt(const char* what, Work&& work) {
 }
 
 /// When it came, or when the last job that read it ended.
-std::int64_t last_use_ns(const maps::PackageStore& store, const maps::StoredDrive& drive) {
+std::int64_t last_use_ns(const PackageStore& store, const StoredDrive& drive) {
   std::int64_t last = drive.finished_ns.value_or(drive.created_ns);
   for (const std::int64_t id : store.state().drives().jobs_using(drive.id)) {
     try {
-      const maps::StoredJob job = store.state().jobs().job(id);
+      const StoredJob job = store.state().jobs().job(id);
       last = std::max(last, job.finished_ns.value_or(job.enqueued_ns));
-    } catch (const maps::StoreRefusal&) {
+    } catch (const StoreRefusal&) {
       // The store has forgotten the job meanwhile.
     }
   }
   return last;
 }
 
-void remove_old_drives(maps::PackageStore& store, maps::DriveStore& drives, std::int64_t before) {
-  for (const maps::StoredDrive& drive : store.drives().all()) {
+void remove_old_drives(PackageStore& store, DriveStore& drives, std::int64_t before) {
+  for (const StoredDrive& drive : store.drives().all()) {
     if (last_use_ns(store, drive) >= before) continue;
     attempt("a drive", [&] {
       try {
         drives.remove(drive.id);
         spdlog::info("drive {} of {} was not used for long and is gone", drive.id, drive.map);
-      } catch (const maps::StoreRefusal&) {
+      } catch (const StoreRefusal&) {
         // A job reads it.
       }
     });
   }
 }
 
-void remove_old_versions(maps::PackageStore& store, std::size_t kept) {
-  for (const maps::StoredMap& map : store.state().maps()) {
+void remove_old_versions(PackageStore& store, std::size_t kept) {
+  for (const StoredMap& map : store.state().maps()) {
     attempt("versions", [&] {
       for (const std::string& version : store.keep_newest(map.name, kept))
         spdlog::info("version {} of {} is gone: newer ones are kept", version, map.name);
@@ -71,8 +71,8 @@ void remove_old_versions(maps::PackageStore& store, std::size_t kept) {
 
 }  // namespace
 
-void keep_house(const RetentionOptions& options, maps::PackageStore& store,
-                maps::DriveStore& drives, JobRunner& jobs, std::int64_t now_ns) {
+void keep_house(const RetentionOptions& options, PackageStore& store, DriveStore& drives,
+                JobRunner& jobs, std::int64_t now_ns) {
   if (!store.read_only_because().empty()) return;
   // Drives that stay for good need no job that tells when they were used.
   const std::int64_t drives_before =
@@ -142,22 +142,22 @@ void RetentionClock::warn(std::int64_t wall_ns) {
       (wall_ns - known_ns_) / kDay_ns, file_.string());
 }
 
-std::int64_t newest_time_ns(const maps::PackageStore& store) {
+std::int64_t newest_time_ns(const PackageStore& store) {
   std::int64_t newest = 0;
-  for (const maps::AuditRecord& row : store.state().audit().list(1).records)
+  for (const AuditRecord& row : store.state().audit().list(1).records)
     newest = std::max(newest, row.time_ns);
-  for (const maps::StoredJob& job : store.state().jobs().list({}, 1).jobs)
+  for (const StoredJob& job : store.state().jobs().list({}, 1).jobs)
     newest = std::max(newest, job.finished_ns.value_or(job.enqueued_ns));
-  for (const maps::StoredDrive& drive : store.state().drives().all())
+  for (const StoredDrive& drive : store.state().drives().all())
     newest = std::max(newest, drive.finished_ns.value_or(drive.created_ns));
-  for (const maps::StoredMap& map : store.state().maps())
-    for (const maps::StoredVersion& version : store.state().versions(map.name))
+  for (const StoredMap& map : store.state().maps())
+    for (const StoredVersion& version : store.state().versions(map.name))
       newest = std::max(newest, version.created_ns);
   return newest;
 }
 
-Housekeeping::Housekeeping(const OptionsHolder& live, maps::PackageStore& store,
-                           maps::DriveStore& drives, JobRunner& jobs, bool keeps_ballast) {
+Housekeeping::Housekeeping(const OptionsHolder& live, PackageStore& store, DriveStore& drives,
+                           JobRunner& jobs, bool keeps_ballast) {
   thread_ = std::jthread(
       [this, &live, &store, &drives, &jobs, keeps_ballast](const std::stop_token& stop) {
         constexpr int kMinutesBetween = 60;

@@ -2,9 +2,9 @@
 
 #include "jobs/job_runner.hpp"
 
-#include <stillmap/maps/store/drive_store.hpp>
-#include <stillmap/maps/store/package_store.hpp>
 #include <stillmap/server/options_holder.hpp>
+#include "store/drive_store.hpp"
+#include "store/package_store.hpp"
 
 #include <chrono>
 #include <condition_variable>
@@ -19,8 +19,8 @@ namespace stillmap::server {
 /// Removes what `RetentionOptions` let go of: finished jobs with their logs, drives, versions and
 /// rows of the audit log. Each of them is tried, whatever becomes of the others.
 /// @param now_ns  since 1970.
-void keep_house(const RetentionOptions& options, maps::PackageStore& store,
-                maps::DriveStore& drives, JobRunner& jobs, std::int64_t now_ns);
+void keep_house(const RetentionOptions& options, PackageStore& store, DriveStore& drives,
+                JobRunner& jobs, std::int64_t now_ns);
 
 /// The time by which retention tells what is old. This is the wall clock while it is at most a day
 /// ahead of the time that was kept when the store was last in use. A clock that is further ahead
@@ -48,15 +48,15 @@ class RetentionClock {
 };
 
 /// The newest time that a row of the store tells; 0 without any.
-[[nodiscard]] std::int64_t newest_time_ns(const maps::PackageStore& store);
+[[nodiscard]] std::int64_t newest_time_ns(const PackageStore& store);
 
 /// Does so a minute after the start, and then once an hour; makes the store's ballast at the start,
 /// and within a minute after it was given up and there is room.
 class Housekeeping {
  public:
   /// All of it outlives this.
-  Housekeeping(const OptionsHolder& live, maps::PackageStore& store, maps::DriveStore& drives,
-               JobRunner& jobs, bool keeps_ballast);
+  Housekeeping(const OptionsHolder& live, PackageStore& store, DriveStore& drives, JobRunner& jobs,
+               bool keeps_ballast);
   Housekeeping(const Housekeeping&) = delete;
   Housekeeping& operator=(const Housekeeping&) = delete;
   /// Waits for what it is at.

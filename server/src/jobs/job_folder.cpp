@@ -6,7 +6,7 @@
 #include <unistd.h>
 
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/store/disk_full.hpp>
+#include "store/disk_full.hpp"
 
 #include <cerrno>
 #include <cstdio>
@@ -23,7 +23,7 @@ namespace {
 
 [[noreturn]] void fail(const fs::path& file) {
   if (errno == ENOSPC || errno == EDQUOT)
-    throw maps::DiskFull(file.string(), std::string("cannot be written: ") + std::strerror(errno));
+    throw DiskFull(file.string(), std::string("cannot be written: ") + std::strerror(errno));
   throw maps::StorageError(file.string(),
                            std::string("cannot be written: ") + std::strerror(errno));
 }

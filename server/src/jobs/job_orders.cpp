@@ -11,7 +11,7 @@
 
 #include <stillmap/maps/edits.hpp>
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/store/received_file.hpp>
+#include "store/received_file.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -63,7 +63,7 @@ bool on_one_disk(const fs::path& a, const fs::path& b) {
          first.st_dev == second.st_dev;
 }
 
-void require_room(const maps::PackageStore& store, const fs::path& folder, std::uint64_t bytes) {
+void require_room(const PackageStore& store, const fs::path& folder, std::uint64_t bytes) {
   const std::uint64_t room = free_bytes(folder);
   if (bytes <= room) return store.check_disk_reserve(folder, bytes);
   throw ApiError(ErrorCode::kDiskFull,
@@ -71,9 +71,8 @@ void require_room(const maps::PackageStore& store, const fs::path& folder, std::
 }
 
 /// The file that a convert job reads; empty for others.
-std::string sha256_of(const maps::StoredJob& job) {
-  return job.kind == maps::JobKind::kConvert ? read_convert_request(job.request).sha256
-                                             : std::string{};
+std::string sha256_of(const StoredJob& job) {
+  return job.kind == JobKind::kConvert ? read_convert_request(job.request).sha256 : std::string{};
 }
 
 }  // namespace
@@ -103,7 +102,7 @@ void JobRunner::check_room(const std::string& map, const RebuildRequest& request
 }
 
 void JobRunner::check_waiting() const {
-  if (setup_.store.jobs().count(maps::JobStatus::kEnqueued) < kMostWaiting) return;
+  if (setup_.store.jobs().count(JobStatus::kEnqueued) < kMostWaiting) return;
   throw ApiError(ErrorCode::kBusy, fmt::format("{} jobs wait already", kMostWaiting))
       .with_header("Retry-After", "60");
 }
@@ -123,7 +122,7 @@ void JobRunner::check_free_name(const std::string& map, const std::string& versi
                                "that was never used",
                                map, version));
   }
-  for (const maps::StoredJob& job : setup_.store.jobs().unfinished()) {
+  for (const StoredJob& job : setup_.store.jobs().unfinished()) {
     if (job.map == map && version_of(job) == version)
       throw ApiError(ErrorCode::kOtherDigest,
                      fmt::format("job {} makes version {} already", job.id, version));
@@ -135,8 +134,8 @@ bool JobRunner::is_known_request(const std::string& map, const Asker& asker) con
   if (!asker.idempotency_key) return false;
   std::optional<std::int64_t> before;
   do {
-    const maps::JobTable::Page page = setup_.store.jobs().list({.map = map}, kPage, before);
-    for (const maps::StoredJob& job : page.jobs)
+    const JobTable::Page page = setup_.store.jobs().list({.map = map}, kPage, before);
+    for (const StoredJob& job : page.jobs)
       if (job.asker == asker.key_id && job.idempotency_key == asker.idempotency_key) return true;
     before = page.next;
   } while (before);
@@ -147,36 +146,36 @@ RebuildRequest JobRunner::with_saved_edits(const std::string& map, RebuildReques
   if (request.edits_from != RebuildRequest::EditsFrom::kSaved) return request;
   request.edits_from = RebuildRequest::EditsFrom::kNone;
   if (!takes_saved_edits(request)) return request;
-  const maps::SavedEdits saved = setup_.store.edits().of_map(map);
+  const SavedEdits saved = setup_.store.edits().of_map(map);
   if (maps::parse_edits(saved.text, "corrections of map " + map).empty()) return request;
   request.edits = saved.text;
   request.edits_from = RebuildRequest::EditsFrom::kSaved;
   return request;
 }
 
-maps::JobTable::Enqueued JobRunner::rebuild(const std::string& map, const RebuildRequest& request,
-                                            const Asker& asker) {
-  maps::NewJob job{.kind = maps::JobKind::kRebuild,
-                   .map = map,
-                   .request = to_stored_json(with_saved_edits(map, request)),
-                   .asked = to_json(request),
-                   .drives = request.drives,
-                   .asker = asker.key_id,
-                   .idempotency_key = asker.idempotency_key};
+JobTable::Enqueued JobRunner::rebuild(const std::string& map, const RebuildRequest& request,
+                                      const Asker& asker) {
+  NewJob job{.kind = JobKind::kRebuild,
+             .map = map,
+             .request = to_stored_json(with_saved_edits(map, request)),
+             .asked = to_json(request),
+             .drives = request.drives,
+             .asker = asker.key_id,
+             .idempotency_key = asker.idempotency_key};
   if (request.held_back) job.drives.push_back(*request.held_back);
   static_cast<void>(setup_.store.state().map(map));
   if (!is_known_request(map, asker)) {
     check_waiting();
     if (!request.version.empty()) check_free_name(map, request.version);
-    const std::vector<maps::StoredDrive> drives = setup_.store.drives().of_map(map);
+    const std::vector<StoredDrive> drives = setup_.store.drives().of_map(map);
     for (const std::int64_t id : job.drives) {
       const auto drive = std::find_if(drives.begin(), drives.end(),
                                       [&](const auto& each) { return each.id == id; });
       if (drive == drives.end())
         throw ApiError(ErrorCode::kUnknownDrive, fmt::format("map {} has no drive {}", map, id));
-      if (drive->status != maps::DriveStatus::kComplete)
+      if (drive->status != DriveStatus::kComplete)
         throw ApiError(ErrorCode::kDriveNotComplete,
-                       fmt::format("drive {} is {}", id, maps::name_of(drive->status)));
+                       fmt::format("drive {} is {}", id, name_of(drive->status)));
     }
     fs::create_directories(root_);
     try {
@@ -191,20 +190,20 @@ maps::JobTable::Enqueued JobRunner::rebuild(const std::string& map, const Rebuil
   const std::scoped_lock lock(uploads_mutex_);
   if (!request.version.empty() && !is_known_request(map, asker))
     check_free_name(map, request.version);
-  maps::JobTable::Enqueued enqueued = setup_.store.jobs().enqueue(job, unix_ns());
+  JobTable::Enqueued enqueued = setup_.store.jobs().enqueue(job, unix_ns());
   wake();
   return enqueued;
 }
 
 /// The job that made this version of the same file, as long as it is remembered.
-std::optional<maps::StoredJob> JobRunner::converted_before(const std::string& map,
-                                                           const ConvertRequest& request) const {
+std::optional<StoredJob> JobRunner::converted_before(const std::string& map,
+                                                     const ConvertRequest& request) const {
   if (!setup_.store.state().find_version(map, request.version)) return std::nullopt;
   std::optional<std::int64_t> before;
   do {
-    const maps::JobTable::Page page = setup_.store.jobs().list(
-        {.status = maps::JobStatus::kSucceeded, .map = map}, kPage, before);
-    for (const maps::StoredJob& job : page.jobs)
+    const JobTable::Page page =
+        setup_.store.jobs().list({.status = JobStatus::kSucceeded, .map = map}, kPage, before);
+    for (const StoredJob& job : page.jobs)
       if (job.result_version == request.version)
         return sha256_of(job) == request.sha256 ? std::optional(job) : std::nullopt;
     before = page.next;
@@ -212,20 +211,20 @@ std::optional<maps::StoredJob> JobRunner::converted_before(const std::string& ma
   return std::nullopt;
 }
 
-std::optional<maps::StoredJob> JobRunner::newest_conversion(const std::string& map,
-                                                            const std::string& version) const {
+std::optional<StoredJob> JobRunner::newest_conversion(const std::string& map,
+                                                      const std::string& version) const {
   std::optional<std::int64_t> before;
   do {
-    const maps::JobTable::Page page = setup_.store.jobs().list({.map = map}, kPage, before);
-    for (const maps::StoredJob& job : page.jobs)
-      if (job.kind == maps::JobKind::kConvert && version_of(job) == version) return job;
+    const JobTable::Page page = setup_.store.jobs().list({.map = map}, kPage, before);
+    for (const StoredJob& job : page.jobs)
+      if (job.kind == JobKind::kConvert && version_of(job) == version) return job;
     before = page.next;
   } while (before);
   return std::nullopt;
 }
 
-maps::JobTable::Enqueued JobRunner::convert(const std::string& map, const ConvertRequest& request,
-                                            const Asker& asker) {
+JobTable::Enqueued JobRunner::convert(const std::string& map, const ConvertRequest& request,
+                                      const Asker& asker) {
   // A file that no job will read counts towards no quota.
   const auto clear = [this] {
     try {
@@ -235,8 +234,8 @@ maps::JobTable::Enqueued JobRunner::convert(const std::string& map, const Conver
     }
   };
   try {
-    maps::JobTable::Enqueued enqueued = enqueue_convert(map, request, asker);
-    if (maps::is_finished(enqueued.job.status)) clear();
+    JobTable::Enqueued enqueued = enqueue_convert(map, request, asker);
+    if (is_finished(enqueued.job.status)) clear();
     return enqueued;
   } catch (...) {
     clear();
@@ -244,12 +243,11 @@ maps::JobTable::Enqueued JobRunner::convert(const std::string& map, const Conver
   }
 }
 
-maps::JobTable::Enqueued JobRunner::enqueue_convert(const std::string& map,
-                                                    const ConvertRequest& request,
-                                                    const Asker& asker) {
+JobTable::Enqueued JobRunner::enqueue_convert(const std::string& map, const ConvertRequest& request,
+                                              const Asker& asker) {
   const std::scoped_lock lock(uploads_mutex_);
   if (const auto held = held_.find(request.sha256); held != held_.end()) held_.erase(held);
-  for (const maps::StoredJob& job : setup_.store.jobs().unfinished()) {
+  for (const StoredJob& job : setup_.store.jobs().unfinished()) {
     if (job.map != map || version_of(job) != request.version) continue;
     if (sha256_of(job) == request.sha256) return {job, false};
     throw ApiError(ErrorCode::kOtherDigest, fmt::format("job {} makes version {} of something else",
@@ -263,17 +261,17 @@ maps::JobTable::Enqueued JobRunner::enqueue_convert(const std::string& map,
     throw maps::StorageError(upload(request.sha256).string(), "is gone");
   check_upload_quota(map, fs::file_size(upload(request.sha256)));
   setup_.store.create_map(map);
-  maps::JobTable::Enqueued enqueued = setup_.store.jobs().enqueue({.kind = maps::JobKind::kConvert,
-                                                                   .map = map,
-                                                                   .request = to_json(request),
-                                                                   .asker = asker.key_id,
-                                                                   .idempotency_key = std::nullopt},
-                                                                  unix_ns());
+  JobTable::Enqueued enqueued = setup_.store.jobs().enqueue({.kind = JobKind::kConvert,
+                                                             .map = map,
+                                                             .request = to_json(request),
+                                                             .asker = asker.key_id,
+                                                             .idempotency_key = std::nullopt},
+                                                            unix_ns());
   wake();
   return enqueued;
 }
 
-std::string JobRunner::receive(const maps::ByteSource& source, std::uint64_t bytes,
+std::string JobRunner::receive(const ByteSource& source, std::uint64_t bytes,
                                const std::optional<std::string>& sha256, const std::string& name) {
   const fs::path folder = root_ / kUploads;
   std::string half;
@@ -287,7 +285,7 @@ std::string JobRunner::receive(const maps::ByteSource& source, std::uint64_t byt
   std::error_code error;
   try {
     std::string found =
-        maps::receive_file(setup_.store.leaving_reserve(source), bytes, folder / half, name);
+        receive_file(setup_.store.leaving_reserve(source), bytes, folder / half, name);
     if (sha256 && *sha256 != found) throw maps::InputError(name, "SHA-256 " + found, *sha256);
     const std::scoped_lock lock(uploads_mutex_);
     fs::rename(folder / half, folder / found);
@@ -305,7 +303,7 @@ std::string JobRunner::receive(const maps::ByteSource& source, std::uint64_t byt
 }
 
 void JobRunner::check_upload_quota(const std::string& map, std::uint64_t bytes) const {
-  maps::WaitingBytes waiting;
+  WaitingBytes waiting;
   std::set<std::string> of_map, of_store;
   const auto count = [&](std::set<std::string>& counted, const std::string& sha256) {
     std::error_code error;
@@ -314,7 +312,7 @@ void JobRunner::check_upload_quota(const std::string& map, std::uint64_t bytes) 
     const std::uintmax_t size = is_first ? fs::file_size(upload(sha256), error) : 0;
     return error ? 0 : size;
   };
-  for (const maps::StoredJob& job : setup_.store.jobs().unfinished()) {
+  for (const StoredJob& job : setup_.store.jobs().unfinished()) {
     const std::string sha256 = sha256_of(job);
     if (sha256.empty()) continue;
     waiting.of_store += count(of_store, sha256);
@@ -328,7 +326,7 @@ void JobRunner::check_upload_quota(const std::string& map, std::uint64_t bytes) 
 void JobRunner::clear_uploads(bool halves_too) {
   const std::scoped_lock lock(uploads_mutex_);
   std::set<std::string> needed(held_.begin(), held_.end());
-  for (const maps::StoredJob& job : setup_.store.jobs().unfinished()) needed.insert(sha256_of(job));
+  for (const StoredJob& job : setup_.store.jobs().unfinished()) needed.insert(sha256_of(job));
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(root_ / kUploads, error)) {
     const std::string name = entry.path().filename().string();

@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/store/disk_full.hpp>
-#include <stillmap/maps/store/store_refusal.hpp>
+#include "store/disk_full.hpp"
+#include "store/store_refusal.hpp"
 
 #include <charconv>
 #include <exception>
@@ -20,7 +20,7 @@ namespace {
 
 /// The revision at which a job may make its version the active one: that of its first try. Whoever
 /// changed the map since, be it this job before a kill, has the last word.
-std::int64_t revision_to_change(const JobFolder& folder, const maps::StoredMap& map) {
+std::int64_t revision_to_change(const JobFolder& folder, const StoredMap& map) {
   const std::string noted = read_small_file(folder.activation()).value_or("");
   std::int64_t revision = 0;
   const char* const end = noted.data() + noted.size();
@@ -31,35 +31,33 @@ std::int64_t revision_to_change(const JobFolder& folder, const maps::StoredMap& 
 
 }  // namespace
 
-/// Marks it. @throws maps::StoreRefusal kNotProcessing when the server ends, which takes marks
+/// Marks it. @throws StoreRefusal kNotProcessing when the server ends, which takes marks
 /// away; maps::StorageError.
 void JobRunner::begin_to_publish(const JobFolder& folder, const std::stop_token& stop) {
   const std::scoped_lock lock(mutex_);
   if (stop.stop_requested())
-    throw maps::StoreRefusal(maps::StoreRefusal::Reason::kNotProcessing, "the server ends");
+    throw StoreRefusal(StoreRefusal::Reason::kNotProcessing, "the server ends");
   write_small_file(folder.publishing(), "");
 }
 
 /// Publishes what the mapper made. Again after a kill, it comes to the same.
-void JobRunner::publish(const maps::StoredJob& job, const std::stop_token& stop) {
+void JobRunner::publish(const StoredJob& job, const std::stop_token& stop) {
   const JobFolder folder = this->folder(job.id);
   note_progress(job, {.stage = "publish", .fraction = 1.0});
   JobOutcome outcome;
   try {
     begin_to_publish(folder, stop);
-    const maps::PackageStore::Added added =
-        setup_.store.add(job.map, version_of(job), folder.map(),
-                         maps::PackageStore::Maker{
-                             job.id, [&] { return stop.stop_requested() || is_canceled(job); }});
+    const PackageStore::Added added = setup_.store.add(
+        job.map, version_of(job), folder.map(),
+        PackageStore::Maker{job.id, [&] { return stop.stop_requested() || is_canceled(job); }});
     outcome = activate(job, added.version);
     write_small_file(folder.outcome(), to_json(outcome));
     std::error_code error;
     std::filesystem::remove(folder.publishing(), error);
-  } catch (const maps::StoreRefusal& error) {
-    if (error.reason() == maps::StoreRefusal::Reason::kNotProcessing)
-      return give_up_publishing(job);
+  } catch (const StoreRefusal& error) {
+    if (error.reason() == StoreRefusal::Reason::kNotProcessing) return give_up_publishing(job);
     return fail(job, error.what());
-  } catch (const maps::DiskFull& error) {
+  } catch (const DiskFull& error) {
     return try_again_with_room(job, error.what(), stop);
   } catch (const maps::InputError& error) {
     return fail(job, without_places(error.what()));
@@ -71,17 +69,17 @@ void JobRunner::publish(const maps::StoredJob& job, const std::stop_token& stop)
 }
 
 /// Because it is cancelled, or to go on when the server starts again.
-void JobRunner::give_up_publishing(const maps::StoredJob& job) {
+void JobRunner::give_up_publishing(const StoredJob& job) {
   std::error_code error;
   std::filesystem::remove(folder(job.id).publishing(), error);
-  maps::JobTable& jobs = setup_.store.jobs();
+  JobTable& jobs = setup_.store.jobs();
   ended(is_canceled(job) ? jobs.end_canceled(job.id, unix_ns())
                          : jobs.put_back(job.id, "the server was stopped", unix_ns()));
 }
 
 /// For good. One whose version is there has come that far, and says why it went no further.
-void JobRunner::fail(const maps::StoredJob& job, const std::string& why) {
-  maps::JobTable& jobs = setup_.store.jobs();
+void JobRunner::fail(const StoredJob& job, const std::string& why) {
+  JobTable& jobs = setup_.store.jobs();
   const std::optional<std::string> name = jobs.job(job.id).result_version;
   const auto version = name ? setup_.store.state().find_version(job.map, *name) : std::nullopt;
   if (!version) return ended(jobs.fail(job.id, why, unix_ns()));
@@ -95,15 +93,15 @@ void JobRunner::fail(const maps::StoredJob& job, const std::string& why) {
   ended(jobs.succeed(job.id, version->name, unix_ns()));
 }
 
-JobOutcome JobRunner::activate(const maps::StoredJob& job, const maps::StoredVersion& version) {
+JobOutcome JobRunner::activate(const StoredJob& job, const StoredVersion& version) {
   JobOutcome outcome{.version = version.name, .digest = version.digest};
-  if (job.kind != maps::JobKind::kRebuild) return outcome;
+  if (job.kind != JobKind::kRebuild) return outcome;
   const RebuildRequest request = read_stored_rebuild(job.request);
   const JobFolder folder = this->folder(job.id);
   const auto gate = read_report(read_small_file(folder.report()).value_or(""));
   if (gate) outcome.gate = gate->json;
   if (!request.activate) return outcome;
-  const maps::StoredMap map = setup_.store.state().map(job.map);
+  const StoredMap map = setup_.store.state().map(job.map);
   outcome.activated = map.active == version.name;
   if (outcome.activated) return outcome;
   if (!gate || !gate->passed) {
@@ -126,7 +124,7 @@ JobOutcome JobRunner::activate(const maps::StoredJob& job, const maps::StoredVer
     outcome.activated = true;
   } catch (const ApiError& error) {
     outcome.not_activated_because.emplace_back(error.what());
-  } catch (const maps::StoreRefusal& error) {
+  } catch (const StoreRefusal& error) {
     outcome.not_activated_because.emplace_back(error.what());
   }
   return outcome;

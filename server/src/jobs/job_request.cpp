@@ -8,7 +8,7 @@
 
 #include <stillmap/maps/edits.hpp>
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/store/map_name.hpp>
+#include "store/map_name.hpp"
 
 #include <algorithm>
 #include <array>
@@ -142,7 +142,7 @@ std::string read_version(const RequestJson& request) {
   const auto found = request.find("version");
   if (found == request.end()) return {};
   std::string name = found->is_string() ? found->get<std::string>() : std::string{};
-  if (!maps::is_valid_map_name(name)) refuse("version", *found, "[a-z0-9][a-z0-9._-]{0,62}");
+  if (!is_valid_map_name(name)) refuse("version", *found, "[a-z0-9][a-z0-9._-]{0,62}");
   return name;
 }
 
@@ -243,10 +243,9 @@ std::string to_json(const ConvertRequest& request) {
       .dump();
 }
 
-std::string version_of(const maps::StoredJob& job) {
-  std::string wanted = job.kind == maps::JobKind::kConvert
-                           ? read_convert_request(job.request).version
-                           : read_stored_rebuild(job.request).version;
+std::string version_of(const StoredJob& job) {
+  std::string wanted = job.kind == JobKind::kConvert ? read_convert_request(job.request).version
+                                                     : read_stored_rebuild(job.request).version;
   if (!wanted.empty()) return wanted;
   const auto seconds = static_cast<std::time_t>(job.enqueued_ns / 1'000'000'000);
   return fmt::format("{:%Y%m%d}-job{}", fmt::gmtime(seconds), job.id);

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <stillmap/maps/store/job_table.hpp>
+#include "store/job_table.hpp"
 
 #include <cstdint>
 #include <map>
@@ -67,6 +67,6 @@ inline constexpr std::size_t kMostEditValues = 300'000;
 [[nodiscard]] std::string to_json(const ConvertRequest& request);
 
 /// The version that a job makes: as it asks for, else of the day that it was asked on.
-[[nodiscard]] std::string version_of(const maps::StoredJob& job);
+[[nodiscard]] std::string version_of(const StoredJob& job);
 
 }  // namespace stillmap::server

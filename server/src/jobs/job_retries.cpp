@@ -24,7 +24,7 @@ constexpr int kLongerWhenFull = 5;
 
 /// How often a job's program, or the server while it published, crashed, with this attempt; the
 /// same however often it is asked.
-std::size_t count_crash(const JobFolder& folder, const maps::StoredJob& job) {
+std::size_t count_crash(const JobFolder& folder, const StoredJob& job) {
   std::size_t crashes = 0;
   std::int64_t last_attempt = 0;
   std::istringstream(read_small_file(folder.crashes()).value_or("")) >> crashes >> last_attempt;
@@ -41,12 +41,12 @@ std::size_t count_crash(const JobFolder& folder, const maps::StoredJob& job) {
 }  // namespace
 
 /// As often as the options allow; then it has failed.
-void JobRunner::try_again(const maps::StoredJob& job, const std::string& why) {
+void JobRunner::try_again(const StoredJob& job, const std::string& why) {
   const std::size_t crashes = count_crash(folder(job.id), job);
   std::error_code error;
   fs::remove(folder(job.id).publishing(), error);
   const std::string words = without_places(why);
-  maps::JobTable& jobs = setup_.store.jobs();
+  JobTable& jobs = setup_.store.jobs();
   if (crashes > static_cast<std::size_t>(setup_.live.current()->jobs.retries))
     return fail(job, fmt::format("{}, {} times", words, crashes));
   spdlog::warn("job {} is tried again: {}", job.id, words);
@@ -54,7 +54,7 @@ void JobRunner::try_again(const maps::StoredJob& job, const std::string& why) {
 }
 
 /// How many attempts have met a full disk, with this one; the same however often it is asked.
-int JobRunner::count_full(const maps::StoredJob& job) {
+int JobRunner::count_full(const StoredJob& job) {
   const std::scoped_lock lock(mutex_);
   Active& active = active_[job.id];
   if (active.full_at_attempt != job.attempts) ++active.times_full;
@@ -64,12 +64,12 @@ int JobRunner::count_full(const maps::StoredJob& job) {
 
 /// After a pause, from its last checkpoint. It keeps its turn: jobs behind it would meet the same
 /// full disk.
-void JobRunner::try_again_with_room(const maps::StoredJob& job, const std::string& why,
+void JobRunner::try_again_with_room(const StoredJob& job, const std::string& why,
                                     const std::stop_token& stop) {
   std::error_code error;
   fs::remove(folder(job.id).publishing(), error);
   const std::string words = without_places(why);
-  maps::JobTable& jobs = setup_.store.jobs();
+  JobTable& jobs = setup_.store.jobs();
   const int times = count_full(job);
   if (times > kMostTimesFull) {
     // First of all: the end of a job takes room in the store as well. What the end says stays.

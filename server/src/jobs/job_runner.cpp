@@ -12,8 +12,8 @@
 #include <sys/file.h>
 
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/store/disk_full.hpp>
-#include <stillmap/maps/store/store_refusal.hpp>
+#include "store/disk_full.hpp"
+#include "store/store_refusal.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -44,7 +44,7 @@ void quietly(const char* what, std::int64_t id, Work&& work) {
   }
 }
 
-fs::path job_root(const JobOptions& options, const maps::PackageStore& store) {
+fs::path job_root(const JobOptions& options, const PackageStore& store) {
   return options.work_dir.empty() ? store.folder() / kJobs : fs::path(options.work_dir);
 }
 
@@ -153,8 +153,8 @@ bool JobRunner::take_over() {
   return true;
 }
 
-void JobRunner::run(const maps::StoredJob& job, const std::stop_token& stop) {
-  spdlog::info("job {} begins: {} of {}, attempt {}", job.id, maps::name_of(job.kind), job.map,
+void JobRunner::run(const StoredJob& job, const std::stop_token& stop) {
+  spdlog::info("job {} begins: {} of {}, attempt {}", job.id, name_of(job.kind), job.map,
                job.attempts);
   {
     const std::scoped_lock lock(mutex_);
@@ -171,7 +171,7 @@ void JobRunner::run(const maps::StoredJob& job, const std::stop_token& stop) {
   do {
     try {
       return settle(job, end, stop);
-    } catch (const maps::StoreRefusal& refusal) {
+    } catch (const StoreRefusal& refusal) {
       // Somebody else has ended or forgotten it.
       spdlog::error("job {}: {}", job.id, refusal.what());
       return let_go(job.id);
@@ -184,7 +184,7 @@ void JobRunner::run(const maps::StoredJob& job, const std::stop_token& stop) {
   } while (!stop.stop_requested());
 }
 
-AttemptEnd JobRunner::attempt(const maps::StoredJob& job, const std::stop_token& stop) {
+AttemptEnd JobRunner::attempt(const StoredJob& job, const std::stop_token& stop) {
   JobAttempt attempt{
       .command = {},
       .limits = limits(),
@@ -200,7 +200,7 @@ AttemptEnd JobRunner::attempt(const maps::StoredJob& job, const std::stop_token&
     return run_attempt(attempt);
   } catch (const ProgramCrash& error) {
     unprepared = {Kind::kCrashed, error.what()};
-  } catch (const maps::DiskFull& error) {
+  } catch (const DiskFull& error) {
     unprepared = {Kind::kDiskFull, error.what()};
   } catch (const fs::filesystem_error& error) {
     unprepared = {is_disk_full(error) ? Kind::kDiskFull : Kind::kFailed, error.what()};
@@ -212,14 +212,14 @@ AttemptEnd JobRunner::attempt(const maps::StoredJob& job, const std::stop_token&
   return unprepared;
 }
 
-std::vector<std::string> JobRunner::prepare(const maps::StoredJob& job,
+std::vector<std::string> JobRunner::prepare(const StoredJob& job,
                                             const std::function<bool()>& is_unwanted) {
   const JobFolder folder = this->folder(job.id);
   fs::create_directories(folder.scratch());
   sync_folder(root_);
   if (setup_.mapper.empty()) throw std::runtime_error("stillmap-mapper is not there");
   const int threads = setup_.live.current()->jobs.cores;
-  if (job.kind == maps::JobKind::kConvert) {
+  if (job.kind == JobKind::kConvert) {
     // It has no checkpoints: half a map would be in the way.
     clear_folder(folder.map());
     const ConvertRequest request = read_convert_request(job.request);
@@ -248,11 +248,11 @@ bool JobRunner::wants_cancel(std::int64_t id) {
 }
 
 /// By whomever: another process may have written so into the store.
-bool JobRunner::is_canceled(const maps::StoredJob& job) const {
+bool JobRunner::is_canceled(const StoredJob& job) const {
   return setup_.store.jobs().job(job.id).cancel_requested;
 }
 
-void JobRunner::note_progress(const maps::StoredJob& job, const JobProgress& progress) {
+void JobRunner::note_progress(const StoredJob& job, const JobProgress& progress) {
   std::shared_ptr<JobEvents> events;
   bool is_new_stage = false;
   {
@@ -276,10 +276,9 @@ void JobRunner::note_progress(const maps::StoredJob& job, const JobProgress& pro
   });
 }
 
-void JobRunner::settle(const maps::StoredJob& job, const AttemptEnd& end,
-                       const std::stop_token& stop) {
+void JobRunner::settle(const StoredJob& job, const AttemptEnd& end, const std::stop_token& stop) {
   using Kind = AttemptEnd::Kind;
-  maps::JobTable& jobs = setup_.store.jobs();
+  JobTable& jobs = setup_.store.jobs();
   switch (end.kind) {
     case Kind::kDone:
       if (wants_cancel(job.id)) return ended(jobs.end_canceled(job.id, unix_ns()));
@@ -308,8 +307,8 @@ void JobRunner::let_go(std::int64_t id) {
 }
 
 /// After the store was told: nothing is left to do when it has ended for good.
-void JobRunner::ended(const maps::StoredJob& job) {
-  const bool finished = maps::is_finished(job.status);
+void JobRunner::ended(const StoredJob& job) {
+  const bool finished = is_finished(job.status);
   std::shared_ptr<JobEvents> events;
   {
     const std::scoped_lock lock(mutex_);
@@ -320,19 +319,19 @@ void JobRunner::ended(const maps::StoredJob& job) {
   events->add(finished ? "end" : "progress", job_event_json(view(job)), unix_ns());
   if (!finished) return;
   events->close();
-  spdlog::info("job {} has {}{}{}", job.id, maps::name_of(job.status),
-               job.error.empty() ? "" : ": ", job.error);
+  spdlog::info("job {} has {}{}{}", job.id, name_of(job.status), job.error.empty() ? "" : ": ",
+               job.error);
   const double seconds =
       1e-9 * static_cast<double>(*job.finished_ns - job.started_ns.value_or(*job.finished_ns));
-  setup_.metrics.job_ended(maps::name_of(job.status), seconds);
+  setup_.metrics.job_ended(name_of(job.status), seconds);
   clear_folder(folder(job.id).scratch());
   quietly("its upload was not cleared", job.id, [&] { clear_uploads(false); });
 }
 
-maps::StoredJob JobRunner::cancel(std::int64_t id) {
+StoredJob JobRunner::cancel(std::int64_t id) {
   const std::int64_t now_ns = unix_ns();
-  maps::StoredJob job = setup_.store.jobs().request_cancel(id, now_ns);
-  if (job.status == maps::JobStatus::kCanceled) {
+  StoredJob job = setup_.store.jobs().request_cancel(id, now_ns);
+  if (job.status == JobStatus::kCanceled) {
     // Else it had ended before, and was told of and counted then.
     if (job.finished_ns == now_ns) ended(job);
     return job;
@@ -346,14 +345,14 @@ maps::StoredJob JobRunner::cancel(std::int64_t id) {
 
 JobView JobRunner::view(std::int64_t id) const { return view(setup_.store.jobs().job(id)); }
 
-JobView JobRunner::view(const maps::StoredJob& job) const {
+JobView JobRunner::view(const StoredJob& job) const {
   JobView view{.job = job};
-  if (job.status == maps::JobStatus::kProcessing) {
+  if (job.status == JobStatus::kProcessing) {
     const std::scoped_lock lock(mutex_);
     const auto found = active_.find(job.id);
     if (found != active_.end()) view.progress = found->second.progress;
   }
-  if (job.status == maps::JobStatus::kSucceeded)
+  if (job.status == JobStatus::kSucceeded)
     view.outcome = read_small_file(folder(job.id).outcome()).value_or("");
   return view;
 }
@@ -361,8 +360,7 @@ JobView JobRunner::view(const maps::StoredJob& job) const {
 std::shared_ptr<JobEvents> JobRunner::events(std::int64_t id) {
   const std::scoped_lock lock(mutex_);
   // Under the lock: an end that is noted after this look finds the events that are made here.
-  if (maps::is_finished(setup_.store.jobs().job(id).status) && !active_.contains(id))
-    return nullptr;
+  if (is_finished(setup_.store.jobs().job(id).status) && !active_.contains(id)) return nullptr;
   return active_[id].events;
 }
 
@@ -372,9 +370,9 @@ void JobRunner::clear_forgotten() {
     const std::optional<std::int64_t> id = id_in(entry.path().filename().string());
     if (!id) continue;
     try {
-      const maps::StoredJob job = setup_.store.jobs().job(*id);
-      if (maps::is_finished(job.status)) clear_folder(folder(*id).scratch());
-    } catch (const maps::StoreRefusal&) {
+      const StoredJob job = setup_.store.jobs().job(*id);
+      if (is_finished(job.status)) clear_folder(folder(*id).scratch());
+    } catch (const StoreRefusal&) {
       clear_folder(entry.path());
     }
   }

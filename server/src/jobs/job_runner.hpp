@@ -9,9 +9,9 @@
 #include "jobs/mapper_command.hpp"
 #include "operation/metrics.hpp"
 
-#include <stillmap/maps/store/drive_store.hpp>
-#include <stillmap/maps/store/package_store.hpp>
 #include <stillmap/server/options_holder.hpp>
+#include "store/drive_store.hpp"
+#include "store/package_store.hpp"
 
 #include <atomic>
 #include <chrono>
@@ -34,7 +34,7 @@ inline constexpr std::chrono::seconds kLookAtStore{1};
 
 /// A job as clients see it.
 struct JobView {
-  maps::StoredJob job;
+  StoredJob job;
   /// While it is processing.
   std::optional<JobProgress> progress{};
   /// JSON, of one that succeeded: `JobOutcome`. Empty when it is not known any more.
@@ -49,8 +49,8 @@ class JobRunner {
   /// What it works with; all of it outlives this.
   struct Setup {
     const OptionsHolder& live;
-    maps::PackageStore& store;
-    maps::DriveStore& drives;
+    PackageStore& store;
+    DriveStore& drives;
     MapCatalog& catalog;
     Metrics& metrics;
     /// Program; empty when there is none: jobs then fail in words.
@@ -73,30 +73,30 @@ class JobRunner {
   /// @throws ApiError kDiskFull, kBusy when too many wait, kInvalidRequest for what the mapper
   /// would refuse, kOtherDigest when the version is there, was removed, or another job makes it;
   /// StoreRefusal as `JobTable::enqueue`, and kOverQuota.
-  maps::JobTable::Enqueued rebuild(const std::string& map, const RebuildRequest& request,
-                                   const Asker& asker);
+  JobTable::Enqueued rebuild(const std::string& map, const RebuildRequest& request,
+                             const Asker& asker);
   /// Of a file that `receive` took. @return the one that is under way for it, or has made this
   /// version of it, when there is one.
   /// @throws ApiError kOtherDigest when the version is there or another file is on its way to it;
   /// StoreRefusal kOverQuota.
-  maps::JobTable::Enqueued convert(const std::string& map, const ConvertRequest& request,
-                                   const Asker& asker);
+  JobTable::Enqueued convert(const std::string& map, const ConvertRequest& request,
+                             const Asker& asker);
   /// The newest job that was to convert a file to this version, however it ended.
-  [[nodiscard]] std::optional<maps::StoredJob> newest_conversion(const std::string& map,
-                                                                 const std::string& version) const;
+  [[nodiscard]] std::optional<StoredJob> newest_conversion(const std::string& map,
+                                                           const std::string& version) const;
   /// Whether so many bytes of a map file may come beside those that wait for their jobs.
   /// @throws StoreRefusal kOverQuota.
   void check_upload_quota(const std::string& map, std::uint64_t bytes) const;
   /// Keeps the bytes of a map file for a job to come. @return their SHA-256.
   /// @throws InputError when they are others than was said; StorageError.
-  std::string receive(const maps::ByteSource& source, std::uint64_t bytes,
+  std::string receive(const ByteSource& source, std::uint64_t bytes,
                       const std::optional<std::string>& sha256, const std::string& name);
   /// @throws StoreRefusal kUnknownJob; kJobFinished, also as soon as its version is published.
-  maps::StoredJob cancel(std::int64_t id);
+  StoredJob cancel(std::int64_t id);
 
   /// @throws StoreRefusal kUnknownJob.
   [[nodiscard]] JobView view(std::int64_t id) const;
-  [[nodiscard]] JobView view(const maps::StoredJob& job) const;
+  [[nodiscard]] JobView view(const StoredJob& job) const;
   /// Nothing for one that has ended.
   [[nodiscard]] std::shared_ptr<JobEvents> events(std::int64_t id);
   [[nodiscard]] JobFolder folder(std::int64_t id) const;
@@ -116,27 +116,27 @@ class JobRunner {
 
   void work(const std::stop_token& stop);
   bool take_over();
-  void run(const maps::StoredJob& job, const std::stop_token& stop);
-  [[nodiscard]] AttemptEnd attempt(const maps::StoredJob& job, const std::stop_token& stop);
+  void run(const StoredJob& job, const std::stop_token& stop);
+  [[nodiscard]] AttemptEnd attempt(const StoredJob& job, const std::stop_token& stop);
   /// @param is_unwanted  then what it waits for is killed, which is an error.
-  [[nodiscard]] std::vector<std::string> prepare(const maps::StoredJob& job,
+  [[nodiscard]] std::vector<std::string> prepare(const StoredJob& job,
                                                  const std::function<bool()>& is_unwanted);
-  [[nodiscard]] RebuildSources sources_of(const maps::StoredJob& job,
+  [[nodiscard]] RebuildSources sources_of(const StoredJob& job,
                                           const RebuildRequest& request) const;
-  void settle(const maps::StoredJob& job, const AttemptEnd& end, const std::stop_token& stop);
-  void try_again(const maps::StoredJob& job, const std::string& why);
-  int count_full(const maps::StoredJob& job);
-  void try_again_with_room(const maps::StoredJob& job, const std::string& why,
+  void settle(const StoredJob& job, const AttemptEnd& end, const std::stop_token& stop);
+  void try_again(const StoredJob& job, const std::string& why);
+  int count_full(const StoredJob& job);
+  void try_again_with_room(const StoredJob& job, const std::string& why,
                            const std::stop_token& stop);
   void begin_to_publish(const JobFolder& folder, const std::stop_token& stop);
-  void publish(const maps::StoredJob& job, const std::stop_token& stop);
-  void give_up_publishing(const maps::StoredJob& job);
-  [[nodiscard]] bool is_canceled(const maps::StoredJob& job) const;
-  void fail(const maps::StoredJob& job, const std::string& why);
-  [[nodiscard]] JobOutcome activate(const maps::StoredJob& job, const maps::StoredVersion& version);
-  void ended(const maps::StoredJob& job);
+  void publish(const StoredJob& job, const std::stop_token& stop);
+  void give_up_publishing(const StoredJob& job);
+  [[nodiscard]] bool is_canceled(const StoredJob& job) const;
+  void fail(const StoredJob& job, const std::string& why);
+  [[nodiscard]] JobOutcome activate(const StoredJob& job, const StoredVersion& version);
+  void ended(const StoredJob& job);
   void let_go(std::int64_t id);
-  void note_progress(const maps::StoredJob& job, const JobProgress& progress);
+  void note_progress(const StoredJob& job, const JobProgress& progress);
   void check_room(const std::string& map, const RebuildRequest& request,
                   const RebuildSources& sources, std::chrono::seconds most,
                   const std::function<bool()>& is_unwanted);
@@ -147,10 +147,10 @@ class JobRunner {
   [[nodiscard]] RebuildRequest with_saved_edits(const std::string& map,
                                                 RebuildRequest request) const;
   [[nodiscard]] bool is_known_request(const std::string& map, const Asker& asker) const;
-  [[nodiscard]] std::optional<maps::StoredJob> converted_before(
-      const std::string& map, const ConvertRequest& request) const;
-  maps::JobTable::Enqueued enqueue_convert(const std::string& map, const ConvertRequest& request,
-                                           const Asker& asker);
+  [[nodiscard]] std::optional<StoredJob> converted_before(const std::string& map,
+                                                          const ConvertRequest& request) const;
+  JobTable::Enqueued enqueue_convert(const std::string& map, const ConvertRequest& request,
+                                     const Asker& asker);
   [[nodiscard]] bool wants_cancel(std::int64_t id);
   void clear_uploads(bool halves_too);
   [[nodiscard]] std::filesystem::path upload(const std::string& sha256) const;

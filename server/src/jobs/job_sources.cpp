@@ -3,7 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/store/package_hold.hpp>
+#include "store/package_hold.hpp"
 
 #include <filesystem>
 #include <optional>
@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 fs::path held(const fs::path& package, const fs::path& folder) {
   if (fs::exists(folder)) return folder;
   try {
-    if (maps::hold_package(package, folder)) return folder;
+    if (hold_package(package, folder)) return folder;
     spdlog::info("{}: on another disk, so that it must stay where it is", package.string());
   } catch (const maps::StorageError& error) {
     spdlog::warn("{} must stay where it is: {}", package.string(), error.what());
@@ -29,7 +29,7 @@ fs::path held(const fs::path& package, const fs::path& folder) {
 
 /// As of when the job began: an attempt goes on only with what the one before had, whatever was
 /// activated meanwhile.
-fs::path previous_of(const JobFolder& folder, const maps::PackageStore& store,
+fs::path previous_of(const JobFolder& folder, const PackageStore& store,
                      const std::string& active) {
   const fs::path own = folder.scratch() / "previous-map";
   const std::optional<std::string> noted = read_small_file(folder.previous());
@@ -42,13 +42,12 @@ fs::path previous_of(const JobFolder& folder, const maps::PackageStore& store,
 
 }  // namespace
 
-RebuildSources JobRunner::sources_of(const maps::StoredJob& job,
-                                     const RebuildRequest& request) const {
+RebuildSources JobRunner::sources_of(const StoredJob& job, const RebuildRequest& request) const {
   RebuildSources sources;
   for (const std::int64_t id : request.drives) sources.drives.push_back(setup_.drives.folder(id));
   if (request.held_back) sources.held_back = setup_.drives.folder(*request.held_back);
   if (request.new_frame) return sources;
-  const maps::StoredMap map = setup_.store.state().map(job.map);
+  const StoredMap map = setup_.store.state().map(job.map);
   if (!map.active) return sources;
   const std::string active = setup_.store.state().version(map.name, *map.active).digest;
   sources.previous = job.id > 0 ? previous_of(folder(job.id), setup_.store, active)

@@ -6,7 +6,7 @@ namespace stillmap::server {
 
 namespace {
 
-Json record_json(const maps::AuditRecord& record) {
+Json record_json(const AuditRecord& record) {
   return {{"id", record.id},
           {"time_ns", std::to_string(record.time_ns)},
           {"request_id", record.request_id},
@@ -22,22 +22,21 @@ Json record_json(const maps::AuditRecord& record) {
 
 }  // namespace
 
-std::string audit_json(const maps::AuditLog::Page& page) {
+std::string audit_json(const AuditLog::Page& page) {
   Json json;
   json["records"] = Json::array();
-  for (const maps::AuditRecord& record : page.records)
-    json["records"].push_back(record_json(record));
+  for (const AuditRecord& record : page.records) json["records"].push_back(record_json(record));
   json["next"] = page.next ? Json(*page.next) : Json();
   return to_text(json);
 }
 
-std::string audit_line(const maps::AuditRecord& record, const std::string& before) {
+std::string audit_line(const AuditRecord& record, const std::string& before) {
   Json json = record_json(record);
   json["previous_sha256"] = before;
   return to_text(json);
 }
 
-std::string audit_check_json(const maps::AuditLog::Check& check) {
+std::string audit_check_json(const AuditLog::Check& check) {
   return to_text({{"records", check.records},
                   {"newest_id", check.newest_id},
                   {"newest_sha256", check.newest_sha256},

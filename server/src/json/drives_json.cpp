@@ -3,7 +3,7 @@
 #include "json/json_values.hpp"
 #include "json/request_json.hpp"
 
-#include <stillmap/maps/store/map_name.hpp>
+#include "store/map_name.hpp"
 
 #include <algorithm>
 
@@ -14,11 +14,11 @@ const JsonBounds kDriveBounds{.max_bytes = kMostDriveJson, .max_values = 100};
 
 constexpr std::size_t kLongestName = 200;
 
-Json to_json(const maps::DrivePart& part) {
+Json to_json(const DrivePart& part) {
   return {{"n", part.n}, {"sha256", part.sha256}, {"bytes", part.bytes}};
 }
 
-Json to_json(const maps::StoredDrive& drive) {
+Json to_json(const StoredDrive& drive) {
   Json json{{"id", drive.id}, {"map", drive.map}};
   if (drive.is_upload()) {
     json["version"] = drive.target.version;
@@ -26,7 +26,7 @@ Json to_json(const maps::StoredDrive& drive) {
   } else {
     json["name"] = drive.name;
   }
-  json["status"] = maps::name_of(drive.status);
+  json["status"] = name_of(drive.status);
   json["error"] = drive.error;
   json["bytes"] = drive.bytes;
   json["created_ns"] = std::to_string(drive.created_ns);
@@ -39,9 +39,9 @@ std::string text_at(const nlohmann::json& request, const char* key) {
   return found != request.end() && found->is_string() ? found->get<std::string>() : std::string{};
 }
 
-Json list_of(const std::vector<maps::StoredDrive>& drives) {
+Json list_of(const std::vector<StoredDrive>& drives) {
   Json list = Json::array();
-  for (const maps::StoredDrive& drive : drives) list.push_back(to_json(drive));
+  for (const StoredDrive& drive : drives) list.push_back(to_json(drive));
   return list;
 }
 
@@ -67,32 +67,31 @@ UploadRequest read_upload_json(std::string_view text) {
   require_keys(request, "", {"version", "content_type"});
   UploadRequest result{.version = text_at(request, "version"),
                        .content_type = text_at(request, "content_type")};
-  if (!maps::is_valid_map_name(result.version))
+  if (!is_valid_map_name(result.version))
     refuse("version", request.value("version", nlohmann::json()), "[a-z0-9][a-z0-9._-]{0,62}");
   if (result.content_type.empty())
     refuse("content_type", request.value("content_type", nlohmann::json()), "a media type");
   return result;
 }
 
-std::string part_json(const maps::DrivePart& part) { return to_text(to_json(part)); }
+std::string part_json(const DrivePart& part) { return to_text(to_json(part)); }
 
-std::string drive_json(const maps::StoredDrive& drive, const std::vector<maps::DrivePart>& parts) {
+std::string drive_json(const StoredDrive& drive, const std::vector<DrivePart>& parts) {
   Json json = to_json(drive);
   json["parts"] = Json::array();
-  for (const maps::DrivePart& part : parts) json["parts"].push_back(to_json(part));
+  for (const DrivePart& part : parts) json["parts"].push_back(to_json(part));
   return to_text(json);
 }
 
-std::string upload_json(const maps::StoredDrive& upload,
-                        const std::vector<maps::DrivePart>& parts) {
+std::string upload_json(const StoredDrive& upload, const std::vector<DrivePart>& parts) {
   return drive_json(upload, parts);
 }
 
-std::string drive_list_json(const std::vector<maps::StoredDrive>& drives) {
+std::string drive_list_json(const std::vector<StoredDrive>& drives) {
   return to_text(Json{{"drives", list_of(drives)}});
 }
 
-std::string upload_list_json(const std::vector<maps::StoredDrive>& uploads) {
+std::string upload_list_json(const std::vector<StoredDrive>& uploads) {
   return to_text(Json{{"uploads", list_of(uploads)}});
 }
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <stillmap/maps/store/drive_table.hpp>
+#include "store/drive_table.hpp"
 
 #include <cstddef>
 #include <string>
@@ -24,13 +24,12 @@ struct UploadRequest {
 /// @throws ApiError with the path of what is wrong.
 [[nodiscard]] UploadRequest read_upload_json(std::string_view text);
 
-[[nodiscard]] std::string part_json(const maps::DrivePart& part);
-[[nodiscard]] std::string drive_json(const maps::StoredDrive& drive,
-                                     const std::vector<maps::DrivePart>& parts);
-[[nodiscard]] std::string upload_json(const maps::StoredDrive& upload,
-                                      const std::vector<maps::DrivePart>& parts);
+[[nodiscard]] std::string part_json(const DrivePart& part);
+[[nodiscard]] std::string drive_json(const StoredDrive& drive, const std::vector<DrivePart>& parts);
+[[nodiscard]] std::string upload_json(const StoredDrive& upload,
+                                      const std::vector<DrivePart>& parts);
 /// Without their parts.
-[[nodiscard]] std::string drive_list_json(const std::vector<maps::StoredDrive>& drives);
-[[nodiscard]] std::string upload_list_json(const std::vector<maps::StoredDrive>& uploads);
+[[nodiscard]] std::string drive_list_json(const std::vector<StoredDrive>& drives);
+[[nodiscard]] std::string upload_list_json(const std::vector<StoredDrive>& uploads);
 
 }  // namespace stillmap::server

@@ -14,11 +14,11 @@ struct ShownRequest {
   Json edits{};
 };
 
-ShownRequest shown_request(const maps::StoredJob& job) {
+ShownRequest shown_request(const StoredJob& job) {
   ShownRequest shown{.request = Json::parse(job.request, nullptr, false)};
   Json& request = shown.request;
   if (!request.is_object()) return {};
-  if (job.kind != maps::JobKind::kRebuild) return shown;
+  if (job.kind != JobKind::kRebuild) return shown;
   std::size_t count = 0;
   if (request.contains("options") && request["options"].is_object()) {
     Json& options = request["options"];
@@ -35,14 +35,14 @@ ShownRequest shown_request(const maps::StoredJob& job) {
 
 Json progress_of(const JobView& view) {
   switch (view.job.status) {
-    case maps::JobStatus::kEnqueued:
+    case JobStatus::kEnqueued:
       return 0.0;
-    case maps::JobStatus::kProcessing:
+    case JobStatus::kProcessing:
       return view.progress ? view.progress->fraction : 0.0;
-    case maps::JobStatus::kSucceeded:
+    case JobStatus::kSucceeded:
       return 1.0;
-    case maps::JobStatus::kFailed:
-    case maps::JobStatus::kCanceled:
+    case JobStatus::kFailed:
+    case JobStatus::kCanceled:
       break;
   }
   return {};
@@ -54,7 +54,7 @@ Json eta_of(const JobView& view) {
 }
 
 Json result_of(const JobView& view) {
-  if (view.job.status != maps::JobStatus::kSucceeded) return {};
+  if (view.job.status != JobStatus::kSucceeded) return {};
   Json result = Json::parse(view.outcome, nullptr, false);
   if (result.is_object()) return result;
   return {{"version", *view.job.result_version}};
@@ -62,7 +62,7 @@ Json result_of(const JobView& view) {
 
 /// What changes while it is done.
 Json state_of(const JobView& view) {
-  return {{"status", maps::name_of(view.job.status)},
+  return {{"status", name_of(view.job.status)},
           {"stage", view.job.stage},
           {"progress", progress_of(view)},
           {"eta_s", eta_of(view)},
@@ -70,8 +70,8 @@ Json state_of(const JobView& view) {
 }
 
 Json to_json(const JobView& view) {
-  const maps::StoredJob& job = view.job;
-  Json json{{"id", job.id}, {"kind", maps::name_of(job.kind)}, {"map", job.map}};
+  const StoredJob& job = view.job;
+  Json json{{"id", job.id}, {"kind", name_of(job.kind)}, {"map", job.map}};
   json.update(state_of(view));
   json["attempts"] = job.attempts;
   json["cancel_requested"] = job.cancel_requested;

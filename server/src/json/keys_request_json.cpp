@@ -12,15 +12,15 @@ using RequestJson = nlohmann::json;
 /// A century, as on the command line.
 constexpr std::int64_t kMostDays = 36'500;
 
-maps::KeyScopes read_scopes(const RequestJson& request) {
+KeyScopes read_scopes(const RequestJson& request) {
   const RequestJson names = request.value("scopes", RequestJson());
   if (!names.is_array() || names.empty())
     refuse("scopes", names, "some of read, localize, write, admin");
-  maps::KeyScopes scopes;
+  KeyScopes scopes;
   for (const RequestJson& name : names) {
-    const auto& all = maps::all_key_scopes();
-    const auto found = std::find_if(all.begin(), all.end(), [&](const maps::KeyScope scope) {
-      return name.is_string() && name.get<std::string>() == maps::name_of(scope);
+    const auto& all = all_key_scopes();
+    const auto found = std::find_if(all.begin(), all.end(), [&](const KeyScope scope) {
+      return name.is_string() && name.get<std::string>() == name_of(scope);
     });
     if (found == all.end()) refuse("scopes", name, "read, localize, write or admin");
     scopes.add(*found);
@@ -28,21 +28,20 @@ maps::KeyScopes read_scopes(const RequestJson& request) {
   return scopes;
 }
 
-std::vector<std::string> read_maps(const RequestJson& request, maps::KeyScopes scopes) {
+std::vector<std::string> read_maps(const RequestJson& request, KeyScopes scopes) {
   std::vector<std::string> patterns;
   const auto maps = request.find("maps");
   if (maps == request.end()) return patterns;
-  if (!maps->is_array() || maps->empty() || maps->size() > maps::kMostMapPatterns)
-    refuse(
-        "maps", *maps,
-        "1 to " + std::to_string(maps::kMostMapPatterns) + " patterns; leave it out for all maps");
-  if (scopes.has(maps::KeyScope::kAdmin))
+  if (!maps->is_array() || maps->empty() || maps->size() > kMostMapPatterns)
+    refuse("maps", *maps,
+           "1 to " + std::to_string(kMostMapPatterns) + " patterns; leave it out for all maps");
+  if (scopes.has(KeyScope::kAdmin))
     refuse("maps", *maps,
            "no maps beside the scope admin, which makes keys for any map and reads the audit log "
            "of all: leave one of them out");
   for (const RequestJson& map : *maps) {
     patterns.push_back(map.is_string() ? map.get<std::string>() : std::string{});
-    if (!maps::is_map_pattern(patterns.back())) refuse("maps", map, "1 to 63 of [a-z0-9._-] and *");
+    if (!is_map_pattern(patterns.back())) refuse("maps", map, "1 to 63 of [a-z0-9._-] and *");
   }
   return patterns;
 }

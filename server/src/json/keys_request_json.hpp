@@ -1,6 +1,6 @@
 #pragma once
 
-#include <stillmap/maps/store/key_table.hpp>
+#include "store/key_table.hpp"
 
 #include <cstddef>
 #include <cstdint>
@@ -17,7 +17,7 @@ inline constexpr std::size_t kMostKeyJson = 4096;
 /// What a key is made of: `name`, `scopes [...]`, `expires_days?`, `maps? [...]`.
 struct KeyRequest {
   std::string name;
-  maps::KeyScopes scopes;
+  KeyScopes scopes;
   std::optional<std::int64_t> expires_days;
   std::vector<std::string> maps;
 };

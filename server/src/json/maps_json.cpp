@@ -14,7 +14,7 @@ namespace {
 Json optional_text(const std::optional<std::string>& text) { return text ? Json(*text) : Json(); }
 
 /// What the store knows of a map, whatever its versions hold.
-Json stored(const maps::StoredMap& map) {
+Json stored(const StoredMap& map) {
   return {{"name", map.name},
           {"version", optional_text(map.active)},
           {"previous_version", optional_text(map.previous)},
@@ -26,7 +26,7 @@ Json refusal(const ServedVersion& version) {
   return {{"name", version.map}, {"version", version.version}, {"reason", version.failure}};
 }
 
-Json published(const maps::StoredVersion& version) {
+Json published(const StoredVersion& version) {
   return {{"version", version.name},
           {"digest", version.digest},
           {"bytes", version.bytes},
@@ -96,12 +96,11 @@ std::string map_list_json(const std::vector<ListedMap>& maps) {
   return to_text(json);
 }
 
-std::string stored_map_json(const maps::StoredMap& map) { return to_text(stored(map)); }
+std::string stored_map_json(const StoredMap& map) { return to_text(stored(map)); }
 
-std::string version_json(const maps::StoredVersion& version) { return to_text(published(version)); }
+std::string version_json(const StoredVersion& version) { return to_text(published(version)); }
 
-std::string version_list_json(const maps::StoredMap& map,
-                              const std::vector<DescribedVersion>& versions) {
+std::string version_list_json(const StoredMap& map, const std::vector<DescribedVersion>& versions) {
   Json json = stored(map);
   json["versions"] = Json::array();
   for (const DescribedVersion& version : versions) {
@@ -115,7 +114,7 @@ std::string version_list_json(const maps::StoredMap& map,
   return to_text(json);
 }
 
-std::string map_json(const maps::StoredMap& map, const ServedVersion& version,
+std::string map_json(const StoredMap& map, const ServedVersion& version,
                      const DescribedVersion& described) {
   const maps::MapPackage& package = *version.package;
   const maps::MapManifest& manifest = package.manifest();

@@ -16,7 +16,7 @@ namespace stillmap::server {
 
 /// A version of the store, and what is known of it.
 struct DescribedVersion {
-  maps::StoredVersion stored;
+  StoredVersion stored;
   /// Null when its package cannot be read.
   std::shared_ptr<const VersionFacts> facts{};
   /// `frame_name`; empty without facts.
@@ -29,7 +29,7 @@ struct DescribedVersion {
 
 /// A map of the store with the version that is served of it, if any is.
 struct ListedMap {
-  maps::StoredMap stored;
+  StoredMap stored;
   /// The version that is active by `stored`.
   std::optional<ServedVersion> served;
   /// The same, where the store still has it.
@@ -40,11 +40,11 @@ struct ListedMap {
 [[nodiscard]] std::string_view name_of(MapState state);
 
 [[nodiscard]] std::string map_list_json(const std::vector<ListedMap>& maps);
-[[nodiscard]] std::string stored_map_json(const maps::StoredMap& map);
-[[nodiscard]] std::string map_json(const maps::StoredMap& map, const ServedVersion& version,
+[[nodiscard]] std::string stored_map_json(const StoredMap& map);
+[[nodiscard]] std::string map_json(const StoredMap& map, const ServedVersion& version,
                                    const DescribedVersion& described);
-[[nodiscard]] std::string version_json(const maps::StoredVersion& version);
-[[nodiscard]] std::string version_list_json(const maps::StoredMap& map,
+[[nodiscard]] std::string version_json(const StoredVersion& version);
+[[nodiscard]] std::string version_list_json(const StoredMap& map,
                                             const std::vector<DescribedVersion>& versions);
 [[nodiscard]] std::string trajectories_json(const std::vector<maps::Trajectory>& drives);
 [[nodiscard]] std::string objects_json(const std::vector<maps::MapObject>& objects);

@@ -7,10 +7,10 @@ namespace {
 
 constexpr int kIndent = 2;
 
-Json key_of(const maps::ApiKey& key) {
+Json key_of(const ApiKey& key) {
   Json scopes = Json::array();
-  for (const maps::KeyScope scope : maps::all_key_scopes())
-    if (key.scopes.has(scope)) scopes.push_back(maps::name_of(scope));
+  for (const KeyScope scope : all_key_scopes())
+    if (key.scopes.has(scope)) scopes.push_back(name_of(scope));
   return {{"id", key.id},
           {"name", key.name},
           {"scopes", scopes},
@@ -22,14 +22,14 @@ Json key_of(const maps::ApiKey& key) {
 
 }  // namespace
 
-std::string problems_json(const std::vector<maps::PackageStore::Problem>& problems) {
+std::string problems_json(const std::vector<PackageStore::Problem>& problems) {
   Json list = Json::array();
   for (const auto& problem : problems)
     list.push_back({{"map", problem.map}, {"version", problem.version}, {"what", problem.what}});
   return to_text({{"problems", list}}, kIndent);
 }
 
-std::string cleared_json(const maps::PackageStore::Cleared& cleared,
+std::string cleared_json(const PackageStore::Cleared& cleared,
                          const std::vector<RemovedVersion>& removed) {
   Json versions = Json::array();
   for (const RemovedVersion& each : removed)
@@ -54,7 +54,7 @@ std::string made_anew_json(const std::vector<MadeAnew>& all) {
   return to_text({{"indexes", list}}, kIndent);
 }
 
-std::string backup_json(const maps::PackageStore::BackedUp& done) {
+std::string backup_json(const PackageStore::BackedUp& done) {
   return to_text({{"packages", {{"copied", done.copied}, {"kept", done.kept}}}}, kIndent);
 }
 
@@ -62,7 +62,7 @@ std::string restored_json(std::size_t packages) {
   return to_text({{"packages", packages}}, kIndent);
 }
 
-std::string added_json(const std::string& map, const maps::PackageStore::Added& added) {
+std::string added_json(const std::string& map, const PackageStore::Added& added) {
   return to_text({{"map", map},
                   {"version", added.version.name},
                   {"digest", added.version.digest},
@@ -72,17 +72,17 @@ std::string added_json(const std::string& map, const maps::PackageStore::Added& 
                  kIndent);
 }
 
-std::string created_key_json(const maps::KeyTable::Created& created) {
+std::string created_key_json(const KeyTable::Created& created) {
   Json json = key_of(created.key);
   json["key"] = created.text;
   return to_text(json, kIndent);
 }
 
-std::string key_json(const maps::ApiKey& key) { return to_text(key_of(key), kIndent); }
+std::string key_json(const ApiKey& key) { return to_text(key_of(key), kIndent); }
 
-std::string keys_json(const std::vector<maps::ApiKey>& keys) {
+std::string keys_json(const std::vector<ApiKey>& keys) {
   Json list = Json::array();
-  for (const maps::ApiKey& key : keys) list.push_back(key_of(key));
+  for (const ApiKey& key : keys) list.push_back(key_of(key));
   return to_text({{"keys", list}}, kIndent);
 }
 

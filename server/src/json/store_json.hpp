@@ -1,6 +1,6 @@
 #pragma once
 
-#include <stillmap/maps/store/package_store.hpp>
+#include "store/package_store.hpp"
 
 #include <cstddef>
 #include <string>
@@ -25,19 +25,18 @@ struct RemovedVersion {
 };
 
 /// What `stillmap store` and `stillmap keys` print with --json (server/README.md).
-[[nodiscard]] std::string problems_json(const std::vector<maps::PackageStore::Problem>& problems);
-[[nodiscard]] std::string cleared_json(const maps::PackageStore::Cleared& cleared,
+[[nodiscard]] std::string problems_json(const std::vector<PackageStore::Problem>& problems);
+[[nodiscard]] std::string cleared_json(const PackageStore::Cleared& cleared,
                                        const std::vector<RemovedVersion>& removed);
 /// @param package_gone  as of `PackageStore::remove`.
 [[nodiscard]] std::string removed_json(const RemovedVersion& removed, bool package_gone);
 [[nodiscard]] std::string made_anew_json(const std::vector<MadeAnew>& all);
-[[nodiscard]] std::string backup_json(const maps::PackageStore::BackedUp& done);
+[[nodiscard]] std::string backup_json(const PackageStore::BackedUp& done);
 [[nodiscard]] std::string restored_json(std::size_t packages);
-[[nodiscard]] std::string added_json(const std::string& map,
-                                     const maps::PackageStore::Added& added);
+[[nodiscard]] std::string added_json(const std::string& map, const PackageStore::Added& added);
 /// With the secret, which is told once.
-[[nodiscard]] std::string created_key_json(const maps::KeyTable::Created& created);
-[[nodiscard]] std::string key_json(const maps::ApiKey& key);
-[[nodiscard]] std::string keys_json(const std::vector<maps::ApiKey>& keys);
+[[nodiscard]] std::string created_key_json(const KeyTable::Created& created);
+[[nodiscard]] std::string key_json(const ApiKey& key);
+[[nodiscard]] std::string keys_json(const std::vector<ApiKey>& keys);
 
 }  // namespace stillmap::server

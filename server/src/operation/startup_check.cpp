@@ -5,7 +5,7 @@
 #include <unistd.h>
 
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/store/package_store.hpp>
+#include "store/package_store.hpp"
 
 #include <cerrno>
 #include <cstring>
@@ -55,7 +55,7 @@ std::optional<Trouble> store_trouble(const std::string& folder) {
     return found;
   }
   try {
-    if (maps::PackageStore::is_store(folder)) return std::nullopt;
+    if (PackageStore::is_store(folder)) return std::nullopt;
   } catch (const maps::StorageError& error) {
     return Trouble{error.what(), "a folder that can be read"};
   }

@@ -61,31 +61,31 @@ void refuse_other_hosts(const HttpRequest& request) {
 }
 
 /// Any of them will do.
-std::vector<maps::KeyScope> scopes_of(Access access) {
+std::vector<KeyScope> scopes_of(Access access) {
   switch (access) {
     case Access::kLocalize:
-      return {maps::KeyScope::kLocalize};
+      return {KeyScope::kLocalize};
     case Access::kWrite:
-      return {maps::KeyScope::kWrite};
+      return {KeyScope::kWrite};
     case Access::kAdmin:
-      return {maps::KeyScope::kAdmin};
+      return {KeyScope::kAdmin};
     case Access::kReadOrLocalize:
-      return {maps::KeyScope::kRead, maps::KeyScope::kLocalize};
+      return {KeyScope::kRead, KeyScope::kLocalize};
     case Access::kLocalizeOrAdmin:
-      return {maps::KeyScope::kLocalize, maps::KeyScope::kAdmin};
+      return {KeyScope::kLocalize, KeyScope::kAdmin};
     case Access::kOpen:
     case Access::kOpenWithNames:
     case Access::kRead:
       break;
   }
-  return {maps::KeyScope::kRead};
+  return {KeyScope::kRead};
 }
 
-void require_scope(const maps::ApiKey& key, Access access) {
+void require_scope(const ApiKey& key, Access access) {
   std::string names;
-  for (const maps::KeyScope scope : scopes_of(access)) {
+  for (const KeyScope scope : scopes_of(access)) {
     if (key.scopes.has(scope)) return;
-    names += (names.empty() ? "" : " or ") + std::string(maps::name_of(scope));
+    names += (names.empty() ? "" : " or ") + std::string(name_of(scope));
   }
   throw field_error(ErrorCode::kForbidden, "Authorization", "a key without this scope", names);
 }
@@ -98,7 +98,7 @@ ApiError beyond_rate(const std::string& what, double wait_s) {
 }  // namespace
 
 void Gatekeeper::admit(HttpRequest& request, Access access, const RateOptions& rate) {
-  const std::optional<maps::ApiKey> key =
+  const std::optional<ApiKey> key =
       key_of(request.header("authorization"), access, request.caller.key_id);
   if (!key) {
     if (access == Access::kOpenWithNames) find_reader(request);
@@ -109,7 +109,7 @@ void Gatekeeper::admit(HttpRequest& request, Access access, const RateOptions& r
     return count_address(request.remote_address, rate);
   }
   request.caller = {
-      .key_id = key->id, .is_admin = key->scopes.has(maps::KeyScope::kAdmin), .maps = key->maps};
+      .key_id = key->id, .is_admin = key->scopes.has(KeyScope::kAdmin), .maps = key->maps};
   // What the key may not do counts too.
   if (const double wait_s = rates_.take(key->id, rate); wait_s > 0.0)
     throw beyond_rate("the key's rate is used up", wait_s);
@@ -124,8 +124,8 @@ void Gatekeeper::find_reader(HttpRequest& request) {
       request.caller.may_read = true;
       return;
     }
-    const maps::ApiKey key = checked(request.header("authorization"), request.caller.key_id);
-    request.caller.may_read = key.scopes.has(maps::KeyScope::kRead);
+    const ApiKey key = checked(request.header("authorization"), request.caller.key_id);
+    request.caller.may_read = key.scopes.has(KeyScope::kRead);
     request.caller.maps = key.maps;
   } catch (const std::exception&) {
     // Health is told also when the store cannot be read.
@@ -153,8 +153,8 @@ bool Gatekeeper::still_admits(const std::string& authorization, Access access) {
 
 /// @param key_id  becomes the key's, also where the key is refused because it was revoked or has
 /// expired. @return the key; nothing where none is asked for.
-std::optional<maps::ApiKey> Gatekeeper::key_of(const std::string& authorization, Access access,
-                                               std::string& key_id) {
+std::optional<ApiKey> Gatekeeper::key_of(const std::string& authorization, Access access,
+                                         std::string& key_id) {
   if (is_open(access) || !has_keys()) return std::nullopt;
   return checked(authorization, key_id);
 }
@@ -170,7 +170,7 @@ bool Gatekeeper::has_keys() {
   return has_keys_;
 }
 
-maps::ApiKey Gatekeeper::checked(const std::string& authorization, std::string& key_id) {
+ApiKey Gatekeeper::checked(const std::string& authorization, std::string& key_id) {
   constexpr std::string_view kScheme = "bearer ";
   if (authorization.empty()) {
     throw unauthorized(ErrorCode::kMissingKey, "send Authorization: Bearer with a key");
@@ -178,17 +178,17 @@ maps::ApiKey Gatekeeper::checked(const std::string& authorization, std::string& 
   if (lower(authorization.substr(0, kScheme.size())) != kScheme) {
     throw unauthorized(ErrorCode::kMissingKey, "Authorization: the scheme is Bearer");
   }
-  const maps::KeyCheck check =
+  const KeyCheck check =
       keys_.check(trimmed(std::string_view(authorization).substr(kScheme.size())), unix_ns());
   if (check.key) key_id = check.key->id;
   switch (check.verdict) {
-    case maps::KeyCheck::Verdict::kGood:
+    case KeyCheck::Verdict::kGood:
       return *check.key;
-    case maps::KeyCheck::Verdict::kRevoked:
+    case KeyCheck::Verdict::kRevoked:
       throw unauthorized(ErrorCode::kRefusedKey, "the key was revoked");
-    case maps::KeyCheck::Verdict::kExpired:
+    case KeyCheck::Verdict::kExpired:
       throw unauthorized(ErrorCode::kRefusedKey, "the key has expired");
-    case maps::KeyCheck::Verdict::kUnknown:
+    case KeyCheck::Verdict::kUnknown:
       break;
   }
   throw unauthorized(ErrorCode::kRefusedKey, "there is no such key");

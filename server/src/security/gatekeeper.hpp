@@ -4,8 +4,8 @@
 #include "http/router.hpp"
 #include "security/rate_limits.hpp"
 
-#include <stillmap/maps/store/key_table.hpp>
 #include <stillmap/server/server_options.hpp>
+#include "store/key_table.hpp"
 
 #include <cstdint>
 #include <mutex>
@@ -24,8 +24,7 @@ namespace stillmap::server {
 class Gatekeeper {
  public:
   /// @param keys  outlives this. @param on_loopback  whether only this machine reaches the server.
-  Gatekeeper(const maps::KeyTable& keys, bool on_loopback)
-      : keys_(keys), on_loopback_(on_loopback) {}
+  Gatekeeper(const KeyTable& keys, bool on_loopback) : keys_(keys), on_loopback_(on_loopback) {}
 
   /// Fills the request's caller. Where the request is refused, `key_id` is that of the key that was
   /// sent, if its secret is right.
@@ -35,14 +34,14 @@ class Gatekeeper {
   [[nodiscard]] bool still_admits(const std::string& authorization, Access access);
 
  private:
-  [[nodiscard]] std::optional<maps::ApiKey> key_of(const std::string& authorization, Access access,
-                                                   std::string& key_id);
+  [[nodiscard]] std::optional<ApiKey> key_of(const std::string& authorization, Access access,
+                                             std::string& key_id);
   [[nodiscard]] bool has_keys();
   void find_reader(HttpRequest& request);
   void count_address(const std::string& remote_address, const RateOptions& rate);
-  [[nodiscard]] maps::ApiKey checked(const std::string& authorization, std::string& key_id);
+  [[nodiscard]] ApiKey checked(const std::string& authorization, std::string& key_id);
 
-  const maps::KeyTable& keys_;
+  const KeyTable& keys_;
   bool on_loopback_;
   std::mutex mutex_;
   /// `KeyTable::change_counter` when `has_keys_` was read.

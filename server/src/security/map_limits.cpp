@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <stillmap/maps/store/key_table.hpp>
+#include "store/key_table.hpp"
 
 #include <algorithm>
 #include <cstdint>
@@ -17,9 +17,8 @@ namespace stillmap::server {
 
 bool may_use_map(const Caller& caller, std::string_view map) {
   return caller.maps.empty() ||
-         std::any_of(caller.maps.begin(), caller.maps.end(), [&](const std::string& pattern) {
-           return maps::matches_map_pattern(map, pattern);
-         });
+         std::any_of(caller.maps.begin(), caller.maps.end(),
+                     [&](const std::string& pattern) { return matches_map_pattern(map, pattern); });
 }
 
 void require_map(const Caller& caller, std::string_view map) {
@@ -30,7 +29,7 @@ void require_map(const Caller& caller, std::string_view map) {
 }
 
 void require_maps_of_path(const HttpRequest& request, const Router::Match& match,
-                          maps::PackageStore& store) {
+                          PackageStore& store) {
   const Caller& caller = request.caller;
   if (caller.maps.empty() || is_open(match.route->access)) return;
   if (const auto map = match.parameters.find("map"); map != match.parameters.end())

@@ -3,7 +3,7 @@
 #include "http/http_message.hpp"
 #include "http/router.hpp"
 
-#include <stillmap/maps/store/package_store.hpp>
+#include "store/package_store.hpp"
 
 #include <string_view>
 
@@ -18,6 +18,6 @@ void require_map(const Caller& caller, std::string_view map);
 /// it looks itself (`Route::limits_maps`) or is open.
 /// @throws ApiError kForbidden; kUnknownJob for a job of another map.
 void require_maps_of_path(const HttpRequest& request, const Router::Match& match,
-                          maps::PackageStore& store);
+                          PackageStore& store);
 
 }  // namespace stillmap::server

@@ -21,7 +21,7 @@
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/scan_file.hpp>
-#include <stillmap/maps/store/package_store.hpp>
+#include "store/package_store.hpp"
 
 #include <Eigen/Geometry>
 
@@ -401,7 +401,7 @@ constexpr const char* kMapName = "load";
 
 void make_store(const std::filesystem::path& folder, const std::filesystem::path& package) {
   std::filesystem::create_directory(folder);
-  maps::PackageStore store(folder);
+  server::PackageStore store(folder);
   store.add(kMapName, "v1", package);
   store.activate(kMapName, "v1");
 }

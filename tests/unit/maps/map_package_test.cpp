@@ -9,7 +9,7 @@
 #include <limits>
 #include <regex>
 
-#include "package/manifest_json.hpp"
+#include <stillmap/maps/package_files.hpp>
 #include "support/matchers.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"

@@ -9,7 +9,7 @@
 #include <numbers>
 #include <stdexcept>
 
-#include "formats/text.hpp"
+#include <stillmap/maps/text.hpp>
 #include "support/matchers.hpp"
 #include "support/temporary_folder.hpp"
 

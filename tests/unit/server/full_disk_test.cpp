@@ -20,10 +20,10 @@ TEST(FullDisk, UploadIsAnswered507AndLeavesNothing) {
   test::write_package(built.path() / "new", 7);
   const std::string tar = test::tar_of(built.path() / "new", "") + test::tar_end();
   std::atomic<bool> full = false;
-  test::FailingCalls calls(test::Fault::kNoSpace, [&](std::size_t, const maps::DiskCall& call) {
-    return full && call.kind == maps::DiskCall::Kind::kWrite;
+  test::FailingCalls calls(test::Fault::kNoSpace, [&](std::size_t, const DiskCall& call) {
+    return full && call.kind == DiskCall::Kind::kWrite;
   });
-  maps::PackageStore store(folder.path(), calls);
+  PackageStore store(folder.path(), calls);
   const Service service({}, store, [](const maps::MapPackage&) { return Aligners{}; }, {});
   const auto put = [&] {
     HttpRequest request;
@@ -46,11 +46,11 @@ TEST(FullDisk, UploadIsAnswered507AndLeavesNothing) {
 TEST(FullDisk, KeysAreRevokedAndDrivesRemovedAndBothAreInTheAuditLog) {
   const test::TemporaryFolder folder(test::memory_folder());
   test::FullDisk disk;
-  maps::PackageStore store(folder.path(), disk);
+  PackageStore store(folder.path(), disk);
   store.create_map("town");
   const auto drive = std::to_string(store.drives().open("town", "monday", 1).id);
-  const maps::KeyTable::Created thief = store.keys().create("thief", {.bits = 1}, {}, unix_ns());
-  const maps::KeyTable::Created admin = store.keys().create("admin", {.bits = 15}, {}, unix_ns());
+  const KeyTable::Created thief = store.keys().create("thief", {.bits = 1}, {}, unix_ns());
+  const KeyTable::Created admin = store.keys().create("admin", {.bits = 15}, {}, unix_ns());
   const Service service({}, store, [](const maps::MapPackage&) { return Aligners{}; }, {});
   const auto send = [&](const std::string& method, const std::string& path) {
     HttpRequest request;
@@ -66,7 +66,7 @@ TEST(FullDisk, KeysAreRevokedAndDrivesRemovedAndBothAreInTheAuditLog) {
     EXPECT_LT(done.status, 300) << done.body;
     EXPECT_FALSE(disk.is_full());
   }
-  EXPECT_EQ(store.keys().check(thief.text, unix_ns()).verdict, maps::KeyCheck::Verdict::kRevoked);
+  EXPECT_EQ(store.keys().check(thief.text, unix_ns()).verdict, KeyCheck::Verdict::kRevoked);
   EXPECT_EQ(store.audit().list(9).records.size(), 2U);
 }
 

@@ -11,8 +11,6 @@
 namespace stillmap::server {
 namespace gatekeeper_test {
 
-using maps::KeyScope;
-using maps::KeyScopes;
 using std::chrono::milliseconds;
 using ::testing::Contains;
 using ::testing::IsSubsetOf;
@@ -137,7 +135,7 @@ TEST_F(GatekeeperTest, ReadinessTellsNamesOnlyToWhoeverMayReadThem) {
   const std::string counts = R"(["1 map: cannot be used"])";
   EXPECT_EQ(asked(""), names) << "without keys whoever reaches it may read";
   EXPECT_EQ(asked("", "evil.example"), counts) << "a name that somebody points to this machine";
-  maps::KeyTable& keys = store_.open().keys();
+  KeyTable& keys = store_.open().keys();
   const auto reader = keys.create("a", only(KeyScope::kRead), {}, now_ns());
   EXPECT_EQ(asked(""), counts);
   EXPECT_EQ(asked(reader.text), names);
@@ -173,7 +171,7 @@ TEST_F(GatekeeperTest, WhetherAMapIsReadyIsToldWithAKey) {
 
 TEST_F(GatekeeperTest, KeyIsRefusedOnceItHasExpiredOrWasRevoked) {
   start();
-  maps::KeyTable& keys = store_.open().keys();
+  KeyTable& keys = store_.open().keys();
   const auto lasting = keys.create("lasting", only(KeyScope::kRead), {}, now_ns());
   const std::string brief = make_key(only(KeyScope::kRead), now_ns() + std::int64_t{50'000'000});
   EXPECT_EQ(refusal("Bearer " + lasting.text), std::nullopt);
@@ -207,7 +205,7 @@ TEST_F(GatekeeperTest, AnythingButAWholeKeyIsRefused) {
 
 TEST_F(GatekeeperTest, WhatAnotherProcessDoesToKeysCountsAtOnce) {
   start();
-  maps::PackageStore other(store_.folder().path());
+  PackageStore other(store_.folder().path());
   EXPECT_EQ(refusal(""), std::nullopt);
   const auto made = other.keys().create("test", only(KeyScope::kRead), {}, now_ns());
   EXPECT_EQ(refusal(""), ErrorCode::kMissingKey);
@@ -418,7 +416,7 @@ TEST_F(GatekeeperTest, OneKeyHoldsHalfOfTheUploadsAtMost) {
 
 TEST_F(GatekeeperTest, EventStreamsEndWithTheirKey) {
   start();
-  maps::KeyTable& keys = store_.open().keys();
+  KeyTable& keys = store_.open().keys();
   HttpRequest opening = request("POST", "/v1/sessions");
   opening.headers["content-type"] = "application/json";
   opening.body = R"({"map": "town"})";

@@ -32,10 +32,10 @@ std::vector<std::string> reasons(const Service& service) {
 TEST(HealthReasons, SayThatTheStoreTakesNoChangesAfterAFailedSync) {
   const test::TemporaryFolder folder(test::memory_folder());
   std::atomic<bool> broken = false;
-  test::FailingCalls disk(test::Fault::kInputOutput, [&](std::size_t, const maps::DiskCall& call) {
-    return broken && call.kind == maps::DiskCall::Kind::kSyncFile;
+  test::FailingCalls disk(test::Fault::kInputOutput, [&](std::size_t, const DiskCall& call) {
+    return broken && call.kind == DiskCall::Kind::kSyncFile;
   });
-  maps::PackageStore store(folder.path(), disk);
+  PackageStore store(folder.path(), disk);
   Service service({}, store, [](const maps::MapPackage&) { return Aligners{}; }, {});
   EXPECT_EQ(ask(service, "PUT", "/v1/maps/town").status, 201);
   EXPECT_THAT(reasons(service), IsEmpty());
@@ -53,10 +53,10 @@ TEST(HealthReasons, SayThatTheStoreTakesNoChangesAfterAFailedSync) {
 TEST(HealthReasons, SayThatTheStoreTakesNoChangesUntilItsDiskTakesThemAgain) {
   const test::TemporaryFolder folder(test::memory_folder());
   std::atomic<bool> broken = false;
-  test::FailingCalls disk(test::Fault::kInputOutput, [&](std::size_t, const maps::DiskCall& call) {
-    return broken && call.kind == maps::DiskCall::Kind::kWrite;
+  test::FailingCalls disk(test::Fault::kInputOutput, [&](std::size_t, const DiskCall& call) {
+    return broken && call.kind == DiskCall::Kind::kWrite;
   });
-  maps::PackageStore store(folder.path(), disk);
+  PackageStore store(folder.path(), disk);
   Service service({}, store, [](const maps::MapPackage&) { return Aligners{}; }, {});
   broken = true;
   EXPECT_EQ(ask(service, "PUT", "/v1/maps/town").status, 500);

@@ -23,7 +23,7 @@ using ::testing::HasSubstr;
 /// Runs jobs without a service around it, and waits only a moment for room.
 class JobsOfARunner : public JobTest {
  protected:
-  void start_runner(maps::PackageStore& store) {
+  void start_runner(PackageStore& store) {
     start();
     make_drive();
     service_.reset();
@@ -34,7 +34,7 @@ class JobsOfARunner : public JobTest {
     drives_.emplace(store);
     run_jobs(store);
   }
-  void run_jobs(maps::PackageStore& store) {
+  void run_jobs(PackageStore& store) {
     const auto pause = std::chrono::milliseconds(1);
     jobs_.emplace(JobRunner::Setup{live_, store, *drives_, *catalog_, metrics_, mapper_, pause});
   }
@@ -47,14 +47,14 @@ class JobsOfARunner : public JobTest {
   }
   JobView end_of(std::int64_t job) {
     const auto latest = std::chrono::steady_clock::now() + std::chrono::seconds(60);
-    while (!maps::is_finished(jobs_->view(job).job.status)) {
+    while (!is_finished(jobs_->view(job).job.status)) {
       if (std::chrono::steady_clock::now() > latest) throw std::runtime_error("the job has no end");
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
     return jobs_->view(job);
   }
   /// Runner and catalog have ended, too: they use the store, which a test may own.
-  maps::StoredJob end_of_rebuild() {
+  StoredJob end_of_rebuild() {
     ask_for_rebuild();
     const JobView end = end_of(1);
     outcome_ = end.outcome;
@@ -71,7 +71,7 @@ class JobsOfARunner : public JobTest {
   OptionsHolder live_{options_};
   Metrics metrics_{"1"};
   std::optional<MapCatalog> catalog_;
-  std::optional<maps::DriveStore> drives_;
+  std::optional<DriveStore> drives_;
   std::optional<JobRunner> jobs_;
 };
 
@@ -79,8 +79,8 @@ class JobsOfARunner : public JobTest {
 class CallsWhenCopied : public test::UnsyncedCalls {
  public:
   explicit CallsWhenCopied(std::function<void()> begin) : begin_(std::move(begin)) {}
-  std::int64_t pass(const maps::DiskCall& call, const Perform& perform) override {
-    if (call.kind == maps::DiskCall::Kind::kCreateFile &&
+  std::int64_t pass(const DiskCall& call, const Perform& perform) override {
+    if (call.kind == DiskCall::Kind::kCreateFile &&
         call.path.string().find("/.incoming-") != std::string::npos)
       begin_();
     return UnsyncedCalls::pass(call, perform);
@@ -93,9 +93,9 @@ class CallsWhenCopied : public test::UnsyncedCalls {
 TEST_F(JobsOfARunner, LeaveNoVersionWhenTheyAreCancelledWhileItIsCopied) {
   write_mapper("publish");
   CallsWhenCopied calls([&] { EXPECT_TRUE(jobs_->cancel(1).cancel_requested); });
-  maps::PackageStore store(store_.folder().path(), calls);
+  PackageStore store(store_.folder().path(), calls);
   start_runner(store);
-  EXPECT_EQ(end_of_rebuild().status, maps::JobStatus::kCanceled);
+  EXPECT_EQ(end_of_rebuild().status, JobStatus::kCanceled);
   EXPECT_FALSE(store.state().find_version("town", "v2"));
   EXPECT_TRUE(store.unnamed_packages().empty());
   EXPECT_EQ(store.state().map("town").active, store_.version());
@@ -108,12 +108,12 @@ TEST_F(JobsOfARunner, CannotBeCancelledOnceTheirVersionIsThere) {
   on_load_ = [&] {
     try {
       jobs_->cancel(1);
-    } catch (const maps::StoreRefusal& refusal) {
-      refused = refusal.reason() == maps::StoreRefusal::Reason::kJobFinished;
+    } catch (const StoreRefusal& refusal) {
+      refused = refusal.reason() == StoreRefusal::Reason::kJobFinished;
     }
   };
   start_runner(store_.open());
-  EXPECT_EQ(end_of_rebuild().status, maps::JobStatus::kSucceeded);
+  EXPECT_EQ(end_of_rebuild().status, JobStatus::kSucceeded);
   EXPECT_TRUE(refused);
   EXPECT_EQ(store_.open().state().map("town").active, "v2");
 }
@@ -126,8 +126,8 @@ TEST_F(JobsOfARunner, SucceedWithoutActivationWhenOnlyThatFails) {
       "publish; mkdir $work/../../outcome.json.new");
   on_load_ = [] { throw std::runtime_error("too large"); };
   start_runner(store_.open());
-  const maps::StoredJob job = end_of_rebuild();
-  EXPECT_EQ(job.status, maps::JobStatus::kSucceeded) << job.error;
+  const StoredJob job = end_of_rebuild();
+  EXPECT_EQ(job.status, JobStatus::kSucceeded) << job.error;
   EXPECT_THAT(outcome_, HasSubstr("signal 11"));
   EXPECT_EQ(job.result_version, "v2");
 }
@@ -164,16 +164,16 @@ class JobsOnAFullDisk : public JobsOfARunner {};
 TEST_F(JobsOnAFullDisk, AreMappedWhenThereIsRoom) {
   write_mapper(kMeetsAFullDisk);
   start_runner(store_.open());
-  const maps::StoredJob job = end_of_rebuild();
-  EXPECT_EQ(job.status, maps::JobStatus::kSucceeded) << job.error;
+  const StoredJob job = end_of_rebuild();
+  EXPECT_EQ(job.status, JobStatus::kSucceeded) << job.error;
   EXPECT_EQ(job.attempts, 5) << "more than after crashes";
 }
 
 TEST_F(JobsOnAFullDisk, FailWhenNoRoomComesAndGiveBackWhatTheyTook) {
   write_mapper("touch $work/large; echo 'stillmap: /x: No space left on device' >&2; exit 3");
   start_runner(store_.open());
-  const maps::StoredJob job = end_of_rebuild();
-  EXPECT_EQ(job.status, maps::JobStatus::kFailed);
+  const StoredJob job = end_of_rebuild();
+  EXPECT_EQ(job.status, JobStatus::kFailed);
   EXPECT_THAT(job.error, HasSubstr("No space left on device, 6 times"));
   EXPECT_EQ(job.attempts, 6);
   expect_cleared(1);
@@ -182,14 +182,14 @@ TEST_F(JobsOnAFullDisk, FailWhenNoRoomComesAndGiveBackWhatTheyTook) {
 TEST_F(JobsOnAFullDisk, ArePublishedWhenThereIsRoom) {
   write_mapper("[ -e $out ] || publish");
   int fails = 4;
-  test::FailingCalls full(test::Fault::kNoSpace, [&](std::size_t, const maps::DiskCall& call) {
-    return call.kind == maps::DiskCall::Kind::kMakeFolder &&
+  test::FailingCalls full(test::Fault::kNoSpace, [&](std::size_t, const DiskCall& call) {
+    return call.kind == DiskCall::Kind::kMakeFolder &&
            call.path.string().find("/.incoming-") != std::string::npos && fails-- > 0;
   });
-  maps::PackageStore store(store_.folder().path(), full);
+  PackageStore store(store_.folder().path(), full);
   start_runner(store);
-  const maps::StoredJob job = end_of_rebuild();
-  EXPECT_EQ(job.status, maps::JobStatus::kSucceeded) << job.error;
+  const StoredJob job = end_of_rebuild();
+  EXPECT_EQ(job.status, JobStatus::kSucceeded) << job.error;
   EXPECT_EQ(job.attempts, 5);
 }
 
@@ -207,9 +207,9 @@ TEST_F(JobsOfARunner, BelongToOneServerOfTheStoreWhereverEachOneWorks) {
   run_jobs(store_.open());
   ask_for_rebuild();
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
-  EXPECT_EQ(jobs_->view(1).job.status, maps::JobStatus::kEnqueued);
+  EXPECT_EQ(jobs_->view(1).job.status, JobStatus::kEnqueued);
   lock = {};
-  EXPECT_EQ(end_of(1).job.status, maps::JobStatus::kSucceeded);
+  EXPECT_EQ(end_of(1).job.status, JobStatus::kSucceeded);
 }
 
 TEST_F(JobsOfARunner, GoOnBehindOneThatAnotherServerHasEnded) {
@@ -223,7 +223,7 @@ TEST_F(JobsOfARunner, GoOnBehindOneThatAnotherServerHasEnded) {
   store_.open().jobs().fail(1, "by another server", 1);
   std::ofstream(mapper_.string() + ".go") << "x";
   ask_for_rebuild();
-  EXPECT_EQ(end_of(2).job.status, maps::JobStatus::kSucceeded);
+  EXPECT_EQ(end_of(2).job.status, JobStatus::kSucceeded);
   EXPECT_EQ(jobs_->view(1).job.error, "by another server");
   EXPECT_EQ(jobs_->events(1), nullptr);
 }
@@ -255,7 +255,7 @@ TEST_F(JobsOfARunner, TellWhenADriveWasUsedAsLongAsItIsThere) {
   write_mapper("publish");
   start_runner(store_.open());
   jobs_.reset();
-  maps::JobTable& jobs = store_.open().jobs();
+  JobTable& jobs = store_.open().jobs();
   const std::int64_t came_ns = store_.open().drives().drive(1).created_ns;
   const auto day = [&](int days) { return came_ns + days * std::int64_t{86'400'000'000'000}; };
   jobs.enqueue({.map = "town", .request = "{}", .drives = {1}}, day(70));

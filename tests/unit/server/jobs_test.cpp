@@ -168,7 +168,7 @@ TEST_F(Jobs, CancelAndStopEndTheEstimateOfItsRoom) {
   static_cast<void>(rebuild(R"({"drives": [1], "version": "v2"})"));
   wait_until_asked(4);
   service_.reset();
-  EXPECT_EQ(store_.open().jobs().job(2).status, maps::JobStatus::kEnqueued);
+  EXPECT_EQ(store_.open().jobs().job(2).status, JobStatus::kEnqueued);
   EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(25));
 }
 
@@ -178,7 +178,7 @@ TEST_F(Jobs, OneThatMeetsAFullDiskKeepsItsWorkAndCanBeCancelledAndStopped) {
   wait_for_stage(job, "wait for room on the disk");
   EXPECT_TRUE(std::filesystem::exists(job_folder(1) / "scratch" / "work" / "tries"));
   service_.reset();
-  EXPECT_EQ(store_.open().jobs().job(1).status, maps::JobStatus::kEnqueued);
+  EXPECT_EQ(store_.open().jobs().job(1).status, JobStatus::kEnqueued);
   EXPECT_EQ(store_.open().jobs().job(1).error, "stillmap: /x: No space left on device");
   start();
   wait_for_stage(job, "wait for room on the disk");
@@ -193,7 +193,7 @@ TEST_F(Jobs, GoesOnAfterARestartOfTheServer) {
   const std::string job = rebuild();
   wait_for_stage(job, "half");
   service_.reset();
-  EXPECT_EQ(store_.open().jobs().job(1).status, maps::JobStatus::kEnqueued);
+  EXPECT_EQ(store_.open().jobs().job(1).status, JobStatus::kEnqueued);
   EXPECT_TRUE(std::filesystem::exists(job_folder(1) / "scratch" / "work" / "half"));
   start();
   EXPECT_EQ(wait_for_end(job)["status"], "succeeded");
@@ -405,10 +405,10 @@ TEST_F(Jobs, AreListedNewestFirstAndFiltered) {
 TEST_F(Jobs, HousekeepingForgetsWhatIsOld) {
   start_with("publish");
   wait_for_end(rebuild());
-  const maps::StoredDrive drive = store_.open().drives().drive(1);
+  const StoredDrive drive = store_.open().drives().drive(1);
   Metrics metrics("1");
   MapCatalog catalog(store_.open(), [](const maps::MapPackage&) { return Aligners{}; });
-  maps::DriveStore drives(store_.open());
+  DriveStore drives(store_.open());
   service_.reset();
   const OptionsHolder live(options_);
   const JobRunner::Setup setup{live, store_.open(), drives, catalog, metrics, mapper_};

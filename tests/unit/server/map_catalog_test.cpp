@@ -96,17 +96,17 @@ class MapCatalogTest : public ::testing::Test {
     }
     throw std::logic_error("nothing was refused");
   }
-  static maps::StoreRefusal::Reason reason_of(const std::function<void()>& call) {
+  static StoreRefusal::Reason reason_of(const std::function<void()>& call) {
     try {
       call();
-    } catch (const maps::StoreRefusal& error) {
+    } catch (const StoreRefusal& error) {
       return error.reason();
     }
     throw std::logic_error("nothing was refused");
   }
 
   test::TemporaryFolder folder_{test::memory_folder()}, store_folder_{test::memory_folder()};
-  maps::PackageStore store_{store_folder_.path()};
+  PackageStore store_{store_folder_.path()};
   std::map<int, std::string> digests_;
   ScriptedBuilder builder_;
   Metrics metrics_{"0"};
@@ -195,7 +195,7 @@ TEST_F(MapCatalogTest, PackageThatVanishedLeavesTheOldOneServing) {
 
 TEST_F(MapCatalogTest, WhatAnotherProcessActivatesIsServedWithoutBeingToldOf) {
   start();
-  maps::PackageStore other(store_folder_.path());
+  PackageStore other(store_folder_.path());
   const auto begin = std::chrono::steady_clock::now();
   other.activate("town", "v2");
   wait([&] { return served() == "v2"; });
@@ -206,7 +206,7 @@ TEST_F(MapCatalogTest, WhatAnotherProcessActivatesIsServedWithoutBeingToldOf) {
 TEST_F(MapCatalogTest, BrokenVersionOfAnotherProcessIsNamedAndTriedAgainWhenItIsWantedAgain) {
   MapCatalog& catalog = start();
   builder_.set_broken(digests_[2], true);
-  maps::PackageStore other(store_folder_.path());
+  PackageStore other(store_folder_.path());
   other.activate("town", "v2");
   catalog.refresh();
   wait([&] {
@@ -229,7 +229,7 @@ TEST_F(MapCatalogTest, VersionThatWasRemovedIsNotFoundAndComesAgainAsItWas) {
   MapCatalog& catalog = start();
   EXPECT_EQ(catalog.find("town", "v2").package->digest(), digests_[2]);
   store_.remove("town", "v2");
-  using Reason = maps::StoreRefusal::Reason;
+  using Reason = StoreRefusal::Reason;
   EXPECT_EQ(reason_of([&] { (void)catalog.find("town", "v2"); }), Reason::kUnknownVersion);
   EXPECT_EQ(reason_of([&] { catalog.activate("town", "v2", {}, true); }), Reason::kUnknownVersion);
   add(3);
@@ -243,14 +243,14 @@ TEST_F(MapCatalogTest, VersionThatWasRemovedIsNotFoundAndComesAgainAsItWas) {
 TEST_F(MapCatalogTest, RollsBackAndForthAndOnlyWhereThereWasAnother) {
   MapCatalog& catalog = start();
   EXPECT_EQ(reason_of([&] { catalog.roll_back("town", {}, true); }),
-            maps::StoreRefusal::Reason::kNoPrevious);
+            StoreRefusal::Reason::kNoPrevious);
   catalog.activate("town", "v2", {}, true);
   EXPECT_EQ(catalog.roll_back("town", {}, true).revision, 3);
   EXPECT_EQ(served(), "v1");
   catalog.roll_back("town", 3, true);
   EXPECT_EQ(served(), "v2");
   EXPECT_EQ(reason_of([&] { catalog.roll_back("town", 3, true); }),
-            maps::StoreRefusal::Reason::kOtherRevision);
+            StoreRefusal::Reason::kOtherRevision);
   EXPECT_EQ(served(), "v2");
 }
 
@@ -277,7 +277,7 @@ TEST_F(MapCatalogTest, VersionInAnotherFrameIsRefusedUnlessThatIsMeant) {
 TEST_F(MapCatalogTest, StaleRevisionChangesNothing) {
   MapCatalog& catalog = start();
   EXPECT_EQ(reason_of([&] { catalog.activate("town", "v2", 0, true); }),
-            maps::StoreRefusal::Reason::kOtherRevision);
+            StoreRefusal::Reason::kOtherRevision);
   EXPECT_EQ(served(), "v1");
 }
 
@@ -351,9 +351,8 @@ TEST_F(MapCatalogTest, MapWithoutAnActiveVersionSaysSo) {
   MapCatalog& catalog = start();
   store_.create_map("depot");
   EXPECT_EQ(code_of([&] { (void)catalog.find("depot"); }), ErrorCode::kNoActiveVersion);
-  EXPECT_EQ(reason_of([&] { (void)catalog.find("village"); }),
-            maps::StoreRefusal::Reason::kUnknownMap);
-  store_.remove_map("town", maps::WhenActive::kRemove);
+  EXPECT_EQ(reason_of([&] { (void)catalog.find("village"); }), StoreRefusal::Reason::kUnknownMap);
+  store_.remove_map("town", WhenActive::kRemove);
   catalog.refresh();
   wait([&] { return catalog.active().empty(); });
   EXPECT_THAT(catalog.waiting(), IsEmpty());

@@ -56,7 +56,7 @@ TEST_F(MapRoutes, AnswersAreOfOneStateOfTheStoreThatAnotherProcessHasChanged) {
   wait_until_loaded();
   const test::TemporaryFolder built(test::memory_folder());
   const std::string digest = test::write_package(built.path() / "new", 7);
-  maps::PackageStore beside(store_.folder().path());
+  PackageStore beside(store_.folder().path());
   beside.add("town", "v2", built.path() / "new");
   EXPECT_THAT(get("/v1/maps/town").headers, Contains(Pair("ETag", "\"1\"")));
   beside.activate("town", "v2");

@@ -75,7 +75,7 @@ TEST_F(RetentionClockTest, BeginsAtTheNewestRowOfAStoreThatHadNone) {
 
 TEST_F(RetentionClockTest, KnowsTheNewestRowOfAStore) {
   const TownStore town;
-  maps::PackageStore& store = town.open();
+  PackageStore& store = town.open();
   const std::int64_t published = newest_time_ns(store);
   EXPECT_EQ(published, store.state().version("town", "v1").created_ns);
   store.drives().open("town", "monday", published + 1);

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <stillmap/maps/map_package.hpp>
-#include <stillmap/maps/store/package_store.hpp>
+#include "store/package_store.hpp"
 
 #include <cstring>
 #include <filesystem>
@@ -75,7 +75,7 @@ class TownStore {
     store_.activate("town", version());
   }
 
-  [[nodiscard]] maps::PackageStore& open() const { return store_; }
+  [[nodiscard]] PackageStore& open() const { return store_; }
   [[nodiscard]] const test::TemporaryFolder& folder() const { return folder_; }
   [[nodiscard]] const std::string& digest() const { return digest_; }
   /// Of the package in the store.
@@ -97,7 +97,7 @@ class TownStore {
 
   test::TemporaryFolder built_;
   test::TemporaryFolder folder_{test::memory_folder()};
-  mutable maps::PackageStore store_{folder_.path()};
+  mutable PackageStore store_{folder_.path()};
   std::string digest_;
 };
 

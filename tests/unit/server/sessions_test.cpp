@@ -187,25 +187,25 @@ TEST_F(Sessions, WithoutKeysAllAreListedAndTheirMapChosen) {
 }
 
 TEST_F(Sessions, OperatorsSeeAllVehiclesButNoSecrets) {
-  const auto make_key = [&](const char* name, std::initializer_list<maps::KeyScope> scopes) {
-    maps::KeyScopes set;
-    for (const maps::KeyScope scope : scopes) set.add(scope);
+  const auto make_key = [&](const char* name, std::initializer_list<KeyScope> scopes) {
+    KeyScopes set;
+    for (const KeyScope scope : scopes) set.add(scope);
     return store_.open().keys().create(name, set, std::nullopt, 1);
   };
-  const auto alice = make_key("alice", {maps::KeyScope::kLocalize});
-  const auto bob = make_key("bob", {maps::KeyScope::kLocalize});
-  const auto chief = make_key("chief", {maps::KeyScope::kAdmin});
-  const auto both = make_key("both", {maps::KeyScope::kAdmin, maps::KeyScope::kLocalize});
-  const auto reader = make_key("reader", {maps::KeyScope::kRead, maps::KeyScope::kWrite});
-  const auto with = [](HttpRequest request, const maps::KeyTable::Created& key) {
+  const auto alice = make_key("alice", {KeyScope::kLocalize});
+  const auto bob = make_key("bob", {KeyScope::kLocalize});
+  const auto chief = make_key("chief", {KeyScope::kAdmin});
+  const auto both = make_key("both", {KeyScope::kAdmin, KeyScope::kLocalize});
+  const auto reader = make_key("reader", {KeyScope::kRead, KeyScope::kWrite});
+  const auto with = [](HttpRequest request, const KeyTable::Created& key) {
     request.headers["authorization"] = "Bearer " + key.text;
     return request;
   };
-  const auto open_as = [&](const maps::KeyTable::Created& key) {
+  const auto open_as = [&](const KeyTable::Created& key) {
     return ask(with(json_post("/v1/sessions", {{"map", "town"}}), key), 201)["id"]
         .get<std::string>();
   };
-  const auto list_as = [&](const maps::KeyTable::Created& key) {
+  const auto list_as = [&](const KeyTable::Created& key) {
     return ask(with(request("GET", "/v1/sessions"), key))["sessions"];
   };
   const std::string of_alice = open_as(alice);

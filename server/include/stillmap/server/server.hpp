@@ -19,7 +19,7 @@ enum class StoreChanges : std::uint8_t { kTaken, kRefused };
 /// they are.
 class Server {
  public:
-  /// @param store  folder of a `maps::PackageStore`; an empty one becomes a store.
+  /// @param store  folder of a `PackageStore`; an empty one becomes a store.
   /// @param web    folder of the built web page; when it does not exist, `/` says that it was not
   /// built.
   /// @throws std::invalid_argument on broken options, maps::StorageError if a folder cannot be

@@ -1,0 +1,148 @@
+#include "store/archive.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <exception>
+#include <memory>
+#include <set>
+#include <system_error>
+#include <utility>
+
+#include "store/archive_files.hpp"
+#include "store/durable_files.hpp"
+
+namespace stillmap::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A folder that goes when it is not kept.
+class TargetFolder {
+ public:
+  TargetFolder(const fs::path& folder, const DurableFiles& disk)
+      : folder_(fs::absolute(folder).lexically_normal()), disk_(&disk) {
+    if (!disk_->make_folder(folder_))
+      throw maps::StorageError(folder_.string(), "is there already");
+  }
+  ~TargetFolder() {
+    if (kept_) return;
+    try {
+      disk_->remove_tree(folder_);
+    } catch (const std::exception&) {
+      // The error that brought us here says more.
+    }
+  }
+  TargetFolder(const TargetFolder&) = delete;
+  TargetFolder& operator=(const TargetFolder&) = delete;
+
+  [[nodiscard]] const fs::path& path() const { return folder_; }
+  void sync(const std::set<std::string>& folders) const {
+    for (const std::string& folder : folders) disk_->sync_folder(folder_ / folder);
+    disk_->sync_folder(folder_);
+    disk_->sync_folder(folder_.parent_path());
+  }
+  void keep() { kept_ = true; }
+
+ private:
+  fs::path folder_;
+  const DurableFiles* disk_;
+  bool kept_ = false;
+};
+
+/// Where the drive starts: an archive of a folder has that folder in it, KITTI's the day's above.
+/// @return the target itself when there is no drive.
+fs::path drive_root(const fs::path& target) {
+  for (fs::path root = target;;) {
+    if (maps::Drive::is_in(root)) return root;
+    std::vector<fs::path> folders;
+    std::error_code error;
+    fs::directory_iterator entry(root, error);
+    for (; !error && entry != fs::directory_iterator(); entry.increment(error))
+      if (entry->is_directory()) folders.push_back(entry->path());
+    if (error) throw maps::StorageError(root.string(), error.message());
+    if (folders.size() != 1) return target;
+    root = folders.front();
+  }
+}
+
+/// The files behind `concatenated`.
+class Parts {
+ public:
+  explicit Parts(std::vector<fs::path> files) : files_(std::move(files)) {}
+  ~Parts() { close(); }
+  Parts(const Parts&) = delete;
+  Parts& operator=(const Parts&) = delete;
+
+  std::size_t read(std::span<char> into) {
+    while (at_ < files_.size()) {
+      if (descriptor_ < 0) open();
+      const ssize_t got = ::read(descriptor_, into.data(), into.size());
+      if (got > 0) return static_cast<std::size_t>(got);
+      if (got < 0 && errno == EINTR) continue;
+      if (got < 0) fail();
+      close();
+      ++at_;
+    }
+    return 0;
+  }
+
+ private:
+  [[noreturn]] void fail() const {
+    throw maps::StorageError(files_[at_].string(), std::strerror(errno));
+  }
+  void open() {
+    descriptor_ = ::open(files_[at_].c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
+    if (descriptor_ < 0) fail();
+  }
+  void close() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+    descriptor_ = -1;
+  }
+
+  std::vector<fs::path> files_;
+  std::size_t at_ = 0;
+  int descriptor_ = -1;
+};
+
+}  // namespace
+
+ExtractedArchive extract_archive(const ByteSource& source, const std::string& name,
+                                 const fs::path& target, const ArchiveLimits& limits,
+                                 DiskCalls& calls) {
+  const DurableFiles disk(calls);
+  TargetFolder folder(target, disk);
+  const ArchiveFiles found = unpack_archive(source, name, folder.path(), limits, disk, false);
+  folder.sync(found.folders);
+  folder.keep();
+  return found.archive;
+}
+
+ByteSource concatenated(std::vector<fs::path> files) {
+  return [parts = std::make_shared<Parts>(std::move(files))](std::span<char> into) {
+    return parts->read(into);
+  };
+}
+
+ExtractedDrive extract_drive(const ByteSource& source, const std::string& name,
+                             const fs::path& target, const ArchiveLimits& limits,
+                             DiskCalls& calls) {
+  const DurableFiles disk(calls);
+  TargetFolder folder(target, disk);
+  const ArchiveFiles found = unpack_archive(source, name, folder.path(), limits, disk, false);
+  ExtractedDrive drive{.root = drive_root(folder.path()), .archive = found.archive};
+  const maps::Drive opened = maps::Drive::open(drive.root);
+  if (opened.size() == 0)
+    throw maps::InputError(name, "a drive without scans", "one scan at least");
+  drive.layout = opened.contents().layout;
+  drive.scans = opened.size();
+  folder.sync(found.folders);
+  folder.keep();
+  return drive;
+}
+
+}  // namespace stillmap::server

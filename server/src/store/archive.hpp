@@ -1,0 +1,80 @@
+#pragma once
+
+#include <stillmap/maps/drive.hpp>
+#include "store/disk_calls.hpp"
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace stillmap::server {
+
+/// Gives the next bytes of an archive: fills the front of the span, which is never empty, and says
+/// how much of it; 0 at the end. It is asked up to its end, and what it throws ends the extraction
+/// and comes out of it as it is: a digest of its own may be checked there.
+using ByteSource = std::function<std::size_t(std::span<char>)>;
+
+/// What an archive from outside may hold.
+struct ArchiveLimits {
+  /// Files and folders.
+  std::uint64_t entries = 200'000;
+  /// Of one file, unpacked.
+  std::uint64_t file_bytes = std::uint64_t{8} << 30U;
+  /// Of all, unpacked, headers and padding included.
+  std::uint64_t total_bytes = std::uint64_t{64} << 30U;
+  /// Unpacked to packed bytes, >= 1, beyond the first 16 MiB unpacked. Scans and tiles pack to a
+  /// half at best, tables of text to a twentieth.
+  double ratio = 100.0;
+  /// Of a path inside the archive.
+  std::size_t path_bytes = 240;
+  /// Folders and the file itself.
+  std::size_t depth = 8;
+};
+
+/// What lies in a folder now.
+struct ExtractedArchive {
+  std::uint64_t files = 0;
+  /// Of all files.
+  std::uint64_t bytes = 0;
+  std::uint64_t packed_bytes = 0;
+  /// Of the archive as it came, packed.
+  std::string sha256;
+};
+
+/// Unpacks a tar (plain, gzip or zstd; ustar, GNU or pax headers) into a folder that does not exist
+/// yet, and syncs all of it. The archive is never held: one buffer of it at most.
+///
+/// Only regular files and folders; names of printable ASCII without backslashes, "." and "..",
+/// relative, each once. Owners, modes and times of the archive are ignored. What follows the end of
+/// the archive must be zeros.
+/// @param name  of the archive, for messages.
+/// @throws InputError naming archive and entry for anything else, for a truncated archive and what
+/// is beyond a limit; StorageError; std::invalid_argument for a broken limit. Nothing of the folder
+/// is left then (but after a kill: give it a name that is cleared).
+ExtractedArchive extract_archive(const ByteSource& source, const std::string& name,
+                                 const std::filesystem::path& target, const ArchiveLimits& limits,
+                                 DiskCalls& calls = DiskCalls::real());
+
+/// One after the other as if they were one file. Only one is open at a time.
+/// @throws StorageError when read.
+[[nodiscard]] ByteSource concatenated(std::vector<std::filesystem::path> files);
+
+struct ExtractedDrive {
+  /// The target, or the single folder in it that holds the drive.
+  std::filesystem::path root;
+  maps::DriveLayout layout = maps::DriveLayout::kScanFolder;
+  std::size_t scans = 0;
+  ExtractedArchive archive;
+};
+
+/// As `extract_archive`, of an archive that holds one drive.
+/// @throws also InputError when `Drive` cannot open it or it has no scan.
+ExtractedDrive extract_drive(const ByteSource& source, const std::string& name,
+                             const std::filesystem::path& target, const ArchiveLimits& limits,
+                             DiskCalls& calls = DiskCalls::real());
+
+}  // namespace stillmap::server

@@ -1,0 +1,89 @@
+#pragma once
+
+#include "store/archive.hpp"
+#include "store/package_store.hpp"
+
+#include <condition_variable>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace stillmap::server {
+
+/// Drives that came in parts, for rebuilds, and uploads that become versions: the bytes behind a
+/// store's `DriveTable`, in
+/// `<store>/drives/<id>/`, kept in step with it as packages are with theirs (maps/store.md). A
+/// change that returned is kept. Safe from several threads; one process at a time receives drives.
+class DriveStore {
+ public:
+  /// Makes the folder when it is missing, and clears what a killed process left.
+  /// @param store  outlives this. @param calls  outlives this.
+  explicit DriveStore(PackageStore& store, DiskCalls& calls = DiskCalls::real());
+
+  /// Where a complete drive lies; it need not be there any more.
+  [[nodiscard]] std::filesystem::path folder(std::int64_t id) const;
+
+  /// What an archive of a whole drive may be.
+  struct Limits {
+    /// Of all parts together.
+    std::uint64_t bytes = std::uint64_t{256} << 30U;
+    ArchiveLimits archive{};
+  };
+
+  struct Added {
+    DrivePart part;
+    /// False when the same part was there already.
+    bool is_new = false;
+  };
+  /// Keeps one part of the drive's archive.
+  /// @param bytes   how many there are.
+  /// @param sha256  of the part, lower-case hex, where that is known.
+  /// @throws StoreRefusal kUnknownDrive, kDriveNotOpen, kOtherDigest, kOverQuota; InputError for
+  /// another SHA-256, fewer or more bytes, or too many in all; std::invalid_argument for a number
+  /// beyond `DriveTable::kMostParts`.
+  Added add_part(std::int64_t id, std::int64_t n, std::uint64_t bytes, const ByteSource& source,
+                 const std::optional<std::string>& sha256, const Limits& limits);
+
+  /// Unpacks the parts, one after the other a tar (plain, gzip or zstd) of one drive, and lets go
+  /// of them. What is complete already stays so.
+  /// @throws InputError when they are none: the drive has then failed and its parts are gone;
+  /// StoreRefusal kUnknownDrive, kDriveNotOpen, kPartsMissing; StorageError, after which it may be
+  /// asked for again.
+  StoredDrive complete(std::int64_t id, const Limits& limits);
+  /// Takes all bytes of an upload, one part after the other.
+  using Take = std::function<void(const ByteSource& source, std::uint64_t bytes)>;
+  /// Hands an upload to whoever publishes it, and lets go of its parts when that has returned.
+  /// What is complete already is not handed on again.
+  /// @throws what `take` throws: after an InputError it has failed and its parts are gone, after
+  /// anything else it may be asked for again; StoreRefusal kUnknownDrive, kDriveNotOpen,
+  /// kPartsMissing.
+  StoredDrive complete_upload(std::int64_t id, const Take& take);
+  /// With all that was kept of it. @throws StoreRefusal kUnknownDrive, kInUse.
+  void remove(std::int64_t id);
+
+ private:
+  [[nodiscard]] std::filesystem::path home(std::int64_t id) const;
+  class Busy;
+  [[nodiscard]] std::filesystem::path make_incoming(std::int64_t id);
+  [[nodiscard]] std::vector<std::filesystem::path> parts_of(std::int64_t id) const;
+  void extract(std::int64_t id, const Limits& limits);
+  void clear_leftovers();
+
+  PackageStore& store_;
+  DiskCalls* calls_;
+  std::filesystem::path drives_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  /// Drives of which row and folder are changing together, one at a time; others go on meanwhile,
+  /// since unpacking takes minutes.
+  std::set<std::int64_t> busy_;
+  std::uint64_t incoming_ = 0;
+};
+
+}  // namespace stillmap::server

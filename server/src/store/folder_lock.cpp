@@ -1,0 +1,49 @@
+#include "store/folder_lock.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+namespace stillmap::server {
+
+FolderLock::FolderLock(const std::filesystem::path& file)
+    : descriptor_(::open(file.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0666)) {
+  if (descriptor_ < 0) throw maps::StorageError(file.string(), std::strerror(errno));
+  int result = 0;
+  do result = ::flock(descriptor_, LOCK_EX);
+  while (result != 0 && errno == EINTR);
+  if (result == 0) return;
+  const int reason = errno;
+  ::close(descriptor_);
+  throw maps::StorageError(file.string(), std::strerror(reason));
+}
+
+std::optional<FolderLock> FolderLock::try_folder(const std::filesystem::path& folder) {
+  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+  if (descriptor < 0) throw maps::StorageError(folder.string(), std::strerror(errno));
+  if (::flock(descriptor, LOCK_EX | LOCK_NB) == 0) return FolderLock(descriptor);
+  const int reason = errno;
+  ::close(descriptor);
+  if (reason == EWOULDBLOCK) return std::nullopt;
+  throw maps::StorageError(folder.string(), std::strerror(reason));
+}
+
+FolderLock::~FolderLock() {
+  if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+FolderLock::FolderLock(FolderLock&& other) noexcept
+    : descriptor_(std::exchange(other.descriptor_, -1)) {}
+
+FolderLock& FolderLock::operator=(FolderLock&& other) noexcept {
+  std::swap(descriptor_, other.descriptor_);
+  return *this;
+}
+
+}  // namespace stillmap::server

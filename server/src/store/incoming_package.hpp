@@ -1,0 +1,25 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "store/archive_files.hpp"
+#include "store/durable_files.hpp"
+#include "store/package_copy.hpp"
+
+namespace stillmap::server {
+
+struct IncomingPackage {
+  /// The folder that was unpacked into, or the one in it that holds the package.
+  std::filesystem::path folder;
+  CopiedPackage package;
+};
+
+/// Makes a package of what was unpacked (with SHA-256): finds its manifest, compares every listed
+/// file with it, drops what is not listed, but build.json, and syncs all of it.
+/// @param name  of the archive, for messages.
+/// @throws InputError naming the file that is missing or not what the manifest says; StorageError.
+IncomingPackage keep_package(const std::filesystem::path& unpacked, const ArchiveFiles& found,
+                             const std::string& name, const DurableFiles& disk);
+
+}  // namespace stillmap::server

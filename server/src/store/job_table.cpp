@@ -1,0 +1,378 @@
+#include "store/job_table.hpp"
+
+#include <array>
+#include <stdexcept>
+#include <utility>
+
+#include <stillmap/maps/sha256.hpp>
+#include "store/map_rows.hpp"
+#include "store/store_database.hpp"
+
+namespace stillmap::server {
+namespace {
+
+using Reading = StoreDatabase::Reading;
+using Reason = StoreRefusal::Reason;
+using Writing = StoreDatabase::Writing;
+
+constexpr std::array<std::pair<JobStatus, std::string_view>, 5> kStatusNames = {{
+    {JobStatus::kEnqueued, "enqueued"},
+    {JobStatus::kProcessing, "processing"},
+    {JobStatus::kSucceeded, "succeeded"},
+    {JobStatus::kFailed, "failed"},
+    {JobStatus::kCanceled, "canceled"},
+}};
+constexpr std::size_t kLargestJobPage = 1000;
+/// Of the requests on a page: they may hold the corrections of a whole map.
+constexpr std::size_t kMostRequestBytes = std::size_t{4} << 20U;
+constexpr const char* kSelectJobs =
+    "SELECT id, kind, map, request, status, stage, error, result_version, attempts, enqueued_ns,"
+    " started_ns, finished_ns, asker, idempotency_key, cancel_requested FROM jobs ";
+
+StoredJob job_of(const SqliteStatement& row) {
+  StoredJob job{.id = row.integer(0), .map = row.text(2), .request = row.text(3)};
+  job.kind = row.text(1) == name_of(JobKind::kConvert) ? JobKind::kConvert : JobKind::kRebuild;
+  job.status = job_status_of(row.text(4)).value();
+  job.stage = row.text(5);
+  job.error = row.text(6);
+  job.result_version = row.optional_text(7);
+  job.attempts = row.integer(8);
+  job.enqueued_ns = row.integer(9);
+  job.started_ns = row.optional_integer(10);
+  job.finished_ns = row.optional_integer(11);
+  job.asker = row.text(12);
+  job.idempotency_key = row.optional_text(13);
+  job.cancel_requested = row.integer(14) != 0;
+  return job;
+}
+
+StoredJob known_job(SqliteDatabase& database, std::int64_t id) {
+  SqliteStatement row(database, std::string(kSelectJobs) + "WHERE id = ?");
+  if (!row.bind(id).step())
+    throw StoreRefusal(Reason::kUnknownJob, "there is no job " + std::to_string(id));
+  return job_of(row);
+}
+
+StoredJob processing_job(SqliteDatabase& database, std::int64_t id) {
+  StoredJob job = known_job(database, id);
+  if (job.status != JobStatus::kProcessing)
+    throw StoreRefusal(Reason::kNotProcessing,
+                       "job " + std::to_string(id) + " is " + std::string(name_of(job.status)));
+  return job;
+}
+
+/// Writes what can change of a job.
+void update(SqliteDatabase& database, const StoredJob& job) {
+  SqliteStatement(database,
+                  "UPDATE jobs SET status = ?, stage = ?, error = ?, result_version = ?,"
+                  " attempts = ?, started_ns = ?, finished_ns = ?, cancel_requested = ?"
+                  " WHERE id = ?")
+      .bind(name_of(job.status))
+      .bind(job.stage)
+      .bind(job.error)
+      .bind(job.result_version)
+      .bind(job.attempts)
+      .bind(job.started_ns)
+      .bind(job.finished_ns)
+      .bind(std::int64_t{job.cancel_requested})
+      .bind(job.id)
+      .step();
+}
+
+void end(StoredJob& job, JobStatus status, std::int64_t now_ns) {
+  job.status = status;
+  job.finished_ns = now_ns;
+  job.cancel_requested = false;
+}
+
+void put_back_or_cancel(StoredJob& job, std::string_view error, std::int64_t now_ns) {
+  job.error = error;
+  if (job.cancel_requested) return end(job, JobStatus::kCanceled, now_ns);
+  job.status = JobStatus::kEnqueued;
+}
+
+/// Of all that makes two requests the same. Lengths keep their parts apart.
+std::string sha256_of_request(const NewJob& job) {
+  maps::Sha256 hash;
+  const std::string& asked = job.asked.empty() ? job.request : job.asked;
+  for (const std::string& part : {std::string(name_of(job.kind)), job.map, asked}) {
+    const std::string piece = std::to_string(part.size()) + ":" + part;
+    hash.add(piece.data(), piece.size());
+  }
+  for (const std::int64_t drive : job.drives) {
+    const std::string piece = "," + std::to_string(drive);
+    hash.add(piece.data(), piece.size());
+  }
+  return hash.hex();
+}
+
+std::optional<StoredJob> asked_before(SqliteDatabase& database, const NewJob& job,
+                                      const std::string& sha256) {
+  if (!job.idempotency_key) return std::nullopt;
+  SqliteStatement row(
+      database, "SELECT id, request_sha256 FROM jobs WHERE asker = ? AND idempotency_key = ?");
+  if (!row.bind(job.asker).bind(*job.idempotency_key).step()) return std::nullopt;
+  if (row.text(1) != sha256)
+    throw StoreRefusal(Reason::kOtherRequest, "the idempotency key was used for job " +
+                                                  row.text(0) + ", which is something else");
+  return known_job(database, row.integer(0));
+}
+
+void check_drive(SqliteDatabase& database, std::string_view map, std::int64_t drive) {
+  SqliteStatement row(database,
+                      "SELECT status FROM drives WHERE id = ? AND map = ? AND version IS NULL");
+  if (!row.bind(drive).bind(map).step())
+    throw StoreRefusal(Reason::kUnknownDrive,
+                       "map " + in_quotes(map) + " has no drive " + std::to_string(drive));
+  if (row.text(0) != "complete")
+    throw StoreRefusal(Reason::kDriveNotComplete,
+                       "drive " + std::to_string(drive) + " is " + row.text(0) + ", not complete");
+}
+
+std::int64_t insert(SqliteDatabase& database, const NewJob& job, const std::string& sha256,
+                    std::int64_t now_ns) {
+  SqliteStatement(database,
+                  "INSERT INTO jobs (kind, map, request, status, enqueued_ns, asker,"
+                  " idempotency_key, request_sha256) VALUES (?, ?, ?, 'enqueued', ?, ?, ?, ?)")
+      .bind(name_of(job.kind))
+      .bind(job.map)
+      .bind(job.request)
+      .bind(now_ns)
+      .bind(job.asker)
+      .bind(job.idempotency_key)
+      .bind(sha256)
+      .step();
+  const std::int64_t id = database.inserted();
+  for (const std::int64_t drive : job.drives)
+    SqliteStatement(database, "INSERT OR IGNORE INTO job_drives VALUES (?, ?)")
+        .bind(id)
+        .bind(drive)
+        .step();
+  return id;
+}
+
+}  // namespace
+
+std::string_view name_of(JobKind kind) { return kind == JobKind::kConvert ? "convert" : "rebuild"; }
+
+std::string_view name_of(JobStatus status) {
+  for (const auto& [value, name] : kStatusNames)
+    if (value == status) return name;
+  throw std::invalid_argument("not a status of a job");
+}
+
+std::optional<JobStatus> job_status_of(std::string_view name) {
+  for (const auto& [value, known] : kStatusNames)
+    if (known == name) return value;
+  return std::nullopt;
+}
+
+bool is_finished(JobStatus status) {
+  return status != JobStatus::kEnqueued && status != JobStatus::kProcessing;
+}
+
+JobTable::Enqueued JobTable::enqueue(const NewJob& job, std::int64_t now_ns) {
+  const std::string sha256 = sha256_of_request(job);
+  Writing writing(*database_);
+  SqliteDatabase& database = writing.database();
+  if (std::optional<StoredJob> before = asked_before(database, job, sha256))
+    return {*std::move(before), false};
+  (void)known_map(database, job.map);
+  for (const std::int64_t drive : job.drives) check_drive(database, job.map, drive);
+  const std::int64_t id = insert(database, job, sha256, now_ns);
+  Enqueued enqueued{known_job(database, id), true};
+  writing.commit();
+  return enqueued;
+}
+
+std::optional<StoredJob> JobTable::claim(std::int64_t now_ns) {
+  Writing writing(*database_);
+  SqliteDatabase& database = writing.database();
+  StoredJob job;
+  {
+    SqliteStatement row(database,
+                        std::string(kSelectJobs) + "WHERE status = 'enqueued' ORDER BY id LIMIT 1");
+    if (!row.step()) return std::nullopt;
+    job = job_of(row);
+  }
+  job.status = JobStatus::kProcessing;
+  job.stage.clear();
+  ++job.attempts;
+  job.started_ns = now_ns;
+  update(database, job);
+  writing.commit();
+  return job;
+}
+
+void JobTable::set_stage(std::int64_t id, std::string_view stage) {
+  Writing writing(*database_);
+  StoredJob job = processing_job(writing.database(), id);
+  job.stage = stage;
+  update(writing.database(), job);
+  writing.commit();
+}
+
+StoredJob JobTable::succeed(std::int64_t id, std::string_view result_version, std::int64_t now_ns) {
+  Writing writing(*database_);
+  StoredJob job = processing_job(writing.database(), id);
+  end(job, JobStatus::kSucceeded, now_ns);
+  job.error.clear();
+  job.result_version = result_version;
+  update(writing.database(), job);
+  writing.commit();
+  return job;
+}
+
+StoredJob JobTable::fail(std::int64_t id, std::string_view error, std::int64_t now_ns) {
+  return database_->even_when_full([&] {
+    Writing writing(*database_);
+    StoredJob job = processing_job(writing.database(), id);
+    end(job, JobStatus::kFailed, now_ns);
+    job.error = error;
+    update(writing.database(), job);
+    writing.commit();
+    return job;
+  });
+}
+
+StoredJob JobTable::end_canceled(std::int64_t id, std::int64_t now_ns) {
+  return database_->even_when_full([&] {
+    Writing writing(*database_);
+    StoredJob job = processing_job(writing.database(), id);
+    end(job, JobStatus::kCanceled, now_ns);
+    update(writing.database(), job);
+    writing.commit();
+    return job;
+  });
+}
+
+StoredJob JobTable::put_back(std::int64_t id, std::string_view error, std::int64_t now_ns) {
+  Writing writing(*database_);
+  StoredJob job = processing_job(writing.database(), id);
+  put_back_or_cancel(job, error, now_ns);
+  update(writing.database(), job);
+  writing.commit();
+  return job;
+}
+
+std::size_t JobTable::put_back_all(std::string_view error, std::int64_t now_ns) {
+  Writing writing(*database_);
+  std::vector<StoredJob> jobs;
+  {
+    SqliteStatement row(writing.database(),
+                        std::string(kSelectJobs) + "WHERE status = 'processing'");
+    while (row.step()) jobs.push_back(job_of(row));
+  }
+  for (StoredJob& job : jobs) {
+    put_back_or_cancel(job, error, now_ns);
+    update(writing.database(), job);
+  }
+  writing.commit();
+  return jobs.size();
+}
+
+StoredJob JobTable::request_cancel(std::int64_t id, std::int64_t now_ns) {
+  return database_->even_when_full([&] {
+    Writing writing(*database_);
+    StoredJob job = known_job(writing.database(), id);
+    if (job.status == JobStatus::kCanceled) return job;
+    if (is_finished(job.status))
+      throw StoreRefusal(Reason::kJobFinished, "job " + std::to_string(id) + " has " +
+                                                   std::string(name_of(job.status)) + " already");
+    if (job.result_version)
+      throw StoreRefusal(Reason::kJobFinished, "job " + std::to_string(id) +
+                                                   " has published version " +
+                                                   in_quotes(*job.result_version) + " already");
+    if (job.status == JobStatus::kEnqueued)
+      end(job, JobStatus::kCanceled, now_ns);
+    else
+      job.cancel_requested = true;
+    update(writing.database(), job);
+    writing.commit();
+    return job;
+  });
+}
+
+StoredJob JobTable::job(std::int64_t id) const {
+  const Reading reading(*database_);
+  return known_job(reading.database(), id);
+}
+
+std::vector<std::int64_t> JobTable::drives(std::int64_t id) const {
+  const Reading reading(*database_);
+  (void)known_job(reading.database(), id);
+  SqliteStatement row(reading.database(),
+                      "SELECT drive FROM job_drives WHERE job = ? ORDER BY drive");
+  row.bind(id);
+  std::vector<std::int64_t> drives;
+  while (row.step()) drives.push_back(row.integer(0));
+  return drives;
+}
+
+std::size_t JobTable::count(JobStatus status) const {
+  const Reading reading(*database_);
+  SqliteStatement row(reading.database(), "SELECT count(*) FROM jobs WHERE status = ?");
+  row.bind(name_of(status)).step();
+  return static_cast<std::size_t>(row.integer(0));
+}
+
+JobTable::Page JobTable::list(const Filter& filter, std::size_t limit,
+                              std::optional<std::int64_t> before) const {
+  if (limit < 1 || limit > kLargestJobPage)
+    throw std::invalid_argument("limit: " + std::to_string(limit) + ", 1 to 1000 expected");
+  std::string sql = std::string(kSelectJobs) + "WHERE 1";
+  if (filter.status) sql += " AND status = ?";
+  if (filter.map) sql += " AND map = ?";
+  for (std::size_t i = 0; i < filter.maps.size(); ++i)
+    sql += i == 0 ? " AND (map GLOB ?" : " OR map GLOB ?";
+  if (!filter.maps.empty()) sql += ")";
+  if (before) sql += " AND id < ?";
+  const Reading reading(*database_);
+  // One more tells whether there are others.
+  SqliteStatement row(reading.database(), sql + " ORDER BY id DESC LIMIT ?");
+  if (filter.status) row.bind(name_of(*filter.status));
+  if (filter.map) row.bind(*filter.map);
+  for (const std::string& pattern : filter.maps) row.bind(pattern);
+  if (before) row.bind(*before);
+  row.bind(static_cast<std::int64_t>(limit) + 1);
+  Page page;
+  std::size_t bytes = 0;
+  while (row.step()) {
+    if (page.jobs.size() == limit || bytes > kMostRequestBytes) {
+      page.next = page.jobs.back().id;
+      break;
+    }
+    page.jobs.push_back(job_of(row));
+    bytes += page.jobs.back().request.size();
+  }
+  return page;
+}
+
+std::vector<StoredJob> JobTable::unfinished() const {
+  const Reading reading(*database_);
+  // One statement: what is put back between two of them would stand in neither.
+  SqliteStatement row(
+      reading.database(),
+      std::string(kSelectJobs) + "WHERE status IN ('enqueued', 'processing') ORDER BY id DESC");
+  std::vector<StoredJob> jobs;
+  while (row.step()) jobs.push_back(job_of(row));
+  return jobs;
+}
+
+std::size_t JobTable::forget_finished_before(std::int64_t time_ns, std::int64_t of_drives_ns) {
+  return database_->even_when_full([&] {
+    Writing writing(*database_);
+    SqliteStatement(writing.database(),
+                    "DELETE FROM jobs WHERE finished_ns < ? AND (finished_ns < ? OR NOT EXISTS"
+                    " (SELECT 1 FROM job_drives JOIN drives ON drives.id = job_drives.drive"
+                    " WHERE job_drives.job = jobs.id))")
+        .bind(time_ns)
+        .bind(of_drives_ns)
+        .step();
+    const std::int64_t gone = writing.database().changes();
+    writing.commit();
+    return static_cast<std::size_t>(gone);
+  });
+}
+
+}  // namespace stillmap::server

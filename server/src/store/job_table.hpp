@@ -1,0 +1,140 @@
+#pragma once
+
+#include "store/store_refusal.hpp"
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace stillmap::server {
+
+class StoreDatabase;
+
+enum class JobKind : std::uint8_t { kRebuild, kConvert };
+/// enqueued -> processing -> succeeded | failed | canceled; processing -> enqueued when it is tried
+/// again; enqueued -> canceled.
+enum class JobStatus : std::uint8_t { kEnqueued, kProcessing, kSucceeded, kFailed, kCanceled };
+
+/// "rebuild", "convert".
+[[nodiscard]] std::string_view name_of(JobKind kind);
+/// "enqueued", "processing", "succeeded", "failed", "canceled".
+[[nodiscard]] std::string_view name_of(JobStatus status);
+/// Nothing for any other name.
+[[nodiscard]] std::optional<JobStatus> job_status_of(std::string_view name);
+/// Succeeded, failed or canceled: it never changes again.
+[[nodiscard]] bool is_finished(JobStatus status);
+
+/// What is asked for.
+struct NewJob {
+  JobKind kind = JobKind::kRebuild;
+  std::string map{};
+  /// What is to be done; the store does not read it.
+  std::string request{};
+  /// What makes two requests under one idempotency key the same; empty = `request`.
+  std::string asked{};
+  /// Complete drives of this map that it reads.
+  std::vector<std::int64_t> drives{};
+  /// Id of the key of who asks; empty without keys.
+  std::string asker{};
+  /// The asker's own name for this request.
+  std::optional<std::string> idempotency_key{};
+};
+
+struct StoredJob {
+  /// Grows with time, never given twice.
+  std::int64_t id = 0;
+  JobKind kind = JobKind::kRebuild;
+  std::string map{};
+  std::string request{};
+  JobStatus status = JobStatus::kEnqueued;
+  /// Of the latest attempt; empty before the first.
+  std::string stage{};
+  /// Why it failed or is tried again; else empty.
+  std::string error{};
+  /// What it has published: from then on it cannot be cancelled. Of one that failed, too.
+  std::optional<std::string> result_version{};
+  /// Times that it was claimed.
+  std::int64_t attempts = 0;
+  std::int64_t enqueued_ns = 0;
+  /// Of the latest attempt.
+  std::optional<std::int64_t> started_ns{};
+  std::optional<std::int64_t> finished_ns{};
+  std::string asker{};
+  std::optional<std::string> idempotency_key{};
+  /// Someone wants it to end, and whoever works on it has not ended it yet.
+  bool cancel_requested = false;
+  auto operator<=>(const StoredJob&) const = default;
+};
+
+/// Jobs of a store. What returned is kept. Safe from several threads. Throws StorageError when the
+/// disk fails, StoreRefusal kUnknownJob for an id that is none.
+class JobTable {
+ public:
+  struct Enqueued {
+    StoredJob job;
+    /// False when the asker sent the same request under the same idempotency key before.
+    bool is_new = false;
+  };
+  /// @throws StoreRefusal kUnknownMap; kUnknownDrive, kDriveNotComplete for one of its drives;
+  /// kOtherRequest when the asker used the idempotency key for something else.
+  Enqueued enqueue(const NewJob& job, std::int64_t now_ns);
+  /// The oldest enqueued one, which is then processing; nothing when none waits. Each goes to one
+  /// caller only.
+  std::optional<StoredJob> claim(std::int64_t now_ns);
+  /// @throws StoreRefusal kNotProcessing.
+  void set_stage(std::int64_t id, std::string_view stage);
+  /// Publishes nothing itself. @throws StoreRefusal kNotProcessing.
+  StoredJob succeed(std::int64_t id, std::string_view result_version, std::int64_t now_ns);
+  /// @throws StoreRefusal kNotProcessing.
+  StoredJob fail(std::int64_t id, std::string_view error, std::int64_t now_ns);
+  /// Its worker has ended it because it was asked to. @throws StoreRefusal kNotProcessing.
+  StoredJob end_canceled(std::int64_t id, std::int64_t now_ns);
+  /// Puts it back to its place in the queue, to be tried again; canceled when that was requested.
+  /// @throws StoreRefusal kNotProcessing.
+  StoredJob put_back(std::int64_t id, std::string_view error, std::int64_t now_ns);
+  /// Does so with all that are processing: after a restart nobody works on them. For the one
+  /// process that claims jobs. @return how many.
+  std::size_t put_back_all(std::string_view error, std::int64_t now_ns);
+  /// One that waits is canceled at once, one that is processing is marked so; asking twice is
+  /// asking once. @throws StoreRefusal kJobFinished when it succeeded, failed, or has published its
+  /// version and is about to end.
+  StoredJob request_cancel(std::int64_t id, std::int64_t now_ns);
+
+  [[nodiscard]] StoredJob job(std::int64_t id) const;
+  /// Drives that it was enqueued with, even removed ones.
+  [[nodiscard]] std::vector<std::int64_t> drives(std::int64_t id) const;
+  [[nodiscard]] std::size_t count(JobStatus status) const;
+
+  struct Filter {
+    std::optional<JobStatus> status{};
+    std::optional<std::string> map{};
+    /// Patterns, of which the map's name matches one; none: all maps.
+    std::vector<std::string> maps{};
+  };
+  struct Page {
+    /// Newest first.
+    std::vector<StoredJob> jobs;
+    /// Pass as `before` for those that follow; nothing at the end.
+    std::optional<std::int64_t> next;
+  };
+  /// @param limit  1 to 1000; a page whose requests are long together ends before it.
+  /// @param before  only older ones. @throws std::invalid_argument.
+  [[nodiscard]] Page list(const Filter& filter, std::size_t limit,
+                          std::optional<std::int64_t> before = {}) const;
+  /// All that wait or are processing, newest first, as they were at one instant.
+  [[nodiscard]] std::vector<StoredJob> unfinished() const;
+  /// Removes those that finished before this time, with their idempotency keys. Of those that read
+  /// a drive which is still there, only what finished before the other time too: they tell when it
+  /// was used. @return how many.
+  std::size_t forget_finished_before(std::int64_t time_ns, std::int64_t of_drives_ns);
+
+ private:
+  friend class StoreState;
+  explicit JobTable(StoreDatabase& database) : database_(&database) {}
+  StoreDatabase* database_;
+};
+
+}  // namespace stillmap::server

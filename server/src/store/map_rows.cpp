@@ -1,0 +1,110 @@
+#include "store/map_rows.hpp"
+
+#include "store/store_refusal.hpp"
+
+namespace stillmap::server {
+namespace {
+
+using Reason = StoreRefusal::Reason;
+
+constexpr const char* kMapColumns =
+    "SELECT name, active, previous, revision, created_ns FROM maps ";
+constexpr const char* kVersionColumns = "SELECT name, digest, bytes, created_ns FROM versions ";
+
+StoredMap map_of(const SqliteStatement& row) {
+  return {row.text(0), row.optional_text(1), row.optional_text(2), row.integer(3), row.integer(4)};
+}
+
+StoredVersion version_of(const SqliteStatement& row) {
+  return {row.text(0), row.text(1), static_cast<std::uint64_t>(row.integer(2)), row.integer(3)};
+}
+
+bool has_package(SqliteDatabase& database, std::string_view map, std::string_view digest) {
+  SqliteStatement row(database, "SELECT 1 FROM versions WHERE map = ? AND digest = ?");
+  return row.bind(map).bind(digest).step();
+}
+
+void refuse_over(std::optional<std::uint64_t> limit, std::uint64_t used, std::uint64_t more,
+                 const std::string& whose) {
+  if (!limit || (used <= *limit && more <= *limit - used)) return;
+  throw StoreRefusal(Reason::kOverQuota, whose + " holds " + std::to_string(used) +
+                                             " bytes and may hold " + std::to_string(*limit) +
+                                             "; there is no room for " + std::to_string(more) +
+                                             " more");
+}
+
+}  // namespace
+
+std::string in_quotes(std::string_view name) { return "'" + std::string(name) + "'"; }
+
+std::vector<StoredMap> all_maps(SqliteDatabase& database) {
+  SqliteStatement row(database, std::string(kMapColumns) + "ORDER BY name");
+  std::vector<StoredMap> maps;
+  while (row.step()) maps.push_back(map_of(row));
+  return maps;
+}
+
+StoredMap known_map(SqliteDatabase& database, std::string_view name) {
+  SqliteStatement row(database, std::string(kMapColumns) + "WHERE name = ?");
+  if (!row.bind(name).step())
+    throw StoreRefusal(Reason::kUnknownMap, "there is no map " + in_quotes(name));
+  return map_of(row);
+}
+
+std::vector<StoredVersion> versions_of(SqliteDatabase& database, std::string_view map) {
+  SqliteStatement row(database,
+                      std::string(kVersionColumns) + "WHERE map = ? ORDER BY created_ns, name");
+  row.bind(map);
+  std::vector<StoredVersion> versions;
+  while (row.step()) versions.push_back(version_of(row));
+  return versions;
+}
+
+std::optional<StoredVersion> find_version(SqliteDatabase& database, std::string_view map,
+                                          std::string_view name) {
+  SqliteStatement row(database, std::string(kVersionColumns) + "WHERE map = ? AND name = ?");
+  if (!row.bind(map).bind(name).step()) return std::nullopt;
+  return version_of(row);
+}
+
+StoredVersion known_version(SqliteDatabase& database, std::string_view map, std::string_view name) {
+  const std::optional<StoredVersion> found = find_version(database, map, name);
+  if (!found)
+    throw StoreRefusal(Reason::kUnknownVersion,
+                       "map " + in_quotes(map) + " has no version " + in_quotes(name));
+  return *found;
+}
+
+bool is_used(SqliteDatabase& database, std::string_view digest) {
+  return SqliteStatement(database, "SELECT 1 FROM versions WHERE digest = ?").bind(digest).step();
+}
+
+void condemn_unused(SqliteDatabase& database, std::string_view digest) {
+  if (is_used(database, digest)) return;
+  SqliteStatement(database, "INSERT OR IGNORE INTO condemned VALUES (?)").bind(digest).step();
+}
+
+std::uint64_t bytes_of(SqliteDatabase& database, const std::optional<std::string>& map) {
+  // Several versions may share one package.
+  SqliteStatement sum(
+      database,
+      "SELECT (SELECT coalesce(sum(bytes), 0) FROM (SELECT DISTINCT digest, bytes FROM versions"
+      "        WHERE ?1 IS NULL OR map = ?1))"
+      " + (SELECT coalesce(sum(p.bytes), 0) FROM drive_parts p JOIN drives d ON d.id = p.drive"
+      "    WHERE (?1 IS NULL OR d.map = ?1) AND (d.version IS NULL OR d.status <> 'complete'))");
+  sum.bind(map).step();
+  return static_cast<std::uint64_t>(sum.integer(0));
+}
+
+void refuse_over_quota(SqliteDatabase& database, const StoreQuota& quota, std::string_view map,
+                       std::uint64_t more_bytes, std::string_view digest,
+                       const WaitingBytes& waiting) {
+  if (quota.map_bytes && !has_package(database, map, digest))
+    refuse_over(quota.map_bytes, bytes_of(database, std::string(map)) + waiting.of_map, more_bytes,
+                "map " + in_quotes(map));
+  if (quota.store_bytes && !is_used(database, digest))
+    refuse_over(quota.store_bytes, bytes_of(database, {}) + waiting.of_store, more_bytes,
+                "the store");
+}
+
+}  // namespace stillmap::server

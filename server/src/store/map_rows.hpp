@@ -1,0 +1,43 @@
+#pragma once
+
+#include "store/store_state.hpp"
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "store/sqlite_database.hpp"
+
+namespace stillmap::server {
+
+/// Rows of maps and versions, for those who hold the connection.
+
+[[nodiscard]] std::string in_quotes(std::string_view name);
+[[nodiscard]] std::vector<StoredMap> all_maps(SqliteDatabase& database);
+/// @throws StoreRefusal kUnknownMap.
+[[nodiscard]] StoredMap known_map(SqliteDatabase& database, std::string_view name);
+/// Oldest first.
+[[nodiscard]] std::vector<StoredVersion> versions_of(SqliteDatabase& database,
+                                                     std::string_view map);
+[[nodiscard]] std::optional<StoredVersion> find_version(SqliteDatabase& database,
+                                                        std::string_view map,
+                                                        std::string_view name);
+/// @throws StoreRefusal kUnknownVersion.
+[[nodiscard]] StoredVersion known_version(SqliteDatabase& database, std::string_view map,
+                                          std::string_view name);
+/// Whether any version of any map holds this package.
+[[nodiscard]] bool is_used(SqliteDatabase& database, std::string_view digest);
+/// Notes it for removal when no version holds it.
+void condemn_unused(SqliteDatabase& database, std::string_view digest);
+
+/// Of packages and drives; of the whole store when the map is nothing.
+[[nodiscard]] std::uint64_t bytes_of(SqliteDatabase& database,
+                                     const std::optional<std::string>& map);
+/// As `StoreState::check_quota`. @param digest  of a package, which may be there already.
+void refuse_over_quota(SqliteDatabase& database, const StoreQuota& quota, std::string_view map,
+                       std::uint64_t more_bytes, std::string_view digest,
+                       const WaitingBytes& waiting = {});
+
+}  // namespace stillmap::server

@@ -1,0 +1,367 @@
+#include "store/package_store.hpp"
+
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_graph.hpp>
+#include "store/map_name.hpp"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <exception>
+#include <stdexcept>
+#include <system_error>
+#include <utility>
+
+#include <stillmap/maps/package_files.hpp>
+#include <stillmap/maps/text.hpp>
+#include "store/archive_files.hpp"
+#include "store/durable_files.hpp"
+#include "store/folder_lock.hpp"
+#include "store/incoming_package.hpp"
+#include "store/package_copy.hpp"
+#include "store/store_folder.hpp"
+
+namespace stillmap::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+void check_name(const char* what, std::string_view name) {
+  if (is_valid_map_name(name)) return;
+  throw std::invalid_argument(std::string(what) + ": '" + std::string(name) +
+                              "', [a-z0-9][a-z0-9._-]{0,62} expected");
+}
+
+/// Opens it and reads the parts that are only read at need.
+void check_readable(const fs::path& folder) {
+  const std::shared_ptr<const maps::MapPackage> package = maps::MapPackage::open(folder);
+  (void)package->trajectories();
+  (void)package->objects();
+  (void)maps::read_map_graph(*package);
+}
+
+std::string problems_text(const std::vector<std::string>& files) {
+  std::string text = "not what the manifest says:";
+  for (const std::string& file : files) text += " " + file;
+  return text;
+}
+
+void refuse_unwanted(const std::optional<PackageStore::Maker>& maker) {
+  if (!maker || !maker->is_unwanted || !maker->is_unwanted()) return;
+  throw StoreRefusal(
+      StoreRefusal::Reason::kNotProcessing,
+      "the package of job " + std::to_string(maker->job) + " is not wanted any more");
+}
+
+}  // namespace
+
+/// A folder in `packages/` that is being filled, locked against `clear_leftovers`.
+class PackageStore::Incoming {
+ public:
+  /// Under the store's lock.
+  Incoming(const fs::path& packages, DurableFiles files) : files_(files) {
+    static std::atomic<unsigned> count{0};
+    do path_ = packages / (kIncoming + std::to_string(::getpid()) + "-" + std::to_string(count++));
+    while (!files_.make_folder(path_));
+    lock_ = FolderLock::try_folder(path_);
+  }
+  ~Incoming() {
+    if (!lock_ || stays_) return;
+    try {
+      files_.remove_tree(path_);
+    } catch (const std::exception&) {
+      // The error that brought us here says more; the next open clears the folder.
+    }
+  }
+  Incoming(const Incoming&) = delete;
+  Incoming& operator=(const Incoming&) = delete;
+
+  [[nodiscard]] const fs::path& path() const { return path_; }
+  /// A package that lies there already is replaced in one step, and goes with this.
+  /// @param package  this folder, or one in it; then the rest goes with this.
+  void publish(const fs::path& package, const fs::path& target) {
+    if (!is_there(target)) {
+      files_.rename(package, target);
+      stays_ = package == path_;
+      return;
+    }
+    files_.exchange(package, target);
+    // Until it is sure to last, a power cut may bring the other one back, so it must not be
+    // emptied.
+    stays_ = true;
+    files_.sync_folder(target.parent_path());
+    stays_ = false;
+  }
+
+ private:
+  DurableFiles files_;
+  fs::path path_;
+  std::optional<FolderLock> lock_;
+  /// Published, or not to be touched.
+  bool stays_ = false;
+};
+
+PackageStore::PackageStore(const fs::path& folder, DiskCalls& calls)
+    : folder_(fs::absolute(folder).lexically_normal()),
+      packages_(folder_ / kPackagesName),
+      calls_(&calls) {
+  if (is_there(folder_ / kBackupMark))
+    throw maps::InputError(folder_.string(), "a backup of a store",
+                           "a store: restore it elsewhere");
+  std::optional<FolderLock> lock;
+  try {
+    lock.emplace(folder_ / kLockName);
+    refuse_lost_state();
+    const DurableFiles files(calls);
+    // Before the state: where there is a state, there is a folder for its packages.
+    if (files.make_folder(packages_)) files.sync_folder(folder_);
+  } catch (const maps::StorageError& error) {
+    open_read_only(error);
+    return;
+  }
+  state_ = std::make_unique<StoreState>(folder_ / kStateName, calls);
+  if (!read_only_because().empty()) return;
+  try {
+    clear_condemned();
+    clear_leftovers();
+  } catch (const maps::StorageError& error) {
+    // A full or failing disk must not keep maps from being served.
+    not_cleared_because_ = error.what();
+  }
+}
+
+PackageStore::~PackageStore() = default;
+
+bool PackageStore::make_folder(const fs::path& folder, DiskCalls& calls) {
+  std::error_code error;
+  if (fs::is_directory(folder, error)) return false;
+  fs::path path = fs::absolute(folder).lexically_normal();
+  // Of `maps/`, the part before the slash.
+  if (!path.has_filename()) path = path.parent_path();
+  const DurableFiles files(calls);
+  if (!files.make_folder(path, kOwnersFolder)) return false;
+  files.sync_folder(path.parent_path());
+  return true;
+}
+
+bool PackageStore::is_store(const fs::path& folder) { return is_there(folder / kStateName); }
+
+/// A disk on which not even the lock's file can be made may still hold all that is to be served.
+void PackageStore::open_read_only(const maps::StorageError& reason) {
+  try {
+    state_ =
+        std::make_unique<StoreState>(folder_ / kStateName, StoreState::ReadOnly{reason.what()});
+  } catch (const maps::StorageError&) {
+    throw maps::StorageError(reason);
+  }
+}
+
+void PackageStore::set_quota(const StoreQuota& quota) {
+  const std::scoped_lock lock(quota_mutex_);
+  quota_ = quota;
+}
+
+StoreQuota PackageStore::quota() const {
+  const std::scoped_lock lock(quota_mutex_);
+  return quota_;
+}
+
+void PackageStore::check_quota(std::string_view map, std::uint64_t more_bytes,
+                               const WaitingBytes& waiting) const {
+  state_->check_quota(quota(), map, more_bytes, waiting);
+  check_disk_reserve(more_bytes);
+}
+
+void PackageStore::check_disk_reserve(const fs::path& folder, std::uint64_t more_bytes) const {
+  const std::uint64_t reserve = quota().disk_reserve.value_or(0);
+  if (reserve == 0) return;
+  const std::uint64_t free = fs::space(folder).available;
+  if (free >= reserve && more_bytes <= free - reserve) return;
+  throw StoreRefusal(
+      StoreRefusal::Reason::kDiskReserve,
+      "the disk has " + std::to_string(free) + " bytes free, of which " + std::to_string(reserve) +
+          " are reserved so that keys can be revoked and maps removed; there is no "
+          "room for " +
+          std::to_string(more_bytes) + " more: remove versions or drives, or enlarge the disk");
+}
+
+ByteSource PackageStore::leaving_reserve(const ByteSource& source) const {
+  return [this, source](std::span<char> to) {
+    check_disk_reserve(0);
+    return source(to);
+  };
+}
+
+void PackageStore::refuse_lost_state() const {
+  std::error_code error;
+  const fs::path file = folder_ / kStateName;
+  if (is_there(file) && fs::file_size(file, error) > 0) return;
+  if (!is_there(packages_)) return;
+  // Also what a restore left that came no further.
+  if (folders_in(packages_).empty()) return;
+  throw maps::InputError(file.string(), "nothing, though there are packages beside it",
+                         "the state that names them: put it back, or move the packages away");
+}
+
+fs::path PackageStore::package_folder(std::string_view digest) const { return packages_ / digest; }
+
+std::shared_ptr<const maps::MapPackage> PackageStore::open(std::string_view map,
+                                                           std::string_view version) const {
+  return maps::MapPackage::open(package_folder(state_->version(map, version).digest));
+}
+
+std::uint64_t PackageStore::copy_of(std::string_view map, std::string_view version) const {
+  struct stat found {};
+  const fs::path folder = package_folder(state_->version(map, version).digest);
+  return ::stat(folder.c_str(), &found) == 0 ? static_cast<std::uint64_t>(found.st_ino) : 0;
+}
+
+PackageStore::Added PackageStore::add(std::string_view map, std::string_view version,
+                                      const fs::path& package, const std::optional<Maker>& maker) {
+  check_name("map", map);
+  check_name("version", version);
+  const fs::path manifest_file = package / maps::kManifestName;
+  const std::string text = maps::read_text(manifest_file);
+  StoredVersion wanted{.name = std::string(version), .digest = maps::sha256_of(text)};
+  for (const auto& [path, file] : maps::parse_manifest(text, manifest_file.string()).files)
+    wanted.bytes += file.bytes;
+  wanted.bytes += text.size();
+  wanted.created_ns = now_ns();
+
+  // Before gigabytes are copied.
+  state_->check_version(map, wanted, quota());
+  const auto known = state_->find_version(map, version);
+  const bool whole = has_whole(wanted.digest);
+  if (known && whole && !maker) return {*known, false};
+  const DurableFiles files(*calls_);
+  std::optional<FolderLock> lock(locked());
+  const auto job = maker ? std::optional(maker->job) : std::nullopt;
+  if (whole && is_there(package_folder(wanted.digest))) return commit(map, wanted, job);
+  Incoming incoming(packages_, files);
+  lock.reset();
+  const CopiedPackage copied =
+      copy_package(package, incoming.path(), files, [&] { refuse_unwanted(maker); });
+  if (copied.digest != wanted.digest)
+    throw maps::InputError(manifest_file.string(), "a file that changes", "one that does not");
+  check_readable(incoming.path());
+  lock.emplace(locked());
+  refuse_unwanted(maker);
+  return publish(incoming, incoming.path(), map, wanted, job);
+}
+
+PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_view version,
+                                              const ByteSource& source, const std::string& archive,
+                                              const ArchiveLimits& limits,
+                                              const std::optional<std::string>& sha256) {
+  check_name("map", map);
+  check_name("version", version);
+  const DurableFiles files(*calls_);
+  std::optional<FolderLock> lock(locked());
+  Incoming incoming(packages_, files);
+  lock.reset();
+  const ArchiveFiles found =
+      unpack_archive(leaving_reserve(source), archive, incoming.path(), limits, files,
+                     /*hashed=*/true);
+  if (sha256 && *sha256 != found.archive.sha256)
+    throw maps::InputError(archive, "SHA-256 " + found.archive.sha256, *sha256 + " as announced");
+  const IncomingPackage package = keep_package(incoming.path(), found, archive, files);
+  StoredVersion wanted{.name = std::string(version), .digest = package.package.digest};
+  wanted.bytes = package.package.bytes;
+  wanted.created_ns = now_ns();
+  check_readable(package.folder);
+  const bool whole = has_whole(wanted.digest);
+  lock.emplace(locked());
+  if (whole && is_there(package_folder(wanted.digest))) return commit(map, wanted);
+  return publish(incoming, package.folder, map, wanted);
+}
+
+std::unique_ptr<PackageArchive> PackageStore::archive(std::string_view map,
+                                                      std::string_view version) const {
+  return std::make_unique<PackageArchive>(package_folder(state_->version(map, version).digest));
+}
+
+std::string PackageStore::damage_of(const PackageArchive& archive) const {
+  const std::string state = archive.files_state();
+  const auto known = [&]() -> std::optional<std::string> {
+    const std::scoped_lock lock(compared_mutex_);
+    const auto found = compared_.find(archive.digest());
+    if (found == compared_.end() || found->second.files_state != state) return std::nullopt;
+    return found->second.first_damaged;
+  };
+  // What is known waits for no other package.
+  if (const auto damaged = known()) return *damaged;
+  const std::scoped_lock one_at_a_time(comparing_mutex_);
+  if (const auto damaged = known()) return *damaged;
+  std::string damaged = archive.first_damaged();
+  const std::scoped_lock lock(compared_mutex_);
+  compared_.insert_or_assign(archive.digest(), Compared{state, damaged});
+  return damaged;
+}
+
+/// What is wrong with the package in the place of this digest; empty when it is whole. Reads all.
+std::string PackageStore::damage_of(const std::string& digest) const {
+  try {
+    const std::shared_ptr<const maps::MapPackage> package =
+        maps::MapPackage::open(package_folder(digest));
+    if (package->digest() != digest) return "its manifest has another digest";
+    const std::vector<std::string> broken = package->verify();
+    return broken.empty() ? "" : problems_text(broken);
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+}
+
+bool PackageStore::has_whole(const std::string& digest) const {
+  return is_there(package_folder(digest)) && damage_of(digest).empty();
+}
+
+/// Under the lock. What is refused leaves no package: without a row no quota would count it.
+PackageStore::Added PackageStore::publish(Incoming& incoming, const fs::path& package,
+                                          std::string_view map, const StoredVersion& version,
+                                          std::optional<std::int64_t> job) {
+  state_->check_version(map, version, quota());
+  const fs::path target = package_folder(version.digest);
+  const bool is_first = !is_there(target);
+  incoming.publish(package, target);
+  try {
+    return commit(map, version, job);
+  } catch (const StoreRefusal&) {
+    // A part of a drive has taken the last bytes meanwhile, or the job was cancelled.
+    if (is_first) clear_package(version.digest);
+    throw;
+  }
+}
+
+/// Under the lock, with the package in its place.
+PackageStore::Added PackageStore::commit(std::string_view map, const StoredVersion& version,
+                                         std::optional<std::int64_t> job) {
+  DurableFiles(*calls_).sync_folder(packages_);
+  const bool is_new = state_->add_version(map, version, quota(), job);
+  return {state_->version(map, version.name), is_new};
+}
+
+StoredMap PackageStore::activate(std::string_view map, std::string_view version,
+                                 std::optional<std::int64_t> revision) {
+  (void)open(map, version);
+  return state_->activate(map, version, revision);
+}
+
+StoredMap PackageStore::roll_back(std::string_view map, std::optional<std::int64_t> revision) {
+  const StoredMap seen = state_->map(map);
+  if (seen.previous && revision.value_or(seen.revision) == seen.revision)
+    (void)open(map, *seen.previous);
+  // What was checked is what must become active, so the map may not have changed meanwhile.
+  return state_->roll_back(map, revision ? revision : seen.revision);
+}
+
+bool PackageStore::create_map(std::string_view map) { return state_->create_map(map, now_ns()); }
+
+FolderLock PackageStore::locked() const {
+  if (!read_only_because().empty())
+    throw maps::StorageError(folder_.string(), "open for reading only: " + read_only_because());
+  return FolderLock(folder_ / kLockName);
+}
+
+}  // namespace stillmap::server

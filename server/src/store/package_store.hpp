@@ -1,0 +1,222 @@
+#pragma once
+
+#include <stillmap/maps/map_package.hpp>
+#include "store/archive.hpp"
+#include "store/package_archive.hpp"
+#include "store/store_state.hpp"
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace stillmap::maps {
+class StorageError;
+}
+
+namespace stillmap::server {
+
+class FolderLock;
+
+/// Published map versions: immutable packages on the disk and the state that names them, kept in
+/// step through kills, full disks and power cuts (maps/store.md says how). A change that returned
+/// is kept; one that threw StorageError may or may not have happened, and may be asked for again.
+/// Safe from several threads, and several processes may have it open.
+class PackageStore {
+ public:
+  /// Opens the store in this folder, which must exist, or makes one there; finishes removals and
+  /// clears what killed writers left. Where the disk is read-only, full or failing, but can be
+  /// read, it is open for reading only: maps are served as they stood, and every change throws
+  /// StorageError.
+  /// @param calls  outlives this.
+  /// @throws InputError when there are packages but no state that names them, or as `StoreState`.
+  explicit PackageStore(const std::filesystem::path& folder, DiskCalls& calls = DiskCalls::real());
+  ~PackageStore();
+  PackageStore(const PackageStore&) = delete;
+  PackageStore& operator=(const PackageStore&) = delete;
+
+  /// Makes an empty folder for a store, in a folder that exists. @return false when it is there.
+  static bool make_folder(const std::filesystem::path& folder,
+                          DiskCalls& calls = DiskCalls::real());
+  /// Whether a folder holds a store already.
+  [[nodiscard]] static bool is_store(const std::filesystem::path& folder);
+
+  [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
+  /// Names, versions and active pointers.
+  [[nodiscard]] const StoreState& state() const { return *state_; }
+  [[nodiscard]] KeyTable& keys() { return state_->keys(); }
+  [[nodiscard]] JobTable& jobs() { return state_->jobs(); }
+  [[nodiscard]] DriveTable& drives() { return state_->drives(); }
+  [[nodiscard]] EditsTable& edits() { return state_->edits(); }
+  [[nodiscard]] AuditLog& audit() { return state_->audit(); }
+  /// Why what is not needed any more still lies there; empty when it was cleared at opening.
+  [[nodiscard]] const std::string& not_cleared_because() const { return not_cleared_because_; }
+  /// Why the store is open for reading only; empty when it is not.
+  [[nodiscard]] const std::string& read_only_because() const { return state_->read_only_because(); }
+  /// For versions and drives to come; what is there already stays.
+  void set_quota(const StoreQuota& quota);
+  [[nodiscard]] StoreQuota quota() const;
+  /// Whether so many bytes may come, of a drive or of what becomes a package.
+  /// @param waiting  counts as if it were there. @throws StoreRefusal kOverQuota, kDiskReserve.
+  void check_quota(std::string_view map, std::uint64_t more_bytes,
+                   const WaitingBytes& waiting = {}) const;
+  /// Whether the disk keeps its reserve when so many bytes come into this folder.
+  /// @throws StoreRefusal kDiskReserve.
+  void check_disk_reserve(const std::filesystem::path& folder, std::uint64_t more_bytes) const;
+  void check_disk_reserve(std::uint64_t more_bytes) const {
+    check_disk_reserve(folder_, more_bytes);
+  }
+  /// The same bytes. Reading them throws StoreRefusal kDiskReserve once the disk has less than its
+  /// reserve free: how much an archive takes is only known while it is unpacked.
+  [[nodiscard]] ByteSource leaving_reserve(const ByteSource& source) const;
+  /// As `StoreState::even_when_full`.
+  void even_when_full(const std::function<void()>& change) { state_->even_when_full(change); }
+  /// A version's package. One that is open stays usable when the version is removed, but what
+  /// it reads at need (histories of the whole drive, objects) is gone then.
+  /// @throws StoreRefusal kUnknownMap, kUnknownVersion; InputError when it is broken.
+  [[nodiscard]] std::shared_ptr<const maps::MapPackage> open(std::string_view map,
+                                                             std::string_view version) const;
+
+  /// Tells one copy of a version's package from another: changes when a damaged one is replaced.
+  /// 0 when there is none. @throws StoreRefusal kUnknownMap, kUnknownVersion.
+  [[nodiscard]] std::uint64_t copy_of(std::string_view map, std::string_view version) const;
+
+  struct Added {
+    StoredVersion version;
+    /// False when it was there already, with the same digest.
+    bool is_new = false;
+  };
+  /// The job that has made a package.
+  struct Maker {
+    std::int64_t job = 0;
+    /// Asked again and again until it is published; then it is given up.
+    std::function<bool()> is_unwanted;
+  };
+  /// Copies a package into the store, checks it (schema, presence, sizes, checksums, objects,
+  /// trajectories) and publishes it under this name. The given folder is only read. A stored copy
+  /// that is whole is kept, one that is damaged is replaced in one step, for all its versions.
+  /// @throws std::invalid_argument for a name that is not `is_valid_map_name`; InputError naming
+  /// what is wrong with the package; StoreRefusal kOtherDigest; kOverQuota, before bytes are
+  /// copied; kNotProcessing for a maker that is cancelled or unwanted. Nothing is left then.
+  /// @param maker  may be cancelled until its version is there, and no longer.
+  Added add(std::string_view map, std::string_view version, const std::filesystem::path& package,
+            const std::optional<Maker>& maker = {});
+  /// As `add`, of a package that comes as a tar, by itself or in one folder: unpacked straight into
+  /// the store, hashed while it is written. Files that the manifest does not list are dropped.
+  /// @param archive  what messages call it.
+  /// @param sha256   of the archive as it comes, lower-case hex, where that is known.
+  /// @throws also InputError as `extract_archive`, and for another SHA-256. Nothing is left then.
+  Added add_archive(std::string_view map, std::string_view version, const ByteSource& source,
+                    const std::string& archive, const ArchiveLimits& limits,
+                    const std::optional<std::string>& sha256 = {});
+  /// A version's package as a tar. @throws as `open`.
+  [[nodiscard]] std::unique_ptr<PackageArchive> archive(std::string_view map,
+                                                        std::string_view version) const;
+  /// Compares all files of such a package with their checksums, the first time and when one of them
+  /// was written or replaced since. Some half a millisecond a megabyte, one package at a time.
+  /// @return the path of the first that is damaged; empty when the package is whole.
+  [[nodiscard]] std::string damage_of(const PackageArchive& archive) const;
+  /// As `StoreState::activate`, but a package that cannot be opened never becomes active.
+  /// @throws also InputError.
+  StoredMap activate(std::string_view map, std::string_view version,
+                     std::optional<std::int64_t> revision = {});
+  /// As `StoreState::roll_back`, with the same check.
+  StoredMap roll_back(std::string_view map, std::optional<std::int64_t> revision = {});
+  /// As `StoreState::remove_version`.
+  /// @return whether its package is gone from the disk: not while another version holds it, and not
+  /// when the disk fails at that; then the next `gc` or open tries again.
+  bool remove(std::string_view map, std::string_view version);
+
+  /// Makes a map without versions. @return false when it is there already.
+  /// @throws std::invalid_argument for a name that is not `is_valid_map_name`.
+  bool create_map(std::string_view map);
+  /// With all its versions. @throws as `StoreState::remove_map`.
+  void remove_map(std::string_view map, WhenActive when_active = WhenActive::kRefuse);
+  /// Removes all versions but the active one, the one to roll back to, and the newest `count` of
+  /// the others. @return those removed, oldest first. @throws StoreRefusal kUnknownMap.
+  std::vector<std::string> keep_newest(std::string_view map, std::size_t count);
+
+  struct Problem {
+    /// Empty when it is of the store as a whole.
+    std::string map, version;
+    std::string what;
+  };
+  /// Recomputes all checksums and checks the state. Slow: reads everything.
+  [[nodiscard]] std::vector<Problem> verify() const;
+
+  struct Cleared {
+    /// Packages that no version names, by digest.
+    std::vector<std::string> packages;
+    /// Folders that a killed writer left.
+    std::size_t leftovers = 0;
+  };
+  /// Removes packages that no version names and what killed writers left. What is being written
+  /// right now stays.
+  Cleared gc();
+  /// What `gc` would remove of packages, by digest.
+  [[nodiscard]] std::vector<std::string> unnamed_packages() const;
+
+  struct BackedUp {
+    /// Packages that came, and those that an earlier backup had brought.
+    std::size_t copied = 0;
+    std::size_t kept = 0;
+  };
+  /// Writes the state as of one instant and the packages that it names into a folder, while others
+  /// may read and write the store. On one disk packages are linked, else copied, and their
+  /// checksums recomputed; those of an earlier backup are kept, and those that are not named any
+  /// more go. A crash leaves the earlier backup or the new one. Drives are not in it, so jobs that
+  /// have not finished are failed in it.
+  /// @param folder  new, empty or an earlier backup.
+  /// @throws InputError when it is something else; or names what is broken, once all else is saved;
+  /// StorageError.
+  BackedUp backup(const std::filesystem::path& folder) const;
+  /// Makes a store of a backup, with copies of its packages, whose checksums are recomputed.
+  /// @param folder  new or empty. @return how many packages.
+  /// @throws InputError when it holds anything or the backup is none or broken; or names versions
+  /// whose package was broken when it was made, once all else is restored; StorageError.
+  static std::size_t restore(const std::filesystem::path& backup,
+                             const std::filesystem::path& folder,
+                             DiskCalls& calls = DiskCalls::real());
+
+ private:
+  class Incoming;
+  [[nodiscard]] std::filesystem::path package_folder(std::string_view digest) const;
+  void refuse_lost_state() const;
+  void open_read_only(const maps::StorageError& reason);
+  [[nodiscard]] FolderLock locked() const;
+  [[nodiscard]] std::string damage_of(const std::string& digest) const;
+  [[nodiscard]] bool has_whole(const std::string& digest) const;
+  Added commit(std::string_view map, const StoredVersion& version,
+               std::optional<std::int64_t> job = {});
+  Added publish(Incoming& incoming, const std::filesystem::path& package, std::string_view map,
+                const StoredVersion& version, std::optional<std::int64_t> job = {});
+  void clear_package(const std::string& digest);
+  void clear_condemned();
+  void clear_condemned_if_possible();
+  std::size_t clear_leftovers();
+
+  std::filesystem::path folder_;
+  std::filesystem::path packages_;
+  DiskCalls* calls_;
+  std::unique_ptr<StoreState> state_;
+  std::string not_cleared_because_;
+  /// Of a package that was compared with its checksums.
+  struct Compared {
+    std::string files_state, first_damaged;
+  };
+  /// One package is compared at a time. Before `compared_mutex_`.
+  mutable std::mutex comparing_mutex_;
+  mutable std::mutex compared_mutex_;
+  mutable std::map<std::string, Compared, std::less<>> compared_;
+  mutable std::mutex quota_mutex_;
+  StoreQuota quota_;
+};
+
+}  // namespace stillmap::server

@@ -1,0 +1,191 @@
+#include "store/schema.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <array>
+#include <string>
+
+#include "store/audit_chain.hpp"
+
+namespace stillmap::server {
+namespace {
+
+/// "STMP": tells a store's database from any other.
+constexpr std::int64_t kApplicationId = 0x53544d50;
+
+/// Step n takes version n to n + 1. A published step is never changed, only followed by others.
+/// The fifth goes on in `chain_old_audit_records`.
+constexpr std::array<const char*, 5> kSteps = {
+    R"(
+CREATE TABLE maps (
+  name TEXT PRIMARY KEY NOT NULL,
+  active TEXT,
+  previous TEXT,
+  revision INTEGER NOT NULL DEFAULT 0,
+  created_ns INTEGER NOT NULL,
+  FOREIGN KEY (name, active) REFERENCES versions (map, name),
+  FOREIGN KEY (name, previous) REFERENCES versions (map, name)
+) STRICT, WITHOUT ROWID;
+CREATE TABLE versions (
+  map TEXT NOT NULL REFERENCES maps (name),
+  name TEXT NOT NULL,
+  digest TEXT NOT NULL CHECK (length(digest) = 64),
+  bytes INTEGER NOT NULL,
+  created_ns INTEGER NOT NULL,
+  PRIMARY KEY (map, name)
+) STRICT, WITHOUT ROWID;
+CREATE INDEX versions_by_digest ON versions (digest);
+CREATE TABLE condemned (
+  digest TEXT PRIMARY KEY NOT NULL
+) STRICT, WITHOUT ROWID;
+)",
+    R"(
+CREATE TABLE retired (
+  map TEXT NOT NULL,
+  version TEXT NOT NULL,
+  digest TEXT NOT NULL,
+  PRIMARY KEY (map, version)
+) STRICT, WITHOUT ROWID;
+CREATE TABLE keys (
+  id TEXT PRIMARY KEY NOT NULL,
+  name TEXT NOT NULL,
+  scopes INTEGER NOT NULL CHECK (scopes BETWEEN 1 AND 15),
+  secret_sha256 TEXT NOT NULL CHECK (length(secret_sha256) = 64),
+  created_ns INTEGER NOT NULL,
+  expires_ns INTEGER,
+  revoked_ns INTEGER
+) STRICT, WITHOUT ROWID;
+CREATE TABLE jobs (
+  id INTEGER PRIMARY KEY AUTOINCREMENT,
+  kind TEXT NOT NULL CHECK (kind IN ('rebuild', 'convert')),
+  map TEXT NOT NULL,
+  request TEXT NOT NULL,
+  status TEXT NOT NULL
+    CHECK (status IN ('enqueued', 'processing', 'succeeded', 'failed', 'canceled')),
+  stage TEXT NOT NULL DEFAULT '',
+  error TEXT NOT NULL DEFAULT '',
+  result_version TEXT,
+  attempts INTEGER NOT NULL DEFAULT 0,
+  enqueued_ns INTEGER NOT NULL,
+  started_ns INTEGER,
+  finished_ns INTEGER,
+  asker TEXT NOT NULL,
+  idempotency_key TEXT,
+  request_sha256 TEXT NOT NULL CHECK (length(request_sha256) = 64),
+  cancel_requested INTEGER NOT NULL DEFAULT 0
+) STRICT;
+CREATE UNIQUE INDEX jobs_by_idempotency_key ON jobs (asker, idempotency_key)
+  WHERE idempotency_key IS NOT NULL;
+CREATE INDEX jobs_by_status ON jobs (status, id);
+CREATE INDEX jobs_by_map ON jobs (map, id);
+CREATE TABLE drives (
+  id INTEGER PRIMARY KEY AUTOINCREMENT,
+  map TEXT NOT NULL REFERENCES maps (name),
+  name TEXT NOT NULL,
+  status TEXT NOT NULL CHECK (status IN ('open', 'complete', 'failed')),
+  error TEXT NOT NULL DEFAULT '',
+  created_ns INTEGER NOT NULL,
+  finished_ns INTEGER
+) STRICT;
+CREATE INDEX drives_by_map ON drives (map, id);
+CREATE TABLE drive_parts (
+  drive INTEGER NOT NULL REFERENCES drives (id),
+  n INTEGER NOT NULL CHECK (n BETWEEN 1 AND 10000),
+  sha256 TEXT NOT NULL CHECK (length(sha256) = 64),
+  bytes INTEGER NOT NULL CHECK (bytes >= 0),
+  PRIMARY KEY (drive, n)
+) STRICT, WITHOUT ROWID;
+CREATE TABLE job_drives (
+  job INTEGER NOT NULL REFERENCES jobs (id) ON DELETE CASCADE,
+  drive INTEGER NOT NULL,
+  PRIMARY KEY (job, drive)
+) STRICT, WITHOUT ROWID;
+CREATE INDEX job_drives_by_drive ON job_drives (drive, job);
+CREATE TABLE audit (
+  id INTEGER PRIMARY KEY AUTOINCREMENT,
+  time_ns INTEGER NOT NULL,
+  request_id TEXT NOT NULL,
+  key_id TEXT NOT NULL,
+  method TEXT NOT NULL,
+  route TEXT NOT NULL,
+  subject TEXT NOT NULL,
+  status INTEGER NOT NULL
+) STRICT;
+CREATE INDEX audit_by_time ON audit (time_ns);
+CREATE TRIGGER audit_is_append_only BEFORE UPDATE ON audit
+  BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;
+)",
+    R"(
+CREATE TABLE retired_maps (
+  name TEXT PRIMARY KEY NOT NULL,
+  revision INTEGER NOT NULL
+) STRICT, WITHOUT ROWID;
+)",
+    R"(
+CREATE TABLE saved_edits (
+  map TEXT PRIMARY KEY NOT NULL REFERENCES maps (name),
+  text TEXT NOT NULL,
+  sha256 TEXT NOT NULL CHECK (length(sha256) = 64),
+  saved_ns INTEGER NOT NULL,
+  saver TEXT NOT NULL
+) STRICT, WITHOUT ROWID;
+ALTER TABLE drives ADD COLUMN version TEXT;
+ALTER TABLE drives ADD COLUMN content_type TEXT;
+)",
+    R"(
+ALTER TABLE keys ADD COLUMN maps TEXT NOT NULL DEFAULT '';
+ALTER TABLE audit ADD COLUMN server_request_id TEXT NOT NULL DEFAULT '';
+ALTER TABLE audit ADD COLUMN source TEXT NOT NULL DEFAULT '';
+ALTER TABLE audit ADD COLUMN sha256 TEXT NOT NULL DEFAULT '';
+CREATE TABLE audit_start (
+  id INTEGER NOT NULL,
+  sha256 TEXT NOT NULL CHECK (length(sha256) = 64)
+) STRICT;
+INSERT INTO audit_start SELECT
+  coalesce((SELECT min(id) - 1 FROM audit), (SELECT seq FROM sqlite_sequence WHERE name = 'audit'), 0),
+  '0000000000000000000000000000000000000000000000000000000000000000';
+UPDATE sqlite_sequence SET seq = (SELECT max(id) FROM audit)
+  WHERE name = 'audit' AND EXISTS (SELECT 1 FROM audit);
+DROP TRIGGER audit_is_append_only;
+CREATE TRIGGER audit_is_append_only BEFORE UPDATE ON audit WHEN old.sha256 <> ''
+  BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;
+)",
+};
+
+void refuse_foreign(SqliteDatabase& database, std::int64_t version) {
+  const std::int64_t application = database.pragma("application_id");
+  SqliteStatement tables(database, "SELECT count(*) FROM sqlite_schema");
+  tables.step();
+  const bool fresh = application == 0 && version == 0 && tables.integer(0) == 0;
+  if (!fresh && application != kApplicationId)
+    throw maps::InputError(database.file().string(), "a database of something else",
+                           "the state of a map store");
+}
+
+}  // namespace
+
+int schema_version() { return static_cast<int>(kSteps.size()); }
+
+void migrate(SqliteDatabase& database) {
+  std::int64_t version = database.pragma("user_version");
+  refuse_foreign(database, version);
+  const auto newest = static_cast<std::int64_t>(kSteps.size());
+  if (version < 0 || version > newest)
+    throw maps::InputError(database.file().string(), "schema version " + std::to_string(version),
+                           "at most " + std::to_string(newest) + "; a newer stillmap wrote it");
+  while (version < newest) {
+    SqliteTransaction transaction(database);
+    // Another process may have been first.
+    if (database.pragma("user_version") == version) {
+      constexpr std::int64_t kChain = 4;
+      database.execute(kSteps.at(static_cast<std::size_t>(version)));
+      if (version == kChain) chain_old_audit_records(database);
+      database.execute("PRAGMA application_id=" + std::to_string(kApplicationId) +
+                       "; PRAGMA user_version=" + std::to_string(version + 1));
+    }
+    transaction.commit();
+    version = database.pragma("user_version");
+  }
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,99 @@
+#pragma once
+
+#include "store/disk_calls.hpp"
+#include "store/disk_full.hpp"
+
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "store/sqlite_database.hpp"
+
+namespace stillmap::server {
+
+/// A store's database, shared by those who keep a table of it: one connection that changes it, and
+/// one that only reads, so that a check of a key never waits for a commit's sync.
+class StoreDatabase {
+ public:
+  /// As the constructors of `StoreState`.
+  StoreDatabase(const std::filesystem::path& file, DiskCalls& calls);
+  StoreDatabase(const std::filesystem::path& file, std::string read_only_because);
+
+  [[nodiscard]] const std::string& read_only_because() const { return read_only_because_; }
+
+  /// Reads from the connection that changes, so that a caller sees what it did.
+  class Reading {
+   public:
+    explicit Reading(StoreDatabase& owner) : lock_(owner.mutex_), database_(*owner.database_) {}
+    [[nodiscard]] SqliteDatabase& database() const { return database_; }
+
+   private:
+    std::scoped_lock<std::mutex> lock_;
+    SqliteDatabase& database_;
+  };
+
+  /// Reads what is committed, beside a writer.
+  class ReadingBeside {
+   public:
+    explicit ReadingBeside(StoreDatabase& owner)
+        : lock_(owner.reader_ ? owner.reader_mutex_ : owner.mutex_),
+          database_(owner.reader_ ? *owner.reader_ : *owner.database_) {}
+    [[nodiscard]] SqliteDatabase& database() const { return database_; }
+
+   private:
+    std::scoped_lock<std::mutex> lock_;
+    SqliteDatabase& database_;
+  };
+
+  /// A transaction; undone unless committed. @throws StorageError when it is open for reading only.
+  class Writing {
+   public:
+    explicit Writing(StoreDatabase& owner)
+        : lock_(owner.mutex_), database_(owner.writable()), transaction_(database_) {}
+    [[nodiscard]] SqliteDatabase& database() const { return database_; }
+    void commit() { transaction_.commit(); }
+
+   private:
+    std::scoped_lock<std::mutex> lock_;
+    SqliteDatabase& database_;
+    SqliteTransaction transaction_;
+  };
+
+  /// For what removes or revokes: on a full disk the ballast is removed, and it is tried once more.
+  /// @param change  has changed nothing when it throws DiskFull.
+  template <typename Change>
+  auto even_when_full(const Change& change) {
+    try {
+      return change();
+    } catch (const DiskFull&) {
+      drop_ballast();
+    }
+    return change();
+  }
+  /// Makes the ballast, a file that holds some room of the disk for `even_when_full`, unless it is
+  /// there, or there is no room for it or the disk takes no writes.
+  void keep_ballast() const;
+  /// Why no change is possible, as far as is known; empty when changes are.
+  [[nodiscard]] std::string not_writable_because() const;
+
+ private:
+  void open();
+  void drop_ballast();
+  [[nodiscard]] std::filesystem::path ballast() const;
+  void only_read(const maps::StorageError& because);
+  void read_into_memory();
+  [[nodiscard]] SqliteDatabase& writable();
+
+  std::filesystem::path file_;
+  DiskCalls* calls_;
+  std::string read_only_because_;
+  std::mutex mutex_, reader_mutex_;
+  mutable std::mutex ballast_mutex_;
+  std::unique_ptr<SqliteDatabase> database_;
+  /// Closed first: the last one open folds the log into the file, and this one may not. Null where
+  /// the database is in memory.
+  std::unique_ptr<SqliteDatabase> reader_;
+};
+
+}  // namespace stillmap::server

@@ -1,0 +1,367 @@
+#include "store/store_state.hpp"
+
+#include "store/map_name.hpp"
+
+#include <set>
+#include <stdexcept>
+#include <utility>
+
+#include "store/map_rows.hpp"
+#include "store/store_database.hpp"
+
+namespace stillmap::server {
+namespace {
+
+using Reason = StoreRefusal::Reason;
+using Reading = StoreDatabase::Reading;
+using Writing = StoreDatabase::Writing;
+
+void check_revision(const StoredMap& map, std::optional<std::int64_t> revision) {
+  if (!revision || *revision == map.revision) return;
+  throw StoreRefusal(Reason::kOtherRevision, "map " + in_quotes(map.name) + " is at revision " +
+                                                 std::to_string(map.revision) + ", not " +
+                                                 std::to_string(*revision));
+}
+
+StoredMap point_to(SqliteDatabase& database, StoredMap map, const std::string& version) {
+  map.previous = std::exchange(map.active, version);
+  ++map.revision;
+  SqliteStatement(database, "UPDATE maps SET active = ?, previous = ?, revision = ? WHERE name = ?")
+      .bind(map.active)
+      .bind(map.previous)
+      .bind(map.revision)
+      .bind(map.name)
+      .step();
+  return map;
+}
+
+bool insert_map(SqliteDatabase& database, std::string_view name, std::int64_t now_ns) {
+  // A removed map of this name is told from this one by its revisions.
+  SqliteStatement(database,
+                  "INSERT OR IGNORE INTO maps (name, created_ns, revision) VALUES (?, ?,"
+                  " coalesce((SELECT revision + 1 FROM retired_maps WHERE name = ?), 0))")
+      .bind(name)
+      .bind(now_ns)
+      .bind(name)
+      .step();
+  return database.changes() > 0;
+}
+
+void refuse_if_in_use(SqliteDatabase& database, std::string_view map) {
+  SqliteStatement drive(database,
+                        "SELECT version FROM drives WHERE map = ? AND (version IS NULL OR status ="
+                        " 'open')");
+  if (drive.bind(map).step())
+    throw StoreRefusal(Reason::kInUse,
+                       "map " + in_quotes(map) +
+                           (drive.optional_text(0) ? " has an upload under way" : " has drives"));
+  SqliteStatement job(database,
+                      "SELECT id FROM jobs WHERE map = ? AND status IN ('enqueued', 'processing')");
+  if (job.bind(map).step())
+    throw StoreRefusal(Reason::kInUse, "job " + job.text(0) + " is for map " + in_quotes(map));
+}
+
+std::optional<std::string> retired_digest(SqliteDatabase& database, std::string_view map,
+                                          std::string_view version) {
+  SqliteStatement row(database, "SELECT digest FROM retired WHERE map = ? AND version = ?");
+  if (!row.bind(map).bind(version).step()) return std::nullopt;
+  return row.text(0);
+}
+
+/// Whoever has kept an answer about a version keeps it for ever, so its name means one thing for
+/// ever.
+void refuse_retired(SqliteDatabase& database, std::string_view map, const StoredVersion& version) {
+  const std::optional<std::string> digest = retired_digest(database, map, version.name);
+  if (!digest || *digest == version.digest) return;
+  throw StoreRefusal(Reason::kOtherDigest, "version " + in_quotes(version.name) + " of map " +
+                                               in_quotes(map) + " was removed and was " + *digest);
+}
+
+/// @return whether the same is there already.
+bool refuse_version(SqliteDatabase& database, std::string_view map, const StoredVersion& version,
+                    const StoreQuota& quota) {
+  if (const auto known = find_version(database, map, version.name)) {
+    if (known->digest == version.digest) return true;
+    throw StoreRefusal(Reason::kOtherDigest, "version " + in_quotes(version.name) + " of map " +
+                                                 in_quotes(map) + " is " + known->digest);
+  }
+  refuse_retired(database, map, version);
+  refuse_over_quota(database, quota, map, version.bytes, version.digest);
+  return false;
+}
+
+/// Beside the version itself: whoever cancels the job comes before both, or is refused.
+void note_published(SqliteDatabase& database, std::int64_t job, const std::string& version) {
+  SqliteStatement(database,
+                  "UPDATE jobs SET result_version = ? WHERE id = ? AND status = 'processing'"
+                  " AND cancel_requested = 0")
+      .bind(version)
+      .bind(job)
+      .step();
+  if (database.changes() > 0) return;
+  throw StoreRefusal(Reason::kNotProcessing,
+                     "job " + std::to_string(job) + " is cancelled: it publishes nothing");
+}
+
+}  // namespace
+
+struct StoreState::Inner {
+  /// @param second  as that of `StoreDatabase`.
+  template <typename Second>
+  Inner(const std::filesystem::path& file, Second&& second)
+      : database(file, std::forward<Second>(second)) {}
+  StoreDatabase database;
+  KeyTable keys{database};
+  JobTable jobs{database};
+  DriveTable drives{database};
+  EditsTable edits{database};
+  AuditLog audit{database};
+};
+
+StoreState::StoreState(const std::filesystem::path& file, DiskCalls& calls)
+    : inner_(std::make_unique<Inner>(file, calls)) {}
+
+StoreState::StoreState(const std::filesystem::path& file, const ReadOnly& why)
+    : inner_(std::make_unique<Inner>(file, why.because)) {}
+
+StoreState::~StoreState() = default;
+
+KeyTable& StoreState::keys() { return inner_->keys; }
+JobTable& StoreState::jobs() { return inner_->jobs; }
+DriveTable& StoreState::drives() { return inner_->drives; }
+EditsTable& StoreState::edits() { return inner_->edits; }
+AuditLog& StoreState::audit() { return inner_->audit; }
+const KeyTable& StoreState::keys() const { return inner_->keys; }
+const JobTable& StoreState::jobs() const { return inner_->jobs; }
+const DriveTable& StoreState::drives() const { return inner_->drives; }
+const EditsTable& StoreState::edits() const { return inner_->edits; }
+const AuditLog& StoreState::audit() const { return inner_->audit; }
+
+const std::string& StoreState::read_only_because() const {
+  return inner_->database.read_only_because();
+}
+
+std::vector<StoredMap> StoreState::maps() const {
+  const Reading reading(inner_->database);
+  return all_maps(reading.database());
+}
+
+StoredMap StoreState::map(std::string_view name) const {
+  const Reading reading(inner_->database);
+  return known_map(reading.database(), name);
+}
+
+std::vector<StoredVersion> StoreState::versions(std::string_view map) const {
+  const Reading reading(inner_->database);
+  (void)known_map(reading.database(), map);
+  return versions_of(reading.database(), map);
+}
+
+StoredVersion StoreState::version(std::string_view map, std::string_view version) const {
+  const Reading reading(inner_->database);
+  (void)known_map(reading.database(), map);
+  return known_version(reading.database(), map, version);
+}
+
+std::optional<StoredVersion> StoreState::find_version(std::string_view map,
+                                                      std::string_view version) const {
+  const Reading reading(inner_->database);
+  return server::find_version(reading.database(), map, version);
+}
+
+std::optional<std::string> StoreState::retired(std::string_view map,
+                                               std::string_view version) const {
+  const Reading reading(inner_->database);
+  return retired_digest(reading.database(), map, version);
+}
+
+bool StoreState::uses(std::string_view digest) const {
+  const Reading reading(inner_->database);
+  return is_used(reading.database(), digest);
+}
+
+std::uint64_t StoreState::bytes_of_map(std::string_view map) const {
+  const Reading reading(inner_->database);
+  (void)known_map(reading.database(), map);
+  return bytes_of(reading.database(), std::string(map));
+}
+
+std::uint64_t StoreState::bytes() const {
+  const Reading reading(inner_->database);
+  return bytes_of(reading.database(), {});
+}
+
+void StoreState::check_quota(const StoreQuota& quota, std::string_view map,
+                             std::uint64_t more_bytes, const WaitingBytes& waiting) const {
+  const Reading reading(inner_->database);
+  refuse_over_quota(reading.database(), quota, map, more_bytes, {}, waiting);
+}
+
+void StoreState::check_version(std::string_view map, const StoredVersion& version,
+                               const StoreQuota& quota) const {
+  const Reading reading(inner_->database);
+  refuse_version(reading.database(), map, version, quota);
+}
+
+bool StoreState::create_map(std::string_view name, std::int64_t now_ns) {
+  if (!is_valid_map_name(name))
+    throw std::invalid_argument("map: " + in_quotes(name) + ", [a-z0-9][a-z0-9._-]{0,62} expected");
+  Writing writing(inner_->database);
+  if (!insert_map(writing.database(), name, now_ns)) return false;
+  writing.commit();
+  return true;
+}
+
+void StoreState::remove_map(std::string_view name, WhenActive when_active) {
+  inner_->database.even_when_full([&] {
+    Writing writing(inner_->database);
+    SqliteDatabase& database = writing.database();
+    const StoredMap map = known_map(database, name);
+    if (map.active && when_active == WhenActive::kRefuse)
+      throw StoreRefusal(Reason::kActive, "version " + in_quotes(*map.active) + " of map " +
+                                              in_quotes(name) + " is active");
+    refuse_if_in_use(database, name);
+    std::set<std::string> digests;
+    for (const StoredVersion& version : versions_of(database, name)) digests.insert(version.digest);
+    for (const char* sql :
+         {"UPDATE maps SET active = NULL, previous = NULL WHERE name = ?",
+          "INSERT OR IGNORE INTO retired SELECT map, name, digest FROM versions WHERE map = ?",
+          "INSERT OR REPLACE INTO retired_maps SELECT name, revision FROM maps WHERE name = ?",
+          "DELETE FROM versions WHERE map = ?", "DELETE FROM saved_edits WHERE map = ?",
+          "DELETE FROM drive_parts WHERE drive IN (SELECT id FROM drives WHERE map = ?)",
+          "DELETE FROM drives WHERE map = ?", "DELETE FROM maps WHERE name = ?"})
+      SqliteStatement(database, sql).bind(name).step();
+    for (const std::string& digest : digests) condemn_unused(database, digest);
+    writing.commit();
+  });
+}
+
+bool StoreState::add_version(std::string_view map, const StoredVersion& version,
+                             const StoreQuota& quota, std::optional<std::int64_t> job) {
+  Writing writing(inner_->database);
+  SqliteDatabase& database = writing.database();
+  if (job) note_published(database, *job, version.name);
+  if (refuse_version(database, map, version, quota)) {
+    writing.commit();
+    return false;
+  }
+  insert_map(database, map, version.created_ns);
+  SqliteStatement(database, "INSERT INTO versions VALUES (?, ?, ?, ?, ?)")
+      .bind(map)
+      .bind(version.name)
+      .bind(version.digest)
+      .bind(static_cast<std::int64_t>(version.bytes))
+      .bind(version.created_ns)
+      .step();
+  SqliteStatement(database, "DELETE FROM condemned WHERE digest = ?").bind(version.digest).step();
+  writing.commit();
+  return true;
+}
+
+StoredMap StoreState::activate(std::string_view map, std::string_view version,
+                               std::optional<std::int64_t> revision) {
+  Writing writing(inner_->database);
+  SqliteDatabase& database = writing.database();
+  StoredMap now = known_map(database, map);
+  check_revision(now, revision);
+  (void)known_version(database, map, version);
+  if (now.active == version) return now;
+  StoredMap then = point_to(database, now, std::string(version));
+  writing.commit();
+  return then;
+}
+
+StoredMap StoreState::roll_back(std::string_view map, std::optional<std::int64_t> revision) {
+  Writing writing(inner_->database);
+  SqliteDatabase& database = writing.database();
+  const StoredMap now = known_map(database, map);
+  check_revision(now, revision);
+  if (!now.previous)
+    throw StoreRefusal(Reason::kNoPrevious,
+                       "map " + in_quotes(map) + " has no version before this");
+  StoredMap then = point_to(database, now, *now.previous);
+  writing.commit();
+  return then;
+}
+
+void StoreState::remove_version(std::string_view map, std::string_view version) {
+  inner_->database.even_when_full([&] {
+    Writing writing(inner_->database);
+    SqliteDatabase& database = writing.database();
+    const StoredMap now = known_map(database, map);
+    const StoredVersion gone = known_version(database, map, version);
+    if (now.active == version)
+      throw StoreRefusal(Reason::kActive, "version " + in_quotes(version) + " of map " +
+                                              in_quotes(map) + " is active");
+    SqliteStatement(database, "UPDATE maps SET previous = NULL WHERE name = ? AND previous = ?")
+        .bind(map)
+        .bind(version)
+        .step();
+    for (const char* sql : {"INSERT OR IGNORE INTO retired SELECT map, name, digest FROM versions "
+                            "WHERE map = ? AND name = ?",
+                            "DELETE FROM versions WHERE map = ? AND name = ?"})
+      SqliteStatement(database, sql).bind(map).bind(version).step();
+    condemn_unused(database, gone.digest);
+    writing.commit();
+  });
+}
+
+void StoreState::even_when_full(const std::function<void()>& change) {
+  inner_->database.even_when_full(change);
+}
+
+void StoreState::keep_ballast() const { inner_->database.keep_ballast(); }
+
+std::string StoreState::not_writable_because() const {
+  return inner_->database.not_writable_because();
+}
+
+std::vector<std::string> StoreState::condemned() const {
+  const Reading reading(inner_->database);
+  SqliteStatement row(reading.database(), "SELECT digest FROM condemned ORDER BY digest");
+  std::vector<std::string> digests;
+  while (row.step()) digests.push_back(row.text(0));
+  return digests;
+}
+
+void StoreState::forget_condemned(std::string_view digest) {
+  inner_->database.even_when_full([&] {
+    Writing writing(inner_->database);
+    SqliteDatabase& database = writing.database();
+    SqliteStatement(database, "DELETE FROM condemned WHERE digest = ?").bind(digest).step();
+    writing.commit();
+  });
+}
+
+std::vector<std::string> StoreState::problems() const {
+  const Reading reading(inner_->database);
+  std::vector<std::string> problems;
+  SqliteStatement row(reading.database(), "PRAGMA integrity_check");
+  while (row.step())
+    if (row.text(0) != "ok") problems.push_back(row.text(0));
+  SqliteStatement keys(reading.database(), "PRAGMA foreign_key_check");
+  while (keys.step()) problems.push_back("a row of " + keys.text(0) + " points to nothing");
+  return problems;
+}
+
+void StoreState::write_backup(const std::filesystem::path& file, std::int64_t now_ns,
+                              DiskCalls& calls) const {
+  SqliteDatabase copy(file, calls, SqliteDatabase::Mode::kNewFile);
+  {
+    const StoreDatabase::ReadingBeside reading(inner_->database);
+    reading.database().copy_to(copy);
+  }
+  // The copy says that it has a log, as the original has.
+  copy.execute("PRAGMA journal_mode=DELETE");
+  SqliteTransaction transaction(copy);
+  copy.execute("DELETE FROM drive_parts; DELETE FROM drives;");
+  SqliteStatement(copy,
+                  "UPDATE jobs SET status = 'failed', finished_ns = ?, cancel_requested = 0,"
+                  " error = 'the store was restored from a backup, which holds no drives'"
+                  " WHERE status IN ('enqueued', 'processing')")
+      .bind(now_ns)
+      .step();
+  transaction.commit();
+}
+
+}  // namespace stillmap::server

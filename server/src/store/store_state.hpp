@@ -1,0 +1,167 @@
+#pragma once
+
+#include "store/audit_log.hpp"
+#include "store/disk_calls.hpp"
+#include "store/drive_table.hpp"
+#include "store/edits_table.hpp"
+#include "store/job_table.hpp"
+#include "store/key_table.hpp"
+#include "store/store_quota.hpp"
+#include "store/store_refusal.hpp"
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace stillmap::server {
+
+/// A published version of a map.
+struct StoredVersion {
+  /// As the publisher named it; like a map's name.
+  std::string name{};
+  /// SHA-256 of its package's manifest, hex.
+  std::string digest{};
+  /// Of its files, manifest included.
+  std::uint64_t bytes = 0;
+  std::int64_t created_ns = 0;
+  auto operator<=>(const StoredVersion&) const = default;
+};
+
+/// A map of the store.
+struct StoredMap {
+  std::string name{};
+  std::optional<std::string> active{};
+  /// Active before; what rolling back goes to.
+  std::optional<std::string> previous{};
+  /// Grows with every change of the active pointer, never goes back.
+  std::int64_t revision = 0;
+  std::int64_t created_ns = 0;
+  auto operator<=>(const StoredMap&) const = default;
+};
+
+/// What removing a map does when one of its versions is active.
+enum class WhenActive : std::uint8_t { kRefuse, kRemove };
+
+/// Names, versions and active pointers of a store, and its keys, jobs, drives, saved corrections
+/// and audit log, in one database that outlives a power cut: what returned is kept. Knows nothing
+/// of packages on the disk. Safe from several threads, and several processes may have it open.
+/// Throws StorageError when the disk fails; a change has then not happened, or (a failed sync) may
+/// show after the next open.
+class StoreState {
+ public:
+  /// Opens or makes it, and brings an older schema up to date. When the disk does not allow that,
+  /// but the file can be read, it is read into memory: then every change throws StorageError.
+  /// @param calls  outlives this.
+  /// @throws InputError for a database that is not ours or has a newer schema.
+  explicit StoreState(const std::filesystem::path& file, DiskCalls& calls = DiskCalls::real());
+  /// Where not even a lock can be taken: reads the file into memory at once.
+  struct ReadOnly {
+    std::string because;
+  };
+  StoreState(const std::filesystem::path& file, const ReadOnly& why);
+  ~StoreState();
+  StoreState(const StoreState&) = delete;
+  StoreState& operator=(const StoreState&) = delete;
+
+  /// Why it is in memory only; empty when it is not.
+  [[nodiscard]] const std::string& read_only_because() const;
+
+  /// Sorted by name.
+  [[nodiscard]] std::vector<StoredMap> maps() const;
+  /// @throws StoreRefusal kUnknownMap.
+  [[nodiscard]] StoredMap map(std::string_view name) const;
+  /// Oldest first. @throws StoreRefusal kUnknownMap.
+  [[nodiscard]] std::vector<StoredVersion> versions(std::string_view map) const;
+  /// @throws StoreRefusal kUnknownMap, kUnknownVersion.
+  [[nodiscard]] StoredVersion version(std::string_view map, std::string_view version) const;
+  /// The same, or nothing.
+  [[nodiscard]] std::optional<StoredVersion> find_version(std::string_view map,
+                                                          std::string_view version) const;
+  /// The package of a removed version of that name, by digest: the name is good for no other.
+  [[nodiscard]] std::optional<std::string> retired(std::string_view map,
+                                                   std::string_view version) const;
+  /// Whether any version of any map holds this package.
+  [[nodiscard]] bool uses(std::string_view digest) const;
+
+  /// Makes a map without versions. @return false when it is there already.
+  /// @throws std::invalid_argument for a name that is not `is_valid_map_name`.
+  bool create_map(std::string_view name, std::int64_t now_ns);
+  /// With its versions and saved corrections; packages that no version holds any more are noted as
+  /// `condemned`.
+  /// @throws StoreRefusal kUnknownMap; kActive; kInUse while it has a drive, an upload under way or
+  /// an unfinished job.
+  void remove_map(std::string_view name, WhenActive when_active = WhenActive::kRefuse);
+  /// Bytes of packages and drives, each package once. @throws StoreRefusal kUnknownMap.
+  [[nodiscard]] std::uint64_t bytes_of_map(std::string_view map) const;
+  [[nodiscard]] std::uint64_t bytes() const;
+  /// Whether so many bytes more may come. A map that is not there yet has none.
+  /// @param waiting  counts as if it were there. @throws StoreRefusal kOverQuota.
+  void check_quota(const StoreQuota& quota, std::string_view map, std::uint64_t more_bytes,
+                   const WaitingBytes& waiting = {}) const;
+
+  /// Whether `add_version` would take it now. @throws as it does.
+  void check_version(std::string_view map, const StoredVersion& version,
+                     const StoreQuota& quota) const;
+  /// Makes the map with it when it is new. The name of a removed version is good for the same
+  /// package only.
+  /// @param job  made it: from then on it cannot be cancelled.
+  /// @return false when the same is there already. @throws StoreRefusal kOtherDigest, kOverQuota,
+  /// kNotProcessing when the job is cancelled.
+  bool add_version(std::string_view map, const StoredVersion& version, const StoreQuota& quota = {},
+                   std::optional<std::int64_t> job = {});
+  /// What is active already stays so, with its revision.
+  /// @param revision  only when the map is still at it. @return the map afterwards.
+  /// @throws StoreRefusal kUnknownMap, kUnknownVersion, kOtherRevision.
+  StoredMap activate(std::string_view map, std::string_view version,
+                     std::optional<std::int64_t> revision = {});
+  /// Swaps the active version with the one before. @throws StoreRefusal kUnknownMap, kNoPrevious,
+  /// kOtherRevision.
+  StoredMap roll_back(std::string_view map, std::optional<std::int64_t> revision = {});
+  /// A package that no version holds any more is noted as `condemned`.
+  /// @throws StoreRefusal kUnknownMap, kUnknownVersion, kActive.
+  void remove_version(std::string_view map, std::string_view version);
+
+  /// For what removes or revokes, which all of the tables do by themselves: on a full disk the room
+  /// that `keep_ballast` holds is given up, and it is tried once more.
+  /// @param change  has changed nothing when it throws DiskFull.
+  void even_when_full(const std::function<void()>& change);
+  /// Makes a file of some MiB beside the database that holds room for that, unless it is there or
+  /// there is no room for it.
+  void keep_ballast() const;
+  /// Why no change is possible; empty when changes are.
+  [[nodiscard]] std::string not_writable_because() const;
+
+  /// Packages whose last version was removed, and which may lie on the disk still.
+  [[nodiscard]] std::vector<std::string> condemned() const;
+  /// Its package is gone from the disk.
+  void forget_condemned(std::string_view digest);
+  [[nodiscard]] KeyTable& keys();
+  [[nodiscard]] JobTable& jobs();
+  [[nodiscard]] DriveTable& drives();
+  [[nodiscard]] EditsTable& edits();
+  [[nodiscard]] AuditLog& audit();
+  [[nodiscard]] const KeyTable& keys() const;
+  [[nodiscard]] const JobTable& jobs() const;
+  [[nodiscard]] const DriveTable& drives() const;
+  [[nodiscard]] const EditsTable& edits() const;
+  [[nodiscard]] const AuditLog& audit() const;
+
+  /// Writes it, as of one instant, into one new file, synced. Without drives, whose bytes are
+  /// elsewhere; jobs that have not finished, which may need them, are failed in it.
+  void write_backup(const std::filesystem::path& file, std::int64_t now_ns,
+                    DiskCalls& calls = DiskCalls::real()) const;
+
+  /// What SQLite finds wrong with the database; empty when sound.
+  [[nodiscard]] std::vector<std::string> problems() const;
+
+ private:
+  struct Inner;
+  std::unique_ptr<Inner> inner_;
+};
+
+}  // namespace stillmap::server
