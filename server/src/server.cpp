@@ -1,7 +1,7 @@
 #include <stillmap/server/server.hpp>
 
 #include "http/http_server.hpp"
-#include "operation/management.hpp"
+#include "management.hpp"
 
 #include <spdlog/spdlog.h>
 

@@ -1,4 +1,5 @@
 #include "service.hpp"
+#include "store/free_bytes.hpp"
 
 #include "errors/api_error.hpp"
 #include "errors/refusal_codes.hpp"

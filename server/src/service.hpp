@@ -1,10 +1,10 @@
 #pragma once
 
-#include "derived/map_layers.hpp"
-#include "derived/map_views.hpp"
+#include "catalog/map_layers.hpp"
+#include "catalog/map_views.hpp"
 #include "errors/api_error.hpp"
-#include "errors/problem.hpp"
 #include "handlers/context.hpp"
+#include "http/problem.hpp"
 #include "http/request_handler.hpp"
 #include "jobs/housekeeping.hpp"
 #include "security/gatekeeper.hpp"

@@ -1,5 +1,5 @@
 // JSON of a pose request, with the scan inside and beside it.
-#include "json/pose_request_json.hpp"
+#include "bodies/pose_request_json.hpp"
 #include "pose_rules.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

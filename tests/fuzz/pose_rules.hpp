@@ -3,8 +3,8 @@
 #include "align/input_checks.hpp"
 #include "errors/api_error.hpp"
 #include "fuzz_target.hpp"
+#include "handlers/scan_in_request.hpp"
 #include "pose/pose_checks.hpp"
-#include "pose/pose_request.hpp"
 #include "scan_rules.hpp"
 
 #include <stillmap/localization/movable.hpp>

@@ -1,7 +1,7 @@
 // Lines of a request, as the server's own code reads them: `name=value` pairs joined by `&` (what
 // the HTTP library has decoded), then a header's value, which is also read as what a proxy says of
 // a client, a client's request id, and a path, which is also read as a PROXY header.
-#include "http/flat_parameters.hpp"
+#include "handlers/flat_parameters.hpp"
 #include "http/header_text.hpp"
 #include "http/proxy_protocol.hpp"
 #include "http/remote_address.hpp"

@@ -1,9 +1,9 @@
 // JSON of requests that ask for no pose. The first byte says of which, the rest is the text.
+#include "bodies/drives_json.hpp"
+#include "bodies/keys_request_json.hpp"
+#include "bodies/pose_request_json.hpp"
+#include "bodies/tile_diff_json.hpp"
 #include "jobs/job_request.hpp"
-#include "json/drives_json.hpp"
-#include "json/keys_request_json.hpp"
-#include "json/pose_request_json.hpp"
-#include "json/tile_diff_json.hpp"
 #include "pose_rules.hpp"
 
 #include "store/map_name.hpp"

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "errors/error_codes.hpp"
-#include "operation/metrics.hpp"
+#include "metrics/metrics.hpp"
 
 namespace stillmap::server {
 namespace {

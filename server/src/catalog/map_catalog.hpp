@@ -2,7 +2,7 @@
 
 #include "catalog/aligners.hpp"
 #include "catalog/version_facts.hpp"
-#include "operation/metrics.hpp"
+#include "metrics/metrics.hpp"
 
 #include "store/package_store.hpp"
 

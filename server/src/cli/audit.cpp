@@ -5,9 +5,9 @@
 #include <memory>
 #include <string>
 
+#include "bodies/audit_json.hpp"
 #include "command_line/run_program.hpp"
 #include "commands.hpp"
-#include "json/audit_json.hpp"
 
 namespace stillmap::cli {
 namespace {

@@ -8,10 +8,10 @@
 #include <utility>
 #include <vector>
 
+#include "bodies/inspection_json.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
 #include "commands.hpp"
-#include "json/inspection_json.hpp"
 #include "operation/inspection.hpp"
 
 namespace stillmap::cli {

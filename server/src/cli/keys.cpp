@@ -10,11 +10,11 @@
 #include <string>
 #include <vector>
 
+#include "bodies/store_json.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
 #include "commands.hpp"
-#include "ids_and_times.hpp"
-#include "json/store_json.hpp"
+#include "store/ids_and_times.hpp"
 
 namespace stillmap::cli {
 namespace {

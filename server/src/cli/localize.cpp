@@ -19,10 +19,11 @@
 #include <string>
 #include <vector>
 
+#include "bodies/answers_json.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
 #include "commands.hpp"
-#include "json/answers_json.hpp"
+#include "errors/api_error.hpp"
 #include "localize.hpp"
 #include "pose/pose_checks.hpp"
 

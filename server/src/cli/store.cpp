@@ -15,10 +15,10 @@
 #include <thread>
 #include <vector>
 
+#include "bodies/maps_json.hpp"
+#include "bodies/store_json.hpp"
 #include "command_line/run_program.hpp"
 #include "commands.hpp"
-#include "json/maps_json.hpp"
-#include "json/store_json.hpp"
 
 namespace stillmap::cli {
 namespace {

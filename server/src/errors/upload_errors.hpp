@@ -1,12 +1,12 @@
 #pragma once
 
 #include "errors/api_error.hpp"
-#include "http/http_message.hpp"
 
 #include <stillmap/maps/error.hpp>
 
 #include <filesystem>
 #include <string>
+#include <type_traits>
 #include <utility>
 
 namespace stillmap::server {
@@ -19,7 +19,8 @@ namespace stillmap::server {
 /// Runs what reads an upload: what is wrong with its bytes is the client's to know.
 /// @throws ApiError kInvalidUpload in place of InputError.
 template <typename Work>
-[[nodiscard]] HttpResponse with_upload_errors(const std::filesystem::path& folder, Work&& work) {
+[[nodiscard]] std::invoke_result_t<Work> with_upload_errors(const std::filesystem::path& folder,
+                                                            Work&& work) {
   try {
     return std::forward<Work>(work)();
   } catch (const maps::InputError& error) {

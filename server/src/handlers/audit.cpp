@@ -1,5 +1,5 @@
+#include "bodies/audit_json.hpp"
 #include "context.hpp"
-#include "json/audit_json.hpp"
 #include "page_query.hpp"
 
 namespace stillmap::server {

@@ -1,8 +1,10 @@
+#include "bodies/answers_json.hpp"
+#include "bodies/pose_request_json.hpp"
 #include "errors/api_error.hpp"
+#include "handlers/scan_in_request.hpp"
 #include "http/header_text.hpp"
 #include "http/multipart.hpp"
-#include "json/answers_json.hpp"
-#include "json/pose_request_json.hpp"
+#include "json/problem_json.hpp"
 #include "pose/pose_checks.hpp"
 #include "pose_handling.hpp"
 

@@ -1,15 +1,15 @@
 #pragma once
 
+#include "bodies/maps_json.hpp"
 #include "catalog/map_catalog.hpp"
 #include "http/router.hpp"
 #include "http/shared_places.hpp"
-#include "ids_and_times.hpp"
 #include "jobs/job_runner.hpp"
-#include "json/maps_json.hpp"
-#include "operation/metrics.hpp"
+#include "metrics/metrics.hpp"
 #include "pose/alignment_queue.hpp"
 #include "pose/map_stats.hpp"
 #include "pose/session_table.hpp"
+#include "store/ids_and_times.hpp"
 
 #include <stillmap/server/options_holder.hpp>
 #include "store/drive_store.hpp"

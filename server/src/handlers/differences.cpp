@@ -1,9 +1,9 @@
+#include "bodies/difference_json.hpp"
 #include "context.hpp"
 #include "errors/api_error.hpp"
 #include "handlers/page_query.hpp"
 #include "handlers/tile_answer.hpp"
 #include "handlers/tile_path.hpp"
-#include "json/difference_json.hpp"
 
 #include <fmt/format.h>
 

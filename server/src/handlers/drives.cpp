@@ -1,8 +1,8 @@
+#include "bodies/drives_json.hpp"
 #include "context.hpp"
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
 #include "handlers/parts.hpp"
-#include "json/drives_json.hpp"
 
 #include <fmt/format.h>
 

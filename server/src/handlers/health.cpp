@@ -1,8 +1,8 @@
+#include "bodies/answers_json.hpp"
 #include "context.hpp"
 #include "errors/upload_errors.hpp"
-#include "jobs/job_folder.hpp"
-#include "json/answers_json.hpp"
 #include "security/map_limits.hpp"
+#include "store/free_bytes.hpp"
 
 #include <fmt/format.h>
 

@@ -1,6 +1,6 @@
+#include "bodies/jobs_json.hpp"
 #include "context.hpp"
 #include "errors/api_error.hpp"
-#include "json/jobs_json.hpp"
 #include "page_query.hpp"
 #include "security/map_limits.hpp"
 

@@ -1,7 +1,7 @@
+#include "bodies/keys_request_json.hpp"
+#include "bodies/store_json.hpp"
 #include "context.hpp"
 #include "errors/api_error.hpp"
-#include "json/keys_request_json.hpp"
-#include "json/store_json.hpp"
 
 namespace stillmap::server {
 namespace {

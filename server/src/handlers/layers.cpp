@@ -1,8 +1,8 @@
+#include "bodies/layers_json.hpp"
+#include "catalog/map_layers.hpp"
 #include "context.hpp"
-#include "derived/map_layers.hpp"
 #include "errors/api_error.hpp"
 #include "handlers/tile_answer.hpp"
-#include "json/layers_json.hpp"
 
 #include <fmt/format.h>
 

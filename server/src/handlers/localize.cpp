@@ -1,5 +1,6 @@
+#include "bodies/answers_json.hpp"
 #include "errors/api_error.hpp"
-#include "json/answers_json.hpp"
+#include "handlers/scan_in_request.hpp"
 #include "pose_handling.hpp"
 
 #include <algorithm>

@@ -1,9 +1,9 @@
+#include "bodies/layers_json.hpp"
+#include "bodies/maps_json.hpp"
 #include "context.hpp"
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
 #include "handlers/tile_answer.hpp"
-#include "json/layers_json.hpp"
-#include "json/maps_json.hpp"
 #include "security/map_limits.hpp"
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+#include "bodies/maps_json.hpp"
 #include "context.hpp"
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
@@ -5,7 +6,6 @@
 #include "handlers/tile_answer.hpp"
 #include "http/content_digest.hpp"
 #include "http/header_text.hpp"
-#include "json/maps_json.hpp"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>

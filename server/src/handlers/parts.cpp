@@ -1,9 +1,9 @@
 #include "handlers/parts.hpp"
 
+#include "bodies/drives_json.hpp"
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
 #include "http/content_digest.hpp"
-#include "json/drives_json.hpp"
 
 #include <fmt/format.h>
 

@@ -2,7 +2,7 @@
 
 #include "errors/api_error.hpp"
 #include "errors/refusal_codes.hpp"
-#include "http/flat_parameters.hpp"
+#include "handlers/flat_parameters.hpp"
 #include "http/header_text.hpp"
 #include "pose/clock_skew.hpp"
 

@@ -1,5 +1,5 @@
+#include "bodies/stats_json.hpp"
 #include "context.hpp"
-#include "json/stats_json.hpp"
 
 namespace stillmap::server {
 

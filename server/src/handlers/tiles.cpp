@@ -1,10 +1,10 @@
+#include "bodies/tile_diff_json.hpp"
+#include "catalog/map_views.hpp"
 #include "context.hpp"
-#include "derived/map_views.hpp"
 #include "errors/api_error.hpp"
 #include "handlers/pose_handling.hpp"
 #include "handlers/tile_answer.hpp"
 #include "handlers/tile_path.hpp"
-#include "json/tile_diff_json.hpp"
 
 #include <fmt/format.h>
 

@@ -1,5 +1,5 @@
+#include "catalog/map_views.hpp"
 #include "context.hpp"
-#include "derived/map_views.hpp"
 #include "errors/api_error.hpp"
 #include "handlers/tile_answer.hpp"
 #include "handlers/tile_path.hpp"

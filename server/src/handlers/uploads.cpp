@@ -1,9 +1,9 @@
+#include "bodies/drives_json.hpp"
 #include "context.hpp"
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
 #include "handlers/parts.hpp"
 #include "handlers/publish.hpp"
-#include "json/drives_json.hpp"
 
 #include <fmt/format.h>
 

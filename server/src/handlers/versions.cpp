@@ -1,6 +1,6 @@
+#include "bodies/maps_json.hpp"
 #include "context.hpp"
 #include "errors/api_error.hpp"
-#include "json/maps_json.hpp"
 
 #include <charconv>
 

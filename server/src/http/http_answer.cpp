@@ -4,8 +4,8 @@
 
 #include <spdlog/spdlog.h>
 
-// After everything that brings in Eigen: it defines macros that break Eigen's headers.
 #include <httplib.h>
+#undef _res  // A macro of <resolv.h>, and a name in Eigen.
 
 #include <algorithm>
 #include <array>

@@ -1,11 +1,11 @@
 #include "http/http_exchange.hpp"
 
 #include "errors/api_error.hpp"
-#include "errors/problem.hpp"
 #include "http/header_text.hpp"
 #include "http/http_answer.hpp"
 #include "http/http_body.hpp"
 #include "http/http_range.hpp"
+#include "http/problem.hpp"
 #include "http/request_head.hpp"
 #include "http/request_id.hpp"
 #include "http/shared_places.hpp"
@@ -16,8 +16,8 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
-// After everything that brings in Eigen: it defines macros that break Eigen's headers.
 #include <httplib.h>
+#undef _res  // A macro of <resolv.h>, and a name in Eigen.
 
 #include <algorithm>
 #include <atomic>

@@ -4,7 +4,7 @@
 #include "http/http_body.hpp"
 #include "http/remote_address.hpp"
 #include "http/request_handler.hpp"
-#include "operation/metrics.hpp"
+#include "metrics/metrics.hpp"
 
 #include <chrono>
 #include <cstddef>

@@ -1,16 +1,16 @@
 #include "http/http_server.hpp"
 
 #include "errors/api_error.hpp"
-#include "errors/problem.hpp"
 #include "http/connection_threads.hpp"
 #include "http/connections.hpp"
 #include "http/http_answer.hpp"
 #include "http/http_exchange.hpp"
 #include "http/listening_socket.hpp"
+#include "http/problem.hpp"
 #include "http/proxy_protocol.hpp"
+#include "http/rate_limits.hpp"
 #include "http/request_id.hpp"
 #include "http/turned_away.hpp"
-#include "security/rate_limits.hpp"
 
 #include <fmt/format.h>
 #include <poll.h>

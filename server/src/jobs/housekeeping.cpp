@@ -1,7 +1,7 @@
 #include "jobs/housekeeping.hpp"
 
-#include "ids_and_times.hpp"
 #include "jobs/job_folder.hpp"
+#include "store/ids_and_times.hpp"
 
 #include <spdlog/spdlog.h>
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "pose/session_events.hpp"
+#include "http/session_events.hpp"
 
 #include <chrono>
 #include <condition_variable>

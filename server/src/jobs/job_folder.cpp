@@ -71,10 +71,4 @@ void clear_folder(const fs::path& folder) {
   fs::remove_all(folder, error);
 }
 
-std::uint64_t free_bytes(const fs::path& folder) {
-  std::error_code error;
-  const fs::space_info space = fs::space(folder, error);
-  return error ? 0 : space.available;
-}
-
 }  // namespace stillmap::server

@@ -42,7 +42,5 @@ void sync_folder(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<std::string> read_small_file(const std::filesystem::path& file);
 /// With all in it; what cannot be removed stays until it is tried again.
 void clear_folder(const std::filesystem::path& folder);
-/// Where a job's folders, or files for it, lie.
-[[nodiscard]] std::uint64_t free_bytes(const std::filesystem::path& folder);
 
 }  // namespace stillmap::server

@@ -1,7 +1,8 @@
 #include "errors/api_error.hpp"
-#include "ids_and_times.hpp"
 #include "jobs/job_runner.hpp"
 #include "jobs/program_crash.hpp"
+#include "store/free_bytes.hpp"
+#include "store/ids_and_times.hpp"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>

@@ -1,6 +1,6 @@
 #include "errors/api_error.hpp"
-#include "ids_and_times.hpp"
 #include "jobs/job_runner.hpp"
+#include "store/ids_and_times.hpp"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>

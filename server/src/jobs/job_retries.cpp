@@ -1,5 +1,5 @@
-#include "ids_and_times.hpp"
 #include "jobs/job_runner.hpp"
+#include "store/ids_and_times.hpp"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>

@@ -3,8 +3,8 @@
 #include "errors/api_error.hpp"
 #include "errors/refusal_codes.hpp"
 #include "errors/upload_errors.hpp"
-#include "ids_and_times.hpp"
 #include "jobs/program_crash.hpp"
+#include "store/ids_and_times.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>

@@ -7,7 +7,7 @@
 #include "jobs/job_outcome.hpp"
 #include "jobs/job_request.hpp"
 #include "jobs/mapper_command.hpp"
-#include "operation/metrics.hpp"
+#include "metrics/metrics.hpp"
 
 #include <stillmap/server/options_holder.hpp>
 #include "store/drive_store.hpp"

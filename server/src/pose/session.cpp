@@ -1,6 +1,6 @@
 #include "pose/session.hpp"
 
-#include "json/session_json.hpp"
+#include "pose/session_event_json.hpp"
 
 #include <stillmap/maps/map_package.hpp>
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "catalog/map_catalog.hpp"
-#include "pose/session_events.hpp"
+#include "http/session_events.hpp"
 #include "pose/session_line.hpp"
 
 #include <stillmap/localization/tracker.hpp>

@@ -3,7 +3,7 @@
 #include "errors/api_error.hpp"
 #include "http/header_text.hpp"
 #include "http/remote_address.hpp"
-#include "ids_and_times.hpp"
+#include "store/ids_and_times.hpp"
 
 #include <cmath>
 #include <string_view>

@@ -1,8 +1,8 @@
 #pragma once
 
 #include "http/http_message.hpp"
+#include "http/rate_limits.hpp"
 #include "http/router.hpp"
-#include "security/rate_limits.hpp"
 
 #include <stillmap/server/server_options.hpp>
 #include "store/key_table.hpp"

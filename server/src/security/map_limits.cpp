@@ -1,7 +1,7 @@
 #include "security/map_limits.hpp"
 
 #include "errors/api_error.hpp"
-#include "ids_and_times.hpp"
+#include "store/ids_and_times.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

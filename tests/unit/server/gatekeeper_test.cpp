@@ -5,7 +5,7 @@
 #include <chrono>
 #include <set>
 
-#include "operation/management.hpp"
+#include "management.hpp"
 #include "service_fixture.hpp"
 
 namespace stillmap::server {

@@ -1,4 +1,4 @@
-#include "operation/metrics.hpp"
+#include "metrics/metrics.hpp"
 
 #include <gmock/gmock.h>
 

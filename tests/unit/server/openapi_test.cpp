@@ -8,7 +8,7 @@
 #include <set>
 
 #include "errors/error_codes.hpp"
-#include "openapi_document.hpp"
+#include "handlers/openapi_document.hpp"
 #include "service_fixture.hpp"
 
 namespace stillmap::server {

@@ -1,4 +1,4 @@
-#include "pose/session_events.hpp"
+#include "http/session_events.hpp"
 
 #include <gtest/gtest.h>
 

@@ -5,7 +5,7 @@
 #include <set>
 #include <string>
 
-#include "derived/map_views.hpp"
+#include "catalog/map_views.hpp"
 #include "support/tiled_map.hpp"
 #include "view_fixture.hpp"
 

@@ -1,8 +1,8 @@
 #pragma once
 
 #include "errors/api_error.hpp"
-#include "errors/problem.hpp"
 #include "http/http_server.hpp"
+#include "http/problem.hpp"
 #include "raw_client.hpp"
 
 #include <gtest/gtest.h>

@@ -1,0 +1,89 @@
+#include "bodies/store_json.hpp"
+
+#include "json/json_values.hpp"
+
+namespace stillmap::server {
+namespace {
+
+constexpr int kIndent = 2;
+
+Json key_of(const ApiKey& key) {
+  Json scopes = Json::array();
+  for (const KeyScope scope : all_key_scopes())
+    if (key.scopes.has(scope)) scopes.push_back(name_of(scope));
+  return {{"id", key.id},
+          {"name", key.name},
+          {"scopes", scopes},
+          {"created_ns", time_of(key.created_ns)},
+          {"expires_ns", time_of(key.expires_ns)},
+          {"revoked_ns", time_of(key.revoked_ns)},
+          {"maps", key.maps.empty() ? Json() : Json(key.maps)}};
+}
+
+}  // namespace
+
+std::string problems_json(const std::vector<PackageStore::Problem>& problems) {
+  Json list = Json::array();
+  for (const auto& problem : problems)
+    list.push_back({{"map", problem.map}, {"version", problem.version}, {"what", problem.what}});
+  return to_text({{"problems", list}}, kIndent);
+}
+
+std::string cleared_json(const PackageStore::Cleared& cleared,
+                         const std::vector<RemovedVersion>& removed) {
+  Json versions = Json::array();
+  for (const RemovedVersion& each : removed)
+    versions.push_back({{"map", each.map}, {"version", each.version}});
+  return to_text(
+      {{"versions", versions}, {"packages", cleared.packages}, {"leftovers", cleared.leftovers}},
+      kIndent);
+}
+
+std::string removed_json(const RemovedVersion& removed, bool package_gone) {
+  return to_text(
+      {{"map", removed.map}, {"version", removed.version}, {"package_removed", package_gone}},
+      kIndent);
+}
+
+std::string made_anew_json(const std::vector<MadeAnew>& all) {
+  Json list = Json::array();
+  for (const MadeAnew& made : all)
+    list.push_back({{"digest", made.digest},
+                    {"not_written_because", made.index_not_written_because},
+                    {"levels_not_written_because", made.levels_not_written_because}});
+  return to_text({{"indexes", list}}, kIndent);
+}
+
+std::string backup_json(const PackageStore::BackedUp& done) {
+  return to_text({{"packages", {{"copied", done.copied}, {"kept", done.kept}}}}, kIndent);
+}
+
+std::string restored_json(std::size_t packages) {
+  return to_text({{"packages", packages}}, kIndent);
+}
+
+std::string added_json(const std::string& map, const PackageStore::Added& added) {
+  return to_text({{"map", map},
+                  {"version", added.version.name},
+                  {"digest", added.version.digest},
+                  {"bytes", added.version.bytes},
+                  {"created_ns", time_of(added.version.created_ns)},
+                  {"is_new", added.is_new}},
+                 kIndent);
+}
+
+std::string created_key_json(const KeyTable::Created& created) {
+  Json json = key_of(created.key);
+  json["key"] = created.text;
+  return to_text(json, kIndent);
+}
+
+std::string key_json(const ApiKey& key) { return to_text(key_of(key), kIndent); }
+
+std::string keys_json(const std::vector<ApiKey>& keys) {
+  Json list = Json::array();
+  for (const ApiKey& key : keys) list.push_back(key_of(key));
+  return to_text({{"keys", list}}, kIndent);
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,139 @@
+#include "handlers/scan_in_request.hpp"
+
+#include "bodies/pose_request_json.hpp"
+#include "errors/api_error.hpp"
+#include "handlers/flat_parameters.hpp"
+#include "http/header_text.hpp"
+#include "http/multipart.hpp"
+#include "pose/pose_checks.hpp"
+
+#include <fmt/format.h>
+
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/scan_file.hpp>
+
+#include <span>
+#include <string_view>
+
+namespace stillmap::server {
+namespace {
+
+constexpr std::string_view kRaw = "application/octet-stream";
+constexpr std::string_view kPcd = "application/vnd.pcd";
+
+maps::PointCloud decode(std::string_view bytes, maps::ScanFormat format,
+                        const ServerOptions& options) {
+  maps::DecodedScan decoded;
+  try {
+    decoded =
+        maps::decode_scan(std::as_bytes(std::span(bytes)), format, "scan", options.max_scan_points);
+  } catch (const maps::InputError& error) {
+    throw ApiError(ErrorCode::kInvalidScan, error.what());
+  }
+  if (decoded.dropped.non_finite > 0) {
+    throw field_error(ErrorCode::kInvalidPoints, "scan",
+                      fmt::format("{} points that are not finite", decoded.dropped.non_finite),
+                      "finite coordinates");
+  }
+  return std::move(decoded.cloud);
+}
+
+maps::PointCloud decode_raw(std::string_view bytes, maps::ScanFormat format,
+                            const ServerOptions& options) {
+  const std::size_t points = bytes.size() / maps::raw_point_bytes(format);
+  if (points > options.max_scan_points) {
+    throw field_error(ErrorCode::kPayloadTooLarge, "scan", fmt::format("{} points", points),
+                      fmt::format("at most {}", options.max_scan_points));
+  }
+  return decode(bytes, format, options);
+}
+
+ScanInBody find_in_multipart(const HttpRequest& request, const ServerOptions& options,
+                             ScanPurpose purpose) {
+  const MultipartPart* text = nullptr;
+  const MultipartPart* scan = nullptr;
+  const std::vector<MultipartPart> parts =
+      split_multipart(request.header("content-type"), request.body);
+  for (const MultipartPart& part : parts) {
+    const MultipartPart** place = part.name == "request" ? &text
+                                  : part.name == "scan"  ? &scan
+                                                         : nullptr;
+    if (place == nullptr) {
+      throw field_error(ErrorCode::kUnknownParameter, "multipart body", "part '" + part.name + "'",
+                        "parts 'request' and 'scan'");
+    }
+    if (*place != nullptr)
+      throw field_error(ErrorCode::kInvalidRequest, part.name, "it twice", "it once");
+    *place = &part;
+  }
+  if (scan == nullptr) throw field_error(ErrorCode::kInvalidRequest, "scan", "no such part", "one");
+  if (text != nullptr && text->content.size() > kMostQueryJson) {
+    throw field_error(ErrorCode::kPayloadTooLarge, "request",
+                      fmt::format("{} bytes", text->content.size()),
+                      fmt::format("at most {}", kMostQueryJson));
+  }
+  ScanInBody found{
+      .kind = scan_kind_of("scan", scan->content_type), .bytes = scan->content, .parameters = {}};
+  const JsonScan beside =
+      found.kind == ScanInBody::Kind::kPcd ? JsonScan::kPcdBeside : JsonScan::kRawBeside;
+  found.parameters =
+      read_pose_request_json(text == nullptr ? std::string_view("{}") : text->content, beside,
+                             purpose, options)
+          .parameters;
+  return found;
+}
+
+void refuse_query(const HttpRequest& request) {
+  if (request.query.empty()) return;
+  throw field_error(ErrorCode::kUnknownParameter, "query", "'" + request.query.front().first + "'",
+                    "no query: with this content type the parameters stand in the JSON");
+}
+
+}  // namespace
+
+ScanInBody::Kind scan_kind_of(const std::string& part, const std::string& type) {
+  if (type.empty() || type == kRaw) return ScanInBody::Kind::kRaw;
+  if (type == kPcd) return ScanInBody::Kind::kPcd;
+  throw field_error(ErrorCode::kUnsupportedMediaType, part, "'" + type + "'",
+                    fmt::format("{} or {}", kRaw, kPcd));
+}
+
+ScanInBody find_scan(const HttpRequest& request, const ServerOptions& options,
+                     ScanPurpose purpose) {
+  const std::string type = media_type(request.header("content-type"));
+  if (type == kRaw || type == kPcd) {
+    return {.kind = type == kRaw ? ScanInBody::Kind::kRaw : ScanInBody::Kind::kPcd,
+            .bytes = request.body,
+            .parameters = read_flat_parameters(request.query, type == kRaw, purpose)};
+  }
+  if (type == "application/json" && purpose == ScanPurpose::kQuery) {
+    refuse_query(request);
+    return {.kind = ScanInBody::Kind::kJson, .bytes = request.body, .parameters = {}};
+  }
+  if (type == "multipart/form-data") {
+    refuse_query(request);
+    return find_in_multipart(request, options, purpose);
+  }
+  throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
+                    fmt::format("{}, {}{} or multipart/form-data", kRaw, kPcd,
+                                purpose == ScanPurpose::kQuery ? ", application/json" : ""));
+}
+
+PoseRequest decode_scan(ScanInBody&& from, const ServerOptions& options,
+                        std::function<void()> require_wanted) {
+  PoseRequest request;
+  if (from.kind == ScanInBody::Kind::kJson) {
+    JsonPoseRequest json = read_pose_request_json(
+        from.bytes, JsonScan::kInside, ScanPurpose::kQuery, options, std::move(require_wanted));
+    request = {std::move(json.parameters), std::move(json.scan_lidar)};
+  } else {
+    request.scan_lidar = from.kind == ScanInBody::Kind::kPcd
+                             ? decode(from.bytes, maps::ScanFormat::kPcd, options)
+                             : decode_raw(from.bytes, from.parameters.raw_format, options);
+    request.parameters = std::move(from.parameters);
+  }
+  check_scan(request.scan_lidar, options);
+  return request;
+}
+
+}  // namespace stillmap::server
