@@ -1,4 +1,4 @@
-#include "align/sweep_motion.hpp"
+#include "align/deskew.hpp"
 
 #include <stillmap/localization/aligner.hpp>
 #include <stillmap/maps/frames.hpp>
@@ -71,7 +71,7 @@ TEST(SweepMotion, TheMapTellsTwistAndPoseAtTheStamp) {
   // Taken as it came it fits where the sensor was in between.
   Eigen::Isometry3d T_index_lidar = T * maps::exp_se3(-0.05 * twist);
   T_index_lidar.translation() -= street().index->origin();
-  const SweepMotion motion = straighten(street().index->levels(), query, T_index_lidar);
+  const SweepMotion motion = deskew(street().index->levels(), query, T_index_lidar);
   EXPECT_LT((motion.twist - twist).head<3>().norm(), 0.3) << motion.twist.transpose();
   EXPECT_LT((motion.twist - twist).tail<3>().norm(), 0.02) << motion.twist.transpose();
   T_index_lidar.translation() += street().index->origin();
@@ -103,7 +103,7 @@ TEST(SweepMotion, ScansWithoutTimesThatWereTakenOnTheMoveAreNotOk) {
     scan.time_offsets_s.clear();
     const AlignmentResult result = street().aligner->align(scan, Prior{pose_at(59.5, 0.0), {}});
     EXPECT_EQ(result.status, PoseStatus::kDegraded) << speed_m_s;
-    EXPECT_THAT(result.reasons, Contains("not_deskewed")) << speed_m_s;
+    EXPECT_THAT(result.reasons, Contains(Reason::kNotDeskewed)) << speed_m_s;
     // Where the sensor looked ahead, in the middle of this turn.
     EXPECT_LT(error_m(result, T), 0.05) << speed_m_s;
   }
@@ -128,7 +128,7 @@ TEST(SweepMotion, WhoSaysThatAScanIsOfOneInstantIsBelieved) {
   maps::PointCloud scan = street().world.sweep(T, twist_of(10.0, 0.0), pattern(8), -0.05, 0.05);
   std::fill(scan.time_offsets_s.begin(), scan.time_offsets_s.end(), 0.0F);
   const AlignmentResult result = street().aligner->align(scan, Prior{pose_at(60.0, 0.0), {}});
-  EXPECT_THAT(result.reasons, Not(Contains("not_deskewed")));
+  EXPECT_THAT(result.reasons, Not(Contains(Reason::kNotDeskewed)));
 }
 
 TEST(SweepMotion, WhatNothingTellsOfTheTwistMakesThePoseVague) {

@@ -11,7 +11,7 @@
 namespace stillmap::localization {
 
 /// Whether a scan says that its points were not all taken at its stamp.
-[[nodiscard]] bool is_of_a_while(const Query& query);
+[[nodiscard]] bool has_times(const Query& query);
 
 /// How the sensor moved while it took a scan.
 struct SweepMotion {
@@ -31,8 +31,8 @@ struct SweepMotion {
 /// the scan does not tell of the twist is taken for zero, give or take 15 m/s and 0.5 rad/s.
 /// @param levels  of a map, coarse to fine, at least one.
 /// @param T_index_lidar  in: where the scan fits best as it came.
-[[nodiscard]] SweepMotion straighten(std::span<const MapIndex::Level> levels, Query& query,
-                                     Eigen::Isometry3d& T_index_lidar);
+[[nodiscard]] SweepMotion deskew(std::span<const MapIndex::Level> levels, Query& query,
+                                 Eigen::Isometry3d& T_index_lidar);
 
 /// Gives a scan without times those of a sensor that turns ten times a second, if the map says that
 /// it moved as such a one: taken as it came, the scan fits clearly worse. Its stamp is then where
@@ -41,7 +41,7 @@ struct SweepMotion {
 /// Walls bent by a map's own errors look like motion, too, but fit little better so.
 /// @param T_index_lidar  where the scan fits best as it came.
 /// @return whether it did.
-[[nodiscard]] bool take_times_of_a_turn(std::span<const MapIndex::Level> levels, Query& query,
-                                        const Eigen::Isometry3d& T_index_lidar);
+[[nodiscard]] bool give_spinning_times(std::span<const MapIndex::Level> levels, Query& query,
+                                       const Eigen::Isometry3d& T_index_lidar);
 
 }  // namespace stillmap::localization

@@ -1,4 +1,4 @@
-#include "sweep_motion.hpp"
+#include "deskew.hpp"
 
 #include "clustered_sums.hpp"
 
@@ -204,15 +204,15 @@ BestFit best_fit(std::span<const MapIndex::Level> levels, const Query& query,
 
 }  // namespace
 
-bool is_of_a_while(const Query& query) {
+bool has_times(const Query& query) {
   return std::any_of(query.time_offsets_s.begin(), query.time_offsets_s.end(),
                      [](float t) { return t != 0.0F; });
 }
 
-SweepMotion straighten(std::span<const MapIndex::Level> levels, Query& query,
-                       Eigen::Isometry3d& T_index_lidar) {
+SweepMotion deskew(std::span<const MapIndex::Level> levels, Query& query,
+                   Eigen::Isometry3d& T_index_lidar) {
   SweepMotion motion;
-  if (!is_of_a_while(query)) return motion;
+  if (!has_times(query)) return motion;
   motion.twist = find_motion(levels, query, 1, T_index_lidar);
   Sweep sweep(query, 1);
   sweep.move(motion.twist);
@@ -228,8 +228,8 @@ SweepMotion straighten(std::span<const MapIndex::Level> levels, Query& query,
   return motion;
 }
 
-bool take_times_of_a_turn(std::span<const MapIndex::Level> levels, Query& query,
-                          const Eigen::Isometry3d& T_index_lidar) {
+bool give_spinning_times(std::span<const MapIndex::Level> levels, Query& query,
+                         const Eigen::Isometry3d& T_index_lidar) {
   if (!query.time_offsets_s.empty()) return false;
   Query turning = query;
   for (const Eigen::Vector3f& p : query.points)

@@ -4,34 +4,11 @@
 #include "query.hpp"
 #include "registration.hpp"
 
-#include <stillmap/localization/aligner.hpp>
-
 #include <Eigen/Geometry>
 
-#include <cstddef>
-#include <span>
 #include <vector>
 
 namespace stillmap::localization {
-
-/// How well a pose explains a scan.
-struct Support {
-  /// Share of all points that lie on the map's surfaces.
-  double inlier_ratio = 0.0;
-  /// Root mean square distance of the inliers to their surface [m].
-  double rmse_m = 0.0;
-  /// Points that stand and lie where the map knows anything, and the share of all standing points.
-  std::size_t known_standing = 0;
-  double known_ratio = 0.0;
-  /// Share of the known standing points that lie on the map: unlike ground, these do not fit
-  /// anywhere.
-  double standing_ratio = 0.0;
-  /// `inlier_ratio` of the points that have a voxel of the finest level around them.
-  double known_inlier_ratio = 0.0;
-};
-/// @param levels  of a map, coarse to fine, at least one.
-[[nodiscard]] Support support_of(std::span<const MapIndex::Level> levels, const Query& query,
-                                 const Eigen::Isometry3d& T_index_lidar, std::size_t stride = 1);
 
 /// What the scan says about each direction at a pose.
 struct Observability {
@@ -56,20 +33,5 @@ struct Observability {
 [[nodiscard]] Matrix6d covariance_of(const ResidualRows& rows,
                                      const Eigen::Isometry3d& T_index_lidar, float kernel_m,
                                      const Vector6d& bend, const std::vector<Vector6d>& degenerate);
-
-/// Inputs of the verdict, apart from the pose.
-struct Evidence {
-  Support support;
-  Observability observability;
-  /// A second place explains the scan about as well.
-  bool ambiguous = false;
-  /// The prior's covariance speaks against the pose.
-  bool contradicts_prior = false;
-  /// The scan was taken on the move and does not say when its points were.
-  bool not_deskewed = false;
-};
-/// Sets status and reasons. Lost: nothing to support a pose; degraded: something is weak; ok: all
-/// is well.
-void judge(const Evidence& evidence, const Matrix6d& covariance, AlignmentResult& result);
 
 }  // namespace stillmap::localization

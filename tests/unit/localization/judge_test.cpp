@@ -1,4 +1,4 @@
-#include "align/verdict.hpp"
+#include "align/judge.hpp"
 
 #include <stillmap/localization/aligner.hpp>
 #include <stillmap/maps/frames.hpp>
@@ -101,7 +101,7 @@ TEST(Verdict, AnotherStreetsMapIsLost) {
     const AlignmentResult result = street().aligner->align(other.scan(pose_at(x, 0.0), pattern(3)),
                                                            Prior{pose_at(x, 0.0), std::nullopt});
     EXPECT_NE(result.status, PoseStatus::kOk);
-    EXPECT_THAT(result.reasons, Contains("low_inlier_ratio"));
+    EXPECT_THAT(result.reasons, Contains(Reason::kLowInlierRatio));
   }
 }
 
@@ -110,7 +110,7 @@ TEST(Verdict, NoiseIsLost) {
     const AlignmentResult result =
         street().aligner->align(noise_scan(seed), Prior{pose_at(60.0, 0.0), std::nullopt});
     EXPECT_EQ(result.status, PoseStatus::kLost);
-    EXPECT_THAT(result.reasons, ElementsAre("low_inlier_ratio"));
+    EXPECT_THAT(result.reasons, ElementsAre(Reason::kLowInlierRatio));
   }
 }
 
@@ -121,13 +121,13 @@ TEST(Verdict, EmptyTinyAndDuplicatedScansAreLostWithTheirPrior) {
     scan.positions.assign(count, Eigen::Vector3f(5.0F, 1.0F, 0.0F));
     const AlignmentResult result = street().aligner->align(scan, prior);
     EXPECT_EQ(result.status, PoseStatus::kLost);
-    EXPECT_THAT(result.reasons, ElementsAre("too_few_points"));
+    EXPECT_THAT(result.reasons, ElementsAre(Reason::kTooFewPoints));
     EXPECT_TRUE(result.T_map_lidar.matrix() == prior.T_map_lidar.matrix());
   }
   scan.positions.assign(100'000, Eigen::Vector3f(5.0F, 1.0F, 0.0F));
-  EXPECT_THAT(street().aligner->align(scan, prior).reasons, ElementsAre("too_few_points"));
+  EXPECT_THAT(street().aligner->align(scan, prior).reasons, ElementsAre(Reason::kTooFewPoints));
   scan.positions.assign(100'000, Eigen::Vector3f(3e38F, 3e38F, -3e38F));
-  EXPECT_THAT(street().aligner->align(scan, prior).reasons, ElementsAre("too_few_points"));
+  EXPECT_THAT(street().aligner->align(scan, prior).reasons, ElementsAre(Reason::kTooFewPoints));
 }
 
 TEST(Verdict, APriorFarOutsideTheMapIsLost) {
@@ -136,7 +136,7 @@ TEST(Verdict, APriorFarOutsideTheMapIsLost) {
     const AlignmentResult result =
         street().aligner->align(scan, Prior{pose_at(x, 0.0), std::nullopt});
     EXPECT_EQ(result.status, PoseStatus::kLost);
-    EXPECT_THAT(result.reasons, ElementsAre("outside_map"));
+    EXPECT_THAT(result.reasons, ElementsAre(Reason::kOutsideMap));
   }
 }
 
@@ -146,7 +146,7 @@ TEST(Verdict, WhereTheMapHoldsNothingAScanIsLost) {
   const AlignmentResult result =
       street().aligner->align(street().world.scan(pose_at(60.0, 0.0), pattern(4)), prior);
   EXPECT_EQ(result.status, PoseStatus::kLost);
-  EXPECT_THAT(result.reasons, ElementsAre("little_overlap"));
+  EXPECT_THAT(result.reasons, ElementsAre(Reason::kLittleOverlap));
   EXPECT_TRUE(result.T_map_lidar.matrix() == prior.T_map_lidar.matrix());
 }
 
@@ -158,7 +158,7 @@ TEST(Verdict, ACorridorDoesNotTellWhereAlongItOneIs) {
   prior.T_map_lidar.translation().x() += 1.0;
   const AlignmentResult result = aligner->align(world.scan(T_map_lidar, pattern(5)), prior);
   EXPECT_EQ(result.status, PoseStatus::kDegraded);
-  EXPECT_THAT(result.reasons, Contains("unobservable_direction"));
+  EXPECT_THAT(result.reasons, Contains(Reason::kUnobservableDirection));
   ASSERT_FALSE(result.degenerate_directions.empty());
   Vector6d along = Vector6d::Zero();
   along.head<3>() = T_map_lidar.linear().transpose() * Eigen::Vector3d::UnitX();
@@ -181,8 +181,8 @@ TEST(Verdict, AnEmptyFieldIsNotOk) {
   const AlignmentResult result = aligner->align(world.scan(pose_at(0.0, 0.0), pattern(6)),
                                                 Prior{pose_at(1.0, 0.0), std::nullopt});
   EXPECT_EQ(result.status, PoseStatus::kDegraded);
-  EXPECT_THAT(result.reasons, Contains("too_little_structure"));
-  EXPECT_THAT(result.reasons, Contains("unobservable_direction"));
+  EXPECT_THAT(result.reasons, Contains(Reason::kTooLittleStructure));
+  EXPECT_THAT(result.reasons, Contains(Reason::kUnobservableDirection));
 }
 
 TEST(Verdict, APoseThatContradictsThePriorsCovarianceIsNotOk) {
@@ -194,7 +194,7 @@ TEST(Verdict, APoseThatContradictsThePriorsCovarianceIsNotOk) {
   prior.T_map_lidar.translation().y() += 1.3;
   const AlignmentResult result = street().aligner->align(scan, prior);
   EXPECT_EQ(result.status, PoseStatus::kDegraded);
-  EXPECT_THAT(result.reasons, Contains("contradicts_prior"));
+  EXPECT_THAT(result.reasons, Contains(Reason::kContradictsPrior));
 }
 
 TEST(Verdict, TwoMillionPointsAreAnsweredLikeAnyScan) {
@@ -230,20 +230,46 @@ TEST(Verdict, JudgeNamesEveryWeakness) {
   evidence.support = {0.9, 0.03, 500, 0.9, 0.9};
   const Matrix6d covariance = 1e-6 * Matrix6d::Identity();
   AlignmentResult result;
-  judge(evidence, covariance, result);
+  judge(evidence, covariance, VerdictOptions{}, result);
   EXPECT_EQ(result.status, PoseStatus::kOk);
   evidence.support.standing_ratio = 0.5;
   evidence.support.known_ratio = 0.1;
   evidence.ambiguous = true;
   evidence.contradicts_prior = true;
   result = {};
-  judge(evidence, Matrix6d::Identity(), result);
+  judge(evidence, Matrix6d::Identity(), VerdictOptions{}, result);
   EXPECT_EQ(result.status, PoseStatus::kDegraded);
-  EXPECT_THAT(result.reasons, ElementsAre("low_inlier_ratio", "little_overlap", "ambiguous",
-                                          "contradicts_prior", "large_covariance"));
+  EXPECT_THAT(result.reasons,
+              ElementsAre(Reason::kLowInlierRatio, Reason::kLittleOverlap, Reason::kAmbiguous,
+                          Reason::kContradictsPrior, Reason::kLargeCovariance));
   evidence.support.standing_ratio = 0.2;
   result = {};
-  judge(evidence, covariance, result);
+  judge(evidence, covariance, VerdictOptions{}, result);
+  EXPECT_EQ(result.status, PoseStatus::kLost);
+}
+
+TEST(Verdict, OptionsMoveItsLimits) {
+  Evidence evidence;
+  evidence.support = {0.9, 0.03, 500, 0.9, 0.6};
+  const Matrix6d covariance = 1e-2 * Matrix6d::Identity();
+  VerdictOptions options;
+  options.ok_support = 0.5;
+  options.max_ok_deviation_m = 0.2;
+  options.max_ok_deviation_rad = 0.2;
+  AlignmentResult result;
+  judge(evidence, covariance, options, result);
+  EXPECT_EQ(result.status, PoseStatus::kOk);
+  options.max_ok_deviation_m = 0.05;
+  options.min_standing_points = 600;
+  options.min_known_share = 0.95;
+  result = {};
+  judge(evidence, covariance, options, result);
+  EXPECT_THAT(result.reasons, ElementsAre(Reason::kTooLittleStructure, Reason::kLittleOverlap,
+                                          Reason::kLargeCovariance));
+  options = {};
+  options.lost_support = 0.7;
+  result = {};
+  judge(evidence, covariance, options, result);
   EXPECT_EQ(result.status, PoseStatus::kLost);
 }
 
