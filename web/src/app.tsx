@@ -3,13 +3,13 @@ import { useEffect, useRef, useState } from 'preact/hooks';
 import { connection, unanswered } from './api/connection.js';
 import { down, toApiError, type ApiError } from './api/errors.js';
 import { Header } from './header.js';
-import { place } from './router.js';
+import { place, type ViewProps } from './state/router.js';
 import { KeyDialog } from './ui/key_dialog.js';
 import { Notices } from './ui/notices.js';
 import { Empty, Trouble } from './ui/parts.js';
-import { useStore } from './ui/store.js';
+import { useStore } from './state/store.js';
 import { UploadTray } from './upload/tray.js';
-import { kViews, type View, type ViewComponent, type ViewProps } from './views.js';
+import { kViews, type View, type ViewComponent } from './views.js';
 
 /** The page: header, the view of the address, and what may lie in front of it. */
 export function App() {

@@ -1,9 +1,9 @@
 import { useEffect, useState } from 'preact/hooks';
 import { connection } from './api/connection.js';
 import { askForKey, key } from './api/keys.js';
-import { linkTo } from './router.js';
+import { linkTo } from './state/router.js';
 import { Icon } from './ui/icon.js';
-import { useStore } from './ui/store.js';
+import { useStore } from './state/store.js';
 import { chooseTheme, themeChoice, type ThemeChoice } from './ui/theme.js';
 import { kMainViews, kViews } from './views.js';
 

@@ -3,12 +3,7 @@ import ApiView from './apipage/index.js';
 import JobsView from './jobs/index.js';
 import KeysView from './keys/index.js';
 import MapsView from './maps/index.js';
-
-/** What a view is given: the parts of the address behind its name, and the query. */
-export interface ViewProps {
-  path: string[];
-  query: URLSearchParams;
-}
+import type { ViewProps } from './state/router.js';
 
 export type ViewComponent = ComponentType<ViewProps>;
 

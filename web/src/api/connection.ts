@@ -1,4 +1,4 @@
-import { Store } from '../ui/store.js';
+import { Store } from '../state/store.js';
 
 /**
  * How it stands between page and server, from the latest requests. `busy`: it said when to ask again, and that is

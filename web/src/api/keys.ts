@@ -1,4 +1,4 @@
-import { Store } from '../ui/store.js';
+import { Store } from '../state/store.js';
 import { ApiError } from './errors.js';
 
 /** Why a key is asked for: the problem's code, `MissingKey` or `RefusedKey`, or that the person wants another one. */

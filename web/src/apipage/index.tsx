@@ -1,11 +1,11 @@
 import './api.css';
 import { useEffect, useMemo, useState } from 'preact/hooks';
 import { jsonOf, send } from '../api/send.js';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { plural } from '../ui/format.js';
 import { useLoad } from '../ui/load.js';
 import { Trouble } from '../ui/parts.js';
-import type { ViewProps } from '../views.js';
+import type { ViewProps } from '../state/router.js';
 import { routesByTag, type ApiDocument, type Route } from './document.js';
 import { RouteCard } from './route_card.js';
 import { SchemaCard } from './schema_card.js';

@@ -1,5 +1,5 @@
 import { useEffect, useState } from 'preact/hooks';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { exampleOf, nameOfRef, resolve, typeWords, type ApiDocument, type Schema } from './document.js';
 
 export interface SchemaCardProps {

@@ -1,13 +1,13 @@
 import { useEffect, useRef, useState } from 'preact/hooks';
 import { isAborted, toApiError } from '../api/errors.js';
-import { go, linkTo, replaceQuery } from '../router.js';
+import { go, linkTo, replaceQuery } from '../state/router.js';
 import type { Scene } from '../scene/scene.js';
 import type { Trouble as TileTrouble } from '../scene/tile_source.js';
 import { readViewState, writeViewState } from '../scene/view_state.js';
 import { Icon } from '../ui/icon.js';
 import { CopyButton } from '../ui/parts.js';
 import { SceneCanvas } from '../ui/scene_canvas.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import { theme } from '../ui/theme.js';
 import { CompareScene } from './compare_scene.js';
 import { kToleranceBounds_m, readCompareState, writeCompareState, type CompareState } from './compare_state.js';

@@ -1,10 +1,10 @@
 import './compare.css';
 import { useState } from 'preact/hooks';
 import { toApiError, type ApiError } from '../api/errors.js';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { useLoad } from '../ui/load.js';
 import { Empty, Trouble } from '../ui/parts.js';
-import type { ViewProps } from '../views.js';
+import type { ViewProps } from '../state/router.js';
 import { Comparison } from './comparison.js';
 import { aboutVersion, versionNames, type Version } from './routes.js';
 

@@ -1,5 +1,5 @@
 import './jobs.css';
-import type { ViewProps } from '../views.js';
+import type { ViewProps } from '../state/router.js';
 import { JobPage } from './job_page.js';
 import { JobsPage } from './jobs_page.js';
 

@@ -1,6 +1,6 @@
 import { useEffect, useState } from 'preact/hooks';
 import { ask } from '../api/client.js';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { Confirm } from '../ui/confirm.js';
 import { date, duration, firstUpper } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';

@@ -1,5 +1,5 @@
 import { useEffect } from 'preact/hooks';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { age, date, duration } from '../ui/format.js';
 import { Badge, Progress } from '../ui/parts.js';
 import { useJobFeed } from './feed.js';

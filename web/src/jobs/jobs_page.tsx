@@ -1,7 +1,7 @@
 import { useEffect, useState } from 'preact/hooks';
 import { ask } from '../api/client.js';
 import { toApiError, type ApiError } from '../api/errors.js';
-import { go, linkTo } from '../router.js';
+import { go, linkTo } from '../state/router.js';
 import { useLoad } from '../ui/load.js';
 import { Empty, Trouble } from '../ui/parts.js';
 import { isOver, kStatuses, statusOf, type Job } from './job.js';

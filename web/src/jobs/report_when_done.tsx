@@ -1,6 +1,6 @@
 import { useState } from 'preact/hooks';
 import { Icon } from '../ui/icon.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import { canNotify, unwatchJob, watched, watchJob } from './watch.js';
 
 /** Lets the person be told when a job ends: on the page, and by the system if they ask for that. */

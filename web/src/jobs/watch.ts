@@ -3,9 +3,9 @@
 
 import { ask } from '../api/client.js';
 import { ApiError } from '../api/errors.js';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { say } from '../ui/notices.js';
-import { Store } from '../ui/store.js';
+import { Store } from '../state/store.js';
 import { isOver, outcomeOf, type Job } from './job.js';
 
 const kSlot = 'stillmap.watched';

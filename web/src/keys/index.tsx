@@ -7,7 +7,7 @@ import { Icon } from '../ui/icon.js';
 import { useLoad } from '../ui/load.js';
 import { say } from '../ui/notices.js';
 import { Badge, Trouble } from '../ui/parts.js';
-import type { ViewProps } from '../views.js';
+import type { ViewProps } from '../state/router.js';
 import { NewKeyDialog } from './new_key_dialog.js';
 
 type Key = Schema<'Key'>;

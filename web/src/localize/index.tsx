@@ -1,9 +1,9 @@
 import './localize.css';
 import { ask } from '../api/client.js';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { useLoad } from '../ui/load.js';
 import { Empty, Trouble } from '../ui/parts.js';
-import type { ViewProps } from '../views.js';
+import type { ViewProps } from '../state/router.js';
 import type { ShownMap } from './map_scene.js';
 import type { Pose } from './pose.js';
 import { Workplace } from './workplace.js';

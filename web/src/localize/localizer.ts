@@ -1,5 +1,5 @@
 import { ApiError, isAborted, toApiError } from '../api/errors.js';
-import { Store } from '../ui/store.js';
+import { Store } from '../state/store.js';
 import type { Answer } from './answer.js';
 import { DriveRun } from './drive_run.js';
 import { sortDropped } from './dropped.js';

@@ -3,7 +3,7 @@ import { key } from '../api/keys.js';
 import { number } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';
 import { Trouble } from '../ui/parts.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import { AnswerPanel } from './answer_panel.js';
 import { DriveStrip } from './drive_strip.js';
 import type { Localizer, LocalizeState } from './localizer.js';

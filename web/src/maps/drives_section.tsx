@@ -6,7 +6,7 @@ import { Icon } from '../ui/icon.js';
 import { useLoad } from '../ui/load.js';
 import { say } from '../ui/notices.js';
 import { Badge, Trouble, type Tone } from '../ui/parts.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import { UploadDialog } from '../upload/dialog.js';
 import { uploads } from '../upload/manager.js';
 import { forgetUpload, remembered } from '../upload/remembered.js';

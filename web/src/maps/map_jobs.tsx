@@ -1,7 +1,7 @@
 import { ask } from '../api/client.js';
 import { isOver, type Job } from '../jobs/job.js';
 import { JobTable } from '../jobs/job_table.js';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { useLoad } from '../ui/load.js';
 
 const kShown = 5;

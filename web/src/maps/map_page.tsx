@@ -1,6 +1,6 @@
 import { useState } from 'preact/hooks';
 import { ask, versionPath } from '../api/client.js';
-import { go, linkTo } from '../router.js';
+import { go, linkTo } from '../state/router.js';
 import type { Chosen } from '../upload/chosen.js';
 import { UploadDialog } from '../upload/dialog.js';
 import { DropZone } from '../upload/drop_zone.js';

@@ -1,6 +1,6 @@
 import { useState } from 'preact/hooks';
 import { ask, versionPath } from '../api/client.js';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { UploadDialog } from '../upload/dialog.js';
 import { DropZone } from '../upload/drop_zone.js';
 import type { Chosen } from '../upload/chosen.js';

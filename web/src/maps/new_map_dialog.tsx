@@ -1,7 +1,7 @@
 import { useState } from 'preact/hooks';
 import { ask } from '../api/client.js';
 import { toApiError, type ApiError } from '../api/errors.js';
-import { go, linkTo } from '../router.js';
+import { go, linkTo } from '../state/router.js';
 import { Dialog } from '../ui/dialog.js';
 import { forget, useKept } from '../ui/kept.js';
 import { say } from '../ui/notices.js';

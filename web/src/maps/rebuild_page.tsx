@@ -2,7 +2,7 @@ import { useMemo, useState } from 'preact/hooks';
 import { ask, type Schema } from '../api/client.js';
 import { toApiError, type ApiError } from '../api/errors.js';
 import { watchJob } from '../jobs/watch.js';
-import { go, linkTo } from '../router.js';
+import { go, linkTo } from '../state/router.js';
 import { bytes, date } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';
 import { forget, useKept } from '../ui/kept.js';

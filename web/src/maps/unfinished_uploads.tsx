@@ -5,7 +5,7 @@ import { age, bytes } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';
 import { useLoad } from '../ui/load.js';
 import { say } from '../ui/notices.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import { UploadDialog } from '../upload/dialog.js';
 import { kindOfType, kKindWords } from '../upload/kind.js';
 import { uploads } from '../upload/manager.js';

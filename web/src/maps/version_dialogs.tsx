@@ -1,7 +1,7 @@
 import { useState } from 'preact/hooks';
 import { ask } from '../api/client.js';
 import { ApiError } from '../api/errors.js';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { Confirm } from '../ui/confirm.js';
 import { say } from '../ui/notices.js';
 import { Trouble } from '../ui/parts.js';

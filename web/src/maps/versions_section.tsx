@@ -1,7 +1,7 @@
 import { useState } from 'preact/hooks';
 import { ask } from '../api/client.js';
 import { failedItsChecks, type Job } from '../jobs/job.js';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { age, area, bytes, date, short } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';
 import { useLoad } from '../ui/load.js';

@@ -2,7 +2,7 @@ import { useState } from 'preact/hooks';
 import { answerKey, key, keyWanted, setKey, type KeyReason } from '../api/keys.js';
 import { Dialog } from './dialog.js';
 import { Field } from './parts.js';
-import { useStore } from './store.js';
+import { useStore } from '../state/store.js';
 
 const kWords: Record<KeyReason, string> = {
   MissingKey: 'This server asks for an API key. What you were doing goes on once it has one.',

@@ -1,5 +1,5 @@
 import { Icon } from './icon.js';
-import { Store, useStore } from './store.js';
+import { Store, useStore } from '../state/store.js';
 
 export interface Notice {
   kind: 'good' | 'bad' | 'plain';

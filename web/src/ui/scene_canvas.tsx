@@ -1,7 +1,7 @@
 import { useEffect, useRef, useState } from 'preact/hooks';
 import { Scene } from '../scene/scene.js';
 import type { Vec3 } from '../scene/types.js';
-import { useStore } from './store.js';
+import { useStore } from '../state/store.js';
 import { theme } from './theme.js';
 
 interface Props {

@@ -1,4 +1,4 @@
-import { Store } from './store.js';
+import { Store } from '../state/store.js';
 
 export type Theme = 'dark' | 'light';
 /** What the person chose; `system` follows the machine. */

@@ -2,9 +2,9 @@
 
 import { ask } from '../api/client.js';
 import { toApiError } from '../api/errors.js';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { say } from '../ui/notices.js';
-import { Store } from '../ui/store.js';
+import { Store } from '../state/store.js';
 import type { Chosen } from './chosen.js';
 import { collectionOf, kKindWords, kPointTypes, type Kind, type Packing } from './kind.js';
 import { begunWith, forgetUpload, remember } from './remembered.js';

@@ -1,6 +1,6 @@
 import { connection } from '../api/connection.js';
 import { ApiError, isAborted, toApiError } from '../api/errors.js';
-import { Store } from '../ui/store.js';
+import { Store } from '../state/store.js';
 import { contentDigest, hex, sha256 } from './digest.js';
 import { cut, missing, partBytesOf, Speed, type ListedPart, type PartRange } from './parts.js';
 import type { Outcome, Target } from './target.js';

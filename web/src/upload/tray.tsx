@@ -1,7 +1,7 @@
 import { bytes, duration } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';
 import { Progress } from '../ui/parts.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import { kKindWords } from './kind.js';
 import { dismiss, uploads, type Upload } from './manager.js';
 import type { TransferView } from './transfer.js';

@@ -3,7 +3,7 @@ import type { Box, ClipMode } from '../scene/clip_box.js';
 import type { Decision } from '../scene/objects_layer.js';
 import type { Vec3 } from '../scene/types.js';
 import { say } from '../ui/notices.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import type { ViewerModel } from './model.js';
 import { Section } from './panel.js';
 

@@ -1,6 +1,6 @@
 import type { Quality } from '../scene/scene.js';
 import { bytes, short } from '../ui/format.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import type { ViewerModel } from './model.js';
 import { kBudgets } from './options.js';
 

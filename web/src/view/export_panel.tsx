@@ -3,7 +3,7 @@ import { kExportFormats, type ExportFormat } from '../scene/export_points.js';
 import { plural } from '../ui/format.js';
 import { say } from '../ui/notices.js';
 import { saveBlob } from '../ui/save.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import type { ViewerModel } from './model.js';
 import { Section } from './panel.js';
 import type { ExportScope } from './tools.js';

@@ -5,7 +5,7 @@ import { Histogram } from '../scene/statistics.js';
 import type { RampName } from '../scene/colour_maps.js';
 import type { Range, Theme, Vec3 } from '../scene/types.js';
 import type { Grid } from '../scene/view_state.js';
-import { Store } from '../ui/store.js';
+import { Store } from '../state/store.js';
 import { loadGrid, type GridAnswer, type MapFacts } from './facts.js';
 
 /** What a grid is painted by. */

@@ -1,7 +1,7 @@
 import { useCallback } from 'preact/hooks';
 import { Trouble } from '../ui/parts.js';
 import { useLoad } from '../ui/load.js';
-import type { ViewProps } from '../views.js';
+import type { ViewProps } from '../state/router.js';
 import { loadFacts } from './facts.js';
 import { Viewer } from './viewer.js';
 import './view.css';

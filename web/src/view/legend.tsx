@@ -4,7 +4,7 @@ import { objectColour } from '../scene/object_colours.js';
 import { rampOf } from '../scene/point_materials.js';
 import { kTrackColours } from '../scene/track_layer.js';
 import type { Kind, Theme } from '../scene/types.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import { theme } from '../ui/theme.js';
 import { kGridKinds } from './grid_view.js';
 import type { ViewerModel } from './model.js';

@@ -1,7 +1,7 @@
 import { between, metres, total } from '../scene/measure.js';
 import { lengthOf } from '../scene/section.js';
 import type { Vec3 } from '../scene/types.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import type { ViewerModel } from './model.js';
 import { Section } from './panel.js';
 

@@ -4,7 +4,7 @@ import { metres } from '../scene/measure.js';
 import { shownBox, type Decision } from '../scene/objects_layer.js';
 import { wayOf, type SeenObject } from '../scene/seen_objects.js';
 import { number } from '../ui/format.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import { swatchOf } from './legend.js';
 import type { ViewerModel } from './model.js';
 

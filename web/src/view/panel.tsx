@@ -1,9 +1,9 @@
 import type { ComponentChildren } from 'preact';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { kColourings, kKinds, type Colouring, type Kind } from '../scene/types.js';
 import { kGrids, kOverlays, type Grid, type Overlay } from '../scene/view_state.js';
 import { short } from '../ui/format.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import { ClipPanel } from './clip_panel.js';
 import { DrawingPanel } from './drawing_panel.js';
 import { ExportPanel } from './export_panel.js';

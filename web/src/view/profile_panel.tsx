@@ -5,7 +5,7 @@ import { kKindColours } from '../scene/colour_maps.js';
 import { extentOf, lengthOf, type Profile } from '../scene/section.js';
 import { kKinds, type Theme } from '../scene/types.js';
 import { number } from '../ui/format.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import { theme } from '../ui/theme.js';
 import type { ViewerModel } from './model.js';
 

@@ -1,7 +1,7 @@
 import { toGeodetic } from '../scene/geodetic.js';
 import type { Pick } from '../scene/scene.js';
 import { plural } from '../ui/format.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import type { MapFacts } from './facts.js';
 import type { ViewerModel } from './model.js';
 

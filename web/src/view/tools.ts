@@ -9,7 +9,7 @@ import { fetchRegion, tilesOf } from '../scene/region.js';
 import { boxOf, extentOf, lengthOf, profileOf, type Profile, type Section } from '../scene/section.js';
 import type { SketchLayer } from '../scene/sketch_layer.js';
 import { kKinds, subtract, type Kind, type Vec3 } from '../scene/types.js';
-import { Store } from '../ui/store.js';
+import { Store } from '../state/store.js';
 import { ClipGrip } from './clip_grip.js';
 import type { ViewerModel } from './model.js';
 

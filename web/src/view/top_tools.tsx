@@ -1,6 +1,6 @@
 import { say } from '../ui/notices.js';
 import { Progress } from '../ui/parts.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import type { ViewerModel } from './model.js';
 import type { ToolName } from './tools.js';
 

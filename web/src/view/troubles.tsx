@@ -1,4 +1,4 @@
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import type { ViewerModel } from './model.js';
 
 /** What went wrong while the map is shown, in words; the picture stays. */

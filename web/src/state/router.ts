@@ -1,6 +1,6 @@
 // Where the page is, kept in the address behind `#`, so that every view has an address that can be shared.
 
-import { Store } from './ui/store.js';
+import { Store } from './store.js';
 
 export interface Place {
   /** First part, as `maps`; empty at the start page. */
@@ -9,6 +9,9 @@ export interface Place {
   path: string[];
   query: URLSearchParams;
 }
+
+/** What a view is given: the parts of the address after its name, and the query. */
+export type ViewProps = Pick<Place, 'path' | 'query'>;
 
 /** Reads `#/view/town/v1?eye=1,2,3`. Parts that are no valid escapes are taken as they are. */
 export function parsePlace(hash: string): Place {
