@@ -1,5 +1,4 @@
 import type { ComponentType } from 'preact';
-import ApiView from './apipage/index.js';
 import JobsView from './jobs/index.js';
 import KeysView from './keys/index.js';
 import MapsView from './maps/index.js';
@@ -16,8 +15,8 @@ export interface View {
 }
 
 /**
- * Every view by the first part of its address. Lists and forms come with the page, so that they work on when the server
- * is away; views in 3D are pieces of their own, fetched when first gone to.
+ * Every view by the first part of its address. Lists and forms are part of the page's first script, so that they still
+ * work when the server is down. Large views are scripts of their own, loaded when first opened.
  */
 export const kViews: Readonly<Record<string, View>> = {
   maps: { title: 'Maps', show: MapsView },
@@ -26,7 +25,7 @@ export const kViews: Readonly<Record<string, View>> = {
   compare: { title: 'Compare', whole: true, show: { fetch: () => import('./compare/index.js') } },
   localize: { title: 'Localization', whole: true, show: { fetch: () => import('./localize/index.js') } },
   keys: { title: 'Keys', show: KeysView },
-  api: { title: 'API', show: ApiView },
+  api: { title: 'API', show: { fetch: () => import('./apipage/index.js') } },
 };
 
 /** Those of the header, in order. */

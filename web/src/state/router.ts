@@ -61,6 +61,11 @@ export function replaceQuery(query: Record<string, string>): void {
   }, kRewriteMs);
 }
 
+/** Replaces the address without a step in the history and without drawing the view again. */
+export function rewriteAddress(link: string): void {
+  window.history.replaceState(null, '', link);
+}
+
 /** Begins to follow the address. */
 export function startRouter(): void {
   window.addEventListener('hashchange', () => {
