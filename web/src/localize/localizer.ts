@@ -8,7 +8,7 @@ import { poseWithHeading, headingOf, type Pose } from './pose.js';
 import { readGnss, type GnssText } from './gnss_text.js';
 import type { Start } from './request.js';
 import { localize, sessionRoutes, type Asked, type MapPlace } from './routes.js';
-import { readScanFile, type ScanFile } from './scan_file.js';
+import { checkSize, readScanFile, type ScanFile } from './scan_file.js';
 import { ScanError } from './scan_points.js';
 import { stampsOf } from './stamps.js';
 
@@ -230,6 +230,7 @@ export class Localizer {
 
   private async read(file: File): Promise<ScanFile> {
     try {
+      checkSize(file);
       return readScanFile(file.name, await file.arrayBuffer());
     } catch (error) {
       if (!(error instanceof DOMException)) throw error;
