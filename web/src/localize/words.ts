@@ -21,7 +21,6 @@ const kReasons: Record<string, string> = {
 };
 
 export const reasonWords = (reason: string): string => kReasons[reason] ?? reason.replaceAll('_', ' ');
-export const isKnownReason = (reason: string): boolean => Object.hasOwn(kReasons, reason);
 
 export type Status = 'ok' | 'degraded' | 'lost';
 

@@ -62,20 +62,8 @@ export function ramp(name: RampName, steps: number, theme: Theme): Uint8Array {
 }
 
 /** Distance of two colours as they are seen; about 0.02 can just be told apart. */
-export function difference(a: Oklab, b: Oklab): number {
+function difference(a: Oklab, b: Oklab): number {
   return Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
-}
-
-export function toOklab([red, green, blue]: Rgb): Oklab {
-  const [r, g, b] = [linear(red), linear(green), linear(blue)];
-  const l = Math.cbrt(0.4122214708 * r + 0.5363325363 * g + 0.0514459929 * b);
-  const m = Math.cbrt(0.2119034982 * r + 0.6806995451 * g + 0.1073969566 * b);
-  const s = Math.cbrt(0.0883024619 * r + 0.2817188376 * g + 0.6299787005 * b);
-  return [
-    0.2104542553 * l + 0.793617785 * m - 0.0040720468 * s,
-    1.9779984951 * l - 2.428592205 * m + 0.4505937099 * s,
-    0.0259040371 * l + 0.7827717662 * m - 0.808675766 * s,
-  ];
 }
 
 // Beyond the gamut the nearest byte is taken; the stops lie within it.
@@ -103,11 +91,6 @@ function fromStop([lightness, chroma, hueDeg]: Stop): Oklab {
 
 function mix(a: Oklab, b: Oklab, share: number): Oklab {
   return [a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share, a[2] + (b[2] - a[2]) * share];
-}
-
-function linear(value: number): number {
-  const share = value / 255;
-  return share <= 0.04045 ? share / 12.92 : ((share + 0.055) / 1.055) ** 2.4;
 }
 
 function byte(value: number): number {

@@ -3,7 +3,6 @@ export interface FrameCosts {
   readonly frames: number;
   /** Of the newest frames [ms]. */
   readonly medianMs: number;
-  readonly worstMs: number;
 }
 
 const kRemembered = 120;
@@ -31,15 +30,7 @@ export class FrameLoop {
 
   get costs(): FrameCosts {
     const sorted = [...this.costs_].sort((a, b) => a - b);
-    return {
-      frames: this.frames_, medianMs: sorted[Math.floor(sorted.length / 2)] ?? 0, worstMs: sorted[sorted.length - 1] ?? 0,
-    };
-  }
-
-  /** Forgets what drawing has cost so far. */
-  resetCosts(): void {
-    this.costs_.length = 0;
-    this.frames_ = 0;
+    return { frames: this.frames_, medianMs: sorted[Math.floor(sorted.length / 2)] ?? 0 };
   }
 
   dispose(): void {

@@ -237,18 +237,10 @@ export class Scene {
     return this.steering_.toLocal(place);
   }
 
-  toMap(place: THREE.Vector3): Vec3 {
-    return this.steering_.toMap(place);
-  }
-
   // ---- the rest
 
   get costs(): FrameCosts {
     return this.loop_.costs;
-  }
-
-  resetCosts(): void {
-    this.loop_.resetCosts();
   }
 
   dispose(): void {

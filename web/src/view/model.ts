@@ -126,10 +126,6 @@ export class ViewerModel {
     await this.corrections_.change((edits) => [...edits, { action, box }]);
   }
 
-  get regionEdits(): number {
-    return this.corrections_.edits.filter(({ box }) => box !== undefined).length;
-  }
-
   /** Goes on after trouble. */
   retry(): void {
     this.cloud.retry();
