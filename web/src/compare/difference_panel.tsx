@@ -5,7 +5,6 @@ import { sideWords, type Difference, type Place } from './difference.js';
 
 /** How the difference stands: being worked out, there, or why not. */
 export type DifferenceState =
-  | { kind: 'off' }
   | { kind: 'making'; progress: number | null }
   | { kind: 'ready'; difference: Difference; places: Place[] }
   | { kind: 'failed'; error: ApiError };
@@ -21,7 +20,6 @@ interface Props {
 
 /** What differs between two versions, counted, with the places that changed most. */
 export function DifferencePanel({ state, a, b, chosen, onPlace, onRetry }: Props) {
-  if (state.kind === 'off') return null;
   if (state.kind === 'making') {
     return (
       <section class="difference" aria-label="Difference">

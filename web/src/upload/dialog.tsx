@@ -103,23 +103,18 @@ interface WhereProps {
   onClose: () => void;
 }
 
-const kMapHints: Record<string, string> = { true: 'A new map.', false: 'An existing map.' };
-
 /** Map, name and kind of what was chosen. */
 function Where({ chosen, map: fixedMap, goOn, onClose }: WhereProps) {
   const look = 'kind' in chosen.look ? chosen.look : undefined;
   const [kind, setKind] = useState<Kind>(goOn?.kind ?? look?.kind ?? 'package');
   const [typedMap, setMap] = useKept('upload.map', '');
   const [typedName, setName] = useState<string>();
-  const maps = useLoad((signal) => ask('get', '/v1/maps', { signal }), []);
+  const { names: maps, isNew } = useMaps();
   const map = fixedMap ?? (typedMap === '' ? suggestedMap(chosen.name) : typedMap);
-  const isNewMap = isNew(map, maps.data?.data.maps);
-  const taken = useVersionNames(isNewMap === false && kind !== 'drive' ? map : undefined);
-  // No name is suggested before it is known which are taken.
-  const suggested = kind === 'drive' ? driveName(chosen.name) : isNewMap === true ? suggestedVersion([]) : taken && suggestedVersion(taken);
+  const suggested = useSuggestedName(chosen, kind, map, isNew(map));
   const name = goOn?.name ?? typedName ?? suggested ?? '';
   const mapFault = faultOfName(map);
-  const nameFault = goOn !== undefined ? undefined : kind === 'drive' ? (name.length > 200 ? 'At most 200 letters.' : undefined) : faultOfName(name);
+  const nameFault = goOn === undefined ? faultOfUploadName(kind, name) : undefined;
   const isSound = mapFault === undefined && nameFault === undefined;
   const begun = goOn === undefined
     ? begunWith({ map, collection: collectionOf(kind), name: chosen.name, bytes: chosen.content.size, changedMs: chosen.changedMs }) : undefined;
@@ -132,32 +127,39 @@ function Where({ chosen, map: fixedMap, goOn, onClose }: WhereProps) {
   return (
     <form onSubmit={(event) => start(event, goOn?.id ?? begun?.id)}>
       {look?.sure !== true && goOn === undefined && <KindChoice kind={kind} why={look?.why} onKind={setKind} />}
-      {fixedMap === undefined && (
-        <Field label="Map" fault={mapFault} hint={kMapHints[String(isNewMap)]}>
-          {(props) => (
-            <>
-              <input {...props} list="upload-maps" value={map} onInput={(event) => setMap(event.currentTarget.value)} />
-              <datalist id="upload-maps">{maps.data?.data.maps.map((one) => <option key={one.name} value={one.name} />)}</datalist>
-            </>
-          )}
-        </Field>
-      )}
+      {fixedMap === undefined && <MapField map={map} maps={maps} isNew={isNew(map)} fault={mapFault} onMap={setMap} />}
       {goOn === undefined && (
         <Field
           label={kind === 'drive' ? 'Name of the drive' : 'Name of the version'} fault={typedName === undefined ? undefined : nameFault}
-          hint={kind === 'drive' ? 'For you to tell drives apart.' : 'It never changes. It is stored, not published yet.'}
+          hint={kind === 'drive' ? 'So that you can tell drives apart.' : 'It cannot be changed later. The version is stored, and not active yet.'}
         >
           {(props) => <input {...props} value={name} onInput={(event) => setName(event.currentTarget.value)} />}
         </Field>
       )}
-      {begun !== undefined && <p class="remark" role="status">The upload of this file was begun before. It goes on where it broke off.</p>}
+      {begun !== undefined && <p class="remark" role="status">An upload of this file was interrupted. “Resume” continues it.</p>}
       <div class="actions">
-        {begun !== undefined && <button type="button" disabled={!isSound} onClick={(event) => start(event, undefined)}>Begin anew</button>}
+        {begun !== undefined && <button type="button" disabled={!isSound} onClick={(event) => start(event, undefined)}>Start over</button>}
         <span class="grow" />
         <button type="button" onClick={onClose}>Cancel</button>
-        <button type="submit" class="primary" disabled={!isSound}>{begun === undefined && goOn === undefined ? 'Upload' : 'Go on'}</button>
+        <button type="submit" class="primary" disabled={!isSound}>{begun === undefined && goOn === undefined ? 'Upload' : 'Resume'}</button>
       </div>
     </form>
+  );
+}
+
+function MapField({ map, maps, isNew, fault, onMap }: {
+  map: string; maps: readonly string[]; isNew: boolean | undefined; fault: string | undefined; onMap: (map: string) => void;
+}) {
+  const hint = isNew === undefined ? undefined : isNew ? 'A new map.' : 'An existing map.';
+  return (
+    <Field label="Map" fault={fault} hint={hint}>
+      {(props) => (
+        <>
+          <input {...props} list="upload-maps" value={map} onInput={(event) => onMap(event.currentTarget.value)} />
+          <datalist id="upload-maps">{maps.map((one) => <option key={one} value={one} />)}</datalist>
+        </>
+      )}
+    </Field>
   );
 }
 
@@ -175,16 +177,30 @@ function KindChoice({ kind, why, onKind }: { kind: Kind; why: string | undefined
   );
 }
 
-/** Undefined until the maps are known. */
-function isNew(map: string, maps: readonly { name: string }[] | undefined): boolean | undefined {
-  return maps === undefined ? undefined : !maps.some(({ name }) => name === map);
+/** The server's maps. `isNew` is undefined until they are known. */
+function useMaps(): { names: readonly string[]; isNew: (map: string) => boolean | undefined } {
+  const { data } = useLoad((signal) => ask('get', '/v1/maps', { signal }), []);
+  const names = data?.data.maps.map(({ name }) => name);
+  return { names: names ?? [], isNew: (map) => (names === undefined ? undefined : !names.includes(map)) };
+}
+
+/** A name for the drive or version; none until it is known which names are taken. */
+function useSuggestedName(chosen: Chosen, kind: Kind, map: string, isNewMap: boolean | undefined): string | undefined {
+  const taken = useVersionNames(isNewMap === false && kind !== 'drive' ? map : undefined);
+  if (kind === 'drive') return driveName(chosen.name);
+  return isNewMap === true ? suggestedVersion([]) : taken && suggestedVersion(taken);
+}
+
+function faultOfUploadName(kind: Kind, name: string): string | undefined {
+  if (kind !== 'drive') return faultOfName(name);
+  return name.length > 200 ? 'Use at most 200 characters.' : undefined;
 }
 
 function driveName(file: string): string {
   return file.replace(/\.(tar|tgz|tar\.\w+|rawlog|(mcap|db3)(\.zstd)?)$/i, '');
 }
 
-/** Names that are taken in a map that is there; undefined until they are known. */
+/** The names of a map's versions; undefined until they are known. */
 function useVersionNames(map: string | undefined): string[] | undefined {
   const [names, setNames] = useState<string[]>();
   useEffect(() => {
