@@ -1,5 +1,7 @@
-import type { Decision } from './objects_layer.js';
 import type { Theme } from './types.js';
+
+/** What a person decided about an object. */
+export type Decision = 'keep' | 'remove';
 
 /** 0xrrggbb by class of object; far apart for people who see colours differently too, after Okabe and Ito (2008). */
 const kClassColours: Record<Theme, Record<string, number>> = {

@@ -7,11 +7,8 @@ import type { Clip } from './clip_planes.js';
 import { boxEdges, empty, flat } from './lines.js';
 import type { Ray } from './pick.js';
 import type { SeenObject } from './seen_objects.js';
-import { kDecisionColours, objectColour } from './object_colours.js';
+import { kDecisionColours, objectColour, type Decision } from './object_colours.js';
 import { add, type Theme, type Vec3 } from './types.js';
-
-/** What a person decided about an object. */
-export type Decision = 'keep' | 'remove';
 
 /**
  * Boxes of what was removed, coloured by class, with the tracks of what moved.

@@ -1,4 +1,13 @@
-import type { Pick, Scene } from './scene.js';
+import type { MapCloud, PickedPoint } from './map_cloud.js';
+import type { Vec3 } from './types.js';
+
+/** A place that a person points at; map coordinates [m]. */
+export interface Pick {
+  readonly position: Vec3;
+  /** The point there; undefined when only the ground plane was met. */
+  readonly point?: PickedPoint;
+  readonly cloud?: MapCloud;
+}
 
 /** The pointer over the canvas. */
 export interface PointerPlace {
@@ -40,7 +49,7 @@ export class Pointers {
   private readonly stop_ = new AbortController();
 
   constructor(
-    private readonly scene_: Scene,
+    private readonly scene_: { canvas: HTMLElement; pick: (clientX: number, clientY: number) => Pick | undefined },
     private readonly steer_: (on: boolean) => void,
   ) {
     const { canvas } = scene_;

@@ -1,21 +1,13 @@
 import * as THREE from 'three';
 import { EyeDome } from './eye_dome.js';
 import { FrameLoop, type FrameCosts } from './frame_loop.js';
-import type { MapCloud, PickedPoint } from './map_cloud.js';
-import { Pointers, type Tool } from './pointers.js';
+import type { MapCloud } from './map_cloud.js';
+import { Pointers, type Tool, type Pick } from './pointers.js';
 import type { Ray } from './pick.js';
 import { Steering, type Lens, type View } from './steering.js';
 import { add, type Theme, type Vec3 } from './types.js';
 
 export type { View } from './steering.js';
-
-/** A place that a person points at; map coordinates [m]. */
-export interface Pick {
-  readonly position: Vec3;
-  /** The point there; undefined when only the ground plane was met. */
-  readonly point?: PickedPoint;
-  readonly cloud?: MapCloud;
-}
 
 /** `auto` draws less while the camera moves, on machines that need it. */
 export type Quality = 'auto' | 'full' | 'reduced';

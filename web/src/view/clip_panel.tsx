@@ -1,11 +1,11 @@
 import { toApiError } from '../api/errors.js';
 import type { Box, ClipMode } from '../scene/clip_box.js';
-import type { Decision } from '../scene/objects_layer.js';
+import type { Decision } from '../scene/object_colours.js';
 import type { Vec3 } from '../scene/types.js';
 import { say } from '../ui/notices.js';
 import { useStore } from '../state/store.js';
 import type { ViewerModel } from './model.js';
-import { Section } from './panel.js';
+import { Section } from './section.js';
 
 const kAxes = ['East', 'North', 'Up'] as const;
 const kSides = ['Length', 'Width', 'Height'] as const;

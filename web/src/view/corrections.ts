@@ -1,7 +1,7 @@
 import { ask, type Answer, type Schema } from '../api/client.js';
 import { ApiError } from '../api/errors.js';
 import type { Box } from '../scene/clip_box.js';
-import type { Decision } from '../scene/objects_layer.js';
+import type { Decision } from '../scene/object_colours.js';
 import type { SeenObject } from '../scene/seen_objects.js';
 import type { Vec3 } from '../scene/types.js';
 

@@ -5,7 +5,7 @@ import { say } from '../ui/notices.js';
 import { saveBlob } from '../ui/save.js';
 import { useStore } from '../state/store.js';
 import type { ViewerModel } from './model.js';
-import { Section } from './panel.js';
+import { Section } from './section.js';
 import type { ExportScope } from './tools.js';
 
 const kScopeWords: Record<ExportScope, string> = { map: 'Whole map', clip: 'Clip box', section: 'Section' };

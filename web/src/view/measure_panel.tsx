@@ -3,7 +3,7 @@ import { lengthOf } from '../scene/section.js';
 import type { Vec3 } from '../scene/types.js';
 import { useStore } from '../state/store.js';
 import type { ViewerModel } from './model.js';
-import { Section } from './panel.js';
+import { Section } from './section.js';
 
 /** What was measured, in numbers. */
 export function MeasurePanel({ model }: { model: ViewerModel }) {

@@ -1,7 +1,8 @@
 import { useState } from 'preact/hooks';
 import { toApiError } from '../api/errors.js';
 import { metres } from '../scene/measure.js';
-import { shownBox, type Decision } from '../scene/objects_layer.js';
+import type { Decision } from '../scene/object_colours.js';
+import { shownBox } from '../scene/objects_layer.js';
 import { wayOf, type SeenObject } from '../scene/seen_objects.js';
 import { number } from '../ui/format.js';
 import { useStore } from '../state/store.js';

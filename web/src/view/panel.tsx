@@ -1,4 +1,3 @@
-import type { ComponentChildren } from 'preact';
 import { linkTo } from '../state/router.js';
 import { kColourings, kKinds, type Colouring, type Kind } from '../scene/types.js';
 import { kGrids, kOverlays, type Grid, type Overlay } from '../scene/view_state.js';
@@ -10,6 +9,7 @@ import { ExportPanel } from './export_panel.js';
 import { ColourLegend, GridLegend, swatchOf } from './legend.js';
 import { MeasurePanel } from './measure_panel.js';
 import type { ViewerModel } from './model.js';
+import { Section } from './section.js';
 
 const kColouringWords: Record<Colouring, string> = {
   height: 'Height', intensity: 'Intensity', kind: 'Kind', observations: 'Observations',
@@ -42,10 +42,6 @@ export function Panel({ model }: { model: ViewerModel }) {
       <Help />
     </>
   );
-}
-
-export function Section({ title, children }: { title: string; children: ComponentChildren }) {
-  return <section class="viewer-section" aria-label={title}><h2>{title}</h2>{children}</section>;
 }
 
 function ColourChoice({ model }: { model: ViewerModel }) {

@@ -1,5 +1,5 @@
 import { toGeodetic } from '../scene/geodetic.js';
-import type { Pick } from '../scene/scene.js';
+import type { Pick } from '../scene/pointers.js';
 import { plural } from '../ui/format.js';
 import { useStore } from '../state/store.js';
 import type { MapFacts } from './facts.js';
