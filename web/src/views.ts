@@ -8,9 +8,9 @@ export type ViewComponent = ComponentType<ViewProps>;
 
 export interface View {
   title: string;
-  /** Fills the window below the header, without the page's own margins and scrolling. */
+  /** Fills the window below the header, without margins and scrolling. */
   whole?: boolean;
-  /** The component, or how to fetch the piece of script that holds it. */
+  /** The component, or how to load the script that has it. */
   show: ViewComponent | { fetch: () => Promise<{ default: ViewComponent }> };
 }
 
@@ -28,5 +28,5 @@ export const kViews: Readonly<Record<string, View>> = {
   api: { title: 'API', show: { fetch: () => import('./apipage/index.js') } },
 };
 
-/** Those of the header, in order. */
+/** The views in the header, in order. */
 export const kMainViews = ['maps', 'jobs', 'keys', 'api'] as const;

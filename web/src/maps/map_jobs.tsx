@@ -6,7 +6,7 @@ import { useLoad } from '../ui/load.js';
 
 const kShown = 5;
 
-/** The latest jobs of a map; nothing when there were none. */
+/** The latest jobs of a map; nothing if there are none. */
 export function MapJobs({ map, onEnd }: { map: string; onEnd: () => void }) {
   const { data, reload } = useLoad(
     async (signal) => (await ask('get', '/v1/jobs', { query: { map, limit: kShown }, signal })).data, [map], { everyS: 4 });
