@@ -13,22 +13,22 @@ async function keys(run) {
   await page.keyboard.press('Enter');
   await page.getByRole('button', { name: 'New key' }).click();
   await page.click('dialog button[type=submit]');
-  run.expect(/A name is needed/.test(await page.locator('dialog .fault').innerText()), 'a key needs a name');
+  run.expect(/Enter a name/.test(await page.locator('dialog .fault').innerText()), 'a key needs a name');
   await page.fill('dialog input:not([type=checkbox])', 'operator');
   await run.accessible(page, 'the form of a key');
   await page.click('dialog button[type=submit]');
   run.expect(/^stillmap_/.test(await page.locator('[data-secret]').innerText()), 'the key is shown');
   await run.screenshot(page, 'key_made');
-  await page.click('text=I have it');
+  await page.click('dialog button:text-is("Done")');
   await page.waitForSelector('tr[data-key=operator]');
-  run.expect(/Key in use/.test(await page.locator('header').innerText()), 'the page goes on with the key that was given');
+  run.expect(/Key set/.test(await page.locator('header').innerText()), 'the page goes on with the key that was given');
 
   await page.getByRole('button', { name: 'New key' }).click();
   await page.fill('dialog input:not([type=checkbox])', 'display');
   await page.locator('dialog').getByRole('textbox', { name: 'Maps' }).fill('to*, depot');
   await page.click('dialog button[type=submit]');
   const display = await page.locator('[data-secret]').innerText();
-  await page.click('text=I have it');
+  await page.click('dialog button:text-is("Done")');
   run.expect((await page.locator('tr[data-key=display]').innerText()).includes('to*, depot'), 'the list says for which maps a key is');
   await run.accessible(page, 'the list of keys');
   await scopes(run, server, display);
@@ -54,7 +54,7 @@ async function scopes(run, server, display) {
   run.expect(await page.inputValue('dialog input') === 'depot', '403 is said in words, and what was typed stays');
   await page.keyboard.press('Escape');
   await page.click('nav a:text-is("Keys")');
-  await page.waitForSelector('text=Keys are for administrators');
+  await page.waitForSelector('text=Only a key with the scope “admin” can manage keys');
   run.expect(true, 'keys are not shown without the scope admin');
   await page.context().close();
 }

@@ -1,5 +1,5 @@
 // The page from end to end, as a map team uses it: a drive is uploaded, a version rebuilt of it and watched, compared
-// with the one before, published and rolled back, and a scan found in it. Then every view for its accessibility.
+// with the one before, activated and rolled back, and a scan found in it. Then every view for its accessibility.
 
 import { readdirSync, readFileSync } from 'node:fs';
 import { dirname, join } from 'node:path';
@@ -17,7 +17,7 @@ async function upload(run, page) {
   await page.click('button:has-text("Upload")');
   await page.setInputFiles('dialog input[type=file] >> nth=0', run.tar('drive', 'monday.tar'));
   await page.click('dialog button[type=submit]');
-  await shown(run, page, 'tr[data-drive]:has-text("Complete")', 'an uploaded drive is listed as complete', { timeout: kRebuildMs });
+  await shown(run, page, 'tr[data-drive] .badge:text-is("Complete")', 'an uploaded drive is listed as complete', { timeout: kRebuildMs });
 }
 
 async function rebuild(run, page, server) {
@@ -68,12 +68,12 @@ async function compare(run, page, server) {
   await other.context().close();
 }
 
-async function publish(run, page, server) {
+async function activate(run, page, server) {
   const active = async () => (await json(server, '/v1/maps/town')).version;
   await page.goto(`${server.origin}/#/maps/town`);
-  await page.click('button[aria-label="Publish kept"]');
+  await page.click('button[aria-label="Activate kept"]');
   await page.click('dialog button[type=submit]');
-  await shown(run, page, 'tr[data-version=kept] .badge:text-is("Active")', 'a published version is marked as active');
+  await shown(run, page, 'tr[data-version=kept] .badge:text-is("Active")', 'an activated version is marked as active');
   run.expect((await active()) === 'kept', 'and served');
   await page.click('button:has-text("Roll back to v1")');
   await page.click('dialog button[type=submit]');
@@ -89,7 +89,7 @@ async function story(run) {
   await upload(run, page);
   await rebuild(run, page, server);
   await compare(run, page, server);
-  await publish(run, page, server);
+  await activate(run, page, server);
   await localize(run, page, server);
 }
 
@@ -99,8 +99,8 @@ async function localize(run, page, server) {
   await drop(page, '.scene', [scanOf(run, 11)]);
   await shown(run, page, '.answer[data-status=ok]', 'a dropped scan is found');
   run.expect(/3σ/.test(await page.textContent('.error-plot')), 'with its ellipse');
-  run.expect(/Protected: .*along/.test(await page.textContent('.error-plot')), 'its protection level');
-  run.expect(/ms at the server/.test(await page.textContent('.timings')), 'its timings');
+  run.expect(/Protection level: .*along/.test(await page.textContent('.error-plot')), 'its protection level');
+  run.expect(/ms on the server/.test(await page.textContent('.timings')), 'its timings');
   const anywhere = await page.textContent('.answer .facts');
   await run.accessible(page, 'a scan that was found');
 

@@ -69,8 +69,8 @@ test('free directions are told in words and turned into the map', () => {
   const pose = poseWithHeading([0, 0, 0], Math.PI / 2);
   const along = freeDirection(pose, [0.99, 0.1, 0, 0, 0, 0]);
   near(along.slide.y, 0.99);
-  assert.equal(along.words, 'may slide forward or back');
-  assert.equal(freeDirection(pose, [0, 0, 0, 0, 0, 1]).words, 'may turn to the left or right (yaw)');
+  assert.equal(along.words, 'can slide forward or back');
+  assert.equal(freeDirection(pose, [0, 0, 0, 0, 0, 1]).words, 'can turn to the left or right (yaw)');
 });
 
 test('every reason that the localizer gives is put into words', () => {
@@ -108,7 +108,7 @@ test('stamps come from times.txt to the nanosecond, else ten a second', () => {
   assert.deepEqual(stampsOf(2, '0.000000e+00\n1.037303e-01\n').stamps_ns, ['0', '103730000']);
   assert.deepEqual(stampsOf(2, null).stamps_ns, ['100000000', '200000000']);
   assert.match(stampsOf(3, '1\n2\n').source, /2 lines for 3 scans/);
-  assert.match(stampsOf(2, '2\n1\n').source, /growing/);
+  assert.match(stampsOf(2, '2\n1\n').source, /increasing/);
 });
 
 test('scans of a folder come in the order of their numbers', () => {
@@ -253,10 +253,10 @@ test('a place that was driven past has the height and slope of the drive, others
 test('a fix is read with its bounds; what was left out or is wrong is said', () => {
   const typed = { latitude: '48.5', longitude: '9', altitude: '', sigma: '3' };
   assert.deepEqual(readGnss(typed), { kind: 'gnss', latitude_deg: 48.5, longitude_deg: 9, altitude_m: null, sigma_m: 3 });
-  assert.match(readGnss({ ...typed, latitude: '91' }), /Latitude/);
-  assert.match(readGnss({ ...typed, longitude: '' }), /Longitude/);
-  assert.match(readGnss({ ...typed, altitude: 'high' }), /Height/);
-  assert.match(readGnss({ ...typed, sigma: '0' }), /Deviation/);
+  assert.match(readGnss({ ...typed, latitude: '91' }), /latitude/);
+  assert.match(readGnss({ ...typed, longitude: '' }), /longitude/);
+  assert.match(readGnss({ ...typed, altitude: 'high' }), /altitude/);
+  assert.match(readGnss({ ...typed, sigma: '0' }), /standard deviation/);
 });
 
 test('small ellipses are drawn larger by a round number, large ones as they are', () => {

@@ -13,19 +13,19 @@ interface Loaded extends ShownMap {
   poses: Pose[];
 }
 
-/** Where a scan lies in a map, and where its vehicles are: `#/localize/MAP` or `#/localize/MAP/VERSION`. */
+/** Finds scans in a map and shows its vehicles: `#/localize/MAP` or `#/localize/MAP/VERSION`. */
 export default function LocalizeView({ path, query }: ViewProps) {
   const [map = '', version] = path;
   const { data, error, reload } = useLoad((signal) => load(map, version, signal), [map, version]);
   if (error !== undefined && data === undefined) {
     return <div class="page"><Trouble error={error} onRetry={reload} title={`${map} cannot be shown`} /></div>;
   }
-  if (data === undefined) return <p class="waiting" role="status">Asking for the map…</p>;
+  if (data === undefined) return <p class="waiting" role="status">Loading the map…</p>;
   if (data === null) {
     return (
       <div class="page">
         <Empty title={`${map} has no active version`}>
-          <p>Scans are looked for in the active version. <a href={linkTo('maps', [map])}>Its versions</a></p>
+          <p>Scans are localized in the active version. <a href={linkTo('maps', [map])}>Activate a version</a></p>
         </Empty>
       </div>
     );

@@ -51,7 +51,7 @@ export function Workplace({ map, place, geodetic, poses = kNoPoses, query }: Pro
     lookAt(fleet.vehicles.find((vehicle) => vehicle.label === label)?.pose);
   };
   const point = (): void => scene?.setTool(priorTool(
-    poses, (prior, settled) => localizer.setPrior(prior, settled), () => scene.setTool(null)));
+    poses, (prior, final) => localizer.setPrior(prior, final), () => scene.setTool(null)));
 
   return (
     <DropTarget onFiles={(files) => { setTab('scan'); void localizer.take(files); }}>

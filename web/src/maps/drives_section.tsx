@@ -42,19 +42,19 @@ export function DrivesSection({ map }: { map: string }) {
             </thead>
             <tbody>
               {list.map((drive) => (
-                <Row key={drive.id} drive={drive} onGoOn={() => setOpen({ what: 'resume', drive })} onDelete={() => setOpen({ what: 'delete', drive })} />
+                <Row key={drive.id} drive={drive} onResume={() => setOpen({ what: 'resume', drive })} onDelete={() => setOpen({ what: 'delete', drive })} />
               ))}
             </tbody>
           </table>
         </div>
       )}
-      {open?.what === 'resume' && <UploadDialog map={map} goOn={{ ...open.drive, kind: 'drive' }} onClose={close} />}
+      {open?.what === 'resume' && <UploadDialog map={map} resume={{ ...open.drive, kind: 'drive' }} onClose={close} />}
       {open?.what === 'delete' && <DeleteDrive drive={open.drive} onClose={close} onChange={drives.reload} />}
     </section>
   );
 }
 
-function Row({ drive, onGoOn, onDelete }: { drive: DriveRow; onGoOn: () => void; onDelete: () => void }) {
+function Row({ drive, onResume, onDelete }: { drive: DriveRow; onResume: () => void; onDelete: () => void }) {
   const here = useStore(uploads).some(({ plan, transfer }) =>
     plan.map === drive.map && plan.kind === 'drive' && plan.name === drive.name
     && !['canceled', 'failed', 'done'].includes(transfer.view.get().state));
@@ -76,7 +76,7 @@ function Row({ drive, onGoOn, onDelete }: { drive: DriveRow; onGoOn: () => void;
       <td title={date(drive.created_ns)}>{age(drive.created_ns)}</td>
       <td class="end">
         <div class="actions end">
-          {drive.status === 'open' && !here && <button type="button" class="small" onClick={onGoOn}>Resume the upload</button>}
+          {drive.status === 'open' && !here && <button type="button" class="small" onClick={onResume}>Resume the upload</button>}
           <button type="button" class="plain small" aria-label={`Delete the drive ${drive.name}`} onClick={onDelete}><Icon name="trash" /></button>
         </div>
       </td>

@@ -42,7 +42,7 @@ export function UnfinishedUploads({ map }: { map: string }) {
         </div>
       ))}
       {open !== undefined && (
-        <UploadDialog map={map} goOn={{ id: open.id, name: open.version, kind: kindOfType(open.content_type) }} onClose={() => setOpen(undefined)} />
+        <UploadDialog map={map} resume={{ id: open.id, name: open.version, kind: kindOfType(open.content_type) }} onClose={() => setOpen(undefined)} />
       )}
     </section>
   );

@@ -82,14 +82,14 @@ export class TileSource {
 
 function troubleOf(error: ApiError): Trouble {
   if (error.status === 404 || error.status === 410) {
-    return { kind: 'gone', text: `This version is no longer on the server. What is shown stays until you leave. ${error.message}` };
+    return { kind: 'gone', text: `This version was deleted from the server. The picture stays until you leave this view. ${error.message}` };
   }
   if (error.status === 503 || error.status === 429) {
-    return { kind: 'busy', text: `The server sends no more of the map at the moment. ${error.message}` };
+    return { kind: 'busy', text: `The server sends no more tiles at the moment. ${error.message}` };
   }
-  if (error.trouble === 'key') return { kind: 'key', text: `${error.message} What is shown stays.` };
+  if (error.trouble === 'key') return { kind: 'key', text: `${error.message} The picture stays.` };
   if (error.trouble === 'problem') return { kind: 'refused', text: error.message };
-  return { kind: 'offline', text: `${error.message} What is shown stays; the rest comes when it is back.` };
+  return { kind: 'offline', text: `${error.message} The picture stays; the missing tiles are loaded when the server answers.` };
 }
 
 // Waits until it is let go, or the signal fires.

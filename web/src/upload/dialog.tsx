@@ -12,8 +12,8 @@ import { startUpload } from './manager.js';
 import { faultOfName, suggestedMap, suggestedVersion } from './names.js';
 import { begunWith } from './remembered.js';
 
-/** An upload that was begun: its number, and the name of the drive or version. */
-export interface GoOn {
+/** An upload that was started before: its number, and the name of the drive or version. */
+export interface Resumed {
   id: number;
   name: string;
   kind: Kind;
@@ -23,29 +23,29 @@ export interface UploadDialogProps {
   onClose: () => void;
   /** Already dropped or chosen. */
   chosen?: Chosen | undefined;
-  /** The map that it goes to; undefined lets the person choose. */
+  /** The map to upload to; undefined lets the person choose. */
   map?: string | undefined;
-  /** The upload that broke off. */
-  goOn?: GoOn | undefined;
+  /** The interrupted upload. */
+  resume?: Resumed | undefined;
 }
 
-/** Asks what is to be uploaded where, and begins it. */
-export function UploadDialog({ onClose, chosen: first, map, goOn }: UploadDialogProps) {
+/** Asks what to upload and where, and starts the upload. */
+export function UploadDialog({ onClose, chosen: first, map, resume }: UploadDialogProps) {
   const [chosen, setChosen] = useState(first);
   const [error, setError] = useState<ApiError>();
   const choose = (promise: Promise<Chosen | undefined>): void => {
     setError(undefined);
     promise.then((next) => next !== undefined && setChosen(next), (reason: unknown) => setError(toApiError(reason)));
   };
-  const title = goOn === undefined ? 'Upload' : `Go on with “${goOn.name}”`;
+  const title = resume === undefined ? 'Upload' : `Resume “${resume.name}”`;
   const isUsable = chosen !== undefined && 'kind' in chosen.look;
   return (
     <Dialog title={title} onClose={onClose}>
-      {goOn !== undefined && <p>Choose the same file or folder again. What the server has of it is not sent twice.</p>}
+      {resume !== undefined && <p>Choose the same file or folder again. Parts that the server already has are not sent again.</p>}
       <Chooser chosen={chosen} choose={choose} />
       {error !== undefined && <Trouble error={error} />}
       {chosen !== undefined && 'refused' in chosen.look && <p class="trouble" role="alert">{chosen.look.refused}</p>}
-      {isUsable && <Where key={chosen.name} chosen={chosen} map={map} goOn={goOn} onClose={onClose} />}
+      {isUsable && <Where key={chosen.name} chosen={chosen} map={map} resume={resume} onClose={onClose} />}
       {!isUsable && (
         <div class="actions"><span class="grow" /><button type="button" onClick={onClose}>Cancel</button></div>
       )}
@@ -68,7 +68,7 @@ function Chooser({ chosen, choose }: { chosen: Chosen | undefined; choose: (prom
       }}
     >
       {chosen === undefined
-        ? <p>Drop a file or a folder here: a map package or a drive as a folder or tar (plain, gzip, zstd), a drive as MCAP, rosbag2 (.db3) or rawlog, or points as LAS, PCD or PLY.</p>
+        ? <p>Drop a file or a folder here: a map package or a drive as a folder or tar (plain, gzip or zstd), a drive as MCAP, rosbag2 (.db3) or rawlog, or a map as LAS, PCD or PLY.</p>
         : <p><strong>{chosen.name}</strong> <span class="quiet">{wordsOf(chosen)}</span></p>}
       <div class="actions">
         <label class="button">
@@ -99,36 +99,36 @@ function wordsOf({ content, files, look }: Chosen): string {
 interface WhereProps {
   chosen: Chosen;
   map: string | undefined;
-  goOn: GoOn | undefined;
+  resume: Resumed | undefined;
   onClose: () => void;
 }
 
 /** Map, name and kind of what was chosen. */
-function Where({ chosen, map: fixedMap, goOn, onClose }: WhereProps) {
+function Where({ chosen, map: fixedMap, resume, onClose }: WhereProps) {
   const look = 'kind' in chosen.look ? chosen.look : undefined;
-  const [kind, setKind] = useState<Kind>(goOn?.kind ?? look?.kind ?? 'package');
+  const [kind, setKind] = useState<Kind>(resume?.kind ?? look?.kind ?? 'package');
   const [typedMap, setMap] = useKept('upload.map', '');
   const [typedName, setName] = useState<string>();
   const { names: maps, isNew } = useMaps();
   const map = fixedMap ?? (typedMap === '' ? suggestedMap(chosen.name) : typedMap);
   const suggested = useSuggestedName(chosen, kind, map, isNew(map));
-  const name = goOn?.name ?? typedName ?? suggested ?? '';
+  const name = resume?.name ?? typedName ?? suggested ?? '';
   const mapFault = faultOfName(map);
-  const nameFault = goOn === undefined ? faultOfUploadName(kind, name) : undefined;
+  const nameFault = resume === undefined ? faultOfUploadName(kind, name) : undefined;
   const isSound = mapFault === undefined && nameFault === undefined;
-  const begun = goOn === undefined
+  const begun = resume === undefined
     ? begunWith({ map, collection: collectionOf(kind), name: chosen.name, bytes: chosen.content.size, changedMs: chosen.changedMs }) : undefined;
-  const start = (event: Event, goOnWith: number | undefined): void => {
+  const start = (event: Event, resumedId: number | undefined): void => {
     event.preventDefault();
     if (!isSound) return;
-    startUpload({ map, kind, name, chosen, goOn: goOnWith });
+    startUpload({ map, kind, name, chosen, resume: resumedId });
     onClose();
   };
   return (
-    <form onSubmit={(event) => start(event, goOn?.id ?? begun?.id)}>
-      {look?.sure !== true && goOn === undefined && <KindChoice kind={kind} why={look?.why} onKind={setKind} />}
+    <form onSubmit={(event) => start(event, resume?.id ?? begun?.id)}>
+      {look?.sure !== true && resume === undefined && <KindChoice kind={kind} why={look?.why} onKind={setKind} />}
       {fixedMap === undefined && <MapField map={map} maps={maps} isNew={isNew(map)} fault={mapFault} onMap={setMap} />}
-      {goOn === undefined && (
+      {resume === undefined && (
         <Field
           label={kind === 'drive' ? 'Name of the drive' : 'Name of the version'} fault={typedName === undefined ? undefined : nameFault}
           hint={kind === 'drive' ? 'So that you can tell drives apart.' : 'It cannot be changed later. The version is stored, and not active yet.'}
@@ -141,7 +141,7 @@ function Where({ chosen, map: fixedMap, goOn, onClose }: WhereProps) {
         {begun !== undefined && <button type="button" disabled={!isSound} onClick={(event) => start(event, undefined)}>Start over</button>}
         <span class="grow" />
         <button type="button" onClick={onClose}>Cancel</button>
-        <button type="submit" class="primary" disabled={!isSound}>{begun === undefined && goOn === undefined ? 'Upload' : 'Resume'}</button>
+        <button type="submit" class="primary" disabled={!isSound}>{begun === undefined && resume === undefined ? 'Upload' : 'Resume'}</button>
       </div>
     </form>
   );
