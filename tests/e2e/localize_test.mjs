@@ -45,7 +45,7 @@ async function keys(run) {
   await page.click('.top button:has-text("Key set")');
   await page.fill('dialog input', driver);
   await page.keyboard.press('Enter');
-  await page.click('button:has-text("Find it")');
+  await page.click('button:has-text("Find the scan")');
   await shown(run, page, '.answer[data-status=ok]', 'with another key it goes on');
   await server.stop();
 }

@@ -26,7 +26,7 @@ async function colours(run) {
   const page = await run.open(server);
   const back = () => page.evaluate(() => getComputedStyle(document.documentElement).backgroundColor);
   const dark = await back();
-  await page.click('button[title^="Colours as"]');
+  await page.click('button[title^="System"]');
   await page.click('button[title^="Dark"]');
   await page.waitForSelector('html[data-theme=light]');
   const light = await back();

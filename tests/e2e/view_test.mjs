@@ -234,8 +234,8 @@ async function painted(run) {
   const page = await openView(run, server);
   for (const grid of ['coverage', 'localizability']) {
     const before = (await page.locator(kCanvas).screenshot()).toString('base64');
-    await page.selectOption('select[aria-label="Ground painted by"]', grid);
-    await page.waitForSelector('section[aria-label="Ground painted by"] .viewer-ramp');
+    await page.selectOption('select[aria-label="Ground colour"]', grid);
+    await page.waitForSelector('section[aria-label="Ground colour"] .viewer-ramp');
     await page.waitForTimeout(500);
     const after = (await page.locator(kCanvas).screenshot()).toString('base64');
     run.expect(before !== after, `the ground is painted by ${grid}`);
@@ -272,7 +272,7 @@ async function trouble(run) {
     () => run.expect(true, `said: ${words}`), () => run.expect(false, `said: ${words}`));
   await page.route('**/*.glb', (route) => route.abort());
   await page.goto(`${server.origin}/#/view/town`);
-  await said('The picture stays; the rest comes when it is back');
+  await said('The picture stays; the missing tiles are loaded when the server answers');
   await page.unroute('**/*.glb');
   await page.click('.viewer-message button');
   await settled(page);
@@ -283,7 +283,7 @@ async function trouble(run) {
     status: 404, contentType: 'application/problem+json', body: '{"title": "Not found", "code": "UnknownVersion", "detail": "no version v1"}',
   }));
   await page.goto(`${server.origin}/#/view/town`);
-  await said('This version is no longer on the server');
+  await said('This version was deleted from the server');
   await page.unroute('**/*.glb');
 
   await page.goto(`${server.origin}/#/view/nowhere`);
@@ -394,9 +394,9 @@ async function touch(run) {
   await page.click('role=radio[name="Measure"]');
   // The first finger stands still: alone it would be a tap.
   await fingers(page, ...steps([[x, y], [x + 30, y]], [[x, y], [x + 90, y]]));
-  run.expect((await page.locator('section[aria-label="Measured"]').count()) === 0, 'two fingers set no place');
+  run.expect((await page.locator('section[aria-label="Measurement"]').count()) === 0, 'two fingers set no place');
   await fingers(page, [[x, y]]);
-  run.expect((await page.locator('section[aria-label="Measured"]').count()) === 1, 'one that taps does');
+  run.expect((await page.locator('section[aria-label="Measurement"]').count()) === 1, 'one that taps does');
 }
 
 async function revoked(run) {
