@@ -1,13 +1,13 @@
 /** One server-sent event. */
 export interface ServerEvent {
-  /** Of the latest event that had one, which this one may be; empty before. */
+  /** Of the latest event that had an id, this one included; empty before. */
   id: string;
   event: string;
   data: string;
 }
 
 /**
- * Takes the text of an event stream in any pieces and returns the events that are complete.
+ * Takes an event stream's text in pieces and returns the events that are complete.
  *
  * @see https://html.spec.whatwg.org/multipage/server-sent-events.html#event-stream-interpretation
  */

@@ -1,4 +1,4 @@
-/** What drawing costs; script only, without waiting for the graphics. */
+/** Time for drawing a frame; script only, without waiting for the graphics card. */
 export interface FrameCosts {
   readonly frames: number;
   /** Of the newest frames [ms]. */
@@ -7,7 +7,7 @@ export interface FrameCosts {
 
 const kRemembered = 120;
 
-/** Calls `draw` once for any number of requests until the next frame; nothing runs while nothing is asked for. */
+/** Calls `draw` once for any number of requests until the next frame; nothing runs while there is no request. */
 export class FrameLoop {
   private pending_ = 0;
   private frames_ = 0;
@@ -19,7 +19,7 @@ export class FrameLoop {
     if (this.pending_ === 0) this.pending_ = requestAnimationFrame(() => this.now());
   }
 
-  /** Draws at once, in place of what was asked for. */
+  /** Draws at once, in place of a pending request. */
   now(): void {
     cancelAnimationFrame(this.pending_);
     this.pending_ = 0;
