@@ -57,7 +57,7 @@ export function ErrorPlot({ pose, covariance, protection }: { pose: Pose; covari
         {along !== null && across !== null && (
           <>
             <p><span class="key protection" /> Protection level: {lengthWords(along)} along, {lengthWords(across)} across</p>
-            <p class="quiet">Height {lengthWords(protection.vertical_m)}, heading {angleWords(protection.yaw_rad)}; at most one error in a thousand is larger</p>
+            <p class="quiet">Height {lengthWords(protection.vertical_m)}, heading {angleWords(protection.yaw_rad)}; exceeded once in a thousand</p>
           </>
         )}
         {along === null && <p class="quiet">No protection level: only poses with the verdict “Found” have one.</p>}
