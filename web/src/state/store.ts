@@ -1,6 +1,6 @@
 import { useEffect, useState } from 'preact/hooks';
 
-/** A value that tells whoever listens when it changes. */
+/** A value that calls its listeners when it changes. */
 export class Store<Value> {
   private readonly listeners_ = new Set<(value: Value) => void>();
 
@@ -16,14 +16,14 @@ export class Store<Value> {
     for (const listener of [...this.listeners_]) listener(value);
   }
 
-  /** @return ends it. */
+  /** @return stops listening. */
   listen(listener: (value: Value) => void): () => void {
     this.listeners_.add(listener);
     return () => this.listeners_.delete(listener);
   }
 }
 
-/** A store's value in a component that is drawn anew with each change. */
+/** A store's value in a component, which is drawn again with each change. */
 export function useStore<Value>(store: Store<Value>): Value {
   const [value, setValue] = useState(store.get());
   useEffect(() => {

@@ -1,6 +1,6 @@
-// Where the page is, kept in the address behind `#`, so that every view has an address that can be shared.
+// The address after `#` says which view is shown, so that every view can be shared as a link.
 
-import { Store } from './ui/store.js';
+import { Store } from './store.js';
 
 export interface Place {
   /** First part, as `maps`; empty at the start page. */
@@ -10,7 +10,10 @@ export interface Place {
   query: URLSearchParams;
 }
 
-/** Reads `#/view/town/v1?eye=1,2,3`. Parts that are no valid escapes are taken as they are. */
+/** What a view is given: the parts of the address after its name, and the query. */
+export type ViewProps = Pick<Place, 'path' | 'query'>;
+
+/** Reads `#/view/town/v1?eye=1,2,3`. Parts with invalid escapes are taken as they are. */
 export function parsePlace(hash: string): Place {
   const text = hash.replace(/^#\/?/, '');
   const cut = text.indexOf('?');
@@ -37,7 +40,7 @@ const kRewriteMs = 120;
 
 export const place = new Store<Place>(parsePlace(globalThis.location?.hash ?? ''));
 
-/** Goes there; the browser's back button comes back. */
+/** Goes there; the browser's back button returns. */
 export function go(link: string): void {
   window.location.hash = link;
 }
@@ -45,20 +48,25 @@ export function go(link: string): void {
 let rewriting: ReturnType<typeof setTimeout> | undefined;
 
 /**
- * Replaces the query of the present place without a step in the history: for views that keep their state in it. The
- * newest of those that come together is written, a moment later: browsers refuse to write addresses at the pace of a drag.
+ * Replaces the query of the present address without a step in the history, for views that keep their state in it. Of
+ * several calls within a moment the last is written: browsers refuse to change the address as often as a drag does.
  */
 export function replaceQuery(query: Record<string, string>): void {
   const { view, path } = place.get();
   clearTimeout(rewriting);
   rewriting = setTimeout(() => {
-    // The window may have gone elsewhere already, and `hashchange` not have come yet: that address must stay.
+    // The window may already be at another address, before `hashchange` is sent: that address must stay.
     const there = parsePlace(window.location.hash);
     if (linkTo(there.view, there.path) === linkTo(view, path)) window.history.replaceState(null, '', linkTo(view, path, query));
   }, kRewriteMs);
 }
 
-/** Begins to follow the address. */
+/** Replaces the address without a step in the history and without drawing the view again. */
+export function rewriteAddress(link: string): void {
+  window.history.replaceState(null, '', link);
+}
+
+/** Starts to follow the address. */
 export function startRouter(): void {
   window.addEventListener('hashchange', () => {
     clearTimeout(rewriting);
