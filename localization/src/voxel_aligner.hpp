@@ -12,7 +12,7 @@ class PlaceSearch;
 
 /// The default aligner: search around the prior, or over the whole map, on coarse cells;
 /// Gauss-Newton on distributions from coarse to fine with a kernel that narrows; then the verdict.
-/// See localization/README.md.
+/// See localization/how_it_works.md.
 class VoxelAligner : public Aligner {
  public:
   /// @throws std::invalid_argument if `index` is null or a pose is not finite.

@@ -220,7 +220,7 @@ class Running(FolderTest):
         self.check_audit(len(records))
 
     def check_audit(self, count):
-        """The chain as maps/store.md describes it."""
+        """The chain as server/store.md describes it."""
         def audit(*arguments):
             return subprocess.run([PROGRAM, "audit", *arguments, "--store", self.store], capture_output=True, text=True)
 
