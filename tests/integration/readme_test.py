@@ -4,7 +4,8 @@
 usage: readme_test.py STILLMAP PAGE STORE DRIVE MAP
 
 A marked `sh` block is run in a folder that has what the page speaks of: the demo's drive, map and store in build/demo,
-the programs in build/release and in PATH, DRIVE as a drive, my_bag and next_bag as bags, maps_store as a store, scan.pcd.
+the programs in build/release and in PATH, DRIVE as a drive, my_bag and next_bag as bags, scan.pcd, and yard as a map
+unless the page builds it.
 The page speaks of 127.0.0.1:8080. Here a server of the demo's store has a port of its own, and curl's configuration file
 (CURL_HOME) connects there. A block that is marked as served takes that server's place.
 What makes a key comes last, because others then need one. tests/architecture/pages.py checks that no block is unmarked.
@@ -27,8 +28,8 @@ from small_bag import write_bag, write_pcd
 BLOCK = re.compile(r"<!-- (run|served) by tests/integration/readme_test\.py -->\n+```sh\n(.*?)```", re.S)
 
 
-def folder_of(home, program, store, drive, package):
-    """What the pages speak of."""
+def folder_of(home, text, program, store, drive, package):
+    """What the page speaks of."""
     (home / "build/demo").mkdir(parents=True)
     (home / "build/release").mkdir()
     for name in ("stillmap", "stillmap-mapper", "stillmap-evaluate"):
@@ -39,6 +40,8 @@ def folder_of(home, program, store, drive, package):
     shutil.copytree(store, home / "build/demo/store")
     write_bag(drive, home / "my_bag")
     (home / "next_bag").symlink_to(home / "my_bag")
+    if "-o yard " not in text:
+        shutil.copytree(package, home / "yard")
     write_pcd(drive / "velodyne/000001.bin", home / "scan.pcd")
 
 
@@ -101,12 +104,13 @@ def run_block(block, server):
 
 def main():
     program, page, store, drive, package = (pathlib.Path(x).resolve() for x in sys.argv[1:])
-    blocks = sorted(BLOCK.findall(page.read_text()), key=lambda block: "keys create" in block[1])
+    text = page.read_text()
+    blocks = sorted(BLOCK.findall(text), key=lambda block: "keys create" in block[1])
     if not blocks:
         sys.exit(f"{page}: found no marked block, expected one")
     with tempfile.TemporaryDirectory() as folder:
         home = pathlib.Path(folder)
-        folder_of(home, program, store, drive, package)
+        folder_of(home, text, program, store, drive, package)
         server = Server(home)
         try:
             server.start("stillmap serve --store build/demo/store")
