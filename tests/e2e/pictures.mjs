@@ -1,4 +1,4 @@
-// Makes the pictures of web/README.md: node pictures.mjs STILLMAP SAMPLE --screenshots web/pictures   (./dev pictures)
+// Makes the pictures of the page: node pictures.mjs STILLMAP SAMPLE --screenshots web/pictures   (./dev pictures)
 // SAMPLE is what tests/integration/sample_map.sh makes. Another version of its map, with the cars left in, is built here.
 
 import { readFileSync } from 'node:fs';

@@ -28,7 +28,7 @@ struct Observability {
 /// (Huber's sandwich, clustered); more where the map's surfaces are thicker than a map's with
 /// exact poses, and where near points and all alike place the scan differently; and a floor for
 /// what all points share. Degenerate directions get `kUnknownM`. Its factors are calibrated on
-/// simulated drives (localization/README.md).
+/// simulated drives (localization/how_it_works.md).
 /// @param bend  from the pose to the one by near points, (tx ty tz rx ry rz) in the lidar frame.
 [[nodiscard]] Matrix6d covariance_of(const ResidualRows& rows,
                                      const Eigen::Isometry3d& T_index_lidar, float kernel_m,

@@ -13,7 +13,7 @@ class PlaceSearch;
 struct Query;
 
 /// The default aligner. A query goes through it once, from top to bottom: find candidates, refine
-/// them, deskew the scan, refine the best one, judge it. See localization/README.md.
+/// them, deskew the scan, refine the best one, judge it. See localization/how_it_works.md.
 class VoxelAligner : public Aligner {
  public:
   /// @throws std::invalid_argument if `index` is null, a pose is not finite or an option is broken.

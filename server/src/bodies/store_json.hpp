@@ -24,7 +24,7 @@ struct RemovedVersion {
   std::string map, version;
 };
 
-/// What `stillmap store` and `stillmap keys` print with --json (server/README.md).
+/// What `stillmap store` and `stillmap keys` print with --json (server/operation.md).
 [[nodiscard]] std::string problems_json(const std::vector<PackageStore::Problem>& problems);
 [[nodiscard]] std::string cleared_json(const PackageStore::Cleared& cleared,
                                        const std::vector<RemovedVersion>& removed);

@@ -272,7 +272,7 @@ void add_option(CLI::App& command, const server::Option& option, ServeArguments&
 void add_serve(CLI::App& app) {
   auto arguments = std::make_shared<ServeArguments>();
   CLI::App* command = app.add_subcommand(
-      "serve", "Serve one map, or a store of maps, over HTTP (see server/README.md)");
+      "serve", "Serve one map, or a store of maps, over HTTP (see server/operation.md)");
   command->add_option("MAP", arguments->map,
                       "Folder of one map package to serve without a store: poses, tiles and the "
                       "page, for reading only. Its index is kept in the folder; uploads, rebuilds "

@@ -25,7 +25,8 @@ enum class PoseStatus {
 [[nodiscard]] std::string_view name_of(PoseStatus status);
 
 /// Bounds that the errors of an `ok` pose stay within: P(|error| > level) <= 1e-3 on each axis, as
-/// calibrated on simulated drives of other days (localization/README.md). Infinite: no bound.
+/// calibrated on simulated drives of other days (localization/how_it_works.md). Infinite: no
+/// bound.
 struct ProtectionLevels {
   /// Along x, y and z of the frame that the covariance is given in (forward, left, up for a base)
   /// [m].

@@ -57,7 +57,7 @@ class TrackingSession;
 /// vehicle's odometry). What contradicts the prediction is not believed. Without a match poses are
 /// predicted for a bounded time, then the scan is looked for widely, then everywhere; what such a
 /// search finds is `ok` only after the following scans agreed. The state machine is drawn in
-/// localization/README.md.
+/// localization/sessions.md.
 /// @note Not safe from several threads: one session is one sequence. Several sessions may share an
 /// aligner. Same calls, same bits.
 class Tracker {
