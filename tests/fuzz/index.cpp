@@ -13,6 +13,7 @@
 #include <stillmap/maps/crc32c.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/mapped_file.hpp>
 
 #include <cstring>
 #include <memory>
@@ -56,7 +57,7 @@ struct Sample {
     writer.publish({}, "{}");
     package = maps::MapPackage::open(fuzz::folder().path() / "map");
     file = localization::MapIndex::open(*package, kOptions)->file();
-    const localization::MappedFile mapped(file);
+    const maps::MappedFile mapped(file);
     const auto bytes = mapped.bytes();
     index.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
     for (std::size_t i = 0; i < all.size(); i += 7)

@@ -1,5 +1,7 @@
 #include "detection/bev_overlap.hpp"
 
+#include <stillmap/maps/median.hpp>
+
 #include "fusion/box_frames.hpp"
 
 #include <Eigen/Core>
@@ -28,9 +30,7 @@ class KeptBoxes {
     for (const maps::Box& box : boxes) radii.push_back(radius(box));
     if (radii.empty()) return;
     // Most boxes lie in at most four cells, and none in more than 17 x 17.
-    const auto middle = radii.begin() + static_cast<std::ptrdiff_t>(radii.size() / 2);
-    std::ranges::nth_element(radii, middle);
-    cell_m_ = std::max(2.0 * *middle, std::ranges::max(radii) / 8.0);
+    cell_m_ = std::max(2.0 * maps::median(radii), std::ranges::max(radii) / 8.0);
     if (!(cell_m_ > 0.0)) cell_m_ = 1.0;
   }
 

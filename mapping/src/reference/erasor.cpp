@@ -1,5 +1,7 @@
 #include "reference/erasor.hpp"
 
+#include <stillmap/maps/median.hpp>
+
 #include "core/point_cells.hpp"
 #include "reference/map_blocks.hpp"
 #include "reference/polar_bins.hpp"
@@ -51,9 +53,7 @@ std::optional<float> sensor_height(const PosedScan& scan) {
     if (scan.positions[i].head<2>().norm() < kNearGroundM) heights.push_back(scan.positions[i].z());
   }
   if (heights.empty()) return std::nullopt;
-  const auto middle = heights.begin() + static_cast<std::ptrdiff_t>(heights.size() / 2);
-  std::nth_element(heights.begin(), middle, heights.end());
-  return -*middle;
+  return -maps::median(std::move(heights));
 }
 
 /// Nothing when the scan cannot be compared.

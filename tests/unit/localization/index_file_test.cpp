@@ -196,7 +196,7 @@ TEST_F(IndexFile, IsRefusedByNameAndMadeAnewWhenItIsNotTheOneWanted) {
     return changed;
   };
   const std::vector<std::pair<std::string, std::string>> cases = {
-      {"", "empty"},
+      {"", "found 0 bytes"},
       {good.substr(0, 100), "found 100 bytes"},
       {good.substr(0, good.size() - 64), "expected " + std::to_string(good.size())},
       {good + std::string(64, '\0'), "expected " + std::to_string(good.size())},
