@@ -1,5 +1,6 @@
 #include "reference/erasor.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
 #include <stillmap/maps/median.hpp>
 
 #include "core/point_cells.hpp"
@@ -15,7 +16,6 @@
 #include <cmath>
 #include <memory>
 #include <optional>
-#include <unordered_set>
 #include <utility>
 
 namespace stillmap::mapping {
@@ -87,14 +87,12 @@ std::unique_ptr<Query> make_query(const PosedScan& scan) {
 }
 
 std::uint64_t voxel_key(const Eigen::Vector3f& p, double inverse_voxel) {
-  constexpr std::int64_t kHalf = 1 << 20;
-  std::uint64_t key = 0;
-  for (Eigen::Index axis = 0; axis < 3; ++axis) {
-    const auto cell =
-        static_cast<std::int64_t>(std::floor(static_cast<double>(p[axis]) * inverse_voxel));
-    key = (key << 21U) | (static_cast<std::uint64_t>(cell + kHalf) & 0x1FFFFFU);
-  }
-  return key;
+  const auto cell = [&](float x) {
+    return static_cast<std::int64_t>(std::floor(static_cast<double>(x) * inverse_voxel));
+  };
+  return maps::signed_cell_key(cell(p.x()), cell(p.y()), cell(p.z()));
+}
+return key;
 }
 
 /// The map, and what is left of it.
@@ -159,7 +157,7 @@ class Comparison {
       }
     }
     std::sort(in_bins.begin(), in_bins.end());
-    const std::unordered_set<std::uint64_t> seen = voxels_seen(query, dynamic);
+    const maps::CellTable seen = voxels_seen(query, dynamic);
     for (std::size_t begin = 0; begin < in_bins.size();) {
       std::size_t end = begin;
       std::vector<Eigen::Vector3f> region;
@@ -177,9 +175,8 @@ class Comparison {
   }
 
   /// Voxels of the map with a point of the scan in a dynamic bin.
-  [[nodiscard]] std::unordered_set<std::uint64_t> voxels_seen(const Query& query,
-                                                              const BinFlags& dynamic) const {
-    std::unordered_set<std::uint64_t> voxels;
+  [[nodiscard]] maps::CellTable voxels_seen(const Query& query, const BinFlags& dynamic) const {
+    maps::CellTable voxels;
     for (const Eigen::Vector3f& p : query.positions) {
       const int bin = PolarBins::bin_of(query.T_body_local * p);
       if (bin < 0 || dynamic[static_cast<std::size_t>(bin)] == 0) continue;
