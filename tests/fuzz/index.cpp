@@ -21,9 +21,9 @@
 namespace {
 
 using namespace stillmap;
-using localization::index_format::Header;
+using Header = maps::SectionHeader;
 using localization::index_format::Kind;
-using localization::index_format::Section;
+using maps::Section;
 
 constexpr localization::MapIndexOptions kOptions{};
 
@@ -87,7 +87,9 @@ void mend_checksums(std::string& index) {
   std::memcpy(sections.data(), index.data() + sizeof(Header), sections.size() * sizeof(Section));
   for (Section& section : sections) {
     // The others are read without a look at their checksums.
-    if (section.kind != Kind::kTiles && section.kind != Kind::kGridTiles) continue;
+    if (section.kind != static_cast<std::uint32_t>(Kind::kTiles) &&
+        section.kind != static_cast<std::uint32_t>(Kind::kGridTiles))
+      continue;
     if (section.offset > index.size() || section.bytes > index.size() - section.offset) continue;
     section.crc = maps::crc32c(bytes.subspan(section.offset, section.bytes));
   }
