@@ -253,7 +253,7 @@ TEST(RebuildGate, RefusesAFileOfOtherThingsByName) {
         << text.substr(0, 40);
   }
   EXPECT_THAT([&] { (void)read_gate_limits(folder.path() / "none.json"); },
-              ThrowsSaying<maps::InputError>({"none.json"}));
+              ThrowsSaying<maps::StorageError>({"none.json"}));
 }
 
 }  // namespace rebuild_gate_test

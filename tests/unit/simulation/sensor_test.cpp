@@ -276,7 +276,7 @@ TEST(Sensor, RefusesBrokenDescriptionsByKeyAndValue) {
   }
   const std::string folder_name = folder.path().string();
   EXPECT_THAT([&] { (void)make_sensor(folder_name); },
-              test::ThrowsSaying<maps::InputError>({folder_name}));
+              test::ThrowsSaying<maps::StorageError>({folder_name}));
 }
 
 TEST(Sensor, RefusesAnUnknownNameByNamingTheKnownOnes) {
