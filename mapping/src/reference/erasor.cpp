@@ -92,8 +92,6 @@ std::uint64_t voxel_key(const Eigen::Vector3f& p, double inverse_voxel) {
   };
   return maps::signed_cell_key(cell(p.x()), cell(p.y()), cell(p.z()));
 }
-return key;
-}
 
 /// The map, and what is left of it.
 class Comparison {
