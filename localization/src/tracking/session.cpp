@@ -3,6 +3,7 @@
 #include "align/registration.hpp"
 
 #include <stillmap/maps/deskew.hpp>
+#include <stillmap/maps/trajectory.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -184,7 +185,7 @@ void TrackingSession::choose_mode(Belief& belief, const Step& step) const {
   if (belief.mode == Mode::kTracking && step.from != SearchedFrom::kGiven) {
     const bool astray = !(step.predicted->drift_m <= options_.max_drift_m);
     if (belief.contradictions >= options_.max_contradictions ||
-        seconds_between(belief.matched_ns, step.stamp_ns) > options_.max_coast_s ||
+        maps::seconds_between(belief.matched_ns, step.stamp_ns) > options_.max_coast_s ||
         (astray && belief.misses > 0)) {
       belief.mode = Mode::kWide;
       belief.agreed = 0;

@@ -3,7 +3,7 @@
 #include "evaluation/localization/localization_metrics.hpp"
 #include "evaluation/report/figures.hpp"
 #include "evaluation/report/page_parts.hpp"
-#include "evaluation/report/style.hpp"
+#include "evaluation/report/report_page.hpp"
 #include "evaluation/report/svg_plot.hpp"
 
 #include <fmt/format.h>
@@ -28,16 +28,12 @@ std::string figure(const std::string& svg, std::string_view caption) {
 }
 
 /// Writes the page part by part, in the order in which it is read.
-class LocalizationPage {
+class LocalizationPage : ReportPage {
  public:
-  explicit LocalizationPage(const LocalizationEvaluation& evaluation) : evaluation_(evaluation) {}
+  explicit LocalizationPage(const LocalizationEvaluation& evaluation)
+      : ReportPage("Localization report"), evaluation_(evaluation) {}
 
   [[nodiscard]] std::string page(const LocalizationReportHeading& heading) {
-    html_ = fmt::format(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
-        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-        "<title>Localization report</title><style>{}</style></head><body>\n",
-        kReportStyle);
     add_heading(heading);
     add_levels();
     add_errors();
@@ -46,7 +42,7 @@ class LocalizationPage {
     add_times();
     add_status();
     add_options(heading);
-    return html_ + "</body></html>\n";
+    return finished();
   }
 
  private:
@@ -58,11 +54,11 @@ class LocalizationPage {
   void add_heading(const LocalizationReportHeading& heading) {
     std::size_t queries = 0;
     for (const LocalizationLevel& level : evaluation_.levels) queries += level.queries;
-    html_ += fmt::format(
-        "<h1>Localization report</h1>\n<div class=\"facts\">map <b>{}</b> · drive <b>{}</b> · "
-        "method <b>{}</b> · {} queries on {} scans · stillmap {}</div>\n",
-        escaped(heading.map), escaped(heading.drive), escaped(heading.method), queries,
-        evaluation_.scans, STILLMAP_VERSION);
+    add_title(
+        fmt::format("map <b>{}</b> · drive <b>{}</b> · "
+                    "method <b>{}</b> · {} queries on {} scans",
+                    escaped(heading.map), escaped(heading.drive), escaped(heading.method), queries,
+                    evaluation_.scans));
   }
 
   void add_levels() {
@@ -222,7 +218,6 @@ class LocalizationPage {
   }
 
   const LocalizationEvaluation& evaluation_;
-  std::string html_;
 };
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "formats/mapped_file.hpp"
+#include <stillmap/maps/mapped_file.hpp>
 
 #include <fcntl.h>
 #include <sys/mman.h>
@@ -30,25 +30,26 @@ struct OpenFile {
 
 }  // namespace
 
-MappedFile::MappedFile(const std::filesystem::path& file) {
+MappedFile::MappedFile(const std::filesystem::path& file, Reading reading) {
   const OpenFile opened(file);
   struct stat status {};
   if (opened.number < 0 || ::fstat(opened.number, &status) != 0) refuse(file);
   if (!S_ISREG(status.st_mode)) throw StorageError(file.string(), "not a regular file");
-  bytes_ = static_cast<std::size_t>(status.st_size);
-  // Nothing can be mapped of an empty file.
-  if (bytes_ == 0) return;
-  address_ = ::mmap(nullptr, bytes_, PROT_READ, MAP_PRIVATE, opened.number, 0);
-  if (address_ == MAP_FAILED) refuse(file);
-  ::madvise(address_, bytes_, MADV_SEQUENTIAL);
+  size_ = static_cast<std::size_t>(status.st_size);
+  // An empty file cannot be mapped.
+  if (size_ == 0) return;
+  void* address = ::mmap(nullptr, size_, PROT_READ, MAP_SHARED, opened.number, 0);
+  if (address == MAP_FAILED) refuse(file);
+  address_ = address;
+  if (reading == Reading::kInOrder) ::madvise(address_, size_, MADV_SEQUENTIAL);
 }
 
-void MappedFile::let_go() const {
-  if (address_ != nullptr) ::madvise(address_, bytes_, MADV_DONTNEED);
+void MappedFile::release_pages() const {
+  if (address_ != nullptr) ::madvise(address_, size_, MADV_DONTNEED);
 }
 
 MappedFile::~MappedFile() {
-  if (address_ != nullptr) ::munmap(address_, bytes_);
+  if (address_ != nullptr) ::munmap(address_, size_);
 }
 
 }  // namespace stillmap::maps
