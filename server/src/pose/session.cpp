@@ -23,7 +23,7 @@ Session::Session(Name name, ServedVersion map, AlignmentQueue& queue)
     : name_(with_label(std::move(name))),
       map_(std::move(map)),
       line_(queue),
-      tracker_(map_.aligners->front().second) {
+      tracker_(map_.aligners->front().second, map_.localization.tracker) {
   summary_.active_version = map_.version;
 }
 
@@ -65,7 +65,7 @@ void Session::initialize(const std::optional<localization::Prior>& prior) {
   if (prior) {
     tracker_.initialize(prior->T_map_lidar, prior->covariance.value());
   } else {
-    tracker_ = localization::Tracker(map_.aligners->front().second);
+    tracker_ = localization::Tracker(map_.aligners->front().second, map_.localization.tracker);
   }
   const std::scoped_lock summary_lock(mutex_);
   // Stamps may start anew, as after a clock was set back.

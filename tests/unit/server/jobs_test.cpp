@@ -203,7 +203,7 @@ TEST_F(Jobs, SaysOnTheDiskThatItPublishesAsLongAsItDoes) {
   write_mapper("publish");
   const std::filesystem::path mark = job_folder(1) / "scratch" / "publishing";
   std::atomic<bool> marked = false;
-  start([&](const maps::MapPackage& package) {
+  start([&](const maps::MapPackage& package, const localization::LocalizationOptions&) {
     if (package.digest() != store_.digest()) marked = std::filesystem::exists(mark);
     return Aligners{{"default", aligner_}};
   });
