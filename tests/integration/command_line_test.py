@@ -141,6 +141,38 @@ class CommandLine(unittest.TestCase):
         self.assertIn("of these resumed", done.stdout)
         self.assertEqual(sorted(each.name for each in self.folder.iterdir()), ["killed", "result.json", "whole"])
 
+    def test_a_cancelled_build_says_what_is_kept_and_goes_on_from_there(self):
+        target, result = self.folder / "map", self.folder / "result.json"
+        journal = self.folder / ".map.partial/journal"
+        command = [PROGRAM, "build", DRIVE, "-o", target, "--select", ":12"]
+        program = subprocess.Popen([*map(str, command)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        survey = journal / "survey.journal"
+        while program.poll() is None and not (survey.exists() and survey.stat().st_size > 300_000):
+            time.sleep(0.002)
+        program.send_signal(signal.SIGINT)
+        _, errors = program.communicate(timeout=30)
+        self.assertEqual(program.returncode, 130, errors)
+        self.assertEqual(errors.splitlines()[-1], f"stillmap: cancelled; finished work is kept in {journal}; the same command "
+                         "goes on from there")
+        self.assertTrue(journal.exists())
+        done = run(*command[1:], f"--json={result}")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertGreater(json.loads(result.read_text())["resumed_scans"], 0)
+
+    def test_standard_output_holds_json_alone(self):
+        page = self.folder / "page.html"
+        done = run("evaluate", "detector", DRIVE, "--select", ":2", "--json", "--report", page)
+        self.assertEqual((done.returncode, done.stderr), (0, f"report: {page}\n"))
+        self.assertEqual(json.loads(done.stdout)["scans"], 2)
+        self.assertIn("stillmap evaluate detector", page.read_text())
+        done = run("evaluate", "detector", DRIVE, "--select", ":2", "--report", page)
+        self.assertTrue(done.stdout.endswith(f"report: {page}\n"))
+        done = run("build", DRIVE, "-o", self.folder / "map", "--select", ":1", "--json")
+        self.assertEqual(json.loads(done.stdout)["scans"], 1)
+        with open("/dev/full", "w") as full:
+            done = subprocess.run([PROGRAM, "inspect", MAP, "--json"], stdout=full, stderr=subprocess.PIPE, text=True)
+        self.assertEqual((done.returncode, done.stderr), (3, "stillmap: standard output: No space left on device; send it to a disk with free space\n"))
+
     def test_work_of_a_killed_build_with_other_options_is_thrown_away_in_words(self):
         target, journal = self.folder / "map", self.folder / ".map.partial/journal/survey.journal"
         program = subprocess.Popen([PROGRAM, "build", DRIVE, "-o", target, "--voxel", "0.3"], stderr=subprocess.DEVNULL)
@@ -266,7 +298,7 @@ class CommandLine(unittest.TestCase):
         summary = json.loads(run("inspect", self.folder / "one", "--content", "--json").stdout)
         self.assertEqual((summary["kind"], summary["content_digest"]), ("map", one.strip()))
         self.assertNotIn("content_digest", json.loads(run("inspect", self.folder / "one", "--json").stdout))
-        self.fails(2, "no map package", "inspect", DRIVE, "--content")
+        self.fails(2, "is for map packages", "inspect", DRIVE, "--content")
 
     def test_build_ends_with_what_it_made_and_what_to_do_next(self):
         made, report = self.folder / "the map", self.folder / "report.json"

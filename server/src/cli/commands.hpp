@@ -31,11 +31,11 @@ void require_store(const std::filesystem::path& folder);
 /// Becomes that program with the same arguments. Returns only by throwing std::runtime_error.
 [[noreturn]] void exec_offline(const char* program, char** argv);
 
-/// Commands of those programs, as they tell them. @throws std::runtime_error when one is missing.
+/// Commands of those programs. @throws std::runtime_error when one is missing.
 [[nodiscard]] std::vector<command_line::CommandEntry> offline_commands();
 
 /// What looks wrong with a drive's poses by the scans' motion: `stillmap-mapper check-poses` in a
-/// process of its own. @throws std::runtime_error when it failed; what it said is on stderr.
+/// process of its own. @throws std::runtime_error when it failed; its error is on stderr.
 [[nodiscard]] std::vector<maps::DriveFinding> findings_by_motion(
     const std::filesystem::path& drive);
 

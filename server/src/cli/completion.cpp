@@ -14,12 +14,11 @@ namespace {
 
 using command_line::CommandEntry;
 
-/// This program's commands, and in place of the names of the other programs' commands what these
-/// programs tell of them.
+/// The commands of this program and, with their options, those of the other programs.
 std::vector<CommandEntry> all_commands(const CLI::App& app) {
   std::vector<CommandEntry> all = command_line::command_tree(app);
   for (CommandEntry& entry : offline_commands()) {
-    // Each program tells of itself first.
+    // Each program lists itself first.
     if (entry.name == app.get_name()) continue;
     const auto known = std::ranges::find(all, entry.name, &CommandEntry::name);
     if (known != all.end())

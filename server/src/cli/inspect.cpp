@@ -77,7 +77,7 @@ void print_findings(const std::vector<maps::DriveFinding>& findings) {
     fmt::print("wrong? {}\n       {}\n", finding.what, finding.remedy);
 }
 
-/// What some of the scans say of the drive.
+/// What was measured in some of the scans.
 void add_check(const maps::DriveCheck& check, Table& table) {
   if (const auto& periods = check.periods)
     table.add("time between scans",
@@ -186,7 +186,7 @@ server::DriveSummary summary_of(const std::filesystem::path& path, bool by_motio
   return summary;
 }
 
-/// Told apart by what is there; of a file by its extension.
+/// Maps and drives are recognised by their files, a single file by its extension.
 void inspect(const std::filesystem::path& path, const JsonOutput& json, bool by_motion) {
   if (by_motion && (server::is_map_package(path) || !maps::Drive::is_at(path)))
     throw std::invalid_argument(

@@ -104,7 +104,7 @@ double milliseconds_since(std::chrono::steady_clock::time_point begin) {
       .count();
 }
 
-/// Boxes of a scan that stands alone: those of scan 0.
+/// Boxes of a single scan, which is scan 0 of the file.
 std::vector<maps::Box> read_boxes_of_scan(const std::filesystem::path& file) {
   maps::BoxSequence boxes = maps::read_boxes(file, 1);
   if (boxes.by_scan.empty()) {

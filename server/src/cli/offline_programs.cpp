@@ -127,8 +127,8 @@ std::vector<command_line::CommandEntry> offline_commands() {
 void exec_offline(const char* program, char** argv) {
   const fs::path found = offline_path(program);
   ::execv(found.c_str(), argv);
-  throw std::runtime_error(
-      fmt::format("{}: {}", found.string(), std::generic_category().message(errno)));
+  throw std::runtime_error(fmt::format("{} cannot be started: {}; install or build it again",
+                                       found.string(), std::generic_category().message(errno)));
 }
 
 }  // namespace stillmap::cli

@@ -119,7 +119,7 @@ void reopen_log(const Reloaded& parts) {
   }
 }
 
-/// What SIGHUP does. Never throws: whatever is wrong, the server goes on as it was.
+/// What SIGHUP does. Never throws: after any error the server goes on with its old configuration.
 void reload_all(const server::ConfigSources& sources, const Reloaded& parts) {
   parts.notifier.reloading();
   bool well = false;
@@ -164,7 +164,7 @@ std::unique_ptr<server::Watchdog> start_watchdog(const server::Notifier& notifie
       });
 }
 
-/// @param single  what is served instead of a store of the user's; null when there is one.
+/// @param single  the single map that is served; null where a store is served.
 void run_server(const server::ConfigSources& sources, const server::ServerOptions& started,
                 const server::SingleMapStore* single) {
   const bool made_store = single == nullptr && make_store(started.store);
@@ -217,7 +217,7 @@ void run_server(const server::ConfigSources& sources, const server::ServerOption
 }
 
 /// Two heaps for each core. By default glibc takes eight, and with a thread for each connection
-/// each of them comes to keep room for a scan of its own.
+/// each of them ends up with memory for a scan of its own.
 void bound_heaps() {
   mallopt(M_ARENA_MAX, 2 * static_cast<int>(std::thread::hardware_concurrency()));
 }

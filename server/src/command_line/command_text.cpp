@@ -7,6 +7,8 @@
 #include <system_error>
 #include <vector>
 
+#include "command_line/option_value.hpp"
+
 namespace stillmap::command_line {
 namespace {
 
@@ -39,10 +41,9 @@ std::string command_of(const CLI::App& command) {
   std::string text = "stillmap evaluate " + command.get_name();
   for (const CLI::Option* option : command.get_options()) {
     for (const std::string& value : option->results()) {
-      const bool is_flag = option->get_type_size() == 0;
       if (!option->get_positional()) text += " " + option->get_name();
-      if (is_flag && value != "true") text += "=" + shell_word(value);
-      if (!is_flag) text += " " + shell_word(value);
+      if (is_flag(*option) && value != "true") text += "=" + shell_word(value);
+      if (!is_flag(*option)) text += " " + shell_word(value);
     }
   }
   return text;

@@ -24,7 +24,7 @@ CommandEntry::Option entry_of(const CLI::Option& option) {
   entry.description = option.get_description();
   entry.value = completed_value(option);
   // A flag that says a form of its own takes a file: `--json[=FILE]`.
-  entry.only_assigned = option.get_type_size() == 0 && !option.get_option_text().empty();
+  entry.only_assigned = is_flag(option) && !option.get_option_text().empty();
   if (entry.only_assigned) entry.value.kind = ValueKind::kFile;
   return entry;
 }

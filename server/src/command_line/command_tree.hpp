@@ -9,7 +9,7 @@
 
 namespace stillmap::command_line {
 
-/// A command with all that may follow it: what completion needs to know.
+/// A command with its options and arguments, for completion.
 struct CommandEntry {
   struct Value {
     ValueKind kind = ValueKind::kText;
@@ -33,14 +33,14 @@ struct CommandEntry {
 /// The program and all commands that its help lists, depth first.
 [[nodiscard]] std::vector<CommandEntry> command_tree(const CLI::App& app);
 
-/// One program tells another of its commands so. @throws std::runtime_error for other text.
+/// How one program passes its tree to another. @throws std::runtime_error for other text.
 [[nodiscard]] std::string to_json(const std::vector<CommandEntry>& tree);
 [[nodiscard]] std::vector<CommandEntry> command_tree_from(const std::string& json);
 
-/// With this word alone, a program prints its tree; for programs, so no help lists it.
+/// With this word alone, a program prints its tree. No help lists it.
 inline constexpr const char* kPrintsCommandTree = "command-tree";
 
-/// What a shell sources to complete commands, options and their values.
+/// A script for a shell that completes commands, options and their values.
 [[nodiscard]] std::string bash_completion(const std::vector<CommandEntry>& tree);
 [[nodiscard]] std::string zsh_completion(const std::vector<CommandEntry>& tree);
 

@@ -57,9 +57,12 @@ const std::map<std::string, Named, std::less<>> kNames = {
 
 }  // namespace
 
+bool is_flag(const CLI::Option& option) {
+  return option.get_expected_max() == 0 || option.get_type_size() == 0;
+}
+
 OptionValue value_of(const CLI::Option& option) {
-  if (option.get_expected_max() == 0 || option.get_type_size() == 0)
-    return {.kind = ValueKind::kNone, .name = {}, .choices = {}, .bounds = {}};
+  if (is_flag(option)) return {.kind = ValueKind::kNone, .name = {}, .choices = {}, .bounds = {}};
   OptionValue value;
   for (const std::string& part : parts_of(option.get_type_name())) {
     if (const auto known = kNames.find(part); known != kNames.end()) {

@@ -70,7 +70,7 @@ CancelLines lines_of(const WhenCancelled& words) {
   return {words.kept.string(), cancel_line(words.if_kept), cancel_line(words.if_not)};
 }
 
-/// Set by `cancel_on_signals`, so that whoever cancels finds one.
+/// Set by `cancel_on_signals`, before any signal can need it.
 std::atomic<const CancelLines*> cancel_lines = nullptr;
 
 int report_cancelled() {
@@ -134,7 +134,7 @@ std::string words_of(const CLI::ParseError& error, const CLI::App& app) {
              : fmt::format("{}; see {}", what, help);
 }
 
-/// For who gives the file of `--json` as of any other option.
+/// For users who give the file of `--json` after a space.
 std::string hint_of_json(std::span<char* const> words, const std::string& error) {
   for (std::size_t i = 1; i < words.size(); ++i)
     if (words[i - 1] == std::string_view("--json") && error.find(words[i]) != std::string::npos)
@@ -142,10 +142,11 @@ std::string hint_of_json(std::span<char* const> words, const std::string& error)
   return {};
 }
 
-/// Nothing of what was printed may be lost silently.
+/// An error of standard output must not pass unnoticed.
 void flush_output() {
   if (std::fflush(stdout) == 0 || errno == EPIPE) return;
-  throw std::runtime_error(fmt::format("standard output: {}", std::strerror(errno)));
+  throw std::runtime_error(
+      fmt::format("standard output: {}; send it to a disk with free space", std::strerror(errno)));
 }
 
 void set_up(CLI::App& app) {

@@ -50,13 +50,13 @@ void cancel_on_signals();
 struct WhenCancelled {
   /// Where finished work is kept; empty when a command keeps none.
   std::filesystem::path kept;
-  /// With `kept` there, and without.
+  /// Printed when `kept` exists, and when it does not.
   std::string if_kept;
   std::string if_not = "nothing was written; the same command starts anew";
 };
-/// Until it is called again. Without a call, `if_not` is said.
+/// Holds until the next call. Before the first call the default of `if_not` is printed.
 void say_when_cancelled(WhenCancelled words);
-/// The usual words for work that goes on from what is kept at this path.
+/// For work that goes on from what is kept at this path.
 [[nodiscard]] WhenCancelled goes_on_from(const std::filesystem::path& kept);
 
 /// From now on such a signal ends the program within about a second, with `kCancelled`, whatever it

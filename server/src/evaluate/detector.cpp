@@ -58,7 +58,7 @@ void add_points(command_line::Table& table, const DetectorEvaluation& result) {
       add("  " + plain.classes[i].name, plain.classes[i].inside, built.classes[i].inside);
   }
   add("static points inside of boxes", plain.stays, built.stays);
-  add("  without found ground", plain.stays_above_ground, built.stays_above_ground);
+  add("  without detected ground", plain.stays_above_ground, built.stays_above_ground);
 }
 
 void print_boxes(const mapping::BoxDetection& boxes) {
@@ -95,7 +95,7 @@ void print_for_people(const DetectorEvaluation& result) {
     const mapping::BoxDetection& boxes = *result.boxes;
     table.add("labels", boxes.source + (boxes.in_camera_only ? ", camera's view only" : ""));
     table.add("false vehicle boxes",
-              fmt::format("{:.2f} a scan, {} of {} boxes; {} more say nothing",
+              fmt::format("{:.2f} a scan, {} of {} boxes; {} more are not judged",
                           boxes.false_boxes_per_scan, grouped(boxes.false_vehicles),
                           grouped(boxes.boxes), grouped(boxes.ignored_vehicles)));
   }

@@ -126,7 +126,7 @@ void print_for_people(const mapping::LocalizationEvaluation& evaluation) {
   print_integrity(evaluation);
   if (const mapping::QueryPoints& points = evaluation.points;
       evaluation.options.query_movable != mapping::MovablePolicy::kKeep) {
-    fmt::print("{:.1f} % of the points asked with were projected, {:.1f} % deleted\n",
+    fmt::print("{:.1f} % of the points of the scans were projected, {:.1f} % deleted\n",
                percent_of(points.projected, points.in), percent_of(points.deleted, points.in));
   }
   fmt::print("{} scans in {:.1f} s\n", evaluation.scans, evaluation.seconds);

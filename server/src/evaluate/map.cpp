@@ -134,7 +134,8 @@ void print_scores(const LabelEvaluation& result) {
   line("  of points", [](const MapScores& s) { return grouped(s.static_lost.of); });
   fmt::print(
       "movable: parked objects should be gone; moving: they should be there, and count as static\n"
-      "thinned: the package as it is, a point a voxel; beside it, every point that was left\n");
+      "thinned: the map package, one point for each voxel; left of it: every point that was "
+      "kept\n");
 }
 
 void print_losses(const LabelEvaluation& result) {
@@ -200,7 +201,7 @@ void print_for_people(const LabelEvaluation& result) {
   print_ground(result);
 }
 
-/// @param text  the object of what the truth says.
+/// @param text  the JSON object of the comparison with the truth.
 std::string to_json_text(const std::string& text, const mapping::MapConsistency& consistency,
                          const MapArguments& arguments) {
   auto json = nlohmann::ordered_json::parse(text);
@@ -223,7 +224,7 @@ void print_consistency(const mapping::MapConsistency& consistency) {
   table.print();
 }
 
-/// What is compared, and where it is told how far that is.
+/// What is compared, with callbacks for the progress.
 struct MapAndTruth {
   const maps::MapPackage& map;
   const maps::Drive& drive;

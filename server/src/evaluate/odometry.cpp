@@ -90,7 +90,7 @@ void print_for_people(const OdometryEvaluation& result) {
                                     grouped(static_cast<std::size_t>(hidden))));
   const auto anew = std::ranges::find_if(result.path, &mapping::FollowedScan::begins_anew);
   if (anew != result.path.end())
-    table.add("begun anew", fmt::format("at scan {}: the way to there is a guess", anew->scan));
+    table.add("restarted", fmt::format("at scan {}: the motion before it is a guess", anew->scan));
   if (result.options.movable != mapping::MovablePolicy::kKeep)
     table.add("points",
               fmt::format("{}, projected {}, deleted {}", grouped(result.points.in),

@@ -31,7 +31,7 @@ void WorkFolder::say_when_cancelled() const {
   command_line::WhenCancelled words;
   if (temporary_)
     words.if_not =
-        "nothing is kept and the same command starts anew; with --work FOLDER it would go on";
+        "nothing is kept and the same command starts anew; --work FOLDER keeps what is finished";
   else
     words = command_line::goes_on_from(path_);
   command_line::say_when_cancelled(std::move(words));

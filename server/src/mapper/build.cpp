@@ -44,7 +44,7 @@ struct BuildCommand {
   ProgressArguments progress;
 };
 
-/// What is said of the drives before a build starts.
+/// Notes and warnings about the drives before a build starts.
 struct Remarks {
   /// What their readers assumed or left out.
   std::vector<std::string> notes;
@@ -208,7 +208,7 @@ std::filesystem::path journal_of(const std::filesystem::path& map) {
 }
 
 void build(BuildCommand& asked, const CLI::App& command) {
-  read_words(asked.arguments, command);
+  resolve_options(asked.arguments, command);
   const std::vector<std::filesystem::path>& drives = asked.arguments.drives;
   const mapping::MapBuildOptions& options = asked.arguments.options;
   mapping::MapBuildReport report;
@@ -337,7 +337,7 @@ void add_pose_options(CLI::App& command, BuildArguments& arguments) {
       "With odometry: the positions of the given poses are right to within this [m]");
 }
 
-/// Those of the sensors that stand behind the drives, where they agree and no word says otherwise.
+/// The range of the drives' sensors, if they share one and the command line gives none.
 void set_range(const BuildArguments& arguments, const CLI::App& command, const char* option,
                std::optional<double> maps::SensorPreset::*of_sensor, double& range_m) {
   if (command.count(option) > 0) return;
@@ -365,7 +365,7 @@ void read_pose_time_offset(const std::string& word, mapping::MapBuildOptions& op
 
 }  // namespace
 
-void read_words(BuildArguments& arguments, const CLI::App& command) {
+void resolve_options(BuildArguments& arguments, const CLI::App& command) {
   mapping::MapBuildOptions& options = arguments.options;
   options.selection = maps::Selection::parse(arguments.select);
   options.projection.policy = mapping::movable_policy_from(arguments.movable);

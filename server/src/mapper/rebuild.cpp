@@ -32,7 +32,7 @@ struct RebuildCommand {
 };
 
 mapping::RebuildOptions read_options(RebuildCommand& asked, const CLI::App& command) {
-  read_words(asked.build, command);
+  resolve_options(asked.build, command);
   mapping::RebuildOptions options = asked.options;
   options.drives = asked.build.drives;
   options.map = asked.map;
