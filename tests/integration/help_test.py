@@ -125,6 +125,13 @@ class Mistyped(unittest.TestCase):
         self.says("--odometry: 'laom' is not a choice; did you mean 'loam'? Choose one of: default, loam", "evaluate",
                   "odometry", ".", "--odometry", "laom")
 
+        self.says("--voxel: 'abc' is not a number; see stillmap build --help", "build", ".", "-o", "m", "--voxel", "abc")
+        self.says("SCAN: nowhere does not exist; give a scan file or drive that does", "localize", ".", "nowhere")
+        self.says("STORE: /none/x cannot be made: there is no folder /none; make it with mkdir -p /none", "store", "add",
+                  "/none/x", "town", "v1", ".")
+        self.says("--geo-origin: '1,2' is not LATITUDE,LONGITUDE,ALTITUDE; give three numbers, for example 48.1,11.5,520",
+                  "import", PROGRAM, "-o", "m", "--geo-origin", "1,2")
+
     def test_what_is_missing_or_too_much(self):
         self.says("DRIVE is missing; see stillmap build --help", "build")
         self.says("stillmap keys needs a command: one of create, list, revoke; see stillmap keys --help", "keys")
@@ -174,6 +181,7 @@ class Completion(unittest.TestCase):
         self.assertEqual(self.complete("build", "--poses", "p"), ["poses.tum"])
         self.assertEqual(self.complete("build", "--register-to", ""), ["a drive"])
         self.assertEqual(self.complete("build", "a"), ["a drive"])
+        self.assertEqual(self.complete("localize", "map", "p"), ["poses.tum"])
         self.assertEqual(self.complete("store", "list", "--json", "="), ["a drive", "poses.tum"])
         self.assertEqual(self.complete("store", "list", "--json", "=", "p"), ["poses.tum"])
         self.assertEqual(self.complete("store", "list", "--json", ""), ["a drive"])

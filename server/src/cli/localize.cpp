@@ -175,7 +175,7 @@ void add_localize(CLI::App& app) {
           "SCAN", arguments->what,
           "Scan (.bin with float32 x y z intensity, .pcd or .ply), or drive (its folder or bag)")
       ->required()
-      ->check(command_line::existing_file() | command_line::existing_drive());
+      ->check(command_line::existing_scan_or_drive());
   command->add_option(
       "--prior", arguments->prior,
       "Pose where the search for the first scan starts: X,Y,Z,YAW_DEG or X,Y,Z,QX,QY,QZ,QW in the "

@@ -47,12 +47,18 @@ struct Named {
 
 /// By the description of a validator of ours, or the name of a type.
 const std::map<std::string, Named, std::less<>> kNames = {
-    {"folder", {"FOLDER", ValueKind::kFolder}},     {"FOLDER", {"FOLDER", ValueKind::kFolder}},
-    {"file", {"FILE", ValueKind::kFile}},           {"FILE", {"FILE", ValueKind::kFile}},
-    {"folder or bag", {"DRIVE", ValueKind::kFile}}, {"file or folder", {"PATH", ValueKind::kFile}},
-    {"PATH", {"PATH", ValueKind::kFile}},           {"FLOAT", {"NUMBER", ValueKind::kNumber}},
-    {"INT", {"NUMBER", ValueKind::kNumber}},        {"UINT", {"NUMBER", ValueKind::kNumber}},
+    {"folder", {"FOLDER", ValueKind::kFolder}},
+    {"FOLDER", {"FOLDER", ValueKind::kFolder}},
+    {"file", {"FILE", ValueKind::kFile}},
+    {"FILE", {"FILE", ValueKind::kFile}},
+    {"folder or bag", {"DRIVE", ValueKind::kFile}},
+    {"file or folder", {"PATH", ValueKind::kFile}},
+    {"PATH", {"PATH", ValueKind::kFile}},
+    {"FLOAT", {"NUMBER", ValueKind::kNumber}},
+    {"INT", {"NUMBER", ValueKind::kNumber}},
+    {"UINT", {"NUMBER", ValueKind::kNumber}},
     {"TEXT", {"TEXT", ValueKind::kText}},
+    {"scan file or drive", {"PATH", ValueKind::kFile}},
 };
 
 }  // namespace

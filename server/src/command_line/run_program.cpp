@@ -124,8 +124,14 @@ std::string words_of(const CLI::ParseError& error, const CLI::App& app) {
   }
   if (dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr)
     return fmt::format("{} needs a value; see {}", what.substr(0, what.find(':')), help);
-  if (dynamic_cast<const CLI::ConversionError*>(&error) != nullptr)
-    return fmt::format("{}: a number is needed; see {}", what, help);
+  if (dynamic_cast<const CLI::ConversionError*>(&error) != nullptr) {
+    constexpr std::string_view kBegin = "Could not convert: ";
+    const std::size_t value = what.find(" = ");
+    if (what.starts_with(kBegin) && value != std::string::npos)
+      return fmt::format("{}: '{}' is not a number; see {}",
+                         what.substr(kBegin.size(), value - kBegin.size()), what.substr(value + 3),
+                         help);
+  }
   if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr)
     return fmt::format("too many arguments: {}; see {}", fmt::join(app.remaining(true), " "), help);
   // Validators of ours have said what to do.
@@ -200,6 +206,12 @@ CLI::Validator existing_file() {
 CLI::Validator existing_drive() {
   return existing("folder or bag",
                   [](const std::filesystem::path& path) { return maps::Drive::is_at(path); });
+}
+
+CLI::Validator existing_scan_or_drive() {
+  return existing("scan file or drive", [](const std::filesystem::path& path) {
+    return std::filesystem::is_regular_file(path) || maps::Drive::is_at(path);
+  });
 }
 
 CLI::Validator existing_path() {

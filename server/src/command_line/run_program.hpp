@@ -37,6 +37,7 @@ inline constexpr const char* kExitCodes =
 [[nodiscard]] CLI::Validator folder_or_new();
 /// A folder, or a bag's file with what is chosen of it (`maps::Drive::open`).
 [[nodiscard]] CLI::Validator existing_drive();
+[[nodiscard]] CLI::Validator existing_scan_or_drive();
 [[nodiscard]] CLI::Validator existing_path();
 /// For files that are written at the end of long work: their folder must be there at its beginning.
 [[nodiscard]] CLI::Validator in_existing_folder();

@@ -437,7 +437,8 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
       .add_option(
           "--movable", arguments.movable,
           "What happens to points of movable objects: project (onto the ground), delete or keep")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->check(command_line::one_of({"project", "delete", "keep"}));
   add_method_options(command, arguments);
   command
       .add_option("--voxel", options.voxel_size_m,
