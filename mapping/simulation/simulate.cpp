@@ -1,7 +1,8 @@
 #include <stillmap/simulation/simulate.hpp>
 
+#include <stillmap/maps/peak_memory.hpp>
+
 #include <fmt/format.h>
-#include <sys/resource.h>
 #include <tbb/task_arena.h>
 #include <tbb/task_group.h>
 
@@ -61,12 +62,6 @@ struct Joined {
 
 double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-double peak_rss_mib() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<double>(usage.ru_maxrss) / 1024.0;
 }
 
 std::uint64_t key_for(const SimulationOptions& options, Stream stream) {
@@ -171,7 +166,7 @@ SimulationReport simulate_drive(const std::filesystem::path& target,
   report.distance_m =
       world.own_motion.station(duration_s - properties.period_s) - world.own_motion.station(0.0);
   report.seconds = seconds_since(start);
-  report.peak_rss_mib = peak_rss_mib();
+  report.peak_rss_mib = maps::peak_rss_mib();
   return report;
 }
 

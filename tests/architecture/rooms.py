@@ -27,84 +27,52 @@ ROOTS = {"maps": ["maps/src", "maps/rawlog"], "localization": ["localization/src
          "simulation": ["mapping/simulation"], "server": ["server/src"], "web": ["web/src"]}
 HELPERS = ["quoted", "described", "one_line", "seconds_between", "median", "quantile"]
 
-# What exists more than once: kind -> (file, class or function, one word on what it is).
+# What exists more than once: kind -> (library, class or function, one word on what it is). By class and not by file,
+# so that a move does not make it wrong.
 KNOWN = {
     "spatial hashes": [
-        ("localization/src/index/voxel_table.hpp", "VoxelTable", "table"),
-        ("localization/src/index/cell_blocks.hpp", "CellBlockTable", "mapped"),
-        ("localization/src/index/cell_bits.hpp", "CellBitsTable", "bits"),
-        ("localization/src/align/place_search.cpp", "PlacesApart", "tree"),
-        ("localization/src/align/localizability.cpp", "TellingVoxels", "tree"),
-        ("maps/src/checks/pose_readings.cpp", "Cells", "set"),
-        ("maps/src/levels/voxel_thinning.cpp", "Voxels", "sorted"),
-        ("maps/src/levels/tile_file.cpp", "squares_of", "tree"),
-        ("maps/src/exports/autoware_export.cpp", "squares", "tree"),
-        ("mapping/src/core/point_cells.hpp", "PointCells", "table"),
-        ("mapping/src/stacking/voxel_sums.hpp", "VoxelSums", "table"),
-        ("mapping/src/stacking/normals.cpp", "NormalCells", "map"),
-        ("mapping/src/ground/ground_sheets.hpp", "GroundSheets", "map"),
-        ("mapping/src/ground/ground_piles.hpp", "GroundPiles", "map"),
-        ("mapping/src/ground/ground_cells.cpp", "cell_key", "sorted"),
-        ("mapping/src/evaluation/labels/footprints.hpp", "FootprintIndex", "map"),
-        ("mapping/src/evaluation/labels/footprints.hpp", "FootprintGround", "map"),
-        ("mapping/src/evaluation/labels/true_ground.hpp", "LabelledGround", "map"),
-        ("mapping/src/evaluation/labels/voxel_means.hpp", "VoxelMeans", "table"),
-        ("mapping/src/evaluation/labels/map_voxels.hpp", "MapVoxels", "table"),
-        ("mapping/src/evaluation/labels/removed_points.hpp", "RemovedPoints", "table"),
-        ("mapping/src/evaluation/published_metrics.hpp", "MeansByTile", "tree"),
-        ("mapping/src/loops/keyframe_store.cpp", "cell_key", "set"),
-        ("mapping/src/consistency/surface_cells.cpp", "surface_key", "sorted"),
-        ("mapping/src/views/own_vehicle.hpp", "OwnVehicle", "set"),
-        ("mapping/src/fusion/obstacle_map.hpp", "ObstacleMap", "map"),
-        ("mapping/src/fusion/place_look.hpp", "PlaceLooks", "map"),
-        ("mapping/src/fusion/places.cpp", "Places", "tree"),
-        ("mapping/src/fusion/standing_shape.cpp", "Gathering", "tree"),
-        ("mapping/src/odometry/direct/seen_again.cpp", "seen_cell", "sorted"),
-        ("mapping/src/odometry/loam/feature_map.hpp", "FeatureMap", "table"),
-        ("mapping/src/odometry/loam/thinned_features.cpp", "thinned", "sorted"),
-        ("mapping/src/reference/block_grid.hpp", "BlockIndex", "table"),
-        ("mapping/src/reference/erasor.cpp", "voxel_key", "set"),
-        ("mapping/src/rebuild/map_comparison.cpp", "Cells", "set"),
-        ("mapping/src/rebuild/map_comparison.cpp", "RemovedBoxes", "tree"),
-        ("mapping/src/cleaning/free_space_cleaner.cpp", "Tiles", "tree"),
-        ("mapping/src/cleaning/ground_levels.hpp", "GroundLevels", "map"),
-        ("mapping/src/cleaning/moved_cells.cpp", "Cubes", "map"),
-        ("mapping/src/cleaning/seldom_hit.cpp", "often", "map"),
-        ("mapping/src/cleaning/thin_upright.cpp", "Squares", "map"),
-        ("mapping/src/detection/box_fit.cpp", "CellsOfPoints", "map"),
-        ("mapping/src/detection/bev_overlap.cpp", "CellHash", "map"),
+        ("maps", "CellTable", "table"),
+        ("maps", "CellIndex", "table"),
+        ("maps", "CellMap", "map"),
+        ("localization", "CellBlockTable", "mapped"),
+        ("localization", "CellBitsTable", "bits"),
+        ("localization", "PlacesApart", "tree"),
+        ("localization", "TellingVoxels", "tree"),
+        ("maps", "Voxels", "sorted"),
+        ("maps", "squares_of", "tree"),
+        ("maps", "tiles_of_squares", "tree"),
+        ("mapping", "PointCells", "sorted"),
+        ("mapping", "LocalCellPoint", "sorted"),
+        ("mapping", "surface_key", "sorted"),
+        ("mapping", "MeansByTile", "tree"),
+        ("mapping", "CubeRecord", "tree"),
+        ("mapping", "Tiles", "tree"),
     ],
     "binary containers": [
-        ("localization/src/index/index_format.hpp", "Header", "index"),
-        ("maps/src/storage/layer_file.cpp", "LayerHeader", "layer"),
-        ("maps/src/levels/tile_file.cpp", "TileHeader", "levels"),
-        ("maps/src/package/point_fates.cpp", "kFatesMagic", "fates"),
-        ("mapping/src/pipeline/build_journal.cpp", "Head", "journal"),
+        ("maps", "SectionTable", "derived"),
+        ("maps", "kFatesMagic", "fates"),
+        ("mapping", "BuildJournal", "log"),
     ],
     "strict JSON readers": [
-        ("maps/src/core/json_fields.hpp", "JsonField", "packages"),
-        ("maps/src/package/edits.cpp", "Field", "edits"),
-        ("mapping/src/detection/strict_value.hpp", "StrictValue", "networks"),
-        ("mapping/src/detection/voxelnext/safetensors.cpp", "Entry", "tensors"),
-        ("mapping/simulation/sensing/sensor_file.cpp", "Keys", "sensors"),
-        ("mapping/src/rebuild/gate_file.cpp", "read_gate_limits", "limits"),
-        ("server/src/json/request_json.cpp", "RequestReader", "requests"),
-        ("server/src/config/config_file.cpp", "ConfigReader", "configuration"),
+        ("maps", "JsonField", "files"),
+        ("server", "RequestReader", "requests"),
+        ("server", "ConfigReader", "configuration"),
     ],
     "classes called Report": [
-        ("maps/include/stillmap/maps/map_export.hpp", "MapExportReport", "counts"),
-        ("mapping/include/stillmap/mapping/map_build.hpp", "MapBuildReport", "counts"),
-        ("mapping/include/stillmap/mapping/map_build.hpp", "GivenPosesReport", "counts"),
-        ("mapping/include/stillmap/mapping/map_import.hpp", "MapImportReport", "counts"),
-        ("mapping/include/stillmap/mapping/rebuild.hpp", "RebuildReport", "counts"),
-        ("mapping/src/fusion/apply_edits.hpp", "EditReport", "counts"),
-        ("mapping/simulation/include/stillmap/simulation/simulate.hpp", "SimulationReport", "counts"),
-        ("server/src/jobs/job_outcome.hpp", "GateReport", "verdict"),
-        ("server/src/config/reload.hpp", "ReloadReport", "changes"),
+        ("maps", "MapExportReport", "counts"),
+        ("mapping", "MapBuildReport", "counts"),
+        ("mapping", "GivenPosesReport", "counts"),
+        ("mapping", "MapImportReport", "counts"),
+        ("mapping", "RebuildReport", "counts"),
+        ("mapping", "EditReport", "counts"),
+        ("simulation", "SimulationReport", "counts"),
+        ("mapping", "ReportPage", "page"),
+        ("server", "GateReport", "verdict"),
+        ("server", "ReloadReport", "changes"),
     ],
     "comparisons of two maps": [
-        ("maps/include/stillmap/maps/map_difference.hpp", "MapDifference", "points"),
-        ("mapping/src/rebuild/map_comparison.hpp", "ConsistencyChange", "gate"),
+        ("maps", "MapDifference", "points"),
+        ("mapping", "ConsistencyChange", "gate"),
     ],
 }
 # What shows that a file may hold another one.
@@ -132,14 +100,17 @@ SEEN = {
         "mapping/src/ground/ground_fill.cpp", "mapping/src/ground/height_grid.hpp",
         "mapping/src/projection/box_columns.hpp", "mapping/src/reference/map_blocks.hpp",
         "mapping/src/stacking/tile_stack.hpp", "mapping/src/stacking/voxel_grid.hpp", "mapping/src/views/view_grid.hpp",
-        "maps/src/checks/ground_plane.cpp", "maps/src/exports/occupancy_grid.hpp"],
+        "maps/src/checks/ground_plane.cpp", "maps/src/exports/occupancy_grid.hpp",
+        "mapping/src/evaluation/labels/map_voxels.hpp", "mapping/src/fusion/obstacle_map.hpp",
+        "mapping/src/rebuild/map_comparison.cpp", "mapping/src/stacking/normals.cpp"],
     "binary containers": [
         "localization/src/index/index_bytes.cpp", "localization/src/index/index_file.cpp", "maps/src/bags/bag.cpp",
         "maps/src/bags/mcap_bag.cpp", "maps/src/bags/mcap_records.hpp", "maps/src/bags/mcap_visitor.cpp",
         "maps/src/bags/rosbag2_database.cpp", "maps/src/bags/unpacked_bag.cpp", "maps/src/levels/glb.cpp",
+        "maps/src/levels/tile_file.cpp", "maps/src/storage/layer_file.cpp",
         "web/src/compare/glb.ts"],
     "strict JSON readers": [
-        "mapping/src/detection/strict_json.cpp", "server/src/jobs/job_request.cpp",
+        "server/src/jobs/job_request.cpp",
         "server/src/bodies/pose_request_json.cpp"],
     "comparisons of two maps": [
         "mapping/include/stillmap/mapping/odometry_table.hpp", "mapping/include/stillmap/mapping/paper_evaluation.hpp",
@@ -411,17 +382,21 @@ def folder_of(path):
     return None
 
 
+CPP_INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"(?P<name>[^"]+)"', re.M)
+# `import ... from`, `export ... from`, `import 'x.js'`, and import('x.js') in code and in types. A relative name that
+# ends in .js is the .ts or .tsx beside it.
+TS_IMPORT = re.compile(r"""(?:\bfrom|^[ \t]*import|\bimport\()\s*["'](?P<name>\.[^"']+)["']""", re.M)
+
+
 def includes_of(path, text, known):
     """(line, path) of each private file of the same library that `path` includes or imports."""
     ts = path.startswith("web/")
-    pattern = re.compile(r"""^\s*(?:import|export)\b[^"';]*?["'](\.[^"']+)["']|^\}\s*from\s*["'](\.[^"']+)["']""" if ts
-                         else r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"', re.M)
     lines = Lines(text)
-    for match in pattern.finditer(text):
-        name = match[1] or match[match.lastindex]
+    for match in (TS_IMPORT if ts else CPP_INCLUDE).finditer(text):
+        name = match["name"]
         tries = [os.path.normpath(os.path.join(os.path.dirname(path), name))]
         if ts:
-            tries = [tries[0] + end for end in ("", ".ts", ".tsx", "/index.ts", "/index.tsx")]
+            tries = [re.sub(r"\.jsx?$", "", tries[0]) + end for end in ("", ".ts", ".tsx", "/index.ts", "/index.tsx")]
         else:
             tries += [f"{root}/{name}" for root in ROOTS[library_of(path)]]
         target = next((each for each in tries if each in known), None)
@@ -474,18 +449,21 @@ def stem(path):
     return re.sub(r"\.\w+$", "", path.rpartition("/")[2])
 
 
+def definition(name):
+    """Finds where a class, an alias, a function or a constant of this name is defined."""
+    return re.compile(rf"\b(?:class|struct|using)\s+{name}\b\s*(?:final\b)?[^;{{]*?[={{]|^\w[^;{{]*?\b{name}\([^;]*?{{|"
+                      rf"\bconstexpr\b[^;=]*\b{name}\b\s*[={{]", re.M)
+
+
 def known_and_candidates(kind, texts):
-    there, gone, words = [], [], {}
-    for file, name, word in KNOWN[kind]:
-        words[file] = name
-        moved = [path for path in texts if path.endswith("/" + file.rpartition("/")[2])]
-        for path in [file] if file in texts else moved:
-            if re.search(rf"\b{name}\b", texts[path]):
-                there.append((path, name, word))
-                break
+    there, gone = [], []
+    for library, name, word in KNOWN[kind]:
+        found = [path for path, text in texts.items() if library_of(path) == library and definition(name).search(text)]
+        if found:
+            there.append((found[0], name, word))
         else:
-            gone.append((file, name, word))
-    looked_at = {stem(path) for path in [*(path for path, _, _ in there), *words, *SEEN.get(kind, ())]}
+            gone.append((library, name, word))
+    looked_at = {stem(path) for path in [*(path for path, _, _ in there), *SEEN.get(kind, ())]}
     candidates = []
     for path, text in texts.items():
         if stem(path) not in looked_at and (match := CANDIDATE[kind].search(text)):

@@ -13,6 +13,7 @@
 #include <stillmap/maps/crc32c.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/mapped_file.hpp>
 
 #include <cstring>
 #include <memory>
@@ -20,9 +21,9 @@
 namespace {
 
 using namespace stillmap;
-using localization::index_format::Header;
+using Header = maps::SectionHeader;
 using localization::index_format::Kind;
-using localization::index_format::Section;
+using maps::Section;
 
 constexpr localization::MapIndexOptions kOptions{};
 
@@ -56,7 +57,7 @@ struct Sample {
     writer.publish({}, "{}");
     package = maps::MapPackage::open(fuzz::folder().path() / "map");
     file = localization::MapIndex::open(*package, kOptions)->file();
-    const localization::MappedFile mapped(file);
+    const maps::MappedFile mapped(file);
     const auto bytes = mapped.bytes();
     index.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
     for (std::size_t i = 0; i < all.size(); i += 7)
@@ -86,7 +87,9 @@ void mend_checksums(std::string& index) {
   std::memcpy(sections.data(), index.data() + sizeof(Header), sections.size() * sizeof(Section));
   for (Section& section : sections) {
     // The others are read without a look at their checksums.
-    if (section.kind != Kind::kTiles && section.kind != Kind::kGridTiles) continue;
+    if (section.kind != static_cast<std::uint32_t>(Kind::kTiles) &&
+        section.kind != static_cast<std::uint32_t>(Kind::kGridTiles))
+      continue;
     if (section.offset > index.size() || section.bytes > index.size() - section.offset) continue;
     section.crc = maps::crc32c(bytes.subspan(section.offset, section.bytes));
   }

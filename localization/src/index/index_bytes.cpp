@@ -3,29 +3,23 @@
 #include "index/index_format.hpp"
 
 #include <stillmap/maps/crc32c.hpp>
-#include <stillmap/maps/error.hpp>
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <cstring>
 
 namespace stillmap::localization {
 namespace {
 
-using index_format::Header;
+using index_format::About;
 using index_format::Kind;
-using index_format::Section;
+using maps::Section;
+using maps::SectionPart;
 
-std::size_t aligned(std::size_t bytes) {
-  return (bytes + index_format::kAlignment - 1) / index_format::kAlignment *
-         index_format::kAlignment;
-}
-
-const char* name_of(Kind kind) {
-  switch (kind) {
+const char* name_of(std::uint32_t kind) {
+  switch (static_cast<Kind>(kind)) {
     case Kind::kTiles:
       return "tiles";
     case Kind::kSlots:
@@ -40,41 +34,24 @@ const char* name_of(Kind kind) {
   return "unknown";
 }
 
-Header header_of(const IndexKey& key) {
-  Header header;
-  std::copy_n(key.map_digest.begin(), std::min(key.map_digest.size(), header.map_digest.size()),
-              header.map_digest.begin());
-  header.levels = static_cast<std::uint32_t>(key.options.levels);
-  header.finest_voxel_m = key.options.finest_voxel_m;
-  header.min_points = static_cast<std::uint32_t>(key.options.min_points);
-  return header;
+About about_of(const IndexKey& key) {
+  About about;
+  std::copy_n(key.map_digest.begin(), std::min(key.map_digest.size(), about.map_digest.size()),
+              about.map_digest.begin());
+  about.finest_voxel_m = key.options.finest_voxel_m;
+  about.min_points = static_cast<std::uint32_t>(key.options.min_points);
+  return about;
 }
-
-std::uint32_t crc_of(Header header, std::span<const Section> sections) {
-  header.crc = 0;
-  return maps::crc32c(std::as_bytes(sections), maps::crc32c(std::as_bytes(std::span(&header, 1))));
-}
-
-/// A section that is to be written: its bytes and what the table says of it.
-struct Part {
-  Section section;
-  std::span<const std::byte> bytes;
-};
 
 template <typename Item>
-Part part_of(Kind kind, std::size_t level, std::span<const Item> items) {
-  const std::span<const std::byte> bytes = std::as_bytes(items);
-  return {{.kind = kind,
-           .level = static_cast<std::uint32_t>(level),
-           .bytes = bytes.size(),
-           .item_bytes = sizeof(Item),
-           .crc = maps::crc32c(bytes)},
-          bytes};
+SectionPart part_of(Kind kind, std::size_t level, std::span<const Item> items) {
+  return maps::section_part(static_cast<std::uint32_t>(kind), static_cast<std::uint32_t>(level),
+                            std::as_bytes(items), sizeof(Item));
 }
 
 /// Directories first: they are read at load, so they had better share a page with the header.
-std::vector<Part> parts_of(const IndexContent& content) {
-  std::vector<Part> parts;
+std::vector<SectionPart> parts_of(const IndexContent& content) {
+  std::vector<SectionPart> parts;
   for (std::size_t k = 0; k < content.levels.size(); ++k) {
     parts.push_back(part_of(Kind::kTiles, k, content.levels[k].cells.tiles()));
   }
@@ -94,35 +71,16 @@ std::vector<Part> parts_of(const IndexContent& content) {
 
 class Parser {
  public:
-  Parser(std::span<const std::byte> bytes, const std::string& name) : bytes_(bytes), name_(name) {
-    if (bytes.size() < sizeof(Header)) {
-      refuse(fmt::format("{} bytes", bytes.size()), "a map index");
-    }
-    std::memcpy(&header_, bytes.data(), sizeof(Header));
-    if (header_.magic != index_format::kMagic) refuse("another kind of file", "a map index");
-    if (header_.format != index_format::kFormat) {
-      refuse(fmt::format("format {}", header_.format),
-             fmt::format("format {}", index_format::kFormat));
-    }
-    if (header_.file_bytes != bytes.size()) {
-      refuse(fmt::format("{} bytes", bytes.size()), fmt::format("{}", header_.file_bytes));
-    }
-    if (header_.sections > (bytes.size() - sizeof(Header)) / sizeof(Section)) {
-      refuse(fmt::format("{} sections", header_.sections), "a section table inside the file");
-    }
-    sections_.resize(header_.sections);
-    const auto table = bytes.subspan(sizeof(Header), header_.sections * sizeof(Section));
-    std::copy(table.begin(), table.end(), std::as_writable_bytes(std::span(sections_)).begin());
-    if (crc_of(header_, sections_) != header_.crc) {
-      refuse("a header that does not fit its checksum", "an undamaged one");
-    }
-    for (const Section& section : sections_) check(section);
-  }
+  Parser(std::span<const std::byte> bytes, const std::string& name)
+      : bytes_(bytes),
+        table_(bytes, bytes.size(), index_format::kIndex, name),
+        about_(table_.header().read_about<About>()) {}
 
-  [[nodiscard]] const Header& header() const { return header_; }
-  [[nodiscard]] const std::vector<Section>& sections() const { return sections_; }
+  [[nodiscard]] const About& about() const { return about_; }
+  [[nodiscard]] std::uint32_t levels() const { return table_.header().count; }
+  [[nodiscard]] const std::vector<Section>& sections() const { return table_.sections(); }
   [[noreturn]] void refuse(const std::string& found, const std::string& expected) const {
-    throw maps::InputError(name_, found, expected);
+    table_.refuse(found, expected);
   }
 
   template <typename Item>
@@ -135,48 +93,40 @@ class Parser {
             section.bytes / sizeof(Item)};
   }
   [[nodiscard]] const Section& section(Kind kind, std::uint32_t level) const {
-    for (const Section& section : sections_) {
-      if (section.kind == kind && section.level == level) return section;
-    }
-    refuse(fmt::format("no {} of level {}", name_of(kind), level), "all sections");
+    const Section* section = table_.find(static_cast<std::uint32_t>(kind), level);
+    if (section != nullptr) return *section;
+    refuse(fmt::format("no {} of level {}", name_of(static_cast<std::uint32_t>(kind)), level),
+           "all sections");
   }
   void verify(const Section& section) const {
     if (maps::crc32c(bytes_.subspan(section.offset, section.bytes)) != section.crc) {
       refuse(fmt::format("{} of level {} that do not fit their checksum", name_of(section.kind),
-                         section.level),
+                         section.part),
              "undamaged ones");
     }
   }
 
  private:
-  void check(const Section& section) const {
-    if (section.offset % index_format::kAlignment != 0 || section.offset > bytes_.size() ||
-        section.bytes > bytes_.size() - section.offset) {
-      refuse(fmt::format("{} bytes at {}", section.bytes, section.offset),
-             "a section inside the file, aligned to 64 bytes");
-    }
-  }
-
   std::span<const std::byte> bytes_;
-  std::string name_;
-  Header header_;
-  std::vector<Section> sections_;
+  maps::SectionTable table_;
+  About about_;
 };
 
 void require_key(const Parser& parser, const IndexKey& key) {
-  const Header& found = parser.header();
-  const Header wanted = header_of(key);
+  const About& found = parser.about();
+  const About wanted = about_of(key);
+  const auto wanted_levels = static_cast<std::uint32_t>(key.options.levels);
   if (found.map_digest != wanted.map_digest) {
     parser.refuse(fmt::format("an index of map {:.12}",
                               std::string(found.map_digest.begin(), found.map_digest.end())),
                   fmt::format("of map {:.12}", key.map_digest));
   }
-  if (found.levels != wanted.levels || found.finest_voxel_m != wanted.finest_voxel_m ||
+  if (parser.levels() != wanted_levels || found.finest_voxel_m != wanted.finest_voxel_m ||
       found.min_points != wanted.min_points) {
     parser.refuse(
-        fmt::format("{} levels, finest voxel {} m, at least {} points", found.levels,
+        fmt::format("{} levels, finest voxel {} m, at least {} points", parser.levels(),
                     found.finest_voxel_m, found.min_points),
-        fmt::format("{}, {} m, {}", wanted.levels, wanted.finest_voxel_m, wanted.min_points));
+        fmt::format("{}, {} m, {}", wanted_levels, wanted.finest_voxel_m, wanted.min_points));
   }
 }
 
@@ -203,8 +153,8 @@ MapIndex::Level level_of(const Parser& parser, std::uint32_t level) {
   if (voxels.size() >= CellBlocks::kNone) parser.refuse("too many voxels", "fewer than 2^32 - 1");
   MapIndex::Level view;
   view.edge_m = static_cast<float>(
-      std::ldexp(parser.header().finest_voxel_m,
-                 static_cast<int>(parser.header().levels) - 1 - static_cast<int>(level)));
+      std::ldexp(parser.about().finest_voxel_m,
+                 static_cast<int>(parser.levels()) - 1 - static_cast<int>(level)));
   view.cells = CellBlocks(tiles_of(parser, level, slots.size()), slots,
                           static_cast<std::uint32_t>(voxels.size()));
   view.voxels = voxels;
@@ -228,44 +178,28 @@ CellBits place_grid_of(const Parser& parser, std::uint32_t grid, const Eigen::Ve
 }  // namespace
 
 std::vector<CacheLine> to_bytes(const IndexKey& key, const IndexContent& content) {
-  std::vector<Part> parts = parts_of(content);
-  std::size_t end = aligned(sizeof(Header) + parts.size() * sizeof(Section));
-  std::vector<Section> sections;
-  for (Part& part : parts) {
-    part.section.offset = end;
-    end = aligned(end + part.bytes.size());
-    sections.push_back(part.section);
-  }
-  Header header = header_of(key);
-  header.sections = static_cast<std::uint32_t>(sections.size());
-  header.file_bytes = end;
-  Eigen::Vector3d::Map(header.origin_m.data()) = content.origin;
-  Eigen::Vector3d::Map(header.extent_m.data()) = content.extent;
-  header.crc = crc_of(header, sections);
-  std::vector<CacheLine> lines(end / sizeof(CacheLine));
-  const std::span<std::byte> bytes = std::as_writable_bytes(std::span(lines));
-  std::memcpy(bytes.data(), &header, sizeof(header));
-  std::memcpy(bytes.data() + sizeof(header), sections.data(), sections.size() * sizeof(Section));
-  for (const Part& part : parts) {
-    if (part.bytes.empty()) continue;
-    std::memcpy(bytes.data() + part.section.offset, part.bytes.data(), part.bytes.size());
-  }
-  return lines;
+  About about = about_of(key);
+  Eigen::Vector3d::Map(about.origin_m.data()) = content.origin;
+  Eigen::Vector3d::Map(about.extent_m.data()) = content.extent;
+  maps::SectionHeader header;
+  header.count = static_cast<std::uint32_t>(key.options.levels);
+  header.set_about(about);
+  return maps::section_bytes(index_format::kIndex, header, parts_of(content)).lines;
 }
 
 IndexView view_of(std::span<const std::byte> bytes, const IndexKey& key, const std::string& name) {
   const Parser parser(bytes, name);
   require_key(parser, key);
   IndexView view;
-  view.origin = Eigen::Vector3d::Map(parser.header().origin_m.data());
-  view.extent = Eigen::Vector3d::Map(parser.header().extent_m.data());
+  view.origin = Eigen::Vector3d::Map(parser.about().origin_m.data());
+  view.extent = Eigen::Vector3d::Map(parser.about().extent_m.data());
   const double limit_m = key.options.finest_voxel_m * kCellsPerAxis;
   // NaN on its own: minCoeff() and maxCoeff() may pass it over.
   if (!(view.origin.allFinite() && view.extent.allFinite() && view.extent.minCoeff() >= 0.0 &&
         view.extent.maxCoeff() < limit_m)) {
     parser.refuse("bounds that no map has", fmt::format("an extent below {} m", limit_m));
   }
-  for (std::uint32_t level = 0; level < parser.header().levels; ++level) {
+  for (std::uint32_t level = 0; level < parser.levels(); ++level) {
     view.levels.push_back(level_of(parser, level));
   }
   for (std::uint32_t grid = 0; grid < kPlaceGrids.size(); ++grid) {

@@ -1,11 +1,12 @@
 #pragma once
 
 #include "cell_bits.hpp"
+
+#include <stillmap/maps/section_file.hpp>
 #include "map_level.hpp"
 
 #include <stillmap/localization/map_index.hpp>
 
-#include <array>
 #include <cstddef>
 #include <span>
 #include <string>
@@ -35,10 +36,7 @@ struct IndexContent {
   std::vector<CellBitsTable> place_grids;
 };
 
-/// Memory that is aligned as the sections of an index are.
-struct alignas(64) CacheLine {
-  std::array<std::byte, 64> bytes;
-};
+using maps::CacheLine;
 
 /// The file's bytes, from the beginning to a multiple of 64.
 [[nodiscard]] std::vector<CacheLine> to_bytes(const IndexKey& key, const IndexContent& content);

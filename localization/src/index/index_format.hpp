@@ -1,30 +1,23 @@
 #pragma once
 
+#include <stillmap/maps/section_file.hpp>
+
 #include <array>
-#include <bit>
 #include <cstddef>
 #include <cstdint>
 
-/// The index file as it lies on the disk: header, section table, sections; little endian, without
-/// pointers, every section at a multiple of 64 bytes, zeros between them.
+/// The index file: a maps::SectionTable whose header counts the levels, and its sections.
 namespace stillmap::localization::index_format {
 
-static_assert(std::endian::native == std::endian::little, "the index is little endian as it lies");
-
-inline constexpr std::array<char, 8> kMagic = {'s', 't', 'i', 'l', 'l', 'i', 'd', 'x'};
-/// Counts up whenever a reader, or the same map's voxels, would differ: what lies in files of
-/// another number is made anew. IndexFile.HoldsTheBytesOfItsFormatNumber pins both.
+/// Counts up whenever a reader, or the same map's voxels, would differ.
+/// IndexFile.HoldsTheBytesOfItsFormatNumber pins it and the bytes.
 inline constexpr std::uint32_t kFormat = 1;
-inline constexpr std::size_t kAlignment = 64;
+inline constexpr std::uint32_t kAlignment = 64;
+inline constexpr maps::SectionFormat kIndex = {
+    {'s', 't', 'i', 'l', 'l', 'i', 'd', 'x'}, kFormat, kAlignment, "a map index"};
 
-struct Header {
-  std::array<char, 8> magic = kMagic;
-  std::uint32_t format = kFormat;
-  std::uint32_t sections = 0;
-  std::uint64_t file_bytes = 0;
-  /// CRC-32C of header and section table, this field taken as 0.
-  std::uint32_t crc = 0;
-  std::uint32_t levels = 0;
+/// In the header.
+struct About {
   /// Content digest of the map (hex), zeros for bare points.
   std::array<char, 64> map_digest{};
   double finest_voxel_m = 0.0;
@@ -32,31 +25,17 @@ struct Header {
   std::uint32_t unused = 0;
   /// As `MapIndex::origin()` and `extent()`.
   std::array<double, 3> origin_m{}, extent_m{};
-  std::array<std::byte, 32> padding{};
 };
-static_assert(sizeof(Header) == 192 && sizeof(Header) % kAlignment == 0);
+static_assert(sizeof(About) == 128);
 
-/// What a section holds, as an array of one type.
+/// What a section holds, as an array of one type; its part is a level, 0 the coarsest.
 enum class Kind : std::uint32_t {
   kTiles = 1,   ///< CellBlocks::Tile
   kSlots = 2,   ///< CellBlocks::Slot
   kVoxels = 3,  ///< Voxel
-  /// 32-bit and 64-bit words of `CellBitsTable`; the level counts `kPlaceGrids`.
+  /// 32-bit and 64-bit words of `CellBitsTable`; the part counts `kPlaceGrids`.
   kGridTiles = 4,
   kGridWords = 5,
 };
-
-struct Section {
-  Kind kind{};
-  /// 0 is the coarsest level.
-  std::uint32_t level = 0;
-  std::uint64_t offset = 0;
-  std::uint64_t bytes = 0;
-  /// Of one item.
-  std::uint32_t item_bytes = 0;
-  /// CRC-32C of the section.
-  std::uint32_t crc = 0;
-};
-static_assert(sizeof(Section) == 32);
 
 }  // namespace stillmap::localization::index_format

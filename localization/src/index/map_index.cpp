@@ -7,6 +7,7 @@
 #include "map_level.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/mapped_file.hpp>
 #include <stillmap/maps/tile_check.hpp>
 
 #include <fmt/format.h>
@@ -44,7 +45,7 @@ struct MapIndex::Storage {
     return mapped ? mapped->bytes() : std::as_bytes(std::span(owned));
   }
 
-  std::optional<MappedFile> mapped;
+  std::optional<maps::MappedFile> mapped;
   std::vector<CacheLine> owned;
 };
 

@@ -1,5 +1,7 @@
 #include "history.hpp"
 
+#include <stillmap/maps/trajectory.hpp>
+
 #include <iterator>
 
 namespace stillmap::localization {
@@ -11,7 +13,7 @@ constexpr std::size_t kMaxKept = 1024;
 }  // namespace
 
 bool TrackingHistory::keeps(std::int64_t stamp_ns) const {
-  return newest_ns_ && seconds_between(stamp_ns, *newest_ns_) <= kept_s_;
+  return newest_ns_ && maps::seconds_between(stamp_ns, *newest_ns_) <= kept_s_;
 }
 
 const TrackedPose* TrackingHistory::answer_at(std::int64_t stamp_ns) const {

@@ -2,6 +2,7 @@
 
 #include <stillmap/maps/frames.hpp>
 #include <stillmap/maps/small_matrices.hpp>
+#include <stillmap/maps/trajectory.hpp>
 
 #include <cmath>
 
@@ -22,13 +23,6 @@ Matrix6d symmetric(const Matrix6d& matrix) { return 0.5 * (matrix + matrix.trans
 
 }  // namespace
 
-double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
-  const auto from = static_cast<std::uint64_t>(from_ns);
-  const auto to = static_cast<std::uint64_t>(to_ns);
-  return from_ns <= to_ns ? 1e-9 * static_cast<double>(to - from)
-                          : -1e-9 * static_cast<double>(from - to);
-}
-
 MotionModel::MotionModel(const TrackerOptions& options)
     : density_(diagonal(options.acceleration_density, options.turn_acceleration_density)),
       unknown_twist_(diagonal(options.unknown_speed_m_s * options.unknown_speed_m_s,
@@ -39,7 +33,7 @@ MotionState MotionModel::at_unknown_velocity(std::int64_t stamp_ns, const PosePd
 }
 
 MotionState MotionModel::predicted(const MotionState& state, std::int64_t stamp_ns) const {
-  const double t = seconds_between(state.stamp_ns, stamp_ns);
+  const double t = maps::seconds_between(state.stamp_ns, stamp_ns);
   if (t == 0.0) return state;
   MotionState next = state;
   next.stamp_ns = stamp_ns;
@@ -54,7 +48,7 @@ MotionState MotionModel::predicted(const MotionState& state, std::int64_t stamp_
 
 MotionState MotionModel::predicted(const MotionState& state, std::int64_t stamp_ns,
                                    const OdometryStep& odometry) const {
-  const double t = seconds_between(state.stamp_ns, stamp_ns);
+  const double t = maps::seconds_between(state.stamp_ns, stamp_ns);
   MotionState next;
   next.stamp_ns = stamp_ns;
   next.odometry_steps = state.odometry_steps + 1;
@@ -72,7 +66,7 @@ MotionState MotionModel::predicted(const MotionState& state, std::int64_t stamp_
 MotionState MotionModel::moved_to(const MotionState& before, std::int64_t stamp_ns,
                                   const PosePdf& pose) const {
   MotionState next{stamp_ns, pose, before.twist, before.twist_covariance};
-  const double t = seconds_between(before.stamp_ns, stamp_ns);
+  const double t = maps::seconds_between(before.stamp_ns, stamp_ns);
   if (!(t > 0.0)) return next;
   const Matrix6d predicted = before.twist_covariance + t * density_;
   const Vector6d measured = maps::log_se3(before.pose.T.inverse() * pose.T) / t;
@@ -86,9 +80,9 @@ MotionState MotionModel::moved_to(const MotionState& before, std::int64_t stamp_
 
 MotionState MotionModel::interpolated(const MotionState& before, const MotionState& after,
                                       std::int64_t stamp_ns) const {
-  const double span = seconds_between(before.stamp_ns, after.stamp_ns);
+  const double span = maps::seconds_between(before.stamp_ns, after.stamp_ns);
   if (!(span > 0.0)) return before;
-  const double share = seconds_between(before.stamp_ns, stamp_ns) / span;
+  const double share = maps::seconds_between(before.stamp_ns, stamp_ns) / span;
   MotionState between;
   between.stamp_ns = stamp_ns;
   between.twist = maps::log_se3(before.pose.T.inverse() * after.pose.T) / span;

@@ -22,9 +22,6 @@ struct MotionState {
   int odometry_steps = 0;
 };
 
-/// Time from `from_ns` to `to_ns` [s], negative backwards; no overflow however far apart.
-[[nodiscard]] double seconds_between(std::int64_t from_ns, std::int64_t to_ns);
-
 /// Vehicles as bodies whose acceleration is white noise (Bar-Shalom, Li, Kirubarajan, "Estimation
 /// with Applications to Tracking and Navigation", 2001, 6.2.2), as densities in the options.
 class MotionModel {

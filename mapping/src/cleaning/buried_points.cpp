@@ -1,5 +1,7 @@
 #include "cleaning/buried_points.hpp"
 
+#include <stillmap/maps/median.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -57,9 +59,7 @@ class BuriedRays {
       if (const auto z = measured(p, p.z())) off_m.push_back(*z - p.z());
     }
     if (off_m.size() <= kFewestCompared) return false;
-    const auto middle = off_m.begin() + static_cast<std::ptrdiff_t>(off_m.size() / 2);
-    std::nth_element(off_m.begin(), middle, off_m.end());
-    T_local_lidar_.translation().z() += *middle;
+    T_local_lidar_.translation().z() += maps::median(std::move(off_m));
     sensor_ = T_local_lidar_.translation();
     const auto below = ground_.at(sensor_.x(), sensor_.y(), sensor_.z());
     if (!below || below->z > sensor_.z()) return false;

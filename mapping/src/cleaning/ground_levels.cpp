@@ -34,11 +34,6 @@ std::vector<std::pair<int, int>> cells_by_distance() {
   return cells;
 }
 
-std::uint64_t key_of(std::int32_t x, std::int32_t y) {
-  return (static_cast<std::uint64_t>(static_cast<std::uint32_t>(x)) << 32U) |
-         static_cast<std::uint32_t>(y);
-}
-
 std::pair<std::int32_t, std::int32_t> cell_of(const Eigen::Vector3f& p) {
   return {static_cast<std::int32_t>(std::floor(p.x())),
           static_cast<std::int32_t>(std::floor(p.y()))};
@@ -53,7 +48,7 @@ GroundLevels::GroundLevels(std::span<const Eigen::Vector3f> positions,
   for (std::size_t i = 0; i < positions.size(); ++i) {
     if (is_ground[i] == 0) continue;
     const auto [x, y] = cell_of(positions[i]);
-    add(positions[i].z(), cells_[key_of(x, y)]);
+    add(positions[i].z(), cells_[maps::plane_cell_key(x, y)]);
   }
   for (auto& [key, cell] : cells_) settle(cell);
 }
@@ -98,9 +93,9 @@ std::optional<float> GroundLevels::below(const Eigen::Vector3f& p) const {
   const auto [x, y] = cell_of(p);
   std::optional<float> nearest;
   for (const auto& [dx, dy] : around) {
-    const auto at = cells_.find(key_of(x + dx, y + dy));
-    if (at == cells_.end()) continue;
-    const Level& level = level_under(p.z(), at->second);
+    const Cell* cell = cells_.find(maps::plane_cell_key(x + dx, y + dy));
+    if (cell == nullptr) continue;
+    const Level& level = level_under(p.z(), *cell);
     if (!nearest) nearest = level.mean();
     if (level.count < kFewest) return nearest;
     if (level.mean() <= p.z() + kStoreyM) return level.mean();

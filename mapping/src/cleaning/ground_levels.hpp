@@ -2,10 +2,11 @@
 
 #include <Eigen/Core>
 
+#include <stillmap/maps/cell_table.hpp>
+
 #include <cstdint>
 #include <optional>
 #include <span>
-#include <unordered_map>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -43,7 +44,7 @@ class GroundLevels {
   /// Of the levels that are not above the height the highest, else the lowest of all.
   [[nodiscard]] static const Level& level_under(float z, const Cell& cell);
 
-  std::unordered_map<std::uint64_t, Cell> cells_;
+  maps::CellMap<Cell> cells_;
 };
 
 }  // namespace stillmap::mapping

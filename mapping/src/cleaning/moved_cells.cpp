@@ -1,12 +1,12 @@
 #include "cleaning/moved_cells.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
+
 #include "cleaning/thin_upright.hpp"
 
 #include <algorithm>
 #include <cstddef>
 #include <stdexcept>
-#include <unordered_map>
-#include <unordered_set>
 #include <utility>
 
 namespace stillmap::mapping {
@@ -34,7 +34,7 @@ class Cubes {
 
   /// Marks all points that are within a ball of a marked one, and some farther ones.
   [[nodiscard]] std::vector<std::uint8_t> near(const std::vector<std::uint8_t>& marked) const {
-    std::unordered_set<std::uint64_t> reached;
+    maps::CellTable reached;
     for (const auto& [at, numbers] : cubes_) {
       if (std::none_of(numbers.begin(), numbers.end(),
                        [&](std::uint32_t i) { return marked[i] != 0; }))
@@ -54,9 +54,9 @@ class Cubes {
     const Eigen::Vector3f& p = positions_[i];
     const Eigen::Vector3i centre = cube(p);
     for (int n = 0; n < 27; ++n) {
-      const auto at = cubes_.find(key(centre + step(n)));
-      if (at == cubes_.end()) continue;
-      for (const std::uint32_t j : at->second) {
+      const std::vector<std::uint32_t>* numbers = cubes_.find(key(centre + step(n)));
+      if (numbers == nullptr) continue;
+      for (const std::uint32_t j : *numbers) {
         if (j != i && (positions_[j] - p).squaredNorm() <= ball_m_ * ball_m_) others.push_back(j);
       }
     }
@@ -68,15 +68,12 @@ class Cubes {
     return (p / ball_m_).array().floor().cast<int>();
   }
   [[nodiscard]] static std::uint64_t key(const Eigen::Vector3i& c) {
-    constexpr std::uint64_t kMask = (1U << 21U) - 1;
-    return ((static_cast<std::uint64_t>(c.x()) & kMask) << 42U) |
-           ((static_cast<std::uint64_t>(c.y()) & kMask) << 21U) |
-           (static_cast<std::uint64_t>(c.z()) & kMask);
+    return maps::signed_cell_key(c.x(), c.y(), c.z());
   }
 
   std::span<const Eigen::Vector3f> positions_;
   float ball_m_;
-  std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> cubes_;
+  maps::CellMap<std::vector<std::uint32_t>> cubes_;
 };
 
 /// The balls around some points, in one list.

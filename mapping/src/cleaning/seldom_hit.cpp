@@ -1,7 +1,8 @@
 #include "cleaning/seldom_hit.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
+
 #include <cstddef>
-#include <unordered_map>
 
 namespace stillmap::mapping {
 namespace {
@@ -15,10 +16,7 @@ constexpr float kCompanyPerM = 0.005F;
 
 /// In cubes as wide as the company, so that it is in 27 of them.
 std::uint64_t company_key(const Eigen::Vector3i& cube) {
-  constexpr std::uint64_t kMask = (1U << 21U) - 1;
-  return ((static_cast<std::uint64_t>(cube.x()) & kMask) << 42U) |
-         ((static_cast<std::uint64_t>(cube.y()) & kMask) << 21U) |
-         (static_cast<std::uint64_t>(cube.z()) & kMask);
+  return maps::signed_cell_key(cube.x(), cube.y(), cube.z());
 }
 
 Eigen::Vector3i company_cube(const Eigen::Vector3f& p) {
@@ -35,7 +33,7 @@ std::vector<std::uint8_t> seldom_hit(const CleaningPoints& points, const Eigen::
       keyframes.front().place != keyframes.back().place)
     return flags;
   // Of cells that are hit often.
-  std::unordered_map<std::uint64_t, std::vector<Eigen::Vector3f>> often;
+  maps::CellMap<std::vector<Eigen::Vector3f>> often;
   for (std::size_t i = 0; i < flags.size(); ++i) {
     if (points.scans[i] >= kOftenShare * static_cast<double>(scans))
       often[company_key(company_cube(points.positions[i]))].push_back(points.positions[i]);
@@ -49,9 +47,9 @@ std::vector<std::uint8_t> seldom_hit(const CleaningPoints& points, const Eigen::
     for (int x = low.x(); x <= high.x(); ++x)
       for (int y = low.y(); y <= high.y(); ++y)
         for (int z = low.z(); z <= high.z(); ++z) {
-          const auto found = often.find(company_key({x, y, z}));
-          if (found == often.end()) continue;
-          for (const Eigen::Vector3f& other : found->second) {
+          const std::vector<Eigen::Vector3f>* found = often.find(company_key({x, y, z}));
+          if (found == nullptr) continue;
+          for (const Eigen::Vector3f& other : *found) {
             if (((other - p).array() * scale).matrix().squaredNorm() <= 1.0F) return true;
           }
         }

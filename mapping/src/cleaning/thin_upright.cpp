@@ -1,12 +1,13 @@
 #include "cleaning/thin_upright.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
+
 #include <algorithm>
 #include <array>
 #include <bitset>
 #include <cmath>
 #include <cstddef>
 #include <stdexcept>
-#include <unordered_map>
 
 namespace stillmap::mapping {
 namespace {
@@ -31,9 +32,10 @@ class Squares {
   void around(const Eigen::Vector3f& p, const Visit& visit) const {
     const Eigen::Vector2i centre = square(p);
     for (int n = 0; n < 9; ++n) {
-      const auto at = squares_.find(key(centre + Eigen::Vector2i(n % 3 - 1, n / 3 - 1)));
-      if (at == squares_.end()) continue;
-      for (const std::uint32_t i : at->second) visit(positions_[i]);
+      const std::vector<std::uint32_t>* numbers =
+          squares_.find(key(centre + Eigen::Vector2i(n % 3 - 1, n / 3 - 1)));
+      if (numbers == nullptr) continue;
+      for (const std::uint32_t i : *numbers) visit(positions_[i]);
     }
   }
 
@@ -42,12 +44,11 @@ class Squares {
     return (p.head<2>() / kRingM).array().floor().cast<int>();
   }
   [[nodiscard]] static std::uint64_t key(const Eigen::Vector2i& square) {
-    return (static_cast<std::uint64_t>(static_cast<std::uint32_t>(square.x())) << 32U) |
-           static_cast<std::uint32_t>(square.y());
+    return maps::plane_cell_key(square.x(), square.y());
   }
 
   std::span<const Eigen::Vector3f> positions_;
-  std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> squares_;
+  maps::CellMap<std::vector<std::uint32_t>> squares_;
 };
 
 bool is_part_of_a_pole(const Squares& squares, const Eigen::Vector3f& p) {

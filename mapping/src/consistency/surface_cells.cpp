@@ -2,6 +2,7 @@
 
 #include "core/point_cells.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
 #include <stillmap/maps/small_matrices.hpp>
 
 #include <algorithm>
@@ -75,14 +76,11 @@ class WeightedMoments {
 };
 
 std::uint64_t surface_key(const Eigen::Vector3f& p, double cell_m, bool is_ground) {
-  constexpr std::int64_t kHalf = 1 << 20;
-  std::uint64_t key = is_ground ? 1 : 0;
-  for (Eigen::Index axis = 0; axis < 3; ++axis) {
-    const double cell = std::floor(static_cast<double>(p[axis]) / cell_m);
-    key = key << 21U |
-          (static_cast<std::uint64_t>(static_cast<std::int64_t>(cell) + kHalf) & 0x1FFFFFU);
-  }
-  return key;
+  const auto cell = [&](float x) {
+    return static_cast<std::int64_t>(std::floor(static_cast<double>(x) / cell_m));
+  };
+  return std::uint64_t{is_ground ? 1U : 0U} << 63U |
+         maps::signed_cell_key(cell(p.x()), cell(p.y()), cell(p.z()));
 }
 
 /// Of the normal distribution with the covariance of the points; NaN of too few.

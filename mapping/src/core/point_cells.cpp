@@ -1,5 +1,7 @@
 #include "point_cells.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
+
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
@@ -14,13 +16,10 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr std::int64_t kHalfCells = 1 << 20;
+constexpr std::int64_t kHalfCells = maps::kCellsPerAxis / 2;
 
 std::uint64_t key_of(const std::array<std::int64_t, 3>& cell) {
-  std::uint64_t key = 0;
-  for (const std::int64_t axis : cell)
-    key = (key << 21U) | static_cast<std::uint64_t>(axis + kHalfCells);
-  return key;
+  return maps::signed_cell_key(cell[0], cell[1], cell[2]);
 }
 
 bool in_range(const std::array<std::int64_t, 3>& cell) {
@@ -92,8 +91,7 @@ void PointCells::fill_table() {
 }
 
 std::size_t PointCells::slot_of(std::uint64_t key) const {
-  // Fibonacci hashing: the high bits of the product depend on all bits of the key.
-  return static_cast<std::size_t>((key * 0x9E3779B97F4A7C15ULL) >> table_shift_);
+  return static_cast<std::size_t>(maps::hash_of_cell(key) >> table_shift_);
 }
 
 PointCells::Range PointCells::find(const Cell& cell) const {

@@ -1,5 +1,8 @@
 #include "detection/bev_overlap.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
+#include <stillmap/maps/median.hpp>
+
 #include "fusion/box_frames.hpp"
 
 #include <Eigen/Core>
@@ -10,7 +13,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <unordered_map>
 #include <utility>
 
 namespace stillmap::mapping {
@@ -28,9 +30,7 @@ class KeptBoxes {
     for (const maps::Box& box : boxes) radii.push_back(radius(box));
     if (radii.empty()) return;
     // Most boxes lie in at most four cells, and none in more than 17 x 17.
-    const auto middle = radii.begin() + static_cast<std::ptrdiff_t>(radii.size() / 2);
-    std::ranges::nth_element(radii, middle);
-    cell_m_ = std::max(2.0 * *middle, std::ranges::max(radii) / 8.0);
+    cell_m_ = std::max(2.0 * maps::median(radii), std::ranges::max(radii) / 8.0);
     if (!(cell_m_ > 0.0)) cell_m_ = 1.0;
   }
 
@@ -39,9 +39,10 @@ class KeptBoxes {
     const Square own = square_of(box);
     bool found = false;
     for_each_cell(own, [&](const Cell& cell) {
-      const auto numbers = cells_.find(cell);
-      if (found || numbers == cells_.end()) return;
-      found = std::ranges::any_of(numbers->second, [&](std::size_t number) {
+      // Cells 2^32 apart share their numbers; boxes of those are too far away to overlap.
+      const auto* numbers = cells_.find(maps::plane_cell_key(cell.first, cell.second));
+      if (found || numbers == nullptr) return;
+      found = std::ranges::any_of(*numbers, [&](std::size_t number) {
         const Kept& other = kept_[number];
         // Two squares share a rectangle of cells: the pair is looked at in the first of them.
         return cell == std::pair(std::max(own.low.first, other.square.low.first),
@@ -53,7 +54,9 @@ class KeptBoxes {
   }
   void add(maps::Box box) {
     const Square square = square_of(box);
-    for_each_cell(square, [&](const Cell& cell) { cells_[cell].push_back(kept_.size()); });
+    for_each_cell(square, [&](const Cell& cell) {
+      cells_[maps::plane_cell_key(cell.first, cell.second)].push_back(kept_.size());
+    });
     kept_.push_back({std::move(box), square});
   }
   [[nodiscard]] std::vector<maps::Box> take() {
@@ -64,15 +67,6 @@ class KeptBoxes {
 
  private:
   using Cell = std::pair<std::int64_t, std::int64_t>;
-  struct CellHash {
-    std::size_t operator()(const Cell& cell) const {
-      // Odd factors near 2^64 / golden ratio (Knuth, "The Art of Computer Programming", 6.4).
-      return static_cast<std::size_t>(
-          (static_cast<std::uint64_t>(cell.first) * 0x9E3779B97F4A7C15U +
-           static_cast<std::uint64_t>(cell.second)) *
-          0x9E3779B97F4A7C15U);
-    }
-  };
   /// The circle around a box, and the cells that the square around that touches.
   struct Square {
     double radius = 0.0;
@@ -111,7 +105,7 @@ class KeptBoxes {
 
   double cell_m_ = 1.0;
   std::vector<Kept> kept_;
-  std::unordered_map<Cell, std::vector<std::size_t>, CellHash> cells_;
+  maps::CellMap<std::vector<std::size_t>> cells_;
 };
 
 }  // namespace

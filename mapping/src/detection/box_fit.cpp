@@ -1,5 +1,7 @@
 #include "detection/box_fit.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
+
 #include <tbb/parallel_for.h>
 #include <Eigen/Core>
 
@@ -9,7 +11,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <numbers>
-#include <unordered_map>
 #include <utility>
 
 namespace stillmap::mapping {
@@ -90,9 +91,9 @@ class CellsOfPoints {
     const Eigen::Matrix2d R_along_frame = along_from_frame(box.yaw_rad);
     for (int x = cell(box.centre.x() - r); x <= cell(box.centre.x() + r); ++x) {
       for (int y = cell(box.centre.y() - r); y <= cell(box.centre.y() + r); ++y) {
-        const auto here = cells_.find(key(x, y));
-        if (here == cells_.end()) continue;
-        for (const std::uint32_t i : here->second) {
+        const std::vector<std::uint32_t>* here = cells_.find(key(x, y));
+        if (here == nullptr) continue;
+        for (const std::uint32_t i : *here) {
           const Eigen::Vector3d p = cloud_.positions[i].cast<double>();
           const Eigen::Vector2d d = R_along_frame * (p - box.centre).head<2>();
           if (p.z() > bottom && p.z() < top && (d.array().abs() < half.array()).all())
@@ -106,13 +107,10 @@ class CellsOfPoints {
  private:
   static constexpr double kFarM = 1e4;
   static int cell(double x) { return static_cast<int>(std::floor(x / kCellM)); }
-  static std::uint64_t key(int x, int y) {
-    return (static_cast<std::uint64_t>(static_cast<std::uint32_t>(x)) << 32U) |
-           static_cast<std::uint32_t>(y);
-  }
+  static std::uint64_t key(int x, int y) { return maps::plane_cell_key(x, y); }
 
   const maps::PointCloud& cloud_;
-  std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> cells_;
+  maps::CellMap<std::vector<std::uint32_t>> cells_;
 };
 
 /// Sine of the angle between two axes, in [0, 1].

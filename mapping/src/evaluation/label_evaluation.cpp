@@ -1,5 +1,7 @@
 #include <stillmap/mapping/label_evaluation.hpp>
 
+#include <stillmap/maps/peak_memory.hpp>
+
 #include "evaluation/labels/before_and_after.hpp"
 #include "evaluation/labels/class_tally.hpp"
 #include "evaluation/labels/footprints.hpp"
@@ -9,7 +11,6 @@
 #include "evaluation/labels/voxel_means.hpp"
 #include "evaluation/published_metrics.hpp"
 
-#include <sys/resource.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -69,9 +70,7 @@ class LabelJudge {
       judge_uncleaned();
     }
     collect();
-    rusage usage{};
-    getrusage(RUSAGE_SELF, &usage);
-    result_.peak_rss_mib = static_cast<double>(usage.ru_maxrss) / 1024.0;
+    result_.peak_rss_mib = maps::peak_rss_mib();
     result_.seconds = std::chrono::duration<double>(Clock::now() - began).count();
     return std::move(result_);
   }

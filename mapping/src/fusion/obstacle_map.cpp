@@ -18,20 +18,10 @@ constexpr float kObstacleReachM = 35.0F;
 constexpr float kLowestM = 0.1F;
 constexpr float kHighestM = 4.0F;
 
-std::uint64_t key_of(const Eigen::Array3i& cell) {
-  constexpr int kHalf = 1 << 20;
-  std::uint64_t key = 0;
-  for (Eigen::Index axis = 0; axis < 3; ++axis)
-    key = key << 21U | (static_cast<std::uint64_t>(cell[axis] + kHalf) & 0x1FFFFFU);
-  return key;
-}
-
-std::uint64_t key_of(const Eigen::Vector3f& p) {
+std::uint64_t obstacle_key(const Eigen::Vector3f& p) {
   const Eigen::Array3i cell = (p / kVoxelM).array().floor().cast<int>();
-  return key_of(cell);
+  return maps::signed_cell_key(cell.x(), cell.y(), cell.z());
 }
-
-std::uint64_t square_key(int x, int y) { return key_of(Eigen::Array3i(x, y, 0)); }
 
 int square_of(float value, float side_m) { return static_cast<int>(std::floor(value / side_m)); }
 
@@ -53,7 +43,7 @@ ScanObstacles reduce_obstacles(const std::vector<Eigen::Vector3f>& positions,
     if (!(height_m > kLowestM && height_m < kHighestM)) continue;
     Eigen::Vector3f obstacle = T * p;
     obstacle.z() = height_m;
-    keyed.emplace_back(key_of(obstacle), obstacle);
+    keyed.emplace_back(obstacle_key(obstacle), obstacle);
   }
   std::stable_sort(keyed.begin(), keyed.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
@@ -72,8 +62,8 @@ ObstacleMap::ObstacleMap(const std::vector<Obstacle>& obstacles) {
 }
 
 void ObstacleMap::put(const Obstacle& obstacle) {
-  squares_[square_key(square_of(obstacle.position.x(), kSquareM),
-                      square_of(obstacle.position.y(), kSquareM))]
+  squares_[maps::plane_cell_key(square_of(obstacle.position.x(), kSquareM),
+                                square_of(obstacle.position.y(), kSquareM))]
       .push_back(obstacle);
 }
 
@@ -94,14 +84,10 @@ void ObstacleMap::add(const ScanObstacles& scan) {
 }
 
 void ObstacleMap::finish() {
-  // Ordered by key, so that nothing depends on the hash table.
   std::map<std::pair<int, int>, std::vector<Obstacle>> patches;
-  std::vector<std::uint64_t> keys;
-  keys.reserve(sums_.size());
-  for (const auto& [key, sum] : sums_) keys.push_back(key);
-  std::sort(keys.begin(), keys.end());
-  for (const std::uint64_t key : keys) {
-    const Sum& sum = sums_.at(key);
+  // By place, whatever the order of the scans.
+  std::sort(sums_.begin(), sums_.end(), [](const auto& a, const auto& b) { return a.key < b.key; });
+  for (const auto& [key, sum] : sums_) {
     Obstacle obstacle;
     obstacle.position = sum.sum / static_cast<float>(sum.points);
     obstacle.scans = sum.scans;
@@ -127,9 +113,9 @@ std::vector<const Obstacle*> ObstacleMap::around(const Eigen::Vector2d& centre,
   const Eigen::Vector2f c = centre.cast<float>();
   for (int x = square_of(c.x() - reach, kSquareM); x <= square_of(c.x() + reach, kSquareM); ++x) {
     for (int y = square_of(c.y() - reach, kSquareM); y <= square_of(c.y() + reach, kSquareM); ++y) {
-      const auto square = squares_.find(square_key(x, y));
-      if (square == squares_.end()) continue;
-      for (const Obstacle& each : square->second) {
+      const std::vector<Obstacle>* square = squares_.find(maps::plane_cell_key(x, y));
+      if (square == nullptr) continue;
+      for (const Obstacle& each : *square) {
         if ((each.position.head<2>() - c).squaredNorm() <= reach * reach) found.push_back(&each);
       }
     }

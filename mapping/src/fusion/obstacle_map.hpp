@@ -1,12 +1,13 @@
 #pragma once
 
 #include <Eigen/Core>
+
 #include <Eigen/Geometry>
+#include <stillmap/maps/cell_table.hpp>
 
 #include <stillmap/mapping/ground.hpp>
 
 #include <cstdint>
-#include <unordered_map>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -67,9 +68,9 @@ class ObstacleMap {
   };
   void put(const Obstacle& obstacle);
 
-  std::unordered_map<std::uint64_t, Sum> sums_;
+  maps::CellMap<Sum> sums_;
   /// By square of 2 m.
-  std::unordered_map<std::uint64_t, std::vector<Obstacle>> squares_;
+  maps::CellMap<std::vector<Obstacle>> squares_;
 };
 
 }  // namespace stillmap::mapping

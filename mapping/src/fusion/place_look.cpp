@@ -27,10 +27,6 @@ constexpr std::size_t kMinOnBody = 3;
 
 std::int64_t cell_of(double x) { return static_cast<std::int64_t>(std::floor(x / kCellM)); }
 
-std::uint64_t key_of(std::int64_t x, std::int64_t y) {
-  return (static_cast<std::uint64_t>(x) << 32) ^ (static_cast<std::uint64_t>(y) & 0xFFFFFFFFULL);
-}
-
 maps::Box body_of(const maps::Box& box) {
   const double bottom = box.centre.z() - 0.5 * box.size_m.z();
   const double from = bottom + kBodyFrom * box.size_m.z() - kRayFloorM;
@@ -48,7 +44,7 @@ PlaceLooks::PlaceLooks(const std::vector<DetectedScan>& scans, const BoxRayCount
   for (std::size_t i = 0; i < scans.size(); ++i) {
     if (scans[i].drive >= cells_.size()) cells_.resize(scans[i].drive + 1);
     const Eigen::Vector3d p = scans[i].T_map_lidar.translation();
-    cells_[scans[i].drive][key_of(cell_of(p.x()), cell_of(p.y()))].push_back(i);
+    cells_[scans[i].drive][maps::plane_cell_key(cell_of(p.x()), cell_of(p.y()))].push_back(i);
   }
 }
 
@@ -99,9 +95,9 @@ std::vector<std::size_t> PlaceLooks::scans_near(std::size_t drive, const Eigen::
   const auto& cells = cells_[drive];
   for (std::int64_t x = cell_of(place.x() - reach_m); x <= cell_of(place.x() + reach_m); ++x) {
     for (std::int64_t y = cell_of(place.y() - reach_m); y <= cell_of(place.y() + reach_m); ++y) {
-      const auto at = cells.find(key_of(x, y));
-      if (at == cells.end()) continue;
-      for (const std::size_t scan : at->second) {
+      const std::vector<std::size_t>* scans = cells.find(maps::plane_cell_key(x, y));
+      if (scans == nullptr) continue;
+      for (const std::size_t scan : *scans) {
         if (distance_m(scan, place) <= reach_m) near.push_back(scan);
       }
     }

@@ -3,12 +3,12 @@
 #include "fusion/object_fusion.hpp"
 
 #include <stillmap/maps/box.hpp>
+#include <stillmap/maps/cell_table.hpp>
 
 #include <Eigen/Core>
 
 #include <cstddef>
 #include <cstdint>
-#include <unordered_map>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -64,7 +64,7 @@ class PlaceLooks {
   const std::vector<DetectedScan>& scans_;
   const BoxRayCounter& count_rays_;
   /// By drive, then by cell: scans whose sensor was there.
-  std::vector<std::unordered_map<std::uint64_t, std::vector<std::size_t>>> cells_;
+  std::vector<maps::CellMap<std::vector<std::size_t>>> cells_;
 };
 
 }  // namespace stillmap::mapping

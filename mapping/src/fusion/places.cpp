@@ -1,12 +1,13 @@
 #include "fusion/places.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
+
 #include "fusion/box_estimate.hpp"
 #include "fusion/box_frames.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <map>
 #include <numeric>
 #include <utility>
 
@@ -35,9 +36,9 @@ class Places {
     double most = 0.0;
     for (std::int64_t cx = x - 1; cx <= x + 1; ++cx) {
       for (std::int64_t cy = y - 1; cy <= y + 1; ++cy) {
-        const auto cell = cells_.find({cx, cy});
-        if (cell == cells_.end()) continue;
-        for (const std::size_t group : cell->second) {
+        const std::vector<std::size_t>* groups = cells_.find(maps::plane_cell_key(cx, cy));
+        if (groups == nullptr) continue;
+        for (const std::size_t group : *groups) {
           if (!at_one_place(groups_[group].box, box)) continue;
           const double shared_m2 = shared_area_m2(groups_[group].box, box);
           if (shared_m2 > most) best = group;
@@ -47,7 +48,7 @@ class Places {
     }
     if (best == groups_.size()) {
       groups_.push_back({box, {}});
-      cells_[{x, y}].push_back(best);
+      cells_[maps::plane_cell_key(x, y)].push_back(best);
     }
     groups_[best].tracks.push_back(track);
   }
@@ -66,7 +67,7 @@ class Places {
             static_cast<std::int64_t>(std::floor(box.centre.y() / kCellM))};
   }
   std::vector<Group> groups_;
-  std::map<std::pair<std::int64_t, std::int64_t>, std::vector<std::size_t>> cells_;
+  maps::CellMap<std::vector<std::size_t>> cells_;
 };
 
 bool earlier(const Hit& a, const Hit& b) { return a.scan < b.scan; }

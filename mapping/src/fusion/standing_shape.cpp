@@ -1,8 +1,9 @@
 #include "fusion/standing_shape.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
+
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <utility>
 #include <vector>
 
@@ -39,8 +40,8 @@ class Gathering {
     heights_.push_back(p.z());
     planarity_ += obstacle.planarity / 255.0;
     scans_ += obstacle.scans;
-    Column& column = columns_[{static_cast<int>(std::floor(p.x() / kColumnM)),
-                               static_cast<int>(std::floor(p.y() / kColumnM))}];
+    Column& column = columns_[maps::plane_cell_key(static_cast<int>(std::floor(p.x() / kColumnM)),
+                                                   static_cast<int>(std::floor(p.y() / kColumnM)))];
     column.low |= p.z() < 1.8;
     column.skirt |= p.z() < 0.3;
     column.high |= p.z() > 2.3;
@@ -97,7 +98,7 @@ class Gathering {
   std::vector<double> heights_;
   double planarity_ = 0.0, scans_ = 0.0;
   int ring_ = 0, body_ = 0, low_ = 0, inside_ = 0;
-  std::map<std::pair<int, int>, Column> columns_;
+  maps::CellMap<Column> columns_;
   std::vector<bool> sides_[4];
 };
 

@@ -17,11 +17,6 @@ constexpr float kInBoxWeight = 0.1F;
 constexpr int kLevelCells = 64;
 constexpr float kLevelWeight = 0.1F;
 
-std::uint64_t pile_key(std::int32_t block_x, std::int32_t block_y) {
-  return static_cast<std::uint64_t>(static_cast<std::uint32_t>(block_y)) << 32 |
-         static_cast<std::uint32_t>(block_x);
-}
-
 float weight_of(const GroundPile& pile) {
   float weight = 0.0F;
   for (const GroundCellSum& cell : pile.cells) weight += cell.weight;
@@ -100,9 +95,9 @@ void GroundCellSum::add(const GroundCells::Cell& cell) {
 
 GroundPile& GroundPiles::pile_for(std::int32_t block_x, std::int32_t block_y, float z) {
   const auto number = static_cast<std::uint32_t>(piles_.size());
-  const auto [first, fresh] = first_.try_emplace(pile_key(block_x, block_y), number);
+  const auto [first, fresh] = first_.insert(maps::plane_cell_key(block_x, block_y), number);
   if (!fresh) {
-    for (std::uint32_t p = first->second; p != GroundSheets::kNone; p = next_[p]) {
+    for (std::uint32_t p = *first; p != GroundSheets::kNone; p = next_[p]) {
       if (std::abs(piles_[p]->anchor_z - z) <= kPileM) return *piles_[p];
     }
   } else {
@@ -114,7 +109,7 @@ GroundPile& GroundPiles::pile_for(std::int32_t block_x, std::int32_t block_y, fl
   pile.anchor_z = z;
   next_.push_back(GroundSheets::kNone);
   if (!fresh) {
-    std::uint32_t last = first->second;
+    std::uint32_t last = *first;
     while (next_[last] != GroundSheets::kNone) last = next_[last];
     next_[last] = number;
   }

@@ -1,12 +1,13 @@
 #pragma once
 
 #include "ground/ground_cells.hpp"
+
+#include <stillmap/maps/cell_table.hpp>
 #include "ground/ground_sheets.hpp"
 
 #include <array>
 #include <cstdint>
 #include <memory>
-#include <unordered_map>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -54,7 +55,7 @@ class GroundPiles {
   /// Each on its own: they are large, and pass from here to the finished ground.
   std::vector<std::unique_ptr<GroundPile>> piles_;
   std::vector<std::uint32_t> next_;
-  std::unordered_map<std::uint64_t, std::uint32_t> first_;
+  maps::CellMap<std::uint32_t> first_;
   /// Of blocks, in the order that they came in.
   std::vector<std::uint32_t> blocks_;
 };

@@ -11,11 +11,6 @@ constexpr float kSameSheetM = 2.0F;
 /// How far a place may lie above the point that asks [m]: tyres that sank in, wrong poses.
 constexpr double kAboveM = 0.5;
 
-std::uint64_t sheet_key(std::int32_t block_x, std::int32_t block_y) {
-  return static_cast<std::uint64_t>(static_cast<std::uint32_t>(block_y)) << 32 |
-         static_cast<std::uint32_t>(block_x);
-}
-
 }  // namespace
 
 std::uint32_t GroundSheets::add(std::int32_t block_x, std::int32_t block_y) {
@@ -25,18 +20,18 @@ std::uint32_t GroundSheets::add(std::int32_t block_x, std::int32_t block_y) {
   sheet.block_y = block_y;
   sheet.around.fill(kNone);
   sheet.around[4] = number;
-  const auto [first, fresh] = first_.try_emplace(sheet_key(block_x, block_y), number);
-  next_.push_back(fresh ? kNone : first->second);
-  first->second = number;
+  const auto [first, fresh] = first_.insert(maps::plane_cell_key(block_x, block_y), number);
+  next_.push_back(fresh ? kNone : *first);
+  *first = number;
   return number;
 }
 
 std::uint32_t GroundSheets::nearest_in(std::int32_t block_x, std::int32_t block_y, float z) const {
-  const auto found = first_.find(sheet_key(block_x, block_y));
-  if (found == first_.end()) return kNone;
+  const std::uint32_t* first = first_.find(maps::plane_cell_key(block_x, block_y));
+  if (first == nullptr) return kNone;
   std::uint32_t nearest = kNone;
   float least = kSameSheetM;
-  for (std::uint32_t s = found->second; s != kNone; s = next_[s]) {
+  for (std::uint32_t s = *first; s != kNone; s = next_[s]) {
     const float away = std::abs(sheets_[s].mean_z - z);
     if (away > least) continue;
     nearest = s;
@@ -71,12 +66,12 @@ void GroundSheets::join() {
 
 std::optional<GroundSheets::Place> GroundSheets::find(int cell_x, int cell_y,
                                                       std::optional<double> z) const {
-  const auto found = first_.find(sheet_key(cell_x >> 4, cell_y >> 4));
-  if (found == first_.end()) return std::nullopt;
+  const std::uint32_t* first = first_.find(maps::plane_cell_key(cell_x >> 4, cell_y >> 4));
+  if (first == nullptr) return std::nullopt;
   const int number = (cell_y & 15) * kSide + (cell_x & 15);
   std::optional<Place> best;
   double best_rank = 0.0;
-  for (std::uint32_t s = found->second; s != kNone; s = next_[s]) {
+  for (std::uint32_t s = *first; s != kNone; s = next_[s]) {
     const Place place{s, number};
     const GroundNode& n = node(place);
     if (n.state == GroundState::kUnknown) continue;

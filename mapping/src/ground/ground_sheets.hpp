@@ -2,11 +2,12 @@
 
 #include "ground/ground_cells.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
+
 #include <array>
 #include <cstdint>
 #include <deque>
 #include <optional>
-#include <unordered_map>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -95,7 +96,7 @@ class GroundSheets {
   /// A deque, since sheets are large and many.
   std::deque<Sheet> sheets_;
   /// First sheet of each block; the others follow in `next_`.
-  std::unordered_map<std::uint64_t, std::uint32_t> first_;
+  maps::CellMap<std::uint32_t> first_;
   std::vector<std::uint32_t> next_;
 };
 

@@ -1,5 +1,6 @@
 #include "ground/ground_smoothing.hpp"
 
+#include <stillmap/maps/median.hpp>
 #include <stillmap/maps/small_matrices.hpp>
 
 #include <Eigen/Dense>
@@ -37,10 +38,8 @@ std::optional<float> rise_along(const MeasuredSheets& ground, std::uint32_t shee
     }
   }
   if (rises.size() < kMinPairs) return std::nullopt;
-  const auto middle = rises.begin() + static_cast<std::ptrdiff_t>(rises.size() / 2);
-  std::nth_element(rises.begin(), middle, rises.end());
   constexpr float kPairM = kPairCells * kSmoothingCellM;
-  return std::clamp(*middle / kPairM, -kMaxGroundSlope, kMaxGroundSlope);
+  return std::clamp(maps::median(std::move(rises)) / kPairM, -kMaxGroundSlope, kMaxGroundSlope);
 }
 
 /// Slopes of the sheets that have enough of their own; the others take the mean of those around.

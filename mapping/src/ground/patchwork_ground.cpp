@@ -1,5 +1,7 @@
 #include "ground/patchwork_ground.hpp"
 
+#include <stillmap/maps/median.hpp>
+
 #include "ground/cell_points.hpp"
 #include "ground/ground_growth.hpp"
 #include "ground/height_grid.hpp"
@@ -93,10 +95,7 @@ std::optional<HeightPrior> PatchworkGround::given_prior() const {
 std::optional<HeightPrior> PatchworkGround::height_prior() const {
   if (given_height_m_) return given_prior();
   if (found_heights_m_.size() < kFewestHeights) return std::nullopt;
-  std::vector<double> heights = found_heights_m_;
-  const auto middle = heights.begin() + static_cast<std::ptrdiff_t>(heights.size() / 2);
-  std::nth_element(heights.begin(), middle, heights.end());
-  return HeightPrior{*middle, kFoundToleranceM};
+  return HeightPrior{maps::median(found_heights_m_), kFoundToleranceM};
 }
 
 GroundResult PatchworkGround::segment(const maps::PointCloud& cloud) const {

@@ -1,5 +1,7 @@
 #include "ground/reflected_noise.hpp"
 
+#include <stillmap/maps/median.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -20,9 +22,7 @@ constexpr std::size_t kStride = 16;
     if (std::isfinite(cloud.intensities[i])) sample.push_back(cloud.intensities[i]);
   }
   if (sample.empty()) return std::numeric_limits<float>::infinity();
-  const auto middle = sample.begin() + static_cast<std::ptrdiff_t>(sample.size() / 2);
-  std::nth_element(sample.begin(), middle, sample.end());
-  return *middle;
+  return maps::median(std::move(sample));
 }
 
 }  // namespace

@@ -5,12 +5,12 @@
 #include "stacking/tile_stack.hpp"
 
 #include <fmt/format.h>
-#include <sys/resource.h>
 #include <stillmap/mapping/map_import.hpp>
 #include <stillmap/maps/cloud_file.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/geodesy.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/peak_memory.hpp>
 
 #include <algorithm>
 #include <cctype>
@@ -353,9 +353,7 @@ MapImportReport import_map(const std::filesystem::path& file, const std::filesys
     write_places(ground, grid.origin(), writer, report);
   }
   report.seconds = std::chrono::duration<double>(Clock::now() - began).count();
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  report.peak_rss_mib = static_cast<double>(usage.ru_maxrss) / 1024.0;
+  report.peak_rss_mib = maps::peak_rss_mib();
   report.digest = writer.publish(manifest_of(file, options, cloud.frame(), grid.origin(), report),
                                  to_json(report));
   return report;

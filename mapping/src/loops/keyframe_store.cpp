@@ -1,8 +1,9 @@
 #include "loops/keyframe_store.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
+
 #include <array>
 #include <cmath>
-#include <unordered_set>
 
 namespace stillmap::mapping {
 namespace {
@@ -14,19 +15,17 @@ constexpr float kStoredStepM = 0.005F;
 
 using Stored = std::array<std::int16_t, 3>;
 
-std::uint64_t cell_key(const Eigen::Vector3f& p) {
-  const Eigen::Array3i cell = (p / kCellM).array().floor().cast<int>() + 1024;
-  return static_cast<std::uint64_t>(cell.x()) << 32 | static_cast<std::uint64_t>(cell.y()) << 16 |
-         static_cast<std::uint64_t>(cell.z());
+std::uint64_t keyframe_cell(const Eigen::Vector3f& p) {
+  const Eigen::Array3i cell = (p / kCellM).array().floor().cast<int>();
+  return maps::signed_cell_key(cell.x(), cell.y(), cell.z());
 }
 
 std::vector<Stored> packed_voxels(const std::vector<Eigen::Vector3f>& points) {
   std::vector<Stored> out;
-  std::unordered_set<std::uint64_t> taken;
-  taken.reserve(points.size() / 4);
+  maps::CellTable taken(points.size() / 4);
   for (const Eigen::Vector3f& p : points) {
     if (!(p.array().abs() < kKeyframeReachM).all()) continue;
-    if (!taken.insert(cell_key(p)).second) continue;
+    if (!taken.insert(keyframe_cell(p)).second) continue;
     const auto step = [&](int axis) {
       return static_cast<std::int16_t>(std::lround(p[axis] / kStoredStepM));
     };

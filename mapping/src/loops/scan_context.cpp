@@ -1,5 +1,7 @@
 #include "loops/scan_context.hpp"
 
+#include <stillmap/maps/median.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -40,9 +42,7 @@ float ground_height_m(const Bins& lowest_m, int rings) {
     if (std::isfinite(height)) heights.push_back(height);
   }
   if (heights.empty()) return std::numeric_limits<float>::infinity();
-  const auto middle = heights.begin() + static_cast<std::ptrdiff_t>(heights.size() / 2);
-  std::nth_element(heights.begin(), middle, heights.end());
-  return *middle;
+  return maps::median(std::move(heights));
 }
 
 /// Columns of length one, or zero where nothing stands.

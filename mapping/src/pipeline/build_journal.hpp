@@ -19,7 +19,8 @@ namespace stillmap::mapping {
 /// another key is thrown away when it is opened, never read. Every record carries a checksum over
 /// its bytes, its place, the stage and the key; the first one that does not fit ends the journal.
 /// A kill loses no record, a power cut those of the last seconds. For the same program on the same
-/// machine; memory holds 8 bytes a record.
+/// machine; memory holds 8 bytes a record. Not a maps::SectionTable: that one is written at the
+/// end.
 class BuildJournal {
  public:
   /// Opens what a killed build left, or begins.

@@ -13,7 +13,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <sys/resource.h>
 #include <stillmap/mapping/detector.hpp>
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/maps/edits.hpp>
@@ -21,6 +20,7 @@
 #include <stillmap/maps/geodesy.hpp>
 #include <stillmap/maps/map_graph.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/peak_memory.hpp>
 #include <stillmap/maps/pose_disagreement.hpp>
 
 #include <algorithm>
@@ -60,12 +60,6 @@ Eigen::Vector3d origin_of(const DriveSet& drives, const std::optional<BuildFrame
          Eigen::Vector3d::Zero();  // turns -0 into 0
 }
 
-double peak_rss_mib() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<double>(usage.ru_maxrss) / 1024.0;
-}
-
 std::unique_ptr<Cleaner> cleaner_of(const std::string& name, const CleanerFactory& make_cleaner) {
   if (name == "free-space" || name == "none") return nullptr;
   auto cleaner = make_cleaner ? make_cleaner(name) : nullptr;
@@ -103,7 +97,7 @@ void report_speed(std::size_t scans, Clock::time_point began, MapBuildReport& re
   report.scans = scans;
   report.seconds = std::chrono::duration<double>(Clock::now() - began).count();
   report.scans_per_second = static_cast<double>(scans) / std::max(report.seconds, 1e-9);
-  report.peak_rss_mib = peak_rss_mib();
+  report.peak_rss_mib = maps::peak_rss_mib();
 }
 
 void report_edits(const EditReport& edits, MapBuildReport& report) {

@@ -1,5 +1,6 @@
 #include "pose_graph/first_placement.hpp"
 
+#include <stillmap/maps/median.hpp>
 #include <stillmap/maps/small_matrices.hpp>
 
 #include "pose_graph/graph_checks.hpp"
@@ -41,9 +42,7 @@ double median_distance_m(const std::vector<Anchor>& anchors, const Eigen::Isomet
   const std::size_t step = anchors.size() / kJudges + 1;
   for (std::size_t i = 0; i < anchors.size(); i += step)
     distances.push_back(distance_m(anchors[i], T_map_part));
-  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-  std::ranges::nth_element(distances, middle);
-  return *middle;
+  return maps::median(std::move(distances));
 }
 
 /// Least squares over positions: Horn, "Closed-form solution of absolute orientation using unit

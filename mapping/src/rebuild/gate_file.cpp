@@ -1,83 +1,43 @@
 #include <stillmap/mapping/rebuild_gate.hpp>
 
-#include <fmt/format.h>
-#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/json_fields.hpp>
+#include <stillmap/maps/text.hpp>
 
-#include <fstream>
-#include <iterator>
-#include <nlohmann/json.hpp>
+#include <cstdint>
+#include <limits>
 
 namespace stillmap::mapping {
 namespace {
 
-using GateJson = nlohmann::json;
-
-/// A file of a few lines; one that is longer is none.
-constexpr std::streamsize kMostBytes = std::streamsize{64} * 1024;
-
-std::string read_some(const std::filesystem::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  std::string text(static_cast<std::size_t>(kMostBytes) + 1, '\0');
-  stream.read(text.data(), kMostBytes + 1);
-  if (stream.bad() || (!stream.eof() && stream.fail()) || stream.gcount() == 0)
-    throw maps::InputError(file.string(), "nothing to read", "a JSON object of limits");
-  if (stream.gcount() > kMostBytes)
-    throw maps::InputError(file.string(), "more than 64 KiB", "a JSON object of limits");
-  text.resize(static_cast<std::size_t>(stream.gcount()));
-  return text;
-}
+/// A file of a few lines: a longer one is another file [bytes].
+constexpr std::uintmax_t kMostBytes = std::uintmax_t{64} * 1024;
 
 }  // namespace
 
 GateLimits read_gate_limits(const std::filesystem::path& file) {
-  const GateJson json = GateJson::parse(read_some(file), nullptr, false);
-  if (!json.is_object())
-    throw maps::InputError(file.string(), "something else", "a JSON object of limits");
+  const nlohmann::json json = maps::parse_json(maps::read_text(file, kMostBytes), file.string());
+  const maps::JsonField root(json, file.string());
+  root.only({"least_queries", "least_found_in_keep", "found_below_keep", "new_lost", "static_loss",
+             "driven_coverage", "ground_coverage", "wall_thickening", "entropy_rise",
+             "first_found"});
   GateLimits limits;
-  const auto refuse = [&](const std::string& name, const std::string& expected) {
-    throw maps::InputError(fmt::format("{} at .{}", file.string(), name),
-                           json.at(name).dump(-1, ' ', false, GateJson::error_handler_t::replace),
-                           expected);
+  const auto number = [&](const char* name, double most, double& limit) {
+    if (root.has(name)) limit = root.at(name).number(0.0, most);
   };
-  const auto number = [&](const std::string& name, double most, double& limit) {
-    const std::string expected = fmt::format("a number in [0, {}]", most);
-    if (!json.at(name).is_number()) refuse(name, expected);
-    limit = json.at(name).get<double>();
-    if (!(limit >= 0.0 && limit <= most)) refuse(name, expected);
+  const auto count = [&](const char* name, std::int64_t least, std::size_t& limit) {
+    constexpr auto kMost = std::numeric_limits<std::int64_t>::max();
+    if (root.has(name)) limit = static_cast<std::size_t>(root.at(name).integer(least, kMost));
   };
-  const auto share = [&](const std::string& name, double& limit) { number(name, 1.0, limit); };
-  const auto count = [&](const std::string& name, std::size_t least, std::size_t& limit) {
-    if (!json.at(name).is_number_unsigned() || json.at(name).get<std::size_t>() < least)
-      refuse(name, fmt::format("a whole number >= {}", least));
-    limit = json.at(name).get<std::size_t>();
-  };
-  for (const auto& [name, value] : json.items()) {
-    if (name == "least_queries") {
-      count(name, 1, limits.least_queries);
-    } else if (name == "new_lost") {
-      count(name, 0, limits.new_lost);
-    } else if (name == "least_found_in_keep") {
-      share(name, limits.least_found_in_keep);
-    } else if (name == "found_below_keep") {
-      share(name, limits.found_below_keep);
-    } else if (name == "static_loss") {
-      share(name, limits.static_loss);
-    } else if (name == "driven_coverage") {
-      share(name, limits.driven_coverage);
-    } else if (name == "ground_coverage") {
-      share(name, limits.ground_coverage);
-    } else if (name == "first_found") {
-      share(name, limits.first_found);
-    } else if (name == "wall_thickening") {
-      share(name, limits.wall_thickening);
-    } else if (name == "entropy_rise") {
-      number(name, 10.0, limits.entropy_rise);
-    } else {
-      refuse(name,
-             "one of least_queries, least_found_in_keep, found_below_keep, new_lost, static_loss, "
-             "driven_coverage, ground_coverage, wall_thickening, entropy_rise, first_found");
-    }
-  }
+  count("least_queries", 1, limits.least_queries);
+  count("new_lost", 0, limits.new_lost);
+  number("least_found_in_keep", 1.0, limits.least_found_in_keep);
+  number("found_below_keep", 1.0, limits.found_below_keep);
+  number("static_loss", 1.0, limits.static_loss);
+  number("driven_coverage", 1.0, limits.driven_coverage);
+  number("ground_coverage", 1.0, limits.ground_coverage);
+  number("first_found", 1.0, limits.first_found);
+  number("wall_thickening", 1.0, limits.wall_thickening);
+  number("entropy_rise", 10.0, limits.entropy_rise);
   return limits;
 }
 

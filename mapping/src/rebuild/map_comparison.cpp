@@ -5,13 +5,13 @@
 #include "core/point_cells.hpp"
 #include "core/share_of.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
 #include <stillmap/maps/error.hpp>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
-#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -37,10 +37,8 @@ class Cells {
   static std::int64_t number(double metres) {
     return static_cast<std::int64_t>(std::floor(metres / kCellM));
   }
-  static std::uint64_t key(std::int64_t x, std::int64_t y) {
-    return (static_cast<std::uint64_t>(x) << 32U) ^ (static_cast<std::uint64_t>(y) & 0xffffffffU);
-  }
-  void insert(const Eigen::Vector3d& p) { keys_.insert(key(number(p.x()), number(p.y()))); }
+  static std::uint64_t key(std::int64_t x, std::int64_t y) { return maps::plane_cell_key(x, y); }
+  void insert(const Eigen::Vector3d& p) { insert(key(number(p.x()), number(p.y()))); }
   /// Those whose middle is within the radius.
   void insert_disc(const Eigen::Vector3d& p, double radius_m) {
     const auto reach = static_cast<std::int64_t>(std::ceil(radius_m / kCellM));
@@ -49,15 +47,20 @@ class Cells {
       for (std::int64_t y = cy - reach; y <= cy + reach; ++y) {
         const double dx = (static_cast<double>(x) + 0.5) * kCellM - p.x();
         const double dy = (static_cast<double>(y) + 0.5) * kCellM - p.y();
-        if (dx * dx + dy * dy <= radius_m * radius_m) keys_.insert(key(x, y));
+        if (dx * dx + dy * dy <= radius_m * radius_m) insert(key(x, y));
       }
     }
   }
-  [[nodiscard]] bool hold(std::uint64_t key) const { return keys_.contains(key); }
-  [[nodiscard]] const std::unordered_set<std::uint64_t>& keys() const { return keys_; }
+  [[nodiscard]] bool hold(std::uint64_t key) const { return table_.contains(key); }
+  [[nodiscard]] const std::vector<std::uint64_t>& keys() const { return keys_; }
 
  private:
-  std::unordered_set<std::uint64_t> keys_;
+  void insert(std::uint64_t key) {
+    if (table_.insert(key).second) keys_.push_back(key);
+  }
+
+  maps::CellTable table_;
+  std::vector<std::uint64_t> keys_;
 };
 
 bool is_ground(maps::PointKind kind) { return kind != maps::PointKind::kMeasured; }
@@ -114,10 +117,12 @@ class RemovedBoxes {
     }
   }
   [[nodiscard]] bool hold(const Eigen::Vector3d& p_map) const {
-    const auto boxes = by_tile_.find(tile_of(p_map));
-    return boxes != by_tile_.end() &&
-           std::any_of(boxes->second.begin(), boxes->second.end(),
-                       [&](const maps::Box& box) { return box.contains(p_map, kGrownM); });
+    const Tile tile = tile_of(p_map);
+    const std::vector<maps::Box>* boxes =
+        by_tile_.find(maps::plane_cell_key(tile.first, tile.second));
+    return boxes != nullptr && std::any_of(boxes->begin(), boxes->end(), [&](const maps::Box& box) {
+             return box.contains(p_map, kGrownM);
+           });
   }
 
  private:
@@ -131,10 +136,11 @@ class RemovedBoxes {
         Eigen::Vector3d::Constant(0.5 * box.size_m.head<2>().norm() + kGrownM);
     const Tile low = tile_of(box.centre - reach), high = tile_of(box.centre + reach);
     for (std::int64_t x = low.first; x <= high.first; ++x) {
-      for (std::int64_t y = low.second; y <= high.second; ++y) by_tile_[{x, y}].push_back(box);
+      for (std::int64_t y = low.second; y <= high.second; ++y)
+        by_tile_[maps::plane_cell_key(x, y)].push_back(box);
     }
   }
-  std::map<Tile, std::vector<maps::Box>> by_tile_;
+  maps::CellMap<std::vector<maps::Box>> by_tile_;
 };
 
 /// When a scan was taken. Stamps of two drives may be of two clocks.

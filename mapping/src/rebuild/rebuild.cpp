@@ -8,10 +8,10 @@
 #include "rebuild/rebuild_work.hpp"
 
 #include <fmt/format.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/peak_memory.hpp>
 
 #include <algorithm>
 #include <array>
@@ -99,12 +99,6 @@ std::uint64_t bytes_of(const maps::MapPackage& map) {
   std::uint64_t bytes = fs::file_size(map.folder() / "manifest.json");
   for (const auto& [name, file] : map.manifest().files) bytes += file.bytes;
   return bytes;
-}
-
-double peak_rss_mib() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<double>(usage.ru_maxrss) / 1024.0;
 }
 
 std::size_t newly_lost(const std::string& before, const std::string& now) {
@@ -201,7 +195,7 @@ class Rebuild {
     compare(*map, *keep);
     decide_gate();
     publish(place);
-    report_.peak_rss_mib = peak_rss_mib();
+    report_.peak_rss_mib = maps::peak_rss_mib();
     return std::move(report_);
   }
 

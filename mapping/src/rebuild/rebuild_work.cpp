@@ -4,6 +4,7 @@
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/text.hpp>
 
 #include <fcntl.h>
 #include <sys/file.h>
@@ -12,8 +13,6 @@
 
 #include <cerrno>
 #include <cstring>
-#include <fstream>
-#include <iterator>
 #include <system_error>
 #include <utility>
 
@@ -27,11 +26,6 @@ constexpr const char* kDone = ".done";
 
 [[noreturn]] void fail(const fs::path& path) {
   throw maps::StorageError(path.string(), std::strerror(errno));
-}
-
-std::string read_whole(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
 }
 
 void sync_folder(const fs::path& folder) {
@@ -88,7 +82,7 @@ RebuildWork::RebuildWork(fs::path folder, const std::string& key) : folder_(std:
     throw maps::InputError(folder_.string(), "a folder that another rebuild works in", "none");
   }
   try {
-    const std::string found = read_whole(key_file);
+    const std::string found = fs::exists(key_file) ? maps::read_text(key_file) : "";
     if (found == key) return;
     if (!found.empty()) discarded_ = key_difference(found, key);
     // Empty while the rest goes: who comes back under the old key finds no half of its work.
@@ -115,7 +109,7 @@ void RebuildWork::clear() {
 std::optional<std::string> RebuildWork::remembered(const std::string& stage) const {
   const fs::path file = folder_ / (stage + kDone);
   if (!fs::exists(file)) return std::nullopt;
-  const std::string text = read_whole(file);
+  const std::string text = maps::read_text(file);
   const std::size_t end = text.find('\n');
   if (end == std::string::npos) return std::nullopt;
   // What a disk spoiled is done again.

@@ -2,6 +2,8 @@
 
 #include <Eigen/Core>
 
+#include <stillmap/maps/cell_table.hpp>
+
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -45,17 +47,10 @@ class BlockIndex {
   [[nodiscard]] const Eigen::Vector3i& block(std::size_t number) const { return blocks_[number]; }
 
  private:
-  struct Slot {
-    std::uint64_t key = 0;
-    std::uint32_t chunk = kNone;
-  };
   using Chunk = std::array<std::uint32_t, 512>;
-  [[nodiscard]] std::size_t slot_of(std::uint64_t key) const;
   std::uint32_t chunk_for(std::uint64_t key);
-  void grow();
 
-  std::vector<Slot> slots_ = std::vector<Slot>(1024);
-  std::size_t chunks_used_ = 0;
+  maps::CellTable table_{500};
   std::vector<Chunk> chunks_;
   std::vector<Eigen::Vector3i> blocks_;
 };

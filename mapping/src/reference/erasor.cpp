@@ -1,5 +1,8 @@
 #include "reference/erasor.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
+#include <stillmap/maps/median.hpp>
+
 #include "core/point_cells.hpp"
 #include "reference/map_blocks.hpp"
 #include "reference/polar_bins.hpp"
@@ -13,7 +16,6 @@
 #include <cmath>
 #include <memory>
 #include <optional>
-#include <unordered_set>
 #include <utility>
 
 namespace stillmap::mapping {
@@ -51,9 +53,7 @@ std::optional<float> sensor_height(const PosedScan& scan) {
     if (scan.positions[i].head<2>().norm() < kNearGroundM) heights.push_back(scan.positions[i].z());
   }
   if (heights.empty()) return std::nullopt;
-  const auto middle = heights.begin() + static_cast<std::ptrdiff_t>(heights.size() / 2);
-  std::nth_element(heights.begin(), middle, heights.end());
-  return -*middle;
+  return -maps::median(std::move(heights));
 }
 
 /// Nothing when the scan cannot be compared.
@@ -87,14 +87,10 @@ std::unique_ptr<Query> make_query(const PosedScan& scan) {
 }
 
 std::uint64_t voxel_key(const Eigen::Vector3f& p, double inverse_voxel) {
-  constexpr std::int64_t kHalf = 1 << 20;
-  std::uint64_t key = 0;
-  for (Eigen::Index axis = 0; axis < 3; ++axis) {
-    const auto cell =
-        static_cast<std::int64_t>(std::floor(static_cast<double>(p[axis]) * inverse_voxel));
-    key = (key << 21U) | (static_cast<std::uint64_t>(cell + kHalf) & 0x1FFFFFU);
-  }
-  return key;
+  const auto cell = [&](float x) {
+    return static_cast<std::int64_t>(std::floor(static_cast<double>(x) * inverse_voxel));
+  };
+  return maps::signed_cell_key(cell(p.x()), cell(p.y()), cell(p.z()));
 }
 
 /// The map, and what is left of it.
@@ -159,7 +155,7 @@ class Comparison {
       }
     }
     std::sort(in_bins.begin(), in_bins.end());
-    const std::unordered_set<std::uint64_t> seen = voxels_seen(query, dynamic);
+    const maps::CellTable seen = voxels_seen(query, dynamic);
     for (std::size_t begin = 0; begin < in_bins.size();) {
       std::size_t end = begin;
       std::vector<Eigen::Vector3f> region;
@@ -177,9 +173,8 @@ class Comparison {
   }
 
   /// Voxels of the map with a point of the scan in a dynamic bin.
-  [[nodiscard]] std::unordered_set<std::uint64_t> voxels_seen(const Query& query,
-                                                              const BinFlags& dynamic) const {
-    std::unordered_set<std::uint64_t> voxels;
+  [[nodiscard]] maps::CellTable voxels_seen(const Query& query, const BinFlags& dynamic) const {
+    maps::CellTable voxels;
     for (const Eigen::Vector3f& p : query.positions) {
       const int bin = PolarBins::bin_of(query.T_body_local * p);
       if (bin < 0 || dynamic[static_cast<std::size_t>(bin)] == 0) continue;

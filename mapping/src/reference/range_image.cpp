@@ -1,5 +1,7 @@
 #include "reference/range_image.hpp"
 
+#include <stillmap/maps/median.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -127,9 +129,7 @@ double ring_spacing_rad(const std::vector<Spherical>& scan) {
     if (gap > kSameRingRad && gap < kFarRad) gaps.push_back(gap);
   }
   if (gaps.size() < kFewestGaps) return kDefault;
-  const auto middle = gaps.begin() + static_cast<std::ptrdiff_t>(gaps.size() / 2);
-  std::nth_element(gaps.begin(), middle, gaps.end());
-  return static_cast<double>(*middle);
+  return static_cast<double>(maps::median(std::move(gaps)));
 }
 
 }  // namespace stillmap::mapping

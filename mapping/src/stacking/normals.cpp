@@ -1,10 +1,10 @@
 #include "stacking/normals.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
 #include <stillmap/maps/small_matrices.hpp>
 
 #include <algorithm>
 #include <cmath>
-#include <unordered_map>
 
 namespace stillmap::mapping {
 namespace {
@@ -26,21 +26,16 @@ struct Moments {
 
 using Cell = Eigen::Array3i;
 
-std::uint64_t key_of(const Cell& cell) {
-  constexpr int kHalf = 1 << 20;
-  std::uint64_t key = 0;
-  for (Eigen::Index axis = 0; axis < 3; ++axis)
-    key = key << 21U | (static_cast<std::uint64_t>(cell[axis] + kHalf) & 0x1FFFFFU);
-  return key;
+std::uint64_t normal_cell_key(const Cell& cell) {
+  return maps::signed_cell_key(cell.x(), cell.y(), cell.z());
 }
 
 class NormalCells {
  public:
   /// Points are counted from the first one, so that squares keep their digits.
   explicit NormalCells(const std::vector<Eigen::Vector3f>& positions) {
-    cells_.reserve(positions.size() / 2);
     for (const Eigen::Vector3f& p : positions) {
-      Moments& cell = cells_[key_of(cell_of(p))];
+      Moments& cell = cells_[normal_cell_key(cell_of(p))];
       const Eigen::Vector3d q = (p - positions.front()).cast<double>();
       ++cell.count;
       cell.sum += q;
@@ -56,14 +51,13 @@ class NormalCells {
     Moments all;
     for (int step = 0; step < 27; ++step) {
       const Cell offset(step % 3 - 1, step / 3 % 3 - 1, step / 9 - 1);
-      if (const auto found = cells_.find(key_of(cell + offset)); found != cells_.end())
-        all += found->second;
+      if (const Moments* found = cells_.find(normal_cell_key(cell + offset))) all += *found;
     }
     return all;
   }
 
  private:
-  std::unordered_map<std::uint64_t, Moments> cells_;
+  maps::CellMap<Moments> cells_;
 };
 
 SurfaceNormal normal_of(const Moments& m) {
@@ -86,12 +80,12 @@ std::vector<SurfaceNormal> estimate_normals(const std::vector<Eigen::Vector3f>& 
   std::vector<SurfaceNormal> normals(positions.size());
   if (positions.empty()) return normals;
   const NormalCells cells(positions);
-  std::unordered_map<std::uint64_t, SurfaceNormal> of_cell;
+  maps::CellMap<SurfaceNormal> of_cell;
   for (std::size_t i = 0; i < positions.size(); ++i) {
     const Cell cell = NormalCells::cell_of(positions[i]);
-    const auto [at, is_new] = of_cell.try_emplace(key_of(cell));
-    if (is_new) at->second = normal_of(cells.around(cell));
-    normals[i] = at->second;
+    const auto [normal, is_new] = of_cell.insert(normal_cell_key(cell), {});
+    if (is_new) *normal = normal_of(cells.around(cell));
+    normals[i] = *normal;
     if (normals[i].normal.dot(seen_from[i] - positions[i]) < 0.0F)
       normals[i].normal = -normals[i].normal;
   }

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+
+#include <stillmap/maps/cell_table.hpp>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -38,12 +40,8 @@ class VoxelSums {
   [[nodiscard]] std::vector<VoxelSum> take_sorted();
 
  private:
-  [[nodiscard]] std::size_t slot_of(std::uint64_t key) const;
-  void grow();
-
   std::vector<VoxelSum> sums_;
-  /// Open addressing: index into `sums_` plus 1, 0 = free. A power of two, at most half full.
-  std::vector<std::uint32_t> slots_;
+  maps::CellIndex index_;
 };
 
 }  // namespace stillmap::mapping

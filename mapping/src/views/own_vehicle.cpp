@@ -30,10 +30,7 @@ Eigen::Vector3i cube_of(const Eigen::Vector3f& p) {
 }
 
 std::uint64_t cube_key(const Eigen::Vector3i& c) {
-  constexpr int kMiddle = 1 << 10;
-  return (static_cast<std::uint64_t>(c.x() + kMiddle) << 42U) |
-         (static_cast<std::uint64_t>(c.y() + kMiddle) << 21U) |
-         static_cast<std::uint64_t>(c.z() + kMiddle);
+  return maps::signed_cell_key(c.x(), c.y(), c.z());
 }
 
 bool in_vehicle_reach(const Eigen::Vector3f& p) {
@@ -110,7 +107,7 @@ OwnVehicle::OwnVehicle(std::span<const Sample> samples) {
     if (record.taken(kAlwaysTaken, samples.size()) && record.seen_free()) border.push_back(key);
   }
   if (border.size() < kFewestCubes) return;
-  cubes_.insert(border.begin(), border.end());
+  for (const std::uint64_t cube : border) cubes_.insert(cube);
   while (!border.empty()) {
     const Eigen::Vector3i cube = records.at(border.back()).cube;
     border.pop_back();
@@ -124,7 +121,7 @@ OwnVehicle::OwnVehicle(std::span<const Sample> samples) {
 }
 
 bool OwnVehicle::holds(const Eigen::Vector3f& p) const {
-  return !cubes_.empty() && in_vehicle_reach(p) && cubes_.contains(cube_key(cube_of(p)));
+  return !empty() && in_vehicle_reach(p) && cubes_.contains(cube_key(cube_of(p)));
 }
 
 }  // namespace stillmap::mapping

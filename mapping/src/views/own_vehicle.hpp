@@ -2,13 +2,14 @@
 
 #include "views/range_view.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
+
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -40,12 +41,12 @@ class OwnVehicle {
   [[nodiscard]] static std::vector<std::pair<std::size_t, std::size_t>> choose_samples(
       std::span<const Eigen::Isometry3d> T_local_lidar);
 
-  [[nodiscard]] bool empty() const { return cubes_.empty(); }
+  [[nodiscard]] bool empty() const { return cubes_.size() == 0; }
   /// @param p  lidar frame [m].
   [[nodiscard]] bool holds(const Eigen::Vector3f& p) const;
 
  private:
-  std::unordered_set<std::uint64_t> cubes_;
+  maps::CellTable cubes_;
 };
 
 }  // namespace stillmap::mapping

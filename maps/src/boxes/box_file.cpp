@@ -1,5 +1,6 @@
 #include <stillmap/maps/box.hpp>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/json_fields.hpp>
 
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -7,7 +8,6 @@
 
 #include <stillmap/maps/text.hpp>
 #include "boxes/kitti_labels.hpp"
-#include "core/json_fields.hpp"
 #include "storage/write_file.hpp"
 
 namespace stillmap::maps {

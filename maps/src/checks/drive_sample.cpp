@@ -1,6 +1,7 @@
 #include "checks/drive_sample.hpp"
 
 #include <stillmap/maps/frames.hpp>
+#include <stillmap/maps/median.hpp>
 
 #include <algorithm>
 
@@ -24,9 +25,7 @@ double median_range_m(const PointCloud& cloud) {
   std::vector<float> ranges;
   for (const Eigen::Vector3f& p : cloud.positions) ranges.push_back(p.norm());
   if (ranges.empty()) return 0.0;
-  const auto middle = ranges.begin() + static_cast<std::ptrdiff_t>(ranges.size() / 2);
-  std::nth_element(ranges.begin(), middle, ranges.end());
-  return *middle;
+  return median(std::move(ranges));
 }
 
 StandingPoints standing_of(const PointCloud& cloud, const std::optional<GroundPlane>& ground) {

@@ -1,12 +1,12 @@
 #include "checks/pose_readings.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
 #include <stillmap/maps/median.hpp>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <unordered_set>
 
 namespace stillmap::maps {
 namespace {
@@ -24,14 +24,13 @@ constexpr double kSurelyBetter = 0.01;
 std::uint64_t cell_of(const Eigen::Vector3f& p) {
   const auto index = [](float value) {
     // Wrong poses lead anywhere, also where no cell has a number; none is filled there.
-    if (!(std::abs(value) < kFarthestM)) return std::uint64_t{0x100000};
-    return static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(value / kCellM))) &
-           0x1FFFFFU;
+    if (!(std::abs(value) < kFarthestM)) return -std::int64_t{kCellsPerAxis / 2};
+    return static_cast<std::int64_t>(std::floor(value / kCellM));
   };
-  return index(p.x()) | index(p.y()) << 21U | index(p.z()) << 42U;
+  return signed_cell_key(index(p.x()), index(p.y()), index(p.z()));
 }
 
-using Cells = std::unordered_set<std::uint64_t>;
+using Cells = CellTable;
 
 double share_in(const Cells& cells, const StandingPoints& points, const Eigen::Isometry3d& T) {
   const Eigen::Isometry3f T_float = T.cast<float>();

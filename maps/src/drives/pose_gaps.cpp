@@ -1,5 +1,7 @@
 #include "drives/pose_gaps.hpp"
 
+#include <stillmap/maps/median.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -24,9 +26,7 @@ std::uint64_t median_ns(const std::vector<StampedPose>& path) {
   std::vector<std::uint64_t> all;
   for (std::size_t i = 1; i < path.size(); ++i) all.push_back(between_ns(path[i - 1], path[i]));
   if (all.empty()) return std::numeric_limits<std::uint64_t>::max();
-  const auto middle = all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2);
-  std::nth_element(all.begin(), middle, all.end());
-  return *middle;
+  return median(std::move(all));
 }
 
 bool stood_still(const Eigen::Isometry3d& before, const Eigen::Isometry3d& after) {

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/text.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -13,15 +14,8 @@ namespace {
 
 /// Floats are 1 mm coarse below it, 2 mm from there on.
 constexpr double kCoarseFromM = 16384.0;
-
-/// What a package says of itself must not end a line of somebody's header.
-std::string on_one_line(std::string text) {
-  constexpr std::size_t kMost = 128;
-  text.resize(std::min(text.size(), kMost));
-  std::replace_if(
-      text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7F; }, ' ');
-  return text;
-}
+/// Of a text of the package in a file's header [bytes].
+constexpr std::size_t kMostOfLine = 128;
 
 }  // namespace
 
@@ -69,15 +63,15 @@ std::string exact_text(const Eigen::Vector3d& p) {
 std::vector<std::string> frame_lines(const MapPackage& map, const FileCoordinates& coordinates) {
   const MapManifest& manifest = map.manifest();
   std::vector<std::string> lines{
-      fmt::format("stillmap {} map {} frame {}", on_one_line(manifest.software_version),
-                  map.digest().substr(0, 12), on_one_line(manifest.frame_id))};
+      fmt::format("stillmap {} map {} frame {}", one_line(manifest.software_version, kMostOfLine),
+                  map.digest().substr(0, 12), one_line(manifest.frame_id, kMostOfLine))};
   if (coordinates.frame() == ExportFrame::kLocal)
     lines.push_back("map coordinates = these + origin " + exact_text(manifest.origin));
   if (const auto& utm = coordinates.utm())
     lines.push_back(
         fmt::format("coordinates EPSG:{}, height above the WGS 84 ellipsoid", utm->zone().epsg()));
   if (const auto taken = manifest.options.find("taken_as_wgs84"); taken != manifest.options.end())
-    lines.push_back("taken as WGS 84: " + on_one_line(taken->second));
+    lines.push_back("taken as WGS 84: " + one_line(taken->second, kMostOfLine));
   if (const auto& place = manifest.geodetic_origin)
     lines.push_back(fmt::format("geodetic origin of the map WGS84 {} {} {}", place->latitude_deg,
                                 place->longitude_deg, place->altitude_m));

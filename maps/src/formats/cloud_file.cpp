@@ -1,10 +1,10 @@
 #include <stillmap/maps/cloud_file.hpp>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/mapped_file.hpp>
 
 #include <stdexcept>
 
 #include "formats/las.hpp"
-#include "formats/mapped_file.hpp"
 #include "formats/pcd.hpp"
 #include "formats/ply.hpp"
 
@@ -33,17 +33,17 @@ CloudSummary read_cloud_file(const std::filesystem::path& file,
                      "OUT.las`");
   if (extension != ".pcd" && extension != ".ply" && extension != ".las")
     throw InputError(file.string(), "extension '" + extension + "'", ".pcd, .ply or .las");
-  const MappedFile bytes(file);
+  const MappedFile mapped(file, MappedFile::Reading::kInOrder);
   std::uint64_t points = 0;
-  const auto take_and_let_go = [&](std::span<const CloudPoint> some) {
+  const auto take_and_release = [&](std::span<const CloudPoint> some) {
     take(some);
     const std::uint64_t before = points / kPointsHeld;
     points += some.size();
-    if (points / kPointsHeld != before) bytes.let_go();
+    if (points / kPointsHeld != before) mapped.release_pages();
   };
-  if (extension == ".las") return stream_las(bytes.span(), file.string(), take_and_let_go);
-  return extension == ".pcd" ? stream_pcd(bytes.span(), file.string(), take_and_let_go)
-                             : stream_ply(bytes.span(), file.string(), take_and_let_go);
+  if (extension == ".las") return stream_las(mapped.bytes(), file.string(), take_and_release);
+  return extension == ".pcd" ? stream_pcd(mapped.bytes(), file.string(), take_and_release)
+                             : stream_ply(mapped.bytes(), file.string(), take_and_release);
 }
 
 }  // namespace stillmap::maps

@@ -63,7 +63,7 @@ class WktReader {
       const char c = rest_.front();
       rest_.remove_prefix(1);
       if (c == '"') {
-        add_value(quoted());
+        add_value(read_quoted());
       } else if (c == '[' || c == '(') {
         levels_.push_back({upper(word), {}});
         word.clear();
@@ -96,7 +96,7 @@ class WktReader {
     return word;
   }
 
-  std::string quoted() {
+  std::string read_quoted() {
     const std::size_t end = std::min(rest_.find('"'), rest_.size());
     std::string text(rest_.substr(0, std::min(end, kMostNameBytes)));
     rest_.remove_prefix(std::min(end + 1, rest_.size()));

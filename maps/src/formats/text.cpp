@@ -58,7 +58,12 @@ std::optional<Decimal> parse_decimal(std::string_view text) {
 
 }  // namespace
 
-std::string read_text(const std::filesystem::path& file) {
+std::string read_text(const std::filesystem::path& file, std::uintmax_t most_bytes) {
+  std::error_code error;
+  const std::uintmax_t size = std::filesystem::file_size(file, error);
+  if (!error && size > most_bytes)
+    throw InputError(file.string(), std::to_string(size) + " bytes",
+                     "at most " + std::to_string(most_bytes));
   const FileBytes bytes = read_bytes(file);
   return {reinterpret_cast<const char*>(bytes.span().data()), bytes.span().size()};
 }
@@ -144,11 +149,25 @@ void parse_finite(const std::filesystem::path& file, const NumberLine& line,
   for (std::size_t i = 0; i < values.size(); ++i) {
     const std::optional<double> value = parse_number(line.fields[i]);
     if (!value || !std::isfinite(*value)) {
-      throw InputError(place(file, line.line), "'" + std::string(line.fields[i]) + "'",
-                       "a finite number");
+      throw InputError(place(file, line.line), quoted(line.fields[i]), "a finite number");
     }
     values[i] = *value;
   }
 }
+
+std::string one_line(std::string_view text, std::size_t most) {
+  std::size_t end = std::min(text.size(), most);
+  // A letter of several bytes is not cut in two.
+  while (end > 0 && end < text.size() && (static_cast<unsigned char>(text[end]) & 0xC0U) == 0x80U)
+    --end;
+  std::string line(text.substr(0, end));
+  for (char& letter : line) {
+    const auto code = static_cast<unsigned char>(letter);
+    if (code < 0x20 || code == 0x7f) letter = '?';
+  }
+  return end < text.size() ? line + "..." : line;
+}
+
+std::string quoted(std::string_view text) { return "'" + one_line(text) + "'"; }
 
 }  // namespace stillmap::maps

@@ -8,7 +8,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <bit>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
@@ -19,35 +18,19 @@
 namespace stillmap::maps {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "tile files are little endian");
+constexpr SectionFormat kTileFile = {
+    {'s', 't', 'i', 'l', 'l', 't', 'l', 's'}, 2, alignof(float), "a file of tiles"};
+constexpr std::size_t kMostKeyBytes = 1024;
 
-/// Counts up whenever a reader, or what the same map is made into, would differ.
-constexpr std::uint32_t kTileFormat = 1;
-
-struct TileHeader {
-  std::array<char, 8> magic = {'s', 't', 'i', 'l', 'l', 't', 'l', 's'};
-  std::uint32_t format = kTileFormat;
-  /// CRC-32C of header and table, this field taken as 0.
-  std::uint32_t crc = 0;
-  std::uint64_t file_bytes = 0;
-  std::uint64_t table_offset = 0;
-  std::uint64_t tiles = 0;
-  std::array<char, TileFile::kMostKeyBytes> key{};
+/// What a section holds, in the order in which they lie.
+enum TileSection : std::uint32_t {
+  kPoints = 1,  ///< MapPoint; the rows say which are of which tile
+  kRows = 2,    ///< TileRow
+  kKey = 3,     ///< what the file was made from, a text
 };
-static_assert(sizeof(TileHeader) == 256);
-
-std::uint32_t crc_of(TileHeader header, std::span<const TileRow> rows) {
-  header.crc = 0;
-  return crc32c(std::as_bytes(rows), crc32c(std::as_bytes(std::span(&header, 1))));
-}
-
-TileHeader header_for(const std::string& key) {
-  if (key.size() > TileFile::kMostKeyBytes)
-    throw std::invalid_argument("key of " + std::to_string(key.size()) + " bytes");
-  TileHeader header;
-  std::copy(key.begin(), key.end(), header.key.begin());
-  return header;
-}
+constexpr std::size_t kSections = 3;
+constexpr std::size_t kTileFileHead = section_table_end(kSections);
+static_assert(sizeof(MapPoint) % alignof(float) == 0);
 
 std::uint32_t squares_of(std::span<const MapPoint> points) {
   std::set<std::pair<float, float>> squares;
@@ -86,8 +69,9 @@ bool before(const TileRow& row, TileId id) { return row.id() < id; }
 
 TileFileWriter::TileFileWriter(const std::filesystem::path& file, std::string key)
     : file_(file), key_(std::move(key)) {
-  const TileHeader header = header_for(key_);
-  file_.append(std::as_bytes(std::span(&header, 1)));
+  if (key_.size() > kMostKeyBytes)
+    throw std::invalid_argument("key of " + std::to_string(key_.size()) + " bytes");
+  file_.append(std::vector<std::byte>(kTileFileHead));
 }
 
 void TileFileWriter::add(TileId id, std::span<const MapPoint> points) {
@@ -96,6 +80,7 @@ void TileFileWriter::add(TileId id, std::span<const MapPoint> points) {
   TileRow row = row_of(id, points);
   row.offset = file_.size();
   file_.append(std::as_bytes(points));
+  points_crc_ = crc32c(std::as_bytes(points), points_crc_);
   rows_.push_back(row);
 }
 
@@ -106,13 +91,23 @@ std::vector<MapPoint> TileFileWriter::read(const TileRow& row) const {
 }
 
 void TileFileWriter::publish() {
-  TileHeader header = header_for(key_);
-  header.table_offset = file_.size();
-  header.tiles = rows_.size();
-  header.file_bytes = file_.size() + rows_.size() * sizeof(TileRow);
-  header.crc = crc_of(header, rows_);
-  file_.append(std::as_bytes(std::span(rows_)));
+  const auto rows = std::as_bytes(std::span(rows_));
+  const auto key = std::as_bytes(std::span(key_));
+  const std::uint64_t end_of_points = file_.size();
+  std::array<Section, kSections> sections{Section{.kind = kPoints,
+                                                  .offset = kTileFileHead,
+                                                  .bytes = end_of_points - kTileFileHead,
+                                                  .item_bytes = sizeof(MapPoint),
+                                                  .crc = points_crc_},
+                                          section_part(kRows, 0, rows, sizeof(TileRow)).section,
+                                          section_part(kKey, 0, key, 1).section};
+  sections[1].offset = end_of_points;
+  sections[2].offset = end_of_points + rows.size();
+  file_.append(rows);
+  file_.append(key);
+  const SectionHeader header = sealed(kTileFile, {}, sections, file_.size());
   file_.overwrite(0, std::as_bytes(std::span(&header, 1)));
+  file_.overwrite(sizeof(header), std::as_bytes(std::span(sections)));
   file_.publish();
 }
 
@@ -140,35 +135,38 @@ void TileFile::read_all(std::uint64_t offset, std::span<std::byte> to) const {
   }
 }
 
+void TileFile::read_section(const Section& section, std::span<std::byte> to) const {
+  read_all(section.offset, to);
+  if (crc32c(to) != section.crc)
+    throw InputError(file_.string(), "a table that does not fit its checksum", "an undamaged one");
+}
+
 void TileFile::load(const std::string& key) {
-  const auto refuse = [this](const std::string& found, const std::string& expected) {
-    throw InputError(file_.string(), found, expected);
-  };
   struct stat status {};
   if (::fstat(descriptor_, &status) != 0) throw StorageError(file_.string(), std::strerror(errno));
+  if (!S_ISREG(status.st_mode)) throw InputError(file_.string(), "no file", kTileFile.what);
   const auto bytes = static_cast<std::uint64_t>(status.st_size);
-  TileHeader header;
-  const TileHeader wanted = header_for(key);
-  if (!S_ISREG(status.st_mode) || bytes < sizeof(header)) refuse("no tile file", "one");
-  read_all(0, std::as_writable_bytes(std::span(&header, 1)));
-  if (header.magic != wanted.magic) refuse("no tile file", "one");
-  if (header.format != kTileFormat)
-    refuse("format " + std::to_string(header.format), std::to_string(kTileFormat));
-  if (header.file_bytes != bytes)
-    refuse(std::to_string(bytes) + " bytes", std::to_string(header.file_bytes));
-  if (header.table_offset < sizeof(header) || header.table_offset > bytes ||
-      header.tiles != (bytes - header.table_offset) / sizeof(TileRow) ||
-      (bytes - header.table_offset) % sizeof(TileRow) != 0) {
-    refuse("a table at " + std::to_string(header.table_offset), "one at the end");
-  }
-  rows_.resize(header.tiles);
-  read_all(header.table_offset, std::as_writable_bytes(std::span(rows_)));
-  if (crc_of(header, rows_) != header.crc)
-    refuse("header and table that do not fit their checksum", "undamaged ones");
-  if (header.key != wanted.key) refuse("what was made from something else", "'" + key + "'");
+  std::vector<std::byte> head(std::min<std::uint64_t>(bytes, kTileFileHead));
+  read_all(0, head);
+  const SectionTable table(head, bytes, kTileFile, file_.string());
+  const auto refuse = [&](const std::string& found, const std::string& expected) {
+    table.refuse(found, expected);
+  };
+  const Section* points = table.find(kPoints, 0);
+  const Section* rows = table.find(kRows, 0);
+  const Section* made_from = table.find(kKey, 0);
+  if (points == nullptr || rows == nullptr || made_from == nullptr ||
+      rows->bytes % sizeof(TileRow) != 0 || made_from->bytes > kMostKeyBytes)
+    refuse("other sections", "points, rows and a key");
+  std::string found_key(made_from->bytes, '\0');
+  read_section(*made_from, std::as_writable_bytes(std::span(found_key)));
+  if (found_key != key) refuse("what was made from something else", "'" + key + "'");
+  rows_.resize(rows->bytes / sizeof(TileRow));
+  read_section(*rows, std::as_writable_bytes(std::span(rows_)));
+  const std::uint64_t end = points->offset + points->bytes;
   for (const TileRow& row : rows_) {
-    const std::uint64_t room = header.table_offset - std::min(row.offset, header.table_offset);
-    if (row.offset < sizeof(header) || row.points == 0 || row.points > room / sizeof(MapPoint))
+    const std::uint64_t room = end - std::min(row.offset, end);
+    if (row.offset < points->offset || row.points == 0 || row.points > room / sizeof(MapPoint))
       refuse("a tile beyond the end", "one within the file");
   }
   if (!std::is_sorted(rows_.begin(), rows_.end(),

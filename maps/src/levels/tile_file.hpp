@@ -2,6 +2,7 @@
 
 #include <stillmap/maps/derived_file.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/section_file.hpp>
 
 #include <array>
 #include <cstddef>
@@ -43,7 +44,7 @@ static_assert(sizeof(TileRow) == 96 && std::is_trivially_copyable_v<TileRow>);
 /// level is made from the one below. Memory: the table.
 class TileFileWriter {
  public:
-  /// @param key  what the file is made from, at most `kMostKeyBytes`; a reader asks for the same.
+  /// @param key  what the file is made from, at most 1 KiB; a reader asks for the same.
   /// @throws StorageError as `DerivedFile`, as all that follow.
   TileFileWriter(const std::filesystem::path& file, std::string key);
 
@@ -59,14 +60,13 @@ class TileFileWriter {
   DerivedFile file_;
   std::string key_;
   std::vector<TileRow> rows_;
+  std::uint32_t points_crc_ = 0;
 };
 
 /// Reads such a file. Immutable, safe from several threads. Open it stays readable when it is
 /// replaced or removed.
 class TileFile {
  public:
-  static constexpr std::size_t kMostKeyBytes = 216;
-
   /// Checks header and table. @throws StorageError when it cannot be read; InputError naming the
   /// file when it is damaged, of another format or of another key.
   TileFile(std::filesystem::path file, const std::string& key);
@@ -83,6 +83,7 @@ class TileFile {
 
  private:
   void read_all(std::uint64_t offset, std::span<std::byte> to) const;
+  void read_section(const Section& section, std::span<std::byte> to) const;
   void load(const std::string& key);
 
   std::filesystem::path file_;

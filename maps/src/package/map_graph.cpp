@@ -2,6 +2,7 @@
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/frames.hpp>
+#include <stillmap/maps/json_fields.hpp>
 
 #include <cerrno>
 #include <cstring>
@@ -12,7 +13,6 @@
 
 #include <stillmap/maps/package_files.hpp>
 #include <stillmap/maps/text.hpp>
-#include "core/json_fields.hpp"
 
 namespace stillmap::maps {
 namespace {

@@ -1,10 +1,10 @@
 #include "package/objects_json.hpp"
 
+#include <stillmap/maps/json_fields.hpp>
+
 #include <array>
 #include <limits>
 #include <nlohmann/json.hpp>
-
-#include "core/json_fields.hpp"
 
 namespace stillmap::maps {
 namespace {

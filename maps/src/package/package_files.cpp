@@ -1,6 +1,7 @@
 #include <stillmap/maps/package_files.hpp>
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/json_fields.hpp>
 
 #include <algorithm>
 #include <cctype>
@@ -8,8 +9,6 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <utility>
-
-#include "core/json_fields.hpp"
 
 namespace stillmap::maps {
 namespace {

@@ -1,5 +1,6 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/median.hpp>
 #include <stillmap/maps/scan_file.hpp>
 #include <stillmap/maps/sensor_preset.hpp>
 
@@ -109,9 +110,7 @@ double period_s(const Drive& drive) {
   for (std::size_t i = 1; i < drive.size(); ++i)
     periods.push_back(drive.stamp_ns(i) - drive.stamp_ns(i - 1));
   if (periods.empty()) return kUsualS;
-  const auto middle = periods.begin() + static_cast<std::ptrdiff_t>(periods.size() / 2);
-  std::nth_element(periods.begin(), middle, periods.end());
-  const double median_s = 1e-9 * static_cast<double>(*middle);
+  const double median_s = 1e-9 * static_cast<double>(median(std::move(periods)));
   return median_s >= kLeastS && median_s <= kMostS ? median_s : kUsualS;
 }
 

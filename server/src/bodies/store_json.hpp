@@ -33,7 +33,7 @@ struct MapWithVersions {
   std::uint64_t bytes = 0;
 };
 
-/// What `stillmap store` and `stillmap keys` print with --json (server/README.md).
+/// What `stillmap store` and `stillmap keys` print with --json (server/operation.md).
 [[nodiscard]] std::string problems_json(const std::vector<PackageStore::Problem>& problems);
 /// @param bytes  of the whole store.
 [[nodiscard]] std::string store_list_json(const std::vector<MapWithVersions>& maps,

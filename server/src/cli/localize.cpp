@@ -73,7 +73,8 @@ void print_for_people(const server::PoseAnswer& answer) {
   command_line::Table table;
   table.add("status", std::string(localization::name_of(result.status)));
   if (!result.reasons.empty())
-    table.add("reasons", fmt::format("{}", fmt::join(result.reasons, ", ")));
+    table.add("reasons",
+              fmt::format("{}", fmt::join(localization::names_of(result.reasons), ", ")));
   if (result.status != localization::PoseStatus::kLost) {
     const Eigen::Vector3d t = result.T_map_lidar.translation();
     const Eigen::Matrix3d R = result.T_map_lidar.linear();

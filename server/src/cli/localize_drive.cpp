@@ -46,7 +46,8 @@ class Tally {
   void add(const localization::TrackedPose& pose, double milliseconds) {
     ++status_[std::string(localization::name_of(pose.result.status))];
     ++searched_from_[std::string(localization::name_of(pose.searched_from))];
-    for (const std::string& reason : pose.result.reasons) ++reasons_[reason];
+    for (const localization::Reason reason : pose.result.reasons)
+      ++reasons_[std::string(localization::name_of(reason))];
     without_ok_ = pose.result.status == PoseStatus::kOk ? 0 : without_ok_ + 1;
     longest_without_ok_ = std::max(longest_without_ok_, without_ok_);
     milliseconds_.push_back(milliseconds);
@@ -111,7 +112,7 @@ void print_line(std::size_t index, const localization::TrackedPose& pose) {
     text += fmt::format(" {:10.3f} {:10.3f} {:8.3f} m {:8.3f} deg", t.x(), t.y(), t.z(),
                         std::atan2(R(1, 0), R(0, 0)) * 180.0 / std::numbers::pi);
   }
-  fmt::print("{}  {}\n", text, fmt::join(pose.result.reasons, ","));
+  fmt::print("{}  {}\n", text, fmt::join(localization::names_of(pose.result.reasons), ","));
   std::fflush(stdout);
 }
 

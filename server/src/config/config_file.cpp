@@ -26,6 +26,7 @@ bool is_group(const std::string& path) {
 
 /// Takes the parser's events, so that doubled keys are seen and nothing is built from a hostile
 /// file. The parser keeps no stack of its own calls: depth costs a bit a level.
+/// Not maps::JsonField: an operator is told all faults at once, each with its line.
 class ConfigReader final : public ConfigJson::json_sax_t {
  public:
   ConfigReader(std::string name, ConfigText& result) : name_(std::move(name)), result_(result) {}

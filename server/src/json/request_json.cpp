@@ -78,7 +78,8 @@ class PointListReader {
 
 /// Builds a request value by value, so that bounds hold while it is read. `json::parse` with a
 /// callback does not: after each object it looks at all that its parent has (nlohmann 3.11.2), and
-/// so n objects in an array take n² steps.
+/// so n objects in an array take n² steps. Not maps::parse_json: that one reads all of the text
+/// first.
 class RequestReader final : public RequestJson::json_sax_t {
  public:
   /// @param points_depth  0 = no key is a list of points.

@@ -36,8 +36,8 @@ localization::TrackedPose Session::track(
   ++summary_.scans;
   const auto& reasons = pose.result.reasons;
   // What was newest then was of another clock. Sent once more, a scan has the same answer.
-  const bool is_set_back =
-      std::find(reasons.begin(), reasons.end(), "clock_set_back") != reasons.end();
+  const bool is_set_back = std::find(reasons.begin(), reasons.end(),
+                                     localization::Reason::kClockSetBack) != reasons.end();
   if (is_set_back && stamp_ns != clock_set_back_ns_) {
     clock_set_back_ns_ = stamp_ns;
     summary_.stamp_ns.reset();

@@ -196,7 +196,7 @@ TEST_F(IndexFile, IsRefusedByNameAndMadeAnewWhenItIsNotTheOneWanted) {
     return changed;
   };
   const std::vector<std::pair<std::string, std::string>> cases = {
-      {"", "empty"},
+      {"", "found 0 bytes"},
       {good.substr(0, 100), "found 100 bytes"},
       {good.substr(0, good.size() - 64), "expected " + std::to_string(good.size())},
       {good + std::string(64, '\0'), "expected " + std::to_string(good.size())},
@@ -220,13 +220,14 @@ TEST_F(IndexFile, IsRefusedByNameAndMadeAnewWhenItIsNotTheOneWanted) {
 /// Where the directories end: all that is read at load.
 std::size_t bytes_read_at_load(const std::string& good) {
   std::size_t end = 0;
-  index_format::Header header;
+  maps::SectionHeader header;
   std::memcpy(&header, good.data(), sizeof(header));
   for (std::size_t k = 0; k < header.sections; ++k) {
-    index_format::Section section;
+    maps::Section section;
     std::memcpy(&section, good.data() + sizeof(header) + k * sizeof(section), sizeof(section));
-    const bool directory = section.kind == index_format::Kind::kTiles ||
-                           section.kind == index_format::Kind::kGridTiles;
+    const auto kind = static_cast<index_format::Kind>(section.kind);
+    const bool directory =
+        kind == index_format::Kind::kTiles || kind == index_format::Kind::kGridTiles;
     if (directory) end = std::max<std::size_t>(end, section.offset + section.bytes);
   }
   return end;
@@ -235,7 +236,7 @@ std::size_t bytes_read_at_load(const std::string& good) {
 TEST_F(IndexFile, NoBitOfWhatIsReadAtLoadFlipsUnseen) {
   const std::string good = bytes_of(open()->file());
   const std::size_t end = bytes_read_at_load(good);
-  ASSERT_GT(end, sizeof(index_format::Header));
+  ASSERT_GT(end, sizeof(maps::SectionHeader));
   std::vector<CacheLine> lines(good.size() / sizeof(CacheLine));
   const std::span<std::byte> bytes = std::as_writable_bytes(std::span(lines));
   std::memcpy(bytes.data(), good.data(), good.size());
@@ -290,12 +291,14 @@ TEST_F(IndexFile, DamageBehindTheHeaderIsFoundByVerifyAndReachesNothingOutside) 
 struct Forged {
   explicit Forged(const std::string& good) : bytes(good) {
     std::memcpy(&header, bytes.data(), sizeof(header));
+    about = header.read_about<index_format::About>();
     sections.resize(header.sections);
     std::memcpy(sections.data(), bytes.data() + sizeof(header),
                 sections.size() * sizeof(sections[0]));
   }
   /// With a checksum that fits.
   [[nodiscard]] std::string sealed() {
+    header.set_about(about);
     header.crc = 0;
     header.crc = maps::crc32c(std::as_bytes(std::span(sections).first(header.sections)),
                               maps::crc32c(std::as_bytes(std::span(&header, 1))));
@@ -306,13 +309,14 @@ struct Forged {
   }
 
   std::string bytes;
-  index_format::Header header;
-  std::vector<index_format::Section> sections;
+  maps::SectionHeader header;
+  index_format::About about;
+  std::vector<maps::Section> sections;
 };
 
 TEST_F(IndexFile, TilesThatPointOutsideAreRefusedEvenWithTheRightChecksum) {
   Forged forged(bytes_of(open()->file()));
-  index_format::Section& section = forged.sections[0];
+  maps::Section& section = forged.sections[0];
   std::vector<CellBlocks::Tile> tiles(section.bytes / sizeof(CellBlocks::Tile));
   std::memcpy(tiles.data(), forged.bytes.data() + section.offset, section.bytes);
   for (CellBlocks::Tile& tile : tiles) {
@@ -330,12 +334,12 @@ TEST_F(IndexFile, BoundsThatNoMapHasAreRefusedEvenWithTheRightChecksum) {
   for (std::size_t axis = 0; axis < 3; ++axis) {
     for (const double extent_m : {kNaN, -1.0, 1e7}) {
       Forged forged(good);
-      forged.header.extent_m[axis] = extent_m;
+      forged.about.extent_m[axis] = extent_m;
       put(file(), forged.sealed());
       EXPECT_THAT(open()->rebuilt_because(), HasSubstr("bounds that no map has")) << extent_m;
     }
     Forged forged(good);
-    forged.header.origin_m[axis] = kNaN;
+    forged.about.origin_m[axis] = kNaN;
     put(file(), forged.sealed());
     EXPECT_THAT(open()->rebuilt_because(), HasSubstr("bounds that no map has"));
   }
@@ -350,7 +354,7 @@ TEST_F(IndexFile, SectionsThatAreMissingOrLieOutsideAreRefusedEvenWithTheRightCh
     return open()->rebuilt_because();
   };
   EXPECT_THAT(reason([](Forged& f) { f.header.sections = 0; }), HasSubstr("no slots of level 0"));
-  EXPECT_THAT(reason([](Forged& f) { f.sections.back().level = 9; }), HasSubstr("of level 2"));
+  EXPECT_THAT(reason([](Forged& f) { f.sections.back().part = 9; }), HasSubstr("of level 2"));
   EXPECT_THAT(reason([](Forged& f) { f.sections.back().offset += 8; }), HasSubstr("aligned"));
   EXPECT_THAT(reason([](Forged& f) { f.sections.back().offset = ~std::uint64_t{63}; }),
               HasSubstr("inside the file"));
@@ -432,7 +436,7 @@ TEST_F(IndexFile, HoldsTheBytesOfItsFormatNumber) {
   EXPECT_EQ(index_format::kFormat, 1U);
   const std::string bytes = bytes_of(open()->file());
   // All but the header, which holds the digest.
-  const std::span<const char> sections = std::span(bytes).subspan(sizeof(index_format::Header));
+  const std::span<const char> sections = std::span(bytes).subspan(sizeof(maps::SectionHeader));
   EXPECT_EQ(maps::crc32c(std::as_bytes(sections)), 2342770324U);
 }
 

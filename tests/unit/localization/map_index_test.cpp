@@ -145,16 +145,5 @@ TEST(MapIndex, LooksUpNothingFarOutsideOrAtNaN) {
   }
 }
 
-TEST(VoxelTable, FindsWhatWasInsertedAndNothingElse) {
-  VoxelTable table;
-  for (std::int32_t k = 0; k < 1000; ++k) EXPECT_TRUE(table.insert(cell_key(k, 7 * k, 3)).second);
-  EXPECT_FALSE(table.insert(cell_key(5, 35, 3)).second);
-  EXPECT_EQ(table.size(), 1000U);
-  for (std::int32_t k = 0; k < 1000; ++k) {
-    EXPECT_EQ(table.find(cell_key(k, 7 * k, 3)), static_cast<std::uint32_t>(k));
-    EXPECT_EQ(table.find(cell_key(k, 7 * k, 4)), VoxelTable::kNone);
-  }
-}
-
 }  // namespace map_index_test
 }  // namespace stillmap::localization

@@ -94,14 +94,6 @@ TEST(PosePdf, ChiSquaredCountsDeviationsOfBoth) {
   EXPECT_FALSE(chi_squared(a, b) < 1e9);
 }
 
-TEST(Motion, SecondsBetweenAnyTwoStamps) {
-  EXPECT_DOUBLE_EQ(seconds_between(1'300'000'000'000'000'000, 1'300'000'000'100'000'000), 0.1);
-  EXPECT_DOUBLE_EQ(seconds_between(100, 0), -1e-7);
-  EXPECT_NEAR(seconds_between(std::numeric_limits<std::int64_t>::min(),
-                              std::numeric_limits<std::int64_t>::max()),
-              0x1p64 * 1e-9, 1.0);
-}
-
 TEST(Motion, ConstantTwistIsContinuedAndItsUncertaintyGrows) {
   const MotionModel model{TrackerOptions{}};
   MotionState state = model.at_unknown_velocity(0, {pose_at(5, 1), 1e-4 * Matrix6d::Identity()});

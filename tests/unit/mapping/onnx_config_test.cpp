@@ -103,7 +103,7 @@ TEST(OnnxConfig, NamesAKeyThatIsMissing) {
     json description = whole;
     description.erase(key);
     EXPECT_THAT([&] { (void)read(description.dump()); },
-                ThrowsSaying<maps::InputError>({"network.json", "no \"" + key + "\""}));
+                ThrowsSaying<maps::InputError>({"network.json at config." + key, "nothing"}));
   }
 }
 
@@ -111,7 +111,7 @@ TEST(OnnxConfig, RefusesWhatIsNoJsonAndAFileThatIsNotThere) {
   EXPECT_THAT([&] { (void)read("{"); }, ThrowsSaying<maps::InputError>({"network.json", "JSON"}));
   EXPECT_THAT([&] { (void)read("[]"); }, ThrowsSaying<maps::InputError>({"an object"}));
   EXPECT_THAT([&] { (void)read_onnx_config("/nowhere/network.json"); },
-              ThrowsSaying<maps::InputError>({"/nowhere/network.json", "no file"}));
+              ThrowsSaying<maps::StorageError>({"/nowhere/network.json", "No such file"}));
 }
 
 }  // namespace onnx_config_test

@@ -234,18 +234,18 @@ TEST(RebuildGate, ReadsLimitsFromAFile) {
 TEST(RebuildGate, RefusesAFileOfOtherThingsByName) {
   const test::TemporaryFolder folder;
   const std::vector<std::pair<std::string, std::string>> cases{
-      {"", "nothing"},
-      {"[]", "JSON object"},
-      {"{", "JSON object"},
-      {R"({"static_los": 0.05})", "static_los"},
+      {"", "no JSON"},
+      {"[]", "an object"},
+      {"{", "no JSON"},
+      {R"({"static_los": 0.05})", "unknown key \"static_los\""},
       {R"({"static_loss": "0.05"})", ".static_loss"},
       {R"({"static_loss": 1.5})", "1.5"},
-      {R"({"wall_thickening": 2})", "[0, 1]"},
-      {R"({"entropy_rise": 11})", "[0, 10]"},
+      {R"({"wall_thickening": 2})", "from 0.0 to 1.0"},
+      {R"({"entropy_rise": 11})", "from 0.0 to 10.0"},
       {R"({"new_lost": -1})", ".new_lost"},
       {R"({"new_lost": 0.5})", ".new_lost"},
       {R"({"least_queries": 0})", ".least_queries"},
-      {"{\"static_loss\": " + std::string(70'000, ' ') + "0}", "64 KiB"}};
+      {"{\"static_loss\": " + std::string(70'000, ' ') + "0}", "at most 65536"}};
   for (const auto& [text, says] : cases) {
     folder.write("gate.json", text);
     EXPECT_THAT([&] { (void)read_gate_limits(folder.path() / "gate.json"); },
@@ -253,7 +253,7 @@ TEST(RebuildGate, RefusesAFileOfOtherThingsByName) {
         << text.substr(0, 40);
   }
   EXPECT_THAT([&] { (void)read_gate_limits(folder.path() / "none.json"); },
-              ThrowsSaying<maps::InputError>({"none.json"}));
+              ThrowsSaying<maps::StorageError>({"none.json"}));
 }
 
 }  // namespace rebuild_gate_test

@@ -126,7 +126,8 @@ TEST(Safetensors, RefusesAHeaderThatIsNoObjectOfTensors) {
   expect_refused(parts.with_header("{"), {"no JSON"});
   expect_refused(parts.with_header("{\"a\":1}"), {"tensor \"a\"", "found 1", "an object"});
   expect_refused(parts.with_header("{\"__metadata__\":[]}"), {"__metadata__", "an array of 0"});
-  expect_refused(parts.with_header("{\"__metadata__\":{\"k\":1}}"), {"\"k\" with 1", "a text"});
+  expect_refused(parts.with_header("{\"__metadata__\":{\"k\":1}}"),
+                 {"__metadata__.k: found 1", "a text"});
   expect_refused(parts.with_header(std::string("{\"\xff\":1}")), {"no JSON"});
 }
 
@@ -147,29 +148,29 @@ TEST(Safetensors, RefusesDeepNestingBeforeItBuildsAnything) {
 }
 
 TEST(Safetensors, RefusesBrokenEntriesByName) {
-  expect_refused_entry("dtype", "BF16", {"dtype \"BF16\"", "F32 or F16"});
-  expect_refused_entry("dtype", 4, {"dtype 4"});
+  expect_refused_entry("dtype", "BF16", {"dtype: found \"BF16\"", "F32, F16"});
+  expect_refused_entry("dtype", 4, {"dtype: found 4"});
   expect_refused_entry("shape", {2, 2}, {"24 bytes", "16"});
-  expect_refused_entry("shape", {2, -3}, {"shape with -3"});
-  expect_refused_entry("shape", {2, 1.5}, {"shape with 1.5"});
-  expect_refused_entry("shape", "6", {"shape \"6\""});
-  expect_refused_entry("shape", {1, 1, 1, 1, 1, 1, 1, 2, 3}, {"an array of 9", "at most 8"});
+  expect_refused_entry("shape", {2, -3}, {"shape[1]: found -3"});
+  expect_refused_entry("shape", {2, 1.5}, {"shape[1]: found 1.5"});
+  expect_refused_entry("shape", "6", {"shape: found \"6\""});
+  expect_refused_entry("shape", {1, 1, 1, 1, 1, 1, 1, 2, 3}, {"an array of 9", "0 to 8"});
   expect_refused_entry("data_offsets", {0}, {"an array of 1"});
-  expect_refused_entry("data_offsets", {24, 0}, {"bytes 24 to 0"});
-  expect_refused_entry("data_offsets", {0, 29}, {"bytes 0 to 29", "28 bytes"});
-  expect_refused_entry("data_offsets", {0, "24"}, {"data_offsets with \"24\""});
+  expect_refused_entry("data_offsets", {24, 0}, {"data_offsets[1]: found 0", "at least 24"});
+  expect_refused_entry("data_offsets", {0, 29}, {"found 29", "at most 28"});
+  expect_refused_entry("data_offsets", {0, "24"}, {"data_offsets[1]: found \"24\""});
   expect_refused_entry("extra", 1, {"key \"extra\""});
   SafetensorsParts parts = two_tensors();
   parts.header["a"].erase("shape");
-  expect_refused(parts.bytes(), {"tensor \"a\"", "no shape"});
+  expect_refused(parts.bytes(), {"tensor \"a\"", "shape: found nothing"});
 }
 
 TEST(Safetensors, RefusesShapesWhoseProductOverflows) {
   const std::uint64_t big = std::uint64_t{1} << 32U;
   // 2^64 numbers, and 2^62 of 4 bytes: both are 0 modulo 2^64.
-  expect_refused_entry("shape", {big, big}, {"more numbers than can be addressed"});
-  expect_refused_entry("shape", {big, big / 4}, {"more numbers than can be addressed"});
-  expect_refused_entry("shape", {~std::uint64_t{0}, 0}, {"more numbers than can be addressed"});
+  expect_refused_entry("shape", {big, big}, {"numbers that can be addressed"});
+  expect_refused_entry("shape", {big, big / 4}, {"numbers that can be addressed"});
+  expect_refused_entry("shape", {~std::uint64_t{0}, 0}, {"numbers that can be addressed"});
 }
 
 TEST(Safetensors, RefusesOverlapsAndGaps) {

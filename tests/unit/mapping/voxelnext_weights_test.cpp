@@ -111,7 +111,7 @@ TEST(VoxelNextWeights, RefusesEveryMissingAndEveryUnknownKey) {
   for (const auto& [key, value] : whole.items()) {
     ordered_json config = tiny_config();
     config.erase(key);
-    expect_refused(tiny_weights(config), {"config", "no \"" + key + "\""});
+    expect_refused(tiny_weights(config), {"config." + key + ": found nothing"});
   }
   expect_refused_value("/colour", 1, {"unknown key \"colour\""});
   expect_refused_value("/stages/2/stride", 2, {"stages[2]", "unknown key \"stride\""});

@@ -107,6 +107,13 @@ TEST(StampText, RefusesWhatIsNoStampInRange) {
   }
 }
 
+TEST(SecondsBetween, CountsAnyTwoStamps) {
+  using Limits = std::numeric_limits<std::int64_t>;
+  EXPECT_DOUBLE_EQ(seconds_between(1'300'000'000'000'000'000, 1'300'000'000'100'000'000), 0.1);
+  EXPECT_DOUBLE_EQ(seconds_between(100, 0), -1e-7);
+  EXPECT_NEAR(seconds_between(Limits::min(), Limits::max()), 0x1p64 * 1e-9, 1.0);
+}
+
 TEST(KittiPoses, AreReadRowByRow) {
   const TemporaryFolder folder;
   const auto file =

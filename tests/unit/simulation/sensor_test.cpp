@@ -251,9 +251,9 @@ TEST(Sensor, RefusesBrokenDescriptionsByKeyAndValue) {
     std::string text;
     std::vector<std::string> says;
   } cases[] = {
-      {file_text(R"(, "colour": "red")"), {".colour", "red", "only the keys"}},
-      {replaced(file_text(), R"("columns": 360,)", ""), {".columns", "nothing", "1 to 8192"}},
-      {replaced(file_text(), "360", "\"many\""), {".columns", "many", "a number"}},
+      {file_text(R"(, "colour": "red")"), {"unknown key \"colour\"", "only format"}},
+      {replaced(file_text(), R"("columns": 360,)", ""), {".columns", "nothing", "a value"}},
+      {replaced(file_text(), "360", "\"many\""), {".columns", "many", "a whole number"}},
       {replaced(file_text(), "360", "360.5"), {".columns", "360.5", "whole"}},
       {replaced(file_text(), "360", "0"), {".columns", "found 0", "1 to 8192"}},
       {replaced(file_text(), "\"rate_hz\": 20", "\"rate_hz\": 1e9"), {".rate_hz", "50"}},
@@ -261,8 +261,8 @@ TEST(Sensor, RefusesBrokenDescriptionsByKeyAndValue) {
       {replaced(file_text(), "\"min_range_m\": 0.5", "\"min_range_m\": 60"),
        {".max_range_m", "more than min_range_m"}},
       {replaced(file_text(), "\"elevation_deg\": 10", "\"elevation_deg\": 100"),
-       {".beams[1].elevation_deg", "100", "-90 to 90"}},
-      {replaced(file_text(), "azimuth_offset_deg", "azimuth"), {".beams[1].azimuth"}},
+       {".beams[1].elevation_deg", "100", "-90.0 to 90.0"}},
+      {replaced(file_text(), "azimuth_offset_deg", "azimuth"), {".beams[1]", "\"azimuth\""}},
       {file_text("", "widdershins"), {".direction", "widdershins", "counter_clockwise"}},
       {"[]", {"an array", "an object"}},
       {"{", {"JSON"}},
@@ -276,7 +276,7 @@ TEST(Sensor, RefusesBrokenDescriptionsByKeyAndValue) {
   }
   const std::string folder_name = folder.path().string();
   EXPECT_THAT([&] { (void)make_sensor(folder_name); },
-              test::ThrowsSaying<maps::InputError>({folder_name}));
+              test::ThrowsSaying<maps::StorageError>({folder_name}));
 }
 
 TEST(Sensor, RefusesAnUnknownNameByNamingTheKnownOnes) {

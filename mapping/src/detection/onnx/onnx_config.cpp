@@ -1,15 +1,11 @@
 #include "detection/onnx/onnx_config.hpp"
 
-#include "detection/strict_json.hpp"
-#include "detection/strict_value.hpp"
-
-#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/json_fields.hpp>
+#include <stillmap/maps/text.hpp>
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <initializer_list>
-#include <iterator>
 #include <limits>
 #include <string_view>
 #include <utility>
@@ -18,7 +14,7 @@ namespace stillmap::mapping {
 
 namespace {
 
-using maps::InputError;
+using maps::JsonField;
 
 /// Beyond a kilometre no LiDAR returns; a cell below 1 cm is finer than its noise.
 constexpr double kFarthestM = 1000.0;
@@ -34,27 +30,14 @@ constexpr int kMaxPointsOfPillar = 1024;
 constexpr std::size_t kMaxBytes = std::size_t{1} << 20;
 
 /// Name of a tensor: ONNX Runtime is given it as a C string.
-std::string tensor_of(const StrictValue& value) {
+std::string tensor_of(const JsonField& value) {
   std::string name = value.text();
   if (name.empty() || name.find('\0') != std::string::npos) value.refuse("the name of a tensor");
   return name;
 }
 
-std::string read_text(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in || !std::filesystem::is_regular_file(file))
-    throw InputError(file.string(), "no file", "a description of a network");
-  std::string text(kMaxBytes + 1, '\0');
-  in.read(text.data(), static_cast<std::streamsize>(text.size()));
-  if (in.bad()) throw maps::StorageError(file.string(), "cannot be read");
-  text.resize(static_cast<std::size_t>(in.gcount()));
-  if (text.size() > kMaxBytes)
-    throw InputError(file.string(), "more than 1 MiB", "a description of a network");
-  return text;
-}
-
 /// Cells along an axis.
-int cells_along(const StrictValue& cell, double extent_m, double cell_m, int stride) {
+int cells_along(const JsonField& cell, double extent_m, double cell_m, int stride) {
   const double cells = std::round(extent_m / cell_m);
   // Ranges are written with a few decimals: 70.4 m are 352 cells of 0.2 m.
   const bool fits = std::abs(cells * cell_m - extent_m) <= 1e-6;
@@ -65,7 +48,7 @@ int cells_along(const StrictValue& cell, double extent_m, double cell_m, int str
   return static_cast<int>(cells);
 }
 
-void read_grid(const StrictValue& root, OnnxConfig& config) {
+void read_grid(const JsonField& root, OnnxConfig& config) {
   const auto range = root.at("range_m").elements(6, 6);
   for (std::size_t i = 0; i < 6; ++i) config.range_m[i] = range[i].number(-kFarthestM, kFarthestM);
   if (!(config.range_m[2] < config.range_m[5])) range[5].refuse("more than the least z");
@@ -84,8 +67,8 @@ void read_grid(const StrictValue& root, OnnxConfig& config) {
   config.sensor_height_m = root.at("sensor_height_m").number(-10.0, 100.0);
 }
 
-BevInput read_bev(const StrictValue& input) {
-  input.only({"kind", "tensor", "channels"});
+BevInput read_bev(const JsonField& input) {
+  input.exactly({"kind", "tensor", "channels"});
   return {tensor_of(input.at("tensor")),
           input.at("channels")
               .set_of<BevChannel>({{"max_z", BevChannel::kMaxZ},
@@ -94,8 +77,8 @@ BevInput read_bev(const StrictValue& input) {
                                    {"mean_intensity", BevChannel::kMeanIntensity}})};
 }
 
-PillarInput read_pillars(const StrictValue& input) {
-  input.only({"kind", "points", "cells", "counts", "features", "most_points"});
+PillarInput read_pillars(const JsonField& input) {
+  input.exactly({"kind", "points", "cells", "counts", "features", "most_points"});
   return {tensor_of(input.at("points")), tensor_of(input.at("cells")),
           tensor_of(input.at("counts")),
           input.at("features")
@@ -111,10 +94,10 @@ PillarInput read_pillars(const StrictValue& input) {
           input.at("most_points").whole(1, kMaxPointsOfPillar)};
 }
 
-OnnxHead read_head(const StrictValue& value) {
-  value.only({"classes", "heat_map", "offset", "height", "size", "rotation"});
+OnnxHead read_head(const JsonField& value) {
+  value.exactly({"classes", "heat_map", "offset", "height", "size", "rotation"});
   OnnxHead head;
-  for (const StrictValue& name : value.at("classes").elements(1, kMaxClasses)) {
+  for (const JsonField& name : value.at("classes").elements(1, kMaxClasses)) {
     const std::string text = name.text();
     head.classes.push_back(maps::object_class_from(text));
     if (!text.empty() && !head.classes.back()) name.refuse("the name of an object class, or \"\"");
@@ -131,11 +114,11 @@ OnnxHead read_head(const StrictValue& value) {
 
 OnnxConfig read_onnx_config(const std::filesystem::path& file) {
   const std::string name = file.string();
-  const nlohmann::json parsed = parse_strict_json(read_text(file), name);
-  const StrictValue root(parsed, name + " at config");
-  root.only({"format", "version", "model", "range_m", "cell_m", "z", "sensor_height_m", "input",
-             "stride", "scores", "sizes", "rotation", "heads", "score_threshold", "nms",
-             "nms_iou"});
+  const nlohmann::json parsed = maps::parse_json(maps::read_text(file, kMaxBytes), name);
+  const JsonField root(parsed, name, "config");
+  root.exactly({"format", "version", "model", "range_m", "cell_m", "z", "sensor_height_m", "input",
+                "stride", "scores", "sizes", "rotation", "heads", "score_threshold", "nms",
+                "nms_iou"});
   if (root.at("format").text() != "stillmap-onnx") root.at("format").refuse("\"stillmap-onnx\"");
   if (root.at("version").whole(1, std::numeric_limits<int>::max()) != 1)
     root.at("version").refuse("1");
@@ -145,7 +128,7 @@ OnnxConfig read_onnx_config(const std::filesystem::path& file) {
   if (model != model.filename()) root.at("model").refuse("the name of a file beside this one");
   config.model = file.parent_path() / model;
   read_grid(root, config);
-  const StrictValue input = root.at("input");
+  const JsonField input = root.at("input");
   if (input.at("kind").one_of<bool>({{"bev", true}, {"pillars", false}}))
     config.bev = read_bev(input);
   else
@@ -153,7 +136,7 @@ OnnxConfig read_onnx_config(const std::filesystem::path& file) {
   config.scores_are_logits = root.at("scores").one_of<bool>({{"logits", true}, {"scores", false}});
   config.sizes_are_logs = root.at("sizes").one_of<bool>({{"log", true}, {"metres", false}});
   config.cosine_first = root.at("rotation").one_of<bool>({{"cos_sin", true}, {"sin_cos", false}});
-  for (const StrictValue& head : root.at("heads").elements(1, kMaxHeads))
+  for (const JsonField& head : root.at("heads").elements(1, kMaxHeads))
     config.heads.push_back(read_head(head));
   // At 0 every cell of the grid would be a box.
   config.score_threshold = root.at("score_threshold").number(0.001, 1.0);

@@ -1,6 +1,7 @@
 #include "detection/voxelnext/config_text.hpp"
 
-#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/json_fields.hpp>
+#include <stillmap/maps/text.hpp>
 
 #include <algorithm>
 #include <array>
@@ -9,13 +10,10 @@
 #include <set>
 #include <utility>
 
-#include "detection/strict_json.hpp"
-#include "detection/strict_value.hpp"
-
 namespace stillmap::mapping {
 namespace {
 
-using maps::InputError;
+using maps::JsonField;
 
 template <typename Meaning>
 using Names = std::initializer_list<std::pair<std::string_view, Meaning>>;
@@ -47,7 +45,7 @@ constexpr double kMaxRange_m = 1000.0;
 constexpr double kMinVoxel_m = 0.01;
 constexpr double kMaxVoxel_m = 10.0;
 
-void read_grid(const StrictValue& config, VoxelNextConfig& result) {
+void read_grid(const JsonField& config, VoxelNextConfig& result) {
   const auto range = config.at("range_m").elements(6, 6);
   for (std::size_t i = 0; i < 6; ++i) {
     result.range_m[i] = range[i].number(-kMaxRange_m, kMaxRange_m);
@@ -69,10 +67,10 @@ void read_grid(const StrictValue& config, VoxelNextConfig& result) {
   }
 }
 
-void read_stages(const StrictValue& config, VoxelNextConfig& result) {
+void read_stages(const JsonField& config, VoxelNextConfig& result) {
   const auto stages = config.at("stages").elements(6, 6);
   for (std::size_t i = 0; i < 6; ++i) {
-    stages[i].only({"channels", "blocks", "kernel"});
+    stages[i].exactly({"channels", "blocks", "kernel"});
     result.stages[i].channels = stages[i].at("channels").whole(1, kMaxVoxelNextChannels);
     result.stages[i].blocks = stages[i].at("blocks").whole(0, kMaxVoxelNextBlocks);
     result.stages[i].kernel = stages[i].at("kernel").whole(1, 7);
@@ -87,7 +85,7 @@ void read_stages(const StrictValue& config, VoxelNextConfig& result) {
   }
 }
 
-void read_pruning(const StrictValue& config, VoxelNextConfig& result) {
+void read_pruning(const JsonField& config, VoxelNextConfig& result) {
   const auto shares = config.at("pruning").elements(5, 5);
   for (std::size_t i = 0; i < 5; ++i) {
     result.pruning[i] = shares[i].number(0.0, 1.0);
@@ -96,12 +94,12 @@ void read_pruning(const StrictValue& config, VoxelNextConfig& result) {
 }
 
 /// @return the number of classes of all heads together.
-std::size_t read_heads(const StrictValue& config, VoxelNextConfig& result) {
+std::size_t read_heads(const JsonField& config, VoxelNextConfig& result) {
   std::size_t classes = 0;
-  for (const StrictValue& head : config.at("heads").elements(1, kMaxVoxelNextHeads)) {
-    head.only({"classes"});
+  for (const JsonField& head : config.at("heads").elements(1, kMaxVoxelNextHeads)) {
+    head.exactly({"classes"});
     VoxelNextHead& read = result.heads.emplace_back();
-    for (const StrictValue& name : head.at("classes").elements(1, kMaxVoxelNextClasses)) {
+    for (const JsonField& name : head.at("classes").elements(1, kMaxVoxelNextClasses)) {
       const std::string text = name.text();
       const auto object_class = maps::object_class_from(text);
       if (!text.empty() && !object_class) name.refuse("the name of an object class, or \"\"");
@@ -112,8 +110,8 @@ std::size_t read_heads(const StrictValue& config, VoxelNextConfig& result) {
   return classes;
 }
 
-void read_branches(const StrictValue& config, VoxelNextConfig& result) {
-  const StrictValue branches = config.at("branches");
+void read_branches(const JsonField& config, VoxelNextConfig& result) {
+  const JsonField branches = config.at("branches");
   result.branches = branches.set_of(kBranches);
   for (const auto& [name, branch] : kBranches) {
     if (branch == VoxelNextBranch::kIou || branch == VoxelNextBranch::kVel) continue;
@@ -123,15 +121,15 @@ void read_branches(const StrictValue& config, VoxelNextConfig& result) {
   }
 }
 
-void read_scores(const StrictValue& config, std::size_t classes, VoxelNextConfig& result) {
+void read_scores(const JsonField& config, std::size_t classes, VoxelNextConfig& result) {
   const bool has_iou =
       std::ranges::find(result.branches, VoxelNextBranch::kIou) != result.branches.end();
-  for (const StrictValue& power : config.at("iou_rectifier").elements(classes, classes)) {
+  for (const JsonField& power : config.at("iou_rectifier").elements(classes, classes)) {
     result.iou_rectifier.push_back(power.number(0.0, 1.0));
     if (!has_iou && result.iou_rectifier.back() != 0.0)
       power.refuse("0 without the branch \"iou\"");
   }
-  for (const StrictValue& pair : config.at("calibration").elements(classes, classes)) {
+  for (const JsonField& pair : config.at("calibration").elements(classes, classes)) {
     const auto scale_shift = pair.elements(2, 2);
     // A scale of 0 or below would say that every box is as good as any other, or turn them round.
     result.calibration.push_back(
@@ -145,16 +143,15 @@ void read_scores(const StrictValue& config, std::size_t classes, VoxelNextConfig
 }  // namespace
 
 VoxelNextConfig parse_voxelnext_config(std::string_view text, const std::string& name) {
-  const std::string at = name + " at config";
-  const nlohmann::json parsed = parse_strict_json(text, at);
-  const StrictValue config(parsed, at);
-  config.only({"name", "range_m", "voxel_m", "z", "sensor_height_m", "features", "stages",
-               "pruning", "neck_channels", "head_kernel", "heads", "yaw", "branches",
-               "iou_rectifier", "calibration", "nms", "nms_iou", "score_threshold"});
+  const nlohmann::json parsed = maps::parse_json(text, name + " at config");
+  const JsonField config(parsed, name, "config");
+  config.exactly({"name", "range_m", "voxel_m", "z", "sensor_height_m", "features", "stages",
+                  "pruning", "neck_channels", "head_kernel", "heads", "yaw", "branches",
+                  "iou_rectifier", "calibration", "nms", "nms_iou", "score_threshold"});
   VoxelNextConfig result;
   result.name = config.at("name").text();
   // It goes into manifests and messages.
-  if (result.name.empty() || in_quotes(result.name) != "\"" + result.name + "\"") {
+  if (result.name.empty() || maps::one_line(result.name) != result.name) {
     config.at("name").refuse("1 to 60 printable letters");
   }
   read_grid(config, result);

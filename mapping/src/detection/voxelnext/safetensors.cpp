@@ -1,14 +1,12 @@
 #include "detection/voxelnext/safetensors.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/json_fields.hpp>
 
 #include <algorithm>
 #include <bit>
 #include <cstring>
-#include <optional>
 #include <utility>
-
-#include "detection/strict_json.hpp"
 
 namespace stillmap::mapping {
 namespace {
@@ -16,6 +14,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "numbers are copied as they lie");
 
 using maps::InputError;
+using maps::JsonField;
 
 constexpr std::size_t kLengthBytes = 8;
 /// More than any shape of a network; a bound keeps a hostile one from being long.
@@ -23,89 +22,49 @@ constexpr std::size_t kMaxDimensions = 8;
 
 std::size_t bytes_per_number(TensorType type) { return type == TensorType::kF32 ? 4 : 2; }
 
-/// Reads one entry of the header, with messages that name file and tensor.
+/// One entry of the header.
 class Entry {
  public:
-  Entry(const std::string& file, const std::string& tensor, const nlohmann::json& value)
-      : name_(file + " at tensor " + in_quotes(tensor)), value_(value) {
-    constexpr auto kExpected = "an object with dtype, shape and data_offsets";
-    if (!value.is_object()) throw InputError(name_, described(value), kExpected);
-    for (auto member = value.begin(); member != value.end(); ++member) {
-      if (member.key() == "dtype" || member.key() == "shape" || member.key() == "data_offsets") {
-        continue;
-      }
-      throw InputError(name_, "key " + in_quotes(member.key()), kExpected);
-    }
+  explicit Entry(const JsonField& field) : field_(field) {
+    field.exactly({"dtype", "shape", "data_offsets"});
   }
 
   [[nodiscard]] TensorType type() const {
-    const nlohmann::json& found = at("dtype");
-    if (found == "F32") return TensorType::kF32;
-    if (found == "F16") return TensorType::kF16;
-    throw InputError(name_, "dtype " + described(found), "F32 or F16");
+    return field_.at("dtype").one_of<TensorType>(
+        {{"F32", TensorType::kF32}, {"F16", TensorType::kF16}});
   }
 
   [[nodiscard]] std::vector<std::size_t> shape() const {
-    const nlohmann::json& found = at("shape");
-    if (!found.is_array() || found.size() > kMaxDimensions) {
-      throw InputError(name_, "shape " + described(found),
-                       "at most " + std::to_string(kMaxDimensions) + " whole numbers");
-    }
     std::vector<std::size_t> shape;
-    for (const nlohmann::json& size : found) shape.push_back(whole("shape", size));
+    for (const JsonField& size : field_.at("shape").elements(0, kMaxDimensions))
+      shape.push_back(size.count());
     return shape;
   }
 
   /// First byte and the one past the last, from the end of the header on, within `size`.
   [[nodiscard]] std::pair<std::size_t, std::size_t> range(std::size_t size) const {
-    const nlohmann::json& found = at("data_offsets");
-    if (!found.is_array() || found.size() != 2) {
-      throw InputError(name_, "data_offsets " + described(found), "two whole numbers");
-    }
-    const std::size_t begin = whole("data_offsets", found[0]);
-    const std::size_t end = whole("data_offsets", found[1]);
-    if (begin > end || end > size) {
-      throw InputError(name_, "bytes " + std::to_string(begin) + " to " + std::to_string(end),
-                       "a range within the " + std::to_string(size) + " bytes after the header");
-    }
+    const JsonField offsets = field_.at("data_offsets");
+    const std::vector<JsonField> both = offsets.elements(2, 2);
+    const std::size_t begin = both[0].count(), end = both[1].count();
+    if (end < begin) both[1].refuse("at least " + std::to_string(begin) + ", where it begins");
+    if (end > size)
+      both[1].refuse("at most " + std::to_string(size) + ", the bytes after the header");
     return {begin, end};
   }
 
   /// Checks that `bytes` is what shape and type need, without overflow.
   void check_size(const std::vector<std::size_t>& shape, TensorType type, std::size_t bytes) const {
-    std::optional<std::size_t> needed = bytes_per_number(type);
-    for (const std::size_t size : shape) {
-      std::size_t product = 0;
-      if (__builtin_mul_overflow(*needed, size, &product)) {
-        throw InputError(name_, "a shape of more numbers than can be addressed",
-                         std::to_string(bytes) + " bytes of them");
-      }
-      needed = product;
-    }
-    if (*needed != bytes) {
-      throw InputError(name_, std::to_string(bytes) + " bytes",
-                       std::to_string(*needed) + ", by its shape and dtype");
-    }
+    std::size_t needed = bytes_per_number(type);
+    for (const std::size_t size : shape)
+      if (__builtin_mul_overflow(needed, size, &needed))
+        field_.at("shape").refuse("numbers that can be addressed");
+    if (needed != bytes)
+      field_.at("shape").refuse("numbers that fill the " + std::to_string(bytes) +
+                                " bytes of data_offsets, and not " + std::to_string(needed));
   }
 
  private:
-  [[nodiscard]] const nlohmann::json& at(const char* key) const {
-    const auto found = value_.find(key);
-    if (found == value_.end()) {
-      throw InputError(name_, std::string("no ") + key, "dtype, shape and data_offsets");
-    }
-    return *found;
-  }
-  [[nodiscard]] std::size_t whole(const char* key, const nlohmann::json& value) const {
-    if (!value.is_number_unsigned()) {
-      throw InputError(name_, std::string(key) + " with " + described(value),
-                       "whole numbers >= 0 below 2^64");
-    }
-    return value.get<std::size_t>();
-  }
-
-  std::string name_;
-  const nlohmann::json& value_;
+  JsonField field_;
 };
 
 /// The header's text; leaves the tensors' bytes in `bytes`.
@@ -131,15 +90,10 @@ std::string_view split_header(std::span<const std::byte>& bytes, const std::stri
   return text;
 }
 
-void read_metadata(const nlohmann::json& value, const std::string& name, Safetensors& result) {
-  const std::string at = name + " at __metadata__";
-  if (!value.is_object()) throw InputError(at, described(value), "an object of texts");
-  for (auto member = value.begin(); member != value.end(); ++member) {
-    if (!member->is_string()) {
-      throw InputError(at, in_quotes(member.key()) + " with " + described(*member), "a text");
-    }
-    result.metadata.emplace(member.key(), member->get<std::string>());
-  }
+void read_metadata(const JsonField& field, Safetensors& result) {
+  field.each_member([&](const std::string& key, const JsonField& value) {
+    result.metadata.emplace(key, value.text());
+  });
 }
 
 /// The tensors lie one behind the other and end with the file.
@@ -189,18 +143,18 @@ std::vector<float> TensorView::floats() const {
 
 Safetensors parse_safetensors(std::span<const std::byte> bytes, const std::string& name) {
   const nlohmann::json header =
-      parse_strict_json(split_header(bytes, name), name + " in its header");
+      maps::parse_json(split_header(bytes, name), name + " in its header");
   Safetensors result;
-  for (auto member = header.begin(); member != header.end(); ++member) {
-    if (member.key() == "__metadata__") {
-      read_metadata(*member, name, result);
+  for (const auto& [tensor, value] : header.items()) {
+    if (tensor == "__metadata__") {
+      read_metadata(JsonField(value, name, tensor), result);
       continue;
     }
-    const Entry entry(name, member.key(), *member);
+    const Entry entry(JsonField(value, name, "tensor " + maps::described(tensor)));
     const auto [begin, end] = entry.range(bytes.size());
     TensorView view{entry.type(), entry.shape(), bytes.subspan(begin, end - begin)};
     entry.check_size(view.shape, view.type, view.bytes.size());
-    result.tensors.emplace(member.key(), std::move(view));
+    result.tensors.emplace(tensor, std::move(view));
   }
   check_cover(result, bytes, name);
   return result;

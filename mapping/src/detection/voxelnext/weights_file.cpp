@@ -1,13 +1,11 @@
 #include <fmt/format.h>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/json_fields.hpp>
+#include <stillmap/maps/text.hpp>
 
-#include <cerrno>
 #include <cmath>
-#include <fstream>
 #include <set>
-#include <system_error>
 
-#include "detection/strict_json.hpp"
 #include "detection/voxelnext/config_text.hpp"
 #include "detection/voxelnext/safetensors.hpp"
 #include "detection/voxelnext/weights.hpp"
@@ -69,7 +67,7 @@ std::vector<Wanted> wanted_layers(const VoxelNextConfig& config) {
 
 std::vector<float> numbers_of(const Safetensors& tensors, const std::string& tensor,
                               const std::vector<std::size_t>& shape, const std::string& name) {
-  const std::string at = fmt::format("{} at tensor {}", name, in_quotes(tensor));
+  const std::string at = fmt::format("{} at tensor {}", name, maps::described(tensor));
   const auto text = [](const std::vector<std::size_t>& sizes) {
     return fmt::format("[{}]", fmt::join(sizes, ", "));
   };
@@ -92,7 +90,7 @@ const std::string& metadata(const Safetensors& tensors, const std::string& key,
                             const std::string& name) {
   const auto found = tensors.metadata.find(key);
   if (found != tensors.metadata.end()) return found->second;
-  throw InputError(name + " at __metadata__", "no " + in_quotes(key),
+  throw InputError(name + " at __metadata__", "no " + maps::described(key),
                    "a weights file of format " + std::string(kFormat));
 }
 
@@ -100,34 +98,12 @@ void check_metadata(const Safetensors& tensors, const std::string& name) {
   const std::string at = name + " at __metadata__";
   const std::string& format = metadata(tensors, "format", name);
   if (format != kFormat) {
-    throw InputError(at, "format " + in_quotes(format), in_quotes(kFormat));
+    throw InputError(at, "format " + maps::described(format), maps::described(kFormat));
   }
   const std::string& version = metadata(tensors, "version", name);
   if (version != kVersion) {
-    throw InputError(at, "version " + in_quotes(version), in_quotes(kVersion));
+    throw InputError(at, "version " + maps::described(version), maps::described(kVersion));
   }
-}
-
-std::vector<std::byte> bytes_of(const std::filesystem::path& file) {
-  std::error_code error;
-  const std::filesystem::file_status status = std::filesystem::status(file, error);
-  if (error) throw maps::StorageError(file.string(), error.message());
-  // A pipe or a device may never end.
-  if (!std::filesystem::is_regular_file(status)) {
-    throw maps::StorageError(file.string(), "not a regular file");
-  }
-  const std::uintmax_t size = std::filesystem::file_size(file, error);
-  if (error) throw maps::StorageError(file.string(), error.message());
-  if (size > kMaxFileBytes) {
-    throw InputError(file.string(), fmt::format("{} bytes", size),
-                     fmt::format("at most {}", kMaxFileBytes));
-  }
-  std::vector<std::byte> bytes(size);
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream) throw maps::StorageError(file.string(), std::generic_category().message(errno));
-  stream.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size));
-  if (!stream) throw maps::StorageError(file.string(), "could not be read to its end");
-  return bytes;
 }
 
 }  // namespace
@@ -152,13 +128,15 @@ VoxelNextWeights read_voxelnext_weights(std::span<const std::byte> bytes, const 
   }
   for (const auto& [tensor, view] : tensors.tensors) {
     if (known.contains(tensor)) continue;
-    throw InputError(name, "tensor " + in_quotes(tensor), "only those that its config asks for");
+    throw InputError(name, "tensor " + maps::described(tensor),
+                     "only those that its config asks for");
   }
   return weights;
 }
 
 VoxelNextWeights read_voxelnext_weights(const std::filesystem::path& file) {
-  return read_voxelnext_weights(bytes_of(file), file.string());
+  const std::string bytes = maps::read_text(file, kMaxFileBytes);
+  return read_voxelnext_weights(std::as_bytes(std::span(bytes)), file.string());
 }
 
 }  // namespace stillmap::mapping

@@ -32,10 +32,6 @@ std::int64_t cell_along(double x, double edge) {
   return static_cast<std::int64_t>(std::floor(x / edge));
 }
 
-std::uint64_t footprint_key(std::int64_t x, std::int64_t y) {
-  return static_cast<std::uint64_t>(x) << 32U | (static_cast<std::uint64_t>(y) & 0xFFFFFFFFU);
-}
-
 /// Half the sides of the upright rectangle around a footprint [m].
 Eigen::Vector2d reach_of(const Footprint& footprint) {
   const Eigen::Vector2d h = footprint.heading.cwiseAbs();
@@ -150,17 +146,17 @@ FootprintIndex::FootprintIndex(std::vector<Footprint> footprints)
     : footprints_(std::move(footprints)) {
   for (std::size_t i = 0; i < footprints_.size(); ++i) {
     for_each_cell(footprints_[i], kMostMarginM, kIndexCellM, [&](std::int64_t x, std::int64_t y) {
-      cells_[footprint_key(x, y)].push_back(static_cast<std::uint32_t>(i));
+      cells_[maps::plane_cell_key(x, y)].push_back(static_cast<std::uint32_t>(i));
     });
   }
 }
 
 void FootprintIndex::for_each_at(const Eigen::Vector2d& p, double margin_m,
                                  const std::function<void(std::size_t)>& visit) const {
-  const auto found =
-      cells_.find(footprint_key(cell_along(p.x(), kIndexCellM), cell_along(p.y(), kIndexCellM)));
-  if (found == cells_.end()) return;
-  for (const std::uint32_t i : found->second) {
+  const std::vector<std::uint32_t>* found = cells_.find(
+      maps::plane_cell_key(cell_along(p.x(), kIndexCellM), cell_along(p.y(), kIndexCellM)));
+  if (found == nullptr) return;
+  for (const std::uint32_t i : *found) {
     if (footprints_[i].contains(p, margin_m)) visit(i);
   }
 }
@@ -176,21 +172,21 @@ FootprintGround::FootprintGround(const std::vector<Footprint>& footprints,
       if (!footprint.contains(middle) || !heights.over_surface(p)) return;
       const auto band =
           std::lower_bound(kDistancesM.begin(), kDistancesM.end(), heights.path_distance(p));
-      cells_.emplace(footprint_key(x, y),
-                     Cell{static_cast<std::uint8_t>(band - kDistancesM.begin()), 0});
+      cells_.insert(maps::plane_cell_key(x, y),
+                    Cell{static_cast<std::uint8_t>(band - kDistancesM.begin()), 0});
     });
   }
 }
 
 void FootprintGround::add(const Eigen::Vector3d& p, bool filled, const TrueHeights& heights) {
-  const auto found = cells_.find(
-      footprint_key(cell_along(p.x(), kFootprintCellM), cell_along(p.y(), kFootprintCellM)));
+  Cell* const found = cells_.find(
+      maps::plane_cell_key(cell_along(p.x(), kFootprintCellM), cell_along(p.y(), kFootprintCellM)));
   const std::uint8_t bit = filled ? kFilledBit : kProjectedBit;
-  if (found == cells_.end() || (found->second.met & bit) != 0) return;
+  if (found == nullptr || (found->met & bit) != 0) return;
   const auto over = heights.over_surface(p);
   if (!over) return;
   const bool right = std::abs(*over) <= kSameHeightM;
-  found->second.met = static_cast<std::uint8_t>(found->second.met | (right ? bit : kWrongBit));
+  found->met = static_cast<std::uint8_t>(found->met | (right ? bit : kWrongBit));
 }
 
 std::vector<GroundUnderBand> FootprintGround::bands() const {

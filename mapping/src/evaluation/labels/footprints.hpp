@@ -3,6 +3,7 @@
 #include "evaluation/labels/true_ground.hpp"
 
 #include <stillmap/mapping/label_evaluation.hpp>
+#include <stillmap/maps/cell_table.hpp>
 #include <stillmap/maps/map_object.hpp>
 
 #include <Eigen/Core>
@@ -13,7 +14,6 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
-#include <unordered_map>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -75,7 +75,7 @@ class FootprintIndex {
 
  private:
   std::vector<Footprint> footprints_;
-  std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> cells_;
+  maps::CellMap<std::vector<std::uint32_t>> cells_;
 };
 
 /// Counts the cells of parked objects' footprints that have ground at its true height.
@@ -98,7 +98,7 @@ class FootprintGround {
     /// What was met, as bits.
     std::uint8_t met = 0;
   };
-  std::unordered_map<std::uint64_t, Cell> cells_;
+  maps::CellMap<Cell> cells_;
 };
 
 /// Median and 95th percentile of heights' sizes [m].

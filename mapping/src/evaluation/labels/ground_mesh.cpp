@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/text.hpp>
 
 #include <algorithm>
 #include <charconv>
@@ -125,19 +126,6 @@ std::optional<double> GroundMesh::height(double x, double y) const {
 
 namespace {
 
-std::string read_all(const std::filesystem::path& file) {
-  std::error_code error;
-  const std::uintmax_t size = std::filesystem::file_size(file, error);
-  if (error) throw maps::StorageError(file.string(), error.message());
-  if (size > kMostBytes)
-    throw maps::InputError(file.string(), fmt::format("{} bytes", size), "at most 2 GiB");
-  std::ifstream in(file, std::ios::binary);
-  std::string bytes(size, '\0');
-  if (!in.read(bytes.data(), static_cast<std::streamsize>(size)))
-    throw maps::StorageError(file.string(), "cannot be read");
-  return bytes;
-}
-
 /// The header, a line each time; comments are passed over.
 class HeaderLines {
  public:
@@ -209,7 +197,7 @@ std::vector<GroundMesh::Triangle> triangles_of(std::string_view bytes, std::size
 
 GroundMesh read_ground_mesh(const std::filesystem::path& file) {
   const std::string name = file.string();
-  const std::string bytes = read_all(file);
+  const std::string bytes = maps::read_text(file, kMostBytes);
   HeaderLines header(bytes, name);
   header.expect("ply");
   header.expect("format binary_little_endian 1.0");

@@ -2,6 +2,7 @@
 
 #include "stacking/voxel_grid.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
 #include <stillmap/maps/map_package.hpp>
 
 #include <Eigen/Core>
@@ -11,7 +12,7 @@
 
 namespace stillmap::mapping {
 
-/// Which voxels of a map hold a measured point. 16 to 32 bytes a voxel.
+/// Which voxels of a map hold a measured point. 12 to 24 bytes a voxel.
 class MapVoxels {
  public:
   explicit MapVoxels(const maps::MapPackage& map);
@@ -22,12 +23,13 @@ class MapVoxels {
 
  private:
   void insert(const Eigen::Vector3d& p_map);
-  [[nodiscard]] std::size_t slot_of(std::uint64_t key) const;
+  [[nodiscard]] auto key_at() const {
+    return [this](std::uint32_t number) { return keys_[number]; };
+  }
 
   VoxelGrid grid_;
-  std::size_t size_ = 0;
-  /// Open addressing, 0 = free.
-  std::vector<std::uint64_t> slots_;
+  std::vector<std::uint64_t> keys_;
+  maps::CellIndex index_;
 };
 
 }  // namespace stillmap::mapping

@@ -20,27 +20,15 @@ std::int32_t cell_along(float x) {
 }
 
 std::uint64_t removed_key(const std::array<std::int32_t, 3>& cell) {
-  std::uint64_t key = 0;
-  for (const std::int32_t axis : cell)
-    key = (key << 21U) | (static_cast<std::uint64_t>(axis) & 0x1FFFFFU);
-  return key;
+  return maps::signed_cell_key(cell[0], cell[1], cell[2]);
 }
 
-/// Fibonacci hashing: the high bits of the product depend on all bits of the key.
-std::uint64_t mixed(std::uint64_t key) { return key * 0x9E3779B97F4A7C15ULL; }
-
 std::size_t reach_bit(const std::array<std::int32_t, 3>& block) {
-  return mixed(removed_key(block)) >> (64U - static_cast<unsigned>(std::countr_zero(kReachBits)));
+  return maps::hash_of_cell(removed_key(block)) >>
+         (64U - static_cast<unsigned>(std::countr_zero(kReachBits)));
 }
 
 }  // namespace
-
-RemovedPoints::Slot& RemovedPoints::slot_of(std::uint64_t key) {
-  const std::size_t mask = slots_.size() - 1;
-  std::size_t at = mixed(key) >> (64U - static_cast<unsigned>(std::countr_zero(slots_.size())));
-  while (slots_[at].key != key && slots_[at].key != kFree) at = (at + 1) & mask;
-  return slots_[at];
-}
 
 void RemovedPoints::mark_near(const Cell& cell) {
   // Every block with a cell beside this one.
@@ -74,26 +62,22 @@ void RemovedPoints::sort() {
     for (std::size_t i = 0; i < order.size(); ++i) sorted[i] = points_[order[i].second];
     points_ = std::move(sorted);
   }
-  std::size_t cells = 0;
-  for (std::size_t i = 0; i < points_.size(); ++i)
-    cells += i == 0 || key_at(points_[i]) != key_at(points_[i - 1]) ? 1 : 0;
-  slots_.assign(std::bit_ceil(2 * cells + 2), {});
+  cells_.clear();
   reach_.assign(kReachBits / 64, 0);
   for (std::size_t i = 0; i < points_.size(); ++i) {
-    const std::uint64_t key = key_at(points_[i]);
-    Slot& slot = slot_of(key);
-    if (slot.key == kFree) {
-      slot = {key, static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(i)};
+    const auto at = static_cast<std::uint32_t>(i);
+    const auto [range, is_new] = cells_.insert(key_at(points_[i]), {at, at});
+    if (is_new) {
       const Eigen::Vector3f& p = points_[i].position;
       mark_near({cell_along(p.x()), cell_along(p.y()), cell_along(p.z())});
     }
-    ++slot.end;
+    ++range->end;
   }
 }
 
-void RemovedPoints::meet_in(Slot& slot, const Eigen::Vector3f& position, std::uint16_t same,
+void RemovedPoints::meet_in(Range& range, const Eigen::Vector3f& position, std::uint16_t same,
                             std::uint16_t near) {
-  for (std::uint32_t i = slot.begin; i < slot.end;) {
+  for (std::uint32_t i = range.begin; i < range.end;) {
     Point& point = points_[i];
     // As DynamicMap_Benchmark and as the thinned map: at most the distance, in double.
     const double squared = (point.position.cast<double>() - position.cast<double>()).squaredNorm();
@@ -105,8 +89,8 @@ void RemovedPoints::meet_in(Slot& slot, const Eigen::Vector3f& position, std::ui
       ++i;
       continue;
     }
-    --slot.end;
-    std::swap(point, points_[slot.end]);
+    --range.end;
+    std::swap(point, points_[range.end]);
   }
 }
 
@@ -119,8 +103,8 @@ void RemovedPoints::meet(const Eigen::Vector3f& position, bool measured) {
   for (std::int32_t x = own[0] - 1; x <= own[0] + 1; ++x) {
     for (std::int32_t y = own[1] - 1; y <= own[1] + 1; ++y) {
       for (std::int32_t z = own[2] - 1; z <= own[2] + 1; ++z) {
-        Slot& slot = slot_of(removed_key({x, y, z}));
-        if (slot.key != kFree) meet_in(slot, position, same, near);
+        if (Range* range = cells_.find(removed_key({x, y, z})))
+          meet_in(*range, position, same, near);
       }
     }
   }

@@ -2,6 +2,8 @@
 
 #include <Eigen/Core>
 
+#include <stillmap/maps/cell_table.hpp>
+
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -51,21 +53,19 @@ class RemovedPoints {
 
  private:
   using Cell = std::array<std::int32_t, 3>;
-  struct Slot {
-    std::uint64_t key = kFree;
+  struct Range {
     std::uint32_t begin = 0;
     /// Those from here on have met all that there is.
     std::uint32_t end = 0;
   };
-  static constexpr std::uint64_t kFree = ~std::uint64_t{0};
 
-  [[nodiscard]] Slot& slot_of(std::uint64_t key);
   [[nodiscard]] bool may_be_near(const Cell& cell) const;
   void mark_near(const Cell& cell);
-  void meet_in(Slot& slot, const Eigen::Vector3f& position, std::uint16_t same, std::uint16_t near);
+  void meet_in(Range& range, const Eigen::Vector3f& position, std::uint16_t same,
+               std::uint16_t near);
 
   std::vector<Point> points_;
-  std::vector<Slot> slots_;
+  maps::CellMap<Range> cells_;
   /// A bit for each block of cells by hash, set where a removed point is in reach: most map points
   /// are far from all of them, and this fits into a cache.
   std::vector<std::uint64_t> reach_;

@@ -16,21 +16,16 @@ std::int64_t column_along(double x) {
   return static_cast<std::int64_t>(std::floor(x / kGroundTruthCellM));
 }
 
-std::uint64_t column_key(std::int64_t x, std::int64_t y) {
-  return static_cast<std::uint64_t>(x) << 32U | (static_cast<std::uint64_t>(y) & 0xFFFFFFFFU);
-}
-
 }  // namespace
 
 void LabelledGround::add(const Eigen::Vector3d& p) {
-  Mean& mean = cells_[column_key(column_along(p.x()), column_along(p.y()))];
+  Mean& mean = cells_[maps::plane_cell_key(column_along(p.x()), column_along(p.y()))];
   mean.sum += p.z();
   ++mean.points;
 }
 
 const LabelledGround::Mean* LabelledGround::cell(std::int64_t x, std::int64_t y) const {
-  const auto found = cells_.find(column_key(x, y));
-  return found == cells_.end() ? nullptr : &found->second;
+  return cells_.find(maps::plane_cell_key(x, y));
 }
 
 std::optional<double> LabelledGround::height(double x, double y) const {

@@ -2,6 +2,7 @@
 
 #include "evaluation/labels/ground_mesh.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/trajectory.hpp>
 
@@ -12,7 +13,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
-#include <unordered_map>
 
 namespace stillmap::mapping {
 
@@ -32,7 +32,7 @@ class LabelledGround {
   };
   [[nodiscard]] const Mean* cell(std::int64_t x, std::int64_t y) const;
 
-  std::unordered_map<std::uint64_t, Mean> cells_;
+  maps::CellMap<Mean> cells_;
 };
 
 /// What a drive's folder knows of the truth, in its own frame: that of its true poses.

@@ -2,6 +2,8 @@
 
 #include <Eigen/Core>
 
+#include <stillmap/maps/cell_table.hpp>
+
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -31,15 +33,11 @@ class VoxelMeans {
     std::uint32_t points = 0;
   };
 
-  [[nodiscard]] std::size_t slot_of(std::uint64_t key) const;
-  void grow();
-
   double edge_m_;
   double inverse_edge_;
   /// Not a vector: growing must not hold all of them twice.
   std::deque<Sum> sums_;
-  /// Open addressing: index into `sums_` plus 1, 0 = free.
-  std::vector<std::uint32_t> slots_;
+  maps::CellIndex index_;
 };
 
 }  // namespace stillmap::mapping

@@ -1,7 +1,7 @@
 #include <stillmap/mapping/detector_evaluation.hpp>
 
 #include "evaluation/report/page_parts.hpp"
-#include "evaluation/report/style.hpp"
+#include "evaluation/report/report_page.hpp"
 #include "evaluation/report/svg_plot.hpp"
 
 #include <fmt/format.h>
@@ -27,33 +27,28 @@ std::string counted(const Share& share) {
 }
 
 /// Writes the page part by part, in the order in which it is read.
-class DetectorPage {
+class DetectorPage : ReportPage {
  public:
   DetectorPage(const DetectorEvaluation& evaluation, const DetectorReportHeading& heading)
-      : evaluation_(evaluation), heading_(heading) {}
+      : ReportPage("Detector report", kDetectorStyle), evaluation_(evaluation), heading_(heading) {}
 
   [[nodiscard]] std::string page() {
-    html_ = fmt::format(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
-        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-        "<title>Detector report</title><style>{}{}</style></head><body>\n",
-        kReportStyle, kDetectorStyle);
     add_heading();
     add_tiles();
     add_pictures();
     if (evaluation_.boxes) add_boxes(*evaluation_.boxes);
     if (evaluation_.points) add_points(*evaluation_.points);
     add_times();
-    return html_ + "</body></html>\n";
+    return finished();
   }
 
  private:
   void add_heading() {
-    html_ += fmt::format(
-        "<h1>Detector report</h1>\n<div class=\"facts\">detector <b>{}</b> · drive <b>{}</b> · {} "
-        "scans · within {:g} m · stillmap {}</div>\n",
-        escaped(evaluation_.options.detector), escaped(heading_.drive), evaluation_.scans,
-        evaluation_.options.max_range_m, STILLMAP_VERSION);
+    add_title(
+        fmt::format("detector <b>{}</b> · drive <b>{}</b> · {} "
+                    "scans · within {:g} m",
+                    escaped(evaluation_.options.detector), escaped(heading_.drive),
+                    evaluation_.scans, evaluation_.options.max_range_m));
     if (!evaluation_.boxes) return;
     html_ += fmt::format(
         "<p>Labelled boxes: {}{}. Labels count with 5 or more points inside; on the others, and on "
@@ -210,7 +205,6 @@ class DetectorPage {
 
   const DetectorEvaluation& evaluation_;
   const DetectorReportHeading& heading_;
-  std::string html_;
 };
 
 }  // namespace

@@ -1,7 +1,7 @@
 #include <stillmap/mapping/label_evaluation.hpp>
 
 #include "evaluation/report/page_parts.hpp"
-#include "evaluation/report/style.hpp"
+#include "evaluation/report/report_page.hpp"
 #include "evaluation/report/svg_plot.hpp"
 
 #include <fmt/format.h>
@@ -32,17 +32,12 @@ std::string counted_share(const Share& share, int digits = 2) {
 }
 
 /// Writes the page part by part, in the order in which it is read.
-class LabelPage {
+class LabelPage : ReportPage {
  public:
   LabelPage(const LabelEvaluation& evaluation, const LabelReportHeading& heading)
-      : evaluation_(evaluation), heading_(heading) {}
+      : ReportPage("Map report", kLabelStyle), evaluation_(evaluation), heading_(heading) {}
 
   [[nodiscard]] std::string page() {
-    html_ = fmt::format(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
-        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-        "<title>Map report</title><style>{}{}</style></head><body>\n",
-        kReportStyle, kLabelStyle);
     add_heading();
     add_tiles();
     add_views();
@@ -51,7 +46,7 @@ class LabelPage {
     add_ground_under_objects();
     add_ground();
     add_times();
-    return html_ + "</body></html>\n";
+    return finished();
   }
 
  private:
@@ -60,11 +55,11 @@ class LabelPage {
   }
 
   void add_heading() {
-    html_ += fmt::format(
-        "<h1>Map report</h1>\n<div class=\"facts\">map <b>{}</b> · truth <b>{}</b> · {} scans, {} "
-        "points · truth classes <b>{}</b> · stillmap {}</div>\n",
-        escaped(heading_.map), escaped(heading_.drive), evaluation_.scans,
-        grouped_text(evaluation_.points), name_of(heading_.classes), STILLMAP_VERSION);
+    add_title(
+        fmt::format("map <b>{}</b> · truth <b>{}</b> · {} scans, {} "
+                    "points · truth classes <b>{}</b>",
+                    escaped(heading_.map), escaped(heading_.drive), evaluation_.scans,
+                    grouped_text(evaluation_.points), name_of(heading_.classes)));
     if (!evaluation_.drive_in_map) {
       html_ +=
           "<p>The map was not made of this drive: its package is judged as it is, all scans of the "
@@ -241,7 +236,6 @@ class LabelPage {
 
   const LabelEvaluation& evaluation_;
   const LabelReportHeading& heading_;
-  std::string html_;
 };
 
 }  // namespace

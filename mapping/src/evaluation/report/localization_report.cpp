@@ -3,7 +3,7 @@
 #include "evaluation/localization/localization_metrics.hpp"
 #include "evaluation/report/figures.hpp"
 #include "evaluation/report/page_parts.hpp"
-#include "evaluation/report/style.hpp"
+#include "evaluation/report/report_page.hpp"
 #include "evaluation/report/svg_plot.hpp"
 
 #include <fmt/format.h>
@@ -28,16 +28,12 @@ std::string figure(const std::string& svg, std::string_view caption) {
 }
 
 /// Writes the page part by part, in the order in which it is read.
-class LocalizationPage {
+class LocalizationPage : ReportPage {
  public:
-  explicit LocalizationPage(const LocalizationEvaluation& evaluation) : evaluation_(evaluation) {}
+  explicit LocalizationPage(const LocalizationEvaluation& evaluation)
+      : ReportPage("Localization report"), evaluation_(evaluation) {}
 
   [[nodiscard]] std::string page(const LocalizationReportHeading& heading) {
-    html_ = fmt::format(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
-        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-        "<title>Localization report</title><style>{}</style></head><body>\n",
-        kReportStyle);
     add_heading(heading);
     add_levels();
     add_errors();
@@ -46,7 +42,7 @@ class LocalizationPage {
     add_times();
     add_status();
     add_options(heading);
-    return html_ + "</body></html>\n";
+    return finished();
   }
 
  private:
@@ -58,11 +54,11 @@ class LocalizationPage {
   void add_heading(const LocalizationReportHeading& heading) {
     std::size_t queries = 0;
     for (const LocalizationLevel& level : evaluation_.levels) queries += level.queries;
-    html_ += fmt::format(
-        "<h1>Localization report</h1>\n<div class=\"facts\">map <b>{}</b> · drive <b>{}</b> · "
-        "method <b>{}</b> · {} queries on {} scans · stillmap {}</div>\n",
-        escaped(heading.map), escaped(heading.drive), escaped(heading.method), queries,
-        evaluation_.scans, STILLMAP_VERSION);
+    add_title(
+        fmt::format("map <b>{}</b> · drive <b>{}</b> · "
+                    "method <b>{}</b> · {} queries on {} scans",
+                    escaped(heading.map), escaped(heading.drive), escaped(heading.method), queries,
+                    evaluation_.scans));
   }
 
   void add_levels() {
@@ -170,7 +166,7 @@ class LocalizationPage {
     html_ += "<h2>Status and reasons</h2>\n<div class=\"scroll\"><table class=\"narrow\">";
     std::string head = "<tr><th></th>";
     std::string strips = "<tr><td></td>";
-    std::set<std::string> reasons;
+    std::set<localization::Reason> reasons;
     for (std::size_t i = 0; i < evaluation_.levels.size(); ++i) {
       const LocalizationLevel& level = evaluation_.levels[i];
       head += "<th>" + title_of(i) + "</th>";
@@ -184,8 +180,8 @@ class LocalizationPage {
     add_counts("<b>ok</b>", [](const LocalizationLevel& level) { return level.ok; });
     add_counts("<b>degraded</b>", [](const LocalizationLevel& level) { return level.degraded; });
     add_counts("<b>lost</b>", [](const LocalizationLevel& level) { return level.lost; });
-    for (const std::string& reason : reasons) {
-      add_counts(escaped(reason), [&](const LocalizationLevel& level) {
+    for (const localization::Reason reason : reasons) {
+      add_counts(localization::name_of(reason), [&](const LocalizationLevel& level) {
         const auto found = level.reasons.find(reason);
         return found == level.reasons.end() ? std::size_t{0} : found->second;
       });
@@ -222,7 +218,6 @@ class LocalizationPage {
   }
 
   const LocalizationEvaluation& evaluation_;
-  std::string html_;
 };
 
 }  // namespace

@@ -2,7 +2,7 @@
 
 #include "evaluation/report/odometry_figures.hpp"
 #include "evaluation/report/page_parts.hpp"
-#include "evaluation/report/style.hpp"
+#include "evaluation/report/report_page.hpp"
 #include "evaluation/report/svg_plot.hpp"
 
 #include <fmt/format.h>
@@ -28,17 +28,12 @@ std::string text_of(double value, int digits, std::string_view unit) {
 }
 
 /// Writes the page part by part, in the order in which it is read.
-class OdometryPage {
+class OdometryPage : ReportPage {
  public:
   OdometryPage(const OdometryEvaluation& evaluation, const OdometryReportHeading& heading)
-      : evaluation_(evaluation), heading_(heading) {}
+      : ReportPage("Odometry report", kOdometryStyle), evaluation_(evaluation), heading_(heading) {}
 
   [[nodiscard]] std::string page() {
-    html_ = fmt::format(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
-        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-        "<title>Odometry report</title><style>{}{}</style></head><body>\n",
-        kReportStyle, kOdometryStyle);
     add_heading();
     add_tiles();
     add_figures();
@@ -46,7 +41,7 @@ class OdometryPage {
     add_lengths();
     add_loops();
     add_times();
-    return html_ + "</body></html>\n";
+    return finished();
   }
 
  private:
@@ -57,12 +52,11 @@ class OdometryPage {
       treated = fmt::format(" · movable points <b>{}</b>, found by {}",
                             options.movable == MovablePolicy::kDelete ? "deleted" : "projected",
                             escaped(options.detector));
-    html_ += fmt::format(
-        "<h1>Odometry report</h1>\n<div class=\"facts\">method <b>{}</b>{} · drive <b>{}</b> · {} "
-        "scans, {:.0f} m{} · stillmap {}</div>\n",
+    add_title(fmt::format(
+        "method <b>{}</b>{} · drive <b>{}</b> · {} "
+        "scans, {:.0f} m{}",
         escaped(options.method), options.loops ? ", with loops" : ", without loops",
-        escaped(heading_.drive), evaluation_.scans, evaluation_.odometry.way_m, treated,
-        STILLMAP_VERSION);
+        escaped(heading_.drive), evaluation_.scans, evaluation_.odometry.way_m, treated));
   }
 
   void add_tiles() {
@@ -214,7 +208,6 @@ class OdometryPage {
 
   const OdometryEvaluation& evaluation_;
   const OdometryReportHeading& heading_;
-  std::string html_;
 };
 
 }  // namespace

@@ -1,7 +1,7 @@
 #include <stillmap/mapping/odometry_table.hpp>
 
 #include "evaluation/report/page_parts.hpp"
-#include "evaluation/report/style.hpp"
+#include "evaluation/report/report_page.hpp"
 #include "evaluation/report/svg_plot.hpp"
 
 #include <fmt/format.h>
@@ -46,36 +46,31 @@ const PathFigures& figures_of(const OdometryTableRun& run, bool loops) {
 }
 
 /// Writes the page part by part, in the order in which it is read.
-class OdometryTablePage {
+class OdometryTablePage : ReportPage {
  public:
-  explicit OdometryTablePage(const OdometryTable& table) : table_(table) {}
+  explicit OdometryTablePage(const OdometryTable& table)
+      : ReportPage("The paper's Table I"), table_(table) {}
 
   [[nodiscard]] std::string page(const std::string& command) {
-    html_ = fmt::format(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
-        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-        "<title>The paper's Table I</title><style>{}\n.good {{ color: #00704f; font-weight: 600; "
-        "}}</style></head><body>\n",
-        kReportStyle);
     add_heading();
     add_bars();
     for (const OdometryTableDrive& drive : table_.drives) add_drive(drive);
     add_differences();
-    html_ += "<h2>Command</h2>\n<pre>" + escaped(command) + "</pre>\n";
-    return html_ + "</body></html>\n";
+    add_command(command);
+    return finished();
   }
 
  private:
   void add_heading() {
-    html_ += fmt::format(
-        "<h1>The paper's Table I</h1>\n<div class=\"facts\">{} · objects found by <b>{}</b> "
-        "· stillmap {}</div>\n<p>Each drive is followed with its scans as they are, with movable "
+    add_title(fmt::format("{} · objects found by <b>{}</b>", drives_text(table_.drives.size()),
+                          escaped(table_.options.detector)));
+    html_ +=
+        "<p>Each drive is followed with its scans as they are, with movable "
         "points projected to the scan's mean ground height and with them deleted, each scan on its "
         "own as the paper does it. APE is the mean distance, ATE the root mean square, after the "
         "rigid motion without scale that fits best; the paper prints a mean in metres and does not "
         "say how paths were laid upon each other. Given poses are the truth here, so their row has "
-        "no error.</p>\n",
-        drives_text(table_.drives.size()), escaped(table_.options.detector), STILLMAP_VERSION);
+        "no error.</p>\n";
     if (table_.missing.empty()) return;
     html_ += "<p>Sequences that the folder does not hold: ";
     for (std::size_t i = 0; i < table_.missing.size(); ++i)
@@ -173,7 +168,6 @@ class OdometryTablePage {
   }
 
   const OdometryTable& table_;
-  std::string html_;
 };
 
 }  // namespace

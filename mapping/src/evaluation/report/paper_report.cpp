@@ -2,7 +2,7 @@
 
 #include "evaluation/paper/paper_figures.hpp"
 #include "evaluation/report/page_parts.hpp"
-#include "evaluation/report/style.hpp"
+#include "evaluation/report/report_page.hpp"
 #include "evaluation/report/svg_plot.hpp"
 
 #include <fmt/format.h>
@@ -64,17 +64,12 @@ std::string bars(const std::vector<const PaperRow*>& rows, const std::string& la
 }
 
 /// Writes the page part by part, in the order in which it is read.
-class PaperPage {
+class PaperPage : ReportPage {
  public:
-  explicit PaperPage(const PaperEvaluation& evaluation) : evaluation_(evaluation) {}
+  explicit PaperPage(const PaperEvaluation& evaluation)
+      : ReportPage("The paper's Table II"), evaluation_(evaluation) {}
 
   [[nodiscard]] std::string page(const std::string& command) {
-    html_ = fmt::format(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
-        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-        "<title>The paper's Table II</title><style>{}\n.good {{ color: #00704f; font-weight: 600; "
-        "}}</style></head><body>\n",
-        kReportStyle);
     add_heading();
     for (const PaperRow& row : evaluation_.rows) {
       const std::vector<const PaperRow*> rows = rows_like(row);
@@ -82,8 +77,8 @@ class PaperPage {
     }
     add_differences();
     add_streets();
-    html_ += "<h2>Command</h2>\n<pre>" + escaped(command) + "</pre>\n";
-    return html_ + "</body></html>\n";
+    add_command(command);
+    return finished();
   }
 
  private:
@@ -104,15 +99,16 @@ class PaperPage {
     std::string streets;
     for (const std::string& street : evaluation_.streets)
       streets += (streets.empty() ? "" : ", ") + escaped(street);
-    html_ += fmt::format(
-        "<h1>The paper's Table II</h1>\n<div class=\"facts\">{} · sensor <b>{}</b> · objects "
-        "found by <b>{}</b> · {} scans asked for · stillmap {}</div>\n"
+    add_title(fmt::format(
+        "{} · sensor <b>{}</b> · objects "
+        "found by <b>{}</b> · {} scans asked for",
+        streets, evaluation_.options.drives.empty() ? escaped(evaluation_.options.sensor) : "given",
+        escaped(evaluation_.options.detector), evaluation_.scans));
+    html_ +=
         "<p>Maps are made of day 1, scans of day 2 are asked for from the true pose of the scan "
         "before. RMSE of x-y and of yaw over all scans; an answer that is lost counts with its "
         "prior's error. 95 % intervals by drawing streets, and blocks of 10 scans in them, with "
-        "Student's factor for that many streets.</p>\n",
-        streets, evaluation_.options.drives.empty() ? escaped(evaluation_.options.sensor) : "given",
-        escaped(evaluation_.options.detector), evaluation_.scans, STILLMAP_VERSION);
+        "Student's factor for that many streets.</p>\n";
   }
 
   void add_block(const std::vector<const PaperRow*>& rows) {
@@ -177,7 +173,6 @@ class PaperPage {
   }
 
   const PaperEvaluation& evaluation_;
-  std::string html_;
 };
 
 }  // namespace

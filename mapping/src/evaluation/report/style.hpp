@@ -25,7 +25,7 @@ th, td { text-align: right; padding: 5px 10px; border-bottom: 1px solid var(--ru
 th { font-weight: 600; font-size: 12.5px; color: var(--soft); } th:first-child, td:first-child { text-align: left; padding-left: 0; }
 td small { color: var(--soft); }
 .narrow { width: auto; min-width: 50%; }
-.bad { color: #b3261e; font-weight: 600; }
+.bad { color: #b3261e; font-weight: 600; } .good { color: #00704f; font-weight: 600; }
 .key { display: inline-block; width: 11px; height: 11px; border-radius: 2px; margin-right: 7px; background: currentColor; vertical-align: -1px; }
 .strip { display: flex; height: 12px; min-width: 120px; border-radius: 3px; overflow: hidden; }
 .strip i { display: block; } .ok { background: #009e73; } .degraded { background: #e69f00; } .lost { background: #9aa3ae; }

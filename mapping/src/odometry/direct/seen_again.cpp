@@ -1,6 +1,7 @@
 #include "odometry/direct/seen_again.hpp"
 
-#include <algorithm>
+#include <stillmap/maps/cell_table.hpp>
+
 #include <cstddef>
 #include <cstdint>
 
@@ -13,23 +14,17 @@ constexpr std::size_t kMostRemembered = 600;
 /// Fewer tell nothing.
 constexpr std::size_t kFewestSeen = 50;
 
-/// Cell of a point near the sensor, 10 bits an axis.
-std::uint32_t seen_cell(const Eigen::Vector3d& p) {
-  constexpr int kHalf = 1 << 9;
+std::uint64_t seen_cell(const Eigen::Vector3d& p) {
   const Eigen::Vector3i c = (p / kSeenCellM).array().floor().cast<int>();
-  const auto part = [](int i) {
-    return static_cast<std::uint32_t>(std::clamp(i + kHalf, 0, 1023));
-  };
-  return part(c.x()) << 20U | part(c.y()) << 10U | part(c.z());
+  return maps::signed_cell_key(c.x(), c.y(), c.z());
 }
 
 /// Whether a point lies in one of the cells or within half a cell of one.
-bool is_near_seen(const std::vector<std::uint32_t>& cells, const Eigen::Vector3d& p) {
+bool is_near_seen(const maps::CellTable& cells, const Eigen::Vector3d& p) {
   for (unsigned corner = 0; corner < 8; ++corner) {
     const Eigen::Vector3d side((corner & 1U) != 0 ? 0.5 : -0.5, (corner & 2U) != 0 ? 0.5 : -0.5,
                                (corner & 4U) != 0 ? 0.5 : -0.5);
-    if (std::binary_search(cells.begin(), cells.end(), seen_cell(p + kSeenCellM * side)))
-      return true;
+    if (cells.contains(seen_cell(p + kSeenCellM * side))) return true;
   }
   return false;
 }
@@ -46,14 +41,10 @@ void SeenAgain::remember(std::span<const Eigen::Vector3f> points_lidar,
 
 std::optional<double> SeenAgain::share(std::span<const Eigen::Vector3f> points_lidar,
                                        const Eigen::Isometry3d& T_odom_lidar) const {
-  std::vector<std::uint32_t> cells;
-  cells.reserve(points_lidar.size());
+  maps::CellTable cells(points_lidar.size() / 4);
   for (const Eigen::Vector3f& p : points_lidar) {
-    if (p.squaredNorm() < 4.0 * kSeenNearM * kSeenNearM)
-      cells.push_back(seen_cell(p.cast<double>()));
+    if (p.squaredNorm() < 4.0 * kSeenNearM * kSeenNearM) cells.insert(seen_cell(p.cast<double>()));
   }
-  std::sort(cells.begin(), cells.end());
-  cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
   const Eigen::Isometry3d T_lidar_odom = T_odom_lidar.inverse();
   std::size_t near = 0, again = 0;
   for (const Eigen::Vector3d& p_odom : points_odom_) {

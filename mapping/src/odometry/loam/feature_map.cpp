@@ -8,7 +8,7 @@
 namespace stillmap::mapping::loam {
 namespace {
 
-constexpr std::size_t kFirstSlots = 4096;
+constexpr std::size_t kFirstCells = 2000;
 /// A mean of so many points is as good as it gets; later ones count as much as the last of these,
 /// so that the map follows slowly where it is wrong.
 constexpr std::uint16_t kMaxCount = 30;
@@ -16,7 +16,7 @@ constexpr std::uint16_t kMaxCount = 30;
 }  // namespace
 
 FeatureMap::FeatureMap(double cell_m, double voxel_m)
-    : cell_m_(cell_m), voxel_m_(voxel_m), slots_(kFirstSlots, 0) {}
+    : cell_m_(cell_m), voxel_m_(voxel_m), index_(kFirstCells) {}
 
 FeatureMap::Key FeatureMap::key_of(const Eigen::Vector3d& p) const {
   const Eigen::Array3d cell = (p / cell_m_).array().floor();
@@ -24,40 +24,19 @@ FeatureMap::Key FeatureMap::key_of(const Eigen::Vector3d& p) const {
           static_cast<std::int32_t>(cell.z())};
 }
 
-std::size_t FeatureMap::slot_of(const Key& key) const {
-  std::uint64_t h = static_cast<std::uint32_t>(key[0]) * 0x9E3779B97F4A7C15ULL;
-  h = (h ^ static_cast<std::uint32_t>(key[1])) * 0xBF58476D1CE4E5B9ULL;
-  h = (h ^ static_cast<std::uint32_t>(key[2])) * 0x94D049BB133111EBULL;
-  std::size_t slot = (h ^ (h >> 32)) & (slots_.size() - 1);
-  while (slots_[slot] != 0 && cells_[slots_[slot] - 1].key != key) {
-    slot = (slot + 1) & (slots_.size() - 1);
-  }
-  return slot;
+std::uint64_t FeatureMap::number_key(const Key& key) {
+  return maps::signed_cell_key(key[0], key[1], key[2]);
 }
 
 const FeatureMap::Cell* FeatureMap::find(const Key& key) const {
-  const std::uint32_t at = slots_[slot_of(key)];
-  return at == 0 ? nullptr : &cells_[at - 1];
+  const std::uint32_t at = index_.find(number_key(key), key_at());
+  return at == maps::CellIndex::kNone ? nullptr : &cells_[at];
 }
 
 FeatureMap::Cell& FeatureMap::find_or_add(const Key& key) {
-  std::size_t slot = slot_of(key);
-  if (slots_[slot] == 0) {
-    cells_.push_back({key, {}});
-    if (2 * cells_.size() > slots_.size()) {
-      rebuild(2 * slots_.size());
-      return cells_.back();
-    }
-    slots_[slot] = static_cast<std::uint32_t>(cells_.size());
-  }
-  return cells_[slots_[slot] - 1];
-}
-
-void FeatureMap::rebuild(std::size_t slots) {
-  slots_.assign(slots, 0);
-  for (std::size_t c = 0; c < cells_.size(); ++c) {
-    slots_[slot_of(cells_[c].key)] = static_cast<std::uint32_t>(c + 1);
-  }
+  const auto [at, is_new] = index_.insert(number_key(key), key_at());
+  if (is_new) cells_.push_back({key, {}});
+  return cells_[at];
 }
 
 void FeatureMap::add(const Eigen::Vector3d& p_odom) {
@@ -117,15 +96,14 @@ void FeatureMap::keep_around(const Eigen::Vector3d& centre_odom, double radius_m
     points_ -= cell.points.size();
     return true;
   });
-  std::size_t slots = kFirstSlots;
-  while (slots < 2 * cells_.size()) slots *= 2;
-  rebuild(slots);
+  index_ = maps::CellIndex(kFirstCells);
+  for (const Cell& cell : cells_) static_cast<void>(index_.insert(number_key(cell.key), key_at()));
 }
 
 void FeatureMap::clear() {
   cells_.clear();
   points_ = 0;
-  rebuild(kFirstSlots);
+  index_ = maps::CellIndex(kFirstCells);
 }
 
 }  // namespace stillmap::mapping::loam

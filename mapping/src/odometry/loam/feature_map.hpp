@@ -2,6 +2,8 @@
 
 #include <Eigen/Core>
 
+#include <stillmap/maps/cell_table.hpp>
+
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -58,15 +60,16 @@ class FeatureMap {
   [[nodiscard]] Key key_of(const Eigen::Vector3d& p) const;
   [[nodiscard]] const Cell* find(const Key& key) const;
   Cell& find_or_add(const Key& key);
-  [[nodiscard]] std::size_t slot_of(const Key& key) const;
-  void rebuild(std::size_t slots);
+  [[nodiscard]] static std::uint64_t number_key(const Key& key);
+  [[nodiscard]] auto key_at() const {
+    return [this](std::uint32_t number) { return number_key(cells_[number].key); };
+  }
 
   double cell_m_;
   double voxel_m_;
   std::size_t points_ = 0;
   std::vector<Cell> cells_;
-  /// Positions in `cells_` plus one, 0 for none; a power of two, at most half full.
-  std::vector<std::uint32_t> slots_;
+  maps::CellIndex index_;
 };
 
 }  // namespace stillmap::mapping::loam

@@ -10,8 +10,10 @@
 
 namespace stillmap::maps {
 
-/// Whole file as text. @throws StorageError.
-[[nodiscard]] std::string read_text(const std::filesystem::path& file);
+/// A whole regular file as text. @throws StorageError; InputError when it is longer than
+/// `most_bytes`.
+[[nodiscard]] std::string read_text(const std::filesystem::path& file,
+                                    std::uintmax_t most_bytes = UINTMAX_MAX);
 
 /// Fields of a line, parted by blanks, tabs and carriage returns; stops after `limit` of them, so
 /// that a line of millions costs no memory.
@@ -50,9 +52,10 @@ struct NumberLine {
 void parse_finite(const std::filesystem::path& file, const NumberLine& line,
                   std::span<double> values);
 
-/// The beginning of a text from a file between quotes, for messages.
-[[nodiscard]] inline std::string quoted(std::string_view text) {
-  return "'" + std::string(text.substr(0, 64)) + "'";
-}
+/// A text of a file for a message: control characters as '?', and "..." for what is beyond `most`
+/// bytes, so that the message stays one line whatever the file holds.
+[[nodiscard]] std::string one_line(std::string_view text, std::size_t most = 60);
+/// `one_line` between single quotes.
+[[nodiscard]] std::string quoted(std::string_view text);
 
 }  // namespace stillmap::maps

@@ -249,7 +249,7 @@ class Client:
         self._transport.call("DELETE", f"/v1/maps/{map}/drives/{drive}")
 
     def rebuild(self, map: str, drives: Sequence[int], **wanted: Any) -> Dict[str, Any]:
-        """Asks for a new version. @param wanted  options, version, activate, ... (server/README.md). @return the job."""
+        """Asks for a new version. @param wanted  options, version, activate, ... (server/reference.md). @return the job."""
         response = self._transport.call(
             "POST", f"/v1/maps/{map}/rebuild", body=json.dumps({"drives": list(drives), **wanted}).encode(),
             headers={"Content-Type": "application/json", "Idempotency-Key": uuid.uuid4().hex})
