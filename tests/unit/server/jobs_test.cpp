@@ -95,7 +95,7 @@ TEST_F(Jobs, IsActivatedOnlyWhenAskedAndInTheSameFrame) {
 }
 
 TEST_F(Jobs, FailedGateIsAResultAndNotAFailure) {
-  start_with(R"(publish; printf '{"verdict":"fail","reasons":["7 new lost"]}' > $report)");
+  start_with(R"(publish; printf '{"verdict":"fail","reasons":["7 new lost"]}' > $report; exit 4)");
   const nlohmann::json job = wait_for_end(
       rebuild(R"({"drives": [1], "activate": true, "new_frame": true, "version": "v2"})"));
   EXPECT_EQ(job["status"], "succeeded");
