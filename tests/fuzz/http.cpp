@@ -114,7 +114,7 @@ struct Served {
     store = std::make_unique<server::PackageStore>(folder.path());
     service = std::make_unique<server::Service>(
         options, *store,
-        [](const maps::MapPackage&) {
+        [](const maps::MapPackage&, const localization::LocalizationOptions&) {
           return server::Aligners{{"default", std::make_shared<StubAligner>()}};
         },
         std::vector<server::WebAsset>{});

@@ -1,6 +1,7 @@
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <chrono>
@@ -25,6 +26,7 @@
 #include "command_line/table.hpp"
 #include "commands.hpp"
 #include "errors/api_error.hpp"
+#include "json/localization_options_json.hpp"
 #include "localize.hpp"
 #include "pose/pose_checks.hpp"
 
@@ -115,6 +117,19 @@ std::vector<maps::Box> read_boxes_of_scan(const std::filesystem::path& file) {
   return std::move(boxes.by_scan.at(0));
 }
 
+localization::LocalizationOptions read_options(const std::string& file_or_preset) {
+  if (file_or_preset.empty()) return {};
+  const auto presets = localization::preset_names();
+  if (std::find(presets.begin(), presets.end(), file_or_preset) != presets.end())
+    return localization::preset(file_or_preset);
+  if (!std::filesystem::exists(file_or_preset)) {
+    throw std::invalid_argument(
+        fmt::format("--options: '{}' is neither a file nor one of the presets {}", file_or_preset,
+                    fmt::join(presets, ", ")));
+  }
+  return server::read_localization_options(file_or_preset);
+}
+
 void localize_scan(const LocalizeArguments& arguments,
                    const std::optional<Eigen::Isometry3d>& T_map_prior) {
   if (arguments.output || !arguments.select.empty()) {
@@ -158,9 +173,10 @@ void localize(const LocalizeArguments& arguments) {
 }  // namespace
 
 OpenMap open_map(const LocalizeArguments& arguments) {
+  const auto options = read_options(arguments.options);
   const auto map = maps::MapPackage::open(arguments.map);
   return {arguments.map.filename().string(), map->digest(),
-          localization::make_aligner(arguments.method, *map)};
+          localization::make_aligner(arguments.method, *map, options), options};
 }
 
 void add_localize(CLI::App& app) {
@@ -184,6 +200,9 @@ void add_localize(CLI::App& app) {
   command->add_option("--method", arguments->method, "Alignment method")
       ->capture_default_str()
       ->check(command_line::one_of(localization::aligner_names()));
+  command->add_option("--options", arguments->options,
+                      "Options of the method default: a preset (vehicle, indoor, handheld), or a "
+                      "JSON FILE as localization/options.md describes it (default: vehicle)");
   command
       ->add_option("--boxes", arguments->boxes,
                    "Boxes of movable objects; points inside them are left out. JSON (format "

@@ -19,6 +19,8 @@ struct LocalizeArguments {
   std::filesystem::path what;
   std::string prior;
   std::string method = localization::aligner_names().front();
+  /// A file, or the name of a preset; empty = the defaults.
+  std::string options;
   std::string select;
   /// Boxes of movable objects, by scan.
   std::optional<std::filesystem::path> boxes;
@@ -31,6 +33,7 @@ struct OpenMap {
   std::string name;
   std::string digest;
   std::shared_ptr<const localization::Aligner> aligner;
+  localization::LocalizationOptions options;
 };
 [[nodiscard]] OpenMap open_map(const LocalizeArguments& arguments);
 

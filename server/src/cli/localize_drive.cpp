@@ -137,6 +137,7 @@ void write_trajectory(const std::filesystem::path& file, std::vector<maps::Stamp
 server::Json options_json(const LocalizeArguments& arguments) {
   return {{"drive", arguments.what.string()},
           {"method", arguments.method},
+          {"options", arguments.options.empty() ? "vehicle" : arguments.options},
           {"prior", arguments.prior.empty() ? server::Json() : server::Json(arguments.prior)},
           {"select", arguments.select.empty() ? "::" : arguments.select},
           {"boxes", arguments.boxes ? server::Json(arguments.boxes->string()) : server::Json()}};
@@ -178,7 +179,7 @@ void localize_drive(const LocalizeArguments& arguments,
     boxes = maps::read_boxes(*arguments.boxes, drive.size());
   }
   const OpenMap map = open_map(arguments);
-  localization::Tracker tracker(map.aligner);
+  localization::Tracker tracker(map.aligner, map.options.tracker);
   if (T_map_prior) start_at(*T_map_prior, tracker);
   Tally tally;
   std::vector<maps::StampedPose> poses;

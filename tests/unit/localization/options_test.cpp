@@ -1,10 +1,12 @@
 #include <stillmap/localization/options.hpp>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <stillmap/localization/aligner.hpp>
 #include <stillmap/localization/reason.hpp>
 
-#include <cmath>
+#include <fstream>
+#include <iterator>
 #include <limits>
 #include <set>
 #include <stdexcept>
@@ -79,6 +81,17 @@ TEST(LocalizationOptions, OfEachPartAreCheckedApart) {
   VerdictOptions verdict;
   verdict.ok_support = 1.5;
   EXPECT_THAT(verdict.violations(), ElementsAre(HasSubstr("verdict.ok_support")));
+}
+
+TEST(LocalizationOptions, ThePageHasEveryOptionWithItsDefaultAndBounds) {
+  std::ifstream file(STILLMAP_OPTIONS_PAGE);
+  const std::string page{std::istreambuf_iterator<char>(file), {}};
+  for (const OptionInfo& each : all_options()) {
+    const std::string row =
+        fmt::format("| `{}` | {:g} | {:g} | {:g} | {}", each.key, each.get(LocalizationOptions{}),
+                    each.least, each.most, each.unit);
+    EXPECT_THAT(page, HasSubstr(row));
+  }
 }
 
 TEST(Reasons, EachHasAWordOfItsOwn) {

@@ -24,7 +24,10 @@ TEST(FullDisk, UploadIsAnswered507AndLeavesNothing) {
     return full && call.kind == DiskCall::Kind::kWrite;
   });
   PackageStore store(folder.path(), calls);
-  const Service service({}, store, [](const maps::MapPackage&) { return Aligners{}; }, {});
+  const Service service(
+      {}, store,
+      [](const maps::MapPackage&, const localization::LocalizationOptions&) { return Aligners{}; },
+      {});
   const auto put = [&] {
     HttpRequest request;
     request.method = "PUT";
@@ -51,7 +54,10 @@ TEST(FullDisk, KeysAreRevokedAndDrivesRemovedAndBothAreInTheAuditLog) {
   const auto drive = std::to_string(store.drives().open("town", "monday", 1).id);
   const KeyTable::Created thief = store.keys().create("thief", {.bits = 1}, {}, unix_ns());
   const KeyTable::Created admin = store.keys().create("admin", {.bits = 15}, {}, unix_ns());
-  const Service service({}, store, [](const maps::MapPackage&) { return Aligners{}; }, {});
+  const Service service(
+      {}, store,
+      [](const maps::MapPackage&, const localization::LocalizationOptions&) { return Aligners{}; },
+      {});
   const auto send = [&](const std::string& method, const std::string& path) {
     HttpRequest request;
     request.method = method;

@@ -36,7 +36,10 @@ TEST(HealthReasons, SayThatTheStoreTakesNoChangesAfterAFailedSync) {
     return broken && call.kind == DiskCall::Kind::kSyncFile;
   });
   PackageStore store(folder.path(), disk);
-  Service service({}, store, [](const maps::MapPackage&) { return Aligners{}; }, {});
+  Service service(
+      {}, store,
+      [](const maps::MapPackage&, const localization::LocalizationOptions&) { return Aligners{}; },
+      {});
   EXPECT_EQ(ask(service, "PUT", "/v1/maps/town").status, 201);
   EXPECT_THAT(reasons(service), IsEmpty());
   EXPECT_THAT(service.metrics().text(), HasSubstr("stillmap_store_writable 1"));
@@ -57,7 +60,10 @@ TEST(HealthReasons, SayThatTheStoreTakesNoChangesUntilItsDiskTakesThemAgain) {
     return broken && call.kind == DiskCall::Kind::kWrite;
   });
   PackageStore store(folder.path(), disk);
-  Service service({}, store, [](const maps::MapPackage&) { return Aligners{}; }, {});
+  Service service(
+      {}, store,
+      [](const maps::MapPackage&, const localization::LocalizationOptions&) { return Aligners{}; },
+      {});
   broken = true;
   EXPECT_EQ(ask(service, "PUT", "/v1/maps/town").status, 500);
   EXPECT_THAT(reasons(service),

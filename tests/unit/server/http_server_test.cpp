@@ -207,8 +207,10 @@ TEST_F(HttpServerTest, JsonIsPackedForClientsThatTakeIt) {
 TEST(HttpServerLife, StopsWithAnIdleConnectionAndBeforeItRuns) {
   const TownStore store;
   const ServerOptions options{.store = {}, .port = 0, .keep_alive_s = 60};
-  const Service service(options, store.open(), [](const maps::MapPackage&) { return Aligners{}; },
-                        {});
+  const Service service(
+      options, store.open(),
+      [](const maps::MapPackage&, const localization::LocalizationOptions&) { return Aligners{}; },
+      {});
   HttpServer early(options, service);
   early.bind();
   early.stop();
@@ -228,8 +230,10 @@ TEST(HttpServerLife, StopsWithAnIdleConnectionAndBeforeItRuns) {
 TEST(HttpServerLife, AddressOfNobodyHereIsAnError) {
   const TownStore store;
   ServerOptions options{.store = {}, .port = 0};
-  const Service service(options, store.open(), [](const maps::MapPackage&) { return Aligners{}; },
-                        {});
+  const Service service(
+      options, store.open(),
+      [](const maps::MapPackage&, const localization::LocalizationOptions&) { return Aligners{}; },
+      {});
   HttpServer first(options, service);
   options.host = "192.0.2.1";  // of nobody, RFC 5737
   options.allow_remote = true;

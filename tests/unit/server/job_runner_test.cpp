@@ -27,10 +27,11 @@ class JobsOfARunner : public JobTest {
     start();
     make_drive();
     service_.reset();
-    catalog_.emplace(store, [this](const maps::MapPackage& package) {
-      if (package.digest() != store_.digest() && on_load_) on_load_();
-      return Aligners{{"default", aligner_}};
-    });
+    catalog_.emplace(
+        store, [this](const maps::MapPackage& package, const localization::LocalizationOptions&) {
+          if (package.digest() != store_.digest() && on_load_) on_load_();
+          return Aligners{{"default", aligner_}};
+        });
     drives_.emplace(store);
     run_jobs(store);
   }

@@ -407,7 +407,9 @@ TEST_F(Jobs, HousekeepingForgetsWhatIsOld) {
   wait_for_end(rebuild());
   const StoredDrive drive = store_.open().drives().drive(1);
   Metrics metrics("1");
-  MapCatalog catalog(store_.open(), [](const maps::MapPackage&) { return Aligners{}; });
+  MapCatalog catalog(
+      store_.open(),
+      [](const maps::MapPackage&, const localization::LocalizationOptions&) { return Aligners{}; });
   DriveStore drives(store_.open());
   service_.reset();
   const OptionsHolder live(options_);

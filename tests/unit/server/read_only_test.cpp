@@ -13,7 +13,7 @@ class ReadOnlyTest : public ServiceTest {
   void SetUp() override {
     service_ = std::make_unique<Service>(
         options_, store_.open(),
-        [this](const maps::MapPackage&) {
+        [this](const maps::MapPackage&, const localization::LocalizationOptions&) {
           return Aligners{{"default", aligner_}};
         },
         std::vector<WebAsset>{}, mapper_, StoreChanges::kRefused);

@@ -276,7 +276,7 @@ TEST_F(Routes, PageIsServedFromTheListOnly) {
   web.write("notes.cmake", "no");
   std::filesystem::create_symlink("/etc/passwd", web.path() / "assets/link.js");
   start(
-      [this](const maps::MapPackage&) {
+      [this](const maps::MapPackage&, const localization::LocalizationOptions&) {
         return Aligners{{"default", aligner_}};
       },
       read_web_assets(web.path()));

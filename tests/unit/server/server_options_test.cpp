@@ -60,7 +60,9 @@ TEST(ServerOptions, AddressesThatOthersReachNeedLeave) {
 TEST(ServerOptions, ServiceRefusesBrokenOnes) {
   const TownStore store;
   const ServerOptions options{.queue = -1};
-  const auto build = [](const maps::MapPackage&) { return Aligners{}; };
+  const auto build = [](const maps::MapPackage&, const localization::LocalizationOptions&) {
+    return Aligners{};
+  };
   EXPECT_THROW(Service(options, store.open(), build, {}), std::invalid_argument);
 }
 
