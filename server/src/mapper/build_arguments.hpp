@@ -33,8 +33,8 @@ struct BuildArguments {
 /// Adds the drives and every option of a map.
 void add_build_options(CLI::App& command, BuildArguments& arguments);
 
-/// Fills `arguments.options` from the typed options. The preset comes first, so that an option given
-/// beside it wins. @throws std::invalid_argument naming the option.
+/// Fills `arguments.options` from the typed options. The preset comes first, so that an option
+/// given beside it wins. @throws std::invalid_argument naming the option.
 void resolve_options(BuildArguments& arguments, const CLI::App& command);
 
 }  // namespace stillmap::mapper
