@@ -26,11 +26,11 @@ install(FILES ${deploy}/package/sysusers.conf DESTINATION lib/sysusers.d RENAME 
 install(FILES ${package}/stillmap.1.gz DESTINATION share/man/man1 ${only_packages})
 install(FILES ${deploy}/package/copyright ${package}/changelog.gz ${package}/changelog.Debian.gz
   ${PROJECT_SOURCE_DIR}/THIRD_PARTY.md DESTINATION share/doc/stillmap ${only_packages})
-# As they lie in the repository, so that their links hold.
-install(FILES ${PROJECT_SOURCE_DIR}/server/configuration.md ${PROJECT_SOURCE_DIR}/server/README.md
-  DESTINATION share/doc/stillmap/server ${only_packages})
-install(FILES ${PROJECT_SOURCE_DIR}/server/docs/security.md DESTINATION share/doc/stillmap/server/docs ${only_packages})
-install(FILES ${deploy}/README.md DESTINATION share/doc/stillmap/server/deploy ${only_packages})
+# As they lie in the repository, so that the links between them hold.
+foreach(folder server server/clients server/decisions server/deploy server/docs)
+  file(GLOB pages CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/${folder}/*.md)
+  install(FILES ${pages} DESTINATION share/doc/stillmap/${folder} ${only_packages})
+endforeach()
 install(DIRECTORY ${deploy}/proxy ${deploy}/monitoring ${deploy}/containers DESTINATION share/doc/stillmap/server/deploy
   ${only_packages})
 

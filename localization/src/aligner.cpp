@@ -54,8 +54,10 @@ std::vector<Eigen::Isometry3d> seen_from(const maps::MapPackage& map) {
   return poses.empty() ? map.places() : poses;
 }
 
-std::unique_ptr<Aligner> make_aligner(std::string_view method, const maps::MapPackage& map) {
-  if (method == "default") return make_aligner(method, MapIndex::open(map), seen_from(map));
+std::unique_ptr<Aligner> make_aligner(std::string_view method, const maps::MapPackage& map,
+                                      const LocalizationOptions& options) {
+  if (method == "default")
+    return make_aligner(method, MapIndex::open(map), seen_from(map), options);
   for (const NamedReference& reference : kReferences) {
     if (reference.name != method) continue;
     return std::make_unique<ReferenceAligner>(MapPoints::build(map, reference.method().map_leaf_m),
@@ -66,14 +68,15 @@ std::unique_ptr<Aligner> make_aligner(std::string_view method, const maps::MapPa
 
 std::unique_ptr<Aligner> make_aligner(std::string_view method,
                                       std::shared_ptr<const MapIndex> index,
-                                      const std::vector<Eigen::Isometry3d>& T_map_lidar_seen_from) {
+                                      const std::vector<Eigen::Isometry3d>& T_map_lidar_seen_from,
+                                      const LocalizationOptions& options) {
   for (const NamedReference& reference : kReferences) {
     if (reference.name != method) continue;
     throw std::invalid_argument(
         fmt::format("method: found '{}', which needs a map's points, not its index alone", method));
   }
   if (method != "default") refuse(method);
-  return std::make_unique<VoxelAligner>(std::move(index), T_map_lidar_seen_from);
+  return std::make_unique<VoxelAligner>(std::move(index), T_map_lidar_seen_from, options);
 }
 
 }  // namespace stillmap::localization

@@ -71,8 +71,9 @@ QueueLimits queue_limits(const ServerOptions& options, int workers) {
 
 /// A version that is made ready for poses will be looked at too.
 AlignerBuilder warming(AlignerBuilder builder, MapViews& views) {
-  return [builder = std::move(builder), &views](const maps::MapPackage& map) {
-    Aligners aligners = builder(map);
+  return [builder = std::move(builder), &views](
+             const maps::MapPackage& map, const localization::LocalizationOptions& localization) {
+    Aligners aligners = builder(map, localization);
     views.warm(map);
     return aligners;
   };
@@ -249,7 +250,8 @@ Service::Service(const ServerOptions& options, PackageStore& store, AlignerBuild
       gatekeeper_(store.keys(), is_loopback(options_.host)),
       views_(store.folder(), left_by_views(options_, store.folder())),
       layers_(store.folder()),
-      catalog_(store, warming(std::move(builder), views_), &metrics_),
+      catalog_(store, warming(std::move(builder), views_), &metrics_,
+               options_.localization_options_dir),
       drives_(store),
       workers_(worker_count(options_)),
       queue_(queue_limits(options_, workers_)),

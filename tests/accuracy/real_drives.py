@@ -46,7 +46,7 @@ def build_map(program, drive, made):
     """Of the even scans."""
     shutil.rmtree(made, ignore_errors=True)
     made.mkdir(parents=True)
-    run(program, "build", drive, "-o", made / "map", "--select", "::2", "--json", made / "build.json")
+    run(program, "build", drive, "-o", made / "map", "--select", "::2", f"--json={made / 'build.json'}")
 
 
 def kitti_map(program, data, folder, check):
@@ -61,7 +61,7 @@ def evaluate(program, folder, drive, made, errors, trials):
     """Queries from the odd scans."""
     levels = [argument for error in errors for argument in ("--prior-error", error)]
     run(program, "evaluate", "localization", made / "map", drive, "--select", "1::2", *levels,
-        "--trials", trials, "--seed", 1, "--json", folder / "localization.json")
+        "--trials", trials, "--seed", 1, f"--json={folder / 'localization.json'}")
     return (json.loads((made / "build.json").read_text()),
             json.loads((folder / "localization.json").read_text())["levels"])
 
@@ -88,7 +88,7 @@ def poles_kept(program, drive, made, folder, check):
     import poles  # needs numpy
 
     for name, options in (("kept", ["--clean", "none"]), ("odometry", ["--odometry", "default"])):
-        run(program, "build", drive, "-o", folder / name, "--select", "::2", *options, "--json", folder / f"{name}.json")
+        run(program, "build", drive, "-o", folder / name, "--select", "::2", *options, f"--json={folder / f'{name}.json'}")
     kept = poles.Package(folder / "kept")
     found = poles.poles_of(kept)
     check("poles found", len(found), len(found) >= 50)
@@ -118,7 +118,7 @@ def kitti_removal(program, data, folder, check):
                                   ("voxelnext", "voxelnext", 0.9)):
         run(program, "build", drive, "-o", folder / name, "--detector", detector, "--clean", "none")
         result = folder / f"{name}.json"
-        run(program, "evaluate", "map", folder / name, "--truth", drive, "--boxes", labels, "--json", result)
+        run(program, "evaluate", "map", folder / name, "--truth", drive, "--boxes", labels, f"--json={result}")
         values = json.loads(result.read_text())
         removed, changed = values["box_points"]["removed_share"], values["outside"]["changed_share"]
         check(f"{name}: share of {values['box_points']['before']} labelled points removed", removed, removed >= least)
@@ -127,7 +127,7 @@ def kitti_removal(program, data, folder, check):
 
 def followed(program, drive, folder):
     path, result = folder / "path.tum", folder / "odometry.json"
-    run(program, "evaluate", "odometry", drive, "--trajectory", path, "--json", result)
+    run(program, "evaluate", "odometry", drive, "--trajectory", path, f"--json={result}")
     return json.loads(result.read_text()), path
 
 

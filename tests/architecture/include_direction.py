@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Checks that includes go maps <- localization <- mapping <- server, and that public headers stay clean.
+"""Checks that includes go maps <- localization <- mapping <- server, that a layer has only the public headers of another,
+and that public headers stay clean.
 
 usage: include_direction.py REPOSITORY
 """
@@ -15,7 +16,9 @@ OWN = {"maps": {"maps"}, "localization": {"localization"}, "mapping": {"mapping"
 HTTPLIB_USERS = ("server/src/http/http_answer.cpp", "server/src/http/http_exchange.cpp",
                  "server/clients/cpp/stillmap_client.hpp")
 FORBIDDEN_IN_PUBLIC = re.compile(r'[<"](pcl|mrpt|nlohmann|httplib|tbb|oneapi|embree3?|openssl|png|spdlog|CLI|fmt)[/.>]')
-INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]')
+INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
+# Where a header in quotes is looked for, beside the folder of the file itself.
+PRIVATE_FOLDERS = ("src", "simulation", "training")
 
 
 def allowed(layer):
@@ -23,6 +26,12 @@ def allowed(layer):
     for lower in LAYERS[: LAYERS.index(layer) + 1]:
         names |= OWN[lower]
     return names
+
+
+def is_own(root, layer, file, name):
+    """Whether a private header is one of this layer."""
+    folders = [file.parent, *(root / layer / folder for folder in PRIVATE_FOLDERS)]
+    return any((folder / name).is_file() for folder in folders)
 
 
 def faults_of(root):
@@ -38,7 +47,9 @@ def faults_of(root):
                 match = INCLUDE.match(line)
                 if not match:
                     continue
-                name = match.group(1)
+                name = match.group(2)
+                if match.group(1) == '"' and not is_own(root, layer, file, name):
+                    yield f"{relative}:{number}: {name} is no header of {layer}; include a public one in <>"
                 parts = name.split("/")
                 if parts[0] == "stillmap" and parts[1] not in allowed(layer):
                     yield f"{relative}:{number}: {layer} includes {name}, which is above it"

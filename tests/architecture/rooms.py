@@ -382,17 +382,21 @@ def folder_of(path):
     return None
 
 
+CPP_INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"(?P<name>[^"]+)"', re.M)
+# `import ... from`, `export ... from`, `import 'x.js'`, and import('x.js') in code and in types. A relative name that
+# ends in .js is the .ts or .tsx beside it.
+TS_IMPORT = re.compile(r"""(?:\bfrom|^[ \t]*import|\bimport\()\s*["'](?P<name>\.[^"']+)["']""", re.M)
+
+
 def includes_of(path, text, known):
     """(line, path) of each private file of the same library that `path` includes or imports."""
     ts = path.startswith("web/")
-    pattern = re.compile(r"""^\s*(?:import|export)\b[^"';]*?["'](\.[^"']+)["']|^\}\s*from\s*["'](\.[^"']+)["']""" if ts
-                         else r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"', re.M)
     lines = Lines(text)
-    for match in pattern.finditer(text):
-        name = match[1] or match[match.lastindex]
+    for match in (TS_IMPORT if ts else CPP_INCLUDE).finditer(text):
+        name = match["name"]
         tries = [os.path.normpath(os.path.join(os.path.dirname(path), name))]
         if ts:
-            tries = [tries[0] + end for end in ("", ".ts", ".tsx", "/index.ts", "/index.tsx")]
+            tries = [re.sub(r"\.jsx?$", "", tries[0]) + end for end in ("", ".ts", ".tsx", "/index.ts", "/index.tsx")]
         else:
             tries += [f"{root}/{name}" for root in ROOTS[library_of(path)]]
         target = next((each for each in tries if each in known), None)

@@ -149,6 +149,23 @@ class Includes(unittest.TestCase):
                                                               ("web", ["x", "y"])])
         self.assertEqual(rooms.file_pairs(self.edges()), [("web/src/x/a.ts", "web/src/y/b.tsx")])
 
+    def test_imports_of_the_page(self):
+        files = {"web/src/a/a.ts": "", "web/src/a/b.tsx": "", "web/src/c/index.tsx": ""}
+        text = """import './d.css';
+import { useState } from 'preact/hooks';
+import type { A } from '../a/a.js';
+import '../a/b.js';
+const later = () => import('../c/index.js');
+function f(x: import('../a/a.js').A) {}
+export {
+  b,
+} from '../a/b.js';
+// what comes from '../a'
+"""
+        self.assertEqual(list(rooms.includes_of("web/src/c/e.ts", text, files)), [
+            (3, "web/src/a/a.ts"), (4, "web/src/a/b.tsx"), (5, "web/src/c/index.tsx"), (6, "web/src/a/a.ts"),
+            (9, "web/src/a/b.tsx")])
+
     def test_headers_with_one_user(self):
         lonely, headers = rooms.lonely_headers(self.edges(), self.FILES)
         self.assertEqual(headers, 4)

@@ -66,9 +66,9 @@ def measure(program, folder, drive, method):
         target = folder / f"{name}.map"
         shutil.rmtree(target, ignore_errors=True)
         options = [option.format(boxes=drive / "boxes.json") for option in METHODS[method]]
-        run(program, "build", drive, "-o", target, *options, *with_poses(folder, drive), "--json",
-            folder / "build.json")
-        run(program, "evaluate", "map", target, "--truth", drive, "--json", folder / "evaluation.json")
+        run(program, "build", drive, "-o", target, *options, *with_poses(folder, drive),
+            f"--json={folder / 'build.json'}")
+        run(program, "evaluate", "map", target, "--truth", drive, f"--json={folder / 'evaluation.json'}")
         both = {"build": json.loads((folder / "build.json").read_text()),
                 "map": json.loads((folder / "evaluation.json").read_text())}
         result.write_text(json.dumps(both))

@@ -16,7 +16,7 @@ rm -rf "$folder" && mkdir -p "$folder"
 build() { # build NAME DRIVE [OPTION...]
   local name=$1 drive=$2
   shift 2
-  "$program" build "$drive" -o "$folder/$name" --select ::2 --json "$folder/$name.build.json" "$@"
+  "$program" build "$drive" -o "$folder/$name" --select ::2 --json="$folder/$name.build.json" "$@"
 }
 
 measure() { # measure RESULT NAME DRIVE TRIALS [OPTION...]
@@ -25,7 +25,7 @@ measure() { # measure RESULT NAME DRIVE TRIALS [OPTION...]
   for method in default pcl-icp ndt gicp; do
     "$program" evaluate localization "$folder/$name" "$drive" --select 1::2 --method "$method" --threads 1 \
       --prior-error 0.3,2 --prior-error 1,5 --prior-error 2,10 --trials "$trials" --seed 1 \
-      --json "$folder/$result.$method.json" "$@"
+      --json="$folder/$result.$method.json" "$@"
   done
   python3 "$here/table.py" "$folder" "$name" "$result"
 }
@@ -37,7 +37,7 @@ bench() { # bench NAME DRIVE TRIALS
 
 bench_with_odometry() { # bench_with_odometry NAME DRIVE TRIALS
   build "$1" "$2" --odometry default
-  "$program" evaluate odometry "$2" --trajectory "$folder/$1.path.tum" --json "$folder/$1.odometry.json"
+  "$program" evaluate odometry "$2" --trajectory "$folder/$1.path.tum" --json="$folder/$1.odometry.json"
   "$(dirname "$program")/reference_poses" "$2" --poses "$folder/$1.path.tum" --select 1::2 \
     -o "$folder/$1.reference.tum" --json "$folder/$1.reference.json"
   measure "$1" "$1" "$2" "$3" --poses "$folder/$1.reference.tum"
@@ -61,6 +61,6 @@ fi
 # Odometry, loops and pose graph: speed and errors.
 "$program" simulate town -o "$folder/odometry" --seed 111 --scans 1500
 for method in default loam; do
-  "$program" evaluate odometry "$folder/odometry" --odometry "$method" --json "$folder/odometry.$method.json"
+  "$program" evaluate odometry "$folder/odometry" --odometry "$method" --json="$folder/odometry.$method.json"
 done
 "$(dirname "$program")/pose_graph_bench"

@@ -81,6 +81,8 @@ class Package(unittest.TestCase):
         self.assertEqual(process.returncode, 0, server.read_text())
         mapper = run([program, "build", "--help"])
         self.assertEqual(mapper.returncode, 0, mapper.stderr)
+        for file, shell in (("bash-completion/completions/stillmap", "bash"), ("zsh/vendor-completions/_stillmap", "zsh")):
+            self.assertEqual((self.root / "usr/share" / file).read_text(), run([program, "completion", shell]).stdout)
 
     def test_an_upgrade_keeps_what_the_operator_changed(self):
         self.dpkg("-i", self.package)

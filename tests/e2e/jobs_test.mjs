@@ -18,11 +18,11 @@ async function drive(run, server, name, meanwhile = () => undefined) {
 async function rebuild(run) {
   const server = await run.server();
   const page = await run.open(server, '#/maps/town/rebuild');
-  await page.waitForSelector('text=This map has no drive yet');
+  await page.waitForSelector('text=This map has no drives yet');
   run.expect(true, 'without a drive the form says what is missing');
   await drive(run, server, 'monday', async () => {
     await page.waitForSelector('text=“monday” is not complete yet');
-    run.expect(/MB of it are on the server/.test(await page.textContent('.empty')), 'of one under way, how far it is');
+    run.expect(/MB have arrived/.test(await page.textContent('.empty')), 'of one under way, how far it is');
   });
   await page.waitForSelector('form.rebuild label:has-text("monday")');
   await page.click('summary:has-text("Options")');
@@ -66,7 +66,7 @@ async function watch(run, page) {
 async function verdict(run, server, page) {
   await page.waitForSelector('.gate[data-verdict=fail]');
   const words = await page.locator('.gate').innerText();
-  run.expect(/did not pass/.test(words) && /at least 20/.test(words), 'the verdict is told in words');
+  run.expect(/checks failed/.test(words) && /at least 20/.test(words), 'the verdict is told in words');
   run.expect(/v2 is stored/.test(await page.locator('.outcome').innerText()), 'and what came of it');
   await page.waitForSelector('.log:has-text("gate")');
   run.expect(true, 'the log is there');
@@ -104,9 +104,9 @@ async function cancel(run) {
   await page.click('text=Cancel the job');
   await page.click('dialog button[type=submit]');
   await page.waitForSelector('.job-state[data-status=canceled]');
-  run.expect(/nothing was stored/.test(await page.locator('.outcome').innerText()), 'and one that runs, told in words');
+  run.expect(/Nothing was stored/.test(await page.locator('.outcome').innerText()), 'and one that runs, told in words');
   await page.goto(`${server.origin}/#/jobs/77`);
-  await page.waitForSelector('.trouble:has-text("forgotten")');
+  await page.waitForSelector('.trouble:has-text("kept for some days")');
   run.expect(true, 'a job that is not there is said');
   await server.stop();
 }

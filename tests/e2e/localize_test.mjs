@@ -9,7 +9,7 @@ import { drop, json, scanOf, shown } from './support.mjs';
 async function vehicles(run) {
   const server = await run.server();
   const page = await run.open(server, '#/localize/town?show=vehicles');
-  await shown(run, page, 'text=No vehicle is being followed', 'that no vehicle is there is said');
+  await shown(run, page, 'text=No vehicle is tracked', 'that no vehicle is there is said');
   const headers = { 'Content-Type': 'application/json' };
   const { id } = await json(server, '/v1/sessions', { method: 'POST', headers, body: JSON.stringify({ map: 'town', label: 'truck-7' }) });
   for (const [number, stamp] of [[11, 1], [13, 2]]) {
@@ -24,7 +24,7 @@ async function vehicles(run) {
   await shown(run, page, '.vehicle.stale', 'and is greyed when it sends nothing any more');
   run.expect(!(await page.content()).includes(id), 'the name of its session, which is its secret, stands nowhere');
   await fetch(`${server.origin}/v1/sessions/${id}`, { method: 'DELETE' });
-  await shown(run, page, 'text=No vehicle is being followed', 'and goes when its session ends');
+  await shown(run, page, 'text=No vehicle is tracked', 'and goes when its session ends');
   await server.stop();
 }
 
@@ -42,10 +42,10 @@ async function keys(run) {
   await drop(page, '.scene', [scanOf(run, 11)]);
   await shown(run, page, '.beside .trouble:has-text("scope")', 'a key that may not localize is told which scope it lacks');
   run.expect((await page.textContent('.scan-facts')).includes('000011.bin'), 'the scan stays');
-  await page.click('.top button:has-text("Key in use")');
+  await page.click('.top button:has-text("Key set")');
   await page.fill('dialog input', driver);
   await page.keyboard.press('Enter');
-  await page.click('button:has-text("Find it")');
+  await page.click('button:has-text("Find the scan")');
   await shown(run, page, '.answer[data-status=ok]', 'with another key it goes on');
   await server.stop();
 }
@@ -101,7 +101,7 @@ async function tooLarge(run) {
   await drop(page, '.scene', [join(run.sample, 'drive', 'times.txt')]);
   await shown(run, page, '.beside .trouble:has-text("times.txt")', 'a file that is no scan is refused by name');
   await page.goto(`${server.origin}/#/compare/town/v1/never`);
-  await shown(run, page, '.page .empty:has-text("town has no version “never” (any more)")', 'a version that is not there is said in a comparison');
+  await shown(run, page, '.page .empty:has-text("town has no version “never”")', 'a version that is not there is said in a comparison');
   await server.stop();
 }
 

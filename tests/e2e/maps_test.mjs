@@ -1,4 +1,4 @@
-// The list of maps and one map: made, kept fresh, published, rolled back, deleted, gone while it is shown.
+// The list of maps and one map: made, kept fresh, activated, rolled back, deleted, gone while it is shown.
 
 import { main } from './harness.mjs';
 
@@ -22,7 +22,7 @@ async function list(run) {
   await page.click('text=New map');
   await page.fill('dialog input', 'Harbour');
   await page.click('dialog button[type=submit]');
-  run.expect(/Small letters/.test(await page.locator('dialog .fault').innerText()), 'a name that cannot be is refused in words');
+  run.expect(/lower-case letters/.test(await page.locator('dialog .fault').innerText()), 'a name that cannot be is refused in words');
   await page.reload();
   await page.click('text=New map');
   run.expect(await page.inputValue('dialog input') === 'Harbour', 'what was typed outlives a reload');
@@ -39,12 +39,12 @@ async function list(run) {
   await page.click('tr[data-map=quarry] th a');
   await page.waitForSelector('h1:text-is("quarry")');
   await json(server, 'DELETE', '/v1/maps/quarry');
-  await page.waitForSelector('text=There is no map “quarry” (any more)');
+  await page.waitForSelector('text=There is no map “quarry”');
   run.expect(true, 'a map that is deleted while it is shown is said in words');
   await server.stop();
 }
 
-async function publish(run) {
+async function activate(run) {
   const server = await run.server();
   run.stillmap('build', `${run.sample}/drive`, '-o', `${run.scratch}/other`, '--select', '1::2');
   run.stillmap('store', 'add', server.store, 'town', 'v2', `${run.scratch}/other`);
@@ -53,9 +53,9 @@ async function publish(run) {
   await v2.waitFor();
   await run.accessible(page, 'one map');
   await run.screenshot(page, 'map');
-  await v2.getByRole('button', { name: 'Publish v2' }).click();
+  await v2.getByRole('button', { name: 'Activate v2' }).click();
   await page.click('dialog button[type=submit]');
-  await page.waitForSelector('dialog :text("in another map frame")');
+  await page.waitForSelector('dialog :text("another map frame")');
   run.expect(true, 'another frame is explained, and asked for in words');
   await run.screenshot(page, 'other_frame');
   await page.check('dialog input[type=checkbox]');
@@ -72,13 +72,13 @@ async function publish(run) {
 
   // Somebody else changes the map while the dialog is open, and the page has not seen it yet.
   await page.route('**/v1/maps/town/versions', (route) => route.abort());
-  await v2.getByRole('button', { name: 'Publish v2' }).click();
+  await v2.getByRole('button', { name: 'Activate v2' }).click();
   await json(server, 'POST', '/v1/maps/town/versions/v2/activate?new_frame=true');
   await json(server, 'POST', '/v1/maps/town/versions/v1/activate?new_frame=true');
   await page.click('dialog button[type=submit]');
   await page.check('dialog input[type=checkbox]');
   await page.click('dialog button[type=submit]');
-  await page.waitForSelector('dialog .trouble:has-text("Somebody changed the map")');
+  await page.waitForSelector('dialog .trouble:has-text("Somebody else changed the map")');
   run.expect(true, 'a change by somebody else in the meantime is said, and nothing is done');
   await page.keyboard.press('Escape');
   await page.unroute('**/v1/maps/town/versions');
@@ -112,4 +112,4 @@ async function trouble(run) {
   await server.stop();
 }
 
-await main({ list, publish, trouble });
+await main({ list, activate, trouble });

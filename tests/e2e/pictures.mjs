@@ -1,4 +1,4 @@
-// Makes the pictures of web/README.md: node pictures.mjs STILLMAP SAMPLE --screenshots web/pictures   (./dev pictures)
+// Makes the pictures of the page: node pictures.mjs STILLMAP SAMPLE --screenshots web/pictures   (./dev pictures)
 // SAMPLE is what tests/integration/sample_map.sh makes. Another version of its map, with the cars left in, is built here.
 
 import { readFileSync } from 'node:fs';
@@ -16,7 +16,7 @@ async function still(page) {
   for (let tries = 0; tries < 60; ++tries) {
     await page.waitForTimeout(1000);
     const now = (await page.locator('canvas').first().screenshot()).toString('base64');
-    if (now === before && (await page.getByText('on the way').count()) === 0) return;
+    if (now === before && (await page.getByText('loading').count()) === 0) return;
     before = now;
   }
 }
@@ -55,7 +55,7 @@ async function pictures(run) {
   await go('localize/town', 'canvas.scene');
   await drop(page, '.scene', [scanOf(run, 11)]);
   await page.waitForSelector('.answer[data-status=ok]');
-  await page.waitForSelector('.stage-legend:not(:has-text("comparing"))');
+  await page.waitForSelector('.stage-legend:not(:has-text("computing"))');
   await still(page);
   await take(run, page, 'localize');
 

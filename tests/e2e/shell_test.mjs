@@ -16,7 +16,7 @@ async function navigation(run) {
     run.expect((await page.title()).includes('stillmap'), `the window's title: ${await page.title()}`);
   }
   await page.goto(`${server.origin}/#/nothing/here`);
-  await shown(run, page, 'text=There is no such page', 'an unknown address is said');
+  await shown(run, page, 'text=This page does not exist', 'an unknown address is said');
   await page.keyboard.press('Tab');
   await server.stop();
 }
@@ -26,7 +26,7 @@ async function colours(run) {
   const page = await run.open(server);
   const back = () => page.evaluate(() => getComputedStyle(document.documentElement).backgroundColor);
   const dark = await back();
-  await page.click('button[title^="Colours as"]');
+  await page.click('button[title^="System"]');
   await page.click('button[title^="Dark"]');
   await page.waitForSelector('html[data-theme=light]');
   const light = await back();
@@ -40,7 +40,7 @@ async function keys(run) {
   const server = await run.server();
   const key = run.stillmap('keys', 'create', 'viewer', '--store', server.store, '--scope', 'read');
   const page = await run.open(server, '#/maps');
-  await shown(run, page, 'dialog:has-text("asks for an API key")', 'a key is asked for');
+  await shown(run, page, 'dialog:has-text("needs an API key")', 'a key is asked for');
   await run.accessible(page, 'the key dialog');
   await page.fill('dialog input', 'stillmap_wrong');
   await page.click('dialog button[type=submit]');

@@ -46,7 +46,7 @@ async function packages(run) {
   await page.waitForSelector('text=No maps yet');
   await page.getByRole('button', { name: 'Upload' }).click();
   await chooser(page).setInputFiles({ name: 'town.zip', mimeType: 'application/zip', buffer: Buffer.from('PK\u0003\u0004') });
-  run.expect(/zip archives are not taken/.test(await page.locator('dialog .trouble').innerText()), 'a zip is refused before it is sent');
+  run.expect(/zip archives are not supported/.test(await page.locator('dialog .trouble').innerText()), 'a zip is refused before it is sent');
   await run.screenshot(page, 'upload_refused');
   await chooser(page).setInputFiles(run.tar('map', 'Town Centre.tar'));
   await page.waitForSelector('dialog :text("Map package")');
@@ -81,8 +81,8 @@ async function packageGoesOn(run, server, page) {
   await page.locator('.upload.sending').getByRole('button', { name: 'Pause' }).click();
   await page.unroute(/parts\/2$/);
   await page.reload();
-  await page.waitForSelector('[data-upload] >> text=Go on with the upload');
-  await page.click('text=Go on with the upload');
+  await page.waitForSelector('[data-upload] >> text=Resume the upload');
+  await page.click('text=Resume the upload');
   await chooser(page).setInputFiles(run.tar('map', 'again.tar'));
   await page.click('dialog button[type=submit]');
   await page.waitForSelector('.upload.done');
@@ -116,7 +116,7 @@ async function interrupted(run) {
   await page.click('dialog button[type=submit]');
   await died;
   await page.waitForSelector('.upload.waiting');
-  run.expect(/goes on by itself/.test(await page.locator('.upload').innerText()), 'a server that dies is said, and waited for');
+  run.expect(/continues when the server answers/.test(await page.locator('.upload').innerText()), 'a server that dies is said, and waited for');
   await run.screenshot(page, 'upload_waiting');
   const [before, kept] = [sent.length, [...stored]];
   await server.start();
@@ -127,7 +127,7 @@ async function interrupted(run) {
   const again = sent.slice(before);
   run.expect(before <= 4 + kPartsAtOnce && sent.length <= count + kPartsAtOnce && new Set(again).size === again.length
     && !again.some((n) => kept.includes(n)), `${count} parts: ${sent.slice(0, before)}, then ${again}; told to be stored: ${kept}`);
-  await page.waitForSelector(`tr[data-drive="${drive.id}"] >> text=Complete`);
+  await page.waitForSelector(`tr[data-drive="${drive.id}"] >> text="Complete"`);
   await server.stop();
 }
 
@@ -153,16 +153,16 @@ async function reloaded(run) {
   const known = [...before.stored];
   server.process.kill('SIGCONT');
   await page.reload();
-  await page.waitForSelector('tr[data-drive="1"] >> text=Not complete');
+  await page.waitForSelector('tr[data-drive="1"] >> text=Incomplete');
   run.expect(/\d+ % of/.test(await page.locator('tr[data-drive="1"]').innerText()), 'after a reload the share that is there is told');
-  await page.getByRole('button', { name: 'Go on with the upload' }).click();
+  await page.getByRole('button', { name: 'Resume the upload' }).click();
   await chooser(page).setInputFiles(run.tar('map', 'other.tar'));
   await page.click('dialog button[type=submit]');
   await page.waitForSelector('.upload.failed:has-text("another file")');
   run.expect(true, 'another file is refused before any of it is sent');
   const there = (await get(server, '/v1/maps/town/drives/1')).parts.map(({ n }) => n);
   const { sent } = watchParts(page);
-  await page.getByRole('button', { name: 'Go on with the upload' }).click();
+  await page.getByRole('button', { name: 'Resume the upload' }).click();
   await chooser(page).setInputFiles(tar);
   await page.click('dialog button[type=submit]');
   await page.waitForSelector('.upload.done');
@@ -193,7 +193,7 @@ async function folder(run) {
   const bag = readFileSync(join(seeds, 'mcap', 'seed_indexed_zstd'));
   await choose(page, { name: 'run.mcap', mimeType: 'application/octet-stream', buffer: bag });
   await page.click('dialog button[type=submit]');
-  await page.waitForSelector('tr[data-drive]:has-text("run") >> text=Complete');
+  await page.waitForSelector('tr[data-drive]:has-text("run") >> text="Complete"');
   run.expect(true, 'a bag in one file is a drive');
   await server.stop();
 }

@@ -178,7 +178,7 @@ async function clipAndExport(run) {
   run.expect(expected.length > 0 && JSON.stringify(found.sort()) === JSON.stringify(expected.sort()),
     `the exported file has exactly the map's ${expected.length} points of the shown kinds in the box: ${found.length}`);
   run.expect(/^town-.*-clip\.ply$/.test(download.suggestedFilename()), `its name: ${download.suggestedFilename()}`);
-  await other.click('text="Remove the box"');
+  await other.click('text="Close the box"');
   run.expect((await other.locator('section[aria-label="Clip box"]').count()) === 0, 'the box can be removed');
 }
 
@@ -224,7 +224,7 @@ async function objects(run) {
   await settled(page);
   await page.mouse.click(x, y);
   await page.waitForSelector('.viewer-card button[aria-pressed=true]:text-is("Keep")');
-  await page.click('.viewer-card button:text-is("Take back")');
+  await page.click('.viewer-card button:text-is("Undo")');
   await page.waitForSelector('.viewer-card button[aria-pressed=true]', { state: 'detached' });
   run.expect((await (await fetch(`${server.origin}/v1/maps/town/edits`)).json()).edits.length === 0, 'and can be taken back');
 }
@@ -234,8 +234,8 @@ async function painted(run) {
   const page = await openView(run, server);
   for (const grid of ['coverage', 'localizability']) {
     const before = (await page.locator(kCanvas).screenshot()).toString('base64');
-    await page.selectOption('select[aria-label="Ground painted by"]', grid);
-    await page.waitForSelector('section[aria-label="Ground painted by"] .viewer-ramp');
+    await page.selectOption('select[aria-label="Ground colour"]', grid);
+    await page.waitForSelector('section[aria-label="Ground colour"] .viewer-ramp');
     await page.waitForTimeout(500);
     const after = (await page.locator(kCanvas).screenshot()).toString('base64');
     run.expect(before !== after, `the ground is painted by ${grid}`);
@@ -272,7 +272,7 @@ async function trouble(run) {
     () => run.expect(true, `said: ${words}`), () => run.expect(false, `said: ${words}`));
   await page.route('**/*.glb', (route) => route.abort());
   await page.goto(`${server.origin}/#/view/town`);
-  await said('What is shown stays; the rest comes when it is back');
+  await said('The picture stays; the missing tiles are loaded when the server answers');
   await page.unroute('**/*.glb');
   await page.click('.viewer-message button');
   await settled(page);
@@ -283,7 +283,7 @@ async function trouble(run) {
     status: 404, contentType: 'application/problem+json', body: '{"title": "Not found", "code": "UnknownVersion", "detail": "no version v1"}',
   }));
   await page.goto(`${server.origin}/#/view/town`);
-  await said('This version is no longer on the server');
+  await said('This version was deleted from the server');
   await page.unroute('**/*.glb');
 
   await page.goto(`${server.origin}/#/view/nowhere`);
@@ -394,9 +394,9 @@ async function touch(run) {
   await page.click('role=radio[name="Measure"]');
   // The first finger stands still: alone it would be a tap.
   await fingers(page, ...steps([[x, y], [x + 30, y]], [[x, y], [x + 90, y]]));
-  run.expect((await page.locator('section[aria-label="Measured"]').count()) === 0, 'two fingers set no place');
+  run.expect((await page.locator('section[aria-label="Measurement"]').count()) === 0, 'two fingers set no place');
   await fingers(page, [[x, y]]);
-  run.expect((await page.locator('section[aria-label="Measured"]').count()) === 1, 'one that taps does');
+  run.expect((await page.locator('section[aria-label="Measurement"]').count()) === 1, 'one that taps does');
 }
 
 async function revoked(run) {
@@ -425,7 +425,7 @@ async function revoked(run) {
   page.on('request', (request) => asked.add(request));
   page.on('response', (response) => (refusals += response.status() === 401 && asked.has(response.request()) ? 1 : 0));
   await page.keyboard.press('Escape');
-  await page.waitForSelector('.viewer-message:has-text("What is shown stays")');
+  await page.waitForSelector('.viewer-message:has-text("The picture stays")');
   await page.waitForTimeout(5000);
   run.expect((await page.locator('dialog').count()) === 0 && refusals === 0, `a closed dialog stays closed, and nothing is asked in vain: ${refusals}`);
   await page.click('.viewer-message button');
@@ -443,7 +443,7 @@ async function graphics(run) {
     globalThis.lost = document.querySelector(canvas).getContext('webgl2').getExtension('WEBGL_lose_context');
     globalThis.lost.loseContext();
   }, kCanvas);
-  await page.waitForSelector('.viewer-message:has-text("graphics card gave up")');
+  await page.waitForSelector('.viewer-message:has-text("lost the graphics context")');
   run.expect(true, 'a lost picture is said');
   await page.evaluate(() => globalThis.lost.restoreContext());
   await page.waitForSelector('.viewer-message', { state: 'detached' });

@@ -29,7 +29,7 @@ inline void require_rigid(const Eigen::Isometry3d& T) {
   require((T.linear().transpose() * T.linear()).isIdentity(1e-9), "a rotation is one");
 }
 
-/// The bounds of `server/README.md`; what holds them is taken by the aligner too.
+/// The bounds of `server/reference.md`; what holds them is taken by the aligner too.
 inline void require_bounds(const server::PoseParameters& parameters) {
   if (parameters.prior) {
     require_rigid(parameters.prior->T_map_lidar);

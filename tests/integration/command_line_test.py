@@ -42,7 +42,7 @@ class CommandLine(unittest.TestCase):
         cloud = self.folder / "one.ply"
         axes = "".join(f"property float {axis}\n" for axis in "xyz")
         cloud.write_text(f"ply\nformat ascii 1.0\nelement vertex 1\n{axes}end_header\n1 2 3\n")
-        done = run("import", cloud, "-o", self.folder / "map", "--json", "/dev/full")
+        done = run("import", cloud, "-o", self.folder / "map", "--json=/dev/full")
         self.assertEqual(done.returncode, 3, done.stderr)
         self.assertIn("No space left", done.stderr)
 
@@ -63,7 +63,7 @@ class CommandLine(unittest.TestCase):
         self.fails(2, "eat", "build", DRIVE, "-o", new, "--movable", "eat")
         self.fails(2, "magic", "build", DRIVE, "-o", new, "--detector", "magic")
         self.fails(2, "voxel_size_m", "build", DRIVE, "-o", new, "--voxel", "nan")
-        self.fails(2, "no_folder", "build", DRIVE, "-o", new, "--json", self.folder / "no_folder/a.json")
+        self.fails(2, "no_folder", "build", DRIVE, "-o", new, f"--json={self.folder / 'no_folder/a.json'}")
         self.fails(2, "edits_file", "build", DRIVE, "-o", new, "--preset", "paper", "--edits", SCAN)
         self.fails(2, "--fill", "build", DRIVE, "-o", new, "--fusion", "off", "--fill", "on")
         self.fails(2, "--fill", "build", DRIVE, "-o", new, "--movable", "delete", "--fill", "on")
@@ -80,7 +80,7 @@ class CommandLine(unittest.TestCase):
                    "magic")
         work = self.folder / "work"
         self.fails(2, "3 drives", "evaluate", "paper", "--drives", DRIVE, DRIVE, DRIVE, "--work", work)
-        self.fails(2, "--scans: found with --drives", "evaluate", "paper", "--drives", DRIVE, DRIVE, "--scans", "9")
+        self.fails(2, "no effect with --drives", "evaluate", "paper", "--drives", DRIVE, DRIVE, "--scans", "9")
         self.fails(2, "scans: 2", "evaluate", "paper", "--scans", "2", "--work", work)
         self.fails(2, "magic", "evaluate", "paper", "--maps", "none,magic")
         self.fails(2, "magic", "evaluate", "paper", "--methods", "magic")
@@ -100,7 +100,7 @@ class CommandLine(unittest.TestCase):
         os.mkfifo(pipe)
         reader = subprocess.Popen(["cat", pipe], stdout=subprocess.PIPE)
         for number, report in enumerate((link, pipe)):
-            done = run("build", DRIVE, "-o", self.folder / str(number), "--select", ":1", "--json", report)
+            done = run("build", DRIVE, "-o", self.folder / str(number), "--select", ":1", f"--json={report}")
             self.assertEqual(done.returncode, 0, done.stderr)
         self.assertTrue(link.is_symlink())
         self.assertTrue(pipe.is_fifo())
@@ -120,7 +120,7 @@ class CommandLine(unittest.TestCase):
     def test_a_killed_build_goes_on_to_the_same_bytes(self):
         whole, killed = self.folder / "whole", self.folder / "killed"
         result = self.folder / "result.json"
-        options = ["--select", ":12", "--json", result]
+        options = ["--select", ":12", f"--json={result}"]
         run("build", DRIVE, "-o", whole, *options)
         digest = json.loads(result.read_text())["digest"]
         journal = self.folder / ".killed.partial/journal/survey.journal"
@@ -141,6 +141,38 @@ class CommandLine(unittest.TestCase):
         self.assertIn("of these resumed", done.stdout)
         self.assertEqual(sorted(each.name for each in self.folder.iterdir()), ["killed", "result.json", "whole"])
 
+    def test_a_cancelled_build_says_what_is_kept_and_goes_on_from_there(self):
+        target, result = self.folder / "map", self.folder / "result.json"
+        journal = self.folder / ".map.partial/journal"
+        command = [PROGRAM, "build", DRIVE, "-o", target, "--select", ":12"]
+        program = subprocess.Popen([*map(str, command)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        survey = journal / "survey.journal"
+        while program.poll() is None and not (survey.exists() and survey.stat().st_size > 300_000):
+            time.sleep(0.002)
+        program.send_signal(signal.SIGINT)
+        _, errors = program.communicate(timeout=30)
+        self.assertEqual(program.returncode, 130, errors)
+        self.assertEqual(errors.splitlines()[-1], f"stillmap: cancelled; finished work is kept in {journal}; the same command "
+                         "goes on from there")
+        self.assertTrue(journal.exists())
+        done = run(*command[1:], f"--json={result}")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertGreater(json.loads(result.read_text())["resumed_scans"], 0)
+
+    def test_standard_output_holds_json_alone(self):
+        page = self.folder / "page.html"
+        done = run("evaluate", "detector", DRIVE, "--select", ":2", "--json", "--report", page)
+        self.assertEqual((done.returncode, done.stderr), (0, f"report: {page}\n"))
+        self.assertEqual(json.loads(done.stdout)["scans"], 2)
+        self.assertIn("stillmap evaluate detector", page.read_text())
+        done = run("evaluate", "detector", DRIVE, "--select", ":2", "--report", page)
+        self.assertTrue(done.stdout.endswith(f"report: {page}\n"))
+        done = run("build", DRIVE, "-o", self.folder / "map", "--select", ":1", "--json")
+        self.assertEqual(json.loads(done.stdout)["scans"], 1)
+        with open("/dev/full", "w") as full:
+            done = subprocess.run([PROGRAM, "inspect", MAP, "--json"], stdout=full, stderr=subprocess.PIPE, text=True)
+        self.assertEqual((done.returncode, done.stderr), (3, "stillmap: standard output: No space left on device; send it to a disk with free space\n"))
+
     def test_work_of_a_killed_build_with_other_options_is_thrown_away_in_words(self):
         target, journal = self.folder / "map", self.folder / ".map.partial/journal/survey.journal"
         program = subprocess.Popen([PROGRAM, "build", DRIVE, "-o", target, "--voxel", "0.3"], stderr=subprocess.DEVNULL)
@@ -159,7 +191,7 @@ class CommandLine(unittest.TestCase):
         shutil.copytree(DRIVE, drive)
         (drive / "poses.txt").unlink()
         self.fails(1, "a drive without poses", "build", drive, "-o", new, "--odometry", "given")
-        done = run("build", drive, "-o", new, "--select", ":16", "--detector", "geometric", "--json", self.folder / "b.json")
+        done = run("build", drive, "-o", new, "--select", ":16", "--detector", "geometric", f"--json={self.folder / 'b.json'}")
         self.assertEqual(done.returncode, 0, done.stderr)
         counts = json.loads((self.folder / "b.json").read_text())["trajectory"]
         self.assertEqual(counts["scans_predicted"], 0)
@@ -168,11 +200,11 @@ class CommandLine(unittest.TestCase):
         self.assertEqual((options["odometry"], options["loops"]), ("default", "on"))
         # The drive's true poses say what the map's are worth.
         done = run("evaluate", "odometry", DRIVE, "--select", ":16", "--loops", "off", "--trajectory", path,
-                   "--json", self.folder / "o.json")
+                   f"--json={self.folder / 'o.json'}")
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertLess(json.loads((self.folder / "o.json").read_text())["ate_rmse_m"], 0.05)
         done = run("evaluate", "localization", new, drive, "--poses", path, "--select", "5:16:5", "--prior-error", "1,5",
-                   "--json", self.folder / "l.json")
+                   f"--json={self.folder / 'l.json'}")
         self.assertEqual(done.returncode, 0, done.stderr)
         (level,) = json.loads((self.folder / "l.json").read_text())["levels"]
         self.assertEqual(level["success_rate"], 1.0)
@@ -207,7 +239,7 @@ class CommandLine(unittest.TestCase):
 
     def test_localize_follows_a_drive(self):
         poses, counts = self.folder / "poses.tum", self.folder / "counts.json"
-        done = run("localize", MAP, DRIVE, "--select", "1::4", "-o", poses, "--json", counts)
+        done = run("localize", MAP, DRIVE, "--select", "1::4", "-o", poses, f"--json={counts}")
         self.assertEqual(done.returncode, 0, done.stderr)
         result = json.loads(counts.read_text())
         self.assertEqual(sum(result["status"].values()), result["scans"])
@@ -225,14 +257,14 @@ class CommandLine(unittest.TestCase):
         poses = self.folder / "poses.tum"
         done = run("localize", MAP, DRIVE, "--select", ":1", "--prior", "900,0,0,0", "-o", poses)
         self.assertEqual(done.returncode, 1, done.stderr)
-        self.fails(2, "takes none", "localize", MAP, DRIVE, "--select", "5:5", "-o", poses)
-        self.fails(2, "expected a drive", "localize", MAP, SCAN, "-o", poses)
+        self.fails(2, "selects none", "localize", MAP, DRIVE, "--select", "5:5", "-o", poses)
+        self.fails(2, "are for drives", "localize", MAP, SCAN, "-o", poses)
         program = subprocess.Popen([PROGRAM, "localize", MAP, DRIVE], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                                    text=True)
         program.stdout.readline()
         program.send_signal(signal.SIGINT)
         _, errors = program.communicate(timeout=30)
-        self.assertEqual((program.returncode, errors), (130, "stillmap: cancelled\n"))
+        self.assertEqual((program.returncode, errors), (130, "stillmap: cancelled; nothing was written; the same command starts anew\n"))
         self.assertEqual(list(self.folder.iterdir()), [])
 
     def test_lost_is_1_and_has_no_pose(self):
@@ -266,21 +298,21 @@ class CommandLine(unittest.TestCase):
         summary = json.loads(run("inspect", self.folder / "one", "--content", "--json").stdout)
         self.assertEqual((summary["kind"], summary["content_digest"]), ("map", one.strip()))
         self.assertNotIn("content_digest", json.loads(run("inspect", self.folder / "one", "--json").stdout))
-        self.fails(2, "no map package", "inspect", DRIVE, "--content")
+        self.fails(2, "is for map packages", "inspect", DRIVE, "--content")
 
     def test_build_ends_with_what_it_made_and_what_to_do_next(self):
         made, report = self.folder / "the map", self.folder / "report.json"
-        done = run("build", DRIVE, "-o", made, "--select", ":1", "--json", report)
+        done = run("build", DRIVE, "-o", made, "--select", ":1", f"--json={report}")
         self.assertEqual(done.returncode, 0, done.stderr)
         last = [line.split(None, 1) for line in done.stdout.splitlines()[-4:]]
-        self.assertEqual(last, [["made", str(made)], ["picture", str(made / "preview.png")], ["report", str(report)],
+        self.assertEqual(last, [["made", str(made)], ["picture", str(made / "preview.png")], ["result", str(report)],
                                 ["next", f"{PROGRAM} serve '{made}'"]])
         self.assertTrue((made / "preview.png").exists())
 
     def test_evaluate_writes_its_keys(self):
         file = self.folder / "result.json"
         done = run("evaluate", "localization", MAP, DRIVE, "--select", "1::8", "--prior-error", "0.5,2", "--prior-error",
-                   "1,5", "--json", file)
+                   "1,5", f"--json={file}")
         self.assertEqual(done.returncode, 0, done.stderr)
         result = json.loads(file.read_text())
         self.assertEqual([level["prior_error_m"] for level in result["levels"]], [0.5, 1])
@@ -290,10 +322,10 @@ class CommandLine(unittest.TestCase):
 
     def test_evaluate_map_measures_without_truth_what_the_build_reported(self):
         made, report, file = self.folder / "made", self.folder / "build.json", self.folder / "result.json"
-        build = run("build", DRIVE, "-o", made, "--select", ":4", "--detector", "geometric", "--json", report)
+        build = run("build", DRIVE, "-o", made, "--select", ":4", "--detector", "geometric", f"--json={report}")
         self.assertEqual(build.returncode, 0, build.stderr)
         built = json.loads(report.read_text())
-        done = run("evaluate", "map", made, "--json", file)
+        done = run("evaluate", "map", made, f"--json={file}")
         self.assertEqual(done.returncode, 0, done.stderr)
         result = json.loads(file.read_text())
         self.assertEqual(list(result), ["consistency", "version", "options"])
@@ -303,7 +335,7 @@ class CommandLine(unittest.TestCase):
         for line in ("mean map entropy", "thickness of walls, median", "thickness of ground, median"):
             self.assertIn(line, build.stdout)
             self.assertIn(line, done.stdout)
-        done = run("evaluate", "map", made, "--truth", DRIVE, "--json", file)
+        done = run("evaluate", "map", made, "--truth", DRIVE, f"--json={file}")
         self.assertEqual(done.returncode, 0, done.stderr)
         judged = json.loads(file.read_text())
         self.assertEqual(judged["consistency"], built["consistency"])
@@ -315,7 +347,7 @@ class CommandLine(unittest.TestCase):
 
     def test_evaluate_localization_without_movable_objects(self):
         file = self.folder / "result.json"
-        done = run("evaluate", "localization", MAP, DRIVE, "--select", "1::16", "--query-movable", "delete", "--json", file)
+        done = run("evaluate", "localization", MAP, DRIVE, "--select", "1::16", "--query-movable", "delete", f"--json={file}")
         self.assertEqual(done.returncode, 0, done.stderr)
         result = json.loads(file.read_text())
         self.assertGreater(result["points"]["deleted"], 0)
@@ -323,7 +355,7 @@ class CommandLine(unittest.TestCase):
 
     def test_evaluate_detector_writes_its_keys_and_a_page(self):
         file, page = self.folder / "result.json", self.folder / "page.html"
-        done = run("evaluate", "detector", DRIVE, "--select", "::16", "--json", file, "--report", page)
+        done = run("evaluate", "detector", DRIVE, "--select", "::16", f"--json={file}", "--report", page)
         self.assertEqual(done.returncode, 0, done.stderr)
         result = json.loads(file.read_text())
         for key in ("AP", "recall_centre_1_5m", "false_boxes_per_scan", "points", "ms_per_scan", "scans", "seconds", "options",
@@ -339,7 +371,7 @@ class CommandLine(unittest.TestCase):
         kept = []
         for file in files:
             done = run("evaluate", "paper", "--seeds", "1", "--scans", "4", "--sensor", "vlp16", "--maps", "none,deletion",
-                       "--methods", "icp", "--work", work, "--json", file, "--report", page)
+                       "--methods", "icp", "--work", work, f"--json={file}", "--report", page)
             self.assertEqual(done.returncode, 0, done.stderr)
             self.assertIn("deletion - none", done.stdout)
             kept.append({each: each.stat().st_mtime_ns for each in work.rglob("*")})
@@ -364,7 +396,7 @@ class CommandLine(unittest.TestCase):
         program.send_signal(signal.SIGINT)
         _, errors = program.communicate(timeout=30)
         self.assertEqual(program.returncode, 130, errors)
-        self.assertIn("stillmap: cancelled", errors)
+        self.assertIn("stillmap: cancelled; nothing was written; the same command starts anew", errors)
         self.assertEqual(list(self.folder.iterdir()), [])
 
     def test_serve_says_its_address_and_ends_on_sigterm(self):
@@ -448,7 +480,7 @@ class ServesOneMap(unittest.TestCase):
         self.refused("unpack", SCAN)
         self.refused("manifest.json", DRIVE)
         self.refused("--store", STORE)
-        self.refused("expected one of them", self.map, "--store", STORE)
+        self.refused("cannot both be served", self.map, "--store", STORE)
 
 
 if __name__ == "__main__":

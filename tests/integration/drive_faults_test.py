@@ -138,7 +138,7 @@ class Faults(unittest.TestCase):
         for words, arguments in (("", ()), ("?sensor=mid-360", ()), ("?sensor=mid-360", ("--max-range", 60))):
             report = self.folder.parent / "report.json"
             done = run("build", f"{self.folder}{words}", "-o", self.folder.parent / f"map{len(reports)}", "--select", ":2", "--detector",
-                       "geometric", "--json", report, *arguments)
+                       "geometric", f"--json={report}", *arguments)
             self.assertEqual(done.returncode, 0, done.stderr)
             reports[len(reports)] = json.loads(report.read_text())
         self.assertEqual([(each["options"]["min_range_m"], each["options"]["max_range_m"]) for each in reports.values()],
@@ -166,7 +166,7 @@ class Faults(unittest.TestCase):
         tum.write_text("".join(f"{time:.6f} {x} {y} {z} 0 0 0 1\n" for time, (x, y, z) in path))
         report = self.folder.parent / "report.json"
         done = run("build", self.folder, "-o", self.folder.parent / "map", "--poses", tum, "--select", ":2", "--detector", "geometric",
-                   "--json", report)
+                   f"--json={report}")
         self.assertEqual(done.returncode, 0, done.stderr)
         notes = json.loads(report.read_text())["notes"]
         self.assertEqual(len(notes), 2, notes)

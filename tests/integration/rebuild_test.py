@@ -28,7 +28,7 @@ class Rebuild(unittest.TestCase):
         """A rebuild that writes its progress to a pipe of its own: the process and the pipe's end to read."""
         reader, writer = os.pipe()
         program = subprocess.Popen(
-            [PROGRAM, "rebuild", DRIVE, "-o", self.map, "--work", self.work, "--report", self.report, "--select", ":24",
+            [PROGRAM, "rebuild", DRIVE, "-o", self.map, "--work", self.work, f"--json={self.report}", "--select", ":24",
              "--held-back-every", "3", "--detector", "geometric", "--gate", self.gate(), "--threads", "2", "--progress", "json",
              "--progress-fd", str(writer), *map(str, more)],
             pass_fds=[writer], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, **popen)
@@ -100,7 +100,7 @@ class Rebuild(unittest.TestCase):
             code, lines, errors = self.finish(program, reader)
             self.assertLess(time.monotonic() - began, 2.0, stage)
             self.assertEqual(code, 130, stage)
-            self.assertIn("stillmap: cancelled", errors)
+            self.assertIn(f"stillmap: cancelled; finished work is kept in {self.work}; the same command goes on from there", errors)
             self.assertEqual(lines[-1]["outcome"], "cancelled")
         code, _, errors = self.finish(*self.start())
         self.assertEqual(code, 0, errors)
@@ -132,13 +132,24 @@ class Rebuild(unittest.TestCase):
         self.assertTrue((self.work / "thesis.tex").exists())
 
     def test_estimates_what_it_needs_on_the_disk_and_makes_nothing(self):
-        done = subprocess.run([PROGRAM, "rebuild", DRIVE, "--estimate"], capture_output=True, text=True)
+        done = subprocess.run([PROGRAM, "rebuild", DRIVE, "--estimate", "--json"], capture_output=True, text=True)
         self.assertEqual(done.returncode, 0, done.stderr)
         estimate = json.loads(done.stdout)
         self.assertEqual(estimate["bytes"], estimate["package_bytes"] + estimate["work_bytes"])
         self.assertEqual(estimate["scans"], len(list((pathlib.Path(DRIVE) / "velodyne").iterdir())))
         self.assertGreater(estimate["points"], 1000 * estimate["scans"])
         self.assertEqual(list(self.folder.iterdir()), [])
+
+    def test_a_map_that_does_not_pass_the_gate_is_made_and_ends_with_4(self):
+        # More queries than scans are held back.
+        gate = self.folder / "strict.json"
+        gate.write_text('{"least_queries": 1000}')
+        self.gate = lambda: gate
+        code, lines, errors = self.finish(*self.start())
+        self.assertEqual((code, errors), (4, ""))
+        self.assertEqual(lines[-1]["outcome"], "succeeded")
+        self.assertNotEqual(json.loads(self.report.read_text())["verdict"], "pass")
+        self.assertTrue((self.map / "manifest.json").exists())
 
     def test_asks_for_what_is_missing(self):
         done = subprocess.run([PROGRAM, "rebuild", DRIVE, "--work", self.work], capture_output=True, text=True)

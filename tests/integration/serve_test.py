@@ -105,7 +105,7 @@ class Configuration(FolderTest):
         self.config.write_text("{}")
         done = run("--port", "0", "--store", self.config)
         self.assertEqual((done.returncode, done.stdout), (2, ""))
-        self.assertIn("expected a folder", done.stderr)
+        self.assertIn("is no folder", done.stderr)
 
 
 class Running(FolderTest):

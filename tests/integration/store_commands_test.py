@@ -59,6 +59,32 @@ class StoreCommands(unittest.TestCase):
         self.fails(1, "no version '3'", "store", "activate", self.store, "town", "3")
         self.fails(2, "'Town'", "store", "add", self.store, "Town", "1", MAP)
 
+    def test_list_names_maps_versions_and_what_is_active(self):
+        digest = self.publish("1")["digest"]
+        self.publish("2")
+        self.does("store", "add", self.store, "yard", "a", MAP)
+        listed = self.json("store", "list", self.store)
+        town, yard = listed["maps"]
+        self.assertEqual([(each["name"], each["version"], each["previous_version"], each["revision"]) for each in (town, yard)],
+                         [("town", "2", "1", 2), ("yard", None, None, 0)])
+        self.assertEqual([(each["version"], each["active"], each["digest"]) for each in town["versions"]],
+                         [("1", False, digest), ("2", True, digest)])
+        # The package is the same one, so that it counts once.
+        self.assertEqual({listed["bytes"], town["bytes"], yard["bytes"], yard["versions"][0]["bytes"]}, {listed["bytes"]})
+        self.assertGreater(listed["bytes"], 1000)
+        self.assertEqual(self.json("store", "list", self.store, "yard")["maps"], [yard])
+        lines = [line.split() for line in self.does("store", "list", self.store).splitlines()]
+        self.assertEqual([line[:3] for line in lines[1:4]],
+                         [["town", "1", "previous"], ["town", "2", "active"], ["yard", "a", lines[3][2]]])
+        self.fails(1, "no map 'none'", "store", "list", self.store, "none")
+
+    def test_rollback_goes_back_to_the_version_before(self):
+        self.publish("1")
+        self.fails(1, "town", "store", "rollback", self.store, "town")
+        self.publish("2")
+        self.assertIn("town 1 is active again", self.does("store", "rollback", self.store, "town"))
+        self.assertEqual(self.json("store", "rollback", self.store, "town")["version"], "2")
+
     def test_a_missing_store_is_made_in_a_folder_that_exists(self):
         for name, command in (("a", ("store", "add", self.folder / "a", "town", "1", MAP)),
                               ("b", ("keys", "create", "bob", "--scope", "read", "--store", self.folder / "b"))):
@@ -68,7 +94,7 @@ class StoreCommands(unittest.TestCase):
         self.fails(2, f"mkdir -p {nowhere.parent}", "store", "add", nowhere, "town", "1", MAP)
         self.fails(2, f"mkdir -p {nowhere.parent}", "keys", "create", "bob", "--scope", "read", "--store", nowhere)
         # What looks into a store makes none.
-        self.fails(2, "found nothing", "store", "verify", self.folder / "c")
+        self.fails(2, "does not exist", "store", "verify", self.folder / "c")
         self.assertEqual(sorted(each.name for each in self.folder.iterdir()), ["a", "b", "store"])
 
     def test_verify_names_the_broken_file_and_fails(self):
@@ -192,7 +218,8 @@ class StoreCommands(unittest.TestCase):
         self.fails(2, "0", "keys", "create", "car", "--store", self.store, "--scope", "read", "--expires-days", "0")
         for command in (["store", "verify", self.store], ["store", "gc", self.store], ["store", "reindex", self.store],
                         ["store", "backup", self.store, "-o", self.folder / "new"],
-                        ["store", "activate", self.store, "town", "1"], ["store", "remove", self.store, "town", "1"],
+                        ["store", "activate", self.store, "town", "1"], ["store", "list", self.store],
+                        ["store", "rollback", self.store, "town"], ["store", "remove", self.store, "town", "1"],
                         ["keys", "list", "--store", self.store],
                         ["keys", "revoke", "x", "--store", self.store]):
             self.fails(1, "no state.db", *command)

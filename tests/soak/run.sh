@@ -33,7 +33,7 @@ street() { # street SEED: map from day 1, queries from day 2
   "$program" simulate town -o "$folder/day2" --seed "$1" --day 2 --scans 80
   "$program" build "$folder/day1" -o "$folder/map"
   "$program" evaluate localization "$folder/map" "$folder/day2" --prior-error 1,5 --prior-error 2,10 --trials 5 \
-    --seed "$1" --json "$marks/street_$1.json"
+    --seed "$1" --json="$marks/street_$1.json"
   rm -rf "$folder"
 }
 

@@ -3,15 +3,15 @@ import { useEffect, useRef, useState } from 'preact/hooks';
 import { connection, unanswered } from './api/connection.js';
 import { down, toApiError, type ApiError } from './api/errors.js';
 import { Header } from './header.js';
-import { place } from './router.js';
+import { place, type ViewProps } from './state/router.js';
 import { KeyDialog } from './ui/key_dialog.js';
 import { Notices } from './ui/notices.js';
 import { Empty, Trouble } from './ui/parts.js';
-import { useStore } from './ui/store.js';
+import { useStore } from './state/store.js';
 import { UploadTray } from './upload/tray.js';
-import { kViews, type View, type ViewComponent, type ViewProps } from './views.js';
+import { kViews, type View, type ViewComponent } from './views.js';
 
-/** The page: header, the view of the address, and what may lie in front of it. */
+/** The page: header, the view of the address, uploads, notices and the key dialog. */
 export function App() {
   const { view: name, path, query } = useStore(place);
   const view = kViews[name === '' ? 'maps' : name];
@@ -20,17 +20,17 @@ export function App() {
   const first = useRef(true);
   useEffect(() => {
     document.title = view === undefined ? 'stillmap' : `${[...path].reverse().concat(view.title).join(' – ')} – stillmap`;
-    // A reader of the screen, and the keyboard, begin at the new view; not when the page opens.
+    // Screen readers and the keyboard start at the new view; not when the page opens.
     if (!first.current) main.current?.focus();
     first.current = false;
   }, [at]);
   return (
     <>
-      <a class="skip" href="#main" onClick={(event) => { event.preventDefault(); main.current?.focus(); }}>To the content</a>
+      <a class="skip" href="#main" onClick={(event) => { event.preventDefault(); main.current?.focus(); }}>Skip to the content</a>
       <Header current={name === '' ? 'maps' : name} />
       <main id="main" ref={main} tabIndex={-1} class={view?.whole === true ? 'whole' : 'page'}>
         {view === undefined
-          ? <Empty title="There is no such page"><p><a href="#/maps">To the maps</a></p></Empty>
+          ? <Empty title="This page does not exist"><p><a href="#/maps">All maps</a></p></Empty>
           : <Guard key={name}><Lazy view={view} props={{ path, query }} /></Guard>}
       </main>
       <UploadTray />
@@ -40,7 +40,7 @@ export function App() {
   );
 }
 
-/** Fetches a view's code where it is not there yet, then shows it. */
+/** Loads a view's code if needed, then shows the view. */
 function Lazy({ view, props }: { view: View; props: ViewProps }) {
   const { show } = view;
   const [found, setFound] = useState<{ of: View; Component: ViewComponent }>();
@@ -65,7 +65,7 @@ function Lazy({ view, props }: { view: View; props: ViewProps }) {
   if (error !== undefined) {
     return (
       <div class="page">
-        <Trouble error={error} title="This part of the page could not be loaded" onRetry={() => window.location.reload()} />
+        <Trouble error={error} title="This view could not be loaded" onRetry={() => window.location.reload()} />
       </div>
     );
   }
@@ -73,13 +73,13 @@ function Lazy({ view, props }: { view: View; props: ViewProps }) {
   return <found.Component {...props} />;
 }
 
-/** The server is away, or has another version of the page by now. */
+/** The server is down, or has another version of the page by now. */
 function notFetched(): ApiError {
   unanswered();
   return down();
 }
 
-/** Catches what a view throws while it is drawn, so that the rest of the page lives on. */
+/** Catches errors while a view is drawn, so that the rest of the page keeps working. */
 class Guard extends Component<{ children: ComponentChildren }, { error?: ApiError }> {
   override componentDidCatch(error: unknown): void {
     console.error(error);

@@ -1,9 +1,9 @@
 import { useEffect, useState } from 'preact/hooks';
 import { connection } from './api/connection.js';
 import { askForKey, key } from './api/keys.js';
-import { linkTo } from './router.js';
+import { linkTo } from './state/router.js';
 import { Icon } from './ui/icon.js';
-import { useStore } from './ui/store.js';
+import { useStore } from './state/store.js';
 import { chooseTheme, themeChoice, type ThemeChoice } from './ui/theme.js';
 import { kMainViews, kViews } from './views.js';
 
@@ -41,9 +41,9 @@ function ConnectionState() {
   }, [now]);
   return (
     <p class={`connection ${now.state}`} role="status">
-      {now.state === 'down' && 'The server does not answer; trying again…'}
+      {now.state === 'down' && 'The server does not answer. Trying again…'}
       {now.state === 'slow' && 'Waiting for the server…'}
-      {now.state === 'busy' && <span title={now.words}>The server is busy; trying again {inSeconds(now.retryAtMs)}</span>}
+      {now.state === 'busy' && <span title={now.words}>The server is busy. Trying again {inSeconds(now.retryAtMs)}</span>}
     </p>
   );
 }
@@ -57,14 +57,14 @@ function KeyState() {
   const has = useStore(key) !== undefined;
   return (
     <button type="button" class="plain" onClick={askForKey}>
-      <Icon name="key" /> <span class="label">{has ? 'Key in use' : 'No key'}</span>
+      <Icon name="key" /> <span class="label">{has ? 'Key set' : 'No key'}</span>
     </button>
   );
 }
 
 const kNextTheme: Record<ThemeChoice, ThemeChoice> = { system: 'dark', dark: 'light', light: 'system' };
 const kThemeWords: Record<ThemeChoice, string> = {
-  system: 'Colours as the system’s', dark: 'Dark colours', light: 'Light colours',
+  system: 'System colours', dark: 'Dark colours', light: 'Light colours',
 };
 
 function ThemeChoiceButton() {
@@ -73,7 +73,7 @@ function ThemeChoiceButton() {
   return (
     <button
       type="button" class="plain" title={kThemeWords[choice]}
-      aria-label={`${kThemeWords[choice]}; press for: ${kThemeWords[kNextTheme[choice]].toLowerCase()}`}
+      aria-label={`${kThemeWords[choice]}. Switch to: ${kThemeWords[kNextTheme[choice]].toLowerCase()}`}
       onClick={() => chooseTheme(kNextTheme[choice])}
     >
       <Icon name={icon} />

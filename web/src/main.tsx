@@ -2,7 +2,7 @@ import { render } from 'preact';
 import './upload/upload.css';
 import { App } from './app.js';
 import { startWatching } from './jobs/watch.js';
-import { startRouter } from './router.js';
+import { startRouter } from './state/router.js';
 import { startTheme } from './ui/theme.js';
 import { guardUploads } from './upload/manager.js';
 

@@ -1,28 +1,22 @@
 import type { ComponentType } from 'preact';
-import ApiView from './apipage/index.js';
 import JobsView from './jobs/index.js';
 import KeysView from './keys/index.js';
 import MapsView from './maps/index.js';
-
-/** What a view is given: the parts of the address behind its name, and the query. */
-export interface ViewProps {
-  path: string[];
-  query: URLSearchParams;
-}
+import type { ViewProps } from './state/router.js';
 
 export type ViewComponent = ComponentType<ViewProps>;
 
 export interface View {
   title: string;
-  /** Fills the window below the header, without the page's own margins and scrolling. */
+  /** Fills the window below the header, without margins and scrolling. */
   whole?: boolean;
-  /** The component, or how to fetch the piece of script that holds it. */
+  /** The component, or how to load the script that has it. */
   show: ViewComponent | { fetch: () => Promise<{ default: ViewComponent }> };
 }
 
 /**
- * Every view by the first part of its address. Lists and forms come with the page, so that they work on when the server
- * is away; views in 3D are pieces of their own, fetched when first gone to.
+ * Every view by the first part of its address. Lists and forms are part of the page's first script, so that they still
+ * work when the server is down. Large views are scripts of their own, loaded when first opened.
  */
 export const kViews: Readonly<Record<string, View>> = {
   maps: { title: 'Maps', show: MapsView },
@@ -31,8 +25,8 @@ export const kViews: Readonly<Record<string, View>> = {
   compare: { title: 'Compare', whole: true, show: { fetch: () => import('./compare/index.js') } },
   localize: { title: 'Localization', whole: true, show: { fetch: () => import('./localize/index.js') } },
   keys: { title: 'Keys', show: KeysView },
-  api: { title: 'API', show: ApiView },
+  api: { title: 'API', show: { fetch: () => import('./apipage/index.js') } },
 };
 
-/** Those of the header, in order. */
+/** The views in the header, in order. */
 export const kMainViews = ['maps', 'jobs', 'keys', 'api'] as const;

@@ -42,7 +42,7 @@ template <int N>
 /// neighbours share (a voxel's mean, a bent wall, a car that moved) count once, H^-1 (sum_b g_b
 /// g_b^T) H^-1 over blocks of space (Huber's sandwich, clustered), and more where the map's
 /// surfaces are thicker than a map's with exact poses. Its factors are calibrated on simulated
-/// drives (localization/README.md).
+/// drives (localization/how_it_works.md).
 template <int N>
 class ClusteredSums {
  public:

@@ -70,9 +70,9 @@ bool contradicts(const Prior& prior, const AlignmentResult& result) {
   return !(squares < kMaxChiSquared);
 }
 
-AlignmentResult lost(std::string reason, const Eigen::Isometry3d& T_map_lidar) {
+AlignmentResult lost(Reason reason, const Eigen::Isometry3d& T_map_lidar) {
   AlignmentResult result;
-  result.reasons.push_back(std::move(reason));
+  result.reasons.push_back(reason);
   result.T_map_lidar = T_map_lidar;
   return result;
 }

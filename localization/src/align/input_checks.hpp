@@ -4,8 +4,6 @@
 
 #include <Eigen/Geometry>
 
-#include <string>
-
 namespace stillmap::localization {
 
 /// @throws std::invalid_argument if a coordinate is not finite, there are times but not one a
@@ -22,6 +20,6 @@ void require_usable(const Prior& prior);
 [[nodiscard]] bool contradicts(const Prior& prior, const AlignmentResult& result);
 /// A result that is `kLost` for one reason.
 [[nodiscard]] AlignmentResult lost(
-    std::string reason, const Eigen::Isometry3d& T_map_lidar = Eigen::Isometry3d::Identity());
+    Reason reason, const Eigen::Isometry3d& T_map_lidar = Eigen::Isometry3d::Identity());
 
 }  // namespace stillmap::localization

@@ -4,9 +4,10 @@
 #include "noise_information.hpp"
 #include "pose_search.hpp"
 #include "query.hpp"
+#include "refine.hpp"
 #include "registration.hpp"
-#include "settle.hpp"
-#include "verdict.hpp"
+#include "support.hpp"
+#include "uncertainty.hpp"
 
 #include <stillmap/maps/frames.hpp>
 
@@ -19,13 +20,15 @@
 namespace stillmap::localization {
 namespace {
 
-/// First kernel of a level as a share of its edge, as in `settle`, and the last one as in the
-/// aligner of whole maps.
+/// First kernel of a level as a share of its edge, as in `refine_coarse`, and the last one as in
+/// the aligner of whole maps.
 constexpr float kFirstLocalKernelShare = 0.6F;
 constexpr float kCoarseKernelShare = 0.3F;
 constexpr float kFinalLocalKernelShare = 0.15F;
 constexpr std::size_t kCoarsePoints = 1000;
-constexpr std::size_t kMaxLocalCandidates = 4;
+/// How far around a guess it is searched.
+constexpr SearchWindow kLocalWindow{
+    .radius_m = 6.0, .yaw_rad = 0.40, .height_m = 0.0, .max_candidates = 4};
 
 void require_usable(const Eigen::Isometry3d& T, const char* name) {
   if (T.matrix().allFinite()) return;
@@ -109,14 +112,16 @@ Eigen::Isometry3d LocalMap::searched(std::span<const Eigen::Vector3f> points_lid
   const Query query = query_of(points_lidar, T_odom_lidar_guess.linear());
   const Eigen::Isometry3d T_guess = maps::renormalized(T_odom_lidar_guess);
   const MapIndex::Level& searched_level = levels[levels.size() - 2];
-  std::vector<Eigen::Isometry3d> starts = search_poses(
-      searched_level, state_->voxels.origin(), query, T_guess, SearchWindow{}, kMaxLocalCandidates);
+  std::vector<Eigen::Isometry3d> starts =
+      search_poses(searched_level, state_->voxels.origin(), query, T_guess, kLocalWindow);
   starts.push_back(T_guess);
-  Place best;
-  best.support = -1.0;
+  Candidate best;
+  best.score = -1.0;
+  int uncounted = 0;
   for (const Eigen::Isometry3d& T_map_lidar : starts) {
-    const Place place = settle(levels, query, state_->to_local(T_map_lidar), 0.0F);
-    if (place.support > best.support) best = place;
+    const Candidate candidate =
+        refine_coarse(levels, query, state_->to_local(T_map_lidar), uncounted, 0.0F);
+    if (candidate.score > best.score) best = candidate;
   }
   return state_->to_odom(best.T_index_lidar);
 }

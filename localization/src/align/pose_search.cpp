@@ -161,8 +161,7 @@ std::vector<Hypothesis> best_places(std::vector<Hypothesis>& all, std::size_t co
 std::vector<Eigen::Isometry3d> search_poses(const MapIndex::Level& level,
                                             const Eigen::Vector3d& origin, const Query& query,
                                             const Eigen::Isometry3d& T_map_lidar_prior,
-                                            const SearchWindow& window,
-                                            std::size_t max_candidates) {
+                                            const SearchWindow& window) {
   const std::vector<Eigen::Vector3f> points =
       points_to_try(query, T_map_lidar_prior.linear(), true);
   if (points.empty()) return {T_map_lidar_prior};
@@ -194,14 +193,14 @@ std::vector<Eigen::Isometry3d> search_poses(const MapIndex::Level& level,
                  : std::vector<Eigen::Vector3f>{};
   std::vector<Eigen::Isometry3d> candidates;
   std::size_t looked_up_and_down = 0;
-  for (const Hypothesis& h : best_places(all, max_candidates)) {
+  for (const Hypothesis& h : best_places(all, window.max_candidates)) {
     Eigen::Isometry3d T = T_map_lidar_prior;
     const Eigen::AngleAxisd R_yaw(h.yaw * kYawStepRad, Eigen::Vector3d::UnitZ());
     T.linear() = R_yaw.toRotationMatrix() * T_map_lidar_prior.linear();
     T.translation() += edge_m * Eigen::Vector3d(h.x, h.y, 0.0);
     candidates.push_back(T);
     // Of the best alone: a query of a tower block has its bounds, too.
-    if (level_points.empty() || ++looked_up_and_down > max_candidates) continue;
+    if (level_points.empty() || ++looked_up_and_down > window.max_candidates) continue;
     turned.resize(level_points.size());
     for (std::size_t i = 0; i < turned.size(); ++i) {
       turned[i] = R_yaw.toRotationMatrix().cast<float>() * level_points[i] + centre;

@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 
+#include <cstddef>
 #include <vector>
 
 namespace stillmap::localization {
@@ -12,11 +13,13 @@ namespace stillmap::localization {
 /// How far around the prior poses are tried.
 struct SearchWindow {
   /// Horizontal, to each side along the map's axes [m], >= 0.
-  double radius_m = 6.0;
+  double radius_m = 0.0;
   /// Yaw to each side [rad], >= 0.
-  double yaw_rad = 0.40;
+  double yaw_rad = 0.0;
   /// Up and down to other floors that fit as well as the prior's own [m], >= 0.
   double height_m = 0.0;
+  /// See `search_poses`, >= 1.
+  std::size_t max_candidates = 3;
 };
 
 /// Counts hits of standing points in the map's occupied cells for every pose on a grid of the
@@ -33,7 +36,6 @@ struct SearchWindow {
 /// prior alone when nothing stands in the scan.
 [[nodiscard]] std::vector<Eigen::Isometry3d> search_poses(
     const MapIndex::Level& level, const Eigen::Vector3d& origin, const Query& query,
-    const Eigen::Isometry3d& T_map_lidar_prior, const SearchWindow& window,
-    std::size_t max_candidates);
+    const Eigen::Isometry3d& T_map_lidar_prior, const SearchWindow& window);
 
 }  // namespace stillmap::localization

@@ -2,8 +2,6 @@
 
 #include "index/voxel_table.hpp"
 
-#include <stillmap/localization/thinning.hpp>
-
 #include <algorithm>
 #include <cmath>
 
@@ -46,10 +44,13 @@ std::vector<char> standing_flags(const std::vector<Eigen::Vector3f>& points,
   return flags;
 }
 
-Query thin(const maps::PointCloud& scan_lidar, const Eigen::Matrix3d& R_map_lidar) {
-  std::vector<std::size_t> kept = one_point_a_cell(scan_lidar.positions, kCellM, Lone::kLeftOut);
-  if (kept.size() < kFewPoints)
-    kept = one_point_a_cell(scan_lidar.positions, 0.5F * kCellM, Lone::kLeftOut);
+Query thin(const maps::PointCloud& scan_lidar, const Eigen::Matrix3d& R_map_lidar,
+           double own_vehicle_m) {
+  const auto thinned_to = [&](float cell_m) {
+    return one_point_a_cell(scan_lidar.positions, cell_m, Lone::kLeftOut, own_vehicle_m);
+  };
+  std::vector<std::size_t> kept = thinned_to(kCellM);
+  if (kept.size() < kFewPoints) kept = thinned_to(0.5F * kCellM);
   std::vector<Eigen::Vector3f> cells;
   for (const std::size_t i : kept) cells.push_back(scan_lidar.positions[i]);
   const std::vector<char> stands = standing_flags(cells, R_map_lidar.cast<float>());

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <stillmap/localization/thinning.hpp>
 #include <stillmap/maps/scan.hpp>
 
 #include <Eigen/Core>
@@ -32,7 +33,9 @@ inline constexpr std::size_t kMaxQueryPoints = 4000;
 /// One point a cell of 0.5 m (the first in the scan's order), then every k-th so that the limit
 /// holds. Points beyond 500 m are left out: no lidar of ours sees them, and they would overflow the
 /// grid.
-/// @param R_map_lidar  rotation of the prior: tells where up is.
-[[nodiscard]] Query thin(const maps::PointCloud& scan_lidar, const Eigen::Matrix3d& R_map_lidar);
+/// @param R_map_lidar    rotation of the prior: tells where up is.
+/// @param own_vehicle_m  see `AlignerOptions`.
+[[nodiscard]] Query thin(const maps::PointCloud& scan_lidar, const Eigen::Matrix3d& R_map_lidar,
+                         double own_vehicle_m = kOwnVehicleM);
 
 }  // namespace stillmap::localization

@@ -12,21 +12,19 @@ namespace stillmap::localization {
 namespace {
 
 constexpr float kMaxRangeM = 500.0F;
-/// What is nearer is the vehicle itself, which no map holds: bonnet and tail of a car reach 2.5 m
-/// from a sensor on its roof. Where much is that near, one is in a narrow place, and it counts.
-constexpr float kOwnVehicleM = 2.7F;
+/// Where more of a scan is as near as the vehicle itself, one is in a narrow place, and it counts.
 constexpr float kMostOwnShare = 0.25F;
 /// Larger scans are strided down to this first; neighbours in the scan are closer than a cell
 /// anyway.
 constexpr std::size_t kMaxRead = 400'000;
 
 /// Range below which points are left out.
-float nearest_range_m(std::span<const Eigen::Vector3f> positions) {
-  const auto near = std::count_if(positions.begin(), positions.end(), [](const auto& p) {
-    return p.squaredNorm() < kOwnVehicleM * kOwnVehicleM;
+float nearest_range_m(std::span<const Eigen::Vector3f> positions, float own_vehicle_m) {
+  const auto near = std::count_if(positions.begin(), positions.end(), [&](const auto& p) {
+    return p.squaredNorm() < own_vehicle_m * own_vehicle_m;
   });
   const float share = static_cast<float>(near) / static_cast<float>(positions.size() + 1);
-  return share < kMostOwnShare ? kOwnVehicleM : 0.0F;
+  return share < kMostOwnShare ? own_vehicle_m : 0.0F;
 }
 
 /// Lone points are looked for in cells whose edge is at least one of so many parts of the range: a
@@ -121,8 +119,8 @@ void leave_out_lone(std::span<const Eigen::Vector3f> positions, Cells& cells) {
 }  // namespace
 
 std::vector<std::size_t> one_point_a_cell(std::span<const Eigen::Vector3f> positions, float cell_m,
-                                          Lone lone) {
-  const float nearest_m = nearest_range_m(positions);
+                                          Lone lone, double own_vehicle_m) {
+  const float nearest_m = nearest_range_m(positions, static_cast<float>(own_vehicle_m));
   Cells cells{.edge_m = cell_m, .points = {}, .counts = {}};
   VoxelTable table(positions.size() / 8);
   const std::size_t step = positions.size() / kMaxRead + 1;

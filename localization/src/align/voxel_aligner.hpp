@@ -1,6 +1,7 @@
 #pragma once
 
 #include <stillmap/localization/aligner.hpp>
+#include <stillmap/localization/options.hpp>
 
 #include <memory>
 #include <optional>
@@ -9,15 +10,15 @@
 namespace stillmap::localization {
 
 class PlaceSearch;
+struct Query;
 
-/// The default aligner: search around the prior, or over the whole map, on coarse cells;
-/// Gauss-Newton on distributions from coarse to fine with a kernel that narrows; then the verdict.
-/// See localization/README.md.
+/// The default aligner. A query goes through it once, from top to bottom: find candidates, refine
+/// them, deskew the scan, refine the best one, judge it. See localization/how_it_works.md.
 class VoxelAligner : public Aligner {
  public:
-  /// @throws std::invalid_argument if `index` is null or a pose is not finite.
+  /// @throws std::invalid_argument if `index` is null, a pose is not finite or an option is broken.
   VoxelAligner(std::shared_ptr<const MapIndex> index,
-               const std::vector<Eigen::Isometry3d>& seen_from);
+               const std::vector<Eigen::Isometry3d>& seen_from, const LocalizationOptions& options);
   ~VoxelAligner() override;
   [[nodiscard]] AlignmentResult align(const maps::PointCloud& scan_lidar,
                                       const std::optional<Prior>& prior) const override;
@@ -26,8 +27,12 @@ class VoxelAligner : public Aligner {
   [[nodiscard]] AlignmentResult align_near(const maps::PointCloud& scan_lidar,
                                            const Prior& prior) const;
   [[nodiscard]] AlignmentResult align_anywhere(const maps::PointCloud& scan_lidar) const;
+  /// @param starts  `T_map_lidar`, at least one. @param prior  may be null.
+  [[nodiscard]] AlignmentResult align_from(const std::vector<Eigen::Isometry3d>& starts,
+                                           const Query& thinned, const Prior* prior) const;
 
   std::shared_ptr<const MapIndex> index_;
+  LocalizationOptions options_;
   /// Null when nobody says where the map was seen from.
   std::unique_ptr<const PlaceSearch> places_;
 };

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "align/verdict.hpp"
+#include "align/judge.hpp"
 #include "reference/terms.hpp"
 
 #include <vector>

@@ -28,17 +28,17 @@ ReferenceAligner::ReferenceAligner(std::shared_ptr<const MapPoints> map,
 AlignmentResult ReferenceAligner::align(const maps::PointCloud& scan_lidar,
                                         const std::optional<Prior>& prior) const {
   require_usable(scan_lidar);
-  if (!prior) return lost("needs_prior");
+  if (!prior) return lost(Reason::kNeedsPrior);
   require_usable(*prior);
   const std::vector<Eigen::Vector3f> points = thinned(scan_lidar.positions, method_.scan_leaf_m);
-  if (points.size() < kFewestPoints) return lost("too_few_points", prior->T_map_lidar);
+  if (points.size() < kFewestPoints) return lost(Reason::kTooFewPoints, prior->T_map_lidar);
   Eigen::Isometry3d T_start = prior->T_map_lidar;
   T_start.translation() -= map_->origin();
   if (!map_->within_bounds(T_start.translation(), kPointsMarginM)) {
-    return lost("outside_map", prior->T_map_lidar);
+    return lost(Reason::kOutsideMap, prior->T_map_lidar);
   }
   const Registration registration = method_.align(*map_, points, T_start);
-  if (registration.terms.empty()) return lost("little_overlap", prior->T_map_lidar);
+  if (registration.terms.empty()) return lost(Reason::kLittleOverlap, prior->T_map_lidar);
 
   AlignmentResult result;
   result.T_map_lidar = registration.T_local_lidar;
@@ -56,11 +56,11 @@ AlignmentResult ReferenceAligner::align(const maps::PointCloud& scan_lidar,
   evidence.not_deskewed =
       std::any_of(scan_lidar.time_offsets_s.begin(), scan_lidar.time_offsets_s.end(),
                   [](float t) { return t != 0.0F; });
-  judge(evidence, uncertainty.covariance, result);
+  judge(evidence, uncertainty.covariance, VerdictOptions{}, result);
   result.protection = ProtectionLevels{};
   if (result.status != PoseStatus::kLost && !(registration.last_step_m < kSettledM)) {
     result.status = PoseStatus::kDegraded;
-    result.reasons.emplace_back("not_converged");
+    result.reasons.push_back(Reason::kNotConverged);
   }
   return result;
 }

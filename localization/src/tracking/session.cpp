@@ -32,14 +32,14 @@ constexpr double kKnownTurnRad_S = 0.2;
 /// right about the time, and it was the newest that was not.
 constexpr int kScansOfAnotherClock = 5;
 
-void add_reason(AlignmentResult& result, const char* reason) {
+void add_reason(AlignmentResult& result, Reason reason) {
   if (std::find(result.reasons.begin(), result.reasons.end(), reason) == result.reasons.end()) {
-    result.reasons.emplace_back(reason);
+    result.reasons.push_back(reason);
   }
 }
 
 /// Takes `ok` and its protection back.
-void demote(AlignmentResult& result, PoseStatus status, const char* reason) {
+void demote(AlignmentResult& result, PoseStatus status, Reason reason) {
   result.status = status;
   result.protection = {};
   add_reason(result, reason);
@@ -47,7 +47,7 @@ void demote(AlignmentResult& result, PoseStatus status, const char* reason) {
 
 /// The prediction in place of a match; the other fields still tell how the match went.
 AlignmentResult in_place_of(const AlignmentResult& match, const MotionState& predicted,
-                            const char* reason) {
+                            Reason reason) {
   AlignmentResult result = match;
   demote(result, PoseStatus::kDegraded, reason);
   result.T_map_lidar = predicted.pose.T;
@@ -56,7 +56,8 @@ AlignmentResult in_place_of(const AlignmentResult& match, const MotionState& pre
 }
 
 bool is_ambiguous(const AlignmentResult& match) {
-  return std::find(match.reasons.begin(), match.reasons.end(), "ambiguous") != match.reasons.end();
+  return std::find(match.reasons.begin(), match.reasons.end(), Reason::kAmbiguous) !=
+         match.reasons.end();
 }
 
 /// A prediction that knows no attitude and is turned far from the match, with the match's rotation:
@@ -108,7 +109,7 @@ TrackedPose TrackingSession::track(std::int64_t stamp_ns, const maps::PointCloud
     // On a copy: the aligner may throw.
     TrackingSession anew(aligner_, options_);
     TrackedPose answer = anew.answer_next(stamp_ns, scan_lidar, odometry);
-    add_reason(answer.result, "clock_set_back");
+    add_reason(answer.result, Reason::kClockSetBack);
     anew.history_.add(answer);
     *this = std::move(anew);
     return answer;
@@ -228,7 +229,7 @@ void TrackingSession::match(Step& step, const maps::PointCloud& scan_lidar,
     step.match = aligner_->align(scan_lidar, prior);
   }
   step.found = step.match.status != PoseStatus::kLost;
-  const bool against = std::erase(step.match.reasons, "contradicts_prior") > 0;
+  const bool against = std::erase(step.match.reasons, Reason::kContradictsPrior) > 0;
   step.agrees = step.found && !against && step.predicted &&
                 step.predicted->drift_m <= kVagueShare * options_.max_drift_m &&
                 chi_squared(step.predicted->pose, {step.match.T_map_lidar, step.match.covariance}) <
@@ -272,11 +273,11 @@ AlignmentResult TrackingSession::coast(Belief& belief, const Step& step) const {
   AlignmentResult result = step.match;
   if (step.found) {
     ++belief.contradictions;
-    add_reason(result, "contradicts_motion");
+    add_reason(result, Reason::kContradictsMotion);
   }
-  if (belief.matched) return in_place_of(result, *step.predicted, "coasting");
+  if (belief.matched) return in_place_of(result, *step.predicted, Reason::kCoasting);
   // A pose that was given and that no scan has agreed with is the caller's own, no answer.
-  demote(result, PoseStatus::kLost, "not_tracked");
+  demote(result, PoseStatus::kLost, Reason::kNotTracked);
   return result;
 }
 
@@ -284,7 +285,7 @@ AlignmentResult TrackingSession::search(Belief& belief, const Step& step) const 
   AlignmentResult result = step.match;
   if (!step.found || is_ambiguous(step.match)) {
     ++belief.misses;
-    demote(result, step.match.status, step.found ? "unconfirmed" : "not_tracked");
+    demote(result, step.match.status, step.found ? Reason::kUnconfirmed : Reason::kNotTracked);
     return result;
   }
   const bool again = belief.agreed > 0;
@@ -295,14 +296,14 @@ AlignmentResult TrackingSession::search(Belief& belief, const Step& step) const 
     belief.anchor =
         model_.at_unknown_velocity(step.stamp_ns, {step.match.T_map_lidar, step.match.covariance});
     belief.agreed = 1;
-    if (step.predicted && !step.agrees) add_reason(result, "contradicts_motion");
+    if (step.predicted && !step.agrees) add_reason(result, Reason::kContradictsMotion);
   }
   belief.matched_ns = step.stamp_ns;
   belief.matched = true;
   belief.misses = 0;
   belief.contradictions = 0;
   if (!is_confirmed(belief)) {
-    demote(result, PoseStatus::kDegraded, "unconfirmed");
+    demote(result, PoseStatus::kDegraded, Reason::kUnconfirmed);
   } else {
     belief.mode = Mode::kTracking;
   }
@@ -316,23 +317,23 @@ TrackedPose TrackingSession::answer_late(std::int64_t stamp_ns,
   step.from = SearchedFrom::kNowhere;
   const auto around = history_.keeps(stamp_ns) ? history_.around(stamp_ns) : std::nullopt;
   if (!around) {
-    demote(step.match, PoseStatus::kLost, "too_old");
+    demote(step.match, PoseStatus::kLost, Reason::kTooOld);
     return {stamp_ns, step.match, step.from};
   }
   const auto& [before, after] = *around;
   step.predicted = after != nullptr ? model_.interpolated(before->state, after->state, stamp_ns)
                                     : model_.predicted(before->state, stamp_ns);
   if (!(step.predicted->drift_m <= options_.max_drift_m)) {
-    demote(step.match, PoseStatus::kLost, "not_tracked");
+    demote(step.match, PoseStatus::kLost, Reason::kNotTracked);
     return {stamp_ns, step.match, step.from};
   }
   step.from = SearchedFrom::kInterpolation;
   match(step, scan_lidar, Prior{step.predicted->pose.T, step.predicted->pose.covariance});
   AlignmentResult result = step.match;
-  if (step.found && !step.agrees) add_reason(result, "contradicts_motion");
-  if (!step.agrees) result = in_place_of(result, *step.predicted, "interpolated");
+  if (step.found && !step.agrees) add_reason(result, Reason::kContradictsMotion);
+  if (!step.agrees) result = in_place_of(result, *step.predicted, Reason::kInterpolated);
   if (!before->confirmed || (after != nullptr && !after->confirmed)) {
-    demote(result, step.agrees ? PoseStatus::kDegraded : PoseStatus::kLost, "unconfirmed");
+    demote(result, step.agrees ? PoseStatus::kDegraded : PoseStatus::kLost, Reason::kUnconfirmed);
   }
   return {stamp_ns, result, step.from};
 }

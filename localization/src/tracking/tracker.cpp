@@ -59,30 +59,10 @@ std::string_view name_of(SearchedFrom from) {
   throw std::invalid_argument(fmt::format("SearchedFrom: {}, unknown", static_cast<int>(from)));
 }
 
-std::vector<std::string> TrackerOptions::violations() const {
-  std::vector<std::string> out;
-  const auto check = [&out](const char* name, double value, double low, double high) {
-    if (!(value >= low && value <= high)) {
-      out.push_back(fmt::format("{}: found {:g}, expected {:g} to {:g}", name, value, low, high));
-    }
-  };
-  check("acceleration_density", acceleration_density, 1e-4, 1e4);
-  check("turn_acceleration_density", turn_acceleration_density, 1e-6, 1e2);
-  check("unknown_speed_m_s", unknown_speed_m_s, 0.01, 1000.0);
-  check("unknown_turn_rad_s", unknown_turn_rad_s, 0.001, 100.0);
-  check("max_coast_s", max_coast_s, 0.0, 60.0);
-  check("max_drift_m", max_drift_m, 0.1, 100.0);
-  check("max_contradictions", max_contradictions, 1, 1000);
-  check("wide_searches", wide_searches, 0, 1000);
-  check("agreeing_answers", agreeing_answers, 1, 100);
-  check("history_s", history_s, 0.0, 600.0);
-  return out;
-}
-
 Tracker::Tracker(std::shared_ptr<const Aligner> aligner, const TrackerOptions& options) {
   if (!aligner) throw std::invalid_argument("tracker: no aligner");
   if (const auto violations = options.violations(); !violations.empty()) {
-    throw std::invalid_argument(fmt::format("tracker: {}", fmt::join(violations, "; ")));
+    throw std::invalid_argument(fmt::format("{}", fmt::join(violations, "; ")));
   }
   session_ = std::make_unique<TrackingSession>(std::move(aligner), options);
 }

@@ -58,8 +58,9 @@ struct Known {
 };
 
 // The weights of both are those of logistic regressions over 860 and 110 candidates in 17 simulated
-// drives with three sensors, each drive judged by the weights of the others (folder's README). A
-// point of a wall that goes costs more than one of a car that stays: the constant is 1 lower.
+// drives with three sensors, each drive judged by the weights of the others
+// (mapping/decisions/standing_verdict.md). A point of a wall that is removed costs more than one of
+// a car that stays: the constant is 1 lower.
 
 double car_log_odds(const Eigen::Vector3d& size, const Known& known, const StandingShape& shape) {
   return -3.4 + 0.48 * known.existence_log_odds + 0.65 * known.log_detections +

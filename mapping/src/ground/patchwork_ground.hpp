@@ -17,7 +17,7 @@ namespace stillmap::mapping {
 ///
 /// Why not the patches alone: at their borders and over kerbs, banks and bends one plane for 10 m
 /// of ground is off by more than a kerb, and a beam or two of a sparse sensor make no plane at all
-/// (mapping/README.md has figures for both). A surface is needed in any case.
+/// (mapping/measured.md has figures for both). A surface is needed in any case.
 class PatchworkGround final : public GroundSegmenter {
  public:
   /// @throws std::invalid_argument for a height that is not > 0 and finite.

@@ -35,9 +35,11 @@ bool is_sure(const AlignmentResult& result) {
   if (result.status == PoseStatus::kLost) return false;
   // A direction that nothing constrains has a large deviation, and both are said.
   const bool open_direction = !result.degenerate_directions.empty();
-  return std::all_of(result.reasons.begin(), result.reasons.end(), [&](const std::string& reason) {
-    return reason == "unobservable_direction" || (open_direction && reason == "large_covariance");
-  });
+  return std::all_of(result.reasons.begin(), result.reasons.end(),
+                     [&](localization::Reason reason) {
+                       return reason == localization::Reason::kUnobservableDirection ||
+                              (open_direction && reason == localization::Reason::kLargeCovariance);
+                     });
 }
 
 /// Of a pose in the map of a stretch, in the query's frame.

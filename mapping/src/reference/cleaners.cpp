@@ -1,4 +1,4 @@
-#include "reference/cleaners.hpp"
+#include <stillmap/mapping/reference.hpp>
 
 #include "reference/dufomap.hpp"
 #include "reference/erasor.hpp"

@@ -1,4 +1,4 @@
-#include "reference/map_aligners.hpp"
+#include <stillmap/mapping/reference.hpp>
 
 #include "reference/pcl_gicp.hpp"
 #include "reference/pcl_icp.hpp"

@@ -57,14 +57,14 @@ std::optional<PclQuery> query_of(const maps::PointCloud& scan_lidar,
                                  const std::optional<localization::Prior>& given, const PclMap& map,
                                  double leaf_m, localization::AlignmentResult& answer) {
   if (!given) {
-    answer.reasons = {"needs_prior"};
+    answer.reasons = {localization::Reason::kNeedsPrior};
     return std::nullopt;
   }
   if (!given->T_map_lidar.matrix().allFinite()) throw std::invalid_argument("prior: not finite");
   const PclCloud::ConstPtr scan = scan_cloud(scan_lidar);
   answer.T_map_lidar = given->T_map_lidar;
   if (scan->size() < kMinPoints) {
-    answer.reasons = {"too_few_points"};
+    answer.reasons = {localization::Reason::kTooFewPoints};
     return std::nullopt;
   }
   Eigen::Isometry3d start = given->T_map_lidar;
@@ -79,7 +79,7 @@ void run(pcl::Registration<PclPoint, PclPoint>& method, const PclQuery& query, c
   method.align(aligned, query.start);
   const Eigen::Isometry3d T(method.getFinalTransformation().cast<double>());
   if (!method.hasConverged() || !T.matrix().allFinite()) {
-    answer.reasons = {"not_converged"};
+    answer.reasons = {localization::Reason::kNotConverged};
     return;
   }
   answer.T_map_lidar = maps::renormalized(T);

@@ -70,7 +70,7 @@ localization::AlignmentResult PclGicpAligner::align(
   const auto query = reference::query_of(scan_lidar, given, target_->map, options_.leaf_m, answer);
   if (!query) return answer;
   if (query->source->size() < kNeighbours) {
-    answer.reasons = {"too_few_points"};
+    answer.reasons = {localization::Reason::kTooFewPoints};
     return answer;
   }
   Gicp gicp;

@@ -1,6 +1,5 @@
 // What stands where the methods of others are not built (STILLMAP_REFERENCE is off).
-#include "reference/cleaners.hpp"
-#include "reference/map_aligners.hpp"
+#include <stillmap/mapping/reference.hpp>
 
 namespace stillmap::mapping {
 

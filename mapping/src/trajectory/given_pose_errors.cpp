@@ -57,7 +57,7 @@ void for_each_pair(const TwicePosed& drive, double way_m, const Visit& visit) {
 }
 
 /// What odometry is off from true poses on streets (0.5 cm over 10 m on simulated ones, 2 cm on a
-/// real one, mapping/odometry.md), with some room:
+/// real one, mapping/given_poses.md), with some room:
 /// medians to neighbours, over ways and at loops, and no neighbour that is far off.
 constexpr double kAgreeNeighboursM = 0.01;
 constexpr double kAgreeWaysM = 0.03;

@@ -26,7 +26,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 /// Of `default` where given poses hold the whole: measured were 0.5 to 1 cm and 0.01 deg over 10 m
-/// (mapping/odometry.md). Alone it is believed less, so that a right loop is not given up.
+/// (mapping/given_poses.md). Alone it is believed less, so that a right loop is not given up.
 constexpr OdometryDrift kHeldDrift{0.004, 1e-4, 0.003, 1e-4};
 
 /// Noise as it is told leaves hardly any measurement less weight.

@@ -15,7 +15,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "numbers enter in little endian");
 
-/// Values one after the other, as maps/README.md writes them down.
+/// Values one after the other, as maps/content_digest.md writes them down.
 class ContentBytes {
  public:
   void clear() { bytes_.clear(); }

@@ -66,7 +66,7 @@ void add_pose(Json& json, const PoseAnswer& answer) {
 std::string pose_answer_json(const PoseAnswer& answer) {
   Json json;
   json["status"] = localization::name_of(answer.result.status);
-  json["reasons"] = answer.result.reasons;
+  json["reasons"] = localization::names_of(answer.result.reasons);
   add_pose(json, answer);
   json["iterations"] = answer.result.iterations;
   json["map"] = reference(answer.map_name, answer.map_version, answer.map_digest);

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-/// Answers as JSON text, keys in a fixed order. `server/README.md` says what each key means.
+/// Answers as JSON text, keys in a fixed order. `server/reference.md` says what each key means.
 namespace stillmap::server {
 
 [[nodiscard]] std::string pose_answer_json(const PoseAnswer& answer);

@@ -6,7 +6,7 @@
 
 namespace stillmap::server {
 
-/// One that is ready (server/README.md, "Difference of two versions").
+/// One that is ready (server/reference.md, "Difference of two versions").
 [[nodiscard]] std::string difference_json(const ComparedVersions& pair,
                                           const maps::MapDifference& difference);
 /// One that is being made.

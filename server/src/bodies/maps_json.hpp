@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-/// Maps and versions as JSON text. `server/README.md` says what each key means.
+/// Maps and versions as JSON text. `server/reference.md` says what each key means.
 namespace stillmap::server {
 
 /// A version of the store, and what is known of it.

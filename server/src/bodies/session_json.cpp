@@ -25,7 +25,7 @@ Json to_json(const Session& session, std::chrono::seconds idle_limit) {
   json["active_version"] = summary.active_version;
   json["scans"] = summary.scans;
   json["status"] = summary.status ? Json(localization::name_of(*summary.status)) : Json();
-  json["reasons"] = summary.reasons;
+  json["reasons"] = localization::names_of(summary.reasons);
   json["stamp_ns"] = summary.stamp_ns ? Json(std::to_string(*summary.stamp_ns)) : Json();
   add_place(json, summary.place);
   json["idle_s"] = summary.idle.count();

@@ -62,6 +62,27 @@ std::string restored_json(std::size_t packages) {
   return to_text({{"packages", packages}}, kIndent);
 }
 
+std::string store_list_json(const std::vector<MapWithVersions>& maps, std::uint64_t bytes) {
+  Json list = Json::array();
+  for (const MapWithVersions& each : maps) {
+    Json versions = Json::array();
+    for (const StoredVersion& version : each.versions)
+      versions.push_back({{"version", version.name},
+                          {"active", version.name == each.map.active},
+                          {"digest", version.digest},
+                          {"bytes", version.bytes},
+                          {"created_ns", time_of(version.created_ns)}});
+    list.push_back({{"name", each.map.name},
+                    {"version", each.map.active ? Json(*each.map.active) : Json()},
+                    {"previous_version", each.map.previous ? Json(*each.map.previous) : Json()},
+                    {"revision", each.map.revision},
+                    {"created_ns", time_of(each.map.created_ns)},
+                    {"bytes", each.bytes},
+                    {"versions", versions}});
+  }
+  return to_text({{"maps", list}, {"bytes", bytes}}, kIndent);
+}
+
 std::string added_json(const std::string& map, const PackageStore::Added& added) {
   return to_text({{"map", map},
                   {"version", added.version.name},

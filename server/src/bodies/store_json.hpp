@@ -3,6 +3,7 @@
 #include "store/package_store.hpp"
 
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -24,8 +25,19 @@ struct RemovedVersion {
   std::string map, version;
 };
 
-/// What `stillmap store` and `stillmap keys` print with --json (server/README.md).
+/// A map of the store with all its versions, oldest first.
+struct MapWithVersions {
+  StoredMap map;
+  std::vector<StoredVersion> versions;
+  /// Of its packages and drives.
+  std::uint64_t bytes = 0;
+};
+
+/// What `stillmap store` and `stillmap keys` print with --json (server/operation.md).
 [[nodiscard]] std::string problems_json(const std::vector<PackageStore::Problem>& problems);
+/// @param bytes  of the whole store.
+[[nodiscard]] std::string store_list_json(const std::vector<MapWithVersions>& maps,
+                                          std::uint64_t bytes);
 [[nodiscard]] std::string cleared_json(const PackageStore::Cleared& cleared,
                                        const std::vector<RemovedVersion>& removed);
 /// @param package_gone  as of `PackageStore::remove`.

@@ -18,7 +18,8 @@ DerivedWorker& worker() {
 
 }  // namespace
 
-Aligners build_aligners(const maps::MapPackage& map) {
+Aligners build_aligners(const maps::MapPackage& map,
+                        const localization::LocalizationOptions& options) {
   const std::shared_ptr<const localization::MapIndex> index = localization::MapIndex::open(map);
   if (!index->rebuilt_because().empty()) {
     spdlog::info("index of {} was built, since no usable one was there: {}", map.folder().string(),
@@ -32,7 +33,7 @@ Aligners build_aligners(const maps::MapPackage& map) {
   Aligners aligners;
   for (const std::string& method : localization::aligner_names()) {
     if (aligners.empty()) {
-      aligners.emplace_back(method, localization::make_aligner(method, index, seen_from));
+      aligners.emplace_back(method, localization::make_aligner(method, index, seen_from, options));
     } else {
       // The package may be closed before it is done, or removed: then nobody asks any more.
       const auto make = [method, folder = map.folder()] {

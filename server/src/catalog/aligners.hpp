@@ -14,10 +14,13 @@ namespace stillmap::server {
 /// Aligners of one map by method, the default first.
 using Aligners = std::vector<std::pair<std::string, std::shared_ptr<const localization::Aligner>>>;
 /// Makes a map ready for queries; may take seconds. The package outlives the aligners.
-using AlignerBuilder = std::function<Aligners(const maps::MapPackage&)>;
+using AlignerBuilder =
+    std::function<Aligners(const maps::MapPackage&, const localization::LocalizationOptions&)>;
 
 /// Every method of `localization::aligner_names`: the default at once, each other made in the
 /// background once it is asked for (`LazyAligner`).
-[[nodiscard]] Aligners build_aligners(const maps::MapPackage& map);
+/// @param options  of the default method.
+[[nodiscard]] Aligners build_aligners(const maps::MapPackage& map,
+                                      const localization::LocalizationOptions& options = {});
 
 }  // namespace stillmap::server

@@ -1,5 +1,7 @@
 #include "catalog/map_catalog.hpp"
 
+#include "json/localization_options_json.hpp"
+
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
 
@@ -39,8 +41,13 @@ std::uint64_t copy_of(const PackageStore& store, const std::string& map,
 
 }  // namespace
 
-MapCatalog::MapCatalog(PackageStore& store, AlignerBuilder builder, Metrics* metrics)
-    : store_(store), facts_(store), builder_(std::move(builder)), metrics_(metrics) {
+MapCatalog::MapCatalog(PackageStore& store, AlignerBuilder builder, Metrics* metrics,
+                       std::filesystem::path options_folder)
+    : store_(store),
+      facts_(store),
+      builder_(std::move(builder)),
+      options_folder_(std::move(options_folder)),
+      metrics_(metrics) {
   follow_store();
   thread_ = std::jthread([this](const std::stop_token& stop) { work(stop); });
 }
@@ -301,7 +308,9 @@ void MapCatalog::make_ready(ServedVersion& version) const {
   const auto begin = std::chrono::steady_clock::now();
   version.failure.clear();
   try {
-    version.aligners = std::make_shared<const Aligners>(builder_(*version.package));
+    version.localization = localization_options_of(options_folder_, version.map);
+    version.aligners =
+        std::make_shared<const Aligners>(builder_(*version.package, version.localization));
     if (version.package->manifest().geodetic_origin)
       version.seen_from = std::make_shared<const std::vector<Eigen::Isometry3d>>(
           localization::seen_from(*version.package));

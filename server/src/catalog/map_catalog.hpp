@@ -43,6 +43,8 @@ struct ServedVersion {
   MapState state = MapState::kOpened;
   /// Why it failed; empty otherwise.
   std::string failure{};
+  /// How scans are localized in it, filled when ready.
+  localization::LocalizationOptions localization{};
   /// Filled when ready. Last: they use the package.
   std::shared_ptr<const Aligners> aligners{};
   /// `localization::seen_from` of a map that has a place on the Earth, when ready.
@@ -61,7 +63,9 @@ struct ServedVersion {
 class MapCatalog {
  public:
   /// @param store  outlives this. @param metrics  counts loads when there; outlives this.
-  MapCatalog(PackageStore& store, AlignerBuilder builder, Metrics* metrics = nullptr);
+  /// @param options_folder  of `localization_options_of`; empty where all maps have the defaults.
+  MapCatalog(PackageStore& store, AlignerBuilder builder, Metrics* metrics = nullptr,
+             std::filesystem::path options_folder = {});
   MapCatalog(const MapCatalog&) = delete;
   MapCatalog& operator=(const MapCatalog&) = delete;
   /// Waits for the version that is being prepared.
@@ -136,6 +140,7 @@ class MapCatalog {
   PackageStore& store_;
   VersionFactsTable facts_;
   AlignerBuilder builder_;
+  std::filesystem::path options_folder_;
   Metrics* metrics_;
   /// One version is made ready at a time.
   std::mutex load_mutex_;

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "bodies/audit_json.hpp"
+#include "command_line/result_output.hpp"
 #include "command_line/run_program.hpp"
 #include "commands.hpp"
 
@@ -14,16 +15,16 @@ namespace {
 
 struct AuditArguments {
   std::filesystem::path store;
-  bool json = false;
+  command_line::JsonOutput json;
 };
 
 std::string text_of(const server::AuditLog::Check& check) {
   if (check.first_wrong_id)
     return fmt::format(
-        "record {} does not fit to the one before it: it, or one before it, was changed or "
-        "removed; compare with an earlier `stillmap audit export` or a backup",
+        "record {} does not fit the record before it: one of them was changed or removed; compare "
+        "with an earlier `stillmap audit export` or a backup",
         *check.first_wrong_id);
-  return fmt::format("{} records fit together; the newest is {} with SHA-256 {}", check.records,
+  return fmt::format("all {} records fit together; the newest is {} with SHA-256 {}", check.records,
                      check.newest_id, check.newest_sha256);
 }
 
@@ -31,7 +32,8 @@ void verify(const AuditArguments& arguments) {
   require_store(arguments.store);
   server::PackageStore store(arguments.store);
   const server::AuditLog::Check check = store.audit().check();
-  fmt::print("{}\n", arguments.json ? server::audit_check_json(check) : text_of(check));
+  arguments.json.write(server::audit_check_json(check));
+  if (!arguments.json.replaces_text()) fmt::print("{}\n", text_of(check));
   if (check.first_wrong_id) throw command_line::ExitCode{command_line::kFailed};
 }
 
@@ -47,7 +49,7 @@ void export_lines(const AuditArguments& arguments) {
 
 void add_audit(CLI::App& app) {
   auto arguments = std::make_shared<AuditArguments>();
-  CLI::App* group = app.add_subcommand("audit", "Check and export a store's audit log");
+  CLI::App* group = app.add_subcommand("audit", "Check or export the audit log of a store");
   group->require_subcommand(1);
   const auto add = [&](const char* name, const char* help, void (*run)(const AuditArguments&)) {
     CLI::App* command = group->add_subcommand(name, help);
@@ -57,9 +59,12 @@ void add_audit(CLI::App& app) {
     command->callback([arguments, run] { run(*arguments); });
     return command;
   };
-  add("verify", "Name the first record that was changed, removed or put in between", verify)
-      ->add_flag("--json", arguments->json, "Print JSON");
-  add("export", "Print every record, oldest first, a line of JSON each", export_lines);
+  arguments->json.add_to(
+      *add("verify",
+           "Recompute the chain of the audit log; exit code 1 when a record does "
+           "not fit",
+           verify));
+  add("export", "Print all records, oldest first, one JSON object a line", export_lines);
 }
 
 }  // namespace stillmap::cli

@@ -8,6 +8,8 @@
 #include <string_view>
 #include <vector>
 
+#include "command_line/command_tree.hpp"
+
 namespace stillmap::cli {
 
 /// Each adds one subcommand, with its options, help and callback.
@@ -17,7 +19,8 @@ void add_inspect(CLI::App& app);
 void add_store(CLI::App& app);
 void add_keys(CLI::App& app);
 void add_audit(CLI::App& app);
-/// Names what other programs of ours do, so that the help lists it.
+void add_completion(CLI::App& app);
+/// Names the commands of our other programs, so that the help lists them.
 void add_offline_commands(CLI::App& app);
 
 /// @throws maps::InputError when the folder is no store, which opening it would make it.
@@ -28,8 +31,11 @@ void require_store(const std::filesystem::path& folder);
 /// Becomes that program with the same arguments. Returns only by throwing std::runtime_error.
 [[noreturn]] void exec_offline(const char* program, char** argv);
 
+/// Commands of those programs. @throws std::runtime_error when one is missing.
+[[nodiscard]] std::vector<command_line::CommandEntry> offline_commands();
+
 /// What looks wrong with a drive's poses by the scans' motion: `stillmap-mapper check-poses` in a
-/// process of its own. @throws std::runtime_error when it failed; what it said is on stderr.
+/// process of its own. @throws std::runtime_error when it failed; its error is on stderr.
 [[nodiscard]] std::vector<maps::DriveFinding> findings_by_motion(
     const std::filesystem::path& drive);
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "bodies/inspection_json.hpp"
+#include "command_line/result_output.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
 #include "commands.hpp"
@@ -76,7 +77,7 @@ void print_findings(const std::vector<maps::DriveFinding>& findings) {
     fmt::print("wrong? {}\n       {}\n", finding.what, finding.remedy);
 }
 
-/// What some of the scans say of the drive.
+/// What was measured in some of the scans.
 void add_check(const maps::DriveCheck& check, Table& table) {
   if (const auto& periods = check.periods)
     table.add("time between scans",
@@ -117,8 +118,8 @@ void print_for_people(const server::DriveSummary& drive) {
                   drive.first_scan_dropped.non_finite, drive.first_scan_dropped.zero_range));
   table.add("  bounds", text_of(drive.first_scan_bounds));
   if (!drive.sensors.empty())
-    table.add("looks like", fmt::format("{} (to be said as 'DRIVE?sensor=NAME')",
-                                        fmt::join(drive.sensors, " or ")));
+    table.add("looks like",
+              fmt::format("{} (give it as 'DRIVE?sensor=NAME')", fmt::join(drive.sensors, " or ")));
   add_check(drive.check, table);
   for (const std::string& note : drive.notes) table.add("note", note);
   table.print();
@@ -153,26 +154,24 @@ void print_for_people(const server::TrajectorySummary& file) {
   table.print();
 }
 
+using command_line::JsonOutput;
+
 template <typename Summary>
-void print(const Summary& summary, bool json) {
-  if (json) {
-    fmt::print("{}\n", server::inspection_json(summary));
-  } else {
-    print_for_people(summary);
-  }
+void print(const Summary& summary, const JsonOutput& json) {
+  json.write(server::inspection_json(summary));
+  if (!json.replaces_text()) print_for_people(summary);
 }
 
-void print_content_digest(const std::filesystem::path& path, bool json) {
+void print_content_digest(const std::filesystem::path& path, const JsonOutput& json) {
   if (!server::is_map_package(path))
-    throw std::invalid_argument(
-        fmt::format("--content: {} is no map package; leave --content out for drives and files",
-                    path.string()));
+    throw std::invalid_argument(fmt::format(
+        "--content is for map packages, and {} is none; leave --content out", path.string()));
   const auto package = maps::MapPackage::open(path);
   const std::string digest = maps::content_digest(*package);
-  if (!json) return fmt::print("{}\n", digest);
   server::MapSummary summary = server::summarize(*package);
   summary.content_digest = digest;
-  print(summary, json);
+  json.write(server::inspection_json(summary));
+  if (!json.replaces_text()) fmt::print("{}\n", digest);
 }
 
 server::DriveSummary summary_of(const std::filesystem::path& path, bool by_motion) {
@@ -180,18 +179,18 @@ server::DriveSummary summary_of(const std::filesystem::path& path, bool by_motio
   if (!by_motion) return summary;
   if (!summary.has_poses)
     throw std::invalid_argument(path.string() +
-                                ": no poses to compare with motion; leave out --motion, or put a "
-                                "poses file beside the scans");
+                                ": it has no poses to compare with motion; leave out --motion, or "
+                                "put a poses file beside the scans");
   for (maps::DriveFinding& finding : findings_by_motion(path))
     summary.check.findings.push_back(std::move(finding));
   return summary;
 }
 
-/// Told apart by what is there; of a file by its extension.
-void inspect(const std::filesystem::path& path, bool json, bool by_motion) {
+/// Maps and drives are recognised by their files, a single file by its extension.
+void inspect(const std::filesystem::path& path, const JsonOutput& json, bool by_motion) {
   if (by_motion && (server::is_map_package(path) || !maps::Drive::is_at(path)))
-    throw std::invalid_argument(fmt::format(
-        "--motion: {} is no drive; leave --motion out for maps and files", path.string()));
+    throw std::invalid_argument(
+        fmt::format("--motion is for drives, and {} is none; leave --motion out", path.string()));
   if (server::is_map_package(path))
     return print(server::summarize(*maps::MapPackage::open(path)), json);
   if (maps::Drive::is_at(path)) return print(summary_of(path, by_motion), json);
@@ -207,28 +206,26 @@ void inspect(const std::filesystem::path& path, bool json, bool by_motion) {
 void add_inspect(CLI::App& app) {
   struct Arguments {
     std::filesystem::path path;
-    bool json = false;
+    JsonOutput json;
     bool content = false;
     bool motion = false;
   };
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
-      "inspect", "Say what a map, a drive or a file holds, and what looks wrong with it");
+      "inspect", "Show what a map, a drive or a file holds, and what looks wrong with it");
   command
       ->add_option("PATH", arguments->path,
                    "Map package, drive (its folder, or the file of a bag or a rawlog), point cloud "
-                   "(.pcd, .ply, .las, "
-                   ".bin) or poses (.tum, .txt)")
+                   "(.pcd, .ply, .las, .bin) or poses (.tum, .txt)")
       ->required()
       ->check(command_line::existing_path());
-  command->add_flag("--json", arguments->json, "Print JSON");
+  arguments->json.add_to(*command);
   command->add_flag("--motion", arguments->motion,
-                    "Of a drive with poses: compare them with the motion that odometry finds in "
+                    "For a drive with poses: compare them with the motion that odometry finds in "
                     "the scans, as `build` does; takes as long as odometry");
   command->add_flag("--content", arguments->content,
-                    "Of a map: print only the SHA-256 of its points, objects and poses. Maps with "
-                    "the same content have the same one, whatever their tiles, options, sources, "
-                    "program and time of build are");
+                    "For a map: print only the SHA-256 of its points, objects and poses. It does "
+                    "not depend on tiles, options, sources, program and time of the build");
   command->callback([arguments] {
     if (arguments->content) return print_content_digest(arguments->path, arguments->json);
     inspect(arguments->path, arguments->json, arguments->motion);

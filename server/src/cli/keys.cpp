@@ -11,6 +11,8 @@
 #include <vector>
 
 #include "bodies/store_json.hpp"
+#include "command_line/option_value.hpp"
+#include "command_line/result_output.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
 #include "commands.hpp"
@@ -24,7 +26,7 @@ struct KeyArguments {
   std::string name, id;
   std::vector<std::string> scopes, maps;
   std::optional<int> expires_days;
-  bool json = false;
+  command_line::JsonOutput json;
 };
 
 std::string date_of(std::int64_t time_ns) {
@@ -50,13 +52,11 @@ void create(const KeyArguments& arguments) {
   server::PackageStore store(arguments.store);
   const server::KeyTable::Created created =
       store.keys().create(arguments.name, scopes, expires, now, arguments.maps);
+  arguments.json.write(server::created_key_json(created));
+  if (arguments.json.replaces_text()) return;
   // The key alone stands on stdout, so that a script can take it.
-  if (arguments.json) {
-    fmt::print("{}\n", server::created_key_json(created));
-  } else {
-    fmt::print(stderr, "key {} was made; it is not shown again\n", created.key.id);
-    fmt::print("{}\n", created.text);
-  }
+  fmt::print(stderr, "made key {}; copy it now, it is not shown again\n", created.key.id);
+  fmt::print("{}\n", created.text);
 }
 
 std::string text_of(const server::ApiKey& key) {
@@ -78,10 +78,8 @@ void list(const KeyArguments& arguments) {
   require_store(arguments.store);
   server::PackageStore store(arguments.store);
   const std::vector<server::ApiKey> keys = store.keys().list();
-  if (arguments.json) {
-    fmt::print("{}\n", server::keys_json(keys));
-    return;
-  }
+  arguments.json.write(server::keys_json(keys));
+  if (arguments.json.replaces_text()) return;
   command_line::Table table;
   for (const server::ApiKey& key : keys) table.add(key.id, text_of(key));
   table.print();
@@ -91,17 +89,15 @@ void revoke(const KeyArguments& arguments) {
   require_store(arguments.store);
   server::PackageStore store(arguments.store);
   const server::ApiKey key = store.keys().revoke(arguments.id, server::unix_ns());
-  if (arguments.json)
-    fmt::print("{}\n", server::key_json(key));
-  else
-    fmt::print("{}  {}\n", key.id, text_of(key));
+  arguments.json.write(server::key_json(key));
+  if (!arguments.json.replaces_text()) fmt::print("{}  {}\n", key.id, text_of(key));
 }
 
 }  // namespace
 
 void add_keys(CLI::App& app) {
   auto arguments = std::make_shared<KeyArguments>();
-  CLI::App* group = app.add_subcommand("keys", "Keys of those who may use a store's server");
+  CLI::App* group = app.add_subcommand("keys", "Manage the API keys of a store's server");
   group->require_subcommand(1);
   const auto add = [&](const char* name, const char* help, void (*run)(const KeyArguments&),
                        const CLI::Validator& check = command_line::existing_folder()) {
@@ -109,27 +105,30 @@ void add_keys(CLI::App& app) {
     command->add_option("--store", arguments->store, "Folder of the store")
         ->required()
         ->check(check);
-    command->add_flag("--json", arguments->json, "Print JSON");
+    arguments->json.add_to(*command);
     command->callback([arguments, run] { run(*arguments); });
     return command;
   };
   // A century; more is meant to be for ever.
   constexpr int kMostDays = 36'500;
-  CLI::App* creates =
-      add("create", "Make a key and show it, once", create, command_line::folder_or_new());
-  creates->add_option("NAME", arguments->name, "Whose it is")->required();
+  CLI::App* creates = add("create", "Make a key and print it; it is never shown again", create,
+                          command_line::folder_or_new());
+  creates->add_option("NAME", arguments->name, "Name of its owner")->required();
   creates
-      ->add_option("--scope", arguments->scopes,
-                   "What it allows: read, localize, write, admin; several may be given")
+      ->add_option(
+          "--scope", arguments->scopes,
+          "What the key allows: read, localize, write or admin; may be given several times")
       ->required()
-      ->check(CLI::IsMember({"read", "localize", "write", "admin"}));
+      ->check(command_line::one_of({"read", "localize", "write", "admin"}));
   creates->add_option("--map", arguments->maps,
-                      "Names of the maps that it may be used for, * for any text; several may be "
-                      "given; none: all maps");
-  creates->add_option("--expires-days", arguments->expires_days, "Refused after so many days")
+                      "Map that the key is for, * stands for any text; may be given several times "
+                      "(default: all maps)");
+  creates
+      ->add_option("--expires-days", arguments->expires_days,
+                   "Days until the key expires (default: never)")
       ->check(CLI::Range(1, kMostDays));
-  add("list", "Say which keys there are", list);
-  add("revoke", "Refuse a key from now on, without a restart", revoke)
+  add("list", "List the keys", list);
+  add("revoke", "Revoke a key; a running server refuses it at once", revoke)
       ->add_option("ID", arguments->id, "The part of the key between its underscores")
       ->required();
 }

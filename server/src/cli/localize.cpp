@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "bodies/answers_json.hpp"
+#include "command_line/option_value.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
 #include "commands.hpp"
@@ -56,8 +57,8 @@ Eigen::Isometry3d read_prior(const std::string& text) {
   } else if (n.size() == 7) {
     quaternion = {n[3], n[4], n[5], n[6]};
   } else {
-    throw std::invalid_argument("--prior: found '" + text +
-                                "', expected X,Y,Z,YAW_DEG or X,Y,Z,QX,QY,QZ,QW");
+    throw std::invalid_argument("--prior: '" + text +
+                                "' is no pose; give X,Y,Z,YAW_DEG or X,Y,Z,QX,QY,QZ,QW");
   }
   try {
     return server::checked_pose({n[0], n[1], n[2]}, quaternion,
@@ -72,7 +73,8 @@ void print_for_people(const server::PoseAnswer& answer) {
   command_line::Table table;
   table.add("status", std::string(localization::name_of(result.status)));
   if (!result.reasons.empty())
-    table.add("reasons", fmt::format("{}", fmt::join(result.reasons, ", ")));
+    table.add("reasons",
+              fmt::format("{}", fmt::join(localization::names_of(result.reasons), ", ")));
   if (result.status != localization::PoseStatus::kLost) {
     const Eigen::Vector3d t = result.T_map_lidar.translation();
     const Eigen::Matrix3d R = result.T_map_lidar.linear();
@@ -103,21 +105,21 @@ double milliseconds_since(std::chrono::steady_clock::time_point begin) {
       .count();
 }
 
-/// Boxes of a scan that stands alone: those of scan 0.
+/// Boxes of a single scan, which is scan 0 of the file.
 std::vector<maps::Box> read_boxes_of_scan(const std::filesystem::path& file) {
   maps::BoxSequence boxes = maps::read_boxes(file, 1);
   if (boxes.by_scan.empty()) {
-    throw maps::InputError(file.string(), "no boxes of scan 0", "those of the one scan given");
+    throw maps::InputError(file.string(), "no boxes of scan 0",
+                           "boxes of scan 0, which is the scan given");
   }
   return std::move(boxes.by_scan.at(0));
 }
 
 void localize_scan(const LocalizeArguments& arguments,
                    const std::optional<Eigen::Isometry3d>& T_map_prior) {
-  if (arguments.output || !arguments.select.empty() || !arguments.json_file.empty()) {
-    throw std::invalid_argument(
-        fmt::format("{}: found one scan, expected a drive for -o, --select and --json FILE",
-                    arguments.what.string()));
+  if (arguments.output || !arguments.select.empty()) {
+    throw std::invalid_argument(fmt::format(
+        "{} is one scan; -o and --select are for drives, leave them out", arguments.what.string()));
   }
   server::PoseAnswer answer{.map_name = {}, .map_version = {}, .map_digest = {}, .request_id = {}};
   if (T_map_prior) answer.parameters.prior = localization::Prior{*T_map_prior, std::nullopt};
@@ -136,11 +138,8 @@ void localize_scan(const LocalizeArguments& arguments,
   answer.result = map.aligner->align(scan, answer.parameters.prior);
   answer.timing.align_ms = milliseconds_since(align_begin);
   answer.timing.total_ms = answer.timing.decode_ms + answer.timing.align_ms;
-  if (arguments.json) {
-    fmt::print("{}\n", server::pose_answer_json(answer));
-  } else {
-    print_for_people(answer);
-  }
+  arguments.json.write(server::pose_answer_json(answer));
+  if (!arguments.json.replaces_text()) print_for_people(answer);
   if (answer.result.status == localization::PoseStatus::kLost) {
     throw command_line::ExitCode{command_line::kFailed};
   }
@@ -168,49 +167,37 @@ void add_localize(CLI::App& app) {
   auto arguments = std::make_shared<LocalizeArguments>();
   CLI::App* command = app.add_subcommand(
       "localize",
-      "Find where one scan was taken, or follow a drive; exit code 1 when nothing is found");
-  command->add_option("MAP", arguments->map, "Map package")
+      "Find where a scan was taken, or follow a drive; exit code 1 when no pose is found");
+  command->add_option("MAP", arguments->map, "Folder of the map package")
       ->required()
       ->check(command_line::existing_folder());
   command
       ->add_option(
           "SCAN", arguments->what,
-          "Scan: .bin (float32 x y z intensity), .pcd or .ply; or a drive: its folder or bag")
+          "Scan (.bin with float32 x y z intensity, .pcd or .ply), or drive (its folder or bag)")
       ->required()
-      ->check(command_line::existing_file() | command_line::existing_drive());
+      ->check(command_line::existing_scan_or_drive());
   command->add_option(
       "--prior", arguments->prior,
-      "Where the search for the (first) scan starts: X,Y,Z,YAW_DEG or X,Y,Z,QX,QY,QZ,QW in the "
-      "map frame [m]; without it the whole map is searched");
+      "Pose where the search for the first scan starts: X,Y,Z,YAW_DEG or X,Y,Z,QX,QY,QZ,QW in the "
+      "map frame [m] (default: the whole map is searched)");
   command->add_option("--method", arguments->method, "Alignment method")
       ->capture_default_str()
-      ->check(CLI::IsMember(localization::aligner_names()));
+      ->check(command_line::one_of(localization::aligner_names()));
   command
       ->add_option("--boxes", arguments->boxes,
-                   "Objects that may move, found by a detector: points inside are left out of the "
-                   "match. JSON (format stillmap-boxes) or KITTI tracking labels; SCAN is scan 0")
-      ->check(CLI::ExistingFile);
+                   "Boxes of movable objects; points inside them are left out. JSON (format "
+                   "stillmap-boxes) or KITTI tracking labels; a single SCAN is scan 0")
+      ->check(command_line::existing_file());
   command->add_option("--select", arguments->select,
-                      "Scans of a drive to follow, begin:end:step as in Python");
+                      "Scans of a drive to localize, begin:end:step as in Python");
   command
       ->add_option("-o,--output", arguments->output,
-                   "Write a drive's poses there (TUM, T_map_lidar; what is lost is left out); "
-                   "without it each scan is a line")
+                   "Write the poses of a drive to FILE (TUM, T_map_lidar; lost scans are left out) "
+                   "instead of printing one line for each scan")
       ->check(command_line::in_existing_folder());
-  CLI::Option* json =
-      command
-          ->add_option("--json", arguments->json_file,
-                       "Print the answer as the server would send it; of a drive the counts, to "
-                       "FILE when one is given; without one it goes last")
-          ->type_name("[FILE]")
-          ->expected(0, 1)
-          ->check([](const std::string& file) {
-            return file.empty() ? std::string() : command_line::in_existing_folder()(file);
-          });
-  command->callback([arguments, json] {
-    arguments->json = json->count() > 0;
-    localize(*arguments);
-  });
+  arguments->json.add_to(*command);
+  command->callback([arguments] { localize(*arguments); });
 }
 
 }  // namespace stillmap::cli

@@ -9,6 +9,8 @@
 #include <optional>
 #include <string>
 
+#include "command_line/result_output.hpp"
+
 namespace stillmap::cli {
 
 struct LocalizeArguments {
@@ -21,9 +23,7 @@ struct LocalizeArguments {
   /// Boxes of movable objects, by scan.
   std::optional<std::filesystem::path> boxes;
   std::optional<std::filesystem::path> output;
-  /// Asked for; where to, or empty for the standard output.
-  bool json = false;
-  std::filesystem::path json_file;
+  command_line::JsonOutput json;
 };
 
 /// What both forms of the command work with.

@@ -23,7 +23,6 @@
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
-#include "command_line/text_file.hpp"
 #include "json/json_values.hpp"
 
 namespace stillmap::cli {
@@ -47,7 +46,8 @@ class Tally {
   void add(const localization::TrackedPose& pose, double milliseconds) {
     ++status_[std::string(localization::name_of(pose.result.status))];
     ++searched_from_[std::string(localization::name_of(pose.searched_from))];
-    for (const std::string& reason : pose.result.reasons) ++reasons_[reason];
+    for (const localization::Reason reason : pose.result.reasons)
+      ++reasons_[std::string(localization::name_of(reason))];
     without_ok_ = pose.result.status == PoseStatus::kOk ? 0 : without_ok_ + 1;
     longest_without_ok_ = std::max(longest_without_ok_, without_ok_);
     milliseconds_.push_back(milliseconds);
@@ -112,7 +112,7 @@ void print_line(std::size_t index, const localization::TrackedPose& pose) {
     text += fmt::format(" {:10.3f} {:10.3f} {:8.3f} m {:8.3f} deg", t.x(), t.y(), t.z(),
                         std::atan2(R(1, 0), R(0, 0)) * 180.0 / std::numbers::pi);
   }
-  fmt::print("{}  {}\n", text, fmt::join(pose.result.reasons, ","));
+  fmt::print("{}  {}\n", text, fmt::join(localization::names_of(pose.result.reasons), ","));
   std::fflush(stdout);
 }
 
@@ -169,7 +169,8 @@ void localize_drive(const LocalizeArguments& arguments,
   const std::vector<std::size_t> indices = selection.indices(drive.size());
   if (indices.empty()) {
     throw std::invalid_argument(
-        fmt::format("--select: '{}' takes none of {} scans", arguments.select, drive.size()));
+        fmt::format("--select: '{}' selects none of the {} scans; give another range",
+                    arguments.select, drive.size()));
   }
   maps::BoxSequence boxes;
   if (arguments.boxes) {
@@ -181,7 +182,7 @@ void localize_drive(const LocalizeArguments& arguments,
   if (T_map_prior) start_at(*T_map_prior, tracker);
   Tally tally;
   std::vector<maps::StampedPose> poses;
-  const bool lines = !arguments.output && !(arguments.json && arguments.json_file.empty());
+  const bool lines = !arguments.output && !arguments.json.replaces_text();
   {
     command_line::ProgressBar bar;
     for (std::size_t done = 0; done < indices.size(); ++done) {
@@ -202,21 +203,16 @@ void localize_drive(const LocalizeArguments& arguments,
     }
   }
   if (arguments.output && tally.found_any()) write_trajectory(*arguments.output, std::move(poses));
-  if (arguments.json) {
+  if (arguments.json.is_asked()) {
     server::Json json = tally.json();
     json["boxes_dropped"] = boxes.dropped;
     json["seconds"] = seconds_since(begin);
     json["map"] = {{"name", map.name}, {"digest", map.digest}};
     json["options"] = options_json(arguments);
     json["version"] = STILLMAP_VERSION;
-    const std::string text = server::to_text(json, 2) + "\n";
-    if (arguments.json_file.empty()) {
-      fmt::print("{}", text);
-    } else {
-      command_line::write_text_file(arguments.json_file, text);
-    }
+    arguments.json.write(server::to_text(json, 2));
   }
-  if (arguments.output && !(arguments.json && arguments.json_file.empty())) {
+  if (arguments.output && !arguments.json.replaces_text()) {
     tally.print(seconds_since(begin));
   }
   if (!tally.found_any()) throw command_line::ExitCode{command_line::kFailed};

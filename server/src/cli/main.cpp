@@ -1,6 +1,7 @@
 #include <fmt/core.h>
 
 #include <exception>
+#include <string>
 
 #include "cli/commands.hpp"
 #include "command_line/run_program.hpp"
@@ -27,5 +28,8 @@ int main(int argc, char** argv) {
   cli::add_store(app);
   cli::add_keys(app);
   cli::add_audit(app);
+  cli::add_completion(app);
+  app.footer(std::string(stillmap::command_line::kExitCodes) +
+             "\n`stillmap COMMAND --help` says more about a command.");
   return stillmap::command_line::run_program(app, argc, argv);
 }

@@ -10,8 +10,10 @@
 #include <string>
 #include <string_view>
 #include <system_error>
+#include <utility>
 
 #include "command_line/command_text.hpp"
+#include "command_line/command_tree.hpp"
 #include "commands.hpp"
 
 namespace stillmap::cli {
@@ -25,27 +27,47 @@ struct OfflineCommand {
   const char* program;
 };
 constexpr const char* kMapper = "stillmap-mapper";
-/// Not for people: has no description and no place in the help.
+constexpr const char* kEvaluate = "stillmap-evaluate";
+/// For this program alone: has no description and no place in the help.
 constexpr std::string_view kCheckPoses = "check-poses";
 constexpr std::array<OfflineCommand, 7> kOfflineCommands = {{
-    {"build", "Make a map package from a drive", kMapper},
-    {"rebuild", "Make a new version of a map and judge it against the one before", kMapper},
+    {"build", "Build a map package from drives", kMapper},
+    {"rebuild", "Build a new version of a map and judge it against the active one", kMapper},
     {"import", "Make a map package from a point cloud map (PCD, PLY, LAS)", kMapper},
-    {"export", "Write a map for other programs", kMapper},
-    {"simulate", "Make a drive in a simulated world, with the truth beside it", kMapper},
+    {"export", "Write a map in a format of other programs", kMapper},
+    {"simulate", "Simulate a drive, with the ground truth beside it", kMapper},
     {kCheckPoses, "", kMapper},
-    {"evaluate", "Measure localization, a map, odometry or a detector against a drive's truth",
-     "stillmap-evaluate"},
+    {"evaluate", "Measure localization, a map, odometry or a detector against ground truth",
+     kEvaluate},
 }};
 
 fs::path offline_path(const char* program) {
   fs::path found = find_beside(program, fs::path("libexec/stillmap") / program);
   if (found.empty())
-    throw std::runtime_error(
-        fmt::format("{}: found none, expected it beside stillmap or in ../libexec/stillmap. "
-                    "`./dev build` makes it, the Debian package brings it",
-                    program));
+    throw std::runtime_error(fmt::format(
+        "{0} is neither beside stillmap nor in ../libexec/stillmap; build it with `./dev "
+        "build`, or install the Debian package",
+        program));
   return found;
+}
+
+struct Output {
+  std::string text;
+  bool failed = false;
+};
+
+/// What a command of the shell prints.
+Output run(const std::string& command) {
+  std::unique_ptr<FILE, int (*)(FILE*)> output(::popen(command.c_str(), "r"), ::pclose);
+  if (!output)
+    throw std::runtime_error(fmt::format("{} cannot be started: {}; free memory or processes",
+                                         command, std::generic_category().message(errno)));
+  Output out;
+  std::array<char, 4096> piece{};
+  while (const std::size_t read = std::fread(piece.data(), 1, piece.size(), output.get()))
+    out.text.append(piece.data(), read);
+  out.failed = ::pclose(output.release()) != 0;
+  return out;
 }
 
 }  // namespace
@@ -74,24 +96,14 @@ fs::path find_beside(const fs::path& name, const fs::path& installed) {
 }
 
 std::vector<maps::DriveFinding> findings_by_motion(const fs::path& drive) {
-  const std::string command =
-      fmt::format("{} {} {}", command_line::shell_word(offline_path(kMapper).string()), kCheckPoses,
-                  command_line::shell_word(drive.string()));
-  std::unique_ptr<FILE, int (*)(FILE*)> output(::popen(command.c_str(), "r"), ::pclose);
-  if (!output)
-    throw std::runtime_error(fmt::format("{}: {}; free memory or processes, or leave out --motion",
-                                         kMapper, std::generic_category().message(errno)));
-  std::string text;
-  std::array<char, 4096> piece{};
-  while (const std::size_t read = std::fread(piece.data(), 1, piece.size(), output.get()))
-    text.append(piece.data(), read);
-  const bool failed = ::pclose(output.release()) != 0;
-  const nlohmann::json found = nlohmann::json::parse(text, nullptr, false);
+  const Output output =
+      run(fmt::format("{} {} {}", command_line::shell_word(offline_path(kMapper).string()),
+                      kCheckPoses, command_line::shell_word(drive.string())));
+  const nlohmann::json found = nlohmann::json::parse(output.text, nullptr, false);
   // What went wrong stands on stderr already.
-  if (failed || !found.is_array() || found.empty())
+  if (output.failed || !found.is_array() || found.empty())
     throw std::runtime_error(fmt::format(
-        "--motion: {} {} failed, see the lines above; without --motion the other checks "
-        "still run",
+        "--motion: {} {} failed, see the lines above; leave out --motion to run the other checks",
         kMapper, kCheckPoses));
   std::vector<maps::DriveFinding> findings;
   for (const auto& finding : found.at(0))
@@ -99,11 +111,24 @@ std::vector<maps::DriveFinding> findings_by_motion(const fs::path& drive) {
   return findings;
 }
 
+std::vector<command_line::CommandEntry> offline_commands() {
+  std::vector<command_line::CommandEntry> all;
+  for (const char* program : {kMapper, kEvaluate}) {
+    const Output output =
+        run(fmt::format("{} {}", command_line::shell_word(offline_path(program).string()),
+                        command_line::kPrintsCommandTree));
+    if (output.failed) throw std::runtime_error(std::string(program) + " failed, see above");
+    for (command_line::CommandEntry& entry : command_line::command_tree_from(output.text))
+      all.push_back(std::move(entry));
+  }
+  return all;
+}
+
 void exec_offline(const char* program, char** argv) {
   const fs::path found = offline_path(program);
   ::execv(found.c_str(), argv);
-  throw std::runtime_error(
-      fmt::format("{}: {}", found.string(), std::generic_category().message(errno)));
+  throw std::runtime_error(fmt::format("{} cannot be started: {}; install or build it again",
+                                       found.string(), std::generic_category().message(errno)));
 }
 
 }  // namespace stillmap::cli

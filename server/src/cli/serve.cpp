@@ -110,16 +110,16 @@ void log_report(const server::ReloadReport& report) {
   }
 }
 
-/// A log that was rotated is let go of, whatever is wrong with the rest.
+/// A log that was rotated is closed, whatever is wrong with the rest.
 void reopen_log(const Reloaded& parts) {
   try {
     parts.log.reopen(parts.options.current()->log);
   } catch (const std::exception& error) {
-    spdlog::error("the log file is not opened again: {}", error.what());
+    spdlog::error("the log file cannot be opened again: {}", error.what());
   }
 }
 
-/// What SIGHUP does. Never throws: whatever is wrong, the server goes on as it was.
+/// What SIGHUP does. Never throws: after any error the server goes on with its old configuration.
 void reload_all(const server::ConfigSources& sources, const Reloaded& parts) {
   parts.notifier.reloading();
   bool well = false;
@@ -145,12 +145,12 @@ std::unique_ptr<server::Watchdog> start_watchdog(const server::Notifier& notifie
   const bool apart = management_port >= 0;
   if (options.tls.enabled() && !apart) {
     throw std::invalid_argument(
-        "management.port: found -1, expected a port, since the watchdog asks without TLS");
+        "management.port: the watchdog asks without TLS, so it needs a management port; set one");
   }
   if (options.forwarded == "proxy" && !apart) {
     throw std::invalid_argument(
-        "management.port: found -1, expected a port, since the watchdog asks without a PROXY "
-        "header");
+        "management.port: the watchdog asks without a PROXY header, so it needs a management port; "
+        "set one");
   }
   // A quarter for the answer and a half between the questions stay within the interval.
   const auto timeout = std::chrono::duration_cast<std::chrono::milliseconds>(*interval / 4);
@@ -164,7 +164,7 @@ std::unique_ptr<server::Watchdog> start_watchdog(const server::Notifier& notifie
       });
 }
 
-/// @param single  what is served instead of a store of the user's; null when there is one.
+/// @param single  the single map that is served; null where a store is served.
 void run_server(const server::ConfigSources& sources, const server::ServerOptions& started,
                 const server::SingleMapStore* single) {
   const bool made_store = single == nullptr && make_store(started.store);
@@ -217,7 +217,7 @@ void run_server(const server::ConfigSources& sources, const server::ServerOption
 }
 
 /// Two heaps for each core. By default glibc takes eight, and with a thread for each connection
-/// each of them comes to keep room for a scan of its own.
+/// each of them ends up with memory for a scan of its own.
 void bound_heaps() {
   mallopt(M_ARENA_MAX, 2 * static_cast<int>(std::thread::hardware_concurrency()));
 }
@@ -231,10 +231,11 @@ void check_files(const server::ResolvedConfig& config) {
 void serve_map(const std::string& map, server::ConfigSources sources,
                server::ServerOptions options) {
   if (!options.store.empty())
-    throw std::invalid_argument(fmt::format(
-        "found the map {} and the store {}, expected one of them: leave out MAP, or --store and "
-        "what the configuration says of a store",
-        map, options.store));
+    throw std::invalid_argument(
+        fmt::format("the map {} and the store {} cannot both be served; leave out MAP, or leave "
+                    "out --store and "
+                    "the configuration's store",
+                    map, options.store));
   const server::SingleMapStore single(map);
   sources.flags["store"] = single.folder().string();
   options.store = single.folder().string();
@@ -271,23 +272,26 @@ void add_option(CLI::App& command, const server::Option& option, ServeArguments&
 
 void add_serve(CLI::App& app) {
   auto arguments = std::make_shared<ServeArguments>();
-  CLI::App* command = app.add_subcommand(
-      "serve", "Serve one map, or a store of maps, over HTTP (see server/README.md)");
-  command->add_option("MAP", arguments->map,
-                      "Folder of one map package to serve without a store: poses, tiles and the "
-                      "page, for reading only. Its index is kept in the folder; uploads, rebuilds "
-                      "and keys need --store");
-  command->add_option("--config", arguments->config,
-                      "Configuration file, JSON with comments; else what " +
-                          std::string(server::kConfigVariable) + " names");
+  CLI::App* command = app.add_subcommand("serve", "Serve one map, or a store of maps, over HTTP");
+  command
+      ->add_option("MAP", arguments->map,
+                   "Folder of one map package to serve without a store, for reading only: poses, "
+                   "tiles and the page. Its index is written into the folder. Uploads, rebuilds "
+                   "and keys need --store")
+      ->type_name("FOLDER");
+  command
+      ->add_option("--config", arguments->config,
+                   "Configuration file, JSON with comments (default: the file that " +
+                       std::string(server::kConfigVariable) + " names)")
+      ->type_name("FILE");
   command->add_flag("--check", arguments->check,
-                    "Say all that is wrong with the configuration, and end");
+                    "Print everything that is wrong with the configuration, and end");
   command->add_flag("--print-config", arguments->print_config,
-                    "Print the values in force and where each comes from, and end");
+                    "Print the values in use and where each comes from, and end");
   command->add_flag("--print-schema", arguments->print_schema,
                     "Print the JSON Schema of the configuration file, and end");
   command->add_flag("--print-page", arguments->print_page,
-                    "Print the page of all options, and end");
+                    "Print the page that documents all options, and end");
   for (const server::Option& option : server::all_options()) {
     add_option(*command, option, *arguments);
   }

@@ -54,7 +54,7 @@ bool SignalLoop::wait(std::chrono::seconds time) {
     const int signal = sigtimedwait(&signals, nullptr, &left);
     if (signal == kEnded) return false;
     if (signal != SIGTERM && signal != SIGINT) continue;
-    spdlog::warn("stopping at once, as asked a second time");
+    spdlog::warn("stopping at once after a second signal");
     std::_Exit(command_line::kCancelled);
   }
   return true;

@@ -15,7 +15,7 @@ struct SignalActions {
   std::function<std::chrono::seconds()> drain;
 };
 
-/// Waits for signals on a thread of its own: what a server needs may not be called from a handler.
+/// Waits for signals on its own thread, because a signal handler may not call what a server needs.
 /// A second SIGTERM or SIGINT ends the process at once, with exit code 130; so does taking longer
 /// than told, with 0: what must last is on the disk at any time.
 class SignalLoop {

@@ -4,9 +4,12 @@
 #include "store/backup_check.hpp"
 #include "store/package_store.hpp"
 
+#include <fmt/chrono.h>
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
+#include <ctime>
 #include <memory>
 #include <optional>
 #include <set>
@@ -17,6 +20,7 @@
 
 #include "bodies/maps_json.hpp"
 #include "bodies/store_json.hpp"
+#include "command_line/result_output.hpp"
 #include "command_line/run_program.hpp"
 #include "commands.hpp"
 
@@ -33,18 +37,59 @@ struct StoreArguments {
   std::optional<std::size_t> keep;
   bool activate = false;
   bool reread = false;
-  bool json = false;
+  command_line::JsonOutput json;
 };
 
-void print(bool json, const std::string& for_programs, const std::string& for_people) {
-  fmt::print("{}\n", json ? for_programs : for_people);
+void print(const command_line::JsonOutput& json, const std::string& object,
+           const std::string& text) {
+  json.write(object);
+  if (!json.replaces_text()) fmt::print("{}\n", text);
+}
+
+/// `12.3 MB`.
+std::string size_text(std::uint64_t bytes) {
+  constexpr std::array<const char*, 4> kUnits = {"kB", "MB", "GB", "TB"};
+  double size = static_cast<double>(bytes) / 1000.0;
+  std::size_t unit = 0;
+  for (; size >= 1000.0 && unit + 1 < kUnits.size(); ++unit) size /= 1000.0;
+  return fmt::format("{:.1f} {}", size, kUnits.at(unit));
+}
+
+std::string line_of(const server::StoredMap& map, const server::StoredVersion& version) {
+  const std::string mark = version.name == map.active     ? "active"
+                           : version.name == map.previous ? "previous"
+                                                          : "";
+  return fmt::format("{:<24} {:<24} {:<9} {:>10}  {:%Y-%m-%dT%H:%M:%SZ}  {:.12}\n", map.name,
+                     version.name, mark, size_text(version.bytes),
+                     fmt::gmtime(static_cast<std::time_t>(version.created_ns / 1'000'000'000)),
+                     version.digest);
+}
+
+/// All maps, or the one that is named.
+void list(const StoreArguments& arguments) {
+  require_store(arguments.store);
+  const PackageStore store(arguments.store);
+  std::vector<server::MapWithVersions> all;
+  for (const server::StoredMap& map :
+       arguments.map.empty() ? store.state().maps()
+                             : std::vector<server::StoredMap>{store.state().map(arguments.map)})
+    all.push_back({map, store.state().versions(map.name), store.state().bytes_of_map(map.name)});
+  std::string text = fmt::format("{:<24} {:<24} {:<9} {:>10}  {:<20}  {}\n", "map", "version", "",
+                                 "size", "added", "digest");
+  for (const server::MapWithVersions& each : all) {
+    for (const server::StoredVersion& version : each.versions) text += line_of(each.map, version);
+    if (each.versions.empty()) text += fmt::format("{:<24} no version\n", each.map.name);
+  }
+  text += fmt::format("{} on disk, drives included; packages that versions share count once",
+                      size_text(arguments.map.empty() ? store.state().bytes() : all.front().bytes));
+  print(arguments.json, server::store_list_json(all, store.state().bytes()), text);
 }
 
 void verify(const StoreArguments& arguments) {
   require_store(arguments.store);
   const PackageStore store(arguments.store);
   const std::vector<PackageStore::Problem> problems = store.verify();
-  std::string text = problems.empty() ? "every package is as it was published" : "";
+  std::string text = problems.empty() ? "every package is as it was added" : "";
   for (const PackageStore::Problem& problem : problems)
     text += fmt::format("{}{}{}", text.empty() ? "" : "\n",
                         problem.map.empty() ? "" : problem.map + " " + problem.version + ": ",
@@ -66,8 +111,8 @@ void gc(const StoreArguments& arguments) {
   for (const server::RemovedVersion& each : removed)
     text += fmt::format("removed version {} of {}\n", each.version, each.map);
   for (const std::string& digest : cleared.packages)
-    text += fmt::format("removed package {}, which no version names\n", digest);
-  text += fmt::format("{} packages without a name and {} leftovers of killed writers removed",
+    text += fmt::format("removed package {}, which no version uses\n", digest);
+  text += fmt::format("removed {} unused packages and {} leftovers of interrupted writes",
                       cleared.packages.size(), cleared.leftovers);
   print(arguments.json, server::cleared_json(cleared, removed), text);
 }
@@ -76,8 +121,9 @@ void gc(const StoreArguments& arguments) {
 /// @throws InputError for a damaged package, whose own then stay.
 server::MadeAnew make_anew(const maps::MapPackage& package) {
   if (const auto problems = package.verify(); !problems.empty())
-    throw maps::InputError((package.folder() / problems.front()).string(), "other bytes",
-                           "those that the manifest states");
+    throw maps::InputError((package.folder() / problems.front()).string(),
+                           "bytes that do not match the manifest",
+                           "an undamaged package; restore it from a backup, or add it again");
   std::error_code error;
   fs::remove_all(package.folder() / "index", error);
   const auto index = localization::MapIndex::open(package);
@@ -120,7 +166,8 @@ void reindex(const StoreArguments& arguments) {
       text += fmt::format("{} {}: {}\n", map.name, version.name, text_of(all.back()));
     }
   }
-  print(arguments.json, server::made_anew_json(all), text + fmt::format("{} packages", all.size()));
+  print(arguments.json, server::made_anew_json(all),
+        text + fmt::format("{} packages reindexed", all.size()));
   for (const server::MadeAnew& made : all)
     if (!made.is_whole()) throw command_line::ExitCode{command_line::kFailed};
 }
@@ -137,7 +184,7 @@ void backup(const StoreArguments& arguments) {
 void restore(const StoreArguments& arguments) {
   const std::size_t packages = PackageStore::restore(arguments.folder, arguments.store);
   print(arguments.json, server::restored_json(packages),
-        fmt::format("a store of {} packages", packages));
+        fmt::format("restored {} packages to {}", packages, arguments.store.string()));
 }
 
 void add(const StoreArguments& arguments) {
@@ -158,37 +205,107 @@ void activate(const StoreArguments& arguments) {
         fmt::format("{} {} is active, revision {}", map.name, *map.active, map.revision));
 }
 
+void rollback(const StoreArguments& arguments) {
+  require_store(arguments.store);
+  PackageStore store(arguments.store);
+  const server::StoredMap map = store.roll_back(arguments.map);
+  print(arguments.json, server::stored_map_json(map),
+        fmt::format("{} {} is active again, revision {}", map.name, *map.active, map.revision));
+}
+
 void remove(const StoreArguments& arguments) {
   require_store(arguments.store);
   PackageStore store(arguments.store);
   const bool gone = store.remove(arguments.map, arguments.version);
   print(arguments.json, server::removed_json({arguments.map, arguments.version}, gone),
         fmt::format("{} {} is removed{}", arguments.map, arguments.version,
-                    gone ? "" : "; its package stays for others, or until `stillmap store gc`"));
+                    gone ? ""
+                         : "; its package stays while another version uses it, or until "
+                           "`stillmap store gc`"));
 }
+
+/// A subcommand of `stillmap store` that works on a store.
+struct StoreCommand {
+  const char* name;
+  const char* help;
+  void (*run)(const StoreArguments&);
+  /// What the store's folder must be.
+  CLI::Validator folder = command_line::existing_folder();
+};
 
 using Arguments = std::shared_ptr<StoreArguments>;
 
-/// A subcommand of `stillmap store` that works on a store.
-CLI::App* add_command(CLI::App& group, const Arguments& arguments, const char* name,
-                      const char* help, void (*run)(const StoreArguments&),
-                      const CLI::Validator& check = command_line::existing_folder()) {
-  CLI::App* command = group.add_subcommand(name, help);
-  command->add_option("STORE", arguments->store, "Folder of the store")->required()->check(check);
-  command->add_flag("--json", arguments->json, "Print JSON");
-  command->callback([arguments, run] { run(*arguments); });
+CLI::App* add_command(CLI::App& group, const Arguments& arguments, const StoreCommand& added) {
+  CLI::App* command = group.add_subcommand(added.name, added.help);
+  command->add_option("STORE", arguments->store, "Folder of the store")
+      ->required()
+      ->check(added.folder);
+  arguments->json.add_to(*command);
+  command->callback([arguments, run = added.run] { run(*arguments); });
   return command;
 }
 
 void add_restore(CLI::App& group, const Arguments& arguments) {
-  CLI::App* command = group.add_subcommand("restore", "Make a store of a backup");
-  command->add_option("FOLDER", arguments->folder, "A backup")
+  CLI::App* command = group.add_subcommand("restore", "Make a new store from a backup");
+  command->add_option("FOLDER", arguments->folder, "Folder of the backup")
       ->required()
       ->check(command_line::existing_folder());
-  command->add_option("-o,--output", arguments->store, "The store: a new or empty folder")
+  command->add_option("-o,--output", arguments->store, "Folder of the new store: new or empty")
+      ->type_name("FOLDER")
       ->required();
-  command->add_flag("--json", arguments->json, "Print JSON");
+  arguments->json.add_to(*command);
   command->callback([arguments] { restore(*arguments); });
+}
+
+/// What looks after a store as a whole.
+void add_upkeep(CLI::App& group, const Arguments& arguments) {
+  add_command(group, arguments,
+              {"verify", "Recompute every checksum; exit code 1 when one is wrong", verify});
+  add_command(
+      group, arguments,
+      {"gc", "Remove packages that no version uses, and leftovers of interrupted writes", gc})
+      ->add_option(
+          "--keep", arguments->keep,
+          "Also remove old versions: of each map keep the active one, the previous one and "
+          "this many of the newest others");
+  add_command(
+      group, arguments,
+      {"reindex", "Make localization index and levels of detail of all versions again", reindex});
+  CLI::App* saves = add_command(
+      group, arguments, {"backup", "Back up the store; a server may run on it meanwhile", backup});
+  saves
+      ->add_option("-o,--output", arguments->folder,
+                   "Folder of the backup: new, or an earlier backup")
+      ->type_name("FOLDER")
+      ->required();
+  saves->add_flag(
+      "--reread", arguments->reread,
+      "Recompute the checksums of packages from an earlier backup, and copy damaged ones "
+      "again");
+  add_restore(group, arguments);
+}
+
+/// What changes maps and versions.
+void add_changes(CLI::App& group, const Arguments& arguments) {
+  CLI::App* adds = add_command(group, arguments,
+                               {"add",
+                                "Add a map package as a version; makes the store's folder if it is "
+                                "missing",
+                                add, command_line::folder_or_new()});
+  CLI::App* activates = add_command(
+      group, arguments, {"activate", "Make a version the active one, which is served", activate});
+  CLI::App* rolls_back = add_command(
+      group, arguments, {"rollback", "Make the version active that was active before", rollback});
+  CLI::App* removes =
+      add_command(group, arguments, {"remove", "Remove a version that is not active", remove});
+  for (CLI::App* command : {adds, activates, rolls_back, removes})
+    command->add_option("MAP", arguments->map, "Name of the map")->required();
+  for (CLI::App* command : {adds, activates, removes})
+    command->add_option("VERSION", arguments->version, "Name of the version")->required();
+  adds->add_option("PACKAGE", arguments->folder, "Folder of the map package")
+      ->required()
+      ->check(command_line::existing_folder());
+  adds->add_flag("--activate", arguments->activate, "Also make it the active version");
 }
 
 }  // namespace
@@ -196,44 +313,18 @@ void add_restore(CLI::App& group, const Arguments& arguments) {
 void require_store(const fs::path& folder) {
   if (server::PackageStore::is_store(folder)) return;
   throw maps::InputError(folder.string(), "no state.db",
-                         "a store, as `stillmap store add` and `stillmap keys create` make one");
+                         "a store; `stillmap store add` and `stillmap keys create` make one");
 }
 
 void add_store(CLI::App& app) {
   auto arguments = std::make_shared<StoreArguments>();
-  CLI::App* group = app.add_subcommand("store", "Check, clear, save and fill a store of maps");
+  CLI::App* group = app.add_subcommand("store", "Manage the maps and versions of a store");
   group->require_subcommand(1);
-  add_command(*group, arguments, "verify", "Recompute every checksum", verify);
-  add_command(*group, arguments, "gc", "Remove what no version names and killed writers left", gc)
-      ->add_option(
-          "--keep", arguments->keep,
-          "Also remove versions of each map: all but the active one, the one before, and so "
-          "many of the newest others");
-  add_command(*group, arguments, "reindex",
-              "Make localization index and levels of detail of every version again", reindex);
-  CLI::App* saves =
-      add_command(*group, arguments, "backup", "Save the store while it is served", backup);
-  saves->add_option("-o,--output", arguments->folder, "A new folder, or an earlier backup")
-      ->required();
-  saves->add_flag("--reread", arguments->reread,
-                  "Recompute the checksums of what an earlier backup brought; what is damaged is "
-                  "brought again");
-  add_restore(*group, arguments);
-  CLI::App* adds =
-      add_command(*group, arguments, "add",
-                  "Publish a map package as a version; makes the store's folder if it is missing",
-                  add, command_line::folder_or_new());
-  CLI::App* activates =
-      add_command(*group, arguments, "activate", "Make a version the served one", activate);
-  CLI::App* removes = add_command(*group, arguments, "remove", "Remove a version", remove);
-  for (CLI::App* command : {adds, activates, removes}) {
-    command->add_option("MAP", arguments->map, "Name of the map")->required();
-    command->add_option("VERSION", arguments->version, "Name of the version")->required();
-  }
-  adds->add_option("PACKAGE", arguments->folder, "Folder of the package")
-      ->required()
-      ->check(command_line::existing_folder());
-  adds->add_flag("--activate", arguments->activate, "Make it the served one");
+  add_command(*group, arguments,
+              {"list", "List maps and versions, with the active ones and sizes", list})
+      ->add_option("MAP", arguments->map, "Name of a map (default: all)");
+  add_changes(*group, arguments);
+  add_upkeep(*group, arguments);
 }
 
 }  // namespace stillmap::cli

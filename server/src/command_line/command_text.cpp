@@ -7,6 +7,8 @@
 #include <system_error>
 #include <vector>
 
+#include "command_line/option_value.hpp"
+
 namespace stillmap::command_line {
 namespace {
 
@@ -40,7 +42,8 @@ std::string command_of(const CLI::App& command) {
   for (const CLI::Option* option : command.get_options()) {
     for (const std::string& value : option->results()) {
       if (!option->get_positional()) text += " " + option->get_name();
-      text += " " + shell_word(value);
+      if (is_flag(*option) && value != "true") text += "=" + shell_word(value);
+      if (!is_flag(*option)) text += " " + shell_word(value);
     }
   }
   return text;
@@ -49,15 +52,17 @@ std::string command_of(const CLI::App& command) {
 std::array<double, 2> metres_and_degrees(const std::string& option, const std::string& text) {
   const auto values = numbers_of(text, 2);
   if (!values)
-    throw std::invalid_argument(option + ": found '" + text + "', expected METRES,DEGREES");
+    throw std::invalid_argument(option + ": '" + text +
+                                "' is not METRES,DEGREES; give two numbers, for example 1,5");
   return {(*values)[0], (*values)[1]};
 }
 
 maps::GeodeticOrigin parse_geo_origin(const std::string& text) {
   const auto values = numbers_of(text, 3);
   if (!values)
-    throw std::invalid_argument("--geo-origin: found '" + text +
-                                "', expected LATITUDE,LONGITUDE,ALTITUDE");
+    throw std::invalid_argument("--geo-origin: '" + text +
+                                "' is not LATITUDE,LONGITUDE,ALTITUDE; give three numbers, for "
+                                "example 48.1,11.5,520");
   const maps::GeodeticOrigin origin{(*values)[0], (*values)[1], (*values)[2]};
   if (const auto broken = maps::violations(origin); !broken.empty())
     throw std::invalid_argument("--geo-origin: " + broken.front());
@@ -70,7 +75,9 @@ maps::UtmZone parse_utm_zone(const std::string& text) {
   const auto [side, error] = std::from_chars(text.data(), end, zone.number);
   const bool is_zone = error == std::errc{} && zone.number >= 1 && zone.number <= 60 &&
                        side + 1 == end && (*side == 'N' || *side == 'S');
-  if (!is_zone) throw std::invalid_argument("--utm: found '" + text + "', expected 1N to 60S");
+  if (!is_zone)
+    throw std::invalid_argument("--utm: '" + text +
+                                "' is no zone; give 1N to 60N or 1S to 60S, for example 32N");
   zone.north = *side == 'N';
   return zone;
 }

@@ -95,7 +95,7 @@ std::string config_schema() {
 std::string config_page() {
   std::string page = fmt::format(
       "# Options of stillmap serve\n\n"
-      "Written by `stillmap serve --print-page`; `server/README.md` says how they are given. The "
+      "Written by `stillmap serve --print-page`. How to give options: `server/operation.md`. The "
       "flag of\n`sessions.max` is `{}`, its variable `{}`. *Reload*: SIGHUP changes it in the\n"
       "running server.\n\n| key | default | bounds | unit | reload | meaning |\n"
       "|---|---|---|---|---|---|\n",

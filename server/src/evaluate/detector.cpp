@@ -11,9 +11,9 @@
 
 #include "command_line/command_text.hpp"
 #include "command_line/progress_bar.hpp"
+#include "command_line/result_output.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
-#include "command_line/text_file.hpp"
 #include "evaluate/commands.hpp"
 
 namespace stillmap::evaluate {
@@ -26,8 +26,8 @@ using mapping::Share;
 struct DetectorArguments {
   std::filesystem::path drive;
   std::string select = "::";
-  std::optional<std::filesystem::path> json;
-  std::optional<std::filesystem::path> report;
+  command_line::JsonOutput json;
+  command_line::ReportOutput report;
   mapping::DetectorEvaluationOptions options;
 };
 
@@ -58,7 +58,7 @@ void add_points(command_line::Table& table, const DetectorEvaluation& result) {
       add("  " + plain.classes[i].name, plain.classes[i].inside, built.classes[i].inside);
   }
   add("static points inside of boxes", plain.stays, built.stays);
-  add("  without found ground", plain.stays_above_ground, built.stays_above_ground);
+  add("  without detected ground", plain.stays_above_ground, built.stays_above_ground);
 }
 
 void print_boxes(const mapping::BoxDetection& boxes) {
@@ -95,7 +95,7 @@ void print_for_people(const DetectorEvaluation& result) {
     const mapping::BoxDetection& boxes = *result.boxes;
     table.add("labels", boxes.source + (boxes.in_camera_only ? ", camera's view only" : ""));
     table.add("false vehicle boxes",
-              fmt::format("{:.2f} a scan, {} of {} boxes; {} more say nothing",
+              fmt::format("{:.2f} a scan, {} of {} boxes; {} more are not judged",
                           boxes.false_boxes_per_scan, grouped(boxes.false_vehicles),
                           grouped(boxes.boxes), grouped(boxes.ignored_vehicles)));
   }
@@ -109,7 +109,7 @@ std::string to_json_text(const DetectorEvaluation& result, const DetectorArgumen
   json["version"] = STILLMAP_VERSION;
   json["options"]["drive"] = arguments.drive.string();
   json["options"]["select"] = arguments.select;
-  return json.dump(2) + "\n";
+  return json.dump(2);
 }
 
 void evaluate(DetectorArguments& arguments, const CLI::App& command) {
@@ -119,21 +119,19 @@ void evaluate(DetectorArguments& arguments, const CLI::App& command) {
   {
     command_line::ProgressBar bar;
     result = mapping::evaluate_detector(
-        drive, arguments.options, arguments.report.has_value(),
+        drive, arguments.options, arguments.report.is_asked(),
         [&bar](std::string_view stage, std::size_t done, std::size_t total) {
           bar.update(stage, done, total);
         },
         command_line::cancel_flag());
   }
-  print_for_people(result);
-  if (arguments.report) {
-    command_line::write_text_file(
-        *arguments.report,
-        mapping::to_html(result, {.drive = arguments.drive.string(),
-                                  .command = command_line::command_of(command)}));
+  if (!arguments.json.replaces_text()) print_for_people(result);
+  if (arguments.report.is_asked()) {
+    arguments.report.write(mapping::to_html(result, {.drive = arguments.drive.string(),
+                                                     .command = command_line::command_of(command)}),
+                           arguments.json);
   }
-  if (arguments.json)
-    command_line::write_text_file(*arguments.json, to_json_text(result, arguments));
+  if (arguments.json.is_asked()) arguments.json.write(to_json_text(result, arguments));
 }
 
 }  // namespace
@@ -145,27 +143,25 @@ void add_detector(CLI::App& evaluate_command) {
       "detector", "Compare the boxes that a detector finds with labelled boxes and points");
   command
       ->add_option("DRIVE", arguments->drive,
-                   "Drive with boxes.json, tracking/label_02.txt, label_2/ or labels/")
+                   "Drive with labels: boxes.json, tracking/label_02.txt, label_2/ or labels/")
       ->required()
       ->check(command_line::existing_drive());
-  command->add_option("--detector", options.detector, "What finds them, as for build")
+  command->add_option("--detector", options.detector, "Detector to judge, named as for build")
       ->capture_default_str();
   command
-      ->add_option("--boxes", options.boxes_file,
-                   "Labelled boxes instead of the drive's own: KITTI tracking (what the camera "
-                   "shows) or our JSON (all around)")
+      ->add_option(
+          "--boxes", options.boxes_file,
+          "Labelled boxes to use instead of the drive's own: KITTI tracking (camera's view "
+          "only) or JSON (format stillmap-boxes, all around)")
       ->check(command_line::existing_file());
-  command
-      ->add_option("--select", arguments->select, "Scans to judge by, begin:end:step as in Python")
+  command->add_option("--select", arguments->select, "Scans to use, begin:end:step as in Python")
       ->capture_default_str();
   command
       ->add_option("--max-range", options.max_range_m,
-                   "What is farther from the sensor does not count [m]")
+                   "Boxes and points farther from the sensor do not count [m]")
       ->capture_default_str();
-  command->add_option("--json", arguments->json, "Write the result there")
-      ->check(command_line::in_existing_folder());
-  command->add_option("--report", arguments->report, "Write a page with pictures (HTML) there")
-      ->check(command_line::in_existing_folder());
+  arguments->json.add_to(*command);
+  arguments->report.add_to(*command);
   command->callback([arguments, command] { evaluate(*arguments, *command); });
 }
 

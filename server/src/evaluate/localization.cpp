@@ -1,5 +1,6 @@
 #include <stillmap/mapping/localization_evaluation.hpp>
 #include <stillmap/mapping/localization_report.hpp>
+#include <stillmap/mapping/reference.hpp>
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/map_package.hpp>
 
@@ -16,11 +17,12 @@
 #include <vector>
 
 #include "command_line/command_text.hpp"
+#include "command_line/option_value.hpp"
 #include "command_line/progress_bar.hpp"
+#include "command_line/result_output.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/text_file.hpp"
 #include "evaluate/commands.hpp"
-#include "reference/map_aligners.hpp"
 
 namespace stillmap::evaluate {
 namespace {
@@ -33,9 +35,9 @@ struct LocalizationArguments {
   std::vector<std::string> prior_errors;
   std::optional<std::string> prior_sigma;
   std::string method = mapping::map_aligner_names().front();
-  std::optional<std::filesystem::path> json;
+  command_line::JsonOutput json;
   std::optional<std::filesystem::path> csv;
-  std::optional<std::filesystem::path> report;
+  command_line::ReportOutput report;
   mapping::LocalizationEvaluationOptions options;
 };
 
@@ -49,12 +51,16 @@ template <typename Value>
 void add_choice(CLI::App& command, const std::string& name, Value& chosen,
                 std::initializer_list<Value> values, const std::string& help) {
   std::map<std::string, Value> by_name;
-  for (const Value value : values) by_name.emplace(name_of(value), value);
+  std::vector<std::string> names;
+  for (const Value value : values) {
+    by_name.emplace(name_of(value), value);
+    names.emplace_back(name_of(value));
+  }
   command
       .add_option_function<std::string>(
           name, [&chosen, by_name](const std::string& word) { chosen = by_name.at(word); }, help)
       ->default_str(std::string(name_of(chosen)))
-      ->check(CLI::IsMember(by_name));
+      ->check(command_line::one_of(names));
 }
 
 std::string to_json_text(const mapping::LocalizationEvaluation& evaluation,
@@ -67,7 +73,7 @@ std::string to_json_text(const mapping::LocalizationEvaluation& evaluation,
   json["options"]["poses"] = arguments.poses ? nlohmann::ordered_json(arguments.poses->string())
                                              : nlohmann::ordered_json(nullptr);
   json["options"]["method"] = arguments.method;
-  return json.dump(2) + "\n";
+  return json.dump(2);
 }
 
 std::string text_of(const mapping::PriorError& error) {
@@ -120,7 +126,7 @@ void print_for_people(const mapping::LocalizationEvaluation& evaluation) {
   print_integrity(evaluation);
   if (const mapping::QueryPoints& points = evaluation.points;
       evaluation.options.query_movable != mapping::MovablePolicy::kKeep) {
-    fmt::print("{:.1f} % of the points asked with were projected, {:.1f} % deleted\n",
+    fmt::print("{:.1f} % of the points of the scans were projected, {:.1f} % deleted\n",
                percent_of(points.projected, points.in), percent_of(points.deleted, points.in));
   }
   fmt::print("{} scans in {:.1f} s\n", evaluation.scans, evaluation.seconds);
@@ -141,8 +147,10 @@ void evaluate(LocalizationArguments& arguments, const CLI::App& command) {
   options.selection = maps::Selection::parse(arguments.select);
   if (!arguments.prior_errors.empty()) options.prior_errors.clear();
   if (!arguments.prior_errors.empty() && options.prior != mapping::PriorSource::kDrawn) {
-    throw std::invalid_argument(fmt::format("--prior-error: found with --prior {}, expected drawn",
-                                            name_of(options.prior)));
+    throw std::invalid_argument(
+        fmt::format("--prior-error has no effect with --prior {}; leave one of them out, or give "
+                    "--prior drawn",
+                    name_of(options.prior)));
   }
   if (arguments.prior_sigma)
     options.prior_sigma = read_prior_error("--prior-sigma", *arguments.prior_sigma);
@@ -151,7 +159,8 @@ void evaluate(LocalizationArguments& arguments, const CLI::App& command) {
   if (command.count("--query-detector") > 0 &&
       options.query_movable == mapping::MovablePolicy::kKeep) {
     throw std::invalid_argument(
-        "--query-detector: found with --query-movable keep, expected delete or project");
+        "--query-detector has no effect with --query-movable keep; leave it out, or give "
+        "--query-movable delete or project");
   }
   const auto map = maps::MapPackage::open(arguments.map);
   const maps::Drive drive = open_drive(arguments);
@@ -168,18 +177,17 @@ void evaluate(LocalizationArguments& arguments, const CLI::App& command) {
         },
         command_line::cancel_flag());
   }
-  print_for_people(evaluation);
+  if (!arguments.json.replaces_text()) print_for_people(evaluation);
   if (arguments.csv) command_line::write_text_file(*arguments.csv, mapping::to_csv(evaluation));
-  if (arguments.report) {
-    command_line::write_text_file(
-        *arguments.report,
+  if (arguments.report.is_asked()) {
+    arguments.report.write(
         mapping::to_html(evaluation, {.map = arguments.map.string(),
                                       .drive = arguments.drive.string(),
                                       .method = arguments.method,
-                                      .command = command_line::command_of(command)}));
+                                      .command = command_line::command_of(command)}),
+        arguments.json);
   }
-  if (arguments.json)
-    command_line::write_text_file(*arguments.json, to_json_text(evaluation, arguments));
+  if (arguments.json.is_asked()) arguments.json.write(to_json_text(evaluation, arguments));
 }
 
 }  // namespace
@@ -189,74 +197,75 @@ void add_localization(CLI::App& evaluate_command) {
   mapping::LocalizationEvaluationOptions& options = arguments->options;
   CLI::App* command = evaluate_command.add_subcommand(
       "localization",
-      "Ask for the poses of a drive's scans from priors that are off, and compare with its poses");
-  command->add_option("MAP", arguments->map, "Map package")
+      "Localize a drive's scans in a map and compare the answers with the drive's poses");
+  command->add_option("MAP", arguments->map, "Folder of the map package")
       ->required()
       ->check(command_line::existing_folder());
-  command->add_option("DRIVE", arguments->drive, "Drive with poses")
+  command->add_option("DRIVE", arguments->drive, "Drive with poses: its folder or its bag")
       ->required()
       ->check(command_line::existing_drive());
   command
-      ->add_option("--poses", arguments->poses,
-                   "Poses instead of the drive's own: KITTI or TUM, T_map_lidar. Of a TUM file "
-                   "made of some of the scans, only these are asked for")
+      ->add_option(
+          "--poses", arguments->poses,
+          "Poses to use instead of the drive's own: KITTI or TUM, T_map_lidar. Where a TUM "
+          "file has poses of some scans only, only these scans are localized")
       ->check(command_line::existing_file());
   command
-      ->add_option("--select", arguments->select, "Scans to ask for, begin:end:step as in Python")
+      ->add_option("--select", arguments->select, "Scans to localize, begin:end:step as in Python")
       ->capture_default_str();
   command
       ->add_option(
           "--prior-error", arguments->prior_errors,
-          fmt::format("METRES,DEGREES that each prior is off by; may be given several times "
+          fmt::format("METRES,DEGREES by which each prior is wrong; may be given several times "
                       "(default {:g},{:g})",
                       options.prior_errors.front().metres, options.prior_errors.front().degrees))
       ->allow_extra_args(false);
   command->add_option(
       "--prior-sigma", arguments->prior_sigma,
-      "METRES,DEGREES that are sent as each prior's deviations, e.g. 20,180 as GNSS "
-      "knows them (default: none are sent)");
+      "METRES,DEGREES to send as each prior's standard deviations, for example 20,180 for GNSS "
+      "(default: none are sent)");
   command->add_option("--trials", options.trials, "Priors drawn for each scan")
       ->capture_default_str();
-  command->add_option("--seed", options.seed, "Same seed, same priors, whatever the method")
+  command
+      ->add_option("--seed", options.seed,
+                   "Seed of the drawn priors; every method gets the same ones")
       ->capture_default_str();
   command
       ->add_option("--threads", options.threads,
-                   "Threads; 0 = all cores. More make the times longer")
+                   "Threads; 0 = all cores. With more, each query takes longer")
       ->capture_default_str();
   command
       ->add_option("--method", arguments->method,
-                   "Alignment method; a build with -DSTILLMAP_REFERENCE=ON has those of PCL too")
+                   "Alignment method; a program built with -DSTILLMAP_REFERENCE=ON also has PCL's")
       ->capture_default_str()
-      ->check(CLI::IsMember(mapping::map_aligner_names()));
+      ->check(command_line::one_of(mapping::map_aligner_names()));
   add_choice(
       *command, "--prior", options.prior,
       {mapping::PriorSource::kDrawn, mapping::PriorSource::kPrevious, mapping::PriorSource::kNone},
-      "drawn: as --prior-error says; previous: the true pose of the scan before; none: the "
-      "whole map is searched");
+      "Where each search starts: drawn (at the true pose plus --prior-error), previous (at the "
+      "true pose of the scan before) or none (the whole map is searched)");
   add_choice(*command, "--bias", options.bias,
              {mapping::BiasCorrection::kFit, mapping::BiasCorrection::kNone},
-             "fit: a constant difference between the drive's poses and the map is taken out; none: "
-             "it is left in, for poses that are the truth");
+             "A constant difference between the drive's poses and the map: fit (estimate and "
+             "subtract it) or none (count it as error, where the poses are the truth)");
   add_choice(
       *command, "--query-deskew", options.query_deskew,
       {mapping::QueryDeskew::kVehicle, mapping::QueryDeskew::kMap, mapping::QueryDeskew::kNone},
-      "What takes the vehicle's own motion out of the scans that are asked for: its velocity "
-      "as the poses tell it, the method by the times of the points, or nothing");
+      "How scans are deskewed: vehicle (with the velocity from the poses), map (by the method, "
+      "from the times of the points) or none");
   add_choice(*command, "--query-movable", options.query_movable,
              {mapping::MovablePolicy::kKeep, mapping::MovablePolicy::kDelete,
               mapping::MovablePolicy::kProject},
-             "What happens to points of movable objects in the scans that are asked for: keep, "
-             "delete, or project (onto the ground of that scan)");
+             "What happens to points of movable objects in the scans: keep, delete, or project "
+             "(onto the ground of that scan)");
   command
       ->add_option("--query-detector", options.query_detector,
-                   "What finds them: geometric, voxelnext[:FILE], or boxes:FILE")
+                   "Detector for --query-movable: geometric, voxelnext[:FILE] or boxes:FILE")
       ->capture_default_str();
-  command->add_option("--json", arguments->json, "Write the result there")
+  arguments->json.add_to(*command);
+  command->add_option("--csv", arguments->csv, "Write one line for each query to FILE, as CSV")
       ->check(command_line::in_existing_folder());
-  command->add_option("--csv", arguments->csv, "Write a line for each query there")
-      ->check(command_line::in_existing_folder());
-  command->add_option("--report", arguments->report, "Write a page with diagrams (HTML) there")
-      ->check(command_line::in_existing_folder());
+  arguments->report.add_to(*command);
   command->callback([arguments, command] { evaluate(*arguments, *command); });
 }
 

@@ -3,11 +3,11 @@
 
 int main(int argc, char** argv) {
   // People reach this program through `stillmap`, so it goes by that name.
-  CLI::App app("The part of stillmap that measures.", "stillmap");
+  CLI::App app("The commands of stillmap that measure.", "stillmap");
   app.set_version_flag("--version", STILLMAP_VERSION);
   app.require_subcommand(1);
   CLI::App& evaluate = *app.add_subcommand(
-      "evaluate", "Measure localization, a map, odometry or a detector against a drive's truth");
+      "evaluate", "Measure localization, a map, odometry or a detector against ground truth");
   evaluate.require_subcommand(1);
   stillmap::evaluate::add_localization(evaluate);
   stillmap::evaluate::add_map(evaluate);

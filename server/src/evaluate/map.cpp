@@ -18,7 +18,9 @@
 
 #include "command_line/command_text.hpp"
 #include "command_line/consistency_rows.hpp"
+#include "command_line/option_value.hpp"
 #include "command_line/progress_bar.hpp"
+#include "command_line/result_output.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
 #include "command_line/text_file.hpp"
@@ -41,8 +43,8 @@ struct MapArguments {
   std::optional<std::filesystem::path> poses;
   std::optional<std::filesystem::path> boxes;
   std::optional<std::filesystem::path> pictures;
-  std::optional<std::filesystem::path> json;
-  std::optional<std::filesystem::path> report;
+  command_line::JsonOutput json;
+  command_line::ReportOutput report;
   TruthClasses classes = TruthClasses::kMovable;
 };
 
@@ -132,7 +134,8 @@ void print_scores(const LabelEvaluation& result) {
   line("  of points", [](const MapScores& s) { return grouped(s.static_lost.of); });
   fmt::print(
       "movable: parked objects should be gone; moving: they should be there, and count as static\n"
-      "thinned: the package as it is, a point a voxel; beside it, every point that was left\n");
+      "thinned: the map package, one point for each voxel; left of it: every point that was "
+      "kept\n");
 }
 
 void print_losses(const LabelEvaluation& result) {
@@ -198,7 +201,7 @@ void print_for_people(const LabelEvaluation& result) {
   print_ground(result);
 }
 
-/// @param text  the object of what the truth says.
+/// @param text  the JSON object of the comparison with the truth.
 std::string to_json_text(const std::string& text, const mapping::MapConsistency& consistency,
                          const MapArguments& arguments) {
   auto json = nlohmann::ordered_json::parse(text);
@@ -212,7 +215,7 @@ std::string to_json_text(const std::string& text, const mapping::MapConsistency&
     json["options"]["truth_classes"] = name_of(arguments.classes);
   }
   if (arguments.poses) json["options"]["poses"] = arguments.poses->string();
-  return json.dump(2) + "\n";
+  return json.dump(2);
 }
 
 void print_consistency(const mapping::MapConsistency& consistency) {
@@ -221,44 +224,50 @@ void print_consistency(const mapping::MapConsistency& consistency) {
   table.print();
 }
 
+/// What is compared, with callbacks for the progress.
+struct MapAndTruth {
+  const maps::MapPackage& map;
+  const maps::Drive& drive;
+  mapping::ProgressCallback progress;
+  /// Before anything else is printed.
+  std::function<void()> end_progress;
+};
+
 /// Against labelled boxes.
 /// @return the object of `--json`.
-std::string evaluate_boxes(const MapArguments& arguments, const maps::MapPackage& map,
-                           const maps::Drive& drive, const mapping::ProgressCallback& progress,
-                           const std::function<void()>& done) {
-  if (arguments.report)
+std::string evaluate_boxes(const MapArguments& arguments, const MapAndTruth& compared) {
+  if (arguments.report.is_asked())
     throw std::invalid_argument(
-        "--report: found with --boxes, expected a drive of labelled points");
-  const mapping::MapEvaluation result = mapping::evaluate_map(
-      map, drive, {*arguments.boxes, arguments.pictures}, progress, command_line::cancel_flag());
-  done();
-  print_for_people(result);
+        "--report: there is no report for --boxes, only for labelled points; leave out --report, "
+        "or leave out --boxes if the drive's points are labelled");
+  const mapping::MapEvaluation result =
+      mapping::evaluate_map(compared.map, compared.drive, {*arguments.boxes, arguments.pictures},
+                            compared.progress, command_line::cancel_flag());
+  compared.end_progress();
+  if (!arguments.json.replaces_text()) print_for_people(result);
   return mapping::to_json(result);
 }
 
 /// Against labelled points.
 /// @return the object of `--json`.
 std::string evaluate_points(const MapArguments& arguments, const CLI::App& command,
-                            const maps::MapPackage& map, const maps::Drive& drive,
-                            const mapping::ProgressCallback& progress,
-                            const std::function<void()>& done) {
-  const bool draw = arguments.report || arguments.pictures;
-  const LabelEvaluation result =
-      mapping::evaluate_with_labels(map, drive, draw, progress, command_line::cancel_flag());
-  done();
-  print_for_people(result);
+                            const MapAndTruth& compared) {
+  const bool draw = arguments.report.is_asked() || arguments.pictures;
+  const LabelEvaluation result = mapping::evaluate_with_labels(
+      compared.map, compared.drive, draw, compared.progress, command_line::cancel_flag());
+  compared.end_progress();
+  if (!arguments.json.replaces_text()) print_for_people(result);
   if (arguments.pictures) {
     std::filesystem::create_directories(*arguments.pictures);
     command_line::write_text_file(*arguments.pictures / "before.png", result.pictures->before_png);
     command_line::write_text_file(*arguments.pictures / "after.png", result.pictures->after_png);
   }
-  if (arguments.report) {
-    command_line::write_text_file(
-        *arguments.report,
-        mapping::to_html(result, {.map = arguments.map.string(),
-                                  .drive = arguments.drive->string(),
-                                  .classes = arguments.classes,
-                                  .command = command_line::command_of(command)}));
+  if (arguments.report.is_asked()) {
+    arguments.report.write(mapping::to_html(result, {.map = arguments.map.string(),
+                                                     .drive = arguments.drive->string(),
+                                                     .classes = arguments.classes,
+                                                     .command = command_line::command_of(command)}),
+                           arguments.json);
   }
   return mapping::to_json(result, arguments.classes);
 }
@@ -279,13 +288,12 @@ void evaluate(const MapArguments& arguments, const CLI::App& command) {
   if (!drive) {
     done();
   } else if (arguments.boxes) {
-    json = evaluate_boxes(arguments, *map, *drive, progress, done);
+    json = evaluate_boxes(arguments, {*map, *drive, progress, done});
   } else {
-    json = evaluate_points(arguments, command, *map, *drive, progress, done);
+    json = evaluate_points(arguments, command, {*map, *drive, progress, done});
   }
-  print_consistency(consistency);
-  if (arguments.json)
-    command_line::write_text_file(*arguments.json, to_json_text(json, consistency, arguments));
+  if (!arguments.json.replaces_text()) print_consistency(consistency);
+  if (arguments.json.is_asked()) arguments.json.write(to_json_text(json, consistency, arguments));
 }
 
 }  // namespace
@@ -295,15 +303,15 @@ void add_map(CLI::App& evaluate_command) {
   CLI::App* command =
       evaluate_command.add_subcommand("map",
                                       "Measure how well a map's scans agree with each other; with "
-                                      "--truth, count what it kept of what "
-                                      "can move, what it lost beside, and how it put ground");
-  command->add_option("MAP", arguments->map, "Map package")
+                                      "--truth also what is left of movable objects, what was lost "
+                                      "of the rest, and how right the ground is");
+  command->add_option("MAP", arguments->map, "Folder of the map package")
       ->required()
       ->check(command_line::existing_folder());
   CLI::Option* truth =
       command
           ->add_option("--truth", arguments->drive,
-                       "A drive that the map was made from, its points labelled (SemanticKITTI)")
+                       "Drive that the map was built from, with labelled points (SemanticKITTI)")
           ->check(command_line::existing_drive());
   const std::map<std::string, TruthClasses> classes{{"moving", TruthClasses::kMoving},
                                                     {"movable", TruthClasses::kMovable}};
@@ -311,29 +319,28 @@ void add_map(CLI::App& evaluate_command) {
       ->add_option_function<std::string>(
           "--truth-classes",
           [arguments, classes](const std::string& name) { arguments->classes = classes.at(name); },
-          "What should not be in the map: moving, or movable (parked too)")
+          "What should not be in the map: moving, or movable (also parked)")
       ->default_str(std::string(name_of(arguments->classes)))
-      ->check(CLI::IsMember(classes))
+      ->check(command_line::one_of({"moving", "movable"}))
       ->needs(truth);
   command
       ->add_option("--poses", arguments->poses,
-                   "The poses that the map was made with, when not the drive's own")
+                   "Poses that the map was built with, if not the drive's own: KITTI or TUM")
       ->check(command_line::existing_file())
       ->needs(truth);
   command
       ->add_option("--boxes", arguments->boxes,
-                   "For a drive without labelled points: boxes, KITTI tracking or our JSON")
+                   "Labelled boxes, for a drive without labelled points: KITTI tracking or JSON "
+                   "(format stillmap-boxes)")
       ->check(command_line::existing_file())
       ->needs(truth);
   command
       ->add_option("--pictures", arguments->pictures,
-                   "Draw before.png and after.png, seen from above, there")
+                   "Draw before.png and after.png, seen from above, into this folder")
+      ->type_name("FOLDER")
       ->needs(truth);
-  command->add_option("--json", arguments->json, "Write the result there")
-      ->check(command_line::in_existing_folder());
-  command->add_option("--report", arguments->report, "Write a page with pictures (HTML) there")
-      ->check(command_line::in_existing_folder())
-      ->needs(truth);
+  arguments->json.add_to(*command);
+  arguments->report.add_to(*command)->needs(truth);
   command->callback([arguments, command] { evaluate(*arguments, *command); });
 }
 

@@ -16,10 +16,11 @@
 #include <vector>
 
 #include "command_line/command_text.hpp"
+#include "command_line/option_value.hpp"
 #include "command_line/progress_bar.hpp"
+#include "command_line/result_output.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
-#include "command_line/text_file.hpp"
 #include "evaluate/commands.hpp"
 #include "evaluate/work_folder.hpp"
 
@@ -37,8 +38,8 @@ struct OdometryArguments {
   std::string loops = "on";
   std::string movable = "keep";
   std::optional<std::filesystem::path> trajectory;
-  std::optional<std::filesystem::path> json;
-  std::optional<std::filesystem::path> report;
+  command_line::JsonOutput json;
+  command_line::ReportOutput report;
   mapping::OdometryEvaluationOptions options;
 };
 
@@ -89,7 +90,7 @@ void print_for_people(const OdometryEvaluation& result) {
                                     grouped(static_cast<std::size_t>(hidden))));
   const auto anew = std::ranges::find_if(result.path, &mapping::FollowedScan::begins_anew);
   if (anew != result.path.end())
-    table.add("begun anew", fmt::format("at scan {}: the way to there is a guess", anew->scan));
+    table.add("restarted", fmt::format("at scan {}: the motion before it is a guess", anew->scan));
   if (result.options.movable != mapping::MovablePolicy::kKeep)
     table.add("points",
               fmt::format("{}, projected {}, deleted {}", grouped(result.points.in),
@@ -111,7 +112,7 @@ std::string to_json_text(const OdometryEvaluation& result, const OdometryArgumen
   json["options"]["select"] = arguments.select;
   json["options"]["poses"] = arguments.poses ? nlohmann::ordered_json(arguments.poses->string())
                                              : nlohmann::ordered_json(nullptr);
-  return json.dump(2) + "\n";
+  return json.dump(2);
 }
 
 maps::Trajectory trajectory_of(const OdometryEvaluation& result) {
@@ -138,7 +139,8 @@ void evaluate(OdometryArguments& arguments, const CLI::App& command) {
   options.movable = mapping::movable_policy_from(arguments.movable);
   if (command.count("--detector") > 0 && options.movable == mapping::MovablePolicy::kKeep)
     throw std::invalid_argument(
-        "--detector: found with --movable keep, expected project or delete");
+        "--detector has no effect with --movable keep; leave it out, or give --movable project or "
+        "delete");
   const maps::Drive drive = open_drive(arguments);
   OdometryEvaluation result;
   {
@@ -151,28 +153,24 @@ void evaluate(OdometryArguments& arguments, const CLI::App& command) {
         },
         command_line::cancel_flag());
   }
-  print_for_people(result);
+  if (!arguments.json.replaces_text()) print_for_people(result);
   if (arguments.trajectory)
     maps::write_tum_trajectory(*arguments.trajectory, trajectory_of(result));
-  if (arguments.report) {
-    command_line::write_text_file(
-        *arguments.report,
-        mapping::to_html(result, {.drive = arguments.drive.string(),
-                                  .command = command_line::command_of(command)}));
+  if (arguments.report.is_asked()) {
+    arguments.report.write(mapping::to_html(result, {.drive = arguments.drive.string(),
+                                                     .command = command_line::command_of(command)}),
+                           arguments.json);
   }
-  if (arguments.json)
-    command_line::write_text_file(*arguments.json, to_json_text(result, arguments));
+  if (arguments.json.is_asked()) arguments.json.write(to_json_text(result, arguments));
 }
 
 void add_outputs(CLI::App& command, OdometryArguments& arguments) {
   command
       .add_option("--trajectory", arguments.trajectory,
-                  "Write the path there (TUM); its frame is the estimate's own")
+                  "Write the estimated path to FILE (TUM), in the frame of its first scan")
       ->check(command_line::in_existing_folder());
-  command.add_option("--json", arguments.json, "Write the result there")
-      ->check(command_line::in_existing_folder());
-  command.add_option("--report", arguments.report, "Write a page with diagrams (HTML) there")
-      ->check(command_line::in_existing_folder());
+  arguments.json.add_to(command);
+  arguments.report.add_to(command);
 }
 
 }  // namespace
@@ -182,37 +180,40 @@ void add_odometry(CLI::App& evaluate_command) {
   mapping::OdometryEvaluationOptions& options = arguments->options;
   CLI::App* command = evaluate_command.add_subcommand(
       "odometry",
-      "Follow a drive without looking at its poses, and compare with them: KITTI's metric, ATE, "
-      "RPE, loops");
-  command->add_option("DRIVE", arguments->drive, "Drive with poses, or with --poses")
+      "Estimate a drive's path by odometry and compare it with the drive's poses: KITTI's metric, "
+      "ATE, RPE, loops");
+  command
+      ->add_option("DRIVE", arguments->drive, "Drive with poses, or without them and with --poses")
       ->required()
       ->check(command_line::existing_drive());
-  command->add_option("--odometry", options.method, "How scans are followed")
+  command->add_option("--odometry", options.method, "Odometry method")
       ->capture_default_str()
-      ->check(CLI::IsMember(mapping::odometry_names()));
+      ->check(command_line::one_of(mapping::odometry_names()));
   command
       ->add_option("--loops", arguments->loops,
-                   "on: also join places that were driven again, and optimise; off: odometry alone")
+                   "on: also close loops where a place was driven again; off: odometry alone")
       ->capture_default_str()
-      ->check(CLI::IsMember({"on", "off"}));
+      ->check(command_line::one_of({"on", "off"}));
   command
-      ->add_option("--poses", arguments->poses,
-                   "True poses instead of the drive's own: KITTI or TUM, T_map_lidar. Of a TUM "
-                   "file made of some of the scans, only these are judged")
+      ->add_option(
+          "--poses", arguments->poses,
+          "True poses to use instead of the drive's own: KITTI or TUM, T_map_lidar. Where a "
+          "TUM file has poses of some scans only, only these scans are judged")
       ->check(command_line::existing_file());
-  command->add_option("--select", arguments->select, "Scans to follow, begin:end as in Python")
+  command->add_option("--select", arguments->select, "Scans to use, begin:end as in Python")
       ->capture_default_str();
   command
-      ->add_option("--movable", arguments->movable,
-                   "What happens to points of movable objects first, each scan on its own as the "
-                   "paper does it: keep, project (to the scan's mean ground height) or delete")
+      ->add_option(
+          "--movable", arguments->movable,
+          "What happens to points of movable objects before odometry, in each scan on its "
+          "own as in the paper: keep, project (to the scan's mean ground height) or delete")
       ->capture_default_str()
-      ->check(CLI::IsMember({"keep", "project", "delete"}));
-  command->add_option("--detector", options.detector, "What finds them, as for build")
+      ->check(command_line::one_of({"keep", "project", "delete"}));
+  command->add_option("--detector", options.detector, "Detector for --movable, named as for build")
       ->capture_default_str();
   command
       ->add_option("--threads", options.threads,
-                   "Threads; 0 = all cores. The path does not depend on it")
+                   "Threads; 0 = all cores. The path is the same with any number")
       ->capture_default_str();
   add_outputs(*command, *arguments);
   command->callback([arguments, command] { evaluate(*arguments, *command); });

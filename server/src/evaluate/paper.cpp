@@ -1,4 +1,5 @@
 #include <stillmap/mapping/paper_evaluation.hpp>
+#include <stillmap/mapping/reference.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/simulation/simulate.hpp>
 
@@ -15,13 +16,12 @@
 #include <vector>
 
 #include "command_line/command_text.hpp"
+#include "command_line/option_value.hpp"
 #include "command_line/progress_bar.hpp"
+#include "command_line/result_output.hpp"
 #include "command_line/run_program.hpp"
-#include "command_line/text_file.hpp"
 #include "evaluate/commands.hpp"
 #include "evaluate/work_folder.hpp"
-#include "reference/cleaners.hpp"
-#include "reference/map_aligners.hpp"
 
 namespace stillmap::evaluate {
 namespace {
@@ -29,19 +29,20 @@ namespace {
 struct PaperArguments {
   std::vector<std::filesystem::path> drives;
   std::optional<std::filesystem::path> work;
-  std::optional<std::filesystem::path> json;
-  std::optional<std::filesystem::path> report;
+  command_line::JsonOutput json;
+  command_line::ReportOutput report;
   mapping::PaperEvaluationOptions options;
 };
 
-void simulate_paper_drive(const mapping::PaperEvaluationOptions& options, std::uint64_t seed,
-                          int day, const std::filesystem::path& target,
+void simulate_paper_drive(const mapping::PaperEvaluationOptions& options,
+                          mapping::PaperParts::StreetDay street,
+                          const std::filesystem::path& target,
                           const mapping::ProgressCallback& progress,
                           const mapping::CancelFlag& cancel) {
   simulation::SimulationOptions simulated;
   simulated.scenario = "town";
-  simulated.seed = seed;
-  simulated.day = day;
+  simulated.seed = street.seed;
+  simulated.day = street.day;
   simulated.sensor = options.sensor;
   simulated.scans = options.scans;
   simulated.parked_share = options.parked_share;
@@ -119,11 +120,14 @@ void read_drives(PaperArguments& arguments, const CLI::App& command) {
   if (drives.empty()) return;
   if (drives.size() % 2 != 0)
     throw std::invalid_argument(fmt::format(
-        "--drives: found {} drives, expected pairs of a map's and a query's", drives.size()));
+        "--drives: {} drives are no pairs; give for each map drive the drive to localize in it",
+        drives.size()));
   for (const char* simulated : {"--seeds", "--scans", "--sensor", "--parked"}) {
     if (command.count(simulated) > 0)
       throw std::invalid_argument(
-          fmt::format("{}: found with --drives, expected one of them", simulated));
+          fmt::format("{} is for simulated streets and has no effect with --drives; leave one of "
+                      "them out",
+                      simulated));
   }
   arguments.options.seeds.clear();
   for (std::size_t i = 0; i < drives.size(); i += 2)
@@ -136,6 +140,7 @@ void evaluate(PaperArguments& arguments, const CLI::App& command) {
   mapping::PaperEvaluation evaluation;
   {
     const WorkFolder work(arguments.work);
+    work.say_when_cancelled();
     command_line::ProgressBar bar;
     evaluation = mapping::evaluate_paper(
         arguments.options, parts(), work.path(), work.keep(),
@@ -144,36 +149,37 @@ void evaluate(PaperArguments& arguments, const CLI::App& command) {
         },
         command_line::cancel_flag());
   }
-  print_for_people(evaluation);
-  if (arguments.report)
-    command_line::write_text_file(*arguments.report,
-                                  mapping::to_html(evaluation, command_line::command_of(command)));
-  if (!arguments.json) return;
+  if (!arguments.json.replaces_text()) print_for_people(evaluation);
+  if (arguments.report.is_asked())
+    arguments.report.write(mapping::to_html(evaluation, command_line::command_of(command)),
+                           arguments.json);
+  if (!arguments.json.is_asked()) return;
   auto json = nlohmann::ordered_json::parse(mapping::to_json(evaluation));
   json["version"] = STILLMAP_VERSION;
-  command_line::write_text_file(*arguments.json, json.dump(2) + "\n");
+  arguments.json.write(json.dump(2));
 }
 
 void add_streets(CLI::App& command, PaperArguments& arguments) {
   mapping::PaperEvaluationOptions& options = arguments.options;
   command
       .add_option("--seeds", options.seeds,
-                  "Town streets to simulate, a seed each; fewer than three say little of others")
+                  "Seeds of the town streets to simulate, one street each; three or more are "
+                  "needed for useful intervals")
       ->delimiter(',')
       ->capture_default_str();
-  command.add_option("--scans", options.scans, "Scans of each day of a simulated street")
+  command.add_option("--scans", options.scans, "Number of scans on each day of a simulated street")
       ->capture_default_str();
   command
       .add_option("--sensor", options.sensor,
-                  "hdl64, os1-64, os1-128, vlp16, avia, or a file that describes one")
+                  "Sensor: hdl64, os1-64, os1-128, vlp16, avia, or a file that describes one")
       ->capture_default_str();
   command.add_option("--parked", options.parked_share,
-                     "Share of the parking places along simulated streets that are taken, 0 to 1 "
+                     "Share of parking places with a car along simulated streets, 0 to 1 "
                      "(default: the town's own)");
   command
       .add_option("--drives", arguments.drives,
-                  "Instead of simulated streets: MAP_DRIVE QUERY_DRIVE, or several such pairs, "
-                  "with true poses in one frame")
+                  "Drives to use instead of simulated streets: MAP_DRIVE QUERY_DRIVE, or several "
+                  "such pairs, with true poses in one frame")
       ->check(command_line::existing_drive());
 }
 
@@ -184,36 +190,37 @@ void add_paper(CLI::App& evaluate_command) {
   mapping::PaperEvaluationOptions& options = arguments->options;
   CLI::App* command = evaluate_command.add_subcommand(
       "paper",
-      "The paper's Table II: maps of one day made in several ways, and the poses of another day's "
-      "scans in them");
+      "Table II of the paper: build maps of one day in several ways, and localize the scans of "
+      "another day in them");
   add_streets(*command, *arguments);
   command
       ->add_option("--detector", options.detector,
-                   "What finds movable objects in both days: geometric, or boxes (the drives' own "
+                   "Detector of movable objects on both days: geometric, or boxes (the drives' own "
                    "boxes.json)")
       ->capture_default_str();
   command
       ->add_option(
           "--maps", options.maps,
           fmt::format(
-              "Maps to compare, default all: {}",
+              "Maps to compare (default all): {}",
               fmt::join(mapping::paper_map_names(mapping::reference_cleaner_names()), ", ")))
       ->delimiter(',')
-      ->check(CLI::IsMember(mapping::paper_map_names(mapping::reference_cleaner_names())));
+      ->check(command_line::one_of(mapping::paper_map_names(mapping::reference_cleaner_names())));
   command->add_option("--methods", options.methods, "Alignment methods")
       ->delimiter(',')
       ->capture_default_str()
-      ->check(CLI::IsMember(mapping::map_aligner_names()));
+      ->check(command_line::one_of(mapping::map_aligner_names()));
   command
       ->add_option("--threads", options.threads,
-                   "Threads; 0 = all cores. The figures do not depend on it")
+                   "Threads; 0 = all cores. The figures are the same with any number")
       ->capture_default_str();
-  command->add_option("--work", arguments->work,
-                      "Keep drives, maps and answers there, and go on with what is there already");
-  command->add_option("--json", arguments->json, "Write the result there")
-      ->check(command_line::in_existing_folder());
-  command->add_option("--report", arguments->report, "Write a page with diagrams (HTML) there")
-      ->check(command_line::in_existing_folder());
+  command
+      ->add_option("--work", arguments->work,
+                   "Folder that keeps drives, maps and answers; a later call goes on from there "
+                   "(default: a temporary one)")
+      ->type_name("FOLDER");
+  arguments->json.add_to(*command);
+  arguments->report.add_to(*command);
   command->callback([arguments, command] { evaluate(*arguments, *command); });
 }
 

@@ -13,10 +13,11 @@
 #include <string>
 
 #include "command_line/command_text.hpp"
+#include "command_line/option_value.hpp"
 #include "command_line/progress_bar.hpp"
+#include "command_line/result_output.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
-#include "command_line/text_file.hpp"
 #include "evaluate/commands.hpp"
 #include "evaluate/work_folder.hpp"
 
@@ -29,8 +30,8 @@ using mapping::PathFigures;
 
 struct TableArguments {
   std::optional<std::filesystem::path> work;
-  std::optional<std::filesystem::path> json;
-  std::optional<std::filesystem::path> report;
+  command_line::JsonOutput json;
+  command_line::ReportOutput report;
   mapping::OdometryTableOptions options;
 };
 
@@ -110,11 +111,14 @@ void check(const TableArguments& arguments, const CLI::App& command) {
   const bool given = !arguments.options.drives.empty() || arguments.options.kitti;
   for (const char* simulated : {"--seeds", "--scans", "--sensor", "--parked"}) {
     if (given && command.count(simulated) > 0)
-      throw std::invalid_argument(fmt::format(
-          "{}: found with DRIVE or --kitti, expected simulated streets or these", simulated));
+      throw std::invalid_argument(
+          fmt::format("{} is for simulated streets and has no effect with DRIVE or --kitti; leave "
+                      "one of them out",
+                      simulated));
   }
   if (!arguments.options.kitti && command.count("--sequences") > 0)
-    throw std::invalid_argument("--sequences: found without --kitti, expected both");
+    throw std::invalid_argument(
+        "--sequences has no effect without --kitti; give --kitti FOLDER too");
 }
 
 void evaluate(TableArguments& arguments, const CLI::App& command) {
@@ -124,6 +128,7 @@ void evaluate(TableArguments& arguments, const CLI::App& command) {
   OdometryTable table;
   {
     const WorkFolder work(arguments.work);
+    work.say_when_cancelled();
     command_line::ProgressBar bar;
     table = mapping::evaluate_odometry_table(
         arguments.options, simulate_table_drive, work.path(), work.keep(),
@@ -132,20 +137,20 @@ void evaluate(TableArguments& arguments, const CLI::App& command) {
         },
         command_line::cancel_flag());
   }
-  print_for_people(table);
-  if (arguments.report)
-    command_line::write_text_file(*arguments.report,
-                                  mapping::to_html(table, command_line::command_of(command)));
-  if (!arguments.json) return;
+  if (!arguments.json.replaces_text()) print_for_people(table);
+  if (arguments.report.is_asked())
+    arguments.report.write(mapping::to_html(table, command_line::command_of(command)),
+                           arguments.json);
+  if (!arguments.json.is_asked()) return;
   auto json = nlohmann::ordered_json::parse(mapping::to_json(table));
   json["version"] = STILLMAP_VERSION;
-  command_line::write_text_file(*arguments.json, json.dump(2) + "\n");
+  arguments.json.write(json.dump(2));
 }
 
 void add_drives(CLI::App& command, mapping::OdometryTableOptions& options) {
   command
       .add_option("DRIVE", options.drives,
-                  "Drives with true poses (default: town streets are simulated)")
+                  "Drives with true poses (default: simulated town streets)")
       ->check(command_line::existing_folder());
   command
       .add_option("--kitti", options.kitti,
@@ -153,22 +158,24 @@ void add_drives(CLI::App& command, mapping::OdometryTableOptions& options) {
                   "poses/NN.txt")
       ->check(command_line::existing_folder());
   command
-      .add_option("--sequences", options.sequences,
-                  "Of --kitti (default: those of 00, 05, 07 and 08 that are there)")
+      .add_option(
+          "--sequences", options.sequences,
+          "Sequences of --kitti to use (default: those of 00, 05, 07 and 08 that are there)")
       ->delimiter(',');
   command
       .add_option("--seeds", options.seeds,
-                  "Town streets to simulate, a seed each; fewer than three say little of others")
+                  "Seeds of the town streets to simulate, one street each; three or more are "
+                  "needed for useful intervals")
       ->delimiter(',')
       ->capture_default_str();
-  command.add_option("--scans", options.scans, "Scans of each simulated street")
+  command.add_option("--scans", options.scans, "Number of scans in each simulated street")
       ->capture_default_str();
   command
       .add_option("--sensor", options.sensor,
-                  "hdl64, os1-64, os1-128, vlp16, or a file that describes one")
+                  "Sensor: hdl64, os1-64, os1-128, vlp16, or a file that describes one")
       ->capture_default_str();
   command.add_option("--parked", options.parked_share,
-                     "Share of the parking places along simulated streets that are taken, 0 to 1 "
+                     "Share of parking places with a car along simulated streets, 0 to 1 "
                      "(default: the town's own)");
 }
 
@@ -179,25 +186,28 @@ void add_paper_odometry(CLI::App& evaluate_command) {
   mapping::OdometryTableOptions& options = arguments->options;
   CLI::App* command = evaluate_command.add_subcommand(
       "paper-odometry",
-      "The paper's Table I: how far odometry is off with raw, projected and deleted points, with "
-      "and without loops");
+      "Table I of the paper: errors of odometry on raw, projected and deleted points, with and "
+      "without loops");
   add_drives(*command, options);
-  command->add_option("--detector", options.detector, "What finds movable objects, as for build")
+  command
+      ->add_option("--detector", options.detector,
+                   "Detector of movable objects, named as for build")
       ->capture_default_str();
-  command->add_option("--methods", options.methods, "How scans are followed")
+  command->add_option("--methods", options.methods, "Odometry methods")
       ->delimiter(',')
       ->capture_default_str()
-      ->check(CLI::IsMember(mapping::odometry_names()));
+      ->check(command_line::one_of(mapping::odometry_names()));
   command
       ->add_option("--threads", options.threads,
-                   "Threads; 0 = all cores. The figures do not depend on it")
+                   "Threads; 0 = all cores. The figures are the same with any number")
       ->capture_default_str();
-  command->add_option("--work", arguments->work,
-                      "Keep drives and results there, and go on with what is there already");
-  command->add_option("--json", arguments->json, "Write the result there")
-      ->check(command_line::in_existing_folder());
-  command->add_option("--report", arguments->report, "Write a page with diagrams (HTML) there")
-      ->check(command_line::in_existing_folder());
+  command
+      ->add_option("--work", arguments->work,
+                   "Folder that keeps drives and results; a later call goes on from there "
+                   "(default: a temporary one)")
+      ->type_name("FOLDER");
+  arguments->json.add_to(*command);
+  arguments->report.add_to(*command);
   command->callback([arguments, command] { evaluate(*arguments, *command); });
 }
 

@@ -5,6 +5,9 @@
 #include <cstdlib>
 #include <string>
 #include <system_error>
+#include <utility>
+
+#include "command_line/run_program.hpp"
 
 namespace stillmap::evaluate {
 
@@ -22,6 +25,16 @@ WorkFolder::WorkFolder(const std::optional<std::filesystem::path>& given) {
 WorkFolder::~WorkFolder() {
   std::error_code ignored;
   if (temporary_) std::filesystem::remove_all(path_, ignored);
+}
+
+void WorkFolder::say_when_cancelled() const {
+  command_line::WhenCancelled words;
+  if (temporary_)
+    words.if_not =
+        "nothing is kept and the same command starts anew; --work FOLDER keeps what is finished";
+  else
+    words = command_line::goes_on_from(path_);
+  command_line::say_when_cancelled(std::move(words));
 }
 
 }  // namespace stillmap::evaluate

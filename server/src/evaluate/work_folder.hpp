@@ -5,7 +5,7 @@
 
 namespace stillmap::evaluate {
 
-/// A folder to work in: the one that was given, or one of its own that goes at the end.
+/// A folder to work in: the one that was given, or a temporary one that is removed at the end.
 class WorkFolder {
  public:
   /// @throws maps::StorageError when none can be made.
@@ -16,6 +16,8 @@ class WorkFolder {
 
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
   [[nodiscard]] bool keep() const { return !temporary_; }
+  /// What a cancelled command says of it.
+  void say_when_cancelled() const;
 
  private:
   std::filesystem::path path_;

@@ -84,12 +84,15 @@ class Watched {
 /// The mapper's exit codes for what would come out the same again; 130 is somebody's SIGTERM.
 bool is_verdict(const ProcessEnd& end) { return end.exit_code == 1 || end.exit_code == 2; }
 
-/// `command_line::kDiskFull`, which the mapper ends with.
+/// `command_line::kDiskFull` and `kGateNotPassed`, which the mapper ends with.
 constexpr int kDiskFullExit = 3;
+constexpr int kGateNotPassedExit = 4;
 
 AttemptEnd end_of(const ProcessEnd& end, std::optional<Kind> asked, const JobAttempt& attempt,
                   const std::string& said) {
-  if (end.signal == 0 && end.exit_code == 0) return {Kind::kDone, {}};
+  // The map of a rebuild is there also when it did not pass the gate.
+  if (end.signal == 0 && (end.exit_code == 0 || end.exit_code == kGateNotPassedExit))
+    return {Kind::kDone, {}};
   if (asked == Kind::kTimedOut)
     return {Kind::kTimedOut, fmt::format("took longer than {} s", attempt.most.count())};
   if (asked) return {*asked, *asked == Kind::kCanceled ? "cancelled" : "the server was stopped"};

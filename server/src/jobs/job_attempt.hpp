@@ -28,7 +28,7 @@ struct JobAttempt {
 /// How it came out.
 struct AttemptEnd {
   enum class Kind {
-    kDone,      ///< with exit code 0
+    kDone,      ///< with a map, whatever the gate says of it
     kFailed,    ///< the program said no, or cannot be run: it would say so again
     kCrashed,   ///< a signal that we did not send, or an exit code that is none of the mapper's
     kDiskFull,  ///< it would do well with more room

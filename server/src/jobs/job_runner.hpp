@@ -42,7 +42,7 @@ struct JobView {
 };
 
 /// Takes the store's jobs one after the other, or several at a time, and has the mapper do them, in
-/// a process for each (server/README.md, "Jobs"). Of the servers on one store a single one does.
+/// a process for each (server/operation.md, "Jobs"). Of the servers on one store a single one does.
 /// Safe from several threads.
 class JobRunner {
  public:

@@ -48,7 +48,7 @@ std::vector<std::string> rebuild_command(const fs::path& mapper, const RebuildRe
   };
   add("--output", folder.map());
   add("--work", folder.work());
-  add("--report", folder.report());
+  command.push_back("--json=" + folder.report().string());
   add("--gate", folder.gate());
   if (!request.edits.empty()) add("--edits", folder.edits());
   if (sources.held_back) add("--held-back", *sources.held_back);
@@ -63,7 +63,7 @@ std::vector<std::string> estimate_command(const fs::path& mapper, const RebuildR
                                           const RebuildSources& sources) {
   std::vector<std::string> command = {mapper.string(), "rebuild"};
   add_options(command, request, sources);
-  command.emplace_back("--estimate");
+  command.insert(command.end(), {"--estimate", "--json"});
   return command;
 }
 

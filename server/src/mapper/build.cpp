@@ -1,5 +1,6 @@
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/mapping/odometry.hpp>
+#include <stillmap/mapping/reference.hpp>
 
 #include <fmt/core.h>
 
@@ -22,13 +23,14 @@
 
 #include "command_line/command_text.hpp"
 #include "command_line/consistency_rows.hpp"
+#include "command_line/option_value.hpp"
+#include "command_line/result_output.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
 #include "mapper/build_arguments.hpp"
 #include "mapper/commands.hpp"
 #include "mapper/map_index.hpp"
 #include "mapper/progress_output.hpp"
-#include "reference/cleaners.hpp"
 
 namespace stillmap::mapper {
 namespace {
@@ -38,11 +40,11 @@ using command_line::grouped;
 struct BuildCommand {
   BuildArguments arguments;
   std::filesystem::path map;
-  std::optional<std::filesystem::path> json;
+  command_line::JsonOutput json;
   ProgressArguments progress;
 };
 
-/// What is said of the drives before a build starts.
+/// Notes and warnings about the drives before a build starts.
 struct Remarks {
   /// What their readers assumed or left out.
   std::vector<std::string> notes;
@@ -85,7 +87,7 @@ std::string to_json_text(const mapping::MapBuildReport& report, const BuildArgum
     json["options"]["gnss_sigma_m"] = *options.trajectory.gnss_sigma_m;
   if (options.ground.sensor_height_m)
     json["options"]["sensor_height_m"] = *options.ground.sensor_height_m;
-  return json.dump(2) + "\n";
+  return json.dump(2);
 }
 
 double in_degrees(double rad) { return rad * 180.0 / std::numbers::pi; }
@@ -150,7 +152,7 @@ void print_for_people(const mapping::MapBuildReport& report, const std::filesyst
                                  report.scans_per_second));
   if (report.resumed_scans > 0)
     table.add("of these resumed",
-              fmt::format("{} of a build that was killed", report.resumed_scans));
+              fmt::format("{} from an earlier build that did not end", report.resumed_scans));
   table.add("peak memory", fmt::format("{:.0f} MiB", report.peak_rss_mib));
   for (const auto& [name, count] : report.trajectory)
     table.add(trajectory_label(name), grouped(count));
@@ -168,7 +170,7 @@ void print_what_was_made(const BuildCommand& asked) {
   table.add("made", asked.map.string());
   const std::filesystem::path picture = asked.map / "preview.png";
   if (std::filesystem::exists(picture)) table.add("picture", picture.string());
-  if (asked.json) table.add("report", asked.json->string());
+  if (!asked.json.file().empty()) table.add("result", asked.json.file().string());
   table.add("next",
             fmt::format("{} serve {}", command_line::shell_word(command_line::program_name()),
                         command_line::shell_word(asked.map.string())));
@@ -198,8 +200,15 @@ Remarks remarks_on(const BuildArguments& arguments, bool estimates_poses) {
   return remarks;
 }
 
+/// Where a build that is cancelled or killed keeps what it has done.
+std::filesystem::path journal_of(const std::filesystem::path& map) {
+  const std::filesystem::path target = std::filesystem::absolute(map).lexically_normal();
+  const std::filesystem::path folder = target.has_filename() ? target : target.parent_path();
+  return folder.parent_path() / ("." + folder.filename().string() + ".partial") / "journal";
+}
+
 void build(BuildCommand& asked, const CLI::App& command) {
-  read_words(asked.arguments, command);
+  resolve_options(asked.arguments, command);
   const std::vector<std::filesystem::path>& drives = asked.arguments.drives;
   const mapping::MapBuildOptions& options = asked.arguments.options;
   mapping::MapBuildReport report;
@@ -214,61 +223,67 @@ void build(BuildCommand& asked, const CLI::App& command) {
   }
   std::vector<mapping::StageShare> plan = mapping::build_stages(options.register_to.has_value());
   plan.push_back({"index", 0.01});
+  command_line::say_when_cancelled(command_line::goes_on_from(journal_of(asked.map)));
   run_with_progress(asked.progress, plan, [&](const mapping::ProgressCallback& progress) {
     report = mapping::build_map(drives, asked.map, options, progress, command_line::cancel_flag(),
                                 mapping::make_reference_cleaner);
+    command_line::say_when_cancelled(
+        {.kept = asked.map,
+         .if_kept =
+             fmt::format("the map in {} is complete; its index is made when it is first used",
+                         asked.map.string()),
+         .if_not = {}});
     progress("index", 0, 1);
     index = write_index(asked.map);
     progress("index", 1, 1);
   });
-  print_for_people(report, asked.map, index);
+  if (!asked.json.replaces_text()) print_for_people(report, asked.map, index);
   report.warnings.insert(report.warnings.end(), remarks.doubts.begin(), remarks.doubts.end());
-  if (asked.json)
-    command_line::write_text_file(*asked.json,
-                                  to_json_text(report, asked.arguments, remarks.notes));
-  print_what_was_made(asked);
+  if (asked.json.is_asked()) asked.json.write(to_json_text(report, asked.arguments, remarks.notes));
+  if (!asked.json.replaces_text()) print_what_was_made(asked);
 }
 
 void add_method_options(CLI::App& command, BuildArguments& arguments) {
   mapping::MapBuildOptions& options = arguments.options;
-  const auto on_off = CLI::IsMember({"on", "off"});
+  const auto on_off = command_line::one_of({"on", "off"});
   command
       .add_option(
           "--preset", arguments.preset,
-          "default, or paper: each scan on its own, boxes to the scan's mean ground height, "
-          "nothing filled or cleaned; other options given beside it win")
+          "default, or paper (each scan on its own, objects to the scan's mean ground height, "
+          "nothing filled or cleaned); an option given beside it wins")
       ->capture_default_str()
-      ->check(CLI::IsMember({"default", "paper"}));
+      ->check(command_line::one_of({"default", "paper"}));
   command
       .add_option("--fusion", arguments.fusion,
-                  "Join what was found in all scans, and project onto the ground of all scans")
+                  "Merge the objects and the ground of all scans before objects are projected")
       ->capture_default_str()
       ->check(on_off);
   command
       .add_option("--edits", options.edits_file,
-                  "Corrections to replay: objects or regions to keep or to remove (JSON)")
+                  "Corrections to apply: objects or regions to keep or to remove (JSON)")
       ->check(command_line::existing_file());
   command
       .add_option("--ground-height", arguments.ground_height,
-                  "Where objects are projected to: local (the ground below them) or mean (of the "
-                  "scan's ground, as in the paper)")
+                  "Height that objects are projected to: local (of the ground below them) or mean "
+                  "(of the scan's ground, as in the paper)")
       ->capture_default_str()
-      ->check(CLI::IsMember({"local", "mean"}));
+      ->check(command_line::one_of({"local", "mean"}));
   command
       .add_option("--fill", arguments.fill,
-                  "Fill the ground under objects where nothing was projected to")
+                  "Fill the ground under objects where no point was projected")
       ->capture_default_str()
       ->check(on_off);
   std::vector<std::string> methods = mapping::reference_cleaner_names();
   methods.insert(methods.begin(), {"free-space", "none"});
   command
-      .add_option("--clean", options.clean,
-                  "What removes movers that no detector found: free-space, none; a build with "
-                  "-DSTILLMAP_REFERENCE=ON has erasor, octomap and dufomap too, to compare with")
+      .add_option(
+          "--clean", options.clean,
+          "Method that removes moving points that the detector missed: free-space or none; a "
+          "program built with -DSTILLMAP_REFERENCE=ON has more, to compare with")
       ->capture_default_str()
-      ->check(CLI::IsMember(methods));
+      ->check(command_line::one_of(methods));
   command.add_option("--sensor-height", options.ground.sensor_height_m,
-                     "Height of the sensor over the ground [m] (default: estimated)");
+                     "Height of the sensor above the ground [m] (default: estimated)");
 }
 
 void add_range_options(CLI::App& command, BuildArguments& arguments) {
@@ -276,11 +291,14 @@ void add_range_options(CLI::App& command, BuildArguments& arguments) {
   command
       .add_option(
           "--min-range", options.min_range_m,
-          "Nearer points are what carries the sensor [m]; DRIVE?sensor=avia or mid-360 has its own")
+          "Nearer points are left out, as they show the vehicle itself [m]; DRIVE?sensor=avia and "
+          "mid-360 have their own default")
       ->capture_default_str();
   command
-      .add_option("--max-range", options.max_range_m,
-                  "Farther points are too sparse [m]; DRIVE?sensor=os0-... or mid-360 has its own")
+      .add_option(
+          "--max-range", options.max_range_m,
+          "Farther points are left out, as they are too sparse [m]; DRIVE?sensor=os0-... and "
+          "mid-360 have their own default")
       ->capture_default_str();
 }
 
@@ -291,25 +309,26 @@ void add_pose_options(CLI::App& command, BuildArguments& arguments) {
   command
       .add_option("--odometry", options.odometry,
                   "Where poses come from: given (the drive's own or --poses), or a method of "
-                  "odometry with loops (default: given where there are poses)")
-      ->check(CLI::IsMember(methods));
+                  "odometry with loop closure (default: given, if there are poses)")
+      ->check(command_line::one_of(methods));
   command
       .add_option("--given-poses", arguments.given_poses,
-                  "What happens to given poses: refine (neighbouring scans are registered, the "
-                  "frame stays) or exact (of a survey: taken as they are, and checked)")
-      ->check(CLI::IsMember({"refine", "exact"}));
-  command.add_option("--pose-time-offset", arguments.pose_time_offset,
-                     "SECONDS to add to the stamps of the given poses, or auto: what the scans' "
-                     "motion says, which costs odometry once more (default: it is only said)");
+                  "What happens to given poses: refine (improve them by registering neighbouring "
+                  "scans; their frame stays) or exact (use them as they are, and check them)")
+      ->check(command_line::one_of({"refine", "exact"}));
+  command.add_option(
+      "--pose-time-offset", arguments.pose_time_offset,
+      "SECONDS to add to the stamps of the given poses, or auto: estimate them from "
+      "the scans' motion, which takes as long as odometry (default: only a warning)");
   command
       .add_option("--loops", arguments.loops,
-                  "With odometry: join places that were seen again, also between drives")
+                  "With odometry: close loops at places that were seen again, also between drives")
       ->capture_default_str()
-      ->check(CLI::IsMember({"on", "off"}));
+      ->check(command_line::one_of({"on", "off"}));
   command
       .add_option("--register-to", options.register_to,
-                  "Map package whose frame the new map is to stand in: poses are moved there by "
-                  "localizing scans in it")
+                  "Map package whose frame the new map gets: its scans are localized there and the "
+                  "poses moved accordingly")
       ->check(command_line::existing_folder());
   command.add_option("--pose-sigma", arguments.pose_sigma,
                      "With odometry: the given poses are right to within METRES,DEGREES");
@@ -318,7 +337,7 @@ void add_pose_options(CLI::App& command, BuildArguments& arguments) {
       "With odometry: the positions of the given poses are right to within this [m]");
 }
 
-/// Those of the sensors that stand behind the drives, where they agree and no word says otherwise.
+/// The range of the drives' sensors, if they share one and the command line gives none.
 void set_range(const BuildArguments& arguments, const CLI::App& command, const char* option,
                std::optional<double> maps::SensorPreset::*of_sensor, double& range_m) {
   if (command.count(option) > 0) return;
@@ -328,7 +347,7 @@ void set_range(const BuildArguments& arguments, const CLI::App& command, const c
     const std::optional<double> its = sensor == nullptr ? std::nullopt : sensor->*of_sensor;
     if (i > 0 && its != range)
       throw std::invalid_argument(fmt::format(
-          "{}: found drives of sensors that differ in it, expected it in words", option));
+          "the sensors of these drives have different defaults for {0}; set {0}", option));
     range = its;
   }
   range_m = range.value_or(range_m);
@@ -341,12 +360,12 @@ void read_pose_time_offset(const std::string& word, mapping::MapBuildOptions& op
   const auto [parsed, error] = std::from_chars(word.data(), end, options.pose_time_offset_s);
   if (error != std::errc() || parsed != end || !(std::abs(options.pose_time_offset_s) <= 1e9))
     throw std::invalid_argument(fmt::format(
-        "--pose-time-offset: found '{}', expected seconds in [-1e9, 1e9] or auto", word));
+        "--pose-time-offset: '{}' is no offset; give seconds from -1e9 to 1e9, or auto", word));
 }
 
 }  // namespace
 
-void read_words(BuildArguments& arguments, const CLI::App& command) {
+void resolve_options(BuildArguments& arguments, const CLI::App& command) {
   mapping::MapBuildOptions& options = arguments.options;
   options.selection = maps::Selection::parse(arguments.select);
   options.projection.policy = mapping::movable_policy_from(arguments.movable);
@@ -377,7 +396,7 @@ void read_words(BuildArguments& arguments, const CLI::App& command) {
     options.projection.ground_height = mapping::ground_height_from(arguments.ground_height);
   if (given("--fill") && options.fill && !options.fills_ground())
     throw std::invalid_argument(
-        "--fill: found on without what it fills under, expected --fusion on and --movable project");
+        "--fill on needs --fusion on and --movable project; give both, or leave out --fill");
 }
 
 void add_build_options(CLI::App& command, BuildArguments& arguments) {
@@ -387,59 +406,60 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
   command
       .add_option(
           "DRIVE", arguments.drives,
-          "KITTI raw or odometry, MulRan, key frame folder, a folder of .pcd, .ply or .bin scans, "
-          "an "
-          "MRPT rawlog, or a bag (MCAP, rosbag2; where it leaves a choice "
-          "'FILE?cloud=TOPIC&poses=TOPIC&pose_frame=FRAME&gnss=TOPIC'"
-          "); 'DRIVE?sensor=NAME' gives points of scans without times those of that sensor's turn "
-          "(`inspect` guesses names); several go into one map: by their poses where these are in "
-          "one frame, else by places "
-          "that they share")
+          "Drives: KITTI raw or odometry, MulRan, a key frame folder, a folder of .pcd, .ply or "
+          ".bin "
+          "scans, an MRPT rawlog, or a bag (MCAP, rosbag2). A bag with several topics: "
+          "'FILE?cloud=TOPIC&poses=TOPIC&pose_frame=FRAME&gnss=TOPIC'. Scans without times of "
+          "points: 'DRIVE?sensor=NAME' computes them (`stillmap inspect` suggests names). Several "
+          "drives become one map: by their poses if these share a frame, else by places that they "
+          "share")
       ->required()
       ->check(command_line::existing_drive());
-  command.add_option("--select", arguments.select, "Scans to take, begin:end:step as in Python")
+  command.add_option("--select", arguments.select, "Scans to use, begin:end:step as in Python")
       ->capture_default_str();
   command
       .add_option("--poses", options.poses_file,
-                  "Poses instead of the drive's own: KITTI or TUM, T_map_lidar")
+                  "Poses to use instead of the drive's own: KITTI or TUM, T_map_lidar")
       ->check(command_line::existing_file());
   command.add_option("--geo-origin", arguments.geo_origin,
                      "LATITUDE,LONGITUDE,ALTITUDE [deg, deg, m above the WGS 84 ellipsoid] of the "
-                     "frame of the given poses, x east, y north, where the drive does not say it");
+                     "origin of the given poses (x east, y north), if the drive does not say it");
   add_range_options(command, arguments);
   add_pose_options(command, arguments);
   command
       .add_option(
           "--detector", options.detector,
-          "What finds movable objects: geometric, voxelnext[:FILE], onnx:FILE (a network of "
-          "your own, see mapping/onnx.md), or boxes:FILE with KITTI tracking labels or our "
-          "JSON (with several drives boxes:FILE,FILE...)")
+          "Detector of movable objects: geometric, voxelnext[:FILE], onnx:FILE (a network of "
+          "your own, see mapping/onnx.md), or boxes:FILE with KITTI tracking labels or JSON "
+          "(format stillmap-boxes; with several drives boxes:FILE,FILE...)")
       ->capture_default_str();
   command
       .add_option(
           "--movable", arguments.movable,
           "What happens to points of movable objects: project (onto the ground), delete or keep")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->check(command_line::one_of({"project", "delete", "keep"}));
   add_method_options(command, arguments);
   command
       .add_option("--voxel", options.voxel_size_m,
-                  "Edge of the voxels that merge the map's points [m]")
+                  "Edge of the voxels into which points are merged [m]")
       ->capture_default_str();
   command
       .add_option("--threads", options.threads,
-                  "Threads; 0 = all cores. The map does not depend on it")
+                  "Threads; 0 = all cores. The map is the same with any number")
       ->capture_default_str();
 }
 
 void add_build(CLI::App& app) {
   auto asked = std::make_shared<BuildCommand>();
-  CLI::App* command = app.add_subcommand("build", "Make a map package from drives");
+  CLI::App* command = app.add_subcommand("build", "Build a map package from drives");
   add_build_options(*command, asked->arguments);
-  command->add_option("-o,--output", asked->map, "Map package to write; must not exist")
+  command
+      ->add_option("-o,--output", asked->map, "Folder of the map package to write; must not exist")
+      ->type_name("FOLDER")
       ->required();
   add_progress_options(*command, asked->progress);
-  command->add_option("--json", asked->json, "Write the report there")
-      ->check(command_line::in_existing_folder());
+  asked->json.add_to(*command);
   command->callback([asked, command] { build(*asked, *command); });
 }
 

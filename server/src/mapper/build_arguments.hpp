@@ -11,7 +11,7 @@
 
 namespace stillmap::mapper {
 
-/// What `build` and `rebuild` are asked for in words.
+/// Options of `build` and `rebuild` as they are typed.
 struct BuildArguments {
   std::vector<std::filesystem::path> drives;
   std::string select = "::";
@@ -33,8 +33,8 @@ struct BuildArguments {
 /// Adds the drives and every option of a map.
 void add_build_options(CLI::App& command, BuildArguments& arguments);
 
-/// What the words mean, into `arguments.options`. The preset speaks first, so that a word given
-/// beside it is heard. @throws std::invalid_argument naming the option.
-void read_words(BuildArguments& arguments, const CLI::App& command);
+/// Fills `arguments.options` from the typed options. The preset comes first, so that an option given
+/// beside it wins. @throws std::invalid_argument naming the option.
+void resolve_options(BuildArguments& arguments, const CLI::App& command);
 
 }  // namespace stillmap::mapper

@@ -49,13 +49,14 @@ void add_check_poses(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "check-poses", "Compare poses of a drive with the scans' own motion (JSON)");
   command->group("");
-  command->add_option("DRIVE", arguments->drive, "As `build` takes it")
+  command->add_option("DRIVE", arguments->drive, "Drive, as for `stillmap build`")
       ->required()
       ->check(command_line::existing_drive());
-  command->add_option("--poses", arguments->poses, "Files of poses instead of the drive's own")
+  command
+      ->add_option("--poses", arguments->poses, "Files of poses to use instead of the drive's own")
       ->check(command_line::existing_file());
   command->add_flag("--guided", arguments->guided,
-                    "Odometry looks where the poses say, as in a build");
+                    "Start odometry at the given poses, as a build does");
   command->callback([arguments] { check_poses(*arguments); });
 }
 

@@ -4,8 +4,6 @@
 
 #include <CLI/CLI.hpp>
 
-#include "command_line/text_file.hpp"
-
 namespace stillmap::mapper {
 
 /// Each adds one subcommand, with its options, help and callback.
@@ -14,9 +12,7 @@ void add_rebuild(CLI::App& app);
 void add_import(CLI::App& app);
 void add_export(CLI::App& app);
 void add_simulate(CLI::App& app);
-/// Not for people, who call `inspect --motion`.
+/// For `inspect --motion`; no help lists it.
 void add_check_poses(CLI::App& app);
-
-using command_line::write_text_file;
 
 }  // namespace stillmap::mapper

@@ -15,7 +15,9 @@
 #include <utility>
 #include <vector>
 
+#include "command_line/option_value.hpp"
 #include "command_line/progress_bar.hpp"
+#include "command_line/result_output.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
 #include "mapper/commands.hpp"
@@ -30,8 +32,9 @@ struct ExportArguments {
   std::filesystem::path map;
   std::filesystem::path output;
   std::string format;
-  bool json = false;
-  std::vector<PointKind> without;
+  command_line::JsonOutput json;
+  std::vector<std::string> without;
+  std::string coordinates;
   std::vector<double> height_band_m;
   maps::MapExportOptions options;
 };
@@ -53,7 +56,8 @@ maps::MapExportReport write_map(const ExportArguments& arguments) {
   const auto package = maps::MapPackage::open(arguments.map);
   command_line::ProgressBar bar;
   maps::MapExportOptions options = arguments.options;
-  options.without.insert(arguments.without.begin(), arguments.without.end());
+  for (const std::string& kind : arguments.without) options.without.insert(kKinds.at(kind));
+  if (!arguments.coordinates.empty()) options.frame = kFrames.at(arguments.coordinates);
   if (!arguments.height_band_m.empty())
     options.height_band_m = {arguments.height_band_m[0], arguments.height_band_m[1]};
   options.work.threads = std::max(1U, std::thread::hardware_concurrency());
@@ -78,7 +82,8 @@ std::string to_json_text(const maps::MapExportReport& report, const ExportArgume
 
 void export_package(const ExportArguments& arguments) {
   const maps::MapExportReport report = write_map(arguments);
-  if (arguments.json) return fmt::print("{}\n", to_json_text(report, arguments));
+  arguments.json.write(to_json_text(report, arguments));
+  if (arguments.json.replaces_text()) return;
   command_line::Table table;
   table.add("written", arguments.output.string());
   table.add("points", command_line::grouped(report.points));
@@ -96,28 +101,35 @@ void export_package(const ExportArguments& arguments) {
   for (const std::string& note : report.notes) fmt::print("note: {}\n", note);
 }
 
+template <typename Value>
+std::vector<std::string> names_of(const std::map<std::string, Value>& values) {
+  std::vector<std::string> names;
+  for (const auto& [name, value] : values) names.push_back(name);
+  return names;
+}
+
 void add_point_options(CLI::App& command, ExportArguments& arguments) {
   maps::MapExportOptions& options = arguments.options;
   command
       .add_option("--without", arguments.without,
-                  "Kinds of points to leave out: measured, ground, projected (moved down from "
-                  "objects), filled (synthetic ground)")
+                  "Kinds of points to leave out, with commas between: measured, ground, projected "
+                  "(moved down from objects), filled (synthetic ground)")
       ->delimiter(',')
-      ->transform(CLI::Transformer(kKinds))
-      ->type_name("KIND,...");
+      ->check(command_line::one_of(names_of(kKinds)));
   command
-      .add_option("--coordinates", options.frame,
-                  "map (its frame), local (less the map's origin) or utm; each format has its own")
-      ->transform(CLI::Transformer(kFrames));
+      .add_option("--coordinates", arguments.coordinates,
+                  "Frame of the coordinates: map, local (map minus its origin) or utm (default: "
+                  "depends on the format)")
+      ->check(command_line::one_of(names_of(kFrames)));
   command.add_flag("--kinds", options.kinds,
-                   "pcd: a fifth field that says what each point is (0 measured, 1 ground, 2 "
-                   "moved down, 3 filled)");
+                   "pcd: add a fifth field with the kind of each point (0 measured, 1 ground, 2 "
+                   "projected, 3 filled)");
   command.add_option("--resolution", options.resolution_m,
-                     "nav2, octomap: edge of a cell [m]; 0.1 and 0.2 unless told");
+                     "Edge of a cell [m] (default: 0.1 for nav2, 0.2 for octomap)");
   command
       .add_option("--height-band", arguments.height_band_m,
-                  "nav2: obstacles stand between these heights above the ground [m]; 0.2 and 2 "
-                  "unless told")
+                  "nav2: lowest and highest height of obstacles above the ground [m] (default: 0.2 "
+                  "2)")
       ->expected(2)
       ->delimiter(',');
   command.add_option("--drive", options.drive,
@@ -128,7 +140,7 @@ void add_point_options(CLI::App& command, ExportArguments& arguments) {
 
 void add_export(CLI::App& app) {
   auto arguments = std::make_shared<ExportArguments>();
-  CLI::App* command = app.add_subcommand("export", "Write a map for other programs");
+  CLI::App* command = app.add_subcommand("export", "Write a map in a format of other programs");
   std::vector<std::string> names;
   std::string listed = "Formats:";
   for (const maps::MapExportFormat& format : formats()) {
@@ -136,16 +148,17 @@ void add_export(CLI::App& app) {
     listed += fmt::format("\n  {:<10} {}", format.name, format.description);
   }
   command->footer(listed);
-  command->add_option("MAP", arguments->map, "Map package")
+  command->add_option("MAP", arguments->map, "Folder of the map package")
       ->required()
       ->check(command_line::existing_folder());
-  command->add_option("--format", arguments->format, "One of those below")
+  command->add_option("--format", arguments->format, "Format to write, see below")
       ->required()
-      ->check(CLI::IsMember(names));
+      ->check(command_line::one_of(names));
   command->add_option("-o,--output", arguments->output, "File or folder to write; must not exist")
+      ->type_name("PATH")
       ->required();
   add_point_options(*command, *arguments);
-  command->add_flag("--json", arguments->json, "Print JSON");
+  arguments->json.add_to(*command);
   command->callback([arguments] { export_package(*arguments); });
 }
 

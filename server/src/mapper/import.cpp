@@ -11,6 +11,7 @@
 
 #include "command_line/command_text.hpp"
 #include "command_line/progress_bar.hpp"
+#include "command_line/result_output.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
 #include "mapper/commands.hpp"
@@ -22,7 +23,7 @@ namespace {
 struct ImportArguments {
   std::filesystem::path file;
   std::filesystem::path map;
-  std::optional<std::filesystem::path> json;
+  command_line::JsonOutput json;
   std::string geo_origin, utm;
   mapping::MapImportOptions options;
 };
@@ -35,7 +36,7 @@ std::string to_json_text(const mapping::MapImportReport& report, const ImportArg
                      {"utm", arguments.utm},
                      {"voxel_m", arguments.options.voxel_size_m},
                      {"threads", arguments.options.threads}};
-  return json.dump(2) + "\n";
+  return json.dump(2);
 }
 
 std::string label_of(std::string name) {
@@ -71,13 +72,18 @@ void import_cloud(const ImportArguments& arguments) {
           bar.update(stage, done, total);
         },
         command_line::cancel_flag());
+    command_line::say_when_cancelled(
+        {.kept = arguments.map,
+         .if_kept =
+             fmt::format("the map in {} is complete; its index is made when it is first used",
+                         arguments.map.string()),
+         .if_not = {}});
     bar.update("index", 0, 1);
     index = write_index(arguments.map);
     bar.update("index", 1, 1);
   }
-  print_for_people(report, arguments, index);
-  if (arguments.json)
-    command_line::write_text_file(*arguments.json, to_json_text(report, arguments));
+  if (!arguments.json.replaces_text()) print_for_people(report, arguments, index);
+  if (arguments.json.is_asked()) arguments.json.write(to_json_text(report, arguments));
 }
 
 }  // namespace
@@ -89,29 +95,32 @@ void add_import(CLI::App& app) {
       app.add_subcommand("import", "Make a map package from a point cloud map (PCD, PLY, LAS)");
   command
       ->add_option("FILE", arguments->file,
-                   "Points x y z [m] in the map frame, z up, in floats or doubles; intensity where "
+                   "Point cloud: x y z [m] in the map frame, z up, floats or doubles, intensity if "
                    "there is one")
       ->required()
       ->check(command_line::existing_file());
-  command->add_option("-o,--output", arguments->map, "Map package to write; must not exist")
+  command
+      ->add_option("-o,--output", arguments->map,
+                   "Folder of the map package to write; must not exist")
+      ->type_name("FOLDER")
       ->required();
   command->add_option("--frame-id", options.frame_id,
-                      "Name of the map's frame; enu where its place is known, else local");
+                      "Name of the map's frame (default: enu if its place on the earth is known, "
+                      "else local)");
   command->add_option("--geo-origin", arguments->geo_origin,
                       "LATITUDE,LONGITUDE,ALTITUDE [deg, deg, m above the WGS 84 ellipsoid] of the "
-                      "map's frame, x east, y north");
+                      "map's origin (x east, y north)");
   command->add_option("--utm", arguments->utm,
-                      "Coordinates are UTM in this zone, e.g. 32N, where the file does not say so");
+                      "UTM zone of the coordinates, for example 32N, if the file does not say it");
   command
-      ->add_option("--voxel-size,--voxel", options.voxel_size_m,
-                   "Edge of the voxels that merge the points [m]")
+      ->add_option("--voxel,--voxel-size", options.voxel_size_m,
+                   "Edge of the voxels into which points are merged [m]")
       ->capture_default_str();
   command
       ->add_option("--threads", options.threads,
-                   "Threads; 0 = all cores. The map does not depend on it")
+                   "Threads; 0 = all cores. The map is the same with any number")
       ->capture_default_str();
-  command->add_option("--json", arguments->json, "Write the report there")
-      ->check(command_line::in_existing_folder());
+  arguments->json.add_to(*command);
   command->callback([arguments] {
     if (!arguments->geo_origin.empty())
       arguments->options.geodetic_origin = command_line::parse_geo_origin(arguments->geo_origin);

@@ -3,7 +3,7 @@
 
 int main(int argc, char** argv) {
   // People reach this program through `stillmap`, so it goes by that name.
-  CLI::App app("The part of stillmap that makes maps.", "stillmap");
+  CLI::App app("The commands of stillmap that make maps.", "stillmap");
   app.set_version_flag("--version", STILLMAP_VERSION);
   app.require_subcommand(1);
   stillmap::mapper::add_build(app);

@@ -14,6 +14,7 @@
 #include <string_view>
 #include <utility>
 
+#include "command_line/option_value.hpp"
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
 
@@ -36,8 +37,8 @@ void write_if_there_is_room(int fd, std::string_view line) {
 void run_with_lines(int fd, std::vector<mapping::StageShare> plan,
                     const std::function<void(const mapping::ProgressCallback&)>& work) {
   if (::fcntl(fd, F_GETFD) < 0)
-    throw std::invalid_argument(
-        fmt::format("--progress-fd: found {}, expected an open file descriptor", fd));
+    throw std::invalid_argument(fmt::format(
+        "--progress-fd: {} is not open; give the number of an open file descriptor", fd));
   // A reader that is gone is no reason to end.
   std::signal(SIGPIPE, SIG_IGN);
   command_line::end_soon_when_cancelled(fd, mapping::cancelled_line());
@@ -63,12 +64,11 @@ void run_with_lines(int fd, std::vector<mapping::StageShare> plan,
 void add_progress_options(CLI::App& command, ProgressArguments& arguments) {
   command
       .add_option("--progress", arguments.form,
-                  "How far it is: bar, or json (for programs: an object a line)")
+                  "How progress is shown: bar, or json (for programs: one object a line)")
       ->capture_default_str()
-      ->check(CLI::IsMember({"bar", "json"}));
+      ->check(command_line::one_of({"bar", "json"}));
   command
-      .add_option("--progress-fd", arguments.fd,
-                  "With --progress json: the file descriptor to write to")
+      .add_option("--progress-fd", arguments.fd, "File descriptor that --progress json writes to")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
 }

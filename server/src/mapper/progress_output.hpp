@@ -11,7 +11,7 @@
 
 namespace stillmap::mapper {
 
-/// How a command tells how far it is.
+/// How a command shows its progress.
 struct ProgressArguments {
   /// `bar` for people, `json` for programs.
   std::string form = "bar";
@@ -21,7 +21,7 @@ struct ProgressArguments {
 
 void add_progress_options(CLI::App& command, ProgressArguments& arguments);
 
-/// Runs work that goes on later when it is killed, telling how far it is. A signal to cancel ends
+/// Runs work that goes on later when it is killed, and shows its progress. A signal to cancel ends
 /// the program within about a second, in whatever stage.
 /// @param plan  for `json`.
 /// @throws std::invalid_argument for a descriptor that is not open; what `work` throws, after the

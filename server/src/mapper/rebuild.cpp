@@ -1,4 +1,5 @@
 #include <stillmap/mapping/rebuild.hpp>
+#include <stillmap/mapping/reference.hpp>
 
 #include <fmt/core.h>
 
@@ -9,12 +10,12 @@
 #include <string>
 
 #include "command_line/progress_bar.hpp"
+#include "command_line/result_output.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
 #include "mapper/build_arguments.hpp"
 #include "mapper/commands.hpp"
 #include "mapper/progress_output.hpp"
-#include "reference/cleaners.hpp"
 
 namespace stillmap::mapper {
 namespace {
@@ -23,7 +24,7 @@ struct RebuildCommand {
   BuildArguments build;
   std::filesystem::path map;
   std::filesystem::path work;
-  std::filesystem::path report;
+  command_line::JsonOutput json;
   std::optional<std::filesystem::path> gate;
   bool estimate = false;
   ProgressArguments progress;
@@ -31,7 +32,7 @@ struct RebuildCommand {
 };
 
 mapping::RebuildOptions read_options(RebuildCommand& asked, const CLI::App& command) {
-  read_words(asked.build, command);
+  resolve_options(asked.build, command);
   mapping::RebuildOptions options = asked.options;
   options.drives = asked.build.drives;
   options.map = asked.map;
@@ -39,14 +40,15 @@ mapping::RebuildOptions read_options(RebuildCommand& asked, const CLI::App& comm
   options.build = asked.build.options;
   if (options.held_back && command.count("--held-back-every") > 0)
     throw std::invalid_argument(
-        "--held-back-every: found beside --held-back, expected one of them");
+        "--held-back-every has no effect with --held-back; leave one of them out");
   if (asked.gate) options.limits = mapping::read_gate_limits(*asked.gate);
   return options;
 }
 
 void require(const CLI::App& command, const char* option) {
   if (command.count(option) == 0)
-    throw std::invalid_argument(fmt::format("{}: found nothing, expected a path", option));
+    throw std::invalid_argument(
+        fmt::format("{} is missing; give {} FOLDER, or --estimate", option, option));
 }
 
 std::string text_of(const mapping::HeldBackAnswers& answers) {
@@ -70,13 +72,22 @@ void print_for_people(const mapping::RebuildReport& report, const RebuildCommand
   for (const std::string& warning : report.warnings) fmt::print("warning: {}\n", warning);
 }
 
+void print_estimate(const mapping::RebuildEstimate& estimate,
+                    const command_line::JsonOutput& json) {
+  json.write(mapping::to_json(estimate));
+  if (json.replaces_text()) return;
+  command_line::Table table;
+  table.add("scans", command_line::grouped(estimate.scans));
+  table.add("map package", command_line::grouped(estimate.package_bytes) + " bytes at most");
+  table.add("work folder", command_line::grouped(estimate.work_bytes) + " bytes at most");
+  table.print();
+}
+
 void rebuild(RebuildCommand& asked, const CLI::App& command) {
   const mapping::RebuildOptions options = read_options(asked, command);
-  if (asked.estimate) {
-    fmt::print("{}\n", mapping::to_json(mapping::estimate_rebuild(options)));
-    return;
-  }
-  for (const char* option : {"--output", "--work", "--report"}) require(command, option);
+  if (asked.estimate) return print_estimate(mapping::estimate_rebuild(options), asked.json);
+  for (const char* option : {"--output", "--work"}) require(command, option);
+  command_line::say_when_cancelled(command_line::goes_on_from(options.work));
   mapping::RebuildReport report;
   run_with_progress(asked.progress, mapping::rebuild_stages(options),
                     [&](const mapping::ProgressCallback& progress) {
@@ -84,9 +95,10 @@ void rebuild(RebuildCommand& asked, const CLI::App& command) {
                                                     mapping::make_reference_cleaner);
                       auto json = nlohmann::ordered_json::parse(mapping::to_json(report, options));
                       json["version"] = STILLMAP_VERSION;
-                      command_line::write_text_file(asked.report, json.dump(2) + "\n");
+                      asked.json.write(json.dump(2));
                     });
-  print_for_people(report, asked);
+  if (!asked.json.replaces_text()) print_for_people(report, asked);
+  if (!report.verdict.passed) throw command_line::ExitCode{command_line::kGateNotPassed};
 }
 
 }  // namespace
@@ -95,14 +107,22 @@ void add_rebuild(CLI::App& app) {
   auto asked = std::make_shared<RebuildCommand>();
   mapping::RebuildOptions& options = asked->options;
   CLI::App* command = app.add_subcommand(
-      "rebuild", "Make a new version of a map and judge it against the one before");
+      "rebuild", "Build a new version of a map and judge it against the active one");
+  command->footer(
+      "Exit codes: 0 the map was made and passed the gate, 4 the map was made and did not pass,\n"
+      "1 failed, 2 wrong usage, 3 disk full, 130 cancelled.");
   add_build_options(*command, asked->build);
-  command->add_option("-o,--output", asked->map, "Map package to write; must not exist");
-  command->add_option(
-      "--work", asked->work,
-      "Folder of its own in which finished stages are remembered, on the map's file "
-      "system");
-  command->add_option("--previous", options.previous, "The version that is in use")
+  command
+      ->add_option("-o,--output", asked->map,
+                   "Folder of the map package to write; must not exist (required without "
+                   "--estimate)")
+      ->type_name("FOLDER");
+  command
+      ->add_option("--work", asked->work,
+                   "Folder that keeps finished stages, on the map's file system: a later call goes "
+                   "on from there (required without --estimate)")
+      ->type_name("FOLDER");
+  command->add_option("--previous", options.previous, "Map package of the active version")
       ->check(command_line::existing_folder());
   command
       ->add_option("--held-back", options.held_back,
@@ -110,15 +130,15 @@ void add_rebuild(CLI::App& app) {
       ->check(command_line::existing_drive());
   command
       ->add_option("--held-back-every", options.held_back_every,
-                   "Without one: every n-th scan stays out of the map, to judge it by")
+                   "Without --held-back: every n-th scan stays out of the map, to judge it by")
       ->capture_default_str()
       ->check(CLI::Range(std::size_t{2}, std::size_t{1000}));
-  command->add_option("--gate", asked->gate, "Limits other than the usual ones (JSON)")
+  command
+      ->add_option("--gate", asked->gate, "Limits of the gate that replace the usual ones (JSON)")
       ->check(command_line::existing_file());
-  command->add_option("--report", asked->report, "Write figures and verdict there (JSON)")
-      ->check(command_line::in_existing_folder());
   command->add_flag("--estimate", asked->estimate,
-                    "Only print what it would need on the disk, in bytes (JSON)");
+                    "Only print how much disk space the rebuild needs");
+  asked->json.add_to(*command);
   add_progress_options(*command, asked->progress);
   command->callback([asked, command] { rebuild(*asked, *command); });
 }

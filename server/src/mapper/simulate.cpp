@@ -50,36 +50,43 @@ void add_simulate(CLI::App& app) {
   auto arguments = std::make_shared<SimulateArguments>();
   simulation::SimulationOptions& options = arguments->options;
   CLI::App* command =
-      app.add_subcommand("simulate", "Make a drive in a simulated world, with the truth beside it");
+      app.add_subcommand("simulate", "Simulate a drive, with the ground truth beside it");
   command
       ->add_option("SCENARIO", options.scenario, "World to drive through: town, highway or depot")
       ->capture_default_str();
-  command->add_option("-o,--output", arguments->drive, "Folder to write; must not exist")
+  command
+      ->add_option("-o,--output", arguments->drive, "Folder of the drive to write; must not exist")
+      ->type_name("FOLDER")
       ->required();
-  command->add_option("--seed", options.seed, "Another seed is another world")
+  command->add_option("--seed", options.seed, "Seed of the world: another seed makes another world")
       ->capture_default_str();
-  command->add_option("--day", options.day, "Same world, other parked cars and other traffic")
+  command
+      ->add_option("--day", options.day,
+                   "Day in this world: another day has other parked cars and other traffic")
       ->capture_default_str();
   command->add_option("--parked", options.parked_share,
-                      "Share of the parking places along the roads that are taken, 0 to 1 "
+                      "Share of parking places with a car along the roads, 0 to 1 "
                       "(default: the scenario's own)");
   command->add_flag("--change", options.change,
-                    "Building sites where there were none, some fences gone");
+                    "Change the world: new building sites, and some fences removed");
   command->add_flag("--standing", options.standing,
-                    "Stand beside the lane instead of driving: a fixed sensor with traffic");
+                    "Keep the sensor in one place beside the lane, with traffic passing");
   command
       ->add_option("--sensor", options.sensor,
-                   "hdl64, os1-64, os1-128, vlp16, avia, or a file that describes one")
+                   "Sensor: hdl64, os1-64, os1-128, vlp16, avia, or a file that describes one")
       ->capture_default_str();
-  command->add_option("--scans", options.scans, "Scans to take, about ten a second")
+  command->add_option("--scans", options.scans, "Number of scans, about ten a second")
       ->capture_default_str();
-  command->add_option("--layout", options.layout, "kitti-odometry, kitti-raw or pcd")
+  command
+      ->add_option("--layout", options.layout,
+                   "Layout of the drive: kitti-odometry, kitti-raw or pcd")
       ->capture_default_str();
   command->add_flag("--truth", options.truth,
-                    "Also what only a simulator knows: time of each point, ground, what is hidden");
+                    "Also write what only a simulator knows: time of each point, true ground, "
+                    "hidden points");
   command
       ->add_option("--threads", options.threads,
-                   "Threads; 0 = all cores. The drive does not depend on it")
+                   "Threads; 0 = all cores. The drive is the same with any number")
       ->capture_default_str();
   command->callback([arguments] { simulate(*arguments); });
 }

@@ -12,7 +12,7 @@
 
 namespace stillmap::server {
 
-/// One metric, as the table in `server/README.md` has it.
+/// One metric, as the table in `server/reference.md` has it.
 struct MetricInfo {
   std::string_view name;
   /// `counter`, `gauge` or `histogram`.

@@ -37,7 +37,7 @@ class ServiceTimes {
   };
   [[nodiscard]] static std::size_t index(WorkKind kind) { return static_cast<std::size_t>(kind); }
 
-  /// Guesses from the measured figures of localization/README.md, for machines half as fast.
+  /// Guesses from the measured figures of localization/measured.md, for machines half as fast.
   std::array<Time, kWorkKinds> times_ = {{{.mean_s = 0.02, .deviation_s = 0.005},
                                           {.mean_s = 0.15, .deviation_s = 0.03},
                                           {.mean_s = 1.0, .deviation_s = 0.5}}};

@@ -23,7 +23,7 @@ Session::Session(Name name, ServedVersion map, AlignmentQueue& queue)
     : name_(with_label(std::move(name))),
       map_(std::move(map)),
       line_(queue),
-      tracker_(map_.aligners->front().second) {
+      tracker_(map_.aligners->front().second, map_.localization.tracker) {
   summary_.active_version = map_.version;
 }
 
@@ -36,8 +36,8 @@ localization::TrackedPose Session::track(
   ++summary_.scans;
   const auto& reasons = pose.result.reasons;
   // What was newest then was of another clock. Sent once more, a scan has the same answer.
-  const bool is_set_back =
-      std::find(reasons.begin(), reasons.end(), "clock_set_back") != reasons.end();
+  const bool is_set_back = std::find(reasons.begin(), reasons.end(),
+                                     localization::Reason::kClockSetBack) != reasons.end();
   if (is_set_back && stamp_ns != clock_set_back_ns_) {
     clock_set_back_ns_ = stamp_ns;
     summary_.stamp_ns.reset();
@@ -65,7 +65,7 @@ void Session::initialize(const std::optional<localization::Prior>& prior) {
   if (prior) {
     tracker_.initialize(prior->T_map_lidar, prior->covariance.value());
   } else {
-    tracker_ = localization::Tracker(map_.aligners->front().second);
+    tracker_ = localization::Tracker(map_.aligners->front().second, map_.localization.tracker);
   }
   const std::scoped_lock summary_lock(mutex_);
   // Stamps may start anew, as after a clock was set back.

@@ -71,7 +71,7 @@ class Session {
   struct Summary {
     std::uint64_t scans = 0;
     std::optional<localization::PoseStatus> status{};
-    std::vector<std::string> reasons{};
+    std::vector<localization::Reason> reasons{};
     /// Of the newest scan that was not lost.
     std::optional<Place> place{};
     std::optional<std::int64_t> stamp_ns{};

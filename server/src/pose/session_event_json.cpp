@@ -6,7 +6,7 @@ namespace stillmap::server {
 
 std::string status_event_json(const localization::TrackedPose& pose) {
   return to_text(Json{{"status", localization::name_of(pose.result.status)},
-                      {"reasons", pose.result.reasons},
+                      {"reasons", localization::names_of(pose.result.reasons)},
                       {"stamp_ns", std::to_string(pose.stamp_ns)}});
 }
 

@@ -40,7 +40,7 @@ struct AuditRecord {
 /// kept. Safe from several threads and processes. Throws StorageError when the disk fails.
 ///
 /// The records are chained: the SHA-256 of each covers that of the record before and its own text
-/// (maps/store.md), so that one which was changed, removed or put in between no longer fits.
+/// (server/store.md), so that one which was changed, removed or put in between no longer fits.
 /// Whoever can write the file can compute the whole chain anew: keep the newest hash elsewhere.
 class AuditLog {
  public:

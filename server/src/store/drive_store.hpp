@@ -18,7 +18,7 @@ namespace stillmap::server {
 
 /// Drives that came in parts, for rebuilds, and uploads that become versions: the bytes behind a
 /// store's `DriveTable`, in
-/// `<store>/drives/<id>/`, kept in step with it as packages are with theirs (maps/store.md). A
+/// `<store>/drives/<id>/`, kept in step with it as packages are with theirs (server/store.md). A
 /// change that returned is kept. Safe from several threads; one process at a time receives drives.
 class DriveStore {
  public:

@@ -26,7 +26,7 @@ namespace stillmap::server {
 class FolderLock;
 
 /// Published map versions: immutable packages on the disk and the state that names them, kept in
-/// step through kills, full disks and power cuts (maps/store.md says how). A change that returned
+/// step through kills, full disks and power cuts (server/store.md says how). A change that returned
 /// is kept; one that threw StorageError may or may not have happened, and may be asked for again.
 /// Safe from several threads, and several processes may have it open.
 class PackageStore {

@@ -172,7 +172,7 @@ struct SqliteVfs::Methods {
   }
 
   static int characteristics(sqlite3_file* file) {
-    // See maps/store.md: a torn write may spoil the sector around it.
+    // See server/store.md: a torn write may spoil the sector around it.
     return inner(file)->pMethods->xDeviceCharacteristics(inner(file)) &
            ~SQLITE_IOCAP_POWERSAFE_OVERWRITE;
   }

@@ -9,7 +9,7 @@
 
 namespace stillmap::server {
 
-/// Names in a store's folder (maps/store.md), and how they are looked up.
+/// Names in a store's folder (server/store.md), and how they are looked up.
 
 constexpr const char* kStateName = "state.db";
 constexpr const char* kLockName = ".lock";

@@ -128,7 +128,7 @@ class Street:
             if self.options.relative:
                 result.write_text(json.dumps(self.relative_errors(made, tag)))
             else:
-                run(program, "evaluate", "map", made, "--truth", self.folder, "--json", result)
+                run(program, "evaluate", "map", made, "--truth", self.folder, f"--json={result}")
             shutil.rmtree(made)
         return json.loads(result.read_text())
 

@@ -123,11 +123,11 @@ class Measurement:
         made, ply, figures = (self.folder / f"{name}{end}" for end in ("_map", ".ply", ".json"))
         shutil.rmtree(made, ignore_errors=True)
         ply.unlink(missing_ok=True)
-        run(self.program, "build", drive.folder, "-o", made, "--json", self.folder / f"{name}_build.json")
+        run(self.program, "build", drive.folder, "-o", made, f"--json={self.folder / f'{name}_build.json'}")
         run(self.program, "export", made, "--format", "ply", "-o", ply, "--without", "projected,filled")
         if self.quick:
             return Cells(read_ply(ply)), None
-        run(self.program, "evaluate", "map", made, "--truth", drive.folder, "--json", figures)
+        run(self.program, "evaluate", "map", made, "--truth", drive.folder, f"--json={figures}")
         return Cells(read_ply(ply)), json.loads(figures.read_text())
 
     def left(self, drive, is_added, reference):

@@ -128,7 +128,7 @@ def follow(program, drive, work):
     # The drive's own are not looked at; some drives have none.
     poses.write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * len(scans_of(drive)))
     path, result = work / "path.txt", work / "result.json"
-    run(program, "evaluate", "odometry", drive, "--loops", "off", "--poses", poses, "--trajectory", path, "--json", result)
+    run(program, "evaluate", "odometry", drive, "--loops", "off", "--poses", poses, "--trajectory", path, f"--json={result}")
     found = json.loads(result.read_text())
     return np.loadtxt(path)[:, 1:4], found["scans_hidden"], found["scans_begun_anew"]
 

@@ -238,7 +238,7 @@ def built(options, folder, *words):
     made, report = options.folder / "map", options.folder / "report.json"
     shutil.rmtree(made, ignore_errors=True)
     run(options.program, "build", folder, "-o", made, "--detector", "geometric", "--clean", "none", "--voxel", 0.5,
-        "--json", report, *words)
+        f"--json={report}", *words)
     shutil.rmtree(made)
     return json.loads(report.read_text())
 

@@ -9,7 +9,7 @@
 // 2. CPU: queries per CPU-second of a server with two workers against one with one, in turns.
 // 3. overload: in turns the capacity (a closed loop that keeps every worker busy), then 1.5 times
 //    that rate in an open loop: requests are due at fixed times, whatever became of those before.
-// With --strict the figures are limits (server/README.md, "Measured"): exit code 1 when one is
+// With --strict the figures are limits (server/performance.md): exit code 1 when one is
 // missed. An overload that misses one is repeated once, whole. What depends on being given the
 // cores (in time, goodput, health, and memory, since what waits is held) is judged by the turns in
 // which others took at most a tenth of them (memory, which stays, by all or none); where these are

@@ -146,10 +146,10 @@ class Asked {
     expect_sound(result);
     const auto status = name_of(result.status);
     if (expected == Expected::kOk) {
-      EXPECT_EQ(status, "ok") << ::testing::PrintToString(result.reasons);
+      EXPECT_EQ(status, "ok") << ::testing::PrintToString(names_of(result.reasons));
       EXPECT_THAT(result.T_map_lidar, test::IsNearPose(street().T_map_lidar(), 0.1, 0.005));
     } else if (expected == Expected::kLost) {
-      EXPECT_EQ(status, "lost") << ::testing::PrintToString(result.reasons);
+      EXPECT_EQ(status, "lost") << ::testing::PrintToString(names_of(result.reasons));
     } else {
       EXPECT_NE(status, "ok");
     }

@@ -72,7 +72,8 @@ TEST(ReferenceAligner, FindsTheScanFromNearbyPriors) {
       const bool is_icp = aligner == &street().icp_aligner;
       const AlignmentResult result =
           aligner->align(scan, prior_at(pose_at(60.0 + off_m, 0.5, 0.05 + 0.03 * off_m)));
-      EXPECT_EQ(result.status, PoseStatus::kOk) << ::testing::PrintToString(result.reasons);
+      EXPECT_EQ(result.status, PoseStatus::kOk)
+          << ::testing::PrintToString(names_of(result.reasons));
       const Eigen::Isometry3d error = T.inverse() * result.T_map_lidar;
       EXPECT_LT(error.translation().norm(), is_icp ? 0.06 : 0.02) << off_m;
       EXPECT_LT(maps::rotation_angle_rad(error.linear()), is_icp ? 0.003 : 0.001) << off_m;
@@ -107,12 +108,12 @@ TEST(ReferenceAligner, FarPriorIsNeverOk) {
     for (const double off_m : {12.0, -20.0}) {
       const AlignmentResult result = aligner->align(scan, prior_at(pose_at(60.0 + off_m, 0.5)));
       EXPECT_NE(result.status, PoseStatus::kOk) << off_m;
-      EXPECT_THAT(result.reasons, Contains("low_inlier_ratio")) << off_m;
+      EXPECT_THAT(result.reasons, Contains(Reason::kLowInlierRatio)) << off_m;
     }
     EXPECT_THAT(aligner->align(scan, prior_at(pose_at(5000.0, 0.0))).reasons,
-                ElementsAre("outside_map"));
+                ElementsAre(Reason::kOutsideMap));
     EXPECT_THAT(aligner->align(scan, prior_at(pose_at(60.0, 0.0, 0.0, 80.0))).reasons,
-                ElementsAre("little_overlap"));
+                ElementsAre(Reason::kLittleOverlap));
     EXPECT_EQ(aligner->align(scan, prior_at(pose_at(1e300, 0.0))).status, PoseStatus::kLost);
   }
 }
@@ -125,7 +126,7 @@ TEST(ReferenceAligner, DirectionAlongACorridorIsUnobservable) {
     const AlignmentResult result =
         aligner_of(points_map, *method).align(scan, prior_at(pose_at(60.4, 0.1)));
     EXPECT_EQ(result.status, PoseStatus::kDegraded);
-    EXPECT_THAT(result.reasons, Contains("unobservable_direction"));
+    EXPECT_THAT(result.reasons, Contains(Reason::kUnobservableDirection));
     EXPECT_GT(std::sqrt(result.covariance(0, 0)), 5.0);
     // Across it both know where they are; pairs at the corridor's far ends bend icp by centimetres.
     EXPECT_NEAR(result.T_map_lidar.translation().y(), 0.3, 0.12);
@@ -139,7 +140,7 @@ TEST(ReferenceAligner, PriorWhoseCovarianceSpeaksAgainstThePoseIsNamed) {
   for (const ReferenceAligner* aligner : street().both()) {
     const AlignmentResult result = aligner->align(scan, prior);
     EXPECT_EQ(result.status, PoseStatus::kDegraded);
-    EXPECT_THAT(result.reasons, Contains("contradicts_prior"));
+    EXPECT_THAT(result.reasons, Contains(Reason::kContradictsPrior));
   }
 }
 
@@ -150,9 +151,9 @@ TEST(ReferenceAligner, NeedsAPriorPointsAndFiniteNumbers) {
   maps::PointCloud tiny;
   tiny.positions.assign(10'000, Eigen::Vector3f(5.0F, 1.0F, 0.0F));
   for (const ReferenceAligner* aligner : street().both()) {
-    EXPECT_THAT(aligner->align(scan, std::nullopt).reasons, ElementsAre("needs_prior"));
-    EXPECT_THAT(aligner->align({}, prior_at(T)).reasons, ElementsAre("too_few_points"));
-    EXPECT_THAT(aligner->align(tiny, prior_at(T)).reasons, ElementsAre("too_few_points"));
+    EXPECT_THAT(aligner->align(scan, std::nullopt).reasons, ElementsAre(Reason::kNeedsPrior));
+    EXPECT_THAT(aligner->align({}, prior_at(T)).reasons, ElementsAre(Reason::kTooFewPoints));
+    EXPECT_THAT(aligner->align(tiny, prior_at(T)).reasons, ElementsAre(Reason::kTooFewPoints));
     Prior broken = prior_at(T);
     broken.T_map_lidar.linear() *= 1.1;
     EXPECT_THROW((void)aligner->align(scan, broken), std::invalid_argument);
@@ -213,7 +214,7 @@ TEST(ReferenceAligner, SaysThatItTakesNoMotionOutOfAScan) {
   EXPECT_EQ(answer().status, PoseStatus::kOk);
   scan.time_offsets_s.front() = -0.05F;
   EXPECT_EQ(answer().status, PoseStatus::kDegraded);
-  EXPECT_THAT(answer().reasons, Contains("not_deskewed"));
+  EXPECT_THAT(answer().reasons, Contains(Reason::kNotDeskewed));
 }
 
 TEST(MapPoints, TellPlanesUprightLinesAndLyingOnesApart) {

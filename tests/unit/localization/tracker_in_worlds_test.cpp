@@ -77,7 +77,7 @@ TEST(TrackerOnAStreet, FollowsThroughBlockedAndGarbageScansAndIsNeverConfidently
       EXPECT_LT(error_m, 0.1) << k;
     } else if (answer.result.status == PoseStatus::kDegraded && (garbage || blocked)) {
       ++degraded;
-      EXPECT_THAT(answer.result.reasons, Contains("coasting")) << k;
+      EXPECT_THAT(answer.result.reasons, Contains(Reason::kCoasting)) << k;
       EXPECT_LT(error_m, 3.0 * std::sqrt(answer.result.covariance.diagonal().head<3>().sum()));
     }
   }

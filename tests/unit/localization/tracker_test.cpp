@@ -31,7 +31,7 @@ std::int64_t at_s(double seconds) {
 Eigen::Isometry3d truth_at(double seconds) { return pose_at(kSpeedM * seconds, 0.0); }
 
 AlignmentResult found_at(const Eigen::Isometry3d& T_map_lidar, PoseStatus status = PoseStatus::kOk,
-                         std::vector<std::string> reasons = {}) {
+                         std::vector<Reason> reasons = {}) {
   AlignmentResult result;
   result.status = status;
   result.reasons = std::move(reasons);
@@ -41,7 +41,7 @@ AlignmentResult found_at(const Eigen::Isometry3d& T_map_lidar, PoseStatus status
   if (status == PoseStatus::kOk) result.protection = protection_levels(kMatchCovariance);
   return result;
 }
-AlignmentResult lost(const std::string& reason = "low_inlier_ratio") {
+AlignmentResult lost(Reason reason = Reason::kLowInlierRatio) {
   AlignmentResult result;
   result.reasons = {reason};
   return result;
@@ -100,7 +100,7 @@ TEST_F(TrackerTest, AGivenPoseThatNothingConfirmsIsNoAnswer) {
   EXPECT_EQ(track(0.0, lost()).result.status, PoseStatus::kLost);
   const TrackedPose against = track(0.1, found_at(pose_at(50.0, 1.0)));
   EXPECT_EQ(against.result.status, PoseStatus::kLost);
-  EXPECT_THAT(against.result.reasons, Contains("contradicts_motion"));
+  EXPECT_THAT(against.result.reasons, Contains(Reason::kContradictsMotion));
 }
 
 TEST_F(TrackerTest, PredictsByConstantVelocity) {
@@ -143,7 +143,7 @@ TEST_F(TrackerTest, AMatchThatContradictsTheMotionIsNotBelieved) {
   drive_to(1.0);
   const TrackedPose answer = track(1.1, found_at(pose_at(11.0, 1.5)));
   EXPECT_EQ(answer.result.status, PoseStatus::kDegraded);
-  EXPECT_THAT(answer.result.reasons, ElementsAre("contradicts_motion", "coasting"));
+  EXPECT_THAT(answer.result.reasons, ElementsAre(Reason::kContradictsMotion, Reason::kCoasting));
   EXPECT_LT((answer.result.T_map_lidar.translation() - truth_at(1.1).translation()).norm(), 0.01);
   EXPECT_TRUE(std::isinf(answer.result.protection.lateral_m));
   EXPECT_EQ(follow(1.2).result.status, PoseStatus::kOk);
@@ -152,8 +152,8 @@ TEST_F(TrackerTest, AMatchThatContradictsTheMotionIsNotBelieved) {
 TEST_F(TrackerTest, WhatTheAlignerHoldsAgainstThePriorIsSaidOnce) {
   drive_to(1.0);
   const TrackedPose answer =
-      track(1.1, found_at(pose_at(11.0, 1.5), PoseStatus::kDegraded, {"contradicts_prior"}));
-  EXPECT_THAT(answer.result.reasons, ElementsAre("contradicts_motion", "coasting"));
+      track(1.1, found_at(pose_at(11.0, 1.5), PoseStatus::kDegraded, {Reason::kContradictsPrior}));
+  EXPECT_THAT(answer.result.reasons, ElementsAre(Reason::kContradictsMotion, Reason::kCoasting));
 }
 
 TEST_F(TrackerTest, BrakingAtOnceIsNoContradiction) {
@@ -174,7 +174,7 @@ TEST_F(TrackerTest, CoastsWithGrowingCovarianceAndTakesTheNextMatch) {
     const double t = 1.0 + 0.1 * k;
     const TrackedPose answer = track(t, lost());
     EXPECT_EQ(answer.result.status, PoseStatus::kDegraded);
-    EXPECT_THAT(answer.result.reasons, ElementsAre("low_inlier_ratio", "coasting"));
+    EXPECT_THAT(answer.result.reasons, ElementsAre(Reason::kLowInlierRatio, Reason::kCoasting));
     EXPECT_LT((answer.result.T_map_lidar.translation() - truth_at(t).translation()).norm(), 0.05);
     EXPECT_GT(answer.result.covariance(0, 0), last);
     last = answer.result.covariance(0, 0);
@@ -197,7 +197,7 @@ TEST_F(TrackerTest, CoastingEndsInAWideSearchThenInOneOfTheWholeMap) {
   for (; wide < 10; ++wide) {
     const TrackedPose answer = track(t += 0.1, lost());
     EXPECT_EQ(answer.result.status, PoseStatus::kLost);
-    EXPECT_THAT(answer.result.reasons, ElementsAre("low_inlier_ratio", "not_tracked"));
+    EXPECT_THAT(answer.result.reasons, ElementsAre(Reason::kLowInlierRatio, Reason::kNotTracked));
     if (!aligner->last_prior) {
       EXPECT_EQ(answer.searched_from, SearchedFrom::kEverywhere);
       break;
@@ -232,11 +232,11 @@ TEST_F(TrackerTest, OdometryThatIsLongIsNotBelievedToTheEndOfACorridor) {
   };
   for (int k = 1; k <= 600; ++k) {
     AlignmentResult match =
-        found_at(pose_at(1.01 * k, 0.0), PoseStatus::kDegraded, {"unobservable_direction"});
+        found_at(pose_at(1.01 * k, 0.0), PoseStatus::kDegraded, {Reason::kUnobservableDirection});
     match.covariance(0, 0) = 100.0;
     match.degenerate_directions = {Eigen::Matrix<double, 6, 1>::Unit(0)};
     EXPECT_THAT(track(0.1 * k, match, step(k)).result.reasons,
-                ElementsAre("unobservable_direction"))
+                ElementsAre(Reason::kUnobservableDirection))
         << k;
   }
   EXPECT_GT(prior_deviation_m(), 5.5);
@@ -257,7 +257,7 @@ TEST_F(TrackerTest, MatchesThatGoOnContradictingMakeTheMotionDoubtful) {
       break;
     }
     EXPECT_THAT(answer.result.reasons,
-                k <= 5 ? Contains("contradicts_motion") : Contains("unconfirmed"));
+                k <= 5 ? Contains(Reason::kContradictsMotion) : Contains(Reason::kUnconfirmed));
   }
   EXPECT_EQ(believed, 7);
 }
@@ -266,7 +266,7 @@ TEST_F(TrackerTest, FoundWithoutAPriorIsOkOnlyWhenTheNextScanAgrees) {
   const TrackedPose first = follow(0.0);
   EXPECT_EQ(first.searched_from, SearchedFrom::kEverywhere);
   EXPECT_EQ(first.result.status, PoseStatus::kDegraded);
-  EXPECT_THAT(first.result.reasons, ElementsAre("unconfirmed"));
+  EXPECT_THAT(first.result.reasons, ElementsAre(Reason::kUnconfirmed));
   EXPECT_TRUE(std::isinf(first.result.protection.lateral_m));
   EXPECT_TRUE(first.result.T_map_lidar.isApprox(truth_at(0.0)));
   const TrackedPose second = follow(0.1);
@@ -295,7 +295,7 @@ TEST_F(TrackerTest, AWrongRelocationIsNotBelieved) {
   EXPECT_EQ(track(0.0, found_at(pose_at(200.0, 0.0))).result.status, PoseStatus::kDegraded);
   const TrackedPose second = track(0.1, found_at(pose_at(-90.0, 40.0)));
   EXPECT_EQ(second.result.status, PoseStatus::kDegraded);
-  EXPECT_THAT(second.result.reasons, ElementsAre("contradicts_motion", "unconfirmed"));
+  EXPECT_THAT(second.result.reasons, ElementsAre(Reason::kContradictsMotion, Reason::kUnconfirmed));
   EXPECT_EQ(follow(0.2).result.status, PoseStatus::kDegraded);
   EXPECT_EQ(follow(0.3).result.status, PoseStatus::kOk);
 }
@@ -303,8 +303,8 @@ TEST_F(TrackerTest, AWrongRelocationIsNotBelieved) {
 TEST_F(TrackerTest, AnAmbiguousPlaceConfirmsNothing) {
   follow(0.0);
   const TrackedPose answer =
-      track(0.1, found_at(truth_at(0.1), PoseStatus::kDegraded, {"ambiguous"}));
-  EXPECT_THAT(answer.result.reasons, ElementsAre("ambiguous", "unconfirmed"));
+      track(0.1, found_at(truth_at(0.1), PoseStatus::kDegraded, {Reason::kAmbiguous}));
+  EXPECT_THAT(answer.result.reasons, ElementsAre(Reason::kAmbiguous, Reason::kUnconfirmed));
   EXPECT_EQ(follow(0.2).result.status, PoseStatus::kOk);
 }
 
@@ -317,8 +317,8 @@ TEST_F(TrackerTest, AnAmbiguousPlaceLeavesTheGivenPoseAsVagueAsItWas) {
     if (k > 0) odometry = OdometryStep{at_s(0.1 * (k - 1)), pose_at(1.0, 0.0, 0.0, 0.0), step};
     const Eigen::Isometry3d wrong = pose_at(6.0 + k, 0.0);
     const TrackedPose answer =
-        track(0.1 * k, found_at(wrong, PoseStatus::kDegraded, {"ambiguous"}), odometry);
-    EXPECT_THAT(answer.result.reasons, ElementsAre("ambiguous")) << k;
+        track(0.1 * k, found_at(wrong, PoseStatus::kDegraded, {Reason::kAmbiguous}), odometry);
+    EXPECT_THAT(answer.result.reasons, ElementsAre(Reason::kAmbiguous)) << k;
     EXPECT_GT(prior_deviation_m(), 1.9) << k;
   }
   for (int k = 20; k < 22; ++k) {
@@ -333,8 +333,8 @@ TEST_F(TrackerTest, AnAmbiguousPlaceOfAVehicleWhosePlaceIsKnownIsBelieved) {
   for (int k = 1; k <= 60; ++k) {
     const double t = 1.0 + 0.1 * k;
     const TrackedPose answer =
-        track(t, found_at(truth_at(t), PoseStatus::kDegraded, {"ambiguous"}));
-    EXPECT_THAT(answer.result.reasons, ElementsAre("ambiguous")) << k;
+        track(t, found_at(truth_at(t), PoseStatus::kDegraded, {Reason::kAmbiguous}));
+    EXPECT_THAT(answer.result.reasons, ElementsAre(Reason::kAmbiguous)) << k;
     EXPECT_LT(prior_deviation_m(), 0.15) << k;
   }
 }
@@ -364,7 +364,7 @@ TEST_F(TrackerTest, RecoversAfterBeingLostAndDoesNotInterpolateAcrossTheJump) {
   const Eigen::Isometry3d T = pose_at(400.0, 100.0);
   EXPECT_EQ(track(6.1, found_at(T)).result.status, PoseStatus::kDegraded);
   EXPECT_EQ(track(6.2, found_at(T)).result.status, PoseStatus::kOk);
-  EXPECT_THAT(track(5.55, found_at(T)).result.reasons, ElementsAre("too_old"));
+  EXPECT_THAT(track(5.55, found_at(T)).result.reasons, ElementsAre(Reason::kTooOld));
   EXPECT_EQ(track(6.15, found_at(T)).result.status, PoseStatus::kDegraded);  // unconfirmed then
   EXPECT_EQ(track(6.3, found_at(T)).result.status, PoseStatus::kOk);
   EXPECT_EQ(track(6.25, found_at(T)).result.status, PoseStatus::kOk);
@@ -373,11 +373,11 @@ TEST_F(TrackerTest, RecoversAfterBeingLostAndDoesNotInterpolateAcrossTheJump) {
 TEST_F(TrackerTest, AWeakMatchDoesNotWidenWhatTheMotionTells) {
   drive_to(1.0);
   AlignmentResult weak =
-      found_at(pose_at(11.4, 0.0), PoseStatus::kDegraded, {"unobservable_direction"});
+      found_at(pose_at(11.4, 0.0), PoseStatus::kDegraded, {Reason::kUnobservableDirection});
   weak.covariance(0, 0) = 100.0;
   const TrackedPose answer = track(1.1, weak);
   EXPECT_EQ(answer.result.status, PoseStatus::kDegraded);
-  EXPECT_THAT(answer.result.reasons, ElementsAre("unobservable_direction"));
+  EXPECT_THAT(answer.result.reasons, ElementsAre(Reason::kUnobservableDirection));
   EXPECT_DOUBLE_EQ(answer.result.covariance(0, 0), 100.0);
   follow(1.2);
   EXPECT_LT(prior_deviation_m(), 0.5);
@@ -392,7 +392,7 @@ TEST_F(TrackerTest, AWeakMatchIsBelievedWhereAGivenPoseKnewNoHeading) {
   const Eigen::Isometry3d T_given = pose_at(3.0, 1.0, -1.2);
   tracker.initialize(T_given, covariance);
   const Eigen::Isometry3d T = pose_at(6.0, -2.0, 1.7);
-  AlignmentResult weak = found_at(T, PoseStatus::kDegraded, {"unobservable_direction"});
+  AlignmentResult weak = found_at(T, PoseStatus::kDegraded, {Reason::kUnobservableDirection});
   weak.degenerate_directions = {Eigen::Matrix<double, 6, 1>::Unit(0)};
   (void)track(0.0, weak);
   (void)track(0.001, found_at(T));
@@ -408,7 +408,7 @@ TEST_F(TrackerTest, AMatchThatKnowsNoHeadingTakesNoneFromAGivenPose) {
   covariance(5, 5) = 0.09;
   tracker.initialize(pose_at(3.0, 1.0, 0.2), covariance);
   AlignmentResult weak =
-      found_at(pose_at(3.0, 1.0, 0.9), PoseStatus::kDegraded, {"unobservable_direction"});
+      found_at(pose_at(3.0, 1.0, 0.9), PoseStatus::kDegraded, {Reason::kUnobservableDirection});
   weak.degenerate_directions = {Eigen::Matrix<double, 6, 1>::Unit(5)};
   (void)track(0.0, weak);
   (void)track(0.001, found_at(pose_at(3.0, 1.0, 0.2)));
@@ -435,7 +435,7 @@ TEST_F(TrackerTest, ALateScanThatDoesNotMatchIsInterpolated) {
     const double t = match.status == PoseStatus::kLost ? 1.23 : 1.24;
     const TrackedPose late = track(t, match);
     EXPECT_EQ(late.result.status, PoseStatus::kDegraded);
-    EXPECT_THAT(late.result.reasons, Contains("interpolated"));
+    EXPECT_THAT(late.result.reasons, Contains(Reason::kInterpolated));
     EXPECT_LT((late.result.T_map_lidar.translation() - truth_at(t).translation()).norm(), 0.01);
   }
 }
@@ -445,21 +445,21 @@ TEST_F(TrackerTest, OlderThanTheHistoryIsTooOldAndCostsNoSearch) {
   const int calls = aligner->calls;
   const TrackedPose old = track(1.05, found_at(truth_at(1.05)));
   EXPECT_EQ(old.result.status, PoseStatus::kLost);
-  EXPECT_THAT(old.result.reasons, ElementsAre("too_old"));
+  EXPECT_THAT(old.result.reasons, ElementsAre(Reason::kTooOld));
   EXPECT_EQ(old.searched_from, SearchedFrom::kNowhere);
   EXPECT_EQ(aligner->calls, calls);
-  EXPECT_THAT(track(-1e6, found_at(truth_at(0))).result.reasons, ElementsAre("too_old"));
+  EXPECT_THAT(track(-1e6, found_at(truth_at(0))).result.reasons, ElementsAre(Reason::kTooOld));
 }
 
 TEST_F(TrackerTest, AStampFarAheadCostsFourScans) {
   drive_to(1.0);
   (void)track(3600.0, found_at(truth_at(1.1)));
   for (int k = 2; k <= 5; ++k) {
-    EXPECT_THAT(follow(1.0 + 0.1 * k).result.reasons, ElementsAre("too_old")) << k;
+    EXPECT_THAT(follow(1.0 + 0.1 * k).result.reasons, ElementsAre(Reason::kTooOld)) << k;
   }
   const TrackedPose anew = follow(1.6);
   EXPECT_EQ(anew.searched_from, SearchedFrom::kEverywhere);
-  EXPECT_THAT(anew.result.reasons, ElementsAre("unconfirmed", "clock_set_back"));
+  EXPECT_THAT(anew.result.reasons, ElementsAre(Reason::kUnconfirmed, Reason::kClockSetBack));
   EXPECT_EQ(follow(1.7).result.status, PoseStatus::kOk);
   EXPECT_EQ(follow(1.8).searched_from, SearchedFrom::kVelocity);
 }
@@ -475,13 +475,13 @@ TEST_F(TrackerTest, AFailedCallSetsNoClockBack) {
 TEST_F(TrackerTest, OldScansAmongNewOnesAndTheSameOneAgainSetNoClockBack) {
   drive_to(7.0);
   for (int k = 1; k <= 12; ++k) {
-    EXPECT_THAT(follow(0.01 * k).result.reasons, ElementsAre("too_old")) << k;
+    EXPECT_THAT(follow(0.01 * k).result.reasons, ElementsAre(Reason::kTooOld)) << k;
     if (k % 4 == 0) {
       EXPECT_EQ(follow(7.0 + 0.05 * k).result.status, PoseStatus::kOk) << k;
     }
   }
   for (int k = 1; k <= 12; ++k) {
-    EXPECT_THAT(follow(0.5).result.reasons, ElementsAre("too_old")) << k;
+    EXPECT_THAT(follow(0.5).result.reasons, ElementsAre(Reason::kTooOld)) << k;
   }
 }
 
@@ -538,9 +538,9 @@ TEST_F(TrackerTest, WhatAWideSearchFindsAgainstTheMotionSaysSo) {
   ASSERT_TRUE(aligner->last_prior);
   const Eigen::Isometry3d T = pose_at(truth_at(t).translation().x(), 60.0);
   const TrackedPose answer =
-      track(t + 0.1, found_at(T, PoseStatus::kDegraded, {"contradicts_prior"}));
+      track(t + 0.1, found_at(T, PoseStatus::kDegraded, {Reason::kContradictsPrior}));
   EXPECT_EQ(answer.result.status, PoseStatus::kDegraded);
-  EXPECT_THAT(answer.result.reasons, ElementsAre("contradicts_motion"));
+  EXPECT_THAT(answer.result.reasons, ElementsAre(Reason::kContradictsMotion));
 }
 
 TEST_F(TrackerTest, RefusesWhatIsNoMotion) {
@@ -571,8 +571,8 @@ TEST_F(TrackerTest, StampsAtBothEndsOfTimeAreAnswered) {
   aligner->answer = [](const auto&) { return found_at(pose_at(0, 0)); };
   (void)tracker.track(std::numeric_limits<std::int64_t>::min(), {});
   const TrackedPose last = tracker.track(std::numeric_limits<std::int64_t>::max(), {});
-  EXPECT_THAT(last.result.reasons, ElementsAre("contradicts_motion", "unconfirmed"));
-  EXPECT_THAT(tracker.track(0, {}).result.reasons, ElementsAre("too_old"));
+  EXPECT_THAT(last.result.reasons, ElementsAre(Reason::kContradictsMotion, Reason::kUnconfirmed));
+  EXPECT_THAT(tracker.track(0, {}).result.reasons, ElementsAre(Reason::kTooOld));
 }
 
 }  // namespace tracker_test

@@ -180,7 +180,7 @@ TEST(LatePrior, FindsTheScanWhereWhatIsNearThePriorFitsHalfAndDoubtsIt) {
         street().world.scan(T, pattern(7)), Prior{pose_at(65.0 + off_m, 0.3, -0.1), std::nullopt});
     EXPECT_NE(result.status, PoseStatus::kLost) << off_m;
     // Near the prior it could be a place that has changed.
-    doubted += std::count(result.reasons.begin(), result.reasons.end(), "ambiguous");
+    doubted += std::count(result.reasons.begin(), result.reasons.end(), Reason::kAmbiguous);
     EXPECT_LT((T.inverse() * result.T_map_lidar).translation().norm(), 0.1) << off_m;
   }
   EXPECT_GE(doubted, 3);
@@ -204,7 +204,7 @@ TEST(WithoutPrior, IsLostWithNothingToGoBy) {
   }
   const AlignmentResult result = street().aligner->align(flat, std::nullopt);
   EXPECT_EQ(result.status, PoseStatus::kLost);
-  EXPECT_THAT(result.reasons, testing::ElementsAre("too_little_structure"));
+  EXPECT_THAT(result.reasons, testing::ElementsAre(Reason::kTooLittleStructure));
 }
 
 TEST(WithoutPrior, RefusesWhatIsNotFinite) {
@@ -219,7 +219,8 @@ TEST(WithoutPrior, RefusesWhatIsNotFinite) {
 TEST(WithoutPrior, SaysThatAMapWithoutPosesNeedsOne) {
   const auto aligner = make_aligner("default", street().index);
   const auto scan = street().world.scan(pose_at(50.0, 0.0, 0.0), pattern(5));
-  EXPECT_THAT(aligner->align(scan, std::nullopt).reasons, testing::ElementsAre("needs_prior"));
+  EXPECT_THAT(aligner->align(scan, std::nullopt).reasons,
+              testing::ElementsAre(Reason::kNeedsPrior));
 }
 
 }  // namespace without_prior_test

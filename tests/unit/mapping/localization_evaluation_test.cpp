@@ -178,7 +178,7 @@ TEST(LocalizationMetrics, CountsSuccessStatusAndFalseOkByHand) {
   records[8] = record(8, Eigen::Vector3d::Zero(), 0.0, PoseStatus::kLost);  // fails although right
   records[10] = record(10, Eigen::Vector3d::Zero(), 2.5);                   // false ok by angle
   records[12] = record(12, Eigen::Vector3d::Zero(), 0.9, PoseStatus::kDegraded);  // success
-  records[8].query.reasons = {"too_few_points"};
+  records[8].query.reasons = {localization::Reason::kTooFewPoints};
   const LocalizationLevel level = level_of(records);
   EXPECT_EQ(level.queries, 20U);
   EXPECT_EQ(level.ok, 17U);
@@ -186,7 +186,7 @@ TEST(LocalizationMetrics, CountsSuccessStatusAndFalseOkByHand) {
   EXPECT_EQ(level.lost, 1U);
   EXPECT_DOUBLE_EQ(level.success_rate, 15.0 / 20.0);
   EXPECT_DOUBLE_EQ(level.false_ok_rate, 2.0 / 20.0);
-  EXPECT_EQ(level.reasons.at("too_few_points"), 1U);
+  EXPECT_EQ(level.reasons.at(localization::Reason::kTooFewPoints), 1U);
   EXPECT_NEAR(level.translation_m.rmse_part,
               std::sqrt((0.19 * 0.19 + 0.21 * 0.21 + 2 * 0.36) / 19.0), 1e-9);
   EXPECT_NEAR(level.rotation_deg.rmse_part, std::sqrt((2.5 * 2.5 + 0.9 * 0.9) / 19.0), 1e-6);

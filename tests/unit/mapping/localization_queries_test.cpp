@@ -35,7 +35,7 @@ class Echo : public localization::Aligner {
       answer.status = PoseStatus::kOk;
       answer.T_map_lidar = prior->T_map_lidar;
     } else {
-      answer.reasons = {"needs_prior", "too_few_points"};
+      answer.reasons = {localization::Reason::kNeedsPrior, localization::Reason::kTooFewPoints};
     }
     return answer;
   }
@@ -144,7 +144,7 @@ TEST(LocalizationCsv, HasOneLineAQueryUnderTheNamesOfTheColumns) {
   query.trial = 2;
   query.prior_error = {1.0, 5.0};
   query.status = PoseStatus::kDegraded;
-  query.reasons = {"ambiguous", "large_covariance"};
+  query.reasons = {localization::Reason::kAmbiguous, localization::Reason::kLargeCovariance};
   query.error << 0.1, -0.2, 0.3, 0.01, -0.02, 0.03;
   query.protection = {0.25, 0.125, 0.5, 0.0078125};
   query.nees = 5.5;

@@ -46,7 +46,7 @@ class PaperEvaluationTest : public ::testing::Test {
     options_.detector = "boxes";
     options_.maps = {"none", "paper"};
     options_.methods = {"echo"};
-    parts_.simulate = [this](const PaperEvaluationOptions&, std::uint64_t, int,
+    parts_.simulate = [this](const PaperEvaluationOptions&, PaperParts::StreetDay,
                              const std::filesystem::path& target, const ProgressCallback&,
                              const CancelFlag&) {
       ++simulated_;

@@ -112,8 +112,8 @@ void expect_another(const char* what, const std::function<void(Held&)>& change) 
   EXPECT_NE(digest_of(map), digest_of(held())) << what;
 }
 
-// Computed in Python from the definition in maps/README.md. If this fails, the definition has
-// changed and the digests that were recorded mean nothing.
+// Computed in Python from the definition in maps/content_digest.md. If this fails, the definition
+// has changed and the digests that were recorded mean nothing.
 TEST(ContentDigest, IsAsDocumented) {
   EXPECT_EQ(digest_of(held()), "cd7c5d3dfce396672588b6ac206783b15123e7d6f2dabdff1bdc17ff80273087");
 }

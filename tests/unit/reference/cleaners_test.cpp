@@ -1,4 +1,4 @@
-#include "reference/cleaners.hpp"
+#include <stillmap/mapping/reference.hpp>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "reference/map_aligners.hpp"
+#include <stillmap/mapping/reference.hpp>
 
 #include "reference/pcl_gicp.hpp"
 #include "reference/pcl_ndt.hpp"
@@ -91,7 +91,8 @@ TYPED_TEST(PclReference, TinyScanIsLostAndBrokenInputIsRefused) {
   const auto& aligner = TypeParam::in_room();
   maps::PointCloud scan;
   EXPECT_EQ(aligner.align(scan, at(pose_at(0, 0))).status, localization::PoseStatus::kLost);
-  EXPECT_THAT(aligner.align(scan, std::nullopt).reasons, ElementsAre("needs_prior"));
+  EXPECT_THAT(aligner.align(scan, std::nullopt).reasons,
+              ElementsAre(localization::Reason::kNeedsPrior));
   // Many points, but one after thinning.
   scan.positions.assign(100, Eigen::Vector3f(1.0F, 2.0F, 0.0F));
   EXPECT_NO_THROW((void)aligner.align(scan, at(pose_at(0, 0))));

@@ -1,5 +1,6 @@
 #include "reference/pcl_icp.hpp"
-#include "reference/map_aligners.hpp"
+
+#include <stillmap/mapping/reference.hpp>
 
 #include <stillmap/maps/frames.hpp>
 

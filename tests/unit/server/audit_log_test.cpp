@@ -71,7 +71,7 @@ TEST_F(AuditLogTest, CannotBeChangedEvenBySql) {
   sqlite3_close(database);
 }
 
-/// Computed by Python's hashlib from the description in maps/store.md.
+/// Computed by Python's hashlib from the description in server/store.md.
 TEST_F(AuditLogTest, ChainIsAsDescribed) {
   EXPECT_EQ(log_.check().newest_sha256, std::string(64, '0'));
   log_.append({.time_ns = 5,

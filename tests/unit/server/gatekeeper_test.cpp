@@ -121,7 +121,9 @@ TEST_F(GatekeeperTest, KeyOpensTheRoutesOfItsScopeAndNoOthers) {
 }
 
 TEST_F(GatekeeperTest, ReadinessTellsNamesOnlyToWhoeverMayReadThem) {
-  start([](const maps::MapPackage&) -> Aligners { throw std::runtime_error("too few voxels"); });
+  start([](const maps::MapPackage&, const localization::LocalizationOptions&) -> Aligners {
+    throw std::runtime_error("too few voxels");
+  });
   wait_until_loaded();
   const auto asked = [&](const std::string& key, const std::string& host = "localhost") {
     HttpRequest ready = request("GET", "/readyz");

@@ -46,7 +46,7 @@ class JobTest : public ServiceTest {
     script
         << "#!/bin/sh\n"
         << "while [ $# -gt 0 ]; do case $1 in --output) out=$2;; --work) work=$2;;"
-        << " --report) report=$2;; --gate) gate=$2;; --edits) edits=$2;;"
+        << " --json=*) report=${1#--json=};; --gate) gate=$2;; --edits) edits=$2;;"
         << " --estimate) printf '{\\n\"package_bytes\": " << estimate
         << ", \"work_bytes\": 5}\\n'; exit 0;; esac; shift; done\n"
         << "say() { printf '{\"stage\":\"%s\",\"fraction\":%s,\"eta_s\":2.5}\\n' \"$2\" $1 >&3; }\n"

@@ -95,7 +95,7 @@ TEST_F(Jobs, IsActivatedOnlyWhenAskedAndInTheSameFrame) {
 }
 
 TEST_F(Jobs, FailedGateIsAResultAndNotAFailure) {
-  start_with(R"(publish; printf '{"verdict":"fail","reasons":["7 new lost"]}' > $report)");
+  start_with(R"(publish; printf '{"verdict":"fail","reasons":["7 new lost"]}' > $report; exit 4)");
   const nlohmann::json job = wait_for_end(
       rebuild(R"({"drives": [1], "activate": true, "new_frame": true, "version": "v2"})"));
   EXPECT_EQ(job["status"], "succeeded");
@@ -203,7 +203,7 @@ TEST_F(Jobs, SaysOnTheDiskThatItPublishesAsLongAsItDoes) {
   write_mapper("publish");
   const std::filesystem::path mark = job_folder(1) / "scratch" / "publishing";
   std::atomic<bool> marked = false;
-  start([&](const maps::MapPackage& package) {
+  start([&](const maps::MapPackage& package, const localization::LocalizationOptions&) {
     if (package.digest() != store_.digest()) marked = std::filesystem::exists(mark);
     return Aligners{{"default", aligner_}};
   });

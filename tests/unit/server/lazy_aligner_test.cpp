@@ -37,7 +37,7 @@ std::unique_ptr<const localization::Aligner> high_aligner() {
 class LazyAlignerTest : public ServiceTest {
  protected:
   void start_with(const LazyAligner::Maker& make) {
-    start([this, make](const maps::MapPackage&) {
+    start([this, make](const maps::MapPackage&, const localization::LocalizationOptions&) {
       return Aligners{
           {"default", aligner_},
           {"other", std::make_shared<const LazyAligner>("method 'other'", make, worker_)}};

@@ -293,7 +293,7 @@ TEST_F(Localize, NoBoundInTheLidarFrameIsNoneInBase) {
 TEST_F(Localize, LostIsAnAnswerWithoutAPose) {
   aligner_->answer = [](const auto&) {
     localization::AlignmentResult result;
-    result.reasons = {"low_inlier_ratio"};
+    result.reasons = {localization::Reason::kLowInlierRatio};
     return result;
   };
   json answer = ask(good_request());

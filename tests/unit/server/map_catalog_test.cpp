@@ -76,7 +76,7 @@ class MapCatalogTest : public ::testing::Test {
   }
   MapCatalog& start() {
     catalog_.emplace(
-        store_, [this](const auto& map) { return builder_.build(map); }, &metrics_);
+        store_, [this](const auto& map, const auto&) { return builder_.build(map); }, &metrics_);
     wait([&] { return catalog_->active().at(0).state != MapState::kLoading; });
     return *catalog_;
   }

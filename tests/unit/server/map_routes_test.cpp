@@ -49,7 +49,8 @@ TEST_F(MapRoutes, MapIsMadeOnceAndFoundAgain) {
 
 TEST_F(MapRoutes, AnswersAreOfOneStateOfTheStoreThatAnotherProcessHasChanged) {
   std::promise<void> loaded;
-  start([this, release = loaded.get_future().share()](const maps::MapPackage& package) {
+  start([this, release = loaded.get_future().share()](const maps::MapPackage& package,
+                                                      const localization::LocalizationOptions&) {
     if (package.digest() != store_.digest()) release.wait();
     return Aligners{{"default", aligner_}};
   });

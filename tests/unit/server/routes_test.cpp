@@ -23,7 +23,7 @@ class Routes : public ServiceTest {};
 
 TEST_F(Routes, AliveIsSaidBeforeAnyMapIsLoaded) {
   std::latch release(1);
-  start([&](const maps::MapPackage&) {
+  start([&](const maps::MapPackage&, const localization::LocalizationOptions&) {
     release.wait();
     return Aligners{{"default", aligner_}};
   });
@@ -45,7 +45,9 @@ TEST_F(Routes, AliveIsSaidBeforeAnyMapIsLoaded) {
 }
 
 TEST_F(Routes, MapThatCannotBeIndexedIsNamedAndLeavesTheServerReady) {
-  start([](const maps::MapPackage&) -> Aligners { throw std::runtime_error("too few voxels"); });
+  start([](const maps::MapPackage&, const localization::LocalizationOptions&) -> Aligners {
+    throw std::runtime_error("too few voxels");
+  });
   wait_until_loaded();
   EXPECT_THAT(body(get("/readyz"))["reasons"][0].get<std::string>(), HasSubstr("too few voxels"));
   EXPECT_EQ(get("/v1/maps/town/ready").status, 503);

@@ -109,7 +109,9 @@ class ServiceTest : public ::testing::Test {
     service_ = std::make_unique<Service>(options_, store_.open(), std::move(builder), web, mapper_);
   }
   void start() {
-    start([this](const maps::MapPackage&) { return Aligners{{"default", aligner_}}; });
+    start([this](const maps::MapPackage&, const localization::LocalizationOptions&) {
+      return Aligners{{"default", aligner_}};
+    });
     wait_until_loaded();
   }
   void wait_until_loaded() {

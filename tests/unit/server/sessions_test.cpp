@@ -143,7 +143,7 @@ TEST_F(Sessions, TellWhereTheVehicleWasLast) {
   ask(scan(session, "2000000000"));
   aligner_->answer = [](const auto&) {
     localization::AlignmentResult lost;
-    lost.reasons = {"low_inlier_ratio"};
+    lost.reasons = {localization::Reason::kLowInlierRatio};
     return lost;
   };
   for (int i = 1; i <= 100; ++i) ask(scan(session, std::to_string(2 + i) + "000000000"));

@@ -5,7 +5,7 @@ const unit = (name) => import(`../../../web/dist/unit/${name}.js`);
 const { addressOf, ask } = await unit('api/client');
 const { answerKey, askForKey, keyWanted, setKey } = await unit('api/keys');
 const { connection } = await unit('api/connection');
-const { parsePlace, linkTo, place, replaceQuery } = await unit('router');
+const { parsePlace, linkTo, place, replaceQuery } = await unit('state/router');
 
 /** Answers in turn, and what was asked. */
 function serve(...answers) {

@@ -38,7 +38,7 @@ test('tiles without a changed square are no place', () => {
 
 test('a side is told by points, area and kinds', () => {
   assert.equal(sideWords({ points: 1234, area_m2: 87.4, kinds: { measured: 1000, ground: 234, filled: 0 } }),
-    '1,234 points on 87 m²: 1,000 standing, 234 ground');
+    '1,234 points on 87 m²: 1,000 measured, 234 ground');
   assert.equal(sideWords({ points: 0, area_m2: 0, kinds: {} }), 'nothing');
 });
 
@@ -72,7 +72,7 @@ test('coordinates of a tile are read from its points of 20 bytes', () => {
 });
 
 test('what is no tile is refused in words', () => {
-  assert.throws(() => glbPositions(new ArrayBuffer(3)), /no GLB/);
-  assert.throws(() => glbPositions(glbOf(['JSON', Buffer.from('{}  ')])), /without its points/);
-  assert.throws(() => glbPositions(glbOf(['JSON', Buffer.from('{}  ')], ['BIN\0', Buffer.alloc(40)]).slice(0, 50)), /without its points/);
+  assert.throws(() => glbPositions(new ArrayBuffer(3)), /not a GLB file/);
+  assert.throws(() => glbPositions(glbOf(['JSON', Buffer.from('{}  ')])), /without points/);
+  assert.throws(() => glbPositions(glbOf(['JSON', Buffer.from('{}  ')], ['BIN\0', Buffer.alloc(40)]).slice(0, 50)), /without points/);
 });

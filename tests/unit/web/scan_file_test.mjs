@@ -1,12 +1,8 @@
-// Scans that a person drops on the page. three.js's own readers of PCD and PLY are the independent oracle.
+// Scans that a person drops on the page, good and damaged.
 import assert from 'node:assert/strict';
-import { createRequire } from 'node:module';
 import { test } from 'node:test';
 
-const load = createRequire(new URL('../../../web/package.json', import.meta.url));
-const { PCDLoader } = await import(load.resolve('three/examples/jsm/loaders/PCDLoader.js'));
-const { PLYLoader } = await import(load.resolve('three/examples/jsm/loaders/PLYLoader.js'));
-const { readScanFile } = await import('../../../web/dist/unit/localize/scan_file.js');
+const { checkSize, readScanFile } = await import('../../../web/dist/unit/localize/scan_file.js');
 
 const kPoints = [[1.5, -2.25, 0.125], [100, 0.5, -3], [0, 0, 0], [Number.NaN, 1, 2], [-7, 8, 9]];
 const kKept = [1.5, -2.25, 0.125, 100, 0.5, -3, -7, 8, 9];
@@ -62,15 +58,10 @@ test('PCD in its three encodings gives the same points, and what is none is coun
   }
 });
 
-test('PCD reads as three.js reads it', () => {
-  const points = Array.from({ length: 200 }, (_, i) => [Math.fround(Math.sin(i) * 9), Math.fround(i / 7), 1]);
-  for (const bytes of [
-    bytesOf(pcdHeader('binary', 200), binaryRows(points)),
-    bytesOf(pcdHeader('binary_compressed', 200), compressedBody(columnsOf(points))),
-  ]) {
-    const theirs = new PCDLoader().parse(bufferOf(bytes)).geometry.getAttribute('position').array;
-    assert.deepEqual([...read('a.pcd', bytes).positions], [...theirs]);
-  }
+test('a header in another style is read too: columns, capitals, tabs, Windows line ends, colours beside', () => {
+  const header = 'VERSION .7\r\nCOLUMNS rgb  X\tY Z\r\nSIZE 4 8 8 8\r\nTYPE f f f f\r\nWIDTH 1\r\nHEIGHT 1\r\nDATA binary\r\n';
+  const scan = read('a.pcd', bytesOf(header, floats([9]), Buffer.from(new Float64Array([1.5, 2.5, 3.5]).buffer)));
+  assert.deepEqual([...scan.positions], [1.5, 2.5, 3.5]);
 });
 
 test('LZF references repeat what they are just writing', () => {
@@ -88,15 +79,23 @@ test('padding columns count as bytes and not as points', () => {
   assert.deepEqual([...scan.positions], [1, 2, 3]);
 });
 
-test('broken PCD is refused in words that name the file', () => {
+test('a damaged PCD file is refused with its name, what is wrong and what to do', () => {
   const cases = [
-    [bytesOf(pcdHeader('binary', 5), binaryRows(kPoints).subarray(3)), /a\.pcd: found 67 bytes of points, expected 70/],
-    [bytesOf(pcdHeader('ascii', 2), '1 2 3 4\n'.repeat(1), '    '.repeat(9)), /1 lines of points, expected 2/],
-    [bytesOf(pcdHeader('binary', 4_000_000_000)), /4000000000 points, expected at most/],
-    [bytesOf(pcdHeader('zipped', 5)), /DATA zipped/],
-    [bytesOf(pcdHeader('binary', 1, 'x y q i')), /FIELDS x y q i, expected one x, one y and one z/],
-    [bytesOf(pcdHeader('binary_compressed', 5), compressedBody(columnsOf(kPoints)).subarray(0, 60)), /bytes of points/],
-    [bytesOf(pcdHeader('binary_compressed', 5), compressedBody(columnsOf(kPoints), Buffer.from([0x20, 5]))), /break off/],
+    [bytesOf(pcdHeader('binary', 5), binaryRows(kPoints).subarray(3)), /a\.pcd: it ends after 67 of 70 bytes of points\. The file is damaged.* export it again\.$/],
+    [bytesOf(pcdHeader('ascii', 2), '1 2 3 4\n'.repeat(1), '    '.repeat(9)), /it has 1 points, and its header promises 2/],
+    [bytesOf(pcdHeader('ascii', 2), '1 2 3 4\n1 2 3\n'), /point 2 has not 4 numbers/],
+    [bytesOf(pcdHeader('ascii', 1), '1,5 2 3 4\n'), /contain ','.* decimal point/],
+    [bytesOf(pcdHeader('binary', 4_000_000_000)), /4000000000 points, and at most/],
+    [bytesOf(pcdHeader('binary', '1e999')), /does not say how many points/],
+    [bytesOf(pcdHeader('zipped', 5)), /DATA zipped is not/],
+    [bytesOf(pcdHeader('binary', 1, 'x y q i')), /FIELDS x y q i has not exactly one usable z/],
+    [bytesOf(pcdHeader('binary', 1, 'x y z i', '4 4 8 2', 'F F U U')), /not exactly one usable z/],
+    [bytesOf(pcdHeader('binary', 1, 'x y z i', '4 4 3 2')), /the field z has no usable SIZE/],
+    [bytesOf(pcdHeader('binary', 1, 'x y z i', '4 4 4', 'F F F')), /the field i has no usable SIZE/],
+    [bytesOf(pcdHeader('binary_compressed', 5), compressedBody(columnsOf(kPoints)).subarray(0, 60)), /ends after 60 bytes of compressed points/],
+    [bytesOf(pcdHeader('binary_compressed', 5), compressedBody(columnsOf(kPoints)).subarray(0, 5)), /ends after 5 bytes/],
+    [bytesOf(pcdHeader('binary_compressed', 6), compressedBody(columnsOf(kPoints))), /70 bytes, and its header promises 84/],
+    [bytesOf(pcdHeader('binary_compressed', 5), compressedBody(columnsOf(kPoints), Buffer.from([0x20, 5]))), /points cannot be read \(.*export it again/],
     [bytesOf('VERSION 0.7\nFIELDS x y z\n'), /no DATA line/],
   ];
   for (const [bytes, expected] of cases) assert.throws(() => read('a.pcd', bytes), expected);
@@ -124,22 +123,28 @@ test('PLY in its three encodings gives the same points, which go to the server r
   }
 });
 
-test('PLY reads as three.js reads it', () => {
-  const header = 'ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty double x\nproperty double y\n' +
-    'property double z\nend_header\n';
-  const bytes = bytesOf(header, Buffer.from(new Float64Array([1.1, 2.2, 3.3, 4.4, 5.5, 6.6]).buffer));
-  const theirs = new PLYLoader().parse(bufferOf(bytes)).getAttribute('position').array;
-  assert.deepEqual([...read('a.ply', bytes).positions], [...theirs].map(Math.fround));
+test('double coordinates in a PLY file, and faces that the page does not need', () => {
+  const header = 'ply\r\nformat binary_little_endian 1.0\r\nelement vertex 2\r\nproperty double X\r\nproperty double Y\r\n' +
+    'property double Z\r\nelement face 1\r\nproperty list uchar int corners\r\nend_header\r\n';
+  const bytes = bytesOf(header, Buffer.from(new Float64Array([1.1, 2.2, 3.3, 4.4, 5.5, 6.6]).buffer), [1, 0, 0, 0, 0]);
+  assert.deepEqual([...read('a.ply', bytes).positions], [1.1, 2.2, 3.3, 4.4, 5.5, 6.6].map(Math.fround));
 });
 
-test('broken PLY is refused in words that name the file', () => {
+test('a damaged PLY file is refused with its name, what is wrong and what to do', () => {
+  const vertex = (...properties) => `ply\nformat ascii 1.0\nelement vertex 1\n${properties.map((one) => `property ${one}\n`).join('')}end_header\n1\n`;
+  const binary = bytesOf(kPlyHeader('binary_little_endian', 5), [2, 1, 0, 0, 0, 2, 0, 0, 0]);
   const cases = [
-    [bytesOf(kPlyHeader('ascii', 5), '0\n1 2 3 4\n'.padEnd(80)), /a\.ply: found 1 points, expected 5/],
-    [bytesOf(kPlyHeader('ascii', 4_000_000_000), '0\n'), /expected 4000000000 of vertex/],
-    [bytesOf(kPlyHeader('middle_endian', 5)), /format middle_endian/],
+    [bytesOf(kPlyHeader('ascii', 5), '0\n1 2 3 4\n'.padEnd(80)), /a\.ply: it has 1 points, and its header promises 5\. The file is damaged.* again\.$/],
+    [bytesOf(binary, Buffer.alloc(3 * 13)), /points cannot be read \(.*export it again/],
+    [bytesOf(kPlyHeader('ascii', 4_000_000_000), '0\n'), /promises 4000000000 of vertex, and only 2 bytes/],
+    [bytesOf(kPlyHeader('middle_endian', 5)), /line 'format middle_endian 1.0'/],
     [bytesOf('ply\nformat ascii 1.0\nelement face 0\nend_header\n'), /no element vertex/],
-    [bytesOf('ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n'), /vertex with x/],
-    [bytesOf('ply\nwhat is this\nend_header\n'), /header line 'what is this'/],
+    [bytesOf(vertex('float x')), /no x, y and z of one type/],
+    [bytesOf(vertex('int x', 'float y', 'float z')), /no x, y and z of one type/],
+    [bytesOf(vertex('float x', 'float y', 'quad z')), /line 'property quad z'/],
+    [bytesOf(vertex('float x', 'float y', 'float z'), 'two 3'), /contain 'w'/],
+    [bytesOf('ply\nwhat is this\nend_header\n'), /line 'what is this'/],
+    [bytesOf('ply\nformat ascii 1.0\n'), /no end_header/],
   ];
   for (const [bytes, expected] of cases) assert.throws(() => read('a.ply', bytes), expected);
 });
@@ -149,11 +154,12 @@ test('raw scans are x y z intensity, or x y z where only that fits', () => {
   assert.deepEqual([[...kitti.positions], kitti.layout], [[1, 2, 3, 4, 5, 6], 'xyzi']);
   const bare = read('a.bin', floats([1, 2, 3]));
   assert.deepEqual([[...bare.positions], bare.layout], [[1, 2, 3], 'xyz']);
-  assert.throws(() => read('a.bin', Buffer.alloc(17)), /17 bytes, expected a multiple of 16/);
-  assert.throws(() => read('a.bin', Buffer.alloc(0)), /0 bytes/);
+  assert.throws(() => read('a.bin', Buffer.alloc(17)), /17 bytes, which is not a multiple of 16/);
+  assert.throws(() => read('a.bin', Buffer.alloc(0)), /0 bytes.*export it again/);
 });
 
 test('a file without a header that is not named .bin is no scan, and limits hold', () => {
-  assert.throws(() => read('photo.jpg', floats([1, 2, 3, 4])), /photo\.jpg: found neither a PCD nor a PLY header/);
-  assert.throws(() => read('a.bin', floats([1, 2, 3, 4, 5, 6, 7, 8]), { maxPoints: 1 }), /2 points, expected at most 1/);
+  assert.throws(() => read('photo.jpg', floats([1, 2, 3, 4])), /photo\.jpg: it has neither a PCD nor a PLY header\. Choose/);
+  assert.throws(() => read('a.bin', floats([1, 2, 3, 4, 5, 6, 7, 8]), { maxPoints: 1 }), /2 points, and at most 1 are allowed\. Choose/);
+  assert.throws(() => checkSize({ name: 'map.pcd', size: 2e9 }), /map\.pcd: it has 2000000000 bytes.* Choose a single scan/);
 });

@@ -170,7 +170,7 @@ test('cells of a grid layer lie where its tiles say, rows from south to north', 
   assert.deepEqual([...cells.x], [0, 10, -20, -10, -10]);
   assert.deepEqual([...cells.y], [0, 10, 40, 40, 50]);
   assert.deepEqual([...cells.height], [1, 4, 5, 6, 8]);
-  assert.throws(() => cellsOf(grid, heights, Float32Array.of(1), () => true), /has 1 values, expected 8/);
+  assert.throws(() => cellsOf(grid, heights, Float32Array.of(1), () => true), /has 1 values, and 8 are expected/);
 });
 
 test('entries of one object become one object with its places in the order of the scans', () => {

@@ -1,13 +1,33 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
-const { difference, ramp, toOklab } = await import('../../../web/dist/unit/scene/colour_maps.js');
+const { ramp } = await import('../../../web/dist/unit/scene/colour_maps.js');
 const { readViewState, writeViewState } = await import('../../../web/dist/unit/scene/view_state.js');
 const { errorForBudget } = await import('../../../web/dist/unit/scene/budget.js');
 const { TileSource } = await import('../../../web/dist/unit/scene/tile_source.js');
 const { ApiError } = await import('../../../web/dist/unit/api/errors.js');
 const { toGeodetic } = await import('../../../web/dist/unit/scene/geodetic.js');
 const { decide, decisionsOf } = await import('../../../web/dist/unit/view/corrections.js');
+
+// Björn Ottosson, "A perceptual color space for image processing", 2020.
+function linear(value) {
+  const share = value / 255;
+  return share <= 0.04045 ? share / 12.92 : ((share + 0.055) / 1.055) ** 2.4;
+}
+
+function toOklab([red, green, blue]) {
+  const [r, g, b] = [linear(red), linear(green), linear(blue)];
+  const l = Math.cbrt(0.4122214708 * r + 0.5363325363 * g + 0.0514459929 * b);
+  const m = Math.cbrt(0.2119034982 * r + 0.6806995451 * g + 0.1073969566 * b);
+  const s = Math.cbrt(0.0883024619 * r + 0.2817188376 * g + 0.6299787005 * b);
+  return [
+    0.2104542553 * l + 0.793617785 * m - 0.0040720468 * s,
+    1.9779984951 * l - 2.428592205 * m + 0.4505937099 * s,
+    0.0259040371 * l + 0.7827717662 * m - 0.808675766 * s,
+  ];
+}
+
+const difference = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
 
 const kRamps = ['height', 'amount', 'grey', 'quality'];
 const kBackgrounds = { dark: [15, 19, 24], light: [244, 246, 248] };

@@ -63,11 +63,11 @@ test('a recording is a drive by itself, packed as a tar', async () => {
 
 test('what the server would not take is said before a byte is sent', async () => {
   const refusals = [
-    ['map.zip', 'PK\u0003\u0004', /zip/], ['a.las', las(6 | 0x80), /LAZ.*unpack/], ['a.las', 'SALF', /begin with LASF/], ['x.tar', '', /empty/], ['notes.txt', 'hello', /neither a tar/],
-    ['x.gz', gzipSync('no tar'), /no tar/], ['scan.bin', 'xxxx', /single scan/],
+    ['map.zip', 'PK\u0003\u0004', /zip/], ['a.las', las(6 | 0x80), /LAZ.*unpack/], ['a.las', 'SALF', /start with LASF.*export/], ['x.tar', '', /empty/], ['notes.txt', 'hello', /unknown: choose a tar/],
+    ['x.gz', gzipSync('no tar'), /does not contain a tar.*drop the folder/], ['scan.bin', 'xxxx', /single scan/],
   ];
   for (const [name, content, words] of refusals) assert.match((await lookAt(named(name, content))).refused, words);
-  assert.match(lookAtFolder('holiday', ['beach.jpg']).refused, /neither a map package.*nor a scan/);
+  assert.match(lookAtFolder('holiday', ['beach.jpg']).refused, /neither a map package.*nor scans/);
   assert.equal(lookAtFolder('day', ['velodyne/0.bin']).kind, 'drive');
   assert.equal(lookAtFolder('day', ['metadata.yaml', 'day_0.db3.zstd']).kind, 'drive');
 });

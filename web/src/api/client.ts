@@ -1,4 +1,4 @@
-// The server's routes with their types, which `npm run schema` makes of server/openapi.json.
+// The server's routes with their types, which `npm run schema` makes from server/openapi.json.
 
 import type { components, paths } from './schema.js';
 import { jsonOf, send, type SendOptions } from './send.js';
@@ -8,7 +8,7 @@ export type Schema<Name extends keyof components['schemas']> = components['schem
 
 type Method = 'get' | 'put' | 'post' | 'delete';
 type Operation<Route extends keyof paths, Verb extends Method> = Exclude<paths[Route][Verb & keyof paths[Route]], undefined>;
-/** Routes that know a method. */
+/** Routes that have a method. */
 export type RouteOf<Verb extends Method> = {
   [Route in keyof paths]: [Operation<Route, Verb>] extends [never] ? never : Route;
 }[keyof paths];
@@ -17,7 +17,7 @@ type JsonOf<Response> = Response extends { content: { 'application/json': infer 
 type Success<Answers> = { [Status in keyof Answers & (200 | 201 | 202 | 204)]: JsonOf<Answers[Status]> }[
   keyof Answers & (200 | 201 | 202 | 204)
 ];
-/** What a success of a route brings: its JSON, undefined for an answer without. */
+/** The JSON of a route's successful answer; undefined if it has none. */
 export type AnswerOf<Route extends keyof paths, Verb extends Method> =
   Operation<Route, Verb> extends { responses: infer Answers } ? Success<Answers> : never;
 
@@ -45,7 +45,7 @@ export interface Answer<Data> {
 /**
  * Asks one route of the server: `ask('get', '/v1/maps/{map}', { path: { map: 'town' } })`.
  *
- * @throws ApiError in words; AbortError when `signal` fires.
+ * @throws ApiError; AbortError when `signal` fires.
  */
 export async function ask<Verb extends Method, Route extends RouteOf<Verb>>(
   method: Verb, route: Route, options: Ask<Operation<Route, Verb>> = {},
@@ -64,7 +64,7 @@ export async function ask<Verb extends Method, Route extends RouteOf<Verb>>(
   };
 }
 
-/** Where the routes of a version begin: for those that bring no JSON, and for libraries that ask by themselves. */
+/** The start of a version's routes: for answers that are not JSON, and for libraries that send requests themselves. */
 export function versionPath(map: string, version: string): string {
   return addressOf('/v1/maps/{map}/versions/{version}', { map, version });
 }

@@ -1,8 +1,8 @@
-import { Store } from '../ui/store.js';
+import { Store } from '../state/store.js';
 
 /**
- * How it stands between page and server, from the latest requests. `busy`: it said when to ask again, and that is
- * waited for; `slow`: a request has been under way for long.
+ * The connection between page and server, from the latest requests. `busy`: the server said when to try again, and the
+ * page waits; `slow`: a request has taken long.
  */
 export type Connection = { state: 'up' | 'down' | 'slow' } | { state: 'busy'; retryAtMs: number; words: string };
 
@@ -20,7 +20,7 @@ export function answered(): void {
   if (connection.get().state !== 'up') connection.set({ state: slow > 0 ? 'slow' : 'up' });
 }
 
-/** No answer came: asks for a sign of life until there is one, so that the page goes on by itself. */
+/** No answer came: asks `/livez` until the server answers, so that the page recovers without the person. */
 export function unanswered(): void {
   connection.set({ state: 'down' });
   if (probe !== undefined) return;
@@ -35,12 +35,12 @@ export function unanswered(): void {
   probe = setTimeout(() => void ask(), kProbeEveryMs);
 }
 
-/** The server said that it wants to be asked again later. */
+/** The server asked to try again later. */
 export function busy(retryAfterS: number, words: string): void {
   connection.set({ state: 'busy', retryAtMs: Date.now() + 1000 * retryAfterS, words });
 }
 
-/** Begins to watch a request. @return to be called when it ended. */
+/** Starts to watch a request. @return to be called when it ended. */
 export function watch(): () => void {
   let counted = false;
   const timer = setTimeout(() => {

@@ -1,4 +1,4 @@
-// What can go wrong between the page and its server, as one type, and the words a person reads about it.
+// Errors between the page and its server as one type, with the texts that people read.
 
 /**
  * `down`: no answer came. `late`: none came in time. `problem`: the server refused, with a problem document or a bare
@@ -6,7 +6,7 @@
  */
 export type Trouble = 'down' | 'late' | 'problem' | 'garbled' | 'key';
 
-/** One line of a problem document's `errors`: what stood where, and what may stand there. */
+/** One line of a problem document's `errors`: where, what was found, and what was expected. */
 export interface Fault {
   path: string;
   found: string;
@@ -22,13 +22,13 @@ export interface ProblemDocument {
   errors?: Fault[];
 }
 
-/** Why a request brought nothing. `message` is a sentence for people; programs look at `trouble`, `status` and `code`. */
+/** Why a request failed. `message` is for people; code looks at `trouble`, `status` and `code`. */
 export class ApiError extends Error {
   readonly status: number | undefined;
   /** Stable code of the server's table of errors, as `OtherFrame`. */
   readonly code: string | undefined;
   readonly requestId: string | undefined;
-  /** What the message does not say already. */
+  /** Those that the message does not contain already. */
   readonly faults: readonly Fault[];
 
   constructor(
@@ -41,35 +41,35 @@ export class ApiError extends Error {
     this.status = answer.status;
     this.code = answer.document?.code;
     this.requestId = answer.document?.request_id ?? answer.requestId;
-    // The server's detail often says the first of them already.
+    // The server's detail often contains the first of them already.
     this.faults = (answer.document?.errors ?? []).filter(({ found, expected }) => !message.includes(found) || !message.includes(expected));
   }
 }
 
-/** True for an error that means "nobody wants the answer any more". */
+/** True if the request was aborted because nobody needs its answer. */
 export function isAborted(error: unknown): boolean {
   return error instanceof DOMException && error.name === 'AbortError';
 }
 
-/** What to do about a refusal, where the server's own words do not say it. */
+/** What to do after a refusal, where the server's own text does not say it. */
 const kAdvice: Record<string, string> = {
-  Busy: 'It takes more work again in a moment.',
-  DiskFull: 'An operator has to make room on the server’s disk, or old versions can be deleted.',
-  Forbidden: 'Use a key that has this scope, or ask for one.',
-  InUse: 'Wait for it to end, or cancel it.',
-  MapLoading: 'It is ready in a moment.',
-  NoMapper: 'This server was installed without the mapper; maps can only be uploaded as finished packages.',
-  OverQuota: 'Delete versions or drives that nobody needs, or ask for a larger quota.',
-  RevisionChanged: 'Somebody changed the map in the meantime. Look at it again, then decide.',
-  TooManyRequests: 'Wait a moment.',
+  Busy: 'Try again in a moment.',
+  DiskFull: 'Delete old versions, or ask the operator to free space on the server’s disk.',
+  Forbidden: 'Use a key that has this scope, or ask an administrator for one.',
+  InUse: 'Wait until it ends, or cancel it.',
+  MapLoading: 'Try again in a moment.',
+  NoMapper: 'This server has no mapper. Install it beside the server, or upload finished map packages.',
+  OverQuota: 'Delete versions or drives that nobody needs, or ask the operator for a larger quota.',
+  RevisionChanged: 'Somebody else changed the map. Look at its present state, then try again.',
+  TooManyRequests: 'Wait a moment, then try again.',
   TooManyStreams: 'Close other windows of this page.',
-  UnknownDrive: 'It may have been deleted in the meantime.',
-  UnknownJob: 'It was forgotten: finished jobs are kept for some days only.',
-  UnknownMap: 'It may have been deleted in the meantime.',
-  UnknownVersion: 'It may have been deleted in the meantime.',
+  UnknownDrive: 'It may have been deleted. Reload the list.',
+  UnknownJob: 'Finished jobs are kept for some days only. Look at the list of jobs.',
+  UnknownMap: 'It may have been deleted. Look at the list of maps.',
+  UnknownVersion: 'It may have been deleted. Look at the map’s versions.',
 };
 
-/** The error of an answer that is no success. @param where what was asked, as `GET /v1/maps`. */
+/** The error for an answer with an error status. @param where the request, as `GET /v1/maps`. */
 export function refusal(where: string, status: number, document: ProblemDocument | undefined): ApiError {
   const said = [document?.title, document?.detail].filter((text) => text !== undefined && text !== '').join(': ');
   const advice = kAdvice[document?.code ?? ''] ?? '';
@@ -89,29 +89,29 @@ export function parseProblem(contentType: string, text: string): ProblemDocument
 }
 
 export function down(): ApiError {
-  return new ApiError('down', 'The server does not answer. Check that “stillmap serve” is running and can be reached.');
+  return new ApiError('down', 'The server does not answer. Check that “stillmap serve” is running and that this machine can reach it.');
 }
 
 export function late(seconds: number): ApiError {
-  return new ApiError('late', `The server did not answer within ${seconds} s.`);
+  return new ApiError('late', `The server did not answer within ${seconds} s. Try again; if this persists, look at the server’s log.`);
 }
 
-/** Any thrown thing as one that can be shown. */
+/** Any thrown value as an error that can be shown. */
 export function toApiError(error: unknown): ApiError {
   if (error instanceof ApiError) return error;
   return new ApiError('garbled', error instanceof Error ? error.message : String(error));
 }
 
 const kStatusWords: Record<number, string> = {
-  404: 'It is not there (any more).',
-  413: 'It is larger than the server, or what stands in front of it, takes.',
-  502: 'What stands in front of the server could not reach it.',
-  503: 'The server takes nothing at the moment.',
-  504: 'The server did not answer in time.',
+  404: 'It does not exist, or was deleted. Check the address.',
+  413: 'It is larger than the server or its proxy allows. Ask the operator to raise the limit.',
+  502: 'The proxy could not reach the server. Check that “stillmap serve” is running.',
+  503: 'The server accepts no requests now. Try again in a moment.',
+  504: 'The server did not answer the proxy in time. Try again in a moment.',
 };
 
 function bareStatus(where: string, status: number): string {
-  return [`${where} was answered with status ${status}.`, kStatusWords[status]].filter(Boolean).join(' ');
+  return [`${where} failed with status ${status}.`, kStatusWords[status]].filter(Boolean).join(' ');
 }
 
 function sentence(text: string): string {

@@ -6,15 +6,15 @@ export type { ServerEvent } from './sse.js';
 
 export interface FollowOptions {
   signal: AbortSignal;
-  /** The first request asks for what came after this one. */
+  /** The first request asks for the events after this one. */
   lastEventId?: string;
-  /** Told with undefined once the stream stands, and with the reason when it broke and is tried again. */
+  /** Called with undefined when the stream is open, and with the reason when it broke and is tried again. */
   onTrouble?: (error: ApiError | undefined) => void;
 }
 
 const kFirstWaitS = 0.5;
 const kLongestWaitS = 15;
-/** The server sends a comment now and then; a stream silent for longer is dead. */
+/** The server sends comments in between; a stream that is silent for longer is dead. */
 const kSilenceMs = 60_000;
 
 /**
@@ -44,7 +44,7 @@ export async function follow(
     } catch (error) {
       if (isAborted(error) || options.signal.aborted) throw error;
       const known = toApiError(error);
-      // 429: this key has its share of the places; one becomes free.
+      // 429: this key has as many streams as it may have; one of them will end.
       const isRefused = known.status !== undefined && known.status < 500 && known.status !== 429;
       if (known.trouble === 'key' || isRefused) throw known;
       options.onTrouble?.(known);
@@ -77,7 +77,7 @@ async function read(
   }
 }
 
-/** @return undefined when nothing came in time. */
+/** @return undefined if nothing came in time. */
 async function withinSilence<Value>(promise: Promise<Value>): Promise<Value | undefined> {
   let timer: ReturnType<typeof setTimeout> | undefined;
   const silence = new Promise<undefined>((resolve) => {

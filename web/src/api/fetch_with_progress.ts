@@ -1,4 +1,4 @@
-/** What `fetchWithProgress` takes of fetch's options. */
+/** The options of fetch that `fetchWithProgress` supports. */
 export interface Upload {
   method: string;
   headers: Record<string, string>;
@@ -7,7 +7,7 @@ export interface Upload {
 }
 
 /**
- * `fetch` that tells how much of the body has been sent, by the one interface of browsers that can.
+ * `fetch` with progress of the upload, by XMLHttpRequest: the only interface of browsers that reports it.
  *
  * @throws AbortError when the signal fires, TypeError when no answer came: as fetch.
  */

@@ -1,4 +1,4 @@
-import { Store } from '../ui/store.js';
+import { Store } from '../state/store.js';
 import { ApiError } from './errors.js';
 
 /** Why a key is asked for: the problem's code, `MissingKey` or `RefusedKey`, or that the person wants another one. */
@@ -6,7 +6,7 @@ export type KeyReason = 'MissingKey' | 'RefusedKey' | 'Chosen';
 
 const kSlot = 'stillmap.key';
 
-/** Where the key lies between reloads: as long as the tab, and in no other one. */
+/** Where the key is kept over a reload: as long as the tab is open, and for this tab only. */
 function kept(): Storage | undefined {
   try {
     return globalThis.sessionStorage;
@@ -26,9 +26,9 @@ interface Waiting {
   readonly reject: (error: unknown) => void;
 }
 const waiting = new Set<Waiting>();
-/** Why the key in use does not do, once the server said so; asking it again would bring the same. */
+/** Why the server refused the present key; a request with it would be refused again. */
 let refused: KeyReason | undefined;
-/** The person closed the dialog: what asks by itself does not open it again. */
+/** The person closed the dialog: only the person opens it again. */
 let declined = false;
 
 export function setKey(text: string | undefined): void {
@@ -42,8 +42,8 @@ export function setKey(text: string | undefined): void {
 /**
  * Asks the person for a key and waits for it; requests that wait at the same time share one dialog.
  *
- * @param tried the key that was refused, undefined for none. When another one is there by now, that one is used.
- * @throws ApiError of kind `key` when the person closes the dialog, or has closed it and not asked for it since;
+ * @param tried the key that was refused, undefined for none. If there is another key by now, that one is used.
+ * @throws ApiError of kind `key` when the person closes the dialog, or closed it before and has not opened it since;
  *         AbortError when `signal` fires.
  */
 export function needKey(tried: string | undefined, reason: KeyReason, signal?: AbortSignal): Promise<void> {
@@ -52,7 +52,7 @@ export function needKey(tried: string | undefined, reason: KeyReason, signal?: A
   return untilGiven(reason, signal);
 }
 
-/** Waits as long as the key in use is known to be refused, so that nothing is asked in vain. @throws as needKey */
+/** Waits while the present key is known to be refused, so that no request is sent in vain. @throws as needKey */
 export function keyInForce(signal?: AbortSignal): Promise<void> {
   return refused === undefined ? Promise.resolve() : untilGiven(refused, signal);
 }
@@ -69,7 +69,7 @@ function untilGiven(reason: KeyReason, signal: AbortSignal | undefined): Promise
   });
 }
 
-/** Opens the dialog on the person's wish, also after it was closed. */
+/** Opens the dialog because the person wants it, also after it was closed. */
 export function askForKey(): void {
   declined = false;
   keyWanted.set(refused ?? 'Chosen');
@@ -89,7 +89,7 @@ export function answerKey(text: string | undefined): void {
 }
 
 function noKey(): ApiError {
-  const why = refused === 'RefusedKey' ? 'The server does not accept the API key: it is unknown, revoked or expired.'
-    : 'This needs an API key, and none was given.';
+  const why = refused === 'RefusedKey' ? 'The server does not accept the API key: it is unknown, revoked or expired. Enter another key.'
+    : 'This needs an API key. Enter one.';
   return new ApiError('key', why, { status: 401 });
 }

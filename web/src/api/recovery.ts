@@ -1,7 +1,7 @@
 import { connection } from './connection.js';
 import { key } from './keys.js';
 
-/** Calls `again` whenever there is reason to ask anew: the server answers again, or another key is in use. @return ends it. */
+/** Calls `again` when a failed request may now succeed: the server answers again, or the key has changed. @return stops it. */
 export function onRecovery(again: () => void): () => void {
   const ends = [connection.listen(({ state }) => state === 'up' && again()), key.listen(() => again())];
   return () => ends.forEach((end) => end());

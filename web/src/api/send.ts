@@ -1,4 +1,4 @@
-// One request as every part of the page sends it: with the key, a time limit, and patience where the server asks for it.
+// Sends one request: with the key and a time limit, and again later if the server asks for that.
 
 import { answered, busy, unanswered, watch } from './connection.js';
 import { ApiError, down, late, parseProblem, refusal } from './errors.js';
@@ -11,9 +11,9 @@ export interface SendOptions {
   signal?: AbortSignal;
   /** Until the head of the answer [s]. */
   timeoutS?: number;
-  /** Told how many bytes of the body are on their way. A body that moves has no time limit; one that stands still has `timeoutS`. */
+  /** Called with the number of bytes sent. The time limit counts from the last progress. */
   onProgress?: (sentBytes: number) => void;
-  /** How often a refusal with `Retry-After` is waited for and asked again; 0 = the refusal is the answer. */
+  /** How often a request is sent again after a refusal with `Retry-After`; 0 = never. */
   patience?: number;
 }
 
@@ -22,11 +22,12 @@ const kPatience = 5;
 const kLongestWaitS = 30;
 
 /**
- * Sends one request and returns its answer when that is a success (or 304).
+ * Sends one request and returns its answer if that is a success or 304.
  *
- * A 401 opens the key dialog and sends the request again with the key; 429 and 503 with `Retry-After` are waited for.
+ * After a 401 it opens the key dialog and sends the request again with the new key. After a 429 or 503 with `Retry-After`
+ * it waits and sends the request again.
  * @param path of the same origin, as `/v1/maps`.
- * @throws ApiError in words; AbortError when `signal` fires.
+ * @throws ApiError; AbortError when `signal` fires.
  */
 export async function send(method: string, path: string, options: SendOptions = {}): Promise<Response> {
   const where = `${method} ${path}`;
@@ -44,7 +45,7 @@ export async function send(method: string, path: string, options: SendOptions = 
     const error = refusal(where, response.status, document);
     const wait = retryAfter(response);
     if (wait === undefined || patience <= 0) throw error;
-    // What is being made comes, however long that takes: a refusal for another reason ends it.
+    // A derived file that is being made is waited for without a limit.
     if (document?.code !== 'BeingMade') --patience;
     busy(wait, error.message);
     await sleep(wait, options.signal);
@@ -68,14 +69,14 @@ async function once(method: string, path: string, options: SendOptions, tried: s
   };
   const giveUp = (): void => stop.abort();
   options.signal?.addEventListener('abort', giveUp, { once: true });
-  // A long body is no sign of a slow server.
+  // An upload that takes long does not mean that the server is slow.
   const done = options.onProgress === undefined ? watch() : (): void => undefined;
   try {
     const headers = { ...options.headers, ...(tried === undefined ? {} : { Authorization: `Bearer ${tried}` }) };
     const request = { method, headers, signal: stop.signal, ...(options.body === undefined ? {} : { body: options.body }) };
     const response = await (options.onProgress === undefined ? fetch(path, request) : fetchWithProgress(path, request, moved));
     answered();
-    // The caller's signal stays tied to it: it also ends the body that is still to come.
+    // The caller's signal stays connected, since it must also abort the body.
     return response;
   } catch {
     options.signal?.removeEventListener('abort', giveUp);
@@ -89,18 +90,18 @@ async function once(method: string, path: string, options: SendOptions, tried: s
   }
 }
 
-/** What was asked for as JSON. @throws ApiError when the answer is none, or breaks off. */
+/** The answer's JSON. @throws ApiError when it is not JSON or incomplete. */
 export async function jsonOf(response: Response, where: string): Promise<unknown> {
   try {
     return await response.json();
   } catch (error) {
     if (error instanceof DOMException && error.name === 'AbortError') throw error;
-    const how = error instanceof SyntaxError ? 'is not JSON' : 'broke off';
-    throw new ApiError('garbled', `The answer to ${where} ${how}.`, { status: response.status });
+    const how = error instanceof SyntaxError ? 'is not JSON' : 'is incomplete';
+    throw new ApiError('garbled', `The answer to ${where} ${how}. Reload the page. If that does not help, check the proxy in front of the server.`, { status: response.status });
   }
 }
 
-/** Seconds to wait; undefined when the answer does not ask to come again soon. */
+/** Seconds to wait; undefined if the answer does not ask to try again soon. */
 function retryAfter(response: Response): number | undefined {
   if (response.status !== 429 && response.status !== 503) return undefined;
   const seconds = Number(response.headers.get('retry-after') ?? Number.NaN);

@@ -1,13 +1,13 @@
 /** One server-sent event. */
 export interface ServerEvent {
-  /** Of the latest event that had one, which this one may be; empty before. */
+  /** Of the latest event that had an id, this one included; empty before. */
   id: string;
   event: string;
   data: string;
 }
 
 /**
- * Takes the text of an event stream in any pieces and returns the events that are complete.
+ * Takes an event stream's text in pieces and returns the events that are complete.
  *
  * @see https://html.spec.whatwg.org/multipage/server-sent-events.html#event-stream-interpretation
  */
@@ -16,12 +16,6 @@ export class SseParser {
   private id_ = '';
   private event_ = '';
   private data_: string[] = [];
-  private retryMs_: number | undefined;
-
-  /** Time to wait before asking again [ms], where the server gave one. */
-  get retryMs(): number | undefined {
-    return this.retryMs_;
-  }
 
   push(text: string): ServerEvent[] {
     const events: ServerEvent[] = [];
@@ -44,7 +38,6 @@ export class SseParser {
     if (field === 'id' && !value.includes('\0')) this.id_ = value;
     if (field === 'event') this.event_ = value;
     if (field === 'data') this.data_.push(value);
-    if (field === 'retry' && /^\d+$/.test(value)) this.retryMs_ = Number(value);
     return undefined;
   }
 

@@ -11,13 +11,13 @@ import type { Layout } from './compare_state.js';
 import type { Difference, Place, TileSide } from './difference.js';
 import { differencePoints, type Version } from './routes.js';
 
-/** Share of grey that both versions are mixed with while their difference is shown. */
+/** Share of grey in the colours of both versions while their differences are shown. */
 const kTone = 0.86;
 const kColours: Record<Theme, { grey: number; onlyA: number; onlyB: number; place: number }> = {
   dark: { grey: 0x4a5460, onlyA: 0xff8a3d, onlyB: 0x2fd0ff, place: 0xffffff },
   light: { grey: 0xb3bac2, onlyA: 0xc24a00, onlyB: 0x0068b0, place: 0x18202a },
 };
-/** Most differing points that are drawn a side; those of the most changed tiles first. */
+/** Most differing points that are drawn per side; those of the most changed tiles first. */
 const kMostPoints = 2_000_000;
 const kTilesAtOnce = 4;
 /** Points drawn of each version. */
@@ -66,9 +66,9 @@ export class CompareScene {
   }
 
   /**
-   * Highlights what differs, or nothing.
+   * Highlights the differences, or nothing.
    *
-   * @return how many of the differing points are drawn; fewer than there are when they are too many.
+   * @return how many of the differing points are drawn; fewer than all if there are too many.
    */
   async showDifference(difference: Difference | null): Promise<number> {
     this.loading.abort();
@@ -83,7 +83,7 @@ export class CompareScene {
     return (await Promise.all(sides)).reduce((sum, points) => sum + points, 0);
   }
 
-  /** Frames a place; null takes the frame away. */
+  /** Draws a frame around a place; null removes it. */
   markPlace(place: Place | null, origin: Vec3): void {
     this.place?.removeFromParent();
     this.place = undefined;
@@ -135,7 +135,7 @@ export class CompareScene {
     const points = new PaintedPoints({
       positions, sizeM: 1.4 * this.versions.b.voxel_size_m, pixels: [2.2, 16], towardsEyeM: 1.5 * this.versions.b.voxel_size_m,
     });
-    // Below the version's own points, so that both are shown on the same side.
+    // As a child of the version's points, so that both are shown on the same side.
     points.object.position.set(origin[0] - cloud.origin[0], origin[1] - cloud.origin[1], origin[2] - cloud.origin[2]);
     this.paint(points, side);
     cloud.group.add(points.object);

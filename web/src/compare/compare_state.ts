@@ -1,14 +1,14 @@
-/** How two versions are laid beside each other. */
+/** How two versions are shown: one over the other, or side by side. */
 export type Layout = 'swipe' | 'side';
 
-/** What the address holds of a comparison, so that it can be shared. */
+/** The part of a comparison that is kept in the address, so that it can be shared. */
 export interface CompareState {
   layout: Layout;
   /** Share of the picture's width that shows A, in [0, 1]. */
   split: number;
   above: boolean;
   difference: boolean;
-  /** Distance from which a point counts as changed [m]; null leaves it to the server. */
+  /** Distance from which a point counts as different [m]; null = the server's default. */
   tolerance_m: number | null;
 }
 
@@ -16,10 +16,10 @@ export const kCompareDefaults: CompareState = {
   layout: 'swipe', split: 0.5, above: false, difference: true, tolerance_m: null,
 };
 
-/** Bounds that the server takes. */
+/** The server's bounds. */
 export const kToleranceBounds_m = { min: 0.01, max: 2 } as const;
 
-/** What cannot be read keeps its default: an address is typed by people. */
+/** Values that cannot be read keep their defaults: people type addresses. */
 export function readCompareState(query: URLSearchParams): CompareState {
   const split = Number(query.get('split') ?? kCompareDefaults.split);
   const tolerance_m = Number(query.get('tolerance_m') ?? Number.NaN);
@@ -32,7 +32,7 @@ export function readCompareState(query: URLSearchParams): CompareState {
   };
 }
 
-/** Only what differs from the defaults, so that addresses stay short; others' keys are kept. */
+/** Writes only values that differ from the defaults, so that addresses stay short; other keys are kept. */
 export function writeCompareState(state: CompareState, query: URLSearchParams): URLSearchParams {
   const written = new URLSearchParams(query);
   const put = (key: string, value: string | null): void => {

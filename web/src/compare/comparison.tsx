@@ -1,13 +1,13 @@
 import { useEffect, useRef, useState } from 'preact/hooks';
 import { isAborted, toApiError } from '../api/errors.js';
-import { go, linkTo, replaceQuery } from '../router.js';
+import { go, linkTo, replaceQuery } from '../state/router.js';
 import type { Scene } from '../scene/scene.js';
 import type { Trouble as TileTrouble } from '../scene/tile_source.js';
 import { readViewState, writeViewState } from '../scene/view_state.js';
 import { Icon } from '../ui/icon.js';
 import { CopyButton } from '../ui/parts.js';
-import { SceneCanvas } from '../ui/scene_canvas.js';
-import { useStore } from '../ui/store.js';
+import { SceneCanvas, StageTrouble } from '../ui/scene_canvas.js';
+import { useStore } from '../state/store.js';
 import { theme } from '../ui/theme.js';
 import { CompareScene } from './compare_scene.js';
 import { kToleranceBounds_m, readCompareState, writeCompareState, type CompareState } from './compare_state.js';
@@ -25,66 +25,27 @@ interface Props {
 }
 
 const kMostPlaces = 12;
-/** Bounds of the radius that a place is looked at with [m]. */
+/** Bounds of the radius that is shown around a place [m]. */
 const kLook_m = { least: 4, most: 18 } as const;
 
-/** Two versions in one picture, with what differs beside it. */
+/** Two versions in one picture, with their differences beside it. */
 export function Comparison({ map, a, b, names, query }: Props) {
   const [state, setState] = useState(() => readCompareState(query));
-  const [found, setFound] = useState<DifferenceState>({ kind: 'making', progress: null });
-  const [turn, setTurn] = useState(0);
   const [chosen, setChosen] = useState<number | null>(null);
-  const [drawn, setDrawn] = useState<number | null>(null);
   const [trouble, setTrouble] = useState<TileTrouble>();
   const [scene, setScene] = useState<Scene>();
-  const shown = useRef<CompareScene>();
-  const current = useRef(state);
-  current.current = state;
-  const colours = useStore(theme);
+  const { found, retry } = useDifference(map, a, b, state.tolerance_m);
+  const pair = usePair(scene, { map, a, b }, state, query, setTrouble);
+  const drawn = useDrawnDifference(pair, found, state.difference);
   const change = (part: Partial<CompareState>): void => setState((before) => ({ ...before, ...part }));
-
-  useEffect(() => {
-    if (scene === undefined) return undefined;
-    const made = new CompareScene(scene, map, { a, b }, theme.get(), setTrouble);
-    shown.current = made;
-    const { eye, target } = readViewState(query);
-    made.setLayout(current.current.layout, current.current.split);
-    void Promise.all([made.a.ready, made.b.ready]).then(() => {
-      frame(scene, current.current.above);
-      if (eye !== undefined && target !== undefined) scene.setView({ eye, target });
-    }, () => undefined);
-    const forget = scene.onView(() => share(scene, current.current));
-    return () => {
-      forget();
-      shown.current = undefined;
-      made.dispose();
-    };
-  }, [scene]);
-  useEffect(() => shown.current?.setTheme(colours), [colours, scene]);
-  useEffect(() => shown.current?.setLayout(state.layout, state.split), [state.layout, state.split, scene]);
-  useEffect(() => share(scene, state), [state]);
-
-  useEffect(() => {
-    const stop = new AbortController();
-    setFound({ kind: 'making', progress: null });
-    setChosen(null);
-    difference(map, b.name, a.name, state.tolerance_m, (progress) => setFound({ kind: 'making', progress }), stop.signal).then(
-      (ready) => setFound({ kind: 'ready', difference: ready, places: biggestPlaces(ready.tiles, kMostPlaces) }),
-      (error: unknown) => isAborted(error) || setFound({ kind: 'failed', error: toApiError(error) }));
-    return () => stop.abort();
-  }, [state.tolerance_m, turn]);
-  useEffect(() => {
-    setDrawn(null);
-    const ready = found.kind === 'ready' && state.difference ? found.difference : null;
-    void shown.current?.showDifference(ready).then(setDrawn, () => undefined);
-  }, [found, state.difference, scene]);
+  useEffect(() => setChosen(null), [found.kind]);
 
   const look = (index: number): void => {
     if (found.kind !== 'ready' || scene === undefined) return;
     const place = found.places[index]!;
     const { origin } = found.difference;
     setChosen(index);
-    shown.current?.markPlace(place, origin);
+    pair?.markPlace(place, origin);
     const middle = [0, 1, 2].map((axis) => origin[axis]! + (place.min[axis]! + place.max[axis]!) / 2) as [number, number, number];
     const radius = Math.hypot(place.max[0] - place.min[0], place.max[1] - place.min[1]) / 5;
     scene.lookAtPlace(middle, Math.min(kLook_m.most, Math.max(kLook_m.least, radius)));
@@ -100,28 +61,11 @@ export function Comparison({ map, a, b, names, query }: Props) {
         <div class="beside-body">
           <h1 class="title">{map}: before and after</h1>
           <VersionPair map={map} a={a.name} b={b.name} names={names} />
-          <fieldset class="how">
-            <legend>Lay them</legend>
-            {([['swipe', 'Over each other, with a line'], ['side', 'Beside each other']] as const).map(([layout, words]) => (
-              <label key={layout} class="choice">
-                <input type="radio" name="layout" value={layout} checked={state.layout === layout} onChange={() => change({ layout })} />
-                <span>{words}</span>
-              </label>
-            ))}
-          </fieldset>
-          <div class="row">
-            <label class="inline">
-              <input type="checkbox" checked={state.above} onChange={(event) => above(event.currentTarget.checked)} /><span>From above</span>
-            </label>
-            <label class="inline">
-              <input type="checkbox" checked={state.difference} onChange={(event) => change({ difference: event.currentTarget.checked })} />
-              <span>Highlight what differs</span>
-            </label>
-          </div>
+          <HowToShow state={state} onChange={change} onAbove={above} />
           <Tolerance value={state.tolerance_m ?? (found.kind === 'ready' ? found.difference.tolerance_m : null)} onValue={(tolerance_m) => change({ tolerance_m })} />
-          <DifferencePanel state={found} a={a.name} b={b.name} chosen={chosen} onPlace={look} onRetry={() => setTurn(turn + 1)} />
-          {found.kind === 'ready' && drawn !== null && drawn < found.difference.only_in_other.points + found.difference.only_in_version.points && state.difference && (
-            <p class="remark">Too much differs to draw all of it: the {drawn.toLocaleString('en')} points of the most changed tiles are highlighted.</p>
+          <DifferencePanel state={found} a={a.name} b={b.name} chosen={chosen} onPlace={look} onRetry={retry} />
+          {drawn !== null && drawn < pointsThatDiffer(found) && (
+            <p class="remark">The versions differ too much to highlight every point. Highlighted are {drawn.toLocaleString('en')} points, in the most changed tiles.</p>
           )}
           <div class="row"><ShareButton /></div>
         </div>
@@ -136,15 +80,72 @@ export function Comparison({ map, a, b, names, query }: Props) {
         {state.layout === 'swipe'
           ? <Divider share={state.split} onShare={(split) => change({ split })} a={a.name} b={b.name} />
           : <div class="middle" aria-hidden="true" />}
-        {trouble !== undefined && (
-          <div class="stage-trouble trouble" role="alert">
-            <p>{trouble.text}</p>
-            <button type="button" onClick={() => shown.current?.retry()}>Try again</button>
-          </div>
-        )}
+        <StageTrouble text={trouble?.text} onRetry={() => pair?.retry()} />
       </div>
     </div>
   );
+}
+
+/** The differences as the server counts them, asked for again with every tolerance. */
+function useDifference(map: string, a: Version, b: Version, tolerance_m: number | null): { found: DifferenceState; retry: () => void } {
+  const [found, setFound] = useState<DifferenceState>({ kind: 'making', progress: null });
+  const [turn, setTurn] = useState(0);
+  useEffect(() => {
+    const stop = new AbortController();
+    setFound({ kind: 'making', progress: null });
+    difference({ map, version: b.name, other: a.name }, tolerance_m, (progress) => setFound({ kind: 'making', progress }), stop.signal).then(
+      (ready) => setFound({ kind: 'ready', difference: ready, places: biggestPlaces(ready.tiles, kMostPlaces) }),
+      (error: unknown) => isAborted(error) || setFound({ kind: 'failed', error: toApiError(error) }));
+    return () => stop.abort();
+  }, [tolerance_m, turn]);
+  return { found, retry: () => setTurn((before) => before + 1) };
+}
+
+/** Both versions in the scene; the address follows the camera and the choices. */
+function usePair(
+  scene: Scene | undefined, versions: { map: string; a: Version; b: Version }, state: CompareState, query: URLSearchParams,
+  onTrouble: (trouble: TileTrouble | undefined) => void,
+): CompareScene | undefined {
+  const [pair, setPair] = useState<CompareScene>();
+  const current = useRef(state);
+  current.current = state;
+  const colours = useStore(theme);
+  useEffect(() => {
+    if (scene === undefined) return undefined;
+    const made = new CompareScene(scene, versions.map, versions, theme.get(), onTrouble);
+    setPair(made);
+    const { eye, target } = readViewState(query);
+    made.setLayout(current.current.layout, current.current.split);
+    void Promise.all([made.a.ready, made.b.ready]).then(() => {
+      frame(scene, current.current.above);
+      if (eye !== undefined && target !== undefined) scene.setView({ eye, target });
+    }, () => undefined);
+    const forget = scene.onView(() => share(scene, current.current));
+    return () => {
+      forget();
+      setPair(undefined);
+      made.dispose();
+    };
+  }, [scene]);
+  useEffect(() => pair?.setTheme(colours), [colours, pair]);
+  useEffect(() => pair?.setLayout(state.layout, state.split), [state.layout, state.split, pair]);
+  useEffect(() => share(scene, state), [state]);
+  return pair;
+}
+
+/** Highlights the differences if wanted. @return how many points of them are drawn, null until that is known. */
+function useDrawnDifference(pair: CompareScene | undefined, found: DifferenceState, wanted: boolean): number | null {
+  const [drawn, setDrawn] = useState<number | null>(null);
+  useEffect(() => {
+    setDrawn(null);
+    const isShown = wanted && found.kind === 'ready';
+    void pair?.showDifference(isShown ? found.difference : null).then((count) => isShown && setDrawn(count), () => undefined);
+  }, [pair, found, wanted]);
+  return drawn;
+}
+
+function pointsThatDiffer(found: DifferenceState): number {
+  return found.kind === 'ready' ? found.difference.only_in_other.points + found.difference.only_in_version.points : 0;
 }
 
 function frame(scene: Scene, above: boolean): void {
@@ -152,10 +153,37 @@ function frame(scene: Scene, above: boolean): void {
   else scene.showAll();
 }
 
-/** Writes the address, so that it shows the same when it is opened elsewhere. */
+/** Writes the address, so that it shows the same view when somebody else opens it. */
 function share(scene: Scene | undefined, state: CompareState): void {
   const query = writeCompareState(state, scene === undefined ? new URLSearchParams() : writeViewState(scene.view));
   replaceQuery(Object.fromEntries(query));
+}
+
+function HowToShow({ state, onChange, onAbove }: {
+  state: CompareState; onChange: (part: Partial<CompareState>) => void; onAbove: (on: boolean) => void;
+}) {
+  return (
+    <>
+      <fieldset class="how">
+        <legend>Show the versions</legend>
+        {([['swipe', 'One over the other, with a divider'], ['side', 'Side by side']] as const).map(([layout, words]) => (
+          <label key={layout} class="choice">
+            <input type="radio" name="layout" value={layout} checked={state.layout === layout} onChange={() => onChange({ layout })} />
+            <span>{words}</span>
+          </label>
+        ))}
+      </fieldset>
+      <div class="row">
+        <label class="inline">
+          <input type="checkbox" checked={state.above} onChange={(event) => onAbove(event.currentTarget.checked)} /><span>From above</span>
+        </label>
+        <label class="inline">
+          <input type="checkbox" checked={state.difference} onChange={(event) => onChange({ difference: event.currentTarget.checked })} />
+          <span>Highlight differences</span>
+        </label>
+      </div>
+    </>
+  );
 }
 
 function VersionPair({ map, a, b, names }: { map: string; a: string; b: string; names: readonly string[] }) {
@@ -174,7 +202,7 @@ function Tolerance({ value, onValue }: { value: number | null; onValue: (toleran
   const { min, max } = kToleranceBounds_m;
   return (
     <label class="inline tolerance">
-      <span>A point counts when the other has none within</span>
+      <span>A point differs if the other version has none within</span>
       <input
         type="number" min={100 * min} max={100 * max} step={1} value={value === null ? '' : Math.round(100 * value)}
         onChange={(event) => {
@@ -187,7 +215,7 @@ function Tolerance({ value, onValue }: { value: number | null; onValue: (toleran
   );
 }
 
-/** The address changes without the page being drawn anew, so it is read when it is asked for. */
+/** The address changes without a new drawing of the page, so it is read when the button is about to be used. */
 function ShareButton() {
   const [text, setText] = useState(window.location.href);
   return (

@@ -28,9 +28,9 @@ export interface Difference {
   tiles: DifferenceTile[];
 }
 
-/** A spot of the map where much has changed, to go and look at. */
+/** A place of the map where much has changed. */
 export interface Place {
-  /** Of what differs there, relative to the origin of the difference [m]. */
+  /** Bounds of the differences, relative to the origin of the difference [m]. */
   min: [number, number, number];
   max: [number, number, number];
   onlyInVersion_m2: number;
@@ -39,12 +39,12 @@ export interface Place {
 
 const areaOf = (tile: DifferenceTile): number => (tile.only_in_version?.area_m2 ?? 0) + (tile.only_in_other?.area_m2 ?? 0);
 
-/** What differs in two tiles belongs together when no more ground lies between [m]. */
+/** Differences in two tiles belong together if they are at most this far apart [m]. */
 const kGap_m = 5;
 
 /**
- * The places that changed most, biggest first: the tile with the most changed ground, with those of the up to
- * eight around it whose changes come near to its own; then the next of those left. So no place is wider than three tiles.
+ * The places that changed most, largest first. A place is the tile with the largest changed area, and those of its eight
+ * neighbours whose changes are near. The next place starts from the tiles that are left. So no place is wider than three tiles.
  */
 export function biggestPlaces(tiles: readonly DifferenceTile[], most: number): Place[] {
   const left = new Map(tiles.map((tile) => [`${tile.x}/${tile.y}`, tile]));
@@ -65,7 +65,7 @@ function around({ x, y }: DifferenceTile): string[] {
   return steps.flatMap((dx) => steps.flatMap((dy) => (dx === 0 && dy === 0 ? [] : [`${x + dx}/${y + dy}`])));
 }
 
-/** Over ground [m]; 0 when they overlap. */
+/** Horizontal distance [m]; 0 if they overlap. */
 function gap(a: Place, b: Place): number {
   const apart = (axis: 0 | 1): number => Math.max(0, a.min[axis] - b.max[axis], b.min[axis] - a.max[axis]);
   return Math.hypot(apart(0), apart(1));
@@ -92,9 +92,9 @@ function placeOf(tiles: readonly DifferenceTile[]): Place {
   return place;
 }
 
-const kKindWords = { measured: 'standing', ground: 'ground', projected: 'projected', filled: 'filled' } as const;
+const kKindWords = { measured: 'measured', ground: 'ground', projected: 'projected', filled: 'filled' } as const;
 
-/** `1,234 points on 87 m²: 1,000 standing, 234 ground`; what is not there is left out. */
+/** `1,234 points on 87 m²: 1,000 measured, 234 ground`; kinds without points are left out. */
 export function sideWords(side: Side): string {
   const count = (value: number): string => value.toLocaleString('en');
   if (side.points === 0) return 'nothing';

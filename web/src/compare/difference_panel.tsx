@@ -3,9 +3,8 @@ import { area } from '../ui/format.js';
 import { Progress, Trouble } from '../ui/parts.js';
 import { sideWords, type Difference, type Place } from './difference.js';
 
-/** How the difference stands: being worked out, there, or why not. */
+/** The difference: being computed, ready, or why it failed. */
 export type DifferenceState =
-  | { kind: 'off' }
   | { kind: 'making'; progress: number | null }
   | { kind: 'ready'; difference: Difference; places: Place[] }
   | { kind: 'failed'; error: ApiError };
@@ -19,13 +18,12 @@ interface Props {
   onRetry: () => void;
 }
 
-/** What differs between two versions, counted, with the places that changed most. */
+/** The differences between two versions: counts, and the places that changed most. */
 export function DifferencePanel({ state, a, b, chosen, onPlace, onRetry }: Props) {
-  if (state.kind === 'off') return null;
   if (state.kind === 'making') {
     return (
       <section class="difference" aria-label="Difference">
-        <p role="status">Working out what differs{state.progress === null ? '…' : `: ${Math.round(100 * state.progress)} %`}</p>
+        <p role="status">Computing the differences{state.progress === null ? '…' : `: ${Math.round(100 * state.progress)} %`}</p>
         <Progress value={state.progress} label="Difference" />
       </section>
     );
@@ -36,9 +34,9 @@ export function DifferencePanel({ state, a, b, chosen, onPlace, onRetry }: Props
       <section class="difference" aria-label="Difference">
         <Trouble
           error={state.error} onRetry={frames ? undefined : onRetry}
-          title={frames ? 'These versions cannot be laid over each other' : 'The difference could not be worked out'}
+          title={frames ? 'These versions cannot be compared' : 'The differences could not be computed'}
         />
-        {frames && <p class="quiet">They are shown as they are; the same place of the picture may be two places of the world.</p>}
+        {frames && <p class="quiet">Both are shown in their own map frame, so the same position in the picture can be two places. Compare versions of one map frame instead.</p>}
       </section>
     );
   }
@@ -49,7 +47,7 @@ export function DifferencePanel({ state, a, b, chosen, onPlace, onRetry }: Props
         <div class="only a"><dt><span class="swatch" /> Only in {a}</dt><dd>{sideWords(difference.only_in_other)}</dd></div>
         <div class="only b"><dt><span class="swatch" /> Only in {b}</dt><dd>{sideWords(difference.only_in_version)}</dd></div>
       </dl>
-      <p class="quiet">Counted: points with none of the other version within {(100 * difference.tolerance_m).toFixed(0)} cm.</p>
+      <p class="quiet">A point is counted if the other version has none within {(100 * difference.tolerance_m).toFixed(0)} cm.</p>
       {places.length > 0 && <Places places={places} a={a} b={b} chosen={chosen} onPlace={onPlace} />}
     </section>
   );
@@ -59,7 +57,7 @@ function Places({ places, a, b, chosen, onPlace }: { places: Place[] } & Pick<Pr
   const most = Math.max(...places.map((place) => place.onlyInVersion_m2 + place.onlyInOther_m2));
   return (
     <>
-      <h2>Changed most</h2>
+      <h2>Most changed places</h2>
       <ol class="places">
         {places.map((place, index) => (
           <li key={index}>

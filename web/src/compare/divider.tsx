@@ -10,7 +10,7 @@ interface Props {
 
 const kStep = 0.02;
 
-/** The line between two versions: dragged, or moved by arrow keys. */
+/** The line between two versions. It is dragged, or moved with the arrow keys. */
 export function Divider({ share, onShare, a, b }: Props) {
   const element = useRef<HTMLDivElement>(null);
   const follow = (event: PointerEvent): void => {

@@ -6,13 +6,13 @@ const kHeaderBytes = 12;
 /**
  * Coordinates of a tile as the server writes it: a GLB whose binary part is points of 20 bytes, float32 x, y, z first.
  *
- * Taken as they lie in the file, z up; the matrix of the file's node turns them for readers of glTF.
- * @returns x, y, z one after the other, relative to the origin that the route names [m].
- * @throws Error in words when the bytes are none.
+ * They are as in the file, z up; the matrix of the file's node turns them for glTF viewers.
+ * @returns x, y, z of each point in turn, relative to the origin that the route gives [m].
+ * @throws Error if the bytes are not such a file.
  */
 export function glbPositions(bytes: ArrayBuffer): Float32Array {
   const view = new DataView(bytes);
-  if (bytes.byteLength < kHeaderBytes || view.getUint32(0, true) !== kMagic) throw new Error('a tile that is no GLB');
+  if (bytes.byteLength < kHeaderBytes || view.getUint32(0, true) !== kMagic) throw new Error('The server sent a tile that is not a GLB file. Check its version.');
   for (let at = kHeaderBytes; at + 8 <= bytes.byteLength;) {
     const [length, kind] = [view.getUint32(at, true), view.getUint32(at + 4, true)];
     at += 8;
@@ -20,7 +20,7 @@ export function glbPositions(bytes: ArrayBuffer): Float32Array {
     if (kind === kBinaryChunk) return positionsIn(new DataView(bytes, at, length));
     at += length;
   }
-  throw new Error('a GLB without its points');
+  throw new Error('The server sent a GLB file without points. Check its version.');
 }
 
 function positionsIn(points: DataView): Float32Array {

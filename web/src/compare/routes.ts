@@ -29,15 +29,15 @@ export async function versionNames(map: string, signal: AbortSignal): Promise<st
 }
 
 /**
- * What differs between two versions of a map; waits while the server works it out.
+ * The differences between two versions of a map; waits while the server computes them.
  *
- * @param onProgress told how far it is, in [0, 1]; null when nobody can tell.
- * @throws ApiError in words (`OtherFrame` when they cannot be compared); AbortError.
+ * @param onProgress called with the share that is done, in [0, 1]; null when it is unknown.
+ * @throws ApiError (`OtherFrame` when the versions cannot be compared); AbortError.
  */
 export async function difference(
-  map: string, version: string, other: string, tolerance_m: number | null, onProgress: (share: number | null) => void, signal: AbortSignal,
+  pair: { map: string; version: string; other: string }, tolerance_m: number | null, onProgress: (share: number | null) => void, signal: AbortSignal,
 ): Promise<Difference> {
-  const path = addressOf('/v1/maps/{map}/versions/{version}/difference/{other}', { map, version, other }, { tolerance_m: tolerance_m ?? undefined });
+  const path = addressOf('/v1/maps/{map}/versions/{version}/difference/{other}', pair, { tolerance_m: tolerance_m ?? undefined });
   for (;;) {
     const response = await send('GET', path, { signal });
     const answer = (await jsonOf(response, `GET ${path}`)) as Difference | { state: 'making'; progress: number | null };

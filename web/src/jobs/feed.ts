@@ -6,14 +6,14 @@ import { isOver, withEvent, type Job } from './job.js';
 
 export interface JobFeed {
   job: Job | undefined;
-  /** Why there is nothing (any more) to show; undefined as long as there is. */
+  /** Why the job cannot be shown; undefined while it can. */
   error: ApiError | undefined;
   /** The stream broke and is tried again. */
   interrupted: boolean;
   reload: () => void;
 }
 
-/** A job as it goes on, told by its event stream as long as the component is there. */
+/** A job and its progress, from its event stream while the component is there. */
 export function useJobFeed(id: number): JobFeed {
   const [state, setState] = useState<Omit<JobFeed, 'reload'>>({ job: undefined, error: undefined, interrupted: false });
   const [turn, setTurn] = useState(0);
@@ -29,7 +29,7 @@ export function useJobFeed(id: number): JobFeed {
   return { ...state, reload: () => setTurn(turn + 1) };
 }
 
-/** Tells a job's states until it is over. @throws ApiError when it cannot be had; AbortError. */
+/** Calls `tell` with each state of a job until it ends. @throws ApiError when the job cannot be loaded; AbortError. */
 async function followJob(
   id: number, tell: (job: Job) => void, tellInterrupted: (interrupted: boolean) => void, signal: AbortSignal,
 ): Promise<void> {
@@ -42,6 +42,6 @@ async function followJob(
     tell(job);
     return isOver(job) ? 'stop' : undefined;
   }, { signal, onTrouble: (error) => tellInterrupted(error !== undefined) });
-  // Times and outcome, which the events do not tell.
+  // Times and result, which are not part of the events.
   tell(await get());
 }

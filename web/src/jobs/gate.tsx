@@ -2,7 +2,7 @@ import { firstUpper } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';
 import type { Gate } from './job.js';
 
-/** How a rebuilt version was judged: the verdict, and each check in words. */
+/** The quality checks of a rebuilt version: the verdict and each check. */
 export function GateVerdict({ gate }: { gate: Gate }) {
   const passed = gate.verdict === 'pass';
   const checks = gate.checks ?? [];
@@ -14,7 +14,7 @@ export function GateVerdict({ gate }: { gate: Gate }) {
       <div class="card gate" data-verdict={gate.verdict}>
         <p class={passed ? 'verdict good' : 'verdict bad'}>
           <Icon name={passed ? 'check' : 'warning'} />
-          {passed ? 'It passed all checks.' : `It did not pass: ${failed} of ${checks.length} checks failed.`}
+          {passed ? 'All checks passed.' : `${failed} of ${checks.length} checks failed.`}
         </p>
         <ul class="checks">
           {sorted.map((check) => (

@@ -1,4 +1,4 @@
-// What the server says about jobs, as it concerns the page, and words for it.
+// Jobs as the page shows them, and their texts.
 
 import type { AnswerOf } from '../api/client.js';
 import { duration, firstUpper, toDate } from '../ui/format.js';
@@ -13,7 +13,7 @@ export interface JobResult {
   gate?: Gate | null;
 }
 
-/** How a rebuilt version was judged (mapping/rebuild.md, "The report"). */
+/** The quality checks of a rebuilt version (mapping/rebuild.md, "The report"). */
 export interface Gate {
   verdict: string;
   reasons?: string[];
@@ -33,12 +33,12 @@ const kWords: Record<Job['status'], { tone: Tone; text: string }> = {
 };
 
 export function statusOf(job: Pick<Job, 'status' | 'cancel_requested'> & { result?: JobResult | null }): { tone: Tone; text: string } {
-  if (job.cancel_requested && !isOver(job)) return { tone: 'warn', text: 'Being cancelled' };
+  if (job.cancel_requested && !isOver(job)) return { tone: 'warn', text: 'Cancelling' };
   if (job.status === 'succeeded' && failedItsChecks(job)) return { tone: 'warn', text: 'Checks failed' };
   return kWords[job.status] ?? { tone: 'plain', text: job.status };
 }
 
-/** Whether it made a version that may be published by hand only. */
+/** Whether it built a version that only a person may activate. */
 export function failedItsChecks({ result }: { result?: JobResult | null }): boolean {
   return result?.gate?.verdict === 'fail';
 }
@@ -52,27 +52,27 @@ export function stageWords(stage: string): string {
   return firstUpper(stage);
 }
 
-/** How long it took, or has taken so far; empty before it began. */
+/** How long it took, or has run so far; empty before it starts. */
 export function timeTaken(job: Pick<Job, 'started_ns' | 'finished_ns'>, now: Date = new Date()): string {
   if (job.started_ns === null) return '';
   const end = job.finished_ns === null ? now : toDate(job.finished_ns);
   return duration((end.getTime() - toDate(job.started_ns).getTime()) / 1000);
 }
 
-/** One sentence on what came of it; empty while it is under way. */
+/** The result as one sentence; empty while the job runs. */
 export function outcomeOf({ status, error, result, kind }: Pick<Job, 'status' | 'error' | 'result' | 'kind'>): string {
-  if (status === 'failed') return error === '' ? 'It failed.' : error;
-  if (status === 'canceled') return 'It was cancelled; nothing was stored.';
+  if (status === 'failed') return error === '' ? 'The job failed. Look at its log.' : error;
+  if (status === 'canceled') return 'The job was cancelled. Nothing was stored.';
   if (status !== 'succeeded' || result === null) return '';
   const made = `${result.version} is stored`;
   if (result.activated === true) return `${made} and active.`;
-  if (kind === 'convert') return `${made}; vehicles get it when it is published.`;
+  if (kind === 'convert') return `${made}. Vehicles use it after you activate it.`;
   const because = result.not_activated_because ?? [];
-  if (because.length > 0) return `${made}, and not made active: ${because.join('; ')}.`;
-  return failedItsChecks({ result }) ? `${made}; it did not pass the checks.` : `${made}; it can be published.`;
+  if (because.length > 0) return `${made}, but not active: ${because.join('; ')}.`;
+  return failedItsChecks({ result }) ? `${made}. It did not pass the checks: look at them before you activate it.` : `${made}. You can activate it.`;
 }
 
-/** What a stream of a job's events brings, put into the job. `end` of a server that stops tells nothing about the job. */
+/** The job after an event of its stream. The event `end` of a server that stops says nothing about the job. */
 export function withEvent(job: Job, data: string): Job {
   const news = JSON.parse(data) as Partial<Job>;
   if (news.status === undefined) return job;

@@ -5,7 +5,7 @@ import { Trouble } from '../ui/parts.js';
 
 const kEveryS = 1.5;
 
-/** What the mapper said, read on as it grows. */
+/** The mapper's log, read again as it grows. */
 export function JobLog({ id, over }: { id: number; over: boolean }) {
   const [text, setText] = useState('');
   const [error, setError] = useState<ApiError>();
@@ -27,18 +27,18 @@ export function JobLog({ id, over }: { id: number; over: boolean }) {
         <h2 id="log">Log</h2>
         <span class="grow" />
         <label class="check">
-          <input type="checkbox" checked={stays} onChange={(event) => setStays(event.currentTarget.checked)} /> Stay at the end
+          <input type="checkbox" checked={stays} onChange={(event) => setStays(event.currentTarget.checked)} /> Follow the end
         </label>
       </div>
       {error !== undefined && (error.status === 403
-        ? <p class="quiet">The log names files of the server, so it takes a key with the scope “write”.</p>
+        ? <p class="quiet">The log contains file names of the server. Use a key with the scope “write” to read it.</p>
         : <Trouble error={error} onRetry={() => setTurn(turn + 1)} />)}
-      <pre ref={pre} class="card log" tabIndex={0} aria-label="Log of the job">{text === '' ? (over ? 'It said nothing.' : 'Nothing said yet.') : text}</pre>
+      <pre ref={pre} class="card log" tabIndex={0} aria-label="Log of the job">{text === '' ? (over ? 'The log is empty.' : 'No log lines yet.') : text}</pre>
     </section>
   );
 }
 
-/** Reads the log, then what comes after it; once when the job is over. */
+/** Reads the log, then what is added to it; only once if the job is over. */
 async function readOn(id: number, over: boolean, show: (text: string) => void, signal: AbortSignal): Promise<void> {
   const decoder = new TextDecoder();
   let bytes = 0;
@@ -53,7 +53,7 @@ async function readOn(id: number, over: boolean, show: (text: string) => void, s
       text += decoder.decode(piece, { stream: true });
       show(text);
     } catch (error) {
-      // Nothing new behind what was read.
+      // Nothing was added since the last read.
       if (!(error instanceof ApiError) || (error.status !== 416 && error.trouble !== 'down')) throw error;
     }
     if (over) return;

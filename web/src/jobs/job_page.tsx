@@ -1,6 +1,6 @@
 import { useEffect, useState } from 'preact/hooks';
 import { ask } from '../api/client.js';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { Confirm } from '../ui/confirm.js';
 import { date, duration, firstUpper } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';
@@ -12,12 +12,12 @@ import { isOver, outcomeOf, stageWords, statusOf, timeTaken, type Job } from './
 import { JobLog } from './job_log.js';
 import { ReportWhenDone } from './report_when_done.js';
 
-/** One job: how far it is, what it says, what came of it. */
+/** One job: progress, log and result. */
 export function JobPage({ id }: { id: number }) {
   const { job, error, interrupted, reload } = useJobFeed(id);
   const [asking, setAsking] = useState(false);
   if (job === undefined) {
-    return error === undefined ? <p class="waiting" role="status">Asking the server for job {id}…</p>
+    return error === undefined ? <p class="waiting" role="status">Loading job {id}…</p>
       : <Trouble error={error} title={`Job ${id}`} onRetry={reload} />;
   }
   const status = statusOf(job);
@@ -43,7 +43,7 @@ export function JobPage({ id }: { id: number }) {
 }
 
 function UnderWay({ job, interrupted }: { job: Job; interrupted: boolean }) {
-  // The time that it has taken goes on between two events.
+  // The running time also grows between two events.
   const [, tick] = useState(0);
   useEffect(() => {
     const timer = setInterval(() => tick((count) => count + 1), 1000);
@@ -53,15 +53,15 @@ function UnderWay({ job, interrupted }: { job: Job; interrupted: boolean }) {
   return (
     <>
       <div class="job-line">
-        <strong>{job.status === 'enqueued' ? 'Waits for its turn' : stageWords(job.stage)}</strong>
+        <strong>{job.status === 'enqueued' ? 'Waiting for other jobs' : stageWords(job.stage)}</strong>
         <span class="quiet number">
           {[share === null ? '' : `${Math.floor(100 * share)} %`, timeTaken(job) && `${timeTaken(job)} so far`,
             job.eta_s === null ? '' : `about ${duration(job.eta_s)} left`].filter(Boolean).join(' · ')}
         </span>
       </div>
       <Progress value={share} label={`Progress of job ${job.id}`} />
-      {job.attempts > 1 && <p class="remark">Attempt {job.attempts}: {job.error === '' ? 'the one before broke off.' : job.error}</p>}
-      {interrupted && <p class="quiet" role="status">The connection broke; trying again…</p>}
+      {job.attempts > 1 && <p class="remark">Attempt {job.attempts}: {job.error === '' ? 'the attempt before was interrupted.' : job.error}</p>}
+      {interrupted && <p class="quiet" role="status">The connection was lost. Trying again…</p>}
       <ReportWhenDone id={job.id} />
     </>
   );
@@ -89,14 +89,14 @@ function Request({ job }: { job: Job }) {
   const request = (job.request ?? {}) as Record<string, unknown>;
   const options = Object.entries((request['options'] ?? {}) as Record<string, unknown>);
   const facts: [string, string][] = [
-    ['Asked for', date(job.enqueued_ns)],
-    ...(job.key_id === '' ? [] : [['By key', job.key_id] as [string, string]]),
+    ['Requested', date(job.enqueued_ns)],
+    ...(job.key_id === '' ? [] : [['Key', job.key_id] as [string, string]]),
     ...Object.entries(request).filter(([name]) => name !== 'options').map(([name, value]): [string, string] => [firstUpper(name.replace(/_/g, ' ')), name === 'drives' || name === 'held_back' ? driveWords(value) : wordsOf(value)]),
     ...options.map(([name, value]): [string, string] => [name, wordsOf(value)]),
   ];
   return (
     <section aria-labelledby="request">
-      <h2 id="request">What was asked for</h2>
+      <h2 id="request">Request</h2>
       <dl class="card facts job-request">
         {facts.map(([term, value]) => <div key={term}><dt>{term}</dt><dd>{value}</dd></div>)}
       </dl>
@@ -104,9 +104,9 @@ function Request({ job }: { job: Job }) {
   );
 }
 
-/** Numbers of drives as the map's page and the form give them. */
+/** Numbers of drives as on the map's page. */
 function driveWords(value: unknown): string {
-  return Array.isArray(value) ? value.map(driveWords).join(', ') : typeof value === 'number' ? `no. ${value}` : wordsOf(value);
+  return Array.isArray(value) ? value.map(driveWords).join(', ') : typeof value === 'number' ? `drive ${value}` : wordsOf(value);
 }
 
 function wordsOf(value: unknown): string {
@@ -118,12 +118,12 @@ function wordsOf(value: unknown): string {
 function Cancel({ id, onClose, onDone }: { id: number; onClose: () => void; onDone: () => void }) {
   const act = async (): Promise<void> => {
     await ask('post', '/v1/jobs/{job}/cancel', { path: { job: id } });
-    say({ kind: 'plain', text: `Job ${id} is being cancelled.` });
+    say({ kind: 'plain', text: `Job ${id} is stopping.` });
     onDone();
   };
   return (
     <Confirm title={`Cancel job ${id}?`} verb="Cancel the job" danger act={act} onClose={onClose}>
-      <p>What it has done so far is thrown away. Nothing that is stored changes.</p>
+      <p>Its results so far are discarded. Stored maps do not change.</p>
     </Confirm>
   );
 }

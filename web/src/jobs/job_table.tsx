@@ -1,5 +1,5 @@
 import { useEffect } from 'preact/hooks';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { age, date, duration } from '../ui/format.js';
 import { Badge, Progress } from '../ui/parts.js';
 import { useJobFeed } from './feed.js';
@@ -7,14 +7,14 @@ import { isOver, outcomeOf, stageWords, statusOf, timeTaken, type Job } from './
 
 export interface JobTableProps {
   jobs: readonly Job[];
-  /** The one that is followed by its event stream; the others are as new as the list. A browser has few connections. */
+  /** The job that is updated from its event stream. The others are as new as the list: a browser has few connections. */
   live?: number | undefined;
   onEnd: () => void;
-  /** All are of one map, which need not be named. */
+  /** All jobs are of one map, whose column is left out. */
   oneMap?: boolean;
 }
 
-/** Jobs with state, progress and outcome. */
+/** Jobs with state, progress and result. */
 export function JobTable({ jobs, live, onEnd, oneMap }: JobTableProps) {
   return (
     <div class="card table-frame">
@@ -22,7 +22,7 @@ export function JobTable({ jobs, live, onEnd, oneMap }: JobTableProps) {
         <thead>
           <tr>
             <th scope="col">Job</th>{oneMap !== true && <th scope="col">Map</th>}<th scope="col">State</th>
-            <th scope="col" class="wide">Progress and outcome</th><th scope="col">Asked for</th><th scope="col" class="end">Took</th>
+            <th scope="col" class="wide">Progress and result</th><th scope="col">Requested</th><th scope="col" class="end">Took</th>
           </tr>
         </thead>
         <tbody>
@@ -60,7 +60,7 @@ function Row({ job, oneMap }: { job: Job; oneMap: boolean | undefined }) {
   );
 }
 
-/** Stage, bar and the time that is left. */
+/** Stage, progress bar and remaining time. */
 function Under({ job }: { job: Job }) {
   const share = job.status === 'enqueued' ? 0 : job.progress;
   const left = job.eta_s === null ? '' : ` · ${duration(job.eta_s)} left`;
@@ -68,7 +68,7 @@ function Under({ job }: { job: Job }) {
     <div class="under">
       <Progress value={share} label={`Progress of job ${job.id}`} />
       <span class="quiet number">
-        {job.status === 'enqueued' ? 'Waits for its turn' : stageWords(job.stage)}
+        {job.status === 'enqueued' ? 'Waiting for other jobs' : stageWords(job.stage)}
         {share === null || job.status === 'enqueued' ? '' : ` · ${Math.floor(100 * share)} %`}{left}
       </span>
     </div>

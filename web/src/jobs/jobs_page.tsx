@@ -1,7 +1,7 @@
 import { useEffect, useState } from 'preact/hooks';
 import { ask } from '../api/client.js';
 import { toApiError, type ApiError } from '../api/errors.js';
-import { go, linkTo } from '../router.js';
+import { go, linkTo } from '../state/router.js';
 import { useLoad } from '../ui/load.js';
 import { Empty, Trouble } from '../ui/parts.js';
 import { isOver, kStatuses, statusOf, type Job } from './job.js';
@@ -10,7 +10,7 @@ import { JobTable } from './job_table.js';
 const kEveryS = 3;
 const kPage = 25;
 
-/** The jobs, newest first. The filters stand in the address. */
+/** The jobs, newest first. The filters are part of the address. */
 export function JobsPage({ query }: { query: URLSearchParams }) {
   const status = kStatuses.find((one) => one === query.get('status'));
   const map = query.get('map') ?? '';
@@ -48,22 +48,22 @@ export function JobsPage({ query }: { query: URLSearchParams }) {
         </label>
       </div>
       {first.error !== undefined && <Trouble error={first.error} onRetry={first.reload} />}
-      {jobs === undefined && first.loading && <p class="waiting" role="status">Asking the server for its jobs…</p>}
+      {jobs === undefined && first.loading && <p class="waiting" role="status">Loading the jobs…</p>}
       {jobs !== undefined && (jobs.length > 0 ? <JobTable jobs={jobs} live={jobs.find((job) => !isOver(job))?.id} onEnd={first.reload} />
-        : <Empty title={status === undefined && map === '' ? 'No jobs yet' : 'No such jobs'}><p>Rebuilds and conversions of maps show here while they run, and for some days after.</p></Empty>)}
+        : <Empty title={status === undefined && map === '' ? 'No jobs yet' : 'No job matches these filters'}><p>Rebuilds and conversions of maps are listed here while they run and for some days afterwards.</p></Empty>)}
       {older.error !== undefined && <Trouble error={older.error} onRetry={older.more} />}
-      {older.next !== null && <p class="more"><button type="button" onClick={older.more}>Show older ones</button></p>}
+      {older.next !== null && <p class="more"><button type="button" onClick={older.more}>Show older jobs</button></p>}
     </>
   );
 }
 
-/** The newest page with what is older than it: newer jobs push others out of it, which are then among the older ones. */
+/** The newest page and the older jobs. A new job moves the last one of the newest page to the older ones. */
 function inOrder(first: readonly Job[], older: readonly Job[]): Job[] {
   const least = first.at(-1)?.id ?? Infinity;
   return [...first, ...older.filter(({ id }) => id < least)];
 }
 
-/** The pages behind the first one, as far as they were asked for. @param first the newest page, as it is now */
+/** The older pages that the person asked for. @param first the newest page, as it is now */
 function useOlder(filters: Record<string, string>, first: { jobs: readonly Job[]; next: number | null } | undefined) {
   const [state, setState] = useState<{ jobs: Job[]; next: number | null; error?: ApiError }>({ jobs: [], next: null });
   const what = JSON.stringify(filters);
@@ -71,7 +71,7 @@ function useOlder(filters: Record<string, string>, first: { jobs: readonly Job[]
   const next = state.jobs.length === 0 ? first?.next ?? null : state.next;
   const more = (): void => {
     if (next === null) return;
-    // Those of the first page too, since newer ones may push them out of it.
+    // Those of the first page too: newer jobs may move them out of it.
     const known = state.jobs.length === 0 ? [...first?.jobs ?? []] : state.jobs;
     ask('get', '/v1/jobs', { query: { ...filters, limit: kPage, before: next } }).then(
       ({ data }) => setState({ jobs: [...known, ...(data.jobs as Job[])], next: data.next }),

@@ -1,11 +1,10 @@
-// Jobs whose end is to be told wherever the person is on the page, and as a notification of the system where that was
-// asked for.
+// Jobs whose end is reported in every view, and as a system notification if the person allowed it.
 
 import { ask } from '../api/client.js';
 import { ApiError } from '../api/errors.js';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { say } from '../ui/notices.js';
-import { Store } from '../ui/store.js';
+import { Store } from '../state/store.js';
 import { isOver, outcomeOf, type Job } from './job.js';
 
 const kSlot = 'stillmap.watched';
@@ -29,7 +28,7 @@ function set(list: readonly number[]): void {
   try {
     sessionStorage.setItem(kSlot, JSON.stringify(list));
   } catch {
-    // Then it lasts until the page is left.
+    // Then it lasts until the page is closed.
   }
   startWatching();
 }
@@ -42,7 +41,7 @@ export function unwatchJob(id: number): void {
   set(watched.get().filter((other) => other !== id));
 }
 
-/** Asks after the watched jobs now and then, as long as there are any. */
+/** Checks the watched jobs periodically, while there are any. */
 export function startWatching(): void {
   clearTimeout(timer);
   if (watched.get().length === 0) return;
@@ -76,7 +75,7 @@ function tell(job: Job): void {
   };
 }
 
-/** Whether the system's notifications may be used; `none` where the browser has none. */
+/** Whether system notifications are allowed; `none` if the browser has none. */
 export function canNotify(): NotificationPermission | 'none' {
   return 'Notification' in globalThis && globalThis.isSecureContext ? Notification.permission : 'none';
 }

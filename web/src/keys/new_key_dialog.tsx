@@ -9,9 +9,9 @@ type Scope = Schema<'NewKey'>['scopes'][number];
 
 const kScopes: [Scope, string][] = [
   ['read', 'see maps, drives and jobs'],
-  ['localize', 'ask for poses, follow vehicles'],
-  ['write', 'upload, build, publish, delete'],
-  ['admin', 'make and revoke keys, read the audit log'],
+  ['localize', 'request poses, track vehicles'],
+  ['write', 'upload, build, activate, delete'],
+  ['admin', 'create and revoke keys, read the audit log'],
 ];
 
 export interface NewKeyDialogProps {
@@ -19,7 +19,7 @@ export interface NewKeyDialogProps {
   onMade: () => void;
 }
 
-/** Makes a key, and shows it the one time that it can be seen. */
+/** Creates a key, and shows it once. */
 export function NewKeyDialog({ onClose, onMade }: NewKeyDialogProps) {
   const [made, setMade] = useState<Schema<'CreatedKey'>>();
   if (made !== undefined) return <Made made={made} onClose={onClose} />;
@@ -38,11 +38,11 @@ function Form({ onClose, onMade }: { onClose: () => void; onMade: (key: Schema<'
   const maps = form.maps.split(/[\s,]+/).filter((pattern) => pattern !== '');
   const days = form.days === '' ? undefined : Number(form.days);
   const faults = {
-    name: form.name.trim() === '' ? 'A name is needed, to tell keys apart.' : form.name.length > 100 ? 'At most 100 letters.' : undefined,
-    days: days !== undefined && !(Number.isInteger(days) && days >= 1 && days <= 36500) ? '1 to 36500 days, or empty for ever.' : undefined,
-    scopes: form.scopes.length === 0 ? 'Choose at least one.' : undefined,
-    maps: maps.length > 32 || maps.some((pattern) => !/^[a-z0-9._*-]{1,63}$/.test(pattern)) ? 'At most 32 names of a-z, 0-9, . _ - and *.'
-      : maps.length > 0 && form.scopes.includes('admin') ? 'A key with “admin” is for all maps.' : undefined,
+    name: form.name.trim() === '' ? 'Enter a name, so that you can tell keys apart.' : form.name.length > 100 ? 'Use at most 100 characters.' : undefined,
+    days: days !== undefined && !(Number.isInteger(days) && days >= 1 && days <= 36500) ? 'Enter 1 to 36500 days, or nothing for a key that does not expire.' : undefined,
+    scopes: form.scopes.length === 0 ? 'Choose at least one scope.' : undefined,
+    maps: maps.length > 32 || maps.some((pattern) => !/^[a-z0-9._*-]{1,63}$/.test(pattern)) ? 'Enter at most 32 names of a to z, 0 to 9, . _ - and *.'
+      : maps.length > 0 && form.scopes.includes('admin') ? 'A key with the scope “admin” is valid for all maps: leave this empty.' : undefined,
   };
   const submit = async (event: Event): Promise<void> => {
     event.preventDefault();
@@ -74,17 +74,17 @@ function Form({ onClose, onMade }: { onClose: () => void; onMade: (key: Schema<'
           ))}
           {tried && faults.scopes !== undefined && <p class="fault" role="alert">{faults.scopes}</p>}
         </fieldset>
-        <Field label="Maps" hint="Names apart by commas, * for any text: town, depot-*. Empty: all maps." fault={tried ? faults.maps : undefined}>
+        <Field label="Maps" hint="Names separated by commas; * stands for any text: town, depot-*. Empty: all maps." fault={tried ? faults.maps : undefined}>
           {(props) => <input {...props} value={form.maps} onInput={(event) => setForm({ ...form, maps: event.currentTarget.value })} />}
         </Field>
-        <Field label="Ends after [days]" hint="Empty: never." fault={tried ? faults.days : undefined}>
+        <Field label="Expires after [days]" hint="Empty: never." fault={tried ? faults.days : undefined}>
           {(props) => <input {...props} inputMode="numeric" value={form.days} onInput={(event) => setForm({ ...form, days: event.currentTarget.value })} />}
         </Field>
         {error !== undefined && <Trouble error={error} />}
         <div class="actions">
           <span class="grow" />
           <button type="button" onClick={onClose}>Cancel</button>
-          <button type="submit" class="primary">Make the key</button>
+          <button type="submit" class="primary">Create the key</button>
         </div>
       </form>
     </Dialog>
@@ -94,12 +94,12 @@ function Form({ onClose, onMade }: { onClose: () => void; onMade: (key: Schema<'
 function Made({ made, onClose }: { made: Schema<'CreatedKey'>; onClose: () => void }) {
   return (
     <Dialog title={`The key “${made.name}”`} onClose={onClose}>
-      <p>Copy it now: it is shown this one time, and only its hash is kept.</p>
+      <p>Copy the key now: it is shown only once. The server stores only its hash.</p>
       <code class="secret" data-secret>{made.key}</code>
       <div class="actions">
         <CopyButton text={made.key} label="Copy the key" />
         <span class="grow" />
-        <button type="button" class="primary" onClick={onClose}>I have it</button>
+        <button type="button" class="primary" onClick={onClose}>Done</button>
       </div>
     </Dialog>
   );

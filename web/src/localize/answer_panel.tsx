@@ -9,7 +9,7 @@ function StatusBadge({ status }: { status: Status }) {
   return <span class={`verdict ${status}`}>{kStatusWords[status].title}</span>;
 }
 
-/** What the server said about a scan. @param magnified how much larger than it is the ellipse is drawn in 3D. */
+/** The server's answer for a scan. @param magnified scale of the ellipse in the 3D picture. */
 export function AnswerPanel({ answer, roundTrip_ms, curl, magnified }: {
   answer: Answer;
   roundTrip_ms: number | null;
@@ -28,12 +28,12 @@ export function AnswerPanel({ answer, roundTrip_ms, curl, magnified }: {
       {pose !== null && answer.covariance !== null && (
         <>
           <ErrorPlot pose={pose} covariance={answer.covariance} protection={answer.protection} />
-          {magnified > 1 && <p class="quiet">In the map the ellipse is drawn {magnified} times larger than it is.</p>}
+          {magnified > 1 && <p class="quiet">In the 3D picture the ellipse is drawn {magnified} times larger.</p>}
         </>
       )}
       {pose !== null && answer.degenerate.length > 0 && (
         <p class="free">
-          <span class="key free" /> The scan {answer.degenerate.map((direction) => freeDirection(pose, direction).words).join(', and ')}: nothing around holds it there.
+          <span class="key free" /> The scan {answer.degenerate.map((direction) => freeDirection(pose, direction).words).join(', and ')}: the surroundings do not constrain it there.
         </p>
       )}
       <Facts answer={answer} pose={pose} />
@@ -41,7 +41,7 @@ export function AnswerPanel({ answer, roundTrip_ms, curl, magnified }: {
       {curl !== null && (
         <div class="row">
           <CopyButton text={curl} label="Copy as curl" />
-          <span class="quiet">request {answer.requestId}</span>
+          <span class="quiet">request id {answer.requestId}</span>
         </div>
       )}
     </section>
@@ -51,25 +51,25 @@ export function AnswerPanel({ answer, roundTrip_ms, curl, magnified }: {
 function Facts({ answer, pose }: { answer: Answer; pose: Pose | null }) {
   const facts: [string, string][] = [];
   if (pose !== null) {
-    facts.push(['Place', `${pose.position.map((value) => value.toFixed(2)).join(', ')} m`]);
+    facts.push(['Position', `${pose.position.map((value) => value.toFixed(2)).join(', ')} m`]);
     facts.push(['Heading', `${angleWords(headingOf(pose))} from east`]);
   }
   if (answer.priorToPose !== null) {
     facts.push(['From the prior', `${lengthWords(answer.priorToPose.m)}, ${angleWords(answer.priorToPose.rad)}`]);
   }
-  facts.push(['On the map', `${(100 * answer.inlierRatio).toFixed(1)} % of the scan`]);
-  facts.push(['How closely', `${lengthWords(answer.rmse_m)} (rmse)`]);
+  facts.push(['Inliers', `${(100 * answer.inlierRatio).toFixed(1)} % of the scan`]);
+  facts.push(['RMSE', lengthWords(answer.rmse_m)]);
   if (answer.searchedFrom !== null) facts.push(['Searched from', kSearchedFrom[answer.searchedFrom] ?? answer.searchedFrom]);
-  facts.push(['Steps', String(answer.iterations)], ['Version', answer.version]);
+  facts.push(['Iterations', String(answer.iterations)], ['Version', answer.version]);
   return <dl class="facts">{facts.map(([name, value]) => <div key={name}><dt>{name}</dt><dd>{value}</dd></div>)}</dl>;
 }
 
 const kSearchedFrom: Record<string, string> = {
-  given: 'the given place', velocity: 'its motion', odometry: 'its odometry', interpolation: 'between its neighbours',
+  given: 'the given prior', velocity: 'the previous motion', odometry: 'the odometry', interpolation: 'the neighbouring poses',
   everywhere: 'the whole map', nowhere: 'nowhere',
 };
 
-const kStages = [['wait', 'waiting'], ['decode', 'reading'], ['align', 'matching']] as const;
+const kStages = [['wait', 'waiting'], ['decode', 'decoding'], ['align', 'alignment']] as const;
 
 function Timings({ answer, roundTrip_ms }: { answer: Answer; roundTrip_ms: number | null }) {
   const { total } = answer.timing_ms;
@@ -77,8 +77,8 @@ function Timings({ answer, roundTrip_ms }: { answer: Answer; roundTrip_ms: numbe
   return (
     <div class="timings">
       <p>
-        {total.toFixed(1)} ms at the server
-        {roundTrip_ms !== null && <span class="quiet">, {roundTrip_ms.toFixed(0)} ms with the way there and back</span>}
+        {total.toFixed(1)} ms on the server
+        {roundTrip_ms !== null && <span class="quiet">, {roundTrip_ms.toFixed(0)} ms with the network</span>}
       </p>
       <div class="timing-bar" role="img" aria-label={words}>
         {kStages.map(([key, word]) => <span key={key} class={`part ${key}`} title={word} style={{ width: `${total > 0 ? (100 * answer.timing_ms[key]) / total : 0}%` }} />)}

@@ -1,6 +1,6 @@
 import type { Answer } from './answer.js';
 
-/** What a run asks of the server: one session, its scans, its end. */
+/** The requests of a run: open a session, send scans, close it. */
 export interface SessionRoutes {
   open(): Promise<string>;
   send(session: string, scan: number): Promise<Answer>;
@@ -9,7 +9,7 @@ export interface SessionRoutes {
 
 export type RunState = 'ready' | 'running' | 'paused' | 'done' | 'failed';
 
-/** One scan after the other through a session of its own, as a vehicle would send them. */
+/** Sends one scan after the other to a session of its own, as a vehicle does. */
 export class DriveRun {
   readonly answers: Answer[] = [];
   state: RunState = 'ready';
@@ -24,7 +24,7 @@ export class DriveRun {
     private readonly changed: () => void,
   ) {}
 
-  /** Goes on to the end, or until `pause`. */
+  /** Runs to the end, or until `pause`. */
   async play(): Promise<void> {
     if (this.state === 'done' || this.state === 'running') return;
     this.become('running');
@@ -35,7 +35,7 @@ export class DriveRun {
     if (this.state === 'running') this.become('paused');
   }
 
-  /** Sends the next scan, if there is one and none is under way. A failure is kept in `error`; playing tries it again. */
+  /** Sends the next scan, unless one is being sent. A failure is kept in `error`; `play` tries again. */
   async step(): Promise<void> {
     if (this.stepping || this.state === 'done') return;
     this.stepping = true;
@@ -56,12 +56,12 @@ export class DriveRun {
     this.changed();
   }
 
-  /** Gives the session back; what was answered stays. */
+  /** Closes the session; the answers stay. */
   async end(state: RunState = 'paused'): Promise<void> {
     const session = this.session;
     this.session = undefined;
     this.become(state);
-    // A session that could not be closed ends by itself once it is idle.
+    // A session that could not be closed ends when it has been idle for some time.
     if (session !== undefined) await this.routes.close(session).catch(() => undefined);
   }
 

@@ -16,7 +16,7 @@ interface Props {
 
 const kSpeeds = [2, 5, 10, 20] as const;
 
-/** A drive's scans as a strip of verdicts, with a slider over it to look back, and playback. */
+/** A drive's scans as a strip of verdicts, with a slider and playback. */
 export function DriveStrip({ run, shown, onShow, playing, onPlaying, perSecond, onSpeed }: Props) {
   const last = Math.max(0, run.answers.length - 1);
   const counts = countOf(run.answers);
@@ -24,7 +24,7 @@ export function DriveStrip({ run, shown, onShow, playing, onPlaying, perSecond, 
   return (
     <section class="drive" aria-label="Drive">
       <p class="drive-state" role="status">
-        {run.answers.length} of {run.scans} scans: {counts.ok} found, {counts.degraded} with doubts, {counts.lost} not found
+        {run.answers.length} of {run.scans} scans: {counts.ok} found, {counts.degraded} uncertain, {counts.lost} not found
       </p>
       <Strip answers={run.answers} scans={run.scans} shown={shown} />
       <input
@@ -35,14 +35,14 @@ export function DriveStrip({ run, shown, onShow, playing, onPlaying, perSecond, 
       <div class="row">
         {run.state !== 'done' && (
           <button type="button" class="small" onClick={() => (running ? run.pause() : void run.play())}>
-            <Icon name={running ? 'pause' : 'play'} /> {running ? 'Hold' : run.answers.length === 0 ? 'Begin' : 'Go on'}
+            <Icon name={running ? 'pause' : 'play'} /> {running ? 'Pause' : run.answers.length === 0 ? 'Start' : 'Resume'}
           </button>
         )}
         <button type="button" class="small" disabled={run.answers.length < 2 || running} onClick={() => onPlaying(!playing)}>
           <Icon name={playing ? 'pause' : 'play'} /> {playing ? 'Stop' : 'Replay'}
         </button>
         <label class="inline">
-          <span class="quiet">scans a second</span>
+          <span class="quiet">scans per second</span>
           <select value={perSecond} onChange={(event) => onSpeed(Number(event.currentTarget.value))}>
             {kSpeeds.map((speed) => <option key={speed} value={speed}>{speed}</option>)}
           </select>
@@ -62,7 +62,7 @@ function countOf(answers: readonly Answer[]): Record<Answer['status'], number> {
 
 const kStripHeight = 22;
 
-/** One bar a scan, in the colour of its verdict; a canvas, since a drive may have thousands. */
+/** One bar per scan, in the colour of its verdict. On a canvas, since a drive may have thousands. */
 function Strip({ answers, scans, shown }: { answers: readonly Answer[]; scans: number; shown: number }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const many = answers.length;

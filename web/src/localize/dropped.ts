@@ -1,6 +1,6 @@
 import { byName } from './stamps.js';
 
-/** What of a drop can be used: scans in the order of their names, and the text of a times.txt among them. */
+/** The usable files of a drop: scans in the order of their names, and a times.txt. */
 export interface Dropped {
   scans: File[];
   times: File | null;
@@ -9,10 +9,10 @@ export interface Dropped {
 }
 
 const kScanName = /\.(bin|pcd|ply)$/i;
-/** Of a folder dropped by mistake, with everything below it. */
+/** A limit for a large folder that is dropped by mistake. */
 const kMostFiles = 20_000;
 
-/** Takes apart what was chosen or dropped. */
+/** Sorts chosen or dropped files by their use. */
 export function sortDropped(files: readonly File[]): Dropped {
   const scans = files.filter((file) => kScanName.test(file.name)).sort(byName);
   const times = files.find((file) => /^(times|timestamps)\.txt$/i.test(file.name)) ?? null;
@@ -22,7 +22,7 @@ export function sortDropped(files: readonly File[]): Dropped {
 
 /** All files of a drop, those in folders too. */
 export async function filesOf(transfer: DataTransfer): Promise<File[]> {
-  // All of it must be taken before the first await: the browser empties the drop then.
+  // All items must be read before the first await, when the browser empties the drop.
   const entries = [...transfer.items].flatMap((item) => item.webkitGetAsEntry() ?? item.getAsFile() ?? []);
   const files: File[] = [];
   for (const entry of entries) {
@@ -40,7 +40,7 @@ async function collect(entry: FileSystemEntry, files: File[]): Promise<void> {
   }
   const reader = (entry as FileSystemDirectoryEntry).createReader();
   for (;;) {
-    // A reader gives a hundred at a time.
+    // A reader returns a hundred at a time.
     const some = await new Promise<FileSystemEntry[]>((resolve, reject) => reader.readEntries(resolve, reject));
     if (some.length === 0) return;
     for (const one of some) await collect(one, files);

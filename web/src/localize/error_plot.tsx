@@ -11,16 +11,16 @@ interface Protection {
   yaw_rad: number | null;
 }
 
-/** Half the side of the drawing, in its own units. */
+/** Half the width of the drawing, in its own units. */
 const kHalf = 100;
-/** Share of the drawing that its largest shape takes. */
+/** Share of the drawing that the largest shape fills. */
 const kFill = 0.78;
 
 const degrees = (radians: number): number => (radians * 180) / Math.PI;
 
 /**
- * How sure the pose is, over ground, north up: the ellipse of its covariance and, when it is `ok`, the
- * box that its protection levels promise.
+ * The uncertainty of the pose from above, north up: the ellipse of its covariance and, if the verdict is `ok`, the box
+ * of its protection levels.
  */
 export function ErrorPlot({ pose, covariance, protection }: { pose: Pose; covariance: readonly number[]; protection: Protection }) {
   const found = uncertaintyOf(pose, covariance);
@@ -29,8 +29,8 @@ export function ErrorPlot({ pose, covariance, protection }: { pose: Pose; covari
   const scale = (kFill * kHalf) / reach_m;
   const bar_m = roundBelow((0.7 * kHalf) / scale);
   const heading = -degrees(headingOf(pose));
-  const words = `Ellipse of ${kSigmas} deviations: ${lengthWords(kSigmas * found.major_m)} by ${lengthWords(kSigmas * found.minor_m)}` +
-    (along === null || across === null ? '.' : `; protected within ${lengthWords(along)} along and ${lengthWords(across)} across.`);
+  const words = `Ellipse of ${kSigmas} standard deviations: ${lengthWords(kSigmas * found.major_m)} by ${lengthWords(kSigmas * found.minor_m)}` +
+    (along === null || across === null ? '.' : `; protection level ${lengthWords(along)} along and ${lengthWords(across)} across.`);
   return (
     <figure class="error-plot">
       <svg viewBox={`${-kHalf} ${-kHalf} ${2 * kHalf} ${2 * kHalf}`} role="img" aria-label={words}>
@@ -56,11 +56,11 @@ export function ErrorPlot({ pose, covariance, protection }: { pose: Pose; covari
         <p class="quiet">Height {lengthWords(kSigmas * found.vertical_m)}, heading {angleWords(kSigmas * found.yaw_rad)} (3σ)</p>
         {along !== null && across !== null && (
           <>
-            <p><span class="key protection" /> Protected: {lengthWords(along)} along, {lengthWords(across)} across</p>
-            <p class="quiet">Height {lengthWords(protection.vertical_m)}, heading {angleWords(protection.yaw_rad)}; beyond it once in a thousand</p>
+            <p><span class="key protection" /> Protection level: {lengthWords(along)} along, {lengthWords(across)} across</p>
+            <p class="quiet">Height {lengthWords(protection.vertical_m)}, heading {angleWords(protection.yaw_rad)}; exceeded once in a thousand</p>
           </>
         )}
-        {along === null && <p class="quiet">No protection level: only an answer that is found without doubts has one.</p>}
+        {along === null && <p class="quiet">No protection level: only poses with the verdict “Found” have one.</p>}
       </figcaption>
     </figure>
   );

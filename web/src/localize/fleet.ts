@@ -1,7 +1,7 @@
 import type { Pose } from './pose.js';
 import type { Status } from './words.js';
 
-/** A vehicle's session as operators see it. */
+/** A vehicle's session, as shown to operators. */
 export interface Vehicle {
   /** Not the session's name, which is its secret. */
   label: string;
@@ -15,7 +15,7 @@ export interface Vehicle {
   idle_s: number;
 }
 
-/** Without a scan for longer than this a vehicle is greyed [s]. */
+/** A vehicle without a scan for longer than this is shown in grey [s]. */
 export const kStale_s = 5;
 
 const isStale = (vehicle: Vehicle): boolean => vehicle.idle_s > kStale_s;
@@ -32,7 +32,7 @@ export interface FleetWatch {
   stop(): void;
 }
 
-/** What `watchFleet` needs of the world, so that a test can stand in for it. */
+/** What `watchFleet` needs from its surroundings, so that tests can replace it. */
 export interface FleetWorld {
   ask(): Promise<Vehicle[]>;
   visible(): boolean;
@@ -43,10 +43,10 @@ const kEvery_ms = 1000;
 const kSlowest_ms = 15_000;
 
 /**
- * Asks for the vehicles every second while the page is seen; after failures less and less often.
+ * Asks for the vehicles every second while the page is visible, and after failures less and less often.
  *
- * @param told   with each list.
- * @param failed with each failure; the list before stays as it was.
+ * @param told   called with each list.
+ * @param failed called with each failure; the last list stays valid.
  */
 export function watchFleet(world: FleetWorld, told: (vehicles: Vehicle[]) => void, failed: (error: unknown) => void): FleetWatch {
   let stopped = false;

@@ -4,10 +4,10 @@ import { uncertaintyOf } from './uncertainty.js';
 import { kSigmas } from './sigmas.js';
 
 const kLookWords: Record<Look, string> = {
-  ok: 'found', degraded: 'in doubt', lost: 'lost', stale: 'silent', new: 'no scan yet',
+  ok: 'found', degraded: 'uncertain', lost: 'not found', stale: 'no new scans', new: 'no scan yet',
 };
 
-/** The vehicles that are being followed in this map. */
+/** The vehicles that are tracked in this map. */
 export function FleetPanel({ vehicles, chosen, onChoose }: {
   vehicles: readonly Vehicle[];
   chosen: string | null;
@@ -16,8 +16,8 @@ export function FleetPanel({ vehicles, chosen, onChoose }: {
   if (vehicles.length === 0) {
     return (
       <p class="quiet">
-        No vehicle is being followed in this map. Sessions are opened by <code>POST /v1/sessions</code>; a key of
-        scope <code>admin</code> sees all of them, any other its own.
+        No vehicle is tracked in this map. A vehicle opens a session with <code>POST /v1/sessions</code>. A key with the
+        scope <code>admin</code> sees all sessions, any other key its own.
       </p>
     );
   }

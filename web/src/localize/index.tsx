@@ -1,9 +1,9 @@
 import './localize.css';
 import { ask } from '../api/client.js';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { useLoad } from '../ui/load.js';
 import { Empty, Trouble } from '../ui/parts.js';
-import type { ViewProps } from '../views.js';
+import type { ViewProps } from '../state/router.js';
 import type { ShownMap } from './map_scene.js';
 import type { Pose } from './pose.js';
 import { Workplace } from './workplace.js';
@@ -13,19 +13,19 @@ interface Loaded extends ShownMap {
   poses: Pose[];
 }
 
-/** Where a scan lies in a map, and where its vehicles are: `#/localize/MAP` or `#/localize/MAP/VERSION`. */
+/** Finds scans in a map and shows its vehicles: `#/localize/MAP` or `#/localize/MAP/VERSION`. */
 export default function LocalizeView({ path, query }: ViewProps) {
   const [map = '', version] = path;
   const { data, error, reload } = useLoad((signal) => load(map, version, signal), [map, version]);
   if (error !== undefined && data === undefined) {
     return <div class="page"><Trouble error={error} onRetry={reload} title={`${map} cannot be shown`} /></div>;
   }
-  if (data === undefined) return <p class="waiting" role="status">Asking for the map…</p>;
+  if (data === undefined) return <p class="waiting" role="status">Loading the map…</p>;
   if (data === null) {
     return (
       <div class="page">
         <Empty title={`${map} has no active version`}>
-          <p>Scans are looked for in the active version. <a href={linkTo('maps', [map])}>Its versions</a></p>
+          <p>Scans are localized in the active version. <a href={linkTo('maps', [map])}>Activate a version</a></p>
         </Empty>
       </div>
     );

@@ -1,5 +1,5 @@
 import { ApiError, isAborted, toApiError } from '../api/errors.js';
-import { Store } from '../ui/store.js';
+import { Store } from '../state/store.js';
 import type { Answer } from './answer.js';
 import { DriveRun } from './drive_run.js';
 import { sortDropped } from './dropped.js';
@@ -8,11 +8,11 @@ import { poseWithHeading, headingOf, type Pose } from './pose.js';
 import { readGnss, type GnssText } from './gnss_text.js';
 import type { Start } from './request.js';
 import { localize, sessionRoutes, type Asked, type MapPlace } from './routes.js';
-import { readScanFile, type ScanFile } from './scan_file.js';
+import { checkSize, readScanFile, type ScanFile } from './scan_file.js';
 import { ScanError } from './scan_points.js';
 import { stampsOf } from './stamps.js';
 
-/** Scans of a drive that one after the other go through a session. */
+/** A drive whose scans are sent to a session one after the other. */
 export interface Drive {
   run: DriveRun;
   files: readonly File[];
@@ -25,13 +25,13 @@ export interface LocalizeState {
   gnss: GnssText;
   scan: ScanFile | null;
   busy: 'reading' | 'asking' | null;
-  /** The scan is being compared with the map. */
+  /** The distances of the scan to the map are being computed. */
   painting: boolean;
-  /** Why the last thing asked for did not happen, from the server or from the file. */
+  /** Why the last action failed: an error of the server or of a file. */
   error: ApiError | string | null;
   asked: Asked | null;
   drive: Drive | null;
-  /** Scan of the drive that is in the picture. */
+  /** The scan of the drive that is shown. */
   shown: number;
   playing: boolean;
   perSecond: number;
@@ -43,14 +43,14 @@ const kBegin: LocalizeState = {
   error: null, asked: null, drive: null, shown: 0, playing: false, perSecond: 10, byResidual: true,
 };
 
-/** From where a scan comes down that was searched for everywhere. */
+/** Where the animation of a scan starts that was searched for in the whole map: above the pose and turned. */
 const kFromAbove_m = 30;
 const kFromAside_rad = 0.5;
 
-/** What the localization view knows and does; the picture follows it once there is one. */
+/** State and actions of the localization view; the picture follows it once there is one. */
 export class Localizer {
   readonly state = new Store<LocalizeState>(kBegin);
-  /** Told where a scan was found for the first time since it was dropped. */
+  /** Called with the first pose that is found for a new scan. */
   onFirstAnswer: (pose: Pose) => void = () => undefined;
   private scene: MapScene | undefined;
   private asking = new AbortController();
@@ -58,7 +58,7 @@ export class Localizer {
   private answered = 0;
   private paintings = 0;
 
-  /** @param still whether the person wants less motion. */
+  /** @param still whether the person prefers less motion. */
   constructor(private readonly place: MapPlace, private readonly still: () => boolean) {}
 
   setScene(scene: MapScene | undefined): void {
@@ -70,7 +70,7 @@ export class Localizer {
     if (asked !== null) void this.painted(scene.showAnswer(asked.answer, null, true, this.state.get().byResidual));
   }
 
-  /** The answer of what is in the picture. */
+  /** The answer for the scan in the picture. */
   get answer(): Answer | null {
     const { drive, shown, asked } = this.state.get();
     return drive === null ? (asked?.answer ?? null) : (drive.run.answers[shown] ?? null);
@@ -81,12 +81,12 @@ export class Localizer {
     this.scene?.showPrior(start === 'prior' ? this.state.get().prior : null);
   }
 
-  /** @param settled false while it is still being dragged: asked for only once it is. */
-  setPrior(prior: Pose, settled: boolean): void {
+  /** @param final false while it is still being dragged: the server is asked when it is true. */
+  setPrior(prior: Pose, final: boolean): void {
     this.change({ prior, start: 'prior' });
     this.scene?.showPrior(prior);
     const { scan, drive } = this.state.get();
-    if (settled && scan !== null && drive === null) void this.ask();
+    if (final && scan !== null && drive === null) void this.ask();
   }
 
   setGnss(gnss: GnssText): void {
@@ -98,12 +98,12 @@ export class Localizer {
     void this.painted(this.scene?.repaint(this.answer, byResidual));
   }
 
-  /** Takes what was dropped or chosen: one scan is looked for, several are driven. */
+  /** Takes dropped or chosen files: one scan is localized alone, several go through a session. */
   async take(files: readonly File[]): Promise<void> {
     const { scans, times } = sortDropped(files);
     if (scans.length === 0) {
       const names = files.slice(0, 3).map((file) => file.name).join(', ');
-      this.change({ error: `${names === '' ? 'Nothing' : names}: no scan; expected .bin, .pcd or .ply, or a folder of them.` });
+      this.change({ error: `${names === '' ? 'There is no file' : `${names}: this is not a scan`}. Choose a .bin, .pcd or .ply file, or a folder of them.` });
       return;
     }
     await this.clear();
@@ -132,7 +132,7 @@ export class Localizer {
     }
   }
 
-  /** Puts a scan of the drive into the picture. */
+  /** Shows a scan of the drive. */
   async show(index: number): Promise<void> {
     const { drive, byResidual, playing } = this.state.get();
     const answer = drive?.run.answers[index];
@@ -164,7 +164,7 @@ export class Localizer {
     this.change({ perSecond });
   }
 
-  /** Ends what is under way and takes the scan out of the picture. */
+  /** Stops the running requests and removes the scan from the picture. */
   async clear(): Promise<void> {
     this.asking.abort();
     clearTimeout(this.timer);
@@ -211,7 +211,7 @@ export class Localizer {
     const newest = run.answers.length - 1;
     const { error } = run;
     const shownError = error === undefined || isAborted(error) ? null : error instanceof ScanError ? error.message : toApiError(error);
-    // A new object, so that the view is drawn anew: the run itself stays the same.
+    // A new object, so that the view is drawn again: the run itself stays the same.
     this.change({ drive: { ...drive }, error: shownError });
     this.scene?.showPath(run.answers);
     const pose = run.answers[newest]?.pose;
@@ -230,19 +230,20 @@ export class Localizer {
 
   private async read(file: File): Promise<ScanFile> {
     try {
+      checkSize(file);
       return readScanFile(file.name, await file.arrayBuffer());
     } catch (error) {
       if (!(error instanceof DOMException)) throw error;
-      throw new ApiError('garbled', `${file.name} can no longer be read: it was changed, moved or deleted since it was chosen.`);
+      throw new ApiError('garbled', `${file.name} can no longer be read: it was changed, moved or deleted. Choose it again.`);
     }
   }
 
-  /** Where to look, or what is missing to say it. */
+  /** Where to search, or an error if that is incomplete. */
   private start(): Start | string {
     const { start, prior, gnss } = this.state.get();
     if (start === 'everywhere') return { kind: 'everywhere' };
     if (start === 'gnss') return readGnss(gnss);
-    return prior === null ? 'Show a place first: press on the map where the sensor was, and drag to where it looked.' : { kind: 'prior', pose: prior };
+    return prior === null ? 'Set a place first: press on the map where the sensor was, and drag in the direction it faced.' : { kind: 'prior', pose: prior };
   }
 
   private from(start: Start, { pose }: Answer): Pose | null {
@@ -251,7 +252,7 @@ export class Localizer {
     return poseWithHeading([x, y, z + kFromAbove_m], headingOf(pose) + kFromAside_rad);
   }
 
-  /** Says that the scan is being compared, as long as the latest of these goes on; what fails of it is only colour. */
+  /** Shows that distances are being computed until the latest computation ends. A failure only affects the colours. */
   private async painted(painting: Promise<void> | undefined): Promise<void> {
     const turn = ++this.paintings;
     this.change({ painting: true });

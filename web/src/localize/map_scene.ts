@@ -17,7 +17,7 @@ import { tileOf } from './routes.js';
 import { ScanCloud } from './scan_cloud.js';
 import type { ScanFile } from './scan_file.js';
 
-/** What of a map's description is needed to show scans in it. */
+/** The facts of a map that are needed to show scans in it. */
 export interface ShownMap {
   name: string;
   version: string;
@@ -27,14 +27,14 @@ export interface ShownMap {
   tiles: readonly { level: number; x: number; y: number }[];
 }
 
-/** Points of a scan farther from it than this are not compared with the map [m]. */
+/** Scan points further from the sensor than this are not compared with the map [m]. */
 const kResidualReach_m = 60;
 const kTilesAtOnce = 4;
-/** Share of grey that the map is mixed with while a scan lies in it. */
+/** Share of grey in the map's colours while a scan is shown. */
 const kMapTone = 0.82;
 const kGrey: Record<Theme, number> = { dark: 0x59636f, light: 0xa9b1bb };
 
-/** Colours of the marks, as of the same names in the style sheet; statuses are told by their words too. */
+/** Colours of the marks, as in the style sheet; statuses have texts too. */
 type MarkName = Look | 'prior' | 'scan' | 'near' | 'middle' | 'far' | 'free';
 const kMarkColours: Record<Theme, Record<MarkName, number>> = {
   dark: {
@@ -90,14 +90,14 @@ export class MapScene {
     this.tone();
   }
 
-  /** Shows where the search is to begin; null takes it away. */
+  /** Shows where the search starts; null removes it. */
   showPrior(pose: Pose | null): void {
     this.priorMark.object.visible = pose !== null;
     if (pose !== null) this.priorMark.show(pose, this.colour('prior'), 0.95);
     this.scene.requestRender();
   }
 
-  /** Takes another scan into the picture, hidden until it has a place. */
+  /** Sets the scan, hidden until it has a pose. */
   setScan(scan: ScanFile | null): void {
     this.painting.abort();
     if (this.scan !== undefined) this.scene.removePoints(this.scan.object);
@@ -112,15 +112,15 @@ export class MapScene {
     this.tone();
   }
 
-  /** Shows the scan at a place before it was matched, in one colour. */
+  /** Shows the scan at a pose before it was localized, in one colour. */
   showScanAt(pose: Pose | null): void {
     this.scan?.place(pose);
   }
 
   /**
-   * Lets the scan go to where it was found, then says how well it fits.
+   * Moves the scan to the found pose, then colours it by its distance to the map.
    *
-   * @param from where it begins to move; @param still puts it there at once; @param byResidual colours it so.
+   * @param from pose where it starts. @param still without animation. @param byResidual coloured by distance.
    */
   async showAnswer(answer: Answer, from: Pose | null, still: boolean, byResidual: boolean): Promise<void> {
     this.clearAnswer();
@@ -139,7 +139,7 @@ export class MapScene {
     if (byResidual) await this.paintResidual(pose, signal);
   }
 
-  /** Paints the scan anew: by how far it is from the map, or in one colour. */
+  /** Colours the scan again: by its distance to the map, or in one colour. */
   async repaint(answer: Answer | null, byResidual: boolean): Promise<void> {
     this.painting.abort();
     this.painting = new AbortController();
@@ -226,7 +226,7 @@ export class MapScene {
     const name = `${x}/${y}`;
     let fetched = this.fetched.get(name);
     if (fetched === undefined) {
-      // The picture's zero is the map's origin, so that a tile's coordinates are the picture's.
+      // The picture's origin is the map's, so both use a tile's coordinates.
       fetched = tileOf({ map: this.map.name, version: this.map.version }, x, y, this.stop.signal).then((positions) => this.points.add(positions));
       fetched.catch(() => this.fetched.delete(name));
       this.fetched.set(name, fetched);

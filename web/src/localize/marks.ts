@@ -13,11 +13,11 @@ const kMark_m = 4.4;
 /** Size of the rim around it, as a share of its own. */
 const kRim = 1.3;
 
-/** A flat arrow that shows where a vehicle is and where it looks; never smaller than can be seen. */
+/** A flat arrow for a vehicle's position and heading; never too small to be seen. */
 export class VehicleMark {
   readonly object = new THREE.Group();
   private readonly fill = flatMaterial();
-  /** Told apart from any ground by it. */
+  /** The rim separates the arrow from any ground. */
   private readonly rim = flatMaterial();
 
   constructor(private readonly origin: Vec3) {
@@ -42,7 +42,7 @@ export class VehicleMark {
     disposeMarks(this.object);
   }
 
-  // At least so many pixels long where it stands.
+  // At least this many pixels long at its distance.
   private resize(mesh: THREE.Object3D, renderer: THREE.WebGLRenderer, camera: THREE.Camera): void {
     const height = renderer.getSize(new THREE.Vector2()).y;
     const away = -this.object.position.clone().applyMatrix4(camera.matrixWorldInverse).z;
@@ -62,7 +62,7 @@ function flatMaterial(): THREE.MeshBasicMaterial {
   return new THREE.MeshBasicMaterial({ color: 0xffffff, side: THREE.DoubleSide, depthTest: false, transparent: true });
 }
 
-/** Ellipse of a pose's covariance (horizontal, 3 sigma), and arrows along what the scan leaves free. */
+/** Ellipse of a pose's covariance (horizontal, 3 sigma), and arrows along unconstrained directions. */
 export function uncertaintyMarks(
   pose: Pose, covariance: readonly number[], degenerate: readonly (readonly number[])[], origin: Vec3,
   colours: { ellipse: THREE.Color; free: THREE.Color },
@@ -91,7 +91,7 @@ export function uncertaintyMarks(
   return group;
 }
 
-/** The way of a drive as it was found, with gaps where it was lost. */
+/** The found path of a drive, with gaps where it was lost. */
 export function pathLine(poses: readonly (Pose | null)[], origin: Vec3, colour: THREE.Color): THREE.LineSegments {
   const points: THREE.Vector3[] = [];
   poses.forEach((pose, i) => {
@@ -103,7 +103,7 @@ export function pathLine(poses: readonly (Pose | null)[], origin: Vec3, colour: 
   return overlay(new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: colour })));
 }
 
-/** Frees what a group holds on the graphics card, and takes it out of the picture. */
+/** Removes a group from the picture and frees its memory on the graphics card. */
 export function disposeMarks(group: THREE.Object3D): void {
   group.removeFromParent();
   group.traverse((part) => {
@@ -114,7 +114,7 @@ export function disposeMarks(group: THREE.Object3D): void {
   });
 }
 
-/** Drawn over everything: a mark that hides behind a wall helps nobody. */
+/** Drawn over everything, so that no wall hides a mark. */
 function overlay<Part extends THREE.Object3D>(part: Part): Part {
   part.renderOrder = 9;
   part.frustumCulled = false;

@@ -1,165 +1,116 @@
-import { unpackLzf } from './lzf.js';
-import { coordinateFields, kNumberKinds, type Field } from './number_kinds.js';
-import { checkPointCount, PointCollector, ScanError, type ScanLimits, type ScanPoints } from './scan_points.js';
+import { PCDLoader } from 'three/examples/jsm/loaders/PCDLoader.js';
+import {
+  checkPointCount, joined, kExportAgain, loadedPoints, numbersText, ScanError, type ScanLimits, type ScanPoints,
+} from './scan_points.js';
 
 const kMaxHeaderBytes = 65_536;
-const kMaxFieldCount = 65_536;
-const kMaxFields = 256;
+const kSaveAgain = 'Save the scan as PCD version 0.7, for example with PCL, Open3D or CloudCompare';
+
+interface Field {
+  name: string;
+  size: number;
+  type: string;
+  count: number;
+}
 
 interface Header {
   fields: Field[];
   points: number;
   encoding: string;
+  /** Where the points begin [bytes]. */
   body: number;
 }
 
 /**
- * Reads the coordinates of a PCD file: ascii, binary or binary_compressed.
+ * Reads the coordinates of a PCD file with three.js: ascii, binary or binary_compressed.
  *
- * @throws ScanError when it is none, breaks off, or holds more points than allowed.
- * @note Its VIEWPOINT is not applied: the server does not either.
+ * The loader trusts the header. So the header is checked against the bytes first, and the loader gets a plain one in
+ * which every field but x, y and z is padding.
+ * @throws ScanError when the file is not a PCD file, is incomplete, or has more points than allowed.
+ * @note VIEWPOINT is not applied: the server does not apply it either.
  */
 export function decodePcd(bytes: Uint8Array<ArrayBuffer>, file: string, limits: ScanLimits): ScanPoints {
   const header = parseHeader(bytes, file);
   checkPointCount(file, header.points, limits);
-  const axes = coordinateFields(header.fields);
-  if (axes === null) {
-    const names = header.fields.map((field) => field.name).join(' ');
-    throw new ScanError(file, `FIELDS ${names}`, 'one x, one y and one z');
-  }
-  const body = bytes.subarray(header.body);
-  if (header.encoding === 'ascii') return readAscii(body, header, axes, file);
-  if (header.encoding === 'binary') return readBinary(body, header, axes, file);
-  return readCompressed(body, header, axes, file);
+  let body = bytes.subarray(header.body);
+  if (header.encoding === 'ascii') body = asciiRows(body, header, file);
+  else checkSize(body, header, file);
+  const plain = joined(headerText(header), body);
+  return loadedPoints(file, header.points, () => new PCDLoader().parse(plain).geometry.getAttribute('position').array);
 }
 
 function parseHeader(bytes: Uint8Array, file: string): Header {
   const text = new TextDecoder('latin1').decode(bytes.subarray(0, kMaxHeaderBytes));
   const data = /^DATA[ \t]+(\S+)[ \t\r]*\n/m.exec(text);
-  if (data === null) throw new ScanError(file, 'no DATA line', 'the header of a PCD file');
+  if (data === null) throw new ScanError(file, 'its header has no DATA line', kExportAgain);
   const encoding = data[1]!;
   if (!['ascii', 'binary', 'binary_compressed'].includes(encoding)) {
-    throw new ScanError(file, `DATA ${encoding.slice(0, 40)}`, 'ascii, binary or binary_compressed');
+    throw new ScanError(file, `DATA ${encoding.slice(0, 40)} is not ascii, binary or binary_compressed`, kSaveAgain);
   }
   const lines = new Map<string, string[]>();
   for (const line of text.slice(0, data.index).split('\n')) {
     const [key = '', ...values] = line.trim().split(/\s+/);
-    if (!key.startsWith('#')) lines.set(key === 'COLUMNS' ? 'FIELDS' : key, values);
+    lines.set(key === 'COLUMNS' ? 'FIELDS' : key, values);
   }
-  return {
-    fields: parseFields(lines, file),
-    points: parsePoints(lines, file),
-    encoding,
-    body: data.index + data[0].length,
-  };
+  return { fields: fieldsOf(lines, file), points: pointsOf(lines, file), encoding, body: data.index + data[0].length };
 }
 
-function parseFields(lines: Map<string, string[]>, file: string): Field[] {
+function fieldsOf(lines: Map<string, string[]>, file: string): Field[] {
   const names = lines.get('FIELDS') ?? [];
-  const sizes = lines.get('SIZE') ?? [];
-  const types = lines.get('TYPE') ?? [];
-  const counts = lines.get('COUNT') ?? names.map(() => '1');
-  if (names.length > kMaxFields || [sizes, types, counts].some((list) => list.length !== names.length)) {
-    const found = `${names.length} FIELDS, ${sizes.length} SIZE, ${types.length} TYPE, ${counts.length} COUNT`;
-    throw new ScanError(file, found, `as many of each, at most ${kMaxFields}`);
+  const { SIZE: sizes = [], TYPE: types = [], COUNT: counts = names.map(() => '1') } = Object.fromEntries(lines);
+  const fields = names.map((name, i): Field => ({
+    name: name.toLowerCase(), size: Number(sizes[i]), type: types[i]?.toUpperCase() ?? '', count: Number(counts[i]),
+  }));
+  for (const { name, size, type, count } of fields) {
+    const isKnown = /^(F[48]|[IU][1248])$/.test(type + size) && Number.isInteger(count) && count >= 0;
+    if (!isKnown) throw new ScanError(file, `the field ${name} has no usable SIZE, TYPE and COUNT (${size} ${type} ${count})`, kSaveAgain);
   }
-  return names.map((name, i) => {
-    const key = `${types[i]!.toLowerCase()}${sizes[i]!}`;
-    if (!Object.hasOwn(kNumberKinds, key)) {
-      throw new ScanError(file, `TYPE ${types[i]} SIZE ${sizes[i]}`, 'I or U with 1 2 4 8, or F with 4 8');
+  for (const axis of ['x', 'y', 'z']) {
+    const found = fields.filter(({ name }) => name === axis);
+    // Integers of 8 bytes are what the loader cannot read.
+    if (found.length !== 1 || found[0]!.count !== 1 || /^[IU]8$/.test(found[0]!.type + found[0]!.size)) {
+      throw new ScanError(file, `FIELDS ${names.join(' ').slice(0, 200)} has not exactly one usable ${axis}`, kSaveAgain);
     }
-    const count = /^\d+$/.test(counts[i]!) ? Number(counts[i]) : Number.NaN;
-    if (!(count <= kMaxFieldCount)) throw new ScanError(file, `COUNT ${counts[i]}`, '0 to 65536');
-    return { name, kind: kNumberKinds[key as keyof typeof kNumberKinds], count };
-  });
-}
-
-function parsePoints(lines: Map<string, string[]>, file: string): number {
-  const whole = (key: string): number | undefined => {
-    const text = lines.get(key)?.[0];
-    if (text !== undefined && !/^\d{1,15}$/.test(text)) throw new ScanError(file, `${key} ${text}`, 'a whole number');
-    return text === undefined ? undefined : Number(text);
-  };
-  const width = whole('WIDTH');
-  const stated = whole('POINTS');
-  const points = width === undefined ? stated : width * (whole('HEIGHT') ?? 1);
-  if (points === undefined) throw new ScanError(file, 'no WIDTH and no POINTS', 'one of them');
-  if (stated !== undefined && stated !== points) {
-    throw new ScanError(file, `POINTS ${stated}`, `WIDTH * HEIGHT = ${points}`);
   }
-  return points;
+  return fields;
 }
 
-const fieldBytes = (field: Field): number => field.count * field.kind.bytes;
-
-/** Where each field begins: within one point, or, when `rows` are stored column by column, within all of them. */
-function offsetsOf(fields: readonly Field[], rows: number): number[] {
-  let next = 0;
-  return fields.map((field) => (next += rows * fieldBytes(field)) - rows * fieldBytes(field));
-}
-
-function checkBytes(found: number, needed: number, points: number, file: string): void {
-  if (found < needed) throw new ScanError(file, `${found} bytes of points`, `${needed} for ${points} points`);
-}
-
-function readBinary(body: Uint8Array, header: Header, axes: readonly number[], file: string): ScanPoints {
-  const stride = header.fields.reduce((sum, field) => sum + fieldBytes(field), 0);
-  checkBytes(body.length, stride * header.points, header.points, file);
-  const view = new DataView(body.buffer, body.byteOffset, body.byteLength);
-  const offsets = offsetsOf(header.fields, 1);
-  const points = new PointCollector(header.points);
-  const read = (axis: number, row: number): number =>
-    header.fields[axis]!.kind.read(view, row * stride + offsets[axis]!, true);
-  for (let row = 0; row < header.points; ++row) points.add(read(axes[0]!, row), read(axes[1]!, row), read(axes[2]!, row));
-  return points.finish();
-}
-
-function readCompressed(body: Uint8Array, header: Header, axes: readonly number[], file: string): ScanPoints {
-  checkBytes(body.length, 8, header.points, file);
-  const sizes = new DataView(body.buffer, body.byteOffset, 8);
-  const packed = sizes.getUint32(0, true);
-  const size = sizes.getUint32(4, true);
-  checkBytes(body.length - 8, packed, header.points, file);
-  // PCL leaves columns named "_" out of what it packs; others pack them too.
-  const whole = header.points * header.fields.reduce((sum, field) => sum + fieldBytes(field), 0);
-  const named = header.fields.map((field) => (field.name === '_' ? { ...field, count: 0 } : field));
-  const least = header.points * named.reduce((sum, field) => sum + fieldBytes(field), 0);
-  if (size !== whole && size !== least) throw new ScanError(file, `${size} bytes unpacked`, `${least} or ${whole}`);
-  const columns = unpackLzf(body.subarray(8, 8 + packed), size);
-  if (columns === null) throw new ScanError(file, 'compressed points that break off', `LZF of ${size} bytes`);
-  const view = new DataView(columns.buffer);
-  const offsets = offsetsOf(size === whole ? header.fields : named, header.points);
-  const points = new PointCollector(header.points);
-  const read = (axis: number, row: number): number => {
-    const { kind } = header.fields[axis]!;
-    return kind.read(view, offsets[axis]! + row * kind.bytes, true);
-  };
-  for (let row = 0; row < header.points; ++row) points.add(read(axes[0]!, row), read(axes[1]!, row), read(axes[2]!, row));
-  return points.finish();
-}
-
-function readAscii(body: Uint8Array, header: Header, axes: readonly number[], file: string): ScanPoints {
-  // Each number takes a digit and a blank, so a short file cannot ask for much memory.
-  const numbers = header.fields.reduce((sum, field) => sum + field.count, 0);
-  checkBytes(body.length + 1, 2 * numbers * header.points, header.points, file);
-  const offsets = header.fields.map((_, i) => header.fields.slice(0, i).reduce((sum, field) => sum + field.count, 0));
-  const points = new PointCollector(header.points);
-  let read = 0;
-  for (const line of new TextDecoder('latin1').decode(body).split('\n')) {
-    const words = line.trim().split(/\s+/);
-    if (words[0] === '' || read === header.points) continue;
-    if (words.length !== numbers) throw new ScanError(file, `${words.length} numbers in a line`, `${numbers}`);
-    const [x, y, z] = axes.map((axis) => parseNumber(words[offsets[axis]!]!, file));
-    points.add(x!, y!, z!);
-    ++read;
+function pointsOf(lines: Map<string, string[]>, file: string): number {
+  const product = (keys: string[]): number => keys.reduce((all, key) => all * Number(lines.get(key)?.[0] ?? 1), 1);
+  const isThere = (key: string): boolean => lines.has(key);
+  const counts = [['WIDTH', 'HEIGHT'], ['POINTS']].filter(([key]) => isThere(key!)).map(product);
+  if (counts.length === 0 || counts.some((count) => !Number.isSafeInteger(count) || count < 0 || count !== counts[0])) {
+    throw new ScanError(file, 'its header does not say how many points there are, or WIDTH, HEIGHT and POINTS disagree', kSaveAgain);
   }
-  if (read !== header.points) throw new ScanError(file, `${read} lines of points`, `${header.points}`);
-  return points.finish();
+  return counts[0]!;
 }
 
-function parseNumber(text: string, file: string): number {
-  if (/^[+-]?(nan|inf(inity)?)$/i.test(text)) return Number.NaN;
-  const value = Number(text);
-  if (Number.isNaN(value)) throw new ScanError(file, `'${text.slice(0, 40)}'`, 'a number');
-  return value;
+function headerText({ fields, points, encoding }: Header): string {
+  const line = (key: string, of: (field: Field) => string | number): string => `${key} ${fields.map(of).join(' ')}\n`;
+  return 'VERSION 0.7\n' + line('FIELDS', ({ name }) => (/^[xyz]$/.test(name) ? name : '_')) + line('SIZE', ({ size }) => size) +
+    line('TYPE', ({ type }) => type) + line('COUNT', ({ count }) => count) + `WIDTH ${points}\nHEIGHT 1\nPOINTS ${points}\nDATA ${encoding}\n`;
+}
+
+function checkSize(body: Uint8Array, { fields, points, encoding }: Header, file: string): void {
+  const needed = points * fields.reduce((sum, { size, count }) => sum + size * count, 0);
+  if (encoding === 'binary') {
+    if (body.length < needed) throw new ScanError(file, `it ends after ${body.length} of ${needed} bytes of points`, kExportAgain);
+    return;
+  }
+  const sizes = new DataView(body.buffer, body.byteOffset, Math.min(8, body.length));
+  const packed = body.length < 8 ? Infinity : sizes.getUint32(0, true);
+  if (body.length < 8 + packed) throw new ScanError(file, `it ends after ${body.length} bytes of compressed points`, kExportAgain);
+  const unpacked = sizes.getUint32(4, true);
+  if (unpacked !== needed) {
+    throw new ScanError(file, `its compressed points have ${unpacked} bytes, and its header promises ${needed}`, kExportAgain);
+  }
+}
+
+/** The lines with points, each of as many numbers as the header says: the loader counts blank and short lines as points. */
+function asciiRows(body: Uint8Array, { fields, points }: Header, file: string): Uint8Array<ArrayBuffer> {
+  const numbers = fields.reduce((sum, { count }) => sum + count, 0);
+  const rows = numbersText(file, body).split('\n').map((row) => row.trim()).filter((row) => row !== '').slice(0, points);
+  const wrong = rows.findIndex((row) => row.split(/\s+/).length !== numbers);
+  if (wrong >= 0) throw new ScanError(file, `point ${wrong + 1} has not ${numbers} numbers`, kExportAgain);
+  return new TextEncoder().encode(rows.join('\n'));
 }

@@ -10,7 +10,7 @@ export interface Pose {
 
 export const quaternionOf = (pose: Pose): Quaternion => new Quaternion(...pose.quaternion).normalize();
 
-/** Direction of the lidar's forward axis over ground [rad], counter-clockwise from the map's +x. */
+/** Horizontal direction of the lidar's forward axis [rad], counter-clockwise from the map's +x. */
 export function headingOf(pose: Pose): number {
   const forward = new Vector3(1, 0, 0).applyQuaternion(quaternionOf(pose));
   return Math.atan2(forward.y, forward.x);
@@ -23,7 +23,7 @@ export function headingOf(pose: Pose): number {
  */
 export function poseWithHeading(position: Vec3, heading_rad: number, up: Vec3 = [0, 0, 1]): Pose {
   const z = new Vector3(...up).normalize();
-  // The direction over ground that has this heading within the plane that `up` stands on.
+  // The direction with this heading in the plane that is normal to `up`.
   const [dx, dy] = [Math.cos(heading_rad), Math.sin(heading_rad)];
   const x = new Vector3(dx, dy, -(z.x * dx + z.y * dy) / z.z).normalize();
   const R = new Matrix4().makeBasis(x, new Vector3().crossVectors(z, x), z);
@@ -31,14 +31,14 @@ export function poseWithHeading(position: Vec3, heading_rad: number, up: Vec3 = 
   return { position, quaternion: [q.x, q.y, q.z, q.w] };
 }
 
-/** Between two poses on the straight way, `share` in [0, 1]. */
+/** Interpolates between two poses, `share` in [0, 1]. */
 export function between(from: Pose, to: Pose, share: number): Pose {
   const p = new Vector3(...from.position).lerp(new Vector3(...to.position), share);
   const q = quaternionOf(from).slerp(quaternionOf(to), share);
   return { position: [p.x, p.y, p.z], quaternion: [q.x, q.y, q.z, q.w] };
 }
 
-/** Fast at first, gentle at the end, in [0, 1]: how a scan snaps into place. */
+/** Easing of the animation: fast at first, slow at the end, in [0, 1]. */
 export function easeOut(share: number): number {
   const left = 1 - Math.min(1, Math.max(0, share));
   return 1 - left * left * left;

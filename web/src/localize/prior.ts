@@ -1,7 +1,7 @@
 import { Quaternion, Vector3 } from 'three';
 import { headingOf, poseWithHeading, type Pose, type Vec3 } from './pose.js';
 
-/** The recorded pose nearest to a place over ground: whose height and slope a prior there takes. */
+/** The recorded pose that is horizontally nearest to a place: a prior there gets its height and slope. */
 function nearestPose(poses: readonly Pose[], place: Vec3): Pose | undefined {
   let best: { pose: Pose; distance: number } | undefined;
   for (const pose of poses) {
@@ -11,12 +11,12 @@ function nearestPose(poses: readonly Pose[], place: Vec3): Pose | undefined {
   return best?.pose;
 }
 
-/** Beyond this the height of the nearest recorded pose says nothing about a place [m]. */
+/** Further away, the height of a recorded pose is not used [m]. */
 const kNearPose_m = 25;
-/** Usual height of a sensor over the ground [m], where nothing was recorded near by. */
+/** Usual height of a sensor over the ground [m], for places without a recorded pose nearby. */
 const kSensorHeight_m = 1.8;
 
-/** A prior where a person pressed, looking where they dragged to, at the height that the map was driven there. */
+/** A prior at the pressed place with the dragged heading, at the height of the recorded poses there. */
 export function priorAt(ground: Vec3, heading_rad: number, poses: readonly Pose[]): Pose {
   const near = nearestPose(poses, ground);
   const known = near !== undefined && Math.hypot(near.position[0] - ground[0], near.position[1] - ground[1]) <= kNearPose_m;
@@ -25,7 +25,7 @@ export function priorAt(ground: Vec3, heading_rad: number, poses: readonly Pose[
   return poseWithHeading([ground[0], ground[1], near.position[2]], heading_rad, [up.x, up.y, up.z]);
 }
 
-/** Where vehicles looked who drove nearest to a place [rad]; along +x where nobody did. */
+/** Heading of the recorded pose nearest to a place [rad]; along +x if there is none. */
 export function usualHeading(place: Vec3, poses: readonly Pose[]): number {
   const near = nearestPose(poses, place);
   return near === undefined ? 0 : headingOf(near);

@@ -7,7 +7,7 @@ export type Start =
   | { kind: 'prior'; pose: Pose }
   | { kind: 'gnss'; latitude_deg: number; longitude_deg: number; altitude_m: number | null; sigma_m: number };
 
-/** Enough for a place on Earth to the millimetre, and short enough to read. */
+/** Digits for millimetres on Earth, and still short to read. */
 const number = (value: number, digits: number): string => String(Number(value.toFixed(digits)));
 
 /** Query of a request for a pose: the start, and how raw points lie. */
@@ -27,18 +27,18 @@ export function poseQuery(start: Start, layout: ScanFile['layout']): URLSearchPa
 /** `a=1,2&b=3`: commas stay readable, all else is escaped. */
 export const queryText = (query: URLSearchParams): string => query.toString().replaceAll('%2C', ',');
 
-/** A word of a shell line that the shell takes as it is. */
+/** A word that the shell does not change. */
 const quoted = (text: string): string => `'${text.replaceAll("'", String.raw`'\''`)}'`;
 
 /**
- * A curl line that asks the same. The key is named, never written.
+ * A curl command for the same request. It names the variable of the key, and never contains the key.
  *
  * @param origin  of the page, `https://host`.
  * @param path    of the route, with its query.
  */
 export function curlLine(origin: string, path: string, scan: ScanFile, withKey: boolean, rewritten: boolean): string {
   const key = withKey ? ` -H "Authorization: Bearer $STILLMAP_KEY"` : '';
-  const note = rewritten ? '# the page sent the points of the PLY as raw float32 x y z: save them as such first\n' : '';
+  const note = rewritten ? '# The server does not accept PLY: first save the points as raw float32 x y z.\n' : '';
   const file = rewritten ? scan.name.replace(/\.ply$/i, '.bin') : scan.name;
   return `${note}curl -sS${key} -H 'Content-Type: ${scan.contentType}' --data-binary ${quoted(`@${file}`)} ${quoted(origin + path)}`;
 }

@@ -1,4 +1,4 @@
-/** Beyond this a point counts as not in the map [m]. */
+/** A point further away than this counts as not in the map [m]. */
 export const kMaxResidual_m = 0.5;
 const kCell_m = 0.5;
 // Cells of a map of 30 km fit; three of them make one exact whole number below 2^53.
@@ -7,7 +7,7 @@ const kHalfSide = 1 << 16;
 const cellKey = (x: number, y: number, z: number): number =>
   ((x + kHalfSide) * 2 * kHalfSide + (y + kHalfSide)) * 2 * kHalfSide + (z + kHalfSide);
 
-/** Points of a map near which points of a scan are looked for. */
+/** Points of a map, to find the distance of scan points to them. */
 export class MapPoints {
   private readonly cells = new Map<number, number[]>();
 

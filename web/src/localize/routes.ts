@@ -14,7 +14,7 @@ export interface MapPlace {
   version: string | null;
 }
 
-/** How sure a place is that a person shows: one deviation. */
+/** Standard deviations of a place that a person sets. */
 const kShownSigma_m = 2;
 const kShownSigma_rad = 0.2;
 
@@ -31,7 +31,7 @@ export interface Asked {
   path: string;
 }
 
-/** Asks where a scan was taken. @throws ApiError in words. */
+/** Asks where a scan was taken. @throws ApiError. */
 export async function localize(place: MapPlace, start: Start, scan: ScanFile, signal: AbortSignal): Promise<Asked> {
   const path = localizePath(place, start, scan);
   const begin = performance.now();
@@ -40,7 +40,7 @@ export async function localize(place: MapPlace, start: Start, scan: ScanFile, si
   return { answer: answerOf(written), roundTrip_ms: performance.now() - begin, path };
 }
 
-/** A prior as a session takes it: with how sure it is. */
+/** A prior with its covariance, as a session needs it. */
 function withCovariance(pose: Pose): Schema<'Prior'> {
   const variances = [0, 1, 2].map(() => kShownSigma_m ** 2).concat([0, 1, 2].map(() => kShownSigma_rad ** 2));
   const covariance = Array.from({ length: 36 }, (_, i) => (i % 7 === 0 ? variances[i / 7]! : 0));
@@ -66,7 +66,7 @@ export function sessionRoutes(
       const response = await send('POST', path, { body: scan.body, headers: { 'Content-Type': scan.contentType }, signal });
       return answerOf((await jsonOf(response, 'POST a scan of the session')) as Schema<'SessionPoseAnswer'>);
     },
-    // Not tied to `signal`: a view that is left should still give its session back.
+    // Without `signal`: the session is closed also after the view was left.
     close: async (session) => void (await ask('delete', '/v1/sessions/{session}', { path: { session } })),
   };
 }

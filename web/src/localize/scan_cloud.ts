@@ -5,20 +5,20 @@ import { between, easeOut, quaternionOf, type Pose, type Vec3 } from './pose.js'
 import { kMaxResidual_m, type MapPoints } from './residual.js';
 
 const kPoint = { sizeM: 0.06, pixels: [2, 6], towardsEyeM: 0.05 } as const;
-/** Time that script may take of a frame while residuals are looked up [ms]. */
+/** Time per frame for computing residuals [ms]. */
 const kSlice_ms = 3;
 const kPointsAtOnce = 500;
 const kSnap_ms = 900;
 const kRampSteps = 64;
 
-/** Colours of a scan that is compared with the map: on it, between, not in it. */
+/** Colours of a scan by its distance to the map: near, between, far. */
 export interface ResidualColours {
   near: Rgb;
   middle: Rgb;
   far: Rgb;
 }
 
-/** A scan's points in the picture, moved as one to a pose. */
+/** A scan's points in the picture, at one pose. */
 export class ScanCloud {
   private readonly points: PaintedPoints;
   private pose: Pose | undefined;
@@ -39,7 +39,7 @@ export class ScanCloud {
     return this.points.object;
   }
 
-  /** Puts it there at once; null hides it. */
+  /** Moves it there without animation; null hides it. */
   place(pose: Pose | null): void {
     this.turn += 1;
     this.object.visible = pose !== null;
@@ -47,7 +47,7 @@ export class ScanCloud {
     this.redraw();
   }
 
-  /** Lets it glide from one pose to another. @return when it has arrived, or was put elsewhere. */
+  /** Moves it from one pose to another with an animation. Resolves when it has arrived or was moved elsewhere. */
   async snap(from: Pose, to: Pose, still: boolean): Promise<void> {
     this.place(still ? to : from);
     if (still) return;
@@ -67,7 +67,7 @@ export class ScanCloud {
     this.shown();
   }
 
-  /** Colours each point by its distance to the map where the scan now stands, a slice a frame. */
+  /** Colours each point by its distance to the map at the present pose, some points per frame. */
   async paintByResidual(map: MapPoints, colours: ResidualColours, signal: AbortSignal): Promise<void> {
     if (this.pose === undefined) return;
     const turn = this.turn;

@@ -1,7 +1,6 @@
 import { decodePcd } from './pcd.js';
 import { decodePly } from './ply.js';
-import { kScanLimits, checkPointCount, PointCollector, ScanError } from './scan_points.js';
-import type { ScanLimits, ScanPoints } from './scan_points.js';
+import { checkPointCount, kExportAgain, kScanLimits, ScanError, usablePoints, type ScanLimits, type ScanPoints } from './scan_points.js';
 
 /** A scan that can be shown, and the bytes that go to the server. */
 export interface ScanFile extends ScanPoints {
@@ -12,11 +11,18 @@ export interface ScanFile extends ScanPoints {
   layout: 'xyz' | 'xyzi' | null;
 }
 
+/** @throws ScanError when the file is too large to be a scan; to be asked before its bytes are read. */
+export function checkSize({ name, size }: File, limits: ScanLimits = kScanLimits): void {
+  if (size > limits.maxBytes) {
+    throw new ScanError(name, `it has ${size} bytes, and a scan may have ${limits.maxBytes}`, 'Choose a single scan, not a map or a whole drive');
+  }
+}
+
 /**
- * Reads a scan by what it holds; a file without a header is raw float32 if it is named `.bin`.
+ * Reads a scan by its contents. A file without a header is raw float32 if its name ends in `.bin`.
  *
- * PCD and raw scans go to the server as they are; PLY, which it does not take, as raw coordinates.
- * @throws ScanError in words.
+ * PCD and raw scans go to the server unchanged. The server does not accept PLY: of that, raw coordinates are sent.
+ * @throws ScanError that says what is wrong and what to do.
  */
 export function readScanFile(name: string, bytes: ArrayBuffer, limits: ScanLimits = kScanLimits): ScanFile {
   const body = new Uint8Array(bytes);
@@ -32,23 +38,22 @@ export function readScanFile(name: string, bytes: ArrayBuffer, limits: ScanLimit
     return { name, ...decodePcd(body, name, limits), body, contentType: 'application/vnd.pcd', layout: null };
   }
   if (/\.bin$/i.test(name)) return { name, ...decodeRaw(body, name, limits), body, contentType: 'application/octet-stream' };
-  throw new ScanError(name, 'neither a PCD nor a PLY header', 'a scan: .pcd, .ply, or .bin with float32 x y z intensity');
+  throw new ScanError(name, 'it has neither a PCD nor a PLY header', 'Choose a .pcd or .ply file, or a .bin file of float32 x y z intensity');
 }
 
-/** x y z intensity as KITTI has it, or x y z where the size allows only that. */
+/** x y z intensity as in KITTI, or x y z if the size allows only that. */
 function decodeRaw(
   bytes: Uint8Array<ArrayBuffer>, file: string, limits: ScanLimits,
 ): ScanPoints & { layout: 'xyz' | 'xyzi' } {
   const stride = [16, 12].find((size) => bytes.length % size === 0);
   if (bytes.length === 0 || stride === undefined) {
-    throw new ScanError(file, `${bytes.length} bytes`, 'a multiple of 16 (float32 x y z intensity) or 12 (x y z)');
+    throw new ScanError(file, `it has ${bytes.length} bytes, which is not a multiple of 16 (float32 x y z intensity) or 12 (x y z)`, kExportAgain);
   }
-  const count = bytes.length / stride;
-  checkPointCount(file, count, limits);
+  checkPointCount(file, bytes.length / stride, limits);
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
-  const points = new PointCollector(count);
-  for (let at = 0; at < bytes.length; at += stride) {
-    points.add(view.getFloat32(at, true), view.getFloat32(at + 4, true), view.getFloat32(at + 8, true));
+  const xyz = new Float32Array((3 * bytes.length) / stride);
+  for (let at = 0, to = 0; at < bytes.length; at += stride) {
+    for (let axis = 0; axis < 3; ++axis) xyz[to++] = view.getFloat32(at + 4 * axis, true);
   }
-  return { ...points.finish(), layout: stride === 16 ? 'xyzi' : 'xyz' };
+  return { ...usablePoints(xyz), layout: stride === 16 ? 'xyzi' : 'xyz' };
 }

@@ -3,7 +3,7 @@ import { key } from '../api/keys.js';
 import { number } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';
 import { Trouble } from '../ui/parts.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import { AnswerPanel } from './answer_panel.js';
 import { DriveStrip } from './drive_strip.js';
 import type { Localizer, LocalizeState } from './localizer.js';
@@ -21,12 +21,12 @@ interface Props {
   place: MapPlace;
   geodetic: boolean;
   poses: readonly Pose[];
-  /** The next press on the map shows where the search begins. */
+  /** The next press on the map sets the prior. */
   onPoint: () => void;
   onLook: (pose: Pose | null | undefined) => void;
 }
 
-/** Choosing a scan, where to look for it, and what came of it. */
+/** The scan, where to search for it, and the answer. */
 export function ScanPanel({ localizer, map, geodetic, poses, onPoint, onLook }: Props) {
   const state = useStore(localizer.state);
   const answer = localizer.answer;
@@ -34,7 +34,7 @@ export function ScanPanel({ localizer, map, geodetic, poses, onPoint, onLook }: 
     <>
       <ScanChooser state={state} map={map} onFiles={(files) => void localizer.take(files)} onClear={() => void localizer.clear()} />
       <details class="where" open={answer === null || state.start !== 'everywhere'}>
-        <summary>Where to look: {kStartWords[state.start]}</summary>
+        <summary>Search in: {kStartWords[state.start]}</summary>
         <StartChooser
           start={state.start} prior={state.prior} gnss={state.gnss} geodetic={geodetic}
           middle={poses[Math.floor(poses.length / 2)]?.position ?? map.origin}
@@ -48,12 +48,12 @@ export function ScanPanel({ localizer, map, geodetic, poses, onPoint, onLook }: 
       <div class="row">
         {state.drive === null && (
           <button type="button" class="primary" disabled={state.scan === null || state.busy !== null} onClick={() => void localizer.ask()}>
-            {state.asked === null ? 'Find it' : 'Find it again'}
+            {state.asked === null ? 'Find the scan' : 'Find it again'}
           </button>
         )}
-        {state.start === 'prior' && <button type="button" onClick={onPoint}><Icon name="pin" /> Show the place</button>}
+        {state.start === 'prior' && <button type="button" onClick={onPoint}><Icon name="pin" /> Set the place</button>}
       </div>
-      <p class="quiet status-line" role="status">{state.busy === 'reading' ? 'Reading the scan…' : state.busy === 'asking' ? 'Asking the server…' : ''}</p>
+      <p class="quiet status-line" role="status">{state.busy === 'reading' ? 'Reading the scan…' : state.busy === 'asking' ? 'Waiting for the server…' : ''}</p>
       {typeof state.error === 'string' && <div class="trouble" role="alert"><p>{state.error}</p></div>}
       {state.error !== null && typeof state.error !== 'string' && (
         <Trouble error={state.error} onRetry={() => void (state.drive === null ? localizer.ask() : state.drive.run.play())} />
@@ -65,7 +65,7 @@ export function ScanPanel({ localizer, map, geodetic, poses, onPoint, onLook }: 
             onShow={(index) => void localizer.show(index)} onPlaying={(playing) => localizer.setPlaying(playing)}
             onSpeed={(speed) => localizer.setSpeed(speed)}
           />
-          <p class="quiet">Times: {state.drive.stampSource}.</p>
+          <p class="quiet">Timestamps: {state.drive.stampSource}.</p>
         </>
       )}
       {answer !== null && (
@@ -75,7 +75,7 @@ export function ScanPanel({ localizer, map, geodetic, poses, onPoint, onLook }: 
             magnified={answer.pose !== null && answer.covariance !== null ? magnification(uncertaintyOf(answer.pose, answer.covariance).major_m) : 1}
           />
           <div class="row">
-            <button type="button" class="small" disabled={answer.pose === null} onClick={() => onLook(answer.pose)}><Icon name="eye" /> Look there</button>
+            <button type="button" class="small" disabled={answer.pose === null} onClick={() => onLook(answer.pose)}><Icon name="eye" /> Move there</button>
           </div>
         </>
       )}
@@ -103,7 +103,7 @@ function ScanChooser({ state, map, onFiles, onClear }: {
     <section class="scan-chooser" aria-label="Scan">
       <h1 class="title">Find a scan in {map.name}</h1>
       {state.scan === null && state.drive === null && (
-        <p class="quiet">Drop a scan anywhere on this page (KITTI .bin, PCD or PLY), or the folder of a drive. It is sent to this server only.</p>
+        <p class="quiet">Drop a scan (KITTI .bin, PCD or PLY) or the folder of a drive anywhere on this page. It is sent to this server only.</p>
       )}
       {state.scan !== null && (
         <p class="scan-facts">
@@ -113,7 +113,7 @@ function ScanChooser({ state, map, onFiles, onClear }: {
       )}
       <div class="row">
         <button type="button" onClick={() => one.current?.click()}><Icon name="upload" /> Choose a scan…</button>
-        <button type="button" onClick={() => folder.current?.click()}>A drive’s folder…</button>
+        <button type="button" onClick={() => folder.current?.click()}>Choose a folder…</button>
         {(state.scan !== null || state.drive !== null) && <button type="button" class="plain" onClick={onClear}>Clear</button>}
       </div>
       <input
@@ -128,7 +128,7 @@ function ScanChooser({ state, map, onFiles, onClear }: {
   );
 }
 
-/** Explains the colours of the scan in the picture, and chooses them. */
+/** Explains and chooses the colours of the scan in the picture. */
 export function ScanLegend({ localizer }: { localizer: Localizer }) {
   const { scan, byResidual, painting } = useStore(localizer.state);
   if (scan === null) return null;
@@ -136,11 +136,11 @@ export function ScanLegend({ localizer }: { localizer: Localizer }) {
     <div class="stage-legend">
       <label class="inline">
         <input type="checkbox" checked={byResidual} onChange={(event) => localizer.setByResidual(event.currentTarget.checked)} />
-        <span>Scan by its distance to the map{byResidual && painting && <span class="quiet"> – comparing…</span>}</span>
+        <span>Colour the scan by its distance to the map{byResidual && painting && <span class="quiet"> – computing…</span>}</span>
       </label>
       {byResidual && (
         <p class="residual-legend">
-          <span>on it</span><span class="ramp" role="img" aria-label="Colours from on the map to half a metre off" /><span>0.5 m off, or not in it</span>
+          <span>0 m</span><span class="ramp" role="img" aria-label="Colours from 0 to 0.5 m distance" /><span>0.5 m or more</span>
         </p>
       )}
     </div>

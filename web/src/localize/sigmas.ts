@@ -1,2 +1,2 @@
-/** What is drawn of a covariance: 99.7 % of a single normal error. */
+/** Standard deviations of a drawn ellipse: 99.7 % of a one-dimensional normal error. */
 export const kSigmas = 3;

@@ -5,7 +5,7 @@ import { headingOf, poseWithHeading, type Pose, type Vec3 } from './pose.js';
 import type { Start } from './request.js';
 
 export const kStartWords: Record<Start['kind'], string> = {
-  everywhere: 'anywhere in the map', prior: 'from a place that I show', gnss: 'from a satellite fix',
+  everywhere: 'the whole map', prior: 'around a place on the map', gnss: 'around a GNSS position',
 };
 const kKinds: readonly Start['kind'][] = ['everywhere', 'prior', 'gnss'];
 
@@ -16,13 +16,13 @@ interface Props {
   onPrior: (pose: Pose) => void;
   gnss: GnssText;
   onGnss: (text: GnssText) => void;
-  /** Whether the map knows where on Earth it lies. */
+  /** Whether the map has a position on Earth. */
   geodetic: boolean;
-  /** Where the numbers of a prior begin when none was shown yet. */
+  /** First numbers of a prior, before the person shows one. */
   middle: Vec3;
 }
 
-/** Where the search for a pose begins. */
+/** Chooses where to search for the pose. */
 export function StartChooser(props: Props) {
   const fault = props.start === 'gnss' ? readGnss(props.gnss) : null;
   return (
@@ -37,11 +37,11 @@ export function StartChooser(props: Props) {
           <span>{sentence(kStartWords[kind])}</span>
         </label>
       ))}
-      {!props.geodetic && <p class="hint">This map does not know where on Earth it lies, so that a satellite fix says nothing.</p>}
+      {!props.geodetic && <p class="hint">This map has no position on Earth, so it cannot be searched by GNSS.</p>}
       {props.start === 'prior' && <PriorNumbers {...props} />}
       {props.start === 'gnss' && (
         <div class="numbers">
-          {([['latitude', 'Latitude [°]'], ['longitude', 'Longitude [°]'], ['altitude', 'Height [m]'], ['sigma', 'Deviation [m]']] as const)
+          {([['latitude', 'Latitude [°]'], ['longitude', 'Longitude [°]'], ['altitude', 'Altitude [m]'], ['sigma', 'Standard deviation [m]']] as const)
             .map(([key, label]) => (
               <Field key={key} label={label}>
                 {(given) => (
@@ -61,7 +61,7 @@ export function StartChooser(props: Props) {
 
 const sentence = (words: string): string => words.charAt(0).toUpperCase() + words.slice(1);
 
-/** The same prior in numbers, for the keyboard and for places that are known. */
+/** The prior in numbers, for the keyboard and for known positions. */
 function PriorNumbers({ prior, onPrior, middle }: Props) {
   const shown = prior ?? poseWithHeading(middle, 0);
   const numbers = [...shown.position, (headingOf(shown) * 180) / Math.PI];
@@ -71,7 +71,7 @@ function PriorNumbers({ prior, onPrior, middle }: Props) {
   };
   return (
     <>
-      <p class="hint">Press on the map where the sensor was and drag to where it looked. Or in numbers:</p>
+      <p class="hint">Press on the map where the sensor was, and drag in the direction it faced. Or enter numbers:</p>
       <div class="numbers">
         {['x [m]', 'y [m]', 'z [m]', 'Heading [°]'].map((label, index) => (
           <NumberField key={label} label={label} value={numbers[index]!} onChange={(value) => change(index, value)} />
@@ -81,12 +81,12 @@ function PriorNumbers({ prior, onPrior, middle }: Props) {
   );
 }
 
-/** Keeps what is typed until it is a number. */
+/** Keeps the typed text until it is a number. */
 function NumberField({ label, value, onChange }: { label: string; value: number; onChange: (value: number) => void }) {
   const [typed, setTyped] = useState<string | null>(null);
   const wrong = typed !== null && !Number.isFinite(numberOf(typed));
   return (
-    <Field label={label} fault={wrong ? 'A number.' : undefined}>
+    <Field label={label} fault={wrong ? 'Enter a number.' : undefined}>
       {(given) => (
         <input
           {...given} inputMode="decimal" value={typed ?? value.toFixed(2)} onBlur={() => !wrong && setTyped(null)}

@@ -1,7 +1,7 @@
 import { Matrix3, Matrix4, Vector3 } from 'three';
 import { quaternionOf, type Pose } from './pose.js';
 
-/** What a covariance says over ground, in the map frame. All lengths are one standard deviation. */
+/** A covariance seen from above, in the map frame. All lengths are one standard deviation. */
 export interface Uncertainty {
   major_m: number;
   minor_m: number;
@@ -67,6 +67,6 @@ function directionWords(slide: number[], turn: number[]): string {
   const slides = Math.hypot(...slide) >= Math.hypot(...turn);
   const axis = strongest(slides ? slide : turn);
   return slides
-    ? `may slide ${['forward or back', 'to the left or right', 'up or down'][axis]}`
-    : `may turn ${['about its forward axis (roll)', 'nose up or down (pitch)', 'to the left or right (yaw)'][axis]}`;
+    ? `can slide ${['forward or back', 'to the left or right', 'up or down'][axis]}`
+    : `can turn ${['about its forward axis (roll)', 'nose up or down (pitch)', 'to the left or right (yaw)'][axis]}`;
 }

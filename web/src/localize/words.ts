@@ -1,37 +1,36 @@
-/** The stable words of a pose's `reasons`, for people. */
+/** Texts for the values of a pose's `reasons`. */
 const kReasons: Record<string, string> = {
-  ambiguous: 'Another place in the map fits this scan as well.',
-  clock_set_back: 'Stamps before this one were ahead of time; the session has begun anew.',
-  coasting: 'The scan was not matched; this is where the vehicle should be by its motion.',
-  contradicts_motion: 'The match contradicts how the vehicle moved before.',
-  contradicts_prior: 'The match contradicts the prior and how sure it was.',
-  large_covariance: 'The pose is not known well enough.',
-  little_overlap: 'Too little of what the scan sees is in the map.',
-  low_inlier_ratio: 'Too little of the scan lies on surfaces of the map: much has changed, or it is another place.',
-  needs_prior: 'This map, or this method, cannot be searched without a prior.',
-  not_deskewed: 'The scan was taken on the move and does not say when its points were; send their times, or deskew it.',
-  not_converged: 'The alignment did not settle.',
-  not_tracked: 'The vehicle was lost; the next scans look for it in a wider area.',
-  outside_map: 'The prior lies outside the map.',
+  ambiguous: 'Another place in the map fits this scan equally well. Give a prior.',
+  clock_set_back: 'Earlier timestamps were in the future, so the session started again.',
+  coasting: 'The scan was not matched. The pose is predicted from the motion.',
+  contradicts_motion: 'The match contradicts the previous motion of the vehicle.',
+  contradicts_prior: 'The match contradicts the prior and its covariance.',
+  large_covariance: 'The covariance is too large.',
+  little_overlap: 'Too small a part of the scan is inside the map.',
+  low_inlier_ratio: 'Too few points lie on surfaces of the map: much has changed, or this is another place.',
+  needs_prior: 'This map or method needs a prior. Give one.',
+  not_deskewed: 'The sensor moved during the scan, and the points have no times. Send point times, or deskew the scan first.',
+  not_converged: 'The alignment did not converge.',
+  not_tracked: 'The vehicle was lost. The next scans search a wider area.',
+  outside_map: 'The prior is outside the map.',
   too_few_points: 'The scan has too few points.',
-  too_little_structure: 'There is too little around that stands upright to hold on to.',
-  too_old: 'The scan is older than what the session still remembers.',
-  unconfirmed: 'Found again; the next scan must confirm it.',
-  unobservable_direction: 'The surroundings leave a direction free.',
+  too_little_structure: 'The surroundings have too few upright structures.',
+  too_old: 'The scan is older than the history of the session.',
+  unconfirmed: 'The vehicle was found again. The next scan must confirm it.',
+  unobservable_direction: 'The surroundings do not constrain one direction.',
 };
 
 export const reasonWords = (reason: string): string => kReasons[reason] ?? reason.replaceAll('_', ' ');
-export const isKnownReason = (reason: string): boolean => Object.hasOwn(kReasons, reason);
 
 export type Status = 'ok' | 'degraded' | 'lost';
 
 export const kStatusWords: Record<Status, { title: string; meaning: string }> = {
-  ok: { title: 'Found', meaning: 'The pose is as good as its covariance says.' },
-  degraded: { title: 'Found, with doubts', meaning: 'Weakly held or poorly supported: do not rely on it alone.' },
-  lost: { title: 'Not found', meaning: 'No pose: the scan could not be placed in this map.' },
+  ok: { title: 'Found', meaning: 'Use the pose with its covariance.' },
+  degraded: { title: 'Uncertain', meaning: 'The pose is weakly supported: do not rely on it alone.' },
+  lost: { title: 'Not found', meaning: 'The scan was not found in this map, so there is no pose.' },
 };
 
-/** Metres with as many digits as they are worth: `4 mm`, `12 cm`, `3.21 m`; a dash where there is none. */
+/** Metres with a useful number of digits: `4 mm`, `12 cm`, `3.21 m`; a dash for null. */
 export function lengthWords(metres: number | null): string {
   if (metres === null || !Number.isFinite(metres)) return '–';
   const size = Math.abs(metres);

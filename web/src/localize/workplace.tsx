@@ -1,10 +1,10 @@
 import type { ComponentChildren } from 'preact';
-import { useEffect, useMemo, useRef, useState } from 'preact/hooks';
+import { useEffect, useMemo, useState } from 'preact/hooks';
 import { Scene } from '../scene/scene.js';
 import type { Trouble as TileTrouble } from '../scene/tile_source.js';
-import { replaceQuery } from '../router.js';
-import { SceneCanvas } from '../ui/scene_canvas.js';
-import { useStore } from '../ui/store.js';
+import { replaceQuery } from '../state/router.js';
+import { SceneCanvas, StageTrouble } from '../ui/scene_canvas.js';
+import { useStore } from '../state/store.js';
 import { theme } from '../ui/theme.js';
 import { filesOf } from './dropped.js';
 import { watchFleet, type Vehicle } from './fleet.js';
@@ -25,7 +25,7 @@ interface Props {
   query: URLSearchParams;
 }
 
-/** Radius that a place is looked at with [m]. */
+/** Radius that is shown around a place [m]. */
 const kLook_m = 16;
 const kNoPoses: readonly Pose[] = [];
 
@@ -34,64 +34,29 @@ const wantsStill = (): boolean => window.matchMedia('(prefers-reduced-motion: re
 /** The picture of a map with its scans and vehicles, and the panel beside it. */
 export function Workplace({ map, place, geodetic, poses = kNoPoses, query }: Props) {
   const localizer = useMemo(() => new Localizer(place, wantsStill), []);
+  useEffect(() => () => localizer.dispose(), []);
   const [scene, setScene] = useState<Scene>();
   const [trouble, setTrouble] = useState<TileTrouble>();
-  const mapScene = useRef<MapScene>();
-  const asked = query.get('show') === 'vehicles' ? 'vehicles' : 'scan';
-  const [tab, setTab] = useState<'scan' | 'vehicles'>(asked);
-  // Another address of this view, as by a link or the way back.
-  useEffect(() => setTab(asked), [asked]);
+  const mapScene = useMapScene(scene, map, poses, localizer, setTrouble);
+  const [tab, setTab] = useTab(query);
   const fleet = useFleet(map.name);
   const [chosen, setChosen] = useState<string | null>(null);
-  const colours = useStore(theme);
-
-  useEffect(() => () => localizer.dispose(), []);
-  useEffect(() => {
-    localizer.onFirstAnswer = (pose) => scene?.lookAtPlace(pose.position, kLook_m);
-  }, [scene]);
-  useEffect(() => {
-    if (scene === undefined) return undefined;
-    const made = new MapScene(scene, map, theme.get(), setTrouble);
-    mapScene.current = made;
-    scene.groundHeight = groundUnder(poses, map);
-    void made.cloud.ready.then(() => {
-      scene.showAll();
-      // A scan may have been found before the map could be framed.
-      lookAt(localizer.answer?.pose);
-    }, () => undefined);
-    localizer.setScene(made);
-    return () => {
-      localizer.setScene(undefined);
-      mapScene.current = undefined;
-      made.dispose();
-    };
-  }, [scene]);
-  useEffect(() => mapScene.current?.setTheme(colours), [colours, scene]);
-  useEffect(() => mapScene.current?.showVehicles(fleet.vehicles), [fleet.vehicles, scene]);
+  useEffect(() => mapScene?.showVehicles(fleet.vehicles), [fleet.vehicles, mapScene]);
 
   const lookAt = (pose: Pose | null | undefined): void => {
     if (pose) scene?.lookAtPlace(pose.position, kLook_m);
-  };
-  const show = (next: typeof tab): void => {
-    setTab(next);
-    replaceQuery(next === 'scan' ? {} : { show: next });
   };
   const choose = (label: string): void => {
     setChosen(label);
     lookAt(fleet.vehicles.find((vehicle) => vehicle.label === label)?.pose);
   };
   const point = (): void => scene?.setTool(priorTool(
-    poses, (prior, settled) => localizer.setPrior(prior, settled), () => scene.setTool(null)));
+    poses, (prior, final) => localizer.setPrior(prior, final), () => scene.setTool(null)));
 
   return (
-    <DropTarget onFiles={(files) => { show('scan'); void localizer.take(files); }}>
+    <DropTarget onFiles={(files) => { setTab('scan'); void localizer.take(files); }}>
       <div class="beside">
-        <div class="tabs" role="tablist" aria-label="What is looked for">
-          <TabButton name="scan" shown={tab} onShow={show}>Scan</TabButton>
-          <TabButton name="vehicles" shown={tab} onShow={show}>
-            Vehicles{fleet.vehicles.length > 0 && <span class="count">{fleet.vehicles.length}</span>}
-          </TabButton>
-        </div>
+        <Tabs shown={tab} onShow={setTab} vehicles={fleet.vehicles.length} />
         <div class="beside-body" role="tabpanel" id="localize-panel" aria-labelledby={`tab-${tab}`} tabIndex={0}>
           {tab === 'scan'
             ? <ScanPanel localizer={localizer} map={map} place={place} geodetic={geodetic} poses={poses} onPoint={point} onLook={lookAt} />
@@ -114,19 +79,72 @@ export function Workplace({ map, place, geodetic, poses = kNoPoses, query }: Pro
         </div>
         <VehicleLabels scene={scene} vehicles={fleet.vehicles} />
         <ScanLegend localizer={localizer} />
-        {trouble !== undefined && (
-          <div class="stage-trouble trouble" role="alert">
-            <p>{trouble.text}</p>
-            <button type="button" onClick={() => mapScene.current?.cloud.retry()}>Try again</button>
-          </div>
-        )}
+        <StageTrouble text={trouble?.text} onRetry={() => mapScene?.cloud.retry()} />
       </div>
     </DropTarget>
   );
 }
 
+/** The map in the scene, connected with the localizer. */
+function useMapScene(
+  scene: Scene | undefined, map: ShownMap, poses: readonly Pose[], localizer: Localizer,
+  onTrouble: (trouble: TileTrouble | undefined) => void,
+): MapScene | undefined {
+  const [mapScene, setMapScene] = useState<MapScene>();
+  const colours = useStore(theme);
+  useEffect(() => {
+    if (scene === undefined) return undefined;
+    const made = new MapScene(scene, map, theme.get(), onTrouble);
+    setMapScene(made);
+    scene.groundHeight = groundUnder(poses, map);
+    const lookAt = (pose: Pose | null | undefined): void => {
+      if (pose) scene.lookAtPlace(pose.position, kLook_m);
+    };
+    void made.cloud.ready.then(() => {
+      scene.showAll();
+      // A scan may have been found before the map could be framed.
+      lookAt(localizer.answer?.pose);
+    }, () => undefined);
+    localizer.onFirstAnswer = lookAt;
+    localizer.setScene(made);
+    return () => {
+      localizer.setScene(undefined);
+      setMapScene(undefined);
+      made.dispose();
+    };
+  }, [scene]);
+  useEffect(() => mapScene?.setTheme(colours), [colours, mapScene]);
+  return mapScene;
+}
+
+type Tab = 'scan' | 'vehicles';
+
+/** The tab that is shown, kept in the address. */
+function useTab(query: URLSearchParams): [Tab, (tab: Tab) => void] {
+  const asked = query.get('show') === 'vehicles' ? 'vehicles' : 'scan';
+  const [tab, setTab] = useState<Tab>(asked);
+  // The address can change under the view: by a link, or by the browser's back button.
+  useEffect(() => setTab(asked), [asked]);
+  const show = (next: Tab): void => {
+    setTab(next);
+    replaceQuery(next === 'scan' ? {} : { show: next });
+  };
+  return [tab, show];
+}
+
+function Tabs({ shown, onShow, vehicles }: { shown: Tab; onShow: (tab: Tab) => void; vehicles: number }) {
+  return (
+    <div class="tabs" role="tablist" aria-label="Scan or vehicles">
+      <TabButton name="scan" shown={shown} onShow={onShow}>Scan</TabButton>
+      <TabButton name="vehicles" shown={shown} onShow={onShow}>
+        Vehicles{vehicles > 0 && <span class="count">{vehicles}</span>}
+      </TabButton>
+    </div>
+  );
+}
+
 function TabButton({ name, shown, onShow, children }: {
-  name: 'scan' | 'vehicles'; shown: string; onShow: (name: 'scan' | 'vehicles') => void; children: ComponentChildren;
+  name: Tab; shown: Tab; onShow: (name: Tab) => void; children: ComponentChildren;
 }) {
   const other = name === 'scan' ? 'vehicles' : 'scan';
   return (
@@ -144,7 +162,7 @@ function TabButton({ name, shown, onShow, children }: {
   );
 }
 
-/** The whole view takes what is dropped on it, and says so while something hovers. */
+/** The whole view accepts dropped files, and says so while some are held over it. */
 function DropTarget({ onFiles, children }: { onFiles: (files: File[]) => void; children: ComponentChildren }) {
   const [over, setOver] = useState(0);
   const carries = (event: DragEvent): boolean => [...(event.dataTransfer?.types ?? [])].includes('Files');
@@ -162,12 +180,12 @@ function DropTarget({ onFiles, children }: { onFiles: (files: File[]) => void; c
       }}
     >
       {children}
-      {over > 0 && <div class="drop-over" aria-hidden="true"><p>Let go to find it in this map</p></div>}
+      {over > 0 && <div class="drop-over" aria-hidden="true"><p>Drop the scan to find it in this map</p></div>}
     </div>
   );
 }
 
-/** The sessions in a map, asked for while the page is seen. */
+/** The sessions in a map, asked for again and again while the page is visible. */
 function useFleet(map: string): { vehicles: Vehicle[]; fault: string | null } {
   const [state, setState] = useState<{ vehicles: Vehicle[]; fault: string | null }>({ vehicles: [], fault: null });
   useEffect(() => {
@@ -191,7 +209,7 @@ function useFleet(map: string): { vehicles: Vehicle[]; fault: string | null } {
   return state;
 }
 
-/** Height of the ground that presses meet where the map has no point: below its lowest recorded pose. */
+/** Height of the ground [m] for presses where the map has no point: below the lowest recorded pose. */
 function groundUnder(poses: readonly Pose[], map: ShownMap): number {
   const lowest = poses.reduce((least, pose) => Math.min(least, pose.position[2]), Infinity);
   return Number.isFinite(lowest) ? lowest - 1.8 : map.origin[2];

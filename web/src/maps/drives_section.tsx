@@ -6,64 +6,64 @@ import { Icon } from '../ui/icon.js';
 import { useLoad } from '../ui/load.js';
 import { say } from '../ui/notices.js';
 import { Badge, Trouble, type Tone } from '../ui/parts.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import { UploadDialog } from '../upload/dialog.js';
 import { uploads } from '../upload/manager.js';
 import { forgetUpload, remembered } from '../upload/remembered.js';
 import type { DriveRow } from './facts.js';
 
 const kWords: Record<DriveRow['status'], { tone: Tone; text: string }> = {
-  open: { tone: 'warn', text: 'Not complete' },
+  open: { tone: 'warn', text: 'Incomplete' },
   complete: { tone: 'good', text: 'Complete' },
   failed: { tone: 'bad', text: 'Failed' },
 };
 
-const kUnderWay = { tone: 'live', text: 'Being uploaded' } as const;
+const kUploading = { tone: 'live', text: 'Uploading' } as const;
 
-/** The drives that versions of a map can be built of. */
+/** The drives from which versions of a map can be built. */
 export function DrivesSection({ map }: { map: string }) {
   const drives = useLoad((signal) => ask('get', '/v1/maps/{map}/drives', { path: { map }, signal }), [map], { everyS: 5 });
-  const [open, setOpen] = useState<{ what: 'go on' | 'delete'; drive: DriveRow }>();
+  const [open, setOpen] = useState<{ what: 'resume' | 'delete'; drive: DriveRow }>();
   const list = drives.data?.data.drives;
   const close = (): void => setOpen(undefined);
   return (
     <section aria-labelledby="drives">
       <div class="heading"><h2 id="drives">Drives</h2></div>
       {drives.error !== undefined && (list === undefined || drives.error.trouble !== 'down') && <Trouble error={drives.error} onRetry={drives.reload} />}
-      {list?.length === 0 && <p class="quiet">None. Drop one here, as a folder or a tar: new versions are built of drives.</p>}
+      {list?.length === 0 && <p class="quiet">No drives yet. Drop a drive here, as a folder or a tar: new versions are built from drives.</p>}
       {list !== undefined && list.length > 0 && (
         <div class="card table-frame">
           <table class="drives">
             <thead>
               <tr>
-                <th scope="col">Drive</th><th scope="col">State</th><th scope="col" class="end">Size</th><th scope="col">Begun</th>
+                <th scope="col">Drive</th><th scope="col">State</th><th scope="col" class="end">Size</th><th scope="col">Started</th>
                 <th scope="col"><span class="unseen">Actions</span></th>
               </tr>
             </thead>
             <tbody>
               {list.map((drive) => (
-                <Row key={drive.id} drive={drive} onGoOn={() => setOpen({ what: 'go on', drive })} onDelete={() => setOpen({ what: 'delete', drive })} />
+                <Row key={drive.id} drive={drive} onResume={() => setOpen({ what: 'resume', drive })} onDelete={() => setOpen({ what: 'delete', drive })} />
               ))}
             </tbody>
           </table>
         </div>
       )}
-      {open?.what === 'go on' && <UploadDialog map={map} goOn={{ ...open.drive, kind: 'drive' }} onClose={close} />}
+      {open?.what === 'resume' && <UploadDialog map={map} resume={{ ...open.drive, kind: 'drive' }} onClose={close} />}
       {open?.what === 'delete' && <DeleteDrive drive={open.drive} onClose={close} onChange={drives.reload} />}
     </section>
   );
 }
 
-function Row({ drive, onGoOn, onDelete }: { drive: DriveRow; onGoOn: () => void; onDelete: () => void }) {
+function Row({ drive, onResume, onDelete }: { drive: DriveRow; onResume: () => void; onDelete: () => void }) {
   const here = useStore(uploads).some(({ plan, transfer }) =>
     plan.map === drive.map && plan.kind === 'drive' && plan.name === drive.name
     && !['canceled', 'failed', 'done'].includes(transfer.view.get().state));
   const known = remembered().find((one) => one.map === drive.map && one.collection === 'drives' && one.id === drive.id);
-  const state = here && drive.status === 'open' ? kUnderWay : kWords[drive.status];
+  const state = here && drive.status === 'open' ? kUploading : kWords[drive.status];
   return (
     <tr data-drive={drive.id}>
       <th scope="row" class="name">
-        {drive.name === '' ? `Drive ${drive.id}` : drive.name} <span class="quiet">no. {drive.id}</span>
+        {drive.name === '' ? `Drive ${drive.id}` : drive.name} <span class="quiet">drive {drive.id}</span>
         {drive.error !== '' && <span class="fault">{drive.error}</span>}
       </th>
       <td>
@@ -76,7 +76,7 @@ function Row({ drive, onGoOn, onDelete }: { drive: DriveRow; onGoOn: () => void;
       <td title={date(drive.created_ns)}>{age(drive.created_ns)}</td>
       <td class="end">
         <div class="actions end">
-          {drive.status === 'open' && !here && <button type="button" class="small" onClick={onGoOn}>Go on with the upload</button>}
+          {drive.status === 'open' && !here && <button type="button" class="small" onClick={onResume}>Resume the upload</button>}
           <button type="button" class="plain small" aria-label={`Delete the drive ${drive.name}`} onClick={onDelete}><Icon name="trash" /></button>
         </div>
       </td>
@@ -88,12 +88,12 @@ function DeleteDrive({ drive, onClose, onChange }: { drive: DriveRow; onClose: (
   const act = async (): Promise<void> => {
     await ask('delete', '/v1/maps/{map}/drives/{drive}', { path: { map: drive.map, drive: drive.id } });
     forgetUpload(drive.map, 'drives', drive.id);
-    say({ kind: 'good', text: `The drive “${drive.name}” is deleted.` });
+    say({ kind: 'good', text: `Deleted the drive “${drive.name}”.` });
     onChange();
   };
   return (
     <Confirm title={`Delete the drive “${drive.name}”?`} verb="Delete the drive" danger act={act} onClose={onClose}>
-      <p>Versions that were built of it stay. No new ones can be built of it. This cannot be undone.</p>
+      <p>Versions that were built from it stay. No new version can be built from it. You cannot undo this.</p>
     </Confirm>
   );
 }

@@ -1,4 +1,4 @@
-// What the lists of maps and versions say, and words for it.
+// Rows of the lists of maps and versions, and their texts.
 
 import type { AnswerOf, Schema } from '../api/client.js';
 import type { Tone } from '../ui/parts.js';
@@ -21,18 +21,18 @@ export function stateOf(map: Pick<MapRow, 'state'>): { tone: Tone; text: string 
   return kStates[map.state] ?? { tone: 'plain', text: map.state };
 }
 
-/** Options whose usual value says nothing to a person. */
-const kUsual: Record<string, string> = {
+/** Default values of build options: these are not shown. */
+const kDefaults: Record<string, string> = {
   preset: 'default', odometry: 'default', given_poses: 'refine', movable: 'project', clean: 'free-space', fusion: 'on', fill: 'on', loops: 'on', edits: 'none',
 };
-/** Those that people choose, in the order in which they are told. */
-const kTold = ['preset', 'detector', 'clean', 'movable', 'odometry', 'given_poses', 'fusion', 'fill', 'loops', 'edits'];
+/** The options that are shown, in this order. */
+const kShown = ['preset', 'detector', 'clean', 'movable', 'odometry', 'given_poses', 'fusion', 'fill', 'loops', 'edits'];
 
-/** What of a build's options differs from the usual, as short words: "detector voxelnext". */
-export function tellingOptions(options: Record<string, string> | undefined): string[] {
+/** The build options that differ from the defaults, as short texts: "detector voxelnext". */
+export function changedOptions(options: Record<string, string> | undefined): string[] {
   if (options === undefined) return [];
-  return kTold.flatMap((name) => {
+  return kShown.flatMap((name) => {
     const value = options[name];
-    return value === undefined || value === '' || value === kUsual[name] ? [] : [`${name} ${value}`];
+    return value === undefined || value === '' || value === kDefaults[name] ? [] : [`${name} ${value}`];
   });
 }

@@ -1,5 +1,5 @@
 import './maps.css';
-import type { ViewProps } from '../views.js';
+import type { ViewProps } from '../state/router.js';
 import { MapPage } from './map_page.js';
 import { MapsPage } from './maps_page.js';
 import { RebuildPage } from './rebuild_page.js';

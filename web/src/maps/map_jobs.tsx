@@ -1,12 +1,12 @@
 import { ask } from '../api/client.js';
 import { isOver, type Job } from '../jobs/job.js';
 import { JobTable } from '../jobs/job_table.js';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { useLoad } from '../ui/load.js';
 
 const kShown = 5;
 
-/** The latest jobs of a map; nothing when there were none. */
+/** The latest jobs of a map; nothing if there are none. */
 export function MapJobs({ map, onEnd }: { map: string; onEnd: () => void }) {
   const { data, reload } = useLoad(
     async (signal) => (await ask('get', '/v1/jobs', { query: { map, limit: kShown }, signal })).data, [map], { everyS: 4 });

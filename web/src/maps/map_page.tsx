@@ -1,6 +1,6 @@
 import { useState } from 'preact/hooks';
 import { ask, versionPath } from '../api/client.js';
-import { go, linkTo } from '../router.js';
+import { go, linkTo } from '../state/router.js';
 import type { Chosen } from '../upload/chosen.js';
 import { UploadDialog } from '../upload/dialog.js';
 import { DropZone } from '../upload/drop_zone.js';
@@ -19,7 +19,7 @@ import { VersionsSection } from './versions_section.js';
 
 const kEveryS = 4;
 
-/** One map: its picture, versions, drives and jobs, and what can be done with them. */
+/** One map: its picture, versions, drives and jobs, with their actions. */
 export function MapPage({ name }: { name: string }) {
   const [dialog, setDialog] = useState<'upload' | 'delete' | { chosen: Chosen }>();
   const list = useLoad((signal) => ask('get', '/v1/maps', { signal }), [], { everyS: kEveryS });
@@ -61,9 +61,9 @@ export function MapPage({ name }: { name: string }) {
 function Gone({ name }: { name: string }) {
   return (
     <div class="empty" role="alert">
-      <h2>There is no map “{name}” (any more)</h2>
-      <p>It may have been deleted by somebody else just now.</p>
-      <a class="button" href={linkTo('maps')}>To the maps</a>
+      <h2>There is no map “{name}”</h2>
+      <p>Somebody may have deleted it. Go back to the list of maps.</p>
+      <a class="button" href={linkTo('maps')}>All maps</a>
     </div>
   );
 }
@@ -111,14 +111,14 @@ function MapHeading({ name, row, active, onUpload, onDelete }: HeadingProps) {
 function DeleteMap({ name, active, onClose }: { name: string; active: string | undefined; onClose: () => void }) {
   const act = async (): Promise<void> => {
     await ask('delete', '/v1/maps/{map}', { path: { map: name }, query: active === undefined ? {} : { active: true } });
-    say({ kind: 'good', text: `${name} is deleted.` });
+    say({ kind: 'good', text: `Deleted ${name}.` });
     go(linkTo('maps'));
   };
   return (
     <Confirm title={`Delete ${name}?`} verb="Delete the map" danger word={name} act={act} onClose={onClose}>
       <p>
-        All its versions are removed{active === undefined ? '' : ', the active one too: vehicles get no poses in this map any more'}.
-        This cannot be undone. The server refuses it while the map has drives or unfinished jobs.
+        All versions of the map are deleted{active === undefined ? '' : ', the active one too: vehicles then get no poses in this map'}.
+        You cannot undo this. The server refuses it while the map has drives or unfinished jobs: delete or cancel those first.
       </p>
     </Confirm>
   );

@@ -1,6 +1,6 @@
 import { useState } from 'preact/hooks';
 import { ask, versionPath } from '../api/client.js';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { UploadDialog } from '../upload/dialog.js';
 import { DropZone } from '../upload/drop_zone.js';
 import type { Chosen } from '../upload/chosen.js';
@@ -16,7 +16,7 @@ const kEveryS = 4;
 const kHealthEveryS = 20;
 const kFilterFrom = 8;
 
-/** The list of maps, kept fresh. */
+/** The list of maps, reloaded every few seconds. */
 export function MapsPage() {
   const maps = useLoad((signal) => ask('get', '/v1/maps', { signal }), [], { everyS: kEveryS });
   const jobs = useLoad((signal) => ask('get', '/v1/jobs', { query: { status: 'processing', limit: 50 }, signal }), [], { everyS: kEveryS });
@@ -43,7 +43,7 @@ export function MapsPage() {
       </div>
       {health.data?.data.reasons.filter(ofTheServer).map((reason) => <p key={reason} class="server-trouble" role="status">{sentence(reason)}</p>)}
       {maps.error !== undefined && <Trouble error={maps.error} onRetry={maps.reload} />}
-      {list === undefined && maps.loading && <p class="waiting" role="status">Asking the server for its maps…</p>}
+      {list === undefined && maps.loading && <p class="waiting" role="status">Loading the maps…</p>}
       {shown !== undefined && list !== undefined && (shown.length > 0
         ? <MapTable maps={shown} refused={list.refused} jobs={jobs.data?.data.jobs ?? []} />
         : <NoMaps filtered={list.maps.length > 0} />)}
@@ -54,7 +54,7 @@ export function MapsPage() {
   );
 }
 
-/** What is wrong with a map stands beside it in the list. */
+/** Faults of a single map are shown beside it in the list. */
 function ofTheServer(reason: string): boolean {
   return !/^(map |\d+ maps?: )/.test(reason);
 }
@@ -64,10 +64,10 @@ function sentence(text: string): string {
 }
 
 function NoMaps({ filtered }: { filtered: boolean }) {
-  if (filtered) return <Empty title="No map has such a name" />;
+  if (filtered) return <Empty title="No map matches this filter" />;
   return (
     <Empty title="No maps yet">
-      <p>Drop a map package, a LAS, PCD or PLY map, or a drive anywhere on this page; or make one at the command line:</p>
+      <p>Drop a map package, a LAS, PCD or PLY map, or a drive anywhere on this page. Or build a map on the command line:</p>
       <code>stillmap build DRIVE -o MAP && stillmap store add STORE NAME v1 MAP --activate</code>
     </Empty>
   );
@@ -81,7 +81,7 @@ function MapTable({ maps, refused, jobs }: { maps: readonly MapRow[]; refused: r
           <tr>
             <th scope="col"><span class="unseen">Picture</span></th><th scope="col">Map</th><th scope="col">Active version</th>
             <th scope="col" class="end">Area</th><th scope="col" class="end">Points</th><th scope="col" class="end">Size</th>
-            <th scope="col">Published</th><th scope="col"><span class="unseen">Actions</span></th>
+            <th scope="col">Stored</th><th scope="col"><span class="unseen">Actions</span></th>
           </tr>
         </thead>
         <tbody>

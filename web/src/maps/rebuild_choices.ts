@@ -1,10 +1,10 @@
-// What a person chooses for a rebuild, and the request that it makes.
+// The choices for a rebuild, and the request made from them.
 
 export interface RebuildChoices {
   drives: number[];
-  /** The drive that the map is judged by; null = some scans of the others. */
+  /** The drive that the map is checked with; null = some scans of the other drives. */
   heldBack: number | null;
-  /** Only what differs from the mapper's defaults. */
+  /** Only those that differ from the mapper's defaults. */
   options: Record<string, string>;
   version: string;
   activate: boolean;
@@ -13,10 +13,10 @@ export interface RebuildChoices {
 
 export const kNoChoices: RebuildChoices = { drives: [], heldBack: null, options: {}, version: '', activate: false, newFrame: false };
 
-/** Options of the mapper that are numbers, not words. */
+/** Options of the mapper that are numbers. */
 const kNumbers = new Set(['voxel', 'sensor-height']);
 
-/** @param drives those that are there: one that was deleted since it was chosen is left out. */
+/** @param drives that exist: one that was deleted after it was chosen is left out. */
 export function requestOf(choices: RebuildChoices, drives: readonly { id: number }[]): Record<string, unknown> {
   const options = Object.fromEntries(Object.entries(choices.options).filter(([, value]) => value !== '')
     .map(([name, value]) => [name, kNumbers.has(name) ? Number(value) : value]));

@@ -5,23 +5,23 @@ interface Choice {
   name: string;
   label: string;
   hint: string;
-  /** The mapper's default first, said in words. */
+  /** The mapper's default first. */
   values: [string, string][];
 }
 
 const kChoices: Choice[] = [
-  { name: 'detector', label: 'Objects found by', hint: 'What could move is found by it, parked or not.', values: [['', 'the usual detector'], ['voxelnext', 'the network (voxelnext)'], ['geometric', 'geometry alone']] },
-  { name: 'movable', label: 'Points of objects', hint: 'What happens to points of what could move.', values: [['', 'go to the ground below'], ['delete', 'are dropped'], ['keep', 'stay']] },
-  { name: 'clean', label: 'Cleaning', hint: 'Movers that no detector knows.', values: [['', 'by free space'], ['none', 'none'], ['removert', 'Removert'], ['erasor', 'ERASOR'], ['octomap', 'OctoMap'], ['dufomap', 'DUFOMap']] },
-  { name: 'odometry', label: 'Poses', hint: 'Where the scans were taken.', values: [['', 'as it suits the drive'], ['loam', 'by LOAM'], ['given', 'as the drive gives them']] },
-  { name: 'given-poses', label: 'Poses of the drive', hint: 'Neighbouring scans are registered, the frame stays; a survey needs none of it.', values: [['', 'refined'], ['exact', 'as they are']] },
-  { name: 'fusion', label: 'Objects over time', hint: 'An object seen in many scans is taken out of all.', values: [['', 'fused'], ['off', 'each scan by itself']] },
-  { name: 'fill', label: 'Ground below objects', hint: 'Filled where it was hidden, and marked so.', values: [['', 'filled'], ['off', 'left open']] },
-  { name: 'loops', label: 'Loops', hint: 'Places that were passed twice are joined.', values: [['', 'closed'], ['off', 'left open']] },
-  { name: 'preset', label: 'Preset', hint: 'All of it as in the paper, to compare with.', values: [['', 'usual'], ['paper', 'paper']] },
+  { name: 'detector', label: 'Detector', hint: 'Finds objects that can move, parked ones too.', values: [['', 'default'], ['voxelnext', 'neural network (voxelnext)'], ['geometric', 'geometric']] },
+  { name: 'movable', label: 'Points of movable objects', hint: 'What happens to the points of objects that can move.', values: [['', 'project to the ground'], ['delete', 'delete'], ['keep', 'keep']] },
+  { name: 'clean', label: 'Cleaning', hint: 'Removes moving objects that the detector does not know.', values: [['', 'free space'], ['none', 'none'], ['removert', 'Removert'], ['erasor', 'ERASOR'], ['octomap', 'OctoMap'], ['dufomap', 'DUFOMap']] },
+  { name: 'odometry', label: 'Odometry', hint: 'How the poses of the scans are found.', values: [['', 'automatic'], ['loam', 'LOAM'], ['given', 'poses of the drive']] },
+  { name: 'given-poses', label: 'Poses of the drive', hint: 'Refining aligns neighbouring scans and keeps the map frame. Surveyed poses need no refining.', values: [['', 'refine'], ['exact', 'use as they are']] },
+  { name: 'fusion', label: 'Objects over time', hint: 'Fusion removes an object from every scan that sees it.', values: [['', 'fuse'], ['off', 'each scan alone']] },
+  { name: 'fill', label: 'Ground below objects', hint: 'Fills hidden ground. The filled points are marked.', values: [['', 'fill'], ['off', 'leave open']] },
+  { name: 'loops', label: 'Loop closure', hint: 'Aligns places that were driven through twice.', values: [['', 'on'], ['off', 'off']] },
+  { name: 'preset', label: 'Preset', hint: '“paper” sets all options as in the paper, for comparison.', values: [['', 'default'], ['paper', 'paper']] },
 ];
 
-/** What of the mapper can be chosen; folded away, since the defaults are what nearly everybody wants. */
+/** The mapper's options; folded away, since most people want the defaults. */
 export function RebuildOptions({ choices, set }: { choices: RebuildChoices; set: (change: Partial<RebuildChoices>) => void }) {
   const option = (name: string, value: string): void => set({ options: { ...choices.options, [name]: value } });
   const changed = Object.values(choices.options).filter((value) => value !== '').length;
@@ -38,11 +38,11 @@ export function RebuildOptions({ choices, set }: { choices: RebuildChoices; set:
             )}
           </Field>
         ))}
-        <Field label="Voxel [m]" hint="One point stays in each; 0.02 to 2.">
-          {(props) => <input {...props} type="number" min="0.02" max="2" step="any" placeholder="usual" value={choices.options['voxel'] ?? ''} onInput={(event) => option('voxel', event.currentTarget.value)} />}
+        <Field label="Voxel size [m]" hint="One point is kept in each voxel. 0.02 to 2.">
+          {(props) => <input {...props} type="number" min="0.02" max="2" step="any" placeholder="default" value={choices.options['voxel'] ?? ''} onInput={(event) => option('voxel', event.currentTarget.value)} />}
         </Field>
-        <Field label="Height of the sensor [m]" hint="Above the ground; 0.1 to 10.">
-          {(props) => <input {...props} type="number" min="0.1" max="10" step="any" placeholder="as the drive says" value={choices.options['sensor-height'] ?? ''} onInput={(event) => option('sensor-height', event.currentTarget.value)} />}
+        <Field label="Sensor height [m]" hint="Above the ground. 0.1 to 10.">
+          {(props) => <input {...props} type="number" min="0.1" max="10" step="any" placeholder="from the drive" value={choices.options['sensor-height'] ?? ''} onInput={(event) => option('sensor-height', event.currentTarget.value)} />}
         </Field>
       </div>
     </details>

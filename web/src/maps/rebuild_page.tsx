@@ -2,7 +2,7 @@ import { useMemo, useState } from 'preact/hooks';
 import { ask, type Schema } from '../api/client.js';
 import { toApiError, type ApiError } from '../api/errors.js';
 import { watchJob } from '../jobs/watch.js';
-import { go, linkTo } from '../router.js';
+import { go, linkTo } from '../state/router.js';
 import { bytes, date } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';
 import { forget, useKept } from '../ui/kept.js';
@@ -15,7 +15,7 @@ import { RebuildOptions } from './rebuild_options.js';
 
 type Request = Schema<'RebuildRequest'>;
 
-/** The form that builds a new version of a map of its drives. What is chosen is kept over a reload. */
+/** The form that builds a new version of a map from its drives. The choices are kept over a reload. */
 export function RebuildPage({ map }: { map: string }) {
   const drives = useLoad((signal) => ask('get', '/v1/maps/{map}/drives', { path: { map }, signal }), [map], { everyS: 5 });
   const all = drives.data?.data.drives;
@@ -33,14 +33,14 @@ export function RebuildPage({ map }: { map: string }) {
   );
 }
 
-/** What is missing before anything can be built. @param begun drives that are not wholly there */
+/** Says what is missing before anything can be built. @param begun drives that are not complete */
 function NoDrive({ map, begun }: { map: string; begun: readonly DriveRow[] }) {
   const first = begun[0];
   return (
-    <Empty title={first === undefined ? 'This map has no drive yet' : `“${nameOf(first)}” is not complete yet`}>
-      {first === undefined ? <p>New versions are built of drives. Upload one on the map’s page, as a folder or a tar.</p>
-        : <p role="status">{bytes(first.bytes)} of it are on the server. Once all of it is, this page goes on by itself.</p>}
-      <a class="button" href={linkTo('maps', [map])}>To {map}</a>
+    <Empty title={first === undefined ? 'This map has no drives yet' : `“${nameOf(first)}” is not complete yet`}>
+      {first === undefined ? <p>New versions are built from drives. Upload a drive on the map’s page, as a folder or a tar.</p>
+        : <p role="status">{bytes(first.bytes)} have arrived. This page continues when the drive is complete.</p>}
+      <a class="button" href={linkTo('maps', [map])}>Open {map}</a>
     </Empty>
   );
 }
@@ -57,7 +57,7 @@ function Form({ map, drives }: { map: string; drives: readonly DriveRow[] }) {
   const known = { ...kNoChoices, ...choices };
   const fault = faultOf(known, drives);
   const set = (change: Partial<RebuildChoices>): void => setChoices({ ...known, ...change });
-  // What is sent again, as after an answer that was lost, is the same job.
+  // A request that is sent again, for example after a lost answer, is the same job.
   const key = useMemo(() => crypto.randomUUID?.() ?? String(Math.random()), [JSON.stringify(known)]);
   const submit = async (event: Event): Promise<void> => {
     event.preventDefault();
@@ -80,20 +80,20 @@ function Form({ map, drives }: { map: string; drives: readonly DriveRow[] }) {
       <DriveChoice drives={drives} choices={known} set={set} />
       <RebuildOptions choices={known} set={set} />
       <fieldset class="card form-part">
-        <legend>When it is built</legend>
-        <Field label="Name of the version" fault={known.version === '' ? undefined : faultOfName(known.version)} hint="Left empty, it is named by its day and job.">
+        <legend>After the build</legend>
+        <Field label="Name of the version" fault={known.version === '' ? undefined : faultOfName(known.version)} hint="If empty, it is named after the date and the job.">
           {(props) => <input {...props} value={known.version} placeholder="20261122-job12" onInput={(event) => set({ version: event.currentTarget.value })} />}
         </Field>
         <label class="check">
           <input type="checkbox" checked={known.activate} onChange={(event) => set({ activate: event.currentTarget.checked })} />
-          <span>Publish it at once if it passes its checks<span class="hint block">Otherwise it is stored, and you publish it after looking at it.</span></span>
+          <span>Activate it if it passes the checks<span class="hint block">Otherwise it is stored only, and you can activate it later.</span></span>
         </label>
         <label class="check">
           <input type="checkbox" checked={known.newFrame} onChange={(event) => set({ newFrame: event.currentTarget.checked })} />
-          <span>Do not bring it into the frame of the active version<span class="hint block">Then positions mean other places than before, and it is judged as a first version.</span></span>
+          <span>Use a new map frame<span class="hint block">The same position then means another place than in the active version, and the checks treat it as a first version.</span></span>
         </label>
       </fieldset>
-      {error !== undefined && <Trouble error={error} title="The rebuild was not taken" />}
+      {error !== undefined && <Trouble error={error} title="The server refused the rebuild" />}
       <div class="actions">
         {fault !== undefined && <p class="fault" role="status">{fault}</p>}
         <span class="grow" />
@@ -105,8 +105,8 @@ function Form({ map, drives }: { map: string; drives: readonly DriveRow[] }) {
 }
 
 function faultOf(choices: RebuildChoices, drives: readonly DriveRow[]): string | undefined {
-  if (!drives.some(({ id }) => choices.drives.includes(id) && id !== choices.heldBack)) return 'Choose at least one drive to build of.';
-  if (choices.version !== '' && faultOfName(choices.version) !== undefined) return 'The name of the version cannot be used.';
+  if (!drives.some(({ id }) => choices.drives.includes(id) && id !== choices.heldBack)) return 'Choose at least one drive to build from.';
+  if (choices.version !== '' && faultOfName(choices.version) !== undefined) return 'Change the name of the version: it cannot be used.';
   return undefined;
 }
 
@@ -123,15 +123,15 @@ function DriveChoice({ drives, choices, set }: { drives: readonly DriveRow[]; ch
               type="checkbox" checked={choices.drives.includes(drive.id) && choices.heldBack !== drive.id}
               disabled={choices.heldBack === drive.id} onChange={(event) => toggle(drive.id, event.currentTarget.checked)}
             />
-            <span>{nameOf(drive)} <span class="quiet">no. {drive.id} · {bytes(drive.bytes)} · {date(drive.created_ns)}</span></span>
+            <span>{nameOf(drive)} <span class="quiet">drive {drive.id} · {bytes(drive.bytes)} · {date(drive.created_ns)}</span></span>
           </label>
         ))}
       </div>
-      <Field label="Judge it by" hint="A drive that is not built in, of the same streets, tells most about what the map is worth. Without one, every tenth scan stays out.">
+      <Field label="Check the map with" hint="Best is another drive through the same streets that is not part of the map. Without one, every tenth scan is held back.">
         {(props) => (
           <select {...props} value={choices.heldBack ?? ''} onChange={({ currentTarget: { value } }) => set({ heldBack: value === '' ? null : Number(value) })}>
             <option value="">Every tenth scan of the drives</option>
-            {drives.map((drive) => <option key={drive.id} value={drive.id}>{nameOf(drive)} (no. {drive.id})</option>)}
+            {drives.map((drive) => <option key={drive.id} value={drive.id}>{nameOf(drive)} (drive {drive.id})</option>)}
           </select>
         )}
       </Field>

@@ -5,7 +5,7 @@ import { age, bytes } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';
 import { useLoad } from '../ui/load.js';
 import { say } from '../ui/notices.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import { UploadDialog } from '../upload/dialog.js';
 import { kindOfType, kKindWords } from '../upload/kind.js';
 import { uploads } from '../upload/manager.js';
@@ -13,7 +13,7 @@ import { forgetUpload, remembered } from '../upload/remembered.js';
 
 type Listed = Schema<'UploadListed'>;
 
-/** Packages and map files whose upload broke off; nothing when there are none. */
+/** Packages and map files whose upload was interrupted; nothing if there are none. */
 export function UnfinishedUploads({ map }: { map: string }) {
   const { data, reload } = useLoad(async (signal) =>
     (await ask('get', '/v1/maps/{map}/uploads', { path: { map }, signal })).data.uploads, [map], { everyS: 5 });
@@ -32,17 +32,17 @@ export function UnfinishedUploads({ map }: { map: string }) {
   if (list.length === 0 && open === undefined) return null;
   return (
     <section aria-labelledby="unfinished">
-      <h2 id="unfinished">Uploads that broke off</h2>
+      <h2 id="unfinished">Interrupted uploads</h2>
       {list.map((upload) => (
         <div key={upload.id} class="card unfinished" data-upload={upload.id}>
-          <span><strong>{upload.version}</strong> <span class="quiet">{kKindWords[kindOfType(upload.content_type)]}, begun {age(upload.created_ns)}, {shareOf(map, upload)}</span></span>
+          <span><strong>{upload.version}</strong> <span class="quiet">{kKindWords[kindOfType(upload.content_type)]}, started {age(upload.created_ns)}, {shareOf(map, upload)}</span></span>
           <span class="grow" />
-          <button type="button" class="small" onClick={() => setOpen(upload)}>Go on with the upload</button>
+          <button type="button" class="small" onClick={() => setOpen(upload)}>Resume the upload</button>
           <button type="button" class="plain small" aria-label={`Discard the upload of ${upload.version}`} onClick={() => remove(upload)}><Icon name="trash" /></button>
         </div>
       ))}
       {open !== undefined && (
-        <UploadDialog map={map} goOn={{ id: open.id, name: open.version, kind: kindOfType(open.content_type) }} onClose={() => setOpen(undefined)} />
+        <UploadDialog map={map} resume={{ id: open.id, name: open.version, kind: kindOfType(open.content_type) }} onClose={() => setOpen(undefined)} />
       )}
     </section>
   );
@@ -50,5 +50,5 @@ export function UnfinishedUploads({ map }: { map: string }) {
 
 function shareOf(map: string, { id, bytes: there }: Listed): string {
   const known = remembered().find((one) => one.map === map && one.collection === 'uploads' && one.id === id);
-  return known === undefined || known.bytes === 0 ? `${bytes(there)} there` : `${Math.floor((100 * there) / known.bytes)} % of ${bytes(known.bytes)}`;
+  return known === undefined || known.bytes === 0 ? `${bytes(there)} arrived` : `${Math.floor((100 * there) / known.bytes)} % of ${bytes(known.bytes)}`;
 }

@@ -1,14 +1,14 @@
 import { useState } from 'preact/hooks';
 import { ask } from '../api/client.js';
 import { failedItsChecks, type Job } from '../jobs/job.js';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { age, area, bytes, date, short } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';
 import { useLoad } from '../ui/load.js';
 import { Badge } from '../ui/parts.js';
 import { downloadPackage } from './download.js';
-import { tellingOptions, type VersionRow } from './facts.js';
-import { DeleteVersion, Publish, RollBack } from './version_dialogs.js';
+import { changedOptions, type VersionRow } from './facts.js';
+import { Activate, DeleteVersion, RollBack } from './version_dialogs.js';
 
 export interface VersionListData {
   version: string | null;
@@ -19,16 +19,16 @@ export interface VersionListData {
 export interface VersionsProps {
   map: string;
   list: VersionListData;
-  /** The map's revision: what is done here is done to the map as it is shown. */
+  /** The map's revision. A change is refused if the map is no longer as shown here. */
   etag: string | undefined;
   onChange: () => void;
 }
 
 const kJobsAtOnce = 100;
 
-type Open = { what: 'publish' | 'delete'; version: string } | { what: 'rollback' };
+type Open = { what: 'activate' | 'delete'; version: string } | { what: 'rollback' };
 
-/** A map's versions, newest first, and what can be done with each. */
+/** A map's versions, newest first, with their actions. */
 export function VersionsSection({ map, list, etag, onChange }: VersionsProps) {
   const [open, setOpen] = useState<Open>();
   const dialog = { map, etag, onChange, onClose: () => setOpen(undefined) };
@@ -44,13 +44,13 @@ export function VersionsSection({ map, list, etag, onChange }: VersionsProps) {
           <button type="button" onClick={() => setOpen({ what: 'rollback' })}>Roll back to {list.previous_version}</button>
         )}
       </div>
-      {newestFirst.length === 0 ? <p class="quiet">None yet.</p> : (
+      {newestFirst.length === 0 ? <p class="quiet">No versions yet. Upload one, or build one from drives.</p> : (
         <div class="card table-frame">
           <table class="versions">
             <thead>
               <tr>
                 <th scope="col">Version</th><th scope="col">Stored</th><th scope="col" class="end">Area</th>
-                <th scope="col" class="end">Points</th><th scope="col" class="end">Size</th><th scope="col">Built of</th>
+                <th scope="col" class="end">Points</th><th scope="col" class="end">Size</th><th scope="col">Built from</th>
                 <th scope="col"><span class="unseen">Actions</span></th>
               </tr>
             </thead>
@@ -60,7 +60,7 @@ export function VersionsSection({ map, list, etag, onChange }: VersionsProps) {
           </table>
         </div>
       )}
-      {open?.what === 'publish' && <Publish {...dialog} version={open.version} active={list.version ?? undefined} failedJob={failedJobs.get(open.version)} />}
+      {open?.what === 'activate' && <Activate {...dialog} version={open.version} active={list.version ?? undefined} failedJob={failedJobs.get(open.version)} />}
       {open?.what === 'delete' && <DeleteVersion {...dialog} version={open.version} />}
       {open?.what === 'rollback' && (
         <RollBack {...dialog} version={list.previous_version ?? ''} active={list.version ?? undefined} />
@@ -76,7 +76,7 @@ function useFailedJobs(map: string, list: VersionListData): ReadonlyMap<string, 
   return new Map((data ?? []).filter(failedItsChecks).map(({ id, result }) => [result?.version ?? '', id]));
 }
 
-/** The jobs that made these versions, as far as the server has not forgotten them. */
+/** The jobs that built these versions, as far as the server still knows them. */
 async function jobsThatMade(map: string, versions: readonly string[], signal: AbortSignal): Promise<Job[]> {
   const made: Job[] = [];
   const wanted = new Set(versions);
@@ -95,21 +95,21 @@ interface RowProps {
   map: string;
   list: VersionListData;
   version: VersionRow;
-  /** The job whose checks it did not pass. */
+  /** The job whose checks the version did not pass. */
   failedJob: number | undefined;
   onOpen: (open: Open) => void;
 }
 
 function Row({ map, list, version, failedJob, onOpen }: RowProps) {
   const { version: name } = version;
-  const options = tellingOptions(version.options);
+  const options = changedOptions(version.options);
   return (
     <tr data-version={name}>
       <th scope="row" class="name">
         <a href={linkTo('view', [map, name])}>{name}</a>
         <span class="badges">
           {version.active && <Badge tone="good">Active</Badge>}
-          {name === list.previous_version && <Badge tone="plain">Before</Badge>}
+          {name === list.previous_version && <Badge tone="plain">Previous</Badge>}
           {failedJob !== undefined && <a class="badge warn" href={linkTo('jobs', [String(failedJob)])}>Checks failed</a>}
           {version.state === 'failed' && <Badge tone="bad">Failed</Badge>}
           {version.state === 'loading' && <Badge tone="live">Loading</Badge>}
@@ -122,7 +122,7 @@ function Row({ map, list, version, failedJob, onOpen }: RowProps) {
       <td class="end number">{bytes(version.bytes)}</td>
       <td class="built">
         <span>{version.drives?.join(', ') ?? '–'}</span>
-        <span class="quiet" title={allOptions(version.options)}>{options.length > 0 ? options.join(' · ') : version.options === undefined ? '' : 'usual options'}</span>
+        <span class="quiet" title={allOptions(version.options)}>{options.length > 0 ? options.join(' · ') : version.options === undefined ? '' : 'default options'}</span>
       </td>
       <td class="end">
         <div class="actions end">
@@ -132,14 +132,14 @@ function Row({ map, list, version, failedJob, onOpen }: RowProps) {
             </a>
           )}
           {!version.active && (
-            <button type="button" class="small" onClick={() => onOpen({ what: 'publish', version: name })} aria-label={`Publish ${name}`}>Publish</button>
+            <button type="button" class="small" onClick={() => onOpen({ what: 'activate', version: name })} aria-label={`Activate ${name}`}>Activate</button>
           )}
           <button type="button" class="plain small" aria-label={`Download ${name} as a tar`} title="Download as a tar" onClick={() => void downloadPackage(map, name)}>
             <Icon name="download" />
           </button>
           <button
             type="button" class="plain small" aria-label={`Delete ${name}`} disabled={version.active}
-            title={version.active ? 'The active version cannot be deleted' : 'Delete'} onClick={() => onOpen({ what: 'delete', version: name })}
+            title={version.active ? 'The active version cannot be deleted. Activate another one first.' : 'Delete'} onClick={() => onOpen({ what: 'delete', version: name })}
           >
             <Icon name="trash" />
           </button>
@@ -153,7 +153,7 @@ function allOptions(options: Record<string, string> | undefined): string {
   return Object.entries(options ?? {}).map(([name, value]) => `${name}: ${value}`).join('\n');
 }
 
-/** Any two versions beside each other. */
+/** Chooses any two versions to compare. */
 function CompareChoice({ map, list }: { map: string; list: VersionListData }) {
   const names = list.versions.map(({ version }) => version);
   const [first, setFirst] = useState(list.version ?? names[0] ?? '');

@@ -1,20 +1,20 @@
 /** A tile of a tree in which children replace their parent. */
 export interface BudgetTile {
   readonly children?: readonly BudgetTile[];
-  /** Points drawn when this tile is drawn; 0 of one that only groups others. */
+  /** Points of this tile; 0 if it only groups others. */
   readonly points: number;
 }
 
 /**
- * The screen-space error [px] to ask for so that what is drawn keeps within a number of points.
+ * The screen-space error [px] for a renderer, so that it draws at most a number of points.
  *
- * Refines the coarsest-looking tile first, as a renderer does that refines every tile whose error is above
- * the answer, and stops before the budget is exceeded. Deterministic; visits only tiles it refines.
+ * Refines the tile with the largest error first, as a renderer does that refines every tile whose error is above
+ * the result, and stops before the budget is exceeded. Deterministic; visits only tiles that it refines.
  * @param root     of the tree.
  * @param errorOf  error [px] of a tile as seen, Infinity where the eye is inside, or undefined when it is
- *                 out of the picture (such a tile costs nothing and is not refined).
- * @param budget   points, > 0. The coarsest level is drawn even when it alone has more.
- * @param finestPx error below which nothing is refined, > 0: more points than pixels help nobody.
+ *                 out of the picture (such a tile is not drawn and not refined).
+ * @param budget   points, > 0. The coarsest level is drawn even if it has more.
+ * @param finestPx error below which no tile is refined, > 0: more points than pixels are of no use.
  */
 export function errorForBudget<Tile extends BudgetTile>(
   root: Tile, errorOf: (tile: Tile) => number | undefined, budget: number, finestPx: number,
@@ -33,7 +33,7 @@ export function errorForBudget<Tile extends BudgetTile>(
     const children = (top.item.children ?? []) as readonly Tile[];
     if (children.length === 0) continue;
     drawn += children.reduce((sum, child) => sum + put(child), 0) - top.item.points;
-    // All that is refined has an error above this one.
+    // Every refined tile has a larger error than this one.
     if (drawn > budget && top.item.points > 0) return Math.max(top.error, finestPx);
   }
   return finestPx;

@@ -7,10 +7,10 @@ export interface Box {
   readonly yaw: number;
 }
 
-/** What a clip box does to the picture. */
+/** Whether a clip box shows its inside or its outside. */
 export type ClipMode = 'inside' | 'outside';
 
-/** Whether a point lies in the box; the faces belong to it. Same frame as the box. */
+/** Whether a point is in the box, faces included. Same frame as the box. */
 export function contains(box: Box, x: number, y: number, z: number): boolean {
   const [cos, sin] = [Math.cos(box.yaw), Math.sin(box.yaw)];
   const [dx, dy, dz] = [x - box.centre[0], y - box.centre[1], z - box.centre[2]];
@@ -45,7 +45,7 @@ export function corners({ centre, size, yaw }: Box): Vec3[] {
   }));
 }
 
-/** Whether a box and an axis-aligned one may share a point; never wrongly false. */
+/** Whether a box and an axis-aligned box may overlap. Can be true without an overlap, but never false with one. */
 export function mayTouch(box: Box, min: Vec3, max: Vec3): boolean {
   const points = corners(box);
   for (let axis = 0; axis < 3; ++axis) {
@@ -63,7 +63,7 @@ export function mayTouch(box: Box, min: Vec3, max: Vec3): boolean {
   return true;
 }
 
-/** The upright box that stands on two places of the ground as opposite corners, or about a line between them. */
+/** The upright box with two places on the ground as opposite corners, or around the line between them. */
 export function boxOverDiagonal(a: Vec3, b: Vec3, below: number, above: number): Box {
   const low = Math.min(a[2], b[2]) - below;
   const high = Math.max(a[2], b[2]) + above;
@@ -74,7 +74,7 @@ export function boxOverDiagonal(a: Vec3, b: Vec3, below: number, above: number):
   };
 }
 
-/** How far along a ray (direction of length 1) the box is first met [m]; 0 from inside, undefined when it is missed. */
+/** Distance along a ray (direction of length 1) to the box [m]; 0 from inside, undefined if the ray misses it. */
 export function metBy({ centre, size, yaw }: Box, origin: Vec3, direction: Vec3): number | undefined {
   const [cos, sin] = [Math.cos(yaw), Math.sin(yaw)];
   const turn = ([x, y, z]: Vec3): Vec3 => [cos * x + sin * y, cos * y - sin * x, z];

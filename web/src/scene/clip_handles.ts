@@ -2,7 +2,7 @@ import type { Box } from './clip_box.js';
 import type { Ray } from './pick.js';
 import { add, subtract, type Vec3 } from './types.js';
 
-/** What a box is held by: the middle of a face, to move that face; or its own middle, to move it over the ground. */
+/** A handle of a box: the middle of a face moves that face; the middle of the box moves the box horizontally. */
 export interface Handle {
   readonly place: Vec3;
   /** Outwards from the face, of length 1; undefined for the middle of the box. */
@@ -12,7 +12,7 @@ export interface Handle {
 }
 
 const kLeastSizeM = 0.1;
-/** Cosine between a face's normal and the line of sight above which pulling it would tell nothing. */
+/** Cosine between a face's normal and the line of sight above which a drag would be ambiguous. */
 const kAlong = 0.95;
 
 /** The handles of a box: two faces of each axis, and the middle. */
@@ -26,15 +26,15 @@ export function handlesOf(box: Box): Handle[] {
   return [...faces, { axis: 2, place: box.centre }];
 }
 
-/** Whether a handle can be pulled by who looks along `direction` (of length 1). */
+/** Whether a handle can be dragged when looking along `direction` (of length 1). */
 export function canPull({ normal }: Handle, direction: Vec3): boolean {
   return normal === undefined ? direction[2] !== 0 : Math.abs(dot(normal, direction)) < kAlong;
 }
 
 /**
- * The box after its handle was pulled to where a ray goes by; same frame as the ray.
+ * The box after its handle was dragged to a ray; same frame as the ray.
  *
- * A face moves along its normal, no nearer to the opposite one than 0.1 m, which stays; the middle keeps its height.
+ * A face moves along its normal, to at least 0.1 m from the opposite face. The middle keeps its height.
  */
 export function pulled(box: Box, handle: Handle, ray: Ray): Box {
   if (!canPull(handle, ray.direction)) return box;
@@ -48,7 +48,7 @@ export function pulled(box: Box, handle: Handle, ray: Ray): Box {
   return { ...box, size, centre: add(box.centre, times(normal, by / 2)) };
 }
 
-/** How far along a line (through `place`, by `normal`) it comes nearest to a ray. */
+/** Distance along a line (through `place`, along `normal`) where it is closest to a ray. */
 function nearestOn(place: Vec3, normal: Vec3, { origin, direction }: Ray): number {
   const between = subtract(place, origin);
   const cosine = dot(normal, direction);

@@ -17,7 +17,7 @@ export function planesOf({ centre, size, yaw }: Box): THREE.Plane[] {
   }));
 }
 
-/** Cuts all that is drawn of a group as the points are cut; `clip` in the frame of the scene, undefined cuts nothing. */
+/** Clips everything in a group as the points are clipped. @param clip in the frame of the scene; undefined clips nothing */
 export function cut(group: THREE.Object3D, clip: Clip | undefined): void {
   const inside = clip?.mode === 'inside';
   const planes = clip === undefined ? null : planesOf(clip.box).map((plane) => (inside ? plane : plane.negate()));
@@ -25,7 +25,7 @@ export function cut(group: THREE.Object3D, clip: Clip | undefined): void {
     const { material } = object as THREE.Mesh;
     for (const one of material === undefined ? [] : [material].flat()) {
       one.clippingPlanes = planes;
-      // What lies behind all of them is inside the box.
+      // A point behind all planes is inside the box.
       one.clipIntersection = !inside;
     }
   });

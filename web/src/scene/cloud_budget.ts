@@ -3,10 +3,10 @@ import type { TilesRenderer } from '3d-tiles-renderer/three';
 import { errorForBudget, type BudgetTile } from './budget.js';
 import { levelOf } from './tile_points.js';
 
-/** Error [px] below which no finer tiles are asked for: a point a pixel is enough. */
+/** Error [px] below which no finer tiles are requested: a point per pixel is enough. */
 const kFinestPx = 1.2;
 
-/** A tileset of ours: how many points each level has. */
+/** The part of a stillmap tileset that says how many points each level has. */
 export interface CountedTileset {
   readonly asset: { version: string };
   readonly extras?: { readonly points?: readonly number[] };
@@ -23,19 +23,19 @@ interface BudgetTree extends BudgetTile {
   readonly children: readonly BudgetTree[];
 }
 
-/** Calls of the library that it documents for plugins, and does not declare. */
+/** Calls of the library that are documented for plugins, but not declared. */
 interface ViewErrors {
   prepareForTraversal(): void;
   calculateTileViewError(tile: Tile, target: { inView: boolean; error: number; distanceFromCamera: number }): void;
 }
 
-/** How coarse the tiles of a cloud have to be for a budget of points. */
+/** Finds how coarse the tiles of a cloud must be for a budget of points. */
 export class CloudBudget {
   /** Points of a tile, on average over its level. */
   private readonly usual_: readonly number[];
   private readonly trees_ = new WeakMap<Tile, BudgetTree>();
 
-  /** @param countOf points of a tile that is loaded; of the others those of its level on average are taken. */
+  /** @param countOf points of a loaded tile; for others the average of their level is used. */
   constructor(tileset: CountedTileset, private readonly countOf_: (tile: Tile) => number | undefined) {
     const tiles: number[] = [];
     const count = ({ content, children = [] }: CountedTile): void => {
@@ -47,7 +47,7 @@ export class CloudBudget {
     this.usual_ = (tileset.extras?.points ?? []).map((points, level) => points / (tiles[level] ?? Infinity));
   }
 
-  /** The error [px] for the renderer to aim at, with the camera that it has. */
+  /** The error [px] for the renderer with its present camera. */
   errorTarget(tiles: TilesRenderer, budget: number): number {
     if (tiles.root === null) return kFinestPx;
     const errors = tiles as unknown as ViewErrors;
@@ -62,7 +62,7 @@ export class CloudBudget {
     return errorForBudget(this.treeOf(tiles.root as Tile), errorOf, budget, kFinestPx);
   }
 
-  // The library's tree as the budget wants it; nested tilesets come later, so children are asked for anew.
+  // The library's tree in the form that the budget needs. Nested tilesets are loaded later, so children are read each time.
   private treeOf(tile: Tile): BudgetTree {
     const known = this.trees_.get(tile);
     if (known !== undefined) return known;

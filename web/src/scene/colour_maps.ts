@@ -12,8 +12,8 @@ type Stop = readonly [lightness: number, chroma: number, hueDeg: number];
 /** What a colour map is for: heights (many hues), amounts (one hue), or good against bad. */
 export type RampName = 'height' | 'amount' | 'grey' | 'quality';
 
-// Each map runs from dark to light (or the other way round) without turning back, so that it can be read
-// without hues, and keeps a distance from the background of its theme.
+// The lightness of each map only rises or only falls, so that it can be read without hues, and differs from the
+// background of its theme.
 const kStops: Record<Theme, Record<RampName, readonly Stop[]>> = {
   dark: {
     height: [[0.46, 0.15, 285], [0.56, 0.13, 245], [0.68, 0.115, 200], [0.78, 0.15, 155], [0.87, 0.17, 120], [0.94, 0.145, 106]],
@@ -29,7 +29,7 @@ const kStops: Record<Theme, Record<RampName, readonly Stop[]>> = {
   },
 };
 
-/** Colours of points by how they came into the map. */
+/** Colours of points by kind. */
 export const kKindColours: Record<Theme, Record<Kind, Rgb>> = {
   dark: { measured: [196, 206, 220], ground: [104, 122, 148], projected: [255, 122, 200], filled: [255, 196, 84] },
   light: { measured: [62, 74, 92], ground: [138, 152, 172], projected: [200, 20, 128], filled: [190, 116, 0] },
@@ -61,24 +61,12 @@ export function ramp(name: RampName, steps: number, theme: Theme): Uint8Array {
   return bytes;
 }
 
-/** Distance of two colours as they are seen; about 0.02 can just be told apart. */
-export function difference(a: Oklab, b: Oklab): number {
+/** Perceived distance of two colours; about 0.02 can just be distinguished. */
+function difference(a: Oklab, b: Oklab): number {
   return Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
 }
 
-export function toOklab([red, green, blue]: Rgb): Oklab {
-  const [r, g, b] = [linear(red), linear(green), linear(blue)];
-  const l = Math.cbrt(0.4122214708 * r + 0.5363325363 * g + 0.0514459929 * b);
-  const m = Math.cbrt(0.2119034982 * r + 0.6806995451 * g + 0.1073969566 * b);
-  const s = Math.cbrt(0.0883024619 * r + 0.2817188376 * g + 0.6299787005 * b);
-  return [
-    0.2104542553 * l + 0.793617785 * m - 0.0040720468 * s,
-    1.9779984951 * l - 2.428592205 * m + 0.4505937099 * s,
-    0.0259040371 * l + 0.7827717662 * m - 0.808675766 * s,
-  ];
-}
-
-// Beyond the gamut the nearest byte is taken; the stops lie within it.
+// Colours outside the gamut are clamped; the stops are inside.
 function toRgb([lightness, a, b]: Oklab): Rgb {
   const l = (lightness + 0.3963377774 * a + 0.2158037573 * b) ** 3;
   const m = (lightness - 0.1055613458 * a - 0.0638541728 * b) ** 3;
@@ -103,11 +91,6 @@ function fromStop([lightness, chroma, hueDeg]: Stop): Oklab {
 
 function mix(a: Oklab, b: Oklab, share: number): Oklab {
   return [a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share, a[2] + (b[2] - a[2]) * share];
-}
-
-function linear(value: number): number {
-  const share = value / 255;
-  return share <= 0.04045 ? share / 12.92 : ((share + 0.055) / 1.055) ** 2.4;
 }
 
 function byte(value: number): number {

@@ -8,7 +8,7 @@ export type ExportFormat = (typeof kExportFormats)[number];
  * Points as a file in map coordinates.
  *
  * PLY (binary, double coordinates) and CSV are exact to the tile's own resolution; PCD has float
- * coordinates, as its readers expect: 1 mm coarse at 8 km from the map frame's origin.
+ * coordinates, as its readers expect: steps of 1 mm at 8 km from the map frame's origin.
  * @param origin of the points in map coordinates [m].
  */
 export function exportPoints(points: Points, origin: Vec3, format: ExportFormat): Blob {

@@ -9,8 +9,8 @@ const kVertexShader = `
     gl_Position = vec4(position.xy, 0.0, 1.0);
   }`;
 
-// Shades a pixel by how far it lies behind its neighbours, in logarithms of depth, so that near and far
-// edges look alike. The depth goes on to the canvas, where lines and boxes are drawn afterwards.
+// Shades a pixel by how far it is behind its neighbours, by the logarithm of depth, so that near and far
+// edges look alike. The depth is written to the canvas, where lines and boxes are drawn afterwards.
 const kFragmentShader = `
   uniform sampler2D colours, depths;
   uniform vec2 pixel;

@@ -9,8 +9,8 @@ export interface ViewPoint {
 /**
  * The view from above at `elevation` [rad] that shows all `corners` and fills the picture best.
  *
- * Tries directions around the compass and keeps the one that comes nearest, so that a long street lies
- * across a wide window. North is kept upward (east view over south, ...) as far as that costs nothing.
+ * Tries directions around the compass and keeps the one with the nearest eye, so that a long street fills a wide
+ * window. Of equally good directions it prefers the one with north most upward.
  * @param corners at least one.
  * @param fovY    vertical opening angle of the camera [rad].
  * @param aspect  width by height of the picture.
@@ -21,7 +21,7 @@ export function fitView(corners: readonly Vec3[], fovY: number, aspect: number, 
   let best: { distance: number; view: ViewPoint } | undefined;
   const steps = 24;
   for (let step = 0; step < steps; ++step) {
-    // Alternating sides of due south (-90 degrees), from which north is up.
+    // Alternating sides of south (-90 degrees), from which north is up.
     const turn = (step % 2 === 0 ? step / 2 : -(step + 1) / 2) * ((2 * Math.PI) / steps);
     const candidate = fitFrom(corners, -Math.PI / 2 + turn, elevation, tanX, tanY);
     if (best === undefined || candidate.distance < 0.97 * best.distance) best = candidate;

@@ -1,14 +1,13 @@
-/** What drawing costs; script only, without waiting for the graphics. */
+/** Time for drawing a frame; script only, without waiting for the graphics card. */
 export interface FrameCosts {
   readonly frames: number;
   /** Of the newest frames [ms]. */
   readonly medianMs: number;
-  readonly worstMs: number;
 }
 
 const kRemembered = 120;
 
-/** Calls `draw` once for any number of requests until the next frame; nothing runs while nothing is asked for. */
+/** Calls `draw` once for any number of requests until the next frame; nothing runs while there is no request. */
 export class FrameLoop {
   private pending_ = 0;
   private frames_ = 0;
@@ -20,7 +19,7 @@ export class FrameLoop {
     if (this.pending_ === 0) this.pending_ = requestAnimationFrame(() => this.now());
   }
 
-  /** Draws at once, in place of what was asked for. */
+  /** Draws at once, in place of a pending request. */
   now(): void {
     cancelAnimationFrame(this.pending_);
     this.pending_ = 0;
@@ -31,15 +30,7 @@ export class FrameLoop {
 
   get costs(): FrameCosts {
     const sorted = [...this.costs_].sort((a, b) => a - b);
-    return {
-      frames: this.frames_, medianMs: sorted[Math.floor(sorted.length / 2)] ?? 0, worstMs: sorted[sorted.length - 1] ?? 0,
-    };
-  }
-
-  /** Forgets what drawing has cost so far. */
-  resetCosts(): void {
-    this.costs_.length = 0;
-    this.frames_ = 0;
+    return { frames: this.frames_, medianMs: sorted[Math.floor(sorted.length / 2)] ?? 0 };
   }
 
   dispose(): void {

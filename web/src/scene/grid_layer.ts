@@ -5,7 +5,7 @@ import { empty } from './lines.js';
 import { subtract, type Range, type Theme, type Vec3 } from './types.js';
 
 const kSteps = 256;
-/** Above the ground [m], so that it is not lost among its points. */
+/** Height above the ground [m], so that its points do not hide the layer. */
 const kLift = 0.35;
 
 // Clipped by three.js's own pieces of shader.
@@ -26,7 +26,7 @@ const kFragmentShader = `
     gl_FragColor = vec4(tint, 0.62);
   }`;
 
-/** Cells of the ground painted with a value. */
+/** Cells of the ground, coloured by a value. */
 export class GridLayer {
   readonly group = new THREE.Group();
 
@@ -65,7 +65,7 @@ export class GridLayer {
   }
 }
 
-// The colours are sRGB already, and go out as they are.
+// The colours are sRGB already, so they are not converted.
 function material(): THREE.ShaderMaterial {
   return new THREE.ShaderMaterial({
     transparent: true, depthWrite: false, side: THREE.DoubleSide, vertexColors: true, clipping: true,

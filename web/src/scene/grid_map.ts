@@ -1,4 +1,4 @@
-/** A layer of the server's: square cells of the ground, by tile. */
+/** A layer of the server: square cells of the ground, by tile. */
 export interface GridHead {
   readonly tile_size_m: number;
   readonly cell_m: number;
@@ -22,13 +22,13 @@ export interface Cells {
  * The cells that have a height and a value that `holds`.
  *
  * @param heights, values bands of the layer: tile after tile, in a tile row after row from the south; NaN = none.
- * @throws Error in words when a band has not as many values as there are cells.
+ * @throws Error when a band does not have one value per cell.
  */
 export function cellsOf(grid: GridHead, heights: Float32Array, values: Float32Array, holds: (value: number) => boolean): Cells {
   const each = grid.cells_per_side ** 2;
   for (const band of [heights, values]) {
     if (band.length !== each * grid.tiles.length) {
-      throw new Error(`A band of the layer has ${band.length} values, expected ${each * grid.tiles.length}.`);
+      throw new Error(`A band of the layer has ${band.length} values, and ${each * grid.tiles.length} are expected. Reload the page.`);
     }
   }
   const kept: number[] = [];

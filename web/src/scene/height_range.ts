@@ -2,9 +2,9 @@ import type { MapCloud } from './map_cloud.js';
 import type { Vec3 } from './types.js';
 
 /**
- * Colours clouds by one range of heights, that of the first of them that knows its own: call it as they change.
+ * Colours all clouds by the height range of the first cloud that has one. Call it when a cloud changes.
  *
- * @param origin of the scene, from which its heights count.
+ * @param origin of the scene, to which heights are relative.
  * @return whether a range is known.
  */
 export function shareHeights(clouds: readonly MapCloud[], origin: Vec3): boolean {

@@ -1,6 +1,6 @@
 import * as THREE from 'three';
 
-/** How close and how far, and how low, the eye may go; the fields of OrbitControls. */
+/** Limits of distance and angle of the eye; fields of OrbitControls. */
 interface Limits {
   minDistance: number;
   maxDistance: number;
@@ -13,7 +13,7 @@ const kZoom = 1.15;
 // Share of the distance to the target that one key press moves sideways.
 const kStep = 0.06;
 
-/** What a key press on the picture asks for; undefined when it is none of ours. */
+/** What a key press does to the view; undefined if the key has no meaning here. */
 export function steer(event: KeyboardEvent): Move | 'all' | 'above' | undefined {
   if (event.ctrlKey || event.metaKey || event.altKey) return undefined;
   const act = event.shiftKey ? pan : turn;

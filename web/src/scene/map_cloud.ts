@@ -18,16 +18,16 @@ export type { PickedPoint, Ranges } from './tile_points.js';
 /** Most bytes of tiles that are kept (as the library counts them: 20 a point). */
 const kCacheBytes = 200e6;
 const kDownloadsAtOnce = 6;
-/** Most points looked at for one pick, so that it stays within a frame's time. */
+/** Most points tested for one pick, so that it takes less than a frame. */
 const kPickLimit = 400_000;
 
-/** Boxes that the shape of a map is told by. */
+/** Number of boxes that describe the shape of a map. */
 const kShapeBoxes = 100;
 
 export interface MapCloudOptions {
   /** Of the version's tileset.json. */
   readonly tilesetUrl: string;
-  /** Of the map, in map coordinates [m]: what is added to a tile's coordinates. */
+  /** Origin of the map in map coordinates [m], which is added to a tile's coordinates. */
   readonly origin: Vec3;
   /** Spacing of the finest points [m]. */
   readonly voxelSizeM: number;
@@ -39,14 +39,14 @@ export interface MapCloudOptions {
 
 interface Loaded {
   readonly points: TilePoints;
-  /** Made when it is first pointed at. */
+  /** Made at the first pick. */
   pick?: PickPoints;
 }
 
 /**
  * The points of one map version, streamed by level of detail within a budget.
  *
- * Needs a Scene to be drawn in. `ready` resolves when the tileset is known (not its points).
+ * Must be added to a Scene. `ready` resolves when the tileset is loaded (not its points).
  */
 export class MapCloud {
   /** Points in the frame of the scene it was added to. */
@@ -88,7 +88,7 @@ export class MapCloud {
     };
   }
 
-  /** Corners [m, map coordinates] of boxes that all points lie in, closer than `bounds`; empty before the tileset is known. */
+  /** Corners [m, map coordinates] of boxes that contain all points, tighter than `bounds`; empty before the tileset is loaded. */
   get shape(): Vec3[] {
     let boxes = this.tiles_?.root === null || this.tiles_ === undefined ? [] : [this.tiles_.root as Tile];
     for (;;) {
@@ -104,13 +104,13 @@ export class MapCloud {
     return this.ranges_;
   }
 
-  /** What is drawn, what is kept, what is on its way. */
+  /** Points and tiles that are drawn, kept and being loaded. */
   get stats(): { points: number; tiles: number; bytes: number; pending: number } {
     const tiles = this.tiles_;
     if (tiles === undefined) return { points: 0, tiles: 0, bytes: 0, pending: 1 };
     let points = 0;
     for (const tile of tiles.visibleTiles) points += this.loaded_.get(tile)?.points.count ?? 0;
-    // Fields that the library documents but does not declare.
+    // Fields that are documented but not declared by the library.
     const { stats, lruCache } = tiles as unknown as {
       stats: { queued: number; downloading: number; parsing: number }; lruCache: { cachedBytes: number };
     };
@@ -125,25 +125,25 @@ export class MapCloud {
     if (this.tiles_ !== undefined) this.tiles_.group.visible = this.shown_;
   }
 
-  /** Hides what a box does not let be seen; it cannot be pointed at either. @param clip in the frame of the scene */
+  /** Hides what the box cuts away; hidden points cannot be picked. @param clip in the frame of the scene */
   setClip(clip: Clip | undefined): void {
     this.clip_ = clip;
     this.materials.setClip(clip);
   }
 
-  /** Goes on after trouble; where a key is what is missing, once the person gave it. */
+  /** Tries again after an error. If a key is missing, asks for it first. */
   retry(): void {
     if (this.source_.trouble?.kind === 'key') askForKey();
     else this.source_.retry();
   }
 
-  /** Puts the cloud into a scene whose zero lies at `sceneOrigin` (map coordinates). */
+  /** Places the cloud in a scene with the origin `sceneOrigin` (map coordinates). */
   place(sceneOrigin: Vec3): void {
     this.group.position.set(...subtract(this.origin, sceneOrigin));
     this.group.updateMatrixWorld(true);
   }
 
-  /** Chooses the tiles for a view, and asks for those that are missing. @param height of the picture [px]. */
+  /** Chooses the tiles for a view, and loads the missing ones. @param height of the picture [px]. */
   update(camera: THREE.Camera, width: number, height: number): void {
     const tiles = this.tiles_;
     if (tiles === undefined) return;
@@ -155,7 +155,7 @@ export class MapCloud {
   }
 
   /**
-   * The point that a person points at.
+   * The point at a ray.
    *
    * @param ray       in the frame of the scene.
    * @param tolerance slope of the cone around it.
@@ -186,7 +186,7 @@ export class MapCloud {
 
   private async load(): Promise<void> {
     const tileset = (await this.source_.json(this.options_.tilesetUrl, this.stop_.signal)) as CountedTileset;
-    // The library warns of everything above 1.0; of 1.1 it has what we use, glTF content.
+    // The library warns for every version above 1.0. Of 1.1 we use glTF content only, which it supports.
     tileset.asset.version = '1.0';
     const tiles = new TilesRenderer(this.options_.tilesetUrl);
     tiles.registerPlugin({
@@ -228,7 +228,7 @@ export class MapCloud {
 
   private show(scene: THREE.Object3D, tile: Tile): void {
     scene.traverse((object) => {
-      // The library disposes of the material that came with the tile; ours is shared by all of them.
+      // The library disposes of the tile's own material; ours is shared by all tiles.
       if (object instanceof THREE.Points) object.material = this.materials.of(levelOf(tile));
     });
     this.options_.onChange();

@@ -1,6 +1,6 @@
 import type { Vec3 } from './types.js';
 
-/** Lengths [m]; `rise` is positive where the end lies higher. */
+/** Lengths [m]; `rise` is positive if the end is higher. */
 export interface Lengths {
   readonly straight: number;
   readonly horizontal: number;
@@ -12,7 +12,7 @@ export function between(a: Vec3, b: Vec3): Lengths {
   return { straight: Math.hypot(dx, dy, dz), horizontal: Math.hypot(dx, dy), rise: dz };
 }
 
-/** Along all legs of a line; `rise` from its first to its last point. Zero for fewer than two points. */
+/** Along all segments of a line; `rise` from its first to its last point. Zero for fewer than two points. */
 export function total(points: readonly Vec3[]): Lengths {
   let sum: Lengths = { straight: 0, horizontal: 0, rise: 0 };
   for (let i = 1; i < points.length; ++i) {
@@ -24,7 +24,7 @@ export function total(points: readonly Vec3[]): Lengths {
   return sum;
 }
 
-/** "12.34 m", "1.234 km"; millimetres are not measured. */
+/** "12.34 m", "1.234 km"; millimetres would be false precision. */
 export function metres(length: number): string {
   return Math.abs(length) < 1000 ? `${length.toFixed(2)} m` : `${(length / 1000).toFixed(3)} km`;
 }

@@ -1,7 +1,9 @@
-import type { Decision } from './objects_layer.js';
 import type { Theme } from './types.js';
 
-/** 0xrrggbb by class of object; far apart for people who see colours differently too, after Okabe and Ito (2008). */
+/** What a person decided about an object. */
+export type Decision = 'keep' | 'remove';
+
+/** 0xrrggbb by class of object; distinguishable for colour-blind people too, after Okabe and Ito (2008). */
 const kClassColours: Record<Theme, Record<string, number>> = {
   dark: {
     car: 0xff7ac8, van: 0xff9f6b, truck: 0xffb000, bus: 0xf0e442, trailer: 0xd89a4a, pedestrian: 0x56c8ff, cyclist: 0x40e0a0,

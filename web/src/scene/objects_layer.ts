@@ -7,16 +7,13 @@ import type { Clip } from './clip_planes.js';
 import { boxEdges, empty, flat } from './lines.js';
 import type { Ray } from './pick.js';
 import type { SeenObject } from './seen_objects.js';
-import { kDecisionColours, objectColour } from './object_colours.js';
+import { kDecisionColours, objectColour, type Decision } from './object_colours.js';
 import { add, type Theme, type Vec3 } from './types.js';
 
-/** What a person decided about an object. */
-export type Decision = 'keep' | 'remove';
-
 /**
- * Boxes of what was removed, coloured by class, with the tracks of what moved.
+ * Boxes of removed objects, coloured by class, with the tracks of moving ones.
  *
- * What moved is shown by one box and its track; all of its boxes when it is chosen.
+ * A moving object has one box and its track; a selected one all of its boxes.
  */
 export class ObjectsLayer {
   readonly group = new THREE.Group();
@@ -43,7 +40,7 @@ export class ObjectsLayer {
     this.group.add(this.chosenGroup_);
   }
 
-  /** Sets one off, with all the places it was seen at; undefined for none. */
+  /** Highlights an object with all its positions; undefined for none. */
   choose(object: SeenObject | undefined): void {
     empty(this.chosenGroup_);
     if (object === undefined) return;
@@ -54,12 +51,12 @@ export class ObjectsLayer {
     this.chosenGroup_.add(this.edges([shownBox(object)], [colour], 3));
   }
 
-  /** Boxes whose middle is cut away cannot be pointed at. @param clip in map coordinates */
+  /** Boxes whose middle is cut away cannot be picked. @param clip in map coordinates */
   setClip(clip: Clip | undefined): void {
     this.clip_ = clip;
   }
 
-  /** The object whose box a ray (less `origin`) meets first, and how far along [m]. */
+  /** The object whose box a ray (relative to `origin`) meets first, and the distance along the ray [m]. */
   pick(ray: Ray): { object: SeenObject; depth: number } | undefined {
     let best: { object: SeenObject; depth: number } | undefined;
     const from = add(ray.origin, this.origin_);
@@ -107,7 +104,7 @@ export class ObjectsLayer {
   }
 }
 
-/** The middle one of the places that an object was seen at. */
+/** The box in the middle of an object's positions. */
 export function shownBox({ places }: SeenObject): Box {
   return places[Math.floor(places.length / 2)] as Box;
 }

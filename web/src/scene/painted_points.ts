@@ -16,7 +16,7 @@ const kVertexShader = `
     colour = paint;
   }`;
 
-// Colours are sRGB already and go out as they are, as those of a map's points.
+// The colours are sRGB already, so they are not converted.
 const kFragmentShader = `
   flat varying vec3 colour;
   void main() {
@@ -31,11 +31,11 @@ export interface PaintedPointsOptions {
   /** Of a point [m], and its bounds in the picture [CSS px]. */
   readonly sizeM: number;
   readonly pixels: readonly [number, number];
-  /** By how much points are drawn nearer than they are [m], to be seen on a surface that they lie in. */
+  /** Points are drawn this much closer than they are [m], so that a surface does not hide them. */
   readonly towardsEyeM: number;
 }
 
-/** Points of which each has a colour of its own, drawn among those of a map. */
+/** Points with one colour each, drawn together with those of a map. */
 export class PaintedPoints {
   readonly object: THREE.Points<THREE.BufferGeometry, THREE.ShaderMaterial>;
   readonly count: number;
@@ -62,7 +62,7 @@ export class PaintedPoints {
     };
   }
 
-  /** Sets the colours of points `begin` to `end`; seen once `shown` was called. */
+  /** Sets the colours of points `begin` to `end`; visible after `shown` was called. */
   paint(colourOf: (point: number) => Rgb, begin = 0, end = this.count): void {
     const bytes = this.paint_.array as Uint8Array;
     for (let i = begin; i < end; ++i) bytes.set(colourOf(i), 3 * i);

@@ -4,7 +4,7 @@ export interface Ray {
   readonly direction: readonly [number, number, number];
 }
 
-/** How far along a ray a place comes [m], both in one frame. */
+/** Distance of a place along a ray [m]; both in one frame. */
 export function depthAlong({ origin, direction }: Ray, [x, y, z]: readonly [number, number, number]): number {
   return (x - origin[0]) * direction[0] + (y - origin[1]) * direction[1] + (z - origin[2]) * direction[2];
 }
@@ -13,17 +13,17 @@ export function depthAlong({ origin, direction }: Ray, [x, y, z]: readonly [numb
 export interface Hit {
   /** Index of the point. */
   readonly index: number;
-  /** How far along the ray [m], and how far beside it as a share of the tolerance. */
+  /** Distance along the ray [m], and distance from it as a share of the tolerance. */
   readonly depth: number;
   readonly beside: number;
 }
 
-/** Points that are looked at together. */
+/** Number of points that share one bounding box. */
 const kRun = 256;
 /** Points this much [m] behind the first one seen still count as the same surface. */
 const kSurfaceM = 0.5;
 
-/** Points of a tile, with the bounds of each run of them, so that most runs need no look. */
+/** Points of a tile with the bounds of each group, so that most groups need not be tested. */
 export class PickPoints {
   private readonly bounds_: Float32Array;
 
@@ -40,12 +40,12 @@ export class PickPoints {
   }
 
   /**
-   * The point to which a person points: of those within the tolerance the ones first along the ray, and
-   * of these the one nearest to it.
+   * The point at a ray: of the points within the tolerance those that are first along the ray, and of these the one
+   * nearest to the ray.
    *
    * @param tolerance half opening angle of the cone around the ray, as a slope.
    * @param holds     points that count.
-   * @param limit     most points looked at; `looked` of the answer says how many were.
+   * @param limit     most points to test; `looked` of the result is the number tested.
    */
   nearest(ray: Ray, tolerance: number, holds: (index: number) => boolean, limit: number): { hit?: Hit; looked: number } {
     const near: Hit[] = [];

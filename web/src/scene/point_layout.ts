@@ -18,9 +18,9 @@ export interface Points {
 }
 
 /**
- * Reads a tile as the server sends it.
+ * Reads a tile of the server.
  *
- * @throws Error in words when the size is no multiple of 20, or is not that of `expectedPoints` where
+ * @throws Error when the size is no multiple of 20, or is not that of `expectedPoints` where
  *         given, a coordinate is not finite or a kind is unknown.
  */
 export function readPoints(bytes: ArrayBuffer, expectedPoints?: number): Points {

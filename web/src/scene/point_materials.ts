@@ -39,7 +39,7 @@ const kVertexShader = `
     colour = mix(colouring == 2 ? kindColours[kind] : ramped, tone, toned);
   }`;
 
-// Colours are sRGB already and go out as they are. Alpha says "a point is here" to the pass that follows.
+// The colours are sRGB already, so they are not converted. Alpha marks for the next pass that there is a point.
 const kFragmentShader = `
   flat varying vec3 colour;
   void main() {
@@ -60,7 +60,7 @@ export function rampOf(colouring: Colouring): RampName {
 }
 
 /**
- * How the points of one map look: a material for each level of detail, all of which share what the person chose.
+ * The look of a map's points: one material per level of detail, with shared uniforms.
  *
  * A choice changes uniforms only, never a buffer.
  */
@@ -155,7 +155,7 @@ export class PointMaterials {
     }
   }
 
-  /** A point covers its voxel, but stays visible from afar and small from near by. */
+  /** A point covers its voxel, but stays visible from far away and small from close by. */
   setPixels(pixelsPerRadian: number, pixelRatio: number): void {
     this.shared_.pixelsPerRadian.value = pixelsPerRadian;
     this.shared_.minPixels.value = 1.5 * pixelRatio;

@@ -1,36 +1,45 @@
-import type { Pick, Scene } from './scene.js';
+import type { MapCloud, PickedPoint } from './map_cloud.js';
+import type { Vec3 } from './types.js';
+
+/** A place under the pointer; map coordinates [m]. */
+export interface Pick {
+  readonly position: Vec3;
+  /** The point there; undefined if only the ground plane is there. */
+  readonly point?: PickedPoint;
+  readonly cloud?: MapCloud;
+}
 
 /** The pointer over the canvas. */
 export interface PointerPlace {
   readonly clientX: number;
   readonly clientY: number;
   readonly shiftKey: boolean;
-  /** What it points at; looked for once, when asked. */
+  /** The place under it; searched only once, when called. */
   readonly pick: () => Pick | undefined;
 }
 
-/** What the pointer does instead of steering. */
+/** What the pointer does instead of moving the camera. */
 export interface Tool {
   /** CSS cursor. */
   readonly cursor?: string;
-  /** @return true to take the drag that begins here, so that the camera stands still. */
+  /** @return true to take the drag that starts here, so that the camera does not move. */
   readonly down?: (place: PointerPlace) => boolean;
   /** While it moves: with the drag, or over the canvas with nothing pressed. */
   readonly move?: (place: PointerPlace) => void;
   /** The end of a drag that was taken. */
   readonly up?: (place: PointerPlace) => void;
-  /** Pressed and let go at one place. */
+  /** Pressed and released at one place. */
   readonly click?: (place: PointerPlace) => void;
-  /** The same, for the second time at once. */
+  /** A double click. */
   readonly doubleClick?: (place: PointerPlace) => void;
   /** Another tool took over, or Escape was pressed. */
   readonly cancel?: () => void;
 }
 
-/** Movement [px] up to which a press is a click. */
+/** Most movement of a click [px]. */
 const kClickPx = 4;
 
-/** Tells clicks from drags, and hands them to the tool at hand. */
+/** Distinguishes clicks from drags, and passes them to the present tool. */
 export class Pointers {
   private tool_: Tool | null = null;
   private down_: { x: number; y: number; taken: boolean } | undefined;
@@ -40,12 +49,12 @@ export class Pointers {
   private readonly stop_ = new AbortController();
 
   constructor(
-    private readonly scene_: Scene,
+    private readonly scene_: { canvas: HTMLElement; pick: (clientX: number, clientY: number) => Pick | undefined },
     private readonly steer_: (on: boolean) => void,
   ) {
     const { canvas } = scene_;
     const options = { signal: this.stop_.signal };
-    // Before the camera's own listener: a tool that takes the drag switches it off.
+    // Before the camera's own listener, which is turned off when a tool takes the drag.
     canvas.addEventListener('pointerdown', (event) => this.down(event), { ...options, capture: true });
     canvas.addEventListener('pointermove', (event) => this.move(event), options);
     canvas.addEventListener('pointerup', (event) => this.up(event), options);
@@ -105,7 +114,7 @@ export class Pointers {
     if (down.taken) this.tool_?.up?.(place);
     if (Math.hypot(event.clientX - down.x, event.clientY - down.y) > kClickPx) return;
     this.tool_?.click?.(place);
-    // A finger does not hover: what it tapped is what it points at.
+    // A finger cannot hover: the tapped place counts as hovered.
     if (event.pointerType === 'touch') this.tellHover(place.pick());
   }
 

@@ -12,7 +12,7 @@ export interface RegionTile {
   readonly max: readonly number[];
 }
 
-/** Most points that are taken into the browser at once: some 400 MB. */
+/** Most points that are loaded into the browser at once: some 400 MB. */
 export const kRegionLimit = 20_000_000;
 const kAtOnce = 4;
 
@@ -23,19 +23,19 @@ export function tilesOf(tiles: readonly RegionTile[], box: Box | undefined): Reg
 }
 
 /**
- * Fetches tiles as they lie in the map.
+ * Loads tiles in full resolution.
  *
  * @param get    the bytes of a tile.
- * @param onTile told after each how many there are of how many.
- * @throws Error in words when they have more than kRegionLimit points, or one is damaged; what `get` throws.
+ * @param onTile called after each tile with their number so far and in total.
+ * @throws Error when they have more than kRegionLimit points, or one is damaged; what `get` throws.
  */
 export async function fetchRegion(
   tiles: readonly RegionTile[], get: (tile: RegionTile) => Promise<ArrayBuffer>, onTile: (done: number, of: number) => void,
 ): Promise<Points[]> {
   const total = tiles.reduce((sum, tile) => sum + tile.points, 0);
   if (total > kRegionLimit) {
-    throw new Error(`There are ${total.toLocaleString('en-GB')} points, more than the ${kRegionLimit.toLocaleString('en-GB')} ` +
-      'that a browser is good for. Make the box smaller, or use “stillmap export”.');
+    throw new Error(`The export has ${total.toLocaleString('en-GB')} points, more than the ${kRegionLimit.toLocaleString('en-GB')} ` +
+      'points that a browser can export. Make the box smaller, or use “stillmap export”.');
   }
   const found = new Array<Points>(tiles.length);
   let [next, done] = [0, 0];
@@ -47,7 +47,7 @@ export async function fetchRegion(
       try {
         found[number] = readPoints(bytes, tile.points);
       } catch (error) {
-        throw new Error(`Tile ${tile.level}/${tile.x}/${tile.y}: ${(error as Error).message}`);
+        throw new Error(`Tile ${tile.level}/${tile.x}/${tile.y} is damaged: ${(error as Error).message}. Try again, or check the version with “stillmap store verify”.`);
       }
       onTile(++done, tiles.length);
     }

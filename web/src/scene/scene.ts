@@ -1,28 +1,20 @@
 import * as THREE from 'three';
 import { EyeDome } from './eye_dome.js';
 import { FrameLoop, type FrameCosts } from './frame_loop.js';
-import type { MapCloud, PickedPoint } from './map_cloud.js';
-import { Pointers, type Tool } from './pointers.js';
+import type { MapCloud } from './map_cloud.js';
+import { Pointers, type Tool, type Pick } from './pointers.js';
 import type { Ray } from './pick.js';
 import { Steering, type Lens, type View } from './steering.js';
 import { add, type Theme, type Vec3 } from './types.js';
 
 export type { View } from './steering.js';
 
-/** A place that a person points at; map coordinates [m]. */
-export interface Pick {
-  readonly position: Vec3;
-  /** The point there; undefined when only the ground plane was met. */
-  readonly point?: PickedPoint;
-  readonly cloud?: MapCloud;
-}
-
 /** `auto` draws less while the camera moves, on machines that need it. */
 export type Quality = 'auto' | 'full' | 'reduced';
 
 /**
- * Two pictures from one eye; `share` of the width is left. One picture cut at a line, or, `apart`, each half
- * with the whole view in it.
+ * Two pictures from one eye; the left one has `share` of the width. They are one view cut at a line, or, if `apart`, the
+ * whole view twice.
  */
 export interface Split {
   readonly left: readonly MapCloud[];
@@ -35,19 +27,19 @@ export const kBackgrounds: Record<Theme, number> = { dark: 0x0f1318, light: 0xf4
 const kPickPx = 7;
 const kSlowFrameMs = 70;
 const kSlowFrames = 3;
-/** A longer pause between two frames was none of drawing. */
+/** A longer pause between two frames was not caused by drawing. */
 const kPauseMs = 1000;
 
 /**
- * A canvas with one camera, in which maps and other things are drawn; draws only when something changed.
+ * A canvas with one camera, which draws maps and other objects, and only after a change.
  *
- * Coordinates of objects are those of the map, less `origin` (so that floats do); z up. Public functions take
- * and give map coordinates (doubles). The constructor throws when the browser has no WebGL 2.
+ * Coordinates of objects are relative to `origin`, so that floats are precise enough; z up. Public functions take and
+ * return map coordinates (doubles). The constructor throws if the browser has no WebGL 2.
  */
 export class Scene {
-  /** Lines, boxes and signs, drawn after the points, hidden by points in front; coordinates less `origin`. */
+  /** Lines and boxes, drawn after the points and hidden by points in front; coordinates relative to `origin`. */
   readonly overlay = new THREE.Group();
-  /** Height [m, map] of the plane that is met where there is no point. */
+  /** Height [m, map] of the plane that is picked where there is no point. */
   groundHeight: number | undefined;
   private readonly renderer_: THREE.WebGLRenderer;
   private readonly points_ = new THREE.Scene();
@@ -67,7 +59,7 @@ export class Scene {
   private slowFrames_ = 0;
   private lastFrame_ = 0;
 
-  /** @param origin map coordinates [m] of the scene's zero: a place in or near the maps that will be shown. */
+  /** @param origin map coordinates [m] of the scene's origin: a place in or near the maps that will be shown. */
   constructor(
     readonly canvas: HTMLCanvasElement,
     theme: Theme,
@@ -77,7 +69,7 @@ export class Scene {
     this.renderer_.autoClear = false;
     this.renderer_.info.autoReset = false;
     this.renderer_.localClippingEnabled = true;
-    // To ask for the compiler's log waits for it: half a second of the first picture in software rendering.
+    // Reading the shader compiler's log waits for the compiler: half a second in software rendering.
     this.renderer_.debug.checkShaderErrors = false;
     this.signs_.add(this.overlay);
     this.steering_ = new Steering(canvas, origin, () => [...this.clouds_].flatMap((cloud) => cloud.shape), () => this.moved());
@@ -101,14 +93,14 @@ export class Scene {
     this.requestRender();
   }
 
-  /** Takes it out; the caller disposes of it. */
+  /** Removes it; the caller disposes of it. */
   removeCloud(cloud: MapCloud): void {
     this.clouds_.delete(cloud);
     this.points_.remove(cloud.group);
     this.requestRender();
   }
 
-  /** Adds other points (with a material of the caller's) that are shaded like a map; coordinates less `origin`. */
+  /** Adds other points (with a material of the caller's) that are shaded like a map; coordinates relative to `origin`. */
   addPoints(points: THREE.Points): void {
     this.points_.add(points);
     points.updateMatrixWorld(true);
@@ -143,12 +135,12 @@ export class Scene {
     this.resize();
   }
 
-  /** Draws at the next frame; call it after any change of one's own objects. */
+  /** Draws at the next frame; to be called after a change of added objects. */
   requestRender(): void {
     this.loop_.request();
   }
 
-  /** @return takes the listener away again. Called after each drawing, to move what lies above the canvas. */
+  /** @return removes the listener. Called after each drawing, to move labels above the canvas. */
   onFrame(listener: () => void): () => void {
     this.frameListeners_.add(listener);
     return () => this.frameListeners_.delete(listener);
@@ -164,7 +156,7 @@ export class Scene {
     this.steering_.setView(view);
   }
 
-  /** @return takes the listener away again. Called when the camera has come to rest. */
+  /** @return removes the listener. Called when the camera has come to rest. */
   onView(listener: (view: View) => void): () => void {
     return this.steering_.onRest(listener);
   }
@@ -179,7 +171,7 @@ export class Scene {
     this.steering_.showAll('above');
   }
 
-  /** Brings a place into the middle, seen from a few radii away; glides there unless the person wants less motion. */
+  /** Moves the camera to a few radii from a place; animated unless the person prefers less motion. */
   lookAtPlace(place: Vec3, radiusM: number): void {
     this.steering_.lookAt(place, radiusM);
   }
@@ -190,17 +182,17 @@ export class Scene {
 
   // ---- pointing
 
-  /** Replaces what the pointer does; null gives it back to the camera. The tool before is cancelled. */
+  /** Sets the tool of the pointer, and cancels the one before; null = the pointer moves the camera. */
   setTool(tool: Tool | null): void {
     this.pointers_.setTool(tool);
   }
 
-  /** @return takes the listener away again. Called as the pointer moves over the canvas, undefined when it leaves. */
+  /** @return removes the listener. Called as the pointer moves over the canvas, undefined when it leaves. */
   onHover(listener: (pick: Pick | undefined) => void): () => void {
     return this.pointers_.onHover(listener);
   }
 
-  /** What is at a place of the window [CSS px]; undefined when neither a point nor the ground plane is. */
+  /** The point or ground at a place of the window [CSS px]; undefined if there is neither. */
   pick(clientX: number, clientY: number): Pick | undefined {
     const ray = this.ray(clientX, clientY);
     const tolerance = kPickPx / this.pixelsPerRadian(this.canvas.clientHeight);
@@ -214,7 +206,7 @@ export class Scene {
     return best ?? this.onGround(ray);
   }
 
-  /** The ray [m, less `origin`] through a place of the window [CSS px]. */
+  /** The ray [m, relative to `origin`] through a place of the window [CSS px]. */
   ray(clientX: number, clientY: number): Ray {
     const { left, top, width, height } = this.canvas.getBoundingClientRect();
     const x = clientX - left - this.shiftAt(clientX);
@@ -225,7 +217,7 @@ export class Scene {
     return { origin: [origin.x, origin.y, origin.z], direction: [direction.x, direction.y, direction.z] };
   }
 
-  /** Where a place (map coordinates) is in the canvas [CSS px]; null when it is behind the eye. */
+  /** Where a place (map coordinates) is in the canvas [CSS px]; null if it is behind the eye. */
   project(place: Vec3): { x: number; y: number } | null {
     const seen = this.toLocal(place).applyMatrix4(this.lens.matrixWorldInverse);
     if (seen.z >= 0) return null;
@@ -237,18 +229,10 @@ export class Scene {
     return this.steering_.toLocal(place);
   }
 
-  toMap(place: THREE.Vector3): Vec3 {
-    return this.steering_.toMap(place);
-  }
-
   // ---- the rest
 
   get costs(): FrameCosts {
     return this.loop_.costs;
-  }
-
-  resetCosts(): void {
-    this.loop_.resetCosts();
   }
 
   dispose(): void {
@@ -269,7 +253,7 @@ export class Scene {
     this.requestRender();
   }
 
-  // Less is drawn while the camera moves, once some frames have been slow.
+  // After some slow frames, less is drawn while the camera moves.
   private watchPace(now: number): void {
     const took = now - this.lastFrame_;
     this.lastFrame_ = now;
@@ -360,12 +344,12 @@ export class Scene {
     if (width === 0 || height === 0) return;
     const ratio = Math.min(window.devicePixelRatio, 2) * (this.quality_ === 'reduced' ? 0.6 : 1);
     this.steering_.aspect = width / height;
-    // A canvas that is given its size waits for all that was drawn, even when the size is the same.
+    // Setting the canvas size waits for all earlier drawing, even if the size is the same.
     const [wide, high] = [Math.floor(width * ratio), Math.floor(height * ratio)];
     if (this.canvas.width === wide && this.canvas.height === high) return this.requestRender();
     this.renderer_.setPixelRatio(ratio);
     this.renderer_.setSize(width, height, false);
-    // It is empty now; drawn before the browser shows that.
+    // The canvas is empty now, so it is drawn before the browser shows it.
     this.loop_.now();
   }
 }

@@ -60,7 +60,7 @@ export function profileOf(section: Section, tiles: readonly Points[], holds: (ki
   return { along: Float64Array.from(along), heights: Float64Array.from(heights), kinds: Uint8Array.from(kinds) };
 }
 
-/** Lowest and highest height; undefined when the cut met nothing. */
+/** Lowest and highest height; undefined if the cut has no points. */
 export function extentOf({ heights }: Profile): [number, number] | undefined {
   let [low, high] = [Infinity, -Infinity];
   for (const height of heights) {

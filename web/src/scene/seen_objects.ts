@@ -47,7 +47,7 @@ export function gather(entries: readonly ObjectEntry[]): SeenObject[] {
   });
 }
 
-/** Horizontal length of the way an object was seen to go [m]. */
+/** Horizontal length of an object's track [m]. */
 export function wayOf({ places }: SeenObject): number {
   return places.slice(1).reduce((sum, { centre }, i) => {
     const before = (places[i] as Box).centre;

@@ -11,7 +11,7 @@ import type { Theme, Vec3 } from './types.js';
 
 const kColours: Record<Theme, number> = { dark: 0xffe066, light: 0x8a4b00 };
 
-/** What a person draws: a line to measure along, and a box. Drawn in front of everything. */
+/** The measured line and the clip box, drawn in front of everything. */
 export class SketchLayer {
   readonly group = new THREE.Group();
   private readonly lines_ = new THREE.Group();
@@ -31,7 +31,7 @@ export class SketchLayer {
     if (places.length > 0) this.lines_.add(this.dots(places, 9, theme));
   }
 
-  /** @param held whether it can be pulled by its handles. */
+  /** @param held whether it has handles. */
   setBox(box: Box | undefined, held: boolean, theme: Theme): void {
     empty(this.boxes_);
     if (box === undefined) return;

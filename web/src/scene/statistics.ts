@@ -1,6 +1,6 @@
 import type { Range } from './types.js';
 
-/** How often which value came, in cells of one width; grows with every tile. */
+/** A histogram of values with cells of one width; it grows with every tile. */
 export class Histogram {
   private readonly cells_ = new Map<number, number>();
   private total_ = 0;
@@ -17,8 +17,8 @@ export class Histogram {
   }
 
   /**
-   * Values that `share` of all lie below and `share` above: a few birds or reflections would otherwise squeeze
-   * all else into one colour. At least `least` apart; undefined while there are none.
+   * The range without the lowest and the highest `share` of the values: a few birds or reflections would otherwise
+   * squeeze all others into one colour. At least `least` wide; undefined while there are no values.
    */
   range(share: number, least: number): Range | undefined {
     if (this.total_ === 0) return undefined;

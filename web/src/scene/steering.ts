@@ -4,17 +4,17 @@ import { fitView } from './fit.js';
 import { steer } from './keyboard.js';
 import { add, subtract, type Vec3 } from './types.js';
 
-/** Where from and where to; map coordinates [m]. */
+/** Position of the eye and its target; map coordinates [m]. */
 export interface View {
   readonly eye: Vec3;
   readonly target: Vec3;
 }
 
 const kElevation = (50 * Math.PI) / 180;
-// Not quite 90 degrees: there "up" would have no direction.
+// Less than 90 degrees: straight down, "up" would have no direction.
 const kStraightDown = 0.4999 * Math.PI;
 const kFovDeg = 45;
-/** Closer to straight down than this, which no turn by hand stays in by chance, it is drawn by parallel rays [rad]. */
+/** Within this angle of straight down, the projection is parallel [rad]. Too small to happen by chance. */
 const kPlanPolar = 0.01;
 const kRestMs = 250;
 const kFlightMs = 350;
@@ -23,10 +23,10 @@ const kFlightMs = 350;
 export type Lens = THREE.PerspectiveCamera | THREE.OrthographicCamera;
 
 /**
- * The camera, and how people move it: pointer, touch, keys, or a flight to a place.
+ * The camera and its control by pointer, touch and keys, and animated moves.
  *
- * It has perspective; straight down it is drawn by parallel rays, so that the picture is a plan. These show at the
- * height of the target what the perspective would, so that steering, zoom and addresses are the same for both.
+ * The camera has perspective. Straight down it has a parallel projection, so that the picture is a plan. At the height
+ * of the target both show the same, so that control, zoom and addresses are the same for both.
  */
 export class Steering {
   private readonly camera_ = new THREE.PerspectiveCamera(kFovDeg, 1, 0.1, 1000);
@@ -40,9 +40,9 @@ export class Steering {
   private widthShare_ = 1;
 
   /**
-   * @param origin map coordinates of the camera's zero.
-   * @param shape  corners of what there is to see, map coordinates.
-   * @param onMove told at each movement, and once more when it has ended.
+   * @param origin of the camera's frame in map coordinates.
+   * @param shape  corners of everything that can be seen, map coordinates.
+   * @param onMove called at each movement, and once more when it has ended.
    */
   constructor(
     canvas: HTMLCanvasElement,
@@ -87,7 +87,7 @@ export class Steering {
   /** Of the canvas, that one picture fills. */
   set widthShare(share: number) {
     this.widthShare_ = share;
-    // The controls know of one picture only, whose middle is not that of several.
+    // The controls assume one picture, whose centre is not the centre of one of several.
     this.controls_.zoomToCursor = share === 1;
   }
 
@@ -102,7 +102,7 @@ export class Steering {
     this.moved();
   }
 
-  /** @return takes the listener away again. Called when the camera has come to rest. */
+  /** @return removes the listener. Called when the camera has come to rest. */
   onRest(listener: (view: View) => void): () => void {
     this.listeners_.add(listener);
     return () => this.listeners_.delete(listener);
@@ -126,7 +126,7 @@ export class Steering {
     this.moved();
   }
 
-  /** Brings a place into the middle, seen from a few radii away, in the direction of before. */
+  /** Moves the camera to a few radii from a place, in the present direction. */
   lookAt(place: Vec3, radiusM: number): void {
     const { eye, target } = this.view;
     const away = subtract(eye, target);
@@ -134,7 +134,7 @@ export class Steering {
     this.flyTo({ target: place, eye: add(place, [away[0] * scale, away[1] * scale, away[2] * scale]) });
   }
 
-  /** Glides there, unless the person wants less motion. */
+  /** Moves there with an animation, unless the person prefers less motion. */
   flyTo(view: View): void {
     if (window.matchMedia('(prefers-reduced-motion: reduce)').matches) return this.setView(view);
     this.flight_ = { from: this.view, to: view, begin: performance.now() };
@@ -152,7 +152,7 @@ export class Steering {
     this.moved();
   }
 
-  /** Before each frame: goes on with a flight, and sets the depths that `bounds` (map coordinates) need. */
+  /** Before each frame: continues an animation, and sets the depth range for `bounds` (map coordinates). */
   prepare(now: number, bounds: readonly { min: Vec3; max: Vec3 }[]): void {
     this.fly(now);
     const eye = this.camera_.position;
@@ -162,7 +162,7 @@ export class Steering {
       const [low, high] = [this.toLocal(min), this.toLocal(max)];
       far = Math.max(far, eye.distanceTo(low.clone().add(high).multiplyScalar(0.5)) + 0.6 * low.distanceTo(high));
     }
-    // As near as the depths in between still are told apart.
+    // As near as the depth resolution allows.
     this.camera_.near = Math.max(far / 20_000, 0.02 * reach, 0.05);
     this.camera_.far = far;
     this.camera_.updateProjectionMatrix();

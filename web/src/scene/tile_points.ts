@@ -4,7 +4,7 @@ import { kFactsWord, kPointWords } from './point_layout.js';
 import { Histogram } from './statistics.js';
 import { kKinds, type Kind, type Range, type Vec3 } from './types.js';
 
-/** Points that the ranges of the colours are told from. */
+/** Most points of a tile from which the colour ranges are computed. */
 const kRangeSamples = 20_000;
 
 /** A point that is shown. */
@@ -18,20 +18,20 @@ export interface PickedPoint {
   readonly level: number;
 }
 
-/** Ranges that most values of a map lie in. */
+/** Ranges of most values of a map. */
 export interface Ranges {
   readonly height: Range;
   readonly intensity: Range;
   readonly observations: Range;
 }
 
-/** The points of a tile as they came: five words each, as numbers and as bits. */
+/** The points of a tile as received: five words each, as numbers and as bits. */
 export class TilePoints {
   readonly count: number;
   readonly floats: Float32Array;
   private readonly bits_: Uint32Array;
 
-  /** @param geometry as the glTF loader makes it of a tile: one interleaved buffer. */
+  /** @param geometry from the glTF loader: one interleaved buffer. */
   constructor(
     readonly geometry: THREE.BufferGeometry,
     readonly level: number,
@@ -46,7 +46,7 @@ export class TilePoints {
     return kKinds[(this.facts(index) >> 16) & 3] as Kind;
   }
 
-  /** @param origin of the map: the sum is one of doubles, since map coordinates may be too large for floats. */
+  /** @param origin of the map: added in doubles, since map coordinates can be too large for floats. */
   point(index: number, origin: Vec3): PickedPoint {
     const at = index * kPointWords;
     const place = [0, 1, 2].map((axis) => (this.floats[at + axis] as number) + (origin[axis] as number)) as unknown as Vec3;
@@ -56,11 +56,11 @@ export class TilePoints {
     };
   }
 
-  /** Told from a sample; undefined of a tile without points. Heights in map coordinates. */
+  /** From a sample of the points; undefined if the tile has none. Heights in map coordinates. */
   ranges(origin: Vec3): Ranges | undefined {
     const heights = new Histogram(0.1);
     const observations = new Histogram(1);
-    // Sensors give 0 to 1, or 0 to 255 and more.
+    // Sensors report 0 to 1, or 0 to 255 and more.
     const intensities = new Histogram(this.largestIntensity() > 2 ? 1 : 0.005);
     const step = Math.max(1, Math.floor(this.count / kRangeSamples));
     for (let i = 0; i < this.count; i += step) {
@@ -73,7 +73,7 @@ export class TilePoints {
     return { height, intensity, observations: { low: Math.max(seen.low, 1), high: Math.max(seen.high, 2) } };
   }
 
-  // The loader makes a copy of the whole buffer for each type of number: here one, and the facts beside it.
+  // The loader copies the whole buffer for each number type. One copy is enough here.
   private share(): void {
     const interleaved = new THREE.InterleavedBuffer(this.floats, kPointWords);
     this.geometry.setAttribute('position', new THREE.InterleavedBufferAttribute(interleaved, 3, 0));

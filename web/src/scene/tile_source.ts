@@ -1,38 +1,38 @@
 import { toApiError, type ApiError } from '../api/errors.js';
 
-/** Asks the server; throws ApiError for all that is no success. What waits for a busy server does so in here. */
+/** Sends a request; throws ApiError unless it succeeds. It also waits for a busy server. */
 export type Ask = (url: string, init: { readonly signal: AbortSignal }) => Promise<Response>;
 
-/** Why no more of a map comes; the text is for people. */
+/** Why no more tiles arrive; the text is for people. */
 export interface Trouble {
   readonly kind: 'offline' | 'gone' | 'busy' | 'key' | 'refused';
   readonly text: string;
 }
 
-/** Whether it ends by itself: when the server answers again, or has another key. */
+/** Whether it ends when the server answers again or the key changes. */
 export function isPassing(trouble: Trouble | undefined): boolean {
   return trouble?.kind === 'offline' || trouble?.kind === 'busy' || trouble?.kind === 'key';
 }
 
-/** Waits [ms] between the tries of a request that brings no answer; their number bounds the tries. */
+/** Waits [ms] between the attempts of a request without an answer; their number limits the attempts. */
 const kWaitsMs: readonly number[] = [500, 2000];
 
 /**
- * Fetches tiles, and stands still when that makes no sense: after a bounded number of tries all requests wait, the
- * picture stays as it is, and one word goes to the person. `retry` goes on with all of them.
+ * Loads tiles, and pauses when that cannot succeed: after a limited number of attempts all requests wait, the picture
+ * stays, and the person gets one message. `retry` continues all requests.
  */
 export class TileSource {
   private trouble_: Trouble | undefined;
   private held_: (() => void)[] = [];
 
-  /** @param onTrouble told once when requests begin to wait, and with undefined when they go on. */
+  /** @param onTrouble called once when requests start to wait, and with undefined when they continue. */
   constructor(
     private readonly ask_: Ask,
     private readonly onTrouble_: (trouble: Trouble | undefined) => void,
     private readonly waitsMs_: readonly number[] = kWaitsMs,
   ) {}
 
-  /** The body; waits as long as there is trouble. Rejects only with AbortError, when `signal` fires. */
+  /** The body; waits while requests are paused. Rejects only with AbortError, when `signal` fires. */
   bytes(url: string, signal: AbortSignal): Promise<ArrayBuffer> {
     return this.until(signal, async () => (await this.ask_(url, { signal })).arrayBuffer());
   }
@@ -46,7 +46,7 @@ export class TileSource {
     return this.trouble_;
   }
 
-  /** Lets all that waits try again. */
+  /** Lets all waiting requests try again. */
   retry(): void {
     if (this.trouble_ === undefined) return;
     this.trouble_ = undefined;
@@ -66,7 +66,7 @@ export class TileSource {
         signal.throwIfAborted();
         const refused = toApiError(error);
         const wait = refused.trouble === 'problem' || refused.trouble === 'key' ? undefined : this.waitsMs_[tries++];
-        // While one request has found that nobody answers, the others need not find it too.
+        // When one request has found that the server is down, the others wait too.
         if (this.trouble_ !== undefined) continue;
         if (wait === undefined) this.begin(troubleOf(refused));
         else await hold(signal, (go) => setTimeout(go, wait));
@@ -82,17 +82,17 @@ export class TileSource {
 
 function troubleOf(error: ApiError): Trouble {
   if (error.status === 404 || error.status === 410) {
-    return { kind: 'gone', text: `This version is no longer on the server. What is shown stays until you leave. ${error.message}` };
+    return { kind: 'gone', text: `This version was deleted from the server. The picture stays until you leave this view. ${error.message}` };
   }
   if (error.status === 503 || error.status === 429) {
-    return { kind: 'busy', text: `The server sends no more of the map at the moment. ${error.message}` };
+    return { kind: 'busy', text: `The server sends no more tiles at the moment. ${error.message}` };
   }
-  if (error.trouble === 'key') return { kind: 'key', text: `${error.message} What is shown stays.` };
+  if (error.trouble === 'key') return { kind: 'key', text: `${error.message} The picture stays.` };
   if (error.trouble === 'problem') return { kind: 'refused', text: error.message };
-  return { kind: 'offline', text: `${error.message} What is shown stays; the rest comes when it is back.` };
+  return { kind: 'offline', text: `${error.message} The picture stays; the missing tiles are loaded when the server answers.` };
 }
 
-// Waits until it is let go, or the signal fires.
+// Waits until it is released, or the signal fires.
 function hold(signal: AbortSignal, begin: (go: () => void) => void): Promise<void> {
   return new Promise((resolve, reject) => {
     const stop = (): void => reject(signal.reason as Error);

@@ -12,7 +12,7 @@ export interface TrackPose {
   readonly position: Vec3;
 }
 
-/** Two poses, by number, that were found to be at one place; how much the pose graph believed it, in [0, 1]. */
+/** A loop closure between two poses, by number, and its weight in the pose graph, in [0, 1]. */
 export interface Loop {
   readonly from: number;
   readonly to: number;
@@ -24,7 +24,7 @@ export const kTrackColours: Record<Theme, { trajectory: number; keyframes: numbe
   light: { trajectory: 0x14181f, keyframes: 0xa35c00, loops: 0x006c8c },
 };
 
-/** The way of the sensor, its key frames, and the loops between them. Can be seen through points: it lies under trees. */
+/** The trajectory with keyframes and loop closures. Points do not hide it, since trees are above it. */
 export class TrackLayer {
   readonly trajectory = new THREE.Group();
   readonly keyframes = new THREE.Group();

@@ -1,9 +1,9 @@
-/** x, y, z. Metres; which frame is said where it is used. */
+/** x, y, z [m]; the frame is stated where it is used. */
 export type Vec3 = readonly [number, number, number];
 
 export type Theme = 'dark' | 'light';
 
-/** How a point came into the map; the numbers are those of the tile format. */
+/** The kinds of points; their order is that of the tile format. */
 export const kKinds = ['measured', 'ground', 'projected', 'filled'] as const;
 export type Kind = (typeof kKinds)[number];
 
@@ -11,7 +11,7 @@ export type Kind = (typeof kKinds)[number];
 export const kColourings = ['height', 'intensity', 'kind', 'observations'] as const;
 export type Colouring = (typeof kColourings)[number];
 
-/** Ends of a colour ramp, in the unit of what is coloured. */
+/** Ends of a colour ramp, in the unit of the values. */
 export interface Range {
   readonly low: number;
   readonly high: number;

@@ -1,15 +1,15 @@
 import type { Box, ClipMode } from './clip_box.js';
 import { kColourings, kKinds, type Colouring, type Kind, type Vec3 } from './types.js';
 
-/** What is drawn beside the points. */
+/** What can be drawn in addition to the points. */
 export const kOverlays = ['objects', 'trajectory', 'keyframes', 'loops'] as const;
 export type Overlay = (typeof kOverlays)[number];
 
-/** What the ground is painted with. */
+/** Values that can colour the ground. */
 export const kGrids = ['none', 'coverage', 'localizability'] as const;
 export type Grid = (typeof kGrids)[number];
 
-/** What a shared address holds; map coordinates [m]. What is left out is as the page begins. */
+/** The content of a shared address; map coordinates [m]. Missing values have the page's defaults. */
 export interface ViewState {
   readonly eye?: Vec3;
   readonly target?: Vec3;
@@ -20,7 +20,7 @@ export interface ViewState {
   readonly clip?: { readonly box: Box; readonly mode: ClipMode };
 }
 
-/** The state as the query of an address; coordinates in centimetres are enough for an eye. */
+/** The state as the query of an address; centimetres are precise enough for an eye. */
 export function writeViewState(state: ViewState): URLSearchParams {
   const query = new URLSearchParams();
   if (state.eye !== undefined && state.target !== undefined) {
@@ -37,7 +37,7 @@ export function writeViewState(state: ViewState): URLSearchParams {
   return query;
 }
 
-/** The state of an address. What cannot be read is left out: an address may come from anywhere. */
+/** The state of an address. Invalid values are left out: an address can come from anywhere. */
 export function readViewState(query: URLSearchParams): ViewState {
   const camera = finite((query.get('camera') ?? '').split(','), 6);
   const colouring = kColourings.find((name) => name === query.get('colour'));

@@ -7,19 +7,19 @@ import { Field, Trouble } from './parts.js';
 export interface ConfirmProps {
   title: string;
   children: ComponentChildren;
-  /** What the button says. */
+  /** The text of the button. */
   verb: string;
   danger?: boolean;
   /** Must be typed before the button can be pressed. */
   word?: string;
-  /** Done when the button is pressed; the dialog closes after it, and shows why when it throws. */
+  /** Called when the button is pressed. The dialog closes after it, or shows the error that it throws. */
   act: () => Promise<void>;
   onClose: () => void;
-  /** What to show of an error in place of the usual. */
+  /** Shown for an error instead of the usual text. */
   explain?: (error: ApiError) => ComponentChildren;
 }
 
-/** Asks before something is done, and stays open with the reason when that fails. */
+/** Asks before something is done. If that fails, the dialog stays open and shows why. */
 export function Confirm({ title, children, verb, danger, word, act, onClose, explain }: ConfirmProps) {
   const [typed, setTyped] = useState('');
   const [error, setError] = useState<ApiError>();
@@ -43,7 +43,7 @@ export function Confirm({ title, children, verb, danger, word, act, onClose, exp
       <form onSubmit={(event) => void submit(event)}>
         {children}
         {word !== undefined && (
-          <Field label={`Type “${word}” to go on`}>
+          <Field label={`Type “${word}” to confirm`}>
             {(props) => (
               <input {...props} autocomplete="off" spellcheck={false} value={typed} onInput={(event) => setTyped(event.currentTarget.value)} />
             )}
@@ -53,7 +53,7 @@ export function Confirm({ title, children, verb, danger, word, act, onClose, exp
         <div class="actions">
           <span class="grow" />
           <button type="button" onClick={onClose}>Cancel</button>
-          <button type="submit" class={danger === true ? 'danger' : 'primary'} disabled={!ready}>{busy ? 'One moment…' : verb}</button>
+          <button type="submit" class={danger === true ? 'danger' : 'primary'} disabled={!ready}>{busy ? 'Please wait…' : verb}</button>
         </div>
       </form>
     </Dialog>

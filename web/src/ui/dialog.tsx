@@ -4,13 +4,13 @@ import { Icon } from './icon.js';
 
 export interface DialogProps {
   title: string;
-  /** Asked for by Escape, by the cross, or by a press beside the dialog. */
+  /** Called on Escape, on the close button, and on a press beside the dialog. */
   onClose: () => void;
   children: ComponentChildren;
   wide?: boolean;
 }
 
-/** A dialog in front of everything, as long as it is part of the page. The browser keeps the focus in it and gives it back. */
+/** A modal dialog, open as long as it is part of the page. The browser keeps the focus in it and restores it afterwards. */
 export function Dialog({ title, onClose, children, wide }: DialogProps) {
   const element = useRef<HTMLDialogElement>(null);
   const heading = useId();

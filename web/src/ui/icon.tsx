@@ -1,4 +1,4 @@
-// Small line icons, 16 x 16. Decorative: a word stands beside each, or the button has a label.
+// Small line icons, 16 x 16. They are decoration: each has text beside it, or its button has a label.
 
 const kPaths = {
   sun: 'M8 4.8a3.2 3.2 0 1 0 0 6.4 3.2 3.2 0 0 0 0-6.4M8 1v1.4M8 13.6V15M1 8h1.4M13.6 8H15M3 3l1 1M12 12l1 1M13 3l-1 1M4 12l-1 1',

@@ -2,7 +2,7 @@ import { useCallback, useState } from 'preact/hooks';
 
 const kPrefix = 'stillmap.form.';
 
-/** State that outlives a reload of the page in this tab: what was typed, and choices. Forgotten with `forget`. */
+/** State that is kept over a reload in this tab, such as form fields. `forget` removes it. */
 export function useKept<Value>(name: string, initial: Value): [Value, (value: Value) => void] {
   const slot = kPrefix + name;
   const [state, setState] = useState<{ slot: string; value: Value }>(() => ({ slot, value: read(slot, initial) }));
@@ -11,7 +11,7 @@ export function useKept<Value>(name: string, initial: Value): [Value, (value: Va
     try {
       sessionStorage.setItem(slot, JSON.stringify(value));
     } catch {
-      // Without storage it lasts until the page is left.
+      // Without storage it lasts until the page is closed.
     }
   }, [slot]);
   return [state.slot === slot ? state.value : read(slot, initial), set];

@@ -2,12 +2,12 @@ import { useState } from 'preact/hooks';
 import { answerKey, key, keyWanted, setKey, type KeyReason } from '../api/keys.js';
 import { Dialog } from './dialog.js';
 import { Field } from './parts.js';
-import { useStore } from './store.js';
+import { useStore } from '../state/store.js';
 
 const kWords: Record<KeyReason, string> = {
-  MissingKey: 'This server asks for an API key. What you were doing goes on once it has one.',
-  RefusedKey: 'The server does not accept this key: it is unknown, revoked or expired. What you were doing goes on with another one.',
-  Chosen: 'Requests carry this key from now on.',
+  MissingKey: 'This server needs an API key. Enter one to continue.',
+  RefusedKey: 'The server does not accept this key: it is unknown, revoked or expired. Enter another key to continue.',
+  Chosen: 'The page sends this key with every request.',
 };
 
 /** Asks for the API key when a request needs one. */
@@ -23,9 +23,9 @@ function OpenKeyDialog({ reason }: { reason: KeyReason }) {
   const submit = (event: Event): void => {
     event.preventDefault();
     const given = text.trim();
-    // The server's keys are letters, digits, `_` and `-`: anything else could not even travel in a header.
+    // The server's keys have letters, digits, `_` and `-` only. Other characters cannot be sent in a header.
     if (/^[\w.~+/=-]+$/.test(given)) answerKey(given);
-    else setFault(given === '' ? 'Paste the key here.' : 'A key has letters, digits, _ and - only.');
+    else setFault(given === '' ? 'Paste the key here.' : 'This is not a key: a key has letters, digits, _ and - only. Copy it again.');
   };
   const forgetKey = (): void => {
     setKey(undefined);
@@ -35,7 +35,7 @@ function OpenKeyDialog({ reason }: { reason: KeyReason }) {
     <Dialog title="API key" onClose={() => answerKey(undefined)}>
       <form onSubmit={submit} noValidate>
         <p>{kWords[reason] ?? kWords.RefusedKey}</p>
-        <Field label="Key" fault={fault} hint="Kept until this tab is closed, and sent to this server only.">
+        <Field label="Key" fault={fault} hint="Kept until this tab is closed. Sent to this server only.">
           {(props) => (
             <input
               {...props} type="password" autocomplete="off" spellcheck={false} autofocus value={text}

@@ -3,7 +3,7 @@ import { isAborted, toApiError, type ApiError } from '../api/errors.js';
 import { onRecovery } from '../api/recovery.js';
 
 export interface Loaded<Data> {
-  /** The latest that came; kept while it is asked for again, and when that fails. */
+  /** The latest data; kept while it is loaded again, and when that fails. */
   data: Data | undefined;
   error: ApiError | undefined;
   loading: boolean;
@@ -11,13 +11,13 @@ export interface Loaded<Data> {
 }
 
 export interface LoadOptions {
-  /** Asks again after so long [s], while the window can be seen. */
+  /** Loads again after this time [s], while the window is visible. */
   everyS?: number | undefined;
 }
 
 /**
- * Asks for something when the component comes, when `inputs` change, again and again if wanted, and after a failure once
- * the server is back or another key is in use.
+ * Loads data when the component appears, when `inputs` change, and periodically if wanted. After a failure it loads again
+ * when the server is back or another key is in use.
  */
 export function useLoad<Data>(
   load: (signal: AbortSignal) => Promise<Data>, inputs: readonly unknown[], options: LoadOptions = {},

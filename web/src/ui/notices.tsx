@@ -1,10 +1,10 @@
 import { Icon } from './icon.js';
-import { Store, useStore } from './store.js';
+import { Store, useStore } from '../state/store.js';
 
 export interface Notice {
   kind: 'good' | 'bad' | 'plain';
   text: string;
-  /** Where more is to be seen. */
+  /** Where to see more. */
   link?: { href: string; text: string };
 }
 
@@ -12,7 +12,7 @@ const notices = new Store<readonly (Notice & { id: number })[]>([]);
 const kStayMs = 8000;
 let last = 0;
 
-/** Shows a line at the edge of the window; a bad one stays until it is closed. */
+/** Shows a message at the edge of the window. A bad one stays until it is closed. */
 export function say(notice: Notice): void {
   const id = ++last;
   notices.set([...notices.get(), { ...notice, id }]);

@@ -1,4 +1,4 @@
-// Small pieces that every view uses.
+// Small components that every view uses.
 
 import type { ComponentChildren } from 'preact';
 import { useEffect, useId, useRef, useState } from 'preact/hooks';
@@ -7,8 +7,8 @@ import { askForKey, key } from '../api/keys.js';
 import { Icon } from './icon.js';
 
 /**
- * A refusal or failure in words, with what the server found and expected, and its request's name for the log. Where a
- * key is what is missing, it is asked for, and then tried again.
+ * An error as text, with what the server found and expected, and the request's id for the log. If a key is missing, the
+ * person can enter one; then the request is tried again.
  */
 export function Trouble({ error, onRetry, title }: { error: ApiError; onRetry?: (() => void) | undefined; title?: string | undefined }) {
   const retry = useRef(onRetry);
@@ -27,7 +27,7 @@ export function Trouble({ error, onRetry, title }: { error: ApiError; onRetry?: 
             ))}
           </ul>
         )}
-        {error.requestId !== undefined && <p class="quiet">Request {error.requestId}</p>}
+        {error.requestId !== undefined && <p class="quiet">Request id {error.requestId}</p>}
       </div>
       {error.trouble === 'key' ? <button type="button" onClick={askForKey}>Enter a key</button>
         : onRetry !== undefined && <button type="button" onClick={onRetry}>Try again</button>}
@@ -36,7 +36,7 @@ export function Trouble({ error, onRetry, title }: { error: ApiError; onRetry?: 
 }
 
 export interface ProgressProps {
-  /** 0 to 1; undefined or null when nobody can tell. */
+  /** 0 to 1; undefined or null if unknown. */
   value: number | null | undefined;
   label: string;
 }
@@ -46,7 +46,7 @@ export function Progress({ value, label }: ProgressProps) {
   return <progress class="progress" max={1} aria-label={label} {...known} />;
 }
 
-/** What a view shows where there is nothing yet. */
+/** Shown where there is nothing yet. */
 export function Empty({ title, children }: { title: string; children?: ComponentChildren }) {
   return (
     <div class="empty">
@@ -62,7 +62,7 @@ export function Badge({ tone, children }: { tone: Tone; children: ComponentChild
   return <span class={`badge ${tone}`}>{children}</span>;
 }
 
-/** A label above its control; `hint` and `fault` are read with the control. */
+/** A label above its control. Screen readers read `hint` and `fault` with the control. */
 export function Field(
   { label, hint, fault, children }: {
     label: string;

@@ -8,7 +8,7 @@ export interface PictureProps {
   label: string;
 }
 
-/** An image of the server, asked for with the key, which an `img` element could not send. Drawn on a canvas. */
+/** An image of the server on a canvas: it is requested with the key, which an `img` element cannot send. */
 export function Picture({ path, label }: PictureProps) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const [state, setState] = useState<'loading' | 'there' | 'none'>('loading');

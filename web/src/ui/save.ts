@@ -1,4 +1,4 @@
-/** Has the browser save what an address of this origin brings. */
+/** Lets the browser save the answer of an address of this origin. */
 export function saveAddress(address: string, name: string): void {
   const link = document.createElement('a');
   link.href = address;
@@ -6,10 +6,10 @@ export function saveAddress(address: string, name: string): void {
   link.click();
 }
 
-/** Has the browser save bytes as a file. */
+/** Lets the browser save bytes as a file. */
 export function saveBlob(blob: Blob, name: string): void {
   const address = URL.createObjectURL(blob);
   saveAddress(address, name);
-  // After the browser has begun with it.
+  // Later, when the browser has started the download.
   setTimeout(() => URL.revokeObjectURL(address), 60_000);
 }

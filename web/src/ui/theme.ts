@@ -1,14 +1,14 @@
-import { Store } from './store.js';
+import { Store } from '../state/store.js';
 
 export type Theme = 'dark' | 'light';
-/** What the person chose; `system` follows the machine. */
+/** The person's choice; `system` follows the operating system. */
 export type ThemeChoice = Theme | 'system';
 
 const kSlot = 'stillmap.theme';
 const kLight = globalThis.matchMedia?.('(prefers-color-scheme: light)');
 
 export const themeChoice = new Store<ThemeChoice>(kept());
-/** The colours in force. */
+/** The colours in use. */
 export const theme = new Store<Theme>('dark');
 
 function kept(): ThemeChoice {
@@ -32,13 +32,13 @@ export function chooseTheme(choice: ThemeChoice): void {
     if (choice === 'system') localStorage.removeItem(kSlot);
     else localStorage.setItem(kSlot, choice);
   } catch {
-    // Without storage the choice lasts until the page is left.
+    // Without storage the choice lasts until the page is closed.
   }
   themeChoice.set(choice);
   apply();
 }
 
-/** Sets the colours, and follows the machine's. */
+/** Sets the colours, and follows the operating system's. */
 export function startTheme(): void {
   apply();
   kLight?.addEventListener('change', apply);

@@ -1,4 +1,4 @@
-// What a person drops or chooses: one file, or a folder with all that is in it.
+// What a person drops or chooses: one file, or a folder with all its files.
 
 import { kRecording, lookAt, lookAtFolder, type Look } from './kind.js';
 import { tarOf, type TarEntry } from './tar.js';
@@ -7,14 +7,14 @@ export interface Chosen {
   /** Of the file or folder. */
   name: string;
   look: Look;
-  /** What travels: the file, or a tar of the folder. */
+  /** The bytes to send: the file, or a tar of the folder. */
   content: Blob;
   /** Newest change of a file in it [ms since 1970]. */
   changedMs: number;
   files: number;
 }
 
-/** One file of an `<input type=file>`. A recording is a drive by itself, and packed like a folder. */
+/** One file of an `<input type=file>`. A recording is a whole drive, and is packed like a folder. */
 export async function chosenFile(file: File): Promise<Chosen> {
   if (kRecording.test(file.name) && file.size > 0) return chosenFolder(file.name, [{ path: file.name, file }]);
   return { name: file.name, look: await lookAt(file), content: file, changedMs: file.lastModified, files: 1 };
@@ -28,7 +28,7 @@ function chosenFolder(name: string, files: readonly TarEntry[]): Chosen {
   return { name, look, content: 'refused' in look ? new Blob([]) : tarOf(wanted), changedMs, files: wanted.length };
 }
 
-/** What file managers leave behind. */
+/** Files that file managers add. */
 const kClutter = /(^|\/)(\.DS_Store|Thumbs\.db|desktop\.ini|\._[^/]*)$/;
 
 /** @param list of an `<input webkitdirectory>`: paths begin with the folder's name. */
@@ -38,9 +38,9 @@ export function fromDirectoryInput(list: readonly File[]): Chosen {
 }
 
 /**
- * What was dropped. Must be called within the drop event, since its list is empty after it.
+ * The dropped files and folders. Must be called within the drop event, since its list is empty afterwards.
  *
- * @return an empty list when nothing of it is a file.
+ * @return an empty list if there is no file.
  */
 export async function fromDrop(transfer: DataTransfer): Promise<Chosen[]> {
   const items = [...transfer.items].filter(({ kind }) => kind === 'file');
@@ -60,7 +60,7 @@ async function filesBelow(folder: FileSystemDirectoryEntry, prefix: string): Pro
   const found: TarEntry[] = [];
   const reader = folder.createReader();
   for (;;) {
-    // A folder is told in pieces, the last of them empty.
+    // A folder is listed in pieces; the last piece is empty.
     const piece = await new Promise<FileSystemEntry[]>((resolve, reject) => reader.readEntries(resolve, reject));
     if (piece.length === 0) return found;
     for (const entry of piece) {

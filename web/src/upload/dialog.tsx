@@ -12,8 +12,8 @@ import { startUpload } from './manager.js';
 import { faultOfName, suggestedMap, suggestedVersion } from './names.js';
 import { begunWith } from './remembered.js';
 
-/** An upload that was begun: its number, and the name of the drive or version. */
-export interface GoOn {
+/** An upload that was started before: its number, and the name of the drive or version. */
+export interface Resumed {
   id: number;
   name: string;
   kind: Kind;
@@ -23,29 +23,29 @@ export interface UploadDialogProps {
   onClose: () => void;
   /** Already dropped or chosen. */
   chosen?: Chosen | undefined;
-  /** The map that it goes to; undefined lets the person choose. */
+  /** The map to upload to; undefined lets the person choose. */
   map?: string | undefined;
-  /** The upload that broke off. */
-  goOn?: GoOn | undefined;
+  /** The interrupted upload. */
+  resume?: Resumed | undefined;
 }
 
-/** Asks what is to be uploaded where, and begins it. */
-export function UploadDialog({ onClose, chosen: first, map, goOn }: UploadDialogProps) {
+/** Asks what to upload and where, and starts the upload. */
+export function UploadDialog({ onClose, chosen: first, map, resume }: UploadDialogProps) {
   const [chosen, setChosen] = useState(first);
   const [error, setError] = useState<ApiError>();
   const choose = (promise: Promise<Chosen | undefined>): void => {
     setError(undefined);
     promise.then((next) => next !== undefined && setChosen(next), (reason: unknown) => setError(toApiError(reason)));
   };
-  const title = goOn === undefined ? 'Upload' : `Go on with “${goOn.name}”`;
+  const title = resume === undefined ? 'Upload' : `Resume “${resume.name}”`;
   const isUsable = chosen !== undefined && 'kind' in chosen.look;
   return (
     <Dialog title={title} onClose={onClose}>
-      {goOn !== undefined && <p>Choose the same file or folder again. What the server has of it is not sent twice.</p>}
+      {resume !== undefined && <p>Choose the same file or folder again. Parts that the server already has are not sent again.</p>}
       <Chooser chosen={chosen} choose={choose} />
       {error !== undefined && <Trouble error={error} />}
       {chosen !== undefined && 'refused' in chosen.look && <p class="trouble" role="alert">{chosen.look.refused}</p>}
-      {isUsable && <Where key={chosen.name} chosen={chosen} map={map} goOn={goOn} onClose={onClose} />}
+      {isUsable && <Where key={chosen.name} chosen={chosen} map={map} resume={resume} onClose={onClose} />}
       {!isUsable && (
         <div class="actions"><span class="grow" /><button type="button" onClick={onClose}>Cancel</button></div>
       )}
@@ -68,7 +68,7 @@ function Chooser({ chosen, choose }: { chosen: Chosen | undefined; choose: (prom
       }}
     >
       {chosen === undefined
-        ? <p>Drop a file or a folder here: a map package or a drive as a folder or tar (plain, gzip, zstd), a drive as MCAP, rosbag2 (.db3) or rawlog, or points as LAS, PCD or PLY.</p>
+        ? <p>Drop a file or a folder here: a map package or a drive as a folder or tar (plain, gzip or zstd), a drive as MCAP, rosbag2 (.db3) or rawlog, or a map as LAS, PCD or PLY.</p>
         : <p><strong>{chosen.name}</strong> <span class="quiet">{wordsOf(chosen)}</span></p>}
       <div class="actions">
         <label class="button">
@@ -99,65 +99,67 @@ function wordsOf({ content, files, look }: Chosen): string {
 interface WhereProps {
   chosen: Chosen;
   map: string | undefined;
-  goOn: GoOn | undefined;
+  resume: Resumed | undefined;
   onClose: () => void;
 }
 
-const kMapHints: Record<string, string> = { true: 'A new map.', false: 'An existing map.' };
-
 /** Map, name and kind of what was chosen. */
-function Where({ chosen, map: fixedMap, goOn, onClose }: WhereProps) {
+function Where({ chosen, map: fixedMap, resume, onClose }: WhereProps) {
   const look = 'kind' in chosen.look ? chosen.look : undefined;
-  const [kind, setKind] = useState<Kind>(goOn?.kind ?? look?.kind ?? 'package');
+  const [kind, setKind] = useState<Kind>(resume?.kind ?? look?.kind ?? 'package');
   const [typedMap, setMap] = useKept('upload.map', '');
   const [typedName, setName] = useState<string>();
-  const maps = useLoad((signal) => ask('get', '/v1/maps', { signal }), []);
+  const { names: maps, isNew } = useMaps();
   const map = fixedMap ?? (typedMap === '' ? suggestedMap(chosen.name) : typedMap);
-  const isNewMap = isNew(map, maps.data?.data.maps);
-  const taken = useVersionNames(isNewMap === false && kind !== 'drive' ? map : undefined);
-  // No name is suggested before it is known which are taken.
-  const suggested = kind === 'drive' ? driveName(chosen.name) : isNewMap === true ? suggestedVersion([]) : taken && suggestedVersion(taken);
-  const name = goOn?.name ?? typedName ?? suggested ?? '';
+  const suggested = useSuggestedName(chosen, kind, map, isNew(map));
+  const name = resume?.name ?? typedName ?? suggested ?? '';
   const mapFault = faultOfName(map);
-  const nameFault = goOn !== undefined ? undefined : kind === 'drive' ? (name.length > 200 ? 'At most 200 letters.' : undefined) : faultOfName(name);
+  const nameFault = resume === undefined ? faultOfUploadName(kind, name) : undefined;
   const isSound = mapFault === undefined && nameFault === undefined;
-  const begun = goOn === undefined
+  const begun = resume === undefined
     ? begunWith({ map, collection: collectionOf(kind), name: chosen.name, bytes: chosen.content.size, changedMs: chosen.changedMs }) : undefined;
-  const start = (event: Event, goOnWith: number | undefined): void => {
+  const start = (event: Event, resumedId: number | undefined): void => {
     event.preventDefault();
     if (!isSound) return;
-    startUpload({ map, kind, name, chosen, goOn: goOnWith });
+    startUpload({ map, kind, name, chosen, resume: resumedId });
     onClose();
   };
   return (
-    <form onSubmit={(event) => start(event, goOn?.id ?? begun?.id)}>
-      {look?.sure !== true && goOn === undefined && <KindChoice kind={kind} why={look?.why} onKind={setKind} />}
-      {fixedMap === undefined && (
-        <Field label="Map" fault={mapFault} hint={kMapHints[String(isNewMap)]}>
-          {(props) => (
-            <>
-              <input {...props} list="upload-maps" value={map} onInput={(event) => setMap(event.currentTarget.value)} />
-              <datalist id="upload-maps">{maps.data?.data.maps.map((one) => <option key={one.name} value={one.name} />)}</datalist>
-            </>
-          )}
-        </Field>
-      )}
-      {goOn === undefined && (
+    <form onSubmit={(event) => start(event, resume?.id ?? begun?.id)}>
+      {look?.sure !== true && resume === undefined && <KindChoice kind={kind} why={look?.why} onKind={setKind} />}
+      {fixedMap === undefined && <MapField map={map} maps={maps} isNew={isNew(map)} fault={mapFault} onMap={setMap} />}
+      {resume === undefined && (
         <Field
           label={kind === 'drive' ? 'Name of the drive' : 'Name of the version'} fault={typedName === undefined ? undefined : nameFault}
-          hint={kind === 'drive' ? 'For you to tell drives apart.' : 'It never changes. It is stored, not published yet.'}
+          hint={kind === 'drive' ? 'So that you can tell drives apart.' : 'It cannot be changed later. The version is stored, and not active yet.'}
         >
           {(props) => <input {...props} value={name} onInput={(event) => setName(event.currentTarget.value)} />}
         </Field>
       )}
-      {begun !== undefined && <p class="remark" role="status">The upload of this file was begun before. It goes on where it broke off.</p>}
+      {begun !== undefined && <p class="remark" role="status">An upload of this file was interrupted. “Resume” continues it.</p>}
       <div class="actions">
-        {begun !== undefined && <button type="button" disabled={!isSound} onClick={(event) => start(event, undefined)}>Begin anew</button>}
+        {begun !== undefined && <button type="button" disabled={!isSound} onClick={(event) => start(event, undefined)}>Start over</button>}
         <span class="grow" />
         <button type="button" onClick={onClose}>Cancel</button>
-        <button type="submit" class="primary" disabled={!isSound}>{begun === undefined && goOn === undefined ? 'Upload' : 'Go on'}</button>
+        <button type="submit" class="primary" disabled={!isSound}>{begun === undefined && resume === undefined ? 'Upload' : 'Resume'}</button>
       </div>
     </form>
+  );
+}
+
+function MapField({ map, maps, isNew, fault, onMap }: {
+  map: string; maps: readonly string[]; isNew: boolean | undefined; fault: string | undefined; onMap: (map: string) => void;
+}) {
+  const hint = isNew === undefined ? undefined : isNew ? 'A new map.' : 'An existing map.';
+  return (
+    <Field label="Map" fault={fault} hint={hint}>
+      {(props) => (
+        <>
+          <input {...props} list="upload-maps" value={map} onInput={(event) => onMap(event.currentTarget.value)} />
+          <datalist id="upload-maps">{maps.map((one) => <option key={one} value={one} />)}</datalist>
+        </>
+      )}
+    </Field>
   );
 }
 
@@ -175,16 +177,30 @@ function KindChoice({ kind, why, onKind }: { kind: Kind; why: string | undefined
   );
 }
 
-/** Undefined until the maps are known. */
-function isNew(map: string, maps: readonly { name: string }[] | undefined): boolean | undefined {
-  return maps === undefined ? undefined : !maps.some(({ name }) => name === map);
+/** The server's maps. `isNew` is undefined until they are known. */
+function useMaps(): { names: readonly string[]; isNew: (map: string) => boolean | undefined } {
+  const { data } = useLoad((signal) => ask('get', '/v1/maps', { signal }), []);
+  const names = data?.data.maps.map(({ name }) => name);
+  return { names: names ?? [], isNew: (map) => (names === undefined ? undefined : !names.includes(map)) };
+}
+
+/** A name for the drive or version; none until it is known which names are taken. */
+function useSuggestedName(chosen: Chosen, kind: Kind, map: string, isNewMap: boolean | undefined): string | undefined {
+  const taken = useVersionNames(isNewMap === false && kind !== 'drive' ? map : undefined);
+  if (kind === 'drive') return driveName(chosen.name);
+  return isNewMap === true ? suggestedVersion([]) : taken && suggestedVersion(taken);
+}
+
+function faultOfUploadName(kind: Kind, name: string): string | undefined {
+  if (kind !== 'drive') return faultOfName(name);
+  return name.length > 200 ? 'Use at most 200 characters.' : undefined;
 }
 
 function driveName(file: string): string {
   return file.replace(/\.(tar|tgz|tar\.\w+|rawlog|(mcap|db3)(\.zstd)?)$/i, '');
 }
 
-/** Names that are taken in a map that is there; undefined until they are known. */
+/** The names of a map's versions; undefined until they are known. */
 function useVersionNames(map: string | undefined): string[] | undefined {
   const [names, setNames] = useState<string[]>();
   useEffect(() => {

@@ -5,12 +5,12 @@ import { say } from '../ui/notices.js';
 import { fromDrop, type Chosen } from './chosen.js';
 
 export interface DropZoneProps {
-  /** Told the first file or folder of a drop. */
+  /** Called with the first file or folder of a drop. */
   onChosen: (chosen: Chosen) => void;
   children: ComponentChildren;
 }
 
-/** Takes files and folders that are dropped anywhere in the window, and shows that it does. */
+/** Accepts files and folders that are dropped anywhere in the window, and shows that it does. */
 export function DropZone({ onChosen, children }: DropZoneProps) {
   const [over, setOver] = useState(false);
   const take = useRef(onChosen);

@@ -1,25 +1,25 @@
-// The uploads of this window. They go on while the person looks at other views.
+// The uploads of this window. They continue while the person looks at other views.
 
 import { ask } from '../api/client.js';
 import { toApiError } from '../api/errors.js';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { say } from '../ui/notices.js';
-import { Store } from '../ui/store.js';
+import { Store } from '../state/store.js';
 import type { Chosen } from './chosen.js';
 import { collectionOf, kKindWords, kPointTypes, type Kind, type Packing } from './kind.js';
 import { begunWith, forgetUpload, remember } from './remembered.js';
 import { PartsTarget, type Outcome, type Target } from './target.js';
 import { isUnderWay, Transfer } from './transfer.js';
 
-/** What is to be sent where. */
+/** What to send, and where to. */
 export interface UploadPlan {
   map: string;
   kind: Kind;
-  /** Of the version that it becomes; of a drive its name. */
+  /** Name of the new version or drive. */
   name: string;
   chosen: Chosen;
-  /** Number of the drive, or of the upload, that was begun before. */
-  goOn?: number | undefined;
+  /** Number of the drive or upload that was started before. */
+  resume?: number | undefined;
 }
 
 export interface Upload {
@@ -30,10 +30,10 @@ export interface Upload {
 
 export const uploads = new Store<readonly Upload[]>([]);
 let last = 0;
-/** How long what is done stays in the tray, which lies over the view [ms]. */
+/** How long a finished upload stays in the tray, which covers part of the view [ms]. */
 const kDoneShownMs = 10_000;
 
-/** Begins an upload; what becomes of it is told at the window's edge and in the tray. */
+/** Starts an upload; a notice and the tray show its result. */
 export function startUpload(plan: UploadPlan): Upload {
   const upload = { id: ++last, plan, transfer: new Transfer(plan.chosen.content, targetOf(plan)) };
   uploads.set([...uploads.get(), upload]);
@@ -48,7 +48,7 @@ export function startUpload(plan: UploadPlan): Upload {
   return upload;
 }
 
-/** Takes it off the list; one that has not ended is broken off and taken back. What failed stays on the server as it is. */
+/** Removes an upload from the list. One that has not ended is cancelled and deleted; a failed one stays on the server. */
 export async function dismiss(upload: Upload): Promise<void> {
   const { state } = upload.transfer.view.get();
   try {
@@ -59,7 +59,7 @@ export async function dismiss(upload: Upload): Promise<void> {
   uploads.set(uploads.get().filter(({ id }) => id !== upload.id));
 }
 
-/** The browser asks before the page is left while something is under way. */
+/** Lets the browser ask before the page is left during an upload. */
 export function guardUploads(): void {
   window.addEventListener('beforeunload', (event) => {
     if (uploads.get().some(({ transfer }) => isUnderWay(transfer.view.get().state))) event.preventDefault();
@@ -67,18 +67,18 @@ export function guardUploads(): void {
 }
 
 function targetOf(plan: UploadPlan): Target {
-  const { map, kind, name, chosen, goOn } = plan;
+  const { map, kind, name, chosen, resume } = plan;
   const collection = collectionOf(kind);
   const opened = (id: number): void =>
     remember({ map, collection, id, name: chosen.name, bytes: chosen.content.size, changedMs: chosen.changedMs });
   if (kind === 'drive') {
-    const target = new PartsTarget(map, collection, { name }, goOn, opened);
-    return goOn === undefined ? withMap(map, target) : target;
+    const target = new PartsTarget(map, collection, { name }, resume, opened);
+    return resume === undefined ? withMap(map, target) : target;
   }
-  return new PartsTarget(map, collection, { version: name, content_type: contentType(kind, packingOf(chosen)) }, goOn, opened);
+  return new PartsTarget(map, collection, { version: name, content_type: contentType(kind, packingOf(chosen)) }, resume, opened);
 }
 
-/** A drive belongs to a map, which is made where it is new. */
+/** A drive belongs to a map, which is created if it is new. */
 function withMap(map: string, target: Target): Target {
   return {
     begin: async (signal) => {
@@ -107,11 +107,11 @@ function finished({ map, kind, name, chosen }: UploadPlan, outcome: Outcome): vo
   if (begun !== undefined) forgetUpload(map, begun.collection, begun.id);
   const link = { href: linkTo('maps', [map]), text: `Show ${map}` };
   if (outcome.is === 'drive') {
-    say({ kind: 'good', text: `The drive “${name}” is complete.`, link });
+    say({ kind: 'good', text: `Uploaded the drive “${name}”.`, link });
   } else if (outcome.is === 'job') {
-    say({ kind: 'good', text: `${kKindWords[kind]}: “${name}” is being converted.`, link: { href: linkTo('jobs', [String(outcome.job)]), text: `Job ${outcome.job}` } });
+    say({ kind: 'good', text: `${kKindWords[kind]}: “${name}” is being converted to a map package.`, link: { href: linkTo('jobs', [String(outcome.job)]), text: `Job ${outcome.job}` } });
   } else {
-    const text = outcome.wasThere ? `The same was already there as ${outcome.version}.` : `${outcome.version} is stored; vehicles get it when it is published.`;
+    const text = outcome.wasThere ? `This package is already stored as ${outcome.version}.` : `${outcome.version} is stored. Vehicles use it after you activate it.`;
     say({ kind: 'good', text, link });
   }
 }

@@ -1,4 +1,4 @@
-// How a file is cut into parts, and which of them are still to be sent.
+// How a file is cut into parts, and which of them are missing.
 
 export interface PartRange {
   /** From 1. */
@@ -32,15 +32,15 @@ export function cut(size: number, partBytes: number): PartRange[] {
 }
 
 /**
- * The size of part with which an upload that broke off was cut, from what the server has of it.
+ * The part size of an interrupted upload, from the parts that the server has.
  *
- * @return undefined when that cannot be the file of `size`: then another file was begun.
+ * @return undefined if those cannot be of a file of `size`: then the upload is of another file.
  */
 export function partBytesOf(listed: readonly ListedPart[], size: number): number | undefined {
   if (listed.length === 0) return partBytesFor(size);
   const largest = Math.max(...listed.map(({ bytes }) => bytes));
   const usual = partBytesFor(size);
-  // Only the last part can be smaller than the others; when it alone is there, the usual size must explain it.
+  // Only the last part can be smaller than the others. If it is the only one, the usual size must fit.
   const guess = fits(listed, size, usual) ? usual : largest;
   return fits(listed, size, guess) ? guess : undefined;
 }
@@ -54,7 +54,7 @@ function fits(listed: readonly ListedPart[], size: number, partBytes: number): b
   });
 }
 
-/** What is still to be sent. */
+/** The parts that are not on the server yet. */
 export function missing(parts: readonly PartRange[], listed: readonly ListedPart[]): PartRange[] {
   const there = new Set(listed.map(({ n }) => n));
   return parts.filter(({ n }) => !there.has(n));
@@ -64,13 +64,13 @@ export function missing(parts: readonly PartRange[], listed: readonly ListedPart
 export class Speed {
   private samples_: { atMs: number; bytes: number }[] = [];
 
-  /** @param bytes all that were sent so far. */
+  /** @param bytes sent so far in total. */
   note(atMs: number, bytes: number): void {
     this.samples_.push({ atMs, bytes });
     while (this.samples_.length > 2 && atMs - (this.samples_[0]?.atMs ?? 0) > 10_000) this.samples_.shift();
   }
 
-  /** Forgets, so that a pause does not count. */
+  /** Forgets the past, so that a pause does not count. */
   reset(): void {
     this.samples_ = [];
   }

@@ -1,4 +1,4 @@
-// Uploads that were begun in this browser, so that the same file goes on after a reload.
+// Uploads that were started in this browser, so that they can be resumed after a reload.
 
 import type { Collection } from './target.js';
 
@@ -33,7 +33,7 @@ export function forgetUpload(map: string, collection: Collection, id: number): v
   store(remembered().filter((other) => !same(other, { map, collection, id })));
 }
 
-/** One that looks as if it was begun with this file. */
+/** The upload that seems to be of this file. */
 export function begunWith(
   file: Pick<Remembered, 'map' | 'collection' | 'name' | 'bytes' | 'changedMs'>, list = remembered(),
 ): Remembered | undefined {
@@ -49,6 +49,6 @@ function store(list: Remembered[]): void {
   try {
     localStorage.setItem(kSlot, JSON.stringify(list));
   } catch {
-    // Then only the server knows what was begun.
+    // Then only the server knows the upload.
   }
 }

@@ -1,8 +1,8 @@
-// A tar of files that lie on the person's disk, made without reading them: headers in memory, the files by reference.
-// The same files give the same bytes, so that an upload that broke off goes on where it was.
+// A tar of files on the person's disk, made without reading them: headers in memory, the files by reference.
+// The same files give the same bytes, so that an interrupted upload can be resumed.
 
 export interface TarEntry {
-  /** Relative, parts divided by `/`. */
+  /** Relative, with `/` between its parts. */
   path: string;
   file: Blob & { lastModified?: number };
 }
@@ -10,9 +10,9 @@ export interface TarEntry {
 const kBlock = 512;
 
 /**
- * The archive as one Blob; parts of it are read from the files when they are sliced off.
+ * The archive as one Blob. A slice of it is read from the files only when it is needed.
  *
- * POSIX ustar, with a pax header for a path beyond 100 bytes or of other letters than ASCII, and for a file of 8 GiB or more.
+ * POSIX ustar, with a pax header for a path that is longer than 100 bytes or not ASCII, and for a file of 8 GiB or more.
  */
 export function tarOf(entries: readonly TarEntry[]): Blob {
   const pieces: BlobPart[] = [];
@@ -69,9 +69,9 @@ function paxRecord(key: string, value: string): string {
 }
 
 /**
- * Names of the first entries of a plain tar, in order; empty when it is none.
+ * Names of the first entries of a plain tar, in order; empty if it is not a tar.
  *
- * @param most  stops after so many.
+ * @param most  stops after this many.
  */
 export async function tarNames(tar: Blob, most: number): Promise<string[]> {
   const names: string[] = [];

@@ -1,30 +1,30 @@
-// Where an upload goes: the server's routes for parts, as one interface.
+// The server's routes for uploads in parts, as one interface.
 
 import { addressOf } from '../api/client.js';
 import { ApiError } from '../api/errors.js';
 import { jsonOf, send } from '../api/send.js';
 import type { ListedPart } from './parts.js';
 
-/** What the server made of an upload. */
+/** The result of an upload. */
 export type Outcome =
   | { is: 'drive'; drive: number }
   | { is: 'version'; version: string; wasThere: boolean }
   | { is: 'job'; job: number };
 
 export interface Target {
-  /** Opens the upload where that was not done yet. @return the parts that are there. */
+  /** Opens the upload if it is not open yet. @return the parts that the server has. */
   begin(signal: AbortSignal): Promise<ListedPart[]>;
-  /** @param digest as `Content-Digest`; undefined where the browser can make none. */
+  /** @param digest as `Content-Digest`; undefined if the browser cannot compute it. */
   put(
     n: number, body: ArrayBuffer, digest: string | undefined, onProgress: (sentBytes: number) => void, signal: AbortSignal,
   ): Promise<void>;
-  /** Has the whole checked, which may take minutes. */
+  /** Lets the server check the whole, which may take minutes. */
   finish(signal: AbortSignal): Promise<Outcome>;
-  /** Takes back what was sent. */
+  /** Deletes what was sent. */
   discard(): Promise<void>;
 }
 
-/** An upload as the server lists it; of a drive and of a package alike. */
+/** An upload as the server lists it, of a drive or of a package. */
 interface Listed {
   id: number;
   status: 'open' | 'complete' | 'failed';
@@ -32,20 +32,20 @@ interface Listed {
   parts: ListedPart[];
 }
 
-/** Begun uploads of drives, or of packages and map files. */
+/** Uploads of drives, or of packages and map files. */
 export type Collection = 'drives' | 'uploads';
 
 const kPartStandsStillS = 60;
 const kCheckS = 3600;
 
-/** Drives, packages and map files by parts. */
+/** Uploads drives, packages and map files in parts. */
 export class PartsTarget implements Target {
   private id_: number | undefined;
 
   /**
    * @param opening  JSON of the request that opens it.
-   * @param id       of one that was begun before.
-   * @param onOpen   told its id once it is open.
+   * @param id       of an upload that was started before.
+   * @param onOpen   called with its id when it is open.
    */
   constructor(
     private readonly map_: string, private readonly collection_: Collection, private readonly opening_: object,
@@ -62,7 +62,7 @@ export class PartsTarget implements Target {
       return opened.parts;
     }
     const there = await this.json('GET', '/{id}', signal);
-    if (there.status === 'failed') throw new ApiError('problem', `The server could not use it: ${there.error}`);
+    if (there.status === 'failed') throw new ApiError('problem', `The server could not use the upload: ${there.error}. Discard it and upload again.`);
     return there.parts;
   }
 

@@ -1,18 +1,18 @@
 import { connection } from '../api/connection.js';
 import { ApiError, isAborted, toApiError } from '../api/errors.js';
-import { Store } from '../ui/store.js';
+import { Store } from '../state/store.js';
 import { contentDigest, hex, sha256 } from './digest.js';
 import { cut, missing, partBytesOf, Speed, type ListedPart, type PartRange } from './parts.js';
 import type { Outcome, Target } from './target.js';
 
-/** `comparing`: with what the server has of it; `waiting`: for the server to come back; `checking`: by the server. */
+/** `comparing`: with the parts that the server has; `waiting`: until the server answers; `checking`: the server checks the whole. */
 export type TransferState =
   | 'starting' | 'comparing' | 'sending' | 'waiting' | 'paused' | 'checking' | 'done' | 'failed' | 'canceled';
 
 export interface TransferView {
   state: TransferState;
   bytes: number;
-  /** What has arrived or is on its way. */
+  /** Bytes that have arrived or are being sent. */
   sent: number;
   bytesPerS: number | undefined;
   etaS: number | undefined;
@@ -22,19 +22,19 @@ export interface TransferView {
 
 const kPartsAtOnce = 3;
 
-/** True while leaving the page would break it off. */
+/** True while leaving the page would interrupt it. */
 export function isUnderWay(state: TransferState): boolean {
   return !['done', 'failed', 'canceled', 'paused'].includes(state);
 }
 
-/** Sends one file by parts, over interruptions: of the network, of the server, and by the person. */
+/** Sends one file in parts. It survives interruptions by the network, the server and the person. */
 export class Transfer {
   readonly view: Store<TransferView>;
   private stop_ = new AbortController();
   private readonly speed_ = new Speed();
-  /** Bytes under way, by part. */
+  /** Bytes that are being sent, by part. */
   private readonly moving_ = new Map<number, number>();
-  /** Parts that are known to hold what the file holds. */
+  /** Parts of the server that are known to equal the file. */
   private readonly compared_ = new Set<number>();
   private arrived_ = 0;
 
@@ -45,7 +45,7 @@ export class Transfer {
     });
   }
 
-  /** Sends until it is done, fails, or is paused; what becomes of it stands in `view`. */
+  /** Sends until it is done, fails or is paused; `view` shows the state. */
   async run(): Promise<void> {
     this.stop_ = new AbortController();
     const { signal } = this.stop_;
@@ -53,7 +53,7 @@ export class Transfer {
       try {
         this.show({ state: 'starting', error: undefined });
         await this.sendMissing(await this.target_.begin(signal), signal);
-        // What was under way when it was paused may have come through whole.
+        // A part that was being sent during the pause may have arrived.
         signal.throwIfAborted();
         this.show({ state: 'checking', bytesPerS: undefined, etaS: undefined });
         const outcome = await this.target_.finish(signal);
@@ -76,7 +76,7 @@ export class Transfer {
     this.show({ state: 'paused', bytesPerS: undefined, etaS: undefined });
   }
 
-  /** Ends it and takes back what was sent. @throws ApiError when the server could not be told. */
+  /** Ends the upload and deletes its parts on the server. @throws ApiError when the server cannot be reached. */
   async cancel(): Promise<void> {
     this.halt();
     this.show({ state: 'canceled', bytesPerS: undefined, etaS: undefined });
@@ -102,7 +102,7 @@ export class Transfer {
     await forEachAtOnce(missing(parts, listed), kPartsAtOnce, (part) => this.sendPart(part, signal));
   }
 
-  /** That what the server has is of this very file. */
+  /** Checks that the server's parts are of this file. @throws ApiError if not. */
   private async compare(parts: readonly PartRange[], listed: readonly ListedPart[], signal: AbortSignal): Promise<void> {
     const unknown = listed.filter(({ n }) => !this.compared_.has(n));
     if (unknown.length > 0) this.show({ state: 'comparing' });
@@ -132,7 +132,7 @@ export class Transfer {
     try {
       return await this.content_.slice(begin, end).arrayBuffer();
     } catch {
-      throw new ApiError('garbled', 'The file can no longer be read: it was changed, moved or deleted since it was chosen.');
+      throw new ApiError('garbled', 'The file can no longer be read: it was changed, moved or deleted. Choose it again.');
     }
   }
 
@@ -151,11 +151,11 @@ export class Transfer {
 }
 
 function otherFile(): ApiError {
-  return new ApiError('problem', 'What the server has of this upload is of another file. Choose the file with which it '
-    + 'was begun, or discard the upload and begin anew.');
+  return new ApiError('problem', 'The server has parts of another file for this upload. Choose the file that the upload was '
+    + 'started with, or discard the upload and start again.');
 }
 
-/** Does a thing for each of a list, some at once. After an error no more are begun, and it is thrown once all have ended. */
+/** Calls `act` for each item, several at a time. After an error no more are started; it is thrown when all have ended. */
 async function forEachAtOnce<Item>(items: readonly Item[], atOnce: number, act: (item: Item) => Promise<void>): Promise<void> {
   const rest = [...items];
   let failed = false;
@@ -174,7 +174,7 @@ async function forEachAtOnce<Item>(items: readonly Item[], atOnce: number, act: 
 
 function untilUp(signal: AbortSignal): Promise<void> {
   return new Promise((resolve, reject) => {
-    // A late answer does not mean that the server is down: then a moment is enough.
+    // A late answer does not mean that the server is down: then a short wait is enough.
     const timer = connection.get().state === 'down' ? undefined : setTimeout(() => end(resolve), 2000);
     const unlisten = connection.listen(({ state }) => state !== 'down' && end(resolve));
     const aborted = (): void => end(() => reject(signal.reason));

@@ -1,12 +1,12 @@
 import { bytes, duration } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';
 import { Progress } from '../ui/parts.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import { kKindWords } from './kind.js';
 import { dismiss, uploads, type Upload } from './manager.js';
 import type { TransferView } from './transfer.js';
 
-/** The uploads of this window, at its lower edge. */
+/** The uploads of this window, shown at its lower edge. */
 export function UploadTray() {
   const all = useStore(uploads);
   if (all.length === 0) return null;
@@ -22,7 +22,7 @@ function Row({ upload }: { upload: Upload }) {
   const view = useStore(transfer.view);
   const isOver = view.state === 'done' || view.state === 'canceled';
   const canClose = isOver || view.state === 'failed';
-  const canGoOn = view.state === 'paused' || view.state === 'failed';
+  const canResume = view.state === 'paused' || view.state === 'failed';
   return (
     <div class={`upload ${view.state}`} data-state={view.state}>
       <div class="upload-head">
@@ -32,9 +32,9 @@ function Row({ upload }: { upload: Upload }) {
         {view.state === 'sending' && (
           <button type="button" class="plain small" onClick={() => transfer.pause()}><Icon name="pause" /> Pause</button>
         )}
-        {canGoOn && (
+        {canResume && (
           <button type="button" class="plain small" onClick={() => void transfer.run()}>
-            <Icon name="play" /> {view.state === 'paused' ? 'Go on' : 'Try again'}
+            <Icon name="play" /> {view.state === 'paused' ? 'Resume' : 'Try again'}
           </button>
         )}
         <button
@@ -58,12 +58,12 @@ function shareOf({ state, sent, bytes: all }: TransferView): number | undefined 
 function wordsOf(view: TransferView): string {
   const amount = `${bytes(view.sent)} of ${bytes(view.bytes)}`;
   switch (view.state) {
-    case 'starting': return 'Asking the server…';
-    case 'comparing': return 'Comparing with what the server has…';
+    case 'starting': return 'Starting…';
+    case 'comparing': return 'Comparing with the parts on the server…';
     case 'sending': return [amount, rateOf(view), leftOf(view)].filter(Boolean).join(' · ');
-    case 'waiting': return `${amount} · ${view.error?.message ?? ''} It goes on by itself.`;
+    case 'waiting': return `${amount} · ${view.error?.message ?? ''} The upload continues when the server answers.`;
     case 'paused': return `Paused at ${amount}`;
-    case 'checking': return 'All is there; the server checks it…';
+    case 'checking': return 'Sent. The server is checking it…';
     case 'done': return 'Done';
     case 'failed': return [view.error?.message, ...(view.error?.faults ?? []).map((fault) => `${fault.path}: found ${fault.found}, expected ${fault.expected}.`)].join(' ');
     case 'canceled': return 'Discarded';

@@ -5,24 +5,24 @@ import type { Ray } from '../scene/pick.js';
 import type { Scene } from '../scene/scene.js';
 import { add } from '../scene/types.js';
 
-/** How near to a handle a press takes it [CSS px]. */
+/** Distance within which a press takes a handle [CSS px]. */
 const kReachPx = 14;
 
-/** The clip box in the hand: pulled by the handles that are drawn on it. */
+/** Drags the clip box by its handles. */
 export class ClipGrip {
   private held_: { readonly box: Box; readonly handle: Handle } | undefined;
 
-  /** @param set told with the box as it is pulled. */
+  /** @param set called with the box while it is dragged. */
   constructor(private readonly scene_: Scene, private readonly set_: (box: Box) => void) {}
 
-  /** @return true when a handle of the box is there, which is then held. */
+  /** @return true if there is a handle of the box, which is then dragged. */
   take(box: Box | undefined, place: PointerPlace): boolean {
     const handle = box && this.at(box, place);
     this.held_ = box !== undefined && handle !== undefined ? { box, handle } : undefined;
     return this.held_ !== undefined;
   }
 
-  /** Pulls what is held, or shows by the pointer whether there is something to be held. */
+  /** Drags the held handle, or shows by the cursor whether there is one. */
   move(box: Box | undefined, place: PointerPlace): void {
     if (this.held_ !== undefined) this.set_(pulled(this.held_.box, this.held_.handle, this.ray(place)));
     else this.scene_.canvas.style.cursor = box !== undefined && this.at(box, place) !== undefined ? 'move' : '';
@@ -32,7 +32,7 @@ export class ClipGrip {
     this.held_ = undefined;
   }
 
-  /** Gives up what is held; the box is as it was. */
+  /** Cancels the drag and restores the box. */
   cancel(): void {
     if (this.held_ !== undefined) this.set_(this.held_.box);
     this.held_ = undefined;

@@ -1,11 +1,11 @@
 import { ask, type Answer, type Schema } from '../api/client.js';
 import { ApiError } from '../api/errors.js';
 import type { Box } from '../scene/clip_box.js';
-import type { Decision } from '../scene/objects_layer.js';
+import type { Decision } from '../scene/object_colours.js';
 import type { SeenObject } from '../scene/seen_objects.js';
 import type { Vec3 } from '../scene/types.js';
 
-/** A correction that the next rebuild obeys: of an object by what it is and where it stood, or of a region. */
+/** A correction for the next rebuild: of an object, by its class and position, or of a region. */
 export interface Edit {
   readonly action: Decision;
   readonly object?: { readonly centre: Vec3; readonly class: string };
@@ -15,10 +15,10 @@ export interface Edit {
 
 type EditDocument = Schema<'Edits'>;
 
-/** How far [m] an object may lie from where it was when it was corrected. */
+/** How far [m] an object may be from its position at the correction. */
 const kSamePlaceM = 1;
 
-/** The edits with one about an object replaced, or taken out. */
+/** The edits, with the one of an object replaced or removed. */
 export function decide(edits: readonly Edit[], object: SeenObject, decision: Decision | undefined): Edit[] {
   const others = edits.filter((edit) => !isAbout(edit, object));
   if (decision === undefined) return others;
@@ -26,7 +26,7 @@ export function decide(edits: readonly Edit[], object: SeenObject, decision: Dec
   return [...others, { action: decision, object: { centre: place.centre, class: object.class } }];
 }
 
-/** What was decided about which object, by its number. */
+/** The decisions, by number of the object. */
 export function decisionsOf(edits: readonly Edit[], objects: readonly SeenObject[]): Map<number, Decision> {
   const found = new Map<number, Decision>();
   for (const edit of edits) {
@@ -40,7 +40,7 @@ function isAbout({ object: said }: Edit, object: SeenObject): boolean {
     Math.hypot(centre[0] - said.centre[0], centre[1] - said.centre[1], centre[2] - said.centre[2]) < kSamePlaceM);
 }
 
-/** The corrections of a map as the server keeps them. */
+/** The corrections of a map, which the server stores. */
 export class Corrections {
   private etag_: string | undefined;
   edits: readonly Edit[] = [];
@@ -52,9 +52,9 @@ export class Corrections {
   }
 
   /**
-   * Changes them on the server; done again on what is there when somebody else was faster.
+   * Changes the corrections on the server. If somebody else changed them first, loads those and changes them.
    *
-   * @throws ApiError in words; nothing is then changed here.
+   * @throws ApiError; then nothing has changed here.
    */
   async change(how: (edits: readonly Edit[]) => readonly Edit[]): Promise<void> {
     for (let tries = 0; ; ++tries) {

@@ -1,12 +1,12 @@
 import type { Quality } from '../scene/scene.js';
 import { bytes, short } from '../ui/format.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import type { ViewerModel } from './model.js';
 import { kBudgets } from './options.js';
 
-const kQualityWords: Record<Quality, string> = { auto: 'as the machine can', full: 'always full', reduced: 'reduced' };
+const kQualityWords: Record<Quality, string> = { auto: 'automatic', full: 'full', reduced: 'reduced' };
 
-/** How much is drawn, and what it costs. */
+/** How much is drawn, and the load. */
 export function DrawingPanel({ model }: { model: ViewerModel }) {
   const { budget, eyeDome, quality } = useStore(model.options);
   const stats = useStore(model.stats);
@@ -15,7 +15,7 @@ export function DrawingPanel({ model }: { model: ViewerModel }) {
       <summary>Drawing</summary>
       <div class="viewer-numbers">
         <label class="viewer-number wide">
-          <span>Points at most</span>
+          <span>Point budget</span>
           <select value={budget} onChange={({ currentTarget }) => model.change({ budget: Number(currentTarget.value) })}>
             {kBudgets.map((points) => <option key={points} value={points}>{short(points)}</option>)}
           </select>
@@ -36,9 +36,9 @@ export function DrawingPanel({ model }: { model: ViewerModel }) {
         <dl class="viewer-stats">
           <div><dt>Points shown</dt><dd data-stat="points" data-value={stats.points}>{short(stats.points)}</dd></div>
           <div><dt>Tiles shown</dt><dd data-stat="tiles" data-value={stats.tiles}>{stats.tiles}</dd></div>
-          <div><dt>On their way</dt><dd data-stat="pending" data-value={stats.pending}>{stats.pending}</dd></div>
+          <div><dt>Tiles loading</dt><dd data-stat="pending" data-value={stats.pending}>{stats.pending}</dd></div>
           <div><dt>Tiles in memory</dt><dd data-stat="bytes" data-value={stats.bytes}>{bytes(stats.bytes)}</dd></div>
-          <div><dt>Script a frame</dt><dd data-stat="script" data-value={stats.scriptMs}>{stats.scriptMs.toFixed(1)} ms</dd></div>
+          <div><dt>Script per frame</dt><dd data-stat="script" data-value={stats.scriptMs}>{stats.scriptMs.toFixed(1)} ms</dd></div>
           <div><dt>Frames drawn</dt><dd data-stat="frames" data-value={stats.frames}>{stats.frames}</dd></div>
         </dl>
       )}

@@ -3,14 +3,14 @@ import { kExportFormats, type ExportFormat } from '../scene/export_points.js';
 import { plural } from '../ui/format.js';
 import { say } from '../ui/notices.js';
 import { saveBlob } from '../ui/save.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import type { ViewerModel } from './model.js';
-import { Section } from './panel.js';
+import { Section } from './section.js';
 import type { ExportScope } from './tools.js';
 
 const kScopeWords: Record<ExportScope, string> = { map: 'Whole map', clip: 'Clip box', section: 'Section' };
 
-/** Takes points of full resolution into a file. */
+/** Saves points in full resolution to a file. */
 export function ExportPanel({ model }: { model: ViewerModel }) {
   const { clip } = useStore(model.options);
   const section = useStore(model.tools.section);
@@ -23,7 +23,7 @@ export function ExportPanel({ model }: { model: ViewerModel }) {
     const file = await model.tools.export(scope, format);
     if (file === undefined) return;
     saveBlob(file.blob, `${model.facts.name}-${model.facts.version}-${scope}.${format}`);
-    say({ kind: 'good', text: `${plural(file.points, 'point')} saved, of the kinds that are shown.` });
+    say({ kind: 'good', text: `Saved ${plural(file.points, 'point')} of the kinds that are shown.` });
   };
   return (
     <Section title="Export">

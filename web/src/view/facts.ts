@@ -8,7 +8,7 @@ import { gather, type SeenObject } from '../scene/seen_objects.js';
 import type { Loop, TrackPose } from '../scene/track_layer.js';
 import type { Vec3 } from '../scene/types.js';
 
-/** What is known of a version before its points are there. */
+/** Facts of a version that are loaded before its points. */
 export interface MapFacts {
   readonly name: string;
   readonly version: string;
@@ -18,22 +18,22 @@ export interface MapFacts {
   readonly tiles: readonly RegionTile[];
 }
 
-/** What is drawn beside the points. */
+/** What is drawn in addition to the points. */
 export interface MapSigns {
   readonly objects: readonly SeenObject[];
   readonly poses: readonly TrackPose[];
   readonly keyframes: readonly number[];
-  /** Undefined when this version does not say. */
+  /** Undefined if the version does not have them. */
   readonly loops: readonly Loop[] | undefined;
 }
 
-/** @param version the active one when undefined. @throws ApiError in words; AbortError when `signal` fires. */
+/** @param version the active one when undefined. @throws ApiError; AbortError when `signal` fires. */
 export async function loadFacts(name: string, version: string | undefined, signal: AbortSignal): Promise<MapFacts> {
   const { data } = version === undefined ? await ask('get', '/v1/maps/{map}', { path: { map: name }, signal })
     : await ask('get', '/v1/maps/{map}/versions/{version}', { path: { map: name, version }, signal });
   const { origin, tiles, voxel_size_m, geodetic_origin } = data;
   if (data.version === null || origin === undefined || tiles === undefined || voxel_size_m === undefined) {
-    throw new ApiError('garbled', `The map “${name}” has no version that can be shown yet.`);
+    throw new ApiError('garbled', `The map “${name}” has no active version yet. Activate one on the map’s page.`);
   }
   return { name, version: data.version, origin: origin as unknown as Vec3, tiles, voxel_size_m, ...(geodetic_origin && { geodetic_origin }) };
 }
@@ -51,7 +51,7 @@ export async function loadSigns({ name, version }: MapFacts, signal: AbortSignal
   };
 }
 
-/** A layer's head, its heights and the values of one of its bands. */
+/** A layer's header, its heights and the values of one band. */
 export interface GridAnswer {
   readonly head: GridHead;
   readonly heights: Float32Array;
@@ -62,7 +62,7 @@ export async function loadGrid({ name, version }: MapFacts, layer: string, band:
   const { data: head } = await ask('get', '/v1/maps/{map}/versions/{version}/layers/{layer}', { path: { map: name, version, layer }, signal });
   const values = async (wanted: string): Promise<Float32Array> => {
     const url = head.bands.find((one) => one.name === wanted)?.url;
-    if (url === undefined) throw new ApiError('garbled', `The layer “${layer}” has no values named “${wanted}”.`);
+    if (url === undefined) throw new ApiError('garbled', `The layer “${layer}” has no band “${wanted}”: this version was built by an older mapper. Rebuild it to see the layer.`);
     const bytes = await (await send('GET', url, { signal })).arrayBuffer();
     return new Float32Array(bytes, 0, Math.floor(bytes.byteLength / 4));
   };
@@ -70,7 +70,7 @@ export async function loadGrid({ name, version }: MapFacts, layer: string, band:
   return { head, heights, values: wanted };
 }
 
-// Versions made elsewhere, and older servers, may have no such thing.
+// Imported versions and older servers may not have it.
 async function unlessMissing<Data>(answer: Promise<Data>): Promise<Data | undefined> {
   try {
     return await answer;

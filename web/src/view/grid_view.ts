@@ -5,15 +5,15 @@ import { Histogram } from '../scene/statistics.js';
 import type { RampName } from '../scene/colour_maps.js';
 import type { Range, Theme, Vec3 } from '../scene/types.js';
 import type { Grid } from '../scene/view_state.js';
-import { Store } from '../ui/store.js';
+import { Store } from '../state/store.js';
 import { loadGrid, type GridAnswer, type MapFacts } from './facts.js';
 
-/** What a grid is painted by. */
+/** How a grid is coloured. */
 interface GridKind {
   readonly band: string;
   readonly ramp: RampName;
   readonly holds: (value: number) => boolean;
-  /** Fixed, or told from the values. */
+  /** Fixed, or computed from the values. */
   readonly range?: Range;
 }
 
@@ -27,7 +27,7 @@ export type GridState =
   | { readonly state: 'shown'; readonly range: Range; readonly cells: number }
   | { readonly state: 'failed'; readonly text: string };
 
-/** The painted ground: fetched when first wanted, kept after that. */
+/** The coloured ground: loaded when first wanted, then kept. */
 export class GridView {
   readonly state = new Store<GridState>({ state: 'none' });
   private readonly answers_ = new Map<Grid, GridAnswer>();

@@ -4,12 +4,12 @@ import { objectColour } from '../scene/object_colours.js';
 import { rampOf } from '../scene/point_materials.js';
 import { kTrackColours } from '../scene/track_layer.js';
 import type { Kind, Theme } from '../scene/types.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import { theme } from '../ui/theme.js';
 import { kGridKinds } from './grid_view.js';
 import type { ViewerModel } from './model.js';
 
-/** What the colours of the points mean. */
+/** The meaning of the point colours. */
 export function ColourLegend({ model }: { model: ViewerModel }) {
   const { colouring } = useStore(model.options);
   const ranges = useStore(model.ranges);
@@ -21,17 +21,17 @@ export function ColourLegend({ model }: { model: ViewerModel }) {
   return <Ramp name={rampOf(colouring)} low={text(low)} high={text(high)} what={colouring} />;
 }
 
-/** What the painted ground means. */
+/** The meaning of the ground colours. */
 export function GridLegend({ model }: { model: ViewerModel }) {
   const { grid } = useStore(model.options);
   const now = useStore(model.grid.state);
   if (grid === 'none') return null;
-  if (now.state === 'loading') return <p class="quiet" role="status">It is being made…</p>;
+  if (now.state === 'loading') return <p class="quiet" role="status">Loading…</p>;
   if (now.state === 'failed') return <p class="fault" role="alert">{now.text}</p>;
   if (now.state !== 'shown') return null;
   const [low, high] = grid === 'localizability'
-    ? ['slides in some direction', 'held from all sides']
-    : [`${now.range.low.toFixed(0)}`, `${now.range.high.toFixed(0)} observations a cell`];
+    ? ['unconstrained in one direction', 'constrained in all directions']
+    : [`${now.range.low.toFixed(0)}`, `${now.range.high.toFixed(0)} observations per cell`];
   return <Ramp name={kGridKinds[grid].ramp} low={low} high={high} what={grid} />;
 }
 
@@ -50,7 +50,7 @@ function Ramp({ name, low, high, what }: { name: RampName; low: string; high: st
   );
 }
 
-/** A patch of the colour that something is drawn in. */
+/** A patch in the colour of something in the picture. */
 export function swatchOf(what: 'kind' | 'overlay' | 'class', name: string) {
   return <Swatch colour={(now) => colourOf(what, name, now)} round={what === 'overlay' && name === 'keyframes'} />;
 }

@@ -1,10 +1,10 @@
 import { useEffect, useRef } from 'preact/hooks';
 import { between, metres } from '../scene/measure.js';
 import type { Vec3 } from '../scene/types.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import type { ViewerModel } from './model.js';
 
-/** Lengths beside the legs of the measured line; they move with the picture. */
+/** Lengths beside the segments of the measured line; they move with the picture. */
 export function LineLabels({ model }: { model: ViewerModel }) {
   const line = useStore(model.tools.line);
   const box = useRef<HTMLDivElement>(null);

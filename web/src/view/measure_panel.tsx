@@ -1,31 +1,31 @@
 import { between, metres, total } from '../scene/measure.js';
 import { lengthOf } from '../scene/section.js';
 import type { Vec3 } from '../scene/types.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import type { ViewerModel } from './model.js';
-import { Section } from './panel.js';
+import { Section } from './section.js';
 
-/** What was measured, in numbers. */
+/** The measured lengths. */
 export function MeasurePanel({ model }: { model: ViewerModel }) {
   const line = useStore(model.tools.line);
   const section = useStore(model.tools.section);
   if (line.length === 0 && section === undefined) return null;
   const sum = total(line);
   return (
-    <Section title="Measured">
+    <Section title="Measurement">
       {line.length > 1 && (
         <table class="viewer-measures">
-          <thead><tr><th>Leg</th><th class="end">Length</th><th class="end">Level</th><th class="end">Rise</th></tr></thead>
+          <thead><tr><th>Segment</th><th class="end">Length</th><th class="end">Horizontal</th><th class="end">Rise</th></tr></thead>
           <tbody>
             {line.slice(1).map((place, i) => {
               const leg = between(line[i] as Vec3, place);
               return <Row key={i} name={String(i + 1)} {...leg} />;
             })}
-            {line.length > 2 && <Row name="All" {...sum} />}
+            {line.length > 2 && <Row name="Total" {...sum} />}
           </tbody>
         </table>
       )}
-      {line.length === 1 && <p class="quiet">One place; click the next.</p>}
+      {line.length === 1 && <p class="quiet">One point is set. Click the next one.</p>}
       {section !== undefined && (
         <div class="viewer-row">
           <span>Section {metres(lengthOf(section))} long and</span>

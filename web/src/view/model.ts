@@ -2,13 +2,15 @@ import { versionPath } from '../api/client.js';
 import { isAborted, toApiError } from '../api/errors.js';
 import { onRecovery } from '../api/recovery.js';
 import { send } from '../api/send.js';
-import { replaceQuery } from '../router.js';
+import { replaceQuery } from '../state/router.js';
 import type { Box } from '../scene/clip_box.js';
 import { cut, type Clip } from '../scene/clip_planes.js';
 import { GridLayer } from '../scene/grid_layer.js';
 import { MapCloud, type Ranges } from '../scene/map_cloud.js';
-import { ObjectsLayer, type Decision } from '../scene/objects_layer.js';
-import { Scene, type Pick } from '../scene/scene.js';
+import type { Decision } from '../scene/object_colours.js';
+import { ObjectsLayer } from '../scene/objects_layer.js';
+import type { Pick } from '../scene/pointers.js';
+import { Scene } from '../scene/scene.js';
 import type { SeenObject } from '../scene/seen_objects.js';
 import { SketchLayer } from '../scene/sketch_layer.js';
 import type { Trouble } from '../scene/tile_source.js';
@@ -16,14 +18,14 @@ import { TrackLayer } from '../scene/track_layer.js';
 import { depthAlong } from '../scene/pick.js';
 import { subtract, type Theme } from '../scene/types.js';
 import { writeViewState, type ViewState } from '../scene/view_state.js';
-import { Store } from '../ui/store.js';
+import { Store } from '../state/store.js';
 import { Corrections, decide, decisionsOf } from './corrections.js';
 import { loadSigns, type MapFacts, type MapSigns } from './facts.js';
 import { GridView } from './grid_view.js';
 import { optionsOf, type Options } from './options.js';
 import { Tools } from './tools.js';
 
-/** What drawing costs, for people who ask. */
+/** Numbers about drawing, for the panel. */
 export interface Stats {
   readonly points: number;
   readonly tiles: number;
@@ -35,7 +37,7 @@ export interface Stats {
 
 const kStatsEveryMs = 250;
 
-/** All that the viewer knows and does, without its buttons: they read the stores and call the functions. */
+/** State and actions of the viewer. The components read its stores and call its functions. */
 export class ViewerModel {
   readonly scene: Scene;
   readonly cloud: MapCloud;
@@ -45,7 +47,7 @@ export class ViewerModel {
   readonly signs = new Store<MapSigns | undefined>(undefined);
   readonly ranges = new Store<Ranges | undefined>(undefined);
   readonly trouble = new Store<Trouble | undefined>(undefined);
-  /** Why something beside the points could not be had. */
+  /** Why objects or the trajectory could not be loaded. */
   readonly fault = new Store<string | undefined>(undefined);
   readonly hover = new Store<Pick | undefined>(undefined);
   readonly chosen = new Store<SeenObject | undefined>(undefined);
@@ -60,7 +62,7 @@ export class ViewerModel {
   private readonly endings_: (() => void)[] = [];
   private statsTimer_: ReturnType<typeof setTimeout> | undefined;
 
-  /** @throws Error when the browser has no WebGL 2. */
+  /** @throws Error if the browser has no WebGL 2. */
   constructor(canvas: HTMLCanvasElement, readonly facts: MapFacts, state: ViewState, private theme_: Theme) {
     this.options = new Store(optionsOf(state));
     this.scene = new Scene(canvas, theme_, facts.origin);
@@ -102,7 +104,7 @@ export class ViewerModel {
     this.remember();
   }
 
-  /** Shows what another address of the same map says. */
+  /** Shows the view of another address of the same map. */
   apply(state: ViewState): void {
     this.change({ ...optionsOf(state), budget: this.options.get().budget, quality: this.options.get().quality });
     if (state.eye !== undefined && state.target !== undefined) this.scene.setView({ eye: state.eye, target: state.target });
@@ -115,22 +117,18 @@ export class ViewerModel {
     this.cutSigns();
   }
 
-  /** Saves what the next rebuild does with an object; undefined takes back what was said. @throws ApiError */
+  /** Saves what the next rebuild does with an object; undefined removes the decision. @throws ApiError */
   async decide(object: SeenObject, decision: Decision | undefined): Promise<void> {
     await this.corrections_.change((edits) => decide(edits, object, decision));
     this.showSigns();
   }
 
-  /** As `decide`, for all that lies in a box. @throws ApiError */
+  /** As `decide`, for everything in a box. @throws ApiError */
   async decideRegion(box: Box, action: Decision): Promise<void> {
     await this.corrections_.change((edits) => [...edits, { action, box }]);
   }
 
-  get regionEdits(): number {
-    return this.corrections_.edits.filter(({ box }) => box !== undefined).length;
-  }
-
-  /** Goes on after trouble. */
+  /** Tries again after an error. */
   retry(): void {
     this.cloud.retry();
     if (this.fault.get() !== undefined) void this.loadSigns();
@@ -171,7 +169,7 @@ export class ViewerModel {
     try {
       const signs = await loadSigns(this.facts, this.stop_.signal);
       await this.corrections_.load(this.stop_.signal).catch((error: unknown) => {
-        // A server without corrections, or a key that may not read them: the map is shown all the same.
+        // If the server has no corrections or the key may not read them, the map is shown without them.
         if (isAborted(error)) throw error;
       });
       this.signs.set(signs);
@@ -190,7 +188,7 @@ export class ViewerModel {
     this.objects_.choose(this.chosen.get());
     this.track_.show(signs.poses, signs.keyframes, signs.loops ?? [], this.theme_);
     const lowest = Math.min(...signs.poses.map(({ position }) => position[2]));
-    // Where no point is hit: some way below the sensor.
+    // The ground below the sensor, for places without a point.
     if (Number.isFinite(lowest)) this.scene.groundHeight = lowest - 1.5;
     this.cutSigns();
   }
@@ -224,7 +222,7 @@ export class ViewerModel {
     this.scene.setQuality(quality);
   }
 
-  /** Boxes, lines and painted ground are cut as the points are; to be done anew whenever they are made anew. */
+  /** Clips boxes, lines and coloured ground like the points; to be called whenever they are made again. */
   private cutSigns(): void {
     const { clip } = this.options.get();
     const { trajectory, keyframes, loops } = this.track_;
@@ -241,7 +239,7 @@ export class ViewerModel {
     const { ranges } = this.cloud;
     if (ranges !== undefined && this.ranges.get() === undefined) {
       this.ranges.set(ranges);
-      // The picture is drawn less the origin.
+      // The picture's coordinates are relative to the origin.
       const up = this.facts.origin[2];
       this.cloud.materials.setRange('height', { low: ranges.height.low - up, high: ranges.height.high - up });
       this.cloud.materials.setRange('intensity', ranges.intensity);

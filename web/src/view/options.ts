@@ -3,7 +3,7 @@ import type { Quality } from '../scene/scene.js';
 import { kColourings, kKinds, type Colouring, type Kind } from '../scene/types.js';
 import type { Grid, Overlay, ViewState } from '../scene/view_state.js';
 
-/** What a person chose to see. */
+/** What the person has chosen to see. */
 export interface Options {
   readonly colouring: Colouring;
   readonly kinds: readonly Kind[];
@@ -18,7 +18,7 @@ export interface Options {
 
 export const kBudgets: readonly number[] = [500_000, 1_000_000, 2_000_000, 4_000_000, 8_000_000];
 
-/** As the page begins, with what an address says. */
+/** The defaults, with the values of an address. */
 export function optionsOf(state: ViewState): Options {
   return {
     colouring: state.colouring ?? kColourings[0],

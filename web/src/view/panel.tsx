@@ -1,15 +1,15 @@
-import type { ComponentChildren } from 'preact';
-import { linkTo } from '../router.js';
+import { linkTo } from '../state/router.js';
 import { kColourings, kKinds, type Colouring, type Kind } from '../scene/types.js';
 import { kGrids, kOverlays, type Grid, type Overlay } from '../scene/view_state.js';
 import { short } from '../ui/format.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import { ClipPanel } from './clip_panel.js';
 import { DrawingPanel } from './drawing_panel.js';
 import { ExportPanel } from './export_panel.js';
 import { ColourLegend, GridLegend, swatchOf } from './legend.js';
 import { MeasurePanel } from './measure_panel.js';
 import type { ViewerModel } from './model.js';
+import { Section } from './section.js';
 
 const kColouringWords: Record<Colouring, string> = {
   height: 'Height', intensity: 'Intensity', kind: 'Kind', observations: 'Observations',
@@ -18,11 +18,11 @@ const kKindWords: Record<Kind, string> = {
   measured: 'Measured', ground: 'Ground', projected: 'Projected to ground', filled: 'Filled ground',
 };
 const kOverlayWords: Record<Overlay, string> = {
-  objects: 'Removed objects', trajectory: 'Trajectory', keyframes: 'Key frames', loops: 'Loops',
+  objects: 'Removed objects', trajectory: 'Trajectory', keyframes: 'Keyframes', loops: 'Loop closures',
 };
-const kGridWords: Record<Grid, string> = { none: 'Nothing', coverage: 'Coverage', localizability: 'Localizability' };
+const kGridWords: Record<Grid, string> = { none: 'None', coverage: 'Coverage', localizability: 'Localizability' };
 
-/** Left of the picture: what is shown, and how. */
+/** The panel left of the picture: what is shown, and how. */
 export function Panel({ model }: { model: ViewerModel }) {
   const { facts } = model;
   return (
@@ -33,8 +33,8 @@ export function Panel({ model }: { model: ViewerModel }) {
       </header>
       <Section title="Colour"><ColourChoice model={model} /></Section>
       <Section title="Points"><KindChoice model={model} /></Section>
-      <Section title="Shown with them"><OverlayChoice model={model} /></Section>
-      <Section title="Ground painted by"><GridChoice model={model} /></Section>
+      <Section title="Overlays"><OverlayChoice model={model} /></Section>
+      <Section title="Ground colour"><GridChoice model={model} /></Section>
       <MeasurePanel model={model} />
       <ClipPanel model={model} />
       <ExportPanel model={model} />
@@ -42,10 +42,6 @@ export function Panel({ model }: { model: ViewerModel }) {
       <Help />
     </>
   );
-}
-
-export function Section({ title, children }: { title: string; children: ComponentChildren }) {
-  return <section class="viewer-section" aria-label={title}><h2>{title}</h2>{children}</section>;
 }
 
 function ColourChoice({ model }: { model: ViewerModel }) {
@@ -88,7 +84,7 @@ function OverlayChoice({ model }: { model: ViewerModel }) {
     objects: signs === undefined ? '' : short(signs.objects.length),
     trajectory: signs === undefined ? '' : short(signs.poses.length),
     keyframes: signs === undefined ? '' : short(signs.keyframes.length),
-    loops: signs === undefined ? '' : signs.loops === undefined ? 'not told' : short(signs.loops.length),
+    loops: signs === undefined ? '' : signs.loops === undefined ? 'unknown' : short(signs.loops.length),
   };
   return (
     <div class="viewer-checks">
@@ -126,7 +122,7 @@ function GridChoice({ model }: { model: ViewerModel }) {
   return (
     <>
       <select
-        aria-label="Ground painted by" value={grid}
+        aria-label="Ground colour" value={grid}
         onChange={({ currentTarget }) => model.change({ grid: currentTarget.value as Grid })}
       >
         {kGrids.map((name) => <option key={name} value={name}>{kGridWords[name]}</option>)}
@@ -141,17 +137,17 @@ function Help() {
     <details class="viewer-help">
       <summary>Mouse and keyboard</summary>
       <dl>
-        <div><dt>Turn</dt><dd>drag, or <kbd>←</kbd> <kbd>→</kbd> <kbd>↑</kbd> <kbd>↓</kbd></dd></div>
-        <div><dt>Move</dt><dd>right drag, or <kbd>Shift</kbd> with the arrows</dd></div>
+        <div><dt>Rotate</dt><dd>drag, or <kbd>←</kbd> <kbd>→</kbd> <kbd>↑</kbd> <kbd>↓</kbd></dd></div>
+        <div><dt>Move</dt><dd>right drag, or <kbd>Shift</kbd> with arrow keys</dd></div>
         <div><dt>Zoom</dt><dd>wheel, or <kbd>+</kbd> <kbd>−</kbd></dd></div>
-        <div><dt>Come nearer</dt><dd>double click</dd></div>
+        <div><dt>Move closer</dt><dd>double click</dd></div>
         <div><dt>Whole map</dt><dd><kbd>0</kbd></dd></div>
         <div><dt>From above</dt><dd><kbd>T</kbd></dd></div>
-        <div><dt>Set a place</dt><dd>click, or <kbd>Enter</kbd> for the middle</dd></div>
-        <div><dt>Take it back</dt><dd><kbd>Backspace</kbd></dd></div>
-        <div><dt>End</dt><dd><kbd>Esc</kbd></dd></div>
+        <div><dt>Set a point</dt><dd>click, or <kbd>Enter</kbd> for the middle</dd></div>
+        <div><dt>Remove the last point</dt><dd><kbd>Backspace</kbd></dd></div>
+        <div><dt>End the tool</dt><dd><kbd>Esc</kbd></dd></div>
       </dl>
-      <p class="quiet">Keys work while the picture has the focus.</p>
+      <p class="quiet">Keys work while the picture has the focus: click it first.</p>
     </details>
   );
 }

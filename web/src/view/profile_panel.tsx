@@ -5,7 +5,7 @@ import { kKindColours } from '../scene/colour_maps.js';
 import { extentOf, lengthOf, type Profile } from '../scene/section.js';
 import { kKinds, type Theme } from '../scene/types.js';
 import { number } from '../ui/format.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import { theme } from '../ui/theme.js';
 import type { ViewerModel } from './model.js';
 
@@ -34,7 +34,7 @@ export function ProfilePanel({ model }: { model: ViewerModel }) {
     <section class="viewer-profile" aria-label="Section from the side">
       <header>
         <h2>Section</h2>
-        <p class="quiet">{number(profile.heights.length)} points of full resolution; drag to zoom, double click for all</p>
+        <p class="quiet">{number(profile.heights.length)} points in full resolution. Drag to zoom, double-click to see all.</p>
         <button type="button" class="plain small" aria-label="Close the section" onClick={() => model.tools.clear()}>×</button>
       </header>
       <div ref={holder} class="viewer-plot" />
@@ -71,7 +71,7 @@ function drawPoints(plot: uPlot, { along, heights, kinds }: Profile, shown: read
   ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
   ctx.clip();
   const size = 1.6 * devicePixelRatio;
-  // One colour at a time: changing it for each point takes most of the time.
+  // One colour after the other: most of the time would go into changing it for each point.
   for (const kind of shown) {
     ctx.fillStyle = `rgb(${kKindColours[now][kKinds[kind] as (typeof kKinds)[number]].join(' ')})`;
     for (let i = 0; i < along.length; ++i) {
@@ -84,7 +84,7 @@ function drawPoints(plot: uPlot, { along, heights, kinds }: Profile, shown: read
   ctx.restore();
 }
 
-// With some room around, also for a cut that met nothing.
+// With a margin, also for a section without points.
 function shownHeights(profile: Profile): [number, number] {
   const [low, high] = extentOf(profile) ?? [0, 1];
   const room = Math.max(0.04 * (high - low), 0.2);

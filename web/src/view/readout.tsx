@@ -1,11 +1,11 @@
 import { toGeodetic } from '../scene/geodetic.js';
-import type { Pick } from '../scene/scene.js';
+import type { Pick } from '../scene/pointers.js';
 import { plural } from '../ui/format.js';
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import type { MapFacts } from './facts.js';
 import type { ViewerModel } from './model.js';
 
-/** Where the pointer is, in numbers. */
+/** The coordinates under the pointer. */
 export function Readout({ model }: { model: ViewerModel }) {
   const pick = useStore(model.hover);
   const pending = useStore(model.stats)?.pending ?? 1;
@@ -13,7 +13,7 @@ export function Readout({ model }: { model: ViewerModel }) {
     <div class="viewer-readout">
       {pick === undefined ? <span class="quiet">Point at the map to read coordinates</span> : <Place pick={pick} facts={model.facts} />}
       <span class="grow" />
-      {pending > 0 && <span class="quiet">{plural(pending, 'tile')} on the way</span>}
+      {pending > 0 && <span class="quiet">{plural(pending, 'tile')} loading</span>}
     </div>
   );
 }
@@ -26,9 +26,9 @@ function Place({ pick, facts }: { pick: Pick; facts: MapFacts }) {
       <span class="place">x {x.toFixed(2)} · y {y.toFixed(2)} · z {z.toFixed(2)} m</span>
       {facts.geodetic_origin !== undefined && <Geodetic pick={pick} origin={facts.geodetic_origin} />}
       {point === undefined
-        ? <span class="quiet">no point here: on the plane of the road</span>
+        ? <span class="quiet">no point here: position on the ground plane</span>
         : <span class="quiet">{point.kind} · intensity {point.intensity.toFixed(2)} · seen {point.observations}×
-            {point.level > 0 && ' · thinned from afar'}</span>}
+            {point.level > 0 && ' · reduced detail'}</span>}
     </>
   );
 }

@@ -9,15 +9,15 @@ import { fetchRegion, tilesOf } from '../scene/region.js';
 import { boxOf, extentOf, lengthOf, profileOf, type Profile, type Section } from '../scene/section.js';
 import type { SketchLayer } from '../scene/sketch_layer.js';
 import { kKinds, subtract, type Kind, type Vec3 } from '../scene/types.js';
-import { Store } from '../ui/store.js';
+import { Store } from '../state/store.js';
 import { ClipGrip } from './clip_grip.js';
 import type { ViewerModel } from './model.js';
 
 export type ToolName = 'look' | 'measure' | 'section' | 'clip';
-/** What is taken into a file. */
+/** What can be exported. */
 export type ExportScope = 'map' | 'clip' | 'section';
 
-/** Something that takes a while. */
+/** The state of a long operation. */
 export type Work =
   | { readonly state: 'none' }
   | { readonly state: 'busy'; readonly share: number }
@@ -27,10 +27,10 @@ const kSectionWidthM = 1;
 const kClipBelowM = 1;
 const kClipAboveM = 8;
 
-/** What a person does in the picture: look, measure, cut, clip, export. */
+/** The tools in the picture: look, measure, section, clip, export. */
 export class Tools {
   readonly name = new Store<ToolName>('look');
-  /** Places of the line that is measured; map coordinates. */
+  /** Points of the measured line; map coordinates. */
   readonly line = new Store<readonly Vec3[]>([]);
   readonly section = new Store<Section | undefined>(undefined);
   readonly profile = new Store<Profile | undefined>(undefined);
@@ -49,7 +49,7 @@ export class Tools {
     this.use('look');
   }
 
-  /** Takes a tool into the hand; the one before loses what was half done. */
+  /** Chooses a tool; unfinished work of the one before is dropped. */
   use(name: ToolName): void {
     this.name.set(name);
     this.pending_ = [];
@@ -57,7 +57,7 @@ export class Tools {
     this.redraw();
   }
 
-  /** The place in the middle of the picture, as if it were clicked: for the keyboard. */
+  /** Clicks the middle of the picture, for the keyboard. */
   placeInTheMiddle(): void {
     const { left, top, width, height } = this.model_.scene.canvas.getBoundingClientRect();
     const [clientX, clientY] = [left + width / 2, top + height / 2];
@@ -65,7 +65,7 @@ export class Tools {
     this.click({ clientX, clientY, shiftKey: false, pick });
   }
 
-  /** Takes back the newest place. */
+  /** Removes the last point. */
   undo(): void {
     if (this.name.get() === 'measure') this.line.set(this.line.get().slice(0, -1));
     this.pending_ = this.pending_.slice(0, -1);
@@ -85,7 +85,7 @@ export class Tools {
     if (section !== undefined && width > 0) void this.cut(section.from, section.to, width);
   }
 
-  /** Draws the outline of the clip box, which can be pulled; without one that of the section. */
+  /** Draws the clip box with its handles; without a clip box, the outline of the section. */
   showClip(box: Box | undefined): void {
     const section = this.section.get();
     this.sketch_.setBox(box ?? (section && boxOf(section)), box !== undefined, this.model_.theme);
@@ -97,7 +97,7 @@ export class Tools {
     this.model_.scene.requestRender();
   }
 
-  /** Points of full resolution as a file. @throws Error in words */
+  /** Points in full resolution as a file. */
   async export(scope: ExportScope, format: ExportFormat): Promise<{ blob: Blob; points: number } | undefined> {
     try {
       const points = await this.points(scope, this.signal_);
@@ -131,7 +131,7 @@ export class Tools {
     };
   }
 
-  // Half way to a place, which is then what the camera turns about.
+  // Moves half way to a place, and rotates around it from then on.
   private comeNearer(place: Vec3 | undefined): void {
     if (place === undefined) return;
     const { eye } = this.model_.scene.view;
@@ -168,7 +168,7 @@ export class Tools {
     this.model_.change({ clip: { box, mode } });
   }
 
-  // Shows what the next click would make.
+  // Shows the result of a click here.
   private preview(place: PointerPlace): void {
     const name = this.name.get();
     const before = name === 'measure' ? this.line.get() : this.pending_;
@@ -191,7 +191,7 @@ export class Tools {
     try {
       const tiles = await this.fetch(boxOf(section), signal);
       const profile = this.profileIn(section, tiles);
-      // As high as what was found: the outline in the picture then tells where it is.
+      // Sets the height to that of the points found, so that the outline fits them.
       const [low, high] = extentOf(profile) ?? [from[2], from[2] + 1];
       this.section.set({ ...section, low, high });
       this.profile.set(profile);

@@ -1,7 +1,7 @@
-import { useStore } from '../ui/store.js';
+import { useStore } from '../state/store.js';
 import type { ViewerModel } from './model.js';
 
-/** What went wrong while the map is shown, in words; the picture stays. */
+/** Errors while the map is shown; the picture stays. */
 export function Troubles({ model }: { model: ViewerModel }) {
   const trouble = useStore(model.trouble);
   const fault = useStore(model.fault);
@@ -9,8 +9,8 @@ export function Troubles({ model }: { model: ViewerModel }) {
   const work = useStore(model.tools.work);
   const lines = [
     trouble?.text,
-    fault === undefined ? undefined : `Boxes and trajectory are missing. ${fault}`,
-    lost ? 'The graphics card gave up the picture. It comes back by itself; if not, reload the page.' : undefined,
+    fault === undefined ? undefined : `Boxes and trajectory could not be loaded. ${fault}`,
+    lost ? 'The browser lost the graphics context. If the picture does not come back, reload the page.' : undefined,
     work.state === 'failed' ? work.text : undefined,
   ].filter((line) => line !== undefined);
   if (lines.length === 0) return null;

@@ -12,9 +12,9 @@ import { TopTools } from './top_tools.js';
 import { Troubles } from './troubles.js';
 
 const kSaid = 'Arrow keys turn it, Shift with arrow keys moves it, plus and minus zoom, 0 shows the whole map, T shows it from ' +
-  'straight above. While measuring, Enter sets a place in the middle, Backspace takes it back, Escape ends.';
+  'above. While measuring, Enter sets a point in the middle, Backspace removes the last point, Escape ends.';
 
-/** The picture of one version, with all that can be done to it. */
+/** One version in 3D, with its tools and panels. */
 export function Viewer({ facts, query }: { facts: MapFacts; query: URLSearchParams }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const [model, setModel] = useState<ViewerModel>();
@@ -35,7 +35,7 @@ export function Viewer({ facts, query }: { facts: MapFacts; query: URLSearchPara
       made.dispose();
     };
   }, [facts]);
-  // An address that was typed or pasted; what the view itself writes there comes not here.
+  // An address that was typed or pasted. Changes by the view itself do not arrive here.
   const opened = useRef(query);
   useEffect(() => {
     if (query === opened.current) return;
@@ -53,8 +53,8 @@ export function Viewer({ facts, query }: { facts: MapFacts; query: URLSearchPara
       <div class="viewer-stage">
         {missing && (
           <p class="viewer-message" role="alert">
-            This browser cannot draw in 3D: WebGL 2 is missing or switched off. Try another browser, or switch on hardware
-            acceleration in its settings.
+            This browser cannot draw in 3D: WebGL 2 is missing or turned off. Turn on hardware acceleration in its
+            settings, or use another browser.
           </p>
         )}
         <canvas

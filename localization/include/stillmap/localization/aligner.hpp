@@ -1,6 +1,8 @@
 #pragma once
 
 #include <stillmap/localization/map_index.hpp>
+#include <stillmap/localization/options.hpp>
+#include <stillmap/localization/reason.hpp>
 #include <stillmap/maps/scan.hpp>
 
 #include <Eigen/Core>
@@ -23,7 +25,8 @@ enum class PoseStatus {
 [[nodiscard]] std::string_view name_of(PoseStatus status);
 
 /// Bounds that the errors of an `ok` pose stay within: P(|error| > level) <= 1e-3 on each axis, as
-/// calibrated on simulated drives of other days (localization/README.md). Infinite: no bound.
+/// calibrated on simulated drives of other days (localization/how_it_works.md). Infinite: no
+/// bound.
 struct ProtectionLevels {
   /// Along x, y and z of the frame that the covariance is given in (forward, left, up for a base)
   /// [m].
@@ -40,9 +43,8 @@ struct ProtectionLevels {
 /// Answer to "where was this scan taken?".
 struct AlignmentResult {
   PoseStatus status = PoseStatus::kLost;
-  /// Why not ok, as stable words ("too_few_points", "low_inlier_ratio", "unobservable_direction",
-  /// ...).
-  std::vector<std::string> reasons;
+  /// Why not ok; empty when it is.
+  std::vector<Reason> reasons;
   Eigen::Isometry3d T_map_lidar = Eigen::Isometry3d::Identity();
   /// Rows tx ty tz [m], rx ry rz [rad]; perturbation on the right, in the lidar frame.
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
@@ -70,9 +72,10 @@ struct AlignmentResult {
 struct Prior {
   Eigen::Isometry3d T_map_lidar = Eigen::Isometry3d::Identity();
   /// Same order and frame as the result's; when given, a pose that contradicts it is not `kOk`,
-  /// and the search reaches as far as three deviations: where these are more than 6 m or 0.4 rad
-  /// (GNSS), to all places in reach that the map was made from. Without it, 6 m and 0.4 rad,
-  /// and when nothing that fits well is found there, such places within 30 m and 1 rad.
+  /// and the search reaches as far as three deviations: where these are more than
+  /// `AlignerOptions::search_radius_m` and `search_yaw_rad` (GNSS), to all places in reach that the
+  /// map was made from. Without it as far as these two, and when nothing fits there, to such places
+  /// within `lost_radius_m` and `lost_yaw_rad`.
   std::optional<Eigen::Matrix<double, 6, 6>> covariance;
 };
 
@@ -111,10 +114,12 @@ class Aligner {
 /// Any method for a map: `default` over its index (`MapIndex::open`, which may write the file) and
 /// trajectory, `icp` and `point_to_plane` over its measured points. Those two need a prior.
 /// @param method     one of `aligner_names()`.
-/// @throws std::invalid_argument naming the method and the choices, maps::InputError if the map
-/// holds nothing to align with.
+/// @param options    of the method `default`; the other two have none.
+/// @throws std::invalid_argument naming the method and the choices, or every broken option;
+/// maps::InputError if the map holds nothing to align with.
 [[nodiscard]] std::unique_ptr<Aligner> make_aligner(std::string_view method,
-                                                    const maps::MapPackage& map);
+                                                    const maps::MapPackage& map,
+                                                    const LocalizationOptions& options = {});
 
 /// The method `default` over an index alone.
 /// @param method     "default".
@@ -125,6 +130,7 @@ class Aligner {
 /// @throws std::invalid_argument naming the method and the choices, or a pose that is not finite.
 [[nodiscard]] std::unique_ptr<Aligner> make_aligner(
     std::string_view method, std::shared_ptr<const MapIndex> index,
-    const std::vector<Eigen::Isometry3d>& T_map_lidar_seen_from = {});
+    const std::vector<Eigen::Isometry3d>& T_map_lidar_seen_from = {},
+    const LocalizationOptions& options = {});
 
 }  // namespace stillmap::localization

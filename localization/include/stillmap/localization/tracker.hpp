@@ -1,6 +1,7 @@
 #pragma once
 
 #include <stillmap/localization/aligner.hpp>
+#include <stillmap/localization/options.hpp>
 #include <stillmap/maps/scan.hpp>
 
 #include <Eigen/Core>
@@ -15,36 +16,6 @@
 #include <vector>
 
 namespace stillmap::localization {
-
-/// How a session believes vehicles to move, and how long it believes itself without the map.
-struct TrackerOptions {
-  /// Spectral density of the acceleration, in [1e-4, 1e4]: after t seconds of not being observed
-  /// the velocity's deviation is sqrt(density t) [m^2/s^3]. 4 lets a car brake at once.
-  double acceleration_density = 4.0;
-  /// The same of the turning acceleration [rad^2/s^3], in [1e-6, 1e2].
-  double turn_acceleration_density = 0.1;
-  /// Deviation of a velocity that nothing has told yet [m/s], in [0.01, 1000].
-  double unknown_speed_m_s = 15.0;
-  /// The same of the rate of turn [rad/s], in [0.001, 100].
-  double unknown_turn_rad_s = 0.5;
-  /// Poses are predicted without a match for so long [s], in [0, 60].
-  double max_coast_s = 3.0;
-  /// A scan is not looked for around a prediction that the motion since the last match may have led
-  /// astray by a deviation of more than this [m], in [0.1, 100]; as far as the aligner looks around
-  /// a prior.
-  double max_drift_m = 6.0;
-  /// Matches in a row that contradict the motion, until the motion is doubted, in [1, 1000].
-  int max_contradictions = 5;
-  /// Scans that are looked for widely around the prediction before the whole map is, in [0, 1000].
-  int wide_searches = 3;
-  /// Answers in a row that must agree with each other after the vehicle was searched for, before
-  /// one is `ok`, the first of them counted, in [1, 100].
-  int agreeing_answers = 2;
-  /// Answers and states are kept for so long behind the newest [s], in [0, 600].
-  double history_s = 5.0;
-
-  [[nodiscard]] std::vector<std::string> violations() const;
-};
 
 /// The vehicle's own measure of its motion between two scans.
 struct OdometryStep {
@@ -70,18 +41,10 @@ enum class SearchedFrom {
 /// Answer to one scan of a session.
 struct TrackedPose {
   std::int64_t stamp_ns = 0;
-  /// As the aligner answered, with what the session adds to `reasons`:
-  ///   `coasting`           not matched; pose and covariance are the prediction's,
-  ///   `interpolated`       the same for a late scan,
-  ///   `contradicts_motion` a match that the motion speaks against; the pose is not the match's
-  ///                        but the prediction's, or, while searching, a new place,
-  ///   `unconfirmed`        found by a search; no later scan has agreed yet,
-  ///   `not_tracked`        nothing predicts the pose any more,
-  ///   `too_old`            older than what is kept,
-  ///   `clock_set_back`     the fifth such scan in a row, each newer than the one before: what went
-  ///                        ahead of it was wrong, and the session has begun anew.
-  /// `ok` only for a match that agrees with the motion. The covariance is the match's own; the
-  /// session does not make it smaller.
+  /// As the aligner answered; the session may add reasons (see `Reason`). With `contradicts_motion`
+  /// the pose is the prediction's or, while searching, that of the new place. `ok` only for a match
+  /// that agrees with the motion. The covariance is the match's own; the session does not make it
+  /// smaller.
   AlignmentResult result;
   SearchedFrom searched_from = SearchedFrom::kNowhere;
 };
@@ -94,7 +57,7 @@ class TrackingSession;
 /// vehicle's odometry). What contradicts the prediction is not believed. Without a match poses are
 /// predicted for a bounded time, then the scan is looked for widely, then everywhere; what such a
 /// search finds is `ok` only after the following scans agreed. The state machine is drawn in
-/// localization/README.md.
+/// localization/sessions.md.
 /// @note Not safe from several threads: one session is one sequence. Several sessions may share an
 /// aligner. Same calls, same bits.
 class Tracker {

@@ -11,7 +11,7 @@
 namespace stillmap::mapping {
 
 /// What looks wrong with given poses by the motion that odometry finds in the scans: clocks that
-/// are apart, mirrored axes, a scale, a frame that is not the lidar's (mapping/odometry.md).
+/// are apart, mirrored axes, a scale, a frame that is not the lidar's (mapping/given_poses.md).
 /// @param scans   of which odometry runs over all, without a look at the poses.
 /// @param posed   the same drive with poses, which may have fewer of these scans.
 /// @param guided  instead, odometry runs for each of `posed`, and looks where its poses say, as in

@@ -120,7 +120,7 @@ struct LocalizationQuery {
   /// How far the prior was off; NaN without one.
   PriorError prior_error;
   localization::PoseStatus status = localization::PoseStatus::kLost;
-  std::vector<std::string> reasons;
+  std::vector<localization::Reason> reasons;
   /// log(T_reference^-1 T_answer), tx ty tz [m] rx ry rz [rad] in the lidar frame, after the bias
   /// was taken out; NaN when lost.
   Eigen::Matrix<double, 6, 1> error =
@@ -200,7 +200,7 @@ struct LocalizationLevel {
   double nees_inside_95 = 0.0;
   Integrity integrity;
   /// How often each reason was given.
-  std::map<std::string, std::size_t> reasons;
+  std::map<localization::Reason, std::size_t> reasons;
 };
 
 struct LocalizationEvaluation {

@@ -44,7 +44,7 @@ struct MapBuildOptions {
   /// drive that is held back, too.
   double pose_time_offset_s = 0.0;
   /// Besides, what the scans' own motion says is added for each drive, where it is more than 0.05 s
-  /// (mapping/odometry.md#faults-of-given-poses); costs odometry once more.
+  /// (mapping/given_poses.md#faults-of-given-poses); costs odometry once more.
   bool finds_pose_time_offset = false;
   /// Where the frame of the given poses lies (x east, y north), for drives that do not say it.
   std::optional<maps::GeodeticOrigin> geodetic_origin;

@@ -50,10 +50,15 @@ struct PaperEvaluationOptions {
 
 /// What the evaluation needs of other libraries.
 struct PaperParts {
-  /// Writes a drive, whole or not at all, to a folder that does not exist: a town street of a seed
-  /// on day 1 or 2, with boxes.json and exact poses in one frame for both days.
-  using Simulate = std::function<void(const PaperEvaluationOptions& options, std::uint64_t seed,
-                                      int day, const std::filesystem::path& target,
+  /// A town street on day 1 or 2.
+  struct StreetDay {
+    std::uint64_t seed = 0;
+    int day = 1;
+  };
+  /// Writes a drive, whole or not at all, to a folder that does not exist, with boxes.json and
+  /// exact poses in one frame for both days.
+  using Simulate = std::function<void(const PaperEvaluationOptions& options, StreetDay street,
+                                      const std::filesystem::path& target,
                                       const ProgressCallback& progress, const CancelFlag& cancel)>;
   using MakeAligner = std::function<std::unique_ptr<localization::Aligner>(
       std::string_view method, const maps::MapPackage& map)>;

@@ -118,7 +118,7 @@ struct RebuildEstimate {
 [[nodiscard]] RebuildEstimate estimate_rebuild(std::uint64_t scans, std::uint64_t points,
                                                double voxel_size_m);
 
-/// The object of `--report`, without the keys that only the program knows (`version`); keys as in
+/// The object of `--json`, without the keys that only the program knows (`version`); keys as in
 /// mapping/rebuild.md. NaN becomes null.
 [[nodiscard]] std::string to_json(const RebuildReport& report, const RebuildOptions& options);
 [[nodiscard]] std::string to_json(const RebuildEstimate& estimate);

@@ -25,7 +25,7 @@ void append_query(std::string& text, const LocalizationQuery& query) {
   append_number(text, query.prior_error.metres);
   append_number(text, query.prior_error.degrees);
   fmt::format_to(std::back_inserter(text), ",{},{}", localization::name_of(query.status),
-                 fmt::join(query.reasons, "|"));
+                 fmt::join(localization::names_of(query.reasons), "|"));
   for (const double component : query.error) append_number(text, component);
   for (const double level : {query.protection.longitudinal_m, query.protection.lateral_m,
                              query.protection.vertical_m, query.protection.yaw_rad}) {

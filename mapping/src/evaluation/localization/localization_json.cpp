@@ -38,7 +38,8 @@ Json level_json(const LocalizationLevel& level) {
                                  finite_or_null(level.success_interval[1])};
   json["status"] = {{"ok", level.ok}, {"degraded", level.degraded}, {"lost", level.lost}};
   json["reasons"] = Json::object();
-  for (const auto& [reason, count] : level.reasons) json["reasons"][reason] = count;
+  for (const auto& [reason, count] : level.reasons)
+    json["reasons"][std::string(localization::name_of(reason))] = count;
   json["false_ok_rate"] = finite_or_null(level.false_ok_rate);
   json["translation_error_m"] = {{"median", finite_or_null(level.translation_m.median)},
                                  {"p95", finite_or_null(level.translation_m.p95)},

@@ -58,7 +58,7 @@ void count_status(const LocalizationQuery& query, LocalizationLevel& level) {
       ++level.lost;
       break;
   }
-  for (const std::string& reason : query.reasons) ++level.reasons[reason];
+  for (const localization::Reason reason : query.reasons) ++level.reasons[reason];
 }
 
 void set_errors(const std::vector<LocalizationQuery>& queries, LocalizationLevel& level) {

@@ -108,7 +108,7 @@ void PaperPlan::add_drives(const PaperStreet& street, std::vector<PaperStep>& st
     steps.push_back({fmt::format("{} day {}", street.name, day), options_.scans * kSimulateEffort,
                      kSimulateStages,
                      [this, seed = *street.seed, day, target](const ProgressCallback& progress) {
-                       parts_.simulate(options_, seed, day, target, progress, cancel_);
+                       parts_.simulate(options_, {seed, day}, target, progress, cancel_);
                      }});
   }
 }

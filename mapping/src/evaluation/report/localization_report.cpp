@@ -166,7 +166,7 @@ class LocalizationPage : ReportPage {
     html_ += "<h2>Status and reasons</h2>\n<div class=\"scroll\"><table class=\"narrow\">";
     std::string head = "<tr><th></th>";
     std::string strips = "<tr><td></td>";
-    std::set<std::string> reasons;
+    std::set<localization::Reason> reasons;
     for (std::size_t i = 0; i < evaluation_.levels.size(); ++i) {
       const LocalizationLevel& level = evaluation_.levels[i];
       head += "<th>" + title_of(i) + "</th>";
@@ -180,8 +180,8 @@ class LocalizationPage : ReportPage {
     add_counts("<b>ok</b>", [](const LocalizationLevel& level) { return level.ok; });
     add_counts("<b>degraded</b>", [](const LocalizationLevel& level) { return level.degraded; });
     add_counts("<b>lost</b>", [](const LocalizationLevel& level) { return level.lost; });
-    for (const std::string& reason : reasons) {
-      add_counts(escaped(reason), [&](const LocalizationLevel& level) {
+    for (const localization::Reason reason : reasons) {
+      add_counts(localization::name_of(reason), [&](const LocalizationLevel& level) {
         const auto found = level.reasons.find(reason);
         return found == level.reasons.end() ? std::size_t{0} : found->second;
       });

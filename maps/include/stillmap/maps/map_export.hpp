@@ -84,7 +84,7 @@ void check_export_options(const MapExportFormat& format, const MapExportOptions&
 
 /// Writes a map in another program's format, tile by tile; memory does not grow with the map but
 /// for `nav2`, which holds one byte a cell. `target` appears whole or not at all. Same map, same
-/// options, same bytes. Formats and their sources: maps/README.md.
+/// options, same bytes. Formats and their sources: maps/formats.md.
 /// @throws std::invalid_argument for an unknown format and as `check_export_options`; InputError if
 /// `target` exists or the map lacks what is asked for (trajectory, geodetic origin, a point), or
 /// its coordinates do not fit into the format's 32-bit floats; StorageError; WorkStopped.

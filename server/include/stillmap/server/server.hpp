@@ -13,7 +13,7 @@ namespace stillmap::server {
 /// `ReadOnly`; poses, tiles and all that is read stay.
 enum class StoreChanges : std::uint8_t { kTaken, kRefused };
 
-/// The HTTP server over one folder of maps. The routes stand in `server/README.md`.
+/// The HTTP server over one folder of maps. The routes are in `server/reference.md`.
 ///
 /// Answers `/livez` as soon as it runs; maps are indexed in the background and `/readyz` tells when
 /// they are.

@@ -207,6 +207,10 @@ struct ServerOptions {
   /// drives.
   double max_clock_skew_s = 0.0;
 
+  /// Folder with `MAP.json` for each map that is not localized in with the defaults; read whenever
+  /// a version of the map is loaded. Empty = all have the defaults.
+  std::string localization_options_dir = {};
+
   ManagementOptions management = {};
   TlsOptions tls = {};
   SessionOptions sessions = {};

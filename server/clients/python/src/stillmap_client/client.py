@@ -161,7 +161,7 @@ class Client:
         self._transport.call("DELETE", f"/v1/maps/{map}/versions/{version}")
 
     def upload_version(self, map: str, version: str, path: Path) -> Version:
-        """Publishes a map package: a folder, or its tar (plain, gzip, zstd), streamed with its SHA-256."""
+        """Stores a map package as a version: a folder, or its tar (plain, gzip, zstd), streamed with its SHA-256."""
         archive = Archive(pathlib.Path(path))
         headers = {"Content-Type": "application/octet-stream", "Content-Digest": _digest(archive.sha256().digest())}
         return self._transport.call("PUT", f"/v1/maps/{map}/versions/{version}", headers=headers,
@@ -249,7 +249,7 @@ class Client:
         self._transport.call("DELETE", f"/v1/maps/{map}/drives/{drive}")
 
     def rebuild(self, map: str, drives: Sequence[int], **wanted: Any) -> Dict[str, Any]:
-        """Asks for a new version. @param wanted  options, version, activate, ... (server/README.md). @return the job."""
+        """Asks for a new version. @param wanted  options, version, activate, ... (server/reference.md). @return the job."""
         response = self._transport.call(
             "POST", f"/v1/maps/{map}/rebuild", body=json.dumps({"drives": list(drives), **wanted}).encode(),
             headers={"Content-Type": "application/json", "Idempotency-Key": uuid.uuid4().hex})
