@@ -206,7 +206,7 @@ TEST_F(DifferenceRoutes, DamagedOneIsMadeAnew) {
   {
     std::fstream file(fs::directory_iterator(folder)->path(),
                       std::ios::in | std::ios::out | std::ios::binary);
-    file.seekp(260);
+    file.seekp(300);  // in the points of the first tile
     file.put('!');
   }
   EXPECT_EQ(body(get(tile))["code"], "BeingMade");

@@ -100,7 +100,7 @@ TEST_F(SavedEditsTest, WhatTheMapperWouldNotReadIsRefusedInItsWords) {
   refused(R"({"format": "stillmap-edits", "version": 2, "edits": []})", 400, ".version");
   json wrong = document(2);
   wrong["edits"][1]["action"] = "destroy";
-  refused(wrong.dump(), 400, "edits.edits[1].action");
+  refused(wrong.dump(), 400, "edits at .edits[1].action");
   wrong = document(1);
   wrong["edits"][0]["object"]["class"] = "tree";
   refused(wrong.dump(), 400, "tree");
