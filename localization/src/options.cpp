@@ -49,7 +49,7 @@ std::span<const OptionInfo> all_options() {
   constexpr auto kA = &LocalizationOptions::aligner;
   constexpr auto kV = &LocalizationOptions::verdict;
   constexpr auto kT = &LocalizationOptions::tracker;
-  static const std::array kOptions = {
+  static const std::array options = {
       option<kA, &A::search_radius_m>("aligner.search_radius_m", "m", 1.0, 30.0),
       option<kA, &A::search_yaw_rad>("aligner.search_yaw_rad", "rad", 0.05, std::numbers::pi),
       option<kA, &A::search_height_m>("aligner.search_height_m", "m", 0.0, 30.0),
@@ -77,7 +77,7 @@ std::span<const OptionInfo> all_options() {
       option<kT, &T::agreeing_answers>("tracker.agreeing_answers", "", 1.0, 100.0),
       option<kT, &T::history_s>("tracker.history_s", "s", 0.0, 600.0),
   };
-  return kOptions;
+  return options;
 }
 
 std::vector<std::string> AlignerOptions::violations() const {

@@ -66,6 +66,14 @@ Vector12d units_of(const std::vector<float>& time_offsets_s) {
   return units;
 }
 
+/// How residuals are taken in one round.
+struct Round {
+  const MapIndex::Level& level;
+  float kernel_m = 0.0F;
+  /// See `row_variance_m2`.
+  float bend_share = 0.0F;
+};
+
 /// A scan with its points at the stamp, had it moved by a twist.
 class Sweep {
  public:
@@ -86,15 +94,15 @@ class Sweep {
   /// Visits each residual: its point, residual [m], variance [m^2], derivative by pose and
   /// twist.
   template <typename Visit>
-  void for_each_row(const MapIndex::Level& level, const Eigen::Isometry3d& T_index_lidar,
-                    float kernel_m, float bend_share, Visit&& visit) const {
+  void for_each_row(const Round& round, const Eigen::Isometry3d& T_index_lidar,
+                    Visit&& visit) const {
     const Eigen::Isometry3f T = T_index_lidar.cast<float>();
     const auto place = [&](std::size_t i) -> Eigen::Vector3f { return T * at_stamp_.positions[i]; };
-    level.for_each_nearest(
-        at_stamp_.size(), kernel_variance_m2(kernel_m), place,
+    round.level.for_each_nearest(
+        at_stamp_.size(), kernel_variance_m2(round.kernel_m), place,
         [&](std::size_t i, const MapIndex::Level::Nearest& nearest) {
           const Eigen::Vector3f p = place(i);
-          const Voxel* voxel = sharp_match(nearest, p, kernel_m);
+          const Voxel* voxel = sharp_match(nearest, p, round.kernel_m);
           if (voxel == nullptr) return;
           const auto add = [&](const Eigen::Vector3f& axis, float variance_m2) {
             const auto [residual_m, J_pose] =
@@ -104,7 +112,7 @@ class Sweep {
             J << J_pose, static_cast<double>(raw_.time_offsets_s[i]) * J_pose;
             const float range2_m2 = at_stamp_.positions[i].squaredNorm();
             visit(i, residual_m,
-                  static_cast<double>(row_variance_m2(variance_m2, range2_m2, bend_share)), J);
+                  static_cast<double>(row_variance_m2(variance_m2, range2_m2, round.bend_share)), J);
           };
           add(voxel->axis0, voxel->variance0);
           if (voxel->sharp_axes == 2) add(voxel->axis1, voxel->variance1);
@@ -121,14 +129,13 @@ std::size_t stride_for(const Query& query, std::size_t points) {
 }
 
 /// A damped step of Gauss-Newton, in the unknowns' own units.
-Vector12d step_of(const Sweep& sweep, const MapIndex::Level& level,
-                  const Eigen::Isometry3d& T_index_lidar, float kernel_m, float bend_share,
+Vector12d step_of(const Sweep& sweep, const Round& round, const Eigen::Isometry3d& T_index_lidar,
                   const Vector6d& twist, const Vector12d& units) {
   Matrix12d H = known().asDiagonal();
   Vector12d gradient = Vector12d::Zero();
   gradient.tail<6>() = known().tail<6>().cwiseProduct(twist);
-  const auto kernel = static_cast<double>(kernel_m);
-  sweep.for_each_row(level, T_index_lidar, kernel_m, bend_share,
+  const auto kernel = static_cast<double>(round.kernel_m);
+  sweep.for_each_row(round, T_index_lidar,
                      [&](std::size_t, double residual_m, double variance_m2, const Vector12d& J) {
                        const double weight = robust_weight(residual_m * residual_m, kernel) /
                                              (variance_m2 + kernel_variance_m2(kernel));
@@ -157,7 +164,7 @@ Vector6d find_motion(std::span<const MapIndex::Level> levels, const Query& query
       kernel_m = std::max(kernel_m, last_m);
       sweep.move(twist);
       const Vector12d step =
-          step_of(sweep, level, T_index_lidar, kernel_m, bend_share, twist, units);
+          step_of(sweep, {level, kernel_m, bend_share}, T_index_lidar, twist, units);
       T_index_lidar = maps::renormalized(T_index_lidar * maps::exp_se3(step.head<6>()));
       twist += step.tail<6>();
       if (kernel_m <= last_m && step.cwiseQuotient(units).norm() < still_m) break;
@@ -193,7 +200,7 @@ BestFit best_fit(std::span<const MapIndex::Level> levels, const Query& query,
   Sweep sweep(query, stride);
   sweep.move(twist);
   const float kernel_m = kFinestKernelShare * levels.back().edge_m;
-  sweep.for_each_row(levels.back(), T_index_lidar, kernel_m, 0.0F,
+  sweep.for_each_row({levels.back(), kernel_m}, T_index_lidar,
                      [&](std::size_t i, double residual_m, double, const Vector12d&) {
                        if (query.stands[i * stride] == 0) return;
                        fit.weight +=
@@ -218,7 +225,7 @@ SweepMotion deskew(std::span<const MapIndex::Level> levels, Query& query,
   sweep.move(motion.twist);
   const float kernel_m = kFinestKernelShare * levels.back().edge_m;
   ClusteredSums<12> sums(static_cast<double>(kernel_m));
-  sweep.for_each_row(levels.back(), T_index_lidar, kernel_m, 0.0F,
+  sweep.for_each_row({levels.back(), kernel_m}, T_index_lidar,
                      [&](std::size_t i, double residual_m, double variance_m2, const Vector12d& J) {
                        sums.add(T_index_lidar * sweep.points()[i].cast<double>(), residual_m,
                                 variance_m2, J);

@@ -84,7 +84,7 @@ Vector6d refine_final(const MapIndex::Level& finest, const Query& query,
   schedule.first_kernel_m = 0.3F * finest.edge_m;
   schedule.bend_share = 0.0F;
   steps += refine(finest, query.points, schedule, T_index_lidar);
-  const Vector6d bend = maps::log_se3(T_index_lidar.inverse() * T_by_near);
+  Vector6d bend = maps::log_se3(T_index_lidar.inverse() * T_by_near);
   const double share = share_of_bend(finest, query, T_index_lidar, bend);
   T_index_lidar = maps::renormalized(T_index_lidar * maps::exp_se3(share * bend));
   return bend;

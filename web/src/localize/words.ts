@@ -3,6 +3,7 @@ const kReasons: Record<string, string> = {
   ambiguous: 'Another place in the map fits this scan equally well. Give a prior.',
   clock_set_back: 'Earlier timestamps were in the future, so the session started again.',
   coasting: 'The scan was not matched. The pose is predicted from the motion.',
+  interpolated: 'The scan came late and was not matched. The pose lies between those of its neighbours.',
   contradicts_motion: 'The match contradicts the previous motion of the vehicle.',
   contradicts_prior: 'The match contradicts the prior and its covariance.',
   large_covariance: 'The covariance is too large.',
