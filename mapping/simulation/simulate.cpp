@@ -94,7 +94,7 @@ std::vector<std::string> SimulationOptions::violations() const {
   return found;
 }
 
-SimulationReport simulate_drive(const std::filesystem::path& target,
+SimulationResult simulate_drive(const std::filesystem::path& target,
                                 const SimulationOptions& options,
                                 const mapping::ProgressCallback& progress,
                                 const mapping::CancelFlag& cancel) {
@@ -135,7 +135,7 @@ SimulationReport simulate_drive(const std::filesystem::path& target,
   ego.emplace(world, properties.height_m);
   Scanner scanner(world, *ego, *sensor,
                   {.key = key_for(options, Stream::kRays), .behind = options.truth});
-  SimulationReport report;
+  SimulationResult report;
   report.world_seconds = seconds_since(start);
   if (progress) progress("world", 1, 1);
   Tracks tracks;

@@ -59,13 +59,6 @@ KNOWN = {
         ("server", "ConfigReader", "configuration"),
     ],
     "classes called Report": [
-        ("maps", "MapExportReport", "counts"),
-        ("mapping", "MapBuildReport", "counts"),
-        ("mapping", "GivenPosesReport", "counts"),
-        ("mapping", "MapImportReport", "counts"),
-        ("mapping", "RebuildReport", "counts"),
-        ("mapping", "EditReport", "counts"),
-        ("simulation", "SimulationReport", "counts"),
         ("mapping", "ReportPage", "page"),
         ("server", "GateReport", "verdict"),
         ("server", "ReloadReport", "changes"),
@@ -451,7 +444,7 @@ def stem(path):
 
 def definition(name):
     """Finds where a class, an alias, a function or a constant of this name is defined."""
-    return re.compile(rf"\b(?:class|struct|using)\s+{name}\b\s*(?:final\b)?[^;{{]*?[={{]|^\w[^;{{]*?\b{name}\([^;]*?{{|"
+    return re.compile(rf"\b(?:class|struct|using)\s+{name}\b\s*(?:final\b)?[^;{{]*?[={{]|^\w[^;{{\n]*?\b{name}\([^;]*?{{|"
                       rf"\bconstexpr\b[^;=]*\b{name}\b\s*[={{]", re.M)
 
 

@@ -130,11 +130,11 @@ void check(const std::vector<FusedObject>& objects, std::size_t scans) {
 
 }  // namespace
 
-EditReport apply_edits(FusedObjects& fused, const maps::Edits& edits,
+EditResult apply_edits(FusedObjects& fused, const maps::Edits& edits,
                        const std::vector<EditScan>& scans) {
   check(fused.objects, scans.size());
   check(fused.doubtful, scans.size());
-  EditReport report;
+  EditResult report;
   for (std::size_t i = 0; i < edits.size(); ++i) {
     if (apply(fused, edits[i], scans, report.kept)) {
       ++report.applied;

@@ -22,7 +22,7 @@ struct EditScan {
   Eigen::Vector3d sensor = Eigen::Vector3d::Zero();
 };
 
-struct EditReport {
+struct EditResult {
   std::size_t applied = 0;
   /// Objects that stay, with the placements they had: no later stage may take their points.
   std::vector<FusedObject> kept;
@@ -45,7 +45,7 @@ struct EditReport {
 /// In the file's order, so a later edit has the last word.
 /// @param scans  one a scan, by ordinal.
 /// @throws std::invalid_argument when a placement is of a scan that is not among `scans`.
-[[nodiscard]] EditReport apply_edits(FusedObjects& fused, const maps::Edits& edits,
+[[nodiscard]] EditResult apply_edits(FusedObjects& fused, const maps::Edits& edits,
                                      const std::vector<EditScan>& scans);
 
 /// Regions of a scan in which every point stays; map frame.

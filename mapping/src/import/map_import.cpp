@@ -64,7 +64,7 @@ Eigen::Vector3d rounded(const Eigen::Vector3d& p) {
 class CloudImport {
  public:
   CloudImport(const std::filesystem::path& file, const MapImportOptions& options,
-              const ProgressCallback& progress, const CancelFlag& cancel, MapImportReport& report)
+              const ProgressCallback& progress, const CancelFlag& cancel, MapImportResult& report)
       : file_(file), progress_(progress), cancel_(cancel), report_(report) {
     frame_.place = options.geodetic_origin;
     frame_.utm = options.utm;
@@ -215,7 +215,7 @@ class CloudImport {
   const std::filesystem::path& file_;
   const ProgressCallback& progress_;
   const CancelFlag& cancel_;
-  MapImportReport& report_;
+  MapImportResult& report_;
   ImportFrame frame_;
   std::size_t points_ = 0;
   std::size_t done_ = 0;
@@ -244,7 +244,7 @@ TilePoints finished(const VoxelGrid& grid, maps::TileId id, std::vector<VoxelSum
 }
 
 void write_tiles(const VoxelGrid& grid, TileStack& stack, const ColumnGround& ground, int threads,
-                 maps::MapPackageWriter& writer, MapImportReport& report,
+                 maps::MapPackageWriter& writer, MapImportResult& report,
                  const ProgressCallback& progress, const CancelFlag& cancel) {
   const std::vector<maps::TileId> ids = stack.tiles();
   Eigen::Array2i low(ids.front().x, ids.front().y), high = low;
@@ -282,7 +282,7 @@ ColumnGround ground_of(const VoxelGrid& grid, const TileStack& stack, const Canc
 }
 
 void write_places(const ColumnGround& ground, const Eigen::Vector3d& origin,
-                  maps::MapPackageWriter& writer, MapImportReport& report) {
+                  maps::MapPackageWriter& writer, MapImportResult& report) {
   std::vector<Eigen::Isometry3d> places = ground.places();
   for (Eigen::Isometry3d& place : places) place.pretranslate(origin);
   report.counts["places"] = places.size();
@@ -294,7 +294,7 @@ void write_places(const ColumnGround& ground, const Eigen::Vector3d& origin,
 
 maps::MapManifest manifest_of(const std::filesystem::path& file, const MapImportOptions& options,
                               const ImportFrame& frame, const Eigen::Vector3d& origin,
-                              const MapImportReport& report) {
+                              const MapImportResult& report) {
   maps::MapManifest manifest;
   manifest.frame_id = options.frame_id.value_or(frame.place ? "enu" : "local");
   manifest.origin = origin;
@@ -331,13 +331,13 @@ std::vector<std::string> MapImportOptions::violations() const {
   return broken;
 }
 
-MapImportReport import_map(const std::filesystem::path& file, const std::filesystem::path& target,
+MapImportResult import_map(const std::filesystem::path& file, const std::filesystem::path& target,
                            const MapImportOptions& options, const ProgressCallback& progress,
                            const CancelFlag& cancel) {
   if (const auto broken = options.violations(); !broken.empty())
     throw std::invalid_argument("import options: " + broken.front());
   const Clock::time_point began = Clock::now();
-  MapImportReport report;
+  MapImportResult report;
   CloudImport cloud(file, options, progress, cancel, report);
   const VoxelGrid grid(cloud.measure(), options.voxel_size_m);
   maps::MapPackageWriter writer(target);
@@ -359,7 +359,7 @@ MapImportReport import_map(const std::filesystem::path& file, const std::filesys
   return report;
 }
 
-std::string to_json(const MapImportReport& report) {
+std::string to_json(const MapImportResult& report) {
   return nlohmann::json{{"counts", report.counts},
                         {"seconds", report.seconds},
                         {"peak_rss_mib", report.peak_rss_mib},

@@ -55,11 +55,11 @@ const maps::MapExportFormat& octomap_format() {
   return format;
 }
 
-maps::MapExportReport export_octomap(const maps::MapPackage& map,
+maps::MapExportResult export_octomap(const maps::MapPackage& map,
                                      const std::filesystem::path& target,
                                      const maps::MapExportOptions& options) {
   maps::check_export_options(octomap_format(), options);
-  maps::MapExportReport report;
+  maps::MapExportResult report;
   if (options.frame == maps::ExportFrame::kLocal) report.origin = map.manifest().origin;
   const Eigen::Vector3d shift = map.manifest().origin - report.origin;
   octomap::OcTree tree(options.resolution_m.value_or(kResolutionM));

@@ -59,7 +59,7 @@ std::string detector_text(const MapBuildOptions& options) {
 }
 
 /// Counts are whole numbers, so lengths are in millimetres and angles in thousandths of a degree.
-std::map<std::string, std::uint64_t> counts_of(const GivenPosesReport& given) {
+std::map<std::string, std::uint64_t> counts_of(const GivenPosesResult& given) {
   const auto thousandths = [](double value) {
     return static_cast<std::uint64_t>(std::llround(1e3 * value));
   };
@@ -135,7 +135,7 @@ std::map<std::string, std::string> texts_of(const TrajectoryOptions& options) {
 
 /// What was added to the stamps of poses, one a drive; empty for nothing.
 std::string pose_time_offsets_of(const DriveSet& drives, const MapBuildOptions& options,
-                                 const MapBuildReport& report) {
+                                 const MapBuildResult& report) {
   std::vector<double> offsets_s = report.found_pose_time_offsets_s;
   offsets_s.resize(drives.drives().size(), 0.0);
   for (double& offset_s : offsets_s) offset_s += options.pose_time_offset_s;
@@ -145,7 +145,7 @@ std::string pose_time_offsets_of(const DriveSet& drives, const MapBuildOptions& 
 
 maps::MapManifest manifest_of(const DriveSet& drives, const MapBuildOptions& options,
                               const std::string& odometry, const std::optional<BuildFrame>& frame,
-                              const Eigen::Vector3d& origin, const MapBuildReport& report) {
+                              const Eigen::Vector3d& origin, const MapBuildResult& report) {
   const maps::Drive& first = drives.drives().front();
   maps::MapManifest manifest;
   manifest.frame_id = first.contents().origin ? "enu" : "local";

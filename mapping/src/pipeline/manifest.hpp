@@ -23,7 +23,7 @@ namespace stillmap::mapping {
                                             const std::string& odometry,
                                             const std::optional<BuildFrame>& frame,
                                             const Eigen::Vector3d& origin,
-                                            const MapBuildReport& report);
+                                            const MapBuildResult& report);
 
 /// Every option that decides the map, as text; those of the poses apart.
 [[nodiscard]] std::map<std::string, std::string> texts_of(const MapBuildOptions& options);

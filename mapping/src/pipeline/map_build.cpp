@@ -93,14 +93,14 @@ void write_sources(maps::MapPackageWriter& writer, const DriveSet& drives, const
   write_text(writer.folder() / "sources.sha256", survey.sources);
 }
 
-void report_speed(std::size_t scans, Clock::time_point began, MapBuildReport& report) {
+void report_speed(std::size_t scans, Clock::time_point began, MapBuildResult& report) {
   report.scans = scans;
   report.seconds = std::chrono::duration<double>(Clock::now() - began).count();
   report.scans_per_second = static_cast<double>(scans) / std::max(report.seconds, 1e-9);
   report.peak_rss_mib = maps::peak_rss_mib();
 }
 
-void report_edits(const EditReport& edits, MapBuildReport& report) {
+void report_edits(const EditResult& edits, MapBuildResult& report) {
   report.objects["edits_applied"] = edits.applied;
   report.objects["edits_unmatched"] = edits.unmatched.size();
   for (const std::string& edit : edits.unmatched)
@@ -108,12 +108,12 @@ void report_edits(const EditReport& edits, MapBuildReport& report) {
 }
 
 /// What threw the poses away throws the survey away too, and is said once.
-void warn_of_discarded(const BuildJournal& journal, MapBuildReport& report) {
+void warn_of_discarded(const BuildJournal& journal, MapBuildResult& report) {
   if (!journal.discarded().empty() && report.warnings.empty())
     report.warnings.push_back("work of a killed build was thrown away: " + journal.discarded());
 }
 
-void warn_of_near_points(double min_range_m, MapBuildReport& report) {
+void warn_of_near_points(double min_range_m, MapBuildResult& report) {
   const auto count = [&](const char* name) { return static_cast<double>(report.points.at(name)); };
   const double returned = count("in") - count("dropped_non_finite") - count("dropped_zero_range");
   const double too_near = count("dropped_too_near");
@@ -126,7 +126,7 @@ void warn_of_near_points(double min_range_m, MapBuildReport& report) {
 
 /// Counts neighbours that are apart; exact poses that are not exact make a map whose walls stand
 /// twice.
-void warn_of_given_poses(double voxel_size_m, MapBuildReport& report) {
+void warn_of_given_poses(double voxel_size_m, MapBuildResult& report) {
   auto& given = report.given_poses;
   if (!given) return;
   given->neighbours_apart = static_cast<std::size_t>(std::ranges::count_if(
@@ -156,7 +156,7 @@ std::string first_scans(const DriveSet& drives, std::span<const std::size_t> sca
   return scans.size() > kNamed ? text + ", ..." : text;
 }
 
-void warn_of_hidden_scans(const DriveSet& drives, MapBuildReport& report) {
+void warn_of_hidden_scans(const DriveSet& drives, MapBuildResult& report) {
   std::vector<std::size_t> hidden, anew;
   for (std::size_t scan = 0; scan < drives.size(); ++scan) {
     if (drives.note(scan) == ScanNote::kHidden) hidden.push_back(scan);
@@ -186,7 +186,7 @@ std::vector<maps::PoseDisagreement> of_poses(
 
 void warn_of_bent_places(const DriveSet& drives,
                          std::span<const maps::PoseDisagreement> disagreements,
-                         MapBuildReport& report) {
+                         MapBuildResult& report) {
   const maps::BentPlaces bent = maps::bent_places(disagreements);
   const bool is_exact = report.given_poses && report.given_poses->use == GivenPosesUse::kExact;
   const bool is_said = is_exact && report.given_poses->neighbours_apart > 0;
@@ -199,14 +199,14 @@ void warn_of_bent_places(const DriveSet& drives,
                : "look at the map there, and drive there again where walls stand twice"));
 }
 
-void warn_of_pose_faults(std::vector<maps::DriveFinding> faults, MapBuildReport& report) {
+void warn_of_pose_faults(std::vector<maps::DriveFinding> faults, MapBuildResult& report) {
   for (const maps::DriveFinding& fault : faults)
     report.warnings.push_back(fault.what + "; " + fault.remedy);
   report.pose_faults = std::move(faults);
 }
 
 /// Says what was added.
-void warn_of_found_offsets(const std::vector<maps::Drive>& drives, MapBuildReport& report) {
+void warn_of_found_offsets(const std::vector<maps::Drive>& drives, MapBuildResult& report) {
   for (std::size_t i = 0; i < report.found_pose_time_offsets_s.size(); ++i) {
     const double offset_s = report.found_pose_time_offsets_s[i];
     if (offset_s == 0.0) continue;
@@ -233,7 +233,7 @@ struct OpenedDrives {
 /// Poses of all drives in one frame, or those that a killed build had found.
 PosedDrives with_journaled_poses(const OpenedDrives& opened, const MapBuildOptions& options,
                                  const std::string& odometry, const Folders& folders,
-                                 MapBuildReport& report, const ProgressCallback& progress,
+                                 MapBuildResult& report, const ProgressCallback& progress,
                                  const CancelFlag& cancel) {
   const std::vector<maps::Drive>& drives = opened.drives;
   BuildJournal journal(folders.journal, "trajectory", trajectory_key(drives, options, odometry));
@@ -260,7 +260,7 @@ PosedDrives with_journaled_poses(const OpenedDrives& opened, const MapBuildOptio
 
 /// Moves the poses into the frame of the map that the options name, if they name one.
 std::optional<BuildFrame> register_drives(PosedDrives& posed, const MapBuildOptions& options,
-                                          const std::string& odometry, MapBuildReport& report,
+                                          const std::string& odometry, MapBuildResult& report,
                                           const ProgressCallback& progress,
                                           const CancelFlag& cancel) {
   if (!options.register_to) return std::nullopt;
@@ -275,7 +275,7 @@ std::optional<BuildFrame> register_drives(PosedDrives& posed, const MapBuildOpti
 /// What motion says of the clocks, or a killed build had found.
 std::vector<double> journaled_offsets_s(const std::vector<maps::Drive>& drives,
                                         const MapBuildOptions& options, const Folders& folders,
-                                        MapBuildReport& report, const ProgressCallback& progress,
+                                        MapBuildResult& report, const ProgressCallback& progress,
                                         const CancelFlag& cancel) {
   BuildJournal journal(folders.journal, "pose_time_offset",
                        trajectory_key(drives, options, "pose time offset"));
@@ -296,7 +296,7 @@ std::vector<double> journaled_offsets_s(const std::vector<maps::Drive>& drives,
 /// Shifts poses in time where the options ask for it and poses are used.
 OpenedDrives shifted_in_time(const std::vector<maps::Drive>& drives, const MapBuildOptions& options,
                              const std::string& odometry, const Folders& folders,
-                             MapBuildReport& report, const ProgressCallback& progress,
+                             MapBuildResult& report, const ProgressCallback& progress,
                              const CancelFlag& cancel) {
   if (!options.finds_pose_time_offset || !uses_given_poses(odometry, options)) return {drives};
   const std::vector<double> offsets_s =
@@ -305,7 +305,7 @@ OpenedDrives shifted_in_time(const std::vector<maps::Drive>& drives, const MapBu
 }
 
 void warn_of_useless_offset(const MapBuildOptions& options, const std::string& odometry,
-                            MapBuildReport& report) {
+                            MapBuildResult& report) {
   const bool is_asked = options.finds_pose_time_offset || options.pose_time_offset_s != 0.0;
   if (!is_asked || uses_given_poses(odometry, options)) return;
   report.warnings.push_back(
@@ -314,7 +314,7 @@ void warn_of_useless_offset(const MapBuildOptions& options, const std::string& o
                   odometry));
 }
 
-MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders,
+MapBuildResult build_into(maps::MapPackageWriter& writer, const Folders& folders,
                           const std::vector<maps::Drive>& unshifted, const MapBuildOptions& options,
                           const Cleaner* cleaner, const ProgressCallback& progress,
                           const CancelFlag& cancel) {
@@ -324,7 +324,7 @@ MapBuildReport build_into(maps::MapPackageWriter& writer, const Folders& folders
       options.edits_file ? maps::read_edits(*options.edits_file) : maps::Edits{};
   const std::filesystem::path& scratch = folders.scratch;
   std::filesystem::create_directory(scratch);
-  MapBuildReport report;
+  MapBuildResult report;
   const OpenedDrives opened =
       shifted_in_time(unshifted, options, odometry, folders, report, progress, cancel);
   report.found_pose_time_offsets_s = opened.found_offsets_s;
@@ -468,7 +468,7 @@ bool estimates_poses(const std::vector<std::filesystem::path>& drives,
   return odometry_of(open_drives(drives, options), options) != "given";
 }
 
-MapBuildReport build_map(const std::vector<std::filesystem::path>& folders,
+MapBuildResult build_map(const std::vector<std::filesystem::path>& folders,
                          const std::filesystem::path& target, const MapBuildOptions& given,
                          const ProgressCallback& progress, const CancelFlag& cancel,
                          const CleanerFactory& make_cleaner) {

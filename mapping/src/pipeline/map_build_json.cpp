@@ -23,7 +23,7 @@ nlohmann::json of_motions(const PoseDifferences& found) {
   return json;
 }
 
-nlohmann::json to_json(const GivenPosesReport& report) {
+nlohmann::json to_json(const GivenPosesResult& report) {
   nlohmann::json apart = nlohmann::json::array();
   for (const PoseDifferences& each : report.errors.by_way)
     if (each.pairs > 0) apart.push_back(of_motions(each));
@@ -41,7 +41,7 @@ nlohmann::json to_json(const GivenPosesReport& report) {
 
 }  // namespace
 
-std::string to_json(const MapBuildReport& report) {
+std::string to_json(const MapBuildResult& report) {
   nlohmann::json json{{"scans", report.scans},
                       {"resumed_scans", report.resumed_scans},
                       {"seconds", report.seconds},

@@ -23,7 +23,7 @@ struct BuildObjects {
   std::vector<std::vector<ScanObject>> by_scan;
   /// By ordinal: regions in which a user wants every point to stay; lidar frame of the scan.
   std::vector<std::vector<maps::Box>> kept_by_scan;
-  EditReport edits;
+  EditResult edits;
 };
 
 /// Where objects stood still, in the local frame.

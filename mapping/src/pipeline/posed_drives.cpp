@@ -297,7 +297,7 @@ PosedDrives with_given_poses(const std::vector<maps::Drive>& drives, const MapBu
   trajectory.loops = refines && trajectory.loops;
   const TrajectoryEstimate estimate =
       estimate_trajectories(posed.drives, trajectory, scratch, progress, cancel);
-  GivenPosesReport report;
+  GivenPosesResult report;
   report.use = options.given_poses;
   report.errors = estimate.given_errors.value();
   posed.faults = faults_in(drives, estimate, applied_offsets_s);

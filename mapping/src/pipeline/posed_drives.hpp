@@ -57,7 +57,7 @@ struct PosedDrives {
   /// Of poses that were estimated or refined.
   std::optional<DriveGraph> graph{};
   /// Of poses that the drives bring.
-  std::optional<GivenPosesReport> given{};
+  std::optional<GivenPosesResult> given{};
   /// Of poses that the drives bring and that were used.
   std::vector<maps::DriveFinding> faults{};
   /// One a scan of each drive, 0 outside of the selection: what cleaning allows for.

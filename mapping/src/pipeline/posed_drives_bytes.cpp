@@ -83,7 +83,7 @@ PoseDifferences differences_from(ByteReader& reader) {
   return apart;
 }
 
-void put_report(std::string& bytes, const GivenPosesReport& report) {
+void put_report(std::string& bytes, const GivenPosesResult& report) {
   put_number(bytes, static_cast<std::uint8_t>(report.use == GivenPosesUse::kExact));
   put_number(bytes, report.errors.by_way.size());
   for (const PoseDifferences& apart : report.errors.by_way) put_differences(bytes, apart);
@@ -98,8 +98,8 @@ void put_report(std::string& bytes, const GivenPosesReport& report) {
   put_differences(bytes, report.moved);
 }
 
-GivenPosesReport report_from(ByteReader& reader) {
-  GivenPosesReport report;
+GivenPosesResult report_from(ByteReader& reader) {
+  GivenPosesResult report;
   report.use = reader.number<std::uint8_t>() != 0 ? GivenPosesUse::kExact : GivenPosesUse::kRefine;
   for (auto left = reader.count(8 * sizeof(double)); left > 0; --left)
     report.errors.by_way.push_back(differences_from(reader));

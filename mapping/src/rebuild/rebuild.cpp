@@ -178,7 +178,7 @@ class Rebuild {
       report_.warnings.push_back("work of another rebuild was thrown away: " + work_.discarded());
   }
 
-  RebuildReport run() {
+  RebuildResult run() {
     require_one_file_system(options_.work, options_.map);
     const fs::path place = built();
     const auto map = maps::MapPackage::open(place);
@@ -345,12 +345,12 @@ class Rebuild {
   const CancelFlag& cancel_;
   const CleanerFactory& make_cleaner_;
   RebuildWork work_;
-  RebuildReport report_;
+  RebuildResult report_;
 };
 
 }  // namespace
 
-RebuildReport rebuild_map(const RebuildOptions& given, const ProgressCallback& progress,
+RebuildResult rebuild_map(const RebuildOptions& given, const ProgressCallback& progress,
                           const CancelFlag& cancel, const CleanerFactory& make_cleaner) {
   require_usable(given);
   const RebuildOptions options = completed(given);

@@ -22,7 +22,7 @@ Json answers_json(const HeldBackAnswers& answers) {
           {"status", {{"ok", answers.ok}, {"degraded", answers.degraded}, {"lost", answers.lost}}}};
 }
 
-Json figures_json(const RebuildReport& report) {
+Json figures_json(const RebuildResult& report) {
   Json json;
   json["map"] = answers_json(report.answers);
   json["keep"] = answers_json(report.keep_answers);
@@ -68,7 +68,7 @@ Json checks_json(const GateVerdict& verdict) {
 
 }  // namespace
 
-std::string to_json(const RebuildReport& report, const RebuildOptions& options) {
+std::string to_json(const RebuildResult& report, const RebuildOptions& options) {
   Json json;
   json["verdict"] = report.verdict.passed ? "pass" : "fail";
   json["reasons"] = report.verdict.reasons;

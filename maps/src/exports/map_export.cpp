@@ -95,7 +95,7 @@ ExportFrame frame_of(const MapExportFormat& format, const MapExportOptions& opti
   return *options.frame;
 }
 
-void count_files(const fs::path& target, MapExportReport& report) {
+void count_files(const fs::path& target, MapExportResult& report) {
   const auto add = [&](const fs::path& file) {
     ++report.files;
     report.bytes += fs::file_size(file);
@@ -173,11 +173,11 @@ void check_export_options(const MapExportFormat& format, const MapExportOptions&
                   *options.frame == kUtm ? " (32-bit floats are half a metre coarse in UTM)" : ""));
 }
 
-MapExportReport export_map(const MapPackage& map, std::string_view format,
+MapExportResult export_map(const MapPackage& map, std::string_view format,
                            const std::filesystem::path& target, const MapExportOptions& options) {
   const Row& row = row_of(format);
   check_export_options(row.format, options);
-  MapExportReport report;
+  MapExportResult report;
   ExportJob job{map, options, frame_of(row.format, options, map), {}, report};
   job.tell({0.0, 0.0}, 0, 1);
   if (job.frame == kLocal) report.origin = map.manifest().origin;

@@ -52,7 +52,7 @@ struct Remarks {
   std::vector<std::string> doubts;
 };
 
-std::string to_json_text(const mapping::MapBuildReport& report, const BuildArguments& arguments,
+std::string to_json_text(const mapping::MapBuildResult& report, const BuildArguments& arguments,
                          const std::vector<std::string>& notes) {
   const mapping::MapBuildOptions options = mapping::completed(arguments.options);
   auto json = nlohmann::ordered_json::parse(mapping::to_json(report));
@@ -126,7 +126,7 @@ std::string registration_text(const maps::Registration& registration) {
       T.translation().norm(), in_degrees(maps::rotation_angle_rad(T.linear())));
 }
 
-void add_given_poses(const mapping::GivenPosesReport& given, command_line::Table& table) {
+void add_given_poses(const mapping::GivenPosesResult& given, command_line::Table& table) {
   const mapping::PoseDifferences& neighbours = given.errors.by_way.front();
   if (neighbours.pairs > 0)
     table.add("given poses", fmt::format("neighbouring scans disagree by {:.3f} m, {:.2f} deg in "
@@ -142,7 +142,7 @@ void add_given_poses(const mapping::GivenPosesReport& given, command_line::Table
                                       given.moved.max_m, in_degrees(given.moved.max_rad)));
 }
 
-void print_for_people(const mapping::MapBuildReport& report, const std::filesystem::path& map,
+void print_for_people(const mapping::MapBuildResult& report, const std::filesystem::path& map,
                       const std::string& index) {
   command_line::Table table;
   table.add("map", map.string());
@@ -211,7 +211,7 @@ void build(BuildCommand& asked, const CLI::App& command) {
   resolve_options(asked.arguments, command);
   const std::vector<std::filesystem::path>& drives = asked.arguments.drives;
   const mapping::MapBuildOptions& options = asked.arguments.options;
-  mapping::MapBuildReport report;
+  mapping::MapBuildResult report;
   std::string index;
   // Asked once: a large bag takes a while to be opened.
   const bool estimates_poses = mapping::estimates_poses(drives, options);

@@ -52,7 +52,7 @@ std::vector<maps::MapExportFormat> formats() {
   return all;
 }
 
-maps::MapExportReport write_map(const ExportArguments& arguments) {
+maps::MapExportResult write_map(const ExportArguments& arguments) {
   const auto package = maps::MapPackage::open(arguments.map);
   command_line::ProgressBar bar;
   maps::MapExportOptions options = arguments.options;
@@ -70,7 +70,7 @@ maps::MapExportReport write_map(const ExportArguments& arguments) {
   return maps::export_map(*package, arguments.format, arguments.output, options);
 }
 
-std::string to_json_text(const maps::MapExportReport& report, const ExportArguments& arguments) {
+std::string to_json_text(const maps::MapExportResult& report, const ExportArguments& arguments) {
   const Eigen::Vector3d& origin = report.origin;
   const nlohmann::ordered_json json = {
       {"format", arguments.format}, {"points", report.points},
@@ -81,7 +81,7 @@ std::string to_json_text(const maps::MapExportReport& report, const ExportArgume
 }
 
 void export_package(const ExportArguments& arguments) {
-  const maps::MapExportReport report = write_map(arguments);
+  const maps::MapExportResult report = write_map(arguments);
   arguments.json.write(to_json_text(report, arguments));
   if (arguments.json.replaces_text()) return;
   command_line::Table table;

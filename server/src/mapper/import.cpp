@@ -28,7 +28,7 @@ struct ImportArguments {
   mapping::MapImportOptions options;
 };
 
-std::string to_json_text(const mapping::MapImportReport& report, const ImportArguments& arguments) {
+std::string to_json_text(const mapping::MapImportResult& report, const ImportArguments& arguments) {
   auto json = nlohmann::ordered_json::parse(mapping::to_json(report));
   json["options"] = {{"file", arguments.file.string()},
                      {"frame_id", arguments.options.frame_id.value_or("")},
@@ -47,7 +47,7 @@ std::string label_of(std::string name) {
   return "points " + name;
 }
 
-void print_for_people(const mapping::MapImportReport& report, const ImportArguments& arguments,
+void print_for_people(const mapping::MapImportResult& report, const ImportArguments& arguments,
                       const std::string& index) {
   command_line::Table table;
   table.add("map", arguments.map.string());
@@ -62,7 +62,7 @@ void print_for_people(const mapping::MapImportReport& report, const ImportArgume
 }
 
 void import_cloud(const ImportArguments& arguments) {
-  mapping::MapImportReport report;
+  mapping::MapImportResult report;
   std::string index;
   {
     command_line::ProgressBar bar;

@@ -56,7 +56,7 @@ std::string text_of(const mapping::HeldBackAnswers& answers) {
                      answers.ok, answers.degraded, answers.lost);
 }
 
-void print_for_people(const mapping::RebuildReport& report, const RebuildCommand& asked) {
+void print_for_people(const mapping::RebuildResult& report, const RebuildCommand& asked) {
   command_line::Table table;
   table.add("map", asked.map.string());
   table.add("digest", report.digest);
@@ -88,7 +88,7 @@ void rebuild(RebuildCommand& asked, const CLI::App& command) {
   if (asked.estimate) return print_estimate(mapping::estimate_rebuild(options), asked.json);
   for (const char* option : {"--output", "--work"}) require(command, option);
   command_line::say_when_cancelled(command_line::goes_on_from(options.work));
-  mapping::RebuildReport report;
+  mapping::RebuildResult report;
   run_with_progress(asked.progress, mapping::rebuild_stages(options),
                     [&](const mapping::ProgressCallback& progress) {
                       report = mapping::rebuild_map(options, progress, command_line::cancel_flag(),

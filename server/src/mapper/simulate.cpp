@@ -22,7 +22,7 @@ struct SimulateArguments {
 };
 
 void simulate(const SimulateArguments& arguments) {
-  simulation::SimulationReport report;
+  simulation::SimulationResult report;
   {
     command_line::ProgressBar bar;
     report = simulation::simulate_drive(

@@ -18,8 +18,8 @@ using Seconds = std::chrono::duration<double>;
 /// out by announcing work.
 constexpr std::chrono::milliseconds kImminent{250};
 
-double seconds_between(AlignmentQueue::Clock::time_point from,
-                       AlignmentQueue::Clock::time_point to) {
+double seconds_of_clock(AlignmentQueue::Clock::time_point from,
+                        AlignmentQueue::Clock::time_point to) {
   return std::max(0.0, Seconds(to - from).count());
 }
 
@@ -66,7 +66,7 @@ double AlignmentQueue::running_rest_s(Clock::time_point now) const {
   for (const auto& [id, running] : running_) {
     const int left = std::max(1, running.work.units - running.done);
     const double whole = times_.mean_s(running.work.kind) * left;
-    rest += std::max(0.0, whole - seconds_between(running.since, now));
+    rest += std::max(0.0, whole - seconds_of_clock(running.since, now));
   }
   return rest;
 }
@@ -273,7 +273,7 @@ void AlignmentQueue::Ticket::scan_done(WorkKind kind) {
   const std::scoped_lock lock(queue_->mutex_);
   Running& running = queue_->running_.at(id_);
   const Clock::time_point now = queue_->now_();
-  queue_->times_.add(kind, seconds_between(running.since, now));
+  queue_->times_.add(kind, seconds_of_clock(running.since, now));
   running.since = now;
   ++running.done;
 }

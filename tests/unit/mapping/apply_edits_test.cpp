@@ -71,7 +71,7 @@ TEST(ApplyEdits, KeepsTheObjectThatStandsWhereItStood) {
   fused.objects = {object_at(0.0, 0.0, {0, 1}), object_at(5.0, 0.0, {0, 1}),
                    object_at(0.0, 0.0, {6})};
   // The rebuild found it 0.6 m off, and on the other day too.
-  const EditReport report = apply_edits(fused, {keep_car_at(0.6, 0.0)}, ten_scans());
+  const EditResult report = apply_edits(fused, {keep_car_at(0.6, 0.0)}, ten_scans());
   EXPECT_EQ(report.applied, 1U);
   EXPECT_THAT(report.unmatched, IsEmpty());
   EXPECT_THAT(report.kept, SizeIs(2));
@@ -86,7 +86,7 @@ TEST(ApplyEdits, KeepsByClassAndScope) {
                    object_at(0.0, 0.0, {0, 6}, maps::ObjectClass::kVan)};
   maps::Edit edit = keep_car_at(0.0, 0.0);
   edit.scope.drive = "south";
-  const EditReport report = apply_edits(fused, {edit}, ten_scans());
+  const EditResult report = apply_edits(fused, {edit}, ten_scans());
   EXPECT_EQ(report.applied, 1U);
   ASSERT_THAT(fused.objects, SizeIs(2));
   EXPECT_THAT(scans_of(fused.objects[0]), ElementsAre(0, 1));
@@ -109,7 +109,7 @@ TEST(ApplyEdits, KeepsWhatStandsInARegion) {
   fused.objects = {object_at(0.0, 0.0, {0}), object_at(2.9, 0.0, {1}), object_at(3.1, 0.0, {1})};
   const std::vector<EditScan> scans = ten_scans();
   const maps::Edits edits{edit_region(maps::EditAction::kKeep, 0.0, 0.0)};
-  const EditReport report = apply_edits(fused, edits, scans);
+  const EditResult report = apply_edits(fused, edits, scans);
   EXPECT_EQ(report.applied, 1U);
   ASSERT_THAT(fused.objects, SizeIs(1));
   EXPECT_EQ(fused.objects[0].placements[0].box.centre.x(), 3.1);
@@ -130,7 +130,7 @@ TEST(ApplyEdits, RemovesARegionInEveryScanNearIt) {
   FusedObjects fused;
   maps::Edit edit = edit_region(maps::EditAction::kRemove, 10.0, 0.0);
   edit.scope.drive = "north";
-  const EditReport report = apply_edits(fused, {edit}, ten_scans());
+  const EditResult report = apply_edits(fused, {edit}, ten_scans());
   EXPECT_EQ(report.applied, 1U);
   ASSERT_THAT(fused.objects, SizeIs(1));
   EXPECT_EQ(fused.objects[0].existence, 1.0);
@@ -144,7 +144,7 @@ TEST(ApplyEdits, RemovesADoubtfulObjectAfterAll) {
   fused.doubtful = {object_at(0.0, 0.0, {0, 1})};
   maps::Edit edit = keep_car_at(0.2, 0.0);
   edit.action = maps::EditAction::kRemove;
-  const EditReport report = apply_edits(fused, {edit}, ten_scans());
+  const EditResult report = apply_edits(fused, {edit}, ten_scans());
   EXPECT_EQ(report.applied, 1U);
   ASSERT_THAT(fused.objects, SizeIs(1));
   EXPECT_EQ(fused.objects[0].existence, 1.0);
@@ -153,7 +153,7 @@ TEST(ApplyEdits, RemovesADoubtfulObjectAfterAll) {
 
 TEST(ApplyEdits, TheLastWordIsTheLaterEdit) {
   FusedObjects fused;
-  const EditReport report = apply_edits(fused,
+  const EditResult report = apply_edits(fused,
                                         {edit_region(maps::EditAction::kRemove, 0.0, 0.0),
                                          edit_region(maps::EditAction::kKeep, 0.0, 0.0)},
                                         ten_scans());
@@ -166,7 +166,7 @@ TEST(ApplyEdits, WhatMetNothingIsSaid) {
   fused.objects = {object_at(0.0, 0.0, {0})};
   maps::Edit elsewhere = edit_region(maps::EditAction::kRemove, 0.0, 0.0);
   elsewhere.scope.drive = "west";
-  const EditReport report = apply_edits(fused, {keep_car_at(1.2, 0.0), elsewhere}, ten_scans());
+  const EditResult report = apply_edits(fused, {keep_car_at(1.2, 0.0), elsewhere}, ten_scans());
   EXPECT_EQ(report.applied, 0U);
   EXPECT_THAT(report.unmatched, ElementsAre("edits[0]: keep car at (1.2, 0.0, 0.5)",
                                             HasSubstr("edits[1]: remove region")));

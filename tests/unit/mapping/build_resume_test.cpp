@@ -27,7 +27,7 @@ class BuildResume : public ::testing::Test {
     fs::create_directories(maps_);
   }
 
-  MapBuildReport build(const std::string& name = "map", const ProgressCallback& progress = {}) {
+  MapBuildResult build(const std::string& name = "map", const ProgressCallback& progress = {}) {
     cancel_ = false;
     return build_map({drive_}, maps_ / name, options_, progress, cancel_);
   }
@@ -60,7 +60,7 @@ TEST_F(BuildResume, GoesOnToTheSameBytesFromWhereverItWasKilled) {
   for (std::size_t scans = 1; scans <= test::SmallDrive::kScans; ++scans) {
     options_.threads = scans % 2 == 0 ? 2 : 1;
     kill_build_after("survey", scans);
-    const MapBuildReport report = build();
+    const MapBuildResult report = build();
     EXPECT_EQ(report.digest, whole) << scans;
     EXPECT_EQ(report.resumed_scans, scans);
     EXPECT_THAT(report.warnings, IsEmpty());
@@ -73,7 +73,7 @@ TEST_F(BuildResume, GoesOnToTheSameBytesFromWhereverItWasKilled) {
 TEST_F(BuildResume, KeepsThePassThatWasDoneWhenItIsKilledLater) {
   const std::string whole = build("whole").digest;
   kill_build_after("place", 2);
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   EXPECT_EQ(report.digest, whole);
   EXPECT_EQ(report.resumed_scans, test::SmallDrive::kScans);
 }
@@ -84,7 +84,7 @@ TEST_F(BuildResume, GoesOnAfterSeveralKillsWithOtherThreads) {
   options_.threads = 2;
   kill_build_after("survey", 1);
   kill_build_after("resume", 2);
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   EXPECT_EQ(report.digest, whole);
   EXPECT_EQ(report.resumed_scans, 2U);
 }
@@ -103,7 +103,7 @@ TEST_F(BuildResume, CutsATornRecord) {
   const std::string whole = build("whole").digest;
   kill_build_after("survey", 2);
   fs::resize_file(journal(), fs::file_size(journal()) - 5);
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   EXPECT_EQ(report.resumed_scans, 1U);
   EXPECT_EQ(report.digest, whole);
 }
@@ -118,7 +118,7 @@ TEST_F(BuildResume, DoesNotUseADamagedRecordNorThoseBehindIt) {
       file.seekp(static_cast<std::streamoff>(fs::file_size(journal()) / 2));
       file.write("????", 4);
     }
-    const MapBuildReport report = build();
+    const MapBuildResult report = build();
     EXPECT_EQ(report.resumed_scans, 1U);
     EXPECT_EQ(report.digest, whole);
     remove_map();
@@ -131,7 +131,7 @@ TEST_F(BuildResume, ThrowsAwayTheWorkOfOtherOptionsAndSaysSo) {
   options_.voxel_size_m = 0.1;
   kill_build_after("survey", 2);
   options_.voxel_size_m = 0.2;
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   EXPECT_EQ(report.digest, whole);
   EXPECT_EQ(report.resumed_scans, 0U);
   EXPECT_THAT(report.warnings,
@@ -149,7 +149,7 @@ TEST_F(BuildResume, ThrowsAllAwayWhenAScanHasChanged) {
   kill_build_after("survey", 8);
   small_.world.boxes[0].max.z() = 1.9;
   folder_.write("drive/000005.bin", test::bin_of(small_.scan(1)));
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   EXPECT_EQ(report.resumed_scans, 0U);
   EXPECT_THAT(report.warnings, ElementsAre(HasSubstr("files of drive 1")));
   EXPECT_EQ(report.digest, build("whole").digest);
@@ -158,7 +158,7 @@ TEST_F(BuildResume, ThrowsAllAwayWhenAScanHasChanged) {
 TEST_F(BuildResume, ThrowsAllAwayWhenAScanAheadHasChangedThatTheGroundLearnedFrom) {
   kill_build_after("survey", 1);
   folder_.write("drive/000003.bin", test::bin_of(small_.scan(2)));
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   EXPECT_EQ(report.resumed_scans, 0U);
   EXPECT_EQ(report.digest, build("whole").digest);
 }
@@ -169,7 +169,7 @@ TEST_F(BuildResume, ThrowsAllAwayWhenAPoseHasChanged) {
   std::string poses;
   for (const Eigen::Isometry3d& T : small_.T_map_lidar) poses += test::kitti_line(T);
   folder_.write("drive/poses.txt", poses);
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   EXPECT_EQ(report.resumed_scans, 0U);
   EXPECT_THAT(report.warnings, ElementsAre(HasSubstr("poses of drive 1")));
   EXPECT_EQ(report.digest, build("whole").digest);
@@ -209,7 +209,7 @@ TEST_F(BuildResume, SharesTheSurveyWithABuildThatKeepsWhatCanMove) {
   options_.projection.policy = MovablePolicy::kKeep;
   options_.fusion = false;
   options_.clean = "none";
-  const MapBuildReport kept = build("kept");
+  const MapBuildResult kept = build("kept");
   EXPECT_EQ(kept.resumed_scans, test::SmallDrive::kScans);
   EXPECT_EQ(kept.points.at("projected"), 0U);
   EXPECT_EQ(kept.points.at("cleaned"), 0U);

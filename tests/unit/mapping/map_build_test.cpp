@@ -38,7 +38,7 @@ class MapBuild : public ::testing::Test {
     options_.given_poses = GivenPosesUse::kExact;
   }
 
-  MapBuildReport build(const std::string& name = "map") {
+  MapBuildResult build(const std::string& name = "map") {
     return build_map({drive_}, folder_.path() / "maps" / name, options_, progress_, cancel_);
   }
   [[nodiscard]] std::shared_ptr<const maps::MapPackage> open(
@@ -78,7 +78,7 @@ TEST_F(MapBuild, HasTheSameGroundAndObjectsHoweverTheSensorIsMounted) {
     test::SmallDrive drive = small_;
     drive.R_old_new = Eigen::AngleAxisd(angle_rad, axis).toRotationMatrix();
     options_.detector = boxes ? "boxes:" + drive.write_car(folder).string() : "geometric";
-    const MapBuildReport report =
+    const MapBuildResult report =
         build_map({drive.write(folder)}, folder.path() / "map", options_, progress_, cancel_);
     return std::pair(report.points.at("ground"),
                      report.points.at("projected") + report.points.at("deleted"));
@@ -118,7 +118,7 @@ TEST_F(MapBuild, WarnsWhenManyPointsAreNearerThanWhatCarriesTheSensor) {
   use_boxes();
   EXPECT_THAT(build().warnings, IsEmpty());
   options_.min_range_m = 12.0;
-  const MapBuildReport report = build("much");
+  const MapBuildResult report = build("much");
   const std::uint64_t in = report.points.at("in");
   const std::uint64_t near = report.points.at("dropped_too_near");
   ASSERT_GT(near, in / 5);
@@ -130,7 +130,7 @@ TEST_F(MapBuild, WarnsWhenManyPointsAreNearerThanWhatCarriesTheSensor) {
 
 TEST_F(MapBuild, ReportsTheConsistencyThatIsFoundInThePackage) {
   options_.threads = 2;
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   const std::string found = to_json(map_consistency(*open(), 1, {}, cancel_));
   EXPECT_EQ(to_json(report.consistency), found);
   EXPECT_GT(report.consistency.walls.planar_cells, 20U);
@@ -149,7 +149,7 @@ TEST_F(MapBuild, CountsEveryPointOnceInTheManifest) {
   cloud.positions.emplace_back(0.0F, 0.0F, 0.0F);
   folder_.write("drive/000000.bin", test::bin_of(cloud));
   use_boxes();
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   const auto map = open();
   const auto& counts = map->manifest().counts;
   std::uint64_t in = 5 + good;
@@ -247,7 +247,7 @@ TEST_F(MapBuild, DeletesOrKeepsAsAsked) {
   EXPECT_GT(deleted.at("deleted"), 100U);
   EXPECT_EQ(deleted.at("projected"), 0U);
   options_.projection.policy = MovablePolicy::kKeep;
-  const MapBuildReport kept = build("kept");
+  const MapBuildResult kept = build("kept");
   EXPECT_EQ(kept.points.at("deleted"), 0U);
   EXPECT_EQ(kept.points.at("projected"), 0U);
   EXPECT_EQ(kept.objects.at("boxes"), 0U);
@@ -259,7 +259,7 @@ TEST_F(MapBuild, CountsLabelsThatPointOutsideOfTheDrive) {
   boxes.by_scan[test::SmallDrive::kScans + 3] = {small_.car_in(0), small_.car_in(1)};
   maps::write_boxes(folder_.path() / "outside.json", boxes);
   options_.detector = "boxes:" + (folder_.path() / "outside.json").string();
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   EXPECT_EQ(report.objects.at("boxes"), 1U);
   EXPECT_EQ(report.objects.at("dropped: frame beyond the drive"), 2U);
 }
@@ -310,7 +310,7 @@ TEST_F(MapBuild, KeepsAHiddenScanOutAndSaysSo) {
   for (const GivenPosesUse use : {GivenPosesUse::kExact, GivenPosesUse::kRefine}) {
     options_.given_poses = use;
     const std::string name(name_of(use));
-    const MapBuildReport report = build(name);
+    const MapBuildResult report = build(name);
     EXPECT_EQ(report.points.at("scans_hidden"), 1U);
     EXPECT_EQ(report.points.at("dropped_hidden"), points);
     EXPECT_EQ(report.points.at("scans_empty"), 0U);
@@ -478,7 +478,7 @@ TEST_F(MapBuild, JoinsSeveralDrivesOfOneFrame) {
   const auto alone = build("one").points;
   const std::filesystem::path second = folder_.path() / "second";
   std::filesystem::copy(drive_, second, std::filesystem::copy_options::recursive);
-  const MapBuildReport both =
+  const MapBuildResult both =
       build_map({drive_, second}, folder_.path() / "maps/both", options_, progress_, cancel_);
   EXPECT_EQ(both.scans, 2 * test::SmallDrive::kScans);
   EXPECT_EQ(both.points.at("in"), 2 * alone.at("in"));
@@ -503,7 +503,7 @@ TEST_F(MapBuild, RefusesBoxesOfOneDriveForTwo) {
 TEST_F(MapBuild, AsThePaperPutsBoxesOnTheScansMeanGround) {
   use_boxes();
   apply_paper_preset(options_);
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   EXPECT_EQ(report.objects.at("unknown"), 4U);
   EXPECT_EQ(report.points.at("filled"), 0U);
   EXPECT_EQ(open()->manifest().options.at("ground_height"), "mean");
@@ -542,7 +542,7 @@ TEST_F(MapBuild, ReplaysAUsersCorrections) {
     {"action": "remove", "box": {"centre": [5, 8, 1], "size": [3, 1, 1], "yaw": 0}},
     {"action": "keep", "object": {"centre": [500, 0, 0], "class": "bus"}}]})");
   options_.edits_file = folder_.path() / "edits.json";
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   EXPECT_EQ(report.objects.at("edits_applied"), 2U);
   ASSERT_EQ(report.warnings.size(), 1U);
   EXPECT_THAT(report.warnings[0], testing::HasSubstr("bus"));
@@ -627,7 +627,7 @@ class GivenPosesOfABuild : public MapBuild {
 
 TEST_F(GivenPosesOfABuild, AreRefinedAndItIsSaidByHowMuch) {
   options_.given_poses = GivenPosesUse::kRefine;
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   EXPECT_LT(worst_m(), 0.05);
   ASSERT_TRUE(report.given_poses);
   EXPECT_GT(report.given_poses->moved.median_m, 0.05);
@@ -641,7 +641,7 @@ TEST_F(GivenPosesOfABuild, AreRefinedAndItIsSaidByHowMuch) {
 }
 
 TEST_F(GivenPosesOfABuild, ThatAreSaidToBeExactStayAndAreChecked) {
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   EXPECT_GT(worst_m(), 0.2);
   EXPECT_EQ(report.given_poses.value().moved.max_m, 0.0);
   EXPECT_THAT(report.warnings, ElementsAre(::testing::AllOf(
@@ -679,7 +679,7 @@ TEST_F(MapBuild, SaysWhereOdometryRestarted) {
   }
   drive_ = folder_.path() / "carried";
   options_.detector = "geometric";
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   EXPECT_GE(report.points.at("scans_hidden"), 4U);
   EXPECT_THAT(report.warnings,
               Contains(AllOf(HasSubstr("odometry lost the place and restarted at scan 2"),
@@ -715,7 +715,7 @@ class ClockOfPosesOfABuild : public MapBuild {
 };
 
 TEST_F(ClockOfPosesOfABuild, IsSaidWithWhatMendsIt) {
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   ASSERT_EQ(report.pose_faults.size(), 1U);
   EXPECT_EQ(report.pose_faults[0].code, "pose_clock");
   EXPECT_THAT(report.warnings, Contains(AllOf(HasSubstr("s behind those of the scans"),
@@ -726,7 +726,7 @@ TEST_F(ClockOfPosesOfABuild, IsSaidWithWhatMendsIt) {
 
 TEST_F(ClockOfPosesOfABuild, IsSetWhereAskedFor) {
   options_.finds_pose_time_offset = true;
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   ASSERT_EQ(report.found_pose_time_offsets_s.size(), 1U);
   const double found_s = report.found_pose_time_offsets_s[0];
   EXPECT_NEAR(found_s, 0.3, 0.02);
@@ -751,7 +751,7 @@ TEST_F(ClockOfPosesOfABuild, IsNotMeasuredTwice) {
   EXPECT_THROW((void)build(), Cancelled);
   cancel_ = false;
   progress_ = {};
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   EXPECT_NEAR(report.found_pose_time_offsets_s.at(0), 0.3, 0.02);
   EXPECT_THAT(report.stage_seconds, Not(Contains(Key("pose time offset"))));
 }
@@ -766,7 +766,7 @@ TEST_F(ClockOfPosesOfABuild, IsNotSetWhereASelectionWouldCountOtherScans) {
 TEST_F(MapBuild, SaysThatAnOffsetOfPosesHasNoEffectWhereTheyAreNotUsed) {
   options_.odometry = "default";
   options_.finds_pose_time_offset = true;
-  const MapBuildReport report = build();
+  const MapBuildResult report = build();
   EXPECT_THAT(report.warnings, Contains(HasSubstr("--pose-time-offset has no effect")));
   EXPECT_THAT(report.found_pose_time_offsets_s, IsEmpty());
 }

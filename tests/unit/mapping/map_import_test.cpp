@@ -46,7 +46,7 @@ std::string pcd_of(const std::vector<Eigen::Vector3d>& points) {
 
 class MapImport : public ::testing::Test {
  protected:
-  MapImportReport import(const std::string& file, const std::string& bytes,
+  MapImportResult import(const std::string& file, const std::string& bytes,
                          const std::string& map = "map") {
     folder_.write(file, bytes);
     return import_map(folder_.path() / file, folder_.path() / map, options_, {}, cancel_);
@@ -70,7 +70,7 @@ class MapImport : public ::testing::Test {
 
 TEST_F(MapImport, ScansAreFoundInItWithAndWithoutAPrior) {
   const Eigen::Vector3d utm(448000.0, 5427000.0, 110.0);
-  const MapImportReport report = import("cloud.pcd", pcd_of<double>(points_of_a_street(utm)));
+  const MapImportResult report = import("cloud.pcd", pcd_of<double>(points_of_a_street(utm)));
   EXPECT_THAT(report.warnings, IsEmpty());
   EXPECT_GT(report.counts.at("places"), 10U);
   EXPECT_GT(report.counts.at("ground"), report.counts.at("static") / 10);
@@ -90,7 +90,7 @@ TEST_F(MapImport, PackageSaysWhatItIsMadeOf) {
   options_.frame_id = "utm-32n";
   const std::vector<Eigen::Vector3d> points{
       {10.26, 20.0, 1.0}, {10.28, 20.0, 1.0}, {14.0, 20.0, 1.0}};
-  const MapImportReport report = import("cloud.pcd", pcd_of<double>(points));
+  const MapImportResult report = import("cloud.pcd", pcd_of<double>(points));
   EXPECT_EQ(report.counts.at("in"), 3U);
   EXPECT_EQ(report.counts.at("static"), 2U) << "two of them share a voxel of 0.1 m";
   const auto package = map();
@@ -109,7 +109,7 @@ TEST_F(MapImport, CoarseCoordinatesAreRefusedOrSaid) {
               ThrowsSaying<InputError>({"utm.pcd", "448000 m", "32-bit", "doubles"}));
   EXPECT_FALSE(fs::exists(folder_.path() / "map"));
   EXPECT_NO_THROW((void)import("double.pcd", pcd_of<double>({p}), "double"));
-  const MapImportReport near = import("near.pcd", pcd_of<float>({0.1 * p}), "near");
+  const MapImportResult near = import("near.pcd", pcd_of<float>({0.1 * p}), "near");
   EXPECT_THAT(near.warnings, ::testing::Contains(HasSubstr("coarse")));
 }
 
@@ -161,7 +161,7 @@ Eigen::Vector3d only_point(const maps::MapPackage& package) {
 
 TEST_F(MapImport, UtmBecomesALocalFrameThatKnowsItsPlace) {
   const std::vector<Eigen::Vector3d> points = points_of_a_street(Eigen::Vector3d::Zero());
-  const MapImportReport report = import("street.las", las_of(points, 32632).bytes());
+  const MapImportResult report = import("street.las", las_of(points, 32632).bytes());
   EXPECT_THAT(report.warnings, IsEmpty());
   const auto package = map();
   const maps::MapManifest& manifest = package->manifest();
@@ -223,7 +223,7 @@ TEST_F(MapImport, PlacesThatDoNotFitTheZoneAreRefused) {
 }
 
 TEST_F(MapImport, OtherDatumsAreSaidByTheImportAndByExports) {
-  const MapImportReport report = import("etrs.las", las_of({{1, 2, 3}}, 25832).bytes());
+  const MapImportResult report = import("etrs.las", las_of({{1, 2, 3}}, 25832).bytes());
   EXPECT_THAT(report.warnings, ::testing::Contains(HasSubstr("'EPSG:25832' are taken as")));
   const auto said = "coordinates of 'EPSG:25832'";
   EXPECT_EQ(map()->manifest().options.at("taken_as_wgs84"), said);
@@ -240,7 +240,7 @@ TEST_F(MapImport, OtherDatumsAreSaidByTheImportAndByExports) {
 }
 
 TEST_F(MapImport, OtherProjectionsAreTakenAsTheyAreAndSaid) {
-  const MapImportReport report = import("gk.las", las_of({{1, 2, 3}}, 31467).bytes());
+  const MapImportResult report = import("gk.las", las_of({{1, 2, 3}}, 31467).bytes());
   EXPECT_THAT(report.warnings, ::testing::Contains(HasSubstr("EPSG:31467")));
   EXPECT_FALSE(map()->manifest().geodetic_origin);
 }

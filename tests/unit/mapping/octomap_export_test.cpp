@@ -44,7 +44,7 @@ class OctomapExport : public ::testing::Test {
   test::TemporaryFolder folder_;
   std::shared_ptr<const maps::MapPackage> package_ =
       test::published(sample(), folder_.path() / "map");
-  maps::MapExportReport report_;
+  maps::MapExportResult report_;
 };
 
 TEST_F(OctomapExport, PointsAreOccupiedLeavesOfTheLibrarysTree) {

@@ -95,7 +95,7 @@ class PosedDrivesBytes : public PosedDrivesTest {
   PosedDrivesBytes() {
     posed_.drives = {at({49.0, 8.0, 110.0}), drive_};
     posed_.counts = {{"key_frames", 7}, {"loops_found", 0}};
-    GivenPosesReport given;
+    GivenPosesResult given;
     given.use = GivenPosesUse::kExact;
     given.errors.by_way = {{.way_m = 0.0, .pairs = 3, .median_m = 0.02, .max_rad = 0.5}};
     given.errors.denied = 2;

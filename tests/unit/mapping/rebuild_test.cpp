@@ -73,7 +73,7 @@ class RebuildTest : public ::testing::Test {
     return folder_.path() / name;
   }
 
-  RebuildReport rebuild(const ProgressCallback& progress = {}) {
+  RebuildResult rebuild(const ProgressCallback& progress = {}) {
     cancel_ = false;
     return rebuild_map(options_, progress, cancel_);
   }
@@ -86,7 +86,7 @@ class RebuildTest : public ::testing::Test {
     EXPECT_FALSE(fs::exists(options_.map)) << at;
   }
   /// What must not depend on where a rebuild was interrupted.
-  [[nodiscard]] std::string result(const RebuildReport& report) const {
+  [[nodiscard]] std::string result(const RebuildResult& report) const {
     auto json = nlohmann::json::parse(to_json(report, options_));
     for (const char* key : {"stage_seconds", "resumed_stages", "peak_rss_mib", "work_bytes"})
       EXPECT_EQ(json.erase(key), 1U) << key;
@@ -101,7 +101,7 @@ class RebuildTest : public ::testing::Test {
 };
 
 TEST_F(RebuildTest, MakesAMapAndJudgesIt) {
-  const RebuildReport report = rebuild();
+  const RebuildResult report = rebuild();
   EXPECT_EQ(maps::MapPackage::open(options_.map)->digest(), report.digest);
   EXPECT_THAT(maps::MapPackage::open(options_.map)->verify(), IsEmpty());
   EXPECT_EQ(report.answers.queries, 4U);
@@ -123,7 +123,7 @@ TEST_F(RebuildTest, GoesOnFromEveryStageToTheSameResult) {
        {"map: survey", "map: place", "map: tiles", "keep: place", "keep: tiles",
         "localize map: localize", "localize keep: localize", "compare keep: compare"})
     cancel_at(at);
-  const RebuildReport report = rebuild();
+  const RebuildResult report = rebuild();
   EXPECT_EQ(result(report), whole);
   EXPECT_THAT(report.resumed_stages, ElementsAre("map", "keep", "localize map", "localize keep"));
 }
@@ -149,10 +149,10 @@ TEST_F(RebuildTest, SaysTheSameAgainWhenItIsDone) {
 TEST_F(RebuildTest, ComparesWithThePreviousVersion) {
   // So that cells of the ground lie on no border of others.
   options_.build.given_poses = GivenPosesUse::kExact;
-  const RebuildReport first = rebuild();
+  const RebuildResult first = rebuild();
   options_.previous = options_.map;
   options_.map = folder_.path() / "newer";
-  const RebuildReport second = rebuild();
+  const RebuildResult second = rebuild();
   EXPECT_EQ(second.previous_digest, first.digest);
   ASSERT_TRUE(second.figures.previous);
   EXPECT_EQ(second.figures.previous->driven_coverage, 1.0);
@@ -176,7 +176,7 @@ TEST_F(RebuildTest, DoesNotPassAMapWhosePosesBecameWorse) {
   options_.map = folder_.path() / "newer";
   options_.drives = {write_drive("shaken", 0.0, 0.05)};
   options_.build.given_poses = GivenPosesUse::kExact;
-  const RebuildReport report = rebuild();
+  const RebuildResult report = rebuild();
   EXPECT_FALSE(report.verdict.passed);
   EXPECT_THAT(report.verdict.reasons, Contains(HasSubstr("walls are")));
   EXPECT_THAT(report.verdict.reasons, Contains(HasSubstr("mean map entropy is")));
@@ -184,7 +184,7 @@ TEST_F(RebuildTest, DoesNotPassAMapWhosePosesBecameWorse) {
 
 TEST_F(RebuildTest, AsksForTheScansOfAnotherDrive) {
   options_.held_back = write_drive("another", 0.7);
-  const RebuildReport report = rebuild();
+  const RebuildResult report = rebuild();
   EXPECT_EQ(report.answers.queries, kScans);
   EXPECT_EQ(report.answers.found, kScans);
   EXPECT_EQ(maps::MapPackage::open(options_.map)->manifest().counts.at("scans"), kScans);
@@ -194,7 +194,7 @@ TEST_F(RebuildTest, AsksForTheScansOfAnotherDrive) {
 TEST_F(RebuildTest, AsksForTheScansOfAnotherDriveAtAPlaceThatIsGiven) {
   options_.held_back = write_drive("another", 0.7);
   options_.build.geodetic_origin = maps::GeodeticOrigin{49.0, 8.4, 116.5};
-  const RebuildReport report = rebuild();
+  const RebuildResult report = rebuild();
   EXPECT_EQ(report.answers.found, kScans);
 }
 
@@ -202,7 +202,7 @@ TEST_F(RebuildTest, ShiftsThePosesOfAnotherDriveAsThoseOfTheMap) {
   options_.drives = {write_drive("late", 0.0, 0.0, 4)};
   options_.held_back = write_drive("another", 0.7, 0.0, 4);
   options_.build.pose_time_offset_s = 0.4;
-  const RebuildReport report = rebuild();
+  const RebuildResult report = rebuild();
   EXPECT_GE(report.answers.queries, kScans - 4);
   EXPECT_EQ(report.answers.found, report.answers.queries);
 }
@@ -210,7 +210,7 @@ TEST_F(RebuildTest, ShiftsThePosesOfAnotherDriveAsThoseOfTheMap) {
 TEST_F(RebuildTest, MakesAgainWhatWasRemovedSince) {
   const std::string whole = result(rebuild());
   fs::remove_all(options_.map);
-  const RebuildReport again = rebuild();
+  const RebuildResult again = rebuild();
   EXPECT_EQ(result(again), whole);
   EXPECT_THAT(again.resumed_stages, Not(Contains("map")));
   EXPECT_THAT(again.resumed_stages, Contains("localize map"));
@@ -291,7 +291,7 @@ TEST_F(RebuildTest, WorksInNoFolderOfOthers) {
 TEST_F(RebuildTest, JudgesAgainByOtherLimitsWithoutBuildingAgain) {
   (void)rebuild();
   options_.limits.least_queries = 100;
-  const RebuildReport report = rebuild();
+  const RebuildResult report = rebuild();
   EXPECT_FALSE(report.verdict.passed);
   EXPECT_THAT(report.resumed_stages, Contains("map"));
 }
@@ -301,7 +301,7 @@ TEST_F(RebuildTest, DoesAStageAgainWhoseResultWasSpoiled) {
   const fs::path remembered = options_.work / "localize map.done";
   ASSERT_TRUE(fs::exists(remembered));
   std::ofstream(remembered, std::ios::app) << "x";
-  const RebuildReport report = rebuild();
+  const RebuildResult report = rebuild();
   EXPECT_EQ(result(report), whole);
   EXPECT_THAT(report.resumed_stages, Not(Contains("localize map")));
 }

@@ -83,7 +83,7 @@ class MapExport : public ::testing::Test {
 
 TEST_F(MapExport, LocalPcdHoldsTheTilesToTheBit) {
   const auto package = map(sample());
-  const MapExportReport report =
+  const MapExportResult report =
       export_map(*package, "pcd", out("a.pcd"), {.frame = ExportFrame::kLocal});
   EXPECT_EQ(report.origin, sample().origin);
   EXPECT_EQ(report.points, 4U);
@@ -124,10 +124,10 @@ TEST_F(MapExport, PointsThatWereNotMeasuredCanBeLeftOut) {
   const auto written = [&](const std::set<PointKind>& without, const std::string& name) {
     return export_map(*package, "ply", out(name), {.without = without});
   };
-  const MapExportReport all = written({}, "all.ply");
+  const MapExportResult all = written({}, "all.ply");
   EXPECT_EQ(all.points, 4U);
   EXPECT_EQ(all.counts.at("left_out"), 0U);
-  const MapExportReport real = written({kFilled}, "real.ply");
+  const MapExportResult real = written({kFilled}, "real.ply");
   EXPECT_EQ(real.points, 3U);
   EXPECT_EQ(real.counts.at("filled"), 0U);
   EXPECT_EQ(real.counts.at("projected"), 1U);
@@ -193,7 +193,7 @@ TEST_F(MapExport, AutowareSquaresHoldEachPointOnce) {
         {{0.037F * static_cast<float>(i) - 30.0F, std::sin(static_cast<float>(i)) * 25.0F, 0.5F}});
   town.place = kPlace;
   const auto package = map(town);
-  const MapExportReport report = export_map(*package, "autoware", out("a"), {});
+  const MapExportResult report = export_map(*package, "autoware", out("a"), {});
   std::size_t points = 0, files = 0;
   for (const fs::directory_entry& file : fs::directory_iterator(out("a") / "pointcloud_map.pcd")) {
     int x = 0, y = 0;
@@ -223,7 +223,7 @@ TEST_F(MapExport, AutowareSquaresHoldEachPointOnce) {
 TEST_F(MapExport, AutowareInUtmIsRelativeToTheOriginAndAbsoluteInHeight) {
   SmallMap town = sample();
   town.place = kPlace;
-  const MapExportReport report =
+  const MapExportResult report =
       export_map(*map(town), "autoware", out("a"), {.frame = ExportFrame::kUtm});
   EXPECT_THAT(report.notes, IsEmpty());
   EXPECT_THAT(text_of(out("a") / "map_projector_info.yaml"),
@@ -304,9 +304,9 @@ TEST_F(MapExport, Nav2ShowsWhatStandsAndWhereTheWayIsFree) {
 }
 
 TEST_F(MapExport, Nav2BandAndResolutionAreTheUsers) {
-  const MapExportReport low =
+  const MapExportResult low =
       export_map(*map(street()), "nav2", out("a"), {.height_band_m = {{0.05, 0.15}}});
-  const MapExportReport high = export_map(*map(street()), "nav2", out("b"),
+  const MapExportResult high = export_map(*map(street()), "nav2", out("b"),
                                           {.resolution_m = 0.5, .height_band_m = {{2.95, 3.5}}});
   EXPECT_EQ(high.counts.at("cells_occupied"), 1U);
   EXPECT_GT(low.counts.at("cells_occupied"), 8U);

@@ -61,7 +61,7 @@ TEST_F(Export, UnknownFormatNamesThoseThereAre) {
 
 TEST_F(Export, TilesetNamesTheFilesThatAreThere) {
   const auto map = write_map(folder_.path() / "map", test::scattered(60.0));
-  const MapExportReport report = export_map(*map, "3dtiles", out_);
+  const MapExportResult report = export_map(*map, "3dtiles", out_);
   EXPECT_EQ(report.points, 16U * 60U * 60U);
   std::set<std::string> named{"tileset.json"};
   collect(json::parse(text_of(out_ / "tileset.json"))["root"], named);
@@ -85,7 +85,7 @@ TEST_F(Export, KindsThatAreLeftOutAreOnNoLevel) {
   const auto map = write_map(folder_.path() / "map", test::scattered(60.0));
   MapExportOptions options;
   options.without = {PointKind::kProjected, PointKind::kFilled};
-  const MapExportReport report = export_map(*map, "3dtiles", out_, options);
+  const MapExportResult report = export_map(*map, "3dtiles", out_, options);
   EXPECT_EQ(report.points, 8U * 60U * 60U);
   std::size_t levels = 0;
   for (const auto& entry : fs::recursive_directory_iterator(out_)) {

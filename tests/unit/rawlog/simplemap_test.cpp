@@ -118,7 +118,7 @@ class Simplemap : public ::testing::Test {
 
 TEST_F(Simplemap, IsTheMapAgainInMrpt) {
   const SmallMap map = street();
-  const MapExportReport report = export_map(*package(map), "simplemap", out("a.simplemap"));
+  const MapExportResult report = export_map(*package(map), "simplemap", out("a.simplemap"));
   EXPECT_EQ(report.points, 5U);
   EXPECT_EQ(report.counts.at("keyframes"), 3U);
   EXPECT_EQ(report.files, 1U);
@@ -166,7 +166,7 @@ TEST_F(Simplemap, KeepsIntensities) {
 }
 
 TEST_F(Simplemap, LeavesOutKindsAndWhatThenIsEmpty) {
-  const MapExportReport report = export_map(*package(street()), "simplemap", out("a.simplemap"),
+  const MapExportResult report = export_map(*package(street()), "simplemap", out("a.simplemap"),
                                             {.without = {kProjected, kFilled}});
   EXPECT_EQ(report.points, 3U);
   EXPECT_EQ(report.counts.at("keyframes"), 2U);
@@ -175,7 +175,7 @@ TEST_F(Simplemap, LeavesOutKindsAndWhatThenIsEmpty) {
 
 TEST_F(Simplemap, InLocalCoordinatesIsLessTheOrigin) {
   const SmallMap map = street();
-  const MapExportReport report =
+  const MapExportResult report =
       export_map(*package(map), "simplemap", out("a.simplemap"), {.frame = ExportFrame::kLocal});
   EXPECT_EQ(report.origin, map.origin);
   expect_points(points_of(read(out("a.simplemap"))), map, Eigen::Vector3d::Zero());

@@ -149,7 +149,7 @@ TEST(Simulation, AStandingVehicleHasOnePoseAndTrafficPassesIt) {
   for (std::size_t i = 1; i < drive.size(); ++i)
     EXPECT_EQ(drive.T_map_lidar(i).matrix(), drive.T_map_lidar(0).matrix());
   const mapping::CancelFlag cancel{false};
-  const SimulationReport report = simulate_drive(folder.path() / "again", options, {}, cancel);
+  const SimulationResult report = simulate_drive(folder.path() / "again", options, {}, cancel);
   EXPECT_EQ(report.distance_m, 0.0);
   EXPECT_GT(report.moving, 0U);
   EXPECT_GT(report.parked, 0U);

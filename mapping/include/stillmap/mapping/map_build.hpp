@@ -113,7 +113,7 @@ struct MapBuildOptions {
 void apply_paper_preset(MapBuildOptions& options);
 
 /// How far given poses were from the scans' own motion, and what was done about it.
-struct GivenPosesReport {
+struct GivenPosesResult {
   GivenPosesUse use = GivenPosesUse::kRefine;
   GivenPoseErrors errors;
   /// Neighbouring scans that disagree by more than a voxel.
@@ -123,7 +123,7 @@ struct GivenPosesReport {
 };
 
 /// What a build did; the same numbers stand in the manifest (`counts`) and in build.json.
-struct MapBuildReport {
+struct MapBuildResult {
   std::size_t scans = 0;
   /// Of these, scans whose first pass a build that was killed had done.
   std::size_t resumed_scans = 0;
@@ -138,7 +138,7 @@ struct MapBuildReport {
   /// With odometry: key_frames, loops_found, loops_believed, scans_predicted (by motion alone).
   std::map<std::string, std::uint64_t> trajectory;
   /// Of poses that the drives bring.
-  std::optional<GivenPosesReport> given_poses;
+  std::optional<GivenPosesResult> given_poses;
   /// What looks wrong with the drives' own poses by the scans' motion, with the drive's name; also
   /// among the warnings.
   std::vector<maps::DriveFinding> pose_faults;
@@ -174,7 +174,7 @@ struct MapBuildReport {
 /// @param drives        at least one; given poses are in one frame, or each has a geodetic origin.
 /// @param make_cleaner  for other names than `free-space` and `none`; may be empty.
 /// @throws std::invalid_argument (options), maps::InputError, maps::StorageError, Cancelled.
-MapBuildReport build_map(const std::vector<std::filesystem::path>& drives,
+MapBuildResult build_map(const std::vector<std::filesystem::path>& drives,
                          const std::filesystem::path& target, const MapBuildOptions& options,
                          const ProgressCallback& progress, const CancelFlag& cancel,
                          const CleanerFactory& make_cleaner = {});
@@ -185,6 +185,6 @@ MapBuildReport build_map(const std::vector<std::filesystem::path>& drives,
                                    const MapBuildOptions& options);
 
 /// The object of `--json` and of a package's build.json.
-[[nodiscard]] std::string to_json(const MapBuildReport& report);
+[[nodiscard]] std::string to_json(const MapBuildResult& report);
 
 }  // namespace stillmap::mapping

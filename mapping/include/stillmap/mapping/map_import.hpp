@@ -32,7 +32,7 @@ struct MapImportOptions {
 };
 
 /// What an import did; the counts stand in the manifest too.
-struct MapImportReport {
+struct MapImportResult {
   /// in, dropped_non_finite, dropped_withheld, dropped_too_far, ground, static, places.
   std::map<std::string, std::uint64_t> counts;
   double seconds = 0.0;
@@ -54,11 +54,11 @@ struct MapImportReport {
 /// says another zone than the options, or one whose
 /// coordinates are too large for the 32 bits that they are stored in; maps::StorageError;
 /// Cancelled.
-MapImportReport import_map(const std::filesystem::path& file, const std::filesystem::path& target,
+MapImportResult import_map(const std::filesystem::path& file, const std::filesystem::path& target,
                            const MapImportOptions& options, const ProgressCallback& progress,
                            const CancelFlag& cancel);
 
 /// The object of `--json` and of a package's build.json.
-[[nodiscard]] std::string to_json(const MapImportReport& report);
+[[nodiscard]] std::string to_json(const MapImportResult& report);
 
 }  // namespace stillmap::mapping

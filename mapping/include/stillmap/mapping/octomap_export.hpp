@@ -14,7 +14,7 @@ namespace stillmap::mapping {
 /// out. Some 40 bytes of memory a leaf.
 /// @throws as `maps::export_map`; InputError for a map that reaches beyond the tree (32768 leaves
 /// from zero) or fills more than 50 million leaves.
-maps::MapExportReport export_octomap(const maps::MapPackage& map,
+maps::MapExportResult export_octomap(const maps::MapPackage& map,
                                      const std::filesystem::path& target,
                                      const maps::MapExportOptions& options);
 

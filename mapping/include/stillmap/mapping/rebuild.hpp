@@ -51,7 +51,7 @@ struct HeldBackAnswers {
   std::string status;
 };
 
-struct RebuildReport {
+struct RebuildResult {
   std::string digest;
   std::string keep_digest;
   /// Empty for a first version.
@@ -95,7 +95,7 @@ inline constexpr std::size_t kMostHeldBackScans = 300;
 /// warning. The map appears at its place when all is done, whatever the verdict.
 /// @throws std::invalid_argument (options), maps::InputError, maps::StorageError, Cancelled. What
 /// was done before stays in the work folder.
-RebuildReport rebuild_map(const RebuildOptions& options, const ProgressCallback& progress,
+RebuildResult rebuild_map(const RebuildOptions& options, const ProgressCallback& progress,
                           const CancelFlag& cancel, const CleanerFactory& make_cleaner = {});
 
 /// The stages that `rebuild_map` tells of, in order.
@@ -120,7 +120,7 @@ struct RebuildEstimate {
 
 /// The object of `--json`, without the keys that only the program knows (`version`); keys as in
 /// mapping/rebuild.md. NaN becomes null.
-[[nodiscard]] std::string to_json(const RebuildReport& report, const RebuildOptions& options);
+[[nodiscard]] std::string to_json(const RebuildResult& report, const RebuildOptions& options);
 [[nodiscard]] std::string to_json(const RebuildEstimate& estimate);
 
 }  // namespace stillmap::mapping

@@ -45,7 +45,7 @@ struct MapExportOptions {
 };
 
 /// What was written.
-struct MapExportReport {
+struct MapExportResult {
   /// Of the map's own points; copies on coarser levels do not count.
   std::uint64_t points = 0;
   std::uint64_t files = 0;
@@ -88,7 +88,7 @@ void check_export_options(const MapExportFormat& format, const MapExportOptions&
 /// @throws std::invalid_argument for an unknown format and as `check_export_options`; InputError if
 /// `target` exists or the map lacks what is asked for (trajectory, geodetic origin, a point), or
 /// its coordinates do not fit into the format's 32-bit floats; StorageError; WorkStopped.
-MapExportReport export_map(const MapPackage& map, std::string_view format,
+MapExportResult export_map(const MapPackage& map, std::string_view format,
                            const std::filesystem::path& target,
                            const MapExportOptions& options = {});
 

@@ -44,7 +44,7 @@ struct SimulationOptions {
   [[nodiscard]] std::vector<std::string> violations() const;
 };
 
-struct SimulationReport {
+struct SimulationResult {
   std::size_t scans = 0;
   /// Rays cast, and those that came back as points.
   std::size_t rays = 0;
@@ -80,7 +80,7 @@ struct SimulationReport {
 ///         or the sensor's file is broken; maps::StorageError if it cannot be written;
 ///         mapping::Cancelled when `cancel` is set. In every such case nothing is left behind.
 /// @note   Same options give the same bytes on one instruction set, for any number of threads.
-SimulationReport simulate_drive(const std::filesystem::path& target,
+SimulationResult simulate_drive(const std::filesystem::path& target,
                                 const SimulationOptions& options,
                                 const mapping::ProgressCallback& progress,
                                 const mapping::CancelFlag& cancel);
