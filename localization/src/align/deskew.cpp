@@ -112,7 +112,8 @@ class Sweep {
             J << J_pose, static_cast<double>(raw_.time_offsets_s[i]) * J_pose;
             const float range2_m2 = at_stamp_.positions[i].squaredNorm();
             visit(i, residual_m,
-                  static_cast<double>(row_variance_m2(variance_m2, range2_m2, round.bend_share)), J);
+                  static_cast<double>(row_variance_m2(variance_m2, range2_m2, round.bend_share)),
+                  J);
           };
           add(voxel->axis0, voxel->variance0);
           if (voxel->sharp_axes == 2) add(voxel->axis1, voxel->variance1);

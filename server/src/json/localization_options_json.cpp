@@ -54,9 +54,11 @@ localization::LocalizationOptions read_localization_options(const std::filesyste
   for (const std::string group : {"aligner", "verdict", "tracker"}) {
     if (!root.has(group)) continue;
     root.at(group).each_member([&](const std::string& name, const maps::JsonField& value) {
-      const localization::OptionInfo* option = find_localization_option(fmt::format("{}.{}", group, name));
+      const localization::OptionInfo* option =
+          find_localization_option(fmt::format("{}.{}", group, name));
       if (option == nullptr)
-        value.refuse(fmt::format("no such key; {} has {}", group, names_in(fmt::format("{}.", group))));
+        value.refuse(
+            fmt::format("no such key; {} has {}", group, names_in(fmt::format("{}.", group))));
       option->set(options, option->whole ? value.whole(static_cast<int>(option->least),
                                                        static_cast<int>(option->most))
                                          : value.number(option->least, option->most));
