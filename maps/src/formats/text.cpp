@@ -6,6 +6,7 @@
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <system_error>
 
 #include "formats/file_bytes.hpp"
@@ -54,6 +55,27 @@ std::optional<Decimal> parse_decimal(std::string_view text) {
   }
   if (i != text.size()) return std::nullopt;
   return decimal;
+}
+
+/// Single letters that are wrong, missing, too many, or swapped with the next
+/// (Damerau-Levenshtein, each place edited once).
+std::size_t edits_between(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> before(b.size() + 1);
+  std::vector<std::size_t> last(b.size() + 1);
+  std::vector<std::size_t> now(b.size() + 1);
+  std::iota(last.begin(), last.end(), std::size_t{0});
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    now[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t wrong = a[i - 1] == b[j - 1] ? 0 : 1;
+      now[j] = std::min({last[j] + 1, now[j - 1] + 1, last[j - 1] + wrong});
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
+        now[j] = std::min(now[j], before[j - 2] + 1);
+    }
+    std::swap(before, last);
+    std::swap(last, now);
+  }
+  return last[b.size()];
 }
 
 }  // namespace
@@ -169,5 +191,25 @@ std::string one_line(std::string_view text, std::size_t most) {
 }
 
 std::string quoted(std::string_view text) { return "'" + one_line(text) + "'"; }
+
+std::optional<std::string> nearest_of(const std::string& word,
+                                      const std::vector<std::string>& names) {
+  constexpr std::size_t kPrefix = 3;    // fewer letters begin too many names
+  constexpr std::size_t kLongest = 64;  // bounds the work for a text that is no name
+  const std::size_t dashes = std::min(word.find_first_not_of('-'), word.size());
+  std::optional<std::string> nearest;
+  // One letter is near to any other.
+  if (word.size() < dashes + 2 || word.size() > kLongest) return nearest;
+  // A third of the letters may be wrong.
+  std::size_t fewest = std::max<std::size_t>(1, (word.size() - dashes) / 3) + 1;
+  for (const std::string& name : names) {
+    const bool begins = word.size() >= kPrefix + dashes && name.starts_with(word);
+    const std::size_t edits = begins ? 1 : edits_between(word, name);
+    if (edits >= fewest) continue;
+    fewest = edits;
+    nearest = name;
+  }
+  return nearest;
+}
 
 }  // namespace stillmap::maps

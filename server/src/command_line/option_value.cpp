@@ -1,13 +1,13 @@
 #include "command_line/option_value.hpp"
 
 #include <fmt/format.h>
+#include <stillmap/maps/text.hpp>
 
 #include <algorithm>
 #include <map>
 #include <string_view>
 #include <utility>
 
-#include "command_line/suggestion.hpp"
 
 namespace stillmap::command_line {
 namespace {
@@ -93,7 +93,7 @@ CLI::Validator one_of(std::vector<std::string> choices) {
   return CLI::Validator(
       [choices = std::move(choices)](const std::string& word) {
         if (std::ranges::find(choices, word) != choices.end()) return std::string();
-        const auto nearest = nearest_of(word, choices);
+        const auto nearest = maps::nearest_of(word, choices);
         return fmt::format("'{}' is not a choice; {} one of: {}", word,
                            nearest ? fmt::format("did you mean '{}'? Choose", *nearest) : "choose",
                            fmt::join(choices, ", "));

@@ -1,36 +1,15 @@
 #include "command_line/suggestion.hpp"
 
 #include <fmt/format.h>
+#include <stillmap/maps/text.hpp>
 
 #include <algorithm>
 #include <cctype>
-#include <numeric>
 #include <stdexcept>
 #include <string_view>
 
 namespace stillmap::command_line {
 namespace {
-
-/// Single letters that are wrong, missing, too many, or swapped with the next
-/// (Damerau-Levenshtein, each place edited once).
-std::size_t edits_between(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> before(b.size() + 1);
-  std::vector<std::size_t> last(b.size() + 1);
-  std::vector<std::size_t> now(b.size() + 1);
-  std::iota(last.begin(), last.end(), std::size_t{0});
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    now[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t wrong = a[i - 1] == b[j - 1] ? 0 : 1;
-      now[j] = std::min({last[j] + 1, now[j - 1] + 1, last[j - 1] + wrong});
-      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
-        now[j] = std::min(now[j], before[j - 2] + 1);
-    }
-    std::swap(before, last);
-    std::swap(last, now);
-  }
-  return last[b.size()];
-}
 
 std::string hint(const std::optional<std::string>& nearest) {
   return nearest ? fmt::format("; did you mean '{}'?", *nearest) : ".";
@@ -44,7 +23,7 @@ const CLI::App& known_command(const CLI::App& group, const std::string& word) {
   std::vector<std::string> names;
   for (const CLI::App* each : listed_commands(group)) names.push_back(each->get_name());
   throw std::invalid_argument(fmt::format("no command '{}'{} See {} --help.", word,
-                                          hint(nearest_of(word, names)), full_name(group)));
+                                          hint(maps::nearest_of(word, names)), full_name(group)));
 }
 
 /// Names of an option as they are typed.
@@ -70,30 +49,11 @@ void require_known_option(const CLI::App& command, const std::string& word) {
       word.starts_with("--") ? word.substr(0, word.find('=')) : word.substr(0, 2);
   if (command.get_option_no_throw(name) != nullptr) return;
   throw std::invalid_argument(fmt::format("no option '{}'{} See {} --help.", name,
-                                          hint(nearest_of(name, option_names(command))),
+                                          hint(maps::nearest_of(name, option_names(command))),
                                           full_name(command)));
 }
 
 }  // namespace
-
-std::optional<std::string> nearest_of(const std::string& word,
-                                      const std::vector<std::string>& names) {
-  constexpr std::size_t kPrefix = 3;  // fewer letters begin too many names
-  const std::size_t dashes = std::min(word.find_first_not_of('-'), word.size());
-  std::optional<std::string> nearest;
-  // One letter is near to any other.
-  if (word.size() < dashes + 2) return nearest;
-  // A third of the letters may be wrong.
-  std::size_t fewest = std::max<std::size_t>(1, (word.size() - dashes) / 3) + 1;
-  for (const std::string& name : names) {
-    const bool begins = word.size() >= kPrefix + dashes && name.starts_with(word);
-    const std::size_t edits = begins ? 1 : edits_between(word, name);
-    if (edits >= fewest) continue;
-    fewest = edits;
-    nearest = name;
-  }
-  return nearest;
-}
 
 void require_known_words(const CLI::App& app, std::span<char* const> words) {
   const CLI::App* command = &app;

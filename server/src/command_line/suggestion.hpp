@@ -2,17 +2,11 @@
 
 #include <CLI/CLI.hpp>
 
-#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 namespace stillmap::command_line {
-
-/// The name that was probably meant: one that begins with the word, or the nearest by single
-/// letters that are wrong, missing, too many or swapped. Nothing when none is near.
-[[nodiscard]] std::optional<std::string> nearest_of(const std::string& word,
-                                                    const std::vector<std::string>& names);
 
 /// Checks the names of commands and options before CLI11 does, which would name a missing option
 /// instead of the mistyped one. @throws std::invalid_argument naming the word and the nearest name.

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
+#include <stillmap/maps/text.hpp>
 
 #include <algorithm>
 #include <fstream>
@@ -142,32 +143,13 @@ class ConfigReader final : public ConfigJson::json_sax_t {
   std::size_t skipped_ = 0;
 };
 
-/// What must be added to and changed in `text` to make it `key`. To change costs twice as much:
-/// more often than wrong, a name is cut short (`jobs.memory`).
-std::size_t edit_cost(std::string_view text, std::string_view key) {
-  constexpr std::size_t kChange = 2;
-  std::vector<std::size_t> row(key.size() + 1);
-  for (std::size_t j = 0; j < row.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= text.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = kChange * i;
-    for (std::size_t j = 1; j <= key.size(); ++j) {
-      const std::size_t replaced = diagonal + (text[i - 1] == key[j - 1] ? 0 : kChange);
-      diagonal = row[j];
-      row[j] = std::min({replaced, row[j] + kChange, row[j - 1] + 1});
-    }
-  }
-  return row.back();
-}
-
 }  // namespace
 
 std::string_view nearest_key(std::string_view key) {
-  constexpr std::size_t kLongest = 64;
-  if (key.size() > kLongest) return {};
-  const auto nearest = std::ranges::min_element(
-      all_options(), {}, [key](const Option& option) { return edit_cost(key, option.key); });
-  return nearest->key;
+  std::vector<std::string> keys;
+  for (const Option& option : all_options()) keys.emplace_back(option.key);
+  const auto nearest = maps::nearest_of(std::string(key), keys);
+  return nearest ? find_option(*nearest)->key : std::string_view();
 }
 
 ConfigText parse_config(std::string_view text, const std::string& name) {

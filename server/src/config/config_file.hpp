@@ -29,7 +29,7 @@ inline constexpr std::size_t kMostConfigBytes = std::size_t{256} << 10U;
 /// The same of a file; one that cannot be read is a problem too.
 [[nodiscard]] ConfigText read_config(const std::filesystem::path& file);
 
-/// The known key that is spelled most alike; empty for a name too long to be meant as one.
+/// The known key that was probably meant; empty when none is near.
 [[nodiscard]] std::string_view nearest_key(std::string_view key);
 
 }  // namespace stillmap::server

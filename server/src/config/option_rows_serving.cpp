@@ -11,8 +11,9 @@ std::vector<Option> listening_options() {
        .text = "Folder of the store; made if it is missing, in a folder that exists."},
       {.key = "localization_options_dir",
        .field = at(&S::localization_options_dir),
-       .text = "Folder with a file MAP.json for each map that needs options of localization of its "
-               "own; read when a version of the map is loaded. Empty means the defaults for all."},
+       .text = "Folder with options of localization: a file MAP.json for each map that needs its "
+               "own. It is read when a version of the map is loaded. Empty means the defaults for "
+               "all maps."},
       {.key = "host",
        .field = at(&S::host),
        .text = "Address to listen on; anything but loopback needs `allow_remote`."},

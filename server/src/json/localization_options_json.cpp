@@ -9,6 +9,7 @@
 #include <array>
 #include <stdexcept>
 #include <string_view>
+#include <vector>
 
 #include "json/json_values.hpp"
 
@@ -34,14 +35,14 @@ const localization::OptionInfo* find_localization_option(std::string_view key) {
   return found == options.end() ? nullptr : &*found;
 }
 
-std::string names_in(std::string_view group) {
-  std::string names;
-  for (const localization::OptionInfo& each : localization::all_options()) {
-    if (!each.key.starts_with(group)) continue;
-    names += names.empty() ? "" : ", ";
-    names += each.key.substr(group.size());
-  }
-  return names;
+/// For a name that `group` does not have: the nearest one that it has, or all of them.
+std::string known_names(const std::string& name, const std::string& group) {
+  std::vector<std::string> names;
+  for (const localization::OptionInfo& each : localization::all_options())
+    if (each.key.starts_with(group)) names.emplace_back(each.key.substr(group.size()));
+  const auto nearest = maps::nearest_of(name, names);
+  return nearest ? fmt::format("a known key; did you mean {}?", *nearest)
+                 : fmt::format("one of the keys {}", fmt::join(names, ", "));
 }
 
 }  // namespace
@@ -56,9 +57,7 @@ localization::LocalizationOptions read_localization_options(const std::filesyste
     root.at(group).each_member([&](const std::string& name, const maps::JsonField& value) {
       const localization::OptionInfo* option =
           find_localization_option(fmt::format("{}.{}", group, name));
-      if (option == nullptr)
-        value.refuse(
-            fmt::format("no such key; {} has {}", group, names_in(fmt::format("{}.", group))));
+      if (option == nullptr) value.refuse(known_names(name, group + '.'));
       option->set(options, option->whole ? value.whole(static_cast<int>(option->least),
                                                        static_cast<int>(option->most))
                                          : value.number(option->least, option->most));

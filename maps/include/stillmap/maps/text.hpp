@@ -58,4 +58,10 @@ void parse_finite(const std::filesystem::path& file, const NumberLine& line,
 /// `one_line` between single quotes.
 [[nodiscard]] std::string quoted(std::string_view text);
 
+/// The name that was probably meant by a mistyped word: one that begins with the word, or the
+/// nearest by single letters that are wrong, missing, too many or swapped. Nothing when none is
+/// near.
+[[nodiscard]] std::optional<std::string> nearest_of(const std::string& word,
+                                                    const std::vector<std::string>& names);
+
 }  // namespace stillmap::maps
