@@ -4,7 +4,7 @@ import { beforeEach, test } from 'node:test';
 const unit = (name) => import(`../../../web/dist/unit/${name}.js`);
 const { addressOf, ask } = await unit('api/client');
 const { answerKey, askForKey, keyWanted, setKey } = await unit('api/keys');
-const { connection } = await unit('api/connection');
+const { answered, busy, connection, watch } = await unit('api/connection');
 const { parsePlace, linkTo, place, replaceQuery } = await unit('state/router');
 
 /** Answers in turn, and what was asked. */
@@ -135,6 +135,20 @@ test('what is being made is waited for as long as it takes', async () => {
   assert.equal(asked.length, 4);
   serve(made());
   await assert.rejects(ask('get', '/v1/maps', { patience: 0 }), { code: 'BeingMade' });
+});
+
+test('a request that takes long is said, also while the page waits for a server that was busy', (t) => {
+  t.mock.timers.enable({ apis: ['setTimeout'] });
+  const ended = watch();
+  busy(1, 'is being made');
+  t.mock.timers.tick(3999);
+  assert.equal(connection.get().state, 'busy');
+  t.mock.timers.tick(1);
+  assert.equal(connection.get().state, 'slow');
+  answered();
+  assert.equal(connection.get().state, 'slow');
+  ended();
+  assert.equal(connection.get().state, 'up');
 });
 
 test('no answer, a late answer and an unreadable answer are told apart', async () => {

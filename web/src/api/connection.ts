@@ -46,7 +46,8 @@ export function watch(): () => void {
   const timer = setTimeout(() => {
     counted = true;
     slow += 1;
-    if (connection.get().state === 'up') connection.set({ state: 'slow' });
+    // It also ends `busy`: the request that was sent again after the wait is one that takes long.
+    if (connection.get().state !== 'down') connection.set({ state: 'slow' });
   }, kSlowMs);
   return () => {
     clearTimeout(timer);
