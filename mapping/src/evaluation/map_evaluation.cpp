@@ -5,7 +5,7 @@
 #include "evaluation/labels/labelled_scans.hpp"
 #include "evaluation/labels/map_voxels.hpp"
 #include "evaluation/labels/thinned_map.hpp"
-#include "pipeline/scan_stages.hpp"
+#include "pipeline/scan_work.hpp"
 #include "trajectory/drive_of_map.hpp"
 
 #include <fmt/format.h>

@@ -1,4 +1,6 @@
 #include "pipeline/build_key.hpp"
+#include "pipeline/build.hpp"
+#include "pipeline/manifest.hpp"
 
 #include "core/byte_reader.hpp"
 #include "pipeline/manifest.hpp"
@@ -106,7 +108,7 @@ std::string text_of(const maps::Drive& drive, std::size_t number) {
 }
 
 /// What is done with what the survey finds; `movable` counts as far as something is looked for.
-bool is_of_later_passes(const std::string& option) {
+bool is_of_later_stages(const std::string& option) {
   constexpr std::array<std::string_view, 8> kLater{
       "movable", "ground_height", "margin_m", "margin_up_m", "fusion", "edits", "fill", "clean"};
   return std::find(kLater.begin(), kLater.end(), option) != kLater.end();
@@ -130,26 +132,21 @@ std::string running_code() {
   return code;
 }
 
-std::string survey_key(const DriveSet& drives, const MapBuildOptions& options,
-                       const std::string& odometry, const std::optional<BuildFrame>& frame,
-                       std::span<const std::size_t> learned) {
-  const maps::MapManifest manifest =
-      manifest_of(drives, options, odometry, frame, Eigen::Vector3d::Zero(), {});
-  std::string key = program() + fmt::format("detects: {}\n", options.detects());
+std::string survey_key(const Build& build) {
+  const DriveSet& drives = *build.drives;
+  const maps::MapManifest manifest = manifest_of(build);
+  std::string key = program() + fmt::format("detects: {}\n", build.task.options.detects());
   for (const auto& [name, text] : manifest.options) {
-    if (!is_of_later_passes(name)) key += fmt::format("{}: {}\n", name, text);
+    if (!is_of_later_stages(name)) key += fmt::format("{}: {}\n", name, text);
   }
   for (const auto& [name, text] : manifest.sources) {
     if (name != "edits_sha256") key += fmt::format("{}: {}\n", name, text);
   }
-  for (std::size_t i = 0; i < drives.drives().size(); ++i) {
-    const maps::Drive& drive = drives.drives()[i];
-    key += text_of(drive, i);
-  }
+  for (std::size_t i = 0; i < drives.drives().size(); ++i) key += text_of(drives.drives()[i], i);
   for (std::size_t scan = 0; scan < drives.size(); ++scan) {
     if (drives.note(scan) == ScanNote::kHidden) key += fmt::format("hidden: {}\n", scan);
   }
-  for (const std::size_t scan : learned)
+  for (const std::size_t scan : ScanWork::scans_to_learn_from(drives))
     key += fmt::format("{}: {}\n", drives.name(scan), drives.sha256(scan));
   return key;
 }

@@ -1,30 +1,23 @@
 #pragma once
 
-#include "drives/drive_set.hpp"
-#include "pipeline/manifest.hpp"
-
 #include <stillmap/mapping/map_build.hpp>
+#include <stillmap/maps/drive.hpp>
 
-#include <optional>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
 namespace stillmap::mapping {
 
-/// The key of pass 1's journal: everything that decides what is found in a scan but the scan's own
-/// file, a line each: the program's and its libraries' code, the instruction set, options and the
-/// files that they name, the drives' stamps and poses, the scans that the ground stage learned
-/// from.
-/// @param odometry  `given` or the method that made the poses.
-/// @param frame     of a map that is registered to another: its origin is in what a scan leaves.
-/// @param learned   ordinals of these. Their files are read.
+struct Build;
+
+/// The key of the survey's journal: everything that decides what is found in a scan but the scan's
+/// own file, a line each: the program's and its libraries' code, the instruction set, options and
+/// the files that they name, the drives' stamps and poses, the map that it is registered to, and
+/// the scans that the survey learns from, whose files are read.
+/// @param build  with its selected scans.
 /// @throws maps::StorageError naming a file.
-[[nodiscard]] std::string survey_key(const DriveSet& drives, const MapBuildOptions& options,
-                                     const std::string& odometry,
-                                     const std::optional<BuildFrame>& frame,
-                                     std::span<const std::size_t> learned);
+[[nodiscard]] std::string survey_key(const Build& build);
 
 /// The key of the journal of the poses: the program's code and instruction set, what odometry,
 /// loops and graph are asked for, the drives' stamps and own poses, and size and time of change of

@@ -3,6 +3,7 @@
 #include "detection/onnx/onnx_config.hpp"
 #include "detection/voxelnext/embedded_weights.hpp"
 #include "pipeline/boxes_files.hpp"
+#include "pipeline/build.hpp"
 
 #include <stillmap/mapping/detector.hpp>
 
@@ -135,21 +136,23 @@ std::map<std::string, std::string> texts_of(const TrajectoryOptions& options) {
 
 /// What was added to the stamps of poses, one a drive; empty for nothing.
 std::string pose_time_offsets_of(const DriveSet& drives, const MapBuildOptions& options,
-                                 const MapBuildResult& report) {
-  std::vector<double> offsets_s = report.found_pose_time_offsets_s;
+                                 const MapBuildResult& result) {
+  std::vector<double> offsets_s = result.found_pose_time_offsets_s;
   offsets_s.resize(drives.drives().size(), 0.0);
   for (double& offset_s : offsets_s) offset_s += options.pose_time_offset_s;
   const bool none = std::ranges::all_of(offsets_s, [](double offset_s) { return offset_s == 0.0; });
   return none ? "" : fmt::format("{:.4f}", fmt::join(offsets_s, ", "));
 }
 
-maps::MapManifest manifest_of(const DriveSet& drives, const MapBuildOptions& options,
-                              const std::string& odometry, const std::optional<BuildFrame>& frame,
-                              const Eigen::Vector3d& origin, const MapBuildResult& report) {
+maps::MapManifest manifest_of(const Build& build) {
+  const DriveSet& drives = *build.drives;
+  const MapBuildOptions& options = build.task.options;
+  const MapBuildResult& result = build.result;
+  const bool is_given = build.task.odometry == "given";
   const maps::Drive& first = drives.drives().front();
   maps::MapManifest manifest;
   manifest.frame_id = first.contents().origin ? "enu" : "local";
-  manifest.origin = origin;
+  manifest.origin = build.grid->origin();
   manifest.geodetic_origin = first.contents().origin;
   manifest.voxel_size_m = options.voxel_size_m;
   manifest.relative_clock = first.relative_clock();
@@ -158,22 +161,21 @@ maps::MapManifest manifest_of(const DriveSet& drives, const MapBuildOptions& opt
   // Only where it is asked for: maps of earlier versions keep their digests.
   if (options.held_back_every > 0)
     manifest.options["held_back_every"] = fmt::format("{}", options.held_back_every);
-  if (const std::string offsets = pose_time_offsets_of(drives, options, report); !offsets.empty())
+  if (const std::string offsets = pose_time_offsets_of(drives, options, result); !offsets.empty())
     manifest.options["pose_time_offset_s"] = offsets;
-  manifest.options["odometry"] = odometry;
-  if (odometry == "given")
-    manifest.options["given_poses"] = std::string(name_of(options.given_poses));
-  if (odometry != "given" || options.given_poses == GivenPosesUse::kRefine) {
+  manifest.options["odometry"] = build.task.odometry;
+  if (is_given) manifest.options["given_poses"] = std::string(name_of(options.given_poses));
+  if (!is_given || options.given_poses == GivenPosesUse::kRefine) {
     for (auto& [name, text] : texts_of(options.trajectory)) manifest.options[name] = text;
   }
-  manifest.counts = report.points;
-  for (const auto& [name, count] : report.objects) manifest.counts["objects_" + name] = count;
-  for (const auto& [name, count] : report.trajectory) manifest.counts[name] = count;
-  if (const auto& given = report.given_poses)
+  manifest.counts = result.points;
+  for (const auto& [name, count] : result.objects) manifest.counts["objects_" + name] = count;
+  for (const auto& [name, count] : result.trajectory) manifest.counts[name] = count;
+  if (const auto& given = result.given_poses)
     for (const auto& [name, count] : counts_of(*given)) manifest.counts[name] = count;
-  manifest.counts["scans"] = report.scans;
+  manifest.counts["scans"] = result.scans;
   manifest.sources = sources_of(drives.drives(), options);
-  if (frame) {
+  if (const auto& frame = build.frame) {
     manifest.frame_id = frame->frame_id;
     manifest.registration = frame->registration;
     manifest.sources["registered_to"] = frame->registration.previous_digest;

@@ -1,29 +1,21 @@
 #pragma once
 
-#include "drives/drive_set.hpp"
-#include "registration/build_frame.hpp"
-
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/mapping/trajectory.hpp>
+#include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/map_package.hpp>
 
-#include <Eigen/Core>
-
 #include <map>
-#include <optional>
 #include <string>
 #include <vector>
 
 namespace stillmap::mapping {
 
+struct Build;
+
 /// What the digest covers, without tiles and files: nothing of time, host or threads is in it.
-/// @param odometry  `given` or the method that made the poses.
-/// @param frame     of a map that is registered to another.
-[[nodiscard]] maps::MapManifest manifest_of(const DriveSet& drives, const MapBuildOptions& options,
-                                            const std::string& odometry,
-                                            const std::optional<BuildFrame>& frame,
-                                            const Eigen::Vector3d& origin,
-                                            const MapBuildResult& report);
+/// @param build  with its selected scans; counts are those that it has so far.
+[[nodiscard]] maps::MapManifest manifest_of(const Build& build);
 
 /// Every option that decides the map, as text; those of the poses apart.
 [[nodiscard]] std::map<std::string, std::string> texts_of(const MapBuildOptions& options);

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "pipeline/posed_drives.hpp"
+#include "pipeline/poses_stage.hpp"
 
 #include <stillmap/maps/drive.hpp>
 

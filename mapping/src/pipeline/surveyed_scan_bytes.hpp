@@ -1,6 +1,6 @@
 #pragma once
 
-#include "pipeline/scan_stages.hpp"
+#include "pipeline/scan_work.hpp"
 
 #include <string>
 #include <string_view>

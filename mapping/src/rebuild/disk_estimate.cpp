@@ -1,6 +1,6 @@
 #include <stillmap/mapping/rebuild.hpp>
 
-#include "pipeline/posed_drives.hpp"
+#include "pipeline/opened_drives.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,6 +1,6 @@
 #include "rebuild/held_back.hpp"
 
-#include "pipeline/posed_drives.hpp"
+#include "pipeline/opened_drives.hpp"
 #include "trajectory/common_frame.hpp"
 #include "trajectory/drive_of_map.hpp"
 

@@ -2,7 +2,7 @@
 
 #include "core/stage_timer.hpp"
 #include "pipeline/build_key.hpp"
-#include "pipeline/posed_drives.hpp"
+#include "pipeline/opened_drives.hpp"
 #include "rebuild/held_back.hpp"
 #include "rebuild/map_comparison.hpp"
 #include "rebuild/rebuild_work.hpp"

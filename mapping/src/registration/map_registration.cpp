@@ -213,20 +213,19 @@ std::vector<maps::Drive> moved(const std::vector<maps::Drive>& drives, const Eig
 
 }  // namespace
 
-RegisteredDrives registered_to(const std::filesystem::path& folder,
-                               const std::vector<maps::Drive>& drives,
-                               const MapBuildOptions& options, const std::string& odometry,
-                               const std::vector<std::vector<ScanNote>>& notes,
-                               const ProgressCallback& progress, const CancelFlag& cancel) {
+RegisteredDrives registered_to(const std::filesystem::path& folder, const DrivesToRegister& asked,
+                               const MapBuildOptions& options, const ProgressCallback& progress,
+                               const CancelFlag& cancel) {
+  const auto& [drives, notes, odometry] = asked;
   const auto map = maps::MapPackage::open(folder);
   const DriveSet scans(drives, options, {}, notes);
   const FrameSearch search(map, scans, options.threads, progress, cancel);
   const auto claim = claimed(map->manifest(), drives.front(), odometry);
   const Eigen::Isometry3d start = find(folder, search, claim);
-  const std::vector<std::size_t> asked = search.to_measure(start);
-  const std::vector<FrameSight> sights = search.localize(asked, start);
+  const std::vector<std::size_t> measured = search.to_measure(start);
+  const std::vector<FrameSight> sights = search.localize(measured, start);
   const FrameFit fit = fit_frames(sights, start, kAgreed);
-  require_agreement(folder, sights, fit, asked.size());
+  require_agreement(folder, sights, fit, measured.size());
 
   RegisteredDrives registered;
   maps::Registration& registration = registered.frame.registration;
@@ -242,7 +241,7 @@ RegisteredDrives registered_to(const std::filesystem::path& folder,
   registration.residual_m = fit.residual_m;
   registration.residual_rad = fit.residual_rad;
   registration.scans_used = fit.agreeing;
-  registration.scans_asked = asked.size();
+  registration.scans_asked = measured.size();
   registered.drives = moved(drives, registration.T_map_poses, map->manifest().geodetic_origin);
   registered.frame.frame_id = map->manifest().frame_id;
   registered.frame.origin = map->manifest().origin;

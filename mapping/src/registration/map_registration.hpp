@@ -13,6 +13,16 @@
 
 namespace stillmap::mapping {
 
+/// Drives that are to stand in a map's frame.
+struct DrivesToRegister {
+  /// With poses in one frame.
+  const std::vector<maps::Drive>& drives;
+  /// One a scan of each drive, or none. Hidden scans are not looked for.
+  const std::vector<std::vector<ScanNote>>& notes;
+  /// `given`, or the method that made the poses.
+  const std::string& odometry;
+};
+
 /// Drives whose poses stand in a map's frame, and what else of it a new version takes over.
 struct RegisteredDrives {
   std::vector<maps::Drive> drives;
@@ -29,18 +39,13 @@ struct RegisteredDrives {
 /// least 1 m from each other, that lie where the map was driven; only answers `ok` count, each by
 /// its covariance (`fit_frames`). Given poses that the motion moves by no more than 5 cm and 0.1
 /// deg, any of them, are kept as they are, and the motion is only told.
-/// @param drives    with poses in one frame.
-/// @param odometry  `given`, or the method that made them.
-/// @param notes     one a scan of each drive, or none. Hidden scans are not looked for.
 /// @throws maps::InputError naming the map where fewer than 8 scans that span 10 m, or less than
 /// three quarters of those found, agree with one motion within 0.3 m and 1 deg; as
 /// `MapPackage::open`; Cancelled.
 /// @note Same input, same bits for any number of threads. May write the map's index.
 [[nodiscard]] RegisteredDrives registered_to(const std::filesystem::path& map,
-                                             const std::vector<maps::Drive>& drives,
+                                             const DrivesToRegister& asked,
                                              const MapBuildOptions& options,
-                                             const std::string& odometry,
-                                             const std::vector<std::vector<ScanNote>>& notes,
                                              const ProgressCallback& progress,
                                              const CancelFlag& cancel);
 

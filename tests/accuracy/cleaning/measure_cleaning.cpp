@@ -13,7 +13,7 @@
 // thinned map within 0.1 m, less the same of the map before cleaning.
 
 #include "cleaning/free_space_cleaner.hpp"
-#include "pipeline/scan_stages.hpp"
+#include "pipeline/scan_work.hpp"
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>

@@ -13,7 +13,7 @@
 #include <numbers>
 #include <set>
 
-#include "pipeline/scan_stages.hpp"
+#include "pipeline/scan_work.hpp"
 #include "small_drive.hpp"
 #include "support/throws.hpp"
 
@@ -106,7 +106,7 @@ TEST_F(MapBuild, KeepsObstaclesForTheDetectorThatIsJudgedByThem) {
   const DriveSet drives({maps::Drive::open(drive_)}, options_);
   const VoxelGrid grid(Eigen::Vector3d::Zero(), options_.voxel_size_m);
   const auto obstacles = [&] {
-    return ScanStages(drives, options_, grid).survey(0).obstacles.voxels.size();
+    return ScanWork(drives, options_, grid).survey(0).obstacles.voxels.size();
   };
   options_.detector = "geometric";
   EXPECT_GT(obstacles(), 100U);

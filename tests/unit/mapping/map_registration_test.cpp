@@ -79,7 +79,8 @@ class MapRegistration : public ::testing::Test {
 
   RegisteredDrives registered(const maps::Drive& drive, const std::string& odometry = "given",
                               const std::vector<std::vector<ScanNote>>& notes = {}) {
-    return registered_to(folder_.path() / "map", {drive}, options_, odometry, notes, {}, cancel_);
+    const std::vector<maps::Drive> drives{drive};
+    return registered_to(folder_.path() / "map", {drives, notes, odometry}, options_, {}, cancel_);
   }
 
   static inline const Eigen::Vector3d kTileOrigin{3.0, -2.0, 1.0};

@@ -5,8 +5,9 @@
 
 #include <string>
 
-#include "pipeline/posed_drives.hpp"
+#include "pipeline/opened_drives.hpp"
 #include "pipeline/posed_drives_bytes.hpp"
+#include "pipeline/poses_stage.hpp"
 #include "small_drive.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"

@@ -1,23 +1,24 @@
 #pragma once
 
+#include "drives/drive_set.hpp"
 #include "fusion/obstacle_store.hpp"
 #include "ground/fused_ground.hpp"
-#include "pipeline/build_journal.hpp"
-#include "pipeline/scan_stages.hpp"
+#include "pipeline/scan_work.hpp"
 #include "views/posed_views.hpp"
 #include "views/range_view_store.hpp"
 
-#include <stillmap/mapping/progress.hpp>
+#include <stillmap/maps/box.hpp>
 
 #include <cstddef>
 #include <filesystem>
-#include <memory>
 #include <string>
 #include <vector>
 
 namespace stillmap::mapping {
 
-/// What pass 1 leaves behind for all that follows.
+struct Build;
+
+/// What was found scan by scan.
 struct Survey {
   struct Scan : FoundInScan {
     std::vector<maps::Box> boxes;
@@ -43,15 +44,11 @@ struct Survey {
 [[nodiscard]] PosedViews posed_views(const DriveSet& drives, const RangeViewStore& views,
                                      const Eigen::Vector3d& origin);
 
-/// Pass 1 over all scans: several at once, taken in their order.
-/// @param scratch  folder for what does not stay in memory.
-/// @param journal  a record a scan: those that are there are not computed again, those that are
+/// Stage: surveys all scans, several at once, taken in their order.
+///
+/// The journal holds a record a scan: those that are there are not computed again, those that are
 /// not are appended. When a scan's file is another one than its record says, all records are
 /// thrown away: another drive would be mixed in.
-[[nodiscard]] std::unique_ptr<Survey> survey_scans(const DriveSet& drives, const ScanStages& stages,
-                                                   const std::filesystem::path& scratch,
-                                                   int threads, BuildJournal& journal,
-                                                   const ProgressCallback& progress,
-                                                   const CancelFlag& cancel);
+void survey_scans(Build& build);
 
 }  // namespace stillmap::mapping

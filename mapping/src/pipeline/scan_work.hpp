@@ -30,7 +30,7 @@ namespace stillmap::mapping {
 
 using Counts = std::map<std::string, std::uint64_t>;
 
-/// Pass 1: what is found in one scan.
+/// What is found in one scan.
 struct SurveyedScan {
   std::size_t scan = 0;
   /// Of the scan's file, lower-case hex.
@@ -48,7 +48,7 @@ struct SurveyedScan {
   StageSeconds stage_seconds;
 };
 
-/// Flags of a scan's points that pass 2 takes from pass 1; as in `SurveyedScan`.
+/// Flags of a scan's points that placing takes from the survey; as in `SurveyedScan`.
 struct FoundInScan {
   std::vector<bool> is_ground;
   std::vector<bool> weather;
@@ -61,7 +61,16 @@ struct ScanObject {
   std::uint32_t object = 0;
 };
 
-/// Pass 2: what one scan gives to the map.
+/// What is known of a scan when it is placed.
+struct ScanToPlace {
+  std::size_t number = 0;
+  const FoundInScan& found;
+  const std::vector<ScanObject>& objects;
+  /// Regions in which every point stays; lidar frame.
+  const std::vector<maps::Box>& kept;
+};
+
+/// What a placed scan gives to the map.
 struct PlacedScan {
   PlacedScan(const VoxelGrid& grid, std::uint32_t scan) : voxels(grid, scan) {}
 
@@ -77,16 +86,13 @@ struct PlacedScan {
 
 /// Everything that is done to one scan, pure functions of drives and options. Safe from several
 /// threads.
-class ScanStages {
+class ScanWork {
  public:
   /// @param drives, options  must outlive this.
-  ScanStages(const DriveSet& drives, const MapBuildOptions& options, const VoxelGrid& grid);
+  ScanWork(const DriveSet& drives, const MapBuildOptions& options, const VoxelGrid& grid);
 
-  /// Ordinals of the scans that `learn` takes.
-  [[nodiscard]] static std::vector<std::size_t> learned_scans(const DriveSet& drives);
-  /// Scans that `learn` compares to find what travels with the sensor, and an earlier one of each.
-  [[nodiscard]] static std::vector<std::pair<std::size_t, std::size_t>> vehicle_samples(
-      const DriveSet& drives);
+  /// Ordinals of the scans that `learn` reads.
+  [[nodiscard]] static std::vector<std::size_t> scans_to_learn_from(const DriveSet& drives);
   /// Adapts the ground stage to some scans of all drives, and finds what each drive's vehicle
   /// carries or tows.
   void learn(const CancelFlag& cancel);
@@ -95,12 +101,9 @@ class ScanStages {
   [[nodiscard]] const Eigen::Vector3d& origin() const { return grid_.origin(); }
 
   [[nodiscard]] SurveyedScan survey(std::size_t scan) const;
-  /// @param kept    regions in which every point stays; lidar frame.
-  /// @param ground  the fused surface; none = that of the scan alone.
+  /// @param ground  the fused surface; nullptr = that of the scan alone.
   /// @param views   of all scans.
-  [[nodiscard]] PlacedScan place(std::size_t scan, const FoundInScan& found,
-                                 const std::vector<ScanObject>& objects,
-                                 const std::vector<maps::Box>& kept, const FusedGround* ground,
+  [[nodiscard]] PlacedScan place(const ScanToPlace& scan, const FusedGround* ground,
                                  const PosedViews& views) const;
 
   /// Boxes that were given but belong to no scan or are no object, by reason.

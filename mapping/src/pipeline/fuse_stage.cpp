@@ -1,5 +1,6 @@
-#include "pipeline/object_pass.hpp"
+#include "pipeline/fuse_stage.hpp"
 #include "fusion/standing_verdict.hpp"
+#include "pipeline/build.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -82,39 +83,49 @@ std::vector<std::vector<ScanObject>> scan_objects(const DriveSet& drives,
   return by_scan;
 }
 
-}  // namespace
-
-BuildObjects objects_of(const DriveSet& drives, const Survey& survey,
-                        const MapBuildOptions& options, const Eigen::Vector3d& origin,
-                        const maps::Edits& edits, const CancelFlag& cancel) {
+BuildObjects objects_of(const Build& build) {
+  const DriveSet& drives = *build.drives;
+  const Survey& survey = *build.survey;
+  const BuildTask& task = build.task;
   const std::vector<DetectedScan> scans = detected_scans(drives, survey);
   const std::vector<EditScan> edit_scans = edit_scans_of(drives);
   FusedObjects fused;
-  if (options.fusion) {
+  if (task.options.fusion) {
     const BoxRayCounter count_rays = [&](std::size_t scan, const maps::Box& box) {
       // Fusion asks this many thousand times.
-      if (cancel) throw Cancelled();
+      if (task.cancel) throw Cancelled();
       return survey.views.read(scan)->count(box);
     };
     fused = fuse_boxes(scans, count_rays);
     // The verdict is one on what goes by shapes in single scans. A network has learned these, and
     // its scores are probabilities already; what a user gives is not doubted.
-    if (options.detector == kGeometricDetector)
-      judge_standing(fused, survey.obstacles, scans, count_rays, origin);
+    if (task.options.detector == kGeometricDetector)
+      judge_standing(fused, survey.obstacles, scans, count_rays, build.grid->origin());
   } else {
     fused.objects = unfused(scans);
   }
   BuildObjects out;
-  out.edits = apply_edits(fused, edits, edit_scans);
+  out.edits = apply_edits(fused, task.edits, edit_scans);
   out.objects = std::move(fused.objects);
   out.by_scan = scan_objects(drives, out.objects);
   out.kept_by_scan.resize(drives.size());
   for (std::size_t i = 0; i < drives.size(); ++i) {
     const Eigen::Isometry3d T_lidar_map = drives.T_map_scan(i).inverse();
-    for (const maps::Box& box : kept_regions(edits, edit_scans[i]))
+    for (const maps::Box& box : kept_regions(task.edits, edit_scans[i]))
       out.kept_by_scan[i].push_back(moved_by(T_lidar_map, box));
   }
   return out;
+}
+
+}  // namespace
+
+void fuse_objects(Build& build) {
+  const StageTimer timer(build.result.stage_seconds, "fuse");
+  build.tell("fuse", 0, 1);
+  build.objects = objects_of(build);
+  build.stop_if_cancelled();
+  build.survey->ground.finish(footprints_of(build.objects.objects, build.grid->origin()));
+  build.tell("fuse", 1, 1);
 }
 
 std::vector<GroundFootprint> footprints_of(const std::vector<FusedObject>& objects,

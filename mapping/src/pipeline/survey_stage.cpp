@@ -1,11 +1,13 @@
-#include "pipeline/survey_pass.hpp"
+#include "pipeline/survey_stage.hpp"
 
 #include "core/ordered_pipeline.hpp"
+#include "pipeline/build.hpp"
+#include "pipeline/build_journal.hpp"
+#include "pipeline/build_key.hpp"
+#include "pipeline/build_warnings.hpp"
 #include "pipeline/surveyed_scan_bytes.hpp"
 
 #include <fmt/format.h>
-
-#include <stillmap/maps/map_package.hpp>
 
 #include <optional>
 #include <stdexcept>
@@ -51,12 +53,11 @@ Journaled journaled(SurveyedScan scan) {
 
 class Surveying {
  public:
-  Surveying(const DriveSet& drives, BuildJournal& journal, const std::filesystem::path& scratch,
-            const ProgressCallback& progress)
-      : drives_(drives),
+  Surveying(const Build& build, BuildJournal& journal)
+      : drives_(*build.drives),
         journal_(journal),
-        progress_(progress),
-        survey_(std::make_unique<Survey>(scratch)) {
+        progress_(build.task.progress),
+        survey_(std::make_unique<Survey>(build.task.scratch)) {
     survey_->resumed = journal.size();
   }
 
@@ -107,6 +108,32 @@ class Surveying {
   std::unique_ptr<Survey> survey_;
 };
 
+std::unique_ptr<Survey> surveyed(const Build& build, BuildJournal& journal) {
+  const DriveSet& drives = *build.drives;
+  while (true) {
+    try {
+      journal.keep(drives.size());
+      const std::size_t found = journal.size();
+      Surveying surveying(build, journal);
+      process_in_order(
+          drives.size(), build.task.options.threads,
+          [&](std::size_t scan) -> Journaled {
+            if (scan < found) return {from_journal(journal, drives, scan), {}};
+            return journaled(build.scan_work->survey(scan));
+          },
+          [&](Journaled scan) { surveying.take(std::move(scan)); }, build.task.cancel);
+      journal.complete();
+      return surveying.finish();
+    } catch (const UnusableRecord& unusable) {
+      const std::string why = unusable.what();
+      if (why.empty())
+        journal.keep(unusable.keep);
+      else
+        journal.discard(why);
+    }
+  }
+}
+
 }  // namespace
 
 PosedViews posed_views(const DriveSet& drives, const RangeViewStore& views,
@@ -122,32 +149,16 @@ PosedViews posed_views(const DriveSet& drives, const RangeViewStore& views,
   return posed;
 }
 
-std::unique_ptr<Survey> survey_scans(const DriveSet& drives, const ScanStages& stages,
-                                     const std::filesystem::path& scratch, int threads,
-                                     BuildJournal& journal, const ProgressCallback& progress,
-                                     const CancelFlag& cancel) {
-  while (true) {
-    try {
-      journal.keep(drives.size());
-      const std::size_t found = journal.size();
-      Surveying surveying(drives, journal, scratch, progress);
-      process_in_order(
-          drives.size(), threads,
-          [&](std::size_t scan) -> Journaled {
-            if (scan < found) return {from_journal(journal, drives, scan), {}};
-            return journaled(stages.survey(scan));
-          },
-          [&](Journaled scan) { surveying.take(std::move(scan)); }, cancel);
-      journal.complete();
-      return surveying.finish();
-    } catch (const UnusableRecord& unusable) {
-      const std::string why = unusable.what();
-      if (why.empty())
-        journal.keep(unusable.keep);
-      else
-        journal.discard(why);
-    }
-  }
+void survey_scans(Build& build) {
+  const MapBuildOptions& options = build.task.options;
+  build.scan_work.emplace(*build.drives, options, *build.grid);
+  build.scan_work->learn(build.task.cancel);
+  BuildJournal journal(build.task.journal_folder, "survey", survey_key(build));
+  build.survey = surveyed(build, journal);
+  add_to(build.result.stage_seconds, build.survey->stage_seconds);
+  add_to(build.result.points, build.survey->counts);
+  build.result.resumed_scans = build.survey->resumed;
+  warn_of_discarded(journal, build.result);
 }
 
 }  // namespace stillmap::mapping

@@ -1,4 +1,4 @@
-#include "pipeline/scan_stages.hpp"
+#include "pipeline/scan_work.hpp"
 
 #include "cleaning/buried_points.hpp"
 #include "cleaning/unconfirmed_points.hpp"
@@ -105,6 +105,29 @@ std::uint64_t delete_flagged(const std::vector<std::uint8_t>& flags, ProjectionR
   return count;
 }
 
+/// Scans that the ground stage adapts to.
+std::vector<std::size_t> ground_samples(const DriveSet& drives) {
+  const std::size_t count = std::min(kLearnedScans, drives.size());
+  std::vector<std::size_t> scans;
+  for (std::size_t i = 0; i < count; ++i) scans.push_back(i * drives.size() / count);
+  return scans;
+}
+
+/// Scans that are compared to find what travels with the sensor, and an earlier one of each.
+std::vector<std::pair<std::size_t, std::size_t>> vehicle_samples(const DriveSet& drives) {
+  std::vector<std::pair<std::size_t, std::size_t>> all;
+  for (std::size_t begin = 0; begin < drives.size();) {
+    std::vector<Eigen::Isometry3d> T_map_scan;
+    for (std::size_t i = begin;
+         i < drives.size() && drives.place(i).drive == drives.place(begin).drive; ++i)
+      T_map_scan.push_back(drives.T_map_scan(i));
+    for (const auto& [scan, before] : OwnVehicle::choose_samples(T_map_scan))
+      all.emplace_back(begin + scan, begin + before);
+    begin += T_map_scan.size();
+  }
+  return all;
+}
+
 /// What becomes of the points of one scan, in the order of its file and in the map.
 class Placing {
  public:
@@ -143,8 +166,7 @@ class Placing {
 
 }  // namespace
 
-ScanStages::ScanStages(const DriveSet& drives, const MapBuildOptions& options,
-                       const VoxelGrid& grid)
+ScanWork::ScanWork(const DriveSet& drives, const MapBuildOptions& options, const VoxelGrid& grid)
     : drives_(drives),
       options_(options),
       grid_(grid),
@@ -158,37 +180,22 @@ ScanStages::ScanStages(const DriveSet& drives, const MapBuildOptions& options,
   }
 }
 
-std::map<std::string, std::size_t> ScanStages::dropped_boxes() const {
+std::map<std::string, std::size_t> ScanWork::dropped_boxes() const {
   std::map<std::string, std::size_t> dropped;
   for (const auto& detector : detectors_) add_to(dropped, detector->dropped());
   return dropped;
 }
 
-std::vector<std::size_t> ScanStages::learned_scans(const DriveSet& drives) {
-  const std::size_t count = std::min(kLearnedScans, drives.size());
-  std::vector<std::size_t> scans;
-  for (std::size_t i = 0; i < count; ++i) scans.push_back(i * drives.size() / count);
+std::vector<std::size_t> ScanWork::scans_to_learn_from(const DriveSet& drives) {
+  std::vector<std::size_t> scans = ground_samples(drives);
+  for (const auto& [scan, before] : vehicle_samples(drives))
+    scans.insert(scans.end(), {scan, before});
   return scans;
 }
 
-std::vector<std::pair<std::size_t, std::size_t>> ScanStages::vehicle_samples(
-    const DriveSet& drives) {
-  std::vector<std::pair<std::size_t, std::size_t>> all;
-  for (std::size_t begin = 0; begin < drives.size();) {
-    std::vector<Eigen::Isometry3d> T_map_scan;
-    for (std::size_t i = begin;
-         i < drives.size() && drives.place(i).drive == drives.place(begin).drive; ++i)
-      T_map_scan.push_back(drives.T_map_scan(i));
-    for (const auto& [scan, before] : OwnVehicle::choose_samples(T_map_scan))
-      all.emplace_back(begin + scan, begin + before);
-    begin += T_map_scan.size();
-  }
-  return all;
-}
-
-void ScanStages::learn(const CancelFlag& cancel) {
+void ScanWork::learn(const CancelFlag& cancel) {
   Counts unused;
-  for (const std::size_t ordinal : learned_scans(drives_)) {
+  for (const std::size_t ordinal : ground_samples(drives_)) {
     if (cancel) throw Cancelled();
     maps::Scan scan = drives_.read(ordinal, unused);
     take_out_weather(scan);
@@ -214,12 +221,12 @@ void ScanStages::learn(const CancelFlag& cancel) {
   for (const auto& each : samples) vehicles_.emplace_back(each);
 }
 
-maps::Scan ScanStages::read(std::size_t scan, Counts& counts, StageSeconds& seconds) const {
+maps::Scan ScanWork::read(std::size_t scan, Counts& counts, StageSeconds& seconds) const {
   const StageTimer timer(seconds, "read");
   return drives_.read(scan, counts);
 }
 
-SurveyedScan ScanStages::survey(std::size_t number) const {
+SurveyedScan ScanWork::survey(std::size_t number) const {
   SurveyedScan out;
   out.scan = number;
   maps::Scan scan = read(number, out.counts, out.stage_seconds);
@@ -265,7 +272,7 @@ SurveyedScan ScanStages::survey(std::size_t number) const {
     out.ground_cells =
         reduce_ground(scan.cloud.positions, ground.is_ground, out.boxes, T_local_lidar(number));
   }
-  // Only what goes by shapes in single scans is judged by them, see `objects_of`.
+  // Only what goes by shapes in single scans is judged by them, see `fuse_objects`.
   if (ground.surface && options_.detector == kGeometricDetector) {
     const StageTimer timer(out.stage_seconds, "obstacles");
     out.obstacles = reduce_obstacles(scan.cloud.positions, ground.is_ground, *ground.surface,
@@ -276,23 +283,22 @@ SurveyedScan ScanStages::survey(std::size_t number) const {
   return out;
 }
 
-Eigen::Isometry3d ScanStages::T_local_lidar(std::size_t scan) const {
+Eigen::Isometry3d ScanWork::T_local_lidar(std::size_t scan) const {
   Eigen::Isometry3d T = drives_.T_map_scan(scan);
   T.translation() -= grid_.origin();
   return T;
 }
 
-const OwnVehicle* ScanStages::vehicle_of(std::size_t scan) const {
+const OwnVehicle* ScanWork::vehicle_of(std::size_t scan) const {
   if (vehicles_.empty()) return nullptr;
   const OwnVehicle& vehicle = vehicles_[drives_.place(scan).drive];
   return vehicle.empty() ? nullptr : &vehicle;
 }
 
-PlacedScan ScanStages::place(std::size_t number, const FoundInScan& found,
-                             const std::vector<ScanObject>& objects,
-                             const std::vector<maps::Box>& kept, const FusedGround* fused,
-                             const PosedViews& views) const {
-  const std::vector<bool>& is_ground = found.is_ground;
+PlacedScan ScanWork::place(const ScanToPlace& asked, const FusedGround* fused,
+                           const PosedViews& views) const {
+  const std::size_t number = asked.number;
+  const std::vector<bool>& is_ground = asked.found.is_ground;
   PlacedScan out(grid_, static_cast<std::uint32_t>(number));
   Counts counted_before;
   const maps::Scan scan = read(number, counted_before, out.stage_seconds);
@@ -306,7 +312,7 @@ PlacedScan ScanStages::place(std::size_t number, const FoundInScan& found,
   {
     const StageTimer timer(out.stage_seconds, "project");
     std::vector<MovableBox> boxes;
-    for (const ScanObject& each : objects) boxes.push_back(each.movable);
+    for (const ScanObject& each : asked.objects) boxes.push_back(each.movable);
     const std::vector<std::uint8_t> flags(is_ground.begin(), is_ground.end());
     projection = fused != nullptr
                      ? project_objects(scan.cloud, flags, BelowFused(*fused, T_local_lidar(number)),
@@ -322,7 +328,7 @@ PlacedScan ScanStages::place(std::size_t number, const FoundInScan& found,
       out.counts["buried"] = delete_flagged(
           find_buried_points(positions, is_ground, T_local_lidar(number), *fused), projection);
     out.counts["weather"] = delete_flagged(
-        find_unconfirmed_points(positions, found.weather, number, views), projection);
+        find_unconfirmed_points(positions, asked.found.weather, number, views), projection);
     if (const OwnVehicle* vehicle = vehicle_of(number)) {
       std::vector<std::uint8_t> flags(positions.size());
       for (std::size_t i = 0; i < flags.size(); ++i)
@@ -330,13 +336,13 @@ PlacedScan ScanStages::place(std::size_t number, const FoundInScan& found,
       out.counts["own_vehicle"] = delete_flagged(flags, projection);
     }
   }
-  out.counts["kept_by_edits"] = put_back(scan.cloud, is_ground, kept, projection);
+  out.counts["kept_by_edits"] = put_back(scan.cloud, is_ground, asked.kept, projection);
   out.counts["ground"] = projection.ground;
   out.counts["projected"] = projection.projected;
   out.counts["deleted"] = projection.deleted;
   out.counts["without_ground"] = projection.without_ground;
   const StageTimer timer(out.stage_seconds, "reduce");
-  Placing(out, objects, drives_.T_map_scan(number)).run(scan.cloud, projection);
+  Placing(out, asked.objects, drives_.T_map_scan(number)).run(scan.cloud, projection);
   return out;
 }
 

@@ -1,13 +1,16 @@
-#include "pipeline/tile_pass.hpp"
+#include "pipeline/finish_stage.hpp"
 
 #include "cleaning/free_space_cleaner.hpp"
 #include "consistency/surface_cells.hpp"
 #include "core/ordered_pipeline.hpp"
 #include "core/top_view.hpp"
 #include "ground/ground_fill.hpp"
+#include "pipeline/build.hpp"
 #include "pipeline/tile_window.hpp"
+#include "stacking/tile_points.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_package.hpp>
 
 #include <algorithm>
 #include <limits>
@@ -23,31 +26,26 @@ constexpr int kPictureSide = 1600;
 /// The drives' scans for cleaning methods that read them again.
 class DriveScans final : public ScanSource {
  public:
-  DriveScans(const DriveSet& drives, const Survey& survey, const Placed& placed,
-             const Eigen::Vector3d& origin)
-      : drives_(drives), survey_(survey), placed_(placed), origin_(origin) {}
+  explicit DriveScans(const Build& build) : build_(build) {}
 
-  [[nodiscard]] std::size_t size() const override { return drives_.size(); }
+  [[nodiscard]] std::size_t size() const override { return build_.drives->size(); }
   [[nodiscard]] Eigen::Isometry3d T_local_lidar(std::size_t scan) const override {
-    Eigen::Isometry3d T = drives_.T_map_scan(scan);
-    T.translation() -= origin_;
+    Eigen::Isometry3d T = build_.drives->T_map_scan(scan);
+    T.translation() -= build_.grid->origin();
     return T;
   }
   [[nodiscard]] PosedScan read(std::size_t scan) const override {
     Counts unused;
-    const std::vector<bool>& ground = survey_.scans.at(scan).is_ground;
-    const std::vector<bool>& object = placed_.in_object.at(scan);
+    const std::vector<bool>& ground = build_.survey->scans.at(scan).is_ground;
+    const std::vector<bool>& object = build_.placed->in_object.at(scan);
     return {T_local_lidar(scan),
-            drives_.read(scan, unused).cloud.positions,
+            build_.drives->read(scan, unused).cloud.positions,
             {ground.begin(), ground.end()},
             {object.begin(), object.end()}};
   }
 
  private:
-  const DriveSet& drives_;
-  const Survey& survey_;
-  const Placed& placed_;
-  Eigen::Vector3d origin_;
+  const Build& build_;
 };
 
 /// Drops the voxels that a cleaner flagged. @param numbers  of the flags' voxels in `sums`.
@@ -65,9 +63,10 @@ std::size_t drop(std::vector<VoxelSum>& sums, const std::vector<std::size_t>& nu
 }
 
 /// What a method that needs the whole map at once says, tile by tile.
-std::map<maps::TileId, std::vector<std::uint8_t>> moved_in_whole(
-    const VoxelGrid& grid, const Cleaner& cleaner, const ScanSource& scans, const TileStack& stack,
-    const ProgressCallback& progress, const CancelFlag& cancel) {
+std::map<maps::TileId, std::vector<std::uint8_t>> moved_in_whole(const Build& build,
+                                                                 const Cleaner& cleaner) {
+  const VoxelGrid& grid = *build.grid;
+  const TileStack& stack = build.placed->stack;
   CleaningPoints all;
   all.voxel_size_m = grid.voxel_size_m();
   std::map<maps::TileId, std::size_t> sizes;
@@ -79,7 +78,8 @@ std::map<maps::TileId, std::vector<std::uint8_t>> moved_in_whole(
     all.scans.insert(all.scans.end(), points.scans.begin(), points.scans.end());
     sizes[id] = points.positions.size();
   }
-  const std::vector<std::uint8_t> moved = cleaner.moved(all, scans, progress, cancel);
+  const std::vector<std::uint8_t> moved =
+      cleaner.moved(all, DriveScans(build), build.task.progress, build.task.cancel);
   std::map<maps::TileId, std::vector<std::uint8_t>> by_tile;
   auto at = moved.begin();
   for (const auto& [id, size] : sizes) {
@@ -98,24 +98,24 @@ struct FinishedTile {
 };
 
 /// What is done to one tile. Safe from several threads, for different tiles.
-class TileStages {
+class TileWork {
  public:
-  TileStages(const DriveSet& drives, const Survey& survey, const BuildObjects& objects,
-             const VoxelGrid& grid, const MapBuildOptions& options, const maps::Edits& edits)
-      : grid_(grid),
-        options_(options),
-        ground_(survey.ground),
-        views_(posed_views(drives, survey.views, grid.origin())) {
-    if (options.clean == "free-space") keyframes_ = select_keyframes(views_.T_local_lidar);
-    for (const maps::Edit& edit : edits) {
+  explicit TileWork(const Build& build)
+      : grid_(*build.grid),
+        options_(build.task.options),
+        ground_(build.survey->ground),
+        views_(posed_views(*build.drives, build.survey->views, grid_.origin())) {
+    if (options_.clean == "free-space") keyframes_ = select_keyframes(views_.T_local_lidar);
+    for (const maps::Edit& edit : build.task.edits) {
       if (edit.action != maps::EditAction::kKeep || !edit.box) continue;
       kept_.push_back(*edit.box);
-      kept_.back().centre -= grid.origin();
+      kept_.back().centre -= grid_.origin();
     }
-    if (!options.fills_ground()) return;
-    footprints_ = footprints_of(objects.objects, grid.origin());
-    for (std::size_t i = 0; i < objects.objects.size(); ++i) {
-      if (!objects.objects[i].moving) numbers_.push_back(static_cast<std::uint32_t>(i + 1));
+    if (!options_.fills_ground()) return;
+    const std::vector<FusedObject>& objects = build.objects.objects;
+    footprints_ = footprints_of(objects, grid_.origin());
+    for (std::size_t i = 0; i < objects.size(); ++i) {
+      if (!objects[i].moving) numbers_.push_back(static_cast<std::uint32_t>(i + 1));
     }
   }
 
@@ -202,55 +202,51 @@ TopView empty_picture(const std::vector<maps::TileId>& tiles) {
 
 }  // namespace
 
-TileCounts finish_tiles(const DriveSet& drives, const Survey& survey, const BuildObjects& objects,
-                        Placed& placed, const VoxelGrid& grid, const MapBuildOptions& options,
-                        const maps::Edits& edits, const Cleaner* cleaner,
-                        maps::MapPackageWriter& writer, const ProgressCallback& progress,
-                        const CancelFlag& cancel) {
-  TileCounts out{{{"cleaned", 0}, {"filled", 0}}, {}, {}};
-  const std::vector<maps::TileId> ids = placed.stack.tiles();
+void finish_tiles(Build& build) {
+  const BuildTask& task = build.task;
+  MapBuildResult& result = build.result;
+  const std::vector<maps::TileId> ids = build.placed->stack.tiles();
   if (ids.empty())
-    throw maps::InputError(drives.drives().front().contents().root.string(),
+    throw maps::InputError(task.drives.front().contents().root.string(),
                            "no usable point in any selected scan",
                            "at least one scan with points in range");
   std::map<maps::TileId, std::vector<std::uint8_t>> whole;
-  if (cleaner != nullptr) {
-    const StageTimer timer(out.stage_seconds, "clean");
-    const DriveScans scans(drives, survey, placed, grid.origin());
-    whole = moved_in_whole(grid, *cleaner, scans, placed.stack, progress, cancel);
+  if (task.cleaner != nullptr) {
+    const StageTimer timer(result.stage_seconds, "clean");
+    whole = moved_in_whole(build, *task.cleaner);
   }
-  const TileStages stages(drives, survey, objects, grid, options, edits);
-  TileWindow window(placed.stack, grid);
+  const TileWork work(build);
+  TileWindow window(build.placed->stack, *build.grid);
   TopView preview = empty_picture(ids);
   ConsistencySum consistency;
   std::size_t done = 0;
+  for (const char* count : {"cleaned", "filled", "static"}) result.points[count] = 0;
   const auto take = [&](const FinishedTile& finished) {
     consistency.add(finished.consistency);
-    add_to(out.counts, finished.counts);
-    add_to(out.stage_seconds, finished.stage_seconds);
+    add_to(result.points, finished.counts);
+    add_to(result.stage_seconds, finished.stage_seconds);
     const TilePoints& tile = finished.tile;
-    out.counts["static"] += tile.points.size();
+    result.points["static"] += tile.points.size();
     for (const maps::MapPoint& p : tile.points)
       preview.add_point(Eigen::Vector3f(p.x, p.y, p.z).cast<double>());
-    if (!tile.points.empty()) writer.add_tile(tile.id, tile.points, tile.history);
-    if (progress) progress("tiles", ++done, ids.size());
+    if (!tile.points.empty()) task.writer.add_tile(tile.id, tile.points, tile.history);
+    build.tell("tiles", ++done, ids.size());
   };
   for (auto begin = ids.begin(); begin != ids.end();) {
     const std::int32_t x = begin->x;
     const auto end = std::find_if(begin, ids.end(), [x](const auto& id) { return id.x != x; });
-    window.move_to(x, options.threads);
+    window.move_to(x, task.options.threads);
     process_in_order(
-        static_cast<std::size_t>(end - begin), options.threads,
+        static_cast<std::size_t>(end - begin), task.options.threads,
         [&](std::size_t i) {
           const maps::TileId id = begin[static_cast<std::ptrdiff_t>(i)];
-          return stages.finish(id, window, cleaner != nullptr ? &whole.at(id) : nullptr);
+          return work.finish(id, window, task.cleaner != nullptr ? &whole.at(id) : nullptr);
         },
-        take, cancel);
+        take, task.cancel);
     begin = end;
   }
-  preview.write_png(writer.folder() / "preview.png");
-  out.consistency = consistency.result();
-  return out;
+  preview.write_png(task.writer.folder() / "preview.png");
+  result.consistency = consistency.result();
 }
 
 }  // namespace stillmap::mapping

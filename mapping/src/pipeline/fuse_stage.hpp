@@ -4,10 +4,8 @@
 #include "fusion/apply_edits.hpp"
 #include "fusion/object_fusion.hpp"
 #include "ground/ground_footprint.hpp"
-#include "pipeline/scan_stages.hpp"
-#include "pipeline/survey_pass.hpp"
+#include "pipeline/scan_work.hpp"
 
-#include <stillmap/maps/edits.hpp>
 #include <stillmap/maps/map_object.hpp>
 
 #include <cstdint>
@@ -15,6 +13,8 @@
 #include <vector>
 
 namespace stillmap::mapping {
+
+struct Build;
 
 /// The objects of a build, and where they are in each scan.
 struct BuildObjects {
@@ -30,12 +30,9 @@ struct BuildObjects {
 [[nodiscard]] std::vector<GroundFootprint> footprints_of(const std::vector<FusedObject>& objects,
                                                          const Eigen::Vector3d& origin);
 
-/// Joins the boxes of all scans (`options.fusion`), or makes an object of each; then a user's
-/// corrections.
-/// @param origin  of the map.
-[[nodiscard]] BuildObjects objects_of(const DriveSet& drives, const Survey& survey,
-                                      const MapBuildOptions& options, const Eigen::Vector3d& origin,
-                                      const maps::Edits& edits, const CancelFlag& cancel);
+/// Stage: joins the boxes of all scans into objects (`options.fusion`), or makes an object of each;
+/// then a user's corrections. The ground below objects that stood still is closed.
+void fuse_objects(Build& build);
 
 /// As the package holds them.
 /// @param points_removed  by number of the object plus 1.

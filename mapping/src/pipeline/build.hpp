@@ -1,0 +1,93 @@
+#pragma once
+
+#include "drives/drive_set.hpp"
+#include "pipeline/finish_stage.hpp"
+#include "pipeline/fuse_stage.hpp"
+#include "pipeline/place_stage.hpp"
+#include "pipeline/poses_stage.hpp"
+#include "pipeline/survey_stage.hpp"
+#include "registration/build_frame.hpp"
+#include "stacking/voxel_grid.hpp"
+
+#include <stillmap/mapping/cleaning.hpp>
+#include <stillmap/mapping/map_build.hpp>
+#include <stillmap/mapping/progress.hpp>
+#include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/edits.hpp>
+#include <stillmap/maps/map_object.hpp>
+#include <stillmap/maps/map_package.hpp>
+
+#include <chrono>
+#include <cstddef>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace stillmap::mapping {
+
+/// What a build is asked to do and where it works; the same for all of its stages.
+struct BuildTask {
+  const MapBuildOptions& options;
+  /// `given`, or the method that makes the poses.
+  std::string odometry;
+  /// Folders of the drives.
+  std::vector<std::filesystem::path> folders;
+  /// Drives as they were opened.
+  std::vector<maps::Drive> drives;
+  std::filesystem::path journal_folder;
+  /// For what does not stay in memory; removed at the end.
+  std::filesystem::path scratch;
+  maps::Edits edits;
+  /// A method that needs the whole map at once; nullptr = `options.clean` is ours or none.
+  const Cleaner* cleaner;
+  maps::MapPackageWriter& writer;
+  const ProgressCallback& progress;
+  const CancelFlag& cancel;
+};
+
+/// A build on its way: each stage leaves its members for those after it.
+struct Build {
+  explicit Build(const BuildTask& build_task) : task(build_task) {}
+  // Members refer to each other.
+  Build(const Build&) = delete;
+  Build& operator=(const Build&) = delete;
+
+  /// @throws Cancelled where the build is to stop.
+  void stop_if_cancelled() const {
+    if (task.cancel) throw Cancelled();
+  }
+  void tell(std::string_view stage, std::size_t done, std::size_t total) const {
+    if (task.progress) task.progress(stage, done, total);
+  }
+
+  const BuildTask& task;
+  const std::chrono::steady_clock::time_point began = std::chrono::steady_clock::now();
+  MapBuildResult result;
+
+  /// By `shift_poses`: the drives with their poses at the right time.
+  std::vector<maps::Drive> shifted;
+  /// By `find_poses`; `drives` moves into the member below.
+  PosedDrives posed;
+  /// By `register_poses`: of the map that the options name.
+  std::optional<BuildFrame> frame;
+  /// By `select_scans`: what the map is made of, and its voxels.
+  std::optional<DriveSet> drives;
+  std::optional<VoxelGrid> grid;
+  std::vector<maps::PoseDisagreement> disagreements;
+  /// By `survey_scans`.
+  std::optional<ScanWork> scan_work;
+  std::unique_ptr<Survey> survey;
+  /// By `fuse_objects`.
+  BuildObjects objects;
+  /// By `place_scans`.
+  std::unique_ptr<Placed> placed;
+};
+
+/// One stage of a build.
+/// @throws maps::InputError, maps::StorageError, Cancelled.
+using Stage = void (*)(Build& build);
+
+}  // namespace stillmap::mapping

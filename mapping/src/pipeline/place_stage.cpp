@@ -1,0 +1,49 @@
+#include "pipeline/place_stage.hpp"
+
+#include "core/ordered_pipeline.hpp"
+#include "pipeline/build.hpp"
+
+#include <utility>
+
+namespace stillmap::mapping {
+namespace {
+
+/// Some 80 bytes each: 400 MiB. A street of the town has some 5,000 voxels of 0.1 m a metre.
+constexpr std::size_t kMostVoxels = 5'000'000;
+
+}  // namespace
+
+Placed::Placed(const std::filesystem::path& scratch) : stack(scratch / "tiles", kMostVoxels) {}
+
+void place_scans(Build& build) {
+  const DriveSet& drives = *build.drives;
+  const Survey& survey = *build.survey;
+  const BuildObjects& objects = build.objects;
+  const BuildTask& task = build.task;
+  build.placed = std::make_unique<Placed>(task.scratch);
+  Placed& placed = *build.placed;
+  const FusedGround* ground = task.options.fusion ? &survey.ground : nullptr;
+  const PosedViews views = posed_views(drives, survey.views, build.grid->origin());
+  process_in_order(
+      drives.size(), task.options.threads,
+      [&](std::size_t scan) {
+        return build.scan_work->place(
+            {scan, survey.scans[scan], objects.by_scan[scan], objects.kept_by_scan[scan]}, ground,
+            views);
+      },
+      [&](PlacedScan scan) {
+        {
+          const StageTimer timer(scan.stage_seconds, "stack");
+          placed.stack.add(scan.voxels);
+        }
+        task.writer.add_fates(scan.fates);
+        placed.in_object.push_back(std::move(scan.in_object));
+        add_to(placed.points_removed, scan.points_removed);
+        add_to(build.result.points, scan.counts);
+        add_to(build.result.stage_seconds, scan.stage_seconds);
+        build.tell("place", placed.in_object.size(), drives.size());
+      },
+      task.cancel);
+}
+
+}  // namespace stillmap::mapping
