@@ -135,8 +135,8 @@ SimulationResult simulate_drive(const std::filesystem::path& target,
   ego.emplace(world, properties.height_m);
   Scanner scanner(world, *ego, *sensor,
                   {.key = key_for(options, Stream::kRays), .behind = options.truth});
-  SimulationResult report;
-  report.world_seconds = seconds_since(start);
+  SimulationResult result;
+  result.world_seconds = seconds_since(start);
   if (progress) progress("world", 1, 1);
   Tracks tracks;
   tbb::task_arena arena(options.threads == 0 ? tbb::task_arena::automatic : options.threads);
@@ -152,22 +152,22 @@ SimulationResult simulate_drive(const std::filesystem::path& target,
       written = std::move(scan);
       writing.run([&] { writer.add(written); });
       tracks.add(world, written.boxes);
-      report.points += written.points.size();
+      result.points += written.points.size();
       if (progress) progress("simulate", i + 1, options.scans);
     }
     writing.wait();
   });
   if (cancel.load()) throw mapping::Cancelled();
   writer.publish(world.ground);
-  report.scans = options.scans;
-  report.rays = scanner.rays();
-  report.parked = tracks.parked.size();
-  report.moving = tracks.moving.size();
-  report.distance_m =
+  result.scans = options.scans;
+  result.rays = scanner.rays();
+  result.parked = tracks.parked.size();
+  result.moving = tracks.moving.size();
+  result.distance_m =
       world.own_motion.station(duration_s - properties.period_s) - world.own_motion.station(0.0);
-  report.seconds = seconds_since(start);
-  report.peak_rss_mib = maps::peak_rss_mib();
-  return report;
+  result.seconds = seconds_since(start);
+  result.peak_rss_mib = maps::peak_rss_mib();
+  return result;
 }
 
 }  // namespace stillmap::simulation

@@ -134,17 +134,17 @@ EditResult apply_edits(FusedObjects& fused, const maps::Edits& edits,
                        const std::vector<EditScan>& scans) {
   check(fused.objects, scans.size());
   check(fused.doubtful, scans.size());
-  EditResult report;
+  EditResult result;
   for (std::size_t i = 0; i < edits.size(); ++i) {
-    if (apply(fused, edits[i], scans, report.kept)) {
-      ++report.applied;
+    if (apply(fused, edits[i], scans, result.kept)) {
+      ++result.applied;
     } else {
-      report.unmatched.push_back(fmt::format("edits[{}]: {}", i, edits[i].description()));
+      result.unmatched.push_back(fmt::format("edits[{}]: {}", i, edits[i].description()));
     }
   }
   std::erase_if(fused.objects, [](const FusedObject& object) { return object.placements.empty(); });
   number_objects(fused.objects);
-  return report;
+  return result;
 }
 
 std::vector<maps::Box> kept_regions(const maps::Edits& edits, const EditScan& scan) {

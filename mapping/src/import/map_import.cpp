@@ -64,8 +64,8 @@ Eigen::Vector3d rounded(const Eigen::Vector3d& p) {
 class CloudImport {
  public:
   CloudImport(const std::filesystem::path& file, const MapImportOptions& options,
-              const ProgressCallback& progress, const CancelFlag& cancel, MapImportResult& report)
-      : file_(file), progress_(progress), cancel_(cancel), report_(report) {
+              const ProgressCallback& progress, const CancelFlag& cancel, MapImportResult& result)
+      : file_(file), progress_(progress), cancel_(cancel), result_(result) {
     frame_.place = options.geodetic_origin;
     frame_.utm = options.utm;
   }
@@ -78,9 +78,9 @@ class CloudImport {
       bounds.max = bounds.max.cwiseMax(point.position);
     });
     points_ = summary.points_in_file;
-    report_.counts["in"] = summary.points_in_file;
-    report_.counts["dropped_non_finite"] = summary.non_finite;
-    if (summary.withheld > 0) report_.counts["dropped_withheld"] = summary.withheld;
+    result_.counts["in"] = summary.points_in_file;
+    result_.counts["dropped_non_finite"] = summary.non_finite;
+    if (summary.withheld > 0) result_.counts["dropped_withheld"] = summary.withheld;
     if (summary.points_in_file == summary.non_finite + summary.withheld)
       throw maps::InputError(file_.string(), "no point that is finite", "at least one");
     if (summary.single_precision) check_precision(bounds);
@@ -94,7 +94,7 @@ class CloudImport {
 
   /// The second time.
   void stack(const VoxelGrid& grid, TileStack& stack) {
-    std::uint64_t& too_far = report_.counts["dropped_too_far"];
+    std::uint64_t& too_far = result_.counts["dropped_too_far"];
     std::uint32_t part = 0;
     maps::read_cloud_file(file_, [&](std::span<const maps::CloudPoint> points) {
       ScanVoxels voxels(grid, part++);
@@ -105,7 +105,7 @@ class CloudImport {
     });
     done_ = 0;
     if (too_far > 0)
-      report_.warnings.push_back(
+      result_.warnings.push_back(
           fmt::format("{} points are farther than the tile grid reaches", too_far));
   }
 
@@ -140,7 +140,7 @@ class CloudImport {
     if (!frame_.utm) frame_.utm = summary.utm;
     if (!frame_.utm) {
       if (!summary.coordinates.empty())
-        report_.warnings.push_back(fmt::format(
+        result_.warnings.push_back(fmt::format(
             "coordinates of '{}', which is no UTM, are taken as they are", summary.coordinates));
       return;
     }
@@ -160,7 +160,7 @@ class CloudImport {
   }
 
   void take_as_wgs84(const std::string& what, const std::string& as) {
-    report_.warnings.push_back(fmt::format("{} are taken as {}", what, as));
+    result_.warnings.push_back(fmt::format("{} are taken as {}", what, as));
     frame_.taken_as_wgs84 += (frame_.taken_as_wgs84.empty() ? "" : ", ") + what;
   }
 
@@ -209,13 +209,13 @@ class CloudImport {
     if (largest_m >= kTooCoarseFromM)
       throw maps::InputError(file_.string(), found,
                              "doubles, or coordinates from an origin nearby");
-    report_.warnings.push_back(found);
+    result_.warnings.push_back(found);
   }
 
   const std::filesystem::path& file_;
   const ProgressCallback& progress_;
   const CancelFlag& cancel_;
-  MapImportResult& report_;
+  MapImportResult& result_;
   ImportFrame frame_;
   std::size_t points_ = 0;
   std::size_t done_ = 0;
@@ -243,10 +243,18 @@ TilePoints finished(const VoxelGrid& grid, maps::TileId id, std::vector<VoxelSum
                    [](std::uint32_t) { return Eigen::Vector3f(0.0F, 0.0F, kSeenFromM); });
 }
 
-void write_tiles(const VoxelGrid& grid, TileStack& stack, const ColumnGround& ground, int threads,
-                 maps::MapPackageWriter& writer, MapImportResult& report,
-                 const ProgressCallback& progress, const CancelFlag& cancel) {
-  const std::vector<maps::TileId> ids = stack.tiles();
+/// An import on its way, from the points of a file to a map.
+struct Import {
+  const VoxelGrid& grid;
+  TileStack& stack;
+  const ColumnGround& ground;
+  maps::MapPackageWriter& writer;
+  MapImportResult& result;
+};
+
+void write_tiles(const Import& import, int threads, const ProgressCallback& progress,
+                 const CancelFlag& cancel) {
+  const std::vector<maps::TileId> ids = import.stack.tiles();
   Eigen::Array2i low(ids.front().x, ids.front().y), high = low;
   for (const maps::TileId& id : ids) {
     low = low.min(Eigen::Array2i(id.x, id.y));
@@ -257,18 +265,20 @@ void write_tiles(const VoxelGrid& grid, TileStack& stack, const ColumnGround& gr
   std::size_t done = 0;
   process_in_order(
       ids.size(), threads,
-      [&](std::size_t i) { return finished(grid, ids[i], stack.take(ids[i]), ground); },
+      [&](std::size_t i) {
+        return finished(import.grid, ids[i], import.stack.take(ids[i]), import.ground);
+      },
       [&](const TilePoints& tile) {
-        writer.add_tile(tile.id, tile.points, tile.history);
-        report.counts["static"] += tile.points.size();
+        import.writer.add_tile(tile.id, tile.points, tile.history);
+        import.result.counts["static"] += tile.points.size();
         for (const maps::MapPoint& p : tile.points) {
           preview.add_point(Eigen::Vector3f(p.x, p.y, p.z).cast<double>());
-          report.counts["ground"] += p.kind == maps::PointKind::kGround ? 1 : 0;
+          import.result.counts["ground"] += p.kind == maps::PointKind::kGround ? 1 : 0;
         }
         if (progress) progress("tiles", ++done, ids.size());
       },
       cancel);
-  preview.write_png(writer.folder() / "preview.png");
+  preview.write_png(import.writer.folder() / "preview.png");
 }
 
 ColumnGround ground_of(const VoxelGrid& grid, const TileStack& stack, const CancelFlag& cancel) {
@@ -282,19 +292,19 @@ ColumnGround ground_of(const VoxelGrid& grid, const TileStack& stack, const Canc
 }
 
 void write_places(const ColumnGround& ground, const Eigen::Vector3d& origin,
-                  maps::MapPackageWriter& writer, MapImportResult& report) {
+                  maps::MapPackageWriter& writer, MapImportResult& result) {
   std::vector<Eigen::Isometry3d> places = ground.places();
   for (Eigen::Isometry3d& place : places) place.pretranslate(origin);
-  report.counts["places"] = places.size();
+  result.counts["places"] = places.size();
   if (places.empty())
-    report.warnings.emplace_back("no free ground found: scans need a prior in this map");
+    result.warnings.emplace_back("no free ground found: scans need a prior in this map");
   else
     writer.write_places(places);
 }
 
 maps::MapManifest manifest_of(const std::filesystem::path& file, const MapImportOptions& options,
                               const ImportFrame& frame, const Eigen::Vector3d& origin,
-                              const MapImportResult& report) {
+                              const MapImportResult& result) {
   maps::MapManifest manifest;
   manifest.frame_id = options.frame_id.value_or(frame.place ? "enu" : "local");
   manifest.origin = origin;
@@ -306,7 +316,7 @@ maps::MapManifest manifest_of(const std::filesystem::path& file, const MapImport
   if (frame.utm) manifest.options["utm"] = fmt::format("EPSG:{}", frame.utm->epsg());
   if (!frame.coordinates.empty()) manifest.options["coordinates"] = frame.coordinates;
   if (!frame.taken_as_wgs84.empty()) manifest.options["taken_as_wgs84"] = frame.taken_as_wgs84;
-  manifest.counts = report.counts;
+  manifest.counts = result.counts;
   manifest.sources = {{"cloud", file.filename().string()},
                       {"cloud_sha256", maps::sha256_of_file(file)}};
   return manifest;
@@ -337,8 +347,8 @@ MapImportResult import_map(const std::filesystem::path& file, const std::filesys
   if (const auto broken = options.violations(); !broken.empty())
     throw std::invalid_argument("import options: " + broken.front());
   const Clock::time_point began = Clock::now();
-  MapImportResult report;
-  CloudImport cloud(file, options, progress, cancel, report);
+  MapImportResult result;
+  CloudImport cloud(file, options, progress, cancel, result);
   const VoxelGrid grid(cloud.measure(), options.voxel_size_m);
   maps::MapPackageWriter writer(target);
   const std::filesystem::path scratch = writer.folder() / "scratch";
@@ -349,22 +359,22 @@ MapImportResult import_map(const std::filesystem::path& file, const std::filesys
       throw maps::InputError(file.string(), "no point within 20,000 km of their middle",
                              "at least one");
     const ColumnGround ground = ground_of(grid, stack, cancel);
-    write_tiles(grid, stack, ground, options.threads, writer, report, progress, cancel);
-    write_places(ground, grid.origin(), writer, report);
+    write_tiles({grid, stack, ground, writer, result}, options.threads, progress, cancel);
+    write_places(ground, grid.origin(), writer, result);
   }
-  report.seconds = std::chrono::duration<double>(Clock::now() - began).count();
-  report.peak_rss_mib = maps::peak_rss_mib();
-  report.digest = writer.publish(manifest_of(file, options, cloud.frame(), grid.origin(), report),
-                                 to_json(report));
-  return report;
+  result.seconds = std::chrono::duration<double>(Clock::now() - began).count();
+  result.peak_rss_mib = maps::peak_rss_mib();
+  result.digest = writer.publish(manifest_of(file, options, cloud.frame(), grid.origin(), result),
+                                 to_json(result));
+  return result;
 }
 
-std::string to_json(const MapImportResult& report) {
-  return nlohmann::json{{"counts", report.counts},
-                        {"seconds", report.seconds},
-                        {"peak_rss_mib", report.peak_rss_mib},
-                        {"warnings", report.warnings},
-                        {"digest", report.digest},
+std::string to_json(const MapImportResult& result) {
+  return nlohmann::json{{"counts", result.counts},
+                        {"seconds", result.seconds},
+                        {"peak_rss_mib", result.peak_rss_mib},
+                        {"warnings", result.warnings},
+                        {"digest", result.digest},
                         {"version", STILLMAP_VERSION}}
       .dump(2);
 }

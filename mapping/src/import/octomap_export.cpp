@@ -59,9 +59,9 @@ maps::MapExportResult export_octomap(const maps::MapPackage& map,
                                      const std::filesystem::path& target,
                                      const maps::MapExportOptions& options) {
   maps::check_export_options(octomap_format(), options);
-  maps::MapExportResult report;
-  if (options.frame == maps::ExportFrame::kLocal) report.origin = map.manifest().origin;
-  const Eigen::Vector3d shift = map.manifest().origin - report.origin;
+  maps::MapExportResult result;
+  if (options.frame == maps::ExportFrame::kLocal) result.origin = map.manifest().origin;
+  const Eigen::Vector3d shift = map.manifest().origin - result.origin;
   octomap::OcTree tree(options.resolution_m.value_or(kResolutionM));
   std::size_t points = 0, done = 0;
   const auto& tiles = map.manifest().tiles;
@@ -78,11 +78,11 @@ maps::MapExportResult export_octomap(const maps::MapPackage& map,
   tree.updateInnerOccupancy();
   tree.prune();
   write(tree, target);
-  report.points = points;
-  report.files = 1;
-  report.bytes = std::filesystem::file_size(target);
-  report.counts = {{"leaves", tree.getNumLeafNodes()}};
-  return report;
+  result.points = points;
+  result.files = 1;
+  result.bytes = std::filesystem::file_size(target);
+  result.counts = {{"leaves", tree.getNumLeafNodes()}};
+  return result;
 }
 
 }  // namespace stillmap::mapping

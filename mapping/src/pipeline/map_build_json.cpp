@@ -23,43 +23,43 @@ nlohmann::json of_motions(const PoseDifferences& found) {
   return json;
 }
 
-nlohmann::json to_json(const GivenPosesResult& report) {
+nlohmann::json to_json(const GivenPosesResult& result) {
   nlohmann::json apart = nlohmann::json::array();
-  for (const PoseDifferences& each : report.errors.by_way)
+  for (const PoseDifferences& each : result.errors.by_way)
     if (each.pairs > 0) apart.push_back(of_motions(each));
-  return {{"use", name_of(report.use)},
+  return {{"use", name_of(result.use)},
           {"apart_from_scans", apart},
           {"apart_at_loops",
-           report.errors.loops.pairs > 0 ? of_motions(report.errors.loops) : nlohmann::json()},
-          {"neighbours_apart", report.neighbours_apart},
-          {"sigma_m", report.errors.sigma_m},
-          {"sigma_rad", report.errors.sigma_rad},
-          {"asked", report.errors.asked},
-          {"denied", report.errors.denied},
-          {"moved", to_json(report.moved)}};
+           result.errors.loops.pairs > 0 ? of_motions(result.errors.loops) : nlohmann::json()},
+          {"neighbours_apart", result.neighbours_apart},
+          {"sigma_m", result.errors.sigma_m},
+          {"sigma_rad", result.errors.sigma_rad},
+          {"asked", result.errors.asked},
+          {"denied", result.errors.denied},
+          {"moved", to_json(result.moved)}};
 }
 
 }  // namespace
 
-std::string to_json(const MapBuildResult& report) {
-  nlohmann::json json{{"scans", report.scans},
-                      {"resumed_scans", report.resumed_scans},
-                      {"seconds", report.seconds},
-                      {"scans_per_second", report.scans_per_second},
-                      {"peak_rss_mib", report.peak_rss_mib},
-                      {"points", report.points},
-                      {"objects", report.objects},
-                      {"trajectory", report.trajectory},
-                      {"consistency", nlohmann::json::parse(to_json(report.consistency))},
-                      {"stage_seconds", report.stage_seconds},
-                      {"warnings", report.warnings},
-                      {"pose_faults", nlohmann::json::parse(to_json(report.pose_faults))},
-                      {"digest", report.digest},
+std::string to_json(const MapBuildResult& result) {
+  nlohmann::json json{{"scans", result.scans},
+                      {"resumed_scans", result.resumed_scans},
+                      {"seconds", result.seconds},
+                      {"scans_per_second", result.scans_per_second},
+                      {"peak_rss_mib", result.peak_rss_mib},
+                      {"points", result.points},
+                      {"objects", result.objects},
+                      {"trajectory", result.trajectory},
+                      {"consistency", nlohmann::json::parse(to_json(result.consistency))},
+                      {"stage_seconds", result.stage_seconds},
+                      {"warnings", result.warnings},
+                      {"pose_faults", nlohmann::json::parse(to_json(result.pose_faults))},
+                      {"digest", result.digest},
                       {"version", STILLMAP_VERSION}};
-  if (!report.found_pose_time_offsets_s.empty())
-    json["found_pose_time_offsets_s"] = report.found_pose_time_offsets_s;
-  if (report.given_poses) json["given_poses"] = to_json(*report.given_poses);
-  if (const auto& registration = report.registration)
+  if (!result.found_pose_time_offsets_s.empty())
+    json["found_pose_time_offsets_s"] = result.found_pose_time_offsets_s;
+  if (result.given_poses) json["given_poses"] = to_json(*result.given_poses);
+  if (const auto& registration = result.registration)
     json["registration"] = {{"previous_digest", registration->previous_digest},
                             {"T_previous_map", to_json(registration->T_previous_map)},
                             {"T_map_poses", to_json(registration->T_map_poses)},

@@ -83,36 +83,36 @@ PoseDifferences differences_from(ByteReader& reader) {
   return apart;
 }
 
-void put_report(std::string& bytes, const GivenPosesResult& report) {
-  put_number(bytes, static_cast<std::uint8_t>(report.use == GivenPosesUse::kExact));
-  put_number(bytes, report.errors.by_way.size());
-  for (const PoseDifferences& apart : report.errors.by_way) put_differences(bytes, apart);
-  put_differences(bytes, report.errors.loops);
-  put_number(bytes, report.errors.sigma_m);
-  put_number(bytes, report.errors.sigma_rad);
-  put_number(bytes, report.errors.correlated_m);
-  put_number(bytes, report.errors.asked);
-  put_number(bytes, report.errors.denied);
-  put_number(bytes, report.errors.neighbours_m.size());
-  for (const double apart_m : report.errors.neighbours_m) put_number(bytes, apart_m);
-  put_differences(bytes, report.moved);
+void put_report(std::string& bytes, const GivenPosesResult& result) {
+  put_number(bytes, static_cast<std::uint8_t>(result.use == GivenPosesUse::kExact));
+  put_number(bytes, result.errors.by_way.size());
+  for (const PoseDifferences& apart : result.errors.by_way) put_differences(bytes, apart);
+  put_differences(bytes, result.errors.loops);
+  put_number(bytes, result.errors.sigma_m);
+  put_number(bytes, result.errors.sigma_rad);
+  put_number(bytes, result.errors.correlated_m);
+  put_number(bytes, result.errors.asked);
+  put_number(bytes, result.errors.denied);
+  put_number(bytes, result.errors.neighbours_m.size());
+  for (const double apart_m : result.errors.neighbours_m) put_number(bytes, apart_m);
+  put_differences(bytes, result.moved);
 }
 
 GivenPosesResult report_from(ByteReader& reader) {
-  GivenPosesResult report;
-  report.use = reader.number<std::uint8_t>() != 0 ? GivenPosesUse::kExact : GivenPosesUse::kRefine;
+  GivenPosesResult result;
+  result.use = reader.number<std::uint8_t>() != 0 ? GivenPosesUse::kExact : GivenPosesUse::kRefine;
   for (auto left = reader.count(8 * sizeof(double)); left > 0; --left)
-    report.errors.by_way.push_back(differences_from(reader));
-  report.errors.loops = differences_from(reader);
-  report.errors.sigma_m = reader.number<double>();
-  report.errors.sigma_rad = reader.number<double>();
-  report.errors.correlated_m = reader.number<double>();
-  report.errors.asked = reader.number<std::size_t>();
-  report.errors.denied = reader.number<std::size_t>();
-  report.errors.neighbours_m.resize(reader.count(sizeof(double)));
-  for (double& apart_m : report.errors.neighbours_m) apart_m = reader.number<double>();
-  report.moved = differences_from(reader);
-  return report;
+    result.errors.by_way.push_back(differences_from(reader));
+  result.errors.loops = differences_from(reader);
+  result.errors.sigma_m = reader.number<double>();
+  result.errors.sigma_rad = reader.number<double>();
+  result.errors.correlated_m = reader.number<double>();
+  result.errors.asked = reader.number<std::size_t>();
+  result.errors.denied = reader.number<std::size_t>();
+  result.errors.neighbours_m.resize(reader.count(sizeof(double)));
+  for (double& apart_m : result.errors.neighbours_m) apart_m = reader.number<double>();
+  result.moved = differences_from(reader);
+  return result;
 }
 
 /// @param lists  one a drive, or none.

@@ -22,15 +22,15 @@ Json answers_json(const HeldBackAnswers& answers) {
           {"status", {{"ok", answers.ok}, {"degraded", answers.degraded}, {"lost", answers.lost}}}};
 }
 
-Json figures_json(const RebuildResult& report) {
+Json figures_json(const RebuildResult& result) {
   Json json;
-  json["map"] = answers_json(report.answers);
-  json["keep"] = answers_json(report.keep_answers);
-  json["previous"] = report.previous_answers ? answers_json(*report.previous_answers) : Json();
-  json["static_loss"] = number(report.figures.static_loss);
-  json["static_points"] = report.static_points;
-  json["static_points_lost"] = report.static_points_lost;
-  const auto& previous = report.figures.previous;
+  json["map"] = answers_json(result.answers);
+  json["keep"] = answers_json(result.keep_answers);
+  json["previous"] = result.previous_answers ? answers_json(*result.previous_answers) : Json();
+  json["static_loss"] = number(result.figures.static_loss);
+  json["static_points"] = result.static_points;
+  json["static_points_lost"] = result.static_points_lost;
+  const auto& previous = result.figures.previous;
   json["new_lost"] = previous ? Json(previous->new_lost) : Json();
   json["driven_coverage"] = previous ? number(previous->driven_coverage) : Json();
   json["ground_coverage"] = previous ? number(previous->ground_coverage) : Json();
@@ -68,29 +68,29 @@ Json checks_json(const GateVerdict& verdict) {
 
 }  // namespace
 
-std::string to_json(const RebuildResult& report, const RebuildOptions& options) {
+std::string to_json(const RebuildResult& result, const RebuildOptions& options) {
   Json json;
-  json["verdict"] = report.verdict.passed ? "pass" : "fail";
-  json["reasons"] = report.verdict.reasons;
-  json["warnings"] = report.warnings;
-  json["digest"] = report.digest;
-  json["keep_digest"] = report.keep_digest;
+  json["verdict"] = result.verdict.passed ? "pass" : "fail";
+  json["reasons"] = result.verdict.reasons;
+  json["warnings"] = result.warnings;
+  json["digest"] = result.digest;
+  json["keep_digest"] = result.keep_digest;
   json["previous_digest"] =
-      report.previous_digest.empty() ? Json(nullptr) : Json(report.previous_digest);
+      result.previous_digest.empty() ? Json(nullptr) : Json(result.previous_digest);
   json["held_back"] = {{"from", options.held_back ? "drive" : "every_nth"},
                        {"every", options.held_back ? Json(nullptr) : Json(options.held_back_every)},
-                       {"scans", report.answers.queries},
+                       {"scans", result.answers.queries},
                        {"prior_error_m", kGatePriorErrorM},
                        {"prior_error_deg", kGatePriorErrorDeg},
                        {"seed", std::to_string(kGateSeed)}};
-  json["figures"] = figures_json(report);
-  json["checks"] = checks_json(report.verdict);
+  json["figures"] = figures_json(result);
+  json["checks"] = checks_json(result.verdict);
   json["limits"] = limits_json(options.limits);
-  json["map_bytes"] = report.map_bytes;
-  json["work_bytes"] = report.work_bytes;
-  json["stage_seconds"] = report.stage_seconds;
-  json["resumed_stages"] = report.resumed_stages;
-  json["peak_rss_mib"] = report.peak_rss_mib;
+  json["map_bytes"] = result.map_bytes;
+  json["work_bytes"] = result.work_bytes;
+  json["stage_seconds"] = result.stage_seconds;
+  json["resumed_stages"] = result.resumed_stages;
+  json["peak_rss_mib"] = result.peak_rss_mib;
   return json.dump(2);
 }
 

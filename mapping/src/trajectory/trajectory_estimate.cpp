@@ -40,51 +40,76 @@ struct Odometries {
   std::vector<Eigen::Isometry3d> T_ground_odom;
 };
 
-void follow(const maps::Drive& drive, std::size_t number, const TrajectoryOptions& options,
-            LoopFinder* finder, Odometries& out, const ProgressCallback& progress,
-            const CancelFlag& cancel, const ScanReader& read) {
-  const std::size_t end = std::min(options.end.value_or(drive.size()), drive.size());
-  EstimatedDrive estimated;
-  estimated.begin = options.begin;
-  const OdometryDrift drift = options.refine_given ? kHeldDrift : OdometryDrift{};
-  KeyframeChooser chooser;
-  const auto take = [&](std::size_t index, const maps::Scan& scan, const OdometryPose& pose) {
-    const auto chosen = chooser.add(pose);
-    if (!chosen) return;
+/// Follows drives by odometry, and gives their key frames to the search for loops.
+class Following {
+ public:
+  /// @param finder  nullptr = no loops are looked for.
+  /// @param read    empty = scans are read as the drive has them.
+  Following(const TrajectoryOptions& options, LoopFinder* finder, const ScanReader& read)
+      : options_(options),
+        finder_(finder),
+        read_(read),
+        drift_(options.refine_given ? kHeldDrift : OdometryDrift{}) {}
+
+  /// Drives in their order.
+  void follow(const maps::Drive& drive, const ProgressCallback& progress,
+              const CancelFlag& cancel) {
+    const std::size_t end = std::min(options_.end.value_or(drive.size()), drive.size());
+    EstimatedDrive& estimated = found_.drives.emplace_back();
+    estimated.begin = options_.begin;
+    KeyframeChooser chooser;
+    const auto take = [&](std::size_t index, const maps::Scan& scan, const OdometryPose& pose) {
+      if (const auto chosen = chooser.add(pose)) add_keyframe(index, scan, pose, *chosen);
+    };
+    FollowedDrive followed{.drive = drive,
+                           .begin = options_.begin,
+                           .end = end,
+                           .method = options_.odometry,
+                           .expects_given_poses = options_.refine_given,
+                           .take = take};
+    if (read_) followed.read = [&](std::size_t index) { return read_(drive, index); };
+    estimated.odometry = run_odometry(followed, options_.threads, progress, cancel);
+    if (estimated.keyframes.empty())
+      throw maps::InputError(
+          drive.contents().root.string(),
+          fmt::format("{} scans, all hidden (covered sensor or dust)", estimated.odometry.size()),
+          "a drive whose sensor is not covered; leave this drive out of the build");
+  }
+
+  [[nodiscard]] Odometries finish() { return std::move(found_); }
+
+ private:
+  /// Of the drive that is followed.
+  void add_keyframe(std::size_t index, const maps::Scan& scan, const OdometryPose& pose,
+                    const KeyframeChooser::Chosen& chosen) {
+    EstimatedDrive& estimated = found_.drives.back();
+    const std::size_t drive = found_.drives.size() - 1;
     maps::PointCloud cloud = scan.cloud;
     maps::deskew(cloud, pose.twist_lidar);
     if (estimated.keyframes.empty()) {
       Eigen::Isometry3d T_ground_odom = T_ground_lidar(cloud);
-      if (index > options.begin) T_ground_odom = T_ground_odom * pose.T_odom_lidar.inverse();
-      out.T_ground_odom.push_back(T_ground_odom);
+      if (index > options_.begin) T_ground_odom = T_ground_odom * pose.T_odom_lidar.inverse();
+      found_.T_ground_odom.push_back(T_ground_odom);
     }
     estimated.keyframes.push_back(index);
-    out.keyframes.push_back({.drive = number,
-                             .scan = index,
-                             .T_odom_lidar = pose.T_odom_lidar,
-                             .T_before_this = chosen->T_before_this,
-                             .covariance = chosen->covariance(drift)});
-    if (finder == nullptr) return;
-    finder->add({.points = std::move(cloud.positions),
-                 .T_odom_lidar = pose.T_odom_lidar,
-                 .covariance = chosen->covariance(),
-                 .drive = static_cast<std::uint32_t>(number)});
-  };
-  FollowedDrive followed{.drive = drive,
-                         .begin = options.begin,
-                         .end = end,
-                         .method = options.odometry,
-                         .expects_given_poses = options.refine_given,
-                         .take = take};
-  if (read) followed.read = [&](std::size_t index) { return read(drive, index); };
-  estimated.odometry = run_odometry(followed, options.threads, progress, cancel);
-  if (estimated.keyframes.empty())
-    throw maps::InputError(
-        drive.contents().root.string(),
-        fmt::format("{} scans, all hidden (covered sensor or dust)", estimated.odometry.size()),
-        "a drive whose sensor is not covered; leave this drive out of the build");
-  out.drives.push_back(std::move(estimated));
-}
+    found_.keyframes.push_back({.drive = drive,
+                                .scan = index,
+                                .T_odom_lidar = pose.T_odom_lidar,
+                                .T_before_this = chosen.T_before_this,
+                                .covariance = chosen.covariance(drift_)});
+    if (finder_ == nullptr) return;
+    finder_->add({.points = std::move(cloud.positions),
+                  .T_odom_lidar = pose.T_odom_lidar,
+                  .covariance = chosen.covariance(),
+                  .drive = static_cast<std::uint32_t>(drive)});
+  }
+
+  const TrajectoryOptions& options_;
+  LoopFinder* finder_;
+  const ScanReader& read_;
+  OdometryDrift drift_;
+  Odometries found_;
+};
 
 bool asks_given(const TrajectoryOptions& options) {
   return options.prior || options.gnss_sigma_m || options.refine_given;
@@ -228,9 +253,9 @@ TrajectoryEstimate estimate_trajectories(const std::vector<maps::Drive>& drives,
   Clock::time_point began = Clock::now();
   std::optional<LoopFinder> finder;
   if (options.loops) finder.emplace(scratch);
-  Odometries odometries;
-  for (std::size_t i = 0; i < drives.size(); ++i)
-    follow(drives[i], i, options, finder ? &*finder : nullptr, odometries, progress, cancel, read);
+  Following following(options, finder ? &*finder : nullptr, read);
+  for (const maps::Drive& drive : drives) following.follow(drive, progress, cancel);
+  Odometries odometries = following.finish();
   estimate.odometry_seconds = seconds_since(began);
 
   began = Clock::now();

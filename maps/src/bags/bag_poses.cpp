@@ -34,18 +34,8 @@ bool stands_still(const std::string& frame) {
   return is_map_frame(frame) || frame.substr(frame.find_last_of('/') + 1) == kEarthFrame;
 }
 
-/// What the whole search shares.
-struct Search {
-  const Bags& bags;
-  const BagSurvey& survey;
-  const BagChoice& choice;
-  const std::string& cloud_frame;
-  const std::vector<std::int64_t>& stamps_ns;
-  const std::string& name;
-};
-
 /// Whole messages of the topics for which `wanted` holds.
-void visit_messages(const Search& search, const std::function<bool(const BagTopic&)>& wanted,
+void visit_messages(const PoseSearch& search, const std::function<bool(const BagTopic&)>& wanted,
                     const std::function<void(MessageReader&, const BagTopic&)>& take) {
   constexpr std::size_t kMostBytes = std::size_t{1} << 20U;
   for (const std::unique_ptr<Bag>& bag : search.bags) {
@@ -84,7 +74,7 @@ struct FramesOfPoses {
 };
 
 /// From the frame that the poses are of to the cloud's.
-Eigen::Isometry3d T_pose_cloud(const Search& search, const std::string& topic,
+Eigen::Isometry3d T_pose_cloud(const PoseSearch& search, const std::string& topic,
                                const std::string& child, std::vector<std::string>& notes) {
   const FrameTree& tree = search.survey.tree;
   const std::string& cloud = search.cloud_frame;
@@ -108,7 +98,7 @@ Eigen::Isometry3d T_pose_cloud(const Search& search, const std::string& topic,
                   search.name, cloud));
 }
 
-BagPoses poses_of_topic(const Search& search, const std::string& topic) {
+BagPoses poses_of_topic(const PoseSearch& search, const std::string& topic) {
   PosesNearScans near(search.stamps_ns);
   FramesOfPoses frames;
   visit_messages(
@@ -137,7 +127,7 @@ BagPoses poses_of_topic(const Search& search, const std::string& topic) {
   return poses;
 }
 
-BagPoses poses_of_tf(const Search& search, const std::vector<FrameTree::Step>& steps) {
+BagPoses poses_of_tf(const PoseSearch& search, const std::vector<FrameTree::Step>& steps) {
   std::vector<PosesNearScans> near(steps.size(), PosesNearScans(search.stamps_ns));
   visit_messages(
       search,
@@ -176,7 +166,7 @@ bool moves(const std::vector<FrameTree::Step>& steps) {
 
 /// From the cloud's frame up to the highest that is named as a map's, else to the root: what stands
 /// above a map (the Earth's centre, a zone of UTM) has other axes.
-std::vector<FrameTree::Step> steps_to_map(const Search& search) {
+std::vector<FrameTree::Step> steps_to_map(const PoseSearch& search) {
   std::vector<FrameTree::Step> steps = search.survey.tree.steps_above(search.cloud_frame);
   const auto highest = std::find_if(steps.rbegin(), steps.rend(),
                                     [](const auto& step) { return is_map_frame(step.parent); });
@@ -188,7 +178,8 @@ std::vector<FrameTree::Step> steps_to_map(const Search& search) {
   return steps;
 }
 
-std::optional<BagPoses> find_tf(const Search& search, bool asked, std::vector<std::string>& notes) {
+std::optional<BagPoses> find_tf(const PoseSearch& search, bool asked,
+                                std::vector<std::string>& notes) {
   if (search.choice.pose_frame)
     throw InputError(search.name, "pose_frame without a topic of poses",
                      "one, as in poses=/odom&pose_frame=base_link");
@@ -218,7 +209,7 @@ struct Candidates {
   }
 };
 
-Candidates topics_of_poses(const Search& search, std::vector<std::string>& notes) {
+Candidates topics_of_poses(const PoseSearch& search, std::vector<std::string>& notes) {
   Candidates found;
   for (const auto& [topic, known] : search.survey.topics) {
     if (!is_pose_type(known.type) || known.messages == 0) continue;
@@ -251,7 +242,7 @@ bool is_also_in_tf(const FrameTree& tree, const std::optional<PoseFrames>& frame
 }
 
 /// Adds tf where a standing frame moves the clouds in it and the one topic says something else.
-void add_tf(const Search& search, Candidates& found) {
+void add_tf(const PoseSearch& search, Candidates& found) {
   if (found.topics.empty()) return;
   const std::vector<FrameTree::Step> steps = steps_to_map(search);
   if (!moves(steps) || !stands_still(steps.back().parent) ||
@@ -281,11 +272,10 @@ std::optional<Eigen::Isometry3d> BagPoses::T_map_lidar(std::int64_t stamp_ns) co
   return T;
 }
 
-std::optional<BagPoses> find_poses(const Bags& bags, const BagSurvey& survey,
-                                   const BagChoice& choice, const std::string& cloud_frame,
-                                   const std::vector<std::int64_t>& stamps_ns,
-                                   const std::string& name, std::vector<std::string>& notes) {
-  const Search search{bags, survey, choice, cloud_frame, stamps_ns, name};
+std::optional<BagPoses> find_poses(const PoseSearch& search, std::vector<std::string>& notes) {
+  const BagChoice& choice = search.choice;
+  const BagSurvey& survey = search.survey;
+  const std::string& name = search.name;
   if (choice.poses == "none") return std::nullopt;
   Candidates candidates = topics_of_poses(search, notes);
   if (choice.poses) {

@@ -2,6 +2,7 @@
 
 #include <stillmap/maps/trajectory.hpp>
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -30,17 +31,24 @@ struct BagPoses {
   [[nodiscard]] std::optional<Eigen::Isometry3d> T_map_lidar(std::int64_t stamp_ns) const;
 };
 
+/// What is known of a bag where its poses are looked for.
+struct PoseSearch {
+  const Bags& bags;
+  const BagSurvey& survey;
+  const BagChoice& choice;
+  /// Of the scans.
+  const std::string& cloud_frame;
+  const std::vector<std::int64_t>& stamps_ns;
+  /// Of the drive, for messages.
+  const std::string& name;
+};
+
 /// Chooses between topics of poses and tf (`Drive::open` says how) and goes through the bags a
 /// second time for the poses around the scans.
-/// @param cloud_frame  of the scans. @param name  of the drive, for messages.
 /// @return nothing without poses; then a note is added where tf had some that are not taken.
 /// @throws InputError naming what there is to choose from, or the frames when no chain of tf_static
 /// leads from the poses' frame to the cloud's; StorageError.
-[[nodiscard]] std::optional<BagPoses> find_poses(const Bags& bags, const BagSurvey& survey,
-                                                 const BagChoice& choice,
-                                                 const std::string& cloud_frame,
-                                                 const std::vector<std::int64_t>& stamps_ns,
-                                                 const std::string& name,
+[[nodiscard]] std::optional<BagPoses> find_poses(const PoseSearch& search,
                                                  std::vector<std::string>& notes);
 
 }  // namespace stillmap::maps

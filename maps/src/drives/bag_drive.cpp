@@ -210,9 +210,9 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
   contents.entries.frame_id = clouds.frames.front();
   if (choice_of_poses.file) {
     set_poses(contents, *choice_of_poses.file, choice_of_poses.offset_ns);
-  } else if (const auto poses =
-                 find_poses(scans->bags, found, choice, clouds.frames.front(),
-                            taken_at(contents, choice_of_poses.offset_ns), name, contents.notes)) {
+  } else if (const auto poses = find_poses({scans->bags, found, choice, clouds.frames.front(),
+                                            taken_at(contents, choice_of_poses.offset_ns), name},
+                                           contents.notes)) {
     set_bag_poses(contents, *poses, choice_of_poses.offset_ns);
     contents.poses_have_stamps = true;
   }

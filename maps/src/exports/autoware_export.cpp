@@ -99,7 +99,7 @@ std::string projector_text(const ExportJob& job) {
 void note_heights(ExportJob& job) {
   const auto& place = job.map.manifest().geodetic_origin;
   if (!place || job.frame == ExportFrame::kUtm) return;
-  job.report.notes.push_back(
+  job.result.notes.push_back(
       fmt::format("Autoware takes altitudes as z, so those of GNSS are {} m above this map's; with "
                   "--coordinates utm they are the same",
                   place->altitude_m));
@@ -132,7 +132,7 @@ void export_autoware(ExportJob& job) {
   }
   write_text(job.target / "pointcloud_map_metadata.yaml", metadata);
   write_text(job.target / "map_projector_info.yaml", projector_text(job));
-  job.report.counts["squares"] = squares.size();
+  job.result.counts["squares"] = squares.size();
   note_heights(job);
 }
 

@@ -49,11 +49,11 @@ std::uint64_t count_chosen(ExportJob& job) {
   }
   if (chosen == 0)
     throw InputError(job.map.folder().string(), "no point that is not left out", "one or more");
-  job.report.points = chosen;
-  job.report.counts["ground"] = kinds[static_cast<std::size_t>(PointKind::kGround)];
-  job.report.counts["projected"] = kinds[static_cast<std::size_t>(PointKind::kProjected)];
-  job.report.counts["filled"] = kinds[static_cast<std::size_t>(PointKind::kFilled)];
-  job.report.counts["left_out"] = all - chosen;
+  job.result.points = chosen;
+  job.result.counts["ground"] = kinds[static_cast<std::size_t>(PointKind::kGround)];
+  job.result.counts["projected"] = kinds[static_cast<std::size_t>(PointKind::kProjected)];
+  job.result.counts["filled"] = kinds[static_cast<std::size_t>(PointKind::kFilled)];
+  job.result.counts["left_out"] = all - chosen;
   return chosen;
 }
 

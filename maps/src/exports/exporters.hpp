@@ -17,7 +17,7 @@ struct ExportJob {
   ExportFrame frame;
   /// File or empty folder to write.
   std::filesystem::path target;
-  MapExportResult& report;
+  MapExportResult& result;
 
   [[nodiscard]] bool takes(PointKind kind) const { return !options.without.contains(kind); }
   /// @param stage  shares of the whole work that it begins and ends at. @throws WorkStopped.

@@ -95,7 +95,7 @@ double intensity_scale(ExportJob& job) {
   for (const TileEntry& tile : point_tiles(job.map))
     for (const MapPoint& point : job.map.tile(tile.id)) most = std::max(most, point.intensity);
   const double scale = most <= 1.0F ? 65535.0 : most <= 255.0F ? 257.0 : 1.0;
-  job.report.notes.push_back(fmt::format("intensities are times {}, up to {}", scale, most));
+  job.result.notes.push_back(fmt::format("intensities are times {}, up to {}", scale, most));
   return scale;
 }
 
@@ -124,7 +124,7 @@ Whole to_whole(const Eigen::Vector3d& p, const LasSummary& summary, const Export
 std::string wkt_of(ExportJob& job, const FileCoordinates& coordinates) {
   const MapManifest& manifest = job.map.manifest();
   if (const auto& utm = coordinates.utm()) {
-    job.report.notes.push_back(fmt::format(
+    job.result.notes.push_back(fmt::format(
         "EPSG:{}, height above the WGS 84 ellipsoid: lengths differ from the map's by the scale of "
         "the zone, up to 1 in 1000",
         utm->zone().epsg()));

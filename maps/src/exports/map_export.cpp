@@ -95,10 +95,10 @@ ExportFrame frame_of(const MapExportFormat& format, const MapExportOptions& opti
   return *options.frame;
 }
 
-void count_files(const fs::path& target, MapExportResult& report) {
+void count_files(const fs::path& target, MapExportResult& result) {
   const auto add = [&](const fs::path& file) {
-    ++report.files;
-    report.bytes += fs::file_size(file);
+    ++result.files;
+    result.bytes += fs::file_size(file);
   };
   if (fs::is_regular_file(target)) return add(target);
   for (const fs::directory_entry& entry : fs::recursive_directory_iterator(target))
@@ -109,7 +109,7 @@ template <typename Partial>
 void run_into(const Row& row, Partial& partial, ExportJob& job) {
   job.target = partial.path();
   row.run(job);
-  count_files(job.target, job.report);
+  count_files(job.target, job.result);
   partial.publish();
 }
 
@@ -177,13 +177,13 @@ MapExportResult export_map(const MapPackage& map, std::string_view format,
                            const std::filesystem::path& target, const MapExportOptions& options) {
   const Row& row = row_of(format);
   check_export_options(row.format, options);
-  MapExportResult report;
-  ExportJob job{map, options, frame_of(row.format, options, map), {}, report};
+  MapExportResult result;
+  ExportJob job{map, options, frame_of(row.format, options, map), {}, result};
   job.tell({0.0, 0.0}, 0, 1);
-  if (job.frame == kLocal) report.origin = map.manifest().origin;
+  if (job.frame == kLocal) result.origin = map.manifest().origin;
   const auto& facts = map.manifest().options;
   if (const auto taken = facts.find("taken_as_wgs84"); taken != facts.end())
-    report.notes.push_back("the import took as WGS 84 what may be metres off: " + taken->second);
+    result.notes.push_back("the import took as WGS 84 what may be metres off: " + taken->second);
   if (row.format.is_folder) {
     PartialFolder partial(target);
     run_into(row, partial, job);
@@ -191,7 +191,7 @@ MapExportResult export_map(const MapPackage& map, std::string_view format,
     PartialFile partial(target);
     run_into(row, partial, job);
   }
-  return report;
+  return result;
 }
 
 }  // namespace stillmap::maps

@@ -93,9 +93,9 @@ void write_picture(ExportJob& job, const OccupancyGrid& grid) {
     file.write(row);
   }
   file.close();
-  job.report.counts["cells_unknown"] = counts[0];
-  job.report.counts["cells_free"] = counts[1];
-  job.report.counts["cells_occupied"] = counts[2];
+  job.result.counts["cells_unknown"] = counts[0];
+  job.result.counts["cells_free"] = counts[1];
+  job.result.counts["cells_occupied"] = counts[2];
 }
 
 void write_yaml(const ExportJob& job, const OccupancyGrid& grid, double resolution_m) {
@@ -128,7 +128,7 @@ void export_nav2(ExportJob& job) {
                      job.options.height_band_m.value_or(kHeightBandM), ground);
   const std::vector<Eigen::Vector3d> sensors = sensors_of(job.map);
   if (sensors.empty())
-    job.report.notes.emplace_back("no trajectory: only ground is free, nothing is seen through");
+    job.result.notes.emplace_back("no trajectory: only ground is free, nothing is seen through");
   const std::vector<TileEntry> tiles = point_tiles(job.map);
   // What is known already need not be traced.
   for (const TileEntry& tile : tiles) add_points(job, tile.id, grid);

@@ -100,7 +100,7 @@ void export_simplemap(ExportJob& job) {
   for (const auto& [number, tiles] : keyframes) {
     const StampedPose& pose = trajectories[number.first].poses()[number.second];
     Eigen::Isometry3d T_file_lidar = pose.T_map_lidar;
-    T_file_lidar.translation() -= job.report.origin;
+    T_file_lidar.translation() -= job.result.origin;
     const std::vector<RawlogPoint> points =
         points_of(job, tiles, coordinates, T_file_lidar.inverse());
     if (!points.empty()) {
@@ -113,7 +113,7 @@ void export_simplemap(ExportJob& job) {
   }
   const RawlogRecord end;
   records.append(&end, sizeof end);
-  job.report.counts["keyframes"] = written;
+  job.result.counts["keyframes"] = written;
   const auto go_on = [&] { return !job.options.work.go_on || job.options.work.go_on(kWriting); };
   if (!write_simplemap(program, records, job.target, go_on)) throw WorkStopped();
 }

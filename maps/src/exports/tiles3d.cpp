@@ -67,8 +67,8 @@ void export_tiles3d(ExportJob& job) {
       files.write(row.id(), "glb", glb_of(row.entry(), levels.read(row)));
     }
   }
-  for (const TileEntry& tile : tiles) job.report.points += tile.id.level == 0 ? tile.points : 0;
-  if (job.report.points == 0)
+  for (const TileEntry& tile : tiles) job.result.points += tile.id.level == 0 ? tile.points : 0;
+  if (job.result.points == 0)
     throw InputError(map.folder().string(), "no point that is not left out", "one or more");
   const Tileset tileset(map, std::move(tiles));
   files.write("tileset.json", tileset.text(T_world_origin(map.manifest())));

@@ -24,8 +24,8 @@ Trajectory chosen_trajectory(ExportJob& job) {
     throw InputError(name, fmt::format("drive {}", drive),
                      fmt::format("0 to {}", trajectories.size() - 1));
   std::vector<StampedPose> poses = trajectories[drive].poses();
-  for (StampedPose& pose : poses) pose.T_map_lidar.translation() -= job.report.origin;
-  job.report.counts["poses"] = poses.size();
+  for (StampedPose& pose : poses) pose.T_map_lidar.translation() -= job.result.origin;
+  job.result.counts["poses"] = poses.size();
   return Trajectory(std::move(poses));
 }
 

@@ -52,10 +52,10 @@ struct Remarks {
   std::vector<std::string> doubts;
 };
 
-std::string to_json_text(const mapping::MapBuildResult& report, const BuildArguments& arguments,
+std::string to_json_text(const mapping::MapBuildResult& result, const BuildArguments& arguments,
                          const std::vector<std::string>& notes) {
   const mapping::MapBuildOptions options = mapping::completed(arguments.options);
-  auto json = nlohmann::ordered_json::parse(mapping::to_json(report));
+  auto json = nlohmann::ordered_json::parse(mapping::to_json(result));
   json["notes"] = notes;
   json["version"] = STILLMAP_VERSION;
   std::vector<std::string> drives;
@@ -142,27 +142,27 @@ void add_given_poses(const mapping::GivenPosesResult& given, command_line::Table
                                       given.moved.max_m, in_degrees(given.moved.max_rad)));
 }
 
-void print_for_people(const mapping::MapBuildResult& report, const std::filesystem::path& map,
+void print_for_people(const mapping::MapBuildResult& result, const std::filesystem::path& map,
                       const std::string& index) {
   command_line::Table table;
   table.add("map", map.string());
-  table.add("digest", report.digest);
+  table.add("digest", result.digest);
   table.add("index", index);
-  table.add("scans", fmt::format("{} in {:.1f} s, {:.1f} a second", report.scans, report.seconds,
-                                 report.scans_per_second));
-  if (report.resumed_scans > 0)
+  table.add("scans", fmt::format("{} in {:.1f} s, {:.1f} a second", result.scans, result.seconds,
+                                 result.scans_per_second));
+  if (result.resumed_scans > 0)
     table.add("of these resumed",
-              fmt::format("{} from an earlier build that did not end", report.resumed_scans));
-  table.add("peak memory", fmt::format("{:.0f} MiB", report.peak_rss_mib));
-  for (const auto& [name, count] : report.trajectory)
+              fmt::format("{} from an earlier build that did not end", result.resumed_scans));
+  table.add("peak memory", fmt::format("{:.0f} MiB", result.peak_rss_mib));
+  for (const auto& [name, count] : result.trajectory)
     table.add(trajectory_label(name), grouped(count));
-  if (report.given_poses) add_given_poses(*report.given_poses, table);
-  if (report.registration) table.add("registered", registration_text(*report.registration));
-  for (const auto& [name, count] : report.points) table.add(points_label(name), grouped(count));
-  for (const auto& [name, count] : report.objects) table.add(objects_label(name), grouped(count));
-  command_line::add_consistency(table, report.consistency);
+  if (result.given_poses) add_given_poses(*result.given_poses, table);
+  if (result.registration) table.add("registered", registration_text(*result.registration));
+  for (const auto& [name, count] : result.points) table.add(points_label(name), grouped(count));
+  for (const auto& [name, count] : result.objects) table.add(objects_label(name), grouped(count));
+  command_line::add_consistency(table, result.consistency);
   table.print();
-  for (const std::string& warning : report.warnings) fmt::print("warning: {}\n", warning);
+  for (const std::string& warning : result.warnings) fmt::print("warning: {}\n", warning);
 }
 
 void print_what_was_made(const BuildCommand& asked) {
@@ -211,7 +211,7 @@ void build(BuildCommand& asked, const CLI::App& command) {
   resolve_options(asked.arguments, command);
   const std::vector<std::filesystem::path>& drives = asked.arguments.drives;
   const mapping::MapBuildOptions& options = asked.arguments.options;
-  mapping::MapBuildResult report;
+  mapping::MapBuildResult result;
   std::string index;
   // Asked once: a large bag takes a while to be opened.
   const bool estimates_poses = mapping::estimates_poses(drives, options);
@@ -225,7 +225,7 @@ void build(BuildCommand& asked, const CLI::App& command) {
   plan.push_back({"index", 0.01});
   command_line::say_when_cancelled(command_line::goes_on_from(journal_of(asked.map)));
   run_with_progress(asked.progress, plan, [&](const mapping::ProgressCallback& progress) {
-    report = mapping::build_map(drives, asked.map, options, progress, command_line::cancel_flag(),
+    result = mapping::build_map(drives, asked.map, options, progress, command_line::cancel_flag(),
                                 mapping::make_reference_cleaner);
     command_line::say_when_cancelled(
         {.kept = asked.map,
@@ -237,9 +237,9 @@ void build(BuildCommand& asked, const CLI::App& command) {
     index = write_index(asked.map);
     progress("index", 1, 1);
   });
-  if (!asked.json.replaces_text()) print_for_people(report, asked.map, index);
-  report.warnings.insert(report.warnings.end(), remarks.doubts.begin(), remarks.doubts.end());
-  if (asked.json.is_asked()) asked.json.write(to_json_text(report, asked.arguments, remarks.notes));
+  if (!asked.json.replaces_text()) print_for_people(result, asked.map, index);
+  result.warnings.insert(result.warnings.end(), remarks.doubts.begin(), remarks.doubts.end());
+  if (asked.json.is_asked()) asked.json.write(to_json_text(result, asked.arguments, remarks.notes));
   if (!asked.json.replaces_text()) print_what_was_made(asked);
 }
 

@@ -70,35 +70,35 @@ maps::MapExportResult write_map(const ExportArguments& arguments) {
   return maps::export_map(*package, arguments.format, arguments.output, options);
 }
 
-std::string to_json_text(const maps::MapExportResult& report, const ExportArguments& arguments) {
-  const Eigen::Vector3d& origin = report.origin;
+std::string to_json_text(const maps::MapExportResult& result, const ExportArguments& arguments) {
+  const Eigen::Vector3d& origin = result.origin;
   const nlohmann::ordered_json json = {
-      {"format", arguments.format}, {"points", report.points},
-      {"files", report.files},      {"bytes", report.bytes},
-      {"counts", report.counts},    {"origin", {origin.x(), origin.y(), origin.z()}},
-      {"notes", report.notes},      {"version", STILLMAP_VERSION}};
+      {"format", arguments.format}, {"points", result.points},
+      {"files", result.files},      {"bytes", result.bytes},
+      {"counts", result.counts},    {"origin", {origin.x(), origin.y(), origin.z()}},
+      {"notes", result.notes},      {"version", STILLMAP_VERSION}};
   return json.dump(2);
 }
 
 void export_package(const ExportArguments& arguments) {
-  const maps::MapExportResult report = write_map(arguments);
-  arguments.json.write(to_json_text(report, arguments));
+  const maps::MapExportResult result = write_map(arguments);
+  arguments.json.write(to_json_text(result, arguments));
   if (arguments.json.replaces_text()) return;
   command_line::Table table;
   table.add("written", arguments.output.string());
-  table.add("points", command_line::grouped(report.points));
-  table.add("files", command_line::grouped(report.files));
-  table.add("bytes", command_line::grouped(report.bytes));
-  for (const auto& [name, count] : report.counts) {
+  table.add("points", command_line::grouped(result.points));
+  table.add("files", command_line::grouped(result.files));
+  table.add("bytes", command_line::grouped(result.bytes));
+  for (const auto& [name, count] : result.counts) {
     std::string label = name;
     std::replace(label.begin(), label.end(), '_', ' ');
     table.add(std::move(label), command_line::grouped(count));
   }
-  if (!report.origin.isZero())
-    table.add("map coordinates", fmt::format("these + {} {} {} m", report.origin.x(),
-                                             report.origin.y(), report.origin.z()));
+  if (!result.origin.isZero())
+    table.add("map coordinates", fmt::format("these + {} {} {} m", result.origin.x(),
+                                             result.origin.y(), result.origin.z()));
   table.print();
-  for (const std::string& note : report.notes) fmt::print("note: {}\n", note);
+  for (const std::string& note : result.notes) fmt::print("note: {}\n", note);
 }
 
 template <typename Value>

@@ -28,8 +28,8 @@ struct ImportArguments {
   mapping::MapImportOptions options;
 };
 
-std::string to_json_text(const mapping::MapImportResult& report, const ImportArguments& arguments) {
-  auto json = nlohmann::ordered_json::parse(mapping::to_json(report));
+std::string to_json_text(const mapping::MapImportResult& result, const ImportArguments& arguments) {
+  auto json = nlohmann::ordered_json::parse(mapping::to_json(result));
   json["options"] = {{"file", arguments.file.string()},
                      {"frame_id", arguments.options.frame_id.value_or("")},
                      {"geo_origin", arguments.geo_origin},
@@ -47,26 +47,26 @@ std::string label_of(std::string name) {
   return "points " + name;
 }
 
-void print_for_people(const mapping::MapImportResult& report, const ImportArguments& arguments,
+void print_for_people(const mapping::MapImportResult& result, const ImportArguments& arguments,
                       const std::string& index) {
   command_line::Table table;
   table.add("map", arguments.map.string());
-  table.add("digest", report.digest);
+  table.add("digest", result.digest);
   table.add("index", index);
-  table.add("time", fmt::format("{:.1f} s", report.seconds));
-  table.add("peak memory", fmt::format("{:.0f} MiB", report.peak_rss_mib));
-  for (const auto& [name, count] : report.counts)
+  table.add("time", fmt::format("{:.1f} s", result.seconds));
+  table.add("peak memory", fmt::format("{:.0f} MiB", result.peak_rss_mib));
+  for (const auto& [name, count] : result.counts)
     table.add(label_of(name), command_line::grouped(count));
   table.print();
-  for (const std::string& warning : report.warnings) fmt::print("warning: {}\n", warning);
+  for (const std::string& warning : result.warnings) fmt::print("warning: {}\n", warning);
 }
 
 void import_cloud(const ImportArguments& arguments) {
-  mapping::MapImportResult report;
+  mapping::MapImportResult result;
   std::string index;
   {
     command_line::ProgressBar bar;
-    report = mapping::import_map(
+    result = mapping::import_map(
         arguments.file, arguments.map, arguments.options,
         [&bar](std::string_view stage, std::size_t done, std::size_t total) {
           bar.update(stage, done, total);
@@ -82,8 +82,8 @@ void import_cloud(const ImportArguments& arguments) {
     index = write_index(arguments.map);
     bar.update("index", 1, 1);
   }
-  if (!arguments.json.replaces_text()) print_for_people(report, arguments, index);
-  if (arguments.json.is_asked()) arguments.json.write(to_json_text(report, arguments));
+  if (!arguments.json.replaces_text()) print_for_people(result, arguments, index);
+  if (arguments.json.is_asked()) arguments.json.write(to_json_text(result, arguments));
 }
 
 }  // namespace

@@ -56,20 +56,20 @@ std::string text_of(const mapping::HeldBackAnswers& answers) {
                      answers.ok, answers.degraded, answers.lost);
 }
 
-void print_for_people(const mapping::RebuildResult& report, const RebuildCommand& asked) {
+void print_for_people(const mapping::RebuildResult& result, const RebuildCommand& asked) {
   command_line::Table table;
   table.add("map", asked.map.string());
-  table.add("digest", report.digest);
-  table.add("held-back scans", text_of(report.answers));
-  table.add("  in the keep map", text_of(report.keep_answers));
-  if (report.previous_answers)
-    table.add("  in the previous version", text_of(*report.previous_answers));
-  table.add("peak memory", fmt::format("{:.0f} MiB", report.peak_rss_mib));
-  table.add("gate", report.verdict.passed ? "passed" : "not passed");
+  table.add("digest", result.digest);
+  table.add("held-back scans", text_of(result.answers));
+  table.add("  in the keep map", text_of(result.keep_answers));
+  if (result.previous_answers)
+    table.add("  in the previous version", text_of(*result.previous_answers));
+  table.add("peak memory", fmt::format("{:.0f} MiB", result.peak_rss_mib));
+  table.add("gate", result.verdict.passed ? "passed" : "not passed");
   table.print();
-  for (const mapping::GateCheck& check : report.verdict.checks)
+  for (const mapping::GateCheck& check : result.verdict.checks)
     fmt::print("{} {}\n", check.passed ? "pass:" : "FAIL:", check.words);
-  for (const std::string& warning : report.warnings) fmt::print("warning: {}\n", warning);
+  for (const std::string& warning : result.warnings) fmt::print("warning: {}\n", warning);
 }
 
 void print_estimate(const mapping::RebuildEstimate& estimate,
@@ -88,17 +88,17 @@ void rebuild(RebuildCommand& asked, const CLI::App& command) {
   if (asked.estimate) return print_estimate(mapping::estimate_rebuild(options), asked.json);
   for (const char* option : {"--output", "--work"}) require(command, option);
   command_line::say_when_cancelled(command_line::goes_on_from(options.work));
-  mapping::RebuildResult report;
+  mapping::RebuildResult result;
   run_with_progress(asked.progress, mapping::rebuild_stages(options),
                     [&](const mapping::ProgressCallback& progress) {
-                      report = mapping::rebuild_map(options, progress, command_line::cancel_flag(),
+                      result = mapping::rebuild_map(options, progress, command_line::cancel_flag(),
                                                     mapping::make_reference_cleaner);
-                      auto json = nlohmann::ordered_json::parse(mapping::to_json(report, options));
+                      auto json = nlohmann::ordered_json::parse(mapping::to_json(result, options));
                       json["version"] = STILLMAP_VERSION;
                       asked.json.write(json.dump(2));
                     });
-  if (!asked.json.replaces_text()) print_for_people(report, asked);
-  if (!report.verdict.passed) throw command_line::ExitCode{command_line::kGateNotPassed};
+  if (!asked.json.replaces_text()) print_for_people(result, asked);
+  if (!result.verdict.passed) throw command_line::ExitCode{command_line::kGateNotPassed};
 }
 
 }  // namespace

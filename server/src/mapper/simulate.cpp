@@ -22,10 +22,10 @@ struct SimulateArguments {
 };
 
 void simulate(const SimulateArguments& arguments) {
-  simulation::SimulationResult report;
+  simulation::SimulationResult result;
   {
     command_line::ProgressBar bar;
-    report = simulation::simulate_drive(
+    result = simulation::simulate_drive(
         arguments.drive, arguments.options,
         [&bar](std::string_view stage, std::size_t done, std::size_t total) {
           bar.update(stage, done, total);
@@ -34,13 +34,13 @@ void simulate(const SimulateArguments& arguments) {
   }
   command_line::Table table;
   table.add("drive", arguments.drive.string());
-  table.add("scans", fmt::format("{} over {:.1f} m", report.scans, report.distance_m));
-  table.add("points", fmt::format("{} of {} rays", grouped(report.points), grouped(report.rays)));
-  table.add("objects", fmt::format("{} parked, {} moving", report.parked, report.moving));
-  const double casting_seconds = std::max(report.seconds - report.world_seconds, 1e-9);
-  table.add("time", fmt::format("{:.1f} s for the world, then {:.1f} scans/s", report.world_seconds,
-                                static_cast<double>(report.scans) / casting_seconds));
-  table.add("peak memory", fmt::format("{:.0f} MiB", report.peak_rss_mib));
+  table.add("scans", fmt::format("{} over {:.1f} m", result.scans, result.distance_m));
+  table.add("points", fmt::format("{} of {} rays", grouped(result.points), grouped(result.rays)));
+  table.add("objects", fmt::format("{} parked, {} moving", result.parked, result.moving));
+  const double casting_seconds = std::max(result.seconds - result.world_seconds, 1e-9);
+  table.add("time", fmt::format("{:.1f} s for the world, then {:.1f} scans/s", result.world_seconds,
+                                static_cast<double>(result.scans) / casting_seconds));
+  table.add("peak memory", fmt::format("{:.0f} MiB", result.peak_rss_mib));
   table.print();
 }
 

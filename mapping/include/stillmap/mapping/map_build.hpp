@@ -185,6 +185,6 @@ MapBuildResult build_map(const std::vector<std::filesystem::path>& drives,
                                    const MapBuildOptions& options);
 
 /// The object of `--json` and of a package's build.json.
-[[nodiscard]] std::string to_json(const MapBuildResult& report);
+[[nodiscard]] std::string to_json(const MapBuildResult& result);
 
 }  // namespace stillmap::mapping

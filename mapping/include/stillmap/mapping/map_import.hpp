@@ -59,6 +59,6 @@ MapImportResult import_map(const std::filesystem::path& file, const std::filesys
                            const CancelFlag& cancel);
 
 /// The object of `--json` and of a package's build.json.
-[[nodiscard]] std::string to_json(const MapImportResult& report);
+[[nodiscard]] std::string to_json(const MapImportResult& result);
 
 }  // namespace stillmap::mapping

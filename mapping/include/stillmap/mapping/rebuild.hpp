@@ -120,7 +120,7 @@ struct RebuildEstimate {
 
 /// The object of `--json`, without the keys that only the program knows (`version`); keys as in
 /// mapping/rebuild.md. NaN becomes null.
-[[nodiscard]] std::string to_json(const RebuildResult& report, const RebuildOptions& options);
+[[nodiscard]] std::string to_json(const RebuildResult& result, const RebuildOptions& options);
 [[nodiscard]] std::string to_json(const RebuildEstimate& estimate);
 
 }  // namespace stillmap::mapping
