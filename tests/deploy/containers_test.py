@@ -1,114 +1,122 @@
 #!/usr/bin/env python3
-"""What can be said of the container files without an engine: they parse, and agree with each other and with the server.
+"""The image of server/deploy/containers, built by podman and run with the options of server/deploy/README.md.
 
-usage: containers_test.py STILLMAP
+usage: containers_test.py BUILD_FOLDER TOOLS
+
+TOOLS holds podman and its parts unpacked, and a small Debian 12 (debian.tar) as the image to start from: ./dev test gets
+both. This process alone sees the tools, over /usr, and what podman writes into /etc, /run and /var, in a mount namespace of
+its own. That needs root.
 """
 
+import json
 import os
+import pathlib
 import re
+import shlex
 import subprocess
 import sys
+import tempfile
+import time
 import unittest
 
+import sandbox
 import support
 
-FOLDER = support.DEPLOY / "containers"
-INSTRUCTION = re.compile(r"\A(FROM|WORKDIR|COPY|RUN|USER|VOLUME|EXPOSE|ENV|HEALTHCHECK|ENTRYPOINT|CMD) ")
+TOOLS = pathlib.Path(sys.argv[2])
+DEBIAN = TOOLS / "debian.tar"
+# What apt says where it reaches no mirror.
+OFFLINE = ("Temporary failure resolving", "Could not connect", "Cannot initiate the connection", "Unable to locate package")
+PAGE = (support.DEPLOY / "README.md").read_text().replace("\\\n", "")
+# The options and the command that the page has: of the server, and of what makes a key.
+SERVER = shlex.split(re.search(r"docker run --detach --name stillmap (.*?) -p ", PAGE)[1])
+KEY = shlex.split(re.search(r"docker run --rm (.*)", PAGE)[1])
+# What this test must do without: a network, control groups, timers of systemd.
+HERE = ["--network", "none", "--cgroups", "disabled", "--health-interval", "disable",
+        "--ulimit", "nofile=1024:1024", "--ulimit", "nproc=1024:1024"]
 
 
-def dockerfile():
-    """Its instructions, lines that are continued joined."""
-    text = re.sub(r"\\\n", " ", (FOLDER / "Dockerfile").read_text())
-    return [line for line in text.splitlines() if line and not line.startswith("#")]
-
-
-def documents(name):
-    import yaml
-    return list(yaml.safe_load_all((FOLDER / name).read_text()))
-
-
-def longest_end_s():
-    drain = support.without_comments(support.DEPLOY / "stillmap.json")["drain"]
-    return drain["delay_s"] + drain["timeout_s"] + 5
+def own_view():
+    """Lays the unpacked packages over /usr, and folders that end with this process over those that podman writes into."""
+    if os.geteuid() != 0:
+        support.skip_program("only root can mount what the containers need")
+    for needed in (TOOLS / "usr/bin/podman", DEBIAN):
+        if not needed.exists():
+            support.skip_program(f"no {needed}: ./dev test gets it")
+    try:
+        sandbox.own_mounts()
+        sandbox.mount("overlay", "/usr", "overlay", 0, f"lowerdir={TOOLS.resolve()}/usr:/usr")
+        # crun refuses control groups of both versions side by side.
+        sandbox.mount("none", "/sys/fs/cgroup", "cgroup2", 0)
+        sandbox.mount("none", "/mnt", "tmpfs", 0)
+        for name in ("etc", "run", "var", "dev/shm"):
+            upper, work = pathlib.Path("/mnt", name, "upper"), pathlib.Path("/mnt", name, "work")
+            upper.mkdir(parents=True)
+            work.mkdir()
+            sandbox.mount("overlay", f"/{name}", "overlay", 0, f"lowerdir=/{name},upperdir={upper},workdir={work}")
+    except OSError as error:
+        support.skip_program(str(error))
 
 
 class Containers(unittest.TestCase):
-    def test_the_image_is_of_known_instructions_and_runs_as_its_user(self):
-        lines = dockerfile()
-        for line in lines:
-            self.assertRegex(line, INSTRUCTION)
-        last_stage = lines[max(number for number, line in enumerate(lines) if line.startswith("FROM")):]
-        self.assertEqual([line for line in last_stage if line.startswith("USER")], ["USER 10001:10001"])
-        self.assertEqual({line.split()[1] for line in lines if line.startswith("FROM")}, {"debian:12-slim"})
+    @classmethod
+    def setUpClass(cls):
+        temporary = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(temporary.cleanup)
+        cls.folder = pathlib.Path(temporary.name)
+        cls.addClassCleanup(cls.podman, "system", "reset", "--force")
+        settings = cls.folder / ".config" / "containers"
+        settings.mkdir(parents=True)
+        (settings / "policy.json").write_text(json.dumps({"default": [{"type": "insecureAcceptAnything"}]}))
+        cls.must("import", DEBIAN, "docker.io/library/debian:12-slim")
+        support.make_package(pathlib.Path(sys.argv[1]), cls.folder / "package")
+        built = cls.podman("build", "--isolation", "chroot", "--layers=false", "--format", "docker", "-t", "stillmap",
+                           "-f", support.DEPLOY / "containers" / "Dockerfile", cls.folder / "package")
+        said = built.stdout + built.stderr
+        if built.returncode != 0 and any(words in said for words in OFFLINE):
+            cls.doClassCleanups()
+            support.skip_program("Debian's mirror cannot be reached")
+        assert built.returncode == 0, said
 
-    def test_its_environment_is_a_configuration(self):
-        environment = dict(re.findall(r"(STILLMAP_\w+)=(\S+)", " ".join(dockerfile())))
-        environment["STILLMAP_SERVE_CONFIG"] = str(support.DEPLOY / "stillmap.json")
-        done = subprocess.run([sys.argv[1], "serve", "--print-config"], env={**os.environ, **environment}, capture_output=True, text=True)
-        self.assertEqual(done.returncode, 0, done.stderr)
+    @classmethod
+    def podman(cls, *arguments):
+        state = cls.folder / "state"
+        return subprocess.run(["podman", "--root", state / "root", "--runroot", state / "run", "--tmpdir", state / "tmp",
+                               "--cgroup-manager", "cgroupfs", "--events-backend", "none", "--runtime", "crun",
+                               *map(str, arguments)], capture_output=True, text=True, timeout=240,
+                              env={**os.environ, "HOME": str(cls.folder), "TMPDIR": str(cls.folder)})
 
-    def test_compose_gives_it_little(self):
-        (compose,) = documents("compose.yaml")
-        service = compose["services"]["stillmap"]
-        self.assertTrue(service["read_only"])
-        self.assertEqual(service["cap_drop"], ["ALL"])
-        self.assertTrue((FOLDER / service["build"]["context"] / service["build"]["dockerfile"]).exists())
-        self.assertGreaterEqual(int(service["stop_grace_period"].rstrip("s")), longest_end_s())
-        for port in service["ports"]:
-            self.assertTrue(port.startswith("127.0.0.1:"), port)
-        self.assertIn(service["volumes"][0].split(":")[0], compose["volumes"])
+    @classmethod
+    def must(cls, *arguments):
+        done = cls.podman(*arguments)
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout.strip()
 
-    def test_kubernetes_parts_name_each_other(self):
-        claim, deployment, service = documents("kubernetes.yaml")
-        self.assertEqual([each["kind"] for each in (claim, deployment, service)],
-                         ["PersistentVolumeClaim", "Deployment", "Service"])
-        template = deployment["spec"]["template"]
-        pod, (container,) = template["spec"], template["spec"]["containers"]
-        self.assertEqual(deployment["spec"]["selector"]["matchLabels"], template["metadata"]["labels"])
-        self.assertEqual(service["spec"]["selector"], template["metadata"]["labels"])
-        ports = {port["name"]: port["containerPort"] for port in container["ports"]}
-        self.assertIn(service["spec"]["ports"][0]["targetPort"], ports)
-        for probe in ("startupProbe", "livenessProbe", "readinessProbe"):
-            self.assertEqual(container[probe]["httpGet"]["port"], "management")
-        self.assertEqual(ports["management"], support.without_comments(support.DEPLOY / "stillmap.json")["management"]["port"])
-        self.assertEqual({mount["name"] for mount in container["volumeMounts"]}, {volume["name"] for volume in pod["volumes"]})
-        self.assertEqual(pod["volumes"][0]["persistentVolumeClaim"]["claimName"], claim["metadata"]["name"])
-        user = [line.split()[1] for line in dockerfile() if line.startswith("USER")]
-        self.assertEqual([f"{pod['securityContext']['runAsUser']}:{pod['securityContext']['runAsGroup']}"], user)
-        self.assertTrue(pod["securityContext"]["runAsNonRoot"])
-        self.assertTrue(container["securityContext"]["readOnlyRootFilesystem"])
-        self.assertGreaterEqual(pod["terminationGracePeriodSeconds"], longest_end_s())
+    def ask(self, path, *options):
+        return self.podman("exec", "server", "curl", "-sS", "-o", "/dev/null", "-w", "%{http_code}", *options,
+                           f"http://127.0.0.1:8080{path}").stdout
 
-    def test_jobs_are_bounded_well_below_the_memory_of_all(self):
-        _, deployment, _ = documents("kubernetes.yaml")
-        (pod,) = deployment["spec"]["template"]["spec"]["containers"]
-        (compose,) = documents("compose.yaml")
-        service = compose["services"]["stillmap"]
-        for limit, environment in ((pod["resources"]["limits"]["memory"], {each["name"]: each["value"] for each in pod.get("env", [])}),
-                                   (service["deploy"]["resources"]["limits"]["memory"], service.get("environment", {}))):
-            limit_bytes = int(re.fullmatch(r"(\d+)(Gi|g)", limit)[1]) << 30
-            # One job at a time, by default.
-            self.assertIn(int(environment["STILLMAP_SERVE_JOBS_MEMORY_BYTES"]), range(1 << 30, limit_bytes // 2 + 1))
-            self.assertIn("STILLMAP_SERVE_JOBS_CORES", environment)
-            configuration = {"STILLMAP_SERVE_CONFIG": str(support.DEPLOY / "stillmap.json")}
-            done = subprocess.run([sys.argv[1], "serve", "--print-config"], env={**os.environ, **configuration, **environment},
-                                  capture_output=True, text=True)
-            self.assertEqual(done.returncode, 0, done.stderr)
+    def test_it_wants_a_key_then_serves_is_healthy_and_ends_when_told(self):
+        refused = self.podman("run", "--rm", *HERE, *SERVER, "stillmap")
+        self.assertEqual(refused.returncode, 2, refused.stderr)
+        self.assertIn("a store without keys", refused.stderr)
+        made = self.podman("run", "--rm", *HERE, *KEY)
+        self.assertEqual(made.returncode, 0, made.stderr)
+        self.must("run", "--detach", "--name", "server", *HERE, *SERVER, "stillmap")
+        support.wait(lambda: self.podman("healthcheck", "run", "server").returncode == 0)
+        self.assertEqual(self.ask("/v1/keys"), "401")
+        self.assertEqual(self.ask("/v1/keys", "-H", f"Authorization: Bearer {made.stdout.strip()}"), "200")
+        self.assertEqual(self.ask("/"), "200" if self.has_page() else "404")
+        self.assertEqual(self.must("exec", "server", "id", "-u"), "10001")
+        self.assertNotEqual(self.podman("exec", "server", "touch", "/var/lib/other").returncode, 0)
+        begin = time.monotonic()
+        self.must("stop", "server")
+        self.assertLess(time.monotonic() - begin, 40)
+        self.assertEqual(self.must("inspect", "--format", "{{.State.ExitCode}}", "server"), "0")
 
-    def test_the_shell_is_beside_the_same_store_as_the_same_user(self):
-        claim, deployment, _ = documents("kubernetes.yaml")
-        (shell,) = documents("kubernetes-shell.yaml")
-        server = deployment["spec"]["template"]["spec"]
-        self.assertEqual(shell["spec"]["volumes"][0]["persistentVolumeClaim"]["claimName"], claim["metadata"]["name"])
-        for key in ("image", "securityContext"):
-            self.assertEqual(shell["spec"]["containers"][0][key], server["containers"][0][key])
-        for key in ("runAsNonRoot", "runAsUser", "runAsGroup", "fsGroup"):
-            self.assertEqual(shell["spec"]["securityContext"][key], server["securityContext"][key])
+    def has_page(self):
+        return self.podman("exec", "server", "test", "-e", "/usr/share/stillmap/web/index.html").returncode == 0
 
 
 if __name__ == "__main__":
-    try:
-        import yaml  # noqa: F401
-    except ImportError:
-        support.skip_program("python3-yaml is not installed")
+    own_view()
     unittest.main(argv=sys.argv[:1])

@@ -1,10 +1,9 @@
 #!/usr/bin/env python3
-"""Alerts and dashboard: judged by promtool, and every metric and label in them is one that the server has.
+"""Alerts: judged by promtool, and every metric and label in them is one that the server has.
 
 usage: monitoring_test.py STILLMAP METRICS_TABLE TOOLS
 """
 
-import json
 import pathlib
 import re
 import shutil
@@ -45,11 +44,6 @@ def grouped(expression):
     return labels - {""}, [name for name, _ in selectors(expression)]
 
 
-def dashboard_expressions():
-    board = json.loads((FOLDER / "grafana.json").read_text())
-    return [target["expr"] for panel in board["panels"] for target in panel["targets"]]
-
-
 def rule_expressions():
     import yaml
     groups = yaml.safe_load((FOLDER / "stillmap.rules.yml").read_text())["groups"]
@@ -87,7 +81,7 @@ class Names(unittest.TestCase):
     def test_every_metric_and_label_is_one_that_the_server_has(self):
         table = {**series_of_table(), "up": set(ADDED)}
         self.assertGreater(len(table), 30)
-        for expression in rule_expressions() + dashboard_expressions():
+        for expression in rule_expressions():
             names = list(selectors(expression))
             self.assertTrue(names, expression)
             for name, labels in names:
@@ -96,15 +90,6 @@ class Names(unittest.TestCase):
             labels, used = grouped(expression)
             for name in used:
                 self.assertLessEqual(labels, table[name], expression)
-
-    def test_the_dashboard_shows_every_metric_of_the_servers_work(self):
-        shown = {name for expression in dashboard_expressions() for name, _ in selectors(expression)}
-        kinds = {re.sub("_(bucket|sum|count)$", "", name) for name in shown}
-        work = {name for name, _, _ in ROW.findall(TABLE.read_text()) if name.startswith("stillmap_")}
-        # Figures of a rare event, for alerts and for who looks.
-        rare = {"stillmap_connections_total", "stillmap_map_load_seconds", "stillmap_map_load_failures_total",
-                "stillmap_job_duration_seconds", "stillmap_reloads_total", "stillmap_store_writable"}
-        self.assertEqual(work - kinds, rare)
 
 
 if __name__ == "__main__":

@@ -30,9 +30,7 @@ class Package(unittest.TestCase):
         temporary = tempfile.TemporaryDirectory()
         cls.addClassCleanup(temporary.cleanup)
         cls.folder = pathlib.Path(temporary.name)
-        made = run(["cpack", "-G", "DEB", "--config", BUILD / "CPackConfig.cmake", "-B", cls.folder], cwd=cls.folder)
-        assert made.returncode == 0, made.stdout + made.stderr
-        (cls.package,) = cls.folder.glob("*.deb")
+        cls.package = support.make_package(BUILD, cls.folder)
 
     def setUp(self):
         temporary = tempfile.TemporaryDirectory(dir=self.folder)

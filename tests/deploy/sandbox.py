@@ -173,11 +173,17 @@ def mount(source, target, kind, flags, options=None):
         raise PermissionError(number, f"mount {target}: {os.strerror(number)}")
 
 
-def narrow_file_system(state):
-    CLONE_NEWNS, MS_RDONLY, MS_REMOUNT, MS_BIND, MS_REC, MS_PRIVATE = 0x20000, 1, 32, 4096, 16384, 1 << 18
+def own_mounts():
+    """From here on mounts are seen by this process and its children alone."""
+    CLONE_NEWNS, MS_REC, MS_PRIVATE = 0x20000, 16384, 1 << 18
     if ctypes.CDLL(None).unshare(CLONE_NEWNS) != 0:
         raise PermissionError("unshare: not permitted")
     mount(None, "/", None, MS_REC | MS_PRIVATE)
+
+
+def narrow_file_system(state):
+    MS_RDONLY, MS_REMOUNT, MS_BIND = 1, 32, 4096
+    own_mounts()
     mount(state, state, None, MS_BIND)
     mount(None, "/", None, MS_REMOUNT | MS_BIND | MS_RDONLY)
     mount("proc", "/proc", "proc", 0, "subset=pid,hidepid=2")

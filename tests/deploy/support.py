@@ -36,6 +36,16 @@ def tool_environment(tools):
     return {**os.environ, "LD_LIBRARY_PATH": ":".join(map(str, libraries))}
 
 
+def make_package(build, folder):
+    """The Debian package of what was built in `build`."""
+    folder.mkdir(exist_ok=True)
+    made = subprocess.run(["cpack", "-G", "DEB", "--config", build / "CPackConfig.cmake", "-B", folder], cwd=folder,
+                          capture_output=True, text=True, timeout=200)
+    assert made.returncode == 0, made.stdout + made.stderr
+    (package,) = folder.glob("*.deb")
+    return package
+
+
 def wait(what, timeout_s=20):
     end = time.monotonic() + timeout_s
     while time.monotonic() < end:

@@ -9,8 +9,8 @@ import tempfile
 import zlib
 
 START_S = 1_700_000_000
-KINDS = CLOUD, ODOMETRY, POSE, TF, FIX = ("sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped",
-                                          "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/NavSatFix")
+CLOUD, ODOMETRY, POSE, TF, FIX = ("sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped",
+                                  "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/NavSatFix")
 FIXES = "/fix"  # which the targets ask for
 
 

@@ -12,11 +12,10 @@ import json
 import os
 import pathlib
 import re
+import struct
 import subprocess
 import sys
 import tempfile
-
-import variants
 
 MOST_BYTES = 1 << 18
 LEAST_S = 0.05
@@ -26,6 +25,37 @@ MOST_PIECES = 10
 # Else the first use of each page counts, and large inputs are given fresh ones.
 KEEP_MEMORY = {"MALLOC_TRIM_THRESHOLD_": "4000000000", "MALLOC_MMAP_THRESHOLD_": "4000000000"}
 TINY = ["{}", "[]", '""', "0", '{"a":{}}', "[[[[]]]]"]
+TAR_BLOCK = 512
+
+
+def json_within(seed):
+    """The longest JSON object in it. @return its start, its end and its value; None where there is none"""
+    text, decoder, found = seed.decode("latin-1"), json.JSONDecoder(), None
+    at = text.find("{")
+    while at >= 0:
+        try:
+            value, end = decoder.raw_decode(text, at)
+        except json.JSONDecodeError:
+            value, end = None, at + 1
+        if value and (found is None or end - at > found[1] - found[0]):
+            found = (at, end, value)
+        at = text.find("{", end)
+    return found
+
+
+def put_in(seed, start, end, text):
+    """`text` instead of these bytes. Corrects the length that stands before them in weights, tars and HTTP requests."""
+    head = seed[:start]
+    if start >= 8 and struct.unpack("<Q", head[-8:])[0] == end - start:
+        head = head[:-8] + struct.pack("<Q", len(text))
+    longer = len(text) - (end - start)
+    if head[257 - TAR_BLOCK:][:5] == b"ustar":
+        digits = len(head) - TAR_BLOCK + 124
+        head = head[:digits] + b"%011o" % len(text) + head[digits + 11:]
+        text += bytes(-len(text) % TAR_BLOCK)
+        end += (start - end) % TAR_BLOCK
+    head = re.sub(rb"(Content-Length: )(\d+)", lambda m: m[1] + str(max(0, int(m[2]) + longer)).encode(), head)
+    return head + text + seed[end:]
 
 
 def pieces_of_json(value):
@@ -68,11 +98,11 @@ def json_repeated(value, path, element, size):
 def repetitions(seed):
     """@return functions that make an input of about so many bytes."""
     found = []
-    within = variants.json_within(seed)
+    within = json_within(seed)
     if within:
         start, end, value = within
         for path, element in pieces_of_json(value):
-            found.append(lambda size, p=path, e=element: variants.put_in(seed, start, end, json_repeated(value, p, e, size)))
+            found.append(lambda size, p=path, e=element: put_in(seed, start, end, json_repeated(value, p, e, size)))
         return found
     lines = list(re.finditer(rb"[^\n]*\n", seed))
     if len(lines) > 1:

@@ -6,7 +6,6 @@ usage: tests/fuzz/seeds.py FOLDER    writes FOLDER/TARGET/NAME; other files of F
 """
 
 import collections
-import functools
 import gzip
 import hashlib
 import json
@@ -22,7 +21,7 @@ import bag_seeds
 HERE = pathlib.Path(__file__).resolve().parent
 CORPUS = HERE / "corpus"
 CONFIG_SCHEMA = HERE.parent.parent / "server" / "config.schema.json"
-LONGEST_INPUT = 4096  # of what libFuzzer tries
+LONGEST_INPUT = 4096  # run.sh tries no longer one
 POINTS = [(1.0 + 0.5 * i, -2.0 + i, 0.25 * i, 0.125 * i) for i in range(8)]
 POSE = {"position": [1, 2, 0.5], "quaternion": [0, 0, 0.6, 0.8]}
 COVARIANCE = [(0.5 if row == column else 0.0) for row in range(6) for column in range(6)]
@@ -321,7 +320,6 @@ def make_las(put):
     put("las", "wkt", las(4, 6, 30, [(2112, wkt)], 16))
 
 
-@functools.cache
 def of_all_targets():
     """@return for each target the content of each seed by its name"""
     seeds = collections.defaultdict(dict)
@@ -334,31 +332,18 @@ def of_all_targets():
         make(put)
     for file in CORPUS.glob("*/*"):
         seeds[file.parent.name][file.name] = file.read_bytes()
-    return {target: dict(sorted(of_target.items())) for target, of_target in sorted(seeds.items())}
-
-
-def of(target):
-    """@return their contents, in the order of their names"""
-    return list(of_all_targets().get(target, {}).values())
-
-
-def seed(target, name):
-    return of_all_targets()[target][f"seed_{name}"]
-
-
-def write(target, folder):
-    """The folder holds nothing else afterwards."""
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    for name, content in of_all_targets().get(target, {}).items():
-        (folder / name).write_bytes(content)
+    return seeds
 
 
 def main():
     if len(sys.argv) != 2:
         sys.exit(__doc__)
-    for target in of_all_targets():
-        write(target, pathlib.Path(sys.argv[1]) / target)
+    for target, of_target in of_all_targets().items():
+        folder = pathlib.Path(sys.argv[1]) / target
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        for name, content in of_target.items():
+            (folder / name).write_bytes(content)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# What takes long: every test under the sanitizers, power cuts, kills, attackers and failing calls, ten minutes of overload, then the localizer
-# on many streets. Each step leaves a mark in build/soak, so that a run that was cut off goes on where it was; `rm -r build/soak` starts
-# afresh.
+# What takes long: a minute of fuzzing for each parser, every test under the sanitizers, power cuts, kills, attackers and
+# failing calls, ten minutes of overload, then the localizer on many streets. Each step leaves a mark in build/soak, so that
+# a run that was cut off goes on where it was; `rm -r build/soak` starts afresh.
 set -euo pipefail
 marks=build/soak
 mkdir -p "$marks"
@@ -37,7 +37,7 @@ street() { # street SEED: map from day 1, queries from day 2
   rm -rf "$folder"
 }
 
-step fuzz tests/fuzz/run.sh --soak --jobs "$(nproc)"
+step fuzz tests/fuzz/run.sh
 step asan sanitized asan
 step tsan sanitized tsan
 program=build/bench/stillmap packages=build/bench/tiny_packages
