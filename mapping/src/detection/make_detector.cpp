@@ -1,4 +1,3 @@
-#include "detection/boxes_detector.hpp"
 #include "detection/geometric_detector.hpp"
 #include "detection/onnx/onnx_detector.hpp"
 #include "detection/onnx/onnx_session.hpp"
@@ -7,12 +6,33 @@
 #include "detection/voxelnext/weights.hpp"
 
 #include <stillmap/mapping/detector.hpp>
+#include <stillmap/maps/box.hpp>
 
+#include <map>
 #include <span>
 #include <stdexcept>
+#include <utility>
+#include <vector>
 
 namespace stillmap::mapping {
 namespace {
+
+/// Boxes that were given for each scan: labels, or what another detector found.
+class BoxesDetector final : public Detector {
+ public:
+  explicit BoxesDetector(maps::BoxSequence boxes) : boxes_(std::move(boxes)) {}
+  [[nodiscard]] std::vector<maps::Box> detect(const maps::Scan& scan,
+                                              const GroundResult& /*ground*/) const override {
+    const auto boxes = boxes_.by_scan.find(scan.index);
+    return boxes == boxes_.by_scan.end() ? std::vector<maps::Box>{} : boxes->second;
+  }
+  [[nodiscard]] std::map<std::string, std::size_t> dropped() const override {
+    return boxes_.dropped;
+  }
+
+ private:
+  maps::BoxSequence boxes_;
+};
 
 std::unique_ptr<Detector> shipped_voxelnext() {
   const std::span<const std::byte> weights = embedded_weights();

@@ -1,7 +1,6 @@
 #pragma once
 
 #include "drives/drive_set.hpp"
-#include "pipeline/finish_stage.hpp"
 #include "pipeline/fuse_stage.hpp"
 #include "pipeline/place_stage.hpp"
 #include "pipeline/poses_stage.hpp"
@@ -89,5 +88,41 @@ struct Build {
 /// One stage of a build.
 /// @throws maps::InputError, maps::StorageError, Cancelled.
 using Stage = void (*)(Build& build);
+
+/// Shifts given poses in time by what the scans' own motion says (`finds_pose_time_offset`), or a
+/// killed build had found.
+void shift_poses(Build& build);
+
+/// Finds poses of all drives in one frame, or takes those that a killed build had found. Given ones
+/// are compared with the scans' own motion, and refined where the options say so; others come from
+/// odometry, loops and graph.
+void find_poses(Build& build);
+
+/// Moves the poses into the frame of the map that the options name, if they name one.
+void register_poses(Build& build);
+
+/// Numbers the selected scans through, lays out the map's voxels, and finds where poses disagree.
+void select_scans(Build& build);
+
+/// Surveys all scans, several at once, taken in their order: read, drop, deskew, ground, detect.
+///
+/// The journal holds a record a scan: those that are there are not computed again, those that are
+/// not are appended. When a scan's file is another one than its record says, all records are
+/// thrown away: another drive would be mixed in.
+void survey_scans(Build& build);
+
+/// Joins the boxes of all scans into objects (`options.fusion`), or makes an object of each; then a
+/// user's corrections. The ground below objects that stood still is closed.
+void fuse_objects(Build& build);
+
+/// Projects and stacks all scans, several at once, in their order. Fates go to the package.
+void place_scans(Build& build);
+
+/// Cleans, fills and finishes all tiles, several at once, and writes them and the preview to the
+/// package. Nothing is cleaned in regions that an edit keeps.
+void finish_tiles(Build& build);
+
+/// Writes objects, trajectories and sources, and gives the package its manifest and its place.
+void write_package(Build& build);
 
 }  // namespace stillmap::mapping

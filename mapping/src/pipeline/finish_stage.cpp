@@ -1,5 +1,3 @@
-#include "pipeline/finish_stage.hpp"
-
 #include "cleaning/free_space_cleaner.hpp"
 #include "consistency/surface_cells.hpp"
 #include "core/ordered_pipeline.hpp"

@@ -14,8 +14,6 @@
 
 namespace stillmap::mapping {
 
-struct Build;
-
 /// The objects of a build, and where they are in each scan.
 struct BuildObjects {
   std::vector<FusedObject> objects;
@@ -29,10 +27,6 @@ struct BuildObjects {
 /// Where objects stood still, in the local frame.
 [[nodiscard]] std::vector<GroundFootprint> footprints_of(const std::vector<FusedObject>& objects,
                                                          const Eigen::Vector3d& origin);
-
-/// Stage: joins the boxes of all scans into objects (`options.fusion`), or makes an object of each;
-/// then a user's corrections. The ground below objects that stood still is closed.
-void fuse_objects(Build& build);
 
 /// As the package holds them.
 /// @param points_removed  by number of the object plus 1.

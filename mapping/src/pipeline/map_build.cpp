@@ -1,7 +1,6 @@
 #include "pipeline/build.hpp"
 #include "pipeline/manifest.hpp"
 #include "pipeline/opened_drives.hpp"
-#include "pipeline/write_stage.hpp"
 
 #include <fmt/format.h>
 #include <stillmap/mapping/detector.hpp>

@@ -9,8 +9,6 @@
 
 namespace stillmap::mapping {
 
-struct Build;
-
 /// The points of the map, tile by tile, and what became of those of each scan.
 struct Placed {
   explicit Placed(const std::filesystem::path& scratch);
@@ -22,8 +20,5 @@ struct Placed {
   /// By number of the object plus 1.
   std::map<std::uint32_t, std::uint64_t> points_removed;
 };
-
-/// Stage: projects and stacks all scans, several at once, in their order. Fates go to the package.
-void place_scans(Build& build);
 
 }  // namespace stillmap::mapping

@@ -16,8 +16,6 @@
 
 namespace stillmap::mapping {
 
-struct Build;
-
 /// Drives whose poses are in one frame, and what was counted on the way.
 struct PosedDrives {
   std::vector<maps::Drive> drives;
@@ -35,20 +33,5 @@ struct PosedDrives {
   /// As many; none outside of the selection.
   std::vector<std::vector<ScanNote>> notes{};
 };
-
-/// Stage: shifts given poses in time by what the scans' own motion says (`finds_pose_time_offset`),
-/// or a killed build had found.
-void shift_poses(Build& build);
-
-/// Stage: poses of all drives in one frame, or those that a killed build had found. Given ones are
-/// compared with the scans' own motion, and refined where the options say so; others come from
-/// odometry, loops and graph.
-void find_poses(Build& build);
-
-/// Stage: moves the poses into the frame of the map that the options name, if they name one.
-void register_poses(Build& build);
-
-/// Stage: the selected scans, numbered through, the map's voxels, and where poses disagree.
-void select_scans(Build& build);
 
 }  // namespace stillmap::mapping

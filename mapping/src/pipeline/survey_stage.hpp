@@ -16,8 +16,6 @@
 
 namespace stillmap::mapping {
 
-struct Build;
-
 /// What was found scan by scan.
 struct Survey {
   struct Scan : FoundInScan {
@@ -43,12 +41,5 @@ struct Survey {
 /// The views of all scans with their poses. @param views  must outlive what is returned.
 [[nodiscard]] PosedViews posed_views(const DriveSet& drives, const RangeViewStore& views,
                                      const Eigen::Vector3d& origin);
-
-/// Stage: surveys all scans, several at once, taken in their order.
-///
-/// The journal holds a record a scan: those that are there are not computed again, those that are
-/// not are appended. When a scan's file is another one than its record says, all records are
-/// thrown away: another drive would be mixed in.
-void survey_scans(Build& build);
 
 }  // namespace stillmap::mapping

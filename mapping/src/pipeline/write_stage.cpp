@@ -1,5 +1,3 @@
-#include "pipeline/write_stage.hpp"
-
 #include "core/seconds_since.hpp"
 #include "pipeline/build.hpp"
 #include "pipeline/build_warnings.hpp"

@@ -125,7 +125,7 @@ struct GivenPosesResult {
 /// What a build did; the same numbers stand in the manifest (`counts`) and in build.json.
 struct MapBuildResult {
   std::size_t scans = 0;
-  /// Of these, scans whose first pass a build that was killed had done.
+  /// Of these, scans that a build that was killed had surveyed.
   std::size_t resumed_scans = 0;
   double seconds = 0.0;
   double scans_per_second = 0.0;
@@ -161,14 +161,14 @@ struct MapBuildResult {
 ///
 /// Where poses are not given they are estimated first (`estimate_trajectories`), over all scans
 /// from the first selected one to the last. With `register_to` they are then brought into that
-/// map's frame. Pass 1, each scan: read -> drop -> deskew -> ground ->
-/// detect. Then objects and ground are fused over all scans. Pass 2, each scan from its original
-/// points: project -> stack. Last, each tile: clean -> fill -> normals. Scans and tiles are
-/// processed in parallel and taken in order, so that the bytes do not depend on the number of
-/// threads. A build that fails leaves nothing behind.
+/// map's frame. Each scan is surveyed: read -> drop -> deskew -> ground -> detect. Then objects and
+/// ground are fused over all scans. Each scan is placed from its original points: project -> stack.
+/// Last, each tile is finished: clean -> fill -> normals. Scans and tiles are processed in parallel
+/// and taken in order, so that the bytes do not depend on the number of threads. A build that fails
+/// leaves nothing behind.
 ///
-/// The estimated poses, and what pass 1 found scan by scan, are written down beside the target, for
-/// when the build is cancelled, the process killed or out of memory: the same call then goes on
+/// The estimated poses, and what the survey found scan by scan, are written down beside the target,
+/// for when the build is cancelled, the process killed or out of memory: the same call then goes on
 /// from there, to the same bytes. What a build of other options, another program or other scans
 /// left is thrown away, with a warning.
 /// @param drives        at least one; given poses are in one frame, or each has a geodetic origin.

@@ -1,5 +1,7 @@
 #include "odometry/loam/features.hpp"
 
+#include <stillmap/maps/cell_table.hpp>
+
 #include <Eigen/Geometry>
 
 #include <algorithm>
@@ -189,6 +191,18 @@ Features find_features(const maps::PointCloud& cloud, const Rings& rings) {
     append(smooth, features.less_flat);
   }
   return features;
+}
+
+std::vector<Feature> thinned(const std::vector<Feature>& features, double voxel_m) {
+  maps::CellTable taken(features.size() / 2);
+  std::vector<Feature> out;
+  for (const Feature& feature : features) {
+    const Eigen::Array3i voxel =
+        (feature.position / static_cast<float>(voxel_m)).array().floor().cast<int>();
+    if (taken.insert(maps::signed_cell_key(voxel.x(), voxel.y(), voxel.z())).second)
+      out.push_back(feature);
+  }
+  return out;
 }
 
 }  // namespace stillmap::mapping::loam

@@ -51,4 +51,7 @@ struct Features {
 /// @param rings  of `cloud`.
 [[nodiscard]] Features find_features(const maps::PointCloud& cloud, const Rings& rings);
 
+/// The first feature of each voxel, in their order.
+[[nodiscard]] std::vector<Feature> thinned(const std::vector<Feature>& features, double voxel_m);
+
 }  // namespace stillmap::mapping::loam

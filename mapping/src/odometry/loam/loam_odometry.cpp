@@ -4,7 +4,6 @@
 #include "odometry/loam/loam_covariance.hpp"
 #include "odometry/loam/map_match.hpp"
 #include "odometry/loam/sweep_match.hpp"
-#include "odometry/loam/thinned_features.hpp"
 #include "odometry/scan_period.hpp"
 
 #include <stillmap/maps/frames.hpp>
