@@ -1,5 +1,5 @@
 """bags_test.py STILLMAP COMPARE_DRIVES ORACLES: drives as bags that other programs wrote: @mcap/core, rosmsg2-serialization, lz4 and zstd
-(tests/oracles), and Python's sqlite3. What is in them, and the map made of them, is that of the same drive as a folder.
+(tests/oracles), Debian's rosbag, and Python's sqlite3. What is in them, and the map made of them, is that of the same drive as a folder.
 With STILLMAP_REAL_DATA also scans of real drives. Ends with 77 when npm's packages cannot be had."""
 
 import calendar
@@ -9,6 +9,7 @@ import os
 import pathlib
 import shutil
 import sqlite3
+import struct
 import subprocess
 import sys
 import tempfile
@@ -17,6 +18,10 @@ import unittest
 
 PROGRAM, COMPARE, ORACLES = sys.argv[1], sys.argv[2], pathlib.Path(sys.argv[3])
 REAL = os.environ.get("STILLMAP_REAL_DATA")
+# Debian's modules, which another Python before it in the path does not see.
+SYSTEM_PYTHON = "/usr/bin/python3"
+HAVE_ROS1 = subprocess.run([SYSTEM_PYTHON, "-c", "import rosbag, roslz4, sensor_msgs, nav_msgs, tf2_msgs, geometry_msgs"],
+                           capture_output=True).returncode == 0
 CLOUD, ODOMETRY, POSE, TF, IMU, FIX = ("sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped",
                                        "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/Imu", "sensor_msgs/msg/NavSatFix")
 PCD_TYPES = {("F", 4): 7, ("F", 8): 8, ("U", 1): 2, ("U", 2): 4, ("U", 4): 6, ("I", 1): 1, ("I", 2): 3, ("I", 4): 5}
@@ -157,6 +162,15 @@ def write(spec, file):
     return file
 
 
+def write_ros1(spec, file):
+    file.parent.mkdir(parents=True, exist_ok=True)
+    spec_file = file.with_suffix(".json")
+    spec_file.write_text(json.dumps(spec))
+    subprocess.run([SYSTEM_PYTHON, ORACLES / "write_ros1_bag.py", spec_file, file], check=True)
+    spec_file.unlink()
+    return file
+
+
 def write_rosbag2(spec, folder, parts=2):
     """As `ros2 bag record` of today, split."""
     messages, names = spec["messages"], []
@@ -244,6 +258,33 @@ class Bags(unittest.TestCase):
         folder.mkdir(parents=True)
         write_rosbag2(self.drive.spec("pose"), folder)
         self.expect_same(folder, "rosbag2_map")
+
+    @unittest.skipUnless(HAVE_ROS1, "/usr/bin/python3 has no rosbag")
+    def test_ros1(self):
+        for compression, poses in (("none", "odometry"), ("lz4", "tf"), ("bz2", "pose")):
+            with self.subTest(compression):
+                spec = self.drive.spec(poses, compression=compression, chunk_bytes=1_000_000)
+                bag = write_ros1(spec, self.work / "ros1" / compression / "town.bag")
+                self.expect_same(bag, f"ros1_{compression}_map")
+                # As a killed recorder leaves it: no index, and the last chunk without its end.
+                whole = bag.read_bytes()
+                index = struct.unpack_from("<Q", whole, whole.index(b"index_pos=") + 10)[0]
+                active = bag.with_suffix(".bag.active")
+                active.write_bytes(whole[:index].replace(b"index_pos=" + struct.pack("<Q", index), b"index_pos=" + bytes(8)))
+                self.expect_same_drive(active)
+                self.assertIn("rosbag reindex", run("inspect", active).stdout)
+                active.write_bytes(active.read_bytes()[:-40_000])
+                inspected = json.loads(run("inspect", active, "--json").stdout)
+                self.assertLess(inspected["scans"], len(self.drive.scans))
+                self.assertGreater(inspected["scans"], 0)
+
+    @unittest.skipUnless(HAVE_ROS1, "/usr/bin/python3 has no rosbag")
+    def test_older_ros1(self):
+        bag = self.work / "old.bag"
+        bag.write_bytes(b"#ROSBAG V1.2\n" + bytes(100))
+        refused = run("inspect", bag, ok=False)
+        self.assertEqual(refused.returncode, 1)
+        self.assertIn("rosbag migrate", refused.stderr)
 
     def test_choice(self):
         spec = self.drive.spec("odometry")

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <bzlib.h>
 #include <lz4frame.h>
 #include <sqlite3.h>
 #include <zlib.h>
@@ -17,9 +18,18 @@
 /// Bags, written out by hand so that tests do not depend on a writer of ours.
 namespace stillmap::test {
 
-/// lz4 frames, zstd, or as it is.
+/// lz4 frames, zstd, bz2, or as it is.
 [[nodiscard]] inline std::string packed(std::string_view text, std::string_view compression) {
-  if (compression.empty()) return std::string(text);
+  if (compression.empty() || compression == "none") return std::string(text);
+  if (compression == "bz2") {
+    std::string from(text);
+    auto size = static_cast<unsigned>(text.size() + text.size() / 50 + 700);
+    std::string out(size, '\0');
+    BZ2_bzBuffToBuffCompress(out.data(), &size, from.data(), static_cast<unsigned>(from.size()), 9,
+                             0, 0);
+    out.resize(size);
+    return out;
+  }
   const bool lz4 = compression == "lz4";
   std::string out(
       lz4 ? LZ4F_compressFrameBound(text.size(), nullptr) : ZSTD_compressBound(text.size()), '\0');
@@ -27,6 +37,82 @@ namespace stillmap::test {
                  : ZSTD_compress(out.data(), out.size(), text.data(), text.size(), 3));
   return out;
 }
+
+/// ROS 1, format 2.0, record by record.
+class Ros1Bytes {
+ public:
+  template <typename Number>
+  static std::string number(Number value) {
+    std::string bytes(sizeof(Number), '\0');
+    std::memcpy(bytes.data(), &value, sizeof(Number));
+    return bytes;
+  }
+  static std::string sized(std::string_view bytes) {
+    return number(static_cast<std::uint32_t>(bytes.size())) + std::string(bytes);
+  }
+  static std::string field(std::string_view name, std::string_view value) {
+    return sized(std::string(name) + "=" + std::string(value));
+  }
+  static std::string record(std::uint8_t op, std::string_view fields, std::string_view data) {
+    return sized(field("op", number(op)) + std::string(fields)) + sized(data);
+  }
+  static std::string connection(std::uint32_t id, std::string_view topic, std::string_view type) {
+    return record(7, field("conn", number(id)) + field("topic", topic),
+                  field("topic", topic) + field("type", type) + field("md5sum", "*") +
+                      field("message_definition", "string data"));
+  }
+  static std::string message(std::uint32_t connection, std::string_view data) {
+    return record(2, field("conn", number(connection)) + field("time", number(std::uint64_t{9})),
+                  data);
+  }
+  static std::string chunk_head(std::string_view compression, std::uint32_t unpacked_bytes,
+                                std::uint32_t packed_bytes) {
+    return sized(field("op", number(std::uint8_t{5})) + field("compression", compression) +
+                 field("size", number(unpacked_bytes))) +
+           number(packed_bytes);
+  }
+
+  Ros1Bytes& add(std::string_view bytes) {
+    bytes_ += bytes;
+    return *this;
+  }
+  /// @param connections  with messages in it, for the index.
+  Ros1Bytes& add_chunk(std::string_view records, std::string_view compression,
+                       const std::set<std::uint32_t>& connections) {
+    const std::string bytes = packed(records, compression);
+    std::string counts;
+    for (const std::uint32_t id : connections) counts += number(id) + number(std::uint32_t{1});
+    infos_ += record(6,
+                     field("ver", number(std::uint32_t{1})) +
+                         field("chunk_pos", number(std::uint64_t{kStart + bytes_.size()})) +
+                         field("count", number(static_cast<std::uint32_t>(connections.size()))),
+                     counts);
+    ++chunks_;
+    bytes_ += chunk_head(compression, static_cast<std::uint32_t>(records.size()),
+                         static_cast<std::uint32_t>(bytes.size())) +
+              bytes;
+    bytes_ += record(4, field("ver", number(std::uint32_t{1})), "12345678");
+    return *this;
+  }
+  /// @param connections  of the index; empty = none, as of a recording that was cut off.
+  [[nodiscard]] std::string finished(std::string_view connections, std::uint32_t count) const {
+    const std::uint64_t index = connections.empty() ? 0 : kStart + bytes_.size();
+    std::string header =
+        sized(field("op", number(std::uint8_t{3})) + field("index_pos", number(index)) +
+              field("conn_count", number(count)) + field("chunk_count", number(chunks_)));
+    header += sized(std::string(kStart - 13 - header.size() - 4, ' '));
+    std::string bag = "#ROSBAG V2.0\n" + header + bytes_;
+    if (index > 0) bag += std::string(connections) + infos_;
+    return bag;
+  }
+
+ private:
+  /// The header is padded, so that it can be written again.
+  static constexpr std::size_t kStart = 4096 + 13;
+  std::string bytes_;
+  std::string infos_;
+  std::uint32_t chunks_ = 0;
+};
 
 /// MCAP, record by record.
 class McapBytes {

@@ -10,6 +10,7 @@
 #include <system_error>
 
 #include "bags/mcap_bag.hpp"
+#include "bags/ros1_bag.hpp"
 #include "bags/rosbag2_database.hpp"
 #include "bags/unpacked_bag.hpp"
 #include "formats/file_reader.hpp"
@@ -27,6 +28,9 @@ std::optional<BagFormat> bag_format(const std::filesystem::path& file) {
   };
   if (starts_with(mcap::kMagic.data(), mcap::kMagic.size())) return BagFormat::kMcap;
   if (starts_with(kSqliteMagic.data(), kSqliteMagic.size())) return BagFormat::kSqlite;
+  // An older version is said when it is opened.
+  constexpr std::string_view kAnyRosbag = "#ROSBAG V";
+  if (starts_with(kAnyRosbag.data(), kAnyRosbag.size())) return BagFormat::kRos1;
   return std::nullopt;
 }
 
@@ -37,8 +41,9 @@ std::unique_ptr<Bag> open_unpacked(const std::filesystem::path& file,
   const std::optional<BagFormat> format = bag_format(file);
   if (format == BagFormat::kMcap) return std::make_unique<mcap::McapBag>(file, shown_as);
   if (format == BagFormat::kSqlite) return std::make_unique<Rosbag2Database>(file, shown_as);
+  if (format == BagFormat::kRos1) return std::make_unique<ros1::Ros1Bag>(file, shown_as);
   throw InputError(shown_as.string(), "no bag by its first bytes",
-                   "MCAP or a SQLite file of rosbag2");
+                   "MCAP, a SQLite file of rosbag2 or a bag of ROS 1");
 }
 
 }  // namespace

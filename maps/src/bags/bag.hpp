@@ -57,7 +57,7 @@ struct BagDamage {
 };
 
 /// What a file is.
-enum class BagFormat : std::uint8_t { kMcap, kSqlite };
+enum class BagFormat : std::uint8_t { kMcap, kSqlite, kRos1 };
 
 /// A file of messages. Memory does not grow with the file. Safe from several threads.
 class Bag {

@@ -1,5 +1,6 @@
 #include "bags/byte_stream.hpp"
 
+#include <bzlib.h>
 #include <lz4frame.h>
 #include <zstd.h>
 
@@ -114,6 +115,44 @@ class ZstdStream final : public PackedStream {
   ZSTD_DCtx* context_;
 };
 
+/// bzip2, as ROS 1 packs chunks.
+class Bz2Stream final : public PackedStream {
+ public:
+  Bz2Stream(std::unique_ptr<ByteStream> packed, std::string name)
+      : PackedStream(std::move(packed), std::move(name)) {
+    if (BZ2_bzDecompressInit(&stream_, 0, 0) != BZ_OK) throw std::bad_alloc();
+  }
+  ~Bz2Stream() override { BZ2_bzDecompressEnd(&stream_); }
+  Bz2Stream(const Bz2Stream&) = delete;
+  Bz2Stream& operator=(const Bz2Stream&) = delete;
+
+ private:
+  std::size_t unpack(std::span<std::byte> into) override {
+    // What follows the end is nothing of ours.
+    if (at_end_) {
+      used(input().size());
+      return 0;
+    }
+    constexpr std::size_t kMost = std::size_t{1} << 30U;
+    const std::span<const std::byte> packed = input();
+    const auto given = static_cast<unsigned>(std::min(packed.size(), kMost));
+    const auto room = static_cast<unsigned>(std::min(into.size(), kMost));
+    // It reads from this pointer only.
+    stream_.next_in = const_cast<char*>(reinterpret_cast<const char*>(packed.data()));
+    stream_.avail_in = given;
+    stream_.next_out = reinterpret_cast<char*>(into.data());
+    stream_.avail_out = room;
+    const int result = BZ2_bzDecompress(&stream_);
+    at_end_ = result == BZ_STREAM_END;
+    if (result != BZ_OK && !at_end_) refuse("bytes that are no bzip2");
+    used(given - stream_.avail_in);
+    return room - stream_.avail_out;
+  }
+
+  bz_stream stream_{};
+  bool at_end_ = false;
+};
+
 }  // namespace
 
 std::uint64_t ByteStream::skip(std::uint64_t bytes) {
@@ -184,8 +223,9 @@ std::unique_ptr<ByteStream> unpacked(std::unique_ptr<ByteStream> packed,
   if (compression == "lz4") return std::make_unique<Lz4Stream>(std::move(packed), std::move(name));
   if (compression == "zstd")
     return std::make_unique<ZstdStream>(std::move(packed), std::move(name));
+  if (compression == "bz2") return std::make_unique<Bz2Stream>(std::move(packed), std::move(name));
   throw InputError(name, "compression '" + std::string(compression.substr(0, 32)) + "'",
-                   "none, lz4 or zstd");
+                   "none, lz4, zstd or bz2");
 }
 
 }  // namespace stillmap::maps

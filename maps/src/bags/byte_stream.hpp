@@ -46,9 +46,9 @@ class FileStream final : public ByteStream {
   std::size_t held_ = 0;
 };
 
-/// Undoes a compression of MCAP's or rosbag2's, in pieces: memory stays below 80 MiB whatever the
-/// packed bytes claim (zstd's window 64 MiB, lz4's blocks 4 MiB).
-/// @param compression  "lz4" (frames) or "zstd". @param name  for messages.
+/// Undoes a compression of MCAP's, rosbag2's or ROS 1's, in pieces: memory stays below 80 MiB
+/// whatever the packed bytes claim (zstd's window 64 MiB, lz4's blocks 4 MiB).
+/// @param compression  "lz4" (frames), "zstd" or "bz2". @param name  for messages.
 /// @throws InputError for another compression.
 [[nodiscard]] std::unique_ptr<ByteStream> unpacked(std::unique_ptr<ByteStream> packed,
                                                    std::string_view compression, std::string name);

@@ -16,8 +16,6 @@ namespace stillmap::maps::mcap {
 namespace {
 
 constexpr std::size_t kChecksumBytes = std::size_t{64} << 10U;
-/// Chunks that stay unpacked halfway, one for each of some threads that read scans.
-constexpr std::size_t kMostOpen = 4;
 /// 48 MB of index: 10 KB each of 20 GB. With more of them the index is not used.
 constexpr std::size_t kMostChunks = 2'000'000;
 
@@ -192,28 +190,12 @@ std::unique_ptr<Chunk> McapBag::chunk_at(std::uint64_t offset) const {
   const std::optional<RecordHead> head = next_record(stream);
   const std::string name = fmt::format("{} chunk at byte {}", file().string(), offset);
   if (!head || head->op != Op::kChunk) throw InputError(name, "another record", "the chunk");
-  return std::make_unique<Chunk>(reader_, offset, head->length, name);
+  return open_chunk(reader_, offset, head->length, name);
 }
 
-/// One that has not come by the message yet.
 std::unique_ptr<Chunk> McapBag::take_chunk(const MessagePlace& place) const {
-  {
-    const std::scoped_lock lock(mutex_);
-    for (auto each = open_.begin(); each != open_.end(); ++each) {
-      if (each->offset != place.outer || each->chunk->position() > place.inner) continue;
-      std::unique_ptr<Chunk> chunk = std::move(each->chunk);
-      open_.erase(each);
-      return chunk;
-    }
-  }
-  return chunk_at(place.outer);
-}
-
-void McapBag::give_chunk(std::uint64_t offset, std::unique_ptr<Chunk> chunk) const {
-  if (!chunk->is_packed() || chunk->position() == chunk->head().unpacked_bytes) return;
-  const std::scoped_lock lock(mutex_);
-  if (open_.size() == kMostOpen) open_.erase(open_.begin());
-  open_.push_back({offset, std::move(chunk)});
+  std::unique_ptr<Chunk> chunk = open_.take(place.outer, place.inner);
+  return chunk ? std::move(chunk) : chunk_at(place.outer);
 }
 
 bool McapBag::is_checked(std::uint64_t offset) const {
@@ -249,7 +231,7 @@ FileBytes McapBag::read(const MessagePlace& place) const {
     if (chunk->is_packed()) {
       (void)chunk->skip(place.inner - chunk->position());
       got = chunk->read(all);
-      give_chunk(place.outer, std::move(chunk));
+      open_.give(place.outer, std::move(chunk));
     } else {
       got = read_and_check(*chunk, place, all);
     }

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "bags/bag.hpp"
-#include "bags/mcap_chunk.hpp"
+#include "bags/mcap_records.hpp"
 
 namespace stillmap::maps::mcap {
 
@@ -39,7 +39,6 @@ class McapBag final : public Bag {
   void set_topics();
   [[nodiscard]] std::unique_ptr<Chunk> chunk_at(std::uint64_t offset) const;
   [[nodiscard]] std::unique_ptr<Chunk> take_chunk(const MessagePlace& place) const;
-  void give_chunk(std::uint64_t offset, std::unique_ptr<Chunk> chunk) const;
   [[nodiscard]] bool is_checked(std::uint64_t offset) const;
   [[nodiscard]] std::size_t read_and_check(Chunk& chunk, const MessagePlace& place,
                                            std::span<std::byte> into) const;
@@ -51,13 +50,8 @@ class McapBag final : public Bag {
   std::vector<BagTopic> topics_;
   std::map<std::uint16_t, std::size_t> topic_of_channel_;
 
-  struct OpenChunk {
-    std::uint64_t offset = 0;
-    std::unique_ptr<Chunk> chunk;
-  };
+  mutable OpenChunks open_;
   mutable std::mutex mutex_;
-  /// Packed chunks of which the next message will likely be asked for, latest last.
-  mutable std::vector<OpenChunk> open_;
   /// Chunks that are not packed and whose CRC fits.
   mutable std::set<std::uint64_t> checked_;
 };

@@ -1,6 +1,9 @@
 #include "bags/mcap_records.hpp"
 
+#include <stillmap/maps/error.hpp>
+
 #include <algorithm>
+#include <utility>
 
 namespace stillmap::maps::mcap {
 namespace {
@@ -75,16 +78,21 @@ bool Channels::take(Op op, Record& record) {
   return true;
 }
 
-std::optional<ChunkHead> read_chunk_head(Record& record) {
+std::unique_ptr<Chunk> open_chunk(const FileReader& file, std::uint64_t offset,
+                                  std::uint64_t length, const std::string& name) {
   constexpr std::size_t kMostCompressionBytes = 32;
+  const std::uint64_t end = offset + std::min(length, file.size() - std::min(offset, file.size()));
+  FileStream stream(file, offset, end);
+  Record record(stream, length);
   ChunkHead head;
   record.skip(8 + 8);  // times of its first and last message
   head.unpacked_bytes = record.number<std::uint64_t>();
   head.crc = record.number<std::uint32_t>();
   head.compression = record.text(kMostCompressionBytes);
   head.packed_bytes = record.number<std::uint64_t>();
-  if (record.is_short()) return std::nullopt;
-  return head;
+  if (record.is_short() || head.packed_bytes > record.left())
+    throw InputError(name, "a chunk whose head is cut off", "a whole one");
+  return std::make_unique<Chunk>(file, std::move(head), stream.position(), name);
 }
 
 std::optional<ChunkIndex> read_chunk_index(Record& record) {

@@ -5,11 +5,12 @@
 #include <cstdint>
 #include <cstring>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "bags/byte_stream.hpp"
+#include "bags/chunk.hpp"
 
 namespace stillmap::maps::mcap {
 
@@ -86,14 +87,11 @@ struct Channels {
   bool take(Op op, Record& record);
 };
 
-struct ChunkHead {
-  std::uint64_t unpacked_bytes = 0;
-  std::uint32_t crc = 0;
-  std::string compression;
-  std::uint64_t packed_bytes = 0;
-};
-/// The fields before a chunk's records. @return nothing when they are cut off.
-[[nodiscard]] std::optional<ChunkHead> read_chunk_head(Record& record);
+/// A chunk by its record, whose content is at `offset` and reaches `length` far or to the file's
+/// end. @param name  for messages.
+/// @throws InputError for a head that is cut off, and as `Chunk`.
+[[nodiscard]] std::unique_ptr<Chunk> open_chunk(const FileReader& file, std::uint64_t offset,
+                                                std::uint64_t length, const std::string& name);
 
 struct ChunkIndex {
   std::uint64_t offset = 0;

@@ -12,15 +12,12 @@ namespace {
 /// Heads held back until a chunk's CRC is known; beyond, they are handed on before.
 constexpr std::size_t kMostHeldBytes = std::size_t{16} << 20U;
 constexpr std::size_t kMostHeld = 100'000;
-/// All chunks of a file together, in bytes unpacked; clouds are packed 2 to 5 times.
-constexpr std::uint64_t kMostRatio = 250;
-constexpr std::uint64_t kAlwaysTakenBytes = std::uint64_t{64} << 20U;
 
 }  // namespace
 
 Visitor::Visitor(const FileReader& file, const Wanted& wanted, const Bag::Take& take,
                  Channels* channels)
-    : file_(&file), wanted_(wanted), take_(&take), channels_(channels) {}
+    : file_(&file), wanted_(wanted), take_(&take), channels_(channels), unpacked_(file.size()) {}
 
 void Visitor::add_damage(std::uint64_t offset, const std::string& what) {
   damage_.add(fmt::format("at byte {}: {}", offset, what));
@@ -59,8 +56,9 @@ void Visitor::visit_chunk(std::uint64_t offset, std::uint64_t length) {
   std::string trouble;
   bool keep = true;
   try {
-    Chunk chunk(*file_, offset, length, "chunk");
-    count(chunk);
+    const std::unique_ptr<Chunk> opened = open_chunk(*file_, offset, length, "chunk");
+    Chunk& chunk = *opened;
+    unpacked_.add(chunk);
     try {
       const bool is_whole = visit_records_of(chunk, offset);
       trouble = chunk.finish();
@@ -79,15 +77,6 @@ void Visitor::visit_chunk(std::uint64_t offset, std::uint64_t length) {
   held_.clear();
   heads_.clear();
   if (!trouble.empty()) add_damage(offset, trouble);
-}
-
-void Visitor::count(const Chunk& chunk) {
-  if (!chunk.is_packed()) return;
-  unpacked_bytes_ += std::min(chunk.head().unpacked_bytes, ~std::uint64_t{0} - unpacked_bytes_);
-  const std::uint64_t most = std::max(kAlwaysTakenBytes, kMostRatio * file_->size());
-  if (unpacked_bytes_ > most)
-    throw InputError("chunk", fmt::format("{} bytes unpacked so far", unpacked_bytes_),
-                     fmt::format("at most {} of such a file", most));
 }
 
 bool Visitor::visit_records_of(Chunk& chunk, std::uint64_t offset) {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "bags/bag.hpp"
-#include "bags/mcap_chunk.hpp"
+#include "bags/mcap_records.hpp"
 
 namespace stillmap::maps::mcap {
 
@@ -29,8 +29,6 @@ class Visitor {
   void add_damage(std::uint64_t offset, const std::string& what);
 
  private:
-  /// @throws InputError where the chunks so far grow without measure.
-  void count(const Chunk& chunk);
   /// @return whether the last one ends within the chunk.
   bool visit_records_of(Chunk& chunk, std::uint64_t offset);
   void take_message(Record& record, std::uint64_t outer, std::uint64_t inner);
@@ -50,7 +48,7 @@ class Visitor {
   /// Messages of the chunk at hand, with their heads.
   std::vector<Held> held_;
   std::vector<std::byte> heads_;
-  std::uint64_t unpacked_bytes_ = 0;
+  UnpackedCount unpacked_;
 };
 
 }  // namespace stillmap::maps::mcap

@@ -178,6 +178,18 @@ void set_bag_poses(Drive::Contents& contents, const BagPoses& poses, std::int64_
       set_position_step(contents, factor.moving);
 }
 
+DriveLayout layout_of(BagFormat format) {
+  switch (format) {
+    case BagFormat::kMcap:
+      return DriveLayout::kMcap;
+    case BagFormat::kSqlite:
+      return DriveLayout::kRosbag2;
+    case BagFormat::kRos1:
+      break;
+  }
+  return DriveLayout::kRosbag1;
+}
+
 }  // namespace
 
 bool is_bag(const fs::path& root) {
@@ -203,8 +215,7 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
                      "one frame");
   Drive::Contents contents;
   contents.root = root;
-  contents.layout = scans->bags.front()->format() == BagFormat::kMcap ? DriveLayout::kMcap
-                                                                      : DriveLayout::kRosbag2;
+  contents.layout = layout_of(scans->bags.front()->format());
   set_notes(contents, *scans, found);
   set_scans(contents, scans);
   contents.entries.frame_id = clouds.frames.front();

@@ -57,7 +57,7 @@ LayoutReader reader_for(const std::filesystem::path& root) {
   throw InputError(root.string(), "no layout that is known",
                    "velodyne_points/data/*.bin (KITTI raw), velodyne/*.bin (KITTI odometry), "
                    "Scans/*.pcd with optimized_poses.txt (key frames), Ouster/*.bin with "
-                   "global_pose.csv (MulRan), *.mcap or *.db3 (bags), *.rawlog (MRPT), or *.pcd, "
+                   "global_pose.csv (MulRan), *.mcap, *.db3 or *.bag (bags), *.rawlog (MRPT), or *.pcd, "
                    "*.ply or *.bin");
 }
 
@@ -91,7 +91,7 @@ Drive::Contents open_place(const Address& address, const PosesChoice& poses) {
   if (is_rawlog(place)) return open_rawlog_drive(place, words, poses);
   if (!std::filesystem::is_directory(place) && !is_bag(place)) {
     throw InputError(place.string(), std::filesystem::exists(place) ? "a file" : "nothing",
-                     "the folder of a drive, a bag (MCAP, SQLite of rosbag2) or an MRPT rawlog");
+                     "the folder of a drive, a bag (MCAP, SQLite of rosbag2, ROS 1) or an MRPT rawlog");
   }
   return open_bag_drive(place, words, poses);
 }
@@ -112,6 +112,8 @@ std::string_view name_of(DriveLayout layout) {
       return "mcap";
     case DriveLayout::kRosbag2:
       return "rosbag2";
+    case DriveLayout::kRosbag1:
+      return "rosbag1";
     case DriveLayout::kMulran:
       return "mulran";
     case DriveLayout::kRawlog:

@@ -265,7 +265,7 @@ void set_labels(Drive::Contents& contents) {
 
 bool is_recording(DriveLayout layout) {
   return layout == DriveLayout::kMcap || layout == DriveLayout::kRosbag2 ||
-         layout == DriveLayout::kRawlog;
+         layout == DriveLayout::kRosbag1 || layout == DriveLayout::kRawlog;
 }
 
 void keep_scans(Drive::Contents& contents, const std::vector<std::size_t>& kept) {

@@ -8,7 +8,7 @@ namespace stillmap::maps {
 namespace {
 
 constexpr int kCarriedOnM = 5;
-constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+constexpr float kNoHeight = std::numeric_limits<float>::quiet_NaN();
 
 }  // namespace
 
@@ -32,7 +32,7 @@ bool GroundHeights::finish() {
   bool any = false;
   for (std::size_t i = 0; i < heights_m_.size(); ++i) {
     any |= counts_[i] > 0;
-    if (counts_[i] == 0) heights_m_[i] = kNone;
+    if (counts_[i] == 0) heights_m_[i] = kNoHeight;
   }
   counts_ = {};
   for (int step = 0; step < kCarriedOnM; ++step) grow();
@@ -72,7 +72,7 @@ std::size_t GroundHeights::square_at(double x, double y) const {
 
 float GroundHeights::at(double x, double y) const {
   const std::size_t square = square_at(x, y);
-  return square < heights_m_.size() ? heights_m_[square] : kNone;
+  return square < heights_m_.size() ? heights_m_[square] : kNoHeight;
 }
 
 }  // namespace stillmap::maps

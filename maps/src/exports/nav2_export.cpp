@@ -16,7 +16,7 @@ namespace {
 constexpr double kResolutionM = 0.1;
 /// Above kerbs, below what a vehicle passes under.
 constexpr std::array<double, 2> kHeightBandM{0.2, 2.0};
-constexpr double kMostCells = 4e8;
+constexpr double kMostGridCells = 4e8;
 constexpr double kMostSquareMetres = 1e8;
 /// Nav2's own greys (map_saver): free, occupied, and an unknown that `free_thresh` keeps unknown.
 constexpr char kFree = static_cast<char>(254);
@@ -116,10 +116,10 @@ void export_nav2(ExportJob& job) {
   const double resolution_m = job.options.resolution_m.value_or(kResolutionM);
   const Eigen::AlignedBox2d bounds = bounds_of(job.map);
   const double cells = OccupancyGrid::cells(bounds.min(), bounds.max(), resolution_m);
-  if (!(cells <= kMostCells))
+  if (!(cells <= kMostGridCells))
     throw InputError(job.map.folder().string(),
                      fmt::format("{:.3g} cells of {} m", cells, resolution_m),
-                     fmt::format("at most {:.3g}: a coarser --resolution", kMostCells));
+                     fmt::format("at most {:.3g}: a coarser --resolution", kMostGridCells));
   if (const double area_m2 = bounds.volume(); !(area_m2 <= kMostSquareMetres))
     throw InputError(job.map.folder().string(), fmt::format("{:.3g} square metres", area_m2),
                      fmt::format("at most {:.3g}", kMostSquareMetres));

@@ -408,7 +408,7 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
           "DRIVE", arguments.drives,
           "Drives: KITTI raw or odometry, MulRan, a key frame folder, a folder of .pcd, .ply or "
           ".bin "
-          "scans, an MRPT rawlog, or a bag (MCAP, rosbag2). A bag with several topics: "
+          "scans, an MRPT rawlog, or a bag (MCAP, rosbag2, ROS 1). A bag with several topics: "
           "'FILE?cloud=TOPIC&poses=TOPIC&pose_frame=FRAME&gnss=TOPIC'. Scans without times of "
           "points: 'DRIVE?sensor=NAME' computes them (`stillmap inspect` suggests names). Several "
           "drives become one map: by their poses if these share a frame, else by places that they "

@@ -68,7 +68,7 @@ function Chooser({ chosen, choose }: { chosen: Chosen | undefined; choose: (prom
       }}
     >
       {chosen === undefined
-        ? <p>Drop a file or a folder here: a map package or a drive as a folder or tar (plain, gzip or zstd), a drive as MCAP, rosbag2 (.db3) or rawlog, or a map as LAS, PCD or PLY.</p>
+        ? <p>Drop a file or a folder here: a map package or a drive as a folder or tar (plain, gzip or zstd), a drive as MCAP, rosbag2 (.db3), ROS 1 bag or rawlog, or a map as LAS, PCD or PLY.</p>
         : <p><strong>{chosen.name}</strong> <span class="quiet">{wordsOf(chosen)}</span></p>}
       <div class="actions">
         <label class="button">
@@ -197,7 +197,7 @@ function faultOfUploadName(kind: Kind, name: string): string | undefined {
 }
 
 function driveName(file: string): string {
-  return file.replace(/\.(tar|tgz|tar\.\w+|rawlog|(mcap|db3)(\.zstd)?)$/i, '');
+  return file.replace(/\.(tar|tgz|tar\.\w+|rawlog|bag|(mcap|db3)(\.zstd)?)$/i, '');
 }
 
 /** The names of a map's versions; undefined until they are known. */

@@ -63,7 +63,7 @@ function lookAtTar(names: readonly string[], packing: Packing): Look {
 }
 
 /** Names of drives in one file. */
-export const kRecording = /\.(mcap|db3)(\.zstd)?$|\.rawlog$/i;
+export const kRecording = /\.(mcap|db3)(\.zstd)?$|\.(bag|rawlog)$/i;
 const kScan = /\.(bin|pcd|ply)$/i;
 
 /** A dropped folder: a package, or a drive if it contains a scan. */
@@ -71,7 +71,7 @@ export function lookAtFolder(name: string, paths: readonly string[]): Look {
   if (paths.length === 0) return { refused: `The folder “${name}” is empty. Choose another folder.` };
   const look = lookAtTar(paths, 'tar');
   if ('kind' in look && look.kind === 'drive' && !look.sure) {
-    return { refused: `The folder “${name}” has neither a map package (manifest.json) nor scans (.bin, .pcd, .ply, .mcap, .db3, .rawlog). Choose the folder that contains them.` };
+    return { refused: `The folder “${name}” has neither a map package (manifest.json) nor scans (.bin, .pcd, .ply, .mcap, .db3, .bag, .rawlog). Choose the folder that contains them.` };
   }
   return look;
 }
@@ -89,7 +89,6 @@ const kForeign: [RegExp, string][] = [
   [/\.laz$/i, kLaz],
   [/\.las$/i, 'it is not a LAS file, since it does not start with LASF: export it again'],
   [/\.(e57|pts|xyz|csv|obj)$/i, 'this format is not supported: convert the points to LAS, PCD or PLY'],
-  [/\.bag$/i, 'ROS 1 bags are not supported: convert it to MCAP or rosbag2, and drop the new file or folder'],
   [/\.bin$/i, 'this may be a single scan: drop a folder of scans to upload a drive, or open “Localize” of a map to localize the scan'],
 ];
 

@@ -25,6 +25,7 @@ enum class DriveLayout {
   kScanFolder,
   kMcap,
   kRosbag2,
+  kRosbag1,
   kMulran,
   kRawlog
 };
@@ -101,7 +102,7 @@ class Drive {
 
   /// Opens a drive of any layout, told apart by content: a folder, or the file of a bag.
   ///
-  /// Of a bag (MCAP, rosbag2) its one topic of PointCloud2 is read, with the stamps of the
+  /// Of a bag (MCAP, rosbag2, ROS 1) its one topic of PointCloud2 is read, with the stamps of the
   /// messages' headers. Poses are those of its one topic of Odometry or PoseStamped (of these
   /// with one for 40 scans at least), brought to the clouds' frame by tf_static, or of tf from the
   /// highest frame called map, odom or world, else from one called earth, interpolated to the
