@@ -56,7 +56,7 @@ DriveSet::DriveSet(std::vector<maps::Drive> drives, const MapBuildOptions& optio
     if (indices.empty())
       throw maps::InputError(drives_[i].contents().root.string(),
                              fmt::format("{} scans, none selected", drives_[i].size()),
-                             "at least one selected scan");
+                             "at least one: change --select");
     for (const std::size_t index : indices) places_.push_back({i, index});
   }
   check_poses();

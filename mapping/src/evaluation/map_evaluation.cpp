@@ -54,7 +54,7 @@ maps::Trajectory path_of(const maps::MapPackage& map) {
   std::vector<maps::Trajectory> paths = map.trajectories();
   if (paths.size() != 1)
     throw maps::InputError(map.folder().string(), fmt::format("a map of {} drives", paths.size()),
-                           "a map of one, with labels as boxes");
+                           "a map of one drive: build it of the labelled drive alone");
   return std::move(paths.front());
 }
 

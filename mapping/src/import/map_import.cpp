@@ -176,8 +176,9 @@ class CloudImport {
                     "origin {:.5f}, {:.5f}",
                     middle.latitude_deg, middle.longitude_deg, distance_m / 1000.0,
                     origin.latitude_deg, origin.longitude_deg),
-        fmt::format("an origin within {:.0f} km, and the zone of the points",
-                    kFarthestFromOriginM / 1000.0));
+        fmt::format(
+            "an origin within {:.0f} km, and the zone of the points: check --geo-origin and --utm",
+            kFarthestFromOriginM / 1000.0));
   }
 
   /// Of a zone of UTM, by its name or code; without either, the options say it.
@@ -193,8 +194,7 @@ class CloudImport {
     try {
       return maps::geodetic_of(p_utm, *frame_.utm);
     } catch (const std::invalid_argument& error) {
-      throw maps::InputError(file_.string(), error.what(),
-                             "coordinates of the zone that is stated");
+      throw maps::InputError(file_.string(), error.what(), "coordinates of this zone: check --utm");
     }
   }
 
@@ -208,7 +208,7 @@ class CloudImport {
         "coordinates up to {:.0f} m in 32-bit floats, {:.3g} m coarse there", largest_m, step_m);
     if (largest_m >= kTooCoarseFromM)
       throw maps::InputError(file_.string(), found,
-                             "doubles, or coordinates from an origin nearby");
+                             "finer ones: write doubles, or coordinates from an origin nearby");
     result_.warnings.push_back(found);
   }
 

@@ -34,9 +34,11 @@ maps::Drive placed(const maps::Drive& drive, const MapBuildOptions& options) {
   const std::string name = drive.contents().root.string();
   if (!drive.has_poses())
     throw maps::InputError(name, "no poses beside a geodetic origin",
-                           "poses in a frame whose x is east and y is north");
+                           "poses in a frame whose x is east and y is north: give --poses FILE, or "
+                           "leave out --geo-origin");
   if (drive.contents().origin)
-    throw maps::InputError(name, "a drive that says where its poses lie", "no --geo-origin");
+    throw maps::InputError(name, "a drive that says where its poses lie",
+                           "none in its recording: leave out --geo-origin");
   maps::Drive::Contents contents = drive.contents();
   contents.origin = options.geodetic_origin;
   return maps::Drive(std::move(contents));
@@ -107,7 +109,7 @@ std::string odometry_of(const std::vector<maps::Drive>& drives, const MapBuildOp
     for (const maps::Drive& drive : drives) {
       if (!drive.has_poses())
         throw maps::InputError(drive.contents().root.string(), "a drive without poses",
-                               "poses in its layout or a file given with --poses, or odometry");
+                               "poses: give --poses FILE, or leave out --odometry given");
     }
     return method;
   }

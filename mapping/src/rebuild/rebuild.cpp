@@ -253,11 +253,12 @@ class Rebuild {
     const std::optional<std::string> done = work_.remembered("done");
     const bool published = done && fs::exists(options_.map);
     if (!published && fs::exists(fs::symlink_status(options_.map)))
-      throw maps::InputError(options_.map.string(), "an existing path", "a new one");
+      throw maps::InputError(options_.map.string(), "an existing path",
+                             "a new one: give another name, or remove it");
     fs::path place = published ? options_.map : work_.path("map");
     const std::string digest = package("map", place, options_.build);
     if (published && (digest != *done || maps::MapPackage::open(place)->digest() != digest))
-      throw maps::InputError(place.string(), "another map", "a new path");
+      throw maps::InputError(place.string(), "another map", "a new path: give another name");
     return place;
   }
 

@@ -163,7 +163,8 @@ void require_joined(const std::vector<maps::Drive>& drives,
   if (const auto apart = drive_apart(drives.size(), keyframes, loops))
     throw maps::InputError(drives[*apart].contents().root.string(),
                            "no place that the other drives have seen too",
-                           "drives that overlap, or poses of all of them as a prior");
+                           "drives that overlap: give poses for every drive (with --pose-sigma or "
+                           "--gnss-sigma), or build this drive as a map of its own");
 }
 
 /// Given poses that the rest of the graph denies.
@@ -214,10 +215,11 @@ void check(const std::vector<maps::Drive>& drives, const TrajectoryOptions& opti
     if (options.begin >= std::min(options.end.value_or(drive.size()), drive.size()))
       throw maps::InputError(drive.contents().root.string(),
                              fmt::format("{} scans, none selected", drive.size()),
-                             "at least one selected scan");
+                             "at least one: change --select");
     if (asks_given(options) && !drive.has_poses())
-      throw maps::InputError(drive.contents().root.string(), "a drive without poses",
-                             "poses to take as a prior or as GNSS");
+      throw maps::InputError(
+          drive.contents().root.string(), "a drive without poses",
+          "poses: give --poses FILE, or leave out --pose-sigma and --gnss-sigma");
   }
 }
 

@@ -53,7 +53,7 @@ class Surveyor {
         bag.visit(wanted, [&](const BagMessage& message) { take(message, number); });
     if (clouds_ > kMostClouds)
       throw InputError(bag.file().string(), fmt::format("over {} clouds", kMostClouds),
-                       "fewer, or the bag in parts");
+                       "fewer: split the bag, and give its parts as several drives");
     if (damage.parts == 0) return;
     if (survey_.damage.parts == 0)
       survey_.damage.first = bag.file().filename().string() + " " + damage.first;

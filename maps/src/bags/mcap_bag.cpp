@@ -92,7 +92,7 @@ Serialization serialization_of(const std::string& encoding) {
 McapBag::McapBag(const std::filesystem::path& file, const std::filesystem::path& shown_as)
     : reader_(file, shown_as) {
   if (!is_magic_at(reader_, 0))
-    throw InputError(reader_.file().string(), "no magic bytes of MCAP 0 at its start", "them");
+    throw InputError(reader_.file().string(), "no magic bytes of MCAP at its start", "them");
   if (!read_summary()) {
     channels_ = {};
     chunks_.clear();

@@ -59,7 +59,7 @@ fs::path existing(const fs::path& folder, const std::string& file) {
   fs::path path = folder / file;
   if (fs::is_regular_file(path, error)) return path;
   throw InputError((folder / kMetadata).string(), "'" + file + "', which is not there",
-                   "the files of the whole bag");
+                   "the files of the whole bag: copy them all into this folder");
 }
 
 /// `*.zstd` and `*.zst` of an extension, those left out that lie beside their unpacked file.

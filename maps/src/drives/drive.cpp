@@ -50,7 +50,7 @@ LayoutReader reader_for(const std::filesystem::path& root) {
     throw InputError(root.string(),
                      "both " + std::string(name_of(found[0].layout)) + " and " +
                          std::string(name_of(found[1].layout)),
-                     "one layout");
+                     "one layout: move the files of the other away");
   }
   if (found.size() == 1) return found.front();
   if (is_scan_folder(root)) return {DriveLayout::kScanFolder, is_scan_folder, open_scan_folder};

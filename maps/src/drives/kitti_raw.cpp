@@ -103,7 +103,8 @@ Drive::Contents open_kitti_raw(const fs::path& root, const PosesChoice& choice) 
   contents.root = root;
   contents.scan_files = list_files(velodyne / "data", ".bin");
   if (contents.scan_files.empty()) {
-    throw InputError((velodyne / "data").string(), "no *.bin files", "the scans of a synced drive");
+    throw InputError((velodyne / "data").string(), "no *.bin files",
+                     "the scans of a synced drive: copy them there");
   }
   contents.stamps_ns = stamps_of(contents.scan_files, velodyne / "timestamps.txt");
   contents.relative_clock = false;

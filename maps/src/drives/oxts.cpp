@@ -139,7 +139,7 @@ OxtsPath read_oxts(const fs::path& folder) {
     path.T_map_imu.push_back({stamps[*number], T_map_imu_of(packet, *local)});
   }
   if (path.T_map_imu.empty()) {
-    throw InputError((folder / "data").string(), "no oxts packets", "*.txt files");
+    throw InputError((folder / "data").string(), "no oxts packets", "*.txt files: copy them there");
   }
   if (unordered > 0) {
     path.notes.push_back(fmt::format(

@@ -28,7 +28,7 @@ std::vector<fs::path> list_scans(const fs::path& folder) {
     if (files.empty()) continue;
     if (!scans.empty()) {
       throw InputError(folder.string(), fmt::format("*{} and *{}", kind, extension),
-                       "scans of one kind");
+                       "scans of one kind: move the others away");
     }
     scans = std::move(files);
     kind = extension;
@@ -63,7 +63,7 @@ std::optional<fs::path> folder_poses(const fs::path& root) {
     throw InputError(
         root.string(),
         candidates.front().filename().string() + " and " + candidates.back().filename().string(),
-        "one file of poses, or the right one given");
+        "one file of poses: name it with --poses FILE, or move the others away");
   }
   if (candidates.empty()) return std::nullopt;
   return candidates.front();

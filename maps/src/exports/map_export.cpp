@@ -91,7 +91,7 @@ ExportFrame frame_of(const MapExportFormat& format, const MapExportOptions& opti
   }
   if (*options.frame == kUtm && !has_place)
     throw InputError(map.folder().string(), "a map without a geodetic origin",
-                     "one for UTM (build or import with --geo-origin)");
+                     "one for UTM: build or import with --geo-origin");
   return *options.frame;
 }
 

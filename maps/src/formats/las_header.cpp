@@ -84,9 +84,9 @@ class Records {
  private:
   void require(std::uint64_t place, std::uint64_t size, std::size_t end) const {
     if (place > end || size > end - place)
-      throw InputError(name_,
-                       "a record of " + std::to_string(size) + " bytes at " + std::to_string(place),
-                       "one that ends within " + std::to_string(end) + " bytes");
+      throw InputError(
+          name_, "a record of " + std::to_string(size) + " bytes at " + std::to_string(place),
+          "one that ends within " + std::to_string(end) + " bytes: copy the file again");
   }
 
   void take(std::string_view user, int id, std::span<const std::byte> content) {
@@ -109,13 +109,13 @@ void read_version(const Bytes& at, std::size_t size, const std::string& name, La
   if (major != 1 || header.minor_version < 2 || header.minor_version > 4)
     throw InputError(name,
                      "LAS " + std::to_string(major) + "." + std::to_string(header.minor_version),
-                     "1.2, 1.3 or 1.4");
+                     "1.2, 1.3 or 1.4: export it again in one of these versions");
   const std::size_t needed = kHeaderBytes.at(static_cast<std::size_t>(header.minor_version));
   const std::size_t stated = at.at<std::uint16_t>(94);
   if (stated < needed || size < stated)
     throw InputError(name,
                      std::to_string(size) + " bytes with a header of " + std::to_string(stated),
-                     "a header of at least " + std::to_string(needed));
+                     "a header of at least " + std::to_string(needed) + ": copy the file again");
 }
 
 void read_point_layout(const Bytes& at, const std::string& name, LasHeader& header) {
@@ -146,11 +146,11 @@ void find_points(const Bytes& at, std::size_t size, const std::string& name, Las
     throw InputError(
         name,
         "a count of 0 points and " + std::to_string(end - header.first_point) + " bytes of them",
-        "a file whose writer was not killed; `lasinfo -repair` counts them");
+        "the count: its writer was killed; `lasinfo -repair` counts the points");
   if (header.points > (size - header.first_point) / header.point_bytes)
     throw InputError(name, std::to_string(size - header.first_point) + " bytes of points",
                      std::to_string(header.points) + " points of " +
-                         std::to_string(header.point_bytes) + " bytes");
+                         std::to_string(header.point_bytes) + " bytes: copy the file again");
 }
 
 void read_scale(const Bytes& at, const std::string& name, LasHeader& header) {

@@ -185,7 +185,7 @@ DropCounts drop_invalid(PointCloud& cloud) {
 void check_point_count(std::uint64_t points, std::size_t max_points, const std::string& name) {
   if (points > max_points) {
     throw InputError(name, std::to_string(points) + " points",
-                     "at most " + std::to_string(max_points));
+                     "at most " + std::to_string(max_points) + ": thin the points");
   }
 }
 

@@ -88,7 +88,7 @@ class DetectorJudge {
     const std::string folder = drive_.contents().root.string();
     if (scans_.empty())
       throw maps::InputError(folder, fmt::format("{} scans, none selected", drive_.size()),
-                             "at least one selected scan");
+                             "at least one: change --select");
     if (!truth_ && drive_.contents().label_files.empty()) {
       throw maps::InputError(folder, "a drive without labels",
                              "boxes.json, tracking/label_02.txt, label_2/*.txt or labels/*.label, "
