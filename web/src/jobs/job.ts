@@ -47,9 +47,9 @@ export function isOver({ status }: Pick<Job, 'status'>): boolean {
   return status === 'succeeded' || status === 'failed' || status === 'canceled';
 }
 
-/** "map: survey" as "Map: survey". */
+/** "map: survey" as "Map: survey", and the second map of a rebuild, "keep", in words. */
 export function stageWords(stage: string): string {
-  return firstUpper(stage);
+  return firstUpper(stage.replace(/^keep: /, 'map to compare with: '));
 }
 
 /** How long it took, or has run so far; empty before it starts. */
