@@ -68,7 +68,7 @@ export function outcomeOf({ status, error, result, kind }: Pick<Job, 'status' | 
   if (result.activated === true) return `${made} and active.`;
   if (kind === 'convert') return `${made}. Vehicles use it after you activate it.`;
   const because = result.not_activated_because ?? [];
-  if (because.length > 0) return `${made}, but not active: ${because.join('; ')}.`;
+  if (because.length > 0) return `${made}, but not active: ${because.join('; ')}. Compare it with the active version, and activate it if you want it.`;
   return failedItsChecks({ result }) ? `${made}. It did not pass the checks: look at them before you activate it.` : `${made}. You can activate it.`;
 }
 
