@@ -333,11 +333,12 @@ std::vector<std::string> MapImportOptions::violations() const {
   if (name.empty() || name.size() > 64 || !printable)
     broken.emplace_back("frame_id: expected 1 to 64 printable ASCII characters");
   if (utm && !(utm->number >= 1 && utm->number <= 60))
-    broken.push_back(fmt::format("utm: zone {}, expected in [1, 60]", utm->number));
+    broken.push_back(fmt::format("utm (--utm): zone {}, expected in [1, 60]", utm->number));
   if (!(voxel_size_m >= 0.02 && voxel_size_m <= 2.0))
-    broken.push_back(fmt::format("voxel_size_m: {}, expected in [0.02, 2]", voxel_size_m));
+    broken.push_back(
+        fmt::format("voxel_size_m (--voxel): {}, expected in [0.02, 2]", voxel_size_m));
   if (!(threads >= 0 && threads <= 256))
-    broken.push_back(fmt::format("threads: {}, expected in [0, 256]", threads));
+    broken.push_back(fmt::format("threads (--threads): {}, expected in [0, 256]", threads));
   return broken;
 }
 

@@ -54,15 +54,16 @@ RebuildOptions completed(RebuildOptions options) {
 
 void require_usable(const RebuildOptions& options) {
   if (!options.held_back && options.held_back_every < 2)
-    throw std::invalid_argument(
-        fmt::format("held_back_every: {}, expected at least 2", options.held_back_every));
+    throw std::invalid_argument(fmt::format(
+        "held_back_every (--held-back-every): {}, expected at least 2", options.held_back_every));
   if (options.build.finds_pose_time_offset)
     throw std::invalid_argument(
         "--pose-time-offset: auto is not possible in a rebuild; run 'stillmap inspect DRIVE "
         "--motion' and pass the seconds that it names");
   if (options.previous && options.build.register_to)
     throw std::invalid_argument(
-        "register_to: found beside a previous version, expected one of them");
+        "register_to (--register-to): found beside a previous version (--previous), expected one "
+        "of them: leave one out");
   if (const auto broken = options.limits.violations(); !broken.empty())
     throw std::invalid_argument("gate limits: " + broken.front());
 }

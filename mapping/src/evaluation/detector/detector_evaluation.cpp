@@ -254,8 +254,8 @@ DetectorEvaluation evaluate_detector(const maps::Drive& drive,
                                      const DetectorEvaluationOptions& options, bool draw,
                                      const ProgressCallback& progress, const CancelFlag& cancel) {
   if (!(options.max_range_m > 0.0) || !std::isfinite(options.max_range_m))
-    throw std::invalid_argument(
-        fmt::format("max_range_m: found {}, expected > 0", options.max_range_m));
+    throw std::invalid_argument(fmt::format(
+        "max_range_m (--max-range): found {}, expected more than 0", options.max_range_m));
   return DetectorJudge(drive, options, cancel).judge(draw, progress);
 }
 
